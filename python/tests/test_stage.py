@@ -198,7 +198,7 @@ def test_parameters_take_what_means_the_same():
     assert bumpy.bump_map["texture"] is texture
     assert bumpy.bump_map["height"] == 0.25
     assert bumpy.normal_map["scale"] == 2
-    with pytest.raises(TypeError, match="how high"):
+    with pytest.raises(TypeError, match='bump_map: "height" is missing'):
         snell.Material("diffuse", reflectance=0.5, bump_map=texture)
     material = snell.Material(
         "metallic-roughness", base_color=texture, roughness=texture.channel("g"), normal_map=texture

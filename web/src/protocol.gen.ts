@@ -6,11 +6,11 @@ export const HEADER_SIZE = 40;
 
 export type ToServer = { "type": "camera", 
 /**
- * Counts up; frames name the last one that they show.
+ * Increases with each message; frames name the last one that they show.
  */
 seq: number, 
 /**
- * All of the camera.
+ * The complete camera.
  */
 camera: Camera, } | { "type": "size", 
 /**
@@ -26,7 +26,7 @@ integrator?: string | null,
  */
 spp?: number | null, 
 /**
- * Bounces.
+ * Maximum number of bounces.
  */
 max_depth?: number | null, 
 /**
@@ -58,7 +58,7 @@ value: unknown, } | { "type": "show",
  */
 node: number, 
 /**
- * Whether it is seen.
+ * True to show it.
  */
 visible: boolean, } | { "type": "undo" } | { "type": "redo" } | { "type": "reload" } | { "type": "pick", 
 /**
@@ -78,11 +78,11 @@ id: number,
  */
 pixel: [number, number], 
 /**
- * The sample to show; none for a typical one.
+ * The sample to show; `None` for a typical one.
  */
 sample?: number | null, 
 /**
- * Whether rays are followed through all structures, however long it takes to build them.
+ * True to follow rays through all structures, however long it takes to build them.
  */
 all?: boolean, } | { "type": "ack", 
 /**
@@ -96,7 +96,7 @@ export type ToPage = { "type": "welcome",
  */
 version: number, 
 /**
- * Number of this page among those that watch.
+ * Number of this page among the connected ones.
  */
 client: number, 
 /**
@@ -104,11 +104,11 @@ client: number,
  */
 choices: Choices, 
 /**
- * True if nobody has named a scene: the page offers some.
+ * True if no scene was named: the page offers some.
  */
 is_gallery: boolean, } | { "type": "scene", 
 /**
- * What is in it.
+ * Its contents.
  */
 scene: SceneInfo, } | { "type": "view", 
 /**
@@ -120,31 +120,31 @@ view: ViewInfo, } | { "type": "steering",
  */
 client: number, 
 /**
- * Number of pages that watch.
+ * Number of connected pages.
  */
 watching: number, } | { "type": "picked", 
 /**
- * The number of the question.
+ * The number of the request.
  */
 id: number, 
 /**
- * Nothing if the ray leaves the scene.
+ * `None` if the ray leaves the scene.
  */
 hit: PickedHit | null, } | { "type": "explained", 
 /**
- * The number of the question.
+ * The number of the request.
  */
 id: number, 
 /**
- * The answer; none if there is an error, which was told before.
+ * The answer; `None` after an error, which was reported before.
  */
 report: Report | null, } | { "type": "error", 
 /**
- * For people.
+ * Message for the user.
  */
 message: string, } | { "type": "busy", 
 /**
- * For people.
+ * Message for the user.
  */
 message: string, };
 
@@ -168,7 +168,49 @@ accelerators: Array<string>,
 /**
  * Built-in scenes.
  */
-scenes: Array<SceneChoice>, };
+scenes: Array<SceneChoice>, 
+/**
+ * The parameters of materials and lights, by the name of their family.
+ */
+forms: { [key in string]: Form }, };
+
+export type Form = { 
+/**
+ * Its name.
+ */
+name: string, 
+/**
+ * What it looks like: `flag`, `number`, `color`, `vector`, `choice`, or `other`.
+ */
+kind: string, 
+/**
+ * Between which numbers it usually is, if there are two.
+ */
+range: [number, number] | null, 
+/**
+ * What it is measured in; empty for plain numbers.
+ */
+unit: string, 
+/**
+ * What it is, in words.
+ */
+doc: string, 
+/**
+ * The names of a choice.
+ */
+options: Array<string>, 
+/**
+ * The parameters inside.
+ */
+fields: Array<Form>, 
+/**
+ * The field inside that says which of `kinds` it is; empty if its name stands around it.
+ */
+tag: string, 
+/**
+ * The parameters inside, by kind.
+ */
+kinds: { [key in string]: Array<Form> }, };
 
 export type SceneChoice = { 
 /**
@@ -176,7 +218,7 @@ export type SceneChoice = {
  */
 name: string, 
 /**
- * What is to be seen.
+ * What it shows.
  */
 description: string, };
 
@@ -186,15 +228,15 @@ export type SceneInfo = {
  */
 name: string, 
 /**
- * Counts up with every change of the scene.
+ * Increases with every change of the scene.
  */
 generation: number, 
 /**
- * The tree, parents before children; a node that several nodes share stands once.
+ * The tree, parents before children; a node that several nodes share is listed once.
  */
 nodes: Array<NodeInfo>, 
 /**
- * Nodes that are not listed because there are too many.
+ * Number of nodes left out because there are too many.
  */
 nodes_left_out: number, 
 /**
@@ -210,27 +252,27 @@ lights: Record<string, unknown>[],
  */
 cameras: Camera[], 
 /**
- * How far its environment is turned about up, in degrees; none if there is none, or one that is the same all around.
+ * Rotation of its environment about the up direction, in degrees; `None` without an environment, or for a uniform one.
  */
 environment_rotation: number | null, 
 /**
- * Corners of the box around all that is finite.
+ * Minimum and maximum corner of the box around everything finite.
  */
 bounds: [[number, number, number], [number, number, number]], 
 /**
- * Direction that is up.
+ * The up direction.
  */
 up: [number, number, number], 
 /**
- * Triangles, each mesh counted as often as it is seen.
+ * Number of triangles; a mesh counts once per instance.
  */
 triangles: number, 
 /**
- * What reading and compiling had to say.
+ * Warnings from reading and compiling.
  */
 warnings: Array<string>, 
 /**
- * Whether there is a change to take back, and one to make again.
+ * Whether there is a change to undo, and one to redo.
  */
 history: [boolean, boolean], };
 
@@ -248,7 +290,7 @@ parent: number | null,
  */
 name: string, 
 /**
- * What it holds.
+ * Its surfaces.
  */
 surfaces: Array<string>, 
 /**
@@ -278,7 +320,7 @@ aov: string,
  */
 spp: number, 
 /**
- * Bounces.
+ * Maximum number of bounces.
  */
 max_depth: number, 
 /**
@@ -298,13 +340,13 @@ tonemap: string,
  */
 srgb: boolean, 
 /**
- * The command that makes the picture at rest.
+ * The command that renders the picture at rest.
  */
 command: string, };
 
 export type PickedHit = { 
 /**
- * Where, in the world.
+ * Its position in the world.
  */
 position: [number, number, number], 
 /**
@@ -316,7 +358,7 @@ normal: [number, number, number],
  */
 distance: number, 
 /**
- * The node that holds the surface, if it is known.
+ * The node that holds the surface, if known.
  */
 node: number | null, 
 /**
@@ -366,11 +408,11 @@ error: [number, number, number],
  */
 spp: number, 
 /**
- * The pixel as the samples come in.
+ * The mean after increasing numbers of samples.
  */
 convergence: Array<Point>, 
 /**
- * Its light, by the way that it took; the brightest first.
+ * Its light by path class, the brightest first.
  */
 classes: Array<PathClass>, 
 /**
@@ -378,15 +420,15 @@ classes: Array<PathClass>,
  */
 samples: Array<[number, number, number]>, 
 /**
- * One sample in all detail.
+ * One sample in full detail.
  */
 tree: SampleReport, 
 /**
- * The way of that sample's camera ray through acceleration structures.
+ * The traversal of that sample's camera ray through acceleration structures.
  */
 journeys: Array<JourneyReport>, 
 /**
- * Corners of the box around the scene.
+ * Minimum and maximum corner of the scene's bounding box.
  */
 bounds: [[number, number, number], [number, number, number]], 
 /**
@@ -396,7 +438,7 @@ cloud: Array<[number, number, number]>, };
 
 export type Point = { 
 /**
- * How many.
+ * Number of samples.
  */
 samples: number, 
 /**
@@ -410,11 +452,11 @@ error: [number, number, number], };
 
 export type PathClass = { 
 /**
- * In Heckbert's letters, from the eye to the light: E, then D (diffuse), G (glossy), S (mirror), T (through), V (medium), L.
+ * The path in Heckbert's letters, from the eye to the light: E, then D (diffuse), G (glossy), S (mirror), T (transmitted), V (medium), L.
  */
 way: string, 
 /**
- * What it adds to the pixel.
+ * Its contribution to the pixel.
  */
 value: [number, number, number], 
 /**
@@ -432,7 +474,7 @@ number: number,
  */
 color: [number, number, number], 
 /**
- * The sum of all contributions of its vertices, in the renderer's order: the same.
+ * The sum of all contributions of its vertices, in the renderer's order: equal to the colour.
  */
 sum: [number, number, number], 
 /**
@@ -440,17 +482,17 @@ sum: [number, number, number],
  */
 weight: number, 
 /**
- * Where its rays ended, parents first.
+ * Its path vertices, parents first.
  */
 vertices: Array<VertexReport>, };
 
 export type VertexReport = { 
 /**
- * The vertex that the ray came from; none for the camera.
+ * The previous vertex of the path; `None` for the camera's.
  */
 parent: number | null, 
 /**
- * Bounces before.
+ * Number of bounces before.
  */
 depth: number, 
 /**
@@ -458,7 +500,7 @@ depth: number,
  */
 what: string, 
 /**
- * Names of the nodes down to the surface.
+ * Names of the nodes from the root to the surface.
  */
 object: string, 
 /**
@@ -474,11 +516,11 @@ primitive: number | null,
  */
 origin: [number, number, number], 
 /**
- * Its direction.
+ * The ray's direction.
  */
 direction: [number, number, number], 
 /**
- * Where it ended.
+ * Where the ray ended.
  */
 position: [number, number, number] | null, 
 /**
@@ -490,27 +532,27 @@ normal: [number, number, number] | null,
  */
 distance: number | null, 
 /**
- * What the path carried on arrival.
+ * Throughput of the path on arrival.
  */
 throughput: [number, number, number], 
 /**
- * The lobe that sent the ray; none for the camera's.
+ * The lobe that was sampled for the ray; `None` for the camera's.
  */
 lobe: string | null, 
 /**
- * Density per steradian with which it was sent; none for mirrors and clear glass.
+ * Probability density of its direction per steradian; `None` for mirrors and clear glass.
  */
 pdf: number | null, 
 /**
- * Light of media on the way, times throughput.
+ * Emission of media along the ray, times throughput.
  */
 glow: [number, number, number], 
 /**
- * Light found here, times throughput and weight.
+ * Emission found here, times throughput and weight.
  */
 found: [number, number, number], 
 /**
- * Weight of what was found, by multiple importance sampling.
+ * Its weight in multiple importance sampling.
  */
 found_weight: number, 
 /**
@@ -524,11 +566,11 @@ export type LightReport = {
  */
 source: string, 
 /**
- * What scatters its light.
+ * The lobe that scatters its light.
  */
 lobe: string, 
 /**
- * Where the ray to it begins.
+ * Start of the shadow ray.
  */
 origin: [number, number, number], 
 /**
@@ -536,23 +578,23 @@ origin: [number, number, number],
  */
 direction: [number, number, number], 
 /**
- * Where it ends; none for lights at infinity.
+ * End of the shadow ray; `None` for lights at infinity.
  */
 end: [number, number, number] | null, 
 /**
- * What it would bring.
+ * Its contribution if it is unoccluded.
  */
 value: [number, number, number], 
 /**
- * What it brings.
+ * Its actual contribution.
  */
 brought: [number, number, number], 
 /**
- * True if something is in the way.
+ * True if it is occluded.
  */
 is_blocked: boolean, 
 /**
- * Its weight by multiple importance sampling; it is in the values.
+ * Its weight in multiple importance sampling, which is included in the values.
  */
 weight: number, };
 
@@ -566,7 +608,7 @@ accelerator: string,
  */
 nodes: number, 
 /**
- * Cells gone through.
+ * Cells visited.
  */
 cells: number, 
 /**
@@ -574,33 +616,33 @@ cells: number,
  */
 primitives: number, 
 /**
- * Nodes and cells that there are.
+ * Total number of nodes and cells.
  */
 built_nodes: number, 
 /**
- * How far the hit is; none if there is none.
+ * Distance of the hit; `None` for a miss.
  */
 distance: number | null, 
 /**
- * Where it looked, in order.
+ * The traversal steps, in order.
  */
 stops: Array<StopReport>, 
 /**
- * Stops that are not told.
+ * Number of steps left out.
  */
 left_out: number, };
 
 export type StopReport = { 
 /**
- * `box`, `ball`, `plane` or `stretch` (of the ray itself).
+ * `box`, `ball`, `plane` or `stretch` (an interval of the ray).
  */
 kind: string, 
 /**
- * Its middle.
+ * Its centre.
  */
 center: [number, number, number], 
 /**
- * From the middle to its sides.
+ * Vectors from the centre to its sides.
  */
 axes: [[number, number, number], [number, number, number], [number, number, number]], 
 /**
@@ -608,7 +650,7 @@ axes: [[number, number, number], [number, number, number], [number, number, numb
  */
 is_leaf: boolean, 
 /**
- * How many instances it is within.
+ * Nesting depth of instances.
  */
 level: number, 
 /**

@@ -16,7 +16,8 @@ import {
 import { parseFrame } from "../src/connection";
 import { heat, parseCosts, statistics } from "../src/costs";
 import { css, plotted, short } from "../src/explain";
-import type { Report } from "../src/protocol.gen";
+import { inside } from "../src/form";
+import type { Form, Report } from "../src/protocol.gen";
 import { outline } from "../src/replay";
 import { sunDirection, sunPosition } from "../src/sun";
 import { halfToNumber, toDisplay } from "../src/tonemap";
@@ -216,5 +217,30 @@ describe("the sun", () => {
     }
     const [x, y, z] = sunDirection({ height: 0, side: 0 }, [0, 1, 0]);
     expect([x, y, z].map((v) => Math.round(v * 1e6) / 1e6 + 0)).toEqual([0, 0, 1]);
+  });
+});
+
+describe("forms", () => {
+  const form = (name: string, more: Partial<Form> = {}): Form => ({
+    name,
+    kind: "number",
+    range: null,
+    unit: "",
+    doc: "",
+    options: [],
+    fields: [],
+    tag: "",
+    kinds: {},
+    ...more,
+  });
+  it("find what stands inside of a group, of the variant that a value is, and of one by name", () => {
+    const falloff = form("falloff", { tag: "falloff", kinds: { power: [form("cutoff")], step: [form("outer")] } });
+    const spot = form("spot", { fields: [falloff] });
+    expect(inside(spot, {}, "falloff")).toBe(falloff);
+    expect(inside(falloff, { falloff: "power" }, "cutoff")?.name).toBe("cutoff");
+    expect(inside(falloff, { falloff: "step" }, "cutoff")).toBeUndefined();
+    const mapping = form("mapping", { kinds: { uv: [form("uv_set")], mask: [form("", { range: [0, 1] })] } });
+    expect(inside(inside(mapping, {}, "uv"), {}, "uv_set")?.name).toBe("uv_set");
+    expect(inside(mapping, {}, "mask")?.range).toEqual([0, 1]);
   });
 });

@@ -22,11 +22,8 @@ macro_rules! println {
 
 /// A warning as one line, with its count if above 1.
 pub fn counted(warning: &Warning) -> String {
-    let message = one_line(&warning.message);
-    match warning.count {
-        1 => message.to_string(),
-        count => format!("{message} ({count} times)"),
-    }
+    let message = one_line(&warning.message).to_string();
+    Warning { message, ..warning.clone() }.to_string()
 }
 
 /// Warnings in the JSON of `--json` and `--stats`.

@@ -1,16 +1,16 @@
-//! The documents are true: every command in them runs, every option and name is in them, every file
-//! they name is there.
+//! The documents are correct: every command in them runs, every option and name is in them, every
+//! file they name exists.
 //!
 //! Commands are the lines of blocks marked `sh`, and the lines after `$ ` in blocks marked
-//! `console` (what follows there is the expected standard output, compared line by line). Each
-//! document gets a fresh folder with a copy of `scenes/`; its commands run there one after the
-//! other, so later ones may use what earlier ones wrote.
+//! `console` (the lines that follow are the expected standard output, compared line by line). Each
+//! document gets a fresh folder with a copy of `scenes/`; its commands run there in order, so later
+//! ones may use the files of earlier ones.
 //!
-//! To be quick, `snell render` is made small: its size becomes 16x12 (unless it has `--crop`), its
+//! To be fast, `snell render` is made small: its size becomes 16x12 (unless it has `--crop`), its
 //! samples per pixel 1, its time limit 1s, its threads 1; `snell bench` measures once, with the
 //! rays of a small picture. Nothing else is changed. `cargo run --release -- ARGUMENTS` runs the
-//! same program; of `cargo xtask WORD` only the word is checked (this test is part of
-//! `cargo xtask test`); the other commands allowed are in [`NOT_RUN`].
+//! same program; of `cargo xtask WORD` only the word is checked (this test is part of `cargo xtask
+//! test`); the other commands allowed are in [`NOT_RUN`].
 
 use std::collections::BTreeSet;
 use std::io::{BufRead, BufReader};
@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 /// Beginnings of commands that a document may show but that are not run here: they would build the
-/// program in the middle of its own test, or need the network.
+/// program during its own test, or need the network.
 const NOT_RUN: &[&str] = &[
     "cd ",
     "git clone ",
@@ -112,7 +112,7 @@ fn steps(text: &str) -> Vec<Step> {
     steps
 }
 
-/// Words of a command line; single and double quotes hold words together.
+/// Words of a command line; single and double quotes group words.
 fn words(command: &str) -> Vec<String> {
     let (mut words, mut word, mut quote, mut any) = (Vec::new(), String::new(), None, false);
     for c in command.chars() {
@@ -135,7 +135,7 @@ fn words(command: &str) -> Vec<String> {
     words
 }
 
-/// Makes `snell render` and `snell bench` quick, as the top of this file says.
+/// Makes `snell render` and `snell bench` fast, as described at the top of this file.
 fn make_small(arguments: &mut Vec<String>) {
     if let Some("bench") = arguments.first().map(String::as_str)
         && !arguments.iter().any(|w| w == "--help")
@@ -171,8 +171,8 @@ fn make_small(arguments: &mut Vec<String>) {
     }
 }
 
-/// Starts `snell view` and ends it when it has printed its address. Its port is any that is free,
-/// as others may use the document's.
+/// Starts `snell view` and ends it when it has printed its address. It uses any free port, because
+/// the document's may be in use.
 fn view(folder: &Path, mut arguments: Vec<String>, place: &str) -> Vec<u8> {
     if let Some(at) = arguments.iter().position(|w| w == "--port") {
         arguments[at + 1] = "0".into();
@@ -193,13 +193,13 @@ fn view(folder: &Path, mut arguments: Vec<String>, place: &str) -> Vec<u8> {
     line.into_bytes()
 }
 
-/// What the first of numbered pictures of this name is called.
+/// The name of the first of the numbered pictures.
 fn first_frame(path: &Path) -> PathBuf {
     let extension = path.extension().unwrap_or_default().to_string_lossy();
     path.with_extension(format!("0000.{extension}"))
 }
 
-/// Runs `snell` in a folder; gives standard output.
+/// Runs `snell` in a folder; returns standard output.
 fn snell(folder: &Path, mut arguments: Vec<String>, place: &str) -> Vec<u8> {
     if arguments.first().is_some_and(|w| w == "view") && !arguments.iter().any(|w| w == "--help") {
         return view(folder, arguments, place);
@@ -323,7 +323,7 @@ fn the_command_line_page_has_every_sub_command_and_option_and_no_other() {
         let text = help(arguments);
         let lines =
             text.lines().skip_while(|l| *l != "Commands:").skip(1).take_while(|l| !l.is_empty());
-        // Descriptions of several lines go on further to the right.
+        // Continuation lines of descriptions are indented further.
         let names = lines.filter_map(|l| l.strip_prefix("  ")).filter(|l| !l.starts_with(' '));
         names
             .filter_map(|l| l.split_whitespace().next())
@@ -347,8 +347,8 @@ fn the_command_line_page_has_every_sub_command_and_option_and_no_other() {
     assert_eq!(long_options(&page), known, "options of the page (left) and of the program (right)");
 }
 
-/// Words such as `snell render NAME` in running text are not whole commands; their sub-command and
-/// options must exist.
+/// Words such as `snell render NAME` in running text are not complete commands; their sub-command
+/// and options must exist.
 #[test]
 fn commands_in_running_text_exist() {
     let folder = fresh_folder("running-text");
@@ -488,7 +488,7 @@ fn the_tests_that_the_documents_name_are_there() {
         "CONTRIBUTING.md",
     ] {
         let text = read(&repository().join(name));
-        // Names of tests have four words or more.
+        // Names of tests have at least four words.
         let is_test = |w: &&str| {
             w.matches('_').count() >= 3
                 && w.chars().all(|c| c == '_' || c.is_ascii_lowercase() || c.is_ascii_digit())
@@ -535,8 +535,7 @@ fn the_table_of_crates_has_every_direct_dependency() {
     assert!(count > 20, "only {count} dependencies were found");
 }
 
-/// The licences of all crates that are built here: name, then the licence with `OR` for the old
-/// `/`.
+/// The name and the licence of every crate that is built here, with `OR` for the old `/`.
 fn licences() -> Vec<(String, String)> {
     let mut cargo = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     cargo.args([
@@ -568,7 +567,7 @@ fn licences() -> Vec<(String, String)> {
         .collect()
 }
 
-/// Whether a licence expression is satisfied by a list: `OR` needs one side, `AND` both.
+/// True if a list satisfies a licence expression: `OR` needs one side, `AND` both.
 fn is_allowed(expression: &str, allowed: &dyn Fn(&str) -> bool) -> bool {
     let depths = expression.char_indices().scan(0, |depth, (i, c)| {
         *depth += i32::from(c == '(') - i32::from(c == ')');

@@ -1,7 +1,7 @@
-//! How fast a scene is read: `cargo bench -p snell-formats --bench read_speed -- FILE`. Without a
-//! file, 20 MB of pbrt text are made.
+//! Measures how fast a scene is read: `cargo bench -p snell-formats --bench read_speed -- FILE`.
+//! Without a file, 20 MB of pbrt text are generated.
 //!
-//! Cargo runs it in the crate's folder: give a path that is absolute.
+//! Cargo runs it in the crate's folder: give an absolute path.
 
 use snell_formats::{ReadOptions, read_scene_bytes};
 use snell_scene::Geometry;

@@ -78,7 +78,7 @@ impl Input {
         let charged = account.charged.saturating_add(bytes);
         if charged > allowed {
             let problem = format!(
-                "{what} would take {}, and all that the scene's files ({}) stand for may take {}",
+                "{what} would take {}, and the scene's files ({}) may expand to {} in all",
                 in_words(bytes),
                 in_words(given),
                 in_words(allowed)
@@ -114,7 +114,7 @@ impl Input {
     ) -> Result<Vec<u8>, ReadError> {
         let content = unpack(packed, how, &self.options.limits)
             .map_err(|(problem, remedy)| self.error(place, problem, remedy))?;
-        self.charge(content.len() as u64, "what it unpacks to")?;
+        self.charge(content.len() as u64, "its unpacked content")?;
         Ok(content)
     }
 }
@@ -195,7 +195,7 @@ mod tests {
         let input = Input::open(&folder.path().join("a.bin"), &options).expect("100 of 200");
         input.open_relative("./a.bin").expect("200 of 200");
         let error = input.open_relative("a.bin").expect_err("300 of 200").to_string();
-        assert!(error.contains("may take 200 bytes"), "{error}");
+        assert!(error.contains("may expand to 200 bytes"), "{error}");
         let error = input.open_relative("a.bin").expect_err("the fourth").to_string();
         assert!(error.contains("names more than 3 files"), "{error}");
     }

@@ -1,6 +1,6 @@
-//! Broken files: for every reader more than fifty, each a small sound file with one thing wrong.
-//! All end in an error that says in which file, where, what and what to do; the snapshots beside
-//! this file keep the words. (pbrt's and Mitsuba's have lists of their own, beside the readers.)
+//! Broken files: for every reader more than fifty, each a small valid file with one fault. All end
+//! in an error that names the file, the place, the problem and a remedy; the snapshots beside this
+//! file record the text. (pbrt's and Mitsuba's have lists of their own, beside the readers.)
 
 use flate2::{Compression, write::GzEncoder};
 use serde_json::{Value, json};
@@ -51,9 +51,9 @@ const GLTF: &str = r#"{"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nod
 "bufferViews": [{"buffer": 0, "byteLength": 36}, {"buffer": 0, "byteOffset": 36, "byteLength": 6}],
 "buffers": [{"byteLength": 42, "uri": "data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAAAAABAAIA"}]}"#;
 
-/// At least so many broken files of each format.
+/// Minimum number of broken files of each format.
 const LEAST: usize = 50;
-/// At most so many of them are in a snapshot, spread over all.
+/// Maximum number of them in a snapshot, spread over all.
 const SHOWN: usize = 80;
 
 fn message(name: &str, bytes: Vec<u8>) -> Option<String> {
@@ -61,14 +61,14 @@ fn message(name: &str, bytes: Vec<u8>) -> Option<String> {
     let options = ReadOptions { limits, ..ReadOptions::default() };
     let error = read_scene_bytes(name, bytes, Path::new("/nonexistent"), &options).err()?;
     assert!(!error.problem.is_empty() && !error.remedy.is_empty(), "{error}");
-    // Only of compression is it the file as a whole that is broken; else there is a line and a
-    // column, a byte or a path into JSON.
+    // Only compression errors concern the whole file; all others have a line and a column, a byte
+    // or a path into JSON.
     let is_whole = error.problem.contains("gzip");
     assert!(is_whole || error.place != Place::Whole, "{error}");
     Some(error.to_string())
 }
 
-/// Files of words with one word changed, or cut off before it.
+/// Files with one word changed, or truncated before it.
 fn of_words(text: &str) -> Vec<(String, Vec<u8>)> {
     let follows_blank = |i: usize| text[..i].chars().next_back().is_none_or(char::is_whitespace);
     let starts = text.char_indices().filter(|&(i, c)| !c.is_whitespace() && follows_blank(i));
@@ -88,7 +88,7 @@ fn of_words(text: &str) -> Vec<(String, Vec<u8>)> {
     broken
 }
 
-/// Every value, with all that is in it.
+/// Every value, with its descendants.
 fn pointers(value: &Value, at: String, all: &mut Vec<String>) {
     match value {
         Value::Array(items) => {
@@ -102,7 +102,7 @@ fn pointers(value: &Value, at: String, all: &mut Vec<String>) {
     all.push(at);
 }
 
-/// JSON with one value changed, and cut off.
+/// JSON with one value changed, or truncated.
 fn of_json(text: &str) -> Vec<(String, Vec<u8>)> {
     let sound: Value = serde_json::from_str(text).expect("sound JSON");
     let mut all = Vec::new();

@@ -57,10 +57,10 @@ pub use precision::{Double, Precision, Single};
 pub use query::all::AllHits;
 pub use query::parallel::{Cancelled, Parallel};
 pub use query::queries::Queries;
-pub use query::trace::{Journey, Stop};
+pub use query::trace::{TraceStep, TraversalTrace};
 pub use search::points::Points;
 pub use search::rays::{InvalidRays, RayQuery, Rays};
-pub use search::trace::{Place, PlaceKind};
+pub use search::region::{Region, RegionKind};
 pub use search::{
     AcceptAll, GeometryOptions, Grouping, HitFilter, TraversalCounters, TraversalWork,
 };

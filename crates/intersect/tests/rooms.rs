@@ -36,8 +36,10 @@ fn no_room_uses_one_that_it_may_not() {
         let files = sources(&src, room);
         assert!(!files.is_empty(), "there is no room {room}");
         for file in files {
-            let text = std::fs::read_to_string(&file).expect("a source");
-            for used in used_rooms(&text, depth(&src, &file)) {
+            let code = code_of(&file);
+            let out_of_room = "super::".repeat(depth(&src, &file));
+            assert!(!code.contains(&out_of_room), "{}: `{out_of_room}`", file.display());
+            for used in used_rooms(&code) {
                 assert!(
                     used == room || may_use.contains(used.as_str()),
                     "{} uses `{used}`, which `{room}` may not",
@@ -78,14 +80,16 @@ fn depth(src: &Path, file: &Path) -> usize {
     if file.ends_with("mod.rs") { within - 1 } else { within }
 }
 
-/// The rooms that a file names as `crate::room`. Comments and tests at its end do not count.
-fn used_rooms(text: &str, depth: usize) -> Vec<String> {
+/// The code of a file, without comments and the tests at its end.
+fn code_of(file: &Path) -> String {
+    let text = std::fs::read_to_string(file).expect("a source");
     let text = text.split("#[cfg(test)]\nmod ").next().unwrap_or_default();
     let code = text.lines().filter(|line| !line.trim_start().starts_with("//"));
-    let code = code.collect::<Vec<_>>().join("\n");
-    assert!(!code.contains(&"super::".repeat(depth)), "a path of `super` leads out of a room");
-    let paths = code.split("crate::").skip(1);
-    paths
-        .map(|path| path.chars().take_while(|&c| c.is_alphanumeric() || c == '_').collect())
-        .collect()
+    code.collect::<Vec<_>>().join("\n")
+}
+
+/// The rooms that are named as `crate::room`.
+fn used_rooms(code: &str) -> impl Iterator<Item = String> {
+    let is_of_name = |c: &char| c.is_alphanumeric() || *c == '_';
+    code.split("crate::").skip(1).map(move |path| path.chars().take_while(is_of_name).collect())
 }

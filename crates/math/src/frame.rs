@@ -1,6 +1,6 @@
 //! Orthonormal frames: the local shading space, in which `z` is the normal.
 
-use crate::simd::most;
+use crate::simd::max;
 use glam::Vec3;
 
 /// A right-handed orthonormal basis. Local directions have `z` along the normal.
@@ -36,7 +36,7 @@ impl Frame {
     pub fn from_z_and_x(z: Vec3, x: Vec3) -> Self {
         // Derivatives of positions have any length: squares of tiny and of huge ones would
         // underflow or overflow.
-        let x = x / most(most(x.x.abs(), x.y.abs()), x.z.abs());
+        let x = x / max(max(x.x.abs(), x.y.abs()), x.z.abs());
         let tangent = x - z * z.dot(x);
         let scale = 1.0 / tangent.length();
         let is_other = (scale > 0.0) & (scale < f32::INFINITY) & (tangent.length_squared() > 1e-12);

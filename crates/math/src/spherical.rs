@@ -2,7 +2,7 @@
 //! double precision, because the solid angle of a small object is a difference of angles.
 
 use crate::angles;
-use crate::simd::{least, most};
+use crate::simd::{self, max, min};
 use glam::{DVec2, DVec3};
 use std::f64::consts::TAU;
 
@@ -33,14 +33,14 @@ pub fn sample_triangle([a, b, c]: [DVec3; 3], solid_angle: f64, u: DVec2) -> (DV
     let numerator = (k2 * cos_phi - k1 * sin_phi) * cos_alpha - k2;
     let denominator = (k2 * sin_phi + k1 * cos_phi) * sin_alpha;
     let ratio = numerator / denominator;
-    let cos_side = most(least(ratio, 1.0), -1.0);
+    let cos_side = max(min(ratio, 1.0), -1.0);
     let sin_side = (1.0 - cos_side * cos_side).sqrt();
     let (across, has_side) = unit(c - a * c.dot(a));
     let third = a * cos_side + across * sin_side;
     let z = 1.0 - u.y * (1.0 - third.dot(b));
     let (side, _) = unit(third - b * third.dot(b));
     let is_number = (ratio >= 0.0) | (ratio < 0.0);
-    (b * z + side * most((1.0 - z) * (1.0 + z), 0.0).sqrt(), has_ab & has_ca & has_side & is_number)
+    (b * z + side * max((1.0 - z) * (1.0 + z), 0.0).sqrt(), has_ab & has_ca & has_side & is_number)
 }
 
 /// The normalised vector; zero and false if it has no direction.
@@ -79,7 +79,7 @@ impl SphericalRectangle {
         let (b0, b1, n3) = (-along_z(min.y), along_z(max.y), -along_z(min.x));
         // Two of the interior angles, by their cosines.
         let (cos_g2, cos_g3) = (-b1 * n3, -n3 * b0);
-        let sin = |cos: f64| most(1.0 - cos * cos, 0.0).sqrt();
+        let sin = |cos: f64| simd::max(1.0 - cos * cos, 0.0).sqrt();
         let (sin_g2, sin_g3) = (sin(cos_g2), sin(cos_g3));
         let k = [-(sin_g2 * cos_g3 + cos_g2 * sin_g3), cos_g2 * cos_g3 - sin_g2 * sin_g3];
         // The solid angle is the sum of the arguments of these complex numbers, one per corner, so
@@ -102,14 +102,14 @@ impl SphericalRectangle {
         let over = cos * self.b[0] - self.b[1];
         let part = sin * self.b[0];
         let c = (if over < 0.0 { -sin } else { sin }) / (over * over + part * part).sqrt();
-        let c = most(least(c, 1.0), -1.0);
-        let within = |x: f64, from: f64, to: f64| most(least(x, to), from);
+        let c = max(min(c, 1.0), -1.0);
+        let within = |x: f64, from: f64, to: f64| max(min(x, to), from);
         let x = within(c * self.z / ((1.0 - c) * (1.0 + c)).sqrt(), self.min.x, self.max.x);
         let d2 = x * x + self.z * self.z;
         let height = |y: f64| y / (d2 + y * y).sqrt();
         let (h0, h1) = (height(self.min.y), height(self.max.y));
         let h = h0 + u.y * (h1 - h0);
-        let y = h * (d2 / most((1.0 - h) * (1.0 + h), 1e-300)).sqrt();
+        let y = h * (d2 / max((1.0 - h) * (1.0 + h), 1e-300)).sqrt();
         DVec2::new(x, within(y, self.min.y, self.max.y))
     }
 }
@@ -120,7 +120,7 @@ impl SphericalRectangle {
 pub fn sphere_solid_angle(radius_squared: f64, distance_squared: f64) -> f64 {
     let sin2 = radius_squared / distance_squared;
     // 1 - cos without cancellation.
-    TAU * sin2 / (1.0 + most(1.0 - sin2, 0.0).sqrt())
+    TAU * sin2 / (1.0 + max(1.0 - sin2, 0.0).sqrt())
 }
 
 /// A point on the sphere around `center`, in a direction from the origin that is uniform in the
@@ -139,12 +139,12 @@ pub fn near_side_of_sphere(center: DVec3, radius: f64, u: f64) -> f64 {
     let d2 = center.length_squared();
     let d = d2.sqrt();
     let sin2_max = radius * radius / d2;
-    let one_minus_cos = u * sin2_max / (1.0 + most(1.0 - sin2_max, 0.0).sqrt());
+    let one_minus_cos = u * sin2_max / (1.0 + max(1.0 - sin2_max, 0.0).sqrt());
     let cos = 1.0 - one_minus_cos;
     let sin2 = one_minus_cos * (2.0 - one_minus_cos);
-    let distance = d * cos - most(radius * radius - d2 * sin2, 0.0).sqrt();
+    let distance = d * cos - max(radius * radius - d2 * sin2, 0.0).sqrt();
     let cos_alpha = (d2 + radius * radius - distance * distance) / (2.0 * d * radius);
-    most(least(cos_alpha, 1.0), -1.0)
+    max(min(cos_alpha, 1.0), -1.0)
 }
 
 /// The unit vector at an angle with this cosine to a unit vector, rotated by the fraction `u` of a

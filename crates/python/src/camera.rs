@@ -26,7 +26,7 @@ use snell_scene::Projection;
 ///     What is up in the picture; need not be perpendicular.
 /// fov : float, optional
 ///     Angle of view in degrees: from the bottom to the top of a perspective picture (45 if nothing
-///     is said), across the circle of a fisheye (180).
+///     is given), across the circle of a fisheye (180).
 /// aperture_radius : float
 ///     Of a thin lens, in units of the scene; 0 for a pinhole.
 /// focus_distance : float, optional

@@ -11,7 +11,7 @@ use snell_math::{DVec2, Vec2};
 use snell_scene::{Camera, CameraSample};
 
 /// The camera that is wanted: one of these by number or name, or a camera itself. The first if
-/// nothing is said.
+/// none is wanted.
 pub fn choose(cameras: &[Camera], wanted: Option<&Bound<'_, PyAny>>) -> PyResult<Camera> {
     let Some(wanted) = wanted else {
         return cameras

@@ -49,11 +49,8 @@ impl Prepared {
         prepare(&mut scene, &framing).map_err(|e| failed(&e))?;
         admit("the scene ready to be rendered", snell_render::memory::of_scene(&scene))?;
         let compiled = CompiledScene::new(&scene, &request.build).map_err(|e| failed(&e))?;
-        let shown = |warning: &snell_scene::Warning| match warning.count {
-            1 => warning.message.clone(),
-            n => format!("{} ({n} times)", warning.message),
-        };
-        let warnings = scene.warnings.iter().chain(&compiled.warnings).map(shown).collect();
+        let warnings = scene.warnings.iter().chain(&compiled.warnings);
+        let warnings = warnings.map(snell_scene::Warning::to_string).collect();
         Ok(Self { compiled, scene, warnings })
     }
 }

@@ -1,4 +1,4 @@
-//! Queries over the rays of arrays: piece by piece, on all threads of a pool, until told to stop.
+//! Queries over the rays of arrays: piece by piece, on all threads of a pool, until they are cancelled.
 
 use crate::columns::Places;
 use crate::precision::Precision;

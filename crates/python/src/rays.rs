@@ -60,7 +60,7 @@ impl<'py> RayArgument<'py> {
     }
 }
 
-/// What else a query is told about its rays.
+/// Further options of a query about its rays.
 #[derive(Debug)]
 pub struct Limits<'a, 'py> {
     /// Hits at or before this do not count.

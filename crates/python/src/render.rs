@@ -13,13 +13,13 @@ use pyo3::types::{PyBool, PyDict};
 use snell_formats::image::cryptomatte;
 use snell_oidn::{DenoiseError, Denoiser};
 use snell_render::layers::{Coverage, name_groups};
-use snell_render::{Aov, Film, Guiding, Job, Progress, Request, Settings, Underway, with_patience};
+use snell_render::{Aov, Film, Job, Progress, Request, Settings, Underway, with_patience};
 use snell_scene::{Camera, LayeredImage};
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// How often progress is told.
+/// How often progress is reported.
 const REPORT: Duration = Duration::from_millis(100);
 
 /// A render that is planned.
@@ -162,13 +162,13 @@ impl _Render {
         let begun = self.begun.lock().unwrap_or_else(PoisonError::into_inner).take();
         let doing = (self.plan.clone(), watch.clone());
         let job = begin_alone(py, self.plan.threads, move || doing.0.run(begun, goal, &doing.1))?;
-        let (start, mut told) = (Instant::now(), Instant::now());
+        let (start, mut reported) = (Instant::now(), Instant::now());
         let waited = py.detach(|| {
             job.wait_with(|py| {
-                let Some(report) = report.as_ref().filter(|_| told.elapsed() >= REPORT) else {
+                let Some(report) = report.as_ref().filter(|_| reported.elapsed() >= REPORT) else {
                     return Ok(());
                 };
-                told = Instant::now();
+                reported = Instant::now();
                 let progress = *watch.progress.lock().unwrap_or_else(PoisonError::into_inner);
                 let share = share(&progress, start.elapsed(), time);
                 if report.call1(py, (share, progress.rays))?.is(PyBool::new(py, false)) {
@@ -215,23 +215,13 @@ impl Plan {
         let (start, compiled) = (Instant::now(), &prepared.compiled);
         let job = Job::new(compiled, camera, settings).with_cancel(cancel);
         let keep_going = |progress: &Progress| {
-            if let Some(training) = progress.training {
-                // A pass takes as long as all before it.
-                let share = goal
-                    .time
-                    .filter(|_| request.is_training_timed())
-                    .map(|limit| limit.mul_f64(Guiding::SHARE));
-                let is_late =
-                    training.begun == 0 && share.is_some_and(|share| start.elapsed() * 2 > share);
-                return !is_late && watch.cancel.check().is_ok();
-            }
-            if let Ok(mut last) = watch.progress.try_lock() {
+            if progress.training.is_none()
+                && let Ok(mut last) = watch.progress.try_lock()
+            {
                 *last = *progress;
             }
-            // A picture with holes is of no use: the time limit waits for the first pass.
-            let is_late =
-                progress.passes > 0 && goal.time.is_some_and(|limit| start.elapsed() >= limit);
-            !is_late && watch.cancel.check().is_ok()
+            let is_timed = request.is_training_timed();
+            !progress.is_late(start.elapsed(), goal.time, is_timed) && watch.cancel.check().is_ok()
         };
         let threads = self.threads.count();
         let (mut underway, mut seconds) = match begun {

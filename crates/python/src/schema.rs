@@ -179,26 +179,22 @@ pub fn make<T: DeserializeOwned>(
         Ok(made) => return Ok(made),
         Err(error) => error.to_string(),
     };
-    let is_missing =
-        |parameter: &&Parameter| error.contains(&format!("missing field `{}`", parameter.name));
-    if let Some(Parameter { name, .. }) =
-        known.iter().filter(|p| !given.contains_key(p.name)).find(is_missing)
-    {
-        return Err(PyTypeError::new_err(format!("{what}: the parameter {name:?} is missing")));
+    let missing = error.strip_prefix("missing field `").and_then(|rest| rest.split_once('`'));
+    if let Some((name, _)) = missing {
+        if known.iter().any(|parameter| parameter.name == name) && !given.contains_key(name) {
+            return Err(PyTypeError::new_err(format!("{what}: the parameter {name:?} is missing")));
+        }
+        if let Some(holder) = known.iter().find(|holder| holder.kind.inside(name).is_some()) {
+            let message = format!("{what}: {}: {name:?} is missing", holder.name);
+            return Err(PyTypeError::new_err(message));
+        }
     }
     // Which one: the first that does not go with the others as an example has them.
     for (key, value) in given.iter().filter(|_| with(example.clone()).is_ok()) {
         let mut fields = example.clone();
         fields.insert(key.clone(), value.clone());
         if let Err(error) = with(fields) {
-            let error = error.to_string();
-            let inner = error.strip_prefix("missing field `").and_then(|rest| rest.split_once('`'));
-            return Err(match inner {
-                Some((name, _)) => {
-                    PyTypeError::new_err(format!("{what}: {key}: {name:?} is missing"))
-                }
-                None => PyValueError::new_err(format!("{what}: {key}: {error}")),
-            });
+            return Err(PyValueError::new_err(format!("{what}: {key}: {error}")));
         }
     }
     Err(PyValueError::new_err(format!("{what}: {error}")))
@@ -420,6 +416,10 @@ fn read_list(
             let item = read(item, of, &format!("{name}[{i}]"), references)?;
             Ok(match (kind, item) {
                 (Kind::Color, Value::Double(x)) => Value::Single(x as f32),
+                // Some are whole numbers, and numbers of any sort are read from these.
+                (Kind::Numbers(_), Value::Double(x)) if x.fract() == 0.0 && x.abs() < 9e15 => {
+                    Value::Whole(x as i64)
+                }
                 (_, item) => item,
             })
         })

@@ -304,14 +304,14 @@ mod tests {
     #[test]
     fn every_range_is_enforced_by_readers_and_by_changes_on_the_command_line() {
         for kind in MaterialKind::examples() {
-            let add = |scene: &mut Scene, material| drop(scene.add_material(material));
+            let add = |scene: &mut Scene, material| scene.materials.push(material);
             ranges_hold(&Material::new("", kind), "material", add);
         }
         for light in Light::examples() {
             ranges_hold(&light, "light", |scene, light| scene.add_light(light));
         }
         for medium in Medium::examples() {
-            ranges_hold(&medium, "medium", |scene, medium| drop(scene.add_medium(medium)));
+            ranges_hold(&medium, "medium", |scene, medium| scene.media.push(medium));
         }
         for projection in Projection::examples() {
             let camera = Camera::from_direction(DVec3::ONE, DVec3::X, DVec3::Y, projection);

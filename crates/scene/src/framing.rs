@@ -1,4 +1,4 @@
-//! A camera and a sky for scenes that have none, so that a bare mesh gives a good picture.
+//! Adds a camera and a sky to scenes that have none, so that a bare mesh gives a good picture.
 
 mod air;
 mod extent;
@@ -16,21 +16,21 @@ use crate::motion::Pose;
 use snell_math::{Bounds3d, DVec3, Rgb, Transform};
 use std::collections::BTreeMap;
 
-/// The material of surfaces that have none: grey.
+/// The default material of surfaces without any: grey.
 pub fn default_material() -> Material {
     Material::new("default", Diffuse::new(Rgb::splat(0.55)))
 }
 
-/// What is behind objects under the default sky: a light grey, from which they stand out.
+/// The background of the default sky: a light grey, from which objects stand out.
 pub const DEFAULT_BACKGROUND: Rgb = Rgb::splat(0.82);
 
-/// What [`prepare`] may assume.
+/// Defaults for [`prepare`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FramingOptions {
-    /// Which way is up, unless the scene's settings say. `+y` for most formats, `+z` is common in
-    /// STL and CAD.
+    /// The up direction, unless the scene's settings have one. `+y` for most formats, `+z` is
+    /// common in STL and CAD.
     pub up: DVec3,
-    /// Size of the picture in pixels, unless the scene's settings say.
+    /// Size of the picture in pixels, unless the scene's settings have one.
     pub size: [u32; 2],
 }
 
@@ -40,16 +40,16 @@ impl Default for FramingOptions {
     }
 }
 
-/// Adds what a picture needs and the scene lacks: a camera that frames its finite surfaces, and the
-/// default sky if nothing in it gives light (no lights, no environment, no emissive material in
-/// use). With the sky comes [`DEFAULT_BACKGROUND`], unless the scene has a background. Does nothing
-/// to a scene that has all of it.
+/// Adds the parts that a picture needs and the scene lacks: a camera that frames its finite
+/// surfaces, and the default sky if nothing in it emits light (no lights, no environment, no
+/// emissive material in use). With the sky comes [`DEFAULT_BACKGROUND`], unless the scene has a
+/// background. A complete scene is unchanged.
 pub fn prepare(scene: &mut Scene, options: &FramingOptions) -> Result<(), SceneError> {
     prepare_for(scene, &[], options)
 }
 
-/// Like [`prepare`], but a camera that is made shows what is seen in all of these poses, instead of
-/// the scene as it stands.
+/// Like [`prepare`], but an added camera frames the scene in all of these poses, instead of its
+/// current state.
 pub fn prepare_for(
     scene: &mut Scene,
     poses: &[Pose],
@@ -73,7 +73,7 @@ pub fn prepare_for(
     Ok(())
 }
 
-/// The nodes of a scene in a pose, without all else.
+/// The nodes of a scene in a pose, without anything else.
 fn posed(scene: &Scene, pose: &Pose) -> Scene {
     let mut posed = Scene { nodes: scene.nodes.clone(), root: scene.root, ..Scene::default() };
     posed.apply(pose);
@@ -93,8 +93,8 @@ fn camera_for(scenes: &[&Scene], order: &[NodeId], up: DVec3, aspect: f64) -> Ca
     })
 }
 
-/// The boxes around the bounded surfaces of each node, in the node's coordinates. `order` has
-/// children before parents.
+/// The bounds of the bounded surfaces of each node, in the node's coordinates. `order` has children
+/// before parents.
 fn finite_bounds(scene: &Scene, order: &[NodeId]) -> BTreeMap<NodeId, Bounds3d> {
     let mut bounds: BTreeMap<NodeId, Bounds3d> = BTreeMap::new();
     for &id in order {
@@ -114,7 +114,7 @@ fn placed(scene: &Scene, id: NodeId, own: &Bounds3d) -> Bounds3d {
     if bounds.is_finite() { bounds } else { Bounds3d::EMPTY }
 }
 
-/// True if a material that is referred to emits.
+/// True if any material in use emits.
 fn uses_emission(scene: &Scene, order: &[NodeId]) -> bool {
     order.iter().any(|id| {
         let node = &scene.nodes[id.index()];

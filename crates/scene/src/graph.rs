@@ -1,7 +1,7 @@
 //! The scene graph: a directed acyclic graph of nodes, and the tables that nodes refer to.
 //!
-//! Ids instead of pointers: a node used under two parents is stored once. Transforms compose in
-//! double precision.
+//! It uses ids instead of pointers: a node used under two parents is stored once. Transforms
+//! compose in double precision.
 
 use crate::camera::Camera;
 use crate::image::Image;
@@ -65,7 +65,7 @@ id!(
     MediumId in "medium"
 );
 
-/// What a surface is made of geometrically. Shared by reference: a mesh used twice is stored once.
+/// The geometry of a surface. Shared by reference: a mesh used twice is stored once.
 #[derive(Clone, Debug)]
 pub enum Geometry {
     /// A triangle mesh.
@@ -87,7 +87,7 @@ impl Geometry {
         }
     }
 
-    /// What it is, for people: "sphere", "mesh of 12 triangles".
+    /// A description for users: "sphere", "mesh of 12 triangles".
     pub fn describe(&self) -> String {
         match self {
             Self::Shape(shape) => shape.name().to_string(),
@@ -128,11 +128,11 @@ impl Surface {
 /// A node of the scene graph. Children are further nodes; the same child may have several parents.
 #[derive(Clone, Debug)]
 pub struct Node {
-    /// For people; need not be unique or non-empty.
+    /// A name for users; it need not be unique and may be empty.
     pub name: String,
     /// Map from the node's coordinates to its parent's: `parent_from_node`.
     pub transform: DAffine3,
-    /// Nodes below.
+    /// Child nodes.
     pub children: Vec<NodeId>,
     /// Surfaces in the node's coordinates.
     pub surfaces: Vec<Surface>,
@@ -184,7 +184,7 @@ pub enum Background {
     /// The environment (black if there is none).
     #[default]
     Environment,
-    /// A colour (linear), which lights nothing.
+    /// A colour (linear), which illuminates nothing.
     Color(Rgb),
     /// Nothing: alpha 0.
     Transparent,
@@ -193,35 +193,44 @@ pub enum Background {
 /// What a warning is about.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum WarningKind {
-    /// Something is shown otherwise than the file says, or not at all.
+    /// Something is shown differently than in the file, or not at all.
     #[default]
     Changed,
-    /// A file that the scene names is not there, or cannot be read.
+    /// A file that the scene names is missing, or cannot be read.
     Missing,
-    /// Something that the file leaves open, or that belongs to another program, was decided;
-    /// nothing is wrong.
+    /// A choice that the file leaves open, or a feature of another program; nothing is wrong.
     Choice,
     /// Numbers that are not finite are in the scene as they were in the file.
     NotFinite,
 }
 
-/// Something a reader or check wants the user to know; equal messages are counted.
+/// A message of a reader or check for the user; equal messages are counted.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Warning {
     /// One sentence: what, where, and what was done instead.
     pub message: String,
-    /// How often.
+    /// Number of occurrences.
     pub count: u64,
     /// What it is about.
     pub kind: WarningKind,
 }
 
+/// The message, with the number of times if there are several.
+impl std::fmt::Display for Warning {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self.count {
+            1 => f.write_str(&self.message),
+            count => write!(f, "{} ({count} times)", self.message),
+        }
+    }
+}
+
 impl Warning {
-    /// Most different warnings in one list.
+    /// Maximum number of different warnings in one list.
     const MAX_DIFFERENT: usize = 1000;
 
     /// Adds a warning to a list; an equal one is counted instead of repeated, and so are all beyond
-    /// a thousand different ones, which nobody would read.
+    /// a thousand different ones.
     pub fn note(list: &mut Vec<Self>, message: String, count: u64) {
         Self::note_of(WarningKind::Changed, list, message, count);
     }
@@ -247,9 +256,9 @@ impl Warning {
 pub struct Scene {
     /// Usually the file's name.
     pub name: String,
-    /// All nodes; those not reachable from the root are not part of the picture.
+    /// All nodes; only those reachable from the root are part of the picture.
     pub nodes: Vec<Node>,
-    /// Where traversal starts.
+    /// The root of the graph.
     pub root: NodeId,
     /// Materials by id.
     pub materials: Vec<Material>,
@@ -260,8 +269,7 @@ pub struct Scene {
     /// Media by id, in world coordinates. They fill the insides of surfaces
     /// ([`crate::material::Interior`]).
     pub media: Vec<Medium>,
-    /// The medium that is everywhere where no inside of a surface is, such as the fog of a
-    /// landscape.
+    /// The medium outside of all interiors of surfaces, such as the fog of a landscape.
     pub medium: Option<MediumId>,
     /// Lights that are not surfaces, in world coordinates.
     pub lights: Vec<Light>,
@@ -276,22 +284,20 @@ pub struct Scene {
     /// shows. Only the integrators `raycast` and `whitted` use it; the others compute indirect
     /// light instead.
     pub ambient: Rgb,
-    /// What the file asks of the renderer; options override it.
+    /// Render settings of the file; options override them.
     pub settings: SceneSettings,
-    /// Parameters that the file takes, with the values they had: `$name` in Mitsuba's scenes.
+    /// Parameters of the file, with their values: `$name` in Mitsuba scenes.
     pub parameters: Vec<(String, String)>,
-    /// What the reader had to say.
+    /// Warnings of the reader.
     pub warnings: Vec<Warning>,
-    /// How the reader translated what the file says, where that is not obvious: for those who ask,
-    /// not warnings.
+    /// Notes on conversions by the reader that are not obvious: shown on request, not warnings.
     pub notes: Vec<Warning>,
-    /// Names of the file's sets of materials, of which one is shown; empty for files that have only
-    /// one.
+    /// Names of the file's material variants; empty for files with only one.
     pub variants: Vec<String>,
-    /// Names of the file's scenes, of which this is one; empty for formats that have only one.
+    /// Names of the file's scenes, including this one; empty for formats with only one.
     pub scenes: Vec<String>,
-    /// What moves, if anything does: [`Scene::apply`]. All else is the scene as it stands while
-    /// nothing is played.
+    /// The motion, if any: see [`Scene::apply`]. Everything else describes the scene while nothing
+    /// is played.
     pub motion: Option<Arc<Motion>>,
 }
 
@@ -321,7 +327,7 @@ pub enum SceneError {
     /// A medium that is not in the table.
     #[error("{what} refers to medium {id}, but there are only {count}")]
     DanglingMedium {
-        /// Who refers to it.
+        /// The referring object.
         what: String,
         /// The id found.
         id: u32,
@@ -434,13 +440,13 @@ impl Scene {
         Warning::note_of(kind, &mut self.warnings, message.into(), 1);
     }
 
-    /// Notes how something was translated; an equal note is counted instead of repeated.
+    /// Adds a note on a conversion; an equal note is counted instead of repeated.
     pub fn note(&mut self, message: impl Into<String>) {
         Warning::note(&mut self.notes, message.into(), 1);
     }
 
-    /// Checks that all ids are in range and that no node is its own descendant; gives the reachable
-    /// nodes, each once, children before parents.
+    /// Checks that all ids are in range and that no node is its own descendant; returns the
+    /// reachable nodes, each once, children before parents.
     pub fn topological_order(&self) -> Result<Vec<NodeId>, SceneError> {
         #[derive(Clone, Copy, PartialEq)]
         enum Mark {

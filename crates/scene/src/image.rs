@@ -37,7 +37,7 @@ pub struct Image {
     pub channels: u32,
     /// The values.
     pub pixels: Pixels,
-    /// What colour values mean unless whoever uses the image knows better.
+    /// The default encoding of colour values, which users of the image may override.
     pub encoding: Encoding,
 }
 
@@ -66,7 +66,7 @@ impl Image {
         }
     }
 
-    /// Linear RGB and alpha of a pixel, colour values decoded as `encoding` says. Grey spreads to
+    /// Linear RGB and alpha of a pixel, with colour values decoded by `encoding`. Grey is copied to
     /// all three; alpha is 1 if absent.
     pub fn rgba_as(&self, x: u32, y: u32, encoding: Encoding) -> [f32; 4] {
         let c = |i| self.value(x, y, i);

@@ -1,9 +1,9 @@
-//! Smooth random numbers over space: for things that have no shape, and for the patterns of stone,
-//! waves and wrinkles.
+//! Noise functions over space: for media without a shape, and for the patterns of stone, waves and
+//! wrinkles.
 
 use snell_math::{Vec3, rng};
 
-/// Gradient noise (Perlin, Improving Noise, SIGGRAPH 2002) with hashed gradients: 0 at whole
+/// Gradient noise (Perlin, Improving Noise, SIGGRAPH 2002) with hashed gradients: 0 at integer
 /// coordinates, smooth, within about `[-1, 1]`.
 pub fn gradient_noise(p: Vec3, seed: u32) -> f32 {
     let whole = |c: f32| c as i32;
@@ -14,8 +14,8 @@ pub fn gradient_noise(p: Vec3, seed: u32) -> f32 {
     lattice(p, whole, gradient) * 1.2
 }
 
-/// Interpolates between the eight corners of a cell of the integer lattice. `gradient` gives the
-/// value of a corner's linear function at an offset from it, `whole` a corner's number of its
+/// Interpolates between the eight corners of a cell of the integer lattice. `gradient` returns the
+/// value of a corner's linear function at an offset from it, `whole` the integer of a corner's
 /// rounded coordinate.
 fn lattice(p: Vec3, whole: impl Fn(f32) -> i32, gradient: impl Fn([i32; 3], Vec3) -> f32) -> f32 {
     let cell = p.floor();
@@ -32,8 +32,8 @@ fn lattice(p: Vec3, whole: impl Fn(f32) -> i32, gradient: impl Fn([i32; 3], Vec3
     lerp(plane(0), plane(1), fade.z)
 }
 
-/// Fractal noise: `octaves` of gradient noise, each of twice the frequency and half the height of
-/// the one before.
+/// Fractal noise: `octaves` of gradient noise, each with twice the frequency and half the amplitude
+/// of the previous one.
 pub fn fractal_noise(p: Vec3, octaves: u32, seed: u32) -> f32 {
     let (mut sum, mut scale, mut height) = (0.0, 1.0, 1.0);
     for octave in 0..octaves {
@@ -44,7 +44,7 @@ pub fn fractal_noise(p: Vec3, octaves: u32, seed: u32) -> f32 {
     sum
 }
 
-/// Perlin's permutation of the numbers from 0 to 255, by which renderers agree on one noise
+/// Perlin's permutation of the numbers from 0 to 255, which makes renderers agree on one noise
 /// (Perlin, Improving Noise, SIGGRAPH 2002).
 #[rustfmt::skip]
 const PERMUTATION: [u8; 256] = [
@@ -63,12 +63,12 @@ const PERMUTATION: [u8; 256] = [
     78, 66, 215, 61, 156, 180,
 ];
 
-/// Perlin's improved noise with his own permutation, which repeats every 256 units: 0 at whole
-/// coordinates, within about `[-1, 1]`. 0 where the coordinates are not finite.
+/// Perlin's improved noise with his own permutation, which repeats every 256 units: 0 at integer
+/// coordinates, within about `[-1, 1]`. 0 if the coordinates are not finite.
 ///
-/// The gradients are the twelve directions to the middles of a cube's edges. Four of them count
-/// twice, to make sixteen; they are those of pbrt (section 10.6.1 of its book's 3rd edition), of
-/// which two are others than Perlin's.
+/// The gradients are the twelve directions to the midpoints of a cube's edges. Four of them occur
+/// twice, to make sixteen; they are those of pbrt (section 10.6.1 of its book's 3rd edition), two
+/// of which differ from Perlin's.
 pub fn perlin_noise(p: Vec3) -> f32 {
     if !p.is_finite() {
         return 0.0;
@@ -93,21 +93,22 @@ pub fn perlin_noise(p: Vec3) -> f32 {
 /// Humphreys, Physically Based Rendering, 3rd edition, section 10.6.3).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Octaves {
-    /// How many at most: more than 32 are 32, for they are finer than numbers tell.
+    /// Number of octaves, at most 32: more would be finer than the precision.
     pub count: u32,
-    /// Height of an octave over that of the one before, `[0, 4]`; what is outside is brought in,
-    /// and NaN is 0.
+    /// Ratio of the amplitudes of successive octaves, `[0, 4]`; other values are clamped, and NaN
+    /// is 0.
     pub omega: f32,
 }
 
-/// Ratio of the frequencies of two octaves. Not quite 2: the zeros of the lattices would coincide.
+/// Ratio of the frequencies of successive octaves. Not quite 2: the zeros of the lattices would
+/// coincide.
 const LACUNARITY: f32 = 1.99;
 /// The mean of the absolute value of [`perlin_noise`], measured.
 const MEAN_ABSOLUTE: f32 = 0.217;
 
 impl Octaves {
-    /// Fractional Brownian motion: the sum of the octaves. `width` is that of what is seen at once;
-    /// octaves too fine for it fade out, since their mean is 0. A width of 0 leaves all in.
+    /// Fractional Brownian motion: the sum of the octaves. `width` is the filter width; octaves too
+    /// fine for it fade out, because their mean is 0. A width of 0 keeps all.
     pub fn fbm(self, p: Vec3, width: f32) -> f32 {
         self.sum(p, width, 0.0, |noise| noise)
     }
@@ -118,12 +119,11 @@ impl Octaves {
         self.sum(p, width, MEAN_ABSOLUTE, f32::abs)
     }
 
-    /// The sum of a function of the octaves, whose mean takes their place as far as they are too
-    /// fine.
+    /// The sum of a function of the octaves; octaves that are too fine are replaced by its mean.
     fn sum(self, p: Vec3, width: f32, mean: f32, value: impl Fn(f32) -> f32) -> f32 {
         let count = self.count.min(32);
         let omega = crate::bsdf::bounded(self.omega, 4.0);
-        // Nyquist: an octave is seen whole up to half a period per width.
+        // Nyquist: an octave is fully resolved up to half a period per width.
         let seen = crate::bsdf::bounded(-1.0 - width.max(0.0).log2(), count as f32);
         let (mut sum, mut frequency, mut height) = (0.0, 1.0, 1.0);
         for octave in 0..count {
@@ -168,7 +168,7 @@ mod tests {
         assert_eq!(gradient_noise(Vec3::new(3.0, -2.0, 8.0), 1), 0.0);
     }
 
-    /// Values by another way: each corner's gradient from a list of the sixteen directions, in
+    /// A second implementation: each corner's gradient from a list of the sixteen directions, in
     /// double precision.
     fn perlin_by_list(p: [f64; 3]) -> f64 {
         const DIRECTIONS: [[f64; 3]; 16] = [
@@ -222,7 +222,7 @@ mod tests {
             assert_eq!(perlin_noise(p.floor()), 0.0);
             assert!((perlin_noise(p) - perlin_noise(p + 256.0)).abs() < 1e-3, "the period is 256");
         }
-        // The value that the reference implementation gives at a point often quoted.
+        // The value of the reference implementation at an often quoted point.
         assert!((perlin_noise(Vec3::new(314.0 / 100.0, 42.0, 7.0)) - 0.13691995).abs() < 1e-5);
     }
 

@@ -1,23 +1,24 @@
-//! The surfaces of a scene graph, one after the other, each where it is in the world.
+//! The surfaces of a scene graph, flattened, each with its transform to the world.
 
 use crate::graph::{Geometry, MaterialId, Node, NodeId, Scene, Surface};
 use snell_math::{DAffine3, Transform};
 use std::collections::HashSet;
 use std::sync::Arc;
 
-/// Most placements in one list: a small file can place one surface any number of times.
+/// Maximum number of placements in one list: a small file can place one surface any number of
+/// times.
 pub const MAX_PLACED: u64 = 10_000_000;
 
-/// A surface at one place.
+/// A placed surface.
 #[derive(Clone, Debug)]
 pub struct Placed<'a> {
     /// The node that holds it.
     pub node: NodeId,
-    /// Of the nearest node above that has a name; may be empty.
+    /// Name of the nearest node above that has one; may be empty.
     pub name: &'a str,
-    /// Where it is.
+    /// Its transform to the world.
     pub world_from_surface: Transform,
-    /// What it is.
+    /// The surface.
     pub surface: &'a Surface,
     /// The material of slots that have none of their own.
     inherited: Option<MaterialId>,
@@ -29,7 +30,7 @@ impl Placed<'_> {
         self.surface.materials.get(slot).copied().flatten().or(self.inherited)
     }
 
-    /// The slots that triangles have, ascending, and their materials.
+    /// The slots that its triangles use, ascending, and their materials.
     pub fn slots(&self) -> Vec<(u16, Option<MaterialId>)> {
         let slots = match &self.surface.geometry {
             Geometry::Mesh(mesh) if !mesh.material_slots.is_empty() => {
@@ -43,12 +44,12 @@ impl Placed<'_> {
     }
 }
 
-/// How many nodes and surfaces the graph has when instances are counted each; at most `u64::MAX`.
+/// The number of nodes and surfaces in the graph, with each instance counted; at most `u64::MAX`.
 pub fn placement_count(scene: &Scene) -> Result<u64, String> {
     total(scene, |node| 1 + node.surfaces.len() as u64)
 }
 
-/// The triangles of all meshes, each mesh counted once: what work on the meshes themselves takes.
+/// The triangles of all meshes, each mesh counted once: a measure of work on the meshes themselves.
 pub fn distinct_triangles(scene: &Scene) -> u64 {
     let mut seen = HashSet::new();
     let surfaces = scene.nodes.iter().flat_map(|node| &node.surfaces);
@@ -59,7 +60,7 @@ pub fn distinct_triangles(scene: &Scene) -> u64 {
     triangles.sum()
 }
 
-/// The sum of something over all nodes when instances are counted each; at most `u64::MAX`.
+/// The sum of a function over all nodes, with each instance counted; at most `u64::MAX`.
 pub fn total(scene: &Scene, of_node: impl Fn(&Node) -> u64) -> Result<u64, String> {
     let mut counts = vec![0u64; scene.nodes.len()];
     for id in scene.topological_order().map_err(|error| error.to_string())? {
@@ -72,8 +73,8 @@ pub fn total(scene: &Scene, of_node: impl Fn(&Node) -> u64) -> Result<u64, Strin
 }
 
 /// All surfaces, in the order of the graph. Those flattened by a singular transform are left out,
-/// as when the scene is rendered. An error for cycles, ids out of range, and more than
-/// [`MAX_PLACED`] nodes and surfaces.
+/// as in rendering. Fails for cycles, ids out of range, and more than [`MAX_PLACED`] nodes and
+/// surfaces.
 pub fn placed(scene: &Scene) -> Result<Vec<Placed<'_>>, String> {
     let count = placement_count(scene)?;
     if count > MAX_PLACED {
@@ -89,7 +90,7 @@ pub fn placed(scene: &Scene) -> Result<Vec<Placed<'_>>, String> {
             list of them"
         )
     })?;
-    // Of each node on the way: the children that are left, and what they inherit.
+    // For each node on the path: its remaining children, and what they inherit.
     let mut stack = vec![(std::slice::from_ref(&scene.root).iter(), DAffine3::IDENTITY, None, "")];
     while let Some((children, world_from_parent, material, name)) = stack.last_mut() {
         let Some(&id) = children.next() else {

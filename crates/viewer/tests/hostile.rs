@@ -1,5 +1,5 @@
-//! A server among programs and pages that mean no good: what they send is refused, costs little,
-//! and keeps nobody else out.
+//! A server among hostile programs and pages: their requests are refused, cost little, and lock out
+//! no other client.
 
 use serde_json::{Value, json};
 use snell_formats::ReadOptions;
@@ -13,7 +13,7 @@ use tungstenite::{Message, WebSocket};
 
 const PATIENCE: Duration = Duration::from_secs(60);
 
-/// The Cornell box, and what is dropped.
+/// The Cornell box, and dropped files.
 struct Small;
 
 impl Source for Small {
@@ -53,12 +53,12 @@ fn connect(server: &Server) -> TcpStream {
     stream
 }
 
-/// What comes back for these bytes, until the server closes.
+/// The response to these bytes, until the server closes.
 fn exchange(server: &Server, sent: &str) -> String {
     let mut stream = connect(server);
     stream.write_all(sent.as_bytes()).expect("the server reads");
     let mut answer = Vec::new();
-    // A connection that is reset has said what it had to say.
+    // A connection that is reset has already delivered its response.
     let _ = stream.read_to_end(&mut answer);
     String::from_utf8_lossy(&answer).into_owned()
 }
@@ -97,8 +97,8 @@ fn say(page: &mut Page, message: &Value) {
     page.send(Message::text(message.to_string())).expect("the server listens");
 }
 
-/// Reads on, confirming pictures, until a message or picture is the one; gives the errors on the
-/// way.
+/// Reads on, acknowledging pictures, until a message or picture satisfies the condition; returns
+/// the errors on the way.
 fn until(page: &mut Page, is_it: impl Fn(&Message) -> bool) -> Vec<String> {
     let mut errors = Vec::new();
     loop {
@@ -212,7 +212,7 @@ fn files_over_the_limit_are_refused_before_they_are_sent_or_as_soon_as_they_pass
     let second =
         || status(&server, &format!("POST {path}open?name=a.obj"), "Content-Length: 0\r\n");
     loop {
-        // It is sent again until it comes before the second, which would else refuse it.
+        // It is sent repeatedly until it comes before the second, which would otherwise refuse it.
         let mut first = connect(&server);
         first.write_all(head.as_bytes()).expect("the server reads");
         std::thread::sleep(Duration::from_millis(50));
@@ -307,7 +307,7 @@ fn the_renderer_lives_whatever_a_page_asks() {
             until(&mut page, |m| m.to_text().is_ok_and(|t| t.starts_with("{\"type\":\"error\"")));
         assert!(!errors.concat().contains("fault"), "{text}: {errors:?}");
     }
-    // Up beside the view is made upright, and layers go as they came.
+    // An up vector parallel to the view is corrected, and layers can be switched on and off.
     page.send(Message::text(camera("up", json!([0, 0, -1])))).expect("the server listens");
     for render in [
         json!({"integrator": "aov", "aov": ""}),
@@ -327,7 +327,7 @@ fn the_renderer_lives_whatever_a_page_asks() {
 fn messages_over_the_limit_and_floods_end_one_page_and_no_other() {
     let server = start();
     let mut good = page(&server).expect("there is room");
-    // In one frame, and in pieces that are small.
+    // In one frame, and in small pieces.
     let mut bad = page(&server).expect("there is room");
     let _ = bad.send(Message::text("x".repeat(2 << 20)));
     while bad.read().is_ok() {}

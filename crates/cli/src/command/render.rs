@@ -23,8 +23,8 @@ use output::Target;
 use snell_formats::image::Tonemap;
 use snell_math::simd::Level;
 use snell_render::{
-    CompiledScene, FilmTile, Guiding, GuidingPasses, IntegratorKind, Job, Request, Settings,
-    Statistics, with_patience,
+    CompiledScene, FilmTile, GuidingPasses, IntegratorKind, Job, Request, Settings, Statistics,
+    with_patience,
 };
 use snell_scene::{Camera, Pose, Scene, Warning};
 use stage::{Shot, Stage};
@@ -360,21 +360,13 @@ fn render(
     let limit: Option<Duration> = options.request.time;
     let start = Instant::now();
     let result = job.run(threads, &|progress| {
-        if let Some(training) = progress.training {
-            reporter.update_training(&training);
-            // A pass takes as long as all before it. If a number of passes was requested, the clock
-            // is ignored so that results are reproducible.
-            let share = limit
-                .filter(|_| options.request.guiding == Some(GuidingPasses::Auto))
-                .map(|l| l.mul_f64(Guiding::SHARE));
-            let late =
-                training.begun == 0 && share.is_some_and(|share| start.elapsed() * 2 > share);
-            return !late && !interrupt::is_requested();
+        match &progress.training {
+            Some(training) => reporter.update_training(training),
+            None => reporter.update(progress, limit),
         }
-        reporter.update(progress, limit);
-        // A picture with holes is useless: the time limit waits for the first pass.
-        let late = progress.passes > 0 && limit.is_some_and(|l| start.elapsed() >= l);
-        !late && !interrupt::is_requested()
+        // Where passes are counted, the clock has no say: bits must repeat.
+        let is_training_timed = options.request.is_training_timed();
+        !progress.is_late(start.elapsed(), limit, is_training_timed) && !interrupt::is_requested()
     });
     reporter.finish();
     result

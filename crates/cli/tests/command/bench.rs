@@ -1,4 +1,4 @@
-//! `snell bench`: what it prints and what it refuses. How fast anything is cannot be tested here.
+//! `snell bench`: its output and its errors. Speeds cannot be tested here.
 
 use super::support::Place;
 use serde_json::Value;

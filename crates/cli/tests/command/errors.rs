@@ -169,9 +169,9 @@ fn a_broken_file_names_place_problem_and_remedy() {
     1 error: short.ply:9:1: the file ends where another value is expected; the file seems cut off; export or copy it again
     1 error: short.stl:4:11: the file ends where a coordinate of a vertex is expected; the file seems cut off; export or copy it again
     1 error: short.off:4:1: the file ends where a coordinate of vertex 1 of 3 is expected; the file seems cut off; export or copy it again
-    1 error: word.scn:2:16: "big" stands where the radius of the sphere, a number, was expected; write it as: sphere material center(3) radius
+    1 error: word.scn:2:16: found "big", expected the radius of the sphere, a number; write it as: sphere material center(3) radius
     1 error: short.nff:3: the file ends where `at` was expected; write it as: v from x y z at x y z up x y z angle degrees hither distance resolution width height
-    1 error: word.pbrt:2:35: "big" stands where a number of radius was expected; write a number
+    1 error: word.pbrt:2:35: found "big", expected a number of radius; write a number
     1 error: what.xyz: this is not a scene or mesh format that Snell knows, neither by its content nor by its extension; use one of: snell, gltf, minray, nff, nanovdb, pbrt, mitsuba, scn, ply, off, stl, ray, obj (`snell formats` says more)
     0 rendered
     "#);

@@ -1,4 +1,4 @@
-//! Renders that end early: by the clock, by Ctrl-C.
+//! Renders that end early: by the time limit, or by Ctrl-C.
 
 use super::support::Place;
 use std::time::{Duration, Instant};
@@ -35,8 +35,8 @@ fn a_time_limit_needs_no_memory_for_samples_that_are_never_taken() {
     assert!(start.elapsed() < Duration::from_secs(60), "{:?}", start.elapsed());
 }
 
-/// Sends Ctrl-C once the command has told of some progress, or after some seconds; returns how it
-/// ended, and what it said since.
+/// Sends Ctrl-C once the command has reported some progress, or after some seconds; returns its
+/// exit code and the messages since.
 #[cfg(unix)]
 fn interrupted(place: &Place, words: &str, seconds: Option<u64>) -> (Option<i32>, String) {
     use nix::sys::signal::{Signal, kill};
@@ -48,7 +48,7 @@ fn interrupted(place: &Place, words: &str, seconds: Option<u64>) -> (Option<i32>
     if let Some(seconds) = seconds {
         std::thread::sleep(Duration::from_secs(seconds));
     } else {
-        // The first progress says that the render runs.
+        // The first progress message shows that the render runs.
         let mut line = String::new();
         messages.read_line(&mut line).expect("the command writes lines");
         serde_json::from_str::<serde_json::Value>(&line).expect("progress is JSON");
@@ -56,7 +56,7 @@ fn interrupted(place: &Place, words: &str, seconds: Option<u64>) -> (Option<i32>
     let start = Instant::now();
     kill(Pid::from_raw(child.id() as i32), Signal::SIGINT).expect("the command is running");
     let status = child.wait().expect("the command was started");
-    // At once, but for a busy machine. The renders would take much longer than that.
+    // At once, except on a busy machine. The renders would take much longer.
     assert!(start.elapsed() < Duration::from_secs(30), "{:?}", start.elapsed());
     let mut rest = String::new();
     messages.read_to_string(&mut rest).expect("messages are text");
@@ -79,7 +79,7 @@ fn ctrl_c_saves_the_picture() {
 fn ctrl_c_before_anything_is_rendered_leaves_the_picture_that_is_there() {
     let place = Place::new();
     place.run("render cornell-box --size 20x15 --spp 1 -q -o a.png").done();
-    // Guided paths are learnt first, for minutes.
+    // The training of guided paths takes minutes.
     let words =
         "render door-ajar --guiding --size 400x300 --spp 1000000 -t 1 --progress none -o a.png";
     let (code, rest) = interrupted(&place, words, Some(4));
@@ -88,7 +88,7 @@ fn ctrl_c_before_anything_is_rendered_leaves_the_picture_that_is_there() {
     assert_eq!((place.image("a.png").width, place.files()), (20, vec!["a.png".to_string()]));
 }
 
-/// A billion spheres, all in one place: a ray that comes near meets them all.
+/// A billion coincident spheres: a ray near them intersects them all.
 #[cfg(unix)]
 #[test]
 fn ctrl_c_ends_a_render_whose_first_ray_takes_hours() {

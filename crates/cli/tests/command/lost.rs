@@ -1,5 +1,5 @@
-//! What was rendered is not lost: signals, places that cannot be written to, files of the user
-//! where ours go.
+//! Rendered results are not lost: signals, unwritable places, files of the user in the place of
+//! ours.
 #![cfg(unix)]
 
 use super::support::{BALL, Place, Run};
@@ -13,7 +13,7 @@ use std::process::{Child, ChildStderr, Command, Stdio};
 use std::time::{Duration, Instant};
 
 const SMALL: &str = "--size 32x24 --spp 1 -t 1";
-/// A render of hours, whose first pass is soon done.
+/// A render of hours, whose first pass is finished soon.
 const LONG: &str = "--size 64x48 --spp 1000000 -t 1 --progress json";
 /// A render of a single pass that takes some seconds.
 const ONE_PASS: &str = "--size 1200x900 --spp 16 -t 1 --progress json";
@@ -31,7 +31,7 @@ impl Running {
         Self { child, messages }
     }
 
-    /// Waits until so many samples are taken.
+    /// Waits until this many samples are taken.
     fn until(mut self, samples: u64) -> Self {
         loop {
             let mut line = String::new();
@@ -48,14 +48,14 @@ impl Running {
         kill(Pid::from_raw(self.child.id() as i32), signal).expect("the command is running");
     }
 
-    /// How it ends after a signal.
+    /// Sends a signal and waits for the end.
     #[track_caller]
     fn ended_by(self, signal: Signal) -> Run {
         self.send(signal);
         self.end()
     }
 
-    /// How it ends, at once but for a busy machine.
+    /// Waits for the end, which comes at once except on a busy machine.
     #[track_caller]
     fn end(mut self) -> Run {
         let start = Instant::now();
@@ -74,7 +74,7 @@ impl Running {
     }
 }
 
-/// A command of the shell that ends with `exec snell` and these words.
+/// A shell command that ends with `exec snell` and these words.
 fn shell(place: &Place, before: &str, words: &str) -> Command {
     let mut command = Command::new("sh");
     command.arg("-c").arg(format!("{before} exec \"$0\" {words}")).arg(env!("CARGO_BIN_EXE_snell"));
@@ -96,7 +96,7 @@ fn signals_of_schedulers_and_closed_terminals_save_the_picture() {
         let place = Place::new();
         let running = Running::new(place.command(&format!("render cornell-box {LONG} -o a.png")))
             .until(64 * 48);
-        // Terminals and `timeout` send theirs twice.
+        // Terminals and `timeout` send signals twice.
         running.send(signal);
         running.send(signal);
         let run = running.end();
@@ -371,7 +371,7 @@ fn what_is_in_the_folder_of_waiting_frames_and_not_ours_stays() {
     let left: Vec<_> =
         std::fs::read_dir(place.path("a.gif.frames")).expect("it is there").flatten().collect();
     assert_eq!((left.len(), read(&place, "a.gif.frames/0007.png")), (2, b"mine too".to_vec()));
-    // A file of the user where a frame would wait is neither replaced nor removed.
+    // A user's file in the place of a frame is neither replaced nor removed.
     place.write("a.gif.frames/0001.png", "mine");
     let run = place.run(&words);
     assert!(
@@ -380,7 +380,7 @@ fn what_is_in_the_folder_of_waiting_frames_and_not_ours_stays() {
         run.err
     );
     assert_eq!(read(&place, "a.gif.frames/0001.png"), b"mine");
-    // Nor is one with the name of the memory.
+    // Nor is one with the name of the record.
     place.write("b.resume", "my diary");
     let run = place.run(&format!("render cornell-box --turntable 2 {SMALL} -o b.png"));
     assert!(run.code == 1 && run.err.contains("b.resume: this file is not Snell's"), "{}", run.err);
@@ -397,7 +397,7 @@ fn frames_of_what_has_changed_since_are_rendered_again() {
     place.write("a.mtl", "newmtl m\nmap_Kd a.ppm\n").write("a.ppm", "P3 1 1 255 9 9 9\n");
     place.write("sky.ppm", "P3 1 1 255 90 90 90\n");
     let words = format!("render a.obj --turntable 3 {SMALL} --environment sky.ppm -o a.png");
-    // As after an interruption: the last frame cannot be written, and the first two are there.
+    // As after an interruption: the last frame cannot be written, and the first two exist.
     let interrupted = || {
         let _ = std::fs::remove_file(place.path("a.0002.png"));
         std::fs::create_dir(place.path("a.0002.png")).expect("the folder is writable");
@@ -420,7 +420,7 @@ fn frames_of_what_has_changed_since_are_rendered_again() {
         let before =
             std::fs::metadata(place.path(name)).and_then(|m| m.modified()).expect("it is there");
         place.write(name, text);
-        // Neither size nor time says that it has changed.
+        // Neither size nor time shows the change.
         let file = std::fs::File::options().write(true).open(place.path(name)).expect("it is ours");
         file.set_modified(before).expect("it is ours");
         let err = again();
@@ -463,7 +463,7 @@ fn a_signal_ends_the_wait_for_a_reader_of_a_pipe_and_the_picture_is_kept() {
     );
     let running =
         Running::new(place.command(&format!("render cornell-box -i flat {SMALL} -o a.png")));
-    // Nothing shows that it waits; a render that had not begun would end with 130.
+    // There is no sign that it waits; a render that had not begun would end with 130.
     std::thread::sleep(Duration::from_secs(3));
     let run = running.ended_by(Signal::SIGTERM);
     assert!(

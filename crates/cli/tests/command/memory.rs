@@ -1,4 +1,5 @@
-//! Memory and threads: what does not fit is refused before work begins, and `-t` binds all threads.
+//! Memory and threads: requests that do not fit are refused before work begins, and `-t` limits all
+//! threads.
 
 #![cfg(target_os = "linux")]
 
@@ -134,7 +135,7 @@ fn a_pixel_of_many_samples_is_explained_in_little_memory() {
     run_within(&place, 1, words).done();
 }
 
-/// The most threads that a command has while it runs.
+/// The maximum number of threads of a command.
 fn most_threads(place: &Place, words: &str) -> usize {
     let mut command = place.command(words);
     command.env("RAYON_NUM_THREADS", "300");
@@ -166,8 +167,8 @@ fn one_thread_reads_builds_renders_and_writes_whatever_the_environment_says() {
         writeln!(mesh, "f {a} {} {} {}", a + 1, a + side + 1, a + side).expect("text grows");
     }
     place.write("mesh.obj", mesh);
-    // The one that waits for signals, the one that gives up work when it is asked to, the main
-    // thread, and one that works for each.
+    // The thread that waits for signals, the one that cancels work on request, the main thread, and
+    // one worker for each.
     let most =
         most_threads(&place, "render mesh.obj -i flat --spp 1 --size 300x200 -t 1 -q -o a.exr");
     assert!((2..=4).contains(&most), "{most} threads");

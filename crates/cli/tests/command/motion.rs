@@ -1,4 +1,4 @@
-//! Moments, frames, turntables, and going on after an interruption.
+//! Times, frames, turntables, and resuming after an interruption.
 
 use super::support::Place;
 
@@ -96,7 +96,7 @@ fn an_interrupted_animation_goes_on_where_it_was() {
         "{:?}",
         place.files()
     );
-    // Other settings: nothing of before is of use.
+    // Other settings: no previous frame is reused.
     let other = place.run(&format!("{words} --resume --seed 1 --time 0.01s"));
     assert!(
         other.err.contains("other files or options") && other.err.contains("frame 4 of 4"),

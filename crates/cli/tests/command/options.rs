@@ -1,4 +1,4 @@
-//! What the options of `render` do to the picture.
+//! The effect of `render` options on the picture.
 
 use super::support::{BALL, Place};
 

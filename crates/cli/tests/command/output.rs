@@ -1,4 +1,4 @@
-//! Which files a render writes, and what is in them.
+//! The files that a render writes, and their contents.
 
 use super::support::{BALL, Place};
 
@@ -196,7 +196,7 @@ fn light_groups_and_cryptomatte_have_their_names_in_openexr() {
     let manifest =
         picture.metadata.iter().find(|(k, v)| k.ends_with("/manifest") && v.contains("\"white\":"));
     assert!(manifest.is_some_and(|(k, _)| k.starts_with("cryptomatte/")), "{:?}", picture.metadata);
-    // The largest share of a pixel is known to the manifest, bit for bit.
+    // The manifest has the largest share of a pixel, bit for bit.
     let material = picture.layer("CryptoMaterial00").expect("the layer is there");
     let red = material
         .channels

@@ -4,8 +4,7 @@ use super::support::{BALL, Place};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-/// A folder with a pipe of each name. Nobody writes to them, so that to open one is to wait for
-/// ever.
+/// A folder with a pipe of each name. They have no writer, so opening one would block forever.
 fn with_pipes(names: &[&str]) -> Place {
     let place = Place::new();
     for name in names {

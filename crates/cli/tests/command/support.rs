@@ -1,4 +1,4 @@
-//! Runs the command and looks at what it made.
+//! Runs the command and inspects its results.
 
 use snell_formats::{Input, ReadOptions, image};
 use snell_scene::{Image, LayeredImage};
@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use tempfile::TempDir;
 
-/// A small red ball, seen from the front, in the light of its own sky.
+/// A small red ball, seen from the front, illuminated by its own sky.
 pub const BALL: &str = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float \
     y\nproperty float z\n\
     element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 \

@@ -1,4 +1,4 @@
-//! USD in a hostile folder. These tests hold where there is no Python and where it has no
+//! USD in a hostile folder. These tests hold without Python, and with a Python that lacks
 //! `usd-core`.
 
 use super::support::Place;
@@ -6,7 +6,7 @@ use std::path::Path;
 
 const STAGE: &str = "#usda 1.0\ndef Sphere \"s\"\n{\n    double radius = 1\n}\n";
 
-/// A folder with a stage and modules that leave a file behind when they are run.
+/// A folder with a stage, and modules that leave a file behind if they are executed.
 fn evil() -> Place {
     let place = Place::new();
     place.write("a.usda", STAGE);

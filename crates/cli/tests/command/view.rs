@@ -1,4 +1,4 @@
-//! `snell view`: who is let in, and what it does where memory or descriptors are few.
+//! `snell view`: access control, and its behaviour when memory or file descriptors are scarce.
 
 use crate::support::Place;
 use std::io::{BufRead, BufReader, Read, Write};
@@ -39,7 +39,7 @@ impl Viewer {
         stream.set_read_timeout(Some(Duration::from_secs(30))).map(|()| stream)
     }
 
-    /// The whole answer to a request.
+    /// The complete response to a request.
     fn ask(&self, method: &str, rest: &str, body: &str) -> String {
         let (host, token, length) = (&self.host, &self.token, body.len());
         let mut stream = self.connect().expect("it listens");
@@ -77,7 +77,7 @@ fn a_dropped_file_names_no_file_even_with_allow_outside() {
             "{answer}"
         );
     }
-    // A name is no option either.
+    // A name is not taken for an option either.
     let answer = viewer.ask("POST", "open?name=--environment=/etc/passwd", "");
     assert!(answer.starts_with("HTTP/1.1 422") && answer.contains("format"), "{answer}");
 }
@@ -114,7 +114,7 @@ fn what_the_viewer_does_not_show_is_refused() {
     refused("cornell-box -- --size 16385x1 --spp 1", "16384");
 }
 
-/// The command under limits of the shell, such as `-n 64`.
+/// The command under shell limits, such as `-n 64`.
 #[cfg(unix)]
 fn limited(place: &Place, limit: &str, words: &str) -> Command {
     let mut command = Command::new("sh");

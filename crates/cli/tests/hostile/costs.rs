@@ -1,5 +1,4 @@
-//! Small files of large cost: what they stand for is refused before it fills the memory or takes
-//! minutes.
+//! Small files of large cost: they are refused before they fill the memory or take minutes.
 
 use super::limits::{folder_with, survive};
 use flate2::Compression;
@@ -34,7 +33,7 @@ fn black(width: usize, height: usize) -> Vec<u8> {
     bytes
 }
 
-/// Files whose command says no in one line, of which this is a part, and soon.
+/// Asserts that a command refuses files soon, in one line that contains `expected`.
 fn is_refused(name: &str, files: &[(&str, Vec<u8>)], words: &str, expected: &str) {
     let folder = folder_with(files);
     let start = Instant::now();
@@ -77,7 +76,7 @@ fn a_compressed_mesh_that_unpacks_to_a_thousand_times_its_size_is_refused() {
     let scene = "<scene version='3.0.0'><shape type='serialized'>\
                  <string name='filename' value='a.serialized'/></shape></scene>";
     let mut mesh = vec![0x1c, 4, 4, 0];
-    // The name of the mesh has no end.
+    // The name of the mesh is not terminated.
     mesh.extend(packed(1, 70 << 20));
     mesh.extend(0u64.to_le_bytes());
     mesh.extend(1u32.to_le_bytes());

@@ -1,10 +1,10 @@
-//! Files that once broke a promise, in `found/`, and small ones of the kinds that do: none does.
+//! Files that once broke a promise, in `found/`, and small ones of the same kinds: none does now.
 
 use super::promise::Case;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// What is done with a scene.
+/// The commands for a scene.
 const SCENE: [&str; 7] = [
     "render FILE --size 8x6 --spp 1 -t 1 -q -o out.pfm",
     "render FILE --size 8x6 --spp 1 -t 1 -q -i whitted -o out.pfm",
@@ -14,7 +14,7 @@ const SCENE: [&str; 7] = [
     "convert FILE out.snell --force",
     "convert FILE out.glb",
 ];
-/// What is done with a picture.
+/// The commands for a picture.
 const PICTURE: [&str; 2] = [
     "render minray --environment FILE --size 8x6 --spp 1 -t 1 -q -o out.pfm",
     "compare FILE FILE --json",

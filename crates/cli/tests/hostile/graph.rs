@@ -1,5 +1,5 @@
 //! Scene graphs that no file format can express, but the library can: very deep ones, and small
-//! ones that unfold to billions.
+//! ones that expand to billions.
 
 use super::render::{End, render};
 use super::watch::Report;
@@ -17,13 +17,13 @@ fn moved(x: f64, child: NodeId) -> Node {
     }
 }
 
-/// `levels` times two copies of what is below, and at the bottom this surface.
+/// `levels` of two copies of the level below, with this surface at the bottom.
 fn doubled(levels: u32, surface: impl FnOnce(&mut Scene) -> Surface) -> Scene {
     let mut scene = Scene::new("doubled");
     let surfaces = vec![surface(&mut scene)];
     let mut below = scene.add_node(Node { surfaces, ..Node::default() });
     for level in 0..levels {
-        // Side by side: a ray through a million balls at one place would have to test them all.
+        // Side by side: a ray through a million coincident balls would have to test them all.
         let places = [0.0, 3.0 * f64::from(level).exp2()].map(|x| scene.add_node(moved(x, below)));
         below = scene.add_node(Node { children: places.to_vec(), ..Node::default() });
     }

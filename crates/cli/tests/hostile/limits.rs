@@ -1,6 +1,6 @@
-//! Small files that ask for much: huge counts, deep nesting, files that name files. The real
-//! command, with limits on its address space: an allocation from a declared count, or a stack that
-//! overflows, would end it by a signal.
+//! Small files that demand much: huge counts, deep nesting, files that name files. The real
+//! command, with limits on its address space: an allocation from a declared count, or a stack
+//! overflow, would end it by a signal.
 
 use super::mutate::crc32;
 use super::promise::{self, Ended};

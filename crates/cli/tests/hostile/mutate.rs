@@ -1,9 +1,9 @@
-//! Damage: bytes changed, cut off, inserted, repeated. A function of a number.
+//! Damage: changed, truncated, inserted and repeated bytes, as a function of a number.
 
 use snell_math::rng::pcg4d;
 use std::ops::Range;
 
-/// What hostile files are made of.
+/// The words of hostile files.
 const WORDS: [&[u8]; 20] = [
     b"-1",
     b"0",
@@ -27,7 +27,7 @@ const WORDS: [&[u8]; 20] = [
     b"\0",
 ];
 
-/// Numbers at the ends of ranges, and what is none.
+/// Numbers at the ends of ranges, and invalid ones.
 const NUMBERS: [&str; 28] = [
     "0",
     "-0",
@@ -59,7 +59,7 @@ const NUMBERS: [&str; 28] = [
     "18446744073709551616",
 ];
 
-/// Random numbers: a function of a key and of how many there were before.
+/// Random numbers: a function of a key and of the number of earlier calls.
 pub struct Random {
     key: [u32; 2],
     counter: u32,
@@ -81,7 +81,7 @@ impl Random {
     }
 }
 
-/// The seed with the damage of this number: one to four changes of bytes.
+/// The seed with damage number `number`: one to four changes of bytes.
 pub fn mutate(seed: &[u8], number: u32) -> Vec<u8> {
     let mut random = Random::new([number, 0]);
     let mut bytes = seed.to_vec();
@@ -91,7 +91,7 @@ pub fn mutate(seed: &[u8], number: u32) -> Vec<u8> {
     bytes
 }
 
-/// The seed with one to four changes, mostly one, of bytes or of words, some of which are those of
+/// The seed with one to four changes, usually one, of bytes or of words, some of which come from
 /// another file.
 pub fn mutate_words(seed: &[u8], other: &[u8], random: &mut Random) -> Vec<u8> {
     let mut bytes = seed.to_vec();
@@ -125,14 +125,14 @@ fn change_bytes(bytes: &mut Vec<u8>, random: &mut Random) {
             let end = (at + word.len()).min(bytes.len());
             bytes[at..end].copy_from_slice(&word[..end - at]);
         }
-        // Digits turned into other digits keep a text valid and reach deeper than random bytes.
+        // Changing digits keeps a text valid and reaches deeper than random bytes.
         9..13 => replace_digit(bytes, at, random.below(10) as u8),
         13 => replace_number(bytes, at, random.choose::<&[u8]>(&WORDS[..9])),
         _ => bytes[at] = bytes[at].wrapping_add(1),
     }
 }
 
-/// Changes a text so that it mostly stays one of its language. What is binary has words, too.
+/// Changes a text so that it usually stays valid in its language. Binary files contain words, too.
 fn change_words(bytes: &mut Vec<u8>, other: &[u8], random: &mut Random) {
     let words = words_of(bytes);
     let (Some(range), Some(from)) = (pick(&words, random), pick(&words, random)) else { return };
@@ -156,7 +156,7 @@ fn change_words(bytes: &mut Vec<u8>, other: &[u8], random: &mut Random) {
             (range.start..range.start, other[start..end].to_vec())
         }
         _ => {
-            // A line that comes twice.
+            // A duplicated line.
             let lines: Vec<_> = bytes.split_inclusive(|b| *b == b'\n').collect();
             let line = random.choose(&lines).to_vec();
             let at = lines[..random.below(lines.len())].iter().map(|line| line.len()).sum();
@@ -175,7 +175,7 @@ fn is_number(word: &[u8]) -> bool {
         && word.iter().all(|b| b.is_ascii_digit() || b"+-.eE".contains(b))
 }
 
-/// Where the names and numbers of a text are.
+/// The ranges of the names and numbers of a text.
 fn words_of(bytes: &[u8]) -> Vec<Range<usize>> {
     let is_part = |b: u8| b.is_ascii_alphanumeric() || b"_+-.".contains(&b);
     let mut words: Vec<Range<usize>> = Vec::new();
@@ -207,8 +207,8 @@ fn replace_number(bytes: &mut Vec<u8>, at: usize, word: &[u8]) {
     }
 }
 
-/// Changes one chunk of a PNG: its length, its order, or whether it is there at all. Checksums and
-/// lengths stay right.
+/// Changes one chunk of a PNG: its length, its order, or its presence. Checksums and lengths stay
+/// correct.
 pub fn change_png_chunk(bytes: &mut Vec<u8>, random: &mut Random) {
     let (mut chunks, mut at) = (Vec::new(), 8);
     while let Some(length) =
@@ -241,7 +241,7 @@ pub fn change_png_chunk(bytes: &mut Vec<u8>, random: &mut Random) {
     }
 }
 
-/// Corrects the checksums of a damaged PNG, so that the damage gets past them.
+/// Corrects the checksums of a damaged PNG, so that the damage passes them.
 pub fn correct_png_checksums(bytes: &mut [u8]) {
     let mut at = 8;
     while let Some(length) = bytes.get(at..at + 4) {

@@ -1,4 +1,4 @@
-//! Thousands of damaged variants of small good files. `SNELL_MUTATIONS` is their number for each
+//! Thousands of damaged variants of small valid files. `SNELL_MUTATIONS` is their number for each
 //! format.
 
 use super::mutate::{correct_png_checksums, mutate};
@@ -29,7 +29,7 @@ fn run(seeds: Vec<Seed>, case: impl Fn(&Seed, &str, Vec<u8>, &mut Report) + Sync
             threads.into_iter().map(|t| t.join().expect("cases catch panics")).collect()
         });
         parts.into_iter().for_each(|part| report.add(part));
-        // Otherwise nothing behind the first lines was tested.
+        // Otherwise only the first lines would have been tested.
         assert!(
             report.pictures * 50 > report.files,
             "{format}: only {} of {} rendered",

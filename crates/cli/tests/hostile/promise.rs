@@ -1,6 +1,6 @@
-//! What the program promises, whatever its files and options are: it ends by itself, soon, in
-//! bounded memory, with exit code 0, 1 or 2; a failure is one clean line and leaves the folder as
-//! it was; pixels are finite.
+//! The promises of the program for any files and options: it ends by itself, soon, in bounded
+//! memory, with exit code 0, 1 or 2; a failure is one clean line and leaves the folder unchanged;
+//! pixels are finite.
 
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -10,19 +10,19 @@ use std::time::{Duration, Instant};
 
 /// Address space of the program, in KiB: an allocation beyond it ends the program by a signal.
 const MEMORY_KIB: u64 = 2_000_000;
-/// Processor time, in seconds: no file of a few kilobytes may take longer. Independent of what else
-/// the machine does.
+/// Limit of processor time, in seconds: no file of a few kilobytes may take longer. Independent of
+/// other load on the machine.
 const PROCESSOR_SECONDS: u32 = 20;
-/// Time, in seconds: for what waits for ever.
+/// Limit of time, in seconds, for anything that waits forever.
 const SECONDS: u64 = 120;
-/// Bytes of messages that are a flood.
+/// Maximum number of bytes of messages.
 const FLOOD: usize = 1 << 20;
-/// What stands in the output before the program runs.
+/// The content of the output before the program runs.
 const BEFORE: &[u8] = b"what was here before";
 
 /// How a run of the program ended.
 pub struct Ended {
-    /// Exit code; none if a signal or the limits ended it.
+    /// Exit code; `None` if a signal or the limits ended it.
     pub code: Option<i32>,
     pub output: Vec<u8>,
     pub messages: String,
@@ -30,8 +30,7 @@ pub struct Ended {
     status: String,
 }
 
-/// Runs the program in a folder. What it prints goes through files in `scratch`, which lies
-/// elsewhere.
+/// Runs the program in a folder. Its output goes to files in `scratch`, which is elsewhere.
 pub fn run(program: &Path, words: &[String], folder: &Path, scratch: &Path) -> Ended {
     let [output, messages] = ["output", "messages"].map(|name| scratch.join(name));
     let file = |path: &Path| File::create(path).expect("the temporary folder is writable");
@@ -69,8 +68,8 @@ pub fn run(program: &Path, words: &[String], folder: &Path, scratch: &Path) -> E
 }
 
 impl Ended {
-    /// What this end breaks of the promise. `doctor` and `compare` also answer by exit code 1: that
-    /// is no failure.
+    /// The promise that this end breaks. For `doctor` and `compare`, exit code 1 is also a regular
+    /// result, not a failure.
     pub fn fault(&self, words: &[String]) -> Option<String> {
         let answers = matches!(words[0].as_str(), "doctor" | "compare");
         let panic = self.messages.lines().find(|line| line.contains("panicked at"));
@@ -102,31 +101,31 @@ impl Ended {
     }
 }
 
-/// A folder of files, and what the program is asked to do there.
+/// A folder of files, and a command to run there.
 #[derive(Clone)]
 pub struct Case {
     pub files: BTreeMap<String, Vec<u8>>,
     pub words: Vec<String>,
-    /// The file that is written, if one is; others beside it begin with its stem.
+    /// The file that is written, if any; files beside it begin with its stem.
     pub writes: Option<String>,
 }
 
 impl Case {
-    /// The case of one file and a line of words, in which `FILE` stands for its name.
+    /// The case of one file and a command line in which `FILE` stands for its name.
     pub fn new(files: BTreeMap<String, Vec<u8>>, name: &str, line: &str) -> Self {
         let words: Vec<_> = line.split_whitespace().map(|w| w.replace("FILE", name)).collect();
         let writes = words.iter().find(|w| w.starts_with("out.")).cloned();
         Self { files, words, writes }
     }
 
-    /// Runs the case in a fresh folder below `scratch`: true if the program did it, false if it
-    /// refused; else what is wrong.
+    /// Runs the case in a fresh folder below `scratch`: true if the program succeeded, false if it
+    /// refused; otherwise the fault.
     pub fn try_in(&self, program: &Path, scratch: &Path) -> Result<bool, String> {
         let folder = scratch.join("case");
         _ = fs::remove_dir_all(&folder);
         fs::create_dir_all(&folder).expect("the temporary folder is writable");
         let mut before = self.files.clone();
-        // Without leave, `convert` replaces no file: that is tried elsewhere.
+        // By default `convert` replaces no file; that is tested elsewhere.
         let is_replaced = self.words[0] != "convert" || self.words.iter().any(|w| w == "--force");
         before.extend(
             self.writes.iter().filter(|_| is_replaced).map(|name| (name.clone(), BEFORE.to_vec())),
@@ -171,7 +170,7 @@ impl Case {
         }
     }
 
-    /// The command line that repeats the case in a folder of its files.
+    /// The command line that reproduces the case in a folder of its files.
     pub fn command_line(&self, program: &Path) -> String {
         let quoted: Vec<_> =
             self.words.iter().map(|w| format!("'{}'", w.replace('\'', r"'\''"))).collect();
@@ -183,8 +182,8 @@ impl Case {
     }
 }
 
-/// The files below a folder, by their path from there; a folder has no entry of its own, unless it
-/// is empty.
+/// The files below a folder, by their relative path; a folder has no entry of its own unless it is
+/// empty.
 pub fn files_in(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     let mut found = BTreeMap::new();
     for entry in fs::read_dir(folder).expect("the folder is readable").flatten() {
@@ -211,14 +210,14 @@ pub fn write_files(folder: &Path, files: &BTreeMap<String, Vec<u8>>) {
     }
 }
 
-/// What is wrong with a picture that was written in floating point.
+/// The fault of a floating-point picture, if any.
 fn fault_of_picture(name: &str, bytes: &[u8]) -> Option<String> {
     use snell_formats::{Input, ReadOptions, image};
     if !name.ends_with(".pfm") && !name.ends_with(".exr") {
         return None;
     }
     if name.ends_with(".pfm") {
-        // Not by our reader, which makes values finite.
+        // Without our reader, which makes values finite.
         let header = bytes.iter().enumerate().filter(|(_, b)| **b == b'\n').nth(2)?.0 + 1;
         let mut values =
             bytes[header..].chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]));

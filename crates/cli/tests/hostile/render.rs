@@ -1,4 +1,4 @@
-//! From bytes to pixels, as the command does it.
+//! From bytes to pixels, as in the command.
 
 use snell_formats::{Input, ReadError, ReadOptions, image};
 use snell_math::{DAffine3, Rgb};
@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 const SIZE: [u32; 2] = [8, 8];
 
-/// How a file ended.
+/// The result for a file.
 pub enum End {
     /// A picture; the number of samples that were not finite.
     Picture { invalid_samples: u64 },
@@ -25,7 +25,7 @@ pub fn scene(name: &str, bytes: Vec<u8>, folder: &Path) -> End {
     }
 }
 
-/// Reads an image and renders a scene in its light.
+/// Reads an image and renders a scene with it as environment.
 pub fn environment(name: &str, bytes: Vec<u8>, folder: &Path) -> End {
     let input = Input::from_bytes(name, bytes, folder, &ReadOptions::default());
     if let Ok(picture) = image::read_layers(&input) {

@@ -1,16 +1,16 @@
-//! Good files to be damaged: small, of every format.
+//! Valid files to be damaged: small, of every format.
 
 use snell_formats::image::{WriteOptions, encode_image_as};
 use snell_scene::{Layer, LayeredImage};
 use std::path::{Path, PathBuf};
 
-/// A good file.
+/// A valid file.
 pub struct Seed {
     /// The format, for the report.
     pub format: &'static str,
     pub name: String,
     pub bytes: Vec<u8>,
-    /// Where the files that it names are.
+    /// The folder of the files that it names.
     pub folder: PathBuf,
 }
 
@@ -163,13 +163,13 @@ const OWN: &[(&str, &str, &str)] = &[
     ),
 ];
 
-/// A material file, tried behind a mesh that uses all of its materials.
+/// A material file, tested with a mesh that uses all of its materials.
 const MTL: &str = "newmtl m\nKa 1 1 1\nKd 0.5 0.4 0.3\nKs 0.1 0.1 0.1\nKe 0 0 0\nNs 20\nNi 1.5\nd \
     0.5\nTr 0.5\nillum 7\n\
     Pr 0.3\nPm 0.5\nTf 1 0.9 0.8\nmap_Kd -s 1 1 1 -o 0 0 0 picture.png\nnewmtl n\nKd xyz 0.1 0.2 \
     0.3\nNs 1000\nillum 5\n";
 
-/// The mesh in front of a damaged material file.
+/// The mesh that uses a damaged material file.
 pub const MESH_WITH_MATERIALS: &str = "mtllib damaged.mtl\nv -1 -1 0\nv 1 -1 0\nv 0 1 0\nv 0 0 \
     1\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl m\nf 1/1 2/2 3/3\nusemtl n\nf 1/1 2/2 4/3\n";
 
@@ -249,8 +249,7 @@ const PGM: &[u8] = b"P2\n# grey\n4 2\n15\n0 3 7 15\n1 2 4 8\n";
 /// A PNG of 4x2 pixels with a palette of four colours, two of them transparent.
 fn palette_png() -> Vec<u8> {
     let header = [0, 0, 0, 4, 0, 0, 0, 2, 2, 3, 0, 0, 0];
-    // Two rows of one byte, each after the number of its filter, in a zlib stream that is stored as
-    // it is.
+    // Two rows of one byte, each after the number of its filter, in an uncompressed zlib stream.
     let rows = b"\x78\x01\x01\x04\x00\xfb\xff\x00\x1b\x00\xe4\x02\x1b\x01\x00";
     let palette = [255, 0, 0, 0, 255, 0, 0, 0, 255, 9, 9, 9];
     let chunks: [(&[u8; 4], &[u8]); 5] = [
@@ -277,7 +276,7 @@ fn bmp() -> Vec<u8> {
     [&b"BM"[..], &numbers, &palette, &[0, 1, 2, 3, 3, 2, 1, 0]].concat()
 }
 
-/// A Targa picture of 4x2 pixels in runs: three of one colour, five as they are.
+/// A Targa picture of 4x2 pixels in runs: three of one colour, and five literal ones.
 fn tga() -> Vec<u8> {
     let header = [0, 0, 10, 0, 0, 0, 0, 0, 0, 0, 0, 0, 4, 0, 2, 0, 24, 0];
     let pixels: Vec<u8> = (0..15).map(|i| i * 17).collect();

@@ -1,7 +1,7 @@
 //! Damaged files and odd options, given to the real program until the time is over: five seconds as
 //! an ordinary test, longer by `cargo xtask fuzz-smoke`. A case is a function of the seed and its
-//! number. What breaks a promise is saved in `target/fuzz-smoke/`, made small, with the command
-//! that repeats it.
+//! number. Cases that break a promise are minimised and saved in `target/fuzz-smoke/`, with the
+//! command that reproduces them.
 
 use super::mutate::Random;
 use super::promise::{Case, write_files};
@@ -48,7 +48,7 @@ const RENDER_OPTIONS: [&str; 30] = [
     "--aov all -o out.exr",
     "--noise 0.1 --variance -o out.exr",
 ];
-/// What else is done with a scene.
+/// Other commands for a scene.
 const COMMANDS: [&str; 22] = [
     "info FILE",
     "info FILE --json",
@@ -75,7 +75,7 @@ const COMMANDS: [&str; 22] = [
 ];
 const PICTURE_COMMANDS: [&str; 3] =
     ["compare FILE FILE", "compare FILE FILE --json --max-flip 1", "compare FILE FILE -o out.png"];
-/// Options whose values are odd, for a scene that is good.
+/// Options with odd values, for a valid scene.
 const VALUED: [&str; 24] = [
     "--exposure",
     "--bits",
@@ -129,7 +129,7 @@ const VALUES: [&str; 24] = [
     "\u{1b}[31m",
 ];
 
-/// Which commands are tried.
+/// The commands that are tested.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Only {
     All,
@@ -137,7 +137,7 @@ enum Only {
     Commands,
 }
 
-/// What the environment says.
+/// The settings from the environment.
 struct Plan {
     program: PathBuf,
     time: Duration,
@@ -168,7 +168,7 @@ impl Plan {
     /// The case of this number.
     fn case(&self, subjects: &[Subject], number: u32) -> Case {
         let mut random = Random::new([number, self.seed]);
-        // Often of the same kind, whose words mean something there.
+        // Often of the same kind, in which its words have a meaning.
         let other = random.choose(subjects);
         let subject = random.choose(subjects);
         let alike: Vec<_> = subjects
@@ -206,7 +206,7 @@ fn extension(name: &str) -> &str {
     name.rsplit('.').next().unwrap_or(name)
 }
 
-/// A good scene with an odd value of one or two options.
+/// A valid scene with an odd value of one or two options.
 fn odd_options(random: &mut Random) -> Case {
     let mut case =
         Case::new(BTreeMap::new(), "", "render minray --spp 1 -q -t 1 --size 8x6 -o out.pfm");
@@ -223,16 +223,16 @@ fn odd_options(random: &mut Random) -> Case {
     case
 }
 
-/// What happened so far.
+/// The results so far.
 #[derive(Default)]
 struct Tally {
     done: u32,
     refused: u32,
-    /// By what breaks, without its numbers: how often, and the number of the first case.
+    /// By kind of fault: how often, and the number and text of the first case.
     findings: BTreeMap<String, (u32, u32, String)>,
 }
 
-/// A fault without what differs among cases.
+/// A fault without the parts that differ among cases.
 fn kind_of(fault: &str) -> String {
     if let Some((_, place)) = fault.split_once("panicked at ") {
         return format!("panics at {place}");
@@ -245,7 +245,8 @@ fn kind_of(fault: &str) -> String {
     kept.take(120).collect()
 }
 
-/// Removes parts of the damaged files as long as the case fails in the same way, for a while.
+/// Removes parts of the damaged files as long as the case fails in the same way, within a time
+/// limit.
 fn minimised(mut case: Case, kind: &str, program: &Path, scratch: &Path) -> Case {
     let end = Instant::now() + Duration::from_secs(20);
     let fails =
@@ -283,8 +284,8 @@ fn whatever_the_files_are_the_program_keeps_its_promises() {
     let scratch = tempfile::TempDir::new().expect("temporary folders can be made");
     let mut subjects = subjects();
     let all = subjects.len();
-    // Otherwise nothing behind the first lines is tried. Some of the collection need files that are
-    // not beside them here.
+    // Otherwise only the first lines are tested. Some of the collection need files that are not
+    // beside them here.
     subjects.retain(|subject| {
         let line = if subject.kind == Kind::Scene { RENDER } else { RENDER_IN_LIGHT };
         let end = subject.case(line).try_in(&plan.program, scratch.path());

@@ -1,4 +1,4 @@
-//! What `smoke` damages: good small files, each with the files beside it.
+//! The files that `smoke` damages: small valid files, each with the files beside it.
 
 use super::mutate::{Random, change_png_chunk, correct_png_checksums, mutate_words};
 use super::promise::{Case, files_in};
@@ -9,19 +9,19 @@ use std::path::{Path, PathBuf};
 /// Larger files are mostly numbers, and slow to read a thousand times.
 const LARGEST: usize = 64 << 10;
 
-/// What a file is for the commands.
+/// The role of a file in the commands.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     Scene,
     Picture,
 }
 
-/// A good file, and a damaged one of those beside it.
+/// A valid file, and which of the files beside it is damaged.
 pub struct Subject {
     pub kind: Kind,
     /// The file that the commands are given.
     pub name: String,
-    /// The file that is damaged: that one, or one that it names.
+    /// The damaged file: that one, or one that it names.
     pub damaged: String,
     pub files: BTreeMap<String, Vec<u8>>,
 }
@@ -36,12 +36,12 @@ impl Subject {
         Self::new(kind, name, name, &[(name, bytes)])
     }
 
-    /// The case of a line of words about it as it is.
+    /// The case of a command line for the undamaged file.
     pub fn case(&self, line: &str) -> Case {
         Case::new(self.files.clone(), &self.name, line)
     }
 
-    /// The same, its damaged file changed; words of another may get into it.
+    /// The case with the damaged file; words of another subject may be inserted.
     pub fn damaged_case(&self, line: &str, other: &Self, random: &mut Random) -> Case {
         let mut case = self.case(line);
         let bytes = mutate_words(&self.files[&self.damaged], &other.files[&other.damaged], random);
@@ -99,7 +99,7 @@ pub fn subjects() -> Vec<Subject> {
     all
 }
 
-/// The scenes of this repository, each with all small files of its folder that it could name.
+/// The scenes of this repository, each with all small files in its folder that it could name.
 fn of_the_repository() -> Vec<Subject> {
     let repository = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let folders = [
@@ -133,7 +133,7 @@ fn of_the_repository() -> Vec<Subject> {
     all
 }
 
-/// Small built-in scenes in every format that is written.
+/// Small built-in scenes in every writable format.
 fn written() -> Vec<Subject> {
     let folder = tempfile::TempDir::new().expect("temporary folders can be made");
     let mut all = Vec::new();
@@ -164,7 +164,7 @@ fn written() -> Vec<Subject> {
 const SERIALIZED_SCENE: &str = "<scene version=\"3.0.0\"><shape type=\"serialized\">\
     <string name=\"filename\" value=\"a.serialized\"/><bsdf type=\"diffuse\"/></shape></scene>\n";
 
-/// A serialized mesh of one triangle, its zlib stream stored as it is, so that damage gets past it.
+/// A serialized mesh of one triangle with an uncompressed zlib stream, so that damage passes it.
 fn serialized() -> Vec<u8> {
     let positions: [f32; 9] = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
     let mut mesh = [&0x1000u32.to_le_bytes()[..], b"a\0"].concat();

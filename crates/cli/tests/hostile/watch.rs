@@ -1,15 +1,14 @@
-//! Runs cases one by one and notes how they end: panics, time, memory.
+//! Runs cases one by one and records how they end: panics, time, memory.
 
 use super::render::End;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
-/// No file may take longer. None takes a quarter of this on a machine that does nothing else; what
-/// hangs takes for ever.
+/// Time limit for a file. None takes a quarter of this on an idle machine; a hang takes forever.
 const LIMIT: Duration = Duration::from_secs(60);
 
-/// What happened so far.
+/// The results so far.
 #[derive(Default)]
 pub struct Report {
     pub files: usize,
@@ -70,7 +69,7 @@ impl Report {
         self.failures.extend(other.failures);
     }
 
-    /// Prints the numbers; gives the failures.
+    /// Prints the numbers; returns the failures.
     pub fn conclude(self, what: &str) -> Vec<String> {
         eprintln!(
             "{what}: {} files: {} pictures ({} samples not finite), {} refused; longest {:?} ({}); \
@@ -87,7 +86,7 @@ impl Report {
     }
 }
 
-/// Largest resident memory of this process so far; 0 where the system does not tell.
+/// Peak resident memory of this process; 0 where the system does not report it.
 fn peak_memory_bytes() -> u64 {
     #[cfg(unix)]
     {

@@ -151,7 +151,7 @@ impl<'a> Tokens<'a> {
 
     /// The error for an unexpected word.
     pub fn unexpected(&self, token: &Token, what: &str) -> ReadError {
-        let problem = format!("{} stands where {what} was expected", token.quoted());
+        let problem = format!("found {}, expected {what}", token.quoted());
         let remedy = if token.bytes.starts_with(b"#") {
             "move the comment to where a command could start".into()
         } else {
@@ -165,7 +165,7 @@ impl<'a> Tokens<'a> {
         let token = self.expect(what)?;
         let number: Option<f64> = token.utf8().and_then(|t| t.parse().ok());
         let Some(number) = number else {
-            return Err(self.unexpected(&token, &format!("{what}, a number,")));
+            return Err(self.unexpected(&token, &format!("{what}, a number")));
         };
         if number.abs() <= LARGEST {
             return Ok(number);
@@ -181,7 +181,7 @@ impl<'a> Tokens<'a> {
         token
             .utf8()
             .and_then(|t| t.parse().ok())
-            .ok_or_else(|| self.unexpected(&token, &format!("{what}, a whole number,")))
+            .ok_or_else(|| self.unexpected(&token, &format!("{what}, a whole number")))
     }
 
     /// The next words as numbers.

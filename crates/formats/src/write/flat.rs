@@ -1,8 +1,7 @@
 //! All surfaces as triangles in the world, for the simplest formats.
 
-use super::BYTES_OF_TRIANGLE;
-use super::Output;
 use super::tessellate::{most_triangles, tessellate};
+use super::{BYTES_OF_TRIANGLE, Expansion, Output};
 use crate::strip;
 use snell_intersect::{Curves, TriangleMesh};
 use snell_scene::placed::{Placed, placed, total};
@@ -25,17 +24,14 @@ fn triangle_count(scene: &Scene) -> Result<u64, String> {
 
 /// Refuses a scene with more triangles than a file or the memory of this process can hold.
 fn check_expansion(scene: &Scene, output: &Output) -> Result<(), String> {
-    let count = triangle_count(scene)?;
-    let remedy = "write a format with instances: .snell, .pbrt or .glb";
-    if count > MOST_TRIANGLES {
-        return Err(format!(
-            "it is {count} triangles, instances counted each, and the limit is {MOST_TRIANGLES}; \
-                {remedy}"
-        ));
-    }
-    let what = format!("the scene as {count} triangles, instances counted each,");
-    let admitted = output.available.admit(&what, count.saturating_mul(BYTES_OF_TRIANGLE));
-    admitted.map_err(|problem| format!("{problem}; {remedy}"))
+    let expansion = Expansion {
+        count: triangle_count(scene)?,
+        limit: MOST_TRIANGLES,
+        what: "triangles",
+        bytes_of_each: BYTES_OF_TRIANGLE,
+        remedy: "write a format with instances: .snell, .pbrt or .glb",
+    };
+    expansion.check(output)
 }
 
 /// The world-space mesh of every surface. Other geometry is tessellated, which is noted.

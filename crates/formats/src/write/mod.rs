@@ -202,8 +202,37 @@ fn exists(path: &Path) -> WriteError {
 /// growing buffers. Measured.
 const BYTES_OF_TRIANGLE: u64 = 220;
 
-/// Writes a scene in the format of `path`'s extension; either the whole file appears or none.
-/// Existing files are replaced.
+/// What becomes of a scene that is written without instances.
+struct Expansion {
+    /// How many things, each counted as often as it is there.
+    count: u64,
+    /// The most that the format holds.
+    limit: u64,
+    /// What the things are.
+    what: &'static str,
+    /// Bytes that one takes on its way into the file.
+    bytes_of_each: u64,
+    /// What to do instead.
+    remedy: &'static str,
+}
+
+impl Expansion {
+    /// Refuses more than the format or the memory of this process can hold.
+    fn check(&self, output: &Output) -> Result<(), String> {
+        let Self { count, limit, what, remedy, .. } = self;
+        if count > limit {
+            return Err(format!(
+                "it is {count} {what}, instances counted each, and the limit is {limit}; {remedy}"
+            ));
+        }
+        let what = format!("the scene as {count} {what}, instances counted each,");
+        let admitted = output.available.admit(&what, count.saturating_mul(self.bytes_of_each));
+        admitted.map_err(|problem| format!("{problem}; {remedy}"))
+    }
+}
+
+/// Writes a scene in the format that the extension of `path` names; the file appears whole or not
+/// at all. Replaces files.
 pub fn write_scene(path: &Path, scene: &Scene) -> Result<(), WriteError> {
     write_scene_as(path, scene, true).map(drop)
 }

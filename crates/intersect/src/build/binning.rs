@@ -1,7 +1,9 @@
 //! The inner loops of the builder: sorting boxes into bins, and parting them at a plane between
 //! bins.
 
-use snell_math::simd::{Lanes8, Level, Portable8};
+#[cfg(target_arch = "x86_64")]
+use snell_math::simd::{Avx2, Avx8, Token};
+use snell_math::simd::{Lanes8, Portable, Portable8, Wide};
 use snell_math::{Bounds3, Vec3, Vec4};
 
 /// A box as how far it reaches along -x, -y, -z, (nothing), x, y, z, (nothing): so the union of two
@@ -191,35 +193,37 @@ impl Bins {
 }
 
 /// Adds primitives to bins.
-pub(crate) fn fill(level: Level, binning: &Binning, primitives: &[Primitive], bins: &mut Bins) {
-    match level {
+pub(crate) fn fill(
+    wide: Option<Wide>,
+    binning: &Binning,
+    primitives: &[Primitive],
+    bins: &mut Bins,
+) {
+    match wide {
         #[cfg(target_arch = "x86_64")]
-        // SAFETY: `World` builds only with levels that the machine supports.
-        Level::Avx2 | Level::Avx512 => unsafe { fill_avx2(binning, primitives, bins) },
-        // SAFETY: portable code.
-        _ => unsafe { fill_with::<Portable8>(binning, primitives, bins) },
+        Some(wide) => {
+            let token = Avx2::from(wide);
+            token.run(
+                #[inline(always)]
+                move || fill_with::<Avx8>(token, binning, primitives, bins),
+            );
+        }
+        _ => fill_with::<Portable8>(Portable, binning, primitives, bins),
     }
 }
 
-/// # Safety
-/// The machine must have AVX2.
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,bmi1,popcnt")]
-unsafe fn fill_avx2(binning: &Binning, primitives: &[Primitive], bins: &mut Bins) {
-    // SAFETY: as promised by the caller.
-    unsafe { fill_with::<snell_math::simd::Avx8>(binning, primitives, bins) }
-}
-
-/// # Safety
-/// The machine must have the instructions of `L`.
 #[inline(always)]
-unsafe fn fill_with<L: Lanes8>(binning: &Binning, primitives: &[Primitive], bins: &mut Bins) {
+fn fill_with<L: Lanes8>(
+    token: L::Token,
+    binning: &Binning,
+    primitives: &[Primitive],
+    bins: &mut Bins,
+) {
     for p in primitives {
         let at = binning.bins_of(p.center2());
         for ((boxes, counts), at) in bins.boxes.iter_mut().zip(&mut bins.counts).zip(at) {
             let bin = &mut boxes[at].0;
-            // SAFETY: as promised by the caller.
-            unsafe { L::load(bin).max(L::load(&p.0.0)) }.store(bin);
+            L::load(token, bin).max(L::load(token, &p.0.0)).store(bin);
             counts[at] += 1;
         }
     }
@@ -238,57 +242,46 @@ pub(crate) struct Parts {
 /// # Panics
 /// If `scratch` is shorter than the primitives.
 pub(crate) fn part(
-    level: Level,
+    wide: Option<Wide>,
+    binning: &Binning,
+    plane: BinPlane,
+    primitives: &mut [Primitive],
+    scratch: &mut [Primitive],
+) -> Parts {
+    match wide {
+        #[cfg(target_arch = "x86_64")]
+        Some(wide) => {
+            let token = Avx2::from(wide);
+            token.run(
+                #[inline(always)]
+                move || part_with::<Avx8>(token, binning, plane, primitives, scratch),
+            )
+        }
+        _ => part_with::<Portable8>(Portable, binning, plane, primitives, scratch),
+    }
+}
+
+#[inline(always)]
+fn part_with<L: Lanes8>(
+    token: L::Token,
     binning: &Binning,
     plane: BinPlane,
     primitives: &mut [Primitive],
     scratch: &mut [Primitive],
 ) -> Parts {
     assert!(scratch.len() >= primitives.len(), "room for all");
-    match level {
-        #[cfg(target_arch = "x86_64")]
-        // SAFETY: `World` builds only with levels that the machine supports.
-        Level::Avx2 | Level::Avx512 => unsafe { part_avx2(binning, plane, primitives, scratch) },
-        // SAFETY: portable code.
-        _ => unsafe { part_with::<Portable8>(binning, plane, primitives, scratch) },
-    }
-}
-
-/// # Safety
-/// The machine must have AVX2; `scratch` must be as long as the primitives.
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,bmi1,popcnt")]
-unsafe fn part_avx2(
-    binning: &Binning,
-    plane: BinPlane,
-    primitives: &mut [Primitive],
-    scratch: &mut [Primitive],
-) -> Parts {
-    // SAFETY: as promised by the caller.
-    unsafe { part_with::<snell_math::simd::Avx8>(binning, plane, primitives, scratch) }
-}
-
-/// # Safety
-/// The machine must have the instructions of `L`; `scratch` must be as long as the primitives.
-#[inline(always)]
-unsafe fn part_with<L: Lanes8>(
-    binning: &Binning,
-    plane: BinPlane,
-    primitives: &mut [Primitive],
-    scratch: &mut [Primitive],
-) -> Parts {
     let mut first = 0;
     for i in 0..primitives.len() {
         // Written to where it would go in either part, the second part to other memory first.
-        // SAFETY: `first <= i < len`: the slot is free, and `i - first` are in the second part so
-        // far; `L` as promised.
-        unsafe {
-            let p = L::load(&primitives.get_unchecked(i).0.0);
-            let is_first = plane.is_before(binning, primitives.get_unchecked(i).center2());
-            p.store(&mut primitives.get_unchecked_mut(first).0.0);
-            p.store(&mut scratch.get_unchecked_mut(i - first).0.0);
-            first += usize::from(is_first);
-        }
+        let p = L::load(token, &primitives[i].0.0);
+        let is_first = plane.is_before(binning, primitives[i].center2());
+        // SAFETY: `first <= i`, and `i - first`, which are in the second part so far, is below the
+        // length of `scratch`, as was checked.
+        let (to, other) =
+            unsafe { (primitives.get_unchecked_mut(first), scratch.get_unchecked_mut(i - first)) };
+        p.store(&mut to.0.0);
+        p.store(&mut other.0.0);
+        first += usize::from(is_first);
     }
     let (a, b) = primitives.split_at_mut(first);
     b.copy_from_slice(&scratch[..b.len()]);

@@ -3,7 +3,7 @@
 
 use super::binning::{BINS, BinPlane, Binning, Bins, Box8, Primitive, fill};
 use rayon::prelude::*;
-use snell_math::simd::Level;
+use snell_math::simd::Wide;
 
 /// Sets at least this large are binned and partitioned by several threads, in pieces of [`CHUNK`].
 /// The result is the same: minima, maxima and counts do not depend on the order.
@@ -39,10 +39,10 @@ impl Extent {
 }
 
 /// Sorts a set into bins.
-pub(super) fn bins_of(level: Level, binning: &Binning, primitives: &[Primitive]) -> Bins {
+pub(super) fn bins_of(wide: Option<Wide>, binning: &Binning, primitives: &[Primitive]) -> Bins {
     let of = |primitives: &[Primitive]| {
         let mut bins = Bins::EMPTY;
-        fill(level, binning, primitives, &mut bins);
+        fill(wide, binning, primitives, &mut bins);
         bins
     };
     if primitives.len() < PARALLEL {

@@ -16,7 +16,7 @@ use super::partition::partition;
 use super::primitive::{CHUNK, Numbered, OBJECT, Triangles};
 use rayon::join;
 use rayon::prelude::*;
-use snell_math::simd::Level;
+use snell_math::simd::Wide;
 
 /// Sets are divided in space only where the parts would overlap by more than this share of the area
 /// of everything.
@@ -33,7 +33,7 @@ const BINS: usize = 16;
 #[derive(Clone, Copy)]
 pub(super) struct High<'a> {
     /// Which instructions to use.
-    pub level: Level,
+    pub wide: Option<Wide>,
     /// False if all primitives are triangles.
     pub has_objects: bool,
     /// What the primitives are boxes of.
@@ -59,8 +59,8 @@ impl Set<'_> {
 }
 
 impl<'a> High<'a> {
-    pub fn new(level: Level, has_objects: bool, triangles: &'a Triangles<'a>) -> Self {
-        Self { level, has_objects, triangles, area: 0.0 }
+    pub fn new(wide: Option<Wide>, has_objects: bool, triangles: &'a Triangles<'a>) -> Self {
+        Self { wide, has_objects, triangles, area: 0.0 }
     }
 
     /// Builds the tree of the first `len` (at least one) of `room`, which extend over this. The
@@ -110,11 +110,8 @@ impl<'a> High<'a> {
         let Set { room, len, extent, areas, depth } = set;
         let binning = Binning::new(&extent.centers);
         let may_divide = depth < MAX_COST_DEPTH;
-        let plane = if may_divide {
-            best_plane(&bins_of(self.level, &binning, &room[..len]))
-        } else {
-            None
-        };
+        let plane =
+            if may_divide { best_plane(&bins_of(self.wide, &binning, &room[..len])) } else { None };
         let overlap = plane.map_or(extent.bounds.half_area(), |p| {
             p.bounds[0].intersection(&p.bounds[1]).half_area()
         });
@@ -131,7 +128,7 @@ impl<'a> High<'a> {
         let Some(plane) = plane else {
             return share(room, len / 2, len - len / 2, depth);
         };
-        let parts = partition(self.level, &binning, plane.at, &mut room[..len]);
+        let parts = partition(self.wide, &binning, plane.at, &mut room[..len]);
         share(room, parts.first, len - parts.first, depth)
     }
 

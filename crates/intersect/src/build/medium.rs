@@ -6,7 +6,7 @@ use super::bins::{Extent, best_plane, bins_of};
 use super::partition::partition;
 use super::primitive::{Numbered, OBJECT};
 use rayon::join;
-use snell_math::simd::Level;
+use snell_math::simd::Wide;
 
 /// Sets up to this size become one part of the tree, built by one thread.
 pub(super) const PART: usize = 4096;
@@ -19,7 +19,7 @@ pub(super) const MAX_COST_DEPTH: usize = 60;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Medium {
     /// Which instructions to use.
-    pub level: Level,
+    pub wide: Option<Wide>,
     /// False if all primitives are triangles.
     pub has_objects: bool,
 }
@@ -86,7 +86,7 @@ impl Medium {
     fn divide(self, set: &mut [Primitive], extent: &Extent, depth: usize) -> (usize, [Extent; 2]) {
         let binning = Binning::new(&extent.centers);
         let plane = if depth < MAX_COST_DEPTH {
-            best_plane(&bins_of(self.level, &binning, set))
+            best_plane(&bins_of(self.wide, &binning, set))
         } else {
             None
         };
@@ -95,7 +95,7 @@ impl Medium {
             let (a, b) = set.split_at(middle);
             return (middle, [Extent::of(a), Extent::of(b)]);
         };
-        let parts = partition(self.level, &binning, plane.at, set);
+        let parts = partition(self.wide, &binning, plane.at, set);
         let extent = |i: usize| Extent { bounds: plane.bounds[i], centers: parts.centers[i] };
         (parts.first, [extent(0), extent(1)])
     }
@@ -111,7 +111,7 @@ mod tests {
     use super::*;
     use snell_math::Vec3;
 
-    const MEDIUM: Medium = Medium { level: Level::Scalar, has_objects: false };
+    const MEDIUM: Medium = Medium { wide: None, has_objects: false };
 
     fn at(x: f32, id: u32) -> Primitive {
         Primitive::new(Vec3::new(x, 0.0, 0.0), Vec3::new(x + 0.1, 1.0, 1.0), id)

@@ -5,7 +5,6 @@
 //! and all threads write it in place. The tree depends neither on the threads nor on the
 //! instructions.
 
-mod apart;
 mod binary;
 mod binning;
 mod bins;
@@ -14,6 +13,7 @@ mod clip;
 mod fast;
 mod high;
 mod medium;
+mod outliers;
 mod partition;
 mod primitive;
 mod quality;
@@ -36,7 +36,7 @@ use high::High;
 use medium::Medium;
 use primitive::{MAX_TRIANGLES, OBJECT, Triangles, triangle_primitives};
 use rayon::prelude::*;
-use snell_math::simd::Level;
+use snell_math::simd;
 use snell_math::{Bounds3, Bounds3d};
 use std::path::PathBuf;
 use wide::{Wide, write};
@@ -48,7 +48,7 @@ pub(crate) struct BvhOptions {
     /// Whether blocks take less memory, and more time.
     pub compact: bool,
     /// Instructions the builder may use; the tree is the same at every level.
-    pub simd: Level,
+    pub wide: Option<simd::Wide>,
     /// Where trees are kept in files.
     pub cache: Option<PathBuf>,
 }
@@ -192,13 +192,13 @@ fn build_wide(
     if all == 0 {
         return Ok((nothing(), 0));
     }
-    let (rest, extent) = apart::divide(&mut primitives[..all], list);
+    let (rest, extent) = outliers::divide(&mut primitives[..all], list);
     let mut large = primitives[rest..all].to_vec();
     let splits =
         options.quality == Quality::High || waste::is_large(&primitives[..rest], triangles);
-    let medium = Medium { level: options.simd, has_objects };
+    let medium = Medium { wide: options.wide, has_objects };
     let tree = if splits {
-        High::new(options.simd, has_objects, triangles).build(
+        High::new(options.wide, has_objects, triangles).build(
             &mut primitives[..rest + room],
             rest,
             extent,
@@ -206,7 +206,7 @@ fn build_wide(
     } else {
         medium.build_within(&mut primitives[..rest], &extent)
     };
-    let tree = apart::join(tree, &mut large, medium);
+    let tree = outliers::join(tree, &mut large, medium);
     Ok((write(&tree, triangles, None)?, count))
 }
 

@@ -4,13 +4,13 @@ use super::binning::{BinPlane, Binning, Box8, Parts, Primitive, part};
 use super::bins::{CHUNK, PARALLEL};
 use rayon::prelude::*;
 use snell_math::Vec3;
-use snell_math::simd::Level;
+use snell_math::simd::Wide;
 use std::cell::RefCell;
 
 /// Moves the primitives before the plane to the front. The order within the parts is arbitrary but
 /// always the same.
 pub(super) fn partition(
-    level: Level,
+    wide: Option<Wide>,
     binning: &Binning,
     plane: BinPlane,
     primitives: &mut [Primitive],
@@ -20,7 +20,7 @@ pub(super) fn partition(
             if scratch.len() < piece.len() {
                 scratch.resize(piece.len(), Primitive::new(Vec3::ZERO, Vec3::ZERO, 0));
             }
-            part(level, binning, plane, piece, scratch)
+            part(wide, binning, plane, piece, scratch)
         })
     };
     if primitives.len() < PARALLEL {
@@ -95,6 +95,7 @@ mod tests {
     use super::*;
     use crate::build::primitive::Numbered;
     use snell_math::rng;
+    use snell_math::simd::Level;
 
     #[test]
     fn large_and_small_sets_are_parted_without_loss_alike_at_every_level() {
@@ -105,9 +106,9 @@ mod tests {
                     .map(|i| Primitive::new(Vec3::splat(x(i)), Vec3::splat(x(i)), i))
                     .collect();
                 let binning = Binning::new(&Box8::new(Vec3::ZERO, Vec3::splat(2.0)));
-                let run = |level| {
+                let run = |level: Level| {
                     let mut set = set.clone();
-                    (partition(level, &binning, BinPlane { axis: 1, bin }, &mut set), set)
+                    (partition(level.wide(), &binning, BinPlane { axis: 1, bin }, &mut set), set)
                 };
                 let (parts, set) = run(Level::Scalar);
                 let (same, best) = run(Level::best());

@@ -30,7 +30,7 @@ impl GroupTree {
                 m.0 == start
             };
         let triangles: usize = list.meshes.iter().map(|(_, mesh)| mesh.indices.len()).sum();
-        let alike = list.meshes.len() == self.meshes.len()
+        let same_contents = list.meshes.len() == self.meshes.len()
             && list.meshes.iter().zip(&self.meshes).all(same)
             && triangles == self.triangles
             && list.objects.len() == self.objects.len();
@@ -51,7 +51,7 @@ impl GroupTree {
             .collect();
         let source = Triangles::new(list, &meshes);
         let appears = |id: &u32| !source.is_degenerate(*id);
-        if !alike
+        if !same_contents
             || unbounded != self.unbounded
             || is_empty != self.empty
             || self.skipped.par_iter().any(appears)

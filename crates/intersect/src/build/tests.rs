@@ -7,8 +7,8 @@ use crate::mesh::TriangleMesh;
 use crate::search::{AcceptAll, Grouping};
 use crate::shape::Sphere;
 use crate::tree::Forest;
-use crate::world::AcceleratorKind;
-use crate::world::{BuildOptions, Structure, World, WorldBuilder};
+use crate::world::{AcceleratorKind, BuildOptions, Structure, World, WorldBuilder};
+use snell_math::simd::Level;
 use snell_math::{DVec3, Ray, Transform, Vec3, rng};
 use std::sync::Arc;
 
@@ -239,7 +239,7 @@ fn a_refitted_tree_finds_what_has_moved() {
                 }
             }
         }
-        // On a floor that stands apart.
+        // On a floor that is an outlier.
         let floor = |y: f32| {
             [[-900.0, y, -900.0], [900.0, y, -900.0], [900.0, y, 900.0], [-900.0, y, 900.0]]
         };
@@ -247,7 +247,7 @@ fn a_refitted_tree_finds_what_has_moved() {
             ([before, quads(&[floor(-20.0)])], [Arc::new(mesh), quads(&[floor(-5.0)])]);
         let mut world = world_of(&after, &options);
         let Structure::Bvh(old) = world_of(&before, &options).structure else { panic!("a tree") };
-        assert_eq!(old.apart.is_some(), options.quality != Quality::Fast);
+        assert_eq!(old.outliers.is_some(), options.quality != Quality::Fast);
         let list = |meshes: &[Arc<TriangleMesh>]| GroupList {
             meshes: (0..).zip(meshes.iter().cloned()).collect(),
             ..GroupList::default()
@@ -350,7 +350,7 @@ fn a_cached_tree_is_the_same_and_a_damaged_file_is_replaced() {
 
 fn check_cached(compact: bool) {
     let folder = tempfile::tempdir().expect("a folder");
-    // With a floor that stands apart.
+    // With a floor that is an outlier.
     let corners = [
         [-900.0, -99.0, -900.0],
         [900.0, -99.0, -900.0],
@@ -366,7 +366,7 @@ fn check_cached(compact: bool) {
     let found = world_of(&mesh, &options);
     assert_eq!(cached(&found), (1, 0));
     assert!(contents(&built) == contents(&found));
-    assert!(matches!(&found.structure, Structure::Bvh(forest) if forest.apart.is_some()));
+    assert!(matches!(&found.structure, Structure::Bvh(forest) if forest.outliers.is_some()));
     let rays = rays(&mesh[0], 300);
     assert_equal(&found, &world_of(&mesh, &none()), &rays, "cached");
     let files: Vec<_> =

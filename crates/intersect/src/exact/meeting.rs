@@ -42,19 +42,16 @@ pub(crate) struct InDrawing<D> {
 
 impl<D: Doubles16> InDrawing<D> {
     /// From corners and origins in the order of the axes that the rays draw on.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `D`.
     #[inline(always)]
-    pub unsafe fn new(
+    pub fn new(
+        token: D::Token,
         [a, b, c]: Corners<D::Singles>,
         origin: [D::Singles; 3],
         shear: [D::Singles; 2],
     ) -> Self {
         let (p0, p1, p2) = (draw(a, origin, shear), draw(b, origin, shear), draw(c, origin, shear));
         let (w0, w1, w2): (D, D, D) = (edge(p1, p2), edge(p2, p0), edge(p0, p1));
-        // SAFETY: passed on to the caller.
-        let (zero, one) = unsafe { (D::splat(0.0), D::splat(1.0)) };
+        let (zero, one) = (D::splat(token, 0.0), D::splat(token, 1.0));
         let inside =
             (zero.lt(w0) & zero.lt(w1) & zero.lt(w2)) | (w0.lt(zero) & w1.lt(zero) & w2.lt(zero));
         let scale = one.div(w0.add(w1).add(w2));

@@ -6,6 +6,7 @@
 //! with the careful [`super::ray::LocalRay`]. Which triangles are hit, and where, is the same for
 //! both: origin, axes and shear have the same bits, and boxes and filters are conservative.
 
+use super::ray::Axes;
 use super::triangle::{Drawing, ExactRay};
 use snell_math::glam::Vec4Swizzles;
 use snell_math::simd::Lanes8;
@@ -52,23 +53,35 @@ pub(crate) struct QuickRay {
     /// As in [`super::ray::LocalRay`].
     pub shear: [f32; 2],
     /// As in [`super::ray::LocalRay`].
-    pub axes: [u8; 4],
+    pub axes: Axes,
     /// How far a vertex may be from where it should be, seen from the origin; 0 in single
     /// precision.
     pub slack: f32,
 }
 
-/// By octant, where the planes are within [`crate::tree::node::WideNode::bounds`], in numbers: near
-/// `x y z`, far `x y z`, and two that mean nothing.
-static PLANES: [[u8; 8]; 8] = {
-    let mut table = [[0; 8]; 8];
+/// The planes of the eight boxes of a node on one side of an axis: the number of the first within
+/// [`crate::tree::node::WideNode::bounds`].
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Planes(u8);
+
+impl Planes {
+    /// The number of the first plane: 0, 8, and so on to 40.
+    #[inline(always)]
+    pub fn first(self) -> usize {
+        usize::from(self.0)
+    }
+}
+
+/// By octant, the near planes `x y z`, the far ones, and two that mean nothing.
+static PLANES: [[Planes; 8]; 8] = {
+    let mut table = [[Planes(0); 8]; 8];
     let mut octant = 0;
     while octant < 8 {
         let mut axis = 0;
         while axis < 3 {
             let near = if octant >> axis & 1 == 1 { 24 } else { 0 };
-            table[octant][axis] = near + 8 * axis as u8;
-            table[octant][axis + 3] = 24 - near + 8 * axis as u8;
+            table[octant][axis] = Planes(near + 8 * axis as u8);
+            table[octant][axis + 3] = Planes(24 - near + 8 * axis as u8);
             axis += 1;
         }
         octant += 1;
@@ -90,7 +103,7 @@ impl QuickRay {
         octant: 0,
         origin: [0.0; 3],
         shear: [0.0; 2],
-        axes: [0; 4],
+        axes: Axes::BY_Z[0],
         slack: 0.0,
     };
 
@@ -111,8 +124,7 @@ impl QuickRay {
     /// from.
     #[inline(always)]
     pub fn exact(&self, origin: DVec3, direction: DVec3) -> ExactRay {
-        let [kx, ky, kz, _] = self.axes.map(usize::from);
-        let drawing = Drawing { origin: self.origin, axes: [kx, ky, kz], shear: self.shear };
+        let drawing = Drawing { origin: self.origin, axes: self.axes, shear: self.shear };
         ExactRay { origin, direction, drawing }
     }
 
@@ -126,12 +138,9 @@ impl QuickRay {
         }
         let a = direction.abs();
         let bit = |i: usize, at_least: bool| usize::from(at_least) << i;
-        let axes = &AXES[bit(0, a.x >= a.y) | bit(1, a.x >= a.z) | bit(2, a.y >= a.z)];
-        self.axes = *axes;
-        let slopes: &[f64; 3] = direction.as_ref();
-        // SAFETY: axes are below 3.
-        let slope = |i: usize| unsafe { *slopes.get_unchecked(usize::from(axes[i])) };
-        self.shear = [(slope(0) / slope(2)) as f32, (slope(1) / slope(2)) as f32];
+        self.axes = AXES[bit(0, a.x >= a.y) | bit(1, a.x >= a.z) | bit(2, a.y >= a.z)];
+        let [x, y, z] = self.axes.of(direction.as_ref());
+        self.shear = [(x / z) as f32, (y / z) as f32];
         self.set_slabs::<L>(o, d)
     }
 
@@ -204,9 +213,9 @@ impl QuickRay {
         }
     }
 
-    /// Where the planes are, see [`PLANES`].
+    /// The near planes `x y z` that it meets, the far ones, and two that mean nothing.
     #[inline(always)]
-    pub fn planes(&self) -> &'static [u8; 8] {
+    pub fn planes(&self) -> &'static [Planes; 8] {
         &PLANES[self.octant()]
     }
 
@@ -230,13 +239,11 @@ fn halves(ray: &Ray) -> [Vec4; 2] {
 
 /// The axes of the drawing and its shear, by a direction and its sizes.
 #[inline(always)]
-fn axes_and_shear(direction: &Vec3, sizes: Vec4) -> ([u8; 4], [f32; 2]) {
-    let axes = &AXES[(sizes.xxyw().cmpge(sizes.yzzw()).bitmask() & 7) as usize];
+fn axes_and_shear(direction: &Vec3, sizes: Vec4) -> (Axes, [f32; 2]) {
+    let axes = AXES[(sizes.xxyw().cmpge(sizes.yzzw()).bitmask() & 7) as usize];
     // By memory instead of conditions: signs and sizes are as good as random.
-    let slopes: &[f32; 3] = direction.as_ref();
-    // SAFETY: axes are below 3.
-    let slope = |i: usize| unsafe { *slopes.get_unchecked(usize::from(axes[i])) };
-    (*axes, [slope(0) / slope(2), slope(1) / slope(2)])
+    let [x, y, z] = axes.of(direction.as_ref());
+    (axes, [x / z, y / z])
 }
 
 /// True if no size is too large. (The fourth number is not looked at.)
@@ -261,8 +268,8 @@ fn is_too_slow(direction: &DVec3) -> bool {
 
 /// The axes of the drawing by comparisons of the sizes of the direction, in bits: x at least y, x
 /// at least z, y at least z.
-static AXES: [[u8; 4]; 8] = {
-    const FIRST: [[u8; 4]; 3] = [[1, 2, 0, 0], [2, 0, 1, 0], [0, 1, 2, 0]];
+static AXES: [Axes; 8] = {
+    const FIRST: [Axes; 3] = Axes::BY_Z;
     [FIRST[2], FIRST[2], FIRST[2], FIRST[0], FIRST[1], FIRST[1], FIRST[1], FIRST[0]]
 };
 
@@ -277,7 +284,7 @@ mod tests {
     use crate::tree::node::ChildRef;
     use crate::tree::node::{QuickBoxes, WideNode, quick_distances};
     use proptest::prelude::*;
-    use snell_math::simd::Portable8;
+    use snell_math::simd::{Portable, Portable8};
     use snell_math::{Bounds3, DRay, Vec3};
 
     /// Zero, either sign, small and large.
@@ -296,23 +303,20 @@ mod tests {
     }
 
     /// Whether a box is met, by the arithmetic of a level.
-    fn is_met<L: Lanes8>(ray: &Ray, bounds: &Bounds3, cull: f32) -> Option<bool> {
+    fn is_met<L: Lanes8>(token: L::Token, ray: &Ray, bounds: &Bounds3, cull: f32) -> Option<bool> {
         let mut quick = QuickRay::UNSET;
         if !quick.set_from_ray::<L>(ray) {
             return None;
         }
         let mut node = WideNode::EMPTY;
         node.set(5, bounds, ChildRef::node(1));
-        // SAFETY: the caller has checked the level.
-        let (enter, limit) = unsafe { quick_distances::<L>(&node, &quick, ray.t_min, cull) };
+        let (enter, limit) = quick_distances::<L>(token, &node, &quick, ray.t_min, cull);
         let met = enter.le(limit);
         let extent = bounds.min.abs().max(bounds.max.abs()).max_element();
-        // SAFETY: as above.
-        let again = unsafe {
-            let boxes = QuickBoxes::<L>::new(&quick, extent);
-            let (enter, limit) = boxes.distances(&node, L::splat(ray.t_min), L::splat(cull));
-            enter.le(limit)
-        };
+        let boxes = QuickBoxes::<L>::new(token, &quick, extent);
+        let [start, end] = [ray.t_min, cull].map(|t| L::splat(token, t));
+        let (enter, limit) = boxes.distances(&node, start, end);
+        let again = enter.le(limit);
         assert_eq!((met | again) & !(1 << 5), 0, "empty boxes are never met");
         assert!(met == 0 || again != 0, "with all in registers it is not met: {ray:?} {bounds:?}");
         Some(met != 0)
@@ -332,10 +336,10 @@ mod tests {
             let exact = snell_math::Bounds3d { min: p, max: p }.outward_f32();
             let bounds = Bounds3 { min: exact.min - below.abs(), max: exact.max + above.abs() };
             for cull in [padded(t as f32), f32::INFINITY] {
-                prop_assert_ne!(is_met::<Portable8>(&ray, &bounds, cull), Some(false));
+                prop_assert_ne!(is_met::<Portable8>(Portable, &ray, &bounds, cull), Some(false));
                 #[cfg(target_arch = "x86_64")]
-                if snell_math::simd::Level::Avx2.is_supported() {
-                    let is_met = is_met::<snell_math::simd::Avx8>(&ray, &bounds, cull);
+                if let Some(token) = snell_math::simd::Avx2::new() {
+                    let is_met = is_met::<snell_math::simd::Avx8>(token, &ray, &bounds, cull);
                     prop_assert_ne!(is_met, Some(false));
                 }
             }
@@ -349,8 +353,7 @@ mod tests {
             if quick.set_from_ray::<Portable8>(&ray) {
                 prop_assert!(exact.set_from_exact::<Portable8>(&o, &d));
                 let careful = LocalRay::new(&DRay::new(o, d));
-                let [x, y, z] = careful.axes.map(|k| k as u8);
-                prop_assert_eq!([quick.axes, exact.axes], [[x, y, z, 0]; 2]);
+                prop_assert_eq!([quick.axes, exact.axes], [careful.axes; 2]);
                 prop_assert_eq!(quick.shear.map(f32::to_bits), careful.shear.map(f32::to_bits));
                 prop_assert_eq!(exact.shear.map(f32::to_bits), careful.shear.map(f32::to_bits));
                 prop_assert_eq!(quick.origin, careful.origin);
@@ -363,10 +366,10 @@ mod tests {
         let ray = Ray::new(Vec3::new(0.5, 0.25, -3.0), Vec3::Z);
         let bounds =
             |x: f32| Bounds3 { min: Vec3::new(x, 0.0, 0.0), max: Vec3::new(x + 1.0, 1.0, 1.0) };
-        assert_eq!(is_met::<Portable8>(&ray, &bounds(0.0), 1e20), Some(true));
-        assert_eq!(is_met::<Portable8>(&ray, &bounds(0.51), 1e20), Some(false));
+        assert_eq!(is_met::<Portable8>(Portable, &ray, &bounds(0.0), 1e20), Some(true));
+        assert_eq!(is_met::<Portable8>(Portable, &ray, &bounds(0.51), 1e20), Some(false));
         assert_eq!(
-            is_met::<Portable8>(&ray, &bounds(0.5), 1e20),
+            is_met::<Portable8>(Portable, &ray, &bounds(0.5), 1e20),
             Some(true),
             "the side belongs to the box"
         );

@@ -4,6 +4,41 @@
 use super::triangle::{Drawing, ExactRay};
 use snell_math::{DRay, DVec3, Vec3};
 
+/// Axes x, y, z of a drawing: z is where the direction of the ray is largest (Woop, Benthin and
+/// Wald 2013).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Axes([u8; 4]);
+
+impl Axes {
+    /// By the number of z.
+    pub const BY_Z: [Self; 3] = [Self([1, 2, 0, 0]), Self([2, 0, 1, 0]), Self([0, 1, 2, 0])];
+
+    /// The number of z.
+    #[inline(always)]
+    pub fn z(self) -> usize {
+        usize::from(self.0[2])
+    }
+
+    /// What there is for x, y and z.
+    #[inline(always)]
+    pub fn of<T>(self, all: &[T; 3]) -> [&T; 3] {
+        let [x, y, z, _] = self.0.map(usize::from);
+        // SAFETY: the numbers are those of `BY_Z`, below 3.
+        unsafe { [all.get_unchecked(x), all.get_unchecked(y), all.get_unchecked(z)] }
+    }
+
+    /// What [`Self::of`] was given, from what it gave.
+    #[inline(always)]
+    pub fn back<T: Copy>(self, drawn: [T; 3]) -> [T; 3] {
+        let (mut all, [x, y, z, _]) = (drawn, self.0.map(usize::from));
+        for (axis, value) in [x, y, z].into_iter().zip(drawn) {
+            // SAFETY: as in `of`.
+            unsafe { *all.get_unchecked_mut(axis) = value };
+        }
+        all
+    }
+}
+
 /// A ray in the coordinates of a group. The `f64` ray decides distances; what follows from it in
 /// `f32` decides which triangles cover it (`origin`, `shear`: the drawing) and which boxes can be
 /// skipped (`near_origin` and on: conservatively).
@@ -13,9 +48,8 @@ pub(crate) struct LocalRay {
     pub exact: DRay,
     /// The origin rounded to nearest: all vertices are drawn relative to it.
     pub origin: [f32; 3],
-    /// Axes x, y, z of the drawing: z is where the direction is largest (Woop, Benthin and Wald
-    /// 2013).
-    pub axes: [usize; 3],
+    /// How vertices are drawn.
+    pub axes: Axes,
     /// Drawn x = x - shear[0] z, y = y - shear[1] z.
     pub shear: [f32; 2],
     /// Distance along the ray per unit of the z axis; 0 if it has no useful value in `f32`, then
@@ -69,7 +103,7 @@ impl LocalRay {
         Self {
             exact: *exact,
             origin: [sides[0].origin, sides[1].origin, sides[2].origin],
-            axes: AXES[if x_first { 0 } else { 2 - usize::from(y_first) }],
+            axes: Axes::BY_Z[if x_first { 0 } else { 2 - usize::from(y_first) }],
             // Quotients, so that `f32` operands give the bits of a division in `f32`.
             shear: [(pick(d.y, d.z, d.x) / z) as f32, (pick(d.z, d.x, d.y) / z) as f32],
             depth_scale: if usable { depth_scale } else { 0.0 },
@@ -88,9 +122,6 @@ impl LocalRay {
         ExactRay { origin: self.exact.origin, direction: self.exact.direction, drawing }
     }
 }
-
-/// The axes of the drawing, by the axis of the largest direction.
-static AXES: [[usize; 3]; 3] = [[1, 2, 0], [2, 0, 1], [0, 1, 2]];
 
 /// What the box test knows about one axis; see [`LocalRay`].
 struct AxisRay {

@@ -11,7 +11,7 @@
 //! and with any structure.
 
 use super::quick::QuickRay;
-use super::ray::{LocalRay, wide};
+use super::ray::{Axes, LocalRay, wide};
 use snell_math::simd::Lanes8;
 use snell_math::{Bounds3, DVec3, Mat4, Vec2, Vec3, Vec4};
 
@@ -107,27 +107,24 @@ const EDGE_ERROR: f32 = 4.76837158203125e-7;
 
 /// Which triangles of the block the ray may hit between `t_min` and `cull` (inclusive). `cull` must
 /// be padded by the rounding of a depth (a relative `1e-6`).
-///
-/// # Safety
-/// The machine must have the instructions of `L`.
 #[inline(always)]
-pub(crate) unsafe fn candidates<L: Lanes8>(
+pub(crate) fn candidates<L: Lanes8>(
+    token: L::Token,
     block: &TriangleBlock,
     ray: &LocalRay,
     t_min: f32,
     cull: f32,
 ) -> u32 {
-    // SAFETY: passed on to the caller.
-    let ([x0, y0, z0], [x1, y1, z1], [x2, y2, z2], zero, bound_scale, tiny) = unsafe {
-        let frame = DrawingFrame::<L>::new(ray);
+    let ([x0, y0, z0], [x1, y1, z1], [x2, y2, z2], zero, bound_scale, tiny) = {
+        let frame = DrawingFrame::<L>::new(token, ray);
         let [v0, v1, v2] = &block.vertices;
         (
-            frame.draw(v0),
-            frame.draw(v1),
-            frame.draw(v2),
-            L::splat(0.0),
-            L::splat(EDGE_ERROR),
-            L::splat(f32::MIN_POSITIVE),
+            frame.draw(token, v0),
+            frame.draw(token, v1),
+            frame.draw(token, v2),
+            L::splat(token, 0.0),
+            L::splat(token, EDGE_ERROR),
+            L::splat(token, f32::MIN_POSITIVE),
         )
     };
     let u = x1.mul(y2).sub(y1.mul(x2));
@@ -142,15 +139,14 @@ pub(crate) unsafe fn candidates<L: Lanes8>(
     if ray.depth_scale == 0.0 {
         return !outside & 0xff;
     }
-    // SAFETY: passed on to the caller.
-    let (scale, cull, start) = unsafe {
-        (L::splat(ray.depth_scale), L::splat(cull), L::splat(t_min - t_min.abs() * 1e-6))
-    };
+    let (scale, cull, start) = (
+        L::splat(token, ray.depth_scale),
+        L::splat(token, cull),
+        L::splat(token, t_min - t_min.abs() * 1e-6),
+    );
     let (d0, d1, d2) = (z0.mul(scale), z1.mul(scale), z2.mul(scale));
     let (nearest, farthest) = (d0.min(d1).min(d2), d0.max(d1).max(d2));
-    // SAFETY: passed on to the caller.
-    let margin =
-        unsafe { place_margin(nearest.abs().max(farthest.abs()), x.add(y), ray.depth_scale) };
+    let margin = place_margin(token, nearest.abs().max(farthest.abs()), x.add(y), ray.depth_scale);
     let beyond = cull.add(margin).lt(nearest) | farthest.add(margin).lt(start);
     !(outside | beyond) & 0xff
 }
@@ -158,13 +154,9 @@ pub(crate) unsafe fn candidates<L: Lanes8>(
 /// How far before the nearest or beyond the farthest corner a hit may be placed: [`clamp_to_box`]
 /// keeps it in the box of the triangle, padded by a share of its size, which is at most twice the
 /// drawn size (`sides`) and the largest distance of a corner (`depth`) together.
-///
-/// # Safety
-/// The machine must have the instructions of `L`.
 #[inline(always)]
-pub(crate) unsafe fn place_margin<L: Lanes8>(depth: L, sides: L, depth_scale: f32) -> L {
-    // SAFETY: passed on to the caller.
-    unsafe { sides.mul(L::splat(depth_scale.abs())).add(depth).mul(L::splat(4e-6)) }
+pub(crate) fn place_margin<L: Lanes8>(token: L::Token, depth: L, sides: L, depth_scale: f32) -> L {
+    sides.mul(L::splat(token, depth_scale.abs())).add(depth).mul(L::splat(token, 4e-6))
 }
 
 /// Bound of the rounding of an edge value, the difference of two products, relative to the product
@@ -176,108 +168,87 @@ pub(crate) const fn edge_error(is_fused: bool) -> f32 {
 
 /// Which triangles of the block the line of an ordinary ray may pass through: all except those with
 /// two edges whose signs are certain and differ. Unused lanes are unspecified.
-///
-/// # Safety
-/// The machine must have the instructions of `L`.
 #[inline(always)]
-pub(crate) unsafe fn lines_through<L: Lanes8>(block: &TriangleBlock, ray: &QuickRay) -> u32 {
-    // SAFETY: passed on to the caller; the axes are below 3.
-    unsafe {
-        let [kx, ky, kz, _] = ray.axes.map(usize::from);
-        let frame = MirroredFrame {
-            axes: [kx, ky, kz],
-            origin: [kx, ky, kz].map(|k| L::splat(*ray.origin.get_unchecked(k))),
-            shear: [L::splat(ray.shear[0]), L::splat(ray.shear[1])],
-        };
-        let [v0, v1, v2] = &block.vertices;
-        let ([x0, y0], [x1, y1], [x2, y2]) = (frame.draw(v0), frame.draw(v1), frame.draw(v2));
-        let (pu, pv, pw) = (y1.mul(x2), y2.mul(x0), y0.mul(x1));
-        let (u, v, w) = (x1.mul_sub(y2, pu), x2.mul_sub(y0, pv), x0.mul_sub(y1, pw));
-        let error = L::splat(edge_error(L::FUSED));
-        let bound =
-            pu.abs().max(pv.abs()).max(pw.abs()).mul_add(error, L::splat(f32::MIN_POSITIVE));
-        // How far all of them are on one side, on the better side.
-        let inside = u.min(v).min(w).max(L::splat(0.0).sub(u.max(v).max(w)));
-        !inside.add(bound).signs() & 0xff
-    }
+pub(crate) fn lines_through<L: Lanes8>(
+    token: L::Token,
+    block: &TriangleBlock,
+    ray: &QuickRay,
+) -> u32 {
+    let [x, y, z] = ray.axes.of(&ray.origin);
+    let frame = MirroredFrame {
+        axes: ray.axes,
+        origin: [L::splat(token, *x), L::splat(token, *y), L::splat(token, *z)],
+        shear: [L::splat(token, ray.shear[0]), L::splat(token, ray.shear[1])],
+    };
+    let [v0, v1, v2] = &block.vertices;
+    let ([x0, y0], [x1, y1], [x2, y2]) =
+        (frame.draw(token, v0), frame.draw(token, v1), frame.draw(token, v2));
+    let (pu, pv, pw) = (y1.mul(x2), y2.mul(x0), y0.mul(x1));
+    let (u, v, w) = (x1.mul_sub(y2, pu), x2.mul_sub(y0, pv), x0.mul_sub(y1, pw));
+    let error = L::splat(token, edge_error(L::FUSED));
+    let bound =
+        pu.abs().max(pv.abs()).max(pw.abs()).mul_add(error, L::splat(token, f32::MIN_POSITIVE));
+    // How far all of them are on one side, on the better side.
+    let inside = u.min(v).min(w).max(L::splat(token, 0.0).sub(u.max(v).max(w)));
+    !inside.add(bound).signs() & 0xff
 }
 
 /// [`LocalRay::draw`] for eight vertices at a time, mirrored at the origin: all differences are the
 /// other way round (a load less each), so all coordinates have the opposite sign, and the edge
 /// values, products of two, are the same.
 pub(crate) struct MirroredFrame<L> {
-    axes: [usize; 3],
+    axes: Axes,
     origin: [L; 3],
     shear: [L; 2],
 }
 
 impl<L: Lanes8> MirroredFrame<L> {
-    /// # Safety
-    /// The machine must have the instructions of `L`; the axes must be below 3.
     #[inline(always)]
-    unsafe fn draw(&self, v: &[[f32; 8]; 3]) -> [L; 2] {
-        let [kx, ky, kz] = self.axes;
-        // SAFETY: as promised by the caller.
-        unsafe {
-            let x = self.origin[0].sub(L::load(v.get_unchecked(kx)));
-            let y = self.origin[1].sub(L::load(v.get_unchecked(ky)));
-            let z = self.origin[2].sub(L::load(v.get_unchecked(kz)));
-            [x.sub(self.shear[0].mul(z)), y.sub(self.shear[1].mul(z))]
-        }
+    fn draw(&self, token: L::Token, v: &[[f32; 8]; 3]) -> [L; 2] {
+        let [x, y, z] = self.axes.of(v);
+        let x = self.origin[0].sub(L::load(token, x));
+        let y = self.origin[1].sub(L::load(token, y));
+        let z = self.origin[2].sub(L::load(token, z));
+        [x.sub(self.shear[0].mul(z)), y.sub(self.shear[1].mul(z))]
     }
 }
 
 /// [`LocalRay::draw`] for eight vertices at a time: the same operations. (Plain functions instead
 /// of closures, which are not always inlined, and vectors must not pass through calls.)
 pub(crate) struct DrawingFrame<L> {
-    axes: [usize; 3],
+    axes: Axes,
     origin: [L; 3],
     shear: [L; 2],
 }
 
 impl<L: Lanes8> DrawingFrame<L> {
-    /// # Safety
-    /// The machine must have the instructions of `L`.
     #[inline(always)]
-    pub unsafe fn new(ray: &LocalRay) -> Self {
-        let [x, y, z] = ray.axes;
-        // SAFETY: passed on to the caller.
-        unsafe {
-            Self {
-                axes: ray.axes,
-                origin: [L::splat(ray.origin[x]), L::splat(ray.origin[y]), L::splat(ray.origin[z])],
-                shear: [L::splat(ray.shear[0]), L::splat(ray.shear[1])],
-            }
+    pub fn new(token: L::Token, ray: &LocalRay) -> Self {
+        Self::of(token, ray.axes, &ray.origin, &ray.shear)
+    }
+
+    #[inline(always)]
+    pub fn of_quick(token: L::Token, ray: &QuickRay) -> Self {
+        Self::of(token, ray.axes, &ray.origin, &ray.shear)
+    }
+
+    #[inline(always)]
+    fn of(token: L::Token, axes: Axes, origin: &[f32; 3], shear: &[f32; 2]) -> Self {
+        let [x, y, z] = axes.of(origin);
+        Self {
+            axes,
+            origin: [L::splat(token, *x), L::splat(token, *y), L::splat(token, *z)],
+            shear: [L::splat(token, shear[0]), L::splat(token, shear[1])],
         }
     }
 
-    /// # Safety
-    /// The machine must have the instructions of `L`; the axes must be below 3.
     #[inline(always)]
-    pub unsafe fn of_quick(ray: &QuickRay) -> Self {
-        let [x, y, z, _] = ray.axes.map(usize::from);
-        // SAFETY: passed on to the caller.
-        unsafe {
-            Self {
-                axes: [x, y, z],
-                origin: [x, y, z].map(|k| L::splat(*ray.origin.get_unchecked(k))),
-                shear: [L::splat(ray.shear[0]), L::splat(ray.shear[1])],
-            }
-        }
-    }
-
-    /// # Safety
-    /// The machine must have the instructions of `L`.
-    #[inline(always)]
-    pub unsafe fn draw(&self, v: &[[f32; 8]; 3]) -> [L; 3] {
-        let [kx, ky, kz] = self.axes;
-        // SAFETY: passed on to the caller; axes are below 3.
-        unsafe {
-            let x = L::load(v.get_unchecked(kx)).sub(self.origin[0]);
-            let y = L::load(v.get_unchecked(ky)).sub(self.origin[1]);
-            let z = L::load(v.get_unchecked(kz)).sub(self.origin[2]);
-            [x.sub(self.shear[0].mul(z)), y.sub(self.shear[1].mul(z)), z]
-        }
+    pub fn draw(&self, token: L::Token, v: &[[f32; 8]; 3]) -> [L; 3] {
+        let [x, y, z] = self.axes.of(v);
+        let x = L::load(token, x).sub(self.origin[0]);
+        let y = L::load(token, y).sub(self.origin[1]);
+        let z = L::load(token, z).sub(self.origin[2]);
+        [x.sub(self.shear[0].mul(z)), y.sub(self.shear[1].mul(z)), z]
     }
 }
 
@@ -311,7 +282,7 @@ pub(crate) struct ExactRay {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Drawing {
     pub origin: [f32; 3],
-    pub axes: [usize; 3],
+    pub axes: Axes,
     pub shear: [f32; 2],
 }
 
@@ -320,8 +291,8 @@ impl Drawing {
     /// subtraction, product, subtraction, never fused.
     #[inline(always)]
     pub fn draw(&self, v: &[f32; 3]) -> [f32; 2] {
-        let [kx, ky, kz] = self.axes.map(|k| k.min(2));
-        let (x, y, z) = (v[kx] - self.origin[kx], v[ky] - self.origin[ky], v[kz] - self.origin[kz]);
+        let ([vx, vy, vz], [ox, oy, oz]) = (self.axes.of(v), self.axes.of(&self.origin));
+        let (x, y, z) = (vx - ox, vy - oy, vz - oz);
         [x - self.shear[0] * z, y - self.shear[1] * z]
     }
 }
@@ -405,7 +376,7 @@ pub(crate) fn hit_in_plane(
     let scale = 1.0 / sum;
     let (b1, b2) = if sum != 0.0 { (w1 * scale, w2 * scale) } else { (1.0 / 3.0, 1.0 / 3.0) };
     let relative = corners.map(|corner| wide(corner) - ray.origin);
-    let z = ray.drawing.axes[2];
+    let z = ray.drawing.axes.z();
     let place = (relative[0][z] * (1.0 - b1 - b2) + relative[1][z] * b1 + relative[2][z] * b2)
         / ray.direction[z];
     let t = if plane.is_finite() { plane } else { place };
@@ -467,7 +438,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
     use snell_math::DRay;
-    use snell_math::simd::Portable8;
+    use snell_math::simd::{Portable, Portable8};
 
     fn ray(o: [f32; 3], d: [f32; 3]) -> LocalRay {
         LocalRay::new(&DRay::new(wide(o), wide(d)))
@@ -519,12 +490,10 @@ mod tests {
     }
 
     fn lines_through_at_all_levels(block: &TriangleBlock, ray: &QuickRay) -> Vec<u32> {
-        // SAFETY: portable code.
-        let mut all = vec![unsafe { lines_through::<Portable8>(block, ray) }];
+        let mut all = vec![lines_through::<Portable8>(Portable, block, ray)];
         #[cfg(target_arch = "x86_64")]
-        if snell_math::simd::Level::Avx2.is_supported() {
-            // SAFETY: the level was checked.
-            all.push(unsafe { lines_through::<snell_math::simd::Avx8>(block, ray) });
+        if let Some(token) = snell_math::simd::Avx2::new() {
+            all.push(lines_through::<snell_math::simd::Avx8>(token, block, ray));
         }
         all
     }
@@ -552,8 +521,7 @@ mod tests {
             let ray = ray(o.map(|x| x * scale), d);
             let mut block = TriangleBlock::EMPTY;
             block.set(3, &corners, 0);
-            // SAFETY: portable code.
-            let mask = unsafe { candidates::<Portable8>(&block, &ray, 0.0, f32::INFINITY) };
+            let mask = candidates::<Portable8>(Portable, &block, &ray, 0.0, f32::INFINITY);
             let mut quick = QuickRay::UNSET;
             let (origin, direction) = (ray.exact.origin, ray.exact.direction);
             let is_quick = quick.set_from_exact::<Portable8>(&origin, &direction);

@@ -13,36 +13,31 @@ const _: () = assert!(
 );
 
 /// The columns of sixteen rows of eight.
-///
-/// # Safety
-/// The machine must have the instructions of `W`.
 #[inline(always)]
-pub(super) unsafe fn columns<W: Lanes16>(low: [&[f32; 8]; 8], high: [&[f32; 8]; 8]) -> [W; 8] {
-    // SAFETY: passed on to the caller.
-    unsafe {
-        let [a, b, c, d, e, f, g, h] = W::Half::load_columns(low);
-        let [i, j, k, l, m, n, o, p] = W::Half::load_columns(high);
-        [
-            W::from_halves(a, i),
-            W::from_halves(b, j),
-            W::from_halves(c, k),
-            W::from_halves(d, l),
-            W::from_halves(e, m),
-            W::from_halves(f, n),
-            W::from_halves(g, o),
-            W::from_halves(h, p),
-        ]
-    }
+pub(super) fn columns<W: Lanes16>(
+    token: W::Token,
+    low: [&[f32; 8]; 8],
+    high: [&[f32; 8]; 8],
+) -> [W; 8] {
+    let half = W::half_token(token);
+    let [a, b, c, d, e, f, g, h] = W::Half::load_columns(half, low);
+    let [i, j, k, l, m, n, o, p] = W::Half::load_columns(half, high);
+    [
+        W::from_halves(token, a, i),
+        W::from_halves(token, b, j),
+        W::from_halves(token, c, k),
+        W::from_halves(token, d, l),
+        W::from_halves(token, e, m),
+        W::from_halves(token, f, n),
+        W::from_halves(token, g, o),
+        W::from_halves(token, h, p),
+    ]
 }
 
 /// Rays by column: origin, `t_min`, direction, `t_max`.
-///
-/// # Safety
-/// The machine must have the instructions of `W`.
 #[inline(always)]
-pub(super) unsafe fn ray_columns<W: Lanes16>(rays: &[Ray; 16]) -> [W; 8] {
-    // SAFETY: passed on to the caller.
-    unsafe { columns(rows(rays, 0), rows(rays, 8)) }
+pub(super) fn ray_columns<W: Lanes16>(token: W::Token, rays: &[Ray; 16]) -> [W; 8] {
+    columns(token, rows(rays, 0), rows(rays, 8))
 }
 
 /// Eight of the rays.

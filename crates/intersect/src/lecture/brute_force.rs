@@ -1,8 +1,7 @@
 //! No structure: every primitive of every occurrence is tested. The oracle for all others.
 
 use crate::exact::TriangleTest;
-use crate::group::GroupList;
-use crate::group::{test_object, test_triangle};
+use crate::group::{GroupList, test_object, test_triangle};
 use crate::search::{Goal, Search};
 use snell_math::DRay;
 

@@ -5,7 +5,7 @@
 use super::box_ray::BoxRay;
 use super::primitives::{Item, Primitives, bounds_of};
 use super::{Accelerator, AcceleratorOptions, Later, Size, Visitor, Work};
-use crate::search::trace::Place;
+use crate::search::region::Region;
 use snell_math::Bounds3;
 
 /// The children of a group in the order of the graph.
@@ -58,7 +58,7 @@ impl Graph {
     /// Tests what a child holds. True if the search is over.
     fn visit(&self, child: &Child, visitor: &mut dyn Visitor, work: &Work) -> bool {
         let (first, end) = child.ranges;
-        work.look(visitor, true, || Place::of_bounds(&child.bounds));
+        work.look(visitor, true, || Region::of_bounds(&child.bounds));
         self.ranges[first as usize..end as usize]
             .iter()
             .any(|&(first, end)| visitor.test_range(first, end))

@@ -13,7 +13,7 @@ mod build;
 use super::box_ray::BoxRay;
 use super::primitives::Primitives;
 use super::{Accelerator, AcceleratorOptions, Later, Size, Visitor, Work, walk_with_stack};
-use crate::search::trace::Place;
+use crate::search::region::Region;
 use snell_math::Bounds3;
 
 /// Eight bytes. Of an inner node: the bits of the plane's coordinate; the second child times four
@@ -104,7 +104,7 @@ impl KdTree {
             }
             let mut node = self.nodes[at as usize];
             while !node.is_leaf() {
-                work.node(visitor, || Place::of_bounds(&self.cell(at)));
+                work.node(visitor, || Region::of_bounds(&self.cell(at)));
                 let axis = (node.data & 3) as usize;
                 let (low, high) = ray.crossing(axis, f32::from_bits(node.word).into());
                 let is_down = ray.is_down(axis);
@@ -129,7 +129,7 @@ impl KdTree {
                 node = self.nodes[at as usize];
             }
             let (first, count) = (node.word as usize, (node.data >> 2) as usize);
-            work.cell(visitor, || Place::of_bounds(&self.cell(at)));
+            work.cell(visitor, || Region::of_bounds(&self.cell(at)));
             if visitor.test(&self.references[first..first + count]) {
                 return true;
             }

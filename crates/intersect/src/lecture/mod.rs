@@ -18,7 +18,7 @@ pub(crate) mod primitives;
 pub(crate) mod spheres;
 pub(crate) mod walk;
 
-use crate::search::trace::Place;
+use crate::search::region::Region;
 use box_ray::BoxRay;
 use primitives::Primitives;
 
@@ -104,11 +104,11 @@ pub(crate) trait Visitor {
     /// Tests the primitives `first..end`. True if the search is over.
     fn test_range(&mut self, first: u32, end: u32) -> bool;
 
-    /// True if it wants to be told of places.
+    /// True if it records regions.
     fn records(&self) -> bool;
 
-    /// Told of a place where the walk looks; true if it holds primitives and not other places.
-    fn visit(&mut self, is_leaf: bool, place: Place);
+    /// Told of a region that the walk looks into; true if it holds primitives and not other regions.
+    fn visit(&mut self, is_leaf: bool, region: Region);
 
     /// Told at the end of a walk how many nodes and cells it went through.
     fn count(&mut self, work: Work);
@@ -127,7 +127,7 @@ pub(crate) struct Work {
     pub nodes: u32,
     /// Cells of grids, leaves of trees that divide space.
     pub cells: u32,
-    /// Whether somebody wants to be told of places.
+    /// Whether regions are recorded.
     is_recorded: bool,
 }
 
@@ -139,23 +139,23 @@ impl Work {
 
     /// Counts an inner node.
     #[inline(always)]
-    pub fn node(&mut self, visitor: &mut dyn Visitor, place: impl FnOnce() -> Place) {
+    pub fn node(&mut self, visitor: &mut dyn Visitor, region: impl FnOnce() -> Region) {
         self.nodes += 1;
-        self.look(visitor, false, place);
+        self.look(visitor, false, region);
     }
 
     /// Counts a cell.
     #[inline(always)]
-    pub fn cell(&mut self, visitor: &mut dyn Visitor, place: impl FnOnce() -> Place) {
+    pub fn cell(&mut self, visitor: &mut dyn Visitor, region: impl FnOnce() -> Region) {
         self.cells += 1;
-        self.look(visitor, true, place);
+        self.look(visitor, true, region);
     }
 
     /// Says where the walk looks, without counting.
     #[inline(always)]
-    pub fn look(&self, visitor: &mut dyn Visitor, is_leaf: bool, place: impl FnOnce() -> Place) {
+    pub fn look(&self, visitor: &mut dyn Visitor, is_leaf: bool, region: impl FnOnce() -> Region) {
         if self.is_recorded {
-            visitor.visit(is_leaf, place());
+            visitor.visit(is_leaf, region());
         }
     }
 }

@@ -9,7 +9,7 @@
 use super::box_ray::BoxRay;
 use super::primitives::{Item, PARALLEL, Primitives, bounds_of};
 use super::{Accelerator, AcceleratorOptions, Later, Size, Visitor, Work, walk_with_stack};
-use crate::search::trace::Place;
+use crate::search::region::Region;
 use snell_math::{Bounds3, DVec3, Vec3};
 
 /// Primitives in a leaf.
@@ -204,7 +204,7 @@ impl Spheres {
                 continue;
             }
             let node = &self.nodes[later.node as usize];
-            let place = || Place::ball(node.center.as_dvec3(), node.radius.into());
+            let place = || Region::ball(node.center.as_dvec3(), node.radius.into());
             if node.count > 0 {
                 work.look(visitor, true, place);
                 let first = node.at as usize;

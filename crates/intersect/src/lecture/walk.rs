@@ -7,11 +7,10 @@ use super::primitives::Primitives;
 use super::{Accelerator, AcceleratorOptions, Build, Later, Size, Visitor, Work};
 use crate::exact::TriangleTest;
 use crate::exact::ray::LocalRay;
-use crate::group::GroupList;
-use crate::group::{test_object, test_triangle};
+use crate::group::{GroupList, test_object, test_triangle};
 use crate::precision::Facts;
 use crate::precision::frame::Frames;
-use crate::search::trace::Place;
+use crate::search::region::Region;
 use crate::search::{Goal, Search};
 use rayon::prelude::*;
 use snell_math::{Bounds3, Bounds3d, DRay};
@@ -245,8 +244,8 @@ impl<G: Goal<Precision: TriangleTest>> Visitor for GroupVisitor<'_, '_, G> {
         G::RECORDS
     }
 
-    fn visit(&mut self, is_leaf: bool, place: Place) {
-        self.search.goal.visit(is_leaf, || place);
+    fn visit(&mut self, is_leaf: bool, region: Region) {
+        self.search.goal.visit(is_leaf, || region);
     }
 
     fn count(&mut self, work: Work) {

@@ -59,8 +59,8 @@ impl Precision for Double {
 
 mod sealed {
     pub trait Sealed {}
-    impl Sealed for super::Single {}
-    impl Sealed for super::Double {}
+    impl Sealed for crate::precision::Single {}
+    impl Sealed for crate::precision::Double {}
 }
 
 /// The facts of a precision, as searches use them.

@@ -1,9 +1,9 @@
-//! Every crossing of a ray: how many there are, and which.
+//! All hits of a ray: how many there are, and which.
 //!
-//! A structure may hold a triangle several times (spatial splits do that), so a crossing may be
-//! offered several times, in any order. Each counts once: for triangles the same (instance,
-//! geometry, primitive) at the same `t` and `uv` is the same crossing. Shapes are held once, and
-//! two of their crossings may well be equal in single precision.
+//! A structure may hold a triangle several times (spatial splits do that), so a hit may be offered
+//! several times, in any order. Each counts once: for triangles the same (instance, geometry,
+//! primitive) at the same `t` and `uv` is the same hit. Shapes are held once, and two of the hits on
+//! one may well be equal in single precision.
 
 #[cfg(test)]
 mod tests;
@@ -11,11 +11,9 @@ mod tests;
 use super::searcher::Searcher;
 use crate::hit::Hit;
 use crate::kernel::Kernels;
-use crate::precision::Facts;
-use crate::precision::{Precision, Real, Single};
+use crate::precision::{Facts, Precision, Real, Single};
 use crate::search::rays::{RayQuery, Rays};
-use crate::search::{All, Goal};
-use crate::search::{Grouping, HitFilter};
+use crate::search::{All, Goal, Grouping, HitFilter};
 use crate::world::{Geometry, Structure, World};
 
 /// Every hit of each ray of a batch, as compressed sparse rows.
@@ -127,7 +125,7 @@ impl<P: Kernels> Searcher<'_, P> {
         hits
     }
 
-    /// Sorts hits and leaves each crossing once.
+    /// Sorts hits and keeps each of them once.
     fn sort_and_deduplicate(&self, hits: &mut Vec<P::Hit>) {
         let geometries = &self.world.geometries;
         let key = |hit: &P::Hit| key::<P>(hit, geometries);
@@ -144,7 +142,7 @@ impl<P: Kernels> Searcher<'_, P> {
         }
     }
 
-    /// As [`Self::count`] for structures that may offer a crossing several times.
+    /// As [`Self::count`] for structures that may offer a hit several times.
     fn count_distinct(&self, rays: Rays<P>, buffer: usize, counts: &mut [u32]) {
         let start = |ray: &P::Ray| Distinct::<P>::new(ray, &self.world.geometries, buffer);
         self.search_all(rays, Grouping::None, start, |i, mut goal| {
@@ -240,7 +238,7 @@ impl<'a, P: Facts> Distinct<'a, P> {
     fn compact(&mut self) {
         self.sort_and_deduplicate();
         if self.found.len() > self.buffer / 2 {
-            // Equal crossings of a shape stay together.
+            // Equal hits on a shape stay together.
             let last = self.found[self.buffer / 2 - 1];
             self.found.truncate(self.found.partition_point(|key| key.compare(&last).is_le()));
             self.until = Some(last);

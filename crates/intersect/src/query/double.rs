@@ -4,10 +4,8 @@ use super::all::AllHits;
 use super::searcher::Searcher;
 use crate::hit::DHit;
 use crate::precision::Double;
-use crate::search::Context;
-use crate::search::TraversalCounters;
 use crate::search::rays::{RayQuery, Rays};
-use crate::search::{Grouping, HitFilter};
+use crate::search::{Context, Grouping, HitFilter, TraversalCounters};
 use crate::world::double::DWorld;
 
 impl DWorld {

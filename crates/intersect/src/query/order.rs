@@ -235,7 +235,7 @@ mod tests {
         let world = builder.build(&options).expect("it builds");
         let Structure::Bvh(forest) = &world.structure else { panic!("no tree") };
         assert!(
-            pays_to_sort::<Closest<Single>>(forest, world.simd),
+            pays_to_sort::<Closest<Single>>(forest, world.wide),
             "large enough to be sorted for"
         );
         let mut rays = random_rays(MAX_RAYS + 100, 1.0);

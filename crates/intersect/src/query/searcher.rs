@@ -3,25 +3,23 @@
 use super::all::AllHits;
 use super::order;
 use crate::hit::Hit;
-use crate::kernel::packet;
 use crate::kernel::single::traverse::search_forest;
 use crate::kernel::stream::interleave;
-use crate::kernel::{Goal, Kernels};
+use crate::kernel::{Goal, Kernels, packet};
 use crate::lecture::brute_force::search_all;
-use crate::precision::Facts;
-use crate::precision::{Double, Precision, Single};
-use crate::search::Grouping;
+use crate::precision::{Double, Facts, Precision, Single};
 use crate::search::answers::{Answers, Part, Slice};
 use crate::search::rays::{RayQuery, Rays};
-use crate::search::{Any, Closest, Context, Counted, RayOf, Search};
-use crate::search::{TraversalCounters, TraversalWork};
+use crate::search::{
+    Any, Closest, Context, Counted, Grouping, RayOf, Search, TraversalCounters, TraversalWork,
+};
 use crate::tree::Forest;
 use crate::world::{Structure, World};
 use std::sync::atomic::AtomicBool;
 
 type HitOf<P> = <P as Precision>::Hit;
 
-/// Rays that are asked about what stands apart before those that go on are searched for in the
+/// Rays that are tested against outliers before those that go on are searched for in the
 /// tree, if they are not sorted: as many as stay in the caches.
 const RAYS_AT_ONCE: usize = 1 << 12;
 
@@ -166,7 +164,7 @@ impl<P: Kernels> Searcher<'_, P> {
         let mut done = 0;
         if G::WANTS_ONE
             && let Structure::Bvh(forest) = &self.world.structure
-            && (forest.list.is_some() || forest.apart.is_some() && grouping == Grouping::None)
+            && (forest.list.is_some() || forest.outliers.is_some() && grouping == Grouping::None)
         {
             done = self.search_lists(forest, rays, &start, &mut answers);
         }
@@ -176,8 +174,8 @@ impl<P: Kernels> Searcher<'_, P> {
         }
     }
 
-    /// [`Self::search_into`] by the list of the world, or by that of what stands apart and the tree
-    /// of the rest. Returns how many of the rays are done.
+    /// [`Self::search_into`] by the list of the world, or by that of its outliers and the tree of the
+    /// rest. Returns how many of the rays are done.
     fn search_lists<G: Goal<Precision = P>>(
         &self,
         forest: &Forest,
@@ -185,26 +183,25 @@ impl<P: Kernels> Searcher<'_, P> {
         start: &impl Fn(&RayOf<G>) -> G,
         answers: &mut impl Answers<G>,
     ) -> usize {
-        let (level, mut begun) = (self.world.simd, Vec::new());
+        let (wide, mut begun) = (self.world.wide, Vec::new());
         let mut sorter = order::Sorter::new(
             rays.len(),
-            forest.apart.is_some() && interleave::pays_to_sort::<G>(forest, level),
+            forest.outliers.is_some() && interleave::pays_to_sort::<G>(forest, wide),
         );
         let at_once =
-            if forest.apart.is_some() { sorter.at_once(RAYS_AT_ONCE) } else { rays.len() };
+            if forest.outliers.is_some() { sorter.at_once(RAYS_AT_ONCE) } else { rays.len() };
         let mut first = 0;
         while first < rays.len() {
             let part = rays.slice(first..(first + at_once).min(rays.len()));
             let mut own = Part { first, answers: &mut *answers };
             let batch = interleave::Batch::new(part, &self.context);
-            let done = P::search_list(forest, level, &batch, &mut begun, start, |i, goal| {
-                own.put(i, goal)
-            });
+            let done =
+                P::search_list(forest, wide, &batch, &mut begun, start, |i, goal| own.put(i, goal));
             if !begun.is_empty() {
                 let order = sorter
                     .order_of::<P>(begun.iter().map(|begun| part.get(begun.number as usize).ray));
                 let batch = interleave::Batch { order, begun: Some(&begun), ..batch };
-                interleave::search_batch(forest, level, &batch, start, own);
+                interleave::search_batch(forest, wide, &batch, start, own);
                 begun.clear();
             }
             first += done;
@@ -231,7 +228,7 @@ impl<P: Kernels> Searcher<'_, P> {
             {
                 let batch = interleave::Batch::new(rays, &self.context);
                 let all = Part { first: 0, answers: &mut answers };
-                for left in packet::search_runs(forest, self.world.simd, &batch, &start, all) {
+                for left in packet::search_runs(forest, self.world.wide, &batch, &start, all) {
                     let part = Part { first: left.start, answers: &mut answers };
                     self.search_unrelated(rays.slice(left), &start, part);
                 }
@@ -248,16 +245,16 @@ impl<P: Kernels> Searcher<'_, P> {
     ) {
         match &self.world.structure {
             Structure::Bvh(forest) if interleave::is_suitable(forest, rays.len()) => {
-                let level = self.world.simd;
+                let wide = self.world.wide;
                 let mut sorter =
-                    order::Sorter::new(rays.len(), interleave::pays_to_sort::<G>(forest, level));
+                    order::Sorter::new(rays.len(), interleave::pays_to_sort::<G>(forest, wide));
                 for part in sorter.parts() {
                     let own = Part { first: part.start, answers: &mut answers };
                     let rays = rays.slice(part);
                     let order = sorter.order(rays);
                     let batch =
                         interleave::Batch { order, ..interleave::Batch::new(rays, &self.context) };
-                    interleave::search_batch(forest, level, &batch, &start, own);
+                    interleave::search_batch(forest, wide, &batch, &start, own);
                 }
             }
             Structure::Walked(structures) => {
@@ -295,7 +292,7 @@ impl<P: Kernels> Searcher<'_, P> {
     #[inline(always)]
     fn run<G: Goal<Precision = P>>(&self, search: &mut Search<G>) {
         match &self.world.structure {
-            Structure::Bvh(forest) => search_forest(forest, self.world.simd, search),
+            Structure::Bvh(forest) => search_forest(forest, self.world.wide, search),
             other => search_other(other, search),
         }
     }

@@ -1,24 +1,22 @@
-//! The way of one ray through an acceleration structure, stop by stop: for people to look at. The
-//! search is the ordinary one with a goal that also writes down where it is.
+//! The trace of one ray through an acceleration structure, step by step, for people to look at. The
+//! search is the ordinary one, with a goal that also records where it is.
 
 use crate::hit::Hit;
 use crate::precision::Single;
-use crate::search::HitFilter;
-use crate::search::TraversalCounters;
 use crate::search::rays::RayQuery;
-use crate::search::trace::Place;
-use crate::search::{Closest, Counted, Goal, HitOf, RealOf};
+use crate::search::region::Region;
+use crate::search::{Closest, Counted, Goal, HitFilter, HitOf, RealOf, TraversalCounters};
 use crate::world::{Structure, World};
 use snell_math::DAffine3;
 
-/// Most stops that are kept. Those of structures that do their work are some hundred.
-const MAX_STOPS: usize = 10_000;
+/// Most steps that are kept. Those of structures that do their work are some hundred.
+const MAX_STEPS: usize = 10_000;
 
-/// A stop on the way.
+/// One node or cell that a search has looked into.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Stop {
+pub struct TraceStep {
     /// The node or cell.
-    pub place: Place,
+    pub region: Region,
     /// True if it holds primitives and not other nodes.
     pub is_leaf: bool,
     /// How many instances it is within.
@@ -29,12 +27,12 @@ pub struct Stop {
     pub found: Option<f32>,
 }
 
-/// The way of a ray.
+/// How one ray went through an acceleration structure.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Journey {
+pub struct TraversalTrace {
     /// In order.
-    pub stops: Vec<Stop>,
-    /// Stops that are not listed because there are too many.
+    pub steps: Vec<TraceStep>,
+    /// Steps that are not listed because there are too many.
     pub left_out: u64,
     /// What was found.
     pub hit: Hit,
@@ -44,11 +42,15 @@ pub struct Journey {
 
 impl World {
     /// How the nearest hit of one ray is found. The hit is that of [`World::closest_one`].
-    pub fn journey<'a>(&self, ray: impl Into<RayQuery<'a>>, filter: &dyn HitFilter) -> Journey {
-        self.journey_of(ray.into(), filter)
+    pub fn trace<'a>(
+        &self,
+        ray: impl Into<RayQuery<'a>>,
+        filter: &dyn HitFilter,
+    ) -> TraversalTrace {
+        self.trace_of(ray.into(), filter)
     }
 
-    fn journey_of(&self, ray: RayQuery, filter: &dyn HitFilter) -> Journey {
+    fn trace_of(&self, ray: RayQuery, filter: &dyn HitFilter) -> TraversalTrace {
         let whole = match &self.structure {
             // Here is no node, and everything is tested.
             Structure::None(_) => Some(self.bounds()),
@@ -56,21 +58,21 @@ impl World {
         };
         let start = |ray: &_| {
             let goal = Counted::new(Closest::new(ray));
-            let mut recorded = Recorded { goal, stops: Vec::new(), left_out: 0, maps: Vec::new() };
+            let mut recorded = Recorded { goal, steps: Vec::new(), left_out: 0, maps: Vec::new() };
             if let Some(bounds) = &whole {
-                recorded.visit(true, || Place::of_box(bounds));
+                recorded.visit(true, || Region::of_box(bounds));
             }
             recorded
         };
-        let Recorded { goal, stops, left_out, .. } = self.searcher(filter).search(ray, start);
-        Journey { stops, left_out, hit: goal.goal.result(), counters: goal.counters }
+        let Recorded { goal, steps, left_out, .. } = self.searcher(filter).search(ray, start);
+        TraversalTrace { steps, left_out, hit: goal.goal.result(), counters: goal.counters }
     }
 }
 
 /// The nearest hit, and the way to it.
 struct Recorded {
     goal: Counted<Closest<Single>>,
-    stops: Vec<Stop>,
+    steps: Vec<TraceStep>,
     left_out: u64,
     /// From the instances that the search is in to the world.
     maps: Vec<DAffine3>,
@@ -90,8 +92,8 @@ impl Goal for Recorded {
     }
 
     fn take(&mut self, hit: HitOf<Self>) -> bool {
-        if let Some(stop) = self.stops.last_mut() {
-            stop.found = Some(hit.t);
+        if let Some(step) = self.steps.last_mut() {
+            step.found = Some(hit.t);
         }
         self.goal.take(hit)
     }
@@ -101,8 +103,8 @@ impl Goal for Recorded {
     }
 
     fn count_primitives(&mut self, count: u32) {
-        if let Some(stop) = self.stops.last_mut() {
-            stop.tested += count;
+        if let Some(step) = self.steps.last_mut() {
+            step.tested += count;
         }
         self.goal.count_primitives(count);
     }
@@ -111,15 +113,15 @@ impl Goal for Recorded {
         self.goal.count_visits(nodes, cells);
     }
 
-    fn visit(&mut self, is_leaf: bool, place: impl FnOnce() -> Place) {
-        if self.stops.len() >= MAX_STOPS {
+    fn visit(&mut self, is_leaf: bool, region: impl FnOnce() -> Region) {
+        if self.steps.len() >= MAX_STEPS {
             self.left_out += 1;
             return;
         }
-        let place = place();
-        let place = self.maps.last().map_or(place, |map| place.mapped(map));
+        let region = region();
+        let region = self.maps.last().map_or(region, |map| region.mapped(map));
         let level = self.maps.len() as u32;
-        self.stops.push(Stop { place, is_leaf, level, tested: 0, found: None });
+        self.steps.push(TraceStep { region, is_leaf, level, tested: 0, found: None });
     }
 
     fn enter(&mut self, child_from_group: &DAffine3) {
@@ -136,7 +138,7 @@ impl Goal for Recorded {
 mod tests {
     use super::*;
     use crate::search::AcceptAll;
-    use crate::search::trace::PlaceKind;
+    use crate::search::region::RegionKind;
     use crate::shape::Sphere;
     use crate::world::AcceleratorKind;
     use crate::world::{BuildOptions, WorldBuilder};
@@ -163,22 +165,22 @@ mod tests {
         builder.build(&BuildOptions { accelerator, ..BuildOptions::default() }).expect("a world")
     }
 
-    /// True if a ray passes a place that has an inside, or passes it nearly.
-    fn passes(place: &Place, ray: &Ray) -> bool {
+    /// True if a ray passes a region that has an inside, or passes it nearly.
+    fn passes(region: &Region, ray: &Ray) -> bool {
         let inverse =
-            snell_math::DMat3::from_cols(place.axes[0], place.axes[1], place.axes[2]).inverse();
-        let origin = inverse * (ray.origin.as_dvec3() - place.center);
+            snell_math::DMat3::from_cols(region.axes[0], region.axes[1], region.axes[2]).inverse();
+        let origin = inverse * (ray.origin.as_dvec3() - region.center);
         let direction = inverse * ray.direction.as_dvec3();
-        match place.kind {
-            PlaceKind::Box => {
+        match region.kind {
+            RegionKind::Box => {
                 let [a, b] = [-1.001, 1.001].map(|side| (DVec3::splat(side) - origin) / direction);
                 a.min(b).max_element() <= a.max(b).min_element()
             }
-            PlaceKind::Ball => {
+            RegionKind::Ball => {
                 (origin - direction * (origin.dot(direction) / direction.length_squared())).length()
                     < 1.001
             }
-            PlaceKind::Plane | PlaceKind::Stretch => true,
+            RegionKind::Plane | RegionKind::Stretch => true,
         }
     }
 
@@ -193,25 +195,25 @@ mod tests {
                 let origin = Vec3::new(-5.0, number(0), number(1));
                 let target = Vec3::new(7.0 + number(2), number(3), number(4) * 0.5);
                 let ray = Ray::new(origin, (target - origin).normalize());
-                let journey = world.journey(&ray, &AcceptAll);
-                assert_eq!(journey.hit, world.closest_one(&ray, &AcceptAll), "{kind:?} {i}");
-                let tested: u32 = journey.stops.iter().map(|s| s.tested).sum();
-                assert_eq!(tested, journey.counters.primitives_tested, "{kind:?} {i}");
-                if !journey.hit.is_hit() {
-                    assert!(journey.stops.iter().all(|s| s.found.is_none()));
+                let trace = world.trace(&ray, &AcceptAll);
+                assert_eq!(trace.hit, world.closest_one(&ray, &AcceptAll), "{kind:?} {i}");
+                let tested: u32 = trace.steps.iter().map(|s| s.tested).sum();
+                assert_eq!(tested, trace.counters.primitives_tested, "{kind:?} {i}");
+                if !trace.hit.is_hit() {
+                    assert!(trace.steps.iter().all(|s| s.found.is_none()));
                     continue;
                 }
                 found += 1;
-                let last = journey
-                    .stops
+                let last = trace
+                    .steps
                     .iter()
                     .rev()
                     .find(|s| s.found.is_some())
                     .expect("it was found somewhere");
-                assert_eq!(last.found, Some(journey.hit.t), "{kind:?} {i}");
+                assert_eq!(last.found, Some(trace.hit.t), "{kind:?} {i}");
                 // Shapes of the `bvh` belong to the node that leads to them.
                 assert!(last.is_leaf || kind == AcceleratorKind::Bvh, "{kind:?} {i}: {last:?}");
-                assert!(passes(&last.place, &ray), "{kind:?} {i}: {last:?}");
+                assert!(passes(&last.region, &ray), "{kind:?} {i}: {last:?}");
             }
             assert!(found > 20, "{kind:?}: {found}");
         }

@@ -5,15 +5,14 @@ mod counters;
 mod filter;
 pub(crate) mod points;
 pub(crate) mod rays;
-pub(crate) mod trace;
+pub(crate) mod region;
 
 pub use counters::{TraversalCounters, TraversalWork};
 pub use filter::{AcceptAll, GeometryOptions, Grouping, HitFilter};
 
-use crate::precision::Facts;
-use crate::precision::{Precision, Real};
+use crate::precision::{Facts, Precision, Real};
 use crate::search::rays::{RayQuery, clamped_time};
-use crate::search::trace::Place;
+use crate::search::region::Region;
 use snell_math::DAffine3;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -33,7 +32,7 @@ pub(crate) trait Goal {
     const WANTS_ONE: bool = false;
     /// True if every hit is as good as any other: then [`Self::take`] does not look at it.
     const ANY: bool = false;
-    /// True if it wants to be told of places and instances.
+    /// True if it records regions and instances.
     const RECORDS: bool = false;
 
     /// Hits at a greater `t` are of no interest.
@@ -63,9 +62,9 @@ pub(crate) trait Goal {
     #[inline(always)]
     fn count_visits(&mut self, _nodes: u32, _cells: u32) {}
 
-    /// Told of every place where the search looks, in the coordinates of the group.
+    /// Told of every region that the search looks into, in the coordinates of the group.
     #[inline(always)]
-    fn visit(&mut self, _is_leaf: bool, _place: impl FnOnce() -> Place) {}
+    fn visit(&mut self, _is_leaf: bool, _region: impl FnOnce() -> Region) {}
 
     /// Told that the search enters an instance, by the map from outside to inside.
     #[inline(always)]

@@ -5,7 +5,7 @@ use super::storage::{Plain, Storage};
 use crate::exact::triangle::TriangleBlock;
 use rayon::prelude::*;
 use snell_math::Bounds3;
-use snell_math::simd::Portable8;
+use snell_math::simd::{Lanes8, Portable, Portable8};
 use std::mem::MaybeUninit;
 
 // SAFETY: numbers of 32 bits without padding: 16 in 64 bytes.
@@ -24,6 +24,14 @@ impl Blocks {
     /// None.
     pub fn none() -> Self {
         Self::Plain(Storage::unset(0))
+    }
+
+    /// Plain ones.
+    #[cfg(test)]
+    pub fn of(blocks: &[TriangleBlock]) -> Self {
+        let mut all = Storage::unset(blocks.len());
+        all.copy_from_slice(blocks);
+        Self::Plain(all)
     }
 
     #[inline(always)]
@@ -55,17 +63,27 @@ impl Blocks {
         number: usize,
         room: &'a mut MaybeUninit<TriangleBlock>,
     ) -> &'a TriangleBlock {
+        self.unpacked::<Portable8>(Portable, number, room)
+    }
+
+    /// The same, with the instructions of `L`.
+    #[inline(always)]
+    pub fn unpacked<'a, L: Lanes8>(
+        &'a self,
+        token: L::Token,
+        number: usize,
+        room: &'a mut MaybeUninit<TriangleBlock>,
+    ) -> &'a TriangleBlock {
         self.check(number);
-        // SAFETY: it is there (whatever lines these are, those that are read with them are);
-        // portable code.
-        unsafe { self.at().block::<Portable8>(number, room) }
+        // SAFETY: it is there: whatever lines these are, those that are read with them are, too.
+        unsafe { self.at().block::<L>(token, number, room) }
     }
 
     /// The corners of one triangle.
     #[inline(always)]
     pub fn corners(&self, number: usize, lane: usize) -> [[f32; 3]; 3] {
         self.check(number);
-        // SAFETY: as above.
+        // SAFETY: as in `unpacked`.
         unsafe { self.at().corners(number, lane) }
     }
 
@@ -73,7 +91,7 @@ impl Blocks {
     #[inline(always)]
     pub fn id(&self, number: usize, lane: usize) -> u32 {
         self.check(number);
-        // SAFETY: as above.
+        // SAFETY: as in `unpacked`.
         unsafe { self.at().id(number, lane) }
     }
 

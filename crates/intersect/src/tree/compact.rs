@@ -9,7 +9,7 @@
 
 use crate::exact::triangle::TriangleBlock;
 use snell_math::Vec4;
-use snell_math::simd::Lanes8;
+use snell_math::simd::{Lanes8, Token};
 use std::mem::MaybeUninit;
 
 /// A line of the cache: records begin with one.
@@ -167,20 +167,18 @@ impl BlocksAt {
     /// A block, unpacked into `room` if it has to be.
     ///
     /// # Safety
-    /// The machine must have the instructions of `L`; there must be a block with this number, for
-    /// as long as the answer is used.
+    /// There must be a block with this number, for as long as the answer is used.
     #[inline(always)]
     pub unsafe fn block<L: Lanes8>(
         self,
+        token: L::Token,
         number: usize,
         room: &mut MaybeUninit<TriangleBlock>,
     ) -> &TriangleBlock {
-        // SAFETY: passed on to the caller.
+        let at = self.address(number);
+        // SAFETY: a block of this kind is there, by the caller's promise.
         unsafe {
-            if self.is_compact() {
-                return unpacked::<L>(self.address(number).cast(), room);
-            }
-            &*self.address(number).cast()
+            if self.is_compact() { unpacked::<L>(token, at.cast(), room) } else { &*at.cast() }
         }
     }
 
@@ -190,7 +188,7 @@ impl BlocksAt {
     /// There must be a block with this number.
     #[inline(always)]
     pub unsafe fn corners(self, number: usize, lane: usize) -> [[f32; 3]; 3] {
-        // SAFETY: passed on to the caller.
+        // SAFETY: a block of this kind is there, by the caller's promise.
         unsafe {
             if self.is_compact() {
                 return corners_in(self.address(number).cast(), lane)
@@ -206,7 +204,8 @@ impl BlocksAt {
     /// There must be a block with this number, and the lane must be used.
     #[inline(always)]
     pub unsafe fn id(self, number: usize, lane: usize) -> u32 {
-        // SAFETY: passed on to the caller.
+        // SAFETY: a block of this kind is there, by the caller's promise; either begins with the
+        // numbers of eight triangles.
         unsafe {
             if self.is_compact() {
                 return self.address(number).cast::<u32>().add(lane & 7).read() & (MAX_ID - 1);
@@ -225,8 +224,8 @@ impl BlocksAt {
 #[inline(never)]
 unsafe fn corners_in(first: *const Line, lane: usize) -> [Vec4; 3] {
     let (record, lane) = (first.cast::<u32>(), lane & 7);
-    // SAFETY: passed on to the caller; names are below 16, so the coordinates are in the record or
-    // the lines after it.
+    // SAFETY: names are below 16, so the coordinates are in the record or the lines that follow it
+    // by the caller's promise.
     unsafe {
         let corner = |x: usize, step: usize| {
             let float = |i: usize| f32::from_bits(record.add(i).read());
@@ -241,55 +240,35 @@ unsafe fn corners_in(first: *const Line, lane: usize) -> [Vec4; 3] {
     }
 }
 
-/// Not in line: what walks plain blocks is slower by 2 to 4 % with this code in the midst of it.
+/// A record as a block. (Not in line: what walks plain blocks is slower by 2 to 4 % with this code
+/// in the midst of it.)
 ///
 /// # Safety
-/// As [`unpack`].
-#[inline(always)]
+/// It must be the first line of a record, and [`SPARE_LINES`] must follow that.
+#[cold]
+#[inline(never)]
 unsafe fn unpacked<L: Lanes8>(
+    token: L::Token,
     first: *const Line,
     room: &mut MaybeUninit<TriangleBlock>,
 ) -> &TriangleBlock {
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2,fma")]
-    #[cold]
-    #[inline(never)]
-    unsafe fn with_avx2(
-        first: *const Line,
-        room: &mut MaybeUninit<TriangleBlock>,
-    ) -> &TriangleBlock {
-        // SAFETY: passed on to the caller.
-        unsafe { unpack::<snell_math::simd::Avx8>(first, room) }
-    }
-    #[cold]
-    #[inline(never)]
-    unsafe fn portable(
-        first: *const Line,
-        room: &mut MaybeUninit<TriangleBlock>,
-    ) -> &TriangleBlock {
-        // SAFETY: passed on to the caller.
-        unsafe { unpack::<snell_math::simd::Portable8>(first, room) }
-    }
-    // SAFETY: passed on to the caller: fused are the lanes of AVX2.
-    unsafe {
-        #[cfg(target_arch = "x86_64")]
-        if L::FUSED {
-            return with_avx2(first, room);
-        }
-        portable(first, room)
-    }
+    token.run(
+        #[inline(always)]
+        // SAFETY: the caller promises a record and the lines after it.
+        move || unsafe { unpack::<L>(token, first, room) },
+    )
 }
 
 /// # Safety
-/// The machine must have the instructions of `L`; it must be the first line of a record, and
-/// [`SPARE_LINES`] must follow that.
+/// As [`unpacked`].
 #[inline(always)]
 unsafe fn unpack<L: Lanes8>(
+    token: L::Token,
     first: *const Line,
     room: &mut MaybeUninit<TriangleBlock>,
 ) -> &TriangleBlock {
-    // SAFETY: passed on to the caller: names are below 16, so nothing is read beyond four lines
-    // after the first. All of the block is written.
+    // SAFETY: names are below 16, so nothing is read beyond four lines after the first, and these
+    // are there by the caller's promise. All of the block is written.
     unsafe {
         let (record, block) = (first.cast::<u32>(), &mut *room.as_mut_ptr());
         block.ids = *record.cast();
@@ -299,7 +278,7 @@ unsafe fn unpack<L: Lanes8>(
             let rows = &*record.add(ALL).cast::<[[[f32; 8]; 3]; 3]>();
             for (to, from) in block.vertices.as_flattened_mut().iter_mut().zip(rows.as_flattened())
             {
-                L::load(from).store(to);
+                L::load(token, from).store(to);
             }
             return block;
         }
@@ -309,8 +288,8 @@ unsafe fn unpack<L: Lanes8>(
             let far = highest_of_four(names);
             for (axis, to) in to.iter_mut().enumerate() {
                 let table = record.add(TABLE + axis * count).cast::<[f32; 8]>();
-                let corners = L::load_permuted(&*table, &lanes);
-                corners.replace(far, L::load_permuted(&*table.add(1), &lanes)).store(to);
+                let corners = L::load_permuted(token, &*table, &lanes);
+                corners.replace(far, L::load_permuted(token, &*table.add(1), &lanes)).store(to);
             }
         }
         block
@@ -321,7 +300,7 @@ unsafe fn unpack<L: Lanes8>(
 mod tests {
     use super::*;
     use crate::world::tests::Random;
-    use snell_math::simd::{Level, Portable8};
+    use snell_math::simd::{Portable, Portable8};
 
     /// Blocks of so many triangles whose corners are among so many points.
     fn blocks(random: &mut Random, points: usize) -> Vec<TriangleBlock> {
@@ -359,24 +338,20 @@ mod tests {
                 assert_eq!((lines_from(&lines[0]), ids_from(&lines[0])), (count, block.ids));
                 let (at, mut room) = (BlocksAt::lines(&lines), MaybeUninit::uninit());
                 // SAFETY: there is one block.
-                unsafe {
-                    assert!(is_same(&block, at.block::<Portable8>(0, &mut room)), "{block:?}");
-                    for lane in (0..8).filter(|&lane| block.ids[lane] != u32::MAX) {
-                        assert_eq!(at.id(0, lane), block.ids[lane]);
-                        assert_eq!(at.corners(0, lane), block.corners(lane));
-                    }
-                    #[cfg(target_arch = "x86_64")]
-                    if Level::Avx2.is_supported() {
-                        #[target_feature(enable = "avx2,fma")]
-                        unsafe fn at_avx2(
-                            at: BlocksAt,
-                            room: &mut MaybeUninit<TriangleBlock>,
-                        ) -> &TriangleBlock {
-                            // SAFETY: as the function is called.
-                            unsafe { at.block::<snell_math::simd::Avx8>(0, room) }
-                        }
-                        assert!(is_same(&block, at_avx2(at, &mut room)), "{block:?}");
-                    }
+                let (unpacked, corners) = unsafe {
+                    (at.block::<Portable8>(Portable, 0, &mut room), |lane| {
+                        (at.id(0, lane), at.corners(0, lane))
+                    })
+                };
+                assert!(is_same(&block, unpacked), "{block:?}");
+                for lane in (0..8).filter(|&lane| block.ids[lane] != u32::MAX) {
+                    assert_eq!(corners(lane), (block.ids[lane], block.corners(lane)));
+                }
+                #[cfg(target_arch = "x86_64")]
+                if let Some(token) = snell_math::simd::Avx2::new() {
+                    // SAFETY: there is one block.
+                    let again = unsafe { at.block::<snell_math::simd::Avx8>(token, 0, &mut room) };
+                    assert!(is_same(&block, again), "{block:?}");
                 }
             }
         }

@@ -12,7 +12,7 @@ pub(crate) use blocks::Blocks;
 use crate::exact::quick::is_ordinary;
 use crate::exact::triangle::TriangleBlock;
 use crate::group::{Object, Objects};
-use list::{Apart, List};
+use list::{List, Outliers};
 use node::{ChildRef, WideNode};
 use std::sync::Arc;
 use storage::{Plain, Storage};
@@ -43,8 +43,8 @@ pub(crate) struct GroupTree {
     pub blocks: Blocks,
     /// Where the walk starts; [`ChildRef::NONE`] for a group without bounded contents.
     pub root: ChildRef,
-    /// Where the walk starts among all that does not stand apart ([`apart`]): the first child of
-    /// the root, or the root itself.
+    /// Where the walk starts among all that is no [outlier](Outliers): the first child of the root,
+    /// or the root itself.
     pub rest: ChildRef,
     /// Shapes, instances and primitives of sets, as the leaves number them.
     pub objects: Objects,
@@ -133,8 +133,8 @@ impl GroupTree {
 pub(crate) struct Forest {
     /// Shared with other worlds that hold the same groups.
     pub trees: Vec<Arc<GroupTree>>,
-    /// Entries a walk needs on the deepest way through all groups.
-    pub stack_size: usize,
+    /// Entries a walk needs on the deepest way from each group through all below it.
+    pub stack_sizes: Vec<usize>,
     /// The largest coordinate of each tree.
     pub extents: Vec<f32>,
     /// True if everything is of ordinary size ([`is_ordinary`]).
@@ -144,8 +144,8 @@ pub(crate) struct Forest {
     pub simple: bool,
     /// The root's contents without a tree, if they are few.
     pub list: Option<Box<List>>,
-    /// What stands apart from the rest of the root.
-    pub apart: Option<Apart>,
+    /// The outliers of the root.
+    pub outliers: Option<Outliers>,
 }
 
 impl Forest {
@@ -166,11 +166,17 @@ impl Forest {
         let simple = ordinary && trees[0].unbounded.is_empty() && sizes[0] <= SMALL_STACK;
         let list = trees.first().and_then(|root| List::of(root));
         let mut forest =
-            Self { stack_size: sizes[0], trees, extents, ordinary, simple, list, apart: None };
+            Self { stack_sizes: sizes, trees, extents, ordinary, simple, list, outliers: None };
         if forest.list.is_none() && may_search(&forest) {
-            forest.apart = Apart::of(&forest.trees[0]);
+            forest.outliers = Outliers::of(&forest.trees[0]);
         }
         forest
+    }
+
+    /// Entries a walk needs on the deepest way through all groups.
+    #[inline(always)]
+    pub fn stack_size(&self) -> usize {
+        self.stack_sizes[0]
     }
 
     /// How far out the coordinates of a group reach, if single precision has no steps there that
@@ -195,7 +201,7 @@ pub(crate) const SMALL_STACK: usize = 512;
 
 /// True if walks through the bounded part of the forest fit the stacks of this kernel.
 pub(crate) fn may_search(forest: &Forest) -> bool {
-    forest.ordinary && forest.trees[0].root.is_node() && forest.stack_size <= SMALL_STACK
+    forest.ordinary && forest.trees[0].root.is_node() && forest.stack_size() <= SMALL_STACK
 }
 
 /// The largest coordinate in the tree; infinite if one is not a number.

@@ -1,7 +1,6 @@
 //! The 8-wide node and its box test.
 
-use crate::exact::quick::BOX_PADDING;
-use crate::exact::quick::{FAR_FACTOR, QuickRay};
+use crate::exact::quick::{BOX_PADDING, FAR_FACTOR, Planes, QuickRay};
 use crate::exact::ray::LocalRay;
 use snell_math::simd::Lanes8;
 use snell_math::{Bounds3, Vec3, Vec4};
@@ -165,6 +164,16 @@ impl WideNode {
     }
 }
 
+impl Planes {
+    /// Those of a node.
+    #[inline(always)]
+    pub fn of(self, node: &WideNode) -> &[f32; 8] {
+        let bounds = node.bounds.as_ptr().cast::<f32>();
+        // SAFETY: the first is 0, 8, and so on to 40, of 48.
+        unsafe { &*bounds.add(self.first()).cast() }
+    }
+}
+
 /// Sorts eight rows, each column by itself, by a network of 19 exchanges (Batcher's odd-even merge
 /// sort): no branches.
 #[inline]
@@ -200,106 +209,86 @@ fn sort8(rows: &mut [[i32; 4]; 8]) {
 
 /// Where the ray enters each of the eight boxes, and the value that must not exceed for the box to
 /// be met between `t_min` and `cull` (from [`padded`]).
-///
-/// # Safety
-/// The machine must have the instructions of `L`.
 #[inline(always)]
-pub(crate) unsafe fn box_distances<L: Lanes8>(
+pub(crate) fn box_distances<L: Lanes8>(
+    token: L::Token,
     node: &WideNode,
     ray: &LocalRay,
     t_min: f32,
     cull: f32,
 ) -> (L, L) {
-    // SAFETY: passed on to the caller.
-    unsafe {
-        let near = [near::<L>(node, ray, 0), near::<L>(node, ray, 1), near::<L>(node, ray, 2)];
-        let far = [far::<L>(node, ray, 0), far::<L>(node, ray, 1), far::<L>(node, ray, 2)];
-        // A plane that a parallel ray lies in gives NaN (0 times infinity), and a NaN on the left
-        // does not count.
-        let enter = near[0].max(near[1].max(near[2].max(L::splat(t_min))));
-        let leave = far[0].min(far[1].min(far[2].min(L::splat(f32::INFINITY))));
-        // Away from zero if positive, towards it if negative: always farther along the ray.
-        let leave =
-            leave.mul(L::splat(1.0 + BOX_PADDING)).max(leave.mul(L::splat(1.0 - BOX_PADDING)));
-        (enter, leave.min(L::splat(cull)))
-    }
+    let near = [
+        near::<L>(token, node, ray, 0),
+        near::<L>(token, node, ray, 1),
+        near::<L>(token, node, ray, 2),
+    ];
+    let far = [
+        far::<L>(token, node, ray, 0),
+        far::<L>(token, node, ray, 1),
+        far::<L>(token, node, ray, 2),
+    ];
+    // A plane that a parallel ray lies in gives NaN (0 times infinity), and a NaN on the left
+    // does not count.
+    let enter = near[0].max(near[1].max(near[2].max(L::splat(token, t_min))));
+    let leave = far[0].min(far[1].min(far[2].min(L::splat(token, f32::INFINITY))));
+    // Away from zero if positive, towards it if negative: always farther along the ray.
+    let leave = leave
+        .mul(L::splat(token, 1.0 + BOX_PADDING))
+        .max(leave.mul(L::splat(token, 1.0 - BOX_PADDING)));
+    (enter, leave.min(L::splat(token, cull)))
 }
 
 /// Where the ray meets the near planes of an axis.
-///
-/// # Safety
-/// The machine must have the instructions of `L`.
 #[inline(always)]
-unsafe fn near<L: Lanes8>(node: &WideNode, ray: &LocalRay, axis: usize) -> L {
-    // SAFETY: passed on to the caller; `negative` is 0 or 1.
-    unsafe {
-        let plane = L::load(&node.bounds.get_unchecked(ray.negative[axis])[axis]);
-        plane.sub(L::splat(ray.near_origin[axis])).mul(L::splat(ray.inverse[axis]))
-    }
+fn near<L: Lanes8>(token: L::Token, node: &WideNode, ray: &LocalRay, axis: usize) -> L {
+    let plane = L::load(token, &node.bounds[ray.negative[axis] & 1][axis]);
+    plane.sub(L::splat(token, ray.near_origin[axis])).mul(L::splat(token, ray.inverse[axis]))
 }
 
 /// Where the ray meets the far planes of an axis.
-///
-/// # Safety
-/// The machine must have the instructions of `L`.
 #[inline(always)]
-unsafe fn far<L: Lanes8>(node: &WideNode, ray: &LocalRay, axis: usize) -> L {
-    // SAFETY: passed on to the caller; `negative` is 0 or 1.
-    unsafe {
-        let plane = L::load(&node.bounds.get_unchecked(ray.negative[axis] ^ 1)[axis]);
-        plane.sub(L::splat(ray.far_origin[axis])).mul(L::splat(ray.inverse[axis]))
-    }
+fn far<L: Lanes8>(token: L::Token, node: &WideNode, ray: &LocalRay, axis: usize) -> L {
+    let plane = L::load(token, &node.bounds[(ray.negative[axis] & 1) ^ 1][axis]);
+    plane.sub(L::splat(token, ray.far_origin[axis])).mul(L::splat(token, ray.inverse[axis]))
 }
 
 /// [`box_distances`] for an ordinary ray: a far plane less than [`FAR_FACTOR`] away is as good as
 /// met.
-///
-/// # Safety
-/// The machine must have the instructions of `L`, and the ray must be prepared for
-/// [`Lanes8::FUSED`].
 #[inline(always)]
-pub(crate) unsafe fn quick_distances<L: Lanes8>(
+pub(crate) fn quick_distances<L: Lanes8>(
+    token: L::Token,
     node: &WideNode,
     ray: &QuickRay,
     t_min: f32,
     cull: f32,
 ) -> (L, L) {
-    // SAFETY: passed on to the caller; the offsets of a ray are of planes within the bounds of a
-    // node.
-    unsafe {
-        let near = [
-            quick::<L>(node, ray, &ray.near, 0, 0),
-            quick(node, ray, &ray.near, 1, 0),
-            quick(node, ray, &ray.near, 2, 0),
-        ];
-        let far = [
-            quick::<L>(node, ray, &ray.far, 0, 3),
-            quick(node, ray, &ray.far, 1, 3),
-            quick(node, ray, &ray.far, 2, 3),
-        ];
-        let enter = near[0].max(near[1]).max(near[2].max(L::splat(t_min)));
-        let leave = far[0].min(far[1]).min(far[2]).mul(L::splat(FAR_FACTOR));
-        (enter, leave.min(L::splat(cull)))
-    }
+    let near = [
+        quick::<L>(token, node, ray, &ray.near, 0, 0),
+        quick(token, node, ray, &ray.near, 1, 0),
+        quick(token, node, ray, &ray.near, 2, 0),
+    ];
+    let far = [
+        quick::<L>(token, node, ray, &ray.far, 0, 3),
+        quick(token, node, ray, &ray.far, 1, 3),
+        quick(token, node, ray, &ray.far, 2, 3),
+    ];
+    let enter = near[0].max(near[1]).max(near[2].max(L::splat(token, t_min)));
+    let leave = far[0].min(far[1]).min(far[2]).mul(L::splat(token, FAR_FACTOR));
+    (enter, leave.min(L::splat(token, cull)))
 }
 
 /// Where an ordinary ray meets the near (`side` 0) or far (3) planes of an axis.
-///
-/// # Safety
-/// As [`quick_distances`].
 #[inline(always)]
-unsafe fn quick<L: Lanes8>(
+fn quick<L: Lanes8>(
+    token: L::Token,
     node: &WideNode,
     ray: &QuickRay,
     offsets: &[f32; 3],
     axis: usize,
     side: usize,
 ) -> L {
-    // SAFETY: passed on to the caller.
-    unsafe {
-        let (inverse, offset) = (L::splat(ray.inverse[axis]), L::splat(offsets[axis]));
-        crossing(node, usize::from(ray.planes()[axis + side]), inverse, offset)
-    }
+    let (inverse, offset) = (L::splat(token, ray.inverse[axis]), L::splat(token, offsets[axis]));
+    crossing(ray.planes()[axis + side].of(node), inverse, offset)
 }
 
 /// [`quick_distances`] with all about the ray in registers, for many nodes in turn.
@@ -307,7 +296,7 @@ pub(crate) struct QuickBoxes<L> {
     inverse: [L; 3],
     near: [L; 3],
     far: [L; 3],
-    planes: [usize; 6],
+    planes: [Planes; 6],
 }
 
 /// Instead of [`FAR_FACTOR`]: far planes are this much farther, relative to the largest distance at
@@ -320,12 +309,8 @@ const MAX_FAR_PADDING: f32 = 4e30;
 
 impl<L: Lanes8> QuickBoxes<L> {
     /// `extent` is the largest coordinate of the boxes.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `L`, and the ray must be prepared for
-    /// [`Lanes8::FUSED`].
     #[inline(always)]
-    pub unsafe fn new(ray: &QuickRay, extent: f32) -> Self {
+    pub fn new(token: L::Token, ray: &QuickRay, extent: f32) -> Self {
         let (inverse, far) =
             (Vec3::from_array(ray.inverse).extend(1.0), Vec3::from_array(ray.far).extend(1.0));
         let far = if L::FUSED {
@@ -335,56 +320,37 @@ impl<L: Lanes8> QuickBoxes<L> {
             far - ((far.abs() + extent) * FAR_PADDING).copysign(inverse)
         };
         let ([x, y, z], near, far, planes) = (ray.inverse, &ray.near, far.to_array(), ray.planes());
-        let plane = |i: usize| usize::from(planes[i]);
-        // SAFETY: passed on to the caller. (No closures for lanes: those are not always inlined.)
-        unsafe {
-            Self {
-                inverse: [L::splat(x), L::splat(y), L::splat(z)],
-                near: [L::splat(near[0]), L::splat(near[1]), L::splat(near[2])],
-                far: [L::splat(far[0]), L::splat(far[1]), L::splat(far[2])],
-                planes: [plane(0), plane(1), plane(2), plane(3), plane(4), plane(5)],
-            }
+        // (No closures for lanes: those are not always inlined.)
+        Self {
+            inverse: [L::splat(token, x), L::splat(token, y), L::splat(token, z)],
+            near: [L::splat(token, near[0]), L::splat(token, near[1]), L::splat(token, near[2])],
+            far: [L::splat(token, far[0]), L::splat(token, far[1]), L::splat(token, far[2])],
+            planes: [planes[0], planes[1], planes[2], planes[3], planes[4], planes[5]],
         }
     }
 
     /// As [`quick_distances`].
-    ///
-    /// # Safety
-    /// The offsets of the ray must be of planes within the bounds of a node.
     #[inline(always)]
-    pub unsafe fn distances(&self, node: &WideNode, t_min: L, cull: L) -> (L, L) {
-        // SAFETY: passed on to the caller.
-        unsafe {
-            let near = [self.near(node, 0), self.near(node, 1), self.near(node, 2)];
-            let far = [self.far(node, 0), self.far(node, 1), self.far(node, 2)];
-            (near[0].max(near[1]).max(near[2].max(t_min)), far[0].min(far[1]).min(far[2].min(cull)))
-        }
+    pub fn distances(&self, node: &WideNode, t_min: L, cull: L) -> (L, L) {
+        let near = [self.near(node, 0), self.near(node, 1), self.near(node, 2)];
+        let far = [self.far(node, 0), self.far(node, 1), self.far(node, 2)];
+        (near[0].max(near[1]).max(near[2].max(t_min)), far[0].min(far[1]).min(far[2].min(cull)))
     }
 
-    /// # Safety
-    /// As [`Self::distances`].
     #[inline(always)]
-    unsafe fn near(&self, node: &WideNode, axis: usize) -> L {
-        // SAFETY: passed on to the caller.
-        unsafe { crossing(node, self.planes[axis], self.inverse[axis], self.near[axis]) }
+    fn near(&self, node: &WideNode, axis: usize) -> L {
+        crossing(self.planes[axis].of(node), self.inverse[axis], self.near[axis])
     }
 
-    /// # Safety
-    /// As [`Self::distances`].
     #[inline(always)]
-    unsafe fn far(&self, node: &WideNode, axis: usize) -> L {
-        // SAFETY: passed on to the caller.
-        unsafe { crossing(node, self.planes[axis + 3], self.inverse[axis], self.far[axis]) }
+    fn far(&self, node: &WideNode, axis: usize) -> L {
+        crossing(self.planes[axis + 3].of(node), self.inverse[axis], self.far[axis])
     }
 }
 
-/// Where an ordinary ray meets the planes that begin at a number of the bounds.
-///
-/// # Safety
-/// There must be eight.
+/// Where an ordinary ray meets planes.
 #[inline(always)]
-unsafe fn crossing<L: Lanes8>(node: &WideNode, first: usize, inverse: L, offset: L) -> L {
-    // SAFETY: passed on to the caller.
-    let plane = unsafe { L::load(&*node.bounds.as_ptr().cast::<f32>().add(first).cast()) };
+fn crossing<L: Lanes8>(planes: &[f32; 8], inverse: L, offset: L) -> L {
+    let plane = L::load(inverse.token(), planes);
     if L::FUSED { plane.mul_add(inverse, offset) } else { plane.sub(offset).mul(inverse) }
 }

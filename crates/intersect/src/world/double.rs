@@ -140,8 +140,8 @@ impl DWorldBuilder {
         let occurrences = Occurrences::count(&self.builder.groups)?;
         self.recognise(previous);
         let summaries = self.summaries(previous);
-        let alike = WorldBuilder::alike(options, previous.map(|p| &p.world));
-        let (mut bounds, unchanged) = self.builder.measure(&occurrences, &summaries, alike);
+        let same_build = WorldBuilder::same_build(options, previous.map(|p| &p.world));
+        let (mut bounds, unchanged) = self.builder.measure(&occurrences, &summaries, same_build);
         // The empty meshes that stand for those in double precision, before shadows take their
         // places.
         let empty = self.builder.geometries.clone();
@@ -155,7 +155,7 @@ impl DWorldBuilder {
             &occurrences,
             summaries,
             (bounds, unchanged),
-            alike,
+            same_build,
         )?;
         let mut world = self.builder.into_world(occurrences, parts);
         // The shadows have done their work.

@@ -31,8 +31,7 @@ pub use reuse::Reuse;
 use crate::build::Quality;
 use crate::geometry::motion::transform_at;
 use crate::geometry::{MovingMesh, PrimitiveSet, QuadMesh};
-use crate::group::GroupList;
-use crate::group::{BulkContents, Object, Placement};
+use crate::group::{BulkContents, GroupList, Object, Placement};
 use crate::lecture::AcceleratorOptions;
 use crate::lecture::walk::Structures;
 use crate::mesh::TriangleMesh;
@@ -43,7 +42,7 @@ use cover::Cover;
 use occurrence::Occurrences;
 use rayon::prelude::*;
 use reuse::{Inventory, Summary};
-use snell_math::simd::Level;
+use snell_math::simd::{Level, Wide};
 use snell_math::{Bounds3d, DMat3, Transform};
 use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};
@@ -334,14 +333,14 @@ impl WorldBuilder {
     ) -> Result<(Occurrences, Parts), WorldError> {
         let occurrences = Occurrences::count(&self.groups)?;
         let summaries = self.summaries(previous);
-        let alike = Self::alike(options, previous);
-        let bounds = self.measure(&occurrences, &summaries, alike);
-        let parts = self.structures(options, &occurrences, summaries, bounds, alike)?;
+        let same_build = Self::same_build(options, previous);
+        let bounds = self.measure(&occurrences, &summaries, same_build);
+        let parts = self.structures(options, &occurrences, summaries, bounds, same_build)?;
         Ok((occurrences, parts))
     }
 
     fn into_world(self, occurrences: Occurrences, parts: Parts) -> World {
-        let Parts { bounds, structure, inventory, simd, stats } = parts;
+        let Parts { bounds, structure, inventory, wide, stats } = parts;
         World {
             geometries: self.geometries,
             options: self.options,
@@ -350,7 +349,7 @@ impl WorldBuilder {
             bounds,
             structure,
             inventory,
-            simd,
+            wide,
             stats,
             winding: OnceLock::new(),
             repeats: OnceLock::new(),
@@ -585,7 +584,7 @@ struct Parts {
     bounds: Bounds3d,
     structure: Structure,
     inventory: Inventory,
-    simd: Level,
+    wide: Option<Wide>,
     stats: BuildStats,
 }
 
@@ -610,11 +609,12 @@ pub struct World {
     bounds: Bounds3d,
     pub(crate) structure: Structure,
     inventory: Inventory,
-    pub(crate) simd: Level,
+    /// The proof of the instructions that queries use.
+    pub(crate) wide: Option<Wide>,
     stats: BuildStats,
     /// Made when it is first asked for.
     pub(crate) winding: OnceLock<Winding>,
-    /// Whether the structure may offer a crossing several times; found out when it is first asked
+    /// Whether the structure may offer a hit several times; found out when it is first asked
     /// for.
     pub(crate) repeats: OnceLock<bool>,
 }
@@ -761,7 +761,7 @@ impl World {
 
     /// The instructions that the queries use.
     pub fn simd(&self) -> Level {
-        self.simd
+        Level::of(self.wide)
     }
 }
 

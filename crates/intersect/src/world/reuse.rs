@@ -1,11 +1,10 @@
 //! What a build takes over from the world before: all that comes from contents that did not change.
 
-use super::AcceleratorKind;
-use super::cover;
 use super::cover::Cover;
 use super::occurrence::Occurrences;
 use super::{
-    BuildOptions, Geometry, GroupBounds, Parts, Structure, World, WorldBuilder, WorldError,
+    AcceleratorKind, BuildOptions, Geometry, GroupBounds, Parts, Structure, World, WorldBuilder,
+    WorldError, cover,
 };
 use crate::build::BvhOptions;
 use crate::group::GroupList;
@@ -14,7 +13,6 @@ use crate::mesh::TriangleMesh;
 use crate::tree::{Forest, GroupTree};
 use rayon::prelude::*;
 use snell_math::Bounds3d;
-use snell_math::simd::Level;
 use std::sync::Arc;
 
 /// Groups with fewer triangles are always built: that takes no longer.
@@ -180,8 +178,8 @@ impl WorldBuilder {
             })
     }
 
-    /// The parts of `previous` that may be taken over: trees of the same kind.
-    pub(super) fn alike<'a>(
+    /// The previous world if it is of the same build: then its trees may be taken over.
+    pub(super) fn same_build<'a>(
         options: &BuildOptions,
         previous: Option<&'a World>,
     ) -> Option<&'a World> {
@@ -199,13 +197,13 @@ impl WorldBuilder {
         &self,
         occurrences: &Occurrences,
         summaries: &[Summary],
-        alike: Option<&World>,
+        same_build: Option<&World>,
     ) -> (GroupBounds, Vec<bool>) {
         let n = self.groups.len();
         let mut bounds = GroupBounds::empty(n);
         let mut unchanged = vec![false; n];
         for &group in &occurrences.order {
-            match alike.filter(|p| self.is_unchanged(group, occurrences, &bounds, p)) {
+            match same_build.filter(|p| self.is_unchanged(group, occurrences, &bounds, p)) {
                 Some(p) => {
                     unchanged[group] = true;
                     bounds.exact[group] = p.inventory.exact[group];
@@ -225,15 +223,15 @@ impl WorldBuilder {
         occurrences: &Occurrences,
         summaries: Vec<Summary>,
         (bounds, unchanged): (GroupBounds, Vec<bool>),
-        alike: Option<&World>,
+        same_build: Option<&World>,
     ) -> Result<Parts, WorldError> {
         let lists = self.group_lists(occurrences)?;
         let n = self.groups.len();
-        let simd = if options.simd.is_supported() { options.simd } else { Level::best() };
+        let wide = options.simd.wide();
         let bvh = BvhOptions {
             quality: options.quality,
             compact: options.compact,
-            simd,
+            wide,
             cache: options.cache.clone(),
         };
         let mut inventory = Inventory {
@@ -259,7 +257,7 @@ impl WorldBuilder {
                 Structure::None(lists)
             }
             (None, _) => {
-                let old = alike.and_then(|p| match &p.structure {
+                let old = same_build.and_then(|p| match &p.structure {
                     Structure::Bvh(forest) => Some((forest, &p.inventory)),
                     Structure::None(_) | Structure::Walked(_) => None,
                 });
@@ -287,7 +285,7 @@ impl WorldBuilder {
             }
         };
         let stats = self.count_triangles(occurrences, &structure, &inventory);
-        Ok(Parts { bounds: inventory.exact[0], structure, inventory, simd, stats })
+        Ok(Parts { bounds: inventory.exact[0], structure, inventory, wide, stats })
     }
 }
 

@@ -21,7 +21,7 @@ use super::{Geometry, GeometryId, GroupId, World};
 use crate::hit::{Hit, SurfaceInteraction};
 use crate::mesh::TriangleMesh;
 use crate::search::rays::{RayQuery, clamped_time};
-use snell_math::simd::{Wide, least, most};
+use snell_math::simd::{Wide, max, min};
 use snell_math::{DVec3, Vec3, at_level, robust};
 
 /// Rays that rise higher above a triangle than this sine are not lifted at all.
@@ -45,12 +45,12 @@ fn lift(corners: [Vec3; 3], normals: [Vec3; 3], [b1, b2]: [f32; 2], flat: Vec3, 
     let (mut lift, mut least_cosine) = (Vec3::ZERO, 1.0);
     for i in 0..3 {
         let normal = normals[i] * (1.0 / normals[i].length());
-        let height = least(from_corners[i].dot(normal) * side, 0.0) * side;
+        let height = min(from_corners[i].dot(normal) * side, 0.0) * side;
         lift -= normal * (height * b[i]);
-        least_cosine = least(normal.dot(flat) * turn, least_cosine);
+        least_cosine = min(normal.dot(flat) * turn, least_cosine);
     }
-    let share = least((least_cosine - BENT[0]) * (1.0 / (BENT[1] - BENT[0])), 1.0);
-    let lift = lift * most(share, 0.0);
+    let share = min((least_cosine - BENT[0]) * (1.0 / (BENT[1] - BENT[0])), 1.0);
+    let lift = lift * max(share, 0.0);
     let is_bent = normals[0] != normals[1] || normals[0] != normals[2];
     if is_bent & (lift.length_squared() < f32::INFINITY) { lift } else { Vec3::ZERO }
 }
@@ -67,7 +67,7 @@ pub fn lifted_ray_origin(
 ) -> Vec3 {
     let is_lifted = lift != Vec3::ZERO;
     let rise = if lift.dot(normal) < 0.0 { -direction.dot(normal) } else { direction.dot(normal) };
-    let share = most(least(1.0 - rise * (1.0 / STEEP), 1.0), 0.0);
+    let share = max(min(1.0 - rise * (1.0 / STEEP), 1.0), 0.0);
     let lifted = position + lift * share;
     let pick = |lifted: f32, plain: f32| if is_lifted { lifted } else { plain };
     let from = Vec3::new(

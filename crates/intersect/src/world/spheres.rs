@@ -4,7 +4,7 @@ use super::interaction::MAP_ERROR;
 use super::triangles::{HitLanes, HitVectors, TRIANGLE_HITS as LANES, TrianglePoints};
 use super::{Geometry, GeometryId, GroupId, World};
 use crate::hit::Hit;
-use snell_math::simd::{Wide, marked};
+use snell_math::simd::{Wide, mask_select};
 use snell_math::{DAffine3, DMat3, DVec3, Ray, at_level};
 
 /// A number in double precision for each hit.
@@ -135,14 +135,14 @@ fn points(hits: &SphereHits, to: &mut TrianglePoints) {
             is_sound &= off < f32::MAX;
             // The next number up of a number that is not negative.
             let off = f32::from_bits(off.to_bits() + 1);
-            to.position[axis][i] = marked(is_there, single, to.position[axis][i]);
-            to.position_error[axis][i] = marked(is_there, off, to.position_error[axis][i]);
+            to.position[axis][i] = mask_select(is_there, single, to.position[axis][i]);
+            to.position_error[axis][i] = mask_select(is_there, off, to.position_error[axis][i]);
             to.geometric_normal[axis][i] =
-                marked(is_there, unit[axis] as f32, to.geometric_normal[axis][i]);
+                mask_select(is_there, unit[axis] as f32, to.geometric_normal[axis][i]);
             to.shading_normal[axis][i] =
-                marked(is_there, unit[axis] as f32, to.shading_normal[axis][i]);
+                mask_select(is_there, unit[axis] as f32, to.shading_normal[axis][i]);
         }
-        to.is_sound[i] = marked(is_there, u32::from(is_sound), to.is_sound[i]);
+        to.is_sound[i] = mask_select(is_there, u32::from(is_sound), to.is_sound[i]);
     }
 }
 

@@ -5,7 +5,7 @@ use super::interaction::{MAP_ERROR, derivatives, spanning};
 use super::{Geometry, GeometryId, World};
 use crate::hit::Hit;
 use crate::mesh::TriangleMesh;
-use snell_math::simd::{Wide, marked, most as greater};
+use snell_math::simd::{Wide, mask_select, max as greater};
 use snell_math::{Vec2, Vec3, at_level};
 
 /// How many hits a [`TriangleHits`] holds.
@@ -251,7 +251,7 @@ fn points<const SMOOTH: bool>(hits: &TriangleHits, to: &mut TrianglePoints) {
             let is_behind = smooth[0] * flat[0] + smooth[1] * flat[1] + smooth[2] * flat[2] < 0.0;
             let side = if is_behind { -1.0 } else { 1.0 };
             for axis in 0..3 {
-                to.shading_normal[axis][i] = marked(has_own, side * smooth[axis], flat[axis]);
+                to.shading_normal[axis][i] = mask_select(has_own, side * smooth[axis], flat[axis]);
             }
         }
     }

@@ -196,3 +196,37 @@ fn plain(doc: &str) -> String {
     }
     text + &rest
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn documentation_is_lines_joined_without_links() {
+        let doc = " The metal of\n [`super::OpenPbr`], as\n [`Metal`](crate::Metal) has it.\n";
+        assert_eq!(plain(doc), "The metal of `OpenPbr`, as `Metal` has it.");
+    }
+
+    #[test]
+    fn what_stands_inside_is_found_by_name_position_and_variant() {
+        let number = Parameter {
+            name: "edge",
+            kind: Kind::Number,
+            range: Range::Any,
+            usual: Range::Any,
+            unit: "",
+            doc: "",
+        };
+        let variants: &'static [Declaration] = Box::leak(Box::new([Declaration {
+            name: "hard",
+            about: "",
+            parameters: Box::leak(Box::new([number])),
+        }]));
+        assert_eq!(Kind::OneOf("fading", variants).inside("edge"), Some(Kind::Number));
+        assert_eq!(Kind::OneOf("", variants).inside("edge"), None);
+        let inner = Kind::OneOf("", variants).inside("hard").expect("it is a variant");
+        assert_eq!(inner.inside("edge"), Some(Kind::Number));
+        assert_eq!(Kind::TexturedColor.inside("factor"), Some(Kind::Color));
+        assert_eq!(Kind::Color.inside("2"), Some(Kind::Number));
+    }
+}

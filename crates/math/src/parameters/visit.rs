@@ -41,8 +41,6 @@ pub struct Found<'a> {
     pub range: Range,
     /// What its numbers usually are.
     pub usual: Range,
-    /// What it is measured in; empty for plain numbers.
-    pub unit: &'static str,
     /// The texture that it is a factor on, by its position in the scene's table.
     pub texture: Option<u32>,
     /// True for the factor on a spectrum.
@@ -56,7 +54,6 @@ pub struct Visitor<'v> {
     place: Vec<Step>,
     range: Range,
     usual: Range,
-    unit: &'static str,
     texture: Option<u32>,
     is_spectral: bool,
     visit: &'v mut dyn FnMut(&Found<'_>),
@@ -71,14 +68,14 @@ impl std::fmt::Debug for Visitor<'_> {
 impl Visitor<'_> {
     /// Looks at a parameter.
     pub fn parameter(&mut self, parameter: &super::Parameter, value: &impl Value) {
-        let before = (self.range, self.usual, self.unit);
-        (self.range, self.usual, self.unit) = (parameter.range, parameter.usual, parameter.unit);
+        let before = (self.range, self.usual);
+        (self.range, self.usual) = (parameter.range, parameter.usual);
         if parameter.name.is_empty() {
             value.visit(self);
         } else {
             self.inside(Step::Name(parameter.name), value);
         }
-        (self.range, self.usual, self.unit) = before;
+        (self.range, self.usual) = before;
     }
 
     /// Looks at a part, which has the range of the whole.
@@ -125,7 +122,6 @@ impl Visitor<'_> {
             place: &self.place,
             range: self.range,
             usual: self.usual,
-            unit: self.unit,
             texture: self.texture,
             is_spectral: self.is_spectral,
             leaf,
@@ -137,8 +133,7 @@ impl Visitor<'_> {
 pub fn find(thing: &impl Value, visit: &mut dyn FnMut(&Found<'_>)) {
     let (range, usual) = (Range::Any, Range::Any);
     let place = Vec::new();
-    let mut visitor =
-        Visitor { place, range, usual, unit: "", texture: None, is_spectral: false, visit };
+    let mut visitor = Visitor { place, range, usual, texture: None, is_spectral: false, visit };
     thing.visit(&mut visitor);
 }
 

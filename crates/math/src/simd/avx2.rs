@@ -1,192 +1,177 @@
 //! Eight lanes in one AVX register.
 
-use super::Lanes8;
+use super::memory::{load_f32x8, load_u32x8, store_f32x8, store_pairs, store_u32x8};
+use super::{Avx2, Lanes8};
 use std::arch::x86_64::*;
 
-/// Eight lanes of AVX. A value exists only where `splat` or `load` was allowed to make it, so its
-/// operations are safe to call. Callers carry `#[target_feature(enable = "avx2,fma")]`; everything
-/// here is inlined into them.
+/// What instructions of AVX2 and FMA compute, where a token proves that the machine has them:
+/// `avx2!(token, expression)`. No others may be used, and none that take pointers.
+macro_rules! avx2 {
+    ($token:expr, $instructions:expr) => {{
+        let _: $crate::simd::Avx2 = $token;
+        // SAFETY: the token proves that the machine has AVX2 and FMA, and that is all that these
+        // instructions ask for.
+        unsafe { $instructions }
+    }};
+}
+pub(super) use avx2;
+
+/// Eight lanes of AVX.
 #[derive(Clone, Copy, Debug)]
 pub struct Avx8(pub(super) __m256);
 
 impl Lanes8 for Avx8 {
     const FUSED: bool = true;
+    type Token = Avx2;
 
     #[inline(always)]
-    unsafe fn splat(value: f32) -> Self {
-        // SAFETY: the caller guarantees AVX.
-        Self(unsafe { _mm256_set1_ps(value) })
+    fn token(self) -> Avx2 {
+        // SAFETY: only the functions of this module make values, all of them with a token.
+        unsafe { Avx2::assume() }
     }
 
     #[inline(always)]
-    unsafe fn load(values: &[f32; 8]) -> Self {
-        // SAFETY: the caller guarantees AVX; the reference covers 32 readable bytes.
-        Self(unsafe { _mm256_loadu_ps(values.as_ptr()) })
+    fn splat(token: Avx2, value: f32) -> Self {
+        Self(avx2!(token, _mm256_set1_ps(value)))
     }
 
     #[inline(always)]
-    unsafe fn load_permuted(values: &[f32; 8], lanes: &[u32; 8]) -> Self {
-        // SAFETY: the caller guarantees AVX2; the references cover 32 bytes each. Only the lowest
-        // three bits of each lane are read.
-        unsafe {
-            let lanes = _mm256_loadu_si256(lanes.as_ptr().cast());
-            Self(_mm256_permutevar8x32_ps(_mm256_loadu_ps(values.as_ptr()), lanes))
-        }
+    fn load(token: Avx2, values: &[f32; 8]) -> Self {
+        Self(avx2!(token, load_f32x8(values)))
     }
 
     #[inline(always)]
-    fn store(self, to: &mut [f32; 8]) {
-        // SAFETY: a value of this type exists, so the machine has AVX; the reference covers 32
-        // writable bytes.
-        unsafe { _mm256_storeu_ps(to.as_mut_ptr(), self.0) }
-    }
-
-    #[inline(always)]
-    fn store_where(self, mask: u32, to: &mut [f32; 8]) {
-        // SAFETY: a value of this type exists, so the machine has AVX; the reference covers 32
-        // bytes.
-        unsafe {
-            _mm256_storeu_ps(
-                to.as_mut_ptr(),
-                unknown(Self(_mm256_loadu_ps(to.as_ptr())).replace(mask, self).0),
-            )
-        }
-    }
-
-    #[inline(always)]
-    fn add(self, other: Self) -> Self {
-        // SAFETY: a value of this type exists, so the machine has AVX.
-        Self(unsafe { _mm256_add_ps(self.0, other.0) })
-    }
-
-    #[inline(always)]
-    fn sub(self, other: Self) -> Self {
-        // SAFETY: a value of this type exists, so the machine has AVX.
-        Self(unsafe { _mm256_sub_ps(self.0, other.0) })
-    }
-
-    #[inline(always)]
-    fn mul(self, other: Self) -> Self {
-        // SAFETY: a value of this type exists, so the machine has AVX.
-        Self(unsafe { _mm256_mul_ps(self.0, other.0) })
-    }
-
-    #[inline(always)]
-    fn mul_add(self, factor: Self, summand: Self) -> Self {
-        // SAFETY: a value of this type exists, so the machine has the level that includes FMA.
-        Self(unsafe { _mm256_fmadd_ps(self.0, factor.0, summand.0) })
-    }
-
-    #[inline(always)]
-    fn mul_sub(self, factor: Self, subtrahend: Self) -> Self {
-        // SAFETY: a value of this type exists, so the machine has the level that includes FMA.
-        Self(unsafe { _mm256_fmsub_ps(self.0, factor.0, subtrahend.0) })
-    }
-
-    #[inline(always)]
-    fn min(self, other: Self) -> Self {
-        // SAFETY: a value of this type exists, so the machine has AVX.
-        Self(unsafe { _mm256_min_ps(self.0, other.0) })
-    }
-
-    #[inline(always)]
-    fn max(self, other: Self) -> Self {
-        // SAFETY: a value of this type exists, so the machine has AVX.
-        Self(unsafe { _mm256_max_ps(self.0, other.0) })
-    }
-
-    #[inline(always)]
-    fn abs(self) -> Self {
-        // SAFETY: a value of this type exists, so the machine has AVX.
-        Self(unsafe { _mm256_andnot_ps(_mm256_set1_ps(-0.0), self.0) })
-    }
-
-    #[inline(always)]
-    fn le(self, other: Self) -> u32 {
-        // SAFETY: a value of this type exists, so the machine has AVX.
-        unsafe { _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(self.0, other.0)) as u32 }
-    }
-
-    #[inline(always)]
-    fn lt(self, other: Self) -> u32 {
-        // SAFETY: a value of this type exists, so the machine has AVX.
-        unsafe { _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LT_OQ>(self.0, other.0)) as u32 }
-    }
-
-    #[inline(always)]
-    fn signs(self) -> u32 {
-        // SAFETY: a value of this type exists, so the machine has AVX.
-        unsafe { _mm256_movemask_ps(self.0) as u32 }
-    }
-
-    #[inline(always)]
-    fn replace(self, mask: u32, other: Self) -> Self {
-        // SAFETY: a value of this type exists, and whoever made it promised AVX2.
-        unsafe {
-            let bits = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
-            let chosen =
-                _mm256_cmpeq_epi32(_mm256_and_si256(_mm256_set1_epi32(mask as i32), bits), bits);
-            Self(_mm256_blendv_ps(self.0, other.0, _mm256_castsi256_ps(chosen)))
-        }
-    }
-
-    #[inline(always)]
-    fn where_less(self, low: Self, high: Self, other: Self) -> Self {
-        // SAFETY: a value of this type exists, so the machine has AVX.
-        Self(unsafe {
-            _mm256_blendv_ps(self.0, other.0, _mm256_cmp_ps::<_CMP_LT_OQ>(low.0, high.0))
+    fn load_permuted(token: Avx2, values: &[f32; 8], lanes: &[u32; 8]) -> Self {
+        avx2!(token, {
+            let lanes = load_u32x8(lanes);
+            Self(_mm256_permutevar8x32_ps(load_f32x8(values), lanes))
         })
     }
 
     #[inline(always)]
+    fn store(self, to: &mut [f32; 8]) {
+        avx2!(self.token(), store_f32x8(self.0, to))
+    }
+
+    #[inline(always)]
+    fn store_where(self, mask: u32, to: &mut [f32; 8]) {
+        let old = Self::load(self.token(), to);
+        avx2!(self.token(), store_f32x8(unknown(old.replace(mask, self).0), to))
+    }
+
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        Self(avx2!(self.token(), _mm256_add_ps(self.0, other.0)))
+    }
+
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        Self(avx2!(self.token(), _mm256_sub_ps(self.0, other.0)))
+    }
+
+    #[inline(always)]
+    fn mul(self, other: Self) -> Self {
+        Self(avx2!(self.token(), _mm256_mul_ps(self.0, other.0)))
+    }
+
+    #[inline(always)]
+    fn mul_add(self, factor: Self, summand: Self) -> Self {
+        Self(avx2!(self.token(), _mm256_fmadd_ps(self.0, factor.0, summand.0)))
+    }
+
+    #[inline(always)]
+    fn mul_sub(self, factor: Self, subtrahend: Self) -> Self {
+        Self(avx2!(self.token(), _mm256_fmsub_ps(self.0, factor.0, subtrahend.0)))
+    }
+
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        Self(avx2!(self.token(), _mm256_min_ps(self.0, other.0)))
+    }
+
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        Self(avx2!(self.token(), _mm256_max_ps(self.0, other.0)))
+    }
+
+    #[inline(always)]
+    fn abs(self) -> Self {
+        Self(avx2!(self.token(), _mm256_andnot_ps(_mm256_set1_ps(-0.0), self.0)))
+    }
+
+    #[inline(always)]
+    fn le(self, other: Self) -> u32 {
+        avx2!(self.token(), _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(self.0, other.0)) as u32)
+    }
+
+    #[inline(always)]
+    fn lt(self, other: Self) -> u32 {
+        avx2!(self.token(), _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LT_OQ>(self.0, other.0)) as u32)
+    }
+
+    #[inline(always)]
+    fn signs(self) -> u32 {
+        avx2!(self.token(), _mm256_movemask_ps(self.0) as u32)
+    }
+
+    #[inline(always)]
+    fn replace(self, mask: u32, other: Self) -> Self {
+        avx2!(self.token(), {
+            let bits = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
+            let chosen =
+                _mm256_cmpeq_epi32(_mm256_and_si256(_mm256_set1_epi32(mask as i32), bits), bits);
+            Self(_mm256_blendv_ps(self.0, other.0, _mm256_castsi256_ps(chosen)))
+        })
+    }
+
+    #[inline(always)]
+    fn where_less(self, low: Self, high: Self, other: Self) -> Self {
+        Self(avx2!(
+            self.token(),
+            _mm256_blendv_ps(self.0, other.0, _mm256_cmp_ps::<_CMP_LT_OQ>(low.0, high.0))
+        ))
+    }
+
+    #[inline(always)]
     fn le_in_order(self, limit: Self, order: u32) -> u32 {
-        // SAFETY: a value of this type exists, and whoever made it promised AVX2.
-        unsafe {
+        avx2!(self.token(), {
             let kept = _mm256_cmp_ps::<_CMP_LE_OQ>(self.0, limit.0);
             _mm256_movemask_ps(_mm256_permutevar8x32_ps(kept, lanes_of(order))) as u32
-        }
+        })
     }
 
     #[inline(always)]
     fn compress(self, mask: u32, order: u32, payload: &[u32; 8], to: &mut [[u32; 2]; 8]) {
-        // SAFETY: a value of this type exists, and whoever made it promised AVX2; the references
-        // cover 32 and 64 bytes.
-        unsafe {
+        avx2!(self.token(), {
             let order = front(mask, order);
-            let payload =
-                _mm256_permutevar8x32_epi32(_mm256_loadu_si256(payload.as_ptr().cast()), order);
+            let payload = _mm256_permutevar8x32_epi32(load_u32x8(payload), order);
             let numbers = _mm256_castps_si256(_mm256_permutevar8x32_ps(self.0, order));
             // (In the order of `front`, these are the first four pairs and the last four.)
-            let to = to.as_mut_ptr().cast::<__m256i>();
-            _mm256_storeu_si256(to, _mm256_unpacklo_epi32(payload, numbers));
-            _mm256_storeu_si256(to.add(1), _mm256_unpackhi_epi32(payload, numbers));
-        }
+            let first = _mm256_unpacklo_epi32(payload, numbers);
+            let last = _mm256_unpackhi_epi32(payload, numbers);
+            store_pairs(first, last, to);
+        })
     }
 
     #[inline(always)]
-    unsafe fn compress_payload(mask: u32, order: u32, payload: &[u32; 8], to: &mut [u32; 8]) {
-        // SAFETY: as promised by the caller; the references cover 32 bytes each.
-        unsafe {
-            let payload = _mm256_loadu_si256(payload.as_ptr().cast());
+    fn compress_payload(token: Avx2, mask: u32, order: u32, payload: &[u32; 8], to: &mut [u32; 8]) {
+        avx2!(token, {
+            let payload = load_u32x8(payload);
             let kept = _mm256_permutevar8x32_epi32(payload, front(mask, order));
-            _mm256_storeu_si256(
-                to.as_mut_ptr().cast(),
-                _mm256_permute4x64_epi64::<0b11_01_10_00>(kept),
-            );
-        }
+            store_u32x8(_mm256_permute4x64_epi64::<0b11_01_10_00>(kept), to);
+        })
     }
 
     #[inline(always)]
     fn store_after(self, payload: &[u32; 8], to: &mut [[u32; 2]; 8]) {
-        // SAFETY: as in `compress`.
-        unsafe {
+        avx2!(self.token(), {
             let quarters = |x: __m256i| _mm256_permute4x64_epi64::<0b11_01_10_00>(x);
-            let payload = quarters(_mm256_loadu_si256(payload.as_ptr().cast()));
+            let payload = quarters(load_u32x8(payload));
             let numbers = quarters(_mm256_castps_si256(self.0));
-            let to = to.as_mut_ptr().cast::<__m256i>();
-            _mm256_storeu_si256(to, _mm256_unpacklo_epi32(payload, numbers));
-            _mm256_storeu_si256(to.add(1), _mm256_unpackhi_epi32(payload, numbers));
-        }
+            let first = _mm256_unpacklo_epi32(payload, numbers);
+            let last = _mm256_unpackhi_epi32(payload, numbers);
+            store_pairs(first, last, to);
+        })
     }
 
     #[inline(always)]
@@ -198,35 +183,27 @@ impl Lanes8 for Avx8 {
         values_out: &mut [f32; 8],
         payload_out: &mut [u32; 8],
     ) -> usize {
-        // SAFETY: a value of this type exists, and whoever made it promised AVX2; the references
-        // cover 32 bytes each, and a mask of eight lanes is below 256.
-        unsafe {
+        avx2!(self.token(), {
             let order = lanes_of(order);
             let kept =
                 _mm256_permutevar8x32_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(self.0, limit.0), order);
             let mask = _mm256_movemask_ps(kept) as usize;
-            let front = _mm_loadl_epi64(FRONT.get_unchecked(mask).as_ptr().cast());
+            let front = _mm_cvtsi64_si128(i64::from_le_bytes(FRONT[mask & 0xff]));
             let order = _mm256_permutevar8x32_epi32(order, _mm256_cvtepu8_epi32(front));
-            let payload = _mm256_loadu_si256(payload.as_ptr().cast());
-            _mm256_storeu_ps(values_out.as_mut_ptr(), _mm256_permutevar8x32_ps(self.0, order));
-            _mm256_storeu_si256(
-                payload_out.as_mut_ptr().cast(),
-                _mm256_permutevar8x32_epi32(payload, order),
-            );
+            let payload = load_u32x8(payload);
+            store_f32x8(_mm256_permutevar8x32_ps(self.0, order), values_out);
+            store_u32x8(_mm256_permutevar8x32_epi32(payload, order), payload_out);
             mask.count_ones() as usize
-        }
+        })
     }
 }
 
 /// The same numbers, but the compiler does not know how they came about: what is loaded, blended
 /// and stored would become a masked store, which the processors of several generations (Zen 2 to
 /// Zen 4) take twenty cycles for.
-///
-/// # Safety
-/// The machine must have AVX.
 #[inline]
 #[target_feature(enable = "avx")]
-unsafe fn unknown(mut numbers: __m256) -> __m256 {
+fn unknown(mut numbers: __m256) -> __m256 {
     // SAFETY: no instructions.
     unsafe {
         std::arch::asm!(
@@ -240,18 +217,13 @@ unsafe fn unknown(mut numbers: __m256) -> __m256 {
 
 /// Eight numbers of 3 bits, as the indices of a permutation (which reads only the lowest three bits
 /// of each lane).
-///
-/// # Safety
-/// The machine must have AVX2.
-#[inline(always)]
-unsafe fn lanes_of(order: u32) -> __m256i {
-    // SAFETY: as promised by the caller.
-    unsafe {
-        _mm256_srlv_epi32(
-            _mm256_set1_epi32(order as i32),
-            _mm256_setr_epi32(0, 3, 6, 9, 12, 15, 18, 21),
-        )
-    }
+#[inline]
+#[target_feature(enable = "avx2")]
+fn lanes_of(order: u32) -> __m256i {
+    _mm256_srlv_epi32(
+        _mm256_set1_epi32(order as i32),
+        _mm256_setr_epi32(0, 3, 6, 9, 12, 15, 18, 21),
+    )
 }
 
 /// For each mask of eight lanes the numbers of the lanes that are set, in order.
@@ -274,16 +246,11 @@ static FRONT: [[u8; 8]; 256] = {
 
 /// Which lanes are kept, in [`PAIRED`] places. (A permutation reads only the lowest three bits of
 /// each.)
-///
-/// # Safety
-/// The machine must have AVX2.
-#[inline(always)]
-unsafe fn front(mask: u32, order: u32) -> __m256i {
-    // SAFETY: as promised by the caller; the number is below 256.
-    unsafe {
-        let shifts = _mm256_load_si256((&raw const FRONT_SHIFTS.0[mask as usize & 0xff]).cast());
-        _mm256_srlv_epi32(_mm256_set1_epi32(order as i32), shifts)
-    }
+#[inline]
+#[target_feature(enable = "avx2")]
+fn front(mask: u32, order: u32) -> __m256i {
+    let shifts = load_u32x8(&FRONT_SHIFTS.0[mask as usize & 0xff]);
+    _mm256_srlv_epi32(_mm256_set1_epi32(order as i32), shifts)
 }
 
 /// The place of what comes into each lane if the first four are to be in the lower halves of the
@@ -307,12 +274,15 @@ struct Aligned<T>(T);
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Lanes8, Level, Portable8};
+    use super::super::{Avx2, Lanes8, Portable, Portable8};
     use super::Avx8;
 
-    fn run<L: Lanes8>(a: &[f32; 8], b: &[f32; 8]) -> (Vec<[u32; 8]>, [u32; 4], Vec<(u32, u32)>) {
-        // SAFETY: the test has checked the level.
-        let (x, y) = unsafe { (L::load(a), L::load(b)) };
+    fn run<L: Lanes8>(
+        token: L::Token,
+        a: &[f32; 8],
+        b: &[f32; 8],
+    ) -> (Vec<[u32; 8]>, [u32; 4], Vec<(u32, u32)>) {
+        let (x, y) = (L::load(token, a), L::load(token, b));
         let values = [x.add(y), x.sub(y), x.mul(y), x.min(y), x.max(y), x.abs()];
         let bits = values.map(|v| {
             let mut out = [0.0; 8];
@@ -331,8 +301,7 @@ mod tests {
         let in_two_steps: Vec<_> =
             pairs.iter().take(kept).map(|&[payload, value]| (value, payload)).collect();
         assert_eq!(in_two_steps, compressed);
-        // SAFETY: the test has checked the level.
-        unsafe { L::compress_payload(mask, order, &items, &mut alone) };
+        L::compress_payload(token, mask, order, &items, &mut alone);
         assert_eq!(alone[..kept], payload[..kept]);
         x.store_after(&items, &mut pairs);
         assert_eq!(pairs, std::array::from_fn(|lane| [items[lane], a[lane].to_bits()]));
@@ -341,13 +310,12 @@ mod tests {
 
     #[test]
     fn fused_operations_round_once() {
-        if !Level::Avx2.is_supported() {
+        let Some(token) = Avx2::new() else {
             eprintln!("skipped: no AVX2");
             return;
-        }
+        };
         let a = [1.0 + f32::EPSILON; 8];
-        // SAFETY: the level was checked.
-        let x = unsafe { Avx8::load(&a) };
+        let x = Avx8::load(token, &a);
         let (mut sum, mut difference) = ([0.0; 8], [0.0; 8]);
         x.mul_add(x, x).store(&mut sum);
         x.mul_sub(x, x.mul(x)).store(&mut difference);
@@ -357,10 +325,10 @@ mod tests {
 
     #[test]
     fn avx_lanes_give_the_bits_of_the_portable_ones() {
-        if !Level::Avx2.is_supported() {
+        let Some(token) = Avx2::new() else {
             eprintln!("skipped: no AVX2");
             return;
-        }
+        };
         let special = [
             0.0,
             -0.0,
@@ -376,7 +344,11 @@ mod tests {
         for i in 0..special.len() * special.len() {
             let a = std::array::from_fn(|k| special[(i + k) % special.len()]);
             let b = std::array::from_fn(|k| special[(i / special.len() + 3 * k) % special.len()]);
-            assert_eq!(run::<Avx8>(&a, &b), run::<Portable8>(&a, &b), "{a:?} {b:?}");
+            assert_eq!(
+                run::<Avx8>(token, &a, &b),
+                run::<Portable8>(Portable, &a, &b),
+                "{a:?} {b:?}"
+            );
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Four `f64` at a time, and the way to them from eight `f32`: what exact decisions about several
 //! rays at once need.
 
-use super::{Lanes8, Portable8};
+use super::{Lanes8, Portable, Portable8, Token};
 
 /// Numbers in double precision that are worked on together, as many as a register holds. Every
 /// implementation gives the same bits: nothing is fused, and `min` and `max` return the second
@@ -10,11 +10,14 @@ pub trait DoubleLanes: Copy {
     /// How many they are.
     const LANES: usize;
 
+    /// The proof of the instructions that is needed to make values.
+    type Token: Token;
+
+    /// The proof that was needed to make this value.
+    fn token(self) -> Self::Token;
+
     /// The same number in all lanes.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of the implementation.
-    unsafe fn splat(value: f64) -> Self;
+    fn splat(token: Self::Token, value: f64) -> Self;
 
     /// `self + other`.
     fn add(self, other: Self) -> Self;
@@ -48,16 +51,10 @@ pub trait DoubleLanes: Copy {
 /// [`DoubleLanes::LANES`] below 8.
 pub trait DoublesOf<S>: DoubleLanes {
     /// The numbers, exactly.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of the implementation.
-    unsafe fn of(singles: S, first: usize) -> Self;
+    fn of(token: Self::Token, singles: S, first: usize) -> Self;
 
     /// The values that `lanes` (below 16) tell.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of the implementation.
-    unsafe fn pick(values: &[f64; 16], lanes: &[u32; 8], first: usize) -> Self;
+    fn gather(token: Self::Token, values: &[f64; 16], lanes: &[u32; 8], first: usize) -> Self;
 
     /// Writes them where they belong, rounded to nearest.
     fn store_rounded_from(self, to: &mut [f32; 8], first: usize);
@@ -66,16 +63,10 @@ pub trait DoublesOf<S>: DoubleLanes {
 /// Four numbers that are worked on together, and may be fused ([`Lanes4::fused`]) and rearranged.
 pub trait Lanes4: DoubleLanes {
     /// Four numbers from memory.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of the implementation.
-    unsafe fn load(values: &[f64; 4]) -> Self;
+    fn load(token: Self::Token, values: &[f64; 4]) -> Self;
 
     /// The columns of the matrix whose rows are given.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of the implementation.
-    unsafe fn load_columns(rows: [&[f64; 4]; 4]) -> [Self; 4];
+    fn load_columns(token: Self::Token, rows: [&[f64; 4]; 4]) -> [Self; 4];
 
     /// Writes the four numbers.
     fn store(self, to: &mut [f64; 4]);
@@ -102,15 +93,14 @@ pub trait Lanes4: DoubleLanes {
 /// Four of eight lanes, as [`WideLanes`] have them.
 impl<S: WideLanes<Doubles = D>, D: Lanes4> DoublesOf<S> for D {
     #[inline(always)]
-    unsafe fn of(singles: S, first: usize) -> Self {
+    fn of(_: Self::Token, singles: S, first: usize) -> Self {
         if first == 0 { singles.first_doubles() } else { singles.last_doubles() }
     }
 
     #[inline(always)]
-    unsafe fn pick(values: &[f64; 16], lanes: &[u32; 8], first: usize) -> Self {
+    fn gather(token: Self::Token, values: &[f64; 16], lanes: &[u32; 8], first: usize) -> Self {
         let lane = |i: usize| values[lanes[first + i] as usize & 15];
-        // SAFETY: passed on to the caller.
-        unsafe { Self::load(&[lane(0), lane(1), lane(2), lane(3)]) }
+        Self::load(token, &[lane(0), lane(1), lane(2), lane(3)])
     }
 
     #[inline(always)]
@@ -123,7 +113,7 @@ impl<S: WideLanes<Doubles = D>, D: Lanes4> DoublesOf<S> for D {
 /// Eight lanes that can be rearranged and continued in double precision.
 pub trait WideLanes: Lanes8 {
     /// Four of them in double precision.
-    type Doubles: Lanes4 + DoublesOf<Self>;
+    type Doubles: Lanes4<Token = Self::Token> + DoublesOf<Self>;
 
     /// The numbers with a tag instead of their lowest five bits. (What is infinite becomes NaN,
     /// zero a number that is not normal.)
@@ -133,25 +123,19 @@ pub trait WideLanes: Lanes8 {
     fn look_up(self, table: &[u32; 32], to: &mut [u32; 8]);
 
     /// Where a value is: a bit for each place, the first lowest.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of the implementation.
-    unsafe fn places_of(value: u32, values: &[u32; 8]) -> u32;
+    fn places_of(token: Self::Token, value: u32, values: &[u32; 8]) -> u32;
 
     /// The columns of the matrix whose rows are given.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of the implementation.
-    unsafe fn load_columns(rows: [&[f32; 8]; 8]) -> [Self; 8];
+    fn load_columns(token: Self::Token, rows: [&[f32; 8]; 8]) -> [Self; 8];
 
     /// `self / other`.
     fn div(self, other: Self) -> Self;
 
     /// The least of the eight numbers; if any is NaN, any.
-    fn least(self) -> f32;
+    fn reduce_min(self) -> f32;
 
     /// The greatest of the eight numbers; if any is NaN, any.
-    fn greatest(self) -> f32;
+    fn reduce_max(self) -> f32;
 
     /// The first four lanes, exactly.
     fn first_doubles(self) -> Self::Doubles;
@@ -183,9 +167,15 @@ impl Portable4 {
 
 impl DoubleLanes for Portable4 {
     const LANES: usize = 4;
+    type Token = Portable;
 
     #[inline(always)]
-    unsafe fn splat(value: f64) -> Self {
+    fn token(self) -> Portable {
+        Portable
+    }
+
+    #[inline(always)]
+    fn splat(_: Portable, value: f64) -> Self {
         Self([value; 4])
     }
 
@@ -237,12 +227,12 @@ impl DoubleLanes for Portable4 {
 
 impl Lanes4 for Portable4 {
     #[inline(always)]
-    unsafe fn load(values: &[f64; 4]) -> Self {
+    fn load(_: Portable, values: &[f64; 4]) -> Self {
         Self(*values)
     }
 
     #[inline(always)]
-    unsafe fn load_columns(rows: [&[f64; 4]; 4]) -> [Self; 4] {
+    fn load_columns(_: Portable, rows: [&[f64; 4]; 4]) -> [Self; 4] {
         std::array::from_fn(|column| Self(rows.map(|row| row[column])))
     }
 
@@ -300,14 +290,13 @@ impl WideLanes for Portable8 {
     }
 
     #[inline(always)]
-    unsafe fn places_of(value: u32, values: &[u32; 8]) -> u32 {
+    fn places_of(_: Portable, value: u32, values: &[u32; 8]) -> u32 {
         (0..8).fold(0, |places, lane| places | u32::from(values[lane] == value) << lane)
     }
 
     #[inline(always)]
-    unsafe fn load_columns(rows: [&[f32; 8]; 8]) -> [Self; 8] {
-        // SAFETY: portable code.
-        std::array::from_fn(|column| unsafe { Self::load(&rows.map(|row| row[column])) })
+    fn load_columns(token: Portable, rows: [&[f32; 8]; 8]) -> [Self; 8] {
+        std::array::from_fn(|column| Self::load(token, &rows.map(|row| row[column])))
     }
 
     #[inline(always)]
@@ -315,19 +304,18 @@ impl WideLanes for Portable8 {
         let (mut a, mut b) = ([0.0; 8], [0.0; 8]);
         self.store(&mut a);
         other.store(&mut b);
-        // SAFETY: portable code.
-        unsafe { Self::load(&std::array::from_fn(|i| a[i] / b[i])) }
+        Self::load(Portable, &std::array::from_fn(|i| a[i] / b[i]))
     }
 
     #[inline(always)]
-    fn least(self) -> f32 {
+    fn reduce_min(self) -> f32 {
         let mut values = [0.0; 8];
         self.store(&mut values);
         values.into_iter().fold(values[0], |a, b| if a < b { a } else { b })
     }
 
     #[inline(always)]
-    fn greatest(self) -> f32 {
+    fn reduce_max(self) -> f32 {
         let mut values = [0.0; 8];
         self.store(&mut values);
         values.into_iter().fold(values[0], |a, b| if a > b { a } else { b })
@@ -349,12 +337,10 @@ impl WideLanes for Portable8 {
 
     #[inline(always)]
     fn from_doubles(first: Portable4, last: Portable4) -> Self {
-        // SAFETY: portable code.
-        unsafe {
-            Self::load(&std::array::from_fn(
-                |i| if i < 4 { first.0[i] } else { last.0[i - 4] } as f32,
-            ))
-        }
+        Self::load(
+            Portable,
+            &std::array::from_fn(|i| if i < 4 { first.0[i] } else { last.0[i - 4] } as f32),
+        )
     }
 }
 
@@ -365,11 +351,11 @@ mod tests {
     #[cfg(target_arch = "x86_64")]
     #[test]
     fn avx_doubles_give_the_bits_of_the_portable_ones() {
-        use super::super::{Avx8, Level};
-        if !Level::Avx2.is_supported() {
+        use super::super::{Avx2, Avx8};
+        let Some(token) = Avx2::new() else {
             eprintln!("skipped: no AVX2");
             return;
-        }
+        };
         let special = [
             0.0,
             -0.0,
@@ -389,29 +375,32 @@ mod tests {
                 std::array::from_fn(|r| std::array::from_fn(|k| special[(i + r + k) % n]));
             let b: [[f64; 4]; 4] =
                 std::array::from_fn(|r| std::array::from_fn(|k| special[(i / n + 3 * r + k) % n]));
-            assert_eq!(run::<Avx8>(&a, &b), run::<Portable8>(&a, &b), "{a:?} {b:?}");
+            assert_eq!(
+                run::<Avx8>(token, &a, &b),
+                run::<Portable8>(Portable, &a, &b),
+                "{a:?} {b:?}"
+            );
         }
     }
 
     #[cfg(target_arch = "x86_64")]
     #[test]
     fn avx_columns_quotients_and_extremes_are_the_portable_ones() {
-        use super::super::{Avx8, Level};
-        if !Level::Avx2.is_supported() {
+        use super::super::{Avx2, Avx8};
+        let Some(token) = Avx2::new() else {
             eprintln!("skipped: no AVX2");
             return;
-        }
+        };
         let rows: [[f32; 8]; 8] = std::array::from_fn(|r| {
             std::array::from_fn(|k| ((r * 8 + k) * 37 % 64) as f32 - 20.5 + r as f32)
         });
-        assert_eq!(columns::<Avx8>(&rows), columns::<Portable8>(&rows));
-        assert_eq!(columns::<Avx8>(&rows)[3], rows.map(|row| row[3]));
+        assert_eq!(columns::<Avx8>(token, &rows), columns::<Portable8>(Portable, &rows));
+        assert_eq!(columns::<Avx8>(token, &rows)[3], rows.map(|row| row[3]));
     }
 
     #[cfg(target_arch = "x86_64")]
-    fn columns<L: WideLanes>(rows: &[[f32; 8]; 8]) -> Vec<[f32; 8]> {
-        // SAFETY: the test has checked the level.
-        let columns = unsafe { L::load_columns(rows.each_ref()) };
+    fn columns<L: WideLanes>(token: L::Token, rows: &[[f32; 8]; 8]) -> Vec<[f32; 8]> {
+        let columns = L::load_columns(token, rows.each_ref());
         let stored = |lanes: L| {
             let mut out = [0.0; 8];
             lanes.store(&mut out);
@@ -419,22 +408,21 @@ mod tests {
         };
         let mut all = columns.map(stored).to_vec();
         all.push(stored(columns[1].div(columns[2])));
-        all.push(columns.map(L::least));
-        all.push(columns.map(L::greatest));
+        all.push(columns.map(L::reduce_min));
+        all.push(columns.map(L::reduce_max));
         all
     }
 
     fn run<L: WideLanes>(
+        token: L::Token,
         a: &[[f64; 4]; 4],
         b: &[[f64; 4]; 4],
     ) -> (Vec<([u32; 4], [u64; 4])>, [u32; 2]) {
-        // SAFETY: the test has checked the level.
-        let (x, y, one, permuted) = unsafe {
-            let [x, ..] = L::Doubles::load_columns(a.each_ref());
-            let [.., y] = L::Doubles::load_columns(b.each_ref());
-            let values: [f32; 8] = std::array::from_fn(|i| a[i / 4][i % 4] as f32);
-            (x, y, L::Doubles::splat(1.0), L::load_permuted(&values, &[5, 0, 7, 2, 6, 1, 4, 4]))
-        };
+        let [x, ..] = L::Doubles::load_columns(token, a.each_ref());
+        let [.., y] = L::Doubles::load_columns(token, b.each_ref());
+        let one = L::Doubles::splat(token, 1.0);
+        let singles: [f32; 8] = std::array::from_fn(|i| a[i / 4][i % 4] as f32);
+        let permuted = L::load_permuted(token, &singles, &[5, 0, 7, 2, 6, 1, 4, 4]);
         let values = [
             x,
             x.add(y),

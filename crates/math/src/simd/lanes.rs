@@ -1,5 +1,7 @@
 //! Eight `f32` at a time: the few operations that kernels need, once for each instruction set.
 
+use super::Token;
+
 /// Eight numbers that are worked on together. Every implementation gives the same bits, except for
 /// the operations that say so: nothing else is fused, and `min` and `max` return the second operand
 /// if one is NaN.
@@ -8,23 +10,20 @@ pub trait Lanes8: Copy {
     /// too.
     const FUSED: bool;
 
+    /// The proof of the instructions that is needed to make values.
+    type Token: Token;
+
+    /// The proof that was needed to make this value.
+    fn token(self) -> Self::Token;
+
     /// The same number in all lanes.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of the implementation.
-    unsafe fn splat(value: f32) -> Self;
+    fn splat(token: Self::Token, value: f32) -> Self;
 
     /// Eight numbers from memory.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of the implementation.
-    unsafe fn load(values: &[f32; 8]) -> Self;
+    fn load(token: Self::Token, values: &[f32; 8]) -> Self;
 
     /// Lane `i` of the result is lane `lanes[i]` (below 8) of `values`.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of the implementation.
-    unsafe fn load_permuted(values: &[f32; 8], lanes: &[u32; 8]) -> Self;
+    fn load_permuted(token: Self::Token, values: &[f32; 8], lanes: &[u32; 8]) -> Self;
 
     /// Writes the eight numbers.
     fn store(self, to: &mut [f32; 8]);
@@ -82,10 +81,13 @@ pub trait Lanes8: Copy {
     fn compress(self, mask: u32, order: u32, payload: &[u32; 8], to: &mut [[u32; 2]; 8]);
 
     /// As [`Self::compress`], of the payload alone.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of the implementation.
-    unsafe fn compress_payload(mask: u32, order: u32, payload: &[u32; 8], to: &mut [u32; 8]);
+    fn compress_payload(
+        token: Self::Token,
+        mask: u32,
+        order: u32,
+        payload: &[u32; 8],
+        to: &mut [u32; 8],
+    );
 
     /// Writes the payload of each lane with the bits of its number.
     fn store_after(self, payload: &[u32; 8], to: &mut [[u32; 2]; 8]);

@@ -11,9 +11,12 @@ mod avx512_doubles;
 mod doubles;
 mod lanes;
 mod level;
+#[cfg(target_arch = "x86_64")]
+mod memory;
 mod portable;
 mod sixteen;
 mod sixteen_doubles;
+mod token;
 mod wide;
 
 #[cfg(target_arch = "x86_64")]
@@ -30,4 +33,7 @@ pub use level::Level;
 pub use portable::Portable8;
 pub use sixteen::{Lanes16, Pair};
 pub use sixteen_doubles::{Doubles16, PairDoubles};
-pub use wide::{Bits, Wide, choose, least, marked, marked_vector, most};
+#[cfg(target_arch = "x86_64")]
+pub use token::{Avx2, Avx512};
+pub use token::{Portable, Token};
+pub use wide::{Bits, Wide, mask_select, mask_select_vector, max, min, select};

@@ -3,7 +3,7 @@
 //! What is long is inlined only without the checks of development: kernels of so many instructions
 //! take minutes to compile.
 
-use super::Lanes8;
+use super::{Lanes8, Portable};
 
 /// Eight lanes as an array.
 #[derive(Clone, Copy, Debug)]
@@ -30,21 +30,26 @@ impl Portable8 {
 
 impl Lanes8 for Portable8 {
     const FUSED: bool = false;
+    type Token = Portable;
 
     #[inline(always)]
-    unsafe fn splat(value: f32) -> Self {
+    fn token(self) -> Portable {
+        Portable
+    }
+
+    #[inline(always)]
+    fn splat(_: Portable, value: f32) -> Self {
         Self([value; 8])
     }
 
     #[inline(always)]
-    unsafe fn load(values: &[f32; 8]) -> Self {
+    fn load(_: Portable, values: &[f32; 8]) -> Self {
         Self(*values)
     }
 
     #[inline(always)]
-    unsafe fn load_permuted(values: &[f32; 8], lanes: &[u32; 8]) -> Self {
-        // SAFETY: portable code.
-        unsafe { Self::load(&lanes.map(|lane| values[lane as usize & 7])) }
+    fn load_permuted(token: Portable, values: &[f32; 8], lanes: &[u32; 8]) -> Self {
+        Self::load(token, &lanes.map(|lane| values[lane as usize & 7]))
     }
 
     #[inline(always)]
@@ -148,7 +153,7 @@ impl Lanes8 for Portable8 {
 
     #[cfg_attr(debug_assertions, inline(never))]
     #[cfg_attr(not(debug_assertions), inline(always))]
-    unsafe fn compress_payload(mask: u32, order: u32, payload: &[u32; 8], to: &mut [u32; 8]) {
+    fn compress_payload(_: Portable, mask: u32, order: u32, payload: &[u32; 8], to: &mut [u32; 8]) {
         let mut count = 0;
         for i in 0..8 {
             to[count & 7] = payload[((order >> (3 * i)) & 7) as usize];

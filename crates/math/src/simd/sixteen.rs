@@ -1,6 +1,6 @@
 //! Sixteen `f32` at a time: in one register where there are such, in two of eight lanes else.
 
-use super::{Doubles16, DoublesOf, PairDoubles, WideLanes};
+use super::{Doubles16, DoublesOf, Lanes8, PairDoubles, Token, WideLanes};
 
 /// Sixteen numbers that are worked on together; masks have a bit for each, the first lowest. Every
 /// implementation gives the same bits, with the exception that [`super::Lanes8`] has.
@@ -8,44 +8,38 @@ pub trait Lanes16: Copy {
     /// How many registers they are in.
     const REGISTERS: u32;
 
+    /// The proof of the instructions that is needed to make values.
+    type Token: Token;
+
     /// Eight of them.
     type Half: WideLanes;
 
     /// As many in double precision.
-    type Doubles: Doubles16<Singles = Self>;
+    type Doubles: Doubles16<Singles = Self, Token = Self::Token>;
 
     /// Some of a half in double precision, as many as a register holds.
-    type HalfDoubles: DoublesOf<Self::Half>;
+    type HalfDoubles: DoublesOf<Self::Half, Token = Self::Token>;
+
+    /// The proof that was needed to make this value.
+    fn token(self) -> Self::Token;
+
+    /// The proof that is needed to make halves.
+    fn half_token(token: Self::Token) -> <Self::Half as Lanes8>::Token;
 
     /// The same number in all lanes.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of the implementation.
-    unsafe fn splat(value: f32) -> Self;
+    fn splat(token: Self::Token, value: f32) -> Self;
 
     /// Sixteen numbers from memory.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of the implementation.
-    unsafe fn load(values: &[f32; 16]) -> Self;
+    fn load(token: Self::Token, values: &[f32; 16]) -> Self;
 
     /// Two times eight numbers from memory.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of the implementation.
-    unsafe fn load_halves(low: &[f32; 8], high: &[f32; 8]) -> Self;
+    fn load_halves(token: Self::Token, low: &[f32; 8], high: &[f32; 8]) -> Self;
 
     /// Eight of sixteen numbers in memory: those that `lanes` (below 16) tell.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of the implementation.
-    unsafe fn pick(values: &[f32; 16], lanes: &[u32; 8]) -> Self::Half;
+    fn gather(token: Self::Token, values: &[f32; 16], lanes: &[u32; 8]) -> Self::Half;
 
     /// Of two halves.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of the implementation.
-    unsafe fn from_halves(low: Self::Half, high: Self::Half) -> Self;
+    fn from_halves(token: Self::Token, low: Self::Half, high: Self::Half) -> Self;
 
     /// Both halves, the first lanes first.
     fn halves(self) -> [Self::Half; 2];
@@ -105,22 +99,16 @@ pub trait Lanes16: Copy {
     fn with_tag(self, tag: u32) -> Self;
 
     /// Writes `value` where the mask has a bit.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of the implementation.
-    unsafe fn write_where(mask: u32, value: u32, to: &mut [u32; 16]);
+    fn write_where(token: Self::Token, mask: u32, value: u32, to: &mut [u32; 16]);
 
     /// Where a value is.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of the implementation.
-    unsafe fn places_of(value: u32, values: &[u32; 16]) -> u32;
+    fn places_of(token: Self::Token, value: u32, values: &[u32; 16]) -> u32;
 
     /// The least of the sixteen numbers; if any is NaN, any.
-    fn least(self) -> f32;
+    fn reduce_min(self) -> f32;
 
     /// The greatest of the sixteen numbers; if any is NaN, any.
-    fn greatest(self) -> f32;
+    fn reduce_max(self) -> f32;
 }
 
 /// Sixteen lanes in two registers of eight.
@@ -132,37 +120,42 @@ impl<L: WideLanes> Lanes16 for Pair<L> {
     type Half = L;
     type Doubles = PairDoubles<L>;
     type HalfDoubles = L::Doubles;
+    type Token = L::Token;
 
     #[inline(always)]
-    unsafe fn splat(value: f32) -> Self {
-        // SAFETY: passed on to the caller.
-        unsafe { Self([L::splat(value); 2]) }
+    fn token(self) -> L::Token {
+        self.0[0].token()
     }
 
     #[inline(always)]
-    unsafe fn load(values: &[f32; 16]) -> Self {
+    fn half_token(token: L::Token) -> L::Token {
+        token
+    }
+
+    #[inline(always)]
+    fn splat(token: L::Token, value: f32) -> Self {
+        Self([L::splat(token, value); 2])
+    }
+
+    #[inline(always)]
+    fn load(token: L::Token, values: &[f32; 16]) -> Self {
         let (halves, _) = values.as_chunks::<8>();
-        // SAFETY: passed on to the caller.
-        unsafe { Self::load_halves(&halves[0], &halves[1]) }
+        Self::load_halves(token, &halves[0], &halves[1])
     }
 
     #[inline(always)]
-    unsafe fn load_halves(low: &[f32; 8], high: &[f32; 8]) -> Self {
-        // SAFETY: passed on to the caller.
-        unsafe { Self([L::load(low), L::load(high)]) }
+    fn load_halves(token: L::Token, low: &[f32; 8], high: &[f32; 8]) -> Self {
+        Self([L::load(token, low), L::load(token, high)])
     }
 
     #[inline(always)]
-    unsafe fn pick(values: &[f32; 16], lanes: &[u32; 8]) -> L {
+    fn gather(token: L::Token, values: &[f32; 16], lanes: &[u32; 8]) -> L {
         let lane = |i: usize| values[lanes[i] as usize & 15];
-        // SAFETY: passed on to the caller.
-        unsafe {
-            L::load(&[lane(0), lane(1), lane(2), lane(3), lane(4), lane(5), lane(6), lane(7)])
-        }
+        L::load(token, &[lane(0), lane(1), lane(2), lane(3), lane(4), lane(5), lane(6), lane(7)])
     }
 
     #[inline(always)]
-    unsafe fn from_halves(low: L, high: L) -> Self {
+    fn from_halves(_: L::Token, low: L, high: L) -> Self {
         Self([low, high])
     }
 
@@ -273,41 +266,39 @@ impl<L: WideLanes> Lanes16 for Pair<L> {
     }
 
     #[inline(always)]
-    unsafe fn write_where(mask: u32, value: u32, to: &mut [u32; 16]) {
+    fn write_where(token: L::Token, mask: u32, value: u32, to: &mut [u32; 16]) {
         let to: *mut [u32; 16] = to;
-        // SAFETY: numbers of both kinds are as large and may hold any bits; the rest is passed on
-        // to the caller.
-        unsafe {
-            Self::splat(f32::from_bits(value)).store_where(mask, &mut *to.cast::<[f32; 16]>())
-        };
+        // SAFETY: numbers of both kinds are as large and as aligned, and may hold any bits.
+        let to = unsafe { &mut *to.cast::<[f32; 16]>() };
+        Self::splat(token, f32::from_bits(value)).store_where(mask, to);
     }
 
     #[inline(always)]
-    unsafe fn places_of(value: u32, values: &[u32; 16]) -> u32 {
+    fn places_of(token: L::Token, value: u32, values: &[u32; 16]) -> u32 {
         let (halves, _) = values.as_chunks::<8>();
-        // SAFETY: passed on to the caller.
-        unsafe { L::places_of(value, &halves[0]) | L::places_of(value, &halves[1]) << 8 }
+        L::places_of(token, value, &halves[0]) | L::places_of(token, value, &halves[1]) << 8
     }
 
     #[inline(always)]
-    fn least(self) -> f32 {
-        self.0[0].min(self.0[1]).least()
+    fn reduce_min(self) -> f32 {
+        self.0[0].min(self.0[1]).reduce_min()
     }
 
     #[inline(always)]
-    fn greatest(self) -> f32 {
-        self.0[0].max(self.0[1]).greatest()
+    fn reduce_max(self) -> f32 {
+        self.0[0].max(self.0[1]).reduce_max()
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::Portable8;
-    use super::super::{DoubleLanes, Lanes8};
+    use super::super::DoubleLanes;
+    use super::super::{Portable, Portable8};
     use super::*;
 
     /// Everything that [`Lanes16`] does with two vectors.
     fn run<W: Lanes16>(
+        token: W::Token,
         a: &[f32; 16],
         b: &[f32; 16],
         mask: u32,
@@ -318,13 +309,10 @@ mod tests {
             out.map(bits)
         };
         let (halves, _) = a.as_chunks::<8>();
-        // SAFETY: the test has checked the level.
-        let (x, y, swapped, five) = unsafe {
-            (W::load(a), W::load(b), W::load_halves(&halves[1], &halves[0]), W::splat(5.0))
-        };
+        let (x, y, five) = (W::load(token, a), W::load(token, b), W::splat(token, 5.0));
+        let swapped = W::load_halves(token, &halves[1], &halves[0]);
         let [low, high] = x.halves();
-        // SAFETY: as above.
-        let mut values = vec![x, y, swapped, five, unsafe { W::from_halves(high, low) }];
+        let mut values = vec![x, y, swapped, five, W::from_halves(token, high, low)];
         values.extend([
             x.add(y),
             x.sub(y),
@@ -340,11 +328,9 @@ mod tests {
         // Exact, so that it does not matter whether they are fused.
         values.extend([five.mul_add(five, x), five.mul_sub(five, x)]);
         let mut written = [7; 16];
-        // SAFETY: as above.
-        unsafe { W::write_where(mask, 9, &mut written) };
+        W::write_where(token, mask, 9, &mut written);
         assert_eq!(written, std::array::from_fn(|lane| if mask >> lane & 1 == 1 { 9 } else { 7 }));
-        // SAFETY: as above.
-        assert_eq!(unsafe { W::places_of(9, &written) }, mask);
+        assert_eq!(W::places_of(token, 9, &written), mask);
         let (table, mut found) = (std::array::from_fn(|i| 1000 + i as u32), [0; 8]);
         for tag in 0..32 {
             low.with_tag(tag).look_up(&table, &mut found);
@@ -355,26 +341,24 @@ mod tests {
         let lanes = std::array::from_fn(|i| mask.rotate_right(i as u32) & 15);
         let (mut picked, mut widened) = ([0.0; 8], [0.0; 8]);
         let wide = a.map(|x| f64::from(x) * 1.1);
-        // SAFETY: as above.
-        unsafe {
-            W::pick(a, &lanes).store(&mut picked);
-            let mut first = 0;
-            while first < 8 {
-                let (low, high) = (W::HalfDoubles::of(low, first), W::HalfDoubles::of(high, first));
-                let more =
-                    W::HalfDoubles::pick(&wide, &lanes, first).mul(W::HalfDoubles::splat(3.0));
-                low.add(high)
-                    .sub(more)
-                    .min(low.div(high))
-                    .max(high.abs())
-                    .store_rounded_from(&mut widened, first);
-                let bit = |compared: u32, lane: usize| compared >> lane & 1 == 1;
-                for lane in 0..W::HalfDoubles::LANES {
-                    let (x, y) = (a[first + lane], a[8 + first + lane]);
-                    assert_eq!((bit(low.le(high), lane), bit(low.lt(high), lane)), (x <= y, x < y));
-                }
-                first += W::HalfDoubles::LANES;
+        W::gather(token, a, &lanes).store(&mut picked);
+        let mut first = 0;
+        while first < 8 {
+            let (low, high) =
+                (W::HalfDoubles::of(token, low, first), W::HalfDoubles::of(token, high, first));
+            let more = W::HalfDoubles::gather(token, &wide, &lanes, first)
+                .mul(W::HalfDoubles::splat(token, 3.0));
+            low.add(high)
+                .sub(more)
+                .min(low.div(high))
+                .max(high.abs())
+                .store_rounded_from(&mut widened, first);
+            let bit = |compared: u32, lane: usize| compared >> lane & 1 == 1;
+            for lane in 0..W::HalfDoubles::LANES {
+                let (x, y) = (a[first + lane], a[8 + first + lane]);
+                assert_eq!((bit(low.le(high), lane), bit(low.lt(high), lane)), (x <= y, x < y));
             }
+            first += W::HalfDoubles::LANES;
         }
         assert_eq!(picked.map(bits), lanes.map(|lane| bits(a[lane as usize])));
         let less = |x: f64, y: f64| if x < y { x } else { y };
@@ -395,7 +379,7 @@ mod tests {
         let extremes = if a.iter().any(|x| x.is_nan()) {
             [0; 2]
         } else {
-            [bits(x.least() + 0.0), bits(x.greatest() + 0.0)]
+            [bits(x.reduce_min() + 0.0), bits(x.reduce_max() + 0.0)]
         };
         (values.into_iter().map(stored).collect(), [x.le(y), x.lt(y), x.signs()], extremes)
     }
@@ -421,15 +405,15 @@ mod tests {
             let a: [f32; 16] = std::array::from_fn(|k| special[(i + k) % (n - i % 3 * 4)]);
             let b: [f32; 16] = std::array::from_fn(|k| special[(i / n + 3 * k) % n]);
             let mask = (i * 1237) as u32 & 0xffff;
-            let expected = run::<Pair<Portable8>>(&a, &b, mask);
+            let expected = run::<Pair<Portable8>>(Portable, &a, &b, mask);
             #[cfg(target_arch = "x86_64")]
             {
-                use super::super::{Avx8, Avx16, Level};
-                if Level::Avx2.is_supported() {
-                    assert_eq!(run::<Pair<Avx8>>(&a, &b, mask), expected, "{a:?} {b:?}");
+                use super::super::{Avx2, Avx8, Avx16, Avx512};
+                if let Some(token) = Avx2::new() {
+                    assert_eq!(run::<Pair<Avx8>>(token, &a, &b, mask), expected, "{a:?} {b:?}");
                 }
-                if Level::Avx512.is_supported() {
-                    assert_eq!(run::<Avx16>(&a, &b, mask), expected, "{a:?} {b:?}");
+                if let Some(token) = Avx512::new() {
+                    assert_eq!(run::<Avx16>(token, &a, &b, mask), expected, "{a:?} {b:?}");
                 }
             }
             assert_eq!(expected.0[5], std::array::from_fn(|k| bits(a[k] + b[k])));

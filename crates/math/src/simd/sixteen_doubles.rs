@@ -1,24 +1,24 @@
 //! Sixteen `f64` at a time, beside [`Lanes16`].
 
-use super::{DoubleLanes, Lanes4, Lanes8, Lanes16, Pair, WideLanes};
+use super::{DoubleLanes, Lanes4, Lanes8, Lanes16, Pair, Token, WideLanes};
 
 /// Sixteen numbers of double precision; masks as in [`Lanes16`]. Every implementation gives the
 /// same bits, except for [`Self::mul_add`].
 pub trait Doubles16: Copy {
+    /// The proof of the instructions that is needed to make values.
+    type Token: Token;
+
     /// Sixteen of single precision.
-    type Singles: Lanes16;
+    type Singles: Lanes16<Token = Self::Token>;
+
+    /// The proof that was needed to make this value.
+    fn token(self) -> Self::Token;
 
     /// The same number in all lanes.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of the implementation.
-    unsafe fn splat(value: f64) -> Self;
+    fn splat(token: Self::Token, value: f64) -> Self;
 
     /// Sixteen numbers from memory.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of the implementation.
-    unsafe fn load(values: &[f64; 16]) -> Self;
+    fn load(token: Self::Token, values: &[f64; 16]) -> Self;
 
     /// Writes the sixteen numbers.
     fn store(self, to: &mut [f64; 16]);
@@ -65,26 +65,28 @@ pub trait Doubles16: Copy {
 pub struct PairDoubles<L: WideLanes>([L::Doubles; 4]);
 
 impl<L: WideLanes> Doubles16 for PairDoubles<L> {
+    type Token = L::Token;
     type Singles = Pair<L>;
 
     #[inline(always)]
-    unsafe fn splat(value: f64) -> Self {
-        // SAFETY: passed on to the caller.
-        unsafe { Self([L::Doubles::splat(value); 4]) }
+    fn token(self) -> L::Token {
+        self.0[0].token()
     }
 
     #[inline(always)]
-    unsafe fn load(values: &[f64; 16]) -> Self {
+    fn splat(token: L::Token, value: f64) -> Self {
+        Self([L::Doubles::splat(token, value); 4])
+    }
+
+    #[inline(always)]
+    fn load(token: L::Token, values: &[f64; 16]) -> Self {
         let (fours, _) = values.as_chunks::<4>();
-        // SAFETY: passed on to the caller.
-        unsafe {
-            Self([
-                L::Doubles::load(&fours[0]),
-                L::Doubles::load(&fours[1]),
-                L::Doubles::load(&fours[2]),
-                L::Doubles::load(&fours[3]),
-            ])
-        }
+        Self([
+            L::Doubles::load(token, &fours[0]),
+            L::Doubles::load(token, &fours[1]),
+            L::Doubles::load(token, &fours[2]),
+            L::Doubles::load(token, &fours[3]),
+        ])
     }
 
     #[inline(always)]
@@ -106,8 +108,7 @@ impl<L: WideLanes> Doubles16 for PairDoubles<L> {
     #[inline(always)]
     fn rounded(self) -> Pair<L> {
         let [a, b, c, d] = self.0;
-        // SAFETY: a value of this type exists, so the machine has the instructions.
-        unsafe { Pair::from_halves(L::from_doubles(a, b), L::from_doubles(c, d)) }
+        Pair::from_halves(a.token(), L::from_doubles(a, b), L::from_doubles(c, d))
     }
 
     #[inline(always)]
@@ -180,21 +181,24 @@ impl<L: WideLanes> Doubles16 for PairDoubles<L> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Portable8;
+    use super::super::{Portable, Portable8};
     use super::*;
 
     /// Everything that [`Doubles16`] does with two vectors.
-    fn run<D: Doubles16>(a: &[f32; 16], b: &[f32; 16], mask: u32) -> (Vec<[u32; 16]>, u32) {
-        // SAFETY: the test has checked the level.
-        let (x, y, three) =
-            unsafe { (D::of(D::Singles::load(a)), D::of(D::Singles::load(b)), D::splat(3.0)) };
+    fn run<D: Doubles16>(
+        token: D::Token,
+        a: &[f32; 16],
+        b: &[f32; 16],
+        mask: u32,
+    ) -> (Vec<[u32; 16]>, u32) {
+        let [x, y] = [a, b].map(|values| D::of(D::Singles::load(token, values)));
+        let three = D::splat(token, 3.0);
         let third = x.div(three);
         // What is lost by rounding, too.
         let rest = third.sub(D::of(third.rounded()));
         let mut kept = [0.0; 16];
         third.store(&mut kept);
-        // SAFETY: as above.
-        let kept = unsafe { D::load(&kept) };
+        let kept = D::load(token, &kept);
         // Exact, so that it does not matter whether it is fused.
         let values = [
             x.add(y),
@@ -239,16 +243,20 @@ mod tests {
             let a: [f32; 16] = std::array::from_fn(|k| special[(i + k) % n]);
             let b: [f32; 16] = std::array::from_fn(|k| special[(i / n + 3 * k) % n]);
             let mask = (i * 1237) as u32 & 0xffff;
-            let expected = run::<PairDoubles<Portable8>>(&a, &b, mask);
+            let expected = run::<PairDoubles<Portable8>>(Portable, &a, &b, mask);
             assert_eq!(expected.1, (0..16).fold(0, |m, k| m | u32::from(a[k] < b[k]) << k));
             #[cfg(target_arch = "x86_64")]
             {
-                use super::super::{Avx8, Avx16Doubles, Level};
-                if Level::Avx2.is_supported() {
-                    assert_eq!(run::<PairDoubles<Avx8>>(&a, &b, mask), expected, "{a:?} {b:?}");
+                use super::super::{Avx2, Avx8, Avx16Doubles, Avx512};
+                if let Some(token) = Avx2::new() {
+                    assert_eq!(
+                        run::<PairDoubles<Avx8>>(token, &a, &b, mask),
+                        expected,
+                        "{a:?} {b:?}"
+                    );
                 }
-                if Level::Avx512.is_supported() {
-                    assert_eq!(run::<Avx16Doubles>(&a, &b, mask), expected, "{a:?} {b:?}");
+                if let Some(token) = Avx512::new() {
+                    assert_eq!(run::<Avx16Doubles>(token, &a, &b, mask), expected, "{a:?} {b:?}");
                 }
             }
         }

@@ -6,28 +6,58 @@
 //! fused or reordered, so every level gives the same bits.
 
 use super::Level;
+#[cfg(target_arch = "x86_64")]
+use super::{Avx2, Avx512};
 use glam::Vec3;
 
-/// Proof that the machine has the instructions of [`Level::Avx2`], and perhaps those of
-/// [`Level::Avx512`].
+/// Proof that the machine has the instructions of a level with wide registers.
 #[derive(Clone, Copy, Debug)]
-pub struct Wide {
-    is_widest: bool,
+pub enum Wide {
+    /// Those of [`Level::Avx2`].
+    #[cfg(target_arch = "x86_64")]
+    Avx2(Avx2),
+    /// Those of [`Level::Avx512`].
+    #[cfg(target_arch = "x86_64")]
+    Avx512(Avx512),
 }
 
-impl Wide {
-    /// True if it is the proof of [`Level::Avx512`].
+#[cfg(target_arch = "x86_64")]
+impl From<Wide> for Avx2 {
     #[inline(always)]
-    pub fn is_widest(self) -> bool {
-        self.is_widest
+    fn from(wide: Wide) -> Self {
+        match wide {
+            Wide::Avx2(token) => token,
+            Wide::Avx512(token) => token.into(),
+        }
     }
 }
 
 impl Level {
-    /// The proof that [`crate::at_level`] asks for; `None` for portable code.
+    /// The proof that the machine has the instructions of the level, or of the best below that it
+    /// can run; `None` for portable code.
     pub fn wide(self) -> Option<Wide> {
-        let has = |level: Self| self >= level && level.is_supported();
-        has(Self::Avx2).then(|| Wide { is_widest: has(Self::Avx512) })
+        #[cfg(target_arch = "x86_64")]
+        if self == Self::Avx512
+            && let Some(token) = Avx512::new()
+        {
+            return Some(Wide::Avx512(token));
+        }
+        #[cfg(target_arch = "x86_64")]
+        if self != Self::Scalar {
+            return Avx2::new().map(Wide::Avx2);
+        }
+        None
+    }
+
+    /// The level that is proved.
+    pub fn of(wide: Option<Wide>) -> Self {
+        match wide {
+            #[cfg(target_arch = "x86_64")]
+            Some(Wide::Avx512(_)) => Self::Avx512,
+            #[cfg(target_arch = "x86_64")]
+            Some(Wide::Avx2(_)) => Self::Avx2,
+            _ => Self::Scalar,
+        }
     }
 }
 
@@ -60,24 +90,24 @@ macro_rules! at_level {
         match wide {
             // SAFETY: the value proves that the machine has these instructions.
             #[cfg(target_arch = "x86_64")]
-            Some(wide) if wide.is_widest() => unsafe { in_widest_registers($($value),*) },
+            Some($crate::simd::Wide::Avx512(_)) => unsafe { in_widest_registers($($value),*) },
             // SAFETY: the value proves that the machine has these instructions.
             #[cfg(target_arch = "x86_64")]
-            Some(_) => unsafe { in_wide_registers($($value),*) },
+            Some($crate::simd::Wide::Avx2(_)) => unsafe { in_wide_registers($($value),*) },
             _ => $function($($value),*),
         }
     }};
 }
 
-/// The greater of two numbers; the second if one is NaN. One instruction, unlike `f32::max`.
+/// The maximum of two numbers; the second if one is NaN. One instruction, unlike `f32::max`.
 #[inline(always)]
-pub fn most<T: PartialOrd>(a: T, b: T) -> T {
+pub fn max<T: PartialOrd>(a: T, b: T) -> T {
     if a > b { a } else { b }
 }
 
-/// The lesser of two numbers; the second if one is NaN. One instruction, unlike `f32::min`.
+/// The minimum of two numbers; the second if one is NaN. One instruction, unlike `f32::min`.
 #[inline(always)]
-pub fn least<T: PartialOrd>(a: T, b: T) -> T {
+pub fn min<T: PartialOrd>(a: T, b: T) -> T {
     if a < b { a } else { b }
 }
 
@@ -114,25 +144,25 @@ impl Bits for f32 {
     }
 }
 
-/// The first of two numbers if a mark is 1, the second if it is 0. For what goes to where the
+/// The first of two numbers if a mask is 1, the second if it is 0. For what goes to where the
 /// second comes from: written as a condition that would become a masked store, which takes some
-/// processors (Zen 2 to 4, with AVX2) twenty cycles. The mark must come from memory; else it is
+/// processors (Zen 2 to 4, with AVX2) twenty cycles. The mask must come from memory; else it is
 /// known to be a condition.
 #[inline(always)]
-pub fn marked<T: Bits>(mark: u32, a: T, b: T) -> T {
-    let mask = mark.wrapping_neg();
+pub fn mask_select<T: Bits>(mask: u32, a: T, b: T) -> T {
+    let mask = mask.wrapping_neg();
     T::of_bits(a.bits() & mask | b.bits() & !mask)
 }
 
-/// As [`marked`], of vectors.
+/// As [`mask_select`], of vectors.
 #[inline(always)]
-pub fn marked_vector(mark: u32, a: Vec3, b: Vec3) -> Vec3 {
-    Vec3::new(marked(mark, a.x, b.x), marked(mark, a.y, b.y), marked(mark, a.z, b.z))
+pub fn mask_select_vector(mask: u32, a: Vec3, b: Vec3) -> Vec3 {
+    Vec3::new(mask_select(mask, a.x, b.x), mask_select(mask, a.y, b.y), mask_select(mask, a.z, b.z))
 }
 
-/// One of two vectors. Without a branch.
+/// The first of two vectors if the condition holds, else the second. Without a branch.
 #[inline(always)]
-pub fn choose(first: bool, a: Vec3, b: Vec3) -> Vec3 {
-    let pick = |a: f32, b: f32| if first { a } else { b };
-    Vec3::new(pick(a.x, b.x), pick(a.y, b.y), pick(a.z, b.z))
+pub fn select(condition: bool, a: Vec3, b: Vec3) -> Vec3 {
+    let select = |a: f32, b: f32| if condition { a } else { b };
+    Vec3::new(select(a.x, b.x), select(a.y, b.y), select(a.z, b.z))
 }

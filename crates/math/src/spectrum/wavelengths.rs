@@ -3,7 +3,7 @@
 use super::LANES;
 use super::cie::{LAMBDA_COUNT, LAMBDA_MAX, LAMBDA_MIN};
 use crate::exponentials::{exp, ln};
-use crate::simd::{least, most};
+use crate::simd::{max, min};
 
 /// The wavelengths of a path's lanes: a *hero* and three that follow it at equal distances in the
 /// distribution, so that together they cover the visible range (Wilkie et al., Hero Wavelength
@@ -115,7 +115,7 @@ fn wavelength(u: f32) -> f32 {
     let tanh = f64::from(TANH_MIN) - f64::from(TANH_RANGE) * f64::from(u);
     // The inverse of the hyperbolic tangent.
     let lambda = f64::from(PEAK) - ln((1.0 + tanh) / (1.0 - tanh)) * (0.5 / f64::from(STEEPNESS));
-    least(most(lambda as f32, LAMBDA_MIN), LAMBDA_MAX)
+    min(max(lambda as f32, LAMBDA_MIN), LAMBDA_MAX)
 }
 
 #[cfg(test)]

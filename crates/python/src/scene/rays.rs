@@ -21,7 +21,7 @@ use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 /// Bytes of a hit while all hits of rays are listed: as it is found, in the list, and in columns.
 const BYTES_OF_LISTED: u64 = 200;
 
-/// What a query over rays may be told.
+/// Options of a query over rays.
 #[derive(Clone, Copy, Debug)]
 struct Options {
     threads: Threads,

@@ -1,5 +1,5 @@
-//! What lights bring to vertices that are worked on together, and where their paths go on: the same
-//! for surfaces and points of media.
+//! Direct light at the vertices of a batch, and where their paths go on: the same for surfaces and
+//! points of media.
 
 use super::lights::{ALONE, LightArrivals, LightSamples};
 use super::vertices::{
@@ -7,11 +7,12 @@ use super::vertices::{
 };
 use crate::integrator::carried::{Expected, Marks};
 use crate::integrator::guided::unknown_survival;
-use crate::integrator::path::{SCATTERED_SPREAD, WeightedLight};
+use crate::integrator::light_sample::WeightedLight;
+use crate::integrator::path::SCATTERED_SPREAD;
 use crate::lanes::{BLACK, HitColors, LANES, NOUGHTS, color_at, put_color};
 use crate::light_sampler::ChosenLight;
 use snell_intersect::triangles::{HitLanes, HitVectors};
-use snell_math::simd::most;
+use snell_math::simd::max;
 use snell_math::{SampledSpectrum, Vec2};
 use snell_scene::MediumId;
 
@@ -94,7 +95,7 @@ impl VertexOutputs {
         is_delta: bool,
     ) {
         let before = carried.cone_spread[lane];
-        self.cone_spread[lane] = if is_delta { before } else { most(before, SCATTERED_SPREAD) };
+        self.cone_spread[lane] = if is_delta { before } else { max(before, SCATTERED_SPREAD) };
         let is_specular = is_delta & carried.marks[lane].is_specular();
         self.marks[lane] = Marks::new(expected, transmits, is_specular);
     }
@@ -115,7 +116,7 @@ impl VertexOutputs {
         let (mut throughput, mut largest, mut is_finite) = ([0.0; CHANNELS], 0.0, true);
         for (channel, throughput) in throughput.iter_mut().enumerate() {
             *throughput = carried.throughput[channel][lane] * weight[channel];
-            largest = most(largest, *throughput);
+            largest = max(largest, *throughput);
             is_finite &= throughput.abs() < f32::INFINITY;
         }
         let weight = match survival {

@@ -10,7 +10,7 @@ use snell_intersect::{Hit, SphereHits, TriangleHits, TrianglePoints};
 use snell_math::simd::Wide;
 use snell_math::{ColorMode, Ray, Rgb, Vec2};
 
-/// Finds what is shown of plain surfaces: at most [`LANES`] at once.
+/// Looks up plain surfaces for AOVs: at most [`LANES`] at once.
 #[derive(Debug)]
 pub struct FirstSurfaces<'a> {
     needs: SurfaceNeeds,
@@ -78,7 +78,7 @@ impl<'a> FirstSurfaces<'a> {
         self.spheres.points(&mut self.points, self.wide);
     }
 
-    /// What is shown of the surface of a lane that was looked up, if it is a plain one.
+    /// The surface of a lane that was looked up, if it is a plain one.
     pub fn at(&self, lane: usize, ray: &Ray, mode: ColorMode) -> Option<FirstSurface> {
         let (points, surface) = (&self.points, plain_surface(&self.plain, self.on[lane]?)?);
         if points.is_sound[lane] == 0 {
@@ -104,7 +104,7 @@ fn plain_surface<'p, 'a>(
 mod tests {
     use super::*;
     use crate::Settings;
-    use crate::batch::twins::{assert_alike_at_every_level, every_second_node};
+    use crate::batch::twins::{assert_same_at_every_level, every_second_node};
     use crate::compile::Moving;
     use snell_math::ColorModel;
     use snell_scene::builtin::builtin;
@@ -146,7 +146,7 @@ mod tests {
                     ..Settings::default()
                 };
                 for moving in [Moving::default(), every_second_node(&scene)] {
-                    assert_alike_at_every_level(&scene, &moving, &settings);
+                    assert_same_at_every_level(&scene, &moving, &settings);
                 }
             }
         }

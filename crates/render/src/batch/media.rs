@@ -7,13 +7,13 @@ use super::{Batch, BatchShader, Shaded};
 use crate::integrator::estimators::Arrival;
 use crate::integrator::guided::unknown_survival;
 use crate::integrator::light_part::LobeShares;
-use crate::integrator::path::weighted_sample;
+use crate::integrator::light_sample::weighted_sample;
 use crate::integrator::{Context, MediumVertex, dimension};
 use crate::lanes::{ENDLESS, HitColors, LANES, ZERO, at, at_level_by_color, color_at, put};
 use crate::light_sampler::Receivers;
 use crate::sampler::Sampler;
 use snell_intersect::triangles::{HitLanes, HitVectors};
-use snell_math::simd::most;
+use snell_math::simd::max;
 use snell_math::{ColorModel, SampledSpectrum, Vec2, Vec3, at_level};
 use snell_scene::medium::HenyeyGreenstein;
 
@@ -23,7 +23,7 @@ pub struct MediumShader {
     lanes: VertexLanes,
     color: ColorModel,
     phase: [HenyeyGreenstein; LANES],
-    lit: DirectLight,
+    direct: DirectLight,
     bounces: Bounces,
 }
 
@@ -44,7 +44,7 @@ impl MediumShader {
             lanes: VertexLanes::new(sampler, Some(wide)),
             color: settings.color,
             phase: [HenyeyGreenstein::new(0.0); LANES],
-            lit: DirectLight {
+            direct: DirectLight {
                 lights: LightSamples::new(settings.color),
                 ..DirectLight::default()
             },
@@ -73,19 +73,26 @@ impl MediumShader {
         let roulette = self.lanes.roulette(context, depth);
         // Media receive light from everywhere.
         let receivers = Receivers::opaque(&self.lanes.points.position, &ZERO);
-        self.lit.lights.choose(context, &receivers, &self.lanes.randoms, count, wide);
-        let light = self.lit.lights.numbers(&self.lanes.randoms, count, wide);
-        self.lit.glowing = [None; LANES];
+        self.direct.lights.choose(context, &receivers, &self.lanes.randoms, count, wide);
+        let light = self.direct.lights.numbers(&self.lanes.randoms, count, wide);
+        self.direct.glowing = [None; LANES];
         let points = MediumPoints {
             position: &self.lanes.points.position,
             wo: &self.lanes.wo,
             phase: &self.phase,
         };
         let to = (&points, &self.lanes.modes);
-        self.lit.lights.arrivals(context.scene, to, &light, count, wide, &mut self.lit.arrivals);
-        self.lit.lights.shine(context.scene, &self.lit.arrivals, &self.lanes.modes, count);
-        let Self { lanes, phase, lit, .. } = self;
-        let DirectLight { lights, arrivals, outputs: given, .. } = lit;
+        self.direct.lights.arrivals(
+            context.scene,
+            to,
+            &light,
+            count,
+            wide,
+            &mut self.direct.arrivals,
+        );
+        self.direct.lights.shine(context.scene, &self.direct.arrivals, &self.lanes.modes, count);
+        let Self { lanes, phase, direct, .. } = self;
+        let DirectLight { lights, arrivals, outputs: given, .. } = direct;
         at_level_by_color!(
             wide,
             self.color,
@@ -108,7 +115,7 @@ impl MediumShader {
                 bounces: &mut Bounces = &mut self.bounces,
             )
         );
-        lit.sample_alone(count, &light, |lane, chosen, u| {
+        direct.sample_alone(count, &light, |lane, chosen, u| {
             let position = at(&lanes.points.position, lane);
             let arrival = Arrival {
                 position,
@@ -143,17 +150,17 @@ impl<'a> BatchShader<'a> for MediumShader {
     }
 
     fn shaded(&self) -> Shaded<'_> {
-        let Self { lanes, lit, bounces, .. } = self;
+        let Self { lanes, direct, bounces, .. } = self;
         Shaded {
             paths: lanes.paths(),
-            light: Some(lit),
-            goes_on: &lit.outputs.goes_on,
+            light: Some(direct),
+            goes_on: &direct.outputs.goes_on,
             next_rays: RayColumns {
                 origin: &lanes.points.position,
                 direction: &bounces.wi,
                 end: &ENDLESS,
             },
-            carried: lit.carried(lanes, &lanes.carried.eta_scale, &bounces.pdf, &ZERO),
+            carried: direct.carried(lanes, &lanes.carried.eta_scale, &bounces.pdf, &ZERO),
             ..Shaded::NONE
         }
     }
@@ -180,7 +187,7 @@ fn give<const CHANNELS: usize>(
         to.bring(i, carried, [arrivals.share[i]; CHANNELS], radiance, arrivals);
         let mut largest = 0.0;
         for channel in 0..CHANNELS {
-            largest = most(largest, carried.throughput[channel][i]);
+            largest = max(largest, carried.throughput[channel][i]);
         }
         let (scale, survives) =
             roulette.survival(i, unknown_survival(largest * carried.eta_scale[i]));
@@ -212,7 +219,7 @@ fn bounce_off(
 
 #[cfg(test)]
 mod tests {
-    use crate::batch::twins::{assert_alike_at_every_level, every_second_node};
+    use crate::batch::twins::{assert_same_at_every_level, every_second_node};
     use crate::compile::Moving;
     use crate::sampler::SamplerKind;
     use crate::{IntegratorKind, LightStrategy, Settings};
@@ -274,9 +281,9 @@ mod tests {
                     ..Settings::default()
                 };
                 let settings = Settings { size: [36, 24], spp: 4, color, ..how };
-                assert_alike_at_every_level(&scene, &Moving::default(), &settings);
+                assert_same_at_every_level(&scene, &Moving::default(), &settings);
                 if sampler == SamplerKind::Independent {
-                    assert_alike_at_every_level(&scene, &every_second_node(&scene), &settings);
+                    assert_same_at_every_level(&scene, &every_second_node(&scene), &settings);
                 }
             }
         }

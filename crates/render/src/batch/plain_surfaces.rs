@@ -10,10 +10,10 @@ use crate::lanes::{LANES, ZERO, at, put};
 use crate::light_sampler::Receiver;
 use snell_intersect::triangles::{HitLanes, HitVectors, PlainMesh};
 use snell_intersect::{GeometryId, TrianglePoints};
-use snell_math::simd::marked_vector;
+use snell_math::simd::mask_select_vector;
 use snell_math::{ColorMode, Frame, SampledSpectrum, Vec3, at_level};
 use snell_scene::Material;
-use snell_scene::bsdf::{Bsdf, Lobes, ManyBsdf, ManyPoint};
+use snell_scene::bsdf::{BatchBsdf, BatchPoint, Bsdf, Lobes};
 use snell_scene::material::{Bend, FrameNeeds, Prepared, ShadingBsdf};
 use std::borrow::Cow;
 
@@ -25,7 +25,7 @@ pub struct PlainSurface<'a> {
     bsdf: &'a Bsdf,
     material: &'a Material,
     prepared: &'a Prepared,
-    pub many: Option<&'a ManyBsdf>,
+    pub batch: Option<&'a BatchBsdf>,
     pub needs: FrameNeeds,
     is_opaque: bool,
     /// It may stand for a smooth surface.
@@ -42,11 +42,11 @@ impl<'a> PlainSurface<'a> {
         let prepared = scene.prepared(id);
         let bsdf = prepared.plain(material)?;
         // (What a field has learnt is asked one by one.)
-        let many = prepared.plain_many(material).filter(|_| context.field.is_none());
+        let batch = prepared.plain_batch(material).filter(|_| context.field.is_none());
         let is_opaque = bsdf.is_opaque();
         let is_lifted = is_opaque && !bsdf.is_delta() && may_be_lifted(context, material);
         let needs = FrameNeeds::of(bsdf);
-        let surface = Self { mesh, bsdf, material, prepared, many, needs, is_opaque, is_lifted };
+        let surface = Self { mesh, bsdf, material, prepared, batch, needs, is_opaque, is_lifted };
         (mesh.is_some() || !needs.has_tangent).then_some(surface)
     }
 
@@ -55,9 +55,9 @@ impl<'a> PlainSurface<'a> {
         !self.is_opaque
     }
 
-    /// Its BSDF and what it is in this mode, if it is asked for many directions at once.
-    pub fn many_in(&self, mode: ColorMode) -> Option<(&'a ManyBsdf, ManyPoint)> {
-        self.many.and_then(|_| self.prepared.plain_many_in(self.material, mode))
+    /// Its BSDF for batches of directions and what it is in this mode, if it has that form.
+    pub fn batch_in(&self, mode: ColorMode) -> Option<(&'a BatchBsdf, BatchPoint)> {
+        self.batch.and_then(|_| self.prepared.plain_batch_in(self.material, mode))
     }
 
     /// Its BSDF in this mode.
@@ -209,7 +209,7 @@ fn bend(bends: &Bends, points: &mut TrianglePoints) {
         put(
             &mut points.shading_normal,
             i,
-            marked_vector(bends.has[i], bend.normal(smooth, flat), smooth),
+            mask_select_vector(bends.has[i], bend.normal(smooth, flat), smooth),
         );
     }
 }

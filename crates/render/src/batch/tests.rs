@@ -1,6 +1,6 @@
 //! Layers of parts of the light.
 
-use super::twins::{assert_alike_at_every_level, every_second_node};
+use super::twins::{assert_same_at_every_level, every_second_node};
 use crate::compile::Moving;
 use crate::integrator::aov::Aov;
 use crate::integrator::light_part::{LightPart, LightSource};
@@ -47,9 +47,9 @@ fn parts_of_the_light_are_the_bits_of_one_vertex_at_a_time() {
                 ..Settings::default()
             };
             let settings = Settings { aovs, clamp, color, light_groups: groups.clone(), ..how };
-            assert_alike_at_every_level(&scene, &Moving::default(), &settings);
+            assert_same_at_every_level(&scene, &Moving::default(), &settings);
             if color == ColorModel::Spectral {
-                assert_alike_at_every_level(&scene, &every_second_node(&scene), &settings);
+                assert_same_at_every_level(&scene, &every_second_node(&scene), &settings);
             }
         }
     }

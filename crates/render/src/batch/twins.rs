@@ -10,11 +10,7 @@ use std::sync::Arc;
 
 /// Fails unless the picture and all of its layers are the same at every level of this machine, bit
 /// for bit: portable code works on one vertex at a time. Gives the picture.
-pub fn assert_alike_at_every_level(
-    scene: &Scene,
-    moving: &Moving,
-    settings: &Settings,
-) -> Vec<f32> {
+pub fn assert_same_at_every_level(scene: &Scene, moving: &Moving, settings: &Settings) -> Vec<f32> {
     let picture = |simd: Level| {
         let options = BuildOptions { simd, ..BuildOptions::default() };
         let compiled = CompiledScene::moving(scene, moving, &options, None).expect("a valid scene");

@@ -7,11 +7,11 @@ use crate::integrator::carried::{Carried, Marks, Rest};
 use crate::integrator::estimators::{Arrival, Skin};
 use crate::integrator::{Context, dimension};
 use crate::lanes::{BLACK, HitColors, LANES, ZERO, at, color_at, put, put_color};
-use crate::sampler::{ManyRandoms, Sampler};
+use crate::sampler::{BatchRandoms, Sampler};
 use crate::settings::Terminator;
 use snell_intersect::triangles::{HitLanes, HitVectors, PlainMesh};
 use snell_intersect::{Hit, SphereHits, SurfaceInteraction, TriangleHits, TrianglePoints};
-use snell_math::simd::{Wide, least};
+use snell_math::simd::{Wide, min};
 use snell_math::{ColorMode, Ray, Vec3};
 
 /// Marks of each lane.
@@ -44,7 +44,7 @@ pub struct VertexLanes {
     /// What the spectra of the paths stand for, and when their rays are traced.
     pub modes: [ColorMode; LANES],
     pub times: HitLanes,
-    pub randoms: ManyRandoms<LANES>,
+    pub randoms: BatchRandoms<LANES>,
     pub wide: Option<Wide>,
 }
 
@@ -92,7 +92,7 @@ impl Roulette {
     #[inline(always)]
     pub fn survival(&self, lane: usize, weight: f32) -> (f32, bool) {
         let survival = match self.most {
-            Some(most) => least(weight, most),
+            Some(most) => min(weight, most),
             None => 1.0,
         };
         (1.0 / survival, self.numbers[lane] < survival)
@@ -124,7 +124,7 @@ impl VertexLanes {
             carried,
             modes: [ColorMode::Rgb; LANES],
             times: zero,
-            randoms: ManyRandoms::new(sampler, 0),
+            randoms: BatchRandoms::new(sampler, 0),
             wide,
         }
     }

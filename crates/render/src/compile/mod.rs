@@ -193,7 +193,7 @@ impl CompiledScene {
             radius,
         );
         if let Some(volumes) = &mut volumes {
-            volumes.beacons = Beacons::new(&lights.summaries(true, None));
+            volumes.equiangular_lights = Beacons::new(&lights.summaries(true, None));
         }
         let found = "curves that shine are not sampled; their light is found by chance only, with \
             more noise";

@@ -3,7 +3,7 @@
 use super::CompileError;
 use crate::light_sampler::{LightSummary, LightTable};
 use snell_scene::material::Interior;
-use snell_scene::medium::{Beacon, Glow, PreparedMedium};
+use snell_scene::medium::{EquiangularLight, Glow, PreparedMedium};
 use snell_scene::{Material, MaterialId, MediumId, Scene, SceneError};
 
 /// The media of a scene and the surfaces that bound them. A scene without has none of this, and
@@ -21,7 +21,7 @@ pub struct VolumeTable {
     /// True if insides may hide surfaces of others.
     pub has_priorities: bool,
     /// Where light comes from, if it comes from anywhere near.
-    pub beacons: Option<Beacons>,
+    pub equiangular_lights: Option<Beacons>,
 }
 
 /// The lights of a scene as media see them from far: one is chosen in proportion to power.
@@ -29,32 +29,33 @@ pub struct VolumeTable {
 pub struct Beacons {
     table: LightTable,
     /// `None` for light that comes from nowhere near.
-    beacons: Vec<Option<Beacon>>,
+    equiangular_lights: Vec<Option<EquiangularLight>>,
 }
 
 impl Beacons {
     /// `None` if no light has a place.
     pub fn new(lights: &[LightSummary]) -> Option<Self> {
-        let beacon = |light: &LightSummary| {
+        let equiangular_light = |light: &LightSummary| {
             let bounds = light.parts.iter().map(|part| part.bounds).reduce(|a, b| a.union(&b))?;
-            let beacon = Beacon {
+            let equiangular_light = EquiangularLight {
                 center: bounds.center().as_vec3(),
                 radius: (0.5 * (bounds.max - bounds.min).max_element()) as f32,
             };
-            (beacon.center.is_finite() && beacon.radius.is_finite()).then_some(beacon)
+            (equiangular_light.center.is_finite() && equiangular_light.radius.is_finite())
+                .then_some(equiangular_light)
         };
-        let beacons: Vec<_> = lights.iter().map(beacon).collect();
+        let equiangular_lights: Vec<_> = lights.iter().map(equiangular_light).collect();
         let powers: Vec<f64> = lights.iter().map(|light| light.power).collect();
-        beacons
+        equiangular_lights
             .iter()
             .any(Option::is_some)
-            .then(|| Self { table: LightTable::new(&powers), beacons })
+            .then(|| Self { table: LightTable::new(&powers), equiangular_lights })
     }
 
-    /// A beacon, or none if light from far was chosen. `u` is asked for a uniform number if there
+    /// A equiangular_light, or none if light from far was chosen. `u` is asked for a uniform number if there
     /// is a choice.
-    pub fn sample(&self, u: impl FnOnce() -> f32) -> Option<Beacon> {
-        self.beacons[self.table.sample(u)?.light]
+    pub fn sample(&self, u: impl FnOnce() -> f32) -> Option<EquiangularLight> {
+        self.equiangular_lights[self.table.sample(u)?.light]
     }
 }
 
@@ -105,7 +106,7 @@ impl VolumeTable {
             sees_all: materials.iter().all(|m| m.is_interface() || !m.needs_filter()),
             has_priorities,
             boundaries,
-            beacons: None,
+            equiangular_lights: None,
         }))
     }
 

@@ -4,7 +4,7 @@
 
 use super::density::Density;
 use snell_math::rng::ONE_MINUS_EPSILON;
-use snell_math::simd::{least, most};
+use snell_math::simd::{max, min};
 use snell_math::{Vec2, Vec3, angles};
 use std::f32::consts::TAU;
 
@@ -21,7 +21,7 @@ const MAX_NODES: usize = 256;
 pub fn square_from_direction(d: Vec3) -> Vec2 {
     let turn = angles::atan2(d.y, d.x) * (1.0 / TAU);
     let x = if turn < 0.0 { turn + 1.0 } else { turn };
-    let inside = |x: f32| least(most(x, 0.0), ONE_MINUS_EPSILON);
+    let inside = |x: f32| min(max(x, 0.0), ONE_MINUS_EPSILON);
     Vec2::new(inside(x), inside((d.z + 1.0) * 0.5))
 }
 
@@ -29,7 +29,7 @@ pub fn square_from_direction(d: Vec3) -> Vec2 {
 #[inline(always)]
 pub fn direction_from_square(p: Vec2) -> Vec3 {
     let z = p.y * 2.0 - 1.0;
-    let r = most(1.0 - z * z, 0.0).sqrt();
+    let r = max(1.0 - z * z, 0.0).sqrt();
     let (sin, cos) = angles::sin_cos(f64::from(p.x * TAU));
     Vec3::new(r * cos as f32, r * sin as f32, z)
 }

@@ -12,7 +12,7 @@ use super::parallax::{Parallax, from_anchor, to_place};
 use super::record::Record;
 use super::regions::{Halves, Place, place};
 use crate::threads::on_threads;
-use snell_math::simd::{least, most};
+use snell_math::simd::{max, min};
 use snell_math::{Vec2, Vec3, rng};
 
 /// Most regions.
@@ -300,7 +300,7 @@ impl Field {
     fn unit(&self, position: Vec3) -> Vec3 {
         let p = (position - self.origin) * self.scale;
         // NaN becomes 0.
-        let inside = |x: f32| least(most(x, 0.0), rng::ONE_MINUS_EPSILON);
+        let inside = |x: f32| min(max(x, 0.0), rng::ONE_MINUS_EPSILON);
         Vec3::new(inside(p.x), inside(p.y), inside(p.z))
     }
 

@@ -8,7 +8,7 @@
 use super::directional::square_from_direction;
 use super::record::Record;
 use snell_math::Vec3;
-use snell_math::simd::most;
+use snell_math::simd::max;
 
 /// Directions are turned by no more than what this moves their ends.
 const MOST: f32 = 0.8;
@@ -92,7 +92,7 @@ impl Parallax {
     #[inline(always)]
     pub fn shift(self, position: Vec3) -> Vec3 {
         let shift = (position - self.anchor) * self.nearness;
-        shift * (MOST / most(shift.length(), MOST))
+        shift * (MOST / max(shift.length(), MOST))
     }
 }
 

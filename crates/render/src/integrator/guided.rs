@@ -5,7 +5,7 @@ use super::carried::Expected;
 use crate::guiding::{Cell, Choice, Field, Guide};
 use crate::light_sampler::Receiver;
 use snell_math::rng::ONE_MINUS_EPSILON;
-use snell_math::simd::{least, most};
+use snell_math::simd::{max, min};
 use snell_math::{SampledSpectrum, Vec2, Vec3};
 use snell_scene::bsdf::BsdfSample;
 use snell_scene::material::ShadingBsdf;
@@ -24,7 +24,7 @@ pub fn mixed_pdf(bsdf_share: f32, bsdf_pdf: f32, density: f32) -> f32 {
 #[inline(always)]
 pub fn expected_survival(expected: f32, first: f32) -> (f32, f32) {
     let first = if first > 0.0 { first } else { expected };
-    (least(most(expected / first * WINDOW, LEAST_SURVIVAL), 1.0), first)
+    (min(max(expected / first * WINDOW, LEAST_SURVIVAL), 1.0), first)
 }
 
 /// By what roulette decides where nothing is known of what a path will bring: how much of what it

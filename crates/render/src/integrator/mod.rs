@@ -14,6 +14,7 @@ mod flat;
 pub(crate) mod guided;
 mod kinds;
 pub mod light_part;
+pub(crate) mod light_sample;
 pub(crate) mod path;
 pub(crate) mod scattering;
 #[cfg(test)]

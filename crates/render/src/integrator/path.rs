@@ -1,23 +1,20 @@
 //! Path tracing: light samples at every vertex, BSDF samples to go on, both weighted by the power
 //! heuristic, Russian roulette. `direct` is the same with one bounce.
 
-use super::estimators::{
-    Arrival, IncidentLight, background, continued, environment_choice, environment_direction,
-    from_environment, light_pdf_of_hit, sample_light,
-};
+use super::estimators::{Arrival, background, continued, environment_choice, light_pdf_of_hit};
 use super::guided::GuidedBsdf;
-use super::light_part::{LightSource, LobeShares};
+use super::light_part::LobeShares;
+use super::light_sample::weighted_light;
 use super::scattering::scatter;
 use super::{
     Context, Family, Integrator, Outputs, PathState, SurfaceVertex, Vertex, dimension, outgoing,
 };
-use crate::compile::CompiledLight;
-use crate::light_sampler::{ChosenLight, Receiver};
+use crate::light_sampler::Receiver;
 use crate::settings::{LightStrategy, Settings};
 use snell_math::{Ray, SampledSpectrum, Vec2, Vec3, sampling};
-use snell_scene::light::environment::{EnvironmentLight, SkySample};
+use snell_scene::Background;
+use snell_scene::light::environment::EnvironmentLight;
 use snell_scene::material::{Prepared, ShadingBsdf, ShadingPoint};
-use snell_scene::{Background, MediumId};
 
 /// The integrator `path`.
 pub(crate) const PATH: Integrator = Integrator {
@@ -87,6 +84,94 @@ pub(crate) fn shining(
     (SampledSpectrum::ZERO, 1.0)
 }
 
+/// What a path that leaves the scene brings, and its weight.
+pub(crate) fn escaped(context: &Context, vertex: &Vertex) -> (SampledSpectrum, f32) {
+    escaped_to(context, vertex, |sky| sky.place(vertex.ray.direction))
+}
+
+/// Adds a light ray towards a light sample, and tells its direction. `scattering` gives, for a
+/// direction, what share of light from there goes on along the path and the density with which the
+/// path itself would have gone there.
+pub(crate) fn light_sample(
+    context: &Context,
+    vertex: &Vertex,
+    at: &Arrival,
+    receiver: &Receiver,
+    scattering: impl Fn(Vec3) -> (SampledSpectrum, f32),
+    out: &mut Outputs,
+) -> Option<Vec3> {
+    let u_choice = || vertex.random.number(dimension::LIGHT_CHOICE);
+    let u = || vertex.random.pair(dimension::LIGHT);
+    let found =
+        weighted_light(context, vertex.state.throughput, at, receiver, u_choice, u, scattering)?;
+    out.light_source = Some(found.source);
+    out.weights.light = found.weight;
+    out.glowing = found.glowing;
+    out.light_rays.push((found.shadow_ray, found.value));
+    Some(found.direction)
+}
+
+fn add_bounce(
+    context: &Context,
+    vertex: &Vertex,
+    surface: &SurfaceVertex,
+    at: &Arrival,
+    receiver: &Receiver,
+    guided: &GuidedBsdf,
+    out: &mut Outputs,
+) {
+    let wo = outgoing(vertex.ray);
+    let (u_lobe, u) = (vertex.random.number(dimension::LOBE), vertex.random.pair(dimension::BSDF));
+    let u_quad = || vertex.random.number(dimension::GUIDE);
+    let Some(sample) = guided.sample(wo, u_lobe, u, u_quad) else { return };
+    let mut throughput = vertex.state.throughput * sample.weight;
+    if throughput.is_black() || !throughput.is_finite() {
+        return;
+    }
+    let crossing = if sample.is_transmission { guided.shading.crossing_scale(wo) } else { 1.0 };
+    let eta_scale = vertex.state.eta_scale * crossing;
+    let next = throughput.max_element() * eta_scale;
+    let before = (vertex.state.throughput, vertex.state.expected);
+    let (weight, expected) = guided.survival(wo, &sample, crossing, before, next);
+    let Some(survival) = survival(context, vertex, weight) else { return };
+    throughput *= 1.0 / survival;
+    let state = PathState {
+        eta_scale,
+        bsdf_pdf: if sample.is_delta { 0.0 } else { sample.pdf },
+        receiver: *receiver,
+        is_specular: vertex.state.is_specular && sample.is_delta,
+        expected,
+        lobe: first_lobe(context, vertex, || {
+            LobeShares::of_surface(guided.shading, wo, sample.wi, sample.is_delta)
+        }),
+        cone_spread: if sample.is_delta {
+            vertex.state.cone_spread
+        } else {
+            vertex.state.cone_spread.max(SCATTERED_SPREAD)
+        },
+        ..continued(vertex, surface, throughput)
+    };
+    out.choice = guided.choice(receiver, wo, &sample, survival);
+    out.next.push((Ray::new(at.ray_origin(sample.wi), sample.wi), state));
+}
+
+/// Russian roulette: the probability with which the path goes on, by the weight it would have;
+/// `None` if it ends.
+pub(crate) fn survival(context: &Context, vertex: &Vertex, weight: f32) -> Option<f32> {
+    let Some(most) = context.roulette(vertex.depth) else { return Some(1.0) };
+    let survival = weight.min(most);
+    (vertex.random.number(dimension::ROULETTE) < survival).then_some(survival)
+}
+
+/// The path's first scattering: this one, if it is the first and somebody wants to know.
+pub(crate) fn first_lobe(
+    context: &Context,
+    vertex: &Vertex,
+    this: impl FnOnce() -> LobeShares,
+) -> LobeShares {
+    if context.wants_lobes && vertex.depth == 0 { this() } else { vertex.state.lobe }
+}
+
 /// A surface that scatters, seen from where a path comes from.
 #[derive(Clone, Debug)]
 pub(crate) struct Scatterer<'a> {
@@ -124,11 +209,6 @@ pub(crate) fn plain_sky<'a>(context: &Context<'a>, depth: u32) -> Option<&'a Env
     let shows_background = depth == 0 && !matches!(scene.background, Background::Environment);
     let is_sampled = strategy == LightStrategy::Light || scene.samples_environment(strategy);
     scene.environment.as_deref().filter(|_| !shows_background && !is_sampled)
-}
-
-/// What a path that leaves the scene brings, and its weight.
-pub(crate) fn escaped(context: &Context, vertex: &Vertex) -> (SampledSpectrum, f32) {
-    escaped_to(context, vertex, |sky| sky.place(vertex.ray.direction))
 }
 
 /// The same with what tells [where](EnvironmentLight::place) in the environment that is.
@@ -181,195 +261,4 @@ pub(crate) fn weight_of_found_light(
         LightStrategy::Light => f32::from(light_pdf() == 0.0),
         LightStrategy::Bsdf => 1.0,
     }
-}
-
-/// Adds a light ray towards a light sample, and tells its direction. `scattering` gives, for a
-/// direction, what share of light from there goes on along the path and the density with which the
-/// path itself would have gone there.
-pub(crate) fn light_sample(
-    context: &Context,
-    vertex: &Vertex,
-    at: &Arrival,
-    receiver: &Receiver,
-    scattering: impl Fn(Vec3) -> (SampledSpectrum, f32),
-    out: &mut Outputs,
-) -> Option<Vec3> {
-    let u_choice = || vertex.random.number(dimension::LIGHT_CHOICE);
-    let u = || vertex.random.pair(dimension::LIGHT);
-    let found =
-        weighted_light(context, vertex.state.throughput, at, receiver, u_choice, u, scattering)?;
-    out.light_source = Some(found.source);
-    out.weights.light = found.weight;
-    out.glowing = found.glowing;
-    out.light_rays.push((found.shadow_ray, found.value));
-    Some(found.direction)
-}
-
-/// A light sample with its weight.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct WeightedLight {
-    /// What the path gains if the shadow ray is free.
-    pub value: SampledSpectrum,
-    /// See [`Outputs::light_rays`].
-    pub shadow_ray: Ray,
-    /// Where the light comes from.
-    pub direction: Vec3,
-    /// What gives it.
-    pub source: LightSource,
-    /// Its weight by multiple importance sampling; it is in the value.
-    pub weight: f32,
-    /// See [`Outputs::glowing`].
-    pub glowing: Option<MediumId>,
-}
-
-/// A light sample for a path of this throughput; `scattering` as in [`light_sample`].
-#[inline]
-pub(crate) fn weighted_light(
-    context: &Context,
-    throughput: SampledSpectrum,
-    at: &Arrival,
-    receiver: &Receiver,
-    u_choice: impl FnOnce() -> f32,
-    u: impl FnOnce() -> Vec2,
-    scattering: impl Fn(Vec3) -> (SampledSpectrum, f32),
-) -> Option<WeightedLight> {
-    let chosen = context.lights.sample(receiver, u_choice)?;
-    weighted_sample(context, throughput, at, &chosen, u(), scattering)
-}
-
-/// [`weighted_light`] of a light that is chosen already.
-#[inline]
-pub(crate) fn weighted_sample(
-    context: &Context,
-    throughput: SampledSpectrum,
-    at: &Arrival,
-    chosen: &ChosenLight,
-    u: Vec2,
-    scattering: impl Fn(Vec3) -> (SampledSpectrum, f32),
-) -> Option<WeightedLight> {
-    let drawn = DrawnLight::of(context, at, chosen, u)?;
-    let scattered = scattering(drawn.direction());
-    drawn.weighted(context, throughput, at, chosen.probability, scattered)
-}
-
-/// A light sample, before the surface is asked how it scatters light from there.
-#[derive(Clone, Copy, Debug)]
-pub(crate) enum DrawnLight {
-    /// Half of the environment is behind a surface, and looking up what comes from there is dear.
-    Environment(SkySample),
-    Other(IncidentLight),
-}
-
-impl DrawnLight {
-    /// Of a light that is chosen already.
-    #[inline]
-    pub fn of(context: &Context, at: &Arrival, chosen: &ChosenLight, u: Vec2) -> Option<Self> {
-        match &context.scene.lights()[chosen.light] {
-            CompiledLight::Environment => environment_direction(context, u).map(Self::Environment),
-            _ => sample_light(context, at, chosen, u).map(Self::Other),
-        }
-    }
-
-    /// Where the light comes from.
-    pub fn direction(&self) -> Vec3 {
-        match self {
-            Self::Environment(sample) => sample.direction,
-            Self::Other(sample) => sample.direction,
-        }
-    }
-
-    /// What it brings to a path of this throughput if the light was chosen with this probability
-    /// and is scattered so (see [`light_sample`]).
-    #[inline]
-    pub fn weighted(
-        self,
-        context: &Context,
-        throughput: SampledSpectrum,
-        at: &Arrival,
-        probability: f32,
-        (value, pdf): (SampledSpectrum, f32),
-    ) -> Option<WeightedLight> {
-        if value.is_black() {
-            return None;
-        }
-        let sample = match self {
-            Self::Environment(sample) => from_environment(context, at, &sample)?,
-            Self::Other(sample) => sample,
-        };
-        if context.settings.light_strategy == LightStrategy::Bsdf && !sample.is_delta {
-            return None;
-        }
-        let weight = if sample.is_delta || context.settings.light_strategy == LightStrategy::Light {
-            1.0
-        } else {
-            sampling::power_heuristic(sample.pdf * probability, pdf)
-        };
-        let value = throughput * value * sample.radiance * (weight / (sample.pdf * probability));
-        if value.is_black() || !value.is_finite() {
-            return None;
-        }
-        let IncidentLight { shadow_ray, direction, source, glowing, .. } = sample;
-        Some(WeightedLight { value, shadow_ray, direction, source, weight, glowing })
-    }
-}
-
-/// The path's first scattering: this one, if it is the first and somebody wants to know.
-pub(crate) fn first_lobe(
-    context: &Context,
-    vertex: &Vertex,
-    this: impl FnOnce() -> LobeShares,
-) -> LobeShares {
-    if context.wants_lobes && vertex.depth == 0 { this() } else { vertex.state.lobe }
-}
-
-/// Russian roulette: the probability with which the path goes on, by the weight it would have;
-/// `None` if it ends.
-pub(crate) fn survival(context: &Context, vertex: &Vertex, weight: f32) -> Option<f32> {
-    let Some(most) = context.roulette(vertex.depth) else { return Some(1.0) };
-    let survival = weight.min(most);
-    (vertex.random.number(dimension::ROULETTE) < survival).then_some(survival)
-}
-
-fn add_bounce(
-    context: &Context,
-    vertex: &Vertex,
-    surface: &SurfaceVertex,
-    at: &Arrival,
-    receiver: &Receiver,
-    guided: &GuidedBsdf,
-    out: &mut Outputs,
-) {
-    let wo = outgoing(vertex.ray);
-    let (u_lobe, u) = (vertex.random.number(dimension::LOBE), vertex.random.pair(dimension::BSDF));
-    let u_quad = || vertex.random.number(dimension::GUIDE);
-    let Some(sample) = guided.sample(wo, u_lobe, u, u_quad) else { return };
-    let mut throughput = vertex.state.throughput * sample.weight;
-    if throughput.is_black() || !throughput.is_finite() {
-        return;
-    }
-    let crossing = if sample.is_transmission { guided.shading.crossing_scale(wo) } else { 1.0 };
-    let eta_scale = vertex.state.eta_scale * crossing;
-    let next = throughput.max_element() * eta_scale;
-    let before = (vertex.state.throughput, vertex.state.expected);
-    let (weight, expected) = guided.survival(wo, &sample, crossing, before, next);
-    let Some(survival) = survival(context, vertex, weight) else { return };
-    throughput *= 1.0 / survival;
-    let state = PathState {
-        eta_scale,
-        bsdf_pdf: if sample.is_delta { 0.0 } else { sample.pdf },
-        receiver: *receiver,
-        is_specular: vertex.state.is_specular && sample.is_delta,
-        expected,
-        lobe: first_lobe(context, vertex, || {
-            LobeShares::of_surface(guided.shading, wo, sample.wi, sample.is_delta)
-        }),
-        cone_spread: if sample.is_delta {
-            vertex.state.cone_spread
-        } else {
-            vertex.state.cone_spread.max(SCATTERED_SPREAD)
-        },
-        ..continued(vertex, surface, throughput)
-    };
-    out.choice = guided.choice(receiver, wo, &sample, survival);
-    out.next.push((Ray::new(at.ray_origin(sample.wi), sample.wi), state));
 }

@@ -24,7 +24,7 @@ pub use underway::Underway;
 use crate::compile::CompiledScene;
 use crate::film::filter::FilterSampler;
 use crate::film::{Film, FilmPart, FilmTile};
-use crate::guiding::Field;
+use crate::guiding::{Field, Guiding};
 use crate::integrator::Context;
 use crate::light_sampler::LightSampler;
 use crate::sampler::Sampler;
@@ -109,6 +109,29 @@ pub struct Progress {
     /// While paths are trained for guiding. To say no then ends training with the passes that are
     /// whole, and the picture begins.
     pub training: Option<Training>,
+}
+
+impl Progress {
+    /// True if a render that has taken this long has to end for its time limit. While paths are
+    /// trained, and if the clock has a say in that: if the next pass, which takes as long as all
+    /// before it, would take more than [`Guiding::SHARE`] of the limit. Later: once each pixel has
+    /// a sample, for a picture with holes is of no use.
+    pub fn is_late(
+        &self,
+        elapsed: Duration,
+        limit: Option<Duration>,
+        is_training_timed: bool,
+    ) -> bool {
+        let Some(limit) = limit else { return false };
+        match self.training {
+            Some(training) => {
+                is_training_timed
+                    && training.begun == 0
+                    && elapsed * 2 > limit.mul_f64(Guiding::SHARE)
+            }
+            None => self.passes > 0 && elapsed >= limit,
+        }
+    }
 }
 
 /// How far the training of paths is.

@@ -246,8 +246,8 @@ impl<'a> PartRenderer<'a> {
         while self.paths.len() > 0 && !self.tracer.is_cancelled() {
             self.note_arrivals();
             self.journal.iter_mut().for_each(|journal| journal.events.push(Event::Depth));
-            let is_shown = depth == 0 && self.shows_first_hits();
-            if is_shown || !self.volumes.as_ref().is_some_and(VolumeBatch::sees_more) {
+            let needs_first_hits = depth == 0 && self.needs_first_hits();
+            if needs_first_hits || !self.volumes.as_ref().is_some_and(VolumeBatch::sees_more) {
                 self.tracer.closest(
                     &self.paths.rays,
                     &self.paths.times,
@@ -258,7 +258,7 @@ impl<'a> PartRenderer<'a> {
             if depth == 0 {
                 self.drop_dead_paths();
             }
-            if is_shown {
+            if needs_first_hits {
                 self.note_first_hits();
             }
             self.travel(depth, grouping);

@@ -6,7 +6,8 @@ use crate::batch::paths::{LightRays, Paths};
 use crate::integrator::{Context, MediumVertex};
 use crate::sampler::{Random, Sampler};
 use crate::volume::{
-    AlikeWays, Crossings, Filling, KnownInsides, Numbers, Surroundings, Walker, end_of, length_to,
+    Filling, HomogeneousBatch, InterfaceCrossings, KnownInsides, Numbers, Surroundings, Walker,
+    end_of, length_to,
 };
 use snell_intersect::{Grouping, Hit, SurfaceInteraction, SurfacePoint};
 use snell_math::{ColorMode, ColorModel, Ray, SampledSpectrum, Vec3};
@@ -39,7 +40,7 @@ pub struct VolumeBatch<'a> {
     on_the_way: OnTheWay<'a>,
     sampler: Sampler,
     /// What is worked on many at once; none at the level of portable code, or in spectral colours.
-    alike: Option<Box<AlikeWays>>,
+    homogeneous: Option<Box<HomogeneousBatch>>,
 }
 
 /// Rays that are not there yet.
@@ -51,7 +52,7 @@ struct OnTheWay<'a> {
     hits: Vec<Hit>,
     /// What they pass.
     materials: Vec<MaterialId>,
-    crossings: Crossings<'a>,
+    crossings: InterfaceCrossings<'a>,
 }
 
 impl OnTheWay<'_> {
@@ -133,10 +134,10 @@ impl<'a> VolumeBatch<'a> {
                 times: Vec::new(),
                 hits: Vec::new(),
                 materials: Vec::new(),
-                crossings: Crossings::new(context.scene),
+                crossings: InterfaceCrossings::new(context.scene),
             },
             sampler: *sampler,
-            alike: wide.map(|wide| Box::new(AlikeWays::new(sampler, wide))),
+            homogeneous: wide.map(|wide| Box::new(HomogeneousBatch::new(sampler, wide))),
         })
     }
 
@@ -193,8 +194,8 @@ impl<'a> VolumeBatch<'a> {
         self.scattered.resize(count, None);
         self.steps.clear();
         self.steps.resize(count, 0);
-        if let Some(alike) = &mut self.alike {
-            alike.start(&self.sampler, depth);
+        if let Some(homogeneous) = &mut self.homogeneous {
+            homogeneous.start(&self.sampler, depth);
         }
         self.on_the_way.pending.clear();
         self.on_the_way
@@ -243,7 +244,8 @@ impl<'a> VolumeBatch<'a> {
         random: &impl Fn(&Paths, usize) -> Random,
         emitted: &mut impl FnMut(&Paths, usize, SampledSpectrum),
     ) {
-        let Self { walker, known, insides, scattered, steps, on_the_way: way, alike, .. } = self;
+        let Self { walker, known, insides, scattered, steps, on_the_way: way, homogeneous, .. } =
+            self;
         for &whose in &way.pending {
             let path = whose as usize;
             let filling = known.filling(insides[path]);
@@ -252,11 +254,11 @@ impl<'a> VolumeBatch<'a> {
             }
             let random = random(paths, path);
             let (ray, hit, carried) = (&paths.rays[path], &paths.hits[path], &paths.carried[path]);
-            if let Some(alike) = alike
-                && let Some(medium) = walker.alike_in_rgb(&known.own, filling)
-                && !walker.seeks_beacons(carried)
+            if let Some(homogeneous) = homogeneous
+                && let Some(medium) = walker.homogeneous_in_rgb(&known.own, filling)
+                && !walker.seeks_equiangular_lights(carried)
             {
-                alike.push_path(
+                homogeneous.push_path(
                     whose,
                     medium,
                     end_of(ray, hit),
@@ -265,8 +267,8 @@ impl<'a> VolumeBatch<'a> {
                     steps[path],
                 );
                 steps[path] += 1;
-                if alike.is_full() {
-                    arrive(alike, paths, scattered);
+                if homogeneous.is_full() {
+                    arrive(homogeneous, paths, scattered);
                 }
                 continue;
             }
@@ -287,8 +289,8 @@ impl<'a> VolumeBatch<'a> {
                 paths.hits[path] = Hit::MISS;
             }
         }
-        if let Some(alike) = alike {
-            arrive(alike, paths, scattered);
+        if let Some(homogeneous) = homogeneous {
+            arrive(homogeneous, paths, scattered);
         }
     }
 
@@ -380,7 +382,7 @@ impl<'a> VolumeBatch<'a> {
             light_numbers,
             glowing,
             on_the_way: way,
-            alike,
+            homogeneous,
             ..
         } = self;
         let may_see_past = walker.has_priorities() || walker.follows_light_rays();
@@ -425,12 +427,12 @@ impl<'a> VolumeBatch<'a> {
                     light.blocked[i] = true;
                 } else if filling == Filling::Empty {
                     // It loses nothing.
-                } else if let Some(alike) = alike
-                    && let Some(medium) = walker.alike_in_rgb(&known.own, filling)
+                } else if let Some(homogeneous) = homogeneous
+                    && let Some(medium) = walker.homogeneous_in_rgb(&known.own, filling)
                 {
-                    alike.push(i as u32, medium, length_to(ray, hit), light.values[i]);
-                    if alike.is_full() {
-                        lose(alike, light);
+                    homogeneous.push(i as u32, medium, length_to(ray, hit), light.values[i]);
+                    if homogeneous.is_full() {
+                        lose(homogeneous, light);
                     }
                 } else {
                     let (value, mode) = (light.values[i], mode(light.samples[i]));
@@ -439,8 +441,8 @@ impl<'a> VolumeBatch<'a> {
                         walker.attenuate(&known.own, here, ray, hit, value, mode, numbers);
                 }
             }
-            if let Some(alike) = alike {
-                lose(alike, light);
+            if let Some(homogeneous) = homogeneous {
+                lose(homogeneous, light);
             }
             let mut kept = 0;
             for at in 0..way.pending.len() {
@@ -479,31 +481,35 @@ impl<'a> VolumeBatch<'a> {
 }
 
 /// Takes the paths of all lanes to where they have come to, and empties the lanes.
-fn arrive(alike: &mut AlikeWays, paths: &mut Paths, scattered: &mut [Option<MediumVertex>]) {
-    if alike.whose().is_empty() {
+fn arrive(
+    homogeneous: &mut HomogeneousBatch,
+    paths: &mut Paths,
+    scattered: &mut [Option<MediumVertex>],
+) {
+    if homogeneous.whose().is_empty() {
         return;
     }
-    alike.travel();
-    for (lane, &path) in alike.whose().iter().enumerate() {
+    homogeneous.travel();
+    for (lane, &path) in homogeneous.whose().iter().enumerate() {
         let path = path as usize;
         let carried = &mut paths.carried[path];
-        carried.throughput = alike.color(lane);
-        if let Some(scattering) = alike.scattered(lane) {
+        carried.throughput = homogeneous.color(lane);
+        if let Some(scattering) = homogeneous.scattered(lane) {
             scattered[path] = Some(Walker::vertex(&paths.rays[path], carried, &scattering));
             paths.hits[path] = Hit::MISS;
         }
     }
-    alike.clear();
+    homogeneous.clear();
 }
 
 /// Takes from the light rays of all lanes what they lose, and empties the lanes.
-fn lose(alike: &mut AlikeWays, light: &mut LightRays) {
-    if alike.whose().is_empty() {
+fn lose(homogeneous: &mut HomogeneousBatch, light: &mut LightRays) {
+    if homogeneous.whose().is_empty() {
         return;
     }
-    alike.attenuate();
-    for (lane, &ray) in alike.whose().iter().enumerate() {
-        light.values[ray as usize] = alike.color(lane);
+    homogeneous.attenuate();
+    for (lane, &ray) in homogeneous.whose().iter().enumerate() {
+        light.values[ray as usize] = homogeneous.color(lane);
     }
-    alike.clear();
+    homogeneous.clear();
 }

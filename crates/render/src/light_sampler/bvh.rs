@@ -7,13 +7,13 @@
 //! by spheres, directions by cones. Lights without a place (the environment, the sun) stand beside
 //! the tree in a table.
 
+use super::batch::{BATCH, ChosenLights, Receivers, sample_batch};
 use super::build;
 use super::cone::{cos_of_difference, sin_from_cos, sin_of_difference};
-use super::many::{ChosenLights, MANY, Receivers, sample_many};
 use super::table::LightTable;
 use super::{ChosenLight, LightSummary, Receiver};
 use snell_math::rng::ONE_MINUS_EPSILON;
-use snell_math::simd::{Wide, least, most};
+use snell_math::simd::{Wide, max, min};
 use snell_math::{Vec3, at_level};
 
 /// Children of a node.
@@ -151,20 +151,20 @@ impl LightBvh {
     }
 
     /// A light for each of the first receivers, so many.
-    pub fn sample_many(
+    pub fn sample_batch(
         &self,
         receivers: &Receivers,
-        u: &[f32; MANY],
+        u: &[f32; BATCH],
         count: usize,
         chosen: &mut ChosenLights,
     ) {
         at_level!(
             self.wide,
-            sample_many,
+            sample_batch,
             (
                 tree: &LightBvh = self,
                 receivers: &Receivers = receivers,
-                u: &[f32; MANY] = u,
+                u: &[f32; BATCH] = u,
                 count: usize = count,
                 chosen: &mut ChosenLights = chosen,
             )
@@ -351,11 +351,11 @@ impl Lane {
     pub(super) fn importance(&self, receiver: &Receiver) -> f32 {
         let Receiver { position: p, normal: n, transmits } = *receiver;
         let in_medium = n == Vec3::ZERO;
-        // |x| is most(x, -x), and x is most(x, x).
+        // |x| is max(x, -x), and x is max(x, x).
         let incident_side = if transmits { -1.0 } else { 1.0 };
         let d = [p.x - self.center[0], p.y - self.center[1], p.z - self.center[2]];
         let squared = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
-        let inverse = 1.0 / most(squared, 1e-30).sqrt();
+        let inverse = 1.0 / max(squared, 1e-30).sqrt();
         // The sphere around the child, as seen from the receiver.
         let r2 = self.radius * self.radius;
         let is_inside = squared <= r2 * 1.0001;
@@ -365,18 +365,18 @@ impl Lane {
         let cos_b = if is_inside { -1.0 } else { cos };
         // Angle between the cone of main directions and the way to the receiver.
         let w = (self.axis[0] * d[0] + self.axis[1] * d[1] + self.axis[2] * d[2]) * inverse;
-        let cos_w = least(most(w, w * self.side), 1.0);
+        let cos_w = min(max(w, w * self.side), 1.0);
         let sin_w = sin_from_cos(cos_w);
         let cos_x = cos_of_difference(sin_w, cos_w, self.sin_spread, self.cos_spread);
         let sin_x = sin_of_difference(sin_w, cos_w, self.sin_spread, self.cos_spread);
         let cos_e = cos_of_difference(sin_x, cos_x, sin_b, cos_b);
-        let emits = if cos_e + SLACK >= self.cos_emission { most(cos_e, SLACK) } else { 0.0 };
+        let emits = if cos_e + SLACK >= self.cos_emission { max(cos_e, SLACK) } else { 0.0 };
         // Angle of incidence.
         let c = -(n.x * d[0] + n.y * d[1] + n.z * d[2]) * inverse;
-        let cos_n = least(most(most(c, c * incident_side), -1.0), 1.0);
+        let cos_n = min(max(max(c, c * incident_side), -1.0), 1.0);
         let cos_i = cos_of_difference(sin_from_cos(cos_n), cos_n, sin_b, cos_b) + SLACK;
         let incident = if in_medium { 1.0 } else { cos_i };
-        let importance = self.intensity * emits * incident / most(most(squared, r2), 1e-30);
+        let importance = self.intensity * emits * incident / max(max(squared, r2), 1e-30);
         if importance > 0.0 { importance } else { 0.0 }
     }
 }
@@ -399,7 +399,7 @@ pub(super) fn choose(weights: &[f32; WIDTH], u: f32) -> (usize, f32, f32) {
         last += usize::from(*sum < total);
     }
     let i = passed.min(last) % WIDTH;
-    let rest = least(most((target - sums[i]) / weights[i], 0.0), ONE_MINUS_EPSILON);
+    let rest = min(max((target - sums[i]) / weights[i], 0.0), ONE_MINUS_EPSILON);
     (i, weights[i] / total, rest)
 }
 

@@ -1,6 +1,6 @@
 //! Sums and differences of angles below 180 degrees, by their cosines and sines only.
 
-use snell_math::simd::most;
+use snell_math::simd::max;
 
 /// Cosine of `max(0, a - b)`.
 #[inline(always)]
@@ -17,5 +17,5 @@ pub fn sin_of_difference(sin_a: f32, cos_a: f32, sin_b: f32, cos_b: f32) -> f32 
 /// Sine of an angle below 180 degrees with this cosine.
 #[inline(always)]
 pub fn sin_from_cos(cos: f32) -> f32 {
-    most(1.0 - cos * cos, 0.0).sqrt()
+    max(1.0 - cos * cos, 0.0).sqrt()
 }

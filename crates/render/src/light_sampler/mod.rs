@@ -1,16 +1,16 @@
 //! Which light is sampled: from a table, the same everywhere ([`table`]), or from a tree that knows
 //! where the receiving point is ([`bvh`]).
 
+mod batch;
 mod build;
 mod bvh;
 mod cone;
-mod many;
 mod table;
 #[cfg(test)]
 mod tests;
 
+pub use batch::{BATCH, ChosenLights, Receivers};
 pub use bvh::{LightBvh, NONE};
-pub use many::{ChosenLights, MANY, Receivers};
 pub use table::LightTable;
 
 use snell_math::Vec3;
@@ -128,16 +128,16 @@ impl LightSampler {
 
     /// What [`Self::sample`] gives for each of the first receivers, so many. For further ones
     /// anything.
-    pub fn sample_many(
+    pub fn sample_batch(
         &self,
         receivers: &Receivers,
-        u: &[f32; MANY],
+        u: &[f32; BATCH],
         count: usize,
         chosen: &mut ChosenLights,
     ) {
         match self {
             Self::Table(table) => (0..count).for_each(|i| chosen.put(i, table.sample(|| u[i]))),
-            Self::Bvh(bvh) => bvh.sample_many(receivers, u, count, chosen),
+            Self::Bvh(bvh) => bvh.sample_batch(receivers, u, count, chosen),
         }
     }
 

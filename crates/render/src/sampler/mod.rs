@@ -4,12 +4,12 @@
 //! binds the rest. Nothing depends on the order of calls, so batching, threads and splitting cannot
 //! change a number.
 
-mod many;
+mod batch;
 mod sobol;
 mod stratified;
 mod zsobol;
 
-pub use many::ManyRandoms;
+pub use batch::BatchRandoms;
 
 use crate::film::BLOCK;
 use crate::settings::Settings;

@@ -5,7 +5,7 @@ use super::{Insides, OwnMedia};
 use snell_scene::MaterialId;
 use std::collections::HashMap;
 
-/// Crossings that are remembered; a power of two.
+/// InterfaceCrossings that are remembered; a power of two.
 const REMEMBERED: usize = 64;
 
 /// All insides that rays of a batch are in, and what fills each. Number 0 is outside of all.

@@ -1,7 +1,7 @@
 //! Steps of paths and light rays from surface to surface.
 
-use super::crossings::Crossing;
 use super::insides::{Filling, Inside};
+use super::interface_crossings::InterfaceCrossing;
 use super::known::{Crossed, KnownInsides};
 use super::{Insides, Numbers, OwnMedia};
 use crate::compile::{Boundary, CompiledLight, CompiledScene, VolumeTable};
@@ -13,7 +13,7 @@ use crate::light_sampler::LightSampler;
 use crate::settings::LightStrategy;
 use snell_intersect::{AcceptAll, Hit, HitFilter, RayQuery, SurfaceInteraction, SurfacePoint};
 use snell_math::{ColorMode, Ray, SampledSpectrum, Vec2, Vec3};
-use snell_scene::medium::{Beacon, Glow, MediumProperties, Scattering, Segment, Travel};
+use snell_scene::medium::{EquiangularLight, Glow, MediumProperties, Scattering, Segment, Travel};
 use snell_scene::{MaterialId, MediumId};
 
 /// Walks through the media of a scene.
@@ -234,13 +234,13 @@ impl<'a> Walker<'a> {
         let id = match self.filling(insides) {
             Filling::Empty => return Travel::unchanged(throughput),
             Filling::Own(i) => {
-                return self.travel_alike(&own[i as usize], segment, carried, numbers);
+                return self.travel_homogeneous(&own[i as usize], segment, carried, numbers);
             }
             Filling::Medium(id) => id,
         };
         let medium = self.table.medium(id);
         if let Some(everywhere) = medium.everywhere(mode) {
-            return self.travel_alike(&everywhere, segment, carried, numbers);
+            return self.travel_homogeneous(&everywhere, segment, carried, numbers);
         }
         let Some((light, glow)) = self.glow(id).filter(|_| carried.bsdf_pdf > 0.0) else {
             return medium.travel(segment, throughput, mode, &mut || numbers.next());
@@ -261,7 +261,7 @@ impl<'a> Walker<'a> {
     }
 
     /// Travel through a medium that is the same everywhere.
-    fn travel_alike(
+    fn travel_homogeneous(
         &self,
         medium: &MediumProperties,
         segment: &Segment,
@@ -269,17 +269,27 @@ impl<'a> Walker<'a> {
         numbers: &mut Numbers,
     ) -> Travel {
         let u = numbers.next();
-        match self.beacon(carried, numbers) {
-            Some(beacon) => medium.travel_near(&beacon, segment, carried.throughput, u),
+        match self.equiangular_light(carried, numbers) {
+            Some(equiangular_light) => {
+                medium.travel_near(&equiangular_light, segment, carried.throughput, u)
+            }
             None => medium.travel(segment, carried.throughput, u),
         }
     }
 
     /// Where media are to scatter a path more. Only one that was not scattered before: after that,
     /// most light comes from all around.
-    fn beacon(&self, carried: &Carried, numbers: &mut Numbers) -> Option<Beacon> {
-        let beacons = self.table.beacons.as_ref().filter(|_| self.seeks_beacons(carried))?;
-        beacons.sample(|| numbers.next().x)
+    fn equiangular_light(
+        &self,
+        carried: &Carried,
+        numbers: &mut Numbers,
+    ) -> Option<EquiangularLight> {
+        let equiangular_lights = self
+            .table
+            .equiangular_lights
+            .as_ref()
+            .filter(|_| self.seeks_equiangular_lights(carried))?;
+        equiangular_lights.sample(|| numbers.next().x)
     }
 
     /// The light that a medium is.
@@ -327,7 +337,7 @@ impl<'a> Walker<'a> {
 
     /// What fills an inside, if it is the same everywhere and does not shine: as it is in
     /// [`ColorMode::Rgb`].
-    pub fn alike_in_rgb<'m>(
+    pub fn homogeneous_in_rgb<'m>(
         &'m self,
         own: &'m OwnMedia,
         filling: Filling,
@@ -340,9 +350,9 @@ impl<'a> Walker<'a> {
         medium.filter(|medium| medium.emission.is_black())
     }
 
-    /// True if media are to scatter a path [more](Self::beacon) near lights.
-    pub fn seeks_beacons(&self, carried: &Carried) -> bool {
-        self.table.beacons.is_some()
+    /// True if media are to scatter a path [more](Self::equiangular_light) near lights.
+    pub fn seeks_equiangular_lights(&self, carried: &Carried) -> bool {
+        self.table.equiangular_lights.is_some()
             && carried.marks.is_specular()
             && self.strategy != LightStrategy::Bsdf
     }
@@ -426,7 +436,7 @@ impl<'a> Walker<'a> {
         &self,
         known: &mut KnownInsides,
         from: u32,
-        crossing: &Crossing,
+        crossing: &InterfaceCrossing,
         material: MaterialId,
         mode: ColorMode,
         surface: impl FnOnce() -> SurfaceInteraction,

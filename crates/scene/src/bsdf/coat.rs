@@ -1,6 +1,6 @@
 //! A clear lacquer over something: the coat of [`super::OpenPbrBsdf`].
 
-mod many;
+mod batch;
 
 use super::energy::DielectricReflection;
 use super::ggx::Ggx;
@@ -8,7 +8,7 @@ use super::mirror::mirror_branch;
 use super::{SpecularBranch, fresnel, lift, lower_like};
 use snell_math::{Frame, SampledSpectrum, Vec2, Vec3};
 
-pub(super) use many::ManyCoated;
+pub(super) use batch::BatchCoated;
 
 /// A clear lacquer.
 #[derive(Clone, Copy, Debug)]

@@ -1,12 +1,12 @@
 //! Metals: reflection by microfacets of a conductor.
 
-mod many;
+mod batch;
 
-pub(super) use many::ManyMetal;
+pub(super) use batch::BatchMetal;
 
+use super::batch::LobeSpectra;
 use super::energy::{BouncedLobe, FacetLoss};
 use super::film::ThinFilm;
-use super::many::Palette;
 use super::mirror::mirror_branch;
 use super::{Choice, Drawn, Lobes, Microfacets, SpecularBranch, fresnel, lift, lower_like};
 use snell_math::{SampledSpectrum, Vec2, Vec3};
@@ -155,12 +155,13 @@ impl ConductorBsdf {
         Self { facets, unit, microfacets, loss, lobe, mean_loss: lost, film: None, f0, bounced }
     }
 
-    /// Its spectra, as [`ManyMetal`] is told them.
-    pub(super) fn palette(&self) -> Palette {
-        match self.facets {
-            FacetReflectance::Complex { eta, k } => [eta, k, self.unit],
-            FacetReflectance::F82 { f0, edge } => [f0, edge, self.unit],
-        }
+    /// Its spectra, as [`BatchMetal`] needs them.
+    pub(super) fn spectra(&self) -> LobeSpectra {
+        let (base, specular) = match self.facets {
+            FacetReflectance::Complex { eta, k } => (eta, k),
+            FacetReflectance::F82 { f0, edge } => (f0, edge),
+        };
+        LobeSpectra { base, specular, other: self.unit }
     }
 
     /// The same metal under a film.

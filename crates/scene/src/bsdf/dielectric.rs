@@ -6,17 +6,17 @@
 //! `1 / ior^2`, and gets it back when it leaves. Throughput inside glass is therefore small without
 //! being unimportant: Russian roulette compensates for it ([`Lobes::crossing_scale`]).
 
-mod many;
+mod batch;
 
+use super::batch::LobeSpectra;
 use super::energy::{BouncedLobe, DielectricLoss};
 use super::film::ThinFilm;
-use super::many::Palette;
 use super::mirror::mirror_branch;
 use super::{Drawn, Lobes, Microfacets, SpecularBranch, fresnel, lift, lower_like};
 use snell_math::{SampledSpectrum, Vec2, Vec3};
 use std::f32::consts::FRAC_1_PI;
 
-pub(super) use many::ManyGlass;
+pub(super) use batch::BatchGlass;
 
 /// An interface between the outside (`z > 0`, index 1) and a medium. Rough interfaces follow Walter
 /// et al., Microfacet Models for Refraction through Rough Surfaces (EGSR 2007), with visible
@@ -196,9 +196,9 @@ impl DielectricBsdf {
         (plain, film.reflectance(cos, SampledSpectrum::splat(fresnel::f0_from_ior(self.ior)), f))
     }
 
-    /// Its spectra, as [`ManyGlass`] is told them.
-    pub(super) fn palette(&self) -> Palette {
-        [self.tint, self.mirror_tint(self.ior), self.unit]
+    /// Its spectra, as [`BatchGlass`] needs them.
+    pub(super) fn spectra(&self) -> LobeSpectra {
+        LobeSpectra { base: self.tint, specular: self.mirror_tint(self.ior), other: self.unit }
     }
 
     /// Factor on what is reflected on the side with this relative index.

@@ -1,6 +1,6 @@
 //! How much light a smooth interface reflects, and where the rest goes.
 
-use snell_math::simd::most;
+use snell_math::simd::max;
 use snell_math::{SampledSpectrum, Vec3};
 
 /// The mirror direction of `w` about the unit vector `n`.
@@ -22,7 +22,7 @@ pub fn refract(w: Vec3, n: Vec3, eta: f32) -> Option<Vec3> {
 #[inline(always)]
 pub fn refracted(w: Vec3, n: Vec3, eta: f32) -> (Vec3, bool) {
     let cos_i = w.dot(n);
-    let sin2_t = most(1.0 - cos_i * cos_i, 0.0) / (eta * eta);
+    let sin2_t = max(1.0 - cos_i * cos_i, 0.0) / (eta * eta);
     let cos_t = (1.0 - sin2_t).sqrt();
     let wi = n * (cos_i / eta - cos_t) - w / eta;
     let scale = 1.0 / wi.length();

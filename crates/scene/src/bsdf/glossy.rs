@@ -6,13 +6,13 @@
 //! Specular-Matte BRDF Model, 2001): a white body loses nothing, and over a Lambertian body the
 //! model is reciprocal. Light that bounces between facets enters the body.
 
-mod many;
+mod batch;
 
-pub(super) use many::ManyGloss;
+pub(super) use batch::BatchGloss;
 
+use super::batch::LobeSpectra;
 use super::energy::DielectricReflection;
 use super::film::ThinFilm;
-use super::many::Palette;
 use super::mirror::mirror_branch;
 use super::{
     Choice, DiffuseBsdf, Drawn, Lobes, Microfacets, SpecularBranch, fresnel, lift, lower_like,
@@ -135,9 +135,10 @@ impl GlossyBsdf {
         self.albedo.again(microfacets, self.gloss.ior)
     }
 
-    /// Its spectra, as [`ManyGloss`] is told them.
-    pub(super) fn palette(&self) -> Palette {
-        [self.body.diffuse.directional_albedo(1.0), self.gloss.tint, SampledSpectrum::ZERO]
+    /// Its spectra, as [`BatchGloss`] needs them.
+    pub(super) fn spectra(&self) -> LobeSpectra {
+        let base = self.body.diffuse.directional_albedo(1.0);
+        LobeSpectra { base, specular: self.gloss.tint, ..LobeSpectra::default() }
     }
 
     fn mean_of_passed(&self) -> SampledSpectrum {

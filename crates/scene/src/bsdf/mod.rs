@@ -5,6 +5,7 @@
 //! gathered (the camera), `wi` to where it comes from. Opaque BSDFs reflect on both sides;
 //! dielectrics are outside where `z > 0`.
 
+mod batch;
 mod beckmann;
 mod black;
 mod coat;
@@ -20,7 +21,6 @@ mod fuzz;
 mod ggx;
 mod glossy;
 mod hair;
-mod many;
 mod microfacets;
 mod mirror;
 mod open_pbr;
@@ -30,6 +30,7 @@ mod sheet;
 mod tests;
 mod widths;
 
+pub use batch::{BATCH, BatchBsdf, BatchInputs, BatchOutputs, BatchPoint, LobeSpectra};
 pub use beckmann::Beckmann;
 pub use black::BlackBsdf;
 pub use coat::Coat;
@@ -40,7 +41,6 @@ pub use film::ThinFilm;
 pub use ggx::Ggx;
 pub use glossy::{Body, Gloss, GlossyBsdf, GlossySeen};
 pub use hair::{HairBsdf, HairFiber, HairSeen};
-pub use many::{MANY, ManyAnswers, ManyBsdf, ManyPoint, ManyQuestions, Palette};
 pub use microfacets::{MicrofacetShape, Microfacets};
 pub use mirror::MirrorBsdf;
 pub use open_pbr::{Fuzz, OpenPbrBsdf, OpenPbrSeen, Slabs, Translucent, TranslucentSeen};
@@ -48,7 +48,7 @@ pub use phong::{PhongBsdf, PhongCoefficients};
 pub use sheet::{SheetBsdf, SheetSeen};
 pub use widths::Widths;
 
-use snell_math::simd::{choose, least};
+use snell_math::simd::{min, select};
 use snell_math::{SampledSpectrum, Vec2, Vec3, angles};
 use std::f32::consts::PI;
 
@@ -130,7 +130,7 @@ impl Choice<2> {
         (
             is_first,
             exists,
-            if from < of { least(from / of, 1.0 - f32::EPSILON) } else { 1.0 - f32::EPSILON },
+            if from < of { min(from / of, 1.0 - f32::EPSILON) } else { 1.0 - f32::EPSILON },
         )
     }
 }
@@ -382,7 +382,7 @@ fn turn(share: f32) -> (f32, f32) {
 #[inline(always)]
 pub(crate) fn unit_or(v: Vec3, other: Vec3) -> Vec3 {
     let scale = 1.0 / v.length();
-    choose((scale > 0.0) & (scale < f32::INFINITY), v * scale, other)
+    select((scale > 0.0) & (scale < f32::INFINITY), v * scale, other)
 }
 
 /// The direction, mirrored to the upper side if it lies below.

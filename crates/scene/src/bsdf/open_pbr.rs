@@ -6,13 +6,13 @@
 //! that is not absorbed, at the price of reciprocity: light that comes from where the viewer is
 //! would be shared by its own direction.
 
-mod many;
+mod batch;
 
-pub(super) use many::ManyMixed;
+pub(super) use batch::BatchMixed;
 
+use super::batch::LobeSpectra;
 use super::coat::{Coat, CoatLobe, CoatSeen};
 use super::fuzz::FuzzLobe;
-use super::many::Palette;
 use super::{
     BsdfSample, Choice, ConductorBsdf, ConductorSeen, DielectricBsdf, DielectricSeen, Drawn,
     GlossyBsdf, GlossySeen, Lobes, SheetBsdf, SheetSeen, SpecularBranch, bsdfs, lift, lower_like,
@@ -151,10 +151,10 @@ impl OpenPbrBsdf {
     }
 
     /// The spectra of its metal or opaque slab, or of both, under a clear coat or none.
-    pub(super) fn palette(&self) -> Option<Palette> {
+    pub(super) fn spectra(&self) -> Option<LobeSpectra> {
         let is_clear = self.coat.as_ref().is_none_or(|coat| coat.is_clear(self.unit));
-        let of_metal = self.slabs.metal.as_ref().map(|(_, metal)| metal.palette());
-        let of_opaque = self.slabs.opaque.as_ref().map(|(_, opaque)| opaque.palette());
+        let of_metal = self.slabs.metal.as_ref().map(|(_, metal)| metal.spectra());
+        let of_opaque = self.slabs.opaque.as_ref().map(|(_, opaque)| opaque.spectra());
         of_metal.or(of_opaque).filter(|_| is_clear)
     }
 

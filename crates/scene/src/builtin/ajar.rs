@@ -12,7 +12,7 @@ use snell_math::{DAffine3, DVec3, Rgb};
 /// Height of the rooms, and thickness of the wall between them.
 const HEIGHT: f64 = 2.8;
 const WALL: f64 = 0.15;
-/// The opening in the wall at `x = 0`: from 0 to this far along z, and as high.
+/// The opening in the wall at `x = 0`: its extent along z from 0, and its height.
 const DOOR: [f64; 2] = [1.0, 2.05];
 /// How far the door is open, in radians.
 const OPEN: f64 = 0.35;
@@ -33,7 +33,7 @@ pub fn scene() -> Scene {
     let depth = DOOR[0];
     let hinge =
         DAffine3::from_translation(DVec3::new(0.0, 0.0, depth)) * DAffine3::from_rotation_y(OPEN);
-    // The leaf hangs at its far end and opens into the room that is seen.
+    // The leaf hangs at its far end and opens into the visible room.
     put(&mut scene, "door", [0.0, 0.005, -depth], [0.05, DOOR[1] - 0.01, 0.0], hinge, wood);
     let still = DAffine3::IDENTITY;
     put(&mut scene, "table top", [1.3, 0.68, -0.6], [2.7, 0.74, 1.4], still, table);

@@ -1,5 +1,4 @@
-//! A ball of glass under a small lamp: nearly all of its light on the floor has gone through the
-//! glass.
+//! A ball of glass under a small lamp: nearly all of its light on the floor has passed the glass.
 
 use super::palette::{glass, gold, matte};
 use super::quads::quads;
@@ -9,7 +8,7 @@ use crate::material::{Black, Material};
 use snell_intersect::shape::Sphere;
 use snell_math::{DAffine3, DVec3, Rgb};
 
-/// Half of the room's width, its height, and where its front ends.
+/// Half of the room's width, its height, and its front end.
 const HALF: f32 = 3.0;
 const HEIGHT: f32 = 4.0;
 const FRONT: f32 = 8.0;

@@ -14,7 +14,7 @@ use snell_math::{DVec3, Rgb};
 const WHITE: Rgb = Rgb::new(0.725, 0.71, 0.68);
 const RED: Rgb = Rgb::new(0.57, 0.043, 0.044);
 const GREEN: Rgb = Rgb::new(0.105, 0.378, 0.076);
-/// Radiance of the lamp: the colour of its spectrum, at a level that suits the default exposure.
+/// Radiance of the lamp: the colour of its spectrum, at a level for the default exposure.
 const LAMP: Rgb = Rgb::new(31.0, 24.0, 11.5);
 
 type Quad = [[f32; 3]; 4];

@@ -1,5 +1,5 @@
-//! A glass of iced tea: things within things, each of its own index of refraction, with priorities
-//! where they overlap.
+//! A glass of iced tea: nested objects with different indices of refraction, and priorities where
+//! they overlap.
 
 use super::palette::matte;
 use super::quads::ground;

@@ -35,7 +35,7 @@ pub fn scene() -> Scene {
     add("left wall", vec![slab([-WALL, 0.0, -WALL], [0.0, y, z + WALL], plaster)]);
     add("back wall", vec![slab([0.0, 0.0, -WALL], [x, y, 0.0], plaster)]);
     add("front wall", vec![slab([0.0, 0.0, z], [x, y, z + WALL], plaster)]);
-    // The right wall around the window, and the bars in it.
+    // The right wall around the window, and its bars.
     let (low, high, near, far) = (1.1, 2.5, 1.0, 2.9);
     add(
         "right wall",
@@ -51,7 +51,7 @@ pub fn scene() -> Scene {
         slab([x + 0.08, low, at - 0.05], [x + 0.16, high, at + 0.05], plaster)
     });
     add("bars", bars.collect());
-    // The air ends a little inside of the walls' outer faces.
+    // The air ends slightly inside of the walls' outer faces.
     add("air", vec![block(DVec3::splat(-0.5 * WALL), ROOM + 0.9 * WALL, air)]);
     let place = DAffine3::from_translation(DVec3::new(1.25, 0.45, 1.9));
     let surfaces = vec![Surface::shape(Sphere { radius: 0.45 }, ball)];

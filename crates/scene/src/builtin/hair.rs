@@ -13,15 +13,15 @@ use snell_math::{DAffine3, DVec3, Rgb, Vec3, rng};
 use std::f32::consts::TAU;
 use std::sync::Arc;
 
-/// Strands of a ball.
+/// Strands per ball.
 const STRANDS: u32 = 9000;
 /// Radius of the skin.
 const SKIN: f32 = 0.72;
 /// Radius of a strand at its root.
 const THICKNESS: f32 = 0.0045;
 
-/// Fur around the origin: roots spread evenly by the golden angle, strands that bend into tufts and
-/// hang a little.
+/// Fur around the origin: roots distributed evenly by the golden angle, strands that bend into
+/// tufts and hang slightly.
 fn fur() -> Curves {
     let golden = TAU * (1.0 - 2.0 / (1.0 + 5f32.sqrt()));
     let mut points = Vec::new();
@@ -31,7 +31,7 @@ fn fur() -> Curves {
         let up = Vec3::new((1.0 - y * y).sqrt() * cos, y, (1.0 - y * y).sqrt() * sin);
         let random = |k: u32| rng::pcg4d([i, k, 7, 3]).map(rng::to_unit);
         let [a, b, c, length] = random(0);
-        // A slow swirl over the ball that neighbours share, and a little of their own.
+        // A slow swirl over the ball that neighbours share, plus individual variation.
         let swirl = Vec3::new(
             (5.0 * up.y).sin() + (7.0 * up.z).cos(),
             (6.0 * up.x).sin(),
@@ -86,7 +86,7 @@ pub fn scene() -> Scene {
         Projection::from_half_angle_x(0.42),
     );
     scene.environment = Some(sky_seen_by(&camera, DVec3::Y));
-    // The sun is behind, where it shines through what is thin.
+    // The sun is behind, where it shines through thin parts.
     scene.add_light(Directional {
         direction: DVec3::new(0.5, -0.7, 0.65).normalize(),
         irradiance: Rgb::splat(2.5),

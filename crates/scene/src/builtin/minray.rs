@@ -10,11 +10,11 @@ use snell_intersect::shape::Sphere;
 use snell_math::{DAffine3, DVec3, Rgb};
 use std::f32::consts::PI;
 
-/// A scene in the words of the original.
+/// A scene in the terms of the original.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MinrayDescription {
-    /// What the scene is called.
+    /// Name of the scene.
     #[serde(default)]
     pub name: String,
     /// Maximal depth of the ray tree: 1 follows primary rays only.
@@ -23,7 +23,7 @@ pub struct MinrayDescription {
     pub size: u32,
     /// Total angle of view in degrees, horizontal and vertical.
     pub aov_degrees: f64,
-    /// Ambient light, and what rays that hit nothing see.
+    /// Ambient light, and the background.
     pub ambient: [f32; 3],
     /// The only primitive.
     pub spheres: Vec<MinraySphere>,
@@ -37,7 +37,7 @@ pub struct MinraySphere {
     pub x: f64,
     /// Centre.
     pub y: f64,
-    /// Centre; upwards.
+    /// Centre; z is up.
     pub z: f64,
     /// Colour.
     pub r: f32,
@@ -47,13 +47,13 @@ pub struct MinraySphere {
     pub b: f32,
     /// Radius.
     pub rad: f64,
-    /// Diffuse coefficient; times the colour.
+    /// Diffuse coefficient, multiplied by the colour.
     pub kd: f32,
-    /// Coefficient of what the mirror direction shows.
+    /// Coefficient of the reflected ray.
     pub ks: f32,
-    /// Coefficient of what the refracted direction shows.
+    /// Coefficient of the refracted ray.
     pub kt: f32,
-    /// Luminosity; times the colour. A sphere with a positive one is a light.
+    /// Luminosity, multiplied by the colour. A sphere with a positive one is a light.
     pub kl: f32,
     /// Index of refraction.
     pub ir: f32,
@@ -65,23 +65,23 @@ pub enum MinrayError {
     /// A number is out of range.
     #[error("{name} is {found}; expected {expected}")]
     OutOfRange {
-        /// Which one.
+        /// Its name.
         name: &'static str,
         /// Its value.
         found: f64,
-        /// What it should be.
+        /// The expected value.
         expected: &'static str,
     },
-    /// A sphere is broken.
+    /// A number of a sphere is invalid.
     #[error("sphere {number} (counted from 1): {name} is {found}; expected {expected}")]
     Sphere {
         /// Position in the list, from 1.
         number: usize,
-        /// Which number.
+        /// Its name.
         name: &'static str,
         /// Its value.
         found: f64,
-        /// What it should be.
+        /// The expected value.
         expected: &'static str,
     },
 }
@@ -151,9 +151,9 @@ impl MinraySphere {
         Rgb::new(self.r, self.g, self.b)
     }
 
-    /// The light that a luminous sphere is: a point at its centre that does not fade with distance.
-    /// The original adds `kl colour cos` to what `kd` multiplies; a Lambertian surface of
-    /// reflectance `kd` makes `1 / pi` of its irradiance.
+    /// The light of a luminous sphere: a point at its centre without attenuation. The original adds
+    /// `kl colour cos` to what `kd` multiplies; a Lambertian surface of reflectance `kd` reflects
+    /// `1 / pi` of its irradiance.
     fn light(&self) -> Light {
         Light::Point(Point {
             position: self.center(),
@@ -191,10 +191,10 @@ pub fn minray_scene(description: &MinrayDescription) -> Result<Scene, MinrayErro
     Ok(scene)
 }
 
-/// The eye is at the origin and looks along `+y`, `z` is up. With `h = size / 2` rounded down, the
+/// The eye is at the origin and looks along `+y`; `z` is up. With `h = size / 2` rounded down, the
 /// ray of pixel `(x, y)` has the direction `(x - h, h / tan(aov / 2), h - y)`. For an even size
-/// these are the upper left corners of the pixels of a view of that angle; for an odd size their
-/// centres, the view being wider by `size / (2 h)`.
+/// these are the upper left corners of the pixels of a view with that angle; for an odd size their
+/// centres, in a view that is wider by `size / (2 h)`.
 fn set_view(scene: &mut Scene, description: &MinrayDescription) {
     let size = description.size;
     let half = f64::from((size / 2).max(1));

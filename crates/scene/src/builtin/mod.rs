@@ -1,4 +1,4 @@
-//! Scenes that come with the program. They double as examples of how to make scenes in code.
+//! Scenes that come with the program. They also show how to build scenes in code.
 
 mod ajar;
 mod caustic;

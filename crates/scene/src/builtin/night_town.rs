@@ -10,7 +10,7 @@ use snell_intersect::shape::{Rectangle, Sphere};
 use snell_math::rng::uniform2;
 use snell_math::{DAffine3, DMat3, DVec2, DVec3, Rgb, Vec2};
 
-/// Houses along a side of the town, the distance from one to the next, and half of their width.
+/// Houses along a side of the town, their distance, and half of their width.
 const HOUSES: u32 = 8;
 const DISTANCE: f32 = 2.0;
 const HALF: f32 = 0.62;

@@ -9,7 +9,7 @@ pub fn matte(name: &str, reflectance: Rgb) -> Material {
     Material::new(name, Diffuse::new(reflectance))
 }
 
-/// Coloured plastic or glaze: matte under a clear coat.
+/// Coloured plastic or glaze: a diffuse base under a clear coat.
 pub fn plastic(name: &str, color: Rgb, roughness: f32) -> Material {
     Material::new(name, Plastic::new(color, roughness))
 }
@@ -29,7 +29,7 @@ pub fn glass(name: &str) -> Material {
     Material::new(name, Dielectric::smooth(1.5))
 }
 
-/// What a sphere of the minimal ray tracer is made of: no highlights, because its lights are
+/// The material of a sphere of the minimal ray tracer: without highlights, because its lights are
 /// visible objects that mirrors show.
 pub fn minimal(name: &str, sphere: &MinraySphere) -> Material {
     let color = Rgb::new(sphere.r, sphere.g, sphere.b);

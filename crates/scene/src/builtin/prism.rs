@@ -1,9 +1,9 @@
-//! A prism of flint glass before a lamp in a slit: looking through it, the slit is spread into a
+//! A prism of flint glass in front of a lamp in a slit: seen through it, the slit is spread into a
 //! spectrum.
 //!
-//! The camera looks at the prism at the angle of least deviation, and past it at the slit itself.
-//! Light of each wavelength takes its own way, so the picture needs spectral rendering; in RGB the
-//! slit is bent, but stays white.
+//! The camera looks at the prism at the angle of minimum deviation, and past it at the slit itself.
+//! Light of each wavelength takes its own path, so the picture needs spectral rendering; in RGB the
+//! slit is displaced, but stays white.
 
 use super::palette::matte;
 use super::quads::quads;
@@ -15,18 +15,18 @@ use snell_math::spectrum::{Glass, LINE_D};
 use snell_math::{Rgb, Vec3};
 use std::sync::Arc;
 
-/// The angle between the faces through which light goes.
+/// The angle between the faces that light passes.
 const APEX: f32 = 50.0_f32.to_radians();
 /// Length of the sides next to the apex, and height.
 const SIDE: f32 = 2.4;
 const HEIGHT: f32 = 2.2;
-/// Where the prism stands, and how far it is from there to the slit.
+/// Distance from the camera to the prism, and from there to the slit.
 const DISTANCE: f32 = 5.0;
 const TO_SLIT: f32 = 14.0;
 /// Width and height of the slit.
 const SLIT: [f32; 2] = [0.07, 7.0];
 
-/// By how much the prism bends light of the d-line that goes through it symmetrically.
+/// The minimum deviation: that of d-line light which passes the prism symmetrically.
 fn least_deviation() -> f32 {
     2.0 * (Glass::SF11.index(LINE_D) * (APEX / 2.0).sin()).asin() - APEX
 }
@@ -37,9 +37,9 @@ fn towards(angle: f32) -> Vec3 {
     Vec3::new(-angle.sin(), 0.0, -angle.cos())
 }
 
-/// The prism: its apex to the right, halved by the plane across the way of the light.
+/// The prism: its apex to the right, bisected by the plane across the path of the light.
 fn prism(material: MaterialId) -> Surface {
-    // In the middle of the way light is parallel to the base, half of the deviation to the left.
+    // Inside, light is parallel to the base, half of the deviation to the left.
     let along = towards(least_deviation() / 2.0);
     let apex_direction = along.cross(Vec3::Y);
     let center = Vec3::new(0.0, 0.0, -DISTANCE);
@@ -95,7 +95,7 @@ pub fn scene() -> Scene {
     );
     let camera =
         Camera::look_at(Vec3::new(0.0, 0.35, 0.0), Vec3::new(-1.35, 0.0, -DISTANCE), Vec3::Y, 0.31);
-    // A little light from all around, to see the glass by.
+    // Faint light from all directions, so that the glass is visible.
     scene.environment = Some(Environment::Constant(Rgb::splat(0.03)));
     scene.cameras.push(Camera { name: "main".into(), ..camera });
     scene.settings.size = Some([640, 400]);

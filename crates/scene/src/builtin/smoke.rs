@@ -71,7 +71,7 @@ pub fn scene() -> Scene {
     scene
 }
 
-/// A grid of a function of the position in metres.
+/// A grid that samples a function of the position in metres.
 fn sampled(f: impl Fn(Vec3) -> f32) -> ScalarGrid {
     let [nx, ny, nz] = CELLS;
     let middle = |i: usize, n: usize| (i as f32 + 0.5) / n as f32;
@@ -83,7 +83,7 @@ fn sampled(f: impl Fn(Vec3) -> f32) -> ScalarGrid {
     ScalarGrid::new(CELLS, (0..nx * ny * nz).map(|i| f(position(i))).collect()).unwrap_or_default()
 }
 
-/// The point that rising and turning air has brought to `p`: what was straight is now curled.
+/// The point from which rising and swirling air has come to `p`.
 fn curled(p: Vec3) -> Vec3 {
     let swirl = |seed| fractal_noise(Vec3::new(p.x, 0.8 * p.y, p.z) * 1.1, 3, seed);
     p + Vec3::new(swirl(11), 0.4 * swirl(12), swirl(13)) * (0.25 * p.y).clamp(0.05, 0.55)
@@ -108,7 +108,7 @@ fn flame(p: Vec3) -> f32 {
     let rest = (1.0 - p.y / height).max(0.0);
     let width = 0.5 * rest.sqrt() + 0.02;
     let away = Vec3::new(p.x + 0.15 * tongue, 0.0, p.z - 0.15 * tongue).length() / width;
-    // Hot gas glows in a shell around the fuel.
+    // Hot gas emits in a shell around the fuel.
     let shell = (1.0 - away).clamp(0.0, 1.0) * (0.25 + away);
     3.0 * shell * rest.min(0.8)
 }

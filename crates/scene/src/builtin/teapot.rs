@@ -28,7 +28,7 @@ const PROFILES: [[[f64; 2]; 4]; 6] = [
     [[1.5, 0.15], [1.5, 0.075], [1.425, 0.0], [0.0, 0.0]],
 ];
 
-/// Where Newell's quarter circles have their inner control points, as a share of the radius.
+/// The inner control points of Newell's quarter circles, as a share of the radius.
 const QUARTER: f64 = 0.56;
 
 /// Rows of control points of handle and spout: `x` and `z` on both ends of half a cross-section,
@@ -58,8 +58,8 @@ const SPOUT: Tube = [
 /// Sixteen control points, row by row.
 type Patch = [[DVec3; 4]; 4];
 
-/// All patches, oriented alike: the derivative along a row crossed with the one from row to row
-/// points outwards.
+/// All patches, with consistent orientation: the derivative along a row crossed with the one from
+/// row to row points outwards.
 fn patches() -> Vec<Patch> {
     let mut patches = Vec::with_capacity(32);
     for profile in PROFILES {
@@ -69,7 +69,7 @@ fn patches() -> Vec<Patch> {
                 [(r, 0.0), (r, QUARTER * r), (QUARTER * r, r), (0.0, r)]
                     .map(|(x, y)| DVec3::new(c * x - s * y, s * x + c * y, z))
             };
-            // From the top down the profiles run against the axis, which turns the patch over.
+            // From the top down the profiles run against the axis, which flips the patch.
             patches.push(profile.map(|row| flipped(ring(row))));
         }
     }
@@ -115,7 +115,7 @@ fn evaluate(patch: &Patch, u: f64, v: f64) -> (DVec3, DVec3, DVec3) {
     (sum(&bu, &bv), sum(&du, &bv), sum(&bu, &dv))
 }
 
-/// The unit normal; at the poles, where a row has shrunk to a point, that of points nearby.
+/// The unit normal; at the poles, where a row has shrunk to a point, that of nearby points.
 fn normal(patch: &Patch, u: f64, v: f64) -> DVec3 {
     let at = |v: f64| {
         let (_, du, dv) = evaluate(patch, u, v);
@@ -126,8 +126,8 @@ fn normal(patch: &Patch, u: f64, v: f64) -> DVec3 {
     at(v).or_else(|| at(v + inward)).unwrap_or(DVec3::Z)
 }
 
-/// The teapot with `n` times `n` cells to a patch, in Newell's axes. Texture coordinates run once
-/// over each patch.
+/// The teapot with `n` times `n` cells per patch, in Newell's axes. Texture coordinates cover each
+/// patch once.
 fn teapot(n: u32) -> TriangleMesh {
     let mut mesh = TriangleMesh::default();
     for patch in patches() {
@@ -146,7 +146,7 @@ fn teapot(n: u32) -> TriangleMesh {
             mesh.indices.extend([[a, b, c], [a, c, d]]);
         }
     }
-    // Triangles at the poles have no area.
+    // Triangles at the poles are degenerate.
     let positions = &mesh.positions;
     mesh.indices.retain(|t| {
         let [a, b, c] = t.map(|i| positions[i as usize]);
@@ -242,7 +242,7 @@ mod tests {
                 assert!(n.z > 0.9, "{p} {n}");
             }
         }
-        // The far side of the handle looks away from the pot, the spout's underside forward and
+        // The far side of the handle faces away from the pot, the spout's underside forward and
         // down.
         let at = |p: Vec3| {
             let near = |q: &&usize| mesh.positions[**q].distance_squared(p);

@@ -3,7 +3,7 @@
 use super::{Camera, Projection};
 use snell_math::{DMat4, DVec3};
 
-/// What the axes of a camera's own coordinates mean.
+/// A convention for the axes of a camera's own coordinates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CameraAxes {
     /// `x` right, `y` down, `z` forward.
@@ -15,13 +15,13 @@ pub enum CameraAxes {
 /// Why a matrix is not the pose of a camera.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum CameraError {
-    /// Not finite, not affine or not invertible.
+    /// It is not finite, not affine or not invertible.
     #[error(
         "the camera's 4x4 matrix must be finite and invertible with the last row 0 0 0 1 \
          (points are columns: p' = M p; transpose it if the translation is in the last row)"
     )]
     NotAPose,
-    /// Mirrored.
+    /// It is mirrored.
     #[error(
         "the camera's matrix mirrors the world (its determinant is negative); is it given for axes \
             of another convention?"
@@ -31,8 +31,8 @@ pub enum CameraError {
 
 impl Camera {
     /// The camera with this pose. `world_from_camera` maps points in the camera's own axes to the
-    /// world; its scale does not matter, and axes that are not quite perpendicular are made so, the
-    /// view direction kept.
+    /// world; its scale is ignored, and axes that are not quite perpendicular are made so, keeping
+    /// the view direction.
     pub fn from_matrix(
         world_from_camera: DMat4,
         axes: CameraAxes,
@@ -66,7 +66,7 @@ impl Camera {
         if !affine || !inverse.is_finite() {
             return Err(CameraError::NotAPose);
         }
-        // Inverting may leave rounding in the last row.
+        // Inversion may leave rounding errors in the last row.
         let columns =
             [0, 1, 2, 3].map(|i| inverse.col(i).truncate().extend(if i == 3 { 1.0 } else { 0.0 }));
         Self::from_matrix(

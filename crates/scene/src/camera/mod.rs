@@ -19,7 +19,7 @@ use snell_math::simd::Wide;
 use snell_math::{DVec2, DVec3, Ray, Vec2, Vec3, at_level, sampling};
 use std::f64::consts::{PI, TAU};
 
-/// Where on the film and on the lens a ray passes.
+/// The position of a ray on the film and on the lens.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CameraSample {
     /// Position in pixels from the upper left corner of the picture: `(0.5, 0.5)` is the centre of
@@ -78,10 +78,10 @@ pub struct CameraRay {
     pub weight: f32,
 }
 
-/// A ray in camera coordinates `(right, up, towards)`, before the lens.
+/// A ray in camera coordinates `(right, up, towards)`, without the lens.
 struct LocalRay {
     origin: DVec2,
-    /// Any length; for projections with a lens its last coordinate is 1.
+    /// Of any length; for projections with a lens its last coordinate is 1.
     direction: DVec3,
     width: f64,
     spread: f64,
@@ -90,8 +90,8 @@ struct LocalRay {
 
 impl Camera {
     /// A pinhole camera at `eye` that looks along `towards`. `up` need not be perpendicular or of
-    /// unit length; if it is parallel to `towards` (or zero, or not finite), some other direction
-    /// is up. A view direction of length 0 becomes `-z`.
+    /// unit length; if it is parallel to `towards` (or zero, or not finite), another direction is
+    /// chosen. A view direction of length 0 becomes `-z`.
     pub fn from_direction(eye: DVec3, towards: DVec3, up: DVec3, projection: Projection) -> Self {
         let towards = unit(towards).unwrap_or(DVec3::NEG_Z);
         let right = unit(up).and_then(|up| {
@@ -125,8 +125,8 @@ impl Camera {
         Self::from_target(eye.as_dvec3(), target.as_dvec3(), up.as_dvec3(), projection)
     }
 
-    /// Makes `towards` a unit vector, and `up` one perpendicular to it, if they are not, as in
-    /// files and edits by hand.
+    /// Makes `towards` a unit vector, and `up` a perpendicular one, if they are not, as in files
+    /// and edits by hand.
     pub fn square_up(&mut self) {
         let is_unit = |v: DVec3| (v.length_squared() - 1.0).abs() < 1e-9;
         if is_unit(self.towards) && is_unit(self.up) && self.towards.dot(self.up).abs() < 1e-9 {
@@ -136,8 +136,8 @@ impl Camera {
         (self.towards, self.up) = (squared.towards, squared.up);
     }
 
-    /// The camera on its way to another place: at `s` from 0 (here) to 1 (there), on a straight
-    /// line. It keeps its own projection.
+    /// The camera interpolated between this one and another: at `s` from 0 (this) to 1 (the other),
+    /// on a straight line. It keeps this projection.
     pub fn on_its_way(&self, other: &Self, s: f64) -> Self {
         let (towards, up) = (self.towards.lerp(other.towards, s), self.up.lerp(other.up, s));
         let placed =
@@ -161,7 +161,7 @@ impl Camera {
         flat && self.aperture_radius > 0.0 && self.focus_distance > 0.0
     }
 
-    /// True if all rays leave from one point (so that the samples of a pixel can be traced as a
+    /// True if all rays start at one point (so that the samples of a pixel can be traced as a
     /// packet).
     pub fn has_common_origin(&self) -> bool {
         !matches!(self.projection, Projection::Orthographic { .. }) && !self.has_lens()
@@ -268,13 +268,13 @@ impl Camera {
     }
 }
 
-/// A camera for pictures of one size, with what all of its rays have in common.
+/// A camera for pictures of one size, with precomputed values that all of its rays share.
 #[derive(Clone, Copy, Debug)]
 pub struct CameraView<'a> {
     camera: &'a Camera,
     size: [u32; 2],
     right: DVec3,
-    /// If all rays come through one plane.
+    /// Set if all rays pass through one plane.
     pinhole: Option<Pinhole>,
     lens: Option<Lens>,
 }
@@ -316,8 +316,8 @@ impl<'a> CameraView<'a> {
         self.any_ray(sample)
     }
 
-    /// [`Self::ray`] of many points of the picture and of the lens (x and y of each), bit for bit.
-    /// False, and nothing of use, if these are not all plain rays of a flat view.
+    /// [`Self::ray`] for many points of the picture and of the lens (x and y of each), bit for bit.
+    /// Returns false, and no valid rays, if these are not all ordinary rays of a flat view.
     pub fn many_rays<const N: usize>(
         &self,
         film: &[[f64; N]; 2],
@@ -390,14 +390,14 @@ fn directed(direction: DVec3, spread: f64) -> LocalRay {
     LocalRay { origin: DVec2::ZERO, direction, width: 0.0, spread, weight: 1.0 }
 }
 
-/// The unit vector of this direction, at any scale that does not overflow; `None` for zero and for
-/// what is not finite.
+/// The unit vector in this direction, at any scale that does not overflow; `None` for zero and for
+/// vectors that are not finite.
 fn unit(v: DVec3) -> Option<DVec3> {
     let largest = v.abs().max_element();
     (largest > 0.0 && v.is_finite()).then(|| (v / largest).normalize())
 }
 
-/// A right for a view direction without a usable up: level if `y` or else `z` can be up.
+/// A right vector for a view direction without a usable up: level with respect to `y` or else `z`.
 fn any_right(towards: DVec3) -> DVec3 {
     let up = if towards.y.abs() < 0.9 { DVec3::Y } else { DVec3::NEG_Z * towards.y.signum() };
     towards.cross(up).normalize()

@@ -1,16 +1,16 @@
-//! Flat views, through a pinhole or a thin lens: all rays come through one plane.
+//! Flat views, through a pinhole or a thin lens: all rays pass through one plane.
 
 use super::projection::resolve;
 use super::{CameraRay, LocalRay, Projection, directed};
 use snell_math::{DVec2, DVec3, Ray, Vec2, Vec3, sampling};
 
-/// Squared lengths that lose nothing.
+/// Squared lengths that lose no precision.
 pub(super) const USUAL: std::ops::Range<f64> = 1e-200..1e200;
 
-/// From the film to the plane at distance 1.
+/// The map from the film to the plane at distance 1.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Pinhole {
-    /// Factors of the coordinates of the film, and what is added.
+    /// Factors on the film coordinates, and the offset.
     x: DVec3,
     y: DVec3,
     /// Square root of the area of a pixel on the plane.
@@ -43,8 +43,7 @@ impl Pinhole {
         DVec2::new(along(self.x), along(self.y))
     }
 
-    /// The solid angle of a small patch of the plane falls with the cube of the cosine, which is
-    /// this.
+    /// The solid angle of a small patch of the plane falls with the cube of this cosine.
     #[inline(always)]
     pub fn spread(&self, cosine: f64) -> f64 {
         self.pixel * cosine * cosine.sqrt()
@@ -60,7 +59,7 @@ impl Pinhole {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Lens {
     pub eye: DVec3,
-    /// To the right, up, and towards what is seen.
+    /// Right, up, and the view direction.
     pub axes: [DVec3; 3],
     pub radius: f64,
     /// Distance of the plane of focus.
@@ -68,9 +67,9 @@ pub(super) struct Lens {
 }
 
 impl Lens {
-    /// The ray from a point of the lens, chosen by `u`, to where the ray through its middle crosses
-    /// the plane of focus: origin, unit direction, growth, and false if numbers are too large or
-    /// small for that. Without branches, so that loops over it become vector code.
+    /// The ray from a point of the lens, chosen by `u`, to the point where the ray through its
+    /// centre crosses the plane of focus: origin, unit direction, spread, and false if numbers are
+    /// too large or small for that. It has no branches, so that loops over it are vectorised.
     #[inline(always)]
     pub fn ray(&self, pinhole: &Pinhole, film: DVec2, u: Vec2) -> (Vec3, Vec3, f32, bool) {
         let Self { eye, axes: [right, up, towards], radius, focus } = *self;

@@ -77,9 +77,9 @@ pub enum FovAxis {
     Smaller,
 }
 
-/// Half-angles of view are kept below this, just under 90 degrees: a flat picture cannot show more.
+/// Maximum of half-angles of view, just under 90 degrees: a flat picture cannot show more.
 const MAX_HALF_ANGLE: f64 = 1.570;
-/// And above this, because an angle of 0 shows nothing.
+/// Minimum of half-angles, because an angle of 0 shows nothing.
 const MIN_HALF_ANGLE: f64 = 1e-6;
 
 impl Projection {
@@ -101,7 +101,7 @@ impl Projection {
     }
 
     /// A perspective view whose picture is twice `half_angle` (radians) wide: the Θ of the view
-    /// frustum. Clamped to what a flat picture can show.
+    /// frustum. Clamped to the limits of a flat picture.
     pub fn from_half_angle_x(half_angle: f64) -> Self {
         Self::Perspective { tan_half_fov: [Some(tan_of_half_angle(half_angle)), None] }
     }
@@ -131,7 +131,7 @@ fn tan_of_half_angle(half_angle: f64) -> f64 {
     angle.clamp(MIN_HALF_ANGLE, MAX_HALF_ANGLE).tan()
 }
 
-/// Both extents of a picture, where one may follow from the other and the picture's shape.
+/// Both extents of a picture, where one may follow from the other and the aspect ratio.
 pub(super) fn resolve(extent: [Option<f64>; 2], size: [f64; 2]) -> [f64; 2] {
     let [w, h] = size;
     match extent {

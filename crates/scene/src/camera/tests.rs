@@ -125,7 +125,7 @@ fn pixels_are_square_unless_both_angles_are_given() {
 
 #[test]
 fn camera_matrices_project_known_points_to_known_pixels() {
-    // fx = 100, centre (50, 40): the point (0.1, 0.2, 1) right, down and in front is seen at (60,
+    // fx = 100, centre (50, 40): the point (0.1, 0.2, 1) right, down and in front appears at (60,
     // 60).
     let intrinsics = Intrinsics {
         focal_length: [100.0; 2],

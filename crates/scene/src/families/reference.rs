@@ -64,7 +64,12 @@ fn inner_rows(place: &str, kind: Kind, text: &mut String) {
     let mut add = |place: &str, parameters: &[Parameter]| {
         for parameter in parameters.iter().filter(|p| !p.name.is_empty()) {
             let place = format!("{place}.{}", parameter.name);
-            *text += &row(&place, parameter, None);
+            let row = row(&place, parameter, None);
+            // Variants may have parameters in common.
+            if text.contains(&row) {
+                continue;
+            }
+            *text += &row;
             inner_rows(&place, parameter.kind, text);
         }
     };
@@ -84,7 +89,8 @@ fn inner_rows(place: &str, kind: Kind, text: &mut String) {
 fn row(name: &str, parameter: &Parameter, default: Option<Value>) -> String {
     let range = match parameter.range {
         Range::Any => String::new(),
-        range => range.to_string(),
+        // The unit stands in its own place.
+        range => range.to_string().replace(", in radians", ""),
     };
     let kind = match parameter.unit {
         "" => parameter.kind.to_string(),
@@ -99,6 +105,7 @@ fn row(name: &str, parameter: &Parameter, default: Option<Value>) -> String {
 fn shown(value: &Value) -> String {
     match value {
         Value::Null => "none".into(),
+        Value::String(text) if text.is_empty() => String::new(),
         Value::Object(fields) => match (fields.get("factor"), fields.get("texture")) {
             (Some(factor), Some(Value::Null)) => shown(factor),
             _ => "see below".into(),

@@ -1,4 +1,4 @@
-//! Fog for scenes that have none.
+//! Adds fog to scenes that have none.
 
 use crate::graph::{Node, Scene, SceneError, Surface};
 use crate::material::Material;
@@ -6,13 +6,13 @@ use crate::medium::Homogeneous;
 use snell_intersect::shape::Sphere;
 use snell_math::{DAffine3, Rgb};
 
-/// Share of the light that fog scatters rather than absorbs.
+/// Albedo of the fog: the scattered share of extinction.
 const ALBEDO: f32 = 0.95;
 /// The ball of fog is this much larger than the scene.
 const MARGIN: f64 = 1.01;
 
-/// Fills a ball around the scene with fog of this extinction coefficient (per scene unit), which
-/// scatters evenly in all directions. A scene without bounds is filled without end.
+/// Fills a ball around the scene with fog of this extinction coefficient (per scene unit) and
+/// isotropic scattering. For a scene without bounds the fog is infinite.
 pub fn fill_with_fog(scene: &mut Scene, density: f32) -> Result<(), SceneError> {
     let bounds = scene.bounds()?;
     let fog =

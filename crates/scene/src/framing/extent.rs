@@ -1,5 +1,4 @@
-//! How far the surfaces of a scene reach in some directions: what a tight view needs to know of
-//! them.
+//! The extent of a scene's surfaces in some directions, as a tight view needs it.
 
 use super::fit::Extent;
 use crate::graph::{Geometry, NodeId, Scene, Surface};
@@ -7,8 +6,8 @@ use snell_intersect::{AnyShape, Shape, TriangleMesh};
 use snell_math::{Bounds3d, DAffine3, DVec3, Transform};
 use std::collections::BTreeMap;
 
-/// After this many vertices, triangles and nodes the boxes of nodes have to do: instances of
-/// instances may stand for any number.
+/// After this many vertices, triangles and nodes, the bounding boxes of nodes are used: instances
+/// of instances may expand to any number.
 const BUDGET: usize = 12_000_000;
 
 /// A node costs as much as this many vertices or triangles.
@@ -27,7 +26,7 @@ pub fn extent_of_scene(
     while let Some((id, parent)) = open.pop() {
         let node = &scene.nodes[id.index()];
         let world = parent * node.transform;
-        // A singular transform leaves nothing to see.
+        // Geometry under a singular transform is invisible.
         let Some(transform) = Transform::new(world) else { continue };
         let local = directions.map(|d| world.matrix3.transpose() * d);
         let placed = |e: Extent| e.moved(world.translation, directions);
@@ -47,7 +46,7 @@ pub fn extent_of_scene(
     extent
 }
 
-/// Vertices and triangles that have to be looked at.
+/// Number of vertices and triangles to be visited.
 fn work(geometry: &Geometry) -> usize {
     match geometry {
         Geometry::Mesh(mesh) => mesh.positions.len() + mesh.indices.len(),
@@ -82,7 +81,7 @@ fn extent_of_mesh(mesh: &TriangleMesh, directions: &[DVec3; 4]) -> Extent {
     )
 }
 
-/// How far balls (centre and radius) reach.
+/// The extent of balls (centre and radius).
 fn extent_of_balls(balls: impl Iterator<Item = (DVec3, f64)>, directions: &[DVec3; 4]) -> Extent {
     let mut reach = [f64::NEG_INFINITY; 4];
     let lengths = directions.map(|d| d.length());
@@ -106,7 +105,7 @@ mod tests {
 
     const SIZE: [u32; 2] = [640, 480];
 
-    /// Smallest and largest of the projected points, from -1 to 1 across the picture.
+    /// Minimum and maximum of the projected points, from -1 to 1 across the picture.
     fn projected(scene: &Scene, points: &[DVec3]) -> (DVec2, DVec2) {
         let half = DVec2::new(SIZE[0].into(), SIZE[1].into()) / 2.0;
         let shown = points
@@ -120,8 +119,7 @@ mod tests {
         assert!((most - least).max_element() > extent, "{least} {most}");
     }
 
-    /// In the middle, as far as perspective lets things be: not so for slivers that point at the
-    /// camera.
+    /// Centred, as far as perspective allows: not so for slivers that point at the camera.
     fn assert_is_centred((least, most): (DVec2, DVec2)) {
         let middle = (least + most) / 2.0;
         assert!(middle.abs().max_element() < 0.01, "{middle}");

@@ -1,4 +1,4 @@
-//! A view that shows a box, or what is inside of it, as large as possible.
+//! A view that frames a box, or its contents, as large as possible.
 
 use crate::camera::{Camera, Projection};
 use snell_math::{Bounds3d, DVec3};
@@ -6,13 +6,13 @@ use snell_math::{Bounds3d, DVec3};
 /// Tangent of half the angle of view across the smaller side of the picture: 34 degrees in all,
 /// about a 60 mm lens.
 const TAN_HALF_FOV: f64 = 0.3057;
-/// Share of the picture, from the middle to the edges, that things may take.
+/// Share of the picture, from the middle to the edges, that the contents may take.
 const FILL: f64 = 0.88;
-/// Each step leaves a share of the error of the one before; usually two or three are enough.
+/// Each step leaves a fraction of the previous error; two or three are usually enough.
 const CENTERING_STEPS: usize = 24;
-/// Change of a slope that is not worth a further step.
+/// Changes of a slope below this end the iteration.
 const CENTERED: f64 = 1e-3;
-/// How far the view comes from the right and from above, radians.
+/// Angle of the view from the right and from above, in radians.
 const AZIMUTH: f64 = 0.5;
 const ELEVATION: f64 = 0.3;
 
@@ -20,15 +20,14 @@ const ELEVATION: f64 = 0.3;
 /// front, the right and slightly above. With `up = +y` the front is `+z`, with `up = +z` it is
 /// `-y`; `+x` is to the right.
 ///
-/// Sides that are infinite (planes) are cut to the extent of the finite ones; an empty box counts
-/// as a unit cube, and a point is given some extent. The camera is focused on the middle of the
-/// box.
+/// Infinite sides (planes) are cut to the extent of the finite ones; an empty box counts as a unit
+/// cube, and a point is given some extent. The camera is focused on the middle of the box.
 pub fn frame(bounds: &Bounds3d, up: DVec3, aspect: f64) -> Camera {
     let bounds = sane(bounds);
     frame_content(&bounds, up, aspect, |directions| Extent::of_box(&bounds, directions))
 }
 
-/// Like [`frame`], but fits what is inside of the box: `extent` tells how far that reaches in some
+/// Like [`frame`], but fits the contents of the box: `extent` returns their extent in some
 /// directions.
 pub(super) fn frame_content(
     bounds: &Bounds3d,
@@ -56,8 +55,8 @@ pub(super) fn frame_content(
     let center = bounds.center();
     let mut camera = Camera::from_direction(center, -from_object(up), up, projection);
     let (right, up, towards) = (camera.right(), camera.up, camera.towards);
-    // The sides of a pyramid of view with these slopes, touched by the content from inside:
-    // `x - slope z <= reach` and so on, relative to the box's middle.
+    // The sides of a view pyramid with these slopes, touching the contents from outside: `x - slope
+    // z <= reach` and so on, relative to the box's middle.
     let reach = |slopes: [f64; 2]| -> [f64; 4] {
         let [x, y] = slopes.map(|slope| towards * slope);
         let normals = [right - x, -right - x, up - y, -up - y];
@@ -70,13 +69,12 @@ pub(super) fn frame_content(
     let [tan_x, tan_y] = [tan_x * FILL, tan_y * FILL];
     let outermost = reach([tan_x, tan_y]);
     let [mut x1, mut x2, mut y1, mut y2] = outermost;
-    // The apex lies where opposite sides meet, no nearer than the other pair allows.
+    // The apex is where opposite sides meet, no nearer than the other pair allows.
     let back = ((x1 + x2) / (2.0 * tan_x)).max((y1 + y2) / (2.0 * tan_y));
-    // A corner may point at the camera: stay outside of the box, seen along the view.
+    // A corner may point at the camera: stay outside of the box, as seen along the view.
     let depth = (bounds.size() / 2.0).dot(towards.abs());
     let back = back.max(depth + bounds.radius() * 1e-3);
-    // The sides that have room left close in until they touch as well: that puts the content into
-    // the middle.
+    // Sides with room left move in until they touch as well, which centres the contents.
     let mut slopes = [tan_x, tan_y];
     for _ in 0..CENTERING_STEPS {
         let slope = |a: f64, b: f64, tan: f64| ((a + b) / (2.0 * back)).clamp(0.0, tan);
@@ -86,7 +84,7 @@ pub(super) fn frame_content(
         }
         [x1, x2, y1, y2] = reach(slopes);
     }
-    // As far to the middle as nothing is lost.
+    // Towards the middle as far as nothing is lost.
     let aside =
         |middle: f64, a: f64, b: f64, tan: f64| middle.min(tan * back - b).max(a - tan * back);
     let x = aside((x1 - x2) / 2.0, outermost[0], outermost[1], tan_x);
@@ -97,18 +95,17 @@ pub(super) fn frame_content(
     camera
 }
 
-/// How far something reaches in each of four directions: the largest dot product of its points with
-/// them.
+/// The extent of something in four directions: the largest dot product of its points with each.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Extent {
     pub reach: [f64; 4],
 }
 
 impl Extent {
-    /// Of nothing.
+    /// The extent of nothing.
     pub const EMPTY: Self = Self { reach: [f64::NEG_INFINITY; 4] };
 
-    /// Of a box.
+    /// The extent of a box.
     pub fn of_box(bounds: &Bounds3d, directions: &[DVec3; 4]) -> Self {
         if bounds.is_empty() {
             return Self::EMPTY;
@@ -117,12 +114,12 @@ impl Extent {
         Self { reach: directions.map(|d| d.dot(center) + d.abs().dot(half)) }
     }
 
-    /// Of both.
+    /// The extent of both.
     pub fn union(self, other: Self) -> Self {
         Self { reach: std::array::from_fn(|i| self.reach[i].max(other.reach[i])) }
     }
 
-    /// Of the thing moved by a vector.
+    /// The extent after a translation.
     pub fn moved(self, by: DVec3, directions: &[DVec3; 4]) -> Self {
         Self { reach: std::array::from_fn(|i| self.reach[i] + directions[i].dot(by)) }
     }
@@ -137,7 +134,8 @@ fn from_object(up: DVec3) -> DVec3 {
     level * ELEVATION.cos() + up * ELEVATION.sin()
 }
 
-/// The box with finite sides and a positive diagonal that single precision can tell from a point.
+/// The box with finite sides and a positive diagonal that single precision can distinguish from a
+/// point.
 fn sane(bounds: &Bounds3d) -> Bounds3d {
     const LIMIT: f64 = 1e30;
     if bounds.is_empty() {

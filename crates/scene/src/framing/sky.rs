@@ -9,8 +9,8 @@ use std::sync::Arc;
 
 const SIZE: [u32; 2] = [256, 128];
 
-/// Mean luminance: most of the light comes from above, where a white level surface then shows a
-/// radiance of about 1.
+/// Mean luminance: most of the light comes from above, and a white level surface has a radiance of
+/// about 1.
 const MEAN: f64 = 0.42;
 
 /// The studio, seen along `-z` with `+y` up. A grey of 0.5 is well exposed under it.
@@ -41,7 +41,7 @@ pub fn default_sky() -> Environment {
 pub fn sky_seen_by(camera: &Camera, up: DVec3) -> Environment {
     let up = up.try_normalize().filter(|u| u.is_finite()).unwrap_or(DVec3::Y);
     let level = |v: DVec3| (v - up * up.dot(v)).try_normalize().filter(|v| v.is_finite());
-    // A camera that looks straight down is level along its own up.
+    // A camera that looks straight down is levelled by its own up vector.
     let towards = level(camera.towards)
         .filter(|_| camera.towards.dot(up).abs() < 0.999)
         .or_else(|| level(camera.up));
@@ -62,7 +62,7 @@ fn radiance(d: DVec3) -> [f32; 3] {
     let key = soft_box(d, DVec3::new(-0.55, 0.65, 0.55), 0.55, 8.0);
     let fill = soft_box(d, DVec3::new(0.9, 0.25, 0.3), 0.5, 0.5);
     let rim = soft_box(d, DVec3::new(0.5, 0.5, -0.8), 0.35, 1.8);
-    // The key is a trifle warm, the others a trifle cool.
+    // The key light is slightly warm, the others slightly cool.
     let channel = |warm: f64, cool: f64| (gradient + key * warm + (fill + rim) * cool) as f32;
     [channel(1.02, 0.98), channel(1.0, 1.0), channel(0.96, 1.03)]
 }

@@ -5,6 +5,7 @@
 //! says what it does. To add one: a new file here, and its three lines below. Everything else asks
 //! the list.
 
+mod aimed;
 pub mod area;
 mod bounds;
 mod directional;

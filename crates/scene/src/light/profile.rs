@@ -1,7 +1,6 @@
 //! Light with a measured intensity by direction: IES files and goniometric pictures.
 
-use super::bounds::mean_intensity;
-use super::{Attenuation, Emitter, Incident, LightBounds, luminance, towards, turned_frame};
+use super::{Emitter, Incident, LightBounds, aimed, luminance, turned_frame};
 use crate::image::Image;
 use crate::ranges::LIGHT;
 use serde::{Deserialize, Serialize};
@@ -59,10 +58,8 @@ impl Emitter for Profile {
     }
 
     fn sample_li(&self, p: DVec3, _u: Vec2) -> Option<Incident> {
-        let (direction, distance) = towards(p, self.position)?;
-        let intensity = self.table.at(self.world_from_light.transpose() * -direction);
-        let irradiance = self.scale * intensity * Attenuation::INVERSE_SQUARE.at(distance as f32);
-        Some(Incident { direction, distance, irradiance })
+        let intensity = |direction| self.scale * self.table.at(direction);
+        aimed::arriving(p, self.position, &self.world_from_light, intensity)
     }
 
     fn power(&self, _scene_radius: f64) -> f64 {
@@ -70,8 +67,8 @@ impl Emitter for Profile {
     }
 
     fn bounds(&self) -> Option<LightBounds> {
-        let (axis, widest) = (self.world_from_light.z_axis, self.table.widest());
-        LightBounds::of_cone(self.position, axis, widest, mean_intensity(self.power(1.0), widest))
+        let widest = self.table.widest();
+        aimed::bounds(self.position, &self.world_from_light, widest, self.power(1.0))
     }
 }
 

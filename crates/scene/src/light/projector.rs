@@ -1,7 +1,6 @@
 //! Light that throws a picture.
 
-use super::bounds::mean_intensity;
-use super::{Attenuation, Emitter, Incident, LightBounds, luminance, towards, turned_frame};
+use super::{Emitter, Incident, LightBounds, aimed, luminance, turned_frame};
 use crate::image::Image;
 use crate::ranges::LIGHT;
 use serde::{Deserialize, Serialize};
@@ -58,10 +57,8 @@ impl Emitter for Projector {
     }
 
     fn sample_li(&self, p: DVec3, _u: Vec2) -> Option<Incident> {
-        let (direction, distance) = towards(p, self.position)?;
-        let intensity = self.slide.at(self.world_from_light.transpose() * -direction);
-        let irradiance = self.scale * intensity * Attenuation::INVERSE_SQUARE.at(distance as f32);
-        Some(Incident { direction, distance, irradiance })
+        let intensity = |direction| self.scale * self.slide.at(direction);
+        aimed::arriving(p, self.position, &self.world_from_light, intensity)
     }
 
     fn power(&self, _scene_radius: f64) -> f64 {
@@ -69,8 +66,8 @@ impl Emitter for Projector {
     }
 
     fn bounds(&self) -> Option<LightBounds> {
-        let (axis, widest) = (self.world_from_light.z_axis, self.slide.widest());
-        LightBounds::of_cone(self.position, axis, widest, mean_intensity(self.power(1.0), widest))
+        let widest = self.slide.widest();
+        aimed::bounds(self.position, &self.world_from_light, widest, self.power(1.0))
     }
 }
 

@@ -1,7 +1,7 @@
 //! Metals by their measured index of refraction, or by their colour.
 
 use super::{ColorParam, ScalarParam, ShadingPoint};
-use crate::bsdf::{Bsdf, ConductorBsdf, FacetReflectance, MicrofacetShape, Palette, Widths};
+use crate::bsdf::{Bsdf, ConductorBsdf, FacetReflectance, LobeSpectra, MicrofacetShape, Widths};
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
@@ -20,8 +20,10 @@ snell_math::declare! {
         /// Complex index of refraction `eta + i k` relative to air.
         "measured" => Measured {
             /// Real part, at least 0.
+            #[range(Range::AMOUNT)]
             eta: Rgb,
             /// Imaginary part (absorption), at least 0.
+            #[range(Range::AMOUNT)]
             k: Rgb,
         },
         /// Colour at normal incidence, `[0, 1]`; white at grazing angles (Schlick).
@@ -170,11 +172,12 @@ impl Conductor {
     }
 
     /// The spectra of [`Self::bsdf`].
-    pub(super) fn palette(&self, point: &ShadingPoint) -> Palette {
-        match self.facets(point, 1.0) {
-            FacetReflectance::Complex { eta, k } => [eta, k, self.factor(point)],
-            FacetReflectance::F82 { f0, edge } => [f0, edge, self.factor(point)],
-        }
+    pub(super) fn spectra(&self, point: &ShadingPoint) -> LobeSpectra {
+        let (base, specular) = match self.facets(point, 1.0) {
+            FacetReflectance::Complex { eta, k } => (eta, k),
+            FacetReflectance::F82 { f0, edge } => (f0, edge),
+        };
+        LobeSpectra { base, specular, other: self.factor(point) }
     }
 
     fn facets(&self, point: &ShadingPoint, outside_ior: f32) -> FacetReflectance {

@@ -2,7 +2,7 @@
 
 use super::{BumpMap, NormalMap, ShadingPoint};
 use crate::bsdf::{Bsdf, Lobes, fresnel, unit_or};
-use snell_math::simd::{choose, least};
+use snell_math::simd::{min, select};
 use snell_math::{Frame, Vec3};
 
 /// The frame of the shading normal, maps applied, on the side of the geometric normal.
@@ -108,7 +108,7 @@ impl Bend {
             smooth,
         );
         let height = bent.dot(geometric_normal);
-        choose(height >= LEAST, bent, unit_or(bent + geometric_normal * (LEAST - height), smooth))
+        select(height >= LEAST, bent, unit_or(bent + geometric_normal * (LEAST - height), smooth))
     }
 }
 
@@ -149,7 +149,7 @@ impl FrameNeeds {
     /// loops over it become vector code.
     #[inline(always)]
     pub fn frame(self, plain: &Frame, geometric_normal: Vec3, wo: Vec3) -> Frame {
-        let z = choose(
+        let z = select(
             self.mirrors,
             reflecting_normal(plain.z, geometric_normal, wo),
             visible_normal(plain.z, geometric_normal, wo),
@@ -190,13 +190,13 @@ pub fn reflecting_normal(n: Vec3, geometric_normal: Vec3, wo: Vec3) -> Vec3 {
     let side = if wo.dot(geometric_normal) < 0.0 { -1.0 } else { 1.0 };
     let (n_up, ng) = (n * side, geometric_normal * side);
     let elevation = wo.dot(ng);
-    let lowest = least(0.9 * elevation, 0.01);
+    let lowest = min(0.9 * elevation, 0.01);
     let reflected = fresnel::reflect(wo, n_up);
     let height = reflected.dot(ng);
     let flat = unit_or(reflected - ng * height, Vec3::ZERO) * (1.0 - lowest * lowest).sqrt();
     let bent = unit_or(wo + flat + ng * lowest, ng) * side;
     let keeps = (elevation <= 0.0) | ((height >= lowest) & (wo.dot(n_up) > 0.0));
-    choose(keeps, n, bent)
+    select(keeps, n, bent)
 }
 
 /// The normal nearest in spirit to `n` that `wo` sees from the side from which it sees the surface.
@@ -206,9 +206,9 @@ pub fn visible_normal(n: Vec3, geometric_normal: Vec3, wo: Vec3) -> Vec3 {
     let elevation = wo.dot(geometric_normal);
     let side = if elevation < 0.0 { -1.0 } else { 1.0 };
     let (n_up, ng, elevation) = (n * side, geometric_normal * side, elevation * side);
-    let lowest = least(0.9 * elevation, 0.01);
+    let lowest = min(0.9 * elevation, 0.01);
     let seen = wo.dot(n_up);
     let lifted = n_up + wo * (lowest - seen);
     let keeps = (elevation <= 0.0) | (seen >= lowest);
-    choose(keeps, n, unit_or(lifted, ng) * side)
+    select(keeps, n, unit_or(lifted, ng) * side)
 }

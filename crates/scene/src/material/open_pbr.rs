@@ -3,9 +3,9 @@
 use super::prepared::anywhere;
 use super::{ColorParam, FrameNeeds, Material, NormalMap, ScalarParam, ShadingPoint, positive_ior};
 use crate::bsdf::{
-    Body, Bsdf, Coat, ConductorBsdf, DielectricBsdf, DiffuseBsdf, FacetReflectance, Fuzz, Ggx,
-    Gloss, GlossyBsdf, ManyBsdf, ManyPoint, OpenPbrBsdf, Palette, RoughLosses, SheetBsdf, Slabs,
-    ThinFilm, Translucent, Widths, bounded, fresnel,
+    BatchBsdf, BatchPoint, Body, Bsdf, Coat, ConductorBsdf, DielectricBsdf, DiffuseBsdf,
+    FacetReflectance, Fuzz, Ggx, Gloss, GlossyBsdf, LobeSpectra, OpenPbrBsdf, RoughLosses,
+    SheetBsdf, Slabs, ThinFilm, Translucent, Widths, bounded, fresnel,
 };
 use crate::graph::TextureId;
 use crate::medium::{HenyeyGreenstein, MediumProperties};
@@ -467,8 +467,8 @@ impl OpenPbr {
     }
 
     /// A mixture of rough metal and gloss that may differ from point to point in all that
-    /// [`ManyPoint`] says, if nothing else does.
-    pub(super) fn many_mixed(&self) -> Option<ManyBsdf> {
+    /// [`BatchPoint`] says, if nothing else does.
+    pub(super) fn batch_mixture(&self) -> Option<BatchBsdf> {
         let half = Self {
             base_color: ColorParam { texture: None, ..self.base_color },
             base_weight: 1.0.into(),
@@ -477,18 +477,18 @@ impl OpenPbr {
             ..self.clone()
         };
         let (bsdf, looks_up) = anywhere(&half.into());
-        ManyBsdf::of(&bsdf).filter(|many| !looks_up && many.takes_any_point())
+        BatchBsdf::of(&bsdf).filter(|batch| !looks_up && batch.takes_any_point())
     }
 
-    /// What [`Self::many_mixed`] is at a point, if it is rough there, and what it asks of its
+    /// What [`Self::batch_mixture`] is at a point, if it is rough there, and what it asks of its
     /// frame.
-    pub(super) fn mixed_at(&self, point: &ShadingPoint) -> Option<(ManyPoint, FrameNeeds)> {
+    pub(super) fn mixed_at(&self, point: &ShadingPoint) -> Option<(BatchPoint, FrameNeeds)> {
         let [metalness, roughness] = self.metalness_and_roughness(point);
         let widths = Widths::from_roughness(roughness);
-        let at = ManyPoint {
+        let at = BatchPoint {
             alpha: widths.alpha(),
             metalness,
-            ..ManyPoint::with_body(self.base(point))
+            ..BatchPoint::with_body(self.base(point))
         };
         let needs = FrameNeeds { mirrors: metalness == 1.0, has_tangent: false };
         (!widths.is_smooth()).then_some((at, needs))
@@ -496,12 +496,16 @@ impl OpenPbr {
 
     /// The spectra of its metal or opaque base at a point; `None` if they are not all that counts,
     /// for what lies above has some too.
-    pub(super) fn palette(&self, point: &ShadingPoint) -> Option<Palette> {
+    pub(super) fn spectra(&self, point: &ShadingPoint) -> Option<LobeSpectra> {
         let has_coat = bounded(self.coat_weight.at(point), 1.0) > 0.0;
         let is_clear =
             !has_coat || point.reflectance(self.coat_color.at(point)).0.iter().all(|&c| c >= 1.0);
         let unit = point.mode.unit() * bounded(self.specular_weight.at(point), 1e3).min(1.0);
-        is_clear.then(|| [self.base(point), point.reflectance(self.specular_color.at(point)), unit])
+        is_clear.then(|| LobeSpectra {
+            base: self.base(point),
+            specular: point.reflectance(self.specular_color.at(point)),
+            other: unit,
+        })
     }
 
     fn body(&self, point: &ShadingPoint, base: SampledSpectrum, subsurface: f32) -> Body {

@@ -1,13 +1,13 @@
 //! What of BSDFs is the same at all points: worked out once per material.
 
 use super::{FrameNeeds, Material, MaterialKind, OpenPbr, ShadingPoint};
-use crate::bsdf::{Bsdf, ManyBsdf, ManyPoint};
+use crate::bsdf::{BatchBsdf, BatchPoint, Bsdf};
 use crate::texture::TextureSet;
 use snell_intersect::SurfaceInteraction;
 use snell_math::{ColorMode, Vec3};
 use std::borrow::Cow;
 
-/// What differs from point to point of surfaces with a [`ManyBsdf`].
+/// What differs from point to point of surfaces with a [`BatchBsdf`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Differs {
     Nothing,
@@ -22,10 +22,10 @@ pub struct Prepared {
     surface: Option<Box<OpenPbr>>,
     /// At a plain point, without textures.
     bsdf: Bsdf,
-    /// The same, if many directions can be asked about at once; what it is may differ from point to
+    /// The same for batches of directions, if it has that form; what it is may differ from point to
     /// point.
-    many: Option<ManyBsdf>,
-    /// As [`ManyPoint`] says.
+    batch: Option<BatchBsdf>,
+    /// As [`BatchPoint`] says.
     differs: Differs,
     /// True if it is the same at all [plain](ShadingPoint::is_plain) points.
     is_everywhere: bool,
@@ -47,15 +47,15 @@ impl Prepared {
             MaterialKind::MetallicRoughness(kind) => Some(Box::new(kind.open_pbr())),
             _ => None,
         };
-        let (many, differs) = match &surface {
-            _ if is_everywhere => (ManyBsdf::of(&bsdf), Differs::Nothing),
-            Some(surface) => match ManyBsdf::of(&bsdf).filter(ManyBsdf::takes_any_body) {
-                Some(many) if surface.varies_in_color_alone() => (Some(many), Differs::Body),
-                _ => (surface.many_mixed(), Differs::All),
+        let (batch, differs) = match &surface {
+            _ if is_everywhere => (BatchBsdf::of(&bsdf), Differs::Nothing),
+            Some(surface) => match BatchBsdf::of(&bsdf).filter(BatchBsdf::takes_any_body) {
+                Some(batch) if surface.varies_in_color_alone() => (Some(batch), Differs::Body),
+                _ => (surface.batch_mixture(), Differs::All),
             },
             None => (None, Differs::Nothing),
         };
-        Self { surface, bsdf, many, differs, is_everywhere }
+        Self { surface, bsdf, batch, differs, is_everywhere }
     }
 
     /// The BSDF, if it is the same at all [plain](ShadingPoint::is_plain) points, in the frame of
@@ -70,47 +70,49 @@ impl Prepared {
         (self.is_everywhere && !material.is_bent() && !is_turned).then_some(&self.bsdf)
     }
 
-    /// [`Self::plain`], if many directions can be asked about at once.
-    pub fn plain_many(&self, material: &Material) -> Option<&ManyBsdf> {
-        self.plain(material).and(self.many.as_ref())
+    /// [`Self::plain`] for batches of directions, if it has that form.
+    pub fn plain_batch(&self, material: &Material) -> Option<&BatchBsdf> {
+        self.plain(material).and(self.batch.as_ref())
     }
 
-    /// The BSDF of the material at a point and what it is there, if many directions can be asked
-    /// about at once; and what it asks of its frame.
-    pub fn many_at(
+    /// The BSDF of the material for batches of directions, if it has that form at a point; what it is
+    /// there, and what it needs of its frame.
+    pub fn batch_at(
         &self,
         material: &Material,
         point: &ShadingPoint,
-    ) -> Option<(&ManyBsdf, ManyPoint, FrameNeeds)> {
-        let follows = |many: &&ManyBsdf| !many.has_coat() || material.coat_map(point).is_none();
-        let many = self.many.as_ref().filter(|_| point.is_in_air()).filter(follows)?;
+    ) -> Option<(&BatchBsdf, BatchPoint, FrameNeeds)> {
+        let follows = |batch: &&BatchBsdf| !batch.has_coat() || material.coat_map(point).is_none();
+        let batch = self.batch.as_ref().filter(|_| point.is_in_air()).filter(follows)?;
         let (mut at, needs) = match (&self.surface, self.differs) {
             (Some(surface), Differs::All) => surface.mixed_at(point)?,
-            _ => (many.point(), FrameNeeds::of(&self.bsdf)),
+            _ => (batch.point(), FrameNeeds::of(&self.bsdf)),
         };
         match (&self.surface, point.mode) {
             (Some(surface), ColorMode::Rgb) if self.differs == Differs::Body => {
-                at.palette[0] = surface.base(point)
+                at.spectra.base = surface.base(point)
             }
             (_, ColorMode::Rgb) => {}
-            (Some(surface), ColorMode::Spectral(_)) => at.palette = surface.palette(point)?,
+            (Some(surface), ColorMode::Spectral(_)) => at.spectra = surface.spectra(point)?,
             (None, ColorMode::Spectral(_)) => {
-                at.palette = match &material.kind {
-                    MaterialKind::Conductor(metal) => metal.palette(point),
-                    _ => ManyBsdf::palette_of(&self.bsdf(material, point))?,
+                at.spectra = match &material.kind {
+                    MaterialKind::Conductor(metal) => metal.spectra(point),
+                    _ => BatchBsdf::spectra_of(&self.bsdf(material, point))?,
                 }
             }
         }
-        Some((many, at, needs))
+        Some((batch, at, needs))
     }
 
-    /// [`Self::many_at`] any plain point, in any mode, of a material that has [`Self::plain_many`].
-    pub fn plain_many_in(
+    /// [`Self::batch_at`] any plain point, in any mode, of a material that has [`Self::plain_batch`].
+    pub fn plain_batch_in(
         &self,
         material: &Material,
         mode: ColorMode,
-    ) -> Option<(&ManyBsdf, ManyPoint)> {
-        at_plain_point(mode, |point| self.many_at(material, point).map(|(many, at, _)| (many, at)))
+    ) -> Option<(&BatchBsdf, BatchPoint)> {
+        at_plain_point(mode, |point| {
+            self.batch_at(material, point).map(|(batch, at, _)| (batch, at))
+        })
     }
 
     /// The BSDF at any plain point, in any mode, of a material that has [`Self::plain`].

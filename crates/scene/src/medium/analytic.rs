@@ -1,12 +1,12 @@
 //! Travel in closed form: media whose density along a ray is constant or exponential.
 //!
-//! Distances are drawn for one lane, chosen in proportion to the path's throughput in it, and
+//! Distances are sampled for one lane, chosen in proportion to the path's throughput in it, and
 //! weighted by the density of all lanes together: the balance heuristic over lanes (Miller,
 //! Georgiev and Jarosz, A Null-Scattering Path Integral Formulation of Light Transport, SIGGRAPH
 //! 2019, section 5.2), with the history of the path in the choice (Wilkie et al., Hero Wavelength
 //! Spectral Sampling, EGSR 2014). The sum of the lanes of the throughput then never grows.
 
-use super::equiangular::{Beacon, Equiangular};
+use super::equiangular::{Equiangular, EquiangularLight};
 use super::{MediumProperties, Scattering, Segment, Travel};
 use snell_math::exponentials::{exp, ln};
 use snell_math::{SampledSpectrum, Vec2};
@@ -15,14 +15,14 @@ use snell_math::{SampledSpectrum, Vec2};
 /// coefficients.
 #[derive(Clone, Copy, Debug)]
 pub struct Profile {
-    /// Where the segment begins.
+    /// The density at the start of the segment.
     pub density: f64,
-    /// Decrease per scene unit; negative where it grows.
+    /// Decrease per scene unit; negative if it grows.
     pub slope: f64,
 }
 
 impl Profile {
-    /// The same everywhere.
+    /// A constant density of 1.
     pub const CONSTANT: Self = Self { density: 1.0, slope: 0.0 };
 
     /// The integral of the density over the first part of the segment.
@@ -37,7 +37,7 @@ impl Profile {
         }
     }
 
-    /// The distance that has this column, which is less than that of some distance.
+    /// The distance with this column; some distance must have a larger one.
     fn distance(&self, column: f64) -> f64 {
         let plain = column / self.density;
         let x = self.slope * plain;
@@ -45,22 +45,22 @@ impl Profile {
     }
 }
 
-/// `exp(-sigma * column)`, also for no extinction over an infinite way.
+/// `exp(-sigma * column)`, also for zero extinction over an infinite distance.
 #[inline(always)]
 pub fn transmittance_of(sigma: f32, column: f64) -> f32 {
     let through = exp(-f64::from(sigma) * column) as f32;
     if sigma == 0.0 { 1.0 } else { through }
 }
 
-/// The same of all lanes.
+/// The transmittance of all lanes.
 fn transmittance(sigma_t: SampledSpectrum, column: f64) -> SampledSpectrum {
     // Most media are grey.
     let (first, of_first) = (sigma_t[0], transmittance_of(sigma_t[0], column));
     sigma_t.map(|sigma| if sigma == first { of_first } else { transmittance_of(sigma, column) })
 }
 
-/// The integral of the transmittance over the column: what an emission of 1 per unit adds up to. 0
-/// for an infinite way without extinction, where it is not finite.
+/// The integral of the transmittance over the column: the sum of an emission of 1 per unit. 0 for
+/// an infinite distance without extinction, where it would not be finite.
 fn integrated_transmittance(sigma_t: SampledSpectrum, column: f64) -> SampledSpectrum {
     sigma_t.map(|sigma| {
         let sigma = f64::from(sigma);
@@ -70,7 +70,7 @@ fn integrated_transmittance(sigma_t: SampledSpectrum, column: f64) -> SampledSpe
     })
 }
 
-/// What is left of a light ray's value at the end of a segment of this length.
+/// The remaining value of a light ray at the end of a segment of this length.
 pub fn attenuate(
     medium: &MediumProperties,
     profile: Profile,
@@ -108,7 +108,7 @@ pub fn travel(
     let column = -ln(1.0 - f64::from(u.x)) / sigma;
     // Mean over the lanes, each as probable as its share of the throughput.
     let mean = |by_lane: SampledSpectrum| (throughput * by_lane).0.iter().sum::<f32>() / sum;
-    // The first also if the lane is clear, where 0 / 0 may be undefined.
+    // This comes first if the lane is clear, because 0 / 0 may be undefined.
     if column.is_nan() || column >= whole {
         let through = transmittance(sigma_t, whole);
         return passed(through * (1.0 / mean(through)));
@@ -120,12 +120,12 @@ pub fn travel(
     Travel { throughput: throughput * weight, emitted, scattered }
 }
 
-/// As [`travel`] through a medium that is the same everywhere, with as many paths scattered, but
-/// half of those at distances that are near a light. The density is that of both ways together, the
+/// Like [`travel`] through a homogeneous medium, with the same probability of scattering, but half
+/// of the distances are sampled near a light. The density is that of both strategies together, the
 /// balance heuristic, so no weight is more than doubled.
 pub fn travel_near(
     medium: &MediumProperties,
-    beacon: &Beacon,
+    equiangular_light: &EquiangularLight,
     segment: &Segment,
     throughput: SampledSpectrum,
     u: Vec2,
@@ -137,11 +137,13 @@ pub fn travel_near(
     let sigma_t = medium.sigma_t();
     let (length, sum) = (f64::from(segment.length), throughput.0.iter().sum::<f32>());
     let thinnest = sigma_t.0.into_iter().filter(|&sigma| sigma > 0.0).fold(f32::INFINITY, f32::min);
-    let Some(near) = Equiangular::new(segment, beacon, thinnest.into()) else { return alone };
+    let Some(near) = Equiangular::new(segment, equiangular_light, thinnest.into()) else {
+        return alone;
+    };
     let scattered_share =
         |sigma: f32| if sigma == 0.0 { 0.0 } else { -(-f64::from(sigma) * length).exp_m1() };
     let sigma = sigma_t[chosen_lane(throughput, sum, u.y)];
-    // What is left of the number that has decided that there is scattering.
+    // The rest of the number that has decided for scattering.
     let left = (2.0 * f64::from(u.x) / scattered_share(sigma)).min(2.0);
     let distance = match left < 1.0 {
         true => near.sample(left),
@@ -157,7 +159,7 @@ pub fn travel_near(
     Travel { throughput: throughput * weight, scattered, ..alone }
 }
 
-/// A lane in proportion to the throughput; never one that has none.
+/// A lane, chosen in proportion to the throughput; never one without any.
 fn chosen_lane(throughput: SampledSpectrum, sum: f32, u: f32) -> usize {
     let mut rest = u * sum;
     let mut chosen = 0;
@@ -205,7 +207,7 @@ mod tests {
         for (a, b) in travel.throughput.0.into_iter().zip(expected) {
             assert!((a - b).abs() < 1e-6, "{a} {b}");
         }
-        // Emission in a clear lane adds up along the way, elsewhere to (1 - T) / sigma.
+        // Emission in a clear lane adds up along the segment, elsewhere to (1 - T) / sigma.
         assert!(
             (travel.emitted[2] - 6.0).abs() < 1e-5
                 && (travel.emitted[1] - 2.0 * (1.0 - (-2.0f32).exp())).abs() < 1e-5
@@ -262,12 +264,14 @@ mod tests {
         for (key, (along, across)) in
             [(2.0, 0.05), (0.5, 0.3), (-0.5, 0.2), (6.0, 0.5)].into_iter().enumerate()
         {
-            let beacon = Beacon { center: Vec3::new(across, 0.0, along), radius: 0.0 };
+            let equiangular_light =
+                EquiangularLight { center: Vec3::new(across, 0.0, along), radius: 0.0 };
             for length in [4.0, f32::INFINITY] {
-                // What a light there brings, and what passes.
+                // The contribution of a light there, and the transmitted part.
                 let brought = |travel: Travel| {
                     let light = travel.scattered.map(|s| {
-                        1.0 / (segment(length).at(s.distance) - beacon.center).length_squared()
+                        1.0 / (segment(length).at(s.distance) - equiangular_light.center)
+                            .length_squared()
                     });
                     travel.throughput.0.map(|beta| f64::from(beta * light.unwrap_or(1e-3)))
                 };
@@ -287,8 +291,9 @@ mod tests {
                 };
                 let alone =
                     statistics(&|u| travel(&medium, Profile::CONSTANT, &segment(length), beta, u));
-                let near =
-                    statistics(&|u| travel_near(&medium, &beacon, &segment(length), beta, u));
+                let near = statistics(&|u| {
+                    travel_near(&medium, &equiangular_light, &segment(length), beta, u)
+                });
                 for c in 0..3 {
                     let ((a, noise_a), (b, noise_b)) = (alone[c], near[c]);
                     let error = ((noise_a + noise_b) / f64::from(n)).sqrt();
@@ -309,11 +314,11 @@ mod tests {
     #[test]
     fn weights_near_a_light_are_at_most_doubled_and_what_passes_is_the_same() {
         let medium = medium([0.1, 0.0, 0.6], [0.3, 2.0, 0.2]);
-        let beacon = Beacon { center: Vec3::new(0.1, 0.2, 0.7), radius: 0.05 };
+        let equiangular_light = EquiangularLight { center: Vec3::new(0.1, 0.2, 0.7), radius: 0.05 };
         let beta = SampledSpectrum([1.0, 0.2, 0.6, 0.0]);
         for i in 0..5000 {
             let u = rng::uniform2([i, 3, 0, 5]);
-            let near = travel_near(&medium, &beacon, &segment(1.5), beta, u);
+            let near = travel_near(&medium, &equiangular_light, &segment(1.5), beta, u);
             assert!(
                 near.throughput.0.iter().sum::<f32>() <= 2.0 * 1.8 * 1.0001,
                 "{:?}",

@@ -4,11 +4,11 @@ use snell_math::spectrum::response::{luminance_of_light, rgb_of_light};
 use snell_math::{ColorMode, Rgb, SampledSpectrum};
 use std::sync::LazyLock;
 
-/// Below this temperature (kelvin) nothing glows visibly.
+/// Below this temperature (kelvin) the emission is invisible.
 const COLDEST: f32 = 500.0;
-/// Above this one the colour hardly changes.
+/// Above this temperature the colour hardly changes.
 const HOTTEST: f32 = 20_000.0;
-/// Kelvin from one entry of the tables to the next.
+/// Kelvin between the entries of the tables.
 const STEP: f32 = 50.0;
 
 /// Spectral radiance of a black body (Planck), in arbitrary units, at a wavelength in nm.
@@ -24,8 +24,8 @@ static COLORS: LazyLock<Vec<(Rgb, f64)>> = LazyLock::new(|| {
     let count = ((HOTTEST - COLDEST) / STEP) as usize + 1;
     let entry = |i: usize| {
         let kelvin = COLDEST + STEP * i as f32;
-        // In the middle of the visible range, so that colours are of a size that single precision
-        // can hold.
+        // Relative to the middle of the visible range, so that single precision can represent the
+        // colours.
         let unit = planck(600.0, kelvin);
         let color = rgb_of_light(|lambda| planck(lambda, kelvin) / unit);
         let luminance = color.luminance();
@@ -51,8 +51,8 @@ pub fn blackbody(kelvin: f32, mode: ColorMode) -> SampledSpectrum {
     mode.lanes(color, |lambda| (planck(lambda, kelvin) / luminance()) as f32)
 }
 
-/// The luminance of a black body in units of the light that has its largest spectral radiance at
-/// all wavelengths; 0 below 500 K. (Some renderers scale black bodies to a largest value of 1.)
+/// The luminance of a black body, in units of an equal-energy light with its maximum spectral
+/// radiance; 0 below 500 K. (Some renderers scale black bodies to a maximum of 1.)
 pub fn blackbody_luminance(kelvin: f32) -> f32 {
     if kelvin.is_nan() || kelvin < COLDEST {
         return 0.0;

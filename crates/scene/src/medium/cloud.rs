@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use snell_math::parameters::Range;
 use snell_math::{ColorMode, DAffine3, DVec3, Rgb, Vec3};
 
-/// Cells along each axis, at most: 64 MiB.
+/// Maximum number of cells along each axis: 64 MiB.
 const MOST_CELLS: u32 = 256;
 
 snell_math::declare! {
@@ -79,10 +79,10 @@ impl Cloud {
         let octaves = 1 + (lumps * self.resolution as f32).max(1.0).log2() as u32;
         let from_center = 2.0 * p - 1.0;
         let inside = 1.0 - from_center.length();
-        // Flatter below, as clouds are.
+        // Flatter below, like real clouds.
         let base = (p.y * 6.0).clamp(0.0, 1.0);
         let noise = fractal_noise(p / lumps, octaves.min(8), self.seed);
-        // Steep, so that the edge is seen.
+        // Steep, so that the edge is visible.
         (4.0 * (inside * base + self.raggedness * (noise - 0.35))).clamp(0.0, 1.0)
     }
 
@@ -96,7 +96,7 @@ impl Cloud {
         Grid::new(self.sigma_a, self.sigma_s, self.g, density, self.world_from_cloud)
     }
 
-    /// What the cloud does at a point of the world, but for the rounding of its grid.
+    /// The properties of the cloud at a point of the world, without the rounding of its grid.
     pub fn properties(&self, p: Vec3, mode: ColorMode) -> MediumProperties {
         let p = self.world_from_cloud.inverse().transform_point3(p.as_dvec3()).as_vec3();
         let is_inside = p.cmpge(Vec3::ZERO).all() && p.cmple(Vec3::ONE).all();

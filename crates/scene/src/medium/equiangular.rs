@@ -1,54 +1,54 @@
-//! Distances along a segment that are near a light: equal angles, seen from there, are equally
-//! likely (Kulla and Fajardo, Importance Sampling Techniques for Path Tracing in Participating
-//! Media, EGSR 2012, section 4). That undoes the inverse square of the distance of what a medium
-//! scatters.
+//! Equiangular sampling of distances along a segment: equal angles, as seen from a light, are
+//! equally likely (Kulla and Fajardo, Importance Sampling Techniques for Path Tracing in
+//! Participating Media, EGSR 2012, section 4). That cancels the inverse square of the distance in
+//! the light that a medium scatters.
 
 use super::Segment;
 use snell_math::Vec3;
 
-/// Optical depth behind which nothing is looked for.
+/// Optical depth beyond which nothing is sampled.
 const DEEP: f64 = 30.0;
-/// Optical depth between a segment and beacons that matter. Of those further away, the medium hides
-/// more than distance does.
+/// Maximum optical depth between a segment and the lights that matter. For lights farther away, the
+/// medium attenuates more than distance does.
 const NEAR: f64 = 2.0;
 
-/// Where light comes from that a medium may scatter.
+/// The position of a light whose emission a medium may scatter.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Beacon {
+pub struct EquiangularLight {
     /// The middle of the light.
     pub center: Vec3,
-    /// About how far it reaches around that: nearer by, light does not grow with the inverse square
-    /// any more. At least 0.
+    /// Its approximate radius: closer to it, light no longer grows with the inverse square. At
+    /// least 0.
     pub radius: f32,
 }
 
-/// Distances whose density is in proportion to the inverse square of that to a beacon.
+/// Distances with a density proportional to the inverse squared distance to a light.
 #[derive(Clone, Copy, Debug)]
 pub struct Equiangular {
-    /// Of the foot of the perpendicular from the beacon.
+    /// Position of the foot of the perpendicular from the light.
     foot: f64,
     /// Length of the perpendicular.
     height: f64,
-    /// The angle that is shared out.
+    /// The angle that is sampled uniformly.
     angle: f64,
     /// Largest distance.
     end: f64,
 }
 
 impl Equiangular {
-    /// For a segment through a medium of this least extinction; `None` if there is nothing to be
-    /// shared out, or if the beacon is far.
-    pub fn new(segment: &Segment, beacon: &Beacon, sigma: f64) -> Option<Self> {
-        let (direction, to_beacon) =
-            (segment.direction.as_dvec3(), (beacon.center - segment.origin).as_dvec3());
-        let foot = to_beacon.dot(direction);
-        let height = (to_beacon - direction * foot).length().hypot(beacon.radius.into());
+    /// The distribution for a segment through a medium of this minimum extinction; `None` if there
+    /// is nothing to sample, or if the light is far.
+    pub fn new(segment: &Segment, light: &EquiangularLight, sigma: f64) -> Option<Self> {
+        let (direction, to_light) =
+            (segment.direction.as_dvec3(), (light.center - segment.origin).as_dvec3());
+        let foot = to_light.dot(direction);
+        let height = (to_light - direction * foot).length().hypot(light.radius.into());
         let end = f64::from(segment.length).min(DEEP / sigma);
-        // The difference of two arcus tangents, also where they are nearly the same.
+        // The difference of two arc tangents, also if they are nearly equal.
         let angle = (height * end).atan2(height * height - foot * (end - foot));
         let nearest = height.hypot(foot - foot.clamp(0.0, end));
         let is_sound =
-            height > 1e-6 * to_beacon.length() && angle > 1e-9 && end < f64::from(f32::MAX);
+            height > 1e-6 * to_light.length() && angle > 1e-9 && end < f64::from(f32::MAX);
         (is_sound && nearest * sigma < NEAR && height.is_finite() && angle.is_finite())
             .then_some(Self { foot, height, angle, end })
     }
@@ -77,13 +77,15 @@ mod tests {
     #[test]
     fn distances_are_spread_by_their_density() {
         let segments = [0.5, 3.0, 1e3, f32::INFINITY];
-        let beacons = [(0.0, 1.0), (1.5, 0.01), (-2.0, 0.3), (5.0, 2.0)];
+        let equiangular_lights = [(0.0, 1.0), (1.5, 0.01), (-2.0, 0.3), (5.0, 2.0)];
         for length in segments {
-            for (along, across) in beacons {
+            for (along, across) in equiangular_lights {
                 let segment = Segment { origin: Vec3::ZERO, direction: Vec3::Z, length };
-                let beacon = Beacon { center: Vec3::new(across, 0.0, along), radius: 0.0 };
-                let spread = Equiangular::new(&segment, &beacon, 0.3).expect("there is an angle");
-                // The integral of the density up to the distance of a number is that number.
+                let equiangular_light =
+                    EquiangularLight { center: Vec3::new(across, 0.0, along), radius: 0.0 };
+                let spread =
+                    Equiangular::new(&segment, &equiangular_light, 0.3).expect("there is an angle");
+                // The integral of the density up to a sampled distance is the uniform number.
                 let mut sum = 0.0;
                 let mut before = 0.0;
                 for i in 1..=2000 {
@@ -108,15 +110,28 @@ mod tests {
     #[test]
     fn nothing_is_shared_out_where_there_is_no_angle() {
         let segment = |length| Segment { origin: Vec3::ZERO, direction: Vec3::Z, length };
-        let beacon = |center, radius| Beacon { center, radius };
-        assert!(Equiangular::new(&segment(1.0), &beacon(Vec3::Z * 0.5, 0.0), 1.0).is_none());
-        assert!(Equiangular::new(&segment(0.0), &beacon(Vec3::X, 0.0), 1.0).is_none());
+        let equiangular_light = |center, radius| EquiangularLight { center, radius };
         assert!(
-            Equiangular::new(&segment(1.0), &beacon(Vec3::splat(f32::INFINITY), 0.0), 1.0)
+            Equiangular::new(&segment(1.0), &equiangular_light(Vec3::Z * 0.5, 0.0), 1.0).is_none()
+        );
+        assert!(Equiangular::new(&segment(0.0), &equiangular_light(Vec3::X, 0.0), 1.0).is_none());
+        assert!(
+            Equiangular::new(
+                &segment(1.0),
+                &equiangular_light(Vec3::splat(f32::INFINITY), 0.0),
+                1.0
+            )
+            .is_none()
+        );
+        assert!(
+            Equiangular::new(&segment(f32::INFINITY), &equiangular_light(Vec3::X, 0.0), 0.0)
                 .is_none()
         );
-        assert!(Equiangular::new(&segment(f32::INFINITY), &beacon(Vec3::X, 0.0), 0.0).is_none());
-        assert!(Equiangular::new(&segment(1.0), &beacon(Vec3::Z * 0.5, 0.1), 1.0).is_some());
-        assert!(Equiangular::new(&segment(1.0), &beacon(Vec3::X * 3.0, 0.1), 1.0).is_none());
+        assert!(
+            Equiangular::new(&segment(1.0), &equiangular_light(Vec3::Z * 0.5, 0.1), 1.0).is_some()
+        );
+        assert!(
+            Equiangular::new(&segment(1.0), &equiangular_light(Vec3::X * 3.0, 0.1), 1.0).is_none()
+        );
     }
 }

@@ -1,15 +1,15 @@
-//! What glows of a medium on a grid, as a light: points of it in proportion to what they emit.
+//! The emission of a grid medium as a light: samples points in proportion to what they emit.
 
 use super::tracking::TrackedGrid;
 use snell_math::distribution::Distribution2D;
 use snell_math::{Bounds3d, ColorMode, DAffine3, SampledSpectrum, Vec2, Vec3, rng};
 
-/// Most cells of the table along each axis.
+/// Maximum number of cells of the table along each axis.
 const MOST_CELLS: usize = 32;
 /// Points along each axis of a cell at which the emission is looked up.
 const POINTS: usize = 3;
 
-/// A table of where a grid medium glows.
+/// A table of the emission of a grid medium.
 #[derive(Debug)]
 pub struct Glow {
     grid: TrackedGrid,
@@ -19,15 +19,15 @@ pub struct Glow {
     table: Distribution2D,
     /// Volume of the whole grid in the world.
     volume: f64,
-    /// Luminance of all that is emitted in one direction, W / sr.
+    /// Luminance of everything emitted in one direction, W / sr.
     intensity: f64,
-    /// A typical length of a ray in what glows.
+    /// A typical length of a ray in the emissive part.
     chord: f32,
     bounds: Bounds3d,
 }
 
 impl Glow {
-    /// `None` if nothing glows.
+    /// `None` if nothing emits.
     pub(super) fn new(grid: &TrackedGrid) -> Option<Self> {
         let grid_from_world = *grid.grid_from_world()?;
         if !grid.emits() {
@@ -77,30 +77,30 @@ impl Glow {
         })
     }
 
-    /// Where it glows, in the world.
+    /// Bounds of the emissive part, in the world.
     pub fn bounds(&self) -> Bounds3d {
         self.bounds
     }
 
-    /// Luminance of all that is emitted in one direction if nothing is absorbed, W / sr.
+    /// Luminance of everything emitted in one direction without absorption, W / sr.
     pub fn intensity(&self) -> f64 {
         self.intensity
     }
 
-    /// A typical length of a ray in what glows, in scene units: what makes a density of points
-    /// comparable with one of directions.
+    /// A typical length of a ray in the emissive part, in scene units: it relates a density of
+    /// points to one of directions.
     pub fn chord(&self) -> f32 {
         self.chord
     }
 
-    /// A point of the world, in proportion to what is emitted there, and its density per unit of
-    /// volume.
+    /// A point of the world, sampled in proportion to the emission there, and its density per unit
+    /// of volume.
     pub fn sample(&self, u: Vec2) -> (Vec3, f32) {
         let (p, pdf) = self.table.sample(u);
         let across = p.x * (self.size[0] * self.size[1]) as f32;
         let cell = (across as usize).min(self.size[0] * self.size[1] - 1);
         let (x, y) = (cell % self.size[0], cell / self.size[0]);
-        // Two numbers chose the cell and two of three coordinates.
+        // Two numbers have chosen the cell and two of three coordinates.
         let third = rng::uniform2([u.x.to_bits(), u.y.to_bits(), 71, 3]).x;
         let inside = (across - cell as f32).clamp(0.0, rng::ONE_MINUS_EPSILON);
         let local = Vec3::new(
@@ -112,7 +112,7 @@ impl Glow {
         (world, (f64::from(pdf) / self.volume) as f32)
     }
 
-    /// Density per unit of volume with which [`Self::sample`] gives a point of the world.
+    /// Density per unit of volume with which [`Self::sample`] chooses a point of the world.
     pub fn pdf(&self, p: Vec3) -> f32 {
         let local = self.grid_from_world.transform_point3(p.as_dvec3()).as_vec3();
         if !(local.cmpge(Vec3::ZERO).all() && local.cmplt(Vec3::ONE).all()) {
@@ -133,7 +133,7 @@ impl Glow {
     }
 }
 
-/// Mean luminance of what a cell of the table emits.
+/// Mean luminance emitted in a cell of the table.
 fn mean_in_cell(grid: &TrackedGrid, size: [usize; 3], cell: [usize; 3]) -> f32 {
     let mut sum = 0.0;
     for k in 0..POINTS * POINTS * POINTS {
@@ -191,7 +191,7 @@ mod tests {
         assert!(volume / f64::from(n) <= glow.volume * 1.05);
     }
 
-    /// Chi squared over blocks of the grid against the density integrated over each.
+    /// Chi-squared test over blocks of the grid against the density integrated over each.
     #[test]
     fn points_are_distributed_by_their_density() {
         use snell_math::statistics::{chi_squared_deviation, sidak_deviation};
@@ -204,7 +204,7 @@ mod tests {
         };
         let (mut expected, mut found) =
             (vec![0.0; columns * rows * layers], vec![0u32; columns * rows * layers]);
-        // As many points as make each block, and each cell of the table, whole.
+        // A number of points that divides evenly into blocks, and into cells of the table.
         let side = 84;
         let world_from_grid = glow.grid_from_world.inverse();
         let at = |i: usize| (i as f64 + 0.5) / side as f64;

@@ -8,14 +8,14 @@ use snell_math::{ColorMode, DAffine3, Rgb, SampledSpectrum, Vec3};
 use std::ops::{Add, Mul, Sub};
 use std::sync::Arc;
 
-/// What a cell may hold.
+/// The type of a cell's value.
 pub trait CellValue:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<f32, Output = Self>
 {
-    /// What it counts as outside of the grid.
+    /// The value outside of the grid.
     const NOTHING: Self;
 
-    /// The same without what is negative or not finite.
+    /// The value with negative and non-finite components replaced.
     fn sane(self) -> Self;
 }
 
@@ -35,7 +35,7 @@ impl CellValue for Rgb {
     }
 }
 
-/// Numbers or colours on a regular grid over the unit cube, each at the middle of its cell.
+/// Numbers or colours on a regular grid over the unit cube, each at the centre of its cell.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CellGrid<T> {
     size: [usize; 3],
@@ -86,15 +86,15 @@ impl<T> Value for CellGrid<T> {
 }
 
 impl ColorGrid {
-    /// The largest number of all.
+    /// The largest value.
     pub fn max(&self) -> f32 {
         self.values.iter().map(|c| c.r.max(c.g).max(c.b)).fold(0.0, f32::max)
     }
 }
 
-/// The eight cells around a point of the unit cube, and where it is between them.
+/// The eight cells around a point of the unit cube, and the position between them.
 struct Corners {
-    /// Where the two cells along each axis begin.
+    /// Offsets of the two cells along each axis.
     steps: [[usize; 2]; 3],
     f: [f32; 3],
 }
@@ -115,7 +115,7 @@ impl Corners {
             let truncated = scaled as i64;
             let low = truncated - i64::from(scaled < truncated as f32);
             f[axis] = scaled - low as f32;
-            // Beyond the outermost middles as there.
+            // Values beyond the outermost centres are those at the centres.
             let cell = |i: i64| i.clamp(0, n as i64 - 1) as usize * stride;
             steps[axis] = [cell(low), cell(low + 1)];
             stride *= n;
@@ -244,7 +244,7 @@ impl Grid {
         ]
     }
 
-    /// Cells along x, y and z: along each axis those of the finest of its grids.
+    /// Cells along x, y and z: along each axis, the maximum of its grids.
     pub fn size(&self) -> [usize; 3] {
         let tints =
             [&self.sigma_a_tint, &self.sigma_s_tint, &self.emission_tint].into_iter().flatten();
@@ -254,7 +254,7 @@ impl Grid {
         others.fold(self.density.size(), |a, b| std::array::from_fn(|axis| a[axis].max(b[axis])))
     }
 
-    /// What the medium does at a point of the world.
+    /// The properties of the medium at a point of the world.
     pub fn properties(&self, p: Vec3, mode: ColorMode) -> MediumProperties {
         let grid_from_world = self.world_from_grid.inverse();
         let p = grid_from_world.transform_point3(p.as_dvec3()).as_vec3();
@@ -267,7 +267,7 @@ impl Grid {
         }
     }
 
-    /// True if it does not absorb and scatter in the same colours everywhere.
+    /// True if its absorption and scattering vary in colour.
     pub(super) fn is_tinted(&self) -> bool {
         self.sigma_a_tint.is_some() || self.sigma_s_tint.is_some()
     }
@@ -275,7 +275,7 @@ impl Grid {
     /// Coefficients of absorption and scattering at a point of the unit cube, for a density of 1.
     pub(super) fn tinted(&self, p: Vec3) -> [Rgb; 2] {
         match (&self.sigma_a_tint, &self.sigma_s_tint) {
-            // One look at the cells does for both.
+            // One lookup of the cells serves both.
             (Some(a), Some(s)) if a.size == s.size => match Corners::of(a.size, p) {
                 Some(at) => [
                     self.sigma_a * at.interpolate(&a.values),
@@ -293,7 +293,7 @@ impl Grid {
         }
     }
 
-    /// Radiance emitted per unit of length at a point of the unit cube where the density is known.
+    /// Radiance emitted per unit of length at a point of the unit cube with this density.
     pub(super) fn emitted(&self, p: Vec3, density: f32, mode: ColorMode) -> SampledSpectrum {
         let scale = self.emission_scale.as_ref().map_or(density, |scale| scale.lookup(p));
         let emission = self

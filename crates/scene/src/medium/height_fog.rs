@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use snell_math::parameters::Range;
 use snell_math::{ColorMode, DVec3, Rgb, Vec3};
 
-/// Largest exponent of the density: beyond, fog is opaque, or not there.
+/// Limit on the exponent of the density: beyond it, fog is opaque or absent.
 const MAX_EXPONENT: f64 = 60.0;
 
 snell_math::declare! {
@@ -67,7 +67,7 @@ impl HeightFog {
         if height.is_nan() { 0.0 } else { (-height).clamp(-MAX_EXPONENT, MAX_EXPONENT).exp() }
     }
 
-    /// What the fog does at height 0.
+    /// The properties of the fog at height 0.
     pub(super) fn at_base(&self, mode: ColorMode) -> MediumProperties {
         MediumProperties::from_colors(self.sigma_a, self.sigma_s, Rgb::BLACK, self.g, mode)
     }
@@ -80,7 +80,7 @@ impl HeightFog {
         }
     }
 
-    /// What the fog does at a point of the world.
+    /// The properties of the fog at a point of the world.
     pub fn properties(&self, p: Vec3, mode: ColorMode) -> MediumProperties {
         let density = self.density(p) as f32;
         MediumProperties::from_colors(

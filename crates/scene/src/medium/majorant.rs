@@ -1,4 +1,4 @@
-//! Upper bounds of a density, and the walk of a ray through them.
+//! Upper bounds (majorants) of a density, and the traversal of a ray through them.
 
 use super::ScalarGrid;
 use snell_math::Vec3;
@@ -13,7 +13,7 @@ pub struct MajorantGrid {
     bounds: Vec<f32>,
 }
 
-/// A part of a ray on which one upper bound holds, in units of its direction.
+/// A part of a ray with one upper bound, in units of its direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BoundedPart {
     pub start: f32,
@@ -23,20 +23,20 @@ pub struct BoundedPart {
 }
 
 impl MajorantGrid {
-    /// Bounds of a grid on `size` cells; those of [`Self::size_for`] fit it.
+    /// Bounds of a grid on `size` cells; [`Self::size_for`] gives a suitable size.
     pub fn new(grid: &ScalarGrid, size: [usize; 3]) -> Self {
         Self::of(grid.size(), grid.values().iter().copied(), size)
     }
 
-    /// The same for all values of a grid of so many cells, x first.
+    /// Bounds of a function of the cells of a grid with this many cells, x first.
     pub fn of(
         [nx, ny, nz]: [usize; 3],
         mut values: impl Iterator<Item = f32>,
         size: [usize; 3],
     ) -> Self {
         let mut bounds = vec![0.0f32; size.iter().product()];
-        // Cell by cell: which bounds it counts for. One more cell on each side than interpolation
-        // needs, for rounding.
+        // For each cell, the bounds that it affects: one more cell on each side than interpolation
+        // needs, because of rounding.
         let reach = |i: usize, n: usize, m: usize| {
             let first = i.saturating_sub(2) * m / n;
             first..=((i + 3) * m).div_ceil(n).min(m) - 1
@@ -62,12 +62,12 @@ impl MajorantGrid {
         Self { size, bounds }
     }
 
-    /// Bounds on `size` cells, each made from its number.
+    /// Bounds on `size` cells, each computed from its index.
     pub fn made(size: [usize; 3], bound: impl Fn(usize) -> f32) -> Self {
         Self { size, bounds: (0..size.iter().product()).map(bound).collect() }
     }
 
-    /// A good size for the bounds of a grid of so many cells.
+    /// A suitable size for the bounds of a grid with this many cells.
     pub fn size_for(cells: [usize; 3]) -> [usize; 3] {
         cells.map(|n| n.div_ceil(CELLS_PER_BOUND).max(1))
     }
@@ -82,7 +82,7 @@ impl MajorantGrid {
         self.bounds[cell]
     }
 
-    /// The parts of a ray in the unit cube, first to last; `visit` returns false to stop. A
+    /// Visits the parts of a ray in the unit cube, in order; `visit` returns false to stop. A
     /// three-dimensional DDA (Amanatides and Woo, A Fast Voxel Traversal Algorithm for Ray Tracing,
     /// Eurographics 1987).
     pub fn walk(
@@ -107,7 +107,7 @@ impl MajorantGrid {
                 delta[axis] = 1.0 / (size[axis] * d.abs());
             }
         }
-        // Each step leaves a plane behind for good.
+        // Each step crosses one plane, and never crosses it again.
         for _ in 0..self.size.iter().sum::<usize>() + 3 {
             let axis = if next[0] <= next[1] && next[0] <= next[2] {
                 0

@@ -1,11 +1,9 @@
-//! Participating media: what light meets between surfaces. Fog, smoke, clouds, milk, coloured
-//! glass, flames.
+//! Participating media between surfaces: fog, smoke, clouds, milk, coloured glass, flames.
 //!
 //! A medium absorbs, scatters and emits, each with a coefficient per scene unit of length. It has
 //! no shape of its own: it fills the inside of closed surfaces ([`crate::material::Interior`]) or
 //! the whole scene ([`crate::Scene::medium`]).
 
-mod alike;
 mod analytic;
 mod blackbody;
 mod cloud;
@@ -14,20 +12,21 @@ mod glow;
 mod grid;
 mod height_fog;
 mod homogeneous;
+mod homogeneous_travel;
 mod majorant;
 mod phase;
 mod prepared;
 mod segment;
 mod tracking;
 
-pub use alike::{AlikeTravel, attenuate_alike, travel_alike};
 pub use blackbody::{blackbody, blackbody_luminance};
 pub use cloud::Cloud;
-pub use equiangular::Beacon;
+pub use equiangular::EquiangularLight;
 pub use glow::Glow;
 pub use grid::{CellGrid, CellValue, ColorGrid, Grid, ScalarGrid};
 pub use height_fog::HeightFog;
 pub use homogeneous::Homogeneous;
+pub use homogeneous_travel::{HomogeneousTravel, attenuate_homogeneous, travel_homogeneous};
 pub use phase::HenyeyGreenstein;
 pub use prepared::PreparedMedium;
 pub use segment::{Scattering, Segment, Travel};
@@ -35,10 +34,10 @@ pub use tracking::TrackedGrid;
 
 use snell_math::{ColorMode, Rgb, SampledSpectrum, Vec3};
 
-/// Largest coefficient that is computed with, per scene unit: more is as good as opaque.
+/// Maximum coefficient per scene unit: anything above is effectively opaque.
 const MAX_COEFFICIENT: f32 = 1e9;
 
-/// What a medium does at one point.
+/// The properties of a medium at one point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MediumProperties {
     /// Probability density of absorption per scene unit of length.
@@ -47,7 +46,7 @@ pub struct MediumProperties {
     pub sigma_s: SampledSpectrum,
     /// Radiance emitted per scene unit of length, W / (m^2 sr).
     pub emission: SampledSpectrum,
-    /// How scattered light is spread over directions.
+    /// The directional distribution of scattered light.
     pub phase: HenyeyGreenstein,
 }
 
@@ -57,8 +56,7 @@ impl MediumProperties {
         self.sigma_a + self.sigma_s
     }
 
-    /// The properties from colours as files and people give them. Negative and undefined
-    /// coefficients count as 0.
+    /// The properties from authored colours. Negative and undefined coefficients count as 0.
     pub fn from_colors(sigma_a: Rgb, sigma_s: Rgb, emission: Rgb, g: f32, mode: ColorMode) -> Self {
         Self {
             sigma_a: coefficient(sigma_a, mode),
@@ -72,7 +70,7 @@ impl MediumProperties {
 /// The lanes of a coefficient, which may exceed 1.
 fn coefficient(color: Rgb, mode: ColorMode) -> SampledSpectrum {
     let color = color.map(sane);
-    // Reflectances end at 1; twice the largest leaves room for their spectra.
+    // Reflectances are at most 1; twice the maximum leaves room for their spectra.
     let scale = 2.0 * color.r.max(color.g).max(color.b);
     if scale > 0.0 {
         mode.reflectance(color * (1.0 / scale)) * scale
@@ -81,14 +79,13 @@ fn coefficient(color: Rgb, mode: ColorMode) -> SampledSpectrum {
     }
 }
 
-/// `x` if it can be computed with: 0 for negative numbers and NaN, and no more than
-/// [`MAX_COEFFICIENT`].
+/// A valid coefficient: negative numbers and NaN become 0, and the maximum is [`MAX_COEFFICIENT`].
 fn sane(x: f32) -> f32 {
     if x > 0.0 { x.min(MAX_COEFFICIENT) } else { 0.0 }
 }
 
 impl Medium {
-    /// Takes over the grids of another medium, which a description in words has none of.
+    /// Copies the grids of another medium, because a textual description has none.
     pub fn keep_grids_of(&mut self, other: &Self) {
         if let (Self::Grid(grid), Self::Grid(other)) = (self, other) {
             grid.density = other.density.clone();
@@ -100,7 +97,7 @@ impl Medium {
         }
     }
 
-    /// What words say of a medium: the same without its grids.
+    /// The same medium without its grids, as a textual description.
     pub fn without_grids(&self) -> Self {
         let mut bare = self.clone();
         bare.keep_grids_of(&Grid::default().into());
@@ -119,7 +116,7 @@ snell_math::kinds! {
 }
 
 impl Medium {
-    /// What the medium does at a point of the world.
+    /// The properties of the medium at a point of the world.
     pub fn properties(&self, p: Vec3, mode: ColorMode) -> MediumProperties {
         match_medium!(self, medium => medium.properties(p, mode))
     }

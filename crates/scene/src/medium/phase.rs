@@ -1,53 +1,54 @@
-//! Phase functions: how scattered light is spread over directions.
+//! Phase functions: the directional distribution of scattered light.
 
 use serde::{Deserialize, Serialize};
-use snell_math::simd::{least, most};
+use snell_math::simd::{max, min};
 use snell_math::{Frame, Vec2, Vec3, angles};
 use std::f64::consts::PI;
 
-/// Largest size of the asymmetry that is computed with: beyond, light is hardly deflected at all.
+/// Maximum magnitude of the asymmetry: beyond it, light is hardly deflected at all.
 const MAX_ASYMMETRY: f32 = 0.999;
 
-/// The phase function of Henyey and Greenstein (Diffuse Radiation in the Galaxy, 1941), whose
-/// samples are distributed exactly by it: its value is its density.
+/// The phase function of Henyey and Greenstein (Diffuse Radiation in the Galaxy, 1941). Samples
+/// follow it exactly: its value is their density.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct HenyeyGreenstein {
     g: f32,
 }
 
 impl HenyeyGreenstein {
-    /// With mean cosine `g` of the angle of deflection, kept within 0.999 of 0; NaN counts as 0.
+    /// The phase function with mean cosine `g` of the scattering angle, limited to 0.999 in
+    /// magnitude; NaN counts as 0.
     pub fn new(g: f32) -> Self {
         Self { g: if g.is_nan() { 0.0 } else { g.clamp(-MAX_ASYMMETRY, MAX_ASYMMETRY) } }
     }
 
-    /// The mean cosine of the angle of deflection.
+    /// The mean cosine of the scattering angle.
     pub fn g(&self) -> f32 {
         self.g
     }
 
-    /// Share of light per steradian that goes from `forward` (the direction it travelled in) to
-    /// `wi`, both unit vectors. Over all `wi` the integral is 1. It is symmetric, so it does not
-    /// matter which of the two is the light's direction.
+    /// The share of light per steradian that is scattered from `forward` (the direction of travel)
+    /// to `wi`, both unit vectors. Its integral over all `wi` is 1. It is symmetric, so either of
+    /// them may be the light's direction.
     #[inline(always)]
     pub fn pdf(&self, forward: Vec3, wi: Vec3) -> f32 {
         let g = f64::from(self.g);
-        let cos = least(most(f64::from(forward.dot(wi)), -1.0), 1.0);
+        let cos = min(max(f64::from(forward.dot(wi)), -1.0), 1.0);
         let denominator = 1.0 + g * g - 2.0 * g * cos;
         ((1.0 - g * g) / (4.0 * PI * denominator * denominator.sqrt())) as f32
     }
 
-    /// A direction and its density per steradian, for `u` in `[0, 1)^2`. Without branches, so that
-    /// loops over it become vector code.
+    /// Samples a direction, with its density per steradian, for `u` in `[0, 1)^2`. It has no
+    /// branches, so that loops over it are vectorised.
     #[inline(always)]
     pub fn sample(&self, forward: Vec3, u: Vec2) -> (Vec3, f32) {
         let g = f64::from(self.g);
         let x = f64::from(u.x);
-        // In double precision: the inversion cancels where `g` is small.
+        // In double precision: the inversion has cancellation for small `g`.
         let root = (1.0 - g * g) / (1.0 + g - 2.0 * g * x);
-        let deflected = least(most((1.0 + g * g - root * root) / (2.0 * g), -1.0), 1.0);
+        let deflected = min(max((1.0 + g * g - root * root) / (2.0 * g), -1.0), 1.0);
         let cos = if g.abs() < 1e-4 { 1.0 - 2.0 * x } else { deflected };
-        let sin = most(1.0 - cos * cos, 0.0).sqrt();
+        let sin = max(1.0 - cos * cos, 0.0).sqrt();
         let (sin_phi, cos_phi) = angles::sin_cos(2.0 * PI * f64::from(u.y));
         let local = Vec3::new((sin * cos_phi) as f32, (sin * sin_phi) as f32, cos as f32);
         let direction = Frame::from_z(forward).from_local(local);
@@ -72,7 +73,7 @@ mod tests {
 
     const ASYMMETRIES: [f32; 9] = [-0.99, -0.7, -0.3, -1e-5, 0.0, 1e-3, 0.5, 0.9, 0.99];
 
-    /// Share of light deflected by an angle whose cosine is at most `cos`, in closed form.
+    /// The share of light scattered by an angle whose cosine is at most `cos`, in closed form.
     fn cumulative(g: f64, cos: f64) -> f64 {
         if g.abs() < 1e-4 {
             return 0.5 * (1.0 + cos);
@@ -87,7 +88,7 @@ mod tests {
         let frame = Frame::from_z(forward);
         for (key, g) in ASYMMETRIES.into_iter().enumerate() {
             let phase = HenyeyGreenstein::new(g);
-            // Rows that hold equal shares, so that no cell is empty.
+            // Rows with equal shares, so that no cell is empty.
             let mut counts = vec![0u32; rows * columns];
             for i in 0..n {
                 let (wi, pdf) = phase.sample(forward, rng::uniform2([i, key as u32, 3, 1]));

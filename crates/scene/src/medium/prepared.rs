@@ -1,23 +1,25 @@
-//! Media ready for travel: with their tables made.
+//! Media with precomputed tables for travel.
 
 use super::analytic::{self, Profile};
 use super::tracking::TrackedGrid;
-use super::{Beacon, Glow, HeightFog, Homogeneous, Medium, MediumProperties, Segment, Travel};
+use super::{
+    EquiangularLight, Glow, HeightFog, Homogeneous, Medium, MediumProperties, Segment, Travel,
+};
 use snell_math::{ColorMode, SampledSpectrum, Vec2};
 
-/// A medium with what travel through it needs to know.
+/// A medium with precomputed tables.
 #[derive(Clone, Debug)]
 pub enum PreparedMedium {
-    /// In closed form, and as it is in [`ColorMode::Rgb`].
+    /// Travel in closed form; the properties are those in [`ColorMode::Rgb`].
     Homogeneous(Homogeneous, MediumProperties),
-    /// In closed form.
+    /// Travel in closed form.
     HeightFog(HeightFog),
-    /// By collisions with a grid.
+    /// Travel by collisions with a grid.
     Tracked(Box<TrackedGrid>),
 }
 
 impl PreparedMedium {
-    /// Makes the tables.
+    /// Computes the tables.
     pub fn new(medium: &Medium) -> Self {
         match medium {
             Medium::Homogeneous(medium) => {
@@ -29,12 +31,12 @@ impl PreparedMedium {
         }
     }
 
-    /// True if what light rays lose is known without tracking.
+    /// True if the attenuation of light rays is known in closed form.
     pub fn is_in_closed_form(&self) -> bool {
         !matches!(self, Self::Tracked(_))
     }
 
-    /// What it does everywhere alike; `None` if that depends on where.
+    /// The properties if they are the same everywhere; otherwise `None`.
     pub fn everywhere(&self, mode: ColorMode) -> Option<MediumProperties> {
         match self {
             Self::Homogeneous(_, rgb) if mode == ColorMode::Rgb => Some(*rgb),
@@ -43,7 +45,7 @@ impl PreparedMedium {
         }
     }
 
-    /// The same in [`ColorMode::Rgb`].
+    /// Like [`Self::everywhere`] in [`ColorMode::Rgb`].
     pub fn everywhere_in_rgb(&self) -> Option<&MediumProperties> {
         match self {
             Self::Homogeneous(_, rgb) => Some(rgb),
@@ -51,8 +53,8 @@ impl PreparedMedium {
         }
     }
 
-    /// Sends a path along a segment: it is scattered on the way, or comes to the end. `numbers`
-    /// gives pairs of uniform numbers in `[0, 1)`, independent of each other.
+    /// Sends a path along a segment: it is scattered on the way, or reaches the end. `numbers`
+    /// returns pairs of independent uniform numbers in `[0, 1)`.
     pub fn travel(
         &self,
         segment: &Segment,
@@ -63,7 +65,7 @@ impl PreparedMedium {
         self.travel_weighted(segment, throughput, mode, |_| 1.0, numbers)
     }
 
-    /// What glows of it, if that can be sampled as a light.
+    /// Its emission, if that can be sampled as a light.
     pub fn glow(&self) -> Option<Glow> {
         match self {
             Self::Homogeneous(..) | Self::HeightFog(_) => None,
@@ -71,8 +73,8 @@ impl PreparedMedium {
         }
     }
 
-    /// As [`Self::travel`], with a factor on the light that is emitted at a distance from the
-    /// segment's origin, where there is [`Self::glow`].
+    /// Like [`Self::travel`], with a factor on the light emitted at a distance from the segment's
+    /// origin, if there is a [`Self::glow`].
     pub fn travel_weighted(
         &self,
         segment: &Segment,
@@ -94,7 +96,7 @@ impl PreparedMedium {
         }
     }
 
-    /// What is left at the end of a segment of the value of a light ray, on average over `numbers`.
+    /// The remaining value of a light ray at the end of a segment, on average over `numbers`.
     pub fn attenuate(
         &self,
         segment: &Segment,
@@ -112,9 +114,9 @@ impl PreparedMedium {
     }
 }
 
-/// As a homogeneous medium.
+/// Travel through a homogeneous medium.
 impl MediumProperties {
-    /// As [`PreparedMedium::travel`], for `u` in `[0, 1)^2`.
+    /// Like [`PreparedMedium::travel`], for `u` in `[0, 1)^2`.
     pub fn travel(&self, segment: &Segment, throughput: SampledSpectrum, u: Vec2) -> Travel {
         analytic::travel(self, Profile::CONSTANT, segment, throughput, u)
     }
@@ -123,15 +125,15 @@ impl MediumProperties {
     /// once.
     pub fn travel_near(
         &self,
-        beacon: &Beacon,
+        equiangular_light: &EquiangularLight,
         segment: &Segment,
         throughput: SampledSpectrum,
         u: Vec2,
     ) -> Travel {
-        analytic::travel_near(self, beacon, segment, throughput, u)
+        analytic::travel_near(self, equiangular_light, segment, throughput, u)
     }
 
-    /// As [`PreparedMedium::attenuate`], for a segment of this length.
+    /// Like [`PreparedMedium::attenuate`], for a segment of this length.
     pub fn attenuate(&self, length: f32, value: SampledSpectrum) -> SampledSpectrum {
         analytic::attenuate(self, Profile::CONSTANT, length, value)
     }

@@ -1,16 +1,16 @@
-//! A straight way through a medium, and what becomes of light on it.
+//! A segment of a ray through a medium, and the result of travelling along it.
 
 use super::HenyeyGreenstein;
 use snell_math::{SampledSpectrum, Vec3};
 
-/// A straight way through a medium.
+/// A segment of a ray through a medium.
 #[derive(Clone, Copy, Debug)]
 pub struct Segment {
-    /// Where it begins.
+    /// Its start.
     pub origin: Vec3,
     /// Unit vector.
     pub direction: Vec3,
-    /// In scene units; may be infinite.
+    /// Length in scene units; may be infinite.
     pub length: f32,
 }
 
@@ -21,28 +21,28 @@ impl Segment {
     }
 }
 
-/// Where a path was scattered.
+/// A scattering event.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scattering {
     /// Distance from the origin of the segment, less than its length.
     pub distance: f32,
-    /// How it goes on.
+    /// The phase function there.
     pub phase: HenyeyGreenstein,
 }
 
-/// What became of a path that set out along a segment.
+/// The result of a path that travels along a segment.
 #[derive(Clone, Copy, Debug)]
 pub struct Travel {
-    /// Its throughput at the end of the way, or where it was scattered (albedo included).
+    /// Its throughput at the end, or where it was scattered (including the albedo).
     pub throughput: SampledSpectrum,
     /// Radiance that the medium emitted towards its start, times its throughput there.
     pub emitted: SampledSpectrum,
-    /// Where it was scattered; `None` if it came to the end.
+    /// The scattering event; `None` if the path reached the end.
     pub scattered: Option<Scattering>,
 }
 
 impl Travel {
-    /// A way through nothing.
+    /// Travel through vacuum.
     pub fn unchanged(throughput: SampledSpectrum) -> Self {
         Self { throughput, emitted: SampledSpectrum::ZERO, scattered: None }
     }

@@ -1,12 +1,12 @@
-//! Travel by chance collisions: media whose density is on a grid.
+//! Travel by random collisions, for media with a density on a grid.
 //!
-//! Collisions are tried at the rate of an upper bound of the extinction, cell by cell; each is real
-//! or null. All lanes share one sequence of collisions, and which kind a collision is goes by the
-//! mean over lanes, weighted by the throughput (Kutz et al., Spectral and Decomposition Tracking
-//! for Rendering Heterogeneous Volumes, SIGGRAPH 2017, with history-aware probabilities): the sum
-//! of the lanes of the throughput then never grows. What is absorbed is taken off the weight and
-//! ends no path. Light rays multiply the probabilities of null collisions instead: ratio tracking
-//! (Novák et al., Residual Ratio Tracking, SIGGRAPH Asia 2014).
+//! Tentative collisions occur at the rate of an upper bound of the extinction, cell by cell; each
+//! is real or null. All lanes share one sequence of collisions, and the kind of a collision is
+//! chosen by the mean over lanes, weighted by the throughput (Kutz et al., Spectral and
+//! Decomposition Tracking for Rendering Heterogeneous Volumes, SIGGRAPH 2017, with history-aware
+//! probabilities): the sum of the lanes of the throughput then never grows. Absorption reduces the
+//! weight and ends no path. Light rays multiply the probabilities of null collisions instead: ratio
+//! tracking (Novák et al., Residual Ratio Tracking, SIGGRAPH Asia 2014).
 
 use super::majorant::{BoundedPart, MajorantGrid};
 use super::{ColorGrid, Grid, MediumProperties, Scattering, Segment, Travel, coefficient, sane};
@@ -14,31 +14,31 @@ use snell_math::exponentials::ln;
 use snell_math::{ColorMode, DAffine3, Rgb, SampledSpectrum, Vec2, Vec3};
 use std::sync::Arc;
 
-/// Optical thickness of one cell of the grid beyond which more makes no difference, but collisions
-/// would be tried forever.
+/// Maximum optical thickness of one cell of the grid: more makes no difference, but would need
+/// endless collisions.
 const MAX_DEPTH_OF_CELL: f64 = 64.0;
-/// Below this share of what it was at the start, a weight goes on only by chance.
+/// Below this fraction of its start value, a weight is subject to Russian roulette.
 const ROULETTE_BELOW: f32 = 0.05;
-/// With this probability.
+/// The probability of survival.
 const SURVIVAL: f32 = 0.25;
 
 /// A grid medium with its upper bounds.
 #[derive(Clone, Debug)]
 pub struct TrackedGrid {
     grid: Grid,
-    /// `None` if the map cannot be undone: then the medium is nowhere.
+    /// `None` if the map is singular: then the medium is nowhere.
     grid_from_world: Option<DAffine3>,
     densities: MajorantGrid,
     /// Bounds of the extinction of all colours, if coefficients have tints.
     extinctions: Option<MajorantGrid>,
-    /// Bounds of the emission, if it does not follow the density.
+    /// Bounds of the emission, if it is not proportional to the density.
     emissions: Option<MajorantGrid>,
-    /// No density counts as more than this.
+    /// Maximum density; higher ones are clamped.
     most: f32,
 }
 
 impl TrackedGrid {
-    /// Makes the bounds.
+    /// Computes the bounds.
     pub fn new(grid: &Grid) -> Self {
         let inverse = grid.world_from_grid.inverse();
         let is_invertible =
@@ -46,7 +46,7 @@ impl TrackedGrid {
         let glows = !grid.emission.is_black();
         let scale = grid.emission_scale.as_deref().filter(|_| glows);
         let tint = grid.emission_tint.as_deref().filter(|_| glows);
-        // All on the same cells, so that one walk reads all.
+        // All on the same cells, so that one traversal serves all.
         let size = MajorantGrid::size_for(grid.size());
         let densities = MajorantGrid::new(&grid.density, size);
         let most = most_density(grid);
@@ -70,7 +70,7 @@ impl TrackedGrid {
         }
     }
 
-    /// Coefficients where density and emission scale are 1.
+    /// Coefficients for density and emission scale 1.
     fn base(&self, mode: ColorMode) -> MediumProperties {
         let Grid { sigma_a, sigma_s, emission, g, .. } = self.grid;
         MediumProperties::from_colors(sigma_a, sigma_s, emission, g, mode)
@@ -85,7 +85,7 @@ impl TrackedGrid {
             .walk(origin, direction, segment.length, |part| visit(part, origin, direction));
     }
 
-    /// From the world to the unit cube of the grid.
+    /// The map from the world to the unit cube of the grid.
     pub(super) fn grid_from_world(&self) -> Option<&DAffine3> {
         self.grid_from_world.as_ref()
     }
@@ -95,7 +95,7 @@ impl TrackedGrid {
         self.densities.size()
     }
 
-    /// False if nothing is emitted anywhere.
+    /// False if the grid emits nothing.
     pub(super) fn emits(&self) -> bool {
         !self.grid.emission.is_black()
     }
@@ -109,19 +109,19 @@ impl TrackedGrid {
         self.grid.density.lookup(p).min(self.most)
     }
 
-    /// Upper bound of the extinction in a cell, of colours that carry anything; `thickest` is
-    /// theirs where the density is 1.
+    /// An upper bound of the extinction in a cell, over the colours with any throughput; `thickest`
+    /// is theirs for density 1.
     fn extinction_bound(&self, cell: usize, thickest: f32, mode: ColorMode) -> f32 {
         match &self.extinctions {
             None => self.densities.bound(cell).min(self.most) * thickest,
-            // A spectrum may be higher in between than all three colours of it, but no more than
-            // `coefficient` has room for.
+            // A spectrum may exceed all three of its colours in between, but not beyond the room
+            // that `coefficient` leaves.
             Some(bounds) => bounds.bound(cell) * if mode == ColorMode::Rgb { 1.0 } else { 2.0 },
         }
     }
 
-    /// Extinction and scattering at a point of the unit cube where the density is known; `base` is
-    /// that of [`Self::base`].
+    /// Extinction and scattering at a point of the unit cube with this density; `base` is that of
+    /// [`Self::base`].
     fn coefficients(
         &self,
         p: Vec3,
@@ -138,8 +138,8 @@ impl TrackedGrid {
         [sigma_t * density, sigma_s * density]
     }
 
-    /// Sends a path along a segment. `numbers` gives pairs of independent uniform numbers, `weight`
-    /// a factor on the light that is emitted at a distance from the segment's origin.
+    /// Sends a path along a segment. `numbers` returns pairs of independent uniform numbers,
+    /// `weight` a factor on the light emitted at a distance from the segment's origin.
     pub fn travel(
         &self,
         segment: &Segment,
@@ -159,7 +159,7 @@ impl TrackedGrid {
             let glows =
                 emits && self.emissions.as_ref().unwrap_or(&self.densities).bound(part.cell) > 0.0;
             if glows {
-                // Often enough to see what glows where nothing else is.
+                // Often enough to see emission where there is nothing else.
                 rate = rate.max(1.0 / (part.end - part.start));
             }
             if rate == 0.0 {
@@ -209,7 +209,7 @@ impl TrackedGrid {
         travel
     }
 
-    /// What is left of a light ray's value at the end of a segment, on average.
+    /// The average remaining value of a light ray at the end of a segment.
     pub fn attenuate(
         &self,
         segment: &Segment,
@@ -251,14 +251,14 @@ impl TrackedGrid {
     }
 }
 
-/// The optical depth up to the next collision, by the upper bounds, and a number to choose its kind
-/// by. What is not used up by one part of the way goes on into the next, however many there are:
-/// one draw for each collision.
+/// The optical depth up to the next collision, by the upper bounds, and a number to choose its
+/// kind. Depth that one part of the segment does not use up carries over to the next: one random
+/// draw per collision.
 fn drawn(u: Vec2) -> (f64, f32) {
     (-ln(1.0 - f64::from(u.x)), u.y)
 }
 
-/// The largest lane of `sigma` among those that carry anything.
+/// The largest lane of `sigma` among those with any throughput.
 fn largest_where(sigma: SampledSpectrum, carried: SampledSpectrum) -> f32 {
     sigma.zip(carried, |s, c| if c > 0.0 { s } else { 0.0 }).max_element()
 }
@@ -293,14 +293,14 @@ fn extinctions(grid: &Grid, densities: &MajorantGrid, most: f32, size: [usize; 3
         let tint = |which: usize, c: usize| {
             tints[which].as_ref().map_or(1.0, |channels| channels[c].bound(cell))
         };
-        // As `coefficient`, which has an end.
+        // Limited in the same way as `coefficient`.
         let sigma = |which: usize, c: usize| sane(sigmas[which][c] * tint(which, c));
         let thickest = (0..3).map(|c| sigma(0, c) + sigma(1, c)).fold(0.0, f32::max);
         densities.bound(cell).min(most) * thickest
     })
 }
 
-/// The density at which a cell is as good as opaque.
+/// The density at which a cell is effectively opaque.
 fn most_density(grid: &Grid) -> f32 {
     let axes = grid.world_from_grid.matrix3;
     let [nx, ny, nz] = grid.size().map(|n| n as f64);

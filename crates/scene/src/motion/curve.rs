@@ -1,42 +1,42 @@
-//! Values over time, given at keys.
+//! Keyframed values over time.
 
 use snell_math::glam::DQuat;
 
-/// How values go from key to key.
+/// Interpolation between keys.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Interpolation {
-    /// The value of a key stays until the next.
+    /// A key's value is kept until the next key.
     Step,
-    /// On straight lines; rotations on great circles.
+    /// Linear; spherical linear for rotations.
     Linear,
-    /// On Hermite splines: each key has a tangent before, a value and a tangent after (glTF 2.0,
-    /// appendix C.5).
+    /// Hermite splines: each key has an in-tangent, a value and an out-tangent (glTF 2.0, appendix
+    /// C.5).
     Cubic,
 }
 
-/// Why keys are not usable.
+/// Why keys are invalid.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum CurveError {
-    /// No keys.
+    /// There are no keys.
     #[error("there are no keys")]
     Empty,
-    /// Times that do not grow, or are not finite.
+    /// A time is not finite or not ascending.
     #[error("the time of key {0} is not finite, or not after the one before")]
     Times(usize),
-    /// Too few or too many values.
+    /// There are too few or too many values.
     #[error("there are {found} numbers, expected {expected}")]
     Values {
-        /// How many there are.
+        /// The number found.
         found: usize,
-        /// How many the keys need.
+        /// The number that the keys need.
         expected: usize,
     },
-    /// A value that is not finite.
+    /// A value is not finite.
     #[error("a value is not finite")]
     NotFinite,
 }
 
-/// Several numbers over time. Before the first key and after the last the value stays.
+/// Several numbers over time. Before the first key and after the last the value is constant.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Curve {
     times: Vec<f64>,
@@ -46,8 +46,8 @@ pub struct Curve {
 }
 
 impl Curve {
-    /// A curve of `width` numbers. `values` has them key by key; for [`Interpolation::Cubic`] three
-    /// times as many, as its description says.
+    /// A curve of `width` numbers. `values` has them key by key; for [`Interpolation::Cubic`] there
+    /// are three times as many, as described there.
     pub fn new(
         times: Vec<f64>,
         values: Vec<f32>,
@@ -72,22 +72,22 @@ impl Curve {
         Ok(Self { times, values, width, interpolation })
     }
 
-    /// How many numbers a value has.
+    /// The number of numbers in a value.
     pub fn width(&self) -> usize {
         self.width
     }
 
-    /// When the keys are, in seconds.
+    /// The times of the keys, in seconds.
     pub fn times(&self) -> &[f64] {
         &self.times
     }
 
-    /// The numbers, key by key, as [`Self::new`] takes them.
+    /// The numbers, key by key, as in [`Self::new`].
     pub fn values(&self) -> &[f32] {
         &self.values
     }
 
-    /// How values go from key to key.
+    /// The interpolation between keys.
     pub fn interpolation(&self) -> Interpolation {
         self.interpolation
     }
@@ -127,7 +127,8 @@ impl Curve {
         std::array::from_fn(|i| value.get(i).copied().unwrap_or(0.0))
     }
 
-    /// The rotation at a time, of a curve of quaternions x y z w. One of length 0 is no rotation.
+    /// The rotation at a time, for a curve of quaternions x y z w. A zero quaternion is no
+    /// rotation.
     pub fn rotation_at(&self, time: f64) -> DQuat {
         let unit = |v: Vec<f64>| {
             let q = DQuat::from_xyzw(
@@ -145,7 +146,7 @@ impl Curve {
         unit(self.at(self.times[key])).slerp(unit(self.at(self.times[key + 1])), s)
     }
 
-    /// The key before a time, and how far on the way to the next it is, from 0 to less than 1.
+    /// The key before a time, and the fraction of the interval to the next, from 0 to less than 1.
     fn segment(&self, time: f64) -> (usize, f64) {
         let after = self.times.partition_point(|&t| t <= time);
         let (Some(key), Some(next)) = (after.checked_sub(1), self.times.get(after)) else {

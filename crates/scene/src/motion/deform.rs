@@ -1,4 +1,4 @@
-//! Meshes that are bent: morph targets, then skins (glTF 2.0, sections 3.7.2.2 and 3.7.3).
+//! Deformed meshes: morph targets, then skins (glTF 2.0, sections 3.7.2.2 and 3.7.3).
 
 pub use super::mesh::make_usable;
 
@@ -12,61 +12,59 @@ use std::sync::Arc;
 pub struct Deformed {
     /// The node that has the surface.
     pub node: NodeId,
-    /// Number of the surface in its node.
+    /// Index of the surface in its node.
     pub surface: usize,
-    /// The mesh before anything moves it.
+    /// The undeformed mesh.
     pub rest: Arc<TriangleMesh>,
-    /// Shapes that are added.
+    /// Morph targets that are added.
     pub morph: Option<Morph>,
-    /// Joints that pull.
+    /// The skin, and its influences on the vertices.
     pub skin: Option<(Arc<Skin>, Vec<InfluenceSet>)>,
 }
 
-/// Shapes that are added to a mesh.
+/// Morph targets of a mesh.
 #[derive(Clone, Debug)]
 pub struct Morph {
-    /// The shapes.
+    /// The targets.
     pub targets: Vec<MorphTarget>,
-    /// How much of each while no clip says; missing ones are 0.
+    /// Their default weights; missing ones are 0.
     pub weights: Vec<f64>,
-    /// The joint whose tracks of weights count.
+    /// The joint whose weight tracks apply.
     pub joint: u32,
 }
 
-/// Differences from the mesh, per vertex; empty where an attribute stays.
+/// Differences from the mesh, per vertex; empty for unchanged attributes.
 #[derive(Clone, Debug, Default)]
 pub struct MorphTarget {
-    /// Of positions.
+    /// Differences of positions.
     pub positions: Vec<Vec3>,
-    /// Of normals.
+    /// Differences of normals.
     pub normals: Vec<Vec3>,
-    /// Of the directions of tangents.
+    /// Differences of tangent directions.
     pub tangents: Vec<Vec3>,
 }
 
 /// The joints of a skin.
 #[derive(Clone, Debug, Default)]
 pub struct Skin {
-    /// Numbers of joints.
+    /// Joint numbers.
     pub joints: Vec<u32>,
-    /// The map from the mesh to each joint, where that was when the mesh was bound to it. As many
-    /// as joints.
+    /// The map from the mesh to each joint in the bind pose. One per joint.
     pub inverse_bind: Vec<DAffine3>,
 }
 
-/// Up to four joints that pull at each vertex; several sets for more.
+/// Up to four joints that influence each vertex; several sets for more.
 #[derive(Clone, Debug, Default)]
 pub struct InfluenceSet {
-    /// Positions in [`Skin::joints`], per vertex.
+    /// Indices into [`Skin::joints`], per vertex.
     pub joints: Vec<[u16; 4]>,
-    /// How strongly, per vertex; what is not positive is left out.
+    /// Weights per vertex; those that are not positive are ignored.
     pub weights: Vec<[f32; 4]>,
 }
 
 impl Deformed {
-    /// The mesh with these weights and, where there is a skin, `world_from_mesh` of each of its
-    /// joints. The error is the first joint that pulls at a vertex, but that the skin does not
-    /// have.
+    /// The mesh with these weights and, if there is a skin, with `world_from_mesh` for each of its
+    /// joints. The error is the first joint that influences a vertex, but that the skin lacks.
     pub fn mesh(&self, weights: &[f64], matrices: &[DAffine3]) -> Result<TriangleMesh, usize> {
         let mut mesh = TriangleMesh::clone(&self.rest);
         if let Some(morph) = &self.morph {
@@ -79,7 +77,7 @@ impl Deformed {
     }
 }
 
-/// Adds targets, each times its weight, and makes the mesh usable.
+/// Adds the weighted targets, and makes the mesh valid.
 pub fn morph_mesh(mesh: &mut TriangleMesh, targets: &[MorphTarget], weights: &[f64]) {
     for (target, &weight) in targets.iter().zip(weights).filter(|(_, w)| **w != 0.0) {
         let weight = weight as f32;
@@ -92,7 +90,7 @@ pub fn morph_mesh(mesh: &mut TriangleMesh, targets: &[MorphTarget], weights: &[f
     make_usable(mesh);
 }
 
-/// Moves a mesh into the world. The error is the first joint that the skin does not have.
+/// Skins a mesh into the world. The error is the first joint that the skin lacks.
 pub fn skin_mesh(
     mesh: &mut TriangleMesh,
     influences: &[InfluenceSet],
@@ -125,8 +123,7 @@ pub fn skin_mesh(
     Ok(())
 }
 
-/// Linear blend of a vertex's joints. Weights are scaled to a sum of 1; a vertex without any stays
-/// where it is.
+/// Linear blend of a vertex's joints. Weights are normalised; a vertex without any stays in place.
 fn blend(
     influences: &[InfluenceSet],
     vertex: usize,

@@ -1,10 +1,9 @@
-//! Meshes whose attributes may not be as they should.
+//! Repairs mesh attributes.
 
 use snell_intersect::TriangleMesh;
 use snell_math::{Vec2, Vec3};
 
-/// Makes attributes usable that are not: NaNs, normals and tangents without length, colours out of
-/// range.
+/// Replaces invalid attributes: NaNs, zero-length normals and tangents, colours out of range.
 pub fn make_usable(mesh: &mut TriangleMesh) {
     let usable = |v: Vec3| v.is_finite() && v.length_squared() > 0.0;
     if mesh.normals.iter().any(|&n| !usable(n)) {

@@ -1,10 +1,10 @@
-//! Scenes that move: what a file says about changes over time, and the scene at one time.
+//! Animated scenes: the changes over time in a file, and the scene at one time.
 //!
-//! A [`Motion`] is a skeleton of [`Joint`]s (a tree with a placement each), [`Clip`]s of keyed
-//! curves that move them, and what the joints carry: nodes of the scene graph, cameras, lights, and
-//! meshes that are bent ([`Deformed`]). A [`Player`] plays some of the clips and gives the [`Pose`]
-//! at a time; [`Scene::apply`] puts the scene into it. Formats translate their own words for motion
-//! into this.
+//! A [`Motion`] is a skeleton of [`Joint`]s (a tree with a placement each), [`Clip`]s of keyframed
+//! curves that move them, and things attached to the joints: nodes of the scene graph, cameras,
+//! lights, and deformed meshes ([`Deformed`]). A [`Player`] plays some of the clips and gives the
+//! [`Pose`] at a time; [`Scene::apply`] applies it to the scene. Readers convert the motion of
+//! their formats to this.
 
 mod curve;
 mod deform;
@@ -25,30 +25,30 @@ use std::collections::BTreeSet;
 #[cfg(doc)]
 use crate::graph::Scene;
 
-/// All that moves in a scene, and how.
+/// The motion of a scene.
 #[derive(Clone, Debug, Default)]
 pub struct Motion {
     /// The skeleton: parents before their children.
     pub joints: Vec<Joint>,
     /// Named animations.
     pub clips: Vec<Clip>,
-    /// Meshes that are bent by joints or weights.
+    /// Meshes that are deformed by joints or weights.
     pub deformed: Vec<Deformed>,
-    /// Which joint carries a camera: position in the scene's table, joint.
+    /// Pairs of a camera, by its position in the scene's table, and its joint.
     pub cameras: Vec<(usize, u32)>,
-    /// Which joint carries a light: position in the scene's table, joint.
+    /// Pairs of a light, by its position in the scene's table, and its joint.
     pub lights: Vec<(usize, u32)>,
-    /// What is there only while joints are visible.
+    /// Things that are present only while joints are visible.
     pub switches: Vec<Switch>,
 }
 
-/// Something that is there only while all of some joints are visible ([`Joint::hidden`],
+/// Something that is present only while all of some joints are visible ([`Joint::hidden`],
 /// [`Track::Visible`]).
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Switch {
     /// Numbers of the joints.
     pub joints: Vec<u32>,
-    /// What it is.
+    /// The switched thing.
     pub what: Switched,
 }
 
@@ -56,36 +56,36 @@ pub struct Switch {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Switched {
-    /// A node, the last child of its parent: parent, node. It is no other node's child, and the
-    /// parent has no other such child.
+    /// A parent and its last child, the switched node. The node has no other parent, and the parent
+    /// no other such child.
     Node(NodeId, NodeId),
     /// A light, by its position in the scene's table.
     Light(usize),
 }
 
-/// A place that others are relative to.
+/// A coordinate system of the skeleton.
 #[derive(Clone, Debug, Default)]
 pub struct Joint {
-    /// For people.
+    /// A name for users.
     pub name: String,
-    /// Number of the joint that this one is relative to; smaller than its own. `None`: the world.
+    /// Number of the parent joint; smaller than its own. `None`: the world.
     pub parent: Option<u32>,
-    /// Where it is while no clip moves it.
+    /// Its placement while no clip moves it.
     pub rest: Placement,
-    /// The node of the scene graph whose transform it is.
+    /// The node of the scene graph that has its transform.
     pub node: Option<NodeId>,
-    /// True if it is not visible while no clip says otherwise.
+    /// True if it is invisible by default.
     pub hidden: bool,
 }
 
 /// An animation.
 #[derive(Clone, Debug, Default)]
 pub struct Clip {
-    /// As the file calls it; may be empty.
+    /// Its name in the file; may be empty.
     pub name: String,
-    /// What it moves.
+    /// The joint properties that it animates.
     pub channels: Vec<Channel>,
-    /// What else it changes.
+    /// The other parameters that it animates.
     pub parameters: Vec<ParameterTrack>,
 }
 
@@ -107,11 +107,11 @@ pub enum Track {
     Rotation(Curve),
     /// Scale, 3 numbers.
     Scale(Curve),
-    /// Weights of the morph targets of what the joint shows, one number for each target.
+    /// Weights of the joint's morph targets, one number for each target.
     Weights(Curve),
-    /// All of the placement.
+    /// The whole placement.
     Transform(AnimatedTransform),
-    /// Whether the joint is visible, 1 number: from 0.5 it is.
+    /// Visibility of the joint, 1 number: visible from 0.5.
     Visible(Curve),
 }
 
@@ -128,7 +128,7 @@ impl Track {
         }
     }
 
-    /// Which properties it sets: one bit each.
+    /// The properties that it sets, as bits.
     fn properties(&self) -> u8 {
         match self {
             Self::Translation(_) => 1,
@@ -149,7 +149,7 @@ impl Clip {
         together(self.channels.iter().map(|c| c.track.span()).chain(parameters))
     }
 
-    /// What the clip sets.
+    /// The properties and parameters that the clip sets.
     fn targets(&self) -> BTreeSet<Aim<'_>> {
         let bits = |c: &Channel| {
             let (joint, properties) = (c.joint, c.track.properties());
@@ -163,22 +163,22 @@ impl Clip {
     }
 }
 
-/// What a clip may set: a property of a joint, or a parameter.
+/// A target of a clip: a property of a joint, or a parameter.
 #[derive(PartialEq, Eq, PartialOrd, Ord)]
 enum Aim<'a> {
     Joint(u32, u8),
     Parameter(Owner, &'a str),
 }
 
-/// From the first start to the last end; `[0, 0]` for none.
+/// From the earliest start to the latest end; `[0, 0]` for none.
 fn together(spans: impl Iterator<Item = [f64; 2]>) -> [f64; 2] {
     spans.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]).unwrap_or([0.0; 2])
 }
 
 impl Motion {
-    /// The clips that are played if nobody chooses: the first that moves anything, and with it all
-    /// others that move other things than those before. (Some files have one clip for each object,
-    /// others one for each way to walk.)
+    /// The clips that are played by default: the first that moves anything, and all others that
+    /// move only other things than those before. (Some files have one clip for each object, others
+    /// one for each gait.)
     pub fn usual_clips(&self) -> Vec<usize> {
         let mut taken = BTreeSet::new();
         let mut clips = Vec::new();
@@ -192,8 +192,8 @@ impl Motion {
         clips
     }
 
-    /// The clips that a user names: `all`, or one by name or number (from 0). `None` if there is no
-    /// such clip.
+    /// The clips that a user names: `all`, or one by name or number (from 0). `None` if there is
+    /// none.
     pub fn find_clips(&self, name: &str) -> Option<Vec<usize>> {
         if let Some(i) = self.clips.iter().position(|c| c.name == name) {
             return Some(vec![i]);

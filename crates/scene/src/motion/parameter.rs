@@ -1,4 +1,4 @@
-//! Parameters that change over time: colours, strengths, angles of view.
+//! Animated parameters: colours, strengths, angles of view.
 
 use super::Curve;
 use crate::texture::Texture;
@@ -6,7 +6,7 @@ use crate::{Scene, overrides};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-/// What has parameters, by its position in the scene's table.
+/// The owner of a parameter, by its position in the scene's table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Owner {
@@ -20,20 +20,20 @@ pub enum Owner {
     Camera(usize),
 }
 
-/// A parameter over time.
+/// An animated parameter.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ParameterTrack {
-    /// Whose it is.
+    /// The owner.
     pub owner: Owner,
     /// Its path, as in [`overrides`]: `base_color.factor`, `projection.tan_half_fov.1`.
     pub path: String,
-    /// Its numbers: one, three of a colour, six of the map of a texture's coordinates.
+    /// Its numbers: one, three for a colour, six for the transform of texture coordinates.
     pub curve: Curve,
 }
 
 impl ParameterTrack {
-    /// Puts a parameter of the scene to these numbers. What does not fit the parameter stays as it
-    /// is: a file may say anything.
+    /// Sets a parameter of the scene to these numbers. Invalid ones are ignored, because a file may
+    /// contain anything.
     pub(super) fn set(&self, scene: &mut Scene, numbers: &[f64]) {
         let number = |x: f64| serde_json::Number::from_f64(x).map_or(Value::Null, Value::Number);
         let value = match numbers {

@@ -1,4 +1,4 @@
-//! Clips being played: the scene at a time.
+//! Plays clips: computes the scene at a time.
 
 use super::{Motion, ParameterTrack, Placement, Switched, Track, together};
 use crate::camera::Camera;
@@ -9,32 +9,32 @@ use snell_math::{DAffine3, DVec3, Rgb};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-/// What is elsewhere at some time than in the scene as it was read.
+/// The differences of the scene at a time from the scene as read.
 #[derive(Clone, Debug, Default)]
 pub struct Pose {
     /// Transforms of nodes ([`crate::Node::transform`]).
     pub transforms: BTreeMap<NodeId, DAffine3>,
-    /// Meshes of surfaces: node, number of the surface.
+    /// Deformed meshes of surfaces: node, index of the surface.
     pub meshes: BTreeMap<(NodeId, usize), Arc<TriangleMesh>>,
-    /// How cameras are moved in the world, from where they were read.
+    /// Movements of cameras in the world, relative to where they were read.
     pub cameras: Vec<(usize, DAffine3)>,
-    /// How lights are moved in the world, from where they were read.
+    /// Movements of lights in the world, relative to where they were read.
     pub lights: Vec<(usize, DAffine3)>,
     /// Parameters and their numbers.
     pub parameters: Vec<(ParameterTrack, Vec<f64>)>,
-    /// What is turned on or off, and whether it is there.
+    /// Switched things, and whether they are present.
     pub switched: Vec<(Switched, bool)>,
 }
 
-/// Plays clips of a motion. Keeps the last pose, so that what does not change is not made again:
-/// its meshes are the same pointers.
+/// Plays clips of a motion. It keeps the last pose, so that unchanged meshes are not computed
+/// again: they are the same pointers.
 #[derive(Clone, Debug)]
 pub struct Player {
     motion: Arc<Motion>,
     clips: Vec<usize>,
-    /// Where joints are at rest, in the world.
+    /// The joints' rest placements in the world.
     rest: Vec<DAffine3>,
-    /// Of each bent surface, what the last mesh was made of, and the mesh.
+    /// For each deformed surface, the inputs of the last mesh, and the mesh.
     made: Vec<Option<Made>>,
 }
 
@@ -46,8 +46,8 @@ struct Made {
 }
 
 impl Player {
-    /// Plays these clips together; where two move the same thing, the later one counts. Numbers of
-    /// clips that are not there are left out.
+    /// Plays these clips together; if two animate the same thing, the later one counts. Invalid
+    /// numbers of clips are ignored.
     pub fn new(motion: Arc<Motion>, clips: Vec<usize>) -> Self {
         let clips = clips.into_iter().filter(|&i| i < motion.clips.len()).collect();
         let rest = worlds(&motion, motion.joints.iter().map(|j| j.rest.matrix()));
@@ -64,8 +64,8 @@ impl Player {
         self.clips.iter().map(|&i| &self.motion.clips[i])
     }
 
-    /// The nodes that move by themselves: their transforms change, or meshes of theirs. (What is
-    /// below them moves with them.)
+    /// The nodes that move by themselves: their transforms or meshes change. (Their descendants
+    /// move with them.)
     pub fn moving_nodes(&self) -> BTreeSet<NodeId> {
         let (moved, weighted) = self.moving_joints();
         let nodes = moved.iter().filter_map(|&j| self.motion.joints.get(j as usize)?.node);
@@ -76,7 +76,7 @@ impl Player {
         nodes.chain(bent.map(|d| d.node)).collect()
     }
 
-    /// Joints whose placement a clip changes, and joints whose weights one changes.
+    /// Joints whose placement a clip changes, and joints whose weights a clip changes.
     fn moving_joints(&self) -> (BTreeSet<u32>, BTreeSet<u32>) {
         let channels = self.clips().flat_map(|clip| &clip.channels);
         let channels = channels.filter(|c| !matches!(c.track, Track::Visible(_)));
@@ -86,8 +86,8 @@ impl Player {
         (joints(others), joints(weights))
     }
 
-    /// The pose at a time, in seconds. Before the first key of a property and after its last it
-    /// stays.
+    /// The pose at a time, in seconds. Before the first key of a property and after its last it is
+    /// constant.
     pub fn pose(&mut self, time: f64) -> Pose {
         let motion = self.motion.clone();
         let (local, weights) = self.placements(time);
@@ -156,9 +156,9 @@ impl Player {
         hidden
     }
 
-    /// The poses while a shutter is open, evenly spread in time from when it opens to when it
-    /// closes: as many as it takes for things that go on straight lines from pose to pose to be
-    /// nearly where they should be. Only one if nothing moves, or the shutter closes at once.
+    /// The poses while a shutter is open, evenly spaced from its opening to its closing: enough of
+    /// them that linear interpolation is accurate. Only one if nothing moves, or the shutter closes
+    /// at once.
     pub fn poses_between(&mut self, open: f64, close: f64) -> Vec<Pose> {
         const MOST: u32 = 32;
         let mut intervals = 0;
@@ -172,10 +172,9 @@ impl Player {
         (0..=intervals).map(|i| self.pose(time(i))).collect()
     }
 
-    /// True if joints and weights are in the middle of each interval nearly where straight lines
-    /// lead.
+    /// True if joints and weights in the middle of each interval are close to linear interpolation.
     fn is_straight(&self, open: f64, close: f64, intervals: u32) -> bool {
-        /// Of a way, a turn, or a weight.
+        /// Tolerance of a translation, a rotation, or a weight.
         const TOLERANCE: f64 = 0.01;
         let at = |half: u32| {
             let time = open + (close - open) * f64::from(half) / f64::from(2 * intervals);
@@ -202,7 +201,7 @@ impl Player {
         })
     }
 
-    /// The places of all joints relative to their parents, and the weights that clips set.
+    /// The placements of all joints relative to their parents, and the weights that clips set.
     fn placements(&self, time: f64) -> (Vec<DAffine3>, BTreeMap<u32, Vec<f64>>) {
         let mut placements: Vec<Placement> = self.motion.joints.iter().map(|j| j.rest).collect();
         let mut weights = BTreeMap::new();
@@ -229,7 +228,7 @@ impl Player {
     }
 }
 
-/// Joints in the world.
+/// The joints' transforms to the world.
 fn worlds(motion: &Motion, local: impl Iterator<Item = DAffine3>) -> Vec<DAffine3> {
     let mut world: Vec<DAffine3> = Vec::with_capacity(motion.joints.len());
     for (joint, local) in motion.joints.iter().zip(local) {
@@ -240,7 +239,7 @@ fn worlds(motion: &Motion, local: impl Iterator<Item = DAffine3>) -> Vec<DAffine
 }
 
 impl Scene {
-    /// Puts the scene, as it was read, into a pose.
+    /// Applies a pose to the scene as read.
     pub fn apply(&mut self, pose: &Pose) {
         for (id, transform) in &pose.transforms {
             if let Some(node) = self.nodes.get_mut(id.index()) {
@@ -264,7 +263,7 @@ impl Scene {
                 *light = light.moved(&by);
             }
         }
-        // Of placements and parameters, so that what is moved has its numbers too.
+        // Placements and parameters first, so that moved things have their numbers too.
         for (track, numbers) in &pose.parameters {
             track.set(self, numbers);
         }
@@ -296,7 +295,7 @@ impl Scene {
 }
 
 impl Camera {
-    /// The camera, moved in the world. It keeps its shape: scale moves only its position.
+    /// The camera moved in the world. Its shape is unchanged: scale affects only its position.
     pub fn moved(&self, by: &DAffine3) -> Self {
         let eye = by.transform_point3(self.eye);
         let (towards, up) = (by.transform_vector3(self.towards), by.transform_vector3(self.up));
@@ -317,8 +316,8 @@ mod tests {
     };
     use snell_math::Vec3;
 
-    /// An arm of two joints, 1 apart on x; the second is turned by a quarter about z from 0 s to 1
-    /// s. A triangle has a vertex at each end of it and one that follows both joints alike; a
+    /// An arm of two joints, 1 apart on x; the second rotates by 90 degrees about z from 0 s to 1
+    /// s. A triangle has a vertex at each end of it and one that follows both joints equally; a
     /// camera and a light are at the second joint.
     fn arm() -> Scene {
         let mut scene = Scene::new("arm");
@@ -390,7 +389,7 @@ mod tests {
         let mut posed = scene.clone();
         posed.apply(&player.pose(1.0));
         let Geometry::Mesh(mesh) = &posed.nodes[1].surfaces[0].geometry else { panic!("a mesh") };
-        // Half of the target is added; the end of the arm points up, and what follows both stays in
+        // Half of the target is added; the end of the arm points up, and the shared vertex stays in
         // the joint.
         let expected =
             [Vec3::new(0.0, 0.0, 0.5), Vec3::new(1.0, 1.0, 0.5), Vec3::new(1.0, 0.0, 0.5)];

@@ -1,21 +1,21 @@
-//! Placements, and maps that change over time by their parts.
+//! Placements, and animated transforms that are interpolated by their parts.
 
 use snell_math::glam::DQuat;
 use snell_math::{DAffine3, DMat3, DVec3};
 
-/// Where something is, relative to its parent.
+/// A transform relative to the parent.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Placement {
-    /// Scaled, then turned, then moved.
+    /// Scale, then rotation, then translation.
     Parts {
-        /// How far.
+        /// Translation.
         translation: DVec3,
-        /// A unit quaternion.
+        /// Rotation, a unit quaternion.
         rotation: DQuat,
-        /// By axis.
+        /// Scale per axis.
         scale: DVec3,
     },
-    /// Any map.
+    /// Any affine map.
     Matrix(DAffine3),
 }
 
@@ -36,7 +36,7 @@ impl Placement {
         }
     }
 
-    /// Translation, rotation and scale; of a matrix as near as that goes.
+    /// Translation, rotation and scale; for a matrix, the closest ones.
     pub(super) fn parts(&self) -> (DVec3, DQuat, DVec3) {
         match *self {
             Self::Parts { translation, rotation, scale } => (translation, rotation, scale),
@@ -48,10 +48,10 @@ impl Placement {
     }
 }
 
-/// A map that is given at some times. Between them translations go on straight lines, rotations on
-/// great circles, and what is left of the maps (scale and shear) on straight lines: the
-/// decomposition of Shoemake and Duff, *Matrix Animation and Polar Decomposition*, 1992, which is
-/// pbrt's. Before the first time and after the last the map stays.
+/// A transform given at some times. Between them translations are interpolated linearly, rotations
+/// spherically, and the rest of the maps (scale and shear) linearly: the decomposition of Shoemake
+/// and Duff, *Matrix Animation and Polar Decomposition*, 1992, as in pbrt. Before the first time
+/// and after the last it is constant.
 #[derive(Clone, Debug)]
 pub struct AnimatedTransform {
     keys: Vec<Key>,
@@ -66,8 +66,8 @@ struct Key {
 }
 
 impl AnimatedTransform {
-    /// A map by its values at some times; sorted here. Keys whose time is not finite, or that was
-    /// there before, are left out; without any the map is the identity.
+    /// A transform by its values at some times, which are sorted here. Keys with a time that is not
+    /// finite or a duplicate are ignored; without any the transform is the identity.
     pub fn new(keys: impl IntoIterator<Item = (f64, DAffine3)>) -> Self {
         let mut keys: Vec<Key> =
             keys.into_iter().filter(|(time, _)| time.is_finite()).map(Key::new).collect();
@@ -76,7 +76,7 @@ impl AnimatedTransform {
         Self { keys }
     }
 
-    /// The times and the maps there, as [`Self::new`] takes them.
+    /// The times and their transforms, as in [`Self::new`].
     pub fn keys(&self) -> impl Iterator<Item = (f64, DAffine3)> + '_ {
         self.keys.iter().map(|key| (key.time, key.map))
     }
@@ -89,7 +89,7 @@ impl AnimatedTransform {
         }
     }
 
-    /// False if the map is the same at all times.
+    /// False if the transform is constant.
     pub fn moves(&self) -> bool {
         self.keys.windows(2).any(|pair| pair[0].map != pair[1].map)
     }
@@ -122,8 +122,8 @@ impl Key {
     }
 }
 
-/// A matrix as a rotation after a stretch. Mirroring is part of the stretch. A singular matrix has
-/// no rotation.
+/// Polar decomposition: a rotation after a stretch. Mirroring is part of the stretch. A singular
+/// matrix has no rotation.
 fn polar(matrix: DMat3) -> (DQuat, DMat3) {
     const STEPS: usize = 100;
     let none = (DQuat::IDENTITY, matrix);

@@ -1,7 +1,7 @@
 //! Explains the colour of a pixel in words and numbers: [`Report`]. `snell explain`, the page and
 //! Python share it.
 //!
-//! [`snell_render::explain`] and [`snell_intersect::World::journey`] record what happens; here it
+//! [`snell_render::explain`] and [`snell_intersect::World::trace`] record what happens; here it
 //! gets names, and becomes text ([`text`]), a drawing ([`svg`]) or JSON (it is `Serialize`).
 
 mod classes;
@@ -14,7 +14,7 @@ pub use report::{
 };
 
 use snell_intersect::AcceleratorKind;
-use snell_intersect::{Journey, PlaceKind};
+use snell_intersect::{RegionKind, TraversalTrace};
 use snell_math::{DVec2, Ray, SampledSpectrum, Vec2};
 use snell_render::explain::{
     Explanation, LightRay, PathTree, PathVertex, VertexKind, Wanted, explain,
@@ -194,8 +194,8 @@ fn cloud(compiled: &CompiledScene, camera: &Camera, settings: &Settings) -> Vec<
 }
 
 fn journey_report(kind: AcceleratorKind, compiled: &CompiledScene, ray: &Ray) -> JourneyReport {
-    let Journey { stops, left_out, hit, counters } =
-        compiled.world.journey(ray, snell_render::job::hit_filter(compiled));
+    let TraversalTrace { steps, left_out, hit, counters } =
+        compiled.world.trace(ray, snell_render::job::hit_filter(compiled));
     let statistics = compiled.world.stats();
     JourneyReport {
         accelerator: kind.name().into(),
@@ -204,24 +204,24 @@ fn journey_report(kind: AcceleratorKind, compiled: &CompiledScene, ray: &Ray) ->
         primitives: counters.primitives_tested,
         built_nodes: statistics.nodes,
         distance: hit.is_hit().then_some(hit.t),
-        left_out: left_out + stops.len().saturating_sub(MAX_STOPS) as u64,
-        stops: stops
+        left_out: left_out + steps.len().saturating_sub(MAX_STOPS) as u64,
+        stops: steps
             .iter()
             .take(MAX_STOPS)
-            .map(|stop| StopReport {
-                kind: match stop.place.kind {
-                    PlaceKind::Box => "box",
-                    PlaceKind::Ball => "ball",
-                    PlaceKind::Plane => "plane",
-                    PlaceKind::Stretch => "stretch",
+            .map(|step| StopReport {
+                kind: match step.region.kind {
+                    RegionKind::Box => "box",
+                    RegionKind::Ball => "ball",
+                    RegionKind::Plane => "plane",
+                    RegionKind::Stretch => "stretch",
                 }
                 .into(),
-                center: stop.place.center.as_vec3().to_array(),
-                axes: stop.place.axes.map(|axis| axis.as_vec3().to_array()),
-                is_leaf: stop.is_leaf,
-                level: stop.level,
-                tested: stop.tested,
-                found: stop.found,
+                center: step.region.center.as_vec3().to_array(),
+                axes: step.region.axes.map(|axis| axis.as_vec3().to_array()),
+                is_leaf: step.is_leaf,
+                level: step.level,
+                tested: step.tested,
+                found: step.found,
             })
             .collect(),
     }

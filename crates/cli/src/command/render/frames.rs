@@ -198,7 +198,7 @@ impl Place {
                 (part(name, 0..first), part(name, last + 1..name.len()), marks.len())
             }
             (Some(_), Some(_)) => {
-                let problem = "the # that stand for the number must be next to each other";
+                let problem = "the # in place of the number must be next to each other";
                 return Err(Failure::Usage(format!("{}: {problem}", path.display())));
             }
             _ => {
@@ -451,7 +451,7 @@ impl Totals {
 
     fn line(&self, rendered: usize) -> String {
         if rendered == 0 {
-            return "all of which were there".into();
+            return "all of which existed already".into();
         }
         format!(
             "{} a frame ({:.1} % posing, {:.1} % building and refitting, {:.1} % rendering)",

@@ -316,7 +316,7 @@ impl Accessor<'_, '_> {
             ));
         }
         let bytes = self.count.saturating_mul(self.width * 4) as u64;
-        let charged = self.all.buffers.input().charge(bytes, "what it is decoded to");
+        let charged = self.all.buffers.input().charge(bytes, "its decoded content");
         charged.map_err(|e| self.json.error_with(e.problem, e.remedy))
     }
 

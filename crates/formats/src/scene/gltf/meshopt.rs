@@ -101,7 +101,7 @@ impl<'a> Compression<'a> {
             )));
         }
         if length > packed.saturating_mul(MAX_EXPANSION).max(ALWAYS_ALLOWED_BYTES) {
-            return Err(json.error(format!("{packed} bytes cannot stand for {length}")));
+            return Err(json.error(format!("{packed} bytes cannot expand to {length}")));
         }
         Ok(Self { json, count, stride, mode, filter })
     }

@@ -53,7 +53,7 @@ impl Builder<'_> {
             return Ok(known.clone());
         }
         if object.class != "bsdf" {
-            return Err(object.fault("this stands where a bsdf was expected", "refer to a bsdf"));
+            return Err(object.fault("a bsdf was expected here", "refer to a bsdf"));
         }
         self.enter(object)?;
         let outer = std::mem::take(&mut self.uses_vertex_colors);
@@ -347,7 +347,7 @@ impl Builder<'_> {
             kind.sigma_a = ColorParam { factor: sigma_a.factor * scale, ..sigma_a };
             if object.has("eumelanin") || object.has("pheomelanin") {
                 return Err(
-                    object.fault("both sigma_a and pigments are given", "take one of them out")
+                    object.fault("both sigma_a and pigments are given", "remove one of them")
                 );
             }
         } else {

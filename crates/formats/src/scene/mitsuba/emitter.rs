@@ -29,9 +29,7 @@ impl Builder<'_> {
     /// The radiance of a surface; `None` if its emitter is not supported.
     pub(super) fn area_emitter(&mut self, object: &Object) -> Result<Option<ColorParam>, Fault> {
         if object.class != "emitter" {
-            return Err(
-                object.fault("this stands where an emitter was expected", "use an area emitter")
-            );
+            return Err(object.fault("an emitter was expected here", "use an area emitter"));
         }
         let owner = object.owner();
         for name in ["sampling_weight", "samplingweight"] {

@@ -115,7 +115,7 @@ impl<'a> Loader<'a> {
             return Err(Fault::new(
                 named_at,
                 format!("{} includes itself", input.name),
-                "take the include out",
+                "remove the include",
             ));
         }
         if self.open.len() >= MAX_FILE_DEPTH || self.files.len() >= self.main.options.limits.files {
@@ -333,12 +333,12 @@ impl<'a> Loader<'a> {
         let name = value::snake_case(&self.required(file, node, "name")?);
         if object.properties.iter().any(|p| p.name == name) {
             let problem = format!("{} has \"{name}\" twice", object.owner());
-            return Err(Fault::new(at, problem, "take one of them out"));
+            return Err(Fault::new(at, problem, "remove one of them"));
         }
         if object.properties.len() >= MAX_PROPERTIES {
             let problem =
                 format!("{} has more than {MAX_PROPERTIES} properties, the limit", object.owner());
-            return Err(Fault::new(at, problem, "no plugin knows as many: take some out"));
+            return Err(Fault::new(at, problem, "no plugin knows as many: remove some"));
         }
         object.properties.push(Property { name, at, value, used: Cell::new(false) });
         Ok(())

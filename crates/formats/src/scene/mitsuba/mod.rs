@@ -138,7 +138,7 @@ impl Builder<'_> {
         for other in children.iter().filter(|o| !KNOWN_AT_TOP.contains(&o.class.as_str())) {
             let owner = other.owner();
             self.note(owner.clone(), other.at, || {
-                format!("{owner} does not stand in an object that uses it; it was ignored")
+                format!("{owner} is not inside an object that uses it; it was ignored")
             });
         }
         for property in &root.properties {
@@ -251,7 +251,7 @@ impl Builder<'_> {
     fn enter(&mut self, object: &Object) -> Result<(), Fault> {
         let address: *const Object = object;
         if self.building.contains(&address) {
-            return Err(object.fault("it contains itself by a reference", "take the reference out"));
+            return Err(object.fault("it contains itself by a reference", "remove the reference"));
         }
         if self.building.len() >= MAX_DEPTH {
             let problem =

@@ -202,8 +202,7 @@ impl Builder<'_> {
 
     fn new_texture(&mut self, object: &Object) -> Result<Pattern, Fault> {
         if !matches!(object.class.as_str(), "texture" | "spectrum") {
-            return Err(object
-                .fault("this stands where a texture was expected", "use a texture or a colour"));
+            return Err(object.fault("a texture was expected here", "use a texture or a colour"));
         }
         match object.kind.as_str() {
             "bitmap" | "ldrtexture" => self.bitmap(object),

@@ -136,7 +136,7 @@ impl Builder {
     /// The current material; matte white before the first fill.
     pub fn current_fill(&mut self) -> MaterialId {
         *self.fill.get_or_insert_with(|| {
-            self.scene.warn("an object stands before the first `f`; it got a white matte material");
+            self.scene.warn("an object comes before the first `f`; it got a white matte material");
             self.scene.add_material(Material::new(
                 "default",
                 fill([1.0, 1.0, 1.0, 1.0, 0.0, 1.0, 0.0, 1.0]),

@@ -182,8 +182,8 @@ fn errors_name_the_place_and_the_way_out() {
     test:1:11: unknown entity "5"; check the number of values of the entity before it; the entities are v, b, l, f, c, s, p, pp
     test:1:3: a polygon has 2 corners; use at least 3
     test:1: the file ends where a corner of the polygon was expected; write it as: p n, then n times x y z
-    test:3:1: "s" stands where a corner of the polygon, a number, was expected; write it as: p n, then n times x y z
-    test:2:1: "at" stands where `from` was expected; write it as: v from x y z at x y z up x y z angle degrees hither distance resolution width height
+    test:3:1: found "s", expected a corner of the polygon, a number; write it as: p n, then n times x y z
+    test:2:1: found "at", expected `from`; write it as: v from x y z at x y z up x y z angle degrees hither distance resolution width height
     test:1:1: the view looks from a point at the same point; make `from` and `at` differ
     test:1:38: the angle of view is 200 degrees; use an angle above 0 and below 180
     test:1:63: a side of the picture is -5 pixels; use 1 to 65536

@@ -62,8 +62,8 @@ impl Builder<'_> {
         let path = identity(Path::new(&input.name));
         if self.open_files.contains(&path) {
             let problem =
-                format!("the file includes itself by way of {}", quoted(input.name.as_bytes()));
-            return Err(Fault::new(at, problem, "take this directive out"));
+                format!("the file includes itself through {}", quoted(input.name.as_bytes()));
+            return Err(Fault::new(at, problem, "remove this directive"));
         }
         let limit = input.options.limits.depth.min(MAX_FILE_DEPTH);
         if self.open_files.len() >= limit {
@@ -77,11 +77,11 @@ impl Builder<'_> {
         let mut lexer = Lexer::new(input, file);
         while let Some((token, at)) = lexer.token()? {
             let Token::Word(word) = token else {
-                let problem = format!("{} stands where a directive was expected", token.quoted());
+                let problem = format!("found {}, expected a directive", token.quoted());
                 return Err(Fault::new(
                     at,
                     problem,
-                    "put it after the directive it belongs to, or take it out",
+                    "put it after the directive it belongs to, or remove it",
                 ));
             };
             self.count_directive(at)?;
@@ -204,7 +204,7 @@ impl Builder<'_> {
 
     fn begin_world(&mut self, at: Spot) -> Result<(), Fault> {
         if self.in_world {
-            return Err(Fault::new(at, "a second WorldBegin", "take it out"));
+            return Err(Fault::new(at, "a second WorldBegin", "remove it"));
         }
         self.in_world = true;
         self.start_world()?;
@@ -256,10 +256,8 @@ impl Builder<'_> {
             Token::Word(b"EndTime") => [false, true],
             Token::Word(b"All") => [true, true],
             _ => {
-                let problem = format!(
-                    "{} stands where StartTime, EndTime or All was expected",
-                    token.quoted()
-                );
+                let problem =
+                    format!("found {}, expected StartTime, EndTime or All", token.quoted());
                 return Err(Fault::new(at, problem, "write one of these"));
             }
         };

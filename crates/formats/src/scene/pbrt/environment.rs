@@ -51,7 +51,7 @@ impl Builder<'_> {
         };
         if let Some(color) = color {
             if !is_latlong {
-                return Err(params.fault("both L and filename are given", "take one of them out"));
+                return Err(params.fault("both L and filename are given", "remove one of them"));
             }
             scale = scale * color;
         }

@@ -141,8 +141,7 @@ impl<'a> Lexer<'a> {
     pub fn expect_string(&mut self, what: &str) -> Result<(&'a str, Spot), Fault> {
         let (token, spot) = self.expect(what)?;
         let Token::String(bytes) = token else {
-            let problem =
-                format!("{} stands where {what}, in double quotes, was expected", token.quoted());
+            let problem = format!("found {}, expected {what} in double quotes", token.quoted());
             return Err(Fault::new(spot, problem, "correct the directive"));
         };
         Ok((utf8(bytes, spot)?, spot))
@@ -152,7 +151,7 @@ impl<'a> Lexer<'a> {
     pub fn expect_number(&mut self, what: &str) -> Result<f64, Fault> {
         let (token, spot) = self.expect(what)?;
         let Token::Word(word) = token else {
-            let problem = format!("{} stands where {what}, a number, was expected", token.quoted());
+            let problem = format!("found {}, expected {what}, a number", token.quoted());
             return Err(Fault::new(spot, problem, "correct the directive"));
         };
         number(word).ok_or_else(|| not_a_number(word, spot, what))
@@ -231,11 +230,7 @@ fn not_a_number(word: &[u8], spot: Spot, what: &str) -> Fault {
     } else {
         "write a number"
     };
-    Fault::new(
-        spot,
-        format!("{} stands where a number of {what} was expected", quoted(word)),
-        remedy,
-    )
+    Fault::new(spot, format!("found {}, expected a number of {what}", quoted(word)), remedy)
 }
 
 /// A finite number that single precision can hold.

@@ -80,7 +80,7 @@ impl Builder<'_> {
         };
         if self.object.is_some() {
             self.note("light in object", params.at, || {
-                "a light within an object definition stands in the world once".into()
+                "a light within an object definition is placed in the world once".into()
             });
         }
         // They only set the number of samples.

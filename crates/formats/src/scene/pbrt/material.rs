@@ -282,7 +282,7 @@ impl Builder<'_> {
             for name in ["eta", "k"] {
                 if params.has(&format!("{prefix}{name}")) {
                     return Err(params
-                        .fault("both reflectance and eta or k are given", "take one of them out"));
+                        .fault("both reflectance and eta or k are given", "remove one of them"));
                 }
             }
             return Ok(ConductorSpectrum::Color(self.material_color(

@@ -26,7 +26,7 @@ impl Builder<'_> {
     /// Reads `Camera`, `Film` and the like.
     pub(super) fn render_option(&mut self, directive: &str, params: Params) -> Result<(), Fault> {
         if self.in_world {
-            return Err(params.fault("options must stand before WorldBegin", "move it up"));
+            return Err(params.fault("options must come before WorldBegin", "move it up"));
         }
         match directive {
             "Camera" => {

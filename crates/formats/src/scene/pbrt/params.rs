@@ -144,7 +144,7 @@ impl Params {
             if let Some(first) = params.own.iter().find(|p| p.name == param.name) {
                 let problem =
                     format!("{} has the parameter \"{}\" twice", params.owner, first.name);
-                return Err(Fault::new(param.at, problem, "take one of them out"));
+                return Err(Fault::new(param.at, problem, "remove one of them"));
             }
             params.own.push(Rc::new(param));
         }
@@ -348,7 +348,7 @@ fn read_param(lexer: &mut Lexer, limit: usize) -> Result<Param, Fault> {
     if bracketed && !lexer.take_bracket(b']') {
         let (token, spot) = lexer.expect("\"]\"")?;
         let problem =
-            format!("{} stands among the values of \"{} {name}\"", token.quoted(), kind.name());
+            format!("found {} among the values of \"{} {name}\"", token.quoted(), kind.name());
         return Err(Fault::new(spot, problem, "close the list with ] after values of one kind"));
     }
     let param = Param { kind, name: name.to_string(), values, at, used: Cell::new(false) };
@@ -426,7 +426,7 @@ fn read_bools(lexer: &mut Lexer, bracketed: bool) -> Result<Vec<bool>, Fault> {
             "true" => true,
             "false" => false,
             _ => {
-                let problem = format!("{} stands where true or false was expected", token.quoted());
+                let problem = format!("found {}, expected true or false", token.quoted());
                 return Err(Fault::new(spot, problem, "write true or false"));
             }
         });

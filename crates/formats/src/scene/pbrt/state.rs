@@ -163,7 +163,7 @@ impl Stack {
                 let problem = format!("{end}, but {other} of line {} is still open", opened.line);
                 return Err(Fault::new(at, problem, format!("write {its_end} before it")));
             }
-            None => return Err(Fault::new(at, format!("{end} without {begin}"), "take it out")),
+            None => return Err(Fault::new(at, format!("{end} without {begin}"), "remove it")),
             Some(_) => {}
         }
         if let Some((_, _, saved)) = self.saved.pop() {

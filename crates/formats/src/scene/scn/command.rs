@@ -190,7 +190,7 @@ impl Builder {
 fn unknown(file: &File, keyword: &Token) -> ReadError {
     let problem = format!("unknown command {}", keyword.quoted());
     let remedy = if keyword.text().starts_with("particle") {
-        "take it out: particle systems belong to another assignment".to_string()
+        "remove it: particle systems belong to another assignment".to_string()
     } else {
         let names: Vec<_> = USAGES.iter().map(|(name, _)| *name).collect();
         format!(

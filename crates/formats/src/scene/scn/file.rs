@@ -128,7 +128,7 @@ impl Builder {
     pub fn end_group(&mut self, file: &mut File, end: &Token) -> Result<(), ReadError> {
         self.close_group(file);
         let Some(outer) = file.outer.pop() else {
-            return Err(file.tokens.error(end, "this `end` has no `begin`", "take it out"));
+            return Err(file.tokens.error(end, "this `end` has no `begin`", "remove it"));
         };
         file.group = outer;
         self.depth -= 1;
@@ -215,8 +215,8 @@ impl Builder {
         self.descend(&file.tokens, keyword)?;
         let (input, path) = self.open(file, &name)?;
         if self.open_files.contains(&path) {
-            let problem = format!("the file includes itself by way of {}", name.quoted());
-            return Err(file.tokens.error(&name, problem, "take this include out"));
+            let problem = format!("the file includes itself through {}", name.quoted());
+            return Err(file.tokens.error(&name, problem, "remove this include"));
         }
         let node = self.scene.add_child(file.group.node, Node::named(input.stem()));
         self.read_file(&input, node, file.group.world_from_group)?;

@@ -361,7 +361,7 @@ fn a_file_that_includes_itself_is_refused() {
         .to_string();
     assert!(
         error.ends_with(
-            "b.scn:2:10: the file includes itself by way of \"a.scn\"; take this include out"
+            "b.scn:2:10: the file includes itself through \"a.scn\"; remove this include"
         ),
         "{error}"
     );
@@ -428,7 +428,7 @@ fn comments_stand_only_where_a_command_could() {
         1
     );
     insta::assert_snapshot!(error_of(&READER, "sphere -1 0 0\n # center\n 0 \
-        1"), @r##"test:2:2: "#" stands where the center of the sphere, a number, was expected; move the comment to where a command could start"##);
+        1"), @r##"test:2:2: found "#", expected the center of the sphere, a number; move the comment to where a command could start"##);
 }
 
 #[test]
@@ -458,9 +458,9 @@ fn errors_name_the_place_and_the_way_out() {
     let messages: Vec<_> = errors.iter().map(|text| error_of(&READER, text)).collect();
     insta::assert_snapshot!(messages.join("\n"), @r##"
     test:2:3: unknown command "spere"; check the number of arguments of the command before it; the commands are ambient, area_light, background, begin, box, camera, circle, cone, cylinder, dir_light, end, include, line, material, mesh, point_light, rect_light, sphere, spot_light, tri
-    test:1:1: unknown command "particle"; take it out: particle systems belong to another assignment
-    test:2:15: "zero" stands where the center of the sphere, a number, was expected; write it as: sphere material center(3) radius
-    test:1:8: "0.5" stands where a material id, a whole number, was expected; write it as: sphere material center(3) radius
+    test:1:1: unknown command "particle"; remove it: particle systems belong to another assignment
+    test:2:15: found "zero", expected the center of the sphere, a number; write it as: sphere material center(3) radius
+    test:1:8: found "0.5", expected a material id, a whole number; write it as: sphere material center(3) radius
     test:1: the file ends where the near or far distance was expected; write it as: camera eye(3) towards(3) up(3) xfov neardist fardist
     test:1:17: the radius of the sphere is negative (-1); use a positive number
     test:1:11: the center of the sphere is "1e300", which is not a number that can be rendered; use a finite number below 3.4e38
@@ -468,7 +468,7 @@ fn errors_name_the_place_and_the_way_out() {
     test:1:8: material 0 is used, but this file has defined none so far; define the material above its first use, or use -1 for the group's material
     test:2:8: material 3 is used, but so far this file has defined only material 0; define the material above its first use, or use -1 for the group's material
     test:1:1: this `begin` has no `end`; close the group with `end`; is the file cut off?
-    test:1:19: this `end` has no `begin`; take it out
+    test:1:19: this `end` has no `begin`; remove it
     test:1:10: the last row of the group's matrix is [0, 0, 0.1, 1], a projection; use an affine matrix: four rows of four numbers, the last row 0 0 0 1
     test:1:30: the half-angle of view is 1.6; use radians above 0 and below pi / 2 for half of the horizontal angle of view
     test:1:15: the view direction is the zero vector, which points nowhere; give at least one coordinate that is not 0

@@ -461,7 +461,7 @@ fn add_grids(
             grid.ok_or_else(|| flaw(format!("grid is {number}, but there are {count}")))
         };
         let Some(Medium::Grid(owner)) = media.get_mut(medium.index()) else {
-            return Err(flaw(format!("medium {} is none that is given on a grid", medium.0)));
+            return Err(flaw(format!("medium {} is not given on a grid", medium.0)));
         };
         let color = |numbers: [u32; 3]| {
             let [r, g, b] = [get(numbers[0])?, get(numbers[1])?, get(numbers[2])?];

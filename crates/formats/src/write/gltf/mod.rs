@@ -9,7 +9,7 @@ mod texture;
 
 use super::flat::{note_shape, tubes_of};
 use super::tessellate::tessellate;
-use super::{Output, SceneWriter};
+use super::{Expansion, Output, SceneWriter};
 use buffer::Buffer;
 use serde_json::{Value, json};
 use snell_intersect::{AnyShape, Curves, TriangleMesh};
@@ -89,17 +89,14 @@ const BYTES_OF_NODE: u64 = 3000;
 
 /// glTF has trees, so a shared node is repeated for each of its instances.
 fn check_expansion(scene: &Scene, output: &Output) -> Result<(), String> {
-    let count = placement_count(scene)?;
-    let remedy = "write a format with instances of nodes: .snell or .pbrt";
-    if count > MAX_PLACED {
-        return Err(format!(
-            "it is {count} nodes and surfaces, instances counted each, and the limit is \
-                {MAX_PLACED}; {remedy}"
-        ));
-    }
-    let what = format!("the scene as a tree of {count} nodes and surfaces");
-    let admitted = output.available.admit(&what, count.saturating_mul(BYTES_OF_NODE));
-    admitted.map_err(|problem| format!("{problem}; {remedy}"))
+    let expansion = Expansion {
+        count: placement_count(scene)?,
+        limit: MAX_PLACED,
+        what: "nodes and surfaces",
+        bytes_of_each: BYTES_OF_NODE,
+        remedy: "write a format with instances of nodes: .snell or .pbrt",
+    };
+    expansion.check(output)
 }
 
 const BUFFER_NAME: &str = "buffer.bin";

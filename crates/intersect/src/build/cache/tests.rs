@@ -9,7 +9,7 @@ use snell_math::simd::Level;
 use std::sync::Arc;
 
 fn options(compact: bool) -> BvhOptions {
-    BvhOptions { quality: Quality::Medium, compact, simd: Level::best(), cache: None }
+    BvhOptions { quality: Quality::Medium, compact, wide: Level::best().wide(), cache: None }
 }
 
 fn list(n: u32, seed: u32) -> GroupList {

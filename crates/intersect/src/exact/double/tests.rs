@@ -11,7 +11,7 @@ use crate::search::padded;
 use crate::tree::node::{ChildRef, WideNode, box_distances, quick_distances};
 use num_bigint::{BigInt, Sign};
 use proptest::prelude::*;
-use snell_math::simd::{Lanes8, Portable8};
+use snell_math::simd::{Lanes8, Portable, Portable8};
 use snell_math::{Bounds3, DRay, DVec3};
 
 /// Numbers from a counter (splitmix64).
@@ -202,35 +202,28 @@ proptest! {
         let local = frame.local_ray(&ray);
         let mut block = TriangleBlock::EMPTY;
         block.set(3, &shadow.corners(0).map(|p| p.to_array()), 0);
-        // SAFETY: portable code.
-        let mask = unsafe { candidates::<Portable8>(&block, &local, 0.0, f32::INFINITY) };
+        let mask = candidates::<Portable8>(Portable, &block, &local, 0.0, f32::INFINITY);
         let hit = exact_hit(&ray, &mesh.corners(0), 0.0);
         if let Some((t, _)) = hit.filter(|_| !mesh.is_degenerate(0)) {
             prop_assert!(mask & 8 != 0);
             // Nor with a limit that just holds it.
             let cull = padded(t.above());
-            // SAFETY: portable code.
-            let mask = unsafe { candidates::<Portable8>(&block, &local, t.below(), cull) };
+            let mask = candidates::<Portable8>(Portable, &block, &local, t.below(), cull);
             prop_assert!(mask & 8 != 0);
             // Nor its box.
             let corners = shadow.corners(0);
             let bounds = Bounds3::of(corners);
             let mut node = WideNode::EMPTY;
             node.set(2, &bounds, ChildRef::triangles(0, 1));
-            // SAFETY: portable code.
-            let (enter, leave) =
-                unsafe { box_distances::<Portable8>(&node, &local, t.below(), cull) };
+            let (enter, leave) = box_distances::<Portable8>(Portable, &node, &local, t.below(), cull);
             prop_assert_eq!(enter.le(leave), 4);
             // Nor do the fast kernels.
             let mut quick = QuickRay::UNSET;
             if frame.prepare::<Portable8>(&mut quick, &ray) {
-                // SAFETY: portable code, and the ray is prepared.
-                let (lanes, (enter, leave)) = unsafe {
-                    (
-                        lines_through::<Portable8>(&block, &quick),
-                        quick_distances::<Portable8>(&node, &quick, t.below(), cull),
-                    )
-                };
+                let (lanes, (enter, leave)) = (
+                        lines_through::<Portable8>(Portable, &block, &quick),
+                        quick_distances::<Portable8>(Portable, &node, &quick, t.below(), cull),
+                    );
                 prop_assert!(lanes & 8 != 0 && enter.le(leave) == 4);
             }
         }

@@ -59,11 +59,9 @@ const DEPTH_ERROR: f32 = 10.0 / (1u32 << 24) as f32;
 
 /// [`crate::exact::triangle::candidates`] on the shadow of the triangles: allows for what the
 /// vertices, the ray's origin and the drawing are off by.
-///
-/// # Safety
-/// The machine must have the instructions of `L`.
 #[inline(always)]
-pub(crate) unsafe fn candidates<L: Lanes8>(
+pub(crate) fn candidates<L: Lanes8>(
+    token: L::Token,
     block: &TriangleBlock,
     ray: &LocalRay,
     t_min: f32,
@@ -71,67 +69,56 @@ pub(crate) unsafe fn candidates<L: Lanes8>(
 ) -> u32 {
     let farthest = ray.origin[0].abs().max(ray.origin[1].abs()).max(ray.origin[2].abs());
     let slack = ray.slack + farthest * (f32::EPSILON * 0.5) + f32::MIN_POSITIVE;
-    // SAFETY: passed on to the caller.
     let (outside, sides, [z0, z1, z2]) =
-        unsafe { outside(block, &DrawingFrame::<L>::new(ray), slack) };
+        outside(token, block, &DrawingFrame::<L>::new(token, ray), slack);
     if ray.depth_scale == 0.0 {
         return !outside & 0xff;
     }
     let margin = slack * 2.0 * ray.depth_scale.abs();
-    // SAFETY: passed on to the caller.
-    let (scale, cull, start) = unsafe {
-        (
-            L::splat(ray.depth_scale),
-            L::splat(cull + margin),
-            L::splat(t_min - t_min.abs() * 1e-6 - margin),
-        )
-    };
+    let (scale, cull, start) = (
+        L::splat(token, ray.depth_scale),
+        L::splat(token, cull + margin),
+        L::splat(token, t_min - t_min.abs() * 1e-6 - margin),
+    );
     let (d0, d1, d2) = (z0.mul(scale), z1.mul(scale), z2.mul(scale));
     let (nearest, farthest) = (d0.min(d1).min(d2), d0.max(d1).max(d2));
-    // SAFETY: passed on to the caller.
-    let margin = unsafe { place_margin(nearest.abs().max(farthest.abs()), sides, ray.depth_scale) };
+    let margin = place_margin(token, nearest.abs().max(farthest.abs()), sides, ray.depth_scale);
     let beyond = cull.add(margin).lt(nearest) | farthest.add(margin).lt(start);
     !(outside | beyond) & 0xff
 }
 
 /// [`crate::exact::triangle::lines_through`] on the shadow of the triangles. Unused lanes are
 /// unspecified.
-///
-/// # Safety
-/// The machine must have the instructions of `L`; the axes of the ray must be below 3.
 #[inline(always)]
-pub(crate) unsafe fn lines_through<L: Lanes8>(block: &TriangleBlock, ray: &QuickRay) -> u32 {
-    // SAFETY: passed on to the caller.
-    let (outside, ..) = unsafe { outside(block, &DrawingFrame::<L>::of_quick(ray), ray.slack) };
+pub(crate) fn lines_through<L: Lanes8>(
+    token: L::Token,
+    block: &TriangleBlock,
+    ray: &QuickRay,
+) -> u32 {
+    let (outside, ..) = outside(token, block, &DrawingFrame::<L>::of_quick(token, ray), ray.slack);
     !outside & 0xff
 }
 
 /// Which triangles the line of the ray surely does not pass through: two of their edges have signs
 /// that are certain and differ. Also the drawn size and the depths. A vertex relative to the origin
 /// may be off by `slack` on each axis.
-///
-/// # Safety
-/// The machine must have the instructions of `L`.
 #[inline(always)]
-unsafe fn outside<L: Lanes8>(
+fn outside<L: Lanes8>(
+    token: L::Token,
     block: &TriangleBlock,
     frame: &DrawingFrame<L>,
     slack: f32,
 ) -> (u32, L, [L; 3]) {
     let [v0, v1, v2] = &block.vertices;
-    // SAFETY: passed on to the caller.
     let ([x0, y0, z0], [x1, y1, z1], [x2, y2, z2]) =
-        unsafe { (frame.draw(v0), frame.draw(v1), frame.draw(v2)) };
-    // SAFETY: passed on to the caller.
-    let (zero, slack, depth_error, edge_error, tiny) = unsafe {
-        (
-            L::splat(0.0),
-            L::splat(slack * 4.0),
-            L::splat(DEPTH_ERROR),
-            L::splat(EDGE_ERROR),
-            L::splat(f32::MIN_POSITIVE),
-        )
-    };
+        (frame.draw(token, v0), frame.draw(token, v1), frame.draw(token, v2));
+    let (zero, slack, depth_error, edge_error, tiny) = (
+        L::splat(token, 0.0),
+        L::splat(token, slack * 4.0),
+        L::splat(token, DEPTH_ERROR),
+        L::splat(token, EDGE_ERROR),
+        L::splat(token, f32::MIN_POSITIVE),
+    );
     let u = x1.mul(y2).sub(y1.mul(x2));
     let v = x2.mul(y0).sub(y2.mul(x0));
     let w = x0.mul(y1).sub(y0.mul(x1));

@@ -135,158 +135,127 @@ impl<D: Doubles16> Bundle<D> {
     /// Lin and Manocha, OBBTree, 1996), the ray if it starts beyond a side and goes away.
     /// Coordinates and products are off by less than `12 u` of the distance `D`, with `u = 2^-24`,
     /// and the width is `17 u D`: the box is padded by `33 u D`.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `D`.
     #[inline(always)]
-    pub unsafe fn may_meet(&self, list: &List, bounds: &Bounds3) -> u32 {
+    pub fn may_meet(&self, token: D::Token, list: &List, bounds: &Bounds3) -> u32 {
         let (low, high) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
         let middle = ((low + high) * 0.5 - list.center.as_dvec3()).as_vec3();
         let half = ((high - low) * 0.5).as_vec3();
         let ([px, py, pz], [dx, dy, dz]) = (self.from_center, self.direction);
-        // SAFETY: passed on to the caller.
-        unsafe {
-            let splat = |value: f32| D::Singles::splat(value);
-            let padding = self.far.mul(splat(BOX_PADDING));
-            let (mx, my, mz) =
-                (px.sub(splat(middle.x)), py.sub(splat(middle.y)), pz.sub(splat(middle.z)));
-            let (hx, hy, hz) = (
-                padding.add(splat(half.x)),
-                padding.add(splat(half.y)),
-                padding.add(splat(half.z)),
-            );
-            let (ax, ay, az) = (dx.abs(), dy.abs(), dz.abs());
-            // What is too small for `f32` is not told apart.
-            let least = splat(f32::MIN_POSITIVE);
-            let apart = hy.mul(az).add(hz.mul(ay)).add(least).lt(dy.mul(mz).sub(dz.mul(my)).abs())
-                | hz.mul(ax).add(hx.mul(az)).add(least).lt(dz.mul(mx).sub(dx.mul(mz)).abs())
-                | hx.mul(ay).add(hy.mul(ax)).add(least).lt(dx.mul(my).sub(dy.mul(mx)).abs());
-            let behind = hx.mul(ax).add(least).lt(dx.mul(mx))
-                | hy.mul(ay).add(least).lt(dy.mul(my))
-                | hz.mul(az).add(least).lt(dz.mul(mz));
-            !(apart | behind) & 0xffff
-        }
+        let splat = |value: f32| D::Singles::splat(token, value);
+        let padding = self.far.mul(splat(BOX_PADDING));
+        let (mx, my, mz) =
+            (px.sub(splat(middle.x)), py.sub(splat(middle.y)), pz.sub(splat(middle.z)));
+        let (hx, hy, hz) =
+            (padding.add(splat(half.x)), padding.add(splat(half.y)), padding.add(splat(half.z)));
+        let (ax, ay, az) = (dx.abs(), dy.abs(), dz.abs());
+        // What is too small for `f32` is not told apart.
+        let least = splat(f32::MIN_POSITIVE);
+        let apart = hy.mul(az).add(hz.mul(ay)).add(least).lt(dy.mul(mz).sub(dz.mul(my)).abs())
+            | hz.mul(ax).add(hx.mul(az)).add(least).lt(dz.mul(mx).sub(dx.mul(mz)).abs())
+            | hx.mul(ay).add(hy.mul(ax)).add(least).lt(dx.mul(my).sub(dy.mul(mx)).abs());
+        let behind = hx.mul(ax).add(least).lt(dx.mul(mx))
+            | hy.mul(ay).add(least).lt(dy.mul(my))
+            | hz.mul(az).add(least).lt(dz.mul(mz));
+        !(apart | behind) & 0xffff
     }
 
     /// Takes in sixteen rays, of which the first so many count: at least one.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `D`.
     #[inline(always)]
-    pub unsafe fn new(list: &List, rays: &[Ray; RAYS], count: usize) -> Self {
-        // SAFETY: passed on to the caller.
-        unsafe {
-            let [x, y, z, t_min, dx, dy, dz, t_max] = ray_columns::<D::Singles>(rays);
-            let splat = |value: f32| D::Singles::splat(value);
-            let (px, py, pz) = (
-                x.sub(splat(list.center.x)),
-                y.sub(splat(list.center.y)),
-                z.sub(splat(list.center.z)),
-            );
-            let size = dx.abs().max(dy.abs()).max(dz.abs());
-            let distance = px.abs().max(py.abs()).max(pz.abs());
-            // Zero if all are numbers. (What is not a number is below nothing.)
-            let zero = splat(0.0);
-            let sum = px.add(py).add(pz).add(dx).add(dy).add(dz).mul(zero);
-            let ordinary = sum.le(zero)
-                & zero.le(t_min)
-                & t_min.lt(t_max)
-                & distance.le(splat(list.reach * FARTHEST))
-                & splat(SMALLEST).le(size)
-                & size.le(splat(LARGEST))
-                & ((2 << (count - 1)) - 1);
-            let tiny = x.abs().min(y.abs()).min(z.abs()).lt(splat(LEAST_COORDINATE));
-            let ordinary =
-                if tiny & ordinary != 0 { ordinary & !vanishing([x, y, z]) } else { ordinary };
-            let far = distance.add(splat(list.reach));
-            Self {
-                origin: [x, y, z],
-                direction: [dx, dy, dz],
-                t_min,
-                t_max,
-                size,
-                ordinary,
-                exact_origin: [D::of(x), D::of(y), D::of(z)],
-                from_center: [px, py, pz],
-                far,
-                steepest: splat(1.0 / LEAST_SLOPE).div(size),
-                edge_error: far.mul(size).mul(splat(EDGE_ERROR)),
-                distance_error: far.mul(splat(DISTANCE_ERROR)),
-            }
+    pub fn new(token: D::Token, list: &List, rays: &[Ray; RAYS], count: usize) -> Self {
+        let [x, y, z, t_min, dx, dy, dz, t_max] = ray_columns::<D::Singles>(token, rays);
+        let splat = |value: f32| D::Singles::splat(token, value);
+        let (px, py, pz) =
+            (x.sub(splat(list.center.x)), y.sub(splat(list.center.y)), z.sub(splat(list.center.z)));
+        let size = dx.abs().max(dy.abs()).max(dz.abs());
+        let distance = px.abs().max(py.abs()).max(pz.abs());
+        // Zero if all are numbers. (What is not a number is below nothing.)
+        let zero = splat(0.0);
+        let sum = px.add(py).add(pz).add(dx).add(dy).add(dz).mul(zero);
+        let ordinary = sum.le(zero)
+            & zero.le(t_min)
+            & t_min.lt(t_max)
+            & distance.le(splat(list.reach * FARTHEST))
+            & splat(SMALLEST).le(size)
+            & size.le(splat(LARGEST))
+            & ((2 << (count - 1)) - 1);
+        let tiny = x.abs().min(y.abs()).min(z.abs()).lt(splat(LEAST_COORDINATE));
+        let ordinary =
+            if tiny & ordinary != 0 { ordinary & !vanishing(token, [x, y, z]) } else { ordinary };
+        let far = distance.add(splat(list.reach));
+        Self {
+            origin: [x, y, z],
+            direction: [dx, dy, dz],
+            t_min,
+            t_max,
+            size,
+            ordinary,
+            exact_origin: [D::of(x), D::of(y), D::of(z)],
+            from_center: [px, py, pz],
+            far,
+            steepest: splat(1.0 / LEAST_SLOPE).div(size),
+            edge_error: far.mul(size).mul(splat(EDGE_ERROR)),
+            distance_error: far.mul(splat(DISTANCE_ERROR)),
         }
     }
 
     /// The nearest face of each ray.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `D`.
     #[inline(always)]
-    pub unsafe fn nearest(&self, list: &List) -> Nearest<D::Singles> {
-        // SAFETY: passed on to the caller.
-        unsafe {
-            let (zero, infinity) = (D::Singles::splat(0.0), D::Singles::splat(f32::INFINITY));
-            let mut nearest = Nearest {
-                first: infinity,
-                second: infinity,
-                triangle: zero,
-                sure: zero,
-                doubtful: 0,
-            };
-            let mut number = 0;
-            for (axis, faces) in list.faces.iter().enumerate() {
-                let across = self.slope(self.direction[axis]);
-                for face in &faces.across {
-                    nearest.note(self.t_min, self.meet_across(face, axis, across), face, number);
-                    number += 2;
-                }
-                for face in &faces.tilted {
-                    nearest.note(self.t_min, self.meet_tilted(face, axis), face, number);
-                    number += 2;
-                }
+    pub fn nearest(&self, token: D::Token, list: &List) -> Nearest<D::Singles> {
+        let (zero, infinity) =
+            (D::Singles::splat(token, 0.0), D::Singles::splat(token, f32::INFINITY));
+        let mut nearest =
+            Nearest { first: infinity, second: infinity, triangle: zero, sure: zero, doubtful: 0 };
+        let mut number = 0;
+        for (axis, faces) in list.faces.iter().enumerate() {
+            let across = self.slope(token, self.direction[axis]);
+            for face in &faces.across {
+                nearest.note(
+                    token,
+                    self.t_min,
+                    self.meet_across(token, face, axis, across),
+                    face,
+                    number,
+                );
+                number += 2;
             }
-            let ahead = nearest.first.lt(infinity);
-            nearest.doubtful |= ahead & nearest.sure.le(zero);
-            nearest
+            for face in &faces.tilted {
+                nearest.note(token, self.t_min, self.meet_tilted(token, face, axis), face, number);
+                number += 2;
+            }
         }
+        let ahead = nearest.first.lt(infinity);
+        nearest.doubtful |= ahead & nearest.sure.le(zero);
+        nearest
     }
 
     /// The rays that meet any face within their intervals.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `D`.
     #[inline(always)]
-    pub unsafe fn blocked(&self, list: &List) -> Blocked {
-        // SAFETY: passed on to the caller.
-        unsafe {
-            let (zero, none) = (D::Singles::splat(0.0), D::Singles::splat(f32::NEG_INFINITY));
-            let mut all = AnyFace { surely: none, maybe: none, ahead: none, doubtful: 0 };
-            let (mut blocked, mut doubtful) = (0, 0);
-            for (axis, faces) in list.faces.iter().enumerate() {
-                let across = self.slope(self.direction[axis]);
-                for face in &faces.across {
-                    all.note([self.t_min, self.t_max], self.meet_across(face, axis, across));
-                }
-                for face in &faces.tilted {
-                    all.note([self.t_min, self.t_max], self.meet_tilted(face, axis));
-                }
-                blocked = zero.lt(all.surely);
-                doubtful = all.doubtful | zero.lt(all.maybe);
-                if blocked & self.ordinary == self.ordinary {
-                    break;
-                }
+    pub fn blocked(&self, token: D::Token, list: &List) -> Blocked {
+        let (zero, none) =
+            (D::Singles::splat(token, 0.0), D::Singles::splat(token, f32::NEG_INFINITY));
+        let mut all = AnyFace { surely: none, maybe: none, ahead: none, doubtful: 0 };
+        let (mut blocked, mut doubtful) = (0, 0);
+        for (axis, faces) in list.faces.iter().enumerate() {
+            let across = self.slope(token, self.direction[axis]);
+            for face in &faces.across {
+                all.note([self.t_min, self.t_max], self.meet_across(token, face, axis, across));
             }
-            Blocked { blocked, doubtful: doubtful & !blocked, met: zero.lt(all.ahead) | blocked }
+            for face in &faces.tilted {
+                all.note([self.t_min, self.t_max], self.meet_tilted(token, face, axis));
+            }
+            blocked = zero.lt(all.surely);
+            doubtful = all.doubtful | zero.lt(all.maybe);
+            if blocked & self.ordinary == self.ordinary {
+                break;
+            }
         }
+        Blocked { blocked, doubtful: doubtful & !blocked, met: zero.lt(all.ahead) | blocked }
     }
 
     /// What follows from a slope: the product of the directions with the normal of a plane.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `D`.
     #[inline(always)]
-    unsafe fn slope(&self, slope: D::Singles) -> Slope<D::Singles> {
-        // SAFETY: passed on to the caller.
-        let inverse = unsafe { D::Singles::splat(1.0).div(slope) };
+    fn slope(&self, token: D::Token, slope: D::Singles) -> Slope<D::Singles> {
+        let inverse = D::Singles::splat(token, 1.0).div(slope);
         let steepness = inverse.abs();
         Slope {
             inverse,
@@ -297,109 +266,83 @@ impl<D: Doubles16> Bundle<D> {
     }
 
     /// How the rays meet a face across an axis.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `D`; `axis` must be that of the face, and `slope`
-    /// that along it.
     #[inline(always)]
-    unsafe fn meet_across(
+    fn meet_across(
         &self,
+        token: D::Token,
         face: &Face,
         axis: usize,
         slope: Slope<D::Singles>,
     ) -> Meeting<D::Singles> {
-        // SAFETY: passed on to the caller.
-        unsafe {
-            let height = D::Singles::splat(face.level).sub(self.origin[axis]);
-            let mut meeting = self.meet(face, axis, height, slope);
-            if slope.along != 0 {
-                let is_beside = height.abs().le(self.far.mul(D::Singles::splat(BESIDE)));
-                meeting.give_up(slope.along, slope.along & is_beside);
-            }
-            meeting
+        let height = D::Singles::splat(token, face.level).sub(self.origin[axis]);
+        let mut meeting = self.meet(token, face, axis, height, slope);
+        if slope.along != 0 {
+            let is_beside = height.abs().le(self.far.mul(D::Singles::splat(token, BESIDE)));
+            meeting.give_up(token, slope.along, slope.along & is_beside);
         }
+        meeting
     }
 
     /// How the rays meet a face that is not across its axis.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `D`; `axis` must be that of the face.
     #[inline(always)]
-    unsafe fn meet_tilted(&self, face: &Face, axis: usize) -> Meeting<D::Singles> {
-        // SAFETY: passed on to the caller.
-        unsafe {
-            let ([x, y, z], [a, b, c]) = (self.exact_origin, face.down);
-            let height = z.mul_add(D::splat(c), D::splat(face.offset));
-            let height = x.mul_add(D::splat(a), y.mul_add(D::splat(b), height)).rounded();
-            let ([x, y, z], [a, b, c]) = (self.direction, face.normal);
-            let slope = y.mul_add(D::Singles::splat(b), x.mul(D::Singles::splat(a)));
-            let slope = self.slope(z.mul_add(D::Singles::splat(c), slope));
-            let mut meeting = self.meet(face, axis, height, slope);
-            let ([x, y, z], [a, b, c, d]) = (self.origin, face.near.map(|x| D::Singles::splat(x)));
-            let least = y.abs().mul_add(b, x.abs().mul_add(a, d));
-            let near = height.abs().le(z.abs().mul_add(c, least));
-            if slope.along | near != 0 {
-                let is_beside = height.abs().le(self.far.mul(D::Singles::splat(BESIDE)));
-                let outside = meeting.inside.add(meeting.margin).lt(D::Singles::splat(0.0));
-                meeting.give_up(
-                    slope.along | near,
-                    (slope.along & is_beside) | (near & !slope.along & !outside),
-                );
-            }
-            meeting
+    fn meet_tilted(&self, token: D::Token, face: &Face, axis: usize) -> Meeting<D::Singles> {
+        let ([x, y, z], [a, b, c]) = (self.exact_origin, face.down);
+        let height = z.mul_add(D::splat(token, c), D::splat(token, face.offset));
+        let height = x.mul_add(D::splat(token, a), y.mul_add(D::splat(token, b), height)).rounded();
+        let ([x, y, z], [a, b, c]) = (self.direction, face.normal);
+        let slope = y.mul_add(D::Singles::splat(token, b), x.mul(D::Singles::splat(token, a)));
+        let slope = self.slope(token, z.mul_add(D::Singles::splat(token, c), slope));
+        let mut meeting = self.meet(token, face, axis, height, slope);
+        let ([x, y, z], [a, b, c, d]) =
+            (self.origin, face.near.map(|x| D::Singles::splat(token, x)));
+        let least = y.abs().mul_add(b, x.abs().mul_add(a, d));
+        let near = height.abs().le(z.abs().mul_add(c, least));
+        if slope.along | near != 0 {
+            let is_beside = height.abs().le(self.far.mul(D::Singles::splat(token, BESIDE)));
+            let outside = meeting.inside.add(meeting.margin).lt(D::Singles::splat(token, 0.0));
+            meeting.give_up(
+                token,
+                slope.along | near,
+                (slope.along & is_beside) | (near & !slope.along & !outside),
+            );
         }
+        meeting
     }
 
     /// How the rays meet a face whose plane is this far above where they start.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `D`; `axis` must be that of the face.
     #[inline(always)]
-    unsafe fn meet(
+    fn meet(
         &self,
+        token: D::Token,
         face: &Face,
         axis: usize,
         height: D::Singles,
         slope: Slope<D::Singles>,
     ) -> Meeting<D::Singles> {
-        // SAFETY: passed on to the caller.
-        unsafe {
-            let t = height.mul(slope.inverse);
-            let (x, y) = ((axis + 1) % 3, (axis + 2) % 3);
-            let place = [
-                t.mul_add(self.direction[x], self.from_center[x]),
-                t.mul_add(self.direction[y], self.from_center[y]),
-            ];
-            let inside = match &face.outline {
-                Outline::Strips([u, v], [half_u, half_v]) => {
-                    let from_u = D::Singles::splat(*half_u).sub(distance(u, place).abs());
-                    from_u.min(D::Singles::splat(*half_v).sub(distance(v, place).abs()))
-                }
-                Outline::Edges([a, b, c, d]) => distance(a, place)
-                    .min(distance(b, place))
-                    .min(distance(c, place).min(distance(d, place))),
-            };
-            Meeting {
-                t,
-                error: slope.distance_error,
-                place,
-                inside,
-                margin: slope.margin,
-                doubtful: 0,
+        let t = height.mul(slope.inverse);
+        let (x, y) = ((axis + 1) % 3, (axis + 2) % 3);
+        let place = [
+            t.mul_add(self.direction[x], self.from_center[x]),
+            t.mul_add(self.direction[y], self.from_center[y]),
+        ];
+        let inside = match &face.outline {
+            Outline::Strips([u, v], [half_u, half_v]) => {
+                let from_u = D::Singles::splat(token, *half_u).sub(distance(token, u, place).abs());
+                from_u.min(D::Singles::splat(token, *half_v).sub(distance(token, v, place).abs()))
             }
-        }
+            Outline::Edges([a, b, c, d]) => distance(token, a, place)
+                .min(distance(token, b, place))
+                .min(distance(token, c, place).min(distance(token, d, place))),
+        };
+        Meeting { t, error: slope.distance_error, place, inside, margin: slope.margin, doubtful: 0 }
     }
 }
 
 impl<W: Lanes16> Meeting<W> {
     /// Says that some rays do not surely meet the face, of which some may meet it.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    unsafe fn give_up(&mut self, lanes: u32, doubtful: u32) {
-        // SAFETY: passed on to the caller.
-        self.inside = unsafe { self.inside.replace(lanes, W::splat(f32::NEG_INFINITY)) };
+    fn give_up(&mut self, token: W::Token, lanes: u32, doubtful: u32) {
+        self.inside = self.inside.replace(lanes, W::splat(token, f32::NEG_INFINITY));
         self.doubtful = doubtful;
     }
 
@@ -438,49 +381,36 @@ impl<W: Lanes16> AnyFace<W> {
 
 impl<W: Lanes16> Nearest<W> {
     /// Notes how rays that begin here meet a face, whose first triangle has this number.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    unsafe fn note(&mut self, t_min: W, meeting: Meeting<W>, face: &Face, number: u32) {
-        // SAFETY: passed on to the caller.
-        unsafe {
-            let zero = W::splat(0.0);
-            let (one, other) =
-                (W::splat(f32::from_bits(number)), W::splat(f32::from_bits(number + 1)));
-            self.doubtful |= meeting.doubtful;
-            let low = meeting.t.sub(meeting.error);
-            let low = W::splat(f32::INFINITY).where_less(zero, meeting.ahead(t_min), low);
-            let of_side = one.where_less(distance(&face.diagonal, meeting.place), zero, other);
-            self.triangle = self.triangle.where_less(low, self.first, of_side);
-            self.sure = self.sure.where_less(low, self.first, meeting.inside.sub(meeting.margin));
-            self.second = self.second.min(self.first.max(low));
-            self.first = self.first.min(low);
-        }
+    fn note(&mut self, token: W::Token, t_min: W, meeting: Meeting<W>, face: &Face, number: u32) {
+        let zero = W::splat(token, 0.0);
+        let (one, other) =
+            (W::splat(token, f32::from_bits(number)), W::splat(token, f32::from_bits(number + 1)));
+        self.doubtful |= meeting.doubtful;
+        let low = meeting.t.sub(meeting.error);
+        let low = W::splat(token, f32::INFINITY).where_less(zero, meeting.ahead(t_min), low);
+        let of_side = one.where_less(distance(token, &face.diagonal, meeting.place), zero, other);
+        self.triangle = self.triangle.where_less(low, self.first, of_side);
+        self.sure = self.sure.where_less(low, self.first, meeting.inside.sub(meeting.margin));
+        self.second = self.second.min(self.first.max(low));
+        self.first = self.first.min(low);
     }
 }
 
 /// The rays that start at a coordinate that is not zero, but so small that heights above planes may
 /// vanish.
-///
-/// # Safety
-/// The machine must have the instructions of `W`.
 #[inline(always)]
-unsafe fn vanishing<W: Lanes16>([x, y, z]: [W; 3]) -> u32 {
-    // SAFETY: passed on to the caller.
-    let (zero, least) = unsafe { (W::splat(0.0), W::splat(LEAST_COORDINATE)) };
+fn vanishing<W: Lanes16>(token: W::Token, [x, y, z]: [W; 3]) -> u32 {
+    let (zero, least) = (W::splat(token, 0.0), W::splat(token, LEAST_COORDINATE));
     let [x, y, z] = [x.abs(), y.abs(), z.abs()];
     (zero.lt(x) & x.lt(least)) | (zero.lt(y) & y.lt(least)) | (zero.lt(z) & z.lt(least))
 }
 
 /// The distance of a place from a line.
-///
-/// # Safety
-/// The machine must have the instructions of `W`.
 #[inline(always)]
-unsafe fn distance<W: Lanes16>(line: &Line, place: [W; 2]) -> W {
-    // SAFETY: passed on to the caller.
-    unsafe {
-        place[0].mul_add(W::splat(line[0]), place[1].mul_add(W::splat(line[1]), W::splat(line[2])))
-    }
+fn distance<W: Lanes16>(token: W::Token, line: &Line, place: [W; 2]) -> W {
+    place[0].mul_add(
+        W::splat(token, line[0]),
+        place[1].mul_add(W::splat(token, line[1]), W::splat(token, line[2])),
+    )
 }

@@ -22,49 +22,45 @@ pub(super) struct Found {
 /// Tests sixteen rays, each with a triangle whose plane it meets ahead, and within whose outline or
 /// that of its neighbour in the plane it surely is. Hits are at less than `limit`. Those that are
 /// told no hit nor beyond are not decided.
-///
-/// # Safety
-/// The machine must have the instructions of `D`.
 #[inline(always)]
-pub(super) unsafe fn test<D: Doubles16>(
+pub(super) fn test<D: Doubles16>(
+    token: D::Token,
     bundle: &Bundle<D>,
     triangles: &PerRay<&Triangle>,
     limit: D::Singles,
 ) -> Found {
-    // SAFETY: passed on to the caller.
-    unsafe {
-        let [ax, ay, az, bx, by, bz, cx, cy] =
-            columns::<D::Singles>(half(triangles, 0, 0), half(triangles, 8, 0));
-        let [cz, steep, ..] = columns::<D::Singles>(half(triangles, 0, 1), half(triangles, 8, 1));
-        let (a, b, c) = ([ax, ay, az], [bx, by, bz], [cx, cy, cz]);
-        let (o, d) = (bundle.origin, bundle.direction);
+    let [ax, ay, az, bx, by, bz, cx, cy] =
+        columns::<D::Singles>(token, half(triangles, 0, 0), half(triangles, 8, 0));
+    let [cz, steep, ..] =
+        columns::<D::Singles>(token, half(triangles, 0, 1), half(triangles, 8, 1));
+    let (a, b, c) = ([ax, ay, az], [bx, by, bz], [cx, cy, cz]);
+    let (o, d) = (bundle.origin, bundle.direction);
 
-        let direction = doubles::<D>(d);
-        let InPlane { slope, t, .. } = InPlane::new(&[a, b, c], doubles::<D>(o), direction);
-        let t = t.rounded();
-        let least = D::of(steep).mul(D::of(bundle.size));
-        let is_steep = least.mul(least).lt(slope.mul(slope));
+    let direction = doubles::<D>(d);
+    let InPlane { slope, t, .. } = InPlane::new(&[a, b, c], doubles::<D>(o), direction);
+    let t = t.rounded();
+    let least = D::of(steep).mul(D::of(bundle.size));
+    let is_steep = least.mul(least).lt(slope.mul(slope));
 
-        // The drawing: along the largest component of the direction.
-        let (dx, dy, dz) = (d[0].abs(), d[1].abs(), d[2].abs());
-        let along_x = dy.le(dx) & dz.le(dx);
-        let along_y = dz.le(dy) & !along_x;
-        let d = turned(d, along_x, along_y);
-        let shear = [d[0].div(d[2]), d[1].div(d[2])];
-        let corners =
-            [turned(a, along_x, along_y), turned(b, along_x, along_y), turned(c, along_x, along_y)];
-        let InDrawing { inside, b1, b2 } =
-            InDrawing::<D>::new(corners, turned(o, along_x, along_y), shear);
+    // The drawing: along the largest component of the direction.
+    let (dx, dy, dz) = (d[0].abs(), d[1].abs(), d[2].abs());
+    let along_x = dy.le(dx) & dz.le(dx);
+    let along_y = dz.le(dy) & !along_x;
+    let d = turned(d, along_x, along_y);
+    let shear = [d[0].div(d[2]), d[1].div(d[2])];
+    let corners =
+        [turned(a, along_x, along_y), turned(b, along_x, along_y), turned(c, along_x, along_y)];
+    let InDrawing { inside, b1, b2 } =
+        InDrawing::<D>::new(token, corners, turned(o, along_x, along_y), shear);
 
-        let sure = inside & is_steep & bundle.t_min.lt(t) & t.lt(limit);
-        let hits = sure & t.lt(bundle.t_max);
-        let mut found =
-            Found { t: [0.0; RAYS], b1: [0.0; RAYS], b2: [0.0; RAYS], hits, beyond: sure & !hits };
-        t.store(&mut found.t);
-        b1.rounded().store(&mut found.b1);
-        b2.rounded().store(&mut found.b2);
-        found
-    }
+    let sure = inside & is_steep & bundle.t_min.lt(t) & t.lt(limit);
+    let hits = sure & t.lt(bundle.t_max);
+    let mut found =
+        Found { t: [0.0; RAYS], b1: [0.0; RAYS], b2: [0.0; RAYS], hits, beyond: sure & !hits };
+    t.store(&mut found.t);
+    b1.rounded().store(&mut found.b1);
+    b2.rounded().store(&mut found.b2);
+    found
 }
 
 /// A part of the numbers of eight triangles.

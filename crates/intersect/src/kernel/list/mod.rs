@@ -9,18 +9,18 @@
 //! shapes are tested sixteen rays at a time ([`shapes`]), others ray by ray; all but flat ones with
 //! a look at their boxes before.
 
-mod apart;
 mod bundle;
 mod exact;
+mod outliers;
 mod precision;
 mod shapes;
 #[cfg(test)]
 pub(crate) mod tests;
 
-pub(crate) use apart::Begun;
+pub(crate) use outliers::Begun;
 pub(crate) use precision::ListSearch;
 
-use super::single::traverse::{Entry, Stack, Walk, search_forest, test_object};
+use super::single::traverse::{Entry, Stack, search_forest, test_object};
 use super::stream::interleave::Batch;
 use crate::hit::Hit;
 use crate::kernel::Goal;
@@ -28,10 +28,12 @@ use crate::precision::Facts;
 use crate::precision::Single;
 use crate::search::{Search, Verdict};
 use crate::tree::Forest;
-use crate::tree::list::{Apart, FIRST_OBJECT, List, ListShape, MAX_OBJECTS};
+use crate::tree::list::{FIRST_OBJECT, List, ListShape, MAX_OBJECTS, Outliers};
 use bundle::{Blocked, Bundle, Nearest, PerRay, RAYS};
 use exact::Found;
-use snell_math::simd::{Doubles16, Lanes16, Level};
+#[cfg(target_arch = "x86_64")]
+use snell_math::simd::{Avx8, Avx16Doubles, PairDoubles, Token};
+use snell_math::simd::{Doubles16, Lanes8, Lanes16, Wide};
 use snell_math::{Ray, Vec2, Vec3};
 use std::mem::MaybeUninit;
 
@@ -51,7 +53,7 @@ const FACES_PER_HIT: usize = 80;
 
 /// True if a list answers queries of so many rays that want one hit each, or some of them.
 pub(crate) fn is_suitable(forest: &Forest, rays: usize) -> bool {
-    rays >= MIN_RAYS && forest.list.is_some() || rays >= MIN_RAYS_APART && forest.apart.is_some()
+    rays >= MIN_RAYS && forest.list.is_some() || rays >= MIN_RAYS_APART && forest.outliers.is_some()
 }
 
 /// Searches for the rays of a batch; `finish` gets the number of a ray and what was found.
@@ -60,48 +62,55 @@ pub(crate) fn is_suitable(forest: &Forest, rays: usize) -> bool {
 /// than all if most of them point past everything, for in a tree that costs little.
 pub(crate) fn search_list<G: Goal<Precision = Single>>(
     forest: &Forest,
-    level: Level,
+    wide: Option<Wide>,
     batch: &Batch<Single>,
     begun: &mut Vec<Begun<Hit>>,
     start: impl Fn(&Ray) -> G,
     finish: impl FnMut(usize, G),
 ) -> usize {
-    let (list, apart) = match (&forest.list, &forest.apart) {
+    let (list, apart) = match (&forest.list, &forest.outliers) {
         (Some(list), _) => (list, None),
         (None, Some(apart)) => (&apart.list, Some(apart)),
         (None, None) => return 0,
     };
     let mut small = [const { MaybeUninit::<Entry>::uninit() }; crate::tree::SMALL_STACK];
     let mut large = Vec::new();
-    let stack: &mut Stack = if forest.stack_size <= small.len() {
+    let stack: &mut Stack = if forest.stack_size() <= small.len() {
         &mut small
     } else {
-        large.resize_with(forest.stack_size, MaybeUninit::uninit);
+        large.resize_with(forest.stack_size(), MaybeUninit::uninit);
         &mut large
     };
-    let scene = Scene { forest, list, apart, level, batch, is_plain: is_plain(list, batch) };
+    let scene = Scene { forest, list, apart, wide, batch, is_plain: is_plain(list, batch) };
     if apart.is_some() && !scene.is_plain {
         return 0;
     }
-    match level {
+    match wide {
         #[cfg(target_arch = "x86_64")]
-        // SAFETY: `World` holds only levels that the machine supports.
-        Level::Avx512 => unsafe { run_avx512(&scene, stack, begun, start, finish) },
+        Some(Wide::Avx512(token)) => token.run(
+            #[inline(always)]
+            move || run::<Avx16Doubles, G>(token, &scene, stack, begun, start, finish),
+        ),
         #[cfg(target_arch = "x86_64")]
-        // SAFETY: as above.
-        Level::Avx2 => unsafe { run_avx2(&scene, stack, begun, start, finish) },
+        Some(Wide::Avx2(token)) => token.run(
+            #[inline(always)]
+            move || run::<PairDoubles<Avx8>, G>(token, &scene, stack, begun, start, finish),
+        ),
         // Without wide registers, the tree is as fast.
         _ => 0,
     }
 }
+
+/// The lanes that single rays are searched for with.
+type HalfOf<D> = <<D as Doubles16>::Singles as Lanes16>::Half;
 
 /// What is searched, and for which rays.
 struct Scene<'a> {
     forest: &'a Forest,
     list: &'a List,
     /// Where the rest is, if that is not all.
-    apart: Option<&'a Apart>,
-    level: Level,
+    apart: Option<&'a Outliers>,
+    wide: Option<Wide>,
     batch: &'a Batch<'a, Single>,
     /// The nearest hit within the interval of a ray is always what it hits, as far as things are
     /// tested in lanes.
@@ -117,61 +126,16 @@ fn is_plain(list: &List, batch: &Batch<Single>) -> bool {
     !batch.rays.has_masks() && list.geometries().all(accepts)
 }
 
-/// # Safety
-/// As [`run`].
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-unsafe fn run_avx512<G: Goal<Precision = Single>>(
-    scene: &Scene,
-    stack: &mut Stack,
-    begun: &mut Vec<Begun<Hit>>,
-    start: impl Fn(&Ray) -> G,
-    finish: impl FnMut(usize, G),
-) -> usize {
-    use super::single::traverse::walk_avx2;
-    // SAFETY: as promised by the caller.
-    unsafe {
-        run::<snell_math::simd::Avx16Doubles, G>(scene, stack, begun, start, finish, walk_avx2::<G>)
-    }
-}
-
-/// # Safety
-/// As [`run`].
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-unsafe fn run_avx2<G: Goal<Precision = Single>>(
-    scene: &Scene,
-    stack: &mut Stack,
-    begun: &mut Vec<Begun<Hit>>,
-    start: impl Fn(&Ray) -> G,
-    finish: impl FnMut(usize, G),
-) -> usize {
-    use super::single::traverse::walk_avx2;
-    // SAFETY: as promised by the caller.
-    unsafe {
-        run::<snell_math::simd::PairDoubles<snell_math::simd::Avx8>, G>(
-            scene,
-            stack,
-            begun,
-            start,
-            finish,
-            walk_avx2::<G>,
-        )
-    }
-}
-
-/// # Safety
-/// The machine must have the instructions of `D`; `stack` must have room for all groups; `enter`
-/// must be the entry of the same level.
 #[inline(always)]
-unsafe fn run<D: Doubles16, G: Goal<Precision = Single>>(
+fn run<D: Doubles16, G: Goal<Precision = Single>>(
+    token: D::Token,
     scene: &Scene,
     stack: &mut Stack,
     begun: &mut Vec<Begun<Hit>>,
     start: impl Fn(&Ray) -> G,
     mut finish: impl FnMut(usize, G),
-    enter: Walk<G>,
 ) -> usize {
+    let half = D::Singles::half_token(token);
     let (list, all) = (scene.list, scene.batch.rays.rays());
     let more_faces = list.len().saturating_sub(FACES_PER_RAY);
     let mut last = [Ray::new(Vec3::ZERO, Vec3::Z); RAYS];
@@ -188,21 +152,16 @@ unsafe fn run<D: Doubles16, G: Goal<Precision = Single>>(
                 &last
             }
         };
-        // SAFETY: as promised by the caller.
-        let bundle = unsafe { Bundle::<D>::new(list, sixteen, rays.len()) };
-        // SAFETY: as promised by the caller.
-        let mut near = unsafe { Near::new(scene, &bundle) };
+        let bundle = Bundle::<D>::new(token, list, sixteen, rays.len());
+        let mut near = Near::new(token, scene, &bundle);
         let mut unsure = !bundle.ordinary & ((2 << (rays.len() - 1)) - 1);
         let more = match scene.apart {
-            // SAFETY: as promised by the caller.
-            Some(apart) => unsafe { apart.may_meet_rest(&bundle) },
+            Some(apart) => apart.may_meet_rest(token, &bundle),
             None => 0,
         };
         if G::ANY && scene.is_plain {
-            // SAFETY: as promised by the caller.
-            let mut found = unsafe { bundle.blocked(list) };
-            // SAFETY: as promised by the caller.
-            unsafe { near.block(list, &bundle, &mut found) };
+            let mut found = bundle.blocked(token, list);
+            near.block(token, list, &bundle, &mut found);
             let others = near.any();
             unsure |= found.doubtful & !found.blocked & bundle.ordinary;
             met += (found.met | unsure).count_ones() as usize;
@@ -222,17 +181,14 @@ unsafe fn run<D: Doubles16, G: Goal<Precision = Single>>(
                 } else {
                     let query = scene.batch.rays.get(first + lane);
                     let mut search = Search::new(query, scene.batch.context, start(ray));
-                    // SAFETY: as promised by the caller.
-                    unsafe { test_objects(scene, near.of(lane), &mut search, stack, enter) };
+                    test_objects::<HalfOf<D>, G>(half, scene, near.of(lane), &mut search, stack);
                     finish(first + lane, search.goal);
                 }
             }
         } else {
-            // SAFETY: as promised by the caller.
-            let mut found = unsafe { Hits::of(list, &bundle) };
+            let mut found = Hits::of(token, list, &bundle);
             if scene.is_plain {
-                // SAFETY: as promised by the caller.
-                unsafe { found.take_shapes(list, &bundle, &mut near) };
+                found.take_shapes(token, list, &bundle, &mut near);
             }
             let others = near.any();
             unsure |= found.unsure;
@@ -252,17 +208,14 @@ unsafe fn run<D: Doubles16, G: Goal<Precision = Single>>(
                 } else {
                     let query = scene.batch.rays.get(first + lane);
                     let mut search = Search::new(query, scene.batch.context, start(ray));
-                    // SAFETY: as promised by the caller.
-                    unsafe {
-                        offer(
-                            scene,
-                            found.get(list, lane),
-                            near.of(lane),
-                            &mut search,
-                            stack,
-                            enter,
-                        )
-                    };
+                    offer::<HalfOf<D>, G>(
+                        half,
+                        scene,
+                        found.get(list, lane),
+                        near.of(lane),
+                        &mut search,
+                        stack,
+                    );
                     finish(first + lane, search.goal);
                 }
             }
@@ -288,7 +241,7 @@ fn search_tree<G: Goal<Precision = Single>>(
         let query = scene.batch.rays.get(number);
         let mut search = Search::new(query, scene.batch.context, start(query.ray));
         if Single::is_valid(query.ray) {
-            search_forest(scene.forest, scene.level, &mut search);
+            search_forest(scene.forest, scene.wide, &mut search);
         }
         finish(number, search.goal);
     }
@@ -300,17 +253,14 @@ struct Near {
 }
 
 impl Near {
-    /// # Safety
-    /// The machine must have the instructions of `D`.
     #[inline(always)]
-    unsafe fn new<D: Doubles16>(scene: &Scene, bundle: &Bundle<D>) -> Self {
+    fn new<D: Doubles16>(token: D::Token, scene: &Scene, bundle: &Bundle<D>) -> Self {
         let mut near = Self { shapes: [0; MAX_OBJECTS] };
         for (object, shape) in scene.list.objects.iter().zip(&mut near.shapes) {
             // Those that are flat are tested as quickly as their boxes.
             let is_quick = scene.is_plain && object.shape.as_ref().is_some_and(ListShape::is_flat);
             *shape = match &object.bounds {
-                // SAFETY: passed on to the caller.
-                Some(bounds) if !is_quick => unsafe { bundle.may_meet(scene.list, bounds) },
+                Some(bounds) if !is_quick => bundle.may_meet(token, scene.list, bounds),
                 _ => u32::MAX,
             };
         }
@@ -328,18 +278,20 @@ impl Near {
     }
 
     /// Tests the shapes that are tested in lanes, where any will do.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `D`.
     #[inline(always)]
-    unsafe fn block<D: Doubles16>(&mut self, list: &List, bundle: &Bundle<D>, found: &mut Blocked) {
+    fn block<D: Doubles16>(
+        &mut self,
+        token: D::Token,
+        list: &List,
+        bundle: &Bundle<D>,
+        found: &mut Blocked,
+    ) {
         for (object, near) in list.objects.iter().zip(&mut self.shapes) {
             let Some(shape) = &object.shape else { continue };
             let lanes = std::mem::take(near) & bundle.ordinary & !found.blocked;
             if lanes != 0 {
-                // SAFETY: passed on to the caller.
                 let blocked =
-                    unsafe { shape.meet(bundle, lanes).lt(D::Singles::splat(f32::INFINITY)) };
+                    shape.meet(token, bundle, lanes).lt(D::Singles::splat(token, f32::INFINITY));
                 found.blocked |= blocked;
                 found.met |= blocked;
             }
@@ -358,46 +310,38 @@ impl Near {
 }
 
 /// Offers the nearest hit on a triangle, if there is one, and tests some of the shapes.
-///
-/// # Safety
-/// As [`run`].
 #[inline(never)]
-unsafe fn offer<G: Goal<Precision = Single>>(
+fn offer<L: Lanes8, G: Goal<Precision = Single>>(
+    token: L::Token,
     scene: &Scene,
     hit: Option<Hit>,
     shapes: u32,
     search: &mut Search<'_, G>,
     stack: &mut Stack,
-    enter: Walk<G>,
 ) {
     match hit.map(|hit| search.offer(hit)) {
         Some(Verdict::Finished) => {}
         // What is behind it has not been looked for.
-        Some(Verdict::Rejected) => search_forest(scene.forest, scene.level, search),
+        Some(Verdict::Rejected) => search_forest(scene.forest, scene.wide, search),
         Some(Verdict::Taken | Verdict::Behind) | None => {
-            // SAFETY: as promised by the caller.
-            unsafe { test_objects(scene, shapes, search, stack, enter) }
+            test_objects::<L, G>(token, scene, shapes, search, stack)
         }
     }
 }
 
 /// Tests some of the shapes of a list, a bit for each.
-///
-/// # Safety
-/// As [`run`].
-unsafe fn test_objects<G: Goal<Precision = Single>>(
+fn test_objects<L: Lanes8, G: Goal<Precision = Single>>(
+    token: L::Token,
     scene: &Scene,
     mut shapes: u32,
     search: &mut Search<'_, G>,
     stack: &mut Stack,
-    enter: Walk<G>,
 ) {
     let (forest, list, ray) = (scene.forest, scene.list, Single::exact(search.ray));
     while shapes != 0 {
         let object = list.objects[shapes.trailing_zeros() as usize].number;
         shapes &= shapes - 1;
-        // SAFETY: as promised by the caller.
-        if unsafe { test_object(forest, &forest.trees[0], object, &ray, 0, search, stack, enter) } {
+        if test_object::<L, G>(token, forest, &forest.trees[0], object, &ray, 0, search, stack) {
             return;
         }
     }
@@ -414,35 +358,28 @@ struct Hits {
 }
 
 impl Hits {
-    /// # Safety
-    /// The machine must have the instructions of `D`.
     #[inline(always)]
-    unsafe fn of<D: Doubles16>(list: &List, bundle: &Bundle<D>) -> Self {
-        // SAFETY: passed on to the caller.
-        unsafe {
-            let Nearest { first, second, triangle, doubtful, .. } = bundle.nearest(list);
-            let mut numbers = [0.0; RAYS];
-            triangle.store(&mut numbers);
-            let mut chosen = [list.triangle(0.0); RAYS];
-            for (to, &number) in chosen.iter_mut().zip(&numbers) {
-                *to = list.triangle(number);
-            }
-            let ahead = first.lt(D::Singles::splat(f32::INFINITY)) & bundle.ordinary;
-            let mut found = exact::test(bundle, &chosen, second);
-            let unsure = (doubtful & bundle.ordinary) | (ahead & !found.hits & !found.beyond);
-            found.hits &= ahead & !unsure;
-            Self { found, numbers, unsure, met: ahead | unsure }
+    fn of<D: Doubles16>(token: D::Token, list: &List, bundle: &Bundle<D>) -> Self {
+        let Nearest { first, second, triangle, doubtful, .. } = bundle.nearest(token, list);
+        let mut numbers = [0.0; RAYS];
+        triangle.store(&mut numbers);
+        let mut chosen = [list.triangle(0.0); RAYS];
+        for (to, &number) in chosen.iter_mut().zip(&numbers) {
+            *to = list.triangle(number);
         }
+        let ahead = first.lt(D::Singles::splat(token, f32::INFINITY)) & bundle.ordinary;
+        let mut found = exact::test(token, bundle, &chosen, second);
+        let unsure = (doubtful & bundle.ordinary) | (ahead & !found.hits & !found.beyond);
+        found.hits &= ahead & !unsure;
+        Self { found, numbers, unsure, met: ahead | unsure }
     }
 
     /// Tests the shapes that are tested in lanes, and takes what is nearer, or as near with a lower
     /// number.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `D`.
     #[inline(always)]
-    unsafe fn take_shapes<D: Doubles16>(
+    fn take_shapes<D: Doubles16>(
         &mut self,
+        token: D::Token,
         list: &List,
         bundle: &Bundle<D>,
         near: &mut Near,
@@ -453,30 +390,28 @@ impl Hits {
             if lanes == 0 {
                 continue;
             }
-            // SAFETY: passed on to the caller.
-            unsafe {
-                let (zero, infinity) = (D::Singles::splat(0.0), D::Singles::splat(f32::INFINITY));
-                let t = shape.meet(bundle, lanes);
-                let best = infinity.replace(self.found.hits, D::Singles::load(&self.found.t));
-                let hits = t.lt(infinity);
-                let mut taken = t.lt(best);
-                let mut ties = hits & t.le(best) & !taken;
-                while ties != 0 {
-                    let lane = ties.trailing_zeros();
-                    ties &= ties - 1;
-                    let (geometry, _) = list.triangle(self.numbers[lane as usize]).ids();
-                    taken |= u32::from(shape.geometry < geometry) << lane;
-                }
-                if taken != 0 {
-                    let this = D::Singles::splat(f32::from_bits((FIRST_OBJECT + number) as u32));
-                    this.store_where(taken, &mut self.numbers);
-                    t.store_where(taken, &mut self.found.t);
-                    zero.store_where(taken, &mut self.found.b1);
-                    zero.store_where(taken, &mut self.found.b2);
-                }
-                self.found.hits |= hits;
-                self.met |= hits;
+            let (zero, infinity) =
+                (D::Singles::splat(token, 0.0), D::Singles::splat(token, f32::INFINITY));
+            let t = shape.meet(token, bundle, lanes);
+            let best = infinity.replace(self.found.hits, D::Singles::load(token, &self.found.t));
+            let hits = t.lt(infinity);
+            let mut taken = t.lt(best);
+            let mut ties = hits & t.le(best) & !taken;
+            while ties != 0 {
+                let lane = ties.trailing_zeros();
+                ties &= ties - 1;
+                let (geometry, _) = list.triangle(self.numbers[lane as usize]).ids();
+                taken |= u32::from(shape.geometry < geometry) << lane;
             }
+            if taken != 0 {
+                let this = D::Singles::splat(token, f32::from_bits((FIRST_OBJECT + number) as u32));
+                this.store_where(taken, &mut self.numbers);
+                t.store_where(taken, &mut self.found.t);
+                zero.store_where(taken, &mut self.found.b1);
+                zero.store_where(taken, &mut self.found.b2);
+            }
+            self.found.hits |= hits;
+            self.met |= hits;
         }
     }
 

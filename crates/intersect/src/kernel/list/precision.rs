@@ -6,7 +6,7 @@ use crate::kernel::Goal;
 use crate::kernel::stream::interleave::Batch;
 use crate::precision::{Double, Facts, Single};
 use crate::tree::Forest;
-use snell_math::simd::Level;
+use snell_math::simd::Wide;
 use snell_math::{DRay, Ray};
 
 /// The list of a forest, in precisions that have lists.
@@ -15,7 +15,7 @@ pub(crate) trait ListSearch: Facts {
     /// ([`search_list`]); returns how many.
     fn search_list<G: Goal<Precision = Self>>(
         forest: &Forest,
-        level: Level,
+        wide: Option<Wide>,
         batch: &Batch<Self>,
         begun: &mut Vec<Begun<Self::Hit>>,
         start: impl Fn(&Self::Ray) -> G,
@@ -27,14 +27,14 @@ impl ListSearch for Single {
     #[inline(always)]
     fn search_list<G: Goal<Precision = Self>>(
         forest: &Forest,
-        level: Level,
+        wide: Option<Wide>,
         batch: &Batch<Self>,
         begun: &mut Vec<Begun<Hit>>,
         start: impl Fn(&Ray) -> G,
         finish: impl FnMut(usize, G),
     ) -> usize {
         if is_suitable(forest, batch.rays.len()) {
-            search_list(forest, level, batch, begun, start, finish)
+            search_list(forest, wide, batch, begun, start, finish)
         } else {
             0
         }
@@ -45,7 +45,7 @@ impl ListSearch for Double {
     /// None: lists are in single precision.
     fn search_list<G: Goal<Precision = Self>>(
         _: &Forest,
-        _: Level,
+        _: Option<Wide>,
         _: &Batch<Self>,
         _: &mut Vec<Begun<DHit>>,
         _: impl Fn(&DRay) -> G,

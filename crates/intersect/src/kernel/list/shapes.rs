@@ -14,129 +14,116 @@ use snell_math::simd::{Doubles16, Lanes16};
 impl ListShape {
     /// Where rays meet the shape first in their intervals; infinite where they do not. Only those
     /// of some lanes are asked for, and only ordinary rays are answered.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `D`.
     #[inline(always)]
-    pub(super) unsafe fn meet<D: Doubles16>(&self, bundle: &Bundle<D>, lanes: u32) -> D::Singles {
-        // SAFETY: passed on to the caller.
-        unsafe {
-            match self.kind {
-                Kind::Sphere { radius } => self.meet_sphere(bundle, lanes, radius),
-                Kind::Flat(outline) => self.meet_flat(bundle, lanes, outline),
-            }
+    pub(super) fn meet<D: Doubles16>(
+        &self,
+        token: D::Token,
+        bundle: &Bundle<D>,
+        lanes: u32,
+    ) -> D::Singles {
+        match self.kind {
+            Kind::Sphere { radius } => self.meet_sphere(token, bundle, lanes, radius),
+            Kind::Flat(outline) => self.meet_flat(token, bundle, lanes, outline),
         }
     }
 
     /// As `closest_in_z0` of flat shapes.
-    ///
-    /// # Safety
-    /// As [`Self::meet`].
     #[inline(always)]
-    unsafe fn meet_flat<D: Doubles16>(
+    fn meet_flat<D: Doubles16>(
         &self,
+        token: D::Token,
         bundle: &Bundle<D>,
         lanes: u32,
         outline: Outline,
     ) -> D::Singles {
-        // SAFETY: passed on to the caller.
-        unsafe {
-            let exact = D::splat(0.0).sub(self.origin(bundle, 2)).div(self.direction(bundle, 2));
-            let t = exact.rounded();
-            let mut hits = lanes & bundle.t_min.lt(t) & t.lt(bundle.t_max);
-            if hits != 0 {
-                let x = self.origin(bundle, 0).add(self.direction(bundle, 0).mul(exact));
-                let y = self.origin(bundle, 1).add(self.direction(bundle, 1).mul(exact));
-                hits &= !match outline {
-                    Outline::Rectangle { half_size } => {
-                        D::splat(half_size.x).lt(x.abs()) | D::splat(half_size.y).lt(y.abs())
-                    }
-                    Outline::Ring { inner, outer } => {
-                        let square = x.mul(x).add(y.mul(y));
-                        square.lt(D::splat(inner)) | D::splat(outer).lt(square)
-                    }
-                };
-            }
-            D::Singles::splat(f32::INFINITY).replace(hits, t)
+        let exact = D::splat(token, 0.0)
+            .sub(self.origin(token, bundle, 2))
+            .div(self.direction(token, bundle, 2));
+        let t = exact.rounded();
+        let mut hits = lanes & bundle.t_min.lt(t) & t.lt(bundle.t_max);
+        if hits != 0 {
+            let x = self.origin(token, bundle, 0).add(self.direction(token, bundle, 0).mul(exact));
+            let y = self.origin(token, bundle, 1).add(self.direction(token, bundle, 1).mul(exact));
+            hits &= !match outline {
+                Outline::Rectangle { half_size } => {
+                    D::splat(token, half_size.x).lt(x.abs())
+                        | D::splat(token, half_size.y).lt(y.abs())
+                }
+                Outline::Ring { inner, outer } => {
+                    let square = x.mul(x).add(y.mul(y));
+                    square.lt(D::splat(token, inner)) | D::splat(token, outer).lt(square)
+                }
+            };
         }
+        D::Singles::splat(token, f32::INFINITY).replace(hits, t)
     }
 
     /// As the span of a sphere.
-    ///
-    /// # Safety
-    /// As [`Self::meet`].
     #[inline(always)]
-    unsafe fn meet_sphere<D: Doubles16>(
+    fn meet_sphere<D: Doubles16>(
         &self,
+        token: D::Token,
         bundle: &Bundle<D>,
         lanes: u32,
         radius: f64,
     ) -> D::Singles {
-        // SAFETY: passed on to the caller.
-        unsafe {
-            let (zero, radius, infinity) =
-                (D::splat(0.0), D::splat(radius), D::Singles::splat(f32::INFINITY));
-            let o = [self.origin(bundle, 0), self.origin(bundle, 1), self.origin(bundle, 2)];
-            let d =
-                [self.direction(bundle, 0), self.direction(bundle, 1), self.direction(bundle, 2)];
-            let a = dot(d, d);
-            let moment = cross(o, d, zero);
-            let (reach, distance) = (radius.mul(a.sqrt()), dot(moment, moment).sqrt());
-            let meets = lanes & !reach.lt(distance);
-            if meets == 0 {
-                return infinity;
-            }
-            let (b, from_center) = (dot(o, d), dot(o, o).sqrt());
-            let c = from_center.sub(radius).mul(from_center.add(radius));
-            let root = reach.sub(distance).mul(reach.add(distance)).sqrt();
-            // The sign of zero counts, and outlives rounding.
-            let q = zero.sub(b.add(root)).replace(b.rounded().signs(), root.sub(b));
-            // If that is zero they are zero or not numbers, and lie in no interval.
-            let (t0, t1) = (q.div(a).rounded(), c.div(q).rounded());
-            let first = meets & bundle.t_min.lt(t0) & t0.lt(bundle.t_max);
-            let second = meets & bundle.t_min.lt(t1) & t1.lt(bundle.t_max);
-            infinity.replace(first, t0).min(infinity.replace(second, t1))
+        let (zero, radius, infinity) = (
+            D::splat(token, 0.0),
+            D::splat(token, radius),
+            D::Singles::splat(token, f32::INFINITY),
+        );
+        let o = [
+            self.origin(token, bundle, 0),
+            self.origin(token, bundle, 1),
+            self.origin(token, bundle, 2),
+        ];
+        let d = [
+            self.direction(token, bundle, 0),
+            self.direction(token, bundle, 1),
+            self.direction(token, bundle, 2),
+        ];
+        let a = dot(d, d);
+        let moment = cross(o, d, zero);
+        let (reach, distance) = (radius.mul(a.sqrt()), dot(moment, moment).sqrt());
+        let meets = lanes & !reach.lt(distance);
+        if meets == 0 {
+            return infinity;
         }
+        let (b, from_center) = (dot(o, d), dot(o, o).sqrt());
+        let c = from_center.sub(radius).mul(from_center.add(radius));
+        let root = reach.sub(distance).mul(reach.add(distance)).sqrt();
+        // The sign of zero counts, and outlives rounding.
+        let q = zero.sub(b.add(root)).replace(b.rounded().signs(), root.sub(b));
+        // If that is zero they are zero or not numbers, and lie in no interval.
+        let (t0, t1) = (q.div(a).rounded(), c.div(q).rounded());
+        let first = meets & bundle.t_min.lt(t0) & t0.lt(bundle.t_max);
+        let second = meets & bundle.t_min.lt(t1) & t1.lt(bundle.t_max);
+        infinity.replace(first, t0).min(infinity.replace(second, t1))
     }
 
     /// A coordinate of where the rays start, as the shape sees it.
-    ///
-    /// # Safety
-    /// As [`Self::meet`].
     #[inline(always)]
-    unsafe fn origin<D: Doubles16>(&self, bundle: &Bundle<D>, axis: usize) -> D {
-        // SAFETY: passed on to the caller.
-        unsafe {
-            self.product(bundle.exact_origin, axis)
-                .add(D::splat(self.shape_from_group.translation[axis]))
-        }
+    fn origin<D: Doubles16>(&self, token: D::Token, bundle: &Bundle<D>, axis: usize) -> D {
+        self.product(token, bundle.exact_origin, axis)
+            .add(D::splat(token, self.shape_from_group.translation[axis]))
     }
 
     /// A coordinate of their directions.
-    ///
-    /// # Safety
-    /// As [`Self::meet`].
     #[inline(always)]
-    unsafe fn direction<D: Doubles16>(&self, bundle: &Bundle<D>, axis: usize) -> D {
+    fn direction<D: Doubles16>(&self, token: D::Token, bundle: &Bundle<D>, axis: usize) -> D {
         let [x, y, z] = bundle.direction;
-        // SAFETY: passed on to the caller.
-        unsafe { self.product([D::of(x), D::of(y), D::of(z)], axis) }
+        self.product(token, [D::of(x), D::of(y), D::of(z)], axis)
     }
 
-    /// # Safety
-    /// As [`Self::meet`].
     #[inline(always)]
-    unsafe fn product<D: Doubles16>(&self, v: [D; 3], axis: usize) -> D {
+    fn product<D: Doubles16>(&self, token: D::Token, v: [D; 3], axis: usize) -> D {
         let map = &self.shape_from_group.matrix3;
-        // SAFETY: passed on to the caller.
-        unsafe {
-            let row = [
-                D::splat(map.x_axis[axis]),
-                D::splat(map.y_axis[axis]),
-                D::splat(map.z_axis[axis]),
-            ];
-            dot(row, v)
-        }
+        let row = [
+            D::splat(token, map.x_axis[axis]),
+            D::splat(token, map.y_axis[axis]),
+            D::splat(token, map.z_axis[axis]),
+        ];
+        dot(row, v)
     }
 }
 
@@ -170,7 +157,7 @@ mod tests {
     use crate::world::AcceleratorKind;
     use crate::world::WorldBuilder;
     use crate::world::tests::{build, levels};
-    use snell_math::simd::{Level, PairDoubles, Portable8};
+    use snell_math::simd::{Level, PairDoubles, Portable, Portable8, Wide};
     use snell_math::{DAffine3, DVec2};
     use snell_math::{DMat3, DVec3, Ray, Transform, rng};
     use std::sync::Arc;
@@ -184,20 +171,17 @@ mod tests {
     }
 
     /// Where one after the other of many rays meets a shape.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `D`.
-    unsafe fn meet<D: Doubles16>(
+    fn meet<D: Doubles16>(
+        token: D::Token,
         list: &List,
         shape: &ListShape,
         rays: &[Ray],
     ) -> (Vec<f32>, Vec<bool>) {
         let (mut all, mut ordinary) = (Vec::new(), Vec::new());
         for sixteen in rays.as_chunks::<RAYS>().0 {
-            // SAFETY: passed on to the caller.
-            let (t, lanes) = unsafe {
-                let bundle = Bundle::<D>::new(list, sixteen, RAYS);
-                (shape.meet(&bundle, 0xffff), bundle.ordinary)
+            let (t, lanes) = {
+                let bundle = Bundle::<D>::new(token, list, sixteen, RAYS);
+                (shape.meet(token, &bundle, 0xffff), bundle.ordinary)
             };
             let mut stored: PerRay<f32> = [0.0; RAYS];
             t.store(&mut stored);
@@ -213,17 +197,16 @@ mod tests {
         shape: &ListShape,
         rays: &[Ray],
     ) -> (Vec<f32>, Vec<bool>) {
-        match level {
+        match level.wide() {
             #[cfg(target_arch = "x86_64")]
-            // SAFETY: the caller has checked the level.
-            Level::Avx512 => unsafe { meet::<snell_math::simd::Avx16Doubles>(list, shape, rays) },
+            Some(Wide::Avx512(token)) => {
+                meet::<snell_math::simd::Avx16Doubles>(token, list, shape, rays)
+            }
             #[cfg(target_arch = "x86_64")]
-            // SAFETY: the caller has checked the level.
-            Level::Avx2 => unsafe {
-                meet::<PairDoubles<snell_math::simd::Avx8>>(list, shape, rays)
-            },
-            // SAFETY: portable code.
-            _ => unsafe { meet::<PairDoubles<Portable8>>(list, shape, rays) },
+            Some(Wide::Avx2(token)) => {
+                meet::<PairDoubles<snell_math::simd::Avx8>>(token, list, shape, rays)
+            }
+            _ => meet::<PairDoubles<Portable8>>(Portable, list, shape, rays),
         }
     }
 

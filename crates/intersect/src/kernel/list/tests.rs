@@ -12,7 +12,7 @@ use crate::world::AcceleratorKind;
 use crate::world::tests::{build, check, lattice_point, levels};
 use crate::world::{GeometryId, Structure, World, WorldBuilder};
 use proptest::prelude::*;
-use snell_math::simd::{Level, PairDoubles, Portable8};
+use snell_math::simd::{Level, PairDoubles, Portable, Portable8};
 use snell_math::{Bounds3, DRay, DVec2, DVec3, Ray, Transform, Vec3, rng};
 use std::sync::Arc;
 
@@ -228,9 +228,11 @@ fn nearly_all_rays_in_a_room_are_certain() {
     let rays = rays_in_room(&world, 5000);
     let mut unsure = 0;
     for rays in rays.as_chunks::<RAYS>().0 {
-        // SAFETY: portable code.
-        let hits =
-            unsafe { Hits::of(list, &Bundle::<PairDoubles<Portable8>>::new(list, rays, RAYS)) };
+        let hits = Hits::of(
+            Portable,
+            list,
+            &Bundle::<PairDoubles<Portable8>>::new(Portable, list, rays, RAYS),
+        );
         unsure += hits.unsure.count_ones() as usize;
     }
     assert!(unsure * 100 < rays.len(), "{unsure} of {}", rays.len());
@@ -430,8 +432,8 @@ fn batches_that_hit_little_are_answered_too() {
 /// The rays that may meet a box, one by one.
 fn near(list: &List, rays: &[Ray], bounds: &Bounds3) -> Vec<bool> {
     let of_sixteen = |rays: &[Ray; RAYS]| {
-        // SAFETY: portable code.
-        unsafe { Bundle::<PairDoubles<Portable8>>::new(list, rays, RAYS).may_meet(list, bounds) }
+        Bundle::<PairDoubles<Portable8>>::new(Portable, list, rays, RAYS)
+            .may_meet(Portable, list, bounds)
     };
     let (sixteens, rest) = rays.as_chunks();
     assert!(rest.is_empty());

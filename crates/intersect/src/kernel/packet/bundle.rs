@@ -14,6 +14,7 @@
 use super::exact_rays::{ExactColumns, ExactRays, LaneRays, rounded3};
 use super::lines::Lines;
 use crate::exact::meeting::doubles;
+use crate::exact::ray::Axes;
 use crate::kernel::packet::PacketTests;
 use crate::search::CULL_PADDING;
 use crate::tree::node::WideNode;
@@ -88,7 +89,7 @@ pub(crate) struct Bundle {
     pub has_rays: bool,
     pub kind: Kind,
     /// Axes x, y and z of the bundle: z is the one along which it goes.
-    pub axes: [usize; 3],
+    pub axes: Axes,
     /// 1 if `z` grows along its axis, -1 if it falls.
     pub sign: f32,
     /// For the order in which children are visited: as [`crate::tree::node::WideNode::order`]
@@ -111,14 +112,9 @@ pub(crate) struct Bundle {
 /// The axes of a bundle, by the sizes of a direction: the last is the largest, as in
 /// [`crate::exact::ray::LocalRay`].
 #[inline(always)]
-fn axes(d: [f32; 3]) -> [usize; 3] {
-    if d[0] >= d[1] && d[0] >= d[2] {
-        [1, 2, 0]
-    } else if d[1] >= d[2] {
-        [2, 0, 1]
-    } else {
-        [0, 1, 2]
-    }
+fn axes(d: [f32; 3]) -> Axes {
+    let z = if d[0] >= d[1] && d[0] >= d[2] { 0 } else { 2 - usize::from(d[1] >= d[2]) };
+    Axes::BY_Z[z]
 }
 
 /// What a bundle is made of, by axis of the group and ray, rounded to nearest.
@@ -162,7 +158,7 @@ impl Bundle {
             rounded: false,
             slack: 0.0,
         },
-        axes: [0; 3],
+        axes: Axes::BY_Z[0],
         sign: 1.0,
         octant: 0,
         is_aligned: false,
@@ -179,12 +175,10 @@ impl Bundle {
     /// `t_min` and the padded limits of the searches, and the apex and a point that triangles are
     /// seen from (neither is used with a shared origin), all in the coordinates of a group. False
     /// if these rays do not make a bundle.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    pub unsafe fn set_up_exactly<W: Lanes16, P: PacketTests>(
+    pub fn set_up_exactly<W: Lanes16, P: PacketTests>(
         &mut self,
+        token: W::Token,
         rays: LaneRays<W>,
         [t_min, cull]: [W; 2],
         data: &P::Data,
@@ -193,67 +187,58 @@ impl Bundle {
         kind: &Kind,
     ) -> bool {
         self.has_rays = false;
-        // SAFETY: passed on to the caller.
-        unsafe {
-            rays.store(&mut self.exact);
-            let rays = P::rays_in_structure(data, group, rays);
-            let ([ox, oy, oz], direction) =
-                (rounded3::<W>(rays.origin), rounded3::<W>(rays.direction));
-            ox.store(&mut self.drawn_origin[0]);
-            oy.store(&mut self.drawn_origin[1]);
-            oz.store(&mut self.drawn_origin[2]);
-            // Zero if everything is finite.
-            let zero = W::splat(0.0);
-            let mut sum = zero;
-            for column in [ox, oy, oz, direction[0], direction[1], direction[2]] {
-                sum = sum.add(column.mul(zero));
-            }
-            if sum.le(zero) != 0xffff {
-                return false;
-            }
-            let (mut apex, mut point) = (
-                P::point_in_structure(data, group, apex).as_vec3(),
-                P::point_in_structure(data, group, point).as_vec3(),
-            );
-            if kind.common {
-                apex = Vec3::new(
-                    self.drawn_origin[0][0],
-                    self.drawn_origin[1][0],
-                    self.drawn_origin[2][0],
-                );
-                point = apex;
-            }
-            let kind = Kind {
-                apex: apex.to_array(),
-                rounded: true,
-                slack: P::slack(data, group),
-                ..*kind
-            };
-            let (from_apex, from_point) = if kind.common {
-                ([zero; 3], [zero; 3])
-            } else {
-                (rays.seen_from(apex), rays.seen_from(point))
-            };
-            let [dx, dy, dz] = &self.exact[1];
-            let first = [dx[0] as f32, dy[0] as f32, dz[0] as f32];
-            let point = point.to_array();
-            self.set_up::<W, P>(
-                &Columns { from_apex, from_point, direction, point, t_min, cull },
-                first,
-                kind,
-            )
+        rays.store(&mut self.exact);
+        let rays = P::rays_in_structure(token, data, group, rays);
+        let ([ox, oy, oz], direction) = (rounded3::<W>(rays.origin), rounded3::<W>(rays.direction));
+        ox.store(&mut self.drawn_origin[0]);
+        oy.store(&mut self.drawn_origin[1]);
+        oz.store(&mut self.drawn_origin[2]);
+        // Zero if everything is finite.
+        let zero = W::splat(token, 0.0);
+        let mut sum = zero;
+        for column in [ox, oy, oz, direction[0], direction[1], direction[2]] {
+            sum = sum.add(column.mul(zero));
         }
+        if sum.le(zero) != 0xffff {
+            return false;
+        }
+        let (mut apex, mut point) = (
+            P::point_in_structure(data, group, apex).as_vec3(),
+            P::point_in_structure(data, group, point).as_vec3(),
+        );
+        if kind.common {
+            apex = Vec3::new(
+                self.drawn_origin[0][0],
+                self.drawn_origin[1][0],
+                self.drawn_origin[2][0],
+            );
+            point = apex;
+        }
+        let kind =
+            Kind { apex: apex.to_array(), rounded: true, slack: P::slack(data, group), ..*kind };
+        let (from_apex, from_point) = if kind.common {
+            ([zero; 3], [zero; 3])
+        } else {
+            (rays.seen_from(token, apex), rays.seen_from(token, point))
+        };
+        let [dx, dy, dz] = &self.exact[1];
+        let first = [dx[0] as f32, dy[0] as f32, dz[0] as f32];
+        let point = point.to_array();
+        self.set_up::<W, P>(
+            token,
+            &Columns { from_apex, from_point, direction, point, t_min, cull },
+            first,
+            kind,
+        )
     }
 
     /// Works out everything else from the kind, `columns`, the direction of the first ray,
     /// `drawn_origin` by axis of the group if the rays do not share their origin or anything was
     /// rounded, and `exact` if that was. False if these rays do not make a bundle.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    pub unsafe fn set_up<W: Lanes16, P: PacketTests>(
+    pub fn set_up<W: Lanes16, P: PacketTests>(
         &mut self,
+        token: W::Token,
         columns: &Columns<W>,
         first: [f32; 3],
         kind: Kind,
@@ -262,160 +247,139 @@ impl Bundle {
         // pieces.)
         self.kind = kind;
         let directions = &columns.direction;
-        let [x, y, z] = axes([first[0].abs(), first[1].abs(), first[2].abs()]);
-        self.axes = [x, y, z];
-        let forward: f32 =
-            if [first[0] < 0.0, first[1] < 0.0, first[2] < 0.0][z] { -1.0 } else { 1.0 };
+        let axes = axes([first[0].abs(), first[1].abs(), first[2].abs()]);
+        self.axes = axes;
+        let forward: f32 = if *axes.of(&first)[2] < 0.0 { -1.0 } else { 1.0 };
         let sign = if kind.reversed { -forward } else { forward };
         self.sign = sign;
         // Quotients as in [`crate::exact::ray::LocalRay`], whose shears these are if triangles are
         // drawn in `f32`.
         let is_drawn = kind.rounded && !P::TRIANGLES_ELSEWHERE;
-        // SAFETY: passed on to the caller.
-        unsafe {
-            let speed = directions[z];
-            let along = speed.mul(W::splat(forward));
-            let [shear_x, shear_y] = if is_drawn {
-                let direction = &self.exact[1];
-                let exact_speed = W::Doubles::load(&direction[z]);
-                [
-                    W::Doubles::load(&direction[x]).div(exact_speed).rounded(),
-                    W::Doubles::load(&direction[y]).div(exact_speed).rounded(),
-                ]
-            } else {
-                [directions[x].div(speed), directions[y].div(speed)]
-            };
-            let slopes = [shear_x.mul(W::splat(sign)), shear_y.mul(W::splat(sign))];
-            let (low, high) = (
-                [slopes[0].least(), slopes[1].least()],
-                [slopes[0].greatest(), slopes[1].greatest()],
-            );
-            let fine = along.least() > 1.0 / LARGEST
-                && along.greatest() < LARGEST
-                && (0..2)
-                    .all(|i| low[i] >= -2.0 && high[i] <= 2.0 && high[i] - low[i] <= MAX_SPREAD)
-                && kind.apex.iter().all(|a| a.abs() < LARGEST);
-            if !fine {
-                return false;
-            }
-            slopes[0].store(&mut self.slope[0]);
-            slopes[1].store(&mut self.slope[1]);
-            along.store(&mut self.along);
-            // At slope 1 the choice of the axis is a tie, or decided by less than the rounding of
-            // the slope.
-            self.is_aligned = (0..2).all(|i| low[i] > -1.0 && high[i] < 1.0);
-            self.margin = 0.0;
-            self.lines.margin = 0.0;
-            if kind.common {
-                // (Not as arrays: what is written in halves cannot be read as a whole for long.)
-                let zero = W::splat(0.0);
-                zero.store(&mut self.start);
-                zero.store(&mut self.offset[0]);
-                zero.store(&mut self.offset[1]);
-                zero.store(&mut self.across);
-                self.lines.point = [kind.apex[x], kind.apex[y], kind.apex[z]];
-            } else {
-                self.place::<W>(columns);
-            }
-            if kind.rounded {
-                let [x, y, z] = &self.drawn_origin;
-                let size = W::load(x).abs().max(W::load(y).abs()).max(W::load(z).abs()).greatest();
-                self.lines.margin = size * (12.0 * f32::EPSILON) + f32::MIN_POSITIVE + kind.slack;
-                self.margin += self.lines.margin;
-            }
-            if self.margin.is_nan() || self.margin >= LARGEST {
-                return false;
-            }
-            self.lines.forward = forward;
-            let slopes = [shear_x.mul(W::splat(forward)), shear_y.mul(W::splat(forward))];
-            self.lines.set_up(columns, &kind, [x, y, z], slopes, along);
-            self.octant = (0..3).fold(0, |octant, axis| {
-                let down = (first[axis] < 0.0) != kind.backward;
-                octant | usize::from(down) << axis
-            });
-            let cull = columns.cull;
-            columns.t_min.store(&mut self.t_min);
-            cull.store(&mut self.cull);
-            let start = W::load(&self.start);
-            let (early, end) = (columns.t_min.mul(along), self.ends(start, cull, along));
-            let (wide, narrow, margin) =
-                (W::splat(1.0 + PADDING), W::splat(1.0 - PADDING), W::splat(self.margin));
-            let (near, far) = if kind.reversed {
-                (end, start.sub(early).mul(wide).add(margin))
-            } else {
-                (start.add(early).mul(narrow).sub(margin), end)
-            };
-            let over = cull.lt(W::splat(0.0));
-            let near = near.replace(over, W::splat(f32::INFINITY));
-            let far = far.replace(over, W::splat(f32::NEG_INFINITY));
-            near.store(&mut self.near);
-            far.store(&mut self.far);
-            (self.bundle_near, self.bundle_far) = (near.least(), far.greatest());
-            // Before the apex the slopes change places; the bundle is hardly wider there.
-            let before = (-self.bundle_near).max(0.0);
-            for i in 0..2 {
-                self.low_slope[i] = low[i] - 2.0 * PADDING;
-                self.high_slope[i] = high[i] + 2.0 * PADDING;
-                let extra = self.margin + (self.high_slope[i] - self.low_slope[i]) * before;
-                (self.low_offset[i], self.high_offset[i]) = (-extra, extra);
-                if !kind.common {
-                    let offset = W::load(&self.offset[i]);
-                    self.low_offset[i] += offset.least();
-                    self.high_offset[i] += offset.greatest();
-                }
-            }
-            true
+        let [x, y, speed] = axes.of(directions);
+        let along = speed.mul(W::splat(token, forward));
+        let [shear_x, shear_y] = if is_drawn {
+            let [x, y, z] = axes.of(&self.exact[1]);
+            let exact_speed = W::Doubles::load(token, z);
+            [
+                W::Doubles::load(token, x).div(exact_speed).rounded(),
+                W::Doubles::load(token, y).div(exact_speed).rounded(),
+            ]
+        } else {
+            [x.div(*speed), y.div(*speed)]
+        };
+        let slopes = [shear_x.mul(W::splat(token, sign)), shear_y.mul(W::splat(token, sign))];
+        let (low, high) = (
+            [slopes[0].reduce_min(), slopes[1].reduce_min()],
+            [slopes[0].reduce_max(), slopes[1].reduce_max()],
+        );
+        let fine = along.reduce_min() > 1.0 / LARGEST
+            && along.reduce_max() < LARGEST
+            && (0..2).all(|i| low[i] >= -2.0 && high[i] <= 2.0 && high[i] - low[i] <= MAX_SPREAD)
+            && kind.apex.iter().all(|a| a.abs() < LARGEST);
+        if !fine {
+            return false;
         }
+        slopes[0].store(&mut self.slope[0]);
+        slopes[1].store(&mut self.slope[1]);
+        along.store(&mut self.along);
+        // At slope 1 the choice of the axis is a tie, or decided by less than the rounding of
+        // the slope.
+        self.is_aligned = (0..2).all(|i| low[i] > -1.0 && high[i] < 1.0);
+        self.margin = 0.0;
+        self.lines.margin = 0.0;
+        if kind.common {
+            // (Not as arrays: what is written in halves cannot be read as a whole for long.)
+            let zero = W::splat(token, 0.0);
+            zero.store(&mut self.start);
+            zero.store(&mut self.offset[0]);
+            zero.store(&mut self.offset[1]);
+            zero.store(&mut self.across);
+            self.lines.point = axes.of(&kind.apex).map(|x| *x);
+        } else {
+            self.place::<W>(token, columns);
+        }
+        if kind.rounded {
+            let [x, y, z] = &self.drawn_origin;
+            let size = W::load(token, x)
+                .abs()
+                .max(W::load(token, y).abs())
+                .max(W::load(token, z).abs())
+                .reduce_max();
+            self.lines.margin = size * (12.0 * f32::EPSILON) + f32::MIN_POSITIVE + kind.slack;
+            self.margin += self.lines.margin;
+        }
+        if self.margin.is_nan() || self.margin >= LARGEST {
+            return false;
+        }
+        self.lines.forward = forward;
+        let slopes = [shear_x.mul(W::splat(token, forward)), shear_y.mul(W::splat(token, forward))];
+        self.lines.set_up(token, columns, &kind, axes, slopes, along);
+        self.octant = (0..3).fold(0, |octant, axis| {
+            let down = (first[axis] < 0.0) != kind.backward;
+            octant | usize::from(down) << axis
+        });
+        let cull = columns.cull;
+        columns.t_min.store(&mut self.t_min);
+        cull.store(&mut self.cull);
+        let start = W::load(token, &self.start);
+        let (early, end) = (columns.t_min.mul(along), self.ends(token, start, cull, along));
+        let (wide, narrow, margin) = (
+            W::splat(token, 1.0 + PADDING),
+            W::splat(token, 1.0 - PADDING),
+            W::splat(token, self.margin),
+        );
+        let (near, far) = if kind.reversed {
+            (end, start.sub(early).mul(wide).add(margin))
+        } else {
+            (start.add(early).mul(narrow).sub(margin), end)
+        };
+        let over = cull.lt(W::splat(token, 0.0));
+        let near = near.replace(over, W::splat(token, f32::INFINITY));
+        let far = far.replace(over, W::splat(token, f32::NEG_INFINITY));
+        near.store(&mut self.near);
+        far.store(&mut self.far);
+        (self.bundle_near, self.bundle_far) = (near.reduce_min(), far.reduce_max());
+        // Before the apex the slopes change places; the bundle is hardly wider there.
+        let before = (-self.bundle_near).max(0.0);
+        for i in 0..2 {
+            self.low_slope[i] = low[i] - 2.0 * PADDING;
+            self.high_slope[i] = high[i] + 2.0 * PADDING;
+            let extra = self.margin + (self.high_slope[i] - self.low_slope[i]) * before;
+            (self.low_offset[i], self.high_offset[i]) = (-extra, extra);
+            if !kind.common {
+                let offset = W::load(token, &self.offset[i]);
+                self.low_offset[i] += offset.reduce_min();
+                self.high_offset[i] += offset.reduce_max();
+            }
+        }
+        true
     }
 
     /// The rays in `f64`, in the coordinates of the group.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    pub unsafe fn lane_rays<W: Lanes16>(&self) -> LaneRays<W> {
-        // SAFETY: passed on to the caller.
-        unsafe {
-            if self.kind.rounded {
-                return LaneRays::load(&self.exact);
-            }
-            let drawn = self.drawn::<W>();
-            let mut origin = drawn;
-            for (from, &axis) in drawn.iter().zip(&self.axes) {
-                *origin.get_unchecked_mut(axis) = *from;
-            }
-            LaneRays { origin: doubles(origin), direction: doubles(load3(&self.direction)) }
+    pub fn lane_rays<W: Lanes16>(&self, token: W::Token) -> LaneRays<W> {
+        if self.kind.rounded {
+            return LaneRays::load(token, &self.exact);
         }
+        let drawn = self.drawn::<W>(token);
+        let origin = self.axes.back(drawn);
+        LaneRays { origin: doubles(origin), direction: doubles(load3(token, &self.direction)) }
     }
 
     /// The origins as triangles see them, by axis of the bundle.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    pub unsafe fn drawn<W: Lanes16>(&self) -> [W; 3] {
-        // SAFETY: passed on to the caller; axes are below 3.
-        unsafe {
-            if !self.kind.common {
-                return load3(&self.drawn_origin);
-            }
-            let ([x, y, z], apex) = (self.axes, &self.kind.apex);
-            [
-                W::splat(*apex.get_unchecked(x)),
-                W::splat(*apex.get_unchecked(y)),
-                W::splat(*apex.get_unchecked(z)),
-            ]
+    pub fn drawn<W: Lanes16>(&self, token: W::Token) -> [W; 3] {
+        if !self.kind.common {
+            return load3(token, &self.drawn_origin);
         }
+        let [x, y, z] = self.axes.of(&self.kind.apex);
+        [W::splat(token, *x), W::splat(token, *y), W::splat(token, *z)]
     }
 
     /// The point that triangles are seen from, by axis of the group.
     #[inline(always)]
     pub fn point(&self) -> Vec3 {
-        let mut point = [0.0; 3];
-        for (from, &axis) in self.lines.point.iter().zip(&self.axes) {
-            point[axis] = *from;
-        }
-        Vec3::from_array(point)
+        Vec3::from_array(self.axes.back(self.lines.point))
     }
 
     /// True if both go the same way, described from and seen from the same points: then they may
@@ -440,141 +404,107 @@ impl Bundle {
     }
 
     /// Works out where rays that do not share their origin begin.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    unsafe fn place<W: Lanes16>(&mut self, columns: &Columns<W>) {
-        let [x, y, z] = self.axes;
-        self.lines.point = [columns.point[x], columns.point[y], columns.point[z]];
-        self.drawn_origin = [self.drawn_origin[x], self.drawn_origin[y], self.drawn_origin[z]];
-        // SAFETY: passed on to the caller.
-        let distance = unsafe {
-            let from = &columns.from_apex;
-            let (from_x, from_y, from_z) = (from[x], from[y], from[z]);
-            let start = from_z.mul(W::splat(self.sign));
+    fn place<W: Lanes16>(&mut self, token: W::Token, columns: &Columns<W>) {
+        self.lines.point = self.axes.of(&columns.point).map(|x| *x);
+        self.drawn_origin = self.axes.of(&self.drawn_origin).map(|row| *row);
+        let distance = {
+            let [from_x, from_y, from_z] = self.axes.of(&columns.from_apex);
+            let start = from_z.mul(W::splat(token, self.sign));
             start.store(&mut self.start);
-            let (slope_x, slope_y) = (W::load(&self.slope[0]), W::load(&self.slope[1]));
+            let (slope_x, slope_y) =
+                (W::load(token, &self.slope[0]), W::load(token, &self.slope[1]));
             let (offset_x, offset_y) =
                 (from_x.sub(slope_x.mul(start)), from_y.sub(slope_y.mul(start)));
             offset_x.store(&mut self.offset[0]);
             offset_y.store(&mut self.offset[1]);
             slope_y.mul(offset_x).sub(slope_x.mul(offset_y)).store(&mut self.across);
-            from_x.abs().add(from_y.abs()).add(from_z.abs()).greatest()
+            from_x.abs().add(from_y.abs()).add(from_z.abs()).reduce_max()
         };
         self.margin = distance * (2.0 * PADDING) + f32::MIN_POSITIVE;
     }
 
     /// Where searches with these limits end.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    unsafe fn ends<W: Lanes16>(&self, start: W, cull: W, along: W) -> W {
+    fn ends<W: Lanes16>(&self, token: W::Token, start: W, cull: W, along: W) -> W {
         let length = cull.mul(along);
-        // SAFETY: passed on to the caller.
-        unsafe {
-            let margin = W::splat(self.margin);
-            if self.kind.reversed {
-                start.mul(W::splat(1.0 - PADDING)).sub(length).sub(margin)
-            } else {
-                start.add(length).mul(W::splat(1.0 + PADDING)).add(margin).min(W::splat(FARTHEST))
-            }
+        let margin = W::splat(token, self.margin);
+        if self.kind.reversed {
+            start.mul(W::splat(token, 1.0 - PADDING)).sub(length).sub(margin)
+        } else {
+            start
+                .add(length)
+                .mul(W::splat(token, 1.0 + PADDING))
+                .add(margin)
+                .min(W::splat(token, FARTHEST))
         }
     }
 
     /// After some rays were tested: their new padded limits, and of which nothing more is wanted.
     /// [`Self::update_limits`] must follow.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    pub unsafe fn narrow<W: Lanes16>(&mut self, rays: u32, over: u32, culls: &PerRay<f32>) {
-        // SAFETY: passed on to the caller.
-        unsafe {
-            self.tighten::<W>(rays & !over, culls);
-            self.finish::<W>(over);
-        }
+    pub fn narrow<W: Lanes16>(
+        &mut self,
+        token: W::Token,
+        rays: u32,
+        over: u32,
+        culls: &PerRay<f32>,
+    ) {
+        self.tighten::<W>(token, rays & !over, culls);
+        self.finish::<W>(token, over);
     }
 
     /// After hits of some rays: their new padded limits. [`Self::update_limits`] must follow.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    unsafe fn tighten<W: Lanes16>(&mut self, rays: u32, culls: &PerRay<f32>) {
-        // SAFETY: passed on to the caller.
-        unsafe {
-            let (cull, along) = (W::load(culls), W::load(&self.along));
-            cull.store_where(rays, &mut self.cull);
-            let end = self.ends(W::load(&self.start), cull, along);
-            if self.kind.reversed {
-                let near = end.max(W::load(&self.near));
-                near.store_where(rays, &mut self.near);
-            } else {
-                let far = end.min(W::load(&self.far));
-                far.store_where(rays, &mut self.far);
-            }
-            self.lines.tighten(rays, cull.mul(along));
+    fn tighten<W: Lanes16>(&mut self, token: W::Token, rays: u32, culls: &PerRay<f32>) {
+        let (cull, along) = (W::load(token, culls), W::load(token, &self.along));
+        cull.store_where(rays, &mut self.cull);
+        let end = self.ends(token, W::load(token, &self.start), cull, along);
+        if self.kind.reversed {
+            let near = end.max(W::load(token, &self.near));
+            near.store_where(rays, &mut self.near);
+        } else {
+            let far = end.min(W::load(token, &self.far));
+            far.store_where(rays, &mut self.far);
         }
+        self.lines.tighten(token, rays, cull.mul(along));
     }
 
     /// Nothing more is wanted of some rays. [`Self::update_limits`] must follow.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    pub unsafe fn finish<W: Lanes16>(&mut self, rays: u32) {
-        // SAFETY: passed on to the caller.
-        unsafe {
-            W::splat(f32::INFINITY).store_where(rays, &mut self.near);
-            W::splat(f32::NEG_INFINITY).store_where(rays, &mut self.far);
-            W::splat(-1.0).store_where(rays, &mut self.cull);
-        }
+    pub fn finish<W: Lanes16>(&mut self, token: W::Token, rays: u32) {
+        W::splat(token, f32::INFINITY).store_where(rays, &mut self.near);
+        W::splat(token, f32::NEG_INFINITY).store_where(rays, &mut self.far);
+        W::splat(token, -1.0).store_where(rays, &mut self.cull);
     }
 
     /// After sure hits of some rays that are not reversed, between two places of their [`Lines`]
     /// each. [`Self::update_limits`] must follow.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    pub unsafe fn tighten_to<W: Lanes16>(&mut self, rays: u32, low: W, high: W) {
-        // SAFETY: passed on to the caller.
-        unsafe {
-            low.store_where(rays, &mut self.lines.sure_end);
-            high.store_where(rays, &mut self.lines.end);
-            let length = high.sub(W::load(&self.lines.start)).mul(W::splat(1.0 + CULL_PADDING));
-            let far = W::load(&self.start)
-                .add(length)
-                .mul(W::splat(1.0 + PADDING))
-                .add(W::splat(self.margin));
-            let far = far.min(W::load(&self.far));
-            far.store_where(rays, &mut self.far);
-        }
+    pub fn tighten_to<W: Lanes16>(&mut self, token: W::Token, rays: u32, low: W, high: W) {
+        low.store_where(rays, &mut self.lines.sure_end);
+        high.store_where(rays, &mut self.lines.end);
+        let length =
+            high.sub(W::load(token, &self.lines.start)).mul(W::splat(token, 1.0 + CULL_PADDING));
+        let far = W::load(token, &self.start)
+            .add(length)
+            .mul(W::splat(token, 1.0 + PADDING))
+            .add(W::splat(token, self.margin));
+        let far = far.min(W::load(token, &self.far));
+        far.store_where(rays, &mut self.far);
     }
 
     /// After hits: what is of interest to any of the rays.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    pub unsafe fn update_limits<W: Lanes16>(&mut self) {
-        // SAFETY: passed on to the caller.
-        unsafe {
-            self.bundle_near = W::load(&self.near).least();
-            self.bundle_far = W::load(&self.far).greatest();
-        }
+    pub fn update_limits<W: Lanes16>(&mut self, token: W::Token) {
+        self.bundle_near = W::load(token, &self.near).reduce_min();
+        self.bundle_far = W::load(token, &self.far).reduce_max();
     }
 
     /// The rays that go on without an end, since nothing was hit.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    pub unsafe fn endless<W: Lanes16>(&self) -> u32 {
-        // SAFETY: passed on to the caller.
-        unsafe { W::splat(FARTHEST).le(W::load(&self.far)) }
+    pub fn endless<W: Lanes16>(&self, token: W::Token) -> u32 {
+        W::splat(token, FARTHEST).le(W::load(token, &self.far))
     }
 
     /// The middle and half of the width of the slopes of all rays, of [`Lines`].
@@ -589,155 +519,112 @@ impl Bundle {
     }
 
     /// The boxes of the children of a node.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `L`.
     #[inline(always)]
-    pub unsafe fn boxes<L: Lanes8>(&self, node: &WideNode) -> Boxes<L> {
-        let [x, y, z] = self.axes;
+    pub fn boxes<L: Lanes8>(&self, token: L::Token, node: &WideNode) -> Boxes<L> {
         let up = usize::from(self.sign < 0.0);
-        // SAFETY: passed on to the caller; sides are 0 or 1, axes below 3.
-        unsafe {
-            let (near, far) = (self.planes::<L>(node, up, z), self.planes::<L>(node, up ^ 1, z));
-            Boxes {
-                near: near.mul(L::splat(self.sign)).sub(L::splat(self.margin)),
-                far: far.mul(L::splat(self.sign * (1.0 + PADDING))).add(L::splat(self.margin)),
-                sides: [
-                    [self.planes(node, 0, x), self.planes(node, 1, x)],
-                    [self.planes(node, 0, y), self.planes(node, 1, y)],
-                ],
-            }
-        }
-    }
-
-    /// The planes of the boxes of a node as seen from the apex.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `L`; `side` must be 0 or 1, `axis` below 3.
-    #[inline(always)]
-    unsafe fn planes<L: Lanes8>(&self, node: &WideNode, side: usize, axis: usize) -> L {
-        // SAFETY: passed on to the caller.
-        unsafe {
-            let planes = L::load(node.bounds.get_unchecked(side).get_unchecked(axis));
-            planes.sub(L::splat(*self.kind.apex.get_unchecked(axis)))
+        let [apex_x, apex_y, apex_z] = self.axes.of(&self.kind.apex);
+        let (apex_x, apex_y, apex_z) =
+            (L::splat(token, *apex_x), L::splat(token, *apex_y), L::splat(token, *apex_z));
+        let [[low_x, low_y, _], [high_x, high_y, _]] =
+            [self.axes.of(&node.bounds[0]), self.axes.of(&node.bounds[1])];
+        let (near, far) =
+            (self.axes.of(&node.bounds[up])[2], self.axes.of(&node.bounds[up ^ 1])[2]);
+        let (near, far) = (L::load(token, near).sub(apex_z), L::load(token, far).sub(apex_z));
+        Boxes {
+            near: near.mul(L::splat(token, self.sign)).sub(L::splat(token, self.margin)),
+            far: far
+                .mul(L::splat(token, self.sign * (1.0 + PADDING)))
+                .add(L::splat(token, self.margin)),
+            sides: [
+                [L::load(token, low_x).sub(apex_x), L::load(token, high_x).sub(apex_x)],
+                [L::load(token, low_y).sub(apex_y), L::load(token, high_y).sub(apex_y)],
+            ],
         }
     }
 
     /// Where the bundle enters each of eight boxes (at or beyond `bundle_far` if it is missed).
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `L`.
     #[inline(always)]
-    pub unsafe fn box_distances<L: Lanes8>(&self, boxes: &Boxes<L>) -> L {
-        // SAFETY: passed on to the caller.
-        unsafe {
-            let near = boxes.near.max(L::splat(self.bundle_near));
-            let far = boxes.far.min(L::splat(self.bundle_far));
-            // The last one is always a number.
-            let gap =
-                self.gap(boxes, 0, near, far).max(self.gap(boxes, 1, near, far).max(near.sub(far)));
-            gap.mul(L::splat(f32::MAX)).max(near)
-        }
+    pub fn box_distances<L: Lanes8>(&self, token: L::Token, boxes: &Boxes<L>) -> L {
+        let near = boxes.near.max(L::splat(token, self.bundle_near));
+        let far = boxes.far.min(L::splat(token, self.bundle_far));
+        // The last one is always a number.
+        let gap = self
+            .gap(token, boxes, 0, near, far)
+            .max(self.gap(token, boxes, 1, near, far).max(near.sub(far)));
+        gap.mul(L::splat(token, f32::MAX)).max(near)
     }
 
     /// Positive where boxes, from `near` to `far`, lie beside the bundle on an axis.
-    ///
-    /// # Safety
-    /// As [`Self::planes`].
     #[inline(always)]
-    unsafe fn gap<L: Lanes8>(&self, boxes: &Boxes<L>, i: usize, near: L, far: L) -> L {
-        // SAFETY: passed on to the caller.
-        unsafe {
-            let (low, high) = (L::splat(self.low_slope[i]), L::splat(self.high_slope[i]));
-            let low = near.mul(low).min(far.mul(low)).add(L::splat(self.low_offset[i]));
-            let high = near.mul(high).max(far.mul(high)).add(L::splat(self.high_offset[i]));
-            let [low_side, high_side] = boxes.sides[i];
-            low_side.sub(high).max(low.sub(high_side))
-        }
+    fn gap<L: Lanes8>(&self, token: L::Token, boxes: &Boxes<L>, i: usize, near: L, far: L) -> L {
+        let (low, high) = (L::splat(token, self.low_slope[i]), L::splat(token, self.high_slope[i]));
+        let low = near.mul(low).min(far.mul(low)).add(L::splat(token, self.low_offset[i]));
+        let high = near.mul(high).max(far.mul(high)).add(L::splat(token, self.high_offset[i]));
+        let [low_side, high_side] = boxes.sides[i];
+        low_side.sub(high).max(low.sub(high_side))
     }
 
     /// One of the boxes of a node, for all rays.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    pub unsafe fn one_box<W: Lanes16>(&self, node: &WideNode, slot: usize) -> OneBox<W> {
-        let [x, y, z] = self.axes;
-        let up = usize::from(self.sign < 0.0);
-        // SAFETY: passed on to the caller; sides are 0 or 1, axes below 3.
-        unsafe {
-            let near = self.plane(node, up, z, slot) * self.sign - self.margin;
-            let far = self.plane(node, up ^ 1, z, slot) * self.sign * (1.0 + PADDING) + self.margin;
-            let [x_sides, y_sides] =
-                [self.padded_sides(node, x, slot), self.padded_sides(node, y, slot)];
-            let ([x, half_x], [y, half_y]) = (middle(x_sides), middle(y_sides));
-            OneBox {
-                near: W::splat(near),
-                far: W::splat(far),
-                sides: [x_sides.map(|side| W::splat(side)), y_sides.map(|side| W::splat(side))],
-                middle: [W::splat(x), W::splat(y)],
-                half: [W::splat(half_x), W::splat(half_y)],
-            }
+    pub fn one_box<W: Lanes16>(&self, token: W::Token, node: &WideNode, slot: usize) -> OneBox<W> {
+        let (up, slot) = (usize::from(self.sign < 0.0), slot & 7);
+        let [apex_x, apex_y, apex_z] = self.axes.of(&self.kind.apex);
+        let [[low_x, low_y, _], [high_x, high_y, _]] =
+            [self.axes.of(&node.bounds[0]), self.axes.of(&node.bounds[1])];
+        let near = self.axes.of(&node.bounds[up])[2][slot] - apex_z;
+        let far = self.axes.of(&node.bounds[up ^ 1])[2][slot] - apex_z;
+        let near = near * self.sign - self.margin;
+        let far = far * self.sign * (1.0 + PADDING) + self.margin;
+        let x_sides = self.padded([low_x[slot] - apex_x, high_x[slot] - apex_x]);
+        let y_sides = self.padded([low_y[slot] - apex_y, high_y[slot] - apex_y]);
+        let ([x, half_x], [y, half_y]) = (middle(x_sides), middle(y_sides));
+        OneBox {
+            near: W::splat(token, near),
+            far: W::splat(token, far),
+            sides: [
+                x_sides.map(|side| W::splat(token, side)),
+                y_sides.map(|side| W::splat(token, side)),
+            ],
+            middle: [W::splat(token, x), W::splat(token, y)],
+            half: [W::splat(token, half_x), W::splat(token, half_y)],
         }
     }
 
-    /// One of the planes of a box as seen from the apex.
-    ///
-    /// # Safety
-    /// `side` must be 0 or 1, `axis` below 3.
+    /// The sides of a box, as seen from the apex, moved out.
     #[inline(always)]
-    unsafe fn plane(&self, node: &WideNode, side: usize, axis: usize, slot: usize) -> f32 {
-        // SAFETY: passed on to the caller.
-        unsafe {
-            node.bounds.get_unchecked(side).get_unchecked(axis)[slot & 7]
-                - self.kind.apex.get_unchecked(axis)
-        }
-    }
-
-    /// The sides of a box on an axis, moved out.
-    ///
-    /// # Safety
-    /// `axis` must be below 3.
-    #[inline(always)]
-    unsafe fn padded_sides(&self, node: &WideNode, axis: usize, slot: usize) -> [f32; 2] {
-        // SAFETY: passed on to the caller.
-        let (low, high) =
-            unsafe { (self.plane(node, 0, axis, slot), self.plane(node, 1, axis, slot)) };
+    fn padded(&self, [low, high]: [f32; 2]) -> [f32; 2] {
         [low - low.abs() * PADDING - self.margin, high + high.abs() * PADDING + self.margin]
     }
 
     /// Which rays meet [a box](Self::one_box).
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    pub unsafe fn rays_meeting<W: Lanes16>(&self, one: &OneBox<W>) -> u32 {
-        // SAFETY: passed on to the caller.
-        unsafe {
-            let near = one.near.max(W::load(&self.near));
-            let far = one.far.min(W::load(&self.far));
-            // Seen along the axis of the bundle: how far the line is from the middle of the box
-            // (times the length of both slopes).
-            let (slope_x, slope_y) = (W::load(&self.slope[0]), W::load(&self.slope[1]));
-            let from_middle = W::load(&self.across)
-                .sub(slope_y.mul(one.middle[0]))
-                .add(slope_x.mul(one.middle[1]));
-            let reach = slope_y.abs().mul_add(one.half[0], slope_x.abs().mul(one.half[1]));
-            let beside = from_middle.abs().sub(reach);
-            // The last one is always a number.
-            let gap = self.gap_of_rays(one, 1, near, far).max(near.sub(far));
-            self.gap_of_rays(one, 0, near, far).max(beside).max(gap).le(W::splat(0.0))
-        }
+    pub fn rays_meeting<W: Lanes16>(&self, token: W::Token, one: &OneBox<W>) -> u32 {
+        let near = one.near.max(W::load(token, &self.near));
+        let far = one.far.min(W::load(token, &self.far));
+        // Seen along the axis of the bundle: how far the line is from the middle of the box
+        // (times the length of both slopes).
+        let (slope_x, slope_y) = (W::load(token, &self.slope[0]), W::load(token, &self.slope[1]));
+        let from_middle = W::load(token, &self.across)
+            .sub(slope_y.mul(one.middle[0]))
+            .add(slope_x.mul(one.middle[1]));
+        let reach = slope_y.abs().mul_add(one.half[0], slope_x.abs().mul(one.half[1]));
+        let beside = from_middle.abs().sub(reach);
+        // The last one is always a number.
+        let gap = self.gap_of_rays(token, one, 1, near, far).max(near.sub(far));
+        self.gap_of_rays(token, one, 0, near, far).max(beside).max(gap).le(W::splat(token, 0.0))
     }
 
     /// Positive where a box lies beside the rays on an axis.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    unsafe fn gap_of_rays<W: Lanes16>(&self, one: &OneBox<W>, i: usize, near: W, far: W) -> W {
-        // SAFETY: passed on to the caller.
-        let (slope, offset) = unsafe { (W::load(&self.slope[i]), W::load(&self.offset[i])) };
+    fn gap_of_rays<W: Lanes16>(
+        &self,
+        token: W::Token,
+        one: &OneBox<W>,
+        i: usize,
+        near: W,
+        far: W,
+    ) -> W {
+        let (slope, offset) = (W::load(token, &self.slope[i]), W::load(token, &self.offset[i]));
         let (a, b) = (near.mul_add(slope, offset), far.mul_add(slope, offset));
         let [low, high] = one.sides[i];
         a.min(b).sub(high).max(low.sub(a.max(b)))
@@ -769,31 +656,21 @@ fn middle([low, high]: [f32; 2]) -> [f32; 2] {
 }
 
 /// Numbers by axis and ray.
-///
-/// # Safety
-/// The machine must have the instructions of `W`.
 #[inline(always)]
-unsafe fn load3<W: Lanes16>([x, y, z]: &[PerRay<f32>; 3]) -> [W; 3] {
-    // SAFETY: passed on to the caller.
-    unsafe { [W::load(x), W::load(y), W::load(z)] }
+fn load3<W: Lanes16>(token: W::Token, [x, y, z]: &[PerRay<f32>; 3]) -> [W; 3] {
+    [W::load(token, x), W::load(token, y), W::load(token, z)]
 }
 
 /// True if the boxes of a node are where the tests of bundles cannot overflow.
-///
-/// # Safety
-/// The machine must have the instructions of `L`.
 #[inline(always)]
-pub(super) unsafe fn is_in_range<L: Lanes8>(node: &WideNode) -> bool {
+pub(super) fn is_in_range<L: Lanes8>(token: L::Token, node: &WideNode) -> bool {
     let [lows, highs] = &node.bounds;
     let mut within = 0xff;
-    // SAFETY: passed on to the caller.
-    unsafe {
-        let largest = L::splat(LARGEST);
-        for (low, high) in lows.iter().zip(highs) {
-            let (low, high) = (L::load(low), L::load(high));
-            // Unused slots are empty.
-            within &= high.lt(low) | (L::splat(-LARGEST).lt(low) & high.lt(largest));
-        }
+    let largest = L::splat(token, LARGEST);
+    for (low, high) in lows.iter().zip(highs) {
+        let (low, high) = (L::load(token, low), L::load(token, high));
+        // Unused slots are empty.
+        within &= high.lt(low) | (L::splat(token, -LARGEST).lt(low) & high.lt(largest));
     }
     within == 0xff
 }

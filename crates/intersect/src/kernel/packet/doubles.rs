@@ -14,12 +14,9 @@ use snell_math::simd::Lanes4;
 
 /// Tests up to eight pairs, as [`super::exact::exact_hits`]. Unlike there, those that are not used
 /// are read, too: they must be of this tree, or those of [`Pairs::NONE`].
-///
-/// # Safety
-/// The machine must have the instructions of `D`. All rays of the bundle must be drawn along its z
-/// axis ([`Bundle::is_aligned`]).
 #[inline(always)]
-pub(crate) unsafe fn exact_hits<D: Lanes4>(
+pub(crate) fn exact_hits<D: Lanes4>(
+    token: D::Token,
     data: &DoubleData,
     tree: &GroupTree,
     bundle: &Bundle,
@@ -34,8 +31,7 @@ pub(crate) unsafe fn exact_hits<D: Lanes4>(
             corners(data, tree, pairs, from + 2),
             corners(data, tree, pairs, from + 3),
         ];
-        // SAFETY: passed on to the caller.
-        unsafe { test::<D>(corners, bundle, pairs, from, found) };
+        test::<D>(token, corners, bundle, pairs, from, found);
         from += 4;
     }
 }
@@ -53,169 +49,153 @@ fn corners<'a>(
     data.corners(geometry, triangle)
 }
 
-/// Four numbers of each of four triangles, from the `first` of nine.
-///
-/// # Safety
-/// The machine must have the instructions of `D`; `first` must be at most 5.
+/// Four of nine numbers, from the `first`.
 #[inline(always)]
-unsafe fn columns<D: Lanes4>(corners: &[&[DVec3; 3]; 4], first: usize) -> [D; 4] {
-    // SAFETY: passed on to the caller: three vectors are nine numbers side by side.
-    unsafe {
-        let [a, b, c, d] = corners;
-        let rows = [
-            &*a.as_ptr().cast::<f64>().add(first).cast::<[f64; 4]>(),
-            &*b.as_ptr().cast::<f64>().add(first).cast::<[f64; 4]>(),
-            &*c.as_ptr().cast::<f64>().add(first).cast::<[f64; 4]>(),
-            &*d.as_ptr().cast::<f64>().add(first).cast::<[f64; 4]>(),
-        ];
-        D::load_columns(rows)
-    }
+fn four(corners: &[DVec3; 3], first: usize) -> &[f64; 4] {
+    const { assert!(size_of::<[DVec3; 3]>() == 9 * size_of::<f64>()) };
+    let first = first.min(5);
+    // SAFETY: three vectors are nine numbers side by side (`repr(C)`), and there are four from the
+    // fifth.
+    unsafe { &*corners.as_ptr().cast::<f64>().add(first).cast::<[f64; 4]>() }
 }
 
-/// # Safety
-/// As [`exact_hits`]; `from` must be 0 or 4.
+/// Four numbers of each of four triangles, from the `first` of nine.
 #[inline(always)]
-unsafe fn test<D: Lanes4>(
+fn columns<D: Lanes4>(token: D::Token, corners: &[&[DVec3; 3]; 4], first: usize) -> [D; 4] {
+    let [a, b, c, d] = corners;
+    let rows = [four(a, first), four(b, first), four(c, first), four(d, first)];
+    D::load_columns(token, rows)
+}
+
+#[inline(always)]
+fn test<D: Lanes4>(
+    token: D::Token,
     corners: [&[DVec3; 3]; 4],
     bundle: &Bundle,
     pairs: &Pairs,
     from: usize,
     found: &mut Found<f64>,
 ) {
-    // SAFETY: passed on to the caller; axes are below 3, and rows below 16.
-    unsafe {
-        let r = &pairs.rays;
-        let rows = [
-            r[from] as usize & 15,
-            r[from + 1] as usize & 15,
-            r[from + 2] as usize & 15,
-            r[from + 3] as usize & 15,
-        ];
-        let (o, d) = (&bundle.rays.origin, &bundle.rays.direction);
-        let [ox, oy, oz, t_min] =
-            D::load_columns([&o[rows[0]], &o[rows[1]], &o[rows[2]], &o[rows[3]]]);
-        let [dx, dy, dz, _] = D::load_columns([&d[rows[0]], &d[rows[1]], &d[rows[2]], &d[rows[3]]]);
-        let ([x0, y0, z0, x1], [y1, z1, x2, y2], [.., z2]) =
-            (columns::<D>(&corners, 0), columns::<D>(&corners, 4), columns::<D>(&corners, 5));
-        let corners = [[x0, y0, z0], [x1, y1, z1], [x2, y2, z2]];
-        let (origin, direction) = ([ox, oy, oz], [dx, dy, dz]);
-        let relative =
-            [minus(corners[0], origin), minus(corners[1], origin), minus(corners[2], origin)];
-        // Most rays leave a surface, and find it behind their start: as in
-        // [`crate::exact::double::plane::Estimate`].
-        let (e1, e2) = (minus(corners[1], corners[0]), minus(corners[2], corners[0]));
-        let (normal, zero) = (cross(e1, e2), D::splat(0.0));
-        let (height, speed) = (dot(normal, relative[0]), dot(normal, direction));
-        let (e1, e2, r, pace) = (abs(e1), abs(e2), abs(relative[0]), abs(direction));
-        let sizes = [
-            e1[1].mul(e2[2]).add(e1[2].mul(e2[1])),
-            e1[2].mul(e2[0]).add(e1[0].mul(e2[2])),
-            e1[0].mul(e2[1]).add(e1[1].mul(e2[0])),
-        ];
-        let (heights, speeds) = (dot(sizes, r), dot(sizes, pace));
-        let sum = add(add(add(r, pace), e1), e2);
-        let in_range = D::splat(TINY).lt(heights.min(speeds))
-            & sum[0].add(sum[1]).add(sum[2]).lt(D::splat(LARGE));
-        let error = heights.add(t_min.abs().mul(speeds)).mul(D::splat(ROUGH));
-        let ahead = height.sub(t_min.mul(speed));
-        let forward = zero.lt(speed);
-        let behind = (ahead.lt(error.negated()) & forward) | (error.lt(ahead) & !forward);
-        let behind = behind & in_range & speeds.mul(D::splat(ROUGH)).lt(speed.abs());
-        if behind == 0xf {
-            return;
-        }
-        // The drawing.
-        let [x, y, z] = bundle.axes;
-        let per_z = D::splat(1.0).div(*direction.get_unchecked(z));
-        let shear = [direction.get_unchecked(x).mul(per_z), direction.get_unchecked(y).mul(per_z)];
-        let drawn = [
-            draw(&relative[0], &bundle.axes, shear),
-            draw(&relative[1], &bundle.axes, shear),
-            draw(&relative[2], &bundle.axes, shear),
-        ];
-        let (w0, up0, down0) = edge(drawn[1], drawn[2]);
-        let (w1, up1, down1) = edge(drawn[2], drawn[0]);
-        let (w2, up2, down2) = edge(drawn[0], drawn[1]);
-        let inside = (up0 & up1 & up2) | (down0 & down1 & down2);
-        let outside = (up0 | up1 | up2) & (down0 | down1 | down2);
-        let hopeful = inside & !behind;
-        let mut unsure = !(inside | outside | behind) & 0xf;
-        if hopeful != 0 {
-            let [w0, w1, w2] = [w0.abs(), w1.abs(), w2.abs()];
-            let scale = D::splat(1.0).div(w0.add(w1).add(w2));
-            let (height, speed) = determinants(&corners, &origin, &direction);
-            let t = height.divided_by(speed);
-            let infinite = D::splat(f64::INFINITY);
-            let mut sure = in_range & heights.mul(D::splat(SURE)).lt(height.high.abs());
-            sure &= speeds.mul(D::splat(SURE)).lt(speed.high.abs());
-            sure &= zero.lt(scale)
-                & scale.lt(infinite)
-                & t.abs().lt(infinite)
-                & in_box(&relative, &direction, t);
-            unsure |= hopeful & !sure;
-            found.hits |= (hopeful & sure & t_min.lt(t)) << from;
-            // Never minus zero.
-            t.add(zero).store(&mut *found.t.as_mut_ptr().add(from).cast::<[f64; 4]>());
-            w1.mul(scale).store(&mut *found.b1.as_mut_ptr().add(from).cast::<[f64; 4]>());
-            w2.mul(scale).store(&mut *found.b2.as_mut_ptr().add(from).cast::<[f64; 4]>());
-        }
-        found.unsure |= unsure << from;
+    let r = &pairs.rays;
+    let rows = [
+        r[from] as usize & 15,
+        r[from + 1] as usize & 15,
+        r[from + 2] as usize & 15,
+        r[from + 3] as usize & 15,
+    ];
+    let (o, d) = (&bundle.rays.origin, &bundle.rays.direction);
+    let [ox, oy, oz, t_min] =
+        D::load_columns(token, [&o[rows[0]], &o[rows[1]], &o[rows[2]], &o[rows[3]]]);
+    let [dx, dy, dz, _] =
+        D::load_columns(token, [&d[rows[0]], &d[rows[1]], &d[rows[2]], &d[rows[3]]]);
+    let ([x0, y0, z0, x1], [y1, z1, x2, y2], [.., z2]) = (
+        columns::<D>(token, &corners, 0),
+        columns::<D>(token, &corners, 4),
+        columns::<D>(token, &corners, 5),
+    );
+    let corners = [[x0, y0, z0], [x1, y1, z1], [x2, y2, z2]];
+    let (origin, direction) = ([ox, oy, oz], [dx, dy, dz]);
+    let relative =
+        [minus(corners[0], origin), minus(corners[1], origin), minus(corners[2], origin)];
+    // Most rays leave a surface, and find it behind their start: as in
+    // [`crate::exact::double::plane::Estimate`].
+    let (e1, e2) = (minus(corners[1], corners[0]), minus(corners[2], corners[0]));
+    let (normal, zero) = (cross(e1, e2), D::splat(token, 0.0));
+    let (height, speed) = (dot(normal, relative[0]), dot(normal, direction));
+    let (e1, e2, r, pace) = (abs(e1), abs(e2), abs(relative[0]), abs(direction));
+    let sizes = [
+        e1[1].mul(e2[2]).add(e1[2].mul(e2[1])),
+        e1[2].mul(e2[0]).add(e1[0].mul(e2[2])),
+        e1[0].mul(e2[1]).add(e1[1].mul(e2[0])),
+    ];
+    let (heights, speeds) = (dot(sizes, r), dot(sizes, pace));
+    let sum = add(add(add(r, pace), e1), e2);
+    let in_range = D::splat(token, TINY).lt(heights.min(speeds))
+        & sum[0].add(sum[1]).add(sum[2]).lt(D::splat(token, LARGE));
+    let error = heights.add(t_min.abs().mul(speeds)).mul(D::splat(token, ROUGH));
+    let ahead = height.sub(t_min.mul(speed));
+    let forward = zero.lt(speed);
+    let behind = (ahead.lt(error.negated()) & forward) | (error.lt(ahead) & !forward);
+    let behind = behind & in_range & speeds.mul(D::splat(token, ROUGH)).lt(speed.abs());
+    if behind == 0xf {
+        return;
     }
+    // The drawing.
+    let [x, y, z] = bundle.axes.of(&direction);
+    let per_z = D::splat(token, 1.0).div(*z);
+    let shear = [x.mul(per_z), y.mul(per_z)];
+    let drawn = [
+        draw(&relative[0], bundle, shear),
+        draw(&relative[1], bundle, shear),
+        draw(&relative[2], bundle, shear),
+    ];
+    let (w0, up0, down0) = edge(token, drawn[1], drawn[2]);
+    let (w1, up1, down1) = edge(token, drawn[2], drawn[0]);
+    let (w2, up2, down2) = edge(token, drawn[0], drawn[1]);
+    let inside = (up0 & up1 & up2) | (down0 & down1 & down2);
+    let outside = (up0 | up1 | up2) & (down0 | down1 | down2);
+    let hopeful = inside & !behind;
+    let mut unsure = !(inside | outside | behind) & 0xf;
+    if hopeful != 0 {
+        let [w0, w1, w2] = [w0.abs(), w1.abs(), w2.abs()];
+        let scale = D::splat(token, 1.0).div(w0.add(w1).add(w2));
+        let (height, speed) = determinants(&corners, &origin, &direction);
+        let t = height.divided_by(speed);
+        let infinite = D::splat(token, f64::INFINITY);
+        let mut sure = in_range & heights.mul(D::splat(token, SURE)).lt(height.high.abs());
+        sure &= speeds.mul(D::splat(token, SURE)).lt(speed.high.abs());
+        sure &= zero.lt(scale)
+            & scale.lt(infinite)
+            & t.abs().lt(infinite)
+            & in_box(token, &relative, &direction, t);
+        unsure |= hopeful & !sure;
+        found.hits |= (hopeful & sure & t_min.lt(t)) << from;
+        // Never minus zero.
+        t.add(zero).store(&mut found.t.as_chunks_mut::<4>().0[usize::from(from >= 4)]);
+        w1.mul(scale).store(&mut found.b1.as_chunks_mut::<4>().0[usize::from(from >= 4)]);
+        w2.mul(scale).store(&mut found.b2.as_chunks_mut::<4>().0[usize::from(from >= 4)]);
+    }
+    found.unsure |= unsure << from;
 }
 
 /// Where the point at `t` is in the box of the corners: as in
 /// [`crate::exact::triangle::clamp_to_box`].
-///
-/// # Safety
-/// The machine must have the instructions of `D`.
 #[inline(always)]
-unsafe fn in_box<D: Lanes4>([r0, r1, r2]: &[[D; 3]; 3], direction: &[D; 3], t: D) -> u32 {
-    // SAFETY: passed on to the caller.
-    unsafe {
-        let low =
-            [r0[0].min(r1[0]).min(r2[0]), r0[1].min(r1[1]).min(r2[1]), r0[2].min(r1[2]).min(r2[2])];
-        let high =
-            [r0[0].max(r1[0]).max(r2[0]), r0[1].max(r1[1]).max(r2[1]), r0[2].max(r1[2]).max(r2[2])];
-        let size = high[0].sub(low[0]).max(high[1].sub(low[1])).max(high[2].sub(low[2]));
-        let padding = size.mul(D::splat(0.8e-6));
-        let mut inside = 0xf;
-        for axis in 0..3 {
-            let point = direction[axis].mul(t);
-            let margin = point.abs().mul(D::splat(1e-8));
-            inside &= low[axis].sub(padding).le(point.add(margin))
-                & point.sub(margin).le(high[axis].add(padding));
-        }
-        inside
+fn in_box<D: Lanes4>(token: D::Token, [r0, r1, r2]: &[[D; 3]; 3], direction: &[D; 3], t: D) -> u32 {
+    let low =
+        [r0[0].min(r1[0]).min(r2[0]), r0[1].min(r1[1]).min(r2[1]), r0[2].min(r1[2]).min(r2[2])];
+    let high =
+        [r0[0].max(r1[0]).max(r2[0]), r0[1].max(r1[1]).max(r2[1]), r0[2].max(r1[2]).max(r2[2])];
+    let size = high[0].sub(low[0]).max(high[1].sub(low[1])).max(high[2].sub(low[2]));
+    let padding = size.mul(D::splat(token, 0.8e-6));
+    let mut inside = 0xf;
+    for axis in 0..3 {
+        let point = direction[axis].mul(t);
+        let margin = point.abs().mul(D::splat(token, 1e-8));
+        inside &= low[axis].sub(padding).le(point.add(margin))
+            & point.sub(margin).le(high[axis].add(padding));
     }
+    inside
 }
 
 /// A vertex as the exact test draws it.
-///
-/// # Safety
-/// Axes must be below 3.
 #[inline(always)]
-unsafe fn draw<D: Lanes4>(relative: &[D; 3], [x, y, z]: &[usize; 3], shear: [D; 2]) -> [D; 2] {
-    // SAFETY: passed on to the caller.
-    unsafe {
-        let (x, y, z) =
-            (relative.get_unchecked(*x), relative.get_unchecked(*y), *relative.get_unchecked(*z));
-        [x.sub(shear[0].mul(z)), y.sub(shear[1].mul(z))]
-    }
+fn draw<D: Lanes4>(relative: &[D; 3], bundle: &Bundle, shear: [D; 2]) -> [D; 2] {
+    let [x, y, z] = bundle.axes.of(relative);
+    [x.sub(shear[0].mul(*z)), y.sub(shear[1].mul(*z))]
 }
 
 /// As the function of the same name of the exact test: the area, and where it is surely positive
 /// and surely negative.
-///
-/// # Safety
-/// The machine must have the instructions of `D`.
 #[inline(always)]
-unsafe fn edge<D: Lanes4>(p: [D; 2], q: [D; 2]) -> (D, u32, u32) {
+fn edge<D: Lanes4>(token: D::Token, p: [D; 2], q: [D; 2]) -> (D, u32, u32) {
     let (a, b) = (p[0].mul(q[1]), p[1].mul(q[0]));
     let value = a.sub(b);
-    // SAFETY: passed on to the caller.
-    let bound = unsafe {
-        a.abs().add(b.abs()).mul(D::splat(f64::EPSILON)).add(D::splat(f64::MIN_POSITIVE))
-    };
+    let bound = a
+        .abs()
+        .add(b.abs())
+        .mul(D::splat(token, f64::EPSILON))
+        .add(D::splat(token, f64::MIN_POSITIVE));
     (value, bound.lt(value), value.lt(bound.negated()))
 }
 

@@ -5,9 +5,10 @@
 //! rounding) is not decided here but handed back.
 
 use super::bundle::{Bundle, PerRay};
+use crate::exact::ray::Axes;
 use crate::exact::triangle::{PLACE_TOLERANCE, TriangleBlock};
 use crate::precision::Real;
-use crate::tree::compact::BlocksAt;
+use crate::tree::Blocks;
 use snell_math::simd::{DoubleLanes, DoublesOf, Lanes16, WideLanes};
 use std::mem::MaybeUninit;
 
@@ -86,208 +87,174 @@ impl<R: Real> Found<R> {
 }
 
 /// Tests up to eight pairs, at least one. Results of those that are not used mean nothing.
-///
-/// # Safety
-/// The machine must have the instructions of `W`; the triangles must be of these blocks. All rays
-/// of the bundle must be drawn along its z axis ([`Bundle::is_aligned`]).
 #[inline(always)]
-pub(crate) unsafe fn exact_hits<W: Lanes16>(
-    blocks: BlocksAt,
+pub(crate) fn exact_hits<W: Lanes16>(
+    token: W::Token,
+    blocks: &Blocks,
     bundle: &Bundle,
     pairs: &Pairs,
     found: &mut Found<f32>,
 ) {
-    // SAFETY: passed on to the caller.
-    unsafe {
-        let corners = corners::<W::Half>(blocks, pairs);
-        let frame = Frame::<W::Half>::new::<W>(bundle, pairs);
-        let drawn = [frame.draw(&corners[0]), frame.draw(&corners[1]), frame.draw(&corners[2])];
-        let mut first = 0;
-        while first < pairs.count {
-            test::<W>([&drawn[0], &drawn[1], &drawn[2]], &corners, bundle, pairs, first, found);
-            first += W::HalfDoubles::LANES;
-        }
+    let half = W::half_token(token);
+    let corners = corners::<W::Half>(half, blocks, pairs);
+    let frame = Frame::<W::Half>::new::<W>(token, bundle, pairs);
+    let drawn = [frame.draw(&corners[0]), frame.draw(&corners[1]), frame.draw(&corners[2])];
+    let mut first = 0;
+    while first < pairs.count {
+        test::<W>(token, [&drawn[0], &drawn[1], &drawn[2]], &corners, bundle, pairs, first, found);
+        first += W::HalfDoubles::LANES;
     }
 }
 
 /// The corners of the triangles. (Mostly these are in a few blocks, so it is a permutation or two
 /// for each row of a block, not a load for each number.)
-///
-/// # Safety
-/// The machine must have the instructions of `L`; there must be pairs, and their triangles must be
-/// of these blocks.
 #[inline(always)]
-unsafe fn corners<L: WideLanes>(blocks: BlocksAt, pairs: &Pairs) -> [[L; 3]; 3] {
+fn corners<L: WideLanes>(token: L::Token, blocks: &Blocks, pairs: &Pairs) -> [[L; 3]; 3] {
     let (places, numbers) = (&pairs.triangles, pairs.triangles.map(|place| place >> 3));
-    // SAFETY: passed on to the caller. Only the lanes in a block are read from places.
-    unsafe {
-        let mut number = numbers[0];
-        let mut room = MaybeUninit::uninit();
-        let mut corners = rows::<L>(blocks.block::<L>(number as usize, &mut room), places);
-        let mut rest = u32::MAX >> (32 - pairs.count) & !L::places_of(number, &numbers);
-        while rest != 0 {
-            number = numbers[rest.trailing_zeros() as usize & (PAIRS - 1)];
-            let own = L::places_of(number, &numbers);
-            rest &= !own;
-            let others = rows::<L>(blocks.block::<L>(number as usize, &mut room), places);
-            for (corner, other) in corners.iter_mut().zip(others) {
-                *corner = [
-                    corner[0].replace(own, other[0]),
-                    corner[1].replace(own, other[1]),
-                    corner[2].replace(own, other[2]),
-                ];
-            }
+    let mut number = numbers[0];
+    let mut room = MaybeUninit::uninit();
+    let mut corners =
+        rows::<L>(token, blocks.unpacked::<L>(token, number as usize, &mut room), places);
+    let mut rest = u32::MAX >> (32 - pairs.count) & !L::places_of(token, number, &numbers);
+    while rest != 0 {
+        number = numbers[rest.trailing_zeros() as usize & (PAIRS - 1)];
+        let own = L::places_of(token, number, &numbers);
+        rest &= !own;
+        let others =
+            rows::<L>(token, blocks.unpacked::<L>(token, number as usize, &mut room), places);
+        for (corner, other) in corners.iter_mut().zip(others) {
+            *corner = [
+                corner[0].replace(own, other[0]),
+                corner[1].replace(own, other[1]),
+                corner[2].replace(own, other[2]),
+            ];
         }
-        corners
     }
+    corners
 }
 
 /// The corners of eight triangles as if all were of one block.
-///
-/// # Safety
-/// The machine must have the instructions of `L`.
 #[inline(always)]
-unsafe fn rows<L: WideLanes>(block: &TriangleBlock, lanes: &[u32; PAIRS]) -> [[L; 3]; 3] {
+fn rows<L: WideLanes>(token: L::Token, block: &TriangleBlock, lanes: &[u32; PAIRS]) -> [[L; 3]; 3] {
     let [a, b, c] = &block.vertices;
-    // SAFETY: passed on to the caller.
-    unsafe {
+    [
         [
-            [
-                L::load_permuted(&a[0], lanes),
-                L::load_permuted(&a[1], lanes),
-                L::load_permuted(&a[2], lanes),
-            ],
-            [
-                L::load_permuted(&b[0], lanes),
-                L::load_permuted(&b[1], lanes),
-                L::load_permuted(&b[2], lanes),
-            ],
-            [
-                L::load_permuted(&c[0], lanes),
-                L::load_permuted(&c[1], lanes),
-                L::load_permuted(&c[2], lanes),
-            ],
-        ]
-    }
+            L::load_permuted(token, &a[0], lanes),
+            L::load_permuted(token, &a[1], lanes),
+            L::load_permuted(token, &a[2], lanes),
+        ],
+        [
+            L::load_permuted(token, &b[0], lanes),
+            L::load_permuted(token, &b[1], lanes),
+            L::load_permuted(token, &b[2], lanes),
+        ],
+        [
+            L::load_permuted(token, &c[0], lanes),
+            L::load_permuted(token, &c[1], lanes),
+            L::load_permuted(token, &c[2], lanes),
+        ],
+    ]
 }
 
 /// The planes that the rays of the pairs draw on: [`crate::exact::ray::LocalRay::draw`].
 struct Frame<L> {
-    axes: [usize; 3],
+    axes: Axes,
     origin: [L; 3],
     shear: [L; 2],
 }
 
 impl<L: WideLanes> Frame<L> {
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    unsafe fn new<W: Lanes16<Half = L>>(bundle: &Bundle, pairs: &Pairs) -> Self {
-        // SAFETY: passed on to the caller; axes are below 3.
-        unsafe {
-            let [x, y, z] = bundle.axes;
-            let sign = L::splat(bundle.sign);
-            let rays = &pairs.rays;
-            let shear = [
-                W::pick(&bundle.slope[0], rays).mul(sign),
-                W::pick(&bundle.slope[1], rays).mul(sign),
-            ];
-            let origin = if bundle.kind.common {
-                let apex = &bundle.kind.apex;
-                [
-                    L::splat(*apex.get_unchecked(x)),
-                    L::splat(*apex.get_unchecked(y)),
-                    L::splat(*apex.get_unchecked(z)),
-                ]
-            } else {
-                let origin = &bundle.drawn_origin;
-                [W::pick(&origin[0], rays), W::pick(&origin[1], rays), W::pick(&origin[2], rays)]
-            };
-            Self { axes: bundle.axes, origin, shear }
-        }
+    fn new<W: Lanes16<Half = L>>(token: W::Token, bundle: &Bundle, pairs: &Pairs) -> Self {
+        let half = W::half_token(token);
+        let sign = L::splat(half, bundle.sign);
+        let rays = &pairs.rays;
+        let shear = [
+            W::gather(token, &bundle.slope[0], rays).mul(sign),
+            W::gather(token, &bundle.slope[1], rays).mul(sign),
+        ];
+        let origin = if bundle.kind.common {
+            let [x, y, z] = bundle.axes.of(&bundle.kind.apex);
+            [L::splat(half, *x), L::splat(half, *y), L::splat(half, *z)]
+        } else {
+            let origin = &bundle.drawn_origin;
+            [
+                W::gather(token, &origin[0], rays),
+                W::gather(token, &origin[1], rays),
+                W::gather(token, &origin[2], rays),
+            ]
+        };
+        Self { axes: bundle.axes, origin, shear }
     }
 
-    /// # Safety
-    /// The machine must have the instructions of `L`.
     #[inline(always)]
-    unsafe fn draw(&self, v: &[L; 3]) -> [L; 2] {
-        let [kx, ky, kz] = self.axes;
-        // SAFETY: axes are below 3.
-        unsafe {
-            let x = v.get_unchecked(kx).sub(self.origin[0]);
-            let y = v.get_unchecked(ky).sub(self.origin[1]);
-            let z = v.get_unchecked(kz).sub(self.origin[2]);
-            [x.sub(self.shear[0].mul(z)), y.sub(self.shear[1].mul(z))]
-        }
+    fn draw(&self, v: &[L; 3]) -> [L; 2] {
+        let [x, y, z] = self.axes.of(v);
+        let x = x.sub(self.origin[0]);
+        let y = y.sub(self.origin[1]);
+        let z = z.sub(self.origin[2]);
+        [x.sub(self.shear[0].mul(z)), y.sub(self.shear[1].mul(z))]
     }
 }
 
 /// Origins and directions of some of the pairs, by axis of the group.
-///
-/// # Safety
-/// The machine must have the instructions of `W`.
 #[inline(always)]
-unsafe fn rays_of<W: Lanes16>(
+fn rays_of<W: Lanes16>(
+    token: W::Token,
     bundle: &Bundle,
     pairs: &Pairs,
     first: usize,
 ) -> [[W::HalfDoubles; 3]; 2] {
     let (exact, rays) = (&bundle.exact, &pairs.rays);
-    // SAFETY: passed on to the caller; axes are below 3.
-    unsafe {
-        if bundle.kind.rounded {
-            return [picked3::<W>(&exact[0], rays, first), picked3::<W>(&exact[1], rays, first)];
-        }
-        let [dx, dy, dz] = &bundle.direction;
-        let direction = [
-            W::HalfDoubles::of(W::pick(dx, rays), first),
-            W::HalfDoubles::of(W::pick(dy, rays), first),
-            W::HalfDoubles::of(W::pick(dz, rays), first),
+    if bundle.kind.rounded {
+        return [
+            picked3::<W>(token, &exact[0], rays, first),
+            picked3::<W>(token, &exact[1], rays, first),
         ];
-        if bundle.kind.common {
-            let [x, y, z] = bundle.kind.apex;
-            let origin = [
-                W::HalfDoubles::splat(x.into()),
-                W::HalfDoubles::splat(y.into()),
-                W::HalfDoubles::splat(z.into()),
-            ];
-            return [origin, direction];
-        }
-        let mut origin = direction;
-        for (from, &axis) in bundle.drawn_origin.iter().zip(&bundle.axes) {
-            *origin.get_unchecked_mut(axis) = W::HalfDoubles::of(W::pick(from, rays), first);
-        }
-        [origin, direction]
     }
+    let [dx, dy, dz] = &bundle.direction;
+    let direction = [
+        W::HalfDoubles::of(token, W::gather(token, dx, rays), first),
+        W::HalfDoubles::of(token, W::gather(token, dy, rays), first),
+        W::HalfDoubles::of(token, W::gather(token, dz, rays), first),
+    ];
+    if bundle.kind.common {
+        let [x, y, z] = bundle.kind.apex;
+        let origin = [
+            W::HalfDoubles::splat(token, x.into()),
+            W::HalfDoubles::splat(token, y.into()),
+            W::HalfDoubles::splat(token, z.into()),
+        ];
+        return [origin, direction];
+    }
+    let [x, y, z] = &bundle.drawn_origin;
+    let origin = bundle.axes.back([
+        W::HalfDoubles::of(token, W::gather(token, x, rays), first),
+        W::HalfDoubles::of(token, W::gather(token, y, rays), first),
+        W::HalfDoubles::of(token, W::gather(token, z, rays), first),
+    ]);
+    [origin, direction]
 }
 
 /// Numbers of rays by axis.
-///
-/// # Safety
-/// The machine must have the instructions of `W`.
 #[inline(always)]
-unsafe fn picked3<W: Lanes16>(
+fn picked3<W: Lanes16>(
+    token: W::Token,
     [x, y, z]: &[PerRay<f64>; 3],
     rays: &[u32; PAIRS],
     first: usize,
 ) -> [W::HalfDoubles; 3] {
-    // SAFETY: passed on to the caller.
-    unsafe {
-        [
-            W::HalfDoubles::pick(x, rays, first),
-            W::HalfDoubles::pick(y, rays, first),
-            W::HalfDoubles::pick(z, rays, first),
-        ]
-    }
+    [
+        W::HalfDoubles::gather(token, x, rays, first),
+        W::HalfDoubles::gather(token, y, rays, first),
+        W::HalfDoubles::gather(token, z, rays, first),
+    ]
 }
 
 /// Tests some of the pairs in double precision, as many as a register holds.
-///
-/// # Safety
-/// The machine must have the instructions of `W`; `first` must be below 8, and a multiple of what a
-/// register holds.
 #[inline(always)]
-unsafe fn test<W: Lanes16>(
+fn test<W: Lanes16>(
+    token: W::Token,
     [a, b, c]: [&[W::Half; 2]; 3],
     corners: &[[W::Half; 3]; 3],
     bundle: &Bundle,
@@ -295,93 +262,82 @@ unsafe fn test<W: Lanes16>(
     first: usize,
     found: &mut Found<f32>,
 ) {
-    // SAFETY: passed on to the caller; axes are below 3.
-    unsafe {
-        let all = (1 << W::HalfDoubles::LANES) - 1;
-        let (p0, p1, p2) = (exact2::<W>(a, first), exact2::<W>(b, first), exact2::<W>(c, first));
-        let (w0, s0) = edge(p1, p2);
-        let (w1, s1) = edge(p2, p0);
-        let (w2, s2) = edge(p0, p1);
-        let inside = (s0[0] & s1[0] & s2[0]) | (s0[1] & s1[1] & s2[1]);
-        // Ties, and what is not a number.
-        let mut unsure = !((s0[0] | s0[1]) & (s1[0] | s1[1]) & (s2[0] | s2[1])) & all;
-        if inside | unsure == 0 {
-            return;
-        }
-        let [c0, c1, c2] = [
-            exact3::<W>(&corners[0], first),
-            exact3::<W>(&corners[1], first),
-            exact3::<W>(&corners[2], first),
-        ];
-        let [origin, direction] = rays_of::<W>(bundle, pairs, first);
-        let t_min = W::HalfDoubles::of(W::pick(&bundle.t_min, &pairs.rays), first);
-        let relative = [minus(c0, origin), minus(c1, origin), minus(c2, origin)];
-        let normal = cross(minus(c1, c0), minus(c2, c0));
-        let t = dot(normal, relative[0]).div(dot(normal, direction));
-        unsure |= !t.abs().lt(W::HalfDoubles::splat(f64::INFINITY)) & all;
-        let beyond = t_min.lt(t);
-        if inside & beyond | unsure == 0 {
-            return;
-        }
-        let scale = W::HalfDoubles::splat(1.0).div(w0.add(w1).add(w2));
-        let (b1, b2) = (w1.mul(scale), w2.mul(scale));
-        let [r0, r1, r2] = relative;
-        let low =
-            [r0[0].min(r1[0]).min(r2[0]), r0[1].min(r1[1]).min(r2[1]), r0[2].min(r1[2]).min(r2[2])];
-        let high =
-            [r0[0].max(r1[0]).max(r2[0]), r0[1].max(r1[1]).max(r2[1]), r0[2].max(r1[2]).max(r2[2])];
-        let size = high[0].sub(low[0]).max(high[1].sub(low[1])).max(high[2].sub(low[2]));
-        // Surely near the drawn place: without divisions, so a little stricter.
-        let z = *bundle.axes.get_unchecked(2);
-        let b0 = W::HalfDoubles::splat(1.0).sub(b1).sub(b2);
-        let place = r0
-            .get_unchecked(z)
-            .mul(b0)
-            .add(r1.get_unchecked(z).mul(b1))
-            .add(r2.get_unchecked(z).mul(b2));
-        let reach =
-            place.abs().add(size).mul(W::HalfDoubles::splat(PLACE_TOLERANCE * (1.0 - 1e-9)));
-        let mut in_place = place.sub(t.mul(*direction.get_unchecked(z))).abs().le(reach);
-        let padding = size.mul(W::HalfDoubles::splat(0.8e-6));
-        for axis in 0..3 {
-            let point = direction[axis].mul(t);
-            let margin = point.abs().mul(W::HalfDoubles::splat(1e-8));
-            in_place &= low[axis].sub(padding).le(point.add(margin))
-                & point.sub(margin).le(high[axis].add(padding));
-        }
-        unsure |= inside & beyond & !in_place;
-        found.hits |= (inside & beyond & !unsure) << first;
-        found.unsure |= unsure << first;
-        t.store_rounded_from(&mut found.t, first);
-        b1.store_rounded_from(&mut found.b1, first);
-        b2.store_rounded_from(&mut found.b2, first);
+    let all = (1 << W::HalfDoubles::LANES) - 1;
+    let (p0, p1, p2) =
+        (exact2::<W>(token, a, first), exact2::<W>(token, b, first), exact2::<W>(token, c, first));
+    let (w0, s0) = edge(p1, p2);
+    let (w1, s1) = edge(p2, p0);
+    let (w2, s2) = edge(p0, p1);
+    let inside = (s0[0] & s1[0] & s2[0]) | (s0[1] & s1[1] & s2[1]);
+    // Ties, and what is not a number.
+    let mut unsure = !((s0[0] | s0[1]) & (s1[0] | s1[1]) & (s2[0] | s2[1])) & all;
+    if inside | unsure == 0 {
+        return;
     }
+    let [c0, c1, c2] = [
+        exact3::<W>(token, &corners[0], first),
+        exact3::<W>(token, &corners[1], first),
+        exact3::<W>(token, &corners[2], first),
+    ];
+    let [origin, direction] = rays_of::<W>(token, bundle, pairs, first);
+    let t_min = W::HalfDoubles::of(token, W::gather(token, &bundle.t_min, &pairs.rays), first);
+    let relative = [minus(c0, origin), minus(c1, origin), minus(c2, origin)];
+    let normal = cross(minus(c1, c0), minus(c2, c0));
+    let t = dot(normal, relative[0]).div(dot(normal, direction));
+    unsure |= !t.abs().lt(W::HalfDoubles::splat(token, f64::INFINITY)) & all;
+    let beyond = t_min.lt(t);
+    if inside & beyond | unsure == 0 {
+        return;
+    }
+    let scale = W::HalfDoubles::splat(token, 1.0).div(w0.add(w1).add(w2));
+    let (b1, b2) = (w1.mul(scale), w2.mul(scale));
+    let [r0, r1, r2] = relative;
+    let low =
+        [r0[0].min(r1[0]).min(r2[0]), r0[1].min(r1[1]).min(r2[1]), r0[2].min(r1[2]).min(r2[2])];
+    let high =
+        [r0[0].max(r1[0]).max(r2[0]), r0[1].max(r1[1]).max(r2[1]), r0[2].max(r1[2]).max(r2[2])];
+    let size = high[0].sub(low[0]).max(high[1].sub(low[1])).max(high[2].sub(low[2]));
+    // Surely near the drawn place: without divisions, so a little stricter.
+    let [[.., z0], [.., z1], [.., z2]] =
+        [bundle.axes.of(&r0), bundle.axes.of(&r1), bundle.axes.of(&r2)];
+    let b0 = W::HalfDoubles::splat(token, 1.0).sub(b1).sub(b2);
+    let place = z0.mul(b0).add(z1.mul(b1)).add(z2.mul(b2));
+    let reach =
+        place.abs().add(size).mul(W::HalfDoubles::splat(token, PLACE_TOLERANCE * (1.0 - 1e-9)));
+    let mut in_place = place.sub(t.mul(*bundle.axes.of(&direction)[2])).abs().le(reach);
+    let padding = size.mul(W::HalfDoubles::splat(token, 0.8e-6));
+    for axis in 0..3 {
+        let point = direction[axis].mul(t);
+        let margin = point.abs().mul(W::HalfDoubles::splat(token, 1e-8));
+        in_place &= low[axis].sub(padding).le(point.add(margin))
+            & point.sub(margin).le(high[axis].add(padding));
+    }
+    unsure |= inside & beyond & !in_place;
+    found.hits |= (inside & beyond & !unsure) << first;
+    found.unsure |= unsure << first;
+    t.store_rounded_from(&mut found.t, first);
+    b1.store_rounded_from(&mut found.b1, first);
+    b2.store_rounded_from(&mut found.b2, first);
 }
 
 /// Some of the pairs in double precision.
-///
-/// # Safety
-/// The machine must have the instructions of `W`.
 #[inline(always)]
-unsafe fn exact2<W: Lanes16>(v: &[W::Half; 2], first: usize) -> [W::HalfDoubles; 2] {
-    // SAFETY: passed on to the caller.
-    unsafe { [W::HalfDoubles::of(v[0], first), W::HalfDoubles::of(v[1], first)] }
+fn exact2<W: Lanes16>(token: W::Token, v: &[W::Half; 2], first: usize) -> [W::HalfDoubles; 2] {
+    [W::HalfDoubles::of(token, v[0], first), W::HalfDoubles::of(token, v[1], first)]
 }
 
 /// Some of the pairs in double precision.
-///
-/// # Safety
-/// The machine must have the instructions of `W`.
 #[inline(always)]
-pub(super) unsafe fn exact3<W: Lanes16>(v: &[W::Half; 3], first: usize) -> [W::HalfDoubles; 3] {
-    // SAFETY: passed on to the caller.
-    unsafe {
-        [
-            W::HalfDoubles::of(v[0], first),
-            W::HalfDoubles::of(v[1], first),
-            W::HalfDoubles::of(v[2], first),
-        ]
-    }
+pub(super) fn exact3<W: Lanes16>(
+    token: W::Token,
+    v: &[W::Half; 3],
+    first: usize,
+) -> [W::HalfDoubles; 3] {
+    [
+        W::HalfDoubles::of(token, v[0], first),
+        W::HalfDoubles::of(token, v[1], first),
+        W::HalfDoubles::of(token, v[2], first),
+    ]
 }
 
 /// As the function of the same name of the exact test: the area, and where it is surely positive

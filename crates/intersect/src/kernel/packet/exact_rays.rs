@@ -60,16 +60,19 @@ pub(crate) struct LaneRays<W: Lanes16> {
 }
 
 impl<W: Lanes16> LaneRays<W> {
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    pub unsafe fn load([[ox, oy, oz], [dx, dy, dz]]: &ExactColumns) -> Self {
-        // SAFETY: passed on to the caller.
-        unsafe {
-            Self {
-                origin: [W::Doubles::load(ox), W::Doubles::load(oy), W::Doubles::load(oz)],
-                direction: [W::Doubles::load(dx), W::Doubles::load(dy), W::Doubles::load(dz)],
-            }
+    pub fn load(token: W::Token, [[ox, oy, oz], [dx, dy, dz]]: &ExactColumns) -> Self {
+        Self {
+            origin: [
+                W::Doubles::load(token, ox),
+                W::Doubles::load(token, oy),
+                W::Doubles::load(token, oz),
+            ],
+            direction: [
+                W::Doubles::load(token, dx),
+                W::Doubles::load(token, dy),
+                W::Doubles::load(token, dz),
+            ],
         }
     }
 
@@ -84,63 +87,45 @@ impl<W: Lanes16> LaneRays<W> {
     }
 
     /// The origins as seen from a point, rounded to nearest.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    pub(super) unsafe fn seen_from(&self, point: Vec3) -> [W; 3] {
+    pub(super) fn seen_from(&self, token: W::Token, point: Vec3) -> [W; 3] {
         let ([ox, oy, oz], point) = (self.origin, point.as_dvec3());
-        // SAFETY: passed on to the caller.
-        unsafe {
-            rounded3([
-                ox.sub(W::Doubles::splat(point.x)),
-                oy.sub(W::Doubles::splat(point.y)),
-                oz.sub(W::Doubles::splat(point.z)),
-            ])
-        }
+        rounded3([
+            ox.sub(W::Doubles::splat(token, point.x)),
+            oy.sub(W::Doubles::splat(token, point.y)),
+            oz.sub(W::Doubles::splat(token, point.z)),
+        ])
     }
 
     /// As [`crate::precision::frame::Frame::ray`]: the same operations, so the same bits.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    pub unsafe fn framed(&self, center: &DVec3, scale: f64) -> Self {
+    pub fn framed(&self, token: W::Token, center: &DVec3, scale: f64) -> Self {
         let mut image = *self;
-        // SAFETY: passed on to the caller.
-        unsafe {
-            let scale = W::Doubles::splat(scale);
-            for axis in 0..3 {
-                image.origin[axis] =
-                    self.origin[axis].sub(W::Doubles::splat(center[axis])).mul(scale);
-                image.direction[axis] = self.direction[axis].mul(scale);
-            }
+        let scale = W::Doubles::splat(token, scale);
+        for axis in 0..3 {
+            image.origin[axis] =
+                self.origin[axis].sub(W::Doubles::splat(token, center[axis])).mul(scale);
+            image.direction[axis] = self.direction[axis].mul(scale);
         }
         image
     }
 
     /// As [`crate::group::mapped`]: the same operations, so the same bits.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    pub unsafe fn mapped(&self, map: &DAffine3) -> Self {
+    pub fn mapped(&self, token: W::Token, map: &DAffine3) -> Self {
         let DAffine3 { matrix3, translation } = map;
         let [x, y, z] =
             [matrix3.x_axis.to_array(), matrix3.y_axis.to_array(), matrix3.z_axis.to_array()];
         let (translation, mut image) = (translation.to_array(), *self);
-        // SAFETY: passed on to the caller.
-        unsafe {
-            for axis in 0..3 {
-                let [x, y, z] = [
-                    W::Doubles::splat(x[axis]),
-                    W::Doubles::splat(y[axis]),
-                    W::Doubles::splat(z[axis]),
-                ];
-                image.origin[axis] =
-                    dot([x, y, z], self.origin).add(W::Doubles::splat(translation[axis]));
-                image.direction[axis] = dot([x, y, z], self.direction);
-            }
+        for axis in 0..3 {
+            let [x, y, z] = [
+                W::Doubles::splat(token, x[axis]),
+                W::Doubles::splat(token, y[axis]),
+                W::Doubles::splat(token, z[axis]),
+            ];
+            image.origin[axis] =
+                dot([x, y, z], self.origin).add(W::Doubles::splat(token, translation[axis]));
+            image.direction[axis] = dot([x, y, z], self.direction);
         }
         image
     }

@@ -1,6 +1,6 @@
 //! Rays and triangles in lanes: a triangle for all rays, or all triangles for two rays.
 
-use super::bundle::PerRay;
+use super::bundle::{PerRay, RAYS};
 use super::leaf::SeenBlock;
 use super::lines::Lines;
 use super::planes::Planes;
@@ -15,43 +15,33 @@ pub(super) struct LineLanes<W> {
 }
 
 impl<W: Lanes16> LineLanes<W> {
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    pub unsafe fn all(lines: &Lines) -> Self {
+    pub fn all(token: W::Token, lines: &Lines) -> Self {
         let ([sx, sy], [mx, my, mz]) = (&lines.slope, &lines.moment);
-        // SAFETY: passed on to the caller.
-        unsafe {
-            Self {
-                slope: [W::load(sx), W::load(sy)],
-                moment: if lines.apart {
-                    Some([W::load(mx), W::load(my), W::load(mz)])
-                } else {
-                    None
-                },
-                begin: W::load(&lines.begin),
-                end: W::load(&lines.end),
-            }
+        Self {
+            slope: [W::load(token, sx), W::load(token, sy)],
+            moment: if lines.apart {
+                Some([W::load(token, mx), W::load(token, my), W::load(token, mz)])
+            } else {
+                None
+            },
+            begin: W::load(token, &lines.begin),
+            end: W::load(token, &lines.end),
         }
     }
 
-    /// # Safety
-    /// The machine must have the instructions of `W`; the rays must be below 16.
     #[inline(always)]
-    pub unsafe fn two(lines: &Lines, a: usize, b: usize) -> Self {
+    pub fn two(token: W::Token, lines: &Lines, a: usize, b: usize) -> Self {
         let ([sx, sy], [mx, my, mz]) = (&lines.slope, &lines.moment);
-        // SAFETY: passed on to the caller.
-        unsafe {
-            Self {
-                slope: [both(sx, a, b), both(sy, a, b)],
-                moment: if lines.apart {
-                    Some([both(mx, a, b), both(my, a, b), both(mz, a, b)])
-                } else {
-                    None
-                },
-                begin: both(&lines.begin, a, b),
-                end: both(&lines.end, a, b),
-            }
+        Self {
+            slope: [both(token, sx, a, b), both(token, sy, a, b)],
+            moment: if lines.apart {
+                Some([both(token, mx, a, b), both(token, my, a, b), both(token, mz, a, b)])
+            } else {
+                None
+            },
+            begin: both(token, &lines.begin, a, b),
+            end: both(token, &lines.end, a, b),
         }
     }
 }
@@ -75,41 +65,29 @@ pub(super) struct PlaneLanes<W> {
 
 impl<W: Lanes16> TriangleLanes<W> {
     /// A triangle, for all rays.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`; the triangle must be below 8.
     #[inline(always)]
-    pub unsafe fn one(seen: &SeenBlock, triangle: usize) -> Self {
+    pub fn one(token: W::Token, seen: &SeenBlock, triangle: usize) -> Self {
         let i = triangle;
-        // SAFETY: passed on to the caller.
-        unsafe {
-            Self {
-                normal: of3(&seen.normal, i),
-                areas: [of3(&seen.areas[0], i), of3(&seen.areas[1], i)],
-                edges: [of3(&seen.edges[0], i), of3(&seen.edges[1], i)],
-                bound: of(&seen.bound, i),
-                nearest: of(&seen.nearest, i),
-                farthest: of(&seen.farthest, i),
-            }
+        Self {
+            normal: of3(token, &seen.normal, i),
+            areas: [of3(token, &seen.areas[0], i), of3(token, &seen.areas[1], i)],
+            edges: [of3(token, &seen.edges[0], i), of3(token, &seen.edges[1], i)],
+            bound: of(token, &seen.bound, i),
+            nearest: of(token, &seen.nearest, i),
+            farthest: of(token, &seen.farthest, i),
         }
     }
 
     /// All triangles, for two rays.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    pub unsafe fn all(seen: &SeenBlock) -> Self {
-        // SAFETY: passed on to the caller.
-        unsafe {
-            Self {
-                normal: twice3(&seen.normal),
-                areas: [twice3(&seen.areas[0]), twice3(&seen.areas[1])],
-                edges: [twice3(&seen.edges[0]), twice3(&seen.edges[1])],
-                bound: twice(&seen.bound),
-                nearest: twice(&seen.nearest),
-                farthest: twice(&seen.farthest),
-            }
+    pub fn all(token: W::Token, seen: &SeenBlock) -> Self {
+        Self {
+            normal: twice3(token, &seen.normal),
+            areas: [twice3(token, &seen.areas[0]), twice3(token, &seen.areas[1])],
+            edges: [twice3(token, &seen.edges[0]), twice3(token, &seen.edges[1])],
+            bound: twice(token, &seen.bound),
+            nearest: twice(token, &seen.nearest),
+            farthest: twice(token, &seen.farthest),
         }
     }
 
@@ -128,126 +106,95 @@ impl<W: Lanes16> TriangleLanes<W> {
     }
 
     /// Where rays surely do not meet triangles, or before they begin, or beyond where they end.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    pub unsafe fn missed(&self, planes: &PlaneLanes<W>, lines: &LineLanes<W>) -> u32 {
-        // SAFETY: passed on to the caller.
-        unsafe { self.missed_by(&self.areas(lines, W::splat(0.0)), planes, lines) }
+    pub fn missed(&self, token: W::Token, planes: &PlaneLanes<W>, lines: &LineLanes<W>) -> u32 {
+        self.missed_by(token, &self.areas(lines, W::splat(token, 0.0)), planes, lines)
     }
 
     /// The same by the areas.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    unsafe fn missed_by(
+    fn missed_by(
         &self,
+        token: W::Token,
         areas: &Areas<W>,
         planes: &PlaneLanes<W>,
         lines: &LineLanes<W>,
     ) -> u32 {
-        // SAFETY: passed on to the caller.
-        unsafe {
-            self.outside(areas) | lines.end.lt(self.nearest) | planes.behind(self, areas, lines)
-        }
+        self.outside(token, areas)
+            | lines.end.lt(self.nearest)
+            | planes.behind(token, self, areas, lines)
     }
 
     /// Where lines surely pass by.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    pub unsafe fn outside(&self, areas: &Areas<W>) -> u32 {
-        // SAFETY: passed on to the caller. (NaN is never sure.)
-        unsafe { areas.inside.add(self.bound).lt(W::splat(0.0)) }
+    pub fn outside(&self, token: W::Token, areas: &Areas<W>) -> u32 {
+        // (NaN is never sure.)
+        areas.inside.add(self.bound).lt(W::splat(token, 0.0))
     }
 
     /// The rays that may hit a triangle where that may matter, and those that surely do within
     /// their intervals.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    unsafe fn facing(
+    fn facing(
         &self,
+        token: W::Token,
         planes: &PlaneLanes<W>,
         lines: &LineLanes<W>,
         [sure_begin, sure_end]: [W; 2],
     ) -> [u32; 2] {
-        // SAFETY: passed on to the caller.
-        unsafe {
-            let areas = self.areas(lines, W::splat(0.0));
-            let (size, missed) = (areas.sum.abs(), self.missed_by(&areas, planes, lines));
-            let ahead = planes.distance(self, &areas, lines).sub(sure_begin.mul(size));
-            let ahead = planes.error.lt(ahead) & planes.upright.lt(size);
-            // Rays through the inside of a triangle hit it between its corners.
-            let inside = self.bound.add(self.bound).lt(areas.inside);
-            [!missed & 0xffff, inside & ahead & self.farthest.lt(sure_end) & !missed]
-        }
+        let areas = self.areas(lines, W::splat(token, 0.0));
+        let (size, missed) = (areas.sum.abs(), self.missed_by(token, &areas, planes, lines));
+        let ahead = planes.distance(token, self, &areas, lines).sub(sure_begin.mul(size));
+        let ahead = planes.error.lt(ahead) & planes.upright.lt(size);
+        // Rays through the inside of a triangle hit it between its corners.
+        let inside = self.bound.add(self.bound).lt(areas.inside);
+        [!missed & 0xffff, inside & ahead & self.farthest.lt(sure_end) & !missed]
     }
 }
 
 impl<W: Lanes16> PlaneLanes<W> {
     /// Of a triangle, for all rays.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`; the triangle must be below 8, and planes must
-    /// have been wanted.
     #[inline(always)]
-    pub unsafe fn one(seen: &SeenBlock, triangle: usize) -> Self {
-        // SAFETY: passed on to the caller.
-        unsafe {
-            let Planes { height, error, upright } = seen.planes.assume_init_ref();
-            Self {
-                height: of(height, triangle),
-                error: of(error, triangle),
-                upright: of(upright, triangle),
-            }
+    pub fn one(token: W::Token, seen: &SeenBlock, triangle: usize) -> Self {
+        let Planes { height, error, upright } = seen.planes();
+        Self {
+            height: of(token, height, triangle),
+            error: of(token, error, triangle),
+            upright: of(token, upright, triangle),
         }
     }
 
     /// Of all triangles, for two rays.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`; planes must have been wanted.
     #[inline(always)]
-    pub unsafe fn all(seen: &SeenBlock) -> Self {
-        // SAFETY: passed on to the caller.
-        unsafe {
-            let Planes { height, error, upright } = seen.planes.assume_init_ref();
-            Self { height: twice(height), error: twice(error), upright: twice(upright) }
+    pub fn all(token: W::Token, seen: &SeenBlock) -> Self {
+        let Planes { height, error, upright } = seen.planes();
+        Self {
+            height: twice(token, height),
+            error: twice(token, error),
+            upright: twice(token, upright),
         }
     }
 
     /// Where rays surely begin behind planes: without a quotient.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    pub unsafe fn behind(
+    pub fn behind(
         &self,
+        token: W::Token,
         of_triangle: &TriangleLanes<W>,
         areas: &Areas<W>,
         lines: &LineLanes<W>,
     ) -> u32 {
         let size = areas.sum.abs();
-        // SAFETY: passed on to the caller.
-        unsafe {
-            let ahead = self.distance(of_triangle, areas, lines).sub(lines.begin.mul(size));
-            ahead.add(self.error).lt(W::splat(0.0)) & self.upright.lt(size)
-        }
+        let ahead = self.distance(token, of_triangle, areas, lines).sub(lines.begin.mul(size));
+        ahead.add(self.error).lt(W::splat(token, 0.0)) & self.upright.lt(size)
     }
 
     /// Where lines meet planes along the axis, times the product of the normal and the direction,
     /// without its sign.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    unsafe fn distance(
+    fn distance(
         &self,
+        token: W::Token,
         of_triangle: &TriangleLanes<W>,
         areas: &Areas<W>,
         lines: &LineLanes<W>,
@@ -256,8 +203,7 @@ impl<W: Lanes16> PlaneLanes<W> {
         if let Some([mx, my, _]) = lines.moment {
             height = x.mul_add(my, height).sub(y.mul(mx));
         }
-        // SAFETY: passed on to the caller.
-        let zero = unsafe { W::splat(0.0) };
+        let zero = W::splat(token, 0.0);
         height.where_less(areas.sum, zero, zero.sub(height))
     }
 }
@@ -274,53 +220,55 @@ pub(super) struct Facing {
 impl SeenBlock {
     /// Those of some triangles that any of some rays may meet where that may matter: without a
     /// branch on it, for many rays.
-    ///
-    /// # Safety
-    /// As [`Self::facing`].
     #[inline(always)]
-    pub unsafe fn near_any<W: Lanes16>(&self, lines: &Lines, rays: u32, mut triangles: u32) -> u32 {
+    pub fn near_any<W: Lanes16>(
+        &self,
+        token: W::Token,
+        lines: &Lines,
+        rays: u32,
+        mut triangles: u32,
+    ) -> u32 {
         let mut near = 0;
-        // SAFETY: passed on to the caller.
-        unsafe {
-            let lines = LineLanes::<W>::all(lines);
-            while triangles != 0 {
-                let triangle = triangles.trailing_zeros();
-                triangles &= triangles - 1;
-                let i = triangle as usize & 7;
-                let missed = TriangleLanes::one(self, i).missed(&PlaneLanes::one(self, i), &lines);
-                near |= u32::from(rays & !missed != 0) << triangle;
-            }
+        let lines = LineLanes::<W>::all(token, lines);
+        while triangles != 0 {
+            let triangle = triangles.trailing_zeros();
+            triangles &= triangles - 1;
+            let i = triangle as usize & 7;
+            let missed = TriangleLanes::one(token, self, i).missed(
+                token,
+                &PlaneLanes::one(token, self, i),
+                &lines,
+            );
+            near |= u32::from(rays & !missed != 0) << triangle;
         }
         near
     }
 
     /// What some rays may hit of some triangles, without a branch on it.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`; the triangles must be below 8, and planes
-    /// must have been wanted.
     #[inline(always)]
-    pub unsafe fn facing<W: Lanes16>(
+    pub fn facing<W: Lanes16>(
         &self,
+        token: W::Token,
         lines: &Lines,
         rays: u32,
         mut triangles: u32,
     ) -> Facing {
         let mut facing = Facing { near: 0, sure: 0, rays: [[0; 2]; 8] };
-        // SAFETY: passed on to the caller.
-        unsafe {
-            let of_rays = LineLanes::<W>::all(lines);
-            let limits = [W::load(&lines.sure_begin), W::load(&lines.sure_end)];
-            while triangles != 0 {
-                let triangle = triangles.trailing_zeros();
-                triangles &= triangles - 1;
-                let i = triangle as usize & 7;
-                let [possible, sure] =
-                    TriangleLanes::one(self, i).facing(&PlaneLanes::one(self, i), &of_rays, limits);
-                facing.rays[i] = [possible & rays, sure & rays];
-                facing.near |= u32::from(possible & rays != 0) << triangle;
-                facing.sure |= u32::from(sure & rays != 0) << triangle;
-            }
+        let of_rays = LineLanes::<W>::all(token, lines);
+        let limits = [W::load(token, &lines.sure_begin), W::load(token, &lines.sure_end)];
+        while triangles != 0 {
+            let triangle = triangles.trailing_zeros();
+            triangles &= triangles - 1;
+            let i = triangle as usize & 7;
+            let [possible, sure] = TriangleLanes::one(token, self, i).facing(
+                token,
+                &PlaneLanes::one(token, self, i),
+                &of_rays,
+                limits,
+            );
+            facing.rays[i] = [possible & rays, sure & rays];
+            facing.near |= u32::from(possible & rays != 0) << triangle;
+            facing.sure |= u32::from(sure & rays != 0) << triangle;
         }
         facing
     }
@@ -335,58 +283,35 @@ pub(super) struct Areas<W> {
 }
 
 /// A number of a triangle, for all rays.
-///
-/// # Safety
-/// The machine must have the instructions of `W`; the triangle must be below 8.
 #[inline(always)]
-pub(super) unsafe fn of<W: Lanes16>(row: &[f32; 8], triangle: usize) -> W {
-    // SAFETY: passed on to the caller.
-    unsafe { W::splat(*row.get_unchecked(triangle)) }
+pub(super) fn of<W: Lanes16>(token: W::Token, row: &[f32; 8], triangle: usize) -> W {
+    W::splat(token, row[triangle & 7])
 }
 
 /// A vector of a triangle, for all rays.
-///
-/// # Safety
-/// As [`of`].
 #[inline(always)]
-unsafe fn of3<W: Lanes16>([x, y, z]: &[[f32; 8]; 3], triangle: usize) -> [W; 3] {
-    // SAFETY: passed on to the caller.
-    unsafe { [of(x, triangle), of(y, triangle), of(z, triangle)] }
+fn of3<W: Lanes16>(token: W::Token, [x, y, z]: &[[f32; 8]; 3], triangle: usize) -> [W; 3] {
+    [of(token, x, triangle), of(token, y, triangle), of(token, z, triangle)]
 }
 
 /// A number of all triangles, for two rays.
-///
-/// # Safety
-/// The machine must have the instructions of `W`.
 #[inline(always)]
-unsafe fn twice<W: Lanes16>(row: &[f32; 8]) -> W {
-    // SAFETY: passed on to the caller.
-    unsafe { W::load_halves(row, row) }
+fn twice<W: Lanes16>(token: W::Token, row: &[f32; 8]) -> W {
+    W::load_halves(token, row, row)
 }
 
 /// The vectors of all triangles, for two rays.
-///
-/// # Safety
-/// The machine must have the instructions of `W`.
 #[inline(always)]
-unsafe fn twice3<W: Lanes16>([x, y, z]: &[[f32; 8]; 3]) -> [W; 3] {
-    // SAFETY: passed on to the caller.
-    unsafe { [twice(x), twice(y), twice(z)] }
+fn twice3<W: Lanes16>(token: W::Token, [x, y, z]: &[[f32; 8]; 3]) -> [W; 3] {
+    [twice(token, x), twice(token, y), twice(token, z)]
 }
 
 /// The numbers of two rays, for all triangles.
-///
-/// # Safety
-/// The machine must have the instructions of `W`; the rays must be below 16.
 #[inline(always)]
-unsafe fn both<W: Lanes16>(values: &PerRay<f32>, a: usize, b: usize) -> W {
-    // SAFETY: passed on to the caller.
-    unsafe {
-        W::from_halves(
-            Lanes8::splat(*values.get_unchecked(a)),
-            Lanes8::splat(*values.get_unchecked(b)),
-        )
-    }
+fn both<W: Lanes16>(token: W::Token, values: &PerRay<f32>, a: usize, b: usize) -> W {
+    let half = W::half_token(token);
+    let [a, b] = [values[a & (RAYS - 1)], values[b & (RAYS - 1)]];
+    W::from_halves(token, Lanes8::splat(half, a), Lanes8::splat(half, b))
 }
 
 /// The product of a vector and directions.

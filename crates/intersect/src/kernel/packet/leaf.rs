@@ -10,6 +10,7 @@ use super::bundle::Bundle;
 use super::facing::{Areas, LineLanes, PlaneLanes, TriangleLanes, of};
 use super::lines::Lines;
 use super::planes::{Planes, SeenCorners};
+use crate::exact::ray::Axes;
 use crate::exact::triangle::TriangleBlock;
 use crate::kernel::packet::PacketTests;
 use crate::tree::GroupTree;
@@ -66,8 +67,9 @@ pub(super) struct SeenBlock {
     pub(super) nearest: [f32; 8],
     pub(super) farthest: [f32; 8],
     /// Written if they are wanted.
-    pub(super) planes: MaybeUninit<Planes>,
+    planes: MaybeUninit<Planes>,
     depths: MaybeUninit<Depths>,
+    wanted: Wanted,
 }
 
 /// Where the triangles of a block are along the axis of a bundle.
@@ -95,46 +97,42 @@ pub(super) struct SharedOrigin<L> {
 }
 
 impl<L: Lanes8> SharedOrigin<L> {
-    /// # Safety
-    /// The machine must have the instructions of `L`; the axes must be below 3.
     #[inline(always)]
-    pub unsafe fn new<P: PacketTests>(
+    pub fn new<P: PacketTests>(
+        token: L::Token,
         block: &TriangleBlock,
         lines: &Lines,
-        axes: [usize; 3],
+        axes: Axes,
     ) -> Self {
-        // SAFETY: passed on to the caller.
-        unsafe {
-            let (forward, corners) = (L::splat(lines.forward), corners(block, axes));
-            let point =
-                [L::splat(lines.point[0]), L::splat(lines.point[1]), L::splat(lines.point[2])];
-            let [v0, v1, v2] = corners;
-            let (r0, r1, r2) =
-                (minus(v0, point, forward), minus(v1, point, forward), minus(v2, point, forward));
-            let (e0, e1, e2) =
-                (minus(v2, v1, forward), minus(v0, v2, forward), minus(v1, v0, forward));
-            let length = size(e1).max(size(e2));
-            // The first edge may be as long as both others.
-            let length = length.add(length);
-            let far = size(r0).add(length).add(L::splat(lines.spread));
-            let bound = bound::<L, P>(far, length, lines.margin);
-            let nearest = nearest(r0[2].min(r1[2]).min(r2[2]), far, other_error(far, lines.margin));
-            Self { areas: [cross(r1, e0), cross(r2, e1), cross(r0, e2)], bound, nearest }
-        }
+        let (forward, corners) = (L::splat(token, lines.forward), corners(token, block, axes));
+        let point = [
+            L::splat(token, lines.point[0]),
+            L::splat(token, lines.point[1]),
+            L::splat(token, lines.point[2]),
+        ];
+        let [v0, v1, v2] = corners;
+        let (r0, r1, r2) =
+            (minus(v0, point, forward), minus(v1, point, forward), minus(v2, point, forward));
+        let (e0, e1, e2) = (minus(v2, v1, forward), minus(v0, v2, forward), minus(v1, v0, forward));
+        let length = size(e1).max(size(e2));
+        // The first edge may be as long as both others.
+        let length = length.add(length);
+        let far = size(r0).add(length).add(L::splat(token, lines.spread));
+        let bound = bound::<L, P>(token, far, length, lines.margin);
+        let nearest =
+            nearest(token, r0[2].min(r1[2]).min(r2[2]), far, other_error(token, far, lines.margin));
+        Self { areas: [cross(r1, e0), cross(r2, e1), cross(r0, e2)], bound, nearest }
     }
 
     /// The triangles that a ray may meet, and that are not surely beyond where it ends.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `L`.
     #[inline(always)]
-    pub unsafe fn candidates(&self, lines: &Lines, ray: usize) -> u32 {
-        // SAFETY: passed on to the caller.
-        let (sx, sy, zero) = unsafe {
-            (L::splat(lines.slope[0][ray]), L::splat(lines.slope[1][ray]), L::splat(0.0))
-        };
-        // SAFETY: as above.
-        let end = unsafe { L::splat(lines.end[ray]) };
+    pub fn candidates(&self, token: L::Token, lines: &Lines, ray: usize) -> u32 {
+        let (sx, sy, zero) = (
+            L::splat(token, lines.slope[0][ray]),
+            L::splat(token, lines.slope[1][ray]),
+            L::splat(token, 0.0),
+        );
+        let end = L::splat(token, lines.end[ray]);
         let [[ux, uy, uz], [vx, vy, vz], [wx, wy, wz]] = self.areas;
         let u = ux.mul_add(sx, uy.mul_add(sy, uz));
         let v = vx.mul_add(sx, vy.mul_add(sy, vz));
@@ -159,120 +157,95 @@ pub(super) struct Leaf<'t, W: Lanes16> {
 }
 
 impl<'t, W: Lanes16> Leaf<'t, W> {
-    /// # Safety
-    /// The machine must have the instructions of `W`; `child` must be a block of the tree.
     #[inline(always)]
-    pub unsafe fn new(
+    pub fn new(
+        token: W::Token,
         tree: &'t GroupTree,
         child: ChildRef,
         room: &'t mut MaybeUninit<TriangleBlock>,
     ) -> Self {
-        // SAFETY: as promised by the caller.
-        let block = unsafe { tree.blocks.at().block::<W::Half>(child.block(), room) };
+        // SAFETY: the references of a tree are to blocks that exist.
+        let block =
+            unsafe { tree.blocks.at().block::<W::Half>(W::half_token(token), child.block(), room) };
         let (place, used) = (child.block() as u32 * 8, (2 << (child.count() - 1)) - 1);
         Self { block, place, used, seen: MaybeUninit::uninit(), is_seen: false, of_origin: None }
     }
 
-    /// Its triangles as all bundles see them that are seen from the same point as this one.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`. The same must be wanted whenever this is
-    /// called: nothing else is written.
+    /// Its triangles as all bundles see them that are seen from the same point as this one. The
+    /// same must be wanted whenever this is called: nothing else is known.
     #[inline(always)]
-    pub unsafe fn seen<P: PacketTests>(&mut self, bundle: &Bundle, wanted: Wanted) -> &SeenBlock {
+    pub fn seen<P: PacketTests>(
+        &mut self,
+        token: W::Token,
+        bundle: &Bundle,
+        wanted: Wanted,
+    ) -> &SeenBlock {
         if !self.is_seen {
             self.is_seen = true;
-            // SAFETY: passed on to the caller; axes of bundles are below 3.
-            self.seen.write(unsafe {
-                SeenBlock::new::<W, P>(self.block, &bundle.lines, bundle.axes, wanted)
-            });
+            self.seen.write(SeenBlock::new::<W, P>(
+                token,
+                self.block,
+                &bundle.lines,
+                bundle.axes,
+                wanted,
+            ));
         }
         // SAFETY: written now or before.
         unsafe { self.seen.assume_init_ref() }
     }
 
     /// The same for bundles whose rays share their origin.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    pub unsafe fn of_origin<P: PacketTests>(&mut self, bundle: &Bundle) -> SharedOrigin<W::Half> {
+    pub fn of_origin<P: PacketTests>(
+        &mut self,
+        token: W::Token,
+        bundle: &Bundle,
+    ) -> SharedOrigin<W::Half> {
         if let Some(seen) = self.of_origin {
             return seen;
         }
-        // SAFETY: passed on to the caller; axes of bundles are below 3.
-        let seen = unsafe { SharedOrigin::new::<P>(self.block, &bundle.lines, bundle.axes) };
+        let seen =
+            SharedOrigin::new::<P>(W::half_token(token), self.block, &bundle.lines, bundle.axes);
         self.of_origin = Some(seen);
         seen
     }
 }
 
 /// The corners of a block, by axis of a bundle.
-///
-/// # Safety
-/// The machine must have the instructions of `L`; the axes must be below 3.
 #[inline(always)]
-unsafe fn corners<L: Lanes8>(block: &TriangleBlock, [x, y, z]: [usize; 3]) -> [[L; 3]; 3] {
+fn corners<L: Lanes8>(token: L::Token, block: &TriangleBlock, axes: Axes) -> [[L; 3]; 3] {
     let [v0, v1, v2] = &block.vertices;
-    // SAFETY: passed on to the caller.
-    unsafe {
-        [
-            [
-                L::load(v0.get_unchecked(x)),
-                L::load(v0.get_unchecked(y)),
-                L::load(v0.get_unchecked(z)),
-            ],
-            [
-                L::load(v1.get_unchecked(x)),
-                L::load(v1.get_unchecked(y)),
-                L::load(v1.get_unchecked(z)),
-            ],
-            [
-                L::load(v2.get_unchecked(x)),
-                L::load(v2.get_unchecked(y)),
-                L::load(v2.get_unchecked(z)),
-            ],
-        ]
-    }
+    let ([x0, y0, z0], [x1, y1, z1], [x2, y2, z2]) = (axes.of(v0), axes.of(v1), axes.of(v2));
+    [
+        [L::load(token, x0), L::load(token, y0), L::load(token, z0)],
+        [L::load(token, x1), L::load(token, y1), L::load(token, z1)],
+        [L::load(token, x2), L::load(token, y2), L::load(token, z2)],
+    ]
 }
 
 /// Bound of the errors of areas, by distance and length of edges; see [`AREA_ERROR`].
-///
-/// # Safety
-/// The machine must have the instructions of `L`.
 #[inline(always)]
-unsafe fn bound<L: Lanes8, P: PacketTests>(far: L, mut length: L, margin: f32) -> L {
-    // SAFETY: passed on to the caller.
-    unsafe {
-        let margin = L::splat(margin);
-        let error = far.mul(L::splat(AREA_ERROR)).add(margin.mul(L::splat(MARGIN_ERROR)));
-        if P::TRIANGLES_ELSEWHERE {
-            // Triangles that are met have their vertices no farther from the ray than this.
-            length = length.add(margin.mul(L::splat(8.0)));
-        }
-        error.mul(length).add(L::splat(f32::MIN_POSITIVE))
+fn bound<L: Lanes8, P: PacketTests>(token: L::Token, far: L, mut length: L, margin: f32) -> L {
+    let margin = L::splat(token, margin);
+    let error = far.mul(L::splat(token, AREA_ERROR)).add(margin.mul(L::splat(token, MARGIN_ERROR)));
+    if P::TRIANGLES_ELSEWHERE {
+        // Triangles that are met have their vertices no farther from the ray than this.
+        length = length.add(margin.mul(L::splat(token, 8.0)));
     }
+    error.mul(length).add(L::splat(token, f32::MIN_POSITIVE))
 }
 
 /// Bound of the errors of depths, besides those that follow from areas.
-///
-/// # Safety
-/// The machine must have the instructions of `L`.
 #[inline(always)]
-unsafe fn other_error<L: Lanes8>(far: L, margin: f32) -> L {
-    // SAFETY: passed on to the caller.
-    unsafe { far.mul(L::splat(32.0 * ROUNDING)).add(L::splat(margin * 8.0)) }
+fn other_error<L: Lanes8>(token: L::Token, far: L, margin: f32) -> L {
+    far.mul(L::splat(token, 32.0 * ROUNDING)).add(L::splat(token, margin * 8.0))
 }
 
 /// The nearest place where a hit of a triangle may be put whose nearest corner is at `low`: the box
 /// that hits are kept in is padded by less.
-///
-/// # Safety
-/// The machine must have the instructions of `L`.
 #[inline(always)]
-unsafe fn nearest<L: Lanes8>(low: L, far: L, other_error: L) -> L {
-    // SAFETY: passed on to the caller.
-    low.sub(far.mul(unsafe { L::splat(4e-6) })).sub(other_error)
+fn nearest<L: Lanes8>(token: L::Token, low: L, far: L, other_error: L) -> L {
+    low.sub(far.mul(L::splat(token, 4e-6))).sub(other_error)
 }
 
 /// What is known of the rays that may meet a triangle: a bit for each.
@@ -289,35 +262,36 @@ pub(super) struct Meeting<W> {
 }
 
 impl SeenBlock {
-    /// # Safety
-    /// The machine must have the instructions of `W`; the axes must be below 3.
     #[inline(always)]
-    pub unsafe fn new<W: Lanes16, P: PacketTests>(
+    pub fn new<W: Lanes16, P: PacketTests>(
+        token: W::Token,
         block: &TriangleBlock,
         lines: &Lines,
-        axes: [usize; 3],
+        axes: Axes,
         wanted: Wanted,
     ) -> Self {
-        // SAFETY: passed on to the caller.
+        let half = W::half_token(token);
+        // SAFETY: all is written but for the planes and depths that are not wanted.
         unsafe {
             let [px, py, pz] = lines.point;
             let (point, forward) = (
-                [W::Half::splat(px), W::Half::splat(py), W::Half::splat(pz)],
-                W::Half::splat(lines.forward),
+                [W::Half::splat(half, px), W::Half::splat(half, py), W::Half::splat(half, pz)],
+                W::Half::splat(half, lines.forward),
             );
-            let [v0, v1, v2] = corners::<W::Half>(block, axes);
+            let [v0, v1, v2] = corners::<W::Half>(half, block, axes);
             let (r0, r1, r2) =
                 (minus(v0, point, forward), minus(v1, point, forward), minus(v2, point, forward));
             let (e1, e2) = (minus(v0, v2, forward), minus(v1, v0, forward));
             let (low, high) = (r0[2].min(r1[2]).min(r2[2]), r0[2].max(r1[2]).max(r2[2]));
             let sizes = [size(e1), size(e2)];
             let length = sizes[0].max(sizes[1]);
-            let far = size(r0).add(length).add(W::Half::splat(lines.spread));
-            let bound = bound::<W::Half, P>(far, length, lines.margin);
-            let other = other_error(far, lines.margin);
-            let nearest = nearest(low, far, other);
+            let far = size(r0).add(length).add(W::Half::splat(half, lines.spread));
+            let bound = bound::<W::Half, P>(half, far, length, lines.margin);
+            let other = other_error(half, far, lines.margin);
+            let nearest = nearest(half, low, far, other);
             let mut seen = MaybeUninit::<Self>::uninit();
             let to = &mut *seen.as_mut_ptr();
+            to.wanted = wanted;
             store3(cross(r2, e1), &mut to.areas[0]);
             store3(cross(r0, e2), &mut to.areas[1]);
             store3(e1, &mut to.edges[0]);
@@ -334,12 +308,12 @@ impl SeenBlock {
                     normal,
                     sizes,
                 };
-                seen.write::<W, P>(lines, &mut to.normal, &mut *to.planes.as_mut_ptr());
+                seen.write::<W, P>(token, lines, &mut to.normal, &mut *to.planes.as_mut_ptr());
             }
             if wanted.depths {
                 let to = &mut *to.depths.as_mut_ptr();
                 store3([r0[2], r1[2].sub(r0[2]), r2[2].sub(r0[2])], &mut to.corners);
-                let clear = bound.mul(W::Half::splat(CLEAR));
+                let clear = bound.mul(W::Half::splat(half, CLEAR));
                 clear.store(&mut to.clear);
                 clear.mul(high.sub(low)).store(&mut to.error);
                 other.store(&mut to.other_error);
@@ -351,109 +325,122 @@ impl SeenBlock {
         }
     }
 
+    /// # Panics
+    /// If they were not wanted.
+    #[inline(always)]
+    pub(super) fn planes(&self) -> &Planes {
+        assert!(self.wanted.planes, "planes were wanted");
+        // SAFETY: they are written where they are wanted.
+        unsafe { self.planes.assume_init_ref() }
+    }
+
+    /// # Panics
+    /// If they were not wanted.
+    #[inline(always)]
+    fn depths(&self) -> &Depths {
+        assert!(self.wanted.depths, "depths were wanted");
+        // SAFETY: they are written where they are wanted.
+        unsafe { self.depths.assume_init_ref() }
+    }
+
     /// Takes two of the rays, or the last one, and tells which triangles they may meet where that
     /// may matter, a bit for each, eight for the first ray, then eight for the last: a quick look,
     /// worth it for few rays.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`; there must be rays, all below 16, and planes
-    /// that were wanted.
     #[inline(always)]
-    pub unsafe fn near_two<W: Lanes16>(&self, lines: &Lines, rays: &mut u32) -> u32 {
+    pub fn near_two<W: Lanes16>(&self, token: W::Token, lines: &Lines, rays: &mut u32) -> u32 {
         let (a, b) = (rays.trailing_zeros(), 31 - rays.leading_zeros());
         *rays &= !(1 << a | 1 << b);
         let mask = if a == b { 0xff } else { 0xffff };
-        // SAFETY: passed on to the caller.
-        unsafe {
-            !TriangleLanes::<W>::all(self)
-                .missed(&PlaneLanes::all(self), &LineLanes::two(lines, a as usize, b as usize))
-                & mask
-        }
+        !TriangleLanes::<W>::all(token, self).missed(
+            token,
+            &PlaneLanes::all(token, self),
+            &LineLanes::two(token, lines, a as usize, b as usize),
+        ) & mask
     }
 
     /// The triangles that the rays of a bundle may be near, by the range of their slopes and
     /// places.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `L`.
     #[inline(always)]
-    pub unsafe fn near_bundle<L: Lanes8>(&self, bundle: &Bundle) -> u32 {
+    pub fn near_bundle<L: Lanes8>(&self, token: L::Token, bundle: &Bundle) -> u32 {
         let [[x, y], [half_x, half_y]] = bundle.slopes();
-        // SAFETY: passed on to the caller.
-        unsafe {
-            let (middle, half) = ([L::splat(x), L::splat(y)], [L::splat(half_x), L::splat(half_y)]);
-            let (normal, n1, n2): ([L; 3], [L; 3], [L; 3]) =
-                (load3(&self.normal), load3(&self.areas[0]), load3(&self.areas[1]));
-            let n0 = [
-                normal[0].sub(n1[0]).sub(n2[0]),
-                normal[1].sub(n1[1]).sub(n2[1]),
-                normal[2].sub(n1[2]).sub(n2[2]),
+        let (middle, half) = (
+            [L::splat(token, x), L::splat(token, y)],
+            [L::splat(token, half_x), L::splat(token, half_y)],
+        );
+        let (normal, n1, n2): ([L; 3], [L; 3], [L; 3]) = (
+            load3(token, &self.normal),
+            load3(token, &self.areas[0]),
+            load3(token, &self.areas[1]),
+        );
+        let n0 = [
+            normal[0].sub(n1[0]).sub(n2[0]),
+            normal[1].sub(n1[1]).sub(n2[1]),
+            normal[2].sub(n1[2]).sub(n2[2]),
+        ];
+        let (mut a0, mut a1, mut a2) =
+            (range(n0, middle, half), range(n1, middle, half), range(n2, middle, half));
+        if bundle.lines.apart {
+            let [middle, half] = [
+                splat3::<L>(token, &bundle.lines.moments[0]),
+                splat3::<L>(token, &bundle.lines.moments[1]),
             ];
-            let (mut a0, mut a1, mut a2) =
-                (range(n0, middle, half), range(n1, middle, half), range(n2, middle, half));
-            if bundle.lines.apart {
-                let [middle, half] =
-                    [splat3::<L>(&bundle.lines.moments[0]), splat3::<L>(&bundle.lines.moments[1])];
-                let (e1, e2): ([L; 3], [L; 3]) = (load3(&self.edges[0]), load3(&self.edges[1]));
-                // The first edge closes the triangle, and its area is what others leave of the sum.
-                let e0 = [e1[0].add(e2[0]), e1[1].add(e2[1]), e1[2].add(e2[2])];
-                a0 = moved(a0, e0, middle, half, L::splat(-1.0));
-                a1 = moved(a1, e1, middle, half, L::splat(1.0));
-                a2 = moved(a2, e2, middle, half, L::splat(1.0));
-            }
-            let (zero, bound) = (L::splat(0.0), L::load(&self.bound));
-            let inside = a0[1].min(a1[1]).min(a2[1]).max(zero.sub(a0[0].max(a1[0]).max(a2[0])));
-            // (Twice, for the roundings here.)
-            !inside.add(bound).add(bound).lt(zero)
+            let (e1, e2): ([L; 3], [L; 3]) =
+                (load3(token, &self.edges[0]), load3(token, &self.edges[1]));
+            // The first edge closes the triangle, and its area is what others leave of the sum.
+            let e0 = [e1[0].add(e2[0]), e1[1].add(e2[1]), e1[2].add(e2[2])];
+            a0 = moved(a0, e0, middle, half, L::splat(token, -1.0));
+            a1 = moved(a1, e1, middle, half, L::splat(token, 1.0));
+            a2 = moved(a2, e2, middle, half, L::splat(token, 1.0));
         }
+        let (zero, bound) = (L::splat(token, 0.0), L::load(token, &self.bound));
+        let inside = a0[1].min(a1[1]).min(a2[1]).max(zero.sub(a0[0].max(a1[0]).max(a2[0])));
+        // (Twice, for the roundings here.)
+        !inside.add(bound).add(bound).lt(zero)
     }
 
     /// How some of the rays meet a triangle.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`; the triangle must be below 8. Depths must
-    /// have been wanted, and planes if rays do not share their origin.
     #[inline(always)]
-    pub unsafe fn meeting<W: Lanes16>(
+    pub fn meeting<W: Lanes16>(
         &self,
+        token: W::Token,
         lines: &Lines,
         triangle: usize,
         rays: u32,
     ) -> Meeting<W> {
-        // SAFETY: passed on to the caller.
-        unsafe {
-            let (i, zero) = (triangle, W::splat(0.0));
-            let depths = self.depths.assume_init_ref();
-            let (of_triangle, of_rays) =
-                (TriangleLanes::<W>::one(self, triangle), LineLanes::all(lines));
-            let bound = of_triangle.bound;
-            let areas = of_triangle.areas(&of_rays, zero);
-            let too_far = of_rays.end.lt(of_triangle.nearest);
-            let mut possible = rays & !of_triangle.outside(&areas) & !too_far;
-            if lines.apart {
-                let planes = PlaneLanes::one(self, triangle);
-                possible &= !planes.behind(&of_triangle, &areas, &of_rays);
-            }
-            if possible == 0 {
-                return Meeting { possible, sure: 0, nearer: 0, low: zero, high: zero };
-            }
-            let Areas { sum, a1, a2, inside } = areas;
-            let size = sum.abs();
-            let inverse = W::splat(1.0).div(sum);
-            let [z0, z1, z2] = &depths.corners;
-            let z = a1.mul_add(of(z1, i), a2.mul(of(z2, i))).mul_add(inverse, of(z0, i));
-            let error =
-                of::<W>(&depths.error, i).mul_add(inverse.abs(), of(&depths.other_error, i));
-            let (low, high) = (z.sub(error), z.add(error));
-            let clear = of::<W>(&depths.clear, i).lt(size);
-            let behind = high.lt(W::load(&lines.begin)) & clear;
-            let surely_inside = bound.add(bound).lt(inside);
-            let beyond = W::load(&lines.end).lt(low) & surely_inside;
-            let possible = possible & !behind & !beyond;
-            let nearer =
-                possible & W::load(&lines.sure_begin).lt(low) & high.lt(W::load(&lines.sure_end));
-            Meeting { possible, sure: nearer & surely_inside, nearer: nearer & clear, low, high }
+        let (i, zero) = (triangle, W::splat(token, 0.0));
+        let depths = self.depths();
+        let (of_triangle, of_rays) =
+            (TriangleLanes::<W>::one(token, self, triangle), LineLanes::all(token, lines));
+        let bound = of_triangle.bound;
+        let areas = of_triangle.areas(&of_rays, zero);
+        let too_far = of_rays.end.lt(of_triangle.nearest);
+        let mut possible = rays & !of_triangle.outside(token, &areas) & !too_far;
+        if lines.apart {
+            let planes = PlaneLanes::one(token, self, triangle);
+            possible &= !planes.behind(token, &of_triangle, &areas, &of_rays);
         }
+        if possible == 0 {
+            return Meeting { possible, sure: 0, nearer: 0, low: zero, high: zero };
+        }
+        let Areas { sum, a1, a2, inside } = areas;
+        let size = sum.abs();
+        let inverse = W::splat(token, 1.0).div(sum);
+        let [z0, z1, z2] = &depths.corners;
+        let z = a1
+            .mul_add(of(token, z1, i), a2.mul(of(token, z2, i)))
+            .mul_add(inverse, of(token, z0, i));
+        let error = of::<W>(token, &depths.error, i)
+            .mul_add(inverse.abs(), of(token, &depths.other_error, i));
+        let (low, high) = (z.sub(error), z.add(error));
+        let clear = of::<W>(token, &depths.clear, i).lt(size);
+        let behind = high.lt(W::load(token, &lines.begin)) & clear;
+        let surely_inside = bound.add(bound).lt(inside);
+        let beyond = W::load(token, &lines.end).lt(low) & surely_inside;
+        let possible = possible & !behind & !beyond;
+        let nearer = possible
+            & W::load(token, &lines.sure_begin).lt(low)
+            & high.lt(W::load(token, &lines.sure_end));
+        Meeting { possible, sure: nearer & surely_inside, nearer: nearer & clear, low, high }
     }
 }
 
@@ -482,23 +469,15 @@ fn moved<L: Lanes8>(
 }
 
 /// A vector, for all triangles.
-///
-/// # Safety
-/// The machine must have the instructions of `L`.
 #[inline(always)]
-unsafe fn splat3<L: Lanes8>(&[x, y, z]: &[f32; 3]) -> [L; 3] {
-    // SAFETY: passed on to the caller.
-    unsafe { [L::splat(x), L::splat(y), L::splat(z)] }
+fn splat3<L: Lanes8>(token: L::Token, &[x, y, z]: &[f32; 3]) -> [L; 3] {
+    [L::splat(token, x), L::splat(token, y), L::splat(token, z)]
 }
 
 /// The vectors of all triangles.
-///
-/// # Safety
-/// The machine must have the instructions of `L`.
 #[inline(always)]
-unsafe fn load3<L: Lanes8>([x, y, z]: &[[f32; 8]; 3]) -> [L; 3] {
-    // SAFETY: passed on to the caller.
-    unsafe { [L::load(x), L::load(y), L::load(z)] }
+fn load3<L: Lanes8>(token: L::Token, [x, y, z]: &[[f32; 8]; 3]) -> [L; 3] {
+    [L::load(token, x), L::load(token, y), L::load(token, z)]
 }
 
 #[inline(always)]

@@ -5,6 +5,7 @@
 //! as large as its distance. `z` grows along the rays.
 
 use super::bundle::{Columns, Kind, PerRay, RAYS};
+use crate::exact::ray::Axes;
 use snell_math::simd::Lanes16;
 
 /// Roundings of a distance along the axis: a few.
@@ -74,98 +75,76 @@ impl Lines {
     };
 
     /// Works out everything from what bundles are made of, and the slopes and speeds of the bundle.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    pub unsafe fn set_up<W: Lanes16>(
+    pub fn set_up<W: Lanes16>(
         &mut self,
+        token: W::Token,
         columns: &Columns<W>,
         kind: &Kind,
-        [x, y, z]: [usize; 3],
+        axes: Axes,
         slopes: [W; 2],
         along: W,
     ) {
         self.apart = !kind.common;
-        // SAFETY: passed on to the caller.
-        unsafe {
-            let [slope_x, slope_y] = slopes;
-            slope_x.store(&mut self.slope[0]);
-            slope_y.store(&mut self.slope[1]);
-            along.store(&mut self.along);
-            let mut start = W::splat(0.0);
-            self.spread = 0.0;
-            if self.apart {
-                let from = &columns.from_point;
-                let (from_x, from_y, from_z) = (from[x], from[y], from[z]);
-                self.spread = from_x.abs().add(from_y.abs()).add(from_z.abs()).greatest();
-                start = from_z.mul(W::splat(self.forward));
-                let (at_x, at_y) = (from_x.sub(slope_x.mul(start)), from_y.sub(slope_y.mul(start)));
-                let moment =
-                    [at_y, W::splat(0.0).sub(at_x), at_x.mul(slope_y).sub(at_y.mul(slope_x))];
-                for (i, moment) in moment.into_iter().enumerate() {
-                    moment.store(&mut self.moment[i]);
-                    let (low, high) = (moment.least(), moment.greatest());
-                    self.moments[0][i] = (low + high) * 0.5;
-                    self.moments[1][i] = (high - low) * 0.5;
-                }
+        let [slope_x, slope_y] = slopes;
+        slope_x.store(&mut self.slope[0]);
+        slope_y.store(&mut self.slope[1]);
+        along.store(&mut self.along);
+        let mut start = W::splat(token, 0.0);
+        self.spread = 0.0;
+        if self.apart {
+            let [from_x, from_y, from_z] = axes.of(&columns.from_point);
+            self.spread = from_x.abs().add(from_y.abs()).add(from_z.abs()).reduce_max();
+            start = from_z.mul(W::splat(token, self.forward));
+            let (at_x, at_y) = (from_x.sub(slope_x.mul(start)), from_y.sub(slope_y.mul(start)));
+            let moment =
+                [at_y, W::splat(token, 0.0).sub(at_x), at_x.mul(slope_y).sub(at_y.mul(slope_x))];
+            for (i, moment) in moment.into_iter().enumerate() {
+                moment.store(&mut self.moment[i]);
+                let (low, high) = (moment.reduce_min(), moment.reduce_max());
+                self.moments[0][i] = (low + high) * 0.5;
+                self.moments[1][i] = (high - low) * 0.5;
             }
-            start.store(&mut self.start);
-            let early = columns.t_min.mul(along);
-            let begin = start.add(early);
-            let error = self.error(start, early);
-            begin.sub(error).store(&mut self.begin);
-            begin.add(error).store(&mut self.sure_begin);
-            self.latest = begin.abs().add(error).greatest();
-            // (Of rays that want nothing this is unspecified.)
-            let [sure_end, end] = self.ends(columns.cull.mul(along));
-            sure_end.store(&mut self.sure_end);
-            end.store(&mut self.end);
         }
+        start.store(&mut self.start);
+        let early = columns.t_min.mul(along);
+        let begin = start.add(early);
+        let error = self.error(token, start, early);
+        begin.sub(error).store(&mut self.begin);
+        begin.add(error).store(&mut self.sure_begin);
+        self.latest = begin.abs().add(error).reduce_max();
+        // (Of rays that want nothing this is unspecified.)
+        let [sure_end, end] = self.ends(token, columns.cull.mul(along));
+        sure_end.store(&mut self.sure_end);
+        end.store(&mut self.end);
     }
 
     /// Bound of the errors of a place at this distance from the start.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    unsafe fn error<W: Lanes16>(&self, start: W, length: W) -> W {
-        // SAFETY: passed on to the caller.
+    fn error<W: Lanes16>(&self, token: W::Token, start: W, length: W) -> W {
         let (margin, roundings) =
-            unsafe { (W::splat(self.margin + f32::MIN_POSITIVE), W::splat(ROUNDINGS)) };
+            (W::splat(token, self.margin + f32::MIN_POSITIVE), W::splat(token, ROUNDINGS));
         start.abs().add(length).mul(roundings).add(margin)
     }
 
     /// Between where rays end that have these padded lengths.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    unsafe fn ends<W: Lanes16>(&self, length: W) -> [W; 2] {
-        // SAFETY: passed on to the caller.
-        unsafe {
-            let (start, length) = (W::load(&self.start), length.min(W::splat(LONGEST)));
-            let error = self.error(start, length);
-            [
-                start.add(length.mul(W::splat(1.0 - END_PADDING))).sub(error),
-                start.add(length).add(error),
-            ]
-        }
+    fn ends<W: Lanes16>(&self, token: W::Token, length: W) -> [W; 2] {
+        let (start, length) = (W::load(token, &self.start), length.min(W::splat(token, LONGEST)));
+        let error = self.error(token, start, length);
+        [
+            start.add(length.mul(W::splat(token, 1.0 - END_PADDING))).sub(error),
+            start.add(length).add(error),
+        ]
     }
 
     /// After hits of some rays: their new padded lengths.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    pub unsafe fn tighten<W: Lanes16>(&mut self, rays: u32, length: W) {
-        // SAFETY: passed on to the caller.
-        unsafe {
-            let [sure_end, end] = self.ends(length);
-            let (sure_end, end) =
-                (sure_end.min(W::load(&self.sure_end)), end.min(W::load(&self.end)));
-            sure_end.store_where(rays, &mut self.sure_end);
-            end.store_where(rays, &mut self.end);
-        }
+    pub fn tighten<W: Lanes16>(&mut self, token: W::Token, rays: u32, length: W) {
+        let [sure_end, end] = self.ends(token, length);
+        let (sure_end, end) =
+            (sure_end.min(W::load(token, &self.sure_end)), end.min(W::load(token, &self.end)));
+        sure_end.store_where(rays, &mut self.sure_end);
+        end.store_where(rays, &mut self.end);
     }
 }

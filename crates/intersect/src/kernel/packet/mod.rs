@@ -27,7 +27,6 @@ mod trial;
 mod triangles;
 mod walk;
 
-use super::single::traverse::Walk;
 use super::stream::interleave::Batch;
 use crate::kernel::Goal;
 use crate::precision::Facts;
@@ -39,116 +38,75 @@ use crate::tree::{Forest, GroupTree};
 use bundle::RAYS;
 use exact::Found;
 pub(crate) use precision::PacketTests;
-use snell_math::simd::{Lanes8, Lanes16, Level, Portable8};
+#[cfg(target_arch = "x86_64")]
+use snell_math::simd::{Avx8, Avx16, Pair, Token};
+use snell_math::simd::{Lanes8, Lanes16, Portable, Portable8, Wide};
 use std::mem::MaybeUninit;
 use std::ops::Range;
 use sure::Sure;
 use trial::{Detail, Trial};
-use walk::{Luggage, Position, ROWS, Stacks, WalkBundles, Walker, first};
-#[cfg(target_arch = "x86_64")]
-use {
-    super::single::traverse::walk_avx2,
-    snell_math::simd::{Avx8, Avx16, Pair},
-    walk::{walk_bundles_avx2, walk_bundles_avx512},
-};
+use walk::{Luggage, Position, ROWS, Stacks, Walker, enter, first};
 
 /// Fewer rays are not worth a bundle.
 const MIN_RAYS: usize = 6;
 
 /// True if the forest can be searched with bundles at all.
 pub(crate) fn is_suitable(forest: &Forest) -> bool {
-    // SAFETY: portable code.
-    unsafe { fits::<Portable8>(&forest.trees[0]) }
+    fits::<Portable8>(Portable, &forest.trees[0])
 }
 
 /// True if bundles can walk this tree.
-///
-/// # Safety
-/// The machine must have the instructions of `L`.
 #[inline(always)]
-unsafe fn fits<L: Lanes8>(tree: &GroupTree) -> bool {
+fn fits<L: Lanes8>(token: L::Token, tree: &GroupTree) -> bool {
     // A child is remembered as its place: eight to a node.
     tree.root != ChildRef::NONE
         && tree.root.is_node()
         && tree.nodes.len() < 1 << 29
-        // SAFETY: passed on to the caller.
-        && unsafe { bundle::is_in_range::<L>(&tree.nodes[tree.root.index()]) }
+        && bundle::is_in_range::<L>(token, &tree.nodes[tree.root.index()])
 }
 
 /// Searches for the rays of the batch run by run; `answers` get the number of a ray and what was
 /// found. Returns the ranges of rays that were left out.
 pub(crate) fn search_runs<G: Goal>(
     forest: &Forest,
-    level: Level,
+    wide: Option<Wide>,
     batch: &Batch<G::Precision>,
     start: impl Fn(&RayOf<G>) -> G,
     answers: impl Answers<G>,
 ) -> Vec<Range<usize>> {
     debug_assert!(is_suitable(forest));
     let mut stacks = Stacks {
-        distances: vec![0.0; forest.stack_size],
-        places: vec![0; forest.stack_size],
-        meetings: vec![0; forest.stack_size],
-        single: vec![MaybeUninit::uninit(); forest.stack_size],
+        distances: vec![0.0; forest.stack_size()],
+        places: vec![0; forest.stack_size()],
+        meetings: vec![0; forest.stack_size()],
+        single: vec![MaybeUninit::uninit(); forest.stack_size()],
         spare: Vec::new(),
         work: 0,
     };
-    match level {
+    match wide {
         #[cfg(target_arch = "x86_64")]
-        // SAFETY: `World` holds only levels that the machine supports, and the stacks have
-        // `stack_size` entries.
-        Level::Avx512 => unsafe { run_avx512(forest, batch, &mut stacks, start, answers) },
+        Some(Wide::Avx512(token)) => token.run(
+            #[inline(always)]
+            move || run::<Avx16, G>(token, forest, batch, &mut stacks, start, answers),
+        ),
         #[cfg(target_arch = "x86_64")]
-        // SAFETY: as above.
-        Level::Avx2 => unsafe { run_avx2(forest, batch, &mut stacks, start, answers) },
+        Some(Wide::Avx2(token)) => token.run(
+            #[inline(always)]
+            move || run::<Pair<Avx8>, G>(token, forest, batch, &mut stacks, start, answers),
+        ),
         // Without wide registers, rays are as fast one by one.
         _ => std::iter::once(0..batch.rays.len()).collect(),
     }
 }
 
-/// # Safety
-/// As [`run`].
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-unsafe fn run_avx2<G: Goal>(
-    forest: &Forest,
-    batch: &Batch<G::Precision>,
-    stacks: &mut Stacks,
-    start: impl Fn(&RayOf<G>) -> G,
-    answers: impl Answers<G>,
-) -> Vec<Range<usize>> {
-    let entries = (walk_bundles_avx2::<G> as WalkBundles<G>, walk_avx2::<G> as Walk<G>);
-    // SAFETY: as promised by the caller.
-    unsafe { run::<Pair<Avx8>, G>(forest, batch, stacks, start, answers, entries) }
-}
-
-/// # Safety
-/// As [`run`].
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-unsafe fn run_avx512<G: Goal>(
-    forest: &Forest,
-    batch: &Batch<G::Precision>,
-    stacks: &mut Stacks,
-    start: impl Fn(&RayOf<G>) -> G,
-    answers: impl Answers<G>,
-) -> Vec<Range<usize>> {
-    let entries = (walk_bundles_avx512::<G> as WalkBundles<G>, walk_avx2::<G> as Walk<G>);
-    // SAFETY: as promised by the caller.
-    unsafe { run::<Avx16, G>(forest, batch, stacks, start, answers, entries) }
-}
-
-/// # Safety
-/// The machine must have the instructions of `W`; the stacks must have room for all groups; `enter`
-/// and `enter_single` must be entries of the same level.
 #[inline(always)]
-unsafe fn run<'s, W: Lanes16, G: Goal>(
+fn run<'s, W: Lanes16, G: Goal>(
+    token: W::Token,
     forest: &Forest,
     batch: &Batch<'s, G::Precision>,
     stacks: &mut Stacks,
     start: impl Fn(&RayOf<G>) -> G,
     mut answers: impl Answers<G>,
-    (enter, enter_single): (WalkBundles<G>, Walk<G>),
 ) -> Vec<Range<usize>> {
     let mut left: Vec<Range<usize>> = Vec::new();
     let all = batch.rays.rays();
@@ -180,8 +138,6 @@ unsafe fn run<'s, W: Lanes16, G: Goal>(
         sure: Sure::NONE,
         is_small: false,
         counted: [0; 2],
-        enter,
-        enter_single,
     };
     let (mut walkers, mut luggage) = ([new(), new(), new(), new()], Luggage::new());
     let (mut trial, mut detail) = (Trial::default(), Detail::default());
@@ -196,16 +152,14 @@ unsafe fn run<'s, W: Lanes16, G: Goal>(
             let rays = &all[run.clone()];
             fetch_ahead(&all[next..], run.clone(), &answers);
             let anchor = runs::anchor::<G::Precision>(&all[chunk], rays);
-            // SAFETY: as promised by the caller.
-            if unsafe {
-                G::Precision::set_up_bundle::<W>(
-                    batch.context.data,
-                    &mut luggage.bundles[count],
-                    rays,
-                    anchor,
-                    backward,
-                )
-            } {
+            if G::Precision::set_up_bundle::<W>(
+                token,
+                batch.context.data,
+                &mut luggage.bundles[count],
+                rays,
+                anchor,
+                backward,
+            ) {
                 walkers[count].set_off(rays, run.start, batch.rays.common_mask(run.clone()));
                 members |= 1 << (8 * count);
                 count += 1;
@@ -227,8 +181,13 @@ unsafe fn run<'s, W: Lanes16, G: Goal>(
                 row.memory.clear();
                 (row.walker.is_small, row.walker.counted) = (is_small, [0; 2]);
             }
-            // SAFETY: as promised by the caller.
-            unsafe { enter(&mut rows, alike, stacks, Position { group: 0, instance: 0, top: 0 }) };
+            enter::<W, G>(
+                token,
+                &mut rows,
+                alike,
+                stacks,
+                Position { group: 0, instance: 0, top: 0 },
+            );
             detail.count(
                 rows.iter()
                     .map(|row| row.walker.counted)

@@ -51,82 +51,81 @@ pub(super) struct SeenCorners<L> {
 
 impl<L: Lanes8> SeenCorners<L> {
     /// Writes the planes, and better normals if there are slivers.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    pub unsafe fn write<W: Lanes16<Half = L>, P: PacketTests>(
+    pub fn write<W: Lanes16<Half = L>, P: PacketTests>(
         &self,
+        token: W::Token,
         lines: &Lines,
         normals: &mut [[f32; 8]; 3],
         to: &mut Planes,
     ) {
-        // SAFETY: passed on to the caller.
-        unsafe {
-            let product = self.sizes[0].mul(self.sizes[1]);
-            let (near, tiny) = (L::splat(lines.spread + lines.latest), L::splat(f32::MIN_POSITIVE));
-            let reach = size(self.first).add(near);
-            let mut length = size(self.normal);
-            let (mut error, mut upright);
-            if length.mul(L::splat(SLIVER)).lt(product) == 0 {
-                let ([nx, ny, nz], [x, y, z]) = (self.normal, self.first);
-                nx.mul_add(x, ny.mul_add(y, nz.mul(z))).store(&mut to.height);
-                let product = product.add(tiny);
-                error = product.mul(reach).mul(L::splat(192.0 * ROUNDING));
-                upright = product.mul(L::splat(64.0 * ROUNDING));
-            } else {
-                self.write_exactly::<W>(normals, to);
-                length = size([L::load(&normals[0]), L::load(&normals[1]), L::load(&normals[2])]);
-                let rest = product.mul(L::splat(2e-14)).add(L::splat(1e-44));
-                let of_height = L::load(&to.height).abs().mul(L::splat(8.0 * ROUNDING));
-                error = length
-                    .mul(near)
-                    .mul_add(L::splat(64.0 * ROUNDING), rest.mul_add(reach, of_height));
-                upright = length.mul_add(L::splat(16.0 * ROUNDING), rest);
-            }
-            if lines.margin > 0.0 {
-                let margin = L::splat(lines.margin);
-                error = length.mul(margin).mul_add(L::splat(8.0), error);
-                if P::TRIANGLES_ELSEWHERE {
-                    // Corners are elsewhere, too, and edges: triangles that are met have them no
-                    // longer than this.
-                    let edge = self.sizes[0].max(self.sizes[1]).add(margin.mul(L::splat(8.0)));
-                    let off = edge.mul(margin);
-                    error = off.mul(reach).mul_add(L::splat(64.0), error);
-                    upright = off.mul_add(L::splat(16.0), upright);
-                }
-            }
-            error.add(tiny).store(&mut to.error);
-            upright.add(tiny).store(&mut to.upright);
+        let half = self.forward.token();
+        let product = self.sizes[0].mul(self.sizes[1]);
+        let (near, tiny) =
+            (L::splat(half, lines.spread + lines.latest), L::splat(half, f32::MIN_POSITIVE));
+        let reach = size(self.first).add(near);
+        let mut length = size(self.normal);
+        let (mut error, mut upright);
+        if length.mul(L::splat(half, SLIVER)).lt(product) == 0 {
+            let ([nx, ny, nz], [x, y, z]) = (self.normal, self.first);
+            nx.mul_add(x, ny.mul_add(y, nz.mul(z))).store(&mut to.height);
+            let product = product.add(tiny);
+            error = product.mul(reach).mul(L::splat(half, 192.0 * ROUNDING));
+            upright = product.mul(L::splat(half, 64.0 * ROUNDING));
+        } else {
+            self.write_exactly::<W>(token, normals, to);
+            length = size([
+                L::load(half, &normals[0]),
+                L::load(half, &normals[1]),
+                L::load(half, &normals[2]),
+            ]);
+            let rest = product.mul(L::splat(half, 2e-14)).add(L::splat(half, 1e-44));
+            let of_height = L::load(half, &to.height).abs().mul(L::splat(half, 8.0 * ROUNDING));
+            error = length
+                .mul(near)
+                .mul_add(L::splat(half, 64.0 * ROUNDING), rest.mul_add(reach, of_height));
+            upright = length.mul_add(L::splat(half, 16.0 * ROUNDING), rest);
         }
+        if lines.margin > 0.0 {
+            let margin = L::splat(half, lines.margin);
+            error = length.mul(margin).mul_add(L::splat(half, 8.0), error);
+            if P::TRIANGLES_ELSEWHERE {
+                // Corners are elsewhere, too, and edges: triangles that are met have them no
+                // longer than this.
+                let edge = self.sizes[0].max(self.sizes[1]).add(margin.mul(L::splat(half, 8.0)));
+                let off = edge.mul(margin);
+                error = off.mul(reach).mul_add(L::splat(half, 64.0), error);
+                upright = off.mul_add(L::splat(half, 16.0), upright);
+            }
+        }
+        error.add(tiny).store(&mut to.error);
+        upright.add(tiny).store(&mut to.upright);
     }
 
     /// Writes normals and heights from double precision.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    unsafe fn write_exactly<W: Lanes16<Half = L>>(
+    fn write_exactly<W: Lanes16<Half = L>>(
         &self,
+        token: W::Token,
         normals: &mut [[f32; 8]; 3],
         to: &mut Planes,
     ) {
         let mut from = 0;
         while from < 8 {
-            // SAFETY: passed on to the caller.
-            unsafe {
-                let [v0, v1, v2] = &self.corners;
-                let (v0, v1, v2) =
-                    (exact3::<W>(v0, from), exact3::<W>(v1, from), exact3::<W>(v2, from));
-                let forward = W::HalfDoubles::of(self.forward, from);
-                let first = minus(v0, exact3::<W>(&self.point, from), forward);
-                let normal = cross(minus(v0, v2, forward), minus(v1, v0, forward));
-                let height = dot(normal, first);
-                normal[0].store_rounded_from(&mut normals[0], from);
-                normal[1].store_rounded_from(&mut normals[1], from);
-                normal[2].store_rounded_from(&mut normals[2], from);
-                height.store_rounded_from(&mut to.height, from);
-            }
+            let [v0, v1, v2] = &self.corners;
+            let (v0, v1, v2) = (
+                exact3::<W>(token, v0, from),
+                exact3::<W>(token, v1, from),
+                exact3::<W>(token, v2, from),
+            );
+            let forward = W::HalfDoubles::of(token, self.forward, from);
+            let first = minus(v0, exact3::<W>(token, &self.point, from), forward);
+            let normal = cross(minus(v0, v2, forward), minus(v1, v0, forward));
+            let height = dot(normal, first);
+            normal[0].store_rounded_from(&mut normals[0], from);
+            normal[1].store_rounded_from(&mut normals[1], from);
+            normal[2].store_rounded_from(&mut normals[2], from);
+            height.store_rounded_from(&mut to.height, from);
             from += W::HalfDoubles::LANES;
         }
     }

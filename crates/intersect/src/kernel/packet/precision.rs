@@ -16,10 +16,8 @@ use snell_math::{DRay, Ray};
 pub(crate) trait PacketTests: BlockFilter {
     /// Sixteen rays of a group in the coordinates that the structures of the group are in: as
     /// [`Self::ray_in_structure`].
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
-    unsafe fn rays_in_structure<W: Lanes16>(
+    fn rays_in_structure<W: Lanes16>(
+        token: W::Token,
         data: &Self::Data,
         group: usize,
         rays: LaneRays<W>,
@@ -28,10 +26,8 @@ pub(crate) trait PacketTests: BlockFilter {
     /// Makes a bundle of a run of rays in the root group, if possible described from where `anchor`
     /// starts or ends; false if it is none. Lanes without a ray repeat the first one and want
     /// nothing.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
-    unsafe fn set_up_bundle<W: Lanes16>(
+    fn set_up_bundle<W: Lanes16>(
+        token: W::Token,
         data: &Self::Data,
         bundle: &mut Bundle,
         rays: &[Self::Ray],
@@ -42,11 +38,8 @@ pub(crate) trait PacketTests: BlockFilter {
     /// The exact test for up to eight pairs of a ray of the bundle and a triangle of the tree
     /// ([`exact::exact_hits`]); rows of rays must have been written if
     /// [triangles are elsewhere](Self::TRIANGLES_ELSEWHERE).
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`. All rays of the bundle must be drawn along
-    /// its z axis ([`Bundle::is_aligned`]).
-    unsafe fn exact_hits<W: Lanes16>(
+    fn exact_hits<W: Lanes16>(
+        token: W::Token,
         data: &Self::Data,
         tree: &GroupTree,
         bundle: &Bundle,
@@ -56,11 +49,8 @@ pub(crate) trait PacketTests: BlockFilter {
 
     /// The exact test for the triangle of the tree that each of some rays of the bundle surely
     /// hits, or the drawing of which ([`sure::test`]).
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`; the places must be those of triangles. All
-    /// rays of the bundle must be drawn along its z axis ([`Bundle::is_aligned`]).
-    unsafe fn sure_hits<W: Lanes16>(
+    fn sure_hits<W: Lanes16>(
+        token: W::Token,
         tree: &GroupTree,
         bundle: &Bundle,
         rays: [u32; 2],
@@ -71,87 +61,98 @@ pub(crate) trait PacketTests: BlockFilter {
 
 impl PacketTests for Single {
     #[inline(always)]
-    unsafe fn rays_in_structure<W: Lanes16>(_: &(), _: usize, rays: LaneRays<W>) -> LaneRays<W> {
+    fn rays_in_structure<W: Lanes16>(
+        _: W::Token,
+        _: &(),
+        _: usize,
+        rays: LaneRays<W>,
+    ) -> LaneRays<W> {
         rays
     }
 
     #[inline(always)]
-    unsafe fn set_up_bundle<W: Lanes16>(
+    fn set_up_bundle<W: Lanes16>(
+        token: W::Token,
         _: &(),
         bundle: &mut Bundle,
         rays: &[Ray],
         anchor: &Ray,
         backward: bool,
     ) -> bool {
-        // SAFETY: passed on to the caller.
-        unsafe { runs::set_up::<W>(bundle, rays, anchor, backward) }
+        runs::set_up::<W>(token, bundle, rays, anchor, backward)
     }
 
     #[inline(always)]
-    unsafe fn exact_hits<W: Lanes16>(
+    fn exact_hits<W: Lanes16>(
+        token: W::Token,
         _: &(),
         tree: &GroupTree,
         bundle: &Bundle,
         pairs: &Pairs,
         found: &mut Found<f32>,
     ) {
-        // SAFETY: passed on to the caller.
-        unsafe { exact::exact_hits::<W>(tree.blocks.at(), bundle, pairs, found) }
+        exact::exact_hits::<W>(token, &tree.blocks, bundle, pairs, found)
     }
 
     #[inline(always)]
-    unsafe fn sure_hits<W: Lanes16>(
+    fn sure_hits<W: Lanes16>(
+        token: W::Token,
         tree: &GroupTree,
         bundle: &Bundle,
         rays: [u32; 2],
         places: &PerRay<u32>,
         sure: &mut Sure<f32>,
     ) -> Decided {
-        // SAFETY: passed on to the caller.
-        unsafe { sure::test::<W>(tree.blocks.at(), bundle, rays, places, sure) }
+        sure::test::<W>(token, &tree.blocks, bundle, rays, places, sure)
     }
 }
 
 impl PacketTests for Double {
     #[inline(always)]
-    unsafe fn rays_in_structure<W: Lanes16>(
+    fn rays_in_structure<W: Lanes16>(
+        token: W::Token,
         data: &DoubleData,
         group: usize,
         rays: LaneRays<W>,
     ) -> LaneRays<W> {
         let Frame { center, scale, .. } = &data.frames[group];
-        // SAFETY: passed on to the caller.
-        unsafe { rays.framed(center, *scale) }
+        rays.framed(token, center, *scale)
     }
 
     #[inline(always)]
-    unsafe fn set_up_bundle<W: Lanes16>(
+    fn set_up_bundle<W: Lanes16>(
+        token: W::Token,
         data: &DoubleData,
         bundle: &mut Bundle,
         rays: &[DRay],
         _: &DRay,
         backward: bool,
     ) -> bool {
-        // SAFETY: passed on to the caller.
-        unsafe { runs::set_up_doubles::<W>(data, bundle, rays, backward) }
+        runs::set_up_doubles::<W>(token, data, bundle, rays, backward)
     }
 
     #[inline(always)]
-    unsafe fn exact_hits<W: Lanes16>(
+    fn exact_hits<W: Lanes16>(
+        token: W::Token,
         data: &DoubleData,
         tree: &GroupTree,
         bundle: &Bundle,
         pairs: &Pairs,
         found: &mut Found<f64>,
     ) {
-        // SAFETY: passed on to the caller.
-        unsafe {
-            doubles::exact_hits::<<W::Half as WideLanes>::Doubles>(data, tree, bundle, pairs, found)
-        }
+        doubles::exact_hits::<<W::Half as WideLanes>::Doubles>(
+            W::half_token(token),
+            data,
+            tree,
+            bundle,
+            pairs,
+            found,
+        )
     }
 
     #[inline(always)]
-    unsafe fn sure_hits<W: Lanes16>(
+    fn sure_hits<W: Lanes16>(
+        _: W::Token,
         _: &GroupTree,
         _: &Bundle,
         _: [u32; 2],

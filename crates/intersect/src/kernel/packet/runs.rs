@@ -33,11 +33,9 @@ pub(super) fn anchor<'a, P: PacketTests>(before: &'a P::Ray, rays: &'a [P::Ray])
 
 /// Makes a bundle of a run, described from where `anchor` starts or ends, and seen from where that
 /// starts; false if it is none. Lanes without a ray repeat the first one and want nothing.
-///
-/// # Safety
-/// The machine must have the instructions of `W`.
 #[inline(always)]
-pub(crate) unsafe fn set_up<W: Lanes16>(
+pub(crate) fn set_up<W: Lanes16>(
+    token: W::Token,
     bundle: &mut Bundle,
     rays: &[Ray],
     anchor: &Ray,
@@ -56,63 +54,57 @@ pub(crate) unsafe fn set_up<W: Lanes16>(
         }
     };
     bundle.has_rays = false;
-    // SAFETY: as promised by the caller. (In registers of one size: what was written in halves
-    // cannot be read as a whole for long.)
-    unsafe {
-        let [ox, oy, oz, t_min, dx, dy, dz, t_max] = ray_columns::<W>(all);
-        let zero = W::splat(0.0);
-        // Zero if everything is finite.
-        let mut sum = t_min.mul(zero);
-        for column in [ox, oy, oz, dx, dy, dz] {
-            sum = sum.add(column.mul(zero));
-        }
-        if sum.le(zero) & zero.le(t_min) & t_min.lt(t_max) != 0xffff {
-            return false;
-        }
-        let ends = t_max.lt(W::splat(f32::INFINITY)) == 0xffff;
-        let point = anchor.origin.to_array();
-        let [x, y, z] = point;
-        let from_point = [ox.sub(W::splat(x)), oy.sub(W::splat(y)), oz.sub(W::splat(z))];
-        // (Differences of finite numbers are zero if these are equal.)
-        let common = from_point[0].abs().max(from_point[1].abs()).max(from_point[2].abs()).le(zero)
-            == 0xffff;
-        let reversed = !common && ends;
-        // A little beyond the ends, so that all rays end before it.
-        let end = anchor.origin + anchor.direction * (anchor.t_max * (1.0 + 1.0 / 1024.0));
-        let apex = if reversed { end } else { anchor.origin }.to_array();
-        let kind = Kind {
-            apex,
-            reversed,
-            common,
-            backward: reversed && backward,
-            rounded: false,
-            slack: 0.0,
-        };
-        if !common {
-            ox.store(&mut bundle.drawn_origin[0]);
-            oy.store(&mut bundle.drawn_origin[1]);
-            oz.store(&mut bundle.drawn_origin[2]);
-        }
-        dx.store(&mut bundle.direction[0]);
-        dy.store(&mut bundle.direction[1]);
-        dz.store(&mut bundle.direction[2]);
-        let from_apex =
-            [ox.sub(W::splat(apex[0])), oy.sub(W::splat(apex[1])), oz.sub(W::splat(apex[2]))];
-        let unused = 0xffff << rays.len() & 0xffff;
-        let cull =
-            t_max.add(t_max.abs().mul(W::splat(CULL_PADDING))).replace(unused, W::splat(-1.0));
-        let direction = [dx, dy, dz];
-        let columns = Columns { from_apex, from_point, direction, point, t_min, cull };
-        bundle.set_up::<W, Single>(&columns, first.direction.to_array(), kind)
+    // (In registers of one size: what was written in halves cannot be read as a whole for long.)
+    let [ox, oy, oz, t_min, dx, dy, dz, t_max] = ray_columns::<W>(token, all);
+    let zero = W::splat(token, 0.0);
+    // Zero if everything is finite.
+    let mut sum = t_min.mul(zero);
+    for column in [ox, oy, oz, dx, dy, dz] {
+        sum = sum.add(column.mul(zero));
     }
+    if sum.le(zero) & zero.le(t_min) & t_min.lt(t_max) != 0xffff {
+        return false;
+    }
+    let ends = t_max.lt(W::splat(token, f32::INFINITY)) == 0xffff;
+    let point = anchor.origin.to_array();
+    let [x, y, z] = point;
+    let from_point =
+        [ox.sub(W::splat(token, x)), oy.sub(W::splat(token, y)), oz.sub(W::splat(token, z))];
+    // (Differences of finite numbers are zero if these are equal.)
+    let common =
+        from_point[0].abs().max(from_point[1].abs()).max(from_point[2].abs()).le(zero) == 0xffff;
+    let reversed = !common && ends;
+    // A little beyond the ends, so that all rays end before it.
+    let end = anchor.origin + anchor.direction * (anchor.t_max * (1.0 + 1.0 / 1024.0));
+    let apex = if reversed { end } else { anchor.origin }.to_array();
+    let kind =
+        Kind { apex, reversed, common, backward: reversed && backward, rounded: false, slack: 0.0 };
+    if !common {
+        ox.store(&mut bundle.drawn_origin[0]);
+        oy.store(&mut bundle.drawn_origin[1]);
+        oz.store(&mut bundle.drawn_origin[2]);
+    }
+    dx.store(&mut bundle.direction[0]);
+    dy.store(&mut bundle.direction[1]);
+    dz.store(&mut bundle.direction[2]);
+    let from_apex = [
+        ox.sub(W::splat(token, apex[0])),
+        oy.sub(W::splat(token, apex[1])),
+        oz.sub(W::splat(token, apex[2])),
+    ];
+    let unused = 0xffff << rays.len() & 0xffff;
+    let cull = t_max
+        .add(t_max.abs().mul(W::splat(token, CULL_PADDING)))
+        .replace(unused, W::splat(token, -1.0));
+    let direction = [dx, dy, dz];
+    let columns = Columns { from_apex, from_point, direction, point, t_min, cull };
+    bundle.set_up::<W, Single>(token, &columns, first.direction.to_array(), kind)
 }
 
 /// [`set_up`] in double precision.
-///
-/// # Safety
-/// The machine must have the instructions of `W`.
 #[inline(always)]
-pub(crate) unsafe fn set_up_doubles<W: Lanes16>(
+pub(crate) fn set_up_doubles<W: Lanes16>(
+    token: W::Token,
     data: &DoubleData,
     bundle: &mut Bundle,
     rays: &[DRay],
@@ -150,17 +142,17 @@ pub(crate) unsafe fn set_up_doubles<W: Lanes16>(
         rounded: true,
         slack: 0.0,
     };
-    // SAFETY: as promised by the caller.
-    is_fine
-        && unsafe {
-            let (limits, points) = ([W::load(&t_min), W::load(&cull)], [apex, first.origin]);
-            bundle.set_up_exactly::<W, Double>(
-                LaneRays::load(&exact),
-                limits,
-                data,
-                0,
-                points,
-                &kind,
-            )
-        }
+    is_fine && {
+        let (limits, points) =
+            ([W::load(token, &t_min), W::load(token, &cull)], [apex, first.origin]);
+        bundle.set_up_exactly::<W, Double>(
+            token,
+            LaneRays::load(token, &exact),
+            limits,
+            data,
+            0,
+            points,
+            &kind,
+        )
+    }
 }

@@ -5,7 +5,7 @@ use super::exact_rays::LaneRays;
 use crate::exact::meeting::{Corners, InDrawing, InPlane, dot};
 use crate::exact::triangle::PLACE_TOLERANCE;
 use crate::precision::Real;
-use crate::tree::compact::BlocksAt;
+use crate::tree::Blocks;
 use snell_math::simd::{Doubles16, Lanes16};
 
 /// Where rays hit, and with which parameters.
@@ -37,122 +37,108 @@ pub(crate) struct Decided {
 
 /// Tests the triangles that some of the rays surely hit, given by their places. Of `drawn` rays it
 /// is only known that they hit what is drawn, and not that they are in the box of the triangle.
-///
-/// # Safety
-/// The machine must have the instructions of `W`; the triangles must be of these blocks. All rays
-/// of the bundle must be drawn along its z axis ([`Bundle::is_aligned`]).
 #[inline(always)]
-pub(crate) unsafe fn test<W: Lanes16>(
-    blocks: BlocksAt,
+pub(crate) fn test<W: Lanes16>(
+    token: W::Token,
+    blocks: &Blocks,
     bundle: &Bundle,
     [rays, drawn]: [u32; 2],
     places: &PerRay<u32>,
     sure: &mut Sure<f32>,
 ) -> Decided {
-    // SAFETY: passed on to the caller; axes are below 3.
-    unsafe {
-        let corners = corners::<W>(blocks, rays, places);
-        let LaneRays { origin, direction } = bundle.lane_rays::<W>();
-        let InPlane { normal: [nx, ny, nz], slope, t } =
-            InPlane::<W::Doubles>::new(&corners, origin, direction);
-        let [first, second, third] =
-            [turned(corners[0], bundle), turned(corners[1], bundle), turned(corners[2], bundle)];
-        let speed = *direction.get_unchecked(bundle.axes[2]);
-        let square = nx.mul(nx).add(ny.mul(ny)).add(nz.mul(nz)).mul(speed.mul(speed));
-        let is_steep = square.lt(slope.mul(slope).mul(W::Doubles::splat(STEEPEST_SQUARE)));
-        let sign = W::splat(bundle.sign);
-        let shear = [W::load(&bundle.slope[0]).mul(sign), W::load(&bundle.slope[1]).mul(sign)];
-        let InDrawing { inside, b1, b2 } =
-            InDrawing::<W::Doubles>::new([first, second, third], bundle.drawn(), shear);
-        let mut decided = rays & is_steep & inside;
-        if bundle.kind.rounded {
-            // What is drawn is off by the rounding of the origin, too.
-            let (start, one) = (*origin.get_unchecked(bundle.axes[2]), W::Doubles::splat(1.0));
-            let [z0, z1, z2] = [
-                W::Doubles::of(first[2]).sub(start),
-                W::Doubles::of(second[2]).sub(start),
-                W::Doubles::of(third[2]).sub(start),
-            ];
-            let place = dot([z0, z1, z2], [one.sub(b1).sub(b2), b1, b2]);
-            let reach = place.abs().mul(W::Doubles::splat(PLACE_TOLERANCE * (1.0 - 1e-9)));
-            decided &= place.sub(t.mul(speed)).abs().lt(reach);
-        }
-        t.rounded().store(&mut sure.t);
-        b1.rounded().store(&mut sure.b1);
-        b2.rounded().store(&mut sure.b2);
-        let drawn = rays & drawn;
-        let moved =
-            if drawn == 0 { 0 } else { drawn & !in_box::<W>(&corners, &origin, &direction, t) };
-        Decided { hits: decided & !moved, moved }
+    let corners = corners::<W>(token, blocks, rays, places);
+    let LaneRays { origin, direction } = bundle.lane_rays::<W>(token);
+    let InPlane { normal: [nx, ny, nz], slope, t } =
+        InPlane::<W::Doubles>::new(&corners, origin, direction);
+    let [first, second, third] =
+        [turned(corners[0], bundle), turned(corners[1], bundle), turned(corners[2], bundle)];
+    let speed = *bundle.axes.of(&direction)[2];
+    let square = nx.mul(nx).add(ny.mul(ny)).add(nz.mul(nz)).mul(speed.mul(speed));
+    let is_steep = square.lt(slope.mul(slope).mul(W::Doubles::splat(token, STEEPEST_SQUARE)));
+    let sign = W::splat(token, bundle.sign);
+    let shear =
+        [W::load(token, &bundle.slope[0]).mul(sign), W::load(token, &bundle.slope[1]).mul(sign)];
+    let InDrawing { inside, b1, b2 } =
+        InDrawing::<W::Doubles>::new(token, [first, second, third], bundle.drawn(token), shear);
+    let mut decided = rays & is_steep & inside;
+    if bundle.kind.rounded {
+        // What is drawn is off by the rounding of the origin, too.
+        let (start, one) = (*bundle.axes.of(&origin)[2], W::Doubles::splat(token, 1.0));
+        let [z0, z1, z2] = [
+            W::Doubles::of(first[2]).sub(start),
+            W::Doubles::of(second[2]).sub(start),
+            W::Doubles::of(third[2]).sub(start),
+        ];
+        let place = dot([z0, z1, z2], [one.sub(b1).sub(b2), b1, b2]);
+        let reach = place.abs().mul(W::Doubles::splat(token, PLACE_TOLERANCE * (1.0 - 1e-9)));
+        decided &= place.sub(t.mul(speed)).abs().lt(reach);
     }
+    t.rounded().store(&mut sure.t);
+    b1.rounded().store(&mut sure.b1);
+    b2.rounded().store(&mut sure.b2);
+    let drawn = rays & drawn;
+    let moved =
+        if drawn == 0 { 0 } else { drawn & !in_box::<W>(token, &corners, &origin, &direction, t) };
+    Decided { hits: decided & !moved, moved }
 }
 
 /// Where the points of rays at `t` are in the boxes of triangles, as
 /// [`crate::exact::triangle::clamp_to_box`] asks.
-///
-/// # Safety
-/// The machine must have the instructions of `W`.
 #[inline(always)]
-unsafe fn in_box<W: Lanes16>(
+fn in_box<W: Lanes16>(
+    token: W::Token,
     [a, b, c]: &Corners<W>,
     origin: &[W::Doubles; 3],
     direction: &[W::Doubles; 3],
     t: W::Doubles,
 ) -> u32 {
-    // SAFETY: passed on to the caller.
-    unsafe {
-        let (mut low, mut high, mut size) = (*origin, *origin, W::Doubles::splat(0.0));
-        for axis in 0..3 {
-            // (The least of the rounded differences is that of the least.)
-            low[axis] = W::Doubles::of(a[axis].min(b[axis]).min(c[axis])).sub(origin[axis]);
-            high[axis] = W::Doubles::of(a[axis].max(b[axis]).max(c[axis])).sub(origin[axis]);
-            let side = high[axis].sub(low[axis]);
-            size = size.replace(size.lt(side), side);
-        }
-        let (padding, small) = (size.mul(W::Doubles::splat(0.8e-6)), W::Doubles::splat(1e-8));
-        // (NaN is nowhere.)
-        let mut inside = t.abs().lt(W::Doubles::splat(f64::INFINITY));
-        for axis in 0..3 {
-            let point = direction[axis].mul(t);
-            let margin = point.abs().mul(small);
-            let before = point.add(margin).lt(low[axis].sub(padding));
-            inside &= !before & !high[axis].add(padding).lt(point.sub(margin));
-        }
-        inside
+    let (mut low, mut high, mut size) = (*origin, *origin, W::Doubles::splat(token, 0.0));
+    for axis in 0..3 {
+        // (The least of the rounded differences is that of the least.)
+        low[axis] = W::Doubles::of(a[axis].min(b[axis]).min(c[axis])).sub(origin[axis]);
+        high[axis] = W::Doubles::of(a[axis].max(b[axis]).max(c[axis])).sub(origin[axis]);
+        let side = high[axis].sub(low[axis]);
+        size = size.replace(size.lt(side), side);
     }
+    let (padding, small) =
+        (size.mul(W::Doubles::splat(token, 0.8e-6)), W::Doubles::splat(token, 1e-8));
+    // (NaN is nowhere.)
+    let mut inside = t.abs().lt(W::Doubles::splat(token, f64::INFINITY));
+    for axis in 0..3 {
+        let point = direction[axis].mul(t);
+        let margin = point.abs().mul(small);
+        let before = point.add(margin).lt(low[axis].sub(padding));
+        inside &= !before & !high[axis].add(padding).lt(point.sub(margin));
+    }
+    inside
 }
 
 /// The coordinates in the order of the axes of a bundle.
-///
-/// # Safety
-/// The axes must be below 3.
 #[inline(always)]
-unsafe fn turned<W: Lanes16>(v: [W; 3], bundle: &Bundle) -> [W; 3] {
-    let [x, y, z] = bundle.axes;
-    // SAFETY: passed on to the caller.
-    unsafe { [*v.get_unchecked(x), *v.get_unchecked(y), *v.get_unchecked(z)] }
+fn turned<W: Lanes16>(v: [W; 3], bundle: &Bundle) -> [W; 3] {
+    let [x, y, z] = bundle.axes.of(&v);
+    [*x, *y, *z]
 }
 
 /// The corners of a triangle for each ray. (Neighbours mostly hit the same few.)
-///
-/// # Safety
-/// The machine must have the instructions of `W`; the triangles must be of these blocks.
 #[inline(always)]
-unsafe fn corners<W: Lanes16>(blocks: BlocksAt, mut rays: u32, places: &PerRay<u32>) -> Corners<W> {
-    // SAFETY: passed on to the caller.
-    unsafe {
-        let mut corners = [[W::splat(0.0); 3]; 3];
-        while rays != 0 {
-            let place = places[rays.trailing_zeros() as usize & (RAYS - 1)];
-            let these = W::places_of(place, places);
-            rays &= !these;
-            let triangle = blocks.corners(place as usize >> 3, place as usize & 7);
-            for (corner, from) in corners.iter_mut().zip(triangle) {
-                for (axis, from) in corner.iter_mut().zip(from) {
-                    *axis = axis.replace(these, W::splat(from));
-                }
+fn corners<W: Lanes16>(
+    token: W::Token,
+    blocks: &Blocks,
+    mut rays: u32,
+    places: &PerRay<u32>,
+) -> Corners<W> {
+    let mut corners = [[W::splat(token, 0.0); 3]; 3];
+    while rays != 0 {
+        let place = places[rays.trailing_zeros() as usize & (RAYS - 1)];
+        let these = W::places_of(token, place, places);
+        rays &= !these;
+        let triangle = blocks.corners(place as usize >> 3, place as usize & 7);
+        for (corner, from) in corners.iter_mut().zip(triangle) {
+            for (axis, from) in corner.iter_mut().zip(from) {
+                *axis = axis.replace(these, W::splat(token, from));
             }
         }
-        corners
     }
+    corners
 }

@@ -16,14 +16,16 @@ use crate::precision::Single;
 use crate::precision::frame::Frame;
 use crate::search::rays::Rays;
 use crate::search::{AcceptAll, Grouping, HitFilter};
-use crate::tree::compact::BlocksAt;
+use crate::tree::Blocks;
 use crate::tree::node::{ChildRef, WideNode};
 use crate::world::AcceleratorKind;
 use crate::world::double::DWorldBuilder;
 use crate::world::tests::{build, check, lattice_point, levels, nested_scene};
 use crate::world::{BuildOptions, GeometryId, WorldBuilder};
 use proptest::prelude::*;
-use snell_math::simd::{Lanes16, Level, Pair, Portable8};
+#[cfg(target_arch = "x86_64")]
+use snell_math::simd::{Avx2, Avx8, Avx16, Avx512, Token};
+use snell_math::simd::{Lanes16, Level, Pair, Portable, Portable8, Wide};
 use snell_math::{Bounds3, Bounds3d, DAffine3, DRay, DVec3, Ray, Transform, Vec3, rng};
 use std::sync::Arc;
 
@@ -37,8 +39,7 @@ fn vector(seed: u32, i: u32) -> Vec3 {
 }
 
 fn is_bundle(bundle: &mut Bundle, rays: &[Ray]) -> bool {
-    // SAFETY: portable code.
-    let is_one = unsafe { set_up::<Pair<Portable8>>(bundle, rays, &rays[0], false) };
+    let is_one = set_up::<Pair<Portable8>>(Portable, bundle, rays, &rays[0], false);
     bundle.rays.write::<Single>(rays);
     is_one
 }
@@ -191,8 +192,7 @@ proptest! {
             (ray.origin, ray.direction) = ((ray.origin + far) * scale, ray.direction * scale);
         }
         let mut bundle = Bundle::NONE;
-        // SAFETY: portable code.
-        if unsafe { set_up::<Pair<Portable8>>(&mut bundle, &rays, &rays[0], backward) } {
+        if set_up::<Pair<Portable8>>(Portable, &mut bundle, &rays, &rays[0], backward) {
             let mut node = WideNode::EMPTY;
             for (lane, ray) in rays.iter().enumerate() {
                 // A corner, an edge or the inside of the box is on the ray.
@@ -209,10 +209,7 @@ proptest! {
                     max: high + high.abs() * f32::EPSILON,
                 };
                 node.set(lane & 7, &bounds, ChildRef::node(0));
-                // SAFETY: portable code.
-                let met = unsafe {
-                    bundle.rays_meeting(&bundle.one_box::<Pair<Portable8>>(&node, lane & 7))
-                };
+                let met = bundle.rays_meeting(Portable, &bundle.one_box::<Pair<Portable8>>(Portable, &node, lane & 7));
                 prop_assert!(met >> lane & 1 == 1, "{ray:?} {low} {high}");
             }
         }
@@ -255,82 +252,58 @@ proptest! {
         }
         let mut bundle = Bundle::NONE;
         if is_bundle(&mut bundle, &rays) {
-            // SAFETY: portable code.
-            unsafe { check_block::<Pair<Portable8>>(&bundle, &block, &rays)? };
+            check_block::<Pair<Portable8>>(Portable, &bundle, &block, &rays)?;
             #[cfg(target_arch = "x86_64")]
-            if Level::Avx2.is_supported() {
-                // SAFETY: just checked.
-                unsafe { check_block_avx2(&bundle, &block, &rays)? };
+            if let Some(token) = Avx2::new() {
+                token.run(
+                    #[inline(always)]
+                    || check_block::<Pair<Avx8>>(token, &bundle, &block, &rays),
+                )?;
             }
             #[cfg(target_arch = "x86_64")]
-            if Level::Avx512.is_supported() {
-                // SAFETY: just checked.
-                unsafe { check_block_avx512(&bundle, &block, &rays)? };
+            if let Some(token) = Avx512::new() {
+                token.run(
+                    #[inline(always)]
+                    || check_block::<Avx16>(token, &bundle, &block, &rays),
+                )?;
             }
         }
     }
 }
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,fma,bmi1,popcnt")]
-unsafe fn check_block_avx2(
-    bundle: &Bundle,
-    block: &TriangleBlock,
-    rays: &[Ray],
-) -> Result<(), TestCaseError> {
-    // SAFETY: as promised by the caller.
-    unsafe { check_block::<Pair<snell_math::simd::Avx8>>(bundle, block, rays) }
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq,avx2,fma,bmi1,popcnt")]
-unsafe fn check_block_avx512(
-    bundle: &Bundle,
-    block: &TriangleBlock,
-    rays: &[Ray],
-) -> Result<(), TestCaseError> {
-    // SAFETY: as promised by the caller.
-    unsafe { check_block::<snell_math::simd::Avx16>(bundle, block, rays) }
-}
-
 #[inline(always)]
-unsafe fn check_block<W: Lanes16>(
+fn check_block<W: Lanes16>(
+    token: W::Token,
     bundle: &Bundle,
     block: &TriangleBlock,
     rays: &[Ray],
 ) -> Result<(), TestCaseError> {
-    // SAFETY: as promised by the caller.
-    let seen = unsafe {
-        SeenBlock::new::<W, Single>(
-            block,
-            &bundle.lines,
-            bundle.axes,
-            Wanted { planes: true, depths: true },
-        )
-    };
-    let [_, _, axis] = bundle.axes;
-    // SAFETY: as above.
-    let near_bundle = unsafe { seen.near_bundle::<W::Half>(bundle) };
+    let seen = SeenBlock::new::<W, Single>(
+        token,
+        block,
+        &bundle.lines,
+        bundle.axes,
+        Wanted { planes: true, depths: true },
+    );
+    let axis = bundle.axes.z();
+    let near_bundle = seen.near_bundle::<W::Half>(W::half_token(token), bundle);
     for triangle in 0..8 {
-        // SAFETY: as above.
-        let meeting = unsafe { seen.meeting::<W>(&bundle.lines, triangle, 0xffff) };
+        let meeting = seen.meeting::<W>(token, &bundle.lines, triangle, 0xffff);
         let (mut low, mut high) = ([0.0; RAYS], [0.0; RAYS]);
         meeting.low.store(&mut low);
         meeting.high.store(&mut high);
         let (mut inside, mut outside, mut found, mut drawn) = (0, 0, None, Sure::NONE);
         if bundle.is_aligned {
-            // SAFETY: as above.
-            unsafe {
-                [inside, outside] = sides::<W>(block, triangle, bundle);
-                let places = [triangle as u32; RAYS];
-                found = Some(sure::test::<W>(
-                    BlocksAt::blocks(std::slice::from_ref(block)),
-                    bundle,
-                    [inside; 2],
-                    &places,
-                    &mut drawn,
-                ));
-            }
+            [inside, outside] = sides::<W>(token, block, triangle, bundle);
+            let places = [triangle as u32; RAYS];
+            found = Some(sure::test::<W>(
+                token,
+                &Blocks::of(&[*block]),
+                bundle,
+                [inside; 2],
+                &places,
+                &mut drawn,
+            ));
         }
         for (lane, ray) in rays.iter().enumerate() {
             let corners = block.corners(triangle);
@@ -344,11 +317,8 @@ unsafe fn check_block<W: Lanes16>(
                 near_bundle >> triangle & 1 == 1 || wanted.is_none(),
                 "{ray:?} {corners:?}"
             );
-            // SAFETY: as above.
-            let near =
-                unsafe { seen.near_two::<W>(&bundle.lines, &mut (1 << lane | 1 << (lane / 2))) };
-            // SAFETY: as above.
-            let facing = unsafe { seen.facing::<W>(&bundle.lines, 1 << lane, 1 << triangle) };
+            let near = seen.near_two::<W>(token, &bundle.lines, &mut (1 << lane | 1 << (lane / 2)));
+            let facing = seen.facing::<W>(token, &bundle.lines, 1 << lane, 1 << triangle);
             prop_assert!(facing.near != 0 || wanted.is_none(), "{ray:?} {corners:?}");
             prop_assert!(facing.sure == 0 || wanted.is_some(), "{ray:?} {corners:?}");
             prop_assert_eq!(
@@ -362,11 +332,13 @@ unsafe fn check_block<W: Lanes16>(
                 "{ray:?} {corners:?}"
             );
             if !bundle.lines.apart {
-                // SAFETY: as above.
-                let near = unsafe {
-                    SharedOrigin::<W::Half>::new::<Single>(block, &bundle.lines, bundle.axes)
-                        .candidates(&bundle.lines, lane)
-                };
+                let near = SharedOrigin::<W::Half>::new::<Single>(
+                    W::half_token(token),
+                    block,
+                    &bundle.lines,
+                    bundle.axes,
+                )
+                .candidates(W::half_token(token), &bundle.lines, lane);
                 prop_assert!(near >> triangle & 1 == 1 || wanted.is_none(), "{ray:?} {corners:?}");
             }
             let line = exact_hit(&LocalRay::new(&DRay::from(ray)), &corners, f64::NEG_INFINITY);
@@ -402,15 +374,7 @@ unsafe fn check_block<W: Lanes16>(
                     waiting: 0,
                 };
                 let mut found = Found::NONE;
-                // SAFETY: as above.
-                unsafe {
-                    exact_hits::<W>(
-                        BlocksAt::blocks(std::slice::from_ref(block)),
-                        bundle,
-                        &pairs,
-                        &mut found,
-                    )
-                };
+                exact_hits::<W>(token, &Blocks::of(&[*block]), bundle, &pairs, &mut found);
                 prop_assert!([0, 0xff].contains(&found.unsure) && [0, 0xff].contains(&found.hits));
                 if found.unsure == 0 {
                     prop_assert_eq!(found.hits != 0, expected.is_some(), "{:?} {:?}", ray, corners);
@@ -423,27 +387,27 @@ unsafe fn check_block<W: Lanes16>(
         }
     }
     if bundle.is_aligned {
-        // SAFETY: as promised by the caller.
-        unsafe { check_pairs::<W>(bundle, block, rays.len())? };
+        check_pairs::<W>(token, bundle, block, rays.len())?;
     }
     Ok(())
 }
 
 #[inline(always)]
-unsafe fn tested<W: Lanes16>(
+fn tested<W: Lanes16>(
+    token: W::Token,
     blocks: &[TriangleBlock],
     bundle: &Bundle,
     pairs: &Pairs,
 ) -> Found<f32> {
     let mut found = Found::NONE;
-    // SAFETY: passed on to the caller.
-    unsafe { exact_hits::<W>(BlocksAt::blocks(blocks), bundle, pairs, &mut found) };
+    exact_hits::<W>(token, &Blocks::of(blocks), bundle, pairs, &mut found);
     found
 }
 
 /// Pairs of triangles of several blocks give what each gives alone.
 #[inline(always)]
-unsafe fn check_pairs<W: Lanes16>(
+fn check_pairs<W: Lanes16>(
+    token: W::Token,
     bundle: &Bundle,
     block: &TriangleBlock,
     rays: usize,
@@ -458,13 +422,11 @@ unsafe fn check_pairs<W: Lanes16>(
             let (block, lane, ray) = (i * (count - 1) % 3, (5 * i + count) % 8, 3 * i % rays);
             pairs.push(ray as u32, (8 * block + lane) as u32);
         }
-        // SAFETY: as promised by the caller; the triangles are of these blocks.
-        let together = unsafe { tested::<W>(&blocks, bundle, &pairs) };
+        let together = tested::<W>(token, &blocks, bundle, &pairs);
         for i in 0..count {
             let mut one = Pairs::NONE;
             one.push(pairs.rays[i], pairs.triangles[i]);
-            // SAFETY: as above.
-            let alone = unsafe { tested::<W>(&blocks, bundle, &one) };
+            let alone = tested::<W>(token, &blocks, bundle, &one);
             prop_assert_eq!(
                 [together.hits >> i & 1, together.unsure >> i & 1],
                 [alone.hits & 1, alone.unsure & 1]
@@ -494,9 +456,8 @@ fn long_boxes_beside_rays_are_not_met() {
         };
         for (slot, (x, y)) in [(1.0, 3.5), (3.5, 1.0), (2.25, 2.25)].into_iter().enumerate() {
             node.set(slot, &column(x, y), ChildRef::node(0));
-            // SAFETY: portable code.
-            let met =
-                unsafe { bundle.rays_meeting(&bundle.one_box::<Pair<Portable8>>(&node, slot)) };
+            let met = bundle
+                .rays_meeting(Portable, &bundle.one_box::<Pair<Portable8>>(Portable, &node, slot));
             assert_eq!(met, if x == y { 0xffff } else { 0 }, "{kind:?} {x} {y}");
         }
     }
@@ -644,11 +605,18 @@ fn rays_that_hit_the_drawing_of_a_triangle_beside_its_box_are_left_to_others() {
         let rays: Vec<Ray> = (0..16).map(|i| Ray::new(Vec3::ZERO, direction(i))).collect();
         let mut bundle = Bundle::NONE;
         assert!(is_bundle(&mut bundle, &rays) && bundle.is_aligned);
-        // SAFETY: portable code.
-        moved |= unsafe {
-            let [inside, _] = sides::<Pair<Portable8>>(&block, 0, &bundle);
-            let blocks = BlocksAt::blocks(std::slice::from_ref(&block));
-            sure::test::<Pair<Portable8>>(blocks, &bundle, [inside; 2], &[0; RAYS], &mut sure).moved
+        moved |= {
+            let [inside, _] = sides::<Pair<Portable8>>(Portable, &block, 0, &bundle);
+            let blocks = Blocks::of(&[block]);
+            sure::test::<Pair<Portable8>>(
+                Portable,
+                &blocks,
+                &bundle,
+                [inside; 2],
+                &[0; RAYS],
+                &mut sure,
+            )
+            .moved
         };
         for world in &worlds {
             check(world, &oracle, Rays::from(&rays), &AcceptAll).expect("the same hits");
@@ -670,18 +638,16 @@ fn locals_are_built_once_and_are_those_of_the_rays() {
 }
 
 /// Rays in lanes, by a map and by a frame.
-unsafe fn in_lanes<W: Lanes16>(
+fn in_lanes<W: Lanes16>(
+    token: W::Token,
     rays: &ExactColumns,
     map: &DAffine3,
     frame: &Frame,
 ) -> [ExactColumns; 2] {
     let mut images = [*rays; 2];
-    // SAFETY: as promised by the caller.
-    unsafe {
-        let rays = LaneRays::<W>::load(rays);
-        rays.mapped(map).store(&mut images[0]);
-        rays.framed(&frame.center, frame.scale).store(&mut images[1]);
-    }
+    let rays = LaneRays::<W>::load(token, rays);
+    rays.mapped(token, map).store(&mut images[0]);
+    rays.framed(token, &frame.center, frame.scale).store(&mut images[1]);
     images
 }
 
@@ -705,15 +671,12 @@ fn rays_in_lanes_are_mapped_to_the_bits_of_rays_one_by_one() {
         let expected = [image(&|ray| mapped(&map, ray)), image(&|ray| frame.ray(ray))];
         let rays = columns(&rays);
         for level in levels() {
-            // SAFETY: the level is supported.
-            let found = unsafe {
-                match level {
-                    #[cfg(target_arch = "x86_64")]
-                    Level::Avx512 => in_lanes::<snell_math::simd::Avx16>(&rays, &map, &frame),
-                    #[cfg(target_arch = "x86_64")]
-                    Level::Avx2 => in_lanes::<Pair<snell_math::simd::Avx8>>(&rays, &map, &frame),
-                    _ => in_lanes::<Pair<Portable8>>(&rays, &map, &frame),
-                }
+            let found = match level.wide() {
+                #[cfg(target_arch = "x86_64")]
+                Some(Wide::Avx512(token)) => in_lanes::<Avx16>(token, &rays, &map, &frame),
+                #[cfg(target_arch = "x86_64")]
+                Some(Wide::Avx2(token)) => in_lanes::<Pair<Avx8>>(token, &rays, &map, &frame),
+                _ => in_lanes::<Pair<Portable8>>(Portable, &rays, &map, &frame),
             };
             assert_eq!(found, expected, "{level}");
         }

@@ -35,41 +35,37 @@ impl<G: Goal> Walker<'_, '_, G> {
 
     /// Tests the triangles of a block for some of the rays. Where any hit will do, pairs may be
     /// left for later: most rays hit nothing, or surely hit something else.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`; `leaf` must be one of the group.
     #[inline(always)]
-    pub(super) unsafe fn test_triangles<W: Lanes16>(
+    pub(super) fn test_triangles<W: Lanes16>(
         &mut self,
+        token: W::Token,
         group: Group,
         leaf: &mut Leaf<W>,
         bundle: &mut Bundle,
         rays: u32,
         memory: &mut Memory,
     ) {
-        // SAFETY: as promised by the caller.
-        unsafe {
-            let few = self.few_rays::<W>();
-            let is_quick = !bundle.lines.apart && (!Self::PUTS_OFF || rays.count_ones() <= few);
-            let mut found = if G::ANY {
-                self.find_any::<W>(group, leaf, bundle, rays, memory)
-            } else if is_quick {
-                self.find_pairs_of_origin::<W>(group, leaf, bundle, rays, memory)
-            } else {
-                self.find_pairs::<W>(group, leaf, bundle, rays, memory)
-            };
-            if memory.pairs.count != 0 && self.is_urgent::<W>(bundle, &memory.pairs) {
-                found |= self.test_pairs::<W>(
-                    group,
-                    bundle,
-                    &mut memory.pairs,
-                    &mut memory.locals,
-                    false,
-                );
-            }
-            if found {
-                bundle.update_limits::<W>();
-            }
+        let few = self.few_rays::<W>();
+        let is_quick = !bundle.lines.apart && (!Self::PUTS_OFF || rays.count_ones() <= few);
+        let mut found = if G::ANY {
+            self.find_any::<W>(token, group, leaf, bundle, rays, memory)
+        } else if is_quick {
+            self.find_pairs_of_origin::<W>(token, group, leaf, bundle, rays, memory)
+        } else {
+            self.find_pairs::<W>(token, group, leaf, bundle, rays, memory)
+        };
+        if memory.pairs.count != 0 && self.is_urgent::<W>(token, bundle, &memory.pairs) {
+            found |= self.test_pairs::<W>(
+                token,
+                group,
+                bundle,
+                &mut memory.pairs,
+                &mut memory.locals,
+                false,
+            );
+        }
+        if found {
+            bundle.update_limits::<W>(token);
         }
     }
 
@@ -86,30 +82,24 @@ impl<G: Goal> Walker<'_, '_, G> {
     }
 
     /// True if pairs are not to be left for later.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    unsafe fn is_urgent<W: Lanes16>(&self, bundle: &Bundle, pairs: &Pairs) -> bool {
+    fn is_urgent<W: Lanes16>(&self, token: W::Token, bundle: &Bundle, pairs: &Pairs) -> bool {
         if G::ANY {
             // Where most rays have ended, the others are not worth going on.
             return 2 * pairs.count >= self.alive.count_ones() as usize;
         }
         // As long as any other ray has hit nothing, the bundle goes on as before.
-        // SAFETY: passed on to the caller.
         !Self::PUTS_OFF
             || pairs.count > WAITING_PAIRS
-            || unsafe { bundle.endless::<W>() } & !pairs.waiting == 0
+            || bundle.endless::<W>(token) & !pairs.waiting == 0
     }
 
     /// Finds what rays that share their origin may hit of a block. True if anything was tested,
     /// because there were many, and counted.
-    ///
-    /// # Safety
-    /// As [`Self::test_triangles`].
     #[inline(always)]
-    unsafe fn find_pairs_of_origin<W: Lanes16>(
+    fn find_pairs_of_origin<W: Lanes16>(
         &mut self,
+        token: W::Token,
         group: Group,
         leaf: &mut Leaf<W>,
         bundle: &mut Bundle,
@@ -117,35 +107,30 @@ impl<G: Goal> Walker<'_, '_, G> {
         memory: &mut Memory,
     ) -> bool {
         let mut found = false;
-        // SAFETY: as promised by the caller.
-        unsafe {
-            let (place, used) = (leaf.place, leaf.used);
-            let seen = leaf.of_origin::<G::Precision>(bundle);
-            while rays != 0 {
-                let ray = rays.trailing_zeros();
-                rays &= rays - 1;
-                let mut triangles =
-                    seen.candidates(&bundle.lines, ray as usize & (RAYS - 1)) & used;
-                // Mostly there is one.
-                loop {
-                    memory.pairs.push_if(
-                        ray,
-                        place + (triangles.trailing_zeros() & 7),
-                        triangles != 0,
+        let (place, used) = (leaf.place, leaf.used);
+        let seen = leaf.of_origin::<G::Precision>(token, bundle);
+        while rays != 0 {
+            let ray = rays.trailing_zeros();
+            rays &= rays - 1;
+            let mut triangles =
+                seen.candidates(W::half_token(token), &bundle.lines, ray as usize & (RAYS - 1))
+                    & used;
+            // Mostly there is one.
+            loop {
+                memory.pairs.push_if(ray, place + (triangles.trailing_zeros() & 7), triangles != 0);
+                if memory.pairs.is_full() {
+                    found |= self.test_pairs::<W>(
+                        token,
+                        group,
+                        bundle,
+                        &mut memory.pairs,
+                        &mut memory.locals,
+                        false,
                     );
-                    if memory.pairs.is_full() {
-                        found |= self.test_pairs::<W>(
-                            group,
-                            bundle,
-                            &mut memory.pairs,
-                            &mut memory.locals,
-                            false,
-                        );
-                    }
-                    triangles &= triangles.wrapping_sub(1);
-                    if triangles == 0 {
-                        break;
-                    }
+                }
+                triangles &= triangles.wrapping_sub(1);
+                if triangles == 0 {
+                    break;
                 }
             }
         }
@@ -154,12 +139,10 @@ impl<G: Goal> Walker<'_, '_, G> {
 
     /// Finds what rays may hit of a block, and what they surely hit. True if anything counted
     /// already.
-    ///
-    /// # Safety
-    /// As [`Self::test_triangles`].
     #[inline(always)]
-    unsafe fn find_pairs<W: Lanes16>(
+    fn find_pairs<W: Lanes16>(
         &mut self,
+        token: W::Token,
         group: Group,
         leaf: &mut Leaf<W>,
         bundle: &mut Bundle,
@@ -167,124 +150,115 @@ impl<G: Goal> Walker<'_, '_, G> {
         memory: &mut Memory,
     ) -> bool {
         let mut found = false;
-        // SAFETY: as promised by the caller.
-        unsafe {
-            let (block, place, mut triangles) = (leaf.block, leaf.place, leaf.used);
-            let seen = leaf
-                .seen::<G::Precision>(bundle, Wanted { planes: bundle.lines.apart, depths: true });
-            if rays.count_ones() <= self.few_rays::<W>() {
-                triangles &= near_few::<W>(seen, bundle, rays);
-            } else {
-                triangles &= seen.near_bundle::<W::Half>(bundle);
-                self.counted = [self.counted[0] + 1, self.counted[1] + triangles.count_ones()];
+        let (block, place, mut triangles) = (leaf.block, leaf.place, leaf.used);
+        let seen = leaf.seen::<G::Precision>(
+            token,
+            bundle,
+            Wanted { planes: bundle.lines.apart, depths: true },
+        );
+        if rays.count_ones() <= self.few_rays::<W>() {
+            triangles &= near_few::<W>(token, seen, bundle, rays);
+        } else {
+            triangles &= seen.near_bundle::<W::Half>(W::half_token(token), bundle);
+            self.counted = [self.counted[0] + 1, self.counted[1] + triangles.count_ones()];
+        }
+        while triangles != 0 {
+            let triangle = triangles.trailing_zeros();
+            triangles &= triangles - 1;
+            let Meeting { mut possible, sure, nearer, low, high } =
+                seen.meeting::<W>(token, &bundle.lines, triangle as usize, rays);
+            if possible == 0 {
+                continue;
             }
-            while triangles != 0 {
-                let triangle = triangles.trailing_zeros();
-                triangles &= triangles - 1;
-                let Meeting { mut possible, sure, nearer, low, high } =
-                    seen.meeting::<W>(&bundle.lines, triangle as usize, rays);
-                if possible == 0 {
-                    continue;
-                }
-                let (id, mut drawn) = (block.ids[triangle as usize & 7], 0);
-                if Self::PUTS_OFF && possible & !sure != 0 {
-                    possible &= !(self.waiting & W::places_of(id, &self.put_off_ids));
-                    if !G::Precision::TRIANGLES_ELSEWHERE
-                        && possible & !sure != 0
-                        && bundle.is_aligned
-                    {
-                        let [inside, outside] =
-                            drawing::sides::<W>(block, triangle as usize, bundle);
-                        possible &= !outside;
-                        drawn = nearer & possible & inside & !sure;
-                    }
-                }
-                let hit = sure | drawn;
-                if hit != 0
-                    && Self::PUTS_OFF
-                    && !bundle.kind.reversed
-                    && self.is_plain(group.tree.triangle(id).0)
+            let (id, mut drawn) = (block.ids[triangle as usize & 7], 0);
+            if Self::PUTS_OFF && possible & !sure != 0 {
+                possible &= !(self.waiting & W::places_of(token, id, &self.put_off_ids));
+                if !G::Precision::TRIANGLES_ELSEWHERE && possible & !sure != 0 && bundle.is_aligned
                 {
-                    W::write_where(hit, place + triangle, &mut self.put_off);
-                    W::write_where(hit, id, &mut self.put_off_ids);
-                    self.waiting |= hit;
-                    self.drawn = self.drawn & !hit | drawn;
-                    bundle.tighten_to(hit, low, high);
-                    possible &= !hit;
-                    found = true;
+                    let [inside, outside] =
+                        drawing::sides::<W>(token, block, triangle as usize, bundle);
+                    possible &= !outside;
+                    drawn = nearer & possible & inside & !sure;
                 }
-                found |= self.push_pairs::<W>(group, bundle, possible, place + triangle, memory);
-                rays &= self.alive;
             }
+            let hit = sure | drawn;
+            if hit != 0
+                && Self::PUTS_OFF
+                && !bundle.kind.reversed
+                && self.is_plain(group.tree.triangle(id).0)
+            {
+                W::write_where(token, hit, place + triangle, &mut self.put_off);
+                W::write_where(token, hit, id, &mut self.put_off_ids);
+                self.waiting |= hit;
+                self.drawn = self.drawn & !hit | drawn;
+                bundle.tighten_to(token, hit, low, high);
+                possible &= !hit;
+                found = true;
+            }
+            found |= self.push_pairs::<W>(token, group, bundle, possible, place + triangle, memory);
+            rays &= self.alive;
         }
         found
     }
 
     /// Where any hit will do: ends the searches of rays that surely hit something of a block, and
     /// finds what others may hit. True if anything counted already.
-    ///
-    /// # Safety
-    /// As [`Self::test_triangles`].
     #[inline(always)]
-    unsafe fn find_any<W: Lanes16>(
+    fn find_any<W: Lanes16>(
         &mut self,
+        token: W::Token,
         group: Group,
         leaf: &mut Leaf<W>,
         bundle: &mut Bundle,
         mut rays: u32,
         memory: &mut Memory,
     ) -> bool {
-        // SAFETY: as promised by the caller.
-        unsafe {
-            let (block, place, mut triangles) = (leaf.block, leaf.place, leaf.used);
-            let seen = leaf.seen::<G::Precision>(bundle, Wanted { planes: true, depths: false });
-            if rays.count_ones() <= self.few_rays::<W>() {
-                triangles &= near_few::<W>(seen, bundle, rays);
-            } else {
-                if !self.is_small || W::REGISTERS > 1 {
-                    triangles &= seen.near_bundle::<W::Half>(bundle);
-                    self.counted = [self.counted[0] + 1, self.counted[1] + triangles.count_ones()];
-                }
-                // Most rays meet only what they start on, behind their start.
-                triangles = seen.near_any::<W>(&bundle.lines, rays, triangles);
+        let (block, place, mut triangles) = (leaf.block, leaf.place, leaf.used);
+        let seen = leaf.seen::<G::Precision>(token, bundle, Wanted { planes: true, depths: false });
+        if rays.count_ones() <= self.few_rays::<W>() {
+            triangles &= near_few::<W>(token, seen, bundle, rays);
+        } else {
+            if !self.is_small || W::REGISTERS > 1 {
+                triangles &= seen.near_bundle::<W::Half>(W::half_token(token), bundle);
+                self.counted = [self.counted[0] + 1, self.counted[1] + triangles.count_ones()];
             }
-            if triangles == 0 {
-                return false;
-            }
-            let Facing { mut near, mut sure, rays: facing } =
-                seen.facing::<W>(&bundle.lines, rays, triangles);
-            let mut hit = 0;
-            while sure != 0 {
-                let triangle = sure.trailing_zeros() as usize & 7;
-                sure &= sure - 1;
-                if self.is_plain(group.tree.triangle(block.ids[triangle]).0) {
-                    hit |= facing[triangle][1];
-                }
-            }
-            let mut found = hit != 0;
-            if found {
-                self.take_any::<W>(hit, bundle);
-                rays &= !hit;
-            }
-            while near != 0 {
-                let triangle = near.trailing_zeros();
-                near &= near - 1;
-                let possible = facing[triangle as usize & 7][0] & rays;
-                found |= self.push_pairs::<W>(group, bundle, possible, place + triangle, memory);
-                rays &= self.alive;
-            }
-            found
+            // Most rays meet only what they start on, behind their start.
+            triangles = seen.near_any::<W>(token, &bundle.lines, rays, triangles);
         }
+        if triangles == 0 {
+            return false;
+        }
+        let Facing { mut near, mut sure, rays: facing } =
+            seen.facing::<W>(token, &bundle.lines, rays, triangles);
+        let mut hit = 0;
+        while sure != 0 {
+            let triangle = sure.trailing_zeros() as usize & 7;
+            sure &= sure - 1;
+            if self.is_plain(group.tree.triangle(block.ids[triangle]).0) {
+                hit |= facing[triangle][1];
+            }
+        }
+        let mut found = hit != 0;
+        if found {
+            self.take_any::<W>(token, hit, bundle);
+            rays &= !hit;
+        }
+        while near != 0 {
+            let triangle = near.trailing_zeros();
+            near &= near - 1;
+            let possible = facing[triangle as usize & 7][0] & rays;
+            found |= self.push_pairs::<W>(token, group, bundle, possible, place + triangle, memory);
+            rays &= self.alive;
+        }
+        found
     }
 
     /// Adds pairs of some rays and a triangle. True if anything was tested, because there were
     /// many, and counted.
-    ///
-    /// # Safety
-    /// As [`Self::test_pairs`].
     #[inline(always)]
-    unsafe fn push_pairs<W: Lanes16>(
+    fn push_pairs<W: Lanes16>(
         &mut self,
+        token: W::Token,
         group: Group,
         bundle: &mut Bundle,
         mut rays: u32,
@@ -296,16 +270,14 @@ impl<G: Goal> Walker<'_, '_, G> {
             memory.pairs.push(rays.trailing_zeros(), triangle);
             rays &= rays - 1;
             if memory.pairs.is_full() {
-                // SAFETY: as promised by the caller.
-                found |= unsafe {
-                    self.test_pairs::<W>(
-                        group,
-                        bundle,
-                        &mut memory.pairs,
-                        &mut memory.locals,
-                        false,
-                    )
-                };
+                found |= self.test_pairs::<W>(
+                    token,
+                    group,
+                    bundle,
+                    &mut memory.pairs,
+                    &mut memory.locals,
+                    false,
+                );
                 rays &= self.alive;
             }
         }
@@ -320,25 +292,19 @@ impl<G: Goal> Walker<'_, '_, G> {
     }
 
     /// Ends the searches of rays that surely hit something that counts.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    unsafe fn take_any<W: Lanes16>(&mut self, rays: u32, bundle: &mut Bundle) {
+    fn take_any<W: Lanes16>(&mut self, token: W::Token, rays: u32, bundle: &mut Bundle) {
         self.alive &= !rays;
         self.met |= rays;
-        // SAFETY: passed on to the caller.
-        unsafe { bundle.finish::<W>(rays) };
+        bundle.finish::<W>(token, rays);
     }
 
     /// Tests what was put off. If nothing comes after the `last` ones of the root group, what rays
     /// without a search hit is only noted; else [`Bundle::update_limits`] must follow.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`; what was put off must be in this group.
     #[inline(always)]
-    pub(super) unsafe fn test_put_off<W: Lanes16>(
+    pub(super) fn test_put_off<W: Lanes16>(
         &mut self,
+        token: W::Token,
         group: Group,
         bundle: &mut Bundle,
         locals: &mut Locals,
@@ -350,16 +316,14 @@ impl<G: Goal> Walker<'_, '_, G> {
         let mut rays = std::mem::take(&mut self.waiting);
         if rays != 0 && bundle.is_aligned {
             let mut outcome = Outcome::NONE;
-            // SAFETY: as promised by the caller.
-            let Decided { mut hits, moved } = unsafe {
-                G::Precision::sure_hits::<W>(
-                    group.tree,
-                    bundle,
-                    [rays, self.drawn],
-                    &self.put_off,
-                    &mut self.sure,
-                )
-            };
+            let Decided { mut hits, moved } = G::Precision::sure_hits::<W>(
+                token,
+                group.tree,
+                bundle,
+                [rays, self.drawn],
+                &self.put_off,
+                &mut self.sure,
+            );
             rays &= !hits & !moved;
             self.given_up |= moved;
             outcome.over |= moved;
@@ -373,8 +337,7 @@ impl<G: Goal> Walker<'_, '_, G> {
                 let (t, b) = (self.sure.t[ray], [self.sure.b1[ray], self.sure.b2[ray]]);
                 self.offer(group, ray, self.put_off[ray], t, b, &mut outcome);
             }
-            // SAFETY: as promised by the caller.
-            unsafe { self.conclude::<W>(bundle, &outcome, last) };
+            self.conclude::<W>(token, bundle, &outcome, last);
         }
         while rays != 0 {
             let mut pairs = Pairs::NONE;
@@ -383,19 +346,16 @@ impl<G: Goal> Walker<'_, '_, G> {
                 rays &= rays - 1;
                 pairs.push(ray, self.put_off[ray as usize & (RAYS - 1)]);
             }
-            // SAFETY: as promised by the caller.
-            unsafe { self.test_pairs::<W>(group, bundle, &mut pairs, locals, last) };
+            self.test_pairs::<W>(token, group, bundle, &mut pairs, locals, last);
         }
     }
 
     /// Offers the hits of pairs of rays and triangles, and forgets the pairs. True if there are any
     /// that count. If nothing comes after the `last` ones, the bundle is left as it is.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`; the triangles must be of the group.
     #[inline(always)]
-    pub(super) unsafe fn test_pairs<W: Lanes16>(
+    pub(super) fn test_pairs<W: Lanes16>(
         &mut self,
+        token: W::Token,
         group: Group,
         bundle: &mut Bundle,
         pairs: &mut Pairs,
@@ -410,10 +370,14 @@ impl<G: Goal> Walker<'_, '_, G> {
             if G::Precision::TRIANGLES_ELSEWHERE {
                 self.want_rays(bundle);
             }
-            // SAFETY: as promised by the caller.
-            unsafe {
-                G::Precision::exact_hits::<W>(self.data, group.tree, bundle, pairs, &mut self.found)
-            };
+            G::Precision::exact_hits::<W>(
+                token,
+                self.data,
+                group.tree,
+                bundle,
+                pairs,
+                &mut self.found,
+            );
         }
         let (mut hits, mut unsure) = (self.found.hits & all, self.found.unsure & all);
         while hits != 0 {
@@ -444,8 +408,7 @@ impl<G: Goal> Walker<'_, '_, G> {
             outcome.note(ray, search.cull(), is_over);
         }
         pairs.clear();
-        // SAFETY: as promised by the caller.
-        unsafe { self.conclude::<W>(bundle, &outcome, last) }
+        self.conclude::<W>(token, bundle, &outcome, last)
     }
 
     /// Offers a hit of the triangle at a place.
@@ -491,12 +454,10 @@ impl<G: Goal> Walker<'_, '_, G> {
 
     /// What follows from tests for the bundle. True if it does; if nothing comes after the `last`
     /// ones, the bundle is left as it is.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    unsafe fn conclude<W: Lanes16>(
+    fn conclude<W: Lanes16>(
         &mut self,
+        token: W::Token,
         bundle: &mut Bundle,
         outcome: &Outcome,
         last: bool,
@@ -505,23 +466,18 @@ impl<G: Goal> Walker<'_, '_, G> {
         self.alive &= !over;
         let is_narrowed = !last && (*over != 0 || (G::NARROWS && *nearer != 0));
         if is_narrowed {
-            // SAFETY: as promised by the caller.
-            unsafe { bundle.narrow::<W>(*nearer, *over, culls) };
+            bundle.narrow::<W>(token, *nearer, *over, culls);
         }
         is_narrowed
     }
 }
 
 /// The triangles of a block that any of a few rays may meet.
-///
-/// # Safety
-/// As [`SeenBlock::near_two`].
 #[inline(always)]
-unsafe fn near_few<W: Lanes16>(seen: &SeenBlock, bundle: &Bundle, mut rays: u32) -> u32 {
+fn near_few<W: Lanes16>(token: W::Token, seen: &SeenBlock, bundle: &Bundle, mut rays: u32) -> u32 {
     let mut near = 0;
     while rays != 0 {
-        // SAFETY: passed on to the caller.
-        near |= unsafe { seen.near_two::<W>(&bundle.lines, &mut rays) };
+        near |= seen.near_two::<W>(token, &bundle.lines, &mut rays);
     }
     near | near >> 8
 }

@@ -7,15 +7,13 @@ use super::objects::enter_object;
 use super::sure::Sure;
 use super::triangles::Locals;
 use crate::kernel::Goal;
-use crate::kernel::single::traverse::{Entry, Walk};
+use crate::kernel::single::traverse::Entry;
 use crate::prefetch::fetch_lines;
 use crate::search::GeometryOptions;
 use crate::search::{DataOf, HitOf, RayOf, RealOf, Search};
-use crate::tree::node::ChildRef;
+use crate::tree::node::{ChildRef, WideNode};
 use crate::tree::{Forest, GroupTree};
-#[cfg(target_arch = "x86_64")]
-use snell_math::simd::{Avx8, Avx16, Pair};
-use snell_math::simd::{Lanes8, Lanes16, most};
+use snell_math::simd::{Lanes8, Lanes16, Token, max};
 use std::mem::MaybeUninit;
 use std::sync::atomic::AtomicBool;
 
@@ -44,9 +42,13 @@ pub(super) struct Stacks {
     pub(super) work: u32,
 }
 
-/// The walk of a level.
-pub(super) type WalkBundles<G> =
-    unsafe fn(&mut Rows<'_, '_, '_, G>, Members, &mut Stacks, Position);
+impl Stacks {
+    /// Of how many entries.
+    #[inline(always)]
+    fn room(&self) -> usize {
+        self.distances.len().min(self.places.len()).min(self.meetings.len())
+    }
+}
 
 /// Some of the rows: the first bit of a byte for each.
 pub(super) type Members = u32;
@@ -69,32 +71,19 @@ pub(super) struct Position {
     pub(super) top: usize,
 }
 
-/// # Safety
-/// As [`walk`].
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-pub(super) unsafe fn walk_bundles_avx2<G: Goal>(
+/// [`walk`], not inlined.
+#[inline(always)]
+pub(super) fn enter<W: Lanes16, G: Goal>(
+    token: W::Token,
     rows: &mut Rows<'_, '_, '_, G>,
     members: Members,
     stacks: &mut Stacks,
     position: Position,
 ) {
-    // SAFETY: as promised by the caller.
-    unsafe { walk::<Pair<Avx8>, G>(rows, members, stacks, position) }
-}
-
-/// # Safety
-/// As [`walk`].
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-pub(super) unsafe fn walk_bundles_avx512<G: Goal>(
-    rows: &mut Rows<'_, '_, '_, G>,
-    members: Members,
-    stacks: &mut Stacks,
-    position: Position,
-) {
-    // SAFETY: as promised by the caller.
-    unsafe { walk::<Avx16, G>(rows, members, stacks, position) }
+    token.run(
+        #[inline(always)]
+        move || walk::<W, G>(token, rows, members, stacks, position),
+    );
 }
 
 /// The searches of a run on their way through the forest.
@@ -141,8 +130,6 @@ pub(super) struct Walker<'w, 's, G: Goal> {
     /// As [`super::trial::Detail`] has it: triangles are small; and what was counted.
     pub(super) is_small: bool,
     pub(super) counted: [u32; 2],
-    pub(super) enter: WalkBundles<G>,
-    pub(super) enter_single: Walk<G>,
 }
 
 /// A bundle on its walk through a group.
@@ -228,48 +215,55 @@ impl Luggage {
 /// Walks one group with some of the bundles, which must be [alike](Bundle::is_like): each meets
 /// what it would meet alone, in the same order.
 ///
-/// # Safety
-/// The machine must have the instructions of `W`; the stacks must have room for the group and all
-/// below it.
+/// # Panics
+/// If the stacks have no room for the group and all below it.
 #[inline(always)]
-unsafe fn walk<W: Lanes16, G: Goal>(
+fn walk<W: Lanes16, G: Goal>(
+    token: W::Token,
     rows: &mut Rows<'_, '_, '_, G>,
     members: Members,
     stacks: &mut Stacks,
     position: Position,
 ) {
-    let tree = &rows[first(members)].walker.forest.trees[position.group];
+    let forest = rows[first(members)].walker.forest;
+    assert!(
+        stacks.room() >= position.top + forest.stack_sizes[position.group],
+        "room for the way down"
+    );
+    let tree = &forest.trees[position.group];
     let group = Group { tree, instance: position.instance };
-    // SAFETY: as promised by the caller.
-    unsafe {
-        for &object in &tree.unbounded {
-            let mut rest = members;
-            while let Some(number) = next(&mut rest) {
-                let Row { walker, bundle, .. } = &mut rows[number];
-                let alive = walker.alive;
-                walker.test_objects::<W>(group, object as usize, bundle, alive, &mut stacks.single);
-            }
-        }
-        descend::<W, G>(group, rows, members, stacks, position);
-        // (From an instance, the limits of the rays are taken back.)
-        let last = position.group == 0;
+    for &object in &tree.unbounded {
         let mut rest = members;
         while let Some(number) = next(&mut rest) {
-            let Row { walker, bundle, memory: Memory { pairs, locals } } = &mut rows[number];
-            if pairs.count != 0 && walker.alive != 0 {
-                walker.test_pairs::<W>(group, bundle, pairs, locals, last);
-            }
-            walker.test_put_off::<W>(group, bundle, locals, last);
+            let Row { walker, bundle, .. } = &mut rows[number];
+            let alive = walker.alive;
+            walker.test_objects::<W>(
+                token,
+                group,
+                object as usize,
+                bundle,
+                alive,
+                &mut stacks.single,
+            );
         }
+    }
+    descend::<W, G>(token, group, rows, members, stacks, position);
+    // (From an instance, the limits of the rays are taken back.)
+    let last = position.group == 0;
+    let mut rest = members;
+    while let Some(number) = next(&mut rest) {
+        let Row { walker, bundle, memory: Memory { pairs, locals } } = &mut rows[number];
+        if pairs.count != 0 && walker.alive != 0 {
+            walker.test_pairs::<W>(token, group, bundle, pairs, locals, last);
+        }
+        walker.test_put_off::<W>(token, group, bundle, locals, last);
     }
 }
 
 /// Walks the tree of the group at the position.
-///
-/// # Safety
-/// As [`walk`].
 #[inline(always)]
-unsafe fn descend<W: Lanes16, G: Goal>(
+fn descend<W: Lanes16, G: Goal>(
+    token: W::Token,
     group: Group,
     rows: &mut Rows<'_, '_, '_, G>,
     members: Members,
@@ -285,33 +279,30 @@ unsafe fn descend<W: Lanes16, G: Goal>(
     let (mut far, mut fars) = limits(rows, members);
     let (mut node, mut meeting) = (tree.root.index(), members);
     while far > f32::NEG_INFINITY {
-        // SAFETY: the builder makes only references to nodes that exist; a walk holds at most 7
-        // entries per level.
-        unsafe {
-            let pushed =
-                push_children::<W, G>(tree, node, rows, [first as u32, meeting], far, stacks, top);
-            if fetches_leaves {
-                let leaves = tree
-                    .nodes
-                    .get_unchecked(node)
-                    .children
-                    .into_iter()
-                    .filter(|child| child.is_triangles());
-                leaves.for_each(|leaf| fetch_ahead(tree, leaf));
-            }
-            if prefetch {
-                for i in (top..top + pushed).rev() {
-                    fetch_ahead(tree, child_at(tree, *stacks.places.get_unchecked(i)));
-                }
-            }
-            top += pushed;
+        // SAFETY: nodes are the root and those that nodes refer to, which exist; a walk holds at
+        // most 7 entries per level, and `walk` has seen that there is room for 8 at the bottom.
+        let (parent, pushed) = unsafe {
+            let parent = tree.nodes.get_unchecked(node);
+            let meeting = [first as u32, meeting];
+            (parent, push_children::<W, G>(token, parent, node, rows, meeting, far, stacks, top))
+        };
+        if fetches_leaves {
+            let leaves = parent.children.into_iter().filter(|child| child.is_triangles());
+            leaves.for_each(|leaf| fetch_ahead(tree, leaf));
         }
+        if prefetch {
+            for &place in stacks.places[top..top + pushed].iter().rev() {
+                // SAFETY: places are those of nodes that exist.
+                fetch_ahead(tree, unsafe { child_at(tree, place) }.1);
+            }
+        }
+        top += pushed;
         loop {
             if top == base {
                 return;
             }
             top -= 1;
-            // SAFETY: entries below the former `top` are written.
+            // SAFETY: `top` was within the stacks.
             let (distance, place, meetings) = unsafe {
                 (
                     *stacks.distances.get_unchecked(top),
@@ -324,8 +315,8 @@ unsafe fn descend<W: Lanes16, G: Goal>(
             }
             stacks.work += 1;
             meeting = meetings >> (place & 7) & within(distance, &fars);
-            // SAFETY: places come from nodes that exist.
-            let child = unsafe { child_at(tree, place) };
+            // SAFETY: places are those of nodes that exist.
+            let (parent, child) = unsafe { child_at(tree, place) };
             if meeting == 0 {
                 continue;
             }
@@ -336,22 +327,15 @@ unsafe fn descend<W: Lanes16, G: Goal>(
             }
             let mut rays = [0; ROWS];
             let mut rest = meeting;
-            // SAFETY: places come from nodes that exist; `W` as promised by the caller.
-            let one = unsafe {
-                rows[first]
-                    .bundle
-                    .one_box::<W>(tree.nodes.get_unchecked(place as usize >> 3), place as usize & 7)
-            };
+            let one = rows[first].bundle.one_box::<W>(token, parent, place as usize & 7);
             while rest != 0 {
                 let bit = rest.trailing_zeros();
                 rest &= rest - 1;
-                // SAFETY: bits come from bundles; `W` as promised by the caller.
-                unsafe {
-                    let row = rows.get_unchecked((bit >> 3) as usize);
-                    let those = row.bundle.rays_meeting::<W>(&one) & row.walker.alive;
-                    rays[(bit >> 3) as usize & (ROWS - 1)] = those;
-                    meeting &= !(u32::from(those == 0) << bit);
-                }
+                let number = (bit >> 3) as usize & (ROWS - 1);
+                let row = &rows[number];
+                let those = row.bundle.rays_meeting::<W>(token, &one) & row.walker.alive;
+                rays[number] = those;
+                meeting &= !(u32::from(those == 0) << bit);
             }
             if meeting == 0 {
                 continue;
@@ -361,26 +345,30 @@ unsafe fn descend<W: Lanes16, G: Goal>(
                 break;
             }
             stacks.work += 2;
-            // SAFETY: as promised by the caller.
-            unsafe {
-                if child.is_triangles() {
-                    let mut room = MaybeUninit::uninit();
-                    let mut leaf = Leaf::<W>::new(tree, child, &mut room);
-                    while let Some(number) = next(&mut meeting) {
-                        let Row { walker, bundle, memory } = rows.get_unchecked_mut(number);
-                        walker.test_triangles::<W>(group, &mut leaf, bundle, rays[number], memory);
-                    }
-                } else {
-                    let mut rest = meeting;
-                    while let Some(number) = next(&mut rest) {
-                        let Row { walker, bundle, memory } = &mut rows[number];
-                        walker.test_put_off::<W>(group, bundle, &mut memory.locals, false);
-                    }
-                    let inside = Position { top, ..position };
-                    enter_object::<W, G>(group, child, rows, meeting, &rays, &inside, stacks);
+            if child.is_triangles() {
+                let mut room = MaybeUninit::uninit();
+                let mut leaf = Leaf::<W>::new(token, tree, child, &mut room);
+                while let Some(number) = next(&mut meeting) {
+                    let Row { walker, bundle, memory } = &mut rows[number];
+                    walker.test_triangles::<W>(
+                        token,
+                        group,
+                        &mut leaf,
+                        bundle,
+                        rays[number],
+                        memory,
+                    );
                 }
-                (far, fars) = limits(rows, members);
+            } else {
+                let mut rest = meeting;
+                while let Some(number) = next(&mut rest) {
+                    let Row { walker, bundle, memory } = &mut rows[number];
+                    walker.test_put_off::<W>(token, group, bundle, &mut memory.locals, false);
+                }
+                let inside = Position { top, ..position };
+                enter_object::<W, G>(token, group, child, rows, meeting, &rays, &inside, stacks);
             }
+            (far, fars) = limits(rows, members);
         }
     }
 }
@@ -408,7 +396,7 @@ fn limits<G: Goal>(rows: &Rows<'_, '_, '_, G>, members: Members) -> (f32, [f32; 
     let (mut farthest, mut fars) = (f32::NEG_INFINITY, [f32::NEG_INFINITY; ROWS]);
     for (i, (row, far)) in rows.iter().zip(&mut fars).enumerate() {
         *far = if members >> (8 * i) & 1 == 1 { row.bundle.bundle_far } else { f32::NEG_INFINITY };
-        farthest = most(farthest, *far);
+        farthest = max(farthest, *far);
     }
     (farthest, fars)
 }
@@ -423,43 +411,46 @@ fn within(distance: f32, fars: &[f32; ROWS]) -> u32 {
     bundles
 }
 
-/// Puts the children of a node that some of the bundles meet on the stack, the nearest on top, and
-/// returns how many they are.
+/// Puts the children of a node, given with its number, that some of the bundles meet on the stack,
+/// the nearest on top, and returns how many they are.
 ///
 /// # Safety
-/// The machine must have the instructions of `W`; the node must exist, the first bits of bytes of
-/// `meeting` must stand for bundles, and the stack must have room for eight entries from `top`.
+/// The stacks must have room for eight entries from `top`.
 #[inline(always)]
 unsafe fn push_children<W: Lanes16, G: Goal>(
-    tree: &GroupTree,
-    node: usize,
+    token: W::Token,
+    node: &WideNode,
+    number: usize,
     rows: &Rows<'_, '_, '_, G>,
     [first, mut meeting]: [u32; 2],
     far: f32,
     stacks: &mut Stacks,
     top: usize,
 ) -> usize {
-    // SAFETY: as promised by the caller.
-    unsafe {
-        let places: [u32; 8] = std::array::from_fn(|slot| (node * 8 + slot) as u32);
-        let node = tree.nodes.get_unchecked(node);
-        let first = &rows[first as usize & (ROWS - 1)].bundle;
-        let boxes = first.boxes::<W::Half>(node);
-        let (mut nearest, mut meetings) = (W::Half::splat(f32::INFINITY), 0);
-        while meeting != 0 {
-            let bit = meeting.trailing_zeros();
-            meeting &= meeting - 1;
-            let bundle = &rows.get_unchecked((bit >> 3) as usize).bundle;
-            let enter = bundle.box_distances(&boxes);
-            meetings |= enter.le(W::Half::splat(bundle.bundle_far)) << bit;
-            nearest = nearest.min(enter);
-        }
-        *stacks.meetings.as_mut_ptr().add(top).cast::<[u32; 8]>() = [meetings; 8];
-        let distances = &mut *stacks.distances.as_mut_ptr().add(top).cast::<[f32; 8]>();
-        let payload = &mut *stacks.places.as_mut_ptr().add(top).cast::<[u32; 8]>();
-        let order = *node.order.get_unchecked(first.octant);
-        nearest.compress_le(W::Half::splat(far), order, &places, distances, payload)
+    let half = W::half_token(token);
+    let all: [u32; 8] = std::array::from_fn(|slot| (number * 8 + slot) as u32);
+    let first = &rows[first as usize & (ROWS - 1)].bundle;
+    let boxes = first.boxes::<W::Half>(half, node);
+    let (mut nearest, mut met) = (W::Half::splat(half, f32::INFINITY), 0);
+    while meeting != 0 {
+        let bit = meeting.trailing_zeros();
+        meeting &= meeting - 1;
+        let bundle = &rows[(bit >> 3) as usize & (ROWS - 1)].bundle;
+        let enter = bundle.box_distances(half, &boxes);
+        met |= enter.le(W::Half::splat(half, bundle.bundle_far)) << bit;
+        nearest = nearest.min(enter);
     }
+    // SAFETY: by the caller's promise there are eight entries of each.
+    let (distances, places, meetings) = unsafe {
+        (
+            &mut *stacks.distances.as_mut_ptr().add(top).cast::<[f32; 8]>(),
+            &mut *stacks.places.as_mut_ptr().add(top).cast::<[u32; 8]>(),
+            &mut *stacks.meetings.as_mut_ptr().add(top).cast::<[u32; 8]>(),
+        )
+    };
+    *meetings = [met; 8];
+    let order = node.order[first.octant & 7];
+    nearest.compress_le(W::Half::splat(half, far), order, &all, distances, places)
 }
 
 impl<'s, G: Goal> Walker<'_, 's, G> {
@@ -494,14 +485,15 @@ impl<'s, G: Goal> Walker<'_, 's, G> {
     }
 }
 
-/// The child at a place.
+/// The child at a place, and the node that it is of.
 ///
 /// # Safety
-/// The place must be one of the tree.
+/// The place must be one of a node of the tree.
 #[inline(always)]
-unsafe fn child_at(tree: &GroupTree, place: u32) -> ChildRef {
-    // SAFETY: as promised by the caller.
-    unsafe { tree.nodes.get_unchecked(place as usize >> 3).children[place as usize & 7] }
+unsafe fn child_at(tree: &GroupTree, place: u32) -> (&WideNode, ChildRef) {
+    // SAFETY: the caller promises that the place is of a node.
+    let node = unsafe { tree.nodes.get_unchecked(place as usize >> 3) };
+    (node, node.children[place as usize & 7])
 }
 
 /// Asks for the memory of a node or block.

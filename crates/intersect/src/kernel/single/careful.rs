@@ -2,76 +2,48 @@
 //! ([`crate::exact::quick`]).
 
 use super::filter::BlockFilter;
-use super::traverse;
-use super::traverse::{Entry, Stack, Walk, entry, test_object};
+use super::traverse::{Entry, Stack, entry, test_object};
 use crate::exact::TriangleTest;
 use crate::group::test_triangle;
 use crate::kernel::Goal;
 use crate::search::Search;
-use crate::search::trace::Place;
+use crate::search::region::Region;
 use crate::tree::node::{ChildRef, box_distances};
 use crate::tree::{Forest, GroupTree};
 use snell_math::DRay;
-use snell_math::simd::{Lanes8, Portable8};
+use snell_math::simd::{Lanes8, Token};
 use std::mem::MaybeUninit;
 
-/// # Safety
-/// The machine must have AVX2; `stack` must have room for the group and all below it.
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-pub(crate) unsafe fn walk_avx2<G: Goal>(
-    forest: &Forest,
-    group: usize,
-    ray: &DRay,
-    instance: u32,
-    search: &mut Search<'_, G>,
-    stack: &mut Stack,
-) -> bool {
-    use snell_math::simd::Avx8;
-    // SAFETY: as promised by the caller.
-    unsafe {
-        walk::<Avx8, G>(forest, group, ray, instance, search, stack, traverse::walk_avx2::<G>)
-    }
-}
-
-/// # Safety
-/// `stack` must have room for the group and all below it.
-pub(crate) unsafe fn walk_portable<G: Goal>(
-    forest: &Forest,
-    group: usize,
-    ray: &DRay,
-    instance: u32,
-    search: &mut Search<'_, G>,
-    stack: &mut Stack,
-) -> bool {
-    // SAFETY: as promised by the caller.
-    unsafe {
-        walk::<Portable8, G>(
-            forest,
-            group,
-            ray,
-            instance,
-            search,
-            stack,
-            traverse::walk_portable::<G>,
-        )
-    }
-}
-
-/// Walks one group, nearest children first. True if the search is over.
+/// Searches one group but for what is unbounded, nearest children first. True if the search is
+/// over.
 ///
-/// # Safety
-/// The machine must have the instructions of `L`; `stack` must have room for the group and all
-/// below it; `enter` must be the entry of the same level.
+/// # Panics
+/// If `stack` has no room for the group and all below it.
 #[inline(always)]
-unsafe fn walk<L: Lanes8, G: Goal>(
+pub(super) fn enter<L: Lanes8, G: Goal>(
+    token: L::Token,
     forest: &Forest,
     group: usize,
     ray: &DRay,
     instance: u32,
     search: &mut Search<'_, G>,
     stack: &mut Stack,
-    enter: Walk<G>,
+) -> bool {
+    token.run(
+        #[inline(always)]
+        move || walk::<L, G>(token, forest, group, ray, instance, search, stack),
+    )
+}
+
+#[inline(always)]
+fn walk<L: Lanes8, G: Goal>(
+    token: L::Token,
+    forest: &Forest,
+    group: usize,
+    ray: &DRay,
+    instance: u32,
+    search: &mut Search<'_, G>,
+    stack: &mut Stack,
 ) -> bool {
     let tree: &GroupTree = &forest.trees[group];
     let local = G::Precision::local_ray(search.context.data, group, ray);
@@ -81,29 +53,22 @@ unsafe fn walk<L: Lanes8, G: Goal>(
         while current.is_node() {
             search.goal.count_node();
             let node = &tree.nodes[current.index()];
-            search.goal.visit(false, || Place::of_bounds(&node.bounds()));
-            // SAFETY: as promised by the caller.
-            let (enters, limits) = unsafe { box_distances::<L>(node, &local, t_min, cull) };
+            search.goal.visit(false, || Region::of_bounds(&node.bounds()));
+            let (enters, limits) = box_distances::<L>(token, node, &local, t_min, cull);
             let met = enters.le(limits);
             if met == 0 {
                 break;
             }
             let mut near = [0.0; 8];
             enters.store(&mut near);
-            // SAFETY: a walk holds at most 7 entries per level, so there are 8 free ones by the
-            // builder's count; `push_sorted` writes at least one.
-            unsafe {
-                top = push_sorted(stack, top, met, &near, &node.children) - 1;
-                current = ChildRef(stack.get_unchecked(top).assume_init() as u32);
-            }
+            current = push_sorted(stack, &mut top, met, &near, &node.children);
         }
         if current.is_triangles() {
             let mut room = MaybeUninit::uninit();
             let block = tree.blocks.get(current.block(), &mut room);
-            search.goal.visit(true, || Place::of_bounds(&block.bounds(current.count())));
+            search.goal.visit(true, || Region::of_bounds(&block.bounds(current.count())));
             search.goal.count_primitives(current.count());
-            // SAFETY: as promised by the caller.
-            let mut lanes = unsafe { G::Precision::candidates::<L>(block, &local, t_min, cull) };
+            let mut lanes = G::Precision::candidates::<L>(token, block, &local, t_min, cull);
             lanes &= (2 << (current.count() - 1)) - 1;
             while lanes != 0 {
                 let lane = lanes.trailing_zeros() as usize & 7;
@@ -117,19 +82,8 @@ unsafe fn walk<L: Lanes8, G: Goal>(
                 }
             }
         } else if current.is_object() {
-            // SAFETY: as promised by the caller; the entries below `top` stay as they are.
-            if unsafe {
-                test_object(
-                    forest,
-                    tree,
-                    current.index(),
-                    ray,
-                    instance,
-                    search,
-                    stack.get_unchecked_mut(top..),
-                    enter,
-                )
-            } {
+            let (object, stack) = (current.index(), &mut stack[top..]);
+            if test_object::<L, G>(token, forest, tree, object, ray, instance, search, stack) {
                 return true;
             }
         }
@@ -156,7 +110,7 @@ fn distance(entry: Entry) -> f32 {
 unsafe fn pop(stack: &Stack, top: &mut usize, cull: f32) -> Option<ChildRef> {
     while *top > 0 {
         *top -= 1;
-        // SAFETY: as promised by the caller.
+        // SAFETY: the caller promises that entries below the top are written.
         let next = unsafe { stack.get_unchecked(*top).assume_init() };
         if distance(next) <= cull {
             return Some(ChildRef(next as u32));
@@ -165,38 +119,32 @@ unsafe fn pop(stack: &Stack, top: &mut usize, cull: f32) -> Option<ChildRef> {
     None
 }
 
-/// Pushes the children that were met, the nearest on top, and returns the new top.
-///
-/// # Safety
-/// `stack` must have 8 entries from `top`.
+/// Pushes the children that were met, at least one, but for the nearest, which is returned; near
+/// ones are on top.
 #[inline(always)]
-unsafe fn push_sorted(
+fn push_sorted(
     stack: &mut Stack,
-    top: usize,
+    top: &mut usize,
     met: u32,
     near: &[f32; 8],
     children: &[ChildRef; 8],
-) -> usize {
-    let mut mask = met;
-    let mut end = top;
+) -> ChildRef {
+    let (mut mask, mut count, mut sorted) = (met, 0, [0; 8]);
     while mask != 0 {
         let slot = mask.trailing_zeros() as usize & 7;
         mask &= mask - 1;
-        let new = near[slot];
-        let mut at = end;
-        while at > top {
-            // SAFETY: entries from `top` to `end` were just written.
-            let before = unsafe { stack.get_unchecked(at - 1).assume_init() };
-            if distance(before) >= new {
-                break;
-            }
-            // SAFETY: `at <= end`, which is free by the caller's promise.
-            unsafe { stack.get_unchecked_mut(at).write(before) };
+        let mut at = count;
+        while at > 0 && distance(sorted[at - 1]) < near[slot] {
+            sorted[at] = sorted[at - 1];
             at -= 1;
         }
-        // SAFETY: as above.
-        unsafe { stack.get_unchecked_mut(at).write(entry(new, children[slot])) };
-        end += 1;
+        sorted[at] = entry(near[slot], children[slot]);
+        count += 1;
     }
-    end
+    let others = count - 1;
+    for (to, &entry) in stack[*top..][..others].iter_mut().zip(&sorted) {
+        to.write(entry);
+    }
+    *top += others;
+    ChildRef(sorted[others] as u32)
 }

@@ -9,11 +9,13 @@ use crate::group::{Object, Placement, offer_triangle};
 use crate::kernel::Goal;
 use crate::precision::Facts;
 use crate::search::Search;
-use crate::search::trace;
+use crate::search::region::Region;
 use crate::tree::SMALL_STACK;
 use crate::tree::node::{ChildRef, QuickBoxes};
 use crate::tree::{Forest, GroupTree};
-use snell_math::simd::{Lanes8, Level, Portable8};
+#[cfg(target_arch = "x86_64")]
+use snell_math::simd::{Avx2, Avx8};
+use snell_math::simd::{Lanes8, Portable, Portable8, Token, Wide};
 use snell_math::{DRay, DVec3};
 use std::hint::select_unpredictable;
 use std::mem::MaybeUninit;
@@ -42,203 +44,111 @@ fn first_beyond(cull: f32) -> Entry {
 
 /// Searches the forest from its root. Rays that are not valid find nothing.
 #[inline(always)]
-pub(crate) fn search_forest<G: Goal>(forest: &Forest, level: Level, search: &mut Search<'_, G>) {
-    match level {
+pub(crate) fn search_forest<G: Goal>(
+    forest: &Forest,
+    wide: Option<Wide>,
+    search: &mut Search<'_, G>,
+) {
+    match wide {
         #[cfg(target_arch = "x86_64")]
-        // SAFETY: `World` holds only levels that the machine supports.
-        Level::Avx2 | Level::Avx512 => unsafe { search_avx2(forest, search) },
-        _ => search_portable(forest, search),
+        Some(wide) => {
+            let token = Avx2::from(wide);
+            token.run(
+                #[inline(always)]
+                move || search_root::<Avx8, G>(token, forest, search),
+            );
+        }
+        _ => Portable.run(
+            #[inline(always)]
+            move || search_root::<Portable8, G>(Portable, forest, search),
+        ),
     }
 }
 
-/// # Safety
-/// The machine must have AVX2.
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-unsafe fn search_avx2<G: Goal>(forest: &Forest, search: &mut Search<'_, G>) {
-    // SAFETY: as promised by the caller.
-    unsafe { search_root::<snell_math::simd::Avx8, G>(forest, search, Walks::AVX2) }
-}
-
-#[inline(never)]
-fn search_portable<G: Goal>(forest: &Forest, search: &mut Search<'_, G>) {
-    // SAFETY: portable code.
-    unsafe { search_root::<Portable8, G>(forest, search, Walks::PORTABLE) }
-}
-
-/// # Safety
-/// The machine must have AVX2; `stack` must have room for the group and all below it.
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-pub(crate) unsafe fn walk_avx2<G: Goal>(
-    forest: &Forest,
-    group: usize,
-    ray: &DRay,
-    instance: u32,
-    search: &mut Search<'_, G>,
-    stack: &mut Stack,
-) -> bool {
-    let place =
-        Place { forest, tree: &forest.trees[group], group, ray, instance, walks: Walks::AVX2 };
-    // SAFETY: as promised by the caller.
-    unsafe { place.search::<snell_math::simd::Avx8>(search, stack) }
-}
-
-/// # Safety
-/// `stack` must have room for the group and all below it.
-pub(crate) unsafe fn walk_portable<G: Goal>(
-    forest: &Forest,
-    group: usize,
-    ray: &DRay,
-    instance: u32,
-    search: &mut Search<'_, G>,
-    stack: &mut Stack,
-) -> bool {
-    let place =
-        Place { forest, tree: &forest.trees[group], group, ray, instance, walks: Walks::PORTABLE };
-    // SAFETY: as promised by the caller.
-    unsafe { place.search::<Portable8>(search, stack) }
-}
-
-/// # Safety
-/// As [`walk_avx2`]; the ray must be prepared for it.
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-unsafe fn walk_quick_avx2<G: Goal>(
-    forest: &Forest,
-    group: usize,
-    ray: &DRay,
-    quick: &QuickRay,
-    instance: u32,
-    search: &mut Search<'_, G>,
-    stack: &mut Stack,
-) -> bool {
-    let place =
-        Place { forest, tree: &forest.trees[group], group, ray, instance, walks: Walks::AVX2 };
-    // SAFETY: as promised by the caller.
-    unsafe { place.walk::<snell_math::simd::Avx8>(quick, search, stack) }
-}
-
-/// # Safety
-/// As [`walk_portable`]; the ray must be prepared for it.
-unsafe fn walk_quick_portable<G: Goal>(
-    forest: &Forest,
-    group: usize,
-    ray: &DRay,
-    quick: &QuickRay,
-    instance: u32,
-    search: &mut Search<'_, G>,
-    stack: &mut Stack,
-) -> bool {
-    let place =
-        Place { forest, tree: &forest.trees[group], group, ray, instance, walks: Walks::PORTABLE };
-    // SAFETY: as promised by the caller.
-    unsafe { place.walk::<Portable8>(quick, search, stack) }
-}
-
-/// The entry of a level, for the step into an instance.
-pub(crate) type Walk<G> =
-    unsafe fn(&Forest, usize, &DRay, u32, &mut Search<'_, G>, &mut Stack) -> bool;
-
-/// [`Walk`] with a ray that is prepared; the group must have nothing unbounded.
-type QuickWalk<G> =
-    unsafe fn(&Forest, usize, &DRay, &QuickRay, u32, &mut Search<'_, G>, &mut Stack) -> bool;
-
-/// [`test_object`] at a level.
-type ObjectTest<G> =
-    unsafe fn(&Forest, &GroupTree, usize, &DRay, u32, &mut Search<'_, G>, &mut Stack) -> bool;
-
-/// The ways of a level that are not inlined.
-#[derive(Clone, Copy)]
-struct Walks<G: Goal> {
-    /// Searches a group.
-    enter: Walk<G>,
-    /// Walks through a group with a ray that may not be ordinary.
-    careful: Walk<G>,
-    /// The same with an ordinary ray.
-    quick: QuickWalk<G>,
-    /// Tests an object of a group with an ordinary ray.
-    object: ObjectTest<G>,
-}
-
-impl<G: Goal> Walks<G> {
-    #[cfg(target_arch = "x86_64")]
-    const AVX2: Self = Self {
-        enter: walk_avx2::<G>,
-        careful: careful::walk_avx2::<G>,
-        quick: walk_quick_avx2::<G>,
-        object: test_object_avx2::<G>,
-    };
-    const PORTABLE: Self = Self {
-        enter: walk_portable::<G>,
-        careful: careful::walk_portable::<G>,
-        quick: walk_quick_portable::<G>,
-        object: test_object_portable::<G>,
-    };
-}
-
-/// # Safety
-/// The machine must have the instructions of `L`, and the walks must be of the same level.
+/// Searches a group. True if the search is over.
+///
+/// # Panics
+/// If `stack` has no room for the group and all below it.
 #[inline(always)]
-unsafe fn search_root<L: Lanes8, G: Goal>(
+pub(super) fn enter<L: Lanes8, G: Goal>(
+    token: L::Token,
     forest: &Forest,
+    group: usize,
+    ray: &DRay,
+    instance: u32,
     search: &mut Search<'_, G>,
-    walks: Walks<G>,
-) {
+    stack: &mut Stack,
+) -> bool {
+    token.run(
+        #[inline(always)]
+        move || Place::<L>::new(token, forest, group, ray, instance).search(search, stack),
+    )
+}
+
+#[inline(always)]
+fn search_root<L: Lanes8, G: Goal>(token: L::Token, forest: &Forest, search: &mut Search<'_, G>) {
     let mut quick = QuickRay::UNSET;
     if !forest.simple
         || !G::Precision::prepare_root::<L>(search.context.data, &mut quick, search.ray)
     {
-        // SAFETY: as promised by the caller.
-        return unsafe { search_with_care(forest, search, walks) };
+        return search_with_care::<L, G>(token, forest, search);
     }
     let ray = G::Precision::exact(search.ray);
-    let place = Place { forest, tree: &forest.trees[0], group: 0, ray: &ray, instance: 0, walks };
     let mut stack = [const { MaybeUninit::uninit() }; SMALL_STACK];
-    // SAFETY: as promised by the caller, and the stack has `stack_size` entries.
-    unsafe { place.walk::<L>(&quick, search, &mut stack) };
+    Place::<L>::new(token, forest, 0, &ray, 0).walk(&quick, search, &mut stack);
 }
 
 /// Searches a forest that is not simple, or with a ray that is not ordinary.
-///
-/// # Safety
-/// The machine must be of the level of the walks.
 #[inline(never)]
-unsafe fn search_with_care<G: Goal>(forest: &Forest, search: &mut Search<'_, G>, walks: Walks<G>) {
+fn search_with_care<L: Lanes8, G: Goal>(
+    token: L::Token,
+    forest: &Forest,
+    search: &mut Search<'_, G>,
+) {
     if !G::Precision::is_valid(search.ray) {
         return;
     }
     let mut small = [const { MaybeUninit::uninit() }; SMALL_STACK];
     let mut large = Vec::new();
-    let stack = if forest.stack_size <= SMALL_STACK {
+    let stack = if forest.stack_size() <= SMALL_STACK {
         &mut small[..]
     } else {
-        large.resize(forest.stack_size, MaybeUninit::uninit());
+        large.resize(forest.stack_size(), MaybeUninit::uninit());
         &mut large[..]
     };
-    // SAFETY: as promised by the caller, and the stack has `stack_size` entries.
-    unsafe { (walks.enter)(forest, 0, &G::Precision::exact(search.ray), 0, search, stack) };
+    enter::<L, G>(token, forest, 0, &G::Precision::exact(search.ray), 0, search, stack);
 }
 
 /// Where a ray walks.
-struct Place<'a, G: Goal> {
+#[derive(Clone, Copy)]
+struct Place<'a, L: Lanes8> {
+    token: L::Token,
     forest: &'a Forest,
     tree: &'a GroupTree,
     group: usize,
     ray: &'a DRay,
     instance: u32,
-    walks: Walks<G>,
 }
 
-impl<G: Goal> Place<'_, G> {
+impl<'a, L: Lanes8> Place<'a, L> {
+    #[inline(always)]
+    fn new(
+        token: L::Token,
+        forest: &'a Forest,
+        group: usize,
+        ray: &'a DRay,
+        instance: u32,
+    ) -> Self {
+        Self { token, forest, tree: &forest.trees[group], group, ray, instance }
+    }
+
     /// Searches the group. True if the search is over.
     ///
-    /// # Safety
-    /// The machine must have the instructions of `L`, and the walks must be of the same level;
-    /// `stack` must have room for the group and all below it.
+    /// # Panics
+    /// If `stack` has no room for the group and all below it.
     #[inline(always)]
-    unsafe fn search<L: Lanes8>(&self, search: &mut Search<'_, G>, stack: &mut Stack) -> bool {
-        let Self { forest, group, ray, instance, .. } = *self;
+    fn search<G: Goal>(self, search: &mut Search<'_, G>, stack: &mut Stack) -> bool {
+        let Self { token, forest, tree, group, ray, instance } = self;
         let mut quick = QuickRay::UNSET;
         let is_quick = forest.ordinary
             && search.start >= 0.0
@@ -247,71 +157,67 @@ impl<G: Goal> Place<'_, G> {
         if !(is_quick || (ray.origin.is_finite() && ray.direction.is_finite())) {
             return false;
         }
-        for &object in &self.tree.unbounded {
-            // SAFETY: as promised by the caller.
-            if unsafe {
-                test_object(
-                    forest,
-                    self.tree,
-                    object as usize,
-                    ray,
-                    instance,
-                    search,
-                    stack,
-                    self.walks.enter,
-                )
-            } {
+        for &object in &tree.unbounded {
+            let object = object as usize;
+            if test_object::<L, G>(token, forest, tree, object, ray, instance, search, stack) {
                 return true;
             }
         }
-        // SAFETY: as promised by the caller.
-        unsafe {
-            if is_quick {
-                (self.walks.quick)(forest, group, ray, &quick, instance, search, stack)
-            } else {
-                (self.walks.careful)(forest, group, ray, instance, search, stack)
-            }
+        if is_quick {
+            self.enter_quickly(&quick, search, stack)
+        } else {
+            careful::enter::<L, G>(token, forest, group, ray, instance, search, stack)
         }
     }
 
-    /// The walk of an ordinary ray, nearest children first. True if the search is over.
-    ///
-    /// # Safety
-    /// As [`Self::search`]; the ray must be prepared for `L`.
+    /// [`Self::walk`], not inlined.
     #[inline(always)]
-    unsafe fn walk<L: Lanes8>(
+    fn enter_quickly<G: Goal>(
+        self,
+        quick: &QuickRay,
+        search: &mut Search<'_, G>,
+        stack: &mut Stack,
+    ) -> bool {
+        self.token.run(
+            #[inline(always)]
+            move || self.walk(quick, search, stack),
+        )
+    }
+
+    /// The walk of an ordinary ray, which must be prepared for `L`, nearest children first. True if
+    /// the search is over.
+    ///
+    /// # Panics
+    /// If `stack` has no room for the group and all below it.
+    #[inline(always)]
+    fn walk<G: Goal>(
         &self,
         quick: &QuickRay,
         search: &mut Search<'_, G>,
         stack: &mut Stack,
     ) -> bool {
-        // SAFETY: as promised by the caller. (The sum makes zero positive.)
-        let (boxes, t_min) = unsafe {
-            (
-                QuickBoxes::<L>::new(quick, self.forest.extents[self.group]),
-                L::splat(search.start + 0.0),
-            )
-        };
+        let token = self.token;
+        let boxes = QuickBoxes::<L>::new(token, quick, self.forest.extents[self.group]);
+        // (The sum makes zero positive.)
+        let t_min = L::splat(token, search.start + 0.0);
+        assert!(stack.len() >= self.forest.stack_sizes[self.group], "room for the way down");
         let mut cull = search.cull();
         let mut beyond = first_beyond(cull);
         let is_ascending = is_ascending(self.ray.direction);
         let (mut top, mut current) = (1, self.tree.root);
-        // SAFETY: a walk holds at most 7 entries per level and one at the bottom; the builder's
-        // count has room for 8 at the bottom.
+        // SAFETY: a walk holds at most 7 entries per level and one at the bottom; there is room for
+        // as many and 8 at the bottom, as was checked.
         unsafe { stack.get_unchecked_mut(0).write(END) };
         loop {
             if current.is_node() {
                 search.goal.count_node();
-                // SAFETY: the builder makes only references to nodes that exist; the rest is
-                // promised by the caller.
-                let (node, enters, met) = unsafe {
-                    let node = self.tree.nodes.get_unchecked(current.index());
-                    let (enters, limits) = boxes.distances(node, t_min, L::splat(cull));
-                    (node, enters, enters.le(limits))
-                };
-                search.goal.visit(false, || trace::Place::of_bounds(&node.bounds()));
+                // SAFETY: the references of a tree are to nodes that exist.
+                let node = unsafe { self.tree.nodes.get_unchecked(current.index()) };
+                let (enters, limits) = boxes.distances(node, t_min, L::splat(token, cull));
+                let met = enters.le(limits);
+                search.goal.visit(false, || Region::of_bounds(&node.bounds()));
                 if !G::NARROWS && met != 0 {
-                    // SAFETY: as above.
+                    // SAFETY: there is room for eight above those of the levels before.
                     current = unsafe {
                         push_unsorted(stack, &mut top, met, is_ascending, &node.children)
                     };
@@ -332,7 +238,7 @@ impl<G: Goal> Place<'_, G> {
                         // Two, most often. A branch, although it is often wrong: what comes next
                         // need not wait for the distances.
                         let (a, b) = (node.children[first], node.children[second]);
-                        // SAFETY: as above.
+                        // SAFETY: there is room for eight above those of the levels before.
                         let next = unsafe { stack.get_unchecked_mut(top) };
                         if near[first] < near[second] {
                             // SAFETY: it is valid. (Volatile, or the two branches become one with
@@ -349,7 +255,7 @@ impl<G: Goal> Place<'_, G> {
                     let [a, b] = [first, second].map(|slot| entry(near[slot], node.children[slot]));
                     let (mut nearest, farther) =
                         (select_unpredictable(a < b, a, b), select_unpredictable(a < b, b, a));
-                    // SAFETY: as above.
+                    // SAFETY: there is room for eight above those of the levels before.
                     unsafe {
                         stack.get_unchecked_mut(top).write(farther);
                         nearest = push_sorted(stack, top, nearest, rest, &near, &node.children);
@@ -360,17 +266,12 @@ impl<G: Goal> Place<'_, G> {
                 }
             } else if current.is_triangles() {
                 let mut room = MaybeUninit::uninit();
-                // SAFETY: the builder makes only references to blocks that exist; the rest is
-                // promised by the caller.
-                let (block, mut lanes) = unsafe {
-                    let block = self.tree.blocks.at().block::<L>(current.block(), &mut room);
-                    (
-                        block,
-                        G::Precision::lines_through::<L>(block, quick)
-                            & ((2 << (current.count() - 1)) - 1),
-                    )
-                };
-                search.goal.visit(true, || trace::Place::of_bounds(&block.bounds(current.count())));
+                // SAFETY: the references of a tree are to blocks that exist.
+                let block =
+                    unsafe { self.tree.blocks.at().block::<L>(token, current.block(), &mut room) };
+                let mut lanes = G::Precision::lines_through::<L>(token, block, quick)
+                    & ((2 << (current.count() - 1)) - 1);
+                search.goal.visit(true, || Region::of_bounds(&block.bounds(current.count())));
                 search.goal.count_primitives(current.count());
                 while lanes != 0 {
                     let lane = lanes.trailing_zeros() as usize & 7;
@@ -392,20 +293,7 @@ impl<G: Goal> Place<'_, G> {
                     }
                 }
             } else if current.is_object() {
-                // SAFETY: the entries below `top` stay as they are.
-                let (object, stack) = (current.index(), unsafe { stack.get_unchecked_mut(top..) });
-                // SAFETY: as promised by the caller.
-                if unsafe {
-                    (self.walks.object)(
-                        self.forest,
-                        self.tree,
-                        object,
-                        self.ray,
-                        self.instance,
-                        search,
-                        stack,
-                    )
-                } {
+                if self.test_object(current.index(), search, &mut stack[top..]) {
                     return true;
                 }
                 cull = search.cull();
@@ -425,6 +313,54 @@ impl<G: Goal> Place<'_, G> {
                 }
             };
         }
+    }
+
+    /// [`test_object`] for an ordinary ray in an ordinary forest: most instances stand still, and
+    /// rays are ordinary there too, so these are entered without a detour.
+    #[inline(always)]
+    fn test_object<G: Goal>(
+        self,
+        object: usize,
+        search: &mut Search<'_, G>,
+        stack: &mut Stack,
+    ) -> bool {
+        self.token.run(
+            #[inline(always)]
+            move || self.test_object_quickly(object, search, stack),
+        )
+    }
+
+    #[inline(always)]
+    fn test_object_quickly<G: Goal>(
+        self,
+        object: usize,
+        search: &mut Search<'_, G>,
+        stack: &mut Stack,
+    ) -> bool {
+        let Self { token, forest, tree, ray, instance, .. } = self;
+        if let Some(Object::Instance {
+            child,
+            offset,
+            child_from_group: Placement::Still(map),
+            mask,
+        }) = tree.objects.placed().get(object)
+        {
+            if mask & search.mask == 0 {
+                return false;
+            }
+            let ray = group::mapped(map, ray);
+            let mut quick = QuickRay::UNSET;
+            if forest.trees[*child].unbounded.is_empty()
+                && G::Precision::prepare::<L>(search.context.data, *child, &mut quick, &ray)
+            {
+                search.goal.enter(map);
+                let below = Place::<L>::new(token, forest, *child, &ray, instance + offset);
+                let is_over = below.enter_quickly(&quick, search, stack);
+                search.goal.leave();
+                return is_over;
+            }
+        }
+        test_object::<L, G>(token, forest, tree, object, ray, instance, search, stack)
     }
 }
 
@@ -460,7 +396,7 @@ unsafe fn push_unsorted(
         if rest == 0 {
             return child;
         }
-        // SAFETY: as promised by the caller.
+        // SAFETY: the caller promises room for all that were met.
         unsafe { stack.get_unchecked_mut(*top).write(entry(0.0, child)) };
         *top += 1;
     }
@@ -508,10 +444,11 @@ unsafe fn push_sorted(
 
 /// Tests a shape or a primitive of a set, or walks the group of an instance.
 ///
-/// # Safety
-/// As [`Place::search`].
+/// # Panics
+/// If `stack` has no room for all below the group.
 #[inline(never)]
-pub(crate) unsafe fn test_object<G: Goal>(
+pub(crate) fn test_object<L: Lanes8, G: Goal>(
+    token: L::Token,
     forest: &Forest,
     tree: &GroupTree,
     object: usize,
@@ -519,7 +456,6 @@ pub(crate) unsafe fn test_object<G: Goal>(
     instance: u32,
     search: &mut Search<'_, G>,
     stack: &mut Stack,
-    enter: Walk<G>,
 ) -> bool {
     group::test_object(
         &tree.objects,
@@ -528,103 +464,7 @@ pub(crate) unsafe fn test_object<G: Goal>(
         instance,
         search,
         |child, ray, instance, search| {
-            // SAFETY: as promised by the caller: the stack has room for all below this group.
-            unsafe { enter(forest, child, ray, instance, search, stack) }
+            enter::<L, G>(token, forest, child, ray, instance, search, stack)
         },
     )
-}
-
-/// # Safety
-/// As [`walk_avx2`].
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-unsafe fn test_object_avx2<G: Goal>(
-    forest: &Forest,
-    tree: &GroupTree,
-    object: usize,
-    ray: &DRay,
-    instance: u32,
-    search: &mut Search<'_, G>,
-    stack: &mut Stack,
-) -> bool {
-    use snell_math::simd::Avx8;
-    // SAFETY: as promised by the caller.
-    unsafe {
-        test_object_quickly::<Avx8, G>(
-            forest,
-            tree,
-            object,
-            ray,
-            instance,
-            search,
-            stack,
-            Walks::AVX2,
-        )
-    }
-}
-
-/// # Safety
-/// As [`walk_portable`].
-unsafe fn test_object_portable<G: Goal>(
-    forest: &Forest,
-    tree: &GroupTree,
-    object: usize,
-    ray: &DRay,
-    instance: u32,
-    search: &mut Search<'_, G>,
-    stack: &mut Stack,
-) -> bool {
-    // SAFETY: as promised by the caller.
-    unsafe {
-        test_object_quickly::<Portable8, G>(
-            forest,
-            tree,
-            object,
-            ray,
-            instance,
-            search,
-            stack,
-            Walks::PORTABLE,
-        )
-    }
-}
-
-/// [`test_object`] for an ordinary ray in an ordinary forest: most instances stand still, and rays
-/// are ordinary there too, so these are entered without a detour.
-///
-/// # Safety
-/// As [`search_root`]; `stack` must have room for all below the group.
-#[inline(always)]
-unsafe fn test_object_quickly<L: Lanes8, G: Goal>(
-    forest: &Forest,
-    tree: &GroupTree,
-    object: usize,
-    ray: &DRay,
-    instance: u32,
-    search: &mut Search<'_, G>,
-    stack: &mut Stack,
-    walks: Walks<G>,
-) -> bool {
-    if let Some(Object::Instance { child, offset, child_from_group: Placement::Still(map), mask }) =
-        tree.objects.placed().get(object)
-    {
-        if mask & search.mask == 0 {
-            return false;
-        }
-        let ray = group::mapped(map, ray);
-        let mut quick = QuickRay::UNSET;
-        if forest.trees[*child].unbounded.is_empty()
-            && G::Precision::prepare::<L>(search.context.data, *child, &mut quick, &ray)
-        {
-            search.goal.enter(map);
-            // SAFETY: as promised by the caller.
-            let is_over = unsafe {
-                (walks.quick)(forest, *child, &ray, &quick, instance + offset, search, stack)
-            };
-            search.goal.leave();
-            return is_over;
-        }
-    }
-    // SAFETY: as promised by the caller.
-    unsafe { test_object(forest, tree, object, ray, instance, search, stack, walks.enter) }
 }

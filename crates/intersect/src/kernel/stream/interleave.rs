@@ -4,10 +4,10 @@
 //! their first steps together ([`super::together`]).
 
 use super::slot::{Enters, Slot, Slots};
-use super::together::{PARTY, SetOff, Trial};
+use super::together::{PARTY, Trial, set_off};
 use crate::kernel::Goal;
 use crate::kernel::list::Begun;
-use crate::kernel::single::traverse::{Entry, Walk, search_forest, walk_portable};
+use crate::kernel::single::traverse::{Entry, search_forest};
 use crate::precision::Facts;
 use crate::prefetch::fetch;
 use crate::search::answers::Answers;
@@ -17,7 +17,9 @@ use crate::tree::Forest;
 use crate::tree::SMALL_STACK;
 use crate::tree::may_search;
 use crate::tree::node::ChildRef;
-use snell_math::simd::{Lanes8, Level, Portable8};
+#[cfg(target_arch = "x86_64")]
+use snell_math::simd::{Avx2, Avx8, Token};
+use snell_math::simd::{Lanes8, Level, Portable, Portable8, Wide};
 use std::mem::MaybeUninit;
 
 /// How many rays are in flight at most. When [`PARTY`] of them have come to their ends, others
@@ -79,9 +81,9 @@ impl<'a, P: Facts> Batch<'a, P> {
 
 /// True if forests are so large that rays should be in an order. (In smaller ones, sorting costs
 /// more than it saves.)
-pub(crate) fn pays_to_sort<G: Goal>(forest: &Forest, level: Level) -> bool {
-    let least =
-        if G::WANTS_ONE && level == Level::Avx512 { SORTED_BYTES_AVX512 } else { SORTED_BYTES };
+pub(crate) fn pays_to_sort<G: Goal>(forest: &Forest, wide: Option<Wide>) -> bool {
+    let is_widest = Level::of(wide) == Level::Avx512;
+    let least = if G::WANTS_ONE && is_widest { SORTED_BYTES_AVX512 } else { SORTED_BYTES };
     forest.memory_bytes() > least
 }
 
@@ -96,70 +98,41 @@ pub(crate) fn is_suitable(forest: &Forest, rays: usize) -> bool {
 /// particular order.
 pub(crate) fn search_batch<G: Goal>(
     forest: &Forest,
-    level: Level,
+    wide: Option<Wide>,
     batch: &Batch<G::Precision>,
     start: impl Fn(&RayOf<G>) -> G,
     answers: impl Answers<G>,
 ) {
     debug_assert!(is_suitable(forest, batch.rays.len()) || batch.begun.is_some());
-    match level {
+    match wide {
         #[cfg(target_arch = "x86_64")]
-        // SAFETY: `World` holds only levels that the machine supports.
-        Level::Avx2 | Level::Avx512 => unsafe { run_avx2(forest, level, batch, start, answers) },
-        // SAFETY: portable code. (Without registers of many lanes, rays are as fast one by one.)
-        _ => unsafe {
-            run::<Portable8, G>(forest, level, batch, start, answers, (walk_portable::<G>, None))
-        },
-    }
-}
-
-/// # Safety
-/// As [`run`].
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-unsafe fn run_avx2<G: Goal>(
-    forest: &Forest,
-    level: Level,
-    batch: &Batch<G::Precision>,
-    start: impl Fn(&RayOf<G>) -> G,
-    answers: impl Answers<G>,
-) {
-    use super::together::{set_off_avx2, set_off_avx512};
-    use crate::kernel::single::traverse::walk_avx2;
-    let set_off: SetOff<G> =
-        if level == Level::Avx512 { set_off_avx512::<G> } else { set_off_avx2::<G> };
-    // SAFETY: as promised by the caller.
-    unsafe {
-        run::<snell_math::simd::Avx8, G>(
-            forest,
-            level,
-            batch,
-            start,
-            answers,
-            (walk_avx2::<G>, Some(set_off)),
-        )
+        Some(wide) => {
+            let token = Avx2::from(wide);
+            token.run(
+                #[inline(always)]
+                move || run::<Avx8, G>(token, forest, Some(wide), batch, start, answers),
+            );
+        }
+        // (Without registers of many lanes, rays are as fast one by one.)
+        _ => run::<Portable8, G>(Portable, forest, None, batch, start, answers),
     }
 }
 
 /// The loop over all rays in flight: first a step for each that is at a node, then one for each
 /// that is at a leaf or done.
-///
-/// # Safety
-/// The machine must have the instructions of `L`; [`is_suitable`] must hold; `enter` and `set_off`
-/// must be entries of the same level.
 #[inline(always)]
-unsafe fn run<L: Lanes8, G: Goal>(
+fn run<L: Lanes8, G: Goal>(
+    token: L::Token,
     forest: &Forest,
-    level: Level,
+    wide: Option<Wide>,
     batch: &Batch<G::Precision>,
     start: impl Fn(&RayOf<G>) -> G,
     mut answers: impl Answers<G>,
-    (enter, set_off): (Walk<G>, Option<SetOff<G>>),
 ) {
     let tree = &forest.trees[0];
     let prefetch = forest.memory_bytes() > FETCHED_BYTES;
     let mut below = [const { MaybeUninit::<Entry>::uninit() }; SMALL_STACK];
-    let slots = Slots::<G>::new(SLOTS.min(batch.len()), forest.stack_size);
+    let slots = Slots::<G>::new(SLOTS.min(batch.len()), forest.stack_size());
     let mut items: [Items<*mut Slot<G>>; 3] =
         [const { [const { MaybeUninit::uninit() }; SLOTS + 1] }; 3];
     let [nodes, rest, mut idle] = items.each_mut().map(|items| Queue { items, count: 0 });
@@ -195,7 +168,7 @@ unsafe fn run<L: Lanes8, G: Goal>(
                     }
                     Search::new(query, batch.context, goal)
                 };
-                // SAFETY: slots that are idle are in no other queue; `L` as promised by the caller.
+                // SAFETY: slots that are idle are in no other queue.
                 unsafe {
                     let slot = idle.get(idle.count - 1);
                     if (*slot).start::<L>(tree, from, ray, batch.context.data, search, query.ray) {
@@ -203,18 +176,18 @@ unsafe fn run<L: Lanes8, G: Goal>(
                         started[count] = slot;
                         count += 1;
                     } else {
-                        answers.put(ray, search_alone(forest, level, search()));
+                        answers.put(ray, search_alone(forest, wide, search()));
                     }
                 }
             }
             let started = &started[..count];
-            if let Some(set_off) = set_off
+            if let Some(wide) = wide
                 && G::WANTS_ONE
                 && count != 0
                 && trial.is_on()
             {
-                // SAFETY: they have just started; the level is that of `L`.
-                trial.count(count, unsafe { set_off(started) });
+                // SAFETY: they have just started.
+                trial.count(count, unsafe { set_off(wide, started) });
             }
             for &slot in started {
                 // SAFETY: slots that have started are in no queue.
@@ -249,11 +222,11 @@ unsafe fn run<L: Lanes8, G: Goal>(
             let count = queues.nodes.take();
             for i in 0..count {
                 *found.get_unchecked_mut(i) =
-                    (*queues.nodes.get(i)).boxes_step::<L>(enters.get_unchecked_mut(i));
+                    (*queues.nodes.get(i)).boxes_step::<L>(token, enters.get_unchecked_mut(i));
             }
             for i in 0..count {
                 let slot = queues.nodes.get(i);
-                Slot::push_step::<L>(slot, *found.get_unchecked(i), enters.get_unchecked(i));
+                Slot::push_step::<L>(slot, token, *found.get_unchecked(i), enters.get_unchecked(i));
                 if prefetch {
                     (*slot).fetch_ahead();
                 }
@@ -261,7 +234,7 @@ unsafe fn run<L: Lanes8, G: Goal>(
             }
             for i in 0..leaves {
                 *found.get_unchecked_mut(i) =
-                    (*leaf_slots.get_unchecked(i).assume_init()).leaf_step::<L>();
+                    (*leaf_slots.get_unchecked(i).assume_init()).leaf_step::<L>(token);
             }
             for i in 0..leaves {
                 let (slot, lanes) =
@@ -307,7 +280,7 @@ unsafe fn run<L: Lanes8, G: Goal>(
             }
             for i in 0..objects {
                 let slot = object_slots.get_unchecked(i).assume_init();
-                Slot::object_step::<L>(slot, forest, &mut below, enter);
+                Slot::object_step::<L>(slot, token, forest, &mut below);
                 if prefetch {
                     (*slot).fetch_ahead();
                 }
@@ -327,8 +300,8 @@ unsafe fn run<L: Lanes8, G: Goal>(
 /// A ray that is not ordinary.
 #[cold]
 #[inline(never)]
-fn search_alone<G: Goal>(forest: &Forest, level: Level, mut search: Search<G>) -> G {
-    search_forest(forest, level, &mut search);
+fn search_alone<G: Goal>(forest: &Forest, wide: Option<Wide>, mut search: Search<G>) -> G {
+    search_forest(forest, wide, &mut search);
     search.goal
 }
 

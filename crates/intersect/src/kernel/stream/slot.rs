@@ -6,7 +6,7 @@ use crate::exact::triangle::TriangleBlock;
 use crate::group::{Object, ObjectRef, offer_triangle};
 use crate::kernel::Goal;
 use crate::kernel::single::filter::BlockFilter;
-use crate::kernel::single::traverse::{Stack, Walk, test_object};
+use crate::kernel::single::traverse::{Stack, test_object};
 use crate::precision::Facts;
 use crate::prefetch::fetch_lines;
 use crate::search::{DataOf, RayOf, Search};
@@ -282,8 +282,8 @@ impl<'a, G: Goal> Slot<'a, G> {
     /// last of them at once. Their boxes begin at these distances or farther.
     ///
     /// # Safety
-    /// It must be a slot of [`Slots`]. The machine must have the instructions of `L`; the children
-    /// must be of the same group, and no more than what the root would have left on the stack.
+    /// It must be a slot of [`Slots`]. The children must be of the same group, and no more than what
+    /// the root would have left on the stack.
     #[inline(always)]
     pub unsafe fn go_on_with<L: WideLanes>(
         this: *mut Self,
@@ -312,19 +312,19 @@ impl<'a, G: Goal> Slot<'a, G> {
     /// each waits less.)
     ///
     /// # Safety
-    /// The machine must have the instructions of `L`; there must be a search; the current reference
-    /// must be a node of the group.
+    /// There must be a search; the current reference must be a node of the group.
     #[inline(always)]
-    pub unsafe fn boxes_step<L: Lanes8>(&mut self, enters: &mut Enters) -> u32 {
+    pub unsafe fn boxes_step<L: Lanes8>(&mut self, token: L::Token, enters: &mut Enters) -> u32 {
         // SAFETY: as promised by the caller.
         unsafe {
             self.search().goal.count_node();
             let node = &*self.place.nodes.add(self.current.node_index());
-            let (enter, limit) = quick_distances::<L>(node, &self.place.ray, self.t_min, self.cull);
+            let (enter, limit) =
+                quick_distances::<L>(token, node, &self.place.ray, self.t_min, self.cull);
             if G::NARROWS {
                 enter.store(&mut enters.0);
             }
-            enter.le_in_order(limit, *node.order.get_unchecked(self.place.ray.octant()))
+            enter.le_in_order(limit, node.order[self.place.ray.octant()])
         }
     }
 
@@ -334,18 +334,23 @@ impl<'a, G: Goal> Slot<'a, G> {
     /// It must be a slot of [`Slots`]. As [`Self::boxes_step`], which must have given `met` and
     /// `enters`; the stack must have room for eight more entries.
     #[inline(always)]
-    pub unsafe fn push_step<L: Lanes8>(this: *mut Self, met: u32, enters: &Enters) {
+    pub unsafe fn push_step<L: Lanes8>(
+        this: *mut Self,
+        token: L::Token,
+        met: u32,
+        enters: &Enters,
+    ) {
         // SAFETY: as promised by the caller. References are plain `u32`, and `top` is at least 1.
         unsafe {
             let (Place { nodes, ray, .. }, top) = (&(*this).place, (*this).top as usize);
             let node = &*nodes.add((*this).current.node_index());
             let payload = &*node.children.as_ptr().cast::<[u32; 8]>();
-            let order = *node.order.get_unchecked(ray.octant());
+            let order = node.order[ray.octant()];
             let to = Self::entry(this, top);
             if G::NARROWS {
-                L::load(&enters.0).compress(met, order, payload, &mut *to.cast());
+                L::load(token, &enters.0).compress(met, order, payload, &mut *to.cast());
             } else {
-                L::compress_payload(met, order, payload, &mut *to.cast());
+                L::compress_payload(token, met, order, payload, &mut *to.cast());
             }
             (*this).top += met.count_ones();
             Self::pop(this);
@@ -355,16 +360,16 @@ impl<'a, G: Goal> Slot<'a, G> {
     /// Tells which triangles of the current leaf the ray's line may pass through.
     ///
     /// # Safety
-    /// The machine must have the instructions of `L`; there must be a search; the current reference
-    /// must be a block of the group.
+    /// There must be a search; the current reference must be a block of the group.
     #[inline(always)]
-    pub unsafe fn leaf_step<L: Lanes8>(&mut self) -> u32 {
+    pub unsafe fn leaf_step<L: Lanes8>(&mut self, token: L::Token) -> u32 {
         // SAFETY: as promised by the caller.
         unsafe {
             let (mut room, count) = (MaybeUninit::uninit(), self.current.count());
-            let block = self.place.blocks().block::<L>(self.current.block(), &mut room);
+            let block = self.place.blocks().block::<L>(token, self.current.block(), &mut room);
             self.search().goal.count_primitives(count);
-            G::Precision::lines_through::<L>(block, &self.place.ray) & ((2 << (count - 1)) - 1)
+            G::Precision::lines_through::<L>(token, block, &self.place.ray)
+                & ((2 << (count - 1)) - 1)
         }
     }
 
@@ -461,14 +466,13 @@ impl<'a, G: Goal> Slot<'a, G> {
     ///
     /// # Safety
     /// It must be a slot of [`Slots`]. There must be a search; the current reference must be an
-    /// object of the group; the stack must have room for one more entry, and `below` for all
-    /// groups; `enter` must be the entry of the level of `L`, which the machine must have.
+    /// object of the group; the stack must have room for one more entry.
     #[inline(always)]
     pub unsafe fn object_step<L: Lanes8>(
         this: *mut Self,
+        token: L::Token,
         forest: &Forest,
         below: &mut Stack,
-        enter: Walk<G>,
     ) {
         // SAFETY: as promised by the caller.
         unsafe {
@@ -489,7 +493,8 @@ impl<'a, G: Goal> Slot<'a, G> {
             Self::pop(this);
             let slot = &mut *this;
             let (exact, instance) = (slot.place.exact(), slot.place.instance);
-            if test_object(forest, tree, object, &exact, instance, slot.search(), below, enter) {
+            let search = slot.search();
+            if test_object::<L, G>(token, forest, tree, object, &exact, instance, search, below) {
                 slot.current = ChildRef::NONE;
             } else {
                 Self::tighten(this);
@@ -605,7 +610,6 @@ impl<'a, G: Goal> Slot<'a, G> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::kernel::single::traverse::walk_portable;
     use crate::precision::Single;
     use crate::search::AcceptAll;
     use crate::search::{Any, Context};
@@ -613,7 +617,7 @@ mod tests {
     use crate::world::AcceleratorKind;
     use crate::world::tests::{Random, build, dust};
     use crate::world::{Structure, WorldBuilder};
-    use snell_math::simd::{Level, Portable8};
+    use snell_math::simd::{Level, Portable, Portable8};
     use snell_math::{DVec3, Ray, Transform};
     use std::sync::Arc;
 
@@ -647,7 +651,7 @@ mod tests {
         let rays: Vec<Ray> =
             (0..200).map(|_| Ray::new(random.point(0.5), random.direction())).collect();
         let mut below = [const { MaybeUninit::uninit() }; SMALL_STACK];
-        let slots = Slots::<Any<Single>>::new(1, forest.stack_size);
+        let slots = Slots::<Any<Single>>::new(1, forest.stack_size());
         // SAFETY: the steps follow from what is current; a forest of three levels needs fewer
         // entries than there are.
         unsafe {
@@ -660,23 +664,18 @@ mod tests {
                 while (*slot).current != ChildRef::NONE {
                     if (*slot).current.is_node() {
                         let mut enters = Enters([0.0; 8]);
-                        let met = (*slot).boxes_step::<Portable8>(&mut enters);
-                        Slot::push_step::<Portable8>(slot, met, &enters);
+                        let met = (*slot).boxes_step::<Portable8>(Portable, &mut enters);
+                        Slot::push_step::<Portable8>(slot, Portable, met, &enters);
                     } else if (*slot).current.is_triangles() {
                         let (lanes, block) =
-                            ((*slot).leaf_step::<Portable8>(), Slot::leave_leaf(slot));
+                            ((*slot).leaf_step::<Portable8>(Portable), Slot::leave_leaf(slot));
                         if lanes != 0 {
                             Slot::triangles_step(slot, forest, lanes, block);
                         }
                     } else if (*slot).current == ChildRef::RETURN {
                         Slot::leave_instance(slot);
                     } else {
-                        Slot::object_step::<Portable8>(
-                            slot,
-                            forest,
-                            &mut below,
-                            walk_portable::<Any<Single>>,
-                        );
+                        Slot::object_step::<Portable8>(slot, Portable, forest, &mut below);
                     }
                 }
                 let is_found = (*slot).search().goal.found;

@@ -19,12 +19,10 @@ use super::slot::Slot;
 use crate::exact::quick::FAR_FACTOR;
 use crate::kernel::Goal;
 use crate::kernel::columns::columns;
-use crate::tree::node::ChildRef;
-#[cfg(test)]
-use snell_math::simd::Portable8;
+use crate::tree::node::{ChildRef, WideNode};
 #[cfg(target_arch = "x86_64")]
-use snell_math::simd::{Avx8, Avx16};
-use snell_math::simd::{Lanes8, Lanes16, Pair, WideLanes};
+use snell_math::simd::{Avx8, Avx16, Pair};
+use snell_math::simd::{Lanes8, Lanes16, Token, Wide, WideLanes};
 use std::array::from_fn;
 use std::mem::MaybeUninit;
 
@@ -57,50 +55,43 @@ const MAX_MARGIN: f32 = 1.0e20;
 /// Lets rays set off: they must be in slots at the root of the same walk, and are left somewhere
 /// below. Returns how many visits of nodes were made together, of all rays. Slots that it cannot
 /// help stay at the root.
-pub(super) type SetOff<G> = unsafe fn(&[*mut Slot<'_, G>]) -> u32;
-
+///
 /// # Safety
-/// As [`set_off`].
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-pub(super) unsafe fn set_off_avx2<G: Goal>(slots: &[*mut Slot<'_, G>]) -> u32 {
-    // SAFETY: as promised by the caller.
-    unsafe { set_off::<Pair<Avx8>, G>(slots) }
+/// There must be one to [`PARTY`] slots, each with a search that [was started](Slot::start) at the
+/// same node and has not gone on.
+#[cfg_attr(not(target_arch = "x86_64"), allow(unused_variables))]
+#[inline(always)]
+pub(super) unsafe fn set_off<G: Goal>(wide: Wide, slots: &[*mut Slot<'_, G>]) -> u32 {
+    match wide {
+        #[cfg(target_arch = "x86_64")]
+        Wide::Avx2(token) => token.run(
+            #[inline(always)]
+            // SAFETY: as promised by the caller.
+            move || unsafe { set_off_with::<Pair<Avx8>, G>(token, slots) },
+        ),
+        #[cfg(target_arch = "x86_64")]
+        Wide::Avx512(token) => token.run(
+            #[inline(always)]
+            // SAFETY: as promised by the caller.
+            move || unsafe { set_off_with::<Avx16, G>(token, slots) },
+        ),
+    }
 }
 
-/// # Safety
-/// As [`set_off`].
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-pub(super) unsafe fn set_off_avx512<G: Goal>(slots: &[*mut Slot<'_, G>]) -> u32 {
-    // SAFETY: as promised by the caller.
-    unsafe { set_off::<Avx16, G>(slots) }
-}
-
-/// The readable twin, for tests: at that level rays are as fast alone.
+/// [`set_off`] with rays that are prepared for [`Lanes8::FUSED`] of these lanes.
 ///
 /// # Safety
 /// As [`set_off`].
-#[cfg(test)]
-unsafe fn set_off_portable<G: Goal>(slots: &[*mut Slot<'_, G>]) -> u32 {
-    // SAFETY: as promised by the caller.
-    unsafe { set_off::<Pair<Portable8>, G>(slots) }
-}
-
-/// # Safety
-/// The machine must have the instructions of `W`; there must be one to [`PARTY`] slots, each with a
-/// search that [was started](Slot::start) at the same node and has not gone on, prepared for
-/// [`Lanes8::FUSED`] of these lanes.
 #[inline(always)]
-unsafe fn set_off<W: Lanes16, G: Goal>(slots: &[*mut Slot<'_, G>]) -> u32 {
+unsafe fn set_off_with<W: Lanes16, G: Goal>(token: W::Token, slots: &[*mut Slot<'_, G>]) -> u32 {
     debug_assert!((1..=PARTY).contains(&slots.len()));
     // SAFETY: as promised by the caller.
     unsafe {
         if slots.len() > ROW {
             let (first, second) = slots.split_at_unchecked(ROW);
-            set_off_rows(slots, [Row::<W>::new(first), Row::new(second)])
+            set_off_rows(token, slots, [Row::<W>::new(token, first), Row::new(token, second)])
         } else {
-            set_off_rows(slots, [Row::<W>::new(slots)])
+            set_off_rows(token, slots, [Row::<W>::new(token, slots)])
         }
     }
 }
@@ -109,6 +100,7 @@ unsafe fn set_off<W: Lanes16, G: Goal>(slots: &[*mut Slot<'_, G>]) -> u32 {
 /// As [`set_off`]; the rows must be those of the slots.
 #[inline(always)]
 unsafe fn set_off_rows<W: Lanes16, G: Goal, const N: usize>(
+    token: W::Token,
     slots: &[*mut Slot<'_, G>],
     rows: [Row<W>; N],
 ) -> u32 {
@@ -118,7 +110,7 @@ unsafe fn set_off_rows<W: Lanes16, G: Goal, const N: usize>(
         let visits = visit(&**slots.get_unchecked(0), &rows, &mut left);
         if visits != 0 {
             for (i, row) in rows.iter().enumerate() {
-                hand_out(slots.get_unchecked(ROW * i..), row, &left, i);
+                hand_out(token, slots.get_unchecked(ROW * i..), row, &left, i);
             }
         }
         visits
@@ -148,7 +140,7 @@ impl<W: Lanes16> Row<W> {
     /// # Safety
     /// As [`set_off`], of up to sixteen slots.
     #[inline(always)]
-    unsafe fn new<G: Goal>(slots: &[*mut Slot<'_, G>]) -> Self {
+    unsafe fn new<G: Goal>(token: W::Token, slots: &[*mut Slot<'_, G>]) -> Self {
         let mut slabs = [[&[0.0; 8]; 2]; ROW];
         for (lane, slabs) in slabs.iter_mut().enumerate() {
             // (Lanes without a ray have the first one.)
@@ -156,61 +148,50 @@ impl<W: Lanes16> Row<W> {
             let slot = unsafe { &**slots.get_unchecked(if lane < slots.len() { lane } else { 0 }) };
             *slabs = slot.rows();
         }
-        // SAFETY: passed on to the caller.
-        unsafe {
-            let rows = |side: usize, from: usize| from_fn(|i| slabs[from + i][side]);
-            let [t_min, cull, _, _, _, _, i, j] = columns::<W>(rows(0, 0), rows(0, 8));
-            let [k, a, b, c, d, e, f, _] = columns::<W>(rows(1, 0), rows(1, 8));
-            let (inverse, near, far) = ([i, j, k], [a, b, c], [d, e, f]);
-            let half = W::splat(0.5);
-            let offset = [
-                near[0].add(far[0]).mul(half),
-                near[1].add(far[1]).mul(half),
-                near[2].add(far[2]).mul(half),
-            ];
-            // (Twice of what it must be.)
-            let mut margin = W::splat(0.0);
-            for axis in 0..3 {
-                let side = far[axis].sub(near[axis]).abs();
-                margin = margin.max(if Self::FUSED { side } else { side.mul(inverse[axis].abs()) });
-            }
-            let rays = margin.lt(W::splat(MAX_MARGIN)) & (0xffff >> (ROW - slots.len().min(ROW)));
-            let t_min = t_min.max(W::splat(LEAST));
-            Self { inverse, offset, t_min, cull: cull.add(margin), margin, rays }
+        let rows = |side: usize, from: usize| from_fn(|i| slabs[from + i][side]);
+        let [t_min, cull, _, _, _, _, i, j] = columns::<W>(token, rows(0, 0), rows(0, 8));
+        let [k, a, b, c, d, e, f, _] = columns::<W>(token, rows(1, 0), rows(1, 8));
+        let (inverse, near, far) = ([i, j, k], [a, b, c], [d, e, f]);
+        let half = W::splat(token, 0.5);
+        let offset = [
+            near[0].add(far[0]).mul(half),
+            near[1].add(far[1]).mul(half),
+            near[2].add(far[2]).mul(half),
+        ];
+        // (Twice of what it must be.)
+        let mut margin = W::splat(token, 0.0);
+        for axis in 0..3 {
+            let side = far[axis].sub(near[axis]).abs();
+            margin = margin.max(if Self::FUSED { side } else { side.mul(inverse[axis].abs()) });
         }
+        let rays =
+            margin.lt(W::splat(token, MAX_MARGIN)) & (0xffff >> (ROW - slots.len().min(ROW)));
+        let t_min = t_min.max(W::splat(token, LEAST));
+        Self { inverse, offset, t_min, cull: cull.add(margin), margin, rays }
     }
 
     const FUSED: bool = <W::Half as Lanes8>::FUSED;
 
-    /// Where the rays enter the box whose first plane is given, the others being eight numbers
-    /// further each, and which rays meet it. (A box that is inside out is met, unlike elsewhere.)
-    ///
-    /// # Safety
-    /// There must be such planes.
+    /// Where the rays enter a box of a node, and which rays meet it. (A box that is inside out is
+    /// met, unlike elsewhere.)
     #[inline(always)]
-    unsafe fn meet(&self, planes: *const f32) -> (W, u32) {
-        // SAFETY: as promised by the caller; a row exists, so the machine has the instructions.
-        unsafe {
-            let (low, high) = (self.crossings(planes), self.crossings(planes.add(24)));
-            let enter = (low[0].min(high[0]))
-                .max(low[1].min(high[1]))
-                .max(low[2].min(high[2]).max(self.t_min));
-            let leave = (low[0].max(high[0])).min(low[1].max(high[1])).min(low[2].max(high[2]));
-            let leave =
-                leave.mul_add(W::splat(FAR_FACTOR), self.margin.add(self.margin)).min(self.cull);
-            (enter, enter.le(leave))
-        }
+    fn meet(&self, node: &WideNode, slot: usize) -> (W, u32) {
+        let [low, high] = &node.bounds;
+        let (low, high) = (self.crossings(low, slot), self.crossings(high, slot));
+        let enter =
+            (low[0].min(high[0])).max(low[1].min(high[1])).max(low[2].min(high[2]).max(self.t_min));
+        let leave = (low[0].max(high[0])).min(low[1].max(high[1])).min(low[2].max(high[2]));
+        let factor = W::splat(self.t_min.token(), FAR_FACTOR);
+        let leave = leave.mul_add(factor, self.margin.add(self.margin)).min(self.cull);
+        (enter, enter.le(leave))
     }
 
-    /// Where the rays meet three planes.
-    ///
-    /// # Safety
-    /// As [`Self::meet`].
+    /// Where the rays meet one of eight planes on each axis.
     #[inline(always)]
-    unsafe fn crossings(&self, planes: *const f32) -> [W; 3] {
-        // SAFETY: as promised by the caller; a row exists, so the machine has the instructions.
+    fn crossings(&self, [x, y, z]: &[[f32; 8]; 3], slot: usize) -> [W; 3] {
+        let (token, slot) = (self.t_min.token(), slot & 7);
         let [x, y, z] =
-            unsafe { [W::splat(*planes), W::splat(*planes.add(8)), W::splat(*planes.add(16))] };
+            [W::splat(token, x[slot]), W::splat(token, y[slot]), W::splat(token, z[slot])];
         let ([i, j, k], [a, b, c]) = (self.inverse, self.offset);
         if Self::FUSED {
             [x.mul_add(i, a), y.mul_add(j, b), z.mul_add(k, c)]
@@ -268,13 +249,12 @@ unsafe fn visit<W: Lanes16, G: Goal, const N: usize>(
         unsafe {
             let (node, those) = queue[next % QUEUE].assume_init();
             let node = &*nodes.add(node as usize);
-            let planes = node.bounds.as_ptr().cast::<f32>();
             visits += those.count_ones();
             for (number, &child) in node.children.iter().enumerate() {
                 let (mut met, mut inside) = (0, 0);
                 let enters = left.enters.get_unchecked_mut(count).as_mut_ptr().cast::<PerLane>();
                 for (i, row) in rows.iter().enumerate() {
-                    let (enter, rays) = row.meet(planes.add(number));
+                    let (enter, rays) = row.meet(node, number);
                     met |= rays << (ROW * i);
                     inside |= enter.le(row.t_min) << (ROW * i);
                     enter.store(&mut (*enters.add(i)).0);
@@ -305,6 +285,7 @@ unsafe fn visit<W: Lanes16, G: Goal, const N: usize>(
 /// As [`set_off`]; the slots from the first on must be those of the row, which is the `number`-th.
 #[inline(always)]
 unsafe fn hand_out<W: Lanes16, G: Goal, const N: usize>(
+    token: W::Token,
     slots: &[*mut Slot<'_, G>],
     row: &Row<W>,
     left: &Left<N>,
@@ -314,10 +295,10 @@ unsafe fn hand_out<W: Lanes16, G: Goal, const N: usize>(
     unsafe {
         // By lane: distances in falling order, each with its number as a tag; below zero where
         // there is none.
-        let (none, zero) = (W::splat(-1.0), W::splat(0.0));
+        let (none, zero) = (W::splat(token, -1.0), W::splat(token, 0.0));
         let (mut own, mut lost) = ([none; MAX_OWN], none);
         for i in 0..left.count {
-            let enter = W::load(&left.enters.get_unchecked(i).assume_init_ref()[number].0);
+            let enter = W::load(token, &left.enters.get_unchecked(i).assume_init_ref()[number].0);
             let met = left.masks.get_unchecked(i).assume_init() >> (ROW * number) & 0xffff;
             let mut entry = none.replace(met, enter.with_tag(i as u32));
             for place in &mut own {
@@ -331,16 +312,19 @@ unsafe fn hand_out<W: Lanes16, G: Goal, const N: usize>(
         }
         let mut margins = PerLane([0.0; ROW]);
         row.margin.store(&mut margins.0);
-        let columns =
-            |half: usize| W::Half::load_columns(from_fn(|i| &sorted[i].0.as_chunks::<8>().0[half]));
+        let half_token: <W::Half as Lanes8>::Token = W::half_token(token);
+        let columns = |half: usize| {
+            W::Half::load_columns(half_token, from_fn(|i| &sorted[i].0.as_chunks::<8>().0[half]))
+        };
         let entries = [columns(0), columns(1)];
         let entries = entries.as_flattened();
         let mut rays = row.rays & !zero.le(lost);
         while rays != 0 {
             let lane = rays.trailing_zeros() as usize & (ROW - 1);
             rays &= rays - 1;
-            let margin = W::Half::splat(margins.0[lane] + 2.0 * LEAST);
-            let distances = entries[lane].mul(W::Half::splat(1.0 - TAG_PADDING)).sub(margin);
+            let margin = W::Half::splat(half_token, margins.0[lane] + 2.0 * LEAST);
+            let scale = W::Half::splat(half_token, 1.0 - TAG_PADDING);
+            let distances = entries[lane].mul(scale).sub(margin);
             Slot::go_on_with(
                 *slots.get_unchecked(lane),
                 entries[lane],

@@ -14,7 +14,7 @@ mod polygon;
 use super::box_ray::BoxRay;
 use super::primitives::Primitives;
 use super::{Accelerator, AcceleratorOptions, Later, Size, Visitor, Work, walk_with_stack};
-use crate::search::trace::Place;
+use crate::search::region::Region;
 use snell_math::plane::Plane;
 use snell_math::{Bounds3, DVec3};
 
@@ -102,14 +102,14 @@ impl BspTree {
             }
             let at = ChildRef(node);
             if level == ON_PLANE {
-                work.look(visitor, true, || Place::stretch(ray.at(start), ray.at(end)));
+                work.look(visitor, true, || Region::stretch(ray.at(start), ray.at(end)));
                 if visitor.test(self.references(self.nodes[at.index()].on)) {
                     return true;
                 }
                 continue;
             }
             if at.is_leaf() {
-                work.cell(visitor, || Place::stretch(ray.at(start), ray.at(end)));
+                work.cell(visitor, || Region::stretch(ray.at(start), ray.at(end)));
                 if visitor.test(self.references(self.leaves[at.index()])) {
                     return true;
                 }
@@ -123,7 +123,7 @@ impl BspTree {
                 // to that.
                 let middle = low * 0.5 + high * 0.5;
                 let at = if middle.is_finite() { middle.clamp(start, end) } else { start };
-                Place::plane(
+                Region::plane(
                     ray.at(at),
                     node.plane.normal,
                     ray.at(end).distance(ray.at(start)) * 0.5,

@@ -8,7 +8,7 @@
 use super::{Cell, Grids, Level, PADDING};
 use crate::lecture::box_ray::BoxRay;
 use crate::lecture::{Visitor, Work};
-use crate::search::trace::Place;
+use crate::search::region::Region;
 use snell_math::Bounds3d;
 
 /// Walks through a grid and those within. True if the search is over.
@@ -21,7 +21,7 @@ pub(super) fn walk(
 ) -> bool {
     let level = &grids.levels[number as usize];
     work.node(visitor, || {
-        Place::of_box(&Bounds3d { min: level.low.into(), max: level.high.into() })
+        Region::of_box(&Bounds3d { min: level.low.into(), max: level.high.into() })
     });
     let (start, end) = ray.span(level.low, level.high);
     if start > end {
@@ -67,7 +67,7 @@ fn visit(
     work.cell(visitor, || {
         let side =
             |up: u32| std::array::from_fn::<_, 3, _>(|axis| level.plane(axis, place[axis] + up));
-        Place::of_box(&Bounds3d { min: side(0).into(), max: side(1).into() })
+        Region::of_box(&Bounds3d { min: side(0).into(), max: side(1).into() })
     });
     match cell.count {
         0 => false,

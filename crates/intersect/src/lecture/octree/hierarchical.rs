@@ -6,7 +6,7 @@
 use super::{Node, Octree};
 use crate::lecture::box_ray::BoxRay;
 use crate::lecture::{Accelerator, Later, Size, Visitor, Work, walk_with_stack};
-use crate::search::trace::Place;
+use crate::search::region::Region;
 
 #[derive(Debug)]
 pub(super) struct Hierarchical(pub Octree);
@@ -48,12 +48,12 @@ fn search(
         }
         let node = tree.nodes[later.node as usize];
         if node.is_leaf() {
-            work.cell(visitor, || Place::of_box(&tree.space.cell(later.cell, later.level)));
+            work.cell(visitor, || Region::of_box(&tree.space.cell(later.cell, later.level)));
             if visitor.test(tree.contents(node)) {
                 return true;
             }
         } else {
-            work.node(visitor, || Place::of_box(&tree.space.cell(later.cell, later.level)));
+            work.node(visitor, || Region::of_box(&tree.space.cell(later.cell, later.level)));
             push_children(tree, ray, node, &later, stack);
         }
     }

@@ -11,7 +11,7 @@ use super::hierarchical;
 use super::{MAX_LEVEL, Octree};
 use crate::lecture::box_ray::BoxRay;
 use crate::lecture::{Accelerator, Size, Visitor, Work};
-use crate::search::trace::Place;
+use crate::search::region::Region;
 
 #[derive(Debug)]
 pub(super) struct ByNeighbours(pub Octree);
@@ -101,9 +101,9 @@ impl<'a> Walk<'a> {
     }
 
     /// The current cell.
-    fn cell(&self) -> Place {
+    fn cell(&self) -> Region {
         let shift = MAX_LEVEL - self.level;
-        Place::of_box(&self.tree.space.cell(self.place.map(|p| p >> shift), self.level))
+        Region::of_box(&self.tree.space.cell(self.place.map(|p| p >> shift), self.level))
     }
 
     /// Goes down to the leaf that holds the place.

@@ -1,9 +1,8 @@
 use super::*;
 use crate::search::AcceptAll;
 use crate::shape::Sphere;
-use crate::world::AcceleratorKind;
 use crate::world::tests::{Random, build, default_world, mesh_world, nested_scene, sphere_mesh};
-use crate::world::{GeometryId, WorldBuilder};
+use crate::world::{AcceleratorKind, GeometryId, WorldBuilder};
 use proptest::prelude::*;
 use snell_math::simd::Level;
 use snell_math::{Ray, Transform, Vec2, Vec3};
@@ -70,7 +69,7 @@ fn all_count_closest_and_occluded_agree() {
 }
 
 #[test]
-fn a_crossing_that_is_offered_again_counts_once_unless_it_is_a_shape() {
+fn a_hit_that_is_offered_again_counts_once_unless_it_is_a_shape() {
     let mut builder = WorldBuilder::default();
     builder.add_mesh(WorldBuilder::ROOT, Arc::new(sphere_mesh(Vec3::ZERO, 1.0, 4, 4)));
     builder.add_shape(WorldBuilder::ROOT, Arc::new(Sphere { radius: 1.0 }), Transform::IDENTITY);

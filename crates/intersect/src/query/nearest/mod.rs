@@ -10,14 +10,10 @@ mod place;
 mod tests;
 
 use crate::exact::triangle::TriangleBlock;
-use crate::group::GroupList;
-use crate::group::{Bulk, BulkContents, Object, ObjectRef, Objects};
-use crate::hit::{DHit, Hit};
-use crate::hit::{DNearestPoint, NearestPoint};
+use crate::group::{Bulk, BulkContents, GroupList, Object, ObjectRef, Objects};
+use crate::hit::{DHit, DNearestPoint, Hit, NearestPoint};
 use crate::mesh::are_degenerate;
-use crate::precision::Double;
-use crate::precision::DoubleData;
-use crate::precision::Facts;
+use crate::precision::{Double, DoubleData, Facts};
 use crate::search::GeometryOptions;
 use crate::search::points::Points;
 use crate::shape::Shape;

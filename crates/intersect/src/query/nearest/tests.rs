@@ -1,11 +1,10 @@
 use super::*;
 use crate::search::AcceptAll;
 use crate::shape::{AnyShape, Plane, Sphere};
-use crate::world::AcceleratorKind;
 use crate::world::tests::{
     Random, build, default_world, mesh_world, nested_scene, scaling, sphere_mesh,
 };
-use crate::world::{Geometry, GeometryId, WorldBuilder};
+use crate::world::{AcceleratorKind, Geometry, GeometryId, WorldBuilder};
 use proptest::prelude::*;
 use snell_math::simd::Level;
 use snell_math::{DMat3, Ray, Transform};

@@ -1,8 +1,7 @@
 use super::*;
 use crate::mesh::TriangleMesh;
 use crate::shape::winding::of_triangle;
-use crate::shape::{BoxShape, Cylinder, Disk, Frustum, Plane, Rectangle, Sphere};
-use crate::shape::{Metric, Shape};
+use crate::shape::{BoxShape, Cylinder, Disk, Frustum, Metric, Plane, Rectangle, Shape, Sphere};
 use crate::world::WorldBuilder;
 use crate::world::tests::{Random, default_world, mesh_world, soup, sphere_mesh};
 use crate::world::winding::DOUBT;

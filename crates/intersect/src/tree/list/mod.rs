@@ -1,10 +1,10 @@
 //! What a list holds, ready to be tested.
 
-mod apart;
 pub(crate) mod faces;
+mod outliers;
 pub(crate) mod shape;
 
-pub(crate) use apart::Apart;
+pub(crate) use outliers::Outliers;
 pub(crate) use shape::ListShape;
 
 use super::GroupTree;
@@ -188,7 +188,7 @@ impl List {
 
     /// The list of what is unbounded in a group and of what some leaves lead to, beside a tree with
     /// these bounds; `None` if it is not for lists.
-    pub(crate) fn apart(
+    pub(crate) fn of_leaves(
         tree: &GroupTree,
         leaves: &[(ChildRef, Bounds3)],
         rest: &Bounds3,

@@ -2,15 +2,13 @@
 //! and worlds in single precision say the same of what both can hold.
 
 use super::*;
-use crate::hit::DNearestPoint;
-use crate::hit::{DHit, Hit};
+use crate::hit::{DHit, DNearestPoint, Hit};
 use crate::precision::Double;
 use crate::search::points::Points;
 use crate::search::rays::Rays;
 use crate::search::{AcceptAll, Grouping, HitFilter};
-use crate::shape::AnyShape;
-use crate::shape::Metric;
 use crate::shape::nearest::on_triangle;
+use crate::shape::{AnyShape, Metric};
 use crate::world::AcceleratorKind;
 use crate::world::tests::{Random, double_sphere, levels, scaling, soup};
 use snell_math::simd::Level;

@@ -6,7 +6,7 @@ use crate::compile::BareLight;
 use crate::integrator::estimators::SHADOW_END;
 use crate::lanes::{HitColors, LANES, NOUGHTS, ZERO, at, put, put_color};
 use snell_intersect::triangles::{HitLanes, HitVectors};
-use snell_math::simd::{Wide, marked};
+use snell_math::simd::{Wide, mask_select};
 use snell_math::{ColorMode, DVec3, Rgb, Vec2, Vec3, at_level};
 use snell_scene::light::Attenuation;
 use snell_scene::light::punctual::{Cone, PunctualLight, PunctualSample};
@@ -181,7 +181,7 @@ fn sample_punctual(positions: &HitVectors, to: &mut DeltaSamples, radiance: &mut
         let has = to.has[i] & to.lights.is_punctual[i];
         let color = light.color * factor;
         for (channel, color) in [color.r, color.g, color.b].into_iter().enumerate() {
-            radiance[channel][i] = marked(has, color, radiance[channel][i]);
+            radiance[channel][i] = mask_select(has, color, radiance[channel][i]);
         }
     }
 }
@@ -203,24 +203,26 @@ pub fn arrive_from_delta<S: Scatterers>(
         let is_far = distance == f32::INFINITY;
         for axis in 0..3 {
             let way = if is_far { direction[axis] } else { target[axis] - origin[axis] };
-            arrivals.origin[axis][i] = marked(has, origin[axis], arrivals.origin[axis][i]);
-            arrivals.way[axis][i] = marked(has, way, arrivals.way[axis][i]);
-            arrivals.direction[axis][i] = marked(has, direction[axis], arrivals.direction[axis][i]);
+            arrivals.origin[axis][i] = mask_select(has, origin[axis], arrivals.origin[axis][i]);
+            arrivals.way[axis][i] = mask_select(has, way, arrivals.way[axis][i]);
+            arrivals.direction[axis][i] =
+                mask_select(has, direction[axis], arrivals.direction[axis][i]);
         }
         let (probability, end) = (probability[i], if is_far { f32::INFINITY } else { SHADOW_END });
-        arrivals.density[i] = marked(has, probability, arrivals.density[i]);
-        arrivals.end[i] = marked(has, end, arrivals.end[i]);
-        arrivals.share[i] = marked(has, share, arrivals.share[i]);
-        arrivals.weight[i] = marked(has, 1.0, arrivals.weight[i]);
-        arrivals.scale[i] = marked(has, 1.0 / probability, arrivals.scale[i]);
+        arrivals.density[i] = mask_select(has, probability, arrivals.density[i]);
+        arrivals.end[i] = mask_select(has, end, arrivals.end[i]);
+        arrivals.share[i] = mask_select(has, share, arrivals.share[i]);
+        arrivals.weight[i] = mask_select(has, 1.0, arrivals.weight[i]);
+        arrivals.scale[i] = mask_select(has, 1.0 / probability, arrivals.scale[i]);
         arrivals.is_delta[i] = has;
-        arrivals.exists[i] = marked(has, from.arrives[i] & u32::from(is_seen), arrivals.exists[i]);
+        arrivals.exists[i] =
+            mask_select(has, from.arrives[i] & u32::from(is_seen), arrivals.exists[i]);
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use crate::batch::twins::{assert_alike_at_every_level, every_second_node};
+    use crate::batch::twins::{assert_same_at_every_level, every_second_node};
     use crate::compile::Moving;
     use crate::{Guiding, Settings};
     use snell_math::{ColorModel, Rgb};
@@ -270,11 +272,11 @@ mod tests {
                     guiding,
                     ..Settings::default()
                 };
-                let picture = assert_alike_at_every_level(&scene, &Moving::default(), &settings);
+                let picture = assert_same_at_every_level(&scene, &Moving::default(), &settings);
                 assert!(picture.iter().any(|&x| x > 0.0), "{number} {:?}", scene.lights);
             }
             let settings = Settings { size: [32, 24], spp: 4, ..Settings::default() };
-            assert_alike_at_every_level(&scene, &every_second_node(&scene), &settings);
+            assert_same_at_every_level(&scene, &every_second_node(&scene), &settings);
         }
     }
 }

@@ -13,7 +13,7 @@ use crate::integrator::light_part::LightSource;
 use crate::integrator::{Context, dimension};
 use crate::lanes::{BLACK, HitColors, ZERO, at, put, put_color};
 use crate::light_sampler::{ChosenLights, NONE, Receivers};
-use crate::sampler::ManyRandoms;
+use crate::sampler::BatchRandoms;
 use crate::settings::LightStrategy;
 use delta::{DeltaSamples, arrive_from_delta};
 use near::{NearLights, NearParts, RECTANGLE, SPHERE, TRIANGLE};
@@ -369,7 +369,7 @@ impl LightSamples {
         &mut self,
         context: &Context,
         receivers: &Receivers,
-        randoms: &ManyRandoms<LANES>,
+        randoms: &BatchRandoms<LANES>,
         count: usize,
         wide: Option<Wide>,
     ) {
@@ -377,7 +377,7 @@ impl LightSamples {
             true => randoms.numbers(dimension::LIGHT_CHOICE, wide),
             false => [0.0; LANES],
         };
-        context.lights.sample_many(receivers, &choices, count, &mut self.chosen);
+        context.lights.sample_batch(receivers, &choices, count, &mut self.chosen);
         self.look_up(context.scene, receivers.position, count, wide);
         if context.settings.light_strategy != LightStrategy::Mis {
             self.how.iter_mut().filter(|how| **how != DARK).for_each(|how| *how = ALONE);
@@ -480,7 +480,7 @@ impl LightSamples {
     /// Numbers for the samples of the lights in the first lanes, so many.
     pub fn numbers(
         &self,
-        randoms: &ManyRandoms<LANES>,
+        randoms: &BatchRandoms<LANES>,
         count: usize,
         wide: Option<Wide>,
     ) -> [HitLanes; 2] {

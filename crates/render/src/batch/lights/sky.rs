@@ -4,7 +4,7 @@
 use super::{LightArrivals, Scatterers};
 use crate::lanes::{LANES, ZERO, at, put};
 use snell_intersect::triangles::{HitLanes, HitVectors};
-use snell_math::simd::{Wide, marked};
+use snell_math::simd::{Wide, mask_select};
 use snell_math::{Mat3, Vec2, Vec3, at_level, sampling};
 use snell_scene::light::environment::{DrawnDirection, EnvironmentLight, SkySample, place_of};
 
@@ -81,17 +81,17 @@ pub fn arrive_from_sky<S: Scatterers>(
         (places[0][i], places[1][i]) = (place.x, place.y);
         let exists = from.exists[i];
         for axis in 0..3 {
-            arrivals.origin[axis][i] = marked(exists, origin[axis], arrivals.origin[axis][i]);
-            arrivals.way[axis][i] = marked(exists, direction[axis], arrivals.way[axis][i]);
+            arrivals.origin[axis][i] = mask_select(exists, origin[axis], arrivals.origin[axis][i]);
+            arrivals.way[axis][i] = mask_select(exists, direction[axis], arrivals.way[axis][i]);
             arrivals.direction[axis][i] =
-                marked(exists, direction[axis], arrivals.direction[axis][i]);
+                mask_select(exists, direction[axis], arrivals.direction[axis][i]);
         }
-        arrivals.density[i] = marked(exists, density, arrivals.density[i]);
-        arrivals.end[i] = marked(exists, f32::INFINITY, arrivals.end[i]);
-        arrivals.share[i] = marked(exists, share, arrivals.share[i]);
-        arrivals.weight[i] = marked(exists, weight, arrivals.weight[i]);
-        arrivals.scale[i] = marked(exists, weight / density, arrivals.scale[i]);
-        arrivals.exists[i] = marked(exists, u32::from(is_seen), arrivals.exists[i]);
+        arrivals.density[i] = mask_select(exists, density, arrivals.density[i]);
+        arrivals.end[i] = mask_select(exists, f32::INFINITY, arrivals.end[i]);
+        arrivals.share[i] = mask_select(exists, share, arrivals.share[i]);
+        arrivals.weight[i] = mask_select(exists, weight, arrivals.weight[i]);
+        arrivals.scale[i] = mask_select(exists, weight / density, arrivals.scale[i]);
+        arrivals.exists[i] = mask_select(exists, u32::from(is_seen), arrivals.exists[i]);
     }
 }
 

@@ -1,5 +1,5 @@
-//! How plain surfaces scatter light, asked for all vertices of one material together: the same bits
-//! as [`crate::batch::materials::general`] finds one by one.
+//! How surfaces scatter light, for all vertices of one material at once: the bits of
+//! [`super::general`] one by one.
 
 use super::general::{Bounces, Scattered};
 use crate::batch::lights::horizon;
@@ -7,16 +7,16 @@ use crate::batch::plain_surfaces::Frames;
 use crate::batch::vertices::CarriedLanes;
 use crate::lanes::{BLACK, HitColors, LANES, ZERO, at, at_level_by_color, put, put_color};
 use snell_intersect::triangles::{HitLanes, HitVectors};
-use snell_math::simd::{Bits, Wide, marked, marked_vector};
+use snell_math::simd::{Bits, Wide, mask_select, mask_select_vector};
 use snell_math::{ColorModel, at_level};
-use snell_scene::bsdf::{MANY, ManyAnswers, ManyBsdf, ManyPoint, ManyQuestions};
+use snell_scene::bsdf::{BATCH, BatchBsdf, BatchInputs, BatchOutputs, BatchPoint, LobeSpectra};
 
-/// Vertices that are worked on together. Arrays are by lane; those of other lanes hold anything.
+/// The BSDFs of vertices. Arrays are by lane; those of other lanes hold anything.
 #[derive(Debug)]
-pub struct Together<'a> {
+pub struct BsdfBatch<'a> {
     color: ColorModel,
     /// How each scatters; `None` for other lanes.
-    bsdfs: [Option<&'a ManyBsdf>; LANES],
+    bsdfs: [Option<&'a BatchBsdf>; LANES],
     is_any: bool,
     /// 0 for other lanes.
     has: [u32; LANES],
@@ -24,8 +24,8 @@ pub struct Together<'a> {
     /// with where the path comes from.
     horizon: HitVectors,
     side: HitLanes,
-    /// As [`ManyPoint`].
-    palette: [HitColors; 3],
+    /// As [`BatchPoint`].
+    spectra: LobeSpectra<HitColors>,
     alpha: HitLanes,
     metalness: HitLanes,
     /// In the frames of the surfaces: where the path comes from, and where the light comes from.
@@ -34,7 +34,7 @@ pub struct Together<'a> {
     found: Box<Found>,
 }
 
-/// As [`ManyAnswers`], by lane.
+/// As [`BatchOutputs`], by lane.
 #[derive(Debug)]
 struct Found {
     value: HitColors,
@@ -60,7 +60,7 @@ pub struct Seen<'a> {
     pub lift: &'a HitVectors,
 }
 
-impl Together<'_> {
+impl BsdfBatch<'_> {
     /// No lanes, for paths of this model of colour.
     pub fn new(color: ColorModel) -> Self {
         let (number, mark) = ([0.0; LANES], [0; LANES]);
@@ -71,7 +71,7 @@ impl Together<'_> {
             has: mark,
             horizon: ZERO,
             side: number,
-            palette: [BLACK; 3],
+            spectra: LobeSpectra { base: BLACK, specular: BLACK, other: BLACK },
             alpha: number,
             metalness: number,
             wo: ZERO,
@@ -91,17 +91,18 @@ impl Together<'_> {
     }
 }
 
-impl<'a> Together<'a> {
+impl<'a> BsdfBatch<'a> {
     /// Forgets all lanes.
     pub fn clear(&mut self) {
         (self.bsdfs, self.is_any, self.has) = ([None; LANES], false, [0; LANES]);
     }
 
     /// Takes a lane that scatters like this, and is this at its point.
-    pub fn put(&mut self, lane: usize, bsdf: &'a ManyBsdf, at: &ManyPoint) {
-        let spectra = if self.color == ColorModel::Rgb { 1 } else { at.palette.len() };
-        for (to, color) in self.palette.iter_mut().zip(at.palette).take(spectra) {
-            put_color(to, lane, color);
+    pub fn put(&mut self, lane: usize, bsdf: &'a BatchBsdf, at: &BatchPoint) {
+        put_color(&mut self.spectra.base, lane, at.spectra.base);
+        if self.color == ColorModel::Spectral {
+            put_color(&mut self.spectra.specular, lane, at.spectra.specular);
+            put_color(&mut self.spectra.other, lane, at.spectra.other);
         }
         (self.alpha[lane], self.metalness[lane]) = (at.alpha, at.metalness);
         (self.bsdfs[lane], self.is_any, self.has[lane]) = (Some(bsdf), true, 1);
@@ -112,22 +113,18 @@ impl<'a> Together<'a> {
         self.has[lane] != 0
     }
 
-    /// Works out what is known before lights are, and the normals on the side where the paths come
+    /// Computes what does not depend on lights, and the normals on the side where the paths come
     /// from.
-    pub fn look(&mut self, seen: &Seen, facing: &mut HitVectors, wide: Option<Wide>) {
+    pub fn prepare(&mut self, seen: &Seen, facing: &mut HitVectors, wide: Option<Wide>) {
         if !self.is_any {
             return;
         }
-        at_level!(
-            wide,
-            look,
-            (seen: &Seen<'_> = seen, to: &mut Together<'_> = self, facing: &mut HitVectors = facing)
-        );
+        at_level!(wide, prepare, (seen: &Seen<'_> = seen, to: &mut BsdfBatch<'_> = self, facing: &mut HitVectors = facing));
     }
 
-    /// Asks the surfaces how they scatter light from where it comes, and draws where the paths go
-    /// on, with these numbers for lobes and directions.
-    pub fn scatter(
+    /// Evaluates the BSDFs for the directions of the light, and samples them with these numbers for
+    /// lobes and directions.
+    pub fn evaluate(
         &mut self,
         frames: &Frames,
         wi: &HitVectors,
@@ -137,46 +134,41 @@ impl<'a> Together<'a> {
         if !self.is_any {
             return;
         }
-        at_level!(
-            wide,
-            turn,
-            (frames: &Frames = frames, from: &HitVectors = wi, to: &mut HitVectors = &mut self.wi)
-        );
-        let mut answers = ManyAnswers::default();
-        for block in 0..LANES / MANY {
-            let questions = ManyQuestions {
-                is_asked: &[0; MANY],
-                palette: self
-                    .palette
+        at_level!(wide, turn, (frames: &Frames = frames, from: &HitVectors = wi, to: &mut HitVectors = &mut self.wi));
+        let mut outputs = BatchOutputs::default();
+        for block in 0..LANES / BATCH {
+            let inputs = BatchInputs {
+                is_active: &[0; BATCH],
+                spectra: self
+                    .spectra
                     .each_ref()
-                    .map(|colors| colors.each_ref().map(|channel| many(channel, block))),
+                    .map(|colors| colors.each_ref().map(|channel| lanes_of(channel, block))),
                 color: self.color,
-                alpha: many(&self.alpha, block),
-                metalness: many(&self.metalness, block),
+                alpha: lanes_of(&self.alpha, block),
+                metalness: lanes_of(&self.metalness, block),
                 wo: blocks(&self.wo, block),
                 wi: blocks(&self.wi, block),
-                u_lobe: many(u_lobe, block),
-                u: [many(&u[0], block), many(&u[1], block)],
+                u_lobe: lanes_of(u_lobe, block),
+                u: [lanes_of(&u[0], block), lanes_of(&u[1], block)],
             };
-            let bsdfs = &self.bsdfs[block * MANY..][..MANY];
-            let mut is_asked = [false; MANY];
+            let bsdfs = &self.bsdfs[block * BATCH..][..BATCH];
+            let mut is_done = [false; BATCH];
             for (first, bsdf) in bsdfs.iter().enumerate() {
-                let Some(bsdf) = bsdf.filter(|_| !is_asked[first]) else { continue };
-                let mut of = [0; MANY];
+                let Some(bsdf) = bsdf.filter(|_| !is_done[first]) else { continue };
+                let mut of = [0; BATCH];
                 for (i, other) in bsdfs.iter().enumerate() {
                     if other.is_some_and(|other| std::ptr::eq(other, bsdf)) {
-                        (is_asked[i], of[i]) = (true, 1);
+                        (is_done[i], of[i]) = (true, 1);
                     }
                 }
-                bsdf.answer(&ManyQuestions { is_asked: &of, ..questions }, &mut answers, wide);
-                self.found.take(block, &of, &answers, (self.color, wide));
+                bsdf.evaluate(&BatchInputs { is_active: &of, ..inputs }, &mut outputs, wide);
+                self.found.take(block, &of, &outputs, (self.color, wide));
             }
         }
     }
 
-    /// Says what was found: how the light is scattered from where it comes in the world, and where
-    /// the paths go on.
-    pub fn tell(
+    /// Writes values and samples, in the world, into the lanes that were taken.
+    pub fn write(
         &self,
         (frames, wi): (&Frames, &HitVectors),
         carried: &CarriedLanes,
@@ -189,9 +181,9 @@ impl<'a> Together<'a> {
         at_level_by_color!(
             wide,
             self.color,
-            tell,
+            write,
             (
-                from: &Together<'_> = self,
+                from: &BsdfBatch<'_> = self,
                 frames: &Frames = frames,
                 wi: &HitVectors = wi,
                 carried: &CarriedLanes = carried,
@@ -207,42 +199,37 @@ impl Found {
     fn take(
         &mut self,
         block: usize,
-        of: &[u32; MANY],
-        answers: &ManyAnswers,
+        of: &[u32; BATCH],
+        outputs: &BatchOutputs,
         (color, wide): (ColorModel, Option<Wide>),
     ) {
         at_level_by_color!(
             wide,
             color,
             take,
-            (
-                block: usize = block,
-                of: &[u32; MANY] = of,
-                answers: &ManyAnswers = answers,
-                to: &mut Found = self
-            )
+            (block: usize = block, of: &[u32; BATCH] = of, outputs: &BatchOutputs = outputs, to: &mut Found = self)
         );
     }
 }
 
 /// The lanes of a block.
 #[inline(always)]
-fn many<T>(of: &[T; LANES], block: usize) -> &[T; MANY] {
+fn lanes_of<T>(of: &[T; LANES], block: usize) -> &[T; BATCH] {
     &of.as_chunks().0[block]
 }
 
 #[inline(always)]
-fn many_mut<T>(of: &mut [T; LANES], block: usize) -> &mut [T; MANY] {
+fn lanes_of_mut<T>(of: &mut [T; LANES], block: usize) -> &mut [T; BATCH] {
     &mut of.as_chunks_mut().0[block]
 }
 
 #[inline(always)]
-fn blocks(of: &HitVectors, block: usize) -> [&[f32; MANY]; 3] {
-    [many(&of[0], block), many(&of[1], block), many(&of[2], block)]
+fn blocks(of: &HitVectors, block: usize) -> [&[f32; BATCH]; 3] {
+    [lanes_of(&of[0], block), lanes_of(&of[1], block), lanes_of(&of[2], block)]
 }
 
 #[inline(always)]
-fn look(seen: &Seen, to: &mut Together, facing: &mut HitVectors) {
+fn prepare(seen: &Seen, to: &mut BsdfBatch, facing: &mut HitVectors) {
     for i in 0..LANES {
         let (frame, wo) = (seen.frames.at(i), at(seen.wo, i));
         let horizon = horizon(at(seen.flat, i), frame.z, at(seen.lift, i));
@@ -252,7 +239,7 @@ fn look(seen: &Seen, to: &mut Together, facing: &mut HitVectors) {
         put(&mut to.wo, i, local);
         let normal = if local.z < 0.0 { -frame.z } else { frame.z };
         let kept = at(facing, i);
-        put(facing, i, marked_vector(to.has[i], normal, kept));
+        put(facing, i, mask_select_vector(to.has[i], normal, kept));
     }
 }
 
@@ -266,35 +253,35 @@ fn turn(frames: &Frames, from: &HitVectors, to: &mut HitVectors) {
 #[inline(always)]
 fn take<const CHANNELS: usize>(
     block: usize,
-    of: &[u32; MANY],
-    answers: &ManyAnswers,
+    of: &[u32; BATCH],
+    outputs: &BatchOutputs,
     to: &mut Found,
 ) {
     for channel in 0..CHANNELS {
-        take_marked(of, &answers.value[channel], many_mut(&mut to.value[channel], block));
-        take_marked(of, &answers.weight[channel], many_mut(&mut to.weight[channel], block));
+        take_marked(of, &outputs.value[channel], lanes_of_mut(&mut to.value[channel], block));
+        take_marked(of, &outputs.weight[channel], lanes_of_mut(&mut to.weight[channel], block));
     }
     for axis in 0..3 {
-        take_marked(of, &answers.drawn[axis], many_mut(&mut to.drawn[axis], block));
+        take_marked(of, &outputs.drawn[axis], lanes_of_mut(&mut to.drawn[axis], block));
     }
-    take_marked(of, &answers.pdf, many_mut(&mut to.pdf, block));
-    take_marked(of, &answers.drawn_pdf, many_mut(&mut to.drawn_pdf, block));
-    take_marked(of, &answers.is_delta, many_mut(&mut to.is_delta, block));
-    take_marked(of, &answers.is_transmission, many_mut(&mut to.is_transmission, block));
-    take_marked(of, &answers.crossing, many_mut(&mut to.crossing, block));
-    take_marked(of, &answers.exists, many_mut(&mut to.exists, block));
+    take_marked(of, &outputs.pdf, lanes_of_mut(&mut to.pdf, block));
+    take_marked(of, &outputs.drawn_pdf, lanes_of_mut(&mut to.drawn_pdf, block));
+    take_marked(of, &outputs.is_delta, lanes_of_mut(&mut to.is_delta, block));
+    take_marked(of, &outputs.is_transmission, lanes_of_mut(&mut to.is_transmission, block));
+    take_marked(of, &outputs.crossing, lanes_of_mut(&mut to.crossing, block));
+    take_marked(of, &outputs.exists, lanes_of_mut(&mut to.exists, block));
 }
 
 #[inline(always)]
-fn take_marked<T: Bits>(of: &[u32; MANY], from: &[T; MANY], to: &mut [T; MANY]) {
-    for i in 0..MANY {
-        to[i] = marked(of[i], from[i], to[i]);
+fn take_marked<T: Bits>(of: &[u32; BATCH], from: &[T; BATCH], to: &mut [T; BATCH]) {
+    for i in 0..BATCH {
+        to[i] = mask_select(of[i], from[i], to[i]);
     }
 }
 
 #[inline(always)]
-fn tell<const CHANNELS: usize>(
-    from: &Together,
+fn write<const CHANNELS: usize>(
+    from: &BsdfBatch,
     frames: &Frames,
     wi: &HitVectors,
     carried: &CarriedLanes,
@@ -318,22 +305,23 @@ fn tell<const CHANNELS: usize>(
         let agrees = (is_transmission & (sides < 0.0)) | (!is_transmission & (sides > 0.0));
         let exists = (scale > 0.0) & (scale < f32::INFINITY) & agrees;
         for axis in 0..3 {
-            bounces.wi[axis][i] = marked(has, next[axis], bounces.wi[axis][i]);
+            bounces.wi[axis][i] = mask_select(has, next[axis], bounces.wi[axis][i]);
         }
         for channel in 0..CHANNELS {
-            let value = marked(is_seen, found.value[channel][i], 0.0);
-            scattered.value[channel][i] = marked(has, value, scattered.value[channel][i]);
+            let value = mask_select(is_seen, found.value[channel][i], 0.0);
+            scattered.value[channel][i] = mask_select(has, value, scattered.value[channel][i]);
             bounces.weight[channel][i] =
-                marked(has, found.weight[channel][i], bounces.weight[channel][i]);
+                mask_select(has, found.weight[channel][i], bounces.weight[channel][i]);
         }
-        let pdf = marked(is_seen, found.pdf[i], 0.0);
-        scattered.pdf[i] = marked(has, pdf, scattered.pdf[i]);
-        bounces.pdf[i] = marked(has, found.drawn_pdf[i], bounces.pdf[i]);
+        let pdf = mask_select(is_seen, found.pdf[i], 0.0);
+        scattered.pdf[i] = mask_select(has, pdf, scattered.pdf[i]);
+        bounces.pdf[i] = mask_select(has, found.drawn_pdf[i], bounces.pdf[i]);
         let eta_scale = carried.eta_scale[i] * found.crossing[i];
-        bounces.eta_scale[i] = marked(has, eta_scale, bounces.eta_scale[i]);
-        bounces.expected[i] = marked(has, carried.marks[i].expected().get(), bounces.expected[i]);
-        bounces.is_delta[i] = marked(has, found.is_delta[i], bounces.is_delta[i]);
+        bounces.eta_scale[i] = mask_select(has, eta_scale, bounces.eta_scale[i]);
+        bounces.expected[i] =
+            mask_select(has, carried.marks[i].expected().get(), bounces.expected[i]);
+        bounces.is_delta[i] = mask_select(has, found.is_delta[i], bounces.is_delta[i]);
         let exists = found.exists[i] & u32::from(exists);
-        bounces.exists[i] = marked(has, exists, bounces.exists[i]);
+        bounces.exists[i] = mask_select(has, exists, bounces.exists[i]);
     }
 }

@@ -3,7 +3,7 @@
 //! surface scatters is asked for many vertices of one material at once where its BSDF can
 //! ([`super::bsdf_batch`]), else one by one.
 
-use super::bsdf_batch::{Seen, Together};
+use super::bsdf_batch::{BsdfBatch, Seen};
 use super::specular::specular_part;
 use crate::batch::direct_light::{DirectLight, VertexOutputs};
 use crate::batch::lights::{ALONE, DARK, LightArrivals, LightSamples, Skins, ray_origin};
@@ -14,7 +14,8 @@ use crate::batch::{Batch, BatchShader, Shaded};
 use crate::integrator::carried::Expected;
 use crate::integrator::estimators::{Arrival, lift_of_opaque};
 use crate::integrator::guided::GuidedBsdf;
-use crate::integrator::path::{DrawnLight, Scatterer, shining, weighted_sample};
+use crate::integrator::light_sample::{DrawnLight, weighted_sample};
+use crate::integrator::path::{Scatterer, shining};
 use crate::integrator::{Context, Vertex, dimension, outgoing};
 use crate::lanes::{
     BLACK, ENDLESS, HitColors, LANES, ZERO, at, at_level_by_color, color_at, put, put_color,
@@ -43,7 +44,7 @@ pub struct GeneralShader<'a> {
     scatterers: Vec<Scatterer<'a>>,
     scatterer_of: [u32; LANES],
     /// Lanes that are worked on by material, and their frames where these are known.
-    together: Together<'a>,
+    bsdfs: BsdfBatch<'a>,
     turned: Vec<(usize, Frame)>,
     /// True if frames are to be worked out together.
     turns: bool,
@@ -56,8 +57,8 @@ pub struct GeneralShader<'a> {
     /// How the surfaces scatter light from where it comes from.
     scattered: Scattered,
     bounces: Bounces,
-    lit: DirectLight,
-    /// Light samples of lanes that are worked on together.
+    direct: DirectLight,
+    /// Light samples of lanes that are shaded together.
     alone: Vec<Alone>,
 }
 
@@ -123,7 +124,7 @@ impl<'a> GeneralShader<'a> {
             on_plain: Vec::with_capacity(LANES),
             scatterers: Vec::with_capacity(LANES),
             scatterer_of: [NONE; LANES],
-            together: Together::new(settings.color),
+            bsdfs: BsdfBatch::new(settings.color),
             turned: Vec::with_capacity(LANES),
             turns: false,
             bends: Bends::default(),
@@ -142,7 +143,7 @@ impl<'a> GeneralShader<'a> {
                 is_delta: [0; LANES],
                 exists: [0; LANES],
             },
-            lit: DirectLight {
+            direct: DirectLight {
                 lights: LightSamples::new(settings.color),
                 ..DirectLight::default()
             },
@@ -157,7 +158,7 @@ impl<'a> GeneralShader<'a> {
         self.on_plain.clear();
         self.scatterers.clear();
         self.scatterer_of = [NONE; LANES];
-        self.together.clear();
+        self.bsdfs.clear();
         self.turned.clear();
         self.turns = false;
         self.bends.clear();
@@ -224,19 +225,19 @@ impl<'a> GeneralShader<'a> {
             }
             // (What it is does not go through memory in RGB: that took 3 % of a render of rough
             // materials.)
-            let many = match self.color {
+            let bsdf = match self.color {
                 ColorModel::Rgb => {
-                    surface.many.inspect(|many| self.together.put(lane, many, &many.point()))
+                    surface.batch.inspect(|bsdf| self.bsdfs.put(lane, bsdf, &bsdf.point()))
                 }
                 ColorModel::Spectral => {
-                    surface.many_in(self.lanes.modes[lane]).map(|(many, at)| {
-                        self.together.put(lane, many, &at);
-                        many
+                    surface.batch_in(self.lanes.modes[lane]).map(|(bsdf, at)| {
+                        self.bsdfs.put(lane, bsdf, &at);
+                        bsdf
                     })
                 }
             };
-            if let Some(many) = many {
-                self.transmits[lane] = many.transmits();
+            if let Some(bsdf) = bsdf {
+                self.transmits[lane] = bsdf.transmits();
                 continue;
             }
             let scatterer = surface.scatterer(&self.lanes, &self.frames, lane);
@@ -246,7 +247,7 @@ impl<'a> GeneralShader<'a> {
         }
         let VertexLanes { points, wo, lift, wide, .. } = &self.lanes;
         let seen = Seen { frames: &self.frames, flat: &points.geometric_normal, wo, lift };
-        self.together.look(&seen, &mut self.facing, *wide);
+        self.bsdfs.prepare(&seen, &mut self.facing, *wide);
     }
 
     /// Has the frame of a lane worked out with the others.
@@ -278,9 +279,9 @@ impl<'a> GeneralShader<'a> {
             return;
         }
         // (What a field has learnt is asked one by one.)
-        let many = prepared.many_at(surface.material, &point).filter(|_| context.field.is_none());
-        if let Some((many, at, needs)) = many {
-            let lift = if many.transmits() {
+        let bsdf = prepared.batch_at(surface.material, &point).filter(|_| context.field.is_none());
+        if let Some((bsdf, at, needs)) = bsdf {
+            let lift = if bsdf.transmits() {
                 Vec3::ZERO
             } else {
                 lift_of_opaque(context, vertex, surface)
@@ -299,8 +300,8 @@ impl<'a> GeneralShader<'a> {
                     self.bends.put(lane, surface.material.bend(&point));
                 }
             }
-            self.together.put(lane, many, &at);
-            self.transmits[lane] = many.transmits();
+            self.bsdfs.put(lane, bsdf, &at);
+            self.transmits[lane] = bsdf.transmits();
             return;
         }
         let scatterer = Scatterer::new(context, vertex, surface, prepared, &point);
@@ -326,20 +327,27 @@ impl<'a> GeneralShader<'a> {
             normal: &self.facing,
             transmits: &self.transmits,
         };
-        self.lit.lights.choose(context, &receivers, &self.lanes.randoms, count, wide);
-        self.lit.glowing = [None; LANES];
-        for (lane, how) in self.lit.lights.how.iter_mut().enumerate().take(count) {
+        self.direct.lights.choose(context, &receivers, &self.lanes.randoms, count, wide);
+        self.direct.glowing = [None; LANES];
+        for (lane, how) in self.direct.lights.how.iter_mut().enumerate().take(count) {
             let scatterer = self.scatterers.get(self.scatterer_of[lane] as usize);
             let may_be_lit = scatterer.is_some_and(|scatterer| !scatterer.shading.is_delta());
-            *how = if may_be_lit | self.together.has(lane) { *how } else { DARK };
+            *how = if may_be_lit | self.bsdfs.has(lane) { *how } else { DARK };
         }
-        let light = self.lit.lights.numbers(&self.lanes.randoms, count, wide);
+        let light = self.direct.lights.numbers(&self.lanes.randoms, count, wide);
         let skins = Skins { points: &self.lanes.points, lift: &self.lanes.lift };
         let to = (&skins, &self.lanes.modes);
-        self.lit.lights.arrivals(context.scene, to, &light, count, wide, &mut self.lit.arrivals);
-        self.lit.lights.shine(context.scene, &self.lit.arrivals, &self.lanes.modes, count);
+        self.direct.lights.arrivals(
+            context.scene,
+            to,
+            &light,
+            count,
+            wide,
+            &mut self.direct.arrivals,
+        );
+        self.direct.lights.shine(context.scene, &self.direct.arrivals, &self.lanes.modes, count);
         for lane in 0..count {
-            if !self.together.has(lane) {
+            if !self.bsdfs.has(lane) {
                 self.scatter(
                     context,
                     lane,
@@ -350,16 +358,16 @@ impl<'a> GeneralShader<'a> {
             }
         }
         self.draw_alone(context, &light, count);
-        let (frames, wi) = (&self.frames, self.lit.arrivals.directions());
-        self.together.scatter(frames, wi, (&choice, &bounce), wide);
+        let (frames, wi) = (&self.frames, self.direct.arrivals.directions());
+        self.bsdfs.evaluate(frames, wi, (&choice, &bounce), wide);
         let to = (&mut self.scattered, &mut self.bounces);
-        self.together.tell((frames, wi), &self.lanes.carried, to, wide);
+        self.bsdfs.write((frames, wi), &self.lanes.carried, to, wide);
         let known = Known {
             carried: &self.lanes.carried,
             skins: Skins { points: &self.lanes.points, lift: &self.lanes.lift },
             transmits: &self.transmits,
             scattered: &self.scattered,
-            radiance: &self.lit.lights.radiance,
+            radiance: &self.direct.lights.radiance,
             is_guided: context.field.is_some(),
             roulette: &roulette,
         };
@@ -369,13 +377,13 @@ impl<'a> GeneralShader<'a> {
             give,
             (
                 known: &Known<'_> = &known,
-                arrivals: &mut LightArrivals = &mut self.lit.arrivals,
+                arrivals: &mut LightArrivals = &mut self.direct.arrivals,
                 bounces: &mut Bounces = &mut self.bounces,
-                to: &mut VertexOutputs = &mut self.lit.outputs,
+                to: &mut VertexOutputs = &mut self.direct.outputs,
             )
         );
-        let Self { lanes, scatterers, scatterer_of, lit, .. } = self;
-        lit.sample_alone(count, &light, |lane, chosen, u| {
+        let Self { lanes, scatterers, scatterer_of, direct, .. } = self;
+        direct.sample_alone(count, &light, |lane, chosen, u| {
             let Scatterer { shading, at: arrival, receiver } =
                 scatterers.get(scatterer_of[lane] as usize)?;
             let (guided, wo) =
@@ -388,17 +396,17 @@ impl<'a> GeneralShader<'a> {
         self.bring_alone(context);
     }
 
-    /// Draws from the lights that are not flat, for lanes that are worked on together.
+    /// Draws from the lights that are not flat, for lanes that are shaded together.
     fn draw_alone(&mut self, context: &Context, u: &[HitLanes; 2], count: usize) {
         self.alone.clear();
         for lane in 0..count {
-            if self.lit.lights.how[lane] != ALONE || !self.together.has(lane) {
+            if self.direct.lights.how[lane] != ALONE || !self.bsdfs.has(lane) {
                 continue;
             }
             let (at, u) = (self.lanes.arrival(lane), Vec2::new(u[0][lane], u[1][lane]));
-            let Some(chosen) = self.lit.lights.chosen.get(lane) else { continue };
+            let Some(chosen) = self.direct.lights.chosen.get(lane) else { continue };
             let Some(light) = DrawnLight::of(context, &at, &chosen, u) else { continue };
-            self.lit.arrivals.aim(lane, light.direction());
+            self.direct.arrivals.aim(lane, light.direction());
             self.alone.push(Alone { lane, at, probability: chosen.probability, light });
         }
     }
@@ -408,7 +416,7 @@ impl<'a> GeneralShader<'a> {
         for Alone { lane, at, probability, light } in self.alone.drain(..) {
             let scattered = (color_at(&self.scattered.value, lane), self.scattered.pdf[lane]);
             let throughput = color_at(&self.lanes.carried.throughput, lane);
-            self.lit
+            self.direct
                 .put_alone(lane, light.weighted(context, throughput, &at, probability, scattered));
         }
     }
@@ -420,13 +428,13 @@ impl<'a> GeneralShader<'a> {
     /// Asks the surface of a lane how it scatters the light that arrives, and where the path goes
     /// on.
     fn scatter(&mut self, context: &Context, lane: usize, u_lobe: f32, u: Vec2, u_quad: f32) {
-        let Self { lanes, scatterers, scatterer_of, scattered, bounces, lit, .. } = self;
+        let Self { lanes, scatterers, scatterer_of, scattered, bounces, direct, .. } = self;
         bounces.exists[lane] = 0;
         let scatterer = scatterers.get(scatterer_of[lane] as usize);
         let Some(Scatterer { shading, receiver, .. }) = scatterer else { return };
         let (guided, wo) = (GuidedBsdf::new(context.field, shading, receiver), at(&lanes.wo, lane));
-        if lit.arrivals.exists[lane] != 0 {
-            let (value, pdf) = guided.eval_and_pdf(wo, at(lit.arrivals.directions(), lane));
+        if direct.arrivals.exists[lane] != 0 {
+            let (value, pdf) = guided.eval_and_pdf(wo, at(direct.arrivals.directions(), lane));
             put_color(&mut scattered.value, lane, value);
             scattered.pdf[lane] = pdf;
         }
@@ -466,19 +474,19 @@ impl<'a> BatchShader<'a> for GeneralShader<'a> {
     }
 
     fn shaded(&self) -> Shaded<'_> {
-        let Self { lanes, lit, bounces, facing, .. } = self;
+        let Self { lanes, direct, bounces, facing, .. } = self;
         Shaded {
             found: &self.found,
             paths: lanes.paths(),
             is_sound: &lanes.points.is_sound,
-            light: Some(lit),
-            goes_on: &lit.outputs.goes_on,
+            light: Some(direct),
+            goes_on: &direct.outputs.goes_on,
             next_rays: RayColumns {
                 origin: &bounces.origin,
                 direction: &bounces.wi,
                 end: &ENDLESS,
             },
-            carried: lit.carried(lanes, &bounces.eta_scale, &bounces.pdf, facing),
+            carried: direct.carried(lanes, &bounces.eta_scale, &bounces.pdf, facing),
         }
     }
 }

@@ -11,7 +11,7 @@ use crate::integrator::guided::{expected_survival, mixed_pdf};
 use crate::lanes::{HitColors, LANES, ZERO, at, put};
 use crate::light_sampler::Receivers;
 use snell_intersect::triangles::{HitLanes, HitVectors};
-use snell_math::simd::{Wide, marked, most};
+use snell_math::simd::{Wide, mask_select, max};
 use snell_math::{Vec2, Vec3, at_level, sampling};
 
 /// What a field knows where paths are. Lanes that are not in use hold anything.
@@ -105,8 +105,8 @@ impl GuidedLanes {
             let brief = atlas.brief(self.regions[i]);
             let is_known = u32::from(brief.is_known());
             self.is_known[i] = is_known;
-            self.share[i] = marked(is_known, brief.bsdf_share, 1.0);
-            self.brings[i] = marked(is_known, brief.expected, 0.0);
+            self.share[i] = mask_select(is_known, brief.bsdf_share, 1.0);
+            self.brings[i] = mask_select(is_known, brief.expected, 0.0);
             let (anchor, nearness) = brief.parallax.parts();
             put(&mut self.anchor, i, anchor);
             self.nearness[i] = nearness;
@@ -255,11 +255,11 @@ fn turn(guided: &mut GuidedLanes, surfaces: &Surfaces, to: &mut Directions) {
         let (share, is_seen) = surfaces.share(i, drawn);
         let origin = surfaces.ray_origin(i, drawn);
         for axis in 0..3 {
-            to.wi[axis][i] = marked(is_drawn, drawn[axis], to.wi[axis][i]);
-            to.origin[axis][i] = marked(is_drawn, origin[axis], to.origin[axis][i]);
+            to.wi[axis][i] = mask_select(is_drawn, drawn[axis], to.wi[axis][i]);
+            to.origin[axis][i] = mask_select(is_drawn, origin[axis], to.origin[axis][i]);
         }
-        to.pdf[i] = marked(is_drawn, share, to.pdf[i]);
-        to.exists[i] = marked(is_drawn, u32::from(is_seen), to.exists[i]);
+        to.pdf[i] = mask_select(is_drawn, share, to.pdf[i]);
+        to.exists[i] = mask_select(is_drawn, u32::from(is_seen), to.exists[i]);
     }
     find_coordinates(guided, to.wi);
 }
@@ -276,9 +276,9 @@ fn weigh(guided: &GuidedLanes, to: &mut Directions) {
             let reflectance = to.weight[channel][i];
             let weight =
                 if is_drawn { reflectance * bsdf_pdf * inverse } else { reflectance * ratio };
-            to.weight[channel][i] = marked(is_known, weight, reflectance);
+            to.weight[channel][i] = mask_select(is_known, weight, reflectance);
         }
-        to.pdf[i] = marked(is_known, pdf, bsdf_pdf);
+        to.pdf[i] = mask_select(is_known, pdf, bsdf_pdf);
         let is_possible = !is_drawn | (pdf > 0.0);
         to.exists[i] &= u32::from(is_possible);
     }
@@ -288,7 +288,7 @@ fn weigh(guided: &GuidedLanes, to: &mut Directions) {
 #[inline(always)]
 fn play(guided: &mut GuidedLanes, carried: &CarriedLanes, reflectance: &HitColors) {
     for i in 0..LANES {
-        let largest = |v: &HitColors| most(most(v[0][i], v[1][i]), v[2][i]);
+        let largest = |v: &HitColors| max(max(v[0][i], v[1][i]), v[2][i]);
         let (throughput, albedo) = (largest(&carried.throughput), largest(reflectance));
         let expected = throughput * guided.brings[i];
         let (survival, first) = expected_survival(expected, carried.marks[i].expected().get());
@@ -305,7 +305,7 @@ fn weigh_lights(guided: &GuidedLanes, arrivals: &mut LightArrivals) {
         let pdf = mixed_pdf(share, arrivals.share[i], guided.pdf[i]);
         let weight = sampling::power_heuristic(density, pdf);
         let counts = guided.is_known[i] & (arrivals.is_delta[i] ^ 1);
-        arrivals.weight[i] = marked(counts, weight, arrivals.weight[i]);
-        arrivals.scale[i] = marked(counts, weight / density, arrivals.scale[i]);
+        arrivals.weight[i] = mask_select(counts, weight, arrivals.weight[i]);
+        arrivals.scale[i] = mask_select(counts, weight / density, arrivals.scale[i]);
     }
 }

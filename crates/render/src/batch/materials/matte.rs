@@ -10,7 +10,7 @@ use crate::batch::{Batch, BatchShader, Shaded};
 use crate::guiding::Choice;
 use crate::integrator::carried::{Expected, Rest};
 use crate::integrator::light_part::{LightSource, LobeShares};
-use crate::integrator::path::weighted_sample;
+use crate::integrator::light_sample::weighted_sample;
 use crate::integrator::{Context, Outputs, dimension};
 use crate::lanes::{BLACK, ENDLESS, HitColors, LANES, ZERO, at, at_level_by_color, color_at};
 use crate::light_sampler::Receivers;
@@ -34,7 +34,7 @@ pub struct MatteShader<'a> {
     bounces: Bounces,
     /// What a field knows, if there is one.
     guided: Box<GuidedLanes>,
-    lit: DirectLight,
+    direct: DirectLight,
 }
 
 /// Where paths go on.
@@ -72,7 +72,7 @@ impl<'a> MatteShader<'a> {
                 exists: [0; LANES],
             },
             guided: Box::default(),
-            lit: DirectLight {
+            direct: DirectLight {
                 lights: LightSamples::new(settings.color),
                 ..DirectLight::default()
             },
@@ -101,9 +101,9 @@ impl<'a> MatteShader<'a> {
         );
         let receivers = Receivers::opaque(&lanes.points.position, &self.facing);
         let count = lanes.paths().len();
-        self.lit.lights.choose(context, &receivers, &lanes.randoms, count, wide);
-        let light = self.lit.lights.numbers(&lanes.randoms, count, wide);
-        self.lit.glowing = [None; LANES];
+        self.direct.lights.choose(context, &receivers, &lanes.randoms, count, wide);
+        let light = self.direct.lights.numbers(&lanes.randoms, count, wide);
+        self.direct.glowing = [None; LANES];
         let surfaces = Surfaces {
             points: &lanes.points,
             normal: &self.normal,
@@ -111,8 +111,15 @@ impl<'a> MatteShader<'a> {
             lift: &lanes.lift,
         };
         let to = (&surfaces, &lanes.modes);
-        self.lit.lights.arrivals(context.scene, to, &light, count, wide, &mut self.lit.arrivals);
-        self.lit.lights.shine(context.scene, &self.lit.arrivals, &lanes.modes, count);
+        self.direct.lights.arrivals(
+            context.scene,
+            to,
+            &light,
+            count,
+            wide,
+            &mut self.direct.arrivals,
+        );
+        self.direct.lights.shine(context.scene, &self.direct.arrivals, &lanes.modes, count);
         if let Some(field) = context.field {
             self.guided.find(field, &receivers, count, wide);
             let numbers = |dimension| lanes.randoms.numbers(dimension, wide);
@@ -120,15 +127,15 @@ impl<'a> MatteShader<'a> {
             let Bounces { wi, origin, pdf, weight, exists } = &mut self.bounces;
             let mut directions = Directions { wi, origin, pdf, exists, weight };
             self.guided.mix(field, &surfaces, (&choice, &quad, &bsdf), &mut directions, wide);
-            self.guided.weigh_lights(field, &mut self.lit.arrivals, wide);
+            self.guided.weigh_lights(field, &mut self.direct.arrivals, wide);
             self.guided.play(&lanes.carried, reflectance, wide);
         }
-        let Self { normal, bounces, guided, lit, .. } = self;
+        let Self { normal, bounces, guided, direct, .. } = self;
         let known = Known {
             carried: &lanes.carried,
             reflectance,
-            radiance: &lit.lights.radiance,
-            arrivals: &lit.arrivals,
+            radiance: &direct.lights.radiance,
+            arrivals: &direct.arrivals,
             bounces,
             guided: context.field.map(|_| &**guided),
             roulette: &roulette,
@@ -137,9 +144,9 @@ impl<'a> MatteShader<'a> {
             wide,
             self.color,
             give,
-            (known: &Known<'_> = &known, to: &mut VertexOutputs = &mut lit.outputs)
+            (known: &Known<'_> = &known, to: &mut VertexOutputs = &mut direct.outputs)
         );
-        lit.sample_alone(count, &light, |lane, chosen, u| {
+        direct.sample_alone(count, &light, |lane, chosen, u| {
             let seen = vertices.seen(normal, lane);
             let throughput = color_at(&lanes.carried.throughput, lane);
             weighted_sample(context, throughput, &seen.arrival, chosen, u, |wi| {
@@ -161,8 +168,8 @@ impl<'a> MatteShader<'a> {
     /// The source of the light ray of a lane, if it sends one, and its weight by multiple
     /// importance sampling.
     fn light_source(&self, lane: usize) -> Option<(LightSource, f32)> {
-        (self.lit.outputs.has_light_ray[lane] != 0)
-            .then(|| (self.lit.lights.source[lane], self.lit.arrivals.weight[lane]))
+        (self.direct.outputs.has_light_ray[lane] != 0)
+            .then(|| (self.direct.lights.source[lane], self.direct.arrivals.weight[lane]))
     }
 
     /// As [`Outputs::choice`], in a lane of which the path goes on.
@@ -199,19 +206,19 @@ impl<'a> BatchShader<'a> for MatteShader<'a> {
     }
 
     fn shaded(&self) -> Shaded<'_> {
-        let Self { vertices: MatteVertices { lanes, .. }, bounces, facing, lit, .. } = self;
+        let Self { vertices: MatteVertices { lanes, .. }, bounces, facing, direct, .. } = self;
         Shaded {
             found: &[],
             paths: lanes.paths(),
             is_sound: &lanes.points.is_sound,
-            light: Some(lit),
-            goes_on: &lit.outputs.goes_on,
+            light: Some(direct),
+            goes_on: &direct.outputs.goes_on,
             next_rays: RayColumns {
                 origin: &bounces.origin,
                 direction: &bounces.wi,
                 end: &ENDLESS,
             },
-            carried: lit.carried(lanes, &lanes.carried.eta_scale, &bounces.pdf, facing),
+            carried: direct.carried(lanes, &lanes.carried.eta_scale, &bounces.pdf, facing),
         }
     }
 
@@ -226,7 +233,7 @@ impl<'a> BatchShader<'a> for MatteShader<'a> {
         if let Some((source, weight)) = self.light_source(lane) {
             out.weights.light = weight;
             (out.light_source, out.light_lobe) = (Some(source), lobe);
-            out.light_rays.push((self.lit.light_rays().at(lane), self.lit.brought(lane)));
+            out.light_rays.push((self.direct.light_rays().at(lane), self.direct.brought(lane)));
         }
         if shaded.goes_on[lane] != 0 {
             let state = shaded.carried.at(lane).with(&Rest { lobe, ..*rest });
@@ -243,7 +250,7 @@ impl<'a> BatchShader<'a> for MatteShader<'a> {
     fn may_cross(&self, lane: usize) -> [bool; 2] {
         let lanes = &self.vertices.lanes;
         let normal = at(&lanes.points.geometric_normal, lane);
-        let light = self.lit.light_rays().at(lane).direction;
+        let light = self.direct.light_rays().at(lane).direction;
         [light.dot(normal) * -at(&lanes.wo, lane).dot(normal) > 0.0, false]
     }
 }
@@ -338,7 +345,7 @@ fn bounce(
 
 #[cfg(test)]
 mod tests {
-    use crate::batch::twins::{assert_alike_at_every_level, every_second_node};
+    use crate::batch::twins::{assert_same_at_every_level, every_second_node};
     use crate::compile::Moving;
     use crate::sampler::SamplerKind;
     use crate::settings::Shadows;
@@ -421,9 +428,9 @@ mod tests {
                     ..Settings::default()
                 };
                 let settings = Settings { size: [36, 24], spp: 4, guiding, ..how };
-                assert_alike_at_every_level(&scene, &Moving::default(), &settings);
+                assert_same_at_every_level(&scene, &Moving::default(), &settings);
                 if sampler == SamplerKind::Independent || integrator == IntegratorKind::Whitted {
-                    assert_alike_at_every_level(&scene, &every_second_node(&scene), &settings);
+                    assert_same_at_every_level(&scene, &every_second_node(&scene), &settings);
                 }
             }
         }

@@ -15,7 +15,7 @@ use crate::lanes::{
 use crate::sampler::Sampler;
 use snell_intersect::triangles::{HitLanes, HitVectors, PlainMesh};
 use snell_intersect::{GeometryId, Hit, TrianglePoints};
-use snell_math::simd::most;
+use snell_math::simd::max;
 use snell_math::{ColorModel, Frame, Ray, Vec3, at_level, robust};
 use snell_scene::Material;
 use snell_scene::bsdf::Split;
@@ -328,8 +328,8 @@ fn bounce<const CHANNELS: usize>(known: &Known, to: &mut Bounces) {
             let weight =
                 if is_mirror { lobes.reflectance[channel][i] } else { pick(mirrored, refracted) };
             *throughput = carried.throughput[channel][i] * weight;
-            largest = most(largest, *throughput);
-            largest_weight = most(largest_weight, weight);
+            largest = max(largest, *throughput);
+            largest_weight = max(largest_weight, weight);
             exists &= throughput.abs() < f32::INFINITY;
         }
         let crossing = pick(1.0, split.eta * split.eta);
@@ -365,7 +365,7 @@ fn bounce<const CHANNELS: usize>(known: &Known, to: &mut Bounces) {
 
 #[cfg(test)]
 mod tests {
-    use crate::batch::twins::{assert_alike_at_every_level, every_second_node};
+    use crate::batch::twins::{assert_same_at_every_level, every_second_node};
     use crate::compile::Moving;
     use crate::sampler::SamplerKind;
     use crate::{Guiding, IntegratorKind, Settings};
@@ -434,9 +434,9 @@ mod tests {
                 let how =
                     Settings { max_depth: 9, sampler, integrator, clamp, ..Settings::default() };
                 let settings = Settings { size: [36, 24], spp: 4, guiding, color, ..how };
-                assert_alike_at_every_level(&scene, &Moving::default(), &settings);
+                assert_same_at_every_level(&scene, &Moving::default(), &settings);
                 if sampler == SamplerKind::Independent && guiding.is_none() {
-                    assert_alike_at_every_level(&scene, &every_second_node(&scene), &settings);
+                    assert_same_at_every_level(&scene, &every_second_node(&scene), &settings);
                 }
             }
         }

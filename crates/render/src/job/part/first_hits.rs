@@ -1,4 +1,4 @@
-//! What is shown of the hits of the rays of the camera: alpha and AOVs.
+//! Alpha and AOVs of the first hits of the rays of the camera.
 
 use super::PartRenderer;
 use crate::integrator::aov::{Aov, AovKind, FirstHit};
@@ -18,7 +18,7 @@ impl PartRenderer<'_> {
     }
 
     /// True if something depends on what the rays of the camera hit first.
-    pub(super) fn shows_first_hits(&self) -> bool {
+    pub(super) fn needs_first_hits(&self) -> bool {
         self.context.scene.background == Background::Transparent
             || !self.context.settings.aovs.is_empty()
     }

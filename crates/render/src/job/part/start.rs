@@ -6,7 +6,7 @@ use crate::integrator::camera_path::{
 };
 use crate::integrator::carried::{Carried, Rest};
 use crate::lanes::LANES;
-use crate::sampler::{ManyRandoms, SampleKey};
+use crate::sampler::{BatchRandoms, SampleKey};
 use snell_math::simd::Wide;
 use snell_math::{
     ColorMode, ColorModel, DVec2, SampledSpectrum, SampledWavelengths, Vec2, at_level,
@@ -40,7 +40,7 @@ impl PartRenderer<'_> {
     fn start_samples(&mut self, pixels: &[[u32; 2]], keys: &[SampleKey]) {
         let (settings, wide) = (self.context.settings, self.context.scene.world.simd().wide());
         let (mut film, mut weights) = ([[0.0; LANES]; 2], [1.0; LANES]);
-        let mut randoms = ManyRandoms::<LANES>::of_camera(self.sampler);
+        let mut randoms = BatchRandoms::<LANES>::of_camera(self.sampler);
         keys.iter().enumerate().for_each(|(i, &key)| randoms.set(i, key));
         let [x, y] = randoms.pairs(FILM, wide);
         for (i, pixel) in pixels.iter().enumerate() {
@@ -93,7 +93,7 @@ impl PartRenderer<'_> {
 /// What the spectra of samples stand for.
 fn modes_of(
     color: ColorModel,
-    randoms: &ManyRandoms<LANES>,
+    randoms: &BatchRandoms<LANES>,
     wide: Option<Wide>,
 ) -> [ColorMode; LANES] {
     let mut modes = [ColorMode::Rgb; LANES];

@@ -4,7 +4,7 @@
 use super::NearSample;
 use snell_intersect::{AnyShape, Shape};
 use snell_math::robust::{gamma, offset_ray_origin};
-use snell_math::simd::most;
+use snell_math::simd::max;
 use snell_math::{DVec2, DVec3, Transform, Vec2, Vec3, sampling};
 
 /// What lies within this part of its distance is sampled by area: the density of solid angle is
@@ -130,7 +130,7 @@ impl FlatPart {
         let scale = 1.0 / squared.sqrt();
         let direction = to_light * scale;
         let cos = direction.dot(self.normal);
-        let pdf = self.pdf * squared / most(cos, -cos);
+        let pdf = self.pdf * squared / max(cos, -cos);
         let exists = (scale > 0.0) & (scale < f32::INFINITY) & (pdf > 0.0) & (pdf < f32::INFINITY);
         NearSample { position, direction, pdf, is_seen: false, exists }
     }

@@ -4,7 +4,7 @@
 use super::FlatPart;
 use super::outline::{LEAST, MOST};
 use snell_math::robust::gamma;
-use snell_math::simd::most;
+use snell_math::simd::max;
 use snell_math::spherical::{self, SphericalRectangle};
 use snell_math::{DVec2, DVec3, Vec2, Vec3};
 use std::f64::consts::PI;
@@ -241,8 +241,8 @@ pub(super) fn barycentrics(offset: DVec3, [e1, e2]: [DVec3; 2]) -> Vec2 {
     let n2 = normal.length_squared();
     let (x, y) = (offset.cross(e2).dot(normal) / n2, e1.cross(offset).dot(normal) / n2);
     let is_finite = (x.abs() < f64::INFINITY) & (y.abs() < f64::INFINITY);
-    let one = |x: f64| if is_finite { most(x, 0.0) } else { 1.0 / 3.0 };
+    let one = |x: f64| if is_finite { max(x, 0.0) } else { 1.0 / 3.0 };
     let (x, y) = (one(x), one(y));
-    let sum = most(x + y, 1.0);
+    let sum = max(x + y, 1.0);
     Vec2::new((x / sum) as f32, (y / sum) as f32)
 }

@@ -1,7 +1,7 @@
 //! A density over all directions, constant over cells of longitude and latitude.
 
 use snell_math::distribution::Distribution1D;
-use snell_math::simd::most;
+use snell_math::simd::max;
 use snell_math::{DVec3, Vec2, Vec3, angles};
 use std::f32::consts::{FRAC_1_PI, TAU};
 use std::f64::consts::PI as PI64;
@@ -23,7 +23,7 @@ impl DrawnDirection {
     #[inline(always)]
     pub fn to_vector(self) -> (Vec3, Vec2) {
         let Self { height, turn, .. } = self;
-        let sin = most((1.0 - height) * (1.0 + height), 0.0).sqrt();
+        let sin = max((1.0 - height) * (1.0 + height), 0.0).sqrt();
         let (sin_phi, cos_phi) = angles::sin_cos((turn - 0.5) * (2.0 * PI64));
         let latitude = angles::atan2(sin as f32, height as f32) * FRAC_1_PI;
         (

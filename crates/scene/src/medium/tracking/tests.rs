@@ -1,4 +1,4 @@
-//! Collisions against closed forms, and against the same medium without a grid.
+//! Tests of collisions against closed forms, and against the same medium without a grid.
 
 use super::*;
 use crate::medium::{ColorGrid, Homogeneous, Medium, PreparedMedium, ScalarGrid};
@@ -52,7 +52,7 @@ fn ramp() -> (ScalarGrid, fn(f64) -> f64) {
     let value = |i: usize| (i % n) as f32 / 7.0;
     let grid = ScalarGrid::new([n, n, n], (0..n * n * n).map(value).collect())
         .expect("as many values as cells");
-    // Zero up to the first middle, then a line, then one.
+    // Zero up to the first centre, then a line, then one.
     (grid, |x| {
         let (first, last) = (1.0 / 16.0, 15.0 / 16.0);
         let slope = 1.0 / (last - first);
@@ -116,7 +116,7 @@ fn a_constant_grid_is_a_homogeneous_medium() {
             let travel = medium.travel(&segment, UNIT, ColorMode::Rgb, &mut numbers(i));
             match (what, travel.scattered) {
                 (0, None) => travel.throughput,
-                // The first moment tells where it was scattered.
+                // The first moment depends on where it was scattered.
                 (1, Some(s)) => travel.throughput * s.distance,
                 (2, Some(_)) => travel.throughput,
                 (3, _) => travel.emitted,
@@ -131,7 +131,7 @@ fn a_constant_grid_is_a_homogeneous_medium() {
     }
 }
 
-/// Each colour another ramp: red grows along x, green falls, blue is the same everywhere.
+/// A different ramp for each colour: red grows along x, green falls, blue is constant.
 fn ramps() -> (Arc<ColorGrid>, impl Fn(f64) -> [f64; 3]) {
     let (rising, integral) = ramp();
     let colors = rising.values().iter().map(|v| Rgb::new(*v, 1.0 - v, 0.5)).collect();
@@ -256,7 +256,7 @@ fn gas_of_one_temperature_glows_as_a_black_body() {
         tracked.travel(&through(1.0), UNIT, ColorMode::Rgb, |_| 1.0, &mut numbers(i)).emitted
     });
     let color = crate::medium::blackbody(1800.0, ColorMode::Rgb);
-    // Twice the density of a half along a way of one.
+    // Twice the density of a half along a distance of one.
     assert_agree(glow, [0, 1, 2].map(|c| f64::from(color[c])));
 }
 

@@ -65,7 +65,7 @@ fn read(input: &Input, basis: StrandBasis) -> Result<(Vec<Vec4>, Vec<u32>), Read
                 let least = if basis == StrandBasis::Linear { 2 } else { 4 };
                 let problem =
                     format!("a curve of {count} points ends here, expected {least} or more");
-                return Err(reader.error(here, problem, "give more points, or take the curve out"));
+                return Err(reader.error(here, problem, "give more points, or remove the curve"));
             }
             strands.push(count as u32);
             start = points.len();

@@ -12,7 +12,7 @@ use crate::world::AcceleratorKind;
 use crate::world::tests::{Random, build, check, dust, levels, nested_scene, soup};
 use crate::world::{Structure, World, WorldBuilder};
 use proptest::prelude::*;
-use snell_math::simd::Level;
+use snell_math::simd::{Level, Pair, Portable, Portable8};
 use snell_math::{Ray, Vec3};
 use std::sync::Arc;
 
@@ -44,6 +44,7 @@ fn party(random: &mut Random, count: usize, width: f32) -> Vec<Ray> {
 
 /// All blocks below a child whose boxes the ray meets, and where it enters them.
 fn leaves<L: Lanes8>(
+    token: L::Token,
     tree: &GroupTree,
     child: ChildRef,
     ray: &QuickRay,
@@ -58,12 +59,9 @@ fn leaves<L: Lanes8>(
         }
         let node = &tree.nodes[child.node_index()];
         let mut enters = [0.0; 8];
-        // SAFETY: the test has checked the level, and prepared the ray for it.
-        let met = unsafe {
-            let (enter, limit) = quick_distances::<L>(node, ray, t_min, cull);
-            enter.store(&mut enters);
-            enter.le(limit)
-        };
+        let (enter, limit) = quick_distances::<L>(token, node, ray, t_min, cull);
+        enter.store(&mut enters);
+        let met = enter.le(limit);
         open.extend((0..8).filter(|i| met >> i & 1 == 1).map(|i| (enters[i], node.children[i])));
     }
     found
@@ -71,11 +69,20 @@ fn leaves<L: Lanes8>(
 
 /// Lets rays set off, and looks at what is left to each. Returns how many are not at the root any
 /// more.
-fn look<L: Lanes8>(world: &World, rays: &[Ray], set_off: SetOff<Closest<Single>>) -> usize {
+fn look<W: Lanes16>(token: W::Token, world: &World, rays: &[Ray]) -> usize {
+    looked_at::<W, W::Half>(token, W::half_token(token), world, rays)
+}
+
+fn looked_at<W: Lanes16, L: Lanes8>(
+    wide_token: W::Token,
+    token: L::Token,
+    world: &World,
+    rays: &[Ray],
+) -> usize {
     let Structure::Bvh(forest) = &world.structure else { panic!("the product's own structure") };
     let tree = &forest.trees[0];
     let context = Context { filter: &AcceptAll, options: &world.options, data: &(), cancel: None };
-    let memory = Slots::<Closest<Single>>::new(rays.len(), forest.stack_size);
+    let memory = Slots::<Closest<Single>>::new(rays.len(), forest.stack_size());
     let mut slots: Vec<*mut Slot<_>> = Vec::new();
     for (i, ray) in rays.iter().enumerate() {
         let slot = memory.get(slots.len());
@@ -87,8 +94,8 @@ fn look<L: Lanes8>(world: &World, rays: &[Ray], set_off: SetOff<Closest<Single>>
             }
         }
     }
-    // SAFETY: they have just started, for lanes of this level.
-    unsafe { set_off(&slots) };
+    // SAFETY: they have just started.
+    unsafe { set_off_with::<W, _>(wide_token, &slots) };
     let mut moved = 0;
     for at in slots {
         // SAFETY: it is still there.
@@ -104,9 +111,9 @@ fn look<L: Lanes8>(world: &World, rays: &[Ray], set_off: SetOff<Closest<Single>>
             entries.windows(2).all(|pair| pair[0].0 >= pair[1].0),
             "the nearest is last: {entries:?}"
         );
-        let mut expected = leaves::<L>(tree, tree.root, ray, interval);
+        let mut expected = leaves::<L>(token, tree, tree.root, ray, interval);
         for &(distance, child) in &entries {
-            let below = leaves::<L>(tree, child, ray, interval);
+            let below = leaves::<L>(token, tree, child, ray, interval);
             for (_, leaf) in &below {
                 let place = expected.iter().position(|(_, other)| other == leaf);
                 // (Boxes are a little wider here.)
@@ -130,14 +137,14 @@ fn every_ray_keeps_all_that_it_meets() {
         let size = [1, 7, 8, 15, 16, 17, 25, PARTY][round % 8];
         let rays = party(&mut random, size, [0.0, 0.01, 0.3][round % 3]);
         let world = world_of(mesh, Level::Scalar);
-        moved += look::<snell_math::simd::Portable8>(&world, &rays, set_off_portable);
+        moved += look::<Pair<Portable8>>(Portable, &world, &rays);
         count += rays.len();
         #[cfg(target_arch = "x86_64")]
         for level in levels() {
-            match level {
-                Level::Avx2 => drop(look::<Avx8>(&world, &rays, set_off_avx2)),
-                Level::Avx512 => drop(look::<Avx8>(&world, &rays, set_off_avx512)),
-                _ => {}
+            match level.wide() {
+                Some(Wide::Avx2(token)) => drop(look::<Pair<Avx8>>(token, &world, &rays)),
+                Some(Wide::Avx512(token)) => drop(look::<Avx16>(token, &world, &rays)),
+                None => {}
             }
         }
     }
@@ -149,9 +156,9 @@ fn rays_along_an_axis_stay_at_the_root_and_few_rays_too() {
     let mut random = Random(6);
     let world = world_of(dust(&mut random, 2000), Level::Scalar);
     let along: Vec<Ray> = (0..PARTY).map(|_| Ray::new(random.point(0.1), Vec3::X)).collect();
-    assert_eq!(look::<snell_math::simd::Portable8>(&world, &along, set_off_portable), 0);
+    assert_eq!(look::<Pair<Portable8>>(Portable, &world, &along), 0);
     let few = party(&mut random, MIN_INSIDE as usize - 1, 0.01);
-    assert_eq!(look::<snell_math::simd::Portable8>(&world, &few, set_off_portable), 0);
+    assert_eq!(look::<Pair<Portable8>>(Portable, &world, &few), 0);
 }
 
 #[test]

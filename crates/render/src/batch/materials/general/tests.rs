@@ -1,4 +1,4 @@
-use crate::batch::twins::{assert_alike_at_every_level, every_second_node};
+use crate::batch::twins::{assert_same_at_every_level, every_second_node};
 use crate::compile::Moving;
 use crate::sampler::SamplerKind;
 use crate::{Guiding, IntegratorKind, LightStrategy, Settings};
@@ -94,10 +94,10 @@ fn many_vertices_at_once_give_the_bits_of_one_at_a_time() {
                     ..Settings::default()
                 };
                 let settings = Settings { size: [32, 24], spp: 4, guiding, color, ..how };
-                let picture = assert_alike_at_every_level(&scene, &Moving::default(), &settings);
+                let picture = assert_same_at_every_level(&scene, &Moving::default(), &settings);
                 assert!(picture.iter().any(|&x| x != 0.0) || way > 2, "{name}");
                 if sampler == SamplerKind::Independent && guiding.is_none() {
-                    assert_alike_at_every_level(&scene, &every_second_node(&scene), &settings);
+                    assert_same_at_every_level(&scene, &every_second_node(&scene), &settings);
                 }
             }
         }
@@ -142,7 +142,7 @@ fn every_material_gives_the_same_bits_by_its_spectra() {
                 .for_each(|m| m.kind = kind.clone());
             let how = Settings { max_depth: 4, color: ColorModel::Spectral, ..Settings::default() };
             let settings = Settings { size: [24, 16], spp: 2, ..how };
-            assert_alike_at_every_level(&scene, &Moving::default(), &settings);
+            assert_same_at_every_level(&scene, &Moving::default(), &settings);
         }
     }
 }

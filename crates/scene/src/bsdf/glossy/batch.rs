@@ -1,16 +1,16 @@
-//! The gloss over an opaque Lambertian body, for many directions at once.
+//! The gloss over an opaque Lambertian body, for batches of directions.
 
+use super::super::batch::{BatchDrawn, BatchLobes, LobeSpectra};
 use super::super::energy::{DielectricReflectionBy, Line, Nodes};
-use super::super::many::{ManyDrawn, ManyLobes, Palette};
 use super::super::{Choice, Ggx, fresnel, lift, lower_like};
 use super::GlossyBsdf;
-use snell_math::simd::choose;
+use snell_math::simd::select;
 use snell_math::{SampledSpectrum, Vec2, Vec3, sampling};
 use std::f32::consts::FRAC_1_PI;
 
 /// A gloss of [`Ggx`] without a film, smooth or rough, over a body that is matte.
 #[derive(Clone, Debug)]
-pub struct ManyGloss<const SMOOTH: bool, N = Line> {
+pub struct BatchGloss<const SMOOTH: bool, N = Line> {
     ior: f32,
     ggx: Ggx,
     albedo: DielectricReflectionBy<N>,
@@ -46,7 +46,7 @@ pub struct Seen {
     choice: Choice<2>,
 }
 
-impl<const SMOOTH: bool> ManyGloss<SMOOTH> {
+impl<const SMOOTH: bool> BatchGloss<SMOOTH> {
     /// `None` if it is no such gloss.
     pub fn of(bsdf: &GlossyBsdf) -> Option<Self> {
         let GlossyBsdf { gloss, body, albedo, .. } = bsdf;
@@ -64,7 +64,7 @@ impl<const SMOOTH: bool> ManyGloss<SMOOTH> {
     }
 }
 
-impl ManyGloss<false> {
+impl BatchGloss<false> {
     /// Index of refraction.
     #[inline(always)]
     pub fn ior(&self) -> f32 {
@@ -74,13 +74,13 @@ impl ManyGloss<false> {
     /// The same gloss of another roughness: with what is known of that, and its mean albedo, but
     /// for the tint.
     #[inline(always)]
-    pub fn with<N>(&self, albedo: DielectricReflectionBy<N>, mean: f32) -> ManyGloss<false, N> {
+    pub fn with<N>(&self, albedo: DielectricReflectionBy<N>, mean: f32) -> BatchGloss<false, N> {
         let own = Colors::new(self.own.body, self.own.tint, mean);
-        ManyGloss { ior: self.ior, ggx: albedo.widths.into(), albedo, mean, own }
+        BatchGloss { ior: self.ior, ggx: albedo.widths.into(), albedo, mean, own }
     }
 }
 
-impl<const SMOOTH: bool, N: Nodes> ManyGloss<SMOOTH, N> {
+impl<const SMOOTH: bool, N: Nodes> BatchGloss<SMOOTH, N> {
     /// As [`GlossyBsdf::gloss_albedo`].
     #[inline(always)]
     fn gloss_albedo(&self, colors: &Colors, w: Vec3) -> SampledSpectrum {
@@ -104,7 +104,7 @@ impl<const SMOOTH: bool, N: Nodes> ManyGloss<SMOOTH, N> {
     }
 }
 
-impl<const SMOOTH: bool, N: Nodes> ManyLobes for ManyGloss<SMOOTH, N> {
+impl<const SMOOTH: bool, N: Nodes> BatchLobes for BatchGloss<SMOOTH, N> {
     type Seen = Seen;
     type Colors = Colors;
 
@@ -114,8 +114,8 @@ impl<const SMOOTH: bool, N: Nodes> ManyLobes for ManyGloss<SMOOTH, N> {
     }
 
     #[inline(always)]
-    fn colors_of(&self, &[body, tint, _]: &Palette) -> Colors {
-        Colors::new(body, tint, self.mean)
+    fn colors_of(&self, spectra: &LobeSpectra) -> Colors {
+        Colors::new(spectra.base, spectra.specular, self.mean)
     }
 
     #[inline(always)]
@@ -144,7 +144,7 @@ impl<const SMOOTH: bool, N: Nodes> ManyLobes for ManyGloss<SMOOTH, N> {
     }
 
     #[inline(always)]
-    fn draw_from(&self, seen: &Seen, u_lobe: f32, u: Vec2) -> ManyDrawn {
+    fn draw_from(&self, seen: &Seen, u_lobe: f32, u: Vec2) -> BatchDrawn {
         let wo = seen.wo;
         let (is_gloss, exists) = seen.choice.picks_first(u_lobe);
         let exists = exists & (wo.z != 0.0);
@@ -152,15 +152,15 @@ impl<const SMOOTH: bool, N: Nodes> ManyLobes for ManyGloss<SMOOTH, N> {
         if SMOOTH {
             let delta = self.fresnel(&seen.colors, wo.z.abs()) / seen.choice.probabilities[0];
             let mirror = Vec3::new(-wo.x, -wo.y, wo.z);
-            return ManyDrawn::reflected(
-                choose(is_gloss, mirror, body),
+            return BatchDrawn::reflected(
+                select(is_gloss, mirror, body),
                 exists,
                 Some((is_gloss, delta)),
             );
         }
         let (facet, is_above) = self.ggx.drawn_reflection(lift(wo), u);
-        let wi = choose(is_gloss, lower_like(facet, wo), body);
-        ManyDrawn::reflected(wi, exists & (is_above | !is_gloss), None)
+        let wi = select(is_gloss, lower_like(facet, wo), body);
+        BatchDrawn::reflected(wi, exists & (is_above | !is_gloss), None)
     }
 
     #[inline(always)]

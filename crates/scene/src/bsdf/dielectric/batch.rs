@@ -1,16 +1,16 @@
-//! Rough glass, for many directions at once.
+//! Rough glass, for batches of directions.
 
+use super::super::batch::{BatchDrawn, BatchLobes, LobeSpectra};
 use super::super::energy::{BouncedLobe, DielectricLossLines};
-use super::super::many::{ManyDrawn, ManyLobes, Palette};
 use super::super::{Ggx, fresnel, lift, lower_like};
 use super::{DielectricBsdf, Split};
-use snell_math::simd::choose;
+use snell_math::simd::select;
 use snell_math::{SampledSpectrum, Vec2, Vec3};
 use std::f32::consts::FRAC_1_PI;
 
 /// A rough interface of [`Ggx`] without a film, to a medium that absorbs nothing.
 #[derive(Clone, Debug)]
-pub struct ManyGlass {
+pub struct BatchGlass {
     ggx: Ggx,
     lobe: BouncedLobe,
     /// Of all that follows, as seen from the outer side and from the inner one.
@@ -32,7 +32,8 @@ pub struct Colors {
 
 impl Colors {
     #[inline(always)]
-    fn new(&[tint, outer, inner]: &Palette, eta: [f32; 2]) -> Self {
+    fn new(spectra: &LobeSpectra, eta: [f32; 2]) -> Self {
+        let &LobeSpectra { base: tint, specular: outer, other: inner } = spectra;
         // (Where nothing is refracted, both sides are the outer one.)
         let inner = outer.zip(inner, |outer, inner| if eta[1] == eta[0] { outer } else { inner });
         Self {
@@ -54,7 +55,7 @@ pub struct Seen {
     transmitted: f32,
 }
 
-impl ManyGlass {
+impl BatchGlass {
     /// `None` if it is no such interface.
     pub fn of(bsdf: &DielectricBsdf) -> Option<Self> {
         let (losses, ggx) = (bsdf.losses.as_ref()?, bsdf.microfacets.ggx()?);
@@ -66,7 +67,7 @@ impl ManyGlass {
             lobe: losses.lobe,
             losses: DielectricLossLines::new(&outer.loss, &inner.loss),
             eta,
-            own: Colors::new(&bsdf.palette(), eta),
+            own: Colors::new(&bsdf.spectra(), eta),
             average: [outer.average, inner.average],
             transmitted: [outer.transmitted, inner.transmitted],
         })
@@ -80,7 +81,7 @@ impl ManyGlass {
         let half = wo + wi * if is_transmission { eta } else { 1.0 };
         let scale = 1.0 / half.length();
         let m = half * scale;
-        let m = choose(m.z < 0.0, -m, m);
+        let m = select(m.z < 0.0, -m, m);
         let (cos_o, cos_i) = (wo.dot(m), wi.dot(m));
         let is_sound = (scale > 0.0) & (scale < f32::INFINITY);
         let exists = is_sound & (m.z > 0.0) & (cos_o > 0.0) & (cos_i * wi.z > 0.0);
@@ -113,7 +114,7 @@ fn of_side(of: &[SampledSpectrum; 2], seen: &Seen) -> SampledSpectrum {
     of[0].zip(of[1], |outer, inner| if seen.is_inside { inner } else { outer })
 }
 
-impl ManyLobes for ManyGlass {
+impl BatchLobes for BatchGlass {
     type Seen = Seen;
     type Colors = Colors;
 
@@ -123,8 +124,8 @@ impl ManyLobes for ManyGlass {
     }
 
     #[inline(always)]
-    fn colors_of(&self, palette: &Palette) -> Colors {
-        Colors::new(palette, self.eta)
+    fn colors_of(&self, spectra: &LobeSpectra) -> Colors {
+        Colors::new(spectra, self.eta)
     }
 
     #[inline(always)]
@@ -168,7 +169,7 @@ impl ManyLobes for ManyGlass {
     }
 
     #[inline(always)]
-    fn draw_from(&self, seen: &Seen, u_lobe: f32, u: Vec2) -> ManyDrawn {
+    fn draw_from(&self, seen: &Seen, u_lobe: f32, u: Vec2) -> BatchDrawn {
         let &Seen { wo, eta, lost, transmitted, .. } = seen;
         let up = lift(wo);
         let is_bounced = u_lobe < lost;
@@ -181,12 +182,12 @@ impl ManyLobes for ManyGlass {
         let m = self.ggx.visible_normal(up, u);
         let is_refracted = (u_lobe - lost) / (1.0 - lost) >= fresnel::dielectric(up.dot(m), eta);
         let (refracted, is_partial) = fresnel::refracted(up, m, eta);
-        let facet = choose(is_refracted, refracted, fresnel::reflect(up, m));
+        let facet = select(is_refracted, refracted, fresnel::reflect(up, m));
         let is_sound =
             (is_partial | !is_refracted) & (facet.z != 0.0) & ((facet.z < 0.0) == is_refracted);
-        let wi = choose(is_bounced, bounced, facet);
+        let wi = select(is_bounced, bounced, facet);
         let is_transmission = wi.z < 0.0;
-        ManyDrawn {
+        BatchDrawn {
             wi: lower_like(wi, wo),
             exists: (is_bounced | is_sound) & (wo.z != 0.0),
             is_delta: false,

@@ -1,15 +1,15 @@
-//! A clear coat over one slab, for many directions at once.
+//! A clear coat over one slab, for batches of directions.
 
+use super::super::batch::{BatchDrawn, BatchLobes, LobeSpectra};
 use super::super::energy::{DielectricReflectionBy, Line};
-use super::super::many::{ManyDrawn, ManyLobes, Palette};
 use super::super::{Choice, Ggx, fresnel, lift, lower_like};
 use super::CoatLobe;
-use snell_math::simd::choose;
+use snell_math::simd::select;
 use snell_math::{SampledSpectrum, Vec2, Vec3};
 
 /// A coat without colour, smooth or rough, in the frame of what lies below.
 #[derive(Clone, Debug)]
-pub struct ManyCoated<B, const SMOOTH: bool> {
+pub struct BatchCoated<B, const SMOOTH: bool> {
     pub base: B,
     weight: f32,
     ggx: Ggx,
@@ -42,7 +42,7 @@ pub struct Seen<S> {
     choice: Choice<2>,
 }
 
-impl<B, const SMOOTH: bool> ManyCoated<B, SMOOTH> {
+impl<B, const SMOOTH: bool> BatchCoated<B, SMOOTH> {
     /// `None` if it is no such coat.
     pub fn of(lobe: &CoatLobe, unit: SampledSpectrum, base: B) -> Option<Self> {
         let CoatLobe { coat, albedo, frame, base_albedo, diffuse_reflection } = lobe;
@@ -67,7 +67,7 @@ impl<B, const SMOOTH: bool> ManyCoated<B, SMOOTH> {
     }
 }
 
-impl<B: ManyLobes, const SMOOTH: bool> ManyLobes for ManyCoated<B, SMOOTH> {
+impl<B: BatchLobes, const SMOOTH: bool> BatchLobes for BatchCoated<B, SMOOTH> {
     type Seen = Seen<B::Seen>;
     type Colors = Colors<B::Colors>;
 
@@ -78,8 +78,8 @@ impl<B: ManyLobes, const SMOOTH: bool> ManyLobes for ManyCoated<B, SMOOTH> {
     }
 
     #[inline(always)]
-    fn colors_of(&self, palette: &Palette) -> Self::Colors {
-        let base = self.base.colors_of(palette);
+    fn colors_of(&self, spectra: &LobeSpectra) -> Self::Colors {
+        let base = self.base.colors_of(spectra);
         // As the layers are put together: what the base reflects straight up.
         let base_albedo = self.base.albedo_from(&self.base.seen(Vec3::Z, base));
         Colors { base, unit: SampledSpectrum::ONE, base_albedo }
@@ -120,7 +120,7 @@ impl<B: ManyLobes, const SMOOTH: bool> ManyLobes for ManyCoated<B, SMOOTH> {
     }
 
     #[inline(always)]
-    fn draw_from(&self, seen: &Seen<B::Seen>, u_lobe: f32, u: Vec2) -> ManyDrawn {
+    fn draw_from(&self, seen: &Seen<B::Seen>, u_lobe: f32, u: Vec2) -> BatchDrawn {
         let wo = seen.wo;
         let [_, coat] = seen.choice.probabilities;
         let (is_below, exists, rest) = seen.choice.picked(u_lobe);
@@ -130,8 +130,8 @@ impl<B: ManyLobes, const SMOOTH: bool> ManyLobes for ManyCoated<B, SMOOTH> {
             let mirror = Vec3::new(-wo.x, -wo.y, wo.z);
             let delta =
                 seen.unit * (fresnel::dielectric(wo.z.abs(), self.ior) * self.weight) / coat;
-            let wi = choose(is_below, base.wi, mirror);
-            return ManyDrawn::reflected(
+            let wi = select(is_below, base.wi, mirror);
+            return BatchDrawn::reflected(
                 wi,
                 exists & (base.exists | !is_below),
                 Some((!is_below, delta)),
@@ -140,7 +140,7 @@ impl<B: ManyLobes, const SMOOTH: bool> ManyLobes for ManyCoated<B, SMOOTH> {
         let (facet, is_above) = self.ggx.drawn_reflection(lift(wo), u);
         let facet = lower_like(facet, wo);
         let is_sound = if is_below { base.exists } else { is_above & (wo.z * facet.z > 0.0) };
-        ManyDrawn::reflected(choose(is_below, base.wi, facet), exists & is_sound, None)
+        BatchDrawn::reflected(select(is_below, base.wi, facet), exists & is_sound, None)
     }
 
     #[inline(always)]

@@ -13,7 +13,7 @@ const FEW: usize = 6;
 
 /// Where a ray goes on.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Crossing {
+pub struct InterfaceCrossing {
     /// The start of the ray from there.
     pub origin: Vec3,
     /// It comes from the outer side.
@@ -22,9 +22,9 @@ pub struct Crossing {
     pub on_curve: bool,
 }
 
-/// Finds [`Crossing`]s.
+/// Finds [`InterfaceCrossing`]s.
 #[derive(Debug)]
-pub struct Crossings<'a> {
+pub struct InterfaceCrossings<'a> {
     scene: &'a CompiledScene,
     /// By geometry, where they are plain.
     meshes: Vec<Option<PlainMesh<'a>>>,
@@ -33,7 +33,7 @@ pub struct Crossings<'a> {
     points: TrianglePoints,
     ways: Ways,
     /// Of the rays that were given last.
-    found: Vec<Crossing>,
+    found: Vec<InterfaceCrossing>,
 }
 
 /// Directions and new origins, by lane.
@@ -44,7 +44,7 @@ struct Ways {
     enters: [u32; LANES],
 }
 
-impl Crossing {
+impl InterfaceCrossing {
     fn of(point: &SurfacePoint, direction: Vec3) -> Self {
         Self {
             origin: point.ray_origin(direction),
@@ -54,7 +54,7 @@ impl Crossing {
     }
 }
 
-impl<'a> Crossings<'a> {
+impl<'a> InterfaceCrossings<'a> {
     /// For hits on a scene.
     pub fn new(scene: &'a CompiledScene) -> Self {
         let plain = |geometry: usize| scene.world.plain_mesh(GeometryId(geometry as u32));
@@ -70,14 +70,14 @@ impl<'a> Crossings<'a> {
     }
 
     /// Where rays go on, once they have been found; in order.
-    pub fn found(&self) -> &[Crossing] {
+    pub fn found(&self) -> &[InterfaceCrossing] {
         &self.found
     }
 
     /// Finds where rays go on from what they have hit, each at its time.
     pub fn find(&mut self, rays: &[Ray], times: &[f32], hits: &[Hit]) {
         self.found.clear();
-        self.found.resize(rays.len(), Crossing::default());
+        self.found.resize(rays.len(), InterfaceCrossing::default());
         for first in (0..rays.len()).step_by(LANES) {
             let some = first..rays.len().min(first + LANES);
             if some.len() <= FEW {
@@ -90,7 +90,7 @@ impl<'a> Crossings<'a> {
                 let is_found =
                     plain(&self.meshes, &hits[i]).is_some() && self.points.is_sound[lane] != 0;
                 self.found[i] = match is_found {
-                    true => Crossing {
+                    true => InterfaceCrossing {
                         origin: at(&self.ways.origin, lane),
                         enters: self.ways.enters[lane] != 0,
                         on_curve: false,
@@ -101,9 +101,9 @@ impl<'a> Crossings<'a> {
         }
     }
 
-    fn find_one(&self, ray: &Ray, time: f32, hit: &Hit) -> Crossing {
+    fn find_one(&self, ray: &Ray, time: f32, hit: &Hit) -> InterfaceCrossing {
         let query = RayQuery { time, ..RayQuery::from(ray) };
-        Crossing::of(&self.scene.world.point(query, hit), ray.direction)
+        InterfaceCrossing::of(&self.scene.world.point(query, hit), ray.direction)
     }
 
     /// Those of at most [`LANES`] hits that are on plain triangles.

@@ -1,48 +1,69 @@
-//! BSDFs that many directions are asked about at once: the same bits as [`Lobes`] gives one by one,
-//! in loops that become vector code.
+//! BSDFs for a batch of directions: the bits of [`Lobes`], in loops that become vector code.
 
-use super::coat::ManyCoated;
-use super::conductor::ManyMetal;
-use super::dielectric::ManyGlass;
-use super::glossy::ManyGloss;
-use super::open_pbr::{ManyMixed, OnlySlab};
+use super::coat::BatchCoated;
+use super::conductor::BatchMetal;
+use super::dielectric::BatchGlass;
+use super::glossy::BatchGloss;
+use super::open_pbr::{BatchMixed, OnlySlab};
 use super::{Bsdf, ConductorBsdf, GlossyBsdf, Lobes};
 use snell_math::simd::Wide;
 use snell_math::{ColorMode, ColorModel, SampledSpectrum, Vec2, Vec3, at_level};
 
-/// How many are asked together.
-pub const MANY: usize = 16;
+/// Directions in a batch.
+pub const BATCH: usize = 16;
 
 /// A number for each.
-type Numbers = [f32; MANY];
+type Numbers = [f32; BATCH];
 /// A vector for each.
 type Vectors = [Numbers; 3];
 /// A spectrum for each.
 type Spectra = [Numbers; 4];
 
-/// Spectra that a BSDF asks for: of a gloss, the reflectance of the body and the tint; of a metal,
-/// as in [`super::FacetReflectance`] and a factor on all of it (a mixture of both has the first two
-/// in common); of glass, the tint, and factors on what is reflected on the outer and the inner
-/// side.
-pub type Palette = [SampledSpectrum; 3];
+/// Spectra of a BSDF by their role, which differs from kind to kind. A mixture of metal and gloss
+/// has the first two in common.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LobeSpectra<T = SampledSpectrum> {
+    /// Reflectance of the body below a gloss; of a metal the reflectance at normal incidence, or the
+    /// real part of its index of refraction; tint of light that crosses glass.
+    pub base: T,
+    /// Tint of a gloss; of a metal the factor at the edge ([`super::FacetReflectance`]), or the
+    /// imaginary part of its index; tint of what glass reflects on the outer side.
+    pub specular: T,
+    /// Factor on all that a metal reflects; tint of what glass reflects on the inner side.
+    pub other: T,
+}
 
-/// What is asked of a BSDF, in its frame.
+impl<T> LobeSpectra<T> {
+    /// The same function of each.
+    #[inline(always)]
+    pub fn map<U>(self, mut f: impl FnMut(T) -> U) -> LobeSpectra<U> {
+        LobeSpectra { base: f(self.base), specular: f(self.specular), other: f(self.other) }
+    }
+
+    /// References to each.
+    #[inline(always)]
+    pub fn each_ref(&self) -> LobeSpectra<&T> {
+        LobeSpectra { base: &self.base, specular: &self.specular, other: &self.other }
+    }
+}
+
+/// What a BSDF is evaluated for, in its frame.
 #[derive(Clone, Copy, Debug)]
-pub struct ManyQuestions<'a> {
-    /// 0 for those of which nothing is asked: what is answered for them means nothing.
-    pub is_asked: &'a [u32; MANY],
-    /// As [`ManyPoint::palette`]: in [`snell_math::ColorMode::Rgb`] only the first three channels
-    /// of the first are looked at.
-    pub palette: [[&'a Numbers; 4]; 3],
+pub struct BatchInputs<'a> {
+    /// 0 for lanes that are not used: their outputs mean nothing.
+    pub is_active: &'a [u32; BATCH],
+    /// As [`BatchPoint::spectra`]: in [`snell_math::ColorMode::Rgb`] only the first three channels
+    /// of the base are looked at.
+    pub spectra: LobeSpectra<[&'a Numbers; 4]>,
     /// Whether spectra are colours.
     pub color: ColorModel,
-    /// As [`ManyPoint::alpha`].
+    /// As [`BatchPoint::alpha`].
     pub alpha: &'a Numbers,
-    /// As [`ManyPoint::metalness`].
+    /// As [`BatchPoint::metalness`].
     pub metalness: &'a Numbers,
     /// Unit directions to where light is gathered.
     pub wo: [&'a Numbers; 3],
-    /// Unit directions of which value and density are asked.
+    /// Unit directions to where light comes from, for value and density.
     pub wi: [&'a Numbers; 3],
     /// Numbers in `[0, 1)` for a direction that is drawn, as in [`Lobes::draw_from`].
     pub u_lobe: &'a Numbers,
@@ -52,31 +73,30 @@ pub struct ManyQuestions<'a> {
 
 /// What may differ from point to point of a surface. A BSDF looks only at what it has.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ManyPoint {
-    /// In [`snell_math::ColorMode::Rgb`] only the first of them, where that is the reflectance of a
-    /// body below a gloss, and at normal incidence of the metal that is mixed with it. In spectral
-    /// colour all.
-    pub palette: Palette,
+pub struct BatchPoint {
+    /// In [`snell_math::ColorMode::Rgb`] only the base, where that is the reflectance of a body below
+    /// a gloss, and at normal incidence of the metal that is mixed with it. In spectral colour all.
+    pub spectra: LobeSpectra,
     /// How wide the facets of such a mixture are distributed, see [`super::Widths`].
     pub alpha: f32,
     /// Share of the metal.
     pub metalness: f32,
 }
 
-impl ManyPoint {
+impl BatchPoint {
     /// With a body of this reflectance, where nothing else counts.
     pub fn with_body(body: SampledSpectrum) -> Self {
         Self {
-            palette: [body, SampledSpectrum::ZERO, SampledSpectrum::ZERO],
+            spectra: LobeSpectra { base: body, ..LobeSpectra::default() },
             alpha: 0.0,
             metalness: 0.0,
         }
     }
 }
 
-/// What a BSDF answers.
+/// What a BSDF gives.
 #[derive(Clone, Debug, Default)]
-pub struct ManyAnswers {
+pub struct BatchOutputs {
     /// As [`Lobes::value_and_pdf_from`].
     pub value: Spectra,
     /// As [`Lobes::value_and_pdf_from`].
@@ -88,39 +108,39 @@ pub struct ManyAnswers {
     /// As [`super::BsdfSample::pdf`].
     pub drawn_pdf: Numbers,
     /// As [`super::BsdfSample::is_delta`]: 0 if not.
-    pub is_delta: [u32; MANY],
+    pub is_delta: [u32; BATCH],
     /// As [`super::BsdfSample::is_transmission`]: 0 if not.
-    pub is_transmission: [u32; MANY],
+    pub is_transmission: [u32; BATCH],
     /// As [`Lobes::crossing_scale`] if the direction crosses the surface, 1 if not.
     pub crossing: Numbers,
     /// 0 if no direction was drawn.
-    pub exists: [u32; MANY],
+    pub exists: [u32; BATCH],
 }
 
-/// A BSDF that can be asked so, as it is in [`snell_math::ColorMode::Rgb`]; in spectral colour by
-/// the [`Palette`] of each lane.
+/// A BSDF that can be evaluated in batches, as it is in [`snell_math::ColorMode::Rgb`]; in spectral
+/// colour by the [`LobeSpectra`] of each lane.
 #[derive(Clone, Debug)]
-pub struct ManyBsdf(Kind);
+pub struct BatchBsdf(Kind);
 
 #[derive(Clone, Debug)]
 enum Kind {
-    RoughGloss(ManyGloss<false>),
-    SmoothGloss(ManyGloss<true>),
-    Measured(ManyMetal<true>),
-    Colored(ManyMetal<false>),
-    Glass(ManyGlass),
-    CoatedGloss(ManyCoated<ManyGloss<false>, false>),
-    LacqueredGloss(ManyCoated<ManyGloss<false>, true>),
-    CoatedMetal(ManyCoated<ManyMetal<false>, false>),
-    LacqueredMetal(ManyCoated<ManyMetal<false>, true>),
-    Mixed(Box<ManyMixed>),
+    RoughGloss(BatchGloss<false>),
+    SmoothGloss(BatchGloss<true>),
+    Measured(BatchMetal<true>),
+    Colored(BatchMetal<false>),
+    Glass(BatchGlass),
+    RoughCoatedGloss(BatchCoated<BatchGloss<false>, false>),
+    SmoothCoatedGloss(BatchCoated<BatchGloss<false>, true>),
+    RoughCoatedMetal(BatchCoated<BatchMetal<false>, false>),
+    SmoothCoatedMetal(BatchCoated<BatchMetal<false>, true>),
+    Mixed(Box<BatchMixed>),
 }
 
-impl ManyBsdf {
-    /// `None` of kinds that can only be asked one by one.
+impl BatchBsdf {
+    /// `None` of kinds that have no batch form.
     pub fn of(bsdf: &Bsdf) -> Option<Self> {
         if let Bsdf::Dielectric(glass) = bsdf {
-            return ManyGlass::of(glass).map(|glass| Self(Kind::Glass(glass)));
+            return BatchGlass::of(glass).map(|glass| Self(Kind::Glass(glass)));
         }
         if bsdf.is_delta() || !bsdf.is_opaque() {
             return None;
@@ -130,7 +150,7 @@ impl ManyBsdf {
             Bsdf::Conductor(metal) => Self::of_metal(metal),
             Bsdf::OpenPbr(layers) => {
                 if let Some((metal, gloss)) = layers.only_mixture() {
-                    return ManyMixed::of(metal, gloss)
+                    return BatchMixed::of(metal, gloss)
                         .map(|mixed| Self(Kind::Mixed(Box::new(mixed))));
                 }
                 let (slab, coat) = layers.only_slab()?;
@@ -138,17 +158,23 @@ impl ManyBsdf {
                     (OnlySlab::Opaque(gloss), None) => Self::of_gloss(gloss),
                     (OnlySlab::Metal(metal), None) => Self::of_metal(metal),
                     (OnlySlab::Opaque(gloss), Some(coat)) => {
-                        let (unit, base) = (ColorMode::Rgb.unit(), ManyGloss::of(gloss)?);
-                        let rough = ManyCoated::of(coat, unit, base.clone()).map(Kind::CoatedGloss);
+                        let (unit, base) = (ColorMode::Rgb.unit(), BatchGloss::of(gloss)?);
+                        let rough =
+                            BatchCoated::of(coat, unit, base.clone()).map(Kind::RoughCoatedGloss);
                         rough
-                            .or_else(|| ManyCoated::of(coat, unit, base).map(Kind::LacqueredGloss))
+                            .or_else(|| {
+                                BatchCoated::of(coat, unit, base).map(Kind::SmoothCoatedGloss)
+                            })
                             .map(Self)
                     }
                     (OnlySlab::Metal(metal), Some(coat)) => {
-                        let (unit, base) = (ColorMode::Rgb.unit(), ManyMetal::of(metal)?);
-                        let rough = ManyCoated::of(coat, unit, base.clone()).map(Kind::CoatedMetal);
+                        let (unit, base) = (ColorMode::Rgb.unit(), BatchMetal::of(metal)?);
+                        let rough =
+                            BatchCoated::of(coat, unit, base.clone()).map(Kind::RoughCoatedMetal);
                         rough
-                            .or_else(|| ManyCoated::of(coat, unit, base).map(Kind::LacqueredMetal))
+                            .or_else(|| {
+                                BatchCoated::of(coat, unit, base).map(Kind::SmoothCoatedMetal)
+                            })
                             .map(Self)
                     }
                 }
@@ -158,43 +184,45 @@ impl ManyBsdf {
     }
 
     fn of_gloss(gloss: &GlossyBsdf) -> Option<Self> {
-        let rough = ManyGloss::of(gloss).map(Kind::RoughGloss);
-        rough.or_else(|| ManyGloss::of(gloss).map(Kind::SmoothGloss)).map(Self)
+        let rough = BatchGloss::of(gloss).map(Kind::RoughGloss);
+        rough.or_else(|| BatchGloss::of(gloss).map(Kind::SmoothGloss)).map(Self)
     }
 
     fn of_metal(metal: &ConductorBsdf) -> Option<Self> {
-        let measured = ManyMetal::of(metal).map(Kind::Measured);
-        measured.or_else(|| ManyMetal::of(metal).map(Kind::Colored)).map(Self)
+        let measured = BatchMetal::of(metal).map(Kind::Measured);
+        measured.or_else(|| BatchMetal::of(metal).map(Kind::Colored)).map(Self)
     }
 
     /// What it is where it does not differ from point to point.
-    pub fn point(&self) -> ManyPoint {
-        ManyPoint::with_body(match &self.0 {
+    pub fn point(&self) -> BatchPoint {
+        BatchPoint::with_body(match &self.0 {
             Kind::RoughGloss(gloss) => gloss.own.body,
             Kind::SmoothGloss(gloss) => gloss.own.body,
-            Kind::CoatedGloss(coated) => coated.base.own.body,
-            Kind::LacqueredGloss(coated) => coated.base.own.body,
+            Kind::RoughCoatedGloss(coated) => coated.base.own.body,
+            Kind::SmoothCoatedGloss(coated) => coated.base.own.body,
             Kind::Mixed(mixed) => return mixed.point,
             _ => SampledSpectrum::ZERO,
         })
     }
 
-    /// The spectra of this BSDF in another mode of colour; `None` if it can only be asked one by
-    /// one there.
-    pub fn palette_of(bsdf: &Bsdf) -> Option<Palette> {
+    /// The spectra of this BSDF in another mode of colour; `None` if it has no batch form there.
+    pub fn spectra_of(bsdf: &Bsdf) -> Option<LobeSpectra> {
         match bsdf {
-            Bsdf::Glossy(gloss) => Some(gloss.palette()),
-            Bsdf::Conductor(metal) => Some(metal.palette()),
-            Bsdf::Dielectric(glass) => Some(glass.palette()),
-            Bsdf::OpenPbr(layers) => layers.palette(),
+            Bsdf::Glossy(gloss) => Some(gloss.spectra()),
+            Bsdf::Conductor(metal) => Some(metal.spectra()),
+            Bsdf::Dielectric(glass) => Some(glass.spectra()),
+            Bsdf::OpenPbr(layers) => layers.spectra(),
             _ => None,
         }
     }
 
     /// True if there is a coat, in the frame of what lies below.
     pub fn has_coat(&self) -> bool {
-        use Kind::{CoatedGloss, CoatedMetal, LacqueredGloss, LacqueredMetal};
-        matches!(self.0, CoatedGloss(_) | LacqueredGloss(_) | CoatedMetal(_) | LacqueredMetal(_))
+        use Kind::{RoughCoatedGloss, RoughCoatedMetal, SmoothCoatedGloss, SmoothCoatedMetal};
+        matches!(
+            self.0,
+            RoughCoatedGloss(_) | SmoothCoatedGloss(_) | RoughCoatedMetal(_) | SmoothCoatedMetal(_)
+        )
     }
 
     /// True if light goes through.
@@ -202,57 +230,61 @@ impl ManyBsdf {
         matches!(self.0, Kind::Glass(_))
     }
 
-    /// True if it may be asked with any [`ManyPoint::with_body`].
+    /// True if it can be evaluated with any [`BatchPoint::with_body`].
     pub fn takes_any_body(&self) -> bool {
         matches!(self.0, Kind::RoughGloss(_) | Kind::Mixed(_))
     }
 
-    /// True if it may be asked with any [`ManyPoint`] that is rough.
+    /// True if it can be evaluated with any [`BatchPoint`] that is rough.
     pub fn takes_any_point(&self) -> bool {
         matches!(self.0, Kind::Mixed(_))
     }
 
-    /// Answers all questions.
-    pub fn answer(&self, asked: &ManyQuestions, answers: &mut ManyAnswers, wide: Option<Wide>) {
-        macro_rules! answer_by {
+    /// Evaluates and samples it for all lanes.
+    pub fn evaluate(&self, inputs: &BatchInputs, outputs: &mut BatchOutputs, wide: Option<Wide>) {
+        macro_rules! evaluate_by {
             ($type:ty, $bsdf:expr) => {
-                match asked.color {
-                    ColorModel::Rgb => answer_by!($type, $bsdf, answer::<3, $type>),
-                    ColorModel::Spectral => answer_by!($type, $bsdf, answer::<4, $type>),
+                match inputs.color {
+                    ColorModel::Rgb => evaluate_by!($type, $bsdf, evaluate::<3, $type>),
+                    ColorModel::Spectral => evaluate_by!($type, $bsdf, evaluate::<4, $type>),
                 }
             };
-            ($type:ty, $bsdf:expr, $answer:path) => {
+            ($type:ty, $bsdf:expr, $evaluate:path) => {
                 at_level!(
                     wide,
-                    $answer,
-                    (
-                        bsdf: &$type = $bsdf,
-                        asked: &ManyQuestions<'_> = asked,
-                        answers: &mut ManyAnswers = answers
-                    )
+                    $evaluate,
+                    (bsdf: &$type = $bsdf, inputs: &BatchInputs<'_> = inputs, outputs: &mut BatchOutputs = outputs)
                 )
             };
         }
         match &self.0 {
-            Kind::RoughGloss(bsdf) => answer_by!(ManyGloss<false>, bsdf),
-            Kind::SmoothGloss(bsdf) => answer_by!(ManyGloss<true>, bsdf),
-            Kind::Measured(bsdf) => answer_by!(ManyMetal<true>, bsdf),
-            Kind::Colored(bsdf) => answer_by!(ManyMetal<false>, bsdf),
-            Kind::Glass(bsdf) => answer_by!(ManyGlass, bsdf),
-            Kind::CoatedGloss(bsdf) => answer_by!(ManyCoated<ManyGloss<false>, false>, bsdf),
-            Kind::LacqueredGloss(bsdf) => answer_by!(ManyCoated<ManyGloss<false>, true>, bsdf),
-            Kind::CoatedMetal(bsdf) => answer_by!(ManyCoated<ManyMetal<false>, false>, bsdf),
-            Kind::LacqueredMetal(bsdf) => answer_by!(ManyCoated<ManyMetal<false>, true>, bsdf),
-            Kind::Mixed(bsdf) => match asked.color {
-                ColorModel::Rgb => answer_by!(ManyMixed, bsdf, ManyMixed::answer::<3>),
-                ColorModel::Spectral => answer_by!(ManyMixed, bsdf, ManyMixed::answer::<4>),
+            Kind::RoughGloss(bsdf) => evaluate_by!(BatchGloss<false>, bsdf),
+            Kind::SmoothGloss(bsdf) => evaluate_by!(BatchGloss<true>, bsdf),
+            Kind::Measured(bsdf) => evaluate_by!(BatchMetal<true>, bsdf),
+            Kind::Colored(bsdf) => evaluate_by!(BatchMetal<false>, bsdf),
+            Kind::Glass(bsdf) => evaluate_by!(BatchGlass, bsdf),
+            Kind::RoughCoatedGloss(bsdf) => {
+                evaluate_by!(BatchCoated<BatchGloss<false>, false>, bsdf)
+            }
+            Kind::SmoothCoatedGloss(bsdf) => {
+                evaluate_by!(BatchCoated<BatchGloss<false>, true>, bsdf)
+            }
+            Kind::RoughCoatedMetal(bsdf) => {
+                evaluate_by!(BatchCoated<BatchMetal<false>, false>, bsdf)
+            }
+            Kind::SmoothCoatedMetal(bsdf) => {
+                evaluate_by!(BatchCoated<BatchMetal<false>, true>, bsdf)
+            }
+            Kind::Mixed(bsdf) => match inputs.color {
+                ColorModel::Rgb => evaluate_by!(BatchMixed, bsdf, BatchMixed::evaluate::<3>),
+                ColorModel::Spectral => evaluate_by!(BatchMixed, bsdf, BatchMixed::evaluate::<4>),
             },
         }
     }
 }
 
 /// [`Lobes`] without branches, so that loops over it become vector code.
-pub(super) trait ManyLobes {
+pub(super) trait BatchLobes {
     /// What is known of `wo`.
     type Seen;
     /// Spectra and what follows from them.
@@ -262,31 +294,31 @@ pub(super) trait ManyLobes {
     fn own_colors(&self, body: SampledSpectrum) -> Self::Colors;
 
     /// Those of a lane.
-    fn colors_of(&self, palette: &Palette) -> Self::Colors;
+    fn colors_of(&self, spectra: &LobeSpectra) -> Self::Colors;
 
     /// As [`Lobes::seen`], in these colours.
     fn seen(&self, wo: Vec3, colors: Self::Colors) -> Self::Seen;
 
     fn value_and_pdf_from(&self, seen: &Self::Seen, wi: Vec3) -> (SampledSpectrum, f32);
 
-    fn draw_from(&self, seen: &Self::Seen, u_lobe: f32, u: Vec2) -> ManyDrawn;
+    fn draw_from(&self, seen: &Self::Seen, u_lobe: f32, u: Vec2) -> BatchDrawn;
 
     fn albedo_from(&self, seen: &Self::Seen) -> SampledSpectrum;
 }
 
 /// A direction that was drawn.
-pub(super) struct ManyDrawn {
+pub(super) struct BatchDrawn {
     pub wi: Vec3,
     pub exists: bool,
     pub is_delta: bool,
     /// The weight of a delta lobe.
     pub delta: SampledSpectrum,
     pub is_transmission: bool,
-    /// As [`ManyAnswers::crossing`].
+    /// As [`BatchOutputs::crossing`].
     pub crossing: f32,
 }
 
-impl ManyDrawn {
+impl BatchDrawn {
     /// One that is reflected; for some, by a delta lobe of this weight.
     #[inline(always)]
     pub fn reflected(wi: Vec3, exists: bool, delta: Option<(bool, SampledSpectrum)>) -> Self {
@@ -296,25 +328,25 @@ impl ManyDrawn {
 }
 
 #[inline(always)]
-fn answer<const CHANNELS: usize, B: ManyLobes>(
+fn evaluate<const CHANNELS: usize, B: BatchLobes>(
     bsdf: &B,
-    asked: &ManyQuestions,
-    answers: &mut ManyAnswers,
+    inputs: &BatchInputs,
+    outputs: &mut BatchOutputs,
 ) {
-    for i in 0..MANY {
+    for i in 0..BATCH {
         let colors = match CHANNELS {
-            4 => bsdf.colors_of(&asked.palette(i)),
-            _ => bsdf.own_colors(asked.body(i)),
+            4 => bsdf.colors_of(&inputs.spectra(i)),
+            _ => bsdf.own_colors(inputs.body(i)),
         };
-        let seen = bsdf.seen(asked.wo(i), colors);
-        answers.take_value::<CHANNELS>(i, bsdf.value_and_pdf_from(&seen, asked.wi(i)));
-        let drawn = bsdf.draw_from(&seen, asked.u_lobe[i], asked.u(i));
+        let seen = bsdf.seen(inputs.wo(i), colors);
+        outputs.take_value::<CHANNELS>(i, bsdf.value_and_pdf_from(&seen, inputs.wi(i)));
+        let drawn = bsdf.draw_from(&seen, inputs.u_lobe[i], inputs.u(i));
         let found = bsdf.value_and_pdf_from(&seen, drawn.wi);
-        answers.take_drawn::<CHANNELS>(i, &drawn, found);
+        outputs.take_drawn::<CHANNELS>(i, &drawn, found);
     }
 }
 
-impl ManyQuestions<'_> {
+impl BatchInputs<'_> {
     #[inline(always)]
     pub(super) fn wo(&self, i: usize) -> Vec3 {
         at(self.wo, i)
@@ -327,13 +359,13 @@ impl ManyQuestions<'_> {
 
     #[inline(always)]
     pub(super) fn body(&self, i: usize) -> SampledSpectrum {
-        let [r, g, b, _] = self.palette[0];
+        let [r, g, b, _] = self.spectra.base;
         SampledSpectrum([r[i], g[i], b[i], 0.0])
     }
 
     #[inline(always)]
-    pub(super) fn palette(&self, i: usize) -> Palette {
-        self.palette.map(|channels| SampledSpectrum(channels.map(|channel| channel[i])))
+    pub(super) fn spectra(&self, i: usize) -> LobeSpectra {
+        self.spectra.map(|channels| SampledSpectrum(channels.map(|channel| channel[i])))
     }
 
     #[inline(always)]
@@ -342,8 +374,8 @@ impl ManyQuestions<'_> {
     }
 }
 
-impl ManyAnswers {
-    /// Value and density of the direction that was asked about.
+impl BatchOutputs {
+    /// Value and density of a direction of the inputs.
     #[inline(always)]
     pub(super) fn take_value<const CHANNELS: usize>(
         &mut self,
@@ -359,7 +391,7 @@ impl ManyAnswers {
     pub(super) fn take_drawn<const CHANNELS: usize>(
         &mut self,
         i: usize,
-        drawn: &ManyDrawn,
+        drawn: &BatchDrawn,
         (value, pdf): (SampledSpectrum, f32),
     ) {
         let scattered = value / pdf;
@@ -396,10 +428,10 @@ mod tests {
     use snell_math::simd::Level;
     use snell_math::{Rgb, rng, sampling};
 
-    const ZERO: Vectors = [[0.0; MANY]; 3];
+    const ZERO: Vectors = [[0.0; BATCH]; 3];
 
     #[test]
-    fn many_at_once_get_the_bits_of_one_by_one() {
+    fn batches_get_the_bits_of_one_by_one() {
         let coated = [0.0, 0.05, 0.3, 1.0]
             .map(|rough| CoatedDiffuse::new(Rgb::new(0.8, 0.3, 0.0), rough).into());
         let glass = [0.05, 0.4, 1.0].map(|rough| Dielectric::rough(1.5, rough).into());
@@ -417,22 +449,22 @@ mod tests {
             [0.05, 0.4, 1.0].map(|rough| Conductor::color(Rgb::new(0.9, 0.5, 0.0), rough).into());
         let kinds: [&[MaterialKind]; 6] =
             [&coated, &coated_slabs, &glass, &metals, &colors, &MaterialKind::examples()];
-        let mut asked_of = 0;
+        let mut checked = 0;
         for (number, kind) in kinds.into_iter().flatten().enumerate() {
             let bsdf = bsdf(kind);
-            let Some(many) = ManyBsdf::of(&bsdf) else { continue };
-            asked_of += 1;
-            let points = [many.point(); MANY];
+            let Some(many) = BatchBsdf::of(&bsdf) else { continue };
+            checked += 1;
+            let points = [batch.point(); BATCH];
             for round in 0..200 {
-                let asked = Asked::new([number as u32, round], &points);
+                let inputs = Inputs::new([number as u32, round], &points);
                 for level in Level::ALL.into_iter().filter(|level| level.is_supported()) {
-                    let mut answers = ManyAnswers::default();
-                    many.answer(&asked.questions(ColorModel::Rgb), &mut answers, level.wide());
-                    for i in 0..MANY {
+                    let mut outputs = BatchOutputs::default();
+                    batch.evaluate(&inputs.inputs(ColorModel::Rgb), &mut outputs, level.wide());
+                    for i in 0..BATCH {
                         check(
                             &bsdf,
-                            &asked.questions(ColorModel::Rgb),
-                            &answers,
+                            &inputs.inputs(ColorModel::Rgb),
+                            &outputs,
                             i,
                             &format!("{kind:?} {level} {round} {i}"),
                         );
@@ -440,11 +472,11 @@ mod tests {
                 }
             }
         }
-        assert!(asked_of >= 21, "{asked_of}");
+        assert!(checked >= 21, "{checked}");
     }
 
     #[test]
-    fn many_of_different_wavelengths_get_the_bits_of_one_by_one() {
+    fn batches_of_different_wavelengths_get_the_bits_of_one_by_one() {
         let coated =
             [0.0, 0.3].map(|rough| CoatedDiffuse::new(Rgb::new(0.8, 0.3, 0.0), rough).into());
         let metals = [0.05, 0.4].map(|rough| Conductor::copper(rough).into());
@@ -462,36 +494,40 @@ mod tests {
             [(0.0, 0.4, 0.0), (0.0, 0.0, 0.7), (1.0, 0.4, 0.7), (0.3, 0.4, 0.0), (1.0, 0.5, 0.0)];
         let layers = layers.map(|(metal, rough, coat)| surface(metal, rough, coat));
         let kinds: [&[MaterialKind]; 4] = [&coated, &metals, &layers, &MaterialKind::examples()];
-        let mut asked_of = 0;
+        let mut checked = 0;
         for (number, kind) in kinds.into_iter().flatten().enumerate() {
-            let Some(many) = ManyBsdf::of(&bsdf(kind)) else { continue };
-            let modes: [_; MANY] = std::array::from_fn(|i| {
+            let Some(many) = BatchBsdf::of(&bsdf(kind)) else { continue };
+            let modes: [_; BATCH] = std::array::from_fn(|i| {
                 ColorModel::Spectral.mode(|| rng::uniform2([number as u32, i as u32, 1, 9]).x)
             });
             let bsdfs = modes.map(|mode| bsdf_in(mode, kind));
             if Material::new("", kind.clone()).is_dispersive() {
                 continue;
             }
-            let Some(palettes) = bsdfs.iter().map(ManyBsdf::palette_of).collect::<Option<Vec<_>>>()
+            let Some(spectra) = bsdfs.iter().map(BatchBsdf::spectra_of).collect::<Option<Vec<_>>>()
             else {
                 continue;
             };
-            asked_of += 1;
-            let points: [_; MANY] =
-                std::array::from_fn(|i| ManyPoint { palette: palettes[i], ..many.point() });
+            checked += 1;
+            let points: [_; BATCH] =
+                std::array::from_fn(|i| BatchPoint { spectra: spectra[i], ..batch.point() });
             for round in 0..100 {
-                let asked = Asked::new([number as u32, round], &points);
+                let inputs = Inputs::new([number as u32, round], &points);
                 for level in Level::ALL.into_iter().filter(|level| level.is_supported()) {
-                    let mut answers = ManyAnswers::default();
-                    many.answer(&asked.questions(ColorModel::Spectral), &mut answers, level.wide());
+                    let mut outputs = BatchOutputs::default();
+                    batch.evaluate(
+                        &inputs.inputs(ColorModel::Spectral),
+                        &mut outputs,
+                        level.wide(),
+                    );
                     for (i, bsdf) in bsdfs.iter().enumerate() {
                         let what = format!("{kind:?} {level} {round} {i}");
-                        check(bsdf, &asked.questions(ColorModel::Spectral), &answers, i, &what);
+                        check(bsdf, &inputs.inputs(ColorModel::Spectral), &outputs, i, &what);
                     }
                 }
             }
         }
-        assert!(asked_of >= 20, "{asked_of}");
+        assert!(checked >= 20, "{checked}");
     }
 
     #[test]
@@ -503,29 +539,29 @@ mod tests {
             OpenPbr { base_metalness: metal.into(), specular_roughness: rough.into(), ..surface }
                 .into()
         };
-        let many = ManyBsdf::of(&bsdf(&mixture(0.5, 0.5, Rgb::WHITE))).expect("a mixture of two");
-        assert!(many.takes_any_point());
+        let batch = BatchBsdf::of(&bsdf(&mixture(0.5, 0.5, Rgb::WHITE))).expect("a mixture of two");
+        assert!(batch.takes_any_point());
         for round in 0..400 {
-            let kinds: [_; MANY] = std::array::from_fn(|i| {
+            let kinds: [_; BATCH] = std::array::from_fn(|i| {
                 let [a, b] = [5, 6].map(|use_of| rng::uniform2([round, i as u32, 0, use_of]));
                 let (metal, rough) = ((2.0 * a.x - 0.5).clamp(0.0, 1.0), 0.032 + 0.968 * a.y);
                 (metal, rough, Rgb::new(b.x, b.y, if i == 7 { 0.0 } else { b.x * b.y }))
             });
-            let points = kinds.map(|(metalness, rough, color)| ManyPoint {
+            let points = kinds.map(|(metalness, rough, color)| BatchPoint {
                 alpha: rough * rough,
                 metalness,
-                ..ManyPoint::with_body(ColorMode::Rgb.reflectance(color))
+                ..BatchPoint::with_body(ColorMode::Rgb.reflectance(color))
             });
-            let asked = Asked::new([100, round], &points);
+            let inputs = Inputs::new([100, round], &points);
             for level in Level::ALL.into_iter().filter(|level| level.is_supported()) {
-                let mut answers = ManyAnswers::default();
-                many.answer(&asked.questions(ColorModel::Rgb), &mut answers, level.wide());
+                let mut outputs = BatchOutputs::default();
+                batch.evaluate(&inputs.inputs(ColorModel::Rgb), &mut outputs, level.wide());
                 for (i, &(metal, rough, color)) in kinds.iter().enumerate() {
                     let kind = mixture(metal, rough, color);
                     check(
                         &bsdf(&kind),
-                        &asked.questions(ColorModel::Rgb),
-                        &answers,
+                        &inputs.inputs(ColorModel::Rgb),
+                        &outputs,
                         i,
                         &format!("{kind:?} {level} {round} {i}"),
                     );
@@ -535,8 +571,8 @@ mod tests {
     }
 
     /// Questions of each kind.
-    struct Asked {
-        palette: [Spectra; 3],
+    struct Inputs {
+        spectra: LobeSpectra<Spectra>,
         alpha: Numbers,
         metalness: Numbers,
         wo: Vectors,
@@ -545,10 +581,11 @@ mod tests {
         u: [Numbers; 2],
     }
 
-    impl Asked {
-        fn new(seed: [u32; 2], points: &[ManyPoint; MANY]) -> Self {
-            let (mut wos, mut wis, mut u_lobe, mut u) = (ZERO, ZERO, [0.0; MANY], [[0.0; MANY]; 2]);
-            for i in 0..MANY {
+    impl Inputs {
+        fn new(seed: [u32; 2], points: &[BatchPoint; BATCH]) -> Self {
+            let (mut wos, mut wis, mut u_lobe, mut u) =
+                (ZERO, ZERO, [0.0; BATCH], [[0.0; BATCH]; 2]);
+            for i in 0..BATCH {
                 let number = |use_of: u32| rng::uniform2([seed[0], seed[1], i as u32, use_of]);
                 let [mut wo, mut wi] =
                     [1, 2].map(|use_of| sampling::uniform_sphere(number(use_of)));
@@ -568,9 +605,17 @@ mod tests {
                 (u_lobe[i], u[0][i], u[1][i]) = (number(3).x, number(4).x, number(4).y);
             }
             Self {
-                palette: [0, 1, 2].map(|i| {
-                    [0, 1, 2, 3].map(|channel| points.map(|point| point.palette[i][channel]))
-                }),
+                spectra: {
+                    let of = |get: fn(&BatchPoint) -> SampledSpectrum| {
+                        [0, 1, 2, 3]
+                            .map(|channel| points.each_ref().map(|point| get(point)[channel]))
+                    };
+                    LobeSpectra {
+                        base: of(|point| point.spectra.base),
+                        specular: of(|point| point.spectra.specular),
+                        other: of(|point| point.spectra.other),
+                    }
+                },
                 alpha: points.map(|point| point.alpha),
                 metalness: points.map(|point| point.metalness),
                 wo: wos,
@@ -580,10 +625,10 @@ mod tests {
             }
         }
 
-        fn questions(&self, color: ColorModel) -> ManyQuestions<'_> {
-            ManyQuestions {
-                is_asked: &[1; MANY],
-                palette: self.palette.each_ref().map(|channels| channels.each_ref()),
+        fn inputs(&self, color: ColorModel) -> BatchInputs<'_> {
+            BatchInputs {
+                is_active: &[1; BATCH],
+                spectra: self.spectra.each_ref().map(|channels| channels.each_ref()),
                 color,
                 alpha: &self.alpha,
                 metalness: &self.metalness,
@@ -595,27 +640,27 @@ mod tests {
         }
     }
 
-    fn check(bsdf: &Bsdf, asked: &ManyQuestions, answers: &ManyAnswers, i: usize, what: &str) {
-        let lanes = if asked.color == ColorModel::Rgb { 3 } else { 4 };
+    fn check(bsdf: &Bsdf, inputs: &BatchInputs, outputs: &BatchOutputs, i: usize, what: &str) {
+        let lanes = if inputs.color == ColorModel::Rgb { 3 } else { 4 };
         let bits = |v: [f32; 4], x: f32| (v.map(|x| (x + 0.0).to_bits()), x.to_bits());
         let spectrum = |v: &Spectra| std::array::from_fn(|k| if k < lanes { v[k][i] } else { 0.0 });
-        let seen = bsdf.seen(at(asked.wo, i));
-        let (value, pdf) = bsdf.value_and_pdf_from(&seen, at(asked.wi, i));
-        assert_eq!(bits(spectrum(&answers.value), answers.pdf[i]), bits(value.0, pdf), "{what}");
+        let seen = bsdf.seen(at(inputs.wo, i));
+        let (value, pdf) = bsdf.value_and_pdf_from(&seen, at(inputs.wi, i));
+        assert_eq!(bits(spectrum(&outputs.value), outputs.pdf[i]), bits(value.0, pdf), "{what}");
         let sample =
-            bsdf.sample_from(&seen, asked.u_lobe[i], Vec2::new(asked.u[0][i], asked.u[1][i]));
-        assert_eq!(answers.exists[i] != 0, sample.is_some(), "{what}");
+            bsdf.sample_from(&seen, inputs.u_lobe[i], Vec2::new(inputs.u[0][i], inputs.u[1][i]));
+        assert_eq!(outputs.exists[i] != 0, sample.is_some(), "{what}");
         let Some(sample) = sample else { return };
         assert_eq!(
-            bits(spectrum(&answers.weight), answers.drawn_pdf[i]),
+            bits(spectrum(&outputs.weight), outputs.drawn_pdf[i]),
             bits(sample.weight.0, sample.pdf),
             "{what}"
         );
-        assert_eq!(at(answers.drawn.each_ref(), i), sample.wi, "{what}");
-        let is = [answers.is_delta[i] != 0, answers.is_transmission[i] != 0];
+        assert_eq!(at(outputs.drawn.each_ref(), i), sample.wi, "{what}");
+        let is = [outputs.is_delta[i] != 0, outputs.is_transmission[i] != 0];
         assert_eq!(is, [sample.is_delta, sample.is_transmission], "{what}");
         let crossing =
-            if sample.is_transmission { bsdf.crossing_scale(at(asked.wo, i)) } else { 1.0 };
-        assert_eq!(answers.crossing[i], crossing, "{what}");
+            if sample.is_transmission { bsdf.crossing_scale(at(inputs.wo, i)) } else { 1.0 };
+        assert_eq!(outputs.crossing[i], crossing, "{what}");
     }
 }

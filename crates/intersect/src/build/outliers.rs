@@ -1,8 +1,8 @@
-//! Large primitives that stand apart: the floor below a model, the wall behind it. Nearly every ray
-//! meets their boxes, and the box around them and the model tells nothing about the model. So the
-//! rest of the group gets a tree of its own below the root, whose other children lead to what is
-//! large: kernels ask sixteen rays at a time about that, and send only those into the tree that
-//! come near the rest.
+//! Outliers: the few large primitives of a group, such as the floor below a model or the wall behind
+//! it. Nearly every ray meets their boxes, and the box around them and the model tells nothing about
+//! the model. So the rest of the group gets a tree of its own below the root, whose other children
+//! lead to the outliers: kernels test sixteen rays at a time against those, and send only the rays
+//! into the tree that come near the rest.
 
 use super::binary::Tree;
 use super::binning::Primitive;
@@ -13,31 +13,29 @@ use crate::group::GroupList;
 use crate::tree::list::is_for_lists;
 use rayon::prelude::*;
 
-/// Most primitives that stand apart: each takes time of every ray.
-const MOST: usize = 16;
+/// Outliers of a group: each takes time of every ray.
+const MAX_OUTLIERS: usize = 16;
 
 /// Their boxes have at least this share of the area of that around everything.
-const LEAST_AREA: f32 = 1.0 / 32.0;
+const MIN_AREA: f32 = 1.0 / 32.0;
 
 /// The box around the rest has at most this share of it: else most rays come near the rest,
 /// whatever else they meet.
-const MOST_REST: f32 = 0.5;
+const MAX_REST: f32 = 0.5;
 
 /// Fewer others are for lists as a whole, or nearly so.
-const LEAST_REST: usize = 64;
+const MIN_REST: usize = 64;
 
-/// Moves the primitives that stand apart to the end; returns how many do not, and what these extend
-/// over.
+/// Moves the outliers to the end; returns how many primitives are none, and what these extend over.
 pub(super) fn divide(primitives: &mut [Primitive], list: &GroupList) -> (usize, Extent) {
     let (all, extent) = (primitives.len(), Extent::of(primitives));
     let area = extent.bounds.half_area();
-    let may_stand_apart = |p: &Primitive| {
+    let may_be_outlier = |p: &Primitive| {
         let is_object = p.id() & OBJECT != 0;
         !is_object
             || list.objects.placed().get((p.id() & !OBJECT) as usize).is_some_and(is_for_lists)
     };
-    let is_large =
-        |p: &Primitive| p.bounds().half_area() >= LEAST_AREA * area && may_stand_apart(p);
+    let is_large = |p: &Primitive| p.bounds().half_area() >= MIN_AREA * area && may_be_outlier(p);
     if !area.is_finite() || area <= 0.0 {
         return (all, extent);
     }
@@ -46,11 +44,11 @@ pub(super) fn divide(primitives: &mut [Primitive], list: &GroupList) -> (usize, 
         .enumerate()
         .flat_map_iter(|(i, chunk)| {
             let found = (i * CHUNK..).zip(chunk).filter(|(_, p)| is_large(p)).map(|(at, _)| at);
-            found.take(MOST + 1).collect::<Vec<_>>()
+            found.take(MAX_OUTLIERS + 1).collect::<Vec<_>>()
         })
         .collect();
     let rest = all - large.len();
-    if large.is_empty() || large.len() > MOST || rest < LEAST_REST {
+    if large.is_empty() || large.len() > MAX_OUTLIERS || rest < MIN_REST {
         return (all, extent);
     }
     // The last one first, so that none of those yet to be moved is where another goes.
@@ -58,17 +56,17 @@ pub(super) fn divide(primitives: &mut [Primitive], list: &GroupList) -> (usize, 
         primitives.swap(from, all - 1 - i);
     }
     let around = Extent::of(&primitives[..rest]);
-    if around.bounds.half_area() <= MOST_REST * area { (rest, around) } else { (all, extent) }
+    if around.bounds.half_area() <= MAX_REST * area { (rest, around) } else { (all, extent) }
 }
 
-/// The tree of a group from that of the rest and the primitives that stand apart.
+/// The tree of a group from that of the rest and the outliers.
 pub(super) fn join<'a>(
     rest: Tree<'a, Primitive>,
-    apart: &'a mut [Primitive],
+    outliers: &'a mut [Primitive],
     medium: Medium,
 ) -> Tree<'a, Primitive> {
-    match apart {
+    match outliers {
         [] => rest,
-        apart => Tree::beside(rest, medium.build(apart)),
+        outliers => Tree::beside(rest, medium.build(outliers)),
     }
 }

@@ -1,7 +1,7 @@
-//! What stands apart from the rest of a group, as a list beside the tree.
+//! The outliers of a group, as a list beside the tree.
 
 use super::bundle::Bundle;
-use crate::tree::list::Apart;
+use crate::tree::list::Outliers;
 use snell_math::simd::Doubles16;
 
 /// A ray that has yet to be searched for among [the rest](GroupTree::rest).
@@ -13,15 +13,11 @@ pub(crate) struct Begun<H> {
     pub hit: Option<H>,
 }
 
-impl Apart {
+impl Outliers {
     /// The rays that may meet any of the rest.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `D`.
     #[inline(always)]
-    pub(super) unsafe fn may_meet_rest<D: Doubles16>(&self, bundle: &Bundle<D>) -> u32 {
-        // SAFETY: passed on to the caller.
-        unsafe { bundle.may_meet(&self.list, &self.bounds) }
+    pub(super) fn may_meet_rest<D: Doubles16>(&self, token: D::Token, bundle: &Bundle<D>) -> u32 {
+        bundle.may_meet(token, &self.list, &self.bounds)
     }
 }
 
@@ -151,8 +147,8 @@ mod tests {
         builder
     }
 
-    fn stands_apart(world: &World) -> bool {
-        matches!(&world.structure, Structure::Bvh(forest) if forest.apart.is_some())
+    fn has_outliers(world: &World) -> bool {
+        matches!(&world.structure, Structure::Bvh(forest) if forest.outliers.is_some())
     }
 
     fn rays_around(seed: u32, count: usize, level: f32, scale: f32) -> Vec<Ray> {
@@ -187,7 +183,7 @@ mod tests {
         #![proptest_config(ProptestConfig::with_cases(64))]
 
         #[test]
-        fn what_stands_apart_is_hit_as_the_oracle_says(
+        fn outliers_are_hit_as_the_oracle_says(
             (seed, ground) in (any::<u32>(), 0usize..GROUNDS.len()),
             // In the middle of the heap too: then grounds and triangles cut each other.
             level in prop_oneof![Just(-3.0f32), Just(0.0), Just(1.5), -4.0f32..2.0],
@@ -209,7 +205,7 @@ mod tests {
             let oracle = make(AcceleratorKind::None, Level::Scalar);
             for simd in levels() {
                 let world = make(AcceleratorKind::Bvh, simd);
-                prop_assert!(stands_apart(&world));
+                prop_assert!(has_outliers(&world));
                 check(&world, &oracle, Rays::from(&rays), &AcceptAll)?;
                 check(&world, &oracle, Rays::from(&rays[..20]), &AcceptAll)?;
                 check(&world, &oracle, Rays::from(&rays).with_masks(&masks), &Sieve)?;
@@ -218,7 +214,7 @@ mod tests {
     }
 
     #[test]
-    fn only_what_is_large_and_beside_the_rest_stands_apart() {
+    fn only_what_is_large_and_beside_the_rest_is_an_outlier() {
         let world = |edit: &dyn Fn(&mut WorldBuilder), quality: Quality| {
             let mut builder = WorldBuilder::default();
             builder.add_mesh(WorldBuilder::ROOT, Arc::new(sphere_mesh(Vec3::ZERO, 5.0, 10, 20)));
@@ -227,18 +223,18 @@ mod tests {
         };
         let floor = |builder: &mut WorldBuilder| add_ground(builder, Ground::Floor, -5.0, 1.0);
         assert!(
-            stands_apart(&world(&floor, Quality::Medium))
-                && stands_apart(&world(&floor, Quality::High))
+            has_outliers(&world(&floor, Quality::Medium))
+                && has_outliers(&world(&floor, Quality::High))
         );
-        assert!(!stands_apart(&world(&|_| {}, Quality::Medium)), "nothing is large");
+        assert!(!has_outliers(&world(&|_| {}, Quality::Medium)), "nothing is large");
         // Walls around everything.
         let walls = |builder: &mut WorldBuilder| {
             let wall = |x: f32| [[x, -5.5, -5.5], [x, 5.5, -5.5], [x, 5.5, 5.5], [x, -5.5, 5.5]];
             builder.add_mesh(WorldBuilder::ROOT, quads(&[wall(-5.5), wall(5.5)]));
         };
-        assert!(!stands_apart(&world(&walls, Quality::Medium)), "most rays come near the rest");
+        assert!(!has_outliers(&world(&walls, Quality::Medium)), "most rays come near the rest");
         let many = |builder: &mut WorldBuilder| (0..20).for_each(|_| floor(builder));
-        assert!(!stands_apart(&world(&many, Quality::Medium)), "too many are large");
+        assert!(!has_outliers(&world(&many, Quality::Medium)), "too many are large");
     }
 
     /// Large trees are searched by sorted rays.
@@ -250,7 +246,7 @@ mod tests {
         builder.add_mesh(WorldBuilder::ROOT, Arc::new(mesh));
         add_ground(&mut builder, Ground::Floor, -1.0, 0.25);
         let world = default_world(builder);
-        assert!(stands_apart(&world));
+        assert!(has_outliers(&world));
         let rays: Vec<Ray> = (0..100_000)
             .map(|i| {
                 let from =

@@ -4,23 +4,23 @@
 use super::Numbers;
 use crate::integrator::dimension;
 use crate::lanes::{LANES, ZERO, color_at, put_color};
-use crate::sampler::{ManyRandoms, Random, Sampler};
+use crate::sampler::{BatchRandoms, Random, Sampler};
 use snell_intersect::triangles::{HitLanes, HitVectors};
 use snell_math::simd::Wide;
 use snell_math::{SampledSpectrum, Vec2, at_level};
 use snell_scene::medium::{
-    HenyeyGreenstein, MediumProperties, Scattering, attenuate_alike, travel_alike,
+    HenyeyGreenstein, MediumProperties, Scattering, attenuate_homogeneous, travel_homogeneous,
 };
 
 /// Ways being worked on. Arrays are by lane; those of lanes that are not in use hold anything.
 #[derive(Debug)]
-pub struct AlikeWays {
+pub struct HomogeneousBatch {
     /// Whose ways they are.
     whose: Vec<u32>,
     phase: [HenyeyGreenstein; LANES],
     ways: Ways,
     /// Of the paths, and the lanes of those that have taken some already.
-    randoms: ManyRandoms<LANES>,
+    randoms: BatchRandoms<LANES>,
     later: Vec<(usize, Numbers)>,
     wide: Wide,
 }
@@ -37,7 +37,7 @@ struct Ways {
     is_scattered: [u32; LANES],
 }
 
-impl AlikeWays {
+impl HomogeneousBatch {
     /// For the paths of a sampler.
     pub fn new(sampler: &Sampler, wide: Wide) -> Self {
         let (length, distance, is_scattered) = ([0.0; LANES], [0.0; LANES], [0; LANES]);
@@ -52,7 +52,7 @@ impl AlikeWays {
                 distance,
                 is_scattered,
             },
-            randoms: ManyRandoms::new(sampler, 0),
+            randoms: BatchRandoms::new(sampler, 0),
             later: Vec::new(),
             wide,
         }
@@ -157,8 +157,13 @@ fn travel(u: &[HitLanes; 2], ways: &mut Ways) {
         let color = |v: &HitVectors| [v[0][i], v[1][i], v[2][i]];
         let (sigma_t, sigma_s, throughput) =
             (color(&ways.sigma_t), color(&ways.sigma_s), color(&ways.color));
-        let travel =
-            travel_alike(sigma_t, sigma_s, ways.length[i], throughput, Vec2::new(u[0][i], u[1][i]));
+        let travel = travel_homogeneous(
+            sigma_t,
+            sigma_s,
+            ways.length[i],
+            throughput,
+            Vec2::new(u[0][i], u[1][i]),
+        );
         for channel in 0..3 {
             ways.color[channel][i] = travel.throughput[channel];
         }
@@ -172,7 +177,7 @@ fn travel(u: &[HitLanes; 2], ways: &mut Ways) {
 fn attenuate(ways: &mut Ways) {
     for i in 0..LANES {
         let color = |v: &HitVectors| [v[0][i], v[1][i], v[2][i]];
-        let left = attenuate_alike(color(&ways.sigma_t), ways.length[i], color(&ways.color));
+        let left = attenuate_homogeneous(color(&ways.sigma_t), ways.length[i], color(&ways.color));
         for channel in 0..3 {
             ways.color[channel][i] = left[channel];
         }

@@ -1,16 +1,16 @@
-//! Rough metals, for many directions at once.
+//! Rough metals, for batches of directions.
 
+use super::super::batch::{BatchDrawn, BatchLobes, LobeSpectra};
 use super::super::energy::{BouncedLobe, FacetLossBy, Line, Nodes};
-use super::super::many::{ManyDrawn, ManyLobes, Palette};
 use super::super::{Choice, Ggx, Widths, lift, lower_like};
 use super::{ConductorBsdf, FacetReflectance, bounced, complex, complex_average, f82, f82_average};
-use snell_math::simd::choose;
+use snell_math::simd::select;
 use snell_math::{SampledSpectrum, Vec2, Vec3};
 use std::f32::consts::FRAC_1_PI;
 
 /// A metal of [`Ggx`] without a film: by its complex index of refraction, or by colours.
 #[derive(Clone, Debug)]
-pub struct ManyMetal<const COMPLEX: bool, N = Line> {
+pub struct BatchMetal<const COMPLEX: bool, N = Line> {
     ggx: Ggx,
     loss: FacetLossBy<N>,
     lobe: BouncedLobe,
@@ -51,7 +51,7 @@ pub struct Seen {
     choice: Choice<2>,
 }
 
-impl<const COMPLEX: bool> ManyMetal<COMPLEX> {
+impl<const COMPLEX: bool> BatchMetal<COMPLEX> {
     /// `None` if it is no such metal.
     pub fn of(bsdf: &ConductorBsdf) -> Option<Self> {
         let &ConductorBsdf { facets, unit, microfacets, ref loss, lobe, mean_loss, film, .. } =
@@ -67,7 +67,7 @@ impl<const COMPLEX: bool> ManyMetal<COMPLEX> {
     }
 }
 
-impl ManyMetal<false> {
+impl BatchMetal<false> {
     /// The same of another roughness: with what is known of that. What it is in its own colours is
     /// to be worked out.
     #[inline(always)]
@@ -76,8 +76,8 @@ impl ManyMetal<false> {
         loss: FacetLossBy<N>,
         lobe: BouncedLobe,
         mean_loss: f32,
-    ) -> ManyMetal<false, N> {
-        ManyMetal { ggx: loss.widths.into(), loss, lobe, mean_loss, own: self.own }
+    ) -> BatchMetal<false, N> {
+        BatchMetal { ggx: loss.widths.into(), loss, lobe, mean_loss, own: self.own }
     }
 
     /// How wide its facets are distributed.
@@ -86,11 +86,11 @@ impl ManyMetal<false> {
     }
 }
 
-impl<const COMPLEX: bool, N> ManyMetal<COMPLEX, N> {
+impl<const COMPLEX: bool, N> BatchMetal<COMPLEX, N> {
     /// Its own spectra, with this reflectance at normal incidence.
     #[inline(always)]
-    pub fn palette(&self, f0: SampledSpectrum) -> Palette {
-        [f0, self.own.facets[1], self.own.unit]
+    pub fn spectra(&self, f0: SampledSpectrum) -> LobeSpectra {
+        LobeSpectra { base: f0, specular: self.own.facets[1], other: self.own.unit }
     }
 
     #[inline(always)]
@@ -100,7 +100,7 @@ impl<const COMPLEX: bool, N> ManyMetal<COMPLEX, N> {
     }
 }
 
-impl<const COMPLEX: bool, N: Nodes> ManyLobes for ManyMetal<COMPLEX, N> {
+impl<const COMPLEX: bool, N: Nodes> BatchLobes for BatchMetal<COMPLEX, N> {
     type Seen = Seen;
     type Colors = Colors;
 
@@ -110,8 +110,8 @@ impl<const COMPLEX: bool, N: Nodes> ManyLobes for ManyMetal<COMPLEX, N> {
     }
 
     #[inline(always)]
-    fn colors_of(&self, &[a, b, unit]: &Palette) -> Colors {
-        Colors::new::<COMPLEX>([a, b], unit, self.mean_loss)
+    fn colors_of(&self, &LobeSpectra { base, specular, other }: &LobeSpectra) -> Colors {
+        Colors::new::<COMPLEX>([base, specular], other, self.mean_loss)
     }
 
     #[inline(always)]
@@ -137,13 +137,13 @@ impl<const COMPLEX: bool, N: Nodes> ManyLobes for ManyMetal<COMPLEX, N> {
     }
 
     #[inline(always)]
-    fn draw_from(&self, seen: &Seen, u_lobe: f32, u: Vec2) -> ManyDrawn {
+    fn draw_from(&self, seen: &Seen, u_lobe: f32, u: Vec2) -> BatchDrawn {
         let wo = seen.wo;
         let (is_once, exists) = seen.choice.picks_first(u_lobe);
         let (facet, is_above) = self.ggx.drawn_reflection(lift(wo), u);
-        let wi = lower_like(choose(is_once, facet, self.lobe.sample(u)), wo);
+        let wi = lower_like(select(is_once, facet, self.lobe.sample(u)), wo);
         let exists = exists & (is_above | !is_once) & (wo.z != 0.0);
-        ManyDrawn::reflected(wi, exists, None)
+        BatchDrawn::reflected(wi, exists, None)
     }
 
     #[inline(always)]

@@ -1,4 +1,4 @@
-//! What stands apart from the rest of a group.
+//! The outliers of a group, as a list beside its tree.
 
 use super::{List, ListObject};
 use crate::tree::GroupTree;
@@ -6,13 +6,15 @@ use snell_math::Bounds3;
 
 /// Large primitives, planes without end, and where the rest of the group is.
 #[derive(Clone, Debug)]
-pub(crate) struct Apart {
+pub(crate) struct Outliers {
+    /// The outliers.
     pub(crate) list: Box<List>,
+    /// The box around the rest.
     pub(crate) bounds: Bounds3,
 }
 
-impl Apart {
-    /// `None` if nothing does, or it is not for lists.
+impl Outliers {
+    /// The outliers of a group; `None` if there are none, or they are not for lists.
     pub fn of(tree: &GroupTree) -> Option<Self> {
         let root = tree.nodes.first()?;
         let is_divided = tree.rest != tree.root;
@@ -35,7 +37,7 @@ impl Apart {
             }
         }
         let bounds = if is_divided { root.slot_bounds(0) } else { root.bounds() };
-        let list = List::apart(tree, &leaves, &bounds)?;
+        let list = List::of_leaves(tree, &leaves, &bounds)?;
         let is_tested_in_lanes = |object: &ListObject| object.shape.is_some();
         list.objects.iter().all(is_tested_in_lanes).then_some(Self { list, bounds })
     }

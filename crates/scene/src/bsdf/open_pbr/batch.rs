@@ -1,40 +1,40 @@
 //! Metal mixed with a gloss over a matte body, in shares and of a roughness that differ from point
-//! to point, for many directions at once.
+//! to point, for batches of directions.
 //!
 //! What depends on the roughness alone is looked up point by point, only where it is asked for; all
 //! else is worked out in lanes. So the work goes through the lanes several times: what is drawn
 //! must be known before it can be looked up.
 
+use super::super::batch::{BatchDrawn, BatchLobes, BatchPoint, LobeSpectra};
 use super::super::energy::{
     BouncedLobe, DielectricReflection, DielectricReflectionBy, FacetLoss, FacetLossBy, Near,
     first_node,
 };
-use super::super::many::{ManyDrawn, ManyLobes, ManyPoint, Palette};
 use super::super::{
-    Choice, ConductorBsdf, Ggx, GlossyBsdf, MANY, ManyAnswers, ManyQuestions, Microfacets, Widths,
+    BATCH, BatchInputs, BatchOutputs, Choice, ConductorBsdf, Ggx, GlossyBsdf, Microfacets, Widths,
     lift,
 };
-use super::super::{conductor::ManyMetal, glossy::ManyGloss};
-use snell_math::simd::choose;
+use super::super::{conductor::BatchMetal, glossy::BatchGloss};
+use snell_math::simd::select;
 use snell_math::{SampledSpectrum, Vec2, Vec3};
 
 /// A mixture of rough metal by colours and a rough gloss over a matte body, both of [`Ggx`] that is
 /// the same in all directions.
 #[derive(Clone, Debug)]
-pub struct ManyMixed {
-    metal: ManyMetal<false>,
-    gloss: ManyGloss<false>,
+pub struct BatchMixed {
+    metal: BatchMetal<false>,
+    gloss: BatchGloss<false>,
     /// As it was made.
     dielectric: GlossyBsdf,
     /// What it is where nothing differs.
-    pub point: ManyPoint,
+    pub point: BatchPoint,
 }
 
 /// The mixture at a point, asked about directions between certain nodes.
 struct Mixture {
     metalness: f32,
-    metal: ManyMetal<false, Near>,
-    gloss: ManyGloss<false, Near>,
+    metal: BatchMetal<false, Near>,
+    gloss: BatchGloss<false, Near>,
 }
 
 /// As [`super::OpenPbrSeen`].
@@ -46,121 +46,127 @@ struct Seen<M, G> {
 
 /// What is known of roughnesses, by lane: of metal and of gloss only where they are asked about.
 struct Rough {
-    loss: [FacetLoss; MANY],
+    loss: [FacetLoss; BATCH],
     /// Mean of that.
-    lost: [f32; MANY],
-    lobe: [BouncedLobe; MANY],
-    albedo: [DielectricReflection; MANY],
+    lost: [f32; BATCH],
+    lobe: [BouncedLobe; BATCH],
+    albedo: [DielectricReflection; BATCH],
     /// Mean of that.
-    reflected: [f32; MANY],
+    reflected: [f32; BATCH],
 }
 
 /// What is known of directions, by lane: as [`FacetLoss::near`] and [`DielectricReflection::near`].
-type Around = [[Near; MANY]; 2];
+type Around = [[Near; BATCH]; 2];
 
-impl ManyMixed {
+impl BatchMixed {
     /// `None` if it is no such mixture. With the share of each.
     pub fn of(
         (metalness, metal): &(f32, ConductorBsdf),
         (_, gloss): &(f32, GlossyBsdf),
     ) -> Option<Self> {
-        let (metal, of_gloss) = (ManyMetal::of(metal)?, ManyGloss::of(gloss)?);
+        let (metal, of_gloss) = (BatchMetal::of(metal)?, BatchGloss::of(gloss)?);
         let widths = metal.widths();
         let is_such =
             !widths.has_tangent() && gloss.microfacets() == Microfacets::Ggx(widths.into());
-        let point = ManyPoint {
+        let point = BatchPoint {
             alpha: widths.alpha(),
             metalness: *metalness,
-            ..ManyPoint::with_body(of_gloss.own.body)
+            ..BatchPoint::with_body(of_gloss.own.body)
         };
         is_such.then_some(Self { metal, gloss: of_gloss, dielectric: *gloss, point })
     }
 
-    /// Answers all questions.
+    /// Evaluates and samples it for all lanes.
     #[inline(always)]
     #[expect(clippy::needless_range_loop, reason = "plain loops become vector code")]
-    pub fn answer<const CHANNELS: usize>(&self, asked: &ManyQuestions, answers: &mut ManyAnswers) {
-        let rough = Rough::of(asked, &self.dielectric);
-        let (around_wo, around_wi) = (rough.around(asked, asked.wo), rough.around(asked, asked.wi));
-        let mut exists = [false; MANY];
-        for i in 0..MANY {
-            let mixture = self.at(asked, &rough, &around_wo, i);
-            let seen = mixture.seen(asked.wo(i), self.colors::<CHANNELS>(&mixture, asked, i));
-            let drawn = mixture.draw_from(&seen, asked.u_lobe[i], asked.u(i));
-            (answers.drawn[0][i], answers.drawn[1][i], answers.drawn[2][i]) =
+    pub fn evaluate<const CHANNELS: usize>(
+        &self,
+        inputs: &BatchInputs,
+        outputs: &mut BatchOutputs,
+    ) {
+        let rough = Rough::of(inputs, &self.dielectric);
+        let (around_wo, around_wi) =
+            (rough.around(inputs, inputs.wo), rough.around(inputs, inputs.wi));
+        let mut exists = [false; BATCH];
+        for i in 0..BATCH {
+            let mixture = self.at(inputs, &rough, &around_wo, i);
+            let seen = mixture.seen(inputs.wo(i), self.colors::<CHANNELS>(&mixture, inputs, i));
+            let drawn = mixture.draw_from(&seen, inputs.u_lobe[i], inputs.u(i));
+            (outputs.drawn[0][i], outputs.drawn[1][i], outputs.drawn[2][i]) =
                 (drawn.wi.x, drawn.wi.y, drawn.wi.z);
             exists[i] = drawn.exists;
-            let mixture = self.at(asked, &rough, &around_wi, i);
-            answers.take_value::<CHANNELS>(i, mixture.value_and_pdf_from(&seen, asked.wi(i)));
+            let mixture = self.at(inputs, &rough, &around_wi, i);
+            outputs.take_value::<CHANNELS>(i, mixture.value_and_pdf_from(&seen, inputs.wi(i)));
         }
-        let around_drawn = rough.around(asked, answers.drawn.each_ref());
-        for i in 0..MANY {
-            let mixture = self.at(asked, &rough, &around_wo, i);
-            let seen = mixture.seen(asked.wo(i), self.colors::<CHANNELS>(&mixture, asked, i));
-            let wi = Vec3::new(answers.drawn[0][i], answers.drawn[1][i], answers.drawn[2][i]);
-            let found = self.at(asked, &rough, &around_drawn, i).value_and_pdf_from(&seen, wi);
-            answers.take_drawn::<CHANNELS>(i, &ManyDrawn::reflected(wi, exists[i], None), found);
+        let around_drawn = rough.around(inputs, outputs.drawn.each_ref());
+        for i in 0..BATCH {
+            let mixture = self.at(inputs, &rough, &around_wo, i);
+            let seen = mixture.seen(inputs.wo(i), self.colors::<CHANNELS>(&mixture, inputs, i));
+            let wi = Vec3::new(outputs.drawn[0][i], outputs.drawn[1][i], outputs.drawn[2][i]);
+            let found = self.at(inputs, &rough, &around_drawn, i).value_and_pdf_from(&seen, wi);
+            outputs.take_drawn::<CHANNELS>(i, &BatchDrawn::reflected(wi, exists[i], None), found);
         }
     }
 
-    /// The mixture in a lane, for questions about directions of which this is known.
+    /// The mixture in a lane, for directions of which this is known.
     #[inline(always)]
     fn at(
         &self,
-        asked: &ManyQuestions,
+        inputs: &BatchInputs,
         rough: &Rough,
         [loss, reflected]: &Around,
         i: usize,
     ) -> Mixture {
-        let widths = Widths::both(asked.alpha[i]);
+        let widths = Widths::both(inputs.alpha[i]);
         let loss = FacetLossBy { widths, loss: loss[i] };
         let albedo =
             DielectricReflectionBy { widths, ior: self.gloss.ior(), reflected: reflected[i] };
         Mixture {
-            metalness: asked.metalness[i],
+            metalness: inputs.metalness[i],
             metal: self.metal.with(loss, rough.lobe[i], rough.lost[i]),
             gloss: self.gloss.with(albedo, rough.reflected[i]),
         }
     }
 }
 
-impl ManyMixed {
+impl BatchMixed {
     /// The spectra of a lane.
     #[inline(always)]
     fn colors<const CHANNELS: usize>(
         &self,
         mixture: &Mixture,
-        asked: &ManyQuestions,
+        inputs: &BatchInputs,
         i: usize,
-    ) -> <Mixture as ManyLobes>::Colors {
+    ) -> <Mixture as BatchLobes>::Colors {
         match CHANNELS {
-            4 => mixture.colors_of(&asked.palette(i)),
-            _ => mixture.own_colors(asked.body(i)),
+            4 => mixture.colors_of(&inputs.spectra(i)),
+            _ => mixture.own_colors(inputs.body(i)),
         }
     }
 }
 
-/// True if metal is asked about in a lane, and if gloss is.
+/// True if a lane needs the metal, and if it needs the gloss.
 #[inline(always)]
-fn is_asked(asked: &ManyQuestions, i: usize) -> [bool; 2] {
-    let (is_asked, metalness) = (asked.is_asked[i] != 0, asked.metalness[i]);
-    [is_asked && metalness > 0.0, is_asked && metalness < 1.0]
+fn is_active(inputs: &BatchInputs, i: usize) -> [bool; 2] {
+    let (is_active, metalness) = (inputs.is_active[i] != 0, inputs.metalness[i]);
+    [is_active && metalness > 0.0, is_active && metalness < 1.0]
 }
 
 impl Rough {
     #[inline(always)]
-    fn of(asked: &ManyQuestions, dielectric: &GlossyBsdf) -> Self {
+    fn of(inputs: &BatchInputs, dielectric: &GlossyBsdf) -> Self {
         let roughest = Widths::both(1.0);
         let facets = Ggx::from(roughest).into();
         let mut rough = Self {
-            loss: [FacetLoss::new(facets); MANY],
-            lost: [0.0; MANY],
-            lobe: [BouncedLobe::new(roughest); MANY],
-            albedo: [dielectric.albedo_at(facets); MANY],
-            reflected: [0.0; MANY],
+            loss: [FacetLoss::new(facets); BATCH],
+            lost: [0.0; BATCH],
+            lobe: [BouncedLobe::new(roughest); BATCH],
+            albedo: [dielectric.albedo_at(facets); BATCH],
+            reflected: [0.0; BATCH],
         };
-        for i in 0..MANY {
-            let (widths, [is_metal, is_gloss]) = (Widths::both(asked.alpha[i]), is_asked(asked, i));
+        for i in 0..BATCH {
+            let (widths, [is_metal, is_gloss]) =
+                (Widths::both(inputs.alpha[i]), is_active(inputs, i));
             let facets = Ggx::from(widths).into();
             if is_metal {
                 rough.loss[i] = FacetLoss::new(facets);
@@ -175,18 +181,18 @@ impl Rough {
         rough
     }
 
-    /// What is asked about directions.
+    /// What is known of directions.
     #[inline(always)]
-    fn around(&self, asked: &ManyQuestions, w: [&[f32; MANY]; 3]) -> Around {
-        let (mut first, mut around) = ([0; MANY], [[Near::default(); MANY]; 2]);
-        for i in 0..MANY {
+    fn around(&self, inputs: &BatchInputs, w: [&[f32; BATCH]; 3]) -> Around {
+        let (mut first, mut around) = ([0; BATCH], [[Near::default(); BATCH]; 2]);
+        for i in 0..BATCH {
             first[i] = first_node(
-                Widths::both(asked.alpha[i]),
+                Widths::both(inputs.alpha[i]),
                 lift(Vec3::new(w[0][i], w[1][i], w[2][i])),
             );
         }
-        for i in 0..MANY {
-            let [is_metal, is_gloss] = is_asked(asked, i);
+        for i in 0..BATCH {
+            let [is_metal, is_gloss] = is_active(inputs, i);
             if is_metal {
                 around[0][i] = self.loss[i].near(first[i]);
             }
@@ -198,24 +204,24 @@ impl Rough {
     }
 }
 
-impl ManyLobes for Mixture {
+impl BatchLobes for Mixture {
     type Seen = Seen<
-        <ManyMetal<false, Near> as ManyLobes>::Seen,
-        <ManyGloss<false, Near> as ManyLobes>::Seen,
+        <BatchMetal<false, Near> as BatchLobes>::Seen,
+        <BatchGloss<false, Near> as BatchLobes>::Seen,
     >;
     type Colors = (
-        <ManyMetal<false, Near> as ManyLobes>::Colors,
-        <ManyGloss<false, Near> as ManyLobes>::Colors,
+        <BatchMetal<false, Near> as BatchLobes>::Colors,
+        <BatchGloss<false, Near> as BatchLobes>::Colors,
     );
 
     #[inline(always)]
     fn own_colors(&self, body: SampledSpectrum) -> Self::Colors {
-        (self.metal.colors_of(&self.metal.palette(body)), self.gloss.own_colors(body))
+        (self.metal.colors_of(&self.metal.spectra(body)), self.gloss.own_colors(body))
     }
 
     #[inline(always)]
-    fn colors_of(&self, palette: &Palette) -> Self::Colors {
-        (self.metal.colors_of(palette), self.gloss.colors_of(palette))
+    fn colors_of(&self, spectra: &LobeSpectra) -> Self::Colors {
+        (self.metal.colors_of(spectra), self.gloss.colors_of(spectra))
     }
 
     #[inline(always)]
@@ -236,14 +242,14 @@ impl ManyLobes for Mixture {
     }
 
     #[inline(always)]
-    fn draw_from(&self, seen: &Self::Seen, u_lobe: f32, u: Vec2) -> ManyDrawn {
+    fn draw_from(&self, seen: &Self::Seen, u_lobe: f32, u: Vec2) -> BatchDrawn {
         let (is_metal, exists, rest) = seen.choice.picked(u_lobe);
         let (metal, gloss) = (
             self.metal.draw_from(&seen.metal, rest, u),
             self.gloss.draw_from(&seen.gloss, rest, u),
         );
         let is_sound = if is_metal { metal.exists } else { gloss.exists };
-        ManyDrawn::reflected(choose(is_metal, metal.wi, gloss.wi), exists & is_sound, None)
+        BatchDrawn::reflected(select(is_metal, metal.wi, gloss.wi), exists & is_sound, None)
     }
 
     #[inline(always)]

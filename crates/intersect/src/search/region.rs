@@ -2,9 +2,9 @@
 
 use snell_math::{Bounds3, Bounds3d, DAffine3, DVec3};
 
-/// What a place looks like.
+/// The form of a [`Region`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum PlaceKind {
+pub enum RegionKind {
     /// `center` plus from -1 to 1 times each of the axes.
     Box,
     /// The centre, and the axes times all that has length 1.
@@ -17,23 +17,23 @@ pub enum PlaceKind {
 
 /// Where a structure has looked: in world space.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Place {
+pub struct Region {
     /// What it looks like.
-    pub kind: PlaceKind,
+    pub kind: RegionKind,
     /// Its middle.
     pub center: DVec3,
     /// From the middle to its sides.
     pub axes: [DVec3; 3],
 }
 
-impl Place {
-    fn along_axes(kind: PlaceKind, center: DVec3, half: DVec3) -> Self {
+impl Region {
+    fn along_axes(kind: RegionKind, center: DVec3, half: DVec3) -> Self {
         Self { kind, center, axes: [DVec3::X * half.x, DVec3::Y * half.y, DVec3::Z * half.z] }
     }
 
     /// A box.
     pub(crate) fn of_box(bounds: &Bounds3d) -> Self {
-        Self::along_axes(PlaceKind::Box, bounds.center(), bounds.size() * 0.5)
+        Self::along_axes(RegionKind::Box, bounds.center(), bounds.size() * 0.5)
     }
 
     /// A box in single precision.
@@ -43,7 +43,7 @@ impl Place {
 
     /// A ball.
     pub(crate) fn ball(center: DVec3, radius: f64) -> Self {
-        Self::along_axes(PlaceKind::Ball, center, DVec3::splat(radius))
+        Self::along_axes(RegionKind::Ball, center, DVec3::splat(radius))
     }
 
     /// A square piece of a plane. The normal need not have length 1.
@@ -51,13 +51,13 @@ impl Place {
         let normal = normal.normalize_or(DVec3::X);
         let first = normal.any_orthonormal_vector();
         let axes = [first * half_side, normal.cross(first) * half_side, DVec3::ZERO];
-        Self { kind: PlaceKind::Plane, center, axes }
+        Self { kind: RegionKind::Plane, center, axes }
     }
 
     /// A piece of a ray.
     pub(crate) fn stretch(from: DVec3, to: DVec3) -> Self {
         let axes = [(to - from) * 0.5, DVec3::ZERO, DVec3::ZERO];
-        Self { kind: PlaceKind::Stretch, center: (from + to) * 0.5, axes }
+        Self { kind: RegionKind::Stretch, center: (from + to) * 0.5, axes }
     }
 
     pub(crate) fn mapped(&self, map: &DAffine3) -> Self {

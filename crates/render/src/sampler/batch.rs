@@ -6,14 +6,14 @@ use snell_math::{at_level, rng};
 
 /// The numbers of `N` vertices, all of one depth of unbranched paths.
 #[derive(Clone, Debug)]
-pub struct ManyRandoms<const N: usize> {
+pub struct BatchRandoms<const N: usize> {
     sampler: Sampler,
     keys: [u32; N],
     samples: [u32; N],
     base: u32,
 }
 
-impl<const N: usize> ManyRandoms<N> {
+impl<const N: usize> BatchRandoms<N> {
     /// For vertices of this depth.
     pub fn new(sampler: &Sampler, depth: u32) -> Self {
         let mut randoms = Self::of_camera(sampler);
@@ -157,7 +157,7 @@ mod tests {
     fn many_numbers_are_those_of_single_samples_at_every_level() {
         for kind in SamplerKind::ALL {
             let sampler = Sampler::new(kind, 7, 12);
-            let mut many = ManyRandoms::<20>::new(&sampler, 3);
+            let mut many = BatchRandoms::<20>::new(&sampler, 3);
             let singles: Vec<Random> =
                 (0..20).map(|i| sampler.random([i * 7, 40 - i], i % 12)).collect();
             singles.iter().enumerate().for_each(|(lane, random)| many.set(lane, random.key()));

@@ -5,25 +5,25 @@ use super::bvh::{EMITTER, LightBvh, NONE, Node, WIDTH, choose, importance};
 use super::{ChosenLight, Receiver};
 use snell_math::Vec3;
 use snell_math::rng::ONE_MINUS_EPSILON;
-use snell_math::simd::{least, marked};
+use snell_math::simd::{mask_select, min};
 
 /// How many receivers are looked at together.
-pub const MANY: usize = 64;
+pub const BATCH: usize = 64;
 
 /// Lights chosen for many receivers.
 #[derive(Clone, Debug)]
 pub struct ChosenLights {
     /// As [`ChosenLight::light`]; [`NONE`] if there is none, and then the rest means nothing.
-    pub light: [u32; MANY],
+    pub light: [u32; BATCH],
     /// As [`ChosenLight::part`]; [`NONE`] if that was not chosen.
-    pub part: [u32; MANY],
+    pub part: [u32; BATCH],
     /// As [`ChosenLight::probability`].
-    pub probability: [f32; MANY],
+    pub probability: [f32; BATCH],
 }
 
 impl Default for ChosenLights {
     fn default() -> Self {
-        Self { light: [NONE; MANY], part: [NONE; MANY], probability: [0.0; MANY] }
+        Self { light: [NONE; BATCH], part: [NONE; BATCH], probability: [0.0; BATCH] }
     }
 }
 
@@ -50,23 +50,23 @@ impl ChosenLights {
 #[derive(Clone, Copy, Debug)]
 pub struct Receivers<'a> {
     /// See [`Receiver::position`].
-    pub position: &'a [[f32; MANY]; 3],
+    pub position: &'a [[f32; BATCH]; 3],
     /// See [`Receiver::normal`].
-    pub normal: &'a [[f32; MANY]; 3],
+    pub normal: &'a [[f32; BATCH]; 3],
     /// See [`Receiver::transmits`].
-    pub transmits: &'a [bool; MANY],
+    pub transmits: &'a [bool; BATCH],
 }
 
 impl<'a> Receivers<'a> {
     /// Of which none transmits.
-    pub fn opaque(position: &'a [[f32; MANY]; 3], normal: &'a [[f32; MANY]; 3]) -> Self {
-        Self { position, normal, transmits: &[false; MANY] }
+    pub fn opaque(position: &'a [[f32; BATCH]; 3], normal: &'a [[f32; BATCH]; 3]) -> Self {
+        Self { position, normal, transmits: &[false; BATCH] }
     }
 
     /// One of them.
     #[inline(always)]
     pub fn get(&self, i: usize) -> Receiver {
-        let at = |v: &[[f32; MANY]; 3]| Vec3::new(v[0][i], v[1][i], v[2][i]);
+        let at = |v: &[[f32; BATCH]; 3]| Vec3::new(v[0][i], v[1][i], v[2][i]);
         Receiver {
             position: at(self.position),
             normal: at(self.normal),
@@ -75,12 +75,12 @@ impl<'a> Receivers<'a> {
     }
 }
 
-/// See [`LightBvh::sample_many`].
+/// See [`LightBvh::sample_batch`].
 #[inline(always)]
-pub(super) fn sample_many(
+pub(super) fn sample_batch(
     tree: &LightBvh,
     receivers: &Receivers,
-    u: &[f32; MANY],
+    u: &[f32; BATCH],
     count: usize,
     chosen: &mut ChosenLights,
 ) {
@@ -91,7 +91,7 @@ pub(super) fn sample_many(
                 chosen.put(i, tree.choose_beside(u, 0.0));
             }
         }
-        [root, ..] => descend(tree, root, receivers, u, count.min(MANY), chosen),
+        [root, ..] => descend(tree, root, receivers, u, count.min(BATCH), chosen),
     }
 }
 
@@ -102,17 +102,18 @@ fn descend(
     tree: &LightBvh,
     root: &Node,
     receivers: &Receivers,
-    u: &[f32; MANY],
+    u: &[f32; BATCH],
     count: usize,
     chosen: &mut ChosenLights,
 ) {
-    let mut local = [Receiver { position: Vec3::ZERO, normal: Vec3::ZERO, transmits: false }; MANY];
-    let mut weights = [[0.0; WIDTH]; MANY];
+    let mut local =
+        [Receiver { position: Vec3::ZERO, normal: Vec3::ZERO, transmits: false }; BATCH];
+    let mut weights = [[0.0; WIDTH]; BATCH];
     // Numbers of those that are at a node, and which.
-    let (mut under_way, mut node) = ([0; MANY], [0; MANY]);
-    let (mut u, mut probability) = (*u, [1.0; MANY]);
+    let (mut under_way, mut node) = ([0; BATCH], [0; BATCH]);
+    let (mut u, mut probability) = (*u, [1.0; BATCH]);
     // The last child of each.
-    let mut child = [NONE; MANY];
+    let mut child = [NONE; BATCH];
     for i in 0..count {
         local[i] = tree.local(&receivers.get(i));
         weights[i] = importance(root, &local[i]);
@@ -126,7 +127,7 @@ fn descend(
             chosen.put(i, tree.choose_beside(u[i], probability[i]));
             continue;
         }
-        u[i] = least(u[i] / probability[i], ONE_MINUS_EPSILON);
+        u[i] = min(u[i] / probability[i], ONE_MINUS_EPSILON);
         weights[left] = weights[i];
         under_way[left] = i;
         left += 1;
@@ -135,13 +136,13 @@ fn descend(
     loop {
         let mut kept = 0;
         for at in 0..left {
-            let i = under_way[at] % MANY;
+            let i = under_way[at] % BATCH;
             let (slot, of_slot, rest) = choose(&weights[at], u[i]);
             let next = if of_slot.is_nan() { NONE } else { tree.nodes[node[i]].child[slot] };
             (probability[i], u[i], child[i]) = (probability[i] * of_slot, rest, next);
             let is_node = next & EMITTER == 0;
             node[i] = if is_node { next as usize } else { 0 };
-            under_way[kept % MANY] = i;
+            under_way[kept % BATCH] = i;
             kept += usize::from(is_node);
         }
         left = kept;
@@ -149,7 +150,7 @@ fn descend(
             break;
         }
         for at in 0..left {
-            let i = under_way[at] % MANY;
+            let i = under_way[at] % BATCH;
             weights[at] = importance(&tree.nodes[node[i]], &local[i]);
         }
     }
@@ -163,48 +164,47 @@ fn descend(
     }
 }
 
-/// [`sample_many`] where all lights are children of one node: the receivers in lanes instead of the
+/// [`sample_batch`] where all lights are children of one node: the receivers in lanes instead of the
 /// children.
 #[inline(always)]
 fn sample_few(
     tree: &LightBvh,
     root: &Node,
     receivers: &Receivers,
-    u: &[f32; MANY],
+    u: &[f32; BATCH],
     chosen: &mut ChosenLights,
 ) {
-    let mut weights = [[0.0; MANY]; WIDTH];
-    let mut total = [0.0; MANY];
+    let mut weights = [[0.0; BATCH]; WIDTH];
+    let mut total = [0.0; BATCH];
     for (child, weights) in
         weights.iter_mut().enumerate().filter(|(child, _)| root.child[*child] != NONE)
     {
         let lane = root.lane(child);
-        for i in 0..MANY {
+        for i in 0..BATCH {
             weights[i] = lane.importance(&tree.local(&receivers.get(i)));
             total[i] += weights[i];
         }
     }
-    let (mut found, mut before, mut over) = ([0.0; MANY], [0.0; MANY], [0; MANY]);
-    let mut next = [0; MANY];
-    chosen.light = [NONE; MANY];
+    let (mut found, mut before, mut over) = ([0.0; BATCH], [0.0; BATCH], [0; BATCH]);
+    let mut next = [0; BATCH];
+    chosen.light = [NONE; BATCH];
     for (child, weights) in root.child.iter().zip(&weights).filter(|(child, _)| **child != NONE) {
         let (light, part) = tree.emitters[(child & !EMITTER) as usize];
-        for i in 0..MANY {
+        for i in 0..BATCH {
             let weight = weights[i];
             let is_next = (weight > 0.0) & (over[i] == 0);
             next[i] = u32::from(is_next);
-            over[i] |= u32::from(
-                is_next & (least(u[i], ONE_MINUS_EPSILON) * total[i] < before[i] + weight),
-            );
+            over[i] |=
+                u32::from(is_next & (min(u[i], ONE_MINUS_EPSILON) * total[i] < before[i] + weight));
             before[i] += if is_next { weight } else { 0.0 };
         }
-        for i in 0..MANY {
-            chosen.light[i] = marked(next[i], light, chosen.light[i]);
-            chosen.part[i] = marked(next[i], part, chosen.part[i]);
-            found[i] = marked(next[i], weights[i], found[i]);
+        for i in 0..BATCH {
+            chosen.light[i] = mask_select(next[i], light, chosen.light[i]);
+            chosen.part[i] = mask_select(next[i], part, chosen.part[i]);
+            found[i] = mask_select(next[i], weights[i], found[i]);
         }
     }
-    for i in 0..MANY {
+    for i in 0..BATCH {
         chosen.probability[i] = found[i] / total[i];
     }
 }

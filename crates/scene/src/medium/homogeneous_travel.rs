@@ -1,35 +1,35 @@
-//! Travel through media that are the same everywhere and do not shine, in linear RGB: as
+//! Travel through homogeneous media that do not emit, in linear RGB: as
 //! [`super::MediumProperties::travel`], bit for bit, but without branches, so that loops over it
-//! become vector code.
+//! are vectorised.
 
 use super::analytic::transmittance_of;
 use snell_math::Vec2;
 use snell_math::exponentials::ln;
-use snell_math::simd::least;
+use snell_math::simd::min;
 
-/// What became of a path that set out.
+/// The result of travelling along a segment.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct AlikeTravel {
+pub struct HomogeneousTravel {
     /// As [`super::Travel::throughput`].
     pub throughput: [f32; 3],
-    /// Where it was scattered. Means nothing elsewhere.
+    /// The distance of the scattering; undefined if there was none.
     pub distance: f32,
-    /// It did not come to the end.
+    /// True if the path was scattered before the end.
     pub is_scattered: bool,
 }
 
-/// Sends a path through so much of a medium of this extinction and scattering. `u` as of
+/// Sends a path through a length of a medium with this extinction and scattering. `u` as in
 /// [`super::MediumProperties::travel`].
 #[inline(always)]
-pub fn travel_alike(
+pub fn travel_homogeneous(
     sigma_t: [f32; 3],
     sigma_s: [f32; 3],
     length: f32,
     throughput: [f32; 3],
     u: Vec2,
-) -> AlikeTravel {
+) -> HomogeneousTravel {
     let sum = throughput[0] + throughput[1] + throughput[2];
-    // The channel, in proportion to the throughput.
+    // The channel, chosen in proportion to the throughput.
     let (mut rest, mut sigma, mut is_chosen) = (u.y * sum, sigma_t[0], false);
     for channel in 0..3 {
         let share = throughput[channel];
@@ -58,12 +58,12 @@ pub fn travel_alike(
         left[channel] = throughput[channel]
             * ((if is_scattered { scattered } else { through[channel] }) * scale);
     }
-    AlikeTravel { throughput: left, distance: least(column as f32, length), is_scattered }
+    HomogeneousTravel { throughput: left, distance: min(column as f32, length), is_scattered }
 }
 
-/// What is left of the value of a light ray after so much of a medium of this extinction.
+/// The remaining value of a light ray after a length of a medium with this extinction.
 #[inline(always)]
-pub fn attenuate_alike(sigma_t: [f32; 3], length: f32, value: [f32; 3]) -> [f32; 3] {
+pub fn attenuate_homogeneous(sigma_t: [f32; 3], length: f32, value: [f32; 3]) -> [f32; 3] {
     let mut left = [0.0; 3];
     for channel in 0..3 {
         left[channel] = value[channel] * transmittance_of(sigma_t[channel], f64::from(length));
@@ -96,17 +96,17 @@ mod tests {
             let u = rng::uniform2([i, 8, 8, 8]);
             let segment = Segment { origin: Vec3::ZERO, direction: Vec3::Z, length };
             let one = medium.travel(&segment, lanes(throughput), u);
-            let alike = travel_alike([r, g, b], sigma_s, length, throughput, u);
+            let travel = travel_homogeneous([r, g, b], sigma_s, length, throughput, u);
             assert_eq!(
-                lanes(alike.throughput),
+                lanes(travel.throughput),
                 one.throughput,
                 "{i} {medium:?} {length} {throughput:?}"
             );
             assert_eq!(
-                alike.is_scattered.then_some(alike.distance),
+                travel.is_scattered.then_some(travel.distance),
                 one.scattered.map(|s| s.distance)
             );
-            let left = attenuate_alike([r, g, b], length, throughput);
+            let left = attenuate_homogeneous([r, g, b], length, throughput);
             assert_eq!(lanes(left), medium.attenuate(length, lanes(throughput)));
         }
     }

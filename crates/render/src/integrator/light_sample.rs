@@ -1,0 +1,121 @@
+//! Light samples with their weights: what a path gains by looking at a light.
+
+use super::Context;
+use super::estimators::{
+    Arrival, IncidentLight, environment_direction, from_environment, sample_light,
+};
+use super::light_part::LightSource;
+use crate::compile::CompiledLight;
+use crate::light_sampler::{ChosenLight, Receiver};
+use crate::settings::LightStrategy;
+use snell_math::{Ray, SampledSpectrum, Vec2, Vec3, sampling};
+use snell_scene::MediumId;
+use snell_scene::light::environment::SkySample;
+
+/// A light sample with its weight.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct WeightedLight {
+    /// What the path gains if the shadow ray is free.
+    pub value: SampledSpectrum,
+    /// See [`Outputs::light_rays`].
+    pub shadow_ray: Ray,
+    /// Where the light comes from.
+    pub direction: Vec3,
+    /// What gives it.
+    pub source: LightSource,
+    /// Its weight by multiple importance sampling; it is in the value.
+    pub weight: f32,
+    /// See [`Outputs::glowing`].
+    pub glowing: Option<MediumId>,
+}
+
+/// A light sample for a path of this throughput; `scattering` as in [`super::path::light_sample`].
+#[inline]
+pub(crate) fn weighted_light(
+    context: &Context,
+    throughput: SampledSpectrum,
+    at: &Arrival,
+    receiver: &Receiver,
+    u_choice: impl FnOnce() -> f32,
+    u: impl FnOnce() -> Vec2,
+    scattering: impl Fn(Vec3) -> (SampledSpectrum, f32),
+) -> Option<WeightedLight> {
+    let chosen = context.lights.sample(receiver, u_choice)?;
+    weighted_sample(context, throughput, at, &chosen, u(), scattering)
+}
+
+/// [`weighted_light`] of a light that is chosen already.
+#[inline]
+pub(crate) fn weighted_sample(
+    context: &Context,
+    throughput: SampledSpectrum,
+    at: &Arrival,
+    chosen: &ChosenLight,
+    u: Vec2,
+    scattering: impl Fn(Vec3) -> (SampledSpectrum, f32),
+) -> Option<WeightedLight> {
+    let drawn = DrawnLight::of(context, at, chosen, u)?;
+    let scattered = scattering(drawn.direction());
+    drawn.weighted(context, throughput, at, chosen.probability, scattered)
+}
+
+/// A light sample, before the surface is asked how it scatters light from there.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum DrawnLight {
+    /// Half of the environment is behind a surface, and looking up what comes from there is dear.
+    Environment(SkySample),
+    Other(IncidentLight),
+}
+
+impl DrawnLight {
+    /// Of a light that is chosen already.
+    #[inline]
+    pub fn of(context: &Context, at: &Arrival, chosen: &ChosenLight, u: Vec2) -> Option<Self> {
+        match &context.scene.lights()[chosen.light] {
+            CompiledLight::Environment => environment_direction(context, u).map(Self::Environment),
+            _ => sample_light(context, at, chosen, u).map(Self::Other),
+        }
+    }
+
+    /// Where the light comes from.
+    pub fn direction(&self) -> Vec3 {
+        match self {
+            Self::Environment(sample) => sample.direction,
+            Self::Other(sample) => sample.direction,
+        }
+    }
+
+    /// What it brings to a path of this throughput if the light was chosen with this probability
+    /// and is scattered so (see [`super::path::light_sample`]).
+    #[inline]
+    pub fn weighted(
+        self,
+        context: &Context,
+        throughput: SampledSpectrum,
+        at: &Arrival,
+        probability: f32,
+        (value, pdf): (SampledSpectrum, f32),
+    ) -> Option<WeightedLight> {
+        if value.is_black() {
+            return None;
+        }
+        let sample = match self {
+            Self::Environment(sample) => from_environment(context, at, &sample)?,
+            Self::Other(sample) => sample,
+        };
+        if context.settings.light_strategy == LightStrategy::Bsdf && !sample.is_delta {
+            return None;
+        }
+        let weight = if sample.is_delta || context.settings.light_strategy == LightStrategy::Light {
+            1.0
+        } else {
+            sampling::power_heuristic(sample.pdf * probability, pdf)
+        };
+        let value = throughput * value * sample.radiance * (weight / (sample.pdf * probability));
+        if value.is_black() || !value.is_finite() {
+            return None;
+        }
+        let IncidentLight { shadow_ray, direction, source, glowing, .. } = sample;
+        Some(WeightedLight { value, shadow_ray, direction, source, weight, glowing })
+    }
+}

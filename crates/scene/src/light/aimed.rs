@@ -1,0 +1,31 @@
+//! What lights share that shine from a point into directions of their own coordinates, with the
+//! inverse square law.
+
+use super::bounds::mean_intensity;
+use super::{Attenuation, Incident, LightBounds, towards};
+use snell_math::{DMat3, DVec3, Rgb};
+
+/// The light that arrives at `p`. `intensity` is asked for with a unit direction in the light's
+/// coordinates.
+pub(super) fn arriving(
+    p: DVec3,
+    position: DVec3,
+    world_from_light: &DMat3,
+    intensity: impl FnOnce(DVec3) -> Rgb,
+) -> Option<Incident> {
+    let (direction, distance) = towards(p, position)?;
+    let intensity = intensity(world_from_light.transpose() * -direction);
+    let irradiance = intensity * Attenuation::INVERSE_SQUARE.at(distance as f32);
+    Some(Incident { direction, distance, irradiance })
+}
+
+/// The bounds of light that stays within `widest` radians of the `+z` axis.
+pub(super) fn bounds(
+    position: DVec3,
+    world_from_light: &DMat3,
+    widest: f64,
+    power: f64,
+) -> Option<LightBounds> {
+    let axis = world_from_light.z_axis;
+    LightBounds::of_cone(position, axis, widest, mean_intensity(power, widest))
+}
