@@ -23,8 +23,7 @@ use output::Target;
 use snell_formats::image::Tonemap;
 use snell_math::simd::Level;
 use snell_render::{
-    CompiledScene, FilmTile, GuidingPasses, IntegratorKind, Job, Request, Settings, Statistics,
-    with_patience,
+    CompiledScene, FilmTile, IntegratorKind, Job, Request, Settings, Statistics, with_patience,
 };
 use snell_scene::{Camera, Pose, Scene, Warning};
 use stage::{Shot, Stage};

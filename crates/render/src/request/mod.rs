@@ -93,7 +93,7 @@ settings! {
         /// finished).
         ///
         /// Numbers without a unit are seconds.
-        #[setting(Light, "TIME", "float", range Range::Within(f64::MIN_POSITIVE, 1e9))]
+        #[setting(Light, "TIME", "float | str", range Range::Within(f64::MIN_POSITIVE, 1e9))]
         pub time: Duration,
         /// Maximum number of bounces after the first hit.
         ///
@@ -108,7 +108,7 @@ settings! {
         /// The picture depends on it, but not on the number of threads or the time of day.
         #[setting(Light, "N", "int", default "0")]
         pub seed: u32,
-        /// Colours in light transport, where `spectral` has four wavelengths per sample.
+        /// Colours in light transport (`spectral` has four wavelengths per sample).
         #[setting(Light, "NAME", "str")]
         pub color: ColorModel,
         /// Source of random numbers.

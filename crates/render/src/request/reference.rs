@@ -36,11 +36,14 @@ fn row(setting: &Setting) -> String {
     if let Some(alias) = setting.alias {
         option += &format!(", `--{alias}`");
     }
-    let default = (setting.default)();
-    let summary = setting.summary().replace(&format!(". Default: {default}"), "");
-    let text = [summary, setting.details()].join(". ");
-    let text = text.trim_end_matches(". ");
-    let cells = [option, format!("`{}`", setting.name), text.into(), default.into()];
+    let default = match (setting.default)() {
+        name if (setting.choices)().contains(&name) => format!("`{name}`"),
+        text => text.into(),
+    };
+    let names: Vec<String> = (setting.choices)().iter().map(|name| format!("`{name}`")).collect();
+    let choices = if names.is_empty() { String::new() } else { format!(": {}", names.join(", ")) };
+    let text = format!("{}{choices}. {}", setting.statement(), setting.details());
+    let cells = [option, format!("`{}`", setting.name), text.trim().into(), default];
     format!("| {} |\n", cells.map(|cell| cell.replace('|', "\\|")).join(" | "))
 }
 

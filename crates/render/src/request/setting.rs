@@ -125,11 +125,15 @@ impl Setting {
         }
     }
 
-    /// What it is: the first paragraph of its documentation, its choices and its default, in one
-    /// line without a full stop.
-    pub fn summary(&self) -> String {
+    /// What it is: the first paragraph of its documentation, in one line without a full stop.
+    pub fn statement(&self) -> String {
         let first = self.doc.trim().split("\n\n").next().unwrap_or_default();
-        let mut text = plain(first).trim_end_matches('.').to_string();
+        plain(first).trim_end_matches('.').to_string()
+    }
+
+    /// Its statement with its choices and its default.
+    pub fn summary(&self) -> String {
+        let mut text = self.statement();
         let choices = (self.choices)();
         if let [others @ .., last] = &choices[..]
             && self.form != Form::List
@@ -162,6 +166,8 @@ pub(super) fn in_words(range: Range, is_whole: bool) -> String {
     match range {
         Range::Any if is_whole => format!("{number} from 0 to {}", u32::MAX),
         Range::Any | Range::Direction => number.into(),
+        Range::Within(f64::MIN_POSITIVE, high) if high > 1e10 => "a positive number".into(),
+        Range::Within(f64::MIN_POSITIVE, high) => format!("a positive number up to {high:e}"),
         Range::Within(low, high) if high.is_finite() => format!("{number} from {low} to {high}"),
         Range::Within(low, _) => format!("{number} of at least {low}"),
         Range::Between(low, high) => format!("{number} between {low} and {high}"),

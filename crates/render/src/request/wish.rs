@@ -359,3 +359,63 @@ impl Wished for Vec<(String, Vec<String>)> {
         groups.map_or_else(|| unlike(expected), |groups| Ok(Some(groups)))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::Request;
+    use super::*;
+
+    fn set(name: &str, wish: &Wish) -> Result<Request, Problem> {
+        let setting = Request::setting(name).expect("there is such a setting");
+        let mut request = Request::default();
+        setting.set(&mut request, wish).map(|()| request)
+    }
+
+    fn text(name: &str, text: &str) -> Result<Request, Problem> {
+        set(name, &Wish::Text(text.into()))
+    }
+
+    #[test]
+    fn durations_are_understood() {
+        let of = |duration: &str| text("time", duration).map(|request| request.time);
+        assert_eq!(of("1h30m"), Ok(Some(Duration::from_secs(5400))));
+        assert_eq!(of("2.5"), Ok(Some(Duration::from_millis(2500))));
+        assert_eq!(of("30s"), Ok(Some(Duration::from_secs(30))));
+        for wrong in ["5x", "", "0s", "-1", "1h30", "inf", "nan", "s", "1e10"] {
+            assert!(of(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn values_have_the_same_meaning_as_text_and_as_values() {
+        let pair = Wish::List(vec![Wish::Whole(640), Wish::Whole(480)]);
+        assert_eq!(set("size", &pair).map(|r| r.size), Ok(Some([640, 480])));
+        assert_eq!(text("size", "640x480").map(|r| r.size), Ok(Some([640, 480])));
+        assert_eq!(text("spp", "16").map(|r| r.spp), Ok(Some(16)));
+        assert_eq!(
+            set("guiding", &Wish::Flag(true)).map(|r| r.guiding),
+            text("guiding", "auto").map(|r| r.guiding)
+        );
+        let groups = Wish::Named(vec![("key".into(), Wish::List(vec![Wish::Whole(0)]))]);
+        let named = set("light_groups", &groups).map(|r| r.light_groups);
+        assert_eq!(named, text("light_groups", "key=0").map(|r| r.light_groups));
+        for wrong in [("size", "640"), ("size", "0x5"), ("crop", "5,0,5,1"), ("crop", "1,2,3")] {
+            assert!(text(wrong.0, wrong.1).is_err(), "{wrong:?}");
+        }
+        assert!(text("crop", "0,0,10,10").is_ok());
+    }
+
+    #[test]
+    fn what_is_of_another_sort_is_told_from_what_is_out_of_range() {
+        let list = Wish::List(vec![]);
+        for setting in Request::SETTINGS {
+            let problem = setting.set(&mut Request::default(), &list);
+            let is_list = matches!(setting.form, Form::List | Form::Lists);
+            assert_eq!(matches!(problem, Err(Problem::Kind(_))), !is_list, "{}", setting.name);
+        }
+        assert!(matches!(text("spp", "0"), Err(Problem::Value(_))));
+        assert!(matches!(set("seed", &Wish::Whole(-1)), Err(Problem::Value(_))));
+        let Err(Problem::Value(problem)) = text("sampler", "zsobl") else { panic!("no error") };
+        assert!(problem.ends_with("did you mean zsobol?"), "{problem}");
+    }
+}
