@@ -1,15 +1,19 @@
 //! All surfaces as triangles in the world, for the simplest formats.
 
-use super::tessellate::{most_triangles, tessellate};
-use super::{BYTES_OF_TRIANGLE, Expansion, Output};
+use super::{AROUND, BYTES_OF_TRIANGLE, Expansion, Output};
 use crate::strip;
-use snell_intersect::{Curves, TriangleMesh};
+use snell_intersect::{AnyShape, Curves, Shape, TriangleMesh};
 use snell_scene::placed::{Placed, placed, total};
 use snell_scene::{Geometry, Node, Scene, Surface};
 use std::borrow::Cow;
 
 /// Maximum number of triangles whose corners 32-bit numbers can count.
 const MOST_TRIANGLES: u64 = u32::MAX as u64 / 3;
+
+/// How many triangles a shape becomes at most.
+fn most_triangles(shape: &AnyShape) -> u64 {
+    shape.patches().iter().map(|patch| patch.most_triangles(AROUND)).sum()
+}
 
 /// The number of triangles after tessellating everything; each instance counts.
 fn triangle_count(scene: &Scene) -> Result<u64, String> {
@@ -46,7 +50,7 @@ pub fn world_meshes<'a>(
             Geometry::Mesh(mesh) => Some(Cow::Borrowed(&**mesh)),
             Geometry::Shape(shape) => {
                 note_shape(shape.name(), output);
-                tessellate(shape).map(Cow::Owned)
+                shape.tessellate(AROUND).map(Cow::Owned)
             }
             Geometry::Curves(curves) => tubes_of(curves, output).map(Cow::Owned),
         };

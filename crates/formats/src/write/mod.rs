@@ -14,7 +14,6 @@ mod pbrt;
 mod picture;
 mod ply;
 mod stl;
-mod tessellate;
 #[cfg(test)]
 pub(crate) use picture::encoded as encoded_picture;
 #[cfg(test)]
@@ -27,6 +26,9 @@ use snell_scene::placed::distinct_triangles;
 use snell_scene::texture::Pattern;
 use snell_scene::{Scene, Warning};
 use std::path::{Path, PathBuf};
+
+/// Pieces around a circle, where shapes become triangles.
+const AROUND: u32 = 96;
 
 /// A writer of scene files.
 #[derive(Clone, Copy)]

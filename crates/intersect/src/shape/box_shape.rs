@@ -4,7 +4,7 @@ use super::frustum::choose;
 use super::nearest::on_triangle;
 use super::plane::intersect_plane;
 use super::span::{Span, crossings};
-use super::{Metric, Shape, ShapeError, ShapeHit, ShapePoint, ShapeSample, ShapeSurface};
+use super::{Metric, Patch, Shape, ShapeError, ShapeHit, ShapePoint, ShapeSample, ShapeSurface};
 use serde::{Deserialize, Serialize};
 use snell_math::{Bounds3d, DRay, DVec2, DVec3};
 
@@ -118,6 +118,22 @@ impl BoxShape {
         let pairs = [d.y * d.z, d.z * d.x, d.x * d.y];
         std::array::from_fn(|face| pairs[face / 2])
     }
+
+    /// The corners of a face, counter-clockwise from outside.
+    fn corners_of(&self, face: u32) -> [DVec3; 4] {
+        let (axis, upper) = ((face / 2) as usize, face % 2 == 1);
+        let (s, t) = ((axis + 1) % 3, (axis + 2) % 3);
+        let corner = |a: bool, b: bool| {
+            let mut p = self.min;
+            p[axis] = if upper { self.max[axis] } else { self.min[axis] };
+            p[s] = if a { self.max[s] } else { self.min[s] };
+            p[t] = if b { self.max[t] } else { self.min[t] };
+            p
+        };
+        let corners =
+            [corner(false, false), corner(true, false), corner(true, true), corner(false, true)];
+        if upper { corners } else { [corners[0], corners[3], corners[2], corners[1]] }
+    }
 }
 
 impl Shape for BoxShape {
@@ -209,6 +225,10 @@ impl Shape for BoxShape {
 
     fn is_closed(&self) -> bool {
         true
+    }
+
+    fn patches(&self) -> Vec<Patch> {
+        (0..6).map(|face| Patch::flat(face, self.corners_of(face))).collect()
     }
 }
 

@@ -1,7 +1,7 @@
 //! A cylinder around the y axis.
 
 use super::frustum::{Frustum, closed, shape_as_frustum};
-use super::{Metric, Shape, ShapeError, ShapeHit, ShapePoint, ShapeSample, ShapeSurface};
+use super::{Metric, Patch, Shape, ShapeError, ShapeHit, ShapePoint, ShapeSample, ShapeSurface};
 use serde::{Deserialize, Serialize};
 use snell_math::parameters::Range;
 use snell_math::{Bounds3d, DRay, DVec2, DVec3};

@@ -4,7 +4,8 @@ use super::nearest::on_ring;
 use super::plane::closest_in_z0;
 use super::winding;
 use super::{
-    AnyShape, Metric, Shape, ShapeError, ShapeHit, ShapePoint, ShapeSample, ShapeSurface, turn,
+    AnyShape, Metric, Patch, Shape, ShapeError, ShapeHit, ShapePoint, ShapeSample, ShapeSurface,
+    turn,
 };
 use serde::{Deserialize, Serialize};
 use snell_math::parameters::Range;
@@ -126,6 +127,15 @@ impl Shape for Disk {
 
     fn is_closed(&self) -> bool {
         false
+    }
+
+    fn patches(&self) -> Vec<Patch> {
+        let Self { radius, inner_radius } = *self;
+        let position = move |u: f64, v: f64| {
+            let radius = radius + (inner_radius - radius) * v;
+            (DVec2::from_angle(u * TAU) * radius).extend(0.0)
+        };
+        vec![Patch::round(0, 0.0, position)]
     }
 
     fn to_any(&self) -> Option<AnyShape> {

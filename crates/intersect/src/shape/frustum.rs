@@ -4,7 +4,9 @@ use super::disk::{on_ring_at, polar, sample_ring};
 use super::nearest::{around, on_ring, on_segment};
 use super::span::{Span, crossings, roots, slab};
 use super::winding;
-use super::{Metric, Shape, ShapeError, ShapeHit, ShapePoint, ShapeSample, ShapeSurface, turn};
+use super::{
+    Metric, Patch, Shape, ShapeError, ShapeHit, ShapePoint, ShapeSample, ShapeSurface, turn,
+};
 use serde::{Deserialize, Serialize};
 use snell_math::parameters::Range;
 use snell_math::{Bounds3d, DRay, DVec2, DVec3, robust};
@@ -327,6 +329,24 @@ impl Shape for Frustum {
     fn is_closed(&self) -> bool {
         self.caps
     }
+
+    fn patches(&self) -> Vec<Patch> {
+        let Self { bottom_radius, top_radius, height, caps } = *self;
+        let ring = |u: f64, radius: f64, y: f64| {
+            let (sin, cos) = (u * TAU).sin_cos();
+            DVec3::new(radius * sin, y, radius * cos)
+        };
+        let side = move |u: f64, v: f64| {
+            ring(u, top_radius + (bottom_radius - top_radius) * v, height * (0.5 - v))
+        };
+        let cap = |face: u32, radius: f64, y: f64| {
+            let disk = move |u: f64, v: f64| ring(u, radius * (1.0 - v), y);
+            (caps && radius > 0.0).then(|| Patch::round(face, 0.0, disk))
+        };
+        let [bottom, top] = self.ends();
+        let caps = [cap(Self::BOTTOM, bottom_radius, bottom), cap(Self::TOP, top_radius, top)];
+        [Some(Patch::round(Self::SIDE, 0.0, side))].into_iter().chain(caps).flatten().collect()
+    }
 }
 
 /// Chooses an entry in proportion to its weight, and gives what is left of `u` as a fresh number in
@@ -384,6 +404,9 @@ macro_rules! shape_as_frustum {
             }
             fn is_closed(&self) -> bool {
                 self.as_frustum().is_closed()
+            }
+            fn patches(&self) -> Vec<Patch> {
+                self.as_frustum().patches()
             }
         }
     };

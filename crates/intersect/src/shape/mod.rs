@@ -14,6 +14,7 @@ pub mod cylinder;
 pub mod disk;
 pub mod frustum;
 pub mod nearest;
+pub mod patch;
 pub mod plane;
 pub mod polygon;
 pub mod rectangle;
@@ -30,12 +31,14 @@ pub use cylinder::Cylinder;
 pub use disk::Disk;
 pub use frustum::Frustum;
 pub use nearest::{Metric, ShapePoint};
+pub use patch::Patch;
 pub use plane::Plane;
 pub use polygon::{Polygon, PolygonError};
 pub use rectangle::Rectangle;
 pub use sphere::Sphere;
 pub use triangle::Triangle;
 
+use crate::mesh::TriangleMesh;
 use snell_math::{Bounds3d, DRay, DVec2, DVec3};
 
 /// A point where a ray meets a shape.
@@ -193,6 +196,17 @@ pub trait Shape: Send + Sync + std::fmt::Debug {
     /// plane, triangle, polygon), which have no inside.
     fn is_closed(&self) -> bool;
 
+    /// The parts of the surface from which [`Self::tessellate`] makes triangles; none for unbounded
+    /// shapes.
+    fn patches(&self) -> Vec<Patch>;
+
+    /// Triangles with the normals and texture coordinates of the shape and their outer side
+    /// outside, with `around` pieces around each circle, at least 3. The corners lie on the surface
+    /// to single precision; a closed shape gives a closed mesh. `None` for unbounded shapes.
+    fn tessellate(&self, around: u32) -> Option<TriangleMesh> {
+        patch::tessellate(self, around)
+    }
+
     /// The shape as one that is known by name, for those who can do more with some than with
     /// others: light sampling knows how a sphere looks from a point. `None` for shapes of users.
     fn to_any(&self) -> Option<AnyShape> {
@@ -272,6 +286,10 @@ impl Shape for AnyShape {
 
     fn is_closed(&self) -> bool {
         match_shape!(self, shape => shape.is_closed())
+    }
+
+    fn patches(&self) -> Vec<Patch> {
+        match_shape!(self, shape => shape.patches())
     }
 
     fn to_any(&self) -> Option<AnyShape> {

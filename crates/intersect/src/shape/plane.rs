@@ -2,7 +2,7 @@
 
 use super::nearest::on_plane;
 use super::span::scaled_direction;
-use super::{Metric, Shape, ShapeHit, ShapePoint, ShapeSample, ShapeSurface};
+use super::{Metric, Patch, Shape, ShapeHit, ShapePoint, ShapeSample, ShapeSurface};
 use serde::{Deserialize, Serialize};
 use snell_math::{Bounds3d, DRay, DVec2, DVec3};
 
@@ -86,6 +86,10 @@ impl Shape for Plane {
 
     fn is_closed(&self) -> bool {
         false
+    }
+
+    fn patches(&self) -> Vec<Patch> {
+        Vec::new()
     }
 }
 

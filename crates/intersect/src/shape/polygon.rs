@@ -5,7 +5,7 @@ use super::nearest::on_triangle;
 use super::plane::intersect_plane;
 use super::triangle::{RaySpace, sample_barycentrics};
 use super::winding;
-use super::{Metric, Shape, ShapeHit, ShapePoint, ShapeSample, ShapeSurface};
+use super::{Metric, Patch, Shape, ShapeHit, ShapePoint, ShapeSample, ShapeSurface};
 use serde::{Deserialize, Serialize};
 use snell_math::parameters::{Declared, Kind, Parameter, Range, Value, Visitor};
 use snell_math::{Bounds3d, DRay, DVec2, DVec3};
@@ -296,6 +296,10 @@ impl Shape for Polygon {
 
     fn is_closed(&self) -> bool {
         false
+    }
+
+    fn patches(&self) -> Vec<Patch> {
+        vec![Patch::flat(0, self.vertices())]
     }
 }
 

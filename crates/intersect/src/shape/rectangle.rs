@@ -3,7 +3,9 @@
 use super::nearest::on_triangle;
 use super::plane::closest_in_z0;
 use super::winding;
-use super::{AnyShape, Metric, Shape, ShapeError, ShapeHit, ShapePoint, ShapeSample, ShapeSurface};
+use super::{
+    AnyShape, Metric, Patch, Shape, ShapeError, ShapeHit, ShapePoint, ShapeSample, ShapeSurface,
+};
 use serde::{Deserialize, Serialize};
 use snell_math::parameters::Range;
 use snell_math::{Bounds3d, DRay, DVec2, DVec3};
@@ -94,6 +96,12 @@ impl Shape for Rectangle {
 
     fn is_closed(&self) -> bool {
         false
+    }
+
+    fn patches(&self) -> Vec<Patch> {
+        let [x, y] = self.half_size.to_array();
+        let corners = [[-x, -y], [x, -y], [x, y], [-x, y]].map(|[x, y]| DVec3::new(x, y, 0.0));
+        vec![Patch::flat(0, corners)]
     }
 
     fn to_any(&self) -> Option<AnyShape> {

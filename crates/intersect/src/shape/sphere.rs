@@ -3,7 +3,8 @@
 use super::nearest::on_sphere;
 use super::span::{Span, accurate_cross, crossings, roots};
 use super::{
-    AnyShape, Metric, Shape, ShapeError, ShapeHit, ShapePoint, ShapeSample, ShapeSurface, turn,
+    AnyShape, Metric, Patch, Shape, ShapeError, ShapeHit, ShapePoint, ShapeSample, ShapeSurface,
+    turn,
 };
 use serde::{Deserialize, Serialize};
 use snell_math::parameters::Range;
@@ -142,6 +143,17 @@ impl Shape for Sphere {
 
     fn is_closed(&self) -> bool {
         true
+    }
+
+    fn patches(&self) -> Vec<Patch> {
+        let radius = self.radius;
+        let position = move |u: f64, v: f64| {
+            let ((sin, cos), (sin_phi, cos_phi)) = ((v * PI).sin_cos(), (u * TAU).sin_cos());
+            // A pole is one point, to the bit: what would be triangles without area are left out.
+            let sin = if v == 1.0 { 0.0 } else { sin };
+            DVec3::new(sin * sin_phi, cos, sin * cos_phi) * radius
+        };
+        vec![Patch::round(0, 0.5, position)]
     }
 
     fn to_any(&self) -> Option<AnyShape> {

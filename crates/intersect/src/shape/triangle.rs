@@ -5,7 +5,9 @@ use super::nearest::on_triangle;
 use super::plane::intersect_plane;
 use super::span::{accurate_cross, scaled_direction};
 use super::winding;
-use super::{AnyShape, Metric, Shape, ShapeError, ShapeHit, ShapePoint, ShapeSample, ShapeSurface};
+use super::{
+    AnyShape, Metric, Patch, Shape, ShapeError, ShapeHit, ShapePoint, ShapeSample, ShapeSurface,
+};
 use serde::{Deserialize, Serialize};
 use snell_math::{Bounds3d, DRay, DVec2, DVec3, robust};
 
@@ -242,6 +244,10 @@ impl Shape for Triangle {
 
     fn is_closed(&self) -> bool {
         false
+    }
+
+    fn patches(&self) -> Vec<Patch> {
+        vec![Patch::flat(0, self.vertices)]
     }
 
     fn to_any(&self) -> Option<AnyShape> {

@@ -8,11 +8,10 @@ mod stage;
 mod texture;
 
 use super::flat::{note_shape, tubes_of};
-use super::tessellate::tessellate;
-use super::{Expansion, Output, SceneWriter};
+use super::{AROUND, Expansion, Output, SceneWriter};
 use buffer::Buffer;
 use serde_json::{Value, json};
-use snell_intersect::{AnyShape, Curves, TriangleMesh};
+use snell_intersect::{AnyShape, Curves, Shape, TriangleMesh};
 use snell_math::DAffine3;
 use snell_scene::placed::{MAX_PLACED, placement_count};
 use snell_scene::{Geometry, MaterialId, Node, NodeId, Scene, Surface};
@@ -256,7 +255,7 @@ impl Document<'_, '_> {
         // The scene keeps the shapes, so addresses stay unique.
         self.shapes
             .entry(Arc::as_ptr(shape))
-            .or_insert_with(|| tessellate(shape).map(Arc::new))
+            .or_insert_with(|| shape.tessellate(AROUND).map(Arc::new))
             .clone()
     }
 

@@ -2,10 +2,10 @@
 
 use super::material::Made;
 use super::{File, transform};
+use crate::write::AROUND;
 use crate::write::flat::note_shape;
 use crate::write::ply;
-use crate::write::tessellate::tessellate;
-use snell_intersect::{AnyShape, Curves, TriangleMesh};
+use snell_intersect::{AnyShape, Curves, Shape, TriangleMesh};
 use snell_math::{DAffine3, DMat3, DVec3, Vec2};
 use snell_scene::Geometry;
 use snell_scene::placed::Placed;
@@ -97,7 +97,8 @@ impl File<'_, '_> {
             _ => {
                 note_shape(shape.name(), self.output);
                 let made_of = self.shapes.entry(Arc::as_ptr(shape));
-                let Some(mesh) = made_of.or_insert_with(|| tessellate(shape).map(Arc::new)).clone()
+                let Some(mesh) =
+                    made_of.or_insert_with(|| shape.tessellate(AROUND).map(Arc::new)).clone()
                 else {
                     return;
                 };

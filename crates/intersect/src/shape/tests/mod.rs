@@ -8,3 +8,4 @@ mod nearest;
 mod oracle;
 mod rays;
 mod surface;
+mod tessellation;
