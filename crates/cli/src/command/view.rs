@@ -241,6 +241,7 @@ impl Files {
             camera,
             camera_number,
             is_camera_made,
+            request: (*options.request).clone(),
             settings,
             display,
             command: words.map(|word| word.to_string_lossy().into_owned()).collect(),

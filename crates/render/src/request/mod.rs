@@ -106,28 +106,28 @@ settings! {
         /// Seed of the random numbers.
         ///
         /// The picture depends on it, but not on the number of threads or the time of day.
-        #[setting(Light, "N", "int", default "0")]
+        #[setting(Light, "N", "int", default "0"; live)]
         pub seed: u32,
         /// Colours in light transport (`spectral` has four wavelengths per sample).
-        #[setting(Light, "NAME", "str")]
+        #[setting(Light, "NAME", "str"; live)]
         pub color: ColorModel,
         /// Source of random numbers.
-        #[setting(Light, "NAME", "str")]
+        #[setting(Light, "NAME", "str"; live)]
         pub sampler: SamplerKind,
         /// Reconstruction filter.
-        #[setting(Light, "NAME", "str")]
+        #[setting(Light, "NAME", "str"; live)]
         pub filter: Filter,
         /// Shadows of `raycast` and `whitted`.
-        #[setting(Light, "NAME", "str")]
+        #[setting(Light, "NAME", "str"; live)]
         pub shadows: Shadows,
         /// Shadow terminator on coarse meshes with smooth normals.
-        #[setting(Light, "NAME", "str")]
+        #[setting(Light, "NAME", "str"; live)]
         pub terminator: Terminator,
         /// Samples that find lights in `path` and `direct`.
-        #[setting(Light, "NAME", "str")]
+        #[setting(Light, "NAME", "str"; live)]
         pub light_samples: LightStrategy,
         /// Choice of a light among many.
-        #[setting(Light, "NAME", "str")]
+        #[setting(Light, "NAME", "str"; live)]
         pub light_sampler: LightSamplerKind,
         /// Learn where light comes from before rendering, for caustics and hidden lights (`path`).
         /// The value is the number of training passes; `auto` takes a quarter of the samples or of
@@ -141,19 +141,20 @@ settings! {
         /// becomes too dark.
         #[setting(
             Light, "RADIANCE", "float", range Range::Within(f64::MIN_POSITIVE, f32::MAX as f64),
-            default "off"
+            default "off"; live
         )]
         pub clamp: f32,
         /// Range of `ao`, in scene units.
         #[setting(
-            Light, "DISTANCE", "float", range Range::Positive, default "half of the scene's radius"
+            Light, "DISTANCE", "float", range Range::Positive,
+            default "half of the scene's radius"; live
         )]
         pub ao_distance: f32,
         /// Acceleration structure, which never changes the picture.
         #[setting(Light, "NAME", "str")]
         pub accelerator: AcceleratorKind,
         /// Build quality of the bvh, which never changes the picture.
-        #[setting(Light, "NAME", "str")]
+        #[setting(Light, "NAME", "str"; live)]
         pub quality: Quality,
         /// Keep acceleration structures of large meshes in this folder, for the next render.
         #[setting(Light, "FOLDER", "str | os.PathLike[str]")]

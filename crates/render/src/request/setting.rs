@@ -65,6 +65,8 @@ pub struct Setting {
     pub alias: Option<&'static str>,
     /// How it is written.
     pub form: Form,
+    /// True if it may change while a picture is looked at: the page of the viewer has it.
+    pub is_live: bool,
     /// The names of which it is one, where it is a choice; the first of its default.
     pub choices: fn() -> Vec<&'static str>,
     /// The name of the default choice, or what holds if nothing is set. Empty if its documentation
@@ -76,8 +78,10 @@ pub struct Setting {
     pub(super) set: fn(&mut Request, &Wish) -> Result<(), Problem>,
     /// What is wrong with the value of the field, if anything: the number, and what is expected.
     pub(super) check: fn(&Request) -> Option<[String; 2]>,
-    /// True if the field is set.
-    pub(super) is_set: fn(&Request) -> bool,
+    /// The value of the field as text, if it is set.
+    pub(super) get: fn(&Request) -> Option<String>,
+    /// Unsets the field.
+    pub(super) clear: fn(&mut Request),
 }
 
 /// Why a setting cannot have a value: what is expected instead, to be read after the name and the
@@ -111,9 +115,14 @@ impl Setting {
         Ok(())
     }
 
-    /// True if a request sets it.
-    pub fn is_set(&self, request: &Request) -> bool {
-        (self.is_set)(request)
+    /// Its value in a request as a command line has it; `None` if it is not set.
+    pub fn get(&self, request: &Request) -> Option<String> {
+        (self.get)(request)
+    }
+
+    /// Leaves it to the scene or the default.
+    pub fn clear(&self, request: &mut Request) {
+        (self.clear)(request);
     }
 
     /// The name of its option on the command line, without dashes. A list has that of one item.
@@ -184,7 +193,7 @@ macro_rules! settings {
             #[setting(
                 $heading:ident, $value_name:literal, $python:literal
                 $(, short $short:literal)? $(, alias $alias:literal)? $(, range $range:expr)?
-                $(, default $default:expr)?
+                $(, default $default:expr)? $(; $live:ident)?
             )]
             pub $field:ident: $type:ty,
         )*}
@@ -214,6 +223,7 @@ macro_rules! settings {
                     short: $crate::request::setting::settings!(@option $($short)?),
                     alias: $crate::request::setting::settings!(@option $($alias)?),
                     form: <$type as Wished>::FORM,
+                    is_live: $crate::request::setting::settings!(@live $($live)?),
                     choices: <$type as Wished>::choices,
                     default: || $crate::request::setting::settings!(
                         @first $($default,)? <$type as Wished>::default_name()
@@ -226,12 +236,15 @@ macro_rules! settings {
                     check: |request| {
                         request.$field.as_ref().and_then(|value| value.problem(RANGE))
                     },
-                    is_set: |request| request.$field.is_some(),
+                    get: |request| request.$field.as_ref().map(Wished::text),
+                    clear: |request| request.$field = None,
                 }
             }),*];
         }
     };
     (@first $first:expr $(, $rest:expr)*) => { $first };
+    (@live) => { false };
+    (@live live) => { true };
     (@option) => { None };
     (@option $value:literal) => { Some($value) };
 }

@@ -92,6 +92,11 @@ pub(super) trait Wished: Sized {
         None
     }
 
+    /// It as a command line has it; empty for what the viewer does not change.
+    fn text(&self) -> String {
+        String::new()
+    }
+
     /// The names that it chooses from.
     fn choices() -> Vec<&'static str> {
         Vec::new()
@@ -130,6 +135,10 @@ impl Wished for u32 {
         }
     }
 
+    fn text(&self) -> String {
+        self.to_string()
+    }
+
     fn problem(&self, range: Range) -> Option<[String; 2]> {
         let is_possible = range.contains(f64::from(*self));
         (!is_possible).then(|| [self.to_string(), in_words(range, true)])
@@ -144,6 +153,10 @@ macro_rules! numbers {
                     Some(x) => Ok(Some(x as $type)),
                     None => unlike(in_words(range, false)),
                 }
+            }
+
+            fn text(&self) -> String {
+                self.to_string()
             }
 
             fn problem(&self, range: Range) -> Option<[String; 2]> {
@@ -234,6 +247,10 @@ macro_rules! choices {
                 let Wish::Text(name) = wish else { return unlike("a name") };
                 let found = Self::ALL.into_iter().find(|choice| choice.name() == name);
                 found.map(Some).ok_or_else(|| unknown(name, &Self::choices()))
+            }
+
+            fn text(&self) -> String {
+                self.name().into()
             }
 
             fn choices() -> Vec<&'static str> {
