@@ -5,15 +5,19 @@ from __future__ import annotations
 import importlib
 import os
 import sys
+import textwrap
 import time as clock
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 from snell._progress import reporter
-from snell._snell import Image, Scene, _Render, load
+from snell._snell import Image, Scene, _Render, _render_settings, load
 
 if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from snell._settings import RenderSettings
     from snell._snell import Camera
 
 __all__ = ["SceneWarning", "render", "render_iter"]
@@ -53,32 +57,10 @@ def render(
     size: tuple[int, int] | None = None,
     *,
     camera: Camera | int | str | None = None,
-    aovs: str | Sequence[str] | None = None,
-    noise: float | None = None,
-    time: float | None = None,
-    max_depth: int | None = None,
-    seed: int | None = None,
     threads: int | None = None,
-    crop: tuple[int, int, int, int] | None = None,
-    guiding: bool | int | None = None,
-    denoise: bool | str | os.PathLike[str] | None = None,
-    color: str | None = None,
-    clamp: float | None = None,
-    sampler: str | None = None,
-    filter: str | None = None,
-    shadows: str | None = None,
-    terminator: str | None = None,
-    light_samples: str | None = None,
-    light_sampler: str | None = None,
-    light_groups: Mapping[str, Any] | None = None,
-    ao_distance: float | None = None,
-    exposure: float | None = None,
     tonemap: str | None = None,
-    accelerator: str | None = None,
-    quality: str | None = None,
-    bvh_cache: str | os.PathLike[str] | None = None,
-    bvh_compact: bool = False,
     progress: bool | Callable[[float, int], object] = True,
+    **settings: Unpack[RenderSettings],
 ) -> Image:
     """Renders a scene.
 
@@ -90,56 +72,17 @@ def render(
     ----------
     scene : Scene, str or os.PathLike
         A scene, a file that :func:`load` reads, or the name of a built-in scene.
-    integrator : str
-        How light is computed: ``"path"`` (all of it; the default), ``"direct"``, ``"ao"``,
-        ``"whitted"``, ``"raycast"``, ``"flat"`` or ``"aov"``.
-    spp : int
-        Samples per pixel: 64 for ``"path"``. With `noise` or `time` the most, and as many as it
-        takes if left out.
-    size : tuple of int
-        Width and height in pixels: (960, 720).
     camera : Camera, int, str
         A camera, or number or name of one of the scene's; the first.
-    aovs : list of str
-        Extra layers, such as ``["depth", "normal", "albedo"]``, or ``"all"``.
-    noise : float
-        Each pixel stops when its 95 % confidence interval is this narrow on both sides, such as
-        0.02 for 2 % of its light (of some grey, where it is dark).
-    time : float
-        Stop after so many seconds, once every pixel has a sample.
-    max_depth : int
-        Bounces after the first hit at most.
-    seed : int
-        Of the random numbers. The picture depends on it, but not on threads or time of day.
     threads : int
         All cores.
-    crop : tuple of int
-        ``(x0, y0, x1, y1)``: only these pixels, right and lower border excluded.
-    guiding : bool or int
-        Learn where light comes from before rendering, for caustics and hidden lights (``"path"``);
-        a number says in how many passes.
-    denoise : bool, str or os.PathLike
-        Remove noise with Open Image Denoise, if it is installed (such as by ``pip install pyoidn``)
-        or in this folder. What the colours were is the layer ``"noisy"``.
-    color : str
-        ``"rgb"``, or ``"spectral"``: four wavelengths for each sample.
-    clamp : float
-        Dim light of two or more bounces to this radiance: no fireflies, but too dark.
-    light_groups : dict
-        Show the light of some lights apart, as layers: names with lists of numbers of lights, names
-        of emissive materials, and ``"environment"``.
-    ao_distance : float
-        How far ``"ao"`` looks, in units of the scene: half of the scene's radius.
-    exposure, tonemap
-        How the picture is shown: stops; ``"none"``, ``"aces"`` or ``"agx"``. `noise` looks at it
-        with this exposure.
-    sampler, filter, shadows, terminator, light_samples, light_sampler, accelerator, quality,
-    bvh_cache, bvh_compact
-        As the options of the command ``snell render``.
+    tonemap : str
+        How the picture is shown: ``"none"``, ``"aces"`` or ``"agx"``.
     progress : bool or callable
         True shows how far it is, after a second, by tqdm or rich if the program has imported one of
         them, else as a line of text on a terminal. A callable is given the share that is done and
         the rays so far, and stops the render by answering False.
+    SETTINGS
 
     Returns
     -------
@@ -155,16 +98,44 @@ def render(
     >>> image.metadata["converged"]
     1.0
     """
-    options = {**locals(), "denoise": _denoiser(denoise)}
-    del options["scene"], options["progress"]
+    options = {"integrator": integrator, "spp": spp, "size": size, "camera": camera}
+    options |= {"threads": threads, "tonemap": tonemap, **_known("render", settings)}
     with reporter(progress) as report:
         image = _Render(_scene(scene), options).render(report=report)
     _warn(image)
     return image
 
 
-# What can be asked for beside the scene.
-_OPTIONS = tuple(render.__kwdefaults__ or ())
+# The settings of a render with what is to be said of each, as the renderer declares them.
+_SETTINGS: dict[str, dict[str, Any]] = _render_settings()
+
+
+def _known(function: str, settings: Mapping[str, Any]) -> dict[str, Any]:
+    """The settings, with the place of the denoiser; an error if one is not known."""
+    for name in settings:
+        if name not in _SETTINGS and name not in _OTHERS:
+            known = [*_SETTINGS, *_OTHERS]
+            near = importlib.import_module("difflib").get_close_matches(name, known, n=1)
+            hint = f"; did you mean {near[0]!r}?" if near else ""
+            raise TypeError(f"{function}() got an unexpected keyword argument {name!r}{hint}")
+    return {**settings, "denoise": _denoiser(settings.get("denoise"))}
+
+
+# What can be asked for beside the settings.
+_OTHERS = ("camera", "threads", "tonemap")
+
+
+def _documented() -> str:
+    """The settings as in the documentation of a function."""
+    lines = []
+    for name, about in _SETTINGS.items():
+        text = f"{about['summary']}. {about['details']}".strip()
+        lines.append(f"{name} : {about['type']}")
+        lines += textwrap.wrap(text, 92, initial_indent="    ", subsequent_indent="    ")
+    return "\n    ".join(lines)
+
+
+render.__doc__ = (render.__doc__ or "").replace("SETTINGS", _documented())
 
 
 def render_iter(
@@ -201,11 +172,7 @@ def render_iter(
     >>> [image.metadata["samples"] for image in pictures]
     [1, 4, 16]
     """
-    for name in options:
-        if name not in _OPTIONS:
-            near = importlib.import_module("difflib").get_close_matches(name, _OPTIONS, n=1)
-            hint = f"; did you mean {near[0]!r}?" if near else ""
-            raise TypeError(f"render_iter() got an unexpected keyword argument {name!r}{hint}")
+    options = _known("render_iter", options)
     options |= {"integrator": integrator, "spp": spp, "size": size, "time": time}
     return _refine(_scene(scene), options, time, progress, view)
 
@@ -219,7 +186,7 @@ def _refine(
 ) -> Iterator[Image]:
     show = _View() if (_is_notebook() if view is None else view) else None
     start = clock.perf_counter()
-    work = _Render(scene, {**options, "denoise": _denoiser(options.get("denoise"))})
+    work = _Render(scene, options)
     is_last, samples = False, 1
     while not is_last:
         left = None if time is None else max(time - (clock.perf_counter() - start), 1e-3)

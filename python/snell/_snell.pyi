@@ -33,6 +33,7 @@ __all__ = [
     "__version__",
     "_compare",
     "_explain",
+    "_render_settings",
     "_restore",
     "_restore_camera",
     "_restore_image",
@@ -71,6 +72,7 @@ def _restore_image(
     look: tuple[float, str, bool],
     facts: dict[str, Any],
 ) -> Image: ...
+def _render_settings() -> dict[str, dict[str, Any]]: ...
 def _explain(
     scene: Scene,
     options: dict[str, Any],

@@ -4,7 +4,7 @@ import { useSignal } from "@preact/signals";
 import type { ComponentChildren, JSX } from "preact";
 import { type Camera, fieldOfView, withFieldOfView } from "./camera";
 import { Field, inside } from "./form";
-import type { NodeInfo } from "./protocol.gen";
+import type { NodeInfo, SettingForm, ViewInfo } from "./protocol.gen";
 import {
   choices,
   costs,
@@ -89,6 +89,43 @@ function Slider(props: {
   );
 }
 
+/** A setting of the render that has no control of its own. */
+function Setting(props: { setting: SettingForm; now: ViewInfo; store: Store }): JSX.Element {
+  const { setting, now, store } = props;
+  const label = setting.name.replaceAll("_", " ");
+  const value = now.settings[setting.name] ?? "";
+  const send = (wish: unknown): void =>
+    store.send({ type: "set", name: setting.name, value: wish });
+  if (setting.options.length > 0) {
+    const options = setting.options.map((name) => ({ value: name }));
+    const usual = { value: "", text: `default (${setting.default})` };
+    return (
+      <Select
+        label={label}
+        value={value}
+        options={[usual, ...options]}
+        change={(name) => send(name === "" ? null : name)}
+      />
+    );
+  }
+  return (
+    <label class="field" title={setting.doc}>
+      <span>{label}</span>
+      <input
+        type="number"
+        step="any"
+        value={value}
+        placeholder={setting.default}
+        onChange={(event) => {
+          const text = event.currentTarget.value;
+          send(text === "" ? null : Number(text));
+        }}
+        aria-label={label}
+      />
+    </label>
+  );
+}
+
 function RenderSection({ store }: { store: Store }): JSX.Element | null {
   const [now, names] = [view.value, choices.value];
   if (!now || !names) return null;
@@ -144,6 +181,12 @@ function RenderSection({ store }: { store: Store }): JSX.Element | null {
         options={options(names.accelerators)}
         change={(accelerator) => store.send({ type: "render", accelerator })}
       />
+      <details class="more">
+        <summary>More settings</summary>
+        {names.settings.map((setting) => (
+          <Setting key={setting.name} setting={setting} now={now} store={store} />
+        ))}
+      </details>
       <button onClick={() => (costs.value = !costs.value)} aria-pressed={costs.value}>
         Compare acceleration structures
       </button>

@@ -36,7 +36,15 @@ aov?: string | null,
 /**
  * Acceleration structure.
  */
-accelerator?: string | null, } | { "type": "display", 
+accelerator?: string | null, } | { "type": "set", 
+/**
+ * Its name.
+ */
+name: string, 
+/**
+ * A name or number; null for what it was when the scene was opened.
+ */
+value: unknown, } | { "type": "display", 
 /**
  * Stops.
  */
@@ -172,7 +180,11 @@ scenes: Array<SceneChoice>,
 /**
  * The parameters of materials and lights, by the name of their family.
  */
-forms: { [key in string]: Form }, };
+forms: { [key in string]: Form }, 
+/**
+ * Settings of the render without a control of their own.
+ */
+settings: Array<SettingForm>, };
 
 export type Form = { 
 /**
@@ -252,7 +264,8 @@ lights: Record<string, unknown>[],
  */
 cameras: Camera[], 
 /**
- * Rotation of its environment about the up direction, in degrees; `None` without an environment, or for a uniform one.
+ * Rotation of its environment about the up direction, in degrees; `None` without an
+ * environment, or for a uniform one.
  */
 environment_rotation: number | null, 
 /**
@@ -298,6 +311,24 @@ surfaces: Array<string>,
  */
 visible: boolean, };
 
+export type SettingForm = { 
+/**
+ * Its name.
+ */
+name: string, 
+/**
+ * What it is, in words.
+ */
+doc: string, 
+/**
+ * What holds while it is not set, in words.
+ */
+default: string, 
+/**
+ * The names of a choice; empty for a number.
+ */
+options: Array<string>, };
+
 export type ViewInfo = { 
 /**
  * The camera.
@@ -327,6 +358,10 @@ max_depth: number,
  * Acceleration structure.
  */
 accelerator: string, 
+/**
+ * The values of [`Choices::settings`] that are set, by name.
+ */
+settings: { [key in string]: string }, 
 /**
  * Exposure in stops.
  */
@@ -452,7 +487,8 @@ error: [number, number, number], };
 
 export type PathClass = { 
 /**
- * The path in Heckbert's letters, from the eye to the light: E, then D (diffuse), G (glossy), S (mirror), T (transmitted), V (medium), L.
+ * The path in Heckbert's letters, from the eye to the light: E, then D (diffuse), G (glossy),
+ * S (mirror), T (transmitted), V (medium), L.
  */
 way: string, 
 /**

@@ -234,12 +234,17 @@ describe("forms", () => {
     ...more,
   });
   it("find what stands inside of a group, of the variant that a value is, and of one by name", () => {
-    const falloff = form("falloff", { tag: "falloff", kinds: { power: [form("cutoff")], step: [form("outer")] } });
+    const falloff = form("falloff", {
+      tag: "falloff",
+      kinds: { power: [form("cutoff")], step: [form("outer")] },
+    });
     const spot = form("spot", { fields: [falloff] });
     expect(inside(spot, {}, "falloff")).toBe(falloff);
     expect(inside(falloff, { falloff: "power" }, "cutoff")?.name).toBe("cutoff");
     expect(inside(falloff, { falloff: "step" }, "cutoff")).toBeUndefined();
-    const mapping = form("mapping", { kinds: { uv: [form("uv_set")], mask: [form("", { range: [0, 1] })] } });
+    const mapping = form("mapping", {
+      kinds: { uv: [form("uv_set")], mask: [form("", { range: [0, 1] })] },
+    });
     expect(inside(inside(mapping, {}, "uv"), {}, "uv_set")?.name).toBe("uv_set");
     expect(inside(mapping, {}, "mask")?.range).toEqual([0, 1]);
   });

@@ -27,7 +27,8 @@ const HELP: &str = "cargo xtask COMMAND
   fuzz-smoke  give damaged files to the program, for two minutes or --seconds N; --seed N, --only \
   render|commands, --release
   how-tested  write the figures of docs/how-it-is-tested.md; lint says when they are out of date
-  parameters  write docs/user/parameters.md; a test says when it is out of date
+  parameters  write docs/user/parameters.md and settings.md, and python/snell/_settings.py; tests say
+         when they are out of date
   golden make the pictures of golden scenes that changed the new references; look at them before \
   you commit
 ";
@@ -126,11 +127,12 @@ fn golden() -> bool {
     succeeded
 }
 
-/// The page of parameters is written anew, from their declarations.
+/// The pages of parameters and settings, and the types of settings in Python, are written anew from
+/// their declarations.
 fn parameters() -> bool {
     let mut command =
-        cargo(&["test", "--package", "snell-scene", "--lib", "families::reference::"]);
-    command.env("SNELL_PARAMETERS", "write");
+        cargo(&["test", "--package", "snell-scene", "--package", "snell-render", "--lib"]);
+    command.arg("reference::").env("SNELL_PARAMETERS", "write");
     run("parameters", command)
 }
 

@@ -310,9 +310,15 @@ fn long_options(text: &str) -> BTreeSet<String> {
     found
 }
 
+/// The page of the command line, with the page of settings, to which it leads.
+fn page_of_commands() -> String {
+    let folder = repository().join("docs/user");
+    ["command-line.md", "settings.md"].map(|name| read(&folder.join(name))).concat()
+}
+
 #[test]
 fn the_command_line_page_has_every_sub_command_and_option_and_no_other() {
-    let page = read(&repository().join("docs/user/command-line.md"));
+    let page = page_of_commands();
     let folder = fresh_folder("options");
     let help = |arguments: &[&str]| {
         let arguments = arguments.iter().map(|a| a.to_string()).collect();
@@ -400,7 +406,7 @@ fn the_command_line_page_has_every_name() {
         Aov, Filter, IntegratorKind, LightSamplerKind, LightStrategy, SamplerKind, Shadows,
         Terminator,
     };
-    let page = read(&repository().join("docs/user/command-line.md"));
+    let page = page_of_commands();
     let mut names: Vec<&str> = Vec::new();
     names.extend(IntegratorKind::ALL.map(IntegratorKind::name));
     names.extend(Aov::ALL.map(Aov::name));

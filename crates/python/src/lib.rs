@@ -71,6 +71,7 @@ fn _snell(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(texture::_restore_pattern, module)?)?;
     module.add_function(wrap_pyfunction!(medium::_restore_medium, module)?)?;
     module.add_class::<view::View>()?;
+    module.add_function(wrap_pyfunction!(settings::_render_settings, module)?)?;
     module.add_function(wrap_pyfunction!(view::_explain, module)?)?;
     module.add_function(wrap_pyfunction!(view::_view, module)?)?;
     module.add_class::<render::_Render>()?;

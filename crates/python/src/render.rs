@@ -102,7 +102,7 @@ impl Task {
         let prepared = scene.get().0.prepared(py, &Preparation { build, size }, threads)?;
         let camera = cameras::choose(&prepared.scene.cameras, keywords.any("camera")?.as_ref())?;
         let settings = request.resolve(&prepared.scene, &camera).map_err(request_error)?;
-        let denoiser = settings::denoiser(keywords)?;
+        let denoiser = settings::denoiser(&request)?;
         memory::check_picture(&settings, threads.count(), denoiser.is_some())?;
         Ok(Self { prepared, camera, request, settings, denoiser })
     }
@@ -119,7 +119,7 @@ impl _Render {
     ) -> PyResult<Self> {
         let keywords = Keywords(options);
         let task = Task::new(py, scene, &keywords)?;
-        let exposure = keywords.get("exposure", "a number")?;
+        let exposure = task.request.exposure;
         let tonemap: Option<String> = keywords.get("tonemap", "a name")?;
         let look = Look::of(&task.prepared.scene.settings, task.settings.integrator)?;
         let look = look.with(exposure, tonemap.as_deref())?;

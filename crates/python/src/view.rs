@@ -188,6 +188,16 @@ impl Source for Shown {
         let camera_number = scene.cameras.iter().position(|c| *c == camera).unwrap_or(0);
         let command = ["snell", "render", &name].map(String::from).to_vec();
         let settings = self.request.resolve(&scene, &camera).map_err(|e| e.to_string())?;
-        Ok(Opened { scene, camera, camera_number, is_camera_made, settings, display, command })
+        let request = self.request.clone();
+        Ok(Opened {
+            scene,
+            camera,
+            camera_number,
+            is_camera_made,
+            request,
+            settings,
+            display,
+            command,
+        })
     }
 }

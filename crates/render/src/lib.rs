@@ -47,6 +47,8 @@ pub use integrator::{IntegratorKind, aov::Aov};
 pub use job::{Job, Progress, Recording, Statistics, Training, Underway, with_patience};
 pub use light_sampler::LightSamplerKind;
 pub use picture::picture;
-pub use request::{GuidingPasses, Request, RequestError};
+pub use request::{
+    Denoise, Form, GuidingPasses, Heading, Problem, Request, RequestError, Setting, Wish,
+};
 pub use sampler::SamplerKind;
 pub use settings::{Crop, LightGroup, LightStrategy, Settings, Shadows, Terminator, TileOrder};

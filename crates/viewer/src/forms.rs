@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 use snell_math::parameters::{Declaration, Kind, Parameter};
+use snell_render::{Request, Setting};
 use snell_scene::families::Family;
 use std::collections::BTreeMap;
 
@@ -27,6 +28,31 @@ pub struct Form {
     pub tag: String,
     /// The parameters inside, by kind.
     pub kinds: BTreeMap<String, Vec<Form>>,
+}
+
+/// A setting of the render.
+#[derive(Clone, Debug, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
+pub struct SettingForm {
+    /// Its name.
+    pub name: String,
+    /// What it is, in words.
+    pub doc: String,
+    /// What holds while it is not set, in words.
+    pub default: String,
+    /// The names of a choice; empty for a number.
+    pub options: Vec<String>,
+}
+
+/// The settings of the render that may change while a picture is looked at.
+pub fn settings() -> Vec<SettingForm> {
+    let form = |setting: &Setting| SettingForm {
+        name: setting.name.into(),
+        doc: setting.summary(),
+        default: (setting.default)().into(),
+        options: (setting.choices)().into_iter().map(String::from).collect(),
+    };
+    Request::SETTINGS.iter().filter(|setting| setting.is_live).map(form).collect()
 }
 
 /// The forms of all materials and lights, each as if it were one parameter.

@@ -37,7 +37,7 @@ pub use server::{Server, ServerOptions, serve};
 
 use snell_formats::image::Display;
 use snell_formats::{ReadOptions, read_scene_bytes};
-use snell_render::Settings;
+use snell_render::{Request, Settings};
 use snell_scene::{Camera, Scene};
 use std::path::Path;
 
@@ -52,7 +52,9 @@ pub struct Opened {
     /// True if the camera was made to frame the whole scene at this aspect ratio: at another one,
     /// the command makes another camera.
     pub is_camera_made: bool,
-    /// The settings at rest.
+    /// The settings that were asked for.
+    pub request: Request,
+    /// The settings at rest that follow from them.
     pub settings: Settings,
     /// The display settings.
     pub display: Display,

@@ -3,7 +3,7 @@
 //! from these; a test checks that they are up to date.
 
 use crate::explain::Report;
-use crate::forms::Form;
+use crate::forms::{Form, SettingForm};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -51,6 +51,14 @@ pub enum ToServer {
         #[serde(default)]
         #[cfg_attr(test, ts(optional = nullable))]
         accelerator: Option<String>,
+    },
+    /// Another setting of the render, one of [`Choices::settings`].
+    Set {
+        /// Its name.
+        name: String,
+        /// A name or number; null for what it was when the scene was opened.
+        #[cfg_attr(test, ts(type = "unknown"))]
+        value: Value,
     },
     /// Exposure and tone map of frames while something moves (at rest the page applies them).
     Display {
@@ -186,6 +194,8 @@ pub struct Choices {
     pub scenes: Vec<SceneChoice>,
     /// The parameters of materials and lights, by the name of their family.
     pub forms: BTreeMap<String, Form>,
+    /// Settings of the render without a control of their own.
+    pub settings: Vec<SettingForm>,
 }
 
 /// A built-in scene.
@@ -270,6 +280,8 @@ pub struct ViewInfo {
     pub max_depth: u32,
     /// Acceleration structure.
     pub accelerator: String,
+    /// The values of [`Choices::settings`] that are set, by name.
+    pub settings: BTreeMap<String, String>,
     /// Exposure in stops.
     pub exposure: f64,
     /// Tone map.
@@ -378,6 +390,7 @@ mod tests {
             SceneChoice::decl(&config),
             SceneInfo::decl(&config),
             NodeInfo::decl(&config),
+            SettingForm::decl(&config),
             ViewInfo::decl(&config),
             PickedHit::decl(&config),
             Report::decl(&config),

@@ -444,6 +444,7 @@ impl Session {
             spp: settings.spp,
             max_depth: settings.max_depth,
             accelerator: settings.build.accelerator.name().into(),
+            settings: state.set_settings(),
             exposure: state.display.exposure,
             tonemap: state.display.tonemap.name().into(),
             srgb: state.display.srgb,
@@ -467,6 +468,7 @@ fn choices() -> Choices {
         accelerators: names(&AcceleratorKind::ALL, AcceleratorKind::name),
         scenes: BUILTINS.iter().map(scene_choice).collect(),
         forms: crate::forms::forms(),
+        settings: crate::forms::settings(),
     }
 }
 
@@ -492,6 +494,7 @@ mod tests {
                 scene,
                 camera_number: 0,
                 is_camera_made: false,
+                request: snell_render::Request::default(),
                 settings,
                 display: Display::default(),
                 command: Vec::new(),
@@ -521,6 +524,9 @@ mod tests {
                 "aov": "normal", "accelerator": "grid"
             }),
             json!({"type": "render", "integrator": "aov", "aov": ""}),
+            json!({"type": "set", "name": "sampler", "value": "sobol"}),
+            json!({"type": "set", "name": "clamp", "value": 8}),
+            json!({"type": "set", "name": "clamp", "value": null}),
             json!({"type": "display", "exposure": 1, "tonemap": "aces"}),
             json!({"type": "edit", "key": "light.0.intensity", "value": [1, 1, 1]}),
             json!({"type": "edit", "key": "ambient", "value": [1, 1, 1]}),
@@ -609,6 +615,8 @@ mod tests {
             (json!({"type": "render", "spp": 7, "accelerator": "nope"}), "accelerator"),
             (json!({"type": "render", "max_depth": 7, "spp": 0}), "spp"),
             (json!({"type": "display", "exposure": 3, "tonemap": "nope"}), "tonemap"),
+            (json!({"type": "set", "name": "sampler", "value": "nope"}), "sampler"),
+            (json!({"type": "set", "name": "denoise", "value": true}), "no setting of the page"),
             (json!({"type": "size", "size": [0, 100]}), "size"),
         ] {
             let before = facts(&session);

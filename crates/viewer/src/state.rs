@@ -7,11 +7,11 @@ use crate::size::fits;
 use crate::{Opened, by_name};
 use serde_json::Value;
 use snell_formats::image::{Display, Tonemap};
-use snell_intersect::AcceleratorKind;
-use snell_render::{Aov, IntegratorKind, Settings};
+use snell_intersect::{AcceleratorKind, BuildOptions};
+use snell_render::{Aov, IntegratorKind, Request, Settings, Wish};
 use snell_scene::camera::{Intrinsics, Projection};
 use snell_scene::{Camera, Scene, overrides, problem_at};
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -44,6 +44,8 @@ pub struct State {
     pub camera: Camera,
     /// Number of the last camera message.
     pub seq: u32,
+    /// The render settings that were asked for.
+    request: Request,
     /// The render settings at rest.
     pub settings: Settings,
     /// The display settings.
@@ -79,6 +81,7 @@ impl State {
         Ok(Self {
             scene: Arc::new(opened.scene.clone()),
             camera: opened.camera.clone(),
+            request: opened.request.clone(),
             settings,
             display: opened.display,
             opened: Arc::new(opened),
@@ -101,6 +104,7 @@ impl State {
         if is_same {
             (new.camera, new.display) = (self.camera.clone(), self.display);
             new.settings = Settings { build: new.settings.build.clone(), ..self.settings.clone() };
+            new.request = self.request.clone();
         }
         Ok(new)
     }
@@ -139,6 +143,7 @@ impl State {
             ToServer::Render { integrator, spp, max_depth, aov, accelerator } => {
                 self.set_render(integrator, spp, max_depth, aov, accelerator)?;
             }
+            ToServer::Set { name, value } => self.set(&name, &value)?,
             ToServer::Display { exposure, tonemap } => {
                 if exposure.is_nan() || exposure.abs() > 100.0 {
                     return Err("an exposure is a number of stops from -100 to 100".into());
@@ -194,6 +199,7 @@ impl State {
             geometry,
             camera,
             seq,
+            request,
             settings,
             display,
             moved,
@@ -202,7 +208,7 @@ impl State {
         let scene = serde_json::to_string(&(&self.scene.materials, &self.scene.lights))
             .expect("plain data");
         let numbers = (applied, hidden, generation, geometry, seq, moved);
-        format!("{edits:?} {numbers:?} {camera:?} {settings:?} {display:?} {scene}")
+        format!("{edits:?} {numbers:?} {camera:?} {request:?} {settings:?} {display:?} {scene}")
     }
 
     fn edit(&mut self, edit: String) -> Result<(), String> {
@@ -238,6 +244,55 @@ impl State {
         (self.hidden, self.applied) = (hidden, applied);
         self.generation += 1;
         Ok(())
+    }
+
+    /// Sets a setting without a message of its own; with null, to what it was when the scene was
+    /// opened.
+    fn set(&mut self, name: &str, value: &Value) -> Result<(), String> {
+        let setting = Request::setting(name).filter(|setting| setting.is_live);
+        let setting = setting.ok_or_else(|| format!("there is no setting \"{name}\" here"))?;
+        let wish = match value {
+            Value::Null => setting.get(&self.opened.request).map(Wish::Text),
+            Value::Bool(flag) => Some(Wish::Flag(*flag)),
+            Value::Number(number) => number
+                .as_i64()
+                .map_or_else(|| number.as_f64().map(Wish::Number), |n| Some(Wish::Whole(n))),
+            Value::String(text) => Some(Wish::Text(text.clone())),
+            _ => return Err(format!("{name}: a name or a number is expected")),
+        };
+        match wish {
+            Some(wish) => setting
+                .set(&mut self.request, &wish)
+                .map_err(|problem| format!("{name}: {}", problem.text()))?,
+            None => setting.clear(&mut self.request),
+        }
+        let resolved = self.request.resolve(&self.scene, &self.camera);
+        let resolved = resolved.map_err(|error| error.to_string())?;
+        let now = &self.settings;
+        let build = BuildOptions { accelerator: now.build.accelerator, ..resolved.build.clone() };
+        if build.quality != now.build.quality {
+            self.generation += 1;
+            self.geometry += 1;
+        }
+        // The others have messages of their own.
+        self.settings = Settings {
+            size: now.size,
+            crop: None,
+            spp: now.spp,
+            progressive: true,
+            integrator: now.integrator,
+            max_depth: now.max_depth,
+            aovs: now.aovs.clone(),
+            build,
+            ..resolved
+        };
+        Ok(())
+    }
+
+    /// The settings without messages of their own that are set, as a command line has them.
+    pub fn set_settings(&self) -> BTreeMap<String, String> {
+        let live = Request::SETTINGS.iter().filter(|setting| setting.is_live);
+        live.filter_map(|s| Some((s.name.to_string(), s.get(&self.request)?))).collect()
     }
 
     fn set_render(
@@ -309,6 +364,14 @@ impl State {
         }
         if settings.build.accelerator != AcceleratorKind::default() {
             option("--accelerator", settings.build.accelerator.name().into());
+        }
+        let live = Request::SETTINGS.iter().filter(|setting| setting.is_live);
+        for setting in live {
+            let before = setting.get(&self.opened.request);
+            if let Some(now) = setting.get(&self.request).filter(|now| before.as_ref() != Some(now))
+            {
+                option(&format!("--{}", setting.option()), now);
+            }
         }
         for edit in standing(&self.edits[..self.applied]) {
             option("-D", edit.clone());

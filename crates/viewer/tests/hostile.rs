@@ -4,7 +4,7 @@
 use serde_json::{Value, json};
 use snell_formats::ReadOptions;
 use snell_formats::image::Display;
-use snell_render::Settings;
+use snell_render::{Request, Settings};
 use snell_viewer::{Opened, Server, ServerOptions, Source, Which, read_dropped, serve};
 use std::io::{Read, Write};
 use std::net::TcpStream;
@@ -27,6 +27,7 @@ impl Source for Small {
             scene,
             camera_number: 0,
             is_camera_made: false,
+            request: Request::default(),
             settings: Settings { size: [16, 12], spp: 1, ..Settings::default() },
             display: Display::default(),
             command: Vec::new(),

@@ -6,6 +6,7 @@ mod layers;
 mod memory;
 mod options;
 mod output;
+mod request;
 mod rescue;
 mod stage;
 mod summary;
@@ -22,8 +23,7 @@ use output::Target;
 use snell_formats::image::Tonemap;
 use snell_math::simd::Level;
 use snell_render::{
-    CompiledScene, FilmTile, GuidingPasses, IntegratorKind, Job, Request, Settings, Statistics,
-    with_patience,
+    CompiledScene, FilmTile, IntegratorKind, Job, Request, Settings, Statistics, with_patience,
 };
 use snell_scene::{Camera, Pose, Scene, Warning};
 use stage::{Shot, Stage};
@@ -45,7 +45,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     let simd = Level::from_env().map_err(Failure::Usage)?;
     // Fail before the work, not after it.
     let output = output::Output::plan(options)?;
-    let denoiser = options.denoise.as_deref().map(denoise::load).transpose()?.map(Arc::new);
+    let denoiser = options.request.denoise.as_ref().map(denoise::load).transpose()?.map(Arc::new);
     let start = Instant::now();
     let scene = load(options)?;
     let mut stage = Stage::new(scene, options)?;
@@ -290,9 +290,13 @@ fn warnings(
 /// in any format.
 fn loses_layers(options: &Options, settings: &Settings) -> bool {
     let extension = options.output.as_ref().and_then(|path| path.extension());
+    fn count<T>(items: &Option<Vec<T>>) -> usize {
+        items.as_ref().map_or(0, Vec::len)
+    }
     let shown = usize::from(settings.integrator == IntegratorKind::Aov);
-    let asked =
-        options.aov.len().max(shown) > shown || !options.light_group.is_empty() || options.variance;
+    let asked = count(&options.request.aovs) > shown
+        || count(&options.request.light_groups) > 0
+        || options.variance;
     asked && !extension.is_some_and(|e| e.eq_ignore_ascii_case("exr"))
 }
 
@@ -305,7 +309,7 @@ pub(super) fn prepare_scene(scene: Scene, options: &Options) -> Result<Scene, Fa
 /// poses.
 fn prepare_for(scene: &mut Scene, poses: &[Pose], options: &Options) -> Result<(), Failure> {
     options.apply_environment(scene)?;
-    let size = options.size.unwrap_or(Request::DEFAULT_SIZE);
+    let size = options.request.size.unwrap_or(Request::DEFAULT_SIZE);
     let framing = snell_scene::framing::FramingOptions { size, ..Default::default() };
     let prepared = snell_scene::framing::prepare_for(scene, poses, &framing);
     let failed =
@@ -352,7 +356,7 @@ fn render(
     name: &str,
 ) -> (snell_render::Film, Statistics) {
     let reporter = Reporter::new(options.progress, options.quiet, name);
-    let limit: Option<Duration> = options.time;
+    let limit: Option<Duration> = options.request.time;
     let start = Instant::now();
     let result = job.run(threads, &|progress| {
         match &progress.training {
@@ -360,7 +364,7 @@ fn render(
             None => reporter.update(progress, limit),
         }
         // Where passes are counted, the clock has no say: bits must repeat.
-        let is_training_timed = options.guiding == Some(GuidingPasses::Auto);
+        let is_training_timed = options.request.is_training_timed();
         !progress.is_late(start.elapsed(), limit, is_training_timed) && !interrupt::is_requested()
     });
     reporter.finish();

@@ -114,7 +114,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     }
     let scene = options.scene.as_deref().unwrap_or(Path::new(FIRST_SCENE));
     let files = Files::new(scene, &options.render)?;
-    if files.line(scene).is_ok_and(|line| line.crop.is_some()) {
+    if files.line(scene).is_ok_and(|line| line.request.crop.is_some()) {
         let problem =
             "--crop belongs to `snell render`: the viewer shows the whole picture; leave it out";
         return Err(Failure::Usage(problem.into()));
@@ -227,7 +227,7 @@ impl Files {
         let camera = render::choose_camera(&scene, &options)?;
         let settings = options.settings(&scene, &camera, simd)?;
         let display = Display {
-            exposure: options.exposure.or(scene.settings.exposure).unwrap_or(0.0),
+            exposure: options.exposure(&scene),
             tonemap: options.tonemap(&scene)?,
             srgb: !scene.settings.raw_display,
         };
@@ -241,6 +241,7 @@ impl Files {
             camera,
             camera_number,
             is_camera_made,
+            request: (*options.request).clone(),
             settings,
             display,
             command: words.map(|word| word.to_string_lossy().into_owned()).collect(),

@@ -3,9 +3,8 @@
 use crate::failure::Failure;
 use crate::interrupt;
 use snell_oidn::Denoiser;
+use snell_render::Denoise;
 use snell_scene::LayeredImage;
-use std::ffi::OsStr;
-use std::path::Path;
 use std::sync::Arc;
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::Duration;
@@ -13,9 +12,12 @@ use std::time::Duration;
 /// Interval between checks for a signal during denoising.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// Loads Open Image Denoise. An empty `named` means wherever the system finds it.
-pub fn load(named: &OsStr) -> Result<Denoiser, Failure> {
-    let path = Some(Path::new(named)).filter(|_| !named.is_empty());
+/// Loads Open Image Denoise.
+pub fn load(wish: &Denoise) -> Result<Denoiser, Failure> {
+    let path = match wish {
+        Denoise::Found => None,
+        Denoise::At(path) => Some(path.as_path()),
+    };
     Denoiser::load(path).map_err(|e| Failure::Other(e.to_string()))
 }
 

@@ -17,7 +17,7 @@ fn estimate(options: &Options, settings: &Settings, scene: &Scene) -> Estimate {
     let uses = Uses {
         threads: options.threads(),
         variance: options.variance,
-        denoise: options.denoise.is_some(),
+        denoise: options.request.denoise.is_some(),
         beside: encoder_bytes(&extension, values, options.bits),
     };
     of_picture(settings, &uses).with(of_scene(scene))

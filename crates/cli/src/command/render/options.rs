@@ -2,26 +2,20 @@
 //! in this order.
 
 use super::frames::{self, FrameRange, Turntable};
-use super::layers;
+use super::request::RequestOptions;
 use crate::failure::{Failure, choice};
 use crate::progress::ProgressStyleOption;
 use crate::threads;
 use snell_formats::image::Tonemap;
 use snell_formats::{Limits, ReadOptions, Sources};
-use snell_intersect::AcceleratorKind;
-use snell_intersect::Quality;
+use snell_math::Rgb;
 use snell_math::simd::Level;
-use snell_math::{ColorModel, Rgb};
-use snell_render::{
-    Crop, Filter, Guiding, GuidingPasses, IntegratorKind, LightSamplerKind, LightStrategy, Request,
-    RequestError, SamplerKind, Settings, Shadows, Terminator,
-};
+use snell_render::{Request, RequestError, Settings};
 use snell_scene::light::sky::Sky;
 use snell_scene::{Background, Camera, Environment, Scene};
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::Duration;
 
 /// The value of `--display`.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -72,57 +66,9 @@ pub struct Options {
     /// the scene's name with .png
     #[arg(short, long, value_name = "FILE", help_heading = "The picture")]
     pub output: Option<PathBuf>,
-    /// Which integrator computes light
-    #[arg(
-        short,
-        long,
-        value_name = "NAME",
-        help = integrators_help(),
-        help_heading = "How light is computed",
-    )]
-    pub integrator: Option<String>,
-    /// Colours in light transport: rgb, or spectral (four wavelengths per sample)
-    #[arg(
-        long,
-        value_name = "NAME",
-        default_value = ColorModel::default().name(),
-        help_heading = "How light is computed",
-    )]
-    pub color: String,
-    /// Samples per pixel
-    #[arg(
-        long,
-        visible_alias = "samples",
-        value_name = "N",
-        value_parser = parse_spp,
-        help_heading = "How light is computed",
-    )]
-    pub spp: Option<u32>,
-    /// Stop each pixel when its 95 % confidence interval is this narrow on both sides, such as
-    /// 0.02: relative to the light in bright regions, see the documents. --spp and --time are upper
-    /// limits
-    #[arg(
-        long,
-        value_name = "ERROR",
-        value_parser = parse_noise,
-        help_heading = "How light is computed",
-    )]
-    pub noise: Option<f64>,
-    /// Stop after this time, such as 30s, 5m or 1h (the first pass over the picture is always
-    /// finished)
-    #[arg(
-        long,
-        value_name = "TIME",
-        value_parser = parse_duration,
-        help_heading = "How light is computed",
-    )]
-    pub time: Option<Duration>,
-    /// Bounces after the first hit at most
-    #[arg(long, value_name = "N", help = max_depth_help(), help_heading = "How light is computed")]
-    pub max_depth: Option<u32>,
-    /// Size of the picture in pixels
-    #[arg(short, long, value_name = "WxH", value_parser = parse_size, help_heading = "The picture")]
-    pub size: Option<[u32; 2]>,
+    /// The settings of the render.
+    #[command(flatten)]
+    pub request: RequestOptions,
     /// Camera by name or number
     #[arg(long, value_name = "NAME|INDEX", help_heading = "What is rendered")]
     pub camera: Option<String>,
@@ -174,23 +120,6 @@ pub struct Options {
     /// Show this scene, in glTF files with several
     #[arg(long = "scene", value_name = "NAME|INDEX", help_heading = "What is rendered")]
     pub scene_of_file: Option<String>,
-    /// Render only this rectangle of pixels (right and lower border exclusive)
-    #[arg(
-        long,
-        value_name = "x0,y0,x1,y1",
-        value_parser = parse_crop,
-        help_heading = "What is rendered",
-    )]
-    pub crop: Option<Crop>,
-    /// Seed of the random numbers
-    #[arg(
-        long,
-        value_name = "N",
-        default_value_t = 0,
-        value_parser = parse_seed,
-        help_heading = "How light is computed",
-    )]
-    pub seed: u32,
     /// Threads. Default: one per core
     #[arg(
         short,
@@ -200,127 +129,9 @@ pub struct Options {
         help_heading = "How light is computed",
     )]
     pub threads: Option<u32>,
-    /// independent, stratified, sobol or zsobol
-    #[arg(long, value_name = "NAME", help_heading = "How light is computed")]
-    pub sampler: Option<String>,
-    /// box, tent, gaussian, mitchell, blackman-harris or lanczos
-    #[arg(long, value_name = "NAME", help_heading = "How light is computed")]
-    pub filter: Option<String>,
-    /// Shadows of raycast and whitted: none, hard or soft
-    #[arg(
-        long,
-        value_name = "NAME",
-        default_value = Shadows::default().name(),
-        help_heading = "How light is computed",
-    )]
-    pub shadows: String,
-    /// Shadow terminator on coarse meshes with smooth normals: smooth or faceted
-    #[arg(
-        long,
-        value_name = "NAME",
-        default_value = Terminator::default().name(),
-        help_heading = "How light is computed",
-    )]
-    pub terminator: String,
-    /// Acceleration structure: bvh, none, graph, spheres, grid, octree, octree-hierarchical, bsp or
-    /// kdtree. Never changes the picture
-    #[arg(
-        long,
-        value_name = "NAME",
-        default_value = AcceleratorKind::default().name(),
-        help_heading = "How light is computed",
-    )]
-    pub accelerator: String,
-    /// Build quality of the bvh: fast, medium or high. Never changes the picture
-    #[arg(
-        long,
-        value_name = "NAME",
-        default_value = Quality::default().name(),
-        help_heading = "How light is computed",
-    )]
-    pub quality: String,
-    /// Keep acceleration structures of large meshes in this folder, for the next render
-    #[arg(long, value_name = "FOLDER", help_heading = "How light is computed")]
-    pub bvh_cache: Option<PathBuf>,
-    /// Store the bvh in about two thirds of the memory; rays take somewhat longer. Never changes
-    /// the picture
-    #[arg(long, help_heading = "How light is computed")]
-    pub bvh_compact: bool,
-    /// Which samples find lights in path and direct: mis, light or bsdf
-    #[arg(
-        long,
-        value_name = "NAME",
-        default_value = LightStrategy::default().name(),
-        help_heading = "How light is computed",
-    )]
-    pub light_samples: String,
-    /// Choice of a light among many: bvh, power or uniform
-    #[arg(
-        long,
-        value_name = "NAME",
-        default_value = LightSamplerKind::default().name(),
-        help_heading = "How light is computed",
-    )]
-    pub light_sampler: String,
-    /// Learn where light comes from before rendering, for caustics and hidden lights (path). PASSES
-    /// is the number of training passes; default: auto, which takes a quarter of the samples or of
-    /// the time
-    #[arg(
-        long,
-        value_name = "PASSES",
-        num_args = 0..=1,
-        require_equals = true,
-        default_missing_value = "auto",
-        value_parser = parse_guiding,
-        help_heading = "How light is computed",
-    )]
-    pub guiding: Option<GuidingPasses>,
-    /// Clamp light after two or more bounces to this radiance: no fireflies, but the picture
-    /// becomes too dark. Default: off
-    #[arg(
-        long,
-        value_name = "RADIANCE",
-        value_parser = parse_radiance,
-        help_heading = "How light is computed",
-    )]
-    pub clamp: Option<f32>,
-    /// Range of ao, in scene units. Default: half of the scene's radius
-    #[arg(
-        long,
-        value_name = "DISTANCE",
-        value_parser = parse_distance,
-        help_heading = "How light is computed",
-    )]
-    pub ao_distance: Option<f32>,
-    /// Extra layers, separated by commas, such as depth,normal,albedo (`all` for all)
-    #[arg(long, value_name = "LIST", value_delimiter = ',', help_heading = "The picture")]
-    pub aov: Vec<String>,
-    /// Write the light of some lights as a separate layer: NAME=LIST of light numbers, names of
-    /// emissive materials, and `environment`
-    #[arg(long, value_name = "NAME=LIST", help_heading = "The picture")]
-    pub light_group: Vec<String>,
-    /// Remove noise with Open Image Denoise, if it is installed; PATH is its library or folder
-    #[arg(
-        long,
-        value_name = "PATH",
-        num_args = 0..=1,
-        require_equals = true,
-        default_missing_value = "",
-        help_heading = "The picture",
-    )]
-    pub denoise: Option<OsString>,
     /// Also write the variance of the picture and the layers (OpenEXR)
     #[arg(long, help_heading = "The picture")]
     pub variance: bool,
-    /// Exposure in stops, for display formats
-    #[arg(
-        long,
-        value_name = "EV",
-        allow_negative_numbers = true,
-        value_parser = parse_exposure,
-        help_heading = "The picture",
-    )]
-    pub exposure: Option<f64>,
     /// Tone map for display formats: none, aces or agx
     #[arg(long, value_name = "NAME", help_heading = "The picture")]
     pub tonemap: Option<String>,
@@ -380,49 +191,6 @@ pub struct Options {
     pub sources: Option<Sources>,
 }
 
-/// What `--integrator` is, with all integrators.
-fn integrators_help() -> String {
-    let names = IntegratorKind::ALL.map(IntegratorKind::name);
-    let default = IntegratorKind::default().name();
-    format!("{}. Default: what the scene says, else {default}", one_of(&names))
-}
-
-/// What `--max-depth` is, with the defaults of all integrators that follow more than one bounce.
-fn max_depth_help() -> String {
-    let follows = |kind: &IntegratorKind| kind.default_max_depth() > 1;
-    let of = |kind: IntegratorKind| format!("{} for {}", kind.default_max_depth(), kind.name());
-    let defaults: Vec<_> = IntegratorKind::ALL.into_iter().filter(follows).map(of).collect();
-    format!("Bounces after the first hit at most. Default: {}, else 1", defaults.join(", "))
-}
-
-/// "a, b or c".
-fn one_of(names: &[&str]) -> String {
-    match names {
-        [first @ .., last] if !first.is_empty() => format!("{} or {last}", first.join(", ")),
-        _ => names.concat(),
-    }
-}
-
-fn parse_spp(text: &str) -> Result<u32, String> {
-    let spp = text.parse().ok().filter(|n| Request::SPP.contains(n));
-    spp.ok_or_else(|| format!("expected a whole number from 1 to {}", Request::SPP.end()))
-}
-
-fn parse_seed(text: &str) -> Result<u32, String> {
-    text.parse().map_err(|_| format!("expected a whole number from 0 to {}", u32::MAX))
-}
-
-fn parse_guiding(text: &str) -> Result<GuidingPasses, String> {
-    if text == "auto" {
-        return Ok(GuidingPasses::Auto);
-    }
-    let most = Guiding::MAX_PASSES;
-    let passes = text.parse().ok().filter(|n| (1..=most).contains(n));
-    passes
-        .map(GuidingPasses::Count)
-        .ok_or_else(|| format!("expected a number of passes from 1 to {most}, or auto"))
-}
-
 impl Options {
     /// The options for reading the scene file.
     pub fn read_options(&self) -> ReadOptions {
@@ -479,7 +247,7 @@ impl Options {
 
     /// Exposure in stops.
     pub fn exposure(&self, scene: &Scene) -> f64 {
-        self.exposure.or(scene.settings.exposure).unwrap_or(0.0)
+        self.request.exposure.or(scene.settings.exposure).unwrap_or(0.0)
     }
 
     /// The requested tone map.
@@ -495,57 +263,8 @@ impl Options {
         camera: &Camera,
         simd: Level,
     ) -> Result<Settings, Failure> {
-        self.request(simd)?.resolve(scene, camera).map_err(|error| self.usage(&error))
-    }
-
-    /// The options as a request to the renderer.
-    fn request(&self, simd: Level) -> Result<Request, Failure> {
-        let integrator = |name: &String| {
-            let all = &IntegratorKind::ALL;
-            choice("integrator", name, all, IntegratorKind::name)
-        };
-        let sampler = |name: &String| choice("sampler", name, &SamplerKind::ALL, SamplerKind::name);
-        let filter = |name: &String| choice("filter", name, &Filter::ALL, Filter::name);
-        let color = choice("colour model", &self.color, &ColorModel::ALL, ColorModel::name)?;
-        let shadows = choice("kind of shadows", &self.shadows, &Shadows::ALL, Shadows::name)?;
-        let all = &Terminator::ALL;
-        let terminator = choice("shadow terminator", &self.terminator, all, Terminator::name)?;
-        let (what, all) = ("choice of light samples", &LightStrategy::ALL);
-        let light_samples = choice(what, &self.light_samples, all, LightStrategy::name)?;
-        let (what, all) = ("light sampler", &LightSamplerKind::ALL);
-        let light_sampler = choice(what, &self.light_sampler, all, LightSamplerKind::name)?;
-        let (what, all) = ("accelerator", &AcceleratorKind::ALL);
-        let accelerator = choice(what, &self.accelerator, all, AcceleratorKind::name)?;
-        let quality = choice("quality", &self.quality, &Quality::ALL, Quality::name)?;
-        Ok(Request {
-            size: self.size,
-            crop: self.crop,
-            integrator: self.integrator.as_ref().map(integrator).transpose()?,
-            color: Some(color),
-            spp: self.spp,
-            noise: self.noise,
-            time: self.time,
-            max_depth: self.max_depth,
-            seed: Some(self.seed),
-            sampler: self.sampler.as_ref().map(sampler).transpose()?,
-            filter: self.filter.as_ref().map(filter).transpose()?,
-            shadows: Some(shadows),
-            terminator: Some(terminator),
-            light_samples: Some(light_samples),
-            light_sampler: Some(light_sampler),
-            guiding: self.guiding,
-            ao_distance: self.ao_distance,
-            clamp: self.clamp,
-            light_groups: Some(layers::light_groups(&self.light_group)?),
-            aovs: Some(layers::aovs(&self.aov)?),
-            denoise: Some(self.denoise.is_some()),
-            exposure: self.exposure,
-            accelerator: Some(accelerator),
-            quality: Some(quality),
-            bvh_compact: Some(self.bvh_compact),
-            bvh_cache: self.bvh_cache.clone(),
-            simd: Some(simd),
-        })
+        let request = Request { simd: Some(simd), ..(*self.request).clone() };
+        request.resolve(scene, camera).map_err(|error| self.usage(&error))
     }
 
     /// The error message for invalid options, in command-line terms.
@@ -555,9 +274,10 @@ impl Options {
                 format!("--{} {problem}", parameter.replace('_', "-"))
             }
             RequestError::LightGroup { group, problem } => {
-                let is_meant = |definition: &&String| definition.split('=').next() == Some(group);
-                let definition = self.light_group.iter().rev().find(is_meant);
-                format!("--light-group {}: {problem}", definition.unwrap_or(group))
+                let is_meant = |(name, _): &&(String, Vec<String>)| name == group;
+                let groups = self.request.light_groups.as_deref().unwrap_or_default();
+                let lights = groups.iter().rev().find(is_meant).map(|(_, lights)| lights.join(","));
+                format!("--light-group {group}={}: {problem}", lights.unwrap_or_default())
             }
             RequestError::TooManyPixels { .. } => {
                 format!("{error}; make it smaller with --size, or render parts of it with --crop")
@@ -667,33 +387,6 @@ fn is_meant_as_color(text: &str) -> bool {
     text.starts_with('#') || text.split(',').all(|n| n.trim().parse::<f32>().is_ok())
 }
 
-fn parse_exposure(text: &str) -> Result<f64, String> {
-    let stops = text.parse().ok().filter(|x| Request::EXPOSURE.contains(x));
-    stops.ok_or_else(|| {
-        format!("\"{text}\" is not an exposure; write stops from -100 to 100, such as 1.5")
-    })
-}
-
-fn parse_noise(text: &str) -> Result<f64, String> {
-    let error = text.parse().ok().filter(|x| Request::NOISE.contains(x));
-    error.ok_or_else(|| {
-        format!(
-            "\"{text}\" is not an error; write a number from 0.00001 to 10, such as 0.02 for 2 %"
-        )
-    })
-}
-
-fn parse_radiance(text: &str) -> Result<f32, String> {
-    let radiance = text.parse().ok().filter(|x: &f32| *x > 0.0 && x.is_finite());
-    radiance
-        .ok_or_else(|| format!("\"{text}\" is not a radiance; write a positive number, such as 10"))
-}
-
-fn parse_distance(text: &str) -> Result<f32, String> {
-    let distance = text.parse().ok().filter(|x: &f32| *x > 0.0);
-    distance.ok_or_else(|| format!("\"{text}\" is not a distance; write a positive number"))
-}
-
 fn parse_density(text: &str) -> Result<f32, String> {
     let density = text.parse().ok().filter(|x: &f32| *x > 0.0);
     density.ok_or_else(|| {
@@ -709,83 +402,14 @@ fn parse_seconds(text: &str) -> Result<f64, String> {
     seconds.ok_or_else(|| format!("\"{text}\" is not a time; write seconds, such as 1.5"))
 }
 
-fn parse_size(text: &str) -> Result<[u32; 2], String> {
-    let error = || {
-        format!(
-            "\"{text}\" is not a size; write width and height as 1280x720, each from 1 to 65536"
-        )
-    };
-    let (w, h) = text.split_once(['x', 'X']).ok_or_else(error)?;
-    let side = |s: &str| {
-        let side = s.trim().parse().ok().filter(|n| Request::SIDE.contains(n));
-        side.ok_or_else(error)
-    };
-    Ok([side(w)?, side(h)?])
-}
-
-fn parse_crop(text: &str) -> Result<Crop, String> {
-    let error = || {
-        format!(
-            "\"{text}\" is not a rectangle; write x0,y0,x1,y1 in pixels with x0 < x1 and y0 < y1"
-        )
-    };
-    let numbers: Vec<u32> =
-        text.split(',').map(|n| n.trim().parse().ok()).collect::<Option<_>>().ok_or_else(error)?;
-    let [x0, y0, x1, y1] = numbers[..] else { return Err(error()) };
-    if x0 < x1 && y0 < y1 { Ok(Crop { min: [x0, y0], max: [x1, y1] }) } else { Err(error()) }
-}
-
-fn parse_duration(text: &str) -> Result<Duration, String> {
-    let error = || format!("\"{text}\" is not a duration; write 30s, 5m, 1h or 1h30m");
-    let (mut seconds, mut number, mut any) = (0.0, String::new(), false);
-    for c in text.chars() {
-        if c.is_ascii_digit() || c == '.' {
-            number.push(c);
-            continue;
-        }
-        let unit = match c {
-            's' => 1.0,
-            'm' => 60.0,
-            'h' => 3600.0,
-            _ => return Err(error()),
-        };
-        seconds += number.parse::<f64>().map_err(|_| error())? * unit;
-        number.clear();
-        any = true;
-    }
-    if !number.is_empty() {
-        // A bare number is seconds.
-        if any {
-            return Err(error());
-        }
-        seconds = number.parse().map_err(|_| error())?;
-        any = true;
-    }
-    if any && seconds > 0.0 && seconds <= Request::MAX_SECONDS {
-        Ok(Duration::from_secs_f64(seconds))
-    } else {
-        Err(error())
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn times_sizes_colours_and_crops_are_understood() {
-        assert_eq!(parse_duration("1h30m"), Ok(Duration::from_secs(5400)));
-        assert_eq!(parse_duration("2.5"), Ok(Duration::from_millis(2500)));
-        assert!(
-            parse_duration("5x").is_err()
-                && parse_duration("").is_err()
-                && parse_duration("0s").is_err()
-        );
-        assert_eq!(parse_size("640x480"), Ok([640, 480]));
-        assert!(parse_size("640").is_err() && parse_size("0x5").is_err());
+    fn colours_are_understood() {
         assert_eq!(parse_color("#ff0000"), Some(Rgb::new(1.0, 0.0, 0.0)));
         assert_eq!(parse_color("0.5,1,2"), Some(Rgb::new(0.5, 1.0, 2.0)));
         assert_eq!(parse_color("nan,0,0"), None);
-        assert!(parse_crop("0,0,10,10").is_ok() && parse_crop("5,0,5,1").is_err());
     }
 }

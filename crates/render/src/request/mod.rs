@@ -2,6 +2,14 @@
 //! then what the scene asks for, then the default. The command line and Python both fill a
 //! [`Request`], so they have the same defaults, ranges and refusals.
 
+mod reference;
+mod setting;
+mod wish;
+
+pub use reference::{page, python_types};
+pub use setting::{Form, Heading, Problem, Setting};
+pub use wish::Wish;
+
 use crate::film::filter::Filter;
 use crate::guiding::Guiding;
 use crate::integrator::IntegratorKind;
@@ -10,14 +18,15 @@ use crate::layers::{add_light_group, needed_aovs};
 use crate::light_sampler::LightSamplerKind;
 use crate::sampler::SamplerKind;
 use crate::settings::{Crop, LightGroup, LightStrategy, Settings, Shadows, Terminator};
+use setting::settings;
 use snell_intersect::AcceleratorKind;
 use snell_intersect::{BuildOptions, Quality};
 use snell_math::ColorModel;
+use snell_math::parameters::Range;
 use snell_math::simd::Level;
 use snell_scene::{Camera, Scene, SceneSettings};
-use std::fmt::Display;
-use std::ops::RangeInclusive;
 use std::path::PathBuf;
+use std::sync::LazyLock;
 use std::time::Duration;
 
 /// How many training passes path guiding makes.
@@ -29,80 +38,163 @@ pub enum GuidingPasses {
     Count(u32),
 }
 
-/// Wishes for a render. `None` leaves a choice to the scene, or else to the default.
-///
-/// ```
-/// use snell_render::Request;
-///
-/// let scene = snell_scene::builtin::builtin("cornell-box").unwrap();
-/// let request = Request { spp: Some(16), ..Request::default() };
-/// let settings = request.resolve(&scene, &scene.cameras[0]).unwrap();
-/// assert_eq!((settings.spp, settings.size), (16, [512, 512]));
-/// ```
-#[derive(Clone, Debug, Default)]
-pub struct Request {
-    /// Width and height in pixels, each in [`Request::SIDE`]. Default: the scene's, else the
-    /// camera's, else [`Request::DEFAULT_SIZE`].
-    pub size: Option<[u32; 2]>,
-    /// The part that is rendered: not empty, and within the picture. Default: all of it.
-    pub crop: Option<Crop>,
-    /// How light is computed. Default: as the scene says, else `path`.
-    pub integrator: Option<IntegratorKind>,
-    /// Three channels, or wavelengths. Default: `rgb`.
-    pub color: Option<ColorModel>,
-    /// Samples per pixel, in [`Request::SPP`]. Default: [`Request::SPP_OF_LIMITS`] with `noise` or
-    /// `time`, else the scene's, else [`IntegratorKind::default_spp`].
-    pub spp: Option<u32>,
-    /// The error at which a pixel stops, in [`Request::NOISE`], see [`crate::film::noise`].
-    /// Default: pixels do not stop before they have `spp` samples.
-    pub noise: Option<f64>,
-    /// The time after which the render stops, once every pixel has a sample: at most
-    /// [`Request::MAX_SECONDS`]. To stop is left to the caller. Default: no limit.
-    pub time: Option<Duration>,
-    /// Bounces after the first hit; more than [`Settings::MAX_DEPTH`] count as that. Default: the
-    /// scene's, else [`IntegratorKind::default_max_depth`].
-    pub max_depth: Option<u32>,
-    /// Seed of the random numbers. Default: 0.
-    pub seed: Option<u32>,
-    /// Source of the random numbers. Default: as the scene says, else `zsobol`.
-    pub sampler: Option<SamplerKind>,
-    /// Reconstruction filter. Default: as the scene says, else `blackman-harris`.
-    pub filter: Option<Filter>,
-    /// Shadows of `raycast` and `whitted`. Default: `hard`.
-    pub shadows: Option<Shadows>,
-    /// Where meshes with smooth normals have their shadow terminator. Default: `smooth`.
-    pub terminator: Option<Terminator>,
-    /// Which samples find lights. Default: `mis`.
-    pub light_samples: Option<LightStrategy>,
-    /// How a light is chosen among many. Default: `bvh`.
-    pub light_sampler: Option<LightSamplerKind>,
-    /// Path guiding, which only the integrator `path` has. Default: off.
-    pub guiding: Option<GuidingPasses>,
-    /// How far `ao` looks, in scene units: positive. Default: half of the scene's radius.
-    pub ao_distance: Option<f32>,
-    /// Radiance to which light of two or more bounces is dimmed: positive and finite. Default: off.
-    pub clamp: Option<f32>,
-    /// Names of light groups with their lights: numbers, names of emissive materials, and
-    /// `environment`. Default: none.
-    pub light_groups: Option<Vec<(String, Vec<String>)>>,
-    /// Extra layers. Default: none, but `normal` for the integrator `aov`.
-    pub aovs: Option<Vec<Aov>>,
-    /// Whether noise will be removed, for which there are layers that guide a denoiser.
-    /// Default: no.
-    pub denoise: Option<bool>,
-    /// Exposure in stops with which `noise` looks at the picture, in [`Request::EXPOSURE`].
-    /// Default: the scene's, else 0.
-    pub exposure: Option<f64>,
-    /// Acceleration structure. Default: `bvh`.
-    pub accelerator: Option<AcceleratorKind>,
-    /// How the `bvh` is built. Default: `medium`.
-    pub quality: Option<Quality>,
-    /// Whether the `bvh` is kept in less memory, see [`BuildOptions::compact`]. Default: no.
-    pub bvh_compact: Option<bool>,
-    /// A folder that keeps the `bvh` of large meshes, see [`BuildOptions::cache`]. Default: none.
-    pub bvh_cache: Option<PathBuf>,
-    /// Instructions that the kernels use. Default: the best that the processor has.
-    pub simd: Option<Level>,
+/// How noise is removed.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Denoise {
+    /// By Open Image Denoise, wherever the system finds it.
+    Found,
+    /// By Open Image Denoise at this path: its library, or the folder that holds it.
+    At(PathBuf),
+}
+
+settings! {
+    /// Wishes for a render. `None` leaves a choice to the scene, or else to the default.
+    ///
+    /// Each field is a setting: the first paragraph of its documentation is its line in the
+    /// command's help and in the reference page.
+    ///
+    /// ```
+    /// use snell_render::Request;
+    ///
+    /// let scene = snell_scene::builtin::builtin("cornell-box").unwrap();
+    /// let request = Request { spp: Some(16), ..Request::default() };
+    /// let settings = request.resolve(&scene, &scene.cameras[0]).unwrap();
+    /// assert_eq!((settings.spp, settings.size), (16, [512, 512]));
+    /// ```
+    #[derive(Clone, Debug, Default)]
+    pub struct Request {
+        /// Integrator that computes light.
+        ///
+        /// The scene's own comes before the default.
+        #[setting(Light, "NAME", "str", short 'i')]
+        pub integrator: IntegratorKind,
+        /// Samples per pixel.
+        ///
+        /// Default: what the scene says, else that of the integrator: 64 for `path`. With `noise`
+        /// or `time`, this is an upper limit, and 65536 by default.
+        #[setting(
+            Light, "N", "int", alias "samples",
+            range Range::Within(1.0, Request::MAX_SPP as f64)
+        )]
+        pub spp: u32,
+        /// Size of the picture in pixels.
+        ///
+        /// Default: what the scene says, else what the camera says, else 960x720.
+        #[setting(
+            Picture, "WxH", "tuple[int, int]", short 's', range Range::Within(1.0, 65536.0)
+        )]
+        pub size: [u32; 2],
+        /// Stop each pixel when its 95 % confidence interval is this narrow on both sides, such as
+        /// 0.02: relative to the light in bright regions, see the documents. The number of samples
+        /// and the time are upper limits.
+        #[setting(Light, "ERROR", "float", range Range::Within(1e-5, 10.0))]
+        pub noise: f64,
+        /// Stop after this time, such as 30s, 5m or 1h (the first pass over the picture is always
+        /// finished).
+        ///
+        /// Numbers without a unit are seconds.
+        #[setting(Light, "TIME", "float | str", range Range::Within(f64::MIN_POSITIVE, 1e9))]
+        pub time: Duration,
+        /// Maximum number of bounces after the first hit.
+        ///
+        /// More than 1000 count as 1000.
+        #[setting(Light, "N", "int", default max_depths())]
+        pub max_depth: u32,
+        /// Render only this rectangle of pixels (right and lower border exclusive).
+        #[setting(Subject, "x0,y0,x1,y1", "tuple[int, int, int, int]")]
+        pub crop: Crop,
+        /// Seed of the random numbers.
+        ///
+        /// The picture depends on it, but not on the number of threads or the time of day.
+        #[setting(Light, "N", "int", default "0"; live)]
+        pub seed: u32,
+        /// Colours in light transport (`spectral` has four wavelengths per sample).
+        #[setting(Light, "NAME", "str"; live)]
+        pub color: ColorModel,
+        /// Source of random numbers.
+        #[setting(Light, "NAME", "str"; live)]
+        pub sampler: SamplerKind,
+        /// Reconstruction filter.
+        #[setting(Light, "NAME", "str"; live)]
+        pub filter: Filter,
+        /// Shadows of `raycast` and `whitted`.
+        #[setting(Light, "NAME", "str"; live)]
+        pub shadows: Shadows,
+        /// Shadow terminator on coarse meshes with smooth normals.
+        #[setting(Light, "NAME", "str"; live)]
+        pub terminator: Terminator,
+        /// Samples that find lights in `path` and `direct`.
+        #[setting(Light, "NAME", "str"; live)]
+        pub light_samples: LightStrategy,
+        /// Choice of a light among many.
+        #[setting(Light, "NAME", "str"; live)]
+        pub light_sampler: LightSamplerKind,
+        /// Learn where light comes from before rendering, for caustics and hidden lights (`path`).
+        /// The value is the number of training passes; `auto` takes a quarter of the samples or of
+        /// the time.
+        #[setting(
+            Light, "PASSES", "bool | int", range Range::Within(1.0, Guiding::MAX_PASSES as f64),
+            default "off"
+        )]
+        pub guiding: GuidingPasses,
+        /// Clamp light after two or more bounces to this radiance: no fireflies, but the picture
+        /// becomes too dark.
+        #[setting(
+            Light, "RADIANCE", "float", range Range::Within(f64::MIN_POSITIVE, f32::MAX as f64),
+            default "off"; live
+        )]
+        pub clamp: f32,
+        /// Range of `ao`, in scene units.
+        #[setting(
+            Light, "DISTANCE", "float", range Range::Positive,
+            default "half of the scene's radius"; live
+        )]
+        pub ao_distance: f32,
+        /// Acceleration structure, which never changes the picture.
+        #[setting(Light, "NAME", "str")]
+        pub accelerator: AcceleratorKind,
+        /// Build quality of the bvh, which never changes the picture.
+        #[setting(Light, "NAME", "str"; live)]
+        pub quality: Quality,
+        /// Keep acceleration structures of large meshes in this folder, for the next render.
+        #[setting(Light, "FOLDER", "str | os.PathLike[str]")]
+        pub bvh_cache: PathBuf,
+        /// Store the bvh in about two thirds of the memory; rays take somewhat longer. Never
+        /// changes the picture.
+        #[setting(Light, "", "bool")]
+        pub bvh_compact: bool,
+        /// Extra layers, separated by commas, such as depth,normal,albedo (`all` for all).
+        #[setting(Picture, "LIST", "str | Sequence[str]")]
+        pub aovs: Vec<Aov>,
+        /// Write the light of some lights as a separate layer: NAME=LIST of light numbers, names
+        /// of emissive materials, and `environment`.
+        #[setting(Picture, "NAME=LIST", "Mapping[str, Any]")]
+        pub light_groups: Vec<(String, Vec<String>)>,
+        /// Remove noise with Open Image Denoise, if it is installed; PATH is its library or folder.
+        #[setting(Picture, "PATH", "bool | str | os.PathLike[str]", default "off")]
+        pub denoise: Denoise,
+        /// Exposure in stops, for display formats.
+        ///
+        /// `noise` looks at the picture with this exposure. The scene's own comes before the
+        /// default.
+        #[setting(Picture, "EV", "float", range Range::Within(-100.0, 100.0), default "0")]
+        pub exposure: f64,
+    }
+    beside {
+        /// Instructions that the kernels use. Default: the best that the processor has.
+        pub simd: Level,
+    }
+}
+
+/// What [`Request::max_depth`] is if neither user nor scene say.
+fn max_depths() -> &'static str {
+    static TEXT: LazyLock<String> = LazyLock::new(|| {
+        let follows = |kind: &IntegratorKind| kind.default_max_depth() > 1;
+        let of = |kind: IntegratorKind| format!("{} for {}", kind.default_max_depth(), kind.name());
+        let defaults: Vec<_> = IntegratorKind::ALL.into_iter().filter(follows).map(of).collect();
+        format!("{}, else 1", defaults.join(", "))
+    });
+    &TEXT
 }
 
 /// Why a request has no settings.
@@ -153,23 +245,15 @@ fn refused<T>(parameter: &'static str, problem: String) -> Result<T, RequestErro
 impl Request {
     /// Size of a picture for which neither user, scene nor camera has one.
     pub const DEFAULT_SIZE: [u32; 2] = [960, 720];
-    /// Width and height of a picture.
-    pub const SIDE: RangeInclusive<u32> = 1..=1 << 16;
     /// Most pixels that are rendered: as many as Snell would read back. (Whether there is memory
     /// for them is another matter, see [`crate::memory`].)
     pub const MAX_PIXELS: u64 = 1 << 28;
-    /// Samples per pixel.
-    pub const SPP: RangeInclusive<u32> = 1..=1 << 24;
+    /// Most samples per pixel.
+    pub const MAX_SPP: u32 = 1 << 24;
     /// Samples per pixel that a limit of time or noise alone allows.
     pub const SPP_OF_LIMITS: u32 = 1 << 16;
     /// Most samples per pixel that are taken in one pass.
     const SPP_OF_ONE_PASS: u32 = 16;
-    /// Longest time limit, in seconds.
-    pub const MAX_SECONDS: f64 = 1e9;
-    /// Error at which a pixel stops.
-    pub const NOISE: RangeInclusive<f64> = 1e-5..=10.0;
-    /// Exposure in stops.
-    pub const EXPOSURE: RangeInclusive<f64> = -100.0..=100.0;
 
     /// The settings of a render of this scene by this camera.
     pub fn resolve(&self, scene: &Scene, camera: &Camera) -> Result<Settings, RequestError> {
@@ -187,7 +271,7 @@ impl Request {
         let spp = self.resolve_spp(hints, integrator);
         let light_groups = self.resolve_light_groups(scene)?;
         let asked = self.aovs.as_deref().unwrap_or_default();
-        let denoise = self.denoise.unwrap_or(false);
+        let denoise = self.denoise.is_some();
         let exposure = self.exposure.or(hints.exposure).unwrap_or(0.0);
         let max_depth = self.max_depth.or(hints.max_depth);
         Ok(Settings {
@@ -254,18 +338,19 @@ impl Request {
         self.guiding == Some(GuidingPasses::Auto) && self.time.is_some()
     }
 
+    /// The setting of this name.
+    pub fn setting(name: &str) -> Option<&'static Setting> {
+        Self::SETTINGS.iter().find(|setting| setting.name == name)
+    }
+
     fn check_ranges(&self) -> Result<(), RequestError> {
-        for side in self.size.into_iter().flatten() {
-            check("size", Some(side), &Self::SIDE, "sides")?;
+        let problem = |setting: &Setting| Some((setting.name, (setting.check)(self)?));
+        match Self::SETTINGS.iter().find_map(problem) {
+            Some((parameter, [value, expected])) => {
+                refused(parameter, format!("is {value}, expected {expected}"))
+            }
+            None => Ok(()),
         }
-        check("spp", self.spp, &Self::SPP, "a whole number")?;
-        check("noise", self.noise, &Self::NOISE, "a number")?;
-        check("exposure", self.exposure, &Self::EXPOSURE, "a number")?;
-        if let Some(GuidingPasses::Count(passes)) = self.guiding {
-            check("guiding", Some(passes), &(1..=Guiding::MAX_PASSES), "a whole number")?;
-        }
-        check_positive("ao_distance", self.ao_distance, f32::INFINITY)?;
-        check_positive("clamp", self.clamp, f32::MAX)
     }
 
     fn resolve_spp(&self, hints: &SceneSettings, integrator: IntegratorKind) -> u32 {
@@ -274,7 +359,7 @@ impl Request {
             Self::SPP_OF_LIMITS
         } else {
             let spp = hints.spp.unwrap_or(integrator.default_spp());
-            spp.clamp(*Self::SPP.start(), *Self::SPP.end())
+            spp.clamp(1, Self::MAX_SPP)
         };
         self.spp.unwrap_or(default)
     }
@@ -325,30 +410,6 @@ fn chosen<T: Copy + Default, const N: usize>(
         let known: Vec<_> = all.iter().map(|&one| name_of(one)).collect();
         RequestError::SceneName { parameter, name: name.clone(), known: known.join(", ") }
     })
-}
-
-fn check<T: PartialOrd + Display>(
-    parameter: &'static str,
-    value: Option<T>,
-    range: &RangeInclusive<T>,
-    what: &str,
-) -> Result<(), RequestError> {
-    match value {
-        Some(value) if !range.contains(&value) => {
-            let (low, high) = (range.start(), range.end());
-            refused(parameter, format!("is {value}, expected {what} from {low} to {high}"))
-        }
-        _ => Ok(()),
-    }
-}
-
-fn check_positive(name: &'static str, value: Option<f32>, most: f32) -> Result<(), RequestError> {
-    match value {
-        Some(value) if !(value > 0.0 && value <= most) => {
-            refused(name, format!("is {value}, expected a positive number"))
-        }
-        _ => Ok(()),
-    }
 }
 
 fn check_pixels(size: [u32; 2]) -> Result<(), RequestError> {
@@ -487,7 +548,7 @@ mod tests {
 
     #[test]
     fn layers_are_what_is_asked_for_and_needed() {
-        let denoised = Request { denoise: Some(true), ..Request::default() };
+        let denoised = Request { denoise: Some(Denoise::Found), ..Request::default() };
         assert_eq!(resolved(denoised, |_| {}).aovs, [Aov::Albedo, Aov::Normal]);
         let groups = vec![("sky".to_string(), vec!["environment".to_string()])];
         let grouped = Request { light_groups: Some(groups), ..Request::default() };

@@ -1,0 +1,251 @@
+//! Settings of a render, as users write them: each is declared once, as a field of
+//! [`Request`](super::Request), and the command line, Python, the viewer and the reference page all
+//! read the declarations.
+
+use super::{Request, wish::Wish};
+use snell_math::parameters::Range;
+
+/// The heading under which help lists a setting.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Heading {
+    /// What part of the scene is seen.
+    Subject,
+    /// What is written.
+    Picture,
+    /// What never changes the expected value of the picture, only its noise, time and memory; and
+    /// the physics that is simulated.
+    Light,
+}
+
+impl Heading {
+    /// All headings.
+    pub const ALL: [Self; 3] = [Self::Subject, Self::Picture, Self::Light];
+
+    /// The heading.
+    pub fn text(self) -> &'static str {
+        match self {
+            Self::Subject => "What is rendered",
+            Self::Picture => "The picture",
+            Self::Light => "How light is computed",
+        }
+    }
+}
+
+/// How a setting is written on a command line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Form {
+    /// A flag, or in Python `True` or `False`.
+    Flag,
+    /// A flag that may have a value.
+    OptionalValue,
+    /// A value.
+    Value,
+    /// A file or folder.
+    Path,
+    /// Several values, separated by commas.
+    List,
+    /// Several values, each `NAME=LIST`; in Python a dictionary.
+    Lists,
+}
+
+/// A setting: a field of [`Request`].
+#[derive(Clone, Copy, Debug)]
+pub struct Setting {
+    /// The name of the field, which is that of Python's keyword.
+    pub name: &'static str,
+    /// Where help lists it.
+    pub heading: Heading,
+    /// What its value is called in help, such as `N`.
+    pub value_name: &'static str,
+    /// The type of the value in Python, as annotations write it.
+    pub python: &'static str,
+    /// The letter of its short option, if it has one.
+    pub short: Option<char>,
+    /// Another name of its option, if it has one.
+    pub alias: Option<&'static str>,
+    /// How it is written.
+    pub form: Form,
+    /// True if it may change while a picture is looked at: the page of the viewer has it.
+    pub is_live: bool,
+    /// The names of which it is one, where it is a choice; the first of its default.
+    pub choices: fn() -> Vec<&'static str>,
+    /// The name of the default choice, or what holds if nothing is set. Empty if its documentation
+    /// says it.
+    pub default: fn() -> &'static str,
+    /// Its documentation, as it stands in the source.
+    pub doc: &'static str,
+    /// Sets the field; a problem leaves it as it was.
+    pub(super) set: fn(&mut Request, &Wish) -> Result<(), Problem>,
+    /// What is wrong with the value of the field, if anything: the number, and what is expected.
+    pub(super) check: fn(&Request) -> Option<[String; 2]>,
+    /// The value of the field as text, if it is set.
+    pub(super) get: fn(&Request) -> Option<String>,
+    /// Unsets the field.
+    pub(super) clear: fn(&mut Request),
+}
+
+/// Why a setting cannot have a value: what is expected instead, to be read after the name and the
+/// value.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Problem {
+    /// It is another sort of value.
+    Kind(String),
+    /// It is the right sort, but not possible.
+    Value(String),
+}
+
+impl Problem {
+    /// What is expected instead.
+    pub fn text(&self) -> &str {
+        match self {
+            Self::Kind(text) | Self::Value(text) => text,
+        }
+    }
+}
+
+impl Setting {
+    /// Sets it in a request; a problem leaves the request as it was.
+    pub fn set(&self, request: &mut Request, wish: &Wish) -> Result<(), Problem> {
+        let mut next = request.clone();
+        (self.set)(&mut next, wish)?;
+        if let Some([_, expected]) = (self.check)(&next) {
+            return Err(Problem::Value(format!("expected {expected}")));
+        }
+        *request = next;
+        Ok(())
+    }
+
+    /// Its value in a request as a command line has it; `None` if it is not set.
+    pub fn get(&self, request: &Request) -> Option<String> {
+        (self.get)(request)
+    }
+
+    /// Leaves it to the scene or the default.
+    pub fn clear(&self, request: &mut Request) {
+        (self.clear)(request);
+    }
+
+    /// The name of its option on the command line, without dashes. A list has that of one item.
+    pub fn option(&self) -> String {
+        let name = self.name.replace('_', "-");
+        match self.form {
+            Form::List | Form::Lists => name.trim_end_matches('s').to_string(),
+            _ => name,
+        }
+    }
+
+    /// What it is: the first paragraph of its documentation, in one line without a full stop.
+    pub fn statement(&self) -> String {
+        let first = self.doc.trim().split("\n\n").next().unwrap_or_default();
+        plain(first).trim_end_matches('.').to_string()
+    }
+
+    /// Its statement with its choices and its default.
+    pub fn summary(&self) -> String {
+        let mut text = self.statement();
+        let choices = (self.choices)();
+        if let [others @ .., last] = &choices[..]
+            && self.form != Form::List
+        {
+            text = format!("{text}: {} or {last}", others.join(", "));
+        }
+        let default = (self.default)();
+        if !default.is_empty() {
+            text = format!("{text}. Default: {default}");
+        }
+        text
+    }
+
+    /// What else there is to say of it; empty if nothing.
+    pub fn details(&self) -> String {
+        let (_, rest) = self.doc.trim().split_once("\n\n").unwrap_or_default();
+        plain(rest)
+    }
+}
+
+/// A doc comment as text: lines joined, links without their brackets.
+fn plain(doc: &str) -> String {
+    let text = doc.split_whitespace().collect::<Vec<_>>().join(" ");
+    text.replace("[`", "`").replace("`]", "`")
+}
+
+/// What numbers of a range are, in words.
+pub(super) fn in_words(range: Range, is_whole: bool) -> String {
+    let number = if is_whole { "a whole number" } else { "a number" };
+    match range {
+        Range::Any if is_whole => format!("{number} from 0 to {}", u32::MAX),
+        Range::Any | Range::Direction => number.into(),
+        Range::Within(f64::MIN_POSITIVE, high) if high > 1e10 => "a positive number".into(),
+        Range::Within(f64::MIN_POSITIVE, high) => format!("a positive number up to {high:e}"),
+        Range::Within(low, high) if high.is_finite() => format!("{number} from {low} to {high}"),
+        Range::Within(low, _) => format!("{number} of at least {low}"),
+        Range::Between(low, high) => format!("{number} between {low} and {high}"),
+        Range::Positive => "a positive number".into(),
+    }
+}
+
+/// Declares the struct of wishes, with a [`Setting`] for each field.
+macro_rules! settings {
+    (
+        $(#[$attribute:meta])*
+        pub struct $name:ident {$(
+            $(#[doc = $doc:literal])*
+            #[setting(
+                $heading:ident, $value_name:literal, $python:literal
+                $(, short $short:literal)? $(, alias $alias:literal)? $(, range $range:expr)?
+                $(, default $default:expr)? $(; $live:ident)?
+            )]
+            pub $field:ident: $type:ty,
+        )*}
+        beside {$(
+            $(#[doc = $beside_doc:literal])*
+            pub $beside:ident: $beside_type:ty,
+        )*}
+    ) => {
+        $(#[$attribute])*
+        pub struct $name {
+            $($(#[doc = $doc])* pub $field: Option<$type>,)*
+            $($(#[doc = $beside_doc])* pub $beside: Option<$beside_type>,)*
+        }
+
+        impl $name {
+            /// All settings that users write, in the order in which help shows them.
+            pub const SETTINGS: &'static [$crate::request::Setting] = &[$({
+                use $crate::request::{Heading, Setting, wish::Wished};
+                const RANGE: Range = $crate::request::setting::settings!(
+                    @first $($range,)? Range::Any
+                );
+                Setting {
+                    name: stringify!($field),
+                    heading: Heading::$heading,
+                    value_name: $value_name,
+                    python: $python,
+                    short: $crate::request::setting::settings!(@option $($short)?),
+                    alias: $crate::request::setting::settings!(@option $($alias)?),
+                    form: <$type as Wished>::FORM,
+                    is_live: $crate::request::setting::settings!(@live $($live)?),
+                    choices: <$type as Wished>::choices,
+                    default: || $crate::request::setting::settings!(
+                        @first $($default,)? <$type as Wished>::default_name()
+                    ),
+                    doc: concat!($($doc, "\n"),*),
+                    set: |request, wish| {
+                        request.$field = <$type as Wished>::read(wish, RANGE)?;
+                        Ok(())
+                    },
+                    check: |request| {
+                        request.$field.as_ref().and_then(|value| value.problem(RANGE))
+                    },
+                    get: |request| request.$field.as_ref().map(Wished::text),
+                    clear: |request| request.$field = None,
+                }
+            }),*];
+        }
+    };
+    (@first $first:expr $(, $rest:expr)*) => { $first };
+    (@live) => { false };
+    (@live live) => { true };
+    (@option) => { None };
+    (@option $value:literal) => { Some($value) };
+}
+pub(super) use settings;
