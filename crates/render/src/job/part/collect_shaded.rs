@@ -138,6 +138,9 @@ impl<'a> PartRenderer<'a> {
         let path = shaded.paths[lane] as usize;
         let light = shaded.light.filter(|_| shaded.has_light_ray(lane));
         let goes_on = shaded.goes_on[lane] != 0;
+        if light.is_none() && !goes_on {
+            return;
+        }
         let glowing = light.and_then(|light| light.glowing[lane]);
         let [light_may_cross, next_may_cross] = shader.may_cross(lane);
         let crossing =
@@ -146,10 +149,13 @@ impl<'a> PartRenderer<'a> {
         if crossing.is_some() || next.is_some() {
             self.note_media_beyond(depth, path, crossing.as_slice(), glowing, next);
         }
-        let random = self.batch(depth).random(path);
-        let Some(volumes) = &mut self.volumes else { return };
+        let Self { volumes: Some(volumes), paths, keys, sampler, .. } = self else { return };
         if light.is_some() && crossing.is_none() {
-            volumes.note_light_ray(path, || random, glowing);
+            let random = || {
+                let key = keys[paths.samples[path] as usize];
+                sampler.numbers_of(key).at_vertex(paths.carried[path].stream, depth)
+            };
+            volumes.note_light_ray(path, random, glowing);
         }
         if goes_on && next.is_none() {
             volumes.note_next(path);
