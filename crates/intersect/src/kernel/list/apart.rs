@@ -113,9 +113,11 @@ mod tests {
         })
         .expect("invertible");
         match ground {
-            Ground::Floor => drop(builder.add_mesh(WorldBuilder::ROOT, quads(&[quad(flat)]))),
+            Ground::Floor => {
+                builder.add_mesh(WorldBuilder::ROOT, quads(&[quad(flat)]));
+            }
             Ground::FloorAndWall => {
-                drop(builder.add_mesh(WorldBuilder::ROOT, quads(&[quad(flat), quad(wall)])))
+                builder.add_mesh(WorldBuilder::ROOT, quads(&[quad(flat), quad(wall)]));
             }
             Ground::Slope => {
                 let slope = flat.map(|[x, y, z]| [x, y + 0.25 * x - 0.125 * z, z]);
