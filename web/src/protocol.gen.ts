@@ -210,7 +210,8 @@ lights: Record<string, unknown>[],
  */
 cameras: Camera[], 
 /**
- * Rotation of its environment about the up direction, in degrees; `None` without an environment, or for a uniform one.
+ * Rotation of its environment about the up direction, in degrees; `None` without an
+ * environment, or for a uniform one.
  */
 environment_rotation: number | null, 
 /**
@@ -410,7 +411,8 @@ error: [number, number, number], };
 
 export type PathClass = { 
 /**
- * The path in Heckbert's letters, from the eye to the light: E, then D (diffuse), G (glossy), S (mirror), T (transmitted), V (medium), L.
+ * The path in Heckbert's letters, from the eye to the light: E, then D (diffuse), G (glossy),
+ * S (mirror), T (transmitted), V (medium), L.
  */
 way: string, 
 /**
