@@ -4,10 +4,10 @@
 //! their first steps together ([`super::shared_start`]).
 
 use super::shared_start::{SHARED_RAYS, Trial, shared_start};
-use super::slot::{Enters, SlotNumber, Slots};
+use super::slot::{Enters, Slot, Slots};
 use crate::kernel::Goal;
 use crate::kernel::list::Unresolved;
-use crate::kernel::single::traverse::{Entry, Stack, search_forest};
+use crate::kernel::single::traverse::{Entry, search_forest};
 use crate::precision::Facts;
 use crate::prefetch::fetch;
 use crate::search::answers::Answers;
@@ -134,50 +134,171 @@ fn run<L: Lanes8, G: Goal>(
     start: impl Fn(&RayOf<G>) -> G,
     mut answers: impl Answers<G>,
 ) {
+    let tree = &forest.trees[0];
     let prefetch = forest.memory_bytes() > FETCHED_BYTES;
-    let slots = Slots::<G>::new(SLOTS.min(batch.len()), forest.stack_size());
-    let mut kernel = Kernel::<L, G> { token, forest, prefetch, slots };
-    let mut steps = Steps { enters: [Enters([0.0; 8]); SLOTS], found: [0; SLOTS] };
     let mut below = [const { MaybeUninit::<Entry>::uninit() }; SMALL_STACK];
-    let mut items = [[SlotNumber::default(); ROOM]; 7];
-    let [nodes, rest, idle, leaves, ends, returns, objects] =
-        items.each_mut().map(|items| Queue { items, count: 0 });
-    let (mut queues, mut idle) = (Queues { nodes, rest }, idle);
-    let (mut leaves, mut others) = (leaves, Others { ends, returns, objects });
-    let mut hopeful_items = [Hopeful::default(); ROOM];
+    let slots = Slots::<G>::new(SLOTS.min(batch.len()), forest.stack_size());
+    let mut items: [Items<*mut Slot<G>>; 3] =
+        [const { [const { MaybeUninit::uninit() }; SLOTS + 1] }; 3];
+    let [nodes, rest, mut idle] = items.each_mut().map(|items| Queue { items, count: 0 });
+    let mut hopeful_items: Items<(*mut Slot<G>, u32, u32)> =
+        [const { MaybeUninit::uninit() }; SLOTS + 1];
     let mut hopeful = Queue { items: &mut hopeful_items, count: 0 };
-    kernel.slots.numbers().for_each(|slot| idle.put(slot, true));
-    let (mut next, mut trial) = (0, Trial::default());
+    // What a step leaves for the next.
+    let (mut enters, mut found) = ([Enters([0.0; 8]); SLOTS], [0; SLOTS]);
+    let mut queues = Queues { nodes, rest };
+    let mut other_slots: Items<*mut Slot<G>> = [const { MaybeUninit::uninit() }; SLOTS + 1];
+    let (mut leaf_slots, mut return_slots, mut object_slots) =
+        (other_slots, other_slots, other_slots);
+    for i in 0..slots.len() {
+        // SAFETY: there are no more slots than items.
+        unsafe { idle.put(slots.get(i), true) };
+    }
+    let from = if batch.unresolved.is_some() { tree.rest } else { tree.root };
+    let (mut number, mut trial) = (0, Trial::default());
     loop {
         // Rays that start, some at a time.
-        while next < batch.len() {
-            let packet = SHARED_RAYS.min(batch.len() - next).min(kernel.slots.len());
-            if idle.count < packet {
-                break;
+        while number < batch.len()
+            && idle.count >= SHARED_RAYS.min(batch.len() - number).min(slots.len())
+        {
+            let mut started: [*mut Slot<G>; SHARED_RAYS] = [std::ptr::null_mut(); SHARED_RAYS];
+            let mut count = 0;
+            while count < SHARED_RAYS && number < batch.len() && idle.count > 0 {
+                let (ray, unresolved) = batch.get(number, &answers);
+                number += 1;
+                let query = batch.rays.get(ray);
+                let search = || {
+                    let mut goal = start(query.ray);
+                    if let Some(hit) = unresolved.and_then(|unresolved| unresolved.hit) {
+                        goal.take(hit);
+                    }
+                    Search::new(query, batch.context, goal)
+                };
+                // SAFETY: slots that are idle are in no other queue.
+                unsafe {
+                    let slot = idle.get(idle.count - 1);
+                    if (*slot).start::<L>(tree, from, ray, batch.context.data, search, query.ray) {
+                        idle.count -= 1;
+                        started[count] = slot;
+                        count += 1;
+                    } else {
+                        answers.put(ray, search_alone(forest, wide, search()));
+                    }
+                }
             }
-            let mut started = [SlotNumber::default(); SHARED_RAYS];
-            let count =
-                kernel.start(wide, batch, &mut next, &start, &mut answers, &mut idle, &mut started);
-            kernel.shared_start(wide, &started[..count], &mut trial, &mut queues);
+            let started = &started[..count];
+            if let Some(wide) = wide
+                && G::WANTS_ONE
+                && count != 0
+                && trial.is_on()
+            {
+                // SAFETY: they have just started.
+                trial.count(count, unsafe { shared_start(wide, started) });
+            }
+            for &slot in started {
+                // SAFETY: slots that have started are in no queue.
+                unsafe {
+                    if prefetch {
+                        (*slot).fetch_ahead();
+                    }
+                    queues.put(slot, (*slot).current);
+                }
+            }
         }
         if queues.is_empty() || batch.context.is_cancelled() {
             break;
         }
-        // SAFETY: each slot is in one queue, has a search there, and is at what the queue says.
+        // SAFETY: the queues hold slots, each at most once, which have a search, and are at what
+        // their queue says; a walk holds at most 7 entries per level and `is_suitable` has counted
+        // them.
         unsafe {
-            kernel.sort(&mut queues.rest, &mut leaves, &mut others);
-            kernel.nodes(&mut steps, &mut queues);
-            kernel.leaves(&mut steps, &mut leaves, &mut hopeful, &mut queues);
-            kernel.triangles(&mut hopeful, &mut queues);
-            kernel.returns(&mut others.returns, &mut queues);
-            kernel.objects(&mut others.objects, &mut below, &mut queues);
-        }
-        for &number in others.ends.take() {
-            let mut slot = kernel.slots.at(number);
-            if let Some(search) = slot.search.take() {
-                answers.put(slot.number, search.goal);
+            // Leaves apart from the others.
+            let (mut leaves, mut others) = (0, 0);
+            for i in 0..queues.rest.take() {
+                let slot = queues.rest.get(i);
+                let is_leaf = (*slot).current.is_triangles();
+                leaf_slots.get_unchecked_mut(leaves).write(slot);
+                leaves += usize::from(is_leaf);
+                if !prefetch {
+                    (*slot).fetch_leaf();
+                }
+                other_slots.get_unchecked_mut(others).write(slot);
+                others += usize::from(!is_leaf);
             }
-            idle.put(number, true);
+            let count = queues.nodes.take();
+            for i in 0..count {
+                *found.get_unchecked_mut(i) =
+                    (*queues.nodes.get(i)).boxes_step::<L>(token, enters.get_unchecked_mut(i));
+            }
+            for i in 0..count {
+                let slot = queues.nodes.get(i);
+                Slot::push_step::<L>(slot, token, *found.get_unchecked(i), enters.get_unchecked(i));
+                if prefetch {
+                    (*slot).fetch_ahead();
+                }
+                queues.put(slot, (*slot).current);
+            }
+            for i in 0..leaves {
+                *found.get_unchecked_mut(i) =
+                    (*leaf_slots.get_unchecked(i).assume_init()).leaf_step::<L>(token);
+            }
+            for i in 0..leaves {
+                let (slot, lanes) =
+                    (leaf_slots.get_unchecked(i).assume_init(), *found.get_unchecked(i));
+                let block = Slot::leave_leaf(slot);
+                if prefetch {
+                    (*slot).fetch_ahead();
+                    (*slot).fetch_triangles(forest, lanes, block);
+                }
+                let (is_hopeful, is_node) = (lanes != 0, (*slot).current.is_node());
+                hopeful.put((slot, lanes, block), is_hopeful);
+                queues.nodes.put(slot, is_node & !is_hopeful);
+                queues.rest.put(slot, !is_node & !is_hopeful);
+            }
+            for i in 0..hopeful.take() {
+                let (slot, lanes, block) = hopeful.get(i);
+                Slot::triangles_step(slot, forest, lanes, block);
+                queues.put(slot, (*slot).current);
+            }
+            // Those at an end to the front, the others apart again.
+            let (mut ends, mut returns, mut objects) = (0, 0, 0);
+            for i in 0..others {
+                let slot = other_slots.get_unchecked(i).assume_init();
+                let (is_object, is_return) =
+                    ((*slot).current.is_object(), (*slot).current == ChildRef::RETURN);
+                other_slots.get_unchecked_mut(ends).write(slot);
+                ends += usize::from(!is_object & !is_return);
+                return_slots.get_unchecked_mut(returns).write(slot);
+                returns += usize::from(is_return);
+                object_slots.get_unchecked_mut(objects).write(slot);
+                objects += usize::from(is_object);
+            }
+            for i in 0..returns {
+                let slot = return_slots.get_unchecked(i).assume_init();
+                Slot::leave_instance(slot);
+                if prefetch {
+                    (*slot).fetch_ahead();
+                }
+                queues.put(slot, (*slot).current);
+            }
+            for i in 0..objects {
+                (*object_slots.get_unchecked(i).assume_init()).fetch_object(forest);
+            }
+            for i in 0..objects {
+                let slot = object_slots.get_unchecked(i).assume_init();
+                Slot::object_step::<L>(slot, token, forest, &mut below);
+                if prefetch {
+                    (*slot).fetch_ahead();
+                }
+                queues.put(slot, (*slot).current);
+            }
+            for i in 0..ends {
+                let slot = other_slots.get_unchecked(i).assume_init();
+                if let Some(search) = (*slot).search.take() {
+                    answers.put((*slot).number, search.goal);
+                }
+                idle.put(slot, true);
+            }
         }
     }
 }
@@ -190,286 +311,65 @@ fn search_alone<G: Goal>(forest: &Forest, wide: Option<Wide>, mut search: Search
     search.goal
 }
 
-/// What a step of each leaves for the next.
-struct Steps {
-    enters: [Enters; SLOTS],
-    found: [u32; SLOTS],
-}
+/// The memory of a queue: all slots and one more.
+type Items<T> = [MaybeUninit<T>; SLOTS + 1];
 
-/// A ray whose leaf has triangles that it may hit: a bit for each, and the number of the block.
-#[derive(Clone, Copy, Default)]
-struct Hopeful {
-    slot: SlotNumber,
-    lanes: u32,
-    block: u32,
-}
-
-/// The rays in flight, and what all of their steps need.
-struct Kernel<'f, 'a, L: Lanes8, G: Goal> {
-    token: L::Token,
-    forest: &'f Forest,
-    /// Asks for memory as soon as it is known.
-    prefetch: bool,
-    slots: Slots<'a, G>,
-}
-
-impl<'a, L: Lanes8, G: Goal> Kernel<'_, 'a, L, G> {
-    /// Starts the next rays of a batch in slots that are idle, as many as a packet has at most, and
-    /// returns how many. What is not ordinary is answered at once.
-    #[inline(always)]
-    fn start(
-        &mut self,
-        wide: Option<Wide>,
-        batch: &Batch<'a, G::Precision>,
-        next: &mut usize,
-        start: &impl Fn(&RayOf<G>) -> G,
-        answers: &mut impl Answers<G>,
-        idle: &mut Queue<SlotNumber>,
-        started: &mut [SlotNumber; SHARED_RAYS],
-    ) -> usize {
-        let tree = &self.forest.trees[0];
-        let from = if batch.unresolved.is_some() { tree.rest } else { tree.root };
-        let mut count = 0;
-        while count < SHARED_RAYS && *next < batch.len() && idle.count > 0 {
-            let (ray, unresolved) = batch.get(*next, answers);
-            *next += 1;
-            let query = batch.rays.get(ray);
-            let search = || {
-                let mut goal = start(query.ray);
-                if let Some(hit) = unresolved.and_then(|unresolved| unresolved.hit) {
-                    goal.take(hit);
-                }
-                Search::new(query, batch.context, goal)
-            };
-            let slot = idle.items[(idle.count - 1) & (ROOM - 1)];
-            let data = batch.context.data;
-            if self.slots.at(slot).start::<L>(tree, from, ray, data, search, query.ray) {
-                idle.count -= 1;
-                started[count] = slot;
-                count += 1;
-            } else {
-                answers.put(ray, search_alone(self.forest, wide, search()));
-            }
-        }
-        count
-    }
-
-    /// Puts slots that have just started where they belong, perhaps after first steps that they
-    /// take together.
-    #[inline(always)]
-    fn shared_start(
-        &mut self,
-        wide: Option<Wide>,
-        started: &[SlotNumber],
-        trial: &mut Trial,
-        queues: &mut Queues,
-    ) {
-        if let Some(wide) = wide
-            && G::WANTS_ONE
-            && !started.is_empty()
-            && trial.is_on()
-        {
-            // SAFETY: they have just started, at the same node.
-            trial.count(started.len(), unsafe { shared_start(wide, &mut self.slots, started) });
-        }
-        for &slot in started {
-            self.go_on(slot, queues);
-        }
-    }
-
-    /// Puts a slot where it belongs.
-    #[inline(always)]
-    fn go_on(&mut self, slot: SlotNumber, queues: &mut Queues) {
-        let current = {
-            let slot = self.slots.get(slot);
-            if self.prefetch {
-                slot.fetch_ahead();
-            }
-            slot.current
-        };
-        queues.put(slot, current);
-    }
-
-    /// Parts those that are not at nodes by what they are at.
-    #[inline(always)]
-    fn sort(
-        &self,
-        rest: &mut Queue<SlotNumber>,
-        leaves: &mut Queue<SlotNumber>,
-        others: &mut Others,
-    ) {
-        for &number in rest.take() {
-            let slot = self.slots.get(number);
-            if !self.prefetch {
-                slot.fetch_leaf();
-            }
-            let current = slot.current;
-            let (is_leaf, is_object) = (current.is_triangles(), current.is_object());
-            let is_return = current == ChildRef::RETURN;
-            leaves.put(number, is_leaf);
-            others.objects.put(number, is_object);
-            others.returns.put(number, is_return);
-            others.ends.put(number, !(is_leaf | is_object | is_return));
-        }
-    }
-
-    /// A step for each that is at a node.
-    ///
-    /// # Safety
-    /// All in the queue must have a search and be at nodes.
-    #[inline(always)]
-    unsafe fn nodes(&mut self, steps: &mut Steps, queues: &mut Queues) {
-        let Steps { enters, found } = steps;
-        let (slots, count) = (*queues.nodes.items, queues.nodes.take().len());
-        let slots = &slots[..count];
-        for ((&slot, enters), found) in slots.iter().zip(&mut *enters).zip(&mut *found) {
-            // SAFETY: the caller promises that all have a search and are at nodes.
-            *found = unsafe { self.slots.at(slot).boxes_step::<L>(self.token, enters) };
-        }
-        for ((&slot, enters), &mut found) in slots.iter().zip(enters).zip(found) {
-            // SAFETY: they are still at these nodes; a walk holds at most 7 entries per level, and
-            // stacks have room for as many and eight.
-            unsafe { self.slots.at(slot).push_step::<L>(self.token, found, enters) };
-            self.go_on(slot, queues);
-        }
-    }
-
-    /// A step for each that is at a leaf: most triangles are missed.
-    ///
-    /// # Safety
-    /// All in the queue must have a search and be at leaves.
-    #[inline(always)]
-    unsafe fn leaves(
-        &mut self,
-        steps: &mut Steps,
-        leaves: &mut Queue<SlotNumber>,
-        hopeful: &mut Queue<Hopeful>,
-        queues: &mut Queues,
-    ) {
-        let (slots, found) = (leaves.take(), &mut steps.found);
-        for (&slot, found) in slots.iter().zip(&mut *found) {
-            // SAFETY: the caller promises that all have a search and are at leaves.
-            *found = unsafe { self.slots.at(slot).leaf_step::<L>(self.token) };
-        }
-        for (&number, &mut lanes) in slots.iter().zip(found) {
-            let mut slot = self.slots.at(number);
-            // SAFETY: it is still at this leaf, and the lanes are those that were found there.
-            let block = unsafe {
-                let block = slot.leave_leaf();
-                if self.prefetch {
-                    slot.fetch_ahead();
-                    slot.fetch_triangles(self.forest, lanes, block);
-                }
-                block
-            };
-            let (is_hopeful, is_node) = (lanes != 0, slot.current.is_node());
-            hopeful.put(Hopeful { slot: number, lanes, block }, is_hopeful);
-            queues.nodes.put(number, is_node & !is_hopeful);
-            queues.rest.put(number, !is_node & !is_hopeful);
-        }
-    }
-
-    /// Tests the triangles that were not missed.
-    ///
-    /// # Safety
-    /// All in the queue must have a search, and have come there from a leaf.
-    #[inline(always)]
-    unsafe fn triangles(&mut self, hopeful: &mut Queue<Hopeful>, queues: &mut Queues) {
-        for &Hopeful { slot: number, lanes, block } in hopeful.take() {
-            let mut slot = self.slots.at(number);
-            // SAFETY: the caller promises that all come from leaves where these lanes were found.
-            unsafe { slot.triangles_step(self.forest, lanes, block) };
-            queues.put(number, slot.current);
-        }
-    }
-
-    /// Returns from instances.
-    ///
-    /// # Safety
-    /// All in the queue must be at the end of an instance.
-    #[inline(always)]
-    unsafe fn returns(&mut self, returns: &mut Queue<SlotNumber>, queues: &mut Queues) {
-        for &slot in returns.take() {
-            // SAFETY: the caller promises that all are at the end of an instance.
-            unsafe { self.slots.at(slot).leave_instance() };
-            self.go_on(slot, queues);
-        }
-    }
-
-    /// Tests shapes, and goes into instances.
-    ///
-    /// # Safety
-    /// All in the queue must have a search and be at objects.
-    #[inline(always)]
-    unsafe fn objects(
-        &mut self,
-        objects: &mut Queue<SlotNumber>,
-        below: &mut Stack,
-        queues: &mut Queues,
-    ) {
-        let slots = objects.take();
-        for &slot in slots {
-            // SAFETY: the caller promises that all are at objects.
-            unsafe { self.slots.get(slot).fetch_object(self.forest) };
-        }
-        for &slot in slots {
-            // SAFETY: they are still at these objects, with a search; stacks have room for the
-            // deepest way down, with one entry for each instance.
-            unsafe { self.slots.at(slot).object_step::<L>(self.token, self.forest, below) };
-            self.go_on(slot, queues);
-        }
-    }
-}
-
-/// Items that a queue has room for: more than there are [`SLOTS`], and a power of two, so that
-/// places need not be checked.
-const ROOM: usize = (SLOTS + 1).next_power_of_two();
-
-/// Slots in order of arrival. (Items and count are apart, so that the count stays in a register.)
+/// Slots in order of arrival; read and rewritten in one pass. (Items and count are apart, so that
+/// the count stays in a register.)
 struct Queue<'a, T> {
-    items: &'a mut [T; ROOM],
+    items: &'a mut Items<T>,
     count: usize,
 }
 
 impl<T: Copy> Queue<'_, T> {
     /// Writes an item, and counts it or not: no branch on data.
+    ///
+    /// # Safety
+    /// The queue must have at most as many items as there are [`SLOTS`].
     #[inline(always)]
-    fn put(&mut self, item: T, counts: bool) {
-        self.items[self.count & (ROOM - 1)] = item;
+    unsafe fn put(&mut self, item: T, counts: bool) {
+        // SAFETY: as promised by the caller.
+        unsafe { self.items.get_unchecked_mut(self.count).write(item) };
         self.count += usize::from(counts);
     }
 
-    /// Empties the queue: all that was in it.
+    /// Empties the queue and tells how many items there were; they can be read until as many are
+    /// put.
     #[inline(always)]
-    fn take(&mut self) -> &[T] {
-        &self.items[..std::mem::take(&mut self.count).min(ROOM)]
+    fn take(&mut self) -> usize {
+        std::mem::take(&mut self.count)
+    }
+
+    /// # Safety
+    /// `i` must be less than what [`Self::take`] gave, and at most `i` items put since.
+    #[inline(always)]
+    unsafe fn get(&self, i: usize) -> T {
+        // SAFETY: as promised by the caller.
+        unsafe { self.items.get_unchecked(i).assume_init() }
     }
 }
 
 /// The slots by what they do next.
-struct Queues<'a> {
-    nodes: Queue<'a, SlotNumber>,
-    rest: Queue<'a, SlotNumber>,
+struct Queues<'a, T> {
+    nodes: Queue<'a, T>,
+    rest: Queue<'a, T>,
 }
 
-impl Queues<'_> {
+impl<T: Copy> Queues<'_, T> {
     /// Puts a slot where it belongs.
+    ///
+    /// # Safety
+    /// There must be fewer items in all than there are [`SLOTS`].
     #[inline(always)]
-    fn put(&mut self, slot: SlotNumber, current: ChildRef) {
-        self.nodes.put(slot, current.is_node());
-        self.rest.put(slot, !current.is_node());
+    unsafe fn put(&mut self, item: T, current: ChildRef) {
+        // SAFETY: as promised by the caller.
+        unsafe {
+            self.nodes.put(item, current.is_node());
+            self.rest.put(item, !current.is_node());
+        }
     }
 
     fn is_empty(&self) -> bool {
         self.nodes.count + self.rest.count == 0
     }
-}
-
-/// Those of the rest that are not at leaves.
-struct Others<'a> {
-    /// At the end of their walks.
-    ends: Queue<'a, SlotNumber>,
-    /// At the end of an instance.
-    returns: Queue<'a, SlotNumber>,
-    objects: Queue<'a, SlotNumber>,
 }

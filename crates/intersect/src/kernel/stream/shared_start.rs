@@ -16,7 +16,7 @@
 #[cfg(test)]
 mod tests;
 
-use super::slot::{Slot, SlotNumber, Slots};
+use super::slot::Slot;
 use crate::exact::prepared::FAR_FACTOR;
 use crate::kernel::Goal;
 use crate::kernel::columns::columns;
@@ -62,23 +62,19 @@ const MAX_MARGIN: f32 = 1.0e20;
 /// at the same node and has not gone on.
 #[cfg_attr(not(target_arch = "x86_64"), allow(unused_variables))]
 #[inline(always)]
-pub(super) unsafe fn shared_start<G: Goal>(
-    wide: Wide,
-    slots: &mut Slots<'_, G>,
-    packet: &[SlotNumber],
-) -> u32 {
+pub(super) unsafe fn shared_start<G: Goal>(wide: Wide, slots: &[*mut Slot<'_, G>]) -> u32 {
     match wide {
         #[cfg(target_arch = "x86_64")]
         Wide::Avx2(token) => token.run(
             #[inline(always)]
-            // SAFETY: the caller promises slots that have just started.
-            move || unsafe { shared_start_with::<Pair<Avx8>, G>(token, slots, packet) },
+            // SAFETY: as promised by the caller.
+            move || unsafe { shared_start_with::<Pair<Avx8>, G>(token, slots) },
         ),
         #[cfg(target_arch = "x86_64")]
         Wide::Avx512(token) => token.run(
             #[inline(always)]
-            // SAFETY: the caller promises slots that have just started.
-            move || unsafe { shared_start_with::<Avx16, G>(token, slots, packet) },
+            // SAFETY: as promised by the caller.
+            move || unsafe { shared_start_with::<Avx16, G>(token, slots) },
         ),
     }
 }
@@ -90,39 +86,35 @@ pub(super) unsafe fn shared_start<G: Goal>(
 #[inline(always)]
 unsafe fn shared_start_with<W: Lanes16, G: Goal>(
     token: W::Token,
-    slots: &mut Slots<'_, G>,
-    packet: &[SlotNumber],
+    slots: &[*mut Slot<'_, G>],
 ) -> u32 {
-    debug_assert!((1..=SHARED_RAYS).contains(&packet.len()));
-    let (first, second) = packet.split_at(packet.len().min(ROW));
-    // SAFETY: the rows are those of the packet, which the caller promises.
+    debug_assert!((1..=SHARED_RAYS).contains(&slots.len()));
+    // SAFETY: as promised by the caller.
     unsafe {
-        if second.is_empty() {
-            let rows = [Row::<W>::new(token, slots, first)];
-            start_rows(token, slots, packet, rows)
+        if slots.len() > ROW {
+            let (first, second) = slots.split_at_unchecked(ROW);
+            start_rows(token, slots, [Row::<W>::new(token, first), Row::new(token, second)])
         } else {
-            let rows = [Row::<W>::new(token, slots, first), Row::new(token, slots, second)];
-            start_rows(token, slots, packet, rows)
+            start_rows(token, slots, [Row::<W>::new(token, slots)])
         }
     }
 }
 
 /// # Safety
-/// As [`shared_start`]; the rows must be those of the packet.
+/// As [`shared_start`]; the rows must be those of the slots.
 #[inline(always)]
 unsafe fn start_rows<W: Lanes16, G: Goal, const N: usize>(
     token: W::Token,
-    slots: &mut Slots<'_, G>,
-    packet: &[SlotNumber],
+    slots: &[*mut Slot<'_, G>],
     rows: [Row<W>; N],
 ) -> u32 {
     let mut left = Left::NONE;
-    // SAFETY: what the caller promises; the slots of a row are its lanes.
+    // SAFETY: as promised by the caller; the slots of a row are its lanes.
     unsafe {
-        let visits = visit(slots.get(packet[0]), &rows, &mut left);
+        let visits = visit(&**slots.get_unchecked(0), &rows, &mut left);
         if visits != 0 {
-            for (i, (row, packet)) in rows.iter().zip(packet.chunks(ROW)).enumerate() {
-                hand_out(token, slots, packet, row, &left, i);
+            for (i, row) in rows.iter().enumerate() {
+                hand_out(token, slots.get_unchecked(ROW * i..), row, &left, i);
             }
         }
         visits
@@ -149,13 +141,16 @@ struct Row<W> {
 }
 
 impl<W: Lanes16> Row<W> {
-    /// Of up to sixteen slots that have just started, at least one.
+    /// # Safety
+    /// As [`shared_start`], of up to sixteen slots.
     #[inline(always)]
-    fn new<G: Goal>(token: W::Token, slots: &Slots<'_, G>, packet: &[SlotNumber]) -> Self {
+    unsafe fn new<G: Goal>(token: W::Token, slots: &[*mut Slot<'_, G>]) -> Self {
         let mut slabs = [[&[0.0; 8]; 2]; ROW];
         for (lane, slabs) in slabs.iter_mut().enumerate() {
             // (Lanes without a ray have the first one.)
-            *slabs = slots.get(*packet.get(lane).unwrap_or(&packet[0])).rows();
+            // SAFETY: there is at least one slot.
+            let slot = unsafe { &**slots.get_unchecked(if lane < slots.len() { lane } else { 0 }) };
+            *slabs = slot.rows();
         }
         let rows = |side: usize, from: usize| from_fn(|i| slabs[from + i][side]);
         let [t_min, cull, _, _, _, _, i, j] = columns::<W>(token, rows(0, 0), rows(0, 8));
@@ -174,7 +169,7 @@ impl<W: Lanes16> Row<W> {
             margin = margin.max(if Self::FUSED { side } else { side.mul(inverse[axis].abs()) });
         }
         let rays =
-            margin.lt(W::splat(token, MAX_MARGIN)) & (0xffff >> (ROW - packet.len().min(ROW)));
+            margin.lt(W::splat(token, MAX_MARGIN)) & (0xffff >> (ROW - slots.len().min(ROW)));
         let t_min = t_min.max(W::splat(token, LEAST));
         Self { inverse, offset, t_min, cull: cull.add(margin), margin, rays }
     }
@@ -291,18 +286,17 @@ unsafe fn visit<W: Lanes16, G: Goal, const N: usize>(
 /// Gives each ray of a row what is left to it, the nearest last.
 ///
 /// # Safety
-/// As [`shared_start`]; the slots must be those of the row, which is the `number`-th.
+/// As [`shared_start`]; the slots from the first on must be those of the row, which is the
+/// `number`-th.
 #[inline(always)]
 unsafe fn hand_out<W: Lanes16, G: Goal, const N: usize>(
     token: W::Token,
-    slots: &mut Slots<'_, G>,
-    packet: &[SlotNumber],
+    slots: &[*mut Slot<'_, G>],
     row: &Row<W>,
     left: &Left<N>,
     number: usize,
 ) {
-    // SAFETY: entries below `count` are written, with what is below the node at which the slots, as
-    // promised by the caller, started.
+    // SAFETY: passed on to the caller; entries below `count` are written.
     unsafe {
         // By lane: distances in falling order, each with its number as a tag; below zero where
         // there is none.
@@ -336,8 +330,12 @@ unsafe fn hand_out<W: Lanes16, G: Goal, const N: usize>(
             let margin = W::Half::splat(half_token, margins.0[lane] + 2.0 * LEAST);
             let scale = W::Half::splat(half_token, 1.0 - TAG_PADDING);
             let distances = entries[lane].mul(scale).sub(margin);
-            let mut slot = slots.at(packet[lane]);
-            slot.go_on_with(entries[lane], distances, &left.children.0);
+            Slot::go_on_with(
+                *slots.get_unchecked(lane),
+                entries[lane],
+                distances,
+                &left.children.0,
+            );
         }
     }
 }

@@ -17,9 +17,9 @@ use crate::tree::node::WideNode;
 use crate::tree::{Forest, GroupTree};
 use snell_math::simd::{Lanes8, WideLanes};
 use snell_math::{DRay, DVec3};
+use std::cell::UnsafeCell;
 use std::marker::PhantomData;
 use std::mem::{MaybeUninit, offset_of};
-use std::ops::{Deref, DerefMut};
 
 /// Where a ray is: in which group, with which coordinates.
 #[derive(Clone, Copy)]
@@ -104,13 +104,8 @@ pub(super) struct Slot<'a, G: Goal> {
 }
 
 /// Bytes that are in the cache together.
-#[derive(Clone, Copy)]
 #[repr(align(64))]
-struct Line(#[expect(dead_code, reason = "slots lie in it")] MaybeUninit<[u8; 64]>);
-
-/// Which of the slots: the number of its first line.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct SlotNumber(u32);
+struct Line(#[expect(dead_code, reason = "slots lie in it")] UnsafeCell<MaybeUninit<[u8; 64]>>);
 
 /// Slots, each with its stack behind it.
 pub(super) struct Slots<'a, G: Goal> {
@@ -127,24 +122,24 @@ impl<'a, G: Goal> Slots<'a, G> {
         let stack = (entries + 16) * Slot::<G>::ENTRY * size_of::<u32>();
         // An odd number: so they do not compete for the same places in the cache.
         let lines = (size_of::<Slot<G>>() + stack).div_ceil(size_of::<Line>()) | 1;
-        let memory = vec![Line(MaybeUninit::uninit()); count * lines].into();
-        let mut slots = Self { memory, lines, slots: PhantomData };
-        for number in slots.numbers() {
-            let slot = Slot {
-                t_min: 0.0,
-                cull: 0.0,
-                current: ChildRef::NONE,
-                top: 1,
-                place: Place::UNSET,
-                search: None,
-                number: 0,
-                outside: Vec::new(),
-            };
-            let first = slots.start_of(number);
-            // SAFETY: the memory is there, aligned, and of as many lines as a slot and its stack.
+        let memory =
+            (0..count * lines).map(|_| Line(UnsafeCell::new(MaybeUninit::uninit()))).collect();
+        let slots = Self { memory, lines, slots: PhantomData };
+        for i in 0..count {
+            let slot = slots.get(i);
+            // SAFETY: the memory is there, and aligned; nobody else has it.
             unsafe {
-                slots.memory.as_mut_ptr().add(first).cast::<Slot<G>>().write(slot);
-                slots.at(number).entry(0).write(ChildRef::NONE.0);
+                slot.write(Slot {
+                    t_min: 0.0,
+                    cull: 0.0,
+                    current: ChildRef::NONE,
+                    top: 1,
+                    place: Place::UNSET,
+                    search: None,
+                    number: 0,
+                    outside: Vec::new(),
+                });
+                Slot::entry(slot, 0).write(ChildRef::NONE.0);
             }
         }
         slots
@@ -155,83 +150,24 @@ impl<'a, G: Goal> Slots<'a, G> {
         self.memory.len() / self.lines
     }
 
-    /// The numbers of all.
-    pub fn numbers(&self) -> impl Iterator<Item = SlotNumber> + use<G> {
-        let lines = self.lines as u32;
-        (0..self.len() as u32).map(move |i| SlotNumber(i * lines))
-    }
-
-    /// Where one of them is.
-    #[inline(always)]
-    fn start_of(&self, number: SlotNumber) -> usize {
-        let first = number.0 as usize;
-        assert!(first + self.lines <= self.memory.len(), "there is no such slot");
-        first
-    }
-
     /// One of them.
-    #[inline(always)]
-    pub fn at(&mut self, number: SlotNumber) -> InFlight<'_, 'a, G> {
-        let first = self.start_of(number);
-        let bytes = self.lines * size_of::<Line>() - size_of::<Slot<G>>();
-        // SAFETY: `new` has written a slot at the beginning of as many lines, and the rest of them
-        // is the memory of its stack, which may hold anything.
-        unsafe {
-            let start = self.memory.as_mut_ptr().add(first).cast::<Slot<'a, G>>();
-            let stack = start.add(1).cast::<MaybeUninit<u32>>();
-            InFlight {
-                slot: &mut *start,
-                stack: std::slice::from_raw_parts_mut(stack, bytes / size_of::<u32>()),
-            }
-        }
-    }
-
-    /// One of them, without its stack.
-    #[inline(always)]
-    pub fn get(&self, number: SlotNumber) -> &Slot<'a, G> {
-        let first = self.start_of(number);
-        // SAFETY: `new` has written a slot there.
-        unsafe { &*self.memory.as_ptr().add(first).cast() }
+    pub fn get(&self, i: usize) -> *mut Slot<'a, G> {
+        let lines = &raw const self.memory[i * self.lines..][..self.lines];
+        // (All of it is in cells.)
+        lines.cast::<Slot<'a, G>>().cast_mut()
     }
 }
 
 impl<G: Goal> Drop for Slots<'_, G> {
     fn drop(&mut self) {
-        for number in self.numbers() {
-            let slot: *mut _ = self.at(number).slot;
-            // SAFETY: they were made in `new`, and nothing is done with them any more.
-            unsafe { slot.drop_in_place() };
+        for i in 0..self.len() {
+            // SAFETY: they were made in `new`.
+            unsafe { self.get(i).drop_in_place() };
         }
     }
 }
 
-/// A slot and the stack behind it.
-pub(super) struct InFlight<'s, 'a, G: Goal> {
-    slot: &'s mut Slot<'a, G>,
-    stack: &'s mut [MaybeUninit<u32>],
-}
-
-impl<'a, G: Goal> Deref for InFlight<'_, 'a, G> {
-    type Target = Slot<'a, G>;
-
-    #[inline(always)]
-    fn deref(&self) -> &Slot<'a, G> {
-        self.slot
-    }
-}
-
-impl<G: Goal> DerefMut for InFlight<'_, '_, G> {
-    #[inline(always)]
-    fn deref_mut(&mut self) -> &mut Self::Target {
-        self.slot
-    }
-}
-
 impl<'a, G: Goal> Slot<'a, G> {
-    /// Numbers of an entry of the stack: what it leads to, and the bits of where its box begins, if
-    /// the goal narrows.
-    const ENTRY: usize = if G::NARROWS { 2 } else { 1 };
-
     /// Begins the walk of a ray through the root's tree, or from there on. False, and nothing done,
     /// if the ray is not ordinary.
     #[inline(always)]
@@ -264,8 +200,61 @@ impl<'a, G: Goal> Slot<'a, G> {
     /// There must be a search.
     #[inline(always)]
     pub unsafe fn search(&mut self) -> &mut Search<'a, G> {
-        // SAFETY: the caller promises that there is one.
+        // SAFETY: as promised by the caller.
         unsafe { self.search.as_mut().unwrap_unchecked() }
+    }
+
+    /// Numbers of an entry of the stack: what it leads to, and the bits of where its box begins, if
+    /// the goal narrows.
+    const ENTRY: usize = if G::NARROWS { 2 } else { 1 };
+
+    /// An entry of the stack, which is behind the slot.
+    ///
+    /// # Safety
+    /// It must be a slot of [`Slots`], and have this entry.
+    #[inline(always)]
+    unsafe fn entry(this: *mut Self, i: usize) -> *mut u32 {
+        // SAFETY: as promised by the caller.
+        unsafe { this.add(1).cast::<u32>().add(Self::ENTRY * i) }
+    }
+
+    /// # Safety
+    /// It must be a slot of [`Slots`]; `top` must not be 0: the entry that ends the walk is still
+    /// there.
+    #[inline(always)]
+    pub unsafe fn pop(this: *mut Self) {
+        // SAFETY: `top` was between 1 and the size of the stack, and all entries below it are
+        // written.
+        unsafe {
+            (*this).top -= 1;
+            (*this).current = ChildRef(Self::entry(this, (*this).top as usize).read());
+        }
+    }
+
+    /// What is still to be visited, the next last, and where the boxes begin.
+    #[cfg(test)]
+    pub unsafe fn entries(this: *mut Self) -> Vec<(f32, ChildRef)> {
+        // SAFETY: entries below the top are written, and what was popped last is still there.
+        unsafe {
+            let (current, top) = ((*this).current, (*this).top as usize);
+            if current == ChildRef::NONE {
+                return vec![];
+            }
+            // The current one was popped last, or is the root.
+            let at = |i: usize| {
+                (
+                    f32::from_bits(Self::entry(this, i).add(1).read()),
+                    ChildRef(Self::entry(this, i).read()),
+                )
+            };
+            let mut entries: Vec<_> = (1..top).map(at).collect();
+            entries.push(if entries.is_empty() && current.is_node() {
+                ((*this).t_min, current)
+            } else {
+                at(top)
+            });
+            entries
+        }
     }
 
     /// Where the search begins, and its padded limit.
@@ -289,6 +278,36 @@ impl<'a, G: Goal> Slot<'a, G> {
         unsafe { [&*first.cast(), &*first.cast::<[f32; 8]>().add(1)] }
     }
 
+    /// Goes on, after the start, with some of `children` instead of the root: those that the tags
+    /// ([`WideLanes::look_up`]) of entries that are not negative tell, which must come first, the
+    /// last of them at once. Their boxes begin at these distances or farther.
+    ///
+    /// # Safety
+    /// It must be a slot of [`Slots`]. The children must be of the same group, and no more than
+    /// what the root would have left on the stack.
+    #[inline(always)]
+    pub unsafe fn go_on_with<L: WideLanes>(
+        this: *mut Self,
+        entries: L,
+        distances: L,
+        children: &[u32; 32],
+    ) {
+        // SAFETY: as promised by the caller. References are plain `u32`, and the lowest entry
+        // stays.
+        unsafe {
+            let first = Self::entry(this, 1);
+            if G::NARROWS {
+                let mut own = [0; 8];
+                entries.look_up(children, &mut own);
+                distances.store_after(&own, &mut *first.cast());
+            } else {
+                entries.look_up(children, &mut *first.cast());
+            }
+            (*this).top = 1 + (!entries.signs() & 0xff).count_ones();
+            Self::pop(this);
+        }
+    }
+
     /// Tests the boxes of the current node: tells which children are met, in order, and writes
     /// where, if the goal narrows. (The step is in two parts with the other slots between them:
     /// each waits less.)
@@ -297,7 +316,7 @@ impl<'a, G: Goal> Slot<'a, G> {
     /// There must be a search; the current reference must be a node of the group.
     #[inline(always)]
     pub unsafe fn boxes_step<L: Lanes8>(&mut self, token: L::Token, enters: &mut Enters) -> u32 {
-        // SAFETY: the search and the node are there by the caller's promise.
+        // SAFETY: as promised by the caller.
         unsafe {
             self.search().goal.count_node();
             let node = &*self.place.nodes.add(self.current.node_index());
@@ -310,13 +329,42 @@ impl<'a, G: Goal> Slot<'a, G> {
         }
     }
 
+    /// Goes on to the nearest box that was met, and notes the others.
+    ///
+    /// # Safety
+    /// It must be a slot of [`Slots`]. As [`Self::boxes_step`], which must have given `met` and
+    /// `enters`; the stack must have room for eight more entries.
+    #[inline(always)]
+    pub unsafe fn push_step<L: Lanes8>(
+        this: *mut Self,
+        token: L::Token,
+        met: u32,
+        enters: &Enters,
+    ) {
+        // SAFETY: as promised by the caller. References are plain `u32`, and `top` is at least 1.
+        unsafe {
+            let (Place { nodes, ray, .. }, top) = (&(*this).place, (*this).top as usize);
+            let node = &*nodes.add((*this).current.node_index());
+            let payload = &*node.children.as_ptr().cast::<[u32; 8]>();
+            let order = node.order[ray.octant()];
+            let to = Self::entry(this, top);
+            if G::NARROWS {
+                L::load(token, &enters.0).compress(met, order, payload, &mut *to.cast());
+            } else {
+                L::compress_payload(token, met, order, payload, &mut *to.cast());
+            }
+            (*this).top += met.count_ones();
+            Self::pop(this);
+        }
+    }
+
     /// Tells which triangles of the current leaf the ray's line may pass through.
     ///
     /// # Safety
     /// There must be a search; the current reference must be a block of the group.
     #[inline(always)]
     pub unsafe fn leaf_step<L: Lanes8>(&mut self, token: L::Token) -> u32 {
-        // SAFETY: the search and the block are there by the caller's promise.
+        // SAFETY: as promised by the caller.
         unsafe {
             let (mut room, count) = (MaybeUninit::uninit(), self.current.count());
             let block = self.place.blocks().block::<L>(token, self.current.block(), &mut room);
@@ -326,15 +374,133 @@ impl<'a, G: Goal> Slot<'a, G> {
         }
     }
 
+    /// Goes on after a leaf. Returns the number of its block.
+    ///
+    /// # Safety
+    /// It must be a slot of [`Slots`]. The current entry must be a leaf.
+    #[inline(always)]
+    pub unsafe fn leave_leaf(this: *mut Self) -> u32 {
+        // SAFETY: the entry that ends the walk is below that of a leaf.
+        unsafe {
+            let block = (*this).current.block() as u32;
+            Self::pop(this);
+            block
+        }
+    }
+
+    /// Tests triangles exactly that [`Self::leaf_step`] has found.
+    ///
+    /// # Safety
+    /// It must be a slot of [`Slots`]. There must be a search; `lanes` must be what the last leaf
+    /// step has found in this block.
+    #[inline(always)]
+    pub unsafe fn triangles_step(this: *mut Self, forest: &Forest, mut lanes: u32, block: u32) {
+        // SAFETY: as promised by the caller.
+        unsafe {
+            let slot = &mut *this;
+            let (blocks, block) = (slot.place.blocks(), block as usize);
+            while lanes != 0 {
+                let lane = lanes.trailing_zeros() as usize & 7;
+                lanes &= lanes - 1;
+                let Place { ray, origin, direction, group, instance, .. } = &slot.place;
+                let ids = || {
+                    let (geometry, primitive) = forest
+                        .trees
+                        .get_unchecked(*group as usize)
+                        .triangle(blocks.id(block, lane));
+                    [*instance, geometry, primitive]
+                };
+                let search = slot.search.as_ref().unwrap_unchecked();
+                let corners = blocks.corners(block, lane);
+                let found =
+                    G::Precision::hit_on_line(search, ray, origin, direction, &corners, ids);
+                if offer_triangle(slot.search(), found) {
+                    slot.current = ChildRef::NONE;
+                    return;
+                }
+            }
+            Self::tighten(this);
+        }
+    }
+
+    /// After hits: a new limit, and the stack without what lies beyond it. The current entry must
+    /// have been popped last.
+    ///
+    /// # Safety
+    /// It must be a slot of [`Slots`], with a search.
+    #[inline(always)]
+    pub unsafe fn tighten(this: *mut Self) {
+        if !G::NARROWS {
+            return;
+        }
+        // SAFETY: as promised by the caller; all entries up to the one popped last are written, and
+        // the lowest stays.
+        unsafe {
+            let cull = (*this).search().cull();
+            if cull < (*this).cull {
+                (*this).cull = cull;
+                let mut kept = 1;
+                for i in 1..=(*this).top as usize {
+                    let entry = Self::entry(this, i).cast::<[u32; 2]>().read();
+                    Self::entry(this, kept).cast::<[u32; 2]>().write(entry);
+                    kept += usize::from(f32::from_bits(entry[1]) <= cull);
+                }
+                (*this).top = kept as u32;
+                Self::pop(this);
+            }
+        }
+    }
+
     /// Asks for the memory of the current object.
     ///
     /// # Safety
     /// The current reference must be an object of the group.
     #[inline(always)]
     pub unsafe fn fetch_object(&self, forest: &Forest) {
-        // SAFETY: there is the group, since the caller promises that something of it is current.
+        // SAFETY: as promised by the caller.
         let tree = unsafe { forest.trees.get_unchecked(self.place.group as usize) };
         tree.objects.fetch(self.current.index());
+    }
+
+    /// Tests the shape that is the current object and goes on to the next entry, or goes into an
+    /// instance.
+    ///
+    /// # Safety
+    /// It must be a slot of [`Slots`]. There must be a search; the current reference must be an
+    /// object of the group; the stack must have room for one more entry.
+    #[inline(always)]
+    pub unsafe fn object_step<L: Lanes8>(
+        this: *mut Self,
+        token: L::Token,
+        forest: &Forest,
+        below: &mut Stack,
+    ) {
+        // SAFETY: as promised by the caller.
+        unsafe {
+            let slot = &mut *this;
+            let object = slot.current.index();
+            let tree = forest.trees.get_unchecked(slot.place.group as usize);
+            if let Some(root) = slot.enter_instance::<L>(forest, tree.objects.get(object)) {
+                let entry = Self::entry(this, slot.top as usize);
+                entry.write(ChildRef::RETURN.0);
+                if G::NARROWS {
+                    // Nearer than any limit.
+                    entry.add(1).write(f32::NEG_INFINITY.to_bits());
+                }
+                (*this).top += 1;
+                (*this).current = root;
+                return;
+            }
+            Self::pop(this);
+            let slot = &mut *this;
+            let (exact, instance) = (slot.place.exact(), slot.place.instance);
+            let search = slot.search();
+            if test_object::<L, G>(token, forest, tree, object, &exact, instance, search, below) {
+                slot.current = ChildRef::NONE;
+            } else {
+                Self::tighten(this);
+            }
+        }
     }
 
     /// Goes into an instance, if the object is one that can be walked in this slot.
@@ -352,7 +518,7 @@ impl<'a, G: Goal> Slot<'a, G> {
             return None;
         };
         let tree = &forest.trees[*child];
-        // SAFETY: the caller promises a search.
+        // SAFETY: as promised by the caller.
         let (visible, time, data) =
             unsafe { (self.search().mask, self.search().time, self.search().context.data) };
         if mask & visible == 0 || tree.root == ChildRef::NONE || !tree.unbounded.is_empty() {
@@ -379,18 +545,31 @@ impl<'a, G: Goal> Slot<'a, G> {
         }
     }
 
+    /// Returns from an instance and goes on there.
+    ///
+    /// # Safety
+    /// It must be a slot of [`Slots`]. The current entry must be [`ChildRef::RETURN`].
+    #[inline(always)]
+    pub unsafe fn leave_instance(this: *mut Self) {
+        // SAFETY: the entry that ends the walk is below that of the instance.
+        unsafe {
+            (*this).return_outside();
+            Self::pop(this);
+        }
+    }
+
     /// Asks for the memory of the triangles that [`Self::leaf_step`] has found, if they are not in
     /// the block.
     ///
     /// # Safety
-    /// As [`InFlight::triangles_step`].
+    /// As [`Self::triangles_step`].
     #[inline(always)]
     pub unsafe fn fetch_triangles(&mut self, forest: &Forest, mut lanes: u32, block: u32) {
         if <G::Precision as TriangleTest>::TRIANGLES_ELSEWHERE {
             while lanes != 0 {
                 let lane = lanes.trailing_zeros() as usize & 7;
                 lanes &= lanes - 1;
-                // SAFETY: the block, its group and a search are there by the caller's promise.
+                // SAFETY: as promised by the caller.
                 unsafe {
                     let tree = forest.trees.get_unchecked(self.place.group as usize);
                     let (geometry, triangle) =
@@ -426,239 +605,6 @@ impl<'a, G: Goal> Slot<'a, G> {
         fetch_lines(at, 4);
         // (Of a node, the fourth again.)
         fetch_lines(at.wrapping_add((4 - usize::from(is_node)) * size_of::<Line>()), 1);
-    }
-}
-
-impl<'a, G: Goal> InFlight<'_, 'a, G> {
-    /// The first number of an entry of the stack.
-    ///
-    /// # Safety
-    /// The entry must be within the stack.
-    #[inline(always)]
-    unsafe fn entry(&mut self, i: usize) -> &mut MaybeUninit<u32> {
-        // SAFETY: the caller promises that it is within the stack.
-        unsafe { self.stack.get_unchecked_mut(Slot::<G>::ENTRY * i) }
-    }
-
-    /// The numbers of entries from this one on, to be read when they are written.
-    ///
-    /// # Safety
-    /// The entry must be within the stack.
-    #[inline(always)]
-    unsafe fn entries_from<T>(&mut self, i: usize) -> *mut T {
-        // SAFETY: the caller promises that it is within the stack.
-        unsafe { self.stack.as_mut_ptr().add(Slot::<G>::ENTRY * i).cast() }
-    }
-
-    /// Goes on to the entry that is on top of the stack.
-    ///
-    /// # Safety
-    /// There must be one: below all others is the one that ends the walk.
-    #[inline(always)]
-    unsafe fn pop(&mut self) {
-        self.slot.top -= 1;
-        let top = self.slot.top as usize;
-        // SAFETY: entries below the top are within the stack, and written.
-        self.slot.current = ChildRef(unsafe { self.entry(top).assume_init() });
-    }
-
-    /// What is still to be visited, the next last, and where the boxes begin.
-    #[cfg(test)]
-    pub fn entries(&mut self) -> Vec<(f32, ChildRef)> {
-        let (current, top) = (self.current, self.top as usize);
-        if current == ChildRef::NONE {
-            return vec![];
-        }
-        // The current one was popped last, or is the root.
-        let at = |i: usize| {
-            // SAFETY: entries below the top are written, and what was popped last is still there.
-            let [child, distance] = [0, 1].map(|k| unsafe { self.stack[2 * i + k].assume_init() });
-            (f32::from_bits(distance), ChildRef(child))
-        };
-        let mut entries: Vec<_> = (1..top).map(at).collect();
-        let is_root = entries.is_empty() && current.is_node();
-        entries.push(if is_root { (self.t_min, current) } else { at(top) });
-        entries
-    }
-
-    /// Goes on, after the start, with some of `children` instead of the root: those that the tags
-    /// ([`WideLanes::look_up`]) of entries that are not negative tell, which must come first, the
-    /// last of them at once. Their boxes begin at these distances or farther.
-    ///
-    /// # Safety
-    /// The children must be of the same group, and no more than what the root would have left on
-    /// the stack.
-    #[inline(always)]
-    pub unsafe fn go_on_with<L: WideLanes>(
-        &mut self,
-        entries: L,
-        distances: L,
-        children: &[u32; 32],
-    ) {
-        // SAFETY: a stack has room for eight and one; the lowest entry stays.
-        unsafe {
-            if G::NARROWS {
-                let mut own = [0; 8];
-                entries.look_up(children, &mut own);
-                distances.store_after(&own, &mut *self.entries_from(1));
-            } else {
-                entries.look_up(children, &mut *self.entries_from(1));
-            }
-            self.slot.top = 1 + (!entries.signs() & 0xff).count_ones();
-            self.pop();
-        }
-    }
-
-    /// Goes on to the nearest box that was met, and notes the others.
-    ///
-    /// # Safety
-    /// As [`Slot::boxes_step`], which must have given `met` and `enters`; the stack must have room
-    /// for eight more entries.
-    #[inline(always)]
-    pub unsafe fn push_step<L: Lanes8>(&mut self, token: L::Token, met: u32, enters: &Enters) {
-        let (Place { nodes, ray, .. }, top) = (&self.slot.place, self.slot.top as usize);
-        // SAFETY: the node is there and the stack has room by the caller's promise; references are
-        // plain `u32`. The entry that ends the walk is below those that are added.
-        unsafe {
-            let node = &*nodes.add(self.slot.current.node_index());
-            let payload = &*node.children.as_ptr().cast::<[u32; 8]>();
-            let order = node.order[ray.octant()];
-            if G::NARROWS {
-                let to = &mut *self.stack.as_mut_ptr().add(2 * top).cast();
-                L::load(token, &enters.0).compress(met, order, payload, to);
-            } else {
-                let to = &mut *self.stack.as_mut_ptr().add(top).cast();
-                L::compress_payload(token, met, order, payload, to);
-            }
-            self.slot.top += met.count_ones();
-            self.pop();
-        }
-    }
-
-    /// Goes on after a leaf. Returns the number of its block.
-    ///
-    /// # Safety
-    /// The current entry must be a leaf.
-    #[inline(always)]
-    pub unsafe fn leave_leaf(&mut self) -> u32 {
-        let block = self.slot.current.block() as u32;
-        // SAFETY: the entry that ends the walk is below that of a leaf.
-        unsafe { self.pop() };
-        block
-    }
-
-    /// Tests triangles exactly that [`Slot::leaf_step`] has found.
-    ///
-    /// # Safety
-    /// There must be a search; `lanes` must be what the last leaf step has found in this block.
-    #[inline(always)]
-    pub unsafe fn triangles_step(&mut self, forest: &Forest, mut lanes: u32, block: u32) {
-        let (blocks, block) = (self.slot.place.blocks(), block as usize);
-        while lanes != 0 {
-            let lane = lanes.trailing_zeros() as usize & 7;
-            lanes &= lanes - 1;
-            // SAFETY: the block and the search are there by the caller's promise, and so is the
-            // group that it is in.
-            unsafe {
-                let Place { ray, origin, direction, group, instance, .. } = &self.slot.place;
-                let ids = || {
-                    let tree = forest.trees.get_unchecked(*group as usize);
-                    let (geometry, primitive) = tree.triangle(blocks.id(block, lane));
-                    [*instance, geometry, primitive]
-                };
-                let search = self.slot.search.as_ref().unwrap_unchecked();
-                let corners = blocks.corners(block, lane);
-                let found =
-                    G::Precision::hit_on_line(search, ray, origin, direction, &corners, ids);
-                if offer_triangle(self.slot.search(), found) {
-                    self.slot.current = ChildRef::NONE;
-                    return;
-                }
-            }
-        }
-        // SAFETY: there is a search.
-        unsafe { self.tighten() };
-    }
-
-    /// After hits: a new limit, and the stack without what lies beyond it. The current entry must
-    /// have been popped last.
-    ///
-    /// # Safety
-    /// There must be a search.
-    #[inline(always)]
-    unsafe fn tighten(&mut self) {
-        if !G::NARROWS {
-            return;
-        }
-        // SAFETY: the caller promises a search; all entries up to the one popped last are written, and
-        // the lowest stays.
-        unsafe {
-            let cull = self.slot.search().cull();
-            if cull < self.slot.cull {
-                self.slot.cull = cull;
-                let mut kept = 1;
-                for i in 1..=self.slot.top as usize {
-                    let entry = self.entries_from::<[u32; 2]>(i).read();
-                    self.entries_from::<[u32; 2]>(kept).write(entry);
-                    kept += usize::from(f32::from_bits(entry[1]) <= cull);
-                }
-                self.slot.top = kept as u32;
-                self.pop();
-            }
-        }
-    }
-
-    /// Tests the shape that is the current object and goes on to the next entry, or goes into an
-    /// instance.
-    ///
-    /// # Safety
-    /// There must be a search; the current reference must be an object of the group; the stack must
-    /// have room for one more entry.
-    #[inline(always)]
-    pub unsafe fn object_step<L: Lanes8>(
-        &mut self,
-        token: L::Token,
-        forest: &Forest,
-        below: &mut Stack,
-    ) {
-        // SAFETY: the search, the group and the room on the stack are there by the caller's
-        // promise; the entry that ends the walk is below that of an object.
-        unsafe {
-            let object = self.slot.current.index();
-            let tree = forest.trees.get_unchecked(self.slot.place.group as usize);
-            if let Some(root) = self.slot.enter_instance::<L>(forest, tree.objects.get(object)) {
-                let top = self.slot.top as usize;
-                if G::NARROWS {
-                    // Nearer than any limit.
-                    let entry = [ChildRef::RETURN.0, f32::NEG_INFINITY.to_bits()];
-                    self.entries_from::<[u32; 2]>(top).write(entry);
-                } else {
-                    self.entry(top).write(ChildRef::RETURN.0);
-                }
-                self.slot.top += 1;
-                self.slot.current = root;
-                return;
-            }
-            self.pop();
-            let (exact, instance) = (self.slot.place.exact(), self.slot.place.instance);
-            let search = self.slot.search();
-            if test_object::<L, G>(token, forest, tree, object, &exact, instance, search, below) {
-                self.slot.current = ChildRef::NONE;
-            } else {
-                self.tighten();
-            }
-        }
-    }
-
-    /// Returns from an instance and goes on there.
-    ///
-    /// # Safety
-    /// The current entry must be [`ChildRef::RETURN`].
-    #[inline(always)]
-    pub unsafe fn leave_instance(&mut self) {
-        self.slot.return_outside();
-        // SAFETY: the entry that ends the walk is below that of the instance.
-        unsafe { self.pop() };
     }
 }
 
@@ -706,37 +652,36 @@ mod tests {
         let rays: Vec<Ray> =
             (0..200).map(|_| Ray::new(random.point(0.5), random.direction())).collect();
         let mut below = [const { MaybeUninit::uninit() }; SMALL_STACK];
-        let mut slots = Slots::<Any<Single>>::new(1, forest.stack_size());
-        let number = slots.numbers().next().expect("one");
+        let slots = Slots::<Any<Single>>::new(1, forest.stack_size());
         // SAFETY: the steps follow from what is current; a forest of three levels needs fewer
         // entries than there are.
         unsafe {
-            let mut slot = slots.at(number);
+            let slot = slots.get(0);
             let mut found = 0;
             for (i, ray) in rays.iter().enumerate() {
                 let search = || Search::new(ray.into(), &context, Any::new(ray));
-                assert!(slot.start::<Portable8>(tree, tree.root, i, &(), search, ray));
-                assert_eq!((slot.outside.len(), slot.place.group), (0, 0));
-                while slot.current != ChildRef::NONE {
-                    if slot.current.is_node() {
+                assert!((*slot).start::<Portable8>(tree, tree.root, i, &(), search, ray));
+                assert_eq!(((*slot).outside.len(), (*slot).place.group), (0, 0));
+                while (*slot).current != ChildRef::NONE {
+                    if (*slot).current.is_node() {
                         let mut enters = Enters([0.0; 8]);
-                        let met = slot.boxes_step::<Portable8>(Portable, &mut enters);
-                        slot.push_step::<Portable8>(Portable, met, &enters);
-                    } else if slot.current.is_triangles() {
+                        let met = (*slot).boxes_step::<Portable8>(Portable, &mut enters);
+                        Slot::push_step::<Portable8>(slot, Portable, met, &enters);
+                    } else if (*slot).current.is_triangles() {
                         let (lanes, block) =
-                            (slot.leaf_step::<Portable8>(Portable), slot.leave_leaf());
+                            ((*slot).leaf_step::<Portable8>(Portable), Slot::leave_leaf(slot));
                         if lanes != 0 {
-                            slot.triangles_step(forest, lanes, block);
+                            Slot::triangles_step(slot, forest, lanes, block);
                         }
-                    } else if slot.current == ChildRef::RETURN {
-                        slot.leave_instance();
+                    } else if (*slot).current == ChildRef::RETURN {
+                        Slot::leave_instance(slot);
                     } else {
-                        slot.object_step::<Portable8>(Portable, forest, &mut below);
+                        Slot::object_step::<Portable8>(slot, Portable, forest, &mut below);
                     }
                 }
-                let is_found = slot.search().goal.found;
+                let is_found = (*slot).search().goal.found;
                 assert_eq!(
-                    slot.outside.is_empty(),
+                    (*slot).outside.is_empty(),
                     !is_found,
                     "what is found is two instances deep"
                 );

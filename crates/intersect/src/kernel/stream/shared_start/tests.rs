@@ -2,6 +2,7 @@ use super::*;
 use crate::exact::prepared::PreparedRay;
 use crate::hit::Hit;
 use crate::kernel::single::boxes::prepared_distances;
+use crate::kernel::stream::slot::Slots;
 use crate::mesh::TriangleMesh;
 use crate::precision::Single;
 use crate::search::{AcceptAll, Grouping};
@@ -81,21 +82,26 @@ fn looked_at<W: Lanes16, L: Lanes8>(
     let Structure::Bvh(forest) = &world.structure else { panic!("the product's own structure") };
     let tree = &forest.trees[0];
     let context = Context { filter: &AcceptAll, options: &world.options, data: &(), cancel: None };
-    let mut slots = Slots::<Closest<Single>>::new(rays.len(), forest.stack_size());
-    let (mut packet, mut numbers) = (Vec::new(), slots.numbers());
+    let memory = Slots::<Closest<Single>>::new(rays.len(), forest.stack_size());
+    let mut slots: Vec<*mut Slot<_>> = Vec::new();
     for (i, ray) in rays.iter().enumerate() {
+        let slot = memory.get(slots.len());
         let search = || Search::new(ray.into(), &context, Closest::new(ray));
-        let Some(number) = numbers.next() else { break };
-        if slots.at(number).start::<L>(tree, tree.root, i, &(), search, ray) {
-            packet.push(number);
+        // SAFETY: a slot that was made idle may start.
+        unsafe {
+            if (*slot).start::<L>(tree, tree.root, i, &(), search, ray) {
+                slots.push(slot);
+            }
         }
     }
     // SAFETY: they have just started.
-    unsafe { shared_start_with::<W, _>(wide_token, &mut slots, &packet) };
+    unsafe { shared_start_with::<W, _>(wide_token, &slots) };
     let mut moved = 0;
-    for number in packet {
-        let mut slot = slots.at(number);
-        let entries = slot.entries();
+    for at in slots {
+        // SAFETY: it is still there.
+        let slot = unsafe { &*at };
+        // SAFETY: as above.
+        let entries = unsafe { Slot::entries(at) };
         if entries.len() == 1 && entries[0].1 == tree.root {
             continue;
         }
