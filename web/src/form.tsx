@@ -28,7 +28,7 @@ const isColor = (value: Json, form?: Form): value is number[] =>
   value.length === 3 &&
   value.every((v) => typeof v === "number");
 
-/** The form of what stands inside of a parameter: in a group, or in the variant that the value is. */
+/** The form of what stands inside of a parameter: in a group, or in the value's variant. */
 export function inside(
   form: Form | undefined,
   value: { [key: string]: Json },

@@ -233,7 +233,7 @@ describe("forms", () => {
     kinds: {},
     ...more,
   });
-  it("find what stands inside of a group, of the variant that a value is, and of one by name", () => {
+  it("find what stands inside of a group, of a value's variant, and of one by name", () => {
     const falloff = form("falloff", {
       tag: "falloff",
       kinds: { power: [form("cutoff")], step: [form("outer")] },

@@ -27,7 +27,7 @@ const HELP: &str = "cargo xtask COMMAND
   fuzz-smoke  give damaged files to the program, for two minutes or --seconds N; --seed N, --only \
   render|commands, --release
   how-tested  write the figures of docs/how-it-is-tested.md; lint says when they are out of date
-  parameters  write docs/user/parameters.md and settings.md, and python/snell/_settings.py; tests say
+  parameters  write docs/user/parameters.md, settings.md and python/snell/_settings.py; tests say
          when they are out of date
   golden make the pictures of golden scenes that changed the new references; look at them before \
   you commit

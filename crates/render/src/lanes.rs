@@ -21,8 +21,12 @@ pub const BLACK: HitColors = [[0.0; LANES]; SPECTRUM];
 macro_rules! at_level_by_color {
     ($wide:expr, $color:expr, $function:ident, ($($arguments:tt)*)) => {
         match $color {
-            snell_math::ColorModel::Rgb => snell_math::at_level!($wide, $function::<3>, ($($arguments)*)),
-            snell_math::ColorModel::Spectral => snell_math::at_level!($wide, $function::<4>, ($($arguments)*)),
+            snell_math::ColorModel::Rgb => {
+                snell_math::at_level!($wide, $function::<3>, ($($arguments)*))
+            }
+            snell_math::ColorModel::Spectral => {
+                snell_math::at_level!($wide, $function::<4>, ($($arguments)*))
+            }
         }
     };
 }

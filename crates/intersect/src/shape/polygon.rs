@@ -37,8 +37,8 @@ struct Vertices {
 }
 
 impl Declared for Polygon {
-    const ABOUT: &'static str = "A convex planar polygon. The right-hand rule on its vertices gives \
-        the normal; it is hit from both sides.";
+    const ABOUT: &'static str = "A convex planar polygon. The right-hand rule on its vertices \
+        gives the normal; it is hit from both sides.";
     const PARAMETERS: &'static [Parameter] = &[Parameter {
         name: "vertices",
         kind: Kind::List(&Kind::Vector(3)),

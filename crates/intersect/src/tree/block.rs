@@ -96,7 +96,9 @@ mod tests {
     proptest! {
         #[test]
         fn boxes_around_blocks_are_those_around_their_triangles(
-            corners in prop::collection::vec(prop::array::uniform3(prop::array::uniform3(-1e3f32..1e3)), 1..=8),
+            corners in prop::collection::vec(
+                prop::array::uniform3(prop::array::uniform3(-1e3f32..1e3)), 1..=8
+            ),
             exponent in -60..36,
         ) {
             let scale = 2f32.powi(3 * exponent);

@@ -253,7 +253,11 @@ impl BatchBsdf {
                 at_level!(
                     wide,
                     $evaluate,
-                    (bsdf: &$type = $bsdf, inputs: &BatchInputs<'_> = inputs, outputs: &mut BatchOutputs = outputs)
+                    (
+                        bsdf: &$type = $bsdf,
+                        inputs: &BatchInputs<'_> = inputs,
+                        outputs: &mut BatchOutputs = outputs
+                    )
                 )
             };
         }

@@ -217,14 +217,17 @@ proptest! {
             let bounds = Bounds3::of(corners);
             let mut node = WideNode::EMPTY;
             node.set(2, &bounds, ChildRef::triangles(0, 1));
-            let (enter, leave) = box_distances::<Portable8>(Portable, &node, &local, t.below(), cull);
+            let (enter, leave) =
+                box_distances::<Portable8>(Portable, &node, &local, t.below(), cull);
             prop_assert_eq!(enter.le(leave), 4);
             // Nor do the fast kernels.
             let mut prepared = PreparedRay::UNSET;
             if frame.prepare::<Portable8>(&mut prepared, &ray) {
                 let (lanes, (enter, leave)) = (
                         lines_through::<Portable8>(Portable, &block, &prepared),
-                        prepared_distances::<Portable8>(Portable, &node, &prepared, t.below(), cull),
+                        prepared_distances::<Portable8>(
+                            Portable, &node, &prepared, t.below(), cull
+                        ),
                     );
                 prop_assert!(lanes & 8 != 0 && enter.le(leave) == 4);
             }

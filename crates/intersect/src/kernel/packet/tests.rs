@@ -210,7 +210,8 @@ proptest! {
                     max: high + high.abs() * f32::EPSILON,
                 };
                 node.set(lane & 7, &bounds, ChildRef::node(0));
-                let met = packet.rays_hitting(Portable, &packet.one_box::<Pair<Portable8>>(Portable, &node, lane & 7));
+                let one_box = packet.one_box::<Pair<Portable8>>(Portable, &node, lane & 7);
+                let met = packet.rays_hitting(Portable, &one_box);
                 prop_assert!(met >> lane & 1 == 1, "{ray:?} {low} {high}");
             }
         }

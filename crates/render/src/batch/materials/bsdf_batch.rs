@@ -119,7 +119,15 @@ impl<'a> BsdfBatch<'a> {
         if !self.is_any {
             return;
         }
-        at_level!(wide, prepare, (seen: &Seen<'_> = seen, to: &mut BsdfBatch<'_> = self, facing: &mut HitVectors = facing));
+        at_level!(
+            wide,
+            prepare,
+            (
+                seen: &Seen<'_> = seen,
+                to: &mut BsdfBatch<'_> = self,
+                facing: &mut HitVectors = facing
+            )
+        );
     }
 
     /// Evaluates the BSDFs for the directions of the light, and samples them with these numbers for
@@ -134,7 +142,11 @@ impl<'a> BsdfBatch<'a> {
         if !self.is_any {
             return;
         }
-        at_level!(wide, turn, (frames: &Frames = frames, from: &HitVectors = wi, to: &mut HitVectors = &mut self.wi));
+        at_level!(
+            wide,
+            turn,
+            (frames: &Frames = frames, from: &HitVectors = wi, to: &mut HitVectors = &mut self.wi)
+        );
         let mut outputs = BatchOutputs::default();
         for block in 0..LANES / BATCH {
             let inputs = BatchInputs {
@@ -207,7 +219,12 @@ impl Found {
             wide,
             color,
             take,
-            (block: usize = block, of: &[u32; BATCH] = of, outputs: &BatchOutputs = outputs, to: &mut Found = self)
+            (
+                block: usize = block,
+                of: &[u32; BATCH] = of,
+                outputs: &BatchOutputs = outputs,
+                to: &mut Found = self
+            )
         );
     }
 }

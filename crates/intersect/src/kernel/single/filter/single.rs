@@ -192,7 +192,10 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_filter_never_drops_a_hit(corners in [point(), point(), point()], o in point(), d in point(), scale in -30i32..30) {
+        fn the_filter_never_drops_a_hit(
+            corners in [point(), point(), point()],
+            o in point(), d in point(), scale in -30i32..30,
+        ) {
             prop_assume!(d != [0.0; 3]);
             let scale = 2.0f32.powi(scale);
             let corners = corners.map(|v| v.map(|x| x * scale));
@@ -205,7 +208,11 @@ mod tests {
             let is_prepared = prepared.set_from_exact::<Portable8>(&origin, &direction);
             if exact_hit(&ray, &corners, 0.0).is_some() {
                 prop_assert!(mask & 8 != 0);
-                prop_assert!(!is_prepared || lines_through_at_all_levels(&block, &prepared).iter().all(|lanes| lanes & 8 != 0));
+                let is_found = |lanes: &u32| lanes & 8 != 0;
+                prop_assert!(
+                    !is_prepared
+                        || lines_through_at_all_levels(&block, &prepared).iter().all(is_found)
+                );
             }
             if is_prepared {
                 let again = exact_hit_on(&prepared.exact(origin, direction), &corners, 0.0);
