@@ -73,6 +73,10 @@ impl<'a> Order<'a> {
         if self.missed.is_empty() {
             return;
         }
+        // What leaves a dark scene finds nothing.
+        if media.is_none() && scene.is_dark_outside() {
+            return self.paths.truncate(count - counts[2]);
+        }
         self.materials.resize(count, 0);
         for &path in &self.missed {
             self.materials[path as usize] = scene.materials.len() as u32;
