@@ -295,7 +295,7 @@ def test_a_forked_child_renders():
 
 
 BAD = [
-    ({"integrator": "pth"}, ValueError, "integrator is 'pth', expected one of .*; did you mean path?"),
+    ({"integrator": "pth"}, ValueError, "integrator is 'pth', .*; did you mean path?"),
     ({"spp": 0}, ValueError, "spp is 0, expected a whole number from 1"),
     ({"spp": 1.5}, TypeError, "spp is 1.5, expected a whole number"),
     ({"size": (0, 5)}, ValueError, r"size is \(0, 5\)"),
@@ -306,7 +306,7 @@ BAD = [
         ValueError,
         "crop 0,0,99,1 reaches beyond the picture of 32x24 pixels",
     ),
-    ({"aovs": ["deph"]}, ValueError, r"aovs is \['deph'\], expected one of .*; did you mean depth?"),
+    ({"aovs": ["deph"]}, ValueError, r"aovs is \['deph'\], .*; did you mean depth?"),
     ({"aovs": 3}, TypeError, "aovs is 3, expected names of layers"),
     ({"camera": 7}, IndexError, "camera is 7, but the scene has 1"),
     ({"time": -1}, ValueError, "time is -1, expected a positive number"),
@@ -326,7 +326,7 @@ BAD = [
         "Open Image Denoise is not found in nowhere; .* denoise=PATH",
     ),
     ({"light_groups": {"a": ["lmp"]}}, ValueError, r'light_groups\["a"\]: there is no light "lmp"'),
-    ({"light_groups": 3}, TypeError, "light_groups is 3, expected .*a dictionary of lists of lights"),
+    ({"light_groups": 3}, TypeError, "light_groups is 3, .* a dictionary of lists of lights"),
     ({"exposure": 1000}, ValueError, "exposure is 1000, expected a number from -100 to 100"),
 ]
 

@@ -138,8 +138,8 @@ pub(super) fn read_ies(
     Ok(())
 }
 
-/// Adds the default sky to a scene that only its own emission would light, if that is never above
-/// 1. Such emission (displays, small lamps, unlit surfaces) is only to be seen, and the scene is
+/// Adds the default sky to a scene that only its own emission would light, if that is at most one.
+/// Such emission (displays, small lamps, unlit surfaces) is only to be seen, and the scene is
 /// made for viewers with their own lighting. Brighter emission needs
 /// `KHR_materials_emissive_strength`: then the surfaces are meant as lights, and there is no sky.
 pub(super) fn add_sky(scene: &mut Scene) {
