@@ -14,19 +14,27 @@ fn a_wrong_name_suggests_the_nearest() {
     let place = Place::new();
     insta::assert_snapshot!(failure(&place, "render -i pth"), @r#"
     2
-    error: there is no integrator "pth"; did you mean path? (known: flat, raycast, whitted, direct, ao, path, aov)
+    error: invalid value 'pth' for '--integrator <NAME>': expected one of flat, raycast, whitted, direct, ao, path, aov; did you mean path?
+
+    For more information, try '--help'.
     "#);
     insta::assert_snapshot!(failure(&place, "render --sampler sobel"), @r#"
     2
-    error: there is no sampler "sobel"; did you mean sobol? (known: independent, stratified, sobol, zsobol)
+    error: invalid value 'sobel' for '--sampler <NAME>': expected one of independent, stratified, sobol, zsobol; did you mean sobol?
+
+    For more information, try '--help'.
     "#);
     insta::assert_snapshot!(failure(&place, "render --filter gausian"), @r#"
     2
-    error: there is no filter "gausian"; did you mean gaussian? (known: box, tent, gaussian, mitchell, blackman-harris, lanczos)
+    error: invalid value 'gausian' for '--filter <NAME>': expected one of box, tent, gaussian, mitchell, blackman-harris, lanczos; did you mean gaussian?
+
+    For more information, try '--help'.
     "#);
     insta::assert_snapshot!(failure(&place, "render --aov norml"), @r#"
     2
-    error: there is no layer "norml"; did you mean normal? (known: depth, distance, position, normal, geometric-normal, uv, albedo, instance-id, geometry-id, primitive-id, material-id, facing, barycentrics, motion, nodes-visited, primitives-tested, noise, samples, crypto-object, crypto-material, emission, direct, indirect, diffuse-direct, diffuse-indirect, specular-direct, specular-indirect, transmission-direct, transmission-indirect, volume-direct, volume-indirect)
+    error: invalid value 'norml' for '--aov <LIST>': expected one of depth, distance, position, normal, geometric-normal, uv, albedo, instance-id, geometry-id, primitive-id, material-id, facing, barycentrics, motion, nodes-visited, primitives-tested, noise, samples, crypto-object, crypto-material, emission, direct, indirect, diffuse-direct, diffuse-indirect, specular-direct, specular-indirect, transmission-direct, transmission-indirect, volume-direct, volume-indirect; did you mean normal?
+
+    For more information, try '--help'.
     "#);
     insta::assert_snapshot!(failure(&place, "render --tonemap acs"), @r#"
     2
@@ -64,7 +72,7 @@ fn a_wrong_value_says_what_is_expected() {
     let place = Place::new();
     insta::assert_snapshot!(failure(&place, "render --size 640"), @r#"
     2
-    error: invalid value '640' for '--size <WxH>': "640" is not a size; write width and height as 1280x720, each from 1 to 65536
+    error: invalid value '640' for '--size <WxH>': expected width and height, such as 1280x720, each from 1 to 65536
 
     For more information, try '--help'.
     "#);
@@ -76,7 +84,7 @@ fn a_wrong_value_says_what_is_expected() {
     ");
     insta::assert_snapshot!(failure(&place, "render --time 5x"), @r#"
     2
-    error: invalid value '5x' for '--time <TIME>': "5x" is not a duration; write 30s, 5m, 1h or 1h30m
+    error: invalid value '5x' for '--time <TIME>': expected seconds, or a duration such as 30s, 5m, 1h or 1h30m
 
     For more information, try '--help'.
     "#);
@@ -113,13 +121,13 @@ fn a_wrong_value_says_what_is_expected() {
     ");
     insta::assert_snapshot!(failure(&place, "render --exposure nan"), @r#"
     2
-    error: invalid value 'nan' for '--exposure <EV>': "nan" is not an exposure; write stops from -100 to 100, such as 1.5
+    error: invalid value 'nan' for '--exposure <EV>': expected a number from -100 to 100
 
     For more information, try '--help'.
     "#);
     insta::assert_snapshot!(failure(&place, "render --ao-distance=-1"), @r#"
     2
-    error: invalid value '-1' for '--ao-distance <DISTANCE>': "-1" is not a distance; write a positive number
+    error: invalid value '-1' for '--ao-distance <DISTANCE>': expected a positive number
 
     For more information, try '--help'.
     "#);

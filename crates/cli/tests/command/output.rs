@@ -217,10 +217,10 @@ fn a_light_group_or_a_denoiser_that_is_not_there_is_an_error_that_tells_what_to_
     let place = Place::new();
     for (option, remedy) in [
         ("--light-group key=9", "emissive materials: lamp"),
-        ("--light-group key", "write NAME=LIST"),
+        ("--light-group key", "expected NAME=LIST"),
         ("--denoise=nowhere", "pip install pyoidn"),
-        ("--noise 0", "write a number from 0.00001"),
-        ("--clamp=-1", "write a positive number"),
+        ("--noise 0", "expected a number from 0.00001"),
+        ("--clamp=-1", "expected a positive number"),
     ] {
         let run = place.run(&format!("render cornell-box {option} -o a.png"));
         assert!(run.code != 0 && run.err.contains(remedy), "{option}: {}", run.err);

@@ -70,18 +70,16 @@ settings! {
         pub integrator: IntegratorKind,
         /// Samples per pixel.
         ///
-        /// Default: what the scene says, else that of the integrator: 64 for `path`. With `noise`
-        /// or `time`, this is an upper limit, and 65536 by default.
+        /// With `noise` or `time` this is an upper limit, by default 65536.
         #[setting(
             Light, "N", "int", alias "samples",
-            range Range::Within(1.0, Request::MAX_SPP as f64)
+            range Range::Within(1.0, Request::MAX_SPP as f64), default samples()
         )]
         pub spp: u32,
         /// Size of the picture in pixels.
-        ///
-        /// Default: what the scene says, else what the camera says, else 960x720.
         #[setting(
-            Picture, "WxH", "tuple[int, int]", short 's', range Range::Within(1.0, 65536.0)
+            Picture, "WxH", "tuple[int, int]", short 's', range Range::Within(1.0, 65536.0),
+            default "what the scene or its camera says, else 960x720"
         )]
         pub size: [u32; 2],
         /// Stop each pixel when its 95 % confidence interval is this narrow on both sides, such as
@@ -97,7 +95,8 @@ settings! {
         pub time: Duration,
         /// Maximum number of bounces after the first hit.
         ///
-        /// More than 1000 count as 1000.
+        /// More than 1000 count as 1000. The scene's own comes before the default. In media, each
+        /// scattering is a bounce.
         #[setting(Light, "N", "int", default max_depths())]
         pub max_depth: u32,
         /// Render only this rectangle of pixels (right and lower border exclusive).
@@ -112,9 +111,13 @@ settings! {
         #[setting(Light, "NAME", "str"; live)]
         pub color: ColorModel,
         /// Source of random numbers.
+        ///
+        /// The scene's own comes before the default.
         #[setting(Light, "NAME", "str"; live)]
         pub sampler: SamplerKind,
         /// Reconstruction filter.
+        ///
+        /// The scene's own comes before the default.
         #[setting(Light, "NAME", "str"; live)]
         pub filter: Filter,
         /// Shadows of `raycast` and `whitted`.
@@ -186,15 +189,28 @@ settings! {
     }
 }
 
-/// What [`Request::max_depth`] is if neither user nor scene say.
+/// The default of [`Request::max_depth`] in words.
 fn max_depths() -> &'static str {
+    static TEXT: LazyLock<String> =
+        LazyLock::new(|| by_integrator(IntegratorKind::default_max_depth));
+    &TEXT
+}
+
+/// The default of [`Request::spp`] in words.
+fn samples() -> &'static str {
     static TEXT: LazyLock<String> = LazyLock::new(|| {
-        let follows = |kind: &IntegratorKind| kind.default_max_depth() > 1;
-        let of = |kind: IntegratorKind| format!("{} for {}", kind.default_max_depth(), kind.name());
-        let defaults: Vec<_> = IntegratorKind::ALL.into_iter().filter(follows).map(of).collect();
-        format!("{}, else 1", defaults.join(", "))
+        format!("what the scene says, else {}", by_integrator(IntegratorKind::default_spp))
     });
     &TEXT
+}
+
+/// A number of each integrator, in words: the smallest for all that are not named.
+fn by_integrator(number: impl Fn(IntegratorKind) -> u32) -> String {
+    let smallest = IntegratorKind::ALL.into_iter().map(&number).min().unwrap_or_default();
+    let differs = |kind: &IntegratorKind| number(*kind) > smallest;
+    let of = |kind: IntegratorKind| format!("{} for {}", number(kind), kind.name());
+    let named: Vec<_> = IntegratorKind::ALL.into_iter().filter(differs).map(of).collect();
+    format!("{}, else {smallest}", named.join(", "))
 }
 
 /// Why a request has no settings.

@@ -286,9 +286,10 @@ impl Wished for GuidingPasses {
             wish => match u32::read(wish, range) {
                 Ok(passes) => Ok(passes.map(Self::Count)),
                 Err(Problem::Value(text)) => Err(Problem::Value(text)),
-                Err(_) => {
-                    unlike(format!("True, False or a number of passes, {}", in_words(range, true)))
+                Err(_) if matches!(wish, Wish::Text(_)) => {
+                    unlike(format!("auto, or {}", in_words(range, true)))
                 }
+                Err(_) => unlike(format!("True, False or {}", in_words(range, true))),
             },
         }
     }
@@ -359,7 +360,10 @@ impl Wished for Vec<(String, Vec<String>)> {
     const FORM: Form = Form::Lists;
 
     fn read(wish: &Wish, _: Range) -> Result<Option<Self>, Problem> {
-        let expected = "NAME=LIST, such as key=0,lamp, or a dictionary of lists of lights";
+        let expected = match wish {
+            Wish::Text(_) => "NAME=LIST, such as key=0,lamp",
+            _ => "a dictionary of lists of lights",
+        };
         let of_text = |wish: &Wish| {
             let Wish::Text(text) = wish else { return None };
             let parts = text.split_once('=');
