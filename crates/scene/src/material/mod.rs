@@ -185,8 +185,8 @@ impl From<f32> for ScalarParam {
     }
 }
 
-/// What parameters are where a declaration leaves them out.
-mod usual {
+/// Defaults of parameters.
+mod defaults {
     use super::{ColorParam, ScalarParam};
     use snell_math::Rgb;
 
@@ -295,7 +295,7 @@ snell_math::declare! {
         /// Linear texture with `2 rgb - 1` the normal in the tangent frame.
         pub texture: TextureId,
         /// Factor on its x and y.
-        #[serde(default = "usual::whole")]
+        #[serde(default = "defaults::whole")]
         pub scale: f32,
     }
 }
@@ -312,7 +312,7 @@ snell_math::declare! {
         /// Emitted radiance, W / (m^2 sr), on the sides that are visible.
         #[range(LIGHT)]
         #[unit("W / (m^2 sr)")]
-        #[serde(default = "usual::black")]
+        #[serde(default = "defaults::black")]
         pub emission: ColorParam,
         /// True if the vertex colour multiplies the emission, as it does for surfaces that show
         /// their base colour unlit.
@@ -323,17 +323,17 @@ snell_math::declare! {
         pub emits_on_both_sides: bool,
         /// False if the emission is only seen, by the camera and in mirrors, because another light
         /// stands for what it does to other surfaces.
-        #[serde(default = "usual::yes")]
+        #[serde(default = "defaults::yes")]
         pub illuminates: bool,
         /// How `alpha` counts.
         #[serde(default)]
         pub alpha_mode: AlphaMode,
         /// Opacity, `[0, 1]`; multiplied by the vertex alpha.
         #[range(Range::SHARE)]
-        #[serde(default = "usual::opaque")]
+        #[serde(default = "defaults::opaque")]
         pub alpha: ScalarParam,
         /// False if rays from the inner side pass through as if nothing were there.
-        #[serde(default = "usual::yes")]
+        #[serde(default = "defaults::yes")]
         pub double_sided: bool,
         /// Bends the shading normal.
         #[serde(default)]
