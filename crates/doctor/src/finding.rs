@@ -106,7 +106,7 @@ impl Report {
             let rest = self.findings.split_off(MAX_FINDINGS);
             let message = format!("there are {} more findings of this kind", rest.len());
             let worst = rest.iter().map(|f| f.severity).min().unwrap_or(Severity::Note);
-            self.add(worst, "", message, "mend these first, then look again").count =
+            self.add(worst, "", message, "fix these first, then check again").count =
                 rest.len() as u64;
         }
         self.findings

@@ -11,11 +11,11 @@ use serde_json::{Map, Value as Json};
 use snell_intersect::{AnyShape, Curves, Shape, Spheres, StrandBasis};
 use snell_math::{DMat4, DVec3, Transform, Vec2, Vec3, Vec4};
 
-/// The shape of an array `(n, width)`, or an error that says what was found.
+/// The shape of an array `(n, width)`, or an error that names the shape found.
 fn rows(array: &Bound<'_, PyUntypedArray>, width: usize, name: &str) -> PyResult<usize> {
     match array.shape() {
         &[n, w] if w == width => Ok(n),
-        // Nothing at all, as `[]` is.
+        // An empty array, as `[]` is.
         [0] => Ok(0),
         found => Err(PyValueError::new_err(format!(
             "{name}: shape is {}, expected (n, {width})",

@@ -32,10 +32,10 @@ impl PartialEq for Request {
 pub struct Prepared {
     /// What is rendered.
     pub compiled: CompiledScene,
-    /// What it was made of, with at least one camera. (Meshes and textures are shared with the
-    /// scene.)
+    /// The scene graph that it was built from, with at least one camera. (Meshes and textures are
+    /// shared with the scene.)
     pub scene: Scene,
-    /// What the reader and the compiler had to say.
+    /// The warnings of the reader and the compiler.
     pub warnings: Vec<String>,
 }
 

@@ -27,7 +27,7 @@ use snell_scene::{Background, Environment, MaterialId, Scene as Graph, TextureId
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// The number of a texture on a stage; added if it is not there, after what it is made of.
+/// The number of a texture on a stage. It is added if needed, after the textures that it refers to.
 fn add_texture(stage: &mut Graph, texture: &AnyTexture) -> PyResult<TextureId> {
     let wanted: snell_scene::Texture = match texture {
         AnyTexture::Image(texture) => {
@@ -129,7 +129,7 @@ fn taken<T: serde::Serialize + serde::de::DeserializeOwned>(
                 let declared = snell_scene::ImageTexture { image: ImageId(0), ..declared.clone() };
                 AnyTexture::Image(Py::new(py, Texture { image, declared })?)
             }
-            // What it is made of stands above it, so this ends.
+            // Textures refer only to preceding ones, so this ends.
             snell_scene::Texture::Pattern(pattern)
                 if pattern.textures().iter().all(|part| part.0 < id) =>
             {
@@ -137,7 +137,7 @@ fn taken<T: serde::Serialize + serde::de::DeserializeOwned>(
             }
             snell_scene::Texture::Pattern(_) => {
                 return Err(PyIndexError::new_err(format!(
-                    "texture {id} is made of one that does not stand above it"
+                    "texture {id} refers to one that does not precede it"
                 )));
             }
         });
@@ -201,7 +201,7 @@ impl Scene {
         })
     }
 
-    /// What the reader of the file had to say, and what could not be kept.
+    /// The warnings of the reader of the file, and what could not be kept.
     #[getter]
     fn warnings(&self, py: Python<'_>) -> Vec<String> {
         self.0.contents(py).stage.warnings.iter().map(|warning| warning.message.clone()).collect()
@@ -478,7 +478,7 @@ impl Scene {
     /// Parameters
     /// ----------
     /// path : str or os.PathLike
-    ///     The file appears whole or not at all.
+    ///     The path of the file. It is written completely or not at all.
     /// threads : int, optional
     ///     Threads that work on it. Default: one per core.
     ///

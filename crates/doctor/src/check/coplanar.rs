@@ -315,7 +315,7 @@ fn tell(subject: &Subject, a: Piece, b: Piece, overlap: &Overlap, report: &mut R
         }
         (
             Severity::Warning,
-            "faces of two objects lie in one plane: it is chance which of them is seen",
+            "faces of two objects lie in one plane: which of them is visible is undefined",
             "move one of them a little, or cut the other out there",
         )
     };

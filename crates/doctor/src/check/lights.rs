@@ -28,7 +28,7 @@ pub fn lights(subject: &Subject, report: &mut Report) {
             continue;
         }
         if is_bounded && !scene_bounds.is_empty() && misses(light, &scene_bounds) {
-            let message = "it shines past everything in the scene";
+            let message = "its light misses everything in the scene";
             report
                 .add(Severity::Warning, name, message, "turn it, widen its cone, or take it out")
                 .position = light.position().map(|p| p.to_array());
@@ -161,7 +161,7 @@ fn emitters(subject: &Subject, report: &mut Report) {
         if material.is_emissive() && lit.get(&i) == Some(&false) {
             let (place, at) = covered[&i];
             let message = format!(
-                "{} emits, but right before its outer side is another surface",
+                "{} emits, but another surface covers its outer side",
                 material_name(i, material)
             );
             let finding = report.add(

@@ -61,7 +61,7 @@ fn stretched(subject: &Subject, report: &mut Report) {
         let is_flat = placed.surface.geometry.bounds().size().to_array().iter().any(|&s| s <= 0.0);
         if most > 1e5 * least && !is_flat && told.insert(placed.node) {
             let message = format!(
-                "its transform stretches one direction {:.0e} times more than another",
+                "its transform scales one direction {:.0e} times more than another",
                 most / least
             );
             report.add(Severity::Warning, subject.name(place), message, "correct the scale");

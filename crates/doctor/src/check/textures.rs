@@ -17,7 +17,7 @@ pub fn textures(subject: &Subject, report: &mut Report) {
             Some(TextureError::NoImage { .. }) => {
                 ("its image is not there".to_string(), "name another image")
             }
-            Some(error) => (error.to_string(), "make it of others, which stand above it"),
+            Some(error) => (error.to_string(), "let it refer only to textures that precede it"),
         };
         report.add(Severity::Error, format!("texture {i}"), message, remedy);
     }

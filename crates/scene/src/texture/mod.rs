@@ -104,13 +104,13 @@ pub enum TextureError {
         count: usize,
     },
     /// It refers to a texture that does not precede it. (So no texture refers to itself.)
-    #[error("it is made of texture {id}, which does not stand above it")]
+    #[error("it refers to texture {id}, which does not precede it")]
     NotAbove {
         /// The id found.
         id: u32,
     },
     /// It combines too many textures.
-    #[error("it is made of more than {MAX_PARTS} textures, the limit")]
+    #[error("it combines more than {MAX_PARTS} textures, the limit")]
     TooManyParts,
 }
 

@@ -7,8 +7,8 @@ use serde::{Deserialize, Serialize};
 use snell_math::Rgb;
 
 snell_math::declare! {
-    /// Squares with sides of 1 in `(s, t)`, in turn of two colours; averaged over what is seen at
-    /// once.
+    /// Squares with sides of 1 in `(s, t)`, alternating between two textures; averaged over the
+    /// filter footprint.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(default, deny_unknown_fields)]
     pub struct Checkerboard {
