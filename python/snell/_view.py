@@ -1,4 +1,4 @@
-"""Scenes in the browser, and why pixels look as they do."""
+"""Scenes in the browser, and explanations of pixels."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def explain(
     structures: Sequence[str] = (),
     **options: Any,
 ) -> dict[str, Any]:
-    """Tells why a pixel looks as it does: what :func:`render` of the same options did for it.
+    """Explains a pixel: what :func:`render` with the same options did for it.
 
     Parameters
     ----------

@@ -14,14 +14,14 @@ snell_math::declare! {
     }
 }
 
-/// Stored values, `channels` per pixel, row by row from the top.
+/// Stored values: `channels` per pixel, row by row from the top.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Pixels {
     /// 0 to 255 stand for 0 to 1.
     U8(Vec<u8>),
     /// 0 to 65535 stand for 0 to 1.
     U16(Vec<u16>),
-    /// As is.
+    /// The value itself.
     F32(Vec<f32>),
 }
 

@@ -31,14 +31,14 @@
 /// assert_eq!(problem, "radius: -1 is not possible, expected 0 or more");
 ///
 /// snell_math::declare! {
-///     /// What fades.
+///     /// How something fades.
 ///     #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 ///     pub enum Fading tagged "fading" {
-///         /// Not at all.
+///         /// It never fades.
 ///         "never" => Never,
-///         /// At once.
+///         /// It fades at once.
 ///         "edge" => Edge {
-///             /// Where.
+///             /// The distance at which it fades.
 ///             #[range(Range::Positive)]
 ///             distance: f64,
 ///         },
