@@ -64,8 +64,8 @@ def render(
 ) -> Image:
     """Renders a scene.
 
-    Omitted settings come from the scene's file, else from below. A scene without a camera is framed;
-    one without any light gets a grey sky. The scene is compiled at the first render and
+    Omitted settings come from the scene's file, else from below. A scene without a camera is
+    framed; one without any light gets a grey sky. The scene is compiled at the first render and
     kept until it changes. Work is done without Python's lock; Ctrl-C ends it at once.
 
     Parameters

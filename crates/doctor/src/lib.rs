@@ -26,7 +26,7 @@ use snell_scene::Scene;
 pub struct Check {
     /// Short name, the `check` of its findings.
     pub name: &'static str,
-    /// What it looks for, in one line.
+    /// The flaws that it finds, in one line.
     pub description: &'static str,
     run: fn(&Subject, &mut Report),
 }

@@ -14,7 +14,7 @@ use snell_math::{Bounds3, DVec3, Vec3};
 pub struct Duplicate {
     /// The copy.
     pub face: u32,
-    /// Which face it copies.
+    /// The face that it copies.
     pub of: u32,
     /// True if both have the same winding; false if they are back to back.
     pub is_wound_alike: bool,
@@ -49,7 +49,7 @@ impl Component {
         self.boundary_edges == 0
     }
 
-    /// How open it is: 0 for closed surfaces, 1 for a flat sheet.
+    /// Its openness: 0 for closed surfaces, 1 for a flat sheet.
     pub fn openness(&self) -> f64 {
         if self.area > 0.0 { self.vector_area.length() / self.area } else { 0.0 }
     }

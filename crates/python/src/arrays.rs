@@ -204,9 +204,9 @@ pub fn leading(array: &Bound<'_, PyUntypedArray>, last: usize, name: &str) -> Py
 /// One number per ray or point, or one for all.
 #[derive(Debug)]
 pub enum Column<'py, T: Element + Copy> {
-    /// The same for all.
+    /// One value for all.
     All(T),
-    /// One each.
+    /// One value for each.
     Each(PyReadonlyArrayDyn<'py, T>),
 }
 
@@ -248,9 +248,9 @@ impl<'py, T: Element + Copy> Column<'py, T> {
 /// The numbers of a [`Column`], for other threads.
 #[derive(Clone, Copy, Debug)]
 pub enum Values<'a, T> {
-    /// The same for all.
+    /// One value for all.
     All(T),
-    /// One each.
+    /// One value for each.
     Each(&'a [T]),
 }
 

@@ -25,7 +25,7 @@ pub struct Declared<T> {
 /// Values by name.
 type Fields = Vec<(String, Value)>;
 
-/// How the parameters of a family of things are laid out.
+/// The layout of the parameters of a family of things.
 pub trait Schema: Serialize + DeserializeOwned + Clone + parameters::Value {
     /// The name of its family.
     const FAMILY: &'static str;

@@ -60,7 +60,7 @@ pub fn load(py: Python<'_>, path: PathBuf, threads: Option<usize>) -> PyResult<S
     scene.map(Scene::of)
 }
 
-/// The same error as of `open` if a file cannot be read.
+/// The same error as that of `open` if a file cannot be read.
 pub fn check_there(path: &Path) -> PyResult<()> {
     let Err(error) = std::fs::metadata(path) else { return Ok(()) };
     let (number, shown) = (error.raw_os_error(), path.display().to_string());

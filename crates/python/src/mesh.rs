@@ -129,7 +129,7 @@ impl Mesh {
         mesh
     }
 
-    /// In single precision.
+    /// The mesh in single precision.
     pub fn single(&self) -> &Arc<TriangleMesh> {
         self.single.get_or_init(|| {
             let double = self.double.get().cloned().unwrap_or_default();
@@ -142,7 +142,7 @@ impl Mesh {
         })
     }
 
-    /// In single precision, with `center` as the origin.
+    /// The mesh in single precision, with `center` as the origin.
     fn centered(&self) -> &Arc<TriangleMesh> {
         if !self.is_double {
             return self.single();
@@ -158,7 +158,7 @@ impl Mesh {
         })
     }
 
-    /// In double precision.
+    /// The mesh in double precision.
     pub fn double(&self) -> &Arc<DTriangleMesh> {
         self.double.get_or_init(|| Arc::new(DTriangleMesh::from(&**self.single())))
     }

@@ -143,7 +143,7 @@ fn convert<T: Element + Copy + TryInto<u32> + std::fmt::Display + Sync>(
     })
 }
 
-/// What a mesh may be given beside vertices and faces.
+/// The optional arguments of a mesh beside vertices and faces.
 #[derive(Debug, Default)]
 pub struct Given<'a, 'py> {
     /// `(n, 3)`.
@@ -221,7 +221,7 @@ pub fn transform(value: Option<&Bound<'_, PyAny>>) -> PyResult<Option<Transform>
     value.map(|value| named_transform(value, "transform")).transpose()
 }
 
-/// The same under another name.
+/// As [`transform`], for an argument of another name.
 pub fn named_transform(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Transform> {
     let array = array(value, name)?;
     if !matches!(array.shape(), [3 | 4, 4]) {

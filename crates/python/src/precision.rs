@@ -16,7 +16,7 @@ use std::sync::Arc;
 /// primitive.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Found<P> {
-    /// In units of the ray's direction; infinite for a miss.
+    /// The ray parameter, in units of the direction's length; infinite for a miss.
     pub t: P,
     /// Barycentrics of a triangle.
     pub uv: [P; 2],

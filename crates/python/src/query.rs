@@ -1,4 +1,4 @@
-//! Queries over the rays of arrays: piece by piece, on all threads of a pool, until they are cancelled.
+//! Queries over arrays of rays: piece by piece, on all threads of a pool, until they are cancelled.
 
 use crate::columns::Places;
 use crate::precision::Precision;
@@ -16,8 +16,8 @@ const MIN_PIECE: usize = 512;
 /// Maximum number of rays of a piece: they and their hits stay in the caches of a core.
 const MAX_PIECE: usize = 2048;
 
-/// The same in large worlds: there the world sorts them, which pays, and they take some 50
-/// milliseconds in the largest.
+/// The same maximum for large worlds: the world sorts the rays, which pays, and a piece takes some
+/// 50 milliseconds in the largest.
 const MAX_PIECE_OF_LARGE_WORLD: usize = 32768;
 
 /// Pieces per thread of a long list, so that all threads end at about the same time.

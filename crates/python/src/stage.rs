@@ -1,4 +1,5 @@
-//! What a scene has beside objects: materials, lights, cameras, what is around it. And files.
+//! The stage of a scene: materials, lights, cameras and environment. Also loading and saving of
+//! files.
 
 use crate::arrays::from_vec;
 use crate::camera::Camera;
@@ -427,8 +428,8 @@ impl Scene {
         })
     }
 
-    /// What is everywhere where no inside of a surface is, such as fog: a :class:`Medium` or None.
-    /// Can be assigned.
+    /// The medium outside of all interiors of surfaces, such as fog: a :class:`Medium` or None. Can
+    /// be assigned.
     #[getter]
     fn medium(&self, py: Python<'_>) -> Option<PyMedium> {
         let stage = self.0.contents(py).stage.clone();
@@ -445,8 +446,8 @@ impl Scene {
         })
     }
 
-    /// What the camera sees behind the scene: `"environment"`, `"transparent"`, or a colour
-    /// (linear), which lights nothing. Can be assigned.
+    /// The background behind the scene: `"environment"`, `"transparent"`, or a colour (linear),
+    /// which lights nothing. Can be assigned.
     #[getter]
     fn background<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         match self.0.contents(py).stage.background {

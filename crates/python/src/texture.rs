@@ -120,7 +120,7 @@ pub enum AnyTexture {
 }
 
 impl AnyTexture {
-    /// The same object.
+    /// Another reference to the same object.
     pub fn clone_ref(&self, py: Python<'_>) -> Self {
         match self {
             Self::Image(texture) => Self::Image(texture.clone_ref(py)),

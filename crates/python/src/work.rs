@@ -246,7 +246,7 @@ pub fn run_to_end<T: Send + 'static>(
     run_to_end_on(py, Threads::new(None)?, work)
 }
 
-/// The same on this many threads.
+/// The same on this number of threads.
 pub fn run_to_end_on<T: Send + 'static>(
     py: Python<'_>,
     threads: Threads,

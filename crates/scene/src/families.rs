@@ -35,7 +35,7 @@ pub struct Family {
     read: fn(Value) -> Result<Value, serde_json::Error>,
     /// A thing of any kind, with the common parameters in the syntax of scenes.
     plain: fn() -> Value,
-    /// The same as [`Self::read`], of a thing with these.
+    /// As [`Self::read`], for a thing with these common parameters.
     read_plain: fn(Value) -> Result<Value, serde_json::Error>,
 }
 

@@ -162,7 +162,7 @@ impl Node {
 /// Light from all directions.
 #[derive(Clone, Debug)]
 pub enum Environment {
-    /// The same radiance from everywhere, W / (m^2 sr).
+    /// Constant radiance from all directions, W / (m^2 sr).
     Constant(Rgb),
     /// A latitude-longitude image.
     Image {

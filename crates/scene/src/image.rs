@@ -4,7 +4,7 @@
 use serde::{Deserialize, Serialize};
 
 snell_math::declare! {
-    /// How stored values encode colour.
+    /// The encoding of colour in stored values.
     #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
     pub enum Encoding {
         /// Colour channels carry the sRGB curve; alpha is linear.

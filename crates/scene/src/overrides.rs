@@ -21,7 +21,7 @@ use snell_math::{DAffine3, DVec3, Rgb};
 pub struct OverrideError {
     /// The key, or the whole definition if it has no key.
     pub key: String,
-    /// What is wrong with it.
+    /// The reason.
     pub problem: String,
 }
 

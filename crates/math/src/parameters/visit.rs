@@ -35,7 +35,7 @@ pub enum Leaf<'a> {
 /// A value that was found in a thing.
 #[derive(Clone, Copy, Debug)]
 pub struct Found<'a> {
-    /// Where.
+    /// The place.
     pub place: &'a [Step],
     /// The range of its numbers.
     pub range: Range,

@@ -243,7 +243,7 @@ static FRONT: [[u8; 8]; 256] = {
     table
 };
 
-/// Which lanes are kept, in [`PAIRED`] places. (A permutation reads only the lowest three bits of
+/// The lanes that are kept, in [`PAIRED`] order. (A permutation reads only the lowest three bits of
 /// each.)
 #[inline]
 #[target_feature(enable = "avx2")]
@@ -256,7 +256,7 @@ fn front(mask: u32, order: u32) -> __m256i {
 /// register.
 const PAIRED: [usize; 8] = [0, 1, 4, 5, 2, 3, 6, 7];
 
-/// [`FRONT`] times three, where the numbers are in an order; in [`PAIRED`] places.
+/// [`FRONT`] times three: the shifts of the numbers in an order; in [`PAIRED`] order.
 static FRONT_SHIFTS: Aligned<[[u32; 8]; 256]> = {
     let mut table = [[0; 8]; 256];
     let mut i = 0;

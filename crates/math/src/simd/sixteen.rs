@@ -80,13 +80,13 @@ pub trait Lanes16: Copy {
     /// Absolute value.
     fn abs(self) -> Self;
 
-    /// Where `self <= other` (not for NaN).
+    /// The mask of `self <= other` (false for NaN).
     fn le(self, other: Self) -> u32;
 
-    /// Where `self < other` (not for NaN).
+    /// The mask of `self < other` (false for NaN).
     fn lt(self, other: Self) -> u32;
 
-    /// Where the sign bit is set.
+    /// The mask of lanes with the sign bit set.
     fn signs(self) -> u32;
 
     /// `other` where the mask has a bit, `self` elsewhere.

@@ -53,7 +53,7 @@ pub trait Doubles16: Copy {
     /// Square root.
     fn sqrt(self) -> Self;
 
-    /// Where `self < other` (not for NaN).
+    /// The mask of `self < other` (false for NaN).
     fn lt(self, other: Self) -> u32;
 
     /// `other` where the mask has a bit, `self` elsewhere.

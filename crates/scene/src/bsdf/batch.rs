@@ -34,7 +34,7 @@ pub struct LobeSpectra<T = SampledSpectrum> {
 }
 
 impl<T> LobeSpectra<T> {
-    /// The same function of each.
+    /// Applies a function to each.
     #[inline(always)]
     pub fn map<U>(self, mut f: impl FnMut(T) -> U) -> LobeSpectra<U> {
         LobeSpectra { base: f(self.base), specular: f(self.specular), other: f(self.other) }
@@ -74,9 +74,9 @@ pub struct BatchInputs<'a> {
 /// Parameters that may vary over a surface. A BSDF uses only those that it has.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BatchPoint {
-    /// In [`snell_math::ColorMode::Rgb`] only the base, where that is the reflectance of a body
-    /// below a gloss, and at normal incidence of the metal that is mixed with it. In spectral
-    /// colour all spectra.
+    /// Spectra of the lane. In [`snell_math::ColorMode::Rgb`] only the base is used: the
+    /// reflectance of a body below a gloss, and of the metal mixed with it at normal incidence. In
+    /// spectral colour all spectra.
     pub spectra: LobeSpectra,
     /// Width of the facet distribution of such a mixture, see [`super::Widths`].
     pub alpha: f32,

@@ -43,7 +43,7 @@ pub struct DielectricBsdf {
     pub arriving: SampledSpectrum,
 }
 
-/// What a smooth interface without a film does to light from one direction.
+/// Reflection and refraction of light from one direction at a smooth interface without a film.
 #[derive(Clone, Copy, Debug)]
 pub struct Split {
     /// Index of refraction behind the surface over the index on the side of the direction.

@@ -65,7 +65,7 @@ fn fresnel(cos: f64, eta: f64) -> (f64, f64) {
     (0.5 * (p * p + s * s), through)
 }
 
-/// What facets do to light.
+/// The scattering of facets.
 enum Facets {
     /// Index of the far side over that of the near one.
     Glass(f64),
@@ -122,7 +122,7 @@ fn reflected(wo: DVec3, alpha: f64, facets: &Facets) -> [f64; 3] {
     sum.map(|sum| sum / f64::from(WALKS))
 }
 
-/// The same by the lobes of a material.
+/// The same share computed by the lobes of a material.
 fn reflected_by_lobes(kind: &MaterialKind, wo: Vec3) -> [f64; 3] {
     let (bsdf, mut sum) = (bsdf(kind), [0.0; 3]);
     for n in 0..WALKS {

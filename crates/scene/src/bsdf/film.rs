@@ -19,7 +19,7 @@ pub struct ThinFilm {
     pub thickness: f32,
     /// Index of refraction over that of the outside, positive.
     pub ior: f32,
-    /// What the lanes stand for.
+    /// The colour mode of the lanes.
     pub mode: ColorMode,
 }
 

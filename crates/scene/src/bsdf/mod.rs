@@ -82,7 +82,7 @@ struct Choice<const N: usize> {
 }
 
 impl<const N: usize> Choice<N> {
-    /// In proportion to the lobes' albedos.
+    /// Probabilities in proportion to the lobes' albedos.
     #[inline(always)]
     fn new(albedos: [SampledSpectrum; N]) -> Self {
         let (mut probabilities, mut total) = ([0.0; N], 0.0);

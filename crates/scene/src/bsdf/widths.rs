@@ -21,7 +21,7 @@ impl Widths {
         Self { x: roughness * roughness, y: roughness * roughness }
     }
 
-    /// The same in all directions: as [`Self::alpha`], in `[0, 1]`.
+    /// Isotropic widths: as [`Self::alpha`], in `[0, 1]`.
     #[inline(always)]
     pub(super) fn both(alpha: f32) -> Self {
         Self { x: alpha, y: alpha }

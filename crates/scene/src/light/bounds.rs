@@ -14,8 +14,8 @@ pub struct LightBounds {
     pub axis: Vec3,
     /// Cosine of the half-angle of that cone.
     pub cos_spread: f32,
-    /// Cosine of the angle around each direction of main emission outside of which nothing is
-    /// emitted: 0 for a surface.
+    /// Cosine of the maximum angle of emission from each direction of main emission: 0 for a
+    /// surface.
     pub cos_emission: f32,
     /// True for emission in the opposite directions too.
     pub is_two_sided: bool,

@@ -7,7 +7,7 @@ use snell_math::{DVec3, Rgb, Vec3};
 /// lights of the glTF extension `KHR_lights_punctual` and their like.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PunctualLight {
-    /// Where it is, unless it is parallel light.
+    /// Position, unless it is parallel light.
     pub position: DVec3,
     /// Unit direction in which parallel light travels, or of the axis of a spot.
     pub direction: DVec3,

@@ -170,7 +170,7 @@ impl SpotFalloff {
         Some(Cone { outer: outer.cos(), inner: inner.cos(), is_step })
     }
 
-    /// Half-angle of the cone outside of which the factor is 0, in `[0, pi]`.
+    /// Half-angle of the cone that contains all light, in `[0, pi]`.
     pub fn widest(&self) -> f64 {
         let widest = match *self {
             Self::Power { cutoff, .. } => cutoff,

@@ -51,7 +51,7 @@ snell_math::declare! {
         /// Roughness of metal and dielectric, `[0, 1]`; `alpha` of the distribution is its square.
         #[range(Range::SHARE)]
         pub specular_roughness: ScalarParam,
-        /// How much highlights are stretched along the tangent, `[0, 1]`.
+        /// Anisotropy: stretching of highlights along the tangent, `[0, 1]`.
         #[range(Range::SHARE)]
         pub specular_roughness_anisotropy: ScalarParam,
         /// Index of refraction of the dielectric, positive.
@@ -60,8 +60,8 @@ snell_math::declare! {
         /// Share of the dielectric that is clear, `[0, 1]`.
         #[range(Range::SHARE)]
         pub transmission_weight: ScalarParam,
-        /// What is left of white light after `transmission_depth`; for a depth of 0 a factor on
-        /// what goes through the surface. `[0, 1]`.
+        /// Transmittance over `transmission_depth`, `[0, 1]`; for a depth of 0 a factor on
+        /// transmitted light.
         #[range(Range::SHARE)]
         pub transmission_color: ColorParam,
         /// Distance, in units of the scene.
@@ -109,7 +109,7 @@ snell_math::declare! {
         /// Roughness of the coat, `[0, 1]`.
         #[range(Range::SHARE)]
         pub coat_roughness: ScalarParam,
-        /// How much highlights of the coat are stretched along the tangent, `[0, 1]`.
+        /// Anisotropy of the coat: stretching of its highlights along the tangent, `[0, 1]`.
         #[range(Range::SHARE)]
         pub coat_roughness_anisotropy: ScalarParam,
         /// Index of refraction of the coat, positive.

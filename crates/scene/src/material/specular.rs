@@ -7,8 +7,8 @@ use crate::texture::TextureSet;
 use snell_intersect::SurfaceInteraction;
 use snell_math::{ColorMode, SampledSpectrum, Vec3};
 
-/// What a smooth surface does to light. Surfaces that only reflect exist in [`ColorMode::Rgb`]
-/// only.
+/// Reflection and refraction of a smooth surface. Surfaces that only reflect exist in
+/// [`ColorMode::Rgb`] only.
 #[derive(Clone, Debug)]
 pub enum Specular {
     /// Reflects or refracts.

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use snell_math::Vec2;
 
 snell_math::declare! {
-    /// How texels are combined.
+    /// The filter of texels.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
     pub enum Filtering {
         /// The nearest texel of the full image.

@@ -45,8 +45,8 @@ pub struct PlanePoint {
 }
 
 snell_math::declare! {
-    /// How the two coordinates `(s, t)` of a pattern follow from the point: the mappings of pbrt
-    /// (Pharr, Jakob, Humphreys, Physically Based Rendering, 4th edition, section 10.2).
+    /// The map from a point to the coordinates `(s, t)` of a pattern: the mappings of pbrt (Pharr,
+    /// Jakob, Humphreys, Physically Based Rendering, 4th edition, section 10.2).
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(deny_unknown_fields)]
     pub enum Mapping {

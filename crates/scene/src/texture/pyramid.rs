@@ -9,7 +9,7 @@ use std::sync::Arc;
 /// Linear values of the 256 codes of an 8-bit channel.
 type Decode = [f32; 256];
 
-/// How the texels of a level are stored.
+/// The storage of the texels of a level.
 #[derive(Debug)]
 enum Texels {
     /// The image itself, as it was loaded.
@@ -282,8 +282,8 @@ impl Corners {
         }
     }
 
-    /// The same in one go for all channels: where there are three, the texel is read with the
-    /// number that follows. `None` if none does, or there are fewer.
+    /// The same for all channels at once: three channels are read as four, with the number that
+    /// follows. `None` if there is no number after them, or for fewer channels.
     #[inline(always)]
     fn mixed_fours(&self, channels: usize, numbers: &[u16]) -> Option<[f32; 4]> {
         let four = |start: usize| {

@@ -338,7 +338,7 @@ impl FacetLoss {
         if self.widths.is_smooth() { 0.0 } else { self.loss.directional(position(self.widths, w)) }
     }
 
-    /// The same of a rough surface, for many evaluations.
+    /// The nodes of a rough surface, for many evaluations.
     pub(super) fn line(&self) -> FacetLossBy<Line> {
         FacetLossBy { widths: self.widths, loss: self.loss.line() }
     }
@@ -417,7 +417,7 @@ impl DielectricReflection {
         }
     }
 
-    /// The same of a rough surface, for many evaluations.
+    /// The nodes of a rough surface, for many evaluations.
     pub(super) fn line(&self) -> DielectricReflectionBy<Line> {
         DielectricReflectionBy {
             widths: self.widths,

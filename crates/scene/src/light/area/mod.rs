@@ -28,7 +28,7 @@ pub enum EmissiveGeometry {
     Mesh {
         /// The mesh.
         mesh: Arc<TriangleMesh>,
-        /// Which triangles emit. Numbers past the mesh's triangles are ignored.
+        /// The triangles that emit. Indices past the mesh's triangles are ignored.
         triangles: Vec<u32>,
     },
     /// A whole shape.

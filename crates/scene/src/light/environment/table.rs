@@ -129,12 +129,12 @@ pub(super) struct Cells {
 }
 
 impl Cells {
-    /// Those of an image of this size: of each cell the mean of all texels that it touches.
+    /// The values of an image of this size: for each cell, the mean of all texels that it touches.
     pub fn of(image: impl Rows, [w, h]: [usize; 2]) -> Self {
         Self::in_table(image, [w, h], [w.min(MAX_TABLE[0]), h.min(MAX_TABLE[1])])
     }
 
-    /// The same for a table of this size.
+    /// The values for a table of this size.
     pub fn in_table(mut image: impl Rows, [w, h]: [usize; 2], size: [usize; 2]) -> Self {
         let range = |i: usize, cells: usize, texels: usize| {
             i * texels / cells..((i + 1) * texels).div_ceil(cells)
