@@ -15,7 +15,7 @@ __all__ = ["Comparison", "compare"]
 
 
 class Comparison(types.SimpleNamespace):
-    """How far two pictures are apart: what :func:`compare` answers.
+    """The differences of two pictures: the result of :func:`compare`.
 
     `mse` and `rel_mse` are the mean squared error of linear values, and the same relative to the
     reference (``(test - reference)**2 / (reference**2 + 0.01)``). `mse_srgb`, `psnr` (decibels;

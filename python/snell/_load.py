@@ -1,4 +1,4 @@
-"""Reading scenes: what the compiled module reads by itself, and USD by way of `snell.usd`."""
+"""Reads scenes: by the compiled module, and USD by `snell.usd`."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def load(path: str | os.PathLike[str], *, threads: int | None = None) -> _snell.
     OSError
         If the file cannot be read.
     ValueError
-        If it is no scene; the message says where and why.
+        If it is not a valid scene; the message gives the place and reason.
     ImportError
         If it is USD and ``usd-core`` is missing.
     """

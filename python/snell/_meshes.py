@@ -1,4 +1,4 @@
-"""Meshes of other libraries as arrays. None of them is imported: what a mesh offers decides."""
+"""Meshes of other libraries as arrays. No library is imported: attributes identify the mesh."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ _PATIENCE = 1.0
 
 
 class _Bar:
-    """Something that shows a share. It opens when it has been needed for a while."""
+    """A display of the share done. It opens after a delay, not for short renders."""
 
     def __init__(self) -> None:
         self._start = time.perf_counter()
@@ -75,7 +75,7 @@ class _Rich(_Bar):
 
 
 class _Line(_Bar):
-    """One line that is written over."""
+    """A line of text that is overwritten."""
 
     def show(self, share: float, rate: str) -> None:
         print(f"\r{share:4.0%}  {rate}  ", end="", file=sys.stderr, flush=True)
@@ -95,7 +95,7 @@ def _bar() -> _Bar | None:
 
 @contextlib.contextmanager
 def reporter(progress: bool | Report) -> Iterator[Report | None]:
-    """Whom to tell how far a render is."""
+    """The function that receives the progress of a render."""
     if not isinstance(progress, bool):
         yield progress
         return

@@ -24,7 +24,7 @@ __all__ = ["SceneWarning", "render", "render_iter"]
 
 
 class SceneWarning(UserWarning):
-    """Something in a scene that cannot be rendered as it says, and what is done instead."""
+    """A part of a scene that cannot be rendered as described, and what is done instead."""
 
 
 def _scene(scene: Scene | str | os.PathLike[str]) -> Scene:
@@ -64,8 +64,8 @@ def render(
 ) -> Image:
     """Renders a scene.
 
-    What is left out is as the scene's file says, else as below. A scene without a camera is framed;
-    one without any light is put under a grey sky. The scene is compiled at the first render and
+    Omitted settings come from the scene's file, else from below. A scene without a camera is
+    framed; one without any light gets a grey sky. The scene is compiled at the first render and
     kept until it changes. Work is done without Python's lock; Ctrl-C ends it at once.
 
     Parameters
@@ -106,12 +106,12 @@ def render(
     return image
 
 
-# The settings of a render with what is to be said of each, as the renderer declares them.
+# The settings of a render with their documentation, as the renderer declares them.
 _SETTINGS: dict[str, dict[str, Any]] = _render_settings()
 
 
 def _known(function: str, settings: Mapping[str, Any]) -> dict[str, Any]:
-    """The settings, with the place of the denoiser; an error if one is not known."""
+    """The settings, with the path of the denoiser; an error for unknown ones."""
     for name in settings:
         if name not in _SETTINGS and name not in _OTHERS:
             known = [*_SETTINGS, *_OTHERS]
@@ -121,7 +121,7 @@ def _known(function: str, settings: Mapping[str, Any]) -> dict[str, Any]:
     return {**settings, "denoise": _denoiser(settings.get("denoise"))}
 
 
-# What can be asked for beside the settings.
+# Keywords beside the settings.
 _OTHERS = ("camera", "threads", "tonemap")
 
 
@@ -208,7 +208,7 @@ def _is_notebook() -> bool:
 
 
 class _View:
-    """Pictures in a notebook, each in the place of the one before."""
+    """Pictures in a notebook, each replacing the previous one."""
 
     def __init__(self) -> None:
         self._handle: Any = None

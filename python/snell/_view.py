@@ -1,4 +1,4 @@
-"""Scenes in the browser, and why pixels look as they do."""
+"""Scenes in the browser, and explanations of pixels."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def explain(
     structures: Sequence[str] = (),
     **options: Any,
 ) -> dict[str, Any]:
-    """Tells why a pixel looks as it does: what :func:`render` of the same options did for it.
+    """Explains a pixel: what :func:`render` with the same options did for it.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ def explain(
     pixel : tuple of int
         Column and row, from the upper left corner.
     sample : int
-        The sample whose path is told; the one whose colour is nearest to that of the pixel.
+        The sample whose path is report; the one whose colour is nearest to that of the pixel.
     structures : list of str
         Acceleration structures through which the camera ray is followed, such as ``["bvh",
         "kdtree"]``.
@@ -49,20 +49,20 @@ def explain(
         samples, whose mean it is; ``convergence`` is the mean after some of them. ``classes`` is
         its light by the way it took: E for the eye, then D (diffuse), G (glossy), S (mirror), T
         (through a surface) or V (in a medium), and L for the light. ``tree`` is one sample:
-        ``vertices`` with what each adds to its ``color``. ``journeys`` is what each structure did
-        for the camera ray.
+        ``vertices`` with what each adds to its ``color``. ``traces`` is the traversal of
+        each structure by the camera ray.
 
     Examples
     --------
     >>> import snell
-    >>> told = snell.explain("cornell-box", (32, 20), spp=4, size=(64, 48))
-    >>> [vertex["material"] for vertex in told["tree"]["vertices"]][:1]
+    >>> report = snell.explain("cornell-box", (32, 20), spp=4, size=(64, 48))
+    >>> [vertex["material"] for vertex in report["tree"]["vertices"]][:1]
     ['white']
     """
-    told: dict[str, Any] = json.loads(
+    report: dict[str, Any] = json.loads(
         _explain(_scene(scene), options, pixel, sample, list(structures))
     )
-    return told
+    return report
 
 
 def view(

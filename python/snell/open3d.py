@@ -66,7 +66,7 @@ class RaycastingScene:
         self._scene = Scene()
 
     def add_triangles(self, *args: Any, **kwargs: Any) -> int:
-        """Adds a mesh and gives its id: ``(vertex_positions, triangle_indices)``, or one mesh of
+        """Adds a mesh and returns its id: ``(vertex_positions, triangle_indices)``, or one mesh of
         Open3D.
         """
         values = [*args, *kwargs.values()]

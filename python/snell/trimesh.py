@@ -91,7 +91,7 @@ class RayMeshIntersector:
         multiple_hits: bool = True,
         **kwargs: Any,
     ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]:
-        """Where rays meet the mesh.
+        """Finds the hits of rays on the mesh.
 
         Parameters
         ----------
@@ -121,7 +121,7 @@ class RayMeshIntersector:
         return_locations: bool = False,
         **kwargs: Any,
     ) -> Any:
-        """Which triangles rays meet.
+        """Finds the triangles that rays hit.
 
         Parameters
         ----------
@@ -129,7 +129,7 @@ class RayMeshIntersector:
         multiple_hits : bool
             All hits of each ray, not only the first.
         max_hits : int, optional
-            Of each ray no more than the first so many; there is no limit if left out.
+            Maximum number of hits per ray, the first ones; no limit if left out.
         return_locations : bool
 
         Returns
@@ -160,14 +160,14 @@ class RayMeshIntersector:
     def intersects_first(
         self, ray_origins: ArrayLike, ray_directions: ArrayLike, **kwargs: Any
     ) -> NDArray[np.int64]:
-        """The first triangle that each ray meets, -1 for a miss: an array ``(n,)`` of int64."""
+        """The first triangle that each ray hits, -1 for a miss: an array ``(n,)`` of int64."""
         found = self._scene.cast_rays(self._rays(ray_origins, ray_directions))
         return np.where(np.isfinite(found.t_hit), found.primitive_ids.astype(np.int64), -1)
 
     def intersects_any(
         self, ray_origins: ArrayLike, ray_directions: ArrayLike, **kwargs: Any
     ) -> NDArray[np.bool_]:
-        """Whether each ray meets the mesh: an array ``(n,)`` of bool."""
+        """Whether each ray hits the mesh: an array ``(n,)`` of bool."""
         return self._scene.test_occlusions(self._rays(ray_origins, ray_directions))
 
     def contains_points(self, points: ArrayLike) -> NDArray[np.bool_]:

@@ -15,11 +15,11 @@ import snell
 def test_a_pixel_is_the_mean_of_its_samples_and_these_the_sums_of_their_paths() -> None:
     options = {"spp": 9, "size": (24, 18)}
     image = np.asarray(snell.render("cornell-box", progress=False, **options))
-    told = snell.explain("cornell-box", (7, 11), structures=["bvh", "grid"], **options)
-    assert tuple(np.float32(told["value"][:3])) == tuple(image[11, 7])
-    assert np.allclose(np.mean(told["samples"], axis=0), image[11, 7], rtol=1e-5)
-    assert told["tree"]["sum"] == told["tree"]["color"] == told["samples"][told["tree"]["number"]]
-    assert [journey["accelerator"] for journey in told["journeys"]] == ["bvh", "grid"]
+    report = snell.explain("cornell-box", (7, 11), structures=["bvh", "grid"], **options)
+    assert tuple(np.float32(report["value"][:3])) == tuple(image[11, 7])
+    assert np.allclose(np.mean(report["samples"], axis=0), image[11, 7], rtol=1e-5)
+    assert report["tree"]["sum"] == report["tree"]["color"] == report["samples"][report["tree"]["number"]]
+    assert [trace["accelerator"] for trace in report["traces"]] == ["bvh", "grid"]
 
 
 def test_what_cannot_be_explained_is_said() -> None:

@@ -84,7 +84,7 @@ function Heat(props: {
   }, [map, measure, low, most]);
   const number = (x: number): string => Number(x.toPrecision(3)).toLocaleString("en");
   return (
-    <figure class="journey">
+    <figure class="trace">
       <figcaption>
         <strong>{map.name}</strong>
         <span class="quiet">
@@ -151,7 +151,7 @@ export function Costs(): JSX.Element {
         <span class="space" />
         <button onClick={() => (costs.value = false)}>Close</button>
       </header>
-      <div class="journeys maps">
+      <div class="traces maps">
         {maps.value.map((map) => (
           <Heat key={map.name} map={map} measure={of} low={low} most={most} />
         ))}

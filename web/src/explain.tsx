@@ -299,7 +299,7 @@ export function Explain({ store }: { store: Store }): JSX.Element | null {
           <Convergence report={report} />
           <Samples
             report={report}
-            choose={(sample) => void ask(sample, report.journeys.length > 1)}
+            choose={(sample) => void ask(sample, report.traces.length > 1)}
           />
           <Tree report={report} />
         </div>

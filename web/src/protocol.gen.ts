@@ -461,7 +461,7 @@ tree: SampleReport,
 /**
  * The traversal of that sample's camera ray through acceleration structures.
  */
-journeys: Array<JourneyReport>, 
+traces: Array<TraceReport>, 
 /**
  * Minimum and maximum corner of the scene's bounding box.
  */
@@ -634,7 +634,7 @@ is_blocked: boolean,
  */
 weight: number, };
 
-export type JourneyReport = { 
+export type TraceReport = { 
 /**
  * The structure.
  */
@@ -662,13 +662,13 @@ distance: number | null,
 /**
  * The traversal steps, in order.
  */
-stops: Array<StopReport>, 
+steps: Array<StepReport>, 
 /**
  * Number of steps left out.
  */
 left_out: number, };
 
-export type StopReport = { 
+export type StepReport = { 
 /**
  * `box`, `ball`, `plane` or `stretch` (an interval of the ray).
  */

@@ -1,20 +1,20 @@
-// The way of a ray through acceleration structures, side by side in 3D: what each looks at, in
-// order.
+// The traversal of acceleration structures by a ray, side by side in 3D: the regions that each
+// visits, in order.
 
 import { type Signal, useSignal, useSignalEffect } from "@preact/signals";
 import type { JSX } from "preact";
 import { useEffect, useRef } from "preact/hooks";
-import type { JourneyReport, Report, StopReport } from "./protocol.gen";
+import type { Report, StepReport, TraceReport } from "./protocol.gen";
 import { add, dot, length, mul, rotate, sub, type Vec3 } from "./vec";
 
-/** How all of them are looked at. */
+/** The view that all canvases share. */
 interface Look {
   yaw: number;
   pitch: number;
   zoom: number;
 }
 
-/** What is drawn in every picture. */
+/** What is drawn on every canvas. */
 interface Stage {
   center: Vec3;
   radius: number;
@@ -22,7 +22,7 @@ interface Stage {
   report: Report;
 }
 
-/** Seconds that the longest way takes. */
+/** Seconds that the replay of the longest trace takes. */
 const SECONDS = 8;
 
 /** The corners of a box and its edges, as signs along the axes. */
@@ -32,11 +32,14 @@ for (let a = 0; a < 8; a++) for (const bit of [1, 2, 4]) if (!(a & bit)) EDGES.p
 const counted = (n: number, what: string): string =>
   `${n.toLocaleString("en")} ${what}${n === 1 ? "" : "s"}`;
 
-/** Lines that show a place, in world space. */
-export function outline(stop: Pick<StopReport, "kind" | "center" | "axes">): Vec3[][] {
+/** The lines that draw a region of a trace, in world space. */
+export function outline(region: Pick<StepReport, "kind" | "center" | "axes">): Vec3[][] {
   const at = (...signs: number[]): Vec3 =>
-    signs.reduce<Vec3>((sum, s, i) => add(sum, mul(stop.axes[i] as Vec3, s)), stop.center as Vec3);
-  switch (stop.kind) {
+    signs.reduce<Vec3>(
+      (sum, s, i) => add(sum, mul(region.axes[i] as Vec3, s)),
+      region.center as Vec3,
+    );
+  switch (region.kind) {
     case "stretch":
       return [[at(-1), at(1)]];
     case "plane":
@@ -56,7 +59,7 @@ export function outline(stop: Pick<StopReport, "kind" | "center" | "axes">): Vec
   }
 }
 
-/** Where the scene is, without what is far away from most of it. */
+/** Bounds of the scene, without what is far away from most of it. */
 export function stageOf(report: Report, up: Vec3): Stage {
   const points = report.cloud as Vec3[];
   const all = points.length > 0 ? points : (report.bounds as Vec3[]);
@@ -96,7 +99,7 @@ function draw(
   canvas: HTMLCanvasElement,
   stage: Stage,
   look: Look,
-  journey: JourneyReport,
+  trace: TraceReport,
   step: number,
 ): void {
   const ratio = devicePixelRatio;
@@ -127,11 +130,11 @@ function draw(
     context.fillRect(x - 0.6, y - 0.6, 1.3, 1.3);
   }
 
-  const shown = journey.stops.slice(0, step);
-  shown.forEach((stop, i) => {
+  const shown = trace.steps.slice(0, step);
+  shown.forEach((region, i) => {
     const age = shown.length - 1 - i;
     context.globalAlpha = Math.max(0.16, 0.85 ** age);
-    lines(outline(stop), color(stop.is_leaf ? "--leaf" : "--node"), age === 0 ? 2 : 1);
+    lines(outline(region), color(region.is_leaf ? "--leaf" : "--node"), age === 0 ? 2 : 1);
   });
   context.globalAlpha = 1;
 
@@ -163,10 +166,8 @@ function draw(
   const [ex, ey] = project(first.origin as Vec3);
   context.fillStyle = color("--ray");
   context.fillRect(ex - 2.5, ey - 2.5, 5, 5);
-  if (journey.distance !== null && step >= journey.stops.length) {
-    const [x, y] = project(
-      add(first.origin as Vec3, mul(first.direction as Vec3, journey.distance)),
-    );
+  if (trace.distance !== null && step >= trace.steps.length) {
+    const [x, y] = project(add(first.origin as Vec3, mul(first.direction as Vec3, trace.distance)));
     context.beginPath();
     context.arc(x, y, 3.5, 0, 7);
     context.fill();
@@ -177,10 +178,10 @@ function One(props: {
   stage: Stage;
   look: Signal<Look>;
   step: Signal<number>;
-  journey: JourneyReport;
+  trace: TraceReport;
   most: number;
 }): JSX.Element {
-  const { stage, look, step, journey } = props;
+  const { stage, look, step, trace } = props;
   const canvas = useRef<HTMLCanvasElement>(null);
   const size = useSignal(0);
   useEffect(() => {
@@ -189,11 +190,11 @@ function One(props: {
     return () => resized.disconnect();
   }, []);
   useEffect(() => {
-    if (canvas.current) draw(canvas.current, stage, look.value, journey, step.value);
-  }, [stage, look.value, journey, step.value, size.value]);
-  const now = journey.stops[Math.min(step.value, journey.stops.length) - 1];
-  const tested = journey.stops.slice(0, step.value).reduce((sum, s) => sum + s.tested, 0);
-  const isDone = step.value >= journey.stops.length;
+    if (canvas.current) draw(canvas.current, stage, look.value, trace, step.value);
+  }, [stage, look.value, trace, step.value, size.value]);
+  const now = trace.steps[Math.min(step.value, trace.steps.length) - 1];
+  const tested = trace.steps.slice(0, step.value).reduce((sum, s) => sum + s.tested, 0);
+  const isDone = step.value >= trace.steps.length;
   const drag = (event: PointerEvent): void => {
     if (event.buttons === 0) return;
     const { yaw, pitch, zoom } = look.value;
@@ -204,14 +205,14 @@ function One(props: {
     };
   };
   return (
-    <figure class="journey">
+    <figure class="trace">
       <figcaption>
-        <strong>{journey.accelerator}</strong>
+        <strong>{trace.accelerator}</strong>
         <span class="quiet">
           {[
-            counted(journey.nodes, "node"),
-            counted(journey.cells, "cell"),
-            counted(journey.primitives, "test"),
+            counted(trace.nodes, "node"),
+            counted(trace.cells, "cell"),
+            counted(trace.primitives, "test"),
           ]
             .filter((t) => !t.startsWith("0"))
             .join(", ")}
@@ -221,8 +222,8 @@ function One(props: {
         ref={canvas}
         role="img"
         aria-label={
-          `${journey.accelerator}: ${journey.nodes} nodes, ${journey.cells} cells, ` +
-          `${journey.primitives} tests`
+          `${trace.accelerator}: ${trace.nodes} nodes, ${trace.cells} cells, ` +
+          `${trace.primitives} tests`
         }
         onPointerDown={(e) => e.currentTarget.setPointerCapture(e.pointerId)}
         onPointerMove={drag}
@@ -236,12 +237,12 @@ function One(props: {
       />
       <small class={isDone ? "end" : ""}>
         {isDone
-          ? journey.distance === null
+          ? trace.distance === null
             ? "nothing hit"
-            : `hit after ${counted(journey.stops.length, "stop")}`
-          : `stop ${step.value} of ${journey.stops.length}`}
+            : `hit after ${counted(trace.steps.length, "step")}`
+          : `step ${step.value} of ${trace.steps.length}`}
         {!isDone && now && now.tested > 0 && `, ${tested} tested`}
-        {journey.left_out > 0 && ` and ${journey.left_out} more`}
+        {trace.left_out > 0 && ` and ${trace.left_out} more`}
       </small>
     </figure>
   );
@@ -252,7 +253,7 @@ export function Replay(props: { report: Report; up: Vec3; askAll?: () => void })
   const { report } = props;
   const stage = stageOf(report, props.up);
   const look = useSignal<Look>({ yaw: 0.7, pitch: 0.5, zoom: 1 });
-  const most = Math.max(1, ...report.journeys.map((j) => j.stops.length));
+  const most = Math.max(1, ...report.traces.map((j) => j.steps.length));
   const step = useSignal(most);
   const playing = useSignal(false);
   useEffect(() => {
@@ -261,7 +262,7 @@ export function Replay(props: { report: Report; up: Vec3; askAll?: () => void })
   useSignalEffect(() => {
     if (!playing.value) return;
     let last = performance.now();
-    // A steady clock: the few stops of good structures are seen too.
+    // At least six steps a second, so that short traces are not over at once.
     let at = step.peek() >= most ? 0 : step.peek();
     let frame = requestAnimationFrame(function tick(now) {
       const share = Math.max(6, at, most / SECONDS);
@@ -274,7 +275,7 @@ export function Replay(props: { report: Report; up: Vec3; askAll?: () => void })
     return () => cancelAnimationFrame(frame);
   });
   return (
-    <section class="replay" aria-label="the ray's way through acceleration structures">
+    <section class="replay" aria-label="the ray's traversal of acceleration structures">
       <div class="controls">
         <button class="accent" onClick={() => (playing.value = !playing.value)}>
           {playing.value ? "Pause" : "Replay"}
@@ -285,7 +286,7 @@ export function Replay(props: { report: Report; up: Vec3; askAll?: () => void })
           max={most}
           step="1"
           value={step.value}
-          aria-label="stops shown"
+          aria-label="steps shown"
           onInput={(e) => {
             playing.value = false;
             step.value = Number(e.currentTarget.value);
@@ -295,18 +296,18 @@ export function Replay(props: { report: Report; up: Vec3; askAll?: () => void })
           <i class="node" /> node <i class="leaf" /> leaf or cell <i class="ray" /> ray{" "}
           <i class="light" /> light
         </span>
-        {props.askAll && report.journeys.length === 1 && (
+        {props.askAll && report.traces.length === 1 && (
           <button onClick={props.askAll}>Build the others too</button>
         )}
       </div>
-      <div class="journeys">
-        {report.journeys.map((journey) => (
+      <div class="traces">
+        {report.traces.map((trace) => (
           <One
-            key={journey.accelerator}
+            key={trace.accelerator}
             stage={stage}
             look={look}
             step={step}
-            journey={journey}
+            trace={trace}
             most={most}
           />
         ))}

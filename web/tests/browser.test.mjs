@@ -259,7 +259,7 @@ test("a pixel is explained, and its sample is that of snell explain", {
     await dialog.locator("h2").waitFor();
     const [x, y] = (await dialog.locator("h2").innerText()).match(/\d+/g);
     assert.equal(await dialog.locator(".samples button").count(), 8);
-    assert.equal(await dialog.locator(".journey").count(), 9, "every structure");
+    assert.equal(await dialog.locator(".trace").count(), 9, "every structure");
     await dialog.locator(".samples button").nth(3).click();
     await page.getByText("Path of sample 3").waitFor();
     const shown = await dialog.locator(".total code").innerText();
@@ -284,13 +284,13 @@ test("a pixel is explained, and its sample is that of snell explain", {
       "--size",
       `${width}x${height}`,
     ]);
-    const told = JSON.parse(text);
+    const report = JSON.parse(text);
     const short = (v) =>
       v === 0 ? "0" : Math.abs(v) < 1e-4 ? v.toExponential(2) : Number(v.toPrecision(4)).toString();
-    assert.equal(shown, `= ${told.tree.sum.map(short).join("  ")}`);
+    assert.equal(shown, `= ${report.tree.sum.map(short).join("  ")}`);
     await dialog.getByRole("button", { name: "Replay" }).click();
     await page.waitForFunction(() =>
-      [...document.querySelectorAll(".journey small")].some((s) => /^stop /.test(s.textContent)),
+      [...document.querySelectorAll(".trace small")].some((s) => /^step /.test(s.textContent)),
     );
     await page.getByRole("button", { name: "Close" }).click();
     await page.getByRole("button", { name: "Compare acceleration structures" }).click();

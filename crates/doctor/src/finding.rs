@@ -1,16 +1,16 @@
-//! What a check says.
+//! The findings of a check.
 
 use crate::Subject;
 use crate::subject::Body;
 
-/// How bad it is.
+/// Its severity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Severity {
     /// The picture is wrong.
     Error,
     /// The picture probably is not what was meant.
     Warning,
-    /// Good to know; nothing is wrong.
+    /// Information; nothing is wrong.
     Note,
 }
 
@@ -30,39 +30,39 @@ impl Severity {
 pub struct Finding {
     /// Name of the check.
     pub check: &'static str,
-    /// How bad it is.
+    /// Its severity.
     pub severity: Severity,
-    /// Which thing of the scene: a node, a material, a light; empty for the scene as a whole.
+    /// The object of the scene: a node, a material, a light; empty for the whole scene.
     pub object: String,
     /// The first face concerned, as the mesh in memory counts its triangles, from 0.
     pub face: Option<u32>,
-    /// Where in the world, if that helps to find it.
+    /// The position in the world, if that helps to find it.
     pub position: Option<[f64; 3]>,
-    /// How many faces, edges or things it is about.
+    /// Number of faces, edges or objects concerned.
     pub count: u64,
-    /// What was found.
+    /// The message.
     pub message: String,
-    /// What to do.
+    /// The remedy.
     pub remedy: &'static str,
 }
 
-/// The findings of a check as they come.
+/// Collects the findings of a check.
 #[derive(Debug)]
 pub struct Report {
     check: &'static str,
     findings: Vec<Finding>,
 }
 
-/// Most findings of one check; there is no use in reading more.
+/// Maximum number of findings of one check.
 const MAX_FINDINGS: usize = 200;
 
 impl Report {
-    /// Nothing found yet.
+    /// An empty report.
     pub fn new(check: &'static str) -> Self {
         Self { check, findings: Vec::new() }
     }
 
-    /// Adds a finding and gives it, to say more of it.
+    /// Adds a finding and returns it, so that the caller can add details.
     pub fn add(
         &mut self,
         severity: Severity,
@@ -84,7 +84,7 @@ impl Report {
         &mut self.findings[last]
     }
 
-    /// Adds a finding about so many edges or faces of a body, of which the first is at a face.
+    /// Adds a finding about `count` edges or faces of a body; the first of them is at `face`.
     pub fn add_at_face(
         &mut self,
         severity: Severity,
@@ -99,14 +99,14 @@ impl Report {
         finding.position = subject.face_position(body, face);
     }
 
-    /// The severe ones first.
+    /// The findings, the severe ones first.
     pub fn into_findings(mut self) -> Vec<Finding> {
         self.findings.sort_by_key(|f| f.severity);
         if self.findings.len() > MAX_FINDINGS {
             let rest = self.findings.split_off(MAX_FINDINGS);
             let message = format!("there are {} more findings of this kind", rest.len());
             let worst = rest.iter().map(|f| f.severity).min().unwrap_or(Severity::Note);
-            self.add(worst, "", message, "mend these first, then look again").count =
+            self.add(worst, "", message, "fix these first, then check again").count =
                 rest.len() as u64;
         }
         self.findings

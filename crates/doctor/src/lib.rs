@@ -1,13 +1,12 @@
-//! What is wrong with a scene: flaws that spoil pictures, each with its place and what to do about
-//! it.
+//! Finds flaws of a scene that spoil pictures, each with its place and a remedy.
 //!
 //! [`examine`] runs all of [`CHECKS`] over a scene graph and changes nothing. To add a check: a new
-//! file in `check/`, and its line in the list. A check looks at a [`Subject`], where what several
-//! of them need is worked out once, and adds to a [`Report`].
+//! file in `check/`, and its line in the list. A check reads a [`Subject`], which holds data shared
+//! by several checks, and adds to a [`Report`].
 //!
-//! The rule for severities: what makes the picture wrong is an error, what probably does is a
-//! warning, and what only may surprise is a note. A mesh with holes is none of these unless it is
-//! glass.
+//! The rule for severities: a flaw that makes the picture wrong is an error, one that probably does
+//! is a warning, and one that may only surprise is a note. A mesh with holes is none of these
+//! unless it is glass.
 
 #![forbid(unsafe_code)]
 
@@ -22,12 +21,12 @@ pub use topology::Topology;
 
 use snell_scene::Scene;
 
-/// Something to look for.
+/// A check.
 #[derive(Clone, Copy)]
 pub struct Check {
     /// Short name, the `check` of its findings.
     pub name: &'static str,
-    /// What it looks for, in one line.
+    /// The flaws that it finds, in one line.
     pub description: &'static str,
     run: fn(&Subject, &mut Report),
 }
@@ -87,8 +86,8 @@ pub const CHECKS: &[Check] = &[
     },
 ];
 
-/// All findings, by check, the severe ones of each first. An error for scenes that are no graphs,
-/// or too large to be looked at.
+/// All findings, by check, the severe ones of each first. An error for scenes with cycles or
+/// invalid ids, or that are too large to examine.
 pub fn examine(scene: &Scene) -> Result<Vec<Finding>, String> {
     let subject = Subject::new(scene)?;
     let mut findings = Vec::new();

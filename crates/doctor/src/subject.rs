@@ -1,5 +1,5 @@
-//! A scene with what several checks need: where its surfaces are, what they are for, and how their
-//! triangles hang together.
+//! A scene with data shared by several checks: its placed surfaces, their use, and the topology of
+//! their meshes.
 
 use crate::topology::Topology;
 use rayon::prelude::*;
@@ -10,47 +10,47 @@ use snell_scene::{Geometry, Material, MaterialId, Scene};
 use std::collections::HashMap;
 use std::sync::{Arc, OnceLock};
 
-/// What is done with a mesh, all its uses together.
+/// The uses of a mesh, all placements together.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Role {
-    /// Light goes in: it bounds glass or a medium.
+    /// True if light enters: it bounds glass or a medium.
     pub bounds_inside: bool,
-    /// Its back is not there.
+    /// True if its back is invisible.
     pub is_one_sided: bool,
-    /// It emits on its outer side only.
+    /// True if it emits on its outer side only.
     pub emits_outwards: bool,
 }
 
-/// A mesh, once, however often it is placed.
+/// A mesh, stored once for all its placements.
 pub struct Body<'a> {
     /// The triangles.
     pub mesh: &'a Arc<TriangleMesh>,
-    /// How they hang together.
+    /// Their topology.
     pub topology: Topology,
-    /// Numbers of its places in [`Subject::placed`].
+    /// Indices of its placements in [`Subject::placed`].
     pub places: Vec<usize>,
-    /// What it is for.
+    /// Its use.
     pub role: Role,
 }
 
-/// A scene to be looked at.
+/// A scene to examine.
 pub struct Subject<'a> {
     /// The scene.
     pub scene: &'a Scene,
     /// All its surfaces.
     pub placed: Vec<Placed<'a>>,
-    /// All its meshes that can be shown.
+    /// All its valid meshes.
     pub bodies: Vec<Body<'a>>,
-    /// For each placed surface the number of its body, if it is a mesh.
+    /// The index of the body of each placed surface, if it is a mesh.
     pub body_of: Vec<Option<usize>>,
-    /// Meshes that cannot be shown: the place and why.
+    /// Invalid meshes: the placement and the error.
     pub broken: Vec<(usize, String)>,
     default: Material,
     world: OnceLock<Option<World>>,
 }
 
 impl<'a> Subject<'a> {
-    /// Looks at the graph and at all meshes.
+    /// Examines the graph and all meshes.
     pub fn new(scene: &'a Scene) -> Result<Self, String> {
         let placed = placed(scene)?;
         let mut numbers: HashMap<*const TriangleMesh, Option<usize>> = HashMap::new();
@@ -95,7 +95,7 @@ impl<'a> Subject<'a> {
         let mut last = None;
         for &place in &body.places {
             let place = &self.placed[place];
-            // Instances of one object are alike.
+            // Instances of one object have the same use.
             let key = (std::ptr::from_ref(place.surface), place.material(0));
             if last == Some(key) {
                 continue;
@@ -122,7 +122,7 @@ impl<'a> Subject<'a> {
         self.material(self.placed[place].material(usize::from(slot)))
     }
 
-    /// How a placed surface is called: by its node, or by its material where no node has a name.
+    /// The name of a placed surface: that of its node, or of its material where no node has a name.
     pub fn name(&self, place: usize) -> String {
         let placed = &self.placed[place];
         let kind = match &placed.surface.geometry {
@@ -140,7 +140,7 @@ impl<'a> Subject<'a> {
         }
     }
 
-    /// How a mesh is called, by its first place.
+    /// The name of a mesh, by its first placement.
     pub fn body_name(&self, body: &Body) -> String {
         let others = body.places.len().saturating_sub(1);
         let name = body.places.first().map(|&place| self.name(place)).unwrap_or_default();
@@ -151,7 +151,7 @@ impl<'a> Subject<'a> {
         }
     }
 
-    /// Where a face of a mesh is, at its first place.
+    /// The position of a face of a mesh, at its first placement.
     pub fn face_position(&self, body: &Body, face: u32) -> Option<[f64; 3]> {
         let place = &self.placed[*body.places.first()?];
         let [a, b, c] = body.mesh.corners(face as usize).map(|p| p.as_dvec3());
@@ -208,7 +208,7 @@ impl<'a> Subject<'a> {
         self.world.get_or_init(build).as_ref()
     }
 
-    /// The closed things around a point: place, and component if it is a mesh.
+    /// The closed surfaces around a point: placement, and component if it is a mesh.
     pub fn around(&self, point: DVec3) -> Vec<(usize, Option<usize>)> {
         let mut found = Vec::new();
         for (i, placed) in self.placed.iter().enumerate() {
@@ -246,8 +246,8 @@ impl<'a> Subject<'a> {
     }
 }
 
-/// How often a component goes around a point: its solid angle over the full one (van Oosterom and
-/// Strackee, The Solid Angle of a Plane Triangle, 1983).
+/// The winding number of a component around a point: its solid angle over the full one (van
+/// Oosterom and Strackee, The Solid Angle of a Plane Triangle, 1983).
 fn winding(body: &Body, component: usize, point: DVec3) -> f64 {
     let faces = 0..body.mesh.indices.len();
     let angle = |face: usize| {
@@ -268,7 +268,7 @@ fn winding(body: &Body, component: usize, point: DVec3) -> f64 {
     sums.iter().sum::<f64>() / (4.0 * std::f64::consts::PI)
 }
 
-/// True if light goes into what the surface bounds.
+/// True if light enters the interior of the surface.
 pub fn bounds_inside(material: &Material) -> bool {
     material.bounded_interior().is_some()
 }

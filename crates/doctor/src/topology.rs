@@ -1,8 +1,8 @@
-//! How the triangles of a mesh hang together.
+//! The topology of a mesh.
 //!
 //! Vertices in one place are one vertex, whatever their numbers: readers split them where normals
-//! or texture coordinates differ. Edges are found by sorting, which takes all cores and is quick
-//! for millions of triangles.
+//! or texture coordinates differ. Edges are found by sorting, which uses all cores and is fast for
+//! millions of triangles.
 
 use rayon::prelude::*;
 use snell_intersect::TriangleMesh;
@@ -14,28 +14,28 @@ use snell_math::{Bounds3, DVec3, Vec3};
 pub struct Duplicate {
     /// The copy.
     pub face: u32,
-    /// Which face it copies.
+    /// The face that it copies.
     pub of: u32,
-    /// True if both are wound alike; false if they are back to back.
+    /// True if both have the same winding; false if they are back to back.
     pub is_wound_alike: bool,
 }
 
-/// Triangles that share edges, directly or by way of others.
+/// A connected component: triangles that share edges, directly or through others.
 #[derive(Clone, Debug)]
 pub struct Component {
     /// The first of its faces.
     pub first_face: u32,
-    /// How many faces.
+    /// Number of faces.
     pub faces: u32,
     /// Edges with one face only.
     pub boundary_edges: u32,
     /// Edges whose two faces go along them in the same direction.
     pub inconsistent_edges: u32,
-    /// Faces whose vertex normals all look to the other side than their winding says.
+    /// Faces whose vertex normals all point to the side opposite to their winding.
     pub faces_against_normals: u32,
     /// Sum of the areas.
     pub area: f64,
-    /// Sum of the areas as vectors: zero for what is closed.
+    /// Sum of the areas as vectors: zero for closed surfaces.
     pub vector_area: DVec3,
     /// Signed volume; negative for a closed surface that is inside out.
     pub volume: f64,
@@ -49,7 +49,7 @@ impl Component {
         self.boundary_edges == 0
     }
 
-    /// How open it is: 0 for closed surfaces, 1 for a flat sheet.
+    /// Its openness: 0 for closed surfaces, 1 for a flat sheet.
     pub fn openness(&self) -> f64 {
         if self.area > 0.0 { self.vector_area.length() / self.area } else { 0.0 }
     }
@@ -64,7 +64,7 @@ pub struct BoundaryEdge {
     pub ends: [Vec3; 2],
 }
 
-/// What there is to know of a mesh without its material.
+/// The topology of a mesh, independent of its material.
 #[derive(Clone, Debug, Default)]
 pub struct Topology {
     /// Faces without an area.
@@ -79,16 +79,16 @@ pub struct Topology {
     pub non_manifold: Vec<u32>,
     /// A face of each edge whose two faces are wound differently.
     pub inconsistent: Vec<u32>,
-    /// Pieces that do not hang together.
+    /// Connected components.
     pub components: Vec<Component>,
-    /// Which of them each face belongs to; `u32::MAX` for faces that count for nothing.
+    /// The component of each face; `u32::MAX` for faces that are ignored.
     pub component_of: Vec<u32>,
 }
 
-/// Of faces that belong to no component.
+/// The component of ignored faces.
 const NONE: u32 = u32::MAX;
 
-/// True if three points lie on a line, but for rounding. (Not by a ratio of area and length: a face
+/// True if three points lie on a line within rounding. (Not by a ratio of area and length: a face
 /// may be as thin as its coordinates allow, and rays still hit it.)
 fn is_on_a_line([a, b, c]: [DVec3; 3]) -> bool {
     const ROUNDING: f64 = 4.0 * f64::EPSILON;
@@ -97,9 +97,9 @@ fn is_on_a_line([a, b, c]: [DVec3; 3]) -> bool {
     (first - second).abs().cmple((first.abs() + second.abs()) * ROUNDING).all()
 }
 
-/// Numbers of vertices such that those in one place have the same.
+/// Vertex numbers such that vertices at one position have the same.
 fn welded(mesh: &TriangleMesh) -> Vec<u32> {
-    // Zero of either sign is one place.
+    // Both signs of zero are one position.
     let bits = |x: f32| u128::from((x + 0.0).to_bits());
     let key = |(i, p): (usize, &Vec3)| {
         (bits(p.x) << 96) | (bits(p.y) << 64) | (bits(p.z) << 32) | i as u128
@@ -117,7 +117,7 @@ fn welded(mesh: &TriangleMesh) -> Vec<u32> {
     numbers
 }
 
-/// The least of three first, order kept.
+/// The smallest of three first, in cyclic order.
 fn rotated([a, b, c]: [u32; 3]) -> [u32; 3] {
     if a < b && a < c {
         [a, b, c]
@@ -128,7 +128,7 @@ fn rotated([a, b, c]: [u32; 3]) -> [u32; 3] {
     }
 }
 
-/// Sets that grow together.
+/// A union-find structure.
 struct Sets(Vec<u32>);
 
 impl Sets {
@@ -148,7 +148,7 @@ impl Sets {
 }
 
 impl Topology {
-    /// Of a valid mesh with fewer than 2³¹ triangles.
+    /// The topology of a valid mesh with fewer than 2³¹ triangles.
     pub fn of(mesh: &TriangleMesh) -> Self {
         let mut this = Self::default();
         let numbers = welded(mesh);
@@ -169,7 +169,7 @@ impl Topology {
         this
     }
 
-    /// Which faces count: those with an area.
+    /// True for faces that count: those with an area.
     fn sort_out(&mut self, mesh: &TriangleMesh, faces: &[[u32; 3]]) -> Vec<bool> {
         #[derive(Clone, Copy, PartialEq)]
         enum Kind {
@@ -192,7 +192,7 @@ impl Topology {
             (0..faces.len()).filter(|&i| kinds[i] == kind).map(|i| i as u32).collect::<Vec<u32>>()
         };
         (self.degenerate, self.non_finite) = (all_of(Kind::Flat), all_of(Kind::NonFinite));
-        // A sliver on a line still holds its neighbours together.
+        // A degenerate face still connects its neighbours.
         let holds = |(kind, [a, b, c]): (&Kind, &[u32; 3])| {
             *kind != Kind::NonFinite && a != b && b != c && c != a
         };
@@ -221,8 +221,8 @@ impl Topology {
         self.duplicates.sort_unstable_by_key(|d| d.face);
     }
 
-    /// Joins faces over edges; gives a face for each edge of the boundary, and for each that is
-    /// wound inconsistently.
+    /// Joins faces over edges; returns a face for each boundary edge, and for each edge with
+    /// inconsistent winding.
     fn find_edges(
         &mut self,
         mesh: &TriangleMesh,

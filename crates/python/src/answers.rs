@@ -1,4 +1,4 @@
-//! Answers of queries as Python sees them: named arrays, each made when it is asked for.
+//! Answers of queries in Python: named arrays, each created when it is first accessed.
 
 use crate::arrays::{filled, from_vec};
 use crate::assemble::{Form, Snapshot};
@@ -20,38 +20,38 @@ use std::sync::Arc;
 /// Answers of a piece.
 const PIECE: usize = 16384;
 
-/// Makes arrays from answers.
+/// Creates arrays from answers.
 pub trait Answers: Send + Sync {
-    /// The array of this name; `None` if answers of this kind have no such.
+    /// The array of this name; `None` if answers of this kind have no such array.
     fn array<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Option<Bound<'py, PyAny>>>;
 
     /// The leading shape.
     fn shape(&self) -> &[usize];
 }
 
-/// What was asked, for the surfaces of what was found.
+/// The query's inputs, from which surfaces are computed.
 #[derive(Debug)]
 pub enum Asked<P> {
-    /// These rays; each answer belongs to the ray of its number, or to the one named here.
+    /// Rays; an answer belongs to the ray of its index, or to the one listed here.
     Rays(KeptRays, Option<Vec<u32>>),
-    /// The nearest points themselves.
+    /// The nearest points.
     Positions(Vec<[P; 3]>),
 }
 
-/// Answers in memory, with the world they speak of.
+/// Answers in memory, with the world that they refer to.
 #[derive(Debug)]
 pub struct Live<P: Precision, F: Form> {
-    /// The world that was asked.
+    /// The world that was queried.
     pub snapshot: Arc<Snapshot<F>>,
     /// The answers.
     pub hits: Columns<P>,
-    /// The questions.
+    /// The inputs.
     pub asked: Asked<P>,
-    /// How many rays were asked.
+    /// Number of rays.
     pub rays: usize,
     /// Shape of the answers.
     pub shape: Vec<usize>,
-    /// Where the answers of each ray begin.
+    /// The start of the answers of each ray.
     pub splits: Option<Vec<i64>>,
 }
 
@@ -109,7 +109,7 @@ impl<P: Precision, F: Form> Live<P, F> {
         })
     }
 
-    /// An array of what these ids stand for.
+    /// An array of the objects' ids for these ids of the world.
     fn mapped<'py>(
         &self,
         py: Python<'py>,
@@ -121,7 +121,7 @@ impl<P: Precision, F: Form> Live<P, F> {
         })
     }
 
-    /// An array of something local about the surfaces.
+    /// An array of a property of the surfaces.
     fn surfaces<'py, const N: usize>(
         &self,
         py: Python<'py>,
@@ -183,7 +183,7 @@ impl<P: Precision, F: Form> Live<P, F> {
     }
 }
 
-/// Arrays that were made, or came from elsewhere, and how to make the others.
+/// Existing arrays, and the source of the others.
 pub struct Named {
     live: Option<Box<dyn Answers>>,
     made: PyOnceLock<Py<PyDict>>,
@@ -207,7 +207,7 @@ impl Named {
         Ok(Self { live: None, made })
     }
 
-    /// Sets an array that was made.
+    /// Stores an array.
     pub fn set(&self, py: Python<'_>, name: &str, array: Bound<'_, PyAny>) -> PyResult<()> {
         self.made.get_or_init(py, || PyDict::new(py).unbind()).bind(py).set_item(name, array)
     }
@@ -223,7 +223,7 @@ impl Named {
             None => None,
         };
         let array = array.ok_or_else(|| PyAttributeError::new_err(name.to_string()))?;
-        // Another thread may have made it meanwhile: all see the same.
+        // Another thread may have created it meanwhile: all get the same array.
         made.call_method1("setdefault", (name, array))
     }
 
@@ -337,12 +337,12 @@ macro_rules! answers {
 }
 
 answers! {
-    /// The nearest hit of each ray: what :meth:`Scene.cast_rays` answers. `...` is the leading
+    /// The nearest hit of each ray: the result of :meth:`Scene.cast_rays`. `...` is the leading
     /// shape of the rays.
     ///
-    /// Arrays are attributes and, by name, items of a mapping. Each is made when it is first asked
-    /// for, from what the query found; the real numbers have the dtype of the query. A miss has
-    /// `t_hit` infinite, all ids :data:`INVALID_ID`, `points` NaN, all else 0.
+    /// Arrays are attributes and, by name, items of a mapping. Each is computed on first access;
+    /// real numbers have the dtype of the query. A miss has `t_hit` infinite, all ids
+    /// :data:`INVALID_ID`, `points` NaN, all else 0.
     ///
     /// Examples
     /// --------
@@ -363,7 +363,7 @@ answers! {
         /// :data:`INVALID_ID` for a miss.
         geometry_ids,
         /// `(...)`, uint32: the id that :meth:`Scene.add_instance` gave; :data:`INVALID_ID` for
-        /// what is in no instance.
+        /// objects in no instance.
         instance_ids,
         /// `(...)`, uint32: triangle of a mesh, face of a shape, or sphere of many;
         /// :data:`INVALID_ID` for a miss.
@@ -386,8 +386,8 @@ answers! {
 }
 
 answers! {
-    /// Every hit of each ray, as compressed sparse rows: what :meth:`Scene.list_intersections`
-    /// answers. `n` is the number of all hits.
+    /// Every hit of each ray, as compressed sparse rows: the result of
+    /// :meth:`Scene.list_intersections`. `n` is the number of all hits.
     ///
     /// The hits of ray `i` (in the order of the raveled leading shape) are those from
     /// `ray_splits[i]` to `ray_splits[i + 1]`, ascending by `t_hit`.
@@ -427,7 +427,7 @@ answers! {
 }
 
 answers! {
-    /// The nearest point of any surface to each point: what :meth:`Scene.closest_points` answers.
+    /// The nearest point of any surface to each point: the result of :meth:`Scene.closest_points`.
     /// `...` is the leading shape of the points.
     ///
     /// Where nothing is near enough, `distances` is infinite, all ids :data:`INVALID_ID`, `points`

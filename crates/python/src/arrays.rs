@@ -1,8 +1,8 @@
 //! Arrays of Python as slices, and back. Errors name the argument.
 //!
-//! The dtype of the question decides the precision: `float16` and `float32` are asked in single
-//! precision, `float64`, integers and plain Python numbers in double. A contiguous array of the
-//! right dtype is read where it is.
+//! The dtype of a query's input decides the precision: `float16` and `float32` are processed in
+//! single precision, `float64`, integers and plain Python numbers in double. A contiguous array of
+//! the right dtype is read in place.
 
 use crate::precision::Precision;
 use numpy::ndarray::Dimension;
@@ -50,7 +50,7 @@ fn number_kind(array: &Bound<'_, PyUntypedArray>) -> PyResult<char> {
     array.dtype().getattr("kind")?.extract()
 }
 
-/// Whether an array of real numbers is asked in double precision.
+/// Whether an array of real numbers is processed in double precision.
 pub fn is_double(array: &Bound<'_, PyUntypedArray>, name: &str) -> PyResult<bool> {
     match number_kind(array)? {
         'f' => Ok(array.dtype().getattr("itemsize")?.extract::<usize>()? > 4),
@@ -76,7 +76,7 @@ pub fn are_double(
     Ok(answer.unwrap_or(true))
 }
 
-/// A contiguous array of numbers, as it is if it is one.
+/// A contiguous array of numbers; the array itself if it is contiguous.
 pub fn contiguous<'py, T: Element>(
     array: &Bound<'py, PyUntypedArray>,
 ) -> PyResult<PyReadonlyArrayDyn<'py, T>> {
@@ -113,7 +113,7 @@ pub fn slice_mut<'a, T: Element>(array: &'a mut PyReadwriteArray1<'_, T>) -> PyR
     if array.len() == 0 { Ok(&mut []) } else { Ok(array.as_slice_mut()?) }
 }
 
-/// A new array with anything in it: nobody clears what is written anyway.
+/// A new uninitialised array, which the caller fills.
 pub fn empty<'py, T: Element>(py: Python<'py>, len: usize) -> PyResult<Bound<'py, PyArray1<T>>> {
     Ok(numpy(py, "empty")?.call1((len, T::get_dtype(py)))?.cast_into::<PyArray1<T>>()?)
 }
@@ -204,9 +204,9 @@ pub fn leading(array: &Bound<'_, PyUntypedArray>, last: usize, name: &str) -> Py
 /// One number per ray or point, or one for all.
 #[derive(Debug)]
 pub enum Column<'py, T: Element + Copy> {
-    /// The same for all.
+    /// One value for all.
     All(T),
-    /// One each.
+    /// One value for each.
     Each(PyReadonlyArrayDyn<'py, T>),
 }
 
@@ -248,9 +248,9 @@ impl<'py, T: Element + Copy> Column<'py, T> {
 /// The numbers of a [`Column`], for other threads.
 #[derive(Clone, Copy, Debug)]
 pub enum Values<'a, T> {
-    /// The same for all.
+    /// One value for all.
     All(T),
-    /// One each.
+    /// One value for each.
     Each(&'a [T]),
 }
 
@@ -281,7 +281,7 @@ pub fn mask_column<'py>(
     Column::each(&array, shape, "mask")
 }
 
-/// Refuses what is not whole numbers from 0 to `largest`.
+/// An error unless all are whole numbers from 0 to `largest`.
 pub fn check_unsigned(array: &Bound<'_, PyUntypedArray>, largest: u64, name: &str) -> PyResult<()> {
     let py = array.py();
     let kind = number_kind(array)?;

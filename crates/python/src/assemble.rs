@@ -1,8 +1,8 @@
-//! From what a scene holds to a world that answers, in single or in double precision.
+//! Builds the world of a scene for queries, in single or in double precision.
 //!
 //! An object without a transform lies in the group of its scene; a mesh or set of spheres with one
 //! is a group of its own, so that moving it costs little; a scene is a group however often it is
-//! instanced. Numbers stay as they are when objects come and go at the end, so the next world
+//! instanced. Numbers do not change when objects are added or removed at the end, so the next world
 //! shares what did not change.
 
 use crate::contents::{Contents, Kind, Object, Slot};
@@ -26,16 +26,16 @@ pub enum Surface {
     Spheres(Arc<Spheres>),
     /// Strands, in the coordinates of their group.
     Curves(Arc<Curves>),
-    /// Nothing any more.
+    /// A removed geometry.
     Gone,
 }
 
-/// What the numbers in a world's hits stand for.
+/// The objects that the ids in a world's hits stand for.
 #[derive(Debug, Default)]
 pub struct Names {
-    /// By geometry of the world: its number in the scene that holds it.
+    /// The number of each geometry of the world in the scene that holds it.
     objects: Vec<u32>,
-    /// By geometry of the world.
+    /// Surfaces by geometry of the world.
     pub surfaces: Vec<Surface>,
     /// Per instance in the root group, the first occurrence in it, ascending, and its number in the
     /// scene ([`Hit::NONE`] for one that only moves an object).
@@ -57,40 +57,40 @@ impl Names {
         if occurrence == Hit::NONE || at == 0 { Hit::NONE } else { self.instances[at - 1].1 }
     }
 
-    /// True if surfaces are found without the ray that hit them.
+    /// True if surfaces can be computed without the ray that hit them.
     pub fn are_all_meshes(&self) -> bool {
         self.surfaces.iter().all(|s| matches!(s, Surface::Mesh(_) | Surface::Gone))
     }
 }
 
-/// A world with what its numbers stand for. Never changes.
+/// A world and the meaning of its ids. Immutable.
 #[derive(Debug)]
 pub struct Snapshot<F: Form> {
-    /// What is asked.
+    /// The type of the world.
     pub world: Arc<F::World>,
-    /// What its answers mean.
+    /// The meaning of its ids.
     pub names: Arc<Names>,
 }
 
-/// A way to make a world of a scene.
+/// A kind of world built from a scene.
 pub trait Form: 'static {
-    /// What is asked.
+    /// The type of the world.
     type World: Send + Sync + std::fmt::Debug + 'static;
-    /// What makes it.
+    /// The type of its builder.
     type Builder: Builder;
 
-    /// Builds a world, sharing with the one before what did not change.
+    /// Builds a world, sharing unchanged parts with the previous one.
     fn build(
         builder: Self::Builder,
         options: &BuildOptions,
         previous: Option<&Self::World>,
     ) -> Result<Self::World, WorldError>;
 
-    /// Where an occurrence is.
+    /// The transform of an occurrence.
     fn placed(world: &Self::World, occurrence: u32) -> Transform;
 }
 
-/// What collects groups and geometries.
+/// A builder of groups and geometries.
 pub trait Builder: Default {
     /// A new group.
     fn add_group(&mut self) -> GroupId;
@@ -103,23 +103,23 @@ pub trait Builder: Default {
     fn add_spheres(&mut self, group: GroupId, spheres: &Arc<Spheres>) -> GeometryId;
     /// Strands in a group.
     fn add_curves(&mut self, group: GroupId, curves: &Arc<Curves>) -> GeometryId;
-    /// A number that nothing has.
+    /// Reserves an unused number.
     fn add_gap(&mut self);
     /// A group in a group.
     fn add(&mut self, group: GroupId, instance: Instance);
-    /// Which rays meet a geometry.
+    /// Sets the mask of a geometry.
     fn set_mask(&mut self, geometry: GeometryId, mask: u32);
 }
 
 struct Assembler<F: Form> {
     builder: F::Builder,
     names: Names,
-    /// The group of each scene that is instanced, and how many occurrences it makes. The scene is
-    /// kept, so that no other has its address.
+    /// The group of each instanced scene, and its number of occurrences. The scene is kept, so that
+    /// no other has its address.
     scenes: HashMap<*const Contents, (GroupId, u64)>,
 }
 
-/// Builds the world of a scene. `previous` is the one before, to share with.
+/// Builds the world of a scene, sharing unchanged parts with `previous`.
 pub fn assemble<F: Form>(
     contents: &Contents,
     options: &BuildOptions,
@@ -136,7 +136,7 @@ pub fn assemble<F: Form>(
 }
 
 impl<F: Form> Assembler<F> {
-    /// Puts the objects of a scene into its group; gives the number of occurrences: the group and
+    /// Adds the objects of a scene to its group; returns the number of occurrences: the group and
     /// all below.
     fn fill(&mut self, group: GroupId, contents: &Contents) -> u64 {
         let mut occurrences = 1u64;
@@ -177,7 +177,7 @@ impl<F: Form> Assembler<F> {
         occurrences
     }
 
-    /// The group of an instanced scene, and how many occurrences it makes.
+    /// The group of an instanced scene, and its number of occurrences.
     fn scene(&mut self, scene: &Arc<Contents>) -> (GroupId, u64) {
         if let Some(&known) = self.scenes.get(&Arc::as_ptr(scene)) {
             return known;

@@ -11,7 +11,7 @@ use snell_math::DVec3;
 use snell_math::parameters::Kind;
 use snell_scene::Projection;
 
-/// Where a picture is seen from, and how.
+/// A camera: viewpoint and projection.
 ///
 /// Parameters
 /// ----------
@@ -21,22 +21,23 @@ use snell_scene::Projection;
 /// eye : three numbers
 ///     Where the camera is.
 /// target : three numbers, optional
-///     What it looks at. Or `towards`: in which direction; -z if both are left out.
+///     The point that it looks at; alternatively `towards`, the viewing direction. -z if both are
+///     left out.
 /// up : three numbers
-///     What is up in the picture; need not be perpendicular.
+///     The up direction of the picture; it need not be perpendicular.
 /// fov : float, optional
 ///     Angle of view in degrees: from the bottom to the top of a perspective picture (45 if nothing
 ///     is given), across the circle of a fisheye (180).
 /// aperture_radius : float
-///     Of a thin lens, in units of the scene; 0 for a pinhole.
+///     Radius of a thin lens, in units of the scene; 0 for a pinhole.
 /// focus_distance : float, optional
-///     Where a lens is sharp; the distance of the target.
+///     Distance of the plane in focus; the distance of the target if left out.
 /// resolution : two whole numbers, optional
 ///     Size of the picture that it is made for.
 /// name : str
 ///     For `camera="name"`.
 /// **parameters
-///     Those of the projection, in the place of `fov`.
+///     Those of the projection, in place of `fov`.
 ///
 /// Examples
 /// --------
@@ -164,15 +165,15 @@ impl Camera {
         Ok(Self(camera))
     }
 
-    /// Which projection, one of :data:`PROJECTIONS`.
+    /// The projection, one of :data:`PROJECTIONS`.
     #[getter]
     fn kind<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let projection = Value::of(&self.0.projection).map_err(PyTypeError::new_err)?;
         projection.get("projection").unwrap_or(&Value::Nothing).plain(py)
     }
 
-    /// What the camera is, by name: its place and axes, and the parameters of the projection. Each
-    /// is an attribute, too.
+    /// The parameters by name: position and axes, and those of the projection. Each is an
+    /// attribute, too.
     #[getter]
     fn parameters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let all = PyDict::new(py);
@@ -207,8 +208,8 @@ impl Camera {
         rays_of(py, &self.0, [width_px, height_px])
     }
 
-    /// Where points are seen in a picture of some size, in pixels from its upper left corner: an
-    /// array `(..., 2)`, NaN for what is not seen.
+    /// The projections of points in a picture of some size, in pixels from its upper left corner:
+    /// an array `(..., 2)`, NaN for points that are not visible.
     ///
     /// Examples
     /// --------
@@ -257,7 +258,7 @@ impl Camera {
     }
 }
 
-/// Makes a camera from what was stored.
+/// Restores a stored camera.
 #[pyfunction]
 pub fn _restore_camera(json: &str) -> PyResult<Camera> {
     serde_json::from_str(json).map(Camera).map_err(|e| PyValueError::new_err(e.to_string()))

@@ -1,4 +1,4 @@
-//! The rays of cameras, and which camera is meant.
+//! The rays of cameras, and the choice of a camera.
 
 use crate::arrays::from_vec;
 use crate::contents::Contents;
@@ -10,8 +10,7 @@ use rayon::prelude::*;
 use snell_math::{DVec2, Vec2};
 use snell_scene::{Camera, CameraSample};
 
-/// The camera that is wanted: one of these by number or name, or a camera itself. The first if
-/// none is wanted.
+/// The requested camera: one of these by number or name, or a camera itself. The first by default.
 pub fn choose(cameras: &[Camera], wanted: Option<&Bound<'_, PyAny>>) -> PyResult<Camera> {
     let Some(wanted) = wanted else {
         return cameras
@@ -81,7 +80,7 @@ pub fn rays_of<'py>(
                 let film = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
                 let found = camera.ray(&CameraSample { film, lens: Vec2::splat(0.5) }, size);
                 place[..3].copy_from_slice(&found.ray.origin.to_array());
-                // Where a projection shows nothing there is no direction: such rays miss.
+                // Outside the projection there is no direction: such rays miss.
                 if found.weight > 0.0 {
                     place[3..].copy_from_slice(&found.ray.direction.to_array());
                 }

@@ -15,7 +15,7 @@ type Column<T> = Py<PyArray1<T>>;
 /// Hits by column.
 #[derive(Debug)]
 pub struct Columns<P: Precision> {
-    /// Distances; nothing if they were given away.
+    /// Distances; `None` if they were handed out.
     t: Option<Column<P>>,
     /// Barycentrics, two by two.
     uv: Column<P>,
@@ -28,7 +28,7 @@ pub struct Columns<P: Precision> {
 }
 
 impl<P: Precision> Columns<P> {
-    /// So many, with anything in them, and a guard to write them.
+    /// Uninitialised columns of this length, and a guard to write them.
     pub fn new(py: Python<'_>, len: usize) -> PyResult<(Self, Writable<'_, P>)> {
         let (t, uv) = (empty(py, len)?, empty(py, 2 * len)?);
         let (occurrence, geometry, primitive) = (empty(py, len)?, empty(py, len)?, empty(py, len)?);
@@ -49,7 +49,7 @@ impl<P: Precision> Columns<P> {
         Ok((columns, writable))
     }
 
-    /// Of what was found.
+    /// The columns of these hits.
     pub fn of(py: Python<'_>, found: &[Found<P>]) -> PyResult<Self> {
         let (columns, mut writable) = Self::new(py, found.len())?;
         let mut places = writable.places()?;
@@ -57,7 +57,7 @@ impl<P: Precision> Columns<P> {
         Ok(columns)
     }
 
-    /// The distances, which from now on belong to the caller.
+    /// Hands the distances over to the caller.
     pub fn take_t(&mut self) -> Option<Column<P>> {
         self.t.take()
     }
@@ -108,13 +108,13 @@ pub struct Places<'a, P> {
 }
 
 impl<P: Precision> Places<'_, P> {
-    /// How many.
+    /// Number of hits.
     pub fn len(&self) -> usize {
         self.geometry.len()
     }
 
-    /// Fills them piece by piece: given something of the thread's own, the first of a piece, and
-    /// its places.
+    /// Fills them piece by piece. The function gets a thread's scratch space, the index of the
+    /// first hit of a piece, and the piece to write.
     pub fn fill<S, E: Send>(
         self,
         piece: usize,
@@ -187,7 +187,7 @@ impl<P: Precision> Readable<'_, P> {
 /// Hits as slices.
 #[derive(Clone, Copy, Debug)]
 pub struct View<'a, P> {
-    /// Distances; empty if they were given away.
+    /// Distances; empty if they were handed out.
     pub t: &'a [P],
     /// Barycentrics, two by two.
     pub uv: &'a [P],
@@ -200,7 +200,7 @@ pub struct View<'a, P> {
 }
 
 impl<P: Precision> View<'_, P> {
-    /// One of them; its distance is 0 if the distances were given away.
+    /// One of them; its distance is 0 if the distances were handed out.
     #[inline(always)]
     pub fn get(&self, i: usize) -> Found<P> {
         Found {

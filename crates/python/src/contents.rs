@@ -1,4 +1,4 @@
-//! What a scene holds, as plain data: objects by number, and the stage around them. Worlds are
+//! The contents of a scene as plain data: objects by number, and the stage around them. Worlds are
 //! assembled from it ([`crate::assemble`]), and so is the scene graph that is rendered
 //! ([`crate::graph`]).
 
@@ -11,10 +11,10 @@ use snell_scene::{MaterialId, Node, NodeId, Scene};
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// Scenes may be instanced in scenes this deep.
+/// Maximum nesting depth of instanced scenes.
 const MAX_NESTING: usize = 500;
 
-/// What an object is.
+/// The kind of an object.
 #[derive(Clone, Debug)]
 pub enum Kind {
     /// Triangles.
@@ -25,28 +25,28 @@ pub enum Kind {
     Spheres(Arc<Spheres>),
     /// Strands.
     Curves(Arc<Curves>),
-    /// All that another scene held when it was added.
+    /// An instance: the contents of another scene when it was added.
     Instance(Arc<Contents>),
 }
 
 /// An object of a scene.
 #[derive(Clone, Debug)]
 pub struct Object {
-    /// What it is.
+    /// Its kind.
     pub kind: Kind,
-    /// From its coordinates to the scene's. `None`: they are the same, and it was never moved.
+    /// From its coordinates to the scene's. `None` if they are the same and it was never moved.
     pub transform: Option<Transform>,
-    /// For people.
+    /// A name for users.
     pub name: Option<String>,
-    /// Only rays that share a bit with it meet the object.
+    /// Only rays whose mask shares a bit with it hit the object.
     pub mask: u32,
-    /// By slot of a mesh, of the stage's materials; others have one slot. That of an instance is
-    /// for what in it has none.
+    /// Materials of the stage by slot of a mesh; other objects have one slot. The material of an
+    /// instance is for objects in it without their own.
     pub materials: Vec<Option<MaterialId>>,
 }
 
 impl Object {
-    /// An object that every ray meets, without a material of its own.
+    /// An object that every ray can hit, without a material of its own.
     pub fn new(kind: Kind, transform: Option<Transform>, name: Option<String>) -> Self {
         Self { kind, transform, name, mask: u32::MAX, materials: Vec::new() }
     }
@@ -56,43 +56,43 @@ impl Object {
 #[derive(Clone, Debug)]
 #[expect(clippy::large_enum_variant, reason = "almost all are the large one")]
 pub enum Slot {
-    /// There.
+    /// Present.
     Here(Object),
-    /// Removed; whether it had a transform.
+    /// Removed; true if it had a transform.
     Gone(bool),
 }
 
 /// The nodes of a file.
 #[derive(Clone, Debug)]
 pub struct Nodes {
-    /// All of them.
+    /// All nodes.
     pub nodes: Vec<Node>,
-    /// Where the file begins.
+    /// The root of the file.
     pub root: NodeId,
 }
 
 /// All objects of a scene. Numbers of removed ones stay unused.
 #[derive(Clone, Debug, Default)]
 pub struct Contents {
-    /// By number.
+    /// Objects by number.
     pub slots: Vec<Slot>,
-    /// All else that makes a picture: materials, textures, lights, cameras. A graph without nodes.
+    /// Everything else of a picture: materials, textures, lights, cameras. A graph without nodes.
     pub stage: Arc<Scene>,
-    /// Whether structures take less memory, and more time.
+    /// True if acceleration structures take less memory and more time.
     pub compact: bool,
-    /// The nodes that the objects were read from, as long as no object was changed: they are named
-    /// and nested as the file says.
+    /// The nodes that the objects were read from, as long as no object was changed: they keep the
+    /// names and nesting of the file.
     nodes: Option<Arc<Nodes>>,
     nesting: usize,
 }
 
 impl Contents {
-    /// Nothing, on a stage.
+    /// An empty scene with a stage.
     pub fn on(stage: Arc<Scene>) -> Self {
         Self { stage, ..Self::default() }
     }
 
-    /// Adds an object and gives its number.
+    /// Adds an object and returns its number.
     pub fn add(&mut self, object: Object) -> PyResult<u32> {
         if let Kind::Instance(child) = &object.kind {
             if child.nesting >= MAX_NESTING {
@@ -111,12 +111,12 @@ impl Contents {
         Ok(number)
     }
 
-    /// Puts an unused number.
+    /// Adds an unused number.
     pub fn add_gap(&mut self) {
         self.slots.push(Slot::Gone(false));
     }
 
-    /// Takes an object out.
+    /// Removes an object.
     pub fn remove(&mut self, id: i64) -> PyResult<()> {
         let was_placed = self.get_mut(id)?.transform.is_some();
         self.slots[id as usize] = Slot::Gone(was_placed);
@@ -137,7 +137,7 @@ impl Contents {
         }
     }
 
-    /// The object with this number, to be changed.
+    /// The object with this number, mutable.
     pub fn get_mut(&mut self, id: i64) -> PyResult<&mut Object> {
         self.get(id)?;
         self.nodes = None;
@@ -147,7 +147,7 @@ impl Contents {
         }
     }
 
-    /// Puts another mesh in the place of one.
+    /// Replaces a mesh.
     pub fn set_mesh(&mut self, id: i64, mesh: Arc<Mesh>) -> PyResult<()> {
         self.mesh(id)?;
         self.get_mut(id)?.kind = Kind::Mesh(mesh);
@@ -162,17 +162,17 @@ impl Contents {
         }
     }
 
-    /// Says which nodes the objects stand for.
+    /// Sets the nodes that the objects were read from.
     pub fn set_nodes(&mut self, nodes: Nodes) {
         self.nodes = Some(Arc::new(nodes));
     }
 
-    /// The nodes that the objects stand for, if they are those of a file.
+    /// The nodes that the objects were read from, if they are those of a file.
     pub fn nodes(&self) -> Option<&Arc<Nodes>> {
         self.nodes.as_ref()
     }
 
-    /// The stage, to be changed.
+    /// The stage, mutable.
     pub fn stage_mut(&mut self) -> &mut Scene {
         Arc::make_mut(&mut self.stage)
     }
@@ -182,7 +182,7 @@ impl Contents {
         self.bounds_with(&mut HashMap::new())
     }
 
-    /// The same; knows the boxes of scenes that were instanced before.
+    /// The same, with a cache of the boxes of instanced scenes.
     fn bounds_with(&self, known: &mut HashMap<*const Self, Bounds3d>) -> Bounds3d {
         let mut all = Bounds3d::EMPTY;
         for (_, object) in self.objects() {
@@ -208,7 +208,7 @@ impl Contents {
         all
     }
 
-    /// The objects that are there, with their numbers.
+    /// The present objects, with their numbers.
     pub fn objects(&self) -> impl Iterator<Item = (u32, &Object)> {
         self.slots.iter().enumerate().filter_map(|(i, slot)| match slot {
             Slot::Here(object) => Some((i as u32, object)),

@@ -1,4 +1,4 @@
-//! What the classes of declared things have in common: a kind, its parameters, and the textures
+//! Common code of the classes of declared things: a kind, its parameters, and the textures that
 //! they refer to.
 
 use crate::medium::Medium;
@@ -13,34 +13,34 @@ use serde::de::DeserializeOwned;
 use serde_json::{Map, Value as Json};
 use snell_math::parameters::{self, Declaration, Kind, Parameter};
 
-/// A declared thing, with what it refers to.
+/// A declared thing, with its references.
 #[derive(Debug)]
 pub struct Declared<T> {
     /// The thing; its textures are those of `references`.
     pub value: T,
-    /// What it refers to.
+    /// Its references.
     pub references: References,
 }
 
 /// Values by name.
 type Fields = Vec<(String, Value)>;
 
-/// How the parameters of a family of things are laid out.
+/// The layout of the parameters of a family of things.
 pub trait Schema: Serialize + DeserializeOwned + Clone + parameters::Value {
     /// The name of its family.
     const FAMILY: &'static str;
 
-    /// What it has whatever its kind, by default.
+    /// The defaults of the parameters common to all kinds.
     fn common() -> PyResult<Fields> {
         Ok(Vec::new())
     }
 
-    /// From the fields of the kind, the tag among them, and the common ones.
+    /// Builds a thing from the fields of the kind, including the tag, and the common ones.
     fn assemble(kind: Map<String, Json>, _common: Map<String, Json>) -> Json {
         Json::Object(kind)
     }
 
-    /// The same, the other way: the fields of the kind and the common ones.
+    /// Splits a thing into the fields of the kind and the common ones.
     fn apart(value: Value) -> (Fields, Fields) {
         match value {
             Value::Fields(kind) => (kind, Vec::new()),
@@ -48,7 +48,7 @@ pub trait Schema: Serialize + DeserializeOwned + Clone + parameters::Value {
         }
     }
 
-    /// Takes one of the parameters that are arrays, which is not None.
+    /// Sets one of the array parameters, which is not None.
     fn set_array(&mut self, name: &str, _value: &Bound<'_, PyAny>) -> PyResult<()> {
         Err(PyTypeError::new_err(format!("there is no array {name:?}")))
     }
@@ -58,17 +58,17 @@ pub trait Schema: Serialize + DeserializeOwned + Clone + parameters::Value {
         false
     }
 
-    /// One of the arrays, if it is there.
+    /// One of the arrays, if present.
     fn array<'py>(&self, _py: Python<'py>, _name: &str) -> PyResult<Option<Bound<'py, PyAny>>> {
         Ok(None)
     }
 
-    /// Refuses what lacks something.
+    /// An error if something is missing.
     fn complete(self) -> PyResult<Self> {
         Ok(self)
     }
 
-    /// Puts in order what may be given in several ways, such as the length of a direction.
+    /// Normalises parameters that may be given in several ways, such as the length of a direction.
     fn settle(self) -> PyResult<Self> {
         Ok(self)
     }
@@ -134,8 +134,8 @@ impl<T: Schema> Declared<T> {
         Ok((declared, given_arrays))
     }
 
-    /// Refuses numbers of these parameters that mean nothing. (Those of files are warned of and
-    /// kept.)
+    /// An error for numbers of these parameters that are out of range. (For files there is only a
+    /// warning.)
     fn check(self, kind: &str, given: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
         for key in given.into_iter().flatten().map(|(key, _)| key) {
             let key: String = key.extract()?;
@@ -156,7 +156,7 @@ impl<T: Schema> Declared<T> {
         Ok(self)
     }
 
-    /// A thing of this kind with these parameters, whose numbers have to mean something.
+    /// A thing of this kind with these parameters, whose numbers must be in range.
     pub fn checked<'py>(
         py: Python<'py>,
         kind: &str,
@@ -210,7 +210,7 @@ impl<T: Schema> Declared<T> {
         })
     }
 
-    /// The same but for some parameters.
+    /// A copy with some parameters changed.
     pub fn replace<'py>(
         &self,
         py: Python<'py>,
@@ -227,7 +227,7 @@ impl<T: Schema> Declared<T> {
         Self::new(py, &self.kind()?, Some(&all))?.check(&self.kind()?, changes)
     }
 
-    /// As one would write it.
+    /// The expression that creates it.
     pub fn shown(&self, py: Python<'_>, class: &str) -> PyResult<String> {
         let mut text = format!("{class}({:?}", self.kind()?);
         let tag = family(T::FAMILY)?.tag;
@@ -252,7 +252,7 @@ impl<T: Schema> Declared<T> {
         Ok(text + ")")
     }
 
-    /// What pickles: JSON, textures, media, and arrays by name.
+    /// The picklable state: JSON, textures, media, and arrays by name.
     pub fn stored<'py>(&self, py: Python<'py>) -> PyResult<Stored<'py>> {
         let error = |e: serde_json::Error| PyValueError::new_err(e.to_string());
         let json = serde_json::to_string(&self.value).map_err(error)?;
@@ -272,7 +272,7 @@ impl<T: Schema> Declared<T> {
         Ok((json, textures, media, kept))
     }
 
-    /// From what was stored.
+    /// Restores a stored thing.
     pub fn restored(stored: Stored<'_>) -> PyResult<Self> {
         let (json, textures, media, arrays) = stored;
         let mut value: T =
@@ -288,11 +288,10 @@ impl<T: Schema> Declared<T> {
 /// Parameters as they were given: those that are declared, and arrays by name.
 type Sorted<'py> = (Bound<'py, PyDict>, Vec<(&'static str, Bound<'py, PyAny>)>);
 
-/// What is stored of a declared value.
+/// The stored form of a declared value.
 pub type Stored<'py> = (String, Vec<AnyTexture>, Vec<Py<Medium>>, Bound<'py, PyDict>);
 
-/// Declares the class of a family of declared things, and the function that makes one from what was
-/// stored.
+/// Declares the class of a family of declared things, and the function that restores a stored one.
 macro_rules! declared_class {
     ($(#[doc = $doc:expr])* $class:ident of $value:ty, restored by $restore:ident;
         $(#[doc = $about:expr])* replace) => {
@@ -312,7 +311,7 @@ macro_rules! declared_class {
                 $crate::declared::Declared::checked(py, kind, parameters).map(Self)
             }
 
-            /// Which kind of its family it is, by name.
+            /// The name of its kind.
             #[getter]
             fn kind(&self) -> PyResult<String> {
                 self.0.kind()
@@ -354,7 +353,7 @@ macro_rules! declared_class {
             }
         }
 
-        /// Makes one from what was stored.
+        /// Restores a stored thing.
         #[pyfunction]
         pub fn $restore(
             json: String,

@@ -1,8 +1,8 @@
-//! From what a scene holds to the scene graph that is rendered and saved.
+//! Converts the contents of a scene to the scene graph that is rendered and saved.
 //!
 //! Objects become nodes below the root, instanced scenes nodes with several parents. A scene that
-//! was read from a file and whose objects were not changed is the file's own graph. What instanced
-//! scenes have in their tables is added to those of the scene that holds them.
+//! was read from a file and whose objects were not changed is the file's own graph. The tables of
+//! instanced scenes are appended to those of the scene that holds them.
 
 use crate::contents::{Contents, Kind, Nodes, Object};
 use crate::value;
@@ -31,14 +31,14 @@ pub fn graph(contents: &Contents) -> Result<Scene, String> {
 
 struct Writer {
     scene: Scene,
-    /// Where the materials of each stage begin.
+    /// The first material of each stage.
     stages: HashMap<*const Scene, u32>,
     /// The node of each scene that is instanced.
     children: HashMap<*const Contents, NodeId>,
 }
 
 impl Writer {
-    /// Puts the objects of a scene below a node.
+    /// Adds the objects of a scene below a node.
     fn fill(&mut self, parent: NodeId, contents: &Contents) -> Result<(), String> {
         let first = self.stage(&contents.stage)?;
         let materials = |object: &Object| -> Vec<Option<MaterialId>> {
@@ -79,8 +79,8 @@ impl Writer {
         Ok(())
     }
 
-    /// Puts a scene into a node. One that is a single mesh is put as a surface: a mesh may be used
-    /// twice, too.
+    /// Adds a scene to a node. A scene of a single mesh is added as a surface, for a mesh may also
+    /// be used twice.
     fn instance(&mut self, node: &mut Node, child: &Arc<Contents>) -> Result<(), String> {
         let mut objects = child.objects();
         if let (Some((_, only)), None) = (objects.next(), objects.next())
@@ -121,7 +121,7 @@ impl Writer {
         each.collect()
     }
 
-    /// Adds the tables of a stage, unless they are there; gives the number of its first material.
+    /// Adds the tables of a stage if needed; returns the number of its first material.
     fn stage(&mut self, stage: &Arc<Scene>) -> Result<u32, String> {
         if let Some(&first) = self.stages.get(&Arc::as_ptr(stage)) {
             return Ok(first);

@@ -21,12 +21,12 @@ use snell_scene::{Layer, LayeredImage, SceneSettings};
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// How a picture is turned into what a screen shows.
+/// The conversion of a picture to display values.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Look(Display);
 
 impl Look {
-    /// As the scene's file asks.
+    /// The settings of the scene's file.
     pub fn of(hints: &SceneSettings, integrator: IntegratorKind) -> PyResult<Self> {
         let name = hints.tonemap.as_deref().unwrap_or("none");
         Ok(Self(Display {
@@ -36,7 +36,7 @@ impl Look {
         }))
     }
 
-    /// The same but for what is given.
+    /// The same with the given settings changed.
     pub fn with(self, exposure: Option<f64>, tonemap: Option<&str>) -> PyResult<Self> {
         let mut display = self.0;
         if let Some(stops) = exposure {
@@ -63,8 +63,8 @@ impl Look {
 /// Parameters
 /// ----------
 /// pixels : array (height, width), (height, width, 3) or (height, width, 4)
-///     Real numbers: linear light, not what a screen is sent. Integers are taken as they are: 8-bit
-///     values want a division by 255 and the sRGB curve.
+///     Real numbers: linear light, not display values. Integers are taken as they are: 8-bit values
+///     need a division by 255 and the inverse sRGB curve first.
 ///
 /// Examples
 /// --------
@@ -106,7 +106,7 @@ fn layer_array<'py>(
 }
 
 impl Image {
-    /// A picture that was made.
+    /// A rendered picture.
     pub fn new(
         picture: LayeredImage,
         variance: Option<LayeredImage>,
@@ -128,7 +128,7 @@ impl Image {
         &self.picture
     }
 
-    /// An error if there is no memory for a copy of the picture and for what its encoder takes.
+    /// An error if there is no memory for a copy of the picture and for its encoder.
     fn admit_file(&self, extension: &str, png_bits: u8) -> PyResult<()> {
         let values: usize = self.picture.layers.iter().map(|layer| layer.channels.len()).sum();
         let each = 4 * (values as u64 + 4) + encoder_bytes(extension, values as u64, png_bits);
@@ -144,7 +144,7 @@ impl Image {
             vec![("Software".to_string(), format!("Snell {}", env!("CARGO_PKG_VERSION")))];
         for (key, value) in self.facts.bind(py) {
             let (key, value) = (key.extract::<String>()?, value.str()?.extract::<String>()?);
-            // Not of the picture but of the run.
+            // It belongs to the run, not to the picture.
             if !["seconds", "warnings", "is_complete", "estimated_memory_bytes", "Software"]
                 .contains(&key.as_str())
             {
@@ -223,13 +223,13 @@ impl Image {
         Ok(Self::new(picture, None, Look::default(), facts.unbind()))
     }
 
-    /// How many pixels a row has.
+    /// Number of pixels in a row.
     #[getter]
     fn width(&self) -> u32 {
         self.picture.width
     }
 
-    /// How many rows of pixels there are.
+    /// Number of rows of pixels.
     #[getter]
     fn height(&self) -> u32 {
         self.picture.height
@@ -244,8 +244,8 @@ impl Image {
         )
     }
 
-    /// The linear values, `(height, width, 3)` or `(height, width, 4)`, float32, read-only: what
-    /// `np.asarray(image)` gives.
+    /// The linear values, `(height, width, 3)` or `(height, width, 4)`, float32, read-only: the
+    /// same as `np.asarray(image)`.
     #[getter]
     fn pixels<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let make = || {
@@ -284,7 +284,7 @@ impl Image {
             .transpose()
     }
 
-    /// How the picture was made, or what its file says: a dictionary.
+    /// Metadata of the render, or of the picture's file: a dictionary.
     #[getter]
     fn metadata<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         self.facts.bind(py).copy()
@@ -311,8 +311,8 @@ impl Image {
         }
     }
 
-    /// What a screen shows: an array `(height, width, 3)` or `(height, width, 4)` of uint8, with
-    /// the sRGB curve.
+    /// Display values: an array `(height, width, 3)` or `(height, width, 4)` of uint8, with the
+    /// sRGB curve.
     ///
     /// Parameters
     /// ----------
@@ -356,14 +356,14 @@ impl Image {
     }
 
     /// Writes the picture; the extension decides the format: `.exr` keeps linear light and all
-    /// layers, `.hdr` and `.pfm` linear light, `.png`, `.jpg` and `.ppm` what a screen shows.
+    /// layers, `.hdr` and `.pfm` linear light, `.png`, `.jpg` and `.ppm` display values.
     ///
     /// Parameters
     /// ----------
     /// path : str or os.PathLike
-    ///     The file appears whole or not at all.
+    ///     The path of the file. It is written completely or not at all.
     /// exposure, tonemap
-    ///     As of :meth:`to_uint8`, for formats that hold what a screen shows.
+    ///     As of :meth:`to_uint8`, for formats with display values.
     /// bits : int
     ///     Per channel of PNG: 8 or 16.
     /// half : bool
@@ -512,7 +512,7 @@ pub fn _restore_image(
     Ok(Image::new(restored(picture)?, variance, look, facts.copy()?.unbind()))
 }
 
-/// A picture as it is compared.
+/// A picture in the form for comparison.
 fn linear(value: &Bound<'_, PyAny>, name: &str) -> PyResult<LinearImage> {
     let of = |picture: &LayeredImage| LinearImage::from_layer(picture, &picture.layers[0]);
     match value.cast::<Image>() {

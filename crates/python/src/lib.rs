@@ -1,8 +1,8 @@
 //! The Rust half of the Python package `snell`: NumPy arrays in, hits out.
 //!
-//! One exposed concept per file. [`scene`] is the class that is asked; [`contents`] is what it
-//! holds, [`state`] the worlds made of that by [`assemble`]; [`rays`] and [`arrays`] read
-//! arguments, [`query`] and [`nearest`] answer, [`answers`] hands the answers out; [`work`] has the
+//! One exposed concept per file. [`scene`] is the class with the queries; [`contents`] is its data,
+//! [`state`] the worlds that [`assemble`] builds from it; [`rays`] and [`arrays`] read arguments,
+//! [`query`] and [`nearest`] run queries, [`answers`] returns the answers; [`work`] has the
 //! threads. The Python half is in `python/snell`.
 
 #![forbid(unsafe_code)]

@@ -26,7 +26,7 @@ declared_class! {
     /// TypeError: point has no parameter "positoin"; did you mean "position"?
     Light of snell_scene::Light, restored by _restore_light;
 
-    /// The same light but for some parameters.
+    /// A copy of the light with some parameters changed.
     ///
     /// Examples
     /// --------
@@ -72,7 +72,7 @@ fn unit(value: &Value, name: &str) -> PyResult<Value> {
             "{name} is {numbers:?}, expected a direction that is not 0"
         )));
     }
-    // What is of unit length stays as it is.
+    // Unit vectors are not changed.
     let scale = if (length - 1.0).abs() < 1e-12 { 1.0 } else { 1.0 / length };
     Ok(Value::List(numbers.into_iter().map(|x| Value::Double(x * scale)).collect()))
 }

@@ -1,7 +1,7 @@
 //! Files as scenes: the surfaces of any file that Snell reads.
 //!
-//! A node with one parent is folded into the scene, its surfaces with the map from their node; a
-//! node or mesh that is used several times is a scene of its own, instanced.
+//! A node with one parent is flattened into the scene, its surfaces with the transform of their
+//! node; a node or mesh that is used several times becomes a scene of its own, which is instanced.
 
 use crate::contents::{Contents, Kind, Nodes, Object, Slot};
 use crate::memory::admit_all;
@@ -19,7 +19,7 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// The scene of a file: everything that rays can meet, its materials, lights and cameras.
+/// The scene of a file: everything that rays can hit, its materials, lights and cameras.
 ///
 /// Reads what `snell formats` lists: OBJ, PLY, STL, glTF and others. Objects are named as in the
 /// file.
@@ -27,8 +27,8 @@ use std::sync::Arc;
 /// Parameters
 /// ----------
 /// path : str or os.PathLike
-///     A file, or, where there is none of that name, a scene that is built in: `"cornell-box"` and
-///     what `snell scenes` lists.
+///     A file or, if there is none of that name, a built-in scene: `"cornell-box"` and others
+///     listed by `snell scenes`.
 /// threads : int, optional
 ///     Threads that work on it. Default: one per core.
 ///
@@ -60,7 +60,7 @@ pub fn load(py: Python<'_>, path: PathBuf, threads: Option<usize>) -> PyResult<S
     scene.map(Scene::of)
 }
 
-/// The same error as of `open` if a file cannot be read.
+/// The same error as that of `open` if a file cannot be read.
 pub fn check_there(path: &Path) -> PyResult<()> {
     let Err(error) = std::fs::metadata(path) else { return Ok(()) };
     let (number, shown) = (error.raw_os_error(), path.display().to_string());
@@ -82,7 +82,7 @@ fn check_memory(scene: &Graph) -> PyResult<()> {
     )
 }
 
-/// What a scene graph holds.
+/// Converts a scene graph.
 pub fn fold(mut scene: Graph) -> Result<Contents, String> {
     let nodes = std::mem::take(&mut scene.nodes);
     let stage = Arc::new(scene.clone());
@@ -92,7 +92,7 @@ pub fn fold(mut scene: Graph) -> Result<Contents, String> {
     Ok(contents)
 }
 
-/// Folds nodes into scenes.
+/// Flattens nodes into scenes.
 struct Folder<'a> {
     scene: &'a Graph,
     parents: Vec<u32>,
@@ -101,7 +101,7 @@ struct Folder<'a> {
     nodes: HashMap<NodeId, Arc<Contents>>,
     /// Meshes with several uses.
     meshes: HashMap<MeshUse, Arc<Contents>>,
-    /// What the materials of all of them are of.
+    /// The stage of their materials.
     stage: Arc<Graph>,
 }
 
@@ -153,7 +153,7 @@ impl<'a> Folder<'a> {
         Contents::on(self.stage.clone())
     }
 
-    /// A node and all that only it holds.
+    /// A node and everything that only it refers to.
     fn contents(&mut self, id: NodeId, placed: Transform) -> Result<Contents, String> {
         let mut contents = self.empty();
         // An explicit stack, because files may nest deeper than the thread's stack.
@@ -183,7 +183,7 @@ impl<'a> Folder<'a> {
                         let shared = self.meshes.entry(key).or_insert_with(|| {
                             let mut alone = Contents::on(self.stage.clone());
                             let kind = Kind::Mesh(Arc::new(Mesh::read(mesh, &Transform::IDENTITY)));
-                            // One mesh is neither too many nor too deep.
+                            // A single mesh exceeds no limit.
                             let _ = alone.add(named(kind, None, materials));
                             Arc::new(alone)
                         });

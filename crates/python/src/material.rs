@@ -8,10 +8,10 @@ use serde_json::{Map, Value as Json};
 use snell_scene::material::OpenPbr;
 
 declared_class! {
-    /// What light does at a surface.
+    /// A material: how a surface reflects, transmits and emits light.
     ///
     /// A colour is a number (grey), three numbers (linear Rec. 709), `"#rrggbb"` (sRGB) or a
-    /// :class:`Texture`; a number may be a channel of a texture. A dictionary says both:
+    /// :class:`Texture`; a number may be a channel of a texture. A dictionary gives both:
     /// `{"factor": 0.5, "texture": texture}`. :data:`MATERIALS` lists the kinds and their
     /// parameters.
     ///
@@ -22,8 +22,8 @@ declared_class! {
     /// **parameters
     ///     Those of the kind, and of all kinds: `name`, `emission` (radiance, W / (m^2 sr)),
     ///     `alpha`, `alpha_mode` (`"opaque"`, `"blend"` or `{"mask": cutoff}`), `double_sided`,
-    ///     `normal_map` (a texture) and others. What an `"open-pbr"` says of emission, opacity and
-    ///     normals goes before these.
+    ///     `normal_map` (a texture) and others. Emission, opacity and normals of an `"open-pbr"`
+    ///     take precedence over these.
     ///
     /// Examples
     /// --------
@@ -38,7 +38,7 @@ declared_class! {
     /// ValueError: there is no material "difuse"; did you mean "diffuse"?
     Material of snell_scene::Material, restored by _restore_material;
 
-    /// The same material but for some parameters.
+    /// A copy of the material with some parameters changed.
     ///
     /// Examples
     /// --------
@@ -72,7 +72,7 @@ impl Schema for snell_scene::Material {
         }
     }
 
-    /// What an OpenPBR surface says of emission, opacity and normals counts.
+    /// Emission, opacity and normals of an OpenPBR surface take precedence.
     fn settle(mut self) -> PyResult<Self> {
         self.follow_kind(&OpenPbr::default().into());
         Ok(self)

@@ -11,8 +11,8 @@ use snell_scene::medium::{ColorGrid, ScalarGrid};
 use std::sync::Arc;
 
 declared_class! {
-    /// What light meets between surfaces: fog, smoke, milk. It fills the inside of a closed
-    /// surface, as the `interior` of its material, or all of the scene, as :attr:`Scene.medium`.
+    /// A participating medium: fog, smoke, milk. It fills the inside of a closed surface, as the
+    /// `interior` of its material, or all of the scene, as :attr:`Scene.medium`.
     ///
     /// Parameters
     /// ----------
@@ -25,11 +25,10 @@ declared_class! {
     /// at the middles of their cells, are joined by straight lines, and multiply `sigma_a` and
     /// `sigma_s`. Cells fill the box between two corners, `bounds`, or the unit cube mapped by the
     /// matrix `world_from_grid`. `sigma_a_tint`, `sigma_s_tint` and `emission_tint`, of the shape
-    /// (z, y, x, 3) or (z, y, x), are factors of each colour. What shines is `emission`, times the
-    /// `density` or, if it is there, `emission_scale`, in the colour of a black body where there is
-    /// a `temperature` (kelvin). Arrays may be of different sizes; what is negative or not a number
-    /// counts as 0. Media lie in the scene's coordinates: they do not move with the surface around
-    /// them.
+    /// (z, y, x, 3) or (z, y, x), are factors of each colour. The emitted light is `emission` times
+    /// the `density` or, if given, `emission_scale`, in the colour of a black body if there is a
+    /// `temperature` (kelvin). Arrays may be of different sizes; negative values and NaN count as
+    /// 0. Media lie in the scene's coordinates: they do not move with the surface around them.
     ///
     /// Examples
     /// --------
@@ -52,7 +51,7 @@ declared_class! {
     /// 0
     Medium of snell_scene::Medium, restored by _restore_medium;
 
-    /// The same medium but for some parameters.
+    /// A copy of the medium with some parameters changed.
     ///
     /// Examples
     /// --------

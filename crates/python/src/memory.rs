@@ -1,5 +1,5 @@
-//! Whether there is memory for what is about to be made: Python gets a `MemoryError` instead of
-//! losing its process.
+//! Checks for available memory before large allocations: Python gets a `MemoryError` instead of a
+//! killed process.
 
 use crate::render::Task;
 use pyo3::exceptions::PyMemoryError;
@@ -8,7 +8,7 @@ use snell_formats::memory::Available;
 use snell_render::Settings;
 use snell_render::memory::{Estimate, Uses, of_picture, of_scene};
 
-/// What is smaller is not asked about: to ask takes longer than to make it.
+/// Smaller allocations are not checked: the check takes longer than the allocation.
 const SMALL: u64 = 16 << 20;
 
 /// An error if there is no memory for this many bytes, which are needed for `what`.
@@ -24,7 +24,7 @@ pub fn admit_all(what: &str, count: usize, bytes_of_each: usize) -> PyResult<()>
     admit(what, count as u64 * bytes_of_each as u64)
 }
 
-/// What a render takes beside the scene as Python has it: the scene once it is compiled, film and
+/// The memory of a render beside the scene of Python: the scene once it is compiled, film and
 /// picture.
 pub fn estimate(task: &Task, threads: usize) -> Estimate {
     picture(&task.settings, threads, task.denoiser.is_some()).with(of_scene(&task.prepared.scene))
@@ -35,7 +35,7 @@ fn picture(settings: &Settings, threads: usize, denoise: bool) -> Estimate {
     of_picture(settings, &Uses { threads, variance: true, denoise, beside: 16 })
 }
 
-/// An error if there is no memory for a picture; it says what fits.
+/// An error if there is no memory for a picture; the message gives the size that fits.
 pub fn check_picture(settings: &Settings, threads: usize, denoise: bool) -> PyResult<()> {
     let estimate = picture(settings, threads, denoise);
     let available = Available::now().for_threads(threads);

@@ -1,5 +1,5 @@
-//! Meshes of a scene, in the precision they were given in, with what rendering needs to know of
-//! them.
+//! Meshes of a scene in the precision in which they were given, with their attributes for
+//! rendering.
 
 use snell_intersect::{DTriangleMesh, TriangleMesh};
 use snell_math::{DVec3, Transform, Vec2, Vec3};
@@ -15,7 +15,7 @@ pub enum Positions {
 }
 
 impl Positions {
-    /// How many.
+    /// Number of vertices.
     pub fn len(&self) -> usize {
         match self {
             Self::Single(p) => p.len(),
@@ -24,14 +24,14 @@ impl Positions {
     }
 }
 
-/// What vertices and triangles have beside positions. Each list is complete or empty.
+/// Attributes of vertices and triangles. Each list is complete or empty.
 #[derive(Clone, Debug, Default)]
 pub struct Attributes {
     /// Normals per vertex.
     pub normals: Vec<Vec3>,
     /// Texture coordinates per vertex.
     pub uvs: Vec<Vec2>,
-    /// A second set of them.
+    /// A second set of texture coordinates.
     pub second_uvs: Vec<Vec2>,
     /// Linear RGB and alpha per vertex.
     pub colors: Vec<[f32; 4]>,
@@ -39,14 +39,14 @@ pub struct Attributes {
     pub material_slots: Vec<u16>,
 }
 
-/// A mesh as it is rendered, and its place.
+/// A mesh as it is rendered, and its transform.
 #[derive(Clone, Debug)]
 struct Rendered {
     mesh: Arc<TriangleMesh>,
     placed: Transform,
 }
 
-/// A mesh. It is kept in the precision it was given in; the other is made when it is asked for.
+/// A mesh. It is stored in the precision in which it was given; the other is computed when needed.
 #[derive(Debug)]
 pub struct Mesh {
     is_double: bool,
@@ -99,7 +99,8 @@ impl Mesh {
         }
     }
 
-    /// The mesh of a file, in its place: transformed in double precision, so that nothing is lost.
+    /// The mesh of a file with its transform applied in double precision, so that no precision is
+    /// lost.
     pub fn read(source: &Arc<TriangleMesh>, placed: &Transform) -> Self {
         let mut attributes = Attributes {
             normals: source.normals.clone(),
@@ -128,7 +129,7 @@ impl Mesh {
         mesh
     }
 
-    /// In single precision.
+    /// The mesh in single precision.
     pub fn single(&self) -> &Arc<TriangleMesh> {
         self.single.get_or_init(|| {
             let double = self.double.get().cloned().unwrap_or_default();
@@ -141,7 +142,7 @@ impl Mesh {
         })
     }
 
-    /// In single precision, with `center` as the origin.
+    /// The mesh in single precision, with `center` as the origin.
     fn centered(&self) -> &Arc<TriangleMesh> {
         if !self.is_double {
             return self.single();
@@ -157,7 +158,7 @@ impl Mesh {
         })
     }
 
-    /// In double precision.
+    /// The mesh in double precision.
     pub fn double(&self) -> &Arc<DTriangleMesh> {
         self.double.get_or_init(|| Arc::new(DTriangleMesh::from(&**self.single())))
     }
@@ -199,7 +200,7 @@ impl Mesh {
         if self.is_double { &self.double().indices } else { &self.single().indices }
     }
 
-    /// How many vertices it has.
+    /// Number of vertices.
     pub fn vertex_count(&self) -> usize {
         if self.is_double { self.double().positions.len() } else { self.single().positions.len() }
     }
@@ -213,12 +214,12 @@ impl Mesh {
         }
     }
 
-    /// What vertices and triangles have beside positions.
+    /// Attributes of vertices and triangles.
     pub fn attributes(&self) -> &Attributes {
         &self.attributes
     }
 
-    /// The same mesh with its vertices elsewhere.
+    /// The same mesh with other vertices.
     pub fn moved(&self, positions: Positions, normals: Option<Vec<Vec3>>) -> Self {
         let mut attributes = self.attributes.clone();
         if let Some(normals) = normals {

@@ -1,4 +1,4 @@
-//! Names that are chosen from a list, and what to say of those that are not on it.
+//! Names from a list, and errors for unknown names.
 
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;

@@ -1,5 +1,4 @@
-//! Nearest points, and which side of the surfaces points are on: each precision asks the world that
-//! rays of it ask.
+//! Nearest points and the sidedness of points: each precision uses the same world as its rays.
 
 use crate::precision::Found;
 use numpy::Element;
@@ -9,9 +8,9 @@ use snell_math::{DVec3, Vec3};
 /// A nearest point.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Nearest<P> {
-    /// Distance, parameters and numbers, as of a hit.
+    /// Distance, parameters and ids, as for a hit.
     pub found: Found<P>,
-    /// In world coordinates.
+    /// The point in world coordinates.
     pub position: [P; 3],
 }
 
@@ -20,13 +19,13 @@ pub trait PointPrecision: crate::precision::Precision + Element {
     /// The nearest point of a surface.
     fn nearest(world: &Self::World, point: [Self; 3], limit: Self, mask: u32) -> Nearest<Self>;
 
-    /// Whether a point is inside.
+    /// True if a point is inside.
     fn is_inside(world: &Self::World, point: [Self; 3]) -> bool;
 
     /// The winding number around a point.
     fn winding_number(world: &Self::World, point: [Self; 3]) -> f64;
 
-    /// Makes the world ready for winding numbers.
+    /// Prepares the world for winding numbers.
     fn prepare(world: &Self::World);
 }
 

@@ -11,11 +11,11 @@ use serde_json::{Map, Value as Json};
 use snell_intersect::{AnyShape, Curves, Shape, Spheres, StrandBasis};
 use snell_math::{DMat4, DVec3, Transform, Vec2, Vec3, Vec4};
 
-/// The shape of an array `(n, width)`, or an error that says what was found.
+/// The shape of an array `(n, width)`, or an error that names the shape found.
 fn rows(array: &Bound<'_, PyUntypedArray>, width: usize, name: &str) -> PyResult<usize> {
     match array.shape() {
         &[n, w] if w == width => Ok(n),
-        // Nothing at all, as `[]` is.
+        // An empty array, as `[]` is.
         [0] => Ok(0),
         found => Err(PyValueError::new_err(format!(
             "{name}: shape is {}, expected (n, {width})",
@@ -143,7 +143,7 @@ fn convert<T: Element + Copy + TryInto<u32> + std::fmt::Display + Sync>(
     })
 }
 
-/// What a mesh may be given beside vertices and faces.
+/// The optional arguments of a mesh beside vertices and faces.
 #[derive(Debug, Default)]
 pub struct Given<'a, 'py> {
     /// `(n, 3)`.
@@ -221,7 +221,7 @@ pub fn transform(value: Option<&Bound<'_, PyAny>>) -> PyResult<Option<Transform>
     value.map(|value| named_transform(value, "transform")).transpose()
 }
 
-/// The same under another name.
+/// As [`transform`], for an argument of another name.
 pub fn named_transform(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Transform> {
     let array = array(value, name)?;
     if !matches!(array.shape(), [3 | 4, 4]) {

@@ -1,4 +1,4 @@
-//! Scenes as what pickles, and back.
+//! Pickling of scenes.
 
 use crate::arrays::from_vec;
 use crate::contents::{Contents, Kind, Object, Slot};
@@ -14,7 +14,7 @@ use std::collections::HashMap;
 use std::path::Path;
 use std::sync::Arc;
 
-/// How to make such a scene again: a function and its arguments.
+/// The function and arguments that restore the scene.
 pub fn reduce<'py>(
     py: Python<'py>,
     contents: &Contents,
@@ -124,7 +124,7 @@ fn stored<'py>(
     Ok(all)
 }
 
-/// Makes a scene from what was stored.
+/// Restores a stored scene.
 #[pyfunction]
 #[pyo3(signature = (slots, stage, warnings, compact=false))]
 pub fn _restore(

@@ -1,5 +1,4 @@
-//! What is done alike in `float32` and in `float64`: one trait, implemented by the two number
-//! types.
+//! Operations for both `float32` and `float64`: one trait, implemented by the two number types.
 
 use crate::assemble::{Builder, Form};
 use crate::mesh::Mesh;
@@ -13,11 +12,11 @@ use snell_intersect::{
 use snell_math::{DRay, DVec3, Ray, Transform, Vec3};
 use std::sync::Arc;
 
-/// What a hit says: distance, parameters, and the world's numbers of occurrence, geometry and
+/// The data of a hit: distance, parameters, and the world's ids of occurrence, geometry and
 /// primitive.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Found<P> {
-    /// In units of the ray's direction; infinite for a miss.
+    /// The ray parameter, in units of the direction's length; infinite for a miss.
     pub t: P,
     /// Barycentrics of a triangle.
     pub uv: [P; 2],
@@ -33,7 +32,7 @@ pub struct Found<P> {
 pub trait Precision:
     Form + Element + Copy + Default + PartialEq + Into<f64> + Send + Sync + 'static
 {
-    /// The library's own word for it.
+    /// The library's own type for it.
     type Tag: snell_intersect::Precision<Ray = Self::Ray, Hit = Self::Hit>;
     /// Rays.
     type Ray: Copy + Send + Sync;
@@ -52,10 +51,10 @@ pub trait Precision:
     /// The ray in double precision.
     fn exact(ray: &Self::Ray) -> DRay;
 
-    /// What a hit says.
+    /// The data of a hit.
     fn found(hit: &Self::Hit) -> Found<Self>;
 
-    /// What was built.
+    /// Statistics of the acceleration structures.
     fn stats(world: &Self::World) -> &BuildStats;
 
     /// The nearest hits.
@@ -66,7 +65,7 @@ pub trait Precision:
         hits: &mut [Self::Hit],
     );
 
-    /// Whether there are any.
+    /// Whether there are any hits.
     fn occluded(
         world: &Self::World,
         rays: Rays<Self::Tag>,
@@ -74,10 +73,10 @@ pub trait Precision:
         blocked: &mut [bool],
     );
 
-    /// How many there are.
+    /// The number of hits.
     fn count(world: &Self::World, rays: Rays<Self::Tag>, counts: &mut [u32]);
 
-    /// All of them.
+    /// All hits.
     fn all(world: &Self::World, rays: Rays<Self::Tag>) -> AllHits<Self::Tag>;
 }
 

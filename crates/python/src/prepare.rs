@@ -11,10 +11,10 @@ use snell_render::CompiledScene;
 use snell_scene::Scene;
 use snell_scene::framing::{FramingOptions, prepare};
 
-/// What the result depends on, beside the scene.
+/// The options of preparation, on which the result depends beside the scene.
 #[derive(Clone, Debug)]
 pub struct Request {
-    /// How the structures are built.
+    /// The options of building acceleration structures.
     pub build: BuildOptions,
     /// Size of the picture, for a camera that frames the scene.
     pub size: [u32; 2],
@@ -30,17 +30,17 @@ impl PartialEq for Request {
 /// A scene ready to be rendered.
 #[derive(Debug)]
 pub struct Prepared {
-    /// What is rendered.
+    /// The compiled scene.
     pub compiled: CompiledScene,
-    /// What it was made of, with at least one camera. (Meshes and textures are shared with the
-    /// scene.)
+    /// The scene graph that it was built from, with at least one camera. (Meshes and textures are
+    /// shared with the scene.)
     pub scene: Scene,
-    /// What the reader and the compiler had to say.
+    /// The warnings of the reader and the compiler.
     pub warnings: Vec<String>,
 }
 
 impl Prepared {
-    /// Prepares what a scene holds.
+    /// Prepares the contents of a scene.
     pub fn new(contents: &Contents, request: &Request) -> PyResult<Self> {
         let failed = |error: &dyn std::fmt::Display| PyValueError::new_err(error.to_string());
         let mut scene = graph(contents).map_err(PyValueError::new_err)?;

@@ -1,4 +1,4 @@
-//! Queries over the rays of arrays: piece by piece, on all threads of a pool, until they are cancelled.
+//! Queries over arrays of rays: piece by piece, on all threads of a pool, until they are cancelled.
 
 use crate::columns::Places;
 use crate::precision::Precision;
@@ -10,14 +10,14 @@ use snell_math::{DRay, DVec3};
 use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Rays of a piece at least: fewer are not worth handing to another thread.
+/// Minimum number of rays of a piece: fewer are not worth handing to another thread.
 const MIN_PIECE: usize = 512;
 
-/// Rays of a piece at most: they and their hits stay in the caches of a core.
+/// Maximum number of rays of a piece: they and their hits stay in the caches of a core.
 const MAX_PIECE: usize = 2048;
 
-/// The same in large worlds: there the world sorts them, which pays, and they take some 50
-/// milliseconds in the largest.
+/// The same maximum for large worlds: the world sorts the rays, which pays, and a piece takes some
+/// 50 milliseconds in the largest.
 const MAX_PIECE_OF_LARGE_WORLD: usize = 32768;
 
 /// Pieces per thread of a long list, so that all threads end at about the same time.
@@ -26,26 +26,26 @@ const PIECES_PER_THREAD: usize = 8;
 /// Bytes of structures that are worth larger pieces.
 const LARGE_WORLD: u64 = 1 << 21;
 
-/// So few rays are asked by the calling thread.
+/// Up to this number of rays, the calling thread answers the query.
 pub const FEW: usize = 256;
 
-/// Neighbours of which so many are looked at to see whether rays are alike.
+/// Number of neighbouring pairs that are tested for coherence.
 const SAMPLES: usize = 32;
 
 /// The rays of a query.
 #[derive(Debug)]
 pub struct Question<'a, P: Precision> {
-    /// Which.
+    /// The rays.
     pub rays: RayView<'a, P>,
-    /// Rays of a piece.
+    /// Number of rays of a piece.
     pub piece: usize,
     /// Square of the angle between neighbours up to which they are traced together.
-    pub alike: f64,
-    /// Rays that can hit nothing are counted here, if that was asked for.
+    pub coherent_angle: f64,
+    /// Counts rays that can hit nothing, if that was requested.
     pub invalid: Option<&'a AtomicUsize>,
 }
 
-/// What a thread needs for the pieces it works on.
+/// Scratch space of a thread.
 struct Scratch<P: Precision> {
     rays: Vec<P::Ray>,
     masks: Vec<u32>,
@@ -58,7 +58,7 @@ impl<P: Precision> Scratch<P> {
     }
 }
 
-/// Rays of a piece, of so many that so many threads share.
+/// Number of rays of a piece, if this number of threads share this number of rays.
 pub fn piece_size(rays: usize, threads: usize, world: &BuildStats) -> usize {
     let most = if world.memory_bytes >= LARGE_WORLD { MAX_PIECE_OF_LARGE_WORLD } else { MAX_PIECE };
     (rays / (threads * PIECES_PER_THREAD)).clamp(MIN_PIECE, most).next_multiple_of(64)
@@ -67,12 +67,12 @@ pub fn piece_size(rays: usize, threads: usize, world: &BuildStats) -> usize {
 /// The square of the angle between rays that are worth tracing together: where a picture has about
 /// one pixel per triangle or more. (Measured: equal speed at 0.15 degrees for 70 thousand
 /// triangles, and at 0.04 for a million.)
-pub fn alike(world: &BuildStats) -> f64 {
+pub fn coherent_angle(world: &BuildStats) -> f64 {
     (0.475 / world.instanced_triangles.max(1) as f64).min(0.0027)
 }
 
 impl<P: Precision> Question<'_, P> {
-    /// Answers every ray, in its place.
+    /// Writes the answer of every ray to its position.
     pub fn answer<A: Send>(
         &self,
         cancel: &Cancel,
@@ -87,7 +87,7 @@ impl<P: Precision> Question<'_, P> {
             });
             Ok(())
         };
-        // Few rays may be asked outside of a pool.
+        // A few rays may be processed outside a pool.
         if answers.len() <= self.piece {
             return answers
                 .chunks_mut(self.piece)
@@ -97,7 +97,7 @@ impl<P: Precision> Question<'_, P> {
         answers.par_chunks_mut(self.piece).enumerate().try_for_each_init(Scratch::new, piece)
     }
 
-    /// The hit of every ray, in its place.
+    /// Writes the hit of every ray to its position.
     pub fn hits(
         &self,
         cancel: &Cancel,
@@ -148,23 +148,26 @@ impl<P: Precision> Question<'_, P> {
             invalid
                 .fetch_add(rays.iter().filter(|ray| !P::is_valid(ray)).count(), Ordering::Relaxed);
         }
-        let grouping =
-            if are_alike::<P>(rays, self.alike) { Grouping::Coherent } else { Grouping::None };
+        let grouping = if are_coherent::<P>(rays, self.coherent_angle) {
+            Grouping::Coherent
+        } else {
+            Grouping::None
+        };
         let batch = Rays::new(rays);
         query(if masks.is_empty() { batch } else { batch.with_masks(masks) }, grouping, hits)
     }
 }
 
-/// Whether neighbours go the same way from nearly the same place, as the rays of pictures do. It
-/// decides how they are traced; what they hit does not depend on it.
-fn are_alike<P: Precision>(rays: &[P::Ray], angle_squared: f64) -> bool {
+/// True if neighbouring rays have similar origins and directions, like the rays of pictures. It
+/// decides how they are traced, but does not affect the hits.
+fn are_coherent<P: Precision>(rays: &[P::Ray], angle_squared: f64) -> bool {
     let step = (rays.len() / SAMPLES).max(1);
     let pairs =
         || rays.windows(2).step_by(step).map(|pair| [P::exact(&pair[0]), P::exact(&pair[1])]);
     let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     pairs().for_each(|[ray, _]| (low, high) = (low.min(ray.origin), high.max(ray.origin)));
     let extent = (high - low).length_squared();
-    let is_alike = |[a, b]: [DRay; 2]| {
+    let is_coherent = |[a, b]: [DRay; 2]| {
         let (dot, lengths) = (
             a.direction.dot(b.direction),
             a.direction.length_squared() * b.direction.length_squared(),
@@ -176,5 +179,5 @@ fn are_alike<P: Precision>(rays: &[P::Ray], angle_squared: f64) -> bool {
             && (a.origin - b.origin).length_squared() <= 0.01 * extent
     };
     let count = pairs().count();
-    count >= 8 && 4 * pairs().filter(|pair| is_alike(*pair)).count() >= 3 * count
+    count >= 8 && 4 * pairs().filter(|pair| is_coherent(*pair)).count() >= 3 * count
 }

@@ -1,4 +1,4 @@
-//! Rays as Python gives them: `(..., 6)`, or a pair `(origins, directions)`.
+//! Rays from Python: `(..., 6)`, or a pair `(origins, directions)`.
 
 use crate::arrays::{
     Column, Values, are_double, array, broadcast, common_shape, contiguous, leading, mask_column,
@@ -10,13 +10,13 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
-/// The argument `rays`, before its numbers are looked at.
+/// The argument `rays`, before its numbers are read.
 #[derive(Debug)]
 pub struct RayArgument<'py> {
     arrays: Arrays<'py>,
     /// The leading shape.
     pub shape: Vec<usize>,
-    /// Whether it is asked in double precision.
+    /// True for a query in double precision.
     pub is_double: bool,
 }
 
@@ -54,7 +54,7 @@ impl<'py> RayArgument<'py> {
         Ok(Self { arrays: Arrays::Pair([o, d]), shape, is_double })
     }
 
-    /// How many rays there are.
+    /// Number of rays.
     pub fn len(&self) -> usize {
         self.shape.iter().product()
     }
@@ -67,7 +67,7 @@ pub struct Limits<'a, 'py> {
     pub t_min: &'a Bound<'py, PyAny>,
     /// Hits at or after this do not count.
     pub t_max: &'a Bound<'py, PyAny>,
-    /// Which geometries count.
+    /// Mask of the geometries that count.
     pub mask: Option<&'a Bound<'py, PyAny>>,
 }
 
@@ -75,7 +75,7 @@ pub struct Limits<'a, 'py> {
 #[derive(Debug)]
 struct Vectors<'py, P: Precision> {
     array: PyReadonlyArrayDyn<'py, P>,
-    /// Numbers from one to the next; 0 if all are the same.
+    /// Stride in numbers; 0 if all are the same.
     stride: usize,
     offset: usize,
 }
@@ -110,7 +110,7 @@ impl<P: Precision> VectorView<'_, P> {
     }
 }
 
-/// Rays in the precision they are asked in.
+/// Rays in the precision of the query.
 #[derive(Debug)]
 pub struct RayArrays<'py, P: Precision> {
     origins: Vectors<'py, P>,
@@ -156,7 +156,7 @@ impl<'py, P: Precision> RayArrays<'py, P> {
         })
     }
 
-    /// What hits need later to find the surfaces that rays met. A `copy` does not change when the
+    /// The rays that hits need later to compute surfaces. A `copy` does not change when the
     /// caller's arrays do.
     pub fn keep(&self, copy: bool) -> PyResult<KeptRays> {
         fn kept<T: Element>(
@@ -175,7 +175,7 @@ impl<'py, P: Precision> RayArrays<'py, P> {
     }
 }
 
-/// Origins and directions of rays that were asked about.
+/// Origins and directions of the rays of a query.
 #[derive(Debug)]
 pub struct KeptRays {
     origins: (Py<PyUntypedArray>, usize, usize),
@@ -221,7 +221,7 @@ pub struct RayView<'a, P> {
 }
 
 impl<P: Precision> RayView<'_, P> {
-    /// How many.
+    /// Number of rays.
     pub fn len(&self) -> usize {
         self.len
     }

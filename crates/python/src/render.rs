@@ -19,70 +19,70 @@ use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// How often progress is reported.
+/// Interval of progress reports.
 const REPORT: Duration = Duration::from_millis(100);
 
-/// A render that is planned.
+/// A planned render.
 struct Plan {
     task: Task,
     threads: Threads,
     look: Look,
 }
 
-/// What a render has so far.
-struct Begun {
+/// The state of a render so far.
+struct PartialRender {
     underway: Underway,
-    /// True if no pixel goes on.
+    /// True if all pixels are finished.
     is_done: bool,
     seconds: f64,
 }
 
-/// How far a render is to go now.
+/// The goal of one run of a render.
 #[derive(Clone, Copy)]
 struct Goal {
-    /// Samples per pixel; `None` is all, as the options say.
+    /// Samples per pixel; `None` for all that were requested.
     samples: Option<u32>,
-    /// Stop after this time.
+    /// Maximum time.
     time: Option<Duration>,
 }
 
-/// What the threads of a render and those who wait for it share.
+/// State shared by the threads of a render and the waiting thread.
 #[derive(Debug, Default)]
 struct Watch {
     cancel: Cancel,
     progress: Mutex<Progress>,
 }
 
-/// What a render gave.
+/// The result of a render.
 struct Rendered {
-    begun: Begun,
+    partial: PartialRender,
     picture: LayeredImage,
     variance: LayeredImage,
 }
 
-/// A render that can go on where it stopped.
+/// A render that can be continued.
 #[pyclass(frozen, module = "snell._snell")]
 pub struct _Render {
     plan: Arc<Plan>,
-    begun: Mutex<Option<Begun>>,
+    partial: Mutex<Option<PartialRender>>,
 }
 
-/// What is rendered, and how.
+/// The scene and settings of a render.
 pub struct Task {
     /// The scene, ready to be rendered.
     pub prepared: Arc<Prepared>,
-    /// Who looks at it.
+    /// The camera.
     pub camera: Camera,
-    /// What was asked for.
+    /// The request.
     pub request: Request,
-    /// The settings that follow.
+    /// The settings derived from it.
     pub settings: Settings,
-    /// What removes the noise.
+    /// The denoiser.
     pub denoiser: Option<Denoiser>,
 }
 
 impl Task {
-    /// Makes the scene ready and reads the options.
+    /// Prepares the scene and reads the options.
     pub fn new<'py>(
         py: Python<'py>,
         scene: &Bound<'py, Scene>,
@@ -91,7 +91,7 @@ impl Task {
         let request = settings::request(keywords)?;
         let threads = Threads::new(keywords.get("threads", "a whole number")?)?;
         if let Some(size) = request.size {
-            // The least that it takes; the rest when all settings are known.
+            // A lower bound; the rest is checked when all settings are known.
             let crop = request.crop_within(size).map_err(request_error)?;
             let least = Settings { size, crop, spp: 1, ..Settings::default() };
             memory::check_picture(&least, 1, false)?;
@@ -110,7 +110,7 @@ impl Task {
 
 #[pymethods]
 impl _Render {
-    /// Makes the scene ready and reads the options.
+    /// Prepares the scene and reads the options.
     #[new]
     fn new<'py>(
         py: Python<'py>,
@@ -125,25 +125,25 @@ impl _Render {
         let look = look.with(exposure, tonemap.as_deref())?;
         let threads = Threads::new(keywords.get("threads", "a whole number")?)?;
         let plan = Plan { task, threads, look };
-        Ok(Self { plan: Arc::new(plan), begun: Mutex::new(None) })
+        Ok(Self { plan: Arc::new(plan), partial: Mutex::new(None) })
     }
 
-    /// Samples per pixel that are asked for.
+    /// Requested samples per pixel.
     #[getter]
     fn samples(&self) -> u32 {
         self.plan.task.settings.spp
     }
 
-    /// Whether all of it is rendered.
+    /// True if the render is complete.
     #[getter]
     fn is_done(&self) -> bool {
-        let begun = self.begun.lock().unwrap_or_else(PoisonError::into_inner);
-        begun.as_ref().is_some_and(|begun| begun.is_done)
+        let partial = self.partial.lock().unwrap_or_else(PoisonError::into_inner);
+        partial.as_ref().is_some_and(|partial| partial.is_done)
     }
 
-    /// Goes on until every pixel has so many samples (all if left out), or for so many seconds.
-    /// `report` is called with the share that is done and the rays so far; it stops the render by
-    /// answering False.
+    /// Continues until every pixel has this number of samples (all if left out), or for this number
+    /// of seconds. `report` is called with the share done and the number of rays so far; it stops
+    /// the render by returning False.
     #[pyo3(signature = (samples=None, time=None, report=None))]
     fn render(
         &self,
@@ -159,9 +159,9 @@ impl _Render {
             .time);
         let goal = Goal { samples, time };
         let watch = Arc::new(Watch::default());
-        let begun = self.begun.lock().unwrap_or_else(PoisonError::into_inner).take();
+        let partial = self.partial.lock().unwrap_or_else(PoisonError::into_inner).take();
         let doing = (self.plan.clone(), watch.clone());
-        let job = begin_alone(py, self.plan.threads, move || doing.0.run(begun, goal, &doing.1))?;
+        let job = begin_alone(py, self.plan.threads, move || doing.0.run(partial, goal, &doing.1))?;
         let (start, mut reported) = (Instant::now(), Instant::now());
         let waited = py.detach(|| {
             job.wait_with(|py| {
@@ -181,12 +181,12 @@ impl _Render {
             watch.cancel.stop();
         }
         waited?;
-        let Rendered { begun, picture, variance } = job.take()?.map_err(denoise_error)?;
-        let facts = facts(py, &self.plan, &begun)?;
+        let Rendered { partial, picture, variance } = job.take()?.map_err(denoise_error)?;
+        let facts = facts(py, &self.plan, &partial)?;
         for (key, value) in &picture.metadata {
             facts.bind(py).set_item(key, value)?;
         }
-        *self.begun.lock().unwrap_or_else(PoisonError::into_inner) = Some(begun);
+        *self.partial.lock().unwrap_or_else(PoisonError::into_inner) = Some(partial);
         Ok(Image::new(picture, Some(variance), self.plan.look, facts))
     }
 }
@@ -194,19 +194,19 @@ impl _Render {
 impl Plan {
     fn run(
         &self,
-        begun: Option<Begun>,
+        partial: Option<PartialRender>,
         goal: Goal,
         watch: &Watch,
     ) -> Result<Rendered, DenoiseError> {
         with_patience(
             || watch.cancel.check().is_err(),
-            |cancel| self.run_with(begun, goal, watch, cancel),
+            |cancel| self.run_with(partial, goal, watch, cancel),
         )
     }
 
     fn run_with(
         &self,
-        begun: Option<Begun>,
+        partial: Option<PartialRender>,
         goal: Goal,
         watch: &Watch,
         cancel: &AtomicBool,
@@ -224,8 +224,8 @@ impl Plan {
             !progress.is_late(start.elapsed(), goal.time, is_timed) && watch.cancel.check().is_ok()
         };
         let threads = self.threads.count();
-        let (mut underway, mut seconds) = match begun {
-            Some(begun) => (begun.underway, begun.seconds),
+        let (mut underway, mut seconds) = match partial {
+            Some(partial) => (partial.underway, partial.seconds),
             None => (job.begin(threads, &keep_going), 0.0),
         };
         let until = goal.samples.unwrap_or(settings.spp);
@@ -239,7 +239,7 @@ impl Plan {
         }
         let variance = variance(film, picture.layers[0].channels.len());
         seconds += start.elapsed().as_secs_f64();
-        Ok(Rendered { begun: Begun { underway, is_done, seconds }, picture, variance })
+        Ok(Rendered { partial: PartialRender { underway, is_done, seconds }, picture, variance })
     }
 
     /// Adds the layers and the metadata of Cryptomatte.
@@ -274,19 +274,19 @@ fn variance(film: &Film, channels: usize) -> LayeredImage {
     variance
 }
 
-/// How much is done, from 0 to 1.
+/// The share done, from 0 to 1.
 fn share(progress: &Progress, elapsed: Duration, limit: Option<Duration>) -> f64 {
     let by_samples = progress.done as f64 / progress.total.max(1) as f64;
     let by_time = limit.map_or(0.0, |limit| elapsed.as_secs_f64() / limit.as_secs_f64().max(1e-9));
     by_samples.max(by_time).min(1.0)
 }
 
-/// What a picture knows of how it was made.
-fn facts(py: Python<'_>, plan: &Plan, begun: &Begun) -> PyResult<Py<PyDict>> {
-    let (settings, Begun { underway: Underway { film, statistics, .. }, seconds, .. }): (
+/// Metadata of a picture about its render.
+fn facts(py: Python<'_>, plan: &Plan, partial: &PartialRender) -> PyResult<Py<PyDict>> {
+    let (settings, PartialRender { underway: Underway { film, statistics, .. }, seconds, .. }): (
         &Settings,
         _,
-    ) = (&plan.task.settings, begun);
+    ) = (&plan.task.settings, partial);
     let facts = PyDict::new(py);
     facts.set_item("scene", &plan.task.prepared.scene.name)?;
     facts.set_item("integrator", settings.integrator.name())?;

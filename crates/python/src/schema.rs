@@ -1,9 +1,9 @@
 //! Keyword arguments as declared parameters: materials, lights, projections, shapes.
 //!
-//! Nothing here knows a material or light by name. What the parameters of a kind are called, and
-//! what they look like, stands in its declaration ([`snell_scene::families`]); values are put into
-//! that form, and reading it says whether they fit. So a new kind, or parameter, is there in Python
-//! as soon as it is declared.
+//! Nothing here knows a material or light by name. The names and types of the parameters of a kind
+//! are in its declaration ([`snell_scene::families`]); values are converted to that form, and
+//! reading it validates them. So a new kind or parameter is available in Python once it is
+//! declared.
 
 use crate::arrays::numpy;
 use crate::declared::Declared;
@@ -68,7 +68,7 @@ pub fn arrays(kind: &Declaration) -> Vec<&'static str> {
     kind.fields().iter().filter(is_array).map(|p| p.name).chain(corners).collect()
 }
 
-/// The parameters of a kind of a family, with what their declaration says.
+/// The parameters of a kind of a family, as declared.
 ///
 /// Parameters
 /// ----------
@@ -111,12 +111,12 @@ pub fn describe<'py>(py: Python<'py>, family: &str, kind: &str) -> PyResult<Boun
     Ok(all)
 }
 
-/// What a declared value refers to, by the number that it has for each.
+/// The references of a declared value, by number.
 #[derive(Debug, Default)]
 pub struct References {
-    /// By number.
+    /// References by number.
     pub textures: Vec<AnyTexture>,
-    /// By number.
+    /// References by number.
     pub media: Vec<Medium>,
 }
 
@@ -163,8 +163,8 @@ pub fn read_all(
     Ok(all)
 }
 
-/// A thing from the parameters that are given, as its declaration reads it. `example` is one with
-/// all of its fields; `whole` puts fields into place. An error names the parameter.
+/// A thing read from the given parameters. `example` has all of its fields; `whole` assembles the
+/// fields. An error names the parameter.
 pub fn make<T: DeserializeOwned>(
     what: &str,
     known: &[Parameter],
@@ -189,7 +189,7 @@ pub fn make<T: DeserializeOwned>(
             return Err(PyTypeError::new_err(message));
         }
     }
-    // Which one: the first that does not go with the others as an example has them.
+    // Find the parameter: the first that fails together with the other fields of an example.
     for (key, value) in given.iter().filter(|_| with(example.clone()).is_ok()) {
         let mut fields = example.clone();
         fields.insert(key.clone(), value.clone());
@@ -200,10 +200,10 @@ pub fn make<T: DeserializeOwned>(
     Err(PyValueError::new_err(format!("{what}: {error}")))
 }
 
-/// What looks like this may be anything; what reads it will say.
+/// A value whose kind is validated by its reader.
 const ANYTHING: Kind = Kind::Table;
 
-/// The variant that a texture, or a colour, stands for by itself.
+/// The variant that a bare texture or colour stands for.
 fn textured_variant(kind: Kind) -> Option<(&'static str, Kind)> {
     let Kind::OneOf("", variants) = kind else { return None };
     variants.iter().find_map(|variant| match variant.parameters {
@@ -214,7 +214,7 @@ fn textured_variant(kind: Kind) -> Option<(&'static str, Kind)> {
     })
 }
 
-/// What stands under a name inside of a parameter.
+/// The kind of the value under a name inside of a parameter.
 fn inside(kind: Kind, key: &str) -> Kind {
     kind.inside(key).unwrap_or(ANYTHING).required()
 }
@@ -261,7 +261,7 @@ fn with_texture(kind: Kind, id: Value, channel: Option<u8>, name: &str) -> PyRes
             Some(channel) => Value::List(vec![id, Value::Whole(channel.into())]),
             None => id,
         }),
-        // Maps: what else they need is missed when they are made.
+        // Maps: other missing parameters are reported when they are created.
         _ => Ok(fields_of([("texture", id)])),
     }
 }
@@ -372,7 +372,7 @@ fn read_fields(
         let key: String = key.extract()?;
         let place = format!("{name}[{key:?}]");
         let mut value = read(&value, inside(kind, &key), &place, references)?;
-        // A number takes a channel; a pattern is as good a number as a colour.
+        // A number takes a channel; a pattern may stand for a number as well as for a colour.
         if kind == Kind::TexturedNumber && matches!(value, Value::Id("TextureId", _)) {
             value = Value::List(vec![value, Value::Whole(0)]);
         }
@@ -448,7 +448,7 @@ fn read_number(
     }
 }
 
-/// What a parameter may be, in words.
+/// The values that a parameter accepts, in words.
 fn expected(kind: Kind) -> String {
     match kind {
         Kind::Flag => "True or False".into(),
@@ -475,7 +475,7 @@ fn expected(kind: Kind) -> String {
     }
 }
 
-/// A declared value as Python shows it: constants as numbers, textures as such.
+/// A declared value as a Python object: constants as numbers, textures as such.
 pub fn show<'py>(
     py: Python<'py>,
     value: &Value,
@@ -500,7 +500,7 @@ pub fn show<'py>(
             Ok(PyTuple::new(py, items)?.into_any())
         }
         Value::Fields(fields) => {
-            // What is as one says it is shown so: a constant, a texture, one of its channels.
+            // Factors of 1 are left out: a constant, a texture, one of its channels.
             let is_bare = |(key, value): &(String, Value)| {
                 matches!(&**key, "factor" | "texture") || *value == Value::Nothing
             };

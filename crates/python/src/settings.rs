@@ -1,4 +1,4 @@
-//! The keyword arguments of a render as wishes, from which the renderer makes its settings.
+//! The keyword arguments of a render as a request, from which the renderer derives its settings.
 
 use pyo3::exceptions::{PyRuntimeError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
@@ -16,7 +16,7 @@ impl<'py> Keywords<'_, 'py> {
         Ok(self.0.get_item(name)?.filter(|value| !value.is_none()))
     }
 
-    /// The value of a name, which is `what`.
+    /// The value of a name; `what` describes it in errors.
     pub fn get<T: for<'a> FromPyObject<'a, 'py>>(
         &self,
         name: &str,
@@ -42,7 +42,7 @@ pub fn shown(value: &Bound<'_, PyAny>) -> String {
     }
 }
 
-/// Reads what the keyword arguments ask of the renderer.
+/// Reads a request from the keyword arguments.
 pub fn request(keywords: &Keywords<'_, '_>) -> PyResult<Request> {
     let mut request = Request::default();
     for setting in Request::SETTINGS {
@@ -61,7 +61,7 @@ pub fn request(keywords: &Keywords<'_, '_>) -> PyResult<Request> {
     Ok(request)
 }
 
-/// A Python value as a wish; `None` if no setting can be of its type.
+/// A Python value as a requested value; `None` if no setting has its type.
 fn wish(value: &Bound<'_, PyAny>) -> Option<Wish> {
     if value.is_instance_of::<PyBool>() {
         return value.extract().ok().map(Wish::Flag);
@@ -92,7 +92,7 @@ fn wish(value: &Bound<'_, PyAny>) -> Option<Wish> {
     items.map(item).collect::<Option<_>>().map(Wish::List)
 }
 
-/// What a value, such as a path, is as text.
+/// A value, such as a path, as text.
 fn as_text(value: &Bound<'_, PyAny>) -> Option<Wish> {
     Some(Wish::Text(value.str().ok()?.to_string_lossy().into_owned()))
 }
@@ -134,7 +134,7 @@ pub fn denoiser(request: &Request) -> PyResult<Option<Denoiser>> {
     Denoiser::load(path).map(Some).map_err(denoise_error)
 }
 
-/// An error of the denoiser, whose message speaks of the command's option.
+/// An error of the denoiser, whose message names the command's option.
 pub fn denoise_error(error: snell_oidn::DenoiseError) -> PyErr {
     PyRuntimeError::new_err(error.to_string().replace("--denoise", "denoise"))
 }

@@ -1,4 +1,5 @@
-//! What a scene has beside objects: materials, lights, cameras, what is around it. And files.
+//! The stage of a scene: materials, lights, cameras and environment. Also loading and saving of
+//! files.
 
 use crate::arrays::from_vec;
 use crate::camera::Camera;
@@ -27,7 +28,7 @@ use snell_scene::{Background, Environment, MaterialId, Scene as Graph, TextureId
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// The number of a texture on a stage; added if it is not there, after what it is made of.
+/// The number of a texture on a stage. It is added if needed, after the textures that it refers to.
 fn add_texture(stage: &mut Graph, texture: &AnyTexture) -> PyResult<TextureId> {
     let wanted: snell_scene::Texture = match texture {
         AnyTexture::Image(texture) => {
@@ -129,7 +130,7 @@ fn taken<T: serde::Serialize + serde::de::DeserializeOwned>(
                 let declared = snell_scene::ImageTexture { image: ImageId(0), ..declared.clone() };
                 AnyTexture::Image(Py::new(py, Texture { image, declared })?)
             }
-            // What it is made of stands above it, so this ends.
+            // Textures refer only to preceding ones, so this ends.
             snell_scene::Texture::Pattern(pattern)
                 if pattern.textures().iter().all(|part| part.0 < id) =>
             {
@@ -137,7 +138,7 @@ fn taken<T: serde::Serialize + serde::de::DeserializeOwned>(
             }
             snell_scene::Texture::Pattern(_) => {
                 return Err(PyIndexError::new_err(format!(
-                    "texture {id} is made of one that does not stand above it"
+                    "texture {id} refers to one that does not precede it"
                 )));
             }
         });
@@ -201,7 +202,7 @@ impl Scene {
         })
     }
 
-    /// What the reader of the file had to say, and what could not be kept.
+    /// The warnings of the reader of the file, and what could not be kept.
     #[getter]
     fn warnings(&self, py: Python<'_>) -> Vec<String> {
         self.0.contents(py).stage.warnings.iter().map(|warning| warning.message.clone()).collect()
@@ -427,8 +428,8 @@ impl Scene {
         })
     }
 
-    /// What is everywhere where no inside of a surface is, such as fog: a :class:`Medium` or None.
-    /// Can be assigned.
+    /// The medium outside of all interiors of surfaces, such as fog: a :class:`Medium` or None. Can
+    /// be assigned.
     #[getter]
     fn medium(&self, py: Python<'_>) -> Option<PyMedium> {
         let stage = self.0.contents(py).stage.clone();
@@ -445,8 +446,8 @@ impl Scene {
         })
     }
 
-    /// What the camera sees behind the scene: `"environment"`, `"transparent"`, or a colour
-    /// (linear), which lights nothing. Can be assigned.
+    /// The background behind the scene: `"environment"`, `"transparent"`, or a colour (linear),
+    /// which lights nothing. Can be assigned.
     #[getter]
     fn background<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         match self.0.contents(py).stage.background {
@@ -478,7 +479,7 @@ impl Scene {
     /// Parameters
     /// ----------
     /// path : str or os.PathLike
-    ///     The file appears whole or not at all.
+    ///     The path of the file. It is written completely or not at all.
     /// threads : int, optional
     ///     Threads that work on it. Default: one per core.
     ///

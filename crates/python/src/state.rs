@@ -1,8 +1,8 @@
-//! What a scene is between calls: its contents, and the worlds made of them so far.
+//! The state of a scene between calls: its contents, and the worlds built from them so far.
 //!
-//! A world is made when a query first needs it, by one thread for all that ask; queries keep the
-//! one they began with. The lock is taken only with the interpreter's lock held, and never for
-//! long.
+//! A world is built when a query first needs it, by one thread for all callers; a query keeps the
+//! world that it started with. The lock is taken only with the interpreter's lock held, and never
+//! for long.
 
 use crate::assemble::{Form, Snapshot, assemble};
 use crate::contents::Contents;
@@ -16,10 +16,10 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
 type Built<F> = Result<Arc<Snapshot<F>>, WorldError>;
 
-/// A world that is being made.
+/// A world that is being built.
 #[derive(Debug)]
 struct Building<F: Form> {
-    /// The process that makes it: a forked child has no such thread.
+    /// The process that builds it: a forked child does not have that thread.
     pid: u32,
     version: u64,
     job: Arc<Job<Built<F>>>,
@@ -30,7 +30,7 @@ struct Building<F: Form> {
 pub struct Worlds<F: Form> {
     made: Option<(u64, Arc<Snapshot<F>>)>,
     building: Option<Building<F>>,
-    /// Whether [`snell_intersect::World::winding_number`] is ready, or who makes it so.
+    /// The preparation of [`snell_intersect::World::winding_number`].
     winding: Option<(Weak<F::World>, u32, Arc<Job<()>>)>,
 }
 
@@ -44,16 +44,16 @@ impl<F: Form> Default for Worlds<F> {
 #[derive(Debug, Default)]
 pub struct State {
     contents: Arc<Contents>,
-    /// Grows with every edit.
+    /// Version, increased by every edit.
     version: u64,
     single: Worlds<f32>,
     double: Worlds<f64>,
     prepared: Option<(u64, Request, Arc<Prepared>)>,
 }
 
-/// Where the worlds of a kind are in a [`State`].
+/// A kind of world, stored in a field of [`State`].
 pub trait Kept: Form + Sized {
-    /// There.
+    /// The field.
     fn worlds(state: &mut State) -> &mut Worlds<Self>;
 }
 
@@ -74,7 +74,7 @@ impl Kept for f64 {
 pub struct Shared(Mutex<State>);
 
 impl Shared {
-    /// With these contents.
+    /// A state with these contents.
     pub fn new(contents: Arc<Contents>) -> Self {
         Self(Mutex::new(State { contents, ..State::default() }))
     }
@@ -83,12 +83,12 @@ impl Shared {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// What the scene holds now.
+    /// The current contents.
     pub fn contents(&self, py: Python<'_>) -> Arc<Contents> {
         self.lock(py).contents.clone()
     }
 
-    /// Changes what the scene holds; an error changes nothing.
+    /// Changes the contents; an error changes nothing.
     pub fn edit<T>(
         &self,
         py: Python<'_>,
@@ -100,7 +100,7 @@ impl Shared {
         Ok(result)
     }
 
-    /// The world of what the scene holds now, made if it is not there yet.
+    /// The world of the current contents, built if needed.
     pub fn snapshot<F: Kept>(&self, py: Python<'_>) -> PyResult<Arc<Snapshot<F>>> {
         let wanted = self.lock(py).version;
         loop {
@@ -135,7 +135,7 @@ impl Shared {
             py.detach(|| job.wait_attentively())?;
             let mut state = self.lock(py);
             let worlds = F::worlds(&mut state);
-            // The first who is back stores it for all.
+            // The first thread that returns stores it for all.
             if worlds.building.as_ref().is_some_and(|building| Arc::ptr_eq(&building.job, &job)) {
                 worlds.building = None;
             }
@@ -153,7 +153,7 @@ impl Shared {
         }
     }
 
-    /// Makes the world ready for winding numbers. (Not left to the queries: threads of a pool that
+    /// Prepares the world for winding numbers. (Not left to the queries: threads of a pool that
     /// wait for each other's work might wait for themselves.)
     pub fn prepare_winding<F: Kept + PointPrecision>(
         &self,
@@ -180,7 +180,7 @@ impl Shared {
         py.detach(|| job.wait_attentively())
     }
 
-    /// The scene as it is rendered, made if it is not there yet.
+    /// The scene as it is rendered, built if needed.
     pub fn prepared(
         &self,
         py: Python<'_>,

@@ -7,7 +7,7 @@ use crate::precision::{Found, Precision};
 use snell_intersect::{PrimitiveSet, Shape};
 use snell_math::{DRay, DVec2, DVec3, Transform, Vec2};
 
-/// What is local about a point of a surface, in world coordinates.
+/// The local properties of a point of a surface, in world coordinates.
 #[derive(Clone, Copy, Debug)]
 pub struct Local {
     /// The point.
@@ -21,7 +21,7 @@ pub struct Local {
 }
 
 impl Local {
-    /// What stands for the surface where a ray met none.
+    /// The surface of a miss.
     pub const NONE: Self = Self {
         position: DVec3::NAN,
         geometric_normal: DVec3::ZERO,
@@ -39,7 +39,7 @@ pub struct Surfaces<'a, F: Form> {
 }
 
 impl<'a, F: Form> Surfaces<'a, F> {
-    /// Of a world.
+    /// The surfaces of a world.
     pub fn new(snapshot: &'a Snapshot<F>) -> Self {
         Self { snapshot, occurrence: 0, placed: Transform::IDENTITY }
     }
@@ -122,8 +122,7 @@ fn on_mesh<P: Precision>(mesh: &Mesh, direction: &DVec3, found: &Found<P>) -> Lo
     local
 }
 
-/// What stands for the normal of three vertices on a line: across it, towards where the ray comes
-/// from.
+/// The normal of a degenerate triangle: perpendicular to its line, towards the origin of the ray.
 fn line_normal(p: &[DVec3; 3], direction: &DVec3) -> DVec3 {
     let edges = [p[1] - p[0], p[2] - p[1], p[0] - p[2]];
     let longest = edges

@@ -1,4 +1,4 @@
-//! The classes `Texture`, `Channel` and `Pattern`: what varies over surfaces.
+//! The classes `Texture`, `Channel` and `Pattern`: values that vary over surfaces.
 
 use crate::arrays::{array, contiguous, shown, slice};
 use crate::declared::{Schema, declared_class};
@@ -19,16 +19,16 @@ use snell_scene::{Encoding, Image, ImageTexture as Declared, LayeredImage, Pixel
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// An image on a surface, in the place of a colour or number of a material.
+/// An image on a surface, in place of a colour or number of a material.
 ///
-/// A colour takes the texture; a number takes one of its channels (:meth:`channel`). Materials
-/// multiply it with nothing else.
+/// A colour takes the texture; a number takes one of its channels (:meth:`channel`). The material
+/// applies no further factor.
 ///
 /// Parameters
 /// ----------
 /// image : array, Image, str or os.PathLike
 ///     `(height, width)` or `(height, width, channels)`, 1 to 4 channels: uint8 and uint16 stand
-///     for 0 to 1, floats for themselves. Or a picture, or its file.
+///     for 0 to 1, floats for themselves. Or an image, or its file.
 /// **parameters
 ///     `encoding`: `"srgb"` (colours of integers, as most files have them) or `"linear"` (data such
 ///     as roughness and normals). `wrap`: two of `"repeat"`, `"mirror"`, `"clamp"`, `"black"`.
@@ -45,12 +45,12 @@ use std::sync::Arc;
 pub struct Texture {
     /// The pixels.
     pub image: Arc<Image>,
-    /// How they are looked up; its image is number 0.
+    /// The lookup parameters; the image is number 0.
     pub declared: Declared,
 }
 
-/// One channel of a texture, in the place of a number of a material: what :meth:`Texture.channel`
-/// gives.
+/// One channel of a texture, in place of a number of a material: the result of
+/// :meth:`Texture.channel`.
 ///
 /// Examples
 /// --------
@@ -59,16 +59,16 @@ pub struct Texture {
 /// 0
 #[pyclass(frozen, module = "snell")]
 pub struct Channel {
-    /// The texture that it is a channel of.
+    /// The texture.
     #[pyo3(get)]
     pub texture: Py<Texture>,
-    /// Which channel: 0 red, 1 green, 2 blue, 3 alpha.
+    /// The channel: 0 red, 1 green, 2 blue, 3 alpha.
     #[pyo3(get)]
     pub number: u8,
 }
 
 declared_class! {
-    /// What is computed over a surface or in space, in the place of a colour or number of a
+    /// A procedural texture over a surface or in space, in place of a colour or number of a
     /// material, or of another pattern: checks, dots, noise, marble. :data:`PATTERNS` lists the
     /// kinds and their parameters.
     ///
@@ -96,7 +96,7 @@ declared_class! {
     /// ValueError: there is no pattern "marbel"; did you mean "marble"?
     Pattern of snell_scene::texture::Pattern, restored by _restore_pattern;
 
-    /// The same pattern but for some parameters.
+    /// A copy of the pattern with some parameters changed.
     ///
     /// Examples
     /// --------
@@ -110,17 +110,17 @@ impl Schema for snell_scene::texture::Pattern {
     const FAMILY: &'static str = "pattern";
 }
 
-/// What a declared thing takes as a texture.
+/// The textures that declared things accept.
 #[derive(Debug, FromPyObject, IntoPyObject)]
 pub enum AnyTexture {
     /// An image.
     Image(Py<Texture>),
-    /// What is computed.
+    /// A procedural texture.
     Pattern(Py<Pattern>),
 }
 
 impl AnyTexture {
-    /// The same object.
+    /// Another reference to the same object.
     pub fn clone_ref(&self, py: Python<'_>) -> Self {
         match self {
             Self::Image(texture) => Self::Image(texture.clone_ref(py)),
@@ -138,7 +138,7 @@ impl AnyTexture {
     }
 }
 
-/// What a texture is if nobody says.
+/// The defaults of textures.
 fn default_of(image: &Image) -> Declared {
     Declared::new(ImageId(0), image.encoding)
 }

@@ -1,8 +1,8 @@
 //! Values of declared parameters, of any type.
 //!
-//! A [`Value`] is what `serde` writes of a part of the scene graph, and keeps what JSON loses:
-//! which numbers are ids of which table, and which are in single precision. So the parameters of
-//! every material, light and camera can be shown and moved between tables without a list of them.
+//! A [`Value`] is the `serde` output for a part of the scene graph. Unlike JSON, it keeps which
+//! numbers are ids of which table, and which are in single precision. So the parameters of every
+//! material, light and camera can be shown and moved between tables without a list of them.
 
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyTuple};
@@ -14,7 +14,7 @@ use std::fmt::Display;
 /// A value of a parameter.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Value {
-    /// An option that is not there.
+    /// An absent option.
     Nothing,
     /// True or false.
     Bool(bool),
@@ -34,7 +34,7 @@ pub enum Value {
     Fields(Vec<(String, Value)>),
 }
 
-/// Why something has no value.
+/// The error of a value that cannot be written.
 #[derive(Debug)]
 pub struct Unwritable(String);
 
@@ -117,7 +117,7 @@ impl From<Json> for Value {
             Json::Bool(b) => Self::Bool(b),
             Json::Number(number) => match (number.as_i64(), number.as_f64()) {
                 (Some(whole), _) => Self::Whole(whole),
-                // What single precision holds was given so.
+                // Numbers that single precision represents were given in it.
                 (_, Some(x)) if f64::from(x as f32) == x => Self::Single(x as f32),
                 (_, x) => Self::Double(x.unwrap_or(f64::NAN)),
             },
@@ -130,12 +130,12 @@ impl From<Json> for Value {
     }
 }
 
-/// A number in single precision as people write it: 0.1, not 0.10000000149.
+/// A number in single precision in its shortest form: 0.1, not 0.10000000149.
 fn shortest(x: f32) -> f64 {
     x.to_string().parse().unwrap_or_else(|_| f64::from(x))
 }
 
-/// The same value with other ids: what `id` makes of the name of an id's type and the id.
+/// The same value with other ids: `id` maps the name of an id's type and the id.
 pub fn with_ids<T: Serialize + DeserializeOwned>(
     value: &T,
     mut id: impl FnMut(&'static str, u32) -> u32,

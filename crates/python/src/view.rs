@@ -1,4 +1,4 @@
-//! A scene in the browser, and why a pixel looks as it does.
+//! The viewer in the browser, and explanations of pixels.
 
 use crate::prepare::Prepared;
 use crate::render::Task;
@@ -18,8 +18,8 @@ use snell_viewer::explain::{Question, Subject, report, structures};
 use snell_viewer::{Opened, Server, ServerOptions, Source, Which, read_dropped};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Why a pixel looks as it does, as JSON. With `structures`, also the way of the camera ray through
-/// those acceleration structures.
+/// The explanation of a pixel, as JSON. With `structures`, also the traversal of those acceleration
+/// structures by the camera ray.
 #[pyfunction]
 pub fn _explain<'py>(
     py: Python<'py>,
@@ -54,18 +54,18 @@ pub fn _explain<'py>(
     job.take()?.map_err(PyValueError::new_err)
 }
 
-/// A scene that is being looked at in the browser, until it is closed or forgotten.
+/// A scene that is shown in the browser until it is closed or deleted.
 #[pyclass(module = "snell", name = "View", frozen)]
 pub struct View {
     server: Mutex<Option<Server>>,
-    /// Address of the page, with the token that lets in who knows it.
+    /// Address of the page, with the token that grants access.
     #[pyo3(get)]
     url: String,
 }
 
 #[pymethods]
 impl View {
-    /// Ends the server; the page says that it has lost it. Closing again does nothing.
+    /// Stops the server; the page shows that the connection is lost. Closing again does nothing.
     fn close(&self, py: Python<'_>) {
         let server = self.server.lock().unwrap_or_else(PoisonError::into_inner).take();
         py.detach(|| server.map(Server::stop));
@@ -148,7 +148,7 @@ pub fn _view<'py>(
     Ok(View { url: server.url.clone(), server: Mutex::new(Some(server)) })
 }
 
-/// A scene of Python, and whatever is chosen on the page.
+/// A scene of Python, and scenes chosen on the page.
 struct Shown {
     prepared: Arc<Prepared>,
     camera: Camera,

@@ -1,8 +1,8 @@
-//! Running work: without the interpreter's lock, on as many threads as asked for, until Ctrl-C.
+//! Runs work without the interpreter's lock, on the requested number of threads, until Ctrl-C.
 //!
-//! A pool of threads is made when it is first needed and stays for the process; a forked child
-//! makes its own, for the threads of its parent are not in it. All locks here are taken only with
-//! the interpreter's lock held, so a fork never finds them locked.
+//! A pool of threads is created when it is first needed and lives as long as the process. A forked
+//! child creates its own, for it does not have the threads of its parent. All locks here are taken
+//! only with the interpreter's lock held, so a fork never finds them locked.
 
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
@@ -15,14 +15,14 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, OnceLock, PoisonError};
 use std::time::Duration;
 
-/// How often Python is asked whether Ctrl-C was pressed.
+/// Interval at which Python is asked whether Ctrl-C was pressed.
 const LOOK_AT_SIGNALS: Duration = Duration::from_millis(30);
 
-/// Gives the viewer's own threads a pool of this size to share work among: it has no other way to
-/// say so. The first call of a process counts.
+/// Sets the size of the global pool, which the threads of the viewer use. Only the first call of a
+/// process has an effect.
 pub fn bound_shared_pool(threads: Threads) {
     let name = |i| format!("snell-shared-{i}");
-    // An error says that there is one.
+    // An error means that the pool exists already.
     let _ = ThreadPoolBuilder::new().num_threads(threads.0).thread_name(name).build_global();
 }
 
@@ -34,10 +34,10 @@ struct Pools {
 
 static POOLS: Mutex<Pools> = Mutex::new(Pools { pid: 0, by_threads: BTreeMap::new() });
 
-/// The number of cores: asking the system takes longer than many a call.
+/// The number of cores: asking the system takes longer than a short query.
 static CORES: OnceLock<usize> = OnceLock::new();
 
-/// How many threads work for one call: `None` means all cores.
+/// Number of threads of a call: `None` means all cores.
 #[derive(Clone, Copy, Debug)]
 pub struct Threads(usize);
 
@@ -54,12 +54,12 @@ impl Threads {
         }
     }
 
-    /// How many.
+    /// Number of threads.
     pub fn count(self) -> usize {
         self.0
     }
 
-    /// The pool of this process with so many threads.
+    /// The pool of this process with this number of threads.
     fn pool(self, _attached: Python<'_>) -> PyResult<Arc<ThreadPool>> {
         let mut pools = POOLS.lock().unwrap_or_else(PoisonError::into_inner);
         let pid = std::process::id();
@@ -85,23 +85,23 @@ impl Threads {
 #[derive(Debug)]
 pub struct Stopped;
 
-/// Whether work should stop.
+/// A flag that asks work to stop.
 #[derive(Debug, Default)]
 pub struct Cancel(AtomicBool);
 
 impl Cancel {
-    /// An error if so. To be asked every few milliseconds.
+    /// An error if work should stop. To be called every few milliseconds.
     pub fn check(&self) -> Result<(), Stopped> {
         if self.0.load(Ordering::Relaxed) { Err(Stopped) } else { Ok(()) }
     }
 
-    /// Says that it should.
+    /// Sets the flag.
     pub fn stop(&self) {
         self.0.store(true, Ordering::Relaxed);
     }
 }
 
-/// What a task in a pool gave, for those who wait.
+/// The result of a task in a pool, for waiting threads.
 #[derive(Debug)]
 pub struct Job<T> {
     result: Mutex<Option<Result<T, String>>>,
@@ -150,7 +150,7 @@ impl<T> Job<T> {
         self.wait_with(|_| Ok(()))
     }
 
-    /// The same; looks after something else as often.
+    /// The same, and calls a function at the same interval.
     pub fn wait_with(&self, mut look: impl FnMut(Python<'_>) -> PyResult<()>) -> PyResult<()>
     where
         T: Send,
@@ -161,7 +161,7 @@ impl<T> Job<T> {
         Ok(())
     }
 
-    /// What the work gave; it must be done, and is given once.
+    /// Takes the result of the work, which must be done.
     pub fn take(&self) -> PyResult<T> {
         let result = self.result.lock().unwrap_or_else(PoisonError::into_inner).take();
         result.unwrap_or_else(|| Err("nothing was done".into())).map_err(PyRuntimeError::new_err)
@@ -169,14 +169,14 @@ impl<T> Job<T> {
 }
 
 impl<T: Clone> Job<T> {
-    /// What the work gave; it must be done.
+    /// The result of the work, which must be done.
     pub fn result(&self) -> PyResult<T> {
         let result = self.result.lock().unwrap_or_else(PoisonError::into_inner).clone();
         result.unwrap_or_else(|| Err("nothing was done".into())).map_err(PyRuntimeError::new_err)
     }
 }
 
-/// Does work that looks at its flag, on a pool. Small work is done at once by the calling thread.
+/// Does work that checks the flag, on a pool. Small work is done at once by the calling thread.
 pub fn run<T: Send>(
     py: Python<'_>,
     threads: Threads,
@@ -202,8 +202,7 @@ pub fn run<T: Send>(
     job.take()?.map_err(stopped)
 }
 
-/// Begins work that has threads of its own; what of it is shared among threads is done by the pool
-/// of this many.
+/// Starts work on a thread of its own, whose parallel parts use the pool of this number of threads.
 pub fn begin_alone<T: Send + 'static>(
     py: Python<'_>,
     threads: Threads,
@@ -218,7 +217,7 @@ pub fn begin_alone<T: Send + 'static>(
     Ok(job)
 }
 
-/// Begins work that cannot be stopped, on the pool of all cores.
+/// Starts work that cannot be stopped, on the pool of all cores.
 pub fn begin<T: Send + 'static>(
     py: Python<'_>,
     work: impl FnOnce() -> T + Send + 'static,
@@ -226,7 +225,7 @@ pub fn begin<T: Send + 'static>(
     begin_on(py, Threads::new(None)?, work)
 }
 
-/// Begins work that cannot be stopped, on a pool.
+/// Starts work that cannot be stopped, on a pool.
 fn begin_on<T: Send + 'static>(
     py: Python<'_>,
     threads: Threads,
@@ -239,7 +238,7 @@ fn begin_on<T: Send + 'static>(
     Ok(job)
 }
 
-/// Does work that cannot be stopped, on all cores. After Ctrl-C nobody waits for it any more.
+/// Does work that cannot be stopped, on all cores. After Ctrl-C the caller no longer waits for it.
 pub fn run_to_end<T: Send + 'static>(
     py: Python<'_>,
     work: impl FnOnce() -> T + Send + 'static,
@@ -247,7 +246,7 @@ pub fn run_to_end<T: Send + 'static>(
     run_to_end_on(py, Threads::new(None)?, work)
 }
 
-/// The same on this many threads.
+/// The same on this number of threads.
 pub fn run_to_end_on<T: Send + 'static>(
     py: Python<'_>,
     threads: Threads,

@@ -1,6 +1,6 @@
-//! The families of things with parameters, with all that their declarations say: what tests,
-//! documents, Python and the viewer go through, so that a new kind or parameter is there as soon as
-//! it is declared.
+//! The families of things with parameters, and everything that their declarations state. Tests, the
+//! documentation, Python and the viewer iterate over them, so a new kind or parameter appears
+//! everywhere once it is declared.
 
 mod reference;
 
@@ -19,23 +19,23 @@ use snell_math::{DVec3, Rgb};
 /// All things of one sort, such as the materials.
 #[derive(Clone, Copy, Debug)]
 pub struct Family {
-    /// What one of them is called.
+    /// The name of one thing, in the singular.
     pub name: &'static str,
-    /// What many of them are called.
+    /// The name of several things, in the plural.
     pub title: &'static str,
-    /// The field that says which kind a thing is.
+    /// The field that selects the kind of a thing.
     pub tag: &'static str,
     /// The kinds.
     pub kinds: &'static [Declaration],
-    /// The parameters that each has, whatever its kind.
+    /// The parameters common to all kinds.
     pub common: &'static [Parameter],
-    /// A few of each kind, as scenes write them.
+    /// A few examples of each kind, in the syntax of scenes.
     pub examples: fn() -> Vec<Value>,
-    /// A thing as it is written again after it was read, or why it cannot be read.
+    /// Reads a thing and writes it again; the error is the reason why it cannot be read.
     read: fn(Value) -> Result<Value, serde_json::Error>,
-    /// A thing of any kind, as scenes write the parameters that each has.
+    /// A thing of any kind, with the common parameters in the syntax of scenes.
     plain: fn() -> Value,
-    /// The same as [`Self::read`], of a thing with these.
+    /// As [`Self::read`], for a thing with these common parameters.
     read_plain: fn(Value) -> Result<Value, serde_json::Error>,
 }
 
@@ -135,7 +135,7 @@ impl Family {
         self.kinds.iter().find(|kind| kind.name == name)
     }
 
-    /// The first example of a kind, as scenes write it.
+    /// The first example of a kind, in the syntax of scenes.
     pub fn example(&self, kind: &str) -> Map<String, Value> {
         let examples = (self.examples)().into_iter();
         let of_kind = |example: &Value| example.get(self.tag).and_then(Value::as_str) == Some(kind);
@@ -145,8 +145,8 @@ impl Family {
         }
     }
 
-    /// What a parameter of a kind is where a description leaves it out, as scenes write it; `None`
-    /// if it has to be given.
+    /// The default of a parameter of a kind, in the syntax of scenes; `None` if the parameter is
+    /// required.
     pub fn default_of(&self, kind: &str, parameter: &str) -> Option<Value> {
         let mut fields = self.example(kind);
         fields.remove(parameter);
@@ -154,8 +154,8 @@ impl Family {
         read.get(parameter).cloned()
     }
 
-    /// What a parameter that all kinds have is where a description leaves it out, as scenes write
-    /// it; `None` if it has to be given.
+    /// The default of a parameter that all kinds have, in the syntax of scenes; `None` if the
+    /// parameter is required.
     pub fn common_default_of(&self, parameter: &str) -> Option<Value> {
         let mut thing = (self.plain)();
         thing.as_object_mut()?.remove(parameter);
@@ -170,7 +170,7 @@ mod tests {
     use snell_intersect::Shape;
     use snell_math::parameters::{Kind, Leaf, Range, Step, find, place_of};
 
-    /// Asserts that what is written has the names that are declared, and the form.
+    /// Asserts that written values have the declared names and form.
     fn agree(kind: Kind, written: &Value, place: &str) {
         match (kind, written) {
             (Kind::Optional(_), Value::Null) => {}
@@ -229,7 +229,7 @@ mod tests {
         }
     }
 
-    /// Cells of grids stand beside what is written.
+    /// Cells of grids are not part of the written value.
     fn is_cells(kind: Kind) -> bool {
         kind.required() == Kind::Cells
     }
@@ -252,7 +252,7 @@ mod tests {
         }
     }
 
-    /// A number just outside of a range; `None` where any is possible.
+    /// A number just outside a range; `None` if the range allows all numbers.
     fn outside(range: Range) -> Option<f64> {
         match range {
             Range::Any | Range::Direction => None,

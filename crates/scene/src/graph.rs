@@ -25,7 +25,7 @@ macro_rules! id {
         pub struct $name(pub u32);
 
         impl $name {
-            /// What the things of its table are called.
+            /// The name of an entry of its table.
             pub const TABLE: &'static str = $table;
 
             /// The position in its table.
@@ -162,7 +162,7 @@ impl Node {
 /// Light from all directions.
 #[derive(Clone, Debug)]
 pub enum Environment {
-    /// The same radiance from everywhere, W / (m^2 sr).
+    /// Constant radiance from all directions, W / (m^2 sr).
     Constant(Rgb),
     /// A latitude-longitude image.
     Image {
@@ -177,7 +177,7 @@ pub enum Environment {
     },
 }
 
-/// What camera rays that leave the scene show.
+/// The background: what camera rays that leave the scene show.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Background {
@@ -190,10 +190,10 @@ pub enum Background {
     Transparent,
 }
 
-/// What a warning is about.
+/// The cause of a warning.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum WarningKind {
-    /// Something is shown differently than in the file, or not at all.
+    /// Something differs from the file, or is left out.
     #[default]
     Changed,
     /// A file that the scene names is missing, or cannot be read.
@@ -207,11 +207,11 @@ pub enum WarningKind {
 /// A message of a reader or check for the user; equal messages are counted.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Warning {
-    /// One sentence: what, where, and what was done instead.
+    /// One sentence with the problem, its place, and what was done instead.
     pub message: String,
     /// Number of occurrences.
     pub count: u64,
-    /// What it is about.
+    /// Its cause.
     pub kind: WarningKind,
 }
 
@@ -254,7 +254,7 @@ impl Warning {
 /// A whole scene.
 #[derive(Clone, Debug)]
 pub struct Scene {
-    /// Usually the file's name.
+    /// The name of the scene, in most cases the file's name.
     pub name: String,
     /// All nodes; only those reachable from the root are part of the picture.
     pub nodes: Vec<Node>,
@@ -278,7 +278,7 @@ pub struct Scene {
     pub cameras: Vec<Camera>,
     /// Light from all directions, if any.
     pub environment: Option<Environment>,
-    /// What camera rays that leave the scene show.
+    /// The background: what camera rays that leave the scene show.
     pub background: Background,
     /// Ambient light of local illumination: the radiance that a surface of ambient reflectance 1
     /// shows. Only the integrators `raycast` and `whitted` use it; the others compute indirect
@@ -296,12 +296,11 @@ pub struct Scene {
     pub variants: Vec<String>,
     /// Names of the file's scenes, including this one; empty for formats with only one.
     pub scenes: Vec<String>,
-    /// The motion, if any: see [`Scene::apply`]. Everything else describes the scene while nothing
-    /// is played.
+    /// The motion, if any: see [`Scene::apply`]. Everything else describes the scene at rest.
     pub motion: Option<Arc<Motion>>,
 }
 
-/// Why a scene graph is not usable.
+/// The reason why a scene graph cannot be used.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SceneError {
     /// A node is its own descendant.

@@ -4,7 +4,7 @@
 use serde::{Deserialize, Serialize};
 
 snell_math::declare! {
-    /// How stored values encode colour.
+    /// The encoding of colour in stored values.
     #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
     pub enum Encoding {
         /// Colour channels carry the sRGB curve; alpha is linear.
@@ -14,14 +14,14 @@ snell_math::declare! {
     }
 }
 
-/// Stored values, `channels` per pixel, row by row from the top.
+/// Stored values: `channels` per pixel, row by row from the top.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Pixels {
     /// 0 to 255 stand for 0 to 1.
     U8(Vec<u8>),
     /// 0 to 65535 stand for 0 to 1.
     U16(Vec<u16>),
-    /// As is.
+    /// The value itself.
     F32(Vec<f32>),
 }
 

@@ -67,8 +67,8 @@ const PERMUTATION: [u8; 256] = [
 /// coordinates, within about `[-1, 1]`. 0 if the coordinates are not finite.
 ///
 /// The gradients are the twelve directions to the midpoints of a cube's edges. Four of them occur
-/// twice, to make sixteen; they are those of pbrt (section 10.6.1 of its book's 3rd edition), two
-/// of which differ from Perlin's.
+/// twice, to make sixteen. They follow pbrt (3rd edition of the book, section 10.6.1) and differ
+/// from Perlin's in two entries.
 pub fn perlin_noise(p: Vec3) -> f32 {
     if !p.is_finite() {
         return 0.0;
@@ -208,7 +208,7 @@ mod tests {
 
     #[test]
     fn perlins_noise_is_the_published_one() {
-        // Each number once: a permutation.
+        // Each number occurs once: a permutation.
         let mut seen = PERMUTATION;
         seen.sort_unstable();
         assert!(seen.iter().enumerate().all(|(i, &p)| i == usize::from(p)));
@@ -222,7 +222,7 @@ mod tests {
             assert_eq!(perlin_noise(p.floor()), 0.0);
             assert!((perlin_noise(p) - perlin_noise(p + 256.0)).abs() < 1e-3, "the period is 256");
         }
-        // The value of the reference implementation at an often quoted point.
+        // The value of the reference implementation at a commonly quoted point.
         assert!((perlin_noise(Vec3::new(314.0 / 100.0, 42.0, 7.0)) - 0.13691995).abs() < 1e-5);
     }
 
@@ -267,7 +267,7 @@ mod tests {
         assert!((found / all - 1.0).abs() < 0.03, "{found} {all}");
         let halved = variance(&|p| octaves.fbm(p, 0.25));
         assert!(halved < found && halved > 0.9 * one, "{halved}");
-        // What is seen fades without a step.
+        // The visible pattern fades continuously.
         for i in 1..200 {
             let [a, b] = [i, i + 1]
                 .map(|i| octaves.fbm(Vec3::new(0.3, 1.7, 2.2), 0.5f32.powf(i as f32 / 20.0)));

@@ -2,7 +2,7 @@
 //!
 //! A key is a path into the scene: `material.NAME.PARAMETER`, `camera.NAME.PARAMETER`,
 //! `light.NUMBER.PARAMETER`, `medium.NUMBER.PARAMETER`, `node.NAME.visible`, `environment.rotation`
-//! (degrees about the scene's up, as seen from above against the clock), `environment.scale`,
+//! (degrees about the scene's up axis, counter-clockwise as seen from above), `environment.scale`,
 //! `ambient`. The parameters are those of the scene's own declarations; the value is JSON, or plain
 //! text where JSON is not given.
 
@@ -15,13 +15,13 @@ use serde_json::{Value, json};
 use snell_math::parameters::{Kind, Value as Parameters, problem_at};
 use snell_math::{DAffine3, DVec3, Rgb};
 
-/// Why a change is not possible: what was asked for, what there is instead.
+/// The reason why a change is not possible, with the alternatives.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("-D {key}: {problem}")]
 pub struct OverrideError {
-    /// The key, or all of a definition that has none.
+    /// The key, or the whole definition if it has no key.
     pub key: String,
-    /// What is wrong with it.
+    /// The reason.
     pub problem: String,
 }
 
@@ -29,7 +29,7 @@ fn error(key: &str, problem: impl Into<String>) -> OverrideError {
     OverrideError { key: key.to_string(), problem: problem.into() }
 }
 
-/// Applies one `key=value`. The scene is as it was if that fails.
+/// Applies one `key=value`. The scene is unchanged if that fails.
 pub fn apply(scene: &mut Scene, definition: &str) -> Result<(), OverrideError> {
     let Some((key, text)) = definition.split_once('=') else {
         let problem = "expected key=value, such as material.floor.reflectance.factor=[1,0,0]";
@@ -129,7 +129,7 @@ fn edit_material(
     Ok(())
 }
 
-/// The entry of a table, for those who know numbers and not names.
+/// The entry of a table at a position.
 fn entry<'a, T>(table: &'a mut [T], number: usize, path: &str) -> Result<&'a mut T, OverrideError> {
     table.get_mut(number).ok_or_else(|| error(path, format!("there is no number {number}")))
 }
@@ -164,8 +164,8 @@ pub fn set_camera(
     edit(entry(&mut scene.cameras, number, path)?, path, path, value)
 }
 
-/// The kind of material of this name as it is by itself: with the defaults of its parameters, or as
-/// its first example where it has none.
+/// The material kind of this name with the defaults of its parameters, or its first example if some
+/// parameters have no default.
 fn kind_named(key: &str, name: &str) -> Result<Value, OverrideError> {
     let plain = json!({ "material": name });
     if serde_json::from_value::<MaterialKind>(plain.clone()).is_ok() {
@@ -189,7 +189,7 @@ fn kind_named(key: &str, name: &str) -> Result<Value, OverrideError> {
     }
 }
 
-/// Turns the environment, or makes it brighter.
+/// Rotates the environment, or scales its radiance.
 fn edit_environment(
     scene: &mut Scene,
     key: &str,
@@ -221,8 +221,8 @@ fn edit_environment(
     }
 }
 
-/// How far an environment is turned about a direction, in degrees from -180 to 180: where the
-/// middle of its picture is, from `-z` (from `+y` if up is along `z`).
+/// The rotation of an environment about a direction, in degrees from -180 to 180: the angle of the
+/// middle of its image, measured from `-z` (from `+y` if up is along `z`).
 pub fn rotation(world_from_environment: &DAffine3, up: DVec3) -> f64 {
     let up = up.normalize_or(DVec3::Y);
     let level = |v: DVec3| (v - up * v.dot(up)).normalize_or_zero();
@@ -280,7 +280,7 @@ fn edit<T: Serialize + DeserializeOwned + Parameters>(
     Ok(())
 }
 
-/// An edit by a user, whose numbers have to mean something. (Animations may overshoot.)
+/// An edit by a user, whose numbers must be within their ranges. (Animations may overshoot.)
 fn edit_checked<T: Serialize + DeserializeOwned + Parameters>(
     target: &mut T,
     key: &str,
@@ -302,7 +302,7 @@ fn edit_checked<T: Serialize + DeserializeOwned + Parameters>(
     Ok(())
 }
 
-/// A number that single precision does not hold, if there is one.
+/// The first number that is outside of single precision, if there is one.
 fn too_large(value: &Value) -> Option<f64> {
     match value {
         Value::Number(number) => number.as_f64().filter(|x| !(*x as f32).is_finite()),
@@ -331,15 +331,15 @@ fn edited<T: Serialize + DeserializeOwned + Parameters>(
     })
 }
 
-/// What `serde` says of a value that does not fit, without the names of Rust's types: what was
-/// found, and what the declaration expects.
+/// The error of `serde` for a value that does not fit, with the value found and what the
+/// declaration expects, but without the names of Rust types.
 fn in_words(message: &str, kind: Option<Kind>) -> String {
     let Some((found, own)) = message.split_once(", expected ") else { return message.to_string() };
     let expected = kind.and_then(expected).unwrap_or_else(|| own.to_string());
     format!("{}, expected {expected}", found.strip_prefix("invalid type: ").unwrap_or(found))
 }
 
-/// How a value is written, in words; `None` where what reads it knows better.
+/// The syntax of a value in words; `None` where the reader's own message is more precise.
 fn expected(kind: Kind) -> Option<String> {
     let names = |names: &mut dyn Iterator<Item = &str>| names.collect::<Vec<_>>().join(", ");
     Some(match kind {
@@ -410,7 +410,7 @@ fn from_value<T: DeserializeOwned + Parameters>(
     serde_json::from_value(value).map_err(|e| error(key, in_words(&e.to_string(), Some(T::KIND))))
 }
 
-/// Light of three colours.
+/// An RGB value of light.
 fn light(key: &str, value: Value) -> Result<Rgb, OverrideError> {
     let light: Rgb = from_value(key, value)?;
     let possible = |x: f32| (0.0..=BRIGHTEST).contains(&x);

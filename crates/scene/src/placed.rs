@@ -5,8 +5,8 @@ use snell_math::{DAffine3, Transform};
 use std::collections::HashSet;
 use std::sync::Arc;
 
-/// Maximum number of placements in one list: a small file can place one surface any number of
-/// times.
+/// Maximum number of placements in one list: a small file can place one surface an unlimited number
+/// of times.
 pub const MAX_PLACED: u64 = 10_000_000;
 
 /// A placed surface.
@@ -20,7 +20,7 @@ pub struct Placed<'a> {
     pub world_from_surface: Transform,
     /// The surface.
     pub surface: &'a Surface,
-    /// The material of slots that have none of their own.
+    /// The material of slots without their own.
     inherited: Option<MaterialId>,
 }
 
@@ -90,7 +90,7 @@ pub fn placed(scene: &Scene) -> Result<Vec<Placed<'_>>, String> {
             list of them"
         )
     })?;
-    // For each node on the path: its remaining children, and what they inherit.
+    // For each node on the path, its remaining children and the state that they inherit.
     let mut stack = vec![(std::slice::from_ref(&scene.root).iter(), DAffine3::IDENTITY, None, "")];
     while let Some((children, world_from_parent, material, name)) = stack.last_mut() {
         let Some(&id) = children.next() else {

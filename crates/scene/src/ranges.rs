@@ -1,25 +1,25 @@
-//! Warnings of readers about numbers of a scene that mean nothing ([`Scene::check_ranges`]). What a
-//! number may be stands with the thing that has it ([`snell_math::declare!`]).
+//! Warnings of readers about numbers of a scene that are out of range ([`Scene::check_ranges`]).
+//! The ranges are declared with the parameters ([`snell_math::declare!`]).
 
 use crate::graph::{Environment, Scene, WarningKind};
 use crate::{Material, Texture};
 use snell_math::Rgb;
 use snell_math::parameters::{Range, Value, problem_at};
 
-/// The most that a light may send, whatever its unit: brighter ones leave no room for what single
-/// precision has to multiply it with, such as one over the density of a sample. (The sun's disk has
-/// 2e7 W / (m² sr).)
+/// Maximum radiance, irradiance or intensity of a light: brighter values leave single precision no
+/// headroom for further factors, such as the inverse density of a sample. (The sun's disk has 2e7 W
+/// / (m² sr).)
 pub const BRIGHTEST: f32 = 1e24;
 
-/// The farthest that a camera may be from the origin: squares of distances have to be finite.
+/// Maximum distance of a camera from the origin: squares of distances must be finite.
 pub(crate) const FARTHEST: f64 = 1e18;
 
-/// Radiance, irradiance, intensity, emission.
+/// The range of radiance, irradiance, intensity and emission.
 pub(crate) const LIGHT: Range = Range::Within(0.0, BRIGHTEST as f64);
 
 impl Scene {
-    /// Warns of numbers of materials, patterns, lights, media and cameras that mean nothing, such
-    /// as a roughness of 7, which counts as the nearest that means something, or as nothing.
+    /// Warns of out-of-range numbers of materials, patterns, lights, media and cameras, such as a
+    /// roughness of 7. Renderers clamp such a number to its range or ignore it.
     pub fn check_ranges(&mut self) {
         fn look<'a, T: Value + 'a>(
             what: &str,
@@ -46,8 +46,8 @@ impl Scene {
         }
     }
 
-    /// Brings light that is too bright to be computed with ([`BRIGHTEST`]), and light below
-    /// nothing, to what can be: with a warning for each. What readers do with every scene.
+    /// Clamps light that is too bright to compute with ([`BRIGHTEST`]) or negative, with a warning
+    /// for each. Readers call this for every scene.
     pub fn limit_light(&mut self) {
         let mut told = Vec::new();
         let mut limit = |what: &dyn Fn() -> String, light: &mut Rgb| {

@@ -399,8 +399,8 @@ mod tests {
             explain::SampleReport::decl(&config),
             explain::VertexReport::decl(&config),
             explain::LightReport::decl(&config),
-            explain::JourneyReport::decl(&config),
-            explain::StopReport::decl(&config),
+            explain::TraceReport::decl(&config),
+            explain::StepReport::decl(&config),
         ];
         for declaration in declarations {
             text += &format!("\nexport {declaration}\n");

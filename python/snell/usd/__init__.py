@@ -19,7 +19,7 @@ from typing import Any
 
 __all__ = ["EXTENSIONS", "convert", "load"]
 
-#: Endings of files that this module reads.
+#: Extensions of the files that this module reads.
 EXTENSIONS = (".usd", ".usda", ".usdc", ".usdz")
 
 
@@ -95,11 +95,11 @@ def convert(
     from ._tree import document
 
     name = path if name is None else name
-    # What USD reports itself becomes remarks, instead of lines on standard error.
+    # USD's own reports become remarks, instead of lines on standard error.
     diagnostics = UsdUtils.CoalescingDiagnosticDelegate()
     try:
         files = Files(path, allow_outside=allow_outside, most=most_layers)
-        # Held, so that the stage finds them opened.
+        # Kept alive, so that the stage finds them open.
         layers = files.layers()
         stage = Usd.Stage.Open(path)
         _choose_variants(stage, variants or {})

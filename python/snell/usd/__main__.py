@@ -8,7 +8,7 @@ import tempfile
 
 from . import convert
 
-#: Most remarks that are written.
+#: Maximum number of remarks that are written.
 _MOST_REMARKS = 10_000
 
 
@@ -43,7 +43,7 @@ def main(arguments: list[str], name: str | None = None) -> int:
     if arguments[1] == "-":
         sys.stdout.write(text)
         return 0
-    # Whole or not at all.
+    # Written completely or not at all.
     folder = os.path.dirname(os.path.abspath(arguments[1]))
     with tempfile.NamedTemporaryFile(
         "w", encoding="utf-8", dir=folder, suffix=".tmp", delete=False
@@ -55,7 +55,7 @@ def main(arguments: list[str], name: str | None = None) -> int:
 
 
 def _say(kind: str, text: str) -> None:
-    """One line on standard error, whatever the names in it hold."""
+    """Writes one line to standard error, even if names in it contain line breaks."""
     print(
         f"{kind}: {' '.join(text.split())}".encode("utf-8", "backslashreplace").decode(),
         file=sys.stderr,

@@ -1,4 +1,4 @@
-"""Which material a prim has."""
+"""The materials of prims."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["display_color", "display_material", "is_bound", "material_of"]
 
 
 def is_bound(prim: Any) -> bool:
-    """True if a material is bound to a prim, or to what it lies in."""
+    """True if a material is bound to a prim or an ancestor."""
     found, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()
     return bool(found)
 

@@ -16,7 +16,7 @@ _TENTH = 0.1
 
 
 def camera(context: Context, prim: Any, world: np.ndarray) -> None:
-    """Adds a camera; its vertical aperture counts."""
+    """Adds a camera with its vertical aperture."""
     given = UsdGeom.Camera(prim)
     get = lambda attribute, default: float(context.value(attribute, default))  # noqa: E731
     height, focal = (

@@ -18,7 +18,7 @@ __all__ = ["Context", "color_form", "direction", "numbers", "rows", "scalar_form
 
 
 def numbers(array: Any, kind: Any) -> str:
-    """Many numbers as the format has them: base64 of their little-endian bytes."""
+    """Many numbers in the syntax of the format: base64 of their little-endian bytes."""
     flat = np.ascontiguousarray(array, dtype=np.dtype(kind).newbyteorder("<")).reshape(-1)
     return base64.b64encode(flat.tobytes()).decode("ascii")
 
@@ -51,7 +51,7 @@ class Context:
         self.stage, self.files = stage, files
         self.time = Usd.TimeCode.Default() if time is None else Usd.TimeCode(time)
         if time is None and stage.HasAuthoredTimeCodeRange():
-            # What has samples only has no default value.
+            # An attribute with time samples only has no default value.
             self.time = Usd.TimeCode(stage.GetStartTimeCode())
         self.xforms = UsdGeom.XformCache(self.time)
         self.remarks: dict[str, int] = {}
@@ -64,17 +64,17 @@ class Context:
         self.cameras: list[dict[str, Any]] = []
         self.environment: Any = None
         self.motion = Motion(stage)
-        #: What was made already, by a key that says what it is.
+        #: Objects already created, by a key that identifies them.
         self.known: dict[Any, Any] = {}
-        #: Primvars that are colours of meshes, by the materials that want them.
+        #: Primvars with colours of meshes, by the materials that use them.
         self.vertex_colors: dict[int, str] = {}
         scale = UsdGeom.GetStageMetersPerUnit(stage)
-        #: Metres of a unit of the stage.
+        #: Metres per unit of the stage.
         self.scale = float(scale) if scale > 0 and math.isfinite(scale) else 1.0
         self.world = np.diag([self.scale, self.scale, self.scale, 1.0])
 
     def remark(self, text: str) -> None:
-        """Tells what is left out; the same once."""
+        """Adds a remark about what is left out; equal ones once."""
         self.remarks[text] = self.remarks.get(text, 0) + 1
 
     def value(self, attribute: Any, default: Any = None) -> Any:
@@ -95,7 +95,7 @@ class Context:
         return str((prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim).GetPath())
 
     def add_node(self, node: dict[str, Any]) -> int:
-        """Stores a node, and gives its number."""
+        """Stores a node and returns its number."""
         self.nodes.append(node)
         return len(self.nodes) - 1
 
@@ -127,7 +127,7 @@ class Context:
                 values = values[flat] if where == "vertex" else values.reshape(len(flat), -1)
                 attributes[name] = ("vertex", values)
                 parts.append(values.astype(np.float64))
-            # Corners that are alike in everything are one vertex.
+            # Corners with equal attributes are one vertex.
             _, first, inverse = np.unique(
                 np.concatenate(parts, axis=1), axis=0, return_index=True, return_inverse=True
             )
@@ -143,7 +143,7 @@ class Context:
         return len(self.meshes) - 1
 
     def add_material(self, surface: dict[str, Any], name: str, key: Any = None, **more: Any) -> int:
-        """Stores a material, which is OpenPBR unless `more` says otherwise; the same `key` is the
+        """Stores a material, which is OpenPBR unless `more` overrides it; the same `key` is the
         same material.
         """
         if key is not None and key in self.known:
@@ -166,7 +166,7 @@ class Context:
         return len(self.materials) - 1
 
     def picture(self, asset: Any, attribute: Any) -> dict[str, Any] | None:
-        """A picture as the file has it; the attribute is the one that names it."""
+        """The content of an image file; `attribute` names it."""
         content, problem = self.files.picture(asset, attribute)
         if content is None:
             self.remark(
@@ -177,7 +177,7 @@ class Context:
         return {"encoded": base64.b64encode(content).decode("ascii")}
 
     def image(self, asset: Any, attribute: Any) -> int:
-        """The number of a picture for textures."""
+        """The number of an image for textures."""
         key = ("image", asset.resolvedPath or asset.path)
         if key not in self.known:
             picture = self.picture(asset, attribute)
@@ -197,7 +197,7 @@ class Context:
     def texture(
         self, image: int, *, is_srgb: bool, wrap: list[str], uv_transform: np.ndarray
     ) -> int:
-        """The number of a texture; equal ones are one."""
+        """The number of a texture; equal ones share it."""
         texture = {
             "image": image,
             "encoding": "srgb" if is_srgb else "linear",

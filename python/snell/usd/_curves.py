@@ -13,7 +13,7 @@ from ._context import Context
 
 __all__ = ["curves"]
 
-#: Sides of the tubes, and pieces of each segment of a curve.
+#: Number of sides of the tubes, and of pieces of each segment of a curve.
 _SIDES, _PIECES = 6, 6
 
 _BASES = {
@@ -98,7 +98,7 @@ def _for_points(values: np.ndarray, counts: np.ndarray, kind: str, wrap: str) ->
 
 
 def _ends(count: int, kind: str, wrap: str) -> int:
-    """How many values a curve has that vary from segment to segment."""
+    """The number of values of a curve that vary by segment."""
     step = 3 if kind == "bezier" else 1
     if wrap == "periodic":
         return max(count // step, 0)
@@ -111,7 +111,7 @@ def _ends(count: int, kind: str, wrap: str) -> int:
 
 
 def _sampled(control: np.ndarray, kind: str, wrap: str) -> np.ndarray:
-    """Points of a curve, with what else belongs to them in the columns after."""
+    """Points of a curve, with their other attributes in further columns."""
     if (
         kind == "linear"
         or kind not in _BASES

@@ -15,13 +15,13 @@ from pxr import Ar, Sdf, Tf
 
 __all__ = ["Files", "StageError", "cause"]
 
-#: Kinds of layers that name files in no other way than USD's own.
+#: Formats of layers that name files only in USD's own ways.
 _LAYERS = (".usd", ".usda", ".usdc", ".usdz")
 _TRUST = "or give --allow-outside if you trust the scene"
 
 
 class StageError(ValueError):
-    """A fault of a stage: where it is, what was found, what to do."""
+    """A fault of a stage: its place, what was found, and a remedy."""
 
 
 def cause(error: Exception) -> str:
@@ -37,7 +37,7 @@ def cause(error: Exception) -> str:
 
 
 class Files:
-    """Which files the stage at `path` may open; at most `most` layers."""
+    """The files that the stage at `path` may open; at most `most` layers."""
 
     def __init__(self, path: str, *, allow_outside: bool, most: int) -> None:
         self.path, self.allow_outside, self.most = path, allow_outside, most
@@ -55,7 +55,7 @@ class Files:
         with Ar.ResolverContextBinder(resolver.CreateDefaultContextForAsset(self.path)):
             while todo:
                 layer = todo.pop()
-                # What refers to its own layer has no name.
+                # A reference to its own layer has no name.
                 for name in filter(None, layer.GetCompositionAssetDependencies()):
                     identifier = self._vetted(layer, name)
                     if identifier in known:
@@ -71,7 +71,7 @@ class Files:
         return found
 
     def check_opened(self, stage: Any) -> None:
-        """Refuses a stage that used a layer which was not looked at before."""
+        """An error for a stage that used a layer which was not checked before."""
         for layer in stage.GetUsedLayers(True):
             if not layer.anonymous:
                 self.check(
@@ -81,7 +81,7 @@ class Files:
                 )
 
     def check(self, file: str, name: str, layer: Any = None, place: str = "") -> None:
-        """Refuses a file outside of the folder. `layer` and `place` say where it is named."""
+        """An error for a file outside of the folder. `layer` and `place` name the reference."""
         if self.allow_outside or (
             os.path.commonpath([self.folder, os.path.realpath(file)]) == self.folder
             and not _is_address(file)
@@ -92,7 +92,7 @@ class Files:
         raise self._error(layer, place, problem, f"move the file into the folder, {_TRUST}")
 
     def picture(self, asset: Any, attribute: Any) -> tuple[bytes | None, str]:
-        """The content of a picture that an attribute names, or else why there is none."""
+        """The content of an image that an attribute names, or the reason why there is none."""
         path = asset.resolvedPath or asset.path
         layer = next(
             (
@@ -179,7 +179,7 @@ def _file(path: str) -> str:
 
 
 def _is_address(name: str) -> bool:
-    """True for `file:///…`, `https://…` and their like."""
+    """True for `file:///…`, `https://…` and similar."""
     return re.match(r"[A-Za-z][A-Za-z0-9+.-]+:/", name) is not None
 
 
@@ -207,7 +207,7 @@ def _numbered(file: str) -> list[str]:
 
 
 def _prims(layer: Any) -> Iterator[Any]:
-    """The prims of a layer, those of all variants too."""
+    """The prims of a layer, including those of all variants."""
     paths: list[Any] = []
     layer.Traverse(
         Sdf.Path.absoluteRootPath,

@@ -14,7 +14,7 @@ from ._shapes import from_y
 
 __all__ = ["light", "mesh_light"]
 
-#: Rectangles and disks shine along -z, and ours along z.
+#: Rectangles and disks of USD emit along -z, and those of Snell along z.
 _TURNED = np.diag([-1.0, 1.0, -1.0, 1.0])
 
 
@@ -134,7 +134,7 @@ def _distant(context: Context, prim: Any, world: np.ndarray, color: np.ndarray) 
 def _area_light(
     context: Context, prim: Any, kind: str, scale: list[float]
 ) -> tuple[dict[str, Any], Any, float] | None:
-    """The shape of a light, how it is turned, and its area in the world, in units of the stage."""
+    """The shape of a light, its rotation, and its area in the world, in units of the stage."""
     get = lambda name: float(context.value(prim.GetAttribute(f"inputs:{name}"), 1.0))  # noqa: E731
     radius = _radius(context, prim)
     if kind == "SphereLight":
@@ -160,7 +160,7 @@ def _area_light(
 
 
 def _picture(context: Context, prim: Any) -> int | None:
-    """The texture of a rectangle: its first row is at +y, and it is upright where it shines."""
+    """The texture of a rectangle: first row at +y, upright as seen from the emitting side."""
     file = prim.GetAttribute("inputs:texture:file")
     asset = context.value(file)
     if prim.GetTypeName() != "RectLight" or not asset or not asset.path:
@@ -173,10 +173,10 @@ def _picture(context: Context, prim: Any) -> int | None:
 def _point(
     context: Context, prim: Any, world: np.ndarray, color: np.ndarray, cone: float | None
 ) -> None:
-    """A sphere from afar: its radiance by the disk that is seen of it."""
+    """A distant sphere: its radiance from the area of its visible disk."""
     radius = _radius(context, prim) * float(np.linalg.norm(world[:3, 0]))
     if _is_normalized(context, prim):
-        # By the area in units of the stage, which leaves a quarter.
+        # Divided by the area in units of the stage, which leaves a factor of a quarter.
         intensity = color * context.scale**2 / 4
     else:
         intensity = color * math.pi * radius**2
@@ -218,11 +218,11 @@ def _dome(context: Context, prim: Any, world: np.ndarray, color: np.ndarray) -> 
     if picture is None:
         context.environment = {"constant": [float(x) for x in color]}
         return
-    # The middle of the picture is +z, and what is right of it -x (OpenEXR); ours are -z and +x.
+    # The middle of the image is +z, and right of it is -x (OpenEXR); Snell has -z and +x.
     turn = np.diag([-1.0, 1.0, -1.0])
     pole = str(context.value(prim.GetAttribute("poleAxis"), "Y"))
     if pole == "Z" or (pole == "scene" and UsdGeom.GetStageUpAxis(context.stage) == "Z"):
-        # The same, stood up: y becomes z.
+        # The same, rotated from y up to z up.
         turn = np.array([[1.0, 0, 0], [0, 0, -1.0], [0, 1.0, 0]]) @ turn
     axes = world[:3, :3] / np.maximum(np.linalg.norm(world[:3, :3], axis=0), 1e-300)
     place = np.eye(4)

@@ -57,7 +57,7 @@ def _preview_surface(context: Context, net: Network, name: str) -> int:
     if int(net.constant("useSpecularWorkflow", 0)) == 1:
         specular = net.color("specularColor", (0, 0, 0))
         strength = max(specular["factor"])
-        # Reflectances that only metals have make a metal.
+        # Reflectances that only metals have are treated as metal.
         if (
             strength > 0.25
             and specular["texture"] is None

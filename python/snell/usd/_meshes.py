@@ -16,7 +16,7 @@ from ._polygons import triangulated
 
 __all__ = ["mesh", "triangles_of"]
 
-#: Names of texture coordinates, the usual first.
+#: Names of texture coordinates, the most common first.
 _COORDINATES = ("st", "UVMap", "st0", "map1", "uv")
 
 
@@ -27,7 +27,7 @@ class _Polygons:
     points: np.ndarray
     #: Points of the corners of faces, one face after the other.
     indices: np.ndarray
-    #: Where the corners of each triangle are in `indices`.
+    #: Positions of the corners of each triangle in `indices`.
     corners: np.ndarray
     #: The face of each triangle.
     faces: np.ndarray
@@ -50,7 +50,7 @@ class _Polygons:
 
 
 def mesh(context: Context, prim: Any) -> list[Any]:
-    """The surface of a mesh; instances share what they show."""
+    """The surface of a mesh; instances share it."""
     subsets = UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets()
     materials = [
         material_of(context, prim),
@@ -179,7 +179,7 @@ def _normals(context: Context, prim: Any, polygons: _Polygons) -> Any:
 
 
 def _smooth(polygons: _Polygons) -> np.ndarray:
-    """Normals of points: those of the triangles around, by their areas."""
+    """Normals of points: the mean of those of adjacent triangles, weighted by area."""
     corners = polygons.points[polygons.triangles].astype(np.float64)
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals = np.zeros((len(polygons.points), 3))

@@ -1,4 +1,4 @@
-"""What moves: transforms that change over time, and what they carry."""
+"""Motion: transforms that change over time, and the objects below them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pxr import Usd, UsdGeom
 
 __all__ = ["Motion"]
 
-#: Most moments at which one transform is looked up.
+#: Maximum number of times at which a transform is sampled.
 _MOST = 4000
 
 
@@ -17,7 +17,7 @@ class Motion:
 
     def __init__(self, stage: Any) -> None:
         rate = stage.GetTimeCodesPerSecond()
-        #: Time codes in a second.
+        #: Time codes per second.
         self.rate = float(rate) if rate > 0 else 24.0
         self.joints: list[dict[str, Any]] = []
         self.channels: list[dict[str, Any]] = []
@@ -26,7 +26,7 @@ class Motion:
         self.lights: list[tuple[int, int]] = []
 
     def add_joint(self, name: str, parent: int | None, node: int, transform: Any) -> int:
-        """A joint that is where a node is; gives its number."""
+        """Adds a joint at a node and returns its number."""
         joint = {"name": name, "node": node, "rest": {"matrix": transform}}
         if parent is not None:
             joint["parent"] = parent
@@ -56,7 +56,7 @@ class Motion:
             self.channels.append({"joint": joint, "track": {"transform": keys}})
 
     def form(self) -> dict[str, Any]:
-        """The motion as the document has it; nothing if nothing moves."""
+        """The motion in the syntax of the document; empty if nothing moves."""
         if not self.channels:
             return {}
         clips = [{"channels": self.channels}]

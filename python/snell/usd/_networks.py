@@ -1,4 +1,4 @@
-"""Shading networks: what an input of a surface gets, through the nodes it is connected to."""
+"""Shading networks: the values of surface inputs through the nodes that they are connected to."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ._context import Context, color_form, scalar_form
 
 __all__ = ["Network", "kind_of"]
 
-#: Longest chain of nodes that is followed.
+#: Maximum length of a chain of nodes.
 _MAX_DEPTH = 32
 _CHANNELS = {"r": 0, "g": 1, "b": 2, "a": 3, "outr": 0, "outg": 1, "outb": 2, "outa": 3}
 _WRAPS = {
@@ -42,20 +42,20 @@ def kind_of(shader: Any) -> str:
 
 @dataclass
 class _Picture:
-    """A picture and how it is used."""
+    """An image and its use."""
 
     image: int
     space: str
     wrap: list[str]
     scale: np.ndarray
     bias: np.ndarray
-    #: The map of texture coordinates before the picture.
+    #: The map of texture coordinates before the image lookup.
     st: np.ndarray
 
 
 @dataclass
 class _Source:
-    """What an input gets: a value, times a picture, or a primvar."""
+    """The value of an input: a constant, times an image, or a primvar."""
 
     value: Any = None
     picture: _Picture | None = None
@@ -72,7 +72,7 @@ class Network:
         self.primvar: str | None = None
 
     def constant(self, name: str, default: Any) -> Any:
-        """A value that no picture changes."""
+        """A constant without an image."""
         value = self._read(name).value
         return default if value is None else value
 
@@ -119,11 +119,11 @@ class Network:
         return scalar_form(factor, (self._placed(source.picture, False), source.channel))
 
     def normal_map(self, name: str) -> dict[str, Any] | None:
-        """A picture of normals in tangent space."""
+        """An image of normals in tangent space."""
         picture = self._read(name).picture
         if picture is None:
             return None
-        # Whatever the file says, directions are no colours.
+        # Directions are not colours, whatever the file declares.
         picture.space = "raw"
         return {"texture": self._placed(picture, False), "scale": 1.0}
 
@@ -192,7 +192,7 @@ class Network:
 
     @staticmethod
     def _product(sides: list[_Source]) -> _Source | None:
-        """Values and at most one picture."""
+        """A constant and at most one image."""
         pictures = [side for side in sides if side.picture is not None]
         if len(pictures) > 1 or any(side.primvar for side in sides):
             return None
@@ -252,7 +252,7 @@ class Network:
         )
 
     def _placement(self, given: Any, depth: int = 0) -> np.ndarray:
-        """The map of texture coordinates before the picture."""
+        """The map of texture coordinates before the image lookup."""
         attributes = given.GetValueProducingAttributes() if depth < _MAX_DEPTH else []
         if not attributes or not UsdShade.Output.IsOutput(attributes[0]):
             return np.eye(3)

@@ -55,7 +55,7 @@ def _halves(points: np.ndarray, indices: np.ndarray, first: np.ndarray) -> np.nd
 
 
 def _ears(p: np.ndarray) -> np.ndarray:
-    """Triangles of a polygon, by cutting ears."""
+    """Triangles of a polygon, by ear clipping."""
     following = np.roll(p, -1, axis=0)
     normal = np.cross(p, following).sum(axis=0)
     axis = int(np.argmax(np.abs(normal)))
@@ -69,7 +69,7 @@ def _ears(p: np.ndarray) -> np.ndarray:
             if _is_ear(flat, ear, rest):
                 break
         else:
-            # Of what crosses itself, anything.
+            # A polygon that intersects itself gets arbitrary triangles.
             i, ear = 1, rest[:3]
         found.append(ear)
         rest.pop(i)

@@ -1,4 +1,4 @@
-"""Spheres, cubes, cylinders, cones, capsules and planes as exact shapes; points as balls."""
+"""Spheres, cubes, cylinders, cones, capsules and planes as exact shapes; points as spheres."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ._context import Context, rows
 
 __all__ = ["from_y", "points", "shape"]
 
-#: Most balls that stand for points.
+#: Maximum number of spheres that stand for points.
 _MAX_POINTS = 100_000
 
 
@@ -42,7 +42,7 @@ def shape(context: Context, prim: Any) -> list[int]:
             context, get("radius", 0.5), get("height", 1), material_of(context, prim), from_y(axis)
         )
     if kind == "Plane":
-        # Its normal is the axis; ours is z.
+        # Its normal is the axis; that of Snell's shape is z.
         form = {"shape": "rectangle", "half_size": [get("width", 2) / 2, get("length", 2) / 2]}
         return [context.add_shape(form, material_of(context, prim), _from_z(axis))]
     if prim.IsA(UsdGeom.Boundable):
@@ -68,7 +68,7 @@ def _capsule(
 
 
 def points(context: Context, prim: Any) -> list[int]:
-    """A ball for each point."""
+    """A sphere for each point."""
     given = UsdGeom.Points(prim)
     positions = context.array(given.GetPointsAttr(), 3)
     widths = context.array(given.GetWidthsAttr(), 1, [1.0]).reshape(-1)
@@ -89,7 +89,7 @@ def points(context: Context, prim: Any) -> list[int]:
 
 
 def _balls(context: Context, prim: Any, count: int) -> list[int]:
-    """The ball of each point; those of one colour share theirs."""
+    """The sphere of each point; points of one colour share it."""
     form = {"shape": "sphere", "radius": 0.5}
     colors = None if is_bound(prim) else display_color(context, prim)
     if colors is None or len(colors) < max(count, 2):
@@ -100,7 +100,7 @@ def _balls(context: Context, prim: Any, count: int) -> list[int]:
 
 
 def from_y(axis: str) -> np.ndarray:
-    """Turns shapes that stand around y to another axis."""
+    """Rotates shapes from the y axis to another axis."""
     columns = {
         "X": [[0, -1, 0], [1, 0, 0], [0, 0, 1]],
         "Y": [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
@@ -112,7 +112,7 @@ def from_y(axis: str) -> np.ndarray:
 
 
 def _from_z(axis: str) -> np.ndarray:
-    """Turns a rectangle with the normal z to another axis."""
+    """Rotates a rectangle from the normal z to another axis."""
     columns = {
         "X": [[0, 0, -1], [0, 1, 0], [1, 0, 0]],
         "Y": [[1, 0, 0], [0, 0, -1], [0, 1, 0]],

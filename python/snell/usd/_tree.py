@@ -1,4 +1,4 @@
-"""The tree of a stage as nodes; instances are made once."""
+"""The tree of a stage as nodes; instances are created once."""
 
 from __future__ import annotations
 
@@ -139,7 +139,7 @@ def _node_of(context: Context, prim: Any, parent: np.ndarray, joint: int) -> int
     local, resets = np.eye(4), False
     if UsdGeom.Xformable(prim):
         matrix, resets = context.xforms.GetLocalTransformation(prim)
-        # USD has vectors as rows.
+        # USD has row vectors.
         local = np.array(matrix, dtype=np.float64).reshape(4, 4).T
         if resets:
             local = np.linalg.pinv(parent) @ context.world @ local
@@ -176,7 +176,7 @@ def _sizes(context: Context) -> list[tuple[list[Any], int]]:
 
 
 def _check_finite(context: Context, before: list[tuple[list[Any], int]]) -> None:
-    """Refuses what was added if it has a number that is none, which no file can hold."""
+    """An error if an added number is not finite, which no file can hold."""
     try:
         json.dumps(
             [part[size:] for part, size in before]
@@ -188,7 +188,7 @@ def _check_finite(context: Context, before: list[tuple[list[Any], int]]) -> None
 
 
 def _shared_children(context: Context, prim: Any, world: np.ndarray, joint: int) -> list[int]:
-    """What is below; that of an instance is made once for all of its kind."""
+    """The nodes below; those of a prototype are created once for all instances."""
     if not prim.IsInstance():
         return _children(context, prim, world, joint)
     key = ("prototype", str(prim.GetPrototype().GetPath()))
@@ -202,7 +202,7 @@ def _shared_children(context: Context, prim: Any, world: np.ndarray, joint: int)
 
 
 def _placed_in_the_world(context: Context) -> tuple[int, int, bool]:
-    """Lights and cameras stand in the world, so they are made for every instance."""
+    """Lights and cameras are in world space, so they are created for every instance."""
     return len(context.lights), len(context.cameras), context.environment is None
 
 

@@ -5,7 +5,7 @@ use crate::{Report, Severity, Subject};
 use snell_math::{Bounds3d, DVec3};
 use snell_scene::{Camera, Projection};
 
-/// Looks at every camera.
+/// Checks every camera.
 pub fn cameras(subject: &Subject, report: &mut Report) {
     for (i, camera) in subject.scene.cameras.iter().enumerate() {
         let name = if camera.name.is_empty() {
@@ -17,7 +17,7 @@ pub fn cameras(subject: &Subject, report: &mut Report) {
             continue;
         }
         for (place, component) in subject.around(camera.eye) {
-            // Rooms have cameras.
+            // Rooms may contain cameras.
             if holds_something(subject, place, component) {
                 continue;
             }
@@ -53,8 +53,8 @@ pub fn cameras(subject: &Subject, report: &mut Report) {
     }
 }
 
-/// True if some other surface lies in the box around a closed thing: then it is a room, a vessel or
-/// a sky.
+/// True if another surface lies in the bounding box of a closed surface: then it is a room, a
+/// vessel or a sky.
 pub fn holds_something(subject: &Subject, place: usize, component: Option<usize>) -> bool {
     let placed = &subject.placed[place];
     let map = &placed.world_from_surface;
@@ -78,7 +78,7 @@ pub fn holds_something(subject: &Subject, place: usize, component: Option<usize>
             && !bounds.is_empty()
             && own.contains(bounds.center())
             && {
-                // Something smaller.
+                // The interior holds something smaller.
                 bounds.size().length() < own.size().length()
             }
     })
@@ -91,7 +91,7 @@ fn sees_nothing(subject: &Subject, camera: &Camera) -> bool {
     {
         return false;
     }
-    // Media are seen without surfaces.
+    // Media are visible without surfaces.
     if subject.scene.medium.is_some() {
         return false;
     }

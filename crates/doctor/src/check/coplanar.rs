@@ -1,8 +1,8 @@
-//! Surfaces of different objects in one plane, where it is chance which of them is seen.
+//! Surfaces of different objects in one plane, where it is undefined which of them is visible.
 //!
-//! Triangles are sorted by their planes; those in the same one are laid on a grid, and pairs of
-//! different pieces are clipped against each other. Not told are faces that nobody can see: those
-//! by which one opaque body stands on another.
+//! Triangles are sorted by their planes; those in the same plane are put into a grid, and pairs of
+//! different pieces are clipped against each other. Invisible faces are not reported: those by
+//! which one opaque body stands on another.
 
 use crate::subject::bounds_inside;
 use crate::{Report, Severity, Subject};
@@ -11,18 +11,19 @@ use snell_math::{DVec2, DVec3};
 use snell_scene::Material;
 use std::collections::{BTreeMap, HashMap};
 
-/// Most triangles, instances counted each; more are looked at in their first places only.
+/// Maximum number of triangles, counting each instance; beyond it, only first placements are
+/// checked.
 const MAX_TRIANGLES: usize = 8_000_000;
-/// Distance of planes that count as one, as part of the scene's size.
+/// Distance below which planes count as one, relative to the scene's size.
 const SAME_PLANE: f64 = 1e-7;
 
-/// Most pairs of triangles in one plane that are compared: where thousands lie in one place there
-/// are millions.
+/// Maximum number of pairs of triangles in one plane that are compared: thousands of triangles in
+/// one place form millions of pairs.
 const MAX_PAIRS: usize = 2_000_000;
-/// Most pairs of pieces in one plane that are remembered.
+/// Maximum number of pairs of pieces in one plane that are stored.
 const MAX_FOUND: usize = 10_000;
 
-/// Cells of a grid that a triangle covers on average at most.
+/// Maximum number of grid cells that a triangle covers on average.
 const CELLS: f64 = 64.0;
 
 /// A triangle in the world.
@@ -39,7 +40,7 @@ struct Face {
 /// A piece: a component of a placed mesh.
 type Piece = (u32, u32);
 
-/// What two pieces share.
+/// The overlap of two pieces.
 #[derive(Clone, Copy)]
 struct Overlap {
     area: f64,
@@ -50,7 +51,7 @@ struct Overlap {
     normal: DVec3,
 }
 
-/// Looks at all triangles of meshes.
+/// Checks all triangles of meshes.
 pub fn coplanar(subject: &Subject, report: &mut Report) {
     let faces = all_faces(subject);
     let groups: Vec<&[Face]> = faces
@@ -60,7 +61,7 @@ pub fn coplanar(subject: &Subject, report: &mut Report) {
     let found: Vec<(BTreeMap<(Piece, Piece), Overlap>, bool)> =
         groups.par_iter().map(|group| overlaps(group)).collect();
     if found.iter().any(|(_, is_whole)| !is_whole) {
-        let message = "so many faces lie in one place that not all of them were compared";
+        let message = "too many faces lie in one place to compare all of them";
         report.add(Severity::Note, "", message, "take out what is there several times");
     }
     let mut all: BTreeMap<(Piece, Piece), Overlap> = BTreeMap::new();
@@ -69,7 +70,7 @@ pub fn coplanar(subject: &Subject, report: &mut Report) {
         known.area += overlap.area;
         known.count += overlap.count;
     }
-    // The same two objects may meet in many pieces.
+    // The same two objects may overlap in many pieces.
     let mut told: HashMap<(u32, u32), usize> = HashMap::new();
     for ((a, b), overlap) in all {
         let seen = told.entry((a.0, b.0)).or_default();
@@ -119,9 +120,9 @@ fn all_faces(subject: &Subject) -> Vec<Face> {
     all
 }
 
-/// The same number for triangles in one plane, whichever way they face.
+/// A key that is the same for all triangles in one plane, whichever way they face.
 fn plane_key(normal: DVec3, point: DVec3, size: f64) -> u64 {
-    // The largest coordinate decides which of two opposite directions stands for both.
+    // The sign of the largest coordinate selects one of two opposite directions.
     let a = normal.abs();
     let largest = if a.x >= a.y && a.x >= a.z {
         normal.x
@@ -131,7 +132,7 @@ fn plane_key(normal: DVec3, point: DVec3, size: f64) -> u64 {
         normal.z
     };
     let n = if largest > 0.0 { normal } else { -normal };
-    // The offsets keep the usual round numbers away from where numbers are cut.
+    // The offsets keep common round numbers away from the boundaries of the quantisation.
     let cut = |x: f64, step: f64| (x / step + 0.271_828).floor() as i64;
     let parts =
         [cut(n.x, 1e-4), cut(n.y, 1e-4), cut(n.z, 1e-4), cut(n.dot(point), size * SAME_PLANE)];
@@ -141,7 +142,7 @@ fn plane_key(normal: DVec3, point: DVec3, size: f64) -> u64 {
     })
 }
 
-/// What the pieces of a plane share; false if there was too much to compare.
+/// The overlaps of the pieces in a plane; false if there was too much to compare.
 fn overlaps(group: &[Face]) -> (BTreeMap<(Piece, Piece), Overlap>, bool) {
     let mut compared = 0;
     let mut found: BTreeMap<(Piece, Piece), Overlap> = BTreeMap::new();
@@ -237,8 +238,8 @@ fn double_area(t: &[DVec2; 3]) -> f64 {
     (t[1] - t[0]).perp_dot(t[2] - t[0])
 }
 
-/// Area of what two triangles share, by clipping one against the sides of the other (Sutherland and
-/// Hodgman, Reentrant Polygon Clipping, 1974).
+/// Area of the intersection of two triangles, by clipping one against the sides of the other
+/// (Sutherland and Hodgman, Reentrant Polygon Clipping, 1974).
 fn common(a: &[DVec2; 3], b: &[DVec2; 3]) -> f64 {
     let turn = double_area(b).signum();
     let mut polygon = a.to_vec();
@@ -268,7 +269,7 @@ fn common(a: &[DVec2; 3], b: &[DVec2; 3]) -> f64 {
         * 0.5
 }
 
-/// Adds a finding if the overlap can be seen.
+/// Adds a finding if the overlap is visible.
 fn tell(subject: &Subject, a: Piece, b: Piece, overlap: &Overlap, report: &mut Report) -> bool {
     let body = |piece: Piece| subject.body_of[piece.0 as usize].map(|b| &subject.bodies[b]);
     let (Some(first), Some(second)) = (body(a), body(b)) else { return false };
@@ -300,7 +301,7 @@ fn tell(subject: &Subject, a: Piece, b: Piece, overlap: &Overlap, report: &mut R
         let is_hidden = match closed {
             // Back to back, both behind their own faces; or one body in another.
             [true, true] => !overlap.is_alike,
-            // A body on a sheet hides what they share; a sheet on a body is a sticker.
+            // A body on a sheet hides the overlap; a sheet on a body is a sticker.
             [true, false] => !overlap.is_alike || overlap.area < 0.9 * areas[1],
             [false, true] => !overlap.is_alike || overlap.area < 0.9 * areas[0],
             [false, false] => false,
@@ -314,7 +315,7 @@ fn tell(subject: &Subject, a: Piece, b: Piece, overlap: &Overlap, report: &mut R
         }
         (
             Severity::Warning,
-            "faces of two objects lie in one plane: it is chance which of them is seen",
+            "faces of two objects lie in one plane: which of them is visible is undefined",
             "move one of them a little, or cut the other out there",
         )
     };
@@ -325,7 +326,7 @@ fn tell(subject: &Subject, a: Piece, b: Piece, overlap: &Overlap, report: &mut R
     true
 }
 
-/// False if some cameras are there, and all look at the back of faces that look the same way.
+/// False if there are cameras, and all of them see only the back of faces that face the same way.
 fn is_seen(subject: &Subject, overlap: &Overlap) -> bool {
     let cameras = &subject.scene.cameras;
     !overlap.is_alike

@@ -1,9 +1,9 @@
-//! Holes and loose edges where light goes in.
+//! Holes and loose edges of surfaces that light enters.
 //!
 //! A body may be made of several meshes, and exporters do not always give the two sides of a seam
 //! the same numbers: an edge counts as open only if no other open edge lies within a millionth of
-//! the body's size. What is more sheet than body (water in a basin, a pane) is not a body with a
-//! hole.
+//! the body's size. A surface that is more sheet than body (water in a basin, a pane) is not
+//! reported as a body with a hole.
 
 use super::counted;
 use crate::subject::{Body, bounds_inside};
@@ -12,10 +12,10 @@ use crate::{Report, Severity, Subject};
 use snell_math::DVec3;
 use std::collections::{BTreeMap, HashMap};
 
-/// A surface this open is a sheet.
+/// A surface at least this open is a sheet.
 const SHEET: f64 = 0.45;
 
-/// Looks at all meshes that bound an inside.
+/// Checks all meshes that bound an interior.
 pub fn holes(subject: &Subject, report: &mut Report) {
     let seams = Seams::of(subject);
     for body in subject.bodies.iter().filter(|b| b.role.bounds_inside) {
@@ -94,7 +94,7 @@ fn tell_of_holes(
     }
 }
 
-/// All open edges of bodies with an inside, in the world, by where they are.
+/// All open edges of bodies with an interior, in the world, by position.
 struct Seams {
     cells: HashMap<[i64; 3], u32>,
     cell: f64,
@@ -118,7 +118,7 @@ impl Seams {
         (p / self.cell + 0.271_828).to_array().map(|x| x.floor() as i64)
     }
 
-    /// True if another open edge has its middle where this one has it.
+    /// True if another open edge has the same midpoint.
     fn is_closed(&self, subject: &Subject, place: usize, edge: &BoundaryEdge) -> bool {
         let [x, y, z] = self.key(middle(subject, place, edge));
         let mut count = 0;

@@ -1,4 +1,4 @@
-//! Lights that light nothing.
+//! Lights that illuminate nothing.
 
 use super::material_name;
 use crate::{Report, Severity, Subject};
@@ -7,28 +7,28 @@ use snell_math::{Bounds3d, DVec3, Ray};
 use snell_scene::{Geometry, Light, Material};
 use std::collections::BTreeMap;
 
-/// Rays by which an emitting surface looks around.
+/// Number of rays that test each point of an emitting surface.
 const PROBES: u32 = 64;
-/// Most places of emitting surfaces that are looked at.
+/// Maximum number of emitting surfaces that are tested.
 const MAX_LOOKS: usize = 2000;
-/// What lies nearer than this part of the scene's size covers a lamp.
+/// A surface nearer than this share of the scene's size covers a lamp.
 const NEAR: f64 = 1e-3;
 
-/// Looks at lights, and at surfaces that emit.
+/// Checks lights and emitting surfaces.
 pub fn lights(subject: &Subject, report: &mut Report) {
     let scene_bounds = subject.finite_bounds();
     let is_bounded = (0..subject.placed.len()).all(|i| subject.bounds(i).is_finite());
     for (i, light) in subject.scene.lights.iter().enumerate() {
         let name = format!("light {i} ({})", light.name());
         if let Some((message, remedy)) = dark(light) {
-            // Black lights are an old way to say that surfaces or the sky are to light the scene.
+            // In old files, black lights mean that surfaces or the sky illuminate the scene.
             let severity =
                 if is_lit_otherwise(subject) { Severity::Note } else { Severity::Warning };
             report.add(severity, name, message, remedy);
             continue;
         }
         if is_bounded && !scene_bounds.is_empty() && misses(light, &scene_bounds) {
-            let message = "it shines past everything in the scene";
+            let message = "its light misses everything in the scene";
             report
                 .add(Severity::Warning, name, message, "turn it, widen its cone, or take it out")
                 .position = light.position().map(|p| p.to_array());
@@ -47,14 +47,14 @@ pub fn lights(subject: &Subject, report: &mut Report) {
     emitters(subject, report);
 }
 
-/// True if surfaces or the environment light the scene.
+/// True if surfaces or the environment illuminate the scene.
 fn is_lit_otherwise(subject: &Subject) -> bool {
     let emits = |(_, id)| subject.material(id).is_emissive();
     subject.scene.environment.is_some()
         || subject.placed.iter().any(|p| p.slots().into_iter().any(emits))
 }
 
-/// A light that has no light.
+/// A light that emits nothing.
 fn dark(light: &Light) -> Option<(&'static str, &'static str)> {
     let color = light.color();
     if color.r.min(color.g).min(color.b) < 0.0 {
@@ -69,7 +69,7 @@ fn dark(light: &Light) -> Option<(&'static str, &'static str)> {
     None
 }
 
-/// True if all of the box lies outside of what the light shines at.
+/// True if the whole box is outside the region that the light illuminates.
 fn misses(light: &Light, bounds: &Bounds3d) -> bool {
     let Some((apex, (axis, angle))) = light.position().zip(light.cone()) else { return false };
     let to_center = bounds.center() - apex;
@@ -81,7 +81,7 @@ fn misses(light: &Light, bounds: &Bounds3d) -> bool {
     between - (radius / distance).asin() > angle + 1e-6
 }
 
-/// The opaque closed thing around a light that holds nothing else.
+/// The opaque closed surface around a light that contains nothing else.
 fn enclosed(subject: &Subject, light: &Light, at: DVec3) -> Option<usize> {
     if light.has_body() {
         return None;
@@ -99,11 +99,11 @@ fn enclosed(subject: &Subject, light: &Light, at: DVec3) -> Option<usize> {
         };
         is_opaque(material)
     })?;
-    // Rooms have lights.
+    // Rooms may contain lights.
     (!super::cameras::holds_something(subject, place, component)).then_some(place)
 }
 
-/// True if no light goes through, from either side.
+/// True if no light is transmitted from either side.
 pub fn is_opaque(material: &Material) -> bool {
     use snell_scene::material::MaterialKind as Kind;
     let is_whole =
@@ -120,7 +120,7 @@ pub fn is_opaque(material: &Material) -> bool {
     is_whole && !is_clear && !material.is_emissive()
 }
 
-/// Emitting materials: whether a surface has them, and whether their light gets anywhere.
+/// Emitting materials: whether a surface uses them, and whether their light escapes.
 fn emitters(subject: &Subject, report: &mut Report) {
     let mut lit: BTreeMap<usize, bool> = BTreeMap::new();
     let mut covered: BTreeMap<usize, (usize, DVec3)> = BTreeMap::new();
@@ -161,7 +161,7 @@ fn emitters(subject: &Subject, report: &mut Report) {
         if material.is_emissive() && lit.get(&i) == Some(&false) {
             let (place, at) = covered[&i];
             let message = format!(
-                "{} emits, but right before its outer side is another surface",
+                "{} emits, but another surface covers its outer side",
                 material_name(i, material)
             );
             let finding = report.add(
@@ -175,8 +175,8 @@ fn emitters(subject: &Subject, report: &mut Report) {
     }
 }
 
-/// Where an emitting surface was looked at if all it sees is close; `None` if some of its light
-/// gets away, or nobody can tell.
+/// The tested point of an emitting surface if all that it sees is close; `None` if some of its
+/// light escapes, or if that is unknown.
 fn looks_around(
     subject: &Subject,
     place: usize,
@@ -193,8 +193,8 @@ fn looks_around(
             let normal = normal * *side;
             let x = normal.any_orthonormal_vector();
             let y = normal.cross(x);
-            // Spread by the golden angle, not too near to the horizon: what is seen there is far
-            // away whatever covers the lamp.
+            // Spread by the golden angle, not too near to the horizon: hits there are far away even
+            // if something covers the lamp.
             let (height, turn) =
                 (1.0 - 0.7 * (i as f64 + 0.5) / f64::from(PROBES), i as f64 * 2.399_963);
             let (sin, cos) = turn.sin_cos();
@@ -229,7 +229,7 @@ fn sampled(subject: &Subject, place: usize, slot: u16) -> Option<Vec<(DVec3, DVe
             });
             Some(points.collect::<Vec<_>>()).filter(|p| !p.is_empty())
         }
-        // Strands see each other and the sky: nothing covers all of them.
+        // Strands see each other and the sky, so nothing covers all of them.
         Geometry::Curves(_) => None,
         Geometry::Mesh(mesh) => {
             let body = &subject.bodies[subject.body_of[place]?];

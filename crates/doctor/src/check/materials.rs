@@ -5,13 +5,13 @@ use crate::{Report, Severity, Subject};
 use snell_math::parameters::{Found, Leaf, Range, Value, find};
 use snell_scene::{Material, Pixels, Scene, TextureId};
 
-/// Rounding that nobody minds.
+/// Tolerance for rounding.
 const TOLERANCE: f64 = 1e-3;
 
-/// What the index of refraction of an inside usually is.
+/// The plausible range of the index of refraction of an interior.
 const USUAL_INDICES: std::ops::RangeInclusive<f32> = 0.2..=6.0;
 
-/// Looks at all materials in the table, and at media.
+/// Checks all materials in the table, and media.
 pub fn materials(subject: &Subject, report: &mut Report) {
     let scene = subject.scene;
     for (i, material) in scene.materials.iter().enumerate() {
@@ -24,7 +24,7 @@ pub fn materials(subject: &Subject, report: &mut Report) {
     }
 }
 
-/// Looks at the parameters of a thing.
+/// Checks the parameters of a thing.
 fn parameters(scene: &Scene, name: &str, thing: &impl Value, report: &mut Report) {
     find(thing, &mut |found| {
         if let Some((message, remedy)) = impossible(found).or_else(|| unusual(scene, found)) {
@@ -33,12 +33,12 @@ fn parameters(scene: &Scene, name: &str, thing: &impl Value, report: &mut Report
     });
 }
 
-/// What is wrong with numbers that are out of their range, and what to do.
+/// The message and remedy for numbers out of their range.
 fn impossible(found: &Found) -> Option<(String, &'static str)> {
     let (parameter, range) = (found.name(), found.range);
     let is_near = |x: f64| [x - TOLERANCE, x + TOLERANCE].iter().any(|&x| range.contains(x));
     let numbers = found.numbers();
-    // What is not finite is told by another check.
+    // Non-finite numbers are reported by another check.
     let wrong =
         numbers.into_iter().find(|&x| x.is_finite() && !range.contains(x) && !is_near(x))?;
     if wrong < 0.0 && range.contains(0.0) {
@@ -53,7 +53,7 @@ fn impossible(found: &Found) -> Option<(String, &'static str)> {
     Some((message, "correct it"))
 }
 
-/// What is wrong with numbers that are possible, but most likely a mistake, and what to do.
+/// The message and remedy for numbers that are allowed, but most likely a mistake.
 fn unusual(scene: &Scene, found: &Found) -> Option<(String, &'static str)> {
     let (parameter, usual) = (found.name(), found.usual);
     let is_color = matches!(found.leaf, Leaf::Numbers(_));
@@ -78,7 +78,7 @@ const CUT: &str = "make it at most 1: more would make light out of nothing, and 
 
 /// A colour that reflects more than it receives.
 fn above_one(found: &Found) -> Option<(String, &'static str)> {
-    // A spectrum has a shape of its own.
+    // The values of a spectrum are not known from its factor alone.
     if found.is_spectral || largest(found) <= 1.0 + TOLERANCE {
         return None;
     }
@@ -91,7 +91,7 @@ fn largest(found: &Found) -> f64 {
     found.numbers().into_iter().fold(f64::NEG_INFINITY, f64::max)
 }
 
-/// The largest value of a texture; 1 for what is no image.
+/// The largest value of a texture; 1 for patterns.
 fn brightest(scene: &Scene, texture: TextureId) -> f32 {
     let image = scene
         .textures
@@ -104,7 +104,7 @@ fn brightest(scene: &Scene, texture: TextureId) -> f32 {
     })
 }
 
-/// Looks at the index of refraction of what is inside, however the material says it.
+/// Checks the index of refraction of the interior, however the material gives it.
 fn inside(name: &str, material: &Material, report: &mut Report) {
     let ior = material.ior();
     if material.bounded_interior().is_some() && !USUAL_INDICES.contains(&ior) {

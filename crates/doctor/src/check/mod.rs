@@ -26,7 +26,7 @@ pub use winding::winding;
 
 use snell_scene::Material;
 
-/// How a material is called.
+/// The name of a material in messages.
 fn material_name(index: usize, material: &Material) -> String {
     if material.name.is_empty() {
         format!("material {index}")

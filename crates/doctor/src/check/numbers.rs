@@ -7,7 +7,7 @@ use snell_math::parameters::{Value, find};
 
 const REMEDY: &str = "correct the number in the file";
 
-/// Looks at meshes, transforms, materials, lights, cameras and media.
+/// Checks meshes, transforms, materials, lights, cameras and media.
 pub fn numbers(subject: &Subject, report: &mut Report) {
     meshes(subject, report);
     let scene = subject.scene;

@@ -1,9 +1,9 @@
-//! What the reader had to say.
+//! The warnings of the reader.
 
 use crate::{Report, Severity, Subject};
 use snell_scene::WarningKind;
 
-/// Hands on the reader's warnings: missing files are errors.
+/// Forwards the reader's warnings: missing files are errors.
 pub fn reader(subject: &Subject, report: &mut Report) {
     for warning in &subject.scene.warnings {
         let (severity, remedy) = match warning.kind {
@@ -14,7 +14,7 @@ pub fn reader(subject: &Subject, report: &mut Report) {
                 (Severity::Warning, "see whether the picture is what you want, or change the file")
             }
             WarningKind::Choice => (Severity::Note, "nothing, if that is what you want"),
-            // The check of numbers says it with the place.
+            // The check of numbers reports it with its place.
             WarningKind::NotFinite => continue,
         };
         report.add(severity, "", warning.message.clone(), remedy).count = warning.count;

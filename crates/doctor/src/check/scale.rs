@@ -1,4 +1,4 @@
-//! Absurd sizes.
+//! Implausible sizes.
 
 use crate::{Report, Severity, Subject};
 use snell_scene::Projection;
@@ -6,7 +6,7 @@ use snell_scene::Projection;
 /// Single precision has about this many steps per unit of size that a surface needs to look smooth.
 const STEPS: f64 = 1000.0;
 
-/// Looks at sizes of things against their distance from the origin and against each other.
+/// Compares sizes of objects with their distance from the origin and with each other.
 pub fn scale(subject: &Subject, report: &mut Report) {
     let scene_bounds = subject.finite_bounds();
     if scene_bounds.is_empty() {
@@ -25,7 +25,7 @@ pub fn scale(subject: &Subject, report: &mut Report) {
     views(subject, size, report);
 }
 
-/// Things so far from their own origin that their coordinates are rough.
+/// Meshes so far from their own origin that their coordinates are imprecise.
 fn precision(subject: &Subject, report: &mut Report) {
     for body in &subject.bodies {
         let bounds = body.mesh.bounds();
@@ -49,7 +49,7 @@ fn precision(subject: &Subject, report: &mut Report) {
     }
 }
 
-/// Transforms that stretch one direction a thousand times more than another.
+/// Transforms that scale one direction a thousand times more than another.
 fn stretched(subject: &Subject, report: &mut Report) {
     let mut told = std::collections::BTreeSet::new();
     for (place, placed) in subject.placed.iter().enumerate() {
@@ -57,11 +57,11 @@ fn stretched(subject: &Subject, report: &mut Report) {
         let lengths = [m.x_axis.length(), m.y_axis.length(), m.z_axis.length()];
         let (least, most) =
             lengths.iter().fold((f64::INFINITY, 0.0f64), |(a, b), &x| (a.min(x), b.max(x)));
-        // A flat thing may be as thin as it likes.
+        // A flat object may be arbitrarily thin.
         let is_flat = placed.surface.geometry.bounds().size().to_array().iter().any(|&s| s <= 0.0);
         if most > 1e5 * least && !is_flat && told.insert(placed.node) {
             let message = format!(
-                "its transform stretches one direction {:.0e} times more than another",
+                "its transform scales one direction {:.0e} times more than another",
                 most / least
             );
             report.add(Severity::Warning, subject.name(place), message, "correct the scale");
@@ -69,7 +69,7 @@ fn stretched(subject: &Subject, report: &mut Report) {
     }
 }
 
-/// Cameras with an odd angle, lens or distance.
+/// Cameras with an implausible angle, lens or distance.
 fn views(subject: &Subject, size: f64, report: &mut Report) {
     for (i, camera) in subject.scene.cameras.iter().enumerate() {
         let name = if camera.name.is_empty() {

@@ -1,4 +1,4 @@
-//! Textures that cannot show.
+//! Invalid textures.
 
 use super::material_name;
 use crate::{Report, Severity, Subject};
@@ -6,8 +6,7 @@ use snell_scene::texture::TextureError;
 use snell_scene::{Geometry, Material, TextureId};
 use std::collections::BTreeSet;
 
-/// Finds meshes without the coordinates that their textures need, and textures of images that are
-/// not there.
+/// Finds meshes without the coordinates that their textures need, and textures with missing images.
 pub fn textures(subject: &Subject, report: &mut Report) {
     let scene = subject.scene;
     for (i, error) in
@@ -18,7 +17,7 @@ pub fn textures(subject: &Subject, report: &mut Report) {
             Some(TextureError::NoImage { .. }) => {
                 ("its image is not there".to_string(), "name another image")
             }
-            Some(error) => (error.to_string(), "make it of others, which stand above it"),
+            Some(error) => (error.to_string(), "let it refer only to textures that precede it"),
         };
         report.add(Severity::Error, format!("texture {i}"), message, remedy);
     }
@@ -43,7 +42,7 @@ pub fn textures(subject: &Subject, report: &mut Report) {
                 .iter()
                 .filter_map(|&t| scene.textures.get(t.index())?.as_image())
                 .find(|texture| {
-                    // A picture of one pixel needs no coordinates.
+                    // An image of one pixel needs no coordinates.
                     let is_plain = scene
                         .images
                         .get(texture.image.index())

@@ -1,12 +1,12 @@
-//! Which side of a surface is the outer one. It matters where light goes in, where a back is not
-//! there, and where only the front emits.
+//! Orientation of surfaces. It matters where light enters, where the back is invisible, and where
+//! only the front emits.
 
 use super::counted;
 use crate::subject::{Body, bounds_inside};
 use crate::{Report, Severity, Subject};
 use snell_math::Bounds3;
 
-/// Looks at all meshes, piece by piece.
+/// Checks all meshes, component by component.
 pub fn winding(subject: &Subject, report: &mut Report) {
     for body in &subject.bodies {
         inconsistent(subject, body, report);
@@ -42,7 +42,7 @@ fn inside_out(subject: &Subject, body: &Body, report: &mut Report) {
         .iter()
         .filter(|c| c.is_closed() && c.inconsistent_edges == 0 && c.volume < 0.0 && c.faces >= 4)
         .filter(|c| {
-            // Flat bodies have a volume of rounding errors.
+            // The volume of flat bodies is only rounding error.
             c.volume.abs() > 1e-6 * c.area.powf(1.5)
         })
         .filter(|c| {
@@ -66,13 +66,13 @@ fn inside_out(subject: &Subject, body: &Body, report: &mut Report) {
             "turn its faces over, or make the material two-sided",
         )
     } else {
-        // A room, a sky: or nobody minds.
+        // A room or a sky, or the orientation does not matter.
         return;
     };
     report.add_at_face(severity, subject, body, (first.first_face, turned.len()), message, remedy);
 }
 
-/// True if another mesh with an inside lies around: the two are the walls of a vessel.
+/// True if another mesh with an interior surrounds it: the two are the walls of a vessel.
 fn is_inner_wall(subject: &Subject, place: usize, inner: &Bounds3) -> bool {
     let inner = subject.placed[place].world_from_surface.bounds(&(*inner).into());
     (0..subject.placed.len()).any(|other| {
@@ -87,7 +87,7 @@ fn is_inner_wall(subject: &Subject, place: usize, inner: &Bounds3) -> bool {
     })
 }
 
-/// Vertex normals that look to the inner side.
+/// Vertex normals that point to the inner side.
 fn against_normals(subject: &Subject, body: &Body, report: &mut Report) {
     let Some(&place) = body.places.first() else { return };
     let against: Vec<_> = body
@@ -105,7 +105,7 @@ fn against_normals(subject: &Subject, body: &Body, report: &mut Report) {
         _ => Severity::Note,
     };
     let message = format!(
-        "the vertex normals of {} look to the side that their winding says is the inner one",
+        "the vertex normals of {} point to the inner side according to their winding",
         counted(faces as usize, "face")
     );
     let remedy = "turn the faces over, or compute the normals anew";

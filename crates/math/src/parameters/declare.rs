@@ -1,12 +1,12 @@
 //! The macro that declares things with parameters.
 
 /// Declares a struct, or an enum of variants, with its parameters: the fields, each with its
-/// documentation, and what attributes say of it, in this order:
+/// documentation and these attributes, in this order:
 ///
 /// * `#[range(…)]`: a [`Range`](crate::parameters::Range) of its numbers,
-/// * `#[usual(…)]`: the range outside of which they are most likely a mistake,
-/// * `#[unit("…")]`: what they are measured in,
-/// * attributes of serde, which say the default.
+/// * `#[usual(…)]`: the range outside of which numbers are most likely a mistake,
+/// * `#[unit("…")]`: their unit,
+/// * attributes of serde, which give the default.
 ///
 /// ```
 /// use snell_math::parameters::{Declared, Kind, Range, problem_at};
@@ -31,14 +31,14 @@
 /// assert_eq!(problem, "radius: -1 is not possible, expected 0 or more");
 ///
 /// snell_math::declare! {
-///     /// What fades.
+///     /// How something fades.
 ///     #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 ///     pub enum Fading tagged "fading" {
-///         /// Not at all.
+///         /// It never fades.
 ///         "never" => Never,
-///         /// At once.
+///         /// It fades at once.
 ///         "edge" => Edge {
-///             /// Where.
+///             /// The distance at which it fades.
 ///             #[range(Range::Positive)]
 ///             distance: f64,
 ///         },
@@ -167,7 +167,7 @@ macro_rules! declare {
                             visitor.parameter(parameter, $value);
                         })?
                     };
-                    // The name stands around the parameters, or beside them.
+                    // The name encloses the parameters, or is a field beside them.
                     if matches!(Self::KIND, $crate::parameters::Kind::OneOf("", _)) {
                         visitor.within($crate::parameters::Step::Name(variant.name), look);
                     } else {

@@ -1,25 +1,25 @@
-//! What parameters look like, without a value.
+//! The kinds of parameters, without values.
 
 use super::{Declared, Range};
 
 /// One parameter of a thing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Parameter {
-    /// Its name, as scenes write it. Empty for the only value of a variant that names none.
+    /// Its name in scenes. Empty for the unnamed value of a variant.
     pub name: &'static str,
-    /// What it looks like.
+    /// Its kind.
     pub kind: Kind,
-    /// What its numbers may be, where what stands inside of it does not say more.
+    /// The range of its numbers, unless a nested parameter has its own.
     pub range: Range,
-    /// What its numbers usually are: outside of it they are possible, and most likely a mistake.
+    /// The range of plausible numbers: others are allowed, but most likely a mistake.
     pub usual: Range,
-    /// What its numbers are measured in; empty for plain numbers.
+    /// The unit of its numbers; empty for plain numbers.
     pub unit: &'static str,
-    /// Its documentation, as it stands in the source.
+    /// Its documentation as in the source.
     pub doc: &'static str,
 }
 
-/// What a parameter looks like.
+/// The kind of a parameter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Kind {
     /// True or false.
@@ -38,42 +38,42 @@ pub enum Kind {
     RefractiveIndex,
     /// A point, a direction, or another vector of this many coordinates.
     Vector(usize),
-    /// This many numbers, of which some may be missing.
+    /// This many numbers, some of which may be missing.
     Numbers(usize),
     /// A list of any length.
     List(&'static Kind),
     /// An affine map: rows or columns of numbers.
     Matrix,
-    /// A text; of what, in words.
+    /// A text, with its meaning in words.
     Text(&'static str),
     /// The position in a table of the scene, such as a `texture`.
     Reference(&'static str),
-    /// Measured or drawn data, which are no parameters to be changed one by one.
+    /// Measured or painted data, whose numbers are not parameters of their own.
     Table,
-    /// Cells of a grid, which stand beside the declaration.
+    /// Cells of a grid, which are not part of the declaration.
     Cells,
-    /// There may be none.
+    /// An optional value.
     Optional(&'static Kind),
     /// Parameters by name.
     Group(&'static [Parameter]),
-    /// One of several: which one says a field of this name, beside the parameters; or, if it is
-    /// empty, a name, around them.
+    /// One of several variants. The text is the name of the field beside the parameters that
+    /// selects the variant; if it is empty, the variant's name encloses them.
     OneOf(&'static str, &'static [Declaration]),
 }
 
 /// A kind of thing with its parameters.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Declaration {
-    /// Its name, as scenes write it.
+    /// Its name in scenes.
     pub name: &'static str,
-    /// Its documentation, as it stands in the source.
+    /// Its documentation as in the source.
     pub about: &'static str,
     /// Its parameters.
     pub parameters: &'static [Parameter],
 }
 
 impl Declaration {
-    /// That of a type.
+    /// The description of a type.
     pub const fn of<T: Declared>(name: &'static str) -> Self {
         Self { name, about: T::ABOUT, parameters: T::PARAMETERS }
     }
@@ -91,22 +91,22 @@ impl Declaration {
         self.fields().iter().find(|parameter| parameter.name == name)
     }
 
-    /// Its documentation for people who do not read the source.
+    /// Its documentation as plain text.
     pub fn text(&self) -> String {
         plain(self.about)
     }
 }
 
 impl Parameter {
-    /// Its documentation for people who do not read the source.
+    /// Its documentation as plain text.
     pub fn text(&self) -> String {
         plain(self.doc)
     }
 }
 
 impl Kind {
-    /// What stands under a name, or at a position, inside of it. The field `kind`, in which the
-    /// parameters of a kind stand beside those of all kinds, may be left out.
+    /// The kind of the value under a name, or at a position, inside of this one. The field `kind`,
+    /// which holds the parameters of a kind beside those of all kinds, may be left out.
     pub fn inside(self, step: &str) -> Option<Self> {
         let named = |parameters: &'static [Parameter]| {
             parameters.iter().find(|parameter| parameter.name == step).map(|p| p.kind)
@@ -133,7 +133,7 @@ impl Kind {
         }
     }
 
-    /// The same if it is there.
+    /// The kind inside an option.
     pub fn required(self) -> Self {
         match self {
             Self::Optional(kind) => *kind,
@@ -142,7 +142,7 @@ impl Kind {
     }
 }
 
-/// In words, as far as that does not depend on the parameter.
+/// Writes the kind in words, without what depends on the parameter.
 impl std::fmt::Display for Kind {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
@@ -181,7 +181,7 @@ fn names(
     Ok(())
 }
 
-/// A doc comment as text: lines joined, links without their brackets and paths.
+/// A doc comment as plain text: lines joined, links without brackets and paths.
 fn plain(doc: &str) -> String {
     let words: Vec<&str> = doc.split_whitespace().collect();
     let mut text = String::new();

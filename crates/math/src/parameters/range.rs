@@ -1,13 +1,13 @@
-//! What values a number may have.
+//! The range of a number.
 
-/// What values a number may have.
+/// The range of a number.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Range {
-    /// Any.
+    /// Any number.
     Any,
-    /// From one to another, both included.
+    /// From a lower to an upper bound, both included.
     Within(f64, f64),
-    /// Between two, both excluded.
+    /// Between two bounds, both excluded.
     Between(f64, f64),
     /// More than 0.
     Positive,
@@ -18,13 +18,13 @@ pub enum Range {
 use Range::{Any, Between, Direction, Positive, Within};
 
 impl Range {
-    /// From nothing to all.
+    /// A share: 0 to 1.
     pub const SHARE: Self = Within(0.0, 1.0);
-    /// Of any amount.
+    /// An amount: 0 or more.
     pub const AMOUNT: Self = Within(0.0, f64::INFINITY);
 
-    /// The range of the factor on a texture, which may be large where the texture is dark: the
-    /// same, without an upper end.
+    /// The range of the factor on a texture: the same range without an upper bound, for the factor
+    /// may be large where the texture is dark.
     pub fn of_factor(self) -> Self {
         match self {
             Within(least, most) if most < 1e20 => Within(least, f64::INFINITY),
@@ -32,7 +32,7 @@ impl Range {
         }
     }
 
-    /// True for numbers that are possible. NaN only is where any number is.
+    /// True for numbers in the range. NaN is only in [`Self::Any`].
     pub fn contains(self, x: f64) -> bool {
         match self {
             Any | Direction => true,
@@ -42,7 +42,7 @@ impl Range {
         }
     }
 
-    /// The ends, if both are finite.
+    /// The bounds, if both are finite.
     pub fn ends(self) -> Option<[f64; 2]> {
         match self {
             Within(least, most) | Between(least, most) if most < 1e6 && least > -1e6 => {
@@ -53,7 +53,7 @@ impl Range {
     }
 }
 
-/// What is expected, in words.
+/// Writes the expected numbers in words.
 impl std::fmt::Display for Range {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match *self {
@@ -71,9 +71,9 @@ impl std::fmt::Display for Range {
     }
 }
 
-/// A number as people write it.
+/// A number in its shortest form.
 pub(super) fn shown(x: f64) -> String {
-    // Single precision is what most of them were given in.
+    // Most numbers were given in single precision.
     let short = x as f32;
     let is_plain = x == 0.0 || (1e-4..1e7).contains(&x.abs());
     if is_plain { format!("{short}") } else { format!("{short:e}") }

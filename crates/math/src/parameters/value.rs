@@ -1,27 +1,27 @@
-//! Values of parameters, as their types are.
+//! The types of parameter values.
 
 use super::{Kind, Parameter, Step, Visitor};
 use crate::spectrum::{Metal, RefractiveIndex};
 use crate::{DAffine3, DMat3, DVec2, DVec3, Rgb, Vec2, Vec3};
 use std::sync::Arc;
 
-/// What a parameter can be.
+/// A type that a parameter can have.
 pub trait Value {
-    /// What it looks like.
+    /// The kind of the parameter.
     const KIND: Kind;
 
-    /// Goes through its numbers, and through what it refers to.
+    /// Visits its numbers and references.
     fn visit(&self, visitor: &mut Visitor<'_>);
 
-    /// The number, for what is one.
+    /// The number, if the value is one.
     fn number(&self) -> Option<f64> {
         None
     }
 }
 
-/// A thing with parameters: what [`declare!`](crate::declare) makes.
+/// A thing with parameters, declared by [`declare!`](crate::declare).
 pub trait Declared: Value {
-    /// Its documentation, as it stands in the source.
+    /// Its documentation as in the source.
     const ABOUT: &'static str;
     /// Its parameters, in the order of the source.
     const PARAMETERS: &'static [Parameter];
@@ -51,7 +51,7 @@ impl Value for RefractiveIndex {
     fn visit(&self, visitor: &mut Visitor<'_>) {
         match self {
             Self::Constant(ior) => visitor.number(f64::from(*ior)),
-            // Formulas and tables have ranges of their own where they are read.
+            // The ranges of formulas and tables are checked where those are read.
             Self::Cauchy { .. } | Self::Glass(_) => {}
         }
     }
@@ -71,7 +71,7 @@ impl<T: Value> Value for Option<T> {
     }
 }
 
-/// Numbers in a row belong together; rows of them are a matrix.
+/// An array of numbers is a vector; an array of arrays is a matrix.
 impl<T: Value, const N: usize> Value for [T; N] {
     const KIND: Kind = match T::KIND {
         Kind::Number | Kind::Whole | Kind::Optional(Kind::Number) => Kind::Numbers(N),

@@ -1,4 +1,4 @@
-//! Going through the numbers of a value.
+//! Visits the numbers of a value.
 
 use super::range::shown;
 use super::{Range, Value};
@@ -6,9 +6,9 @@ use super::{Range, Value};
 /// One step from a thing to a part of it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Step {
-    /// To the parameter of this name.
+    /// A step to the parameter of this name.
     Name(&'static str),
-    /// To the item at this position of a list.
+    /// A step to the item at this position of a list.
     Index(usize),
 }
 
@@ -21,35 +21,35 @@ impl std::fmt::Display for Step {
     }
 }
 
-/// What stands at a place.
+/// The value at a place.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Leaf<'a> {
     /// A number.
     Number(f64),
-    /// Several that belong together: a vector or colour. Some may be missing.
+    /// A vector or colour. Some components may be missing.
     Numbers(&'a [Option<f64>]),
     /// The position in a table of the scene, such as a `texture`.
     Reference(&'static str, u32),
 }
 
-/// Something that was found in a thing.
+/// A value that was found in a thing.
 #[derive(Clone, Copy, Debug)]
 pub struct Found<'a> {
-    /// Where.
+    /// The place.
     pub place: &'a [Step],
-    /// What its numbers may be.
+    /// The range of its numbers.
     pub range: Range,
-    /// What its numbers usually are.
+    /// The range of plausible numbers.
     pub usual: Range,
     /// The texture that it is a factor on, by its position in the scene's table.
     pub texture: Option<u32>,
     /// True for the factor on a spectrum.
     pub is_spectral: bool,
-    /// What stands there.
+    /// The value.
     pub leaf: Leaf<'a>,
 }
 
-/// Where a walk through a thing is, and what is done with what it finds.
+/// The state of a visit to a thing, with the callback for its values.
 pub struct Visitor<'v> {
     place: Vec<Step>,
     range: Range,
@@ -66,7 +66,7 @@ impl std::fmt::Debug for Visitor<'_> {
 }
 
 impl Visitor<'_> {
-    /// Looks at a parameter.
+    /// Visits a parameter.
     pub fn parameter(&mut self, parameter: &super::Parameter, value: &impl Value) {
         let before = (self.range, self.usual);
         (self.range, self.usual) = (parameter.range, parameter.usual);
@@ -78,19 +78,19 @@ impl Visitor<'_> {
         (self.range, self.usual) = before;
     }
 
-    /// Looks at a part, which has the range of the whole.
+    /// Visits a part, which has the range of the whole.
     pub fn inside(&mut self, step: Step, value: &impl Value) {
         self.within(step, |visitor| value.visit(visitor));
     }
 
-    /// Looks at what is one step further on.
+    /// Visits the value one step further.
     pub fn within(&mut self, step: Step, look: impl FnOnce(&mut Self)) {
         self.place.push(step);
         look(self);
         self.place.pop();
     }
 
-    /// Looks at the factor on a texture (by its position), on a spectrum, or on neither.
+    /// Visits a factor on a texture (by its position), on a spectrum, or on neither.
     pub fn factor(&mut self, texture: Option<u32>, is_spectral: bool, value: &impl Value) {
         let range = self.range;
         if texture.is_some() {
@@ -102,17 +102,17 @@ impl Visitor<'_> {
         self.range = range;
     }
 
-    /// Finds a number.
+    /// Reports a number.
     pub fn number(&mut self, x: f64) {
         self.found(Leaf::Number(x));
     }
 
-    /// Finds several numbers that belong together.
+    /// Reports a vector or colour.
     pub fn numbers(&mut self, all: &[Option<f64>]) {
         self.found(Leaf::Numbers(all));
     }
 
-    /// Finds the position in a table.
+    /// Reports the position in a table.
     pub fn reference(&mut self, table: &'static str, number: u32) {
         self.found(Leaf::Reference(table, number));
     }
@@ -129,7 +129,7 @@ impl Visitor<'_> {
     }
 }
 
-/// Goes through all numbers and references of a thing.
+/// Visits all numbers and references of a thing.
 pub fn find(thing: &impl Value, visit: &mut dyn FnMut(&Found<'_>)) {
     let (range, usual) = (Range::Any, Range::Any);
     let place = Vec::new();
@@ -152,7 +152,7 @@ pub fn references(thing: &impl Value, table: &str) -> Vec<u32> {
 }
 
 impl Found<'_> {
-    /// Those that are there.
+    /// The components that are present.
     pub fn numbers(&self) -> Vec<f64> {
         match self.leaf {
             Leaf::Number(x) => vec![x],
@@ -161,7 +161,7 @@ impl Found<'_> {
         }
     }
 
-    /// The name of the innermost parameter, which for the `factor` of one is that of the whole.
+    /// The name of the innermost parameter; for a `factor`, the name of its parent.
     pub fn name(&self) -> &'static str {
         let name = |step: &Step| match step {
             Step::Name(name) if *name != "factor" => Some(*name),
@@ -171,15 +171,14 @@ impl Found<'_> {
     }
 }
 
-/// A place as keys say it: steps with points between. The field `kind`, in which the parameters of
-/// a kind stand beside those of all kinds, may be left out, and is.
+/// A place in the syntax of keys: steps joined by dots. The field `kind`, which holds the
+/// parameters of a kind beside those of all kinds, is left out.
 pub fn place_of(steps: &[Step]) -> String {
     let steps: Vec<String> = steps.iter().map(Step::to_string).filter(|s| s != "kind").collect();
     steps.join(".")
 }
 
-/// The first number at or below a place of a thing that is out of its range: what is wrong, in
-/// words.
+/// A description of the first number at or below a place of a thing that is out of its range.
 pub fn problem_at(thing: &impl Value, path: &[&str]) -> Option<String> {
     let mut problem = None;
     find(thing, &mut |found| {

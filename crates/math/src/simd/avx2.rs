@@ -4,7 +4,7 @@ use super::memory::{load_f32x8, load_u32x8, store_f32x8, store_pairs, store_u32x
 use super::{Avx2, Lanes8};
 use std::arch::x86_64::*;
 
-/// What instructions of AVX2 and FMA compute, where a token proves that the machine has them:
+/// The result of instructions of AVX2 and FMA, where a token proves that the machine has them:
 /// `avx2!(token, expression)`. No others may be used, and none that take pointers.
 macro_rules! avx2 {
     ($token:expr, $instructions:expr) => {{
@@ -198,9 +198,8 @@ impl Lanes8 for Avx8 {
     }
 }
 
-/// The same numbers, but the compiler does not know how they came about: what is loaded, blended
-/// and stored would become a masked store, which the processors of several generations (Zen 2 to
-/// Zen 4) take twenty cycles for.
+/// The same numbers, hidden from the optimiser: it would turn load, blend and store into a masked
+/// store, which takes twenty cycles on several generations of processors (Zen 2 to Zen 4).
 #[inline]
 #[target_feature(enable = "avx")]
 fn unknown(mut numbers: __m256) -> __m256 {
@@ -244,7 +243,7 @@ static FRONT: [[u8; 8]; 256] = {
     table
 };
 
-/// Which lanes are kept, in [`PAIRED`] places. (A permutation reads only the lowest three bits of
+/// The lanes that are kept, in [`PAIRED`] order. (A permutation reads only the lowest three bits of
 /// each.)
 #[inline]
 #[target_feature(enable = "avx2")]
@@ -253,11 +252,11 @@ fn front(mask: u32, order: u32) -> __m256i {
     _mm256_srlv_epi32(_mm256_set1_epi32(order as i32), shifts)
 }
 
-/// The place of what comes into each lane if the first four are to be in the lower halves of the
-/// two parts of a register.
+/// The source of each lane if the first four are to be in the lower halves of the two parts of a
+/// register.
 const PAIRED: [usize; 8] = [0, 1, 4, 5, 2, 3, 6, 7];
 
-/// [`FRONT`] times three, where the numbers are in an order; in [`PAIRED`] places.
+/// [`FRONT`] times three: the shifts of the numbers in an order; in [`PAIRED`] order.
 static FRONT_SHIFTS: Aligned<[[u32; 8]; 256]> = {
     let mut table = [[0; 8]; 256];
     let mut i = 0;

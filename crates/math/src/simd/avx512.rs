@@ -6,7 +6,7 @@ use super::memory::{
 use super::{Avx2, Avx8, Avx8Doubles, Avx16Doubles, Avx512, Lanes8, Lanes16, WideLanes};
 use std::arch::x86_64::*;
 
-/// What instructions of AVX-512 compute, where a token proves that the machine has them; as
+/// The result of instructions of AVX-512, where a token proves that the machine has them; as
 /// [`avx2`](super::avx2::avx2).
 macro_rules! avx512 {
     ($token:expr, $instructions:expr) => {{

@@ -1,19 +1,18 @@
-//! Four `f64` at a time, and the way to them from eight `f32`: what exact decisions about several
-//! rays at once need.
+//! Four `f64` lanes, and conversions from eight `f32` lanes, for exact decisions about several rays
+//! at once.
 
 use super::{Lanes8, Portable, Portable8, Token};
 
-/// Numbers in double precision that are worked on together, as many as a register holds. Every
-/// implementation gives the same bits: nothing is fused, and `min` and `max` return the second
-/// operand if one is NaN.
+/// Lanes of double precision, as many as a register holds. Every implementation gives the same
+/// bits: nothing is fused, and `min` and `max` return the second operand if one is NaN.
 pub trait DoubleLanes: Copy {
-    /// How many they are.
+    /// Number of lanes.
     const LANES: usize;
 
-    /// The proof of the instructions that is needed to make values.
+    /// The token of the instruction set, needed to create values.
     type Token: Token;
 
-    /// The proof that was needed to make this value.
+    /// The token that was used to create this value.
     fn token(self) -> Self::Token;
 
     /// The same number in all lanes.
@@ -31,10 +30,10 @@ pub trait DoubleLanes: Copy {
     /// `self / other`.
     fn div(self, other: Self) -> Self;
 
-    /// The lesser of both; `other` if either is NaN.
+    /// The minimum of both; `other` if either is NaN.
     fn min(self, other: Self) -> Self;
 
-    /// The greater of both; `other` if either is NaN.
+    /// The maximum of both; `other` if either is NaN.
     fn max(self, other: Self) -> Self;
 
     /// Absolute value.
@@ -47,20 +46,20 @@ pub trait DoubleLanes: Copy {
     fn lt(self, other: Self) -> u32;
 }
 
-/// What some of eight numbers become in double precision: those from `first` on, a multiple of
+/// Conversion of some of eight numbers to double precision: those from `first` on, a multiple of
 /// [`DoubleLanes::LANES`] below 8.
 pub trait DoublesOf<S>: DoubleLanes {
     /// The numbers, exactly.
     fn of(token: Self::Token, singles: S, first: usize) -> Self;
 
-    /// The values that `lanes` (below 16) tell.
+    /// The values at the indices `lanes` (below 16).
     fn gather(token: Self::Token, values: &[f64; 16], lanes: &[u32; 8], first: usize) -> Self;
 
-    /// Writes them where they belong, rounded to nearest.
+    /// Writes them to their positions, rounded to nearest.
     fn store_rounded_from(self, to: &mut [f32; 8], first: usize);
 }
 
-/// Four numbers that are worked on together, and may be fused ([`Lanes4::fused`]) and rearranged.
+/// Four lanes that support fused operations ([`Lanes4::fused`]) and permutations.
 pub trait Lanes4: DoubleLanes {
     /// Four numbers from memory.
     fn load(token: Self::Token, values: &[f64; 4]) -> Self;
@@ -110,19 +109,19 @@ impl<S: WideLanes<Doubles = D>, D: Lanes4> DoublesOf<S> for D {
     }
 }
 
-/// Eight lanes that can be rearranged and continued in double precision.
+/// Eight lanes that support permutations and conversion to double precision.
 pub trait WideLanes: Lanes8 {
     /// Four of them in double precision.
     type Doubles: Lanes4<Token = Self::Token> + DoublesOf<Self>;
 
-    /// The numbers with a tag instead of their lowest five bits. (What is infinite becomes NaN,
-    /// zero a number that is not normal.)
+    /// The numbers with a tag instead of their lowest five bits. (Infinity becomes NaN, zero a
+    /// subnormal number.)
     fn with_tag(self, tag: u32) -> Self;
 
-    /// Writes what a table has for the tags.
+    /// Writes the entries of a table for the tags.
     fn look_up(self, table: &[u32; 32], to: &mut [u32; 8]);
 
-    /// Where a value is: a bit for each place, the first lowest.
+    /// The lanes equal to a value: a bit for each lane, the first lowest.
     fn places_of(token: Self::Token, value: u32, values: &[u32; 8]) -> u32;
 
     /// The columns of the matrix whose rows are given.
@@ -131,10 +130,10 @@ pub trait WideLanes: Lanes8 {
     /// `self / other`.
     fn div(self, other: Self) -> Self;
 
-    /// The least of the eight numbers; if any is NaN, any.
+    /// The minimum of the eight numbers; unspecified if any is NaN.
     fn reduce_min(self) -> f32;
 
-    /// The greatest of the eight numbers; if any is NaN, any.
+    /// The maximum of the eight numbers; unspecified if any is NaN.
     fn reduce_max(self) -> f32;
 
     /// The first four lanes, exactly.
@@ -147,7 +146,7 @@ pub trait WideLanes: Lanes8 {
     fn from_doubles(first: Self::Doubles, last: Self::Doubles) -> Self;
 }
 
-/// Four lanes as an array: the readable twin.
+/// Four lanes as an array: the portable implementation.
 #[derive(Clone, Copy, Debug)]
 pub struct Portable4([f64; 4]);
 

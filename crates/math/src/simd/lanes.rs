@@ -1,19 +1,19 @@
-//! Eight `f32` at a time: the few operations that kernels need, once for each instruction set.
+//! Eight `f32` lanes: the operations that kernels need, implemented for each instruction set.
 
 use super::Token;
 
-/// Eight numbers that are worked on together. Every implementation gives the same bits, except for
-/// the operations that say so: nothing else is fused, and `min` and `max` return the second operand
-/// if one is NaN.
+/// Eight lanes of `f32`. Every implementation gives the same bits, except for operations documented
+/// otherwise: no other operation is fused, and `min` and `max` return the second operand if one is
+/// NaN.
 pub trait Lanes8: Copy {
     /// True if [`Self::mul_add`] and [`Self::mul_sub`] round once, false if they round the product
     /// too.
     const FUSED: bool;
 
-    /// The proof of the instructions that is needed to make values.
+    /// The token of the instruction set, needed to create values.
     type Token: Token;
 
-    /// The proof that was needed to make this value.
+    /// The token that was used to create this value.
     fn token(self) -> Self::Token;
 
     /// The same number in all lanes.
@@ -46,10 +46,10 @@ pub trait Lanes8: Copy {
     /// `self * factor - subtrahend`, fused or not: see [`Self::FUSED`].
     fn mul_sub(self, factor: Self, subtrahend: Self) -> Self;
 
-    /// The lesser of both; `other` if either is NaN.
+    /// The minimum of both; `other` if either is NaN.
     fn min(self, other: Self) -> Self;
 
-    /// The greater of both; `other` if either is NaN.
+    /// The maximum of both; `other` if either is NaN.
     fn max(self, other: Self) -> Self;
 
     /// Absolute value.
@@ -76,8 +76,8 @@ pub trait Lanes8: Copy {
     fn le_in_order(self, limit: Self, order: u32) -> u32;
 
     /// Takes the lanes in `order`, keeps those whose bit is set in `mask` (as [`Self::le_in_order`]
-    /// gives it), and writes their `payload`, each with the bits of its number, to the front; what
-    /// follows them there is unspecified.
+    /// gives it), and writes their `payload`, each with the bits of its number, to the front; the
+    /// contents behind them are unspecified.
     fn compress(self, mask: u32, order: u32, payload: &[u32; 8], to: &mut [[u32; 2]; 8]);
 
     /// As [`Self::compress`], of the payload alone.
@@ -94,7 +94,7 @@ pub trait Lanes8: Copy {
 
     /// Takes the lanes in the order given by `order` (eight numbers of 3 bits, the first lowest),
     /// keeps those with `self <= limit`, and writes them and their `payload` to the front of the
-    /// outputs; what follows them there is unspecified. Returns how many were kept.
+    /// outputs; the contents behind them are unspecified. Returns the number kept.
     fn compress_le(
         self,
         limit: Self,

@@ -1,4 +1,4 @@
-//! Which instruction set kernels run with.
+//! The instruction set of kernels.
 
 #[cfg(target_arch = "x86_64")]
 use super::{Avx2, Avx512};
@@ -7,7 +7,7 @@ use std::fmt;
 /// An instruction-set level. Every level finds the same hits, bit for bit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Level {
-    /// Portable code, no special instructions: the twin that the others are tested against.
+    /// Portable code, no special instructions: the reference for tests of the others.
     Scalar,
     /// AVX2, FMA, BMI1, BMI2, LZCNT and POPCNT (x86-64).
     Avx2,
@@ -16,7 +16,7 @@ pub enum Level {
 }
 
 impl Level {
-    /// All levels, from the least.
+    /// All levels, from the lowest.
     pub const ALL: [Self; 3] = [Self::Scalar, Self::Avx2, Self::Avx512];
 
     /// The name used on the command line and in `SNELL_SIMD`.
@@ -52,7 +52,7 @@ impl Level {
     }
 
     /// The level named by the environment variable `SNELL_SIMD`, or the best one if it is unset or
-    /// empty. The error says which names exist.
+    /// empty. The error lists the valid names.
     pub fn from_env() -> Result<Self, String> {
         match std::env::var("SNELL_SIMD") {
             Ok(name) if !name.is_empty() => match Self::from_name(&name) {

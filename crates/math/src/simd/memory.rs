@@ -1,4 +1,4 @@
-//! Registers of x86-64 from and to memory that references cover.
+//! Loads and stores of x86-64 registers through references.
 
 use std::arch::x86_64::*;
 

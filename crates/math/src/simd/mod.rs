@@ -1,4 +1,4 @@
-//! SIMD levels: chosen at run time, the same results at each.
+//! SIMD levels, chosen at run time; all give the same results.
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;

@@ -1,14 +1,15 @@
-//! Sixteen `f32` at a time: in one register where there are such, in two of eight lanes else.
+//! Sixteen `f32` lanes: in one register where the machine has them, otherwise in two of eight
+//! lanes.
 
 use super::{Doubles16, DoublesOf, Lanes8, PairDoubles, Token, WideLanes};
 
-/// Sixteen numbers that are worked on together; masks have a bit for each, the first lowest. Every
-/// implementation gives the same bits, with the exception that [`super::Lanes8`] has.
+/// Sixteen lanes; masks have a bit for each, the first lowest. Every implementation gives the same
+/// bits, with the exceptions of [`super::Lanes8`].
 pub trait Lanes16: Copy {
-    /// How many registers they are in.
+    /// Number of registers.
     const REGISTERS: u32;
 
-    /// The proof of the instructions that is needed to make values.
+    /// The token of the instruction set, needed to create values.
     type Token: Token;
 
     /// Eight of them.
@@ -20,10 +21,10 @@ pub trait Lanes16: Copy {
     /// Some of a half in double precision, as many as a register holds.
     type HalfDoubles: DoublesOf<Self::Half, Token = Self::Token>;
 
-    /// The proof that was needed to make this value.
+    /// The token that was used to create this value.
     fn token(self) -> Self::Token;
 
-    /// The proof that is needed to make halves.
+    /// The token needed to create halves.
     fn half_token(token: Self::Token) -> <Self::Half as Lanes8>::Token;
 
     /// The same number in all lanes.
@@ -35,10 +36,10 @@ pub trait Lanes16: Copy {
     /// Two times eight numbers from memory.
     fn load_halves(token: Self::Token, low: &[f32; 8], high: &[f32; 8]) -> Self;
 
-    /// Eight of sixteen numbers in memory: those that `lanes` (below 16) tell.
+    /// Eight of sixteen numbers in memory, at the indices `lanes` (below 16).
     fn gather(token: Self::Token, values: &[f32; 16], lanes: &[u32; 8]) -> Self::Half;
 
-    /// Of two halves.
+    /// The lanes of two halves.
     fn from_halves(token: Self::Token, low: Self::Half, high: Self::Half) -> Self;
 
     /// Both halves, the first lanes first.
@@ -70,22 +71,22 @@ pub trait Lanes16: Copy {
     /// [`Self::Half`].
     fn mul_sub(self, factor: Self, subtrahend: Self) -> Self;
 
-    /// The lesser of both; `other` if either is NaN.
+    /// The minimum of both; `other` if either is NaN.
     fn min(self, other: Self) -> Self;
 
-    /// The greater of both; `other` if either is NaN.
+    /// The maximum of both; `other` if either is NaN.
     fn max(self, other: Self) -> Self;
 
     /// Absolute value.
     fn abs(self) -> Self;
 
-    /// Where `self <= other` (not for NaN).
+    /// The mask of `self <= other` (false for NaN).
     fn le(self, other: Self) -> u32;
 
-    /// Where `self < other` (not for NaN).
+    /// The mask of `self < other` (false for NaN).
     fn lt(self, other: Self) -> u32;
 
-    /// Where the sign bit is set.
+    /// The mask of lanes with the sign bit set.
     fn signs(self) -> u32;
 
     /// `other` where the mask has a bit, `self` elsewhere.
@@ -101,13 +102,13 @@ pub trait Lanes16: Copy {
     /// Writes `value` where the mask has a bit.
     fn write_where(token: Self::Token, mask: u32, value: u32, to: &mut [u32; 16]);
 
-    /// Where a value is.
+    /// The mask of lanes equal to a value.
     fn places_of(token: Self::Token, value: u32, values: &[u32; 16]) -> u32;
 
-    /// The least of the sixteen numbers; if any is NaN, any.
+    /// The minimum of the sixteen numbers; unspecified if any is NaN.
     fn reduce_min(self) -> f32;
 
-    /// The greatest of the sixteen numbers; if any is NaN, any.
+    /// The maximum of the sixteen numbers; unspecified if any is NaN.
     fn reduce_max(self) -> f32;
 }
 
@@ -296,7 +297,7 @@ mod tests {
     use super::super::{Portable, Portable8};
     use super::*;
 
-    /// Everything that [`Lanes16`] does with two vectors.
+    /// The results of all operations of [`Lanes16`] on two vectors.
     fn run<W: Lanes16>(
         token: W::Token,
         a: &[f32; 16],
@@ -420,7 +421,7 @@ mod tests {
         }
     }
 
-    /// All that are not numbers are alike.
+    /// All NaNs compare as equal.
     fn bits(x: f32) -> u32 {
         if x.is_nan() { u32::MAX } else { x.to_bits() }
     }

@@ -1,17 +1,17 @@
-//! Sixteen `f64` at a time, beside [`Lanes16`].
+//! Sixteen `f64` lanes, as counterpart of [`Lanes16`].
 
 use super::{DoubleLanes, Lanes4, Lanes8, Lanes16, Pair, Token, WideLanes};
 
 /// Sixteen numbers of double precision; masks as in [`Lanes16`]. Every implementation gives the
 /// same bits, except for [`Self::mul_add`].
 pub trait Doubles16: Copy {
-    /// The proof of the instructions that is needed to make values.
+    /// The token of the instruction set, needed to create values.
     type Token: Token;
 
     /// Sixteen of single precision.
     type Singles: Lanes16<Token = Self::Token>;
 
-    /// The proof that was needed to make this value.
+    /// The token that was used to create this value.
     fn token(self) -> Self::Token;
 
     /// The same number in all lanes.
@@ -53,7 +53,7 @@ pub trait Doubles16: Copy {
     /// Square root.
     fn sqrt(self) -> Self;
 
-    /// Where `self < other` (not for NaN).
+    /// The mask of `self < other` (false for NaN).
     fn lt(self, other: Self) -> u32;
 
     /// `other` where the mask has a bit, `self` elsewhere.
@@ -184,7 +184,7 @@ mod tests {
     use super::super::{Portable, Portable8};
     use super::*;
 
-    /// Everything that [`Doubles16`] does with two vectors.
+    /// The results of all operations of [`Doubles16`] on two vectors.
     fn run<D: Doubles16>(
         token: D::Token,
         a: &[f32; 16],
@@ -194,7 +194,7 @@ mod tests {
         let [x, y] = [a, b].map(|values| D::of(D::Singles::load(token, values)));
         let three = D::splat(token, 3.0);
         let third = x.div(three);
-        // What is lost by rounding, too.
+        // The rounding error, too.
         let rest = third.sub(D::of(third.rounded()));
         let mut kept = [0.0; 16];
         third.store(&mut kept);

@@ -1,16 +1,16 @@
 //! Proofs that the machine has the instructions of a level.
 //!
-//! A token has no size. It is made once, where a level is chosen, and passed down to all that makes
-//! [lanes](super::Lanes8) of numbers: so these are made only where their instructions exist, and
-//! everything that is done with them is safe.
+//! A token has no size. It is created once, where a level is chosen, and passed to all code that
+//! creates [lanes](super::Lanes8): so lanes exist only where their instructions do, and all
+//! operations on them are safe.
 
 use std::fmt::Debug;
 
 /// A proof that the machine has the instructions of a level.
 pub trait Token: Copy + Debug + Send + Sync + 'static {
     /// Calls a function that is compiled with the instructions. It must be `#[inline(always)]`, and
-    /// so must be all that it calls and that works with lanes: what is not inlined is compiled
-    /// without them, and much slower. The call itself is never inlined.
+    /// so must be all functions with lanes that it calls: functions that are not inlined are
+    /// compiled without the instructions, and much slower. The call itself is never inlined.
     fn run<R>(self, function: impl FnOnce() -> R) -> R;
 }
 
@@ -48,7 +48,7 @@ mod x86 {
             has.then_some(Self(()))
         }
 
-        /// The proof where there has been one.
+        /// The proof, where one was created before.
         ///
         /// # Safety
         /// [`Self::new`] must have given a proof before.
@@ -85,7 +85,7 @@ mod x86 {
             if has { Avx2::new().map(Self) } else { None }
         }
 
-        /// The proof where there has been one.
+        /// The proof, where one was created before.
         ///
         /// # Safety
         /// [`Self::new`] must have given a proof before.

@@ -1,9 +1,9 @@
 //! Plain loops for wide registers: the same source compiled with and without the instructions of a
 //! level.
 //!
-//! A loop over arrays without branches (choices written as `if a { x } else { y }` of numbers that
-//! are there already) becomes vector code by itself where the instructions are allowed. Nothing is
-//! fused or reordered, so every level gives the same bits.
+//! A loop over arrays without branches (with selections written as `if a { x } else { y }` of
+//! values already computed) is vectorised by the compiler where the instructions are enabled.
+//! Nothing is fused or reordered, so every level gives the same bits.
 
 use super::Level;
 #[cfg(target_arch = "x86_64")]
@@ -13,10 +13,10 @@ use glam::Vec3;
 /// Proof that the machine has the instructions of a level with wide registers.
 #[derive(Clone, Copy, Debug)]
 pub enum Wide {
-    /// Those of [`Level::Avx2`].
+    /// The instructions of [`Level::Avx2`].
     #[cfg(target_arch = "x86_64")]
     Avx2(Avx2),
-    /// Those of [`Level::Avx512`].
+    /// The instructions of [`Level::Avx512`].
     #[cfg(target_arch = "x86_64")]
     Avx512(Avx512),
 }
@@ -144,17 +144,17 @@ impl Bits for f32 {
     }
 }
 
-/// The first of two numbers if a mask is 1, the second if it is 0. For what goes to where the
-/// second comes from: written as a condition that would become a masked store, which takes some
-/// processors (Zen 2 to 4, with AVX2) twenty cycles. The mask must come from memory; else it is
-/// known to be a condition.
+/// The first of two numbers if a mask is 1, the second if it is 0. It is for results stored over
+/// the second number: as a condition this would become a masked store, which takes twenty cycles on
+/// some processors (Zen 2 to 4, with AVX2). The mask must come from memory; otherwise the compiler
+/// recognises it as a condition.
 #[inline(always)]
 pub fn mask_select<T: Bits>(mask: u32, a: T, b: T) -> T {
     let mask = mask.wrapping_neg();
     T::of_bits(a.bits() & mask | b.bits() & !mask)
 }
 
-/// As [`mask_select`], of vectors.
+/// As [`mask_select`], for vectors.
 #[inline(always)]
 pub fn mask_select_vector(mask: u32, a: Vec3, b: Vec3) -> Vec3 {
     Vec3::new(mask_select(mask, a.x, b.x), mask_select(mask, a.y, b.y), mask_select(mask, a.z, b.z))

@@ -1,5 +1,5 @@
-//! The class `Scene`: what it holds. What it is asked is in [`rays`] and [`points`], what is around
-//! its objects in [`crate::stage`].
+//! The class `Scene` and its objects. Queries are in [`rays`] and [`points`], materials, lights and
+//! cameras in [`crate::stage`].
 
 mod points;
 mod rays;
@@ -18,12 +18,12 @@ use std::sync::Arc;
 
 /// Things to cast rays at: meshes, shapes and instances of other scenes.
 ///
-/// Objects are added and changed at any time, also while other threads ask; a query sees the scene
-/// as it was when it began. What has changed is built when the next query needs it. `add_` methods
-/// give ids, which count from 0 and are never used again.
+/// Objects can be added and changed at any time, also while other threads query the scene; a query
+/// sees the scene as it was when it started. Changes are built when the next query needs them.
+/// `add_` methods return ids, which count from 0 and are never reused.
 ///
-/// The dtype of a question decides its precision. `float32` rays and points are answered in single
-/// precision. `float64` ones (and integers and plain Python numbers) are answered in double
+/// The dtype of a query's input decides its precision. `float32` rays and points are answered in
+/// single precision. `float64` ones (and integers and plain Python numbers) are answered in double
 /// precision, from vertices as they were given: nothing is rounded to `float32`.
 ///
 /// Lengths are in the units of the scene, whatever they are; `t` is in units of the direction's
@@ -66,7 +66,7 @@ impl Scene {
         Self::default()
     }
 
-    /// Adds a triangle mesh and gives its id.
+    /// Adds a triangle mesh and returns its id.
     ///
     /// Parameters
     /// ----------
@@ -79,9 +79,9 @@ impl Scene {
     ///     Map from the coordinates of the mesh to the scene's; column vectors, so the translation
     ///     is the last column.
     /// name : str, optional
-    ///     For people; see :attr:`names`.
+    ///     A name for users; see :attr:`names`.
     /// mask : int, optional
-    ///     32 bits: only rays whose mask shares a bit with it meet the mesh. All bits if left out.
+    ///     32 bits: only rays whose mask shares a bit with it hit the mesh. All bits if left out.
     /// normals : array (n, 3), optional
     ///     Normals at the vertices, of any length, for :attr:`Hits.normals`.
     /// uvs : array (n, 2), optional
@@ -90,10 +90,10 @@ impl Scene {
     /// colors : array (n, 3) or (n, 4), optional
     ///     Linear colours at the vertices, which the material's colour is multiplied by.
     /// material : Material or list of Material, optional
-    ///     For rendering; grey if left out. Of a list, each face takes the one that `material_ids`
-    ///     says.
+    ///     For rendering; grey if left out. For a list, `material_ids` selects the material of each
+    ///     face.
     /// material_ids : array (m,) of integers, optional
-    ///     Which material of the list each face has; the first if left out.
+    ///     Index in the list for each face; the first material if left out.
     ///
     /// Examples
     /// --------
@@ -123,14 +123,14 @@ impl Scene {
         self.add(vertices.py(), Kind::Mesh(Arc::new(mesh)), transform, name, mask, material)
     }
 
-    /// Adds an analytic shape and gives its id. :data:`SHAPES` lists the shapes and their
+    /// Adds an analytic shape and returns its id. :data:`SHAPES` lists the shapes and their
     /// parameters.
     ///
     /// Parameters
     /// ----------
     /// shape : str
-    ///     Which, such as `"sphere"`. Shapes are centred at the origin; see the user's guide for
-    ///     each.
+    ///     The name of the shape, such as `"sphere"`. Shapes are centred at the origin; see the
+    ///     user's guide for each.
     /// transform : array (4, 4) or (3, 4), optional
     ///     Map from the coordinates of the shape to the scene's.
     /// name, mask
@@ -163,7 +163,7 @@ impl Scene {
         self.add(py, Kind::Shape(Arc::new(shape)), transform, name, mask, material)
     }
 
-    /// Adds many spheres as one object and gives its id: a point cloud, particles.
+    /// Adds many spheres as one object, such as a point cloud or particles, and returns its id.
     ///
     /// Parameters
     /// ----------
@@ -195,7 +195,8 @@ impl Scene {
         self.add(centers.py(), Kind::Spheres(Arc::new(spheres)), transform, name, mask, material)
     }
 
-    /// Adds strands of round curves as one object and gives its id: hair, fur, grass, wires.
+    /// Adds strands of round curves as one object, such as hair, fur, grass or wires, and returns
+    /// its id.
     ///
     /// Parameters
     /// ----------
@@ -205,14 +206,14 @@ impl Scene {
     /// radii : array (n,) or float
     ///     At each point, 0 or more.
     /// strands : sequence of int, optional
-    ///     How many points each strand has. One strand if left out.
+    ///     Number of points of each strand. One strand if left out.
     /// basis : str
     ///     ``"linear"`` (2 points or more for each strand), ``"bezier"`` (3 for each segment and 1
     ///     more), ``"b-spline"`` or ``"catmull-rom"`` (4 or more).
     /// transform, name, mask, material
     ///     As for :meth:`add_mesh`.
     ///
-    /// Rays meet strands from outside only: where they go in, not where they come out.
+    /// Rays hit strands from outside only: where they enter, not where they exit.
     ///
     /// Examples
     /// --------
@@ -241,23 +242,23 @@ impl Scene {
         self.add(points.py(), Kind::Curves(Arc::new(curves)), transform, name, mask, material)
     }
 
-    /// Adds all that another scene holds now, as one object, and gives its id.
+    /// Adds the current contents of another scene as one object, and returns its id.
     ///
     /// Its geometry is stored and accelerated once, however often it is instanced. Later changes of
-    /// the other scene do not show here.
+    /// the other scene have no effect here.
     ///
     /// Parameters
     /// ----------
     /// scene : Scene
-    ///     What is placed. May hold instances itself.
+    ///     The scene to instance. It may contain instances.
     /// transform : array (4, 4) or (3, 4), optional
     ///     Map from its coordinates to this scene's.
     /// name : str, optional
-    ///     For people.
+    ///     A name for users.
     /// mask : int, optional
     ///     Only rays whose mask shares a bit with it enter the instance.
     /// material : Material, optional
-    ///     For what in it has none.
+    ///     The material of its objects without their own.
     ///
     /// Examples
     /// --------
@@ -284,7 +285,7 @@ impl Scene {
         self.add(py, Kind::Instance(scene.0.contents(py)), transform, name, mask, material)
     }
 
-    /// Moves an object: `transform` takes the place of the one it had.
+    /// Moves an object: `transform` replaces its transform.
     ///
     /// Examples
     /// --------
@@ -302,15 +303,15 @@ impl Scene {
         })
     }
 
-    /// Moves the vertices of a mesh. The faces stay, and so the structure of a mesh in single
-    /// precision is adapted, not built anew.
+    /// Moves the vertices of a mesh. The faces stay, so the acceleration structure of a mesh in
+    /// single precision is refitted, not rebuilt.
     ///
     /// Parameters
     /// ----------
     /// id : int
-    ///     Of a mesh.
+    ///     The id of a mesh.
     /// vertices : array (n, 3)
-    ///     As many as before.
+    ///     Positions, as many as before.
     /// normals : array (n, 3), optional
     ///     The old ones stay if this is left out.
     ///
@@ -343,7 +344,7 @@ impl Scene {
         self.0.edit(py, |contents| contents.set_mesh(id, mesh))
     }
 
-    /// Sets the mask of an object: only rays that share a bit with it meet the object.
+    /// Sets the mask of an object: only rays whose mask shares a bit with it hit the object.
     ///
     /// Examples
     /// --------
@@ -361,7 +362,7 @@ impl Scene {
         })
     }
 
-    /// Takes an object out. Its id is not used again.
+    /// Removes an object. Its id is not reused.
     ///
     /// Examples
     /// --------
@@ -457,12 +458,12 @@ impl Scene {
         )
     }
 
-    /// Builds now what the next query would build first.
+    /// Builds the acceleration structures that the next query would build first.
     ///
     /// Parameters
     /// ----------
     /// dtype : numpy.float32 or numpy.float64
-    ///     For queries of which precision. `float32` if left out.
+    ///     Precision of the queries. `float32` if left out.
     ///
     /// Examples
     /// --------
@@ -480,8 +481,8 @@ impl Scene {
         }
     }
 
-    /// The box around everything: least and greatest corner, an array `(2, 3)` of float64. Infinite
-    /// where an object is; the least is greater than the greatest if there is nothing.
+    /// The bounding box: minimum and maximum corner, an array `(2, 3)` of float64. Infinite if an
+    /// object is; the minimum exceeds the maximum if the scene is empty.
     ///
     /// Examples
     /// --------
@@ -497,9 +498,9 @@ impl Scene {
         from_vec(py, [bounds.min.to_array(), bounds.max.to_array()].concat(), &[2, 3])
     }
 
-    /// Whether the structures of meshes take less memory: corners that triangles share are kept
-    /// once. The same hits; queries of rays in no order take up to a quarter longer. It counts for
-    /// all that is instanced here, too.
+    /// Whether the acceleration structures of meshes take less memory, by storing shared vertices
+    /// once. Hits are the same; queries of incoherent rays take up to a quarter longer. It applies
+    /// to instanced scenes, too.
     ///
     /// Examples
     /// --------
@@ -522,8 +523,8 @@ impl Scene {
         })
     }
 
-    /// What was built: numbers of triangles and nodes, and bytes of the structures without the
-    /// vertices.
+    /// Statistics of the acceleration structures: numbers of triangles and nodes, and bytes without
+    /// the vertices.
     ///
     /// Examples
     /// --------
@@ -556,7 +557,7 @@ impl Scene {
         Ok(all)
     }
 
-    /// Scenes share what does not change: copies cost little.
+    /// Scenes share unchanged data, so copies are cheap.
     fn __copy__(&self, py: Python<'_>) -> Self {
         Self(Shared::new(self.0.contents(py)))
     }
@@ -580,7 +581,7 @@ impl Scene {
     }
 }
 
-/// Whether a dtype is the double one; it may be left out.
+/// True if a dtype is `float64`; it may be left out.
 fn precision(py: Python<'_>, dtype: Option<&Bound<'_, PyAny>>) -> PyResult<bool> {
     let Some(dtype) = dtype else { return Ok(false) };
     let dtype = crate::arrays::numpy(py, "dtype")?.call1((dtype,))?;

@@ -1,4 +1,4 @@
-//! What a scene is asked about points.
+//! Queries of a scene about points.
 
 use super::Scene;
 use crate::answers::{Asked, ClosestPoints, Live, Named};
@@ -34,7 +34,7 @@ impl Scene {
         let limit = limit.values()?;
         let values = slice(&points.values)?.as_chunks::<3>().0;
         let world = &*snapshot.world;
-        // What is found, once more in columns, and where.
+        // The answers, their copy in columns, and the points.
         admit_all("the answers", values.len(), 3 * size_of::<Nearest<P>>())?;
         let (found, positions) = run(py, threads, values.len() <= POINTS, |cancel| {
             let each = |(i, (near, values)): (usize, (&mut [Nearest<P>], &[[P; 3]]))| {
@@ -155,7 +155,7 @@ impl Scene {
         self.0.prepare_winding(py, snapshot)
     }
 
-    /// Something about the surfaces around points.
+    /// A property of the surfaces around points.
     fn around<'py, T: numpy::Element + Default + Copy + Send>(
         &self,
         points: &Bound<'py, PyAny>,
@@ -178,7 +178,7 @@ impl Scene {
     }
 }
 
-/// How far to look.
+/// Maximum distances.
 fn limit<'py, P: Precision>(
     max_distance: Option<&Bound<'py, PyAny>>,
     shape: &[usize],
@@ -196,12 +196,12 @@ impl Scene {
     /// Parameters
     /// ----------
     /// points : array (..., 3)
-    ///     `float32` is answered in single precision, all else in double: of the vertices as they
-    ///     are, not rounded.
+    ///     `float32` is answered in single precision, everything else in double precision, with the
+    ///     vertices as they are, not rounded.
     /// max_distance : float or array (...), optional
-    ///     What is farther is not looked for.
+    ///     Farther surfaces are ignored.
     /// mask : int, optional
-    ///     Only objects that share a bit with it count.
+    ///     Only objects whose mask shares a bit with it count.
     /// threads : int, optional
     ///     As of :meth:`cast_rays`.
     ///
@@ -276,11 +276,11 @@ impl Scene {
         self.distances(points, max_distance, mask, threads, true)
     }
 
-    /// Whether each point is inside of what the scene holds: an array `(...)` of bool.
+    /// Whether each point is inside the surfaces of the scene: an array `(...)` of bool.
     ///
-    /// Inside is where the generalised winding number of all surfaces is more than a half: right
-    /// for closed meshes, and sensible for open ones, soups and overlaps. Masks do not matter.
-    /// Points that are not finite are outside.
+    /// Inside is where the generalised winding number of all surfaces exceeds 0.5: exact for closed
+    /// meshes, and robust for open ones, triangle soups and overlaps. Masks do not matter. Points
+    /// that are not finite are outside.
     ///
     /// Examples
     /// --------
@@ -299,7 +299,7 @@ impl Scene {
     }
 
     /// The generalised winding number of all surfaces around each point: an array `(...)` of
-    /// float64. 1 inside of a closed surface, 0 outside, something between around open ones (to
+    /// float64. 1 inside a closed surface, 0 outside, values between near open ones (accurate to
     /// some hundredths next to large open surfaces).
     ///
     /// Examples

@@ -1,4 +1,4 @@
-//! What a scene is asked about rays.
+//! Queries of a scene about rays.
 
 use super::Scene;
 use crate::answers::{Asked, Hits, Intersections, Live, Named};
@@ -7,7 +7,7 @@ use crate::assemble::Snapshot;
 use crate::columns::Columns;
 use crate::memory::admit_all;
 use crate::precision::Precision;
-use crate::query::{FEW, Question, alike, piece_size};
+use crate::query::{FEW, Question, coherent_angle, piece_size};
 use crate::rays::{Limits, RayArgument, RayArrays};
 use crate::state::Kept;
 use crate::work::{Threads, run};
@@ -29,7 +29,7 @@ struct Options {
 }
 
 impl Scene {
-    /// Asks about rays.
+    /// Answers a query about rays.
     fn ask<'py, P: Precision + Kept, T>(
         &self,
         rays: &RayArgument<'py>,
@@ -44,8 +44,12 @@ impl Scene {
         let invalid_wanted = options.warn_invalid.then_some(&invalid);
         let stats = P::stats(&snapshot.world);
         let piece = piece_size(rays.len(), options.threads.count(), stats);
-        let question =
-            Question { rays: arrays.view()?, piece, alike: alike(stats), invalid: invalid_wanted };
+        let question = Question {
+            rays: arrays.view()?,
+            piece,
+            coherent_angle: coherent_angle(stats),
+            invalid: invalid_wanted,
+        };
         let result = answer(&snapshot, &arrays, &question)?;
         match invalid.into_inner() {
             0 => {}
@@ -79,8 +83,8 @@ impl Scene {
                 })
             })?;
             drop(writable);
-            // Where the ray met a shape decides its surface; for meshes the distances are given
-            // away as they are.
+            // Surfaces of shapes depend on the distance of the hit; for meshes the distances are
+            // handed out as they are.
             let is_distance_needed = !snapshot.names.are_all_meshes();
             let t = if is_distance_needed { None } else { hits.take_t() };
             let named = Named::new(Live::<P, P> {
@@ -201,7 +205,7 @@ impl Scene {
     }
 }
 
-/// Declares queries, which all take the same, and ask in the precision of the rays.
+/// Declares queries, which share their arguments and run in the precision of the rays.
 macro_rules! queries {
     ($($(#[doc = $doc:expr])* $name:ident -> $answer:ty = $method:ident;)*) => {
         #[pymethods]
@@ -247,9 +251,9 @@ queries! {
     /// t_min, t_max : float or array (...), optional
     ///     Only hits between them count, ends excluded. 0 and infinity if left out.
     /// mask : int or array (...) of integers, optional
-    ///     Only objects whose mask shares a bit with it are met.
+    ///     Only objects whose mask shares a bit with it are hit.
     /// threads : int, optional
-    ///     How many work on it. All cores if left out. The answer does not depend on it.
+    ///     Number of threads. All cores if left out. The result does not depend on it.
     /// warn_invalid : bool
     ///     Warn (RuntimeWarning) about rays that can hit nothing: not finite, direction 0, or
     ///     `t_min >= t_max`. They miss.
@@ -280,9 +284,10 @@ queries! {
     /// [True, False]
     test_occlusions -> Bound<'py, PyAny> = occlusions;
 
-    /// How many hits each ray has: an array `(...)` of uint32. Parameters as of :meth:`cast_rays`.
+    /// The number of hits of each ray: an array `(...)` of uint32. Parameters as of
+    /// :meth:`cast_rays`.
     ///
-    /// Exact: a ray through an edge or vertex of a closed mesh crosses it as often as it should.
+    /// Exact: a ray through an edge or vertex of a closed mesh counts each crossing once.
     ///
     /// Examples
     /// --------
@@ -322,7 +327,7 @@ impl Scene {
     /// camera : int, str or Camera, optional
     ///     Number or name, or a camera. The first if left out.
     /// width_px, height_px : int, optional
-    ///     Size of the picture; what the camera says if left out.
+    ///     Size of the picture; the camera's if left out.
     ///
     /// Examples
     /// --------

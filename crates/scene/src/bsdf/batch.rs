@@ -23,18 +23,18 @@ type Spectra = [Numbers; 4];
 /// has the first two in common.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LobeSpectra<T = SampledSpectrum> {
-    /// Reflectance of the body below a gloss; of a metal the reflectance at normal incidence, or the
-    /// real part of its index of refraction; tint of light that crosses glass.
+    /// Reflectance of the body below a gloss; the reflectance of a metal at normal incidence, or
+    /// the real part of its index of refraction; tint of light that crosses glass.
     pub base: T,
-    /// Tint of a gloss; of a metal the factor at the edge ([`super::FacetReflectance`]), or the
-    /// imaginary part of its index; tint of what glass reflects on the outer side.
+    /// Tint of a gloss; the factor of a metal at the edge ([`super::FacetReflectance`]), or the
+    /// imaginary part of its index; tint of glass reflections on the outer side.
     pub specular: T,
-    /// Factor on all that a metal reflects; tint of what glass reflects on the inner side.
+    /// Factor on the reflectance of a metal; tint of glass reflections on the inner side.
     pub other: T,
 }
 
 impl<T> LobeSpectra<T> {
-    /// The same function of each.
+    /// Applies a function to each.
     #[inline(always)]
     pub fn map<U>(self, mut f: impl FnMut(T) -> U) -> LobeSpectra<U> {
         LobeSpectra { base: f(self.base), specular: f(self.specular), other: f(self.other) }
@@ -47,13 +47,13 @@ impl<T> LobeSpectra<T> {
     }
 }
 
-/// What a BSDF is evaluated for, in its frame.
+/// The inputs of an evaluation, in the frame of the BSDF.
 #[derive(Clone, Copy, Debug)]
 pub struct BatchInputs<'a> {
     /// 0 for lanes that are not used: their outputs mean nothing.
     pub is_active: &'a [u32; BATCH],
     /// As [`BatchPoint::spectra`]: in [`snell_math::ColorMode::Rgb`] only the first three channels
-    /// of the base are looked at.
+    /// of the base are used.
     pub spectra: LobeSpectra<[&'a Numbers; 4]>,
     /// Whether spectra are colours.
     pub color: ColorModel,
@@ -61,30 +61,31 @@ pub struct BatchInputs<'a> {
     pub alpha: &'a Numbers,
     /// As [`BatchPoint::metalness`].
     pub metalness: &'a Numbers,
-    /// Unit directions to where light is gathered.
+    /// Unit directions towards the viewer.
     pub wo: [&'a Numbers; 3],
-    /// Unit directions to where light comes from, for value and density.
+    /// Unit directions towards the light, for value and density.
     pub wi: [&'a Numbers; 3],
     /// Numbers in `[0, 1)` for a direction that is drawn, as in [`Lobes::draw_from`].
     pub u_lobe: &'a Numbers,
-    /// More of them.
+    /// Further numbers in `[0, 1)` for such a direction.
     pub u: [&'a Numbers; 2],
 }
 
-/// What may differ from point to point of a surface. A BSDF looks only at what it has.
+/// Parameters that may vary over a surface. A BSDF uses only those that it has.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BatchPoint {
-    /// In [`snell_math::ColorMode::Rgb`] only the base, where that is the reflectance of a body below
-    /// a gloss, and at normal incidence of the metal that is mixed with it. In spectral colour all.
+    /// Spectra of the lane. In [`snell_math::ColorMode::Rgb`] only the base is used: the
+    /// reflectance of a body below a gloss, and of the metal mixed with it at normal incidence. In
+    /// spectral colour all spectra.
     pub spectra: LobeSpectra,
-    /// How wide the facets of such a mixture are distributed, see [`super::Widths`].
+    /// Width of the facet distribution of such a mixture, see [`super::Widths`].
     pub alpha: f32,
     /// Share of the metal.
     pub metalness: f32,
 }
 
 impl BatchPoint {
-    /// With a body of this reflectance, where nothing else counts.
+    /// A point with a body of this reflectance, where nothing else varies.
     pub fn with_body(body: SampledSpectrum) -> Self {
         Self {
             spectra: LobeSpectra { base: body, ..LobeSpectra::default() },
@@ -94,7 +95,7 @@ impl BatchPoint {
     }
 }
 
-/// What a BSDF gives.
+/// The outputs of an evaluation.
 #[derive(Clone, Debug, Default)]
 pub struct BatchOutputs {
     /// As [`Lobes::value_and_pdf_from`].
@@ -193,7 +194,7 @@ impl BatchBsdf {
         measured.or_else(|| BatchMetal::of(metal).map(Kind::Colored)).map(Self)
     }
 
-    /// What it is where it does not differ from point to point.
+    /// Its parameters where they do not vary over the surface.
     pub fn point(&self) -> BatchPoint {
         BatchPoint::with_body(match &self.0 {
             Kind::RoughGloss(gloss) => gloss.own.body,
@@ -216,7 +217,7 @@ impl BatchBsdf {
         }
     }
 
-    /// True if there is a coat, in the frame of what lies below.
+    /// True if there is a coat in the frame of the base.
     pub fn has_coat(&self) -> bool {
         use Kind::{RoughCoatedGloss, RoughCoatedMetal, SmoothCoatedGloss, SmoothCoatedMetal};
         matches!(
@@ -289,15 +290,15 @@ impl BatchBsdf {
 
 /// [`Lobes`] without branches, so that loops over it become vector code.
 pub(super) trait BatchLobes {
-    /// What is known of `wo`.
+    /// The precomputed state for `wo`.
     type Seen;
-    /// Spectra and what follows from them.
+    /// Spectra and values derived from them.
     type Colors: Copy;
 
-    /// Those of this BSDF, over a body of this reflectance.
+    /// The spectra of this BSDF, over a body of this reflectance.
     fn own_colors(&self, body: SampledSpectrum) -> Self::Colors;
 
-    /// Those of a lane.
+    /// The spectra of a lane.
     fn colors_of(&self, spectra: &LobeSpectra) -> Self::Colors;
 
     /// As [`Lobes::seen`], in these colours.
@@ -323,7 +324,7 @@ pub(super) struct BatchDrawn {
 }
 
 impl BatchDrawn {
-    /// One that is reflected; for some, by a delta lobe of this weight.
+    /// A reflected direction, with the weight of a delta lobe where there is one.
     #[inline(always)]
     pub fn reflected(wi: Vec3, exists: bool, delta: Option<(bool, SampledSpectrum)>) -> Self {
         let (is_delta, delta) = delta.unwrap_or((false, SampledSpectrum::ZERO));

@@ -1,10 +1,10 @@
-//! Beckmann's distribution of microfacets, whose slopes are those of a Gaussian, with
+//! Beckmann's distribution of microfacets, whose slopes have a Gaussian distribution, with
 //! height-correlated masking and shadowing.
 //!
-//! Its highlights end sooner than those of [`super::Ggx`]. All directions here lie above the
-//! surface (`z > 0`), and all surfaces are rough. The formulas are those of Walter et al.,
+//! Its highlights have shorter tails than those of [`super::Ggx`]. All directions here lie above
+//! the surface (`z > 0`), and all surfaces are rough. The formulas are those of Walter et al.,
 //! Microfacet Models for Refraction through Rough Surfaces (EGSR 2007, section 5.2), with Smith's
-//! masking by the error function itself, arranged so that nothing is divided by a cosine that may
+//! masking by the exact error function, arranged so that nothing is divided by a cosine that may
 //! vanish.
 
 use super::{fresnel, unit_or, widths::Widths};
@@ -14,7 +14,8 @@ use std::f64::consts::{FRAC_2_SQRT_PI, PI};
 /// `1 / sqrt(pi)`.
 const FRAC_1_SQRT_PI: f64 = 0.5 * FRAC_2_SQRT_PI;
 
-/// The distribution of these widths, each the root of two times the deviation of slopes.
+/// The distribution with these widths: each is the square root of 2 times the standard deviation of
+/// slopes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Beckmann(Widths);
 
@@ -39,7 +40,7 @@ impl Stretched {
         self.z / self.spread
     }
 
-    /// `z` times Smith's `Lambda`: what visible facets hide of others, projected to the direction.
+    /// `z` times Smith's `Lambda`: the area that visible facets hide, projected to the direction.
     fn hidden(self) -> f64 {
         let a = self.steepest();
         (0.5 * exponentials::exp(-a * a)
@@ -63,11 +64,11 @@ impl Stretched {
         (area, FRAC_1_SQRT_PI * gaussian * (self.z - self.spread * x))
     }
 
-    /// The slope up to which this share of the visible facets is (Heitz and d'Eon, Importance
+    /// The slope below which this share of the visible facets lies (Heitz and d'Eon, Importance
     /// Sampling Microfacet-Based BSDFs using the Distribution of Visible Normals, EGSR 2014; by
-    /// Newton's steps within bounds that close in).
+    /// Newton's method within shrinking bounds).
     fn slope(self, share: f64) -> f64 {
-        /// The slope of facets that are never drawn, and the least share that is asked for.
+        /// A slope of facets that are never drawn, and the minimum share.
         const WIDEST: f64 = 5.0;
         const LEAST: f64 = 1.0 / (1u64 << 25) as f64;
         let (share, all) = (share.clamp(LEAST, 1.0 - LEAST), self.area());
@@ -87,9 +88,9 @@ impl Stretched {
         x
     }
 
-    /// [`Self::slope`] to start with: between those of a Gaussian, seen along the normal, and of
-    /// the Rayleigh distribution, which is seen at grazing angles. Both are elementary (the first
-    /// by Winitzki, A handy approximation for the error function and its inverse, 2008).
+    /// The initial guess of [`Self::slope`]: between the Gaussian, as seen along the normal, and
+    /// the Rayleigh distribution, as seen at grazing angles. Both are elementary (the first by
+    /// Winitzki, A handy approximation for the error function and its inverse, 2008).
     fn roughly(self, share: f64, all: f64) -> f64 {
         const A: f64 = 0.147;
         let rayleigh = -(-exponentials::ln(share)).sqrt();
@@ -103,7 +104,7 @@ impl Stretched {
 }
 
 impl Beckmann {
-    /// How wide it is.
+    /// The widths.
     pub fn widths(self) -> Widths {
         self.0
     }
@@ -218,7 +219,7 @@ mod tests {
 
     #[test]
     fn masking_is_that_of_the_rational_approximation() {
-        // Walter et al., the equation after 27: off by less than 0.35 %.
+        // Walter et al., the equation after 27: error below 0.35 %.
         for i in 1..400 {
             let a = f64::from(i) * 0.01;
             let seen = Stretched { spread: 1.0, z: a };

@@ -1,4 +1,4 @@
-//! No reflection at all.
+//! A BSDF that reflects nothing.
 
 use super::{Drawn, Lobes};
 use snell_math::{SampledSpectrum, Vec2, Vec3};

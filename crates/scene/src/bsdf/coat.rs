@@ -1,4 +1,4 @@
-//! A clear lacquer over something: the coat of [`super::OpenPbrBsdf`].
+//! A clear coat over a base: the coat of [`super::OpenPbrBsdf`].
 
 mod batch;
 
@@ -10,7 +10,7 @@ use snell_math::{Frame, SampledSpectrum, Vec2, Vec3};
 
 pub(super) use batch::BatchCoated;
 
-/// A clear lacquer.
+/// A clear coat.
 #[derive(Clone, Copy, Debug)]
 pub struct Coat {
     /// Share of the surface that it covers, `[0, 1]`.
@@ -19,11 +19,11 @@ pub struct Coat {
     pub ggx: Ggx,
     /// Index of refraction over that of the outside.
     pub ior: f32,
-    /// What is left of light that crosses it twice at a right angle.
+    /// Transmittance for light that crosses it twice at normal incidence.
     pub color: SampledSpectrum,
-    /// How much of the darkening by reflections inside of the coat there is, `[0, 1]`.
+    /// Strength of the darkening by reflections inside the coat, `[0, 1]`.
     pub darkening: f32,
-    /// Roughness of what lies below, `[0, 1]`, as far as darkening goes.
+    /// Roughness of the base, `[0, 1]`, for the darkening.
     pub base_roughness: f32,
 }
 
@@ -33,8 +33,8 @@ pub(super) struct CoatLobe {
     coat: Coat,
     albedo: DielectricReflection,
     frame: Frame,
-    /// Of what lies below at a right angle, and the share of diffuse light that is reflected back
-    /// inside of the coat.
+    /// Albedo of the base at normal incidence, and the share of diffuse light that is reflected
+    /// back inside the coat.
     base_albedo: SampledSpectrum,
     diffuse_reflection: f32,
 }
@@ -43,18 +43,18 @@ pub(super) struct CoatLobe {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct CoatSeen {
     wo: Vec3,
-    /// In the frame of the coat.
+    /// The direction in the frame of the coat.
     local: Vec3,
     /// Share of light that a coat of weight 1 reflects.
     pub(super) reflected: f32,
-    /// Length of the way through the coat over its thickness.
+    /// Path length through the coat over its thickness.
     way: f32,
-    /// Factor on what lies below, by reflections inside of the coat.
+    /// Factor on the base, by reflections inside the coat.
     darkened: SampledSpectrum,
 }
 
 impl CoatLobe {
-    /// A coat over something of this albedo at a right angle.
+    /// A coat over a base of this albedo at normal incidence.
     pub(super) fn new(coat: Coat, base_albedo: SampledSpectrum) -> Self {
         let ior = if coat.ior < 1.0 { 1.0 / coat.ior } else { coat.ior };
         let coat = Coat { ior, ..coat };
@@ -99,7 +99,7 @@ impl CoatLobe {
         self.coat.ggx.is_smooth()
     }
 
-    /// Length of the way through the coat over its thickness.
+    /// Path length through the coat over its thickness.
     fn way(&self, w: Vec3) -> f32 {
         let cos = self.frame.z.dot(w);
         1.0 / (1.0 - (1.0 - cos * cos).max(0.0) / (self.coat.ior * self.coat.ior)).max(1e-4).sqrt()
@@ -119,8 +119,8 @@ impl CoatLobe {
         }
     }
 
-    /// Factor on what lies below: reflected by the coat, absorbed in it, and darkened by
-    /// reflections inside of it.
+    /// Factor on the base: for reflection by the coat, absorption in it, and darkening by
+    /// reflections inside it.
     pub(super) fn passed(&self, seen: &CoatSeen, wi: Vec3) -> SampledSpectrum {
         // Light that goes through the base crosses the coat once.
         let way = seen.way + if seen.wo.z * wi.z > 0.0 { self.way(wi) } else { 0.0 };

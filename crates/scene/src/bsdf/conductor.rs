@@ -70,7 +70,8 @@ fn f82_average(f0: SampledSpectrum, edge: SampledSpectrum) -> SampledSpectrum {
     (f0.lerp(SampledSpectrum::ONE, 1.0 / 21.0) - dip(f0, edge) * (1.0 / 126.0)).clamp(0.0, 1.0)
 }
 
-/// What is left of light that meets several facets of this mean reflectance, over the mean loss.
+/// The share left of light that bounces off several facets of this mean reflectance, over the mean
+/// loss.
 #[inline(always)]
 fn bounced(f: SampledSpectrum, unit: SampledSpectrum, lost: f32) -> SampledSpectrum {
     // Each further bounce reflects the mean reflectance, and loses `lost` to the next.
@@ -101,9 +102,9 @@ impl FacetReflectance {
     }
 }
 
-/// A metal. Light that bounces between facets is given back by a diffuse lobe, so that a white one
-/// loses nothing at any roughness (Kulla and Conty, Revisiting Physically Based Shading at
-/// Imageworks, SIGGRAPH 2017 course). Make it with [`ConductorBsdf::new`].
+/// A metal. A diffuse lobe adds the light that bounces between facets, so that a white metal loses
+/// nothing at any roughness (Kulla and Conty, Revisiting Physically Based Shading at Imageworks,
+/// SIGGRAPH 2017 course). Make it with [`ConductorBsdf::new`].
 #[derive(Clone, Copy, Debug)]
 pub struct ConductorBsdf {
     facets: FacetReflectance,
@@ -112,12 +113,12 @@ pub struct ConductorBsdf {
     microfacets: Microfacets,
     loss: FacetLoss,
     lobe: BouncedLobe,
-    /// Of diffuse light.
+    /// Loss of diffuse light.
     mean_loss: f32,
     film: Option<ThinFilm>,
     /// Reflectance at normal incidence, for the film.
     f0: SampledSpectrum,
-    /// What is left of light that meets several facets, over the mean loss.
+    /// The share left of light that bounces off several facets, over the mean loss.
     bounced: SampledSpectrum,
 }
 
@@ -125,11 +126,11 @@ pub struct ConductorBsdf {
 #[derive(Clone, Debug)]
 pub struct ConductorSeen {
     wo: Vec3,
-    /// Of a facet along the surface.
+    /// Reflectance of a facet along the surface.
     reflectance: SampledSpectrum,
     /// Share of light lost by single facets.
     lost: f32,
-    /// What facets reflect, and what comes back after many bounces.
+    /// Albedos of single and of multiple bounces.
     albedos: [SampledSpectrum; 2],
     choice: Choice<2>,
 }
@@ -228,7 +229,7 @@ impl Lobes for ConductorBsdf {
     }
 
     fn ambient(&self, wo: Vec3) -> SampledSpectrum {
-        // What a mirror shows comes with the branch.
+        // The reflection of a mirror is left to its branch.
         if self.is_delta() { SampledSpectrum::ZERO } else { self.albedo(wo) }
     }
 

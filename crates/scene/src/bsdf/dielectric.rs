@@ -20,8 +20,8 @@ pub(super) use batch::BatchGlass;
 
 /// An interface between the outside (`z > 0`, index 1) and a medium. Rough interfaces follow Walter
 /// et al., Microfacet Models for Refraction through Rough Surfaces (EGSR 2007), with visible
-/// normals. What bounces between facets is given back by diffuse lobes on both sides, so that a
-/// clear interface loses nothing at any roughness.
+/// normals. Diffuse lobes on both sides add the light that bounces between facets, so that a clear
+/// interface loses nothing at any roughness.
 #[derive(Clone, Copy, Debug)]
 pub struct DielectricBsdf {
     /// Index of refraction inside over outside, positive.
@@ -36,30 +36,29 @@ pub struct DielectricBsdf {
     pub film: Option<ThinFilm>,
     /// Roughness.
     pub microfacets: Microfacets,
-    /// What a rough interface loses; `None` for a smooth one. See [`Self::losses`].
+    /// The loss of a rough interface; `None` for a smooth one. See [`Self::losses`].
     pub losses: Option<RoughLosses>,
-    /// Share of light that the medium lets through on the way from the last point to this one, for
-    /// rays that come from the inside. It is no property of the interface, but there a path knows
-    /// how far it went.
+    /// Transmittance of the medium from the last point to this one, for rays from inside. It is no
+    /// property of the interface, but the path length is known here.
     pub arriving: SampledSpectrum,
 }
 
-/// What a smooth interface without a film does to light from one direction.
+/// Reflection and refraction of light from one direction at a smooth interface without a film.
 #[derive(Clone, Copy, Debug)]
 pub struct Split {
     /// Index of refraction behind the surface over the index on the side of the direction.
     pub eta: f32,
     /// Share that is reflected.
     pub reflectance: f32,
-    /// Where the rest goes, if [`Self::is_partial`].
+    /// The refracted direction, if [`Self::is_partial`].
     pub refracted: Vec3,
     /// False if all is reflected.
     pub is_partial: bool,
 }
 
 impl Split {
-    /// Of light seen from `wo`, at an interface with this index of refraction inside over outside.
-    /// Without branches, so that loops over it become vector code.
+    /// Computes it for light seen from `wo`, at an interface with this index of refraction inside
+    /// over outside. Without branches, so that loops over it become vector code.
     #[inline(always)]
     pub fn at(wo: Vec3, ior: f32) -> Self {
         let (up, eta) = (lift(wo), relative_ior(wo, ior));
@@ -91,7 +90,7 @@ pub struct DielectricSeen {
     wo: Vec3,
     /// Index of refraction behind the surface over the index on the side of the direction.
     eta: f32,
-    /// Of a rough interface, what is lost from the direction.
+    /// The loss of a rough interface for the direction.
     lost: f32,
 }
 
@@ -106,12 +105,12 @@ pub struct RoughLosses {
     sides: [SideLoss; 2],
 }
 
-/// What is lost on one side of a rough interface.
+/// The loss on one side of a rough interface.
 #[derive(Clone, Copy, Debug)]
 struct SideLoss {
     loss: DielectricLoss,
     average: f32,
-    /// Share of it that goes through.
+    /// Share of the loss that is transmitted.
     transmitted: f32,
 }
 
@@ -120,7 +119,7 @@ impl RoughLosses {
         let losses =
             [DielectricLoss::new(microfacets, ior), DielectricLoss::new(microfacets, 1.0 / ior)];
         let [outer, inner] = [losses[0].average(), losses[1].average()];
-        // Diffuse light from the side of lower index is let through to this share. Both directions
+        // This share of diffuse light from the side of lower index is transmitted. Both directions
         // of the crossing must then carry the same light per squared index, which limits it.
         let through = 1.0 - fresnel::dielectric_average(ior.max(1.0 / ior));
         let transmitted = |eta: f32, near: f32, far: f32| {
@@ -169,14 +168,14 @@ impl DielectricBsdf {
         self.losses.is_none()
     }
 
-    /// What an interface loses. Much work for a rough one: so those of another one are taken if it
-    /// has the same roughness and index.
+    /// The losses of an interface. They are expensive for a rough one, so those of `other` are
+    /// reused if it has the same roughness and index.
     pub fn losses(
         microfacets: Microfacets,
         ior: f32,
         like: Option<&RoughLosses>,
     ) -> Option<RoughLosses> {
-        // With equal indices nothing bends, however rough the interface.
+        // With equal indices nothing is refracted at any roughness.
         if microfacets.is_smooth() || (ior - 1.0).abs() < 1e-4 {
             return None;
         }
@@ -201,7 +200,7 @@ impl DielectricBsdf {
         LobeSpectra { base: self.tint, specular: self.mirror_tint(self.ior), other: self.unit }
     }
 
-    /// Factor on what is reflected on the side with this relative index.
+    /// Factor on reflected light on the side with this relative index.
     fn mirror_tint(&self, eta: f32) -> SampledSpectrum {
         if eta == self.ior { self.reflection_tint * self.unit } else { self.unit }
     }
@@ -211,7 +210,7 @@ impl DielectricBsdf {
         self.tint * Split::compression(eta)
     }
 
-    /// Factor for what the medium absorbed before a ray from `wo` arrived.
+    /// Factor for the absorption of the medium before a ray from `wo` arrived.
     fn absorbed(&self, wo: Vec3) -> SampledSpectrum {
         if wo.z < 0.0 { self.arriving } else { SampledSpectrum::ONE }
     }
@@ -253,7 +252,7 @@ impl DielectricBsdf {
         if denominator == 0.0 { 0.0 } else { f.wi.dot(f.m).abs() / (denominator * denominator) }
     }
 
-    /// Density of facets alone.
+    /// Density of the facets only.
     fn facet_pdf(&self, f: &Facet, eta: f32) -> f32 {
         let reflectance = fresnel::dielectric(f.wo.dot(f.m), eta);
         if f.wi.z > 0.0 {
@@ -265,7 +264,7 @@ impl DielectricBsdf {
         }
     }
 
-    /// Value of facets alone, for `wo` above.
+    /// Value of the facets only, for `wo` above.
     fn facet_value(&self, f: &Facet, eta: f32) -> SampledSpectrum {
         let reflectance = self.fresnel(f.wo.dot(f.m), eta).1;
         if f.wi.z > 0.0 {

@@ -12,13 +12,12 @@ pub struct DiffuseBsdf {
     /// Share of light reflected by a facet, `[0, 1]`: that of the surface where it is smooth.
     reflectance: SampledSpectrum,
     roughness: f32,
-    /// `A` of the model, and the factor of the lobe that stands for light that meets several
-    /// facets.
+    /// `A` of the model, and the factor of the lobe for light that bounces off several facets.
     level: f32,
     bounced: SampledSpectrum,
 }
 
-/// Of Fujii's model: loss of level, and gain of the mean albedo.
+/// Constants of Fujii's model: loss of level, and gain of the mean albedo.
 const LEVEL: f32 = 0.5 - 2.0 / (3.0 * PI);
 const MEAN: f32 = 2.0 / 3.0 - 28.0 / (15.0 * PI);
 
@@ -115,7 +114,7 @@ impl Lobes for DiffuseBsdf {
         (wo.z != 0.0).then_some(Drawn::Direction { wi, is_transmission: false })
     }
 
-    /// The weight is the value without the cosine: nothing needs to be divided.
+    /// The weight is the value without the cosine, so no division is needed.
     fn sample_from(&self, wo: &Vec3, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
         let Drawn::Direction { wi, is_transmission } = self.draw_from(wo, u_lobe, u)? else {
             return None;

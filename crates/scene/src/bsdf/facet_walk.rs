@@ -1,10 +1,10 @@
 //! An independent reference for light that bounces between facets: a walk over the facets of a
 //! random surface (Heitz, Hanika, d'Eon and Dachsbacher, Multiple-Scattering Microfacet BSDFs with
-//! the Smith Model, SIGGRAPH 2016), in double precision and with nothing from the lobes.
+//! the Smith Model, SIGGRAPH 2016), in double precision and without code of the lobes.
 //!
-//! The lobes give back what a single bounce loses by a diffuse lobe, of which it is by construction
-//! only certain that nothing is lost. Here is whether it goes to the side where it should, and in
-//! the right colour.
+//! The lobes add the loss of a single bounce as a diffuse lobe, whose construction guarantees only
+//! that no energy is lost. These tests check that it goes to the right side and has the right
+//! colour.
 
 use super::{Lobes, tests::bsdf};
 use crate::material::{Conductor, Dielectric, MaterialKind};
@@ -30,8 +30,8 @@ fn lambda(w: DVec3, alpha: f64) -> f64 {
     0.5 * ((1.0 + slope2).sqrt().copysign(w.z) - 1.0)
 }
 
-/// The height, in `[-1, 1]`, at which a ray from a height meets a facet; `None` if it leaves
-/// (algorithm 3 there, heights evenly spread).
+/// The height, in `[-1, 1]`, at which a ray from a height hits a facet; `None` if it leaves
+/// (algorithm 3 there, with uniform heights).
 fn next_height(w: DVec3, height: f64, alpha: f64, u: f64) -> Option<f64> {
     let (above, lambda) = (0.5 * (height + 1.0), lambda(w, alpha));
     if w.z > 0.0 && u > 1.0 - above.powf(lambda) {
@@ -51,7 +51,7 @@ fn visible_facet(w: DVec3, alpha: f64, numbers: &mut Numbers) -> DVec3 {
     DVec3::new(alpha * half.x, alpha * half.y, half.z).normalize()
 }
 
-/// Share of light that a dielectric reflects, and the cosine of what it lets through.
+/// Share of light that a dielectric reflects, and the cosine of the refracted direction.
 fn fresnel(cos: f64, eta: f64) -> (f64, f64) {
     let sin2 = (1.0 - cos * cos) / (eta * eta);
     if sin2 >= 1.0 {
@@ -65,7 +65,7 @@ fn fresnel(cos: f64, eta: f64) -> (f64, f64) {
     (0.5 * (p * p + s * s), through)
 }
 
-/// What facets do to light.
+/// The scattering of facets.
 enum Facets {
     /// Index of the far side over that of the near one.
     Glass(f64),
@@ -73,7 +73,7 @@ enum Facets {
     Metal([f64; 3]),
 }
 
-/// Where a walk ends: on the near side or not, and which share of the light is left.
+/// The end of a walk: whether it is on the near side, and the share of light left.
 fn walk(wo: DVec3, alpha: f64, facets: &Facets, numbers: &mut Numbers) -> (bool, [f64; 3]) {
     let (mut ray, mut height, mut is_near, mut left) = (-wo, 1.0, true, [1.0; 3]);
     for _ in 0..1000 {
@@ -122,7 +122,7 @@ fn reflected(wo: DVec3, alpha: f64, facets: &Facets) -> [f64; 3] {
     sum.map(|sum| sum / f64::from(WALKS))
 }
 
-/// The same by the lobes of a material.
+/// The same share computed by the lobes of a material.
 fn reflected_by_lobes(kind: &MaterialKind, wo: Vec3) -> [f64; 3] {
     let (bsdf, mut sum) = (bsdf(kind), [0.0; 3]);
     for n in 0..WALKS {
@@ -163,11 +163,11 @@ fn glass_is_off_by(roughness: f32) -> (f64, String) {
     worst
 }
 
-/// The diffuse lobes let the same share through from all directions. On very rough glass seen from
-/// the inside more goes through the steeper a walk begins, so lobes are off there: by 0.19 from
-/// grazing directions at a roughness of 0.9. (Shares that go with `0.25 + cos` were nearer, 0.05
-/// instead of 0.07 at a roughness of 0.7, but with their mean read from a table a furnace of
-/// Beckmann's glass was off by 0.0018.)
+/// The diffuse lobes transmit the same share from all directions. On very rough glass seen from the
+/// inside more goes through the steeper a walk begins, so lobes are off there: by 0.19 from grazing
+/// directions at a roughness of 0.9. (Shares that go with `0.25 + cos` were nearer, 0.05 instead of
+/// 0.07 at a roughness of 0.7, but with their mean read from a table a furnace of Beckmann's glass
+/// was off by 0.0018.)
 #[test]
 fn rough_glass_reflects_about_what_a_walk_over_its_facets_does() {
     for (roughness, most) in [(0.3, 0.025), (0.5, 0.025), (0.7, 0.09), (0.9, 0.22)] {

@@ -3,8 +3,8 @@
 //! Airy's sum over the reflections between the faces of the film (Belcour and Barla, A Practical
 //! Extension to Microfacet Theory for the Modeling of Varying Iridescence, SIGGRAPH 2017). In
 //! spectral mode it is taken at the wavelengths; in RGB mode the cosines of the series are averaged
-//! over the sensitivity of the channels by the Gaussians that the paper's authors fitted. What lies
-//! below is known by its reflectance at normal incidence, as in `KHR_materials_iridescence`.
+//! over the sensitivity of the channels by the Gaussians that the paper's authors fitted. The base
+//! is given by its reflectance at normal incidence, as in `KHR_materials_iridescence`.
 
 use super::fresnel;
 use snell_math::{ColorMode, Rgb, SampledSpectrum};
@@ -15,11 +15,11 @@ use std::f32::consts::PI;
 pub struct ThinFilm {
     /// Share of the surface that it covers, `[0, 1]`.
     pub weight: f32,
-    /// Nanometres.
+    /// Thickness in nanometres.
     pub thickness: f32,
     /// Index of refraction over that of the outside, positive.
     pub ior: f32,
-    /// What the lanes stand for.
+    /// The colour mode of the lanes.
     pub mode: ColorMode,
 }
 
@@ -28,15 +28,15 @@ pub struct ThinFilm {
 struct Series {
     constant: f32,
     amplitude: f32,
-    /// What is left of the amplitude after each passage through the film.
+    /// Ratio of the amplitudes of successive passages through the film.
     ratio: f32,
-    /// Phase of one passage, without that of the way.
+    /// Phase shift of one passage by reflection, without that of the optical path.
     phase: f32,
 }
 
 impl ThinFilm {
-    /// Reflectance of the film over what reflects `without` at this angle and `f0` at normal
-    /// incidence.
+    /// Reflectance of the film over a surface that reflects `without` at this angle and `f0` at
+    /// normal incidence.
     pub(super) fn reflectance(
         &self,
         cos: f32,
@@ -48,7 +48,7 @@ impl ThinFilm {
     }
 
     fn covered(&self, cos: f32, f0: SampledSpectrum) -> SampledSpectrum {
-        // A film of no thickness is none.
+        // A film of thickness 0 has no effect.
         let ior = 1.0 + (self.ior - 1.0) * smoothstep(self.thickness / 30.0);
         let sin2 = (1.0 - cos * cos) / (ior * ior);
         if sin2 >= 1.0 {
@@ -77,7 +77,7 @@ impl ThinFilm {
                 .sum();
             0.5 * total
         };
-        // Each lane has its own surface below: the wavelengths are asked for one by one.
+        // Each lane has its own base, so the wavelengths are evaluated one by one.
         let lanes: [SampledSpectrum; 4] =
             std::array::from_fn(|i| self.mode.lanes(channels, |nm| at(nm, f0[i])));
         SampledSpectrum(std::array::from_fn(|i| lanes[i][i])).clamp(0.0, 1.0)
@@ -109,8 +109,8 @@ fn polarisations(cos: f32, cos_film: f32, ior: f32, base_f0: f32) -> [Series; 2]
     let r23 = r23 + (1.0 - r23) * fresnel::schlick_weight(cos_film);
     let parallel = (ior * cos - cos_film) / (ior * cos + cos_film);
     let perpendicular = (cos - ior * cos_film) / (cos + ior * cos_film);
-    // The product of the inner reflections of a film between thinner things is positive, of one on
-    // a denser thing negative; beyond Brewster's angle one polarisation turns once more.
+    // The product of the inner reflections is positive for a film between rarer media and negative
+    // on a denser one; beyond Brewster's angle one polarisation changes sign once more.
     let turns = if (base_ior < ior) == (ior > 1.0) { 0.0 } else { PI };
     let brewster = if parallel * (ior - 1.0) < 0.0 { PI } else { 0.0 };
     [(parallel, turns + brewster), (perpendicular, turns)].map(|(r, phase)| {

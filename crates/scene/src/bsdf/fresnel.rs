@@ -1,4 +1,4 @@
-//! How much light a smooth interface reflects, and where the rest goes.
+//! Reflection and refraction at a smooth interface.
 
 use snell_math::simd::max;
 use snell_math::{SampledSpectrum, Vec3};
@@ -9,9 +9,9 @@ pub fn reflect(w: Vec3, n: Vec3) -> Vec3 {
     n * (2.0 * w.dot(n)) - w
 }
 
-/// The direction in which light from `w` goes on behind the interface with unit normal `n`, on
-/// whose side `w` lies. `eta` is the index of refraction behind over the one on the side of `w`.
-/// `None` if all is reflected. Snell's law.
+/// The refracted direction of light from `w` behind the interface with unit normal `n`, on whose
+/// side `w` lies. `eta` is the index of refraction behind over the one on the side of `w`. `None`
+/// if all is reflected. Snell's law.
 pub fn refract(w: Vec3, n: Vec3, eta: f32) -> Option<Vec3> {
     let (wi, exists) = refracted(w, n, eta);
     exists.then_some(wi)
@@ -115,7 +115,7 @@ mod tests {
     fn dielectric_reflectance_has_its_textbook_values() {
         assert!((dielectric(1.0, 1.5) - 0.04).abs() < 1e-6);
         assert!((dielectric(0.0, 1.5) - 1.0).abs() < 1e-6);
-        // Brewster's angle: parallel light is not reflected at all, the rest by ((eta^2 - 1) /
+        // Brewster's angle: parallel polarised light is not reflected, the other by ((eta^2 - 1) /
         // (eta^2 + 1))^2.
         let brewster = 1.5f32.atan().cos();
         assert!((dielectric(brewster, 1.5) - 0.5 * (1.25f32 / 3.25).powi(2)).abs() < 1e-6);

@@ -1,4 +1,4 @@
-//! Fuzz: fibres that stand on a surface, as on velvet, or dust.
+//! Fuzz: fibres on a surface, as on velvet, or dust.
 //!
 //! A volume of fibre-like flakes, fitted by linearly transformed cosines (Zeltner, Burley and
 //! Chiang, Practical Multiple-Scattering Sheen Using Linearly Transformed Cosines, SIGGRAPH 2022
@@ -25,14 +25,13 @@ pub(super) struct FuzzLobe {
     frame: Frame,
     a: f32,
     b: f32,
-    /// Share of light reflected; the rest goes on to what lies below.
+    /// Share of light reflected; the rest reaches the layers below.
     pub(super) reflectance: f32,
 }
 
 impl FuzzLobe {
     pub(super) fn new(roughness: f32, wo: Vec3) -> Self {
-        // The rows for the least roughness, whose fibres stand so straight that nothing is seen of
-        // them, are empty.
+        // The rows of the lowest roughness are empty: such fibres are too straight to be visible.
         let (row, r) = super::energy::nodes(roughness.max(0.07), SIZE);
         let (column, c) = super::energy::nodes(wo.z, SIZE);
         let lerp = |a: [f32; 3], b: [f32; 3], t: f32| -> [f32; 3] {

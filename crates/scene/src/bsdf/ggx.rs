@@ -31,7 +31,7 @@ impl Ggx {
         Self(Widths::from_anisotropy(roughness, anisotropy))
     }
 
-    /// How wide it is.
+    /// The widths.
     #[inline(always)]
     pub fn widths(self) -> Widths {
         self.0
@@ -48,7 +48,7 @@ impl Ggx {
         self.0.is_smooth()
     }
 
-    /// As [`Widths::root`], which is the one root in the masking functions.
+    /// As [`Widths::root`], the only square root in the masking functions.
     #[inline(always)]
     pub(super) fn root(self, w: Vec3) -> f32 {
         self.0.root(w)
@@ -159,7 +159,7 @@ impl Ggx {
     }
 
     /// [`Self::sample_reflection`] without branches, so that loops over it become vector code;
-    /// false where it is none.
+    /// false where it gives `None`.
     #[inline(always)]
     pub(super) fn drawn_reflection(self, wo: Vec3, u: Vec2) -> (Vec3, bool) {
         let stretched = self.stretch(wo);

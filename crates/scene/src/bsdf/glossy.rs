@@ -1,8 +1,8 @@
 //! A dielectric gloss over a scattering body: plastics, paints, leaves, skin.
 //!
-//! The gloss is of microfacets with Fresnel's law. The body gets what the gloss lets through on the
-//! way in and on the way out, `(1 - E(wo)) (1 - E(wi))` with `E` the albedo of the gloss, over its
-//! mean in the body's directions (Kelemen and Szirmay-Kalos, A Microfacet Based Coupled
+//! The gloss is a microfacet lobe with Fresnel's law. The body gets the light that the gloss
+//! transmits on the way in and out, `(1 - E(wo)) (1 - E(wi))` with `E` the albedo of the gloss,
+//! over its mean in the body's directions (Kelemen and Szirmay-Kalos, A Microfacet Based Coupled
 //! Specular-Matte BRDF Model, 2001): a white body loses nothing, and over a Lambertian body the
 //! model is reciprocal. Light that bounces between facets enters the body.
 
@@ -24,7 +24,7 @@ use std::f32::consts::FRAC_1_PI;
 #[derive(Clone, Copy, Debug)]
 pub struct Gloss {
     /// Index of refraction over that of the outside. Below 1 the reflectance is that of its
-    /// inverse, without total reflection, as OpenPBR suggests for what lies under a denser coat.
+    /// inverse, without total reflection, as OpenPBR suggests for a base under a denser coat.
     pub ior: f32,
     /// Factor on the reflection.
     pub tint: SampledSpectrum,
@@ -35,7 +35,7 @@ pub struct Gloss {
 }
 
 impl Gloss {
-    /// True if this has no film, and all else as another one.
+    /// True if this has no film and otherwise equals another one.
     fn is_plainly(&self, other: &Self) -> bool {
         self.film.is_none()
             && self.ior == other.ior
@@ -44,15 +44,16 @@ impl Gloss {
     }
 }
 
-/// What lies below the interface. Shares of the light that reaches it, together at most 1 in each
-/// lane.
+/// The body below the interface: shares of the light that reaches it, with a sum of at most 1 in
+/// each lane.
 #[derive(Clone, Copy, Debug)]
 pub struct Body {
-    /// What comes back diffusely.
+    /// Share that is reflected diffusely.
     pub diffuse: DiffuseBsdf,
-    /// What leaves diffusely on the other side, through an interface like the upper one.
+    /// Share that is transmitted diffusely to the other side, through an interface like the upper
+    /// one.
     pub through: SampledSpectrum,
-    /// What goes on diffusely in the medium inside.
+    /// Share that enters the medium inside diffusely.
     pub walk: SampledSpectrum,
 }
 
@@ -71,7 +72,7 @@ pub struct GlossyBsdf {
     albedo: DielectricReflection,
     /// Reflectance of the interface at normal incidence, for the film.
     f0: SampledSpectrum,
-    /// Share of diffuse light that the gloss lets through.
+    /// Share of diffuse light that the gloss transmits.
     passed_average: SampledSpectrum,
 }
 
@@ -79,13 +80,13 @@ pub struct GlossyBsdf {
 #[derive(Clone, Debug)]
 pub struct GlossySeen {
     wo: Vec3,
-    /// Share of light that the gloss reflects, and share that it lets through.
+    /// Share of light that the gloss reflects, and share that it transmits.
     gloss: SampledSpectrum,
     passed: SampledSpectrum,
-    /// Mean of what the gloss lets through, over the directions in which a white body scatters
-    /// light towards `wo`.
+    /// Mean transmittance of the gloss over the directions in which a white body scatters light
+    /// towards `wo`.
     mean: SampledSpectrum,
-    /// Share of light that the body reflects, of what reaches it.
+    /// Share of the light reaching the body that it reflects.
     body: SampledSpectrum,
     /// Gloss, reflection and transmission by the body.
     choice: Choice<3>,
@@ -102,7 +103,7 @@ impl GlossyBsdf {
         Self::like(None, gloss, body)
     }
 
-    /// The same, with less work where another one is alike.
+    /// The same, reusing tables of another one with the same interface.
     pub(crate) fn like(other: Option<&Self>, gloss: Gloss, body: Body) -> Self {
         let ior = if gloss.ior < 1.0 { 1.0 / gloss.ior } else { gloss.ior };
         let gloss = Gloss { ior, ..gloss };
@@ -125,12 +126,12 @@ impl GlossyBsdf {
         made
     }
 
-    /// How rough it is.
+    /// The widths of the distribution.
     pub(super) fn microfacets(&self) -> Microfacets {
         self.gloss.microfacets
     }
 
-    /// The albedo of its gloss, but for the tint, at another roughness.
+    /// The albedo of its gloss at another roughness, without the tint.
     pub(super) fn albedo_at(&self, microfacets: Microfacets) -> DielectricReflection {
         self.albedo.again(microfacets, self.gloss.ior)
     }
@@ -160,8 +161,7 @@ impl GlossyBsdf {
     fn gloss_albedo(&self, w: Vec3) -> SampledSpectrum {
         let plain = self.albedo.towards(w);
         let Some(film) = self.gloss.film else { return self.gloss.tint * plain };
-        // The film changes the reflectance of the typical facet, and as much what all of them
-        // reflect.
+        // The film changes the albedo by the same factor as the reflectance of a typical facet.
         let cos = self.gloss.microfacets.widths().facet_cosine(w);
         let f = fresnel::dielectric(cos, self.gloss.ior);
         let ratio = if f > 0.0 { plain / f } else { 1.0 };
@@ -327,7 +327,7 @@ impl Lobes for GlossyBsdf {
     }
 
     fn ambient(&self, wo: Vec3) -> SampledSpectrum {
-        // What smooth layers mirror comes with the branch.
+        // The mirror reflection of smooth layers is left to the branch.
         let e = self.gloss_albedo(lift(wo));
         let base = self.body.diffuse.directional_albedo(wo.z.abs()) * (SampledSpectrum::ONE - e);
         if self.gloss.microfacets.is_smooth() { base } else { base + e }

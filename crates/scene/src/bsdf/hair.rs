@@ -4,21 +4,20 @@ use super::{Choice, Drawn, Lobes, fresnel};
 use snell_math::{SampledSpectrum, Vec2, Vec3};
 use std::f32::consts::{FRAC_1_PI, PI, TAU};
 
-/// Ways through the fibre that have lobes of their own: reflection (R), straight through (TT), one
-/// inner reflection (TRT). A fourth lobe stands for all that are longer.
+/// Paths through the fibre that have their own lobes: reflection (R), straight through (TT), one
+/// inner reflection (TRT). A fourth lobe stands for all longer paths.
 const WAYS: usize = 3;
 
 /// The hair model of Chiang, Bitterli, Tappan and Burley (A Practical and Controllable Hair and Fur
 /// Model for Production Path Tracing, 2016), in the form of pbrt, 4th edition, section 9.9.
 ///
-/// The local `x` axis is along the fibre, towards its tip, and `z` is the normal. What is called
-/// *longitudinal* is the inclination of a direction to the plane across the fibre, what is called
-/// *azimuthal* the angle within that plane. A direction arrives at all points of the fibre's width;
-/// the *offset* says at which of them, from -1 to 1. The value has no cosine: the fibre is lit from
-/// all around.
+/// The local `x` axis is along the fibre, towards its tip, and `z` is the normal. *Longitudinal*
+/// angles are inclinations to the plane across the fibre, *azimuthal* angles lie in that plane. The
+/// *offset* is the position at which a direction hits the width of the fibre, from -1 to 1. The
+/// value has no cosine: the fibre receives light from all sides.
 ///
-/// Every lobe keeps its energy, so hair without pigment loses nothing. The model is not reciprocal:
-/// it looks at the offset and the attenuation of `wo` alone.
+/// Every lobe conserves energy, so hair without pigment absorbs nothing. The model is not
+/// reciprocal: it uses the offset and the attenuation of `wo` only.
 #[derive(Clone, Copy, Debug)]
 pub struct HairBsdf {
     offset: Option<f32>,
@@ -33,11 +32,11 @@ pub struct HairBsdf {
     tilts: [[f32; 2]; WAYS + 1],
 }
 
-/// What [`HairBsdf`] is made of.
+/// The parameters of [`HairBsdf`].
 #[derive(Clone, Copy, Debug)]
 pub struct HairFiber {
-    /// Where across the fibre it is met, from -1 to 1, positive towards the local `y` axis. `None`
-    /// on a round fibre, where `wo` and the normal say it.
+    /// Offset across the fibre, from -1 to 1, positive towards the local `y` axis. `None` on a
+    /// round fibre, where it follows from `wo` and the normal.
     pub offset: Option<f32>,
     /// Index of refraction.
     pub ior: f32,
@@ -62,9 +61,9 @@ pub struct HairSeen {
     /// Sine and cosine of the inclination of `wo`.
     inclination: [f32; 2],
     azimuth: f32,
-    /// Angle from the normal to `wo` across the fibre, and the one that it is refracted to.
+    /// Angle from the normal to `wo` across the fibre, and the refracted angle.
     gammas: [f32; 2],
-    /// Share of the light that goes each way.
+    /// Share of the light on each path.
     attenuations: [SampledSpectrum; WAYS + 1],
     choice: Choice<{ WAYS + 1 }>,
 }
@@ -88,14 +87,14 @@ impl HairBsdf {
         }
     }
 
-    /// Absorption per radius that gives white light about this colour after many hairs, `[0, 1]`:
-    /// the fit of Chiang et al., section 4.2.
+    /// Absorption per radius for which white light has about this colour, `[0, 1]`, after many
+    /// hairs: the fit of Chiang et al., section 4.2.
     pub fn absorption_of_color(
         color: SampledSpectrum,
         azimuthal_roughness: f32,
     ) -> SampledSpectrum {
         let scale = Self::color_scale(azimuthal_roughness);
-        // What is black absorbs very much.
+        // A black colour needs a very large absorption.
         color.map(|c| (c.clamp(1e-4, 1.0).ln() / scale).powi(2))
     }
 
@@ -111,14 +110,14 @@ impl HairBsdf {
         fit.iter().rev().fold(0.0, |sum, c| sum * n + c)
     }
 
-    /// Share of the light that goes each way, for an angle of incidence of this cosine, and what of
-    /// it a way through the fibre leaves.
+    /// Share of the light on each path, for an angle of incidence of this cosine and the
+    /// transmittance of one passage through the fibre.
     fn attenuations(&self, cos: f32, through: SampledSpectrum) -> [SampledSpectrum; WAYS + 1] {
         let f = fresnel::dielectric(cos, self.ior);
         let first = through * ((1.0 - f) * (1.0 - f));
         let second = first * through * f;
         let rest = through * f;
-        // A geometric series; nothing gets in where all is reflected.
+        // A geometric series; no light enters where all is reflected.
         let all = if f < 1.0 {
             second * rest / (SampledSpectrum::ONE - rest)
         } else {
@@ -133,7 +132,7 @@ impl HairBsdf {
         [sin * cos_tilt + cos * sin_tilt, (cos * cos_tilt - sin * sin_tilt).abs()]
     }
 
-    /// By how much light that goes a way is turned around the fibre if that is smooth.
+    /// The azimuthal deflection of light on a path if the fibre is smooth.
     fn turn(way: usize, [gamma, refracted]: [f32; 2]) -> f32 {
         let p = way as f32;
         2.0 * p * refracted - 2.0 * gamma + p * PI
@@ -170,7 +169,7 @@ fn longitudinal([sin, cos]: [f32; 2], [sin_o, cos_o]: [f32; 2], variance: f32) -
 }
 
 /// The modified Bessel function of order 0, times `exp(-x)`, for `x >= 0` (Abramowitz and Stegun,
-/// 9.8.1 and 9.8.2; off by less than 1e-6).
+/// 9.8.1 and 9.8.2; error below 1e-6).
 fn scaled_bessel(x: f32) -> f32 {
     let sum =
         |coefficients: &[f32], t: f32| coefficients.iter().rev().fold(0.0, |sum, c| sum * t + c);
@@ -207,12 +206,12 @@ fn logistic_cdf(x: f32, scale: f32) -> f32 {
 /// Density of the logistic distribution cut to `[-pi, pi]`.
 fn trimmed_logistic(x: f32, scale: f32) -> f32 {
     let e = (-x.abs() / scale).exp();
-    // The part that is left: the distribution is symmetric.
+    // The share within the interval: the distribution is symmetric.
     let left = 1.0 - 2.0 * logistic_cdf(-PI, scale);
     e / (scale * (1.0 + e) * (1.0 + e) * left)
 }
 
-/// A number of the distribution cut to `[-pi, pi]`.
+/// Samples the distribution cut to `[-pi, pi]`.
 fn sample_trimmed_logistic(u: f32, scale: f32) -> f32 {
     let below = logistic_cdf(-PI, scale);
     let share = below + u * (1.0 - 2.0 * below);
@@ -233,8 +232,8 @@ impl Lobes for HairBsdf {
             None => 0.0,
         };
         let cos = (1.0 - sin * sin).max(0.0).sqrt();
-        // The index of refraction as it looks in the plane across (Marschner et al., Light
-        // Scattering from Human Hair Fibers, 2003).
+        // The effective index of refraction in the plane across (Marschner et al., Light Scattering
+        // from Human Hair Fibers, 2003).
         let projected = (self.ior * self.ior - sin * sin).max(0.0).sqrt();
         let sin_refracted =
             if projected > 0.0 { (h * cos / projected).clamp(-1.0, 1.0) } else { 0.0 };
@@ -366,7 +365,7 @@ mod tests {
     }
 
     /// Reflected and refracted rays in a real cylinder of radius 1 around x: directions and shares
-    /// of the first ways.
+    /// of the first paths.
     fn traced(h: f32, wo: Vec3, ior: f32) -> Vec<(Vec3, f32, f32)> {
         // The offset is to the side of y of a viewer at z.
         let start = Vec3::new(0.0, h, (1.0 - h * h).sqrt());

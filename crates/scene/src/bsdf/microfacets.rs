@@ -8,9 +8,9 @@ snell_math::declare! {
     /// Shape of a distribution of microfacets.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
     pub enum MicrofacetShape {
-        /// That of [`Ggx`]: highlights with long tails, as measured surfaces have them.
+        /// [`Ggx`]: highlights with long tails, like those of measured surfaces.
         "ggx" => #[default] Ggx,
-        /// That of [`Beckmann`]: highlights that end.
+        /// [`Beckmann`]: highlights without tails.
         "beckmann" => Beckmann,
     }
 }
@@ -30,12 +30,12 @@ impl MicrofacetShape {
     }
 }
 
-/// A distribution of microfacets. What the methods mean is said at [`Ggx`].
+/// A distribution of microfacets; [`Ggx`] documents the methods.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Microfacets {
-    /// By [`Ggx`].
+    /// The distribution [`Ggx`].
     Ggx(Ggx),
-    /// By [`Beckmann`].
+    /// The distribution [`Beckmann`].
     Beckmann(Beckmann),
 }
 
@@ -45,7 +45,7 @@ impl From<Ggx> for Microfacets {
     }
 }
 
-/// Asks the distribution, whichever it is.
+/// Dispatches to the distribution.
 macro_rules! ask {
     ($microfacets:expr, $known:ident => $answer:expr) => {
         match $microfacets {
@@ -61,7 +61,7 @@ impl Microfacets {
         if let Self::Ggx(ggx) = self { Some(ggx) } else { None }
     }
 
-    /// The shape of it.
+    /// Its shape.
     pub fn shape(self) -> MicrofacetShape {
         match self {
             Self::Ggx(_) => MicrofacetShape::Ggx,
@@ -69,7 +69,7 @@ impl Microfacets {
         }
     }
 
-    /// How wide it is.
+    /// The widths.
     #[inline(always)]
     pub fn widths(self) -> Widths {
         ask!(self, known => known.widths())
@@ -121,7 +121,7 @@ impl Microfacets {
     pub fn visible_reflection_pdf(self, wo: Vec3, wi: Vec3) -> f32 {
         match self {
             Self::Ggx(ggx) => ggx.visible_reflection_pdf(wo, wi),
-            // Those are the normals that it draws reflections at.
+            // It draws reflections at those normals.
             Self::Beckmann(beckmann) => {
                 beckmann.reflection_and_pdf(wo, wi).map_or(0.0, |(.., pdf)| pdf)
             }

@@ -16,7 +16,7 @@ pub(super) fn mirror_branch(wo: Vec3, weight: SampledSpectrum) -> SpecularBranch
 }
 
 impl SpecularBranch {
-    /// The way along this branch, chosen with `probability` among the lobes.
+    /// The sample along this branch, chosen with `probability` among the lobes.
     pub(super) fn drawn(self, probability: f32) -> Drawn {
         Drawn::Delta(BsdfSample {
             wi: self.wi,
@@ -52,7 +52,7 @@ impl Lobes for MirrorBsdf {
     }
 
     fn ambient(&self, _wo: Vec3) -> SampledSpectrum {
-        // What it mirrors comes with the branch.
+        // The reflection is left to the branch.
         SampledSpectrum::ZERO
     }
 

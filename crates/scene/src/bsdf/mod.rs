@@ -1,9 +1,9 @@
 //! The lobes that materials are made of, in the local frame: `z` is the shading normal on the outer
 //! side of the surface.
 //!
-//! Directions are unit vectors that point away from the surface. `wo` goes to where light is
-//! gathered (the camera), `wi` to where it comes from. Opaque BSDFs reflect on both sides;
-//! dielectrics are outside where `z > 0`.
+//! Directions are unit vectors that point away from the surface. `wo` points towards the viewer
+//! (the camera), `wi` towards the light. Opaque BSDFs reflect on both sides; dielectrics are
+//! outside where `z > 0`.
 
 mod batch;
 mod beckmann;
@@ -55,7 +55,7 @@ use std::f32::consts::PI;
 /// A direction drawn from a BSDF.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BsdfSample {
-    /// Where the path goes on.
+    /// The direction in which the path continues.
     pub wi: Vec3,
     /// `f |cos| / pdf` (for a delta lobe: its factor over the probability of choosing it).
     pub weight: SampledSpectrum,
@@ -75,14 +75,14 @@ impl BsdfSample {
     }
 }
 
-/// Probabilities of `N` lobes. They add up to 1, or are all 0 if no lobe has anything to give.
+/// Probabilities of `N` lobes. They add up to 1, or are all 0 if no lobe has any energy.
 #[derive(Clone, Copy, Debug)]
 struct Choice<const N: usize> {
     probabilities: [f32; N],
 }
 
 impl<const N: usize> Choice<N> {
-    /// In proportion to the lobes' albedos.
+    /// Probabilities in proportion to the lobes' albedos.
     #[inline(always)]
     fn new(albedos: [SampledSpectrum; N]) -> Self {
         let (mut probabilities, mut total) = ([0.0; N], 0.0);
@@ -107,14 +107,14 @@ impl<const N: usize> Choice<N> {
             }
             rest -= p;
         }
-        // Rounding may leave a little over.
+        // Rounding may leave a small remainder.
         self.probabilities.iter().rposition(|&p| p > 0.0).map(|i| (i, 1.0 - f32::EPSILON))
     }
 }
 
 impl Choice<2> {
-    /// True if it is the first lobe that a number in `[0, 1)` stands for, and false if it is none:
-    /// as [`Self::pick`], without branches.
+    /// True if a number in `[0, 1)` chooses the first lobe, false if it chooses none: as
+    /// [`Self::pick`], without branches.
     #[inline(always)]
     fn picks_first(&self, u: f32) -> (bool, bool) {
         let [first, second] = self.probabilities;
@@ -147,27 +147,27 @@ pub struct SpecularBranch {
     pub is_transmission: bool,
 }
 
-/// A direction drawn from a BSDF, before anything is known of it.
+/// A direction drawn from a BSDF, before its value and density are computed.
 #[derive(Clone, Copy, Debug)]
 pub enum Drawn {
-    /// One of a delta lobe, of which all is known.
+    /// A direction of a delta lobe, with its weight.
     Delta(BsdfSample),
-    /// Any other.
+    /// Any other direction.
     Direction {
-        /// Where the path goes on.
+        /// The direction in which the path continues.
         wi: Vec3,
         /// True if the path crosses the surface.
         is_transmission: bool,
     },
 }
 
-/// What every BSDF answers.
+/// The interface of all BSDFs.
 ///
-/// Much of the work depends on `wo` alone: [`Self::seen`] does it once, and the methods whose names
-/// end in `_from` answer any number of questions with it. Those that take `wo` itself are for
-/// single questions.
+/// Much of the work depends on `wo` only: [`Self::seen`] does it once, and the methods whose names
+/// end in `_from` use it for any number of evaluations. Methods that take `wo` are for single
+/// evaluations.
 pub trait Lobes: Sized {
-    /// What is known of `wo`.
+    /// The precomputed state for `wo`.
     type Seen: Clone + std::fmt::Debug;
 
     /// The BSDF seen from a direction.
@@ -221,7 +221,7 @@ pub trait Lobes: Sized {
         self.albedo_from(&self.seen(wo))
     }
 
-    /// True if there is no lobe but delta lobes: light samples are useless.
+    /// True if all lobes are delta lobes: light samples are useless.
     fn is_delta(&self) -> bool;
 
     /// True if [`Self::eval`] is 0 for directions on opposite sides: lights behind the surface need
@@ -230,13 +230,13 @@ pub trait Lobes: Sized {
         false
     }
 
-    /// What diffuse reflection adds to [`Self::eval`]: for layers that show it apart.
+    /// The diffuse part of [`Self::eval`], for AOVs that separate it.
     fn diffuse(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
         let _ = (wo, wi);
         SampledSpectrum::ZERO
     }
 
-    /// `pi f(wo, wi) |cos(wi)|`, or what a classic formula has in its place (Phong): `raycast` and
+    /// `pi f(wo, wi) |cos(wi)|`, or the classic formula in its place (Phong): `raycast` and
     /// `whitted` add this times `irradiance / pi` per light, with the irradiance of a surface that
     /// faces the light.
     fn eval_classic(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
@@ -264,8 +264,8 @@ pub trait Lobes: Sized {
     }
 }
 
-/// Makes an enum of BSDFs from their list, the enum of what they know of a direction, and the
-/// dispatch.
+/// Makes an enum of BSDFs from their list, the enum of their precomputed states for a direction,
+/// and the dispatch.
 macro_rules! bsdfs {
     ($(#[$doc:meta])* $name:ident, $(#[$seen_doc:meta])* $seen:ident,
         $($kind:ident => $type:ty, $known:ty;)*) => {
@@ -343,7 +343,7 @@ bsdfs! {
     /// Any BSDF, with parameters fixed for one point.
     #[derive(Clone, Debug)]
     Bsdf,
-    /// What a BSDF knows of a direction.
+    /// The precomputed state of a BSDF for a direction.
     BsdfSeen,
     Black => BlackBsdf, Vec3;
     Diffuse => DiffuseBsdf, Vec3;
@@ -357,7 +357,7 @@ bsdfs! {
 }
 
 impl Bsdf {
-    /// [`Lobes::albedo`], if it is the same from everywhere.
+    /// [`Lobes::albedo`], if it is the same from all directions.
     pub fn albedo_from_anywhere(&self) -> Option<SampledSpectrum> {
         match self {
             Self::Diffuse(diffuse) if diffuse.is_lambertian() => Some(diffuse.albedo(Vec3::Z)),

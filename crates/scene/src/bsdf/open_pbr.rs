@@ -1,10 +1,10 @@
 //! The layered surface of OpenPBR Surface 1.1: fuzz over coat over a mixture of metal, clear and
 //! scattering dielectrics.
 //!
-//! Layers are put together as the specification proposes ("Reduction to a mixture of lobes"): what
-//! lies below gets the share that a layer does not reflect towards the viewer. So nothing is lost
-//! that is not absorbed, at the price of reciprocity: light that comes from where the viewer is
-//! would be shared by its own direction.
+//! Layers are combined as the specification proposes ("Reduction to a mixture of lobes"): the
+//! layers below get the share that a layer does not reflect towards the viewer. This conserves
+//! energy but is not reciprocal: with the directions exchanged, the share would follow from the
+//! other direction.
 
 mod batch;
 
@@ -23,13 +23,13 @@ bsdfs! {
     /// The clear part of the base: a boundary of a clear volume, or a thin sheet.
     #[derive(Clone, Copy, Debug)]
     Translucent,
-    /// What the clear part of the base knows of a direction.
+    /// The precomputed state of the clear part for a direction.
     TranslucentSeen,
     Solid => DielectricBsdf, DielectricSeen;
     Sheet => SheetBsdf, SheetSeen;
 }
 
-/// The parts of the base, with the share of the surface that each has; the shares add up to 1.
+/// The parts of the base, each with its share of the surface; the shares add up to 1.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Slabs {
     /// Metal.
@@ -47,7 +47,7 @@ pub struct Slabs {
 pub struct Fuzz {
     /// Share of the surface that it covers, `[0, 1]`.
     pub weight: f32,
-    /// Tint of what it reflects.
+    /// Tint of its reflection.
     pub color: SampledSpectrum,
     /// 0 for straight fibres, 1 for dust.
     pub roughness: f32,
@@ -67,7 +67,7 @@ pub struct OpenPbrBsdf {
 #[derive(Clone, Debug)]
 pub struct OpenPbrSeen {
     wo: Vec3,
-    /// What the slabs know; from inside, only the clear one does.
+    /// The precomputed state of the slabs; from inside, only of the clear one.
     metal: Option<ConductorSeen>,
     opaque: Option<GlossySeen>,
     translucent: Option<TranslucentSeen>,
@@ -75,18 +75,18 @@ pub struct OpenPbrSeen {
     fuzz: Option<(Fuzz, FuzzLobe)>,
     /// Share of light that passes the fuzz.
     under_fuzz: f32,
-    /// What each slab reflects and lets through, by its share.
+    /// Reflection and transmission of each slab, times its share.
     slabs: [SampledSpectrum; 3],
     choice: Choice<5>,
 }
 
-/// All that there is of a layered surface, but for a coat.
+/// The only slab of a layered surface, apart from a coat.
 pub(super) enum OnlySlab<'a> {
     Metal(&'a ConductorBsdf),
     Opaque(&'a GlossyBsdf),
 }
 
-/// Names of the lobes in choices.
+/// Indices of the lobes in the choice among them.
 const METAL: usize = 0;
 const OPAQUE: usize = 1;
 const TRANSLUCENT: usize = 2;
@@ -134,8 +134,8 @@ impl OpenPbrBsdf {
         }
     }
 
-    /// The slab that is all there is but for a coat, in [`snell_math::ColorMode::Rgb`]: without a
-    /// coat, the surface does just what the slab does.
+    /// The slab if it is the only one apart from a coat, in [`snell_math::ColorMode::Rgb`]: without
+    /// a coat, the surface equals the slab.
     pub(super) fn only_slab(&self) -> Option<(OnlySlab<'_>, Option<&CoatLobe>)> {
         let Slabs { metal, opaque, translucent, subsurface } = &self.slabs;
         let is_bare = self.fuzz.is_none() && translucent.is_none() && *subsurface == 0.0;
@@ -158,7 +158,7 @@ impl OpenPbrBsdf {
         of_metal.or(of_opaque).filter(|_| is_clear)
     }
 
-    /// Metal and opaque dielectric where these are all there is, in [`snell_math::ColorMode::Rgb`].
+    /// Metal and opaque dielectric where there is nothing else, in [`snell_math::ColorMode::Rgb`].
     pub(super) fn only_mixture(&self) -> Option<(&(f32, ConductorBsdf), &(f32, GlossyBsdf))> {
         let Slabs { metal, opaque, translucent, subsurface } = &self.slabs;
         let is_bare = self.fuzz.is_none()
@@ -171,9 +171,9 @@ impl OpenPbrBsdf {
             .filter(|_| is_bare && self.unit == ColorMode::Rgb.unit())
     }
 
-    /// Gives the coat another frame (in that of the base) than the base: a smooth coat over rough
-    /// grain, or the reverse. As with all shading normals, the cosine of incident light is then the
-    /// one with that normal.
+    /// Gives the coat its own frame, relative to that of the base: a smooth coat over rough grain,
+    /// or the reverse. As with all shading normals, the cosine of incident light is then the one
+    /// with that normal.
     pub fn with_coat_frame(mut self, frame: Frame) -> Self {
         self.coat = self.coat.map(|coat| coat.with_frame(frame));
         self
@@ -184,12 +184,12 @@ impl OpenPbrBsdf {
         self.coat.is_some()
     }
 
-    /// True if the look is in the reflection.
+    /// True if reflection dominates the look.
     pub(crate) fn mirrors(&self) -> bool {
         self.slabs.opaque.is_none()
     }
 
-    /// True if directions below are inside of something.
+    /// True if directions below are inside a medium.
     fn has_inside(&self) -> bool {
         self.slabs.subsurface > 0.0
             || matches!(self.slabs.translucent, Some((_, Translucent::Solid(_))))
@@ -199,7 +199,7 @@ impl OpenPbrBsdf {
         wo.z < 0.0 && self.has_inside()
     }
 
-    /// Shares of clear and of scattering insides among paths that come from inside.
+    /// Shares of the clear and of the scattering interior among paths from inside.
     fn inside_shares(&self) -> (f32, f32) {
         let clear = match self.slabs.translucent {
             Some((share, Translucent::Solid(_))) => share,
@@ -307,12 +307,12 @@ impl OpenPbrBsdf {
     }
 }
 
-/// What a slab knows of a direction.
+/// The precomputed state of a slab for a direction.
 fn seen<B: Lobes>(slab: &Option<(f32, B)>, wo: Vec3) -> Option<B::Seen> {
     slab.as_ref().map(|(_, b)| b.seen(wo))
 }
 
-/// What a slab reflects and lets through, by its share.
+/// Reflection and transmission of a slab, times its share.
 fn albedo<B: Lobes>(slab: &Option<(f32, B)>, seen: &Option<B::Seen>) -> SampledSpectrum {
     let both = slab.as_ref().zip(seen.as_ref());
     both.map_or(SampledSpectrum::ZERO, |((share, b), seen)| b.albedo_from(seen) * *share)

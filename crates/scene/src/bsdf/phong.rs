@@ -1,19 +1,19 @@
 //! Phong's model, twice: the classic formula for local illumination, and an energy-conserving BSDF
 //! for path tracing.
 //!
-//! The classic side is what `.scn` and `.mtl` files mean: `kd (N.L) + ks (V.R)^n` per light,
-//! `reflection` times what the mirror direction shows, `transmission` times what the refracted
-//! direction shows, without Fresnel's law. The BSDF is the modified Phong model of Lafortune and
-//! Willems (Using the Modified Phong Reflectance Model for Physically Based Rendering, 1994) with a
-//! glossy lobe of albedo `specular`; mirror reflection beyond that (`reflection - specular`) and
-//! transmission are delta lobes.
+//! The classic formula is that of `.scn` and `.mtl` files: `kd (N.L) + ks (V.R)^n` per light,
+//! `reflection` times the radiance of the mirror direction, `transmission` times that of the
+//! refracted direction, without Fresnel's law. The BSDF is the modified Phong model of Lafortune
+//! and Willems (Using the Modified Phong Reflectance Model for Physically Based Rendering, 1994)
+//! with a glossy lobe of albedo `specular`; mirror reflection beyond that (`reflection - specular`)
+//! and transmission are delta lobes.
 
 use super::mirror::mirror_branch;
 use super::{Drawn, Lobes, SpecularBranch, fresnel, lift, lower_like};
 use snell_math::{SampledSpectrum, Vec2, Vec3, sampling};
 use std::f32::consts::{FRAC_1_PI, PI};
 
-/// Exponents above are as good as a mirror, and too sharp for single precision.
+/// Maximum exponent: higher ones are too sharp for single precision and look like a mirror.
 const MAX_EXPONENT: f32 = 1e6;
 
 /// Coefficients as authored. Make it with [`PhongBsdf::new`].
@@ -26,7 +26,7 @@ pub struct PhongBsdf {
     transmission: SampledSpectrum,
     exponent: f32,
     ior: f32,
-    /// Factor that keeps the BSDF from reflecting more than there is.
+    /// Factor that keeps the BSDF energy-conserving.
     scale: f32,
 }
 
@@ -45,7 +45,7 @@ pub struct PhongCoefficients {
     pub transmission: SampledSpectrum,
     /// Exponent of the highlight.
     pub exponent: f32,
-    /// Index of refraction inside over outside; 1 does not bend.
+    /// Index of refraction inside over outside; 1 does not refract.
     pub ior: f32,
 }
 
@@ -74,8 +74,8 @@ impl PhongBsdf {
     /// `cos^n` of the angle between `wi` and the mirror direction of `wo`, both above.
     fn highlight(&self, wo: Vec3, wi: Vec3) -> f32 {
         let mirror = Vec3::new(-wo.x, -wo.y, wo.z);
-        // From the chord, because the cosine of a small angle has lost its digits; they matter for
-        // large exponents.
+        // From the chord, because the cosine of a small angle is imprecise, which matters for large
+        // exponents.
         let one_minus_cos = 0.5 * (mirror - wi).length_squared();
         if one_minus_cos >= 1.0 { 0.0 } else { (self.exponent * (-one_minus_cos).ln_1p()).exp() }
     }

@@ -1,7 +1,7 @@
 //! A thin sheet of glass: a window, a soap bubble.
 //!
 //! Light bounces between the two faces of the sheet; the sum over all bounces is reflected or goes
-//! straight on. Roughness spreads what goes through as much as what is reflected.
+//! straight on. Roughness spreads transmitted light as much as reflected light.
 
 use super::energy::{BouncedLobe, FacetLoss};
 use super::film::ThinFilm;
@@ -16,7 +16,7 @@ use std::f32::consts::FRAC_1_PI;
 pub struct SheetBsdf {
     ior: f32,
     tint: SampledSpectrum,
-    /// What is left of light that crosses the sheet at a right angle.
+    /// Transmittance of the sheet at normal incidence.
     transmittance: SampledSpectrum,
     unit: SampledSpectrum,
     ggx: Ggx,
@@ -24,7 +24,8 @@ pub struct SheetBsdf {
     f0: SampledSpectrum,
     loss: FacetLoss,
     mean_loss: f32,
-    /// Reflected and let through of light that met several facets, over the mean loss.
+    /// Reflected and transmitted shares of light that bounced off several facets, over the mean
+    /// loss.
     bounced: [SampledSpectrum; 2],
 }
 
@@ -32,7 +33,7 @@ pub struct SheetBsdf {
 #[derive(Clone, Debug)]
 pub struct SheetSeen {
     wo: Vec3,
-    /// Reflected and let through at facets along the surface.
+    /// Reflected and transmitted shares of facets along the surface.
     shares: [SampledSpectrum; 2],
     /// Share of light lost by single facets.
     lost: f32,
@@ -45,8 +46,8 @@ impl SheetBsdf {
         self.ggx.has_tangent()
     }
 
-    /// A sheet of this index of refraction over the outside; `tint` is a factor on what it
-    /// reflects, `unit` is 1 in every lane in use.
+    /// A sheet of this index of refraction over the outside; `tint` is a factor on the reflection,
+    /// `unit` is 1 in every lane in use.
     pub fn new(
         ior: f32,
         tint: SampledSpectrum,
@@ -68,7 +69,7 @@ impl SheetBsdf {
         sheet
     }
 
-    /// Reflected and let through at facets seen at this cosine.
+    /// Reflected and transmitted shares of facets seen at this cosine.
     fn shares(&self, cos: f32) -> [SampledSpectrum; 2] {
         let f = SampledSpectrum::splat(fresnel::dielectric(cos, self.ior));
         let f = self.film.map_or(f, |film| film.reflectance(cos, self.f0, f));

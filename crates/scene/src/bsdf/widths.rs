@@ -1,5 +1,4 @@
-//! How rough a surface of microfacets is: all that distributions of different shapes have in
-//! common.
+//! Roughness of microfacet surfaces: what all distributions have in common.
 
 use snell_math::Vec3;
 
@@ -15,36 +14,36 @@ pub struct Widths {
 }
 
 impl Widths {
-    /// Those of a perceptual roughness in `[0, 1]`: `alpha = roughness^2`, as in glTF and OpenPBR.
-    /// Clamps; NaN counts as 0.
+    /// The widths of a perceptual roughness in `[0, 1]`: `alpha = roughness^2`, as in glTF and
+    /// OpenPBR. Clamps; NaN counts as 0.
     pub fn from_roughness(roughness: f32) -> Self {
         let roughness = super::bounded(roughness, 1.0);
         Self { x: roughness * roughness, y: roughness * roughness }
     }
 
-    /// The same in all directions: as [`Self::alpha`], in `[0, 1]`.
+    /// Isotropic widths: as [`Self::alpha`], in `[0, 1]`.
     #[inline(always)]
     pub(super) fn both(alpha: f32) -> Self {
         Self { x: alpha, y: alpha }
     }
 
-    /// Those of a perceptual roughness that is stretched along the tangent, both in `[0, 1]`: the
-    /// mean square of the two widths is `roughness^4` whatever the anisotropy (OpenPBR Surface 1.1,
-    /// section "Microfacet model").
+    /// The widths of a perceptual roughness and an anisotropy along the tangent, both in `[0, 1]`:
+    /// the mean square of the two widths is `roughness^4` whatever the anisotropy (OpenPBR Surface
+    /// 1.1, section "Microfacet model").
     pub fn from_anisotropy(roughness: f32, anisotropy: f32) -> Self {
         let (r, rest) = (super::bounded(roughness, 1.0), 1.0 - super::bounded(anisotropy, 1.0));
         let x = r * r * (2.0 / (1.0 + rest * rest)).sqrt();
         Self::from_alphas(x, rest * x)
     }
 
-    /// [`Self::from_anisotropy`] in `[-1, 1]`: stretched along the bitangent below 0.
+    /// [`Self::from_anisotropy`] in `[-1, 1]`: along the bitangent if negative.
     pub fn stretched(roughness: f32, anisotropy: f32) -> Self {
         let Self { x, y } = Self::from_anisotropy(roughness, anisotropy.abs());
         if anisotropy < 0.0 { Self { x: y, y: x } } else { Self { x, y } }
     }
 
-    /// These widths along tangent and bitangent. A surface that is smooth one way only gets the
-    /// least width that can be computed with.
+    /// These widths along tangent and bitangent. A surface that is smooth along one axis only gets
+    /// the minimum width there.
     pub fn from_alphas(x: f32, y: f32) -> Self {
         let [x, y] = [x, y].map(|alpha| super::bounded(alpha, 2.0));
         if x.max(y) < MIN_ALPHA {
@@ -59,7 +58,7 @@ impl Widths {
         if self.x == self.y { self.x } else { (self.x * self.y).sqrt() }
     }
 
-    /// True if tangents mean something: it is rough, and not the same in all directions.
+    /// True if tangents matter: the surface is rough and anisotropic.
     pub fn has_tangent(self) -> bool {
         self.x != self.y && !self.is_smooth()
     }

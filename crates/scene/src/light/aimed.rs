@@ -1,11 +1,11 @@
-//! What lights share that shine from a point into directions of their own coordinates, with the
+//! Common code of lights that emit from a point by direction in their own coordinates, with the
 //! inverse square law.
 
 use super::bounds::mean_intensity;
 use super::{Attenuation, Incident, LightBounds, towards};
 use snell_math::{DMat3, DVec3, Rgb};
 
-/// The light that arrives at `p`. `intensity` is asked for with a unit direction in the light's
+/// The light that arrives at `p`. `intensity` is called with a unit direction in the light's
 /// coordinates.
 pub(super) fn arriving(
     p: DVec3,

@@ -1,6 +1,6 @@
-//! Where a light is, which way it shines and how strongly: what a light BVH knows of it (Conty
-//! Estevez and Kulla, Importance Sampling of Many Lights with Adaptive Tree Splitting, 2018; Pharr,
-//! Jakob and Humphreys, 4th edition, section 12.6.3).
+//! Bounds of a light's position, directions and intensity for a light BVH (Conty Estevez and Kulla,
+//! Importance Sampling of Many Lights with Adaptive Tree Splitting, 2018; Pharr, Jakob and
+//! Humphreys, 4th edition, section 12.6.3).
 
 use super::{Attenuation, luminance};
 use snell_math::{Bounds3d, DVec3, Rgb, Vec3};
@@ -14,22 +14,22 @@ pub struct LightBounds {
     pub axis: Vec3,
     /// Cosine of the half-angle of that cone.
     pub cos_spread: f32,
-    /// Cosine of the angle around each direction of main emission outside of which nothing is
-    /// emitted: 0 for a surface.
+    /// Cosine of the maximum angle of emission from each direction of main emission: 0 for a
+    /// surface.
     pub cos_emission: f32,
-    /// True if the opposite of each direction counts too.
+    /// True for emission in the opposite directions too.
     pub is_two_sided: bool,
     /// Greatest radiant intensity in a main direction, W / sr (luminance). Finite, not negative.
     pub intensity: f64,
 }
 
 impl LightBounds {
-    /// Bounds of a point that shines in all directions.
+    /// Bounds of a point that emits in all directions.
     pub(super) fn of_point(position: DVec3, intensity: f64) -> Option<Self> {
         Self::checked(position, DVec3::ZERO, DVec3::Z, [-1.0, 0.0], intensity)
     }
 
-    /// Bounds of a point that shines into a cone of this half-angle, in radians.
+    /// Bounds of a point that emits into a cone of this half-angle, in radians.
     pub(super) fn of_cone(
         position: DVec3,
         axis: DVec3,
@@ -39,7 +39,7 @@ impl LightBounds {
         Self::checked(position, DVec3::ZERO, axis, [widest.cos(), 1.0], intensity)
     }
 
-    /// Bounds of a flat source that shines to one side and reaches this far from its centre along
+    /// Bounds of a flat source that emits to one side and has this extent from its centre along
     /// each axis.
     pub(super) fn of_panel(
         center: DVec3,
@@ -50,7 +50,7 @@ impl LightBounds {
         Self::checked(center, reach, normal, [1.0, 0.0], intensity)
     }
 
-    /// `None` for a light whose place or direction cannot be computed with.
+    /// `None` for a light whose position or direction is not finite.
     fn checked(
         center: DVec3,
         reach: DVec3,
@@ -80,7 +80,7 @@ pub(super) fn mean_intensity(power: f64, widest: f64) -> f64 {
 }
 
 impl Attenuation {
-    /// The luminance of an intensity; `None` unless it falls with the square of the distance.
+    /// The luminance of an intensity; `None` unless it follows the inverse square law.
     pub(super) fn strength(&self, intensity: Rgb) -> Option<f64> {
         let [constant, linear, quadratic] = self.0;
         if constant != 0.0 || linear != 0.0 || quadratic.is_nan() || quadratic <= 0.0 {

@@ -1,4 +1,4 @@
-//! A disk that shines to one side.
+//! A disk that emits to one side.
 
 use super::{Attenuation, Emitter, Incident, LightBounds, panel, turned};
 use crate::ranges::LIGHT;
@@ -26,7 +26,7 @@ snell_math::declare! {
         #[range(LIGHT)]
         #[unit("W / sr")]
         pub emission: Rgb,
-        /// By distance.
+        /// Attenuation by distance.
         #[range(Range::AMOUNT)]
         #[serde(default)]
         pub attenuation: Attenuation,

@@ -2,8 +2,8 @@
 //! ([`area::AreaLight`]) and light from all directions ([`environment::EnvironmentLight`]).
 //!
 //! A [`Light`] is one file: its parameters, their ranges, `examples()`, and an [`Emitter`], which
-//! says what it does. To add one: a new file here, and its three lines below. Everything else asks
-//! the list.
+//! implements it. To add one, add a file here and its three lines below. All other code uses the
+//! list.
 
 mod aimed;
 pub mod area;
@@ -41,7 +41,7 @@ use snell_math::{ColorMode, DAffine3, DMat3, DVec3, Rgb, SampledSpectrum, Vec2, 
 pub struct LightSample {
     /// Unit direction from the point to the light.
     pub direction: Vec3,
-    /// How far a shadow ray has to see: the distance to the light, infinite for directional lights.
+    /// Length of the shadow ray: the distance to the light, infinite for directional lights.
     pub distance: f32,
     /// For a delta light: irradiance on a surface that faces it. Otherwise incident radiance.
     pub radiance: SampledSpectrum,
@@ -107,33 +107,32 @@ impl LightSample {
     }
 }
 
-/// What arrives at a point from a chosen point of a light, as long as it is a colour.
+/// The light arriving at a point from a sampled point of a light, as RGB.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Incident {
     /// Unit direction to the light.
     direction: DVec3,
-    /// How far a shadow ray has to see.
+    /// Length of the shadow ray.
     distance: f64,
     /// Irradiance on a surface that faces the light.
     irradiance: Rgb,
 }
 
-/// What a kind of light says of itself, in world coordinates.
+/// The interface of kinds of lights, in world coordinates.
 ///
-/// Rays never meet such a light: its samples are the only way to it, and no density is asked of it.
-/// It says what arrives in one of two ways, [`Self::punctual`] or [`Self::sample_li`].
+/// Rays never hit such a light: it is found by its samples only, so it needs no density. The
+/// arriving light is given in one of two ways, [`Self::punctual`] or [`Self::sample_li`].
 trait Emitter {
-    /// The factor on all of its light.
+    /// The factor on its light.
     fn color(&self) -> Rgb;
 
-    /// The same, to be changed.
+    /// Mutable access to that factor.
     fn color_mut(&mut self) -> &mut Rgb;
 
-    /// Its middle; `None` if it is infinitely far away.
+    /// Its centre; `None` if it is infinitely far away.
     fn position(&self) -> Option<DVec3>;
 
-    /// True if something in the scene around it is its own body, whose inner side is not in its
-    /// way.
+    /// True if a surface around it is its own body, whose inner side does not block its light.
     fn has_body(&self) -> bool {
         false
     }
@@ -144,26 +143,26 @@ trait Emitter {
         None
     }
 
-    /// Moves it. It keeps its size and its power.
+    /// Transforms it. It keeps its size and power.
     fn transform(&mut self, by: &DAffine3);
 
-    /// Its numbers, if these say all: many places are worked out together then.
+    /// Its parameters as a punctual light, if it is one: then many points are computed together.
     fn punctual(&self) -> Option<PunctualLight> {
         None
     }
 
-    /// What arrives at `p`, if it is not punctual. `u` in `[0, 1)^2` chooses a point of an extended
-    /// light. `None` if nothing arrives.
+    /// The light arriving at `p`, if it is not punctual. `u` in `[0, 1)^2` chooses a point of an
+    /// extended light. `None` if nothing arrives.
     fn sample_li(&self, _p: DVec3, _u: Vec2) -> Option<Incident> {
         None
     }
 
-    /// Approximate power in W. Light that does not follow the inverse square law counts with what
-    /// crosses a sphere of the scene's radius, which is positive and finite.
+    /// Approximate power in W. Light that does not follow the inverse square law counts by the
+    /// power through a sphere of the scene's radius, which is positive and finite.
     fn power(&self, scene_radius: f64) -> f64;
 
-    /// Bounds, if it has a place and obeys the inverse square law. `None` is always possible: then
-    /// it is chosen by its power alone.
+    /// Bounds, if it has a position and follows the inverse square law. `None` is always valid:
+    /// then it is chosen by its power only.
     fn bounds(&self) -> Option<LightBounds> {
         None
     }
@@ -183,23 +182,22 @@ snell_math::kinds! {
 }
 
 impl Light {
-    /// The factor on all of its light: irradiance, intensity, emission, or a scale.
+    /// The factor on its light: irradiance, intensity, emission, or a scale.
     pub fn color(&self) -> Rgb {
         match_light!(self, light => light.color())
     }
 
-    /// The same, to be changed.
+    /// Mutable access to that factor.
     pub fn color_mut(&mut self) -> &mut Rgb {
         match_light!(self, light => light.color_mut())
     }
 
-    /// Its middle; `None` if it is infinitely far away.
+    /// Its centre; `None` if it is infinitely far away.
     pub fn position(&self) -> Option<DVec3> {
         match_light!(self, light => light.position())
     }
 
-    /// True if something in the scene around it is its own body, whose inner side is not in its
-    /// way.
+    /// True if a surface around it is its own body, whose inner side does not block its light.
     pub fn has_body(&self) -> bool {
         match_light!(self, light => light.has_body())
     }
@@ -210,14 +208,14 @@ impl Light {
         match_light!(self, light => light.cone())
     }
 
-    /// The light, moved in the world. It keeps its size and its power.
+    /// The light, transformed in the world. It keeps its size and power.
     pub fn moved(&self, by: &DAffine3) -> Self {
         let mut light = self.clone();
         match_light!(&mut light, light => light.transform(by));
         light
     }
 
-    /// The same as numbers, if its intensity follows from distance and cosines alone.
+    /// The light as a punctual one, if its intensity follows from distance and cosines only.
     pub fn punctual(&self) -> Option<PunctualLight> {
         match_light!(self, light => light.punctual())
     }
@@ -243,9 +241,9 @@ impl Light {
         })
     }
 
-    /// Approximate emitted power in W over a scene of this radius: what the choice among lights
-    /// goes by. Finite and not negative. Lights that do not follow the inverse square law count
-    /// with what crosses a sphere of the scene's radius.
+    /// Approximate emitted power in W over a scene of this radius, by which lights are chosen.
+    /// Finite and not negative. Lights that do not follow the inverse square law count by the power
+    /// through a sphere of the scene's radius.
     pub fn power(&self, scene_radius: f64) -> f64 {
         let is_usable = scene_radius > 0.0 && scene_radius.is_finite();
         let radius = if is_usable { scene_radius.min(1e9) } else { 1.0 };
@@ -253,8 +251,8 @@ impl Light {
         if power.is_nan() { 0.0 } else { power.clamp(0.0, f64::MAX) }
     }
 
-    /// Bounds of a light with a place that obeys the inverse square law. `None` for all others:
-    /// their light does not fade as the choice by distance expects.
+    /// Bounds of a light with a position that follows the inverse square law. `None` for all
+    /// others: their light does not fall off as the choice by distance expects.
     pub fn bounds(&self) -> Option<LightBounds> {
         match_light!(self, light => light.bounds())
     }
@@ -273,17 +271,17 @@ fn towards(p: DVec3, position: DVec3) -> Option<(DVec3, f64)> {
     (distance > 0.0).then(|| (to_light / distance, distance))
 }
 
-/// A unit direction, turned; as it was if it would vanish.
+/// A unit direction, transformed; unchanged if it would vanish.
 fn turned(by: &DAffine3, direction: DVec3) -> DVec3 {
     by.transform_vector3(direction).try_normalize().unwrap_or(direction)
 }
 
-/// A rotation, turned.
+/// A rotation, transformed.
 fn turned_frame(by: &DAffine3, frame: DMat3) -> DMat3 {
     DMat3::from_cols(turned(by, frame.x_axis), turned(by, frame.y_axis), turned(by, frame.z_axis))
 }
 
-/// Luminance of a colour whose parts may be negative.
+/// Luminance of a colour whose components may be negative.
 fn luminance(color: Rgb) -> f64 {
     f64::from(color.map(f32::abs).luminance())
 }

@@ -1,4 +1,4 @@
-//! What flat one-sided sources without a visible body share, as `.scn` files have them.
+//! Common code of flat one-sided sources without a visible body, as in `.scn` files.
 //!
 //! Such a source lights a facing surface at distance `d` with the average over its area of
 //! `emission * attenuation(d) * 2 cos(angle at the light)`, and with nothing behind its plane.
@@ -27,7 +27,7 @@ pub(super) fn arriving(
     (cos > 0.0).then_some(Incident { direction, distance, irradiance })
 }
 
-/// Power in W: the integral of `2 cos` over the hemisphere is a full turn.
+/// Power in W: the integral of `2 cos` over the hemisphere is `2 pi`.
 pub(super) fn power(emission: Rgb, attenuation: &Attenuation, scene_radius: f64) -> f64 {
     TAU * luminance(emission) * attenuation.over_sphere(scene_radius)
 }

@@ -11,19 +11,19 @@ snell_math::declare! {
     /// Light from a point, equal in all directions.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     pub struct Point {
-        /// Where.
+        /// Position.
         #[unit("scene units")]
         pub position: DVec3,
         /// Radiant intensity, W / sr (with the inverse square law).
         #[range(LIGHT)]
         #[unit("W / sr")]
         pub intensity: Rgb,
-        /// By distance.
+        /// Attenuation by distance.
         #[range(Range::AMOUNT)]
         #[serde(default)]
         pub attenuation: Attenuation,
         /// Radius of a surrounding sphere in the scene that is the lamp's body: shadow rays end
-        /// where they first meet it. 0 for none.
+        /// where they first hit it. 0 for none.
         #[range(Range::AMOUNT)]
         #[unit("scene units")]
         #[serde(default)]

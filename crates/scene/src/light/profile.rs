@@ -1,4 +1,4 @@
-//! Light with a measured intensity by direction: IES files and goniometric pictures.
+//! Light with a measured intensity by direction: IES files and goniometric images.
 
 use super::{Emitter, Incident, LightBounds, aimed, luminance, turned_frame};
 use crate::image::Image;
@@ -13,7 +13,7 @@ snell_math::declare! {
     /// Light from a point with an intensity from a table, and with the inverse square law.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     pub struct Profile {
-        /// Where.
+        /// Position.
         #[unit("scene units")]
         pub position: DVec3,
         /// Rotation of the table's coordinates into the world.
@@ -106,7 +106,7 @@ impl TryFrom<WrittenTable> for IntensityTable {
     }
 }
 
-/// By its size alone: its values are many, and all are finite.
+/// Written as its size only: the values are many, and all are finite.
 impl fmt::Debug for IntensityTable {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "IntensityTable({} x {})", self.polar.len(), self.azimuth.len())
@@ -116,7 +116,7 @@ impl fmt::Debug for IntensityTable {
 impl Value for IntensityTable {
     const KIND: Kind = Kind::Table;
 
-    /// Its values are checked where it is made.
+    /// Its values are checked when it is created.
     fn visit(&self, _: &mut Visitor<'_>) {}
 }
 
@@ -124,8 +124,8 @@ impl IntensityTable {
     /// A table over ascending polar angles in `[0, pi]` and azimuths, in radians: either one (the
     /// same all around), or ascending from 0 to a full turn. `values` holds the intensities of all
     /// polar angles for the first azimuth, then for the next; outside of the polar angles there is
-    /// no light. Negative or undefined values count as 0. `None` if the angles or the counts are
-    /// not so.
+    /// no light. Negative or undefined values count as 0. `None` if the angles or counts do not
+    /// meet these conditions.
     pub fn new(polar: Vec<f64>, azimuth: Vec<f64>, values: Vec<Rgb>) -> Option<Self> {
         let ascending = |angles: &[f64]| {
             angles.windows(2).all(|w| w[0] < w[1]) && angles.iter().all(|a| a.is_finite())
@@ -148,8 +148,7 @@ impl IntensityTable {
         })
     }
 
-    /// A latitude-longitude picture: row 0 is around `+z`, columns go around from `+x` towards
-    /// `+y`.
+    /// A latitude-longitude image: row 0 is around `+z`, columns go around from `+x` towards `+y`.
     pub fn from_picture(image: &Image) -> Option<Self> {
         let (w, h) = (image.width, image.height);
         let polar = (0..h).map(|y| (f64::from(y) + 0.5) / f64::from(h) * PI);
@@ -160,7 +159,8 @@ impl IntensityTable {
             let [r, g, b, _] = image.rgba(x % w, y);
             Rgb::new(r, g, b)
         };
-        // The angles of a column's middle are half a column on: blend two columns for its edge.
+        // Column centres are half a column off the edges: the mean of two columns is the value at
+        // their edge.
         let edge = |x: u32, y: u32| (texel(x % w, y) + texel((x + w - 1) % w, y)) * 0.5;
         let rows = |x: u32| (0..h + 2).map(move |y| edge(x, y.saturating_sub(1).min(h - 1)));
         if w == 0 || h == 0 {
@@ -210,7 +210,7 @@ impl IntensityTable {
     }
 }
 
-/// The interval that holds an angle and the place in it, in `[0, 1]`; `None` outside.
+/// The interval that contains an angle and the position in it, in `[0, 1]`; `None` outside.
 fn interval(angles: &[f64], angle: f64) -> Option<(usize, f32)> {
     let (first, last) = (angles[0], angles[angles.len() - 1]);
     if angles.len() == 1 {

@@ -1,4 +1,4 @@
-//! Light that throws a picture.
+//! Light that projects an image.
 
 use super::{Emitter, Incident, LightBounds, aimed, luminance, turned_frame};
 use crate::image::Image;
@@ -9,13 +9,13 @@ use snell_math::{DAffine3, DMat3, DVec2, DVec3, Rgb, Vec2};
 use std::fmt;
 
 snell_math::declare! {
-    /// Light from a point that throws a picture, with the inverse square law.
+    /// Light from a point that projects an image, with the inverse square law.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     pub struct Projector {
-        /// Where.
+        /// Position.
         #[unit("scene units")]
         pub position: DVec3,
-        /// Rotation of the slide's coordinates into the world: it shines along their `+z`.
+        /// Rotation of the slide's coordinates into the world: it projects along their `+z`.
         pub world_from_light: DMat3,
         /// Factor on the slide.
         #[range(LIGHT)]
@@ -71,10 +71,10 @@ impl Emitter for Projector {
     }
 }
 
-/// A picture thrown by a lamp: radiant intensity by the direction's place in the picture, linear
+/// A projected image: radiant intensity by the position of the direction in the image, linear
 /// between texels, 0 outside.
 ///
-/// In the light's own coordinates the picture is seen along `+z` from the lamp, `+x` to its right
+/// In the light's own coordinates the image is seen along `+z` from the light, `+x` to its right
 /// and `+y` up.
 #[derive(Clone, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "WrittenSlide")]
@@ -82,7 +82,7 @@ pub struct Slide {
     width: u32,
     height: u32,
     values: Vec<Rgb>,
-    /// Half of the picture's width and height at distance 1.
+    /// Half of the image's width and height at distance 1.
     half_size: DVec2,
 }
 
@@ -105,7 +105,7 @@ impl TryFrom<WrittenSlide> for Slide {
     }
 }
 
-/// By its size alone: its values are many, and all are finite.
+/// Written as its size only: the values are many, and all are finite.
 impl fmt::Debug for Slide {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "Slide({} x {})", self.width, self.height)
@@ -115,13 +115,13 @@ impl fmt::Debug for Slide {
 impl Value for Slide {
     const KIND: Kind = Kind::Table;
 
-    /// Its values are checked where it is made.
+    /// Its values are checked when it is created.
     fn visit(&self, _: &mut Visitor<'_>) {}
 }
 
 impl Slide {
-    /// A picture of this half width and height at distance 1. `None` if the picture is empty or a
-    /// size not positive.
+    /// An image of this half width and height at distance 1. `None` if the image is empty or a size
+    /// not positive.
     pub fn new(image: &Image, half_size: DVec2) -> Option<Self> {
         let texel = |x, y| {
             let [r, g, b, _] = image.rgba(x, y);
@@ -161,7 +161,7 @@ impl Slide {
         row(y.floor()) * (1.0 - t) + row(y.floor() + 1.0) * t
     }
 
-    /// Half-angle of the cone around the picture.
+    /// Half-angle of the cone around the image.
     pub fn widest(&self) -> f64 {
         self.half_size.length().atan()
     }

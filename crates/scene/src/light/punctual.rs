@@ -7,20 +7,20 @@ use snell_math::{DVec3, Rgb, Vec3};
 /// lights of the glTF extension `KHR_lights_punctual` and their like.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PunctualLight {
-    /// Where it is, unless it is parallel light.
+    /// Position, unless it is parallel light.
     pub position: DVec3,
     /// Unit direction in which parallel light travels, or of the axis of a spot.
     pub direction: DVec3,
     /// Irradiance on a surface that faces parallel light, W / m^2; of others radiant intensity at
     /// full, W / sr.
     pub color: Rgb,
-    /// By distance, unless it is parallel light.
+    /// Attenuation by distance, unless it is parallel light.
     pub attenuation: Attenuation,
     /// As in [`Point`](super::Point).
     pub body_radius: f64,
-    /// By angle.
+    /// Falloff by angle.
     pub cone: Cone,
-    /// Light from infinitely far.
+    /// True for parallel light.
     pub is_parallel: bool,
 }
 
@@ -31,25 +31,25 @@ pub struct Cone {
     pub outer: f64,
     /// Cosine of the inner half-angle.
     pub inner: f64,
-    /// A cubic step between them instead of the square of a ramp.
+    /// True for a cubic step between them instead of the square of a ramp.
     pub is_step: bool,
 }
 
-/// What arrives from such a light.
+/// The light arriving from such a light at a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PunctualSample {
     /// Unit direction to the light.
     pub direction: Vec3,
-    /// How far a shadow ray has to see, infinite for parallel light.
+    /// Length of the shadow ray, infinite for parallel light.
     pub distance: f32,
     /// The irradiance on a surface that faces the light is this times its colour.
     pub factor: f32,
-    /// False if nothing arrives, and the rest means nothing.
+    /// False if nothing arrives; the other fields are then meaningless.
     pub arrives: bool,
 }
 
 impl Cone {
-    /// Everything is inside.
+    /// The cone of all directions.
     pub const ALL: Self = Self { outer: -2.0, inner: -2.0, is_step: false };
 
     /// The factor at this cosine; 0 for NaN.
@@ -58,14 +58,14 @@ impl Cone {
         let Self { outer, inner, is_step } = *self;
         let ramp = (cos_angle - outer) / (inner - outer);
         let between = if is_step { ramp * ramp * (3.0 - 2.0 * ramp) } else { ramp * ramp };
-        // (What is not a number is in no cone.)
+        // (NaN is in no cone.)
         let factor = if cos_angle >= inner { 1.0 } else { between };
         if cos_angle > outer { factor } else { 0.0 }
     }
 }
 
 impl PunctualLight {
-    /// A point that shines in all directions.
+    /// A point that emits in all directions.
     pub(super) fn at(position: DVec3, color: Rgb, attenuation: Attenuation) -> Self {
         Self {
             position,
@@ -83,7 +83,7 @@ impl PunctualLight {
         Self { direction, is_parallel: true, ..Self::at(DVec3::ZERO, color, Attenuation::NONE) }
     }
 
-    /// What arrives at `p`.
+    /// The light arriving at `p`.
     #[inline(always)]
     pub fn sample(&self, p: Vec3) -> PunctualSample {
         let &Self {
@@ -129,13 +129,12 @@ fn pick(first: bool, a: DVec3, b: DVec3) -> DVec3 {
     DVec3::new(pick(a.x, b.x), pick(a.y, b.y), pick(a.z, b.z))
 }
 
-/// Where a ray from `p` towards the centre of a lamp first meets its body: the near side from
-/// outside, and from inside (and on the surface, to rounding) the far side, through the centre. No
-/// allowance for rounding is taken off: whoever traces the shadow ray has to end it a little
-/// before.
+/// The distance at which a ray from `p` towards the centre of a lamp first hits its body: the near
+/// side from outside, and from inside (or on the surface, within rounding) the far side, through
+/// the centre. It has no margin for rounding: the caller must end the shadow ray slightly before.
 #[inline(always)]
 pub(super) fn distance_to_body(p: DVec3, center: DVec3, distance: f64, radius: f64) -> f64 {
-    // Points come in single precision; one on the body must not stop its shadow ray at once.
+    // Points are in single precision; one on the body must not block its own shadow ray.
     let (p, c) = (p.abs(), center.abs());
     let size = p.x.max(p.y).max(p.z) + c.x.max(c.y).max(c.z) + radius;
     let rounding = 8.0 * f64::from(f32::EPSILON) * size;

@@ -1,4 +1,4 @@
-//! A rectangle that shines to one side.
+//! A rectangle that emits to one side.
 
 use super::{Attenuation, Emitter, Incident, LightBounds, panel, turned};
 use crate::ranges::LIGHT;
@@ -25,7 +25,7 @@ snell_math::declare! {
         #[range(LIGHT)]
         #[unit("W / sr")]
         pub emission: Rgb,
-        /// By distance.
+        /// Attenuation by distance.
         #[range(Range::AMOUNT)]
         #[serde(default)]
         pub attenuation: Attenuation,
@@ -68,7 +68,7 @@ impl Emitter for Rectangle {
 
     fn transform(&mut self, by: &DAffine3) {
         self.center = by.transform_point3(self.center);
-        // A shear would make a parallelogram of it: the second axis gives way.
+        // A shear would make it a parallelogram: the second axis is made orthogonal.
         let [x, y] = self.axes.map(|axis| turned(by, axis));
         let across = (y - x * x.dot(y)).try_normalize();
         self.axes = across.map_or(self.axes, |y| [x, y]);

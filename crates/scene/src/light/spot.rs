@@ -1,4 +1,4 @@
-//! Light from a point into a cone, and how it fades away from its axis.
+//! Light from a point into a cone, and its falloff from the axis.
 
 use super::punctual::Cone;
 use super::{
@@ -14,7 +14,7 @@ snell_math::declare! {
     /// Light from a point into a cone.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     pub struct Spot {
-        /// Where.
+        /// Position.
         #[unit("scene units")]
         pub position: DVec3,
         /// Unit direction of the axis, in which the light travels.
@@ -24,11 +24,11 @@ snell_math::declare! {
         #[range(LIGHT)]
         #[unit("W / sr")]
         pub intensity: Rgb,
-        /// By distance.
+        /// Attenuation by distance.
         #[range(Range::AMOUNT)]
         #[serde(default)]
         pub attenuation: Attenuation,
-        /// By angle.
+        /// Falloff by angle.
         pub falloff: SpotFalloff,
     }
 }
@@ -109,7 +109,7 @@ snell_math::declare! {
             #[range(Range::Within(0.0, PI))]
             #[unit("radians")]
             cutoff: f64,
-            /// At least 0.
+            /// Exponent, at least 0.
             #[range(Range::AMOUNT)]
             exponent: f64,
         },
@@ -160,7 +160,7 @@ impl SpotFalloff {
         if factor.is_finite() { factor.clamp(0.0, 1.0) } else { 0.0 }
     }
 
-    /// The same by cosines, if it is known by these.
+    /// The falloff by cosines, if it has that form.
     fn cone(&self) -> Option<Cone> {
         let (inner, outer, is_step) = match *self {
             Self::Power { .. } => return None,
@@ -170,7 +170,7 @@ impl SpotFalloff {
         Some(Cone { outer: outer.cos(), inner: inner.cos(), is_step })
     }
 
-    /// Half-angle of the cone outside of which the factor is 0, in `[0, pi]`.
+    /// Half-angle of the cone that contains all light, in `[0, pi]`.
     pub fn widest(&self) -> f64 {
         let widest = match *self {
             Self::Power { cutoff, .. } => cutoff,

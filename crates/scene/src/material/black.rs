@@ -5,15 +5,15 @@ use crate::bsdf::{BlackBsdf, Bsdf};
 use serde::{Deserialize, Serialize};
 
 snell_math::declare! {
-    /// Absorbs all light: for surfaces that are only seen by what they emit (light sources, unlit
-    /// materials).
+    /// Absorbs all light: for surfaces that are visible only by their emission (light sources,
+    /// unlit materials).
     #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
     #[serde(deny_unknown_fields)]
     pub struct Black {}
 }
 
 impl Black {
-    /// The only one.
+    /// The only example.
     pub fn examples() -> Vec<Self> {
         vec![Self {}]
     }

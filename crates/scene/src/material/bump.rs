@@ -1,4 +1,4 @@
-//! Bump maps: the normals of a surface whose height is a texture, without moving the surface.
+//! Bump maps: a texture of heights that changes shading normals but does not move the surface.
 
 use super::ShadingPoint;
 use crate::graph::TextureId;
@@ -8,48 +8,49 @@ use snell_math::parameters::Range;
 use snell_math::{Rgb, Vec3};
 
 snell_math::declare! {
-    /// Heights that bend the shading normal as if the surface were moved along it.
+    /// Heights that perturb the shading normal as if the surface were displaced along it.
     #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(deny_unknown_fields)]
     pub struct BumpMap {
         /// Linear texture: an image or a pattern.
         pub texture: TextureId,
-        /// Which channel is the height (0 red to 3 alpha); `None` for the luminance.
+        /// The channel with the height (0 red to 3 alpha); `None` for the luminance.
         #[range(Range::Within(0.0, 3.0))]
         #[serde(default)]
         pub channel: Option<u8>,
-        /// Height where the texture is 1. Below 0 what is bright is deep.
+        /// Height where the texture is 1. If negative, bright texels are deep.
         pub height: f32,
-        /// What heights are measured in.
+        /// The unit of heights.
         #[serde(default)]
         pub unit: HeightUnit,
     }
 }
 
 snell_math::declare! {
-    /// What heights are measured in.
+    /// The unit of heights.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
     pub enum HeightUnit {
         /// Units of the scene.
         "scene" => #[default] Scene,
-        /// The width that the whole picture has where it lies on the surface, so that the look does
-        /// not depend on the size of things.
+        /// Multiples of the width of the whole image on the surface, so that the look does not
+        /// depend on the size of the object.
         "picture" => Picture,
     }
 }
 
-/// The least step over the surface, relative to the distance from the origin: so that rounded
+/// Minimum step over the surface, relative to the distance from the origin, so that rounded
 /// positions still differ.
 const LEAST_STEP: f32 = 2e-4;
 
-/// The step in texture coordinates where nothing else tells.
+/// The default step in texture coordinates.
 const PLAIN_STEP: f32 = 5e-4;
 
 impl BumpMap {
-    /// How the height grows along the surface: the vector in the plane of the shading normal that
-    /// points uphill, of the slope's length (Mikkelsen, Bump Mapping Unparametrized Surfaces on the
-    /// GPU, 2010). By central differences over a pixel's cone, and over no less than a texel of an
-    /// image: so slopes are continuous although the texture is linear between texels.
+    /// The gradient of the height along the surface: a vector perpendicular to the shading normal
+    /// that points uphill and has the slope as its length (Mikkelsen, Bump Mapping Unparametrized
+    /// Surfaces on the GPU, 2010). It is computed by central differences over the footprint of a
+    /// pixel, but at least one texel of an image, so slopes are continuous although the texture is
+    /// linear between texels.
     pub(super) fn gradient(&self, point: &ShadingPoint) -> Vec3 {
         let surface = point.surface;
         let (n, dpdu, dpdv) = (surface.shading_normal, surface.dpdu, surface.dpdv);
@@ -79,7 +80,7 @@ impl BumpMap {
         if gradient.is_finite() { gradient } else { Vec3::ZERO }
     }
 
-    /// What the texture shows a little beside the point, by texture coordinates.
+    /// The texture at a small offset from the point in texture coordinates.
     fn moved(&self, point: &ShadingPoint, u: f32, v: f32) -> f32 {
         let mut beside: SurfaceInteraction = *point.surface;
         beside.position += beside.dpdu * u + beside.dpdv * v;

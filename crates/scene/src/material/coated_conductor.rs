@@ -7,22 +7,22 @@ use snell_math::parameters::Range;
 use snell_math::{Rgb, SampledSpectrum};
 
 snell_math::declare! {
-    /// A metal under a clear dielectric layer. What pbrt-v4 calls `coatedconductor`, without a
-    /// medium in the layer: the coat and the metal of [`super::OpenPbr`], with a measured metal.
+    /// A metal under a clear dielectric layer. The `coatedconductor` of pbrt-v4, without a medium
+    /// in the layer: the coat and the metal of [`super::OpenPbr`], with a measured metal.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(deny_unknown_fields)]
     pub struct CoatedConductor {
-        /// The metal, told by its index of refraction relative to air (or by its colour under the
+        /// The metal, given by its index of refraction relative to air (or by its colour under the
         /// coat).
         pub conductor: Conductor,
         /// Index of refraction of the coat. Positive, otherwise 1.
         #[range(Range::Positive)]
         #[usual(Range::Within(0.2, 6.0))]
-        #[serde(default = "super::usual::glass")]
+        #[serde(default = "super::defaults::glass")]
         pub ior: f32,
         /// Roughness of the coat, `[0, 1]`; the distribution's `alpha` is its square.
         #[range(Range::SHARE)]
-        #[serde(default = "super::usual::smooth")]
+        #[serde(default = "super::defaults::smooth")]
         pub roughness: ScalarParam,
     }
 }

@@ -7,24 +7,24 @@ use snell_math::Rgb;
 use snell_math::parameters::Range;
 
 snell_math::declare! {
-    /// A matte body under a dielectric layer, told by the body's own colour: light that is
-    /// reflected back into the body by the inner side of the layer meets it again, so the surface
-    /// looks darker and more saturated than the body ([`super::Plastic`] is told by the colour that
-    /// is seen). What pbrt-v4 calls `coateddiffuse`, without a medium in the layer.
+    /// A diffuse base under a dielectric layer, given by the colour of the base itself: light that
+    /// the inner side of the layer reflects back hits the base again, so the surface looks darker
+    /// and more saturated than the base ([`super::Plastic`] is given by the visible colour). The
+    /// `coateddiffuse` of pbrt-v4, without a medium in the layer.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(deny_unknown_fields)]
     pub struct CoatedDiffuse {
-        /// Reflectance of the body, `[0, 1]`; multiplied by the vertex colour.
+        /// Reflectance of the base, `[0, 1]`; multiplied by the vertex colour.
         #[range(Range::SHARE)]
         pub reflectance: ColorParam,
         /// Index of refraction of the layer. Positive, otherwise 1.
         #[range(Range::Positive)]
         #[usual(Range::Within(0.2, 6.0))]
-        #[serde(default = "super::usual::glass")]
+        #[serde(default = "super::defaults::glass")]
         pub ior: f32,
         /// Roughness of the layer, `[0, 1]`; the distribution's `alpha` is its square.
         #[range(Range::SHARE)]
-        #[serde(default = "super::usual::smooth")]
+        #[serde(default = "super::defaults::smooth")]
         pub roughness: ScalarParam,
         /// Shape of the distribution.
         #[serde(default)]

@@ -10,7 +10,7 @@ use snell_math::spectrum::Metal;
 use snell_math::{Rgb, SampledSpectrum};
 
 snell_math::declare! {
-    /// What a metal reflects. A metal by name is also written as text: `"metal:Au"`.
+    /// The spectrum of a metal. A named metal may also be written as text: `"metal:Au"`.
     #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(remote = "Self")]
     pub enum ConductorSpectrum {
@@ -66,28 +66,28 @@ impl<'de> Visitor<'de> for SpectrumVisitor {
 }
 
 snell_math::declare! {
-    /// A metal with microfacets.
+    /// A metal with a microfacet distribution.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(deny_unknown_fields)]
     pub struct Conductor {
-        /// What it reflects.
+        /// Its spectrum.
         pub spectrum: ConductorSpectrum,
         /// Roughness, `[0, 1]`; the distribution's `alpha` is its square (as in glTF). Below 0.032
         /// the metal is a mirror.
         #[range(Range::SHARE)]
-        #[serde(default = "super::usual::smooth")]
+        #[serde(default = "super::defaults::smooth")]
         pub roughness: ScalarParam,
         /// Shape of the distribution.
         #[serde(default)]
         pub microfacets: MicrofacetShape,
-        /// How far it is stretched along the tangent, `[-1, 1]`; along the bitangent below 0. As in
-        /// [`super::OpenPbr`].
+        /// Anisotropy, `[-1, 1]`: highlights are stretched along the tangent, or along the
+        /// bitangent if it is negative. As in [`super::OpenPbr`].
         #[range(Range::Within(-1.0, 1.0))]
-        #[serde(default = "super::usual::smooth")]
+        #[serde(default = "super::defaults::smooth")]
         pub anisotropy: ScalarParam,
-        /// Factor on all that it reflects, `[0, 1]`: white for a real metal.
+        /// Factor on the reflectance, `[0, 1]`: white for a real metal.
         #[range(Range::SHARE)]
-        #[serde(default = "super::usual::white")]
+        #[serde(default = "super::defaults::white")]
         pub tint: ColorParam,
     }
 }
@@ -158,7 +158,7 @@ impl Conductor {
         Bsdf::Conductor(self.lobe(point, 1.0))
     }
 
-    /// The metal under something of this index of refraction.
+    /// The BSDF of the metal under a layer of this index of refraction.
     pub(super) fn lobe(&self, point: &ShadingPoint, outside_ior: f32) -> ConductorBsdf {
         let (roughness, anisotropy) = (self.roughness.at(point), self.anisotropy.at(point));
         let is_even = anisotropy == 0.0;
@@ -198,7 +198,7 @@ impl Conductor {
         }
     }
 
-    /// The factor on all that it reflects.
+    /// The factor on the reflectance.
     fn factor(&self, point: &ShadingPoint) -> SampledSpectrum {
         let unit = point.mode.unit();
         let is_white = self.tint == Rgb::WHITE.into();

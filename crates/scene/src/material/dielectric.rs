@@ -1,4 +1,4 @@
-//! Glass, water, and other clear things.
+//! Glass, water and other clear media.
 
 use super::{ColorParam, ScalarParam, ShadingPoint, positive_ior, relative_ior};
 use crate::bsdf::{Bsdf, DielectricBsdf, MicrofacetShape, bounded};
@@ -14,8 +14,8 @@ snell_math::declare! {
     #[serde(deny_unknown_fields)]
     pub struct Dielectric {
         /// Index of refraction of the inside over the outside: 1.33 for water, 1.5 for glass, or a
-        /// glass by name. Positive, otherwise 1. If it depends on the wavelength, light of one
-        /// wavelength goes on behind the interface (and in the mirror direction); in RGB mode all
+        /// glass by name. Positive, otherwise 1. If it depends on the wavelength, only the hero
+        /// wavelength continues behind the interface (and in the mirror direction); in RGB mode all
         /// colours have the index of the d-line.
         #[range(Range::Positive)]
         #[usual(Range::Within(0.2, 6.0))]
@@ -23,18 +23,18 @@ snell_math::declare! {
         /// Roughness, `[0, 1]`; the distribution's `alpha` is its square. Below 0.032 the interface
         /// is perfectly smooth.
         #[range(Range::SHARE)]
-        #[serde(default = "super::usual::smooth")]
+        #[serde(default = "super::defaults::smooth")]
         pub roughness: ScalarParam,
         /// Shape of the distribution.
         #[serde(default)]
         pub microfacets: MicrofacetShape,
         /// Factor on light at each crossing, `[0, 1]`.
         #[range(Range::SHARE)]
-        #[serde(default = "super::usual::white")]
+        #[serde(default = "super::defaults::white")]
         pub tint: ColorParam,
-        /// What the medium absorbs per unit of length (Lambert and Beer): after a distance `d`,
-        /// `exp(-absorption d)` is left. Counts for paths that meet the surface from within; light
-        /// rays to things inside of the medium do not know of it.
+        /// Absorption coefficient of the medium (Beer and Lambert): after a distance `d`,
+        /// `exp(-absorption d)` of the light is left. It applies to paths that hit the surface from
+        /// inside; shadow rays to objects inside the medium ignore it.
         #[range(Range::AMOUNT)]
         #[unit("per scene unit")]
         #[serde(default)]
@@ -76,7 +76,7 @@ impl Dielectric {
         ]
     }
 
-    /// What the medium lets through over a distance.
+    /// Transmittance of the medium over a distance.
     pub(super) fn transmittance(&self, distance: f32, mode: ColorMode) -> SampledSpectrum {
         if self.absorption.is_black() {
             return SampledSpectrum::ONE;
@@ -96,12 +96,13 @@ impl Dielectric {
         self.bsdf_like(None, point)
     }
 
-    /// The same, with less work where that at another point is alike.
+    /// The BSDF at a point, which reuses the tables of another point's BSDF where both have the
+    /// same parameters.
     pub(super) fn bsdf_like(&self, other: Option<&DielectricBsdf>, point: &ShadingPoint) -> Bsdf {
         let mode = point.mode;
         let ior = relative_ior(positive_ior(self.ior.at(mode.hero(LINE_D))), point.outside_ior);
         let microfacets = self.microfacets.of_roughness(self.roughness.at(point));
-        // Where wavelengths part, the hero stands for all of them.
+        // With dispersion, the hero wavelength stands for all of them.
         let unit = if self.ior.is_dispersive() { mode.hero_factor() } else { mode.unit() };
         Bsdf::Dielectric(DielectricBsdf {
             ior,

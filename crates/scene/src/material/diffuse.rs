@@ -28,7 +28,7 @@ impl Diffuse {
         vec![Self::new(Rgb::splat(0.5)), Self::new(Rgb::new(0.8, 0.1, 0.0)), Self::new(Rgb::WHITE)]
     }
 
-    /// The reflectance, if it is the same everywhere but for the vertex colour.
+    /// The reflectance, if it is constant except for the vertex colour.
     #[inline]
     pub fn uniform(&self) -> Option<Rgb> {
         let ColorParam { factor, texture, spectrum } = self.reflectance;

@@ -6,19 +6,19 @@ use serde::{Deserialize, Serialize};
 use snell_math::parameters::Range;
 use snell_math::{Rgb, SampledSpectrum};
 
-/// Absorption per radius of a unit of each pigment (d'Eon et al., An Energy-Conserving Hair
-/// Reflectance Model, 2011).
+/// Absorption per fibre radius for concentration 1 of each pigment (d'Eon et al., An
+/// Energy-Conserving Hair Reflectance Model, 2011).
 const EUMELANIN: Rgb = Rgb::new(0.419, 0.697, 1.37);
 const PHEOMELANIN: Rgb = Rgb::new(0.187, 0.4, 1.05);
 
 snell_math::declare! {
-    /// Hair, fur and other fibres: light that is reflected, passes through, or turns around within
-    /// (Chiang et al., A Practical and Controllable Hair and Fur Model for Production Path Tracing,
-    /// 2016; the model of pbrt's and Mitsuba's `hair`). Made for curves. On other surfaces `u` must
-    /// run along the fibre and `v` from 0 to 1 across it.
+    /// Hair, fur and other fibres: light is reflected, transmitted, or reflected inside (Chiang et
+    /// al., A Practical and Controllable Hair and Fur Model for Production Path Tracing, 2016; the
+    /// model of pbrt's and Mitsuba's `hair`). Made for curves. On other surfaces `u` must run along
+    /// the fibre and `v` from 0 to 1 across it.
     ///
-    /// What the fibre absorbs is the sum of what its pigments, its dye and `sigma_a` do; without
-    /// any it is clear, as white hair is.
+    /// The absorption of the fibre is the sum of those of its pigments, its dye and `sigma_a`;
+    /// without any of them it is clear, like white hair.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(default, deny_unknown_fields)]
     pub struct Hair {
@@ -29,8 +29,8 @@ snell_math::declare! {
         /// Concentration of the red pigment, at least 0.
         #[range(Range::AMOUNT)]
         pub pheomelanin: ScalarParam,
-        /// Colour that the dye gives to much hair in white light, `[0, 1]`; multiplied by the
-        /// vertex colour. White: no dye.
+        /// Colour that the dye gives to a dense volume of hair in white light, `[0, 1]`; multiplied
+        /// by the vertex colour. White: no dye.
         #[range(Range::SHARE)]
         pub color: ColorParam,
         /// Further absorption per radius of the fibre, at least 0.
@@ -47,8 +47,8 @@ snell_math::declare! {
         /// Roughness around the fibre, `[0, 1]` (`beta_n`); at least 0.01 is used.
         #[range(Range::SHARE)]
         pub azimuthal_roughness: ScalarParam,
-        /// Angle by which the scales stand off the fibre towards its tip, degrees; it moves the
-        /// highlights apart.
+        /// Angle by which the scales stand off the fibre towards its tip, degrees; it separates the
+        /// highlights.
         #[range(Range::Within(-90.0, 90.0))]
         #[unit("degrees")]
         pub scale_tilt: f32,
@@ -86,8 +86,8 @@ impl Hair {
         pigments + self.sigma_a.factor.map(|a| a.max(0.0)) + Rgb::new(dye[0], dye[1], dye[2])
     }
 
-    /// About the colour that much of this hair has in white light: what is left of it where there
-    /// is no hair.
+    /// The approximate colour of a dense volume of this hair in white light: the texture or
+    /// spectrum of the dye if nothing else absorbs.
     pub fn seen_color(&self) -> ColorParam {
         let without_dye = Self { color: Rgb::WHITE.into(), ..self.clone() };
         let is_dyed = self.color.texture.is_some() || self.color.spectrum.is_some();
@@ -139,13 +139,13 @@ impl Hair {
     }
 }
 
-/// Where across the fibre a point is, if its texture coordinates say that.
+/// The offset of a point across the fibre, if its texture coordinates give it.
 fn offset(point: &ShadingPoint) -> Option<f32> {
     let surface = point.surface;
     if surface.on_curve {
         return None;
     }
-    // The local y axis may be against v.
+    // The local y axis may point against v.
     let is_along = surface.shading_normal.cross(surface.dpdu).dot(surface.dpdv) >= 0.0;
     let h = 2.0 * surface.uv[0].y.rem_euclid(1.0) - 1.0;
     Some(if h.is_nan() {

@@ -5,7 +5,7 @@ use crate::bsdf::{BlackBsdf, Bsdf};
 use serde::{Deserialize, Serialize};
 
 snell_math::declare! {
-    /// Nothing to be seen: light passes unchanged. For the boundaries of fog, smoke and clouds.
+    /// An invisible boundary: light passes unchanged. For the boundaries of fog, smoke and clouds.
     /// (One that emits is a black lamp.)
     #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
     #[serde(deny_unknown_fields)]
@@ -13,12 +13,12 @@ snell_math::declare! {
 }
 
 impl Interface {
-    /// The only one.
+    /// The only example.
     pub fn examples() -> Vec<Self> {
         vec![Self {}]
     }
 
-    /// Rays never meet an interface, but for one that emits.
+    /// Rays never hit an interface, except one that emits.
     pub fn bsdf(&self, _: &ShadingPoint) -> Bsdf {
         Bsdf::Black(BlackBsdf)
     }

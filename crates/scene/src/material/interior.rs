@@ -1,4 +1,4 @@
-//! What a surface bounds: the medium inside of a closed surface.
+//! The interior of a closed surface.
 
 use super::{Material, MaterialKind, ShadingPoint};
 use crate::graph::MediumId;
@@ -6,28 +6,28 @@ use crate::medium::MediumProperties;
 use serde::{Deserialize, Serialize};
 
 snell_math::declare! {
-    /// The inside of a closed surface, as far as light transport goes.
+    /// The interior of a closed surface, as light transport sees it.
     ///
-    /// Insides may overlap. Where they do, the one of the highest priority is there, and the others
-    /// are not: glass with a drink in it is glass of priority 1 and a drink of priority 0 that
-    /// reaches a little into the glass (Schmidt and Budge, Simple Nested Dielectrics in Ray Traced
-    /// Images, JGT 2002). Among equal priorities, the last one that a path entered is there: things
-    /// in things need none.
+    /// Interiors may overlap. There, the one with the highest priority counts and the others are
+    /// ignored: a glass with a drink is glass of priority 1 and a drink of priority 0 that reaches
+    /// slightly into the glass (Schmidt and Budge, Simple Nested Dielectrics in Ray Traced Images,
+    /// JGT 2002). Among equal priorities, the interior that a path entered last counts, so nested
+    /// objects need no priorities.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
     #[serde(deny_unknown_fields)]
     pub struct Interior {
-        /// The medium inside; `None` if it is empty, or filled by what the material itself brings
+        /// The medium inside; `None` if it is empty, or filled by the material's own medium
         /// ([`Material::own_medium`]).
         pub medium: Option<MediumId>,
-        /// Who is there where insides overlap: the highest.
+        /// Priority where interiors overlap: the highest counts.
         #[serde(default)]
         pub priority: i32,
     }
 }
 
 impl Material {
-    /// The inside that a closed surface of this material has; `None` if it bounds nothing, as
-    /// opaque things and leaves do not.
+    /// The interior of a closed surface of this material; `None` if it bounds none, as for opaque
+    /// materials and thin sheets.
     pub fn bounded_interior(&self) -> Option<Interior> {
         let has_inside = match &self.kind {
             MaterialKind::Dielectric(_) => true,
@@ -37,7 +37,7 @@ impl Material {
         self.interior.or_else(|| has_inside.then(Interior::default))
     }
 
-    /// Index of refraction of the inside; 1 where nothing says otherwise.
+    /// Index of refraction of the interior; 1 by default.
     pub fn ior(&self) -> f32 {
         match &self.kind {
             MaterialKind::Dielectric(dielectric) => super::positive_ior(dielectric.ior.at_line_d()),
@@ -46,19 +46,18 @@ impl Material {
         }
     }
 
-    /// True if light passes the surface as if it were not there, so that it is only the boundary of
-    /// a medium.
+    /// True if light passes the surface unchanged, so that it is only the boundary of a medium.
     pub fn is_interface(&self) -> bool {
         matches!(self.kind, MaterialKind::Interface(_)) && !self.is_emissive()
     }
 
-    /// True if [`Self::own_medium`] may be something.
+    /// True if [`Self::own_medium`] may be `Some`.
     pub fn has_own_medium(&self) -> bool {
         matches!(&self.kind, MaterialKind::OpenPbr(surface) if surface.has_medium())
     }
 
-    /// The homogeneous medium that the kind of material itself fills its inside with, as it is for
-    /// a path that enters at `point`. Counts if [`Interior::medium`] is `None`.
+    /// The homogeneous medium with which the material itself fills its interior, for a path that
+    /// enters at `point`. It is used if [`Interior::medium`] is `None`.
     pub fn own_medium(&self, point: &ShadingPoint) -> Option<MediumProperties> {
         match &self.kind {
             MaterialKind::OpenPbr(surface) => surface.medium(point),

@@ -1,5 +1,5 @@
-//! Materials: from a surface point to a BSDF, emission and opacity. One file per material, with its
-//! parameters.
+//! Materials map a surface point to a BSDF, emission and opacity. There is one file per material,
+//! with its parameters.
 
 mod black;
 mod bump;
@@ -59,10 +59,10 @@ use std::collections::BTreeSet;
 pub struct ColorParam {
     /// Linear factor.
     pub factor: Rgb,
-    /// Its RGB multiplies the factor.
+    /// Texture whose RGB multiplies the factor.
     pub texture: Option<TextureId>,
-    /// Multiplied by the factor: a black body, a measured spectrum. Exact in spectral mode, its
-    /// colour in RGB mode.
+    /// Spectrum that multiplies the factor: a black body, a measured spectrum. It is exact in
+    /// spectral mode, and its colour in RGB mode.
     #[serde(default)]
     pub spectrum: Option<Spectrum>,
 }
@@ -108,8 +108,8 @@ impl From<Rgb> for ColorParam {
     }
 }
 
-/// A scalar parameter: a factor, times one channel of a texture if there is one. Also written as a
-/// number alone.
+/// A scalar parameter: a factor, times one channel of a texture if there is one. It may also be
+/// written as a plain number.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(from = "WrittenScalar")]
 pub struct ScalarParam {
@@ -153,7 +153,8 @@ impl ScalarParam {
         }
     }
 
-    /// The values of two at a point: with one look where they are channels of one texture.
+    /// The values of two parameters at a point, with one lookup where they are channels of one
+    /// texture.
     fn both_at(&self, other: &Self, point: &ShadingPoint) -> [f32; 2] {
         match (self.texture, other.texture) {
             (Some((id, first)), Some((same, second))) if id == same => {
@@ -185,27 +186,27 @@ impl From<f32> for ScalarParam {
     }
 }
 
-/// What parameters are where a declaration leaves them out.
-mod usual {
+/// Defaults of parameters.
+mod defaults {
     use super::{ColorParam, ScalarParam};
     use snell_math::Rgb;
 
-    /// Roughness of what is polished.
+    /// Roughness of polished surfaces.
     pub fn smooth() -> ScalarParam {
         0.0.into()
     }
 
-    /// What lasts unless it is switched off.
+    /// True.
     pub fn yes() -> bool {
         true
     }
 
-    /// Of what does not shine.
+    /// No emission.
     pub fn black() -> ColorParam {
         Rgb::BLACK.into()
     }
 
-    /// Of what is wholly there.
+    /// Full opacity.
     pub fn opaque() -> ScalarParam {
         1.0.into()
     }
@@ -226,7 +227,7 @@ mod usual {
     }
 }
 
-/// Everything a material may look at.
+/// The inputs of a material at a surface point.
 #[derive(Clone, Copy, Debug)]
 pub struct ShadingPoint<'a> {
     /// The point.
@@ -235,15 +236,15 @@ pub struct ShadingPoint<'a> {
     pub footprint: f32,
     /// The scene's textures.
     pub textures: &'a TextureSet,
-    /// What spectra mean.
+    /// The colour mode of spectra.
     pub mode: ColorMode,
-    /// Index of refraction of what is on the outer side: 1, but for things within others.
+    /// Index of refraction of the medium on the outer side: 1, except for nested objects.
     pub outside_ior: f32,
 }
 
 impl ShadingPoint<'_> {
-    /// The spectrum of a reflectance, clamped to `[0, 1]` (NaN counts as 0): more would make light
-    /// out of nothing.
+    /// The spectrum of a reflectance, clamped to `[0, 1]` (NaN counts as 0): more would create
+    /// energy.
     pub fn reflectance(&self, color: impl Into<Color>) -> SampledSpectrum {
         let color = color.into();
         let bounds = |x| bounded(x, 1.0);
@@ -265,7 +266,7 @@ impl ShadingPoint<'_> {
     }
 }
 
-/// An index of refraction that can be computed with: 1 instead of nonsense.
+/// A valid index of refraction: 1 in place of invalid values.
 fn positive_ior(ior: f32) -> f32 {
     if ior > 1e-3 && ior < 1e3 { ior } else { 1.0 }
 }
@@ -276,7 +277,7 @@ fn relative_ior(ior: f32, outside_ior: f32) -> f32 {
 }
 
 snell_math::declare! {
-    /// How opacity works.
+    /// The use of opacity.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
     pub enum AlphaMode {
         /// Alpha is ignored.
@@ -295,16 +296,16 @@ snell_math::declare! {
         /// Linear texture with `2 rgb - 1` the normal in the tangent frame.
         pub texture: TextureId,
         /// Factor on its x and y.
-        #[serde(default = "usual::whole")]
+        #[serde(default = "defaults::whole")]
         pub scale: f32,
     }
 }
 
 snell_math::declare! {
-    /// A material: what light does at a surface.
+    /// A material: how a surface reflects, transmits and emits light.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     pub struct Material {
-        /// For people.
+        /// A name for users.
         #[serde(default)]
         pub name: String,
         /// Reflection and transmission.
@@ -312,7 +313,7 @@ snell_math::declare! {
         /// Emitted radiance, W / (m^2 sr), on the sides that are visible.
         #[range(LIGHT)]
         #[unit("W / (m^2 sr)")]
-        #[serde(default = "usual::black")]
+        #[serde(default = "defaults::black")]
         pub emission: ColorParam,
         /// True if the vertex colour multiplies the emission, as it does for surfaces that show
         /// their base colour unlit.
@@ -321,27 +322,28 @@ snell_math::declare! {
         /// True if the inner side emits too.
         #[serde(default)]
         pub emits_on_both_sides: bool,
-        /// False if the emission is only seen, by the camera and in mirrors, because another light
-        /// stands for what it does to other surfaces.
-        #[serde(default = "usual::yes")]
+        /// False if the emission is visible only to the camera and in mirrors, because another
+        /// light illuminates other surfaces in its place.
+        #[serde(default = "defaults::yes")]
         pub illuminates: bool,
-        /// How `alpha` counts.
+        /// The use of `alpha`.
         #[serde(default)]
         pub alpha_mode: AlphaMode,
         /// Opacity, `[0, 1]`; multiplied by the vertex alpha.
         #[range(Range::SHARE)]
-        #[serde(default = "usual::opaque")]
+        #[serde(default = "defaults::opaque")]
         pub alpha: ScalarParam,
-        /// False if rays from the inner side pass through as if nothing were there.
-        #[serde(default = "usual::yes")]
+        /// False if rays from the inner side pass through unchanged.
+        #[serde(default = "defaults::yes")]
         pub double_sided: bool,
-        /// Bends the shading normal.
+        /// Normal map, which perturbs the shading normal.
         #[serde(default)]
         pub normal_map: Option<NormalMap>,
-        /// Heights, which bend it further. A coat with a normal of its own does not follow them.
+        /// Bump map, which perturbs the normal further. A coat with its own normal does not follow
+        /// it.
         #[serde(default)]
         pub bump_map: Option<BumpMap>,
-        /// What is inside of a closed surface; `None` for what the kind implies
+        /// The interior of a closed surface; `None` for the one implied by the kind
         /// ([`Material::bounded_interior`]).
         #[serde(default)]
         pub interior: Option<Interior>,
@@ -349,8 +351,8 @@ snell_math::declare! {
 }
 
 impl Material {
-    /// A material that does nothing but what `kind` says. What an [`OpenPbr`] says of emission,
-    /// opacity and normals is moved to the material.
+    /// A material with only the parameters of `kind`. Emission, opacity and normals of an
+    /// [`OpenPbr`] are moved to the material.
     pub fn new(name: impl Into<String>, kind: impl Into<MaterialKind>) -> Self {
         let kind = kind.into();
         let mut material = Self::plain(name.into(), kind);
@@ -358,8 +360,8 @@ impl Material {
         material
     }
 
-    /// Moves what an [`OpenPbr`] says of emission, opacity and normals to the material, where it is
-    /// other than what the kind said before.
+    /// Moves emission, opacity and normals of an [`OpenPbr`] to the material, where they differ
+    /// from those of the previous kind.
     pub fn follow_kind(&mut self, before: &MaterialKind) {
         let MaterialKind::OpenPbr(surface) = &self.kind else { return };
         let plain = OpenPbr::default();
@@ -399,7 +401,7 @@ impl Material {
         }
     }
 
-    /// The boundary of a medium, and nothing else.
+    /// A pure boundary of a medium.
     pub fn interface(name: impl Into<String>, medium: MediumId) -> Self {
         let interior = Some(Interior { medium: Some(medium), priority: 0 });
         Self { interior, ..Self::new(name, Interface {}) }
@@ -410,7 +412,7 @@ impl Material {
         Self { emission: ColorParam::constant(radiance), ..self }
     }
 
-    /// True if wavelengths part where light meets it: the path's hero goes on alone
+    /// True if it disperses light: only the path's hero wavelength continues
     /// ([`ColorMode::hero_only`]).
     pub fn is_dispersive(&self) -> bool {
         match &self.kind {
@@ -430,7 +432,7 @@ impl Material {
         !self.emission.factor.is_black()
     }
 
-    /// The kind of a surface that is [`Diffuse`] and does not shine.
+    /// The kind of a surface that is [`Diffuse`] and does not emit.
     #[inline]
     pub fn as_matte(&self) -> Option<&Diffuse> {
         match &self.kind {
@@ -440,29 +442,29 @@ impl Material {
     }
 
     /// The reflectance of a matte surface at a point, and its shading normal before it is bent
-    /// towards a viewer.
+    /// towards the viewer.
     pub fn matte_at(&self, point: &ShadingPoint) -> Option<(SampledSpectrum, Vec3)> {
         Some((self.as_matte()?.reflectance_at(point), self.shading_normal(point)))
     }
 
-    /// The shading normal at a point, maps applied, before it is bent towards a viewer.
+    /// The shading normal at a point, maps applied, before it is bent towards the viewer.
     pub fn shading_normal(&self, point: &ShadingPoint) -> Vec3 {
         let (smooth, flat) = (point.surface.shading_normal, point.surface.geometric_normal);
         self.bend(point).map_or(smooth, |bend| bend.normal(smooth, flat))
     }
 
-    /// True if maps bend the shading normal.
+    /// True if maps perturb the shading normal.
     pub fn is_bent(&self) -> bool {
         self.normal_map.is_some() || self.bump_map.is_some()
     }
 
-    /// What its maps say of the normal at a point.
+    /// The result of its normal and bump maps at a point.
     #[inline]
     pub fn bend(&self, point: &ShadingPoint) -> Option<Bend> {
         Bend::of(self.normal_map.as_ref(), self.bump_map.as_ref(), point)
     }
 
-    /// True if hits must be asked about ([`Self::is_present`]).
+    /// True if hits need an opacity test ([`Self::is_present`]).
     pub fn needs_filter(&self) -> bool {
         self.alpha_mode != AlphaMode::Opaque || !self.double_sided || self.is_interface()
     }
@@ -477,14 +479,14 @@ impl Material {
         }
     }
 
-    /// True if a ray meets the surface at a point; `u` in `[0, 1)` is a hash of the hit (the same
+    /// True if a ray hits the surface at a point; `u` in `[0, 1)` is a hash of the hit (the same
     /// for the same hit, or light leaks).
     pub fn is_present(&self, ray_direction: Vec3, point: &ShadingPoint, u: f32) -> bool {
         u < self.presence(ray_direction, point)
     }
 
-    /// The probability that a ray meets the surface at a point: its opacity, or 0 on the side that
-    /// a single-sided surface lacks, and 0 for interfaces.
+    /// The probability that a ray hits the surface at a point: its opacity, but 0 on the inner side
+    /// of a single-sided surface and for interfaces.
     pub fn presence(&self, ray_direction: Vec3, point: &ShadingPoint) -> f32 {
         if self.is_interface() {
             return 0.0;
@@ -496,8 +498,8 @@ impl Material {
         }
     }
 
-    /// The radiance that the surface emits everywhere and in all directions of its shining sides;
-    /// `None` if that depends on the point, or if the surface can be seen through.
+    /// The constant radiance that the surface emits in all directions of its emitting sides; `None`
+    /// if that depends on the point, or if the surface is not opaque.
     pub fn uniform_emission(&self) -> Option<Color> {
         let is_uniform = self.is_emissive()
             && self.emission.texture.is_none()
@@ -520,7 +522,7 @@ impl Material {
     }
 }
 
-/// Negative or undefined light would spoil every pixel it reaches.
+/// Clamps emitted light: negative or undefined values would spoil every pixel that they reach.
 fn emitted_part(x: f32) -> f32 {
     if x.is_finite() { x.max(0.0) } else { 0.0 }
 }

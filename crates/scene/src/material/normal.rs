@@ -1,4 +1,4 @@
-//! Shading normals: normal maps, and keeping normals where the viewer can use them.
+//! Shading normals: normal maps, and corrections of normals that face away from the viewer.
 
 use super::{BumpMap, NormalMap, ShadingPoint};
 use crate::bsdf::{Bsdf, Lobes, fresnel, unit_or};
@@ -19,22 +19,22 @@ pub(super) fn shading_frame(
     Frame::from_z_and_x(bend.normal(smooth, surface.geometric_normal), bend.axes(smooth).0)
 }
 
-/// What a normal map and a bump map say at a point.
+/// The result of a normal map and a bump map at a point.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Bend {
-    /// The normal by the tangent, the bitangent and the shading normal, of any length.
+    /// The normal in the frame of tangent, bitangent and shading normal, of any length.
     pub local: Vec3,
-    /// Where the picture's columns grow to the right.
+    /// The direction of the image's columns, to the right.
     pub tangent: Vec3,
-    /// Where its rows grow upwards, as far as it is not known from the tangent.
+    /// The upward direction of its rows, where it does not follow from the tangent.
     pub upwards: Vec3,
-    /// 1 if the bitangent is to the left of the tangent, -1 if it is to the right, 0 if it is where
-    /// rows grow upwards.
+    /// 1 if the bitangent is to the left of the tangent, -1 if it is to the right, 0 if it is the
+    /// upward direction of the rows.
     pub side: f32,
 }
 
 impl Bend {
-    /// At a point; `None` if there are no maps. Bumps are on top of what a normal map says.
+    /// The maps at a point; `None` if there are none. Bumps are applied on top of the normal map.
     #[inline]
     pub(super) fn of(
         map: Option<&NormalMap>,
@@ -97,7 +97,7 @@ impl Bend {
         (frame.x, frame.y * if self.side != 0.0 { self.side } else { side })
     }
 
-    /// The shading normal bent, and lifted to a small angle above the surface if it lies below.
+    /// The perturbed shading normal, lifted to a small angle above the surface if it lies below.
     /// Without branches, so that loops over it become vector code.
     #[inline(always)]
     pub fn normal(&self, smooth: Vec3, geometric_normal: Vec3) -> Vec3 {
@@ -112,7 +112,7 @@ impl Bend {
     }
 }
 
-/// The frame turned about its normal, counter-clockwise by an angle in radians.
+/// The frame rotated about its normal, counter-clockwise by an angle in radians.
 pub(super) fn turned(frame: Frame, angle: f32) -> Frame {
     if angle == 0.0 {
         return frame;
@@ -121,18 +121,18 @@ pub(super) fn turned(frame: Frame, angle: f32) -> Frame {
     Frame { x: frame.x * cos + frame.y * sin, y: frame.y * cos - frame.x * sin, z: frame.z }
 }
 
-/// What a BSDF asks of its frame.
+/// The needs of a BSDF for its frame.
 #[derive(Clone, Copy, Debug)]
 pub struct FrameNeeds {
-    /// The normal must reflect the viewer away from the surface ([`reflecting_normal`]), and not
-    /// only be seen ([`visible_normal`]).
+    /// True if the normal must reflect the viewer away from the surface ([`reflecting_normal`]),
+    /// and not only be visible ([`visible_normal`]).
     pub mirrors: bool,
-    /// Tangents mean something. (Where they do not, the frame is the cheapest.)
+    /// True if tangents matter. (Otherwise the cheapest frame is used.)
     pub has_tangent: bool,
 }
 
 impl FrameNeeds {
-    /// Those of a BSDF.
+    /// The needs of a BSDF.
     pub fn of(bsdf: &Bsdf) -> Self {
         let has_tangent = match bsdf {
             Bsdf::Black(_) | Bsdf::Diffuse(_) | Bsdf::Phong(_) | Bsdf::Mirror(_) => false,
@@ -145,8 +145,8 @@ impl FrameNeeds {
         Self { mirrors: mirrors(bsdf), has_tangent }
     }
 
-    /// The frame nearest in spirit to a plain one that `wo` can use. Without branches, so that
-    /// loops over it become vector code.
+    /// The frame closest to the plain one that is valid for `wo`. Without branches, so that loops
+    /// over it become vector code.
     #[inline(always)]
     pub fn frame(self, plain: &Frame, geometric_normal: Vec3, wo: Vec3) -> Frame {
         let z = select(
@@ -160,8 +160,8 @@ impl FrameNeeds {
     }
 }
 
-/// True for BSDFs whose look is their reflection, so that losing it below the surface is worse than
-/// bending the normal.
+/// True for BSDFs dominated by reflection: losing it below the surface is worse than bending the
+/// normal.
 fn mirrors(bsdf: &Bsdf) -> bool {
     let by_kind = match bsdf {
         Bsdf::Conductor(_) | Bsdf::Dielectric(_) => true,
@@ -171,7 +171,7 @@ fn mirrors(bsdf: &Bsdf) -> bool {
     by_kind || bsdf.is_delta()
 }
 
-/// The normal nearest in spirit to `n` that `wo` can use: [`reflecting_normal`] for mirrors,
+/// The normal closest to `n` that is valid for `wo`: [`reflecting_normal`] for mirrors,
 /// [`visible_normal`] for others.
 pub(super) fn valid_towards(n: Vec3, geometric_normal: Vec3, wo: Vec3, mirrors: bool) -> Vec3 {
     if mirrors {
@@ -181,10 +181,10 @@ pub(super) fn valid_towards(n: Vec3, geometric_normal: Vec3, wo: Vec3, mirrors: 
     }
 }
 
-/// The normal nearest in spirit to `n` that `wo` sees from the side from which it sees the surface,
-/// and that reflects `wo` to that side too (the idea of Keller et al., The Iray Light Transport
-/// Simulation and Rendering System, 2017: pull the reflected vector up to the surface, and take the
-/// half vector). Without branches, so that loops over it become vector code.
+/// The normal close to `n` that `wo` sees from the same side as the surface, and that reflects `wo`
+/// to that side too (the idea of Keller et al., The Iray Light Transport Simulation and Rendering
+/// System, 2017: pull the reflected vector up to the surface, and take the half vector). Without
+/// branches, so that loops over it become vector code.
 #[inline(always)]
 pub fn reflecting_normal(n: Vec3, geometric_normal: Vec3, wo: Vec3) -> Vec3 {
     let side = if wo.dot(geometric_normal) < 0.0 { -1.0 } else { 1.0 };
@@ -199,8 +199,8 @@ pub fn reflecting_normal(n: Vec3, geometric_normal: Vec3, wo: Vec3) -> Vec3 {
     select(keeps, n, bent)
 }
 
-/// The normal nearest in spirit to `n` that `wo` sees from the side from which it sees the surface.
-/// Without branches, so that loops over it become vector code.
+/// The normal close to `n` that `wo` sees from the same side as the surface. Without branches, so
+/// that loops over it become vector code.
 #[inline(always)]
 pub fn visible_normal(n: Vec3, geometric_normal: Vec3, wo: Vec3) -> Vec3 {
     let elevation = wo.dot(geometric_normal);

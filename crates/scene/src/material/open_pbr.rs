@@ -51,7 +51,7 @@ snell_math::declare! {
         /// Roughness of metal and dielectric, `[0, 1]`; `alpha` of the distribution is its square.
         #[range(Range::SHARE)]
         pub specular_roughness: ScalarParam,
-        /// How much highlights are stretched along the tangent, `[0, 1]`.
+        /// Anisotropy: stretching of highlights along the tangent, `[0, 1]`.
         #[range(Range::SHARE)]
         pub specular_roughness_anisotropy: ScalarParam,
         /// Index of refraction of the dielectric, positive.
@@ -60,8 +60,8 @@ snell_math::declare! {
         /// Share of the dielectric that is clear, `[0, 1]`.
         #[range(Range::SHARE)]
         pub transmission_weight: ScalarParam,
-        /// What is left of white light after `transmission_depth`; for a depth of 0 a factor on
-        /// what goes through the surface. `[0, 1]`.
+        /// Transmittance over `transmission_depth`, `[0, 1]`; for a depth of 0 a factor on
+        /// transmitted light.
         #[range(Range::SHARE)]
         pub transmission_color: ColorParam,
         /// Distance, in units of the scene.
@@ -103,19 +103,19 @@ snell_math::declare! {
         /// Share of the surface that is coated, `[0, 1]`.
         #[range(Range::SHARE)]
         pub coat_weight: ScalarParam,
-        /// What is left of light that crosses the coat twice, `[0, 1]`.
+        /// Transmittance of the coat for light that crosses it twice, `[0, 1]`.
         #[range(Range::SHARE)]
         pub coat_color: ColorParam,
         /// Roughness of the coat, `[0, 1]`.
         #[range(Range::SHARE)]
         pub coat_roughness: ScalarParam,
-        /// How much highlights of the coat are stretched along the tangent, `[0, 1]`.
+        /// Anisotropy of the coat: stretching of its highlights along the tangent, `[0, 1]`.
         #[range(Range::SHARE)]
         pub coat_roughness_anisotropy: ScalarParam,
         /// Index of refraction of the coat, positive.
         #[range(Range::Positive)]
         pub coat_ior: ScalarParam,
-        /// How much of the darkening by reflections inside of the coat there is, `[0, 1]`.
+        /// Strength of the darkening by reflections inside the coat, `[0, 1]`.
         #[range(Range::SHARE)]
         pub coat_darkening: ScalarParam,
         /// Share of the surface that is fuzzy, `[0, 1]`.
@@ -144,18 +144,18 @@ snell_math::declare! {
         /// Factor on that, `[0, 1]`.
         #[range(Range::SHARE)]
         pub emission_color: ColorParam,
-        /// Share of the surface that is there, `[0, 1]`.
+        /// Opacity: the share of the surface that is present, `[0, 1]`.
         #[range(Range::SHARE)]
         pub geometry_opacity: ScalarParam,
         /// True for sheets without an inside: windows, leaves, paper.
         pub geometry_thin_walled: bool,
-        /// Bends the normal of the base.
+        /// Normal map of the base.
         pub geometry_normal: Option<NormalMap>,
-        /// Bends the normal of the coat, which does not follow that of the base.
+        /// Normal map of the coat, which does not follow that of the base.
         pub geometry_coat_normal: Option<NormalMap>,
-        /// Turns the tangent of the base.
+        /// Rotates the tangent of the base.
         pub geometry_tangent: Option<TangentMap>,
-        /// Turns the tangent of the coat; without effect unless the coat has its own normal.
+        /// Rotates the tangent of the coat; without effect unless the coat has its own normal.
         pub geometry_coat_tangent: Option<TangentMap>,
     }
 }
@@ -168,7 +168,7 @@ snell_math::declare! {
         /// Radians, counter-clockwise from the tangent of the surface.
         #[unit("radians")]
         pub rotation: f32,
-        /// Linear texture with `2 rg - 1` a direction that is turned further.
+        /// Linear texture; `2 rg - 1` is a direction, which the angle rotates further.
         pub texture: Option<TextureId>,
     }
 }
@@ -245,13 +245,13 @@ fn modulated_ior(eta: f32, weight: f32) -> f32 {
     (1.0 + epsilon) / (1.0 - epsilon)
 }
 
-/// The roughness of what lies under a rough coat (OpenPBR Surface 1.1, "Roughening").
+/// The roughness of the base under a rough coat (OpenPBR Surface 1.1, "Roughening").
 fn roughened(base: f32, coat: f32, weight: f32) -> f32 {
     let together = (base.powi(4) + 2.0 * coat.powi(4)).min(1.0).sqrt().sqrt();
     base + (together - base) * weight
 }
 
-/// Single-scattering albedo whose multiple scattering shows this colour in diffuse light (van de
+/// Single-scattering albedo for which multiple scattering has this colour in diffuse light (van de
 /// Hulst's approximation, as OpenPBR Surface 1.1 gives it).
 fn scattering_albedo(color: f32, g: f32) -> f32 {
     let c = color.clamp(0.0, 1.0);
@@ -266,7 +266,7 @@ struct Common {
     transmission: f32,
     subsurface: f32,
     coat: f32,
-    /// Of the base, under the coat.
+    /// Roughness of the base, under the coat.
     ggx: Ggx,
     specular_weight: f32,
     ior: f32,
@@ -357,7 +357,8 @@ impl OpenPbr {
         self.bsdf_like(None, point)
     }
 
-    /// The same, with less work where that at another point is alike.
+    /// The BSDF at a point, which reuses the tables of another point's BSDF where both have the
+    /// same parameters.
     pub(super) fn bsdf_like(&self, other: Option<&OpenPbrBsdf>, point: &ShadingPoint) -> Bsdf {
         let common = self.common(point);
         let coat = self.coat(point, &common);
@@ -368,7 +369,7 @@ impl OpenPbr {
             roughness: bounded(self.fuzz_roughness.at(point), 1.0),
         });
         let slabs = self.slabs(other, point, &common, coat.as_ref());
-        // Where wavelengths part, the hero stands for all of them.
+        // With dispersion, the hero wavelength stands for all of them.
         let unit = if self.is_dispersive() { point.mode.hero_factor() } else { point.mode.unit() };
         Bsdf::OpenPbr(Box::new(OpenPbrBsdf::new(slabs, coat, fuzz, unit)))
     }
@@ -424,7 +425,7 @@ impl OpenPbr {
             let unit = point.mode.unit() * common.specular_weight.min(1.0);
             ConductorBsdf::new(facets, unit, common.ggx).with_film(film)
         };
-        // The coat replaces the air above the base; without total reflection where it is the
+        // The coat replaces the air above the base. There is no total reflection if the coat is
         // denser.
         let ratio = coat.map_or(common.ior, |coat| {
             let below = common.ior / coat.ior;
@@ -459,15 +460,15 @@ impl OpenPbr {
         point.reflectance(color) * bounded(self.base_weight.at(point), 1.0)
     }
 
-    /// True if the colour of the base is all that depends on textures.
+    /// True if only the colour of the base depends on textures.
     pub(super) fn varies_in_color_alone(&self) -> bool {
         let base_color = ColorParam { texture: None, ..self.base_color };
         let other = Material::new("", Self { base_color, ..self.clone() });
         self.base_color.texture.is_some() && other.textures().is_empty()
     }
 
-    /// A mixture of rough metal and gloss that may differ from point to point in all that
-    /// [`BatchPoint`] says, if nothing else does.
+    /// A mixture of rough metal and gloss that varies over the surface only in the parameters of
+    /// [`BatchPoint`].
     pub(super) fn batch_mixture(&self) -> Option<BatchBsdf> {
         let half = Self {
             base_color: ColorParam { texture: None, ..self.base_color },
@@ -480,8 +481,8 @@ impl OpenPbr {
         BatchBsdf::of(&bsdf).filter(|batch| !looks_up && batch.takes_any_point())
     }
 
-    /// What [`Self::batch_mixture`] is at a point, if it is rough there, and what it asks of its
-    /// frame.
+    /// The parameters of [`Self::batch_mixture`] at a point, if it is rough there, and the needs of
+    /// its frame.
     pub(super) fn mixed_at(&self, point: &ShadingPoint) -> Option<(BatchPoint, FrameNeeds)> {
         let [metalness, roughness] = self.metalness_and_roughness(point);
         let widths = Widths::from_roughness(roughness);
@@ -494,8 +495,8 @@ impl OpenPbr {
         (!widths.is_smooth()).then_some((at, needs))
     }
 
-    /// The spectra of its metal or opaque base at a point; `None` if they are not all that counts,
-    /// for what lies above has some too.
+    /// The spectra of its metal or opaque base at a point; `None` if layers above have spectra,
+    /// too.
     pub(super) fn spectra(&self, point: &ShadingPoint) -> Option<LobeSpectra> {
         let has_coat = bounded(self.coat_weight.at(point), 1.0) > 0.0;
         let is_clear =
@@ -567,7 +568,7 @@ impl OpenPbr {
         })
     }
 
-    /// True if wavelengths part where light goes through.
+    /// True if transmitted light disperses.
     pub(super) fn is_dispersive(&self) -> bool {
         let is_clear = self.transmission_weight.factor > 0.0 && !self.geometry_thin_walled;
         is_clear && self.transmission_dispersion_scale.factor > 0.0
@@ -583,30 +584,30 @@ impl OpenPbr {
         positive_ior(RefractiveIndex::from_abbe(ior, abbe).at(point.mode.hero(LINE_D)))
     }
 
-    /// True if [`Self::medium`] may be something.
+    /// True if [`Self::medium`] may be `Some`.
     pub(super) fn has_medium(&self) -> bool {
         let clear = self.transmission_weight.factor > 0.0 && self.transmission_depth.factor > 0.0;
         !self.geometry_thin_walled && (clear || self.subsurface_weight.factor > 0.0)
     }
 
-    /// True if the surface bounds an inside that light gets to.
+    /// True if the surface bounds an interior that light reaches.
     pub(super) fn has_inside(&self) -> bool {
         !self.geometry_thin_walled
             && (self.transmission_weight.factor > 0.0 || self.subsurface_weight.factor > 0.0)
     }
 
-    /// Index of refraction of the inside; 1 where light gets in by scattering only.
+    /// Index of refraction of the interior; 1 where light enters by scattering only.
     pub(super) fn inside_ior(&self) -> f32 {
         let is_clear = self.transmission_weight.factor > 0.0 && !self.geometry_thin_walled;
         if is_clear { positive_ior(self.specular_ior.factor) } else { 1.0 }
     }
 
-    /// Angle by which the tangent of the base is turned at a point.
+    /// Angle by which the tangent of the base is rotated at a point, in radians.
     pub(super) fn tangent_angle(&self, point: &ShadingPoint) -> f32 {
         self.geometry_tangent.map_or(0.0, |t| t.angle(point))
     }
 
-    /// The same for the coat.
+    /// Angle by which the tangent of the coat is rotated at a point, in radians.
     pub(super) fn coat_tangent_angle(&self, point: &ShadingPoint) -> f32 {
         self.geometry_coat_tangent.map_or(0.0, |t| t.angle(point))
     }
@@ -652,7 +653,7 @@ impl OpenPbr {
     }
 }
 
-/// A mean cosine that phase functions can be computed with.
+/// Clamps a mean cosine to the range of the phase function.
 fn bounded_cosine(g: f32) -> f32 {
     if g.is_finite() { g.clamp(-0.98, 0.98) } else { 0.0 }
 }

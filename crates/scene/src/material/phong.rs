@@ -1,4 +1,4 @@
-//! Phong's model as `.scn` and `.mtl` files mean it.
+//! Phong's model as `.scn` and `.mtl` files define it.
 
 use super::{ColorParam, ShadingPoint, positive_ior};
 use crate::bsdf::{Bsdf, PhongBsdf, PhongCoefficients};
@@ -30,16 +30,16 @@ snell_math::declare! {
         #[range(Range::AMOUNT)]
         #[usual(Range::SHARE)]
         pub reflection: ColorParam,
-        /// Factor on the radiance of the refracted direction, `kt`. No Fresnel's law; nothing where
-        /// all light is reflected inside.
+        /// Factor on the radiance of the refracted direction, `kt`. Without Fresnel's law; 0 in
+        /// total internal reflection.
         #[range(Range::AMOUNT)]
         #[usual(Range::SHARE)]
         pub transmission: ColorParam,
         /// Exponent of the highlight, at least 0.
         #[range(Range::AMOUNT)]
         pub shininess: f32,
-        /// Index of refraction of the inside over the outside; 1 does not bend. Positive, otherwise
-        /// 1.
+        /// Index of refraction of the inside over the outside; 1 does not refract. Positive,
+        /// otherwise 1.
         #[range(Range::Positive)]
         pub ior: f32,
     }

@@ -1,4 +1,4 @@
-//! A coloured body under a clear coat.
+//! A coloured diffuse base under a clear coat.
 
 use super::{ColorParam, ScalarParam, ShadingPoint, positive_ior};
 use crate::bsdf::{Body, Bsdf, DiffuseBsdf, Gloss, GlossyBsdf, MicrofacetShape};
@@ -17,17 +17,17 @@ snell_math::declare! {
         pub diffuse: ColorParam,
         /// Factor on the reflection of the layer, `[0, 1]`: white for a real dielectric.
         #[range(Range::SHARE)]
-        #[serde(default = "super::usual::white")]
+        #[serde(default = "super::defaults::white")]
         pub specular: ColorParam,
         /// Index of refraction of the layer: 1.5 reflects 4 % at normal incidence. Positive,
         /// otherwise 1.
         #[range(Range::Positive)]
         #[usual(Range::Within(0.2, 6.0))]
-        #[serde(default = "super::usual::glass")]
+        #[serde(default = "super::defaults::glass")]
         pub ior: f32,
         /// Roughness of the layer, `[0, 1]`; the distribution's `alpha` is its square.
         #[range(Range::SHARE)]
-        #[serde(default = "super::usual::smooth")]
+        #[serde(default = "super::defaults::smooth")]
         pub roughness: ScalarParam,
         /// Shape of the distribution.
         #[serde(default)]

@@ -1,4 +1,4 @@
-//! What of BSDFs is the same at all points: worked out once per material.
+//! The parts of BSDFs that are the same at all points: computed once per material.
 
 use super::{FrameNeeds, Material, MaterialKind, OpenPbr, ShadingPoint};
 use crate::bsdf::{BatchBsdf, BatchPoint, Bsdf};
@@ -7,7 +7,7 @@ use snell_intersect::SurfaceInteraction;
 use snell_math::{ColorMode, Vec3};
 use std::borrow::Cow;
 
-/// What differs from point to point of surfaces with a [`BatchBsdf`].
+/// The parameters that vary over surfaces with a [`BatchBsdf`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Differs {
     Nothing,
@@ -15,28 +15,28 @@ enum Differs {
     All,
 }
 
-/// What is known of a material's BSDF before the point is.
+/// The parts of a material's BSDF that do not depend on the point.
 #[derive(Clone, Debug)]
 pub struct Prepared {
-    /// The material as layers, if that is what it is.
+    /// The material as layers, if it has that form.
     surface: Option<Box<OpenPbr>>,
-    /// At a plain point, without textures.
+    /// The BSDF at a plain point, without textures.
     bsdf: Bsdf,
-    /// The same for batches of directions, if it has that form; what it is may differ from point to
-    /// point.
+    /// The BSDF for batches of directions, if it has that form; its parameters may vary from point
+    /// to point.
     batch: Option<BatchBsdf>,
-    /// As [`BatchPoint`] says.
+    /// The parameters of a point.
     differs: Differs,
     /// True if it is the same at all [plain](ShadingPoint::is_plain) points.
     is_everywhere: bool,
 }
 
 impl Prepared {
-    /// What is known of a material.
+    /// Computes the constant parts of a material.
     pub fn of(material: &Material) -> Self {
         let (bsdf, looks_up) = anywhere(&material.kind);
         let depends_on_point = match &material.kind {
-            // On where across the fibre it is met, and on how far light came through the glass.
+            // They depend on the offset across the fibre, and on the distance through the glass.
             MaterialKind::Hair(_) => true,
             MaterialKind::Dielectric(glass) => !glass.absorption.is_black(),
             _ => false,
@@ -75,8 +75,8 @@ impl Prepared {
         self.plain(material).and(self.batch.as_ref())
     }
 
-    /// The BSDF of the material for batches of directions, if it has that form at a point; what it is
-    /// there, and what it needs of its frame.
+    /// The BSDF of the material for batches of directions, if it has that form at a point, with its
+    /// parameters there and the needs of its frame.
     pub fn batch_at(
         &self,
         material: &Material,
@@ -135,7 +135,7 @@ impl Prepared {
     }
 }
 
-/// The BSDF at a point like any other without textures, and true if it would have looked some up.
+/// The BSDF at a plain point without textures, and true if it would have looked up textures.
 pub(super) fn anywhere(kind: &MaterialKind) -> (Bsdf, bool) {
     let bsdf = at_plain_point(ColorMode::Rgb, |point| kind.bsdf(point));
     (bsdf, !Material::new("", kind.clone()).textures().is_empty())

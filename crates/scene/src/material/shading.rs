@@ -1,4 +1,4 @@
-//! A BSDF in the world: the local frame around it, and the real surface under it.
+//! A BSDF in world space, with its shading frame and the geometric normal.
 
 use super::{FrameNeeds, Material, MaterialKind, NormalMap, Prepared, ShadingPoint, normal};
 use crate::bsdf::{Bsdf, BsdfSample, BsdfSeen, Lobes, SpecularBranch};
@@ -6,8 +6,8 @@ use snell_math::{Frame, SampledSpectrum, Vec2, Vec3};
 use std::borrow::Cow;
 
 /// A BSDF and the frame it lives in. The methods take and give unit directions in world space that
-/// point away from the surface. Where the BSDF was made for a viewer, questions about that
-/// direction are answered faster than others.
+/// point away from the surface. If the BSDF was made for a viewer, evaluation for that direction is
+/// faster.
 ///
 /// The shading normal may differ from the surface's own, so a direction above one may lie below the
 /// other. Light that would be reflected through the surface, or transmitted without crossing it, is
@@ -20,7 +20,7 @@ pub struct ShadingBsdf<'a> {
     pub frame: Frame,
     /// Unit normal of the surface itself, on the outer side.
     pub geometric_normal: Vec3,
-    /// The viewer, and what the lobes know of that direction.
+    /// The viewer, and the lobes' precomputed state for that direction.
     viewer: Option<(Vec3, BsdfSeen)>,
 }
 
@@ -46,7 +46,7 @@ impl Material {
     }
 
     /// The normal map of a coat, and the angle by which its tangent is turned; `None` if a coat
-    /// follows what lies below.
+    /// follows the base.
     pub(super) fn coat_map(&self, point: &ShadingPoint) -> Option<(Option<NormalMap>, f32)> {
         let (map, angle) = match &self.kind {
             MaterialKind::MetallicRoughness(kind) => (kind.clearcoat_normal_map, 0.0),
@@ -86,7 +86,7 @@ impl Material {
         self.towards(Cow::Owned(self.kind.bsdf(point)), point, wo)
     }
 
-    /// The same with what is known of this material.
+    /// The same, with the prepared material.
     pub fn prepared_towards<'a>(
         &self,
         prepared: &'a Prepared,
@@ -96,7 +96,7 @@ impl Material {
         self.towards(prepared.bsdf(self, point), point, wo)
     }
 
-    /// [`ShadingBsdf::albedo`] at a point, with what is known of this material.
+    /// [`ShadingBsdf::albedo`] at a point, with the prepared material.
     pub fn albedo(&self, prepared: &Prepared, point: &ShadingPoint, wo: Vec3) -> SampledSpectrum {
         let bsdf = prepared.bsdf(self, point);
         bsdf.albedo_from_anywhere().unwrap_or_else(|| self.towards(bsdf, point, wo).albedo(wo))
@@ -124,7 +124,7 @@ impl<'a> ShadingBsdf<'a> {
         Self { bsdf, frame, geometric_normal, viewer }
     }
 
-    /// True if shading and geometry agree on whether light goes through.
+    /// True if the shading and the geometric normal agree on whether light is transmitted.
     fn agrees(&self, wo: Vec3, wi: Vec3, is_transmission: bool) -> bool {
         let sides = self.geometric_normal.dot(wo) * self.geometric_normal.dot(wi);
         if is_transmission { sides < 0.0 } else { sides > 0.0 }
@@ -136,7 +136,7 @@ impl<'a> ShadingBsdf<'a> {
         self.agrees(wo, wi, o.z * i.z < 0.0).then_some((o, i))
     }
 
-    /// What the lobes know of a direction.
+    /// The lobes' precomputed state for a direction.
     fn seen(&self, wo: Vec3) -> Cow<'_, BsdfSeen> {
         match &self.viewer {
             Some((viewer, seen)) if *viewer == wo => Cow::Borrowed(seen),
@@ -149,7 +149,7 @@ impl<'a> ShadingBsdf<'a> {
         self.eval_and_pdf(wo, wi).0
     }
 
-    /// What diffuse reflection adds to [`Self::eval`].
+    /// The diffuse part of [`Self::eval`].
     pub fn diffuse(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
         self.local(wo, wi).map_or(SampledSpectrum::ZERO, |(o, i)| self.bsdf.diffuse(o, i))
     }
@@ -192,7 +192,7 @@ impl<'a> ShadingBsdf<'a> {
         self.bsdf.albedo_from(&self.seen(wo))
     }
 
-    /// True if there is no lobe but delta lobes.
+    /// True if all lobes are delta lobes.
     pub fn is_delta(&self) -> bool {
         self.bsdf.is_delta()
     }

@@ -1,5 +1,4 @@
-//! Surfaces of delta lobes alone, as far as they are the same everywhere: what many vertices at
-//! once need of them.
+//! Surfaces of delta lobes only that are the same everywhere, for vertices in batches.
 
 use super::prepared::anywhere;
 use super::{Dielectric, Material, MaterialKind, ShadingPoint, relative_ior};
@@ -8,7 +7,8 @@ use crate::texture::TextureSet;
 use snell_intersect::SurfaceInteraction;
 use snell_math::{ColorMode, SampledSpectrum, Vec3};
 
-/// What a smooth surface does to light; what only reflects, in [`ColorMode::Rgb`].
+/// Reflection and refraction of a smooth surface. Surfaces that only reflect exist in
+/// [`ColorMode::Rgb`] only.
 #[derive(Clone, Debug)]
 pub enum Specular {
     /// Reflects or refracts.
@@ -17,15 +17,15 @@ pub enum Specular {
         ior: f32,
         /// Factor on light that crosses, in [`ColorMode::Rgb`].
         tint: SampledSpectrum,
-        /// What it is made of.
+        /// The material.
         glass: Dielectric,
     },
-    /// Only reflects. The BSDF has one lobe, which is a mirror's.
+    /// Only reflects: the BSDF has one lobe, that of a mirror.
     Reflector(Box<Bsdf>),
 }
 
 impl Specular {
-    /// `None` for materials that do anything else, that shine, or that depend on more of the point
+    /// `None` for materials that do anything else, that emit, or that depend on more of the point
     /// than its normal.
     pub fn of(material: &Material) -> Option<Self> {
         let may_be = matches!(
@@ -52,7 +52,8 @@ impl Specular {
         }
     }
 
-    /// Index of refraction of the inside over this one of the outside; 1 for what only reflects.
+    /// Index of refraction of the inside over this one of the outside; 1 for surfaces that only
+    /// reflect.
     #[inline]
     pub fn ior(&self, outside_ior: f32) -> f32 {
         match self {
@@ -81,7 +82,7 @@ impl Specular {
         }
     }
 
-    /// What the inside lets through over a distance.
+    /// Transmittance of the inside over a distance.
     #[inline]
     pub fn transmittance(&self, distance: f32, mode: ColorMode) -> SampledSpectrum {
         match self {
@@ -90,7 +91,7 @@ impl Specular {
         }
     }
 
-    /// Factor on light that is reflected, seen at this cosine; `None` for what also refracts.
+    /// Factor on reflected light at this cosine; `None` for surfaces that also refract.
     #[inline]
     pub fn reflectance(&self, cos: f32) -> Option<SampledSpectrum> {
         match self {
@@ -99,7 +100,7 @@ impl Specular {
         }
     }
 
-    /// What the BSDF says of itself ([`Lobes::is_opaque`]).
+    /// True if the BSDF is opaque ([`Lobes::is_opaque`]).
     pub fn is_opaque(&self) -> bool {
         match self {
             Self::Interface { .. } => false,

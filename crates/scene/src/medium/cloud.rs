@@ -30,7 +30,7 @@ snell_math::declare! {
         /// Size of the largest lumps, as a share of the cloud's; positive.
         #[range(Range::Positive)]
         pub lumps: f32,
-        /// How far noise eats into the ellipsoid: 0 leaves it as it is, 1 leaves shreds.
+        /// Erosion of the ellipsoid by noise: 0 leaves it unchanged, 1 leaves shreds.
         #[range(Range::AMOUNT)]
         pub raggedness: f32,
         /// Chooses one of many clouds.
@@ -44,7 +44,7 @@ snell_math::declare! {
     }
 }
 
-/// In the unit cube, of nothing.
+/// The default cloud, in the unit cube and without coefficients.
 impl Default for Cloud {
     fn default() -> Self {
         Self::new(DVec3::ZERO, DVec3::ONE, Rgb::BLACK, 0)

@@ -28,7 +28,7 @@ snell_math::declare! {
         /// A point of height 0.
         #[unit("scene units")]
         pub base: DVec3,
-        /// Which way is up; any length.
+        /// The up direction; any length.
         #[range(Range::Direction)]
         pub up: DVec3,
         /// The height at which the density has fallen to 1 / e, in scene units; positive, otherwise

@@ -1,4 +1,4 @@
-//! The same everywhere.
+//! Homogeneous media.
 
 use super::MediumProperties;
 use crate::ranges::LIGHT;
@@ -24,8 +24,8 @@ snell_math::declare! {
         #[range(LIGHT)]
         #[unit("W / (m^2 sr) per scene unit")]
         pub emission: Rgb,
-        /// Mean cosine of the angle by which light is deflected, in `(-1, 1)`: 0 in all directions
-        /// alike, towards 1 forwards.
+        /// Mean cosine of the angle by which light is deflected, in `(-1, 1)`: 0 is isotropic,
+        /// towards 1 forwards.
         #[range(Range::Between(-1.0, 1.0))]
         pub g: f32,
     }
@@ -37,7 +37,7 @@ impl Homogeneous {
         Self { sigma_a, sigma_s: Rgb::BLACK, emission: Rgb::BLACK, g: 0.0 }
     }
 
-    /// A medium of extinction `sigma_t` of which the share `albedo` (in `[0, 1]`) is scattered.
+    /// A medium of extinction `sigma_t` and single-scattering albedo `albedo`, in `[0, 1]`.
     pub fn scattering(sigma_t: Rgb, albedo: Rgb, g: f32) -> Self {
         let sigma_s = sigma_t * albedo;
         Self { sigma_a: sigma_t - sigma_s, sigma_s, emission: Rgb::BLACK, g }
@@ -57,7 +57,7 @@ impl Homogeneous {
         ]
     }
 
-    /// What the medium does at a point of the world: at each the same.
+    /// The properties of the medium, the same at all points.
     pub fn properties(&self, _: Vec3, mode: ColorMode) -> MediumProperties {
         self.at_all(mode)
     }

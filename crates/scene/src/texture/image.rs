@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use snell_math::Vec2;
 
 snell_math::declare! {
-    /// How texels are combined.
+    /// The filter of texels.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
     pub enum Filtering {
         /// The nearest texel of the full image.
@@ -21,16 +21,16 @@ snell_math::declare! {
     /// An image on a surface.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     pub struct ImageTexture {
-        /// Which image.
+        /// The image.
         pub image: ImageId,
-        /// How its colour values are meant here: sRGB for base colours and emission, linear for
-        /// normals, roughness and other data.
+        /// Encoding of its colour values: sRGB for base colours and emission, linear for normals,
+        /// roughness and other data.
         pub encoding: Encoding,
         /// Wrap modes in u and v.
         pub wrap: [Wrap; 2],
         /// Filtering.
         pub filtering: Filtering,
-        /// Which set of coordinates: 0 or 1.
+        /// The set of coordinates: 0 or 1.
         pub uv_set: u32,
         /// Rows of the affine map of the coordinates: `u' = m[0] . (u, v, 1)`, likewise `v'`. Texel
         /// `(0, 0)` is the upper left one and `v'` grows downwards (as in glTF); readers of formats

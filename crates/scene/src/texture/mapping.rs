@@ -1,4 +1,4 @@
-//! Mappings: from a point on a surface to the coordinates in which a pattern is laid out.
+//! Mappings from a point on a surface to the coordinates of a pattern.
 
 use crate::material::ShadingPoint;
 use serde::{Deserialize, Serialize};
@@ -8,7 +8,7 @@ use std::f32::consts::PI;
 /// Rows of an affine map of points in space: `x' = m[0] . (x, y, z, 1)`, and so on.
 pub type Rows = [[f64; 4]; 3];
 
-/// The map that leaves points where they are.
+/// The identity map.
 pub const IDENTITY: Rows = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
 
 /// A point of a pattern in space.
@@ -16,15 +16,15 @@ pub const IDENTITY: Rows = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.
 pub struct SpacePoint {
     /// Coordinates in the pattern's space. Always finite.
     pub p: Vec3,
-    /// How far along each axis what is seen at once reaches. Not negative; 0 for no filtering.
+    /// Extent of the filter footprint along each axis. Not negative; 0 for no filtering.
     pub width: Vec3,
 }
 
 impl SpacePoint {
-    /// The point of a pattern's space where a point of the world is.
+    /// The point in a pattern's space of a point in the world.
     ///
-    /// Patterns are fixed in the world: a thing that moves passes through them as through a solid
-    /// block. (So it is in pbrt.)
+    /// Patterns are fixed in the world: an object that moves passes through them as through a solid
+    /// block, as in pbrt.
     pub fn new(point: &ShadingPoint, texture_from_world: &Rows) -> Self {
         let [x, y, z] = point.surface.position.to_array().map(f64::from);
         let p = texture_from_world.map(|[a, b, c, d]| a * x + b * y + c * z + d);
@@ -40,37 +40,38 @@ impl SpacePoint {
 pub struct PlanePoint {
     /// Coordinates `(s, t)`; `t` grows upwards. Always finite.
     pub st: Vec2,
-    /// How far along each axis what is seen at once reaches. Not negative; 0 for no filtering.
+    /// Extent of the filter footprint along each axis. Not negative; 0 for no filtering.
     pub width: Vec2,
 }
 
 snell_math::declare! {
-    /// How the two coordinates `(s, t)` of a pattern follow from the point: the mappings of pbrt
-    /// (Pharr, Jakob, Humphreys, Physically Based Rendering, 4th edition, section 10.2).
+    /// The map from a point to the coordinates `(s, t)` of a pattern: the mappings of pbrt (Pharr,
+    /// Jakob, Humphreys, Physically Based Rendering, 4th edition, section 10.2).
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(deny_unknown_fields)]
     pub enum Mapping {
-        /// By the coordinates of the surface.
+        /// The coordinates of the surface.
         "uv" => Uv {
-            /// Which set of coordinates: 0 or 1.
+            /// The set of coordinates: 0 or 1.
             #[serde(default)]
             uv_set: u32,
             /// Rows of the affine map: `s = m[0] . (u, v, 1)`, likewise `t`. `v` grows downwards,
             /// as in images.
             uv_transform: [[f32; 3]; 2],
         },
-        /// By the direction from the origin of a space: `s` is the angle from its z axis over pi,
-        /// `t` that about it over 2 pi, from 0 to 1.
+        /// Spherical coordinates of a space: `s` is the angle from its z axis over pi, `t` that
+        /// about the z axis over 2 pi, from 0 to 1.
         "spherical" => Spherical {
             /// The space.
             texture_from_world: Rows,
         },
-        /// By the angle about the z axis of a space, `s` from 0 to 1, and the height along it, `t`.
+        /// Cylindrical coordinates of a space: `s` is the angle about its z axis, from 0 to 1, and
+        /// `t` the height along it.
         "cylindrical" => Cylindrical {
             /// The space.
             texture_from_world: Rows,
         },
-        /// By two affine functions of the position in the world.
+        /// Two affine functions of the position in the world.
         "planar" => Planar {
             /// `s = m[0] . (x, y, z, 1)`, likewise `t`.
             st_from_world: [[f64; 4]; 2],
@@ -92,7 +93,7 @@ impl Mapping {
         Self::Uv { uv_set: 0, uv_transform: [[su, 0.0, du], [0.0, -sv, sv + dv]] }
     }
 
-    /// True if the coordinates of the surface are all that counts.
+    /// True if the mapping depends on the coordinates of the surface only.
     pub fn is_on_surface(&self) -> bool {
         matches!(self, Self::Uv { .. })
     }
@@ -135,7 +136,7 @@ impl Mapping {
             }
         };
         let st = if st.is_finite() { st } else { Vec2::ZERO };
-        // Infinite widths are those of poles, where all is seen at once.
+        // Widths are infinite at the poles, where the footprint covers everything.
         let bounded = |w: f32| crate::bsdf::bounded(w, 1e9);
         PlanePoint { st, width: Vec2::new(bounded(width.x), bounded(width.y)) }
     }

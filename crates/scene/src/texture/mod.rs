@@ -1,5 +1,5 @@
-//! Textures: what varies over a surface. An image looked up by coordinates, bilinear with mip maps,
-//! all wrap modes; or a pattern that is computed where it is asked for.
+//! Textures: values that vary over a surface. Images are looked up by coordinates, bilinearly with
+//! mip maps and all wrap modes; patterns are computed at the point of lookup.
 
 mod image;
 pub mod mapping;
@@ -28,14 +28,14 @@ use snell_math::{ColorMode, Vec2, Vec3};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// What varies over a surface. A pattern is written with its name as `pattern`; what has none is an
-/// image.
+/// A value that varies over a surface. A pattern is written with its name as `pattern`; without one
+/// it is an image.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum Texture {
     /// An image.
     Image(ImageTexture),
-    /// What is computed.
+    /// A procedural texture.
     Pattern(Pattern),
 }
 
@@ -71,7 +71,7 @@ impl Texture {
         }
     }
 
-    /// As [`Self::as_image`], to change it.
+    /// As [`Self::as_image`], mutable.
     pub fn as_image_mut(&mut self) -> Option<&mut ImageTexture> {
         match self {
             Self::Image(image) => Some(image),
@@ -88,13 +88,14 @@ impl Texture {
     }
 }
 
-/// Of how many textures one is made at most, itself included, each counted as often as it is used.
+/// Maximum number of textures that one texture combines, itself included, each counted as often as
+/// it is used.
 pub const MAX_PARTS: usize = 256;
 
-/// Why a texture of a table cannot show.
+/// The reason why a texture of a table is invalid.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum TextureError {
-    /// Its image is not there.
+    /// Its image is not in the table.
     #[error("image is {id}, but there are {count}")]
     NoImage {
         /// The id found.
@@ -102,18 +103,18 @@ pub enum TextureError {
         /// Length of the table of images.
         count: usize,
     },
-    /// It is made of one that does not stand above it: so none is made of itself.
-    #[error("it is made of texture {id}, which does not stand above it")]
+    /// It refers to a texture that does not precede it. (So no texture refers to itself.)
+    #[error("it refers to texture {id}, which does not precede it")]
     NotAbove {
         /// The id found.
         id: u32,
     },
-    /// It is made of too many.
-    #[error("it is made of more than {MAX_PARTS} textures, the limit")]
+    /// It combines too many textures.
+    #[error("it combines more than {MAX_PARTS} textures, the limit")]
     TooManyParts,
 }
 
-/// What is wrong with each texture of a table, `None` for those that can show.
+/// The error of each texture of a table, `None` for valid ones.
 pub fn errors(textures: &[Texture], image_count: usize) -> Vec<Option<TextureError>> {
     let mut parts: Vec<usize> = Vec::with_capacity(textures.len());
     let errors = textures.iter().enumerate().map(|(i, texture)| {
@@ -135,7 +136,7 @@ pub fn errors(textures: &[Texture], image_count: usize) -> Vec<Option<TextureErr
                 }
             }
         }
-        // A part that cannot show is asked for one colour only.
+        // An invalid part is looked up for one colour only.
         parts.push(if error.is_some() { 1 } else { count });
         error
     });
@@ -154,7 +155,7 @@ pub struct TextureSet {
 enum Prepared {
     Image(PreparedImage),
     Pattern(Box<Pattern>),
-    /// A pattern that cannot show.
+    /// An invalid pattern.
     Broken,
 }
 
@@ -167,18 +168,18 @@ struct PreparedImage {
     constant: Option<[f32; 4]>,
 }
 
-/// Shown for ids that mean nothing.
+/// The colour of invalid ids.
 const MISSING: [f32; 4] = [1.0, 0.0, 1.0, 1.0];
 
-/// A point of a surface as far as textures look at it: its place in the world, its unit normal and
+/// A point of a surface with what textures need: its position in the world, its unit normal and
 /// both its coordinates, which grow by 1 per unit of the world.
 pub fn surface_at(position: Vec3, normal: Vec3, uv: Vec2) -> SurfaceInteraction {
     SurfaceInteraction { uv: [uv; 2], dpdv: Vec3::Z, ..SurfaceInteraction::plain(position, normal) }
 }
 
 impl TextureSet {
-    /// The same textures where they lie now: `textures` differ from those that the set was made of
-    /// by their maps of coordinates alone.
+    /// The same textures with other maps of coordinates: `textures` differ from those of the set in
+    /// these maps only.
     pub fn placed(mut set: Arc<Self>, textures: &[Texture]) -> Arc<Self> {
         let is_there = |(prepared, now): (&Prepared, &Texture)| match (prepared, now) {
             (Prepared::Image(prepared), Texture::Image(now)) => {
@@ -197,13 +198,13 @@ impl TextureSet {
         set
     }
 
-    /// Prepares textures (builds mip maps). A texture of an image that is not there, or holds fewer
-    /// values than it says, shows [`missing_texture_image`]; a pattern for which [`errors`] has an
-    /// error is magenta.
+    /// Prepares textures (builds mip maps). A texture whose image is missing, or has fewer values
+    /// than its size requires, shows [`missing_texture_image`]; a pattern for which [`errors`] has
+    /// an error is magenta.
     pub fn new(textures: &[Texture], images: &[Arc<Image>]) -> Self {
         let mut set = Self::default();
-        // By image and encoding; false for those only ever looked up by nearest texel, which need
-        // no levels.
+        // Mip maps by image and encoding; false for those that are only looked up by nearest texel,
+        // which need no levels.
         let mut wanted: BTreeMap<(usize, bool), bool> = BTreeMap::new();
         let key =
             |t: &ImageTexture| (t.image.index().min(images.len()), t.encoding == Encoding::Srgb);
@@ -246,8 +247,8 @@ impl TextureSet {
         }
     }
 
-    /// How far one texel reaches along the first two coordinates of a surface; `None` for what has
-    /// no texels. Infinite where the texture does not change along one.
+    /// The size of a texel along the first two coordinates of a surface; `None` for textures
+    /// without texels. Infinite where the texture does not change along one.
     pub fn texel_steps(&self, texture: TextureId) -> Option<[f32; 2]> {
         let Some(Prepared::Image(PreparedImage { texture, pyramid, .. })) =
             self.textures.get(texture.index())
@@ -273,7 +274,7 @@ impl TextureSet {
     ///
     /// The mip level of an image is that at which the footprint covers one texel by area
     /// (Akenine-Moeller et al., Improved Shader and Texture Level of Detail Using Ray Cones, JCGT
-    /// 2021); the second coordinate set is filtered as the first. Patterns leave out what is finer.
+    /// 2021); the second coordinate set is filtered as the first. Patterns leave out finer details.
     /// Always finite.
     #[inline]
     pub fn lookup(&self, texture: TextureId, at: &SurfaceInteraction, footprint: f32) -> [f32; 4] {
@@ -293,8 +294,8 @@ impl TextureSet {
 
     /// Linear RGB and alpha at coordinates (before the texture's transform), at a mip level: 0 is
     /// the full image, each further level has half the resolution. Levels between two are mixed;
-    /// those outside the range, and NaN, mean the nearest there is. Patterns are asked at the
-    /// origin of the world, unfiltered.
+    /// those outside the range, and NaN, are clamped to the nearest level. Patterns are evaluated
+    /// at the origin of the world, unfiltered.
     pub fn lookup_at(&self, texture: TextureId, uv: Vec2, level: f32) -> [f32; 4] {
         match self.textures.get(texture.index()) {
             Some(Prepared::Image(prepared)) => self.filtered(prepared, uv, level),
@@ -305,7 +306,7 @@ impl TextureSet {
         }
     }
 
-    /// What a pattern shows; opaque. Apart from images, which are looked up far more often.
+    /// The colour of a pattern; opaque. Separate from images, which are looked up far more often.
     #[inline(never)]
     fn computed(
         &self,

@@ -9,10 +9,10 @@ use std::sync::Arc;
 /// Linear values of the 256 codes of an 8-bit channel.
 type Decode = [f32; 256];
 
-/// How the texels of a level are stored.
+/// The storage of the texels of a level.
 #[derive(Debug)]
 enum Texels {
-    /// The image itself, as it came.
+    /// The image itself, as it was loaded.
     Stored(Arc<Image>),
     /// Linear values as 0 to 65535, for images whose values lie in `[0, 1]`.
     Linear16(Vec<u16>),
@@ -39,8 +39,8 @@ pub(super) struct Pyramid {
 }
 
 impl Pyramid {
-    /// Builds all levels. `None` if the image does not hold as many values as its size says, or
-    /// none.
+    /// Builds all levels. `None` if the number of values does not match the size of the image, or
+    /// is 0.
     pub(super) fn new(image: &Arc<Image>, encoding: Encoding, with_levels: bool) -> Option<Self> {
         let values = u64::from(image.width) * u64::from(image.height) * u64::from(image.channels);
         let stored = match &image.pixels {
@@ -94,8 +94,8 @@ impl Pyramid {
         }
     }
 
-    /// Half the resolution by an exact box filter: where the size is odd, texels count by the share
-    /// that is covered. `read` gives a row of linear values.
+    /// Half the resolution by an exact box filter: where the size is odd, texels are weighted by
+    /// the share that is covered. `read` gives a row of linear values.
     fn halve(&self, from: (u32, u32), to: (u32, u32), read: impl Fn(u32, &mut [f32])) -> Vec<f32> {
         let channels = self.channels;
         let columns: Vec<_> = (0..to.0).map(|x| Coverage::new(x, from.0, to.0)).collect();
@@ -218,7 +218,7 @@ impl Pyramid {
             fx,
             fy,
         };
-        // (What is stored how is asked once, not for each number.)
+        // (The storage is matched once, not for each number.)
         match texels {
             Texels::Stored(image) => match &image.pixels {
                 Pixels::U8(v) => corners.mixed(self.channels, |i, is_color| match is_color {
@@ -253,13 +253,13 @@ impl Pyramid {
 struct Corners {
     /// Indices of their first values: left and right above, left and right below.
     starts: [usize; 4],
-    /// How far it is to the right and down, from 0 to 1.
+    /// Offsets to the right and down, from 0 to 1.
     fx: f32,
     fy: f32,
 }
 
 impl Corners {
-    /// RGBA at the point, with the numbers of so many channels by their indices.
+    /// RGBA at the point, for this number of channels whose values are given by index.
     #[inline(always)]
     fn mixed(&self, channels: usize, number: impl Fn(usize, bool) -> f32) -> [f32; 4] {
         let mix = |channel: usize, is_color: bool| {
@@ -282,8 +282,8 @@ impl Corners {
         }
     }
 
-    /// The same in one go for all channels: where there are three, the texel is read with the
-    /// number that follows. `None` if none does, or there are fewer.
+    /// The same for all channels at once: three channels are read as four, with the number that
+    /// follows. `None` if there is no number after them, or for fewer channels.
     #[inline(always)]
     fn mixed_fours(&self, channels: usize, numbers: &[u16]) -> Option<[f32; 4]> {
         let four = |start: usize| {
@@ -325,7 +325,7 @@ fn decoded(x: f32, encoding: Encoding) -> f32 {
     }
 }
 
-/// Undefined pixels become black, infinitely bright ones as bright as half precision can say.
+/// NaN becomes 0, infinite values become the maximum of half precision.
 fn finite(x: f32) -> f32 {
     if x.is_finite() {
         x

@@ -1,9 +1,9 @@
-//! What a texture shows outside `[0, 1]`.
+//! Wrap modes: textures outside `[0, 1]`.
 
 use serde::{Deserialize, Serialize};
 
 snell_math::declare! {
-    /// What happens outside `[0, 1]`.
+    /// The behaviour outside `[0, 1]`.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
     pub enum Wrap {
         /// The image repeats.
@@ -31,7 +31,7 @@ impl Wrap {
     /// Index of the texel shown at position `i` of a row of `n`; `None` is black.
     #[inline]
     pub(super) fn index(self, i: i32, n: u32) -> Option<u32> {
-        // (Mostly it is inside, and divisions are slow.)
+        // (Most positions are inside, and divisions are slow.)
         if (0..i64::from(n)).contains(&i64::from(i)) {
             Some(i as u32)
         } else {
@@ -54,11 +54,11 @@ impl Wrap {
     }
 }
 
-/// As [`f32::floor`], which is a call on machines whose instructions have it only at higher levels.
-/// Of either zero, any.
+/// As [`f32::floor`], which is a function call on targets without an instruction for it. The sign
+/// of zero is unspecified.
 #[inline]
 pub(super) fn floor(x: f32) -> f32 {
-    /// All larger numbers are whole.
+    /// All numbers from here on are whole.
     const LARGE: f32 = (1 << f32::MANTISSA_DIGITS) as f32;
     if x.abs() < LARGE {
         let whole = x as i32 as f32;

@@ -10,7 +10,7 @@ pub mod svg;
 pub mod text;
 
 pub use report::{
-    JourneyReport, LightReport, PathClass, Point, Report, SampleReport, StopReport, VertexReport,
+    LightReport, PathClass, Point, Report, SampleReport, StepReport, TraceReport, VertexReport,
 };
 
 use snell_intersect::AcceleratorKind;
@@ -27,7 +27,7 @@ use std::sync::Arc;
 /// Maximum number of points of the convergence plot.
 const MAX_POINTS: usize = 160;
 /// Maximum number of traversal steps in a report.
-const MAX_STOPS: usize = 1500;
+const MAX_STEPS: usize = 1500;
 /// Columns and rows of the points that sketch the scene.
 const CLOUD: [u32; 2] = [56, 32];
 
@@ -122,9 +122,9 @@ pub fn report(
         classes: classes.finish(),
         samples: (0..).zip(&explanation.samples).map_while(in_order).collect(),
         tree: sample_report(scene, compiled, tree),
-        journeys: structures
+        traces: structures
             .iter()
-            .map(|(kind, compiled)| journey_report(*kind, compiled, &ray))
+            .map(|(kind, compiled)| trace_report(*kind, compiled, &ray))
             .collect(),
         bounds: bounds(compiled),
         cloud: cloud(compiled, camera, settings),
@@ -193,22 +193,22 @@ fn cloud(compiled: &CompiledScene, camera: &Camera, settings: &Settings) -> Vec<
     (0..CLOUD[0] * CLOUD[1]).filter_map(at).filter(|p| p.iter().all(|x| x.is_finite())).collect()
 }
 
-fn journey_report(kind: AcceleratorKind, compiled: &CompiledScene, ray: &Ray) -> JourneyReport {
+fn trace_report(kind: AcceleratorKind, compiled: &CompiledScene, ray: &Ray) -> TraceReport {
     let TraversalTrace { steps, left_out, hit, counters } =
         compiled.world.trace(ray, snell_render::job::hit_filter(compiled));
     let statistics = compiled.world.stats();
-    JourneyReport {
+    TraceReport {
         accelerator: kind.name().into(),
         nodes: counters.nodes_visited,
         cells: counters.cells_stepped,
         primitives: counters.primitives_tested,
         built_nodes: statistics.nodes,
         distance: hit.is_hit().then_some(hit.t),
-        left_out: left_out + steps.len().saturating_sub(MAX_STOPS) as u64,
-        stops: steps
+        left_out: left_out + steps.len().saturating_sub(MAX_STEPS) as u64,
+        steps: steps
             .iter()
-            .take(MAX_STOPS)
-            .map(|step| StopReport {
+            .take(MAX_STEPS)
+            .map(|step| StepReport {
                 kind: match step.region.kind {
                     RegionKind::Box => "box",
                     RegionKind::Ball => "ball",
@@ -371,12 +371,12 @@ mod tests {
             !first.material.is_empty() && first.parent.is_none() && first.throughput == [1.0; 3]
         );
         // All structures find the same hit, each in its own way.
-        assert_eq!(report.journeys.len(), AcceleratorKind::ALL.len());
+        assert_eq!(report.traces.len(), AcceleratorKind::ALL.len());
         assert!(
             report
-                .journeys
+                .traces
                 .iter()
-                .all(|j| j.distance == report.journeys[0].distance && !j.stops.is_empty())
+                .all(|j| j.distance == report.traces[0].distance && !j.steps.is_empty())
         );
         for text in [
             text::text(&report),

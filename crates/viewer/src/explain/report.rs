@@ -29,7 +29,7 @@ pub struct Report {
     /// One sample in full detail.
     pub tree: SampleReport,
     /// The traversal of that sample's camera ray through acceleration structures.
-    pub journeys: Vec<JourneyReport>,
+    pub traces: Vec<TraceReport>,
     /// Minimum and maximum corner of the scene's bounding box.
     pub bounds: [[f32; 3]; 2],
     /// Some points that the camera sees.
@@ -146,7 +146,7 @@ pub struct LightReport {
 /// The traversal of an acceleration structure by a ray.
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
-pub struct JourneyReport {
+pub struct TraceReport {
     /// The structure.
     pub accelerator: String,
     /// Nodes visited.
@@ -161,7 +161,7 @@ pub struct JourneyReport {
     /// Distance of the hit; `None` for a miss.
     pub distance: Option<f32>,
     /// The traversal steps, in order.
-    pub stops: Vec<StopReport>,
+    pub steps: Vec<StepReport>,
     /// Number of steps left out.
     #[cfg_attr(test, ts(type = "number"))]
     pub left_out: u64,
@@ -170,7 +170,7 @@ pub struct JourneyReport {
 /// A region that the traversal visited.
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
-pub struct StopReport {
+pub struct StepReport {
     /// `box`, `ball`, `plane` or `stretch` (an interval of the ray).
     pub kind: String,
     /// Its centre.

@@ -2,7 +2,7 @@
 //! acceleration structure.
 
 use super::text::{short, title};
-use super::{JourneyReport, Point, Report, VertexReport};
+use super::{Point, Report, TraceReport, VertexReport};
 use std::fmt::Write;
 
 const WIDTH: f32 = 1120.0;
@@ -181,10 +181,10 @@ fn right_column(out: &mut String, report: &Report) -> f32 {
     y += LINE * 2.0;
     text_at(out, RIGHT, y, "h", "As the samples come in");
     y = plot(out, &report.convergence, y + 14.0);
-    if !report.journeys.is_empty() {
+    if !report.traces.is_empty() {
         y += LINE * 2.0;
         text_at(out, RIGHT, y, "h", "Traversal of each structure by the camera ray");
-        y = journeys(out, &report.journeys, y + 6.0);
+        y = traces(out, &report.traces, y + 6.0);
     }
     y
 }
@@ -234,21 +234,18 @@ fn plot(out: &mut String, points: &[Point], top: f32) -> f32 {
 }
 
 /// Draws bars of work on a logarithmic scale; the longest is that of the most work.
-fn journeys(out: &mut String, journeys: &[JourneyReport], mut y: f32) -> f32 {
-    let work =
-        |j: &JourneyReport| f64::from(j.nodes) + f64::from(j.cells) + f64::from(j.primitives);
-    let most = journeys.iter().map(work).fold(2.0, f64::max).ln_1p();
-    for journey in journeys {
+fn traces(out: &mut String, traces: &[TraceReport], mut y: f32) -> f32 {
+    let work = |j: &TraceReport| f64::from(j.nodes) + f64::from(j.cells) + f64::from(j.primitives);
+    let most = traces.iter().map(work).fold(2.0, f64::max).ln_1p();
+    for trace in traces {
         y += LINE;
-        text_at(out, RIGHT, y, "", &journey.accelerator);
-        let all = work(journey).max(1e-9);
+        text_at(out, RIGHT, y, "", &trace.accelerator);
+        let all = work(trace).max(1e-9);
         let length = 200.0 * all.ln_1p() / most;
         let mut x = f64::from(RIGHT) + 132.0;
-        for (part, color) in [
-            (journey.nodes, "#4a7fb5"),
-            (journey.cells, "#58a68c"),
-            (journey.primitives, "#d08a3c"),
-        ] {
+        for (part, color) in
+            [(trace.nodes, "#4a7fb5"), (trace.cells, "#58a68c"), (trace.primitives, "#d08a3c")]
+        {
             let width = length * f64::from(part) / all;
             let _ = writeln!(
                 out,
@@ -258,10 +255,8 @@ fn journeys(out: &mut String, journeys: &[JourneyReport], mut y: f32) -> f32 {
             );
             x += width;
         }
-        let numbers = format!(
-            "{} nodes, {} cells, {} tests",
-            journey.nodes, journey.cells, journey.primitives
-        );
+        let numbers =
+            format!("{} nodes, {} cells, {} tests", trace.nodes, trace.cells, trace.primitives);
         text_at(out, x as f32 + 8.0, y, "s", &numbers);
     }
     y

@@ -45,10 +45,10 @@ fn write(out: &mut String, report: &Report) -> std::fmt::Result {
         }
     }
     write_tree(out, &report.tree)?;
-    if !report.journeys.is_empty() {
+    if !report.traces.is_empty() {
         writeln!(out, "\nTraversal of each acceleration structure by the camera ray:")?;
         writeln!(out, "  {:<20} {:>8} {:>8} {:>10}", "", "nodes", "cells", "primitives")?;
-        for j in &report.journeys {
+        for j in &report.traces {
             writeln!(
                 out,
                 "  {:<20} {:>8} {:>8} {:>10}",

@@ -7,7 +7,7 @@ use super::CoatLobe;
 use snell_math::simd::select;
 use snell_math::{SampledSpectrum, Vec2, Vec3};
 
-/// A coat without colour, smooth or rough, in the frame of what lies below.
+/// A colourless coat, smooth or rough, in the frame of the base.
 #[derive(Clone, Debug)]
 pub struct BatchCoated<B, const SMOOTH: bool> {
     pub base: B,
@@ -18,7 +18,7 @@ pub struct BatchCoated<B, const SMOOTH: bool> {
     base_roughness: f32,
     albedo: DielectricReflectionBy<Line>,
     diffuse_reflection: f32,
-    /// Where they are the same everywhere, and without the base.
+    /// The spectra where they are the same everywhere, without the base.
     own: Colors<()>,
 }
 
@@ -43,7 +43,7 @@ pub struct Seen<S> {
 }
 
 impl<B, const SMOOTH: bool> BatchCoated<B, SMOOTH> {
-    /// `None` if it is no such coat.
+    /// `None` for other coats.
     pub fn of(lobe: &CoatLobe, unit: SampledSpectrum, base: B) -> Option<Self> {
         let CoatLobe { coat, albedo, frame, base_albedo, diffuse_reflection } = lobe;
         let has_frame = [frame.x, frame.y, frame.z] == [Vec3::X, Vec3::Y, Vec3::Z];
@@ -80,7 +80,7 @@ impl<B: BatchLobes, const SMOOTH: bool> BatchLobes for BatchCoated<B, SMOOTH> {
     #[inline(always)]
     fn colors_of(&self, spectra: &LobeSpectra) -> Self::Colors {
         let base = self.base.colors_of(spectra);
-        // As the layers are put together: what the base reflects straight up.
+        // As in the layering: the reflectance of the base at normal incidence.
         let base_albedo = self.base.albedo_from(&self.base.seen(Vec3::Z, base));
         Colors { base, unit: SampledSpectrum::ONE, base_albedo }
     }

@@ -15,7 +15,7 @@ pub struct BatchMetal<const COMPLEX: bool, N = Line> {
     loss: FacetLossBy<N>,
     lobe: BouncedLobe,
     mean_loss: f32,
-    /// Where they are the same everywhere.
+    /// The spectra where they are the same everywhere.
     own: Colors,
 }
 
@@ -52,7 +52,7 @@ pub struct Seen {
 }
 
 impl<const COMPLEX: bool> BatchMetal<COMPLEX> {
-    /// `None` if it is no such metal.
+    /// `None` for other metals.
     pub fn of(bsdf: &ConductorBsdf) -> Option<Self> {
         let &ConductorBsdf { facets, unit, microfacets, ref loss, lobe, mean_loss, film, .. } =
             bsdf;
@@ -68,8 +68,8 @@ impl<const COMPLEX: bool> BatchMetal<COMPLEX> {
 }
 
 impl BatchMetal<false> {
-    /// The same of another roughness: with what is known of that. What it is in its own colours is
-    /// to be worked out.
+    /// The same metal with another roughness and the loss of that roughness. The spectra must be
+    /// computed anew.
     #[inline(always)]
     pub fn with<N>(
         &self,
@@ -80,7 +80,7 @@ impl BatchMetal<false> {
         BatchMetal { ggx: loss.widths.into(), loss, lobe, mean_loss, own: self.own }
     }
 
-    /// How wide its facets are distributed.
+    /// Width of the facet distribution.
     pub fn widths(&self) -> Widths {
         self.ggx.widths()
     }

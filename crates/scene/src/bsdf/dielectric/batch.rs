@@ -13,12 +13,12 @@ use std::f32::consts::FRAC_1_PI;
 pub struct BatchGlass {
     ggx: Ggx,
     lobe: BouncedLobe,
-    /// Of all that follows, as seen from the outer side and from the inner one.
+    /// Values of the following fields, as seen from the outer side and from the inner one.
     losses: DielectricLossLines,
     eta: [f32; 2],
     average: [f32; 2],
     transmitted: [f32; 2],
-    /// Where they are the same everywhere.
+    /// The spectra where they are the same everywhere.
     own: Colors,
 }
 
@@ -48,7 +48,7 @@ impl Colors {
 pub struct Seen {
     wo: Vec3,
     colors: Colors,
-    /// On which side that is.
+    /// The side of the direction.
     is_inside: bool,
     eta: f32,
     lost: f32,
@@ -56,7 +56,7 @@ pub struct Seen {
 }
 
 impl BatchGlass {
-    /// `None` if it is no such interface.
+    /// `None` for other interfaces.
     pub fn of(bsdf: &DielectricBsdf) -> Option<Self> {
         let (losses, ggx) = (bsdf.losses.as_ref()?, bsdf.microfacets.ggx()?);
         let is_such = bsdf.film.is_none() && bsdf.arriving == SampledSpectrum::ONE;

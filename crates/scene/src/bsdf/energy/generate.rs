@@ -1,4 +1,4 @@
-//! Integrates the tables, and checks that what is read between their nodes is right.
+//! Integrates the tables, and checks the values interpolated between their nodes.
 
 use super::*;
 use crate::bsdf::fresnel;
@@ -22,7 +22,7 @@ struct Shares {
     mirror: f64,
     outside: f64,
     inside: f64,
-    /// Let through by facets of a dielectric, from outside and from inside.
+    /// Transmitted by facets of a dielectric, from outside and from inside.
     into: f64,
     out: f64,
 }
@@ -49,8 +49,7 @@ fn shares(facets: Microfacets, wo: Vec3, ior: f64, n: u32) -> Shares {
     let mut sum = Shares::default();
     let weight = |wi: Vec3| f64::from(facets.shadowing(wo, wi));
     for i in 0..n {
-        // A Fibonacci lattice, warped so that the tilted facets, whose light gets lost, are more
-        // often asked.
+        // A Fibonacci lattice, warped to sample the tilted facets, which lose light, more densely.
         let x = (f64::from(i) + 0.5) / f64::from(n);
         let y = (f64::from(i) * 0.618_033_988_749_894_9 + 0.5).fract();
         let (v, density) = (x * x * (3.0 - 2.0 * x), 6.0 * x * (1.0 - x));

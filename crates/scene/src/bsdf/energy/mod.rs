@@ -1,10 +1,11 @@
-//! How much light a rough interface passes on by facets that are met once, and so how much is
-//! missing: what bounces between facets.
+//! Albedos of rough interfaces for a single bounce off the facets, and thus the energy that is
+//! missing: light that bounces between facets.
 //!
-//! Lobes give the missing part back diffusely, in proportion to what is missing on the way in and
-//! on the way out (Kelemen and Szirmay-Kalos 2001; Kulla and Conty, Revisiting Physically Based
-//! Shading at Imageworks, SIGGRAPH 2017 course), which is reciprocal and loses nothing. Layers use
-//! the same numbers to know what is left for what lies below.
+//! Lobes add the missing energy as a diffuse lobe, in proportion to what is missing for the
+//! incident and for the outgoing direction (Kelemen and Szirmay-Kalos 2001; Kulla and Conty,
+//! Revisiting Physically Based Shading at Imageworks, SIGGRAPH 2017 course), which is reciprocal
+//! and loses nothing. Layers use the same numbers for the share of light that reaches the layers
+//! below.
 //!
 //! The tables in `tables.bin` were integrated by `generate.rs`. Half of their nodes along the
 //! direction follow the cosine in units of the roughness ([`Widths::steepness`]), in which albedos
@@ -39,7 +40,7 @@ static NUMBERS: [u16; 2 * HALF] = {
     numbers
 };
 
-/// How many of them there are for each distribution.
+/// Number of values for each distribution.
 const HALF: usize = ROUGHNESSES * ROW * (FACETS.indices + 3 * INDICES);
 
 /// A table: a row for each roughness, each number in it for all indices of refraction, one after
@@ -50,12 +51,12 @@ struct Table {
     indices: usize,
 }
 
-/// Lost by facets that reflect everything: the same for four indices of refraction.
+/// Loss of facets that reflect everything: the same for four indices of refraction.
 const FACETS: Table = Table { start: 0, indices: 4 };
-/// Reflected by a dielectric from outside over what a smooth surface reflects at the angle of a
-/// typical facet (in units of [`MOST`]).
+/// Albedo of a dielectric from outside over that of a smooth surface at the angle of a typical
+/// facet (in units of [`MOST`]).
 const REFLECTED: Table = Table::of_dielectrics(0);
-/// Lost by a dielectric from outside and from inside.
+/// Loss of a dielectric from outside and from inside.
 const LOST: [Table; 2] = [Table::of_dielectrics(1), Table::of_dielectrics(2)];
 
 impl Table {
@@ -63,7 +64,7 @@ impl Table {
         Self { start: ROUGHNESSES * ROW * (FACETS.indices + number * INDICES), indices: INDICES }
     }
 
-    /// Where it begins for this distribution.
+    /// The start of the table for this distribution.
     fn of(self, shape: MicrofacetShape) -> usize {
         match shape {
             MicrofacetShape::Ggx => self.start,
@@ -84,16 +85,16 @@ fn four(at: usize) -> [f32; 4] {
     [number(a), number(b), number(c), number(d)]
 }
 
-/// Range of the logarithms of means: at low roughness nothing is lost on average, but much at
-/// grazing angles, and the ratio counts.
+/// Range of the logarithms of means: at low roughness almost nothing is lost on average, but much
+/// at grazing angles, and their ratio matters.
 const DEEPEST: f32 = -16.0;
 
 /// Range of the quotient of the reflectance of a rough and of a smooth dielectric, see
 /// [`Widths::facet_cosine`].
 const MOST: f32 = 16.0;
 
-/// How many times that the range is for this distribution: at grazing angles more of Beckmann's
-/// visible facets are seen edge-on, where even what bends light a little reflects it.
+/// Factor on that range for this distribution: at grazing angles more of Beckmann's visible facets
+/// are seen edge-on, where even an index close to 1 reflects light.
 fn range(shape: MicrofacetShape) -> f32 {
     match shape {
         MicrofacetShape::Ggx => 1.0,
@@ -109,7 +110,7 @@ pub(super) fn nodes(x: f32, n: usize) -> (usize, f32) {
     (i as usize, x - i as f32)
 }
 
-/// Where a direction is among the nodes, `[0, 1]`.
+/// The position of a direction on the nodes, `[0, 1]`.
 #[inline(always)]
 fn position(widths: Widths, w: Vec3) -> f32 {
     0.5 * (widths.steepness(w).sqrt() + w.z)
@@ -123,7 +124,7 @@ fn lerp(a: f32, b: f32, t: f32) -> f32 {
 /// One quantity for one surface: a function of direction.
 #[derive(Clone, Copy, Debug)]
 struct Albedo {
-    /// Where the first of four rows around the roughness begins in the table, for the first of four
+    /// The start in the table of the first of four rows around the roughness, for the first of four
     /// indices of refraction around that of the surface.
     start: usize,
     /// As in [`Table`].
@@ -131,14 +132,14 @@ struct Albedo {
     /// Weights of the rows and of the indices, in a cubic.
     rows: [f32; 4],
     planes: [f32; 4],
-    /// What the means are stored over.
+    /// The reference that the stored means are relative to.
     reference: f32,
     /// True if steps to the normal go with the square of the angle, as albedos do. GGX's
     /// change less there.
     is_round: bool,
 }
 
-/// How the mean loss grows with the width of the distribution, with some room above.
+/// An upper estimate of the mean loss by the width of the distribution.
 fn mean_reference(alpha: f32) -> f32 {
     let a2 = alpha * alpha;
     4.0 * a2 * (1.0 / a2).ln_1p()
@@ -166,7 +167,7 @@ impl Albedo {
         Self { reference, ..Self::new(facets, table, indices) }
     }
 
-    /// What is reflected, in units of [`MOST`].
+    /// An albedo, in units of [`MOST`].
     fn reflected(facets: Microfacets, (index, planes): (usize, [f32; 4])) -> Self {
         let range = range(facets.shape());
         let made = Self::new(facets, REFLECTED, (index, planes.map(|weight| range * weight)));
@@ -198,14 +199,14 @@ impl Albedo {
             .max(0.0)
     }
 
-    /// The same function with the nodes around a place worked out, of which this is the first.
+    /// The same function with precomputed nodes around a position; `first` is the first of them.
     #[inline(always)]
     fn near(&self, first: u32) -> Near {
         let first = first as usize;
         Near([self.node(first + first % 2), self.node(first | 1)])
     }
 
-    /// The same function with its nodes worked out.
+    /// The same function with precomputed nodes.
     fn line(&self) -> Line {
         let mut line = Line([0.0; LINE]);
         for (i, node) in line.0.iter_mut().enumerate().take(STEEPNESSES) {
@@ -217,7 +218,7 @@ impl Albedo {
     /// The mean over directions weighted by the cosine.
     fn average(&self) -> f32 {
         let logarithms = self.over_rows(|row| four(row + STEEPNESSES * self.indices));
-        // (Most that are not wanted are not worked out.)
+        // (Most of the unused ones are not computed.)
         let mean = |plane: usize| match self.planes[plane] {
             0.0 => 0.0,
             _ => self.reference * (logarithms[plane] * DEEPEST).exp(),
@@ -230,7 +231,7 @@ impl Albedo {
 pub(super) trait Nodes {
     fn node(&self, i: usize) -> f32;
 
-    /// Towards a direction at this place between the nodes.
+    /// The value for a direction at this position between the nodes.
     #[inline(always)]
     fn directional(&self, position: f32) -> f32 {
         let (i, t) = nodes(position, STEEPNESSES);
@@ -252,10 +253,10 @@ impl Nodes for Albedo {
     }
 }
 
-/// Room for nodes, such that no number of so many bits is outside.
+/// Length of the array of nodes: a power of two, so that masked indices need no bounds check.
 const LINE: usize = STEEPNESSES.next_power_of_two();
 
-/// Nodes that are worked out: for many questions about one surface.
+/// Precomputed nodes, for many evaluations of one surface.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Line([f32; LINE]);
 
@@ -266,7 +267,7 @@ impl Nodes for Line {
     }
 }
 
-/// The two nodes around a place, the even one first: all that is asked there.
+/// The two nodes around a position, the even one first: enough for evaluations there.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Near([f32; 2]);
 
@@ -283,15 +284,15 @@ pub(super) fn first_node(widths: Widths, w: Vec3) -> u32 {
     nodes(position(widths, w), STEEPNESSES).0 as u32
 }
 
-/// For what does not depend on the index of refraction.
+/// Weights for functions that do not depend on the index of refraction.
 const NO_INDEX: (usize, [f32; 4]) = (0, [1.0, 0.0, 0.0, 0.0]);
 
-/// Directions above for light that met several facets. Smooth surfaces lose light only at grazing
-/// angles, and give it back there: the square of the cosine has the density `1 / (mu^2 + alpha^2)`,
-/// not normalised.
+/// Directions above for light that bounced off several facets. Smooth surfaces lose light only at
+/// grazing angles, and regain it there: the square of the cosine has the density
+/// `1 / (mu^2 + alpha^2)`, not normalised.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct BouncedLobe {
-    /// Not so small that the logarithm has no end.
+    /// Bounded from below, so that the logarithm is finite.
     squared_width: f32,
     /// The integral of the density that is not normalised.
     integral: f32,
@@ -320,7 +321,7 @@ impl BouncedLobe {
     }
 }
 
-/// What facets that reflect everything lose by shadowing each other.
+/// The loss of perfectly reflecting facets that shadow each other.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct FacetLoss {
     widths: Widths,
@@ -337,12 +338,12 @@ impl FacetLoss {
         if self.widths.is_smooth() { 0.0 } else { self.loss.directional(position(self.widths, w)) }
     }
 
-    /// The same of a rough surface for many questions.
+    /// The nodes of a rough surface, for many evaluations.
     pub(super) fn line(&self) -> FacetLossBy<Line> {
         FacetLossBy { widths: self.widths, loss: self.loss.line() }
     }
 
-    /// What is asked about directions with this [`first_node`], of a rough surface.
+    /// The nodes for directions with this [`first_node`], of a rough surface.
     #[inline(always)]
     pub(super) fn near(&self, first: u32) -> Near {
         self.loss.near(first)
@@ -354,7 +355,7 @@ impl FacetLoss {
     }
 }
 
-/// [`FacetLoss`] of a rough surface by its nodes, for many questions.
+/// [`FacetLoss`] of a rough surface by its nodes, for many evaluations.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct FacetLossBy<N> {
     pub widths: Widths,
@@ -378,12 +379,12 @@ fn indices(ior: f32) -> (usize, [f32; 4]) {
     (first, cubic((x - first as f64) as f32))
 }
 
-/// What a dielectric reflects.
+/// The albedo of a dielectric.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct DielectricReflection {
     widths: Widths,
     ior: f32,
-    /// Of the index of refraction.
+    /// Weights of the index of refraction.
     indices: (usize, [f32; 4]),
     reflected: Albedo,
 }
@@ -394,7 +395,7 @@ impl DielectricReflection {
         Self::at(facets, ior, indices(ior))
     }
 
-    /// The same as [`Self::new`], with less work where `self` is of the same index of refraction.
+    /// The same as [`Self::new`], but cheaper where `self` has the same index of refraction.
     pub(super) fn again(&self, facets: Microfacets, ior: f32) -> Self {
         if ior == self.ior { Self::at(facets, ior, self.indices) } else { Self::new(facets, ior) }
     }
@@ -416,7 +417,7 @@ impl DielectricReflection {
         }
     }
 
-    /// The same of a rough surface for many questions.
+    /// The nodes of a rough surface, for many evaluations.
     pub(super) fn line(&self) -> DielectricReflectionBy<Line> {
         DielectricReflectionBy {
             widths: self.widths,
@@ -425,7 +426,7 @@ impl DielectricReflection {
         }
     }
 
-    /// What is asked about directions with this [`first_node`], of a rough surface.
+    /// The nodes for directions with this [`first_node`], of a rough surface.
     #[inline(always)]
     pub(super) fn near(&self, first: u32) -> Near {
         self.reflected.near(first)
@@ -448,7 +449,7 @@ fn reflected_towards(widths: Widths, ior: f32, reflected: &impl Nodes, w: Vec3) 
     (reference * MOST * reflected.directional(position(widths, w))).min(1.0)
 }
 
-/// [`DielectricReflection`] of a rough surface by its nodes, for many questions.
+/// [`DielectricReflection`] of a rough surface by its nodes, for many evaluations.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct DielectricReflectionBy<N> {
     pub widths: Widths,
@@ -464,7 +465,7 @@ impl<N: Nodes> DielectricReflectionBy<N> {
     }
 }
 
-/// What a dielectric neither reflects nor lets through by facets that are met once.
+/// The loss of a dielectric: light that it neither reflects nor transmits in a single bounce.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct DielectricLoss {
     widths: Widths,
@@ -490,7 +491,7 @@ impl DielectricLoss {
 }
 
 /// [`DielectricLoss`] of a rough surface seen from its outer and its inner side, for many
-/// questions.
+/// evaluations.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct DielectricLossLines {
     widths: Widths,

@@ -8,15 +8,15 @@ use snell_math::simd::select;
 use snell_math::{SampledSpectrum, Vec2, Vec3, sampling};
 use std::f32::consts::FRAC_1_PI;
 
-/// A gloss of [`Ggx`] without a film, smooth or rough, over a body that is matte.
+/// A gloss of [`Ggx`] without a film, smooth or rough, over a Lambertian body.
 #[derive(Clone, Debug)]
 pub struct BatchGloss<const SMOOTH: bool, N = Line> {
     ior: f32,
     ggx: Ggx,
     albedo: DielectricReflectionBy<N>,
-    /// The mean of that.
+    /// The mean of the reflection.
     mean: f32,
-    /// Where they are the same everywhere.
+    /// The spectra where they are the same everywhere.
     pub own: Colors,
 }
 
@@ -47,7 +47,7 @@ pub struct Seen {
 }
 
 impl<const SMOOTH: bool> BatchGloss<SMOOTH> {
-    /// `None` if it is no such gloss.
+    /// `None` for other glosses.
     pub fn of(bsdf: &GlossyBsdf) -> Option<Self> {
         let GlossyBsdf { gloss, body, albedo, .. } = bsdf;
         let mean = albedo.average();
@@ -71,8 +71,8 @@ impl BatchGloss<false> {
         self.ior
     }
 
-    /// The same gloss of another roughness: with what is known of that, and its mean albedo, but
-    /// for the tint.
+    /// The same gloss with another roughness: with the reflection of that roughness and its mean
+    /// albedo, without the tint.
     #[inline(always)]
     pub fn with<N>(&self, albedo: DielectricReflectionBy<N>, mean: f32) -> BatchGloss<false, N> {
         let own = Colors::new(self.own.body, self.own.tint, mean);

@@ -1,9 +1,9 @@
-//! Metal mixed with a gloss over a matte body, in shares and of a roughness that differ from point
-//! to point, for batches of directions.
+//! A mixture of metal and a gloss over a matte body, whose shares and roughness vary over the
+//! surface, for batches of directions.
 //!
-//! What depends on the roughness alone is looked up point by point, only where it is asked for; all
-//! else is worked out in lanes. So the work goes through the lanes several times: what is drawn
-//! must be known before it can be looked up.
+//! Values that depend on the roughness only are looked up point by point, and only where needed;
+//! the rest is computed in lanes. So there are several passes over the lanes: a direction must be
+//! drawn before its values can be looked up.
 
 use super::super::batch::{BatchDrawn, BatchLobes, BatchPoint, LobeSpectra};
 use super::super::energy::{
@@ -18,19 +18,19 @@ use super::super::{conductor::BatchMetal, glossy::BatchGloss};
 use snell_math::simd::select;
 use snell_math::{SampledSpectrum, Vec2, Vec3};
 
-/// A mixture of rough metal by colours and a rough gloss over a matte body, both of [`Ggx`] that is
-/// the same in all directions.
+/// A mixture of rough metal by colours and a rough gloss over a matte body, both with isotropic
+/// [`Ggx`].
 #[derive(Clone, Debug)]
 pub struct BatchMixed {
     metal: BatchMetal<false>,
     gloss: BatchGloss<false>,
-    /// As it was made.
+    /// The BSDF that the gloss was made from.
     dielectric: GlossyBsdf,
-    /// What it is where nothing differs.
+    /// Its parameters where nothing varies.
     pub point: BatchPoint,
 }
 
-/// The mixture at a point, asked about directions between certain nodes.
+/// The mixture at a point, for directions between certain nodes.
 struct Mixture {
     metalness: f32,
     metal: BatchMetal<false, Near>,
@@ -44,22 +44,23 @@ struct Seen<M, G> {
     choice: Choice<2>,
 }
 
-/// What is known of roughnesses, by lane: of metal and of gloss only where they are asked about.
+/// Values that depend on the roughness, by lane: of metal and of gloss only where they are needed.
 struct Rough {
     loss: [FacetLoss; BATCH],
-    /// Mean of that.
+    /// Its mean.
     lost: [f32; BATCH],
     lobe: [BouncedLobe; BATCH],
     albedo: [DielectricReflection; BATCH],
-    /// Mean of that.
+    /// Its mean.
     reflected: [f32; BATCH],
 }
 
-/// What is known of directions, by lane: as [`FacetLoss::near`] and [`DielectricReflection::near`].
+/// Values that depend on the direction, by lane: as [`FacetLoss::near`] and
+/// [`DielectricReflection::near`].
 type Around = [[Near; BATCH]; 2];
 
 impl BatchMixed {
-    /// `None` if it is no such mixture. With the share of each.
+    /// The mixture with the share of each part; `None` for other surfaces.
     pub fn of(
         (metalness, metal): &(f32, ConductorBsdf),
         (_, gloss): &(f32, GlossyBsdf),
@@ -108,7 +109,7 @@ impl BatchMixed {
         }
     }
 
-    /// The mixture in a lane, for directions of which this is known.
+    /// The mixture in a lane, for directions with these values.
     #[inline(always)]
     fn at(
         &self,
@@ -181,7 +182,7 @@ impl Rough {
         rough
     }
 
-    /// What is known of directions.
+    /// Looks up the values that depend on the direction.
     #[inline(always)]
     fn around(&self, inputs: &BatchInputs, w: [&[f32; BATCH]; 3]) -> Around {
         let (mut first, mut around) = ([0; BATCH], [[Near::default(); BATCH]; 2]);
@@ -261,7 +262,8 @@ impl BatchLobes for Mixture {
 }
 
 impl Mixture {
-    /// What metal and gloss give by their shares: nothing, where one is not there and so not known.
+    /// The sum of metal and gloss by their shares; an absent part, whose values are undefined, adds
+    /// nothing.
     #[inline(always)]
     fn shares(&self, metal: SampledSpectrum, gloss: SampledSpectrum) -> [SampledSpectrum; 2] {
         let (first, second) = (self.metalness, 1.0 - self.metalness);

@@ -1,5 +1,5 @@
-//! Flat parts of emissive surfaces as most points see them: from far enough away that points are
-//! chosen by area, in single precision and without branches, so that many can be sampled at once.
+//! Flat parts of emissive surfaces as seen from far away, where points are sampled by area, in
+//! single precision and without branches, so that many can be sampled at once.
 
 use super::NearSample;
 use snell_intersect::{AnyShape, Shape};
@@ -7,8 +7,8 @@ use snell_math::robust::{gamma, offset_ray_origin};
 use snell_math::simd::max;
 use snell_math::{DVec2, DVec3, Transform, Vec2, Vec3, sampling};
 
-/// What lies within this part of its distance is sampled by area: the density of solid angle is
-/// nearly the same all over it, and angles are dear.
+/// Parts whose extent is below this share of their distance are sampled by area: their density by
+/// solid angle is nearly constant, and angles are expensive.
 const FAR: f64 = 0.4;
 
 /// A triangle or rectangle in the world.
@@ -16,7 +16,7 @@ const FAR: f64 = 0.4;
 pub struct FlatPart {
     /// A corner.
     pub corner: Vec3,
-    /// From there along the sides to two others.
+    /// Edges from there to two other corners.
     pub edges: [Vec3; 2],
     /// Unit normal of the front.
     pub normal: Vec3,
@@ -24,7 +24,7 @@ pub struct FlatPart {
     pub error: Vec3,
     /// Density of its points per unit of area; 0 without area.
     pub pdf: f32,
-    /// Points are corners plus these of the edges: of a triangle those with a sum of at most 1.
+    /// True for a triangle: points are the corner plus shares of the edges with a sum of at most 1.
     pub is_triangle: bool,
     /// Centroid.
     pub middle: Vec3,
@@ -32,18 +32,19 @@ pub struct FlatPart {
     pub far: f32,
 }
 
-/// A point of a part as another point sees it. Only what [`Self::exists`] has a meaning.
+/// A sampled point of a part, as seen from another point. The fields are meaningful only if
+/// [`Self::exists`].
 #[derive(Clone, Copy, Debug)]
 pub struct PartSample {
     /// Unit direction towards it.
     pub direction: Vec3,
     /// Density per steradian of the direction.
     pub pdf: f32,
-    /// Where a shadow ray towards it ends, on the side that it comes from.
+    /// The end of a shadow ray towards it, on the side of the viewpoint.
     pub end: Vec3,
-    /// It is seen on the front.
+    /// True if its front is visible.
     pub is_front: bool,
-    /// There is a direction, and a density.
+    /// True if there is a direction and a density.
     pub exists: bool,
 }
 
@@ -84,7 +85,7 @@ impl FlatPart {
         Self::new(corners, normal, true)
     }
 
-    /// A triangle or rectangle that is placed so; `None` for all else.
+    /// A triangle or rectangle with this transform; `None` for other shapes.
     pub(super) fn of(shape: &dyn Shape, place: &Transform) -> Option<Self> {
         let (corners, is_triangle) = match shape.to_any()? {
             AnyShape::Triangle(triangle) => (triangle.vertices, true),
@@ -135,8 +136,7 @@ impl FlatPart {
         NearSample { position, direction, pdf, is_seen: false, exists }
     }
 
-    /// What is known of a point that was chosen by solid angle; a point by area if that was not
-    /// possible.
+    /// A point sampled by solid angle, or by area if that was not possible.
     #[inline(always)]
     pub fn near_or_by_area(&self, near: NearSample, from: Vec3, u: Vec2) -> PartSample {
         let by_area = self.by_area(from, u);

@@ -28,7 +28,7 @@ pub enum EmissiveGeometry {
     Mesh {
         /// The mesh.
         mesh: Arc<TriangleMesh>,
-        /// Which triangles emit. Numbers past the mesh's triangles are ignored.
+        /// The triangles that emit. Indices past the mesh's triangles are ignored.
         triangles: Vec<u32>,
     },
     /// A whole shape.
@@ -40,7 +40,7 @@ pub enum EmissiveGeometry {
 pub struct AreaSample {
     /// The point as an interaction in the world (`t` is 0 and meaningless, ids are those given to
     /// [`AreaLight::new`]). `position_error` bounds how far the surface that rays hit may be from
-    /// `position`: a shadow ray has to end before.
+    /// `position`: a shadow ray must end before it.
     pub surface: SurfaceInteraction,
     /// Density per unit of world area.
     pub pdf_area: f32,
@@ -57,12 +57,12 @@ pub struct DirectedSample {
     pub pdf: f32,
 }
 
-/// A point of an emissive surface, as far as rays need to know.
+/// A point of an emissive surface, with what rays need.
 #[derive(Clone, Copy, Debug)]
 pub struct AreaPoint {
-    /// Where.
+    /// Position.
     pub position: Vec3,
-    /// How far the surface that rays hit may be from there.
+    /// Maximum distance of the surface that rays hit from there.
     pub position_error: Vec3,
     /// Unit normal of the surface.
     pub normal: Vec3,
@@ -82,21 +82,21 @@ pub struct DirectedPoint {
 /// An emissive surface at one place in the world.
 #[derive(Debug)]
 pub struct AreaLight {
-    /// What emits. Of a mesh, the triangles are ascending, each once.
+    /// The geometry that emits. The triangles of a mesh are ascending and unique.
     pub geometry: EmissiveGeometry,
-    /// Where it is.
+    /// Its transform to the world.
     pub world_from_geometry: Transform,
     /// Ids for the sampled interactions: instance and geometry.
     pub ids: (u32, u32),
     table: Table,
     area: f64,
-    /// Mean luminance of each part, W / (m^2 sr); empty if all shine alike.
+    /// Mean luminance of each part, W / (m^2 sr); empty if all have the same.
     radiance: Vec<f32>,
 }
 
 #[derive(Debug)]
 enum Table {
-    /// Choice among the triangles by area in the world, and each of them as it lies there.
+    /// Choice among the triangles by area in the world, and the triangles in the world.
     Mesh { choice: Distribution1D, placed: Vec<PlacedTriangle> },
     /// Density in the shape's own coordinates.
     Shape { pdf: f64, outline: Outline, flat: Option<FlatPart> },
@@ -222,10 +222,10 @@ impl AreaLight {
         (pdf_area > 0.0 && pdf_area.is_finite()).then_some(AreaSample { surface, pdf_area })
     }
 
-    /// Measures how strongly each part shines, so that parts are chosen by power and not by area
-    /// alone. `radiance` gives the luminance at a point of the surface, averaged over about this
-    /// width; it is asked for `points^2` points of each part (1 is enough where the parts are
-    /// uniform). Every part keeps some chance to be chosen.
+    /// Measures the emission of each part, so that parts are chosen by power and not only by area.
+    /// `radiance` gives the luminance at a point of the surface, averaged over about this width; it
+    /// is called for `points^2` points of each part (1 is enough where the parts are uniform).
+    /// Every part keeps a positive probability.
     pub fn measured(
         mut self,
         points: u32,
@@ -273,7 +273,7 @@ impl AreaLight {
         sum / self.area
     }
 
-    /// Where a part is, and how strongly it shines which way.
+    /// Bounds of a part.
     pub fn part_bounds(&self, part: u32, is_two_sided: bool) -> LightBounds {
         let radiance = f64::from(self.radiance.get(part as usize).copied().unwrap_or(1.0));
         let (bounds, axis, cos_spread, facing_area) = match (&self.geometry, &self.table) {
@@ -306,7 +306,7 @@ impl AreaLight {
         }
     }
 
-    /// How many parts can be chosen apart from each other: emissive triangles, or 1 for a shape.
+    /// Number of parts that can be chosen: emissive triangles, or 1 for a shape.
     pub fn part_count(&self) -> u32 {
         match &self.table {
             Table::Mesh { placed, .. } => placed.len() as u32,
@@ -314,7 +314,7 @@ impl AreaLight {
         }
     }
 
-    /// A part chosen by its power, its probability, and a uniform number that is left of `u`.
+    /// A part chosen by its power, its probability, and a uniform number derived from `u`.
     pub fn choose_part(&self, u: f32) -> (u32, f32, f32) {
         match &self.table {
             Table::Mesh { choice, .. } => {
@@ -336,7 +336,7 @@ impl AreaLight {
         }
     }
 
-    /// The part that a primitive of the geometry is; `None` if it does not emit.
+    /// The part of a primitive of the geometry; `None` if it does not emit.
     pub fn part_of(&self, primitive: u32) -> Option<u32> {
         let EmissiveGeometry::Mesh { triangles, .. } = &self.geometry else { return Some(0) };
         // If all triangles emit, their numbers are their positions.
@@ -353,7 +353,7 @@ impl AreaLight {
         Some(DirectedSample { surface: self.surface(part, &place, &point), direction, pdf })
     }
 
-    /// [`Self::sample_from`] without what only some materials ask for.
+    /// [`Self::sample_from`] without the attributes that only some materials need.
     pub fn sample_point_from(&self, part: u32, from: Vec3, u: Vec2) -> Option<DirectedPoint> {
         Some(self.place_from(part, from, u)?.1)
     }
@@ -373,8 +373,8 @@ impl AreaLight {
         (pdf > 0.0 && pdf.is_finite()).then_some((place, DirectedPoint { point, direction, pdf }))
     }
 
-    /// Density per steradian with which [`Self::sample_from`] gives the way from `from` to
-    /// `surface`, a point of this part that can be seen from there in `direction` (unit).
+    /// Density per steradian with which [`Self::sample_from`] samples `surface`, a point of this
+    /// part that is visible from `from` in `direction` (unit).
     pub fn pdf_from(
         &self,
         part: u32,
@@ -414,8 +414,8 @@ impl AreaLight {
         }
     }
 
-    /// The part, if it is one of which the solid angle is sampled: a rectangle or a triangle of a
-    /// mesh, from where [`FlatPart::is_far`] is false, or a sphere.
+    /// The part, if it is sampled by solid angle: a rectangle or a triangle of a mesh where
+    /// [`FlatPart::is_far`] is false, or a sphere.
     #[inline]
     pub fn near(&self, part: u32) -> Option<NearPart> {
         match &self.table {
@@ -433,7 +433,7 @@ impl AreaLight {
     }
 
     /// [`Self::sample_from`] for spheres and for flat parts that are far or [near](Self::near),
-    /// without what only some materials ask for; `None` for others.
+    /// without the attributes that only some materials need; `None` for others.
     #[inline]
     pub fn sample_simple(&self, part: u32, from: Vec3, u: Vec2) -> Option<PartSample> {
         let (flat, near) = (self.flat(part), self.near(part));
@@ -451,7 +451,7 @@ impl AreaLight {
         Some(flat?.near_or_by_area(near, from, u))
     }
 
-    /// A part whose solid angle is sampled, as seen from a point; `None` if it is sampled by area.
+    /// A part sampled by solid angle from a point; `None` if it is sampled by area.
     fn seen_from(&self, part: u32, from: Vec3) -> Option<Seen> {
         if self.flat(part).is_some_and(|flat| flat.is_far(from)) {
             return None;
@@ -468,7 +468,7 @@ impl AreaLight {
 
     /// Density per unit of world area with which [`Self::sample`] gives the point of this
     /// interaction on this light. 0 for triangles that do not emit. Only the triangle or the normal
-    /// is looked at, not the position.
+    /// is used, not the position.
     pub fn pdf_area(&self, surface: &SurfaceInteraction) -> f32 {
         match &self.table {
             Table::Mesh { placed, .. } => {
@@ -478,7 +478,7 @@ impl AreaLight {
         }
     }
 
-    /// Area in the world. For shapes under transforms that stretch, an estimate good to about a
+    /// Area in the world. For shapes under non-uniform scaling, an estimate within about one
     /// percent.
     pub fn area(&self) -> f64 {
         self.area

@@ -1,5 +1,5 @@
-//! An emissive surface that is carried along while the shutter is open: at each moment it is the
-//! surface at the place it has then.
+//! An emissive surface that moves while the shutter is open: at each time it is the surface with
+//! its transform at that time.
 
 use super::{
     AreaLight, AreaSample, DirectedSample, EmissiveGeometry, FlatPart, Outline, PlacedTriangle,
@@ -10,19 +10,19 @@ use snell_intersect::{Instance, SurfaceInteraction};
 use snell_math::distribution::Distribution1D;
 use snell_math::{Bounds3d, Transform, Vec2, Vec3};
 
-/// Moments at which bounds are taken beside those of the keys, for what turns between them.
+/// Number of times between keys at which bounds are taken, for rotations between them.
 const MOMENTS: u32 = 9;
-/// How much wider than found the cone of normals is made.
+/// Margin of the cone of normals.
 const WIDENING: f32 = 0.02;
 
 /// An emissive surface that moves as a whole.
 #[derive(Debug)]
 pub struct MovingAreaLight {
-    /// The surface where it is when the shutter opens.
+    /// The surface when the shutter opens.
     pub first: AreaLight,
     /// The instances that hold it, outermost first.
     carriers: Vec<Instance>,
-    /// From the surface's own coordinates to those of the innermost instance.
+    /// Map from the surface's own coordinates to those of the innermost instance.
     carrier_from_geometry: Transform,
 }
 
@@ -37,8 +37,8 @@ impl MovingAreaLight {
         Self { first, carriers, carrier_from_geometry }
     }
 
-    /// The map to the world at a time from 0 (the shutter opens) to 1; `None` when it is flattened
-    /// and not to be hit.
+    /// The map to the world at a time from 0 (the shutter opens) to 1; `None` if it is singular and
+    /// rays cannot hit the surface.
     fn place(&self, time: f32) -> Option<Transform> {
         let mut place = Transform::IDENTITY;
         for carrier in &self.carriers {
@@ -47,7 +47,7 @@ impl MovingAreaLight {
         Some(place.compose(&self.carrier_from_geometry))
     }
 
-    /// One part alone, where it is at a time.
+    /// A single part, with its transform at a time.
     fn part_at(&self, part: u32, time: f32) -> Option<AreaLight> {
         let (place, first) = (self.place(time)?, &self.first);
         let (geometry, table, area) = match (&first.geometry, &first.table) {
@@ -107,7 +107,7 @@ impl MovingAreaLight {
         self.part_at(part, time).map_or(0.0, |at| at.pdf_from(0, from, surface, direction))
     }
 
-    /// Where a part is while the shutter is open, and how strongly it shines which way.
+    /// Bounds of a part while the shutter is open.
     pub fn part_bounds(&self, part: u32, is_two_sided: bool) -> LightBounds {
         let bounds_at = |time| Some(self.part_at(part, time)?.part_bounds(0, is_two_sided));
         let keys = self.carriers.iter().map(|c| c.later.len() as u32).max().unwrap_or(0);

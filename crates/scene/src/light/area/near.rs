@@ -1,5 +1,5 @@
-//! Rectangles and triangles as near points see them, and spheres: sampled by solid angle, in double
-//! precision and without branches, so that many can be sampled at once.
+//! Rectangles, triangles and spheres sampled by solid angle from near points, in double precision
+//! and without branches, so that many can be sampled at once.
 
 use super::FlatPart;
 use super::outline::{LEAST, MOST};
@@ -12,7 +12,7 @@ use std::f64::consts::PI;
 /// A rectangle in the world.
 #[derive(Clone, Copy, Debug)]
 pub struct NearRectangle {
-    /// Its middle.
+    /// Its centre.
     pub center: DVec3,
     /// Unit vectors along its sides.
     pub axes: [DVec3; 2],
@@ -25,31 +25,31 @@ pub struct NearRectangle {
 pub struct NearTriangle {
     /// A corner.
     pub corner: Vec3,
-    /// From there to the others.
+    /// Edges from there to the other corners.
     pub edges: [Vec3; 2],
 }
 
 /// A sphere in the world.
 #[derive(Clone, Copy, Debug)]
 pub struct NearSphere {
-    /// Its middle.
+    /// Its centre.
     pub center: DVec3,
     /// Radius.
     pub radius: f64,
 }
 
-/// Any of these.
+/// One of these shapes.
 #[derive(Clone, Copy, Debug)]
 pub enum NearPart {
     /// A rectangle.
     Rectangle(NearRectangle),
     /// A triangle.
     Triangle(NearTriangle),
-    /// A sphere, from wherever it is seen.
+    /// A sphere, from any viewpoint.
     Sphere(NearSphere),
 }
 
-/// A point of one of them as a near point sees it. Only what [`Self::exists`] has a meaning.
+/// A sampled point, as seen from a near point. The fields are meaningful only if [`Self::exists`].
 #[derive(Clone, Copy, Debug)]
 pub struct NearSample {
     /// The point.
@@ -58,13 +58,13 @@ pub struct NearSample {
     pub direction: Vec3,
     /// Density per steradian of the direction.
     pub pdf: f32,
-    /// The solid angle is one that can be sampled: what is not is sampled by area.
+    /// True if the solid angle can be sampled; otherwise the shape is sampled by area.
     pub is_seen: bool,
-    /// There is a direction.
+    /// True if there is a direction.
     pub exists: bool,
 }
 
-/// A point of a sphere as another point sees it.
+/// A point of a sphere, as seen from another point.
 #[derive(Clone, Copy, Debug)]
 pub struct RoundSample {
     /// The point; its solid angle can be sampled from everywhere.
@@ -75,30 +75,30 @@ pub struct RoundSample {
     pub error: Vec3,
 }
 
-/// Bound of the error of a point of a sphere, relative to the radius: what counts as a sphere may
-/// be an ellipsoid by so much.
+/// Bound of the error of a point of a sphere, relative to the radius: an ellipsoid within this
+/// tolerance counts as a sphere.
 const ROUNDNESS: f64 = 4e-9;
-/// And relative to coordinates: the rounding of double precision.
+/// The same bound relative to coordinates: the rounding of double precision.
 const ROUNDING: f64 = 1e-14;
 
 impl NearSphere {
-    /// What is seen of it can be sampled: not from inside, and not from so near that the cone
-    /// around it is nearly half of all directions.
+    /// True if its visible part can be sampled: not from inside, and not from so near that the cone
+    /// around it covers nearly a hemisphere.
     #[inline(always)]
     pub(super) fn has_near_side(radius_squared: f64, distance_squared: f64) -> bool {
         (radius_squared < distance_squared * (1.0 - 1e-7))
             & (radius_squared > distance_squared * 1e-30)
     }
 
-    /// A point uniform by solid angle of the side that is seen; where that cannot be sampled, one
-    /// uniform by area.
+    /// A point uniform by solid angle on the visible side, or uniform by area where that cannot be
+    /// sampled.
     #[inline(always)]
     pub fn sample(&self, from: Vec3, u: Vec2) -> RoundSample {
         let (center, u) = (self.center - from.as_dvec3(), u.as_dvec2());
         let (d2, r2) = (center.length_squared(), self.radius * self.radius);
         let has_near_side = Self::has_near_side(r2, d2);
         let towards = center * (-1.0 / d2.sqrt());
-        // From the centre itself any axis will do.
+        // From the centre any axis will do.
         let one = |x: f64, other: f64| if d2 > 0.0 { x } else { other };
         let axis = DVec3::new(one(towards.x, 0.0), one(towards.y, 0.0), one(towards.z, 1.0));
         let near = spherical::near_side_of_sphere(center, self.radius, u.x);
@@ -131,7 +131,7 @@ impl NearSphere {
 }
 
 impl NearRectangle {
-    /// The rectangle around a point, and its coordinate along the normal.
+    /// The rectangle relative to a viewpoint, and its coordinate along the normal.
     #[inline(always)]
     pub(super) fn seen_from(&self, from: DVec3) -> (SphericalRectangle, f64) {
         let center = self.center - from;
@@ -140,7 +140,7 @@ impl NearRectangle {
         (SphericalRectangle::new(middle - self.half, middle + self.half, z), z)
     }
 
-    /// Unit normal: either.
+    /// Unit normal, of either side.
     #[inline(always)]
     pub(super) fn normal(&self) -> DVec3 {
         self.axes[0].cross(self.axes[1])
@@ -219,7 +219,7 @@ impl TriangleSeen {
         Self { corner, edges, directions, solid_angle }
     }
 
-    /// The way from the viewpoint to a point uniform by solid angle; false if rounding leaves no
+    /// The vector from the viewpoint to a point uniform by solid angle; false if rounding leaves no
     /// direction.
     #[inline(always)]
     pub(super) fn sample(&self, u: DVec2) -> (DVec3, bool) {

@@ -1,4 +1,4 @@
-//! How a part of an emissive surface looks from a point: its solid angle, and points uniform in it.
+//! The solid angle of a part of an emissive surface as seen from a point, and points uniform in it.
 
 use super::near::{NearRectangle, NearSphere, TriangleSeen};
 use snell_intersect::{AnyShape, Shape};
@@ -25,14 +25,14 @@ pub(super) enum Outline {
     Other,
 }
 
-/// Solid angles below this are sampled by area: what is small is seen alike from everywhere, and
+/// Solid angles below this are sampled by area: the density of small parts is nearly constant, and
 /// differences of angles lose digits.
 pub(super) const LEAST: f64 = 1e-4;
-/// Those above too: the point lies on the surface, to rounding, and angles of nearly half a turn
-/// lose digits.
+/// Solid angles above this are, too: the viewpoint lies on the surface, within rounding, and angles
+/// of nearly half a turn lose digits.
 pub(super) const MOST: f64 = 6.22;
-/// A square is worth its wasted corners only if the distances to points of the disk are very
-/// different.
+/// The square around a disk wastes its corners, which pays only if the distances to points of the
+/// disk differ much.
 const LEAST_OF_DISK: f64 = 0.5;
 
 impl Outline {
@@ -74,7 +74,7 @@ impl Outline {
         }
     }
 
-    /// False for points of a disk's square that the disk does not hold.
+    /// False for points of a disk's square outside the disk.
     pub(super) fn holds(&self, p: DVec3) -> bool {
         match self {
             Self::Disk { center, radius, inner, .. } => {
@@ -129,7 +129,7 @@ impl Seen {
         Self { solid_angle: seen.solid_angle, kind }
     }
 
-    /// `None` from inside, and from so near that the cone is nearly half of all directions.
+    /// `None` from inside, and from so near that the cone covers nearly a hemisphere.
     fn sphere(center: DVec3, radius: f64) -> Option<Self> {
         let (r2, d2) = (radius * radius, center.length_squared());
         let usable = NearSphere::has_near_side(r2, d2);
@@ -146,7 +146,7 @@ impl Seen {
         (1.0 / self.solid_angle).min(f64::from(f32::MAX)) as f32
     }
 
-    /// The way from the viewpoint to a point of the outline. `None` if rounding leaves no
+    /// The vector from the viewpoint to a point of the outline. `None` if rounding leaves no
     /// direction.
     pub(super) fn sample(&self, u: DVec2) -> Option<DVec3> {
         let offset = match &self.kind {

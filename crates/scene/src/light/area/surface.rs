@@ -1,5 +1,4 @@
-//! Points of emissive surfaces: first as far as rays need to know, then with all that materials may
-//! ask for.
+//! Points of emissive surfaces: first with what rays need, then with all that materials may need.
 
 use super::near::barycentrics;
 use super::{AreaLight, AreaPoint, EmissiveGeometry, PlacedTriangle, Table};
@@ -7,16 +6,16 @@ use snell_intersect::{Shape, SurfaceInteraction, TriangleMesh};
 use snell_math::robust::gamma;
 use snell_math::{DVec3, Vec2, Vec3, sampling};
 
-/// Where on a part.
+/// A position on a part.
 pub(super) enum Place {
     /// Barycentric coordinates in a triangle.
     Triangle(Vec2),
-    /// In the coordinates of a shape.
+    /// A point in the coordinates of a shape.
     Shape { position: DVec3, face: u32 },
 }
 
 impl AreaLight {
-    /// A place on a part, uniform by its area (of a shape: in its own coordinates).
+    /// A position on a part, uniform by its area (of a shape: in its own coordinates).
     pub(super) fn place(&self, part: u32, u: Vec2) -> Option<Place> {
         match (&self.geometry, &self.table) {
             (EmissiveGeometry::Mesh { .. }, Table::Mesh { placed, .. }) => {
@@ -31,7 +30,8 @@ impl AreaLight {
         }
     }
 
-    /// The place on a part at (or within rounding of) a point of the world. `None` beside the part.
+    /// The position on a part at (or within rounding of) a point of the world. `None` beside the
+    /// part.
     pub(super) fn place_at(&self, part: u32, p: DVec3) -> Option<Place> {
         match &self.table {
             Table::Mesh { placed, .. } => {
@@ -46,7 +46,7 @@ impl AreaLight {
         }
     }
 
-    /// The point at a place.
+    /// The point at a position.
     pub(super) fn point(&self, part: u32, place: &Place) -> Option<AreaPoint> {
         match (place, &self.geometry, &self.table) {
             (Place::Triangle(b), _, Table::Mesh { placed, .. }) => {
@@ -74,7 +74,7 @@ impl AreaLight {
         })
     }
 
-    /// All of the surface at a place, and the point there.
+    /// The full surface interaction at a position, and the point there.
     pub(super) fn surface(
         &self,
         part: u32,

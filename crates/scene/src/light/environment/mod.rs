@@ -5,10 +5,10 @@
 //! times its solid angle, then a direction uniform in the solid angle of the cell (a rectangle in
 //! longitude and height). So the density is constant over each cell and finite at the poles.
 //!
-//! Beside BSDF samples a second table serves better, from which the mean is taken off: BSDF samples
-//! bring the even part of the light anyway (Karlík, Šik, Vévoda, Skřivan and Křivánek, MIS
-//! Compensation: Optimizing Sampling Techniques in Multiple Importance Sampling, 2019). Of a
-//! constant environment nothing is left to sample.
+//! With multiple importance sampling, a second table without the mean is better: BSDF samples
+//! already find the uniform part of the light (Karlík, Šik, Vévoda, Skřivan and Křivánek, MIS
+//! Compensation: Optimizing Sampling Techniques in Multiple Importance Sampling, 2019). A constant
+//! environment then needs no samples.
 
 mod table;
 #[cfg(test)]
@@ -39,7 +39,7 @@ pub struct SkySample {
     pub direction: Vec3,
     /// Density per steradian.
     pub pdf: f32,
-    /// Where the image is looked up: see [`EnvironmentLight::place`].
+    /// The position in the image: see [`EnvironmentLight::place`].
     pub place: Vec2,
 }
 
@@ -56,9 +56,9 @@ struct ImageLight {
     /// Scaled radiance, row by row from the zenith.
     texels: Vec<Rgb>,
     world_from_environment: Mat3,
-    /// By the light from each direction.
+    /// Table in proportion to the light from each direction.
     exact: DirectionTable,
-    /// By what the light from each direction exceeds the mean; `None` if it hardly does anywhere.
+    /// Table in proportion to the excess of the light over the mean; `None` if there is hardly any.
     compensated: Option<DirectionTable>,
     /// The share of the light that exceeds the mean.
     excess: f64,
@@ -66,8 +66,8 @@ struct ImageLight {
 
 impl EnvironmentLight {
     /// Prepares an environment (builds the sampling tables of an image). Values that are negative
-    /// or not finite count as 0, and the alpha of an image is ignored. Of the transform only the
-    /// rotation (and mirroring) is used.
+    /// or not finite count as 0, and the alpha of an image is ignored. Only the rotation (and
+    /// mirroring) of the transform is used.
     pub fn new(environment: &Environment) -> Self {
         match environment {
             Environment::Constant(color) => {
@@ -86,7 +86,7 @@ impl EnvironmentLight {
         self.radiance_at(self.place(direction), mode)
     }
 
-    /// [`Self::radiance`] of the direction of this place.
+    /// [`Self::radiance`] for the direction of this position in the image.
     #[inline]
     pub fn radiance_at(&self, place: Vec2, mode: ColorMode) -> SampledSpectrum {
         mode.rgb_illuminant(match &self.kind {
@@ -95,8 +95,8 @@ impl EnvironmentLight {
         })
     }
 
-    /// Where the light of a unit direction is looked up: longitude and latitude in the image, as a
-    /// point of the unit square.
+    /// The position of a unit direction in the image: longitude and latitude, as a point of the
+    /// unit square.
     pub fn place(&self, direction: Vec3) -> Vec2 {
         match &self.kind {
             Kind::Constant(_) => Vec2::ZERO,
@@ -104,7 +104,7 @@ impl EnvironmentLight {
         }
     }
 
-    /// How the image is turned.
+    /// The rotation of the image.
     pub fn world_from_environment(&self) -> Mat3 {
         match &self.kind {
             Kind::Constant(_) => Mat3::IDENTITY,
@@ -120,8 +120,7 @@ impl EnvironmentLight {
         }
     }
 
-    /// A direction from which light comes. The density is positive, and 0 nowhere where there is
-    /// light.
+    /// A direction from which light comes. The density is positive wherever there is light.
     pub fn sample(&self, u: Vec2) -> SkySample {
         let drawn = match &self.kind {
             Kind::Constant(_) => None,
@@ -148,14 +147,14 @@ impl EnvironmentLight {
         }
     }
 
-    /// A direction in which the light is worth a sample beside BSDF samples that are combined with
-    /// it by multiple importance sampling. The density is 0 in many directions. `None` if no
-    /// direction is worth it.
+    /// A direction sampled in proportion to the excess of the light over the mean, to be combined
+    /// with BSDF samples by multiple importance sampling. The density is 0 in many directions.
+    /// `None` if there is no excess.
     pub fn sample_compensated(&self, u: Vec2) -> Option<SkySample> {
         Some(SkySample::new(self.draw_compensated(u)?, &self.world_from_environment()))
     }
 
-    /// The same before the direction is worked out, which [`SkySample::new`] does.
+    /// The same before the direction is computed, which [`SkySample::new`] does.
     #[inline]
     pub fn draw_compensated(&self, u: Vec2) -> Option<DrawnDirection> {
         match &self.kind {
@@ -171,7 +170,7 @@ impl EnvironmentLight {
         self.pdf_compensated_at(self.place(direction))
     }
 
-    /// [`Self::pdf_compensated`] of the direction of this place.
+    /// [`Self::pdf_compensated`] for the direction of this position in the image.
     #[inline]
     pub fn pdf_compensated_at(&self, place: Vec2) -> f32 {
         match &self.kind {
@@ -180,8 +179,8 @@ impl EnvironmentLight {
         }
     }
 
-    /// The share of the light that exceeds the mean, `[0, 1]`: what [`Self::sample_compensated`] is
-    /// for. 0 if it gives nothing.
+    /// The share of the light that exceeds the mean, `[0, 1]`, which [`Self::sample_compensated`]
+    /// samples. 0 if it gives `None`.
     pub fn excess(&self) -> f64 {
         match &self.kind {
             Kind::Image(light) if light.compensated.is_some() => light.excess,
@@ -210,7 +209,7 @@ impl ImageLight {
         let cells = Cells::of(Smoothed::of(&texels, w), [w, h]);
         let (exact, mean_luminance) = DirectionTable::new(&cells, 0.0);
         let compensated = DirectionTable::new(&cells, mean_luminance);
-        // A share of light this small is rounding.
+        // A share this small is due to rounding.
         let excess = compensated.1 / mean_luminance.max(f64::MIN_POSITIVE);
         let compensated = (excess > 1e-4).then_some(compensated.0);
         let world_from_environment = rotation(matrix);
@@ -231,12 +230,12 @@ impl ImageLight {
     /// The bilinear interpolation at a point of the unit square.
     fn texel(&self, p: Vec2) -> Rgb {
         let (w, h) = (self.width as i32, self.height as i32);
-        // One texel more than the place, which is not negative then.
+        // Shifted by one texel, so that it is not negative.
         let x = p.x * self.width as f32 + 0.5;
         let y = p.y * self.height as f32 + 0.5;
         let (left, top) = (x as i32, y as i32);
         let (fx, fy) = (x - left as f32, y - top as f32);
-        // Around the sides, and clamped at the poles.
+        // Wrapped around in longitude, clamped at the poles.
         let around = |x: i32| {
             (if x < 0 {
                 x + w
@@ -256,7 +255,7 @@ impl ImageLight {
 }
 
 impl SkySample {
-    /// A direction that was drawn from an environment that is turned so. Without branches, so that
+    /// A direction that was drawn from an environment with this rotation. Without branches, so that
     /// loops over it become vector code.
     #[inline(always)]
     pub fn new(drawn: DrawnDirection, world_from_environment: &Mat3) -> Self {
@@ -265,8 +264,8 @@ impl SkySample {
     }
 }
 
-/// [`EnvironmentLight::place`] of an environment that is turned so. Without branches, so that loops
-/// over it become vector code.
+/// [`EnvironmentLight::place`] of an environment with this rotation. Without branches, so that
+/// loops over it become vector code.
 #[inline(always)]
 pub fn place_of(world_from_environment: &Mat3, direction: Vec3) -> Vec2 {
     let Mat3 { x_axis, y_axis, z_axis } = *world_from_environment;

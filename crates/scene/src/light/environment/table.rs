@@ -6,12 +6,12 @@ use snell_math::{DVec3, Vec2, Vec3, angles};
 use std::f32::consts::{FRAC_1_PI, TAU};
 use std::f64::consts::PI as PI64;
 
-/// A direction that was drawn, as the table knows it.
+/// A direction drawn from the table, in the table's coordinates.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct DrawnDirection {
     /// Cosine of the angle from the zenith.
     pub height: f64,
-    /// Longitude as a share of the whole turn.
+    /// Longitude as a share of a full turn.
     pub turn: f64,
     /// Density per steradian.
     pub pdf: f32,
@@ -42,15 +42,15 @@ pub(super) struct DirectionTable {
     edges: Vec<f64>,
 }
 
-/// Largest table; larger images are summed up.
+/// Maximum size of the table; larger images are downsampled.
 const MAX_TABLE: [usize; 2] = [2048, 1024];
 /// Each cell with any light, and each row, is drawn at least this often relative to the mean.
-/// Otherwise what is dim beside a sun would vanish in the rounding of the tables.
+/// Otherwise dim cells beside a sun would vanish in the rounding of the tables.
 const FLOOR: f32 = 1e-3;
 
 impl DirectionTable {
-    /// The density in proportion to what the luminance of cells exceeds `taken_off`, and the mean
-    /// of that over the sphere.
+    /// The density in proportion to the excess of the cells' luminance over `taken_off`, and the
+    /// mean of the excess over the sphere.
     pub fn new(luminance: &Cells, taken_off: f64) -> (Self, f64) {
         let [columns, rows] = luminance.size;
         let mut table = Vec::with_capacity(rows);
@@ -129,12 +129,12 @@ pub(super) struct Cells {
 }
 
 impl Cells {
-    /// Those of an image of this size: of each cell the mean of all texels that it touches.
+    /// The values of an image of this size: for each cell, the mean of all texels that it touches.
     pub fn of(image: impl Rows, [w, h]: [usize; 2]) -> Self {
         Self::in_table(image, [w, h], [w.min(MAX_TABLE[0]), h.min(MAX_TABLE[1])])
     }
 
-    /// The same for a table of this size.
+    /// The values for a table of this size.
     pub fn in_table(mut image: impl Rows, [w, h]: [usize; 2], size: [usize; 2]) -> Self {
         let range = |i: usize, cells: usize, texels: usize| {
             i * texels / cells..((i + 1) * texels).div_ceil(cells)

@@ -1,5 +1,5 @@
-//! The sky-dome model: a formula with nine coefficients a channel, which are blended between
-//! published tables by turbidity, albedo of the ground and height of the sun.
+//! The sky-dome model: a formula with nine coefficients per channel, which are interpolated in
+//! published tables by turbidity, albedo of the ground and elevation of the sun.
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -14,7 +14,7 @@ const TURBIDITIES: usize = 10;
 const SHAPES: usize = 2 * TURBIDITIES * CONTROL_POINTS * COEFFICIENTS;
 const CHANNEL: usize = SHAPES + 2 * TURBIDITIES * CONTROL_POINTS;
 
-/// The model for one sun.
+/// The model for one position of the sun.
 pub(super) struct HosekWilkie {
     coefficients: [[f64; COEFFICIENTS]; 3],
     means: [f64; 3],

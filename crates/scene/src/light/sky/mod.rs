@@ -1,6 +1,6 @@
 //! The sky of a clear day with its sun, as an environment: the measured-and-simulated model of
 //! Hosek and Wilkie (An Analytic Model for Full Spectral Sky-Dome Radiance, 2012, in its RGB form),
-//! the sun through the atmosphere ([`sun`]), and even ground below.
+//! the sun through the atmosphere ([`sun`]), and uniform ground below.
 
 mod hosek_wilkie;
 mod sun;
@@ -17,19 +17,18 @@ use std::sync::Arc;
 pub struct Sky {
     /// Height of the sun above the horizon, degrees, `[0, 90]`.
     pub elevation: f64,
-    /// Where the sun stands, degrees: 0 is `-z` (the middle of the environment's picture), 90 is
-    /// `+x`.
+    /// Azimuth of the sun, degrees: 0 is `-z` (the middle of the environment's image), 90 is `+x`.
     pub azimuth: f64,
     /// Haze, `[1, 10]`: 2 is very clear, 3 a clear day, 6 and more hazy.
     pub turbidity: f64,
-    /// Reflectance of the ground, `[0, 1]`: it brightens the sky a little, and is what lies below
-    /// the horizon.
+    /// Reflectance of the ground, `[0, 1]`: it brightens the sky slightly, and is visible below the
+    /// horizon.
     pub ground: f64,
     /// Angular diameter of the sun, degrees, `[0, 20]`: 0.53 in nature, more for softer shadows of
     /// the same brightness; 0 for no sun.
     pub sun: f64,
-    /// Factor on all radiance. With 1, the unit is `10^5 / pi` cd / m^2: what a white surface shows
-    /// that faces 100,000 lx, full daylight.
+    /// Factor on all radiance. With 1, the unit is `10^5 / pi` cd / m^2: the luminance of a white
+    /// surface that receives 100,000 lx, full daylight.
     pub scale: f64,
 }
 
@@ -43,18 +42,18 @@ impl Default for Sky {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{parameter} is {found}, expected {least} to {most}")]
 pub struct SkyError {
-    /// Which.
+    /// The name of the parameter.
     pub parameter: &'static str,
     /// Its value.
     pub found: f64,
-    /// The range, inclusive.
+    /// The lower end of the range; both ends are included.
     pub least: f64,
-    /// See `least`.
+    /// The upper end of the range.
     pub most: f64,
 }
 
 const SIZE: [u32; 2] = [2048, 1024];
-/// Candela per square metre in a unit of the model's luminance, and in one of ours.
+/// Candela per square metre in a unit of the model's luminance, and in a unit of the environment's.
 const MODEL_UNIT: f64 = 683.0;
 const UNIT: f64 = 1e5 / PI;
 
@@ -69,7 +68,7 @@ impl Sky {
         ("scale", 0.0, 1e6),
     ];
 
-    /// The parameter of a name, to be changed.
+    /// Mutable access to the parameter of a name.
     pub fn parameter(&mut self, name: &str) -> Option<&mut f64> {
         Some(match name {
             "elevation" => &mut self.elevation,
@@ -82,7 +81,7 @@ impl Sky {
         })
     }
 
-    /// The environment: a picture with the zenith at `+y`. Its texels are 0.18 degrees wide, and so
+    /// The environment: an image with the zenith at `+y`. Its texels are 0.18 degrees wide, and so
     /// is the soft edge of the sun.
     pub fn environment(&self) -> Result<Environment, SkyError> {
         let mut copy = *self;
@@ -136,11 +135,11 @@ impl Sky {
         Image::from_f32(w, h, 3, values)
     }
 
-    /// Spreads the sun's light over the texels of its disk above the horizon, so that all of it
-    /// arrives.
+    /// Spreads the sun's light over the texels of its disk above the horizon, conserving its
+    /// energy.
     fn add_sun(&self, values: &mut [f32], sun: DVec3, direct: [f64; 3]) {
         let [w, h] = SIZE;
-        // At least as large as what the texels resolve.
+        // At least as large as a texel.
         let radius = (self.sun * 0.5).to_radians().max(0.7 * PI / f64::from(h));
         let cos_radius = radius.cos();
         let rows = |angle: f64| (angle / PI * f64::from(h)).clamp(0.0, f64::from(h / 2)) as u32;
@@ -162,7 +161,7 @@ impl Sky {
     }
 }
 
-/// The share of a texel that a disk around `sun` covers, by 16 points.
+/// The share of a texel that a disk around `sun` covers, estimated with 16 points.
 fn coverage(x: f64, y: f64, sun: DVec3, cos_radius: f64) -> f64 {
     let middle = direction(x + 0.5, y + 0.5);
     // Far from the edge.
@@ -176,7 +175,7 @@ fn coverage(x: f64, y: f64, sun: DVec3, cos_radius: f64) -> f64 {
     (0..16).filter(inside).count() as f64 / 16.0
 }
 
-/// The direction at a place of the picture in texels.
+/// The direction at a position of the image in texels.
 fn direction(x: f64, y: f64) -> DVec3 {
     let (sin, cos) = (y / f64::from(SIZE[1]) * PI).sin_cos();
     let (s, c) = (x / f64::from(SIZE[0]) * TAU - PI).sin_cos();

@@ -1,15 +1,15 @@
-//! The sun seen through the atmosphere: its light outside of it, times what molecules, haze and
-//! ozone let through.
+//! The sun seen through the atmosphere: its extraterrestrial light, times the transmittance of
+//! molecules, haze and ozone.
 
 /// Illuminance of the sun outside of the atmosphere on a surface that faces it, lx.
 const SOLAR_CONSTANT: f64 = 133_100.0;
 /// Its colour, of luminance 1, in linear Rec. 709: chromaticity (0.323, 0.333), that of the
 /// extraterrestrial spectrum (ASTM E-490).
 const COLOR: [f64; 3] = [1.091, 0.979, 0.942];
-/// Wavelengths that stand for the channels, micrometres, and absorption of ozone there, per cm.
+/// Representative wavelengths of the channels, micrometres, and absorption of ozone there, per cm.
 const WAVELENGTHS: [f64; 3] = [0.612, 0.549, 0.465];
 const OZONE: [f64; 3] = [0.118, 0.084, 0.0075];
-/// Ozone above us, cm at normal pressure.
+/// Thickness of the ozone layer, cm at normal pressure.
 const OZONE_LAYER: f64 = 0.35;
 
 /// Illuminance per channel (whose luminance is in lx) on a surface that faces the sun. The

@@ -1,4 +1,4 @@
-//! Between four corners.
+//! Bilinear interpolation between four corners.
 
 use super::rgb_at;
 use crate::material::{ColorParam, ShadingPoint};
@@ -7,20 +7,19 @@ use serde::{Deserialize, Serialize};
 use snell_math::Rgb;
 
 snell_math::declare! {
-    /// Bilinear interpolation between four colours, which goes on outside of the square between
-    /// them.
+    /// Bilinear interpolation between four colours, which extrapolates outside their square.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(default, deny_unknown_fields)]
     pub struct Bilerp {
-        /// At `(s, t) = (0, 0)`.
+        /// The texture at `(s, t) = (0, 0)`.
         pub v00: ColorParam,
-        /// At `(0, 1)`.
+        /// The texture at `(0, 1)`.
         pub v01: ColorParam,
-        /// At `(1, 0)`.
+        /// The texture at `(1, 0)`.
         pub v10: ColorParam,
-        /// At `(1, 1)`.
+        /// The texture at `(1, 1)`.
         pub v11: ColorParam,
-        /// Where the corners are.
+        /// The mapping of the corners.
         pub mapping: Mapping,
     }
 }

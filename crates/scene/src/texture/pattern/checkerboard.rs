@@ -7,16 +7,17 @@ use serde::{Deserialize, Serialize};
 use snell_math::Rgb;
 
 snell_math::declare! {
-    /// Squares with sides of 1 in `(s, t)`, in turn of two colours; averaged over what is seen at
-    /// once.
+    /// Squares with sides of 1 in `(s, t)`, alternating between two textures; averaged over the
+    /// filter footprint.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(default, deny_unknown_fields)]
     pub struct Checkerboard {
-        /// The square from (0, 0) to (1, 1), and all whose coordinates have an even sum.
+        /// The texture of the square from (0, 0) to (1, 1), and of all whose coordinates have an
+        /// even sum.
         pub even: ColorParam,
-        /// The others.
+        /// The texture of the others.
         pub odd: ColorParam,
-        /// Where the squares are.
+        /// The mapping of the squares.
         pub mapping: Mapping,
     }
 }
@@ -45,14 +46,15 @@ impl Checkerboard {
 }
 
 snell_math::declare! {
-    /// Cubes with sides of 1 in space, in turn of two colours: a body cut from such a block.
-    /// Averaged over what is seen at once.
+    /// Cubes with sides of 1 in space, alternating between two textures: an object is cut from such
+    /// a block. Averaged over the filter footprint.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(default, deny_unknown_fields)]
     pub struct SolidCheckerboard {
-        /// The cube from (0, 0, 0) to (1, 1, 1), and all whose coordinates have an even sum.
+        /// The texture of the cube from (0, 0, 0) to (1, 1, 1), and of all whose coordinates have
+        /// an even sum.
         pub even: ColorParam,
-        /// The others.
+        /// The texture of the others.
         pub odd: ColorParam,
         /// The space of the cubes.
         pub texture_from_world: Rows,
@@ -83,7 +85,7 @@ impl SolidCheckerboard {
     }
 }
 
-/// The first colour for a contrast of 1, the second for -1.
+/// The first texture for a contrast of 1, the second for -1.
 fn shades(even: &ColorParam, odd: &ColorParam, contrast: f32, point: &ShadingPoint) -> Rgb {
     if contrast == 1.0 {
         rgb_at(even, point)

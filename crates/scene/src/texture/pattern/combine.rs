@@ -1,4 +1,4 @@
-//! Patterns made of others.
+//! Patterns that combine others.
 
 use super::rgb_at;
 use crate::material::{ColorParam, ShadingPoint};
@@ -12,9 +12,9 @@ snell_math::declare! {
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(default, deny_unknown_fields)]
     pub struct Scale {
-        /// What is scaled.
+        /// The texture that is scaled.
         pub texture: ColorParam,
-        /// By what.
+        /// The factor.
         pub scale: ColorParam,
     }
 }
@@ -26,7 +26,7 @@ impl Default for Scale {
 }
 
 impl Scale {
-    /// Twice a grey.
+    /// Two greys.
     pub fn examples() -> Vec<Self> {
         vec![Self { texture: Rgb::splat(0.25).into(), scale: Rgb::splat(2.0).into() }]
     }
@@ -41,15 +41,15 @@ impl Scale {
 }
 
 snell_math::declare! {
-    /// From one pattern to another, each of red, green and blue for itself.
+    /// Interpolates linearly between two patterns, separately in red, green and blue.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(default, deny_unknown_fields)]
     pub struct Mix {
-        /// Where the amount is 0.
+        /// The texture where the amount is 0.
         pub first: ColorParam,
-        /// Where the amount is 1.
+        /// The texture where the amount is 1.
         pub second: ColorParam,
-        /// Share of the second; values outside of `[0, 1]` go on beyond the two.
+        /// Share of the second texture; values outside `[0, 1]` extrapolate.
         pub amount: ColorParam,
     }
 }
@@ -77,14 +77,14 @@ impl Mix {
 }
 
 snell_math::declare! {
-    /// By the direction of the surface: the first where it faces along an axis or against it, the
-    /// second where it is at right angles.
+    /// Blends by the direction of the shading normal: the first texture where the normal is along
+    /// an axis or opposite to it, the second where it is perpendicular.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(default, deny_unknown_fields)]
     pub struct DirectionMix {
-        /// Where the shading normal is along the axis.
+        /// The texture where the shading normal is along the axis.
         pub first: ColorParam,
-        /// Where it is at right angles to it.
+        /// The texture where the normal is perpendicular to the axis.
         pub second: ColorParam,
         /// The axis, in the world; of any length but 0, which counts as the y axis.
         pub axis: Vec3,
@@ -115,7 +115,7 @@ impl DirectionMix {
 }
 
 snell_math::declare! {
-    /// A power of each of red, green and blue of another pattern; negative values count as 0.
+    /// A pattern raised to a power, separately in red, green and blue; negative values count as 0.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(default, deny_unknown_fields)]
     pub struct Power {
@@ -150,15 +150,13 @@ impl Power {
 }
 
 snell_math::declare! {
-    /// Colours by a number: a table whose first entry stands for 0 and whose last for 1, straight
-    /// lines between.
+    /// A colour ramp: a table with the first entry at 0 and the last at 1, interpolated linearly.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(default, deny_unknown_fields)]
     pub struct Ramp {
-        /// Looked up, each of red, green and blue for itself; what is outside of `[0, 1]` is
-        /// brought in.
+        /// The positions in the ramp, separately for red, green and blue; clamped to `[0, 1]`.
         pub amount: ColorParam,
-        /// The table; empty for one that says black.
+        /// The table; an empty one is black.
         pub colors: Vec<Rgb>,
     }
 }
@@ -194,13 +192,13 @@ impl Ramp {
 }
 
 snell_math::declare! {
-    /// Another texture, laid out by a mapping in the place of the coordinates of the surface.
+    /// Another texture with a mapping in place of the coordinates of the surface.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(default, deny_unknown_fields)]
     pub struct Projected {
-        /// What is laid out: its coordinates are `(s, 1 - t)`.
+        /// The texture; its coordinates are `(s, 1 - t)`.
         pub texture: ColorParam,
-        /// Where.
+        /// The mapping.
         pub mapping: Mapping,
     }
 }
@@ -223,7 +221,7 @@ impl Projected {
 
     pub(super) fn rgb(&self, point: &ShadingPoint) -> Rgb {
         let at = self.mapping.at(point);
-        // A surface on which a unit of the coordinates is as long as what is seen says.
+        // A surface on which the footprint has the given width in units of the coordinates.
         let long =
             |axis: Vec3, width: f32| axis * if width > 0.0 { point.footprint / width } else { 1.0 };
         let surface = SurfaceInteraction {

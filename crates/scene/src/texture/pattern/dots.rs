@@ -8,23 +8,23 @@ use serde::{Deserialize, Serialize};
 use snell_math::{Rgb, Vec2, Vec3};
 
 snell_math::declare! {
-    /// Polka dots: about two of five squares with sides of 1 in `(s, t)` have a dot of radius 0.35
-    /// that lies within it, at a random place (Pharr, Jakob, Humphreys, Physically Based Rendering,
-    /// 3rd edition, section 10.5.2).
+    /// Polka dots: about two of five squares with sides of 1 in `(s, t)` contain a dot of radius
+    /// 0.35 at a random position (Pharr, Jakob, Humphreys, Physically Based Rendering, 3rd edition,
+    /// section 10.5.2).
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(default, deny_unknown_fields)]
     pub struct Dots {
-        /// In the dots.
+        /// The texture inside the dots.
         pub inside: ColorParam,
-        /// Between the dots.
+        /// The texture between the dots.
         pub outside: ColorParam,
-        /// Where the squares are.
+        /// The mapping of the squares.
         pub mapping: Mapping,
     }
 }
 
 const RADIUS: f32 = 0.35;
-/// The share of the plane that dots cover, by that of the squares that have one.
+/// The share of the plane that dots cover, from the share of squares with a dot.
 const COVERED: f32 = 0.3955 * std::f32::consts::PI * RADIUS * RADIUS;
 
 impl Default for Dots {
@@ -58,13 +58,13 @@ impl Dots {
     }
 }
 
-/// The share of what is seen at once that lies in dots: that of the dot nearby if little is seen,
-/// of all dots if much is.
+/// The share of the filter footprint inside dots: for a small footprint that of the dot nearby, for
+/// a large one that of all dots.
 fn share_in_dots(PlanePoint { st, width }: PlanePoint) -> f32 {
     let width = width.max_element();
     let near = dot(st).map_or(0.0, |center| {
         let depth = RADIUS - (st - center).length();
-        // A rim as wide as what is seen makes the dot larger, which is taken off again.
+        // A rim of the width of the footprint enlarges the dot, which is corrected.
         let gain = 1.0 + (width / RADIUS).powi(2) / 12.0;
         if width > 0.0 {
             (depth / width + 0.5).clamp(0.0, 1.0) / gain
@@ -76,7 +76,7 @@ fn share_in_dots(PlanePoint { st, width }: PlanePoint) -> f32 {
     near + (COVERED - near) * ((width - 0.3) / 0.4).clamp(0.0, 1.0)
 }
 
-/// The centre of the dot of the square that a point is in, if it has one.
+/// The centre of the dot in the square of a point, if there is one.
 fn dot(st: Vec2) -> Option<Vec2> {
     let square = (st + 0.5).floor();
     let noise = |x: f32, y: f32| perlin_noise(Vec3::new(square.x + x, square.y + y, 0.5));

@@ -15,14 +15,13 @@ macro_rules! sums {
             #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
             #[serde(default, deny_unknown_fields)]
             pub struct $kind {
-                /// How many octaves at most, each about twice as fine as the one before; more than
-                /// 32 are 32.
+                /// Maximum number of octaves, each of about twice the frequency of the previous
+                /// one; at most 32 are used.
                 pub octaves: u32,
-                /// Height of an octave over that of the one before, `[0, 4]`: the larger, the
-                /// rougher.
+                /// Ratio of the amplitudes of successive octaves, `[0, 4]`: larger is rougher.
                 #[range(Range::Within(0.0, 4.0))]
                 pub roughness: f32,
-                /// The space of the noise, whose coarsest waves are about 1 long.
+                /// The space of the noise, where the longest wavelength is about 1.
                 pub texture_from_world: Rows,
             }
         }
@@ -53,11 +52,11 @@ macro_rules! sums {
 }
 
 sums! {
-    /// Fractional Brownian motion: bumps of all sizes around 0. Octaves too fine for what is seen
-    /// at once fade out.
+    /// Fractional Brownian motion: bumps of all sizes around 0. Octaves too fine for the filter
+    /// footprint fade out.
     Fbm => fbm,
-    /// Turbulence: creases as of crumpled paper, from 0 upwards. Octaves too fine for what is seen
-    /// at once are replaced by their mean.
+    /// Turbulence: creases as in crumpled paper, from 0 upwards. Octaves too fine for the filter
+    /// footprint are replaced by their mean.
     Wrinkled => turbulence,
 }
 
@@ -67,7 +66,7 @@ snell_math::declare! {
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(default, deny_unknown_fields)]
     pub struct Windy {
-        /// The space of the waves, of which the coarsest are about 1 long; gusts are ten times as
+        /// The space of the waves, where the longest wavelength is about 1; gusts are ten times as
         /// large.
         pub texture_from_world: Rows,
     }
@@ -80,7 +79,7 @@ impl Default for Windy {
 }
 
 impl Windy {
-    /// The only one.
+    /// The only example.
     pub fn examples() -> Vec<Self> {
         vec![Self::default()]
     }
@@ -103,14 +102,14 @@ snell_math::declare! {
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(default, deny_unknown_fields)]
     pub struct Marble {
-        /// How many octaves disturb the veins at most; more than 32 are 32.
+        /// Maximum number of octaves that disturb the veins; at most 32 are used.
         pub octaves: u32,
-        /// Height of an octave over that of the one before, `[0, 4]`.
+        /// Ratio of the amplitudes of successive octaves, `[0, 4]`.
         #[range(Range::Within(0.0, 4.0))]
         pub roughness: f32,
-        /// Factor on the coordinates, before all else: veins come every 2 pi over it.
+        /// Factor on the coordinates, applied first: the period of the veins is 2 pi over it.
         pub scale: f32,
-        /// How far the noise shifts the veins.
+        /// Displacement of the veins by the noise.
         pub variation: f32,
         /// The space of the block.
         pub texture_from_world: Rows,
@@ -156,15 +155,14 @@ impl Marble {
         let width = width.max_element() * self.scale.abs();
         let phase = p.y + self.variation * octaves.fbm(p, width);
         let phase = if phase.is_finite() { phase } else { 0.0 };
-        // Veins closer than what is seen at once blur to their mean, as a sine does to second
-        // order.
+        // Veins finer than the filter footprint blur to their mean, like a sine to second order.
         let share = (-width * width / 24.0).exp();
         spline(0.5 + 0.5 * phase.sin()) * 1.5 * share + MEAN_STONE * (1.0 - share)
     }
 }
 
-/// The Bezier segment between four of the colours that `t` in `[0, 1]` falls on; each begins one
-/// colour after the one before.
+/// The Bezier segment between four of the colours that `t` in `[0, 1]` falls on; each segment
+/// starts one colour after the previous one.
 fn spline(t: f32) -> Rgb {
     let segments = STONE.len() - 3;
     let place = t.clamp(0.0, 1.0) * segments as f32;

@@ -26,7 +26,7 @@ fn rgb_at(param: &ColorParam, point: &ShadingPoint) -> Rgb {
 }
 
 snell_math::kinds! {
-    /// Any of the patterns. Parameters that are left out are those of the pattern's default.
+    /// Any of the patterns. Omitted parameters have the pattern's defaults.
     pub enum Pattern tagged "pattern" by match_pattern! {
         "checkerboard" => Checkerboard,
         "solid-checkerboard" => SolidCheckerboard,
@@ -46,18 +46,18 @@ snell_math::kinds! {
 }
 
 impl Pattern {
-    /// The textures that it is made of, each as often as it is used.
+    /// The textures that it combines, each as often as it is used.
     pub fn textures(&self) -> Vec<TextureId> {
         references(self, TextureId::TABLE).into_iter().map(TextureId).collect()
     }
 
-    /// True if it looks at the coordinates of the surface alone, apart from the textures that it is
-    /// made of: then a picture can show it.
+    /// True if it depends on the coordinates of the surface only, apart from the textures that it
+    /// combines: then it can be baked into an image.
     pub fn is_on_surface(&self) -> bool {
         match_pattern!(self, pattern => pattern.is_on_surface())
     }
 
-    /// Linear RGB at a point, as it comes: not always finite.
+    /// Linear RGB at a point; it may be non-finite.
     pub(super) fn rgb(&self, point: &ShadingPoint) -> Rgb {
         match_pattern!(self, pattern => pattern.rgb(point))
     }
