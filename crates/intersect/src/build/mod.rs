@@ -163,7 +163,7 @@ fn through_cache(
     Ok((built, usage))
 }
 
-/// Also says how many of the triangles are in the tree.
+/// Also returns the number of triangles in the tree.
 fn build_wide(
     list: &GroupList,
     triangles: &Triangles,

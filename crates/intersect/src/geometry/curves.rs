@@ -34,7 +34,8 @@ impl StrandBasis {
         }
     }
 
-    /// Segments of a strand of so many points; `None` if they make none.
+    /// The number of segments of a strand of this many points; `None` if the points make no
+    /// segment.
     pub fn segments(self, points: usize) -> Option<usize> {
         let (whole, step) = self.points_and_step();
         let rest = points.checked_sub(whole)?;
@@ -78,8 +79,8 @@ fn expected(basis: StrandBasis) -> &'static str {
 }
 
 /// Curves of round cross-section in strands: the space that a ball sweeps along each.
-/// [`LinearCurves`] and [`CubicCurves`] say what a segment is. Long and thin segments are divided
-/// in halves, quarters or eighths, because the boxes around those are so much smaller;
+/// [`LinearCurves`] and [`CubicCurves`] define the segments. Long and thin segments are divided in
+/// halves, quarters or eighths, because the boxes around those are so much smaller;
 /// [`crate::Hit::primitive`] counts these pieces over all strands, and [`crate::Hit::uv`] is along
 /// a piece.
 ///
@@ -105,8 +106,8 @@ pub struct Curves {
     capsules: Vec<Capsule>,
 }
 
-/// All points within a distance of a line from point to point: around a piece, so that most rays
-/// that come near it are told at once that they pass by.
+/// A capsule: all points within a distance of a line segment. It bounds a piece, so that most rays
+/// that miss it are rejected early.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Capsule {
     start: Vec3,
@@ -166,8 +167,7 @@ enum Segments {
 /// Segments are halved at most so often.
 const MOST_HALVINGS: u32 = 3;
 
-/// Pieces are about so much longer than they are wide, if segments need not be halved more often
-/// for that.
+/// Target ratio of a piece's length to its width, unless it needs more halvings than are allowed.
 const SLENDER: f64 = 8.0;
 
 /// How far outside of the next segment, as the sine of an angle at the joint, the end of a segment

@@ -56,7 +56,7 @@ impl Placement {
         }
     }
 
-    /// Tells a goal that records that the search enters the child.
+    /// Reports to a recording goal that the search enters the child.
     #[inline(always)]
     fn tell<G: Goal>(&self, search: &mut Search<'_, G>) {
         if !G::RECORDS {
@@ -193,7 +193,7 @@ impl Objects {
         ObjectRef::Primitive(bulk, number as u32 - bulk.first)
     }
 
-    /// Tells what will be tested soon.
+    /// Prefetches what will be tested soon.
     #[inline(always)]
     pub fn fetch(&self, number: usize) {
         if let ObjectRef::Primitive(Bulk { contents: BulkContents::Set(set), .. }, primitive) =

@@ -9,8 +9,8 @@ pub(crate) trait Answers<G> {
     /// Takes what was found for a ray.
     fn put(&mut self, number: usize, goal: G);
 
-    /// Told some time before a ray is done, if rays are not taken in order: the memory of the
-    /// answer may be asked for.
+    /// Called some time before a ray's result is written, if rays are not traced in order, to
+    /// prefetch the memory of the result.
     #[inline(always)]
     fn fetch(&self, _number: usize) {}
 }

@@ -1,4 +1,4 @@
-//! What queries say besides their rays: which belong together, and which hits count.
+//! Parameters of queries besides their rays: the grouping of rays, and the filter of hits.
 
 use crate::precision::{Precision, Single};
 

@@ -50,27 +50,27 @@ pub(crate) trait Goal {
     /// Takes a hit; true if the search is over.
     fn take(&mut self, hit: HitOf<Self>) -> bool;
 
-    /// Told of every node whose boxes are tested.
+    /// Called for every node whose boxes are tested.
     #[inline(always)]
     fn count_node(&mut self) {}
 
-    /// Told of every primitive tested.
+    /// Called for every primitive that is tested.
     #[inline(always)]
     fn count_primitives(&mut self, _count: u32) {}
 
-    /// Told of nodes and cells visited.
+    /// Called with the number of nodes and cells visited.
     #[inline(always)]
     fn count_visits(&mut self, _nodes: u32, _cells: u32) {}
 
-    /// Told of every region that the search looks into, in the coordinates of the group.
+    /// Called for every region that the search enters, in the coordinates of the group.
     #[inline(always)]
     fn visit(&mut self, _is_leaf: bool, _region: impl FnOnce() -> Region) {}
 
-    /// Told that the search enters an instance, by the map from outside to inside.
+    /// Called when the search enters an instance, with the map from outside to inside.
     #[inline(always)]
     fn enter(&mut self, _child_from_group: &DAffine3) {}
 
-    /// Told that it has left the instance entered last.
+    /// Called when the search leaves the instance entered last.
     #[inline(always)]
     fn leave(&mut self) {}
 }
@@ -101,8 +101,7 @@ pub(crate) struct Context<'a, P: Facts> {
 }
 
 impl<P: Facts> Context<'_, P> {
-    /// True if nobody waits for the answers any more. Asked where a search may go on for long: at
-    /// every instance.
+    /// True if the query was cancelled. Called where a search may take long: at every instance.
     #[inline(always)]
     pub fn is_cancelled(&self) -> bool {
         self.cancel.is_some_and(|flag| flag.load(Ordering::Relaxed))

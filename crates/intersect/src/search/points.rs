@@ -58,7 +58,7 @@ impl<P: Precision> Points<'_, P> {
         if own < all || own.is_nan() { own } else { all }
     }
 
-    /// Panics unless there are as many answers as points, and no limit or one per point.
+    /// Panics unless there is one result per point, and either no limit or one per point.
     pub(crate) fn check(&self, answers: usize) {
         assert_eq!(self.len(), answers, "one answer per point");
         assert!(

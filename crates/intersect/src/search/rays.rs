@@ -56,7 +56,7 @@ impl<'a, P: Precision> Rays<'a, P> {
     /// With a mask per ray ([`RayQuery::mask`]).
     ///
     /// # Panics
-    /// If there are not as many as rays.
+    /// If their number is not that of the rays.
     pub fn with_masks(self, masks: &'a [u32]) -> Self {
         assert_eq!(masks.len(), self.rays.len(), "one mask per ray");
         Self { masks, ..self }
@@ -65,7 +65,7 @@ impl<'a, P: Precision> Rays<'a, P> {
     /// With a time per ray ([`RayQuery::time`]); what is not in 0 to 1 is clamped, NaN counts as 0.
     ///
     /// # Panics
-    /// If there are not as many as rays.
+    /// If their number is not that of the rays.
     pub fn with_times(self, times: &'a [f32]) -> Self {
         assert_eq!(times.len(), self.rays.len(), "one time per ray");
         Self { times, ..self }
@@ -106,7 +106,7 @@ impl<'a, P: Precision> Rays<'a, P> {
     /// One of the rays.
     ///
     /// # Panics
-    /// If there are not so many.
+    /// If the index is out of range.
     #[inline(always)]
     pub fn get(&self, index: usize) -> RayQuery<'a, P> {
         let mask = if self.masks.is_empty() { u32::MAX } else { self.masks[index] };

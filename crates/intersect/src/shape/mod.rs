@@ -208,7 +208,7 @@ pub trait Shape: Send + Sync + std::fmt::Debug {
         patch::tessellate(self, around)
     }
 
-    /// The shape as a [`AnyShape`], for code that treats some shapes specially, as light sampling
+    /// The shape as an [`AnyShape`], for code that treats some shapes specially, as light sampling
     /// does spheres. `None` for user-defined shapes.
     fn to_any(&self) -> Option<AnyShape> {
         None

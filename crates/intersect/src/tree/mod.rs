@@ -32,7 +32,8 @@ pub(crate) enum CacheUse {
     Read,
     /// It was built and written to one.
     Written,
-    /// It was built because the file was damaged, or could not be written: what to tell the user.
+    /// A warning for the user: the tree was built because its file was damaged, or the file could
+    /// not be written.
     Failed(String),
 }
 

@@ -69,7 +69,7 @@ unsafe impl<T: Plain> Send for Storage<T> {}
 unsafe impl<T: Plain> Sync for Storage<T> {}
 
 impl<T: Plain> Storage<T> {
-    /// Memory for `len` values of any kind: zeros, or what somebody else left behind.
+    /// Memory for `len` values with arbitrary contents: zeros, or those of earlier use.
     pub fn unset(len: usize) -> Self {
         let layout = Layout::array::<T>(len).expect("no world is larger than the address space");
         if layout.size() >= MAPPED_BYTES
@@ -100,7 +100,7 @@ impl<T: Plain> Storage<T> {
 
     /// The same, to be changed.
     pub fn bytes_mut(&mut self) -> &mut [u8] {
-        // SAFETY: as above, nobody else has them, and any bits are valid values.
+        // SAFETY: as above, there is no other reference, and any bits are valid values.
         unsafe { std::slice::from_raw_parts_mut(self.start.as_ptr().cast(), size_of_val(&**self)) }
     }
 }
@@ -130,7 +130,7 @@ impl<T> Deref for Storage<T> {
 
 impl<T> DerefMut for Storage<T> {
     fn deref_mut(&mut self) -> &mut [T] {
-        // SAFETY: as above, and nobody else has them.
+        // SAFETY: as above, and there is no other reference.
         unsafe { std::slice::from_raw_parts_mut(self.start.as_ptr(), self.len) }
     }
 }

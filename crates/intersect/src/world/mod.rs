@@ -628,7 +628,7 @@ pub struct BuildStats {
     pub triangles: u64,
     /// Triangles that can never be hit ([`TriangleMesh::is_degenerate`]); part of `triangles`.
     pub skipped_triangles: u64,
-    /// Triangles of the world, each counted as often as it occurs.
+    /// Triangles of the world, counted once per occurrence.
     pub instanced_triangles: u64,
     /// Primitives of all sets (spheres, curves), each counted once.
     pub primitives: u64,
@@ -751,7 +751,7 @@ impl World {
         self.stats.triangles
     }
 
-    /// Triangles of the world, each counted as often as it occurs.
+    /// Triangles of the world, counted once per occurrence.
     pub fn instanced_triangle_count(&self) -> u64 {
         self.stats.instanced_triangles
     }

@@ -79,7 +79,7 @@ const STEEPEST: f64 = 64.0;
 impl Triangle {
     const NONE: Self = Self { numbers: [[0.0; 8]; 2] };
 
-    /// What tells only which shape is hit.
+    /// Data that only identifies the shape that is hit.
     fn of_shape(geometry: u32) -> Self {
         let mut numbers = Self::NONE.numbers;
         numbers[1][2] = f32::from_bits(geometry);

@@ -71,7 +71,7 @@ impl Spare {
         }
         let dropped: Vec<Piece> = pieces.drain(..old).collect();
         drop(pieces);
-        // (The system takes its time, and nobody else should wait for it.)
+        // (The system call is slow, and no other thread should wait for it.)
         drop(dropped);
     }
 }
