@@ -46,7 +46,8 @@ pub(crate) struct Sorter {
 }
 
 impl Sorter {
-    /// Buffers for this many rays; `None` if they need not be sorted.
+    /// A sorter for a batch of this many rays; it sorts if `sorts` is set and the batch is large
+    /// enough.
     pub fn new(rays: usize, sorts: bool) -> Self {
         let sorts = sorts && rays >= MIN_RAYS;
         let parts = if sorts { rays.div_ceil(MAX_RAYS) } else { 1 };
