@@ -364,7 +364,7 @@ impl Request {
         self.spp.unwrap_or(default)
     }
 
-    /// True unless a filter, or a number of samples that needs one, is requested.
+    /// True if neither a filter nor more than one sample per pixel is requested.
     fn leaves_pixel_position(&self) -> bool {
         self.filter.is_none() && self.spp.unwrap_or(1) == 1
     }
