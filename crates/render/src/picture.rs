@@ -6,7 +6,8 @@ use crate::integrator::IntegratorKind;
 use crate::settings::Settings;
 use snell_scene::{Background, LayeredImage};
 
-/// The linear picture with its layers. The alpha channel is kept only if it is not 1 everywhere.
+/// The linear picture with its layers. The alpha channel is kept only with a transparent
+/// background.
 pub fn picture(film: &Film, settings: &Settings, compiled: &CompiledScene) -> LayeredImage {
     let mut picture = film.image();
     if settings.integrator == IntegratorKind::Aov

@@ -15,7 +15,7 @@ use snell_scene::material::ShadingBsdf;
 use snell_scene::medium::Glow;
 use snell_scene::{Background, Material, MediumId};
 
-/// The interval of a shadow ray to a point ends at this fraction, just short of the light itself.
+/// A shadow ray to a point ends at this fraction of the distance, just short of the light itself.
 pub(crate) const SHADOW_END: f32 = 1.0 - 1e-4;
 
 /// The environment's radiance along the ray of a vertex; black without an environment.
