@@ -1,6 +1,6 @@
 //! Projection maps of photons that glass and mirrors focus: few of a light's photons hit these, but
 //! they cause all caustics. So after some photons were emitted everywhere, half of the others are
-//! emitted where the focused ones were ( Jensen, Global illumination using photon maps, 1996,
+//! emitted where the focused ones were (Jensen, Global illumination using photon maps, 1996,
 //! section 2.1). The maps are over the random numbers by which a photon is emitted, so one kind of
 //! map serves all kinds of lights.
 
