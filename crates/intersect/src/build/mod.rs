@@ -1,4 +1,4 @@
-//! The tree of one group, in the quality asked for.
+//! The tree of one group, in the requested quality.
 //!
 //! A build makes a binary tree (`fast`, `medium` or `high`), in parts that one thread builds each
 //! and inner nodes above them; `wide` then counts what the tree needs as 8-wide nodes and blocks,

@@ -99,7 +99,7 @@ impl<'a> Triangles<'a> {
         };
         let mut pieces = Vec::new();
         for (_, mesh) in &self.list.meshes {
-            // (Each begins where the samples of the one before would go on.)
+            // (Each starts where the samples of the previous one would continue.)
             pieces.extend(
                 ranges(mesh.indices.len(), stride * SAMPLES_AT_ONCE).map(|range| (&**mesh, range)),
             );

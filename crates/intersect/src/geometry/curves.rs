@@ -1,5 +1,4 @@
-//! Strands: round curves of one or more segments each, hit from outside only. What hair and fur are
-//! made of.
+//! Strands: round curves of one or more segments each, hit from outside only, for hair and fur.
 
 use super::cubic::Tube;
 use super::sweep::{derivatives, halves};
@@ -43,7 +42,7 @@ impl StrandBasis {
     }
 }
 
-/// Points that do not make strands.
+/// Points that do not define strands.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum StrandError {
     /// A strand with too few points, or too many for whole segments.
@@ -51,9 +50,9 @@ pub enum StrandError {
     Points {
         /// Its number.
         strand: usize,
-        /// How many points it has.
+        /// The number of its points.
         points: u32,
-        /// What they were to define.
+        /// Their basis.
         basis: StrandBasis,
     },
     /// The strands do not use up the points.
@@ -61,15 +60,15 @@ pub enum StrandError {
     Total {
         /// Points of all strands.
         strands: u64,
-        /// Points that there are.
+        /// The number of points.
         points: usize,
     },
-    /// More than can be counted.
+    /// There are more points or segments than the numbers can count.
     #[error("more points than 32-bit numbers can count: spread them over several sets")]
     TooMany,
 }
 
-/// What a strand of this basis needs.
+/// A description of the number of points that a strand of this basis needs.
 fn expected(basis: StrandBasis) -> &'static str {
     match basis {
         StrandBasis::Linear => "2 or more",
@@ -80,15 +79,13 @@ fn expected(basis: StrandBasis) -> &'static str {
 
 /// Curves of round cross-section in strands: the space that a ball sweeps along each.
 /// [`LinearCurves`] and [`CubicCurves`] define the segments. Long and thin segments are divided in
-/// halves, quarters or eighths, because the boxes around those are so much smaller;
-/// [`crate::Hit::primitive`] counts these pieces over all strands, and [`crate::Hit::uv`] is along
-/// a piece.
+/// halves, quarters or eighths, because their boxes are much smaller; [`crate::Hit::primitive`]
+/// counts these pieces over all strands, and [`crate::Hit::uv`] is along a piece.
 ///
-/// Unlike their segments, strands have an outside only: a ray meets a strand where it goes in,
-/// never where it comes out, and nothing within it where segments meet. So a ray that starts on a
-/// strand passes through it unhindered, which is what scattering by fibres asks for (the light's
-/// way within the fibre is the material's affair), and Embree's culling of the inner sides of
-/// curves does the same.
+/// Unlike their segments, strands have an outside only: a ray hits a strand where it enters, never
+/// where it leaves, and never inside where segments meet. So a ray that starts on a strand passes
+/// through it, as fibre scattering requires (the material models the light inside the fibre);
+/// Embree culls the back faces of curves likewise.
 ///
 /// Texture coordinates: `u` from 0 at the root of a strand to 1 at its tip, evenly over its
 /// segments; `v` from 0 to 1 around it.
@@ -164,7 +161,7 @@ enum Segments {
     Cubic(CubicCurves),
 }
 
-/// Segments are halved at most so often.
+/// The largest number of halvings of a segment.
 const MOST_HALVINGS: u32 = 3;
 
 /// Target ratio of a piece's length to its width, unless it needs more halvings than are allowed.
@@ -315,8 +312,7 @@ impl Curves {
             .fold(Bounds3d::EMPTY, |all, b| all.union(&b))
     }
 
-    /// True if a point on the round end of a piece, at `u` 0 or 1, lies within the piece that goes
-    /// on from there.
+    /// True if a point on the round end of a piece, at `u` 0 or 1, lies within the adjacent piece.
     fn is_within_next(&self, piece: usize, u: f32, position: DVec3) -> bool {
         let [first, after] = self.strand_of(piece);
         let (next, start, sign) = match u {
@@ -372,7 +368,7 @@ impl PrimitiveSet for Curves {
             }
             Segments::Cubic(_) => {
                 let (tube, _) = self.tube(piece)?;
-                // Where the ray goes in: every other crossing.
+                // The entries of the ray: every other crossing.
                 let hit = tube.crossings(ray)?.step_by(2).find(is_seen)?;
                 Some((hit, tube.bounds()))
             }

@@ -1,4 +1,4 @@
-//! What queries are asked about: rays, and per ray a mask and a time where the caller has them.
+//! The input of ray queries: rays, with an optional mask and time for each.
 
 use crate::precision::{Double, Precision, Single};
 use snell_math::{DRay, Ray, Vec3};
@@ -9,9 +9,10 @@ use std::sync::atomic::AtomicBool;
 pub struct RayQuery<'a, P: Precision = Single> {
     /// In world space.
     pub ray: &'a P::Ray,
-    /// The ray meets a geometry or enters an instance only if their masks share a bit with this.
+    /// The ray hits a geometry or enters an instance only if their masks have a bit in common with
+    /// this one.
     pub mask: u32,
-    /// From 0 (start of the motion) to 1 (its end). What does not move does not care.
+    /// From 0 (start of the motion) to 1 (its end). Only moving geometry depends on it.
     pub time: f32,
 }
 

@@ -153,7 +153,7 @@ impl BlocksAt {
         Self::new(lines.as_ptr().cast(), size_of::<Line>() as u32)
     }
 
-    /// Where a block is, to ask for its memory.
+    /// The address of a block, for prefetching.
     #[inline(always)]
     pub fn address(self, number: usize) -> *const u8 {
         self.start.wrapping_add(number * self.stride as usize)

@@ -1,9 +1,9 @@
 //! The memory of trees: large pieces come from the system in huge pages where it has them.
 //!
-//! Fresh pages are a good part of the cost of a build, and address translation one of walking large
-//! trees, so pieces of some size are mapped by themselves and the system is asked for huge pages.
-//! No memory is filled before several threads write their parts of it: it starts as zeros, which
-//! the system gives for nothing, or holds what was in a piece that was given back ([`spare`]).
+//! Fresh pages are a large part of the cost of a build, and address translation is one of
+//! traversing large trees, so larger pieces are mapped separately with huge pages. No memory is
+//! initialised before several threads write their parts of it: it starts as zeros, which the system
+//! provides, or holds the old contents of a piece that was returned ([`spare`]).
 
 use std::alloc::{Layout, alloc_zeroed, dealloc, handle_alloc_error};
 use std::fmt;
@@ -27,9 +27,9 @@ const MAPPED_BYTES: usize = if cfg!(miri) { 1 << 12 } else { 3 << 17 };
 /// Bytes of a huge page where the system has them, and if not, what memory is aligned to.
 const HUGE_PAGE: usize = 1 << 21;
 
-/// How many of these bytes are in huge pages, and some more if it is more: the end is in one if it
-/// fills half of it. So at most a megabyte is wasted, and no more than twice as many pages of the
-/// small kind are touched, a microsecond each on virtual machines.
+/// The number of bytes to put in huge pages, rounded up if the end fills at least half of one. So
+/// at most a megabyte is wasted, and few small pages are touched, which costs a microsecond each on
+/// virtual machines.
 fn huge_bytes(bytes: usize) -> usize {
     (bytes.saturating_add(HUGE_PAGE / 2)) / HUGE_PAGE * HUGE_PAGE
 }

@@ -95,7 +95,7 @@ pub struct CompiledScene {
     light_samplers: Mutex<Vec<(LightSamplerKind, LightStrategy, Arc<LightSampler>)>>,
 }
 
-/// Data that are built at first use.
+/// The parts of a compiled scene that take long to build.
 struct Built {
     world: Arc<World>,
     surfaces: Arc<SurfaceTable>,

@@ -198,7 +198,7 @@ impl List {
         Self::new(tree, found, *rest)
     }
 
-    /// The list of some primitives of a group; rays are asked about these bounds too.
+    /// The list of some primitives of a group; rays are also tested against these bounds.
     fn new(tree: &GroupTree, found: Primitives, others: Bounds3) -> Option<Box<Self>> {
         let Primitives { triangles, objects } = found;
         if triangles.len() > MAX_TRIANGLES || objects.len() > MAX_OBJECTS {
