@@ -1,14 +1,15 @@
-//! What a ray found: the compact [`Hit`], and the [`SurfaceInteraction`] computed from it.
+//! The results of ray queries: the compact [`Hit`], and the [`SurfaceInteraction`] computed from
+//! it.
 
 use snell_math::{DVec2, DVec3, Vec2, Vec3, robust};
 
-/// The answer to a closest-hit query for one ray. 24 bytes, plain data.
+/// The result of a closest-hit query for one ray. 24 bytes, plain data.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
     /// Ray parameter of the hit, in units of the ray's direction; infinite for a miss.
     pub t: f32,
-    /// Primitive parameters: barycentrics `(b1, b2)` of a triangle; what a shape chose to note
-    /// otherwise.
+    /// Primitive parameters: barycentrics `(b1, b2)` of a triangle; for other primitives, a value
+    /// that the shape or set defines.
     pub uv: Vec2,
     /// Occurrence number of the group that holds the geometry (depth first from the root, which is
     /// 0); see [`crate::World::instance_path`].
@@ -20,7 +21,7 @@ pub struct Hit {
 }
 
 impl Hit {
-    /// The id that stands for "nothing".
+    /// The id that means "no geometry".
     pub const NONE: u32 = u32::MAX;
 
     /// A miss.
@@ -37,15 +38,15 @@ impl Hit {
         self.geometry != Self::NONE
     }
 
-    /// True if this hit is to be reported rather than `other`: nearer, or at equal `t` the lower
-    /// (instance, geometry, primitive), and for two hits on one primitive (a quad that is folded
-    /// over) the lower `uv`. Any hit is better than a miss. (Of a primitive of a set, which a ray
-    /// may cross twice within a rounding, the first crossing counts, whatever its `uv`.)
+    /// True if this hit is reported rather than `other`: it is nearer, or has at equal `t` the
+    /// lower (instance, geometry, primitive), and for two hits on one primitive (a quad that is
+    /// folded over) the lower `uv`. Any hit is better than a miss. (A ray may cross a primitive of
+    /// a set twice at the same rounded `t`; then the first crossing counts, whatever its `uv`.)
     pub fn is_before(&self, other: &Self) -> bool {
         self.t < other.t || (self.t == other.t && self.rank() < other.rank())
     }
 
-    /// What decides between equally far hits.
+    /// The key that breaks ties between hits at equal distance.
     pub(crate) fn rank(&self) -> [u32; 5] {
         [self.instance, self.geometry, self.primitive, self.uv.x.to_bits(), self.uv.y.to_bits()]
     }
@@ -55,10 +56,10 @@ impl Hit {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DHit {
     /// Ray parameter of the hit, in units of the ray's direction; infinite for a miss. On a
-    /// triangle it is off by at most a unit in the last place from where the line of the ray meets
+    /// triangle it differs by at most one unit in the last place from where the ray's line meets
     /// the plane of the three vertices in exact arithmetic, both taken in the coordinates of the
-    /// mesh. (Only where rounding lets a ray meet a triangle that it just misses, it is where the
-    /// ray is in the triangle's box.)
+    /// mesh. (If rounding reports a hit on a triangle that the ray just misses, `t` is clamped to
+    /// the interval in which the ray is inside the triangle's box.)
     pub t: f64,
     /// As in [`Hit`].
     pub uv: DVec2,
@@ -98,34 +99,34 @@ impl Default for Hit {
     }
 }
 
-/// Everything local about a point on a surface, in world space.
+/// The local geometry at a point on a surface, in world space, as in pbrt.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfaceInteraction {
     /// The point on the surface.
     pub position: Vec3,
-    /// Bound of the absolute error of each coordinate of `position`, all transformations included.
+    /// Bound on the absolute error of each coordinate of `position`, including all transformations.
     pub position_error: Vec3,
-    /// Unit normal of the surface itself, on the outer side of the shape (for a triangle:
-    /// right-hand rule on its vertices).
+    /// Geometric normal, of unit length, on the outer side of the shape (for a triangle: right-hand
+    /// rule on its vertices).
     pub geometric_normal: Vec3,
     /// Unit shading normal (interpolated vertex normals where a mesh has them), on the same side as
     /// the geometric normal.
     pub shading_normal: Vec3,
     /// Texture coordinates of the first two sets; zero where the geometry has none.
     pub uv: [Vec2; 2],
-    /// Derivatives of the position by the first texture coordinates: tangents that are not
-    /// normalised and not exactly perpendicular to the shading normal. Never zero: an arbitrary
-    /// frame where there are no coordinates.
+    /// Derivatives of the position by the first texture coordinates: tangents, neither normalised
+    /// nor exactly perpendicular to the shading normal. They are never zero: without texture
+    /// coordinates they are those of an arbitrary frame.
     pub dpdu: Vec3,
-    /// See `dpdu`.
+    /// Derivative of the position by the second texture coordinate; see `dpdu`.
     pub dpdv: Vec3,
-    /// Unit tangent of a mesh that stores tangents, with the bitangent's sign in `w`-style:
+    /// Unit tangent of a mesh that stores tangents, and the sign of the bitangent (glTF's `w`):
     /// `bitangent = sign * n x tangent`.
     pub tangent: Option<(Vec3, f32)>,
     /// Interpolated vertex colour (linear RGB and alpha); white where there is none.
     pub color: [f32; 4],
-    /// True on a curve ([`crate::Curves`]): the point is on the outside of a fibre, along which
-    /// `dpdu` is.
+    /// True on a curve ([`crate::Curves`]): the point is on the outside of a fibre, and `dpdu` runs
+    /// along the fibre.
     pub on_curve: bool,
     /// As in [`Hit`].
     pub t: f32,
@@ -139,7 +140,7 @@ pub struct SurfaceInteraction {
     pub primitive: u32,
 }
 
-/// A point on a surface, as far as rays that pass it need to know.
+/// The part of a [`SurfaceInteraction`] that is needed to spawn a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfacePoint {
     /// As in [`SurfaceInteraction`].
@@ -179,7 +180,7 @@ impl SurfacePoint {
 }
 
 impl SurfaceInteraction {
-    /// A plain point, known exactly: white, without texture coordinates, in an arbitrary frame, and
+    /// A point without error bounds: white, without texture coordinates, in an arbitrary frame, and
     /// of no object.
     #[inline]
     pub fn plain(position: Vec3, normal: Vec3) -> Self {
@@ -202,8 +203,8 @@ impl SurfaceInteraction {
         }
     }
 
-    /// The start of a ray that leaves the surface along `direction`: surely off the surface, on the
-    /// right side.
+    /// The origin of a ray that leaves the surface along `direction`, offset so that rounding
+    /// cannot put it on the wrong side of the surface.
     pub fn ray_origin(&self, direction: Vec3) -> Vec3 {
         robust::offset_ray_origin(
             self.position,
@@ -213,13 +214,13 @@ impl SurfaceInteraction {
         )
     }
 
-    /// True if a ray of this direction arrives at the outer side.
+    /// True if a ray of this direction arrives from the outer side.
     pub fn is_front_facing(&self, ray_direction: Vec3) -> bool {
         ray_direction.dot(self.geometric_normal) < 0.0
     }
 }
 
-/// The answer for one point. 36 bytes, plain data.
+/// The result of a nearest-point query for one point. 36 bytes, plain data.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NearestPoint {
     /// Distance in world units, not negative; infinite if nothing is near enough.

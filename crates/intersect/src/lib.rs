@@ -1,14 +1,13 @@
-//! Here is my ray, what does it hit? Shapes, acceleration structures and ray queries: a ray library
-//! on its own.
+//! Finds what a ray hits: shapes, acceleration structures and ray queries, as a stand-alone ray
+//! library.
 //!
 //! A [`World`] holds triangle meshes, analytic shapes and sets of primitives in groups; a group may
 //! be instanced in others at any depth. Queries take *batches* of rays ([`World::closest`],
 //! [`World::occluded`], [`World::count`], [`World::all`]) or points ([`World::nearest_point`],
 //! [`World::signed_distance`], [`World::winding_number`]), by one thread or by all
-//! ([`World::parallel`]), and answer with plain records; [`World::interaction`] turns a [`Hit`]
-//! into everything local about the surface. A [`DynamicWorld`] changes between batches, and a
-//! [`DWorld`] has coordinates in double precision. Nothing here knows of colours, materials or
-//! files.
+//! ([`World::parallel`]), and return plain records; [`World::interaction`] turns a [`Hit`] into a
+//! description of the surface at that point. A [`DynamicWorld`] changes between batches, and a
+//! [`DWorld`] has coordinates in double precision. This crate knows no colours, materials or files.
 //!
 //! ```
 //! use snell_intersect::{AcceptAll, BuildOptions, TriangleMesh, WorldBuilder};

@@ -14,8 +14,8 @@ pub struct TriangleMesh {
     pub normals: Vec<Vec3>,
     /// Unit tangents with the sign of the bitangent in `w` (as in glTF), or empty.
     pub tangents: Vec<Vec4>,
-    /// Texture coordinate sets, each empty or one entry per vertex. `v` grows upwards in no
-    /// particular sense: the texture says.
+    /// Texture coordinate sets, each empty or one entry per vertex. Whether `v` grows upwards
+    /// depends on the texture.
     pub uvs: [Vec<Vec2>; 2],
     /// Linear RGB and alpha per vertex, or empty.
     pub colors: Vec<[f32; 4]>,

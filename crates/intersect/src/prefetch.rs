@@ -13,7 +13,7 @@ pub(crate) fn fetch<T>(item: *const T) {
     fetch_line(end.wrapping_sub(1));
 }
 
-/// Asks for so many lines from an address on.
+/// Prefetches a number of cache lines from an address on.
 #[inline(always)]
 pub(crate) fn fetch_lines<T>(start: *const T, lines: usize) {
     for line in 0..lines {

@@ -1,10 +1,10 @@
-//! Numbers side by side: arrays with an entry a lane, for loops that the compiler turns into vector
-//! code.
+//! Values in structure-of-arrays layout: arrays with one entry per lane, for loops that the
+//! compiler vectorises.
 
 use snell_intersect::triangles::{HitLanes, HitVectors, TRIANGLE_HITS};
 use snell_math::{SampledSpectrum, Vec3};
 
-/// Most vertices at once.
+/// The largest number of vertices in a batch.
 pub const LANES: usize = TRIANGLE_HITS;
 
 /// A vector of zero in every lane.
@@ -14,10 +14,11 @@ pub const ZERO: HitVectors = [[0.0; LANES]; 3];
 pub type HitColors = [HitLanes; SPECTRUM];
 const SPECTRUM: usize = snell_math::spectrum::LANES;
 
-/// Nothing in every lane.
+/// Zero in every lane.
 pub const BLACK: HitColors = [[0.0; LANES]; SPECTRUM];
 
-/// [`snell_math::at_level`] of a function of so many channels as paths of a model of colour have.
+/// [`snell_math::at_level`] of a function that is generic over the number of channels of the colour
+/// mode.
 macro_rules! at_level_by_color {
     ($wide:expr, $color:expr, $function:ident, ($($arguments:tt)*)) => {
         match $color {
@@ -32,10 +33,10 @@ macro_rules! at_level_by_color {
 }
 pub(crate) use at_level_by_color;
 
-/// Nothing, for each lane.
+/// Zero for each lane.
 pub const NOUGHTS: HitLanes = [0.0; LANES];
 
-/// Rays that go on forever.
+/// Rays without an upper limit.
 pub const ENDLESS: HitLanes = [f32::INFINITY; LANES];
 
 /// The vector of a lane.
@@ -50,7 +51,7 @@ pub fn put(v: &mut HitVectors, lane: usize, to: Vec3) {
     (v[0][lane], v[1][lane], v[2][lane]) = (to.x, to.y, to.z);
 }
 
-/// The spectrum of a lane; what there are no channels for is zero.
+/// The spectrum of a lane; missing channels are zero.
 #[inline(always)]
 pub fn color_at<const CHANNELS: usize>(v: &[HitLanes; CHANNELS], lane: usize) -> SampledSpectrum {
     let mut color = SampledSpectrum::ZERO;
@@ -60,7 +61,7 @@ pub fn color_at<const CHANNELS: usize>(v: &[HitLanes; CHANNELS], lane: usize) ->
     color
 }
 
-/// Puts a spectrum into a lane, as far as there are channels.
+/// Puts a spectrum into a lane, for the channels that there are.
 #[inline(always)]
 pub fn put_color<const CHANNELS: usize>(
     v: &mut [HitLanes; CHANNELS],

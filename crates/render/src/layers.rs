@@ -1,5 +1,5 @@
-//! The layers that are asked for by name: which AOVs they need, what lights belong together, and
-//! the names of what covers pixels.
+//! Layers requested by name: the AOVs that they need, the light groups, and the names of the
+//! objects that cover pixels.
 
 use crate::compile::CompiledScene;
 use crate::film::Film;
@@ -11,14 +11,14 @@ use snell_intersect::Hit;
 use snell_scene::{LayeredImage, MaterialId, NodeId, Scene};
 use std::collections::HashMap;
 
-/// Most light groups.
+/// The largest number of light groups.
 const MAX_GROUPS: usize = 100;
 
-/// The group of all light that is in no other.
+/// The group of all emitters that are in no other group.
 const OTHER: &str = "other";
 
-/// The AOVs that these layers need, each once: with light groups, all light of each, and each part
-/// of the light by group; the first layer of the integrator `aov`; what guides a denoiser.
+/// The AOVs that these layers need, each once: with light groups, all light of each group and each
+/// light part by group; the first layer for the integrator `aov`; the feature layers of a denoiser.
 pub fn needed_aovs(
     asked: &[Aov],
     integrator: IntegratorKind,
@@ -108,18 +108,19 @@ pub fn name_groups(picture: &mut LayeredImage, film: &Film, groups: &[LightGroup
     }
 }
 
-/// What covers the pixels of a picture.
+/// The objects or materials that cover the pixels of a picture.
 #[derive(Clone, Debug, Default)]
 pub struct Coverage {
-    /// The name of each thing.
+    /// The names.
     pub names: Vec<String>,
-    /// For each pixel, row by row: numbers of things, and the share of the pixel that each covers.
+    /// For each pixel, row by row: indices of names, and the fraction of the pixel that each
+    /// covers.
     pub shares: Vec<Vec<(usize, f32)>>,
 }
 
 impl Coverage {
-    /// What a film knows for an AOV of kind [`AovKind::Coverage`]; `None` if that was not asked
-    /// for.
+    /// The coverage of a film for an AOV of kind [`AovKind::Coverage`]; `None` if it has no such
+    /// AOV.
     pub fn of(film: &Film, aov: Aov, scene: &Scene, compiled: &CompiledScene) -> Option<Self> {
         if !film.aovs().contains(&aov) {
             return None;
@@ -139,8 +140,8 @@ impl Coverage {
     }
 }
 
-/// The name of what a key of [`Film::coverage`] stands for: of an object the names of its nodes
-/// below the root, joined by `/`.
+/// The name for a key of [`Film::coverage`]; for an object, the names of its nodes below the root,
+/// joined by `/`.
 fn thing_name(aov: Aov, key: u64, scene: &Scene, compiled: &CompiledScene) -> String {
     if aov == Aov::CryptoMaterial {
         let name =

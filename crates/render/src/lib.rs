@@ -1,7 +1,7 @@
-//! What happens globally: compile a scene, sample it, transport light, gather it on the film.
+//! The renderer: it compiles a scene, samples it, transports light, and gathers it on the film.
 //!
-//! The modules stand in the order of the data. Nothing here does I/O: it takes a
-//! [`snell_scene::Scene`] and gives pictures in memory.
+//! The modules are listed in the order of the data flow. This crate does no I/O: it takes a
+//! [`snell_scene::Scene`] and returns pictures in memory.
 //!
 //! ```
 //! use snell_render::{CompiledScene, Job, Settings};

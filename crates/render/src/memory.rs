@@ -1,9 +1,9 @@
-//! How much memory a render takes, worked out before it begins: by its settings, its scene, and
-//! what is done with the picture. The largest moment counts.
+//! Estimates the peak memory of a render before it starts, from its settings, its scene, and what
+//! is done with the picture.
 //!
-//! The figures are those of the types that are filled, and, where those are private to a thread or
-//! short-lived, measured. Nothing is asked of the system here: callers compare the estimate with
-//! what there is.
+//! The figures come from the sizes of the types, or from measurements for data that is private to a
+//! thread or short-lived. The system is not queried: callers compare the estimate with the memory
+//! that is available.
 
 use crate::film::filter::FilterSampler;
 use crate::film::{BLOCK, FilmSample, TILE};
@@ -14,60 +14,60 @@ use snell_scene::{Environment, Geometry, Image, NodeId, Pixels, Scene};
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// What is done with a film beside filling it.
+/// What is done with a film besides filling it.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Uses {
-    /// Threads that render.
+    /// The number of render threads.
     pub threads: usize,
-    /// Layers of variance are made of it, too.
+    /// True if variance layers are made of it.
     pub variance: bool,
-    /// A denoiser removes the noise.
+    /// True if the picture is denoised.
     pub denoise: bool,
-    /// Bytes per pixel that whoever takes the picture needs beside it, such as an encoder.
+    /// Bytes per pixel that the consumer of the picture, such as an encoder, needs besides it.
     pub beside: u64,
 }
 
-/// Bytes that a picture takes: some for each pixel, and some whatever its size.
+/// Bytes that a picture takes: a part per pixel, and a constant part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Estimate {
-    /// Whatever its size.
+    /// The constant part.
     pub fixed: u64,
-    /// For each pixel.
+    /// The part per pixel.
     pub per_pixel: u64,
-    /// Width and height of what is rendered.
+    /// Width and height of the rendered area.
     pub size: [u32; 2],
-    /// It is only a part of the picture.
+    /// True if the area is only a part of the picture.
     pub is_crop: bool,
 }
 
-/// Buffers of a thread, but for its samples: measured.
+/// Buffers of a thread, without its samples; measured.
 const THREAD: u64 = 2 << 20;
 
-/// Heap around each of a pixel's shares of small allocations.
+/// Heap overhead of each small allocation of a pixel.
 const TILE_BYTES: u64 = 6;
 
 /// What Open Image Denoise takes for itself, measured (2.5, one and two threads): its library and
-/// weights, and for each pixel, as long as it works on the whole picture at once; of larger
-/// pictures it works on parts.
+/// weights, and bytes per pixel while it processes the whole picture at once; it processes larger
+/// pictures in parts.
 const DENOISER: u64 = 24 << 20;
 const DENOISER_PIXEL: u64 = 640;
 const DENOISER_WHOLE: u64 = 3_000_000;
 const DENOISER_LATER_PIXEL: u64 = 105;
 
 impl Estimate {
-    /// All of it.
+    /// The total.
     pub fn bytes(&self) -> u64 {
         let [width, height] = self.size.map(u64::from);
         self.fixed.saturating_add((width * height).saturating_mul(self.per_pixel))
     }
 
-    /// The same with more that does not depend on the size.
+    /// Adds bytes to the constant part.
     pub fn with(self, more: u64) -> Self {
         Self { fixed: self.fixed.saturating_add(more), ..self }
     }
 
-    /// The largest picture of the same proportions that fits into this many bytes, in steps of
-    /// about a hundredth; `None` if none does.
+    /// The largest picture of the same aspect ratio that fits into this many bytes, in steps of
+    /// about 1 %; `None` if none does.
     pub fn largest(&self, available: u64) -> Option<[u32; 2]> {
         let pixels = available.saturating_sub(self.fixed) / self.per_pixel.max(1);
         let [width, height] = self.size.map(f64::from);
@@ -78,7 +78,7 @@ impl Estimate {
         (size[0] > 0 && size[1] > 0).then_some(size)
     }
 
-    /// What would fit into this many bytes, in words.
+    /// A sentence that names a picture size which fits into this many bytes.
     pub fn advice(&self, available: u64) -> String {
         let what = if self.is_crop { "a part" } else { "a picture" };
         match self.largest(available) {
@@ -88,7 +88,7 @@ impl Estimate {
     }
 }
 
-/// What the film and the picture of these settings take.
+/// Memory of the film and the picture for these settings.
 pub fn of_picture(settings: &Settings, uses: &Uses) -> Estimate {
     let aovs = &settings.aovs;
     let sampled: u64 = aovs.iter().map(|aov| aov.sampled_channels() as u64).sum();
@@ -115,7 +115,7 @@ pub fn of_picture(settings: &Settings, uses: &Uses) -> Estimate {
     }
 }
 
-/// What a denoiser takes whatever the size, and for each pixel, with the copies that it is given.
+/// Memory of a denoiser, constant and per pixel, including the copies that it is given.
 fn denoiser_bytes(size: [u32; 2]) -> (u64, u64) {
     const COPIES: u64 = 5 * 12;
     let [width, height] = size.map(u64::from);
@@ -151,13 +151,13 @@ fn film_bytes(settings: &Settings, sampled: u64, covers: u64, is_signed: bool) -
         + TILE_BYTES
 }
 
-/// What path guiding learns, and the records of a batch: it grows with the square root of the
+/// Memory of the guiding field and of the records of a batch: it grows with the square root of the
 /// paths, see [`crate::Guiding`].
 fn guiding_bytes(passes: u32) -> u64 {
     (64 << 20) + ((1u64 << 19) * (1 << (passes.min(40) / 2)))
 }
 
-/// What a scene takes once it is compiled, beside itself, at the largest moment.
+/// Peak memory of compiling a scene, without the scene itself.
 pub fn of_scene(scene: &Scene) -> u64 {
     let mut meshes: HashMap<*const TriangleMesh, u64> = HashMap::new();
     let mut bytes = 0u64;
@@ -169,7 +169,7 @@ pub fn of_scene(scene: &Scene) -> u64 {
     };
     add(NODE + shapes(scene.root) * SHAPE);
     for node in &scene.nodes {
-        // Shapes are there for each place of their node, other surfaces once.
+        // Shapes exist once per occurrence of their node, other surfaces once.
         node.children.iter().for_each(|&child| add(NODE + shapes(child) * SHAPE));
         for surface in &node.surfaces {
             add(match &surface.geometry {
@@ -194,21 +194,21 @@ pub fn of_scene(scene: &Scene) -> u64 {
     bytes
 }
 
-/// Of a triangle of a mesh: its share of the structure, and of what builds it. Measured for the
-/// builders and layouts that take most (`--quality high`, `--bvh-compact`).
+/// Bytes per triangle of a mesh: its share of the structure and of the build's buffers. Measured
+/// for the builders and layouts that need most (`--quality high`, `--bvh-compact`).
 const TRIANGLE: u64 = 115;
-/// Pages of the program that nothing but rendering touches. Measured.
+/// Pages of the program that only rendering touches; measured.
 const PROGRAM: u64 = 4 << 20;
-/// Of a segment of a curve, measured.
+/// Bytes per segment of a curve; measured.
 const SEGMENT: u64 = 400;
-/// Of an analytic shape with its place, measured.
+/// Bytes per analytic shape with its placement; measured.
 const SHAPE: u64 = 700;
-/// Of a place of a node.
+/// Bytes per occurrence of a node.
 const NODE: u64 = 250;
-/// Of a pixel of an environment: its radiance, and two tables to sample it by. Measured.
+/// Bytes per pixel of an environment: its radiance, and two sampling tables; measured.
 const ENVIRONMENT: u64 = 26;
 
-/// The coarser levels of an image, and the numbers that they are made of.
+/// The mipmap levels of an image, and the values that they are computed from.
 fn pyramid_bytes(image: &Image) -> u64 {
     let values = u64::from(image.width) * u64::from(image.height) * u64::from(image.channels);
     let stored = if matches!(image.pixels, Pixels::F32(_)) { 4 } else { 2 };

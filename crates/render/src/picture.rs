@@ -1,4 +1,4 @@
-//! From film to the picture that people are shown.
+//! Converts a film to the final picture.
 
 use crate::compile::CompiledScene;
 use crate::film::Film;
@@ -6,7 +6,8 @@ use crate::integrator::IntegratorKind;
 use crate::settings::Settings;
 use snell_scene::{Background, LayeredImage};
 
-/// The linear picture with its layers. The alpha channel stays only where it says something.
+/// The linear picture with its layers. The alpha channel is kept only with a transparent
+/// background.
 pub fn picture(film: &Film, settings: &Settings, compiled: &CompiledScene) -> LayeredImage {
     let mut picture = film.image();
     if settings.integrator == IntegratorKind::Aov
@@ -28,7 +29,7 @@ pub fn picture(film: &Film, settings: &Settings, compiled: &CompiledScene) -> La
         let main = &mut picture.layers[0];
         main.channels.truncate(3);
         let pixels = main.values.len() / 4;
-        // In place: pictures are large.
+        // In place, because pictures are large.
         (0..pixels).for_each(|i| main.values.copy_within(4 * i..4 * i + 3, 3 * i));
         main.values.truncate(3 * pixels);
         main.values.shrink_to_fit();

@@ -1,8 +1,8 @@
-//! The textbook renderer: one recursive call per ray, nothing batched, nothing clever. The first
-//! file to read, and the oracle that the tests hold the batched renderer to.
+//! The textbook renderer: one recursive call per ray, without batches or optimisations. It is the
+//! first file to read, and the oracle with which tests compare the batched renderer.
 //!
-//! It asks the same questions of the same scene with the same random numbers, so it must give the
-//! same pictures up to rounding.
+//! It makes the same queries of the same scene with the same random numbers, so its pictures must
+//! be the same up to rounding.
 
 use crate::compile::CompiledScene;
 use crate::film::filter::FilterSampler;
@@ -39,7 +39,7 @@ pub fn ray_cast(scene: &CompiledScene, camera: &Camera, settings: &Settings) -> 
                 sum = sum + color * weight;
                 weights += weight;
             }
-            // The weights of a filter with negative lobes may add up to 0: only what differs from
+            // The weights of a filter with negative lobes may add up to 0: only the difference from
             // the plain mean is weighted.
             let n = settings.spp as f32;
             let mean = plain * (1.0 / n);
@@ -49,8 +49,8 @@ pub fn ray_cast(scene: &CompiledScene, camera: &Camera, settings: &Settings) -> 
     image
 }
 
-/// Radiance along a ray: what is found where it ends, light rays that reach their lights, and the
-/// radiance along all rays that the integrator sends on.
+/// Radiance along a ray: emission where it ends, the contributions of unoccluded light rays, and
+/// the radiance along all next rays of the integrator.
 fn radiance(
     context: &Context,
     ray: &Ray,
@@ -115,12 +115,12 @@ fn radiance(
     sum
 }
 
-/// A ray as the world is asked about it.
+/// A ray as it is passed to the world.
 fn timed(ray: &Ray, time: f32) -> RayQuery<'_> {
     RayQuery { time, ..RayQuery::from(ray) }
 }
 
-/// What a ray must know where there are media.
+/// The state of a ray in scenes with media.
 struct Media<'a> {
     walker: Walker<'a>,
     own: OwnMedia,
@@ -136,8 +136,7 @@ impl<'a> Media<'a> {
         Some(Self { walker, own, insides })
     }
 
-    /// From surface to surface that the ray passes, until it meets one that it does not, or a
-    /// medium scatters it.
+    /// Follows the ray through interfaces until it hits another surface or a medium scatters it.
     fn travel(
         &mut self,
         scene: &CompiledScene,
@@ -163,7 +162,7 @@ impl<'a> Media<'a> {
         }
     }
 
-    /// What is left of a light ray's value at the light.
+    /// The transmitted value of a light ray.
     fn arriving(
         &mut self,
         scene: &CompiledScene,
@@ -193,7 +192,8 @@ impl<'a> Media<'a> {
         }
     }
 
-    /// Enters or leaves what the vertex's surface bounds, if a ray goes on to its other side.
+    /// Enters or leaves the medium that the vertex's surface bounds, if a ray continues on its
+    /// other side.
     fn go_on(&mut self, here: Option<Insides>, vertex: &Vertex, ray: &Ray) {
         self.insides = here.unwrap_or_default();
         let Some(surface) = &vertex.surface else { return };

@@ -1,4 +1,4 @@
-//! Everything about a render that is not the scene.
+//! The settings of a render: everything except the scene.
 
 use crate::film::filter::Filter;
 use crate::guiding::Guiding;
@@ -64,13 +64,13 @@ impl LightStrategy {
     }
 }
 
-/// Where light and shadow meet on meshes whose vertex normals round off coarse triangles.
+/// The treatment of the shadow terminator on coarse meshes with vertex normals.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Terminator {
-    /// Where the round surface has its terminator, see [`snell_intersect::smooth`].
+    /// The terminator is that of the smooth surface, see [`snell_intersect::smooth`].
     #[default]
     Smooth,
-    /// At the edges of the triangles, as in renderers that do nothing about it.
+    /// The terminator follows the edges of the triangles, as in renderers without correction.
     Faceted,
 }
 
@@ -108,7 +108,7 @@ impl Crop {
     }
 }
 
-/// In which order tiles are rendered. Never changes the picture.
+/// The order in which tiles are rendered. Never changes the picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum TileOrder {
     /// Row by row from the top.
@@ -116,16 +116,16 @@ pub enum TileOrder {
     Rows,
     /// From the last to the first.
     Reversed,
-    /// Shuffled by this number.
+    /// In random order, with this seed.
     Shuffled(u32),
 }
 
-/// Lights that belong together, for layers.
+/// A light group, shown as a layer of its own.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LightGroup {
     /// Its name.
     pub name: String,
-    /// What gives its light. What is in several groups counts for the first.
+    /// The emitters of the group. An emitter in several groups belongs to the first.
     pub sources: Vec<LightSource>,
 }
 
@@ -141,26 +141,26 @@ pub struct Settings {
     /// If set, a pixel takes samples only until its error is at most this, see
     /// [`crate::film::noise`]; `spp` is the most.
     pub noise: Option<f64>,
-    /// Intensity that is added to a pixel's own before its error is compared with it, see
+    /// Intensity that is added to that of a pixel before its error is divided by it, see
     /// [`crate::film::noise`].
     pub noise_floor: f64,
-    /// Render in passes that grow from one sample, so that stopping early leaves a whole picture.
-    /// Never changes the bits.
+    /// Render in passes that grow from one sample, so that a render that is stopped early leaves a
+    /// complete picture. Never changes the bits.
     pub progressive: bool,
     /// Seed of all random numbers.
     pub seed: u32,
-    /// Who gives random numbers.
+    /// The sampler.
     pub sampler: SamplerKind,
-    /// Where the camera is while the shutter is open, after where it is when that opens: evenly
-    /// spread in time. Empty if it stays.
+    /// Further keys of a moving camera, after its position when the shutter opens: evenly spaced in
+    /// time. Empty for a static camera.
     pub later_cameras: Vec<Camera>,
     /// Reconstruction filter.
     pub filter: Filter,
     /// If set, every sample of a pixel is taken at this position in it, and the filter is not used.
     pub pixel_position: Option<[f64; 2]>,
-    /// What light does.
+    /// The integrator.
     pub integrator: IntegratorKind,
-    /// How it is computed with colours.
+    /// The representation of colour in light transport.
     pub color: ColorModel,
     /// How many bounces after the camera ray's hit are followed at most: 0 shows light that reaches
     /// the camera from the first surface itself, 1 adds direct light (in `path`), and so on.
@@ -169,35 +169,35 @@ pub struct Settings {
     pub shadows: Shadows,
     /// Where meshes with vertex normals have their shadow terminator.
     pub terminator: Terminator,
-    /// Which samples find lights.
+    /// The strategy of sampling lights.
     pub light_strategy: LightStrategy,
-    /// How a light is chosen among many.
+    /// The light sampler.
     pub light_sampler: LightSamplerKind,
-    /// If set, `path` learns where light comes from before it renders.
+    /// If set, `path` uses path guiding, trained before the render.
     pub guiding: Option<Guiding>,
-    /// Added to the scene's ambient light in `raycast` and `whitted`: a stand-in for indirect light
-    /// where there is no time for it.
+    /// Added to the scene's ambient light in `raycast` and `whitted`: a cheap substitute for
+    /// indirect light.
     pub fill: Rgb,
     /// How far `ao` looks for occluders; `None` is half of the scene's radius.
     pub ao_distance: Option<f32>,
-    /// Light that was scattered more than once and is brighter than this, in any lane, is dimmed to
-    /// it: no fireflies, but too dark.
+    /// Light that was scattered more than once and is brighter than this, in any channel, is
+    /// clamped to it: this removes fireflies, but the picture is too dark.
     pub clamp: Option<f32>,
-    /// Lights that layers show apart.
+    /// Light groups, each with a layer of its own.
     pub light_groups: Vec<LightGroup>,
     /// Extra layers.
     pub aovs: Vec<Aov>,
-    /// Order of work.
+    /// Order of the tiles.
     pub tile_order: TileOrder,
     /// Acceleration structure and SIMD level.
     pub build: BuildOptions,
 }
 
 impl Settings {
-    /// The cap on path length when none is asked for. Russian roulette ends practically all paths
-    /// long before.
+    /// The default limit of the path length. Russian roulette ends practically all paths long
+    /// before.
     pub const MAX_DEPTH: u32 = 1000;
-    /// The usual [`Settings::noise_floor`] of a picture whose white is 1: somewhat darker than
+    /// The default [`Settings::noise_floor`] for a picture whose white is 1: somewhat darker than
     /// middle grey.
     pub const NOISE_FLOOR: f64 = 0.1;
 }

@@ -1,20 +1,20 @@
-//! How many threads there are, and work that they share.
+//! The number of threads, and work that they share.
 
 use std::num::NonZeroUsize;
 
-/// Most threads that may be asked for.
+/// The largest number of threads that may be requested.
 pub const MAX: usize = 4096;
 
-/// Most threads where no number is asked for.
+/// The largest default number of threads.
 const MAX_UNASKED: usize = 1024;
 
-/// The number of threads where none is asked for: one for each core that this process may use.
+/// The default number of threads: one for each core that this process may use.
 pub fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, NonZeroUsize::get).min(MAX_UNASKED)
 }
 
-/// Does work on this many threads, or on as many as the system lets start. Each takes from what
-/// they share until nothing is left, so whoever is there does all of it.
+/// Runs work on this many threads, or on as many as the system can start. Each takes items from a
+/// shared supply until none is left, so fewer threads still do all the work.
 pub(crate) fn on_threads(threads: usize, work: impl Fn() + Sync) {
     if threads <= 1 {
         return work();

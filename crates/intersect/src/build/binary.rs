@@ -289,7 +289,7 @@ impl<'t, P> Cursor<'t, P> {
         found
     }
 
-    /// Adds what represents this subtree in so many slots.
+    /// Adds the entries that represent this subtree in a number of slots.
     fn share(self, slots: usize, to: &mut Vec<Self>) {
         match self {
             Self::Inner(inner) => match inner.choices.first(slots) {
@@ -356,7 +356,7 @@ pub(super) struct WideChildren<'t, P> {
 }
 
 impl<'t, P> WideChildren<'t, P> {
-    /// Adds what represents a subtree in so many slots.
+    /// Adds the entries that represent a subtree in a number of slots.
     fn share(&mut self, mut node: u32, mut slots: usize) {
         while slots > 1 {
             let own = &self.part.nodes[node as usize];

@@ -1,15 +1,15 @@
-//! Trees in files: a tree that was built once is read the next time, and a scene of a hundred
-//! million triangles starts sooner than its mesh is loaded.
+//! A cache of trees in files: a tree that was built once is read the next time, which for a hundred
+//! million triangles takes less time than to load the mesh.
 //!
 //! A file is named by a hash of all that the tree follows from, so there is nothing to keep up to
 //! date; delete files to be rid of them. It holds a [header](header) and then the nodes, the blocks
 //! and the triangles left out, as they are in memory ([`body`]). It is written under another name
 //! and renamed when it is complete.
 //!
-//! What is read is copied into memory and checked there, so nothing that becomes of the file later
-//! changes a picture: the header, whose tree it is, the length, a checksum of each piece, and that
-//! every reference leads to something. A mapped file would have to be checked as well, and whoever
-//! shortens one ends the process that reads it.
+//! What is read is copied into memory and checked there, so later changes of the file cannot change
+//! a picture. Checked are the header, whose tree it is, the length, a checksum of each piece, and
+//! that every reference leads to something. A mapped file would need the same checks, and a process
+//! that reads a mapped file dies if the file is truncated.
 //!
 //! Ten million triangles (493 MB, two cores of Zen 5, the file in the system's memory) start in
 //! 0.23 s of processor time, and are built in 5.5 s. Reading and checking take 0.06 s of it where
@@ -72,7 +72,8 @@ impl Entry {
         Self { path: folder.join(format!("{name}.bvh")), key }
     }
 
-    /// Writes a tree, so that others see all of it or nothing, whoever else writes the same.
+    /// Writes a tree atomically: other processes see all of it or nothing, even if several write
+    /// the same tree.
     pub fn write(&self, wide: &Wide, skipped: &[u32]) -> Result<()> {
         if std::fs::metadata(&self.path).is_ok_and(|found| !found.is_file()) {
             return Err(no_file());
@@ -83,9 +84,9 @@ impl Entry {
         let mut builder = tempfile::Builder::new();
         builder.prefix(&prefix).suffix(".tmp");
         #[cfg(unix)]
-        // Others may read it, unless the umask says no.
+        // Other users may read it, unless the umask forbids it.
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-        // The temporary name says nothing to a user, so it does not belong into the error.
+        // The temporary name means nothing to a user, so it is not part of the error.
         let mut file = builder.tempfile_in(folder).map_err(|e| Error::from(e.kind()))?;
         self.write_to(file.as_file_mut(), wide, skipped)?;
         file.persist(&self.path)?;
@@ -113,7 +114,7 @@ impl Entry {
         parts.into_iter().try_for_each(|part| file.write_all(part))
     }
 
-    /// Reads a tree of so many triangles and objects; `None` if there is no file.
+    /// Reads a tree of the given numbers of triangles and objects; `None` if there is no file.
     pub fn read(&self, triangles: usize, objects: usize) -> Result<Option<Cached>> {
         let mut file = match open(&self.path) {
             Ok(file) => file,
@@ -178,7 +179,7 @@ fn no_file() -> Error {
     Error::new(ErrorKind::InvalidInput, "there is something else than a file, which is left alone")
 }
 
-/// Opens a file, and nothing else: whoever opens a pipe waits for its other end.
+/// Opens a regular file only: opening a pipe would block until its other end is opened.
 fn open(path: &Path) -> Result<File> {
     if std::fs::metadata(path)?.is_file() { File::open(path) } else { Err(no_file()) }
 }
@@ -202,8 +203,8 @@ fn mesh_hash(mesh: &TriangleMesh) -> [u8; 32] {
     hash.finalize().into()
 }
 
-/// True if every reference leads to something, children come after their parents, and no way down
-/// is longer than the depth says.
+/// True if every reference leads to something, children come after their parents, and no path is
+/// longer than the stated depth.
 fn is_sound(wide: &Wide, triangles: usize, objects: usize) -> bool {
     let leads_on = |child: ChildRef, from: usize| {
         if child == ChildRef::NONE {

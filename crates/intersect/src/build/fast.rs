@@ -216,7 +216,7 @@ fn middle(keys: &[Key]) -> usize {
     if n <= 8 || n > FULL {
         return at;
     }
-    // The last block of the first part may lack as many as the last block of all does.
+    // The last block of the first part may have as many empty lanes as the last block of all.
     let (over, lacking) = (at % 8, n.next_multiple_of(8) - n);
     if over == 0 || 8 - over <= lacking {
         return at;

@@ -22,8 +22,8 @@ use snell_math::simd::Wide;
 /// of everything.
 const LEAST_OVERLAP: f32 = 1e-5;
 
-/// And only where a random line through the set meets so many boxes of primitives on average: else
-/// there is little to gain.
+/// Spatial splits are tried only where a random line through the set meets at least this many boxes
+/// of primitives on average; otherwise they gain little.
 const CROWDED: f64 = 4.0;
 
 /// Bins per axis of space.
@@ -182,8 +182,8 @@ impl<'a> High<'a> {
                     second.push(*p);
                 } else {
                     let pieces = divided(p, &self.triangles.corners(p.id()), axis, at);
-                    // Each plane leaves something somewhere; if rounding says otherwise, nothing
-                    // may be lost.
+                    // Each plane leaves something on some side; if rounding loses both parts, the
+                    // whole is kept.
                     if pieces[0].is_none() && pieces[1].is_none() {
                         first.push(*p);
                     }

@@ -1,4 +1,4 @@
-//! Medium quality: sets are divided where the surface area heuristic says, from the top down.
+//! Medium quality: a top-down build that divides sets by the surface area heuristic.
 
 use super::binary::{Costs, PartBuilder, Tree};
 use super::binning::{Binning, Primitive};

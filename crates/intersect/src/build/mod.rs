@@ -1,4 +1,4 @@
-//! The tree of one group, in the quality asked for.
+//! The tree of one group, in the requested quality.
 //!
 //! A build makes a binary tree (`fast`, `medium` or `high`), in parts that one thread builds each
 //! and inner nodes above them; `wide` then counts what the tree needs as 8-wide nodes and blocks,
@@ -163,7 +163,7 @@ fn through_cache(
     Ok((built, usage))
 }
 
-/// Also says how many of the triangles are in the tree.
+/// Also returns the number of triangles in the tree.
 fn build_wide(
     list: &GroupList,
     triangles: &Triangles,

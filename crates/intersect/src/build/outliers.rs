@@ -1,8 +1,8 @@
 //! Outliers: the few large primitives of a group, such as the floor below a model or the wall
-//! behind it. Nearly every ray meets their boxes, and the box around them and the model tells
-//! nothing about the model. So the rest of the group gets a tree of its own below the root, whose
-//! other children lead to the outliers: kernels test sixteen rays at a time against those, and send
-//! only the rays into the tree that come near the rest.
+//! behind it. Nearly every ray meets their boxes, and a box around them and the model says little
+//! about the model. So the rest of the group gets a tree of its own below the root, whose other
+//! children lead to the outliers: kernels test sixteen rays at a time against those, and send only
+//! the rays into the tree that come near the rest.
 
 use super::binary::Tree;
 use super::binning::Primitive;

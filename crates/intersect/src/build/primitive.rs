@@ -66,7 +66,7 @@ impl<'a> Triangles<'a> {
         mesh.corners(triangle)
     }
 
-    /// Asks for the memory that tells the vertices of a triangle.
+    /// Prefetches the indices of a triangle.
     #[inline(always)]
     pub fn fetch_indices(&self, id: u32) {
         let (mesh, triangle) = self.find(id);
@@ -99,7 +99,7 @@ impl<'a> Triangles<'a> {
         };
         let mut pieces = Vec::new();
         for (_, mesh) in &self.list.meshes {
-            // (Each begins where the samples of the one before would go on.)
+            // (Each starts where the samples of the previous one would continue.)
             pieces.extend(
                 ranges(mesh.indices.len(), stride * SAMPLES_AT_ONCE).map(|range| (&**mesh, range)),
             );
@@ -161,8 +161,8 @@ const SAMPLES_AT_ONCE: usize = 1 << 11;
 pub(super) const CHUNK: usize = 1 << 14;
 const LEAST_CHUNK: usize = 1 << 11;
 
-/// Of so many triangles those that are handled at once by one thread: so few that all threads have
-/// about the same to do.
+/// The number of triangles, of this many, that a thread takes at a time: small enough to balance
+/// the threads.
 fn chunk_of(count: usize) -> usize {
     (count / (8 * rayon::current_num_threads())).clamp(LEAST_CHUNK, CHUNK)
 }

@@ -17,10 +17,10 @@ impl GroupTree {
     /// The tree for new positions of the same triangles and new boxes of the same objects
     /// (`bounds`, as for [`Self::build`]).
     ///
-    /// `None` if it cannot be had this way and the tree must be built anew: the numbers of
-    /// triangles, objects or unbounded objects differ, a triangle that could not be hit before now
-    /// can, or corners that were one are not any more and do not fit into a compact block.
-    /// Triangles that no longer can be hit are taken out, until a later refit brings them back.
+    /// `None` if refitting is impossible and the tree must be rebuilt: the numbers of triangles,
+    /// objects or unbounded objects differ, a triangle that could not be hit before now can, or
+    /// vertices that coincided no longer do and do not fit into a compact block. Triangles that no
+    /// longer can be hit are taken out, until a later refit brings them back.
     pub fn refit(&self, list: &GroupList, bounds: &[Bounds3d]) -> Option<Self> {
         let mut first = 0;
         let same =

@@ -7,13 +7,13 @@ use rayon::prelude::*;
 /// Boxes of less than this share of the area of everything are not looked at.
 const LEAST_AREA: f32 = 1e-5;
 
-/// Boxes up to so many times the area of their triangle are as they should be: a slanted triangle
-/// has about three times.
+/// Boxes of up to this many times the area of their triangle are not wasteful: that of a slanted
+/// triangle has about three times.
 const USUAL: f32 = 5.0;
 
-/// Splits pay if a random line through everything meets so many boxes of large triangles in vain.
-/// (A tree over scans or terrain costs some 10 to 40 steps; scans have a waste of about 0.1, the
-/// room of the examples some hundreds.)
+/// Spatial splits pay if a random line through the set meets on average this many boxes of large
+/// triangles without a hit. (A tree over scans or terrain costs some 10 to 40 steps; scans have a
+/// waste of about 0.1, the room of the examples some hundreds.)
 const LARGE: f64 = 4.0;
 
 /// True if large triangles fill so little of their boxes that splitting them makes up for the

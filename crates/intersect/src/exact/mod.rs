@@ -16,8 +16,7 @@ use snell_math::{DRay, DVec3};
 
 /// How a precision brings rays into the coordinates of trees, and decides hits on triangles.
 pub(crate) trait TriangleTest: Frames {
-    /// True if triangles are decided on what is not in the blocks: then their memory may be asked
-    /// for ahead.
+    /// True if triangles are tested with data outside of the blocks, which can then be prefetched.
     const TRIANGLES_ELSEWHERE: bool;
 
     /// Asks for the memory of a triangle.

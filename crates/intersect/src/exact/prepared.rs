@@ -1,6 +1,6 @@
 //! A ray of ordinary size, prepared for the fast kernels.
 //!
-//! Nearly all rays are ordinary: [`PreparedRay`] says which. For them nothing overflows or cancels,
+//! Nearly all rays are ordinary, as [`PreparedRay`] defines. For them nothing overflows or cancels,
 //! so boxes can be tested by one fused multiplication and addition per plane, and rays that come in
 //! `f32` can be prepared in `f32`. All others, and all in trees of extraordinary size, are walked
 //! with the general [`super::ray::LocalRay`]. Which triangles are hit, and where, is the same for

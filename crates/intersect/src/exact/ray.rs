@@ -142,8 +142,8 @@ impl AxisRay {
         let slow = d as f32 + 0.0;
         let inverse = (1.0 / slow.abs()).max(f32::from_bits(1));
         let side = rounding.copysign(slow);
-        // So slow or fast that `f32` cannot say when the ray crosses a plane, but it does: then no
-        // plane counts.
+        // The direction is so small or large that `f32` cannot represent where the ray crosses a
+        // plane; then no plane limits it.
         let unknown = (inverse == f32::INFINITY && d != 0.0) || inverse < 1e-30;
         let inverse = if unknown { f32::INFINITY } else { inverse };
         let (middle, side) = if unknown { (0.0, f32::MAX.copysign(slow)) } else { (origin, side) };

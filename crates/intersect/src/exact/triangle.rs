@@ -186,7 +186,7 @@ pub(crate) fn clamp_to_box(direction: &DVec3, relative: &[DVec3; 3], t: f64) -> 
 fn clamp_to_slabs(direction: &DVec3, low: DVec3, high: DVec3, t: f64) -> f64 {
     let inverse = direction.recip();
     let (low, high) = (low * inverse, high * inverse);
-    // An axis the ray does not move along says nothing: 0 / 0 and x / 0.
+    // An axis along which the ray does not move does not limit it: 0 / 0 and x / 0.
     let usable = inverse.is_finite_mask();
     let enter = DVec3::select(usable, low.min(high), DVec3::NEG_INFINITY).max_element();
     let leave = DVec3::select(usable, low.max(high), DVec3::INFINITY).min_element();

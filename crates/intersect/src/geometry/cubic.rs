@@ -1,4 +1,4 @@
-//! Round cubic curves in the usual bases.
+//! Round cubic curves in the Bézier, B-spline and other common bases.
 
 use super::nearest::on_sweep;
 use super::rounded_cone::Ball;

@@ -1,5 +1,4 @@
-//! Strands: round curves of one or more segments each, hit from outside only. What hair and fur are
-//! made of.
+//! Strands: round curves of one or more segments each, hit from outside only, for hair and fur.
 
 use super::cubic::Tube;
 use super::sweep::{derivatives, halves};
@@ -34,7 +33,8 @@ impl StrandBasis {
         }
     }
 
-    /// Segments of a strand of so many points; `None` if they make none.
+    /// The number of segments of a strand of this many points; `None` if the points make no
+    /// segment.
     pub fn segments(self, points: usize) -> Option<usize> {
         let (whole, step) = self.points_and_step();
         let rest = points.checked_sub(whole)?;
@@ -42,7 +42,7 @@ impl StrandBasis {
     }
 }
 
-/// Points that do not make strands.
+/// Points that do not define strands.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum StrandError {
     /// A strand with too few points, or too many for whole segments.
@@ -50,9 +50,9 @@ pub enum StrandError {
     Points {
         /// Its number.
         strand: usize,
-        /// How many points it has.
+        /// The number of its points.
         points: u32,
-        /// What they were to define.
+        /// Their basis.
         basis: StrandBasis,
     },
     /// The strands do not use up the points.
@@ -60,15 +60,15 @@ pub enum StrandError {
     Total {
         /// Points of all strands.
         strands: u64,
-        /// Points that there are.
+        /// The number of points.
         points: usize,
     },
-    /// More than can be counted.
+    /// There are more points or segments than the numbers can count.
     #[error("more points than 32-bit numbers can count: spread them over several sets")]
     TooMany,
 }
 
-/// What a strand of this basis needs.
+/// A description of the number of points that a strand of this basis needs.
 fn expected(basis: StrandBasis) -> &'static str {
     match basis {
         StrandBasis::Linear => "2 or more",
@@ -78,16 +78,14 @@ fn expected(basis: StrandBasis) -> &'static str {
 }
 
 /// Curves of round cross-section in strands: the space that a ball sweeps along each.
-/// [`LinearCurves`] and [`CubicCurves`] say what a segment is. Long and thin segments are divided
-/// in halves, quarters or eighths, because the boxes around those are so much smaller;
-/// [`crate::Hit::primitive`] counts these pieces over all strands, and [`crate::Hit::uv`] is along
-/// a piece.
+/// [`LinearCurves`] and [`CubicCurves`] define the segments. Long and thin segments are divided in
+/// halves, quarters or eighths, because their boxes are much smaller; [`crate::Hit::primitive`]
+/// counts these pieces over all strands, and [`crate::Hit::uv`] is along a piece.
 ///
-/// Unlike their segments, strands have an outside only: a ray meets a strand where it goes in,
-/// never where it comes out, and nothing within it where segments meet. So a ray that starts on a
-/// strand passes through it unhindered, which is what scattering by fibres asks for (the light's
-/// way within the fibre is the material's affair), and Embree's culling of the inner sides of
-/// curves does the same.
+/// Unlike their segments, strands have an outside only: a ray hits a strand where it enters, never
+/// where it leaves, and never inside where segments meet. So a ray that starts on a strand passes
+/// through it, as fibre scattering requires (the material models the light inside the fibre);
+/// Embree culls the back faces of curves likewise.
 ///
 /// Texture coordinates: `u` from 0 at the root of a strand to 1 at its tip, evenly over its
 /// segments; `v` from 0 to 1 around it.
@@ -105,8 +103,8 @@ pub struct Curves {
     capsules: Vec<Capsule>,
 }
 
-/// All points within a distance of a line from point to point: around a piece, so that most rays
-/// that come near it are told at once that they pass by.
+/// A capsule: all points within a distance of a line segment. It bounds a piece, so that most rays
+/// that miss it are rejected early.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Capsule {
     start: Vec3,
@@ -163,11 +161,10 @@ enum Segments {
     Cubic(CubicCurves),
 }
 
-/// Segments are halved at most so often.
+/// The largest number of halvings of a segment.
 const MOST_HALVINGS: u32 = 3;
 
-/// Pieces are about so much longer than they are wide, if segments need not be halved more often
-/// for that.
+/// Target ratio of a piece's length to its width, unless it needs more halvings than are allowed.
 const SLENDER: f64 = 8.0;
 
 /// How far outside of the next segment, as the sine of an angle at the joint, the end of a segment
@@ -315,8 +312,7 @@ impl Curves {
             .fold(Bounds3d::EMPTY, |all, b| all.union(&b))
     }
 
-    /// True if a point on the round end of a piece, at `u` 0 or 1, lies within the piece that goes
-    /// on from there.
+    /// True if a point on the round end of a piece, at `u` 0 or 1, lies within the adjacent piece.
     fn is_within_next(&self, piece: usize, u: f32, position: DVec3) -> bool {
         let [first, after] = self.strand_of(piece);
         let (next, start, sign) = match u {
@@ -372,7 +368,7 @@ impl PrimitiveSet for Curves {
             }
             Segments::Cubic(_) => {
                 let (tube, _) = self.tube(piece)?;
-                // Where the ray goes in: every other crossing.
+                // The entries of the ray: every other crossing.
                 let hit = tube.crossings(ray)?.step_by(2).find(is_seen)?;
                 Some((hit, tube.bounds()))
             }

@@ -1,9 +1,9 @@
-//! Geometries beyond meshes and shapes: spheres and curves in bulk, whatever a user brings along by
-//! [`PrimitiveSet`], quads, and what moves.
+//! Geometries other than meshes and shapes: sets of spheres and curves, user-defined sets
+//! ([`PrimitiveSet`]), quads, and moving geometry.
 //!
-//! A set says where each of its primitives is and where a ray first meets it. The rest is done here
-//! and is the same for every set: the primitives are sorted into the tree of their group, one by
-//! one, at a few bytes each.
+//! A set gives the bounds of each of its primitives and its nearest intersection with a ray. The
+//! rest is the same for every set: each primitive is put into the tree of its group, at a few bytes
+//! each.
 
 pub mod cubic;
 pub mod curves;
@@ -32,37 +32,36 @@ use snell_math::{Bounds3d, DRay, DVec3, Vec2};
 pub struct PrimitiveHit {
     /// Ray parameter.
     pub t: f64,
-    /// What the set wants to remember of the place: [`crate::Hit::uv`].
+    /// Parameters of the point, defined by the set; they become [`crate::Hit::uv`].
     pub uv: Vec2,
 }
 
 /// Many primitives of one kind, in the coordinates of the group that holds them: the interface for
-/// geometry of one's own.
+/// user-defined geometry.
 ///
-/// All answers must be pure functions of their arguments. Whatever they are, queries end and all
-/// acceleration structures agree: a hit that is not finite does not count, one outside of the
-/// primitive's bounds is moved to where the ray is inside (or does not count if it never is), and
-/// of one primitive a ray meets at most 64 crossings.
+/// All methods must be pure functions of their arguments. Whatever they return, queries terminate
+/// and all acceleration structures agree: a hit that is not finite does not count, a hit outside of
+/// the primitive's bounds is moved to the interval in which the ray is inside them (or does not
+/// count if there is none), and a ray has at most 64 hits on one primitive.
 pub trait PrimitiveSet: Send + Sync + std::fmt::Debug {
-    /// How many primitives there are. [`crate::Hit::primitive`] counts them from 0.
+    /// The number of primitives. [`crate::Hit::primitive`] counts them from 0.
     fn len(&self) -> usize;
 
-    /// True without primitives.
+    /// True if the set has no primitives.
     fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// A box around a primitive at all times from 0 to 1. May have infinite sides; such primitives
-    /// are tested against every ray. Empty (or NaN) for a primitive that is never hit: it is
-    /// skipped, and counted as such.
+    /// The bounds of a primitive at all times from 0 to 1. They may be infinite; such primitives
+    /// are tested against every ray. They are empty (or NaN) for a degenerate primitive, which is
+    /// skipped and counted as degenerate.
     fn bounds(&self, primitive: usize) -> Bounds3d;
 
-    /// The nearest point of a primitive in the open interval of the ray, from either side.
-    /// Directions have any length. `time` is that of the ray, from 0 to 1.
+    /// The nearest intersection with a primitive in the open interval of the ray, from either side.
+    /// Directions may have any length. `time` is that of the ray, from 0 to 1.
     fn closest(&self, primitive: usize, ray: &DRay, time: f32) -> Option<PrimitiveHit>;
 
-    /// [`Self::closest`] and [`Self::bounds`] together, which may be less work than one after the
-    /// other.
+    /// [`Self::closest`] and [`Self::bounds`] together, which may be cheaper than two calls.
     fn closest_within(
         &self,
         primitive: usize,
@@ -72,8 +71,8 @@ pub trait PrimitiveSet: Send + Sync + std::fmt::Debug {
         self.closest(primitive, ray, time).map(|hit| (hit, self.bounds(primitive)))
     }
 
-    /// Told some time before [`Self::closest`] is asked about a primitive, so that it can ask for
-    /// the memory it reads first. Does nothing, unless a set says otherwise.
+    /// Prefetches the memory that [`Self::closest`] will read first. Called some time before it.
+    /// Does nothing by default.
     fn fetch(&self, _primitive: usize) {}
 
     /// The surface of a primitive at `position`, a point on it (or within single-precision rounding
@@ -81,8 +80,8 @@ pub trait PrimitiveSet: Send + Sync + std::fmt::Debug {
     fn surface(&self, primitive: usize, position: DVec3, uv: Vec2, time: f32) -> ShapeSurface;
 
     /// The point of a primitive's surface nearest to `point` at time 0, where lengths are measured
-    /// by `metric`, and its `uv`. `None` if that cannot be said: the primitive is never the
-    /// nearest. (So it is unless a set says otherwise.)
+    /// by `metric`, and its `uv`. `None`, the default, excludes the primitive from nearest-point
+    /// queries.
     fn nearest_point(
         &self,
         _primitive: usize,
@@ -92,8 +91,7 @@ pub trait PrimitiveSet: Send + Sync + std::fmt::Debug {
         None
     }
 
-    /// True if `point` is inside of a primitive that is solid, at time 0. Never, unless a set says
-    /// otherwise.
+    /// True if `point` is inside a solid primitive at time 0. False by default.
     fn contains(&self, _primitive: usize, _point: DVec3) -> bool {
         false
     }
@@ -110,14 +108,14 @@ pub trait PrimitiveSet: Send + Sync + std::fmt::Debug {
     }
 }
 
-/// How far a point may be off the bounds of its primitive, relative to the way from the ray's
-/// origin, and still be rounding.
+/// How far a hit may lie outside of its primitive's bounds, relative to its distance from the ray's
+/// origin, and still be attributed to rounding.
 const ROUNDING: f64 = 1e-8;
 
 /// The parameter nearest to `t` at which the ray is within the bounds; `None` if it never is, or
 /// `t` is not finite.
 ///
-/// Trees skip what lies outside of boxes, so nothing there may count.
+/// Trees skip what lies outside of boxes, so hits there must not count.
 pub(crate) fn within_bounds(bounds: &Bounds3d, ray: &DRay, t: f64) -> Option<f64> {
     let way = ray.direction * t;
     let (low, high) = (bounds.min - ray.origin, bounds.max - ray.origin);
@@ -130,8 +128,8 @@ pub(crate) fn within_bounds(bounds: &Bounds3d, ray: &DRay, t: f64) -> Option<f64
     }
     let inverse = ray.direction.recip();
     let (a, b) = (low * inverse, high * inverse);
-    // An axis the ray does not move along tells nothing of `t`, but the ray may be outside all the
-    // way.
+    // An axis along which the ray does not move does not limit `t`, but the whole ray may be
+    // outside.
     let moves = inverse.is_finite_mask();
     let outside = (low.cmpgt(margin) | high.cmplt(-margin)) & !moves;
     let enter = DVec3::select(moves, a.min(b), DVec3::NEG_INFINITY).max_element();

@@ -1,11 +1,11 @@
-//! The space swept by a ball along a cubic curve, and a ray's way through it.
+//! The intersection of a ray with the space swept by a ball along a cubic curve.
 //!
-//! That space is a union of balls, so along a ray it is a union of stretches, one for each
+//! That space is a union of balls, so along a ray it is a union of intervals, one for each
 //! connected set of balls that the ray passes through; entries and exits alternate. Here the curve
 //! is divided in halves, parts whose bounds the ray misses are dropped (as in Nakamaru and Ohno,
 //! Ray tracing for curves primitive, WSCG 2002), the hulls of the balls at the ends of the last
 //! pieces give stretches ([`UnitRay::hull_span`]), and those that overlap are joined. The ends of
-//! what is left are then moved to the true surface by Newton's method.
+//! the remaining intervals are then refined to the true surface by Newton's method.
 
 use super::rounded_cone::{Ball, UnitRay};
 use crate::shape::ShapeSurface;
@@ -15,10 +15,10 @@ use std::f64::consts::TAU;
 /// The largest distance between curve and chord, relative to the largest radius.
 const FLATNESS: f64 = 1e-3;
 
-/// Halvings at most.
+/// The largest number of halvings.
 const MAX_DEPTH: u32 = 12;
 
-/// More stretches than this, of which no cubic has any number near, are joined.
+/// The largest number of intervals, far more than a cubic has; further ones are merged.
 const MAX_STRETCHES: usize = 16;
 
 /// Value, first and second derivative of a Bézier curve.
@@ -43,7 +43,7 @@ pub(super) fn halves(&[a, b, c, d]: &[DVec4; 4]) -> [[DVec4; 4]; 2] {
 pub(super) fn foot(controls: &[DVec4; 4], position: DVec3, mut u: f64) -> f64 {
     for _ in 0..6 {
         let [g, slope] = envelope(&derivatives(controls, u), position);
-        // Not a minimum of the distance here: the ball that was hit will do.
+        // Not a minimum of the distance here: the ball that was hit is used.
         if slope.is_nan() || slope <= 0.0 {
             break;
         }
@@ -90,17 +90,17 @@ pub(super) fn tube_surface(
     ShapeSurface { position, normal, uv: DVec2::new(u, v), dpdu, dpdv }
 }
 
-/// A stretch of the ray inside: both ends as length along the ray and curve parameter.
+/// An interval of the ray inside: both ends as length along the ray and curve parameter.
 #[derive(Clone, Copy, Debug)]
 struct Stretch {
     enter: (f64, f64),
     exit: (f64, f64),
 }
 
-/// A curve seen along a ray: the ray is the z axis, x and y are across it.
+/// A curve in ray coordinates: the ray is the z axis, x and y are perpendicular to it.
 pub(super) struct Sweep {
     controls: [DVec4; 4],
-    /// What to add to z to get lengths along the ray.
+    /// Offset from z to lengths along the ray.
     start: f64,
     /// Ray parameter per length.
     scale: f64,
@@ -133,14 +133,13 @@ impl Part {
 }
 
 impl Sweep {
-    /// The curve with these control points as the ray sees it; `None` if it passes by, perhaps.
+    /// The curve with these control points in ray coordinates; may be `None` if the ray misses it.
     pub fn new(controls: &[DVec4; 4], ray: &DRay) -> Option<Self> {
         let ray = UnitRay::new(ray)?;
         let middle = (controls[0] + controls[3]).truncate() * 0.5;
         let start = (middle - ray.origin).dot(ray.direction);
         let origin = ray.origin + ray.direction * start;
-        // Most rays that come near pass by across the chord: that is seen before anything is
-        // turned.
+        // Most near misses are across the chord, which is tested before anything is rotated.
         let whole_chord = (controls[3] - controls[0]).truncate();
         let across = ray.direction.cross(whole_chord);
         let unit = across.length();
@@ -177,7 +176,7 @@ impl Sweep {
         depth
     }
 
-    /// Where the ray goes in and out, ascending, as ray parameter and curve parameter.
+    /// The entries and exits of the ray, ascending, as ray parameter and curve parameter.
     pub fn crossings(self) -> impl Iterator<Item = (f64, f64)> {
         let depth = self.depth();
         let whole = Part { controls: self.controls, u: 0.0, width: 1.0, depth };
@@ -293,8 +292,8 @@ impl Stretches {
         self.count = self.count + 1 - overlapped;
     }
 
-    /// Their ends, moved; those of a stretch stay where they were if they would get out of order.
-    /// Each is moved when it is asked for.
+    /// Their refined ends; those of an interval stay unrefined if they would get out of order. Each
+    /// is refined when it is needed.
     fn improved(
         self,
         moved: impl Fn((f64, f64)) -> Option<(f64, f64)>,

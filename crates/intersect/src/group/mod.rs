@@ -1,5 +1,5 @@
-//! The tests of single primitives, shared by every structure: what a group holds, ready to be
-//! tested.
+//! The contents of groups, prepared for intersection, and the tests of single primitives that all
+//! structures share.
 
 use crate::exact::TriangleTest;
 use crate::exact::ray::LocalRay;
@@ -29,11 +29,11 @@ pub(crate) enum Object {
     Instance {
         /// Which group.
         child: usize,
-        /// What to add to the occurrence number of the group to get that of the child.
+        /// The difference between the occurrence numbers of the child and of the group.
         offset: u32,
         /// The map from the group to the child.
         child_from_group: Placement,
-        /// Rays whose mask shares no bit with this pass by.
+        /// Only rays whose mask has a bit in common with this one enter.
         mask: u32,
     },
 }
@@ -56,7 +56,7 @@ impl Placement {
         }
     }
 
-    /// Tells a goal that records that the search enters the child.
+    /// Reports to a recording goal that the search enters the child.
     #[inline(always)]
     fn tell<G: Goal>(&self, search: &mut Search<'_, G>) {
         if !G::RECORDS {
@@ -72,14 +72,14 @@ impl Placement {
         }
     }
 
-    /// The ray in the child; `None` if it overflows on the way or the child is flattened, then
-    /// nothing there can be hit.
+    /// The ray in the child; `None` if it overflows or the map is singular, so that nothing there
+    /// can be hit.
     #[inline(always)]
     pub fn ray_in_child(&self, ray: &DRay, time: f32) -> Option<DRay> {
         self.mapped(ray, time).filter(is_finite)
     }
 
-    /// The same of a ray that may overflow.
+    /// The same for a ray that may overflow.
     #[inline(always)]
     pub fn mapped(&self, ray: &DRay, time: f32) -> Option<DRay> {
         match self {
@@ -92,7 +92,7 @@ impl Placement {
 /// Many primitives of one geometry.
 #[derive(Clone, Debug)]
 pub(crate) enum BulkContents {
-    /// Spheres, curves, a user's own.
+    /// A set: spheres, curves, or user-defined.
     Set(Arc<dyn PrimitiveSet>),
     /// Triangles whose vertices move.
     MovingMesh(Arc<MovingMesh>),
@@ -137,7 +137,7 @@ pub(crate) struct Objects {
     count: usize,
 }
 
-/// What a number stands for.
+/// The object with a number.
 pub(crate) enum ObjectRef<'a> {
     /// A shape or an instance.
     Placed(&'a Object),
@@ -164,7 +164,7 @@ impl Objects {
         true
     }
 
-    /// How many there are, primitives of sets included.
+    /// The number of objects, including primitives of sets.
     pub fn len(&self) -> usize {
         self.count
     }
@@ -182,7 +182,7 @@ impl Objects {
         &self.placed
     }
 
-    /// What a number stands for.
+    /// The object with a number.
     #[inline(always)]
     pub fn get(&self, number: usize) -> ObjectRef<'_> {
         if let Some(object) = self.placed.get(number) {
@@ -193,7 +193,7 @@ impl Objects {
         ObjectRef::Primitive(bulk, number as u32 - bulk.first)
     }
 
-    /// Tells what will be tested soon.
+    /// Prefetches what will be tested soon.
     #[inline(always)]
     pub fn fetch(&self, number: usize) {
         if let ObjectRef::Primitive(Bulk { contents: BulkContents::Set(set), .. }, primitive) =
@@ -268,12 +268,12 @@ fn is_finite(ray: &DRay) -> bool {
     ray.origin.is_finite() && ray.direction.is_finite()
 }
 
-/// How often one object is asked again after a hit on it did not count. No shape has that many
+/// How often one object is tested again after a hit that did not count. No shape has that many
 /// crossings.
 const MAX_CROSSINGS: usize = 64;
 
-/// Offers the crossings of one shape, nearest first. `ray` is in the shape's coordinates. True if
-/// the search is over.
+/// Reports the hits on one shape, nearest first. `ray` is in the shape's coordinates. True if the
+/// search is over.
 pub(crate) fn test_shape<G: Goal>(
     search: &mut Search<'_, G>,
     shape: &dyn Shape,
@@ -308,7 +308,7 @@ pub(crate) fn test_shape<G: Goal>(
     false
 }
 
-/// Offers the crossings of one primitive of a set, nearest first; `ids` are instance, geometry and
+/// Reports the hits on one primitive of a set, nearest first; `ids` are instance, geometry and
 /// primitive. True if the search is over.
 fn test_primitive<G: Goal>(
     search: &mut Search<'_, G>,
@@ -342,8 +342,7 @@ fn test_primitive<G: Goal>(
     false
 }
 
-/// Offers the hit on a triangle whose corners are those of the ray's time. True if the search is
-/// over.
+/// Reports the hit on a triangle with its corners at the ray's time. True if the search is over.
 fn test_moving_triangle<G: Goal>(
     search: &mut Search<'_, G>,
     mesh: &MovingMesh,
@@ -363,7 +362,7 @@ fn test_moving_triangle<G: Goal>(
     hit.is_some() && mesh.bounds(ids[2] as usize).is_some() && offer_triangle(search, hit)
 }
 
-/// Offers the hit on one triangle. True if the search is over.
+/// Reports the hit on one triangle. True if the search is over.
 #[inline(always)]
 pub(crate) fn test_triangle<G: Goal<Precision: TriangleTest>>(
     search: &mut Search<'_, G>,
@@ -375,7 +374,7 @@ pub(crate) fn test_triangle<G: Goal<Precision: TriangleTest>>(
     offer_triangle(search, hit)
 }
 
-/// Offers what the exact test of a triangle has found. True if the search is over.
+/// Reports the result of the exact test of a triangle. True if the search is over.
 #[inline(always)]
 pub(crate) fn offer_triangle<G: Goal>(search: &mut Search<'_, G>, found: Option<HitOf<G>>) -> bool {
     let Some(hit) = found else { return false };

@@ -1,6 +1,6 @@
 //! Traversal kernels: ray-boxes and ray-triangles, written once over [`snell_math::simd::Lanes8`],
-//! and their entries per level. `README.md` beside this file says how a ray travels and which
-//! kernel is used when.
+//! and their entries per level. `README.md` beside this file explains the traversal and the choice
+//! of kernels.
 
 mod columns;
 pub(crate) mod list;

@@ -79,10 +79,10 @@ impl BoxRay {
         self.signed_width[axis] < 0.0
     }
 
-    /// Where along the ray it is within its width of a plane across an axis. A ray along the plane
-    /// is there always, or never: then the interval is at plus infinity if the plane lies on the
-    /// upper side, else at minus infinity (the other way round for a direction of -0). Bounds may
-    /// be NaN in the worst case; they say nothing then.
+    /// The interval of the ray within its width of a plane perpendicular to an axis. A ray parallel
+    /// to the plane is inside always or never: then the interval is at plus infinity if the plane
+    /// lies on the upper side, else at minus infinity (the other way round for a direction of -0).
+    /// Bounds may be NaN in the worst case; then they do not limit the ray.
     #[inline(always)]
     pub fn crossing(&self, axis: usize, plane: f64) -> (f64, f64) {
         let (distance, width, inverse) =

@@ -56,9 +56,9 @@ pub(crate) type Build = fn(&Primitives, &AcceleratorOptions) -> Box<dyn Accelera
 
 /// A structure over the bounded primitives of one group.
 pub(crate) trait Accelerator: std::fmt::Debug + Send + Sync {
-    /// Hands the visitor every primitive that the ray may hit and that does not start beyond
-    /// [`Visitor::cull`]. True if the search is over. A primitive may be handed over more than once
-    /// if [`Self::repeats`] says so.
+    /// Visits every primitive that the ray may hit and that does not start beyond
+    /// [`Visitor::cull`]. Returns true if the search is over. A primitive may be visited more than
+    /// once if [`Self::repeats`] is true.
     fn walk(&self, ray: &BoxRay, visitor: &mut dyn Visitor) -> bool;
 
     /// True if primitives may lie in several places.
@@ -107,11 +107,11 @@ pub(crate) trait Visitor {
     /// True if it records regions.
     fn records(&self) -> bool;
 
-    /// Told of a region that the walk looks into; true if it holds primitives and not other
-    /// regions.
+    /// Called for each region that the traversal enters; the flag is true if it holds primitives
+    /// and not other regions.
     fn visit(&mut self, is_leaf: bool, region: Region);
 
-    /// Told at the end of a walk how many nodes and cells it went through.
+    /// Called at the end of a traversal with the number of nodes and cells that it visited.
     fn count(&mut self, work: Work);
 
     /// An empty list of places to visit later, to be given back by [`Self::give_stack`].
@@ -152,7 +152,7 @@ impl Work {
         self.look(visitor, true, region);
     }
 
-    /// Says where the walk looks, without counting.
+    /// Reports the region that the traversal enters, without counting.
     #[inline(always)]
     pub fn look(&self, visitor: &mut dyn Visitor, is_leaf: bool, region: impl FnOnce() -> Region) {
         if self.is_recorded {

@@ -51,8 +51,8 @@ pub(crate) struct Primitives<'a> {
 }
 
 impl<'a> Primitives<'a> {
-    /// Numbers the contents. `boxes` are those of the objects of the list, in order. An error says
-    /// that there are too many.
+    /// Numbers the contents. `boxes` are those of the objects of the list, in order. Returns an
+    /// error if there are too many.
     pub fn new(list: &'a GroupList, boxes: &[Bounds3]) -> Result<Self, String> {
         let count: usize = list.meshes.iter().map(|(_, mesh)| mesh.indices.len()).sum::<usize>()
             + list.objects.len();

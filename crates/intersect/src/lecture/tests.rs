@@ -1,7 +1,7 @@
 //! Every structure gives the hits of `none`, bit for bit: random scenes of mixed shapes, meshes and
-//! nested instances, at all scales, with degenerate and coincident triangles, and rays that are
-//! meant to be awkward. `SNELL_TEST_CASES` says how many scenes (300 by default); with
-//! `SNELL_TEST_BVH` set, the `bvh` is compared too, whose kernels have tests of their own.
+//! nested instances, at all scales, with degenerate and coincident triangles, and rays chosen to be
+//! difficult. `SNELL_TEST_CASES` is the number of scenes (300 by default); with `SNELL_TEST_BVH`
+//! set, the `bvh` is compared too, whose kernels have tests of their own.
 
 use super::AcceleratorOptions;
 use crate::hit::Hit;

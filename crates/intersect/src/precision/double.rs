@@ -23,7 +23,7 @@ pub(crate) struct DoubleData {
 }
 
 impl DoubleData {
-    /// `known` says who has the corners of a mesh already.
+    /// `known` finds groups that already hold the corners of a mesh.
     pub fn new<'a>(
         frames: Vec<Frame>,
         meshes: &[Arc<DTriangleMesh>],

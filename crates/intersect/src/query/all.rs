@@ -1,9 +1,9 @@
 //! All hits of a ray: how many there are, and which.
 //!
-//! A structure may hold a triangle several times (spatial splits do that), so a hit may be offered
-//! several times, in any order. Each counts once: for triangles the same (instance, geometry,
-//! primitive) at the same `t` and `uv` is the same hit. Shapes are held once, and two of the hits
-//! on one may well be equal in single precision.
+//! A structure may hold a triangle several times (because of spatial splits), so a hit may be
+//! reported several times, in any order. It counts once: for triangles the same (instance,
+//! geometry, primitive) at the same `t` and `uv` is the same hit. Shapes are held once, and two of
+//! the hits on one may well be equal in single precision.
 
 #[cfg(test)]
 mod tests;
@@ -19,11 +19,11 @@ use crate::world::{Geometry, Structure, World};
 /// Every hit of each ray of a batch, as compressed sparse rows.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct AllHits<P: Precision = Single> {
-    /// Where the hits of each ray begin in `hits`, and after the last ray their number: one entry
-    /// more than there are rays.
+    /// The index in `hits` of each ray's first hit, followed by the number of hits: one entry more
+    /// than there are rays.
     pub ray_splits: Vec<usize>,
-    /// The hits, ray after ray; of each ray ascending by `t`, equal ones by instance, geometry and
-    /// primitive, and those of one primitive that is no quad in their order along the ray.
+    /// The hits, ray after ray. Those of a ray ascend by `t`, at equal `t` by instance, geometry
+    /// and primitive; those of one primitive other than a quad are in their order along the ray.
     pub hits: Vec<P::Hit>,
 }
 
@@ -36,12 +36,12 @@ impl<P: Precision> AllHits<P> {
         &self.hits[self.ray_splits[ray]..self.ray_splits[ray + 1]]
     }
 
-    /// How many rays there are.
+    /// The number of rays.
     pub fn ray_count(&self) -> usize {
         self.ray_splits.len().saturating_sub(1)
     }
 
-    /// One batch after another.
+    /// Appends the hits of another batch.
     pub(super) fn concatenated(batches: Vec<Self>) -> Self {
         let mut all = Self {
             ray_splits: vec![0],
@@ -56,9 +56,8 @@ impl<P: Precision> AllHits<P> {
     }
 }
 
-/// What hits are sorted by. Crossings of one primitive of a set are offered in their order along
-/// the ray, and stay in it where they are equally far once they are rounded: the first is also what
-/// is closest.
+/// The sort key of hits. Hits on one primitive of a set are reported in their order along the ray,
+/// and keep it where their rounded `t` are equal: the first is also the closest hit.
 fn key<P: Facts>(hit: &P::Hit, geometries: &[Geometry]) -> Key<P> {
     let [instance, geometry, primitive, u, v] = P::rank(hit);
     let [u, v] = if is_mesh(geometries, P::ids(hit)[1]) { [u, v] } else { [0; 2] };
@@ -70,7 +69,7 @@ fn is_mesh(geometries: &[Geometry], geometry: u32) -> bool {
 }
 
 impl World {
-    /// Every hit of each ray, in order; none for invalid rays. There is no limit to their number.
+    /// Every hit of each ray, in order; none for invalid rays. Their number is unlimited.
     pub fn all<'a>(&self, rays: impl Into<Rays<'a>>, filter: &dyn HitFilter) -> AllHits {
         let rays = rays.into();
         self.searcher(filter).with_cancel(rays.cancel()).all(rays)
@@ -158,7 +157,7 @@ impl<P: Kernels> Searcher<'_, P> {
     }
 }
 
-/// The number of hits, if each is offered once.
+/// The number of hits, if each is reported once.
 #[derive(Clone, Copy, Debug)]
 struct Tally<P: Facts> {
     limit: P::Real,
@@ -206,11 +205,11 @@ impl<P: Facts> Key<P> {
     }
 }
 
-/// Crossings remembered at once.
+/// The number of hits that the buffer holds.
 const BUFFER: usize = 4096;
 
-/// The number of different hits in fixed memory: as many of the first ones as fit the buffer. When
-/// there are more, what is left is for another search, `after` the last of these.
+/// Counts different hits in fixed memory. The buffer holds the first ones; if there are more,
+/// another search continues `after` the last of these.
 #[derive(Clone, Debug)]
 struct Distinct<'a, P: Facts> {
     geometries: &'a [Geometry],
@@ -234,7 +233,7 @@ impl<'a, P: Facts> Distinct<'a, P> {
         }
     }
 
-    /// Makes room, if need be by dropping the farther half.
+    /// Makes room, if necessary by dropping the farther half.
     fn compact(&mut self) {
         self.sort_and_deduplicate();
         if self.found.len() > self.buffer / 2 {
@@ -251,7 +250,7 @@ impl<'a, P: Facts> Distinct<'a, P> {
         self.found.dedup_by(|a, b| a == b && is_mesh(geometries, a.rank[1] as u32));
     }
 
-    /// How many there are, and the last of them if there are more.
+    /// The number of hits in the buffer, and the last of them if there are more.
     fn finish(mut self) -> (u32, Option<Key<P>>) {
         self.sort_and_deduplicate();
         (self.found.len() as u32, self.until)

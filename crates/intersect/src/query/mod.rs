@@ -1,4 +1,4 @@
-//! Ray queries over batches: the main way to ask a [`World`]. Results depend only on each ray,
+//! Ray queries over batches, the main queries of a [`World`]. Results depend only on each ray,
 //! never on its neighbours.
 
 pub mod all;
@@ -59,7 +59,7 @@ impl World {
         self.searcher(filter).occluded_one(ray.into())
     }
 
-    /// The nearest hit of one ray, and what it cost to find.
+    /// The nearest hit of one ray, and counters of the traversal.
     pub fn closest_counted<'a>(
         &self,
         ray: impl Into<RayQuery<'a>>,
@@ -68,7 +68,7 @@ impl World {
         self.searcher(filter).closest_counted(ray.into())
     }
 
-    /// The nearest hit of each ray, and what all of them together cost to find.
+    /// The nearest hit of each ray, and counters of the traversal for all rays together.
     ///
     /// # Panics
     /// If the slices differ in length.
@@ -82,8 +82,8 @@ impl World {
         self.searcher(filter).with_cancel(rays.cancel()).closest_work(rays, hits)
     }
 
-    /// For each ray, whether anything lies in its interval, and what all of them together cost to
-    /// find out.
+    /// For each ray, whether anything lies in its interval, and counters of the traversal for all
+    /// rays together.
     ///
     /// # Panics
     /// If the slices differ in length.

@@ -1,8 +1,8 @@
-//! The order in which the rays of a large batch are traced: rays from one place one after another,
-//! because they visit the same parts of the tree.
+//! The order in which the rays of a large batch are traced: rays with nearby origins follow each
+//! other, because they visit the same parts of the tree.
 //!
-//! Rays are sorted by the cell of their origin along a Morton curve, by counting, if they are not
-//! in some such order already. Each ray is still traced for itself, so the results are the same.
+//! Rays are sorted by the Morton code of their origin's cell, by a counting sort, unless they are
+//! in such an order already. Each ray is still traced independently, so the results are the same.
 
 use crate::morton;
 use crate::precision::Facts;
@@ -10,26 +10,26 @@ use crate::search::rays::Rays;
 use snell_math::Vec3;
 use std::ops::Range;
 
-/// So many rays or more are worth sorting.
+/// The smallest batch that is worth sorting.
 const MIN_RAYS: usize = 1 << 14;
 
-/// So many rays at most are sorted at a time: rays and answers of more would not stay in the
-/// caches.
+/// The largest number of rays sorted at a time: the rays and results of more do not fit the caches.
 const MAX_RAYS: usize = 1 << 16;
 
-/// Bits of a cell's place on each axis.
+/// Bits of a cell's coordinate on each axis.
 const CELL_BITS: u32 = 5;
 
-/// All cells. (Few enough to count the rays of each in the second cache.)
+/// The number of cells. (Few enough for their counters to fit the second-level cache.)
 const CELLS: usize = 1 << (3 * CELL_BITS);
 
-/// Neighbours of which so many are looked at to see whether rays are in order.
+/// The number of pairs of consecutive rays that are sampled to see whether rays are in order.
 const SAMPLES: usize = 256;
 
-/// Of so many origins one is looked at to know their extent.
+/// One of this many origins is sampled to estimate their extent.
 const STEP: usize = 61;
 
-/// Neighbours are close together within this part of the extent of all origins.
+/// Consecutive origins are close together if their distance is within this fraction of the extent
+/// of all origins.
 const CLOSE: f32 = 1.0 / 16.0;
 
 /// Sorts a batch part by part.
@@ -40,13 +40,14 @@ pub(crate) struct Sorter {
     sorts: bool,
     /// The cell of each ray.
     cells: Vec<u16>,
-    /// By cell: how many rays there are, then where its next ray goes.
+    /// For each cell the number of its rays, then the position of its next ray.
     places: Vec<u32>,
     order: Vec<u32>,
 }
 
 impl Sorter {
-    /// For this many rays, if they are to be sorted at all.
+    /// A sorter for a batch of this many rays; it sorts if `sorts` is set and the batch is large
+    /// enough.
     pub fn new(rays: usize, sorts: bool) -> Self {
         let sorts = sorts && rays >= MIN_RAYS;
         let parts = if sorts { rays.div_ceil(MAX_RAYS) } else { 1 };
@@ -66,17 +67,17 @@ impl Sorter {
         (0..rays).step_by(size).map(move |first| first..(first + size).min(rays))
     }
 
-    /// How many rays to take at a time; so many where they are not sorted.
+    /// The number of rays to take at a time; the argument where they are not sorted.
     pub fn at_once(&self, unsorted: usize) -> usize {
         if self.sorts { self.size } else { unsorted }
     }
 
-    /// In which order to trace the rays of a part; empty if they may stay as they are.
+    /// The order in which to trace the rays of a part; empty if it need not change.
     pub fn order<P: Facts>(&mut self, rays: Rays<P>) -> &[u32] {
         self.order_of::<P>(rays.rays().iter())
     }
 
-    /// The same of some of them: their places among these.
+    /// The same for a subset of the rays, as indices into it.
     pub fn order_of<'r, P: Facts>(
         &mut self,
         rays: impl ExactSizeIterator<Item = &'r P::Ray> + Clone,
@@ -113,8 +114,7 @@ impl Sorter {
     }
 }
 
-/// Nearly the bounds of all origins: of one in [`STEP`]. (The few that are beyond count as on the
-/// border.)
+/// Approximate bounds of all origins, from one in [`STEP`]. (Origins outside of them are clamped.)
 fn extent_of(origins: impl Iterator<Item = Vec3>) -> (Vec3, Vec3) {
     origins
         .step_by(STEP)
@@ -122,7 +122,7 @@ fn extent_of(origins: impl Iterator<Item = Vec3>) -> (Vec3, Vec3) {
         .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), o| (low.min(o), high.max(o)))
 }
 
-/// True if most rays start close to the one before.
+/// True if most rays start close to the previous one.
 fn is_in_order(origins: impl ExactSizeIterator<Item = Vec3> + Clone, extent: Vec3) -> bool {
     let step = (origins.len() / SAMPLES).max(1);
     let pairs = origins.clone().zip(origins.skip(1)).step_by(step);
@@ -144,10 +144,10 @@ impl Grid {
         Self { low, scale: Vec3::splat(Self::LAST) / (high - low) }
     }
 
-    /// The number of a point's cell on a Morton curve; anything in range for what is not finite.
+    /// The Morton code of a point's cell; any code in range if the point is not finite.
     #[inline(always)]
     fn cell(&self, point: Vec3) -> u16 {
-        // (To the nearest whole numbers by their last bits, which takes no checks.)
+        // (Rounds by adding a constant and taking the low bits, which needs no range checks.)
         const TO_WHOLE: f32 = (1 << 23) as f32;
         let at = ((point - self.low) * self.scale).max(Vec3::ZERO).min(Vec3::splat(Self::LAST))
             + TO_WHOLE;
@@ -156,7 +156,7 @@ impl Grid {
     }
 }
 
-/// Cells of an axis in a Morton code.
+/// The coordinate along one axis, spread for a Morton code.
 static SPREAD: [u32; 1 << CELL_BITS] = morton::spread();
 
 #[cfg(test)]

@@ -1,8 +1,8 @@
 //! The queries over batches by all threads of the current rayon pool.
 //!
-//! A batch is cut into pieces, whose size is a multiple of the runs that [`Grouping`] speaks of,
-//! and each piece is an ordinary query: so results are the same for any number of threads and any
-//! size of pieces. (Who runs many batches in tasks of their own asks the [`World`] directly.)
+//! A batch is divided into pieces, whose size is a multiple of the run length of [`Grouping`], and
+//! each piece is an ordinary query, so results are the same for any number of threads and any size
+//! of pieces. (Callers that run many batches in tasks of their own use the [`World`] directly.)
 
 #[cfg(test)]
 mod tests;
@@ -22,20 +22,21 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// Runs of coherent rays have this length or divide it.
 const RUN: usize = 64;
 
-/// Rays of a piece: an eighth of a thread's share, so that all end at about the same time, between
-/// these limits. Large pieces of unrelated rays can be sorted.
+/// Limits of the number of rays of a piece, which is an eighth of a thread's share so that all
+/// threads end at about the same time. Large pieces of incoherent rays can be sorted.
 const MIN_PIECE: usize = 4096;
 const MAX_PIECE: usize = 65536;
 
-/// Rays of a piece at most if the caller may want to stop: some 20 milliseconds in large worlds.
+/// The largest number of rays of a piece if the query can be cancelled: about 20 milliseconds in
+/// large worlds.
 const MAX_PIECE_TO_CANCEL: usize = 16384;
 
-/// A query was stopped by its flag. What it should have written is partly written.
+/// The query was cancelled by its flag. Its results are only partly written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("the query was cancelled")]
 pub struct Cancelled;
 
-/// The queries of a world, by many threads. See [`World::parallel`].
+/// The queries of a world on many threads. See [`World::parallel`].
 #[derive(Clone, Copy, Debug)]
 pub struct Parallel<'a, W = World> {
     world: &'a W,
@@ -58,7 +59,7 @@ impl DWorld {
     }
 }
 
-/// The precision of a world, and what it answers with.
+/// The precision of a world, and the types of its results.
 type Of<W> = <W as Queries>::Precision;
 type HitOf<W> = <Of<W> as Precision>::Hit;
 type PointOf<W> = <Of<W> as Precision>::Point;
@@ -66,14 +67,14 @@ type DistanceOf<W> = <Of<W> as Precision>::Distance;
 type NearestOf<W> = <Of<W> as Precision>::Nearest;
 
 impl<'a, W: Queries> Parallel<'a, W> {
-    /// Stops soon after the flag is set, with [`Cancelled`]. It is looked at before each piece of
-    /// at most 16,384 rays, or 64 points, and while rays are searched for.
+    /// Makes queries return [`Cancelled`] soon after the flag is set. It is checked before each
+    /// piece of at most 16,384 rays, or 64 points, and during traversal.
     pub fn with_cancel(self, cancel: &'a AtomicBool) -> Self {
         Self { cancel: Some(cancel), ..self }
     }
 
-    /// How many rays make a piece, rounded up to a multiple of 64. Otherwise that is chosen by the
-    /// size of the batch.
+    /// Sets the number of rays of a piece, rounded up to a multiple of 64. By default it follows
+    /// from the size of the batch.
     pub fn with_piece(self, rays: usize) -> Self {
         Self { piece: rays.max(1).checked_next_multiple_of(RUN), ..self }
     }
@@ -234,7 +235,7 @@ impl<'a, W: Queries> Parallel<'a, W> {
         self.piece.unwrap_or_else(|| share.next_multiple_of(RUN).clamp(MIN_PIECE, most))
     }
 
-    /// Lets `query` write each piece of the answers, given which it is.
+    /// Calls `query` for each piece of the results, with its range.
     fn write<T: Send>(
         &self,
         count: usize,
@@ -248,7 +249,7 @@ impl<'a, W: Queries> Parallel<'a, W> {
             query(i * piece..i * piece + answers.len(), answers);
             Ok(())
         })?;
-        // The last pieces may have been ended early.
+        // The last pieces may have been cancelled.
         self.check()
     }
 

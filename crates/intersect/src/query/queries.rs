@@ -1,4 +1,4 @@
-//! What worlds of either precision answer: for code that is written once for both.
+//! The queries of worlds of either precision, for code that is generic over both.
 
 use super::all::AllHits;
 use crate::precision::{Double, Precision, Single};
@@ -15,7 +15,7 @@ macro_rules! queries {
     )+) => {
         /// The queries of a [`World`] or a [`DWorld`], by the names they have there.
         pub trait Queries: Sync {
-            /// Of coordinates, rays and answers.
+            /// The precision of coordinates, rays and results.
             type Precision: Precision;
 
             /// As [`World::stats`].

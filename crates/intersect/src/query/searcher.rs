@@ -1,4 +1,4 @@
-//! How a world is searched.
+//! The searches behind the queries of a world.
 
 use super::all::AllHits;
 use super::order;
@@ -19,22 +19,22 @@ use std::sync::atomic::AtomicBool;
 
 type HitOf<P> = <P as Precision>::Hit;
 
-/// Rays that are tested against outliers before those that go on are searched for in the
-/// tree, if they are not sorted: as many as stay in the caches.
+/// The number of unsorted rays that are tested against outliers before the remaining ones traverse
+/// the tree: as many as fit the caches.
 const RAYS_AT_ONCE: usize = 1 << 12;
 
-/// Where and how to search, whatever the goal.
+/// What a search needs, independent of its goal.
 pub(crate) struct Searcher<'a, P: Facts = Single> {
-    /// Its structure, and which of its geometries are meshes; not what these hold.
+    /// The structure, and which geometries are meshes, without their contents.
     pub world: &'a World,
     pub context: Context<'a, P>,
 }
 
 macro_rules! searches {
     ($($precision:ident)+) => {$(
-        /// The searches for all that worlds are asked. What is generic is compiled where it is
-        /// called, and the kernels are large: so the methods of worlds, which take many kinds of
-        /// arguments, call these, and these are compiled once, here.
+        /// The searches for all queries of worlds. Generic code is compiled where it is called, and
+        /// the kernels are large; so the generic methods of worlds call these methods, which are
+        /// compiled once, here.
         impl Searcher<'_, $precision> {
             pub fn closest(
                 &self,
@@ -56,7 +56,7 @@ macro_rules! searches {
                 self.search_into(rays, grouping, Any::new, Slice(blocked));
             }
 
-            // One ray is little work: calls of a call are felt.
+            // Inlined, because a single ray is so little work that nested calls cost time.
             #[inline]
             pub fn closest_one(&self, ray: RayQuery<$precision>) -> HitOf<$precision> {
                 let mut search = Search::new(ray, &self.context, Closest::new(ray.ray));

@@ -1,16 +1,16 @@
-//! Where a batch puts what it finds.
+//! The destination of the results of a batch.
 
 use super::{Any, Closest, Goal};
 use crate::precision::Facts;
 use crate::prefetch::fetch;
 
-/// Takes what was found for each ray, by its number. A closure is one.
+/// Receives the result of each ray, by its number. Closures implement it.
 pub(crate) trait Answers<G> {
-    /// Takes what was found for a ray.
+    /// Receives the result of a ray.
     fn put(&mut self, number: usize, goal: G);
 
-    /// Told some time before a ray is done, if rays are not taken in order: the memory of the
-    /// answer may be asked for.
+    /// Called some time before a ray's result is written, if rays are not traced in order, to
+    /// prefetch the memory of the result.
     #[inline(always)]
     fn fetch(&self, _number: usize) {}
 }
@@ -22,7 +22,7 @@ impl<G, F: FnMut(usize, G)> Answers<G> for F {
     }
 }
 
-/// A goal with an answer per ray that goes into a slice.
+/// A goal with one result per ray, written to a slice.
 pub(crate) trait Answered: Goal {
     type Answer;
     fn answer(self) -> Self::Answer;
@@ -46,7 +46,7 @@ impl<P: Facts> Answered for Any<P> {
     }
 }
 
-/// A slice of answers, of which the first belongs to the ray with number 0.
+/// A slice of results, starting with that of ray number 0.
 pub(crate) struct Slice<'a, T>(pub &'a mut [T]);
 
 impl<G: Answered> Answers<G> for Slice<'_, G::Answer> {
@@ -61,7 +61,7 @@ impl<G: Answered> Answers<G> for Slice<'_, G::Answer> {
     }
 }
 
-/// Answers of a part of a batch, numbered from its first ray.
+/// Results of a part of a batch, numbered from its first ray.
 pub(crate) struct Part<'a, A> {
     pub answers: &'a mut A,
     pub first: usize,

@@ -1,19 +1,18 @@
-//! What queries say besides their rays: which belong together, and which hits count.
+//! Parameters of queries besides their rays: the grouping of rays, and the filter of hits.
 
 use crate::precision::{Precision, Single};
 
-/// Which rays of a batch belong together. The kernel follows from this and from the kind of query,
-/// never from what happens to share a batch, so a ray's result never depends on its neighbours.
+/// The coherence of the rays of a batch. The kernel follows from this and from the kind of query,
+/// never from the other rays of the batch, so a ray's result never depends on its neighbours.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Grouping {
-    /// Unrelated rays.
+    /// Incoherent rays.
     #[default]
     None,
-    /// Rays that are much like their neighbours: each run of 16, counted from the start of the
-    /// batch (the last may be shorter), leaves one point or goes to one point, in similar
-    /// directions. Such are the samples of a pixel or of 4x4 pixels seen by a pinhole, and the
-    /// shadow rays from them to a point light. Where it is not so, such runs are traced like
-    /// unrelated rays.
+    /// Coherent rays: those of each run of 16, counted from the start of the batch (the last may be
+    /// shorter), have a common origin or target, and similar directions. Examples are the samples
+    /// of a pixel or of 4x4 pixels seen by a pinhole, and the shadow rays from them to a point
+    /// light. Runs that are not coherent are traced like incoherent rays.
     Coherent,
 }
 
@@ -24,7 +23,7 @@ pub trait HitFilter<P: Precision = Single>: Sync {
     /// unspecified.
     fn accept(&self, ray: &P::Ray, hit: &P::Hit) -> bool;
 
-    /// The same for a ray with a time from 0 to 1. For those to whom the time means nothing, as
+    /// The same for a ray with a time from 0 to 1. By default it ignores the time and calls
     /// [`Self::accept`].
     fn accept_at(&self, ray: &P::Ray, time: f32, hit: &P::Hit) -> bool {
         let _ = time;
@@ -42,14 +41,14 @@ impl<P: Precision> HitFilter<P> for AcceptAll {
     }
 }
 
-/// What queries ask about a geometry before a hit on it counts.
+/// Properties of a geometry that decide whether hits on it count.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct GeometryOptions {
-    /// Only rays whose mask shares a bit with this meet it.
+    /// Only rays whose mask has a bit in common with this one hit it.
     pub mask: u32,
-    /// The query's [`crate::HitFilter`] may reject hits.
+    /// True if the query's [`crate::HitFilter`] may reject hits.
     pub filtered: bool,
-    /// Its triangles are halves of quads.
+    /// True if its triangles are halves of quads.
     pub(crate) quads: bool,
 }
 

@@ -1,4 +1,4 @@
-//! One search in progress: the world's ray, what it may be asked to reject, and what it has found.
+//! A search: the ray in world space, the filters of hits, and the result so far.
 
 pub(crate) mod answers;
 mod counters;
@@ -22,26 +22,26 @@ pub(crate) type HitOf<G> = <<G as Goal>::Precision as Precision>::Hit;
 pub(crate) type DataOf<G> = <<G as Goal>::Precision as Facts>::Data;
 pub(crate) type RealOf<G> = <<G as Goal>::Precision as Facts>::Real;
 
-/// What a query wants to know about a ray: the nearest hit, any hit, all hits.
+/// The goal of a query: the nearest hit, any hit, or all hits of a ray.
 pub(crate) trait Goal {
     /// Of the world that is searched.
     type Precision: Facts;
-    /// True if hits bring the limit nearer while the search goes on.
+    /// True if hits reduce the limit of the search.
     const NARROWS: bool;
-    /// True if one hit is all that is wanted, and how it is found does not matter.
+    /// True if one hit suffices, and the way in which it is found does not matter.
     const WANTS_ONE: bool = false;
-    /// True if every hit is as good as any other: then [`Self::take`] does not look at it.
+    /// True if any hit will do, so that [`Self::take`] ignores its data.
     const ANY: bool = false;
     /// True if it records regions and instances.
     const RECORDS: bool = false;
 
-    /// Hits at a greater `t` are of no interest.
+    /// The limit: hits at a greater `t` do not count.
     fn limit(&self) -> RealOf<Self>;
 
     /// True if this hit would be taken.
     fn wants(&self, hit: &HitOf<Self>) -> bool;
 
-    /// True if this hit was dealt with before: then later ones on the same thing may still count.
+    /// True if this hit was reported before; later ones on the same primitive may still count.
     #[inline(always)]
     fn is_past(&self, _hit: &HitOf<Self>) -> bool {
         false
@@ -50,59 +50,58 @@ pub(crate) trait Goal {
     /// Takes a hit; true if the search is over.
     fn take(&mut self, hit: HitOf<Self>) -> bool;
 
-    /// Told of every node whose boxes are tested.
+    /// Called for every node whose boxes are tested.
     #[inline(always)]
     fn count_node(&mut self) {}
 
-    /// Told of every primitive tested.
+    /// Called for every primitive that is tested.
     #[inline(always)]
     fn count_primitives(&mut self, _count: u32) {}
 
-    /// Told of nodes and cells visited.
+    /// Called with the number of nodes and cells visited.
     #[inline(always)]
     fn count_visits(&mut self, _nodes: u32, _cells: u32) {}
 
-    /// Told of every region that the search looks into, in the coordinates of the group.
+    /// Called for every region that the search enters, in the coordinates of the group.
     #[inline(always)]
     fn visit(&mut self, _is_leaf: bool, _region: impl FnOnce() -> Region) {}
 
-    /// Told that the search enters an instance, by the map from outside to inside.
+    /// Called when the search enters an instance, with the map from outside to inside.
     #[inline(always)]
     fn enter(&mut self, _child_from_group: &DAffine3) {}
 
-    /// Told that it has left the instance entered last.
+    /// Called when the search leaves the instance entered last.
     #[inline(always)]
     fn leave(&mut self) {}
 }
 
-/// What became of a hit that was offered.
+/// The outcome of a reported hit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Verdict {
     /// Taken, and nothing more is needed.
     Finished,
     /// Taken; the search goes on.
     Taken,
-    /// Behind what is known already.
+    /// Beyond the limit.
     Behind,
-    /// Passed through: a later hit on the same thing may count.
+    /// Rejected: a later hit on the same primitive may count.
     Rejected,
 }
 
-/// What all searches of a batch share.
+/// The data that all searches of a batch share.
 pub(crate) struct Context<'a, P: Facts> {
-    /// Who may reject hits.
+    /// The filter that may reject hits.
     pub filter: &'a dyn HitFilter<P>,
     /// Per geometry: its mask, and whether the filter is asked.
     pub options: &'a [GeometryOptions],
-    /// What the precision wants to know.
+    /// Data that the precision needs.
     pub data: &'a P::Data,
     /// Ends all searches early when it is set.
     pub cancel: Option<&'a AtomicBool>,
 }
 
 impl<P: Facts> Context<'_, P> {
-    /// True if nobody waits for the answers any more. Asked where a search may go on for long: at
-    /// every instance.
+    /// True if the query was cancelled. Called where a search may take long: at every instance.
     #[inline(always)]
     pub fn is_cancelled(&self) -> bool {
         self.cancel.is_some_and(|flag| flag.load(Ordering::Relaxed))
@@ -115,13 +114,13 @@ pub(crate) struct Search<'a, G: Goal> {
     pub ray: &'a RayOf<G>,
     /// Where its interval starts, or a little before.
     pub start: f32,
-    /// What it may meet: [`RayQuery::mask`].
+    /// The mask of the ray: [`RayQuery::mask`].
     pub mask: u32,
-    /// When: from 0 to 1.
+    /// The time of the ray, from 0 to 1.
     pub time: f32,
-    /// What is common to all.
+    /// The shared data.
     pub context: &'a Context<'a, G::Precision>,
-    /// What is wanted, and found so far.
+    /// The goal, with the result so far.
     pub goal: G,
 }
 
@@ -156,7 +155,7 @@ impl<'a, G: Goal> Search<'a, G> {
         padded(self.goal.limit().above())
     }
 
-    /// Offers a hit. The filter is asked last, so a rejected hit leaves no trace.
+    /// Reports a hit. The filter is called last, so a rejected hit has no effect.
     #[inline(always)]
     pub fn offer(&mut self, hit: HitOf<G>) -> Verdict {
         // The open interval holds after rounding too.
@@ -182,7 +181,7 @@ impl<'a, G: Goal> Search<'a, G> {
 pub(crate) struct Closest<P: Facts> {
     /// A miss as long as nothing is found.
     best: P::Hit,
-    /// The distance of it, or the end of the ray.
+    /// Its distance, or the end of the ray.
     limit: P::Real,
 }
 
@@ -262,7 +261,7 @@ impl<P: Facts> Goal for Any<P> {
     }
 }
 
-/// Every hit, in no order yet.
+/// Every hit, unsorted.
 #[derive(Clone, Debug)]
 pub(crate) struct All<P: Facts> {
     limit: P::Real,
@@ -294,7 +293,7 @@ impl<P: Facts> Goal for All<P> {
     }
 }
 
-/// A goal that also counts the work.
+/// A goal that also counts traversal steps.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Counted<G> {
     /// What is wanted.
@@ -343,12 +342,11 @@ impl<G: Goal> Goal for Counted<G> {
     }
 }
 
-/// Relative padding of the distance beyond which nothing is of interest: more than a hit may be off
-/// along the ray from the box of the piece of its triangle that the ray meets
-/// ([`crate::exact::triangle::PLACE_TOLERANCE`]).
+/// Relative padding of the culling distance: more than a hit can be off along the ray from the box
+/// of the part of its triangle that the ray hits ([`crate::exact::triangle::PLACE_TOLERANCE`]).
 pub(crate) const CULL_PADDING: f32 = 1.0e-4;
 
-/// A bound on distances, moved out by [`CULL_PADDING`].
+/// A bound on distances, padded by [`CULL_PADDING`].
 #[inline(always)]
 pub(crate) fn padded(t: f32) -> f32 {
     t + t.abs() * CULL_PADDING

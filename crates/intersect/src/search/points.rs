@@ -1,4 +1,4 @@
-//! What queries are asked about points.
+//! The input of point queries.
 
 use crate::precision::{Double, Precision, Single};
 use snell_math::{DVec3, Vec3};
@@ -8,11 +8,11 @@ use snell_math::{DVec3, Vec3};
 pub struct Points<'a, P: Precision = Single> {
     /// The points, in world space.
     pub points: &'a [P::Point],
-    /// What is farther from a point than this is not looked for; what is exactly as far is.
+    /// The largest distance at which surfaces are found, inclusive.
     pub max_distance: P::Distance,
-    /// The same for each point by itself, or empty. The lesser of the two counts.
+    /// The same for each point, or empty. The smaller of the two applies.
     pub max_distances: &'a [P::Distance],
-    /// Only geometries and instances that share a bit with this count.
+    /// Only geometries and instances whose mask has a bit in common with this one count.
     pub mask: u32,
 }
 
@@ -31,7 +31,7 @@ impl<'a> Points<'a, Double> {
 }
 
 impl<P: Precision> Points<'_, P> {
-    /// How many there are.
+    /// The number of points.
     pub fn len(&self) -> usize {
         self.points.len()
     }
@@ -51,14 +51,14 @@ impl<P: Precision> Points<'_, P> {
         Self { points: &self.points[range], max_distances, ..*self }
     }
 
-    /// How far to look from a point; NaN (which finds nothing) if either limit is.
+    /// The distance limit of a point; NaN (which finds nothing) if either limit is NaN.
     pub(crate) fn limit(&self, number: usize) -> f64 {
         let own = self.max_distances.get(number).map_or(f64::INFINITY, |&own| own.into());
         let all = self.max_distance.into();
         if own < all || own.is_nan() { own } else { all }
     }
 
-    /// Panics unless there are as many answers as points, and no limit or one per point.
+    /// Panics unless there is one result per point, and either no limit or one per point.
     pub(crate) fn check(&self, answers: usize) {
         assert_eq!(self.len(), answers, "one answer per point");
         assert!(

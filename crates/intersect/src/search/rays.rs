@@ -1,4 +1,4 @@
-//! What queries are asked about: rays, and per ray a mask and a time where the caller has them.
+//! The input of ray queries: rays, with an optional mask and time for each.
 
 use crate::precision::{Double, Precision, Single};
 use snell_math::{DRay, Ray, Vec3};
@@ -9,9 +9,10 @@ use std::sync::atomic::AtomicBool;
 pub struct RayQuery<'a, P: Precision = Single> {
     /// In world space.
     pub ray: &'a P::Ray,
-    /// The ray meets a geometry or enters an instance only if their masks share a bit with this.
+    /// The ray hits a geometry or enters an instance only if their masks have a bit in common with
+    /// this one.
     pub mask: u32,
-    /// From 0 (start of the motion) to 1 (its end). What does not move does not care.
+    /// From 0 (start of the motion) to 1 (its end). Only moving geometry depends on it.
     pub time: f32,
 }
 
@@ -56,7 +57,7 @@ impl<'a, P: Precision> Rays<'a, P> {
     /// With a mask per ray ([`RayQuery::mask`]).
     ///
     /// # Panics
-    /// If there are not as many as rays.
+    /// If their number is not that of the rays.
     pub fn with_masks(self, masks: &'a [u32]) -> Self {
         assert_eq!(masks.len(), self.rays.len(), "one mask per ray");
         Self { masks, ..self }
@@ -65,7 +66,7 @@ impl<'a, P: Precision> Rays<'a, P> {
     /// With a time per ray ([`RayQuery::time`]); what is not in 0 to 1 is clamped, NaN counts as 0.
     ///
     /// # Panics
-    /// If there are not as many as rays.
+    /// If their number is not that of the rays.
     pub fn with_times(self, times: &'a [f32]) -> Self {
         assert_eq!(times.len(), self.rays.len(), "one time per ray");
         Self { times, ..self }
@@ -106,7 +107,7 @@ impl<'a, P: Precision> Rays<'a, P> {
     /// One of the rays.
     ///
     /// # Panics
-    /// If there are not so many.
+    /// If the index is out of range.
     #[inline(always)]
     pub fn get(&self, index: usize) -> RayQuery<'a, P> {
         let mask = if self.masks.is_empty() { u32::MAX } else { self.masks[index] };

@@ -1,4 +1,4 @@
-//! Where a search looks: for those who draw it.
+//! Regions that a search visits, for visualisation.
 
 use snell_math::{Bounds3, Bounds3d, DAffine3, DVec3};
 
@@ -15,10 +15,10 @@ pub enum RegionKind {
     Stretch,
 }
 
-/// Where a structure has looked: in world space.
+/// A region that a search visited, in world space.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Region {
-    /// What it looks like.
+    /// Its form.
     pub kind: RegionKind,
     /// Its middle.
     pub center: DVec3,

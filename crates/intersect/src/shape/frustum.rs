@@ -39,7 +39,7 @@ snell_math::declare! {
     }
 }
 
-/// Ends are closed unless said otherwise.
+/// Ends are closed by default.
 pub(super) fn closed() -> bool {
     true
 }

@@ -1,9 +1,9 @@
 //! Analytic shapes: one file per shape, with its parameters, all its operations, examples and
 //! tests.
 //!
-//! A shape lives in its own coordinates and answers in double precision for single-precision rays,
-//! so that a ray that starts a rounding step off the surface is seen to do so. Placing it in a
-//! scene is the world's job ([`crate::World`]).
+//! A shape is defined in its own coordinates and is intersected in double precision with
+//! single-precision rays, so that a ray that starts one rounding step off the surface is known to
+//! start off it. Placing it in a scene is the world's job ([`crate::World`]).
 //!
 //! To add a shape: a new file here, and its two lines in the list below. Tests, area lights and
 //! documentation iterate the list.
@@ -46,7 +46,7 @@ use snell_math::{Bounds3d, DRay, DVec2, DVec3};
 pub struct ShapeHit {
     /// Ray parameter.
     pub t: f64,
-    /// Which face: the shape's own numbering, 0 if it has one face only.
+    /// The face that was hit, in the shape's own numbering; 0 if the shape has a single face.
     pub face: u32,
 }
 
@@ -57,11 +57,11 @@ pub struct ShapeSurface {
     pub position: DVec3,
     /// Unit normal on the outer side.
     pub normal: DVec3,
-    /// Texture coordinates in `[0, 1]^2`, `v` downwards (documented by each shape; those of the
-    /// infinite plane run on).
+    /// Texture coordinates in `[0, 1]^2`, `v` downwards (documented by each shape; on an infinite
+    /// plane they are unbounded).
     pub uv: DVec2,
-    /// Derivative of the position by `uv.x`. Not zero, except that poles and apexes may have any
-    /// tangent instead.
+    /// Derivative of the position by `uv.x`. Never zero: at poles and apexes it is an arbitrary
+    /// tangent.
     pub dpdu: DVec3,
     /// Derivative of the position by `uv.y`; `dpdu x dpdv` need not point outward.
     pub dpdv: DVec3,
@@ -88,23 +88,23 @@ impl ShapeSample {
     }
 }
 
-/// Parameters with which a shape makes no sense. Such a shape never panics, but what it answers is
-/// of no use.
+/// A parameter of a shape is out of range. Operations on such a shape never panic, but their
+/// results are meaningless.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{shape}: {parameter} is {found}, expected {expected}")]
 pub struct ShapeError {
     /// Name of the shape.
     pub shape: &'static str,
-    /// Which parameter.
+    /// Name of the parameter.
     pub parameter: &'static str,
     /// Its value.
     pub found: f64,
-    /// What it may be.
+    /// The values that it may have.
     pub expected: &'static str,
 }
 
 impl ShapeError {
-    /// An error unless the parameter is finite and `accepts` it.
+    /// Returns an error unless the parameter is finite and `accepts` it.
     fn unless(
         shape: &'static str,
         parameter: &'static str,
@@ -128,16 +128,17 @@ impl ShapeError {
     }
 }
 
-/// The angle of a direction from its x towards its y axis as a part of the full turn, in `[0, 1)`.
+/// The angle of a direction from its x towards its y axis as a fraction of a full turn, in `[0,
+/// 1)`.
 fn turn(d: DVec2) -> f64 {
     let turns = d.y.atan2(d.x) / std::f64::consts::TAU;
     // A tiny negative angle would round to a full turn.
     if turns < 0.0 { (turns + 1.0).min(1.0_f64.next_down()) } else { turns }
 }
 
-/// What every analytic shape can do, in its own coordinates.
+/// The operations of an analytic shape, in its own coordinates.
 pub trait Shape: Send + Sync + std::fmt::Debug {
-    /// An error if a parameter is out of its range. Readers of files check here.
+    /// Returns an error if a parameter is out of range. File readers call this.
     fn validate(&self) -> Result<(), ShapeError> {
         Ok(())
     }
@@ -145,12 +146,12 @@ pub trait Shape: Send + Sync + std::fmt::Debug {
     /// The smallest box around the shape. May have infinite sides.
     fn bounds(&self) -> Bounds3d;
 
-    /// The nearest point in the open interval of the ray, from either side. Directions have any
-    /// length. Rays with NaN miss.
+    /// The nearest intersection in the open interval of the ray, from either side. Directions may
+    /// have any length. Rays with NaN miss.
     fn closest(&self, ray: &DRay) -> Option<ShapeHit>;
 
-    /// The nearest point and the one after it, as [`Self::closest`] gives them one by one. Most
-    /// shapes know both at once.
+    /// The nearest intersection and the next one, equal to two calls of [`Self::closest`]. Most
+    /// shapes compute both at once.
     fn nearest_two(&self, ray: &DRay) -> [Option<ShapeHit>; 2] {
         let first = self.closest(ray);
         [first, first.and_then(|hit| self.closest(&DRay { t_min: hit.t, ..*ray }))]
@@ -168,21 +169,21 @@ pub trait Shape: Send + Sync + std::fmt::Debug {
     /// The surface at `position`, a point on (or within rounding of) `face`.
     fn surface(&self, position: DVec3, face: u32) -> ShapeSurface;
 
-    /// Position and normal of [`Self::surface`], which may be much less work.
+    /// Position and normal of [`Self::surface`], which may be much cheaper to compute.
     fn normal(&self, position: DVec3, face: u32) -> (DVec3, DVec3) {
         let ShapeSurface { position, normal, .. } = self.surface(position, face);
         (position, normal)
     }
 
-    /// The point of the surface nearest to `point`, where lengths are measured by `metric`; the
-    /// lowest face among equally near ones. `None` if that cannot be said, as for points that are
-    /// not finite.
+    /// The point of the surface nearest to `point`, where lengths are measured by `metric`; among
+    /// equally near points, that of the lowest face. `None` if there is no answer, as for points
+    /// that are not finite.
     fn nearest_point(&self, point: DVec3, metric: &Metric) -> Option<ShapePoint>;
 
-    /// How often the surface goes around `point`, as seen after the map of `metric`: the signed
-    /// solid angle over `4 pi`, positive where the surface is seen from behind. 1 inside and 0
-    /// outside of a closed shape (either on its surface), in between around an open one, where 0
-    /// also stands for points in its plane.
+    /// The winding number of the surface around `point`, after the map of `metric`: the signed
+    /// solid angle over `4 pi`, positive where the surface is seen from behind. It is 1 inside and
+    /// 0 outside of a closed shape (either on its surface), a fraction around an open shape, and 0
+    /// in the plane of a flat one.
     fn winding_number(&self, point: DVec3, metric: &Metric) -> f64;
 
     /// Area; infinite for unbounded shapes, which cannot be sampled.
@@ -192,35 +193,35 @@ pub trait Shape: Send + Sync + std::fmt::Debug {
     /// for unbounded shapes.
     fn sample(&self, u: DVec2) -> Option<ShapeSample>;
 
-    /// The outside is the side the normal points to; false for open surfaces (disk, rectangle,
-    /// plane, triangle, polygon), which have no inside.
+    /// True for closed shapes, whose normals point outside; false for open surfaces (disk,
+    /// rectangle, plane, triangle, polygon).
     fn is_closed(&self) -> bool;
 
     /// The parts of the surface from which [`Self::tessellate`] makes triangles; none for unbounded
     /// shapes.
     fn patches(&self) -> Vec<Patch>;
 
-    /// Triangles with the normals and texture coordinates of the shape and their outer side
-    /// outside, with `around` pieces around each circle, at least 3. The corners lie on the surface
-    /// to single precision; a closed shape gives a closed mesh. `None` for unbounded shapes.
+    /// Triangles with the normals and texture coordinates of the shape, oriented outwards, with
+    /// `around` segments around each circle, at least 3. The corners lie on the surface to single
+    /// precision; a closed shape gives a closed mesh. `None` for unbounded shapes.
     fn tessellate(&self, around: u32) -> Option<TriangleMesh> {
         patch::tessellate(self, around)
     }
 
-    /// The shape as one that is known by name, for those who can do more with some than with
-    /// others: light sampling knows how a sphere looks from a point. `None` for shapes of users.
+    /// The shape as an [`AnyShape`], for code that treats some shapes specially, as light sampling
+    /// does spheres. `None` for user-defined shapes.
     fn to_any(&self) -> Option<AnyShape> {
         None
     }
 
-    /// The shape, if it is a sphere, of which many are worked on at once.
+    /// The shape, if it is a sphere: spheres are intersected in batches.
     fn as_sphere(&self) -> Option<&Sphere> {
         None
     }
 }
 
 snell_math::kinds! {
-    /// Any of the shapes, as scenes hold them.
+    /// Any of the built-in shapes, as scenes store them.
     pub enum AnyShape tagged "shape" by match_shape! {
         "sphere" => Sphere,
         "box" => BoxShape,

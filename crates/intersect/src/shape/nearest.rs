@@ -53,8 +53,7 @@ impl Metric {
         if self.linear.determinant() < 0.0 { -1.0 } else { 1.0 }
     }
 
-    /// True if all directions are measured alike: then the nearest point is the same as without the
-    /// map.
+    /// True if the metric is isotropic: then the nearest point is the same as without the map.
     pub fn is_similarity(&self) -> bool {
         self.is_similarity
     }

@@ -1,4 +1,4 @@
-//! Triangles instead of analytic shapes: each shape says of which patches its surface is made.
+//! Tessellation of analytic shapes: each shape gives the patches of which its surface consists.
 
 use super::Shape;
 use crate::mesh::TriangleMesh;
@@ -23,14 +23,14 @@ impl Patch {
         Self { face, form: Form::Flat(corners.into()) }
     }
 
-    /// A patch on a face by the position at `(u, v)` in the unit square, where `u` goes around once
-    /// and `v`, the same as that of the texture coordinates, runs through so many turns: 0 is
-    /// straight, 0.5 is from pole to pole. Positions that are equal are equal to the bit.
+    /// A patch of a face, given by its position at `(u, v)` in the unit square. `u` goes around
+    /// once; `v`, that of the texture coordinates, runs through the given number of turns: 0 is
+    /// straight, 0.5 is from pole to pole. Coincident positions are equal to the bit.
     pub fn round(face: u32, turns: f64, position: impl Fn(f64, f64) -> DVec3 + 'static) -> Self {
         Self { face, form: Form::Round { turns, position: Box::new(position) } }
     }
 
-    /// How many triangles it makes at most, with so many pieces around a circle.
+    /// Upper bound on the number of triangles, with the given number of segments around a circle.
     pub fn most_triangles(&self, around: u32) -> u64 {
         match &self.form {
             Form::Flat(corners) => corners.len().saturating_sub(2) as u64,
@@ -43,7 +43,7 @@ fn rows(turns: f64, around: u32) -> u32 {
     ((turns * f64::from(around)).round() as u32).max(1)
 }
 
-/// The triangles of a shape's patches, with so many pieces around a circle.
+/// The triangles of a shape's patches, with the given number of segments around a circle.
 pub(super) fn tessellate<S: Shape + ?Sized>(shape: &S, around: u32) -> Option<TriangleMesh> {
     let patches = shape.patches();
     let mut builder = Builder { shape, mesh: TriangleMesh::default() };
@@ -95,7 +95,7 @@ impl<S: Shape + ?Sized> Builder<'_, S> {
         }
     }
 
-    /// The last column has coordinates 1 where the shape says 0 again.
+    /// The last column has texture coordinates 1 where the shape gives 0 again.
     fn grid(&mut self, face: u32, [columns, rows]: [u32; 2], position: impl Fn(f64, f64) -> DVec3) {
         let start = self.mesh.positions.len() as u32;
         for j in 0..=rows {

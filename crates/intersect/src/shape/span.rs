@@ -1,4 +1,4 @@
-//! The stretch of a ray inside a convex solid: where it enters and where it leaves.
+//! The span of a ray inside a convex solid: its entry and its exit.
 //!
 //! Closed shapes here are convex, and a convex solid is a common part of simpler ones (a cylinder:
 //! a tube and a slab). Cutting *intervals* instead of testing sides and caps one by one cannot
@@ -19,14 +19,14 @@ pub(super) struct Span {
 }
 
 impl Span {
-    /// From `enter` to `exit`, with the faces met there. `None` if that is nothing, or a parameter
-    /// is NaN.
+    /// The span from `enter` to `exit`, with the faces hit there. `None` if it is empty or a
+    /// parameter is NaN.
     pub fn new(enter: f64, exit: f64, faces: [u32; 2]) -> Option<Self> {
         let hit = |t, face| ShapeHit { t, face };
         (enter <= exit).then_some(Self { enter: hit(enter, faces[0]), exit: hit(exit, faces[1]) })
     }
 
-    /// The part in both. Where both end at the same parameter, the face of `self` counts.
+    /// The intersection of both. Where both end at the same parameter, the face of `self` counts.
     pub fn intersection(self, other: Self) -> Option<Self> {
         let enter = if other.enter.t > self.enter.t { other.enter } else { self.enter };
         let exit = if other.exit.t < self.exit.t { other.exit } else { self.exit };
@@ -82,8 +82,9 @@ pub(super) fn scaled_direction(ray: &DRay) -> Option<(DVec3, f64)> {
     Some((ray.direction * scale, scale))
 }
 
-/// The ends of the span of a ray that lie in its open interval and count, nearest first. `span` is
-/// asked with the origin and the scaled direction, and `counts` of which faces there are hits.
+/// The ends of a ray's span that lie in its open interval and count as hits, nearest first. `span`
+/// is called with the origin and the scaled direction; `counts` returns whether hits on a face
+/// count.
 #[inline]
 pub(super) fn crossings(
     ray: &DRay,

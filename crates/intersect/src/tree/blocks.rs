@@ -135,8 +135,8 @@ impl Blocks {
         }
     }
 
-    /// Lines from anywhere, if records follow each other to their end and name no triangles beyond
-    /// so many.
+    /// Lines from an untrusted source, if records follow each other to the end and have no triangle
+    /// numbers beyond the given count.
     pub fn checked(lines: Storage<Line>, triangles: usize) -> Option<Self> {
         let blocks = Self::Compact(lines, 0);
         let (mut count, mut end) = (0, 0);
@@ -201,7 +201,7 @@ impl Blocks {
     }
 }
 
-/// True if a group of so many triangles has those of a block.
+/// True if all triangle numbers of a block are valid in a group of this many triangles.
 pub(crate) fn ids_exist(ids: &[u32; 8], triangles: usize) -> bool {
     ids.iter().all(|&id| id == u32::MAX || (id as usize) < triangles)
 }

@@ -2,10 +2,10 @@
 //! are kept once.
 //!
 //! A record of several [lines](Line) begins with the numbers of eight triangles (the highest bits
-//! of the first tell how many different corners they have), then for each vertex eight numbers of 4
-//! bits that name corners, and then the coordinates of the corners by axis. Nothing is rounded, so
-//! unpacked triangles are hit as before, bit for bit. In a mesh two or three lines of the cache
-//! hold what takes five in a [`TriangleBlock`].
+//! of the first hold the number of different corners), then for each vertex eight 4-bit indices of
+//! corners, and then the coordinates of the corners by axis. Nothing is rounded, so unpacked
+//! triangles have the same hits, bit for bit. In a mesh two or three cache lines hold what takes
+//! five in a [`TriangleBlock`].
 
 use crate::tree::block::TriangleBlock;
 use snell_math::Vec4;
@@ -36,7 +36,7 @@ const ALL: usize = 8;
 /// Lines of a record that holds all.
 const LINES_OF_ALL: usize = size_of::<TriangleBlock>() / size_of::<Line>();
 
-/// Lines of a record with so many different corners.
+/// The number of lines of a record with this many different corners.
 fn lines_for(corners: usize) -> usize {
     if corners > MOST_CORNERS { LINES_OF_ALL } else { (TABLE + 3 * corners).div_ceil(16) }
 }
@@ -62,7 +62,7 @@ impl Corners {
                 }
             }
         }
-        // (One is told from all by its number.)
+        // (A record of one line is recognised by its number.)
         found.count = found.count.max(2);
         found
     }
@@ -73,8 +73,8 @@ pub(crate) fn lines_of(block: &TriangleBlock) -> usize {
     lines_for(Corners::of(block).count)
 }
 
-/// Writes a block, the first lane of which must be used, with numbers below [`MAX_ID`]. False if it
-/// does not take as many lines as these.
+/// Writes a block, the first lane of which must be used, with numbers below [`MAX_ID`]. Returns
+/// false if it needs another number of lines than given.
 pub(crate) fn pack(block: &TriangleBlock, to: &mut [Line]) -> bool {
     let corners = Corners::of(block);
     if to.len() != lines_for(corners.count) {
@@ -153,7 +153,7 @@ impl BlocksAt {
         Self::new(lines.as_ptr().cast(), size_of::<Line>() as u32)
     }
 
-    /// Where a block is, to ask for its memory.
+    /// The address of a block, for prefetching.
     #[inline(always)]
     pub fn address(self, number: usize) -> *const u8 {
         self.start.wrapping_add(number * self.stride as usize)
@@ -302,7 +302,7 @@ mod tests {
     use crate::world::tests::Random;
     use snell_math::simd::{Portable, Portable8};
 
-    /// Blocks of so many triangles whose corners are among so many points.
+    /// Random blocks of a number of triangles whose corners are among a number of points.
     fn blocks(random: &mut Random, points: usize) -> Vec<TriangleBlock> {
         let table: Vec<[f32; 3]> = (0..points).map(|_| random.point(9.0).to_array()).collect();
         let mut block = |count: usize| {

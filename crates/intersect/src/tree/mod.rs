@@ -1,5 +1,5 @@
 //! The trees that kernels traverse: an 8-wide bounding volume hierarchy of each group, and all
-//! groups together. Only data: `build` makes trees, and kernels go through them.
+//! groups together. They are data only: `build` makes trees, and kernels traverse them.
 
 pub(crate) mod block;
 pub(crate) mod blocks;
@@ -23,16 +23,17 @@ unsafe impl Plain for WideNode {}
 // SAFETY: numbers of 32 bits without padding: 9 * 8 + 8 of them in 320 bytes.
 unsafe impl Plain for TriangleBlock {}
 
-/// Whether a tree came from a file.
+/// Whether a tree was read from a cache file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum CacheUse {
-    /// Nothing was asked for, or the group is small.
+    /// No cache was requested, or the group is small.
     None,
-    /// It did.
+    /// It was read from a file.
     Read,
-    /// It was built and written to one.
+    /// It was built and written to a file.
     Written,
-    /// It was built because the file was damaged, or could not be written: what to tell the user.
+    /// A warning for the user: the tree was built because its file was damaged, or the file could
+    /// not be written.
     Failed(String),
 }
 
@@ -42,10 +43,10 @@ pub(crate) struct GroupTree {
     /// In preorder: a subtree is a range of nodes, and a range of blocks.
     pub nodes: Storage<WideNode>,
     pub blocks: Blocks,
-    /// Where the walk starts; [`ChildRef::NONE`] for a group without bounded contents.
+    /// Where traversal starts; [`ChildRef::NONE`] for a group without bounded contents.
     pub root: ChildRef,
-    /// Where the walk starts among all that is no [outlier](Outliers): the first child of the root,
-    /// or the root itself.
+    /// Where the traversal of everything except [outliers](Outliers) starts: the first child of the
+    /// root, or the root itself.
     pub rest: ChildRef,
     /// Shapes, instances and primitives of sets, as the leaves number them.
     pub objects: Objects,
@@ -54,17 +55,17 @@ pub(crate) struct GroupTree {
     /// For each mesh the number of its first triangle within the group, and its geometry;
     /// ascending.
     pub meshes: Vec<(u32, u32)>,
-    /// Nodes on the longest way down.
+    /// Depth: nodes on the longest path from the root.
     pub depth: usize,
-    /// How many triangles the meshes have.
+    /// The number of triangles of the meshes.
     pub triangles: usize,
     /// The triangles that can never be hit and are not in the tree.
     pub skipped: Vec<u32>,
     /// The objects without contents; not in the tree.
     pub empty: Vec<u32>,
-    /// Whether it came from a file.
+    /// Whether it was read from a cache file.
     pub cache: CacheUse,
-    /// Nodes and blocks that a random line through the bounds meets on average.
+    /// The expected number of nodes and blocks that a random line through the bounds visits.
     pub sah_cost: f32,
 }
 
@@ -118,7 +119,7 @@ impl GroupTree {
         })
     }
 
-    /// Entries a walk through this group alone may need at once.
+    /// Stack entries that the traversal of this group alone may need.
     fn stack_size(&self) -> usize {
         7 * self.depth + 8
     }
@@ -134,14 +135,15 @@ impl GroupTree {
 pub(crate) struct Forest {
     /// Shared with other worlds that hold the same groups.
     pub trees: Vec<Arc<GroupTree>>,
-    /// Entries a walk needs on the deepest way from each group through all below it.
+    /// Stack entries that traversal needs on the deepest path from each group through all groups
+    /// below it.
     pub stack_sizes: Vec<usize>,
     /// The largest coordinate of each tree.
     pub extents: Vec<f32>,
     /// True if everything is of ordinary size ([`is_ordinary`]).
     pub ordinary: bool,
-    /// True if besides nothing in the root is unbounded, and walks need no more than
-    /// [`SMALL_STACK`].
+    /// True if, in addition, nothing in the root is unbounded, and traversal needs at most
+    /// [`SMALL_STACK`] entries.
     pub simple: bool,
     /// The root's contents without a tree, if they are few.
     pub list: Option<Box<List>>,
@@ -174,7 +176,7 @@ impl Forest {
         forest
     }
 
-    /// Entries a walk needs on the deepest way through all groups.
+    /// Stack entries that traversal needs on the deepest path through all groups.
     #[inline(always)]
     pub fn stack_size(&self) -> usize {
         self.stack_sizes[0]

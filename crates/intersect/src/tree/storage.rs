@@ -1,9 +1,9 @@
 //! The memory of trees: large pieces come from the system in huge pages where it has them.
 //!
-//! Fresh pages are a good part of the cost of a build, and address translation one of walking large
-//! trees, so pieces of some size are mapped by themselves and the system is asked for huge pages.
-//! No memory is filled before several threads write their parts of it: it starts as zeros, which
-//! the system gives for nothing, or holds what was in a piece that was given back ([`spare`]).
+//! Fresh pages are a large part of the cost of a build, and address translation is one of
+//! traversing large trees, so larger pieces are mapped separately with huge pages. No memory is
+//! initialised before several threads write their parts of it: it starts as zeros, which the system
+//! provides, or holds the old contents of a piece that was returned ([`spare`]).
 
 use std::alloc::{Layout, alloc_zeroed, dealloc, handle_alloc_error};
 use std::fmt;
@@ -27,9 +27,9 @@ const MAPPED_BYTES: usize = if cfg!(miri) { 1 << 12 } else { 3 << 17 };
 /// Bytes of a huge page where the system has them, and if not, what memory is aligned to.
 const HUGE_PAGE: usize = 1 << 21;
 
-/// How many of these bytes are in huge pages, and some more if it is more: the end is in one if it
-/// fills half of it. So at most a megabyte is wasted, and no more than twice as many pages of the
-/// small kind are touched, a microsecond each on virtual machines.
+/// The number of bytes to put in huge pages, rounded up if the end fills at least half of one. So
+/// at most a megabyte is wasted, and few small pages are touched, which costs a microsecond each on
+/// virtual machines.
 fn huge_bytes(bytes: usize) -> usize {
     (bytes.saturating_add(HUGE_PAGE / 2)) / HUGE_PAGE * HUGE_PAGE
 }
@@ -69,7 +69,7 @@ unsafe impl<T: Plain> Send for Storage<T> {}
 unsafe impl<T: Plain> Sync for Storage<T> {}
 
 impl<T: Plain> Storage<T> {
-    /// Memory for `len` values of any kind: zeros, or what somebody else left behind.
+    /// Memory for `len` values with arbitrary contents: zeros, or those of earlier use.
     pub fn unset(len: usize) -> Self {
         let layout = Layout::array::<T>(len).expect("no world is larger than the address space");
         if layout.size() >= MAPPED_BYTES
@@ -100,7 +100,7 @@ impl<T: Plain> Storage<T> {
 
     /// The same, to be changed.
     pub fn bytes_mut(&mut self) -> &mut [u8] {
-        // SAFETY: as above, nobody else has them, and any bits are valid values.
+        // SAFETY: as above, there is no other reference, and any bits are valid values.
         unsafe { std::slice::from_raw_parts_mut(self.start.as_ptr().cast(), size_of_val(&**self)) }
     }
 }
@@ -130,7 +130,7 @@ impl<T> Deref for Storage<T> {
 
 impl<T> DerefMut for Storage<T> {
     fn deref_mut(&mut self) -> &mut [T] {
-        // SAFETY: as above, and nobody else has them.
+        // SAFETY: as above, and there is no other reference.
         unsafe { std::slice::from_raw_parts_mut(self.start.as_ptr(), self.len) }
     }
 }

@@ -4,7 +4,7 @@ use crate::lecture::{Build, bsp, graph, grid, kdtree, octree, spheres};
 
 macro_rules! accelerators {
     ($($(#[$attribute:meta])+ $kind:ident = $name:literal => $build:expr,)+) => {
-        /// Which acceleration structure a world is built with. All give the same hits, bit for bit.
+        /// The acceleration structure of a world. All give the same hits, bit for bit.
         #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
         pub enum AcceleratorKind {
             $($(#[$attribute])+ $kind,)+
@@ -33,7 +33,7 @@ macro_rules! accelerators {
 }
 
 accelerators! {
-    /// No structure: every primitive is tested. The oracle.
+    /// No structure: every primitive is tested. The reference that tests compare with.
     None = "none" => None,
     /// The scene graph's own boxes: one per mesh, shape and instance, in the order of the graph.
     Graph = "graph" => Some(graph::build),

@@ -1,25 +1,27 @@
-//! Many small boxes instead of one around what an instance shows: turned and put together again
-//! they make a box that is much tighter than the turned box (which is up to `sqrt(3)` times as long
-//! on each axis), so that fewer rays have to be brought into the instance.
+//! Covers: many small boxes around the contents of an instance instead of one. The union of the
+//! rotated small boxes is much tighter than the one rotated box (which is up to `sqrt(3)` times as
+//! long on each axis), so fewer rays are transformed into the instance.
 
 use crate::mesh::TriangleMesh;
 use rayon::prelude::*;
 use snell_math::{Bounds3, Bounds3d, Vec3};
 use std::sync::Arc;
 
-/// Boxes that together hold everything that can be hit. Shared, because it takes some time to make.
+/// Boxes whose union holds everything that can be hit. Shared, because a cover takes time to
+/// compute.
 pub(super) type Cover = Arc<[Bounds3d]>;
 
 /// Cells on each axis of the grid that triangles are put into.
 const CELLS: usize = 8;
 
-/// Meshes with fewer triangles are covered by the box of each.
+/// Meshes with fewer triangles have one box per triangle.
 const FEW: usize = 32;
 
 /// Triangles that a thread takes at a time.
 const CHUNK: usize = 1 << 14;
 
-/// Boxes of a group at most, besides those of its meshes; more are put together.
+/// The largest number of boxes of a group, besides those of its meshes; beyond it, boxes are
+/// merged.
 const MAX_OBJECTS: usize = 512;
 
 /// The cover of a mesh: the boxes around the triangles whose middles are in the same cell of a
@@ -36,7 +38,7 @@ pub(super) fn of_mesh(mesh: &TriangleMesh) -> Cover {
     let scale = Vec3::splat(CELLS as f32) / all.size();
     let cell = |b: &Bounds3| {
         let at = (b.min * 0.5 + b.max * 0.5 - all.min) * scale;
-        // What is not a number becomes 0.
+        // NaN becomes 0.
         let [x, y, z] = at.to_array().map(|x| (x as usize).min(CELLS - 1));
         x + CELLS * (y + CELLS * z)
     };

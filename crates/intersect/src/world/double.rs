@@ -1,9 +1,9 @@
-//! Worlds in double precision: coordinates of a city in metres, with millimetres.
+//! Worlds in double precision, for large coordinates: a city in metres with details of millimetres.
 //!
 //! Everything is as in [`World`], with [`DTriangleMesh`]es, [`snell_math::DRay`]s and
 //! [`crate::DHit`]s. The trees are the same too: they hold the meshes near their own centre, scaled
-//! and rounded to `f32`, to find out which few triangles a ray may hit; those are decided in `f64`.
-//! (Surfaces, [`World::interaction`], are those of [`World`] alone.)
+//! and rounded to `f32`, to find the few triangles that a ray may hit; those are tested in `f64`.
+//! (Only [`World`] has [`World::interaction`].)
 
 use super::occurrence::Occurrences;
 use super::reuse::Summary;
@@ -20,11 +20,11 @@ use rayon::prelude::*;
 use snell_math::{Bounds3d, Transform};
 use std::sync::Arc;
 
-/// Collects groups, geometries and instances, then builds a [`DWorld`]. As [`WorldBuilder`], which
-/// see.
+/// Collects groups, geometries and instances, then builds a [`DWorld`]. It has the methods of
+/// [`WorldBuilder`].
 #[derive(Clone, Debug, Default)]
 pub struct DWorldBuilder {
-    /// With an empty mesh in the place of each mesh.
+    /// The builder in single precision, with an empty mesh in the place of each mesh.
     builder: WorldBuilder,
     /// Per geometry; empty for what is not a mesh.
     meshes: Vec<Arc<DTriangleMesh>>,
@@ -40,7 +40,7 @@ impl DWorldBuilder {
     }
 
     /// Puts a mesh into a group, in the group's coordinates. The mesh must be valid
-    /// ([`DTriangleMesh::validate`]); triangles with two vertices in one place, or with one that is
+    /// ([`DTriangleMesh::validate`]); triangles with two equal vertices, or with a vertex that is
     /// not finite, are never hit. A mesh in single precision converts into one in double precision.
     pub fn add_mesh(&mut self, group: GroupId, mesh: Arc<DTriangleMesh>) -> GeometryId {
         self.meshes.push(mesh);
@@ -95,9 +95,8 @@ impl DWorldBuilder {
         self.builder.remove(geometry)
     }
 
-    /// Puts another mesh in the place of one: the same group and number, mask and filter as before.
-    /// If the numbers of vertices and triangles stay, [`Self::rebuild`] refits instead of building,
-    /// if that is good enough.
+    /// Replaces a mesh by another; group, number, mask and filter stay. If the numbers of vertices
+    /// and triangles are unchanged, [`Self::rebuild`] refits the tree where that is good enough.
     ///
     /// # Errors
     /// If it was removed.
@@ -142,8 +141,8 @@ impl DWorldBuilder {
         let summaries = self.summaries(previous);
         let same_build = WorldBuilder::same_build(options, previous.map(|p| &p.world));
         let (mut bounds, unchanged) = self.builder.measure(&occurrences, &summaries, same_build);
-        // The empty meshes that stand for those in double precision, before shadows take their
-        // places.
+        // The empty meshes that stand for those in double precision, until rounded copies replace
+        // them.
         let empty = self.builder.geometries.clone();
         let frame = |group: usize| match previous.filter(|_| unchanged[group]) {
             Some(previous) => previous.data.frames[group],
@@ -158,7 +157,7 @@ impl DWorldBuilder {
             same_build,
         )?;
         let mut world = self.builder.into_world(occurrences, parts);
-        // The shadows have done their work.
+        // The rounded copies are no longer needed.
         world.geometries = empty;
         let known = |i: usize| previous.filter(|p| p.holds(i, &self.meshes[i])).map(|p| &p.data);
         let data = DoubleData::new(frames, &self.meshes, known);
@@ -166,8 +165,8 @@ impl DWorldBuilder {
         Ok(DWorld { world, meshes: self.meshes, data })
     }
 
-    /// Gives meshes that the world before holds too what stands for them there, so that they are
-    /// known to be the same.
+    /// Gives meshes that the previous world also holds the same stand-ins, so that they are
+    /// recognised as unchanged.
     fn recognise(&mut self, previous: Option<&DWorld>) {
         let Some(previous) = previous else { return };
         for (i, geometry) in self.builder.geometries.iter_mut().enumerate() {
@@ -224,14 +223,14 @@ impl DWorldBuilder {
 /// Geometries and instances in double precision, ready for queries. Immutable.
 #[derive(Debug)]
 pub struct DWorld {
-    /// Over the shadows of the meshes; queries must not be asked of it directly.
+    /// The world of the stand-ins of the meshes; it must not be queried directly.
     pub(crate) world: World,
     meshes: Vec<Arc<DTriangleMesh>>,
     pub(crate) data: DoubleData,
 }
 
 impl DWorld {
-    /// True if the geometry with this number is this very mesh.
+    /// True if the geometry with this number is the same mesh (by address).
     fn holds(&self, geometry: usize, mesh: &Arc<DTriangleMesh>) -> bool {
         let is_mesh = matches!(self.world.geometries.get(geometry), Some(Geometry::Mesh(_)));
         is_mesh && Arc::ptr_eq(&self.meshes[geometry], mesh)
@@ -249,7 +248,7 @@ impl DWorld {
         self.world.bounds()
     }
 
-    /// What was built.
+    /// Statistics of the build.
     pub fn stats(&self) -> &BuildStats {
         self.world.stats()
     }

@@ -1,5 +1,5 @@
-//! Worlds that change: edits are collected, a commit makes them visible, and readers keep what they
-//! have.
+//! Worlds that change: edits are collected, a commit makes them visible, and readers keep their
+//! snapshots.
 
 #[cfg(test)]
 mod tests;
@@ -9,10 +9,10 @@ use std::sync::{Arc, PoisonError, RwLock};
 
 /// A world that changes between batches.
 ///
-/// Edits go to a [`WorldBuilder`] and show when they are committed. Each commit makes a new
-/// immutable [`World`] that shares all it can with the one before: groups whose contents are the
-/// same keep their structures, groups in which things only moved are refitted, and only others (and
-/// those that refitting has made slow) are built. Readers in other threads keep tracing the
+/// Edits go to a [`WorldBuilder`] and take effect when they are committed. Each commit makes a new
+/// immutable [`World`] that shares all it can with the previous one: groups with unchanged contents
+/// keep their structures, groups in which geometry only moved are refitted, and all others (and
+/// those that refitting has made slow) are rebuilt. Readers in other threads keep tracing the
 /// snapshot they hold.
 ///
 /// ```
@@ -40,12 +40,12 @@ pub struct DynamicWorld {
     current: Snapshots,
 }
 
-/// Where readers find the newest committed world. Cheap to copy into other threads.
+/// A handle to the newest committed world. Cheap to clone for other threads.
 #[derive(Clone, Debug)]
 pub struct Snapshots(Arc<RwLock<Arc<World>>>);
 
 impl Snapshots {
-    /// The newest committed world. It never changes; ask again for a newer one.
+    /// The newest committed world. It never changes; call this again for a newer one.
     pub fn current(&self) -> Arc<World> {
         self.0.read().unwrap_or_else(PoisonError::into_inner).clone()
     }
@@ -57,13 +57,13 @@ impl DynamicWorld {
         Self::from_builder(WorldBuilder::default(), options)
     }
 
-    /// A world of what a builder holds. Nothing is visible before the first commit.
+    /// A world with the contents of a builder. Nothing is visible before the first commit.
     pub fn from_builder(builder: WorldBuilder, options: BuildOptions) -> Self {
         let current = Snapshots(Arc::new(RwLock::new(Arc::new(World::empty(&options)))));
         Self { builder, options, current }
     }
 
-    /// What the next commit will hold.
+    /// The builder whose contents the next commit publishes.
     pub fn edit(&mut self) -> &mut WorldBuilder {
         &mut self.builder
     }
@@ -72,7 +72,7 @@ impl DynamicWorld {
     /// makes it the current snapshot.
     ///
     /// # Errors
-    /// As [`WorldBuilder::build`]. The current snapshot stays then, and so do the edits.
+    /// As [`WorldBuilder::build`]. On an error the current snapshot and the edits stay.
     pub fn commit(&mut self) -> Result<Arc<World>, WorldError> {
         let world = Arc::new(self.builder.rebuild(&self.options, &self.current.current())?);
         *self.current.0.write().unwrap_or_else(PoisonError::into_inner) = world.clone();

@@ -1,7 +1,7 @@
-//! Changing what a builder holds: between builds, geometries and instances are added, removed,
-//! moved and replaced.
+//! Edits of a builder: between builds, geometries and instances are added, removed, moved and
+//! replaced.
 //!
-//! Numbers stay: a geometry that was removed leaves a hole, and no other ever gets its number.
+//! Numbers are stable: the number of a removed geometry is never used again.
 
 use super::{Geometry, GeometryId, GroupId, Instance, WorldBuilder};
 use crate::mesh::{MeshError, TriangleMesh};
@@ -9,8 +9,8 @@ use snell_math::{Transform, Vec3};
 use std::sync::Arc;
 
 /// Number of an instance, in order of insertion over all groups. (Not [`crate::Hit::instance`],
-/// which counts occurrences and changes when instances come and go; [`super::World::instance_id`]
-/// leads from there to here.)
+/// which counts occurrences and changes when instances are added or removed;
+/// [`super::World::instance_id`] converts from that to this.)
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct InstanceId(pub u32);
 
@@ -29,8 +29,8 @@ pub enum EditError {
 }
 
 impl WorldBuilder {
-    /// Takes a geometry out. Its number stays a hole ([`super::World::geometry`] gives an empty
-    /// mesh). False if it was removed before.
+    /// Removes a geometry. Its number stays unused ([`super::World::geometry`] returns an empty
+    /// mesh). Returns false if it was already removed.
     ///
     /// # Panics
     /// If there never was such a geometry.
@@ -41,8 +41,7 @@ impl WorldBuilder {
         true
     }
 
-    /// Puts another geometry in the place of one: the same group and number, mask and filter as
-    /// before.
+    /// Replaces a geometry by another; group, number, mask and filter stay.
     ///
     /// # Errors
     /// If it was removed.
@@ -60,13 +59,13 @@ impl WorldBuilder {
         self.geometries[id.0 as usize] = geometry;
     }
 
-    /// Moves the vertices of a mesh; all else stays. The next build refits instead of building, if
-    /// that is good enough. (To change more of a mesh, [`Self::replace`] it; if the numbers of
-    /// vertices and triangles stay, that is refitted too.)
+    /// Moves the vertices of a mesh; all else stays. The next build refits the tree where that is
+    /// good enough. (To change more of a mesh, [`Self::replace`] it; if the numbers of vertices and
+    /// triangles are unchanged, it is refitted too.)
     ///
     /// # Errors
-    /// If the geometry was removed or is not a mesh, or if there are not as many positions as
-    /// vertices.
+    /// If the geometry was removed or is not a mesh, or if the number of positions is not that of
+    /// the vertices.
     ///
     /// # Panics
     /// If there never was such a geometry.
@@ -101,7 +100,7 @@ impl WorldBuilder {
         contents.instances.get_mut(at)
     }
 
-    /// Moves an instance; further keys of its motion stay. False if it was removed.
+    /// Moves an instance; further keys of its motion stay. Returns false if it was removed.
     ///
     /// # Panics
     /// If there never was such an instance.
@@ -109,7 +108,7 @@ impl WorldBuilder {
         self.instance_mut(id).map(|instance| instance.group_from_child = group_from_child).is_some()
     }
 
-    /// Takes an instance out. False if it was removed before.
+    /// Removes an instance. Returns false if it was already removed.
     ///
     /// # Panics
     /// If there never was such an instance.

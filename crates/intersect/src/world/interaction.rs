@@ -1,4 +1,4 @@
-//! From a hit to everything local about the surface.
+//! Computes the surface interaction of a hit.
 
 use super::{Geometry, GeometryId, GroupId, World, abs_matrix};
 use crate::hit::{Hit, SurfaceInteraction, SurfacePoint};
@@ -7,15 +7,15 @@ use crate::search::rays::{RayQuery, clamped_time};
 use crate::shape::ShapeSurface;
 use snell_math::{DRay, DVec2, DVec3, Frame, Ray, Transform, Vec2, Vec3};
 
-/// Bound of the relative error of a mapped coordinate in `f64` (four products, three sums), with
+/// Bound on the relative error of a mapped coordinate in `f64` (four products, three sums), with
 /// room to spare.
 pub(super) const MAP_ERROR: f64 = 1.0 / (1u64 << 49) as f64;
 
 /// A surface in the coordinates of some group, on its way up to the world.
 struct LocalSurface {
     position: DVec3,
-    /// Bound of the error of each coordinate of the position, and of the start of a next ray when
-    /// it comes down to here.
+    /// Bound on the error of each coordinate of the position, and of the origin of the next ray
+    /// when it is transformed back to this group.
     error: DVec3,
     normal: DVec3,
     shading_normal: DVec3,
@@ -28,14 +28,14 @@ struct LocalSurface {
 }
 
 impl LocalSurface {
-    /// The surface one level up.
+    /// The surface in the coordinates of the parent group.
     #[inline(always)]
     fn mapped(self, map: &Transform) -> Self {
         let (m, inverse) = (map.matrix(), map.inverse_matrix());
         let grow = abs_matrix(&m.matrix3);
         let position = map.point(self.position);
         let up = (grow * self.position.abs() + m.translation.abs()) * MAP_ERROR;
-        // What a ray that starts there is off by down here, seen from up there.
+        // The error that the origin of the next ray gets in this group, mapped to the parent.
         let down =
             (abs_matrix(&inverse.matrix3) * position.abs() + inverse.translation.abs()) * MAP_ERROR;
         Self {
@@ -54,12 +54,11 @@ impl LocalSurface {
 }
 
 impl World {
-    /// Everything local about the surface at `hit`, which `ray` found (with its time, if anything
-    /// moves).
+    /// The surface interaction at `hit`, which `ray` found (with its time, if anything moves).
     ///
     /// Positions come from the barycentrics of triangles, or are moved onto shapes, in `f64`; the
-    /// error bound covers the way to the world and the way of a next ray back down (the idea of
-    /// Wächter and Binder, A Fast and Robust Method for Avoiding Self-Intersection, Ray Tracing
+    /// error bound covers the transformation to the world and that of the next ray back (the idea
+    /// of Wächter and Binder, A Fast and Robust Method for Avoiding Self-Intersection, Ray Tracing
     /// Gems 2019; the bounds as in Pharr, Jakob and Humphreys, 4th edition, section 6.8).
     ///
     /// # Panics
@@ -68,13 +67,14 @@ impl World {
         self.surface(ray.into(), hit)
     }
 
-    /// The same without what only materials ask for: twice as fast on triangles.
+    /// The part of [`Self::interaction`] that spawning rays needs, without what only materials
+    /// need: twice as fast on triangles.
     ///
     /// # Panics
     /// As [`Self::interaction`].
     pub fn point<'a>(&self, ray: impl Into<RayQuery<'a>>, hit: &Hit) -> SurfacePoint {
         let query = ray.into();
-        // All else is not even computed once this is inlined.
+        // Once this is inlined, the unused rest is not computed.
         self.shape_point(query.ray, hit)
             .unwrap_or_else(|| SurfacePoint::from(&self.surface(query, hit)))
     }
@@ -98,7 +98,7 @@ impl World {
 
     #[inline(always)]
     fn surface(&self, RayQuery { ray, time, .. }: RayQuery, hit: &Hit) -> SurfaceInteraction {
-        // By far the most common case by itself: nothing of it goes through memory.
+        // The most common case has its own path, in registers.
         if let (None, Geometry::Mesh(mesh)) =
             (self.step(GroupId(0), hit.instance), self.geometry(GeometryId(hit.geometry)))
         {
@@ -158,7 +158,7 @@ impl World {
     }
 }
 
-/// The surface of the world, rounded once.
+/// The surface in world space, rounded once.
 #[inline(always)]
 fn in_world(local: LocalSurface, hit: &Hit) -> SurfaceInteraction {
     let (position, position_error) = rounded(local.position, local.error);
@@ -189,7 +189,7 @@ fn in_world(local: LocalSurface, hit: &Hit) -> SurfaceInteraction {
     }
 }
 
-/// The position in single precision, and a bound of its error with that of rounding.
+/// The position in single precision, and a bound on its error that includes this rounding.
 fn rounded(position: DVec3, error: DVec3) -> (Vec3, Vec3) {
     let limit = DVec3::splat(f32::MAX.into());
     let single = position.clamp(-limit, limit).as_vec3();
@@ -207,7 +207,7 @@ fn shape_surface(surface: ShapeSurface) -> LocalSurface {
     let uv = surface.uv.as_vec2();
     LocalSurface {
         position: surface.position,
-        // Shapes answer to a few roundings of their largest coordinate.
+        // Shapes are accurate to a few roundings of their largest coordinate.
         error: DVec3::splat(size * 4.0 * MAP_ERROR),
         normal: surface.normal,
         shading_normal: surface.normal,
@@ -268,8 +268,8 @@ fn triangle_surface(mesh: &TriangleMesh, direction: &DVec3, hit: &Hit) -> LocalS
     }
 }
 
-/// What stands for the normal of three vertices on a line: across it, towards where the ray comes
-/// from.
+/// A substitute for the normal of three collinear vertices: perpendicular to their line, towards
+/// the ray's origin.
 fn line_normal(p: &[DVec3; 3], direction: &DVec3) -> DVec3 {
     let edges = [p[1] - p[0], p[2] - p[1], p[0] - p[2]];
     let longest = edges
@@ -279,7 +279,7 @@ fn line_normal(p: &[DVec3; 3], direction: &DVec3) -> DVec3 {
     across.unwrap_or_else(|| -direction.normalize_or(DVec3::NEG_Z))
 }
 
-/// The derivatives, or any if they are of no use.
+/// The derivatives, or arbitrary ones if they are degenerate.
 #[inline(always)]
 pub(super) fn spanning(dpdu: Vec3, dpdv: Vec3, shading_normal: Vec3) -> (Vec3, Vec3) {
     let usable = |v: Vec3| {
@@ -297,8 +297,8 @@ pub(super) fn spanning(dpdu: Vec3, dpdv: Vec3, shading_normal: Vec3) -> (Vec3, V
 }
 
 /// Derivatives of the position by the texture coordinates (Pharr, Jakob and Humphreys, 4th edition,
-/// section 6.5.2); zero where the coordinates do not span a plane. Without branches, so that loops
-/// over it become vector code.
+/// section 6.5.2); zero where the coordinates do not span a plane. It has no branches, so that
+/// loops over it are vectorised.
 #[inline(always)]
 pub(super) fn derivatives(p: &[DVec3; 3], uv: [DVec2; 3], normal: DVec3) -> (DVec3, DVec3) {
     let (e1, e2) = (p[1] - p[0], p[2] - p[0]);

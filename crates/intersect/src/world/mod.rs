@@ -1,13 +1,14 @@
-//! Geometries, groups and instances: accelerators over accelerators.
+//! Geometries, groups and instances, with nested acceleration structures.
 //!
 //! A *group* holds triangle meshes (in the group's coordinates), analytic shapes (each with its own
 //! placement) and instances of other groups. Group 0 is the root, and its coordinates are the
-//! world's. A group is stored and accelerated once, however often and however deep it is instanced.
+//! world's. A group is stored and has its structure built once, however often and deep it is
+//! instanced.
 //!
-//! Each way to reach a group from the root is an *occurrence*, numbered depth first: the root is 0,
+//! Each path from the root to a group is an *occurrence*, numbered depth first: the root is 0,
 //! then, instance by instance in order of insertion, the child followed by all that is below it.
 //! [`crate::Hit::instance`] is this number, so a hit stays small at any depth, and
-//! [`World::instance_path`] gives the way back.
+//! [`World::instance_path`] gives the path.
 
 mod accelerator;
 mod cover;
@@ -64,33 +65,33 @@ pub enum WorldError {
         "group {0} contains itself, directly or through others; a scene graph must not have cycles"
     )]
     Cycle(u32),
-    /// More occurrences of groups than 32-bit numbers.
+    /// There are more occurrences of groups than 32-bit numbers.
     #[error(
         "more than 4294967294 instances when all nesting is counted; share less or split the scene"
     )]
     TooManyInstances,
-    /// A limit of the structure, with what to do.
+    /// A limit of the structure is exceeded; the text says which and what to do.
     #[error("{0}")]
     Limit(String),
 }
 
-/// How to build.
+/// Options of a build.
 #[derive(Clone, Debug)]
 pub struct BuildOptions {
-    /// Which acceleration structure.
+    /// The acceleration structure.
     pub accelerator: AcceleratorKind,
-    /// What may be switched in it.
+    /// Variants of the structure.
     pub accelerator_options: AcceleratorOptions,
-    /// How much time building a [`AcceleratorKind::Bvh`] may take for how fast a tree.
+    /// The quality of an [`AcceleratorKind::Bvh`]: build time against tracing speed.
     pub quality: Quality,
-    /// Whether an [`AcceleratorKind::Bvh`] keeps corners that triangles share only once: it takes
-    /// about two thirds of the memory, and somewhat more time to trace. Never changes a hit.
+    /// Whether an [`AcceleratorKind::Bvh`] stores vertices that triangles share only once: it takes
+    /// about two thirds of the memory, and rays are somewhat slower. Never changes a hit.
     pub compact: bool,
     /// A folder in which the [`AcceleratorKind::Bvh`] of large groups (65,536 triangles and more)
-    /// is kept in files: the next build of the same group maps it into memory. Only one's own files
-    /// belong there: hits come from them. `None`: nothing is kept.
+    /// is kept in files: the next build of the same group maps it into memory. The folder must be
+    /// trusted, because hits are computed from its files. `None`: no files are kept.
     pub cache: Option<PathBuf>,
-    /// Which instructions the kernels use.
+    /// The SIMD instructions that the kernels use.
     pub simd: Level,
 }
 
@@ -107,7 +108,7 @@ impl Default for BuildOptions {
     }
 }
 
-/// A geometry as it was given.
+/// A geometry as it was added.
 #[derive(Clone, Debug)]
 pub enum Geometry {
     /// A mesh in the coordinates of its group.
@@ -116,7 +117,7 @@ pub enum Geometry {
     Quads(Arc<QuadMesh>),
     /// A mesh whose vertices move, in the coordinates of its group.
     MovingMesh(Arc<MovingMesh>),
-    /// A shape and the map from its own coordinates to those of its group.
+    /// A shape and the transformation from its own coordinates to those of its group.
     Shape(Arc<dyn Shape>, Transform),
     /// Many primitives in the coordinates of their group.
     Set(Arc<dyn PrimitiveSet>),
@@ -125,15 +126,15 @@ pub enum Geometry {
 /// An instance inside a group.
 #[derive(Clone, Debug)]
 pub struct Instance {
-    /// What is placed.
+    /// The instanced group.
     pub child: GroupId,
     /// The map from the child's coordinates to those of the group that holds the instance.
     pub group_from_child: Transform,
-    /// Only rays whose mask shares a bit with this enter it.
+    /// Only rays whose mask has a bit in common with this one enter the instance.
     pub mask: u32,
-    /// For an instance that moves: the map at the further keys, which are evenly spread from time 0
-    /// (`group_from_child`) to 1. Between keys the matrices are interpolated linearly. Empty for
-    /// one that stays.
+    /// The map of a moving instance at its further keys, which are evenly spaced from time 0
+    /// (`group_from_child`) to 1. Between keys the matrices are interpolated linearly. Empty for a
+    /// static instance.
     pub later: Vec<Transform>,
 }
 
@@ -148,14 +149,14 @@ impl Instance {
         std::iter::once(&self.group_from_child).chain(&self.later)
     }
 
-    /// The map at a time from 0 to 1; at times when the instance is flattened, and not to be hit,
-    /// the map at time 0.
+    /// The map at a time from 0 to 1; at times when the map is singular, so that the instance is
+    /// not hit, the map at time 0.
     pub(crate) fn at(&self, time: f32) -> Transform {
         self.at_time(time).unwrap_or(self.group_from_child)
     }
 
-    /// The map at a time from 0 to 1; `None` at times when the instance is flattened, and not to be
-    /// hit.
+    /// The map at a time from 0 to 1; `None` at times when the map is singular, so that the
+    /// instance is not hit.
     pub fn at_time(&self, time: f32) -> Option<Transform> {
         if self.later.is_empty() {
             return Some(self.group_from_child);
@@ -177,7 +178,7 @@ impl Placement {
 }
 
 impl BulkContents {
-    /// What a geometry is, if it is of many primitives that are objects each.
+    /// A geometry whose primitives are separate objects of the tree.
     pub fn of(geometry: &Geometry) -> Option<Self> {
         match geometry {
             Geometry::Set(set) => Some(Self::Set(set.clone())),
@@ -193,9 +194,9 @@ pub struct WorldBuilder {
     pub(crate) geometries: Vec<Geometry>,
     pub(crate) options: Vec<GeometryOptions>,
     pub(crate) groups: Vec<GroupContents>,
-    /// Per geometry the group that holds it, unless it was removed.
+    /// The group of each geometry; `None` if it was removed.
     homes: Vec<Option<GroupId>>,
-    /// Per instance the group that holds it, unless it was removed.
+    /// The group of each instance; `None` if it was removed.
     instance_homes: Vec<Option<GroupId>>,
 }
 
@@ -258,8 +259,8 @@ impl WorldBuilder {
         self.add_geometry(group, Geometry::Shape(shape, group_from_shape))
     }
 
-    /// Puts a set of primitives into a group, in the group's coordinates: spheres, curves, or one's
-    /// own.
+    /// Puts a set of primitives into a group, in the group's coordinates: spheres, curves, or a
+    /// user-defined set.
     pub fn add_set(&mut self, group: GroupId, set: Arc<dyn PrimitiveSet>) -> GeometryId {
         self.add_geometry(group, Geometry::Set(set))
     }
@@ -294,33 +295,34 @@ impl WorldBuilder {
         id
     }
 
-    /// Only rays whose mask shares a bit with this meet the geometry
-    /// ([`crate::search::rays::RayQuery::mask`]). All bits at first.
+    /// Sets the mask of a geometry: only rays whose mask has a bit in common with it hit the
+    /// geometry ([`crate::search::rays::RayQuery::mask`]). All bits are set by default.
     pub fn set_mask(&mut self, geometry: GeometryId, mask: u32) {
         self.options[geometry.0 as usize].mask = mask;
     }
 
-    /// What queries ask about the geometry: its mask, and whether hits are filtered.
+    /// The mask of a geometry, and whether its hits are filtered.
     pub fn options_mut(&mut self, geometry: GeometryId) -> &mut GeometryOptions {
         &mut self.options[geometry.0 as usize]
     }
 
-    /// Hits on this geometry are asked about: the query's [`crate::HitFilter`] may reject them.
+    /// Sets whether the query's [`crate::HitFilter`] is called for hits on this geometry and may
+    /// reject them.
     pub fn set_filtered(&mut self, geometry: GeometryId) {
         self.options[geometry.0 as usize].filtered = true;
     }
 
     /// Builds the acceleration structures, on the threads of the current rayon pool. The result
-    /// does not depend on how many there are. A SIMD level that the machine lacks is replaced by
-    /// the best it has.
+    /// does not depend on the number of threads. A SIMD level that the machine lacks is replaced by
+    /// the best that it has.
     pub fn build(self, options: &BuildOptions) -> Result<World, WorldError> {
         let (occurrences, parts) = on_the_pool(|| self.parts(options, None))?;
         Ok(self.into_world(occurrences, parts))
     }
 
     /// Builds a world that shares with `previous`, an earlier world of this builder (or of a copy
-    /// of it), all that comes from contents that did not change: see [`DynamicWorld`]. Queries of
-    /// the result are the same, bit for bit, as if it were built from nothing.
+    /// of it), everything built from contents that did not change: see [`DynamicWorld`]. Queries of
+    /// the result are the same, bit for bit, as after a build from scratch.
     pub fn rebuild(&self, options: &BuildOptions, previous: &World) -> Result<World, WorldError> {
         let (occurrences, parts) = on_the_pool(|| self.parts(options, Some(previous)))?;
         Ok(self.clone().into_world(occurrences, parts))
@@ -356,7 +358,7 @@ impl WorldBuilder {
         }
     }
 
-    /// The contents of each group, ready to be tested.
+    /// The contents of each group, prepared for intersection tests.
     fn group_lists(&self, occurrences: &Occurrences) -> Result<Vec<GroupList>, WorldError> {
         let list = |(group, contents): (usize, &GroupContents)| {
             let mut list = GroupList::default();
@@ -392,7 +394,8 @@ impl WorldBuilder {
         self.groups.iter().enumerate().map(list).collect()
     }
 
-    /// The geometries of many primitives of a group, which come after its shapes and instances.
+    /// The geometries of a group that consist of many objects; they come after its shapes and
+    /// instances.
     fn sets(&self, contents: &GroupContents) -> impl Iterator<Item = (GeometryId, BulkContents)> {
         contents
             .geometries
@@ -453,8 +456,8 @@ impl WorldBuilder {
     }
 }
 
-/// Boxes to be turned for the instances of a group; where there are so many instances, one for each
-/// must do.
+/// The largest number of cover boxes to transform for the instances of a group; where there are
+/// more instances, each has one box.
 const MAX_PIECES: usize = 1 << 24;
 
 /// The boxes of all groups and of what they hold.
@@ -462,11 +465,11 @@ struct GroupBounds {
     /// Per group, in its own coordinates.
     exact: Vec<Bounds3d>,
     /// Per group the boxes of its shapes, instances and primitives of sets, in the order of
-    /// [`GroupList::objects`], grown by all that transforming a ray may be off by.
+    /// [`GroupList::objects`], grown by the largest error of transforming a ray.
     objects: Vec<Vec<Bounds3d>>,
     /// Per group, in its own coordinates, grown like those of the objects.
     grown: Vec<Bounds3d>,
-    /// Per group the same as many boxes. Without any if it is not known of a mesh.
+    /// The cover of each group: many boxes. Empty if the cover of a mesh is not known.
     covers: Vec<Cover>,
 }
 
@@ -540,14 +543,14 @@ impl GroupBounds {
     }
 }
 
-/// Does something on a thread of the current rayon pool, so that each parallel stage of it need not
-/// wait for one to wake up.
+/// Runs a closure on a thread of the current rayon pool, so that its parallel stages need not wait
+/// for a thread to wake up.
 fn on_the_pool<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     rayon::scope(|_| work())
 }
 
-/// The box of a placed thing, grown by a bound of the rounding errors of its place and of rays
-/// brought into its coordinates.
+/// The box of a placed object, grown by a bound on the rounding errors of its placement and of rays
+/// transformed into its coordinates.
 fn grown_bounds(placed: &Transform, b: &Bounds3d) -> Bounds3d {
     let image = placed.bounds(b);
     if image.is_empty() || !b.is_finite() {
@@ -579,7 +582,7 @@ fn abs_matrix(m: &DMat3) -> DMat3 {
     DMat3::from_cols(m.x_axis.abs(), m.y_axis.abs(), m.z_axis.abs())
 }
 
-/// What a build makes of a builder's contents.
+/// The result of a build.
 struct Parts {
     bounds: Bounds3d,
     structure: Structure,
@@ -588,10 +591,10 @@ struct Parts {
     stats: BuildStats,
 }
 
-/// How rays find what they hit.
+/// The acceleration structure of a world.
 #[derive(Debug)]
 pub(crate) enum Structure {
-    /// Everything is tested.
+    /// No structure: every primitive is tested.
     None(Vec<GroupList>),
     /// A tree per group.
     Bvh(Forest),
@@ -609,13 +612,12 @@ pub struct World {
     bounds: Bounds3d,
     pub(crate) structure: Structure,
     inventory: Inventory,
-    /// The proof of the instructions that queries use.
+    /// The SIMD level of queries; holding it proves that the processor has it.
     pub(crate) wide: Option<Wide>,
     stats: BuildStats,
-    /// Made when it is first asked for.
+    /// Computed at first use.
     pub(crate) winding: OnceLock<Winding>,
-    /// Whether the structure may offer a hit several times; found out when it is first asked
-    /// for.
+    /// Whether the structure may report a hit several times; computed at first use.
     pub(crate) repeats: OnceLock<bool>,
 }
 
@@ -626,7 +628,7 @@ pub struct BuildStats {
     pub triangles: u64,
     /// Triangles that can never be hit ([`TriangleMesh::is_degenerate`]); part of `triangles`.
     pub skipped_triangles: u64,
-    /// Triangles of the world, each counted as often as it occurs.
+    /// Triangles of the world, counted once per occurrence.
     pub instanced_triangles: u64,
     /// Primitives of all sets (spheres, curves), each counted once.
     pub primitives: u64,
@@ -640,14 +642,14 @@ pub struct BuildStats {
     pub triangle_blocks: u64,
     /// Entries in the lists of primitives of the structures that have such lists.
     pub references: u64,
-    /// Nodes on the longest way down in any group.
+    /// Depth of the deepest tree: nodes on the longest path from the root of any group.
     pub depth: u32,
     /// Memory of the acceleration structures, without the geometries.
     pub memory_bytes: u64,
-    /// Nodes and blocks of triangles that a random line through the root's bounds meets on average,
-    /// by the surface area heuristic; what is in instances does not count.
+    /// The expected number of nodes and blocks of triangles that a random line through the root's
+    /// bounds visits, by the surface area heuristic, without the contents of instances.
     pub sah_cost: f32,
-    /// What was taken over from the world before.
+    /// What was reused from the previous world.
     pub reuse: Reuse,
 }
 
@@ -657,7 +659,7 @@ impl World {
         &self.geometries[id.0 as usize]
     }
 
-    /// How many geometries there are; ids run from 0.
+    /// The number of geometries; ids run from 0.
     pub fn geometry_count(&self) -> usize {
         self.geometries.len()
     }
@@ -672,8 +674,8 @@ impl World {
         self.geometries.iter().filter(|g| matches!(g, Geometry::Shape(..))).count()
     }
 
-    /// The number of the instance that an occurrence ([`crate::Hit::instance`]) belongs to: of the
-    /// last step of [`Self::instance_path`]. `None` for the root.
+    /// The number of the instance that made an occurrence ([`crate::Hit::instance`]): the last step
+    /// of [`Self::instance_path`]. `None` for the root.
     pub fn instance_id(&self, occurrence: u32) -> Option<InstanceId> {
         let (group, at) = self.instance_path(occurrence).pop()?;
         Some(self.group(group).instance_ids[at])
@@ -684,7 +686,7 @@ impl World {
         WorldBuilder::default().build(options).expect("nothing exceeds no limit")
     }
 
-    /// How many groups there are; ids run from 0.
+    /// The number of groups; ids run from 0.
     pub fn group_count(&self) -> usize {
         self.groups.len()
     }
@@ -694,7 +696,7 @@ impl World {
         self.occurrences.order.iter().copied()
     }
 
-    /// How many occurrences one instance of a group adds: itself and all below.
+    /// The number of occurrences that one instance of a group adds: its own and all below it.
     pub fn occurrences_below(&self, id: GroupId) -> u32 {
         self.occurrences.counts[id.0 as usize] as u32
     }
@@ -710,8 +712,8 @@ impl World {
         &self.stats
     }
 
-    /// What the user should know of the build: files of [`BuildOptions::cache`] that were damaged
-    /// or could not be written, and coordinates so large that rays are slow.
+    /// Warnings of the build: files of [`BuildOptions::cache`] that were damaged or could not be
+    /// written, and coordinates so large that they slow rays down.
     pub fn warnings(&self) -> Vec<String> {
         let Structure::Bvh(forest) = &self.structure else { return Vec::new() };
         let warning = |tree: &std::sync::Arc<crate::tree::GroupTree>| match &tree.cache {
@@ -749,7 +751,7 @@ impl World {
         self.stats.triangles
     }
 
-    /// Triangles of the world, each counted as often as it occurs.
+    /// Triangles of the world, counted once per occurrence.
     pub fn instanced_triangle_count(&self) -> u64 {
         self.stats.instanced_triangles
     }
@@ -759,7 +761,7 @@ impl World {
         self.stats.skipped_triangles
     }
 
-    /// The instructions that the queries use.
+    /// The SIMD level of the queries.
     pub fn simd(&self) -> Level {
         Level::of(self.wide)
     }

@@ -1,25 +1,26 @@
-//! Numbers of occurrences: from the tree of instances to [`crate::Hit::instance`] and back.
+//! Occurrence numbers: converts between paths of instances and [`crate::Hit::instance`].
 
 use super::{GroupContents, GroupId, World, WorldError};
 use snell_math::Transform;
 
-/// Instances may be nested this deep.
+/// The largest nesting depth of instances.
 pub(super) const MAX_NESTING: usize = 512;
 
-/// How often groups occur.
+/// The occurrences of all groups.
 #[derive(Debug)]
 pub(super) struct Occurrences {
     /// Groups, children before parents.
     pub order: Vec<usize>,
-    /// Per group, how many occurrences one instance of it adds: itself and all below.
+    /// For each group, the number of occurrences that one instance of it adds: its own and all
+    /// below it.
     pub counts: Vec<u64>,
-    /// Per group and instance, what to add to the number of the group's occurrence to get that of
-    /// the child. Ascending.
+    /// For each group and instance, the difference between the occurrence numbers of the child and
+    /// of the group. Ascending.
     pub offsets: Vec<Vec<u32>>,
 }
 
 impl Occurrences {
-    /// Counts, and refuses cycles, too many occurrences and too deep nesting.
+    /// Counts occurrences; returns an error for cycles, too many occurrences and too deep nesting.
     pub fn count(groups: &[GroupContents]) -> Result<Self, WorldError> {
         let order = children_first(groups)?;
         let mut counts = vec![1u64; groups.len()];
@@ -85,20 +86,20 @@ fn children_first(groups: &[GroupContents]) -> Result<Vec<usize>, WorldError> {
 }
 
 impl World {
-    /// Number of occurrences of groups in the world: [`crate::Hit::instance`] is below it.
+    /// The number of occurrences in the world: [`crate::Hit::instance`] is less than this.
     pub fn instance_count(&self) -> u32 {
         self.occurrences.counts[0] as u32
     }
 
     /// The instance of `group` that leads to the occurrence `rest` below it (0 is the group
-    /// itself), and what is left of the number there.
+    /// itself), and the number of `rest` relative to the child.
     pub(super) fn step(&self, group: GroupId, rest: u32) -> Option<(usize, u32)> {
         let offsets = &self.occurrences.offsets[group.0 as usize];
         let step = offsets.partition_point(|&o| o <= rest).checked_sub(1)?;
         Some((step, rest - offsets[step]))
     }
 
-    /// The way from the root to an occurrence: for each step the group and the position of the
+    /// The path from the root to an occurrence: for each step the group and the position of the
     /// instance in its list. Empty for the root.
     pub fn instance_path(&self, instance: u32) -> Vec<(GroupId, usize)> {
         let mut path = Vec::new();
@@ -116,7 +117,7 @@ impl World {
     }
 
     /// The map from the coordinates of an occurrence's group to the world at a time from 0 to 1. An
-    /// instance that is flattened at that time, so that nothing in it is hit, counts as at time 0.
+    /// instance whose map is singular at that time, so that it is not hit, has its map at time 0.
     pub fn world_from_instance_at(&self, instance: u32, time: f32) -> Transform {
         let mut world_from_group = Transform::IDENTITY;
         let (mut group, mut rest) = (GroupId(0), instance);

@@ -1,4 +1,4 @@
-//! What a build takes over from the world before: all that comes from contents that did not change.
+//! Reuse of the previous world in a build: everything whose contents did not change.
 
 use super::cover::Cover;
 use super::occurrence::Occurrences;
@@ -15,14 +15,14 @@ use rayon::prelude::*;
 use snell_math::Bounds3d;
 use std::sync::Arc;
 
-/// Groups with fewer triangles are always built: that takes no longer.
+/// Groups with fewer triangles are always rebuilt, which is as fast.
 const WORTH_REFITTING: u64 = 1024;
 
-/// A tree is built anew when refitting has made it this many times as costly to walk as it was when
+/// A tree is rebuilt when refitting has increased its traversal cost by this factor since it was
 /// built.
 const WORN: f32 = 1.3;
 
-/// What a world knows of its contents, besides what queries need.
+/// Facts about a world's contents that builds need and queries do not.
 #[derive(Debug)]
 pub(super) struct Inventory {
     accelerator: AcceleratorKind,
@@ -36,30 +36,30 @@ pub(super) struct Inventory {
     covers: Vec<Cover>,
     /// Per group, the cost of its tree when it was last built.
     costs: Vec<f32>,
-    /// How this world came about.
+    /// Statistics of reuse for this world.
     pub reuse: Reuse,
 }
 
-/// How the groups of a world came by their structures.
+/// How the structures of the groups of a world were made.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Reuse {
-    /// Shared with the world before.
+    /// Structures shared with the previous world.
     pub kept: usize,
-    /// Those of the world before with new boxes.
+    /// Structures of the previous world, refitted.
     pub refitted: usize,
-    /// Built.
+    /// Structures built from scratch.
     pub built: usize,
 }
 
-/// What it takes some time to find out about a geometry.
+/// Facts about a geometry that take time to compute.
 #[derive(Clone, Debug)]
 pub(super) struct Summary {
     /// In its own coordinates; empty for a set and for a mesh that moves.
     pub bounds: Bounds3d,
-    /// Triangles, or primitives of a set, and how many of them can never be hit.
+    /// The number of triangles or primitives, and how many of them are degenerate.
     pub count: u64,
     pub skipped: u64,
-    /// Of a mesh that some instance shows; `None` if it was not asked for.
+    /// The cover of a mesh that is instanced; `None` if it was not requested.
     pub cover: Option<Cover>,
 }
 
@@ -102,7 +102,7 @@ impl Summary {
         }
     }
 
-    /// With the cover of the geometry, if it is a mesh.
+    /// Adds the cover of the geometry, if it is a mesh.
     fn with_cover(mut self, geometry: &Geometry) -> Self {
         let mesh = match geometry {
             Geometry::Mesh(mesh) => mesh,
@@ -114,7 +114,7 @@ impl Summary {
     }
 }
 
-/// True for the very same geometry.
+/// True for the same geometry (by address).
 fn is_same(a: &Geometry, b: &Geometry) -> bool {
     match (a, b) {
         (Geometry::Mesh(a), Geometry::Mesh(b)) => Arc::ptr_eq(a, b),
@@ -145,8 +145,8 @@ impl WorldBuilder {
         self.geometries.par_iter().enumerate().with_min_len(16).map(summary).collect()
     }
 
-    /// True if a group holds what it held in the world before, in the same places, under the same
-    /// numbers.
+    /// True if the contents of a group, their placement and numbers are those of the previous
+    /// world.
     fn is_unchanged(
         &self,
         group: usize,
@@ -178,7 +178,7 @@ impl WorldBuilder {
             })
     }
 
-    /// The previous world if it is of the same build: then its trees may be taken over.
+    /// The previous world, if it was built with the same options, so that its trees can be reused.
     pub(super) fn same_build<'a>(
         options: &BuildOptions,
         previous: Option<&'a World>,
@@ -192,7 +192,7 @@ impl WorldBuilder {
         })
     }
 
-    /// The boxes of all groups; and for each whether nothing has changed.
+    /// The boxes of all groups, and for each group whether it is unchanged.
     pub(super) fn measure(
         &self,
         occurrences: &Occurrences,
@@ -302,7 +302,8 @@ struct Grown {
     how: How,
 }
 
-/// The tree of a group: the old one if it is as it was, else refitted if that pays, else built.
+/// The tree of a group: the old one if the group is unchanged, else refitted where that pays, else
+/// rebuilt.
 fn tree(
     list: &GroupList,
     boxes: &[Bounds3d],

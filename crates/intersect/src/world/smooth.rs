@@ -1,20 +1,20 @@
-//! The smooth surfaces that vertex normals stand for, and where rays leave them: so that coarse
-//! triangles that are meant to be round have no jagged edge between light and shadow (the *shadow
+//! The smooth surfaces that vertex normals imply, and the origins of rays that leave them, so that
+//! coarse meshes of round objects have no jagged edge between light and shadow (the *shadow
 //! terminator problem*).
 //!
 //! A point of a triangle is lifted onto the mean of the planes that the vertex normals span at its
 //! corners, weighted by its barycentric coordinates (Hanika, Hacking the Shadow Terminator, Ray
-//! Tracing Gems II, 2021, chapter 4). Where the surface is hollow, seen from where the path comes,
-//! nothing is lifted: there no triangle is in the way.
+//! Tracing Gems II, 2021, chapter 4). Where the surface is concave, seen from the side of the
+//! incoming path, nothing is lifted: no triangle is in the way there.
 //!
 //! Only rays that leave nearly along the triangle, or through its plane, start from there: all
-//! others are as right from where they are, and shadows of what touches the surface stay where they
-//! are (as in Blender's Cycles, where this is the *geometry offset*). The other remedy darkens what
-//! the normals would light, by a factor of the cosines alone (Chiang, Li and Burley, Taming the
-//! Shadow Terminator, 2019; Conty Estevez, Lecocq and Stein, A Microfacet-Based Shadowing Function
-//! to Solve the Bump Terminator Problem, 2019). It is made for normals that are bent by maps, which
-//! know of no surface: on coarse triangles it keeps the border where the triangles have it and
-//! blurs it, while it is meant to be where the round surface has it.
+//! others are correct from the unlifted point, and shadows of what touches the surface stay where
+//! they are (as in Blender's Cycles, where this is the *geometry offset*). The other remedy darkens
+//! what the normals would light, by a factor of the cosines alone (Chiang, Li and Burley, Taming
+//! the Shadow Terminator, 2019; Conty Estevez, Lecocq and Stein, A Microfacet-Based Shadowing
+//! Function to Solve the Bump Terminator Problem, 2019). That method is meant for normal maps,
+//! which have no underlying surface: on coarse triangles it leaves the terminator at the edges of
+//! the triangles and blurs it, instead of moving it to that of the round surface.
 
 use super::triangles::{HitVectors, TRIANGLE_HITS, TriangleHits, TrianglePoints};
 use super::{Geometry, GeometryId, GroupId, World};
@@ -27,12 +27,12 @@ use snell_math::{DVec3, Vec3, at_level, robust};
 /// Rays that rise higher above a triangle than this sine are not lifted at all.
 const STEEP: f32 = 0.1;
 
-/// Cosines of the largest angle between the normal of a triangle and those of its corners: from the
-/// first on nothing is lifted, up to the second everything is. Normals that are bent further round
-/// off the edges of boxes and do not stand for a surface.
+/// Cosines of the largest angle between the normal of a triangle and those of its corners: beyond
+/// the first no point is lifted, within the second all are. Normals at larger angles only round off
+/// edges, as of boxes, and do not imply a smooth surface.
 const BENT: [f32; 2] = [0.6, 0.8];
 
-/// From a point of a triangle to the smooth surface, on the side of `wo`.
+/// The offset from a point of a triangle to the smooth surface, on the side of `wo`.
 #[inline(always)]
 fn lift(corners: [Vec3; 3], normals: [Vec3; 3], [b1, b2]: [f32; 2], flat: Vec3, wo: Vec3) -> Vec3 {
     let b = [1.0 - b1 - b2, b1, b2];
@@ -55,8 +55,8 @@ fn lift(corners: [Vec3; 3], normals: [Vec3; 3], [b1, b2]: [f32; 2], flat: Vec3, 
     if is_bent & (lift.length_squared() < f32::INFINITY) { lift } else { Vec3::ZERO }
 }
 
-/// The start of a ray that leaves a surface of this [`World::lift`]: as
-/// [`robust::offset_ray_origin`] where that is zero.
+/// The origin of a ray that leaves a surface with this [`World::lift`]; equal to
+/// [`robust::offset_ray_origin`] if the lift is zero.
 #[inline(always)]
 pub fn lifted_ray_origin(
     position: Vec3,
@@ -81,10 +81,9 @@ pub fn lifted_ray_origin(
 }
 
 impl World {
-    /// The way from a point of a mesh with vertex normals to the smooth surface that these stand
-    /// for, on the side from which `ray` arrives; zero for everything else, and where the smooth
-    /// surface is behind the mesh. What rays that are reflected there do with it is
-    /// [`lifted_ray_origin`].
+    /// The offset from a point of a mesh with vertex normals to the smooth surface that these
+    /// imply, on the side from which `ray` arrives; zero for all other geometry, and where the
+    /// smooth surface is behind the mesh. [`lifted_ray_origin`] applies it to reflected rays.
     pub fn lift<'a>(&self, ray: impl Into<RayQuery<'a>>, surface: &SurfaceInteraction) -> Vec3 {
         let RayQuery { ray, time, .. } = ray.into();
         let &SurfaceInteraction { t, primitive_uv: uv, instance, geometry, primitive, .. } =
@@ -146,7 +145,7 @@ fn lift_in_mesh(mesh: &TriangleMesh, wo: DVec3, hit: &Hit) -> DVec3 {
 }
 
 impl TriangleHits {
-    /// What [`World::lift`] says of all lanes, bit for bit, for paths that come from the directions
+    /// [`World::lift`] for all lanes, with the same bits, for paths that arrive from the directions
     /// `wo`.
     pub fn lifts(
         &self,
@@ -189,8 +188,7 @@ mod tests {
     use snell_math::simd::Level;
     use snell_math::{DMat4, Ray, Transform, Vec2, rng};
 
-    /// Triangles with their corners on the unit sphere, none of which spans more than so much of
-    /// it.
+    /// Triangles with their corners on the unit sphere, each of at most this size.
     fn pieces_of_a_sphere(size: f32) -> TriangleMesh {
         let number = |i: u32, k: u32| rng::uniform2([i, k, 7, 7]).x * 2.0 - 1.0;
         let positions: Vec<Vec3> = (0..TRIANGLE_HITS as u32)

@@ -1,4 +1,4 @@
-//! Many hits on spheres at once: what [`World::shape_point`] says of each, bit for bit.
+//! Batches of hits on spheres: [`World::shape_point`] of each, with the same bits.
 
 use super::interaction::MAP_ERROR;
 use super::triangles::{HitLanes, HitVectors, TRIANGLE_HITS as LANES, TrianglePoints};
@@ -12,7 +12,7 @@ type Doubles = [f64; LANES];
 /// An affine map for each hit: columns, the translation last, by axis.
 type Maps = [[Doubles; 3]; 4];
 
-/// Hits on spheres, gathered one by one with [`World::gather_sphere`] and worked on together by
+/// Hits on spheres, gathered one by one by [`World::gather_sphere`] and evaluated together by
 /// [`Self::points`].
 #[derive(Clone, Debug)]
 pub struct SphereHits {
@@ -45,8 +45,8 @@ impl Default for SphereHits {
 }
 
 impl World {
-    /// Puts a hit into a lane. False, and nothing is done, unless it is on a sphere that is not
-    /// instanced.
+    /// Puts a hit into a lane. Returns false, and does nothing, unless the hit is on a sphere that
+    /// is not instanced.
     pub fn gather_sphere(&self, ray: &Ray, hit: &Hit, lane: usize, hits: &mut SphereHits) -> bool {
         if self.step(GroupId(0), hit.instance).is_some() {
             return false;
@@ -70,7 +70,7 @@ impl World {
 }
 
 impl SphereHits {
-    /// Forgets all hits.
+    /// Removes all hits.
     pub fn clear(&mut self) {
         if !self.is_empty {
             self.is_there = [0; LANES];
@@ -78,7 +78,7 @@ impl SphereHits {
         }
     }
 
-    /// The points of the lanes that hits were put into; those of other lanes stay what they are.
+    /// Computes the points of the lanes that hold hits; those of other lanes are unchanged.
     pub fn points(&self, to: &mut TrianglePoints, wide: Option<Wide>) {
         if !self.is_empty {
             at_level!(wide, points, (hits: &SphereHits = self, to: &mut TrianglePoints = to));
@@ -133,7 +133,7 @@ fn points(hits: &SphereHits, to: &mut TrianglePoints) {
             let single = position[axis] as f32;
             let off = ((position[axis] - f64::from(single)).abs() + error[axis]) as f32;
             is_sound &= off < f32::MAX;
-            // The next number up of a number that is not negative.
+            // The next larger `f32` of a number that is not negative.
             let off = f32::from_bits(off.to_bits() + 1);
             to.position[axis][i] = mask_select(is_there, single, to.position[axis][i]);
             to.position_error[axis][i] = mask_select(is_there, off, to.position_error[axis][i]);
@@ -204,7 +204,7 @@ mod tests {
             })
             .collect();
         let mut gathered = SphereHits::default();
-        // One lane stays empty.
+        // One lane is left empty.
         for (lane, (ray, hit)) in hits.iter().enumerate().skip(1) {
             assert!(world.gather_sphere(ray, hit, lane, &mut gathered));
         }

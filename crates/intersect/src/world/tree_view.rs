@@ -1,4 +1,4 @@
-//! A read-only view of the tree of a world, for programs that traverse it in a way of their own.
+//! A read-only view of the tree of a world, for programs with their own traversal.
 
 use super::{Structure, World};
 use crate::exact::ray::LocalRay;
@@ -17,7 +17,7 @@ pub struct TreeView<'w> {
     forest: &'w Forest,
 }
 
-/// What a slot of a node leads to, numbered within its group.
+/// The child in a slot of a node, numbered within its group.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TreeChild {
     /// An inner node; see [`TreeView::node`].
@@ -26,7 +26,7 @@ pub enum TreeChild {
     Triangles {
         /// The number of its block.
         block: u32,
-        /// How many triangles the block holds, from 1 to 8.
+        /// The number of triangles in the block, from 1 to 8.
         count: u32,
     },
     /// A shape, an instance, or a primitive of a set; see [`TreeView::instance`].
@@ -52,7 +52,7 @@ impl TreeChild {
 pub struct TreeNode<'w>(&'w WideNode);
 
 impl<'w> TreeNode<'w> {
-    /// The planes of all boxes, by side (minimum, maximum), axis and slot; infinite ones where a
+    /// The bounds of all slots, by side (minimum, maximum), axis and slot; infinite ones where a
     /// slot is empty.
     pub fn planes(&self) -> &'w [[[f32; 8]; 3]; 2] {
         &self.0.bounds
@@ -63,7 +63,7 @@ impl<'w> TreeNode<'w> {
         self.0.slot_bounds(slot)
     }
 
-    /// What a slot from 0 to 7 leads to; `None` if it is empty.
+    /// The child in a slot from 0 to 7; `None` if the slot is empty.
     pub fn child(&self, slot: usize) -> Option<TreeChild> {
         TreeChild::of(self.0.children[slot])
     }
@@ -74,7 +74,8 @@ impl<'w> TreeNode<'w> {
 pub struct TreeInstance {
     /// The instanced group.
     pub child: usize,
-    /// What to add to the occurrence number of the group that holds the instance.
+    /// The difference between the occurrence numbers of the instanced group and of the group that
+    /// holds the instance.
     pub offset: u32,
     /// The map from the group that holds the instance to the instanced one.
     pub child_from_group: DAffine3,
@@ -147,9 +148,9 @@ impl<'w> TreeView<'w> {
         }
     }
 
-    /// Tests one triangle by the exact test that decides in every structure. `ray` is the ray in
-    /// the world, whose interval counts; `local` is the same ray in the coordinates of `corners`;
-    /// `ids` are the instance, geometry and primitive that the hit will name.
+    /// Tests one triangle by the exact test that every structure uses. `ray` is the ray in world
+    /// space, whose interval applies; `local` is the same ray in the coordinates of `corners`;
+    /// `ids` are the instance, geometry and primitive that the hit gets.
     pub fn test_triangle(
         &self,
         ray: &Ray,

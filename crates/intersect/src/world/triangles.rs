@@ -1,5 +1,5 @@
-//! Many hits on triangles at once: what [`World::interaction`] says of each, bit for bit, without
-//! what only some materials ask for.
+//! Batches of hits on triangles: [`World::interaction`] of each, with the same bits, without the
+//! parts that only some materials need.
 
 use super::interaction::{MAP_ERROR, derivatives, spanning};
 use super::{Geometry, GeometryId, World};
@@ -8,7 +8,7 @@ use crate::mesh::TriangleMesh;
 use snell_math::simd::{Wide, mask_select, max as greater};
 use snell_math::{Vec2, Vec3, at_level};
 
-/// How many hits a [`TriangleHits`] holds.
+/// The number of hits that a [`TriangleHits`] holds.
 pub const TRIANGLE_HITS: usize = 64;
 
 /// A number for each hit.
@@ -21,18 +21,17 @@ pub type HitVectors = [HitLanes; 3];
 #[derive(Clone, Copy, Debug)]
 pub struct PlainMesh<'w> {
     positions: &'w [Vec3],
-    /// Of each vertex, or empty.
+    /// Normal of each vertex; empty if the mesh has none.
     normals: &'w [Vec3],
-    /// First texture coordinates of each vertex, or empty.
+    /// First texture coordinates of each vertex; empty if the mesh has none.
     uvs: &'w [Vec2],
     indices: &'w [[u32; 3]],
 }
 
-/// Hits on triangles, put together with [`Self::gather`] and worked on together by
-/// [`Self::points`].
+/// Hits on triangles, gathered by [`Self::gather`] and evaluated together by [`Self::points`].
 #[derive(Clone, Debug)]
 pub struct TriangleHits {
-    /// Numbers of the corners.
+    /// Vertex numbers of the corners.
     indices: [[u32; 3]; TRIANGLE_HITS],
     pub(super) corners: [HitVectors; 3],
     /// Vertex normals; zero where there are none.
@@ -40,8 +39,8 @@ pub struct TriangleHits {
     has_normals: [bool; TRIANGLE_HITS],
     /// Barycentric coordinates of the second and third corner.
     pub(super) weights: [HitLanes; 2],
-    /// First texture coordinates of the corners, where they were [asked for](Self::gather_uvs);
-    /// zero where there are none.
+    /// First texture coordinates of the corners, where they were [gathered](Self::gather_uvs); zero
+    /// where there are none.
     uvs: [[HitLanes; 2]; 3],
 }
 
@@ -50,14 +49,14 @@ pub struct TriangleHits {
 pub struct TrianglePoints {
     /// Points on the surfaces.
     pub position: HitVectors,
-    /// Bounds of the errors of their coordinates.
+    /// Bounds on the errors of their coordinates.
     pub position_error: HitVectors,
     /// Unit normals of the triangles.
     pub geometric_normal: HitVectors,
     /// Unit shading normals.
     pub shading_normal: HitVectors,
-    /// 1 where all of this is sound; 0 for degenerate triangles and overflow, which only
-    /// [`World::interaction`] can tell about.
+    /// 1 where these values are valid; 0 for degenerate triangles and overflow, which need
+    /// [`World::interaction`].
     pub is_sound: [u32; TRIANGLE_HITS],
 }
 
@@ -104,13 +103,13 @@ impl World {
 }
 
 impl TriangleHits {
-    /// Puts hits into lanes: lane, mesh and hit of each.
+    /// Puts hits into lanes, given the lane, mesh and hit of each.
     #[inline]
     pub fn gather<'w>(
         &mut self,
         hits: impl Iterator<Item = (usize, &'w PlainMesh<'w>, &'w Hit)> + Clone,
     ) {
-        // In two steps, so that what is far away in memory is on its way for many hits at once.
+        // In two steps, so that the cache misses of many hits overlap.
         for (lane, mesh, hit) in hits.clone() {
             self.indices[lane] = mesh.indices[hit.primitive as usize];
             (self.weights[0][lane], self.weights[1][lane]) = (hit.uv.x, hit.uv.y);
@@ -128,8 +127,8 @@ impl TriangleHits {
         }
     }
 
-    /// Puts the texture coordinates of hits that are in lanes already beside them:
-    /// [`Self::tangents`] needs them.
+    /// Adds the texture coordinates of hits that are in lanes already: [`Self::tangents`] needs
+    /// them.
     #[inline]
     pub fn gather_uvs<'w>(&mut self, hits: impl Iterator<Item = (usize, &'w PlainMesh<'w>)>) {
         for (lane, mesh) in hits {
@@ -141,8 +140,7 @@ impl TriangleHits {
         }
     }
 
-    /// Which way the first texture coordinates run at the points of all lanes:
-    /// [`crate::SurfaceInteraction::dpdu`].
+    /// The tangents at the points of all lanes: [`crate::SurfaceInteraction::dpdu`].
     pub fn tangents(&self, points: &TrianglePoints, to: &mut HitVectors, wide: Option<Wide>) {
         at_level!(
             wide,
@@ -151,12 +149,12 @@ impl TriangleHits {
         );
     }
 
-    /// True if a hit is or was in a lane whose mesh has vertex normals.
+    /// True if some lane holds, or has held, a hit on a mesh with vertex normals.
     pub fn has_normals(&self) -> bool {
         self.has_normals.contains(&true)
     }
 
-    /// The points of all lanes, also of those that nothing was put into.
+    /// The points of all lanes, including those that hold no hit.
     pub fn points(&self, to: &mut TrianglePoints, wide: Option<Wide>) {
         match self.has_normals() {
             true => {
@@ -225,7 +223,7 @@ fn points<const SMOOTH: bool>(hits: &TriangleHits, to: &mut TrianglePoints) {
             let single = position as f32;
             let off = ((position - f64::from(single)).abs() + error) as f32;
             to.position[axis][i] = single;
-            // The next number up of a number that is not negative.
+            // The next larger `f32` of a number that is not negative.
             to.position_error[axis][i] = f32::from_bits(off.to_bits() + 1);
             flat[axis] = (normal[axis] * scale) as f32;
             to.geometric_normal[axis][i] = flat[axis];

@@ -17,8 +17,8 @@ use std::collections::HashMap;
 use std::f64::consts::PI;
 use std::sync::OnceLock;
 
-/// Work and memory for the table of emissive surfaces: a small file may place an emissive mesh
-/// billions of times.
+/// Limits of work and memory for the table of emissive surfaces, because a small file may instance
+/// an emissive mesh billions of times.
 const BUDGET: u64 = 1 << 28;
 const COST_OF_INSTANCE: u64 = 4096;
 const COST_OF_TRIANGLE: u64 = 64;
@@ -28,11 +28,11 @@ const COST_OF_TRIANGLE: u64 = 64;
 pub enum CompiledLight {
     /// A light without a surface.
     Light(Box<BareLight>),
-    /// An emissive surface at one place.
+    /// One occurrence of an emissive surface.
     Area(Box<AreaLight>),
     /// An emissive surface that moves while the shutter is open.
     Moving(Box<MovingAreaLight>),
-    /// A medium that glows.
+    /// An emissive medium.
     Medium(MediumId, Box<Glow>),
     /// The environment.
     Environment,
@@ -41,11 +41,11 @@ pub enum CompiledLight {
 /// A light without a surface.
 #[derive(Debug)]
 pub struct BareLight {
-    /// As it is in the scene.
+    /// The light in the scene.
     pub light: Light,
-    /// The same, if it is such a light.
+    /// The same, if it is a punctual light.
     pub punctual: Option<PunctualLight>,
-    /// The colour of that for all wavelengths, once it was asked for.
+    /// The light's colour for all wavelengths, computed at first use.
     spectrum: OnceLock<LightSpectrum>,
 }
 
@@ -77,7 +77,7 @@ impl BareLight {
     }
 }
 
-/// What a surface gives that shines alike everywhere, and that nothing can be seen through.
+/// The emission of an opaque surface with uniform emission.
 #[derive(Clone, Debug)]
 pub struct PlainEmission {
     /// Its material.
@@ -86,9 +86,9 @@ pub struct PlainEmission {
     pub radiance: Color,
     /// The same in RGB.
     pub rgb: SampledSpectrum,
-    /// The same for all wavelengths, once it was asked for.
+    /// The same for all wavelengths, computed at first use.
     spectrum: OnceLock<LightSpectrum>,
-    /// It shines on both sides.
+    /// True if it emits on both sides.
     pub on_both_sides: bool,
 }
 
@@ -158,16 +158,16 @@ pub struct LightTable {
     /// Position of the environment.
     pub environment: Option<usize>,
     by_surface: HashMap<(u32, u32), usize>,
-    /// Those that are media.
+    /// The lights that are media.
     media: Vec<(MediumId, usize)>,
-    /// Whether each shines on both sides.
+    /// Whether each emits on both sides.
     two_sided: Vec<bool>,
-    /// What each gives, if it is a surface that shines alike everywhere.
+    /// The emission of each, if it is a surface with uniform emission.
     plain: Vec<Option<PlainEmission>>,
-    /// The share of the environment's even part in the power of all lights.
+    /// The fraction of the power of all lights that is the environment's constant part.
     even_share: f64,
     spent: u64,
-    /// True if curves shine, which are not sampled.
+    /// True if curves emit light; they are not sampled.
     has_glowing_curves: bool,
 }
 
@@ -214,13 +214,13 @@ impl LightTable {
         table
     }
 
-    /// True if most light comes from all around alike.
+    /// True if most light comes uniformly from all directions.
     pub fn is_even(&self) -> bool {
         self.even_share > 0.5
     }
 
-    /// False if the scene has more emissive surfaces than the table lists. The others give light
-    /// too, but only to rays that find them by chance.
+    /// False if the scene has more emissive surfaces than the table lists. The others emit light
+    /// too, but only rays that hit them by chance find it.
     pub fn is_complete(&self) -> bool {
         self.spent <= BUDGET
     }
@@ -230,7 +230,7 @@ impl LightTable {
         self.has_glowing_curves
     }
 
-    /// What light samplers look at; the bounds of all parts only if asked for. The light `left_out`
+    /// The input of light samplers; the bounds of all parts only if requested. The light `left_out`
     /// is not sampled.
     pub fn summaries(&self, with_parts: bool, left_out: Option<usize>) -> Vec<LightSummary> {
         let parts = |i: usize| match &self.lights[i] {
@@ -323,7 +323,7 @@ impl LightTable {
                 self.has_glowing_curves |= is_light(material(0));
                 return;
             }
-            // Shine when they are hit, but are not sampled; so do meshes that are bent while the
+            // They emit when they are hit, but are not sampled; so do meshes that deform while the
             // shutter is open.
             Geometry::Quads(_) | Geometry::MovingMesh(_) => return,
         };
@@ -368,7 +368,7 @@ impl LightTable {
     }
 }
 
-/// Where a group is.
+/// The placement of a group.
 #[derive(Clone, Default)]
 struct Place {
     /// When the shutter opens.
@@ -393,7 +393,7 @@ impl Place {
     }
 }
 
-/// Where emissive surfaces are found.
+/// The traversal that finds emissive surfaces.
 struct Parts<'a> {
     world: &'a World,
     surfaces: &'a SurfaceTable,
@@ -408,13 +408,13 @@ impl Parts<'_> {
     }
 }
 
-/// What the materials of an emissive surface have in common.
+/// Properties of the materials of an emissive surface.
 #[derive(Default)]
 struct Emitting {
     any: bool,
-    /// Some shine on both sides.
+    /// Some emit on both sides.
     both_sides: bool,
-    /// Some do not shine alike everywhere.
+    /// Some have non-uniform emission.
     varies: bool,
 }
 
@@ -446,7 +446,7 @@ impl EmissiveGroups {
             .map(|g| surfaces.own_materials(g).any(emits) || (handed_down && surfaces.inherits(g)))
             .collect();
         let mut groups = vec![false; world.group_count()];
-        // To the fixed point: as many rounds as groups are nested.
+        // Iterated to the fixed point: one round per level of nesting.
         let mut changed = true;
         while changed {
             changed = false;

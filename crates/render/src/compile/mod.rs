@@ -1,5 +1,5 @@
-//! Scene graph to compiled scene: instances over geometries, flat tables of lights, materials and
-//! textures. After this there are only ids.
+//! Compiles a scene graph: instances over geometries, flat tables of lights, materials and
+//! textures, all referred to by ids.
 //!
 //! A node with one parent is folded into the group of its parent, its transforms composed in double
 //! precision and applied to the vertices. A node with several parents becomes a group of its own
@@ -50,32 +50,32 @@ pub enum CompileError {
     },
 }
 
-/// What of a scene moves.
+/// The moving parts of a scene.
 #[derive(Clone, Debug, Default)]
 pub struct Moving {
     /// Nodes that move from one compilation to the next, or while the shutter is open
     /// ([`snell_scene::Player::moving_nodes`]). Each becomes an instance of a group of its own, so
     /// that the rest stays as it is.
     pub nodes: BTreeSet<NodeId>,
-    /// The poses while the shutter is open, after the one that the scene is in: evenly spread until
+    /// The poses while the shutter is open, after the current one of the scene: evenly spaced until
     /// it closes. Between poses everything moves on straight lines.
     pub later: Vec<Pose>,
 }
 
-/// A scene ready to be rendered. Immutable; shared by all threads.
+/// A scene prepared for rendering. Immutable; shared by all threads.
 #[derive(Debug)]
 pub struct CompiledScene {
-    /// What rays hit.
+    /// The geometry.
     pub world: Arc<World>,
     /// Materials by id; the last one is the default for surfaces without any.
     pub materials: Vec<Material>,
-    /// What is known of their BSDFs.
+    /// Precomputed data of their BSDFs.
     prepared: Vec<Prepared>,
     /// Textures by id.
     pub textures: Arc<TextureSet>,
     /// Light from all directions.
     pub environment: Option<Arc<EnvironmentLight>>,
-    /// What camera rays that leave the scene show.
+    /// The background for camera rays that leave the scene.
     pub background: Background,
     /// Ambient light, for local illumination only.
     pub ambient: Rgb,
@@ -83,7 +83,7 @@ pub struct CompiledScene {
     pub center: Vec3,
     /// Radius of the scene's finite part; 1 if it is empty.
     pub radius: f32,
-    /// What compiling had to say.
+    /// Warnings of the compilation.
     pub warnings: Vec<Warning>,
     /// Media, if there are any.
     pub(crate) volumes: Option<VolumeTable>,
@@ -91,11 +91,11 @@ pub struct CompiledScene {
     pub moves: bool,
     surfaces: Arc<SurfaceTable>,
     lights: LightTable,
-    /// The choosers among the lights that were asked for.
+    /// The light samplers that were requested.
     light_samplers: Mutex<Vec<(LightSamplerKind, LightStrategy, Arc<LightSampler>)>>,
 }
 
-/// What takes long to make.
+/// The parts of a compiled scene that take long to build.
 struct Built {
     world: Arc<World>,
     surfaces: Arc<SurfaceTable>,
@@ -110,9 +110,9 @@ impl CompiledScene {
         Self::moving(scene, &Moving::default(), options, None)
     }
 
-    /// Compiles a scene in which some nodes move. What has not changed since `previous` is taken
-    /// over: that must be the same scene, and compiled with the same moving nodes, but in another
-    /// pose. The result does not depend on whether there is a previous one.
+    /// Compiles a scene in which some nodes move. Unchanged parts of `previous` are reused: that
+    /// must be the same scene, and compiled with the same moving nodes, but in another pose. The
+    /// result does not depend on whether there is a previous one.
     pub fn moving(
         scene: &Scene,
         moving: &Moving,
@@ -171,7 +171,7 @@ impl CompiledScene {
         Self::over(scene, materials, self.warnings.clone(), built).map(Some)
     }
 
-    /// What is made anew whenever anything changes.
+    /// The parts that are rebuilt at every change.
     fn over(
         scene: &Scene,
         materials: Vec<Material>,
@@ -250,7 +250,7 @@ impl CompiledScene {
         self.world.interaction(RayQuery { time, ..RayQuery::from(ray) }, hit)
     }
 
-    /// The way from that surface to the smooth one that its vertex normals stand for
+    /// The offset from that surface to the smooth one that its vertex normals imply
     /// ([`snell_intersect::World::lift`]).
     pub fn lift(&self, ray: &Ray, time: f32, surface: &SurfaceInteraction) -> Vec3 {
         self.world.lift(RayQuery { time, ..RayQuery::from(ray) }, surface)
@@ -261,7 +261,7 @@ impl CompiledScene {
         &self.materials[id.index()]
     }
 
-    /// What is known of the BSDF of the material with this id.
+    /// Precomputed data of the BSDF of the material with this id.
     pub fn prepared(&self, id: MaterialId) -> &Prepared {
         &self.prepared[id.index()]
     }
@@ -271,18 +271,18 @@ impl CompiledScene {
         &self.lights.lights
     }
 
-    /// What a light gives, if it is a surface that shines alike everywhere.
+    /// The emission of a light, if it is a surface with uniform emission.
     #[inline]
     pub(crate) fn plain_emission(&self, light: usize) -> Option<&PlainEmission> {
         self.lights.plain(light)
     }
 
-    /// The light that an emissive surface is, if it can be sampled.
+    /// The light of an emissive surface, if it can be sampled.
     pub fn light_of(&self, instance: u32, geometry: u32) -> Option<usize> {
         self.lights.of_surface(instance, geometry)
     }
 
-    /// The light that a medium is, if it glows and can be sampled.
+    /// The light of a medium, if it is emissive and can be sampled.
     pub fn light_of_medium(&self, medium: MediumId) -> Option<usize> {
         self.lights.of_medium(medium)
     }
@@ -298,13 +298,13 @@ impl CompiledScene {
         self.environment.is_none() && !shows_color
     }
 
-    /// True if most light comes from all around alike: paths that leave the scene bring much the
-    /// same then.
+    /// True if most light comes uniformly from all directions, so that paths that leave the scene
+    /// find similar radiance.
     pub fn is_evenly_lit(&self) -> bool {
         self.lights.is_even()
     }
 
-    /// A chooser among the lights, made when it is first asked for.
+    /// A light sampler, built at first use.
     pub fn light_sampler(
         &self,
         kind: LightSamplerKind,
@@ -330,8 +330,8 @@ impl CompiledScene {
         LightSampler::new(kind, &lights, self.world.simd().wide())
     }
 
-    /// False if the environment is left to BSDF samples. For one that is constant that is half the
-    /// work and less variance.
+    /// False if the environment is left to BSDF samples. For a constant environment this halves the
+    /// work and lowers the variance.
     pub fn samples_environment(&self, strategy: LightStrategy) -> bool {
         self.environment.as_ref().is_some_and(|sky| match strategy {
             LightStrategy::Mis => sky.excess() > 0.0,
@@ -340,7 +340,7 @@ impl CompiledScene {
         })
     }
 
-    /// A point as materials see it from a path of this colour mode.
+    /// A point as the input of materials, for a path of this colour mode.
     pub fn shading_point<'a>(
         &'a self,
         surface: &'a SurfaceInteraction,
@@ -350,7 +350,7 @@ impl CompiledScene {
         ShadingPoint { surface, footprint, textures: &self.textures, mode, outside_ior: 1.0 }
     }
 
-    /// True if some hits must be asked about.
+    /// True if some hits need the filter.
     pub fn has_filter(&self) -> bool {
         self.surfaces.any_filtered
     }

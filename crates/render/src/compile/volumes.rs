@@ -52,8 +52,8 @@ impl Beacons {
             .then(|| Self { table: LightTable::new(&powers), equiangular_lights })
     }
 
-    /// A equiangular_light, or none if light from far was chosen. `u` is asked for a uniform number if there
-    /// is a choice.
+    /// A equiangular_light, or none if light from far was chosen. `u` is asked for a uniform number
+    /// if there is a choice.
     pub fn sample(&self, u: impl FnOnce() -> f32) -> Option<EquiangularLight> {
         self.equiangular_lights[self.table.sample(u)?.light]
     }
@@ -71,7 +71,7 @@ pub struct Boundary {
 }
 
 impl VolumeTable {
-    /// `None` if nothing says anything about insides, so that light goes straight through the void.
+    /// `None` if the scene has no media or interfaces, so that light travels through vacuum.
     pub fn new(scene: &Scene, materials: &[Material]) -> Result<Option<Self>, CompileError> {
         let check = |id: Option<MediumId>, what: &str| match id {
             Some(id) if id.index() >= scene.media.len() => {
@@ -125,7 +125,7 @@ impl VolumeTable {
         ids.filter_map(|id| Some((id, self.medium(id).glow()?)))
     }
 
-    /// True if no medium is dear to pass.
+    /// True if no medium is expensive to pass.
     pub fn is_in_closed_form(&self) -> bool {
         self.media.iter().all(PreparedMedium::is_in_closed_form)
     }

@@ -1,6 +1,6 @@
-//! Reconstruction filters, importance sampled: a sample is displaced from the pixel's centre in
-//! proportion to the filter, and so touches one pixel only (Ernst, Stamminger and Greiner, Filter
-//! importance sampling, 2006).
+//! Reconstruction filters, importance sampled: the offset of a sample from the pixel's centre is
+//! distributed like the filter, so that the sample contributes to one pixel only (Ernst, Stamminger
+//! and Greiner, Filter importance sampling, 2006).
 
 use snell_math::{DVec2, Vec2};
 use std::f64::consts::PI;
@@ -46,7 +46,7 @@ impl Filter {
         }
     }
 
-    /// True if the filter is below 0 somewhere.
+    /// True if the filter is negative somewhere.
     pub fn has_negative_lobes(self) -> bool {
         matches!(self, Self::Mitchell | Self::Lanczos)
     }
@@ -118,7 +118,7 @@ impl FilterSampler {
     const STEPS: usize = 1024;
     const RESOLUTION: usize = 1 << 14;
 
-    /// Tabulates a filter.
+    /// Tabulates a filter for sampling.
     pub fn new(filter: Filter) -> Self {
         let radius = filter.radius();
         let n = Self::RESOLUTION;

@@ -16,8 +16,8 @@ use snell_scene::{Layer, LayeredImage};
 /// render.
 pub const BLOCK: u32 = 16;
 
-/// What the layer `noise` shows where too few samples tell nothing: the largest number of half
-/// precision.
+/// The value of the layer `noise` in pixels with too few samples for an estimate: the largest
+/// number of half precision.
 const UNKNOWN: f64 = 65504.0;
 
 /// One sample of one pixel, as the film sees it.
@@ -31,12 +31,12 @@ pub struct FilmSample {
     pub weight: f32,
 }
 
-/// Tiles whose values are worked out at least by one thread: to wake others for fewer takes longer
-/// than the work.
+/// The smallest number of tiles per thread when values are computed: waking a thread for fewer
+/// takes longer than the work.
 const MANY_TILES: usize = 64;
 
-/// Pixels along the side of a tile. Tiles lie on a grid over the whole picture, so a crop has parts
-/// of the same tiles.
+/// Pixels along the side of a tile. Tiles lie on a grid over the whole picture, so a crop consists
+/// of parts of the same tiles.
 pub const TILE: u32 = 16;
 
 /// Sums of one channel group of a tile, pixel by pixel.
@@ -60,8 +60,8 @@ impl Sums {
         Self { sum: zeros(), square: zeros(), weight: vec![0.0; pixels], plain, channels }
     }
 
-    /// Adds samples of a pixel that have no other channels than these, all of weight 1 if there is
-    /// no plain sum.
+    /// Adds samples of a pixel that have only these channels, all of weight 1 if there is no plain
+    /// sum.
     fn add_plain(&mut self, pixel: usize, samples: &[FilmSample]) {
         let range = 4 * pixel..4 * pixel + 4;
         let (Some(sum), Some(square)) =
@@ -133,7 +133,7 @@ struct ChannelSums {
 }
 
 impl ChannelSums {
-    /// Of no samples, which may have weights.
+    /// Empty sums, for samples that may have weights.
     fn nothing(is_signed: bool) -> Self {
         Self { sum: 0.0, square: 0.0, weight: 0.0, plain: is_signed.then_some(0.0) }
     }
@@ -147,7 +147,7 @@ impl ChannelSums {
         }
     }
 
-    /// Mean over `n` samples without weights, and what the weighted sum differs from it.
+    /// Unweighted mean over `n` samples, corrected by the weighted difference from it.
     ///
     /// The sum of the weights of few samples may be 0 or of the wrong sign where the filter is
     /// partly negative, so it is no divisor. Only what differs from the plain mean is weighted, and
@@ -168,7 +168,7 @@ impl ChannelSums {
     /// Variance of the mean over `n` samples.
     fn variance(&self, n: f64, mean_weight: f64) -> f64 {
         let (mean, difference) = self.plain_mean(n);
-        // Of the weighted differences from the plain mean, whose weights are all of size 1.
+        // The variance of the weighted differences from the plain mean; all weights are 1 or -1.
         let spread = (self.square - mean * mean * n - difference * difference / n).max(0.0);
         let divisor = n * mean_weight;
         if n > 1.0 { spread / (divisor * divisor) * (n / (n - 1.0)) } else { 0.0 }
@@ -182,13 +182,14 @@ pub struct FilmPart {
     pub area: Crop,
     /// First sample number and one past the last.
     pub samples: [u32; 2],
-    /// Which pixels of the area have samples, by number row by row, ascending; `None` if all have.
+    /// The pixels of the area that have samples, as row-major indices, ascending; `None` for all.
     pub pixels: Option<Vec<u32>>,
     /// Sample values: all samples of the first pixel, then of the next.
     pub values: Vec<FilmSample>,
     /// AOV values in the same order, all channels of a sample together.
     pub aovs: Vec<f32>,
-    /// What covers each sample, for each AOV of kind [`AovKind::Coverage`], in the same order.
+    /// The key that covers each sample, for each AOV of kind [`AovKind::Coverage`], in the same
+    /// order.
     pub keys: Vec<u64>,
 }
 
@@ -197,26 +198,26 @@ pub struct FilmPart {
 pub struct FilmTile {
     /// Pixels covered, in the whole picture.
     pub area: Crop,
-    /// Samples of the pixels that have most.
+    /// The largest number of samples of a pixel.
     pub samples: u32,
     /// Samples of each pixel.
     taken: Vec<u32>,
     /// Sum of the intensities of whole blocks, and of their squares, of each pixel; empty before
     /// the first.
     blocks: Vec<[f64; 2]>,
-    /// Of pixels that have stopped, the deviation of blocks that decided; empty if none has.
+    /// For stopped pixels, the deviation of blocks that decided; empty if none has stopped.
     decided: Vec<Option<f64>>,
     channels: usize,
     /// Expected weight of a sample, see [`filter::FilterSampler::mean_weight`].
     mean_weight: f64,
-    /// Of all whole blocks, if there are any.
+    /// Sums of all whole blocks, if there are any.
     total: Option<Sums>,
-    /// The block that is being filled, if one is.
+    /// Sums of the incomplete block, if there is one.
     partial: Option<Sums>,
-    /// Values of AOVs that cannot be averaged: of the first sample.
+    /// Values of AOVs that cannot be averaged, from the first sample.
     first: Vec<f32>,
-    /// What covers each pixel, and how many of its samples: a list for each AOV of kind
-    /// [`AovKind::Coverage`].
+    /// The keys that cover each pixel, with the number of samples of each: a list for each AOV of
+    /// kind [`AovKind::Coverage`].
     coverage: Vec<Vec<(u64, u32)>>,
 }
 
@@ -255,7 +256,7 @@ impl FilmTile {
         let mut values = vec![0.0; self.channels];
         let mut done = 0;
         while done < samples {
-            // Those that are left of the block.
+            // The samples that remain of the block.
             let run = ((BLOCK - self.samples % BLOCK) as usize).min(samples - done);
             let partial = self
                 .partial
@@ -488,8 +489,8 @@ impl Film {
         LayeredImage { width, height, layers, metadata: Vec::new() }
     }
 
-    /// So many values of each pixel, row by row: `value` has the tile, the pixel's number in it and
-    /// its place in the picture, and the number of the value.
+    /// A number of values for each pixel, row by row. `value` gets the tile, the pixel's index in
+    /// it, its position in the picture, and the index of the value.
     fn gathered(
         &self,
         count: usize,

@@ -10,20 +10,20 @@
 //! error = h / (I + f)
 //! ```
 //!
-//! For light that is bright beside the floor f it is the relative error; in the dark it is an
-//! absolute one, because nobody sees what is relative there. f is 0.1, divided by the exposure:
-//! middle grey is 0.18. An error of 0.02 at white is 2.2 % of it, at middle grey 3.1 % of it, at
-//! black 0.002 of white.
+//! For intensities well above the floor f it is the relative error; in the dark it is an absolute
+//! one, because relative errors are invisible there. f is 0.1, divided by the exposure: middle grey
+//! is 0.18. An error of 0.02 at white is 2.2 % of it, at middle grey 3.1 % of it, at black 0.002 of
+//! white.
 //!
-//! **When a pixel stops.** It is looked at after 128 samples and each time it has a quarter more.
-//! It stops when its error is small enough, and would be so too if its blocks were spread as those
-//! of the 3 x 3 pixels around it are in the mean: few blocks of one pixel may happen to agree.
-//! Looking again and again at an interval that shrinks to a given width is the sequential procedure
-//! of Chow and Robbins (On the asymptotic theory of fixed-width sequential confidence intervals,
-//! 1965): as the width goes to zero the interval covers with the stated probability, and the mean
-//! converges to the truth, for any finite variance. On the way there, pixels whose blocks agree by
-//! chance stop first, so the spread of a pixel alone is a little too small. The interval that is
-//! stated goes a quarter of the way from that spread to the one that decided.
+//! **When a pixel stops.** It is checked after 128 samples and whenever their number has grown by a
+//! quarter. It stops when its error is small enough, and would also be with the mean deviation of
+//! the blocks of the 3 x 3 pixels around it: few blocks of one pixel may agree by chance. Checking
+//! repeatedly whether an interval has shrunk to a given width is the sequential procedure of Chow
+//! and Robbins (On the asymptotic theory of fixed-width sequential confidence intervals, 1965): as
+//! the width goes to zero the interval covers with the stated probability, and the mean converges
+//! to the truth, for any finite variance. On the way there, pixels whose blocks agree by chance
+//! stop first, so the deviation of a pixel alone is a little too small. The reported interval uses
+//! a deviation a quarter of the way from that of the pixel to the one that decided.
 
 use super::{BLOCK, Film};
 use crate::settings::Crop;
@@ -31,12 +31,12 @@ use crate::settings::Crop;
 /// Samples before a pixel may stop.
 pub const LEAST_SAMPLES: u32 = 8 * BLOCK;
 
-/// How far the stated interval goes from the deviation of a pixel alone to the one that decides: by
-/// trial, on pixels of the Cornell box and on random numbers from normal to logarithmic normal
-/// ones.
+/// The interpolation of the reported interval from the deviation of a pixel alone to the one that
+/// decides; found by experiments on pixels of the Cornell box and on random numbers from normal to
+/// logarithmic normal ones.
 const CAUTION: f64 = 0.25;
 
-/// Intensity of each pixel of a film, row by row, and how far it is known.
+/// Intensity of each pixel of a film, row by row, and its confidence interval.
 #[derive(Clone, Debug)]
 pub struct NoiseMap {
     size: [usize; 2],
@@ -46,16 +46,16 @@ pub struct NoiseMap {
 #[derive(Clone, Copy, Debug, Default)]
 struct Pixel {
     intensity: f64,
-    /// Whole blocks.
+    /// The number of whole blocks.
     blocks: u32,
     /// Standard deviation of the intensity of a block.
     deviation: f64,
-    /// What decided when the pixel stopped, see [`NoiseMap::cautious_error`].
+    /// The deviation that decided when the pixel stopped, see [`NoiseMap::cautious_error`].
     decided: Option<f64>,
 }
 
 impl Pixel {
-    /// Half of the 95 % confidence interval if blocks deviate by so much.
+    /// Half of the 95 % confidence interval for a given standard deviation of blocks.
     fn half_width(&self, deviation: f64) -> f64 {
         match self.blocks {
             0 | 1 => f64::INFINITY,
@@ -65,7 +65,7 @@ impl Pixel {
 }
 
 impl NoiseMap {
-    /// What a film says.
+    /// The noise map of a film.
     pub fn new(film: &Film) -> Self {
         let size = film.crop.size().map(|s| s as usize);
         let mut pixels = vec![Pixel::default(); size[0] * size[1]];
@@ -101,15 +101,15 @@ impl NoiseMap {
         self.half_width(pixel) / (self.pixels[pixel].intensity.max(0.0) + floor)
     }
 
-    /// The same, with what decides in place of the deviation: not less than that of the pixels
-    /// around.
+    /// The error that decides whether a pixel stops: with a deviation not less than that of the
+    /// pixels around.
     pub fn cautious_error(&self, pixel: usize, floor: f64) -> f64 {
         let own = &self.pixels[pixel];
         own.half_width(self.cautious_deviation(pixel)) / (own.intensity.max(0.0) + floor)
     }
 
-    /// The larger of a pixel's deviation and the mean over it and those around. For a pixel that
-    /// has stopped, as it was then.
+    /// The larger of a pixel's deviation and the mean over its 3 x 3 neighbourhood. For a stopped
+    /// pixel, the value when it stopped.
     fn cautious_deviation(&self, pixel: usize) -> f64 {
         if let Some(deviation) = self.pixels[pixel].decided {
             return deviation;
@@ -161,7 +161,7 @@ pub fn unconverged(
     noisy
 }
 
-/// How many samples a pixel has when it is looked at again, after it had so many.
+/// The number of samples at the next check of a pixel, given that at the last one.
 pub fn next_look(samples: u32) -> u32 {
     match samples {
         0 => LEAST_SAMPLES,

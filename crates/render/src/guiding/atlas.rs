@@ -1,22 +1,22 @@
-//! What a field knows, laid out to be looked up at many points at once. Each look-up is a walk
-//! through a few tables, every step of which waits for memory, and how many there are cannot be
-//! foretold. So all points take a step together, and the list of those that have further to go is
-//! made without a branch.
+//! The contents of a field, laid out for look-ups at many points at once. A look-up walks through
+//! an unpredictable number of tables, and each step waits for memory. So all points take each step
+//! together, and the list of unfinished ones is made without branches.
 
 use super::density::{COORDINATE_DIGITS, DIGITS, Density, ONE};
 use super::parallax::Parallax;
 use super::regions::{Halves, Place, Regions};
 use snell_math::Vec2;
 
-/// Marks what is the number of a table, not a density. (Densities are not negative.)
+/// Marks an entry as the number of a table, not a density. (Densities are not negative.)
 const TABLE: u32 = 1 << 31;
 
-/// What is known of a region.
+/// The data of a region.
 #[derive(Clone, Copy, Debug)]
 pub struct Brief {
-    /// The first table of its density, marked; 0, a density of 0, where nothing is known.
+    /// The first table of its density, marked; 0, which is a density of 0, if the region is not
+    /// trained.
     table: u32,
-    /// Where its parts start (see [`Density`]), and how many there are.
+    /// The start of its parts (see [`Density`]), and their number.
     starts: u32,
     parts: u32,
     /// As in [`super::Cell`].
@@ -26,20 +26,20 @@ pub struct Brief {
 }
 
 impl Brief {
-    /// True if anything is known.
+    /// True if the region is trained.
     #[inline]
     pub fn is_known(&self) -> bool {
         self.table != 0
     }
 }
 
-/// All that is known.
+/// The data of all regions.
 #[derive(Clone, Debug, Default)]
 pub struct Atlas {
     regions: Regions,
     briefs: Vec<Brief>,
-    /// Of all densities: what lies in each of 4 times 4 squares, a density per steradian or a table
-    /// of its own.
+    /// The tables of all densities, of 4 x 4 squares: each entry is a density per steradian or a
+    /// further table.
     tables: Vec<[u32; 16]>,
     /// The first quads of parts, the probabilities of quads (as in [`Density`]), and their corners
     /// and sizes.
@@ -76,18 +76,18 @@ impl Atlas {
         self.briefs.push(brief);
     }
 
-    /// What is known of a region.
+    /// The data of a region.
     #[inline]
     pub fn brief(&self, region: u32) -> &Brief {
         &self.briefs[region as usize]
     }
 
-    /// The region of a place; see [`Regions::find`].
+    /// The region of a point; see [`Regions::find`].
     pub fn region(&self, face: usize, place: Place) -> u32 {
         self.regions.find(face, place)
     }
 
-    /// The regions of the first places, so many.
+    /// The regions of the first points, up to the given number.
     pub fn regions<const N: usize>(
         &self,
         faces: &[u32; N],
@@ -98,8 +98,8 @@ impl Atlas {
         self.regions.find_many(faces, places, count, to);
     }
 
-    /// Densities per steradian at [coordinates](super::density::coordinates) in regions, where they
-    /// are wanted; 0 elsewhere.
+    /// Densities per steradian at [coordinates](super::density::coordinates) in regions, in the
+    /// selected lanes; 0 elsewhere.
     pub fn pdfs<const N: usize>(
         &self,
         regions: &[u32; N],
@@ -132,7 +132,7 @@ impl Atlas {
         }
     }
 
-    /// Draws points of the square, as [`Density::point`] does, in lanes where they are wanted.
+    /// Samples points of the square, as [`Density::point`] does, in the selected lanes.
     pub fn points<const N: usize>(
         &self,
         regions: &[u32; N],
@@ -211,7 +211,7 @@ mod tests {
         (1..8).map(learnt).collect()
     }
 
-    /// What is looked up for many is what each density says by itself, to the last bit.
+    /// Batched look-ups have the same bits as those of each density.
     #[test]
     fn many_are_looked_up_as_one_by_one() {
         #[derive(Clone, Copy)]

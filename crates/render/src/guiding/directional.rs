@@ -51,7 +51,7 @@ pub(super) struct Node {
     pub children: [u32; 4],
 }
 
-/// What is known of light by direction: shares of it, in a quadtree.
+/// The distribution of light by direction, as fractions in a quadtree.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shares {
     /// The light of each is what share of its node's each quadrant has, times 4.
@@ -65,7 +65,7 @@ impl Shares {
     }
 }
 
-/// What is gathered.
+/// The quantity that is gathered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Moment {
     /// Light: the density becomes proportional to it.
@@ -76,11 +76,12 @@ pub enum Moment {
     Second,
 }
 
-/// What gathers light by direction. Its quads are those that the light found so far asked for.
+/// Gathers light by direction. Its quads are adapted to the light of earlier passes.
 #[derive(Clone, Debug)]
 pub struct Gatherer {
     nodes: Vec<Node>,
-    /// What was known before: the share of all light in each undivided quad. Empty if nothing was.
+    /// The previous distribution: the fraction of light in each undivided quad. Empty if there was
+    /// none.
     known: Vec<[f32; 4]>,
 }
 
@@ -92,7 +93,7 @@ impl Default for Gatherer {
 
 impl Gatherer {
     /// Adds light from a direction. The direction is first moved by up to half of the width of its
-    /// quad, as `u` says: what is found in one quad tells something of its neighbours.
+    /// quad, according to `u`, which smooths between neighbouring quads.
     pub fn add(&mut self, direction: Vec3, light: f32, u: Vec2) {
         let point = square_from_direction(direction);
         let (_, _, size) = self.find(point);
@@ -124,8 +125,8 @@ impl Gatherer {
         }
     }
 
-    /// Shares of what was gathered, and of what was known before with weight `trust` in `[0, 1]`;
-    /// `None` if both are nothing, or not finite.
+    /// The distribution of the gathered light and, with weight `trust` in `[0, 1]`, of the previous
+    /// one; `None` if both are zero or not finite.
     pub fn shares(&self, moment: Moment, trust: f32) -> Option<Shares> {
         let mut nodes = self.nodes.clone();
         if moment == Moment::Second {
@@ -159,8 +160,8 @@ impl Gatherer {
         Some(Shares { nodes })
     }
 
-    /// An empty gatherer whose quads suit what is known: those with much light divided, those with
-    /// little joined.
+    /// An empty gatherer whose quads are adapted to the distribution: those with much light are
+    /// divided, those with little merged.
     pub fn suited_to(shares: &Shares) -> Self {
         // Node to make from: the old one if there is one; its share of all light.
         let (mut nodes, mut known) = (vec![Node::default()], vec![[0.0; 4]]);

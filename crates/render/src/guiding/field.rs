@@ -1,9 +1,9 @@
-//! Where which light comes from: a density of directions for each region of space and each way that
-//! surfaces face.
+//! The guiding field: a density of directions for each region of space and each of six orientations
+//! of surfaces.
 //!
-//! Regions are the leaves of binary trees, one for each of the six ways that a surface may face (by
-//! the largest component of its normal), so that what shines on one side of a wall is not looked
-//! for on the other. A region that sees many records is halved.
+//! Regions are the leaves of binary trees, one for each of six orientations of a surface (by the
+//! largest component of its normal), so that light on one side of a wall does not guide paths on
+//! the other. A region with many records is halved.
 
 use super::atlas::{Atlas, Brief};
 use super::density::Density;
@@ -48,7 +48,7 @@ pub struct Cell {
     found_by_bsdf: f64,
 }
 
-/// A sum of weights, and how much it says.
+/// A sum of weights, and its effective sample size.
 #[derive(Clone, Copy, Debug, Default)]
 struct Weights {
     sum: f64,
@@ -61,8 +61,8 @@ impl Weights {
         self.squares += f64::from(weight) * f64::from(weight);
     }
 
-    /// The number of equal weights that would say as much (Kish's effective sample size): one that
-    /// outweighs all others is one.
+    /// Kish's effective sample size: the number of equal weights with the same relative variance,
+    /// which is 1 if one weight dominates.
     fn count(&self) -> f64 {
         if self.squares > 0.0 && self.squares.is_finite() {
             self.sum * self.sum / self.squares
@@ -205,10 +205,11 @@ impl Halves for NodeOf<'_> {
     }
 }
 
-/// Ways that a surface may face.
+/// The number of orientations of a surface.
 const FACES: usize = 6;
 
-/// By the largest component of a normal: 0 to 2 for positive x, y, z; 3 to 5 for negative.
+/// Orientation by the largest component of a normal: 0 to 2 for positive x, y, z; 3 to 5 for
+/// negative.
 #[inline(always)]
 fn face(normal: Vec3) -> usize {
     let size = normal.abs();
@@ -229,14 +230,14 @@ pub struct Field {
     scale: f32,
     /// The first nodes are the roots.
     nodes: Vec<Node>,
-    /// The same and what is known, to look up.
+    /// The regions and their densities, laid out for look-ups.
     atlas: Atlas,
     cells: Vec<Cell>,
     is_learning: bool,
 }
 
 impl Field {
-    /// A field that knows nothing, over a ball.
+    /// An untrained field over a ball.
     pub fn new(center: Vec3, radius: f32) -> Self {
         let scale = 0.5 / radius;
         let mut field = Self {
@@ -251,7 +252,7 @@ impl Field {
         field
     }
 
-    /// Makes [`Self::atlas`] what nodes and cells say.
+    /// Rebuilds [`Self::atlas`] from nodes and cells.
     fn lay_out(&mut self) {
         let nodes = &self.nodes;
         self.atlas = Atlas::of_trees(nodes[..FACES].iter().map(|&node| NodeOf { nodes, node }));
@@ -260,14 +261,14 @@ impl Field {
         }
     }
 
-    /// What is known at a point of a surface that faces along `normal`. Points outside of the ball
-    /// count as on its border.
+    /// The cell at a point of a surface with this `normal`. Points outside of the ball are clamped
+    /// to it.
     pub fn cell(&self, position: Vec3, normal: Vec3) -> &Cell {
         let (place, face) = self.place(position, normal);
         self.cell_at(place, face)
     }
 
-    /// Where the [atlas](Self::atlas) finds what is known.
+    /// The coordinates for look-ups in the [atlas](Self::atlas).
     #[inline(always)]
     pub fn place(&self, position: Vec3, normal: Vec3) -> (Place, usize) {
         let Vec3 { x, y, z } = self.unit(position);
@@ -278,13 +279,13 @@ impl Field {
         &self.cells[self.atlas.region(face, place) as usize]
     }
 
-    /// What is known, to look up at many points.
+    /// The atlas, for look-ups at many points.
     #[inline]
     pub fn atlas(&self) -> &Atlas {
         &self.atlas
     }
 
-    /// What is known of a region.
+    /// The cell of a region.
     #[inline]
     pub fn brief(&self, Known(region): Known) -> &Brief {
         self.atlas.brief(region)
@@ -304,8 +305,8 @@ impl Field {
         Vec3::new(inside(p.x), inside(p.y), inside(p.z))
     }
 
-    /// The region that a record counts for: that of a point near by, at most half of a region's
-    /// size away, so that what is found in one region tells something of its neighbours.
+    /// The region to which a record is added: that of a nearby point, at most half of a region's
+    /// size away, which smooths between neighbours.
     fn region_of(&self, record: &Record, key: u32) -> u32 {
         let (p, face) = (self.unit(record.position), face(record.normal));
         let region = |p: Vec3| self.atlas.region(face, p.to_array().map(place));
@@ -327,7 +328,7 @@ impl Field {
         });
     }
 
-    /// Finds how directions turn in each region, and forgets what is known of them.
+    /// Determines the parallax of each region, and discards the densities.
     pub fn find_parallax(&mut self, records: &[Record], key: u32, threads: usize) {
         self.for_each_cell_with(records, key, threads, |cell, records| {
             cell.find_parallax(records.map(|(record, _)| record));
@@ -387,7 +388,7 @@ impl Field {
         });
     }
 
-    /// Ends a pass: what was gathered (records of this moment) becomes what is known, and regions
+    /// Ends a pass: densities are computed from the gathered records (of this moment), and regions
     /// of more than `most` records are halved.
     pub fn learn(&mut self, moment: Moment, most: u32, threads: usize) {
         self.for_each_cell(threads, |_, cell| cell.learn(moment));
@@ -424,12 +425,12 @@ impl Field {
         }
     }
 
-    /// Regions of which something is known.
+    /// The number of trained regions.
     pub fn known_regions(&self) -> usize {
         self.cells.iter().filter(|c| c.density.is_some()).count()
     }
 
-    /// Bytes of what samples are drawn from.
+    /// Bytes of the sampling data.
     pub fn memory_bytes(&self) -> usize {
         let densities: usize =
             self.cells.iter().filter_map(|c| c.density.as_ref()).map(Density::memory_bytes).sum();
@@ -445,12 +446,12 @@ impl Field {
         }
     }
 
-    /// True until [`Self::finish`]: records are wanted.
+    /// True until [`Self::finish`]: the field takes records.
     pub fn is_learning(&self) -> bool {
         self.is_learning
     }
 
-    /// Ends learning, and frees what was only for that.
+    /// Ends training, and frees the data that only training needs.
     pub fn finish(&mut self) {
         self.is_learning = false;
         for cell in &mut self.cells {
@@ -503,8 +504,8 @@ mod tests {
         field
     }
 
-    /// The corner of a region sees the lamp where the corner's own density says, not where its
-    /// middle sees it.
+    /// The density at the corner of a region points to the lamp as seen from the corner, not from
+    /// the middle.
     #[test]
     fn directions_turn_within_a_region() {
         let field = learnt();
@@ -522,7 +523,7 @@ mod tests {
         assert!(sum > 100.0, "{sum}");
     }
 
-    /// Integrals over the sphere by directions that are drawn and the density that is stated.
+    /// Integrals over the sphere, estimated from sampled directions and their reported density.
     #[test]
     fn turned_directions_are_drawn_as_densely_as_is_stated() {
         let field = learnt();
@@ -536,8 +537,7 @@ mod tests {
             for i in 0..n {
                 let [u, v] = [1, 2].map(|k| uniform2([i, place, k, 6]));
                 let d = guide.sample(u.x, v);
-                // (By rounding, one in many lies where nothing is ever drawn, as seen by the
-                // density.)
+                // (Because of rounding, a few points fall where the density is 0.)
                 let pdf = f64::from(guide.pdf(d));
                 let weight = if pdf > 0.0 { 1.0 / pdf / f64::from(n) } else { 0.0 };
                 integrals[0] += weight;

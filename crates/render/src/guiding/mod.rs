@@ -1,20 +1,20 @@
-//! Path guiding: `path` learns where light comes from before it renders, and looks there.
+//! Path guiding: densities of incident light are learnt before the render, and `path` samples
+//! directions from them.
 //!
-//! Passes of twice as many paths each write down at every vertex what arrived from the direction
-//! that the path took. A [`Field`] turns these records into densities of directions, region by
-//! region, and each pass draws its directions from what the one before has learnt. Then the field
-//! is frozen, and the picture is rendered with samples that have nothing to do with those of the
-//! passes: it is unbiased, whatever was learnt (Müller, Gross and Novák, Practical Path Guiding for
-//! Efficient Light-Transport Simulation, 2017; Müller's notes in the SIGGRAPH course Path Guiding
-//! in Production, 2019).
+//! Training passes, each of twice as many paths as the last, record at every vertex the light from
+//! the path's direction. A [`Field`] turns these records into densities of directions, region by
+//! region, and each pass samples directions from the densities of the previous one. Then the field
+//! is frozen, and the picture is rendered with independent samples: it is unbiased, whatever was
+//! learnt (Müller, Gross and Novák, Practical Path Guiding for Efficient Light-Transport
+//! Simulation, 2017; Müller's notes in the SIGGRAPH course Path Guiding in Production, 2019).
 //!
-//! Before the first pass, photons tell where to look at all; half of them go where others were
-//! focused. Directions are kept as one place of each region sees them, and turned for all others
-//! ([`parallax`]); and what is known is looked up for many points at once ([`atlas`]).
+//! Before the first pass, photons initialise the field; half of them are emitted where others were
+//! focused. Directions are stored as seen from one point of each region, and reprojected for all
+//! others ([`parallax`]); look-ups are made for many points at once ([`atlas`]).
 //!
-//! Nothing here is added up in an order that depends on threads: records are kept until a batch of
-//! parts is done, and each region reads its own in the order of the parts. So what is learnt is a
-//! function of scene, camera, size, seed and settings.
+//! No sum depends on the order of threads: records are kept until a batch of parts is done, and
+//! each region reads its own in the order of the parts. So the field is a function of scene,
+//! camera, size, seed and settings.
 
 pub(crate) mod atlas;
 pub(crate) mod density;
@@ -27,28 +27,28 @@ mod regions;
 pub use field::{Cell, Field, Guide, Known};
 pub use record::{Choice, Record, Recorder};
 
-/// Path guiding of a render.
+/// Settings of path guiding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Guiding {
     /// Training passes: the first of [`Self::FIRST_PASS`] paths, each of twice as many as the one
     /// before.
     pub passes: u32,
-    /// Photons that are shot before the first pass.
+    /// The number of photons before the first pass.
     pub photons: u32,
 }
 
 impl Guiding {
     /// Paths of the first pass, about.
     pub const FIRST_PASS: u64 = 1 << 14;
-    /// Most passes: more paths than anybody waits for.
+    /// The largest number of passes, more than is practical.
     pub const MAX_PASSES: u32 = 20;
-    /// Photons if nothing else is asked for: the same number whatever the passes, so that passes
-    /// that the clock has counted can be asked for by their number.
+    /// The default number of photons. It does not depend on the passes, so that a render whose
+    /// passes were limited by time can be repeated with their number.
     pub const PHOTONS: u32 = 1 << 19;
-    /// The share of all work that training may take if nothing else is asked for.
+    /// The default share of training in all work.
     pub const SHARE: f64 = 0.25;
 
-    /// So many passes, after [`Self::PHOTONS`].
+    /// A given number of passes, after [`Self::PHOTONS`].
     pub fn with_passes(passes: u32) -> Self {
         Self { passes, photons: Self::PHOTONS }
     }
@@ -61,8 +61,8 @@ impl Guiding {
         Self::with_passes((passes as u32).clamp(1, Self::MAX_PASSES))
     }
 
-    /// Records after which a region is halved in a pass: the square root of the number of paths
-    /// makes both regions and what is known of each grow.
+    /// Records after which a region is halved in a pass: with the square root of the number of
+    /// paths, both the number of regions and the records of each grow.
     pub(crate) fn most_records(pass: u32) -> u32 {
         (RECORDS_OF_REGION * f64::from(1u32 << pass.min(31)).sqrt()) as u32
     }

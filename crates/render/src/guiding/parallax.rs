@@ -1,9 +1,9 @@
-//! How the direction to a light turns from place to place in a region. Seen from anywhere in a
-//! room, a lamp or its image in a lens is at one point; so what is known of directions is kept as
-//! seen from one place of the region, and turned for all others (Ruppert, Herholz and Lensch,
-//! Robust fitting of parallax-aware mixtures for path guiding, 2020). They take distances of what
-//! paths meet first. Behind glass that is not where light comes from, and the image may be behind
-//! who sees it; so here the distance is found from the directions themselves.
+//! Parallax: the direction to a light depends on the position in a region. A lamp or its image in a
+//! lens is at one point of space; so directions are stored as seen from one point of the region,
+//! and reprojected for all others (Ruppert, Herholz and Lensch, Robust fitting of parallax-aware
+//! mixtures for path guiding, 2020). They use the distances of first hits. Behind glass these are
+//! not the distances of the light, and an image may be behind the viewer; so here the distance is
+//! estimated from the directions themselves.
 
 use super::directional::square_from_direction;
 use super::record::Record;
@@ -14,26 +14,27 @@ use snell_math::simd::max;
 const MOST: f32 = 0.8;
 /// Cells along each side of the square of directions.
 const SIDE: usize = 64;
-/// Distances that are tried on either side, each larger by the root of two than the one before.
+/// The number of distances that are tried on either side, each larger by the root of two than the
+/// last.
 const DISTANCES: i32 = 10;
-/// No more records are looked at, and no fewer.
+/// The largest and the smallest number of records that are used.
 const RECORDS: std::ops::RangeInclusive<usize> = 32..=1024;
-/// A distance must bring together this many times as much as none does.
+/// A distance must concentrate directions by this factor over infinite distance.
 const LEAST_GAIN: f32 = 1.2;
-/// And so much more, in what records count for alone: what chance brings together.
+/// And by this much more, in units of single records, to exceed chance.
 const NOISE: f32 = 0.1;
 
-/// How directions turn.
+/// The parallax of a region.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Parallax {
-    /// The place from which directions are seen.
+    /// The anchor, from which directions are seen.
     anchor: Vec3,
-    /// One over the distance of what is seen; negative for images behind the surface that is lit.
+    /// Inverse distance of the light; negative for images behind the lit surface.
     nearness: f32,
 }
 
 impl Parallax {
-    /// What brings the directions together from which light was found, as far as it goes.
+    /// The parallax that concentrates the recorded directions most.
     pub fn of(records: &[Record]) -> Self {
         if records.len() < *RECORDS.start() {
             return Self::default();
@@ -62,7 +63,7 @@ impl Parallax {
         best
     }
 
-    /// The place from which directions are seen, and one over the distance.
+    /// The anchor, from which directions are seen, and one over the distance.
     #[inline(always)]
     pub fn parts(self) -> (Vec3, f32) {
         (self.anchor, self.nearness)
@@ -74,7 +75,7 @@ impl Parallax {
         Self { anchor, nearness }
     }
 
-    /// How much of the light comes from the same cells of the square, pair by pair.
+    /// The amount of light from equal cells of the square, over all pairs.
     fn togetherness(self, records: &[Record]) -> f32 {
         let mut cells = vec![0.0f32; SIDE * SIDE];
         let mut alone = 0.0;
@@ -139,7 +140,7 @@ mod tests {
         }
     }
 
-    /// How much larger solid angles are, beside what becomes of a small square.
+    /// The ratio of solid angles, compared with that of a small square.
     #[test]
     fn solid_angles_grow_as_stated() {
         const SIDE: f32 = 0.01;

@@ -1,14 +1,14 @@
-//! What is written down along paths while a field learns.
+//! Training records along paths.
 
 use snell_math::{SampledSpectrum, Vec3};
 
-/// Vertices of a path that are written down; later ones carry little.
+/// The number of vertices of a path that are recorded; later ones contribute little.
 const MAX_VERTICES: u32 = 32;
 
-/// What a path found in a direction.
+/// The light that a path found in a direction.
 #[derive(Clone, Copy, Debug)]
 pub struct Record {
-    /// The point that the direction was chosen at.
+    /// The point at which the direction was sampled.
     pub position: Vec3,
     /// The surface's normal on the side of the viewer.
     pub normal: Vec3,
@@ -17,14 +17,14 @@ pub struct Record {
     /// Of a photon: its flux. Of a path: the square of incident radiance times the cosine, over the
     /// density of the direction.
     pub light: f32,
-    /// Incident radiance times the cosine and the BSDF, over the density of the direction: what the
-    /// vertex sent on.
+    /// Incident radiance times the cosine and the BSDF, over the density of the direction: the
+    /// light that the vertex scattered.
     pub found: f32,
     /// The probability that the direction came from the BSDF, given the direction.
     pub bsdf_share: f32,
 }
 
-/// A choice of direction, as the vertex function reports it.
+/// A sampled direction, as the vertex function reports it.
 #[derive(Clone, Copy, Debug)]
 pub struct Choice {
     /// As in [`Record`].
@@ -33,13 +33,13 @@ pub struct Choice {
     pub normal: Vec3,
     /// As in [`Record`].
     pub direction: Vec3,
-    /// Density of the direction per steradian, times the probability that the path goes on.
+    /// Density of the direction per steradian, times the survival probability of the path.
     pub pdf: f32,
     /// As in [`Record`].
     pub bsdf_share: f32,
 }
 
-/// A choice whose outcome is open.
+/// A sampled direction whose light is not known yet.
 #[derive(Clone, Copy, Debug)]
 struct Open {
     choice: Choice,
@@ -47,29 +47,29 @@ struct Open {
     /// The path's throughput before and after the choice.
     before: SampledSpectrum,
     after: SampledSpectrum,
-    /// What the path had brought before anything came from the direction.
+    /// The light of the path before the contribution of this direction.
     collected: SampledSpectrum,
 }
 
 const NONE: u32 = u32::MAX;
 
-/// Writes down what the paths of a part do.
+/// Records the paths of a part.
 #[derive(Debug, Default)]
 pub struct Recorder {
     open: Vec<Open>,
-    /// The last open choice of each sample, until its path arrives somewhere.
+    /// The last sampled direction of each sample, until its path arrives at a vertex.
     last: Vec<u32>,
 }
 
 impl Recorder {
-    /// Begins a part of this many samples.
+    /// Starts a part of this many samples.
     pub fn start(&mut self, samples: usize) {
         self.open.clear();
         self.last.clear();
         self.last.resize(samples, NONE);
     }
 
-    /// A path arrives at a vertex, with this brought by earlier ones.
+    /// Reports that a path arrives at a vertex, with the light of earlier ones.
     pub fn arrive(&mut self, sample: u32, collected: SampledSpectrum) {
         let last = std::mem::replace(&mut self.last[sample as usize], NONE);
         if let Some(open) = self.open.get_mut(last as usize) {
@@ -77,7 +77,7 @@ impl Recorder {
         }
     }
 
-    /// A path goes on.
+    /// Reports that a path continues.
     pub fn leave(
         &mut self,
         sample: u32,
@@ -98,7 +98,7 @@ impl Recorder {
         }
     }
 
-    /// Ends a part: `total` is what each sample brought.
+    /// Ends a part; `total` is the radiance of each sample.
     pub fn finish(&mut self, total: impl Fn(u32) -> SampledSpectrum, records: &mut Vec<Record>) {
         records.extend(self.open.iter().map(|open| {
             let brought = (total(open.sample) - open.collected).map(|x| x.max(0.0));
@@ -106,7 +106,7 @@ impl Recorder {
             let incident = mean_ratio(brought, open.after) * direction.dot(normal).abs();
             let light = incident * incident / pdf;
             let found = mean_ratio(brought, open.before);
-            // What is not finite counts as nothing, as it does in the picture.
+            // Values that are not finite count as 0, as they do in the picture.
             let valid = light.is_finite() && found.is_finite();
             let [light, found] = [light, found].map(|x| if valid { x } else { 0.0 });
             Record { position, normal, direction, light, found, bsdf_share }

@@ -4,15 +4,15 @@
 /// Digits of coordinates in the unit cube.
 const DIGITS: u32 = 24;
 
-/// Marks what is the number of a region, not of a table.
+/// Marks an entry as the number of a region, not of a table.
 const REGION: u32 = 1 << 31;
 
 /// The regions of several trees, each over the same cube.
 #[derive(Clone, Debug, Default)]
 pub struct Regions {
-    /// Where each tree begins.
+    /// The root of each tree.
     roots: Vec<u32>,
-    /// What lies in each eighth, by its place along x, y and z (1, 2 and 4): a region (see
+    /// The content of each octant, by its position along x, y and z (1, 2 and 4): a region (see
     /// [`REGION`]), or a table of its own.
     tables: Vec<[u32; 8]>,
 }
@@ -78,7 +78,7 @@ impl Regions {
         at & !REGION
     }
 
-    /// The same for the first places, so many: all take a step together.
+    /// The regions of the first points, up to the given number; all take each step together.
     pub fn find_many<const N: usize>(
         &self,
         trees: &[u32; N],
@@ -119,7 +119,7 @@ mod tests {
     use super::*;
     use snell_math::rng;
 
-    /// Halves a box as long as a hash says so.
+    /// Halves a box at random, by a hash.
     #[derive(Clone, Copy)]
     struct Chance {
         key: u32,

@@ -1,4 +1,4 @@
-//! How a path starts: at a point of the film, through the lens.
+//! The start of a path: camera samples and rays.
 
 use super::PathState;
 use super::carried::Expected;
@@ -16,8 +16,8 @@ pub(crate) const LENS: u32 = 1;
 pub(crate) const WAVELENGTH: u32 = 2;
 pub(crate) const TIME: u32 = 3;
 
-/// Where a sample of a pixel is on the film, in the coordinates of [`CameraSample::film`], and the
-/// filter's weight, by the sample's numbers of dimension [`FILM`].
+/// The position of a sample on the film, in the coordinates of [`CameraSample::film`], and the
+/// filter's weight, from the sample's random numbers of dimension [`FILM`].
 #[inline]
 pub(crate) fn film_point(
     settings: &Settings,
@@ -35,8 +35,7 @@ pub(crate) fn film_point(
     (DVec2::new(f64::from(pixel[0]), f64::from(pixel[1])) + position, weight)
 }
 
-/// A sample's first ray, and what the path carries. Only where anything `moves` has the path a
-/// time.
+/// A sample's camera ray, and the state of its path. The path has a time only if anything `moves`.
 pub(crate) fn camera_path(
     view: &CameraView,
     settings: &Settings,
@@ -57,7 +56,7 @@ pub(crate) fn camera_path(
     (camera_ray.ray, path_of(&camera_ray, mode, time))
 }
 
-/// What a path carries along a ray of the camera.
+/// The state of a path along a camera ray.
 #[inline]
 pub(crate) fn path_of(camera_ray: &CameraRay, mode: ColorMode, time: f32) -> PathState {
     PathState {

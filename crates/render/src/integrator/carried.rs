@@ -5,8 +5,8 @@ use super::light_part::LobeShares;
 use crate::light_sampler::Receiver;
 use snell_math::{ColorMode, SampledSpectrum, Vec3};
 
-/// What a path carries, in one line of the cache: [`PathState`] without what is
-/// [the same for all](Rest) in most renders.
+/// The state of a path, in one cache line: [`PathState`] without the [rest](Rest), which is the
+/// same for all paths in most renders.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
 pub struct Carried {
@@ -55,7 +55,7 @@ impl Marks {
     }
 }
 
-/// A number of at least 0 with three digits.
+/// A non-negative number of about three significant digits.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Expected(u16);
 
@@ -84,12 +84,12 @@ pub struct Rest {
 }
 
 impl Rest {
-    /// That of all paths in [`ColorMode::Rgb`] if nobody asks for lobes and nothing moves.
+    /// The rest of all paths in [`ColorMode::Rgb`] if no lobes are recorded and nothing moves.
     pub const PLAIN: Self = Self { mode: ColorMode::Rgb, lobe: LobeShares::UNKNOWN, time: 0.0 };
 }
 
 impl Carried {
-    /// A state in two.
+    /// Splits a state.
     pub fn of(state: &PathState) -> (Self, Rest) {
         let PathState {
             throughput,

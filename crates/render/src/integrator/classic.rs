@@ -22,7 +22,7 @@ pub(crate) const RAYCAST: Integrator =
 pub(crate) const WHITTED: Integrator =
     Integrator { name: "whitted", shade, family: Family::Classic, max_depth: 8, spp: 16 };
 
-/// Branches that carry less than this share are not followed.
+/// Branches whose throughput is below this are not followed.
 const LEAST_THROUGHPUT: f32 = 1e-4;
 
 /// Vertex function of `raycast` and `whitted`.
@@ -49,8 +49,8 @@ pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
     }
 }
 
-/// Adds what every light brings. `local` is `pi f |cos|` of a direction, or the classic formula in
-/// its place.
+/// Adds the contribution of every light. `local` is `pi f |cos|` of a direction, or the classic
+/// formula instead.
 pub(crate) fn add_lights(
     context: &Context,
     throughput: SampledSpectrum,
@@ -61,8 +61,8 @@ pub(crate) fn add_lights(
 ) {
     for light in 0..context.scene.lights().len() {
         let u = match context.settings.shadows {
-            // The middle of the sky is no better than any other place of it: always sample that
-            // one.
+            // The middle of the environment is not representative, so a direction is always
+            // sampled.
             _ if context.scene.environment_light() == Some(light) => random.pair(dimension::LIGHT),
             Shadows::Soft => random.pair(dimension::LIGHTS + light as u32 % 200),
             // The middle of the light.

@@ -15,18 +15,18 @@ use snell_scene::material::ShadingBsdf;
 use snell_scene::medium::Glow;
 use snell_scene::{Background, Material, MediumId};
 
-/// How far along a shadow ray to a point occluders count: just short of the light itself.
+/// A shadow ray to a point ends at this fraction of the distance, just short of the light itself.
 pub(crate) const SHADOW_END: f32 = 1.0 - 1e-4;
 
-/// The environment's radiance along the ray that came to a vertex; black without one.
+/// The environment's radiance along the ray of a vertex; black without an environment.
 pub fn environment(context: &Context, vertex: &Vertex) -> SampledSpectrum {
     let environment = context.scene.environment.as_ref();
     environment
         .map_or(SampledSpectrum::ZERO, |e| e.radiance(vertex.ray.direction, vertex.state.mode))
 }
 
-/// What a ray that leaves the scene shows, or `None` if it carries the environment's light and not
-/// the background.
+/// The background along a ray that leaves the scene, or `None` if the ray carries the environment's
+/// light instead.
 ///
 /// The background is for the camera. Where there is no environment, mirrors and glass show it too.
 pub fn background(context: &Context, vertex: &Vertex) -> Option<SampledSpectrum> {
@@ -39,7 +39,7 @@ pub fn background(context: &Context, vertex: &Vertex) -> Option<SampledSpectrum>
     }
 }
 
-/// A light sample of whatever kind, before occlusion.
+/// A light sample of any kind, before the test of occlusion.
 #[derive(Clone, Copy, Debug)]
 pub struct IncidentLight {
     /// Unit direction to the light.
@@ -48,18 +48,17 @@ pub struct IncidentLight {
     pub radiance: SampledSpectrum,
     /// Density per steradian; 1 for delta lights.
     pub pdf: f32,
-    /// No BSDF sample can find this light.
+    /// True if no BSDF sample can find this light.
     pub is_delta: bool,
-    /// What gives it.
+    /// The source of the light.
     pub source: LightSource,
-    /// The ray whose interval must be free.
+    /// The shadow ray.
     pub shadow_ray: Ray,
-    /// The medium that glows at the end of the ray, which must be there; `None` for all other
-    /// light.
+    /// The emissive medium that must be at the end of the ray; `None` for all other light.
     pub glowing: Option<MediumId>,
 }
 
-/// Where light arrives and shadow rays begin.
+/// The receiver of light, at which shadow rays start.
 #[derive(Clone, Copy, Debug)]
 pub struct Arrival {
     /// Where.
@@ -72,27 +71,27 @@ pub struct Arrival {
     pub time: f32,
 }
 
-/// What rays must know of the surface that they leave.
+/// The data of a surface that offsets the origins of the rays that leave it.
 #[derive(Clone, Copy, Debug)]
 pub struct Skin {
-    /// Bound of the error of the position.
+    /// Bound on the error of the position.
     pub position_error: Vec3,
-    /// Unit normal of the surface itself.
+    /// Unit geometric normal.
     pub geometric_normal: Vec3,
-    /// The way to the smooth surface that the vertex normals stand for; zero where there is none,
-    /// or where it does not matter.
+    /// The offset to the smooth surface that the vertex normals imply; zero where there is none, or
+    /// where it does not matter.
     pub lift: Vec3,
 }
 
-/// True if the surface of a material may stand for a smooth one ([`snell_intersect::smooth`]). What
-/// bounds an inside stays where it is, so that it is clear what is inside.
+/// True if points on a surface of this material may be lifted ([`snell_intersect::smooth`]).
+/// Boundaries of media are not, so that inside and outside stay unambiguous.
 pub fn may_be_lifted(context: &Context, material: &Material) -> bool {
     context.settings.terminator == Terminator::Smooth && material.bounded_interior().is_none()
 }
 
 impl Arrival {
-    /// At a surface with this BSDF. Where that is lifted, light arrives from all directions above
-    /// the shading normal's horizon, and light rays find out what is in its way.
+    /// A receiver on a surface with this BSDF. Where it is lifted, light arrives from all
+    /// directions above the horizon of the shading normal, and shadow rays decide about occlusion.
     pub fn at_surface(
         context: &Context,
         vertex: &Vertex,
@@ -119,7 +118,7 @@ impl Arrival {
         self.surface.map_or(Vec3::ZERO, |skin| skin.lift)
     }
 
-    /// Where a ray of this direction starts that leaves the point.
+    /// The origin of a ray of this direction that leaves the point.
     pub fn ray_origin(&self, direction: Vec3) -> Vec3 {
         self.surface.map_or(self.position, |Skin { position_error, geometric_normal, lift }| {
             lifted_ray_origin(self.position, position_error, geometric_normal, lift, direction)
@@ -127,7 +126,7 @@ impl Arrival {
     }
 }
 
-/// [`Skin::lift`] of an opaque surface that does not only mirror.
+/// [`Skin::lift`] of an opaque surface that is not a pure mirror.
 pub fn lift_of_opaque(context: &Context, vertex: &Vertex, surface: &SurfaceVertex) -> Vec3 {
     match may_be_lifted(context, surface.material) {
         true => context.scene.lift(vertex.ray, vertex.state.time, surface.interaction),
@@ -135,8 +134,8 @@ pub fn lift_of_opaque(context: &Context, vertex: &Vertex, surface: &SurfaceVerte
     }
 }
 
-/// Light arriving from a point of the whole of light number `light`, which is uniform by area for a
-/// shape: `u = (0.5, 0.5)` is its middle. For integrators without multiple importance sampling.
+/// Light from a point of light number `light`, uniform by area for a shape: `u = (0.5, 0.5)` is its
+/// middle. For integrators without multiple importance sampling.
 pub fn sample_whole_light(
     context: &Context,
     at: &Arrival,
@@ -165,8 +164,8 @@ fn from_area(context: &Context, at: &Arrival, sample: AreaSample) -> Option<Inci
     from_surface(context, at, DirectedSample { surface: sample.surface, direction, pdf })
 }
 
-/// Light arriving from a point of the chosen light; its `pdf` is that of the point only, without
-/// the probability of the choice.
+/// Light from a point of the chosen light; its `pdf` does not include the probability of the
+/// choice.
 pub fn sample_light(
     context: &Context,
     at: &Arrival,
@@ -179,7 +178,7 @@ pub fn sample_light(
             let sample = light.sample(at.position, u, at.mode)?;
             let origin = at.ray_origin(sample.direction);
             let shadow_ray = if sample.distance.is_finite() {
-                // Aim from the moved origin at the same point of the light.
+                // Aim from the offset origin at the same point of the light.
                 let target = at.position + sample.direction * sample.distance;
                 Ray::new(origin, target - origin).with_t_max(SHADOW_END)
             } else {
@@ -225,8 +224,8 @@ pub fn sample_light(
     }
 }
 
-/// The part of a chosen light, its probability if it had to be chosen yet, and what is left of the
-/// numbers.
+/// The part of a chosen light, its probability if it was not chosen before, and the remaining
+/// random numbers.
 fn part_of_choice(light: &AreaLight, chosen: &ChosenLight, u: Vec2) -> (u32, f32, Vec2) {
     match chosen.part {
         Some(part) => (part, 1.0, u),
@@ -246,7 +245,7 @@ pub(crate) fn environment_direction(context: &Context, u: Vec2) -> Option<SkySam
     }
 }
 
-/// Light from a direction of the environment. [`super::lights`] does the same for many.
+/// Light from a direction of the environment. [`super::lights`] does the same in batches.
 pub(crate) fn from_environment(
     context: &Context,
     at: &Arrival,
@@ -269,11 +268,11 @@ pub(crate) fn from_environment(
     })
 }
 
-/// Light from a point of a medium that glows.
+/// Light from a point of an emissive medium.
 ///
-/// Points are chosen by volume; paths that go through the medium find it all along their way. To
-/// compare the two, the density of a point is that of its direction times a typical length of ways
-/// through the medium.
+/// Points are sampled by volume; paths find emission along their whole segment in the medium. To
+/// compare the two, the density of a point is that of its direction times a typical length of
+/// segments in the medium.
 fn from_glow(at: &Arrival, medium: MediumId, glow: &Glow, u: Vec2) -> Option<IncidentLight> {
     let (target, pdf) = glow.sample(u);
     let to_light = target - at.position;
@@ -289,8 +288,8 @@ fn from_glow(at: &Arrival, medium: MediumId, glow: &Glow, u: Vec2) -> Option<Inc
     Some(IncidentLight { direction, radiance, pdf, is_delta: false, source, shadow_ray, glowing })
 }
 
-/// What [`from_glow`] says of the density of a point at which a path finds a glowing medium, choice
-/// of the light included.
+/// The density with which [`from_glow`] samples a point at which a path finds an emissive medium,
+/// including the choice of the light.
 pub fn light_pdf_of_glow(
     lights: &LightSampler,
     receiver: &Receiver,
@@ -306,8 +305,8 @@ pub fn light_pdf_of_glow(
     }
 }
 
-/// Light from a point of a simple surface that shines alike everywhere. [`super::lights`] does the
-/// same for many.
+/// Light from a point of a simple surface of uniform emission. [`super::lights`] does the same in
+/// batches.
 fn from_part(
     at: &Arrival,
     plain: &PlainEmission,
@@ -333,7 +332,7 @@ fn from_part(
     })
 }
 
-/// Light from a point of a surface that shines alike everywhere.
+/// Light from a point of a surface of uniform emission.
 fn from_plain(at: &Arrival, plain: &PlainEmission, sample: DirectedPoint) -> Option<IncidentLight> {
     let DirectedPoint { point, direction, pdf } = sample;
     let radiance = plain.radiance_in(at.mode);
@@ -362,7 +361,7 @@ fn from_surface(context: &Context, at: &Arrival, sample: DirectedSample) -> Opti
     let material_id = scene.material_id(&hit_of(&sample.surface));
     let material = scene.material(material_id);
     let point = scene.shading_point(&sample.surface, 0.0, at.mode);
-    // A ray meets a cut-out or blended lamp only with this probability, and the shadow ray ends
+    // A ray hits a partly transparent lamp only with this probability, and the shadow ray ends
     // before it.
     let presence = material.presence(direction, &point);
     let radiance = material.emitted(&point, -direction) * presence;
@@ -395,8 +394,8 @@ fn hit_of(surface: &SurfaceInteraction) -> snell_intersect::Hit {
     }
 }
 
-/// Density per steradian with which light samples give the emissive point that a path ran into:
-/// choice of the light included. 0 if no light sample can.
+/// Density per steradian with which light samples find the emissive point that a path hit,
+/// including the choice of the light. 0 if no light sample can.
 pub fn light_pdf_of_hit(context: &Context, vertex: &Vertex, surface: &SurfaceVertex) -> f32 {
     let scene = context.scene;
     let Some(light) = scene.light_of(surface.hit.instance, surface.hit.geometry) else {
@@ -424,7 +423,7 @@ pub fn light_pdf_of_hit(context: &Context, vertex: &Vertex, surface: &SurfaceVer
     pdf * context.lights.probability(receiver, light, (part, area.part_probability(part)))
 }
 
-/// Density of a direction to the environment, times the probability with which that was chosen.
+/// Density of a direction to the environment, times the probability of choosing the environment.
 pub fn environment_choice(context: &Context, vertex: &Vertex, pdf: f32) -> f32 {
     match context.scene.environment_light() {
         Some(light) if pdf > 0.0 => {

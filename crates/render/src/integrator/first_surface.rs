@@ -1,31 +1,31 @@
-//! The surface that a ray of the camera hits first, as far as AOVs show it.
+//! The first surface along a camera ray, with what AOVs show of it.
 
 use super::{Context, SurfaceVertex, outgoing};
 use snell_intersect::SurfaceInteraction;
 use snell_math::{ColorMode, Ray, Rgb, SampledSpectrum, Vec2, Vec3};
 
-/// What AOVs show of a surface. See [`SurfaceInteraction`].
+/// The data of a surface that AOVs show. See [`SurfaceInteraction`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FirstSurface {
     /// Point in the world.
     pub position: Vec3,
-    /// Normal of the surface itself.
+    /// Geometric normal.
     pub geometric_normal: Vec3,
     /// Interpolated normal, without normal map.
     pub shading_normal: Vec3,
     /// First texture coordinates.
     pub uv: Vec2,
-    /// Share of light that the material reflects or transmits to where the ray comes from; black
-    /// unless [`SurfaceNeeds::albedo`].
+    /// Fraction of light that the material reflects or transmits towards the ray's origin; black
+    /// unless [`SurfaceNeeds::albedo`] is set.
     pub albedo: Rgb,
 }
 
-/// What must be known of surfaces, beside where they are.
+/// The data of surfaces that are needed besides the position.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SurfaceNeeds {
     /// Texture coordinates.
     pub uv: bool,
-    /// The share of light that the material scatters.
+    /// The fraction of light that the material scatters.
     pub albedo: bool,
 }
 

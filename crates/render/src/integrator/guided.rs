@@ -1,5 +1,5 @@
-//! GuidedBsdf at a vertex: by the BSDF alone, or by a mixture of the BSDF and what a field has
-//! learnt.
+//! Direction sampling at a vertex: by the BSDF alone, or by a mixture of the BSDF and a trained
+//! guiding field.
 
 use super::carried::Expected;
 use crate::guiding::{Cell, Choice, Field, Guide};
@@ -10,42 +10,42 @@ use snell_math::{SampledSpectrum, Vec2, Vec3};
 use snell_scene::bsdf::BsdfSample;
 use snell_scene::material::ShadingBsdf;
 
-/// Density of a direction in a mixture, of which this share is drawn from the BSDF.
+/// Density of a direction in a mixture, given the fraction of BSDF samples.
 #[inline(always)]
 pub fn mixed_pdf(bsdf_share: f32, bsdf_pdf: f32, density: f32) -> f32 {
     bsdf_share * bsdf_pdf + (1.0 - bsdf_share) * density
 }
 
-/// By what roulette decides whether a path goes on from where something is known, and
-/// [`super::PathState::expected`] of its next ray. What the path is expected to bring is compared
-/// with what it was at first: so paths go on that are on their way to light, however little their
-/// throughput is, since many were sent there (Vorba and Křivánek, Adjoint-driven Russian roulette
-/// and splitting in light transport simulation, 2016).
+/// The survival weight of a path where the field is trained, and [`super::PathState::expected`] of
+/// its next ray. The expected contribution of the path is compared with the first such value, so
+/// that paths on their way to light survive, however small their throughput is, since many were
+/// sent there (Vorba and Křivánek, Adjoint-driven Russian roulette and splitting in light transport
+/// simulation, 2016).
 #[inline(always)]
 pub fn expected_survival(expected: f32, first: f32) -> (f32, f32) {
     let first = if first > 0.0 { first } else { expected };
     (min(max(expected / first * WINDOW, LEAST_SURVIVAL), 1.0), first)
 }
 
-/// By what roulette decides where nothing is known of what a path will bring: how much of what it
-/// finds counts, which is the largest channel of its throughput, undone of refraction. Most of what
-/// a path brings comes at once or not at all, as by frosted glass to a lamp; so those are left
-/// alone that lost little.
+/// The survival weight of a path where the field is not trained: the largest channel of its
+/// throughput, without the scaling by refraction. Most of a path's contribution often comes from a
+/// single event, as through frosted glass to a lamp; so paths that lost little are not ended.
 #[inline(always)]
 pub fn unknown_survival(throughput: f32) -> f32 {
     throughput * WINDOW
 }
 
-/// Paths play roulette that are expected to bring this many times less than at first.
+/// Paths undergo roulette if their expected contribution is this many times less than the first
+/// one.
 const WINDOW: f32 = 2.0;
-/// What is known may be wrong.
+/// The field may be wrong.
 const LEAST_SURVIVAL: f32 = 0.2;
 
 /// A BSDF and the field's cell that helps it to find light.
 pub struct GuidedBsdf<'a> {
     /// The BSDF alone.
     pub shading: &'a ShadingBsdf<'a>,
-    /// What is known at the point, where there is a field and a lobe that can be guided.
+    /// The field's cell at the point, if there is a field and a lobe that can be guided.
     cell: Option<&'a Cell>,
     guide: Option<Guide<'a>>,
     is_guided: bool,
@@ -53,7 +53,7 @@ pub struct GuidedBsdf<'a> {
 }
 
 impl<'a> GuidedBsdf<'a> {
-    /// At a point.
+    /// The BSDF at a point with its guiding.
     pub fn new(field: Option<&'a Field>, shading: &'a ShadingBsdf<'a>, point: &Receiver) -> Self {
         let cell =
             field.filter(|_| !shading.is_delta()).map(|f| f.cell(point.position, point.normal));
@@ -74,7 +74,7 @@ impl<'a> GuidedBsdf<'a> {
         (value, self.mixed_pdf(wi, pdf))
     }
 
-    /// The share of the BSDF, and what else directions are drawn from.
+    /// The fraction of BSDF samples, and the density from which the other directions are sampled.
     fn mixture(&self) -> Option<(f32, &Guide<'a>)> {
         Some((self.cell?.bsdf_share, self.guide.as_ref()?))
     }
@@ -86,8 +86,8 @@ impl<'a> GuidedBsdf<'a> {
         }
     }
 
-    /// Draws a direction, as [`ShadingBsdf::sample`] does; `u_quad` gives one more number. Delta
-    /// lobes are the BSDF's alone.
+    /// Draws a direction, as [`ShadingBsdf::sample`] does; `u_quad` is one more random number.
+    /// Delta lobes are sampled by the BSDF only.
     pub fn sample(
         &self,
         wo: Vec3,
@@ -118,12 +118,12 @@ impl<'a> GuidedBsdf<'a> {
         (pdf > 0.0).then_some(BsdfSample { wi, weight, pdf, is_delta: false, is_transmission })
     }
 
-    /// By what roulette decides whether a path of this throughput goes on: without guiding, what
-    /// that becomes, `next`. A guided throughput is small where much light is expected, because
-    /// many paths go there; so what counts is how much light that is (see [`expected_survival`]),
-    /// or where nothing is known, how much this bounce absorbs. `crossing` is
-    /// [`ShadingBsdf::crossing_scale`] of the sample. With [`super::PathState::expected`] before
-    /// and of the next ray.
+    /// The survival weight of a path for Russian roulette. Without guiding it is the `next`
+    /// throughput. The throughput of a guided path is small where much light is expected, because
+    /// many paths go there; so its weight is the expected light (see [`expected_survival`]), or
+    /// where the field is not trained, the absorption of this bounce. `crossing` is
+    /// [`ShadingBsdf::crossing_scale`] of the sample. Takes [`super::PathState::expected`] of this
+    /// ray and also returns that of the next.
     pub fn survival(
         &self,
         wo: Vec3,
@@ -144,8 +144,8 @@ impl<'a> GuidedBsdf<'a> {
         (survival, Expected::of(first))
     }
 
-    /// What is written down of a direction that was drawn, if the field wants to know. `survival`
-    /// is the probability with which the path goes on.
+    /// The training record of a sampled direction, if the field needs one. `survival` is the
+    /// survival probability of the path.
     pub fn choice(
         &self,
         point: &Receiver,

@@ -1,36 +1,36 @@
-//! The list of integrators. Each is a line here, and declared in the file of its vertex function:
-//! all else that knows integrators reads this list.
+//! The list of integrators. Each is a line here, and is declared in the file of its vertex
+//! function; all other code reads this list.
 
 use super::{VertexFunction, ao, aov, classic, flat, path};
 
-/// What the file of an integrator declares.
+/// The declaration of an integrator, in its file.
 pub(crate) struct Integrator {
     /// The name on the command line.
     pub name: &'static str,
     /// The vertex function.
     pub shade: VertexFunction,
-    /// What it has in common with others.
+    /// The family to which it belongs.
     pub family: Family,
-    /// Bounces followed if the user and the scene say nothing.
+    /// The default of the largest number of bounces.
     pub max_depth: u32,
-    /// Samples per pixel if the user and the scene say nothing.
+    /// The default number of samples per pixel.
     pub spp: u32,
 }
 
-/// Integrators that batch shaders and media know.
+/// Families of integrators, for batch shaders and media.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Family {
-    /// Media count, and parts of the light can be layers.
+    /// They support media, and parts of the light as layers.
     Path,
     /// Local illumination.
     Classic,
-    /// None of these.
+    /// All others.
     Other,
 }
 
 macro_rules! integrators {
     ($($(#[$doc:meta])* $kind:ident: $declared:path,)*) => {
-        /// Which integrator.
+        /// The integrator of a render.
         #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
         pub enum IntegratorKind {
             $($(#[$doc])* $kind,)*
@@ -75,17 +75,17 @@ impl IntegratorKind {
         self.declared().name
     }
 
-    /// Bounces followed if the user and the scene say nothing.
+    /// The default of the largest number of bounces.
     pub fn default_max_depth(self) -> u32 {
         self.declared().max_depth
     }
 
-    /// Samples per pixel if the user and the scene say nothing.
+    /// The default number of samples per pixel.
     pub fn default_spp(self) -> u32 {
         self.declared().spp
     }
 
-    /// True for `path` and `direct`: media count, and parts of the light can be layers.
+    /// True for `path` and `direct`, which support media and parts of the light as layers.
     pub(crate) fn is_path(self) -> bool {
         self.declared().family == Family::Path
     }

@@ -1,33 +1,32 @@
-//! Which way light took to the camera, and the parts of a picture by it: for layers that add up to
-//! the picture.
+//! Parts of the light by its path to the camera, for layers that add up to the picture.
 //!
-//! A path counts as what its *first* scattering is, seen from the camera: a mirror image of a wall
-//! is specular, whatever the wall is.
+//! A path is classified by its *first* scattering, seen from the camera: the mirror image of a wall
+//! is specular, whatever the wall is made of.
 
 use snell_math::SampledSpectrum;
 use snell_math::Vec3;
 use snell_scene::MaterialId;
 use snell_scene::material::ShadingBsdf;
 
-/// What the first scattering of a path is.
+/// The kind of the first scattering of a path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Lobe {
     /// Reflection by diffuse lobes.
     Diffuse,
     /// All other reflection: mirrors, glossy lobes, coats.
     Specular,
-    /// Through a surface.
+    /// Transmission through a surface.
     Transmission,
-    /// In a medium.
+    /// Scattering in a medium.
     Volume,
 }
 
 impl Lobe {
-    /// All of them.
+    /// All kinds.
     pub const ALL: [Self; 4] = [Self::Diffuse, Self::Specular, Self::Transmission, Self::Volume];
 }
 
-/// How often light was scattered between the light and the camera.
+/// The number of scatterings between light and camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Scatterings {
     /// Never: the camera sees the light itself.
@@ -39,7 +38,7 @@ pub enum Scatterings {
 }
 
 impl Scatterings {
-    /// By number.
+    /// The class of a number of scatterings.
     pub fn of(count: u32) -> Self {
         match count {
             0 => Self::None,
@@ -49,7 +48,7 @@ impl Scatterings {
     }
 }
 
-/// A part of the picture: all light of these properties; `None` stands for any.
+/// A part of the picture: all light with these properties; `None` means any.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LightPart {
     /// First scattering. Light that is not scattered has none.
@@ -62,7 +61,7 @@ pub struct LightPart {
 }
 
 impl LightPart {
-    /// How much of some light belongs to the part, by lane.
+    /// The fraction of some light that belongs to the part, by channel.
     pub fn share(&self, light: &LightTag) -> SampledSpectrum {
         let fits = self.scatterings.is_none_or(|s| s == light.scatterings)
             && self.group.is_none_or(|g| g == light.group);
@@ -75,7 +74,7 @@ impl LightPart {
     }
 }
 
-/// What a first scattering is made of: a share of diffuse reflection, and one other lobe.
+/// The composition of a first scattering: a fraction of diffuse reflection, and one other lobe.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LobeShares {
     diffuse: SampledSpectrum,
@@ -83,7 +82,7 @@ pub struct LobeShares {
 }
 
 impl LobeShares {
-    /// Before any scattering: nothing is known.
+    /// No scattering yet.
     pub const UNKNOWN: Self = Self { diffuse: SampledSpectrum::ZERO, rest: Lobe::Specular };
     /// Scattering in a medium.
     pub const VOLUME: Self = Self { diffuse: SampledSpectrum::ZERO, rest: Lobe::Volume };
@@ -104,7 +103,7 @@ impl LobeShares {
         Self { diffuse, rest: Lobe::Specular }
     }
 
-    /// Reflection by diffuse lobes alone, where all of this is reflected.
+    /// Reflection by diffuse lobes alone.
     pub fn of_matte(reflectance: SampledSpectrum) -> Self {
         Self {
             diffuse: SampledSpectrum(reflectance.0.map(|r| f32::from(r > 0.0))),
@@ -112,7 +111,7 @@ impl LobeShares {
         }
     }
 
-    /// The share of a lobe.
+    /// The fraction of a lobe.
     pub(crate) fn share(&self, lobe: Lobe) -> SampledSpectrum {
         match lobe {
             Lobe::Diffuse => self.diffuse,
@@ -122,7 +121,7 @@ impl LobeShares {
     }
 }
 
-/// What is known of some light that arrives.
+/// The classification of some light that arrives.
 #[derive(Clone, Copy, Debug)]
 pub struct LightTag {
     /// The first scattering.
@@ -133,7 +132,7 @@ pub struct LightTag {
     pub group: u8,
 }
 
-/// Where light comes from.
+/// A source of light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LightSource {
     /// A light of the scene graph, by its number.
@@ -142,6 +141,6 @@ pub enum LightSource {
     Material(MaterialId),
     /// The environment, or the background where the camera sees it.
     Environment,
-    /// Media that glow.
+    /// Emissive media.
     Medium,
 }

@@ -1,4 +1,4 @@
-//! Light samples with their weights: what a path gains by looking at a light.
+//! Light samples with their weights.
 
 use super::Context;
 use super::estimators::{
@@ -15,15 +15,15 @@ use snell_scene::light::environment::SkySample;
 /// A light sample with its weight.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct WeightedLight {
-    /// What the path gains if the shadow ray is free.
+    /// The contribution to the path if the shadow ray is unoccluded.
     pub value: SampledSpectrum,
     /// See [`Outputs::light_rays`].
     pub shadow_ray: Ray,
     /// Where the light comes from.
     pub direction: Vec3,
-    /// What gives it.
+    /// The source of the light.
     pub source: LightSource,
-    /// Its weight by multiple importance sampling; it is in the value.
+    /// Its weight by multiple importance sampling, included in the value.
     pub weight: f32,
     /// See [`Outputs::glowing`].
     pub glowing: Option<MediumId>,
@@ -59,16 +59,16 @@ pub(crate) fn weighted_sample(
     drawn.weighted(context, throughput, at, chosen.probability, scattered)
 }
 
-/// A light sample, before the surface is asked how it scatters light from there.
+/// A light sample, before the BSDF is evaluated.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum DrawnLight {
-    /// Half of the environment is behind a surface, and looking up what comes from there is dear.
+    /// Half of the environment is behind a surface, and looking up its radiance is expensive.
     Environment(SkySample),
     Other(IncidentLight),
 }
 
 impl DrawnLight {
-    /// Of a light that is chosen already.
+    /// A sample of a light that is chosen already.
     #[inline]
     pub fn of(context: &Context, at: &Arrival, chosen: &ChosenLight, u: Vec2) -> Option<Self> {
         match &context.scene.lights()[chosen.light] {
@@ -85,8 +85,8 @@ impl DrawnLight {
         }
     }
 
-    /// What it brings to a path of this throughput if the light was chosen with this probability
-    /// and is scattered so (see [`super::path::light_sample`]).
+    /// Its contribution to a path of this throughput, given the probability of the choice and the
+    /// scattering (see [`super::path::light_sample`]).
     #[inline]
     pub fn weighted(
         self,

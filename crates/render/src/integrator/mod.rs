@@ -35,24 +35,24 @@ use snell_scene::material::{Prepared, ShadingPoint};
 use snell_scene::medium::HenyeyGreenstein;
 use snell_scene::{Material, MediumId};
 
-/// What a vertex function may look at.
+/// The input of vertex functions that is the same for all paths.
 #[derive(Debug)]
 pub struct Context<'a> {
     /// The scene.
     pub scene: &'a CompiledScene,
     /// The settings.
     pub settings: &'a Settings,
-    /// Chooses a light.
+    /// The light sampler.
     pub lights: &'a LightSampler,
-    /// What is known of where light comes from, if paths are guided.
+    /// The trained guiding field, if paths are guided.
     pub field: Option<&'a Field>,
-    /// True if somebody wants to know which lobes scatter: [`PathState::lobe`] and
+    /// True if the scattering lobes are to be recorded: [`PathState::lobe`] and
     /// [`Outputs::light_lobe`].
     pub wants_lobes: bool,
 }
 
 impl Context<'_> {
-    /// Bounces that `path` and `direct` follow.
+    /// The largest number of bounces of `path` and `direct`.
     pub(crate) fn max_depth(&self) -> u32 {
         match self.settings.integrator {
             IntegratorKind::Direct => 1,
@@ -60,9 +60,9 @@ impl Context<'_> {
         }
     }
 
-    /// The largest probability of going on, if Russian roulette plays at this depth. (Measured by
-    /// variance times time: early roulette is 1.2 to 1.3 times better where lights must be found;
-    /// under an even sky, where nearly all noise is then its own, it is twice as bad.)
+    /// The largest survival probability of Russian roulette at this depth; `None` without roulette.
+    /// (Measured by variance times time: early roulette is 1.2 to 1.3 times better where lights are
+    /// hard to find; under a uniform sky, where it causes nearly all noise, it is twice as bad.)
     pub(crate) fn roulette(&self, depth: u32) -> Option<f32> {
         let begins_late = self.field.is_none() && self.scene.is_evenly_lit();
         match depth {
@@ -73,56 +73,57 @@ impl Context<'_> {
     }
 }
 
-/// From here on Russian roulette plays with every path, so that it ends.
+/// From this depth on every path undergoes Russian roulette, so that it ends.
 const LATE_ROULETTE: u32 = 4;
 const MAX_SURVIVAL: f32 = 0.98;
 
-/// What a path carries from vertex to vertex. All of it is a function of (pixel, sample, seed)
-/// alone.
+/// The state of a path between vertices. It depends on (pixel, sample, seed) alone.
 #[derive(Clone, Copy, Debug)]
 pub struct PathState {
-    /// Factor on all radiance found from here on.
+    /// Path throughput: the factor on all radiance found from here on.
     pub throughput: SampledSpectrum,
-    /// What the lanes of the throughput stand for.
+    /// The meaning of the channels of the throughput: colours or wavelengths.
     pub mode: ColorMode,
-    /// Density per steradian of the last BSDF sample; 0 after the camera and after delta lobes: no
-    /// light sample competes.
+    /// Density per steradian of the last BSDF sample; 0 after the camera and after delta lobes,
+    /// where no light sample can find the same light.
     pub bsdf_pdf: f32,
-    /// The vertex where [`Self::bsdf_pdf`] was sampled: light samples there compete.
+    /// The vertex where [`Self::bsdf_pdf`] was sampled, for the density of light samples from
+    /// there.
     pub receiver: Receiver,
-    /// Factor that undoes what refraction did to the throughput, for Russian roulette.
+    /// Factor that undoes the radiance scaling of refraction, for Russian roulette (pbrt's
+    /// `etaScale`).
     pub eta_scale: f32,
     /// True while every bounce so far was a delta lobe.
     pub is_specular: bool,
-    /// For Russian roulette of guided paths: what the path was expected to bring at the first
-    /// vertex of which a field knows something; 0 before that.
+    /// For Russian roulette of guided paths: the contribution that was expected of the path at the
+    /// first vertex where the field is trained; 0 before that.
     pub expected: Expected,
-    /// Width of the ray's cone at its origin.
+    /// Width of the ray cone at its origin.
     pub cone_width: f32,
     /// Growth of the cone per unit of distance.
     pub cone_spread: f32,
-    /// Distinguishes the branches of a ray tree in random numbers; 0 on an unbranched path.
+    /// Branch of a ray tree, which selects its random numbers; 0 on an unbranched path.
     pub stream: u32,
-    /// The first scattering, where [`Context::wants_lobes`].
+    /// The first scattering, if [`Context::wants_lobes`] is set.
     pub lobe: LobeShares,
-    /// When all rays of the path are traced: from 0 (the shutter opens) to 1 (it closes).
+    /// The time of all rays of the path: from 0 (the shutter opens) to 1 (it closes).
     pub time: f32,
 }
 
 /// A vertex: where a path's ray ended.
 #[derive(Debug)]
 pub struct Vertex<'a> {
-    /// How many bounces came before.
+    /// The number of bounces before it.
     pub depth: u32,
-    /// The ray that came here; unit direction.
+    /// The ray that arrived here; its direction has unit length.
     pub ray: &'a Ray,
     /// The path so far.
     pub state: &'a PathState,
-    /// Numbers for this vertex.
+    /// Random numbers of this vertex.
     pub random: Random,
-    /// What was hit; `None` if the ray left the scene, or a medium scattered the path.
+    /// The surface that was hit; `None` if the ray left the scene, or a medium scattered the path.
     pub surface: Option<SurfaceVertex<'a>>,
-    /// Where a medium scattered the path, if one did. Only `path` and `direct` know of media.
+    /// Where a medium scattered the path, if one did. Only `path` and `direct` support media.
     pub medium: Option<MediumVertex>,
 }
 
@@ -135,65 +136,66 @@ pub struct SurfaceVertex<'a> {
     pub interaction: &'a SurfaceInteraction,
     /// Material at the point.
     pub material: &'a Material,
-    /// What is known of its BSDF.
+    /// Precomputed values of its BSDF.
     pub prepared: &'a Prepared,
-    /// Width of the ray's cone at the point.
+    /// Width of the ray cone at the point.
     pub footprint: f32,
-    /// What spectra mean to the path.
+    /// The meaning of the channels of spectra on this path.
     pub mode: ColorMode,
     /// Index of refraction on the outer side of the surface.
     pub outside_ior: f32,
 }
 
-/// Where a medium scattered a path. What it absorbed is taken off the path's throughput already.
+/// Where a medium scattered a path. The throughput of the path already includes its transmittance.
 #[derive(Clone, Copy, Debug)]
 pub struct MediumVertex {
     /// The point.
     pub position: Vec3,
-    /// How light is spread over directions there.
+    /// The phase function there.
     pub phase: HenyeyGreenstein,
-    /// Width of the ray's cone at the point.
+    /// Width of the ray cone at the point.
     pub footprint: f32,
 }
 
 impl<'a> SurfaceVertex<'a> {
-    /// The point as the material sees it.
+    /// The point as the input of the material.
     pub fn point(&self, scene: &'a CompiledScene) -> ShadingPoint<'a> {
         let point = scene.shading_point(self.interaction, self.footprint, self.mode);
         ShadingPoint { outside_ior: self.outside_ior, ..point }
     }
 }
 
-/// What a vertex function gives back. Values are already multiplied by the path's throughput.
+/// The output of a vertex function. Values are already multiplied by the path's throughput.
 #[derive(Debug)]
 pub struct Outputs {
     /// Radiance found at the vertex.
     pub radiance: SampledSpectrum,
-    /// Radiance that counts if nothing lies on the ray.
+    /// Light rays: radiance that counts if the ray is unoccluded.
     pub light_rays: Vec<(Ray, SampledSpectrum)>,
-    /// Where the light of the light rays comes from, if one source is meant.
+    /// The source of the light of the light rays, if it is a single one.
     pub light_source: Option<LightSource>,
-    /// The medium that must glow at the end of the light rays for them to count; `None` for all
-    /// other light.
+    /// The emissive medium that must be at the end of the light rays for them to count; `None` for
+    /// all other light.
     pub glowing: Option<MediumId>,
-    /// By multiple importance sampling.
+    /// The weights of multiple importance sampling.
     pub weights: Weights,
-    /// What scatters the light of the light rays, at the first vertex and where
-    /// [`Context::wants_lobes`].
+    /// The lobes that scatter the light of the light rays; only at the first vertex and if
+    /// [`Context::wants_lobes`] is set.
     pub light_lobe: LobeShares,
-    /// Where the path goes on (several ways for a ray tree).
+    /// The next rays of the path (several for a ray tree).
     pub next: Vec<(Ray, PathState)>,
-    /// How the direction of the only next ray was chosen, if a field could learn from it.
+    /// How the direction of a single next ray was sampled, if a guiding field can be trained with
+    /// it.
     pub choice: Option<Choice>,
 }
 
-/// What multiple importance sampling gives two ways of finding the same light: 1 where only one
-/// can. For people to look at; the values are multiplied already.
+/// The weights of multiple importance sampling: 1 where only one strategy can find the light. For
+/// display only; the values include them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Weights {
-    /// Of the radiance found at the vertex: by following the path.
+    /// The weight of the radiance found at the vertex by BSDF sampling.
     pub found: f32,
-    /// Of the light ray: by choosing a light.
+    /// The weight of the light ray, by light sampling.
     pub light: f32,
 }
 
@@ -233,7 +235,7 @@ impl Outputs {
 /// A vertex function.
 pub(crate) type VertexFunction = fn(&Context, &Vertex, &mut Outputs);
 
-/// What numbers of a vertex are for.
+/// The uses of the random numbers of a vertex.
 pub(crate) mod dimension {
     pub const LOBE: u32 = 0;
     pub const BSDF: u32 = 1;
@@ -242,11 +244,11 @@ pub(crate) mod dimension {
     pub const ROULETTE: u32 = 4;
     pub const MEDIUM: u32 = 5;
     pub const GUIDE: u32 = 6;
-    /// For integrators that sample every light: this and the following.
+    /// First dimension of integrators that sample every light, followed by one for each.
     pub const LIGHTS: u32 = 8;
 }
 
-/// Direction to where the ray came from.
+/// Direction towards the ray's origin.
 pub(crate) fn outgoing(ray: &Ray) -> Vec3 {
     -ray.direction
 }

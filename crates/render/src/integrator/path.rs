@@ -29,7 +29,7 @@ pub(crate) const PATH: Integrator = Integrator {
 pub(crate) const DIRECT: Integrator =
     Integrator { name: "direct", shade, family: Family::Path, max_depth: 1, spp: 64 };
 
-/// Growth of the ray cone after a bounce that scatters.
+/// Growth of the ray cone after a bounce that is not specular.
 pub(crate) const SCATTERED_SPREAD: f32 = 0.2;
 
 /// Vertex function of `path` and `direct`.
@@ -64,7 +64,7 @@ pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
     add_bounce(context, vertex, surface, &at, &receiver, &guided, out);
 }
 
-/// What a path finds of the light that the surface gives to which it has come, and its weight.
+/// The emission of the surface that the path hit, and its weight.
 pub(crate) fn shining(
     context: &Context,
     vertex: &Vertex,
@@ -84,14 +84,14 @@ pub(crate) fn shining(
     (SampledSpectrum::ZERO, 1.0)
 }
 
-/// What a path that leaves the scene brings, and its weight.
+/// The environment's radiance for a path that leaves the scene, and its weight.
 pub(crate) fn escaped(context: &Context, vertex: &Vertex) -> (SampledSpectrum, f32) {
     escaped_to(context, vertex, |sky| sky.place(vertex.ray.direction))
 }
 
-/// Adds a light ray towards a light sample, and tells its direction. `scattering` gives, for a
-/// direction, what share of light from there goes on along the path and the density with which the
-/// path itself would have gone there.
+/// Adds a light ray towards a light sample, and returns its direction. `scattering` returns for a
+/// direction the value of the BSDF times the cosine and the density with which the path itself
+/// samples it.
 pub(crate) fn light_sample(
     context: &Context,
     vertex: &Vertex,
@@ -155,7 +155,7 @@ fn add_bounce(
     out.next.push((Ray::new(at.ray_origin(sample.wi), sample.wi), state));
 }
 
-/// Russian roulette: the probability with which the path goes on, by the weight it would have;
+/// Russian roulette: the survival probability of a path, given the weight that it would have;
 /// `None` if it ends.
 pub(crate) fn survival(context: &Context, vertex: &Vertex, weight: f32) -> Option<f32> {
     let Some(most) = context.roulette(vertex.depth) else { return Some(1.0) };
@@ -163,7 +163,7 @@ pub(crate) fn survival(context: &Context, vertex: &Vertex, weight: f32) -> Optio
     (vertex.random.number(dimension::ROULETTE) < survival).then_some(survival)
 }
 
-/// The path's first scattering: this one, if it is the first and somebody wants to know.
+/// The path's first scattering: this one, if it is the first and lobes are recorded.
 pub(crate) fn first_lobe(
     context: &Context,
     vertex: &Vertex,
@@ -172,7 +172,7 @@ pub(crate) fn first_lobe(
     if context.wants_lobes && vertex.depth == 0 { this() } else { vertex.state.lobe }
 }
 
-/// A surface that scatters, seen from where a path comes from.
+/// A scattering surface, with the outgoing direction of a path.
 #[derive(Clone, Debug)]
 pub(crate) struct Scatterer<'a> {
     pub shading: ShadingBsdf<'a>,
@@ -181,7 +181,7 @@ pub(crate) struct Scatterer<'a> {
 }
 
 impl<'a> Scatterer<'a> {
-    /// At a vertex; `prepared` is [`SurfaceVertex::prepared`] for as long as this lives.
+    /// The surface at a vertex; borrows `prepared`, which is [`SurfaceVertex::prepared`].
     pub fn new(
         context: &Context,
         vertex: &Vertex,
@@ -202,8 +202,8 @@ impl<'a> Scatterer<'a> {
     }
 }
 
-/// The environment, if its radiance is all that paths bring that leave the scene at this depth:
-/// [`escaped`] gives that with a weight of 1.
+/// The environment, if paths that leave the scene at this depth bring its radiance with a weight of
+/// 1, as [`escaped`] would give.
 pub(crate) fn plain_sky<'a>(context: &Context<'a>, depth: u32) -> Option<&'a EnvironmentLight> {
     let (scene, strategy) = (context.scene, context.settings.light_strategy);
     let shows_background = depth == 0 && !matches!(scene.background, Background::Environment);
@@ -211,7 +211,7 @@ pub(crate) fn plain_sky<'a>(context: &Context<'a>, depth: u32) -> Option<&'a Env
     scene.environment.as_deref().filter(|_| !shows_background && !is_sampled)
 }
 
-/// The same with what tells [where](EnvironmentLight::place) in the environment that is.
+/// The same with the [place](EnvironmentLight::place) of the direction in the environment.
 pub(crate) fn escaped_to(
     context: &Context,
     vertex: &Vertex,
@@ -245,8 +245,8 @@ fn weight_of_bsdf_sample(context: &Context, vertex: &Vertex, light_pdf: impl Fn(
     weight_of_found_light(context.settings.light_strategy, vertex.state.bsdf_pdf, light_pdf)
 }
 
-/// Weight of light that a path found by itself, in a direction of this density (0: nothing else
-/// could have).
+/// Weight of light that a BSDF sample found in a direction of this light-sampling density (0 if no
+/// light sample can find it).
 #[inline]
 pub(crate) fn weight_of_found_light(
     strategy: LightStrategy,

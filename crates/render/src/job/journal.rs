@@ -1,18 +1,17 @@
-//! What happens to the samples of a part, written down in order: for [`crate::explain`]. Nobody
-//! else keeps one.
+//! The journal of a part: the events of its samples, in order. Only [`crate::explain`] uses one.
 
 use crate::integrator::light_part::LightSource;
 use crate::integrator::{MediumVertex, PathState, Weights};
 use snell_intersect::Hit;
 use snell_math::{Ray, SampledSpectrum};
 
-/// What happened, in the order in which radiance was added to the samples.
+/// The events, in the order in which radiance was added to the samples.
 #[derive(Clone, Debug, Default)]
 pub struct Journal {
-    /// Vertices, and media that glow on the way to them.
+    /// Vertices, and emission of media on the way to them.
     pub events: Vec<Event>,
-    /// What became of the light rays of all vertices, one after the other: what they brought to the
-    /// light's end, and whether something was in their way.
+    /// The results of the light rays of all vertices, in order: their transmitted value, and
+    /// whether they were occluded.
     pub fates: Vec<(SampledSpectrum, bool)>,
 }
 
@@ -27,25 +26,25 @@ pub enum Event {
         path: usize,
         /// Its sample, counted in the part.
         sample: u32,
-        /// How much.
+        /// The radiance.
         radiance: SampledSpectrum,
     },
     /// A vertex was shaded.
     Vertex(Box<Shaded>),
 }
 
-/// A vertex that was shaded, with what the vertex function gave back.
+/// A vertex that was shaded, with the output of the vertex function.
 #[derive(Clone, Debug)]
 pub struct Shaded {
     /// Number of the path among those in flight.
     pub path: usize,
     /// Its sample, counted in the part.
     pub sample: u32,
-    /// The ray that came here.
+    /// The ray that arrived here.
     pub ray: Ray,
-    /// What it hit.
+    /// Its hit.
     pub hit: Hit,
-    /// What the path carried.
+    /// The state of the path.
     pub state: PathState,
     /// Where a medium scattered the path, if one did.
     pub medium: Option<MediumVertex>,
@@ -55,10 +54,10 @@ pub struct Shaded {
     pub radiance: SampledSpectrum,
     /// Weights of multiple importance sampling.
     pub weights: Weights,
-    /// Light rays with what they bring if nothing is in the way.
+    /// Light rays with their contributions if unoccluded.
     pub light_rays: Vec<(Ray, SampledSpectrum)>,
-    /// Where their light comes from, if that is one source.
+    /// The source of their light, if it is a single one.
     pub source: Option<LightSource>,
-    /// Where the path goes on.
+    /// The next rays of the path.
     pub next: Vec<(Ray, PathState)>,
 }

@@ -1,5 +1,4 @@
-//! Layers that show parts of the light: which values of a sample they are, and which light belongs
-//! to them.
+//! Layers of parts of the light: their values in a sample, and the light that belongs to them.
 
 use crate::compile::CompiledScene;
 use crate::integrator::aov::Aov;
@@ -8,9 +7,9 @@ use crate::settings::{LightGroup, Settings};
 use snell_math::{ColorMode, SampledSpectrum};
 use snell_scene::MaterialId;
 
-/// The parts of the light that are wanted.
+/// The requested parts of the light.
 pub struct LightParts {
-    /// Where the values of each begin among those of a sample.
+    /// The index of the first value of each among those of a sample.
     parts: Vec<(usize, LightPart)>,
     /// Values of all layers of a sample.
     channels: usize,
@@ -22,7 +21,7 @@ pub struct LightParts {
 }
 
 impl LightParts {
-    /// Those of a render.
+    /// The parts of a render.
     pub fn new(scene: &CompiledScene, settings: &Settings) -> Self {
         let (mut parts, mut channels) = (Vec::new(), 0);
         let is_known = settings.integrator.is_path();
@@ -44,12 +43,12 @@ impl LightParts {
         Self { parts, channels, of_light, of_material, of_environment, of_media }
     }
 
-    /// True if nothing is wanted.
+    /// True if no parts are requested.
     pub fn is_empty(&self) -> bool {
         self.parts.is_empty()
     }
 
-    /// True if some of them depend on what the first scattering of a path is.
+    /// True if some of them depend on the first scattering of a path.
     pub fn want_lobes(&self) -> bool {
         self.parts.iter().any(|(_, part)| part.lobe.is_some())
     }

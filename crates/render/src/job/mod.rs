@@ -2,7 +2,7 @@
 //!
 //! The unit of work is a *part*: one tile of 16 x 16 pixels and one range of sample numbers.
 //! Threads take parts in a fixed order and fold them into the film tile by tile, in order of the
-//! samples; which thread did what never shows in the picture.
+//! samples; the picture does not depend on which thread did what.
 
 mod journal;
 mod light_parts;
@@ -68,54 +68,54 @@ impl AddAssign for RayCounts {
     }
 }
 
-/// What a render did.
+/// Statistics of a render.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Statistics {
     /// Rays traced.
     pub rays: RayCounts,
     /// Samples of pixels.
     pub samples: u64,
-    /// Samples that were not finite and counted as black. Always 0 unless there is a fault in a
-    /// material or light.
+    /// Samples that were not finite and counted as black. Always 0 unless a material or light has
+    /// an error.
     pub invalid_samples: u64,
-    /// Time that threads spent in ray queries, all threads together. Not the same each time.
+    /// Time that threads spent in ray queries, all threads together. Not reproducible.
     pub tracing: Duration,
-    /// Training passes of path guiding that were whole.
+    /// Complete training passes of path guiding.
     pub training_passes: u32,
     /// Time of training.
     pub training: Duration,
-    /// Regions that path guiding knows something of.
+    /// Trained regions of the guiding field.
     pub guiding_regions: u64,
-    /// Bytes of what it knows.
+    /// Memory of the guiding field in bytes.
     pub guiding_bytes: u64,
-    /// Pixels whose error is as small as was asked for; 0 if nothing was.
+    /// Pixels whose error is within the requested limit; 0 without a limit.
     pub converged_pixels: u64,
     /// False if the render was stopped before all samples were taken.
     pub is_complete: bool,
 }
 
-/// How far a render is.
+/// The progress of a render.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Progress {
     /// Pixel samples taken.
     pub done: u64,
-    /// Pixel samples asked for; a guess if pixels stop by their error.
+    /// Pixel samples requested; an estimate if pixels stop by their error.
     pub total: u64,
     /// Rays traced so far.
     pub rays: u64,
     /// Passes over the whole picture that are complete, or will be if the render is stopped now:
-    /// threads end what they began.
+    /// threads finish their current parts.
     pub passes: usize,
-    /// While paths are trained for guiding. To say no then ends training with the passes that are
-    /// whole, and the picture begins.
+    /// The progress of training for guiding, while it runs. Returning false then ends training with
+    /// the complete passes, and rendering starts.
     pub training: Option<Training>,
 }
 
 impl Progress {
-    /// True if a render that has taken this long has to end for its time limit. While paths are
-    /// trained, and if the clock has a say in that: if the next pass, which takes as long as all
-    /// before it, would take more than [`Guiding::SHARE`] of the limit. Later: once each pixel has
-    /// a sample, for a picture with holes is of no use.
+    /// True if a render that has taken this long must stop because of its time limit. During
+    /// training, unless the number of passes is fixed: if the next pass, which takes as long as all
+    /// before it, would exceed [`Guiding::SHARE`] of the limit. Later: once each pixel has a
+    /// sample, since an incomplete picture is useless.
     pub fn is_late(
         &self,
         elapsed: Duration,
@@ -134,12 +134,12 @@ impl Progress {
     }
 }
 
-/// How far the training of paths is.
+/// The progress of training.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Training {
     /// The pass, from 0. Each takes about as long as all before it.
     pub pass: u32,
-    /// How many of its parts were begun before this one.
+    /// The number of its parts that were started before this one.
     pub begun: usize,
     /// Its parts.
     pub parts: usize,
@@ -168,25 +168,25 @@ struct SharedTile {
     waiting: BTreeMap<u32, FilmPart>,
 }
 
-/// What threads share while they render a list of parts.
+/// The state shared by threads while they render a list of parts.
 struct Shared<'b> {
     tiles: &'b [Mutex<SharedTile>],
     parts: &'b Parts,
     /// The next part.
     next: AtomicUsize,
-    /// Passes over the whole picture that were complete before.
+    /// Passes over the whole picture that were already complete.
     passes: usize,
     tally: &'b Tally,
     keep_going: &'b (dyn Fn(&Progress) -> bool + Sync),
 }
 
-/// Who is told of every tile that has got more samples, from any thread.
+/// A callback for every tile that has got more samples, called from any thread.
 pub type TileWatcher<'a> = &'a (dyn Fn(&FilmTile) + Sync);
 
-/// What a render has done so far.
+/// Statistics of a render so far.
 #[derive(Default)]
 struct Tally {
-    /// Where light comes from, if paths are guided.
+    /// The guiding field, if paths are guided.
     field: Option<Field>,
     done: AtomicU64,
     total: AtomicU64,
@@ -219,21 +219,21 @@ impl<'a> Job<'a> {
         }
     }
 
-    /// The same render, with somebody who looks at tiles as they come.
+    /// Sets a callback for tiles as they get samples.
     pub fn watched(self, watcher: TileWatcher<'a>) -> Self {
         Self { watcher: Some(watcher), ..self }
     }
 
-    /// The same render, with a flag that gives up what is underway. When `keep_going` says no,
-    /// threads end the parts that they have begun, which may take minutes where one ray meets
-    /// millions of things. Soon after the flag is set they leave them; the film has only whole
-    /// parts. A cancelled render makes no progress any more.
+    /// Sets a flag that cancels the current parts. When `keep_going` returns false, threads finish
+    /// their current parts, which may take minutes where a ray has millions of hits. Soon after the
+    /// flag is set they abandon them; the film has only complete parts. A cancelled render makes no
+    /// further progress.
     pub fn with_cancel(self, cancel: &'a AtomicBool) -> Self {
         Self { cancel: Some(cancel), ..self }
     }
 
     /// Renders with `threads` threads (at least one) until all samples are taken or `keep_going`
-    /// says no. `keep_going` is called often, from any thread, with the progress so far.
+    /// returns false. `keep_going` is called often, from any thread, with the progress so far.
     pub fn run(
         &self,
         threads: usize,
@@ -244,7 +244,7 @@ impl<'a> Job<'a> {
         (underway.film, underway.statistics)
     }
 
-    /// What is rendered.
+    /// The scene.
     pub fn scene(&self) -> &'a CompiledScene {
         self.scene
     }
@@ -262,9 +262,9 @@ impl<'a> Job<'a> {
         film
     }
 
-    /// Goes on with a film of this render until every pixel has `until` samples (or all that are
-    /// asked for), or `keep_going` says no. In how many steps a film is made never shows in it. No
-    /// pixel stops by its error.
+    /// Continues a film of this render until every pixel has `until` samples (or all that are
+    /// requested), or `keep_going` returns false. The film does not depend on the number of steps.
+    /// No pixel stops by its error.
     pub fn extend(
         &self,
         film: Film,
@@ -277,14 +277,14 @@ impl<'a> Job<'a> {
         (underway.film, underway.statistics)
     }
 
-    /// The rays that [`Self::extend`] traces, batch by batch: 32 bytes a ray. Which batch comes
-    /// first is not the same each time.
+    /// The rays that [`Self::extend`] traces, batch by batch: 32 bytes a ray. The order of batches
+    /// is not reproducible.
     pub fn record(&self, threads: usize) -> Recording {
         self.fill(&mut self.begin(threads, &|_| true), self.settings.spp, threads, &|_| true, true)
     }
 
-    /// Shows all samples of one pixel of the whole picture, with what happened to them: block by
-    /// block, with the bits of [`Self::run`] if no pixel stops by its error.
+    /// Renders all samples of one pixel of the whole picture and passes them with their journal to
+    /// a callback: block by block, with the bits of [`Self::run`] if no pixel stops by its error.
     pub(crate) fn observe(
         &self,
         pixel: [u32; 2],
@@ -323,7 +323,7 @@ impl<'a> Job<'a> {
         Film::with_mean_weight(area_of(pixel), &self.settings.aovs, self.filter.mean_weight())
     }
 
-    /// Learns where light comes from, if the settings ask for it.
+    /// Trains the guiding field, if the settings request it.
     fn trained(
         &self,
         threads: usize,
@@ -336,7 +336,7 @@ impl<'a> Job<'a> {
         (field, statistics)
     }
 
-    /// What is missing of a film, by the ranges of each tile.
+    /// The missing parts of a film, given the ranges of each tile.
     fn parts(&self, film: &Film, ranges: impl Fn(usize) -> Ranges) -> Parts {
         Parts::new(tile_order(film.tiles.len(), self.settings.tile_order), ranges)
     }
@@ -363,7 +363,7 @@ impl<'a> Job<'a> {
         film.tiles = tiles.into_iter().map(|t| into_inner(t).tile).collect();
     }
 
-    /// What each thread does: take the next part, render it, add it to its tile.
+    /// The loop of a thread: it takes the next part, renders it, and adds it to its tile.
     fn work(&self, shared: &Shared) {
         let Shared { tiles, parts, next, passes, tally, keep_going } = shared;
         let wants_lobes = self.light_parts.want_lobes();
@@ -386,8 +386,8 @@ impl<'a> Job<'a> {
         );
         let mut mine = Statistics::default();
         loop {
-            // Asked before a part is taken: every part that is taken is rendered, and so the passes
-            // counted here are whole, however late some thread is.
+            // Checked before a part is taken: every part that is taken is rendered, so the passes
+            // counted here are complete, however slow some thread is.
             let progress = Progress {
                 done: tally.done.load(Ordering::Relaxed),
                 total: tally.total.load(Ordering::Relaxed),
@@ -454,7 +454,7 @@ fn pixels(area: &Crop) -> u64 {
     area.size().iter().map(|&x| u64::from(x)).product()
 }
 
-/// A panic of another thread does not make the film unusable: parts are folded whole.
+/// A panic of another thread does not corrupt the film, because only complete parts are added.
 fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
 }
@@ -512,7 +512,7 @@ mod tests {
         for steps in [&[1, 4, 16, 20][..], &[7, 7, 30], &[19, 20]] {
             let mut film = job.empty_film();
             for &until in steps {
-                // Stopped in the middle, too: tiles then differ in their samples.
+                // Stopped in the middle as well: tiles then differ in their number of samples.
                 let asked = AtomicUsize::new(0);
                 film = job.extend(film, until, 2, &|_| asked.fetch_add(1, Ordering::Relaxed) < 3).0;
                 let statistics;

@@ -1,5 +1,5 @@
-//! The loop that makes a picture: camera rays, hits, shading by material, light rays, next rays,
-//! depth by depth until no path is left. Batches only; nothing here asks for a single ray.
+//! The main loop of rendering: camera rays, hits, shading by material, light rays, next rays, depth
+//! by depth until no path is left. All queries are batches.
 
 mod collect;
 mod collect_shaded;
@@ -30,16 +30,16 @@ use snell_math::{ColorMode, ColorModel, SampledSpectrum};
 use snell_scene::{Camera, CameraRays, CameraView};
 use std::mem::take;
 
-/// Samples that are taken at once. (Measured from 256 to 4,096: few leave the kernels idle, many
-/// leave the caches.)
+/// Samples that are taken at once. (Measured from 256 to 4,096: fewer leave the kernels idle, more
+/// exceed the caches.)
 const MAX_SAMPLES: usize = 1 << 11;
 
-/// Light rays that are traced at once, up to those of one vertex more: ray trees and scenes of many
-/// lights have too many to keep.
+/// The number of light rays that are traced at once, exceeded by those of one vertex at most: ray
+/// trees and scenes of many lights have too many to store.
 const MAX_BATCH: usize = 1 << 16;
 
-/// Most rays of one sample's ray tree: those of clear glass would grow without end. A tree of depth
-/// 9 is smaller.
+/// The largest number of rays of one sample's ray tree, since trees in clear glass grow
+/// exponentially. A tree of depth 9 is smaller.
 const MAX_TREE: u32 = 1024;
 
 /// Renders parts, reusing its buffers.
@@ -53,55 +53,55 @@ pub struct PartRenderer<'a> {
     sampler: &'a Sampler,
     filter: &'a FilterSampler,
     shade: VertexFunction,
-    /// Everything that is asked of the world, but for counting.
+    /// All ray queries, except those that count traversal steps.
     pub tracer: Tracer<'a>,
     paths: Paths,
     next: Paths,
     light_rays: LightRays,
-    /// In which order paths are shaded, and by what, before the vertex function.
+    /// The batch shaders and the order of paths, before the vertex function.
     order: Order<'a>,
     shaders: Vec<Box<dyn BatchShader<'a> + 'a>>,
     outputs: Outputs,
-    /// Lanes of a shader that are sound, and some of them.
+    /// The valid lanes of a shader, and a subset of them.
     lanes: Vec<u32>,
     kept: Vec<u32>,
     samples: Vec<Sample>,
     facts: Vec<SampleFacts>,
-    /// What tells their numbers.
+    /// The keys of their random numbers.
     keys: Vec<SampleKey>,
     aovs: Vec<f32>,
-    /// Writes down what paths find, while a field learns.
+    /// Records what paths find, for training.
     recorder: Option<Recorder>,
-    /// Writes down everything, for explanations.
+    /// Records every event, for explanations.
     pub journal: Option<Journal>,
-    /// What covers each sample.
+    /// The coverage keys of each sample.
     covering: Vec<u64>,
-    /// What AOVs show of surfaces, if they show any.
+    /// The data of surfaces that AOVs need, if any.
     first_surfaces: Option<Box<FirstSurfaces<'a>>>,
     light_parts: &'a LightParts,
-    /// What media need, where there are any and the integrator knows of them.
+    /// The state of media, if there are any and the integrator supports them.
     volumes: Option<VolumeBatch<'a>>,
 }
 
-/// What a sample has collected.
+/// The light that a sample has collected.
 #[derive(Clone, Copy)]
 struct Sample {
     /// Found at vertices.
     radiance: SampledSpectrum,
-    /// Brought by light rays. Summed apart, because how the two alternate depends on where a batch
-    /// of many samples is cut into pieces, and the bits of a sample must not depend on its
+    /// Contributions of light rays. They are summed separately, because the order of the two
+    /// depends on how a batch is divided, and the bits of a sample must not depend on its
     /// neighbours.
     brought: SampledSpectrum,
 }
 
-/// What else is known of a sample.
+/// Further data of a sample.
 #[derive(Clone, Copy)]
 struct SampleFacts {
-    /// What the lanes of its spectra stand for.
+    /// The meaning of the channels of its spectra.
     mode: ColorMode,
     alpha: f32,
     weight: f32,
-    /// Rays sent on so far.
+    /// The number of its next rays so far.
     rays: u32,
 }
 
@@ -168,7 +168,7 @@ impl<'a> PartRenderer<'a> {
         }
     }
 
-    /// Takes samples `range` of every pixel of `area`; what a field learns from their paths is
+    /// Takes samples `range` of every pixel of `area`; the training records of their paths are
     /// added to `records`.
     pub fn record(
         &mut self,
@@ -185,8 +185,8 @@ impl<'a> PartRenderer<'a> {
         }
     }
 
-    /// Takes samples `range` of the pixels of `area`: of all, or of those with these numbers (row
-    /// by row). If it is [cancelled](Tracer::is_cancelled), the part is of no use.
+    /// Takes samples `range` of the pixels of `area`: of all, or of those with these indices (row
+    /// by row). If it is [cancelled](Tracer::is_cancelled), the part is invalid.
     pub fn render(
         &mut self,
         area: Crop,
@@ -209,7 +209,7 @@ impl<'a> PartRenderer<'a> {
             aovs: vec![],
             keys: vec![],
         };
-        // What is written down is of the whole part.
+        // The journal covers the whole part.
         let at_once = match self.recorder.is_some() || self.journal.is_some() {
             true => positions.len(),
             false => MAX_SAMPLES / (range[1] - range[0]).max(1) as usize,
@@ -233,7 +233,7 @@ impl<'a> PartRenderer<'a> {
     ) {
         self.start(positions, range);
         statistics.rays.camera += self.paths.len() as u64;
-        // Sixteen rays in a row are of one pixel, or of one row of a tile.
+        // Sixteen consecutive rays belong to one pixel, or to one row of a tile.
         let mut grouping = if self.camera.has_common_origin()
             && self.stands_still
             && matches!(range[1] - range[0], 1 | 16)
@@ -272,7 +272,7 @@ impl<'a> PartRenderer<'a> {
         }
     }
 
-    /// Tells the recorder, if there is one, what paths have brought before what they find next.
+    /// Passes the light that paths have collected so far to the recorder, if there is one.
     fn note_arrivals(&mut self) {
         let Some(recorder) = &mut self.recorder else { return };
         for &sample in &self.paths.samples {
@@ -280,7 +280,7 @@ impl<'a> PartRenderer<'a> {
         }
     }
 
-    /// Through media, if there are any, to the next vertices.
+    /// Moves paths through media, if there are any, to the next vertices.
     fn travel(&mut self, depth: u32, grouping: Grouping) {
         let Some(volumes) = &mut self.volumes else { return };
         if depth == 0 {
@@ -320,8 +320,8 @@ impl<'a> PartRenderer<'a> {
         }
     }
 
-    /// Shades the vertices that the paths have come to, and adds what their light rays bring: each
-    /// by the first shader that accepts it, or by the vertex function.
+    /// Shades the current vertices, each by the first shader that accepts it or by the vertex
+    /// function, and adds the contributions of their light rays.
     fn shade_batch(&mut self, depth: u32, statistics: &mut Statistics) {
         if self.context.settings.integrator == IntegratorKind::Aov {
             return;
@@ -353,7 +353,7 @@ impl<'a> PartRenderer<'a> {
         self.trace_light_rays(statistics);
     }
 
-    /// Sorts paths, so that shaders find many of a kind.
+    /// Sorts paths by material, so that batch shaders get full batches.
     fn sort(&mut self) {
         let (scene, hits) = (self.context.scene, &self.paths.hits[..self.paths.len()]);
         match self.context.settings.integrator.is_path() && !self.is_watched() {
@@ -365,7 +365,7 @@ impl<'a> PartRenderer<'a> {
         }
     }
 
-    /// The vertices that the paths have come to, as shaders see them.
+    /// The current vertices, as input of shaders.
     fn batch(&self, depth: u32) -> Batch<'_, 'a> {
         Batch {
             context: &self.context,
@@ -381,7 +381,7 @@ impl<'a> PartRenderer<'a> {
         }
     }
 
-    /// True if somebody wants to know more of vertices than the light they bring.
+    /// True if recorders need more data of vertices than their light.
     fn is_watched(&self) -> bool {
         self.journal.is_some() || self.recorder.is_some()
     }
@@ -456,7 +456,7 @@ impl<'a> PartRenderer<'a> {
         rays.clear();
     }
 
-    /// Adds what was found to a part.
+    /// Adds the collected light to a part.
     fn finish(&mut self, part: &mut FilmPart, statistics: &mut Statistics) {
         part.values.extend(self.samples.iter().zip(&self.facts).map(|(sample, facts)| {
             let radiance = sample.collected();

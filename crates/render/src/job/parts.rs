@@ -2,20 +2,19 @@
 
 use crate::film::{BLOCK, TILE};
 
-/// Ranges of sample numbers of one tile, in order. They are worked out one by one, since there may
-/// be a million of them for each tile.
+/// Ranges of sample numbers of one tile, in order. They are computed one by one, since there may be
+/// a million of them for each tile.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Ranges {
-    /// Whole blocks. Progressive ones begin with smaller ranges, so that a first picture is there
-    /// soon.
+    /// Whole blocks. Progressive renders start with smaller ranges, to show a first picture soon.
     Blocks { start: u32, end: u32, is_progressive: bool },
-    /// Of one round of pixels that stop by their error: each is `step` samples long.
+    /// Ranges of one round of pixels that stop by their error, each of `step` samples.
     Round { start: u32, end: u32, step: u32 },
 }
 
 impl Ranges {
-    /// Those of one round, for a tile of which so many pixels go on: larger ones where there are
-    /// few.
+    /// The ranges of one round for a tile with this many active pixels; they are longer where there
+    /// are few.
     pub fn of_round([start, end]: [u32; 2], pixels: u64) -> Self {
         let blocks = u64::from(TILE * TILE)
             .checked_div(pixels)
@@ -46,7 +45,7 @@ impl Ranges {
         (0..).map_while(move |number| self.get(number))
     }
 
-    /// How many there are.
+    /// The number of ranges.
     fn count(self) -> usize {
         match self {
             Self::Blocks { start, end, .. } | Self::Round { start, end, .. } if end <= start => 0,
@@ -58,7 +57,7 @@ impl Ranges {
     }
 }
 
-/// Where the range with this number ends: 1, 4 and whole blocks, or whole blocks only.
+/// The end of the range with this number: 1, 4 and whole blocks, or whole blocks only.
 fn end_of_block(number: usize, is_progressive: bool) -> Option<u32> {
     match (is_progressive, number) {
         (true, 0) => Some(1),
@@ -68,7 +67,7 @@ fn end_of_block(number: usize, is_progressive: bool) -> Option<u32> {
     }
 }
 
-/// How many ranges end at or before a sample.
+/// The number of ranges that end at or before a sample.
 fn ends_before(sample: u32, is_progressive: bool) -> usize {
     match (is_progressive, sample) {
         (true, 0) => 0,
@@ -77,7 +76,7 @@ fn ends_before(sample: u32, is_progressive: bool) -> usize {
     }
 }
 
-/// The parts that are missing of a film: the first range of all tiles, then the second …
+/// The missing parts of a film: the first range of all tiles, then the second … …
 #[derive(Debug)]
 pub(super) struct Parts {
     order: Vec<usize>,
@@ -86,7 +85,7 @@ pub(super) struct Parts {
 }
 
 impl Parts {
-    /// Those of tiles in this order, by the ranges of each.
+    /// The parts of tiles in this order, given the ranges of each.
     pub fn new(order: Vec<usize>, ranges: impl Fn(usize) -> Ranges) -> Self {
         let ranges: Vec<_> = (0..order.len()).map(ranges).collect();
         let passes = ranges.iter().map(|ranges| ranges.count()).max().unwrap_or(0);
@@ -166,7 +165,7 @@ mod tests {
             found,
             [(1, [16, 32]), (0, [0, 16]), (1, [32, 40]), (0, [16, 32]), (0, [32, 40])]
         );
-        // A picture of 8K with as many samples as there may be.
+        // An 8K picture with the largest number of samples.
         let parts = Parts::new((0..129_600).collect(), |_| Ranges::Blocks {
             start: 0,
             end: 1 << 24,

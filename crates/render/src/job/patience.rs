@@ -1,24 +1,24 @@
-//! How long a render that is to stop may take to end what it has begun.
+//! The time that a stopped render has to finish its current parts.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::Duration;
 
-/// How long: most parts take milliseconds.
+/// The time limit; most parts take milliseconds.
 const PATIENCE: Duration = Duration::from_millis(500);
 
-/// How often it is asked.
+/// The interval of checks.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// Works with a flag, for [`super::Job::with_cancel`], that is set half a second after `is_stopped`
-/// begins to say yes.
+/// Runs work with a flag, for [`super::Job::with_cancel`], that is set half a second after
+/// `is_stopped` first returns true.
 pub fn with_patience<T>(
     is_stopped: impl Fn() -> bool + Sync,
     work: impl FnOnce(&AtomicBool) -> T,
 ) -> T {
     let cancel = AtomicBool::new(false);
     std::thread::scope(|scope| {
-        // It is dropped when the work is done, also by a panic, and wakes the thread.
+        // It is dropped when the work ends, also by a panic, and wakes the thread.
         let (_working, end) = mpsc::channel::<()>();
         let (is_stopped, cancel) = (&is_stopped, &cancel);
         scope.spawn(move || {

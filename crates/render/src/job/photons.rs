@@ -1,10 +1,10 @@
-//! Photons: what a field learns before the first path. A path finds a small lamp behind glass or
-//! behind a door once in a million times, a photon comes from there (Jensen, Importance driven path
-//! tracing using the photon map, 1995; Vorba et al., On-line learning of parametric mixture models
-//! for light transport simulation, 2014).
+//! Photons train the field before the first path. A path rarely finds a small lamp behind glass or
+//! a door, where photons start (Jensen, Importance driven path tracing using the photon map, 1995;
+//! Vorba et al., On-line learning of parametric mixture models for light transport simulation,
+//! 2014).
 //!
-//! Photons only say where paths should look, so they may take short cuts: media do not hold them
-//! up, and light goes both ways alike through every surface.
+//! Photons only guide paths, so they are simplified: media do not affect them, and surfaces scatter
+//! them like paths from the camera.
 
 use super::projection_maps::{Departure, ProjectionMaps};
 use super::tracer::Tracer;
@@ -23,24 +23,24 @@ use std::ops::Range;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// How often the field reads what photons met.
+/// The number of rounds after which the field reads the photons.
 const ROUNDS: u32 = 7;
-/// The round before which it is found how directions turn: regions are about as small as they will
-/// be.
+/// The round before which the parallax of directions is determined, when regions have about their
+/// final size.
 const PARALLAX_ROUND: u32 = 4;
-/// Photons traced together.
+/// Photons of a batch.
 const BATCH: usize = 4096;
-/// Bounces that a photon makes at most.
+/// The largest number of bounces of a photon.
 const MAX_DEPTH: u32 = 24;
-/// One of so many photons tells where others are aimed.
+/// One of this many photons is used for the projection maps.
 const SCOUTS: usize = 8;
-/// Largest probability of going on.
+/// The largest survival probability.
 const MAX_SURVIVAL: f32 = 0.95;
 
-/// Where light comes from does not depend on how colours are computed.
+/// Where light comes from does not depend on the colour mode.
 const COLOR: ColorMode = ColorMode::Rgb;
 
-/// What numbers are for.
+/// The uses of random numbers.
 mod dimension {
     pub const LIGHT: u32 = 0;
     pub const POSITION: u32 = 1;
@@ -56,16 +56,16 @@ mod dimension {
 struct Photon {
     ray: Ray,
     flux: SampledSpectrum,
-    /// Roulette goes by what is left of the flux at first.
+    /// Roulette uses the fraction that remains of the initial flux.
     first_flux: f32,
-    /// The last bounce was at glass or a mirror.
+    /// True if the last bounce was at glass or a mirror.
     is_caustic: bool,
     departure: Departure,
     random: Random,
 }
 
 impl Job<'_> {
-    /// Shoots photons from all lights, and lets the field learn from what they meet.
+    /// Shoots photons from all lights, and trains the field with their hits.
     pub(super) fn learn_from_photons(
         &self,
         field: &mut Field,
@@ -102,8 +102,8 @@ impl Job<'_> {
             ProjectionMaps::new(shots.iter().flat_map(|shots| shots.focused.iter().copied()));
         shots.extend(shoot(scouts..batches, &maps));
         let records: Vec<Record> = shots.into_iter().flat_map(|shots| shots.records).collect();
-        // Regions and quads are made by what is found in them, so all is read again where there are
-        // new ones.
+        // Regions and quads are divided by their contents, so new ones are filled by reading all
+        // records again.
         let is_cancelled = || self.cancel.is_some_and(|flag| flag.load(Ordering::Relaxed));
         for round in (0..ROUNDS).take_while(|_| !is_cancelled()) {
             if round == PARALLAX_ROUND {
@@ -115,11 +115,11 @@ impl Job<'_> {
     }
 }
 
-/// What photons of a batch met.
+/// The hits of a batch of photons.
 #[derive(Default)]
 struct Shots {
     records: Vec<Record>,
-    /// How those left their lights that were focused.
+    /// The emission of the photons that were focused.
     focused: Vec<Departure>,
 }
 
@@ -145,7 +145,7 @@ impl Shots {
     }
 }
 
-/// A photon leaves a light.
+/// Emits a photon from a light.
 fn emitted(
     scene: &CompiledScene,
     lights: &LightSampler,
@@ -187,7 +187,7 @@ fn emitted(
             if seen.distance.is_finite() {
                 let position = scene.center + seen.direction * seen.distance;
                 let direction = sampling::uniform_sphere(v);
-                // The intensity, from the irradiance near by.
+                // The intensity, from the irradiance at a nearby point.
                 let distance = scene.radius * 0.1;
                 let near = light.sample(position + direction * distance, u, COLOR)?;
                 let flux = near.radiance * (distance * distance * 4.0 * PI / near.pdf);
@@ -217,7 +217,7 @@ fn emitted(
     (flux.is_finite() && first_flux > 0.0).then_some(photon)
 }
 
-/// A ray from a direction through the disk that the scene shows there.
+/// A ray from a direction through the projected disk of the scene's bounding sphere.
 fn from_afar(scene: &CompiledScene, direction: Vec3, u: Vec2) -> Ray {
     let disk = sampling::concentric_disk(u) * scene.radius;
     let frame = Frame::from_z(direction);
@@ -236,7 +236,7 @@ fn hit_of(surface: &snell_intersect::SurfaceInteraction) -> Hit {
     }
 }
 
-/// Writes down where a photon arrives, and sends it on.
+/// Records the arrival of a photon, and scatters it.
 fn bounced(
     scene: &CompiledScene,
     photon: &Photon,
@@ -251,7 +251,7 @@ fn bounced(
     let point = scene.shading_point(&surface, 0.0, COLOR);
     let from = -photon.ray.direction;
     let shading = scene.material(scene.material_id(hit)).bsdf_towards(&point, from);
-    // Light samples find what comes straight from a light.
+    // Direct light is left to light samples.
     if depth > 0 && !shading.is_delta() {
         let normal = shading.frame.z;
         let normal = if normal.dot(from) < 0.0 { -normal } else { normal };

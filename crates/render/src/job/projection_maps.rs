@@ -1,8 +1,8 @@
-//! Where photons go that glass and mirrors focus: few of a light's photons meet these, and all
-//! light in caustics is theirs. So after some photons have gone everywhere, half of the others go
-//! where those went that were focused (projection maps: Jensen, Global illumination using photon
-//! maps, 1996, section 2.1). What is mapped are the random numbers that a photon leaves its light
-//! by, so one map does for all kinds of lights.
+//! Projection maps of photons that glass and mirrors focus: few of a light's photons hit these, but
+//! they cause all caustics. So after some photons were emitted everywhere, half of the others are
+//! emitted where the focused ones were (Jensen, Global illumination using photon maps, 1996,
+//! section 2.1). The maps are over the random numbers by which a photon is emitted, so one kind of
+//! map serves all kinds of lights.
 
 use snell_math::Vec2;
 use snell_math::rng::ONE_MINUS_EPSILON;
@@ -10,25 +10,25 @@ use std::collections::BTreeMap;
 
 /// Cells along each side of a map.
 const SIDE: usize = 16;
-/// Lights of which it is known; more than this share maps.
+/// The number of maps; if there are more lights, they share maps.
 const MAPS: usize = 1 << 10;
-/// Photons that go anywhere.
+/// The number of photons that are emitted everywhere.
 const ANYWHERE: f32 = 0.5;
 
-/// How a photon left its light.
+/// The random numbers of a photon's emission.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Departure {
     map: u32,
     cell: u32,
 }
 
-/// Where photons of each light were focused.
+/// The maps of focused photons of all lights.
 #[derive(Debug, Default)]
 pub struct ProjectionMaps {
     maps: BTreeMap<u32, Map>,
 }
 
-/// Of a light: photons up to and with each cell.
+/// Per light, the cumulative number of photons up to and including each cell.
 #[derive(Debug)]
 struct Map {
     ends: Vec<u32>,
@@ -45,7 +45,7 @@ impl Map {
 }
 
 impl ProjectionMaps {
-    /// Of photons that were focused.
+    /// The maps of these focused photons.
     pub fn new(focused: impl Iterator<Item = Departure>) -> Self {
         let mut maps = BTreeMap::new();
         for Departure { map, cell } in focused {
@@ -62,8 +62,8 @@ impl ProjectionMaps {
         Self { maps }
     }
 
-    /// Turns random numbers into those that a photon leaves a light by; with how much less often
-    /// those come otherwise.
+    /// Maps random numbers to those of a photon's emission; also returns the ratio of the uniform
+    /// to the mapped density.
     pub fn aim(&self, light: usize, choice: f32, u: Vec2) -> (Vec2, f32, Departure) {
         let number = (light % MAPS) as u32;
         let departure = |u: Vec2| {
@@ -91,7 +91,7 @@ mod tests {
     use super::*;
     use snell_math::rng::uniform2;
 
-    /// The mean of anything stays what it was, and focused photons come more often.
+    /// Weighted means are unchanged, and focused photons are more frequent.
     #[test]
     fn what_is_aimed_is_weighed() {
         let narrow = |u: Vec2| u.x > 0.5 && u.x < 0.55 && u.y > 0.2 && u.y < 0.3;

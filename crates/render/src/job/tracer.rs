@@ -1,5 +1,5 @@
-//! What the renderer asks the world: every batch of rays passes here, is timed, and kept if
-//! somebody wants to look at it.
+//! The renderer's ray queries: every batch of rays is traced and timed here, and recorded if
+//! requested.
 
 use crate::compile::CompiledScene;
 use snell_intersect::{AcceptAll, Grouping, Hit, HitFilter, Rays};
@@ -10,9 +10,9 @@ use std::time::{Duration, Instant};
 /// Traces batches.
 pub struct Tracer<'a> {
     scene: &'a CompiledScene,
-    /// Time spent here so far.
+    /// Total time of the queries.
     pub spent: Duration,
-    /// The batches, if they are wanted.
+    /// The recorded batches, if requested.
     pub recording: Option<Recording>,
     /// Ends queries early when it is set.
     cancel: Option<&'a AtomicBool>,
@@ -44,17 +44,17 @@ impl<'a> Tracer<'a> {
         Self { scene, spent: Duration::ZERO, recording, cancel }
     }
 
-    /// True if what was found since is of no use: nobody waits for it any more.
+    /// True if the render was cancelled, so that later results are invalid.
     pub fn is_cancelled(&self) -> bool {
         self.cancel.is_some_and(|flag| flag.load(Ordering::Relaxed))
     }
 
-    /// Who decides about hits on cut-out and blended surfaces.
+    /// The filter of hits on cut-out and blended surfaces.
     pub fn filter(&self) -> &'a dyn HitFilter {
         hit_filter(self.scene)
     }
 
-    /// The nearest hit of each ray. Each has a time, which counts if the scene moves.
+    /// The nearest hit of each ray. The times matter only if the scene moves.
     pub fn closest(
         &mut self,
         rays: &[Ray],
@@ -93,7 +93,7 @@ impl<'a> Tracer<'a> {
         self.cancel.map_or(rays, |cancel| rays.with_cancel(cancel))
     }
 
-    /// For each ray, whether anything is in its way.
+    /// For each ray, whether it is occluded.
     pub fn occluded(&mut self, rays: &[Ray], times: &[f32], blocked: &mut Vec<bool>) {
         if let Some(recording) = &mut self.recording {
             recording.occluded.push(rays.to_vec());

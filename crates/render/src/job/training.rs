@@ -1,4 +1,4 @@
-//! The passes in which a field learns where light comes from, before the picture is rendered.
+//! The training passes of the guiding field, before the picture is rendered.
 
 use super::light_parts::LightParts;
 use super::part::PartRenderer;
@@ -15,19 +15,20 @@ use snell_math::rng;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-/// Paths whose records are kept before the field reads them: what bounds the memory of training.
+/// The number of paths whose records are kept before the field reads them, which bounds the memory
+/// of training.
 const PATHS_OF_BATCH: u64 = 1 << 17;
 
-/// Most samples of a part.
+/// The largest number of samples of a part.
 const MAX_RANGE: u32 = 16;
 
-/// Makes the seed of training: its random numbers are none of the picture's.
+/// Combined with the seed for training, whose random numbers are independent of the picture's.
 const SEED: u32 = 0x7261_696e;
 
 /// The same for photons.
 const PHOTONS: u32 = 0x7068_6f74;
 
-/// Tiles and ranges of samples that are rendered in one pass.
+/// The tiles and ranges of samples of a pass.
 struct Pass {
     parts: Vec<(Crop, [u32; 2])>,
     samples: u32,
@@ -56,8 +57,8 @@ impl Pass {
 }
 
 impl Job<'_> {
-    /// Learns where light comes from; `None` if the settings ask for no guiding. A pass that
-    /// `keep_going` interrupts counts for nothing; `statistics` says how many were whole.
+    /// Trains a guiding field; `None` if the settings request no guiding. A pass that `keep_going`
+    /// interrupts is discarded; `statistics` has the number of complete passes.
     pub(super) fn train(
         &self,
         threads: usize,
@@ -66,7 +67,7 @@ impl Job<'_> {
     ) -> Option<Field> {
         let guiding =
             self.settings.guiding.filter(|_| self.settings.integrator == IntegratorKind::Path)?;
-        // All of the picture, even if only a part of it is rendered: crops must fit together.
+        // The whole picture, even if only a crop is rendered, because crops must fit together.
         let tiles: Vec<Crop> =
             Film::new(Crop::full(self.settings.size), &[]).tiles.iter().map(|t| t.area).collect();
         let mut field = Field::new(self.scene.center, self.scene.radius);
@@ -94,7 +95,7 @@ impl Job<'_> {
         Some(field)
     }
 
-    /// One pass; false if it was interrupted.
+    /// Runs one pass; returns false if it was interrupted.
     fn train_pass(
         &self,
         field: &mut Field,

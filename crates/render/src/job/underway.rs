@@ -1,4 +1,4 @@
-//! Renders that are made in steps, and whose pixels may stop by their error.
+//! Renders in several steps, whose pixels may stop by their error.
 
 use super::parts::Ranges;
 use super::{Job, Progress, Recording, Statistics, Tally, into_inner, pixels};
@@ -7,19 +7,19 @@ use crate::guiding::Field;
 use std::sync::Mutex;
 use std::sync::atomic::Ordering;
 
-/// A render between two steps: its film, and what it has learnt.
+/// A render between two steps: its film and its guiding field.
 pub struct Underway {
     /// All samples so far.
     pub film: Film,
-    /// What was done for them. It is complete if the last step was not interrupted.
+    /// Statistics of these samples, complete if the last step was not interrupted.
     pub statistics: Statistics,
-    /// Where light comes from, if paths are guided.
+    /// The guiding field, if paths are guided.
     field: Option<Field>,
-    /// For each tile the pixels that go on; `None` for all.
+    /// The active pixels of each tile; `None` for all.
     active: Vec<Option<Vec<u32>>>,
-    /// Samples of the pixels that go on.
+    /// The number of samples of the active pixels.
     samples: u32,
-    /// With how many samples they are looked at.
+    /// The number of samples at their next check.
     look: u32,
 }
 
@@ -29,24 +29,24 @@ impl Underway {
         Self { film, statistics, field, active, samples, look: noise::next_look(0) }
     }
 
-    /// Samples of the pixels that go on.
+    /// The number of samples of the active pixels.
     pub fn samples(&self) -> u32 {
         self.samples
     }
 
-    /// Whether there are pixels that go on.
+    /// True if there are active pixels.
     fn is_active(&self) -> bool {
         self.active.iter().any(|pixels| pixels.as_ref().is_none_or(|p| !p.is_empty()))
     }
 
-    /// How many pixels of a tile go on.
+    /// The number of active pixels of a tile.
     fn count(&self, tile: usize) -> u64 {
         self.active[tile]
             .as_ref()
             .map_or_else(|| pixels(&self.film.tiles[tile].area), |p| p.len() as u64)
     }
 
-    /// Gives what it has to the threads of a step.
+    /// Lends its state to the threads of a step.
     fn tally(&mut self, record: bool) -> Tally {
         let statistics = Mutex::new(self.statistics);
         Tally { field: self.field.take(), statistics, record, ..Tally::default() }
@@ -59,8 +59,7 @@ impl Underway {
 }
 
 impl Job<'_> {
-    /// Begins a render that is made in steps: learns where light comes from, if the settings ask
-    /// for it.
+    /// Starts a render in steps, with the training of guiding if the settings request it.
     pub fn begin(
         &self,
         threads: usize,
@@ -79,8 +78,9 @@ impl Job<'_> {
         Underway::new(film, field, statistics)
     }
 
-    /// Goes on until every pixel has `until` samples or stops by its error, or `keep_going` says
-    /// no. True if there is more to do then. In how many steps a picture is made never shows in it.
+    /// Continues until every pixel has `until` samples or stops by its error, or `keep_going`
+    /// returns false. Returns true if more remains to be done. The picture does not depend on the
+    /// number of steps.
     pub fn go_on(
         &self,
         underway: &mut Underway,
@@ -111,7 +111,7 @@ impl Job<'_> {
         let missing =
             |tile: &FilmTile| pixels(&tile.area) * u64::from(until.saturating_sub(tile.samples));
         tally.total.store(film.tiles.iter().map(missing).sum(), Ordering::Relaxed);
-        // What the film brings along is not rendered again.
+        // Samples that the film already has are not rendered again.
         let parts = self.parts(film, |tile| Ranges::Blocks {
             start: film.tiles[tile].samples,
             end: until,
@@ -142,7 +142,7 @@ impl Job<'_> {
             let done = tally.done.load(Ordering::Relaxed);
             tally.total.store(done + still * u64::from(end - start), Ordering::Relaxed);
             let parts = self.parts(&underway.film, |tile| {
-                // A round that was interrupted has come further in some tiles.
+                // After an interrupted round, some tiles have more samples.
                 Ranges::of_round(
                     [underway.film.tiles[tile].samples.max(start), end],
                     underway.count(tile),

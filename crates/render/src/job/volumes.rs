@@ -1,5 +1,5 @@
-//! Batches of paths and light rays through media: all are traced, those that pass a surface are
-//! traced again, until all have arrived.
+//! Batches of paths and light rays through media: all are traced, and those that pass an interface
+//! are traced again, until all have arrived.
 
 use super::tracer::Tracer;
 use crate::batch::paths::{LightRays, Paths};
@@ -13,44 +13,46 @@ use snell_intersect::{Grouping, Hit, SurfaceInteraction, SurfacePoint};
 use snell_math::{ColorMode, ColorModel, Ray, SampledSpectrum, Vec3};
 use snell_scene::{MaterialId, MediumId};
 
-/// Most surfaces that a ray passes between two vertices. No scene that makes sense has as many.
+/// The largest number of interfaces that a ray passes between two vertices, far beyond any real
+/// scene.
 const MOST_PASSED: usize = 1 << 14;
 
 /// No material.
 const NONE: MaterialId = MaterialId(u32::MAX);
 
-/// What media need beside [`Paths`] and [`LightRays`]: entries for the same paths and rays.
+/// The data that media need besides [`Paths`] and [`LightRays`], with entries for the same paths
+/// and rays.
 pub struct VolumeBatch<'a> {
     walker: Walker<'a>,
     known: KnownInsides,
-    /// Surfaces whose insides the camera is in.
+    /// The objects that the camera is inside.
     around_camera: Vec<(MaterialId, SurfaceInteraction)>,
-    /// The insides that each path is in.
+    /// The objects that each path is inside.
     insides: Vec<u32>,
     next: Vec<u32>,
     /// Where media scattered paths.
     pub scattered: Vec<Option<MediumVertex>>,
     light_insides: Vec<u32>,
-    /// Where passing a medium takes any.
+    /// Present if some medium needs random numbers.
     light_numbers: Vec<Numbers>,
-    /// Media that light rays must end in.
+    /// Emissive media in which light rays must end.
     glowing: Vec<Option<MediumId>>,
     /// Steps of the [`Numbers`] of each path.
     steps: Vec<u32>,
     on_the_way: OnTheWay<'a>,
     sampler: Sampler,
-    /// What is worked on many at once; none at the level of portable code, or in spectral colours.
+    /// Batch versions of the steps; none with portable code, or in spectral colours.
     homogeneous: Option<Box<HomogeneousBatch>>,
 }
 
-/// Rays that are not there yet.
+/// Rays that have not arrived yet.
 struct OnTheWay<'a> {
-    /// Whose rays they are.
+    /// The indices of their paths or light rays.
     pending: Vec<u32>,
     rays: Vec<Ray>,
     times: Vec<f32>,
     hits: Vec<Hit>,
-    /// What they pass.
+    /// The materials that they pass.
     materials: Vec<MaterialId>,
     crossings: InterfaceCrossings<'a>,
 }
@@ -64,7 +66,7 @@ impl OnTheWay<'_> {
         self.materials.clear();
     }
 
-    /// One more, which passes a surface of this material.
+    /// Adds a ray that passes a surface of this material.
     fn push(&mut self, whose: u32, ray: Ray, time: f32, hit: Hit, material: MaterialId) {
         self.pending.push(whose);
         self.rays.push(ray);
@@ -73,7 +75,7 @@ impl OnTheWay<'_> {
         self.materials.push(material);
     }
 
-    /// Keeps the first of them, so many.
+    /// Keeps only the first rays, of this number.
     fn truncate(&mut self, count: usize) {
         self.pending.truncate(count);
         self.rays.truncate(count);
@@ -82,15 +84,15 @@ impl OnTheWay<'_> {
         self.materials.truncate(count);
     }
 
-    /// Says that a ray is to be kept at a place before its own, and what it passes.
+    /// Moves a ray to an earlier index, with the material that it passes.
     fn keep(&mut self, from: usize, to: usize, material: MaterialId) {
         (self.pending[to], self.rays[to], self.times[to]) =
             (self.pending[from], self.rays[from], self.times[from]);
         (self.hits[to], self.materials[to]) = (self.hits[from], material);
     }
 
-    /// Takes every ray through its surface: `go_on` is told whose it is, its number here, and the
-    /// insides it comes to.
+    /// Moves every ray through its surface. `go_on` gets the index of its path, its index here, and
+    /// the objects that it is inside afterwards.
     fn cross(
         &mut self,
         walker: &Walker,
@@ -157,20 +159,20 @@ impl<'a> VolumeBatch<'a> {
         }
     }
 
-    /// The paths that were collected become those that are traced.
+    /// Makes the collected paths the current ones.
     pub fn swap(&mut self) {
         std::mem::swap(&mut self.insides, &mut self.next);
         self.next.clear();
     }
 
-    /// True if rays must be traced by [`Self::advance`], which sees interfaces.
+    /// True if rays must be traced by [`Self::advance`], which detects interfaces.
     pub fn sees_more(&self) -> bool {
         self.walker.has_passable()
     }
 
-    /// Brings every path to its next vertex, of this depth. The hits are those of the rays as the
-    /// renderer sees them, and are found again if [`Self::sees_more`]. `random` gives the numbers
-    /// of a path's next vertex, `emitted` takes the emission on its way.
+    /// Brings every path to its next vertex, of this depth. The hits are those without interfaces,
+    /// and are traced again if [`Self::sees_more`]. `random` gives the random numbers of a path's
+    /// next vertex; `emitted` receives the emission on its way.
     pub fn advance(
         &mut self,
         tracer: &mut Tracer,
@@ -237,7 +239,7 @@ impl<'a> VolumeBatch<'a> {
         }
     }
 
-    /// Takes the paths that are on their way through the media that they are in.
+    /// Moves the paths that have not arrived through their current media.
     fn travel(
         &mut self,
         paths: &mut Paths,
@@ -294,14 +296,14 @@ impl<'a> VolumeBatch<'a> {
         }
     }
 
-    /// What is around the paths.
+    /// The surroundings of the paths.
     pub fn surroundings(&self) -> Surroundings<'_> {
         let Self { walker, known, insides, scattered, .. } = self;
         Surroundings { walker, known, insides, scattered }
     }
 
-    /// Notes the insides of the rays that a vertex sends out. Of its surface, the whole is asked
-    /// for only where a medium depends on it.
+    /// Records the objects that the rays of a vertex start inside. `surface` is called only where a
+    /// medium depends on it.
     pub fn note_outputs(
         &mut self,
         path: usize,
@@ -348,7 +350,7 @@ impl<'a> VolumeBatch<'a> {
         self.next.extend(next.map(of));
     }
 
-    /// Notes that the only light ray of a vertex starts on the side that the path has come from.
+    /// Records that the only light ray of a vertex starts on the side from which the path arrived.
     pub fn note_light_ray(
         &mut self,
         path: usize,
@@ -362,13 +364,13 @@ impl<'a> VolumeBatch<'a> {
         self.glowing.push(glowing);
     }
 
-    /// Notes that a path goes on on the side that it has come from.
+    /// Records that a path continues on the side from which it arrived.
     pub fn note_next(&mut self, path: usize) {
         self.next.push(self.insides[path]);
     }
 
-    /// Sends light rays to their lights: values lose what media take, and what arrives is not
-    /// `blocked`. `mode` is that of a sample.
+    /// Traces light rays to their lights: values are multiplied by the transmittance, and rays that
+    /// arrive are not `blocked`. `mode` is that of a sample.
     pub fn trace_light_rays(
         &mut self,
         tracer: &mut Tracer,
@@ -414,7 +416,7 @@ impl<'a> VolumeBatch<'a> {
                     &mut way.hits,
                 );
             } else {
-                // Nothing is in the way, as is known already.
+                // It is already known to be unoccluded.
                 way.hits.clear();
                 way.hits.resize(way.rays.len(), Hit::MISS);
             }
@@ -480,7 +482,7 @@ impl<'a> VolumeBatch<'a> {
     }
 }
 
-/// Takes the paths of all lanes to where they have come to, and empties the lanes.
+/// Stores the results of the path lanes, and empties the lanes.
 fn arrive(
     homogeneous: &mut HomogeneousBatch,
     paths: &mut Paths,
@@ -502,7 +504,7 @@ fn arrive(
     homogeneous.clear();
 }
 
-/// Takes from the light rays of all lanes what they lose, and empties the lanes.
+/// Multiplies the light rays of all lanes by their transmittance, and empties the lanes.
 fn lose(homogeneous: &mut HomogeneousBatch, light: &mut LightRays) {
     if homogeneous.whose().is_empty() {
         return;

@@ -1,6 +1,6 @@
-//! What a user asks of a render, and the settings that follow. A wish of the user counts first,
-//! then what the scene asks for, then the default. The command line and Python both fill a
-//! [`Request`], so they have the same defaults, ranges and refusals.
+//! Requests of a user for a render, and the settings that follow from them. The user's values take
+//! precedence over the scene's, and those over the defaults. The command line and Python both fill
+//! a [`Request`], so they have the same defaults, ranges and errors.
 
 mod reference;
 mod setting;
@@ -216,7 +216,7 @@ fn by_integrator(number: impl Fn(IntegratorKind) -> u32) -> String {
 /// Why a request has no settings.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum RequestError {
-    /// The value of a parameter is impossible: by itself, or together with the others.
+    /// The value of a parameter is invalid, by itself or together with the others.
     #[error("{parameter} {problem}")]
     Parameter {
         /// The field of [`Request`].
@@ -232,23 +232,23 @@ pub enum RequestError {
         /// What is wrong with it.
         problem: String,
     },
-    /// What would be rendered has more than [`Request::MAX_PIXELS`].
+    /// The area to render has more pixels than [`Request::MAX_PIXELS`].
     #[error(
         "a picture of {}x{} pixels is larger than the limit of {} pixels",
         .size[0], .size[1], Request::MAX_PIXELS
     )]
     TooManyPixels {
-        /// Width and height of what would be rendered.
+        /// Width and height of the area to render.
         size: [u32; 2],
     },
-    /// The scene's own settings have a name that is not known.
+    /// The scene's own settings contain an unknown name.
     #[error("the scene asks for the {parameter} \"{name}\", which is none of {known}")]
     SceneName {
         /// The field of [`Request`], and of the scene's settings.
         parameter: &'static str,
         /// The unknown name.
         name: String,
-        /// The known ones.
+        /// The valid names.
         known: String,
     },
 }
@@ -259,16 +259,16 @@ fn refused<T>(parameter: &'static str, problem: String) -> Result<T, RequestErro
 }
 
 impl Request {
-    /// Size of a picture for which neither user, scene nor camera has one.
+    /// The size of a picture if user, scene and camera specify none.
     pub const DEFAULT_SIZE: [u32; 2] = [960, 720];
-    /// Most pixels that are rendered: as many as Snell would read back. (Whether there is memory
-    /// for them is another matter, see [`crate::memory`].)
+    /// The largest number of pixels, equal to the limit of Snell's image readers. (For the memory
+    /// that they need, see [`crate::memory`].)
     pub const MAX_PIXELS: u64 = 1 << 28;
-    /// Most samples per pixel.
+    /// The largest number of samples per pixel.
     pub const MAX_SPP: u32 = 1 << 24;
-    /// Samples per pixel that a limit of time or noise alone allows.
+    /// The limit of samples per pixel if only time or noise is limited.
     pub const SPP_OF_LIMITS: u32 = 1 << 16;
-    /// Most samples per pixel that are taken in one pass.
+    /// The largest number of samples per pixel in one pass.
     const SPP_OF_ONE_PASS: u32 = 16;
 
     /// The settings of a render of this scene by this camera.
@@ -318,7 +318,7 @@ impl Request {
         })
     }
 
-    /// How acceleration structures are built; the scene has no say in it.
+    /// Options of building acceleration structures, which do not depend on the scene.
     pub fn build(&self) -> BuildOptions {
         let default = BuildOptions::default();
         BuildOptions {
@@ -331,7 +331,7 @@ impl Request {
         }
     }
 
-    /// The crop; an error if it is empty, or not within a picture of this size.
+    /// The crop; an error if it is empty or not within a picture of this size.
     pub fn crop_within(&self, size: [u32; 2]) -> Result<Option<Crop>, RequestError> {
         let Some(crop) = self.crop else { return Ok(None) };
         let ([x0, y0], [x1, y1]) = (crop.min, crop.max);
@@ -348,8 +348,8 @@ impl Request {
         Ok(Some(crop))
     }
 
-    /// True if training for guiding ends when it has had its share of the time. Where passes are
-    /// counted the clock has no say: bits must repeat.
+    /// True if training for guiding ends after its share of the time. With a fixed number of passes
+    /// the clock is ignored, so that the bits are reproducible.
     pub fn is_training_timed(&self) -> bool {
         self.guiding == Some(GuidingPasses::Auto) && self.time.is_some()
     }
@@ -380,7 +380,7 @@ impl Request {
         self.spp.unwrap_or(default)
     }
 
-    /// True unless a filter, or samples that it would spread, are asked for.
+    /// True if neither a filter nor more than one sample per pixel is requested.
     fn leaves_pixel_position(&self) -> bool {
         self.filter.is_none() && self.spp.unwrap_or(1) == 1
     }
@@ -415,7 +415,7 @@ impl Request {
     }
 }
 
-/// What the user asks for, else the scene by one of the names of all choices, else the default.
+/// The user's choice, else the scene's by its name, else the default.
 fn chosen<T: Copy + Default, const N: usize>(
     wish: Option<T>,
     (parameter, hint): (&'static str, &Option<String>),
@@ -451,7 +451,7 @@ mod tests {
         request.resolve(&scene, &camera()).expect("the request is possible")
     }
 
-    /// What the error says.
+    /// The text of the error.
     fn problem(request: Request) -> String {
         let scene = Scene::new("empty");
         request.resolve(&scene, &camera()).expect_err("the request is impossible").to_string()
@@ -522,7 +522,7 @@ mod tests {
         assert_eq!((settings.sampler, settings.filter), (SamplerKind::Independent, Filter::Box));
         assert_eq!(settings.noise_floor, Settings::NOISE_FLOOR / 4.0);
         assert_eq!(settings.pixel_position, None);
-        // A name of the scene that nobody needs does no harm.
+        // An unknown name in the scene is no error if the user overrides it.
         let path = Request { integrator: Some(IntegratorKind::Path), ..Request::default() };
         resolved(path, |hints| hints.integrator = Some("photons".into()));
     }

@@ -1,10 +1,10 @@
-//! The numbers of many samples at once: those of [`Random`], bit for bit.
+//! Random numbers of many samples at once, with the bits of [`Random`].
 
 use super::{Random, SampleKey, Sampler, SamplerKind, sobol};
 use snell_math::simd::Wide;
 use snell_math::{at_level, rng};
 
-/// The numbers of `N` vertices, all of one depth of unbranched paths.
+/// The random numbers of `N` vertices, all at one depth of unbranched paths.
 #[derive(Clone, Debug)]
 pub struct BatchRandoms<const N: usize> {
     sampler: Sampler,
@@ -21,13 +21,13 @@ impl<const N: usize> BatchRandoms<N> {
         randoms
     }
 
-    /// The lanes are for vertices of this depth from now on.
+    /// Sets the depth of the vertices in the lanes.
     pub fn start(&mut self, sampler: &Sampler, depth: u32) {
         self.sampler = *sampler;
         self.base = Random::base_at(0, depth);
     }
 
-    /// For what is drawn before there is a vertex: where the camera's ray starts.
+    /// Numbers for camera samples, before there is a vertex.
     pub fn of_camera(sampler: &Sampler) -> Self {
         Self { sampler: *sampler, keys: [0; N], samples: [0; N], base: 0 }
     }
@@ -42,7 +42,7 @@ impl<const N: usize> BatchRandoms<N> {
         SampleKey { pixel: self.keys[lane], sample: self.samples[lane] }
     }
 
-    /// [`Random::pair`] of each.
+    /// [`Random::pair`] of each lane.
     pub fn pairs(&self, dimension: u32, wide: Option<Wide>) -> [[f32; N]; 2] {
         let dimension = self.base + dimension;
         let mut to = [[0.0; N]; 2];
@@ -84,7 +84,7 @@ impl<const N: usize> BatchRandoms<N> {
         to
     }
 
-    /// [`Random::number`] of each.
+    /// [`Random::number`] of each lane.
     pub fn numbers(&self, dimension: u32, wide: Option<Wide>) -> [f32; N] {
         let dimension = self.base + dimension;
         let mut to = [0.0; N];

@@ -1,8 +1,8 @@
 //! Samplers: pure functions from (seed, pixel, sample, dimension) to numbers in `[0, 1)`.
 //!
-//! A *dimension* is what the number is for (lens, light, BSDF at the third bounce …); [`Random`]
-//! binds the rest. Nothing depends on the order of calls, so batching, threads and splitting cannot
-//! change a number.
+//! A *dimension* is the use of a number (lens, light, BSDF at the third bounce …); [`Random`] binds
+//! the other arguments. Nothing depends on the order of calls, so batching, threads and splitting
+//! cannot change a number.
 
 mod batch;
 mod sobol;
@@ -16,7 +16,7 @@ use crate::settings::Settings;
 use snell_math::{Vec2, rng};
 use std::ops::Range;
 
-/// Which sampler.
+/// The kind of sampler.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SamplerKind {
     /// Independent uniform numbers.
@@ -26,7 +26,7 @@ pub enum SamplerKind {
     /// Owen-scrambled Sobol points, padded by two dimensions at a time (Burley, Practical
     /// hash-based Owen scrambling, JCGT 2020).
     Sobol,
-    /// The same points, shared out among neighbouring pixels so that the error of the picture is
+    /// The same points, distributed among neighbouring pixels so that the error of the picture is
     /// blue noise (Ahmed and Wonka, 2020).
     #[default]
     ZSobol,
@@ -53,7 +53,7 @@ pub struct Sampler {
     kind: SamplerKind,
     seed: u32,
     spp: u32,
-    /// True if every `spp` samples are a set of their own, independent of the others.
+    /// True if every block of `spp` samples is a point set independent of the others.
     in_blocks: bool,
 }
 
@@ -63,8 +63,9 @@ impl Sampler {
         Self { kind, seed, spp: spp.max(1), in_blocks: false }
     }
 
-    /// A sampler for any number of samples: those of each block are spread well, and different
-    /// blocks are independent, so that the differences of blocks tell the error of their mean.
+    /// A sampler for any number of samples: those of each block are well distributed, and different
+    /// blocks are independent, so that the variance between blocks estimates the error of their
+    /// mean.
     pub fn in_blocks(kind: SamplerKind, seed: u32, block: u32) -> Self {
         Self { in_blocks: true, ..Self::new(kind, seed, block) }
     }
@@ -88,7 +89,7 @@ impl Sampler {
         Random { sampler: *self, key, base: 0 }
     }
 
-    /// What tells the numbers of a range of samples of a pixel.
+    /// The keys from which the numbers of a range of samples of a pixel follow.
     pub fn keys(&self, pixel: [u32; 2], samples: Range<u32>) -> impl Iterator<Item = SampleKey> {
         let mut known: Option<(u32, SampleKey)> = None;
         samples.map(move |sample| {
@@ -100,7 +101,7 @@ impl Sampler {
         })
     }
 
-    /// The block of a sample, and its number there.
+    /// The block of a sample, and its index in the block.
     fn block_of(&self, sample: u32) -> (u32, u32) {
         if self.in_blocks { (sample / self.spp, sample % self.spp) } else { (0, sample) }
     }
@@ -145,17 +146,17 @@ impl Sampler {
     }
 }
 
-/// What tells the numbers of one sample of one pixel, to those who know the sampler.
+/// The key from which a sampler computes the numbers of one sample of one pixel.
 #[derive(Clone, Copy, Debug)]
 pub struct SampleKey {
-    /// Chooses the sequences: of the pixel, or of the pixels that share them.
+    /// The key of the sequences, which belong to the pixel or are shared by several.
     pixel: u32,
-    /// Number in these sequences.
+    /// Index in these sequences.
     sample: u32,
 }
 
 impl SampleKey {
-    /// That of a sample so many after this one.
+    /// The key of a later sample, by the difference of indices.
     fn nth(self, sample: u32) -> Self {
         Self { sample: self.sample + sample, ..self }
     }
@@ -175,7 +176,7 @@ impl Random {
         Self { base: Self::base_at(stream, depth), ..self }
     }
 
-    /// What tells them.
+    /// The key of the sample.
     pub fn key(&self) -> SampleKey {
         self.key
     }
@@ -190,8 +191,7 @@ impl Random {
         self.sampler.point(self.key, self.base + dimension)
     }
 
-    /// The pair of number `step` of a sequence of independent pairs: where nobody knows how many it
-    /// takes.
+    /// Pair number `step` of a sequence of independent pairs, for uses of unknown length.
     pub fn independent_pair(&self, step: u32) -> Vec2 {
         rng::uniform2([self.key.pixel, self.key.sample, rng::hash32(self.base), step])
     }
@@ -294,7 +294,7 @@ mod tests {
 
     #[test]
     fn what_depends_on_several_dimensions_is_as_good_as_chance_allows() {
-        // The product of 8 numbers plus 1/2: the parts that depend on one pair vanish, the others
+        // The product of 8 numbers plus 1/2: terms that depend on a single pair vanish, the others
         // are random.
         let pair = (13.0f64 / 12.0).powi(2) - 1.0;
         let rest = (1.0 + pair).powi(4) - 1.0 - 4.0 * pair;

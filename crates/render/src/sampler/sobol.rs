@@ -18,10 +18,10 @@ pub fn number(key: u32, index: u32, set_log2: u32) -> f32 {
     rng::to_unit(owen_scramble(index.reverse_bits(), rng::hash_combine(key, 1)))
 }
 
-/// The order of the points, which decides what meets what in different dimensions. A nested
-/// scramble leaves aligned runs of a power of two together, and so all prefixes good; but two
-/// neighbours are then in opposite halves in *every* dimension, and their products are alike. So
-/// runs of up to 16 are permuted freely.
+/// The order of the points, which decides how values of different dimensions are paired. A nested
+/// scramble keeps aligned runs of a power of two together, so that all prefixes are well
+/// distributed; but two neighbours are then in opposite halves in *every* dimension, which
+/// correlates their products. So runs of up to 16 are permuted freely.
 #[inline(always)]
 fn shuffle(index: u32, key: u32, set_log2: u32) -> u32 {
     let bits = set_log2.min(4);

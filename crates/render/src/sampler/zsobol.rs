@@ -1,19 +1,20 @@
-//! Sobol points handed out along a space-filling curve over the pixels, so that what one pixel gets
-//! too much of, its neighbours get too little: the error of the picture is blue noise (Ahmed and
+//! Sobol points distributed along a space-filling curve over the pixels, so that errors of
+//! neighbouring pixels are negatively correlated: the error of the picture is blue noise (Ahmed and
 //! Wonka, Screen-space blue-noise diffusion of Monte Carlo sampling error via hierarchical ordering
 //! of pixels, 2020; `ZSobolSampler` of pbrt-v4).
 //!
 //! One scrambled sequence per dimension serves a square of pixels. Position on the curve and number
 //! of the sample together, highest digits first, are a number in that sequence. So the samples of a
-//! pixel are a stretch whose length is a power of two, which is a net by itself; two neighbours on
-//! the curve, four, sixteen … are nets too. The curve is Hilbert's instead of Morton's: the pairs
-//! of a Morton curve are always side by side, those of Hilbert's also one above the other, so that
-//! a binary scramble (see [`super::sobol`]) shuffles as well as a quaternary one.
+//! pixel are a run whose length is a power of two, which is a net by itself; the union of two,
+//! four, sixteen … neighbours on the curve is a net too. The curve is Hilbert's instead of
+//! Morton's: the pairs of a Morton curve are always side by side, those of Hilbert's also one above
+//! the other, so that a binary scramble (see [`super::sobol`]) shuffles as well as a quaternary
+//! one.
 
-/// Where a pixel's samples lie in the sequences of its square.
+/// The position of a pixel's samples in the sequences of its square.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stretch {
-    /// Which square of pixels: all of its pixels share sequences.
+    /// The square of pixels, all of which share sequences.
     pub square: [u32; 2],
     /// Number of the first sample.
     pub start: u32,
@@ -22,8 +23,8 @@ pub struct Stretch {
 /// Logarithm of the side of the largest square.
 const MAX_SIDE_LOG2: u32 = 8;
 
-/// The stretch of a pixel that takes `spp` samples. Squares are smaller where many samples would
-/// use up the 32-bit numbers.
+/// The run of a pixel that takes `spp` samples. Squares are smaller where many samples would use up
+/// the 32-bit numbers.
 pub fn stretch(pixel: [u32; 2], spp: u32) -> Stretch {
     let samples_log2 = spp.max(1).next_power_of_two().trailing_zeros();
     let side_log2 = ((32 - samples_log2) / 2).min(MAX_SIDE_LOG2);
@@ -38,7 +39,7 @@ fn hilbert_position([mut x, mut y]: [u32; 2], side_log2: u32) -> u32 {
     for level in (0..side_log2).rev() {
         let (right, low) = (x >> level & 1, y >> level & 1);
         position = position << 2 | (3 * right) ^ low;
-        // Turn and mirror the quarter so that its curve runs like that of the whole.
+        // Rotate and mirror the quarter so that its curve runs like that of the whole.
         if low == 0 {
             if right == 1 {
                 (x, y) = (!x, !y);

@@ -1,5 +1,5 @@
-//! Ways of paths and light rays through media that are the same everywhere and do not shine, many
-//! at once: what [`super::Walker`] does with each, bit for bit.
+//! Batches of paths and light rays through homogeneous media without emission, with the bits of
+//! [`super::Walker`].
 
 use super::Numbers;
 use crate::integrator::dimension;
@@ -12,14 +12,14 @@ use snell_scene::medium::{
     HenyeyGreenstein, MediumProperties, Scattering, attenuate_homogeneous, travel_homogeneous,
 };
 
-/// Ways being worked on. Arrays are by lane; those of lanes that are not in use hold anything.
+/// The segments of a batch. Arrays are by lane; unused lanes hold arbitrary values.
 #[derive(Debug)]
 pub struct HomogeneousBatch {
-    /// Whose ways they are.
+    /// Index of the path or light ray of each lane.
     whose: Vec<u32>,
     phase: [HenyeyGreenstein; LANES],
     ways: Ways,
-    /// Of the paths, and the lanes of those that have taken some already.
+    /// Random numbers of the paths, and the lanes of those that have used some already.
     randoms: BatchRandoms<LANES>,
     later: Vec<(usize, Numbers)>,
     wide: Wide,
@@ -30,15 +30,16 @@ struct Ways {
     sigma_t: HitVectors,
     sigma_s: HitVectors,
     length: HitLanes,
-    /// By channel: throughputs of paths, or values of light rays; then what is left of them.
+    /// By channel: throughputs of paths, or values of light rays, before and then after the
+    /// segment.
     color: HitVectors,
-    /// Where paths were scattered.
+    /// Positions where paths were scattered.
     distance: HitLanes,
     is_scattered: [u32; LANES],
 }
 
 impl HomogeneousBatch {
-    /// For the paths of a sampler.
+    /// A batch for the paths of a sampler.
     pub fn new(sampler: &Sampler, wide: Wide) -> Self {
         let (length, distance, is_scattered) = ([0.0; LANES], [0.0; LANES], [0; LANES]);
         Self {
@@ -58,7 +59,7 @@ impl HomogeneousBatch {
         }
     }
 
-    /// What is put in from now on are ways to vertices of this depth.
+    /// Sets the depth of the vertices to which the following segments lead.
     pub fn start(&mut self, sampler: &Sampler, depth: u32) {
         self.randoms.start(sampler, depth);
         self.clear();
@@ -70,17 +71,17 @@ impl HomogeneousBatch {
         self.later.clear();
     }
 
-    /// True if there is no room left.
+    /// True if all lanes are used.
     pub fn is_full(&self) -> bool {
         self.whose.len() == LANES
     }
 
-    /// Whose ways they are, by lane.
+    /// Index of the path or light ray of each lane.
     pub fn whose(&self) -> &[u32] {
         &self.whose
     }
 
-    /// Puts the way of a light ray into the next lane.
+    /// Puts a light ray into the next lane.
     #[inline(always)]
     pub fn push(
         &mut self,
@@ -96,8 +97,8 @@ impl HomogeneousBatch {
         self.ways.length[lane] = length;
     }
 
-    /// Puts the way of a path into the next lane, which has taken so many steps of the numbers of
-    /// its vertex already.
+    /// Puts a path into the next lane; it has already used this many steps of the random numbers of
+    /// its vertex.
     #[inline(always)]
     pub fn push_path(
         &mut self,
@@ -118,7 +119,7 @@ impl HomogeneousBatch {
         self.push(whose, medium, length, throughput);
     }
 
-    /// Sends all paths along their ways.
+    /// Advances all paths along their segments.
     pub fn travel(&mut self) {
         let mut u = self.randoms.pairs(dimension::MEDIUM, Some(self.wide));
         for (lane, numbers) in &mut self.later {
@@ -131,18 +132,18 @@ impl HomogeneousBatch {
         );
     }
 
-    /// Sends all light rays along their ways.
+    /// Advances all light rays along their segments.
     pub fn attenuate(&mut self) {
         at_level!(Some(self.wide), attenuate, (ways: &mut Ways = &mut self.ways));
     }
 
-    /// What is left of the throughput or value of a lane.
+    /// The remaining throughput or value of a lane.
     #[inline(always)]
     pub fn color(&self, lane: usize) -> SampledSpectrum {
         color_at(&self.ways.color, lane % LANES)
     }
 
-    /// Where the path of a lane was scattered.
+    /// The position where the path of a lane was scattered.
     #[inline(always)]
     pub fn scattered(&self, lane: usize) -> Option<Scattering> {
         let lane = lane % LANES;

@@ -1,12 +1,12 @@
-//! The insides that a path is in, one within the other.
+//! The nested objects that a path is inside.
 
 use snell_scene::medium::MediumProperties;
 use snell_scene::{MaterialId, MediumId};
 
-/// Most insides at one point; those beyond are not noticed.
+/// The largest number of nested objects at a point; further ones are ignored.
 const MOST: usize = 6;
 
-/// What fills an inside.
+/// The content of an object.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Filling {
     /// Nothing.
@@ -14,21 +14,21 @@ pub enum Filling {
     Empty,
     /// A medium of the scene.
     Medium(MediumId),
-    /// What the material brought where the path entered: a position in [`OwnMedia`].
+    /// The material's own medium where the path entered: an index into [`OwnMedia`].
     Own(u32),
 }
 
-/// The media that materials brought, as they were where paths entered.
+/// The media that materials define, evaluated where paths entered.
 pub type OwnMedia = Vec<MediumProperties>;
 
-/// One inside.
+/// One object that a path is inside.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Inside {
     /// The material of the surface that bounds it.
     pub material: MaterialId,
-    /// Who is there where insides overlap.
+    /// Priority where objects overlap.
     pub priority: i32,
-    /// What is there.
+    /// Its content.
     pub filling: Filling,
 }
 
@@ -37,7 +37,7 @@ impl Inside {
         Self { material: MaterialId(u32::MAX), priority: 0, filling: Filling::Empty };
 }
 
-/// The insides that a point is in, in the order in which a path entered them.
+/// The objects that a point is inside, in the order in which a path entered them.
 #[derive(Clone, Copy, Debug)]
 pub struct Insides {
     entries: [Inside; MOST],
@@ -51,17 +51,17 @@ impl Default for Insides {
 }
 
 impl Insides {
-    /// All of them.
+    /// All objects.
     pub fn entered(&self) -> &[Inside] {
         &self.entries[..self.count]
     }
 
-    /// The inside that is there: the last of the highest priority. `None` outside of all.
+    /// The active object: the last one of the highest priority. `None` outside of all.
     pub fn innermost(&self) -> Option<&Inside> {
         self.entered().iter().max_by_key(|inside| inside.priority)
     }
 
-    /// The inside that is there if those of a material are not.
+    /// The active object if those of one material are ignored.
     pub fn innermost_but(&self, material: MaterialId) -> Option<&Inside> {
         self.entered()
             .iter()
@@ -69,7 +69,7 @@ impl Insides {
             .max_by_key(|inside| inside.priority)
     }
 
-    /// What is there, where `everywhere` is what is outside of all.
+    /// The content at the point, where `everywhere` is the content outside of all objects.
     pub fn filling(&self, everywhere: Filling) -> Filling {
         self.innermost().map_or(everywhere, |inside| inside.filling)
     }
@@ -82,7 +82,7 @@ impl Insides {
         }
     }
 
-    /// Leaves the last inside that this material bounds, if there is one.
+    /// Leaves the last object that this material bounds, if there is one.
     pub fn leave(&mut self, material: MaterialId) {
         if let Some(at) = self.entered().iter().rposition(|inside| inside.material == material) {
             self.entries.copy_within(at + 1..self.count, at);

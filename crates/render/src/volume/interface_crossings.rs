@@ -1,5 +1,5 @@
-//! Where rays go on that pass surfaces, for many at once: the same as
-//! [`snell_intersect::SurfacePoint`] says of each, bit for bit.
+//! Batches of rays that pass interfaces: the points where they continue, with the bits of
+//! [`snell_intersect::SurfacePoint`].
 
 use crate::compile::CompiledScene;
 use crate::lanes::{LANES, ZERO, at, put};
@@ -8,17 +8,17 @@ use snell_intersect::{GeometryId, Hit, RayQuery, SurfacePoint, TriangleHits, Tri
 use snell_math::simd::Wide;
 use snell_math::{Ray, Vec3, at_level, robust};
 
-/// So few are worked on one by one.
+/// Up to this number, rays are processed one by one.
 const FEW: usize = 6;
 
-/// Where a ray goes on.
+/// The point where a ray continues.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct InterfaceCrossing {
-    /// The start of the ray from there.
+    /// The origin of the continued ray.
     pub origin: Vec3,
-    /// It comes from the outer side.
+    /// True if the ray arrives from the outer side.
     pub enters: bool,
-    /// It is on the outside of a curve.
+    /// True if the point is on the outside of a curve.
     pub on_curve: bool,
 }
 
@@ -26,13 +26,13 @@ pub struct InterfaceCrossing {
 #[derive(Debug)]
 pub struct InterfaceCrossings<'a> {
     scene: &'a CompiledScene,
-    /// By geometry, where they are plain.
+    /// The triangles of each geometry that is a plain mesh.
     meshes: Vec<Option<PlainMesh<'a>>>,
     wide: Option<Wide>,
     triangles: TriangleHits,
     points: TrianglePoints,
     ways: Ways,
-    /// Of the rays that were given last.
+    /// The crossings of the last batch of rays.
     found: Vec<InterfaceCrossing>,
 }
 
@@ -69,12 +69,12 @@ impl<'a> InterfaceCrossings<'a> {
         }
     }
 
-    /// Where rays go on, once they have been found; in order.
+    /// The crossings of the last batch, in order.
     pub fn found(&self) -> &[InterfaceCrossing] {
         &self.found
     }
 
-    /// Finds where rays go on from what they have hit, each at its time.
+    /// Computes the points where rays continue from their hits, each at its time.
     pub fn find(&mut self, rays: &[Ray], times: &[f32], hits: &[Hit]) {
         self.found.clear();
         self.found.resize(rays.len(), InterfaceCrossing::default());
@@ -106,7 +106,7 @@ impl<'a> InterfaceCrossings<'a> {
         InterfaceCrossing::of(&self.scene.world.point(query, hit), ray.direction)
     }
 
-    /// Those of at most [`LANES`] hits that are on plain triangles.
+    /// Computes the crossings of at most [`LANES`] hits on plain triangles.
     fn find_plain(&mut self, rays: &[Ray], hits: &[Hit]) {
         let Self { meshes, triangles, points, ways, wide, .. } = self;
         let on_mesh = |(lane, hit)| plain(meshes, hit).map(|mesh| (lane, mesh, hit));
@@ -119,7 +119,7 @@ impl<'a> InterfaceCrossings<'a> {
     }
 }
 
-/// The mesh of a hit, if that is plain.
+/// The mesh of a hit, if it is a plain mesh.
 #[inline(always)]
 fn plain<'m, 'a>(meshes: &'m [Option<PlainMesh<'a>>], hit: &Hit) -> Option<&'m PlainMesh<'a>> {
     meshes[hit.geometry as usize].as_ref().filter(|_| hit.instance == 0)

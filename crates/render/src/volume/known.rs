@@ -1,27 +1,29 @@
-//! Insides by number, so that paths and light rays need not carry them.
+//! Numbered sets of objects that rays are inside, so that paths and light rays need only store a
+//! number.
 
 use super::insides::{Filling, Inside};
 use super::{Insides, OwnMedia};
 use snell_scene::MaterialId;
 use std::collections::HashMap;
 
-/// InterfaceCrossings that are remembered; a power of two.
+/// Entries of the cache of crossings; a power of two.
 const REMEMBERED: usize = 64;
 
-/// All insides that rays of a batch are in, and what fills each. Number 0 is outside of all.
+/// All sets of objects that rays of a batch are inside, and the content of each. Number 0 is the
+/// empty set.
 #[derive(Debug)]
 pub struct KnownInsides {
     all: Vec<(Insides, Filling)>,
-    /// What is outside of all.
+    /// The content outside of all objects.
     everywhere: Filling,
     numbers: HashMap<Vec<Inside>, u32>,
-    /// What the last crossings led to.
+    /// A cache of the results of the last crossings.
     recent: [Option<(Crossed, u32)>; REMEMBERED],
-    /// The media that materials brought.
+    /// The media that materials define.
     pub own: OwnMedia,
 }
 
-/// Which surface was crossed, and how.
+/// The key of a crossing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Crossed {
     /// The insides before.
@@ -33,7 +35,7 @@ pub struct Crossed {
 }
 
 impl KnownInsides {
-    /// None but number 0, where this is outside of all.
+    /// Only number 0, given the content outside of all objects.
     pub fn new(everywhere: Filling) -> Self {
         let (all, numbers, own) = (Vec::new(), HashMap::new(), OwnMedia::new());
         let mut known = Self { all, everywhere, numbers, recent: [None; REMEMBERED], own };
@@ -41,7 +43,7 @@ impl KnownInsides {
         known
     }
 
-    /// Forgets all but number 0.
+    /// Removes all but number 0.
     pub fn clear(&mut self) {
         self.all.clear();
         self.numbers.clear();
@@ -50,7 +52,7 @@ impl KnownInsides {
         self.number(Insides::default());
     }
 
-    /// The number of these.
+    /// The number of a set.
     pub fn number(&mut self, insides: Insides) -> u32 {
         if let Some(&number) = self.numbers.get(insides.entered()) {
             return number;
@@ -61,20 +63,20 @@ impl KnownInsides {
         number
     }
 
-    /// Those with this number.
+    /// The set with this number.
     #[inline]
     pub fn get(&self, number: u32) -> &Insides {
         &self.all[number as usize].0
     }
 
-    /// What fills them.
+    /// The content of a set.
     #[inline]
     pub fn filling(&self, number: u32) -> Filling {
         self.all[number as usize].1
     }
 
-    /// The number of those that a crossing leads to. `find` finds them, and tells whether all
-    /// crossings of the same kind lead there.
+    /// The number of the set to which a crossing leads. `find` computes it, and returns whether all
+    /// crossings with the same key lead there.
     #[inline]
     pub fn crossed(
         &mut self,

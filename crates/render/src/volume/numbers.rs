@@ -4,8 +4,8 @@ use crate::integrator::dimension;
 use crate::sampler::Random;
 use snell_math::Vec2;
 
-/// Pairs of uniform numbers for one way between two vertices, however many it takes. The first pair
-/// of a path is a well-distributed one of the sampler; all others are independent.
+/// An unlimited sequence of pairs of uniform numbers for the way between two vertices. The first
+/// pair of a path is a well-distributed one of the sampler; all others are independent.
 #[derive(Clone, Copy, Debug)]
 pub struct Numbers {
     random: Random,
@@ -16,18 +16,17 @@ pub struct Numbers {
 const LIGHT_RAY: u32 = 1 << 24;
 
 impl Numbers {
-    /// For the way of a path to the vertex that `random` belongs to, of which so many steps are
-    /// done.
+    /// The numbers for the way of a path to the vertex of `random`, after this many steps.
     pub fn of_path(random: Random, step: u32) -> Self {
         Self { random, step }
     }
 
-    /// For the way of the light ray of this number from the vertex that `random` belongs to.
+    /// The numbers for the way of the light ray of this index from the vertex of `random`.
     pub fn of_light_ray(random: Random, number: u32) -> Self {
         Self { random, step: LIGHT_RAY.wrapping_mul(number.wrapping_add(1)) }
     }
 
-    /// How many steps are done.
+    /// The number of steps so far.
     pub fn step(&self) -> u32 {
         self.step
     }

@@ -25,29 +25,29 @@ pub struct Walker<'a> {
     strategy: LightStrategy,
 }
 
-/// What became of a path that was sent along a ray.
+/// The result of advancing a path along a ray.
 #[derive(Clone, Copy, Debug)]
 pub enum PathStep {
-    /// It is at the hit, or out of the scene.
+    /// It arrived at the hit, or left the scene.
     Arrived,
     /// A medium scattered it.
     Scattered(MediumVertex),
-    /// It passed a surface and goes on along its new ray.
+    /// It passed an interface and continues along its new ray.
     Passed,
 }
 
-/// What became of a light ray.
+/// The result of advancing a light ray.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LightStep {
-    /// It is at the light.
+    /// It arrived at the light.
     Arrived,
-    /// Nothing of it is left.
+    /// It was absorbed or blocked.
     Blocked,
-    /// It passed a surface and goes on along its new ray.
+    /// It passed an interface and continues along its new ray.
     Passed,
 }
 
-/// Rays meet interfaces too, which nobody sees but who walks through media.
+/// True if rays also hit interfaces, which only media make visible.
 impl HitFilter for Walker<'_> {
     fn accept(&self, ray: &Ray, hit: &Hit) -> bool {
         self.accept_at(ray, 0.0, hit)
@@ -76,33 +76,32 @@ impl<'a> Walker<'a> {
         self.scene.interaction(ray, time, hit)
     }
 
-    /// True if rays may have to be traced on from surfaces that they pass.
+    /// True if rays may pass surfaces and must be traced further from there.
     pub fn has_passable(&self) -> bool {
         self.table.has_passable
     }
 
-    /// True if a surface that blocks other rays may be passed by one.
+    /// True if a ray may pass a surface that blocks other rays.
     pub fn has_priorities(&self) -> bool {
         self.table.has_priorities
     }
 
-    /// True if it costs more to ask first whether anything blocks a light ray than to follow it to
-    /// where it ends.
+    /// True if testing light rays for occlusion first costs more than following them to their end.
     pub fn follows_light_rays(&self) -> bool {
         self.has_passable() && self.table.is_in_closed_form()
     }
 
-    /// Who decides about hits: nobody, where all are seen.
+    /// The filter of hits; `None` if every hit counts.
     pub fn filter(&self) -> &dyn HitFilter {
         if self.table.sees_all { &AcceptAll } else { self }
     }
 
-    /// True if what light rays lose needs no random numbers.
+    /// True if the transmittance of light rays needs no random numbers.
     pub fn is_in_closed_form(&self) -> bool {
         self.table.is_in_closed_form()
     }
 
-    /// Sends a path along its ray up to a hit. Emission on the way is added to `radiance`.
+    /// Advances a path along its ray up to a hit. Emission on the way is added to `radiance`.
     pub fn step(
         &self,
         own: &mut OwnMedia,
@@ -126,7 +125,7 @@ impl<'a> Walker<'a> {
         PathStep::Passed
     }
 
-    /// Takes a path through the medium that it is in up to a hit, or to where it is scattered.
+    /// Moves a path through its current medium up to a hit, or to the point where it is scattered.
     pub fn travel(
         &self,
         own: &OwnMedia,
@@ -145,7 +144,7 @@ impl<'a> Walker<'a> {
         travel.scattered.map(|scattered| Self::vertex(ray, carried, &scattered))
     }
 
-    /// Where a medium has scattered the path of a ray.
+    /// The point where a medium scattered the path of a ray.
     pub fn vertex(
         ray: &Ray,
         carried: &Carried,
@@ -155,8 +154,8 @@ impl<'a> Walker<'a> {
         MediumVertex { position: ray.at(distance), phase, footprint }
     }
 
-    /// Takes a path to a surface that it passes, and tells which that is; `None` if the path is
-    /// over, or does not pass what it has hit.
+    /// Moves a path to the interface that it hit, and returns that; `None` if the path ended, or
+    /// does not pass the surface.
     pub fn path_passes(
         &self,
         insides: &Insides,
@@ -171,7 +170,7 @@ impl<'a> Walker<'a> {
         Some(material)
     }
 
-    /// Sends a light ray up to a hit; its value loses what media take.
+    /// Advances a light ray up to a hit, multiplying its value by the transmittance.
     pub fn light_step(
         &self,
         own: &mut OwnMedia,
@@ -200,12 +199,13 @@ impl<'a> Walker<'a> {
         if left > 0.0 { LightStep::Passed } else { LightStep::Arrived }
     }
 
-    /// What a light ray passes at its hit, if it has one; `None` if that blocks it.
+    /// The surface that a light ray passes at its hit, if there is a hit; `None` if the surface
+    /// blocks it.
     pub fn light_passes(&self, insides: &Insides, hit: &Hit) -> Option<Option<MaterialId>> {
         if hit.is_hit() { self.passed(insides, hit).map(Some) } else { Some(None) }
     }
 
-    /// Takes a ray through the surface that it has hit, and tells where it goes on.
+    /// Moves a ray through the surface that it hit, and returns the continued ray.
     fn pass(
         &self,
         own: &mut OwnMedia,
@@ -260,7 +260,7 @@ impl<'a> Walker<'a> {
         medium.travel_weighted(segment, throughput, mode, weight, &mut || numbers.next())
     }
 
-    /// Travel through a medium that is the same everywhere.
+    /// Travel through a homogeneous medium.
     fn travel_homogeneous(
         &self,
         medium: &MediumProperties,
@@ -277,8 +277,8 @@ impl<'a> Walker<'a> {
         }
     }
 
-    /// Where media are to scatter a path more. Only one that was not scattered before: after that,
-    /// most light comes from all around.
+    /// The light near which a path is scattered more often (equiangular sampling). Only for paths
+    /// that were not scattered before: after that, most light comes from all around.
     fn equiangular_light(
         &self,
         carried: &Carried,
@@ -292,7 +292,7 @@ impl<'a> Walker<'a> {
         equiangular_lights.sample(|| numbers.next().x)
     }
 
-    /// The light that a medium is.
+    /// The light of an emissive medium.
     fn glow(&self, medium: MediumId) -> Option<(usize, &'a Glow)> {
         let light = self.scene.light_of_medium(medium)?;
         match &self.scene.lights()[light] {
@@ -301,13 +301,12 @@ impl<'a> Walker<'a> {
         }
     }
 
-    /// True if a light ray that ends in these insides has come to the medium that it is meant to
-    /// come from.
+    /// True if a light ray that ends inside these objects is in the medium whose light it carries.
     pub fn is_in(&self, insides: &Insides, glowing: Option<MediumId>) -> bool {
         glowing.is_none_or(|medium| self.filling(insides) == Filling::Medium(medium))
     }
 
-    /// What is left of a light ray's value at a hit, or at its end.
+    /// The transmittance of a light ray up to a hit, or to its end.
     pub fn attenuate(
         &self,
         own: &OwnMedia,
@@ -330,12 +329,12 @@ impl<'a> Walker<'a> {
         }
     }
 
-    /// What is outside of all insides.
+    /// The content outside of all objects.
     pub fn everywhere(&self) -> Filling {
         self.table.everywhere.map_or(Filling::Empty, Filling::Medium)
     }
 
-    /// What fills an inside, if it is the same everywhere and does not shine: as it is in
+    /// The medium of an object, if it is homogeneous without emission; its values for
     /// [`ColorMode::Rgb`].
     pub fn homogeneous_in_rgb<'m>(
         &'m self,
@@ -350,7 +349,7 @@ impl<'a> Walker<'a> {
         medium.filter(|medium| medium.emission.is_black())
     }
 
-    /// True if media are to scatter a path [more](Self::equiangular_light) near lights.
+    /// True if media scatter a path [more often](Self::equiangular_light) near lights.
     pub fn seeks_equiangular_lights(&self, carried: &Carried) -> bool {
         self.table.equiangular_lights.is_some()
             && carried.marks.is_specular()
@@ -361,8 +360,8 @@ impl<'a> Walker<'a> {
         insides.filling(self.everywhere())
     }
 
-    /// The material of the surface, if a ray goes on through it: an interface, or one that an
-    /// inside of higher priority hides.
+    /// The material of the surface, if a ray passes it: an interface, or a surface hidden by an
+    /// object of higher priority.
     fn passed(&self, insides: &Insides, hit: &Hit) -> Option<MaterialId> {
         let material = self.scene.material_id(hit);
         let is_hidden = |boundary: &Boundary| {
@@ -378,7 +377,7 @@ impl<'a> Walker<'a> {
         outside.and_then(|inside| self.table.boundary(inside.material)).map_or(1.0, |b| b.ior)
     }
 
-    /// The insides of a ray that goes on from a surface to the other side.
+    /// The objects that a ray is inside after passing a surface.
     pub fn beyond(
         &self,
         own: &mut OwnMedia,
@@ -391,7 +390,7 @@ impl<'a> Walker<'a> {
         self.through(own, insides, &SurfacePoint::from(surface), hit, direction, mode, || *surface)
     }
 
-    /// [`Self::beyond`], which asks for the whole surface only where the medium inside depends on
+    /// [`Self::beyond`], which computes the whole surface only where the medium inside depends on
     /// it.
     #[inline]
     pub fn through(
@@ -405,7 +404,7 @@ impl<'a> Walker<'a> {
         surface: impl FnOnce() -> SurfaceInteraction,
     ) -> Insides {
         let material = self.scene.material_id(hit);
-        // Curves are met from outside only: what goes in would never come out.
+        // Curves are hit from outside only, so a ray that enters would never leave.
         let Some(boundary) = self.table.boundary(material).filter(|_| !point.on_curve) else {
             return *insides;
         };
@@ -475,12 +474,12 @@ impl<'a> Walker<'a> {
         Inside { material: id, priority: boundary.interior.priority, filling }
     }
 
-    /// The surfaces whose insides a point is in, outermost first: those that most of three rays
-    /// first meet from within.
+    /// The objects that a point is inside, outermost first: those whose surface a majority of three
+    /// rays first hits from inside.
     pub fn surfaces_around(&self, point: Vec3) -> Vec<(MaterialId, SurfaceInteraction)> {
-        /// Most surfaces that a ray passes.
+        /// The largest number of surfaces that a ray passes.
         const MOST_SURFACES: usize = 1000;
-        /// In no special direction.
+        /// An arbitrary direction.
         const DIRECTIONS: [Vec3; 3] = [
             Vec3::new(0.267, 0.802, 0.535),
             Vec3::new(-0.873, 0.218, 0.436),
@@ -513,14 +512,14 @@ impl<'a> Walker<'a> {
                 around.push((*id, *surface));
             }
         }
-        // The farther one leaves it, the earlier one entered it.
+        // The farther away the exit, the earlier the entry.
         around.sort_by(|a, b| {
             (b.1.position - point).length().total_cmp(&(a.1.position - point).length())
         });
         around
     }
 
-    /// The insides of these surfaces, for a path of this colour mode.
+    /// The set of these objects, for a path of this colour mode.
     pub fn insides_of(
         &self,
         own: &mut OwnMedia,
@@ -537,17 +536,17 @@ impl<'a> Walker<'a> {
     }
 }
 
-/// Where the way to a hit ends, or the ray: in units of its direction.
+/// The ray parameter of the hit, or of the end of the ray.
 pub fn end_of(ray: &Ray, hit: &Hit) -> f32 {
     if hit.is_hit() { hit.t } else { ray.t_max }
 }
 
-/// The length of the way to a hit, or to the end of the ray.
+/// The distance to a hit, or to the end of the ray.
 pub fn length_to(ray: &Ray, hit: &Hit) -> f32 {
     end_of(ray, hit) * ray.direction.length()
 }
 
-/// That way.
+/// The segment up to there.
 fn segment_to(ray: &Ray, hit: &Hit) -> Segment {
     let direction = ray.direction / ray.direction.length();
     Segment { origin: ray.origin, direction, length: length_to(ray, hit) }

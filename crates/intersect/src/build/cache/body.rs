@@ -9,8 +9,8 @@ use sha2::{Digest, Sha256};
 use std::fs::File;
 use std::io::Result;
 
-/// Bytes that one thread reads at a time: those of a huge page, so that no two threads ask for the
-/// same.
+/// Bytes that one thread reads at a time: those of a huge page, so that no two threads fault in the
+/// same page.
 const PIECE: usize = 1 << 21;
 
 /// Bytes that are read and then checked.

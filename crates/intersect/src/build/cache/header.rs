@@ -17,7 +17,7 @@ pub const PAGE: usize = 4096;
 /// Of a block, and of a line of compact ones.
 pub const BLOCK_BYTES: [u64; 2] = [size_of::<TriangleBlock>() as u64, size_of::<Line>() as u64];
 
-/// What a file says of itself.
+/// The header of a cache file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Header {
     /// The hash of all that the tree follows from.
@@ -47,7 +47,7 @@ impl Header {
         page
     }
 
-    /// An error says what is wrong with the page.
+    /// Returns an error that describes what is wrong with the page.
     pub fn from_page(page: &[u8; PAGE]) -> Result<Self, &'static str> {
         let (words, _) = page.as_chunks::<8>();
         let number = |i: usize| u64::from_ne_bytes(words[i]);

@@ -17,7 +17,8 @@ use crate::search::{Goal, Search};
 use snell_math::simd::Lanes8;
 use snell_math::{DRay, DVec3};
 
-/// Rays that start farther away, or are faster or slower than `f32` can tell, see the whole tree.
+/// Rays that start farther away, or whose direction is too large or small for `f32`, visit the
+/// whole tree.
 const FAR: f64 = 1e15;
 const FAST: f64 = 1e18;
 

@@ -1,11 +1,10 @@
-//! Where a ray meets the plane of a triangle, as good as `f64` can say it: off by little more than
-//! one unit in the last place for the coordinates as given, however thin the triangle, however
-//! grazing the ray, however far away both are.
+//! The intersection of a ray and the plane of a triangle, as exact as `f64` allows: off by little
+//! more than one unit in the last place for the coordinates as given, however thin the triangle,
+//! however grazing the ray, however far away both are.
 //!
 //! With edges `e1`, `e2` and `r` from the ray's origin to a corner,
-//! `t = (e1 x e2) . r / (e1 x e2) . d`. Numbers of two parts are good enough unless nearly 50 bits
-//! cancel, and a bound of their error says when they are; then the two determinants are worked out
-//! exactly.
+//! `t = (e1 x e2) . r / (e1 x e2) . d`. Double-double numbers suffice unless nearly 50 bits cancel,
+//! which a bound on their error detects; then the two determinants are computed exactly.
 
 use snell_math::exact::{DoubleDouble, Expansion, Number};
 use snell_math::{DRay, DVec3};
@@ -24,7 +23,7 @@ pub(crate) const LARGE: f64 = 1e60;
 /// Bound of the relative error of a determinant in plain `f64`: `8 u`, with room to spare.
 pub(crate) const ROUGH: f64 = 1.0 / (1u64 << 49) as f64;
 
-/// What plain `f64` says of a ray and the plane of a triangle.
+/// The intersection of a ray and the plane of a triangle in plain `f64`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Estimate {
     /// Above these, determinants in numbers of two parts are good enough.

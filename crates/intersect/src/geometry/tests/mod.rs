@@ -68,7 +68,8 @@ fn worlds(fill: impl Fn(&mut WorldBuilder)) -> Vec<World> {
     all
 }
 
-/// All worlds answer alike, one by one and in batches; returns how many rays hit.
+/// Checks that all worlds give the same results, ray by ray and in batches; returns the number of
+/// rays that hit.
 fn agree(worlds: &[World], rays: &[Ray], times: &[f32]) -> usize {
     let queries = Rays::new(rays).with_times(times);
     let expected: Vec<_> =

@@ -20,8 +20,8 @@ pub(super) struct Found {
 }
 
 /// Tests sixteen rays, each with a triangle whose plane it meets ahead, and within whose outline or
-/// that of its neighbour in the plane it certainly is. Hits are at less than `limit`. Those that
-/// are told no hit nor beyond are not decided.
+/// that of its neighbour in the plane it certainly is. Hits are at less than `limit`. Rays reported
+/// neither as a hit nor as beyond are undecided.
 #[inline(always)]
 pub(super) fn test<D: Doubles16>(
     token: D::Token,

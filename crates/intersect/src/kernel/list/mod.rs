@@ -43,15 +43,16 @@ const MIN_RAYS: usize = 4;
 /// Nor are those of fewer rays where most are to be searched for in the tree besides.
 const MIN_RAYS_APART: usize = 16;
 
-/// After so many rays it is seen whether lists are the right thing for a batch.
+/// The number of rays after which it is decided whether lists pay for a batch.
 const TRIAL: usize = 128;
 
-/// In a tree, a ray that meets nothing costs as much as so many faces of a list, and one that hits
-/// as much as so many more.
+/// Cost model: in a tree, a ray that misses costs as much as this many faces of a list, and a ray
+/// that hits as much as this many more.
 const FACES_PER_RAY: usize = 24;
 const FACES_PER_HIT: usize = 80;
 
-/// True if a list answers queries of so many rays that want one hit each, or some of them.
+/// True if a list handles queries for one hit of each ray of a batch of this size, or some of the
+/// rays.
 pub(crate) fn is_suitable(forest: &Forest, rays: usize) -> bool {
     rays >= MIN_RAYS && forest.list.is_some() || rays >= MIN_RAYS_APART && forest.outliers.is_some()
 }

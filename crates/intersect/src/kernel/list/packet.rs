@@ -1,9 +1,9 @@
 //! Sixteen rays, a lane each, and what is certain about them and all faces of a list.
 //!
-//! Everything is in `f32` but the distance of the start from a plane, unless that is across an
-//! axis: it has to tell whether a ray starts in front of the surface that it leaves. With
-//! `u = 2^-24`, `D` the most that any vertex is away from the start of the ray along any axis, `S`
-//! the largest component of the direction, and `s = |n d|` for the unit normal `n` (errors are
+//! Everything is in `f32`, except the distance of the origin from a plane that is not perpendicular
+//! to an axis, which decides whether a ray starts in front of the surface that it leaves. With
+//! `u = 2^-24`, `D` the largest distance of any vertex from the origin of the ray along any axis,
+//! `S` the largest component of the direction, and `s = |n d|` for the unit normal `n` (errors are
 //! relative to `D S / s`, which is at least `D / sqrt 3`):
 //!
 //! - `s` is off by less than `7 u S`, and lanes with `s` below [`LEAST_SLOPE`] of `S` are not
@@ -131,10 +131,10 @@ impl<D: Doubles16> ListPacket<D> {
     /// The rays that may meet a box, or come within the width of
     /// [`crate::lecture::box_ray::BoxRay`] of it; only ordinary ones count.
     ///
-    /// The line misses it if an axis across it and an edge of the box tells them apart (Gottschalk,
-    /// Lin and Manocha, OBBTree, 1996), the ray if it starts beyond a side and goes away.
-    /// Coordinates and products are off by less than `12 u` of the distance `D`, with `u = 2^-24`,
-    /// and the width is `17 u D`: the box is padded by `33 u D`.
+    /// The line misses it if an axis perpendicular to it and to an edge of the box separates them
+    /// (Gottschalk, Lin and Manocha, OBBTree, 1996), the ray if it starts beyond a side and goes
+    /// away. Coordinates and products are off by less than `12 u` of the distance `D`, with
+    /// `u = 2^-24`, and the width is `17 u D`: the box is padded by `33 u D`.
     #[inline(always)]
     pub fn may_meet(&self, token: D::Token, list: &List, bounds: &Bounds3) -> u32 {
         let (low, high) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
@@ -148,7 +148,7 @@ impl<D: Doubles16> ListPacket<D> {
         let (hx, hy, hz) =
             (padding.add(splat(half.x)), padding.add(splat(half.y)), padding.add(splat(half.z)));
         let (ax, ay, az) = (dx.abs(), dy.abs(), dz.abs());
-        // What is too small for `f32` is not told apart.
+        // Differences too small for `f32` are not resolved.
         let least = splat(f32::MIN_POSITIVE);
         let separated = hy.mul(az).add(hz.mul(ay)).add(least).lt(dy.mul(mz).sub(dz.mul(my)).abs())
             | hz.mul(ax).add(hx.mul(az)).add(least).lt(dz.mul(mx).sub(dx.mul(mz)).abs())
@@ -159,7 +159,7 @@ impl<D: Doubles16> ListPacket<D> {
         !(separated | behind) & 0xffff
     }
 
-    /// Takes in sixteen rays, of which the first so many count: at least one.
+    /// Loads sixteen rays, of which the given number, at least one, is valid.
     #[inline(always)]
     pub fn new(token: D::Token, list: &List, rays: &[Ray; RAYS], count: usize) -> Self {
         let [x, y, z, t_min, dx, dy, dz, t_max] = ray_columns::<D::Singles>(token, rays);
@@ -351,7 +351,7 @@ impl<D: Doubles16> ListPacket<D> {
 }
 
 impl<W: Lanes16> FaceHits<W> {
-    /// Says that some rays do not certainly meet the face, of which some may meet it.
+    /// Records that some rays do not certainly hit the face, and that some of these may hit it.
     #[inline(always)]
     fn mark_doubtful(&mut self, token: W::Token, lanes: u32, doubtful: u32) {
         self.inside = self.inside.replace(lanes, W::splat(token, f32::NEG_INFINITY));

@@ -1,9 +1,9 @@
 //! Spheres and flat shapes of a list: sixteen rays at a time against each.
 //!
 //! The same operations in `f64` in the same order as those of the shapes, so the same bits. Two
-//! things are left out, and change none: directions are not scaled by a power of two, for
-//! [`is_moderate`] sees to it that nothing overflows or vanishes; and the parameters in `f64` are
-//! not compared with the interval, for those in `f32` have to lie in it too.
+//! steps are left out without effect: directions are not scaled by a power of two, because
+//! [`is_moderate`] excludes overflow and underflow; and the parameters in `f64` are not compared
+//! with the interval, for those in `f32` have to lie in it too.
 
 use super::packet::ListPacket;
 use crate::exact::plane_hit::dot;
@@ -12,8 +12,8 @@ use crate::tree::list::shape::{Kind, Outline};
 use snell_math::simd::{Doubles16, Lanes16};
 
 impl ListShape {
-    /// Where rays meet the shape first in their intervals; infinite where they do not. Only those
-    /// of some lanes are asked for, and only ordinary rays are answered.
+    /// The nearest hits of rays with the shape within their intervals; infinite for misses. Only
+    /// for the selected lanes and for ordinary rays.
     #[inline(always)]
     pub(super) fn meet<D: Doubles16>(
         &self,
@@ -101,7 +101,7 @@ impl ListShape {
         infinity.replace(first, t0).min(infinity.replace(second, t1))
     }
 
-    /// A coordinate of where the rays start, as the shape sees it.
+    /// A coordinate of the ray origins, in the coordinates of the shape.
     #[inline(always)]
     fn origin<D: Doubles16>(&self, token: D::Token, packet: &ListPacket<D>, axis: usize) -> D {
         self.product(token, packet.exact_origin, axis)

@@ -90,8 +90,8 @@ pub(crate) fn test<W: Lanes16>(
     Decided { hits: decided & !moved, moved }
 }
 
-/// Where the points of rays at `t` are in the boxes of triangles, as
-/// [`crate::exact::triangle::clamp_to_box`] asks.
+/// The points of rays at `t` clamped to the boxes of triangles, as in
+/// [`crate::exact::triangle::clamp_to_box`].
 #[inline(always)]
 fn in_box<W: Lanes16>(
     token: W::Token,

@@ -219,7 +219,7 @@ pub(super) struct EdgeTests {
     /// Triangles that any may hit, and that any certainly hit.
     pub near: u32,
     pub certain: u32,
-    /// By triangle, of those that were asked about: rays that may hit it, and that certainly do.
+    /// For each triangle that was tested, the rays that may hit it, and those that certainly do.
     pub rays: [[u32; 2]; 8],
 }
 

@@ -261,7 +261,7 @@ fn picked3<W: Lanes16>(
     ]
 }
 
-/// Tests some of the pairs in double precision, as many as a register holds.
+/// Tests one register of pairs in double precision.
 #[inline(always)]
 fn test<W: Lanes16>(
     token: W::Token,

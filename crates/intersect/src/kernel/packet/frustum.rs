@@ -503,7 +503,7 @@ impl Packet {
         self.packet_far = W::load(token, &self.far).reduce_max();
     }
 
-    /// The rays that go on without an end, since nothing was hit.
+    /// The rays without a hit, whose interval has no end.
     #[inline(always)]
     pub fn endless<W: Lanes16>(&self, token: W::Token) -> u32 {
         W::splat(token, FARTHEST).le(W::load(token, &self.far))

@@ -1,12 +1,12 @@
 //! Which triangles of a block the rays of a packet may hit, and which they certainly hit, and
 //! where.
 //!
-//! Seen from about where the rays start, the signed area of a ray and an edge is the product of the
-//! ray's direction with a vector that belongs to the edge alone (Plücker coordinates; for a shared
-//! origin as in Benthin, Realtime Ray Tracing on Current CPU Architectures, 2006). So the vectors
-//! of the edges of eight triangles are worked out at once, and then each triangle meets all rays at
-//! once. Nothing that the exact test takes is dropped, and nothing is certain that it does not
-//! take.
+//! Relative to a point near the ray origins, the signed area of a ray and an edge is the product of
+//! the ray's direction with a vector that belongs to the edge alone (Plücker coordinates; for a
+//! shared origin as in Benthin, Realtime Ray Tracing on Current CPU Architectures, 2006). So the
+//! vectors of the edges of eight triangles are computed together, and then each triangle is tested
+//! against all rays together. The test is conservative: no hit of the exact test is rejected, and
+//! certain hits are hits of the exact test.
 
 use super::edges::{Areas, LineLanes, PlaneLanes, TriangleLanes, of};
 use super::frustum::Packet;
@@ -150,8 +150,8 @@ impl<L: Lanes8> SharedOrigin<L> {
     }
 }
 
-/// A leaf on the way of packets that are seen from one point: what is known of its triangles is
-/// worked out once for all.
+/// A leaf visited by packets with a common point: the data of its triangles are computed once for
+/// all of them.
 pub(super) struct Leaf<'t, W: Lanes16> {
     pub block: &'t TriangleBlock,
     /// Of its first triangle: eight times the number of the block.
@@ -359,9 +359,9 @@ impl SeenBlock {
         unsafe { self.depths.assume_init_ref() }
     }
 
-    /// Takes two of the rays, or the last one, and tells which triangles they may meet where that
-    /// may matter, a bit for each, eight for the first ray, then eight for the last: a prepared
-    /// look, worth it for few rays.
+    /// Takes two of the rays, or the last one, and returns the triangles that they may hit within
+    /// their limits, a bit for each: eight for the first ray, then eight for the last. Uses
+    /// prepared rays, which pays for few rays.
     #[inline(always)]
     pub fn near_two<W: Lanes16>(
         &self,

@@ -1,5 +1,5 @@
-//! What packets do with shapes and instances: one ray after the other, but in instances they go on
-//! as packets if they can.
+//! Shapes and instances in packets: shapes are tested ray by ray; instances are traversed as
+//! packets where possible.
 
 use super::frustum::{Packet, PerRay, RAYS};
 use super::walk::{
@@ -119,8 +119,8 @@ impl<G: Goal> Walker<'_, '_, G> {
     }
 }
 
-/// Tests a shape or instance for some of the rays of some of the packets: in an instance they go on
-/// as packets if they can, together if they are coherent there.
+/// Tests a shape or instance for some of the rays of some of the packets. An instance is traversed
+/// as packets where possible, together if the rays are coherent there.
 #[inline(always)]
 pub(super) fn enter_object<W: Lanes16, G: Goal>(
     token: W::Token,

@@ -1,9 +1,9 @@
-//! The planes of the triangles of a block, as a packet sees them: whether a ray begins before or
-//! behind them.
+//! The planes of the triangles of a block, for a packet: whether a ray starts in front of them or
+//! behind.
 //!
-//! Areas say badly where a ray meets a sliver, since it is hardly wider than what they may be off
-//! by. Its plane says it well, for all triangles that rays begin near: what remains of the rounding
-//! is relative to how far the rays begin from the point that all is seen from.
+//! Areas are inaccurate for the distance to a sliver, which is hardly wider than their error. Its
+//! plane is accurate for all triangles near the ray origins: the remaining rounding is relative to
+//! the distance of the origins from the packet's common point.
 
 use super::exact::{cross, dot, exact3};
 use super::leaf::{ROUNDING, size};
@@ -11,8 +11,8 @@ use super::rays::PacketRays;
 use crate::kernel::packet::PacketTests;
 use snell_math::simd::{DoubleLanes, DoublesOf, Lanes8, Lanes16};
 
-/// Triangles are worked out in double precision if their normal is so many times smaller than the
-/// product of two edges: then differences of products have lost so much.
+/// Triangles are processed in double precision if their normal is this many times smaller than the
+/// product of two edges, because of cancellation.
 const SLIVER: f32 = 8.0;
 
 /// Planes of eight triangles.
@@ -36,7 +36,7 @@ pub(super) struct Planes {
     pub upright: [f32; 8],
 }
 
-/// What [`Planes`] are worked out from.
+/// The data from which [`Planes`] are computed.
 pub(super) struct SeenCorners<L> {
     pub corners: [[L; 3]; 3],
     /// From where they are seen, and the direction of the axis.

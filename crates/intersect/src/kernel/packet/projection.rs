@@ -11,7 +11,7 @@ use crate::tree::block::TriangleBlock;
 use snell_math::simd::{Lanes8, Lanes16};
 
 /// The rays that are inside and outside of the projection of a triangle, a bit for each; neither
-/// where single precision does not tell.
+/// where single precision cannot decide.
 #[inline(always)]
 pub(super) fn sides<W: Lanes16>(
     token: W::Token,

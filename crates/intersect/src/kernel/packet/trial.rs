@@ -53,9 +53,10 @@ impl Detail {
     const TRIALS: u32 = 8;
     /// Walks after which they are counted again.
     const PERIOD: u32 = 256;
-    /// So many triangles of eight, on average, are small. (In leaves of 7 to 12 rays a bunny of 280
-    /// thousand that fills the picture has 3.7, of 1.1 million 6.7; a terrain of 4 million has 6.1,
-    /// a field of small bunnies 7.5, a room of slivers 2.8.)
+    /// The average number of small triangles of eight above which a leaf counts as finely
+    /// tessellated. (In leaves of 7 to 12 rays a bunny of 280 thousand that fills the picture has
+    /// 3.7, of 1.1 million 6.7; a terrain of 4 million has 6.1, a field of small bunnies 7.5, a
+    /// room of slivers 2.8.)
     const SMALL: u32 = 5;
     /// The same where any hit will do (in leaves of more than 4 rays the bunny has 4.0, a terrain
     /// 5.4, 1.1 million 7.2, instances 7.5, a room 1.1).

@@ -25,7 +25,7 @@ use std::mem::MaybeUninit;
 const FEW_RAYS: u32 = 6;
 const FEW_RAYS_OF_ANY: u32 = 4;
 
-/// So many pairs may wait where the nearest hit is wanted.
+/// The largest number of deferred pairs where the nearest hit is wanted.
 const DEFERRED_PAIRS: usize = 6;
 
 impl<G: Goal> Walker<'_, '_, G> {
@@ -88,7 +88,7 @@ impl<G: Goal> Walker<'_, '_, G> {
             // Where most rays have ended, the others are not worth going on.
             return 2 * pairs.count >= self.alive.count_ones() as usize;
         }
-        // As long as any other ray has hit nothing, the packet goes on as before.
+        // As long as any other ray has no hit, the packet continues as before.
         !Self::DEFERS
             || pairs.count > DEFERRED_PAIRS
             || packet.endless::<W>(token) & !pairs.mask == 0
@@ -515,7 +515,7 @@ impl Outcome {
     }
 }
 
-/// What the exact test wants to know of the rays, worked out when it is needed.
+/// The data of the rays for the exact test, computed when needed.
 pub(super) struct Locals {
     pub(super) built: u32,
     rays: [MaybeUninit<LocalRay>; RAYS],

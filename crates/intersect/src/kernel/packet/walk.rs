@@ -98,8 +98,8 @@ pub(super) struct Walker<'w, 's, G: Goal> {
     /// The rays of the run, and the number of the first.
     pub(super) rays: &'w [RayOf<G>],
     pub(super) first: usize,
-    /// The searches of rays that found something that must be asked about: rays that hit nothing,
-    /// or plain triangles only, need none. And which rays have one.
+    /// The searches of rays with hits that need the filter or other checks, and which rays have
+    /// one. Rays that hit nothing or only plain triangles need none.
     pub(super) searches: PerRay<Option<Search<'s, G>>>,
     pub(super) searched: u32,
     /// Rays without a search that hit something that counts, and the nearest of that (anything
@@ -332,7 +332,7 @@ fn descend<W: Lanes16, G: Goal>(
                 continue;
             }
             if common && child.is_node() {
-                // (Planes are as good here, and the walk goes on without waiting for the rays.)
+                // (Planes are as good here, and the traversal need not wait for the rays.)
                 node = child.index();
                 break;
             }

@@ -207,7 +207,7 @@ impl<'a, L: Lanes8> Place<'a, L> {
         let is_ascending = is_ascending(self.ray.direction);
         let (mut top, mut current) = (1, self.tree.root);
         // SAFETY: a walk holds at most 7 entries per level and one at the bottom; there is room for
-        // as many and 8 at the bottom, as was checked.
+        // that and 8 at the bottom, as was checked.
         unsafe { stack.get_unchecked_mut(0).write(END) };
         loop {
             if current.is_node() {
@@ -376,9 +376,9 @@ fn is_ascending(direction: DVec3) -> bool {
     along > 0.0
 }
 
-/// Puts children above `top`, those that are further ahead later, and returns the last. Where any
-/// hit will do, the distances tell little: what is near the start of a ray is mostly the surface
-/// that it leaves, and to put them in order takes longer than it saves.
+/// Pushes children above `top` in the order of their entries, and returns the last. For occlusion
+/// rays sorting by distance does not pay: near the origin is mostly the surface that the ray
+/// leaves, and sorting takes longer than it saves.
 ///
 /// # Safety
 /// `stack` must have room for them, and there must be one.

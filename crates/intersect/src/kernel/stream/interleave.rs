@@ -60,8 +60,8 @@ impl<'a, P: Facts> Batch<'a, P> {
         self.unresolved.map_or(self.rays.len(), <[_]>::len)
     }
 
-    /// What is searched for as the `i`-th: the number of the ray, and what is known of it; asks for
-    /// the memory of a later ray and of its answer.
+    /// The `i`-th ray: its number and its search. Prefetches the memory of a later ray and of its
+    /// result.
     #[inline(always)]
     fn get<G>(
         &self,
@@ -333,7 +333,7 @@ impl<T: Copy> Queue<'_, T> {
         self.count += usize::from(counts);
     }
 
-    /// Empties the queue and tells how many items there were; they can be read until as many are
+    /// Empties the queue and returns the number of its items; they can be read until that many are
     /// put.
     #[inline(always)]
     fn take(&mut self) -> usize {

@@ -1,12 +1,11 @@
 //! The first steps of rays that start near each other, for a packet of up to [`SHARED_RAYS`] at
 //! once.
 //!
-//! Wherever unrelated rays go, most nodes that they visit are those around the points where they
-//! start, and neighbours have these in common. So boxes of such a node are tested for sixteen rays
-//! in lanes, not for one ray after the other. What is then left to each ray, a few leaves and
-//! nodes, is handed to its slot in the order of its own distances, and the walk goes on from there,
-//! alone. Nodes in which a ray starts are never visited in vain, since its limit cannot come nearer
-//! than that; nodes that half of a packet meets seldom are.
+//! Even incoherent rays visit mostly the nodes around their origins, which neighbouring rays have
+//! in common. So the boxes of such a node are tested for sixteen rays in lanes. The few leaves and
+//! nodes that remain for each ray are passed to its slot in the order of its own distances, where
+//! its traversal continues alone. Visits of nodes that contain a ray's origin are never wasted,
+//! since its limit cannot be nearer; those of nodes that half of a packet hits seldom are.
 //!
 //! (Packets of rays that part when few are left are known: Benthin, Wald, Woop, Ernst and Mark,
 //! Combining Single and Packet-Ray Tracing for Arbitrary Ray Distributions on the Intel MIC
@@ -33,11 +32,12 @@ pub(super) const SHARED_RAYS: usize = 2 * ROW;
 /// Rays that are tested with a box at once.
 const ROW: usize = 16;
 
-/// A node is visited together if so many rays start in it, or so many meet it.
+/// A node is visited together if at least this many rays start in it, or at least this many hit it.
 const MIN_INSIDE: u32 = 8;
 const MIN_MET: u32 = 16;
 
-/// Nodes and leaves that are left to the rays of a packet; as many as tags can tell.
+/// The largest number of nodes and leaves that are left to the rays of a packet, limited by the
+/// tags.
 const MAX_LEFT: usize = 32;
 
 /// Nodes and leaves that are left to one ray at most. (A ray that has more starts alone.)
@@ -340,16 +340,16 @@ unsafe fn hand_out<W: Lanes16, G: Goal, const N: usize>(
     }
 }
 
-/// Whether setting off together pays: it does if rays have many visits in common, and neighbouring
-/// packets are alike.
+/// Decides whether a shared start pays: it does if rays have many visits in common, and
+/// neighbouring packets are similar.
 #[derive(Default)]
 pub(super) struct Trial {
-    /// Parties that are to start alone before it is tried again.
+    /// The number of packets that start ray by ray before a shared start is tried again.
     rest: u32,
 }
 
 impl Trial {
-    /// So many packets after one for which it did not pay.
+    /// The number of packets to skip after one for which it did not pay.
     const REST: u32 = 3;
 
     /// Visits that a ray must have together: they take as long as two or three visits alone.
@@ -365,7 +365,7 @@ impl Trial {
         false
     }
 
-    /// Told of a packet.
+    /// Updates the decision after a packet.
     #[inline(always)]
     pub fn count(&mut self, rays: usize, visits: u32) {
         if visits < Self::MIN_VISITS * rays as u32 {

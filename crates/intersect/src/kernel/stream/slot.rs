@@ -116,7 +116,7 @@ pub(super) struct Slots<'a, G: Goal> {
 }
 
 impl<'a, G: Goal> Slots<'a, G> {
-    /// Idle slots, for walks of so many entries at most.
+    /// Idle slots, for stacks of at most this many entries.
     pub fn new(count: usize, entries: usize) -> Self {
         // (Eight are written at a time.)
         let stack = (entries + 16) * Slot::<G>::ENTRY * size_of::<u32>();
@@ -127,7 +127,7 @@ impl<'a, G: Goal> Slots<'a, G> {
         let slots = Self { memory, lines, slots: PhantomData };
         for i in 0..count {
             let slot = slots.get(i);
-            // SAFETY: the memory is there, and aligned; nobody else has it.
+            // SAFETY: the memory is there, and aligned; there is no other reference to it.
             unsafe {
                 slot.write(Slot {
                     t_min: 0.0,
@@ -278,9 +278,9 @@ impl<'a, G: Goal> Slot<'a, G> {
         unsafe { [&*first.cast(), &*first.cast::<[f32; 8]>().add(1)] }
     }
 
-    /// Goes on, after the start, with some of `children` instead of the root: those that the tags
-    /// ([`WideLanes::look_up`]) of entries that are not negative tell, which must come first, the
-    /// last of them at once. Their boxes begin at these distances or farther.
+    /// Starts with some of `children` instead of the root: those in the tags
+    /// ([`WideLanes::look_up`]) of the entries that are not negative, which must come first; the
+    /// last of them is visited at once. Their boxes start at these distances or farther.
     ///
     /// # Safety
     /// It must be a slot of [`Slots`]. The children must be of the same group, and no more than
@@ -308,9 +308,9 @@ impl<'a, G: Goal> Slot<'a, G> {
         }
     }
 
-    /// Tests the boxes of the current node: tells which children are met, in order, and writes
-    /// where, if the goal narrows. (The step is in two parts with the other slots between them:
-    /// each waits less.)
+    /// Tests the boxes of the current node. Returns the children that are hit, in order, and writes
+    /// their distances, if the goal narrows. (The step is in two parts with the other slots between
+    /// them, which hides latency.)
     ///
     /// # Safety
     /// There must be a search; the current reference must be a node of the group.
@@ -358,7 +358,7 @@ impl<'a, G: Goal> Slot<'a, G> {
         }
     }
 
-    /// Tells which triangles of the current leaf the ray's line may pass through.
+    /// Returns the triangles of the current leaf that the ray's line may hit.
     ///
     /// # Safety
     /// There must be a search; the current reference must be a block of the group.
@@ -462,7 +462,7 @@ impl<'a, G: Goal> Slot<'a, G> {
         tree.objects.fetch(self.current.index());
     }
 
-    /// Tests the shape that is the current object and goes on to the next entry, or goes into an
+    /// Tests the shape that is the current object and moves to the next entry, or enters an
     /// instance.
     ///
     /// # Safety
@@ -545,7 +545,7 @@ impl<'a, G: Goal> Slot<'a, G> {
         }
     }
 
-    /// Returns from an instance and goes on there.
+    /// Returns from an instance and continues in its parent.
     ///
     /// # Safety
     /// It must be a slot of [`Slots`]. The current entry must be [`ChildRef::RETURN`].

@@ -2,7 +2,7 @@
 //!
 //! The polygon of a triangle is the part of its plane within its box (grown by the margin of
 //! [`crate::lecture::primitives`]), because that is where hits on it can be. Shapes, instances and
-//! small triangles whose box says as much take part with their box.
+//! small triangles, for which the box is as good, are represented by their box.
 
 use super::polygon::{parts_of_box, plane_in_box};
 use super::{ChildRef, Node};

@@ -5,8 +5,8 @@
 //! Auto-partitions, by the planes of polygons alone, can be bad: a convex mesh becomes a list. So
 //! the sides of the polygons' boxes serve as planes too where they divide better (Ize, Wald and
 //! Parker, Ray tracing with the BSP tree, 2008), and a set that no plane divides well stays
-//! together in a leaf. What is hit is always the whole triangle, by the exact test; the cut
-//! polygons only tell where to look.
+//! together in a leaf. What is hit is always the whole triangle, by the exact test; the clipped
+//! polygons only decide which leaves hold it.
 
 mod build;
 mod polygon;

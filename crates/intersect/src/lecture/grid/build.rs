@@ -40,7 +40,7 @@ pub(super) fn grids(primitives: &Primitives, options: &AcceleratorOptions) -> Gr
     grids
 }
 
-/// So many cells along the longest side, and cubes as nearly as can be.
+/// The given number of cells along the longest side; cells are as nearly cubes as possible.
 fn along_longest(bounds: &Bounds3d, n: u32) -> [u32; 3] {
     let size = bounds.size();
     let per_length = f64::from(n.clamp(1, MAX_CELLS)) / size.max_element();

@@ -2,9 +2,9 @@
 //! Jevans and Wyvill, Adaptive voxel subdivision for ray tracing, 1989; Kalojanov, Billeter and
 //! Slusallek, Two-level grids for ray tracing on GPUs, 2011).
 //!
-//! The resolution follows from the number of primitives: cells are as nearly cubes as can be, and
-//! some times as many as primitives (Ize, Shirley and Parker, Grid creation strategies for
-//! efficient ray tracing, 2007).
+//! The resolution follows from the number of primitives: cells are as nearly cubes as possible, and
+//! their number is a small multiple of that of the primitives (Ize, Shirley and Parker, Grid
+//! creation strategies for efficient ray tracing, 2007).
 
 mod build;
 mod walk;

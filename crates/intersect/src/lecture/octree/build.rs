@@ -133,8 +133,8 @@ impl Builder<'_> {
             }
         }
         let total: usize = children.iter().map(Vec::len).sum();
-        // As many in each child as before: the primitives meet in a point, say, and smaller cells
-        // would not part them.
+        // Every child holds all primitives, as when they meet in a point; smaller cells would not
+        // separate them.
         if total > cell.allowance || children.iter().filter(|c| c.len() == items.len()).count() > 3
         {
             return None;
@@ -155,6 +155,6 @@ fn halves(item: &Item, boxes: &[Bounds3d; 8]) -> impl Iterator<Item = usize> {
     let in_low = low.cmple(boxes[0].max);
     let in_high = high.cmpge(boxes[7].min);
     let [low, high] = [in_low.bitmask() as usize, in_high.bitmask() as usize];
-    // Bit i of an octant says which half along axis i.
+    // Bit i of an octant is the half along axis i.
     (0..8).filter(move |octant| octant & !high == 0 && !octant & 7 & !low == 0)
 }

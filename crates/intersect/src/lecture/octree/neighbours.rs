@@ -1,8 +1,8 @@
-//! From each cell to its neighbour. Cells are named by whole numbers, the place of a point at the
-//! deepest level; where the ray leaves a cell, the place beyond is known, and the cell that holds
-//! it is found from the lowest ancestor that both share, which the highest bit in which the places
-//! differ tells (Frisken and Perry, Simple and efficient traversal methods for quadtrees and
-//! octrees, 2002).
+//! Traversal from each cell to its neighbour. Cells have integer coordinates at the deepest level.
+//! Where the ray leaves a cell, the coordinates beyond the face are known, and the cell that holds
+//! them is found from the lowest common ancestor, given by the highest bit in which the coordinates
+//! differ (Frisken and Perry, Simple and efficient traversal methods for quadtrees and octrees,
+//! 2002).
 //!
 //! The walk follows the line itself; primitives are entered in all cells within a padding, which is
 //! wider than rays from nearby. Rays from farther away go from the root down.

@@ -7,7 +7,7 @@ use crate::tree::node::WideNode;
 use snell_math::{DAffine3, DMat3, DVec3};
 
 /// A point in the coordinates of a group. The `f64` point and the metric decide; the rest, in
-/// `f32`, only says which boxes are surely too far.
+/// `f32`, only culls boxes that are certainly too far.
 #[derive(Clone, Debug)]
 pub(super) struct Place {
     /// The point. It is defined by mapping it down group by group, so it is the same with every

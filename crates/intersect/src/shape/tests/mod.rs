@@ -1,5 +1,5 @@
-//! Every example of every shape against an independent oracle and against what its own operations
-//! say about each other.
+//! Tests every example of every shape against an independent oracle, and its operations against
+//! each other.
 //!
 //! `SNELL_ORACLE_RAYS` sets the number of rays per example.
 

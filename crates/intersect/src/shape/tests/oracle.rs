@@ -21,12 +21,12 @@ pub enum Verdict {
     /// The line touches the shape to within rounding, or runs within a flat one: any answer on the
     /// surface will do.
     Touching,
-    /// The oracle has not been told of this shape.
+    /// The oracle does not know this shape.
     Unknown,
 }
 
-/// True for the shapes that the oracle has been told of. The others are held to everything else:
-/// hits lie on the surface, areas are what random lines measure, samples are spread like hits.
+/// True for the shapes that the oracle knows. The others pass all other tests: hits lie on the
+/// surface, areas are those that random lines measure, samples are distributed like hits.
 pub fn knows(shape: &AnyShape) -> bool {
     let told = [
         "sphere",

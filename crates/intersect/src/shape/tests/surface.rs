@@ -197,7 +197,7 @@ fn areas_are_what_random_lines_measure_and_samples_are_spread_like_their_hits() 
     }
 }
 
-/// Numbers whose means tell distributions on a surface apart.
+/// Statistics whose means distinguish distributions on a surface.
 fn traits(p: DVec3, n: DVec3) -> [f64; 9] {
     [p.x, p.y, p.z, p.x * p.x, p.y * p.y, p.z * p.z, n.x.abs(), n.y.abs(), n.z]
 }

@@ -79,7 +79,7 @@ const STEEPEST: f64 = 64.0;
 impl Triangle {
     const NONE: Self = Self { numbers: [[0.0; 8]; 2] };
 
-    /// What tells only which shape is hit.
+    /// Data that only identifies the shape that is hit.
     fn of_shape(geometry: u32) -> Self {
         let mut numbers = Self::NONE.numbers;
         numbers[1][2] = f32::from_bits(geometry);
@@ -198,7 +198,7 @@ impl List {
         Self::new(tree, found, *rest)
     }
 
-    /// The list of some primitives of a group; rays are asked about these bounds too.
+    /// The list of some primitives of a group; rays are also tested against these bounds.
     fn new(tree: &GroupTree, found: Primitives, others: Bounds3) -> Option<Box<Self>> {
         let Primitives { triangles, objects } = found;
         if triangles.len() > MAX_TRIANGLES || objects.len() > MAX_OBJECTS {

@@ -1,4 +1,4 @@
-//! Memory that was given back, kept for who next asks for as much.
+//! Returned memory, kept for the next request of the same size.
 //!
 //! Fresh pages come from the system filled with zeros: for a mesh of 69 thousand triangles that is
 //! a sixth of a fast build. Worlds that are built again and again, since something in them moves,
@@ -32,7 +32,7 @@ impl Piece {
         Some(Self { start, bytes, _map: map })
     }
 
-    /// Keeps it for who asks next.
+    /// Keeps it for the next request.
     pub fn give_back(self) {
         SPARE.keep(self);
     }
@@ -71,7 +71,7 @@ impl Spare {
         }
         let dropped: Vec<Piece> = pieces.drain(..old).collect();
         drop(pieces);
-        // (The system takes its time, and nobody else should wait for it.)
+        // (The system call is slow, and no other thread should wait for it.)
         drop(dropped);
     }
 }

@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// Rejects some primitives, and checks what it is told.
+/// Rejects some primitives, and checks its arguments.
 struct Cutout {
     reject: Vec<u32>,
     geometry: u32,

@@ -1,4 +1,4 @@
-//! The surfaces of a world, ready for winding numbers.
+//! The surfaces of a world, prepared for winding numbers.
 
 mod tree;
 
@@ -13,15 +13,15 @@ use snell_math::{DAffine3, DMat3, DVec3, Transform};
 use std::sync::Arc;
 use tree::{Moments, Tree, View};
 
-/// A patch counts as far away beyond this many times its radius. (The paper has 2, with one more
-/// term.)
+/// A patch is approximated at distances greater than this many times its radius. (The paper uses 2,
+/// with one more term.)
 pub(crate) const ACCURACY: f64 = 3.0;
 
-/// The largest error of the approximation that is reckoned with: nearer to a half than this,
-/// everything is summed up.
+/// Assumed bound on the error of the approximation: if the result is nearer to a half than this,
+/// all triangles are summed exactly.
 pub(crate) const DOUBT: f64 = 0.2;
 
-/// All groups, ready for winding numbers.
+/// All groups, prepared for winding numbers.
 #[derive(Debug)]
 pub(crate) struct Winding {
     groups: Vec<Group>,
@@ -33,7 +33,7 @@ struct Group {
     meshes: Vec<(u32, Triangles)>,
     triangles: u32,
     objects: Vec<Object>,
-    /// Objects that are open or unbounded: never seen from afar.
+    /// Objects that are open or unbounded, which are never approximated.
     always: Vec<u32>,
     tree: Tree,
 }
@@ -69,7 +69,7 @@ enum Object {
 }
 
 impl Winding {
-    /// Of a world; of the meshes in double precision if there are such.
+    /// Prepares a world; where meshes in double precision are given, these.
     pub fn of(world: &World, double: Option<&DWorld>) -> Self {
         let mut groups: Vec<Group> = (0..world.group_count()).map(|_| Group::default()).collect();
         for group in world.children_first() {
@@ -78,8 +78,8 @@ impl Winding {
         Self { groups }
     }
 
-    /// True if the winding number of a point is more than a half. Where the approximation is near
-    /// a half, it is not used.
+    /// True if the winding number of a point is more than a half. Where the approximation is near a
+    /// half, the exact sum decides.
     pub fn is_inside(&self, point: DVec3) -> bool {
         let fast = self.around(point, ACCURACY);
         let number =
@@ -87,8 +87,8 @@ impl Winding {
         number > 0.5
     }
 
-    /// The winding number of a point; 0 if it is not finite. Patches count as far away beyond
-    /// `accuracy` times their radius.
+    /// The winding number of a point; 0 if it is not finite. Patches are approximated at distances
+    /// greater than `accuracy` times their radius.
     pub fn around(&self, point: DVec3, accuracy: f64) -> f64 {
         if !point.is_finite() {
             return 0.0;
@@ -173,8 +173,7 @@ impl Group {
             let item = group.triangles + group.objects.len() as u32;
             let (child, map) = (instance.child.0 as usize, &instance.group_from_child);
             let below = &groups[child];
-            // Once for what can be seen from afar and what cannot: the tree leads to all of it, if
-            // it is to be seen from near.
+            // The tree holds both kinds of objects, so an exact sum needs only the tree.
             if !below.always.is_empty() {
                 group.always.push(item);
             } else if let Some(moments) = below.tree.moments() {

@@ -1,4 +1,4 @@
-//! A tree over the surfaces of a group that stands for far-away ones by their moments.
+//! A tree over the surfaces of a group that approximates distant ones by their moments.
 //!
 //! Barill, Dickson, Schmidt, Levin and Jacobson, Fast Winding Numbers for Soups and Clouds, 2018:
 //! seen from far away, a patch of surface acts as a dipole (its area vector), corrected by the
@@ -8,18 +8,18 @@
 use rayon::prelude::*;
 use snell_math::{Bounds3d, DMat3, DVec3, Transform};
 
-/// What a patch of surface looks like from far away.
+/// The moments of a patch of surface, which approximate it from a distance.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Moments {
-    /// The mean of the patch by area.
+    /// Centroid of the patch by area.
     pub center: DVec3,
-    /// Area times normal, summed up.
+    /// Sum of area times normal.
     pub area_vector: DVec3,
-    /// Area times normal times transposed offset from the centre, summed up.
+    /// Sum of area times the outer product of normal and offset from the centre.
     pub gradient: DMat3,
-    /// Area; only weighs centres.
+    /// Area, used only as the weight of centres.
     pub area: f64,
-    /// Around the patch.
+    /// Bounds of the patch.
     pub bounds: Bounds3d,
 }
 
@@ -29,7 +29,7 @@ fn outer(a: DVec3, b: DVec3) -> DMat3 {
 }
 
 impl Moments {
-    /// Of a triangle: exact.
+    /// Exact moments of a triangle.
     pub fn of_triangle([a, b, c]: [DVec3; 3]) -> Self {
         let area_vector = (b - a).cross(c - a) * 0.5;
         let bounds = Bounds3d::of([a, b, c]);
@@ -42,7 +42,7 @@ impl Moments {
         }
     }
 
-    /// Of a closed surface, which looks like nothing from outside.
+    /// Moments of a closed surface: zero, since its winding number is 0 outside.
     pub fn of_closed(bounds: Bounds3d) -> Self {
         Self {
             center: bounds.center(),
@@ -53,7 +53,7 @@ impl Moments {
         }
     }
 
-    /// Of several together.
+    /// Moments of several patches together.
     fn sum<'a>(parts: impl Iterator<Item = &'a Self> + Clone) -> Self {
         let bounds = parts.clone().fold(Bounds3d::EMPTY, |b, m| b.union(&m.bounds));
         let area: f64 = parts.clone().map(|m| m.area).sum();
@@ -71,7 +71,8 @@ impl Moments {
         sum
     }
 
-    /// As placed in another group. The outer side stays outside, in mirrors too.
+    /// The moments in the coordinates of another group. The outer side stays outside, also under
+    /// reflections.
     pub fn placed(&self, map: &Transform) -> Self {
         let view = View::new(DVec3::ZERO, map.matrix().matrix3);
         Self {
@@ -87,15 +88,15 @@ impl Moments {
 /// A point as seen from a group, and the map of differences to the world.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct View {
-    /// In the group.
+    /// The point in the coordinates of the group.
     pub point: DVec3,
     /// Maps differences of points to the world.
     pub linear: DMat3,
     /// Maps area vectors to the world.
     area: DMat3,
-    /// -1 if the map mirrors.
+    /// -1 if the map is a reflection.
     pub orientation: f64,
-    /// How much longer differences get at most.
+    /// The largest factor by which the map lengthens differences.
     stretch: f64,
 }
 
@@ -103,7 +104,7 @@ impl View {
     pub fn new(point: DVec3, linear: DMat3) -> Self {
         let determinant = linear.determinant();
         let gram = linear.transpose() * linear;
-        // The norm that is least work: no less than the spectral norm, and equal for turns with
+        // The cheapest norm that is not less than the spectral norm; equal to it for rotations with
         // scales along the axes.
         let row = |v: DVec3| v.abs().element_sum();
         let stretch = row(gram.x_axis).max(row(gram.y_axis)).max(row(gram.z_axis)).sqrt();
@@ -122,9 +123,9 @@ impl View {
 #[derive(Clone, Copy, Debug)]
 struct Node {
     moments: Moments,
-    /// The greatest distance of the patch from its centre.
+    /// The largest distance of the patch from its centre.
     radius: f64,
-    /// What it holds, as a range of the order.
+    /// The items of the node, as a range of the order.
     first: u32,
     count: u32,
     /// The second child; 0 for a leaf.
@@ -135,7 +136,7 @@ struct Node {
 #[derive(Debug, Default)]
 pub(crate) struct Tree {
     nodes: Vec<Node>,
-    /// Numbers of items, so that each node holds a range.
+    /// Item numbers, ordered so that each node holds a range.
     order: Vec<u32>,
 }
 
@@ -154,13 +155,13 @@ impl Tree {
         Self { nodes, order }
     }
 
-    /// The moments of everything; `None` if there is nothing.
+    /// The moments of all items; `None` if the tree is empty.
     pub fn moments(&self) -> Option<&Moments> {
         Some(&self.nodes.first()?.moments)
     }
 
-    /// The winding number of everything around a point: of nodes farther than `accuracy` times
-    /// their radius from the moments, of the items of other ones from `exact`.
+    /// The winding number of all items around a point. Nodes farther away than `accuracy` times
+    /// their radius count by their moments, the items of others by `exact`.
     pub fn winding_number(
         &self,
         view: &View,

@@ -124,7 +124,7 @@ fn frames_take_over_what_stays_and_are_the_same_as_if_they_did_not() {
     for time in [0.3, 0.6] {
         let (next, cameras) = playing.shot(time, time, Some(last));
         let reuse = next.world.stats().reuse;
-        // The still square is in the root, which is built anew because it is small but for that
+        // The static square is in the root, which is rebuilt because it is small apart from that
         // square.
         assert!(reuse.kept >= 1 && reuse.refitted >= 1, "{reuse:?}");
         let (alone, _) = Playing::new().shot(time, time, None);

@@ -1,4 +1,4 @@
-//! How values look in a picture.
+//! Preview colours of AOV values.
 
 use snell_math::{Rgb, rng};
 
@@ -27,7 +27,7 @@ pub fn coordinates(values: &[f32], _scene_radius: f32) -> Rgb {
     Rgb::new(value(values, 0).rem_euclid(1.0), value(values, 1).rem_euclid(1.0), 0.0)
 }
 
-/// A number as one of many colours; black if it is negative.
+/// An id as one of many colours; black if it is negative.
 pub fn id(values: &[f32], _scene_radius: f32) -> Rgb {
     let id = value(values, 0);
     if id < 0.0 {

@@ -1,4 +1,4 @@
-//! What the camera ray cost.
+//! AOVs of the cost of the camera ray.
 
 use super::colors;
 use super::{AovKind, Declared, Needs};

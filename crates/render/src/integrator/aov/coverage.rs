@@ -1,4 +1,4 @@
-//! What covers a pixel: keys of objects and materials, for Cryptomatte.
+//! AOVs of coverage: keys of objects and materials, for Cryptomatte.
 
 use super::{Aov, AovKind, Declared, Needs};
 use crate::integrator::Context;
@@ -25,7 +25,8 @@ pub const CRYPTO_MATERIAL: Declared = Declared {
     preview: |_, _| Rgb::BLACK,
 };
 
-/// The key of what was hit: of an object its instance and geometry, of a material its number.
+/// The key of a hit: for objects its instance and geometry, for materials the number of the
+/// material.
 pub fn key(aov: Aov, context: &Context, hit: &Hit) -> u64 {
     match aov {
         Aov::CryptoObject => u64::from(hit.instance) << 32 | u64::from(hit.geometry),

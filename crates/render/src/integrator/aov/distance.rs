@@ -1,4 +1,4 @@
-//! How far away the hit is.
+//! AOVs of the distance of the hit.
 
 use super::colors::value;
 use super::{AovKind, Declared, Needs};

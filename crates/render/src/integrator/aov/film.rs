@@ -1,4 +1,4 @@
-//! What the film knows of a pixel.
+//! AOVs that come from the film, not from samples.
 
 use super::colors;
 use super::{AovKind, Declared, Needs};

@@ -1,4 +1,4 @@
-//! Numbers of what was hit.
+//! AOVs of the ids of the hit.
 
 use super::colors;
 use super::{AovKind, Declared, Needs};

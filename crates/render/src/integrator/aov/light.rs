@@ -1,10 +1,10 @@
-//! Parts of the light.
+//! AOVs of parts of the light.
 
 use super::colors;
 use super::{AovKind, Declared, Needs};
 use crate::integrator::light_part::{LightPart, Lobe, Scatterings};
 
-/// Any of them: its values are added as the light is found.
+/// The declaration of every part: its values are added while light is transported.
 pub const LIGHT: Declared = Declared {
     name: "light",
     channels: &["R", "G", "B"],
@@ -33,7 +33,7 @@ const fn part(lobe: Option<Lobe>, scatterings: Scatterings) -> LightPart {
     LightPart { lobe, scatterings: Some(scatterings), group: None }
 }
 
-/// The name of a part of the light, whatever the group.
+/// The name of a part of the light, without its group.
 pub fn name(part: LightPart) -> &'static str {
     use {Lobe as L, Scatterings as S};
     match (part.lobe, part.scatterings) {

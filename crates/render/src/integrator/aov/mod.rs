@@ -1,5 +1,5 @@
-//! Arbitrary output variables: what the first hit is, apart from its light. Each is a line of the
-//! list below, and declared in a file of this folder: all else that knows layers reads the list.
+//! Arbitrary output variables: properties of the first hit other than its light. Each is a line of
+//! the list below, and is declared in a file of this folder; all other code reads the list.
 
 mod colors;
 mod cost;
@@ -22,27 +22,28 @@ use snell_scene::Camera;
 pub(crate) const AOV: Integrator =
     Integrator { name: "aov", shade: |_, _, _| {}, family: Family::Other, max_depth: 1, spp: 16 };
 
-/// How the samples of a pixel make its value.
+/// How the samples of a pixel are combined.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AovKind {
     /// Their mean.
     Averaged,
     /// The first sample's value: for ids, of which a mean means nothing.
     First,
-    /// What the film knows of the pixel, not the samples.
+    /// A value that comes from the film, not from samples.
     OfFilm,
-    /// Which share of them has which value, see [`crate::Film::coverage`]. No layer by itself.
+    /// The fraction of samples with each value, see [`crate::Film::coverage`]. Not a layer by
+    /// itself.
     Coverage,
 }
 
-/// What a camera ray has hit.
+/// The hit of a camera ray.
 #[derive(Debug)]
 pub struct FirstHit<'a> {
     /// The ray.
     pub ray: &'a Ray,
-    /// What it has hit, if anything.
+    /// The hit, if there is one.
     pub hit: &'a Hit,
-    /// When the ray is traced, from 0 to 1.
+    /// The time of the ray, from 0 to 1.
     pub time: f32,
     /// The surface that was hit, if any AOV [needs it](Aov::needs_surface).
     pub surface: Option<FirstSurface>,
@@ -53,7 +54,7 @@ pub struct FirstHit<'a> {
 /// The key of a sample that nothing covers.
 pub const NOTHING: u64 = u64::MAX;
 
-/// What the file of an AOV declares.
+/// The declaration of an AOV, in its file.
 struct Declared {
     /// The name on the command line, and of the layer.
     name: &'static str,
@@ -61,28 +62,28 @@ struct Declared {
     channels: &'static [&'static str],
     /// How samples are combined.
     kind: AovKind,
-    /// What must be known of the hit.
+    /// The data of the hit that it needs.
     needs: Needs,
-    /// Appends the values of a hit, or with [`Needs`] that a miss meets too, of any ray.
+    /// Appends the values of a hit; for [`Needs`] that misses satisfy too, of any ray.
     values: Values,
-    /// A colour that shows the value, by the values and the scene's radius.
+    /// The preview colour of the values, given the scene's radius.
     preview: fn(&[f32], f32) -> Rgb,
 }
 
 type Values = fn(&Context, &FirstHit, &Camera, &mut Vec<f32>);
 
-/// What an AOV must know.
+/// The data that an AOV needs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Needs {
     /// The hit.
     Hit,
     /// The surface that was hit.
     Surface,
-    /// The surface, where anything moves. Misses have a value, too.
+    /// The surface, in a scene with motion. Misses have a value, too.
     Motion,
-    /// The work of the ray. Misses have a value, too.
+    /// The counters of the ray. Misses have a value, too.
     Counters,
-    /// Nothing: the value is found elsewhere.
+    /// No data: the value is computed elsewhere.
     Nothing,
 }
 
@@ -188,7 +189,7 @@ impl Aov {
         self.declared().kind
     }
 
-    /// How many values each sample brings.
+    /// The number of values of each sample.
     pub fn sampled_channels(self) -> usize {
         if matches!(self.kind(), AovKind::OfFilm | AovKind::Coverage) {
             0
@@ -197,7 +198,7 @@ impl Aov {
         }
     }
 
-    /// What covers a sample, as the key of [`crate::Film::coverage`].
+    /// The key of a sample, see [`crate::Film::coverage`].
     pub fn key(self, context: &Context, hit: &Hit) -> u64 {
         if hit.is_hit() { coverage::key(self, context, hit) } else { NOTHING }
     }
@@ -207,8 +208,7 @@ impl Aov {
         self.declared().needs == Needs::Counters
     }
 
-    /// True if the surface that a camera ray hits must be known, and not only where that is on the
-    /// ray.
+    /// True if it needs the surface that a camera ray hits, and not only the distance.
     pub fn needs_surface(self, context: &Context) -> bool {
         match self.declared().needs {
             Needs::Surface => true,

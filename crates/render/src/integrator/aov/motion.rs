@@ -1,4 +1,4 @@
-//! How far what a pixel shows moves over the picture while the shutter is open.
+//! The AOV of motion vectors: the motion in the picture while the shutter is open.
 
 use super::colors::value;
 use super::{AovKind, Declared, FirstHit, Needs};
@@ -8,7 +8,7 @@ use snell_intersect::{Geometry, GeometryId, Hit};
 use snell_math::{DVec2, DVec3, Ray, Rgb};
 use snell_scene::Camera;
 
-/// The way over the picture.
+/// The motion vector.
 pub const MOTION: Declared = Declared {
     name: "motion",
     channels: &["X", "Y"],
@@ -17,18 +17,18 @@ pub const MOTION: Declared = Declared {
     values: |context, first, camera, values| {
         values.extend(on_the_picture(context, camera, first));
     },
-    // As normal maps are seen: grey where nothing moves; 64 pixels are as much as is shown.
+    // Encoded like a normal map: grey where nothing moves; motions are clamped to 64 pixels.
     preview: |values, _| {
         let f = |i| (value(values, i) / 128.0 + 0.5).clamp(0.0, 1.0);
         Rgb::new(f(0), f(1), 0.5)
     },
 };
 
-/// Distance of what is seen behind the scene, in radii of the scene.
+/// Distance of the background, in radii of the scene.
 const FAR: f64 = 1e5;
 
-/// The way over the picture from where the shutter opens to where it closes, in pixels, to the
-/// right and down. Zero where nothing moves or a part of the way is out of the camera's sight.
+/// The motion vector from the opening to the closing of the shutter, in pixels, to the right and
+/// down. Zero where nothing moves, or where an end is out of the camera's sight.
 fn on_the_picture(context: &Context, camera: &Camera, first: &FirstHit) -> [f32; 2] {
     if !is_any(context) {
         return [0.0; 2];
@@ -48,13 +48,13 @@ fn on_the_picture(context: &Context, camera: &Camera, first: &FirstHit) -> [f32;
     way().filter(|w| w.is_finite()).map_or([0.0; 2], |w| w.as_vec2().to_array())
 }
 
-/// True if the camera moves or anything that it may see.
+/// True if the camera or any visible geometry moves.
 pub fn is_any(context: &Context) -> bool {
     context.scene.moves || !context.settings.later_cameras.is_empty()
 }
 
-/// Where a point of a surface that is at `point` at a time is when the shutter opens and when it
-/// closes.
+/// The positions, at the opening and the closing of the shutter, of the surface point that is at
+/// `point` at a given time.
 fn ends(context: &Context, hit: &Hit, point: DVec3, time: f32) -> [DVec3; 2] {
     let world = &context.scene.world;
     let place = |time| world.world_from_instance_at(hit.instance, time);
@@ -71,7 +71,7 @@ fn ends(context: &Context, hit: &Hit, point: DVec3, time: f32) -> [DVec3; 2] {
     [place(0.0).point(local[0]), place(1.0).point(local[1])]
 }
 
-/// A point that is seen behind the scene.
+/// A point of the background.
 fn behind(ray: &Ray, radius: f64) -> DVec3 {
     ray.origin.as_dvec3() + ray.direction.as_dvec3() * (radius * FAR)
 }

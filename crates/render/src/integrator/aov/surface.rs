@@ -1,4 +1,4 @@
-//! What the surface is that was hit.
+//! AOVs of the surface that was hit.
 
 use super::colors::{self, value};
 use super::{AovKind, Declared, Needs};
@@ -32,7 +32,7 @@ pub const NORMAL: Declared = Declared {
     preview: colors::direction,
 };
 
-/// Its own normal.
+/// Its geometric normal.
 pub const GEOMETRIC_NORMAL: Declared = Declared {
     name: "geometric-normal",
     channels: &["X", "Y", "Z"],

@@ -1,4 +1,4 @@
-//! What becomes of the outputs of a vertex function, and who else wants to know of them.
+//! Collects the output of a vertex function, and passes it to recorders.
 
 use super::{MAX_TREE, PartRenderer};
 use crate::integrator::light_part::{LightSource, LightTag, LobeShares, Scatterings};
@@ -7,7 +7,7 @@ use crate::job::volumes::VolumeBatch;
 use snell_math::SampledSpectrum;
 
 impl PartRenderer<'_> {
-    /// Takes what the vertex function gave.
+    /// Collects the output of the vertex function.
     pub(super) fn collect(&mut self, depth: u32, path: usize) {
         let (carried, sample) = (&self.paths.carried[path], self.paths.samples[path]);
         let (is_branched, throughput, time) =
@@ -40,7 +40,7 @@ impl PartRenderer<'_> {
         }
     }
 
-    /// Writes down what a vertex gave, if that is wanted.
+    /// Records the output of a vertex, if there is a journal.
     fn note_in_journal(&mut self, path: usize) {
         let Some(journal) = &mut self.journal else { return };
         let hit = self.paths.hits[path];
@@ -79,7 +79,7 @@ impl PartRenderer<'_> {
         }
     }
 
-    /// Clamps light that was scattered more than once, if that is asked for.
+    /// Clamps light that was scattered more than once, if the settings request it.
     #[inline]
     pub(super) fn clamped(
         &self,
@@ -93,7 +93,7 @@ impl PartRenderer<'_> {
         if brightest > most { light * (most / brightest) } else { light }
     }
 
-    /// What gives the light that a path finds where it is.
+    /// The source of the light that a path finds at its vertex.
     fn source_found(&self, path: usize) -> LightSource {
         let (scene, hit) = (self.context.scene, &self.paths.hits[path]);
         if hit.is_hit() {
@@ -103,7 +103,7 @@ impl PartRenderer<'_> {
         }
     }
 
-    /// What is known of light of a path that was scattered so often, first by this lobe.
+    /// The classification of a path's light, given the number of scatterings and the first lobe.
     pub(super) fn tag(&self, lobe: LobeShares, scatterings: u32, source: LightSource) -> LightTag {
         LightTag {
             lobe,

@@ -1,5 +1,5 @@
-//! What becomes of what a batch shader gives: light rays, next rays, and the media that these start
-//! in.
+//! Collects the output of a batch shader: light rays, next rays, and the media in which these
+//! start.
 
 use super::PartRenderer;
 use crate::batch::{BatchShader, Shaded};
@@ -10,8 +10,8 @@ use snell_math::{Ray, SampledSpectrum, Vec3};
 use snell_scene::MediumId;
 
 impl<'a> PartRenderer<'a> {
-    /// Takes what a shader gives for the paths that it has shaded last. Vertices that are not sound
-    /// are shaded by the vertex function.
+    /// Collects the output of a shader for the paths that it has shaded last. Vertices that it
+    /// marks as invalid are shaded by the vertex function.
     pub(super) fn collect_shaded(&mut self, depth: u32, shader: &dyn BatchShader<'a>) {
         let shaded = shader.shaded();
         for &(path, radiance) in shaded.found {
@@ -36,7 +36,7 @@ impl<'a> PartRenderer<'a> {
         }
     }
 
-    /// Takes what a shader gives lane by lane, in order.
+    /// Collects the output of a shader lane by lane, in order.
     fn collect_lanes(&mut self, depth: u32, shader: &dyn BatchShader<'a>) {
         let shaded = shader.shaded();
         for (lane, &path) in shaded.paths.iter().enumerate() {
@@ -56,7 +56,7 @@ impl<'a> PartRenderer<'a> {
         }
     }
 
-    /// Takes the light rays of the sound lanes.
+    /// Collects the light rays of the valid lanes.
     fn collect_light_rays(
         &mut self,
         depth: u32,
@@ -64,9 +64,9 @@ impl<'a> PartRenderer<'a> {
         shaded: &Shaded<'_>,
     ) {
         let Some(light) = shaded.light else { return };
-        // Column by column, which is twice as fast as path by path. (Columns turned into rows in
-        // registers, eight by eight, were no faster, perhaps because it is the stores to what is
-        // not in the first cache that take the time.)
+        // Column by column, which is twice as fast as path by path. (Transposing eight by eight in
+        // registers was no faster, perhaps because stores that miss the first-level cache take the
+        // time.)
         let Self { paths: from, light_rays, lanes, kept, .. } = self;
         let first = light_rays.values.len();
         let path = |lane: u32| shaded.paths[lane as usize] as usize;
@@ -84,8 +84,8 @@ impl<'a> PartRenderer<'a> {
         }
     }
 
-    /// Clamps the light of the light rays from the first of this number on, those of the lanes that
-    /// are `kept`, and notes which layers it belongs to.
+    /// Clamps the light of the light rays from this index on, for the lanes that are `kept`, and
+    /// records its layers.
     #[cold]
     fn clamp_and_tag_light_rays(
         &mut self,
@@ -108,7 +108,7 @@ impl<'a> PartRenderer<'a> {
         }
     }
 
-    /// Takes where the paths of the sound lanes go on.
+    /// Collects the next rays of the valid lanes.
     fn collect_next(&mut self, depth: u32, shader: &dyn BatchShader<'a>, shaded: &Shaded<'_>) {
         let wants_lobes = self.batch(depth).wants_lobes();
         let Self { paths: from, next, lanes, kept, .. } = self;
@@ -127,7 +127,7 @@ impl<'a> PartRenderer<'a> {
         }));
     }
 
-    /// Notes the media that the rays of a lane start in.
+    /// Records the media in which the rays of a lane start.
     fn note_media(
         &mut self,
         depth: u32,
@@ -162,7 +162,7 @@ impl<'a> PartRenderer<'a> {
         }
     }
 
-    /// Notes the media that rays from a surface start in, to whichever side.
+    /// Records the media in which rays from a surface start, on either side.
     fn note_media_beyond(
         &mut self,
         depth: u32,

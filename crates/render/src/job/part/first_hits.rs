@@ -1,4 +1,4 @@
-//! Alpha and AOVs of the first hits of the rays of the camera.
+//! Alpha and AOVs of the first hits of camera rays.
 
 use super::PartRenderer;
 use crate::integrator::aov::{Aov, AovKind, FirstHit};
@@ -8,7 +8,7 @@ use snell_intersect::{Hit, RayQuery};
 use snell_scene::Background;
 
 impl PartRenderer<'_> {
-    /// Where the camera has no ray, such as outside of a fisheye's circle, nothing is hit.
+    /// Where the camera has no ray, as outside of a fisheye's circle, nothing is hit.
     pub(super) fn drop_dead_paths(&mut self) {
         for path in 0..self.paths.len() {
             if self.paths.is_dead(path) {
@@ -17,7 +17,7 @@ impl PartRenderer<'_> {
         }
     }
 
-    /// True if something depends on what the rays of the camera hit first.
+    /// True if some output depends on the first hits of camera rays.
     pub(super) fn needs_first_hits(&self) -> bool {
         self.context.scene.background == Background::Transparent
             || !self.context.settings.aovs.is_empty()
@@ -62,8 +62,7 @@ impl PartRenderer<'_> {
         }
     }
 
-    /// The surface that a camera ray has hit, if anybody wants to know; its lane has been looked
-    /// up.
+    /// The surface that a camera ray has hit, if an AOV needs it; its lane has been gathered.
     fn first_surface(&self, lane: usize, path: usize) -> Option<FirstSurface> {
         let (scene, paths) = (self.context.scene, &self.paths);
         let surfaces = self.first_surfaces.as_ref().filter(|_| paths.hits[path].is_hit())?;

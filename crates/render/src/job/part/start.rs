@@ -1,4 +1,4 @@
-//! Where paths begin: samples, their numbers and the rays of the camera.
+//! The start of paths: samples, their random numbers and camera rays.
 
 use super::{PartRenderer, Sample, SampleFacts};
 use crate::integrator::camera_path::{
@@ -90,7 +90,7 @@ impl PartRenderer<'_> {
     }
 }
 
-/// What the spectra of samples stand for.
+/// The meaning of the channels of samples: colours or wavelengths.
 fn modes_of(
     color: ColorModel,
     randoms: &BatchRandoms<LANES>,
