@@ -164,8 +164,8 @@ fn descend(
     }
 }
 
-/// [`sample_batch`] where all lights are children of one node: the receivers in lanes instead of the
-/// children.
+/// [`sample_batch`] where all lights are children of one node: the receivers in lanes instead of
+/// the children.
 #[inline(always)]
 fn sample_few(
     tree: &LightBvh,

@@ -104,7 +104,8 @@ impl Prepared {
         Some((batch, at, needs))
     }
 
-    /// [`Self::batch_at`] any plain point, in any mode, of a material that has [`Self::plain_batch`].
+    /// [`Self::batch_at`] any plain point, in any mode, of a material that has
+    /// [`Self::plain_batch`].
     pub fn plain_batch_in(
         &self,
         material: &Material,
