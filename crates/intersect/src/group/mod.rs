@@ -18,7 +18,7 @@ use std::sync::Arc;
 pub(crate) enum Object {
     /// A shape.
     Shape {
-        /// What is tested.
+        /// The geometry to test.
         shape: Arc<dyn Shape>,
         /// Its number.
         geometry: u32,
@@ -124,7 +124,7 @@ pub(crate) struct Bulk {
     pub first: u32,
     /// Its number.
     pub geometry: u32,
-    /// What is tested.
+    /// The geometry to test.
     pub contents: BulkContents,
 }
 

@@ -28,8 +28,8 @@ const MAPPED_BYTES: usize = if cfg!(miri) { 1 << 12 } else { 3 << 17 };
 const HUGE_PAGE: usize = 1 << 21;
 
 /// The number of bytes to put in huge pages, rounded up if the end fills at least half of one. So
-/// at most a megabyte is wasted, and few small pages are touched, which costs a microsecond each on
-/// virtual machines.
+/// at most a megabyte is wasted or left to small pages, each of which costs a microsecond to touch
+/// on virtual machines.
 fn huge_bytes(bytes: usize) -> usize {
     (bytes.saturating_add(HUGE_PAGE / 2)) / HUGE_PAGE * HUGE_PAGE
 }
