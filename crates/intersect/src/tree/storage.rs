@@ -55,12 +55,12 @@ pub(crate) struct Storage<T> {
     values: PhantomData<T>,
 }
 
-/// Who frees the memory.
+/// The owner of the memory, by how it is freed.
 enum Owner {
     Heap(Layout),
     Mapped(Piece),
-    /// Given back.
-    Nobody,
+    /// Returned already.
+    Nothing,
 }
 
 // SAFETY: `Storage` owns plain values, like a `Vec`.
@@ -107,13 +107,13 @@ impl<T: Plain> Storage<T> {
 
 impl<T> Drop for Storage<T> {
     fn drop(&mut self) {
-        match std::mem::replace(&mut self.owner, Owner::Nobody) {
+        match std::mem::replace(&mut self.owner, Owner::Nothing) {
             // SAFETY: it was allocated with this layout; plain values need no drop.
             Owner::Heap(layout) if layout.size() > 0 => unsafe {
                 dealloc(self.start.as_ptr().cast(), layout)
             },
             Owner::Mapped(piece) => piece.give_back(),
-            Owner::Heap(_) | Owner::Nobody => {}
+            Owner::Heap(_) | Owner::Nothing => {}
         }
     }
 }

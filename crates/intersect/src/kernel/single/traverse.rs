@@ -120,7 +120,7 @@ fn search_with_care<L: Lanes8, G: Goal>(
     enter::<L, G>(token, forest, 0, &G::Precision::exact(search.ray), 0, search, stack);
 }
 
-/// Where a ray walks.
+/// The trees that a ray traverses.
 #[derive(Clone, Copy)]
 struct Place<'a, L: Lanes8> {
     token: L::Token,
