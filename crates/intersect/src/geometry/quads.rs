@@ -10,7 +10,7 @@ use std::sync::Arc;
 /// so meshes of quads and triangles can be watertight. A quad whose last two corners are the same
 /// is a triangle.
 ///
-/// [`Hit::primitive`] is the quad and [`Hit::uv`] the position in it: (0, 0), (1, 0), (1, 1), (0, 1)
+/// [`Hit::primitive`] is the quad, [`Hit::uv`] the position in it: (0, 0), (1, 0), (1, 1), (0, 1)
 /// at its corners, linear in each of the triangles (for a parallelogram in all of it), with a sum
 /// above 1 on the second of them only. Vertex attributes are interpolated in the triangles too.
 #[derive(Clone, Debug, PartialEq)]
