@@ -23,7 +23,7 @@ pub struct TriangleMesh {
     pub material_slots: Vec<u16>,
 }
 
-/// Why a mesh was refused.
+/// Errors of an invalid mesh.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum MeshError {
     /// An index points past the vertices.
@@ -31,15 +31,15 @@ pub enum MeshError {
     IndexOutOfRange {
         /// The first such triangle.
         triangle: usize,
-        /// The index found.
+        /// The invalid index.
         index: u32,
-        /// How many vertices there are.
+        /// The number of vertices.
         vertices: usize,
     },
     /// An attribute array has the wrong length.
     #[error("attribute {attribute} has {found} entries, expected {expected} (one per {per})")]
     AttributeLength {
-        /// Which attribute.
+        /// Name of the attribute.
         attribute: &'static str,
         /// Entries found.
         found: usize,
@@ -50,7 +50,7 @@ pub enum MeshError {
     },
 }
 
-/// A triangle mesh in double precision: shape only.
+/// A triangle mesh in double precision, without attributes.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct DTriangleMesh {
     /// Vertex positions. Triangles with a non-finite vertex are never hit.
@@ -99,7 +99,7 @@ impl From<&TriangleMesh> for DTriangleMesh {
     }
 }
 
-/// Refuses indices that point past the vertices.
+/// Returns an error for indices that point past the vertices.
 fn check_indices(indices: &[[u32; 3]], vertices: usize) -> Result<(), MeshError> {
     for (triangle, indices) in indices.iter().enumerate() {
         if let Some(&index) = indices.iter().find(|&&i| i as usize >= vertices) {
@@ -156,7 +156,7 @@ impl TriangleMesh {
         self.survey().0
     }
 
-    /// [`Self::bounds`] and [`Self::degenerate_triangles`], in one go over all triangles.
+    /// [`Self::bounds`] and [`Self::degenerate_triangles`], in one pass over all triangles.
     pub(crate) fn survey(&self) -> (Bounds3, usize) {
         let of = |indices: &[[u32; 3]]| {
             let (mut low, mut high, mut degenerate) = (Vec4::INFINITY, Vec4::NEG_INFINITY, 0);

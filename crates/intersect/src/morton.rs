@@ -1,4 +1,4 @@
-//! Morton codes: the bits of three numbers in turns.
+//! Morton codes: the interleaved bits of three numbers.
 
 /// For each of the numbers below `N` (at most `2^11`), every bit at three times its place: one axis
 /// of a Morton code.

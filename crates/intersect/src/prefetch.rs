@@ -1,14 +1,14 @@
-//! Asking for memory before it is needed. It reads nothing, so any address will do, and it changes
-//! no answer.
+//! Prefetching of memory. It has no side effects, so any address is valid, and results do not
+//! depend on it.
 
-/// Bytes that come together.
+/// Bytes of a cache line.
 const LINE: usize = 64;
 
-/// Asks for the memory of an item of at most two lines.
+/// Prefetches an item of at most two cache lines.
 #[inline(always)]
 pub(crate) fn fetch<T>(item: *const T) {
     let (first, end) = (item.cast::<u8>(), item.wrapping_add(1).cast::<u8>());
-    // (It may lie across two.)
+    // (It may straddle two.)
     fetch_line(first);
     fetch_line(end.wrapping_sub(1));
 }
@@ -26,7 +26,7 @@ fn fetch_line(at: *const u8) {
     #[cfg(target_arch = "x86_64")]
     {
         use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-        // SAFETY: asking ahead reads nothing: any address will do.
+        // SAFETY: prefetching reads nothing, so any address is valid.
         unsafe { _mm_prefetch::<_MM_HINT_T0>(at.cast()) };
     }
     #[cfg(not(target_arch = "x86_64"))]

@@ -27,9 +27,9 @@ pub struct Explanation {
     pub pixel: [u32; 2],
     /// Its values in the picture: red, green, blue (linear), alpha.
     pub value: [f32; 4],
-    /// The first [`KEPT`] samples, by number, and the one that was asked for.
+    /// The first [`KEPT`] samples, by number, and the requested one.
     pub samples: Vec<PathTree>,
-    /// The pixel after the numbers of samples that were asked for, and after all.
+    /// The pixel after the requested numbers of samples, and after all.
     pub convergence: Vec<Mean>,
 }
 
@@ -136,7 +136,7 @@ impl VertexKind {
 /// How a path went on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scattering {
-    /// Which lobe, as far as one can say: the one that gives most of the value in this direction.
+    /// The lobe that contributes most of the value in this direction.
     pub lobe: Lobe,
     /// True for perfect mirrors and clear glass.
     pub is_delta: bool,
@@ -189,8 +189,9 @@ pub struct Wanted<'a> {
     pub looks: &'a [u32],
 }
 
-/// Renders one pixel of a job and shows how it came about. `each` sees every sample's tree once, in
-/// order; what is kept of them is bounded. `None` if the pixel is outside of the picture.
+/// Renders one pixel of a job and explains its value. `each` gets every sample's tree once, in
+/// order; the number of trees that are kept is bounded. `None` if the pixel is outside of the
+/// picture.
 pub fn explain(
     job: &Job,
     pixel: [u32; 2],

@@ -1,5 +1,5 @@
-//! Where to divide a set of primitives: the surface area heuristic over bins (Wald, On fast
-//! construction of SAH-based bounding volume hierarchies, 2007).
+//! The split of a set of primitives: the binned surface area heuristic (Wald, On fast construction
+//! of SAH-based bounding volume hierarchies, 2007).
 
 use super::binning::{BINS, BinPlane, Binning, Bins, Box8, Primitive, fill};
 use rayon::prelude::*;
@@ -105,14 +105,14 @@ pub(super) fn best_plane(bins: &Bins) -> Option<Plane> {
     Some(Plane { at, bounds: [bounds(a), bounds(b)], cost: best_cost })
 }
 
-/// What it costs to visit a set: area times blocks of up to eight triangles.
+/// The cost of visiting a set: area times blocks of up to eight triangles.
 #[inline(always)]
 fn cost(bounds: &Box8, count: u32) -> f32 {
     bounds.half_area() * blocks(count)
 }
 
-/// How many blocks of up to eight triangles a set will need. Large ones do not fill their blocks
-/// evenly anyway.
+/// The number of blocks of up to eight triangles that a set will need. Large ones do not fill their
+/// blocks evenly anyway.
 #[inline(always)]
 pub(super) fn blocks(count: u32) -> f32 {
     if count > 256 { count as f32 / 8.0 } else { count.div_ceil(8) as f32 }

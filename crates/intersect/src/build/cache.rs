@@ -6,8 +6,8 @@
 //! and the triangles left out, as they are in memory ([`body`]). It is written under another name
 //! and renamed when it is complete.
 //!
-//! What is read is copied into memory and checked there, so later changes of the file cannot change
-//! a picture. Checked are the header, whose tree it is, the length, a checksum of each piece, and
+//! The file is copied into memory and checked there, so later changes of the file cannot change a
+//! picture. Checked are the header, whose tree it is, the length, a checksum of each piece, and
 //! that every reference leads to something. A mapped file would need the same checks, and a process
 //! that reads a mapped file dies if the file is truncated.
 //!

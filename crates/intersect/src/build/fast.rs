@@ -66,9 +66,9 @@ impl Grid {
 /// A tree, and the blocks of its leaves in their order.
 pub(super) struct Fast {
     pub keys: Storage<Key>,
-    /// How many keys are in use.
+    /// The number of keys in use.
     pub count: usize,
-    /// How many of these are triangles.
+    /// The number of triangles among these.
     pub triangles: usize,
 }
 
@@ -200,9 +200,9 @@ const FETCHED: usize = 1 << 17;
 /// Small sets are divided so that their blocks will be full.
 const FULL: usize = 32;
 
-/// Where to divide sorted keys, at least two: between the halves of the smallest cell that holds
-/// all, or in the middle if they share one; small sets where it is nearest to that and needs no
-/// more blocks of eight than the whole.
+/// The position at which to divide two or more sorted keys: between the halves of the smallest cell
+/// that holds all, or in the middle if they share one; small sets where it is nearest to that and
+/// needs no more blocks of eight than the whole.
 #[inline]
 fn middle(keys: &[Key]) -> usize {
     let n = keys.len();
@@ -315,7 +315,7 @@ fn assemble<'a>(
 /// A part whose boxes are not known yet.
 struct Outline {
     part: PartBuilder,
-    /// How many blocks it will have.
+    /// The number of its blocks.
     blocks: usize,
 }
 

@@ -29,7 +29,7 @@ const CROWDED: f64 = 4.0;
 /// Bins per axis of space.
 const BINS: usize = 16;
 
-/// How to build.
+/// Options of the build.
 #[derive(Clone, Copy)]
 pub(super) struct High<'a> {
     /// Which instructions to use.

@@ -15,7 +15,7 @@ pub(super) const PART: usize = 4096;
 /// 90 nodes.
 pub(super) const MAX_COST_DEPTH: usize = 60;
 
-/// How to build.
+/// Options of the build.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Medium {
     /// Which instructions to use.

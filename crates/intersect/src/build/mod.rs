@@ -41,7 +41,7 @@ use snell_math::{Bounds3, Bounds3d};
 use std::path::PathBuf;
 use wide::{Wide, write};
 
-/// How to build trees.
+/// Options of building trees.
 #[derive(Clone, Debug)]
 pub(crate) struct BvhOptions {
     pub quality: Quality,
@@ -49,7 +49,7 @@ pub(crate) struct BvhOptions {
     pub compact: bool,
     /// Instructions the builder may use; the tree is the same at every level.
     pub wide: Option<simd::Wide>,
-    /// Where trees are kept in files.
+    /// The folder of cached trees.
     pub cache: Option<PathBuf>,
 }
 

@@ -1,4 +1,4 @@
-//! What the builders sort: boxes with the numbers of their triangles or objects.
+//! The input of the builders: boxes with the numbers of their triangles or objects.
 
 use super::binning::{Box8, Primitive};
 use crate::group::GroupList;
@@ -44,7 +44,7 @@ impl<'a> Triangles<'a> {
         Self { list, meshes }
     }
 
-    /// How many there are, those included that can never be hit.
+    /// The number of triangles, including degenerate ones.
     pub fn count(&self) -> usize {
         self.list.meshes.iter().map(|(_, mesh)| mesh.indices.len()).sum()
     }

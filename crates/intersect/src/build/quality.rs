@@ -1,6 +1,6 @@
-//! How much time a build may take for how fast a tree.
+//! Build quality: build time against tracing speed.
 
-/// How a hierarchy is built. All qualities give the same hits, bit for bit.
+/// The build quality of a hierarchy. All qualities give the same hits, bit for bit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Quality {
     /// Along a space-filling curve: built several times faster, traced at perhaps three quarters of

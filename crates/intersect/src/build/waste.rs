@@ -9,7 +9,7 @@ const LEAST_AREA: f32 = 1e-5;
 
 /// Boxes of up to this many times the area of their triangle are not wasteful: that of a slanted
 /// triangle has about three times.
-const USUAL: f32 = 5.0;
+const TYPICAL: f32 = 5.0;
 
 /// Spatial splits pay if a random line through the set meets on average this many boxes of large
 /// triangles without a hit. (A tree over scans or terrain costs some 10 to 40 steps; scans have a
@@ -22,7 +22,8 @@ pub(super) fn is_large(primitives: &[Primitive], triangles: &Triangles) -> bool 
     waste(primitives, triangles) > LARGE
 }
 
-/// How many boxes of large triangles a random line through everything meets in vain.
+/// The expected number of boxes of large triangles that a random line through the set enters
+/// without a hit.
 fn waste(primitives: &[Primitive], triangles: &Triangles) -> f64 {
     let bounds =
         |primitives: &[Primitive]| primitives.iter().fold(Box8::EMPTY, |b, p| b.union(p.bounds()));
@@ -37,7 +38,7 @@ fn waste(primitives: &[Primitive], triangles: &Triangles) -> f64 {
             return 0.0;
         }
         let [a, b, c] = triangles.corners(p.id());
-        f64::from((area - USUAL * 0.5 * (b - a).cross(c - a).length()).max(0.0) / all)
+        f64::from((area - TYPICAL * 0.5 * (b - a).cross(c - a).length()).max(0.0) / all)
     };
     // Pieces of the same size whatever the threads, added in order: the same sum.
     let sums: Vec<f64> = primitives.par_chunks(CHUNK).map(|c| c.iter().map(of).sum()).collect();

@@ -32,7 +32,7 @@ struct Place {
     blocks: usize,
 }
 
-/// What one job writes.
+/// The output of one job.
 enum Step<'t, P> {
     /// A wide node above the parts, with its children and the steps that write them.
     Node(Vec<(Cursor<'t, P>, usize)>),
@@ -137,7 +137,7 @@ fn plan<'t, P>(cursor: Cursor<'t, P>, steps: &mut Vec<Step<'t, P>>) -> usize {
     index
 }
 
-/// What a subtree needs.
+/// The size of a subtree.
 fn count<P: Numbered>(cursor: PartCursor<P>) -> Place {
     if let Some(leaf) = cursor.leaf() {
         return Place { nodes: 0, blocks: usize::from(leaf[0].id() & OBJECT == 0) };
@@ -163,7 +163,7 @@ struct Writer<'a> {
     write_blocks: bool,
     nodes: &'a mut [WideNode],
     blocks: &'a mut [TriangleBlock],
-    /// Where the piece starts in the tree.
+    /// The start of the piece in the tree.
     start: Place,
     /// How much of the piece is written.
     used: Place,
@@ -219,7 +219,7 @@ pub(crate) fn fill<P: Numbered>(
     block.padded_bounds(leaf.len())
 }
 
-/// How many blocks one thread packs at a time.
+/// The number of blocks that a thread packs at a time.
 const PIECE: usize = 1 << 10;
 
 impl Wide {

@@ -1,4 +1,4 @@
-//! What decides a hit: rays as tests want them, and the watertight test of a triangle.
+//! The tests that decide hits: prepared rays, and the watertight test of a triangle.
 
 pub(crate) mod double;
 pub(crate) mod plane_hit;
@@ -14,7 +14,7 @@ use ray::LocalRay;
 use snell_math::simd::Lanes8;
 use snell_math::{DRay, DVec3};
 
-/// How a precision brings rays into the coordinates of trees, and decides hits on triangles.
+/// Transforms rays of a precision into the coordinates of trees, and decides hits on triangles.
 pub(crate) trait TriangleTest: Frames {
     /// True if triangles are tested with data outside of the blocks, which can then be prefetched.
     const TRIANGLES_ELSEWHERE: bool;

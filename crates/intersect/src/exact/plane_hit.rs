@@ -1,4 +1,4 @@
-//! Where sixteen rays meet a triangle each.
+//! The intersections of sixteen rays with one triangle each.
 //!
 //! The same operations in the same order as in [`super::triangle::exact_hit_on`], so the same bits.
 //! What is rare there (ties, rays along the plane of the triangle, points outside of its box by
@@ -9,10 +9,10 @@ use snell_math::simd::{Doubles16, Lanes16};
 /// Three corners by axis, each as a lane per ray.
 pub(crate) type Corners<W> = [[W; 3]; 3];
 
-/// Where rays meet the planes of triangles.
+/// The distances of the planes of triangles along rays.
 pub(crate) struct PlaneHit<D: Doubles16> {
     pub normal: [D; 3],
-    /// How fast the ray goes along the normal.
+    /// The product of the ray's direction with the normal.
     pub slope: D,
     pub t: D,
 }
@@ -31,7 +31,7 @@ impl<D: Doubles16> PlaneHit<D> {
     }
 }
 
-/// Where rays are in the projections of triangles.
+/// The positions of rays in the projections of triangles.
 pub(crate) struct ProjectedHit<D> {
     /// The rays that are certainly inside.
     pub inside: u32,

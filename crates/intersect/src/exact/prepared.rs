@@ -32,9 +32,8 @@ const BEYOND: f32 = 4e24;
 /// origin).
 const PARALLEL: f32 = 1e37;
 
-/// What the kernels want to know about an ordinary ray in the coordinates of a group. (First what
-/// boxes are tested with, without gaps: with dozens of rays in flight, each line of the cache
-/// counts.)
+/// An ordinary ray prepared for the kernels, in the coordinates of a group. (The data of the box
+/// test come first, without gaps: with dozens of rays in flight, each line of the cache counts.)
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
 pub(crate) struct PreparedRay {
@@ -54,8 +53,7 @@ pub(crate) struct PreparedRay {
     pub shear: [f32; 2],
     /// As in [`super::ray::LocalRay`].
     pub axes: Axes,
-    /// How far a vertex may be from where it should be, seen from the origin; 0 in single
-    /// precision.
+    /// Bound on the error of a vertex relative to the origin; 0 in single precision.
     pub slack: f32,
 }
 
@@ -120,8 +118,7 @@ impl PreparedRay {
         self.set_slabs::<L>(o, d)
     }
 
-    /// What the exact test wants of the ray; `origin` and `direction` are those it was prepared
-    /// from.
+    /// The data for the exact test; `origin` and `direction` are those it was prepared from.
     #[inline(always)]
     pub fn exact(&self, origin: DVec3, direction: DVec3) -> ExactRay {
         let projection = Projection { origin: self.origin, axes: self.axes, shear: self.shear };

@@ -48,7 +48,7 @@ pub(crate) struct LocalRay {
     pub exact: DRay,
     /// The origin rounded to nearest: all vertices are projected relative to it.
     pub origin: [f32; 3],
-    /// How vertices are projected.
+    /// The projection of vertices.
     pub axes: Axes,
     /// Projected x = x - shear[0] z, y = y - shear[1] z.
     pub shear: [f32; 2],
@@ -63,8 +63,8 @@ pub(crate) struct LocalRay {
     pub inverse: [f32; 3],
     /// 1 for each axis on which the ray goes down: then the near plane of a box is its maximum.
     pub negative: [usize; 3],
-    /// How far the origin and a vertex may be from where they should be, for trees of rounded
-    /// vertices ([`super::double`]).
+    /// Bounds on the errors of the origin and of a vertex, for trees of rounded vertices
+    /// ([`super::double`]).
     pub slack: f32,
 }
 
@@ -115,7 +115,7 @@ impl LocalRay {
         }
     }
 
-    /// What the exact test wants of it.
+    /// The data for the exact test.
     #[inline(always)]
     pub fn exact_ray(&self) -> ExactRay {
         let projection = Projection { origin: self.origin, axes: self.axes, shear: self.shear };
@@ -123,7 +123,7 @@ impl LocalRay {
     }
 }
 
-/// What the box test knows about one axis; see [`LocalRay`].
+/// The data of the box test for one axis; see [`LocalRay`].
 struct AxisRay {
     origin: f32,
     near: f32,

@@ -69,8 +69,7 @@ impl TriangleTest for Single {
     }
 }
 
-/// What the exact test in single precision has found, as a hit; `None` if it is beyond what is
-/// wanted.
+/// The result of the exact test in single precision, as a hit; `None` if it is beyond the limit.
 #[inline(always)]
 fn single_hit<G: Goal<Precision = Single>>(
     search: &Search<'_, G>,

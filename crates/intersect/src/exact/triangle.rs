@@ -6,8 +6,8 @@
 //! error in `f64`, and where the ray meets an edge or vertex of the projection, a symbolic shift of
 //! the ray decides. So a ray through a closed mesh crosses each fan exactly once.
 //!
-//! What filters triangles before may pass too much but never too little, so the hits are the same
-//! at every SIMD level, and with any structure.
+//! Earlier filters of triangles are conservative, so the hits are the same at every SIMD level, and
+//! with any structure.
 
 use super::ray::{Axes, LocalRay, wide};
 use snell_math::{DVec3, Vec2};
@@ -85,8 +85,8 @@ pub(crate) fn exact_hit_on(
     if is_behind(plane, t_min) { None } else { hit_in_plane(ray, corners, plane, t_min) }
 }
 
-/// Where the ray meets the plane of a triangle: the first part of [`exact_hit`]. Infinite or NaN if
-/// that is not known.
+/// The distance of the plane of a triangle along a ray: the first part of [`exact_hit`]. Infinite
+/// or NaN if that is not known.
 #[inline(always)]
 pub(crate) fn plane_distance(origin: &DVec3, direction: &DVec3, corners: &[[f32; 3]; 3]) -> f64 {
     let [height, speed] = height_and_speed(origin, direction, corners);

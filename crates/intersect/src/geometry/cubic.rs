@@ -1,4 +1,4 @@
-//! Round cubic curves in the Bézier, B-spline and other common bases.
+//! Round cubic curves in the Bézier, B-spline, Catmull-Rom and Hermite bases.
 
 use super::nearest::on_sweep;
 use super::rounded_cone::Ball;
@@ -9,7 +9,7 @@ use snell_math::{Bounds3d, DRay, DVec3, DVec4, Vec2, Vec4};
 
 const SIXTH: f64 = 1.0 / 6.0;
 
-/// How the points of a cubic curve define it.
+/// The basis of a cubic curve.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum CurveBasis {
     /// Four points of the segment: the ends, and between them two that it is drawn towards.
@@ -32,26 +32,25 @@ pub enum CurveBasis {
 ///
 /// The curve is divided in halves until it is straight to a thousandth of its largest radius (at
 /// most 4096 pieces), and the crossings of the pieces' hulls are then improved to the true surface
-/// where that converges, to some 1e-12 of the size of the segment. What remains is at silhouettes:
-/// whether a ray that all but touches the curve hits it may be wrong within a thousandth of the
-/// radius. Where a curve is bent more tightly than its radius, the swept space is still what is
-/// hit.
+/// where that converges, to some 1e-12 of the size of the segment. Errors remain at silhouettes: a
+/// ray within a thousandth of the radius of the silhouette may be classified wrongly. Where a curve
+/// bends more tightly than its radius, the surface is still that of the swept space.
 ///
-/// A segment with a point that does not exist or is not finite, with a negative radius, or with all
+/// A segment with a point that is out of range or not finite, with a negative radius, or with all
 /// radii 0, is never hit. Where the basis makes the radius negative between points, it is 0.
 ///
 /// [`crate::Hit::uv`] is (parameter from 0 to 1 along the segment, 0); the texture coordinates are
 /// the same with the angle around the curve, from 0 to 1, for the second.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CubicCurves {
-    /// What the points mean.
+    /// The basis of the points.
     pub basis: CurveBasis,
     /// Position (x, y, z) and radius (w).
     pub points: Vec<Vec4>,
     /// For Hermite curves the derivatives at the points by the parameter of the segment, radius
     /// included.
     pub tangents: Vec<Vec4>,
-    /// Per segment the number of its first point.
+    /// For each segment the number of its first point.
     pub segments: Vec<u32>,
 }
 
@@ -102,7 +101,7 @@ impl CubicCurves {
     }
 }
 
-/// Balls of a segment that are compared first when looking for its nearest point.
+/// The number of balls of a segment that are compared first in the search for its nearest point.
 const SAMPLES: usize = 48;
 
 /// A cubic Bézier curve, radius last, as the solid that a ball sweeps along it.
@@ -122,7 +121,7 @@ impl Tube {
         balls.into_iter().fold(Bounds3d::EMPTY, |all, b| all.union(&b))
     }
 
-    /// Where the line of a ray goes in and out, ascending.
+    /// The entries and exits of a ray's line, ascending.
     pub fn crossings(&self, ray: &DRay) -> Option<impl Iterator<Item = PrimitiveHit> + use<>> {
         let sweep = Sweep::new(&self.0, ray)?;
         Some(sweep.crossings().map(|(t, u)| PrimitiveHit { t, uv: Vec2::new(u as f32, 0.0) }))

@@ -562,7 +562,7 @@ mod tests {
     #[test]
     fn only_rays_that_miss_are_told_at_once_to_pass_by() {
         let mut random = Random(77);
-        let (mut told, mut met) = (0, 0);
+        let (mut rejected, mut met) = (0, 0);
         for scale in [1.0f32, 1e-5, 1e6] {
             for _ in 0..3000 {
                 let points = (0..4)
@@ -580,14 +580,14 @@ mod tests {
                     let is_met = curves.tube(piece).is_some_and(|(tube, _)| {
                         tube.crossings(&ray).is_some_and(|mut crossings| crossings.next().is_some())
                     });
-                    let is_told = curves.capsules[piece].is_missed(&ray);
-                    assert!(!(is_met && is_told), "{ray:?} {:?}", curves.capsules[piece]);
-                    told += u32::from(is_told);
+                    let is_rejected = curves.capsules[piece].is_missed(&ray);
+                    assert!(!(is_met && is_rejected), "{ray:?} {:?}", curves.capsules[piece]);
+                    rejected += u32::from(is_rejected);
                     met += u32::from(is_met);
                 }
             }
         }
-        assert!(met > 300 && told > 10 * met, "{met} {told}");
+        assert!(met > 300 && rejected > 10 * met, "{met} {rejected}");
     }
 
     #[test]

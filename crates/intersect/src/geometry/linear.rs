@@ -12,8 +12,8 @@ use snell_math::{Bounds3d, DRay, DVec3, DVec4, Vec2, Vec4};
 /// cracks. Each segment is a solid of its own: a ray that passes along a chain also crosses the
 /// ends inside.
 ///
-/// A segment with a point that does not exist or is not finite, with a negative radius, or with
-/// both radii 0, is never hit; one without length is a ball. Hits are decided in double precision.
+/// A segment with a point that is out of range or not finite, with a negative radius, or with both
+/// radii 0, is never hit; one without length is a ball. Hits are decided in double precision.
 ///
 /// [`crate::Hit::uv`] is (0 at the first ball to 1 at the second, 0); the texture coordinates are
 /// the same with the angle around the axis, from 0 to 1, for the second.
@@ -21,7 +21,7 @@ use snell_math::{Bounds3d, DRay, DVec3, DVec4, Vec2, Vec4};
 pub struct LinearCurves {
     /// Position (x, y, z) and radius (w).
     pub points: Vec<Vec4>,
-    /// Per segment the number of its first point; the next point is its second.
+    /// For each segment the number of its first point; the next point is its second.
     pub segments: Vec<u32>,
 }
 
@@ -37,13 +37,13 @@ impl LinearCurves {
         Some(self.balls(segment)?.map(|ball| ball.center.extend(ball.radius)))
     }
 
-    /// Where the line of a ray goes in and out of a segment.
+    /// The entry and exit of a ray's line through a segment.
     fn crossings(&self, segment: usize, ray: &DRay) -> Option<[PrimitiveHit; 2]> {
         let ends = UnitRay::new(ray)?.hull_span(&self.balls(segment)?)?;
         Some(ends.map(|(t, u)| PrimitiveHit { t, uv: Vec2::new(u as f32, 0.0) }))
     }
 
-    /// Where the line of a ray goes in.
+    /// The entry of a ray's line.
     pub(super) fn entry(&self, segment: usize, ray: &DRay) -> Option<PrimitiveHit> {
         self.crossings(segment, ray).map(|[entry, _]| entry)
     }
@@ -56,7 +56,7 @@ impl LinearCurves {
     }
 }
 
-/// Balls of a segment that are compared first when looking for its nearest point.
+/// The number of balls of a segment that are compared first in the search for its nearest point.
 const SAMPLES: usize = 8;
 
 impl PrimitiveSet for LinearCurves {
@@ -80,7 +80,7 @@ impl PrimitiveSet for LinearCurves {
         let u = if g > 0.0 {
             (((position - a.center).dot(axis) - a.radius * narrowing) / g).clamp(0.0, 1.0)
         } else {
-            // One ball holds the other.
+            // One ball contains the other.
             f64::from(u8::from(narrowing < 0.0))
         };
         tube_surface(&a.lerp(&b, u), u, (axis, -narrowing), axis, position)

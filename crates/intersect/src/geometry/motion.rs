@@ -1,10 +1,10 @@
-//! Linear motion between keys that are evenly spread over the time from 0 to 1.
+//! Linear motion between keys that are evenly spaced in time from 0 to 1.
 
 use crate::mesh::{MeshError, TriangleMesh};
 use snell_math::{Bounds3d, DAffine3, DVec3, Transform, Vec3};
 use std::sync::Arc;
 
-/// Where a time from 0 to 1 lies between keys: the key before it, and how far on the way to the
+/// The position of a time from 0 to 1 between keys: the key before it, and the fraction to the
 /// next.
 #[inline(always)]
 pub(crate) fn between_keys(time: f32, keys: usize) -> (usize, f32) {
@@ -16,8 +16,8 @@ pub(crate) fn between_keys(time: f32, keys: usize) -> (usize, f32) {
     (key, x - key as f32)
 }
 
-/// The point at `s` on the way from `a` to `b`. Never outside of the box of both, and exact where
-/// they are the same.
+/// Linear interpolation from `a` to `b` by `s`. Never outside of the box of both, and exact where
+/// they are equal.
 #[inline(always)]
 pub(crate) fn lerp(a: Vec3, b: Vec3, s: f32) -> Vec3 {
     // Rounded products and a sum, never fused: a vertex has the same bits in all its triangles.
@@ -29,9 +29,9 @@ pub(crate) fn lerp(a: Vec3, b: Vec3, s: f32) -> Vec3 {
 const FLAT: f64 = 1e-9;
 
 /// The transform at a time: matrices are interpolated entry by entry (as in Embree), so every point
-/// moves on straight lines between keys; a rotation between two keys is not rigid, so give several.
-/// `None` while the interpolated matrix is singular to double precision (half of a turn between two
-/// keys flattens things on its way): then there is nothing to hit.
+/// moves on straight lines between keys; a rotation between two keys is not rigid and needs several
+/// keys. `None` while the interpolated matrix is singular in double precision (as halfway through
+/// half a turn between two keys): then nothing is hit.
 pub(crate) fn transform_at(keys: &[Transform], time: f32) -> Option<Transform> {
     let (key, s) = between_keys(time, keys.len());
     let (first, s) = (keys.get(key)?, f64::from(s));
@@ -57,7 +57,7 @@ pub(crate) fn transform_at(keys: &[Transform], time: f32) -> Option<Transform> {
     if is_flat { None } else { Transform::new(map) }
 }
 
-/// How far the box of a moving triangle is moved out, relative to its largest side.
+/// Padding of the box of a moving triangle, relative to its largest side.
 const PADDING: f64 = 1.1e-6;
 
 /// Vertices of a [`MovingMesh`] at a later key.
@@ -69,12 +69,12 @@ pub struct MeshKey {
     pub normals: Vec<Vec3>,
 }
 
-/// A triangle mesh whose vertices move: along straight lines from key to key, the keys evenly
-/// spread over the time from 0 to 1.
+/// A triangle mesh whose vertices move: along straight lines between keys that are evenly spaced in
+/// time from 0 to 1.
 ///
 /// At any time it is hit exactly as the triangle mesh with the vertices of that time
-/// ([`Self::at`]), bit for bit; so closed meshes stay closed. A vertex that is not finite at one of
-/// the keys never is.
+/// ([`Self::at`]), bit for bit; so closed meshes stay closed. A vertex that is not finite at one
+/// key counts as not finite at all times.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MovingMesh {
     first: Arc<TriangleMesh>,
@@ -112,7 +112,7 @@ impl MovingMesh {
         self.first.indices.len()
     }
 
-    /// True without triangles.
+    /// True if the mesh has no triangles.
     pub fn is_empty(&self) -> bool {
         self.first.indices.is_empty()
     }
@@ -143,7 +143,7 @@ impl MovingMesh {
     }
 
     /// A box around the three corners at all times, a little larger; `None` for a triangle that is
-    /// never hit: a corner is not finite at some key, or two are in one place at all of them.
+    /// never hit: a corner is not finite at some key, or two coincide at all keys.
     pub(crate) fn bounds(&self, triangle: usize) -> Option<Bounds3d> {
         let corners = self.first.indices[triangle].map(|v| v as usize);
         if !self.keys().all(|positions| corners.iter().all(|&v| positions[v].is_finite())) {
@@ -166,8 +166,7 @@ impl MovingMesh {
             .chain(self.later.iter().map(|key| &key.positions[..]))
     }
 
-    /// The positions at the keys before and after a time, and how far on the way between them it
-    /// is.
+    /// The positions at the keys before and after a time, and the fraction between them.
     #[inline(always)]
     fn positions(&self, time: f32) -> (&[Vec3], &[Vec3], f32) {
         let (key, s) = between_keys(time, self.later.len() + 1);

@@ -1,4 +1,4 @@
-//! Quadrilaterals: pairs of triangles that answer as one primitive.
+//! Quadrilaterals: pairs of triangles that are one primitive.
 
 use crate::hit::{DHit, Hit};
 use crate::mesh::{MeshError, TriangleMesh};
@@ -7,10 +7,10 @@ use std::sync::Arc;
 
 /// A mesh of quadrilaterals. Each is the two triangles (0, 1, 3) and (2, 3, 1) of its corners,
 /// which share the diagonal from 1 to 3 and are hit by the same watertight test as all triangles;
-/// so quads and triangles close meshes together. A quad whose last two corners are the same is a
-/// triangle.
+/// so meshes of quads and triangles can be watertight. A quad whose last two corners are the same
+/// is a triangle.
 ///
-/// [`Hit::primitive`] is the quad and [`Hit::uv`] the place in it: (0, 0), (1, 0), (1, 1), (0, 1)
+/// [`Hit::primitive`] is the quad, [`Hit::uv`] the position in it: (0, 0), (1, 0), (1, 1), (0, 1)
 /// at its corners, linear in each of the triangles (for a parallelogram in all of it), with a sum
 /// above 1 on the second of them only. Vertex attributes are interpolated in the triangles too.
 #[derive(Clone, Debug, PartialEq)]
@@ -20,7 +20,7 @@ pub struct QuadMesh {
 
 impl QuadMesh {
     /// Quads between the vertices of `mesh`, whose triangles are replaced; material slots are one
-    /// per quad, or none. All else must be as [`TriangleMesh::validate`] wants it.
+    /// per quad, or none. All else must satisfy [`TriangleMesh::validate`].
     pub fn new(mesh: TriangleMesh, quads: &[[u32; 4]]) -> Result<Self, MeshError> {
         let slots = mesh.material_slots;
         if !slots.is_empty() && slots.len() != quads.len() {
@@ -44,7 +44,7 @@ impl QuadMesh {
         self.triangles.indices.len() / 2
     }
 
-    /// True without quads.
+    /// True if the mesh has no quads.
     pub fn is_empty(&self) -> bool {
         self.triangles.indices.is_empty()
     }
@@ -61,7 +61,7 @@ impl QuadMesh {
         [a, b, c, d]
     }
 
-    /// The hit on one of the triangles that stands for a hit on a quad.
+    /// Converts a hit on a quad to a hit on one of its triangles.
     pub(crate) fn triangle_hit(&self, hit: &Hit) -> Hit {
         let quad = hit.primitive as usize;
         // (A place on the diagonal that came from elsewhere may be on a triangle in name only.)
@@ -73,7 +73,7 @@ impl QuadMesh {
     }
 }
 
-/// The hit on a quad that a hit on one of its triangles is.
+/// Converts a hit on one of the triangles to a hit on the quad.
 #[inline(always)]
 pub(crate) fn quad_hit(hit: &Hit) -> Hit {
     let uv = Vec2::from(place_f32(hit.uv.into(), hit.primitive & 1 == 1));

@@ -18,7 +18,7 @@ use std::sync::Arc;
 pub(crate) enum Object {
     /// A shape.
     Shape {
-        /// What is tested.
+        /// The geometry to test.
         shape: Arc<dyn Shape>,
         /// Its number.
         geometry: u32,
@@ -58,7 +58,7 @@ impl Placement {
 
     /// Reports to a recording goal that the search enters the child.
     #[inline(always)]
-    fn tell<G: Goal>(&self, search: &mut Search<'_, G>) {
+    fn report_entry<G: Goal>(&self, search: &mut Search<'_, G>) {
         if !G::RECORDS {
             return;
         }
@@ -124,7 +124,7 @@ pub(crate) struct Bulk {
     pub first: u32,
     /// Its number.
     pub geometry: u32,
-    /// What is tested.
+    /// The geometry to test.
     pub contents: BulkContents,
 }
 
@@ -238,7 +238,7 @@ pub(crate) fn test_object<G: Goal>(
         ObjectRef::Placed(Object::Instance { child, offset, child_from_group, mask }) => {
             mask & search.mask != 0
                 && child_from_group.ray_in_child(ray, search.time).is_some_and(|ray| {
-                    child_from_group.tell(search);
+                    child_from_group.report_entry(search);
                     let is_over = enter(*child, &ray, instance + offset, search);
                     search.goal.leave();
                     is_over

@@ -22,8 +22,8 @@ use crate::search::region::Region;
 use box_ray::BoxRay;
 use primitives::Primitives;
 
-/// What can be switched to see what it saves. Hits never depend on it. `none` and `bvh` have no
-/// switches.
+/// Variants of the structures, to measure what each saves. Hits never depend on them. `none` and
+/// `bvh` have no switches.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AcceleratorOptions {
     /// Whether what is nearer along the ray is visited first (lecture: "visit child nodes in
@@ -64,11 +64,11 @@ pub(crate) trait Accelerator: std::fmt::Debug + Send + Sync {
     /// True if primitives may lie in several places.
     fn repeats(&self) -> bool;
 
-    /// What was built.
+    /// Statistics of the build.
     fn size(&self) -> Size;
 }
 
-/// What a structure consists of.
+/// The size of a structure.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Size {
     /// Nodes and cells.
@@ -93,9 +93,9 @@ impl Size {
     }
 }
 
-/// Who tests the primitives of a group, and knows what has been found.
+/// The visitor of primitives, which tests them and holds the result.
 pub(crate) trait Visitor {
-    /// What starts beyond this is of no interest. Shrinks as hits are found.
+    /// Primitives that start beyond this are skipped. It shrinks as hits are found.
     fn cull(&self) -> f64;
 
     /// Tests primitives. True if the search is over.
@@ -121,7 +121,7 @@ pub(crate) trait Visitor {
     fn give_stack(&mut self, stack: Vec<Later>);
 }
 
-/// What a walk cost.
+/// Counters of a traversal.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Work {
     /// Inner nodes.
@@ -170,7 +170,7 @@ pub(crate) struct Later {
     pub end: f64,
     /// Which one.
     pub node: u32,
-    /// How deep it lies, where it matters.
+    /// Its depth, where it matters.
     pub level: u32,
     /// Its place among the cells of its level, where it matters.
     pub cell: [u32; 3],

@@ -68,7 +68,7 @@ impl Structures {
         &self.groups[group].list
     }
 
-    /// What was built, over all groups.
+    /// Statistics of the build, over all groups.
     pub fn size(&self) -> Size {
         let add = |a: Size, b: Size| Size {
             nodes: a.nodes + b.nodes,
@@ -139,7 +139,7 @@ impl Structures {
 const NOTHING: u32 = u32::MAX;
 
 thread_local! {
-    /// Where a thread keeps the memory of its searches. Empty while one is under way.
+    /// The memory of a thread's searches. Empty during a search.
     static SCRATCH: Cell<Option<Scratch>> = const { Cell::new(None) };
 }
 

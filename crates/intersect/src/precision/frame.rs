@@ -11,18 +11,18 @@ pub(crate) struct Frame {
     pub center: DVec3,
     /// A power of two.
     pub scale: f64,
-    /// How far a vertex of the shadow may be from where it should be, along each axis.
+    /// Bound on the error of a vertex of the rounded mesh, along each axis.
     pub slack: f32,
 }
 
-/// How far positions of the tree's coordinates may be off by the rounding of `f64`: of a box, and
-/// of a vertex.
+/// Bounds on the `f64` rounding error of positions in the tree's coordinates: of a box, and of a
+/// vertex.
 const DOUBLE_ROUNDING: f64 = 1.0 / (1u64 << 50) as f64;
 
 impl Frame {
     /// The frame of a group whose triangles and finite boxes are within `bounds`.
     pub fn of(bounds: &Bounds3d) -> Self {
-        // Never 0: rays are rounded on their way in any case.
+        // Never 0, because rays are rounded when they are transformed.
         let frame = Self { center: DVec3::ZERO, scale: 1.0, slack: f32::MIN_POSITIVE };
         if bounds.is_empty() {
             return frame;
@@ -44,7 +44,7 @@ impl Frame {
         (p - self.center) * self.scale
     }
 
-    /// About the point of the group at a place in the tree's coordinates.
+    /// The approximate point of the group for a position in the tree's coordinates.
     pub fn point_in_group(&self, p: DVec3) -> DVec3 {
         p / self.scale + self.center
     }
@@ -55,8 +55,8 @@ impl Frame {
         DRay { origin: self.point(ray.origin), direction: ray.direction * self.scale, ..*ray }
     }
 
-    /// A box in the tree's coordinates, with room for rounding; infinite sides and empty boxes stay
-    /// as they are.
+    /// A box in the tree's coordinates, padded for rounding; infinite sides and empty boxes stay as
+    /// they are.
     pub fn bounds(&self, b: &Bounds3d) -> Bounds3d {
         if b.is_empty() {
             return *b;
@@ -66,9 +66,9 @@ impl Frame {
         Bounds3d { min: min - margin(min), max: max + margin(max) }
     }
 
-    /// The shadow of a mesh of the group. Its triangles have the numbers of the mesh's; those that
-    /// are degenerate stay so, and no others become so. The slack grows to what the vertices are
-    /// off by.
+    /// The rounded copy of a mesh of the group, with the same numbers of triangles. Degenerate
+    /// triangles stay degenerate, and no others become so. The slack grows to the error of the
+    /// vertices.
     pub fn shadow(&mut self, mesh: &DTriangleMesh) -> TriangleMesh {
         let shadow_point = |p: &DVec3| self.point(*p).as_vec3();
         let mut positions: Vec<Vec3> = mesh.positions.iter().map(shadow_point).collect();
@@ -96,7 +96,7 @@ impl Frame {
     }
 }
 
-/// How a precision brings rays and points into the coordinates of trees, and back.
+/// Transforms rays and points of a precision into the coordinates of trees, and back.
 pub(crate) trait Frames: Facts {
     /// A ray of a group in the coordinates that the structures of the group are in.
     fn ray_in_structure(data: &Self::Data, group: usize, ray: &DRay) -> DRay;
@@ -104,10 +104,10 @@ pub(crate) trait Frames: Facts {
     /// A point of a group in the coordinates that the structures of the group are in.
     fn point_in_structure(data: &Self::Data, group: usize, point: DVec3) -> DVec3;
 
-    /// About the way back.
+    /// The approximate inverse for points.
     fn point_in_group(data: &Self::Data, group: usize, point: DVec3) -> DVec3;
 
-    /// How far vertices in the structures of a group may be from where they should be.
+    /// Bound on the error of vertices in the structures of a group.
     fn slack(data: &Self::Data, group: usize) -> f32;
 }
 

@@ -1,9 +1,9 @@
-//! Single and double precision: what a ray and a hit are in worlds of `f32` coordinates and in
-//! worlds of `f64` coordinates.
+//! Single and double precision: the types of rays and hits in worlds of `f32` and `f64`
+//! coordinates.
 //!
-//! Trees, boxes and kernels are the same for both, in `f32`: boxes and filters only skip. What
-//! decides is different: how a ray is brought into the coordinates of a tree, and the exact test of
-//! a triangle. Each room that does so has a small trait for it, beside what it is about.
+//! Trees, boxes and kernels are the same for both, in `f32`, since boxes and filters only cull. Two
+//! things differ: the transformation of a ray into the coordinates of a tree, and the exact test of
+//! a triangle. Each module that does so has a small trait for it.
 
 mod double;
 pub(crate) mod frame;
@@ -23,13 +23,13 @@ pub trait Precision:
 {
     /// Rays of the world.
     type Ray: Copy + Debug + Sync;
-    /// What queries answer with.
+    /// The hits that queries return.
     type Hit: Copy + Debug + Default + PartialEq + Send + Sync;
-    /// Points, where queries are about those.
+    /// The points of point queries.
     type Point: Copy + Debug + PartialEq + Into<DVec3> + Send + Sync;
-    /// Distances from them.
+    /// The distances of point queries.
     type Distance: Copy + Debug + PartialEq + Into<f64> + Send + Sync;
-    /// What queries for the nearest point answer with.
+    /// The results of nearest-point queries.
     type Nearest: Copy + Debug + Default + PartialEq + Send + Sync;
 }
 
@@ -68,13 +68,13 @@ pub(crate) trait Facts: Precision {
     /// Distances.
     type Real: Real;
 
-    /// What searches need to know besides the trees.
+    /// The data that searches need besides the trees.
     type Data: Sync;
 
-    /// A hit that is none.
+    /// A miss.
     const MISS: Self::Hit;
 
-    /// Where the interval of a ray starts and ends.
+    /// The start and end of a ray's interval.
     fn interval(ray: &Self::Ray) -> [Self::Real; 2];
 
     /// True if the ray can hit anything.
@@ -83,7 +83,7 @@ pub(crate) trait Facts: Precision {
     /// The ray in `f64`.
     fn exact(ray: &Self::Ray) -> DRay;
 
-    /// About where the ray starts.
+    /// The approximate origin of the ray.
     fn origin(ray: &Self::Ray) -> Vec3;
 
     /// A hit: distance (rounded), parameters, and instance, geometry and primitive.
@@ -98,13 +98,15 @@ pub(crate) trait Facts: Precision {
     /// Instance, geometry and primitive of a hit.
     fn ids(hit: &Self::Hit) -> [u32; 3];
 
-    /// What decides between equally far hits: the ids, then the bits of the parameters.
+    /// The key that breaks ties between hits at equal distance: the ids, then the bits of the
+    /// parameters.
     fn rank(hit: &Self::Hit) -> [u64; 5];
 
-    /// The hit on a quad that a hit on one of its triangles is ([`crate::geometry::quads`]).
+    /// Converts a hit on one of a quad's triangles to a hit on the quad
+    /// ([`crate::geometry::quads`]).
     fn quad_hit(hit: &Self::Hit) -> Self::Hit;
 
-    /// True if a hit is to be reported rather than the other: nearer, or at equal distance the
+    /// True if a hit is reported rather than the other: it is nearer, or has at equal distance the
     /// lower (instance, geometry, primitive).
     #[inline(always)]
     fn is_before(hit: &Self::Hit, other: &Self::Hit) -> bool {

@@ -5,7 +5,7 @@ use std::fmt::Debug;
 
 /// A distance: `f32` or `f64`.
 pub(crate) trait Real: Copy + Debug + PartialOrd + Into<f64> {
-    /// Nothing.
+    /// Zero.
     const ZERO: Self;
 
     /// The next greater number.
@@ -14,10 +14,10 @@ pub(crate) trait Real: Copy + Debug + PartialOrd + Into<f64> {
     /// The order of all numbers, NaN included.
     fn compare(self, other: Self) -> Ordering;
 
-    /// The greatest `f32` that is not above.
+    /// The largest `f32` that is not greater.
     fn below(self) -> f32;
 
-    /// The least `f32` that is not below.
+    /// The smallest `f32` that is not less.
     fn above(self) -> f32;
 }
 

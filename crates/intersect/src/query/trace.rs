@@ -1,5 +1,5 @@
-//! The trace of one ray through an acceleration structure, step by step, for people to look at. The
-//! search is the ordinary one, with a goal that also records where it is.
+//! The trace of one ray through an acceleration structure, step by step, for visualisation. The
+//! search is the ordinary one, with a goal that also records its steps.
 
 use crate::hit::Hit;
 use crate::precision::Single;
@@ -9,39 +9,39 @@ use crate::search::{Closest, Counted, Goal, HitFilter, HitOf, RealOf, TraversalC
 use crate::world::{Structure, World};
 use snell_math::DAffine3;
 
-/// Most steps that are kept. Those of structures that do their work are some hundred.
+/// The largest number of steps that are recorded. An effective structure needs a few hundred.
 const MAX_STEPS: usize = 10_000;
 
-/// One node or cell that a search has looked into.
+/// One node or cell that a search visited.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TraceStep {
     /// The node or cell.
     pub region: Region,
     /// True if it holds primitives and not other nodes.
     pub is_leaf: bool,
-    /// How many instances it is within.
+    /// Its instancing depth.
     pub level: u32,
     /// Primitives tested here.
     pub tested: u32,
-    /// Distance of the nearest hit that was found here, if there was one nearer than all before.
+    /// Distance of the nearest hit that was found here, if it is nearer than all before.
     pub found: Option<f32>,
 }
 
-/// How one ray went through an acceleration structure.
+/// The traversal of an acceleration structure by one ray.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TraversalTrace {
-    /// In order.
+    /// The steps, in order.
     pub steps: Vec<TraceStep>,
-    /// Steps that are not listed because there are too many.
+    /// The number of further steps, which are not listed.
     pub left_out: u64,
-    /// What was found.
+    /// The hit.
     pub hit: Hit,
-    /// What it cost.
+    /// Counters of the traversal.
     pub counters: TraversalCounters,
 }
 
 impl World {
-    /// How the nearest hit of one ray is found. The hit is that of [`World::closest_one`].
+    /// Traces how the nearest hit of one ray is found. The hit is that of [`World::closest_one`].
     pub fn trace<'a>(
         &self,
         ray: impl Into<RayQuery<'a>>,
@@ -52,7 +52,7 @@ impl World {
 
     fn trace_of(&self, ray: RayQuery, filter: &dyn HitFilter) -> TraversalTrace {
         let whole = match &self.structure {
-            // Here is no node, and everything is tested.
+            // There is no node, and everything is tested.
             Structure::None(_) => Some(self.bounds()),
             _ => None,
         };
@@ -69,12 +69,12 @@ impl World {
     }
 }
 
-/// The nearest hit, and the way to it.
+/// A goal: the nearest hit, and the steps of its search.
 struct Recorded {
     goal: Counted<Closest<Single>>,
     steps: Vec<TraceStep>,
     left_out: u64,
-    /// From the instances that the search is in to the world.
+    /// The maps from the current instances to the world.
     maps: Vec<DAffine3>,
 }
 

@@ -1,4 +1,4 @@
-//! A box with sides parallel to the axes, and two ways to hit it.
+//! A box with sides parallel to the axes, and two intersection tests.
 
 use super::frustum::choose;
 use super::nearest::on_triangle;
@@ -19,7 +19,7 @@ snell_math::declare! {
         /// Least corner.
         #[unit("scene units")]
         pub min: DVec3,
-        /// Greatest corner, in no coordinate below `min`.
+        /// Greatest corner, not below `min` in any coordinate.
         #[unit("scene units")]
         pub max: DVec3,
     }

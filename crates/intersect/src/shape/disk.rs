@@ -50,7 +50,7 @@ pub(super) fn polar(p: DVec2, radius: f64, inner_radius: f64) -> (DVec2, DVec2, 
     (along * rho, DVec2::new(turn(along), (radius - rho) / width), dpdu, -along * width)
 }
 
-/// The direction of a point of a ring from its middle, and how far it is from there.
+/// The direction of a point of a ring from its centre, and its distance from there.
 pub(super) fn on_ring_at(p: DVec2, radius: f64, inner_radius: f64) -> (DVec2, f64) {
     (p.try_normalize().unwrap_or(DVec2::X), p.length().max(inner_radius).min(radius))
 }

@@ -1,6 +1,5 @@
-//! The point of a surface nearest to a given point, as seen from elsewhere: distances are those
-//! after a linear map, so that the nearest point *in the world* is found of a shape that is
-//! stretched or sheared there.
+//! Nearest points on surfaces, with distances measured after a linear map, so that the result is
+//! nearest *in world space* for a shape that is stretched or sheared there.
 
 use snell_math::{DMat3, DVec2, DVec3};
 
@@ -13,7 +12,7 @@ pub struct ShapePoint {
     pub face: u32,
 }
 
-/// How lengths are measured: a difference `v` of two points of a shape is `|M v|` long.
+/// A metric: a difference `v` of two points of a shape has the length `|M v|`.
 #[derive(Clone, Copy, Debug)]
 pub struct Metric {
     linear: DMat3,
@@ -22,7 +21,7 @@ pub struct Metric {
     is_similarity: bool,
 }
 
-/// Equality of lengths and right angles of a map that is no more than a turn with a scale.
+/// Tolerance for maps that are a rotation with a uniform scale.
 const SIMILAR: f64 = 1e-13;
 
 impl Metric {
@@ -48,7 +47,7 @@ impl Metric {
         &self.linear
     }
 
-    /// -1 if the map turns a right hand into a left one, else 1.
+    /// -1 if the map is a reflection, else 1.
     pub fn orientation(&self) -> f64 {
         if self.linear.determinant() < 0.0 { -1.0 } else { 1.0 }
     }
@@ -118,9 +117,9 @@ impl Metric {
 /// third corner.
 ///
 /// The regions of the plane decide what it lies on (Ericson, Real-Time Collision Detection, 2005,
-/// section 5.1.5): inside, or an edge that has the point on its outer side. Where rounding might
-/// mistake one region for another, as in slivers, all that come into question are tried. On an edge
-/// the result has the same bits for every triangle that shares the edge.
+/// section 5.1.5): inside, or an edge that has the point on its outer side. Where rounding makes
+/// the region uncertain, as in slivers, all candidates are tried. On an edge the result has the
+/// same bits for every triangle that shares the edge.
 #[inline]
 pub fn on_triangle(metric: &Metric, point: DVec3, corners: &[DVec3; 3]) -> (DVec3, DVec2) {
     let r = corners.map(|c| metric.linear * (c - point));
@@ -232,11 +231,11 @@ pub(super) fn on_plane(metric: &Metric, point: DVec3) -> DVec3 {
     (point.truncate() + plane_shift(metric, 2, -point.z)).extend(0.0)
 }
 
-/// Steps around an axis at which distances are compared first.
+/// The number of angles around an axis at which distances are compared first.
 const SAMPLES: usize = 64;
 
-/// The nearest of the points `at(angle)`: the best of samples all around, each low one refined by
-/// golden sections.
+/// The nearest of the points `at(angle)`: the best of samples all around, with each local minimum
+/// refined by golden-section search.
 pub(super) fn around(metric: &Metric, point: DVec3, at: impl Fn(f64) -> DVec3) -> DVec3 {
     let step = std::f64::consts::TAU / SAMPLES as f64;
     let cost = |angle: f64| metric.length_squared(at(angle) - point);
@@ -256,8 +255,8 @@ pub(super) fn around(metric: &Metric, point: DVec3, at: impl Fn(f64) -> DVec3) -
     at(best)
 }
 
-/// Where a function with one minimum in the interval has it (Kiefer, Sequential minimax search for
-/// a maximum, 1953).
+/// The minimum of a unimodal function in an interval (Kiefer, Sequential minimax search for a
+/// maximum, 1953).
 pub(crate) fn golden_section(mut low: f64, mut high: f64, cost: impl Fn(f64) -> f64) -> f64 {
     const RATIO: f64 = 0.618_033_988_749_894_9;
     let (mut a, mut b) = (high - RATIO * (high - low), low + RATIO * (high - low));

@@ -24,7 +24,7 @@ pub fn intersect_plane(ray: &DRay, point: DVec3, normal: DVec3) -> Option<f64> {
     (t.is_finite() && ray.contains(t)).then_some(t)
 }
 
-/// Where the ray meets the plane z = 0 and the point there has `inside`.
+/// The intersection of the ray with the plane z = 0, if the point there satisfies `inside`.
 pub(super) fn closest_in_z0(ray: &DRay, inside: impl FnOnce(DVec2) -> bool) -> Option<ShapeHit> {
     let (direction, scale) = scaled_direction(ray)?;
     let t = -ray.origin.z / direction.z;

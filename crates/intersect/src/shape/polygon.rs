@@ -1,4 +1,4 @@
-//! A convex planar polygon, hit both ways of the lecture.
+//! A convex planar polygon, with both intersection tests of the lecture.
 
 use super::frustum::choose;
 use super::nearest::on_triangle;
@@ -57,7 +57,7 @@ impl Value for Polygon {
     }
 }
 
-/// Why vertices do not make a polygon.
+/// Errors of vertices that do not form a polygon.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PolygonError {
     /// Fewer than three different vertices in a row.
@@ -120,8 +120,8 @@ pub fn intersect_fan(polygon: &Polygon, ray: &DRay) -> Option<f64> {
 }
 
 impl Polygon {
-    /// How far vertices may be off a plane, and corners from convex, as part of the extent: what
-    /// decimal files lose.
+    /// How far vertices may be off a plane, and corners from convex, as a fraction of the extent:
+    /// the rounding of decimal files.
     pub const TOLERANCE: f64 = 1e-5;
 
     /// The polygon with these vertices. Vertices that repeat their predecessor are ignored, and

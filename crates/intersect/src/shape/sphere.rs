@@ -1,4 +1,4 @@
-//! A sphere around the origin, and the lecture's two ways to hit it.
+//! A sphere around the origin, with the lecture's two intersection tests.
 
 use super::nearest::on_sphere;
 use super::span::{Span, accurate_cross, crossings, roots};

@@ -23,7 +23,7 @@ snell_math::declare! {
     }
 }
 
-/// Where a ray meets a triangle.
+/// The intersection of a ray with a triangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TriangleHit {
     /// Ray parameter.
@@ -148,7 +148,7 @@ fn edge_side(p: DVec3, q: DVec3) -> Option<bool> {
     moved.into_iter().find(|&x| x != 0.0).map(|x| x > 0.0)
 }
 
-/// Normal of any length by the right-hand rule; good for slivers too.
+/// Normal of any length by the right-hand rule, accurate for slivers too.
 fn normal([a, b, c]: &[DVec3; 3]) -> DVec3 {
     accurate_cross(*b - *a, *c - *a)
 }

@@ -1,7 +1,7 @@
-//! How often a surface goes around a point: the generalised winding number (Jacobson, Kavan and
-//! Sorkine-Hornung, Robust Inside-Outside Segmentation using Generalized Winding Numbers, 2013),
-//! which is the signed solid angle of the surface over `4 pi`. Positive seen from behind (the side
-//! the normal does not point to), so that it is 1 inside a closed surface and 0 outside.
+//! The generalised winding number of a surface around a point (Jacobson, Kavan and Sorkine-Hornung,
+//! Robust Inside-Outside Segmentation using Generalized Winding Numbers, 2013), which is the signed
+//! solid angle of the surface over `4 pi`. Positive seen from behind (the side the normal does not
+//! point to), so that it is 1 inside a closed surface and 0 outside.
 
 use super::Metric;
 use snell_math::{DMat3, DVec2, DVec3};

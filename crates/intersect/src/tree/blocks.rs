@@ -127,7 +127,7 @@ impl Blocks {
         matches!(self, Self::Compact(..))
     }
 
-    /// How many blocks there are.
+    /// The number of blocks.
     pub fn count(&self) -> usize {
         match self {
             Self::Plain(blocks) => blocks.len(),

@@ -1,5 +1,4 @@
-//! Where the blocks of a tree are, and blocks in less memory: there, corners that triangles share
-//! are kept once.
+//! The blocks of a tree, and a compact form of blocks that stores shared vertices once.
 //!
 //! A record of several [lines](Line) begins with the numbers of eight triangles (the highest bits
 //! of the first hold the number of different corners), then for each vertex eight 4-bit indices of
@@ -68,7 +67,7 @@ impl Corners {
     }
 }
 
-/// How many lines a block takes.
+/// The number of lines of a block.
 pub(crate) fn lines_of(block: &TriangleBlock) -> usize {
     lines_for(Corners::of(block).count)
 }
@@ -98,7 +97,7 @@ pub(crate) fn pack(block: &TriangleBlock, to: &mut [Line]) -> bool {
     true
 }
 
-/// How many lines the record takes that begins with this one.
+/// The number of lines of the record that begins with this one.
 pub(crate) fn lines_from(first: &Line) -> usize {
     match first.0[0] >> ID_BITS {
         0 => LINES_OF_ALL,
@@ -121,7 +120,7 @@ fn highest_of_four(bits: u32) -> u32 {
     (bits | bits >> 12) & 0xff
 }
 
-/// Where the blocks of a tree are, of either kind.
+/// The blocks of a tree, of either kind.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct BlocksAt {
     start: *const u8,

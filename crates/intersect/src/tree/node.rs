@@ -2,8 +2,8 @@
 
 use snell_math::{Bounds3, Vec3};
 
-/// What a node's slot leads to, in 32 bits: an inner node, up to eight triangles, or an object
-/// (shape or instance).
+/// A child reference in 32 bits: an inner node, up to eight triangles, or an object (shape or
+/// instance).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(transparent)]
 pub(crate) struct ChildRef(pub u32);
@@ -12,9 +12,9 @@ impl ChildRef {
     const TRIANGLES: u32 = 1 << 30;
     const OBJECT: u32 = 2 << 30;
     const BLOCK_BITS: u32 = 27;
-    /// How many blocks of triangles a group may have.
+    /// The largest number of blocks of triangles in a group.
     pub const MAX_BLOCKS: usize = 1 << Self::BLOCK_BITS;
-    /// How many inner nodes, and how many objects, a group may have.
+    /// The largest number of inner nodes, and of objects, in a group.
     pub const MAX_NODES: usize = 1 << 30;
     /// Fills unused slots; their boxes are empty.
     pub const NONE: Self = Self(u32::MAX);
@@ -67,7 +67,7 @@ impl ChildRef {
         (self.0 & ((1 << Self::BLOCK_BITS) - 1)) as usize
     }
 
-    /// How many triangles the block holds.
+    /// The number of triangles in the block.
     #[inline(always)]
     pub fn count(self) -> u32 {
         ((self.0 >> Self::BLOCK_BITS) & 7) + 1

@@ -28,8 +28,8 @@ const MAPPED_BYTES: usize = if cfg!(miri) { 1 << 12 } else { 3 << 17 };
 const HUGE_PAGE: usize = 1 << 21;
 
 /// The number of bytes to put in huge pages, rounded up if the end fills at least half of one. So
-/// at most a megabyte is wasted, and few small pages are touched, which costs a microsecond each on
-/// virtual machines.
+/// at most a megabyte is wasted or left to small pages, each of which costs a microsecond to touch
+/// on virtual machines.
 fn huge_bytes(bytes: usize) -> usize {
     (bytes.saturating_add(HUGE_PAGE / 2)) / HUGE_PAGE * HUGE_PAGE
 }
@@ -55,12 +55,12 @@ pub(crate) struct Storage<T> {
     values: PhantomData<T>,
 }
 
-/// Who frees the memory.
+/// The owner of the memory, by how it is freed.
 enum Owner {
     Heap(Layout),
     Mapped(Piece),
-    /// Given back.
-    Nobody,
+    /// Returned already.
+    Nothing,
 }
 
 // SAFETY: `Storage` owns plain values, like a `Vec`.
@@ -107,13 +107,13 @@ impl<T: Plain> Storage<T> {
 
 impl<T> Drop for Storage<T> {
     fn drop(&mut self) {
-        match std::mem::replace(&mut self.owner, Owner::Nobody) {
+        match std::mem::replace(&mut self.owner, Owner::Nothing) {
             // SAFETY: it was allocated with this layout; plain values need no drop.
             Owner::Heap(layout) if layout.size() > 0 => unsafe {
                 dealloc(self.start.as_ptr().cast(), layout)
             },
             Owner::Mapped(piece) => piece.give_back(),
-            Owner::Heap(_) | Owner::Nobody => {}
+            Owner::Heap(_) | Owner::Nothing => {}
         }
     }
 }

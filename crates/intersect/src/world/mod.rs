@@ -722,9 +722,9 @@ impl World {
         };
         let slow = (!forest.ordinary).then(|| {
             let reach = forest.extents.iter().copied().fold(0.0, f32::max);
-            let usual = crate::exact::prepared::MAX_COORDINATE;
+            let limit = crate::exact::prepared::MAX_COORDINATE;
             format!(
-                "coordinates reach {reach:.1e}, and beyond {usual:.0e} all rays are several times \
+                "coordinates reach {reach:.1e}, and beyond {limit:.0e} all rays are several times \
                     as slow; move what lies so far out, \
                  or scale the scene"
             )

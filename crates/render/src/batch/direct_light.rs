@@ -1,4 +1,4 @@
-//! Direct light at the vertices of a batch, and where their paths go on: the same for surfaces and
+//! Direct light at the vertices of a batch and the next rays of their paths, for surfaces and
 //! points of media.
 
 use super::lights::{ALONE, LightArrivals, LightSamples};
@@ -16,7 +16,7 @@ use snell_math::simd::max;
 use snell_math::{SampledSpectrum, Vec2};
 use snell_scene::MediumId;
 
-/// The lights of vertices and what comes of them, by lane.
+/// The light samples of vertices and their contributions, by lane.
 #[derive(Debug)]
 pub struct DirectLight {
     pub lights: LightSamples,
@@ -26,12 +26,12 @@ pub struct DirectLight {
     pub outputs: VertexOutputs,
 }
 
-/// What the vertices of `path` or `direct` give.
+/// The outputs of vertices of `path` or `direct`.
 #[derive(Debug)]
 pub struct VertexOutputs {
-    /// By channel, what the light brings if its ray is free.
+    /// By channel, the contribution of the light if its ray is unoccluded.
     pub brought: HitColors,
-    /// 0 where no light ray is sent.
+    /// 0 in lanes without a light ray.
     pub has_light_ray: [u32; LANES],
     /// By channel, the throughput of the next ray.
     pub throughput: HitColors,
@@ -61,7 +61,7 @@ impl Default for DirectLight {
 }
 
 impl VertexOutputs {
-    /// Works out what the light of a lane brings, of which this share goes on along the path.
+    /// Computes the contribution of the light of a lane, given the BSDF times the cosine.
     #[inline(always)]
     pub fn bring<const CHANNELS: usize>(
         &mut self,
@@ -83,7 +83,7 @@ impl VertexOutputs {
         self.has_light_ray[lane] = u32::from((arrivals.exists[lane] != 0) & is_bright & is_finite);
     }
 
-    /// Notes what else the path of a lane carries on from where it was scattered, or from a delta
+    /// Records the remaining state of the path of a lane after it was scattered, or by a delta
     /// lobe.
     #[inline(always)]
     pub fn mark(
@@ -100,9 +100,9 @@ impl VertexOutputs {
         self.marks[lane] = Marks::new(expected, transmits, is_specular);
     }
 
-    /// Works out whether the path of a lane goes on in the direction that was drawn: if it `exists`
-    /// and roulette, which looks at `survival` or, without that, at what is left of the throughput,
-    /// lets it. `weight` is the factor on the throughput.
+    /// Decides whether the path of a lane continues in the sampled direction: if that `exists` and
+    /// the path survives roulette, by `survival` or else by the throughput. `weight` is the factor
+    /// on the throughput.
     #[inline(always)]
     pub fn go_on<const CHANNELS: usize>(
         &mut self,
@@ -137,13 +137,13 @@ impl DirectLight {
         self.arrivals.shadow_rays()
     }
 
-    /// What the light of a lane brings if its ray is free.
+    /// The contribution of the light of a lane if its ray is unoccluded.
     #[inline(always)]
     pub fn brought(&self, lane: usize) -> SampledSpectrum {
         color_at(&self.outputs.brought, lane % LANES)
     }
 
-    /// What paths carry on from these vertices, by what is not known here.
+    /// The next states of the paths, given the values that are not known here.
     pub fn carried<'a>(
         &'a self,
         lanes: &'a VertexLanes,
@@ -165,8 +165,8 @@ impl DirectLight {
         }
     }
 
-    /// Samples the lights of the first lanes, so many, that are not among [`LightSamples`], with
-    /// these numbers.
+    /// Samples the lights of the first lanes that [`LightSamples`] does not handle, with these
+    /// random numbers.
     pub fn sample_alone(
         &mut self,
         count: usize,
@@ -182,7 +182,7 @@ impl DirectLight {
         }
     }
 
-    /// Takes a light sample of a lane that is not one of [`LightSamples`].
+    /// Stores a light sample of a lane that [`LightSamples`] does not handle.
     pub fn put_alone(&mut self, lane: usize, light: Option<WeightedLight>) {
         self.outputs.has_light_ray[lane] = u32::from(light.is_some());
         if let Some(WeightedLight { value, shadow_ray, source, weight, glowing, .. }) = light {

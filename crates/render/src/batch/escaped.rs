@@ -1,4 +1,4 @@
-//! Paths of `path` and `direct` that leave the scene: what they find of the environment.
+//! Paths of `path` and `direct` that leave the scene: the environment's radiance.
 
 use super::lights::sky::{NO_PLACES, places_of};
 use super::{Batch, BatchShader, Shaded};
@@ -12,7 +12,7 @@ use snell_scene::light::environment::EnvironmentLight;
 /// Shades paths that hit nothing.
 pub struct EscapedShader {
     found: Vec<(u32, SampledSpectrum)>,
-    /// The light of an environment that is the same in all directions, in RGB.
+    /// The radiance of a constant environment, in RGB.
     constant: Option<SampledSpectrum>,
     /// The same for all wavelengths, if paths have any.
     spectrum: Option<RgbSpectrum>,

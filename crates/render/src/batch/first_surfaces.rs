@@ -1,5 +1,5 @@
-//! The surfaces that rays of the camera hit first, as far as AOVs show them: many plain surfaces at
-//! once, with the bits of [`FirstSurface::of`].
+//! First surfaces along camera rays for AOVs: batches of plain surfaces, with the bits of
+//! [`FirstSurface::of`].
 
 use super::plain_surfaces::PlainSurface;
 use crate::integrator::aov::Aov;
@@ -14,19 +14,19 @@ use snell_math::{ColorMode, Ray, Rgb, Vec2};
 #[derive(Debug)]
 pub struct FirstSurfaces<'a> {
     needs: SurfaceNeeds,
-    /// By geometry, where they are plain.
+    /// The triangles of each geometry that is a plain mesh.
     plain: Vec<Option<PlainSurface<'a>>>,
     wide: Option<Wide>,
     triangles: TriangleHits,
     spheres: SphereHits,
     points: TrianglePoints,
-    /// The geometry that each lane is on, if that is plain.
+    /// The geometry of each lane, if it is a plain mesh.
     on: [Option<u32>; LANES],
 }
 
 impl<'a> FirstSurfaces<'a> {
-    /// For the layers of a render, unless they need no surface. (Texture coordinates are known one
-    /// by one only.)
+    /// For the layers of a render, unless they need no surface. (Texture coordinates are not
+    /// batched.)
     pub fn for_aovs(context: &Context<'a>) -> Option<Self> {
         let (scene, aovs) = (context.scene, &context.settings.aovs);
         if !aovs.iter().any(|aov| aov.needs_surface(context)) {
@@ -50,12 +50,12 @@ impl<'a> FirstSurfaces<'a> {
         })
     }
 
-    /// What must be known.
+    /// The data that are needed.
     pub fn needs(&self) -> SurfaceNeeds {
         self.needs
     }
 
-    /// Looks up what the first [`LANES`] rays have hit.
+    /// Looks up the hits of the first [`LANES`] rays.
     pub fn look_up(&mut self, context: &Context, rays: &[Ray], hits: &[Hit]) {
         self.spheres.clear();
         self.on = [None; LANES];

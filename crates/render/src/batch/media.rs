@@ -1,4 +1,5 @@
-//! What `path` and `direct` do where media scatter ([`crate::integrator::scattering`]).
+//! Batches of the vertices of `path` and `direct` where media scatter
+//! ([`crate::integrator::scattering`]).
 
 use super::direct_light::{DirectLight, VertexOutputs};
 use super::lights::{LightArrivals, LightSamples, MediumPoints};
@@ -35,7 +36,7 @@ struct Bounces {
 }
 
 impl MediumShader {
-    /// `None` if there are no media, or the integrator knows of none.
+    /// `None` if there are no media, or the integrator does not support them.
     pub fn new(context: &Context, sampler: &Sampler) -> Option<Self> {
         let (scene, settings) = (context.scene, context.settings);
         let is_for = settings.integrator.is_path() && scene.volumes.is_some();
@@ -66,7 +67,7 @@ impl MediumShader {
         }
     }
 
-    /// Works out what the lanes give.
+    /// Computes the outputs of the lanes.
     fn shade_lanes(&mut self, context: &Context, depth: u32) {
         let (wide, count) = (self.lanes.wide, self.lanes.paths().len());
         let bounce = self.lanes.randoms.pairs(dimension::BSDF, wide);
@@ -174,7 +175,7 @@ impl<'a> BatchShader<'a> for MediumShader {
     }
 }
 
-/// What vertices give, but for lights that are sampled alone.
+/// The outputs of vertices, without lights that are sampled one by one.
 #[inline(always)]
 fn give<const CHANNELS: usize>(
     carried: &CarriedLanes,
@@ -199,7 +200,7 @@ fn give<const CHANNELS: usize>(
     }
 }
 
-/// Where paths go on.
+/// The next rays of paths.
 #[inline(always)]
 fn bounce_off(
     wo: &HitVectors,

@@ -1,14 +1,14 @@
-//! Many vertices at once: what most of a picture is shaded by.
+//! Batch shading: most vertices of a picture are shaded here.
 //!
-//! A [`BatchShader`] does what the vertex function ([`crate::integrator`]) does, bit for bit, at up
-//! to [`LANES`] vertices, in loops over arrays that the compiler turns into vector code. Which
-//! vertices it accepts depends on the scene and the settings alone, and no lane looks at another,
-//! so a path does not depend on what shares its batch. All are made of the same parts: the vertices
-//! and what their paths carry ([`vertices`]), light samples ([`lights`]) and what comes of them
+//! A [`BatchShader`] gives the bits of the vertex function ([`crate::integrator`]) at up to
+//! [`LANES`] vertices, in loops over arrays that the compiler vectorises. Which vertices it accepts
+//! depends on the scene and the settings alone, and lanes are independent, so a path does not
+//! depend on the others in its batch. All shaders consist of the same parts: the vertices and the
+//! state of their paths ([`vertices`]), light samples ([`lights`]) and their contributions
 //! ([`direct_light`]).
 //!
-//! The renderer of parts ([`crate::job`]) traces the rays, asks the [list](shaders) of shaders in
-//! turn, and calls the vertex function where none accepts.
+//! The renderer of parts ([`crate::job`]) traces the rays, tries the [list](shaders) of shaders in
+//! order, and calls the vertex function where none accepts.
 
 pub mod direct_light;
 pub mod escaped;
@@ -45,23 +45,23 @@ use vertices::{CarriedColumns, RayColumns, UNMARKED};
 
 /// Shades many vertices at once.
 pub trait BatchShader<'a> {
-    /// How many of the first of these paths it can shade together, at most [`LANES`]; 0 if the
-    /// first is for another shader.
+    /// The number of leading paths that it can shade together, at most [`LANES`]; 0 if the first is
+    /// for another shader.
     fn accepts(&self, batch: &Batch<'_, 'a>, paths: &[u32]) -> usize;
 
     /// Shades these paths, all of which it has accepted.
     fn shade(&mut self, batch: &Batch<'_, 'a>, paths: &[u32]);
 
-    /// What came of the last call of [`Self::shade`].
+    /// The output of the last call of [`Self::shade`].
     fn shaded(&self) -> Shaded<'_>;
 
-    /// True if [`Self::outputs`] must be asked lane by lane, because the columns of
-    /// [`Self::shaded`] do not hold all.
+    /// True if [`Self::outputs`] must be called lane by lane, because the columns of
+    /// [`Self::shaded`] are incomplete.
     fn is_lane_by_lane(&self, _batch: &Batch<'_, 'a>) -> bool {
         false
     }
 
-    /// Writes what the vertex function would write for the vertex of a sound lane.
+    /// Writes the output of the vertex function for a valid lane.
     fn outputs(&self, _batch: &Batch<'_, 'a>, _lane: usize, _out: &mut Outputs) {}
 
     /// The lobe that scatters light at the vertex of a lane. Only where [`Batch::wants_lobes`].
@@ -69,15 +69,15 @@ pub trait BatchShader<'a> {
         LobeShares::UNKNOWN
     }
 
-    /// Whether the light ray and the next ray of a lane may start on the other side of its surface
-    /// than the side that the path has come from.
+    /// Whether the light ray and the next ray of a lane may start on the side opposite to that from
+    /// which the path arrived.
     fn may_cross(&self, _lane: usize) -> [bool; 2] {
         [true, true]
     }
 }
 
-/// All batch shaders of a render, the first that accepts a path shades it. There are none at the
-/// level of portable code, but for what leaves the scene.
+/// All batch shaders of a render; the first that accepts a path shades it. With portable code there
+/// is only the one for paths that leave the scene.
 pub fn shaders<'a>(
     context: &Context<'a>,
     sampler: &Sampler,
@@ -99,34 +99,34 @@ pub fn shaders<'a>(
     .collect()
 }
 
-/// Paths that have come to vertices of one depth.
+/// Paths at vertices of one depth.
 #[derive(Clone, Copy)]
 pub struct Batch<'b, 'a> {
     /// The scene and the settings.
     pub context: &'b Context<'a>,
-    /// Gives the numbers of samples.
+    /// The sampler of random numbers.
     pub sampler: &'b Sampler,
-    /// Bounces before these vertices.
+    /// The number of bounces before these vertices.
     pub depth: u32,
-    /// The paths and what their rays have hit.
+    /// The paths and the hits of their rays.
     pub paths: &'b Paths,
     /// Random numbers, by sample.
     pub keys: &'b [SampleKey],
-    /// The number of the material that each path has hit, or the number of materials where it has
-    /// hit nothing; not of paths that [`order::Order`] has put first.
+    /// The number of the material that each path hit, or the number of materials for a miss; not
+    /// for the paths that [`order::Order`] put first.
     pub materials: &'b [u32],
-    /// How many of the next paths are known to be on matte surfaces, by [`order::Order`].
+    /// The number of leading paths that [`order::Order`] found to be on matte surfaces.
     pub matte_next: usize,
     /// The media around the paths, if there are any.
     pub media: Option<Surroundings<'b>>,
-    /// True if the outputs of each vertex are recorded: by a field that learns, or by a journal.
+    /// True if the outputs of each vertex are recorded, for training or by a journal.
     pub is_watched: bool,
     /// True if a journal records everything.
     pub has_journal: bool,
 }
 
 impl Batch<'_, '_> {
-    /// True if light that `path` and `direct` find and gather is all that matters of a vertex.
+    /// True if only the emitted and direct light of vertices is needed.
     pub fn is_simple(&self) -> bool {
         self.context.settings.integrator.is_path() && !self.is_watched
     }
@@ -136,7 +136,7 @@ impl Batch<'_, '_> {
         self.context.wants_lobes && self.depth == 0
     }
 
-    /// True if no path goes on from here.
+    /// True if every path ends here.
     pub fn is_last(&self) -> bool {
         self.depth >= self.context.max_depth()
     }
@@ -146,14 +146,15 @@ impl Batch<'_, '_> {
         self.media.as_ref().map_or(1.0, |media| media.outside_ior(path, &self.paths.hits[path]))
     }
 
-    /// The numbers of the vertex that a path has come to.
+    /// The random numbers of a path's vertex.
     pub fn random(&self, path: usize) -> Random {
         let key = self.keys[self.paths.samples[path] as usize];
         self.sampler.numbers_of(key).at_vertex(self.paths.carried[path].stream, self.depth)
     }
 }
 
-/// What a [`BatchShader`] gives, by lane. Values are already multiplied by the paths' throughputs.
+/// The output of a [`BatchShader`], by lane. Values are already multiplied by the paths'
+/// throughputs.
 #[derive(Clone, Copy, Debug)]
 pub struct Shaded<'s> {
     /// Paths and the light that each has found at its vertex.
@@ -162,13 +163,13 @@ pub struct Shaded<'s> {
     pub paths: &'s [u32],
     /// 0 where the vertex function must shade the vertex after all.
     pub is_sound: &'s [u32; LANES],
-    /// Light samples, where the shader takes any.
+    /// Light samples, if the shader takes any.
     pub light: Option<&'s DirectLight>,
     /// 0 where the path ends.
     pub goes_on: &'s [u32; LANES],
-    /// The rays along which the paths go on.
+    /// The next rays of the paths.
     pub next_rays: RayColumns<'s>,
-    /// What the paths carry on.
+    /// The next states of the paths.
     pub carried: CarriedColumns<'s>,
 }
 
@@ -193,7 +194,7 @@ impl Shaded<'_> {
         },
     };
 
-    /// True if a lane sends a light ray.
+    /// True if a lane has a light ray.
     pub fn has_light_ray(&self, lane: usize) -> bool {
         self.light.is_some_and(|light| light.outputs.has_light_ray[lane] != 0)
     }

@@ -1,5 +1,5 @@
-//! In which order the paths of a batch are shaded: those of one material one after the other, so
-//! that shaders find many of a kind.
+//! The order in which the paths of a batch are shaded: sorted by material, so that shaders get full
+//! batches.
 
 use super::materials::matte_surfaces::MatteSurfaces;
 use crate::compile::CompiledScene;
@@ -13,15 +13,15 @@ pub struct Order<'a> {
     matte: Option<Rc<MatteSurfaces<'a>>>,
     /// The paths in order.
     pub paths: Vec<u32>,
-    /// How many of the first paths are known to be on matte surfaces.
+    /// The number of leading paths that are known to be on matte surfaces.
     pub matte_count: usize,
     /// As [`super::Batch::materials`].
     pub materials: Vec<u32>,
     /// Paths on surfaces that are not matte, or all, in the order of their numbers.
     surfaces: Vec<u32>,
-    /// Paths that have hit nothing.
+    /// Paths without a hit.
     missed: Vec<u32>,
-    /// Where the paths of each material begin.
+    /// The first position of each material.
     starts: Vec<u32>,
 }
 
@@ -31,8 +31,8 @@ impl<'a> Order<'a> {
         Self { matte, ..Self::default() }
     }
 
-    /// Sorts the paths that have hit these by material; what hits nothing comes last. The paths of
-    /// one sample stay in order, so that sums have one order.
+    /// Sorts paths by the material of these hits; misses come last. The paths of one sample stay in
+    /// order, so that sums have one order.
     pub fn by_material(&mut self, scene: &CompiledScene, hits: &[Hit]) {
         self.matte_count = 0;
         self.paths.resize(hits.len(), 0);
@@ -41,9 +41,9 @@ impl<'a> Order<'a> {
         self.sort_surfaces(scene, hits, 0);
     }
 
-    /// Sorts paths of which each has a sample of its own, so that the order matters to no sum:
-    /// first all matte surfaces together, then others by material, then what leaves the scene, then
-    /// what media have scattered.
+    /// Sorts paths of different samples, whose order does not affect any sum: first all on matte
+    /// surfaces, then others by material, then those that leave the scene, then those that media
+    /// scattered.
     pub fn matte_first(
         &mut self,
         scene: &CompiledScene,
@@ -108,7 +108,7 @@ impl<'a> Order<'a> {
             order.sort_by_key(|&path| keys[path as usize]);
             return;
         }
-        // By counting: first how many there are of each, then where those of each begin.
+        // Counting sort: first the number of each, then the position of the first of each.
         self.starts.clear();
         self.starts.resize(last + 2, 0);
         surfaces.iter().for_each(|&path| self.starts[keys[path as usize] as usize + 1] += 1);

@@ -12,21 +12,21 @@ use snell_math::{Ray, SampledSpectrum};
 pub struct Paths {
     /// The ray to trace next.
     pub rays: Vec<Ray>,
-    /// What the path carries.
+    /// The state of the path.
     pub carried: Vec<Carried>,
-    /// The rest of that; empty if it is [`Rest::PLAIN`] for all.
+    /// The rest of the state; empty if it is [`Rest::PLAIN`] for all.
     rest: Vec<Rest>,
-    /// When the rays are traced, from 0 to 1; empty as `rest`.
+    /// The times of the rays, from 0 to 1; empty like `rest`.
     pub times: Vec<f32>,
     is_plain: bool,
-    /// Which sample of the part the path belongs to.
+    /// The sample of the part to which the path belongs.
     pub samples: Vec<u32>,
-    /// What the rays hit.
+    /// The hits of the rays.
     pub hits: Vec<Hit>,
 }
 
 impl Paths {
-    /// No paths. `is_plain` if all that will come are [`Rest::PLAIN`].
+    /// No paths. `is_plain` if the states of all future paths are [`Rest::PLAIN`].
     pub fn new(is_plain: bool) -> Self {
         let (rays, carried, rest, times) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         Self { rays, carried, rest, times, is_plain, samples: Vec::new(), hits: Vec::new() }
@@ -48,7 +48,7 @@ impl Paths {
         self.extend_rest(std::iter::once(rest));
     }
 
-    /// Adds the rest of states of which all else was added.
+    /// Adds the rest of states after all else was added.
     pub fn extend_rest(&mut self, rest: impl Iterator<Item = Rest> + Clone) {
         if !self.is_plain {
             self.rest.extend(rest.clone());
@@ -56,7 +56,7 @@ impl Paths {
         }
     }
 
-    /// What a path carries.
+    /// The state of a path.
     pub fn state(&self, path: usize) -> PathState {
         self.carried[path].with(self.rest(path))
     }
@@ -70,7 +70,7 @@ impl Paths {
         (!self.is_plain).then_some(&self.rest)
     }
 
-    /// True for a path that is over.
+    /// True for a path that has ended.
     pub fn is_dead(&self, path: usize) -> bool {
         self.carried[path].throughput.is_black()
     }
@@ -80,7 +80,7 @@ impl Paths {
         scene.interaction(&self.rays[path], self.rest(path).time, &self.hits[path])
     }
 
-    /// The same as vertex functions see it.
+    /// The same as input of vertex functions.
     pub fn surface<'s>(
         &'s self,
         scene: &'s CompiledScene,
@@ -112,14 +112,14 @@ impl Paths {
     }
 }
 
-/// Rays towards lights, with what they bring if nothing is in the way.
+/// Rays towards lights, with their contributions if unoccluded.
 #[derive(Debug, Default)]
 pub struct LightRays {
     pub rays: Vec<Ray>,
     pub times: Vec<f32>,
     pub values: Vec<SampledSpectrum>,
     pub samples: Vec<u32>,
-    /// What is known of the light, if anybody wants to know.
+    /// The classification of the light, if layers need it.
     pub tags: Vec<LightTag>,
     pub blocked: Vec<bool>,
 }

@@ -1,5 +1,4 @@
-//! Meshes and shapes of one material that is the same everywhere, and the frames of vertices on
-//! them.
+//! Meshes and shapes of one uniform material, and the shading frames of vertices on them.
 
 use super::lights::horizon;
 use super::vertices::VertexLanes;
@@ -17,7 +16,7 @@ use snell_scene::bsdf::{BatchBsdf, BatchPoint, Bsdf, Lobes};
 use snell_scene::material::{Bend, FrameNeeds, Prepared, ShadingBsdf};
 use std::borrow::Cow;
 
-/// A mesh or shape that does not shine, of one BSDF that is the same everywhere.
+/// A mesh or shape without emission, of one uniform BSDF.
 #[derive(Clone, Copy, Debug)]
 pub struct PlainSurface<'a> {
     /// `None` for other shapes, whose points [`VertexLanes::gather_shape`] knows.
@@ -28,7 +27,7 @@ pub struct PlainSurface<'a> {
     pub batch: Option<&'a BatchBsdf>,
     pub needs: FrameNeeds,
     is_opaque: bool,
-    /// It may stand for a smooth surface.
+    /// True if points on it may be lifted.
     pub is_lifted: bool,
 }
 
@@ -41,7 +40,7 @@ impl<'a> PlainSurface<'a> {
         let material = scene.material(id);
         let prepared = scene.prepared(id);
         let bsdf = prepared.plain(material)?;
-        // (What a field has learnt is asked one by one.)
+        // (The guiding field is evaluated lane by lane.)
         let batch = prepared.plain_batch(material).filter(|_| context.field.is_none());
         let is_opaque = bsdf.is_opaque();
         let is_lifted = is_opaque && !bsdf.is_delta() && may_be_lifted(context, material);
@@ -78,7 +77,7 @@ impl<'a> PlainSurface<'a> {
         })
     }
 
-    /// What scatters in a lane that is on it.
+    /// The BSDF of a lane on it.
     pub fn scatterer(&self, lanes: &VertexLanes, frames: &Frames, lane: usize) -> Scatterer<'a> {
         let (wo, frame, lift) = (at(&lanes.wo, lane), frames.at(lane), at(&lanes.lift, lane));
         let arrival = lanes.arrival(lane);
@@ -114,14 +113,14 @@ impl Frames {
         Frame { x: at(&self.x, lane), y: at(&self.y, lane), z: at(&self.z, lane) }
     }
 
-    /// Puts one that is known already into a lane.
+    /// Puts a known frame into a lane.
     pub fn put(&mut self, lane: usize, frame: &Frame) {
         put(&mut self.x, lane, frame.x);
         put(&mut self.y, lane, frame.y);
         put(&mut self.z, lane, frame.z);
     }
 
-    /// Says what the BSDF of a lane asks of its frame.
+    /// Records the frame that the BSDF of a lane needs.
     pub fn expect(&mut self, lane: usize, needs: FrameNeeds) {
         (self.mirrors[lane], self.has_tangent[lane]) = (needs.mirrors, needs.has_tangent);
     }
@@ -149,7 +148,7 @@ impl Default for Frames {
     }
 }
 
-/// What normal maps say of lanes.
+/// The values of normal maps, by lane.
 #[derive(Debug)]
 pub struct Bends {
     is_any: bool,
@@ -170,7 +169,7 @@ impl Default for Bends {
 }
 
 impl Bends {
-    /// Forgets all lanes.
+    /// Removes all lanes.
     pub fn clear(&mut self) {
         if self.is_any {
             (self.is_any, self.has) = (false, [0; LANES]);
@@ -186,7 +185,7 @@ impl Bends {
         (self.is_any, self.has[lane], self.side[lane]) = (true, 1, side);
     }
 
-    /// Bends the shading normals of lanes that are placed.
+    /// Applies normal maps to the shading normals of lanes that are placed.
     pub fn bend(&self, lanes: &mut VertexLanes) {
         if self.is_any {
             at_level!(
@@ -198,7 +197,7 @@ impl Bends {
     }
 }
 
-/// Shading normals as normal maps bend them.
+/// Shading normals with normal maps applied.
 #[inline(always)]
 fn bend(bends: &Bends, points: &mut TrianglePoints) {
     for i in 0..LANES {

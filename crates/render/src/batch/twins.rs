@@ -1,4 +1,4 @@
-//! For tests of vertices that are worked on many at once: pictures at every level.
+//! Helpers for tests of batch shading, which render pictures at every SIMD level.
 
 use crate::compile::Moving;
 use crate::{CompiledScene, Job, Settings};
@@ -9,7 +9,7 @@ use snell_scene::{Geometry, NodeId, Pose, Scene};
 use std::sync::Arc;
 
 /// Fails unless the picture and all of its layers are the same at every level of this machine, bit
-/// for bit: portable code works on one vertex at a time. Gives the picture.
+/// for bit: portable code shades one vertex at a time. Returns the picture.
 pub fn assert_same_at_every_level(scene: &Scene, moving: &Moving, settings: &Settings) -> Vec<f32> {
     let picture = |simd: Level| {
         let options = BuildOptions { simd, ..BuildOptions::default() };

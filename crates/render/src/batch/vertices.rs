@@ -1,5 +1,5 @@
-//! Vertices side by side, for what works on many at once: where paths have come to surfaces, and
-//! what they carry.
+//! Vertices as a structure of arrays, for batch shaders: points on surfaces, and the states of
+//! paths.
 
 use super::Batch;
 use super::paths::Paths;
@@ -14,13 +14,13 @@ use snell_intersect::{Hit, SphereHits, SurfaceInteraction, TriangleHits, Triangl
 use snell_math::simd::{Wide, min};
 use snell_math::{ColorMode, Ray, Vec3};
 
-/// Marks of each lane.
+/// Flags of each lane.
 pub type MarkLanes = [Marks; LANES];
 
-/// No marks in every lane.
+/// No flags in every lane.
 pub const UNMARKED: MarkLanes = [Marks::NONE; LANES];
 
-/// Vertices on surfaces. Arrays are by lane; those of lanes that are not in use hold anything.
+/// Vertices on surfaces. Arrays are by lane; unused lanes hold arbitrary values.
 #[derive(Debug)]
 pub struct VertexLanes {
     /// Numbers of the paths of the lanes, and how many lanes are in use.
@@ -32,23 +32,23 @@ pub struct VertexLanes {
     pub points: TrianglePoints,
     /// Lanes on plain triangles.
     plain: Vec<usize>,
-    /// What is known already of lanes that are not on plain triangles or spheres.
+    /// The points of lanes that are not on plain triangles or spheres.
     others: Vec<(usize, OtherPoint)>,
-    /// Direction to where the path comes from.
+    /// Direction towards the ray's origin.
     pub wo: HitVectors,
     /// As [`crate::integrator::estimators::Skin::lift`], once they are placed; all zero while
     /// `has_lifts` is false.
     pub lift: HitVectors,
     has_lifts: bool,
     pub carried: CarriedLanes,
-    /// What the spectra of the paths stand for, and when their rays are traced.
+    /// The meaning of the channels of the paths, and the times of their rays.
     pub modes: [ColorMode; LANES],
     pub times: HitLanes,
     pub randoms: BatchRandoms<LANES>,
     pub wide: Option<Wide>,
 }
 
-/// Of [`Carried`], what is needed.
+/// The fields of [`Carried`] that are needed.
 #[derive(Debug)]
 pub struct CarriedLanes {
     /// By channel.
@@ -60,7 +60,7 @@ pub struct CarriedLanes {
     pub marks: MarkLanes,
 }
 
-/// What [`SurfaceInteraction`] says of a point, as far as it matters here.
+/// The fields of [`SurfaceInteraction`] that are needed here.
 #[derive(Clone, Copy, Debug)]
 pub struct OtherPoint {
     position: Vec3,
@@ -78,17 +78,18 @@ impl OtherPoint {
     }
 }
 
-/// Russian roulette of many vertices: their numbers, if it plays at their depth.
+/// Russian roulette of a batch of vertices: their random numbers, if there is roulette at their
+/// depth.
 #[derive(Debug)]
 pub struct Roulette {
-    /// The largest probability of going on.
+    /// The largest survival probability.
     most: Option<f32>,
     numbers: HitLanes,
 }
 
 impl Roulette {
-    /// What a lane's throughput is multiplied with, and whether its path goes on; `weight` is what
-    /// [`crate::integrator::path::survival`] asks for.
+    /// The factor on a lane's throughput, and whether its path survives; `weight` is that of
+    /// [`crate::integrator::path::survival`].
     #[inline(always)]
     pub fn survival(&self, lane: usize, weight: f32) -> (f32, bool) {
         let survival = match self.most {
@@ -130,7 +131,7 @@ impl VertexLanes {
     }
 
     /// Takes the paths with these numbers, at most [`LANES`], of which the dead are left out; their
-    /// vertices are of this depth. What the lanes need to know of surfaces must follow.
+    /// vertices are of this depth. The data of the surfaces must follow.
     pub fn start(&mut self, batch: &Batch, paths: &[u32]) {
         let Batch { sampler, depth, paths: from, keys, .. } = *batch;
         self.randoms.start(sampler, depth);
@@ -171,7 +172,7 @@ impl VertexLanes {
         &self.paths[..self.count]
     }
 
-    /// Says that a lane is on a triangle of a plain mesh: [`Self::gather_triangles`] must follow.
+    /// Marks a lane as on a triangle of a plain mesh; [`Self::gather_triangles`] must follow.
     #[inline(always)]
     pub fn put_triangle(&mut self, lane: usize) {
         self.plain.push(lane);
@@ -199,13 +200,12 @@ impl VertexLanes {
         self.triangles.gather_uvs(meshes);
     }
 
-    /// Which way texture coordinates run on the triangles ([`SurfaceInteraction::dpdu`]), once they
-    /// are placed.
+    /// The tangents on the triangles ([`SurfaceInteraction::dpdu`]), once they are placed.
     pub fn tangents(&self, to: &mut HitVectors) {
         self.triangles.tangents(&self.points, to, self.wide);
     }
 
-    /// Where light arrives at the vertex of a lane, once it is placed and lifted.
+    /// The receiver at the vertex of a lane, once it is placed and lifted.
     pub fn arrival(&self, lane: usize) -> Arrival {
         let points = &self.points;
         let skin = Skin {
@@ -217,8 +217,8 @@ impl VertexLanes {
         Arrival { position: at(&points.position, lane), surface: Some(skin), mode, time }
     }
 
-    /// Puts a point into a lane that is on a shape which is not instanced. False, and nothing is
-    /// done, elsewhere.
+    /// Puts a point into a lane if it is on a shape that is not instanced; otherwise returns false
+    /// and does nothing.
     pub fn gather_shape(&mut self, context: &Context, lane: usize, ray: &Ray, hit: &Hit) -> bool {
         let world = &context.scene.world;
         if world.gather_sphere(ray, hit, lane, &mut self.spheres) {
@@ -243,7 +243,7 @@ impl VertexLanes {
         self.others.push((lane, point));
     }
 
-    /// Works out the points of all lanes.
+    /// Computes the points of all lanes.
     pub fn place(&mut self) {
         self.triangles.points(&mut self.points, self.wide);
         self.spheres.points(&mut self.points, self.wide);
@@ -256,8 +256,8 @@ impl VertexLanes {
         }
     }
 
-    /// Works out the lifts of all lanes, once they are placed: nothing to be done where no mesh has
-    /// vertex normals.
+    /// Computes the lifts of all lanes, once they are placed; does nothing if no mesh has vertex
+    /// normals.
     pub fn place_lifts(&mut self, context: &Context) {
         let had_lifts = self.has_lifts;
         let is_smooth =
@@ -291,7 +291,7 @@ impl VertexLanes {
     }
 }
 
-/// Rays column by column; those of lanes without one are anything.
+/// Rays by column; lanes without one hold arbitrary values.
 #[derive(Clone, Copy, Debug)]
 pub struct RayColumns<'a> {
     pub origin: &'a HitVectors,
@@ -309,8 +309,8 @@ impl RayColumns<'_> {
     }
 }
 
-/// [`Carried`] column by column, of paths that are not branched; those of lanes without a path are
-/// anything.
+/// [`Carried`] column by column, of paths that are not branched; lanes without a path hold
+/// arbitrary values.
 #[derive(Clone, Copy, Debug)]
 pub struct CarriedColumns<'a> {
     /// By channel.
@@ -325,7 +325,7 @@ pub struct CarriedColumns<'a> {
 }
 
 impl CarriedColumns<'_> {
-    /// That of a lane.
+    /// The state of a lane.
     #[inline(always)]
     pub fn at(&self, lane: usize) -> Carried {
         let lane = lane % LANES;

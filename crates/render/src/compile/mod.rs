@@ -11,7 +11,7 @@ mod surfaces;
 mod volumes;
 
 pub use lights::{BareLight, CompiledLight, LightSpectrum, PlainEmission};
-use volumes::Beacons;
+use volumes::EquiangularLights;
 pub(crate) use volumes::{Boundary, VolumeTable};
 
 use crate::light_sampler::{LightSampler, LightSamplerKind};
@@ -193,7 +193,7 @@ impl CompiledScene {
             radius,
         );
         if let Some(volumes) = &mut volumes {
-            volumes.equiangular_lights = Beacons::new(&lights.summaries(true, None));
+            volumes.equiangular_lights = EquiangularLights::new(&lights.summaries(true, None));
         }
         let found = "curves that shine are not sampled; their light is found by chance only, with \
             more noise";
@@ -212,10 +212,10 @@ impl CompiledScene {
             textures,
             environment,
             background: match scene.background {
-                Background::Color(color) => Background::Color(color.map(sane)),
+                Background::Color(color) => Background::Color(color.map(finite)),
                 other => other,
             },
-            ambient: scene.ambient.map(sane),
+            ambient: scene.ambient.map(finite),
             center: if bounds.is_empty() { Vec3::ZERO } else { bounds.center().as_vec3() },
             radius: if radius > 0.0 { radius } else { 1.0 },
             warnings,
@@ -412,7 +412,7 @@ fn is_same(a: &Environment, b: &Environment) -> bool {
 }
 
 /// Light that is negative or not finite counts as none, as in lights and environments.
-fn sane(x: f32) -> f32 {
+fn finite(x: f32) -> f32 {
     if x.is_finite() { x.max(0.0) } else { 0.0 }
 }
 

@@ -104,22 +104,22 @@ fn a_singular_node_is_left_out_with_a_warning() {
 
 #[test]
 fn a_vertex_so_far_out_that_all_rays_are_slow_is_told() {
-    for (x, is_told) in [(1e11, false), (3e38, true)] {
+    for (x, is_warned) in [(1e11, false), (3e38, true)] {
         let mut mesh = TriangleMesh::clone(&square(2));
         mesh.positions[0].x = -x;
         let compiled = CompiledScene::new(&nested(Arc::new(mesh)), &BuildOptions::default())
             .expect("a valid scene");
-        let told = compiled
+        let warned = compiled
             .warnings
             .iter()
             .any(|w| w.message.starts_with("coordinates reach 3.0e38, and beyond 1e12 "));
-        assert_eq!(told, is_told, "{:?}", compiled.warnings);
+        assert_eq!(warned, is_warned, "{:?}", compiled.warnings);
     }
 }
 
 #[test]
 fn things_smaller_than_the_steps_of_coordinates_so_far_out_are_told() {
-    for (radius, is_told) in [(1e4, false), (4_294_967_295.0, true)] {
+    for (radius, is_warned) in [(1e4, false), (4_294_967_295.0, true)] {
         let mut scene = Scene::new("far");
         for i in 0..80 {
             let transform =
@@ -133,17 +133,17 @@ fn things_smaller_than_the_steps_of_coordinates_so_far_out_are_told() {
             );
         }
         let compiled = CompiledScene::new(&scene, &BuildOptions::default()).expect("a valid scene");
-        let told = compiled
+        let warned = compiled
             .warnings
             .iter()
             .any(|w| w.message.starts_with("coordinates reach 4.3e9, where single"));
-        assert_eq!(told, is_told, "{:?}", compiled.warnings);
+        assert_eq!(warned, is_warned, "{:?}", compiled.warnings);
     }
 }
 
 #[test]
 fn a_mesh_of_faces_without_an_area_is_told_and_one_with_a_good_face_is_not() {
-    for (flat, is_degenerate, is_told) in [(1, false, false), (2, false, true), (1, true, true)] {
+    for (flat, is_degenerate, is_warned) in [(1, false, false), (2, false, true), (1, true, true)] {
         let mut mesh = TriangleMesh::clone(&square(1));
         let triangles = mesh.indices.len();
         assert_eq!(triangles, 2);
@@ -158,11 +158,11 @@ fn a_mesh_of_faces_without_an_area_is_told_and_one_with_a_good_face_is_not() {
         }
         let compiled = CompiledScene::new(&nested(Arc::new(mesh)), &BuildOptions::default())
             .expect("a valid scene");
-        let told = compiled
+        let warned = compiled
             .warnings
             .iter()
             .any(|w| w.message.starts_with("no face of a mesh has an area"));
-        assert_eq!(told, is_told, "{:?}", compiled.warnings);
+        assert_eq!(warned, is_warned, "{:?}", compiled.warnings);
     }
 }
 
@@ -178,15 +178,15 @@ fn a_changed_scene_is_the_scene_compiled_anew() {
     let changed =
         compiled.changed(&before, &scene).expect("a valid scene").expect("the structure stays");
     assert!(Arc::ptr_eq(&changed.world, &compiled.world));
-    let anew = CompiledScene::new(&scene, &BuildOptions::default()).expect("a valid scene");
+    let rebuilt = CompiledScene::new(&scene, &BuildOptions::default()).expect("a valid scene");
     assert!(
         changed.lights().len() > compiled.lights().len()
-            && changed.lights().len() == anew.lights().len()
+            && changed.lights().len() == rebuilt.lights().len()
     );
     let settings = crate::Settings { size: [16, 12], spp: 4, ..crate::Settings::default() };
     let picture =
         |scene| crate::Job::new(scene, &before.cameras[0], &settings).run(2, &|_| true).0.image();
-    assert_eq!(picture(&changed), picture(&anew));
+    assert_eq!(picture(&changed), picture(&rebuilt));
 
     scene.materials[0].double_sided = false;
     assert!(compiled.changed(&before, &scene).expect("a valid scene").is_none());

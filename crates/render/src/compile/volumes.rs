@@ -21,18 +21,18 @@ pub struct VolumeTable {
     /// True if insides may hide surfaces of others.
     pub has_priorities: bool,
     /// Where light comes from, if it comes from anywhere near.
-    pub equiangular_lights: Option<Beacons>,
+    pub equiangular_lights: Option<EquiangularLights>,
 }
 
 /// The lights of a scene as media see them from far: one is chosen in proportion to power.
 #[derive(Debug)]
-pub struct Beacons {
+pub struct EquiangularLights {
     table: LightTable,
     /// `None` for light that comes from nowhere near.
     equiangular_lights: Vec<Option<EquiangularLight>>,
 }
 
-impl Beacons {
+impl EquiangularLights {
     /// `None` if no light has a place.
     pub fn new(lights: &[LightSummary]) -> Option<Self> {
         let equiangular_light = |light: &LightSummary| {

@@ -10,8 +10,8 @@ use snell_scene::{Camera, Environment, Geometry, Light, Material, Node, Scene, S
 use std::f32::consts::PI;
 use std::sync::Arc;
 
-/// The unit sphere of so many triangles around and from pole to pole, with its own normals at the
-/// vertices.
+/// The unit sphere with a number of triangles around and from pole to pole, with its own normals at
+/// the vertices.
 fn sphere(around: u32, down: u32) -> TriangleMesh {
     let point = |i: u32, j: u32| {
         let (phi, theta) =

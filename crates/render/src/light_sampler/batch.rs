@@ -1,5 +1,4 @@
-//! Lights of a [`LightBvh`] for many receivers at once: the same ones as one at a time, bit for
-//! bit.
+//! Batches of samples of a [`LightBvh`], with the bits of single ones.
 
 use super::bvh::{EMITTER, LightBvh, NONE, Node, WIDTH, choose, importance};
 use super::{ChosenLight, Receiver};
@@ -7,7 +6,7 @@ use snell_math::Vec3;
 use snell_math::rng::ONE_MINUS_EPSILON;
 use snell_math::simd::{mask_select, min};
 
-/// How many receivers are looked at together.
+/// The number of receivers of a batch.
 pub const BATCH: usize = 64;
 
 /// Lights chosen for many receivers.

@@ -1,5 +1,5 @@
 //! Builds a light BVH from the top: a node's range of emitters is split into up to eight, always
-//! the part that costs most, where the surface area orientation heuristic finds it best (Conty
+//! the most expensive part, at the best split by the surface area orientation heuristic (Conty
 //! Estevez and Kulla, section 4.4; Pharr, Jakob and Humphreys, section 12.6.3). Candidates are
 //! compared by cones around a box of axes, which is cheap; nodes get tight ones.
 
@@ -282,7 +282,7 @@ fn best_boundary(buckets: &[Bucket; BUCKETS]) -> Option<(usize, [f32; 2])> {
     best
 }
 
-/// Brings those that belong first to the front, and says how many there are.
+/// Partitions emitters: moves those of the first part to the front, and returns their number.
 fn partition(emitters: &mut [Emitter], is_first: impl Fn(&Emitter) -> bool) -> usize {
     let mut first = 0;
     for i in 0..emitters.len() {

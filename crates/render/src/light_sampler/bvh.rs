@@ -136,7 +136,7 @@ impl LightBvh {
         self.emitters.len() + self.beside.len() > 1
     }
 
-    /// A light. `u` is asked for a uniform number if there is a choice.
+    /// Samples a light. `u` is called for a uniform number if there is a choice.
     pub fn sample(&self, receiver: &Receiver, u: impl FnOnce() -> f32) -> Option<ChosenLight> {
         let u = if self.has_choice() { u() } else { 0.0 };
         at_level!(
@@ -150,7 +150,7 @@ impl LightBvh {
         )
     }
 
-    /// A light for each of the first receivers, so many.
+    /// Samples a light for each of the given number of first receivers.
     pub fn sample_batch(
         &self,
         receivers: &Receivers,
@@ -238,8 +238,8 @@ impl LightBvh {
     }
 }
 
-/// Probabilities, half alike and half by power: power alone would starve a lamp indoors beside the
-/// sun.
+/// Probabilities, half uniform and half by power: by power alone, a lamp indoors would hardly be
+/// sampled beside the sun.
 fn mixed(powers: Vec<f64>) -> Vec<f64> {
     let count = powers.len() as f64;
     let strongest = powers.iter().copied().fold(0.0, f64::max);

@@ -117,7 +117,7 @@ impl LightSampler {
         }
     }
 
-    /// A light; `None` if none can bring light to the receiver. `u` is asked for a uniform number
+    /// Samples a light; `None` if none can light the receiver. `u` is called for a uniform number
     /// if there is a choice.
     pub fn sample(&self, receiver: &Receiver, u: impl FnOnce() -> f32) -> Option<ChosenLight> {
         match self {
@@ -126,8 +126,7 @@ impl LightSampler {
         }
     }
 
-    /// What [`Self::sample`] gives for each of the first receivers, so many. For further ones
-    /// anything.
+    /// [`Self::sample`] for the given number of first receivers; further entries are arbitrary.
     pub fn sample_batch(
         &self,
         receivers: &Receivers,

@@ -19,7 +19,7 @@ impl LightTable {
         Self { distribution: (strongest > 0.0).then(|| Distribution1D::new(&relative)) }
     }
 
-    /// A light. `u` is asked for a uniform number if there is more than one.
+    /// Samples a light. `u` is called for a uniform number if there is more than one.
     pub fn sample(&self, u: impl FnOnce() -> f32) -> Option<ChosenLight> {
         let distribution = self.distribution.as_ref()?;
         let light = if distribution.len() == 1 { 0 } else { distribution.sample(u()).0 };

@@ -1,4 +1,4 @@
-//! What is written from the declarations of settings: the reference page `docs/user/settings.md`,
+//! Texts generated from the declarations of settings: the reference page `docs/user/settings.md`,
 //! and the types of Python's keywords, `python/snell/_settings.py`.
 
 use super::{Form, Heading, Request, Setting};

@@ -56,7 +56,7 @@ fn mean(pixels: &[[f64; 3]]) -> [(f64, f64); 3] {
     })
 }
 
-/// All pixels see the same: the spread over them tells the error.
+/// All pixels have the same expected value, so their deviation estimates the error.
 fn settings(spp: u32) -> Settings {
     Settings { size: [16, 16], spp, filter: Filter::Box, ..Settings::default() }
 }

@@ -1,4 +1,4 @@
-//! What follows the header: parts one after the other, and their checksum.
+//! The body of a cache file: parts one after the other, and their checksum.
 //!
 //! A part is cut into pieces, each with a CRC-32, which finds every damage of up to 32 bits in a
 //! row; the checksum is a hash of all of these. All threads read and check pieces, and each slice

@@ -79,7 +79,7 @@ impl Header {
         self.block_bytes == BLOCK_BYTES[1]
     }
 
-    /// How long the file is, in bytes.
+    /// The length of the file in bytes.
     pub fn file_bytes(&self) -> u64 {
         PAGE as u64
             + self.nodes * size_of::<WideNode>() as u64

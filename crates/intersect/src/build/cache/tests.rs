@@ -194,11 +194,11 @@ fn a_link_is_read_through_and_replaced_without_its_target() {
     std::fs::rename(&kept.entry.path, &target).expect("renamed");
     std::os::unix::fs::symlink(&target, &kept.entry.path).expect("a link");
     assert!(kept.is_same(&kept.read().expect("whole").expect("a file")));
-    std::fs::write(&target, "of somebody else").expect("written");
+    std::fs::write(&target, "of another user").expect("written");
     assert!(kept.read().is_err());
     kept.entry.write(&kept.wide, &kept.skipped).expect("written");
     assert!(kept.is_same(&kept.read().expect("whole").expect("a file")));
-    assert_eq!(std::fs::read(&target).expect("a file"), b"of somebody else");
+    assert_eq!(std::fs::read(&target).expect("a file"), b"of another user");
 }
 
 #[cfg(unix)]
@@ -206,9 +206,9 @@ fn a_link_is_read_through_and_replaced_without_its_target() {
 fn others_may_read_what_the_umask_allows() {
     use std::os::unix::fs::PermissionsExt;
     let kept = Kept::new(false);
-    let usual = kept.folder.path().join("usual");
-    File::create(&usual).expect("a file");
-    let [a, b] = [&usual, &kept.entry.path]
+    let regular = kept.folder.path().join("regular");
+    File::create(&regular).expect("a file");
+    let [a, b] = [&regular, &kept.entry.path]
         .map(|path| std::fs::metadata(path).expect("a file").permissions().mode());
     assert_eq!(a, b);
 }

@@ -11,7 +11,7 @@ use crate::exact::triangle::clamp_to_box;
 use snell_math::exact::compare_products;
 use snell_math::{DRay, DVec2, DVec3};
 
-/// How vertices are projected on the plane across a ray.
+/// The projection of vertices to the plane perpendicular to a ray.
 #[derive(Clone, Copy, Debug)]
 struct Projection {
     /// All vertices are projected relative to it.

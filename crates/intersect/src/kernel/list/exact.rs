@@ -1,4 +1,4 @@
-//! Where sixteen rays hit a triangle each that they certainly hit.
+//! The hit points of sixteen rays, each on a triangle that it certainly hits.
 //!
 //! By [`crate::exact::plane_hit`], so the same bits as by the exact test.
 
@@ -8,7 +8,7 @@ use crate::kernel::columns::columns;
 use crate::tree::list::Triangle;
 use snell_math::simd::{Doubles16, Lanes16};
 
-/// What became of sixteen rays.
+/// The results of sixteen rays.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Found {
     pub t: PerRay<f32>,

@@ -105,7 +105,7 @@ pub(crate) fn search_list<G: Goal<Precision = Single>>(
 /// The lanes that single rays are searched for with.
 type HalfOf<D> = <<D as Doubles16>::Singles as Lanes16>::Half;
 
-/// What is searched, and for which rays.
+/// The list that is searched, and the rays.
 struct Scene<'a> {
     forest: &'a Forest,
     list: &'a List,
@@ -352,7 +352,7 @@ fn test_objects<L: Lanes8, G: Goal<Precision = Single>>(
     }
 }
 
-/// What sixteen rays hit.
+/// The hits of sixteen rays.
 struct Hits {
     found: Found,
     /// The numbers of what they hit, as bits.

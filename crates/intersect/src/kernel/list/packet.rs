@@ -75,7 +75,7 @@ pub(super) struct ListPacket<D: Doubles16> {
 /// See [`ListPacket::may_meet`].
 const BOX_PADDING: f32 = 33.0 / 16_777_216.0;
 
-/// What is certain about the nearest faces that sixteen rays meet.
+/// The certain results for the nearest faces along sixteen rays.
 pub(super) struct Nearest<W> {
     /// The nearest face of each ray is no nearer than this; infinite without one.
     pub first: W,
@@ -89,7 +89,7 @@ pub(super) struct Nearest<W> {
     pub doubtful: u32,
 }
 
-/// What is certain where any face will do.
+/// The certain results for occlusion rays.
 pub(super) struct Blocked {
     /// The rays that certainly meet one in their interval.
     pub blocked: u32,
@@ -99,7 +99,7 @@ pub(super) struct Blocked {
     pub met: u32,
 }
 
-/// How sixteen rays meet planes of one slope.
+/// The intersection of sixteen rays with planes of one orientation.
 #[derive(Clone, Copy)]
 struct Slope<W> {
     /// Of the slope.
@@ -112,12 +112,12 @@ struct Slope<W> {
     along: u32,
 }
 
-/// How sixteen rays meet a face.
+/// The intersection of sixteen rays with a face.
 struct FaceHits<W> {
     /// The distance to the plane, and how far that may be off.
     t: W,
     error: W,
-    /// Where the ray meets the plane, in the coordinates of the face.
+    /// The intersection with the plane, in the coordinates of the face.
     place: [W; 2],
     /// How far inside of the outline that is; less than any margin for rays of which this is not
     /// certain.

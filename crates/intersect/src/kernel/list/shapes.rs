@@ -170,7 +170,7 @@ mod tests {
         DVec3::new(number(i, k), number(i, k + 1), number(i, k + 2))
     }
 
-    /// Where one after the other of many rays meets a shape.
+    /// The hits of many rays with a shape, one after the other.
     fn meet<D: Doubles16>(
         token: D::Token,
         list: &List,

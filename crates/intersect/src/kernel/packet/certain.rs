@@ -8,7 +8,7 @@ use crate::precision::Real;
 use crate::tree::Blocks;
 use snell_math::simd::{Doubles16, Lanes16};
 
-/// Where rays hit, and with which parameters.
+/// Hit distances and parameters of rays.
 pub(crate) struct CertainHits<R> {
     pub t: PerRay<R>,
     pub b1: PerRay<R>,
@@ -26,7 +26,7 @@ impl<R: Real> CertainHits<R> {
 /// origin is in the bound of that, so a triangle that is certainly hit is large beside it.)
 const STEEPEST_SQUARE: f64 = 64.0 * 64.0;
 
-/// What became of rays: a bit for each.
+/// The results of rays: a bit for each.
 pub(crate) struct Decided {
     /// They hit.
     pub hits: u32,
@@ -67,7 +67,7 @@ pub(crate) fn test<W: Lanes16>(
     );
     let mut decided = rays & is_steep & inside;
     if packet.kind.rounded {
-        // What is projected is off by the rounding of the origin, too.
+        // Projected points also have the rounding error of the origin.
         let (start, one) = (*packet.axes.of(&origin)[2], W::Doubles::splat(token, 1.0));
         let [z0, z1, z2] = [
             W::Doubles::of(first[2]).sub(start),

@@ -130,7 +130,7 @@ impl<W: Lanes16> TriangleLanes<W> {
             | planes.behind(token, self, areas, packet_rays)
     }
 
-    /// Where rays certainly pass by.
+    /// Rays that certainly miss.
     #[inline(always)]
     pub fn outside(&self, token: W::Token, areas: &Areas<W>) -> u32 {
         // (NaN is never certain.)
@@ -214,7 +214,7 @@ impl<W: Lanes16> PlaneLanes<W> {
     }
 }
 
-/// What rays may hit of a block where any hit will do.
+/// The triangles of a block that occlusion rays may hit.
 pub(super) struct EdgeTests {
     /// Triangles that any may hit, and that any certainly hit.
     pub near: u32,
@@ -250,7 +250,7 @@ impl SeenBlock {
         near
     }
 
-    /// What some rays may hit of some triangles, without a branch on it.
+    /// The triangles of a subset that some rays may hit, without branches.
     #[inline(always)]
     pub fn edge_tests<W: Lanes16>(
         &self,

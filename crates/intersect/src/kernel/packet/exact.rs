@@ -65,7 +65,7 @@ impl Pairs {
     }
 }
 
-/// What became of the pairs.
+/// The results of the pairs.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Found<R> {
     pub t: [R; PAIRS],

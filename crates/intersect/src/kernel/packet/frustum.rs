@@ -41,7 +41,7 @@ const FARTHEST: f32 = 1.0e16;
 /// Packets that spread more than this, per unit of depth, are not worth it.
 const MAX_SPREAD: f32 = 0.25;
 
-/// What is known of a packet besides its rays.
+/// The bounds of a packet, besides its rays.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Kind {
     /// The point that the packet is described from.
@@ -54,7 +54,7 @@ pub(crate) struct Kind {
     pub backward: bool,
     /// The apex, or the origins as triangles see them, are rounded.
     pub rounded: bool,
-    /// How far vertices may be from where they should be; 0 in single precision.
+    /// Bound on the error of vertices; 0 in single precision.
     pub slack: f32,
 }
 
@@ -73,8 +73,8 @@ pub(crate) struct Packet {
     offset: [PerRay<f32>; 2],
     /// The vector product of slopes and offsets.
     across: PerRay<f32>,
-    /// Where each ray starts and ends on the z axis; it ends before it starts when nothing is
-    /// wanted of it any more.
+    /// The start and end of each ray on the z axis; the end is before the start when the ray is
+    /// finished.
     near: PerRay<f32>,
     far: PerRay<f32>,
     /// `z` at `t = 0`, and how fast it changes with `t`, without sign.
@@ -425,7 +425,7 @@ impl Packet {
         self.margin = distance * (2.0 * PADDING) + f32::MIN_POSITIVE;
     }
 
-    /// Where searches with these limits end.
+    /// The ends of searches with these limits.
     #[inline(always)]
     fn ends<W: Lanes16>(&self, token: W::Token, start: W, cull: W, along: W) -> W {
         let length = cull.mul(along);
@@ -544,7 +544,8 @@ impl Packet {
         }
     }
 
-    /// Where the packet enters each of eight boxes (at or beyond `packet_far` if it is missed).
+    /// The distances at which the packet enters each of eight boxes (at or beyond `packet_far` if
+    /// it is missed).
     #[inline(always)]
     pub fn box_distances<L: Lanes8>(&self, token: L::Token, boxes: &Boxes<L>) -> L {
         let near = boxes.near.max(L::splat(token, self.packet_near));

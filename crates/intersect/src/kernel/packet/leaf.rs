@@ -46,7 +46,7 @@ const MARGIN_ERROR: f32 = 16.0;
 /// for corners within the depth.)
 const CLEAR: f32 = 10.0;
 
-/// What is to be known of a block besides areas.
+/// The data of a block that are needed besides areas.
 #[derive(Clone, Copy)]
 pub(super) struct Wanted {
     /// Where rays do not share their origin, or any hit will do.
@@ -74,7 +74,7 @@ pub(super) struct SeenBlock {
     wanted: Wanted,
 }
 
-/// Where the triangles of a block are along the axis of a packet.
+/// The extents of the triangles of a block along the axis of a packet.
 #[repr(C, align(32))]
 struct Depths {
     /// The first corner, and how much farther the other two are.
@@ -259,7 +259,7 @@ fn nearest<L: Lanes8>(token: L::Token, low: L, far: L, other_error: L) -> L {
     low.sub(far.mul(L::splat(token, 4e-6))).sub(other_error)
 }
 
-/// What is known of the rays that may meet a triangle: a bit for each.
+/// The results of the rays for a triangle: a bit for each.
 pub(super) struct TriangleHits<W> {
     /// They may hit it, and that may matter.
     pub possible: u32,
@@ -267,7 +267,7 @@ pub(super) struct TriangleHits<W> {
     pub certain: u32,
     /// The same for those that hit it, if that is where they meet its plane or its projection.
     pub nearer: u32,
-    /// Where those do, at least and at most.
+    /// The smallest and largest distances of these hits.
     pub low: W,
     pub high: W,
 }
@@ -419,7 +419,7 @@ impl SeenBlock {
         !inside.add(bound).add(bound).lt(zero)
     }
 
-    /// How some of the rays meet a triangle.
+    /// The intersection of some of the rays with a triangle.
     #[inline(always)]
     pub fn hits<W: Lanes16>(
         &self,

@@ -21,7 +21,8 @@ const SLIVER: f32 = 8.0;
 pub(super) struct Planes {
     /// The product of the normal with a corner.
     pub height: [f32; 8],
-    /// What [heights of rays](super::edges::TriangleLanes) may be off by, each times the normal.
+    /// Bounds on the errors of [heights of rays](super::edges::TriangleLanes), each times the
+    /// normal.
     ///
     /// With unit `u = 2^-24`, normals off by `dn`, rays that begin up to `s` from the point and `b`
     /// from where their rays cross it, and corners up to `r` from there: the height of a corner is

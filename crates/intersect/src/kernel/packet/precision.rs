@@ -1,4 +1,4 @@
-//! What packets of rays do differently in single and in double precision.
+//! The parts of packet traversal that differ between single and double precision.
 
 use super::certain::{CertainHits, Decided};
 use super::exact::{Found, Pairs};
@@ -12,7 +12,7 @@ use crate::tree::GroupTree;
 use snell_math::simd::{Lanes16, WideLanes};
 use snell_math::{DRay, Ray};
 
-/// How a precision makes packets of rays and tests them exactly.
+/// Makes packets of rays of a precision, and tests them exactly.
 pub(crate) trait PacketTests: BlockFilter {
     /// Sixteen rays of a group in the coordinates that the structures of the group are in: as
     /// [`Self::ray_in_structure`].

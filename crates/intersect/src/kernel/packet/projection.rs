@@ -1,4 +1,4 @@
-//! Where all rays of a packet are in the projection of one triangle, which decides what they hit.
+//! The edge tests of all rays of a packet with the projection of one triangle.
 //!
 //! Areas of what is seen from one point ([`super::leaf`]) are off by the distance of a triangle
 //! times its length: too much for slivers. What a ray projects is small near that ray, and so are

@@ -36,20 +36,20 @@ pub(crate) struct PacketRays {
     /// at first about the end of the interval, then about the nearest hit.
     pub certain_end: PerRay<f32>,
     pub end: PerRay<f32>,
-    /// Where rays start.
+    /// The origins of the rays.
     pub start: PerRay<f32>,
-    /// How fast they are.
+    /// The lengths of their directions.
     along: PerRay<f32>,
-    /// Where everything is seen from.
+    /// The common point, relative to which all is computed.
     pub point: [f32; 3],
     /// 1 if `z` grows along its axis, -1 if it falls.
     pub forward: f32,
-    /// How far the rays start from there at most.
+    /// The largest distance of the origins from there.
     pub spread: f32,
     /// And how far from the plane of that point across the axis.
     pub latest: f32,
-    /// How far vertices may be from where they should be, seen from there, besides roundings that
-    /// are relative to the distance.
+    /// Bound on the absolute error of vertices relative to that point, besides relative rounding
+    /// errors.
     pub margin: f32,
     /// The rays do not share their origin.
     pub separate: bool,

@@ -11,8 +11,8 @@ use crate::search::{CULL_PADDING, padded};
 use snell_math::simd::Lanes16;
 use snell_math::{DRay, Ray};
 
-/// How far apart the ends of runs that are described from one point may be, relative to the length
-/// of rays.
+/// The largest distance between the origins of runs that share a common point, relative to the
+/// length of rays.
 const NEAR: f64 = 1.0 / 64.0;
 
 /// The ray by which a run is described: one of a run before, if both start at one point or end at

@@ -1,5 +1,5 @@
-//! What packets do with the triangles of leaves: some are certainly missed, some certainly hit, and
-//! the rest is tested exactly.
+//! Triangles of leaves in packets: some are certainly missed, some certainly hit, and the rest is
+//! tested exactly.
 
 use super::certain::Decided;
 use super::edges::EdgeTests;
@@ -85,7 +85,7 @@ impl<G: Goal> Walker<'_, '_, G> {
     #[inline(always)]
     fn is_urgent<W: Lanes16>(&self, token: W::Token, packet: &Packet, pairs: &Pairs) -> bool {
         if G::ANY {
-            // Where most rays have ended, the others are not worth going on.
+            // When most rays have finished, the packet does not pay for the others.
             return 2 * pairs.count >= self.alive.count_ones() as usize;
         }
         // As long as any other ray has no hit, the packet continues as before.
@@ -495,7 +495,7 @@ fn near_few<W: Lanes16>(token: W::Token, seen: &SeenBlock, packet: &Packet, mut 
     near | near >> 8
 }
 
-/// What became of rays that were tested.
+/// The results of rays that were tested.
 struct Outcome {
     /// Rays whose searches may be nearer to their end, and those whose searches are over.
     nearer: u32,

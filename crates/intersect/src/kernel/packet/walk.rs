@@ -93,7 +93,7 @@ pub(super) struct Walker<'w, 's, G: Goal> {
     pub(super) options: &'w [GeometryOptions],
     /// Ends all searches early when it is set.
     pub(super) cancel: Option<&'w AtomicBool>,
-    /// What all rays have in their masks.
+    /// The union of the masks of all rays.
     pub(super) masks: u32,
     /// The rays of the run, and the number of the first.
     pub(super) rays: &'w [RayOf<G>],
@@ -152,7 +152,7 @@ pub(super) struct PacketState<'r, 'w, 's, G: Goal> {
 /// All that may walk together.
 pub(super) type PacketStates<'r, 'w, 's, G> = [PacketState<'r, 'w, 's, G>; MAX_PACKETS];
 
-/// What a packet keeps on its way through a group.
+/// The state of a packet in a group.
 pub(super) struct Scratch {
     pub(super) pairs: Pairs,
     pub(super) locals: Locals,

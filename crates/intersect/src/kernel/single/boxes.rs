@@ -16,8 +16,8 @@ impl Planes {
     }
 }
 
-/// Where the ray enters each of the eight boxes, and the value that must not exceed for the box to
-/// be met between `t_min` and `cull` (from [`padded`]).
+/// The entry distances of the eight boxes, and the values that they must not exceed for the box to
+/// be hit between `t_min` and `cull` (from [`padded`]).
 #[inline(always)]
 pub(crate) fn box_distances<L: Lanes8>(
     token: L::Token,
@@ -47,14 +47,14 @@ pub(crate) fn box_distances<L: Lanes8>(
     (enter, leave.min(L::splat(token, cull)))
 }
 
-/// Where the ray meets the near planes of an axis.
+/// Distances of the near planes of an axis.
 #[inline(always)]
 fn near<L: Lanes8>(token: L::Token, node: &WideNode, ray: &LocalRay, axis: usize) -> L {
     let plane = L::load(token, &node.bounds[ray.negative[axis] & 1][axis]);
     plane.sub(L::splat(token, ray.near_origin[axis])).mul(L::splat(token, ray.inverse[axis]))
 }
 
-/// Where the ray meets the far planes of an axis.
+/// Distances of the far planes of an axis.
 #[inline(always)]
 fn far<L: Lanes8>(token: L::Token, node: &WideNode, ray: &LocalRay, axis: usize) -> L {
     let plane = L::load(token, &node.bounds[(ray.negative[axis] & 1) ^ 1][axis]);
@@ -86,7 +86,7 @@ pub(crate) fn prepared_distances<L: Lanes8>(
     (enter, leave.min(L::splat(token, cull)))
 }
 
-/// Where an ordinary ray meets the near (`side` 0) or far (3) planes of an axis.
+/// Distances of the near (`side` 0) or far (3) planes of an axis, for an ordinary ray.
 #[inline(always)]
 fn prepared<L: Lanes8>(
     token: L::Token,
@@ -157,7 +157,7 @@ impl<L: Lanes8> PreparedBoxes<L> {
     }
 }
 
-/// Where an ordinary ray meets planes.
+/// Distances of planes for an ordinary ray.
 #[inline(always)]
 fn crossing<L: Lanes8>(planes: &[f32; 8], inverse: L, offset: L) -> L {
     let plane = L::load(inverse.token(), planes);

@@ -103,7 +103,7 @@ fn distance(entry: Entry) -> f32 {
     f32::from_bits((entry >> 32) as u32)
 }
 
-/// Takes entries from the stack until one is not too far.
+/// Pops entries from the stack until one is within the limit.
 ///
 /// # Safety
 /// All entries below `top` must be written.

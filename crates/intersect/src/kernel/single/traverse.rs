@@ -120,7 +120,7 @@ fn search_with_care<L: Lanes8, G: Goal>(
     enter::<L, G>(token, forest, 0, &G::Precision::exact(search.ray), 0, search, stack);
 }
 
-/// Where a ray walks.
+/// The trees that a ray traverses.
 #[derive(Clone, Copy)]
 struct Place<'a, L: Lanes8> {
     token: L::Token,
@@ -376,9 +376,9 @@ fn is_ascending(direction: DVec3) -> bool {
     along > 0.0
 }
 
-/// Pushes children above `top` in the order of their entries, and returns the last. For occlusion
-/// rays sorting by distance does not pay: near the origin is mostly the surface that the ray
-/// leaves, and sorting takes longer than it saves.
+/// Pushes children above `top` in slot order along the ray, without comparing distances, and
+/// returns the last. For occlusion rays sorting by distance does not pay: near the origin is mostly
+/// the surface that the ray leaves, and sorting takes longer than it saves.
 ///
 /// # Safety
 /// `stack` must have room for them, and there must be one.

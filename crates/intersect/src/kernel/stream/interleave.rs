@@ -22,8 +22,7 @@ use snell_math::simd::{Avx2, Avx8, Token};
 use snell_math::simd::{Lanes8, Level, Portable, Portable8, Wide};
 use std::mem::MaybeUninit;
 
-/// How many rays are in flight at most. When [`SHARED_RAYS`] of them have come to their ends,
-/// others start.
+/// The largest number of rays in flight. When [`SHARED_RAYS`] of them have finished, others start.
 const SLOTS: usize = 48;
 
 /// Batches of fewer rays are not worth it.
@@ -55,7 +54,7 @@ impl<'a, P: Facts> Batch<'a, P> {
         Self { rays, context, order: &[], unresolved: None }
     }
 
-    /// How many searches there are.
+    /// The number of searches.
     fn len(&self) -> usize {
         self.unresolved.map_or(self.rays.len(), <[_]>::len)
     }
@@ -144,7 +143,7 @@ fn run<L: Lanes8, G: Goal>(
     let mut hopeful_items: Items<(*mut Slot<G>, u32, u32)> =
         [const { MaybeUninit::uninit() }; SLOTS + 1];
     let mut hopeful = Queue { items: &mut hopeful_items, count: 0 };
-    // What a step leaves for the next.
+    // The state that a step leaves for the next.
     let (mut enters, mut found) = ([Enters([0.0; 8]); SLOTS], [0; SLOTS]);
     let mut queues = Queues { nodes, rest };
     let mut other_slots: Items<*mut Slot<G>> = [const { MaybeUninit::uninit() }; SLOTS + 1];

@@ -176,8 +176,8 @@ impl<W: Lanes16> Row<W> {
 
     const FUSED: bool = <W::Half as Lanes8>::FUSED;
 
-    /// Where the rays enter a box of a node, and which rays meet it. (A box that is inside out is
-    /// met, unlike elsewhere.)
+    /// The entry distances of the rays into a box of a node, and the rays that hit it. (An inverted
+    /// box is hit, unlike elsewhere.)
     #[inline(always)]
     fn meet(&self, node: &WideNode, slot: usize) -> (W, u32) {
         let [low, high] = &node.bounds;
@@ -190,7 +190,7 @@ impl<W: Lanes16> Row<W> {
         (enter, enter.le(leave))
     }
 
-    /// Where the rays meet one of eight planes on each axis.
+    /// The distances of one of eight planes on each axis.
     #[inline(always)]
     fn crossings(&self, [x, y, z]: &[[f32; 8]; 3], slot: usize) -> [W; 3] {
         let (token, slot) = (self.t_min.token(), slot & 7);
@@ -209,7 +209,7 @@ impl<W: Lanes16> Row<W> {
 struct Left<const N: usize> {
     count: usize,
     children: Aligned<[u32; MAX_LEFT]>,
-    /// Where rays enter them, and which rays do: sixteen bits a row.
+    /// The entry distances of rays, and the rays that enter: sixteen bits a row.
     enters: [MaybeUninit<[PerLane; N]>; MAX_LEFT],
     masks: [MaybeUninit<u32>; MAX_LEFT],
 }

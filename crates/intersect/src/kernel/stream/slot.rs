@@ -21,7 +21,7 @@ use std::cell::UnsafeCell;
 use std::marker::PhantomData;
 use std::mem::{MaybeUninit, offset_of};
 
-/// Where a ray is: in which group, with which coordinates.
+/// The position of a ray in the scene: its group and coordinates.
 #[derive(Clone, Copy)]
 #[repr(C)]
 pub(super) struct Place {
@@ -89,7 +89,7 @@ pub(super) struct Slot<'a, G: Goal> {
     t_min: f32,
     /// Padded limit of the search.
     cull: f32,
-    /// What to visit next.
+    /// The entry to visit next.
     pub current: ChildRef,
     /// Entries on the stack; the lowest one ends the walk.
     top: u32,
@@ -231,7 +231,7 @@ impl<'a, G: Goal> Slot<'a, G> {
         }
     }
 
-    /// What is still to be visited, the next last, and where the boxes begin.
+    /// The stack of entries to visit, with the distances of their boxes.
     #[cfg(test)]
     pub unsafe fn entries(this: *mut Self) -> Vec<(f32, ChildRef)> {
         // SAFETY: entries below the top are written, and what was popped last is still there.
@@ -257,7 +257,7 @@ impl<'a, G: Goal> Slot<'a, G> {
         }
     }
 
-    /// Where the search begins, and its padded limit.
+    /// The start of the search, and its padded limit.
     #[cfg(test)]
     pub fn interval(&self) -> [f32; 2] {
         [self.t_min, self.cull]

@@ -1,4 +1,4 @@
-//! What planes and boxes leave of each other.
+//! Clipping of planes and boxes against each other.
 
 use snell_math::plane::{Plane, Vertices};
 use snell_math::{Bounds3d, DVec3};
@@ -23,7 +23,7 @@ pub(super) fn plane_in_box(plane: &Plane, point: DVec3, b: &Bounds3d, out: &mut 
     out.extend(polygon);
 }
 
-/// What a plane leaves of a box on one side.
+/// The part of a box on one side of a plane.
 pub(super) struct BoxPart {
     /// Half of its surface, the cut included.
     pub half_area: f64,

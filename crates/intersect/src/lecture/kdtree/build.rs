@@ -200,7 +200,7 @@ impl Areas {
         }
     }
 
-    /// What a division costs.
+    /// The cost of a division.
     fn cost(&self, at: f32, low: usize, high: usize) -> f64 {
         let at = f64::from(at);
         let area = |length: f64| (self.across + self.around * length) * self.inverse;

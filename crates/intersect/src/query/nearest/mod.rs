@@ -1,9 +1,9 @@
 //! The point of the world nearest to a given one.
 //!
-//! Distances are those in the world, however geometry is scaled or sheared on its way there. Each
-//! is computed by one rule per point and primitive, in `f64`; boxes only skip what is surely
-//! farther; and equal distances go to the lowest (instance, geometry, primitive). So every
-//! structure gives the same bits. What moves counts as it is at time 0.
+//! Distances are measured in world space, however geometry is scaled or sheared. Each depends on
+//! point and primitive only and is computed in `f64`; boxes only cull; and at equal distances the
+//! lowest (instance, geometry, primitive) wins. So every structure gives the same bits. Moving
+//! geometry is taken at time 0.
 
 mod place;
 #[cfg(test)]
@@ -48,9 +48,9 @@ impl World {
         self.space().nearest(point.as_dvec3(), f64::INFINITY, u32::MAX, &mut Vec::new()).into()
     }
 
-    /// The nearest point of any surface, within `max_distance` and among what shares a bit with
-    /// `mask`, to a point in double precision: it is not rounded, and neither is the answer.
-    /// (Meshes have the vertices they have, in single precision; [`crate::DWorld`] has others.)
+    /// The nearest point of any surface, within `max_distance` and with a bit in common with
+    /// `mask`, to a point in double precision. Neither the point nor the result is rounded. (The
+    /// vertices of meshes are in single precision, except in a [`crate::DWorld`].)
     pub fn nearest_point_at(&self, point: DVec3, max_distance: f64, mask: u32) -> DNearestPoint {
         self.space().nearest(point, max_distance, mask, &mut Vec::new())
     }
@@ -89,11 +89,11 @@ impl DWorld {
     }
 }
 
-/// What points are asked of: a world of either precision.
+/// A world of either precision, for point queries.
 #[derive(Clone, Copy)]
 pub(super) struct Space<'a> {
     pub world: &'a World,
-    /// If its meshes are in double precision.
+    /// The meshes in double precision, if it has such.
     pub double: Option<&'a DWorld>,
 }
 
@@ -143,7 +143,7 @@ impl Best {
     /// Nothing yet.
     fn within(distance: f64) -> Self {
         let squared = distance * distance;
-        // Any ids are lower, so what lies exactly at the limit is taken.
+        // Every id is lower, so a point exactly at the limit is accepted.
         Self {
             squared,
             limit: above(squared),
@@ -195,23 +195,23 @@ fn above(x: f64) -> f32 {
     if f64::from(rounded) < x { rounded.next_up() } else { rounded }
 }
 
-/// A child to visit later, and a lower bound of its squared distance.
+/// A deferred child, and a lower bound on its squared distance.
 type Entry = (f32, ChildRef);
 
 /// The search for one point.
 struct Search<'a> {
-    /// In the world.
+    /// The point in world space.
     point: DVec3,
     mask: u32,
     options: &'a [GeometryOptions],
-    /// Of a world in double precision.
+    /// The meshes of a world in double precision.
     data: Option<&'a DoubleData>,
     best: Best,
     stack: &'a mut Vec<Entry>,
 }
 
 impl Search<'_> {
-    /// Looks through the tree of a group, nearest boxes first.
+    /// Searches the tree of a group, nearest boxes first.
     fn tree(&mut self, forest: &Forest, group: usize, place: &Place, instance: u32) {
         let tree: &GroupTree = &forest.trees[group];
         for &object in &tree.unbounded {
@@ -263,7 +263,7 @@ impl Search<'_> {
         }
     }
 
-    /// Looks at everything in a group; `lists` has what each group holds.
+    /// Tests everything in a group; `lists` has the contents of each group.
     fn list<'l>(
         &mut self,
         lists: &impl Fn(usize) -> &'l GroupList,
@@ -291,7 +291,7 @@ impl Search<'_> {
         }
     }
 
-    /// Looks at the triangles of a block; `seen` is the place as the block sees it.
+    /// Tests the triangles of a block; `seen` is the query point in the precision of the block.
     fn triangles(
         &mut self,
         tree: &GroupTree,
@@ -313,7 +313,7 @@ impl Search<'_> {
         }
     }
 
-    /// Looks at a triangle; `corners` are those in the structure.
+    /// Tests a triangle; `corners` are those in the structure.
     fn triangle(&mut self, corners: impl FnOnce() -> [Vec3; 3], place: &Place, ids: [u32; 3]) {
         if self.admits(ids[1]) {
             let corners = match self.data {
@@ -325,7 +325,7 @@ impl Search<'_> {
         }
     }
 
-    /// Looks at a shape or a primitive of a set, or enters an instance.
+    /// Tests a shape or a primitive of a set, or enters an instance.
     fn object(
         &mut self,
         objects: &Objects,

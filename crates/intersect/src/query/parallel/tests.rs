@@ -53,7 +53,7 @@ fn check<W: Queries>(world: &W, rays: Rays<Of<W>>, limited: Points<Of<W>>, zero:
                 );
                 Ok::<(), Cancelled>(())
             })
-            .expect("nobody cancels");
+            .expect("not cancelled");
         }
     }
 }

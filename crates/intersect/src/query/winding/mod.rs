@@ -1,11 +1,10 @@
-//! Inside or outside: winding numbers, occupancy and signed distances, right for open meshes and
-//! soups too.
+//! Winding numbers, occupancy and signed distances, also for open meshes and triangle soups.
 //!
 //! The generalised winding number of a point (Jacobson, Kavan and Sorkine-Hornung 2013) is the
 //! signed solid angle of all surfaces seen from it, over `4 pi`: 1 inside a closed surface, 0
-//! outside, 2 inside of two. Around open surfaces it passes smoothly between, and a half is the
-//! natural border. Outer sides are those of normals (right-hand rule for triangles), also under
-//! mirroring instances; a closed mesh turned inside out counts -1, so that one inside another is a
+//! outside, 2 inside two of them. Around open surfaces it varies smoothly, with a half as the
+//! natural boundary. The outer side is that of the normal (right-hand rule for triangles), also in
+//! mirrored instances; a closed mesh turned inside out counts -1, so that one inside another is a
 //! cavity.
 
 #[cfg(test)]
@@ -24,13 +23,13 @@ impl World {
     /// The generalised winding number of all surfaces around each point; 0 for points that are not
     /// finite.
     ///
-    /// Far-away triangles are seen as one in groups (Barill et al. 2018), which costs up to some
-    /// hundredths next to large open surfaces and much less elsewhere;
-    /// [`Self::winding_number_exact`] sums up all of them. Closed analytic shapes count exactly, 1
-    /// inside and 0 outside, however they are placed. The same holds for each sphere and curve
-    /// segment of sets. Masks are not asked.
+    /// Distant triangles are approximated in clusters (Barill et al. 2018), with errors of up to a
+    /// few hundredths next to large open surfaces and much less elsewhere;
+    /// [`Self::winding_number_exact`] sums all of them. Closed analytic shapes count exactly, 1
+    /// inside and 0 outside, however they are placed, and so does each sphere and curve segment of
+    /// sets. Masks are ignored.
     ///
-    /// The first call prepares a tree, kept with the world: some 40 bytes a triangle.
+    /// The first call builds a tree that is kept with the world: about 40 bytes per triangle.
     ///
     /// # Panics
     /// If the slices differ in length.
@@ -53,15 +52,15 @@ impl World {
         self.winding().is_inside(point)
     }
 
-    /// The generalised winding number without approximations: as long as there are triangles, to
-    /// rounding.
+    /// The generalised winding number without approximation, exact up to rounding; its time is
+    /// linear in the number of triangles.
     pub fn winding_number_exact(&self, point: Vec3) -> f64 {
         self.winding().around(point.as_dvec3(), f64::INFINITY)
     }
 
     /// For each point whether it is inside: its winding number is more than a half. Where the
-    /// approximation of [`Self::winding_number`] is near a half, it is not used. Points that are
-    /// not finite are outside.
+    /// approximation of [`Self::winding_number`] is near a half, the exact sum decides. Points that
+    /// are not finite are outside.
     ///
     /// # Panics
     /// If the slices differ in length.
@@ -76,8 +75,8 @@ impl World {
 
     /// The distance of each point to the nearest surface, in world units, negative inside
     /// ([`Self::occupancy`]); 0 on a surface, `max_distance` with the right sign where no surface
-    /// is as near, infinite in an empty world and for points that are not finite. The mask of the
-    /// points chooses what distances are taken to; the sign comes from everything.
+    /// is that near, infinite in an empty world and for points that are not finite. The mask of the
+    /// points selects the surfaces for distances; the sign comes from all surfaces.
     ///
     /// # Panics
     /// If the slices differ in length.
@@ -142,16 +141,16 @@ impl DWorld {
 
 impl<'a> Space<'a> {
     fn winding(&self) -> &'a Winding {
-        // Not prepared while the cell is locked: a thread that waits for its part of the work may
-        // take up another query meanwhile, and would then wait for itself.
+        // Not built while the cell is locked: a thread that waits for parallel work may start
+        // another query meanwhile, and would then deadlock.
         if self.world.winding.get().is_none() {
-            // Another thread may have been quicker.
+            // Another thread may have been faster.
             let _ = self.world.winding.set(Winding::of(self.world, self.double));
         }
         self.world.winding.get_or_init(|| Winding::of(self.world, self.double))
     }
 
-    /// Gives the distances that were found a sign; `round` gives them the precision of the answers.
+    /// Adds signs to distances; `round` converts them to the precision of the results.
     fn signed<P: Precision>(
         &self,
         points: Points<P>,

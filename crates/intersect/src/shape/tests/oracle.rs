@@ -28,7 +28,7 @@ pub enum Verdict {
 /// True for the shapes that the oracle knows. The others pass all other tests: hits lie on the
 /// surface, areas are those that random lines measure, samples are distributed like hits.
 pub fn knows(shape: &AnyShape) -> bool {
-    let told = [
+    let known = [
         "sphere",
         "box",
         "cylinder",
@@ -40,7 +40,7 @@ pub fn knows(shape: &AnyShape) -> bool {
         "triangle",
         "polygon",
     ];
-    told.contains(&shape.name())
+    known.contains(&shape.name())
 }
 
 /// Size of all numbers that go into a ray's answer: rounding errors are relative to it.

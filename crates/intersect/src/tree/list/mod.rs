@@ -1,4 +1,4 @@
-//! What a list holds, ready to be tested.
+//! The contents of a list, prepared for intersection.
 
 pub(crate) mod faces;
 mod outliers;
@@ -250,7 +250,7 @@ impl List {
         &self.triangles[bits.to_bits() as usize % NUMBERS]
     }
 
-    /// How many faces there are.
+    /// The number of faces.
     pub(crate) fn len(&self) -> usize {
         self.faces.iter().map(|faces| faces.across.len() + faces.tilted.len()).sum()
     }

@@ -38,7 +38,7 @@ impl Piece {
     }
 }
 
-/// What was given back, the oldest first.
+/// The returned pieces, the oldest first.
 struct Spare(Mutex<Vec<Piece>>);
 
 static SPARE: Spare = Spare(Mutex::new(Vec::new()));

@@ -1,5 +1,5 @@
-//! Samples of lights without a surface, for many vertices at once: [punctual](PunctualLight) ones
-//! are worked out together, others (pictures, tables, panels) asked one by one what arrives.
+//! Samples of lights without a surface, for many vertices at once: [punctual](PunctualLight) lights
+//! are evaluated together, others (pictures, tables, panels) one by one.
 
 use super::{LightArrivals, Scatterers};
 use crate::compile::BareLight;
@@ -13,7 +13,7 @@ use snell_scene::light::punctual::{Cone, PunctualLight, PunctualSample};
 
 type Doubles = [f64; LANES];
 
-/// The lights of the lanes and what arrives from them; lanes without one hold anything.
+/// The lights of the lanes and their incident light; lanes without one hold arbitrary values.
 #[derive(Debug)]
 pub struct DeltaSamples {
     lights: PunctualLights,
@@ -79,8 +79,9 @@ impl DeltaSamples {
         }
     }
 
-    /// Samples the lights of these lanes for paths at these places, of these modes, with these
-    /// numbers. Puts the radiance into its lanes, but for punctual lights in spectral colour.
+    /// Samples the lights of these lanes for paths at these points, in these modes, with these
+    /// random numbers. Stores the radiance in the lanes, except for punctual lights in spectral
+    /// colour.
     pub fn sample<'a>(
         &mut self,
         lanes: &[u32],
@@ -186,8 +187,8 @@ fn sample_punctual(positions: &HitVectors, to: &mut DeltaSamples, radiance: &mut
     }
 }
 
-/// Samples of lights that were chosen with these probabilities, as they come to vertices. No path
-/// finds these lights by itself, so they count in full.
+/// Contributions of samples of lights that were chosen with these probabilities. BSDF samples
+/// cannot find these lights, so their weight is 1.
 #[inline(always)]
 pub fn arrive_from_delta<S: Scatterers>(
     from: &DeltaSamples,

@@ -1,6 +1,6 @@
-//! Light samples of many vertices at once, where the chosen lights are an environment or without a
-//! surface, or shine alike everywhere and are flat and far, or rectangles, triangles and spheres:
-//! what [`crate::integrator::estimators::sample_light`] gives one at a time, bit for bit.
+//! Batches of light samples, with the bits of [`crate::integrator::estimators::sample_light`]. The
+//! lights are environments, lights without a surface, and surfaces of uniform emission: flat and
+//! far ones, and near rectangles, triangles and spheres.
 
 mod delta;
 pub mod near;
@@ -27,19 +27,19 @@ use snell_scene::light::area::{AreaLight, FlatPart, PartSample};
 use snell_scene::medium::HenyeyGreenstein;
 use std::f32::consts::FRAC_1_PI;
 
-/// The lights of the lanes. Lanes without a light hold anything.
+/// The lights of the lanes. Lanes without a light hold arbitrary values.
 #[derive(Debug)]
 pub struct LightSamples {
-    /// What was chosen.
+    /// The chosen light.
     pub chosen: ChosenLights,
-    /// Which part of which light is there already: mostly the one that comes next.
+    /// The part of the light that a lane already holds, which is often the next one.
     light: [u32; LANES],
     part: [u32; LANES],
     /// How each is sampled.
     pub how: [u32; LANES],
-    /// How each is sampled from near points, and spheres from all; [`ALONE`] for all others.
+    /// How each is sampled from near points, and spheres from all points; [`ALONE`] for all others.
     how_near: [u32; LANES],
-    /// What gives the light of each.
+    /// The source of the light of each.
     pub source: [LightSource; LANES],
     /// Emitted radiance, by channel.
     pub radiance: HitColors,
@@ -51,12 +51,12 @@ pub struct LightSamples {
     normal: HitVectors,
     error: HitVectors,
     middle: HitVectors,
-    /// Infinite for what is not flat.
+    /// Infinite for lights that are not flat.
     far: HitLanes,
     /// Density per unit of area.
     pdf: HitLanes,
     kind: [u32; LANES],
-    /// 1 if both sides shine.
+    /// 1 if both sides emit.
     on_both_sides: [u32; LANES],
     near: NearLights,
     /// Lanes that sample the environment.
@@ -81,50 +81,50 @@ const DELTA: u32 = 4;
 /// The light is not one of these.
 pub const ALONE: u32 = 5;
 
-/// What light samples bring to vertices.
+/// Light samples as they arrive at vertices.
 #[derive(Debug)]
 pub struct LightArrivals {
     pub origin: HitVectors,
-    /// Direction of the light ray, and where it ends.
+    /// Direction and end of the light ray.
     pub way: HitVectors,
     pub end: HitLanes,
     /// Direction from the vertex, and the density with which it was chosen.
     pub direction: HitVectors,
     pub density: HitLanes,
-    /// Density with which the path itself would go there, unguided: at Lambertian surfaces the
+    /// Density with which an unguided path samples this direction: at Lambertian surfaces the
     /// cosine of incidence over pi.
     pub share: HitLanes,
     /// Weight by multiple importance sampling.
     pub weight: HitLanes,
     /// The weight over the density of the sample.
     pub scale: HitLanes,
-    /// 0 unless the light has no surface, so that paths never find it by themselves.
+    /// 1 if the light has no surface, so that BSDF samples cannot find it; else 0.
     pub is_delta: [u32; LANES],
     /// 0 where there is no light.
     pub exists: [u32; LANES],
 }
 
-/// The surface seen from where paths come.
+/// The surface on the side of the paths.
 #[derive(Clone, Copy, Debug)]
 pub struct Surfaces<'a> {
     pub points: &'a TrianglePoints,
     /// Shading normals.
     pub normal: &'a HitVectors,
-    /// Directions to where the paths come from.
+    /// Directions towards the origins of the rays.
     pub wo: &'a HitVectors,
     /// See [`crate::integrator::estimators::Skin::lift`].
     pub lift: &'a HitVectors,
 }
 
-/// What light samples come to: surfaces, or points of media.
+/// The receivers of light samples: surfaces, or points of media.
 pub trait Scatterers {
     fn position(&self) -> &HitVectors;
 
-    /// The density with which the path of a lane itself would go in a direction, and whether any
-    /// light from there counts.
+    /// The density with which the path of a lane samples a direction, and whether light from there
+    /// counts.
     fn share(&self, lane: usize, direction: Vec3) -> (f32, bool);
 
-    /// Where a ray of this direction starts that leaves the vertex of a lane.
+    /// The origin of a ray of this direction that leaves the vertex of a lane.
     fn ray_origin(&self, lane: usize, direction: Vec3) -> Vec3;
 }
 
@@ -148,9 +148,8 @@ impl Scatterers for Surfaces<'_> {
     }
 }
 
-/// Surfaces of which no more is known here than where they are: how they scatter must be asked one
-/// by one, and the density with which a path goes somewhere is to be weighed in later
-/// ([`LightArrivals::weigh`]).
+/// Surfaces of which only the geometry is known: their BSDFs are evaluated one by one, and the
+/// density of BSDF samples is applied later ([`LightArrivals::weigh`]).
 #[derive(Clone, Copy, Debug)]
 pub struct Skins<'a> {
     pub points: &'a TrianglePoints,
@@ -174,7 +173,7 @@ impl Scatterers for Skins<'_> {
     }
 }
 
-/// Where a ray of this direction starts that leaves the surface of a lane.
+/// The origin of a ray of this direction that leaves the surface of a lane.
 #[inline(always)]
 pub fn ray_origin(
     points: &TrianglePoints,
@@ -196,7 +195,7 @@ pub fn ray_origin(
 #[derive(Clone, Copy, Debug)]
 pub struct MediumPoints<'a> {
     pub position: &'a HitVectors,
-    /// Directions to where the paths come from.
+    /// Directions towards the origins of the rays.
     pub wo: &'a HitVectors,
     /// Of the phase functions.
     pub phase: &'a [HenyeyGreenstein; LANES],
@@ -277,7 +276,7 @@ enum Held<'a> {
 }
 
 impl<'a> Held<'a> {
-    /// The part of a light, if it is one of these.
+    /// The part of a light, if it can be sampled here.
     fn of(scene: &'a CompiledScene, light: u32, part: u32) -> Option<Self> {
         match scene.lights().get(light as usize)? {
             CompiledLight::Area(_) => LightPart::of(scene, light, part).map(Self::Part),
@@ -325,7 +324,7 @@ fn bare_light(scene: &CompiledScene, light: u32) -> Option<&BareLight> {
 }
 
 impl LightSamples {
-    /// For paths of this model.
+    /// Light samples for paths of this colour mode.
     pub fn new(color: ColorModel) -> Self {
         let spectra = match color {
             ColorModel::Rgb => Vec::new(),
@@ -334,8 +333,8 @@ impl LightSamples {
         Self { spectra, ..Self::default() }
     }
 
-    /// Works out the radiance that is not known yet: at the wavelengths of the paths of the first
-    /// lanes, so many, and that of an environment where it arrives.
+    /// Computes the radiance that is still missing, for the given number of first lanes: at the
+    /// wavelengths of their paths, and that of an environment in its sampled direction.
     pub fn shine(
         &mut self,
         scene: &CompiledScene,
@@ -364,7 +363,7 @@ impl LightSamples {
         }
     }
 
-    /// Chooses lights for these receivers, the first so many, and decides how each is sampled.
+    /// Chooses lights for the given number of first receivers, and decides how each is sampled.
     pub fn choose(
         &mut self,
         context: &Context,
@@ -384,7 +383,7 @@ impl LightSamples {
         }
     }
 
-    /// Looks up the lights that were chosen for these points, the first so many, and decides how
+    /// Looks up the lights that were chosen for the given number of first points, and decides how
     /// each is sampled.
     fn look_up(
         &mut self,
@@ -472,12 +471,12 @@ impl LightSamples {
         (self.light[lane], self.source[lane]) = (NONE - 1, source);
     }
 
-    /// True if there is no light in the first lanes, so many.
+    /// True if there is no light in the given number of first lanes.
     fn are_dark(&self, count: usize) -> bool {
         self.how[..count].iter().all(|&how| how == DARK)
     }
 
-    /// Numbers for the samples of the lights in the first lanes, so many.
+    /// Random numbers for the light samples of the given number of first lanes.
     pub fn numbers(
         &self,
         randoms: &BatchRandoms<LANES>,
@@ -487,8 +486,8 @@ impl LightSamples {
         if self.are_dark(count) { [[0.0; LANES]; 2] } else { randoms.pairs(dimension::LIGHT, wide) }
     }
 
-    /// Samples the lights of the first lanes, so many, for paths of these modes, weighted against
-    /// the directions that a path would take by itself.
+    /// Samples the lights of the given number of first lanes, for paths of these modes, weighted by
+    /// multiple importance sampling with the BSDF samples of the paths.
     pub fn arrivals<S: Scatterers>(
         &mut self,
         scene: &CompiledScene,
@@ -583,22 +582,22 @@ impl LightSamples {
 }
 
 impl LightArrivals {
-    /// The intervals that must be free.
+    /// The shadow rays.
     pub fn shadow_rays(&self) -> RayColumns<'_> {
         RayColumns { origin: &self.origin, direction: &self.way, end: &self.end }
     }
 
-    /// Directions from vertices to where the light comes from.
+    /// Directions from vertices to the lights.
     pub fn directions(&self) -> &HitVectors {
         &self.direction
     }
 
-    /// Says where another light is that is sampled for a lane.
+    /// Sets the direction to a light that is sampled elsewhere for a lane.
     pub fn aim(&mut self, lane: usize, direction: Vec3) {
         put(&mut self.direction, lane, direction);
     }
 
-    /// Weighs the sample of a lane against paths that would go there with this density.
+    /// Weights the sample of a lane, given the density of BSDF samples in its direction.
     #[inline(always)]
     pub fn weigh(&mut self, lane: usize, pdf: f32) {
         let weight = if self.is_delta[lane] != 0 {
@@ -619,8 +618,8 @@ impl LightArrivals {
     }
 }
 
-/// The normal of the plane below which nothing is reflected: that of the surface itself, or where
-/// it is lifted the shading normal.
+/// The normal of the plane below which nothing is reflected: the geometric normal, or where the
+/// point is lifted the shading normal.
 #[inline(always)]
 pub fn horizon(flat: Vec3, normal: Vec3, lift: Vec3) -> Vec3 {
     let is_lifted = lift != Vec3::ZERO;

@@ -33,8 +33,7 @@ pub struct NearLights {
     pub samples: NearSamples<LANES>,
 }
 
-/// Where they are seen from, with which numbers they are sampled, and what is known of them, by
-/// lane.
+/// The receivers, random numbers and precomputed data of the samples, by lane.
 #[derive(Clone, Copy, Debug)]
 pub struct NearParts<'a> {
     pub positions: &'a HitVectors,
@@ -45,7 +44,7 @@ pub struct NearParts<'a> {
     pub edges: &'a [HitVectors; 2],
 }
 
-/// Who sees the parts, and with which numbers they are sampled.
+/// The receivers of the parts, and the random numbers of the samples.
 #[derive(Debug, Default)]
 struct Viewers {
     from: [[f32; NEAR_LANES]; 3],
@@ -74,7 +73,7 @@ struct NearSpheres {
     radius: [f64; NEAR_LANES],
 }
 
-/// What [`RoundSample`] says of the points.
+/// The columns of [`RoundSample`].
 #[derive(Debug, Default)]
 struct RoundSamples {
     normal: [[f32; NEAR_LANES]; 3],
@@ -99,8 +98,8 @@ impl<const N: usize> Default for NearSamples<N> {
 }
 
 impl NearLights {
-    /// Samples the parts of the lanes that have one; `part` tells what is not known of rectangles
-    /// and spheres. Of points of spheres, normals and bounds of errors are put into the lanes of
+    /// Samples the parts of the lanes that have one; `part` gives the missing data of rectangles
+    /// and spheres. For points on spheres, normals and error bounds are written to the lanes of
     /// these columns.
     #[inline(never)]
     pub fn sample(
@@ -259,7 +258,7 @@ impl<const N: usize> NearSamples<N> {
         }
     }
 
-    /// Takes what was found for these lanes.
+    /// Stores the samples of these lanes.
     fn take(&mut self, lanes: &[u32], found: &NearSamples<NEAR_LANES>) {
         for (i, &lane) in lanes.iter().enumerate() {
             self.put(lane as usize, &found.get(i));

@@ -1,5 +1,5 @@
-//! Light samples from an environment that is an image: the tables are asked one by one, the rest is
-//! worked out for many at once. And where paths look it up that leave the scene.
+//! Light samples from an environment image: the tables are searched one by one, the rest is
+//! computed in batches. Also the look-up positions for paths that leave the scene.
 
 use super::{LightArrivals, Scatterers};
 use crate::lanes::{LANES, ZERO, at, put};
@@ -8,7 +8,7 @@ use snell_math::simd::{Wide, mask_select};
 use snell_math::{Mat3, Vec2, Vec3, at_level, sampling};
 use snell_scene::light::environment::{DrawnDirection, EnvironmentLight, SkySample, place_of};
 
-/// Samples of an environment, by lane; those of lanes without one hold anything.
+/// Samples of an environment, by lane; lanes without one hold arbitrary values.
 #[derive(Debug)]
 pub struct SkySamples {
     /// As [`DrawnDirection`].
@@ -20,10 +20,10 @@ pub struct SkySamples {
     world_from_environment: Mat3,
 }
 
-/// Where it is looked up ([`EnvironmentLight::place`]), by lane.
+/// The look-up positions ([`EnvironmentLight::place`]), by lane.
 pub type SkyPlaces = [HitLanes; 2];
 
-/// Nowhere in particular.
+/// Arbitrary positions.
 pub const NO_PLACES: SkyPlaces = [[0.0; LANES]; 2];
 
 impl Default for SkySamples {
@@ -39,7 +39,7 @@ impl Default for SkySamples {
 }
 
 impl SkySamples {
-    /// Draws for these lanes, with these numbers.
+    /// Samples for these lanes, with these random numbers.
     pub fn draw(&mut self, sky: &EnvironmentLight, lanes: &[u32], u: &[HitLanes; 2]) {
         self.exists = [0; LANES];
         self.world_from_environment = sky.world_from_environment();
@@ -63,7 +63,7 @@ impl SkySamples {
     }
 }
 
-/// Samples that were chosen with these probabilities, as they come to vertices.
+/// Contributions of samples that were chosen with these probabilities.
 #[inline(always)]
 pub fn arrive_from_sky<S: Scatterers>(
     from: &SkySamples,
@@ -95,7 +95,7 @@ pub fn arrive_from_sky<S: Scatterers>(
     }
 }
 
-/// Where the light of each of these directions, at most [`LANES`], is looked up in an image
+/// The look-up position in an image for each of these directions, at most [`LANES`]
 /// ([`EnvironmentLight::place`]).
 pub fn places_of(
     sky: &EnvironmentLight,

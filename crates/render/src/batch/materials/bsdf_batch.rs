@@ -1,5 +1,5 @@
-//! How surfaces scatter light, for all vertices of one material at once: the bits of
-//! [`super::general`] one by one.
+//! Batches of BSDFs: all vertices of one material together, with the bits of [`super::general`] one
+//! by one.
 
 use super::general::{Bounces, Scattered};
 use crate::batch::lights::horizon;
@@ -11,24 +11,24 @@ use snell_math::simd::{Bits, Wide, mask_select, mask_select_vector};
 use snell_math::{ColorModel, at_level};
 use snell_scene::bsdf::{BATCH, BatchBsdf, BatchInputs, BatchOutputs, BatchPoint, LobeSpectra};
 
-/// The BSDFs of vertices. Arrays are by lane; those of other lanes hold anything.
+/// The BSDFs of vertices. Arrays are by lane; other lanes hold arbitrary values.
 #[derive(Debug)]
 pub struct BsdfBatch<'a> {
     color: ColorModel,
-    /// How each scatters; `None` for other lanes.
+    /// The BSDF of each; `None` for other lanes.
     bsdfs: [Option<&'a BatchBsdf>; LANES],
     is_any: bool,
     /// 0 for other lanes.
     has: [u32; LANES],
-    /// The normal of the plane that light is reflected above or refracted below, and its cosine
-    /// with where the path comes from.
+    /// The normal of the plane above which light is reflected and below which it is refracted, and
+    /// its cosine with the outgoing direction.
     horizon: HitVectors,
     side: HitLanes,
     /// As [`BatchPoint`].
     spectra: LobeSpectra<HitColors>,
     alpha: HitLanes,
     metalness: HitLanes,
-    /// In the frames of the surfaces: where the path comes from, and where the light comes from.
+    /// Outgoing and incident directions in the frames of the surfaces.
     wo: HitVectors,
     wi: HitVectors,
     found: Box<Found>,
@@ -48,20 +48,20 @@ struct Found {
     exists: [u32; LANES],
 }
 
-/// Surfaces and where they are seen from.
+/// Surfaces with outgoing directions.
 #[derive(Clone, Copy, Debug)]
 pub struct Seen<'a> {
     pub frames: &'a Frames,
-    /// Normals of the surfaces themselves.
+    /// Geometric normals.
     pub flat: &'a HitVectors,
-    /// Directions to where the paths come from.
+    /// Directions towards the origins of the rays.
     pub wo: &'a HitVectors,
     /// See [`crate::integrator::estimators::Skin::lift`].
     pub lift: &'a HitVectors,
 }
 
 impl BsdfBatch<'_> {
-    /// No lanes, for paths of this model of colour.
+    /// An empty batch for paths of this colour mode.
     pub fn new(color: ColorModel) -> Self {
         let (number, mark) = ([0.0; LANES], [0; LANES]);
         Self {
@@ -92,12 +92,12 @@ impl BsdfBatch<'_> {
 }
 
 impl<'a> BsdfBatch<'a> {
-    /// Forgets all lanes.
+    /// Removes all lanes.
     pub fn clear(&mut self) {
         (self.bsdfs, self.is_any, self.has) = ([None; LANES], false, [0; LANES]);
     }
 
-    /// Takes a lane that scatters like this, and is this at its point.
+    /// Adds a lane with this BSDF and its values at the point.
     pub fn put(&mut self, lane: usize, bsdf: &'a BatchBsdf, at: &BatchPoint) {
         put_color(&mut self.spectra.base, lane, at.spectra.base);
         if self.color == ColorModel::Spectral {
@@ -108,13 +108,12 @@ impl<'a> BsdfBatch<'a> {
         (self.bsdfs[lane], self.is_any, self.has[lane]) = (Some(bsdf), true, 1);
     }
 
-    /// True if this lane was taken.
+    /// True if this lane was added.
     pub fn has(&self, lane: usize) -> bool {
         self.has[lane] != 0
     }
 
-    /// Computes what does not depend on lights, and the normals on the side where the paths come
-    /// from.
+    /// Computes what does not depend on lights, and the normals on the side of the paths.
     pub fn prepare(&mut self, seen: &Seen, facing: &mut HitVectors, wide: Option<Wide>) {
         if !self.is_any {
             return;
@@ -179,7 +178,7 @@ impl<'a> BsdfBatch<'a> {
         }
     }
 
-    /// Writes values and samples, in the world, into the lanes that were taken.
+    /// Writes values and samples, in world space, to the lanes that were added.
     pub fn write(
         &self,
         (frames, wi): (&Frames, &HitVectors),
@@ -207,7 +206,7 @@ impl<'a> BsdfBatch<'a> {
 }
 
 impl Found {
-    /// Takes what was answered for the lanes of a block that are marked.
+    /// Stores the results of the selected lanes of a block.
     fn take(
         &mut self,
         block: usize,

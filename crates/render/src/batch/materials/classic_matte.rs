@@ -1,4 +1,5 @@
-//! What `raycast` and `whitted` do at Lambertian surfaces ([`crate::integrator::classic`]).
+//! Batches of vertices of `raycast` and `whitted` on Lambertian surfaces
+//! ([`crate::integrator::classic`]).
 
 use super::matte_surfaces::{MatteSurfaces, MatteVertices};
 use crate::batch::{Batch, BatchShader, Shaded};

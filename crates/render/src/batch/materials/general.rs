@@ -1,6 +1,6 @@
-//! What `path` and `direct` do at surfaces of any kind ([`crate::integrator::path`]). Lights,
-//! random numbers, roulette and rays are worked on in loops that become vector code; how the
-//! surface scatters is asked for many vertices of one material at once where its BSDF can
+//! Batches of vertices of `path` and `direct` on surfaces of any kind
+//! ([`crate::integrator::path`]). Lights, random numbers, roulette and rays are processed in
+//! vectorised loops; BSDFs are evaluated in batches by material where they support it
 //! ([`super::bsdf_batch`]), else one by one.
 
 use super::bsdf_batch::{BsdfBatch, Seen};
@@ -32,7 +32,7 @@ use snell_scene::material::FrameNeeds;
 pub struct GeneralShader<'a> {
     /// By material: whether it accepts vertices on it.
     accepts: Vec<bool>,
-    /// Paths and the light that each has found.
+    /// Paths and the emission that each has found.
     found: Vec<(u32, SampledSpectrum)>,
     lanes: VertexLanes,
     color: ColorModel,
@@ -40,21 +40,21 @@ pub struct GeneralShader<'a> {
     plain: Vec<Option<PlainSurface<'a>>>,
     /// Lanes on these.
     on_plain: Vec<(usize, PlainSurface<'a>)>,
-    /// What scatters, and which of these it is in each lane: [`NONE`] where none is known.
+    /// The scatterers, and the index of that of each lane; [`NONE`] where there is none.
     scatterers: Vec<Scatterer<'a>>,
     scatterer_of: [u32; LANES],
-    /// Lanes that are worked on by material, and their frames where these are known.
+    /// Lanes that are processed by material, and their frames where these are known.
     bsdfs: BsdfBatch<'a>,
     turned: Vec<(usize, Frame)>,
-    /// True if frames are to be worked out together.
+    /// True if frames are to be computed together.
     turns: bool,
     bends: Bends,
     frames: Frames,
-    /// The normal on the side where the path comes from.
+    /// The normal on the side of the path.
     facing: HitVectors,
-    /// Whether the surface lets light through.
+    /// Whether the surface transmits light.
     transmits: [bool; LANES],
-    /// How the surfaces scatter light from where it comes from.
+    /// The BSDF values of the surfaces for the light samples.
     scattered: Scattered,
     bounces: Bounces,
     direct: DirectLight,
@@ -79,14 +79,14 @@ pub struct Scattered {
     pub pdf: HitLanes,
 }
 
-/// Where paths go on.
+/// The next rays of paths.
 #[derive(Debug)]
 pub struct Bounces {
     pub wi: HitVectors,
     origin: HitVectors,
     /// 0 for delta lobes.
     pub pdf: HitLanes,
-    /// By channel, what the throughput is multiplied with.
+    /// By channel, the factor on the throughput.
     pub weight: HitColors,
     pub eta_scale: HitLanes,
     /// As [`GuidedBsdf::survival`] gives it, where paths are guided.
@@ -106,7 +106,7 @@ impl<'a> GeneralShader<'a> {
     pub fn new(context: &Context<'a>, sampler: &Sampler) -> Option<Self> {
         let (scene, settings) = (context.scene, context.settings);
         let wide = scene.world.simd().wide().filter(|_| settings.integrator.is_path())?;
-        // What disperses light changes what else a path carries.
+        // Dispersion changes the rest of a path's state.
         let is_spectral = settings.color == ColorModel::Spectral;
         let accepts = |material: &Material| {
             specular_part(context, material).is_none() && !(is_spectral && material.is_dispersive())
@@ -204,7 +204,7 @@ impl<'a> GeneralShader<'a> {
         );
     }
 
-    /// The points of all lanes, and what scatters there.
+    /// The points of all lanes, and their scatterers.
     fn place(&mut self, context: &Context) {
         self.lanes.place();
         self.lanes.place_lifts(context);
@@ -250,7 +250,7 @@ impl<'a> GeneralShader<'a> {
         self.bsdfs.prepare(&seen, &mut self.facing, *wide);
     }
 
-    /// Has the frame of a lane worked out with the others.
+    /// Schedules the frame of a lane to be computed with the others.
     fn expect_frame(&mut self, lane: usize, needs: FrameNeeds) {
         self.frames.expect(lane, needs);
         self.turns = true;
@@ -278,7 +278,7 @@ impl<'a> GeneralShader<'a> {
         if batch.is_last() {
             return;
         }
-        // (What a field has learnt is asked one by one.)
+        // (The guiding field is evaluated lane by lane.)
         let bsdf = prepared.batch_at(surface.material, &point).filter(|_| context.field.is_none());
         if let Some((bsdf, at, needs)) = bsdf {
             let lift = if bsdf.transmits() {
@@ -313,7 +313,7 @@ impl<'a> GeneralShader<'a> {
         self.scatterers.push(scatterer);
     }
 
-    /// Works out what the lanes give.
+    /// Computes the outputs of the lanes.
     fn shade_lanes(&mut self, context: &Context, depth: u32) {
         self.place(context);
         let (wide, count) = (self.lanes.wide, self.lanes.paths().len());
@@ -411,7 +411,7 @@ impl<'a> GeneralShader<'a> {
         }
     }
 
-    /// Works out what these lights bring, once it is known how their light is scattered.
+    /// Computes the contributions of these lights, once their BSDF values are known.
     fn bring_alone(&mut self, context: &Context) {
         for Alone { lane, at, probability, light } in self.alone.drain(..) {
             let scattered = (color_at(&self.scattered.value, lane), self.scattered.pdf[lane]);
@@ -425,8 +425,8 @@ impl<'a> GeneralShader<'a> {
         self.lanes.points.is_sound[lane] != 0
     }
 
-    /// Asks the surface of a lane how it scatters the light that arrives, and where the path goes
-    /// on.
+    /// Evaluates and samples the BSDF of a lane: its value for the light sample, and the next
+    /// direction of the path.
     fn scatter(&mut self, context: &Context, lane: usize, u_lobe: f32, u: Vec2, u_quad: f32) {
         let Self { lanes, scatterers, scatterer_of, scattered, bounces, direct, .. } = self;
         bounces.exists[lane] = 0;
@@ -491,7 +491,7 @@ impl<'a> BatchShader<'a> for GeneralShader<'a> {
     }
 }
 
-/// What is known of vertices before it is worked out what they give.
+/// The inputs of vertices, before the outputs are computed.
 struct Known<'a> {
     carried: &'a CarriedLanes,
     skins: Skins<'a>,
@@ -502,7 +502,7 @@ struct Known<'a> {
     roulette: &'a Roulette,
 }
 
-/// What vertices give, but for lights that are sampled alone.
+/// The outputs of vertices, without lights that are sampled one by one.
 #[inline(always)]
 #[expect(clippy::needless_range_loop, reason = "plain loops become vector code")]
 fn give<const CHANNELS: usize>(

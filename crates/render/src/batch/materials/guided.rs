@@ -1,5 +1,4 @@
-//! What [`crate::integrator::guided`] does at Lambertian surfaces, at many vertices at once, bit
-//! for bit.
+//! Batches of [`crate::integrator::guided`] on Lambertian surfaces, with the same bits.
 
 use crate::batch::lights::{LightArrivals, Scatterers, Surfaces};
 use crate::batch::vertices::CarriedLanes;
@@ -14,19 +13,19 @@ use snell_intersect::triangles::{HitLanes, HitVectors};
 use snell_math::simd::{Wide, mask_select, max};
 use snell_math::{Vec2, Vec3, at_level, sampling};
 
-/// What a field knows where paths are. Lanes that are not in use hold anything.
+/// The data of a guiding field at vertices. Unused lanes hold arbitrary values.
 #[derive(Debug)]
 pub struct GuidedLanes {
     /// The regions of the points.
     regions: [u32; LANES],
-    /// 1 where anything is known of them.
+    /// 1 where the region is trained.
     is_known: [u32; LANES],
-    /// The share of directions that is drawn from the BSDF; 1 where nothing is known.
+    /// The fraction of BSDF samples; 1 where the region is not trained.
     share: HitLanes,
-    /// Where points are to be found, and which way surfaces face.
+    /// The coordinates of the points, and the orientations of the surfaces.
     places: [[u32; LANES]; 3],
     faces: [u32; LANES],
-    /// How directions turn in the regions, by parts, and by what at the points.
+    /// The parallax of the regions, in parts, and its values at the points.
     anchor: HitVectors,
     nearness: HitLanes,
     shift: HitVectors,
@@ -35,18 +34,18 @@ pub struct GuidedLanes {
     coordinates: [[u32; LANES]; 2],
     /// 1 for directions that do not come from the BSDF.
     is_drawn: [u32; LANES],
-    /// How much larger the solid angle of a direction is where what is known was seen from.
+    /// The ratio of a direction's solid angle at the region's anchor to that at the point.
     larger: HitLanes,
-    /// Density of a direction by what is known.
+    /// Density of a direction in the field.
     pdf: HitLanes,
-    /// What paths of throughput 1 are expected to bring, 0 where nothing is known.
+    /// The expected contribution of paths of throughput 1; 0 where the region is not trained.
     brings: HitLanes,
     /// As [`crate::integrator::guided::GuidedBsdf::survival`] gives it.
     pub survival: HitLanes,
     pub expected: HitLanes,
 }
 
-/// Directions in which paths go on, by lane.
+/// Next directions of paths, by lane.
 #[derive(Debug)]
 pub struct Directions<'a> {
     pub wi: &'a mut HitVectors,
@@ -84,7 +83,7 @@ impl Default for GuidedLanes {
 }
 
 impl GuidedLanes {
-    /// Looks up what is known at the first points, so many.
+    /// Looks up the field at the given number of first points.
     pub fn find(&mut self, field: &Field, receivers: &Receivers, count: usize, wide: Option<Wide>) {
         at_level!(
             wide,
@@ -118,8 +117,8 @@ impl GuidedLanes {
         );
     }
 
-    /// Replaces directions that were drawn from BSDFs by those of the mixture. `choice`, `quad` and
-    /// `u` are independent numbers.
+    /// Replaces directions sampled from BSDFs by those of the mixture. `choice`, `quad` and `u` are
+    /// independent numbers.
     pub fn mix(
         &mut self,
         field: &Field,
@@ -150,7 +149,7 @@ impl GuidedLanes {
         );
     }
 
-    /// Weighs light samples against the mixture.
+    /// Weights light samples, given the density of the mixture.
     pub fn weigh_lights(
         &mut self,
         field: &Field,
@@ -170,8 +169,7 @@ impl GuidedLanes {
         );
     }
 
-    /// Works out by what roulette decides, for paths that have come to surfaces of this
-    /// reflectance.
+    /// Computes the survival weights of roulette, for paths on surfaces of this reflectance.
     pub fn play(&mut self, carried: &CarriedLanes, reflectance: &HitColors, wide: Option<Wide>) {
         at_level!(
             wide,
@@ -184,7 +182,7 @@ impl GuidedLanes {
         );
     }
 
-    /// Densities of the directions of [`Self::coordinates`], in lanes where they are wanted.
+    /// Densities of the directions of [`Self::coordinates`], in the selected lanes.
     fn look_up(&mut self, field: &Field, is_wanted: &[u32; LANES]) {
         field.atlas().pdfs(&self.regions, &self.coordinates, is_wanted, &mut self.pdf);
         for (pdf, larger) in self.pdf.iter_mut().zip(&self.larger) {
@@ -192,7 +190,7 @@ impl GuidedLanes {
         }
     }
 
-    /// Density of a direction in the mixture of a lane, by that of the BSDF.
+    /// Density of a direction in the mixture of a lane, given that of the BSDF.
     pub fn mixed_pdf(
         &self,
         field: Option<&Field>,
@@ -206,7 +204,7 @@ impl GuidedLanes {
         guide.map_or(bsdf_pdf, |guide| mixed_pdf(self.share[lane], bsdf_pdf, guide.pdf(wi)))
     }
 
-    /// What is known in a lane.
+    /// The data of the field in a lane.
     pub fn known(&self, lane: usize) -> Option<Known> {
         (self.is_known[lane] != 0).then_some(Known(self.regions[lane]))
     }

@@ -1,5 +1,5 @@
-//! What `path` and `direct` do at Lambertian surfaces ([`crate::integrator::path`]). Such surfaces
-//! are most of many scenes, and cost little else.
+//! Batches of vertices of `path` and `direct` on Lambertian surfaces ([`crate::integrator::path`]),
+//! which are most of many scenes.
 
 use super::guided::{Directions, GuidedLanes};
 use super::matte_surfaces::{MatteSurfaces, MatteVertices};
@@ -28,22 +28,22 @@ use std::rc::Rc;
 pub struct MatteShader<'a> {
     vertices: MatteVertices<'a>,
     color: ColorModel,
-    /// Shading normal, and the same on the side where the path comes from.
+    /// Shading normal, and the same on the side of the path.
     normal: HitVectors,
     facing: HitVectors,
     bounces: Bounces,
-    /// What a field knows, if there is one.
+    /// The data of the guiding field, if there is one.
     guided: Box<GuidedLanes>,
     direct: DirectLight,
 }
 
-/// Where paths go on.
+/// The next rays of paths.
 #[derive(Debug)]
 struct Bounces {
     wi: HitVectors,
     origin: HitVectors,
     pdf: HitLanes,
-    /// By channel, what the throughput is multiplied with.
+    /// By channel, the factor on the throughput.
     weight: HitColors,
     /// 0 where the path ends.
     exists: [u32; LANES],
@@ -79,7 +79,7 @@ impl<'a> MatteShader<'a> {
         })
     }
 
-    /// Works out what the lanes give.
+    /// Computes the outputs of the lanes.
     fn shade_lanes(&mut self, context: &Context, depth: u32) {
         self.vertices.place(context);
         let vertices = &self.vertices;
@@ -165,8 +165,8 @@ impl<'a> MatteShader<'a> {
         });
     }
 
-    /// The source of the light ray of a lane, if it sends one, and its weight by multiple
-    /// importance sampling.
+    /// The source of the light ray of a lane, if it has one, and its weight by multiple importance
+    /// sampling.
     fn light_source(&self, lane: usize) -> Option<(LightSource, f32)> {
         (self.direct.outputs.has_light_ray[lane] != 0)
             .then(|| (self.direct.lights.source[lane], self.direct.arrivals.weight[lane]))
@@ -197,7 +197,7 @@ impl<'a> BatchShader<'a> for MatteShader<'a> {
     }
 
     fn shade(&mut self, batch: &Batch<'_, 'a>, paths: &[u32]) {
-        // (They do not shine.)
+        // (They do not emit light.)
         if batch.is_last() {
             return self.vertices.lanes.clear();
         }
@@ -246,7 +246,7 @@ impl<'a> BatchShader<'a> for MatteShader<'a> {
         LobeShares::of_matte(color_at(&self.vertices.reflectance, lane))
     }
 
-    /// Light rays start through the surface by rounding only.
+    /// Light rays cross the surface by rounding only.
     fn may_cross(&self, lane: usize) -> [bool; 2] {
         let lanes = &self.vertices.lanes;
         let normal = at(&lanes.points.geometric_normal, lane);
@@ -255,19 +255,19 @@ impl<'a> BatchShader<'a> for MatteShader<'a> {
     }
 }
 
-/// What is known of vertices before it is worked out what they give.
+/// The inputs of vertices, before the outputs are computed.
 struct Known<'a> {
     carried: &'a CarriedLanes,
     reflectance: &'a HitColors,
     radiance: &'a HitColors,
     arrivals: &'a LightArrivals,
     bounces: &'a Bounces,
-    /// What a field says, if there is one.
+    /// The guiding field, if there is one.
     guided: Option<&'a GuidedLanes>,
     roulette: &'a Roulette,
 }
 
-/// What vertices give, but for lights that are sampled alone.
+/// The outputs of vertices, without lights that are sampled one by one.
 #[inline(always)]
 #[expect(clippy::needless_range_loop, reason = "plain loops become vector code")]
 fn give<const CHANNELS: usize>(known: &Known, to: &mut VertexOutputs) {
@@ -312,7 +312,7 @@ fn bounce(
         let up = sampling::cosine_hemisphere(Vec2::new(u[0][i], u[1][i]));
         let pdf = up.z * FRAC_1_PI;
         let cos_o = n.dot(wo);
-        // (One factor for both uses: two conditions alike become two branches with masked stores,
+        // (One factor for both uses: two equal conditions become two branches with masked stores,
         // which some processors take twenty cycles for.)
         let side = if cos_o < 0.0 { -1.0 } else { 1.0 };
         let local = Vec3::new(up.x, up.y, side * up.z);

@@ -1,4 +1,4 @@
-//! Matte surfaces, what is known of them before they are hit, and vertices on them.
+//! Matte surfaces, their precomputed data, and vertices on them.
 
 use crate::batch::Batch;
 use crate::batch::lights::horizon;
@@ -20,21 +20,20 @@ use std::rc::Rc;
 /// The matte surfaces of a scene.
 #[derive(Debug)]
 pub struct MatteSurfaces<'a> {
-    /// By geometry: the mesh and its reflectance, if that is the same everywhere and nothing moves
-    /// it.
+    /// By geometry: the mesh and its reflectance, if that is uniform and the mesh is static.
     plain: Vec<Option<PlainSurface<'a>>>,
-    /// By geometry, and last for nothing: what is known of hits on it outside of instances.
+    /// The class of hits on each geometry outside of instances; the last entry is for misses.
     kinds: Vec<Kind>,
     /// By material.
     materials: Vec<bool>,
 }
 
-/// What hits on a geometry are.
+/// The class of hits on a geometry.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Kind {
     Matte,
     Other,
-    /// It depends on what exactly was hit.
+    /// It depends on the primitive.
     Mixed,
 }
 
@@ -42,9 +41,9 @@ enum Kind {
 #[derive(Clone, Copy, Debug)]
 pub struct PlainSurface<'a> {
     pub mesh: PlainMesh<'a>,
-    /// The same everywhere.
+    /// The reflectance, in RGB.
     reflectance: SampledSpectrum,
-    /// The same for all wavelengths, if it is asked for.
+    /// The same for all wavelengths, if needed.
     spectrum: Option<RgbSpectrum>,
 }
 
@@ -60,8 +59,7 @@ impl PlainSurface<'_> {
 }
 
 impl<'a> MatteSurfaces<'a> {
-    /// `None` if there are none, or the level is that of portable code, at which the vertex
-    /// function shades them.
+    /// `None` if there are none, or with portable code, where the vertex function shades them.
     pub fn new(context: &Context<'a>) -> Option<Rc<Self>> {
         let scene = context.scene;
         scene.world.simd().wide()?;
@@ -92,7 +90,7 @@ impl<'a> MatteSurfaces<'a> {
         materials.contains(&true).then(|| Rc::new(Self { plain, kinds, materials }))
     }
 
-    /// True if a path that has hit this can be worked on here.
+    /// True if a path with this hit can be shaded here.
     #[inline(always)]
     pub fn has(&self, scene: &CompiledScene, hit: &Hit) -> bool {
         let kind = self.kinds[(hit.geometry as usize).min(self.kinds.len() - 1)];
@@ -109,7 +107,7 @@ impl<'a> MatteSurfaces<'a> {
     }
 }
 
-/// True if vertices on this material can be worked on here.
+/// True if vertices on this material can be shaded here.
 fn is_matte(context: &Context, material: &Material) -> bool {
     let settings = context.settings;
     let knows_color = settings.color == ColorModel::Rgb || context.field.is_none();
@@ -118,8 +116,7 @@ fn is_matte(context: &Context, material: &Material) -> bool {
         && material.as_matte().is_some()
 }
 
-/// Vertices on matte surfaces. Arrays are by lane; those of lanes that are not in use hold
-/// anything.
+/// Vertices on matte surfaces. Arrays are by lane; unused lanes hold arbitrary values.
 #[derive(Debug)]
 pub struct MatteVertices<'a> {
     pub lanes: VertexLanes,
@@ -135,7 +132,7 @@ impl<'a> MatteVertices<'a> {
         Self { lanes, reflectance: BLACK, surfaces }
     }
 
-    /// How many of the first of these paths are on matte surfaces, at most [`LANES`].
+    /// The number of leading paths on matte surfaces, at most [`LANES`].
     pub fn accepts(&self, batch: &Batch, paths: &[u32]) -> usize {
         if batch.matte_next > 0 {
             return batch.matte_next.min(LANES);
@@ -145,8 +142,8 @@ impl<'a> MatteVertices<'a> {
         paths.iter().take(LANES).take_while(is_matte).count()
     }
 
-    /// Puts the vertices of the paths with these numbers into the lanes: at most [`LANES`], of
-    /// which the dead are left out.
+    /// Puts the vertices of the paths with these numbers into the lanes: at most [`LANES`], without
+    /// those that have ended.
     pub fn gather(&mut self, batch: &Batch, paths: &[u32]) {
         let from = batch.paths;
         self.lanes.start(batch, paths);
@@ -221,12 +218,12 @@ impl<'a> MatteVertices<'a> {
     }
 }
 
-/// A surface as the light sees it.
+/// A surface as a receiver of light.
 pub struct Seen {
     pub arrival: Arrival,
     normal: Vec3,
     horizon: Vec3,
-    /// Cosines of where the path comes from with the normals.
+    /// Cosines of the outgoing direction with the normals.
     cos_o: f32,
     side: f32,
     pub reflectance: SampledSpectrum,

@@ -1,5 +1,6 @@
-//! What `path` and `direct` do at smooth glass and mirrors ([`crate::integrator::path`]). Delta
-//! lobes need no light samples, so there is little else to do but to go on.
+//! Batches of vertices of `path` and `direct` on smooth glass and mirrors
+//! ([`crate::integrator::path`]). Delta lobes need no light samples, so only the next rays are
+//! computed.
 
 use crate::batch::vertices::{
     CarriedColumns, CarriedLanes, MarkLanes, OtherPoint, RayColumns, Roulette, UNMARKED,
@@ -44,18 +45,18 @@ struct Lobes {
     /// By channel, factors on light that crosses, and on light that comes from the inside.
     tint: HitColors,
     arriving: HitColors,
-    /// By channel, the factor on what is reflected where that is all.
+    /// By channel, the factor on reflected light where there is no refraction.
     reflectance: HitColors,
     /// 1 where nothing is refracted.
     is_mirror: [u32; LANES],
 }
 
-/// Where paths go on.
+/// The next rays of paths.
 #[derive(Debug)]
 struct Bounces {
     wi: HitVectors,
     origin: HitVectors,
-    /// The normal on the side where the path comes from.
+    /// The normal on the side of the path.
     facing: HitVectors,
     /// By channel.
     throughput: HitColors,
@@ -69,7 +70,7 @@ struct Bounces {
 /// What a material does, if [`SpecularShader`] knows it.
 pub fn specular_part(context: &Context, material: &Material) -> Option<Specular> {
     let settings = context.settings;
-    // In other colours: what is the same for all of a path's wavelengths but for its tint.
+    // In spectral colours: materials that differ only in tint between a path's wavelengths.
     let knows_color = |lobe: &Specular| match settings.color {
         ColorModel::Rgb => true,
         ColorModel::Spectral => {
@@ -117,7 +118,7 @@ impl<'a> SpecularShader<'a> {
         })
     }
 
-    /// What the surface does that a path has hit.
+    /// The specular behaviour of the surface that a path hit.
     fn lobe(&self, batch: &Batch, path: u32) -> Option<&Specular> {
         self.materials.get(batch.materials[path as usize] as usize)?.as_ref()
     }
@@ -176,7 +177,7 @@ impl<'a> SpecularShader<'a> {
         self.lanes.put_point(lane, OtherPoint::of(&surface, normal, Vec3::ZERO));
     }
 
-    /// Works out what the lanes give.
+    /// Computes the outputs of the lanes.
     fn shade_lanes(&mut self, batch: &Batch) {
         let (context, depth) = (batch.context, batch.depth);
         self.lanes.place();
@@ -233,7 +234,7 @@ impl<'a> BatchShader<'a> for SpecularShader<'a> {
     }
 
     fn shade(&mut self, batch: &Batch<'_, 'a>, paths: &[u32]) {
-        // (They do not shine.)
+        // (They do not emit light.)
         if batch.is_last() {
             return self.lanes.clear();
         }
@@ -281,7 +282,7 @@ fn normals(points: &TrianglePoints, wo: &HitVectors, normal: &mut HitVectors) {
     }
 }
 
-/// What is known of vertices before it is drawn where their paths go on.
+/// The inputs of vertices, before directions are sampled.
 struct Known<'a> {
     points: &'a TrianglePoints,
     wo: &'a HitVectors,

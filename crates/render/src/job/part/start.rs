@@ -47,7 +47,7 @@ impl PartRenderer<'_> {
             let (point, weight) = film_point(settings, self.filter, *pixel, Vec2::new(x[i], y[i]));
             (film[0][i], film[1][i], weights[i]) = (point.x, point.y, weight);
         }
-        let begun = self.samples.len() as u32;
+        let first_sample = self.samples.len() as u32;
         let nothing = Sample { radiance: SampledSpectrum::ZERO, brought: SampledSpectrum::ZERO };
         self.samples.resize(self.samples.len() + keys.len(), nothing);
         let Self { paths, facts, view, .. } = self;
@@ -66,7 +66,7 @@ impl PartRenderer<'_> {
             paths.extend_rest(rests[..keys.len()].iter().copied());
             let carried = |i| Carried { cone_spread: rays.get(i).spread, ..first };
             paths.carried.extend((0..keys.len()).map(carried));
-            paths.samples.extend(begun..begun + keys.len() as u32);
+            paths.samples.extend(first_sample..first_sample + keys.len() as u32);
             facts.extend(
                 modes
                     .iter()
@@ -85,7 +85,7 @@ impl PartRenderer<'_> {
                 point,
             );
             facts.push(known(state.mode, weights[i]));
-            paths.push(ray, &state, begun + i as u32);
+            paths.push(ray, &state, first_sample + i as u32);
         }
     }
 }

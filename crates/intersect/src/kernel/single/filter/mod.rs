@@ -10,7 +10,7 @@ use crate::precision::{Double, Single};
 use crate::tree::block::TriangleBlock;
 use snell_math::simd::Lanes8;
 
-/// How a precision filters the triangles of blocks: conservatively, in `f32`.
+/// Filters the triangles of blocks for a precision: conservatively, in `f32`.
 pub(crate) trait BlockFilter: TriangleTest {
     /// Which triangles of the block the ray may hit ([`single::candidates`]).
     fn candidates<L: Lanes8>(
