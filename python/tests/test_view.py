@@ -18,7 +18,11 @@ def test_a_pixel_is_the_mean_of_its_samples_and_these_the_sums_of_their_paths() 
     report = snell.explain("cornell-box", (7, 11), structures=["bvh", "grid"], **options)
     assert tuple(np.float32(report["value"][:3])) == tuple(image[11, 7])
     assert np.allclose(np.mean(report["samples"], axis=0), image[11, 7], rtol=1e-5)
-    assert report["tree"]["sum"] == report["tree"]["color"] == report["samples"][report["tree"]["number"]]
+    assert (
+        report["tree"]["sum"]
+        == report["tree"]["color"]
+        == report["samples"][report["tree"]["number"]]
+    )
     assert [trace["accelerator"] for trace in report["traces"]] == ["bvh", "grid"]
 
 
