@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 
 import snell
+from snell._snell import _render_settings
 
 SMALL = {"spp": 4, "size": (32, 24)}
 
@@ -337,6 +338,13 @@ BAD = [
 def test_bad_options_are_named(options, error, message):
     with pytest.raises(error, match=message):
         snell.render("cornell-box", **{**SMALL, **options})
+
+
+def test_the_documentation_of_render_has_every_setting():
+    for name, about in _render_settings().items():
+        assert f"\n    {name} : {about['type']}\n" in snell.render.__doc__
+        # Layers are too many for it.
+        assert name == "aovs" or all(c in snell.render.__doc__ for c in about["choices"])
 
 
 def test_defaults_are_those_of_the_command():

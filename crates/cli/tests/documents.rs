@@ -424,14 +424,6 @@ fn the_command_line_page_has_every_name() {
 }
 
 #[test]
-fn the_python_reference_has_every_integrator() {
-    let page = read(&repository().join("python/snell/_render.py"));
-    for name in snell_render::IntegratorKind::ALL.map(snell_render::IntegratorKind::name) {
-        assert!(page.contains(&format!("``\"{name}\"``")), "{name} is not on the page");
-    }
-}
-
-#[test]
 fn the_command_line_page_has_every_number_of_the_statistics() {
     let page = read(&repository().join("docs/user/command-line.md"));
     let folder = fresh_folder("statistics");

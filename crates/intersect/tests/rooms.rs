@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 const ROOMS: [(&str, &str); 15] = [
     ("morton", ""),
     ("prefetch", ""),
-    ("shape", ""),
     ("mesh", ""),
+    ("shape", "mesh"),
     ("hit", ""),
     ("geometry", "prefetch shape mesh hit"),
     ("precision", "prefetch mesh hit geometry"),
