@@ -59,7 +59,7 @@ pub struct Texture {
 /// 0
 #[pyclass(frozen, module = "snell")]
 pub struct Channel {
-    /// The texture.
+    /// The texture of which this is one channel.
     #[pyo3(get)]
     pub texture: Py<Texture>,
     /// The channel: 0 red, 1 green, 2 blue, 3 alpha.
