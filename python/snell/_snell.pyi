@@ -41,6 +41,7 @@ __all__ = [
     "_restore_material",
     "_restore_medium",
     "_restore_pattern",
+    "_restore_texture",
     "_view",
     "describe",
     "load",
