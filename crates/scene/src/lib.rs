@@ -24,6 +24,7 @@ pub mod placed;
 mod ranges;
 pub mod settings;
 pub mod texture;
+pub mod written;
 
 pub use camera::{Camera, CameraRay, CameraRays, CameraSample, CameraView, Projection};
 pub use graph::{

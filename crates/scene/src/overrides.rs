@@ -8,6 +8,7 @@
 
 use crate::material::MaterialKind;
 use crate::ranges::BRIGHTEST;
+use crate::written::{misfit, unknown_names};
 use crate::{Environment, Material, Scene};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -323,10 +324,18 @@ fn edited<T: Serialize + DeserializeOwned + Parameters>(
     for step in path.split('.') {
         place = descend(place, key, step)?;
     }
+    let kind = path.split('.').try_fold(T::KIND, |kind, step| kind.inside(step));
+    if let Some(unknown) = kind.and_then(|kind| unknown_names(kind, &value).into_iter().next()) {
+        return Err(error(key, unknown));
+    }
+    let misfit = kind.and_then(|kind| misfit(kind, &value));
     let before = std::mem::replace(place, value);
     serde_json::from_value(tree).map_err(|e| {
+        if let Some((place, kind, found)) = misfit {
+            let expected = expected(kind).unwrap_or_else(|| kind.to_string());
+            return error(key, format!("{place} is {found}, expected {expected}"));
+        }
         let now = if before.is_null() { "nothing".into() } else { before.to_string() };
-        let kind = path.split('.').try_fold(T::KIND, |kind, step| kind.inside(step));
         error(key, format!("{}; now it is {now}", in_words(&e.to_string(), kind)))
     })
 }
@@ -472,6 +481,22 @@ mod tests {
         assert!(wrong.to_string().contains("expected a number"), "{wrong}");
         let wrong = apply(&mut scene, "material.the.floor.kind=dielectrik").expect_err("no kind");
         assert!(wrong.to_string().contains("did you mean dielectric?"), "{wrong}");
+    }
+
+    #[test]
+    fn names_that_nothing_declares_and_values_of_another_sort_are_errors_with_their_place() {
+        let plastic = |more: &str| {
+            let value = format!("{{\"material\":\"plastic\",{more}}}");
+            apply(&mut scene(), &format!("material.0.kind={value}")).expect_err("no such kind")
+        };
+        let diffuse = "\"diffuse\":{\"factor\":[1,1,1],\"texture\":null}";
+        let unknown = plastic(&format!("{diffuse},\"roughness\":{{\"factor\":0.2,\"x\":1}}"));
+        let expected = "there is no parameter \"x\" of roughness (known: factor, texture)";
+        assert!(unknown.to_string().ends_with(expected), "{unknown}");
+        let number = plastic("\"diffuse\":0.5");
+        assert!(number.to_string().contains("diffuse is 0.5, expected {\"factor\""), "{number}");
+        let misspelt = plastic(&format!("{diffuse},\"rougness\":0.5"));
+        assert!(misspelt.to_string().contains("did you mean roughness?"), "{misspelt}");
     }
 
     #[test]

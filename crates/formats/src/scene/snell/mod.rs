@@ -10,6 +10,7 @@ mod motion;
 mod numbers;
 #[cfg(test)]
 mod tests;
+mod unknown;
 
 use crate::write::{Output, SceneWriter};
 use crate::{Input, Place, ReadError, SceneReader};
@@ -61,9 +62,13 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
             format!("version is {}, and this program reads 1 to {VERSION}", document.version);
         return Err(input.error(Place::Json("/version".into()), problem, "use a newer Snell"));
     }
-    document.scene(input).map_err(|(place, problem)| {
+    let mut scene = document.scene(input).map_err(|(place, problem)| {
         input.error(Place::Json(place), problem, "write the scene again, or correct the file")
-    })
+    })?;
+    for warning in unknown::warnings(&input.bytes) {
+        scene.warn(format!("{}: {warning}", input.name));
+    }
+    Ok(scene)
 }
 
 /// Converts a scene to text; fails if the format cannot express it.

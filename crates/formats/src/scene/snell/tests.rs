@@ -25,6 +25,23 @@ fn shown(scene: &Scene) -> String {
     format!("{:?}", Scene { warnings: Vec::new(), ..scene.clone() })
 }
 
+#[test]
+fn a_name_that_nothing_declares_is_a_warning_with_its_place() {
+    let file = written(&everything()).expect("it can be written");
+    assert_eq!(reread(file.clone()).map(|scene| scene.warnings), Ok(Vec::new()));
+    let document: serde_json::Value = serde_json::from_slice(&file).expect("JSON");
+    for place in ["/lights/0", "/materials/0", "/materials/1/emission", "/textures/0", "/media/0"] {
+        let mut document = document.clone();
+        document.pointer_mut(place).expect("it is there")["nonsense"] = 1.into();
+        let scene = reread(document.to_string().into_bytes()).expect("it can be read");
+        let messages: Vec<_> = scene.warnings.iter().map(|w| w.message.as_str()).collect();
+        let [message] = messages[..] else { panic!("{place}: {messages:?}") };
+        let table = place.split('/').take(3).collect::<Vec<_>>().join("/");
+        let is_named = message.contains(&format!("{table}: there is no parameter \"nonsense\""));
+        assert!(is_named && message.ends_with("it is ignored"), "{message}");
+    }
+}
+
 /// One of every material and light, a texture, and a mesh that two nodes share.
 fn everything() -> Scene {
     let mut scene = Scene::new("everything");

@@ -1,0 +1,133 @@
+//! Values as scene files and users write them, held against the declarations of parameters before
+//! `serde` reads them: names that nothing declares, and values of another sort.
+
+use serde_json::Value;
+use snell_math::parameters::{Kind, Parameter};
+
+/// The names that an object may have; `None` for what is not declared by name.
+fn names(kind: Kind, value: &Value) -> Option<Vec<&'static str>> {
+    let named = |parameters: &[Parameter]| parameters.iter().map(|p| p.name).collect();
+    match kind.required() {
+        Kind::Group(parameters) => Some(named(parameters)),
+        Kind::OneOf("", variants) => Some(variants.iter().map(|v| v.name).collect()),
+        Kind::OneOf(tag, variants) => {
+            let variant = variants.iter().find(|v| value[tag] == v.name)?;
+            Some([vec![tag], named(variant.fields())].concat())
+        }
+        Kind::TexturedNumber => Some(vec!["factor", "texture"]),
+        Kind::TexturedColor => Some(vec!["factor", "texture", "spectrum"]),
+        _ => None,
+    }
+}
+
+/// The kind of the value under a name of an object.
+fn kind_of(kind: Kind, value: &Value, name: &str) -> Option<Kind> {
+    match kind.required() {
+        Kind::OneOf(tag, variants) if !tag.is_empty() => {
+            let variant = variants.iter().find(|v| value[tag] == v.name)?;
+            variant.get(name).map(|parameter| parameter.kind)
+        }
+        kind => kind.inside(name),
+    }
+}
+
+/// Calls `look` with every value whose kind is declared, and its place in the whole.
+fn walk(kind: Kind, value: &Value, place: &str, look: &mut dyn FnMut(&str, Kind, &Value)) {
+    look(place, kind, value);
+    let inside = |step: &str| match place {
+        "" => step.to_string(),
+        _ => format!("{place}.{step}"),
+    };
+    match (kind.required(), value) {
+        (Kind::List(of), Value::Array(items)) => {
+            for (i, item) in items.iter().enumerate() {
+                walk(*of, item, &inside(&i.to_string()), look);
+            }
+        }
+        (kind, Value::Object(fields)) => {
+            for (name, field) in fields {
+                if let Some(kind) = kind_of(kind, value, name) {
+                    walk(kind, field, &inside(name), look);
+                }
+            }
+        }
+        _ => {}
+    }
+}
+
+/// The names in a value that no declaration has, each with its place and the names that are known
+/// there. They would be ignored.
+pub fn unknown_names(kind: Kind, value: &Value) -> Vec<String> {
+    let mut unknown = Vec::new();
+    walk(kind, value, "", &mut |place, kind, value| {
+        let (Some(known), Value::Object(fields)) = (names(kind, value), value) else { return };
+        for name in fields.keys().filter(|name| !known.contains(&name.as_str())) {
+            let of = if place.is_empty() { String::new() } else { format!(" of {place}") };
+            let hint = crate::overrides::nearest(name, &known);
+            let hint = hint.map(|name| format!("; did you mean {name}?")).unwrap_or_default();
+            let known = known.join(", ");
+            unknown.push(format!("there is no parameter \"{name}\"{of}{hint} (known: {known})"));
+        }
+    });
+    unknown
+}
+
+/// The place of the first value that is of another sort than its declaration, such as text for a
+/// number, with its kind; `None` if there is none.
+pub fn misfit(kind: Kind, value: &Value) -> Option<(String, Kind, Value)> {
+    let mut found = None;
+    walk(kind, value, "", &mut |place, kind, value| {
+        let fits = match kind {
+            Kind::Optional(_) if value.is_null() => true,
+            _ => match kind.required() {
+                Kind::Flag => value.is_boolean(),
+                Kind::Number | Kind::Whole => value.is_number(),
+                Kind::TexturedNumber => value.is_number() || value.is_object(),
+                Kind::TexturedColor | Kind::Group(_) => value.is_object(),
+                Kind::Color | Kind::Vector(_) | Kind::Numbers(_) | Kind::List(_) => {
+                    value.is_array()
+                }
+                _ => true,
+            },
+        };
+        if !fits && found.is_none() && !place.is_empty() {
+            found = Some((place.to_string(), kind, value.clone()));
+        }
+    });
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::families::FAMILIES;
+    use crate::material::MaterialKind;
+    use serde_json::json;
+    use snell_math::parameters::Value as Parameters;
+
+    #[test]
+    fn what_is_written_has_no_unknown_names_and_a_name_more_is_found_everywhere() {
+        for family in FAMILIES {
+            let kind = Kind::OneOf(family.tag, family.kinds);
+            for example in (family.examples)() {
+                assert_eq!(unknown_names(kind, &example), [""; 0], "{example}");
+                assert!(misfit(kind, &example).is_none(), "{example}");
+                let mut more = example.clone();
+                more["nonsense"] = json!(1);
+                assert_eq!(unknown_names(kind, &more).len(), 1, "{more}");
+            }
+        }
+    }
+
+    #[test]
+    fn places_are_named() {
+        let plastic = json!({"material": "plastic", "diffuse": 0.5, "roughness": {"facto": 1}});
+        let kind = <MaterialKind as Parameters>::KIND;
+        let unknown = unknown_names(kind, &plastic);
+        let expected = "there is no parameter \"facto\" of roughness; did you mean factor? \
+            (known: factor, texture)";
+        assert_eq!(unknown, [expected]);
+        let (place, kind, _) = misfit(kind, &plastic).expect("a colour is no number");
+        assert_eq!((place.as_str(), kind), ("diffuse", Kind::TexturedColor));
+    }
+}
