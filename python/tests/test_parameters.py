@@ -37,7 +37,8 @@ def required(family: str, kind: str) -> dict:
     found = {}
     for name, about in snell.describe(family, kind).items():
         if "default" not in about and about["kind"] not in ("matrix", "grid, or none"):
-            found[name] = GIVEN.get(name, (0, 0, 1) if about["kind"] == "vector" else 0.5)
+            plain = {"vector": (0, 0, 1), "number": 0.5}.get(about["kind"])
+            found[name] = GIVEN.get(name, 0.5) if plain is None else plain
     return found
 
 
@@ -77,6 +78,17 @@ def test_ranges_are_enforced(family, kind):
         value = values.get(says["kind"], wrong)
         with pytest.raises(ValueError, match=f"{name}.* is not possible, expected"):
             make(kind, **{**required(family, kind), name: value})
+
+
+def test_names_inside_of_a_parameter_are_known_or_an_error():
+    color = {"factor": (1, 1, 1), "nonsense": 1}
+    message = r"plastic.*: roughness: there is no parameter \"nonsense\" \(known: factor, texture"
+    with pytest.raises(TypeError, match=message):
+        snell.Material("plastic", diffuse=0.5, roughness={"nonsense": 1})
+    with pytest.raises(TypeError, match="diffuse: there is no parameter"):
+        snell.Material("plastic", diffuse=color)
+    with pytest.raises(TypeError, match="emission: there is no parameter"):
+        snell.Material("diffuse", reflectance=0.5, emission=color)
 
 
 def test_what_there_is_not_is_said_so():

@@ -407,9 +407,13 @@ fn the_command_line_page_has_every_name() {
         Terminator,
     };
     let page = page_of_commands();
+    // These have tables that say more.
+    let tables = read(&repository().join("docs/user/command-line.md"));
+    let described = IntegratorKind::ALL.map(IntegratorKind::name).into_iter();
+    for name in described.chain(Aov::ALL.map(Aov::name)) {
+        assert!(tables.contains(&format!("`{name}`")), "`{name}` is not in its table");
+    }
     let mut names: Vec<&str> = Vec::new();
-    names.extend(IntegratorKind::ALL.map(IntegratorKind::name));
-    names.extend(Aov::ALL.map(Aov::name));
     names.extend(SamplerKind::ALL.map(SamplerKind::name));
     names.extend(Filter::ALL.iter().map(|f| f.name()));
     names.extend(LightSamplerKind::ALL.map(LightSamplerKind::name));

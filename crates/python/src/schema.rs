@@ -22,6 +22,7 @@ use snell_math::Rgb;
 use snell_math::parameters::{Declaration, Kind, Parameter, Range};
 use snell_scene::families::Family;
 use snell_scene::medium::Medium;
+use snell_scene::written::unknown_names;
 
 /// The family of this name.
 pub fn family(name: &str) -> PyResult<&'static Family> {
@@ -158,6 +159,10 @@ pub fn read_all(
             return Err(PyTypeError::new_err(format!("{what} has no parameter {key:?}{hint}")));
         };
         let value = read(&value, parameter.kind, &key, references)?;
+        let unknown = unknown_names(parameter.kind, &value.json(&mut |_, id| id));
+        if let Some(problem) = unknown.first() {
+            return Err(PyTypeError::new_err(format!("{what}: {key}: {problem}")));
+        }
         all.push((key, value));
     }
     Ok(all)
