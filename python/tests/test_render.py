@@ -340,6 +340,12 @@ def test_bad_options_are_named(options, error, message):
         snell.render("cornell-box", **{**SMALL, **options})
 
 
+def test_settings_may_be_numbers_and_flags_of_numpy():
+    given = {"spp": np.int32(2), "size": np.array([8, 6]), "bvh_compact": np.bool_(True)}
+    image = snell.render("cornell-box", guiding=np.bool_(False), noise=np.float32(0.5), **given)
+    assert image.shape == (6, 8, 3)
+
+
 def test_the_documentation_of_render_has_every_setting():
     for name, about in _render_settings().items():
         assert f"\n    {name} : {about['type']}\n" in snell.render.__doc__

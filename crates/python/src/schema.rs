@@ -348,9 +348,7 @@ pub fn read(
             _ => Err(unexpected()),
         };
     }
-    let is_bool =
-        value.is_instance_of::<PyBool>() || value.is_instance(&numpy(value.py(), "bool_")?)?;
-    if is_bool {
+    if is_flag(value)? {
         return match kind {
             Kind::Flag | Kind::Table => Ok(Value::Bool(value.is_truthy()?)),
             _ => Err(unexpected()),
@@ -363,6 +361,11 @@ pub fn read(
         return read_number(number, kind, name, unexpected);
     }
     read_list(value, kind, name, references, &unexpected)
+}
+
+/// True for `True` and `False` of Python and NumPy.
+pub fn is_flag(value: &Bound<'_, PyAny>) -> PyResult<bool> {
+    Ok(value.is_instance_of::<PyBool>() || value.is_instance(&numpy(value.py(), "bool_")?)?)
 }
 
 /// A dictionary: the parameters of a group, a variant, or a factor with its texture.

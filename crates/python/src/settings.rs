@@ -1,8 +1,9 @@
 //! The keyword arguments of a render as a request, from which the renderer derives its settings.
 
+use crate::schema::is_flag;
 use pyo3::exceptions::{PyRuntimeError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::{PyBool, PyDict};
+use pyo3::types::PyDict;
 use snell_oidn::Denoiser;
 use snell_render::{Denoise, Problem, Request, RequestError, Wish};
 
@@ -50,7 +51,7 @@ pub fn request(keywords: &Keywords<'_, '_>) -> PyResult<Request> {
         let refused = |text: &str| format!("{} is {}, {text}", setting.name, shown(&value));
         let problem = match wish(&value) {
             Some(wish) => setting.set(&mut request, &wish).err(),
-            None => Some(Problem::Kind("which is no setting".into())),
+            None => Some(Problem::Kind(format!("expected {}", setting.python))),
         };
         match problem {
             None => {}
@@ -63,8 +64,8 @@ pub fn request(keywords: &Keywords<'_, '_>) -> PyResult<Request> {
 
 /// A Python value as a requested value; `None` if no setting has its type.
 fn wish(value: &Bound<'_, PyAny>) -> Option<Wish> {
-    if value.is_instance_of::<PyBool>() {
-        return value.extract().ok().map(Wish::Flag);
+    if is_flag(value).unwrap_or(false) {
+        return value.is_truthy().ok().map(Wish::Flag);
     }
     if let Ok(text) = value.extract() {
         return Some(Wish::Text(text));

@@ -324,7 +324,7 @@ impl Wished for PathBuf {
     fn read(wish: &Wish, _: Range) -> Result<Option<Self>, Problem> {
         match wish {
             Wish::Path(path) => Ok(Some(path.clone())),
-            Wish::Text(text) => Ok(Some(text.into())),
+            Wish::Text(text) if !text.is_empty() => Ok(Some(text.into())),
             _ => unlike("a folder"),
         }
     }
@@ -424,6 +424,7 @@ mod tests {
             assert!(text(wrong.0, wrong.1).is_err(), "{wrong:?}");
         }
         assert!(text("crop", "0,0,10,10").is_ok());
+        assert!(text("bvh_cache", "").is_err());
     }
 
     #[test]

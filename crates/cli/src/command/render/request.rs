@@ -82,7 +82,9 @@ fn parser(setting: &'static Setting) -> ValueParser {
     if matches!(setting.form, Form::Path | Form::OptionalValue) {
         return clap::builder::OsStringValueParser::new()
             .try_map(|value: OsString| match value.into_string() {
-                Ok(text) if text.is_empty() => Ok(Wish::Flag(true)),
+                Ok(text) if text.is_empty() && setting.form == Form::OptionalValue => {
+                    Ok(Wish::Flag(true))
+                }
                 Ok(text) => checked(setting, Wish::Text(text)),
                 Err(value) => Ok(Wish::Path(value.into())),
             })

@@ -1,7 +1,7 @@
 //! Names in a file that no declaration has. The tables of the file refuse them; inside of what the
 //! scene graph declares (cameras, lights, materials, textures, media, shapes) they are warnings.
 
-use serde::Deserialize;
+use serde::{Deserialize, Deserializer};
 use serde_json::Value;
 use snell_intersect::AnyShape;
 use snell_math::parameters::{Kind, Value as Parameters};
@@ -9,16 +9,47 @@ use snell_scene::material::Material;
 use snell_scene::texture::{ImageTexture, Pattern};
 use snell_scene::written::unknown_names;
 use snell_scene::{Camera, Light, Medium};
+use std::marker::PhantomData;
+
+/// The unknown names of a thing; the thing itself is not kept.
+struct Unknown<T>(Vec<String>, PhantomData<T>);
+
+/// The kind of a thing as it is written.
+trait Declared {
+    fn kind(written: &Value) -> Kind;
+}
+
+impl<T: Parameters> Declared for T {
+    fn kind(_: &Value) -> Kind {
+        T::KIND
+    }
+}
+
+/// An image texture or a pattern.
+struct AnyTexture;
+
+impl Declared for AnyTexture {
+    fn kind(written: &Value) -> Kind {
+        if written.get("pattern").is_some() { Pattern::KIND } else { ImageTexture::KIND }
+    }
+}
+
+impl<'de, T: Declared> Deserialize<'de> for Unknown<T> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let written = Value::deserialize(deserializer)?;
+        Ok(Self(unknown_names(T::kind(&written), &written), PhantomData))
+    }
+}
 
 /// The tables of declared things. The rest of the file is skipped.
 #[derive(Default, Deserialize)]
-#[serde(default)]
+#[serde(default, bound = "")]
 struct Tables {
-    cameras: Vec<Value>,
-    lights: Vec<Value>,
-    materials: Vec<Value>,
-    textures: Vec<Value>,
-    media: Vec<Value>,
+    cameras: Vec<Unknown<Camera>>,
+    lights: Vec<Unknown<Light>>,
+    materials: Vec<Unknown<Material>>,
+    textures: Vec<Unknown<AnyTexture>>,
+    media: Vec<Unknown<Medium>>,
     nodes: Vec<Node>,
 }
 
@@ -31,39 +62,33 @@ struct Node {
 #[derive(Default, Deserialize)]
 #[serde(default)]
 struct Surface {
-    shape: Option<Value>,
+    shape: Option<Unknown<AnyShape>>,
 }
 
 /// Warnings of a file that has been read: each names the place and what is ignored there.
 pub fn warnings(bytes: &[u8]) -> Vec<String> {
     let tables: Tables = serde_json::from_slice(bytes).unwrap_or_default();
     let mut warnings = Vec::new();
-    let mut look = |place: String, kind: Kind, value: &Value| {
-        let unknown = unknown_names(kind, value).into_iter();
-        warnings.extend(unknown.map(|problem| format!("{place}: {problem}; it is ignored")));
+    let mut note = |place: &str, names: &[String]| {
+        warnings.extend(names.iter().map(|name| format!("{place}: {name}; it is ignored")));
     };
-    let textures = |value: &Value| match value.get("pattern") {
-        Some(_) => Pattern::KIND,
-        None => ImageTexture::KIND,
-    };
-    let list = [
-        ("cameras", &tables.cameras, &(|_: &Value| Camera::KIND) as &dyn Fn(&Value) -> Kind),
-        ("lights", &tables.lights, &|_| Light::KIND),
-        ("materials", &tables.materials, &|_| Material::KIND),
-        ("textures", &tables.textures, &textures),
-        ("media", &tables.media, &|_| Medium::KIND),
-    ];
-    for (table, values, kind) in list {
-        for (i, value) in values.iter().enumerate() {
-            look(format!("/{table}/{i}"), kind(value), value);
-        }
-    }
+    note_table("cameras", &tables.cameras, &mut note);
+    note_table("lights", &tables.lights, &mut note);
+    note_table("materials", &tables.materials, &mut note);
+    note_table("textures", &tables.textures, &mut note);
+    note_table("media", &tables.media, &mut note);
     for (i, node) in tables.nodes.iter().enumerate() {
         for (j, surface) in node.surfaces.iter().enumerate() {
-            if let Some(shape) = &surface.shape {
-                look(format!("/nodes/{i}/surfaces/{j}/shape"), AnyShape::KIND, shape);
+            if let Some(Unknown(names, _)) = &surface.shape {
+                note(&format!("/nodes/{i}/surfaces/{j}/shape"), names);
             }
         }
     }
     warnings
+}
+
+fn note_table<T>(table: &str, things: &[Unknown<T>], note: &mut dyn FnMut(&str, &[String])) {
+    for (i, Unknown(names, _)) in things.iter().enumerate() {
+        note(&format!("/{table}/{i}"), names);
+    }
 }
