@@ -11,7 +11,7 @@ mod range;
 mod value;
 mod visit;
 
-pub use kind::{Declaration, Kind, Parameter};
+pub use kind::{Declaration, Kind, Parameter, plain};
 pub use range::Range;
 pub use value::{Declared, Value};
 pub use visit::{Found, Leaf, Step, Visitor, find, place_of, problem_at, references};

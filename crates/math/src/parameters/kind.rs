@@ -182,7 +182,7 @@ fn names(
 }
 
 /// A doc comment as plain text: lines joined, links without brackets and paths.
-fn plain(doc: &str) -> String {
+pub fn plain(doc: &str) -> String {
     let words: Vec<&str> = doc.split_whitespace().collect();
     let mut text = String::new();
     let mut rest = words.join(" ");

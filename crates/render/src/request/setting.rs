@@ -3,7 +3,7 @@
 //! read the declarations.
 
 use super::{Request, wish::Wish};
-use snell_math::parameters::Range;
+use snell_math::parameters::{Range, plain};
 
 /// The heading under which help lists a setting.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -12,8 +12,7 @@ pub enum Heading {
     Subject,
     /// What is written.
     Picture,
-    /// What never changes the expected value of the picture, only its noise, time and memory; and
-    /// the physics that is simulated.
+    /// How light is simulated, and what changes only noise, time and memory.
     Light,
 }
 
@@ -67,10 +66,9 @@ pub struct Setting {
     pub form: Form,
     /// True if it may change while a picture is looked at: the page of the viewer has it.
     pub is_live: bool,
-    /// The names of which it is one, where it is a choice; the first of its default.
+    /// The names to choose from; empty if it is no choice.
     pub choices: fn() -> Vec<&'static str>,
-    /// The name of the default choice, or what holds if nothing is set. Empty if its documentation
-    /// says it.
+    /// The default, as a name or in words. Empty if there is none.
     pub default: fn() -> &'static str,
     /// Its documentation, as it stands in the source.
     pub doc: &'static str,
@@ -161,12 +159,6 @@ impl Setting {
         let (_, rest) = self.doc.trim().split_once("\n\n").unwrap_or_default();
         plain(rest)
     }
-}
-
-/// A doc comment as text: lines joined, links without their brackets.
-fn plain(doc: &str) -> String {
-    let text = doc.split_whitespace().collect::<Vec<_>>().join(" ");
-    text.replace("[`", "`").replace("`]", "`")
 }
 
 /// What numbers of a range are, in words.
