@@ -16,7 +16,7 @@ use std::path::Path;
 
 /// Exit code of the converter if `usd-core` or NumPy is missing.
 const NO_PACKAGE: i32 = 3;
-/// The remedy for that.
+/// The remedy for a missing package.
 const INSTALL: &str = "install what reads it with: pip install usd-core numpy (or pip install \
     'snell[usd]'), in a Python \
     that is found as python3 or python";

@@ -152,7 +152,7 @@ struct ListWriter {
     variant: Option<&'static str>,
 }
 
-/// Writes fields.
+/// Serialises the fields of a struct.
 struct FieldWriter {
     fields: Vec<(String, Value)>,
     variant: Option<&'static str>,

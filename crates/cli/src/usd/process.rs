@@ -158,7 +158,7 @@ mod tests {
     use super::*;
     use std::os::unix::fs::PermissionsExt;
 
-    /// A script in the place of Python.
+    /// A script that stands in for the Python interpreter.
     fn script(folder: &tempfile::TempDir, text: &str) -> PathBuf {
         let path = folder.path().join("python3");
         std::fs::write(&path, format!("#!/bin/sh\n{text}\n")).expect("written");

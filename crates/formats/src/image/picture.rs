@@ -91,7 +91,7 @@ pub fn first_bytes(bytes: &[u8]) -> String {
     format!("the bytes {}", shown.join(" "))
 }
 
-/// The largest half: infinities are read as this.
+/// The largest finite half-precision number; infinities are read as this.
 const LARGEST: f32 = 65504.0;
 
 /// Replaces NaN by 0 and infinity by the largest half.

@@ -74,7 +74,7 @@ pub fn tubes_of(curves: &Curves, output: &mut Output) -> Option<TriangleMesh> {
     Some(strip::tubes(curves))
 }
 
-/// Notes the conversion of an analytic shape.
+/// Records that an analytic shape was converted to triangles.
 pub fn note_shape(name: &str, output: &mut Output) {
     match name {
         "plane" => output.lose("an infinite plane is left out"),

@@ -237,7 +237,7 @@ impl Curves {
             .unwrap_or(MOST_HALVINGS)
     }
 
-    /// How many segments all strands have.
+    /// The number of segments of all strands together.
     pub fn segment_count(&self) -> usize {
         self.first_segments.last().map_or(0, |&count| count as usize)
     }

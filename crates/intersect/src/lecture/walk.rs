@@ -168,7 +168,7 @@ struct GroupVisitor<'a, 's, G: Goal<Precision: TriangleTest>> {
     instance: u32,
     /// The number of the walk if primitives may be met more than once, else 0.
     walk: u32,
-    /// Tested before all others.
+    /// Primitives that are tested before all others.
     cached: u32,
     search: &'a mut Search<'s, G>,
     scratch: &'a mut Scratch,

@@ -70,7 +70,7 @@ pub struct LineWork {
     pub edges: u64,
     /// Contours among them.
     pub contours: u64,
-    /// Comparisons of edges with contours that are close in the picture.
+    /// The number of comparisons between edges and the contours close to them in the picture.
     pub comparisons: u64,
     /// Crossings behind contours.
     pub crossings: u64,

@@ -1,8 +1,8 @@
 //! Plain loops for wide registers: the same source compiled with and without the instructions of a
 //! level.
 //!
-//! A loop over arrays without branches (with selections written as `if a { x } else { y }` of
-//! values already computed) is vectorised by the compiler where the instructions are enabled.
+//! The compiler vectorises a branch-free loop over arrays where the instructions are enabled.
+//! Selections are written as `if a { x } else { y }` of values already computed.
 //! Nothing is fused or reordered, so every level gives the same bits.
 
 use super::Level;

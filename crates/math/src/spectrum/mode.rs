@@ -90,7 +90,7 @@ impl ColorMode {
         spectrum.at(wavelengths) * SampledSpectrum(wavelengths.lambda().map(white_light))
     }
 
-    /// The radiance of a surface with these lanes of reflectance in white light of radiance 1.
+    /// The radiance of a surface of this reflectance, per lane, in white light of radiance 1.
     #[inline]
     pub fn in_white_light(self, reflectance: SampledSpectrum) -> SampledSpectrum {
         match self {

@@ -92,7 +92,7 @@ impl State {
         Rc::make_mut(&mut self.defaults[target as usize]).extend(params);
     }
 
-    /// Changes the current transform where it is active.
+    /// Changes the current transform at the times that `ActiveTransform` selects.
     pub fn change_transform(&mut self, change: impl Fn(DAffine3) -> DAffine3) {
         for (transform, active) in self.transform.0.iter_mut().zip(self.active) {
             if active {

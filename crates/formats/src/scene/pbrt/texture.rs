@@ -58,7 +58,7 @@ pub enum Pattern {
     SolidCheckerboard([Rc<Pattern>; 2], Rows),
     /// The first where the surface normal points along the axis.
     DirectionMix([Rc<Pattern>; 2], Vec3),
-    /// The values inside and outside of dots.
+    /// The textures inside and outside the dots.
     Dots([Rc<Pattern>; 2], Mapping),
     /// A pattern without inputs.
     Whole(texture::Pattern),
@@ -73,8 +73,8 @@ pub struct Patterns {
     /// Textures already in the scene, by address; the pattern is kept so that its address stays
     /// unique.
     placed: HashMap<(*const Pattern, bool), (Rc<Pattern>, Rgb, Option<TextureId>)>,
-    /// Copies of pictures with other values, by picture, encoding, power, whether they are colours,
-    /// and function.
+    /// Pictures with converted values, keyed by the original, its encoding, the power, whether it
+    /// holds colours, and the function applied.
     copies: HashMap<(ImageId, bool, Option<u32>, bool, Option<(usize, [u32; 3])>), ImageId>,
     /// Total number of pixels of all copies.
     copied: usize,
@@ -142,7 +142,7 @@ impl Pattern {
         }
     }
 
-    /// The same pattern with a function of each value.
+    /// The same pattern with a function applied to each of its values.
     pub fn mapped(self: &Rc<Self>, function: Function) -> Rc<Self> {
         let mapped = Self::Map(self.clone(), function);
         Rc::new(mapped.as_constant().map_or(mapped, Self::Constant))

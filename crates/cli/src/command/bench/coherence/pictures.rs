@@ -1,4 +1,4 @@
-//! The pictures of the methods: flat shading and the shadows of one light.
+//! Pictures made by each method, with flat shading and the shadows of one light.
 
 use super::super::kinds::{First, even_bits};
 use super::ways::{Way, seen_share};
