@@ -48,13 +48,13 @@ pub fn write_new(path: &Path, fill: impl FnOnce(&mut dyn Write) -> Result<()>) -
     file.rename(|file| file.persist_noclobber(path).map(drop).map_err(|e| e.error))
 }
 
-/// Writes several files as [`write()`] does: all of them under temporary names before the first is
-/// renamed. The last is renamed last.
+/// Writes several files as [`write()`] does. All of them are written under temporary names before
+/// the first is renamed; the renames follow the order of `files`.
 pub fn write_all(files: &[(PathBuf, Vec<u8>)]) -> std::result::Result<(), WriteError> {
     let staged: Vec<_> = files
         .iter()
         .map(|(path, bytes)| match destination(path).map_err(io_error(path))? {
-            // A special file has no other name to wait under.
+            // A special file has no temporary name: it is written in the second step.
             Destination::Special => Ok(None),
             Destination::File(_) => {
                 stage(path, |out| out.write_all(bytes)).map(Some).map_err(io_error(path))
@@ -68,8 +68,8 @@ pub fn write_all(files: &[(PathBuf, Vec<u8>)]) -> std::result::Result<(), WriteE
     Ok(())
 }
 
-/// Removes all temporary files, for a program that is about to exit. Afterwards no other can be
-/// created or renamed into place: other threads wait for the exit.
+/// Removes all temporary files, for a program that is about to exit. After this call, a thread that
+/// would create a temporary file or rename one into place blocks until the process exits.
 pub fn abandon() {
     let known = temporaries();
     for path in known.iter() {
@@ -132,7 +132,7 @@ fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// Content that is written, but not yet in its place.
+/// Content that is written but not yet renamed into place.
 enum Staged {
     /// A file under a temporary name.
     File { temporary: Temporary, place: PathBuf },

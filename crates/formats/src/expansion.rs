@@ -1,9 +1,9 @@
 //! A limit on how much the files of one scene may expand to in memory, all together.
 //!
 //! A small file can expand greatly: compressed data, pictures of one colour, counts without data,
-//! one file that is named a thousand times. Each is charged here *before* memory is allocated, and
-//! all inputs of a scene share one account, so that many small things are refused as one large one
-//! is.
+//! one file that is named a thousand times. Every expansion is charged here *before* memory is
+//! allocated. All inputs of a scene share one account, so that many small expansions are refused
+//! just as one large one is.
 
 use crate::error::{Place, ReadError};
 use crate::input::Input;
@@ -105,7 +105,8 @@ impl Input {
     /// Unpacks `packed`, found at `place`, and charges the bytes that it unpacks to.
     ///
     /// # Errors
-    /// If it is damaged, or unpacks to more than real files do, or to more than the scene may take.
+    /// If the data is damaged, or unpacks to more than real files do, or to more than the scene may
+    /// take.
     pub(crate) fn unpack(
         &self,
         packed: &[u8],

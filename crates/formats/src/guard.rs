@@ -12,8 +12,8 @@ thread_local! {
 
 static QUIET: Once = Once::new();
 
-/// Returns the result of `work`, or `None` if it panics. The panic is not reported; the hook of the
-/// process stays in place for all others.
+/// Returns the result of `work`, or `None` if it panics. Nothing is printed about such a panic; the
+/// panic hook of the process still handles the panics of all other code.
 pub(crate) fn guarded<T>(work: impl FnOnce() -> T) -> Option<T> {
     QUIET.call_once(|| {
         let usual = take_hook();

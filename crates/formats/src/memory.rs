@@ -28,7 +28,7 @@ pub enum Limit {
     AddressSpace,
     /// `ulimit -d`: all writable memory counts.
     Data,
-    /// Nothing is known.
+    /// No limit is known.
     None,
 }
 

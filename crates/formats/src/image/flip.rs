@@ -33,7 +33,7 @@ pub fn flip(width: usize, reference: &[[f32; 3]], test: &[[f32; 3]]) -> Vec<f32>
 struct Appearance {
     /// Filtered colour in L*a*b*, with a* and b* scaled by lightness.
     colour: Vec<[f32; 3]>,
-    /// Strength of the edge and of the point at each pixel.
+    /// Strengths of the edge and of the point feature at each pixel.
     features: Vec<[f32; 2]>,
 }
 

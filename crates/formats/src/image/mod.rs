@@ -34,7 +34,7 @@ use std::path::Path;
 pub struct Display {
     /// Exposure in stops: values are multiplied by two to this power.
     pub exposure: f64,
-    /// Curve.
+    /// The tone map.
     pub tonemap: Tonemap,
     /// False for formats that store the clamped linear values.
     pub srgb: bool,

@@ -25,8 +25,9 @@ const MAX_EXPANSION: u64 = 4096;
 /// Images up to this many bytes in memory are decoded whatever the file's size: enough for 4 Mi
 /// pixels of RGBA floats.
 const ALWAYS_ALLOWED_BYTES: u64 = 64 << 20;
-/// Beyond this many bytes in memory (8192 x 8192 pixels of RGBA), real pictures expand far less; a
-/// file that expands that much is made to exhaust the memory.
+/// Images above this many bytes in memory (8192 x 8192 pixels of RGBA) may expand only by
+/// [`MAX_EXPANSION_OF_LARGE`]: real pictures of that size stay far below, and a file above it is
+/// made to exhaust the memory.
 const LARGE_BYTES: u64 = 256 << 20;
 const MAX_EXPANSION_OF_LARGE: u64 = 128;
 

@@ -121,8 +121,8 @@ fn long_names_of_layers_and_settings_survive_openexr() {
     assert_eq!(back.metadata[1], ("snell.channels".into(), "3".into()));
 }
 
-/// Parts of other programs: tiles with smaller copies, several compressions, names, one part of
-/// them smaller.
+/// Three parts as other programs write them: tiles of several sizes, three compressions, a channel
+/// with a layer prefix, and one part that is smaller than the display window.
 #[test]
 fn openexr_files_of_several_parts_become_layers() {
     use exr::prelude as e;
@@ -407,7 +407,7 @@ fn damaged_images_are_errors_or_images_and_quick() {
         let input = Input::open(&path, &ReadOptions::default()).unwrap();
         for error in [read_image(&input).err(), read_layers(&input).err()].into_iter().flatten() {
             assert!(!error.problem.is_empty() && !error.remedy.is_empty());
-            // In words, not in Rust.
+            // The message is plain text, not Rust's debug form.
             assert!(
                 !error.problem.contains(['{', '}']) && !error.problem.contains("Format error"),
                 "{error}"
@@ -539,7 +539,8 @@ proptest! {
 #[test]
 fn a_small_file_cannot_declare_a_picture_that_fills_the_memory() {
     let check = super::picture::check_size;
-    // As much as deflate can make of two megabytes.
+    // Deflate could pack the first picture into two megabytes, but real pictures of that size do
+    // not compress so well.
     let small = input("a.png", vec![0; 2 << 20]);
     assert!(check(&small, 16_000, 16_000, 8).is_err());
     assert!(check(&small, 8_192, 8_192, 4).is_ok());

@@ -34,7 +34,7 @@ fn aces(rgb: [f32; 3]) -> [f32; 3] {
     /// Linear sRGB to the working space of the fit (AP1 with the transform's desaturation).
     const INPUT: [[f32; 3]; 3] =
         [[0.59719, 0.35458, 0.04823], [0.07600, 0.90834, 0.01566], [0.02840, 0.13383, 0.83777]];
-    /// And back.
+    /// From the working space of the fit back to linear sRGB.
     const OUTPUT: [[f32; 3]; 3] = [
         [1.60475, -0.53108, -0.07367],
         [-0.10208, 1.10813, -0.00605],

@@ -24,14 +24,14 @@ const NONE: u32 = u32::MAX;
 /// Points that one thread works on at a time.
 const BLOCK: usize = 1 << 12;
 
-/// The criterion for sharp edges.
+/// How the edges of a face are judged sharp or smooth.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Smoothing {
-    /// The angle between the faces.
+    /// An edge is smooth if its faces meet at less than the crease angle.
     Angle,
-    /// Every edge is sharp: the face is flat.
+    /// Every edge of the face is sharp: the face is flat.
     Flat,
-    /// Smooth among faces of the same group, sharp to others.
+    /// Edges to faces of the same group are smooth, all others sharp.
     Group(u32),
 }
 

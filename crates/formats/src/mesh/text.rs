@@ -47,12 +47,12 @@ impl<'a> Text<'a> {
         Self { bytes, position, continuations: false, comment: None }
     }
 
-    /// The same text, with lines continued by a backslash at their end.
+    /// Returns the text with lines continued by a backslash at their end.
     pub fn with_continuations(self) -> Self {
         Self { continuations: true, ..self }
     }
 
-    /// The same text, where a word that begins with `mark` hides the rest of its line.
+    /// Returns the text with comments: a word that begins with `mark` hides the rest of its line.
     pub fn with_comments(self, mark: u8) -> Self {
         Self { comment: Some(mark), ..self }
     }

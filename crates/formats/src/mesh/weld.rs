@@ -56,8 +56,9 @@ fn is_open(balance: &AtomicU32) -> bool {
 }
 
 /// For each vertex, a number that is not 0 if the triangles around it do not close. If they close
-/// with consistent winding, each neighbour comes once after and once before the vertex, and what is
-/// added for one is subtracted for the other. (By chance, one vertex in 2³² seems closed.)
+/// with consistent winding, each neighbour follows the vertex in one triangle and precedes it in
+/// another, and what is added for the first is subtracted for the second. (One in 2³² open vertices
+/// gets 0 by chance.)
 fn open_vertices(count: usize, indices: &[[u32; 3]]) -> Vec<AtomicU32> {
     let mut balance = Vec::new();
     balance.resize_with(count, AtomicU32::default);

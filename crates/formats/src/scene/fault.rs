@@ -8,9 +8,9 @@ use crate::{Place, ReadError};
 pub struct Spot {
     /// The number of the file, in the order of opening.
     pub file: u32,
-    /// From 1.
+    /// Number of the line, from 1.
     pub line: u32,
-    /// In characters, from 1.
+    /// Number of the character in the line, from 1.
     pub column: u32,
 }
 

@@ -36,7 +36,7 @@ pub fn mask(mut layers: Layers, share: ScalarParam) -> (Layers, bool) {
         }
         return (layers, count <= 1);
     }
-    // The share of rays that reach a layer, before and after.
+    // The shares of rays that reach a layer before and after the reduction.
     let (mut before, mut after) = (1.0f32, 1.0f32);
     for layer in &mut layers {
         let own = if layer.alpha_mode == AlphaMode::Opaque { 1.0 } else { layer.alpha.factor };

@@ -41,7 +41,7 @@ impl ShapeTable {
     }
 }
 
-/// A surface with a material, or that of its node.
+/// A surface with a material; without one it has that of its node.
 pub fn surface(geometry: Geometry, material: Option<MaterialId>) -> Surface {
     material.map_or_else(
         || Surface::new(geometry.clone()),
@@ -49,7 +49,7 @@ pub fn surface(geometry: Geometry, material: Option<MaterialId>) -> Surface {
     )
 }
 
-/// Pieces of a swept surface: around a full turn, and from one end to the other of a round one.
+/// Number of pieces of a swept surface: around a full turn, and from one end to the other.
 pub const AROUND: u32 = 256;
 pub const ALONG: u32 = 128;
 
@@ -59,8 +59,8 @@ pub fn around_z() -> DMat3 {
     DMat3::from_cols(DVec3::Y, DVec3::Z, DVec3::X)
 }
 
-/// Tessellates a surface of points and normals over longitude (radians) and v from 0 to 1, for a
-/// turn in degrees, into pieces.
+/// Tessellates a surface that is swept by `turn` degrees. `surface` gives the point and the normal
+/// at a longitude in radians and at v from 0 to 1; `around` and `along` are the numbers of pieces.
 pub fn swept(
     turn: f64,
     [around, along]: [u32; 2],

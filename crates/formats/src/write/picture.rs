@@ -16,27 +16,27 @@ enum Part {
     Whole,
     /// One channel as grey.
     Channel(u8),
-    /// Colours in the other encoding.
+    /// The colours, converted to the other encoding.
     Recoded,
     /// Computed from the texture's values.
     Baked(Baked),
 }
 
-/// Pictures whose values are a function of a texture's values.
+/// A function of a texture's values that is written as a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Baked {
     /// Colours times a factor.
     Tinted(Rgb),
     /// Light: colours times a factor, always linear.
     Light(Rgb),
-    /// The colours of bodies that show the texture's colours, times a factor, through a clear
-    /// layer.
+    /// The colours of bodies that show the texture's colours, times `factor`, through a clear layer
+    /// of index `ior`.
     UnderCoat { factor: Rgb, ior: f32 },
     /// A channel times a factor.
     Scaled { channel: u8, factor: f32 },
     /// The square of a channel times a factor.
     Squared { channel: u8, factor: f32 },
-    /// 1 where a channel is at least this, else 0.
+    /// 1 where a channel is at least `least`, else 0.
     Mask { channel: u8, least: f32 },
 }
 
@@ -109,13 +109,13 @@ pub struct Pictures<'a> {
     known: HashMap<String, String>,
 }
 
-/// The texture for an invalid id.
+/// The texture that stands for an invalid id.
 fn missing() -> ImageTexture {
     ImageTexture::new(snell_scene::graph::ImageId(u32::MAX), Encoding::Srgb)
 }
 
 impl<'a> Pictures<'a> {
-    /// Begins with no pictures.
+    /// Begins with no picture written.
     pub fn new(scene: &'a Scene) -> Self {
         Self { scene, known: HashMap::new() }
     }
@@ -153,7 +153,7 @@ impl<'a> Pictures<'a> {
         }
     }
 
-    /// The encoding of such a file's integers.
+    /// The encoding of the integers in a file of [`Self::baked`].
     pub fn encoding_of_baked(&self, id: TextureId, baked: Baked) -> Encoding {
         match baked {
             Baked::Tinted(Rgb::WHITE) => self.texture(id).encoding,

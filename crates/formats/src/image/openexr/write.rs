@@ -25,7 +25,7 @@ const BATCH: usize = 64;
 struct Channel<'a> {
     name: String,
     layer: &'a Layer,
-    /// Its index in the layer.
+    /// Index of the channel in its layer.
     index: usize,
     is_half: bool,
 }

@@ -217,7 +217,7 @@ pub fn parse(input: &Input, notes: &mut Notes) -> Result<ObjFile, ReadError> {
 }
 
 impl Counts {
-    /// Adds counts, and returns the sum before.
+    /// Adds `more` to the counts, and returns the counts before the addition.
     fn then(&mut self, more: Self) -> Self {
         let before = *self;
         self.positions += more.positions;

@@ -9,7 +9,8 @@ use std::cell::Cell;
 /// Maximum number of elements of an accessor without data of its own (all are zero).
 const MAX_ZEROS: usize = 1 << 22;
 
-/// Maximum number of such elements in a file; an accessor counts each time it is used.
+/// Maximum number of elements without data that are decoded for one file; an accessor counts each
+/// time it is used.
 const MAX_ZEROS_IN_ALL: usize = 1 << 25;
 
 /// Type of one component.

@@ -29,12 +29,13 @@ pub(super) struct Rig {
     switched: BTreeSet<usize>,
 }
 
-/// Maps cameras and lights of the scene to those of the file.
+/// The cameras and lights of the scene, with the numbers that they have in the file.
 #[derive(Default)]
 pub(super) struct Placed {
-    /// Number in the scene, number in the file.
+    /// The number of each camera in the scene, and its number in the file.
     pub cameras: Vec<(usize, usize)>,
-    /// Number in the scene, number in the file, `world_from_node`.
+    /// The number of each light in the scene, its number in the file, and its node's
+    /// `world_from_node`.
     pub lights: Vec<(usize, usize, DAffine3)>,
     /// The factor that was applied to the file's intensities.
     pub light_scale: f64,

@@ -26,7 +26,7 @@ impl<'a> Json<'a> {
         self.value
     }
 
-    /// Another value in the place of this one.
+    /// Returns another value with the path of this one.
     pub fn with_value<'b>(&self, value: &'b Value) -> Json<'b>
     where
         'a: 'b,

@@ -197,7 +197,7 @@ pub(super) fn from_parts(translation: [f64; 3], rotation: [f64; 4], scale: [f64;
 /// Meshes of the file that are already in the scene.
 #[derive(Default)]
 struct MeshNodes {
-    /// Mesh nodes, by mesh number and weights (their bits).
+    /// Mesh nodes, by the number of the mesh and the bits of its morph weights.
     shared: BTreeMap<(usize, Vec<u64>), NodeId>,
     /// Numbers of all meshes shown, including skinned ones.
     shown: BTreeSet<usize>,
@@ -208,9 +208,9 @@ struct Waiting {
     node: usize,
     /// Its parent node in the scene.
     parent: NodeId,
-    /// False if it, or an ancestor, is never shown.
+    /// False if the node or an ancestor is never shown.
     is_visible: bool,
-    /// Those of it and its ancestors whose visibility changes.
+    /// The nodes whose visibility changes, among the node and its ancestors.
     switches: Vec<usize>,
 }
 
@@ -290,8 +290,8 @@ fn read_meshes_without_nodes(reader: &mut Reader, shown: &mut MeshNodes) -> Resu
     Ok(())
 }
 
-/// Also checks everything that the shown scene does not use: a damaged file is reported whichever
-/// scene is shown.
+/// Checks everything that the shown scene does not use, so that a damaged file is reported
+/// whichever scene is shown.
 fn check_unseen(reader: &mut Reader, seen: &BTreeSet<usize>) -> Result<(), ReadError> {
     for skin in reader.root.items_of("skins")? {
         skin::read(reader, &skin)?;

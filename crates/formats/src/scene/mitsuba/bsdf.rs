@@ -25,7 +25,8 @@ use std::rc::Rc;
 /// hit.
 #[derive(Clone, Debug, Default)]
 pub struct Look {
-    /// Only the last layer is always opaque; empty for no surface at all.
+    /// The layers, outermost first; empty for no surface at all. Only the last one is always
+    /// opaque.
     pub layers: Vec<Material>,
     /// True if vertex colours are visible.
     pub uses_vertex_colors: bool,

@@ -33,7 +33,7 @@ const CLASSES: [&str; 14] = [
     "volume",
     "subsurface",
 ];
-/// Their names in older versions.
+/// Names of such elements in older versions, with their present names.
 const OLD_CLASSES: [(&str, &str); 2] = [("camera", "sensor"), ("luminaire", "emitter")];
 
 /// Maximum depth of includes; each takes some of the thread's stack.
@@ -56,7 +56,7 @@ pub struct Loader<'a> {
     pub declared: Vec<String>,
     /// Aliases of ids.
     pub aliases: HashMap<String, String>,
-    /// `0.6` and the like, of the main file.
+    /// Version of the main file, such as `0.6`.
     pub version: String,
     pub notes: Notes,
     /// The nesting depth of the object being read.
@@ -301,7 +301,8 @@ impl<'a> Loader<'a> {
         Ok(())
     }
 
-    /// Opens a file that another one names: relative to the main file, or else to the naming file.
+    /// Opens a file that another one names. The name is relative to the main file's folder, or else
+    /// to the folder of the file that names it.
     fn open_file(&self, file: &File, name: &str, at: Spot) -> Result<Input, Fault> {
         let beside = |input: &Input| {
             input.open_relative(name).map_err(|error| {

@@ -56,7 +56,7 @@ struct Builder<'a> {
     /// The file that the user named; names in all files are relative to its folder.
     main: &'a Input,
     scene: Scene,
-    /// `0.6` and the like.
+    /// Version of the file, such as `0.6`.
     version: String,
     /// Objects by id.
     ids: HashMap<String, Rc<Object>>,
@@ -73,7 +73,7 @@ struct Builder<'a> {
     around_camera: Option<MediumId>,
     /// Objects that are being built, the innermost last.
     building: Vec<*const Object>,
-    /// The number of other files opened.
+    /// The number of files opened besides the main one.
     opened: usize,
     notes: Notes,
 }
@@ -207,7 +207,7 @@ impl Builder<'_> {
         object.children.iter().for_each(|c| c.used.set(true));
     }
 
-    /// The object that is nested in another or referenced there.
+    /// The nested object that a child holds or refers to.
     fn resolve(&self, child: &Child) -> Result<Rc<Object>, Fault> {
         let id = match &child.content {
             Content::Object(object) => return Ok(object.clone()),

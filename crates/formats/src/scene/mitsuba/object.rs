@@ -16,13 +16,13 @@ pub struct Object {
     pub kind: String,
     /// Its name within the parent; empty if absent.
     pub name: String,
-    /// The id by which others refer to it.
+    /// The id by which other objects refer to this one.
     pub id: Option<String>,
-    /// Where it begins.
+    /// The place where the object begins.
     pub at: Spot,
     /// Properties in the order of the file.
     pub properties: Vec<Property>,
-    /// Objects inside.
+    /// The nested objects.
     pub children: Vec<Child>,
 }
 
@@ -31,7 +31,7 @@ pub struct Object {
 pub struct Property {
     /// The name in the spelling of versions 2 and 3.
     pub name: String,
-    /// Where it is.
+    /// The place of the property.
     pub at: Spot,
     pub value: Value,
     pub used: Cell<bool>,
@@ -192,8 +192,7 @@ impl Object {
         }
     }
 
-    /// The objects of a class, each marked as used. Referenced objects count once they are
-    /// resolved.
+    /// The children that satisfy a condition, each marked as used.
     pub fn children_where<'a>(
         &'a self,
         is: impl Fn(&Child) -> bool + 'a,

@@ -29,7 +29,7 @@ pub struct Shapes {
     files: HashMap<(PathBuf, String), Arc<TriangleMesh>>,
     groups: HashMap<*const Object, NodeId>,
     triangles: usize,
-    /// Materials by look and by finish.
+    /// Materials by the BSDF's object and the text of the finish.
     materials: HashMap<(Option<*const Object>, String), Vec<MaterialId>>,
 }
 

@@ -25,7 +25,7 @@ pub type Function = fn(f32) -> f32;
 pub struct Textures {
     /// Patterns by the address of their object, which lives until the scene is built.
     known: HashMap<*const Object, Pattern>,
-    /// Textures in the scene.
+    /// Textures in the scene, by their debug text.
     ids: HashMap<String, TextureId>,
     /// Scalar images derived from others, by image, encoding and function.
     scalars: HashMap<(ImageId, bool, Option<usize>), ImageId>,
@@ -101,7 +101,7 @@ impl Builder<'_> {
         self.mapped(object, name, default, None)
     }
 
-    /// A function of a number, or of its default.
+    /// A scalar parameter: `function` applied to the values of a property, or to its default.
     pub(super) fn mapped(
         &mut self,
         object: &Object,

@@ -23,7 +23,7 @@ use std::sync::Arc;
 /// An area light, which makes the following shapes emit.
 #[derive(Clone, Debug)]
 pub struct AreaLight {
-    /// Radiance.
+    /// Radiance in W/(m² sr), before it is scaled to `power`.
     radiance: ColorParam,
     /// Power that every piece of surface emits, in W; `None` if the radiance is used as it is.
     power: Option<f64>,

@@ -36,7 +36,7 @@ pub struct Known {
 /// The materials of a scene.
 #[derive(Debug, Default)]
 pub struct Materials {
-    /// In the order of definition.
+    /// Materials in the order of definition.
     known: Vec<Known>,
     named: HashMap<String, usize>,
     default: Option<usize>,
@@ -613,8 +613,8 @@ fn named_metal(params: &Params, prefix: &str) -> Option<Metal> {
     if eta == k { Metal::named(&eta?) } else { None }
 }
 
-/// A surface with subsurface scattering: its diffuse reflectance, its mean free paths by channel,
-/// and the mean cosine of scattering.
+/// A surface with subsurface scattering, from its diffuse reflectance `color`, the mean free path
+/// `radius` of each channel and the mean cosine `g` of scattering.
 pub(super) fn lit_below(
     color: ColorParam,
     radius: Rgb,

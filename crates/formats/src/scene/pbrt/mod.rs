@@ -223,7 +223,7 @@ impl Builder<'_> {
     }
 }
 
-/// The same path for every name of a file.
+/// A path that is the same for every name of a file.
 fn identity(path: &Path) -> PathBuf {
     path.canonicalize().unwrap_or_else(|_| path.to_path_buf())
 }

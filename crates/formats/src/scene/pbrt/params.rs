@@ -151,18 +151,18 @@ impl Params {
         Ok(params)
     }
 
-    /// The same parameters with defaults for those that are absent.
+    /// Returns the parameters with defaults for those that are absent.
     pub fn with_defaults(mut self, defaults: &[Rc<Param>]) -> Self {
         self.defaults.extend(defaults.iter().rev().cloned());
         self
     }
 
-    /// The same parameters of another directive.
+    /// Returns the parameters as those of the directive `owner`.
     pub fn of(self, owner: String) -> Self {
         Self { owner, ..self }
     }
 
-    /// The parameters themselves.
+    /// The parameters that the directive itself gives, without defaults.
     pub fn into_own(self) -> Vec<Rc<Param>> {
         self.own
     }
@@ -269,7 +269,7 @@ impl Params {
             .map_or_else(Vec::new, |p| triples(p.numbers())))
     }
 
-    /// Pairs of numbers; none if the parameter is absent. Written as floats by pbrt-v3.
+    /// Pairs of numbers; none if the parameter is absent. pbrt-v3 writes them as floats.
     pub fn pairs(&self, name: &str) -> Result<Vec<Vec2>, Fault> {
         let Some(param) = self.typed(name, &[Type::Point2, Type::Vector2, Type::Float])? else {
             return Ok(Vec::new());

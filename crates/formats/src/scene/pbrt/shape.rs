@@ -26,7 +26,7 @@ use std::sync::Arc;
 /// State that the shapes of a scene share.
 #[derive(Debug, Default)]
 pub struct Shapes {
-    /// In the order of definition.
+    /// Area lights in the order of definition.
     pub area_lights: Vec<AreaLight>,
     table: ShapeTable,
     /// Meshes read from files, by path and whether their orientation was reversed.
@@ -38,7 +38,7 @@ pub struct Shapes {
     made: usize,
     /// Curves so far, by the node that holds them and their materials.
     strands: Vec<Strands>,
-    /// Their total number of points.
+    /// Total number of points of all curves.
     strand_points: usize,
 }
 
@@ -48,7 +48,7 @@ struct Strands {
     node: NodeId,
     materials: Vec<MaterialId>,
     points: Vec<Vec4>,
-    /// Number of points of each.
+    /// Number of points of each curve.
     counts: Vec<u32>,
 }
 
@@ -81,7 +81,7 @@ impl Made {
 impl Builder<'_> {
     /// `Shape "sphere" ...`
     pub(super) fn shape(&mut self, params: Params) -> Result<(), Fault> {
-        // Its transform at the start; it may move.
+        // The shape's transform at the start of the motion.
         let [place, _] = self.state.transform.0;
         if Transform::new(place).is_none() {
             self.note_singular(params.at);
@@ -223,8 +223,8 @@ impl Builder<'_> {
         Some((light.radiance(area), light.both_sides))
     }
 
-    /// Mean area of the triangles, or the area of a shape in its own space: `power` in pbrt is
-    /// defined for these.
+    /// The area by which `power` is divided: in pbrt, `power` is that of each triangle (here, of
+    /// the mean one) or of a whole shape in its own space.
     fn piece_area(&mut self, params: &Params, made: &Made, place: DAffine3) -> f64 {
         let mesh = match made {
             Made::Shape(shape, _) => return shape.area(),

@@ -247,9 +247,9 @@ fn named(name: &str) -> Option<Rgb> {
 /// Real and imaginary part of the index of refraction of copper: pbrt's default conductor.
 pub const COPPER: [Rgb; 2] = [Rgb::new(0.2332, 1.0410, 1.2976), Rgb::new(3.2553, 2.5941, 2.3530)];
 
-/// Index of refraction of metals in the three channels, by the weights of `average`. From
-/// refractiveindex.info (CC0): Johnson and Christy, 1972 (Ag, Au, Cu); Rakic, 1995 (Al). The oxides
-/// are clear: their typical index.
+/// Real and imaginary part of the index of refraction of metals in the three channels, weighted as
+/// in `average`. From refractiveindex.info (CC0): Johnson and Christy, 1972 (Ag, Au, Cu); Rakic,
+/// 1995 (Al). The oxides are clear: they have their typical index.
 fn metal_index(name: &str) -> Option<(Rgb, Rgb)> {
     let (eta, k) = match name {
         "Ag" => ([0.0553, 0.0547, 0.0427], [4.3023, 3.5365, 2.5348]),

@@ -285,7 +285,7 @@ pub fn named_path(file: &File, name: &Token) -> Result<PathBuf, ReadError> {
     Ok(file.tokens.input().directory.join(text))
 }
 
-/// The same path for every name of a file.
+/// A path that is the same for every name of a file.
 fn identity(path: &Path) -> PathBuf {
     path.canonicalize().unwrap_or_else(|_| path.to_path_buf())
 }

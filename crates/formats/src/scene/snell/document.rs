@@ -239,7 +239,8 @@ fn check<T: Serialize + DeserializeOwned + PartialEq>(
 }
 
 impl Document {
-    /// Converts a scene to a file. (Warnings of the reader of another file are not included.)
+    /// Converts a scene to a document. (Warnings that the reader of another file gave are left
+    /// out.)
     pub fn of(scene: &Scene) -> Result<Self, String> {
         let Scene {
             name,
@@ -306,7 +307,7 @@ impl Document {
         })
     }
 
-    /// Converts a file to a scene.
+    /// Converts the document to a scene.
     pub fn scene(self, input: &Input) -> Result<Scene, Flaw> {
         let limits = &input.options.limits;
         let mut meshes = Vec::with_capacity(self.meshes.len());
@@ -374,7 +375,7 @@ impl Document {
         };
         scene.topological_order().map_err(|error| ("/nodes".to_string(), error.to_string()))?;
         scene.check_textures().map_err(|error| ("/materials".to_string(), error.to_string()))?;
-        // Before the ranges, which would report the same light again.
+        // This comes before the check of ranges, which would report the same light again.
         scene.limit_light();
         scene.check_ranges();
         scene.cameras.iter_mut().for_each(Camera::square_up);

@@ -32,7 +32,7 @@ struct Document<'a, 'o> {
     materials: Vec<Value>,
     extensions: BTreeSet<&'static str>,
     textures: texture::Textures,
-    /// Attributes of meshes by address, and meshes by their surfaces.
+    /// The written attributes of meshes, by address.
     attributes: HashMap<*const TriangleMesh, Value>,
     known_meshes: HashMap<Vec<SurfaceKey>, usize>,
     shapes: HashMap<*const AnyShape, Option<Arc<TriangleMesh>>>,

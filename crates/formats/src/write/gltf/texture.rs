@@ -9,7 +9,7 @@ use snell_scene::texture::{Filtering, Wrap};
 use snell_scene::{Encoding, Image, ImageTexture, Pixels, TextureId};
 use std::collections::HashMap;
 
-/// The sources of a picture's four channels: a texture and its channel.
+/// The source of each of a picture's four channels: a texture and one of its channels.
 pub type Channels = [Option<(TextureId, u8)>; 4];
 
 /// The textures of a document.

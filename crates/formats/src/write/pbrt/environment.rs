@@ -43,7 +43,7 @@ impl File<'_, '_> {
     }
 }
 
-/// The zenith is pbrt's `z`, our `y`.
+/// The zenith is `z` in pbrt and `y` in the scene.
 const LIGHT_FROM_ENVIRONMENT: DMat3 = DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::NEG_Y);
 
 /// Resamples a latitude-longitude picture on the equal-area square.
@@ -109,7 +109,7 @@ mod tests {
 
     #[test]
     fn a_picture_of_directions_shows_the_same_on_the_square() {
-        // Linear in the direction.
+        // Radiance that is linear in the direction.
         let (w, h) = (256, 128);
         let of = |d: DVec3| [d.x, d.y, d.z].map(|c| c as f32 + 2.0);
         let mut values = Vec::new();

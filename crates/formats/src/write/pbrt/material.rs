@@ -83,7 +83,7 @@ impl File<'_, '_> {
         }
         // For colour pictures the middle channel is nearest to the luminance.
         let channel = map.channel.unwrap_or(1);
-        // The height, apart from the picture, which may have few levels.
+        // The height is not multiplied into the picture, which may have few levels.
         let heights =
             self.texture(map.texture, "float", Baked::Scaled { channel, factor: 1.0 }, who);
         let scale = format!(
@@ -391,7 +391,8 @@ impl File<'_, '_> {
         Body { text: format!("\"string type\" [ \"dielectric\" ]{roughness}{eta}"), absorption }
     }
 
-    /// A body under a clear layer, from the colour that is seen; pbrt needs that of the body.
+    /// A body under a clear layer. `seen` is the colour seen through the layer; pbrt needs the
+    /// colour of the body itself.
     fn coated(&mut self, seen: ColorParam, ior: f32, roughness: ScalarParam, who: &str) -> Body {
         let body = Baked::UnderCoat { factor: without_spectrum(seen, false).factor, ior };
         let color = match seen.texture {

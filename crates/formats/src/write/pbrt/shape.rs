@@ -1,4 +1,4 @@
-//! Shapes: those that both have, and meshes for all others.
+//! Shapes: those that pbrt has, and meshes for all others.
 
 use super::material::Made;
 use super::{File, transform};
@@ -89,7 +89,7 @@ impl File<'_, '_> {
                         "\"disk\" \"float radius\" [ {radius} ] \"float height\" [ {top} ]"
                     );
                     self.part(text, made, &cap);
-                    // The other end faces the other way.
+                    // The cap at the other end faces the other way.
                     _ = writeln!(text, "  Scale 1 -1 -1");
                     self.part(text, made, &cap);
                 }

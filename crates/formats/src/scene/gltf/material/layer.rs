@@ -112,8 +112,8 @@ fn iridescence(reader: &mut Reader, json: &Json, surface: &mut OpenPbr) -> Resul
     Ok(())
 }
 
-/// The texture of a film with thickness `least` where the texture is 0, in units of the larger of
-/// the two thicknesses.
+/// Makes a texture of the film's thickness, which is `least` where the original texture is 0 and
+/// `most` where it is 1, in units of the larger of the two.
 fn thickness_texture(reader: &mut Reader, texture: TextureId, least: f32, most: f32) -> TextureId {
     let Some(texture) = reader.scene.textures[texture.index()].as_image().cloned() else {
         return texture;
