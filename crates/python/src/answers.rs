@@ -17,7 +17,7 @@ use snell_intersect::Hit;
 use snell_math::{DRay, DVec3};
 use std::sync::Arc;
 
-/// Answers of a piece.
+/// Number of answers that a thread processes at a time.
 const PIECE: usize = 16384;
 
 /// Creates arrays from answers.
@@ -32,9 +32,10 @@ pub trait Answers: Send + Sync {
 /// The query's inputs, from which surfaces are computed.
 #[derive(Debug)]
 pub enum Asked<P> {
-    /// Rays; an answer belongs to the ray of its index, or to the one listed here.
+    /// Rays: an answer belongs to the ray with its own index or, if a list is given, to the ray
+    /// listed at that index.
     Rays(KeptRays, Option<Vec<u32>>),
-    /// The nearest points.
+    /// Points whose nearest points were searched.
     Positions(Vec<[P; 3]>),
 }
 
@@ -51,7 +52,8 @@ pub struct Live<P: Precision, F: Form> {
     pub rays: usize,
     /// Shape of the answers.
     pub shape: Vec<usize>,
-    /// The start of the answers of each ray.
+    /// For each ray, the index of its first answer, and then the number of all answers; `None` for
+    /// queries with one answer per ray.
     pub splits: Option<Vec<i64>>,
 }
 
@@ -97,7 +99,7 @@ impl<P: Precision, F: Form> Answers for Live<P, F> {
 }
 
 impl<P: Precision, F: Form> Live<P, F> {
-    /// An array of these numbers, `width` per answer.
+    /// An array of `values`, `width` of them per answer.
     fn copied<'py, T: Element + Copy + Send + Sync>(
         &self,
         py: Python<'py>,
@@ -109,7 +111,7 @@ impl<P: Precision, F: Form> Live<P, F> {
         })
     }
 
-    /// An array of the objects' ids for these ids of the world.
+    /// An array of objects' ids: `name` applied to each of the world's ids.
     fn mapped<'py>(
         &self,
         py: Python<'py>,
@@ -183,19 +185,19 @@ impl<P: Precision, F: Form> Live<P, F> {
     }
 }
 
-/// Existing arrays, and the source of the others.
+/// The arrays of a query by name. An array is computed from the answers when it is first accessed.
 pub struct Named {
     live: Option<Box<dyn Answers>>,
     made: PyOnceLock<Py<PyDict>>,
 }
 
 impl Named {
-    /// Answers of a query.
+    /// The arrays of a query's answers, none of them computed yet.
     pub fn new(live: impl Answers + 'static) -> Self {
         Self { live: Some(Box::new(live)), made: PyOnceLock::new() }
     }
 
-    /// Arrays that were stored.
+    /// Arrays that were stored by pickling. Fails if one of `names` is missing.
     pub fn stored(arrays: &Bound<'_, PyDict>, names: &[&str]) -> PyResult<Self> {
         for name in names {
             if !arrays.contains(name)? {
@@ -207,7 +209,7 @@ impl Named {
         Ok(Self { live: None, made })
     }
 
-    /// Stores an array.
+    /// Stores an array under a name.
     pub fn set(&self, py: Python<'_>, name: &str, array: Bound<'_, PyAny>) -> PyResult<()> {
         self.made.get_or_init(py, || PyDict::new(py).unbind()).bind(py).set_item(name, array)
     }
@@ -227,7 +229,7 @@ impl Named {
         made.call_method1("setdefault", (name, array))
     }
 
-    /// The same, for `answers[name]`.
+    /// Like [`Self::get`], for `answers[name]`: an unknown name is a `KeyError`.
     pub fn item<'py>(
         &self,
         py: Python<'py>,
@@ -250,7 +252,7 @@ impl Named {
         Ok(all)
     }
 
-    /// The leading shape: that of the first array of one number each.
+    /// The leading shape of the arrays: the shape of `scalar`, which has one number per answer.
     pub fn shape<'py>(&self, py: Python<'py>, scalar: &str) -> PyResult<Bound<'py, PyTuple>> {
         match &self.live {
             Some(live) => PyTuple::new(py, live.shape()),
@@ -407,21 +409,21 @@ answers! {
         ray_ids,
         /// `(n,)`: ray parameter, in units of the direction's length.
         t_hit,
-        /// `(n,)`, uint32: as of :class:`Hits`.
+        /// `(n,)`, uint32: as in :class:`Hits`.
         geometry_ids,
-        /// `(n,)`, uint32: as of :class:`Hits`.
+        /// `(n,)`, uint32: as in :class:`Hits`.
         instance_ids,
-        /// `(n,)`, uint32: as of :class:`Hits`.
+        /// `(n,)`, uint32: as in :class:`Hits`.
         primitive_ids,
-        /// `(n, 2)`: as of :class:`Hits`.
+        /// `(n, 2)`: as in :class:`Hits`.
         primitive_uvs,
-        /// `(n, 3)`: as of :class:`Hits`.
+        /// `(n, 3)`: as in :class:`Hits`.
         primitive_normals,
-        /// `(n, 3)`: as of :class:`Hits`.
+        /// `(n, 3)`: as in :class:`Hits`.
         points,
-        /// `(n, 3)`: as of :class:`Hits`.
+        /// `(n, 3)`: as in :class:`Hits`.
         normals,
-        /// `(n, 2)`: as of :class:`Hits`.
+        /// `(n, 2)`: as in :class:`Hits`.
         uvs,
     }
 }
@@ -444,21 +446,21 @@ answers! {
     ClosestPoints by distances {
         /// `(..., 3)`: the points of the surfaces, in the scene.
         points,
-        /// `(...)`: how far they are, in units of the scene; not negative.
+        /// `(...)`: distances of the points, in units of the scene; not negative.
         distances,
-        /// `(...)`, uint32: as of :class:`Hits`.
+        /// `(...)`, uint32: as in :class:`Hits`.
         geometry_ids,
-        /// `(...)`, uint32: as of :class:`Hits`.
+        /// `(...)`, uint32: as in :class:`Hits`.
         instance_ids,
-        /// `(...)`, uint32: as of :class:`Hits`.
+        /// `(...)`, uint32: as in :class:`Hits`.
         primitive_ids,
-        /// `(..., 2)`: as of :class:`Hits`.
+        /// `(..., 2)`: as in :class:`Hits`.
         primitive_uvs,
-        /// `(..., 3)`: as of :class:`Hits`.
+        /// `(..., 3)`: as in :class:`Hits`.
         primitive_normals,
-        /// `(..., 3)`: as of :class:`Hits`.
+        /// `(..., 3)`: as in :class:`Hits`.
         normals,
-        /// `(..., 2)`: as of :class:`Hits`.
+        /// `(..., 2)`: as in :class:`Hits`.
         uvs,
     }
 }

@@ -1,9 +1,9 @@
 //! Builds the world of a scene for queries, in single or in double precision.
 //!
-//! An object without a transform lies in the group of its scene; a mesh or set of spheres with one
-//! is a group of its own, so that moving it costs little; a scene is a group however often it is
-//! instanced. Numbers do not change when objects are added or removed at the end, so the next world
-//! shares what did not change.
+//! Objects without a transform lie in the group of their scene. A mesh or set of spheres with a
+//! transform has a group of its own, so that moving it costs little. A scene is one group, however
+//! often it is instanced. Numbers do not change when objects are added or removed at the end, so
+//! the next world shares what did not change.
 
 use crate::contents::{Contents, Kind, Object, Slot};
 use crate::mesh::Mesh;
@@ -37,8 +37,8 @@ pub struct Names {
     objects: Vec<u32>,
     /// Surfaces by geometry of the world.
     pub surfaces: Vec<Surface>,
-    /// Per instance in the root group, the first occurrence in it, ascending, and its number in the
-    /// scene ([`Hit::NONE`] for one that only moves an object).
+    /// For each instance in the root group, its first occurrence, ascending, and its number in the
+    /// scene ([`Hit::NONE`] for an instance that only moves an object).
     instances: Vec<(u32, u32)>,
 }
 
@@ -49,8 +49,8 @@ impl Names {
         self.objects.get(geometry as usize).copied().unwrap_or(Hit::NONE)
     }
 
-    /// The number of the instance that an occurrence is in, [`Hit::NONE`] for what is in no
-    /// instance.
+    /// The number of the instance that an occurrence is in; [`Hit::NONE`] for occurrences outside
+    /// of all instances.
     #[inline]
     pub fn instance(&self, occurrence: u32) -> u32 {
         let at = self.instances.partition_point(|&(first, _)| first <= occurrence);
@@ -103,9 +103,9 @@ pub trait Builder: Default {
     fn add_spheres(&mut self, group: GroupId, spheres: &Arc<Spheres>) -> GeometryId;
     /// Strands in a group.
     fn add_curves(&mut self, group: GroupId, curves: &Arc<Curves>) -> GeometryId;
-    /// Reserves an unused number.
+    /// Reserves an unused number for a geometry.
     fn add_gap(&mut self);
-    /// A group in a group.
+    /// Adds a group to a group.
     fn add(&mut self, group: GroupId, instance: Instance);
     /// Sets the mask of a geometry.
     fn set_mask(&mut self, geometry: GeometryId, mask: u32);
@@ -114,8 +114,8 @@ pub trait Builder: Default {
 struct Assembler<F: Form> {
     builder: F::Builder,
     names: Names,
-    /// The group of each instanced scene, and its number of occurrences. The scene is kept, so that
-    /// no other has its address.
+    /// The group of each instanced scene, and its number of occurrences. The scene is kept alive,
+    /// so that no other scene gets its address.
     scenes: HashMap<*const Contents, (GroupId, u64)>,
 }
 

@@ -21,8 +21,8 @@ use snell_scene::Projection;
 /// eye : three numbers
 ///     Where the camera is.
 /// target : three numbers, optional
-///     The point that it looks at; alternatively `towards`, the viewing direction. -z if both are
-///     left out.
+///     The point that the camera looks at; alternatively `towards`, the viewing direction. -z if
+///     both are left out. left out.
 /// up : three numbers
 ///     The up direction of the picture; it need not be perpendicular.
 /// fov : float, optional
@@ -33,11 +33,11 @@ use snell_scene::Projection;
 /// focus_distance : float, optional
 ///     Distance of the plane in focus; the distance of the target if left out.
 /// resolution : two whole numbers, optional
-///     Size of the picture that it is made for.
+///     Size of the picture that the camera is made for.
 /// name : str
-///     For `camera="name"`.
+///     A name, for `camera="name"`.
 /// **parameters
-///     Those of the projection, in place of `fov`.
+///     The parameters of the projection, in place of `fov`.
 ///
 /// Examples
 /// --------

@@ -10,7 +10,8 @@ use rayon::prelude::*;
 use snell_math::{DVec2, Vec2};
 use snell_scene::{Camera, CameraSample};
 
-/// The requested camera: one of these by number or name, or a camera itself. The first by default.
+/// The requested camera: one of `cameras` by number or name, or a camera itself. By default the
+/// first of `cameras`.
 pub fn choose(cameras: &[Camera], wanted: Option<&Bound<'_, PyAny>>) -> PyResult<Camera> {
     let Some(wanted) = wanted else {
         return cameras

@@ -6,13 +6,13 @@ use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 
 declared_class! {
-    /// A light that is not a surface. (A surface is one if its material has an `emission`.)
+    /// A light that is not a surface. (A surface emits if its material has an `emission`.)
     ///
     /// Parameters
     /// ----------
     /// kind : str
     ///     One of :data:`LIGHTS`, such as `"point"` or `"directional"`.
-    /// **parameters
+    ///     The parameters of the kind, in coordinates of the scene. Directions have any length.
     ///     Those of the kind, in coordinates of the scene. Directions have any length.
     ///
     /// Examples

@@ -39,20 +39,21 @@ pub struct Attributes {
     pub material_slots: Vec<u16>,
 }
 
-/// A mesh as it is rendered, and its transform.
+/// A mesh as it is rendered, and the transform to the coordinates of the original mesh.
 #[derive(Clone, Debug)]
 struct Rendered {
     mesh: Arc<TriangleMesh>,
     placed: Transform,
 }
 
-/// A mesh. It is stored in the precision in which it was given; the other is computed when needed.
+/// A mesh. It is stored in the precision in which it was given; the other precision is computed
+/// when needed.
 #[derive(Debug)]
 pub struct Mesh {
     is_double: bool,
     single: OnceLock<Arc<TriangleMesh>>,
     double: OnceLock<Arc<DTriangleMesh>>,
-    /// The middle of its box, if it was given in double precision; else the origin.
+    /// The centre of the mesh's box, if it was given in double precision; else the origin.
     center: DVec3,
     centered: OnceLock<Arc<TriangleMesh>>,
     attributes: Attributes,
@@ -124,7 +125,7 @@ impl Mesh {
             }
             Self::new(Positions::Double(positions), indices, attributes)
         };
-        // Rendered as it was read.
+        // The mesh is rendered as it was read.
         let _ = mesh.rendered.set(Rendered { mesh: source.clone(), placed: *placed });
         mesh
     }
@@ -163,8 +164,8 @@ impl Mesh {
         self.double.get_or_init(|| Arc::new(DTriangleMesh::from(&**self.single())))
     }
 
-    /// As it is rendered, with all attributes, and the map from there to the coordinates of the
-    /// mesh.
+    /// The mesh as it is rendered, with all attributes, and the map from its coordinates to those
+    /// of this mesh.
     pub fn rendered(&self) -> (Arc<TriangleMesh>, Transform) {
         let Rendered { mesh, placed } = self.rendered.get_or_init(|| {
             let Attributes { normals, uvs, second_uvs, colors, material_slots } =
@@ -190,7 +191,7 @@ impl Mesh {
         (mesh.clone(), *placed)
     }
 
-    /// True if its vertices were given in double precision.
+    /// True if the vertices were given in double precision.
     pub fn is_double(&self) -> bool {
         self.is_double
     }
@@ -219,7 +220,7 @@ impl Mesh {
         &self.attributes
     }
 
-    /// The same mesh with other vertices.
+    /// A copy of the mesh with other vertices and, if given, other normals.
     pub fn moved(&self, positions: Positions, normals: Option<Vec<Vec3>>) -> Self {
         let mut attributes = self.attributes.clone();
         if let Some(normals) = normals {

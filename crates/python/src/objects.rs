@@ -56,7 +56,8 @@ pub fn positions(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Positions> {
     }
 }
 
-/// Rows of numbers in single precision: finite, `(n, width)`, `n` as expected if something is.
+/// Reads an array of shape `(n, N)` as rows in single precision. Fails if a number is not finite,
+/// or `n` is not as expected.
 fn attribute<const N: usize>(
     value: &Bound<'_, PyAny>,
     expected: Option<usize>,
@@ -221,7 +222,7 @@ pub fn transform(value: Option<&Bound<'_, PyAny>>) -> PyResult<Option<Transform>
     value.map(|value| named_transform(value, "transform")).transpose()
 }
 
-/// As [`transform`], for an argument of another name.
+/// Like [`transform`], for a required argument of another name.
 pub fn named_transform(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Transform> {
     let array = array(value, name)?;
     if !matches!(array.shape(), [3 | 4, 4]) {
@@ -261,7 +262,7 @@ pub fn mask(value: Option<i64>) -> PyResult<u32> {
         .map_err(|_| PyValueError::new_err(format!("mask is {value}, expected 0 to {}", u32::MAX)))
 }
 
-/// One number for each of some points, or one for all.
+/// One number for each of `count` points; a single number stands for all.
 fn of_each(values: &Bound<'_, PyAny>, what: &str, count: usize) -> PyResult<Vec<f32>> {
     let py = values.py();
     let values = array(values, what)?;
@@ -280,7 +281,7 @@ fn of_each(values: &Bound<'_, PyAny>, what: &str, count: usize) -> PyResult<Vec<
     Ok(if values.len() == 1 { vec![values[0]; count] } else { values.to_vec() })
 }
 
-/// Positions with the radii that belong to them.
+/// Spheres as positions and radii.
 fn balls(positions: &[[f32; 3]], radii: &[f32]) -> Vec<Vec4> {
     positions.iter().zip(radii).map(|(&[x, y, z], &r)| Vec4::new(x, y, z, r)).collect()
 }
@@ -298,8 +299,8 @@ pub fn spheres(centers: &Bound<'_, PyAny>, radii: &Bound<'_, PyAny>) -> PyResult
     Ok(Spheres { spheres: balls(&centers, &radii), colors: Vec::new() })
 }
 
-/// Strands of round curves. `strands` has the number of points of each; all points are one strand
-/// without.
+/// Strands of round curves. `strands` has the number of points of each; without it, all points are
+/// one strand.
 pub fn curves(
     points: &Bound<'_, PyAny>,
     radii: &Bound<'_, PyAny>,

@@ -28,15 +28,15 @@ pub struct Found<P> {
     pub primitive: u32,
 }
 
-/// `f32` or `f64`.
+/// The precision of a query: `f32` or `f64`.
 pub trait Precision:
     Form + Element + Copy + Default + PartialEq + Into<f64> + Send + Sync + 'static
 {
     /// The library's own type for it.
     type Tag: snell_intersect::Precision<Ray = Self::Ray, Hit = Self::Hit>;
-    /// Rays.
+    /// The type of rays in this precision.
     type Ray: Copy + Send + Sync;
-    /// Answers.
+    /// The type of hits in this precision.
     type Hit: Copy + Send + Sync + Default;
 
     /// Rounds to this precision.
@@ -65,7 +65,7 @@ pub trait Precision:
         hits: &mut [Self::Hit],
     );
 
-    /// Whether there are any hits.
+    /// For each ray, true if it hits anything.
     fn occluded(
         world: &Self::World,
         rays: Rays<Self::Tag>,

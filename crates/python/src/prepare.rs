@@ -1,5 +1,5 @@
-//! A scene made ready to be rendered: compiled, with a camera and light if it has none. Kept
-//! between renders.
+//! A scene that is ready to be rendered: compiled, and with a camera and light if it had none. It
+//! is kept between renders.
 
 use crate::contents::Contents;
 use crate::graph::graph;
@@ -11,7 +11,7 @@ use snell_render::CompiledScene;
 use snell_scene::Scene;
 use snell_scene::framing::{FramingOptions, prepare};
 
-/// The options of preparation, on which the result depends beside the scene.
+/// The options that decide, together with the scene, what is prepared.
 #[derive(Clone, Debug)]
 pub struct Request {
     /// The options of building acceleration structures.

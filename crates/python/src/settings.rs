@@ -17,7 +17,7 @@ impl<'py> Keywords<'_, 'py> {
         Ok(self.0.get_item(name)?.filter(|value| !value.is_none()))
     }
 
-    /// The value of a name; `what` describes it in errors.
+    /// The value of a name; `what` describes the expected value in errors.
     pub fn get<T: for<'a> FromPyObject<'a, 'py>>(
         &self,
         name: &str,
@@ -115,7 +115,7 @@ pub fn _render_settings(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     Ok(settings)
 }
 
-/// A request that cannot be fulfilled, with the parameters as Python spells them.
+/// The error for a request that cannot be fulfilled, with the parameters as Python spells them.
 pub fn request_error(error: RequestError) -> PyErr {
     PyValueError::new_err(match error {
         RequestError::TooManyPixels { .. } => {
@@ -125,7 +125,7 @@ pub fn request_error(error: RequestError) -> PyErr {
     })
 }
 
-/// Open Image Denoise, if noise is to be removed.
+/// Loads Open Image Denoise, if the request asks for denoising.
 pub fn denoiser(request: &Request) -> PyResult<Option<Denoiser>> {
     let path = match &request.denoise {
         None => return Ok(None),
@@ -135,7 +135,8 @@ pub fn denoiser(request: &Request) -> PyResult<Option<Denoiser>> {
     Denoiser::load(path).map(Some).map_err(denoise_error)
 }
 
-/// An error of the denoiser, whose message names the command's option.
+/// The error for a failed denoising. The library's message names the command's option, which is
+/// replaced by the keyword.
 pub fn denoise_error(error: snell_oidn::DenoiseError) -> PyErr {
     PyRuntimeError::new_err(error.to_string().replace("--denoise", "denoise"))
 }

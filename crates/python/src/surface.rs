@@ -1,5 +1,5 @@
-//! The surface at a hit: position, normals and texture coordinates, in double precision whatever
-//! the hit's.
+//! The surface at a hit: position, normals and texture coordinates, in double precision even if the
+//! hit is in single precision.
 
 use crate::assemble::{Form, Snapshot, Surface};
 use crate::mesh::Mesh;
@@ -30,7 +30,8 @@ impl Local {
     };
 }
 
-/// Finds surfaces; remembers the last occurrence, for neighbours are often in the same.
+/// Computes surfaces at hits. It remembers the transform of the last occurrence, because
+/// neighbouring hits are often in the same.
 #[derive(Debug)]
 pub struct Surfaces<'a, F: Form> {
     snapshot: &'a Snapshot<F>,
@@ -39,12 +40,12 @@ pub struct Surfaces<'a, F: Form> {
 }
 
 impl<'a, F: Form> Surfaces<'a, F> {
-    /// The surfaces of a world.
+    /// Starts with no occurrence remembered.
     pub fn new(snapshot: &'a Snapshot<F>) -> Self {
         Self { snapshot, occurrence: 0, placed: Transform::IDENTITY }
     }
 
-    /// The surface that `ray` met.
+    /// The surface at the hit `found` of `ray`.
     pub fn at<P: Precision>(&mut self, ray: &DRay, found: &Found<P>) -> Local {
         let Some(surface) = self.snapshot.names.surfaces.get(found.geometry as usize) else {
             return Local::NONE;
