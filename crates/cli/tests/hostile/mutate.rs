@@ -81,7 +81,7 @@ impl Random {
     }
 }
 
-/// The seed with damage number `number`: one to four changes of bytes.
+/// The seed with the damage of this number: one to four changes of bytes.
 pub fn mutate(seed: &[u8], number: u32) -> Vec<u8> {
     let mut random = Random::new([number, 0]);
     let mut bytes = seed.to_vec();

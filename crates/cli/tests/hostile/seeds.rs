@@ -67,7 +67,7 @@ const COLLECTED: &[(&str, &[&str])] = &[
     ("minray", &["minray/test1.json"]),
 ];
 
-/// Small files that are always there.
+/// Small files that are part of this test.
 const OWN: &[(&str, &str, &str)] = &[
     (
         "gltf",

@@ -16,9 +16,9 @@ const MAX_NAME_BYTES: usize = 255;
 const MAX_NAMES: u32 = 1000;
 
 /// Writes a file as [`atomic::write_with()`] does; `what` describes it in messages, such as "the
-/// picture". Returns true if it is in its place. If that fails, it is written to the current
-/// folder, or else to the one for temporary files, under a free name that the message reports. If
-/// neither works and the terminal is interactive, the user is asked once to make room.
+/// picture". Returns true if the file is at `path`. If that fails, the file is written to the
+/// current folder, or else to the folder for temporary files, under a free name that the message
+/// reports. If neither works and the terminal is interactive, the user is asked once to make room.
 pub fn write(
     path: &Path,
     what: &str,
@@ -42,8 +42,8 @@ pub fn write(
     }
 }
 
-/// Writes a file under a free name in the current folder or in the one for temporary files, and
-/// reports the place and the original problem. False if neither works.
+/// Writes a file under a free name in the current folder or in the folder for temporary files, and
+/// reports the place and the original problem. Returns false if neither works.
 pub fn elsewhere(
     path: &Path,
     what: &str,

@@ -27,7 +27,7 @@ pub struct Stage {
     moving: Moving,
     shutter: [f64; 2],
     compiled: Option<CompiledScene>,
-    /// True if the light was made for the camera, and so turns with it.
+    /// True if the light was made for the camera; then it turns with the camera.
     light_follows: bool,
 }
 
@@ -124,8 +124,8 @@ impl Stage {
         choose_camera(&self.scene, options)
     }
 
-    /// Compiles the scene at a time. Unchanged parts of the previous shot are reused, if it was
-    /// handed back.
+    /// Compiles the scene at a time. Unchanged parts of the previous shot are reused, if its scene
+    /// was returned by [`Self::keep`].
     pub fn shot(
         &mut self,
         time: f64,

@@ -20,7 +20,7 @@ pub fn surfaces(
     let colors = items.iter().map(|&item| color(screen, item));
     write(&folder.join(format!("{name}.png")), screen, colors)?;
     if let Some(cost) = cost {
-        // The hottest colour is the maximum after the highest thousandth of the pixels is ignored.
+        // The brightest colour stands for the maximum of all pixels but the highest thousandth.
         let mut sorted = cost.to_vec();
         sorted.sort_unstable();
         let most = sorted
