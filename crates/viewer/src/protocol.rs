@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::collections::BTreeMap;
 
-/// Changes when old pages become incompatible with new servers.
+/// The version, which changes when old pages become incompatible with new servers.
 pub const VERSION: u32 = 1;
 
 /// A message from the page.
@@ -20,7 +20,7 @@ pub enum ToServer {
     Camera {
         /// Increases with each message; frames name the last one that they show.
         seq: u32,
-        /// The complete camera.
+        /// All parameters of the camera.
         #[cfg_attr(test, ts(type = "Camera"))]
         camera: Value,
     },
@@ -29,7 +29,7 @@ pub enum ToServer {
         /// Width and height.
         size: [u32; 2],
     },
-    /// Render settings. Absent ones are unchanged.
+    /// Changes render settings. Absent settings stay unchanged.
     Render {
         /// Name of an integrator.
         #[serde(default)]
@@ -52,24 +52,24 @@ pub enum ToServer {
         #[cfg_attr(test, ts(optional = nullable))]
         accelerator: Option<String>,
     },
-    /// Another setting of the render, one of [`Choices::settings`].
+    /// Changes another setting of the render, one of [`Choices::settings`].
     Set {
-        /// Its name.
+        /// The name of the setting.
         name: String,
-        /// A name or number; null for what it was when the scene was opened.
+        /// A name or number; null for the value when the scene was opened.
         #[cfg_attr(test, ts(type = "unknown"))]
         value: Value,
     },
-    /// Exposure and tone map of frames while something moves (at rest the page applies them).
+    /// Sets exposure and tone map of frames while something moves (at rest the page applies them).
     Display {
-        /// Stops.
+        /// Exposure in stops.
         exposure: f64,
         /// Name of a tone map.
         tonemap: String,
     },
     /// Changes the scene, as `key=value` of `snell render -D`.
     Edit {
-        /// Path into the scene.
+        /// Path of the parameter in the scene.
         key: String,
         /// New value.
         #[cfg_attr(test, ts(type = "unknown"))]
@@ -77,18 +77,18 @@ pub enum ToServer {
     },
     /// Hides or shows a node and its descendants.
     Show {
-        /// Its number.
+        /// Number of the node.
         node: u32,
         /// True to show it.
         visible: bool,
     },
     /// Undoes the last change of the scene.
     Undo,
-    /// Redoes it.
+    /// Redoes the last change that was undone.
     Redo,
     /// Reloads the scene's file.
     Reload,
-    /// Asks what is at a pixel (from the upper left corner).
+    /// Asks which surface is at a pixel (from the upper left corner).
     Pick {
         /// Returned with the answer.
         id: u32,
@@ -101,18 +101,18 @@ pub enum ToServer {
         id: u32,
         /// The pixel.
         pixel: [u32; 2],
-        /// The sample to show; `None` for a typical one.
+        /// Number of the sample to show; `None` for a typical one.
         #[serde(default)]
         #[cfg_attr(test, ts(optional = nullable))]
         sample: Option<u32>,
-        /// True to follow rays through all structures, however long it takes to build them.
+        /// True to follow rays through all structures, even if it takes long to build them.
         #[serde(default)]
         #[cfg_attr(test, ts(as = "Option<bool>", optional))]
         all: bool,
     },
     /// A frame has been shown.
     Ack {
-        /// Its number.
+        /// Number of the frame.
         frame: u32,
     },
     /// Requests control of the view.
@@ -145,14 +145,14 @@ pub enum ToPage {
         /// The state.
         view: ViewInfo,
     },
-    /// Which page has control.
+    /// Tells which page has control.
     Steering {
         /// Number of the page.
         client: u32,
         /// Number of connected pages.
         watching: u32,
     },
-    /// Answers what is at a pixel.
+    /// Answers which surface is at a pixel.
     Picked {
         /// The number of the request.
         id: u32,
@@ -202,9 +202,9 @@ pub struct Choices {
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub struct SceneChoice {
-    /// Its name.
+    /// The name of the scene.
     pub name: String,
-    /// What it shows.
+    /// What the scene shows.
     pub description: String,
 }
 
@@ -212,7 +212,7 @@ pub struct SceneChoice {
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub struct SceneInfo {
-    /// Its name.
+    /// The name of the scene.
     pub name: String,
     /// Increases with every change of the scene.
     pub generation: u32,
@@ -229,7 +229,7 @@ pub struct SceneInfo {
     /// Cameras.
     #[cfg_attr(test, ts(type = "Camera[]"))]
     pub cameras: Vec<Value>,
-    /// Rotation of its environment about the up direction, in degrees; `None` without an
+    /// Rotation of the environment about the up direction, in degrees; `None` without an
     /// environment, or for a uniform one.
     pub environment_rotation: Option<f64>,
     /// Minimum and maximum corner of the box around everything finite.
@@ -249,15 +249,15 @@ pub struct SceneInfo {
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub struct NodeInfo {
-    /// Its number.
+    /// Number of the node.
     pub id: u32,
-    /// Number of the parent it is listed under; none for the root.
+    /// Number of the parent under which the node is listed; none for the root.
     pub parent: Option<u32>,
-    /// Its name.
+    /// The name of the node.
     pub name: String,
-    /// Its surfaces.
+    /// Descriptions of the node's surfaces.
     pub surfaces: Vec<String>,
-    /// False if it was hidden.
+    /// False if the node was hidden.
     pub visible: bool,
 }
 
@@ -296,21 +296,21 @@ pub struct ViewInfo {
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub struct PickedHit {
-    /// Its position in the world.
+    /// Position of the hit in the world.
     pub position: [f64; 3],
-    /// Shading normal.
+    /// Shading normal at the hit.
     pub normal: [f64; 3],
     /// Distance from the camera.
     pub distance: f64,
     /// The node that holds the surface, if known.
     pub node: Option<u32>,
-    /// Names from the root to it.
+    /// Names of the nodes from the root to the one that holds the surface.
     pub path: Vec<String>,
     /// Number of the material, if it is one of the scene's.
     pub material: Option<u32>,
-    /// Its name.
+    /// The name of the material.
     pub material_name: String,
-    /// Triangle or face.
+    /// Number of the triangle or face.
     pub primitive: u32,
 }
 
@@ -321,11 +321,11 @@ pub struct FrameHeader {
     pub kind: u32,
     /// Number of the frame, to be acknowledged.
     pub frame: u32,
-    /// The last camera that it shows.
+    /// Number of the last camera that the frame shows.
     pub seq: u32,
-    /// Generation of the scene that it shows.
+    /// Generation of the scene that the frame shows.
     pub generation: u32,
-    /// Pixels.
+    /// Width and height in pixels.
     pub size: [u32; 2],
     /// Samples per pixel.
     pub samples: u32,

@@ -17,16 +17,16 @@ use std::net::{IpAddr, SocketAddr};
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
-/// First component of the path of a code. A token is longer.
+/// First component of the path that holds a one-time code. A token is longer.
 pub const ONCE: &str = "once";
-/// How long a code is valid: a browser may take a while to start.
+/// Time for which a code is valid: a browser may take a while to start.
 const CODE_TIME: Duration = Duration::from_secs(60);
 
 /// The requirements on a request.
 #[derive(Debug)]
 pub struct Guard {
     token: String,
-    /// The last code until it is used, and when it was issued.
+    /// The last code until it is used, and the time when it was issued.
     code: Mutex<Option<(String, Instant)>>,
     address: SocketAddr,
     /// Names of the server besides its address and, on loopback, `localhost`. Any name is allowed
@@ -61,7 +61,7 @@ impl Guard {
         Ok(code)
     }
 
-    /// True if this is the code and it is still valid. This uses it up.
+    /// True if this is the code and it is still valid. The code is used up by this call.
     pub fn takes_code(&self, code: &str) -> bool {
         let is_it = |(known, given): &mut (String, Instant)| {
             given.elapsed() < CODE_TIME && is_same(code, known)
