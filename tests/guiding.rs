@@ -1,5 +1,5 @@
-//! Path guiding changes only the noise, gives the same bits for any threads, order and crop, and
-//! works on any scene.
+//! Path guiding changes only the noise, gives the same bits for any number of threads, order and
+//! crop, and works on any scene.
 
 use snell_intersect::BuildOptions;
 use snell_intersect::shape::{BoxShape, Sphere};

@@ -1,8 +1,8 @@
 //! Every accelerator, kernel, level, batch size and thread count finds the same hits, bit for bit,
 //! in random worlds of mixed shapes, meshes and instances, in either precision, also after edits.
 //!
-//! `SNELL_RANDOM_WORLDS` sets the number of worlds (250 by default; 60 in double precision, 120
-//! that are edited).
+//! The environment variable `SNELL_RANDOM_WORLDS` sets the number of worlds (by default 250; 60 in
+//! double precision, and 120 for edits).
 
 use rayon::prelude::*;
 use snell_tests::random_worlds::{
@@ -21,10 +21,10 @@ fn worlds(otherwise: u32) -> u32 {
     std::env::var("SNELL_RANDOM_WORLDS").ok().and_then(|s| s.parse().ok()).unwrap_or(otherwise)
 }
 
-/// The results for random worlds, by seed.
+/// Calls `look` with the bytes of the world of each seed, and returns the results.
 ///
 /// # Panics
-/// If there is a world in which answers differ.
+/// If answers differ in a world: then `look` has panicked.
 fn looked_at<T: Send>(
     seeds: &[u32],
     look: impl Fn(u32, &[u8]) -> T + Sync + RefUnwindSafe,

@@ -11,9 +11,9 @@ type Handle = *mut c_void;
 
 /// `OIDN_DEVICE_TYPE_CPU`: it uses our memory, and its results do not depend on a graphics card.
 const DEVICE_TYPE_CPU: c_int = 1;
-/// `OIDN_FORMAT_FLOAT3`.
+/// `OIDN_FORMAT_FLOAT3`: images of three floats per pixel.
 const FORMAT_FLOAT3: c_int = 3;
-/// `OIDN_ERROR_NONE`.
+/// `OIDN_ERROR_NONE`: no error.
 const ERROR_NONE: c_int = 0;
 
 macro_rules! functions {
@@ -57,7 +57,7 @@ functions! {
 /// The loaded library.
 pub struct Denoiser {
     functions: Functions,
-    /// Never unloaded, because its threads may live on for a while.
+    /// The library is never unloaded, because its threads may live on for a while.
     _library: ManuallyDrop<libloading::Library>,
 }
 
