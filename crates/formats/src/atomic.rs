@@ -37,8 +37,8 @@ pub fn write_with(
     stage(path, fill).and_then(Staged::place).map_err(io_error(path))
 }
 
-/// Like [`write_with()`], but never replaces anything: if there is a file at `path`, the error is
-/// of the kind [`ErrorKind::AlreadyExists`].
+/// Like [`write_with()`], but never replaces a file: if there is one at `path`, the error is of the
+/// kind [`ErrorKind::AlreadyExists`].
 pub fn write_new(path: &Path, fill: impl FnOnce(&mut dyn Write) -> Result<()>) -> Result<()> {
     if path.symlink_metadata().is_ok() {
         return Err(ErrorKind::AlreadyExists.into());
@@ -136,7 +136,7 @@ fn folder_of(path: &Path) -> &Path {
 enum Staged {
     /// A file under a temporary name.
     File { temporary: Temporary, place: PathBuf },
-    /// Nothing left to do: the content went to a special file.
+    /// Content that was written to a special file, which needs no renaming.
     Done,
 }
 
@@ -168,8 +168,8 @@ impl Staged {
     }
 }
 
-/// The existing temporary files. They are created, renamed and removed while this is locked, so
-/// that [`abandon`] misses none.
+/// The existing temporary files. They are created, renamed and removed only while this set is
+/// locked, so that [`abandon`] misses none.
 static TEMPORARIES: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 
 fn temporaries() -> MutexGuard<'static, BTreeSet<PathBuf>> {
@@ -182,7 +182,7 @@ struct Temporary(Option<NamedTempFile>);
 impl Temporary {
     fn beside(path: &Path) -> Result<Self> {
         let folder = folder_of(path);
-        // The temporary name means nothing to a user, so it does not belong in the error.
+        // The error names the user's path, not the temporary one, which means nothing to a user.
         let plain = |e: Error| {
             std::fs::metadata(folder).err().unwrap_or_else(|| {
                 e.raw_os_error().map_or(e.kind().into(), Error::from_raw_os_error)
@@ -191,7 +191,7 @@ impl Temporary {
         let mut builder = tempfile::Builder::new();
         builder.prefix(".snell-").suffix(".tmp");
         #[cfg(unix)]
-        // The system removes what the umask forbids.
+        // From this mode, the system removes the bits that the umask forbids.
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
         let mut known = temporaries();
         let file = builder.tempfile_in(folder).map_err(plain)?;

@@ -19,7 +19,7 @@ pub(crate) struct Expansion(Mutex<Account>);
 
 #[derive(Debug, Default)]
 struct Account {
-    /// How many times files were opened.
+    /// Number of times that files were opened.
     opened: usize,
     /// Bytes of each file on the disk: opening a file again does not raise the limit.
     files: HashMap<PathBuf, u64>,
@@ -91,7 +91,7 @@ impl Input {
         Ok(())
     }
 
-    /// Fails if the scene has opened as many files as it may.
+    /// Counts the opening of `path`. Fails if the scene has opened too many files.
     pub(crate) fn count_file(&self, path: &Path) -> Result<(), ReadError> {
         let limit = self.options.limits.files;
         if self.expansion.account().opened >= limit {
@@ -123,7 +123,7 @@ impl Input {
 /// Any input, however small, may unpack to this many bytes.
 const ALWAYS_UNPACKED: u64 = 64 << 20;
 
-/// Unpacks `packed`. The error is the problem and its remedy.
+/// Unpacks `packed`. An error consists of a problem and a remedy.
 pub(crate) fn unpack(
     packed: &[u8],
     how: Compression,

@@ -6,7 +6,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind, set_hook, take_hook};
 use std::sync::Once;
 
 thread_local! {
-    /// How many calls of [`guarded`] are active on this thread.
+    /// Number of active calls of [`guarded`] on this thread.
     static DEPTH: Cell<usize> = const { Cell::new(0) };
 }
 

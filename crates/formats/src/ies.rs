@@ -53,7 +53,7 @@ fn around(horizontal: &[f64]) -> Option<(Vec<f64>, Vec<usize>)> {
     }
     let near = |a: f64, b: f64| (a - b).abs() < 0.01;
     let given = horizontal.iter().copied().enumerate();
-    // Each angle, then its images in the planes of symmetry.
+    // Each given angle is followed by its images in the planes of symmetry.
     let mut all: Vec<(f64, usize)> = match (first, last) {
         (f, l) if near(f, 0.0) && near(l, 90.0) => {
             given.flat_map(|(k, a)| [a, 180.0 - a, 180.0 + a, 360.0 - a].map(|a| (a, k))).collect()

@@ -68,7 +68,7 @@ fn message(name: &str, bytes: Vec<u8>) -> Option<String> {
     Some(error.to_string())
 }
 
-/// Files with one word changed, or truncated before it.
+/// Files in which one word of the text is changed, and files that end before it.
 fn of_words(text: &str) -> Vec<(String, Vec<u8>)> {
     let follows_blank = |i: usize| text[..i].chars().next_back().is_none_or(char::is_whitespace);
     let starts = text.char_indices().filter(|&(i, c)| !c.is_whitespace() && follows_blank(i));
@@ -88,7 +88,7 @@ fn of_words(text: &str) -> Vec<(String, Vec<u8>)> {
     broken
 }
 
-/// Every value, with its descendants.
+/// Collects the JSON pointers of a value and of everything in it.
 fn pointers(value: &Value, at: String, all: &mut Vec<String>) {
     match value {
         Value::Array(items) => {

@@ -1,5 +1,6 @@
 //! Animated pictures: a sequence of frames of display values. APNG keeps every colour; GIF has 256
-//! per frame. Both loop. Y4M is raw video, from which `ffmpeg` and others read size and rate.
+//! colours per frame. Animations of both formats loop. Y4M is raw video, from which `ffmpeg` and
+//! other programs read size and rate.
 
 use std::io::Write;
 

@@ -64,7 +64,8 @@ pub const BYTES_PER_PIXEL: usize = 140;
 /// Options of [`compare`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CompareOptions {
-    /// How display values are made; `None` decides by the pictures ([`automatic_display`]).
+    /// How linear values become display values; `None` decides by the pictures
+    /// ([`automatic_display`]).
     pub display: Option<Display>,
     /// A pixel counts as different if a channel of its 8-bit display values differs by more than
     /// this many levels.
@@ -91,7 +92,7 @@ pub struct Comparison {
     pub rel_mse: f64,
     /// Mean squared error of the sRGB display values, which lie between 0 and 1.
     pub mse_srgb: f64,
-    /// Peak signal to noise ratio of the display values in decibels; none if they are equal.
+    /// Peak signal to noise ratio of the display values in decibels; `None` if they are equal.
     pub psnr: Option<f64>,
     /// Mean FLIP error from 0 to 1, at 67 pixels per degree, on the display values.
     pub flip: f64,
@@ -125,10 +126,10 @@ pub struct Compared {
     pub flip: Vec<f32>,
 }
 
-/// Why two pictures cannot be compared.
+/// The reason why two pictures cannot be compared.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum CompareError {
-    /// Their sizes differ.
+    /// The sizes of the pictures differ.
     #[error(
         "the sizes differ: the reference has {} x {} pixels, the other picture {} x {}; render or \
             scale one of them to the size of the other",

@@ -29,7 +29,7 @@ pub fn flip(width: usize, reference: &[[f32; 3]], test: &[[f32; 3]]) -> Vec<f32>
         .collect()
 }
 
-/// What an image looks like: the input of both distances.
+/// The perceived colours and features of an image: the input of both distances.
 struct Appearance {
     /// Filtered colour in L*a*b*, with a* and b* scaled by lightness.
     colour: Vec<[f32; 3]>,

@@ -29,7 +29,7 @@ use picture::Unfit;
 use snell_scene::{Image, Layer, LayeredImage};
 use std::path::Path;
 
-/// How to turn scene-linear values into display values, for formats that hold display values.
+/// How scene-linear values become display values, for formats that hold display values.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Display {
     /// Exposure in stops: values are multiplied by two to this power.
@@ -108,12 +108,12 @@ pub struct ImageFormat {
 }
 
 impl ImageFormat {
-    /// True if [`read_image`] supports it.
+    /// True if [`read_image`] supports the format.
     pub fn reads(&self) -> bool {
         self.read.is_some()
     }
 
-    /// True if [`encode_image`] supports it.
+    /// True if [`encode_image`] supports the format.
     pub fn writes(&self) -> bool {
         self.write.is_some()
     }
@@ -329,8 +329,9 @@ fn writer(name: &str) -> Result<Writer, Unfit> {
     })
 }
 
-/// Memory that the encoder of a name or extension takes beside the picture, in bytes per pixel, for
-/// layers of `values` channels in total: its input, compressed data and its output.
+/// Memory that an encoder takes in addition to the picture, in bytes per pixel, for layers of
+/// `values` channels in total: its input, compressed data and its output. `name` is the name or
+/// extension of a format.
 pub fn encoder_bytes(name: &str, values: u64, png_bits: u8) -> u64 {
     let known = IMAGE_FORMATS.iter().find(|f| f.name == name || f.extensions.contains(&name));
     match known.map(|f| f.name) {

@@ -4,12 +4,12 @@ use crate::memory::Available;
 use crate::{Input, Place, ReadError};
 use snell_scene::{Image, LayeredImage, Pixels};
 
-/// Why a picture does not fit a format.
+/// The reason why a picture does not fit a format.
 #[derive(Debug)]
 pub struct Unfit {
-    /// What does not fit.
+    /// The property of the picture that does not fit.
     pub problem: String,
-    /// What to do.
+    /// A way to avoid the problem.
     pub remedy: String,
 }
 
@@ -31,9 +31,9 @@ const ALWAYS_ALLOWED_BYTES: u64 = 64 << 20;
 const LARGE_BYTES: u64 = 256 << 20;
 const MAX_EXPANSION_OF_LARGE: u64 = 128;
 
-/// Refuses an image that is empty, over the limit, or that declares more pixels than its bytes can
-/// hold or the scene may take; charges its memory. It must be called once, before anything is
-/// allocated.
+/// Refuses an image that is empty or over the limit, or that declares more pixels than its bytes
+/// can hold or the scene may take; otherwise charges its memory. Decoders call this once, before
+/// they allocate anything.
 pub fn check_size(
     input: &Input,
     width: u64,
@@ -71,7 +71,7 @@ pub fn check_size(
         ));
     }
     input.charge(needed, "the image")?;
-    // The decoder's own pixels, and the returned ones.
+    // The memory is that of the decoder's own pixels and of the returned ones.
     let needed = needed.saturating_mul(2);
     if needed > ALWAYS_ALLOWED_BYTES {
         let what = format!("the image of {width} x {height} pixels");

@@ -162,7 +162,8 @@ fn openexr_files_of_several_parts_become_layers() {
     let numbers = |count: usize| (0..count).map(|i| i as f32).collect::<Vec<_>>();
     assert_eq!(read.layers[0].values, numbers(600));
     assert_eq!(read.layers[1].values[199], 597.0);
-    // The inset's pixel (0, 1) lands at (18, 0), the rest of it outside or below.
+    // Pixel (0, 1) of the inset lands at (18, 0) of the picture; most of the inset lies outside of
+    // it.
     assert_eq!(read.layers[3].values[2 * 18..2 * 20], [12.0, 13.0, 15.0, 16.0]);
     assert_eq!(read.layers[3].values.iter().filter(|v| **v != 0.0).count(), 8);
 
@@ -489,7 +490,7 @@ fn openexr_images_look_like_their_renditions() {
 #[test]
 fn other_primaries_are_converted_to_rec709() {
     use exr::prelude as e;
-    // ACES AP0: its red is more saturated than Rec. 709 can be, its white is white.
+    // The red of ACES AP0 is more saturated than Rec. 709 can be; its white is white.
     let pixels = [[1.0f32, 1.0, 1.0], [1.0, 0.0, 0.0]];
     let channel = |(i, c)| {
         e::AnyChannel::new(c, e::FlatSamples::F32(pixels.map(|p: [f32; 3]| p[i]).to_vec()))

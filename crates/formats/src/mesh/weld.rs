@@ -14,17 +14,17 @@ fn key(position: Vec3) -> [u32; 3] {
 /// No vertex.
 const NONE: u32 = u32::MAX;
 
-/// For each vertex, the lowest number of a vertex at an equal position (in the sense of
-/// [`Welder`]). Vertices around which the triangles close keep their own number: they need no
-/// partner. Runs on all cores, with a table of numbers only.
+/// For each vertex, the lowest number of a vertex at an equal position (equal as for [`Welder`]). A
+/// vertex around which the triangles close keeps its own number, because it has no duplicate. This
+/// runs on all cores, with a table of numbers only.
 pub fn points(positions: &[Vec3], indices: &[[u32; 3]]) -> Vec<u32> {
     let open = open_vertices(positions.len(), indices);
     let number = open.par_iter().with_min_len(1 << 12).filter(|open| is_open(open)).count();
     let size = (number + number / 3 + 1).next_power_of_two();
     let mut table = Vec::new();
     table.resize_with(size, || AtomicU32::new(NONE));
-    // The hash has a random key, so that a file cannot make it slow; the numbers do not depend on
-    // it.
+    // The hash has a random key, so that a file cannot make it slow; the resulting numbers do not
+    // depend on the key.
     let state = RandomState::new();
     let place = |number: usize| {
         if !is_open(&open[number]) {
@@ -84,13 +84,13 @@ fn mixed(mut x: u32) -> u32 {
 /// the same bits.
 #[derive(Clone, Debug, Default)]
 pub struct Welder {
-    // Never iterated, so its order does not matter; its hash is keyed, so a file cannot make it
-    // slow.
+    // The table is never iterated, so its order does not matter. Its hash is keyed, so a file
+    // cannot make it slow.
     numbers: HashMap<[u32; 3], u32>,
 }
 
 impl Welder {
-    /// The number of a position: the next free one if it is new.
+    /// The number of a position. A new position gets the next free number.
     pub fn weld(&mut self, position: Vec3) -> u32 {
         let next = self.numbers.len() as u32;
         *self.numbers.entry(key(position)).or_insert(next)

@@ -23,7 +23,7 @@ pub enum Fault {
         at: Spot,
         /// What was found and what was expected.
         problem: String,
-        /// What to do about it.
+        /// A way to mend the file.
         remedy: String,
     },
     /// An error about another file, which has its own place.

@@ -1,12 +1,12 @@
 //! Several materials on one surface, as coincident surfaces that are each present with some
-//! probability. Where one is absent the ray hits the next, so the shares are exact for any
+//! probability. Where one surface is absent the ray hits the next, so the shares are exact for any
 //! materials.
 
 use snell_scene::Material;
 use snell_scene::material::{AlphaMode, ScalarParam};
 
 /// Materials from the outermost to the innermost; empty for no surface at all. The opacity of each
-/// is the probability that it is hit if those before it were not.
+/// is the probability that its layer is hit if the layers before it were not.
 pub type Layers = Vec<Material>;
 
 /// Maximum number of layers of a surface. Each level of nested blends doubles them.

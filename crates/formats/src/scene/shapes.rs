@@ -14,15 +14,15 @@ pub struct ShapeTable {
 }
 
 impl ShapeTable {
-    /// The shape, shared with all equal ones.
+    /// The geometry of a shape, shared by all equal shapes.
     pub fn shared(&mut self, shape: AnyShape) -> Geometry {
         // The debug form of a float is exact, so equal text means equal shapes.
         let shared = self.known.entry(format!("{shape:?}")).or_insert_with(|| Arc::new(shape));
         Geometry::Shape(shared.clone())
     }
 
-    /// Adds a node below `parent` that holds the shape. Without a material it takes the one of
-    /// `parent`.
+    /// Adds a node below `parent` that holds the shape. Without a material, the node inherits that
+    /// of `parent`.
     pub fn place(
         &mut self,
         scene: &mut Scene,
@@ -53,8 +53,8 @@ pub fn surface(geometry: Geometry, material: Option<MaterialId>) -> Surface {
 pub const AROUND: u32 = 256;
 pub const ALONG: u32 = 128;
 
-/// The rotation from our round shapes, which stand around y and count longitude from z towards x,
-/// to those of pbrt and Mitsuba, which stand around z and count it from x towards y.
+/// The rotation from Snell's round shapes to those of pbrt and Mitsuba. Snell's stand around y and
+/// count longitude from z towards x; the others stand around z and count it from x towards y.
 pub fn around_z() -> DMat3 {
     DMat3::from_cols(DVec3::Y, DVec3::Z, DVec3::X)
 }

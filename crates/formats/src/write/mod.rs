@@ -63,7 +63,7 @@ pub struct Output {
     extension: String,
     /// The file itself.
     main: Vec<u8>,
-    /// Files in the folder beside it: name and content.
+    /// Files in the folder beside the main file: name and content.
     files: Vec<(String, Vec<u8>)>,
     losses: Vec<Warning>,
     /// The memory that may be used for the output.
@@ -159,7 +159,7 @@ pub struct Written {
     pub format: &'static str,
     /// All files, the main one first.
     pub files: Vec<PathBuf>,
-    /// What the format could not hold, and what was written instead.
+    /// A list of what the format could not hold, and of what was written instead.
     pub losses: Vec<Warning>,
 }
 

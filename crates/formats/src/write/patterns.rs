@@ -29,7 +29,7 @@ pub fn drawn<'a>(
     if !scene.textures.iter().any(is_strange) {
         return Cow::Borrowed(scene);
     }
-    // Textures of materials and inputs of known patterns; others are not written.
+    // Only textures of materials, and inputs of known patterns, are written.
     let mut used: BTreeSet<TextureId> =
         scene.materials.iter().flat_map(Material::textures).collect();
     for (i, texture) in scene.textures.iter().enumerate().rev() {

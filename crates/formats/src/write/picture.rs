@@ -74,7 +74,7 @@ impl Baked {
         [r, g, b]
     }
 
-    /// The values of an image, in sRGB where they are colours from 0 to 1.
+    /// The picture of the function's values. Colours from 0 to 1 are encoded as sRGB.
     fn of(self, image: &Image, encoding: Encoding) -> Image {
         let mut values = Vec::with_capacity(image.width as usize * image.height as usize * 3);
         for y in 0..image.height {

@@ -29,7 +29,7 @@ pub struct Corner {
     pub normal: u32,
 }
 
-/// How many lines of each list there are.
+/// Numbers of lines of each list.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Counts {
     pub positions: usize,
@@ -68,7 +68,7 @@ impl Run {
 /// The faces of a piece. Attributes that a file lacks take no memory.
 #[derive(Debug, Default)]
 pub struct Faces {
-    /// Where the piece starts in the text.
+    /// Offset of the piece in the text.
     start: usize,
     positions: Vec<u32>,
     /// Empty, or one per corner up to the last that has one.
@@ -206,7 +206,7 @@ pub fn parse(input: &Input, notes: &mut Notes) -> Result<ObjFile, ReadError> {
         (file.pieces.iter().map(|(faces, _)| faces.corner_count()).sum(), "corners of faces"),
     ] {
         if count > elements {
-            // The position of the first one over the limit is not known: the file was read in
+            // The position of the first element over the limit is not known: the file was read in
             // pieces.
             return Err(too_many(input, crate::mesh::text::place_of(&bytes, bytes.len()), what));
         }
@@ -232,7 +232,7 @@ fn pieces(bytes: &[u8]) -> Vec<Range<usize>> {
     let mut pieces = Vec::with_capacity(bytes.len() / PIECE + 1);
     let mut start = 0;
     while bytes.len() - start > PIECE {
-        // Not between a backslash and the end of its line, nor inside a line end.
+        // A cut must not lie between a backslash and the end of its line, nor inside a line end.
         let cut = bytes[start..start + PIECE]
             .iter()
             .rposition(|b| !b"\\\r".contains(b))

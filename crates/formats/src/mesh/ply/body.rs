@@ -435,7 +435,7 @@ struct Faces {
     /// Triangles that were read at once, before all others.
     triangles: Vec<[u32; 3]>,
     corners: Vec<u32>,
-    /// Where each polygon's corners end.
+    /// For each polygon, the end of its corners.
     ends: Vec<usize>,
 }
 

@@ -6,7 +6,8 @@ use super::json::Json;
 use crate::ReadError;
 use std::cell::Cell;
 
-/// Maximum number of elements of an accessor without data of its own (all are zero).
+/// Maximum number of elements of an accessor that has no data of its own, so that all elements are
+/// zero.
 const MAX_ZEROS: usize = 1 << 22;
 
 /// Maximum number of elements without data that are decoded for one file; an accessor counts each
@@ -81,8 +82,8 @@ impl Component {
 pub(super) struct Accessors<'a> {
     table: Vec<Json<'a>>,
     buffers: Buffers<'a>,
-    /// Elements decoded so far: of all accessors, and of those without data. A short file can use
-    /// one accessor many times.
+    /// Elements decoded so far: by all accessors, and by those without data. These are counted
+    /// because a short file can use one accessor many times.
     decoded: Cell<[usize; 2]>,
     max_decoded: usize,
 }
@@ -191,7 +192,7 @@ impl<'a> Accessors<'a> {
     }
 }
 
-/// The bytes of some elements, known to lie within their buffer view.
+/// The bytes of some elements, which lie within their buffer view.
 struct Part {
     view: View,
     start: usize,
@@ -241,7 +242,7 @@ impl Accessor<'_, '_> {
         self.json.error(problem)
     }
 
-    /// The same accessor with its integers read as fractions, normalized or not (for attributes
+    /// Returns the accessor with its integers read as fractions, normalized or not (for attributes
     /// that are always fractions).
     pub fn into_fractions(mut self) -> Self {
         self.normalized = true;
@@ -304,7 +305,8 @@ impl Accessor<'_, '_> {
         Ok(elements)
     }
 
-    /// Counts the elements, and fails at the limits on what a file may make the reader decode.
+    /// Counts the elements as decoded. Fails at the limits on what a file may make the reader
+    /// decode.
     fn count_decoded(&self) -> Result<(), ReadError> {
         let [mut decoded, mut zeros] = self.all.decoded.get();
         decoded = decoded.saturating_add(self.count);

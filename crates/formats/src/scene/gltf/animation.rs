@@ -81,7 +81,7 @@ impl Rig {
             }
             motion.clips.push(clip);
         }
-        // Pointers to nodes are handled here; the others once the scene is complete.
+        // Pointers to nodes are handled here, and all other pointers once the scene is complete.
         for pointer in std::mem::take(&mut reader.pointers) {
             match rig.channels_of(reader, &pointer)? {
                 Some(channels) => motion.clips[pointer.clip].channels.extend(channels),
@@ -92,7 +92,7 @@ impl Rig {
         Ok(rig)
     }
 
-    /// Reads a channel; `None` if it has no known target.
+    /// Reads a channel; `None` if its target is not known.
     fn channel(
         &mut self,
         reader: &Reader,
@@ -136,7 +136,8 @@ impl Rig {
         Ok(Some(Channel { joint: self.joint_of[number], track }))
     }
 
-    /// The channels of a pointer to a node, or to the weights of a mesh; `None` for others.
+    /// The channels of a pointer to a node, or to the weights of a mesh; `None` for any other
+    /// pointer.
     fn channels_of(
         &mut self,
         reader: &Reader,
@@ -192,7 +193,7 @@ impl Rig {
         self.switched.contains(&node)
     }
 
-    /// Records things that are visible only while all of some nodes are.
+    /// Records objects of the scene that are visible only while all of some nodes are.
     pub fn switches(&mut self, nodes: &[usize], what: Switched) {
         let joints: Vec<u32> = nodes.iter().map(|node| self.joint_of[*node]).collect();
         if !joints.is_empty() {

@@ -47,8 +47,8 @@ pub(super) fn scale(reader: &mut Reader) -> Result<f64, ReadError> {
     Ok(if is_photometric { 1.0 / BLENDER_LUMENS_PER_WATT } else { 1.0 })
 }
 
-/// Adds the light of a node, if it has one, and returns its index in the file. It shines along the
-/// node's `-z`.
+/// Adds the light of a node, if it has one, and returns its index in the file. The light shines
+/// along the node's `-z`.
 pub(super) fn read(
     reader: &mut Reader,
     node: &Json,

@@ -26,8 +26,9 @@ pub(super) fn read_all(reader: &mut Reader) -> Result<(), ReadError> {
     Ok(())
 }
 
-/// The material of primitives that name none. Unlike in the standard it is double-sided: a file
-/// without materials did not choose to hide back faces, and culling would only leave holes.
+/// The material of primitives that name none. Unlike in the standard, this material is
+/// double-sided: a file without materials did not choose to hide back faces, and culling would only
+/// leave holes.
 pub(super) fn default_material(reader: &mut Reader) -> MaterialId {
     if let Some(id) = reader.default_material {
         return id;

@@ -24,7 +24,7 @@ pub(super) fn count(mesh: &Json) -> Result<usize, ReadError> {
     Ok(most)
 }
 
-/// The targets of a primitive. Those with weight 0 stay empty, unless weights change (`all`).
+/// The targets of a primitive. Targets with weight 0 stay empty, unless weights change (`all`).
 pub(super) fn targets(
     reader: &Reader,
     primitive: &Json,

@@ -206,7 +206,7 @@ struct MeshNodes {
 /// A node of the file still to be read.
 struct Waiting {
     node: usize,
-    /// Its parent node in the scene.
+    /// The parent node in the scene.
     parent: NodeId,
     /// False if the node or an ancestor is never shown.
     is_visible: bool,
@@ -236,7 +236,7 @@ pub(super) fn read_scene(reader: &mut Reader) -> Result<(), ReadError> {
             placed.cameras.push((cameras, camera));
             rig.carries_cameras(i, cameras..cameras + 1);
         }
-        // The content of a node whose visibility changes is in a node of its own.
+        // The content of a node whose visibility changes is put into a node of its own.
         let mut content = id;
         if rig.is_switched(i) {
             content = reader.scene.add_child(id, Node::default());
@@ -383,8 +383,8 @@ fn still_surfaces(
     Ok(surfaces)
 }
 
-/// Gives a node the surfaces of a mesh, as deformed by its current weights and skin (with its
-/// matrices), and records them for the motion.
+/// Gives a node the surfaces of a mesh, deformed by the mesh's current weights and skin (with the
+/// skin's matrices), and records the surfaces for the motion.
 fn bent_mesh(
     reader: &mut Reader,
     mesh: &Json,

@@ -95,7 +95,7 @@ pub(super) fn tracks(
             ),
         }
     }
-    // Reading again repeats warnings, so they are restored afterwards.
+    // The objects are read again, which repeats warnings, so the warnings are restored afterwards.
     let (warnings, notes) = (reader.scene.warnings.clone(), reader.scene.notes.clone());
     let (mut tracks, mut failed) = (Vec::new(), Vec::new());
     for ((clip, object), pointers) in groups {

@@ -69,7 +69,7 @@ struct File<'t> {
     text: &'t str,
     lines: Vec<usize>,
     input: &'t Input,
-    /// The last offset that was located, and its column: counting continues from there, because a
+    /// The offset that was located last, and its column. Counting continues from there, because a
     /// file may be one long line.
     last: Cell<(usize, usize)>,
 }
@@ -185,7 +185,8 @@ impl<'a> Loader<'a> {
         while let Some(start) = rest.find('$') {
             filled.push_str(&rest[..start]);
             rest = &rest[start + 1..];
-            // The longest matching name: `$spp2` is not `$spp` followed by 2 if both are known.
+            // The longest matching name is taken: `$spp2` is not `$spp` followed by 2 if both are
+            // known.
             let known = self
                 .parameters
                 .iter()
@@ -345,7 +346,7 @@ impl<'a> Loader<'a> {
         Ok(())
     }
 
-    /// The value of an element; `None` if it is not a known kind.
+    /// The value of an element; `None` if its kind is not known.
     fn value(&mut self, file: &File, node: &Node, tag: &str) -> Result<Option<Value>, Fault> {
         let at = file.at(node);
         let fault =

@@ -170,13 +170,14 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// Warns of something that the user should know: what was found, and what was done instead.
-    /// Only the first of each kind is reported.
+    /// Adds a warning: what was found, and what was done instead. Only the first of each kind is
+    /// reported.
     fn note(&mut self, kind: impl Into<String>, at: Spot, message: impl FnOnce() -> String) {
         self.notes.add(WarningKind::Changed, kind.into(), at, message);
     }
 
-    /// Notes choices that the file leaves open, or features of other programs: nothing is wrong.
+    /// Adds a note about a choice that the file leaves open, or about a feature of another program,
+    /// where nothing is wrong.
     fn mention(&mut self, kind: impl Into<String>, at: Spot, message: impl FnOnce() -> String) {
         self.notes.add(WarningKind::Choice, kind.into(), at, message);
     }
@@ -201,7 +202,7 @@ impl Builder<'_> {
         }
     }
 
-    /// Marks everything in an object as used: another note explains it.
+    /// Marks everything in an object as used, because another note explains it.
     fn ignore_all(&mut self, object: &Object) {
         object.properties.iter().for_each(|p| p.used.set(true));
         object.children.iter().for_each(|c| c.used.set(true));
@@ -285,7 +286,7 @@ impl Builder<'_> {
         })
     }
 
-    /// An image, read once.
+    /// The id of an image, which is read only once.
     fn image(&mut self, name: &str, at: Spot) -> Result<ImageId, Fault> {
         let main = self.main;
         self.images

@@ -65,7 +65,7 @@ impl Builder<'_> {
         }
     }
 
-    /// A colour or its default.
+    /// The colour parameter for a property, or for its default.
     pub(super) fn color(
         &mut self,
         object: &Object,
@@ -91,7 +91,7 @@ impl Builder<'_> {
         }
     }
 
-    /// A number or its default.
+    /// The scalar parameter for a property, or for its default.
     pub(super) fn scalar(
         &mut self,
         object: &Object,

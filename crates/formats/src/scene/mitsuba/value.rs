@@ -35,7 +35,7 @@ impl Value {
 pub enum Hue {
     /// Linear Rec. 709.
     Rgb(Rgb),
-    /// The same at all wavelengths.
+    /// A value that is the same at all wavelengths.
     Uniform(f64),
     /// A factor on a spectrum.
     Spectrum(Spectrum, f64),
@@ -136,8 +136,8 @@ pub fn matrix(text: &str) -> Result<DAffine3, String> {
     Ok(map)
 }
 
-/// The transform to the world from a camera at the first point that looks at the second along its
-/// `+z`.
+/// The transform from a camera to the world. The camera is at `origin` and looks at `target` along
+/// its `+z`.
 pub fn look_at(origin: DVec3, target: DVec3, up: DVec3) -> Option<DAffine3> {
     let towards = (target - origin).try_normalize()?;
     let left = up.try_normalize()?.cross(towards).try_normalize()?;

@@ -53,7 +53,8 @@ impl Screen {
         self.x[0] == -self.x[1] && self.y[0] == -self.y[1]
     }
 
-    /// Half-extents times a factor; `None` for those that follow from the aspect ratio.
+    /// Half-extents of the window times a factor; `None` for an extent that follows from the aspect
+    /// ratio.
     fn half_extents(&self, factor: f64, size: [u32; 2]) -> [Option<f64>; 2] {
         let [x, y] = [self.x, self.y].map(|[from, to]| Some((to - from) * 0.5 * factor));
         match size {

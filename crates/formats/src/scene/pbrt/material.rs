@@ -56,14 +56,14 @@ pub struct Finish {
 }
 
 impl Builder<'_> {
-    /// `Material "diffuse" ...`
+    /// Reads `Material "diffuse" ...`.
     pub(super) fn material(&mut self, params: Params) -> Result<(), Fault> {
         let known = self.build_material(&params)?;
         self.state.material = Some(self.keep(known));
         Ok(())
     }
 
-    /// `MakeNamedMaterial "name" "string type" "diffuse" ...`
+    /// Reads `MakeNamedMaterial "name" "string type" "diffuse" ...`.
     pub(super) fn make_named_material(&mut self, params: Params) -> Result<(), Fault> {
         let name = params.owner.strip_prefix("MakeNamedMaterial \"").unwrap_or_default();
         let name = name.strip_suffix('"').unwrap_or(name).to_string();
@@ -86,7 +86,7 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// `NamedMaterial "name"`
+    /// Reads `NamedMaterial "name"`.
     pub(super) fn named_material(&mut self, lexer: &mut Lexer) -> Result<(), Fault> {
         let (name, at) = lexer.expect_string("the name of a material")?;
         self.state.material = Some(self.find_material(name, at)?);
@@ -224,7 +224,7 @@ impl Builder<'_> {
         Ok(Known { layers: vec![material], opacity: None })
     }
 
-    /// A colour parameter of a material or its default.
+    /// A colour parameter of a material, or its default.
     pub(super) fn material_color(
         &mut self,
         params: &Params,
@@ -394,7 +394,8 @@ impl Builder<'_> {
         })
     }
 
-    /// Hair, from its absorption, its colour, or its pigments: the first of these that is present.
+    /// Hair from its absorption, its colour, or its pigments: the first of these that the file
+    /// gives.
     fn hair(&mut self, params: &Params) -> Result<Material, Fault> {
         let mut kind = Hair::default();
         let color = if params.has("reflectance") { "reflectance" } else { "color" };
@@ -433,7 +434,7 @@ impl Builder<'_> {
         Ok(Material::new("", kind))
     }
 
-    /// A scalar parameter of a material or its default.
+    /// A scalar parameter of a material, or its default.
     fn material_scalar(
         &mut self,
         params: &Params,

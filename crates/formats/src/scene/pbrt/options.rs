@@ -9,7 +9,7 @@ use crate::scene::fault::{Fault, Spot};
 /// The options of a scene as written.
 #[derive(Debug, Default)]
 pub struct RenderOptions {
-    /// The camera, and the map from the world to its space.
+    /// The camera, and the map from the world to camera space.
     pub camera: Option<(Params, Motion, Spot)>,
     film: Option<Params>,
     sampler: Option<Params>,

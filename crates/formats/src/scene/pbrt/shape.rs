@@ -31,7 +31,8 @@ pub struct Shapes {
     table: ShapeTable,
     /// Meshes read from files, by path and whether their orientation was reversed.
     files: HashMap<(PathBuf, bool), Arc<TriangleMesh>>,
-    /// Where the last surface was added: further ones at the same place join it.
+    /// The last surface's parent node, its transform and its node. A further surface with the same
+    /// transform joins it.
     last: Option<(NodeId, DAffine3, NodeId)>,
     triangles: usize,
     /// Triangles generated for other primitives.
@@ -79,7 +80,7 @@ impl Made {
 }
 
 impl Builder<'_> {
-    /// `Shape "sphere" ...`
+    /// Reads `Shape "sphere" ...`.
     pub(super) fn shape(&mut self, params: Params) -> Result<(), Fault> {
         // The shape's transform at the start of the motion.
         let [place, _] = self.state.transform.0;

@@ -59,8 +59,8 @@ impl Builder {
         // The programs of the courses write clamped linear values; lights and materials were chosen
         // to look right that way.
         self.scene.settings.raw_display = true;
-        // They evaluate the format's own shading model: ambient light, Phong highlights, perfect
-        // mirrors, hard shadows.
+        // These programs evaluate the format's own shading model: ambient light, Phong highlights,
+        // perfect mirrors, hard shadows.
         self.scene.settings.integrator = Some("whitted".into());
     }
 

@@ -188,7 +188,7 @@ pub struct MeshForm {
     material_slots: Numbers<u16>,
 }
 
-/// Strands; a flat list of four numbers per point: position and radius.
+/// Strands, as a flat list of four numbers per point: position and radius.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CurvesForm {

@@ -86,7 +86,8 @@ fn write(scene: &Scene, output: &mut Output) -> Result<(), String> {
 /// Memory of a node while the document is written: its JSON, a copy and its text.
 const BYTES_OF_NODE: u64 = 3000;
 
-/// glTF has trees, so a shared node is repeated for each of its instances.
+/// Refuses a scene that grows too large as a tree: glTF has trees, so a shared node is repeated for
+/// each of its instances.
 fn check_expansion(scene: &Scene, output: &Output) -> Result<(), String> {
     let expansion = Expansion {
         count: placement_count(scene)?,

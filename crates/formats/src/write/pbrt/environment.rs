@@ -51,7 +51,8 @@ fn square_of(image: &Image) -> Image {
     let side = (image.height * 2).clamp(16, MAX_SIDE);
     let row = |y: u32| {
         (0..side).flat_map(move |x| {
-            // The mean of four points, so that small bright features keep about their power.
+            // Each value is the mean at four points, so that small bright features keep about their
+            // power.
             let mut sum = [0.0f32; 3];
             for (dx, dy) in [(0.25, 0.25), (0.75, 0.25), (0.25, 0.75), (0.75, 0.75)] {
                 let at = |i: u32, d: f64| (f64::from(i) + d) / f64::from(side);

@@ -12,7 +12,8 @@ use snell_scene::{Encoding, Texture, TextureId};
 /// width, or the fourth root of a value that pbrt itself remaps to a width.
 const ROOTS: [f32; 2] = [0.5, 0.25];
 
-/// True for patterns that pbrt has too. Of powers, it has only these roots of a roughness.
+/// True for patterns that pbrt has too. Of power patterns, pbrt has only those with an exponent of
+/// [`ROOTS`], as roughness.
 pub fn is_known(pattern: &Pattern) -> bool {
     match pattern {
         Pattern::Power(power) => ROOTS.contains(&power.exponent),

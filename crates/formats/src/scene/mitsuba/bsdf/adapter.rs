@@ -1,4 +1,4 @@
-//! BSDFs that contain others.
+//! Converts BSDFs that contain other BSDFs.
 
 use super::super::Builder;
 use super::super::object::Object;
@@ -12,7 +12,7 @@ use snell_scene::material::{BumpMap, HeightUnit, NormalMap, ScalarParam};
 use std::rc::Rc;
 
 impl Builder<'_> {
-    /// Converts BSDFs that contain others.
+    /// Converts a BSDF that contains other BSDFs.
     pub(super) fn adapter(&mut self, object: &Rc<Object>) -> Result<Look, Fault> {
         match object.kind.as_str() {
             "null" => Ok(Look::default()),

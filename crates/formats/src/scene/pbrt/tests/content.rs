@@ -735,7 +735,7 @@ fn patterns_in_space_lie_where_their_transform_puts_them() {
     for (x, is_first) in [(1.1, true), (2.9, true), (3.1, false), (0.9, false)] {
         assert_eq!(shown(&there, [x, 0.5, 0.5], 0.0)[0] == 1.0, is_first, "{x}");
     }
-    // A picture that would be mirrored is flipped, and its patterns with it.
+    // A picture that would be mirrored is flipped, and so are the scene's patterns.
     let text =
         format!("LookAt 0 0 5  0 0 0  0 1 0\nCamera \"perspective\"\nWorldBegin\n{block}{user}");
     let mirrored = super::scene(&text);
