@@ -1,5 +1,5 @@
-//! Different methods for the same picture agree: strategies, light samplers, random samplers,
-//! filters, the textbook renderer.
+//! Different methods of rendering a picture agree: strategies, light samplers, random samplers,
+//! filters, and the textbook renderer.
 
 use snell_intersect::BuildOptions;
 use snell_intersect::shape::{BoxShape, Sphere};

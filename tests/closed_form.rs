@@ -462,8 +462,8 @@ fn blended_surfaces_let_their_share_of_light_through() {
                 let film = render(&scene, &over_ground(0.0, 0.0), &settings);
                 let expected =
                     vec![[f64::from(REFLECTANCE) / PI * irradiance; 3]; (SIZE * SIZE) as usize];
-                // The sheet is finite, and 20 units do not cover the whole sky: less than half a
-                // percent of it passes below.
+                // The sheet is finite: its 20 units do not cover the whole sky, so less than half a
+                // percent of the light passes below.
                 let missing =
                     if scene.environment.is_some() { 0.01 * f64::from(REFLECTANCE) } else { 0.0 };
                 let found = image_mean(&film)[0];

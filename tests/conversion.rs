@@ -8,7 +8,7 @@ use snell_scene::builtin::BUILTINS;
 use snell_scene::framing::{FramingOptions, prepare};
 use snell_tests::{bits, render, settings, shared_data};
 
-/// The scene after it was written and read, and the number of losses.
+/// The scene as it is read after it was written, and the number of losses.
 fn round_trip(scene: &Scene, extension: &str) -> (Scene, usize) {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join(format!("scene.{extension}"));

@@ -1,5 +1,5 @@
-//! The same bits for any number of threads, order of tiles, passes, crops, instruction set and
-//! accelerator.
+//! Renders give the same bits for any number of threads, order of tiles, passes, crops, instruction
+//! set and accelerator.
 
 use snell_intersect::AcceleratorKind;
 use snell_intersect::BuildOptions;

@@ -150,8 +150,8 @@ fn no_ray_escapes_a_closed_mesh_and_every_crossing_counts_once() {
             let origins = origins(&world, &mesh, 2.0 * scale as f32, center);
             assert!(!origins.is_empty(), "{name}, {place}: there are points inside");
             let targets = mesh.positions.len() + mesh.indices.len() * 3;
-            // A stride without common factors covers everything sparsely with few rays, and all of
-            // it with many.
+            // A stride without common factors covers all targets: sparsely with few rays, and
+            // completely with many.
             let aimed = |i: usize| {
                 let target = (i * 7919) % targets;
                 let target = match target.checked_sub(mesh.positions.len()) {

@@ -1,6 +1,6 @@
-//! Twenty small scenes, each of one kind of material, light or medium: every way of rendering them
-//! gives the same picture, by z-tests of the means, and of every pixel where both ways are
-//! efficient, each family at a significance of 0.01 (Sidak).
+//! Twenty small scenes, each of one kind of material, light or medium. Every way of rendering a
+//! scene gives the same picture, by z-tests of the means, and of every pixel where both ways are
+//! efficient; each family of tests is judged at a significance of 0.01 (Sidak).
 
 use snell_intersect::BuildOptions;
 use snell_intersect::shape::{BoxShape, Disk, Sphere};

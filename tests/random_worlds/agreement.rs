@@ -74,12 +74,12 @@ pub fn assert_edits_agree<P: Tested>(
     edits
 }
 
-/// What was counted while worlds were edited.
+/// Numbers counted while worlds were edited.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Edits {
-    /// Number of rays traced, in each way.
+    /// Number of rays, each of which is traced in every way.
     pub rays: usize,
-    /// Number of those that hit.
+    /// Number of rays that hit.
     pub hits: usize,
     /// Number of trees that were refitted.
     pub refitted: usize,

@@ -11,11 +11,11 @@ use std::sync::Arc;
 
 /// How worlds of a precision are built and queried.
 pub trait Tested: Precision {
-    /// The builder of its worlds.
+    /// The builder of worlds in this precision.
     type Builder: Clone + Default;
-    /// Its worlds.
+    /// Worlds in this precision.
     type World;
-    /// Its meshes.
+    /// Meshes in this precision.
     type Mesh;
     /// The answer for a ray that misses.
     const MISS: Self::Hit;

@@ -6,7 +6,8 @@ export const HEADER_SIZE = 40;
 
 export type ToServer = { "type": "camera", 
 /**
- * Increases with each message; frames name the last one that they show.
+ * Number of the message, which increases with each; frames name the last message that they
+ * show.
  */
 seq: number, 
 /**
@@ -66,7 +67,7 @@ value: unknown, } | { "type": "show",
  */
 node: number, 
 /**
- * True to show it.
+ * True to show the node.
  */
 visible: boolean, } | { "type": "undo" } | { "type": "redo" } | { "type": "reload" } | { "type": "pick", 
 /**
@@ -116,7 +117,7 @@ choices: Choices,
  */
 is_gallery: boolean, } | { "type": "scene", 
 /**
- * Its contents.
+ * The contents of the scene.
  */
 scene: SceneInfo, } | { "type": "view", 
 /**
@@ -182,7 +183,7 @@ scenes: Array<SceneChoice>,
  */
 forms: { [key in string]: Form }, 
 /**
- * Settings of the render without a control of their own.
+ * Settings of the render that have no control of their own.
  */
 settings: Array<SettingForm>, };
 
@@ -394,7 +395,7 @@ normal: [number, number, number],
  */
 distance: number, 
 /**
- * The node that holds the surface, if known.
+ * The node that holds the surface; none if it is not known.
  */
 node: number | null, 
 /**

@@ -76,7 +76,7 @@ fn build_as_tested(targets: &[&str]) -> Command {
     command
 }
 
-/// Runs a command with its output shown.
+/// Runs a command and shows its output; true if it succeeded.
 fn run(what: &str, mut command: Command) -> bool {
     match command.status() {
         Ok(status) if status.success() => true,
@@ -91,7 +91,7 @@ fn run(what: &str, mut command: Command) -> bool {
     }
 }
 
-/// Runs a command, and shows its output only if it failed.
+/// Runs a command, and shows its output only if it fails; true if it succeeded.
 fn run_quietly(what: &str, mut command: Command) -> bool {
     match command.output() {
         Ok(output) if output.status.success() => true,

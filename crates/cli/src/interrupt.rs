@@ -137,6 +137,6 @@ fn is_hangup_ignored() -> bool {
                 != 0,
         )
     });
-    // If the system does not report it: `nohup` redirects messages away from the terminal.
+    // The system does not report it. But `nohup` redirects messages away from the terminal.
     ignored.unwrap_or_else(|| !std::io::stderr().is_terminal())
 }

@@ -16,7 +16,7 @@ pub enum ProgressStyleOption {
     Plain,
     /// One JSON object per line, on standard error.
     Json,
-    /// Nothing.
+    /// No progress is shown.
     None,
 }
 

@@ -407,7 +407,7 @@ fn the_command_line_page_has_every_name() {
         Terminator,
     };
     let page = page_of_commands();
-    // These kinds of names have tables that say more.
+    // These names are in tables, which describe them.
     let tables = read(&repository().join("docs/user/command-line.md"));
     let described = IntegratorKind::ALL.map(IntegratorKind::name).into_iter();
     for name in described.chain(Aov::ALL.map(Aov::name)) {

@@ -36,7 +36,7 @@ pub struct Finding {
     pub object: String,
     /// Number of the first face concerned, from 0, in the order of the mesh in memory.
     pub face: Option<u32>,
-    /// The position in the world, if that helps to find it.
+    /// The position of the flaw in the world, if that helps to find it.
     pub position: Option<[f64; 3]>,
     /// Number of faces, edges or objects concerned.
     pub count: u64,

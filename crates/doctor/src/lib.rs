@@ -26,7 +26,7 @@ use snell_scene::Scene;
 pub struct Check {
     /// Short name, which is the `check` of the findings.
     pub name: &'static str,
-    /// The flaws that it finds, in one line.
+    /// The flaws that the check finds, in one line.
     pub description: &'static str,
     run: fn(&Subject, &mut Report),
 }

@@ -41,7 +41,7 @@ pub struct Subject<'a> {
     pub placed: Vec<Placed<'a>>,
     /// All valid meshes of the scene.
     pub bodies: Vec<Body<'a>>,
-    /// The index of the body of each placed surface, if it is a mesh.
+    /// For each placed surface, the index of its body; `None` if it is not a valid mesh.
     pub body_of: Vec<Option<usize>>,
     /// Invalid meshes: the placement and the error.
     pub broken: Vec<(usize, String)>,

@@ -9,7 +9,8 @@ use std::ptr;
 /// `OIDNDevice`, `OIDNFilter`: opaque.
 type Handle = *mut c_void;
 
-/// `OIDN_DEVICE_TYPE_CPU`: it uses our memory, and its results do not depend on a graphics card.
+/// `OIDN_DEVICE_TYPE_CPU`: this device uses the memory of the process, and its results do not
+/// depend on a graphics card.
 const DEVICE_TYPE_CPU: c_int = 1;
 /// `OIDN_FORMAT_FLOAT3`: images of three floats per pixel.
 const FORMAT_FLOAT3: c_int = 3;
@@ -68,8 +69,8 @@ impl std::fmt::Debug for Denoiser {
 }
 
 impl Denoiser {
-    /// Loads the library: the file at `named`, the one in that folder or its subfolders, or else
-    /// the one that the system finds.
+    /// Loads the library: the file `named`, or the library in the folder `named` or in its
+    /// subfolders, or else the library that the system finds.
     pub fn load(named: Option<&Path>) -> Result<Self, DenoiseError> {
         let candidates = find::candidates(named);
         let not_found = || DenoiseError::NotFound(named.map(Path::to_path_buf));

@@ -1,4 +1,4 @@
-//! Answers of queries in Python: named arrays, each created when it is first accessed.
+//! Answers of queries in Python: named arrays, each of which is created when it is first accessed.
 
 use crate::arrays::{filled, from_vec};
 use crate::assemble::{Form, Snapshot};
@@ -25,7 +25,7 @@ pub trait Answers: Send + Sync {
     /// The array of this name; `None` if answers of this kind have no such array.
     fn array<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Option<Bound<'py, PyAny>>>;
 
-    /// The leading shape.
+    /// The leading shape of the arrays.
     fn shape(&self) -> &[usize];
 }
 
@@ -39,7 +39,7 @@ pub enum Asked<P> {
     Positions(Vec<[P; 3]>),
 }
 
-/// Answers in memory, with the world that they refer to.
+/// Answers whose arrays are not computed yet, with the world that was queried.
 #[derive(Debug)]
 pub struct Live<P: Precision, F: Form> {
     /// The world that was queried.
@@ -225,7 +225,7 @@ impl Named {
             None => None,
         };
         let array = array.ok_or_else(|| PyAttributeError::new_err(name.to_string()))?;
-        // Another thread may have created it meanwhile: all get the same array.
+        // Another thread may have created the array meanwhile; all threads get the same one.
         made.call_method1("setdefault", (name, array))
     }
 

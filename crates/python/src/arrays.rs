@@ -45,7 +45,7 @@ pub fn caused(py: Python<'_>, error: PyErr, cause: PyErr) -> PyErr {
     error
 }
 
-/// The kind of an array's numbers, as NumPy writes it: `f`, `i`, `u`, `b`, …
+/// The code of an array's numbers in NumPy: `f`, `i`, `u`, `b`, …
 fn number_kind(array: &Bound<'_, PyUntypedArray>) -> PyResult<char> {
     array.dtype().getattr("kind")?.extract()
 }
@@ -77,7 +77,7 @@ pub fn are_double(
     Ok(answer.unwrap_or(true))
 }
 
-/// A contiguous array of numbers; the array itself if it is contiguous.
+/// An array of numbers as a contiguous one; the array itself if it is contiguous already.
 pub fn contiguous<'py, T: Element>(
     array: &Bound<'py, PyUntypedArray>,
 ) -> PyResult<PyReadonlyArrayDyn<'py, T>> {
@@ -157,7 +157,7 @@ pub fn common_shape(a: &[usize], b: &[usize]) -> Option<Vec<usize>> {
         .collect()
 }
 
-/// A shape as Python writes it.
+/// Formats a shape as Python does.
 pub fn shown(shape: &[usize]) -> String {
     match shape {
         [n] => format!("({n},)"),

@@ -15,16 +15,16 @@ use snell_math::Transform;
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// A geometry of a world, as surfaces are computed from it.
+/// A geometry of a world in the form from which surfaces are computed.
 #[derive(Clone, Debug)]
 pub enum Surface {
-    /// Triangles, in the coordinates of their group.
+    /// Triangles, in the coordinates of the group.
     Mesh(Arc<Mesh>),
-    /// A shape, with the map to its group.
+    /// A shape, with the map to the coordinates of the group.
     Shape(Arc<AnyShape>, Transform),
-    /// Spheres, in the coordinates of their group.
+    /// Spheres, in the coordinates of the group.
     Spheres(Arc<Spheres>),
-    /// Strands, in the coordinates of their group.
+    /// Strands, in the coordinates of the group.
     Curves(Arc<Curves>),
     /// A removed geometry.
     Gone,
@@ -33,7 +33,7 @@ pub enum Surface {
 /// The objects that the ids in a world's hits stand for.
 #[derive(Debug, Default)]
 pub struct Names {
-    /// The number of each geometry of the world in the scene that holds it.
+    /// For each geometry of the world, the number of its object in the scene that holds the object.
     objects: Vec<u32>,
     /// Surfaces by geometry of the world.
     pub surfaces: Vec<Surface>,
@@ -43,7 +43,7 @@ pub struct Names {
 }
 
 impl Names {
-    /// The number of an object in the scene that holds it.
+    /// The number of a geometry's object in the scene that holds the object.
     #[inline]
     pub fn object(&self, geometry: u32) -> u32 {
         self.objects.get(geometry as usize).copied().unwrap_or(Hit::NONE)
@@ -63,12 +63,12 @@ impl Names {
     }
 }
 
-/// A world and the meaning of its ids. Immutable.
+/// A world and the meaning of its ids. A snapshot never changes.
 #[derive(Debug)]
 pub struct Snapshot<F: Form> {
     /// The type of the world.
     pub world: Arc<F::World>,
-    /// The meaning of its ids.
+    /// The meaning of the world's ids.
     pub names: Arc<Names>,
 }
 
@@ -76,7 +76,7 @@ pub struct Snapshot<F: Form> {
 pub trait Form: 'static {
     /// The type of the world.
     type World: Send + Sync + std::fmt::Debug + 'static;
-    /// The type of its builder.
+    /// The type of the world's builder.
     type Builder: Builder;
 
     /// Builds a world, sharing unchanged parts with the previous one.
@@ -136,8 +136,8 @@ pub fn assemble<F: Form>(
 }
 
 impl<F: Form> Assembler<F> {
-    /// Adds the objects of a scene to its group; returns the number of occurrences: the group and
-    /// all below.
+    /// Adds the objects of a scene to the scene's group. Returns the number of occurrences: the
+    /// group and everything below it.
     fn fill(&mut self, group: GroupId, contents: &Contents) -> u64 {
         let mut occurrences = 1u64;
         for (number, slot) in contents.slots.iter().enumerate() {
@@ -169,7 +169,8 @@ impl<F: Form> Assembler<F> {
             let placed = object.transform.unwrap_or(Transform::IDENTITY);
             self.builder.add(group, Instance { mask, ..Instance::new(child, placed) });
             if group == WorldBuilder::ROOT {
-                // Worlds with more occurrences than numbers are refused when they are built.
+                // A world with more occurrences than numbers is refused when it is built, so a
+                // clamped number is never used.
                 self.names.instances.push((occurrences.min(u32::MAX.into()) as u32, instance));
             }
             occurrences = occurrences.saturating_add(below);

@@ -74,7 +74,7 @@ impl<P: Precision> Columns<P> {
     }
 }
 
-/// [`Columns`] while they are written.
+/// A guard through which [`Columns`] are written.
 #[derive(Debug)]
 pub struct Writable<'py, P: Precision> {
     t: PyReadwriteArray1<'py, P>,
@@ -161,7 +161,7 @@ impl<P: Precision> Places<'_, P> {
     }
 }
 
-/// [`Columns`] while they are read.
+/// A guard through which [`Columns`] are read.
 #[derive(Debug)]
 pub struct Readable<'py, P: Precision> {
     t: Option<PyReadonlyArray1<'py, P>>,

@@ -32,7 +32,7 @@ pub enum Kind {
 /// An object of a scene.
 #[derive(Clone, Debug)]
 pub struct Object {
-    /// Its kind.
+    /// The kind of the object.
     pub kind: Kind,
     /// The map from the object's coordinates to the scene's; `None` for the identity, if the object
     /// was never moved.
@@ -59,7 +59,7 @@ impl Object {
 pub enum Slot {
     /// An object that is present.
     Here(Object),
-    /// Removed; true if it had a transform.
+    /// An object that was removed; true if it had a transform.
     Gone(bool),
 }
 
@@ -80,7 +80,8 @@ pub struct Contents {
     /// Everything else that a picture needs: materials, textures, lights, cameras. A scene graph
     /// without nodes.
     pub stage: Arc<Scene>,
-    /// True if acceleration structures are compact: they take less memory, and queries more time.
+    /// True if acceleration structures are compact: these take less memory, but queries take more
+    /// time.
     pub compact: bool,
     /// The nodes that the objects were read from; `None` once an object was changed. They keep the
     /// names and nesting of the file.

@@ -311,7 +311,7 @@ macro_rules! declared_class {
                 $crate::declared::Declared::checked(py, kind, parameters).map(Self)
             }
 
-            /// The name of its kind.
+            /// The name of the kind.
             #[getter]
             fn kind(&self) -> PyResult<String> {
                 self.0.kind()
@@ -353,7 +353,7 @@ macro_rules! declared_class {
             }
         }
 
-        /// Restores a stored thing.
+        /// Restores a pickled value.
         #[pyfunction]
         pub fn $restore(
             json: String,

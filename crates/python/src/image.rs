@@ -36,7 +36,7 @@ impl Look {
         }))
     }
 
-    /// The settings with those replaced that are given.
+    /// The settings with the given ones replaced.
     pub fn with(self, exposure: Option<f64>, tonemap: Option<&str>) -> PyResult<Self> {
         let mut display = self.0;
         if let Some(stops) = exposure {
@@ -129,7 +129,7 @@ impl Image {
         &self.picture
     }
 
-    /// An error if there is no memory for a copy of the picture and for its encoder.
+    /// Fails if there is no memory for a copy of the picture and for its encoder.
     fn admit_file(&self, extension: &str, png_bits: u8) -> PyResult<()> {
         let values: usize = self.picture.layers.iter().map(|layer| layer.channels.len()).sum();
         let each = 4 * (values as u64 + 4) + encoder_bytes(extension, values as u64, png_bits);

@@ -1,7 +1,8 @@
 //! Files as scenes: the surfaces of any file that Snell reads.
 //!
-//! A node with one parent is flattened into the scene, its surfaces with the transform of their
-//! node; a node or mesh that is used several times becomes a scene of its own, which is instanced.
+//! A node with one parent is flattened into the scene: its surfaces become objects with the
+//! transform of the node. A node or mesh that is used several times becomes a scene of its own,
+//! which is instanced.
 
 use crate::contents::{Contents, Kind, Nodes, Object, Slot};
 use crate::memory::admit_all;
@@ -153,7 +154,7 @@ impl<'a> Folder<'a> {
         Contents::on(self.stage.clone())
     }
 
-    /// A node and everything that only it refers to.
+    /// The contents of a node and of everything that only this node refers to.
     fn contents(&mut self, id: NodeId, placed: Transform) -> Result<Contents, String> {
         let mut contents = self.empty();
         // An explicit stack, because files may nest deeper than the thread's stack.

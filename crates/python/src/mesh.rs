@@ -5,7 +5,7 @@ use snell_intersect::{DTriangleMesh, TriangleMesh};
 use snell_math::{DVec3, Transform, Vec2, Vec3};
 use std::sync::{Arc, OnceLock};
 
-/// Vertices as they were given.
+/// Vertices in the precision in which they were given.
 #[derive(Clone, Debug)]
 pub enum Positions {
     /// `float32`.
@@ -87,7 +87,7 @@ impl Mesh {
                 let mut mesh = mesh(true);
                 let double = DTriangleMesh { positions, indices };
                 let bounds = double.bounds();
-                // Rounded, so that subtracting it from nearby vertices is exact.
+                // The centre is rounded, so that subtracting it from nearby vertices is exact.
                 mesh.center = if bounds.is_empty() {
                     DVec3::ZERO
                 } else {
@@ -206,7 +206,7 @@ impl Mesh {
         if self.is_double { self.double().positions.len() } else { self.single().positions.len() }
     }
 
-    /// The corners of a triangle, as they were given.
+    /// The corners of a triangle in the precision in which they were given.
     pub fn corners(&self, triangle: usize) -> [DVec3; 3] {
         if self.is_double {
             self.double().corners(triangle)

@@ -32,7 +32,7 @@ pub struct Found<P> {
 pub trait Precision:
     Form + Element + Copy + Default + PartialEq + Into<f64> + Send + Sync + 'static
 {
-    /// The library's own type for it.
+    /// The marker type of this precision in `snell_intersect`.
     type Tag: snell_intersect::Precision<Ray = Self::Ray, Hit = Self::Hit>;
     /// The type of rays in this precision.
     type Ray: Copy + Send + Sync;

@@ -1,4 +1,5 @@
-//! Queries over arrays of rays: piece by piece, on all threads of a pool, until they are cancelled.
+//! Answers queries over arrays of rays, piece by piece, on all threads of a pool, until all are
+//! answered or the query is cancelled.
 
 use crate::columns::Places;
 use crate::precision::Precision;
@@ -13,15 +14,15 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 /// Minimum number of rays of a piece: fewer are not worth handing to another thread.
 const MIN_PIECE: usize = 512;
 
-/// Maximum number of rays of a piece: they and their hits stay in the caches of a core.
+/// Maximum number of rays of a piece: so many rays and their hits stay in the caches of a core.
 const MAX_PIECE: usize = 2048;
 
 /// Maximum number of rays of a piece in large worlds. There the world sorts the rays of a piece,
 /// which is worthwhile for long pieces; a piece takes about 50 milliseconds in the largest worlds.
 const MAX_PIECE_OF_LARGE_WORLD: usize = 32768;
 
-/// Pieces per thread of a long list. They are many enough that all threads end at about the same
-/// time.
+/// Number of pieces per thread for a long list. There are several, so that all threads end at about
+/// the same time.
 const PIECES_PER_THREAD: usize = 8;
 
 /// Worlds whose structures take at least this many bytes are large: they get larger pieces.
@@ -73,7 +74,7 @@ pub fn coherent_angle(world: &BuildStats) -> f64 {
 }
 
 impl<P: Precision> Question<'_, P> {
-    /// Writes the answer of every ray to its position.
+    /// Writes the answer of every ray to the element of `answers` with the ray's index.
     pub fn answer<A: Send>(
         &self,
         cancel: &Cancel,
@@ -98,7 +99,7 @@ impl<P: Precision> Question<'_, P> {
         answers.par_chunks_mut(self.piece).enumerate().try_for_each_init(Scratch::new, piece)
     }
 
-    /// Writes the hit of every ray to its position.
+    /// Writes the hit of every ray to the element with the ray's index.
     pub fn hits(
         &self,
         cancel: &Cancel,

@@ -10,7 +10,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
-/// The argument `rays`, before its numbers are read.
+/// The argument `rays`. Its shape is known, but its numbers are not read yet.
 #[derive(Debug)]
 pub struct RayArgument<'py> {
     arrays: Arrays<'py>,

@@ -1,5 +1,5 @@
-//! Rendering: without the interpreter's lock, on its own threads, until the picture is done, the
-//! time is over or the render is stopped.
+//! Renders without the interpreter's lock, on its own threads, until the picture is done, the time
+//! is over or the render is stopped.
 
 use crate::cameras;
 use crate::image::{Image, Look};
@@ -73,9 +73,9 @@ pub struct Task {
     pub prepared: Arc<Prepared>,
     /// The camera.
     pub camera: Camera,
-    /// The request.
+    /// The request of the user.
     pub request: Request,
-    /// The settings derived from it.
+    /// The settings derived from the request.
     pub settings: Settings,
     /// The denoiser.
     pub denoiser: Option<Denoiser>,
@@ -281,7 +281,7 @@ fn share(progress: &Progress, elapsed: Duration, limit: Option<Duration>) -> f64
     by_samples.max(by_time).min(1.0)
 }
 
-/// Metadata of a picture about its render.
+/// The metadata that a render gives its picture.
 fn facts(py: Python<'_>, plan: &Plan, partial: &PartialRender) -> PyResult<Py<PyDict>> {
     let (settings, PartialRender { underway: Underway { film, statistics, .. }, seconds, .. }): (
         &Settings,

@@ -62,7 +62,7 @@ pub fn request(keywords: &Keywords<'_, '_>) -> PyResult<Request> {
     Ok(request)
 }
 
-/// A Python value as a requested value; `None` if no setting has its type.
+/// Converts a Python value to the value of a setting; `None` if no setting has its type.
 fn wish(value: &Bound<'_, PyAny>) -> Option<Wish> {
     if is_flag(value).unwrap_or(false) {
         return value.is_truthy().ok().map(Wish::Flag);
@@ -93,13 +93,14 @@ fn wish(value: &Bound<'_, PyAny>) -> Option<Wish> {
     items.map(item).collect::<Option<_>>().map(Wish::List)
 }
 
-/// A value, such as a path, as text.
+/// Converts a value, such as a path, to text.
 fn as_text(value: &Bound<'_, PyAny>) -> Option<Wish> {
     Some(Wish::Text(value.str().ok()?.to_string_lossy().into_owned()))
 }
 
-/// The settings of a render, in the order of the reference page, with `doc`, `default`, `choices`,
-/// `type` and `heading` of each: `render` takes its keywords and their documentation from here.
+/// The settings of a render in the order of the reference page, with `doc`, `default`, `choices`,
+/// `type` and `heading` of each. The Python function `render` takes its keywords and their
+/// documentation from here.
 #[pyfunction]
 pub fn _render_settings(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     let settings = PyDict::new(py);

@@ -14,7 +14,7 @@ pub struct Local {
     pub position: DVec3,
     /// Unit normal of the surface itself, on its outer side (right-hand rule for triangles).
     pub geometric_normal: DVec3,
-    /// Unit normal for shading, on the same side.
+    /// Unit normal for shading, on the same side of the surface.
     pub normal: DVec3,
     /// Texture coordinates.
     pub uv: DVec2,
@@ -31,7 +31,7 @@ impl Local {
 }
 
 /// Computes surfaces at hits. It remembers the transform of the last occurrence, because
-/// neighbouring hits are often in the same.
+/// consecutive hits are often in one occurrence.
 #[derive(Debug)]
 pub struct Surfaces<'a, F: Form> {
     snapshot: &'a Snapshot<F>,
@@ -123,7 +123,8 @@ fn on_mesh<P: Precision>(mesh: &Mesh, direction: &DVec3, found: &Found<P>) -> Lo
     local
 }
 
-/// The normal of a degenerate triangle: perpendicular to its line, towards the origin of the ray.
+/// The normal of a degenerate triangle: perpendicular to the line of the triangle, on the side of
+/// the ray's origin.
 fn line_normal(p: &[DVec3; 3], direction: &DVec3) -> DVec3 {
     let edges = [p[1] - p[0], p[2] - p[1], p[0] - p[2]];
     let longest = edges

@@ -110,7 +110,7 @@ impl Schema for snell_scene::texture::Pattern {
     const FAMILY: &'static str = "pattern";
 }
 
-/// The textures that declared things accept.
+/// A texture of either class, as parameters accept it.
 #[derive(Debug, FromPyObject, IntoPyObject)]
 pub enum AnyTexture {
     /// An image.
@@ -120,7 +120,7 @@ pub enum AnyTexture {
 }
 
 impl AnyTexture {
-    /// Another reference to the same object.
+    /// A new reference to the object.
     pub fn clone_ref(&self, py: Python<'_>) -> Self {
         match self {
             Self::Image(texture) => Self::Image(texture.clone_ref(py)),

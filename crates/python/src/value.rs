@@ -26,7 +26,7 @@ pub enum Value {
     Double(f64),
     /// A name.
     Text(String),
-    /// The position in a table: the name of its type, such as `TextureId`.
+    /// A position in a table, with the name of the id's type, such as `TextureId`.
     Id(&'static str, u32),
     /// Several values.
     List(Vec<Value>),

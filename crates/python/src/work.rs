@@ -42,7 +42,7 @@ static CORES: OnceLock<usize> = OnceLock::new();
 pub struct Threads(usize);
 
 impl Threads {
-    /// From the argument `threads`.
+    /// Checks the argument `threads`.
     pub fn new(threads: Option<usize>) -> PyResult<Self> {
         match threads {
             None => Ok(Self(*CORES.get_or_init(threads::cores))),

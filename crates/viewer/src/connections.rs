@@ -30,7 +30,7 @@ const MAX_STRANGERS: usize = 64;
 const MAX_KNOWN: usize = 192;
 /// Maximum number of bytes of a header.
 const MAX_HEAD: usize = 64 << 10;
-/// How long the server waits if it cannot accept a connection for lack of file descriptors.
+/// Time for which the server waits if it cannot accept a connection for lack of file descriptors.
 const PAUSE: Duration = Duration::from_millis(50);
 
 /// Connections that have not presented the token, the oldest first.

@@ -3,7 +3,7 @@
 use std::net::SocketAddr;
 
 /// True if the same user runs both ends of a connection. Linux reports the users of connections
-/// within the machine. Returns false if the user is unknown.
+/// within the machine. False if the user is not known.
 #[cfg(target_os = "linux")]
 pub fn is_same_user(own: SocketAddr, peer: SocketAddr) -> bool {
     // Both ends of the connection are in the table of sockets, which names the user of each.

@@ -19,11 +19,11 @@ const FEW_LIGHTS: usize = 8;
 /// Bounces if mirrors and glass show other objects.
 const MIRROR_DEPTH: u32 = 4;
 
-/// Random bounces in scenes with glass: into a bowl and its inside, out again, and to the surface
-/// behind.
+/// Random bounces in scenes with glass: enough to go into a bowl and its inside, out again, and to
+/// the surface behind.
 const GLASS_DEPTH: u32 = 5;
 
-/// How a moving picture is made.
+/// The settings of moving pictures.
 pub struct Preview {
     settings: Settings,
     /// True if the picture is to be denoised; then it has the layers that the filter needs.
@@ -187,8 +187,8 @@ pub fn fill(rest: &[f32], preview: &[f32], before: Rgb) -> Rgb {
     Rgb::new(r, g, b)
 }
 
-/// The mean of a picture with each value clamped to 1: brighter lamps and highlights tell nothing
-/// about indirect light.
+/// The mean of a picture with each value clamped to 1: brighter lamps and highlights are no measure
+/// of indirect light.
 fn mean(rgb: &[f32]) -> [f32; 3] {
     let mut sums = [0.0_f64; 3];
     for pixel in rgb.chunks_exact(3) {

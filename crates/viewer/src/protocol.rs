@@ -18,7 +18,8 @@ pub const VERSION: u32 = 1;
 pub enum ToServer {
     /// The camera has moved.
     Camera {
-        /// Increases with each message; frames name the last one that they show.
+        /// Number of the message, which increases with each; frames name the last message that they
+        /// show.
         seq: u32,
         /// All parameters of the camera.
         #[cfg_attr(test, ts(type = "Camera"))]
@@ -79,7 +80,7 @@ pub enum ToServer {
     Show {
         /// Number of the node.
         node: u32,
-        /// True to show it.
+        /// True to show the node.
         visible: bool,
     },
     /// Undoes the last change of the scene.
@@ -137,7 +138,7 @@ pub enum ToPage {
     },
     /// The current scene.
     Scene {
-        /// Its contents.
+        /// The contents of the scene.
         scene: SceneInfo,
     },
     /// The current render settings.
@@ -194,7 +195,7 @@ pub struct Choices {
     pub scenes: Vec<SceneChoice>,
     /// The parameters of materials and lights, by the name of their family.
     pub forms: BTreeMap<String, Form>,
-    /// Settings of the render without a control of their own.
+    /// Settings of the render that have no control of their own.
     pub settings: Vec<SettingForm>,
 }
 
@@ -261,7 +262,7 @@ pub struct NodeInfo {
     pub visible: bool,
 }
 
-/// How the scene is rendered.
+/// The render settings and camera of the picture.
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub struct ViewInfo {
@@ -302,7 +303,7 @@ pub struct PickedHit {
     pub normal: [f64; 3],
     /// Distance from the camera.
     pub distance: f64,
-    /// The node that holds the surface, if known.
+    /// The node that holds the surface; none if it is not known.
     pub node: Option<u32>,
     /// Names of the nodes from the root to the one that holds the surface.
     pub path: Vec<String>,

@@ -29,8 +29,8 @@ pub struct Guard {
     /// The last code until it is used, and the time when it was issued.
     code: Mutex<Option<(String, Instant)>>,
     address: SocketAddr,
-    /// Names of the server besides its address and, on loopback, `localhost`. Any name is allowed
-    /// if the user asked to listen on all addresses.
+    /// True if requests may name any host, because the user asked to listen on all addresses.
+    /// Otherwise they must name the server's address or, on loopback, `localhost`.
     any_host: bool,
 }
 
@@ -132,7 +132,7 @@ fn secret() -> Result<String, String> {
     Ok(bytes.iter().map(|b| format!("{b:02x}")).collect())
 }
 
-/// Compares two texts in constant time: nearly right ones take as long as wrong ones.
+/// Compares two texts in constant time: a text that is nearly right takes as long as a wrong one.
 fn is_same(text: &str, secret: &str) -> bool {
     let difference = text.bytes().zip(secret.bytes()).fold(0, |d, (a, b)| d | (a ^ b));
     text.len() == secret.len() && difference == 0

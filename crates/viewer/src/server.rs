@@ -1,4 +1,4 @@
-//! A running server: its threads, its start and its end.
+//! A running server: its threads, and how it starts and stops.
 
 use crate::connections::accept;
 use crate::protocol::ToPage;

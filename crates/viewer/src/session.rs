@@ -30,7 +30,7 @@ const FEW_TRIANGLES: u64 = 300_000;
 /// An encoded picture.
 #[derive(Debug)]
 pub struct Frame {
-    /// Its number.
+    /// Number of the frame.
     pub number: u32,
     /// Header and bytes.
     pub bytes: Bytes,

@@ -43,7 +43,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     interrupt::end_at_once(NOTHING_YET);
     let options = &options.clone().recording_sources();
     let simd = Level::from_env().map_err(Failure::Usage)?;
-    // Fail before the work, not after it.
+    // Errors of the output are found before the work, not after it.
     let output = output::Output::plan(options)?;
     let denoiser = options.request.denoise.as_ref().map(denoise::load).transpose()?.map(Arc::new);
     let start = Instant::now();

@@ -1,4 +1,5 @@
-//! `snell view`: access control, and its behaviour when memory or file descriptors are scarce.
+//! `snell view`: access control, and what the viewer does when memory or file descriptors are
+//! scarce.
 
 use crate::support::Place;
 use std::io::{BufRead, BufReader, Read, Write};

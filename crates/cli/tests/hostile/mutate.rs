@@ -27,7 +27,7 @@ const WORDS: [&[u8]; 20] = [
     b"\0",
 ];
 
-/// Numbers at the ends of ranges, and invalid ones.
+/// Numbers at the ends of ranges, and invalid numbers.
 const NUMBERS: [&str; 28] = [
     "0",
     "-0",

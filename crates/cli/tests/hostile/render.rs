@@ -1,4 +1,4 @@
-//! From bytes to pixels, as in the command.
+//! Reads and renders files in this process as the command does, from bytes to pixels.
 
 use snell_formats::{Input, ReadError, ReadOptions, image};
 use snell_math::{DAffine3, Rgb};

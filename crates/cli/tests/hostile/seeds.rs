@@ -10,7 +10,7 @@ pub struct Seed {
     pub format: &'static str,
     pub name: String,
     pub bytes: Vec<u8>,
-    /// The folder of the files that it names.
+    /// The folder of the files that the seed names.
     pub folder: PathBuf,
 }
 

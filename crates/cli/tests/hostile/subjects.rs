@@ -17,7 +17,7 @@ pub enum Kind {
     Picture,
 }
 
-/// A valid file, and which of the files beside it is damaged.
+/// A valid file, and the name of the file beside it that is damaged.
 pub struct Subject {
     pub kind: Kind,
     /// The file that the commands are given.

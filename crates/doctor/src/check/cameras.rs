@@ -53,8 +53,8 @@ pub fn cameras(subject: &Subject, report: &mut Report) {
     }
 }
 
-/// True if another surface lies in the bounding box of a closed surface: then it is a room, a
-/// vessel or a sky.
+/// True if another surface lies in the bounding box of a closed surface. Then the closed surface is
+/// a room, a vessel or a sky.
 pub fn holds_something(subject: &Subject, place: usize, component: Option<usize>) -> bool {
     let placed = &subject.placed[place];
     let map = &placed.world_from_surface;

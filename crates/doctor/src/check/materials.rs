@@ -78,7 +78,7 @@ const CUT: &str = "make it at most 1: more would make light out of nothing, and 
 
 /// The message and remedy for a colour that reflects more than it receives.
 fn above_one(found: &Found) -> Option<(String, &'static str)> {
-    // The values of a spectrum are not known from its factor alone.
+    // The values of a spectrum do not follow from its factor alone.
     if found.is_spectral || largest(found) <= 1.0 + TOLERANCE {
         return None;
     }

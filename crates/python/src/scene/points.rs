@@ -34,7 +34,7 @@ impl Scene {
         let limit = limit.values()?;
         let values = slice(&points.values)?.as_chunks::<3>().0;
         let world = &*snapshot.world;
-        // The answers, their copy in columns, and the points.
+        // The memory is that of the answers, of their copy in columns, and of the points.
         admit_all("the answers", values.len(), 3 * size_of::<Nearest<P>>())?;
         let (found, positions) = run(py, threads, values.len() <= POINTS, |cancel| {
             let each = |(i, (near, values)): (usize, (&mut [Nearest<P>], &[[P; 3]]))| {

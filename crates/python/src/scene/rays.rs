@@ -84,8 +84,8 @@ impl Scene {
                 })
             })?;
             drop(writable);
-            // Surfaces of shapes depend on the distance of the hit; for meshes the distances are
-            // handed out as they are.
+            // The surface of a shape depends on the distance of the hit. For meshes it does not, so
+            // the distances are given to Python without a copy.
             let is_distance_needed = !snapshot.names.are_all_meshes();
             let t = if is_distance_needed { None } else { hits.take_t() };
             let named = Named::new(Live::<P, P> {

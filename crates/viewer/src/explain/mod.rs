@@ -54,7 +54,7 @@ pub struct Subject<'a> {
     pub settings: &'a Settings,
 }
 
-/// The same scene with another acceleration structure.
+/// The scene compiled with another acceleration structure.
 pub type Structure = (AcceleratorKind, Arc<CompiledScene>);
 
 /// The scene compiled with each of these acceleration structures.

@@ -71,8 +71,8 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
             // equally.
             for _ in 0..options.repeat {
                 for row in &mut rows {
-                    // Threads of the previous build may still be looking for work, and would take
-                    // time from this one.
+                    // Threads of the previous build may still be looking for work, which would take
+                    // time from this build.
                     std::thread::sleep(PAUSE);
                     row.build(&bench)?;
                 }
@@ -94,7 +94,7 @@ const PAUSE: Duration = Duration::from_millis(5);
 /// A builder to measure.
 enum Way<'a> {
     Own(&'a BuildOptions, &'a ThreadPool),
-    /// The peer, and whether its structure is to be compact.
+    /// The peer's builder, and whether the structure is to be compact.
     Peer(&'a Peer, BuildQuality, bool),
 }
 

@@ -13,11 +13,11 @@ const CLOSE: f64 = 1.25;
 /// Maximum number of contenders that are measured further.
 const MAX_FINALISTS: usize = 3;
 
-/// Allowed rounding of distances, in radii of the scene: nearby hits differ by more than 0.0001 of
-/// their distance if a peer computes with rounded transforms.
+/// Allowed rounding of distances, in radii of the scene. It is needed for nearby hits, whose
+/// distances differ by more than the factor 0.0001 if a peer computes with rounded transforms.
 const ROUNDING: f32 = 1e-6;
 
-/// The way of calling Snell.
+/// How Snell is called.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Call {
     /// A batch at a time.
@@ -44,7 +44,8 @@ pub trait Answer: Copy + Default + Send + Sync {
     fn snell(world: &World, call: Call, grouping: Grouping, rays: &[Ray], answers: &mut [Self]);
     fn peer(peer: &Contender, rays: &[Ray], answers: &mut [Self]);
     fn is_hit(&self) -> bool;
-    /// True if both hit or both miss, at the same distance up to 0.0001 of it or up to `slack`.
+    /// True if both hit or both miss, and the distances differ by at most the factor 0.0001 or by
+    /// at most `slack`.
     fn agrees(&self, other: &Self, slack: f32) -> bool;
 }
 

@@ -35,7 +35,7 @@ impl Kind {
         }
     }
 
-    /// The grouping that a query is told. Primary and shadow rays of 4x4 pixels have a common
+    /// The grouping for queries of this kind. Primary and shadow rays of 4x4 pixels have a common
     /// origin or target; the others are incoherent.
     pub fn grouping(self) -> Grouping {
         match self {

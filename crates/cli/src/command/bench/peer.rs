@@ -34,7 +34,7 @@ pub struct Peer {
 }
 
 impl Peer {
-    /// Loads Embree with this many build threads. Only one may exist at a time: see
+    /// Loads Embree with this many build threads. Only one device may exist at a time: see
     /// [`Device::new`].
     pub fn new(embree: &Arc<Embree>, threads: usize) -> Result<Self, Failure> {
         Ok(Self {

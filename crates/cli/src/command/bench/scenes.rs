@@ -32,7 +32,7 @@ pub struct Bench {
 /// `NAME:instances=145`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Change {
-    /// Cuts each triangle into four, this many times; the surface stays the same.
+    /// Cuts each triangle into four, `N` times; the surface stays the same.
     Subdivide(u32),
     /// Rotated and spread copies, all in one mesh.
     Copies(u32),
@@ -65,7 +65,7 @@ pub fn check(name: &str) -> Result<(), Failure> {
     parse(name).map(|_| ())
 }
 
-/// The name without the folders before it, for tables.
+/// The name of a scene without its folders, for tables.
 pub fn short_name(name: &str) -> &str {
     name.rsplit(['/', '\\']).next().unwrap_or(name)
 }

@@ -115,7 +115,7 @@ pub fn builder_of(world: &World) -> WorldBuilder {
     builder
 }
 
-/// The same world, built with other options.
+/// Builds the contents of a world with other options.
 pub fn rebuilt(world: &World, options: &BuildOptions) -> Result<World, WorldError> {
     builder_of(world).build(options)
 }

@@ -38,7 +38,7 @@ fn parse_display(text: &str) -> Result<DisplayOption, String> {
 /// How values are stored in display formats.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DisplayEncoding {
-    /// With the sRGB curve.
+    /// Display values with the sRGB curve.
     Srgb,
     /// Linear values, clamped.
     Linear,

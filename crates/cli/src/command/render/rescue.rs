@@ -1,4 +1,4 @@
-//! Saves results that took long to make: if they cannot be written to their place, a fallback is
+//! Saves results that took long to make: if a result cannot be written to its place, a fallback is
 //! used.
 
 use crate::failure::Failure;
@@ -117,7 +117,8 @@ pub fn partial(path: &Path) -> PathBuf {
     path.with_file_name(extended(path, ".partial"))
 }
 
-/// A file name with an addition before its extension; another name if that is too long.
+/// A file name with an addition before its extension. If that would be too long, another name is
+/// made.
 fn extended(path: &Path, addition: &str) -> OsString {
     let extension = path
         .extension()

@@ -46,7 +46,8 @@ pub struct Shot {
 }
 
 impl Stage {
-    /// Prepares a scene. It is animated only if the options set a time, or the file a shutter.
+    /// Prepares a scene. It is animated only if the options set a time, or if the file has a
+    /// shutter.
     pub fn new(mut scene: Scene, options: &Options) -> Result<Self, Failure> {
         let shutter = options.shutter.or(scene.settings.shutter);
         let is_asked =

@@ -40,7 +40,7 @@ pub struct Picture {
 /// A function of each value of a texture.
 #[derive(Clone, Copy, Debug)]
 pub struct Function {
-    /// The function; its argument is not negative.
+    /// The function, for arguments that are not negative.
     pub apply: fn(f32) -> f32,
     /// The exponent, if it is a power.
     pub exponent: Option<f32>,
@@ -143,7 +143,7 @@ impl Pattern {
         }
     }
 
-    /// The same pattern with a function applied to each of its values.
+    /// The pattern with a function applied to each of its values.
     pub fn mapped(self: &Rc<Self>, function: Function) -> Rc<Self> {
         let mapped = Self::Map(self.clone(), function);
         Rc::new(mapped.as_constant().map_or(mapped, Self::Constant))
@@ -151,7 +151,7 @@ impl Pattern {
 }
 
 impl Builder<'_> {
-    /// `Texture "name" "spectrum" "imagemap" ...`
+    /// Reads `Texture "name" "spectrum" "imagemap" ...`.
     pub(super) fn texture(&mut self, lexer: &mut Lexer, at: Spot) -> Result<(), Fault> {
         let (name, _) = lexer.expect_string("the name of a texture")?;
         let (kind, kind_at) = lexer.expect_string("the type of a texture")?;
@@ -401,7 +401,7 @@ impl Builder<'_> {
         Ok(Rc::new(Pattern::Picture(picture)))
     }
 
-    /// An image, read once.
+    /// The id of an image, which is read only once.
     pub(super) fn image(&mut self, name: &str, at: Spot) -> Result<ImageId, Fault> {
         let main = self.main;
         self.images

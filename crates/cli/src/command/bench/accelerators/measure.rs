@@ -135,7 +135,7 @@ struct Pieces {
 impl Pieces {
     fn new(world: &World, kind: Kind, rays: &[Ray], seconds: f64) -> Self {
         // The rays are taken from the whole batch: neighbouring rays may all miss the scene, which
-        // tells nothing about the cost in a structure that tests every triangle.
+        // is no measure of the cost in a structure that tests every triangle.
         let few: Vec<Ray> = rays.iter().step_by(rays.len().div_ceil(16).max(1)).copied().collect();
         let (_, seconds_of_few) =
             timed(|| trace(world, kind, &few, &mut [Hit::MISS; 16], &mut [false; 16]));

@@ -203,8 +203,8 @@ mod tests {
 
     #[test]
     fn names_have_room_in_a_wide_font() {
-        // Width of the second panel. (The longest name takes 0.53 of its size per letter in DejaVu
-        // Sans Bold.)
+        // Width of the second panel. (In DejaVu Sans Bold, the longest name takes 0.53 of the font
+        // size per letter.)
         const UNITS: f64 = 100.0;
         let width = |kind: &AcceleratorKind| line_name(*kind, 0.25).len() as f64 * NAME_SIZE * 0.55;
         let widest = AcceleratorKind::ALL.iter().map(width).fold(0.0, f64::max);

@@ -31,8 +31,8 @@ pub fn write(
 ) -> Result<(), Failure> {
     let shadow_rays = kinds::rays(Kind::Shadow, case.bench, first);
     for ((way, hits), (_, blocked)) in closest.iter().zip(occluded) {
-        // The visible share of the light for each pixel. Shadow rays are those of the pixels whose
-        // rays hit.
+        // The share of the light that each pixel sees. Only the pixels whose rays hit have shadow
+        // rays.
         let mut cones = ConeTracer::new(case.world).map_err(|e| Failure::Scene(e.to_string()))?;
         let mut shadows = shadow_rays.iter().zip(blocked);
         let lit: Vec<f32> = first
