@@ -245,8 +245,8 @@ impl<'a> Source<'a> {
         all.add(WorldBuilder::ROOT, Instance { later, ..Instance::new(child, self.transform()) });
     }
 
-    /// Random edits: vertices move, instances move and vanish, geometries appear, vanish and are
-    /// replaced.
+    /// Makes random edits: vertices move, instances move and vanish, geometries appear, vanish and
+    /// are replaced.
     pub fn edit<P: Tested>(&mut self, all: &mut Collected<P>) {
         for _ in 0..1 + self.below(4) {
             match self.below(6) {

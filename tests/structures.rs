@@ -81,8 +81,8 @@ fn random_worlds_that_change_are_as_if_built_from_nothing() {
     assert_changed_worlds::<Double>(&seeds);
 }
 
-/// Found by a fuzzer: two crossings of one segment of a curve whose distances are equal after
-/// rounding, and the second has the lower `uv`.
+/// A fuzzer found this case: a ray crosses one segment of a curve twice, at distances that are
+/// equal after rounding, and the second crossing has the lower `uv`.
 #[test]
 fn the_first_of_two_crossings_that_are_equally_far_is_the_closest() {
     let bytes = b"\xb8\x9cXTX\x9c\xffXTXXXXU\x04UU\xff\xffUTU\x9cUUU\xff\xff";

@@ -101,7 +101,7 @@ frame: number, } | { "type": "steer" };
 
 export type ToPage = { "type": "welcome", 
 /**
- * [`VERSION`].
+ * Version of the protocol: [`VERSION`].
  */
 version: number, 
 /**
@@ -137,7 +137,7 @@ watching: number, } | { "type": "picked",
  */
 id: number, 
 /**
- * `None` if the ray leaves the scene.
+ * The surface; `None` if the ray leaves the scene.
  */
 hit: PickedHit | null, } | { "type": "explained", 
 /**
@@ -457,7 +457,7 @@ classes: Array<PathClass>,
  */
 samples: Array<[number, number, number]>, 
 /**
- * One sample in full detail.
+ * One of the samples, in full detail.
  */
 tree: SampleReport, 
 /**
@@ -535,7 +535,7 @@ parent: number | null,
  */
 depth: number, 
 /**
- * `surface`, `medium`, `escaped` or `absorbed`.
+ * What the ray met: `surface`, `medium`, `escaped` or `absorbed`.
  */
 what: string, 
 /**

@@ -52,7 +52,7 @@ use snell_scene::Projection;
 #[pyclass(frozen, module = "snell")]
 pub struct Camera(pub snell_scene::Camera);
 
-/// Three finite numbers.
+/// Reads three finite numbers.
 fn vector(value: &Bound<'_, PyAny>, name: &str) -> PyResult<DVec3> {
     match read(value, Kind::Vector(3), name, &mut References::default())? {
         Value::List(items) => match items[..] {

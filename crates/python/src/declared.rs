@@ -197,7 +197,7 @@ impl<T: Schema> Declared<T> {
         Ok(all)
     }
 
-    /// One parameter.
+    /// Value of one parameter, for attribute access in Python.
     pub fn attribute<'py>(
         &self,
         py: Python<'py>,

@@ -54,7 +54,7 @@ impl Schema for snell_scene::Light {
     }
 }
 
-/// A direction of unit length, or several.
+/// Scales a direction, or each of several, to unit length.
 fn unit(value: &Value, name: &str) -> PyResult<Value> {
     let Value::List(items) = value else { return Ok(value.clone()) };
     let numbers: Option<Vec<f64>> = items

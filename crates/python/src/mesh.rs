@@ -8,9 +8,9 @@ use std::sync::{Arc, OnceLock};
 /// Vertices in the precision in which they were given.
 #[derive(Clone, Debug)]
 pub enum Positions {
-    /// `float32`.
+    /// Given as `float32`.
     Single(Vec<Vec3>),
-    /// `float64`.
+    /// Given as `float64`.
     Double(Vec<DVec3>),
 }
 

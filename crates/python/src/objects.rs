@@ -39,7 +39,7 @@ fn check_finite<T: Element + Copy + Into<f64> + Sync>(
     })
 }
 
-/// Vertices: an array `(n, 3)` of finite numbers.
+/// Reads vertices: an array `(n, 3)` of finite numbers.
 pub fn positions(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Positions> {
     let (array, py) = (array(value, name)?, value.py());
     rows(&array, 3, name)?;
@@ -88,7 +88,7 @@ pub fn normals(value: Option<&Bound<'_, PyAny>>, vertices: usize) -> PyResult<Op
     value.map(read).transpose()
 }
 
-/// Texture coordinates of vertices.
+/// Reads texture coordinates of vertices.
 pub fn uvs(value: Option<&Bound<'_, PyAny>>, vertices: usize) -> PyResult<Option<Vec<Vec2>>> {
     let read = |value| {
         Ok(attribute::<2>(value, Some(vertices), "uvs")?
@@ -99,7 +99,7 @@ pub fn uvs(value: Option<&Bound<'_, PyAny>>, vertices: usize) -> PyResult<Option
     value.map(read).transpose()
 }
 
-/// Faces: an array `(m, 3)` of whole numbers below `vertices`.
+/// Reads faces: an array `(m, 3)` of whole numbers below `vertices`.
 pub fn faces(value: &Bound<'_, PyAny>, vertices: usize) -> PyResult<Vec<[u32; 3]>> {
     let array = array(value, "faces")?;
     if rows(&array, 3, "faces")? == 0 {
@@ -180,7 +180,7 @@ fn colors(value: &Bound<'_, PyAny>, vertices: usize) -> PyResult<Vec<[f32; 4]>> 
     Ok(opaque.into_iter().map(|[r, g, b]| [r, g, b, 1.0]).collect())
 }
 
-/// Material slots of faces.
+/// Reads material slots of faces.
 fn slots(value: &Bound<'_, PyAny>, faces: usize) -> PyResult<Vec<u16>> {
     let array = array(value, "material_ids")?;
     if array.shape() != [faces] {

@@ -135,7 +135,7 @@ pub fn jpeg(header: FrameHeader, rgb: &[f32], table: &DisplayTable) -> Option<Ve
     Some(out)
 }
 
-/// Linear RGB values as half floats, after their header.
+/// Encodes linear RGB values as half floats, after the header.
 pub fn half_floats(header: FrameHeader, rgb: &[f32]) -> Vec<u8> {
     let mut halves = vec![f16::ZERO; rgb.len()];
     halves

@@ -6,7 +6,7 @@ use snell_render::{Request, Setting};
 use snell_scene::families::Family;
 use std::collections::BTreeMap;
 
-/// One parameter.
+/// How the page shows one parameter.
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub struct Form {

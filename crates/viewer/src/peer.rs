@@ -33,7 +33,7 @@ fn user_in(table: &str, local: SocketAddr, remote: SocketAddr) -> Option<u32> {
     })
 }
 
-/// `0100007F:1F90`: the words of the address in native byte order, and the port.
+/// Parses an address such as `0100007F:1F90`: its words in native byte order, and the port.
 #[cfg(target_os = "linux")]
 fn parsed(text: &str) -> Option<(std::net::IpAddr, u16)> {
     use std::net::{Ipv4Addr, Ipv6Addr};

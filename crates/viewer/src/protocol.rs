@@ -127,7 +127,7 @@ pub enum ToServer {
 pub enum ToPage {
     /// The first message of a connection.
     Welcome {
-        /// [`VERSION`].
+        /// Version of the protocol: [`VERSION`].
         version: u32,
         /// Number of this page among the connected ones.
         client: u32,
@@ -157,7 +157,7 @@ pub enum ToPage {
     Picked {
         /// The number of the request.
         id: u32,
-        /// `None` if the ray leaves the scene.
+        /// The surface; `None` if the ray leaves the scene.
         hit: Option<PickedHit>,
     },
     /// Explains a pixel.

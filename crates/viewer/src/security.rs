@@ -125,7 +125,7 @@ impl Guard {
     }
 }
 
-/// 128 random bits.
+/// A token of 128 random bits.
 fn secret() -> Result<String, String> {
     let mut bytes = [0_u8; 16];
     getrandom::fill(&mut bytes).map_err(|e| format!("no random numbers for the token: {e}"))?;

@@ -1,5 +1,5 @@
-//! Rendered results are not lost: signals, unwritable places, files of the user in the place of
-//! ours.
+//! Rendered results are not lost when signals arrive, places are unwritable, or the user's files
+//! lie where the program would write its own.
 #![cfg(unix)]
 
 use super::support::{BALL, Place, Run};

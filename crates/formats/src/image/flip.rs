@@ -99,7 +99,7 @@ fn hunt([l, a, b]: [f32; 3]) -> [f32; 3] {
     [l, 0.01 * l * a, 0.01 * l * b]
 }
 
-/// Distance for large colour differences (Section 4.1.2).
+/// The distance of two colours when differences may be large (Section 4.1.2).
 fn hyab(p: [f32; 3], q: [f32; 3]) -> f32 {
     (p[0] - q[0]).abs() + (p[1] - q[1]).hypot(p[2] - q[2])
 }
@@ -112,9 +112,9 @@ struct ColourRange {
 
 impl ColourRange {
     const EXPONENT: f32 = 0.7;
-    /// Up to this share of the largest distance ...
+    /// Share of the largest distance below which errors grow linearly to [`Self::ERROR_AT_KNEE`].
     const KNEE: f32 = 0.4;
-    /// ... errors go up to this.
+    /// The error at the knee.
     const ERROR_AT_KNEE: f32 = 0.95;
 
     fn new() -> Self {
@@ -276,7 +276,7 @@ fn xyz_from_opponent([luminance, cx, cz]: [f32; 3]) -> [f32; 3] {
     std::array::from_fn(|i| relative[i] * WHITE[i])
 }
 
-/// CIE 1976 L*a*b*.
+/// Converts CIE XYZ to CIE 1976 L*a*b*.
 fn lab_from_xyz(xyz: [f32; 3]) -> [f32; 3] {
     const DELTA: f32 = 6.0 / 29.0;
     let f =

@@ -12,7 +12,7 @@ pub type Layers = Vec<Material>;
 /// Maximum number of layers of a surface. Each level of nested blends doubles them.
 pub const MAX_LAYERS: usize = 256;
 
-/// `top` on this share of the surface, `rest` elsewhere.
+/// Puts `top` on this share of the surface and `rest` elsewhere.
 pub fn blend(top: Layers, rest: Layers, share: ScalarParam) -> Layers {
     if share == ScalarParam::constant(1.0) {
         return top;

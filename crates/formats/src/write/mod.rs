@@ -211,11 +211,11 @@ struct Expansion {
     count: u64,
     /// The maximum number that the format holds.
     limit: u64,
-    /// What is counted, in plural.
+    /// Name of what is counted, in plural.
     what: &'static str,
-    /// Bytes of memory for each while the file is written.
+    /// Memory that each takes while the file is written, in bytes.
     bytes_of_each: u64,
-    /// What to do instead.
+    /// Advice for messages.
     remedy: &'static str,
 }
 

@@ -14,7 +14,7 @@ use std::sync::Arc;
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Part {
     Whole,
-    /// One channel as grey.
+    /// One channel of the image, as grey.
     Channel(u8),
     /// The colours, converted to the other encoding.
     Recoded,
@@ -228,7 +228,7 @@ fn recoded(image: &Image, from: Encoding) -> Image {
     from_values(image, image.channels, pixels.flat_map(value).collect())
 }
 
-/// One channel, decoded.
+/// One channel of an image, decoded, as a grey image.
 fn grey(image: &Image, encoding: Encoding, channel: u8) -> Image {
     let mut values = Vec::with_capacity(image.width as usize * image.height as usize);
     for y in 0..image.height {

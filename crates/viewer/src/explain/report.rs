@@ -26,7 +26,7 @@ pub struct Report {
     pub classes: Vec<PathClass>,
     /// The colours of the samples, by number.
     pub samples: Vec<[f32; 3]>,
-    /// One sample in full detail.
+    /// One of the samples, in full detail.
     pub tree: SampleReport,
     /// The traversal of that sample's camera ray through acceleration structures.
     pub traces: Vec<TraceReport>,
@@ -61,7 +61,7 @@ pub struct PathClass {
     pub share: f32,
 }
 
-/// One sample.
+/// One sample of a pixel.
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub struct SampleReport {
@@ -86,7 +86,7 @@ pub struct VertexReport {
     pub parent: Option<u32>,
     /// Number of bounces before this vertex.
     pub depth: u32,
-    /// `surface`, `medium`, `escaped` or `absorbed`.
+    /// What the ray met: `surface`, `medium`, `escaped` or `absorbed`.
     pub what: String,
     /// Names of the nodes from the root to the surface.
     pub object: String,

@@ -60,7 +60,7 @@ fn parse(name: &str) -> Result<(&str, Option<Change>), Failure> {
     }
 }
 
-/// Quick checks on the name of a scene, so that a benchmark of many scenes does not fail late.
+/// Checks the name of a scene quickly, so that a benchmark of many scenes does not fail late.
 pub fn check(name: &str) -> Result<(), Failure> {
     parse(name).map(|_| ())
 }

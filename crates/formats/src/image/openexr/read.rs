@@ -349,7 +349,7 @@ fn channel_rank(name: &str) -> usize {
         .map_or(if name == "X" { 2 } else { 5 }, |i| i)
 }
 
-/// UTF-8 by custom, Latin-1 otherwise.
+/// Decodes text of the file: UTF-8 by custom, otherwise Latin-1.
 fn text(text: &Text) -> String {
     std::str::from_utf8(text.bytes()).map_or_else(|_| text.to_string(), String::from)
 }

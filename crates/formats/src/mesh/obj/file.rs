@@ -79,7 +79,7 @@ pub struct Faces {
 }
 
 impl Faces {
-    /// No faces, of a piece that starts at an offset.
+    /// An empty list, for the piece of the text that starts at an offset.
     pub fn starting_at(start: usize) -> Self {
         Self { start, ..Self::default() }
     }

@@ -180,7 +180,7 @@ impl Maker<'_> {
         self.color(factor.map(|c| c.map(|x| x.min(1.0))), default, &mtl.diffuse_map, mtl)
     }
 
-    /// Opacity: `d`, or one minus `Tr`, times the map.
+    /// Sets the opacity: `d`, or one minus `Tr`, times the map.
     fn alpha(&mut self, name: &str, mtl: &Mtl, material: &mut Material) -> Result<(), ReadError> {
         let mut alpha =
             mtl.dissolve.or(mtl.transparency.map(|t| 1.0 - t)).unwrap_or(1.0).clamp(0.0, 1.0);

@@ -377,7 +377,8 @@ fn read_vertices(
     Ok(())
 }
 
-/// Channel 3 is alpha. Values that are not finite, or negative, count as 1.
+/// Decodes one channel of a vertex colour; channel 3 is alpha. Values that are not finite, or
+/// negative, count as 1.
 fn linear_color(value: f32, kind: Type, channel: usize) -> f32 {
     let value = value / kind.color_scale();
     if !value.is_finite() || value < 0.0 {

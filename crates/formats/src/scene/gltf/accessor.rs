@@ -106,7 +106,8 @@ pub(super) struct Accessor<'s, 'a> {
 }
 
 impl<'a> Accessors<'a> {
-    /// `limit` caps the elements of one kind.
+    /// Lists the accessors of a document. All decoded elements together are limited to 4 times
+    /// `limit`.
     pub fn new(root: &Json<'a>, buffers: Buffers<'a>, limit: usize) -> Result<Self, ReadError> {
         let table = root.items_of("accessors")?;
         Ok(Self {
@@ -200,7 +201,8 @@ struct Part {
 }
 
 impl Part {
-    /// `count` elements of `size` bytes, `stride` bytes apart, from the `byteOffset` of `json`.
+    /// Locates `count` elements of `size` bytes, `stride` bytes apart, from the `byteOffset` of
+    /// `json`.
     fn new(
         json: &Json,
         view: View,

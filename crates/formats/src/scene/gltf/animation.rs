@@ -266,7 +266,7 @@ fn hide(scene: &mut Scene, motion: &Arc<Motion>) {
     scene.apply(&Pose { switched, ..Pose::default() });
 }
 
-/// `KHR_node_visibility` of a node.
+/// True if `KHR_node_visibility` does not hide the node.
 pub(super) fn is_visible(node: &Json) -> Result<bool, ReadError> {
     node.extension("KHR_node_visibility")?
         .map_or(Ok(true), |extension| extension.boolean_or("visible", true))

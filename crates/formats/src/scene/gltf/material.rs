@@ -65,7 +65,7 @@ impl Default for Pbr {
     }
 }
 
-/// One material.
+/// Reads one material.
 pub(super) fn read(reader: &mut Reader, json: &Json) -> Result<Material, ReadError> {
     note::add(reader, json)?;
     let pbr = match json.extension("KHR_materials_pbrSpecularGlossiness")? {

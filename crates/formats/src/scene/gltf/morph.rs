@@ -47,7 +47,8 @@ pub(super) fn targets(
     Ok(targets)
 }
 
-/// One attribute of a target. It is left out if the primitive lacks the attribute (`count` is 0).
+/// Reads one attribute of a morph target. The result is empty if the primitive lacks the attribute
+/// (`count` is 0).
 fn differences(
     reader: &Reader,
     target: &Json,

@@ -84,7 +84,7 @@ impl<'a> Hierarchy<'a> {
         }
     }
 
-    /// `world_from_node` of a node.
+    /// The matrix `world_from_node` of a node.
     pub fn world(&self, node: usize) -> DAffine3 {
         self.world[node]
     }
@@ -168,7 +168,7 @@ fn wanted_scene(reader: &Reader) -> Result<Option<usize>, ReadError> {
     Err(reader.root.error_with(format!("there is no scene \"{wanted}\""), remedy))
 }
 
-/// `parent_from_node`: the matrix, or translation, rotation and scale.
+/// Reads `parent_from_node`: the matrix, or translation, rotation and scale.
 fn placement(node: &Json) -> Result<Placement, ReadError> {
     let Some(matrix) = node.get("matrix")? else {
         let translation = node.numbers_or("translation", [0.0; 3])?;
@@ -185,8 +185,8 @@ fn placement(node: &Json) -> Result<Placement, ReadError> {
     Ok(Placement::Matrix(DAffine3 { matrix3: linear, translation: column(12) }))
 }
 
-/// Scale, then rotation (a quaternion x y z w, normalised here; zero is the identity), then
-/// translation.
+/// A placement that scales, then rotates (by a quaternion x y z w, normalised here; zero is the
+/// identity), then translates.
 pub(super) fn from_parts(translation: [f64; 3], rotation: [f64; 4], scale: [f64; 3]) -> Placement {
     let rotation = DQuat::from_array(rotation);
     let rotation =

@@ -235,7 +235,7 @@ fn sampler(reader: &mut Reader, texture: &Json) -> Result<([Wrap; 2], Filtering)
     Ok((wrap, if is_nearest { Filtering::Nearest } else { Filtering::Trilinear }))
 }
 
-/// Coordinate set and coordinate transform (`KHR_texture_transform`).
+/// Reads the coordinate set of a texture and its coordinate transform (`KHR_texture_transform`).
 pub(super) fn placement(
     reader: &mut Reader,
     info: &Json,

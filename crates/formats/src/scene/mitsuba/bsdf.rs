@@ -212,7 +212,7 @@ impl Builder<'_> {
         }
     }
 
-    /// One roughness for isotropic models.
+    /// Reads one roughness, for isotropic models.
     fn even_roughness(&mut self, object: &Object) -> Result<ScalarParam, Fault> {
         let roughness = self.roughness(object)?;
         if let Roughness::Stretched { .. } = roughness {
@@ -339,7 +339,7 @@ impl Builder<'_> {
         Ok(letting_through(Rgb::BLACK.into(), color))
     }
 
-    /// Hair, from its pigments or its absorption.
+    /// Reads hair, from its pigments or its absorption.
     fn hair(&mut self, object: &Object) -> Result<Material, Fault> {
         let mut kind = Hair { ior: self.relative_index(object, AMBER)?, ..Hair::default() };
         if object.has("sigma_a") {

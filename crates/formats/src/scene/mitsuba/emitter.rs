@@ -16,7 +16,7 @@ use snell_scene::light::{
 use snell_scene::material::ColorParam;
 
 impl Builder<'_> {
-    /// Light in linear Rec. 709 that must be constant (not textured).
+    /// Reads light, in linear Rec. 709, that must be constant (not textured).
     fn light_color(&mut self, object: &Object, name: &str, default: f32) -> Result<Rgb, Fault> {
         if let Some(property) = object.get(name)
             && let Value::Color(hue) = property.value

@@ -10,7 +10,7 @@ use std::rc::Rc;
 /// An element such as `<bsdf type="diffuse">` with its content.
 #[derive(Debug, Default)]
 pub struct Object {
-    /// `bsdf`, `shape` and the like.
+    /// Name of the element: `bsdf`, `shape` and the like.
     pub class: String,
     /// The plugin.
     pub kind: String,

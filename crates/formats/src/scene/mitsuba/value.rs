@@ -48,7 +48,7 @@ pub fn numbers(text: &str) -> Result<Vec<f64>, String> {
     words.map(number).collect()
 }
 
-/// One finite number.
+/// Parses one finite number.
 pub fn number(word: &str) -> Result<f64, String> {
     match word.trim().parse::<f64>() {
         Ok(x) if x.is_finite() => Ok(x),
@@ -64,7 +64,7 @@ pub fn shortened(text: &str) -> String {
     }
 }
 
-/// Three numbers, or one for all three.
+/// Parses three numbers, or one that stands for all three.
 pub fn triple(text: &str) -> Result<DVec3, String> {
     match *numbers(text)? {
         [x] => Ok(DVec3::splat(x)),
@@ -73,7 +73,7 @@ pub fn triple(text: &str) -> Result<DVec3, String> {
     }
 }
 
-/// `#rrggbb`, in sRGB.
+/// Parses an sRGB colour `#rrggbb`.
 pub fn hex_color(text: &str) -> Option<Rgb> {
     let digits = text.trim().strip_prefix('#')?;
     if digits.len() != 6 || !digits.is_ascii() {

@@ -340,8 +340,8 @@ impl Builder<'_> {
         Ok(letting_through(color("reflectance")?, color("transmittance")?))
     }
 
-    /// Subsurface scattering: from the diffuse reflectance and the mean free path, or from
-    /// coefficients per millimetre.
+    /// Makes a material with subsurface scattering: from the diffuse reflectance and the mean free
+    /// path, or from coefficients per millimetre.
     fn subsurface(&mut self, params: &Params) -> Result<Material, Fault> {
         let scale = params.float_or("scale", 1.0)? as f32;
         let g = params.float_or("g", 0.0)?.clamp(-0.99, 0.99) as f32;
@@ -394,8 +394,8 @@ impl Builder<'_> {
         })
     }
 
-    /// Hair from its absorption, its colour, or its pigments: the first of these that the file
-    /// gives.
+    /// Makes hair from its absorption, its colour, or its pigments: the first of these that the
+    /// file gives.
     fn hair(&mut self, params: &Params) -> Result<Material, Fault> {
         let mut kind = Hair::default();
         let color = if params.has("reflectance") { "reflectance" } else { "color" };
@@ -518,7 +518,8 @@ impl Builder<'_> {
         Ok((color.r + color.g + color.b) / 3.0)
     }
 
-    /// Snell's roughness, whose square is the width of the distribution; isotropic.
+    /// Reads an isotropic roughness, as Snell defines it: its square is the width of the microfacet
+    /// distribution.
     pub(super) fn roughness(
         &mut self,
         params: &Params,

@@ -72,7 +72,7 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// Absorption, scattering and emission; emission is proportional to absorption.
+    /// Reads absorption, scattering and emission; emission is proportional to absorption.
     fn coefficients(
         &mut self,
         params: &Params,
@@ -223,7 +223,7 @@ impl Builder<'_> {
         })
     }
 
-    /// Absorption and scattering by name; whole milk by default.
+    /// Absorption and scattering of the preset that the file names; whole milk by default.
     fn preset(&mut self, params: &Params) -> Result<(Rgb, Rgb), Fault> {
         let name = params.string("preset")?.unwrap_or_default();
         let known = scattering::named(if name.is_empty() { "wholemilk" } else { name });

@@ -186,7 +186,7 @@ fn average(samples: &[(f64, f64)], role: Role) -> Rgb {
     }
 }
 
-/// Planck's law as a colour of luminance 1.
+/// The colour of a black body (Planck's law), with luminance 1.
 fn blackbody(param: &Param, kelvin: f64) -> Result<Rgb, Fault> {
     if !(100.0..=1e6).contains(&kelvin) {
         return Err(param.fault(
@@ -209,7 +209,7 @@ fn rgb_of_xyz(xyz: [f64; 3]) -> Rgb {
     Rgb::new(r, g, b)
 }
 
-/// Linear Rec. 709 of CIE XYZ (IEC 61966-2-1).
+/// Converts CIE XYZ to linear Rec. 709 (IEC 61966-2-1).
 fn unclamped_rgb([x, y, z]: [f64; 3]) -> [f64; 3] {
     [
         3.240_454_2 * x - 1.537_138_5 * y - 0.498_531_4 * z,
@@ -218,7 +218,7 @@ fn unclamped_rgb([x, y, z]: [f64; 3]) -> [f64; 3] {
     ]
 }
 
-/// Spectra that pbrt knows by name.
+/// A spectrum that pbrt knows by name: the index of refraction of a glass or a metal.
 fn named(name: &str) -> Option<Rgb> {
     let glass = [
         ("glass-BK7", 1.5168),

@@ -63,7 +63,7 @@ fn look_at(lexer: &mut Lexer, at: Spot) -> Result<DAffine3, Fault> {
     Ok(world_from_camera.inverse())
 }
 
-/// Sixteen numbers in brackets, column by column.
+/// Reads sixteen numbers in brackets, column by column.
 fn matrix(lexer: &mut Lexer, at: Spot) -> Result<DAffine3, Fault> {
     const WHAT: &str = "a matrix of 16 numbers";
     let bracketed = lexer.take_bracket(b'[');

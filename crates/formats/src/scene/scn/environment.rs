@@ -14,8 +14,8 @@ const DEFAULT_XFOV: f64 = 0.25;
 const DEFAULT_SIZE: [u32; 2] = [256, 256];
 
 impl Builder {
-    /// `camera`: the last one counts. The near and far distances were for the previewer; rays are
-    /// not clipped.
+    /// Reads `camera`; the last one counts. The near and far distances were meant for a previewer:
+    /// here, rays are not clipped.
     pub fn read_camera(&mut self, file: &mut File) -> Result<(), ReadError> {
         let eye = file.tokens.vector("the eye")?;
         let towards = file.tokens.direction("the view direction")?;

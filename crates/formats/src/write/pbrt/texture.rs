@@ -228,7 +228,7 @@ impl File<'_, '_> {
         self.define(text, space)
     }
 
-    /// Scalar noise, times a factor.
+    /// Writes scalar noise, times a factor.
     fn noise(&mut self, kind: Kind, factor: Rgb, pattern: &Pattern, numbers: &str) -> String {
         let space = match pattern {
             Pattern::Fbm(p) => &p.texture_from_world,

@@ -132,8 +132,9 @@ fn thickness_texture(reader: &mut Reader, texture: TextureId, least: f32, most: 
     reader.scene.add_texture(snell_scene::texture::ImageTexture { image, ..texture })
 }
 
-/// glTF stretches `alpha` only along the tangent: from `alpha` towards 1 by the square of the
-/// strength. OpenPBR preserves the mean square of the two.
+/// Reads `KHR_materials_anisotropy`. glTF stretches the highlight only along the tangent: the width
+/// `alpha` grows towards 1 with the square of the strength. OpenPBR instead preserves the mean
+/// square of both widths.
 fn anisotropy(reader: &mut Reader, json: &Json, surface: &mut OpenPbr) -> Result<(), ReadError> {
     let Some(extension) = json.extension("KHR_materials_anisotropy")? else { return Ok(()) };
     let strength = fraction(reader, &extension, "anisotropyStrength", 0.0)?;
