@@ -23,7 +23,7 @@ struct Case {
     file: &'static str,
     /// Samples per reduced pixel.
     spp: u32,
-    /// Depth of the reference if it differs from the file's.
+    /// Maximum path depth of the reference, if it differs from the file's.
     max_depth: Option<u32>,
     /// Maximum relative mean squared error and mean FLIP error; `why` explains the difference.
     limits: [f64; 2],

@@ -62,7 +62,7 @@ impl<'a> Source<'a> {
         Vec3::new(self.coordinate(), self.coordinate(), self.coordinate())
     }
 
-    /// An extreme number: NaN, infinite, enormous, tiny, zero.
+    /// An extreme number: NaN, infinite, enormous, tiny or zero.
     fn strange(&mut self) -> f32 {
         let values = [
             f32::NAN,

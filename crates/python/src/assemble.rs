@@ -66,7 +66,7 @@ impl Names {
 /// A world and the meaning of its ids. A snapshot never changes.
 #[derive(Debug)]
 pub struct Snapshot<F: Form> {
-    /// The type of the world.
+    /// The world in which rays are traced.
     pub world: Arc<F::World>,
     /// The meaning of the world's ids.
     pub names: Arc<Names>,
@@ -92,20 +92,20 @@ pub trait Form: 'static {
 
 /// A builder of groups and geometries.
 pub trait Builder: Default {
-    /// A new group.
+    /// Adds a group.
     fn add_group(&mut self) -> GroupId;
-    /// Triangles in a group.
+    /// Adds triangles to a group.
     fn add_mesh(&mut self, group: GroupId, mesh: &Mesh) -> GeometryId;
-    /// A shape in a group.
+    /// Adds a shape to a group.
     fn add_shape(&mut self, group: GroupId, shape: &Arc<AnyShape>, placed: Transform)
     -> GeometryId;
-    /// Spheres in a group.
+    /// Adds spheres to a group.
     fn add_spheres(&mut self, group: GroupId, spheres: &Arc<Spheres>) -> GeometryId;
-    /// Strands in a group.
+    /// Adds strands to a group.
     fn add_curves(&mut self, group: GroupId, curves: &Arc<Curves>) -> GeometryId;
     /// Reserves an unused number for a geometry.
     fn add_gap(&mut self);
-    /// Adds a group to a group.
+    /// Adds an instance of a group to a group.
     fn add(&mut self, group: GroupId, instance: Instance);
     /// Sets the mask of a geometry.
     fn set_mask(&mut self, geometry: GeometryId, mask: u32);

@@ -22,7 +22,7 @@ use snell_scene::Projection;
 ///     Where the camera is.
 /// target : three numbers, optional
 ///     The point that the camera looks at; alternatively `towards`, the viewing direction. -z if
-///     both are left out. left out.
+///     both are left out.
 /// up : three numbers
 ///     The up direction of the picture; it need not be perpendicular.
 /// fov : float, optional

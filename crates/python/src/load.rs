@@ -23,7 +23,7 @@ use std::sync::Arc;
 /// Reads the scene of a file: everything that rays can hit, its materials, lights and cameras.
 ///
 /// All formats that `snell formats` lists can be read: OBJ, PLY, STL, glTF and others. Objects are
-/// named as in the file. file.
+/// named as in the file.
 ///
 /// Parameters
 /// ----------

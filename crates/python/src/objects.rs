@@ -147,13 +147,13 @@ fn convert<T: Element + Copy + TryInto<u32> + std::fmt::Display + Sync>(
 /// The optional arguments of a mesh beside vertices and faces.
 #[derive(Debug, Default)]
 pub struct Given<'a, 'py> {
-    /// `(n, 3)`.
+    /// Normals of vertices: an array `(n, 3)`.
     pub normals: Option<&'a Bound<'py, PyAny>>,
-    /// `(n, 2)`.
+    /// Texture coordinates of vertices: an array `(n, 2)`.
     pub uvs: Option<&'a Bound<'py, PyAny>>,
-    /// `(n, 3)` or `(n, 4)`.
+    /// Colours of vertices: an array `(n, 3)` or `(n, 4)`.
     pub colors: Option<&'a Bound<'py, PyAny>>,
-    /// `(m,)`.
+    /// Material slots of faces: an array `(m,)`.
     pub material_ids: Option<&'a Bound<'py, PyAny>>,
 }
 

@@ -16,7 +16,7 @@ pub struct RayArgument<'py> {
     arrays: Arrays<'py>,
     /// The leading shape.
     pub shape: Vec<usize>,
-    /// True for a query in double precision.
+    /// True if the query is in double precision.
     pub is_double: bool,
 }
 

@@ -319,7 +319,7 @@ impl Builder<'_> {
     }
 }
 
-/// The colour of a constant in RGB.
+/// The RGB colour of a parameter without texture.
 pub fn rgb_of(color: ColorParam) -> Rgb {
     color.spectrum.map_or(color.factor, |s| color.factor * s.reflectance_rgb())
 }

@@ -53,7 +53,7 @@ pub const READER: SceneReader = SceneReader {
     read,
 };
 
-/// State after some directives, over all files.
+/// The state of reading after some directives. It covers all files of the scene.
 struct Builder<'a> {
     /// The file that the user named; names in all files are relative to its folder.
     main: &'a Input,

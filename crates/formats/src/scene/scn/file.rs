@@ -14,7 +14,7 @@ use std::sync::Arc;
 /// A file being read.
 pub struct File<'a> {
     pub tokens: Tokens<'a>,
-    /// Materials by the file's own numbers.
+    /// The materials of the file, by the numbers that the file gives them.
     pub materials: Vec<MaterialId>,
     /// The innermost open group.
     group: Group<'a>,
