@@ -12,8 +12,8 @@ declared_class! {
     /// ----------
     /// kind : str
     ///     One of :data:`LIGHTS`, such as `"point"` or `"directional"`.
+    /// **parameters
     ///     The parameters of the kind, in coordinates of the scene. Directions have any length.
-    ///     Those of the kind, in coordinates of the scene. Directions have any length.
     ///
     /// Examples
     /// --------

@@ -1,9 +1,8 @@
 //! `snell view`: a local server that shows a scene and its live picture in the browser.
 //!
 //! [`serve`] binds a port, prints nothing, and returns a handle. The page (`web/`, built into the
-//! The page (`web/`, built into the binary) communicates with the server over one WebSocket: see
-//! [`protocol`]. The picture at rest equals the one of `snell render` with the same settings, bit
-//! for bit.
+//! binary) communicates with the server over one WebSocket: see [`protocol`]. The picture at rest
+//! equals the one of `snell render` with the same settings, bit for bit.
 
 #![forbid(unsafe_code)]
 

@@ -29,7 +29,7 @@ pub struct Shared {
     /// Limits the number of pages.
     pub pages: Arc<Semaphore>,
     /// Held while a picture is encoded to a file; `receiving` is held while a file is uploaded. One
-    /// at a time of each, because of their memory.
+    /// file at a time is encoded, and one received, to save memory.
     saving: Arc<Semaphore>,
     receiving: Arc<Semaphore>,
 }
