@@ -295,7 +295,7 @@ impl<'a> Source<'a> {
         }
     }
 
-    /// Points with radii.
+    /// Random points with radii.
     fn balls(&mut self, count: usize) -> Vec<Vec4> {
         let ball = |_| {
             let radius = self.coordinate().abs() * 0.3;
@@ -349,7 +349,7 @@ impl<'a> Source<'a> {
         P::ray_to(mesh, triangle, barycentrics, self.point(), all.place)
     }
 
-    /// A mask: mostly all bits.
+    /// A random mask, mostly with all bits set.
     pub fn mask(&mut self) -> u32 {
         if self.below(4) == 0 { self.byte().into() } else { u32::MAX }
     }

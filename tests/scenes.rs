@@ -42,7 +42,7 @@ pub fn lamp(scene: &mut Scene, radiance: f32) -> MaterialId {
     scene.add_material(Material::new("lamp", Black {}).emitting(Rgb::splat(radiance)))
 }
 
-/// A translation.
+/// A translation by these coordinates.
 pub fn at(x: f64, y: f64, z: f64) -> DAffine3 {
     DAffine3::from_translation(DVec3::new(x, y, z))
 }

@@ -35,7 +35,7 @@ max_depth?: number | null,
  */
 aov?: string | null, 
 /**
- * Acceleration structure.
+ * Name of an acceleration structure.
  */
 accelerator?: string | null, } | { "type": "set", 
 /**
@@ -71,7 +71,7 @@ node: number,
  */
 visible: boolean, } | { "type": "undo" } | { "type": "redo" } | { "type": "reload" } | { "type": "pick", 
 /**
- * Returned with the answer.
+ * Number that the answer repeats.
  */
 id: number, 
 /**
@@ -79,11 +79,11 @@ id: number,
  */
 pixel: [number, number], } | { "type": "explain", 
 /**
- * Returned with the answer.
+ * Number that the answer repeats.
  */
 id: number, 
 /**
- * The pixel.
+ * Column and row of the pixel.
  */
 pixel: [number, number], 
 /**
@@ -121,7 +121,7 @@ is_gallery: boolean, } | { "type": "scene",
  */
 scene: SceneInfo, } | { "type": "view", 
 /**
- * The state.
+ * The settings and the camera.
  */
 view: ViewInfo, } | { "type": "steering", 
 /**
@@ -159,19 +159,19 @@ message: string, };
 
 export type Choices = { 
 /**
- * Integrators.
+ * Names of integrators.
  */
 integrators: Array<string>, 
 /**
- * Layers.
+ * Names of layers.
  */
 aovs: Array<string>, 
 /**
- * Tone maps.
+ * Names of tone maps.
  */
 tonemaps: Array<string>, 
 /**
- * Acceleration structures.
+ * Names of acceleration structures.
  */
 accelerators: Array<string>, 
 /**
@@ -262,7 +262,7 @@ materials: Record<string, unknown>[],
  */
 lights: Record<string, unknown>[], 
 /**
- * Cameras.
+ * Cameras with their parameters.
  */
 cameras: Camera[], 
 /**

@@ -44,9 +44,9 @@ pub enum Asked<P> {
 pub struct Live<P: Precision, F: Form> {
     /// The world that was queried.
     pub snapshot: Arc<Snapshot<F>>,
-    /// The answers.
+    /// The answers of the query.
     pub hits: Columns<P>,
-    /// The inputs.
+    /// The rays or points that were asked about.
     pub asked: Asked<P>,
     /// Number of rays.
     pub rays: usize,
@@ -214,7 +214,7 @@ impl Named {
         self.made.get_or_init(py, || PyDict::new(py).unbind()).bind(py).set_item(name, array)
     }
 
-    /// The array of this name.
+    /// The array of this name, which is computed on first access.
     pub fn get<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
         let made = self.made.get_or_init(py, || PyDict::new(py).unbind()).bind(py);
         if let Some(array) = made.get_item(name)? {
@@ -243,7 +243,7 @@ impl Named {
         }
     }
 
-    /// All arrays.
+    /// The arrays of these names, as a dictionary.
     pub fn all<'py>(&self, py: Python<'py>, names: &[&str]) -> PyResult<Bound<'py, PyDict>> {
         let all = PyDict::new(py);
         for name in names {

@@ -70,7 +70,7 @@ fn at_least(value: f64, low: f64, name: &str) -> PyResult<f64> {
     Err(PyValueError::new_err(format!("{name} is {value}, expected a number from {low}")))
 }
 
-/// The projection with these parameters.
+/// Makes a projection from its parameters.
 fn projection(
     kind: &str,
     fov: Option<f64>,

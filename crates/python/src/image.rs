@@ -107,7 +107,7 @@ fn layer_array<'py>(
 }
 
 impl Image {
-    /// A rendered picture.
+    /// The image of a rendered picture.
     pub fn new(
         picture: LayeredImage,
         variance: Option<LayeredImage>,
@@ -156,7 +156,7 @@ impl Image {
     }
 }
 
-/// Pixels of an array.
+/// Reads pixels from an array.
 fn read_pixels(value: &Bound<'_, PyAny>, name: &str) -> PyResult<LayeredImage> {
     let array = array(value, name)?;
     is_double(&array, name)?;

@@ -77,7 +77,7 @@ fn attribute<const N: usize>(
     Ok(values.as_chunks::<N>().0.to_vec())
 }
 
-/// Normals of vertices.
+/// Reads normals of vertices.
 pub fn normals(value: Option<&Bound<'_, PyAny>>, vertices: usize) -> PyResult<Option<Vec<Vec3>>> {
     let read = |value| {
         Ok(attribute::<3>(value, Some(vertices), "normals")?
@@ -249,13 +249,13 @@ pub fn named_transform(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Transfo
     })
 }
 
-/// A matrix `(4, 4)`.
+/// A transform as a matrix `(4, 4)`.
 pub fn matrix<'py>(py: Python<'py>, map: &Transform) -> PyResult<Bound<'py, PyAny>> {
     let rows = DMat4::from(*map.matrix()).transpose().to_cols_array();
     crate::arrays::from_vec(py, rows.to_vec(), &[4, 4])
 }
 
-/// A mask of 32 bits.
+/// Reads a mask of 32 bits.
 pub fn mask(value: Option<i64>) -> PyResult<u32> {
     let Some(value) = value else { return Ok(u32::MAX) };
     u32::try_from(value)

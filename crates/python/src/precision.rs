@@ -18,13 +18,13 @@ use std::sync::Arc;
 pub struct Found<P> {
     /// The ray parameter, in units of the direction's length; infinite for a miss.
     pub t: P,
-    /// Barycentrics of a triangle.
+    /// Barycentric coordinates in a triangle.
     pub uv: [P; 2],
-    /// Occurrence.
+    /// Number of the occurrence in the world.
     pub occurrence: u32,
-    /// Geometry of the world; [`Hit::NONE`] for a miss.
+    /// Number of the geometry in the world; [`Hit::NONE`] for a miss.
     pub geometry: u32,
-    /// Primitive.
+    /// Number of the primitive in the geometry.
     pub primitive: u32,
 }
 
@@ -42,7 +42,7 @@ pub trait Precision:
     /// Rounds to this precision.
     fn round(x: f64) -> Self;
 
-    /// A ray.
+    /// Makes a ray.
     fn ray(origin: [Self; 3], direction: [Self; 3], interval: [Self; 2]) -> Self::Ray;
 
     /// True if the ray can hit anything.
@@ -57,7 +57,7 @@ pub trait Precision:
     /// Statistics of the acceleration structures.
     fn stats(world: &Self::World) -> &BuildStats;
 
-    /// The nearest hits.
+    /// Finds the nearest hit of each ray.
     fn closest(
         world: &Self::World,
         rays: Rays<Self::Tag>,
@@ -73,10 +73,10 @@ pub trait Precision:
         blocked: &mut [bool],
     );
 
-    /// The number of hits.
+    /// Counts the hits of each ray.
     fn count(world: &Self::World, rays: Rays<Self::Tag>, counts: &mut [u32]);
 
-    /// All hits.
+    /// Finds all hits of each ray.
     fn all(world: &Self::World, rays: Rays<Self::Tag>) -> AllHits<Self::Tag>;
 }
 

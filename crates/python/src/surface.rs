@@ -10,7 +10,7 @@ use snell_math::{DRay, DVec2, DVec3, Transform, Vec2};
 /// The local properties of a point of a surface, in world coordinates.
 #[derive(Clone, Copy, Debug)]
 pub struct Local {
-    /// The point.
+    /// The point in the world.
     pub position: DVec3,
     /// Unit normal of the surface itself, on its outer side (right-hand rule for triangles).
     pub geometric_normal: DVec3,

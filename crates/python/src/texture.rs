@@ -43,7 +43,7 @@ use std::sync::Arc;
 /// Texture(64 x 64, encoding='srgb', filtering='nearest')
 #[pyclass(frozen, module = "snell")]
 pub struct Texture {
-    /// The pixels.
+    /// The image of the texture.
     pub image: Arc<Image>,
     /// The lookup parameters; the image is number 0.
     pub declared: Declared,

@@ -24,7 +24,7 @@ pub enum Value {
     Single(f32),
     /// A number in double precision.
     Double(f64),
-    /// A name.
+    /// A text or a name.
     Text(String),
     /// A position in a table, with the name of the id's type, such as `TextureId`.
     Id(&'static str, u32),

@@ -96,7 +96,7 @@ impl Cancel {
         if self.0.load(Ordering::Relaxed) { Err(Stopped) } else { Ok(()) }
     }
 
-    /// Sets the flag.
+    /// Makes the work stop at its next check.
     pub fn stop(&self) {
         self.0.store(true, Ordering::Relaxed);
     }

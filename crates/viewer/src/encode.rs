@@ -98,7 +98,7 @@ impl DisplayTable {
         Self { display, table }
     }
 
-    /// The settings of this table.
+    /// The display settings of this table.
     pub fn display(&self) -> &Display {
         &self.display
     }

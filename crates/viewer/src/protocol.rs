@@ -48,7 +48,7 @@ pub enum ToServer {
         #[serde(default)]
         #[cfg_attr(test, ts(optional = nullable))]
         aov: Option<String>,
-        /// Acceleration structure.
+        /// Name of an acceleration structure.
         #[serde(default)]
         #[cfg_attr(test, ts(optional = nullable))]
         accelerator: Option<String>,
@@ -91,16 +91,16 @@ pub enum ToServer {
     Reload,
     /// Asks which surface is at a pixel (from the upper left corner).
     Pick {
-        /// Returned with the answer.
+        /// Number that the answer repeats.
         id: u32,
         /// Position in pixels.
         pixel: [f64; 2],
     },
     /// Asks for an explanation of a pixel of the picture at rest.
     Explain {
-        /// Returned with the answer.
+        /// Number that the answer repeats.
         id: u32,
-        /// The pixel.
+        /// Column and row of the pixel.
         pixel: [u32; 2],
         /// Number of the sample to show; `None` for a typical one.
         #[serde(default)]
@@ -143,7 +143,7 @@ pub enum ToPage {
     },
     /// The current render settings.
     View {
-        /// The state.
+        /// The settings and the camera.
         view: ViewInfo,
     },
     /// Tells which page has control.
@@ -172,7 +172,7 @@ pub enum ToPage {
         /// Message for the user.
         message: String,
     },
-    /// The current activity, or empty.
+    /// Tells what the server is doing; the message is empty when the work is done.
     Busy {
         /// Message for the user.
         message: String,
@@ -183,13 +183,13 @@ pub enum ToPage {
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub struct Choices {
-    /// Integrators.
+    /// Names of integrators.
     pub integrators: Vec<String>,
-    /// Layers.
+    /// Names of layers.
     pub aovs: Vec<String>,
-    /// Tone maps.
+    /// Names of tone maps.
     pub tonemaps: Vec<String>,
-    /// Acceleration structures.
+    /// Names of acceleration structures.
     pub accelerators: Vec<String>,
     /// Built-in scenes.
     pub scenes: Vec<SceneChoice>,
@@ -227,7 +227,7 @@ pub struct SceneInfo {
     /// Lights with their parameters.
     #[cfg_attr(test, ts(type = "Record<string, unknown>[]"))]
     pub lights: Vec<Value>,
-    /// Cameras.
+    /// Cameras with their parameters.
     #[cfg_attr(test, ts(type = "Camera[]"))]
     pub cameras: Vec<Value>,
     /// Rotation of the environment about the up direction, in degrees; `None` without an

@@ -22,7 +22,7 @@ pub const ONCE: &str = "once";
 /// Time for which a code is valid: a browser may take a while to start.
 const CODE_TIME: Duration = Duration::from_secs(60);
 
-/// The requirements on a request.
+/// The rules that requests must satisfy.
 #[derive(Debug)]
 pub struct Guard {
     token: String,

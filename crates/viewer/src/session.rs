@@ -32,7 +32,7 @@ const FEW_TRIANGLES: u64 = 300_000;
 pub struct Frame {
     /// Number of the frame.
     pub number: u32,
-    /// Header and bytes.
+    /// The header and the encoded picture.
     pub bytes: Bytes,
 }
 

@@ -401,7 +401,7 @@ fn light_of(settings: &Settings) -> (IntegratorKind, u32) {
     }
 }
 
-/// The key of an edit.
+/// The key of an edit, which has the form `key=value`.
 fn key(edit: &str) -> &str {
     edit.split_once('=').map_or(edit, |(key, _)| key)
 }

@@ -10,7 +10,7 @@ use std::time::Duration;
 /// A viewer that runs until this value is dropped.
 struct Viewer {
     child: Child,
-    /// `127.0.0.1:PORT` and the token.
+    /// Address of the viewer: `127.0.0.1:PORT`.
     host: String,
     token: String,
 }

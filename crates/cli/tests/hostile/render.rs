@@ -11,9 +11,9 @@ const SIZE: [u32; 2] = [8, 8];
 
 /// The result for a file.
 pub enum End {
-    /// A picture; the number of samples that were not finite.
+    /// A picture was rendered; the number of samples that were not finite.
     Picture { invalid_samples: u64 },
-    /// A message.
+    /// The file was refused with this message.
     Refused(String),
 }
 

@@ -120,7 +120,7 @@ pub struct Comparison {
 /// The results as numbers, and the error of each pixel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Compared {
-    /// The numbers.
+    /// The measured differences.
     pub comparison: Comparison,
     /// FLIP error of each pixel, 0 to 1.
     pub flip: Vec<f32>,
@@ -149,7 +149,7 @@ pub enum CompareError {
     Pixels {
         /// The number of pixels in the picture.
         pixels: usize,
-        /// Width times height.
+        /// The expected number: width times height.
         expected: usize,
     },
 }

@@ -49,12 +49,12 @@ impl Default for Display {
 /// Tone maps for display formats.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Tonemap {
-    /// Clamp only.
+    /// Values are only clamped to 0 to 1.
     #[default]
     None,
-    /// ACES filmic.
+    /// The filmic curve of ACES.
     Aces,
-    /// AgX.
+    /// AgX, by Troy Sobotka.
     Agx,
 }
 

@@ -188,11 +188,11 @@ fn angle(cross: f64, dot: f64) -> f64 {
 
 /// A corner of a triangle that has a normal.
 struct Corner {
-    /// 3 times triangle plus corner.
+    /// Number of the corner: 3 times the triangle plus 0, 1 or 2.
     number: u32,
     vertex: u32,
     normal: Vec3,
-    /// The normal times the angle.
+    /// The normal times the angle of the triangle at this corner.
     weighted: Vec3,
     smoothing: Smoothing,
 }

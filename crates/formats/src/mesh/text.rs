@@ -9,9 +9,9 @@ use std::borrow::Cow;
 /// A run of characters without white space.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Word<'a> {
-    /// The characters.
+    /// The characters of the word.
     pub bytes: &'a [u8],
-    /// Offset of the first one in the text.
+    /// Offset of the first character in the text.
     pub start: usize,
 }
 
@@ -302,7 +302,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// A word as a number.
+    /// Parses a word as a number.
     pub fn number_in(&self, word: Word<'_>, what: &str) -> Result<f32, ReadError> {
         match number(word.bytes) {
             Number::Exact(value) => Ok(value),

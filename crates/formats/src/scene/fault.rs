@@ -19,7 +19,7 @@ pub struct Spot {
 pub enum Fault {
     /// Something in a file of the scene.
     Here {
-        /// The place.
+        /// The place in the file.
         at: Spot,
         /// What was found and what was expected.
         problem: String,

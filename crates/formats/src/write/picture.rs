@@ -25,14 +25,14 @@ enum Part {
 /// A function of a texture's values that is written as a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Baked {
-    /// Colours times a factor.
+    /// The colours, multiplied by a factor.
     Tinted(Rgb),
     /// Light: colours times a factor, always linear.
     Light(Rgb),
     /// The colours of bodies that show the texture's colours, times `factor`, through a clear layer
     /// of index `ior`.
     UnderCoat { factor: Rgb, ior: f32 },
-    /// A channel times a factor.
+    /// One channel, multiplied by a factor.
     Scaled { channel: u8, factor: f32 },
     /// The square of a channel times a factor.
     Squared { channel: u8, factor: f32 },

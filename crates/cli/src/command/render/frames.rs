@@ -54,7 +54,7 @@ pub struct Turntable {
     pub rate: f64,
 }
 
-/// One frame.
+/// A frame to be rendered.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Frame {
     /// The number in file names: the time times the rate. So the numbers of separately rendered
@@ -417,7 +417,7 @@ fn render_one(
     Ok(Some(Taken { sha256, line, statistics }))
 }
 
-/// Total times of all frames.
+/// Times, summed over all frames.
 struct Totals {
     seconds: f64,
     pose: f64,

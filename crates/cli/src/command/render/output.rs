@@ -172,7 +172,7 @@ impl<'a> Output<'a> {
 /// The destination of a picture.
 #[derive(Clone, Copy, Debug)]
 pub enum Target<'a> {
-    /// A file.
+    /// The picture goes to a file.
     File(&'a Path),
     /// Standard output, with a fallback file in the current folder if it cannot be written to.
     Output {

@@ -37,7 +37,7 @@ pub struct Shot {
     pub camera: Camera,
     /// The cameras at later times while the shutter is open.
     pub later_cameras: Vec<Camera>,
-    /// The scene.
+    /// The compiled scene.
     pub compiled: CompiledScene,
     /// Seconds to compute the pose.
     pub pose_seconds: f64,

@@ -120,7 +120,7 @@ impl Faces {
         }
     }
 
-    /// A corner.
+    /// The corner with this number.
     pub fn corner(&self, at: usize) -> Corner {
         let index = |list: &[u32]| list.get(at).copied().unwrap_or(NONE);
         Corner { position: self.positions[at], uv: index(&self.uvs), normal: index(&self.normals) }

@@ -225,7 +225,7 @@ fn texture_of(
 
 const OUT_OF_RANGE: &str = "material factors outside of 0 to 1 are clamped";
 
-/// A factor in `[0, 1]`.
+/// Reads a factor in `[0, 1]`; values outside are clamped.
 fn fraction(reader: &mut Reader, json: &Json, key: &str, default: f64) -> Result<f32, ReadError> {
     let value = json.number_or(key, default)?;
     if !(0.0..=1.0).contains(&value) {

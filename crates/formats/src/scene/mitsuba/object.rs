@@ -12,7 +12,7 @@ use std::rc::Rc;
 pub struct Object {
     /// Name of the element: `bsdf`, `shape` and the like.
     pub class: String,
-    /// The plugin.
+    /// Name of the plugin.
     pub kind: String,
     /// The name of the object within its parent; empty if absent.
     pub name: String,
@@ -26,7 +26,7 @@ pub struct Object {
     pub children: Vec<Child>,
 }
 
-/// A named value.
+/// A named value of an object.
 #[derive(Debug)]
 pub struct Property {
     /// The name in the spelling of versions 2 and 3.
@@ -46,7 +46,7 @@ pub struct Child {
     pub used: Cell<bool>,
 }
 
-/// See [`Child`].
+/// An object, or a reference to one; see [`Child`].
 #[derive(Clone, Debug)]
 pub enum Content {
     Object(Rc<Object>),

@@ -89,7 +89,7 @@ pub fn from_srgb(color: Rgb) -> Rgb {
     color.map(snell_math::spectrum::srgb_to_linear)
 }
 
-/// Wavelengths and values: `400:0.1, 500:0.2`.
+/// Parses wavelengths and values, such as `400:0.1, 500:0.2`.
 pub fn samples(text: &str) -> Result<Vec<[f32; 2]>, String> {
     let words = text.split(|c: char| c == ',' || c.is_whitespace()).filter(|w| !w.is_empty());
     let pairs = words.map(|word| {

@@ -13,9 +13,9 @@ pub enum Token<'a> {
     Word(&'a [u8]),
     /// The content of a string in double quotes.
     String(&'a [u8]),
-    /// `[`
+    /// The bracket `[`.
     Open,
-    /// `]`
+    /// The bracket `]`.
     Close,
 }
 

@@ -49,9 +49,9 @@ pub struct Materials {
 pub struct Finish {
     /// Radiance, and whether both sides emit.
     pub emission: Option<(ColorParam, bool)>,
-    /// Opacity.
+    /// Opacity of the surface.
     pub alpha: Option<ScalarParam>,
-    /// The medium inside.
+    /// The medium inside of the surface.
     pub interior: Option<Interior>,
 }
 

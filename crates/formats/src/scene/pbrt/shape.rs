@@ -35,7 +35,7 @@ pub struct Shapes {
     /// transform joins it.
     last: Option<(NodeId, DAffine3, NodeId)>,
     triangles: usize,
-    /// Triangles generated for other primitives.
+    /// Total number of triangles generated for other primitives.
     made: usize,
     /// Curves so far, by the node that holds them and their materials.
     strands: Vec<Strands>,
@@ -68,12 +68,12 @@ pub enum Made {
     Shape(Box<AnyShape>, DAffine3),
     /// A strand of cubic Bézier segments, with radii.
     Strand(Vec<Vec4>),
-    /// Nothing visible.
+    /// The shape is invisible.
     Nothing,
 }
 
 impl Made {
-    /// An analytic shape.
+    /// Makes an analytic shape.
     fn shape(shape: impl Into<AnyShape>, object_from_shape: DAffine3) -> Self {
         Self::Shape(Box::new(shape.into()), object_from_shape)
     }

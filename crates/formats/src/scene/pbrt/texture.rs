@@ -60,7 +60,7 @@ pub enum Pattern {
     DirectionMix([Rc<Pattern>; 2], Vec3),
     /// The patterns inside and outside the dots.
     Dots([Rc<Pattern>; 2], Mapping),
-    /// A pattern without inputs.
+    /// A pattern that has no other patterns as inputs.
     Whole(texture::Pattern),
     Map(Rc<Pattern>, Function),
 }
@@ -608,7 +608,7 @@ fn whole(pattern: impl Into<texture::Pattern>) -> Rc<Pattern> {
     Rc::new(Pattern::Whole(pattern.into()))
 }
 
-/// A finite number.
+/// The parameter `name` as a finite number, or its default.
 fn finite(params: &Params, name: &str, default: f64) -> Result<f32, Fault> {
     let value = params.float_or(name, default)? as f32;
     if value.is_finite() {

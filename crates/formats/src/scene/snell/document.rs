@@ -117,7 +117,7 @@ pub struct EncodedForm {
     encoded: Numbers<u8>,
 }
 
-/// Pixels.
+/// The pixels of an image.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PixelsForm {
@@ -139,7 +139,7 @@ enum PixelForm {
 /// An affine transform: three rows of four numbers.
 pub(super) type Rows = [[f64; 4]; 3];
 
-/// A node.
+/// A node of the scene graph.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NodeForm {

@@ -251,7 +251,7 @@ impl Writer<'_, '_, '_> {
         }
     }
 
-    /// Adds transmission.
+    /// Adds transmission and diffuse transmission.
     fn interior(&mut self, surface: &OpenPbr) {
         if surface.subsurface_weight.factor > 0.0 {
             if surface.geometry_thin_walled {

@@ -327,7 +327,7 @@ fn by_slot(mesh: &TriangleMesh) -> Vec<(u16, Vec<u32>)> {
     slots.into_iter().collect()
 }
 
-/// A node with a transform.
+/// A node with a transform, without content.
 fn placed(map: &DAffine3) -> Value {
     if *map == DAffine3::IDENTITY {
         return json!({});

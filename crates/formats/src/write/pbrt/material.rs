@@ -298,7 +298,7 @@ impl File<'_, '_> {
         text
     }
 
-    /// A scalar parameter.
+    /// Writes a scalar parameter.
     fn scalar(&mut self, name: &str, scalar: ScalarParam, who: &str) -> String {
         match scalar.texture {
             None => format!(" \"float {name}\" [ {} ]", scalar.factor),
@@ -436,7 +436,7 @@ impl File<'_, '_> {
         format!(" \"rgb {prefix}eta\" {} \"rgb {prefix}k\" {}", rgb(at[0]), rgb(at[1]))
     }
 
-    /// A colour parameter.
+    /// Writes a colour parameter.
     fn color(&mut self, name: &str, color: ColorParam, who: &str) -> String {
         let color = without_spectrum(color, false);
         match color.texture {

@@ -36,7 +36,7 @@ pub(super) fn scalar(
     Ok(ScalarParam { factor, texture })
 }
 
-/// A colour with a texture.
+/// Reads a colour with a texture.
 pub(super) fn color(
     reader: &mut Reader,
     json: &Json,
