@@ -248,7 +248,7 @@ const RGB_FROM_XYZ: [[f32; 3]; 3] = [
     [0.055_630_08, -0.203_976_96, 1.056_971_5],
 ];
 
-/// XYZ of (1, 1, 1).
+/// The white of the display, linear sRGB (1, 1, 1), in XYZ.
 const WHITE: [f32; 3] = [0.950_455_93, 1.0, 1.089_057_75];
 
 fn multiply(matrix: &[[f32; 3]; 3], v: [f32; 3]) -> [f32; 3] {

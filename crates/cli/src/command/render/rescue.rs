@@ -132,8 +132,8 @@ fn extended(path: &Path, addition: &str) -> OsString {
     if name.len() <= MAX_NAME_BYTES { name } else { with("picture".as_ref()) }
 }
 
-/// Asks the user to make room; true once there is an answer, false without an interactive terminal
-/// or if the program shall end.
+/// Asks the user to make room. True if the user answered; false without an interactive terminal, or
+/// if the user gives up.
 fn asked_to_make_room(what: &str, error: &WriteError) -> bool {
     if !has_person() || interrupt::is_requested() {
         return false;

@@ -152,7 +152,8 @@ impl Builder<'_> {
             .or_insert_with(|| scene.add_texture(texture))
     }
 
-    /// A scalar texture: grey, with a function applied.
+    /// A copy of a texture for a scalar parameter: its colours become grey, and `function` is
+    /// applied to the values.
     fn scalar_texture(
         &mut self,
         texture: &ImageTexture,

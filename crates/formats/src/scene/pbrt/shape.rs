@@ -200,7 +200,7 @@ impl Builder<'_> {
         }
     }
 
-    /// Radiance of the shape, and whether both sides emit, if there is a current area light.
+    /// The radiance of the shape, and whether both sides emit; `None` if the shape does not emit.
     fn emission(
         &mut self,
         params: &Params,

@@ -15,9 +15,9 @@ use snell_scene::{Encoding, Material, MaterialId};
 /// The text that a shape of a material needs.
 #[derive(Clone, Debug, Default)]
 pub struct Made {
-    /// Directives before the shape.
+    /// Directives to be written before the shape.
     pub attributes: Vec<String>,
-    /// Parameters after the shape's own.
+    /// Parameters to be written after those of the shape itself.
     pub shape_parameters: String,
 }
 
