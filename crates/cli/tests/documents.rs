@@ -310,7 +310,7 @@ fn long_options(text: &str) -> BTreeSet<String> {
     found
 }
 
-/// The page of the command line, with the page of settings, to which it leads.
+/// The page about the command line, followed by the page of settings that it refers to.
 fn page_of_commands() -> String {
     let folder = repository().join("docs/user");
     ["command-line.md", "settings.md"].map(|name| read(&folder.join(name))).concat()

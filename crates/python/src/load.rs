@@ -102,7 +102,7 @@ struct Folder<'a> {
     nodes: HashMap<NodeId, Arc<Contents>>,
     /// Scenes for meshes with several uses.
     meshes: HashMap<MeshUse, Arc<Contents>>,
-    /// The stage of the scenes.
+    /// The materials, lights and cameras that all scenes share.
     stage: Arc<Graph>,
 }
 
