@@ -16,7 +16,7 @@ use crate::search::region::Region;
 use snell_math::DAffine3;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// The ray, hit and real types of the precision of a goal.
+/// The type of rays in the precision of a goal; those of hits, data and real numbers follow.
 pub(crate) type RayOf<G> = <<G as Goal>::Precision as Precision>::Ray;
 pub(crate) type HitOf<G> = <<G as Goal>::Precision as Precision>::Hit;
 pub(crate) type DataOf<G> = <<G as Goal>::Precision as Facts>::Data;

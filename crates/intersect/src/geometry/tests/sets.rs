@@ -471,10 +471,10 @@ fn primitives_that_make_no_sense_are_skipped_and_counted() {
     builder.add_set(WorldBuilder::ROOT, Arc::new(Spheres { spheres, colors: vec![[0.5; 4]] }));
     builder.add_set(WorldBuilder::ROOT, Arc::new(linear));
     builder.add_set(WorldBuilder::ROOT, Arc::new(cubic(CurveBasis::Bezier)));
-    // Without tangents a Hermite set has no segments.
+    // Without tangents no segment of a Hermite set can be hit.
     builder.add_set(WorldBuilder::ROOT, Arc::new(cubic(CurveBasis::Hermite)));
     let world = builder.build(&BuildOptions::default()).expect("a world");
-    // The hit segments of the chain are 0 (a ball) and 5 (a cone with a point).
+    // Of the chain, only segments 0 (a ball) and 5 (a cone with a point) can be hit.
     assert_eq!(
         (world.stats().primitives, world.stats().skipped_primitives),
         (7 + 10 + 6 + 6, 6 + 8 + 5 + 6)
