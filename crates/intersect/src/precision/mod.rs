@@ -90,7 +90,7 @@ pub(crate) trait Facts: Precision {
     /// primitive.
     fn hit(t: f64, uv: Vec2, ids: [u32; 3]) -> Self::Hit;
 
-    /// Makes a hit, as [`Self::hit`] does, from the results of [`Self::exact_hits`].
+    /// Makes a hit from distance, parameters and ids that are already in this precision.
     fn found(t: Self::Real, uv: [Self::Real; 2], ids: [u32; 3]) -> Self::Hit;
 
     /// The distance of a hit.
