@@ -61,13 +61,13 @@ pub struct DHit {
     /// mesh. (If rounding reports a hit on a triangle that the ray just misses, `t` is clamped to
     /// the interval in which the ray is inside the triangle's box.)
     pub t: f64,
-    /// See [`Hit::uv`].
+    /// Primitive parameters; see [`Hit::uv`].
     pub uv: DVec2,
-    /// See [`Hit::instance`].
+    /// Occurrence number of the group that holds the geometry; see [`Hit::instance`].
     pub instance: u32,
-    /// See [`Hit::geometry`].
+    /// The number of the geometry; see [`Hit::geometry`].
     pub geometry: u32,
-    /// See [`Hit::primitive`].
+    /// The number of the primitive in the geometry; see [`Hit::primitive`].
     pub primitive: u32,
 }
 
@@ -128,28 +128,28 @@ pub struct SurfaceInteraction {
     /// True on a curve ([`crate::Curves`]): the point is on the outside of a fibre, and `dpdu` runs
     /// along the fibre.
     pub on_curve: bool,
-    /// See [`Hit::t`].
+    /// Ray parameter of the hit, in units of the ray's direction.
     pub t: f32,
-    /// See [`Hit::uv`]: barycentrics for triangles.
+    /// Primitive parameters, barycentrics for triangles; see [`Hit::uv`].
     pub primitive_uv: Vec2,
-    /// See [`Hit::instance`].
+    /// Occurrence number of the group that holds the geometry; see [`Hit::instance`].
     pub instance: u32,
-    /// See [`Hit::geometry`].
+    /// The number of the geometry; see [`Hit::geometry`].
     pub geometry: u32,
-    /// See [`Hit::primitive`].
+    /// The number of the primitive in the geometry; see [`Hit::primitive`].
     pub primitive: u32,
 }
 
 /// The part of a [`SurfaceInteraction`] that is needed to spawn a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfacePoint {
-    /// See [`SurfaceInteraction::position`].
+    /// The point on the surface, in world space.
     pub position: Vec3,
-    /// See [`SurfaceInteraction::position_error`].
+    /// Bound on the absolute error of each coordinate of `position`.
     pub position_error: Vec3,
-    /// See [`SurfaceInteraction::geometric_normal`].
+    /// Unit geometric normal, on the outer side of the shape.
     pub geometric_normal: Vec3,
-    /// See [`SurfaceInteraction::on_curve`].
+    /// True on a curve; see [`SurfaceInteraction::on_curve`].
     pub on_curve: bool,
 }
 
@@ -231,11 +231,11 @@ pub struct NearestPoint {
     pub position: Vec3,
     /// Barycentrics `(b1, b2)` on a triangle, zero on a shape.
     pub uv: Vec2,
-    /// See [`Hit::instance`].
+    /// Occurrence number of the group that holds the geometry; see [`Hit::instance`].
     pub instance: u32,
-    /// See [`Hit::geometry`]; [`Hit::NONE`] if no surface is within the maximum distance.
+    /// The number of the geometry; [`Hit::NONE`] if no surface is within the maximum distance.
     pub geometry: u32,
-    /// See [`Hit::primitive`].
+    /// The number of the primitive in the geometry; see [`Hit::primitive`].
     pub primitive: u32,
 }
 
@@ -264,13 +264,13 @@ pub struct DNearestPoint {
     pub distance: f64,
     /// The nearest point of the surface, in world space; zero if none is found.
     pub position: DVec3,
-    /// See [`NearestPoint::uv`].
+    /// Barycentrics `(b1, b2)` on a triangle, zero on a shape.
     pub uv: DVec2,
-    /// See [`Hit::instance`].
+    /// Occurrence number of the group that holds the geometry; see [`Hit::instance`].
     pub instance: u32,
-    /// See [`Hit::geometry`]; [`Hit::NONE`] if no surface is within the maximum distance.
+    /// The number of the geometry; [`Hit::NONE`] if no surface is within the maximum distance.
     pub geometry: u32,
-    /// See [`Hit::primitive`].
+    /// The number of the primitive in the geometry; see [`Hit::primitive`].
     pub primitive: u32,
 }
 

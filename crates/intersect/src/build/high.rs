@@ -285,8 +285,8 @@ impl Slabs {
     }
 }
 
-/// By axis and slab: the box of the contents, and the numbers of primitives that begin and end
-/// there.
+/// The contents of each slab, by axis: their box, and the numbers of primitives that begin and
+/// end in the slab.
 struct SpaceBins {
     boxes: [[Box8; BINS]; 3],
     begin: [[u32; BINS]; 3],

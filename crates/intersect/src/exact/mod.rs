@@ -50,7 +50,7 @@ pub(crate) trait TriangleTest: Frames {
         ray: &DRay,
     ) -> bool;
 
-    /// Does [`Self::triangle_hit`] for an ordinary ray; `origin` and `direction` are in the
+    /// Performs [`Self::triangle_hit`] for an ordinary ray; `origin` and `direction` are in the
     /// coordinates of the group.
     fn hit_on_line<G: Goal<Precision = Self>>(
         search: &Search<'_, G>,

@@ -76,7 +76,7 @@ pub(crate) fn exact_hit(
     exact_hit_on(&ray.exact_ray(), corners, t_min)
 }
 
-/// Does [`exact_hit`] for a ray that is given by its [`ExactRay`].
+/// Performs [`exact_hit`] for a ray that is given by its [`ExactRay`].
 #[inline(always)]
 pub(crate) fn exact_hit_on(
     ray: &ExactRay,

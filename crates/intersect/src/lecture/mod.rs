@@ -185,7 +185,7 @@ impl Later {
     }
 }
 
-/// Does [`Accelerator::walk`] with a `search` that gets a list for nodes to visit later, and
+/// Performs [`Accelerator::walk`] with a `search` that gets a list for nodes to visit later, and
 /// counters.
 fn walk_with_stack(
     visitor: &mut dyn Visitor,

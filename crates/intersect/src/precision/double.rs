@@ -24,7 +24,7 @@ pub(crate) struct DoubleData {
 }
 
 impl DoubleData {
-    /// Collects the corners of meshes. `known` gives earlier data, if any, that already holds the
+    /// Collects the corners of meshes. `known` returns earlier data, if any, that already holds the
     /// corners of the mesh with this number.
     pub fn new<'a>(
         frames: Vec<Frame>,

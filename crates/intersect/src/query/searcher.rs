@@ -174,7 +174,7 @@ impl<P: Kernels> Searcher<'_, P> {
         }
     }
 
-    /// Does [`Self::search_into`] with the list of the world, or with the list of its outliers and
+    /// Performs [`Self::search_into`] with the list of the world, or with the list of its outliers and
     /// the tree of the remaining triangles. Returns the number of rays that are done.
     fn search_lists<G: Goal<Precision = P>>(
         &self,
@@ -214,7 +214,7 @@ impl<P: Kernels> Searcher<'_, P> {
         first
     }
 
-    /// Does [`Self::search_into`] with the structure of the world.
+    /// Performs [`Self::search_into`] with the structure of the world.
     fn search_tree<G: Goal<Precision = P>>(
         &self,
         rays: Rays<P>,

@@ -1,4 +1,4 @@
-//! Where the results of a batch are written.
+//! Destinations for the results of a batch.
 
 use super::{Any, Closest, Goal};
 use crate::precision::Facts;

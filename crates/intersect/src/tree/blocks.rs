@@ -68,7 +68,7 @@ impl Blocks {
         self.unpacked::<Portable8>(Portable, number, room)
     }
 
-    /// Does [`Self::get`] with the SIMD instructions of `L`.
+    /// Performs [`Self::get`] with the SIMD instructions of `L`.
     #[inline(always)]
     pub fn unpacked<'a, L: Lanes8>(
         &'a self,

@@ -63,7 +63,7 @@ pub(crate) struct GroupTree {
     pub skipped: Vec<u32>,
     /// The objects without contents, which are not in the tree.
     pub empty: Vec<u32>,
-    /// Whether it was read from a cache file.
+    /// Whether the tree was read from a cache file.
     pub cache: CacheUse,
     /// The expected number of nodes and blocks that a random line through the bounds visits.
     pub sah_cost: f32,

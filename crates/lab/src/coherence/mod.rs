@@ -44,11 +44,11 @@ pub use walk::RegionWork;
 /// A triangle of a world, identified as in [`snell_intersect::Hit`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct PrimitiveId {
-    /// See [`snell_intersect::Hit::instance`].
+    /// Occurrence number of the group; see [`snell_intersect::Hit::instance`].
     pub instance: u32,
-    /// See [`snell_intersect::Hit::geometry`].
+    /// The number of the geometry; see [`snell_intersect::Hit::geometry`].
     pub geometry: u32,
-    /// See [`snell_intersect::Hit::primitive`].
+    /// The number of the triangle; see [`snell_intersect::Hit::primitive`].
     pub primitive: u32,
 }
 

@@ -12,7 +12,7 @@ use snell_math::{DAffine3, DVec2, DVec3, DVec4};
 #[derive(Clone, Copy, Debug)]
 pub struct View {
     rows: Rows,
-    /// The common origin of all rays.
+    /// The common origin of all rays; `None` in a parallel projection.
     apex: Option<DVec3>,
     /// Coefficients of the place: directions of rays from the apex, or origins of parallel rays.
     corner: DVec3,

@@ -120,7 +120,7 @@ impl<W: Lanes16> TriangleLanes<W> {
         self.missed_by(token, &self.areas(packet_rays, W::splat(token, 0.0)), planes, packet_rays)
     }
 
-    /// Does [`Self::missed`] with areas that are already computed.
+    /// Performs [`Self::missed`] with areas that are already computed.
     #[inline(always)]
     fn missed_by(
         &self,

@@ -30,7 +30,7 @@ impl ExactRays {
         }
     }
 
-    /// Does [`Self::write`] with other origins and directions, given by axis.
+    /// Performs [`Self::write`] with other origins and directions, given by axis.
     #[inline(always)]
     pub fn write_columns<P: PacketTests>(
         &mut self,

@@ -42,7 +42,7 @@ const FARTHEST: f32 = 1.0e16;
 /// The largest spread of slopes, per unit of depth, at which a packet is worthwhile.
 const MAX_SPREAD: f32 = 0.25;
 
-/// How a packet is described.
+/// The description of a packet without its rays.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Kind {
     /// The point relative to which the packet is described.

@@ -48,7 +48,7 @@ const MARGIN_ERROR: f32 = 16.0;
 /// half, for corners within the depth.)
 const CLEAR: f32 = 10.0;
 
-/// Which data of a block are needed besides areas.
+/// The choice of data of a block that are needed besides areas.
 #[derive(Clone, Copy)]
 pub(super) struct Wanted {
     /// Planes are needed if rays have no common origin, or for occlusion queries.

@@ -103,7 +103,7 @@ pub(crate) fn set_up<W: Lanes16>(
     packet.set_up::<W, Single>(token, &columns, first.direction.to_array(), kind)
 }
 
-/// Does [`set_up`] in double precision.
+/// Performs [`set_up`] in double precision.
 #[inline(always)]
 pub(crate) fn set_up_doubles<W: Lanes16>(
     token: W::Token,

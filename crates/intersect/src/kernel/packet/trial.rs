@@ -38,7 +38,7 @@ impl Trial {
     }
 }
 
-/// Whether triangles are small compared with packets. Then each ray hits a different triangle, and
+/// Decides whether triangles are small compared with packets. Then each ray hits a different triangle, and
 /// testing ray by ray is better than testing triangle by triangle. Periodically a few traversals
 /// count the triangles of a leaf that a packet may hit, and the others use the result. It changes
 /// no hit.

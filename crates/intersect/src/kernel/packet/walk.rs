@@ -121,7 +121,8 @@ pub(super) struct Walker<'w, 's, G: Goal> {
     /// `certain_hits`.
     pub(super) certain: u32,
     pub(super) certain_hits: CertainHits<RealOf<G>>,
-    /// Whether triangles are small, by [`super::trial::Detail`]; and the counters for that.
+    /// True if triangles count as small ([`super::trial::Detail`]). `counted` are the counters that
+    /// decide this.
     pub(super) is_small: bool,
     pub(super) counted: [u32; 2],
 }
@@ -130,7 +131,7 @@ pub(super) struct Walker<'w, 's, G: Goal> {
 pub(super) struct Deferred {
     /// The rays that have such a hit.
     pub(super) rays: u32,
-    /// Of these, the rays for which it is only certain that they hit the projection of the
+    /// The rays among these for which it is only certain that they hit the projection of the
     /// triangle.
     pub(super) projected: u32,
     /// The places of the triangles ([`Pairs`]).

@@ -61,7 +61,7 @@ fn far<L: Lanes8>(token: L::Token, node: &WideNode, ray: &LocalRay, axis: usize)
     plane.sub(L::splat(token, ray.far_origin[axis])).mul(L::splat(token, ray.inverse[axis]))
 }
 
-/// Does [`box_distances`] for an ordinary ray, whose far planes are padded by the factor
+/// Performs [`box_distances`] for an ordinary ray, whose far planes are padded by the factor
 /// [`FAR_FACTOR`].
 #[inline(always)]
 pub(crate) fn prepared_distances<L: Lanes8>(

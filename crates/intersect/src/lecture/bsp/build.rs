@@ -142,7 +142,7 @@ struct Builder<'a> {
     max_depth: u32,
 }
 
-/// How a plane divides a sample, and its cost.
+/// The result of trying a plane on a sample.
 struct Score {
     plane: Plane,
     cost: f64,

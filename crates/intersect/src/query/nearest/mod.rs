@@ -293,7 +293,7 @@ impl Search<'_> {
         }
     }
 
-    /// Tests the triangles of a block. The second place, `seen`, is the query point in the
+    /// Tests the triangles of a block. `seen`, the second place, is the query point in the
     /// coordinates of the tree.
     fn triangles(
         &mut self,

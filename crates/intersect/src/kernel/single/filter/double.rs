@@ -16,7 +16,7 @@ const EDGE_ERROR: f32 = 1.0 / (1u32 << 20) as f32;
 /// unit in the last place of `f32`.
 const DEPTH_ERROR: f32 = 10.0 / (1u32 << 24) as f32;
 
-/// Does [`super::single::candidates`] on the shadow of the triangles. The test allows for the
+/// Performs [`super::single::candidates`] on the shadow of the triangles. The test allows for the
 /// errors of the vertices, the ray's origin and the projection.
 #[inline(always)]
 pub(crate) fn candidates<L: Lanes8>(
@@ -46,7 +46,7 @@ pub(crate) fn candidates<L: Lanes8>(
     !(outside | beyond) & 0xff
 }
 
-/// Does [`super::single::lines_through`] on the shadow of the triangles. Unused lanes are
+/// Performs [`super::single::lines_through`] on the shadow of the triangles. Unused lanes are
 /// unspecified.
 #[inline(always)]
 pub(crate) fn lines_through<L: Lanes8>(

@@ -101,7 +101,7 @@ pub(crate) fn lines_through<L: Lanes8>(
     !inside.add(bound).signs() & 0xff
 }
 
-/// Does [`LocalRay::project`] for eight vertices at a time, mirrored at the origin. All differences
+/// Performs [`LocalRay::project`] for eight vertices at a time, mirrored at the origin. All differences
 /// are reversed (which saves a load each), so all coordinates have the opposite sign, and the edge
 /// values, which are products of two coordinates, are the same.
 pub(crate) struct MirroredFrame<L> {
@@ -121,7 +121,7 @@ impl<L: Lanes8> MirroredFrame<L> {
     }
 }
 
-/// Does [`LocalRay::project`] for eight vertices at a time, by the same operations. (Plain
+/// Performs [`LocalRay::project`] for eight vertices at a time, by the same operations. (Plain
 /// functions instead of closures, which are not always inlined; vectors must not pass through
 /// calls.)
 pub(crate) struct ProjectionFrame<L> {
