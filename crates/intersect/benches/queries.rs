@@ -1,5 +1,5 @@
-//! Measures the queries other than closest hits, and commits of a world that changes: `cargo bench
-//! -p snell-intersect --bench queries -- bunny`.
+//! Measures the queries other than closest hits, and commits of a world that changes:
+//! `cargo bench -p snell-intersect --bench queries -- bunny`.
 //!
 //! The measurements use one thread, and processor time where Linux provides it. The inputs are
 //! points in the mesh's box enlarged by half, points near the surface, and rays through the box.

@@ -24,8 +24,8 @@ pub(crate) const MAX_COORDINATE: f32 = 1e12;
 const MIN_SLOPE: f32 = 1e-24;
 const MAX_SLOPE: f32 = 1e12;
 
-/// More than the ray parameter of any point on an ordinary ray inside a box, which is at most `2
-/// MAX_COORDINATE MAX_SLOPE`.
+/// More than the ray parameter of any point on an ordinary ray inside a box, which is at most
+/// `2 MAX_COORDINATE MAX_SLOPE`.
 const BEYOND: f32 = 4e24;
 
 /// Replaces the inverse of zero (divided by the origin where that is above 1), so that planes

@@ -38,6 +38,7 @@ pub struct PrimitiveHit {
 
 /// Many primitives of one kind, in the coordinates of the group that holds them: the interface for
 /// user-defined geometry.
+///
 /// All methods must be pure functions of their arguments. Whatever they return, queries terminate
 /// and all acceleration structures agree. A hit that is not finite does not count. A hit outside
 /// the primitive's bounds is moved to the interval in which the ray is inside them, or does not

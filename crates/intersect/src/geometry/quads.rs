@@ -10,9 +10,10 @@ use std::sync::Arc;
 /// triangles, so that meshes of quads and triangles can be watertight. A quad whose last two
 /// corners are the same is a triangle.
 ///
-/// [`Hit::primitive`] is the quad and [`Hit::uv`] the position in it: (0, 0), (1, 0), (1, 1), (0,
-/// 1) at its corners, linear in each of the triangles (for a parallelogram in all of it). `u + v`
-/// exceeds 1 on the second triangle only. Vertex attributes are interpolated in the triangles too.
+/// [`Hit::primitive`] is the number of the quad. [`Hit::uv`] is the position in the quad: (0, 0),
+/// (1, 0), (1, 1) and (0, 1) at its corners, and linear in each of the triangles (for a
+/// parallelogram in all of it). `u + v` exceeds 1 on the second triangle only. Vertex attributes
+/// are interpolated in the triangles too.
 #[derive(Clone, Debug, PartialEq)]
 pub struct QuadMesh {
     triangles: Arc<TriangleMesh>,

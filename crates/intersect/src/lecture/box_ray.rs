@@ -7,7 +7,7 @@
 //! must treat the ray as a thick one: everything within [`BoxRay::width`] of the line counts. No
 //! hit is then lost if the structure keeps a primitive in every cell that the primitive's box
 //! touches.
-//! touches.
+//!
 //! A structure may keep a triangle in fewer cells, namely those near the plane of the triangle
 //! *within* its box ([`super::primitives::Region`]). A hit lies in that region if the ray's width
 //! is below the region's margin. A ray from so far away that its width is larger

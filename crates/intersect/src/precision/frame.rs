@@ -4,8 +4,8 @@ use super::{Double, DoubleData, Facts, Single};
 use crate::mesh::{DTriangleMesh, TriangleMesh};
 use snell_math::{Bounds3d, DRay, DVec3, Vec3};
 
-/// The map from a group's coordinates to those of its tree, which are within -1 to 1: `(p - center)
-/// * scale`. Ray parameters are the same in both.
+/// The map `(p - center) * scale` from a group's coordinates to those of its tree, which are within
+/// -1 to 1. Ray parameters are the same in both.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Frame {
     pub center: DVec3,

@@ -174,8 +174,8 @@ impl<P: Kernels> Searcher<'_, P> {
         }
     }
 
-    /// Performs [`Self::search_into`] with the list of the world, or with the list of its outliers and
-    /// the tree of the remaining triangles. Returns the number of rays that are done.
+    /// Performs [`Self::search_into`] with the list of the world, or with the list of its outliers
+    /// and the tree of the remaining triangles. Returns the number of rays that are done.
     fn search_lists<G: Goal<Precision = P>>(
         &self,
         forest: &Forest,

@@ -95,14 +95,14 @@ impl Frustum {
         self.span_of_infinite_cone(o, d)?.intersection(axial)
     }
 
-    /// The part of a line inside the cone extended without end: inside where `f(t) = |P|^2 - R^2 <=
-    /// 0`, with `P` the point of the line projected along the axis and `R` the (signed) radius at
-    /// its height, both linear in `t`. The part may lie in the nappe beyond the apex; the slab
-    /// between the ends cuts that off.
+    /// The part of a line inside the cone extended without end: inside where
+    /// `f(t) = |P|^2 - R^2 <= 0`, with `P` the point of the line projected along the axis and `R`
+    /// the (signed) radius at its height, both linear in `t`. The part may lie in the nappe beyond
+    /// the apex; the slab between the ends cuts that off.
     ///
-    /// `f` is a quadratic `a t^2 + 2 b t + c`. Its discriminant is written `|R d - e P|^2 - (P x
-    /// d)^2` (with `e` the derivative of `R` by `t`; Lagrange's identity), which stays accurate for
-    /// rays from far away and near the apex.
+    /// `f` is a quadratic `a t^2 + 2 b t + c`. Its discriminant is written
+    /// `|R d - e P|^2 - (P x d)^2` (with `e` the derivative of `R` by `t`; Lagrange's identity),
+    /// which stays accurate for rays from far away and near the apex.
     fn span_of_infinite_cone(&self, o: DVec3, d: DVec3) -> Option<Span> {
         let minor = robust::difference_of_products;
         let (p, d_across) = (DVec2::new(o.z, o.x), DVec2::new(d.z, d.x));

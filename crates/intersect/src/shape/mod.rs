@@ -128,8 +128,8 @@ impl ShapeError {
     }
 }
 
-/// The angle from the x axis of the plane towards its y axis, as a fraction of a full turn in `[0,
-/// 1)`.
+/// The angle from the x axis of the plane towards its y axis, as a fraction of a full turn in
+/// `[0, 1)`.
 fn turn(d: DVec2) -> f64 {
     let turns = d.y.atan2(d.x) / std::f64::consts::TAU;
     // A tiny negative angle would round to a full turn.

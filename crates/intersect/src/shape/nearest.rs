@@ -64,9 +64,9 @@ impl Metric {
         (self.linear * v).length_squared()
     }
 
-    /// Weights `w` of a lower bound on lengths without products of different axes: `|M v|^2 >=
-    /// sum(w[i] v[i]^2)`. The bound is exact up to `1e-9` for maps that first scale along the axes
-    /// and then rotate.
+    /// Weights `w` of a lower bound on lengths without products of different axes:
+    /// `|M v|^2 >= sum(w[i] v[i]^2)`. The bound is exact up to `1e-9` for maps that first scale
+    /// along the axes and then rotate.
     ///
     /// With `D` the diagonal of `G = M^T M`, this is `w = e D`, where `e` is the least eigenvalue
     /// of `D^-1/2 G D^-1/2`.

@@ -54,9 +54,10 @@ pub(super) fn slab(o: f64, d: f64, [low, high]: [f64; 2], faces: [u32; 2]) -> Op
     }
 }
 
-/// Ascending roots of `a t^2 + 2 b t + c = 0` for `a != 0`, given the `discriminant = b^2 - a c >=
-/// 0` computed more accurately than by this formula. The sign of a root near 0 follows from the
-/// signs of `c` and `b`, so a line that starts off the surface gets no root with the wrong sign.
+/// Ascending roots of `a t^2 + 2 b t + c = 0` for `a != 0`, given the
+/// `discriminant = b^2 - a c >= 0` computed more accurately than by this formula. The sign of a
+/// root near 0 follows from the signs of `c` and `b`, so a line that starts off the surface gets no
+/// root with the wrong sign.
 pub(super) fn roots(a: f64, b: f64, c: f64, discriminant: f64) -> (f64, f64) {
     let q = -(b + discriminant.sqrt().copysign(b));
     let (t0, t1) = if q == 0.0 { (0.0, 0.0) } else { (q / a, c / q) };

@@ -61,10 +61,10 @@ impl Sphere {
         [1.0, 1e-3, 250.0].map(|radius| Self { radius }).to_vec()
     }
 
-    /// The part of a line inside the sphere. The discriminant `b^2 - a c` is written `r^2 |d|^2 -
-    /// |o x d|^2` (Lagrange's identity): the squared half chord as a difference of two squared
-    /// lengths, without the cancellation that makes far or small spheres ragged (compare Haines et
-    /// al., Precision improvements for ray/sphere intersection, Ray Tracing Gems, 2019).
+    /// The part of a line inside the sphere. The discriminant `b^2 - a c` is written
+    /// `r^2 |d|^2 - |o x d|^2` (Lagrange's identity): the squared half chord as a difference of two
+    /// squared lengths, without the cancellation that makes far or small spheres ragged (compare
+    /// Haines et al., Precision improvements for ray/sphere intersection, Ray Tracing Gems, 2019).
     fn span(&self, o: DVec3, d: DVec3) -> Option<Span> {
         let (reach, distance) = (self.radius * d.length(), accurate_cross(o, d).length());
         if distance.is_nan() || distance > reach {

@@ -1,12 +1,12 @@
 //! A triangle in the picture: a convex polygon in pixels, with its nearness.
 //!
 //! All methods use the same two functions of a pixel, which are defined only here:
-//! [`Facet::covers`] decides whether the pixel's centre is in the polygon, and [`Nearness::at`] gives
-//! the nearness of the plane there. Both are evaluated by the same operations in the same order, so
-//! that all methods get the same bits. Both are also *monotonic* along rows and columns, rounding
-//! included: an offset is subtracted, a factor multiplied and a number added, which preserves
-//! order. So results at the corners of a rectangle of pixels hold for all of it, and a row of
-//! pixels intersects a polygon in one piece.
+//! [`Facet::covers`] decides whether the pixel's centre is in the polygon, and [`Nearness::at`]
+//! gives the nearness of the plane there. Both are evaluated by the same operations in the same
+//! order, so that all methods get the same bits. Both are also *monotonic* along rows and columns,
+//! rounding included: an offset is subtracted, a factor multiplied and a number added, which
+//! preserves order. So results at the corners of a rectangle of pixels hold for all of it, and a
+//! row of pixels intersects a polygon in one piece.
 
 use snell_math::{DVec2, DVec3};
 

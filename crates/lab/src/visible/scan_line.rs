@@ -3,7 +3,6 @@
 //! Computing Surveys 1974, section on Watkins).
 //!
 //! A row of pixels intersects each facet in a *segment*. Segments are sorted by their left ends,
-//! A row of pixels intersects each facet in a *segment*. Segments are sorted by their left ends,
 //! starting from the order of the row above, so that few have to move. From left to right, a
 //! *sample span* reaches from one begin or end of a segment to the next. The same segments cross
 //! all pixels of a span; a segment that is in front at both ends is visible in the whole span. If

@@ -2,9 +2,9 @@
 //! unit in the last place for the given coordinates, however thin the triangle, however grazing the
 //! ray, and however far away both are.
 //!
-//! With the edges `e1`, `e2` and the vector `r` from the ray's origin to a corner, `t = (e1 x e2) .
-//! r / (e1 x e2) . d`. Double-double numbers suffice unless nearly 50 bits cancel, which a bound on
-//! their error detects; then the two determinants are computed exactly.
+//! With the edges `e1`, `e2` and the vector `r` from the ray's origin to a corner,
+//! `t = (e1 x e2) . r / (e1 x e2) . d`. Double-double numbers suffice unless nearly 50 bits cancel,
+//! which a bound on their error detects; then the two determinants are computed exactly.
 
 use snell_math::exact::{DoubleDouble, Expansion, Number};
 use snell_math::{DRay, DVec3};

@@ -9,7 +9,6 @@
 //! edge, start in a plane or run along a plane, and rays of extraordinary size, are traced through
 //! the tree, with the same results. Spheres and flat shapes are tested sixteen rays at a time
 //! ([`shapes`]), other shapes ray by ray. All except flat shapes have their boxes tested first.
-//! a look at their boxes before.
 
 mod exact;
 mod outliers;

@@ -3,9 +3,9 @@
 //! All arithmetic is in `f32`, except the distance of the origin from a plane that is not
 //! perpendicular to an axis, which decides whether a ray starts in front of the surface that it
 //! leaves. In the following error bounds, `u = 2^-24`, `D` is the largest distance of any vertex
-//! from the origin of the ray along any axis, `S` the largest component of the direction, and `s =
-//! |n d|` for the unit normal `n` (errors are relative to `D S / s`, which is at least `D / sqrt
-//! 3`):
+//! from the origin of the ray along any axis, `S` the largest component of the direction, and
+//! `s = |n d|` for the unit normal `n` (errors are relative to `D S / s`, which is at least
+//! `D / sqrt 3`):
 //!
 //! - The error of `s` is less than `7 u S`, and lanes with `s` below [`LEAST_SLOPE`] of `S` are not
 //!   decided here; so the error of the distance `t` to the plane is `12.6 u D / s`.
@@ -135,9 +135,9 @@ impl<D: Doubles16> ListPacket<D> {
     ///
     /// The line misses the box if an axis perpendicular to the line and to an edge of the box
     /// separates both (Gottschalk, Lin and Manocha, OBBTree, 1996); the ray misses it also if it
-    /// starts beyond a side and goes away. The errors of coordinates and products are less than `12
-    /// u` of the distance `D`, with `u = 2^-24`, and the width is `17 u D`, so the box is padded by
-    /// `33 u D`.
+    /// starts beyond a side and goes away. The errors of coordinates and products are less than
+    /// `12 u` of the distance `D`, with `u = 2^-24`, and the width is `17 u D`, so the box is
+    /// padded by `33 u D`.
     #[inline(always)]
     pub fn may_meet(&self, token: D::Token, list: &List, bounds: &Bounds3) -> u32 {
         let (low, high) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());

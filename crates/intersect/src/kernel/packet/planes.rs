@@ -29,9 +29,9 @@ pub(super) struct Planes {
     /// Then the height of a corner is off by `3 r dn + 15 u r n`; the position of a line (`3 s`
     /// away at most) by `8 u s` on each axis, so its height by `6 s dn + 16 u s n`; the product
     /// with a direction (of slopes up to 1.25) by `4 dn + 10 u n`, times `b`; the sums by `u` of
-    /// their magnitudes. Together that is less than `(r + s + b) (6 dn + 64 u n)`, where `dn` is `8
-    /// u` of the product of two edges, and `n` up to twice that product. In double precision `dn`
-    /// is at most `u n`, and `r` only counts with the height itself.
+    /// their magnitudes. Together that is less than `(r + s + b) (6 dn + 64 u n)`, where `dn` is
+    /// `8 u` of the product of two edges, and `n` up to twice that product. In double precision
+    /// `dn` is at most `u n`, and `r` only counts with the height itself.
     pub error: [f32; 8],
     /// The least magnitude of the dot product of normal and direction whose sign is certain.
     pub upright: [f32; 8],

@@ -38,10 +38,10 @@ impl Trial {
     }
 }
 
-/// Decides whether triangles are small compared with packets. Then each ray hits a different triangle, and
-/// testing ray by ray is better than testing triangle by triangle. Periodically a few traversals
-/// count the triangles of a leaf that a packet may hit, and the others use the result. It changes
-/// no hit.
+/// Decides whether triangles are small compared with packets. Then each ray hits a different
+/// triangle, and testing ray by ray is better than testing triangle by triangle. Periodically a few
+/// traversals count the triangles of a leaf that a packet may hit, and the others use the result.
+/// It changes no hit.
 #[derive(Default)]
 pub(super) struct Detail {
     turn: u32,

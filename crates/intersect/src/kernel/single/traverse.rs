@@ -320,8 +320,8 @@ impl<'a, L: Lanes8> Place<'a, L> {
         }
     }
 
-    /// Performs [`test_object`] for an ordinary ray in an ordinary forest. Most instances are static,
-    /// and the ray is ordinary in their coordinates too, so they are entered directly.
+    /// Performs [`test_object`] for an ordinary ray in an ordinary forest. Most instances are
+    /// static, and the ray is ordinary in their coordinates too, so they are entered directly.
     #[inline(always)]
     fn test_object<G: Goal>(
         self,

@@ -101,9 +101,9 @@ pub(crate) fn lines_through<L: Lanes8>(
     !inside.add(bound).signs() & 0xff
 }
 
-/// Performs [`LocalRay::project`] for eight vertices at a time, mirrored at the origin. All differences
-/// are reversed (which saves a load each), so all coordinates have the opposite sign, and the edge
-/// values, which are products of two coordinates, are the same.
+/// Performs [`LocalRay::project`] for eight vertices at a time, mirrored at the origin. All
+/// differences are reversed (which saves a load each), so all coordinates have the opposite sign,
+/// and the edge values, which are products of two coordinates, are the same.
 pub(crate) struct MirroredFrame<L> {
     axes: Axes,
     origin: [L; 3],
