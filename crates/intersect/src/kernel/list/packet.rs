@@ -97,7 +97,7 @@ pub(super) struct Blocked {
     pub blocked: u32,
     /// The rays that may hit a face in their interval.
     pub doubtful: u32,
-    /// The rays that certainly hit a face somewhere ahead.
+    /// The rays that may hit a face somewhere ahead, also beyond their interval.
     pub met: u32,
 }
 

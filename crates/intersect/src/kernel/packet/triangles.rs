@@ -20,9 +20,9 @@ use crate::search::{RealOf, Verdict};
 use snell_math::simd::Lanes16;
 use std::mem::MaybeUninit;
 
-/// Up to this number of rays, rays are tested one or two at a time against all triangles; more rays
-/// are tested together against one triangle at a time. The second limit is for occlusion queries,
-/// per register that a vector of sixteen takes.
+/// Up to this number of rays, the triangles of a block that rays may hit are found by testing the
+/// rays one or two at a time against all triangles; with more rays, all rays are tested together.
+/// The second limit is for occlusion queries, per register that a vector of sixteen takes.
 const FEW_RAYS: u32 = 6;
 const FEW_RAYS_OF_ANY: u32 = 4;
 

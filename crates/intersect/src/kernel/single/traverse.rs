@@ -369,8 +369,9 @@ impl<'a, L: Lanes8> Place<'a, L> {
     }
 }
 
-/// True if the largest component of a direction is positive. Children are stored in a node in the
-/// order of their positions along the axes, so for such a ray those in the last slots are ahead.
+/// True if the component of a direction with the largest magnitude is positive. Children are stored
+/// in a node in the order of their positions along the axes, so for such a ray those in the last
+/// slots are ahead.
 #[inline(always)]
 fn is_ascending(direction: DVec3) -> bool {
     let size = direction.abs();
