@@ -47,7 +47,8 @@ struct Set<'p> {
     room: &'p mut [Primitive],
     len: usize,
     extent: Extent,
-    /// Sum of half of the areas of the boxes; not computed if there is no room for more pieces.
+    /// Sum of the half surface areas of the boxes; not computed if there is no room for more
+    /// pieces.
     areas: f64,
     depth: usize,
 }
@@ -227,8 +228,8 @@ fn share(
     (first + spare, [a, b])
 }
 
-/// The sum of half of the areas of the boxes. Sums of pieces of fixed size are added in order, so
-/// the result does not depend on the threads.
+/// The sum of the half surface areas of the boxes. Sums of pieces of fixed size are added in order,
+/// so the result does not depend on the threads.
 fn areas(primitives: &[Primitive]) -> f64 {
     let of = |p: &[Primitive]| p.iter().map(|p| f64::from(p.bounds().half_area())).sum::<f64>();
     if primitives.len() < PARALLEL {

@@ -58,8 +58,8 @@ pub(crate) struct PreparedRay {
     pub slack: f32,
 }
 
-/// The planes of the eight boxes of a node on one side of an axis, given as the index of the first
-/// plane within [`crate::tree::node::WideNode::bounds`].
+/// The eight planes of a node on one side of an axis, one plane per box. The value is the index of
+/// the first plane within [`crate::tree::node::WideNode::bounds`].
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Planes(u8);
 

@@ -154,7 +154,7 @@ impl MovingMesh {
             return None;
         }
         let b = Bounds3d::of(self.keys().flat_map(|p| corners.map(|v| p[v].as_dvec3())));
-        // The same padding as that of a static triangle, see `mesh::padded_bounds`.
+        // A static triangle has the same padding, see `mesh::padded_bounds`.
         let margin = b.size().max_element() * PADDING
             + b.min.abs().max(b.max.abs()).max_element() * f64::from(f32::EPSILON)
             + f64::from(f32::MIN_POSITIVE);

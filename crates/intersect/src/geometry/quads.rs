@@ -51,7 +51,7 @@ impl QuadMesh {
         self.triangles.indices.is_empty()
     }
 
-    /// The triangles: those of quad `i` are `2 i` and `2 i + 1`.
+    /// The mesh of all triangles. Quad `i` consists of the triangles `2 i` and `2 i + 1`.
     pub fn triangles(&self) -> &Arc<TriangleMesh> {
         &self.triangles
     }

@@ -126,9 +126,9 @@ pub(crate) trait Visitor {
 /// Counters of a traversal.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Work {
-    /// The number of inner nodes visited.
+    /// The number of visited inner nodes.
     pub nodes: u32,
-    /// The number of cells of grids, or of leaves of trees that divide space, visited.
+    /// The number of visited cells of grids, or leaves of trees that divide space.
     pub cells: u32,
     /// Whether regions are recorded.
     is_recorded: bool,

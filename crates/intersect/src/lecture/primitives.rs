@@ -15,7 +15,7 @@ const LARGE: f64 = 40.0;
 /// The number of primitives up to which one thread is enough.
 pub(crate) const PARALLEL: usize = 4096;
 
-/// A primitive, and a box that contains every possible hit on it, or part of such a box.
+/// A primitive, and a box that contains every possible hit on it (or on a part of the primitive).
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Item {
     pub min: Vec3,

@@ -16,7 +16,7 @@ use crate::search::region::Region;
 use snell_math::DAffine3;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// The type of rays in the precision of a goal; those of hits, data and real numbers follow.
+/// The type of rays in the precision of a goal; the types of hits, data and reals follow.
 pub(crate) type RayOf<G> = <<G as Goal>::Precision as Precision>::Ray;
 pub(crate) type HitOf<G> = <<G as Goal>::Precision as Precision>::Hit;
 pub(crate) type DataOf<G> = <<G as Goal>::Precision as Facts>::Data;
@@ -177,8 +177,8 @@ impl<'a, G: Goal> Search<'a, G> {
     }
 }
 
-/// The goal of finding the nearest hit, and among equally near hits the one with the lowest
-/// (instance, geometry, primitive).
+/// The goal of finding the nearest hit. Among equally near hits, the hit with the lowest (instance,
+/// geometry, primitive) counts.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Closest<P: Facts> {
     /// The nearest hit so far; a miss as long as nothing is found.

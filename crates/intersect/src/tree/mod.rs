@@ -202,8 +202,8 @@ impl Forest {
 /// The number of traversal entries on the thread's stack; deeper forests allocate memory per query.
 pub(crate) const SMALL_STACK: usize = 512;
 
-/// True if the traversal of the bounded part of the forest fits the stacks of the fast kernels, and
-/// all trees are of ordinary size.
+/// True if the fast kernels can traverse the forest: all trees are of ordinary size, the root group
+/// has nodes, and the stacks are large enough.
 pub(crate) fn may_search(forest: &Forest) -> bool {
     forest.ordinary && forest.trees[0].root.is_node() && forest.stack_size() <= SMALL_STACK
 }

@@ -639,7 +639,7 @@ pub struct BuildStats {
     pub nodes: u64,
     /// Blocks of up to eight triangles in the leaves.
     pub triangle_blocks: u64,
-    /// Entries in the lists of primitives of the structures that have such lists.
+    /// Entries in the lists of primitives, for structures that have lists.
     pub references: u64,
     /// Depth of the deepest tree: the number of nodes on the longest path from the root of any
     /// group.

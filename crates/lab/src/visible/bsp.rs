@@ -333,8 +333,8 @@ impl Sight<'_> {
 /// Rows with links that skip filled pixels.
 struct Mask {
     width: usize,
-    /// For each column (and one beyond the last) of each row, a column from there on such that no
-    /// pixel before it is empty.
+    /// For each row and each column of it (and one column beyond), a link to the right that skips
+    /// only filled pixels. An empty pixel links to itself.
     next: Vec<u32>,
 }
 

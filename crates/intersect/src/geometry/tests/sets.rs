@@ -288,7 +288,7 @@ fn the_surface_has_its_point_normal_and_tangents_where_the_ray_hit() {
 
 #[test]
 fn texture_derivatives_are_those_of_the_surface() {
-    // Moving the point along dpdu changes u at the rate 1; dpdv and v likewise.
+    // Moving the point along dpdu changes u at the rate 1; moving it along dpdv changes v.
     for example in examples().iter().skip(1) {
         let mut random = Random(9);
         let (mut checked, mut good) = (0, 0);

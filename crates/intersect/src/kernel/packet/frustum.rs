@@ -512,7 +512,7 @@ impl Packet {
         W::splat(token, FARTHEST).le(W::load(token, &self.far))
     }
 
-    /// The middle and half of the width of the range of all slopes in [`PacketRays`].
+    /// The range of all slopes in [`PacketRays`], as its middle and half its width.
     #[inline(always)]
     pub fn slopes(&self) -> [[f32; 2]; 2] {
         let turn = self.sign * self.packet_rays.forward * 0.5;

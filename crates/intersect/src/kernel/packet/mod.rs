@@ -209,7 +209,7 @@ fn run<'s, W: Lanes16, G: Goal>(
     left
 }
 
-/// Prefetches the memory of the answers of a run, and that of the rays after it.
+/// Prefetches the memory for the answers of a run, and the rays that come after it.
 #[inline(always)]
 fn fetch_ahead<G: Goal>(next: &[RayOf<G>], run: Range<usize>, answers: &impl Answers<G>) {
     let mut at = 0;

@@ -27,7 +27,7 @@ pub(crate) struct PacketRays {
     pub slope: [PerRay<f32>; 2],
     /// The cross product of the point at `z = 0` and the direction; not used with a common origin.
     pub moment: [PerRay<f32>; 3],
-    /// The middle and half of the width of the range of the moments of all rays.
+    /// The range of the moments of all rays, as its middle and half its width.
     pub moments: [[f32; 3]; 2],
     /// Bounds on the start of the interval.
     pub begin: PerRay<f32>,

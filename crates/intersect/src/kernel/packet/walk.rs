@@ -338,8 +338,8 @@ fn descend<W: Lanes16, G: Goal>(
                 continue;
             }
             if common && child.is_node() {
-                // The tests of planes are as good here, and the traversal need not wait for those
-                // of the rays.
+                // For rays with a common origin, the planes around the packet are good enough, and
+                // the traversal need not wait for tests of single rays.
                 node = child.index();
                 break;
             }
