@@ -77,15 +77,15 @@ fn minus<D: Doubles16>(a: [D; 3], b: [D; 3]) -> [D; 3] {
     [a[0].sub(b[0]), a[1].sub(b[1]), a[2].sub(b[2])]
 }
 
-/// The same operations as [`super::triangle::Projection::project`].
+/// Projects vertices by the operations of [`super::triangle::Projection::project`].
 #[inline(always)]
 fn project<D: Doubles16>(v: [D::Singles; 3], o: [D::Singles; 3], shear: [D::Singles; 2]) -> [D; 2] {
     let (x, y, z) = (v[0].sub(o[0]), v[1].sub(o[1]), v[2].sub(o[2]));
     [D::of(x.sub(shear[0].mul(z))), D::of(y.sub(shear[1].mul(z)))]
 }
 
-/// The same operations as the function of this name in [`super::triangle`], without the symbolic
-/// shift: the sign of zero is left undecided.
+/// The signed area of the edge test, by the operations of the function with this name in
+/// [`super::triangle`] but without the symbolic shift: the sign of zero is left undecided.
 #[inline(always)]
 fn edge<D: Doubles16>(p: [D; 2], q: [D; 2]) -> D {
     p[0].mul(q[1]).sub(p[1].mul(q[0]))

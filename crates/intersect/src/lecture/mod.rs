@@ -185,7 +185,7 @@ impl Later {
     }
 }
 
-/// Performs [`Accelerator::walk`] with a `search` that gets a list for nodes to visit later, and
+/// Runs `search`, the body of [`Accelerator::walk`], with a list for nodes to visit later and with
 /// counters.
 fn walk_with_stack(
     visitor: &mut dyn Visitor,

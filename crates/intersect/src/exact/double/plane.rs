@@ -114,7 +114,7 @@ fn differences<T: Number>(p: &[T; 3], q: &[T; 3]) -> [DoubleDouble<T>; 3] {
     ]
 }
 
-/// The same quantity as [`Estimate::distance`], computed without rounding before the quotient.
+/// Computes [`Estimate::distance`] without rounding before the quotient.
 ///
 /// Positions and the direction are first scaled to near 1 by powers of two, so that nothing
 /// overflows, and only negligible numbers underflow.

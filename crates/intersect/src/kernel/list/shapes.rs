@@ -28,7 +28,7 @@ impl ListShape {
         }
     }
 
-    /// The same operations as `closest_in_z0` of flat shapes.
+    /// Intersects rays with a flat shape, by the operations of `closest_in_z0`.
     #[inline(always)]
     fn meet_flat<D: Doubles16>(
         &self,
@@ -59,7 +59,7 @@ impl ListShape {
         D::Singles::splat(token, f32::INFINITY).replace(hits, t)
     }
 
-    /// The same operations as the span of a sphere.
+    /// Intersects rays with a sphere, by the operations of the scalar code.
     #[inline(always)]
     fn meet_sphere<D: Doubles16>(
         &self,
@@ -128,7 +128,7 @@ impl ListShape {
     }
 }
 
-/// The same operations as `accurate_cross` of shapes, except for the sign of zero.
+/// The cross product, with the bits of `accurate_cross` of shapes except for the sign of zero.
 #[inline(always)]
 fn cross<D: Doubles16>(a: [D; 3], b: [D; 3], zero: D) -> [D; 3] {
     [
@@ -138,8 +138,8 @@ fn cross<D: Doubles16>(a: [D; 3], b: [D; 3], zero: D) -> [D; 3] {
     ]
 }
 
-/// The same operations as [`snell_math::robust::difference_of_products`], except for the sign of
-/// zero.
+/// The difference of products `a b - c d`, with the bits of
+/// [`snell_math::robust::difference_of_products`] except for the sign of zero.
 #[inline(always)]
 fn minor<D: Doubles16>(a: D, b: D, c: D, d: D, zero: D) -> D {
     let minus_cd = zero.sub(c.mul(d));

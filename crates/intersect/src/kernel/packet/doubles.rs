@@ -185,8 +185,8 @@ fn project<D: Lanes4>(relative: &[D; 3], packet: &Packet, shear: [D; 2]) -> [D; 
     [x.sub(shear[0].mul(*z)), y.sub(shear[1].mul(*z))]
 }
 
-/// The same operations as the function of this name in the exact test: the area, and the lanes
-/// where it is certainly positive and certainly negative.
+/// The signed area of the edge test, by the operations of the function with this name in the exact
+/// test. The masks have the lanes where the area is certainly positive and certainly negative.
 #[inline(always)]
 fn edge<D: Lanes4>(token: D::Token, p: [D; 2], q: [D; 2]) -> (D, u32, u32) {
     let (a, b) = (p[0].mul(q[1]), p[1].mul(q[0]));

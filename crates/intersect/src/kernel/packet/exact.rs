@@ -352,8 +352,8 @@ pub(super) fn exact3<W: Lanes16>(
     ]
 }
 
-/// The same operations as the function of this name in the exact test: the area, and the lanes
-/// where it is certainly positive and certainly negative.
+/// The signed area of the edge test, by the operations of the function with this name in the exact
+/// test. The masks have the lanes where the area is certainly positive and certainly negative.
 #[inline(always)]
 fn edge<D: DoubleLanes>(p: [D; 2], q: [D; 2]) -> (D, [u32; 2]) {
     let (a, b) = (p[0].mul(q[1]), p[1].mul(q[0]));
