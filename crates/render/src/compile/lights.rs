@@ -18,8 +18,8 @@ use std::collections::HashMap;
 use std::f64::consts::PI;
 use std::sync::OnceLock;
 
-/// Limits of the work and memory for listing emissive surfaces: a small file may instance an
-/// emissive mesh billions of times. The unit is one listed triangle or part.
+/// Limits of the work and memory for listing emissive surfaces, in units of looking at one
+/// triangle: a small file may instance an emissive mesh billions of times.
 const BUDGET: u64 = 1 << 28;
 const COST_OF_INSTANCE: u64 = 4096;
 const COST_OF_TRIANGLE: u64 = 64;
