@@ -364,8 +364,8 @@ fn from_surface(context: &Context, at: &Arrival, sample: DirectedSample) -> Opti
     let material_id = scene.material_id(&hit_of(&sample.surface));
     let material = scene.material(material_id);
     let point = scene.shading_point(&sample.surface, 0.0, at.mode);
-    // A ray hits a partly transparent lamp only with the probability `presence`, and the shadow ray
-    // ends just before the lamp.
+    // A ray hits a partly transparent lamp only with this probability, and the shadow ray ends
+    // before it.
     let presence = material.presence(direction, &point);
     let radiance = material.emitted(&point, -direction) * presence;
     if radiance.is_black() || !pdf.is_finite() || pdf <= 0.0 {

@@ -41,7 +41,7 @@ const WINDOW: f32 = 2.0;
 /// The field may be wrong.
 const LEAST_SURVIVAL: f32 = 0.2;
 
-/// A BSDF together with the cell of the guiding field at the point.
+/// A BSDF and the field's cell that helps it to find light.
 pub struct GuidedBsdf<'a> {
     /// The BSDF alone.
     pub shading: &'a ShadingBsdf<'a>,

@@ -215,8 +215,7 @@ pub(crate) fn plain_sky<'a>(context: &Context<'a>, depth: u32) -> Option<&'a Env
     scene.environment.as_deref().filter(|_| !shows_background && !is_sampled)
 }
 
-/// Does what [`escaped`] does, given the [place](EnvironmentLight::place) of the direction in the
-/// environment.
+/// The same with the [place](EnvironmentLight::place) of the direction in the environment.
 pub(crate) fn escaped_to(
     context: &Context,
     vertex: &Vertex,

@@ -34,7 +34,7 @@ const BATCH: usize = 4096;
 const MAX_DEPTH: u32 = 24;
 /// One photon in this many is used to make the projection maps.
 const SCOUTS: usize = 8;
-/// The largest survival probability of Russian roulette.
+/// The largest survival probability.
 const MAX_SURVIVAL: f32 = 0.95;
 
 /// The colour mode of photons. The directions of light hardly depend on the mode.

@@ -25,7 +25,7 @@ const NONE: MaterialId = MaterialId(u32::MAX);
 pub struct VolumeBatch<'a> {
     walker: Walker<'a>,
     known: KnownInsides,
-    /// The objects that the camera is inside, with the surfaces where the view enters them.
+    /// The materials of the objects that the camera is inside, each with a point of its surface.
     around_camera: Vec<(MaterialId, SurfaceInteraction)>,
     /// The objects that each path is inside, by number in `known`; `next` has them for next rays.
     insides: Vec<u32>,
