@@ -2,8 +2,8 @@
 //! shadowing.
 //!
 //! All directions here lie above the surface (`z > 0`); BSDFs mirror directions from below before
-//! they come here. The formulas are those of Heitz, Understanding the Masking-Shadowing Function
-//! (JCGT 2014), arranged so that nothing is divided by a cosine that may vanish.
+//! they call these methods. The formulas are those of Heitz, Understanding the Masking-Shadowing
+//! Function (JCGT 2014), arranged so that nothing is divided by a cosine that may vanish.
 
 use super::unit_or;
 use super::widths::Widths;

@@ -365,8 +365,8 @@ mod tests {
         }
     }
 
-    /// Traces rays in a real cylinder of radius 1 around x. Returns the direction, the attenuation
-    /// and the azimuth of the first paths.
+    /// Traces rays in a real cylinder of radius 1 around x. Returns, for each of the first paths,
+    /// the direction, the fraction of the light, and the length of the way inside.
     fn traced(h: f32, wo: Vec3, ior: f32) -> Vec<(Vec3, f32, f32)> {
         // A viewer at z sees positive offsets towards y.
         let start = Vec3::new(0.0, h, (1.0 - h * h).sqrt());
