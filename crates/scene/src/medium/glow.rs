@@ -7,7 +7,7 @@ use snell_math::{Bounds3d, ColorMode, DAffine3, SampledSpectrum, Vec2, Vec3, rng
 
 /// Maximum number of cells of the table along each axis.
 const MOST_CELLS: usize = 32;
-/// Points along each axis of a cell at which the emission is looked up.
+/// Number of points along each axis of a cell at which the emission is looked up.
 const POINTS: usize = 3;
 
 /// A table of the emission of a grid medium.
