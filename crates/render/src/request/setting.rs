@@ -179,7 +179,7 @@ pub(super) fn in_words(range: Range, is_whole: bool) -> String {
     }
 }
 
-/// Declares [`Request`](super::Request), with a [`Setting`] for each field.
+/// Declares the struct of wishes, `Request`, with a [`Setting`] for each field.
 macro_rules! settings {
     (
         $(#[$attribute:meta])*

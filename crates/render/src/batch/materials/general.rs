@@ -64,7 +64,7 @@ pub struct GeneralShader<'a> {
     alone: Vec<Alone>,
 }
 
-/// A sample of a light that [`LightSamples`](crate::batch::lights::LightSamples) does not handle.
+/// A sample of a light that [`LightSamples`] does not handle.
 #[derive(Debug)]
 struct Alone {
     lane: usize,
