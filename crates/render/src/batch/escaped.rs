@@ -3,7 +3,7 @@
 use super::lights::sky::{NO_PLACES, places_of};
 use super::{Batch, BatchShader, Shaded};
 use crate::integrator::path::{escaped_to, plain_sky};
-use crate::integrator::{Context, Vertex};
+use crate::integrator::Context;
 use crate::lanes::LANES;
 use snell_math::spectrum::RgbSpectrum;
 use snell_math::{ColorMode, ColorModel, SampledSpectrum, Vec2};
@@ -72,15 +72,9 @@ impl<'a> BatchShader<'a> for EscapedShader {
             } else if let Some(sky) = plain {
                 carried.throughput * sky.radiance_at(place, mode())
             } else {
-                let vertex = Vertex {
-                    depth: batch.depth,
-                    ray: &batch.paths.rays[path],
-                    state: &batch.paths.state(path),
-                    random: batch.random(path),
-                    surface: None,
-                    medium: None,
-                };
-                escaped_to(context, &vertex, |_| place).0
+                let direction = batch.paths.rays[path].direction;
+                let state = batch.paths.state(path);
+                escaped_to(context, batch.depth, direction, &state, |_| place).0
             };
             self.found.push((number, radiance));
         }

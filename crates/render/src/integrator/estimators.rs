@@ -30,12 +30,11 @@ pub fn environment(context: &Context, vertex: &Vertex) -> SampledSpectrum {
 ///
 /// The background is meant for camera rays. In scenes without an environment, mirrors and glass
 /// show it too.
-pub fn background(context: &Context, vertex: &Vertex) -> Option<SampledSpectrum> {
-    let shows =
-        vertex.depth == 0 || (vertex.state.is_specular && context.scene.environment.is_none());
+pub fn background(context: &Context, depth: u32, state: &PathState) -> Option<SampledSpectrum> {
+    let shows = depth == 0 || (state.is_specular && context.scene.environment.is_none());
     match context.scene.background {
-        Background::Color(color) if shows => Some(vertex.state.mode.illuminant(color)),
-        Background::Transparent if vertex.depth == 0 => Some(SampledSpectrum::ZERO),
+        Background::Color(color) if shows => Some(state.mode.illuminant(color)),
+        Background::Transparent if depth == 0 => Some(SampledSpectrum::ZERO),
         _ => None,
     }
 }
@@ -428,10 +427,10 @@ pub fn light_pdf_of_hit(context: &Context, vertex: &Vertex, surface: &SurfaceVer
 
 /// Density of a direction to the environment, multiplied by the probability of choosing the
 /// environment.
-pub fn environment_choice(context: &Context, vertex: &Vertex, pdf: f32) -> f32 {
+pub fn environment_choice(context: &Context, receiver: &Receiver, pdf: f32) -> f32 {
     match context.scene.environment_light() {
         Some(light) if pdf > 0.0 => {
-            pdf * context.lights.probability(&vertex.state.receiver, light, (0, 1.0))
+            pdf * context.lights.probability(receiver, light, (0, 1.0))
         }
         _ => 0.0,
     }

@@ -88,7 +88,8 @@ pub(crate) fn shining(
 /// The environment's radiance for a path that leaves the scene, multiplied by throughput and
 /// weight, and the MIS weight.
 pub(crate) fn escaped(context: &Context, vertex: &Vertex) -> (SampledSpectrum, f32) {
-    escaped_to(context, vertex, |sky| sky.place(vertex.ray.direction))
+    let direction = vertex.ray.direction;
+    escaped_to(context, vertex.depth, direction, vertex.state, |sky| sky.place(direction))
 }
 
 /// Adds a light ray towards a light sample, and returns the direction of the sample. `scattering`
@@ -215,34 +216,39 @@ pub(crate) fn plain_sky<'a>(context: &Context<'a>, depth: u32) -> Option<&'a Env
     scene.environment.as_deref().filter(|_| !shows_background && !is_sampled)
 }
 
-/// The same with the [place](EnvironmentLight::place) of the direction in the environment.
+/// What [`escaped`] returns for a path in this state that leaves the scene at this depth in this
+/// direction; `place` computes the [place](EnvironmentLight::place) of the direction in the
+/// environment.
+#[inline]
 pub(crate) fn escaped_to(
     context: &Context,
-    vertex: &Vertex,
+    depth: u32,
+    direction: Vec3,
+    state: &PathState,
     place: impl FnOnce(&EnvironmentLight) -> Vec2,
 ) -> (SampledSpectrum, f32) {
-    if let Some(background) = background(context, vertex) {
-        return (vertex.state.throughput * background, 1.0);
+    if let Some(background) = background(context, depth, state) {
+        return (state.throughput * background, 1.0);
     }
     let Some(sky) = &context.scene.environment else { return (SampledSpectrum::ZERO, 1.0) };
-    let (direction, strategy) = (vertex.ray.direction, context.settings.light_strategy);
+    let strategy = context.settings.light_strategy;
     let is_sampled = strategy == LightStrategy::Mis && context.scene.samples_environment(strategy);
     let place = place(sky);
-    let radiance = sky.radiance_at(place, vertex.state.mode);
+    let radiance = sky.radiance_at(place, state.mode);
     if radiance.is_black() {
         return (SampledSpectrum::ZERO, 1.0);
     }
     let weight = match strategy {
         LightStrategy::Mis if !is_sampled => 1.0,
-        LightStrategy::Mis => weight_of_bsdf_sample(context, vertex, || {
-            environment_choice(context, vertex, sky.pdf_compensated_at(place))
+        LightStrategy::Mis => weight_of_found_light(strategy, state.bsdf_pdf, || {
+            environment_choice(context, &state.receiver, sky.pdf_compensated_at(place))
         }),
         LightStrategy::Bsdf => 1.0,
-        LightStrategy::Light => weight_of_bsdf_sample(context, vertex, || {
-            environment_choice(context, vertex, sky.pdf(direction))
+        LightStrategy::Light => weight_of_found_light(strategy, state.bsdf_pdf, || {
+            environment_choice(context, &state.receiver, sky.pdf(direction))
         }),
     };
-    (vertex.state.throughput * radiance * weight, weight)
+    (state.throughput * radiance * weight, weight)
 }
 
 fn weight_of_bsdf_sample(context: &Context, vertex: &Vertex, light_pdf: impl Fn() -> f32) -> f32 {
