@@ -25,7 +25,7 @@ pub struct ThinFilm {
     pub mode: ColorMode,
 }
 
-/// Airy's series for one polarisation at one angle.
+/// One polarisation at one angle.
 #[derive(Clone, Copy)]
 struct Series {
     constant: f32,

@@ -63,7 +63,7 @@ snell_math::declare! {
     }
 }
 
-/// The side of a picture that an angle of view refers to.
+/// Which side of the picture an angle of view is about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum FovAxis {

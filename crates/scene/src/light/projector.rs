@@ -174,7 +174,7 @@ impl Slide {
             let u =
                 (DVec2::new(f64::from(i % n), f64::from(i / n)) + 0.5) / f64::from(n) * 2.0 - 1.0;
             let p = (u * self.half_size).extend(1.0);
-            // The intensity is weighted by the solid angle of a patch of the plane at distance 1.
+            // The solid angle of a patch of the plane at distance 1.
             sum += f64::from(self.at(p.normalize()).luminance()) / p.length().powi(3);
         }
         sum * 4.0 * self.half_size.x * self.half_size.y / f64::from(n * n)

@@ -290,7 +290,7 @@ snell_math::declare! {
 }
 
 snell_math::declare! {
-    /// A texture of normals that perturb the shading normal.
+    /// A normal map.
     #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
     pub struct NormalMap {
         /// Linear texture in which `2 rgb - 1` is the normal in the tangent frame.

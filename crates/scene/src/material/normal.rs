@@ -71,8 +71,8 @@ impl Bend {
         if let Some((tangent, sign)) = surface.tangent {
             return Self { local, tangent, upwards: Vec3::ZERO, side: 1.0f32.copysign(sign) };
         }
-        // Derivatives with respect to the texture's own coordinates, with the texture's transform
-        // undone. If that is singular, the derivatives are those of the surface.
+        // Derivatives by the texture's own coordinates, its transform undone; a singular one leaves
+        // the surface's.
         let [[a, b, _], [c, d, _]] = point
             .textures
             .image(map.texture)
