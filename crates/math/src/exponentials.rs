@@ -51,8 +51,8 @@ pub fn ln(x: f64) -> f64 {
 }
 
 /// `e^(x^2) erfc(x)`, the scaled complementary error function, for `x` of at least 0, including
-/// infinity, with a relative error below 1e-10. (Interpolation at Chebyshev nodes in `1 / (1 + 0.4
-/// x)`, which covers the whole axis.)
+/// infinity, with a relative error below 1e-10. (Interpolation at Chebyshev nodes in
+/// `1 / (1 + 0.4 x)`, which covers the whole axis.)
 #[inline(always)]
 pub fn erfcx(x: f64) -> f64 {
     const POWERS: [f64; 15] = [

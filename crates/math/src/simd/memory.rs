@@ -2,8 +2,8 @@
 
 use std::arch::x86_64::*;
 
-/// Makes pairs of functions that load and store a register: `name(intrinsics: type in memory,
-/// register type) = load, store`.
+/// Makes pairs of functions that load and store a register:
+/// `name(intrinsics: type in memory, register type) = load, store`.
 macro_rules! registers {
     ($(
         $load:ident, $store:ident ($feature:literal): $memory:ty, $register:ty =

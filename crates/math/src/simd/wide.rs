@@ -62,8 +62,9 @@ impl Level {
 }
 
 /// Calls `function`, which must be `#[inline(always)]`. If the first argument is `Some(Wide)`, the
-/// call is compiled for wide registers: `at_level!(wide, function, (a: A = value, b: B = value) ->
-/// C)`. If the types depend on a type parameter of the caller, that parameter is declared again:
+/// call is compiled for wide registers:
+/// `at_level!(wide, function, (a: A = value, b: B = value) -> C)`. If the types depend on a type
+/// parameter of the caller, that parameter is declared again:
 /// `at_level!(wide, <A: Bound> function::<A>, (a: A = value))`.
 #[macro_export]
 macro_rules! at_level {

@@ -129,8 +129,8 @@ impl TryFrom<Written> for RefractiveIndex {
     }
 }
 
-/// A glass or another clear substance with measured dispersion, by Sellmeier's formula `n^2 = 1 +
-/// sum of B lambda^2 / (lambda^2 - C)` with the wavelength in micrometres.
+/// A glass or another clear substance with measured dispersion, by Sellmeier's formula
+/// `n^2 = 1 + sum of B lambda^2 / (lambda^2 - C)` with the wavelength in micrometres.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Glass(usize);
 

@@ -135,8 +135,8 @@ pub fn lift_of_opaque(context: &Context, vertex: &Vertex, surface: &SurfaceVerte
     }
 }
 
-/// Light from a point of light number `light`. For a shape the point is uniform by area, and `u =
-/// (0.5, 0.5)` gives its middle. It serves integrators without multiple importance sampling.
+/// Light from a point of light number `light`. For a shape the point is uniform by area, and
+/// `u = (0.5, 0.5)` gives its middle. It serves integrators without multiple importance sampling.
 pub fn sample_whole_light(
     context: &Context,
     at: &Arrival,

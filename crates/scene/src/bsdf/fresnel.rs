@@ -30,8 +30,8 @@ pub fn refracted(w: Vec3, n: Vec3, eta: f32) -> (Vec3, bool) {
 }
 
 /// Reflectance of an interface between dielectrics for unpolarised light. `cos_i >= 0` is the
-/// cosine on the side from which light comes, and `eta` is that of [`refract`]. Exactly 0 for `eta
-/// = 1`. The function has no branches, so that loops over it become vector code.
+/// cosine on the side from which light comes, and `eta` is that of [`refract`]. Exactly 0 for
+/// `eta = 1`. The function has no branches, so that loops over it become vector code.
 #[inline(always)]
 pub fn dielectric(cos_i: f32, eta: f32) -> f32 {
     let cos_i = cos_i.clamp(0.0, 1.0);

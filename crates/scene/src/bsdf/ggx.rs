@@ -186,8 +186,8 @@ impl Ggx {
     }
 
     /// The value `f |cos(wi)|` of refraction into `wi` (mirrored to the upper side) by facets with
-    /// normal `m` and transmittance 1, without the density and the Jacobian of the facets: `D G2
-    /// (wo . m) / wo.z`.
+    /// normal `m` and transmittance 1, without the density and the Jacobian of the facets:
+    /// `D G2 (wo . m) / wo.z`.
     pub fn refraction_flux(self, wo: Vec3, wi: Vec3, m: Vec3) -> f32 {
         self.density(m) * 4.0 * self.visibility(wo, wi) * wi.z * wo.dot(m).abs()
     }

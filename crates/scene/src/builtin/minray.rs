@@ -194,8 +194,8 @@ pub fn minray_scene(description: &MinrayDescription) -> Result<Scene, MinrayErro
 /// Sets a camera at the origin that looks along `+y`, with `z` up. With `h = size / 2` rounded
 /// down, the ray of pixel `(x, y)` has the direction `(x - h, h / tan(aov / 2), h - y)`. For an
 /// even size, these rays pass through the upper left corners of the pixels of a view with that
-/// angle. For an odd size, they pass through the pixels' centres in a view that is wider by `size /
-/// (2 h)`.
+/// angle. For an odd size, they pass through the pixels' centres in a view that is wider by
+/// `size / (2 h)`.
 fn set_view(scene: &mut Scene, description: &MinrayDescription) {
     let size = description.size;
     let half = f64::from((size / 2).max(1));

@@ -57,8 +57,8 @@ pub(super) fn frame_content(
     let center = bounds.center();
     let mut camera = Camera::from_direction(center, -from_object(up), up, projection);
     let (right, up, towards) = (camera.right(), camera.up, camera.towards);
-    // The sides of a view pyramid with these slopes that touch the contents from outside: `x -
-    // slope z <= reach` and so on, relative to the middle of the box.
+    // The sides of a view pyramid with these slopes that touch the contents from outside:
+    // `x - slope z <= reach` and so on, relative to the middle of the box.
     let reach = |slopes: [f64; 2]| -> [f64; 4] {
         let [x, y] = slopes.map(|slope| towards * slope);
         let normals = [right - x, -right - x, up - y, -up - y];

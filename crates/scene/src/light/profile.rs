@@ -121,8 +121,8 @@ impl Value for IntensityTable {
 }
 
 impl IntensityTable {
-    /// A table over polar angles and azimuths, in radians. The polar angles ascend within `[0,
-    /// pi]`. The azimuths are either a single one, for a light that is the same all around, or
+    /// A table over polar angles and azimuths, in radians. The polar angles ascend within
+    /// `[0, pi]`. The azimuths are either a single one, for a light that is the same all around, or
     /// ascend from 0 to a full turn. `values` holds the intensities of all polar angles for the
     /// first azimuth, then for the next; outside of the polar angles there is no light. Negative or
     /// undefined values count as 0. `None` if the angles or counts do not meet these conditions.

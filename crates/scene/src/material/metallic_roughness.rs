@@ -14,8 +14,8 @@ snell_math::declare! {
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(default, deny_unknown_fields)]
     pub struct MetallicRoughness {
-        /// Diffuse colour of the dielectric and reflectance of the metal at normal incidence, `[0,
-        /// 1]`; multiplied by the vertex colour.
+        /// Diffuse colour of the dielectric and reflectance of the metal at normal incidence,
+        /// `[0, 1]`; multiplied by the vertex colour.
         #[range(Range::SHARE)]
         pub base_color: ColorParam,
         /// Fraction of metal: 0 is a dielectric, 1 a metal.

@@ -10,8 +10,8 @@ use snell_math::{ColorMode, DVec3, Rgb, Vec3};
 const MAX_EXPONENT: f64 = 60.0;
 
 snell_math::declare! {
-    /// Fog, haze, or air whose density falls exponentially with height: `exp(-height /
-    /// scale_height)`.
+    /// Fog, haze, or air whose density falls exponentially with height:
+    /// `exp(-height / scale_height)`.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     pub struct HeightFog {
         /// Absorption coefficient per scene unit of length at height 0.

@@ -143,8 +143,8 @@ impl Track {
 }
 
 impl Clip {
-    /// The times of the first and the last key over all channels and parameters, in seconds; `[0,
-    /// 0]` for an empty clip.
+    /// The times of the first and the last key over all channels and parameters, in seconds;
+    /// `[0, 0]` for an empty clip.
     pub fn span(&self) -> [f64; 2] {
         let parameters = self.parameters.iter().map(|p| p.curve.span());
         together(self.channels.iter().map(|c| c.track.span()).chain(parameters))

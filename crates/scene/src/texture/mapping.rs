@@ -87,8 +87,8 @@ impl Default for Mapping {
 }
 
 impl Mapping {
-    /// The scaled and shifted texture coordinates of the surface, upright: `(scale u + offset,
-    /// scale (1 - v) + offset)`.
+    /// The scaled and shifted texture coordinates of the surface, upright:
+    /// `(scale u + offset, scale (1 - v) + offset)`.
     pub fn upright([su, sv]: [f32; 2], [du, dv]: [f32; 2]) -> Self {
         Self::Uv { uv_set: 0, uv_transform: [[su, 0.0, du], [0.0, -sv, sv + dv]] }
     }
