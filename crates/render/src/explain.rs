@@ -74,7 +74,7 @@ pub struct Addition {
     pub radiance: SampledSpectrum,
 }
 
-/// Where a ray ended.
+/// The point at which a ray ended, with what was found there.
 #[derive(Clone, Debug)]
 pub struct PathVertex {
     /// Position of the vertex that the ray came from; `None` for the camera.

@@ -8,7 +8,6 @@ use snell_scene::{Background, LayeredImage};
 
 /// The linear picture of a film, with its layers. The alpha channel is kept only with a transparent
 /// background.
-/// background.
 pub fn picture(film: &Film, settings: &Settings, compiled: &CompiledScene) -> LayeredImage {
     let mut picture = film.image();
     if settings.integrator == IntegratorKind::Aov

@@ -2,6 +2,7 @@
 
 /// Declares a struct, or an enum of variants, with its parameters. The parameters are the fields,
 /// each with its documentation and these attributes, in this order:
+///
 /// * `#[range(…)]`: the [`Range`](crate::parameters::Range) of the numbers in the field,
 /// * `#[usual(…)]`: the range outside of which numbers are most likely a mistake,
 /// * `#[unit("…")]`: the unit of the numbers,

@@ -156,7 +156,7 @@ impl Glass {
         GLASSES.iter().position(|g| g.name.eq_ignore_ascii_case(name)).map(Self)
     }
 
-    /// Its name, such as `BK7`.
+    /// The name of the glass, such as `BK7`.
     pub fn name(self) -> &'static str {
         GLASSES[self.0].name
     }

@@ -52,7 +52,7 @@ pub struct VertexLanes {
 /// The columns of the fields of [`Carried`] that batches need.
 #[derive(Debug)]
 pub struct CarriedLanes {
-    /// By channel.
+    /// The throughput, by color channel.
     pub throughput: HitColors,
     pub eta_scale: HitLanes,
     /// The width of the ray cone at the vertex.
@@ -316,7 +316,7 @@ impl RayColumns<'_> {
 /// values.
 #[derive(Clone, Copy, Debug)]
 pub struct CarriedColumns<'a> {
-    /// By channel.
+    /// The throughput, by color channel.
     pub throughput: &'a HitColors,
     pub eta_scale: &'a HitLanes,
     pub cone_width: &'a HitLanes,

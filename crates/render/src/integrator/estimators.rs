@@ -274,7 +274,6 @@ pub(crate) fn from_environment(
 /// Points are sampled by volume, whereas paths find emission along their whole segment in the
 /// medium. To make the two densities comparable, that of a point is the density of its direction
 /// multiplied by a typical length of segments in the medium.
-/// segments in the medium.
 fn from_glow(at: &Arrival, medium: MediumId, glow: &Glow, u: Vec2) -> Option<IncidentLight> {
     let (target, pdf) = glow.sample(u);
     let to_light = target - at.position;

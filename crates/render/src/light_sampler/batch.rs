@@ -75,7 +75,7 @@ impl<'a> Receivers<'a> {
     }
 }
 
-/// Compiled for each SIMD level; see [`LightBvh::sample_batch`].
+/// The body of [`LightBvh::sample_batch`], compiled for each SIMD level.
 #[inline(always)]
 pub(super) fn sample_batch(
     tree: &LightBvh,

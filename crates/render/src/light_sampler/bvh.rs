@@ -299,7 +299,7 @@ impl Node {
     }
 }
 
-/// Compiled for each SIMD level; see [`LightBvh::sample`].
+/// The body of [`LightBvh::sample`], compiled for each SIMD level.
 #[inline(always)]
 fn sample(tree: &LightBvh, receiver: &Receiver, u: f32) -> Option<ChosenLight> {
     let local = tree.local(receiver);

@@ -9,11 +9,10 @@
 //! [`Walker`] handles one ray, for the textbook renderer. Batches compute the same bits: sets of
 //! objects are numbered ([`KnownInsides`]), and the points where rays continue
 //! ([`InterfaceCrossings`]) and the transport in homogeneous media ([`HomogeneousBatch`]) are
-//! computed 64 at a time. In a Cornell box around a cube of fog, everything except tracing takes
+//! computed 64 at a time. In a Cornell box around a cube of fog, everything except tracing took
 //! 2,000 ns per sample without batches, 1,300 with numbered sets and batched crossings, and 1,000
-//! with segments and vertices (`batch/media.rs`) in lanes too. Most of the rest is moving data into
-//! and out of lanes.
-//! data into and out of lanes costs more than the arithmetic.
+//! with segments and vertices (`batch/media.rs`) in lanes too. No single part stands out in the
+//! rest: moving data into and out of lanes costs more than the arithmetic.
 
 mod homogeneous;
 mod insides;

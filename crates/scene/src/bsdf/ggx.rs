@@ -154,7 +154,7 @@ impl Ggx {
 
     /// Samples a direction into which facets visible from `wo` reflect it. Most facets that would
     /// reflect below the surface are left out (Eto and Tokuyoshi); `None` if the sampled direction
-    /// is below all the same.
+    /// is still below.
     pub fn sample_reflection(self, wo: Vec3, u: Vec2) -> Option<Vec3> {
         let (wi, exists) = self.drawn_reflection(wo, u);
         exists.then_some(wi)

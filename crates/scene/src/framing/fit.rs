@@ -23,7 +23,6 @@ const ELEVATION: f64 = 0.3;
 ///
 /// Infinite sides (of planes) are cut to the extent of the finite ones. An empty box counts as a
 /// unit cube, and a point is given some extent. The camera is focused on the middle of the box.
-/// cube, and a point is given some extent. The camera is focused on the middle of the box.
 pub fn frame(bounds: &Bounds3d, up: DVec3, aspect: f64) -> Camera {
     let bounds = sane(bounds);
     frame_content(&bounds, up, aspect, |directions| Extent::of_box(&bounds, directions))

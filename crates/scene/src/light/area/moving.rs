@@ -40,7 +40,6 @@ impl MovingAreaLight {
 
     /// The map to the world at a time from 0 (the shutter opens) to 1 (it closes). `None` if the
     /// map is singular, so that rays cannot hit the surface.
-    /// rays cannot hit the surface.
     fn place(&self, time: f32) -> Option<Transform> {
         let mut place = Transform::IDENTITY;
         for carrier in &self.carriers {
