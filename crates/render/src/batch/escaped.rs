@@ -2,8 +2,8 @@
 
 use super::lights::sky::{NO_PLACES, places_of};
 use super::{Batch, BatchShader, Shaded};
-use crate::integrator::path::{escaped_to, plain_sky};
 use crate::integrator::Context;
+use crate::integrator::path::{escaped_to, plain_sky};
 use crate::lanes::LANES;
 use snell_math::spectrum::RgbSpectrum;
 use snell_math::{ColorMode, ColorModel, SampledSpectrum, Vec2};

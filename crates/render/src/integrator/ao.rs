@@ -13,7 +13,8 @@ pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
     let mode = vertex.state.mode;
     let white: SampledSpectrum = mode.in_white_light(mode.unit());
     let Some(surface) = &vertex.surface else {
-        out.radiance = super::estimators::background(context, vertex.depth, vertex.state).unwrap_or(white);
+        out.radiance =
+            super::estimators::background(context, vertex.depth, vertex.state).unwrap_or(white);
         return;
     };
     let interaction = surface.interaction;

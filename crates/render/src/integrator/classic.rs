@@ -30,7 +30,8 @@ const LEAST_THROUGHPUT: f32 = 1e-4;
 pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
     let throughput = vertex.state.throughput;
     let Some(surface) = &vertex.surface else {
-        let seen = background(context, vertex.depth, vertex.state).unwrap_or_else(|| environment(context, vertex));
+        let seen = background(context, vertex.depth, vertex.state)
+            .unwrap_or_else(|| environment(context, vertex));
         out.radiance = throughput * seen;
         return;
     };

@@ -428,9 +428,7 @@ pub fn light_pdf_of_hit(context: &Context, vertex: &Vertex, surface: &SurfaceVer
 /// environment.
 pub fn environment_choice(context: &Context, receiver: &Receiver, pdf: f32) -> f32 {
     match context.scene.environment_light() {
-        Some(light) if pdf > 0.0 => {
-            pdf * context.lights.probability(receiver, light, (0, 1.0))
-        }
+        Some(light) if pdf > 0.0 => pdf * context.lights.probability(receiver, light, (0, 1.0)),
         _ => 0.0,
     }
 }

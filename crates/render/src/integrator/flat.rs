@@ -13,7 +13,8 @@ pub(crate) const FLAT: Integrator =
 /// Vertex function of `flat`.
 pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
     let Some(surface) = &vertex.surface else {
-        out.radiance = background(context, vertex.depth, vertex.state).unwrap_or_else(|| environment(context, vertex));
+        out.radiance = background(context, vertex.depth, vertex.state)
+            .unwrap_or_else(|| environment(context, vertex));
         return;
     };
     let point = surface.point(context.scene);
