@@ -6,13 +6,13 @@
 //! results are functions of the ray, the state of the path, and random numbers that depend on
 //! (pixel, sample, vertex, step) alone; the driver forms the batches.
 //!
-//! [`Walker`] handles one ray, for the textbook renderer. Batches compute the same bits: sets of
-//! objects are numbered ([`KnownInsides`]), and the points where rays continue
-//! ([`InterfaceCrossings`]) and the transport in homogeneous media ([`HomogeneousBatch`]) are
-//! computed 64 at a time. In a Cornell box around a cube of fog, everything except tracing took
-//! 2,000 ns per sample without batches, 1,300 with numbered sets and batched crossings, and 1,000
-//! with segments and vertices (`batch/media.rs`) in lanes too. No single part stands out in the
-//! rest: moving data into and out of lanes costs more than the arithmetic.
+//! [`Walker`] handles one ray, as the textbook renderer needs it. Batches compute the same with the
+//! same bits: sets of objects are numbered ([`KnownInsides`]), the points where rays continue are
+//! computed 64 at a time ([`InterfaceCrossings`]), and so is the transport in homogeneous media
+//! ([`HomogeneousBatch`]). In a Cornell box around a cube of fog, everything except tracing took
+//! 2,000 ns a sample without batches, 1,300 with numbered sets and crossings, and 1,000 with
+//! segments and vertices (`batch/media.rs`) in lanes too. The rest has no single hot spot: moving
+//! data into and out of lanes costs more than the arithmetic.
 
 mod homogeneous;
 mod insides;
