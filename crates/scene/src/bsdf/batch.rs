@@ -142,7 +142,7 @@ enum Kind {
 }
 
 impl BatchBsdf {
-    /// The batch form of a BSDF; `None` for kinds that have none.
+    /// `None` of kinds that have no batch form.
     pub fn of(bsdf: &Bsdf) -> Option<Self> {
         if let Bsdf::Dielectric(glass) = bsdf {
             return BatchGlass::of(glass).map(|glass| Self(Kind::Glass(glass)));

@@ -1,10 +1,10 @@
 //! Fuzz: fibres on a surface, as on velvet, or dust.
 //!
-//! The model is a volume of fibre-like flakes, fitted by linearly transformed cosines (Zeltner,
-//! Burley and Chiang, Practical Multiple-Scattering Sheen Using Linearly Transformed Cosines,
-//! SIGGRAPH 2022 talks). `sheen.bin` is the table that the authors publish with the talk
-//! (repository tizian/ltc-sheen, Apache 2.0). It has the coefficients `a` and `b` of the inverse
-//! transform and the reflectance, for 32 roughnesses and 32 cosines, as 32-bit numbers.
+//! A volume of fibre-like flakes, fitted by linearly transformed cosines (Zeltner, Burley and
+//! Chiang, Practical Multiple-Scattering Sheen Using Linearly Transformed Cosines, SIGGRAPH 2022
+//! talks). `sheen.bin` is the table that its authors publish with the talk (repository
+//! tizian/ltc-sheen, Apache 2.0): for 32 roughnesses and 32 cosines the coefficients `a` and `b` of
+//! the inverse transform and the reflectance, as 32-bit numbers.
 
 use snell_math::{Frame, Vec2, Vec3, sampling};
 
@@ -18,20 +18,20 @@ fn entry(row: usize, column: usize) -> [f32; 3] {
     })
 }
 
-/// White fuzz of one roughness, seen from one direction above the surface.
+/// White fuzz of one roughness, seen from one direction above.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct FuzzLobe {
-    /// The frame whose x axis is the azimuth of the viewer.
+    /// The azimuth of the viewer is `x`.
     frame: Frame,
     a: f32,
     b: f32,
-    /// The fraction of light that is reflected; the rest reaches the layers below.
+    /// Share of light reflected; the rest reaches the layers below.
     pub(super) reflectance: f32,
 }
 
 impl FuzzLobe {
     pub(super) fn new(roughness: f32, wo: Vec3) -> Self {
-        // Rows of lower roughness are empty: such fibres are too straight to be visible.
+        // The rows of the lowest roughness are empty: such fibres are too straight to be visible.
         let (row, r) = super::energy::nodes(roughness.max(0.07), SIZE);
         let (column, c) = super::energy::nodes(wo.z, SIZE);
         let lerp = |a: [f32; 3], b: [f32; 3], t: f32| -> [f32; 3] {
@@ -47,13 +47,12 @@ impl FuzzLobe {
         }
     }
 
-    /// Density per steradian of light from `wi`, above the surface.
+    /// Density per steradian with which light comes from `wi`, above.
     pub(super) fn pdf(&self, wi: Vec3) -> f32 {
         let w = self.frame.to_local(wi);
         let original = Vec3::new(self.a * w.x + self.b * w.z, self.a * w.y, w.z);
         let length2 = original.length_squared();
-        // The cosine divided by the length, times the determinant divided by the cube of the
-        // length.
+        // Cosine over length, times determinant over the cube of the length.
         sampling::cosine_hemisphere_pdf(w.z) * self.a * self.a / (length2 * length2)
     }
 

@@ -114,8 +114,8 @@ fn sobol(i: u32) -> [f32; 3] {
     })
 }
 
-/// The fraction of a uniform surrounding that is seen, from the first `n` points of Sobol's
-/// sequence.
+/// The radiance that a BSDF shows towards `wo` if radiance 1 arrives from all directions, estimated
+/// with the first `n` points of Sobol's sequence.
 fn furnace(kind: &MaterialKind, bsdf: &Bsdf, wo: Vec3, n: u32) -> [f64; 3] {
     static POINTS: std::sync::LazyLock<Vec<[f32; 3]>> =
         std::sync::LazyLock::new(|| (0..1 << 17).map(sobol).collect());

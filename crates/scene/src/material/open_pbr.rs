@@ -91,7 +91,7 @@ snell_math::declare! {
         /// Colour that scattering under the surface gives, `[0, 1]`.
         #[range(Range::SHARE)]
         pub subsurface_color: ColorParam,
-        /// Mean free path under the surface, in units of the scene.
+        /// Mean free path there, in units of the scene.
         #[range(Range::AMOUNT)]
         #[unit("scene units")]
         pub subsurface_radius: ScalarParam,
@@ -129,7 +129,7 @@ snell_math::declare! {
         /// Roughness of the fuzz: 0 for thin straight fibres, 1 for dust.
         #[range(Range::SHARE)]
         pub fuzz_roughness: ScalarParam,
-        /// Fraction of the base that a thin film covers, `[0, 1]`.
+        /// Share of the base that a thin film covers, `[0, 1]`.
         #[range(Range::SHARE)]
         pub thin_film_weight: ScalarParam,
         /// Thickness of the film in micrometres.

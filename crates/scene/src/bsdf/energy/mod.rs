@@ -7,10 +7,10 @@
 //! conserves energy. Layered materials use the same numbers for the fraction of light that reaches
 //! the layers below.
 //!
-//! The tables in `tables.bin` were integrated by `generate.rs`. Directions are interpolated at
-//! nodes whose position is half the cosine in units of the roughness ([`Widths::steepness`]), in
-//! which albedos are smooth even for nearly smooth surfaces at grazing angles, and half the cosine
-//! itself, for the critical angle.
+//! The tables in `tables.bin` were integrated by `generate.rs`. Half of their nodes along the
+//! direction follow the cosine in units of the roughness ([`Widths::steepness`]), in which albedos
+//! are smooth even for nearly smooth surfaces at grazing angles, and half the cosine itself, for
+//! the critical angle.
 
 #[cfg(test)]
 mod generate;
@@ -497,7 +497,8 @@ impl DielectricLoss {
     }
 }
 
-/// [`DielectricLoss`] of a rough surface with precomputed nodes, for its outer and its inner side.
+/// [`DielectricLoss`] of a rough surface seen from its outer and its inner side, for many
+/// evaluations.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct DielectricLossLines {
     widths: Widths,
