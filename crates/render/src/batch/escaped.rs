@@ -1,4 +1,4 @@
-//! Paths of `path` and `direct` that leave the scene: the environment's radiance.
+//! Paths of `path` and `direct` that leave the scene and find the environment's radiance.
 
 use super::lights::sky::{NO_PLACES, places_of};
 use super::{Batch, BatchShader, Shaded};
@@ -12,14 +12,14 @@ use snell_scene::light::environment::EnvironmentLight;
 /// Shades paths that hit nothing.
 pub struct EscapedShader {
     found: Vec<(u32, SampledSpectrum)>,
-    /// The radiance of a constant environment, in RGB.
+    /// The radiance of a constant environment in RGB mode.
     constant: Option<SampledSpectrum>,
-    /// The same for all wavelengths, if paths have any.
+    /// The spectrum of that radiance, in spectral mode.
     spectrum: Option<RgbSpectrum>,
 }
 
 impl EscapedShader {
-    /// `None` unless the integrator is `path` or `direct`.
+    /// Makes the shader; `None` unless the integrator is `path` or `direct`.
     pub fn new(context: &Context) -> Option<Self> {
         let is_spectral = context.settings.color == ColorModel::Spectral;
         let color = context.scene.environment.as_deref().and_then(EnvironmentLight::constant);

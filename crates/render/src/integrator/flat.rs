@@ -1,4 +1,4 @@
-//! No illumination: every surface shows its colour.
+//! The integrator without illumination: every surface shows its colour.
 
 use super::estimators::{background, environment};
 use super::{Context, Family, Integrator, Outputs, Vertex, outgoing};
@@ -22,7 +22,7 @@ pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
     let shading = surface.material.bsdf(&point);
     let color = vertex.state.mode.in_white_light(shading.bsdf.albedo(shading.frame.to_local(wo)));
     let emitted = surface.material.emitted(&point, wo);
-    // A lamp is as bright as white paper here.
+    // The brightest channel of a lamp is shown like that of white paper.
     let brightest =
         surface.material.emitted(&ShadingPoint { mode: ColorMode::Rgb, ..point }, wo).max_element();
     out.radiance = color + if brightest > 1.0 { emitted / brightest } else { emitted };
