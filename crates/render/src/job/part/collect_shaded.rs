@@ -64,9 +64,7 @@ impl<'a> PartRenderer<'a> {
         shaded: &Shaded<'_>,
     ) {
         let Some(light) = shaded.light else { return };
-        // Column by column, which is twice as fast as path by path. (Transposing eight by eight in
-        // registers was no faster, perhaps because stores that miss the first-level cache take the
-        // time.)
+        // (Column by column, which is twice as fast as path by path.)
         let Self { paths: from, light_rays, lanes, kept, .. } = self;
         let first = light_rays.values.len();
         let path = |lane: u32| shaded.paths[lane as usize] as usize;
