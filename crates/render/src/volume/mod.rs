@@ -9,10 +9,7 @@
 //! [`Walker`] handles one ray, as the textbook renderer needs it. Batches compute the same with the
 //! same bits: sets of objects are numbered ([`KnownInsides`]), the points where rays continue are
 //! computed 64 at a time ([`InterfaceCrossings`]), and so is the transport in homogeneous media
-//! ([`HomogeneousBatch`]). In a Cornell box around a cube of fog, everything except tracing took
-//! 2,000 ns a sample without batches, 1,300 with numbered sets and crossings, and 1,000 with
-//! segments and vertices (`batch/media.rs`) in lanes too. The rest has no single hot spot: moving
-//! data into and out of lanes costs more than the arithmetic.
+//! ([`HomogeneousBatch`]).
 
 mod homogeneous;
 mod insides;

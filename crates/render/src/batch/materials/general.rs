@@ -227,8 +227,8 @@ impl<'a> GeneralShader<'a> {
             if !surface.is_lifted {
                 put(&mut self.lanes.lift, lane, Vec3::ZERO);
             }
-            // (What it is does not go through memory in RGB: that took 3 % of a render of rough
-            // materials.)
+            // (In RGB the scattering function is put into its lane from where it is, not copied
+            // first.)
             let bsdf = match self.color {
                 ColorModel::Rgb => {
                     surface.batch.inspect(|bsdf| self.bsdfs.put(lane, bsdf, &bsdf.point()))
