@@ -11,7 +11,7 @@ mod batch;
 pub(super) use batch::BatchGloss;
 
 use super::batch::LobeSpectra;
-use super::energy::DielectricReflection;
+use super::energy::{DielectricReflection, Directional};
 use super::film::ThinFilm;
 use super::mirror::mirror_branch;
 use super::{

@@ -45,6 +45,85 @@ impl From<Ggx> for Microfacets {
     }
 }
 
+/// What a [lobe without branches](super::branchless) asks of a distribution.
+pub(super) trait FacetDistribution: Copy {
+    /// As [`Widths::is_smooth`].
+    fn is_smooth(self) -> bool;
+
+    /// As [`Ggx::reflected`].
+    fn reflected(self, wo: Vec3, wi: Vec3) -> (Vec3, f32, f32, bool);
+
+    /// As [`Ggx::drawn_reflection`].
+    fn drawn_reflection(self, wo: Vec3, u: Vec2) -> (Vec3, bool);
+}
+
+/// [`Ggx`] of a surface that is known to be rough when the program is compiled.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Rough(Ggx);
+
+impl From<Widths> for Rough {
+    #[inline(always)]
+    fn from(widths: Widths) -> Self {
+        Self(widths.into())
+    }
+}
+
+impl Rough {
+    /// `None` for other distributions.
+    pub fn of(microfacets: Microfacets) -> Option<Self> {
+        microfacets.ggx().filter(|ggx| !ggx.is_smooth()).map(Self)
+    }
+
+    /// The widths.
+    #[inline(always)]
+    pub fn widths(self) -> Widths {
+        self.0.widths()
+    }
+}
+
+impl FacetDistribution for Rough {
+    #[inline(always)]
+    fn is_smooth(self) -> bool {
+        false
+    }
+
+    #[inline(always)]
+    fn reflected(self, wo: Vec3, wi: Vec3) -> (Vec3, f32, f32, bool) {
+        self.0.reflected(wo, wi)
+    }
+
+    #[inline(always)]
+    fn drawn_reflection(self, wo: Vec3, u: Vec2) -> (Vec3, bool) {
+        self.0.drawn_reflection(wo, u)
+    }
+}
+
+impl FacetDistribution for Microfacets {
+    #[inline(always)]
+    fn is_smooth(self) -> bool {
+        self.widths().is_smooth()
+    }
+
+    #[inline]
+    fn reflected(self, wo: Vec3, wi: Vec3) -> (Vec3, f32, f32, bool) {
+        match self {
+            Self::Ggx(ggx) => ggx.reflected(wo, wi),
+            Self::Beckmann(beckmann) => beckmann
+                .reflection_and_pdf(wo, wi)
+                .map_or((Vec3::Z, 0.0, 0.0, false), |(m, value, pdf)| (m, value, pdf, true)),
+        }
+    }
+
+    fn drawn_reflection(self, wo: Vec3, u: Vec2) -> (Vec3, bool) {
+        match self {
+            Self::Ggx(ggx) => ggx.drawn_reflection(wo, u),
+            Self::Beckmann(beckmann) => {
+                beckmann.sample_reflection(wo, u).map_or((Vec3::Z, false), |wi| (wi, true))
+            }
+        }
+    }
+}
+
 /// Dispatches to the distribution.
 macro_rules! ask {
     ($microfacets:expr, $known:ident => $answer:expr) => {

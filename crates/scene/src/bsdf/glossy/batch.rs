@@ -1,7 +1,8 @@
 //! The gloss over an opaque Lambertian body, for batches of directions.
 
-use super::super::batch::{BatchDrawn, BatchLobes, LobeSpectra};
-use super::super::energy::{DielectricReflectionBy, Line, Nodes};
+use super::super::batch::{BatchLobes, LobeSpectra};
+use super::super::branchless::{BranchlessDrawn, BranchlessLobes};
+use super::super::energy::{DielectricReflectionBy, Directional, Line, Nodes};
 use super::super::{Choice, Ggx, fresnel, lift, lower_like};
 use super::GlossyBsdf;
 use snell_math::simd::select;
@@ -40,7 +41,6 @@ impl Colors {
 /// As [`super::GlossySeen`].
 pub struct Seen {
     wo: Vec3,
-    colors: Colors,
     gloss: SampledSpectrum,
     passed: SampledSpectrum,
     choice: Choice<2>,
@@ -95,8 +95,7 @@ impl<const SMOOTH: bool, N: Nodes> BatchGloss<SMOOTH, N> {
 
     /// As [`GlossyBsdf::body_value`].
     #[inline(always)]
-    fn body_value(&self, seen: &Seen, wi: Vec3) -> SampledSpectrum {
-        let colors = &seen.colors;
+    fn body_value(&self, colors: &Colors, seen: &Seen, wi: Vec3) -> SampledSpectrum {
         let passed = seen.passed * (SampledSpectrum::ONE - self.gloss_albedo(colors, wi));
         let coupling =
             passed.zip(colors.passed_average, |x, mean| if mean > 1e-5 { x / mean } else { 0.0 });
@@ -104,10 +103,63 @@ impl<const SMOOTH: bool, N: Nodes> BatchGloss<SMOOTH, N> {
     }
 }
 
-impl<const SMOOTH: bool, N: Nodes> BatchLobes for BatchGloss<SMOOTH, N> {
+impl<const SMOOTH: bool, N: Nodes> BranchlessLobes for BatchGloss<SMOOTH, N> {
     type Seen = Seen;
     type Colors = Colors;
 
+    #[inline(always)]
+    fn seen(&self, colors: &Colors, wo: Vec3) -> Seen {
+        let gloss = self.gloss_albedo(colors, lift(wo));
+        let passed = SampledSpectrum::ONE - gloss;
+        Seen { wo, gloss, passed, choice: Choice::new([gloss, colors.body * passed]) }
+    }
+
+    #[inline(always)]
+    fn value_and_pdf_from(&self, colors: &Colors, seen: &Seen, wi: Vec3) -> (SampledSpectrum, f32) {
+        let [gloss, diffuse] = seen.choice.probabilities;
+        let is_seen = seen.wo.z * wi.z > 0.0;
+        let wi = lift(wi);
+        let (body, cosine) =
+            (self.body_value(colors, seen, wi), sampling::cosine_hemisphere_pdf(wi.z));
+        let (value, pdf) = if SMOOTH {
+            (body, diffuse * cosine)
+        } else {
+            let wo = lift(seen.wo);
+            let (m, value, pdf, exists) = self.ggx.reflected(wo, wi);
+            let facets = self.fresnel(colors, wo.dot(m)) * value;
+            let facets = facets.map(|x| if exists { x } else { 0.0 });
+            (facets + body, gloss * if exists { pdf } else { 0.0 } + diffuse * cosine)
+        };
+        (value.map(|x| if is_seen { x } else { 0.0 }), if is_seen { pdf } else { 0.0 })
+    }
+
+    #[inline(always)]
+    fn draw_from(&self, colors: &Colors, seen: &Seen, u_lobe: f32, u: Vec2) -> BranchlessDrawn {
+        let wo = seen.wo;
+        let (is_gloss, exists) = seen.choice.picks_first(u_lobe);
+        let exists = exists & (wo.z != 0.0);
+        let body = lower_like(sampling::cosine_hemisphere(u), wo);
+        if SMOOTH {
+            let delta = self.fresnel(colors, wo.z.abs()) / seen.choice.probabilities[0];
+            let mirror = Vec3::new(-wo.x, -wo.y, wo.z);
+            return BranchlessDrawn::reflected(
+                select(is_gloss, mirror, body),
+                exists,
+                Some((is_gloss, delta)),
+            );
+        }
+        let (facet, is_above) = self.ggx.drawn_reflection(lift(wo), u);
+        let wi = select(is_gloss, lower_like(facet, wo), body);
+        BranchlessDrawn::reflected(wi, exists & (is_above | !is_gloss), None)
+    }
+
+    #[inline(always)]
+    fn albedo_from(&self, colors: &Colors, seen: &Seen) -> SampledSpectrum {
+        seen.gloss + colors.body * seen.passed
+    }
+}
+
+impl<const SMOOTH: bool, N: Nodes> BatchLobes for BatchGloss<SMOOTH, N> {
     #[inline(always)]
     fn own_colors(&self, body: SampledSpectrum) -> Colors {
         Colors { body, ..self.own }
@@ -116,55 +168,5 @@ impl<const SMOOTH: bool, N: Nodes> BatchLobes for BatchGloss<SMOOTH, N> {
     #[inline(always)]
     fn colors_of(&self, spectra: &LobeSpectra) -> Colors {
         Colors::new(spectra.base, spectra.specular, self.mean)
-    }
-
-    #[inline(always)]
-    fn seen(&self, wo: Vec3, colors: Colors) -> Seen {
-        let gloss = self.gloss_albedo(&colors, lift(wo));
-        let passed = SampledSpectrum::ONE - gloss;
-        Seen { wo, colors, gloss, passed, choice: Choice::new([gloss, colors.body * passed]) }
-    }
-
-    #[inline(always)]
-    fn value_and_pdf_from(&self, seen: &Seen, wi: Vec3) -> (SampledSpectrum, f32) {
-        let [gloss, diffuse] = seen.choice.probabilities;
-        let is_seen = seen.wo.z * wi.z > 0.0;
-        let wi = lift(wi);
-        let (body, cosine) = (self.body_value(seen, wi), sampling::cosine_hemisphere_pdf(wi.z));
-        let (value, pdf) = if SMOOTH {
-            (body, diffuse * cosine)
-        } else {
-            let wo = lift(seen.wo);
-            let (m, value, pdf, exists) = self.ggx.reflected(wo, wi);
-            let facets = self.fresnel(&seen.colors, wo.dot(m)) * value;
-            let facets = facets.map(|x| if exists { x } else { 0.0 });
-            (facets + body, gloss * if exists { pdf } else { 0.0 } + diffuse * cosine)
-        };
-        (value.map(|x| if is_seen { x } else { 0.0 }), if is_seen { pdf } else { 0.0 })
-    }
-
-    #[inline(always)]
-    fn draw_from(&self, seen: &Seen, u_lobe: f32, u: Vec2) -> BatchDrawn {
-        let wo = seen.wo;
-        let (is_gloss, exists) = seen.choice.picks_first(u_lobe);
-        let exists = exists & (wo.z != 0.0);
-        let body = lower_like(sampling::cosine_hemisphere(u), wo);
-        if SMOOTH {
-            let delta = self.fresnel(&seen.colors, wo.z.abs()) / seen.choice.probabilities[0];
-            let mirror = Vec3::new(-wo.x, -wo.y, wo.z);
-            return BatchDrawn::reflected(
-                select(is_gloss, mirror, body),
-                exists,
-                Some((is_gloss, delta)),
-            );
-        }
-        let (facet, is_above) = self.ggx.drawn_reflection(lift(wo), u);
-        let wi = select(is_gloss, lower_like(facet, wo), body);
-        BatchDrawn::reflected(wi, exists & (is_above | !is_gloss), None)
-    }
-
-    #[inline(always)]
-    fn albedo_from(&self, seen: &Seen) -> SampledSpectrum {
-        seen.gloss + seen.colors.body * seen.passed
     }
 }
