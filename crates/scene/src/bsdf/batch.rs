@@ -5,6 +5,7 @@ use super::coat::BatchCoated;
 use super::conductor::{BatchMetal, ComplexIor, F82};
 use super::dielectric::BatchGlass;
 use super::glossy::BatchGloss;
+use super::microfacets::{Rough, Smooth};
 use super::open_pbr::{BatchMixed, OnlySlab};
 use super::{Bsdf, ConductorBsdf, GlossyBsdf, Lobes};
 use snell_math::simd::Wide;
@@ -126,13 +127,13 @@ pub struct BatchBsdf(Kind);
 
 #[derive(Clone, Debug)]
 enum Kind {
-    RoughGloss(BatchGloss<false>),
-    SmoothGloss(BatchGloss<true>),
+    RoughGloss(BatchGloss<Rough>),
+    SmoothGloss(BatchGloss<Smooth>),
     Measured(BatchMetal<ComplexIor>),
     Colored(BatchMetal<F82>),
     Glass(BatchGlass),
-    RoughCoatedGloss(BatchCoated<BatchGloss<false>, false>),
-    SmoothCoatedGloss(BatchCoated<BatchGloss<false>, true>),
+    RoughCoatedGloss(BatchCoated<BatchGloss<Rough>, false>),
+    SmoothCoatedGloss(BatchCoated<BatchGloss<Rough>, true>),
     RoughCoatedMetal(BatchCoated<BatchMetal<F82>, false>),
     SmoothCoatedMetal(BatchCoated<BatchMetal<F82>, true>),
     Mixed(Box<BatchMixed>),
@@ -198,10 +199,10 @@ impl BatchBsdf {
     /// Its parameters where they do not vary over the surface.
     pub fn point(&self) -> BatchPoint {
         BatchPoint::with_body(match &self.0 {
-            Kind::RoughGloss(gloss) => gloss.own.body,
-            Kind::SmoothGloss(gloss) => gloss.own.body,
-            Kind::RoughCoatedGloss(coated) => coated.base.own.body,
-            Kind::SmoothCoatedGloss(coated) => coated.base.own.body,
+            Kind::RoughGloss(gloss) => gloss.body(),
+            Kind::SmoothGloss(gloss) => gloss.body(),
+            Kind::RoughCoatedGloss(coated) => coated.base.body(),
+            Kind::SmoothCoatedGloss(coated) => coated.base.body(),
             Kind::Mixed(mixed) => return mixed.point,
             _ => SampledSpectrum::ZERO,
         })
@@ -264,16 +265,16 @@ impl BatchBsdf {
             };
         }
         match &self.0 {
-            Kind::RoughGloss(bsdf) => evaluate_by!(BatchGloss<false>, bsdf),
-            Kind::SmoothGloss(bsdf) => evaluate_by!(BatchGloss<true>, bsdf),
+            Kind::RoughGloss(bsdf) => evaluate_by!(BatchGloss<Rough>, bsdf),
+            Kind::SmoothGloss(bsdf) => evaluate_by!(BatchGloss<Smooth>, bsdf),
             Kind::Measured(bsdf) => evaluate_by!(BatchMetal<ComplexIor>, bsdf),
             Kind::Colored(bsdf) => evaluate_by!(BatchMetal<F82>, bsdf),
             Kind::Glass(bsdf) => evaluate_by!(BatchGlass, bsdf),
             Kind::RoughCoatedGloss(bsdf) => {
-                evaluate_by!(BatchCoated<BatchGloss<false>, false>, bsdf)
+                evaluate_by!(BatchCoated<BatchGloss<Rough>, false>, bsdf)
             }
             Kind::SmoothCoatedGloss(bsdf) => {
-                evaluate_by!(BatchCoated<BatchGloss<false>, true>, bsdf)
+                evaluate_by!(BatchCoated<BatchGloss<Rough>, true>, bsdf)
             }
             Kind::RoughCoatedMetal(bsdf) => {
                 evaluate_by!(BatchCoated<BatchMetal<F82>, false>, bsdf)

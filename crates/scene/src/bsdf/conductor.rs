@@ -4,7 +4,7 @@ use super::batch::{BatchLobes, LobeSpectra};
 use super::branchless::{BranchlessDrawn, BranchlessLobes};
 use super::energy::{BouncedLobe, Directional, FacetLoss, FacetLossBy, Line, Nodes};
 use super::film::ThinFilm;
-use super::microfacets::{FacetDistribution, Rough};
+use super::microfacets::{FacetDistribution, KnownFacets, Rough};
 use super::mirror::mirror_branch;
 use super::{Choice, Drawn, Lobes, Microfacets, SpecularBranch, Widths, fresnel, lift, lower_like};
 use snell_math::simd::select;

@@ -45,10 +45,26 @@ impl From<Ggx> for Microfacets {
     }
 }
 
+/// Dispatches to the distribution.
+macro_rules! ask {
+    ($microfacets:expr, $known:ident => $answer:expr) => {
+        match $microfacets {
+            Microfacets::Ggx($known) => $answer,
+            Microfacets::Beckmann($known) => $answer,
+        }
+    };
+}
+
 /// What a [lobe without branches](super::branchless) asks of a distribution.
 pub(super) trait FacetDistribution: Copy {
+    /// The widths.
+    fn widths(self) -> Widths;
+
     /// As [`Widths::is_smooth`].
-    fn is_smooth(self) -> bool;
+    #[inline(always)]
+    fn is_smooth(self) -> bool {
+        self.widths().is_smooth()
+    }
 
     /// As [`Ggx::reflected`].
     fn reflected(self, wo: Vec3, wi: Vec3) -> (Vec3, f32, f32, bool);
@@ -68,20 +84,56 @@ impl From<Widths> for Rough {
     }
 }
 
-impl Rough {
+/// A surface that is known to be smooth when the program is compiled: it has no facets.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Smooth;
+
+/// Distributions of which the compiler knows whether the surface is rough.
+pub(super) trait KnownFacets: FacetDistribution {
     /// `None` for other distributions.
-    pub fn of(microfacets: Microfacets) -> Option<Self> {
+    fn of(microfacets: Microfacets) -> Option<Self>;
+}
+
+impl KnownFacets for Rough {
+    fn of(microfacets: Microfacets) -> Option<Self> {
         microfacets.ggx().filter(|ggx| !ggx.is_smooth()).map(Self)
     }
+}
 
-    /// The widths.
+impl KnownFacets for Smooth {
+    fn of(microfacets: Microfacets) -> Option<Self> {
+        microfacets.ggx().filter(|ggx| ggx.is_smooth()).map(|_| Self)
+    }
+}
+
+impl FacetDistribution for Smooth {
     #[inline(always)]
-    pub fn widths(self) -> Widths {
-        self.0.widths()
+    fn widths(self) -> Widths {
+        Widths::both(0.0)
+    }
+
+    #[inline(always)]
+    fn is_smooth(self) -> bool {
+        true
+    }
+
+    #[inline(always)]
+    fn reflected(self, _wo: Vec3, _wi: Vec3) -> (Vec3, f32, f32, bool) {
+        (Vec3::Z, 0.0, 0.0, false)
+    }
+
+    #[inline(always)]
+    fn drawn_reflection(self, _wo: Vec3, _u: Vec2) -> (Vec3, bool) {
+        (Vec3::Z, false)
     }
 }
 
 impl FacetDistribution for Rough {
+    #[inline(always)]
+    fn widths(self) -> Widths {
+        self.0.widths()
+    }
+
     #[inline(always)]
     fn is_smooth(self) -> bool {
         false
@@ -100,8 +152,8 @@ impl FacetDistribution for Rough {
 
 impl FacetDistribution for Microfacets {
     #[inline(always)]
-    fn is_smooth(self) -> bool {
-        self.widths().is_smooth()
+    fn widths(self) -> Widths {
+        ask!(self, known => known.widths())
     }
 
     #[inline]
@@ -122,16 +174,6 @@ impl FacetDistribution for Microfacets {
             }
         }
     }
-}
-
-/// Dispatches to the distribution.
-macro_rules! ask {
-    ($microfacets:expr, $known:ident => $answer:expr) => {
-        match $microfacets {
-            Microfacets::Ggx($known) => $answer,
-            Microfacets::Beckmann($known) => $answer,
-        }
-    };
 }
 
 impl Microfacets {

@@ -11,6 +11,7 @@ use super::super::energy::{
     BouncedLobe, DielectricReflection, DielectricReflectionBy, FacetLoss, FacetLossBy, Near,
     first_node,
 };
+use super::super::microfacets::Rough;
 use super::super::{
     BATCH, BatchInputs, BatchOutputs, Choice, ConductorBsdf, Ggx, GlossyBsdf, Microfacets, Widths,
     lift,
@@ -24,7 +25,7 @@ use snell_math::{SampledSpectrum, Vec2, Vec3};
 #[derive(Clone, Debug)]
 pub struct BatchMixed {
     metal: BatchMetal<F82>,
-    gloss: BatchGloss<false>,
+    gloss: BatchGloss<Rough>,
     /// The BSDF that the gloss was made from.
     dielectric: GlossyBsdf,
     /// Its parameters where nothing varies.
@@ -35,7 +36,7 @@ pub struct BatchMixed {
 struct Mixture {
     metalness: f32,
     metal: BatchMetal<F82, Near>,
-    gloss: BatchGloss<false, Near>,
+    gloss: BatchGloss<Rough, Near>,
 }
 
 /// As [`super::OpenPbrSeen`].
@@ -46,7 +47,7 @@ struct Seen<M, G> {
 }
 
 /// Values that depend on the roughness, by lane: of metal and of gloss only where they are needed.
-struct Rough {
+struct ByRoughness {
     loss: [FacetLoss; BATCH],
     /// Its mean.
     lost: [f32; BATCH],
@@ -73,7 +74,7 @@ impl BatchMixed {
         let point = BatchPoint {
             alpha: widths.alpha(),
             metalness: *metalness,
-            ..BatchPoint::with_body(of_gloss.own.body)
+            ..BatchPoint::with_body(of_gloss.body())
         };
         is_such.then_some(Self { metal, gloss: of_gloss, dielectric: *gloss, point })
     }
@@ -86,7 +87,7 @@ impl BatchMixed {
         inputs: &BatchInputs,
         outputs: &mut BatchOutputs,
     ) {
-        let rough = Rough::of(inputs, &self.dielectric);
+        let rough = ByRoughness::of(inputs, &self.dielectric);
         let (around_wo, around_wi) =
             (rough.around(inputs, inputs.wo), rough.around(inputs, inputs.wi));
         let mut exists = [false; BATCH];
@@ -125,7 +126,7 @@ impl BatchMixed {
     fn at(
         &self,
         inputs: &BatchInputs,
-        rough: &Rough,
+        rough: &ByRoughness,
         [loss, reflected]: &Around,
         i: usize,
     ) -> Mixture {
@@ -164,7 +165,7 @@ fn is_active(inputs: &BatchInputs, i: usize) -> [bool; 2] {
     [is_active && metalness > 0.0, is_active && metalness < 1.0]
 }
 
-impl Rough {
+impl ByRoughness {
     #[inline(always)]
     fn of(inputs: &BatchInputs, dielectric: &GlossyBsdf) -> Self {
         let roughest = Widths::both(1.0);
@@ -219,11 +220,11 @@ impl Rough {
 impl BranchlessLobes for Mixture {
     type Seen = Seen<
         <BatchMetal<F82, Near> as BranchlessLobes>::Seen,
-        <BatchGloss<false, Near> as BranchlessLobes>::Seen,
+        <BatchGloss<Rough, Near> as BranchlessLobes>::Seen,
     >;
     type Colors = (
         <BatchMetal<F82, Near> as BranchlessLobes>::Colors,
-        <BatchGloss<false, Near> as BranchlessLobes>::Colors,
+        <BatchGloss<Rough, Near> as BranchlessLobes>::Colors,
     );
 
     #[inline(always)]
