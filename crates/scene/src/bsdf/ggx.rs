@@ -51,7 +51,7 @@ impl Ggx {
 
     /// As [`Widths::root`], the only square root in the masking functions.
     #[inline(always)]
-    pub(super) fn root(self, w: Vec3) -> f32 {
+    fn root(self, w: Vec3) -> f32 {
         self.0.root(w)
     }
 
@@ -68,6 +68,12 @@ impl Ggx {
     /// Share of the facets that face `w` and are visible from it.
     pub fn masking(self, w: Vec3) -> f32 {
         2.0 * w.z / (w.z + self.root(w))
+    }
+
+    /// Area of the facets that are visible from `wo`, projected to it, per unit of surface.
+    #[inline(always)]
+    pub(super) fn visible_area(self, wo: Vec3) -> f32 {
+        0.5 * (wo.z + self.root(wo))
     }
 
     /// `G2(wo, wi) / (4 wo.z wi.z)`.

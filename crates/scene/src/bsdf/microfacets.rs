@@ -73,6 +73,61 @@ pub(super) trait FacetDistribution: Copy {
     fn drawn_reflection(self, wo: Vec3, u: Vec2) -> (Vec3, bool);
 }
 
+/// What a lobe without branches that also refracts asks of the distribution of a rough surface.
+pub(super) trait RefractingFacets: FacetDistribution {
+    /// As [`Ggx::density`].
+    fn density(self, m: Vec3) -> f32;
+
+    /// As [`Ggx::visibility`].
+    fn visibility(self, wo: Vec3, wi: Vec3) -> f32;
+
+    /// As [`Ggx::visible_area`].
+    fn visible_area(self, wo: Vec3) -> f32;
+
+    /// As [`Ggx::visible_normal`].
+    fn visible_normal(self, wo: Vec3, u: Vec2) -> Vec3;
+}
+
+impl RefractingFacets for Rough {
+    #[inline(always)]
+    fn density(self, m: Vec3) -> f32 {
+        self.0.density(m)
+    }
+
+    #[inline(always)]
+    fn visibility(self, wo: Vec3, wi: Vec3) -> f32 {
+        self.0.visibility(wo, wi)
+    }
+
+    #[inline(always)]
+    fn visible_area(self, wo: Vec3) -> f32 {
+        self.0.visible_area(wo)
+    }
+
+    #[inline(always)]
+    fn visible_normal(self, wo: Vec3, u: Vec2) -> Vec3 {
+        self.0.visible_normal(wo, u)
+    }
+}
+
+impl RefractingFacets for Microfacets {
+    fn density(self, m: Vec3) -> f32 {
+        ask!(self, known => known.density(m))
+    }
+
+    fn visibility(self, wo: Vec3, wi: Vec3) -> f32 {
+        ask!(self, known => known.visibility(wo, wi))
+    }
+
+    fn visible_area(self, wo: Vec3) -> f32 {
+        ask!(self, known => known.visible_area(wo))
+    }
+
+    fn visible_normal(self, wo: Vec3, u: Vec2) -> Vec3 {
+        self.sample_visible_normal(wo, u)
+    }
+}
+
 /// [`Ggx`] of a surface that is known to be rough when the program is compiled.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rough(Ggx);

@@ -36,7 +36,7 @@ pub use beckmann::Beckmann;
 pub use black::BlackBsdf;
 pub use coat::Coat;
 pub use conductor::{ComplexIor, ConductorBsdf, ConductorSeen, F82, FacetReflectance};
-pub use dielectric::{DielectricBsdf, DielectricSeen, RoughLosses, Split};
+pub use dielectric::{DielectricBsdf, DielectricSeen, Interface, Split};
 pub use diffuse::DiffuseBsdf;
 pub use film::ThinFilm;
 pub use ggx::Ggx;
