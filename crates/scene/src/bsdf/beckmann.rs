@@ -127,8 +127,13 @@ impl Beckmann {
         }
     }
 
+    /// As [`super::Ggx::visible_area`].
+    pub(super) fn visible_area(self, wo: Vec3) -> f32 {
+        self.stretched(wo).area() as f32
+    }
+
     /// `G2(wo, wi) / (4 wo.z wi.z)`.
-    fn visibility(self, wo: Vec3, wi: Vec3) -> f32 {
+    pub(super) fn visibility(self, wo: Vec3, wi: Vec3) -> f32 {
         let (o, i) = (self.stretched(wo), self.stretched(wi));
         (0.25 / (o.z * i.z + i.z * o.hidden() + o.z * i.hidden())) as f32
     }
@@ -152,7 +157,7 @@ impl Beckmann {
 
     /// Density of [`Self::sample_visible_normal`] per steradian of normals.
     pub fn visible_normal_pdf(self, wo: Vec3, m: Vec3) -> f32 {
-        self.density(m) * wo.dot(m).max(0.0) / self.stretched(wo).area() as f32
+        self.density(m) * wo.dot(m).max(0.0) / self.visible_area(wo)
     }
 
     /// The facet normal that reflects `wi` to `wo`, the value `f |cos(wi)|` of that reflection by
@@ -161,7 +166,7 @@ impl Beckmann {
     pub fn reflection_and_pdf(self, wo: Vec3, wi: Vec3) -> Option<(Vec3, f32, f32)> {
         let m = (wo + wi).try_normalize().filter(|m| m.z > 0.0)?;
         let density = self.density(m);
-        let pdf = if wi.z > 0.0 { density * 0.25 / self.stretched(wo).area() as f32 } else { 0.0 };
+        let pdf = if wi.z > 0.0 { density * 0.25 / self.visible_area(wo) } else { 0.0 };
         Some((m, density * self.visibility(wo, wi) * wi.z, pdf))
     }
 

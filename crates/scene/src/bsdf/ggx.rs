@@ -15,6 +15,7 @@ use std::f32::consts::FRAC_1_PI;
 pub struct Ggx(Widths);
 
 impl From<Widths> for Ggx {
+    #[inline(always)]
     fn from(widths: Widths) -> Self {
         Self(widths)
     }
@@ -50,7 +51,7 @@ impl Ggx {
 
     /// [`Widths::root`], the only square root in the masking functions.
     #[inline(always)]
-    pub(super) fn root(self, w: Vec3) -> f32 {
+    fn root(self, w: Vec3) -> f32 {
         self.0.root(w)
     }
 
@@ -67,6 +68,12 @@ impl Ggx {
     /// `G1(w)`: the fraction of the facets that face `w` which is visible from there.
     pub fn masking(self, w: Vec3) -> f32 {
         2.0 * w.z / (w.z + self.root(w))
+    }
+
+    /// Area of the facets that are visible from `wo`, projected to it, per unit of surface.
+    #[inline(always)]
+    pub(super) fn visible_area(self, wo: Vec3) -> f32 {
+        0.5 * (wo.z + self.root(wo))
     }
 
     /// `G2(wo, wi) / (4 wo.z wi.z)`.

@@ -1,7 +1,7 @@
 //! Glass, water and other clear media.
 
 use super::{ColorParam, ScalarParam, ShadingPoint, positive_ior, relative_ior};
-use crate::bsdf::{Bsdf, DielectricBsdf, MicrofacetShape, bounded};
+use crate::bsdf::{Bsdf, DielectricBsdf, Interface, MicrofacetShape, bounded};
 use serde::{Deserialize, Serialize};
 use snell_math::parameters::Range;
 use snell_math::spectrum::{Glass, LINE_D, RefractiveIndex};
@@ -105,20 +105,16 @@ impl Dielectric {
         let microfacets = self.microfacets.of_roughness(self.roughness.at(point));
         // With dispersion, the hero wavelength represents all of them.
         let unit = if self.ior.is_dispersive() { mode.hero_factor() } else { mode.unit() };
-        Bsdf::Dielectric(DielectricBsdf {
+        let interface = Interface {
             ior,
             tint: self.tint_at(point) * unit,
             reflection_tint: SampledSpectrum::ONE,
             unit,
             film: None,
             microfacets,
-            losses: DielectricBsdf::losses(
-                microfacets,
-                ior,
-                other.and_then(|other| other.losses.as_ref()),
-            ),
             arriving: self.transmittance(point.surface.t, mode),
-        })
+        };
+        Bsdf::Dielectric(DielectricBsdf::like(other, interface))
     }
 }
 

@@ -3,9 +3,9 @@
 use super::prepared::anywhere;
 use super::{ColorParam, FrameNeeds, Material, NormalMap, ScalarParam, ShadingPoint, positive_ior};
 use crate::bsdf::{
-    BatchBsdf, BatchPoint, Body, Bsdf, Coat, ConductorBsdf, DielectricBsdf, DiffuseBsdf,
-    FacetReflectance, Fuzz, Ggx, Gloss, GlossyBsdf, LobeSpectra, OpenPbrBsdf, RoughLosses,
-    SheetBsdf, Slabs, ThinFilm, Translucent, Widths, bounded, fresnel,
+    BatchBsdf, BatchPoint, Body, Bsdf, Coat, ConductorBsdf, DielectricBsdf, DiffuseBsdf, F82,
+    FacetReflectance, Fuzz, Ggx, Gloss, GlossyBsdf, Interface, LobeSpectra, OpenPbrBsdf, SheetBsdf,
+    Slabs, ThinFilm, Translucent, Widths, bounded, fresnel,
 };
 use crate::graph::TextureId;
 use crate::medium::{HenyeyGreenstein, MediumProperties};
@@ -424,7 +424,7 @@ impl OpenPbr {
         let clear = (1.0 - metalness) * transmission;
         let opaque = (1.0 - metalness) * (1.0 - transmission);
         let metal = || {
-            let facets = FacetReflectance::F82 { f0: base, edge: tint };
+            let facets = FacetReflectance::F82(F82 { f0: base, edge: tint });
             let unit = point.mode.unit() * common.specular_weight.min(1.0);
             ConductorBsdf::new(facets, unit, common.ggx).with_film(film)
         };
@@ -449,8 +449,7 @@ impl OpenPbr {
             metal: (metalness > 0.0).then(|| (metalness, metal())),
             opaque: (opaque > 0.0).then(|| (opaque, opaque_slab())),
             translucent: (clear > 0.0).then(|| {
-                let like =
-                    other.and_then(OpenPbrBsdf::solid).and_then(|solid| solid.losses.as_ref());
+                let like = other.and_then(OpenPbrBsdf::solid);
                 (clear, self.translucent(point, common, tint, film, like))
             }),
             subsurface: if has_inside { subsurface } else { 0.0 },
@@ -540,7 +539,7 @@ impl OpenPbr {
         common: &Common,
         tint: SampledSpectrum,
         film: Option<ThinFilm>,
-        like: Option<&RoughLosses>,
+        like: Option<&DielectricBsdf>,
     ) -> Translucent {
         let ior = modulated_ior(common.ior, common.specular_weight);
         let unit = point.mode.unit();
@@ -558,16 +557,16 @@ impl OpenPbr {
         }
         let ior = self.dispersed(ior, point);
         let crossing = if self.transmission_depth.at(point) > 0.0 { unit } else { color() };
-        Translucent::Solid(DielectricBsdf {
+        let interface = Interface {
             ior,
             tint: crossing * extra,
             reflection_tint: tint,
             unit,
             film,
             microfacets: common.ggx.into(),
-            losses: DielectricBsdf::losses(common.ggx.into(), ior, like),
             arriving: SampledSpectrum::ONE,
-        })
+        };
+        Translucent::Solid(DielectricBsdf::like(like, interface))
     }
 
     /// True if transmitted light disperses.

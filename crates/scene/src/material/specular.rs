@@ -2,7 +2,7 @@
 
 use super::prepared::anywhere;
 use super::{Dielectric, Material, MaterialKind, ShadingPoint, relative_ior};
-use crate::bsdf::{Bsdf, Lobes};
+use crate::bsdf::{Bsdf, Interface, Lobes};
 use crate::texture::TextureSet;
 use snell_intersect::SurfaceInteraction;
 use snell_math::{ColorMode, SampledSpectrum, Vec3};
@@ -41,9 +41,10 @@ impl Specular {
         }
         match (&bsdf, &material.kind) {
             (Bsdf::Dielectric(lobe), MaterialKind::Dielectric(glass))
-                if lobe.microfacets.is_smooth() =>
+                if lobe.interface().microfacets.is_smooth() =>
             {
-                Some(Self::Interface { ior: lobe.ior, tint: lobe.tint, glass: glass.clone() })
+                let &Interface { ior, tint, .. } = lobe.interface();
+                Some(Self::Interface { ior, tint, glass: glass.clone() })
             }
             (Bsdf::Conductor(_) | Bsdf::Mirror(_), _) if bsdf.is_delta() => {
                 Some(Self::Reflector(Box::new(bsdf)))

@@ -229,6 +229,12 @@ impl Albedo {
     }
 }
 
+/// A share of light as a function of the direction that it comes from or goes to.
+pub(super) trait Directional {
+    /// The share for a direction above.
+    fn towards(&self, w: Vec3) -> f32;
+}
+
 /// A function of direction by its values at the nodes along it.
 pub(super) trait Nodes {
     fn node(&self, i: usize) -> f32;
@@ -332,14 +338,16 @@ pub(super) struct FacetLoss {
     loss: Albedo,
 }
 
+impl Directional for FacetLoss {
+    /// Share of light lost towards (equally: from) a direction above.
+    fn towards(&self, w: Vec3) -> f32 {
+        if self.widths.is_smooth() { 0.0 } else { self.loss.directional(position(self.widths, w)) }
+    }
+}
+
 impl FacetLoss {
     pub(super) fn new(facets: Microfacets) -> Self {
         Self { widths: facets.widths(), loss: Albedo::loss(facets, FACETS, NO_INDEX) }
-    }
-
-    /// Share of light lost towards (equally: from) a direction above.
-    pub(super) fn towards(&self, w: Vec3) -> f32 {
-        if self.widths.is_smooth() { 0.0 } else { self.loss.directional(position(self.widths, w)) }
     }
 
     /// The nodes of a rough surface, for many evaluations.
@@ -366,10 +374,9 @@ pub(super) struct FacetLossBy<N> {
     pub loss: N,
 }
 
-impl<N: Nodes> FacetLossBy<N> {
-    /// As [`FacetLoss::towards`].
+impl<N: Nodes> Directional for FacetLossBy<N> {
     #[inline(always)]
-    pub(super) fn towards(&self, w: Vec3) -> f32 {
+    fn towards(&self, w: Vec3) -> f32 {
         self.loss.directional(position(self.widths, w))
     }
 }
@@ -393,6 +400,16 @@ pub(super) struct DielectricReflection {
     reflected: Albedo,
 }
 
+impl Directional for DielectricReflection {
+    /// Share of light reflected once towards a direction above.
+    fn towards(&self, w: Vec3) -> f32 {
+        match self.widths.is_smooth() {
+            true => super::fresnel::dielectric(w.z, self.ior),
+            false => reflected_towards(self.widths, self.ior, &self.reflected, w),
+        }
+    }
+}
+
 impl DielectricReflection {
     /// Seen from the side of lower index; `ior` is the other side's over this one's, at least 1.
     pub(super) fn new(facets: Microfacets, ior: f32) -> Self {
@@ -410,14 +427,6 @@ impl DielectricReflection {
             ior,
             indices,
             reflected: Albedo::reflected(facets, indices),
-        }
-    }
-
-    /// Share of light reflected once towards a direction above.
-    pub(super) fn towards(&self, w: Vec3) -> f32 {
-        match self.widths.is_smooth() {
-            true => super::fresnel::dielectric(w.z, self.ior),
-            false => reflected_towards(self.widths, self.ior, &self.reflected, w),
         }
     }
 
@@ -462,10 +471,9 @@ pub(super) struct DielectricReflectionBy<N> {
     pub reflected: N,
 }
 
-impl<N: Nodes> DielectricReflectionBy<N> {
-    /// As [`DielectricReflection::towards`].
+impl<N: Nodes> Directional for DielectricReflectionBy<N> {
     #[inline(always)]
-    pub(super) fn towards(&self, w: Vec3) -> f32 {
+    fn towards(&self, w: Vec3) -> f32 {
         reflected_towards(self.widths, self.ior, &self.reflected, w)
     }
 }
