@@ -173,8 +173,9 @@ fn ranges(count: usize, size: usize) -> impl Iterator<Item = Range<usize>> {
     (0..count).step_by(size).map(move |start| start..(start + size).min(count))
 }
 
-/// Each piece (size, used) has its used elements in front. Moves these elements together and
-/// returns their number.
+/// Moves the used elements of all pieces together, to the front. `pieces` has for each piece its
+/// size and the number of its used elements, which are at its front. Returns the number of all used
+/// elements.
 fn close_gaps<T: Copy>(items: &mut [T], pieces: &[(usize, usize)]) -> usize {
     let (mut from, mut to) = (0, 0);
     for &(size, used) in pieces {

@@ -28,9 +28,10 @@ const MAX_SLOPE: f32 = 1e12;
 /// `2 MAX_COORDINATE MAX_SLOPE`.
 const BEYOND: f32 = 4e24;
 
-/// Replaces the inverse of zero (divided by the origin where that is above 1), so that planes
-/// parallel to the ray are at a distance of about [`BEYOND`], unless they are as close as `4e-13`
-/// (or the rounding error of the origin).
+/// Replaces the inverse of a direction component of 0, after division by the magnitude of the
+/// origin's coordinate where that is above 1. So planes parallel to the ray are at a distance of
+/// about [`BEYOND`] or more, unless they are as close to the origin as `4e-13` (or its rounding
+/// error).
 const PARALLEL: f32 = 1e37;
 
 /// An ordinary ray prepared for the kernels, in the coordinates of a group. (The data of the box

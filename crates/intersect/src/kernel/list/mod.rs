@@ -360,9 +360,9 @@ struct Hits {
     found: Found,
     /// The indices of the triangles or objects that were hit, as the bits of floats.
     numbers: PerRay<f32>,
-    /// The rays for which the hits are not certain, and the rays that hit, or may hit, anything
-    /// ahead.
+    /// The rays for which the hits are not certain.
     uncertain: u32,
+    /// The rays that hit, or may hit, anything ahead.
     met: u32,
 }
 

@@ -69,20 +69,23 @@ pub(crate) struct Packet {
     pub exact: ExactColumns,
     /// Directions by axis of the group; used if nothing is rounded.
     pub direction: [PerRay<f32>; 3],
-    /// Slopes and offsets of the rays, by axis of the packet.
+    /// Slopes of the rays, by axis of the packet.
     pub slope: [PerRay<f32>; 2],
+    /// Offsets of the rays, by axis of the packet.
     offset: [PerRay<f32>; 2],
     /// The 2D cross product of slope and offset.
     across: PerRay<f32>,
-    /// The start and end of each ray in `z`; the end is before the start for a ray whose search is
-    /// over.
+    /// The start of each ray in `z`.
     near: PerRay<f32>,
+    /// The end of each ray in `z`; it is before the start for a ray whose search is over.
     far: PerRay<f32>,
-    /// The `z` of each ray at `t = 0`, and the magnitude of the change of `z` per unit of `t`.
+    /// The `z` of each ray at `t = 0`.
     start: PerRay<f32>,
+    /// The magnitude of the change of `z` per unit of `t`.
     along: PerRay<f32>,
-    /// The start of each interval, and the current padded limit; see [`Columns`].
+    /// The start of the interval of each ray.
     pub t_min: PerRay<f32>,
+    /// The current padded limit of each ray; see [`Columns::cull`].
     pub cull: PerRay<f32>,
     /// The origins used by triangle tests, by axis of the packet; not used with a common origin.
     pub projected_origin: [PerRay<f32>; 3],
@@ -102,7 +105,8 @@ pub(crate) struct Packet {
     /// Bound on the absolute errors of positions; 0 for a common origin at which nothing was
     /// rounded.
     margin: f32,
-    /// The minimum and maximum over all rays.
+    /// The smallest start and the largest end in `z` of all rays, and the ranges of their slopes
+    /// and offsets.
     packet_near: f32,
     pub packet_far: f32,
     low_slope: [f32; 2],
@@ -121,8 +125,9 @@ fn axes(d: [f32; 3]) -> Axes {
 
 /// The rays from which a packet is made, by axis of the group, rounded to nearest.
 pub(crate) struct Columns<W> {
-    /// Origins relative to the apex and relative to `point`; not used with a common origin.
+    /// Origins relative to the apex; not used with a common origin.
     pub from_apex: [W; 3],
+    /// Origins relative to `point`; not used with a common origin.
     pub from_point: [W; 3],
     pub direction: [W; 3],
     /// A point among the origins.
@@ -651,8 +656,9 @@ pub(crate) struct OneBox<W> {
     near: W,
     far: W,
     sides: [[W; 2]; 2],
-    /// The middle of the sides, and half of their distance, rounded up.
+    /// The middle of the two sides on each axis.
     middle: [W; 2],
+    /// Half of the distance of the two sides on each axis, rounded up.
     half: [W; 2],
 }
 

@@ -206,7 +206,7 @@ struct Search<'a> {
     point: DVec3,
     mask: u32,
     options: &'a [GeometryOptions],
-    /// The meshes of a world in double precision, if it is one.
+    /// The meshes of a world in double precision; `None` for a world in single precision.
     data: Option<&'a DoubleData>,
     best: Best,
     stack: &'a mut Vec<Entry>,

@@ -43,8 +43,9 @@ struct Spare(Mutex<Vec<Piece>>);
 
 static SPARE: Spare = Spare(Mutex::new(Vec::new()));
 
-/// The largest amount of memory kept, in bytes and in pieces (a fast build uses four pieces).
+/// The largest amount of memory kept, in bytes.
 const MOST_BYTES: usize = 64 << 20;
+/// The largest number of pieces kept. (A fast build uses four.)
 const MOST_PIECES: usize = 8;
 
 impl Spare {

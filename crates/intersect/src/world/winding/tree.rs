@@ -161,8 +161,8 @@ impl Tree {
     }
 
     /// The winding number of all items around a point. Nodes farther away than `accuracy` times
-    /// their radius are approximated by their moments; `exact` gives the number of each item of the
-    /// others.
+    /// their radius are approximated by their moments; `exact` gives the winding number of each
+    /// item in the other nodes.
     pub fn winding_number(
         &self,
         view: &View,
