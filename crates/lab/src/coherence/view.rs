@@ -22,8 +22,8 @@ pub struct View {
     direction: DVec3,
 }
 
-/// Affine functions of points, each as coefficients: x and y times `depth`, nearness times `depth`,
-/// and `depth`.
+/// Affine functions of points, each given by its coefficients. The place is `x / depth` and `y /
+/// depth`, and the nearness of a point is `nearness / depth`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Rows {
     pub x: DVec4,
