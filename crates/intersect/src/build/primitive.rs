@@ -159,8 +159,9 @@ const SAMPLES: usize = 1 << 14;
 /// The number of samples that one task handles.
 const SAMPLES_AT_ONCE: usize = 1 << 11;
 
-/// The largest and the least number of triangles that one task handles.
+/// The largest number of triangles that one task handles.
 pub(super) const CHUNK: usize = 1 << 14;
+/// The least number of triangles that one task handles.
 const LEAST_CHUNK: usize = 1 << 11;
 
 /// The number of triangles per task, of `count` in total: small enough to balance the threads.

@@ -19,9 +19,10 @@ pub(crate) const BOX_PADDING: f32 = 1.0e-6;
 /// The largest magnitude of the coordinates of ordinary boxes and origins.
 pub(crate) const MAX_COORDINATE: f32 = 1e12;
 
-/// Components of ordinary directions are zero, or have a magnitude from `MIN_SLOPE` to `MAX_SLOPE`;
-/// the largest magnitude must be at least `1 / MAX_SLOPE`.
+/// The smallest magnitude of a component of an ordinary direction that is not zero.
 const MIN_SLOPE: f32 = 1e-24;
+/// The largest magnitude of a component of an ordinary direction. The largest component must have a
+/// magnitude of at least `1 / MAX_SLOPE`.
 const MAX_SLOPE: f32 = 1e12;
 
 /// More than the ray parameter of any point on an ordinary ray inside a box, which is at most

@@ -24,9 +24,11 @@ pub struct Polygon {
     /// moved onto it.
     corners: Vec<DVec3>,
     normal: DVec3,
-    /// The corner where `uv` is 0; the derivatives of the position by `u` and `v` follow.
+    /// The corner where `uv` is 0.
     origin: DVec3,
+    /// The derivative of the position by `u`.
     dpdu: DVec3,
+    /// The derivative of the position by `v`.
     dpdv: DVec3,
 }
 

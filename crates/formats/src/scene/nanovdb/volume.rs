@@ -71,8 +71,9 @@ pub struct Volumes<'a> {
 struct Entry<'a> {
     about: GridMetadata,
     codec: Codec,
-    /// The bytes of the grid as stored in the file, and their offset.
+    /// The bytes of the grid as stored in the file.
     bytes: &'a [u8],
+    /// The offset of these bytes in the file.
     at: usize,
 }
 

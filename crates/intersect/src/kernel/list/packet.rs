@@ -47,8 +47,9 @@ const BESIDE: f32 = 4.0 * LEAST_SLOPE;
 /// away are left to the tree.
 const FARTHEST: f32 = 64.0;
 
-/// Limits of the largest component of the direction of ordinary rays.
+/// The least magnitude of the largest component of an ordinary ray's direction.
 const SMALLEST: f32 = 1e-12;
+/// The greatest magnitude of the largest component of an ordinary ray's direction.
 const LARGEST: f32 = 1e12;
 
 /// Sixteen rays, prepared for a list.

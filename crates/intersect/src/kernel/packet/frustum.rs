@@ -105,13 +105,17 @@ pub(crate) struct Packet {
     /// Bound on the absolute errors of positions; 0 for a common origin at which nothing was
     /// rounded.
     margin: f32,
-    /// The smallest start and the largest end in `z` of all rays, and the ranges of their slopes
-    /// and offsets.
+    /// The smallest start in `z` of all rays.
     packet_near: f32,
+    /// The largest end in `z` of all rays.
     pub packet_far: f32,
+    /// Lower bounds on the slopes of all rays: x and y per unit of `z`.
     low_slope: [f32; 2],
+    /// Upper bounds on the slopes of all rays: x and y per unit of `z`.
     high_slope: [f32; 2],
+    /// Lower bounds on the offsets of all rays in x and y.
     low_offset: [f32; 2],
+    /// Upper bounds on the offsets of all rays in x and y.
     high_offset: [f32; 2],
 }
 

@@ -73,8 +73,9 @@ pub(super) struct SeenBlock {
     pub(super) nearest: [f32; 8],
     /// Upper bound on the `z` of a hit.
     pub(super) farthest: [f32; 8],
-    /// Planes and depths, written only if they are wanted.
+    /// The planes; unset unless they are wanted.
     planes: MaybeUninit<Planes>,
+    /// The depths; unset unless they are wanted.
     depths: MaybeUninit<Depths>,
     wanted: Wanted,
 }

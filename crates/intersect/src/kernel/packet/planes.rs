@@ -42,13 +42,15 @@ pub(super) struct Planes {
 /// The data from which [`Planes`] are computed.
 pub(super) struct SeenCorners<L> {
     pub corners: [[L; 3]; 3],
-    /// The common point of the packet, and the direction of its axis.
+    /// The common point of the packet.
     pub point: [L; 3],
+    /// [`PacketRays::forward`] in all lanes.
     pub forward: L,
     /// The first corner relative to the point.
     pub first: [L; 3],
-    /// The cross product of the edges to the other two corners, and the sizes of these edges.
+    /// The cross product of the edges from the first corner to the second and third.
     pub normal: [L; 3],
+    /// The sizes of these two edges.
     pub sizes: [L; 2],
 }
 

@@ -33,9 +33,11 @@ pub(crate) struct PacketRays {
     pub begin: PerRay<f32>,
     /// An upper bound on the `z` at which the interval starts.
     pub certain_begin: PerRay<f32>,
-    /// Hits nearer than `certain_end` certainly count, and hits beyond `end` certainly do not. Both
-    /// are at first near the end of the interval, and later near the nearest hit.
+    /// Hits nearer than this certainly count. This is at first just before the end of the interval,
+    /// and later just before the nearest hit.
     pub certain_end: PerRay<f32>,
+    /// Hits beyond this certainly do not count. This is at first just after the end of the
+    /// interval, and later just after the nearest hit.
     pub end: PerRay<f32>,
     /// The `z` of the origins of the rays.
     pub start: PerRay<f32>,

@@ -20,10 +20,11 @@ const MAX_VOLUME: u64 = 1 << 26;
 /// The largest number of primitives in a cell that does not become a grid.
 const CROWDED: usize = 24;
 
-/// The largest number of references in a grid, relative to the number of its primitives. An inner
-/// grid that would need more separates too little and is not made; the outermost grid gets fewer
-/// cells.
+/// The largest number of references in an inner grid, relative to the number of its primitives. A
+/// grid that would need more separates too little and is not made.
 const GROWTH: usize = 6;
+/// The largest number of references in the outermost grid, relative to the number of its
+/// primitives. A grid that would need more gets fewer cells.
 const OUTER_GROWTH: u64 = 16;
 
 /// Builds the grids.

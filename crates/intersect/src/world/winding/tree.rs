@@ -125,8 +125,9 @@ struct Node {
     moments: Moments,
     /// The largest distance from the centroid of the patch to a point of its bounds.
     radius: f64,
-    /// The range of the node's items in [`Tree::order`]: its first index and its length.
+    /// The index of the node's first item in [`Tree::order`].
     first: u32,
+    /// The number of the node's items in [`Tree::order`].
     count: u32,
     /// The index of the second child; 0 for a leaf.
     second: u32,

@@ -210,7 +210,7 @@ fn parts_of_quadrics_are_made_of_triangles() {
         ),
     ] {
         let found = area(text);
-        // A reversed sphere has its normals inside.
+        // The normals of a reversed sphere point inwards.
         assert!((found / expected - 1.0).abs() < 1e-3, "{text}: {found} instead of {expected}");
     }
 }
