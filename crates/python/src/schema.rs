@@ -263,7 +263,7 @@ fn with_texture(kind: Kind, id: Value, channel: Option<u8>, name: &str) -> PyRes
             Ok(fields_of([("factor", neutral(kind)), ("texture", texture)]))
         }
         Kind::Reference(_) => Ok(id),
-        // Here the value is the texture beside a given factor.
+        // The factor is given separately, so the value is the texture alone.
         Kind::Table => Ok(match channel {
             Some(channel) => Value::List(vec![id, Value::Whole(channel.into())]),
             None => id,

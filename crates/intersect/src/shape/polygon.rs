@@ -77,9 +77,9 @@ pub enum PolygonError {
             split it into triangles"
     )]
     NotPlanar {
-        /// The number of that vertex.
+        /// The number of the vertex.
         vertex: usize,
-        /// Its distance from the plane.
+        /// The distance of the vertex from the plane.
         distance: f64,
         /// The largest distance allowed: [`Polygon::TOLERANCE`] times the extent of the polygon.
         allowed: f64,

@@ -39,7 +39,7 @@ pub enum Kind {
     RefractiveIndex,
     /// A point, a direction, or another vector of this many coordinates.
     Vector(usize),
-    /// This many numbers, some of which may be missing.
+    /// A list of this many numbers, some of which may be missing.
     Numbers(usize),
     /// A list of any length.
     List(&'static Kind),

@@ -281,7 +281,7 @@ impl Builder<'_> {
                 "hide_emitters was ignored: emitters are seen".into()
             });
         }
-        // These affect only the noise.
+        // These parameters affect only the noise.
         for name in [
             "rr_depth",
             "strict_normals",

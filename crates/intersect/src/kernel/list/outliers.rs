@@ -189,7 +189,8 @@ mod tests {
         #[test]
         fn outliers_are_hit_as_the_oracle_says(
             (seed, ground) in (any::<u32>(), 0usize..GROUNDS.len()),
-            // Also in the middle of the heap, where ground and triangles intersect.
+            // The ground is below the heap, above it, or in the middle, where ground and triangles
+            // intersect.
             level in prop_oneof![Just(-3.0f32), Just(0.0), Just(1.5), -4.0f32..2.0],
             scale in -10i32..10,
             (has_instances, restricted) in (any::<bool>(), any::<bool>()),

@@ -372,7 +372,7 @@ impl<W: Lanes16> FaceHits<W> {
     }
 }
 
-/// Whether rays hit any face; each value is positive if its statement holds.
+/// Statements about rays and faces. For each ray, a value is positive if the statement holds.
 struct AnyFace<W> {
     /// A face is certainly hit within the interval.
     certainly: W,

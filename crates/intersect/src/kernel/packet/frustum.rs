@@ -300,7 +300,8 @@ impl Packet {
         self.margin = 0.0;
         self.packet_rays.margin = 0.0;
         if kind.common {
-            // Not as arrays: a value stored in halves cannot be loaded as a whole for some time.
+            // Vectors are stored, not arrays: a value stored in halves cannot be loaded as a whole
+            // for some time.
             let zero = W::splat(token, 0.0);
             zero.store(&mut self.start);
             zero.store(&mut self.offset[0]);

@@ -16,7 +16,8 @@ const ROUNDINGS: f32 = 8.0 * (f32::EPSILON / 2.0);
 /// ([`crate::search::padded`]), relative to the length of the ray: twice the padding.
 const END_PADDING: f32 = 2.0e-4;
 
-/// The limit of lengths; coordinates are smaller ([`super::frustum`]).
+/// Lengths of rays in `z` are limited to this, which is larger than all coordinates
+/// ([`super::frustum`]).
 const LONGEST: f32 = 1.0e16;
 
 /// The rays of a packet, by ray and by axis of the packet.
