@@ -196,7 +196,7 @@ pub fn make<T: DeserializeOwned>(
             return Err(PyTypeError::new_err(message));
         }
     }
-    // Finds the wrong parameter: the first that fails together with the other fields of an example.
+    // The wrong parameter is the first that fails together with the other fields of an example.
     for (key, value) in given.iter().filter(|_| with(example.clone()).is_ok()) {
         let mut fields = example.clone();
         fields.insert(key.clone(), value.clone());

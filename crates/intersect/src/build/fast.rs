@@ -57,7 +57,7 @@ impl Grid {
     #[inline(always)]
     fn key(&self, center2: Vec4, number: u32) -> Key {
         let x = (center2 - self.low) * self.scale;
-        // Rounded by adding `2^23`, so that the integer is in the low bits.
+        // Adding `2^23` rounds the coordinates, so that the integers are in the low bits.
         let x = (x - 0.5).max(Vec4::ZERO).min(Vec4::splat((CELLS_PER_AXIS - 1) as f32)) + 8388608.0;
         let cell = |x: f32| u64::from(SPREAD[(x.to_bits() & (CELLS_PER_AXIS - 1)) as usize]);
         Key((cell(x.x) << 2 | cell(x.y) << 1 | cell(x.z)) << NUMBER_BITS | u64::from(number))

@@ -53,7 +53,7 @@ pub(super) fn divide(primitives: &mut [Primitive], list: &GroupList) -> (usize, 
     if large.is_empty() || large.len() > MAX_OUTLIERS || rest < MIN_REST {
         return (all, extent);
     }
-    // Starting with the last, so that no outlier still to be moved is overwritten.
+    // The last outlier is moved first, so that none that is still to be moved is overwritten.
     for (i, &from) in large.iter().rev().enumerate() {
         primitives.swap(from, all - 1 - i);
     }

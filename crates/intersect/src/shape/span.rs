@@ -45,7 +45,8 @@ pub(super) fn slab(o: f64, d: f64, [low, high]: [f64; 2], faces: [u32; 2]) -> Op
             None
         };
     }
-    // Divisions rather than products with `1 / d`, because their signs and order are exact.
+    // These are divisions rather than products with `1 / d`, because their signs and order are
+    // exact.
     let (at_low, at_high) = ((low - o) / d, (high - o) / d);
     if d > 0.0 {
         Span::new(at_low, at_high, faces)

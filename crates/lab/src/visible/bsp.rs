@@ -352,7 +352,7 @@ impl Mask {
         while row[end as usize] != end {
             end = row[end as usize];
         }
-        // Shortens the path for the next search.
+        // This shortens the path for the next search.
         let mut at = x;
         while at != end {
             at = std::mem::replace(&mut row[at as usize], end);

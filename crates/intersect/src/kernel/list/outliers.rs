@@ -161,7 +161,7 @@ mod tests {
             let (from, to) = (random.point(6.0), random.point(3.0));
             let above = [0.0, 1e-15, -1e-15, 1e-20, 2e-16, -3e-16, 4e-8][i / 8 % 7];
             let low = Vec3::new(from.x, level + above, from.z);
-            // Aimed at corners and edges of the ground, or along its plane.
+            // Some rays are aimed at corners and edges of the ground, or along its plane.
             let corner = Vec3::new([24.0, -24.0, 0.0][i / 8 % 3], level, [24.0, 0.0][i / 24 % 2]);
             let (from, to) = match i % 8 {
                 0 => (from, to),

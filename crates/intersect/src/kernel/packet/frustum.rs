@@ -264,8 +264,8 @@ impl Packet {
         let forward: f32 = if *axes.of(&first)[2] < 0.0 { -1.0 } else { 1.0 };
         let sign = if kind.reversed { -forward } else { forward };
         self.sign = sign;
-        // Quotients as in [`crate::exact::ray::LocalRay`]: they are its shears if triangles are
-        // projected in `f32`.
+        // The slopes are quotients as in [`crate::exact::ray::LocalRay`]: they are its shears if
+        // triangles are projected in `f32`.
         let is_projected = kind.rounded && !P::TRIANGLES_ELSEWHERE;
         let [x, y, speed] = axes.of(directions);
         let along = speed.mul(W::splat(token, forward));
@@ -618,8 +618,8 @@ impl Packet {
     pub fn rays_hitting<W: Lanes16>(&self, token: W::Token, one: &OneBox<W>) -> u32 {
         let near = one.near.max(W::load(token, &self.near));
         let far = one.far.min(W::load(token, &self.far));
-        // Projected along the axis of the packet: the distance of the line from the middle of the
-        // box, times the length of the slope vector.
+        // In the projection along the axis of the packet: the distance of the line from the middle
+        // of the box, times the length of the slope vector.
         let (slope_x, slope_y) = (W::load(token, &self.slope[0]), W::load(token, &self.slope[1]));
         let from_middle = W::load(token, &self.across)
             .sub(slope_y.mul(one.middle[0]))

@@ -184,7 +184,7 @@ struct Areas {
     inverse: f64,
     /// Area of a side perpendicular to the axis.
     across: f64,
-    /// Area of half of the other sides per length along the axis.
+    /// Growth of half of the part's area per length along the axis.
     around: f64,
     low: f64,
     high: f64,

@@ -72,7 +72,8 @@ impl Spare {
         }
         let dropped: Vec<Piece> = pieces.drain(..old).collect();
         drop(pieces);
-        // Freed without the lock: the system call is slow, and no other thread should wait for it.
+        // The memory is freed without the lock: the system call is slow, and no other thread should
+        // wait for it.
         drop(dropped);
     }
 }
