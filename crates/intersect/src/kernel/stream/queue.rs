@@ -66,7 +66,7 @@ impl<'q, T> Queue<'q, T> {
     #[inline(always)]
     pub fn as_mut_slice(&mut self) -> &mut [T] {
         // SAFETY: items that are counted are within the memory and written.
-        unsafe { self.items.get_unchecked_mut(..self.count).assume_init_mut() }
+        unsafe { std::slice::from_raw_parts_mut(self.items.as_mut_ptr().cast(), self.count) }
     }
 
     /// Empties the queue.

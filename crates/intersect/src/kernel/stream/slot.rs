@@ -117,7 +117,7 @@ impl<'a, G: Goal> Slot<'a, G> {
     /// There must be a search.
     #[inline(always)]
     unsafe fn search(&mut self) -> &mut Search<'a, G> {
-        // SAFETY: the caller has a walk that is not idle, or has checked that there is a search.
+        // SAFETY: the caller promises a search.
         unsafe { self.search.as_mut().unwrap_unchecked() }
     }
 
