@@ -1,4 +1,4 @@
-//! Many single rays at once in one thread: dozens of walks take turns, one step each, so that the
+//! Traces many single rays in one thread: dozens of walks take turns, one step each, so that the
 //! processor always has another ray to work on while one waits for memory or for a long chain of
 //! operations. Rays do not influence each other, but those that start one after another may take
 //! their first steps together ([`super::shared_start`]).
@@ -26,31 +26,33 @@ use std::mem::MaybeUninit;
 /// The largest number of rays in flight. When [`SHARED_RAYS`] of them have finished, others start.
 pub(super) const SLOTS: usize = 48;
 
-/// Batches of fewer rays are not worth it.
+/// Batches of fewer rays are traced one ray at a time.
 const MIN_RAYS: usize = 16;
 
-/// Forests of more bytes are fetched ahead: much of them is not in the second cache. (It costs a
-/// little in smaller ones.)
+/// In forests of more bytes than this, walks prefetch what they visit next, since much of the
+/// forest is not in the second-level cache. (In smaller forests the prefetches cost a little.)
 const FETCHED_BYTES: usize = 8 << 20;
 
-/// See [`pays_to_sort`]: rays that start together in one register are worth more if neighbours
-/// start near each other.
+/// Rays are sorted in forests of more bytes than this ([`pays_to_sort`]). The second value holds
+/// for occlusion rays at AVX-512: sixteen of them start together in one register, and share more
+/// visits if they start near each other.
 const SORTED_BYTES: usize = 32 << 20;
 const SORTED_BYTES_AVX512: usize = 128 << 10;
 
-/// Rays to search for, and what is common to them.
+/// A batch of rays to search for, and the data that their searches share.
 pub(crate) struct Batch<'a, P: Facts> {
     pub rays: Rays<'a, P>,
     pub context: &'a Context<'a, P>,
-    /// In which order to search for them: their numbers, or places in `unresolved`; if empty, as
-    /// they are.
+    /// The order of the searches: places in `unresolved`, or numbers of rays if that is `None`. If
+    /// empty, the searches are in the order of `unresolved` or of the rays.
     pub order: &'a [u32],
-    /// The rays to search for, if these are not all from the beginning.
+    /// The rays that are left after the outliers of the forest were tested, with their hits so far;
+    /// `None` for all rays, from the beginning.
     pub unresolved: Option<&'a [Unresolved<P::Hit>]>,
 }
 
 impl<'a, P: Facts> Batch<'a, P> {
-    /// All of these rays, from the beginning.
+    /// A batch of all these rays, whose searches start from the beginning.
     pub fn new(rays: Rays<'a, P>, context: &'a Context<'a, P>) -> Self {
         Self { rays, context, order: &[], unresolved: None }
     }
@@ -60,8 +62,8 @@ impl<'a, P: Facts> Batch<'a, P> {
         self.unresolved.map_or(self.rays.len(), <[_]>::len)
     }
 
-    /// The `i`-th ray: its number and its search. Prefetches the memory of a later ray and of its
-    /// result.
+    /// The number of the `i`-th ray of the batch, and its hit so far if it is unresolved.
+    /// Prefetches the memory of a later ray and of its result.
     #[inline(always)]
     fn get<G>(
         &self,
@@ -84,23 +86,22 @@ impl<'a, P: Facts> Batch<'a, P> {
     }
 }
 
-/// True if forests are so large that rays should be in an order. (In smaller ones, sorting costs
-/// more than it saves.)
+/// True if the forest is so large that sorting the rays saves more time than it takes.
 pub(crate) fn pays_to_sort<G: Goal>(forest: &Forest, wide: Option<Wide>) -> bool {
     let is_widest = Level::of(wide) == Level::Avx512;
     let least = if G::WANTS_ONE && is_widest { SORTED_BYTES_AVX512 } else { SORTED_BYTES };
     forest.memory_bytes() > least
 }
 
-/// True if walks through the forest fit the stacks of this kernel, and it has something to
+/// True if walks through the forest fit the stacks of this kernel, and there are enough rays to
 /// interleave.
 pub(crate) fn is_suitable(forest: &Forest, rays: usize) -> bool {
     let tree = &forest.trees[0];
     rays >= MIN_RAYS && tree.unbounded.is_empty() && may_search(forest)
 }
 
-/// Searches for every ray of a batch; `answers` get the number of a ray and what was found, in no
-/// particular order.
+/// Searches for every ray of a batch, and passes the number and the goal of each ray to `answers`,
+/// in no particular order.
 pub(crate) fn search_batch<G: Goal>(
     forest: &Forest,
     wide: Option<Wide>,

@@ -98,3 +98,39 @@ impl<'q, T> Queue<'q, T> {
         unsafe { self.items.get_unchecked(i).assume_init_read() }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn items_that_do_not_count_are_written_over() {
+        let mut items = items();
+        let mut queue = Queue::new(&mut items);
+        for i in 0..2 * SLOTS {
+            // SAFETY: every other item counts, so there are never more than `SLOTS`.
+            unsafe { queue.put(i, i % 2 == 1) };
+        }
+        assert_eq!(queue.len(), SLOTS);
+        assert!(queue.as_mut_slice().iter().copied().eq((0..SLOTS).map(|i| 2 * i + 1)));
+        assert_eq!(queue.pop(), Some(2 * SLOTS - 1));
+        assert_eq!(queue.drain().last(), Some(2 * SLOTS - 3));
+        assert_eq!((queue.len(), queue.pop()), (0, None));
+    }
+
+    #[test]
+    fn a_queue_is_filled_again_while_it_is_read() {
+        let mut items = items();
+        let mut queue = Queue::new(&mut items);
+        (0..SLOTS).for_each(|i| queue.push(i));
+        for i in 0..queue.clear() {
+            // SAFETY: there were `SLOTS` items, each is read once, and one is put for each.
+            unsafe {
+                let item = queue.read(i);
+                assert_eq!(item, i);
+                queue.put(10 * item, item % 3 == 0);
+            }
+        }
+        assert!(queue.drain().eq((0..SLOTS).step_by(3).map(|i| 10 * i)));
+    }
+}

@@ -26,13 +26,14 @@ use snell_math::simd::{Lanes8, Lanes16, Token, Wide, WideLanes};
 use std::array::from_fn;
 use std::mem::MaybeUninit;
 
-/// Rays that start together at most.
+/// The largest number of rays that start together.
 pub(super) const SHARED_RAYS: usize = 2 * ROW;
 
-/// Rays that are tested with a box at once.
+/// The number of rays that are tested with a box at once.
 const ROW: usize = 16;
 
-/// A node is visited together if at least this many rays start in it, or at least this many hit it.
+/// A node is visited together if at least `MIN_INSIDE` rays start in it, or at least `MIN_MET` rays
+/// hit it.
 const MIN_INSIDE: u32 = 8;
 const MIN_MET: u32 = 16;
 
@@ -40,17 +41,18 @@ const MIN_MET: u32 = 16;
 /// tags.
 const MAX_LEFT: usize = 32;
 
-/// Nodes and leaves that are left to one ray at most. (A ray that has more starts alone.)
+/// The largest number of nodes and leaves that are left to one ray. (A ray with more starts alone.)
 const MAX_OWN: usize = 8;
 
-/// Distances are not below this, so that tags never make numbers that are not normal.
+/// Smaller distances are replaced by this one, so that a distance with a tag is never subnormal.
 const LEAST: f32 = 1.0e-30;
 
-/// Rounds distances with a tag down to what they were without; relative: tags are below 32 units in
-/// the last place, the rest is for the rounding here.
+/// The relative amount by which a distance with a tag is reduced, so that it is not above the
+/// distance without the tag: tags are below 32 units in the last place, and the rest is for
+/// rounding errors of the reduction.
 const TAG_PADDING: f32 = 8.0e-6;
 
-/// Rays whose distances are less certain than this start alone: those that run along an axis.
+/// Rays whose distances may be off by this much or more start alone: those that run along an axis.
 const MAX_MARGIN: f32 = 1.0e20;
 
 /// Lets walks make their first steps together. Returns the number of visits of nodes, summed over
@@ -124,22 +126,22 @@ unsafe fn start_rows<W: Lanes16, G: Goal, const N: usize>(
     }
 }
 
-/// A number per lane.
+/// A number for each lane.
 #[derive(Clone, Copy)]
 #[repr(C, align(64))]
 struct PerLane([f32; ROW]);
 
-/// Sixteen rays and what it takes to test boxes.
+/// Sixteen rays, prepared for tests with boxes.
 struct Row<W> {
     inverse: [W; 3],
     /// As [`crate::exact::prepared::PreparedRay::near`] and `far`, but rounded to neither side.
     offset: [W; 3],
     t_min: W,
-    /// The padded limits, and `margin`.
+    /// The padded limits of the searches, plus `margin`.
     cull: W,
-    /// By how much distances may be wrong for not being rounded.
+    /// A bound on the error of the distances, which are not rounded to the safe side.
     margin: W,
-    /// Which lanes are rays that can start together.
+    /// The lanes whose rays take part: a bit each.
     rays: u32,
 }
 
@@ -210,12 +212,13 @@ impl<W: Lanes16> Row<W> {
     }
 }
 
-/// Nodes and leaves that are left to the rays.
+/// The nodes and leaves that a shared start leaves to the rays.
 struct Left<const N: usize> {
     count: usize,
     children: Aligned<[u32; MAX_LEFT]>,
-    /// The entry distances of rays, and the rays that enter: sixteen bits a row.
+    /// For each child, the distances at which the rays enter its box.
     enters: [MaybeUninit<[PerLane; N]>; MAX_LEFT],
+    /// For each child, the rays that enter its box: sixteen bits a row.
     masks: [MaybeUninit<u32>; MAX_LEFT],
 }
 
@@ -231,8 +234,8 @@ impl<const N: usize> Left<N> {
     };
 }
 
-/// Visits the root and all nodes below it that have enough rays, in no particular order, and notes
-/// what is left. Returns how many visits these are, of all rays.
+/// Visits the root and all nodes below it that have enough rays, in no particular order, and writes
+/// the children that are left to `left`. Returns the number of visits, summed over the rays.
 ///
 /// # Safety
 /// The walk must have made no step.
@@ -356,7 +359,8 @@ impl Trial {
     /// The number of packets to skip after one for which it did not pay.
     const REST: u32 = 3;
 
-    /// Visits that a ray must have together: they take as long as two or three visits alone.
+    /// The least number of shared visits per ray for which a shared start pays: they take as long
+    /// as two or three visits of a ray alone.
     const MIN_VISITS: u32 = 3;
 
     /// True if the next packet should start together.

@@ -153,7 +153,7 @@ fn rays_along_an_axis_stay_at_the_root_and_few_rays_too() {
 }
 
 #[test]
-fn parties_find_what_single_rays_find() {
+fn shared_starts_find_what_single_rays_find() {
     let mut random = Random(7);
     for level in levels() {
         let world = world_of(dust(&mut random, 20_000), level);
@@ -176,7 +176,7 @@ fn parties_find_what_single_rays_find() {
 
 proptest! {
     #[test]
-    fn parties_agree_with_the_oracle_in_nested_scenes(seed in any::<u32>(), size in 0.0f32..0.3) {
+    fn nested_scenes_agree_with_the_oracle(seed in any::<u32>(), size in 0.0f32..0.3) {
         let oracle = build(nested_scene(seed), AcceleratorKind::None, Level::Scalar);
         let mut random = Random(seed ^ 99);
         let mut rays = Vec::new();
