@@ -128,7 +128,7 @@ mod tests {
             unsafe {
                 let item = queue.read(i);
                 assert_eq!(item, i);
-                queue.put(10 * item, item % 3 == 0);
+                queue.put(10 * item, item.is_multiple_of(3));
             }
         }
         assert!(queue.drain().eq((0..SLOTS).step_by(3).map(|i| 10 * i)));
