@@ -10,7 +10,7 @@ use crate::world::{BuildStats, World};
 
 macro_rules! queries {
     ($(
-        #[doc = $doc:literal]
+        $(#[doc = $doc:literal])+
         fn $name:ident(&self, $($argument:ident: $type:ty),+) $(-> $answer:ty)?;
     )+) => {
         /// The queries of a [`World`] or a [`DWorld`], under the same names.
@@ -21,7 +21,7 @@ macro_rules! queries {
             /// Statistics of the build; see [`World::stats`].
             fn stats(&self) -> &BuildStats;
 
-            $(#[doc = $doc]
+            $($(#[doc = $doc])+
             fn $name(&self, $($argument: $type),+) $(-> $answer)?;)+
         }
 
