@@ -4,7 +4,7 @@ mod batch;
 
 use super::energy::{DielectricReflection, Directional};
 use super::ggx::Ggx;
-use super::microfacets::FacetDistribution;
+use super::microfacets::Facets;
 use super::mirror::mirror_branch;
 use super::{Microfacets, SpecularBranch, fresnel, lift, lower_like};
 use snell_math::{Frame, SampledSpectrum, Vec2, Vec3};
@@ -46,7 +46,7 @@ struct CoatInterface<M, A> {
     diffuse_reflection: f32,
 }
 
-impl<M: FacetDistribution, A: Directional> CoatInterface<M, A> {
+impl<M: Facets, A: Directional> CoatInterface<M, A> {
     /// Share of light that a coat of weight 1 reflects towards a direction above.
     #[inline(always)]
     fn reflected(&self, w: Vec3) -> f32 {
@@ -76,7 +76,7 @@ impl<M: FacetDistribution, A: Directional> CoatInterface<M, A> {
     /// Value for a rough coat of weight 1, and density, for directions above.
     #[inline(always)]
     fn value_and_pdf(&self, wo: Vec3, wi: Vec3) -> (f32, f32) {
-        let (m, value, pdf, exists) = self.microfacets.reflected(wo, wi);
+        let (m, value, pdf, exists) = self.microfacets.get().reflected(wo, wi);
         let value = if exists { fresnel::dielectric(wo.dot(m), self.ior) * value } else { 0.0 };
         (value, if exists { pdf } else { 0.0 })
     }

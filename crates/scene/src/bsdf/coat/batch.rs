@@ -1,16 +1,18 @@
 //! A clear coat over one slab, for batches of directions.
+//!
+//! The coat and the slab are those of [`super::super::OpenPbrBsdf`]. Only their layering is written
+//! again: there any layer may be missing and is left out, here both are computed in all lanes.
 
 use super::super::batch::{BatchLobes, LobeSpectra};
 use super::super::branchless::{BranchlessDrawn, BranchlessLobes};
 use super::super::energy::{DielectricReflectionBy, Line};
-use super::super::microfacets::{FacetDistribution, KnownFacets};
+use super::super::microfacets::{Facets, KnownFacets};
 use super::super::{Choice, lift, lower_like};
 use super::{CoatInterface, CoatLobe};
 use snell_math::simd::select;
 use snell_math::{SampledSpectrum, Vec2, Vec3};
 
-/// A colourless coat, smooth or rough, in the frame of the base. It is combined with its base as
-/// [`super::super::OpenPbrBsdf`] combines any of its layers.
+/// A colourless coat, smooth or rough, in the frame of the base.
 #[derive(Clone, Debug)]
 pub struct BatchCoated<B, M> {
     pub base: B,
@@ -60,7 +62,7 @@ impl<B, M: KnownFacets> BatchCoated<B, M> {
     }
 }
 
-impl<B: BranchlessLobes, M: FacetDistribution> BranchlessLobes for BatchCoated<B, M> {
+impl<B: BranchlessLobes, M: Facets> BranchlessLobes for BatchCoated<B, M> {
     type Seen = Seen<B::Seen>;
     type Colors = Colors<B::Colors>;
 
@@ -119,7 +121,7 @@ impl<B: BranchlessLobes, M: FacetDistribution> BranchlessLobes for BatchCoated<B
                 Some((!is_below, delta)),
             );
         }
-        let (facet, is_above) = self.coat.microfacets.drawn_reflection(lift(wo), u);
+        let (facet, is_above) = self.coat.microfacets.get().drawn_reflection(lift(wo), u);
         let facet = lower_like(facet, wo);
         let is_sound = if is_below { base.exists } else { is_above & (wo.z * facet.z > 0.0) };
         BranchlessDrawn::reflected(select(is_below, base.wi, facet), exists & is_sound, None)
@@ -132,7 +134,7 @@ impl<B: BranchlessLobes, M: FacetDistribution> BranchlessLobes for BatchCoated<B
     }
 }
 
-impl<B: BatchLobes, M: FacetDistribution> BatchLobes for BatchCoated<B, M> {
+impl<B: BatchLobes, M: Facets> BatchLobes for BatchCoated<B, M> {
     #[inline(always)]
     fn own_colors(&self, body: SampledSpectrum) -> Self::Colors {
         let Colors { base: (), unit, base_albedo } = self.own;
