@@ -257,7 +257,8 @@ impl Scene {
 
     /// The distance of each point to the nearest surface, negative inside (see :meth:`occupancy`):
     /// an array `(...)`. Where no surface is within `max_distance`, it is `max_distance`,
-    /// negative inside. Parameters as for :meth:`closest_points`; the mask does not affect the sign.
+    /// negative inside. Parameters are those of :meth:`closest_points`; the mask does not affect the
+    /// sign.
     ///
     /// Examples
     /// --------
@@ -300,8 +301,8 @@ impl Scene {
     }
 
     /// The generalised winding number of all surfaces around each point: an array `(...)` of
-    /// float64. It is 1 inside a closed surface, 0 outside, and between 0 and 1 near open surfaces
-    /// (accurate to some hundredths next to large open surfaces).
+    /// float64. It is 1 inside a closed surface and 0 outside; near open surfaces it has other values
+    /// (accurate to some hundredths next to large ones).
     ///
     /// Examples
     /// --------
