@@ -257,8 +257,8 @@ impl Scene {
 
     /// The distance of each point to the nearest surface, negative inside (see :meth:`occupancy`):
     /// an array `(...)`. Where no surface is within `max_distance`, it is `max_distance`,
-    /// negative inside. Parameters are those of :meth:`closest_points`; the mask does not affect the
-    /// sign.
+    /// negative inside. Parameters are those of :meth:`closest_points`; the mask does not affect
+    /// the sign.
     ///
     /// Examples
     /// --------
@@ -301,8 +301,8 @@ impl Scene {
     }
 
     /// The generalised winding number of all surfaces around each point: an array `(...)` of
-    /// float64. It is 1 inside a closed surface and 0 outside; near open surfaces it has other values
-    /// (accurate to some hundredths next to large ones).
+    /// float64. It is 1 inside a closed surface and 0 outside; near open surfaces it has other
+    /// values (accurate to some hundredths next to large ones).
     ///
     /// Examples
     /// --------
