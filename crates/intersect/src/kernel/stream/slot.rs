@@ -210,8 +210,9 @@ pub(super) enum Object {}
 /// The state of a walk that leaves an instance next.
 pub(super) enum Return {}
 
-/// The only handle of a slot: a ray in flight, and in `At` what it is at. It is a pointer, so that
-/// queues of walks need neither an address computation nor a bounds check to get to a slot.
+/// The only handle of a slot, which has a ray in flight; `At` is the state of the walk, such as
+/// [`Idle`]. The handle is a pointer, so that queues of walks need neither an address computation
+/// nor a bounds check to get to a slot.
 #[repr(transparent)]
 pub(super) struct Walk<'s, 'a, G: Goal, At = Started> {
     slot: NonNull<Slot<'a, G>>,

@@ -1,4 +1,4 @@
-//! The steps of a walk, by what it is at.
+//! The steps of a walk, by the kind of its current reference.
 
 use super::{Idle, Leaf, Line, Node, Object, Place, Return, Slot, Walk};
 use crate::exact::TriangleTest;
