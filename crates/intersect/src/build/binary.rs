@@ -67,8 +67,8 @@ impl Choices {
             }
         }
         let mut choices = shares.iter().fold(0, |all, share| all | share);
-        // With one slot, the subtree is a wide node of its own. This, or the best result for fewer
-        // slots, may also be better with more slots.
+        // With one slot, the subtree is a wide node of its own. The best choice for fewer slots may
+        // also be the best for more slots.
         let mut costs = [f32::INFINITY; 8];
         costs[1] = half_area + least[7];
         for slots in 2..8 {

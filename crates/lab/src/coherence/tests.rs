@@ -210,8 +210,8 @@ fn coverage_of_known_polygons_is_exact() {
 
 #[test]
 fn crowds_that_no_division_thins_out_are_seen() {
-    // Sixty copies of one triangle, sixty that intersect in a line, and a fan of two hundred around
-    // a point.
+    // The mesh has sixty copies of one triangle, sixty triangles that intersect in a line, and a
+    // fan of two hundred triangles around a point.
     let mut mesh = TriangleMesh::default();
     let mut add = |corners: [Vec3; 3]| {
         let first = mesh.positions.len() as u32;

@@ -379,7 +379,7 @@ impl<'s, 'a, G: Goal> Round<'_, 's, 'a, G> {
         for walk in others.drain() {
             let (is_object, is_return) =
                 (walk.current().is_object(), walk.current() == ChildRef::RETURN);
-            // SAFETY: one of the three queues counts the walk: that for its current reference. A walk is
+            // SAFETY: one of the three queues counts the walk, by its current reference. A walk is
             // counted in one queue only, so no queue has more than `SLOTS`.
             unsafe {
                 returns.put(walk.copied_as::<Return>(), is_return);
