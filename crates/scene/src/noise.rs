@@ -1,5 +1,4 @@
-//! Noise functions over space, for media without a shape, and for patterns of stone, waves and
-//! wrinkles.
+//! Noise functions over space, for clouds and for patterns of stone, waves and wrinkles.
 
 use snell_math::{Vec3, rng};
 

@@ -110,7 +110,7 @@ impl LightSampler {
         }
     }
 
-    /// False if no random number is needed, because there is at most one light.
+    /// True if [`Self::sample`] may need a random number. A tree over at most one light needs none.
     pub fn has_choice(&self) -> bool {
         match self {
             Self::Table(_) => true,

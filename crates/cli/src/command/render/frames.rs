@@ -153,10 +153,11 @@ fn frames(options: &Options, stage: &Stage) -> Result<Option<(Vec<Frame>, f64)>,
 /// The destination of frames.
 struct Place {
     folder: PathBuf,
-    /// The part of the name before the number; `after` follows the number, which has at least
-    /// `digits` digits.
+    /// The part of the name before the number.
     before: OsString,
+    /// The part of the name after the number.
     after: OsString,
+    /// The least number of digits of the number.
     digits: usize,
     /// The animated picture, if requested; its path is `None` for standard output.
     animated: Option<(AnimatedFormat, Option<PathBuf>)>,

@@ -21,7 +21,8 @@ pub enum Way {
     Bundles,
     /// Beams: the visible pieces of regions of the picture.
     Beams,
-    /// Pencils: an axial ray and a matrix, where these are certainly right.
+    /// Pencils: an axial ray and a matrix, where both are proven to be accurate enough; the other
+    /// rays are traced one by one.
     Pencils,
     /// A cone for each ray.
     Cones,
