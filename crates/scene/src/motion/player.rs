@@ -138,7 +138,8 @@ impl Player {
         pose
     }
 
-    /// The joints that clips hide at a time in seconds.
+    /// The joints that are hidden at a time in seconds: by a clip, or by default where no clip
+    /// decides.
     fn hidden_joints(&self, time: f64) -> BTreeSet<u32> {
         let joints = (0..).zip(&self.motion.joints);
         let mut hidden: BTreeSet<u32> =

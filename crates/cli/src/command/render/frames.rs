@@ -164,9 +164,9 @@ struct Place {
 }
 
 impl Place {
-    /// Places frames beside the output: `walk.png` becomes `walk.0000.png`, or `#` stand for digits
-    /// if the name has any. Frames of an animated picture are kept in a folder beside it until it
-    /// is written.
+    /// Places frames beside the output: `walk.png` becomes `walk.0000.png`; if the name has `#`
+    /// characters, these become the digits. Frames of an animated picture are kept in a folder
+    /// beside the picture until it is written.
     fn of(output: Option<&Path>, stem: &OsStr) -> Result<Self, Failure> {
         let path =
             output.map_or_else(|| joined([stem, OsStr::new(".png")]).into(), Path::to_path_buf);

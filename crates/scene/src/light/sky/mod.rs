@@ -195,7 +195,7 @@ mod tests {
     use crate::light::environment::EnvironmentLight;
     use snell_math::ColorMode;
 
-    /// Illuminance in lx on level ground: the whole, and that without the sun.
+    /// Illuminance in lx of level ground under this sky.
     fn illuminance(sky: Sky) -> f64 {
         let image = sky.picture();
         let [w, h] = SIZE;
