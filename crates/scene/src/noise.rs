@@ -43,8 +43,8 @@ pub fn fractal_noise(p: Vec3, octaves: u32, seed: u32) -> f32 {
     sum
 }
 
-/// Perlin's permutation of the numbers from 0 to 255, which is why different renderers compute the
-/// same noise (Perlin, Improving Noise, SIGGRAPH 2002).
+/// Perlin's permutation of the numbers from 0 to 255 (Improving Noise, SIGGRAPH 2002). Renderers
+/// that use it compute the same noise.
 #[rustfmt::skip]
 const PERMUTATION: [u8; 256] = [
     151, 160, 137, 91, 90, 15, 131, 13, 201, 95, 96, 53, 194, 233, 7, 225, 140, 36, 103, 30, 69,

@@ -66,7 +66,7 @@ pub struct Case<'a> {
     pub bench: &'a Bench,
     pub world: &'a World,
     pub side: u32,
-    /// The view of the camera, in pixels.
+    /// The camera's projection; its places are in pixels.
     pub view: View,
     /// The diameter of the cone of each primary ray, per unit of distance.
     pub spreads: Vec<f32>,
