@@ -100,8 +100,8 @@ pub struct Octaves {
     pub omega: f32,
 }
 
-/// Ratio of the frequencies of successive octaves. It is not quite 2, because the zeros of the
-/// lattices would coincide.
+/// Ratio of the frequencies of successive octaves. It is not quite 2, because the zeros of all
+/// lattices would coincide then.
 const LACUNARITY: f32 = 1.99;
 /// The mean of the absolute value of [`perlin_noise`], measured.
 const MEAN_ABSOLUTE: f32 = 0.217;

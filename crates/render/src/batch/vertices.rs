@@ -55,7 +55,7 @@ pub struct VertexLanes {
 /// The columns of the fields of [`Carried`] that batches need.
 #[derive(Debug)]
 pub struct CarriedLanes {
-    /// The throughput, by color channel.
+    /// The throughput, by colour channel.
     pub throughput: HitColors,
     pub eta_scale: HitLanes,
     /// The width of the ray cone at the vertex.
@@ -319,7 +319,7 @@ impl RayColumns<'_> {
 /// values.
 #[derive(Clone, Copy, Debug)]
 pub struct CarriedColumns<'a> {
-    /// The throughput, by color channel.
+    /// The throughput, by colour channel.
     pub throughput: &'a HitColors,
     pub eta_scale: &'a HitLanes,
     pub cone_width: &'a HitLanes,
