@@ -33,7 +33,7 @@ impl AreaLight {
     }
 
     /// The [`Place`] on a part of `p`, a point in the world that must lie on the surface within
-    /// rounding; `None` if `p` is not on the part.
+    /// rounding. `None` if `p` is not on the shape; for a triangle this is not checked.
     pub(super) fn place_at(&self, part: u32, p: DVec3) -> Option<Place> {
         match &self.table {
             Table::Mesh { placed, .. } => {
