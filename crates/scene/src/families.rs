@@ -4,7 +4,7 @@
 
 mod reference;
 
-pub use reference::reference;
+pub use reference::{describe, reference};
 
 use crate::material::{Diffuse, Material, MaterialKind};
 use crate::texture::Pattern;

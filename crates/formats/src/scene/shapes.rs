@@ -1,7 +1,8 @@
 //! Stores equal shapes once, and places them by nodes.
 
 use snell_intersect::{AnyShape, TriangleMesh};
-use snell_math::{DAffine3, DMat3, DVec3, Vec2};
+use snell_math::{DAffine3, DMat3, DVec3, Vec2, Vec3};
+use snell_scene::material::Bitangent;
 use snell_scene::{Geometry, MaterialId, Node, NodeId, Scene, Surface};
 use std::collections::HashMap;
 use std::f64::consts::TAU;
@@ -59,6 +60,16 @@ pub fn around_z() -> DMat3 {
     DMat3::from_cols(DVec3::Y, DVec3::Z, DVec3::X)
 }
 
+/// The direction of green in normal maps that follow the normal and u only, in a world that the
+/// reader may have mirrored.
+pub fn crossed(world_from_file: &DAffine3) -> Bitangent {
+    if world_from_file.matrix3.determinant() < 0.0 {
+        Bitangent::CrossedMirrored
+    } else {
+        Bitangent::Crossed
+    }
+}
+
 /// Tessellates a surface of points and normals over longitude (radians) and v from 0 to 1, for a
 /// turn in degrees, into pieces.
 pub fn swept(
@@ -80,7 +91,13 @@ pub fn swept(
         for i in 0..around {
             let a = j * (around + 1) + i;
             let b = a + around + 1;
-            mesh.indices.extend([[a, a + 1, b + 1], [a, b + 1, b]]);
+            // A row that is one point has no triangles along it.
+            let is_flat = |t: &[u32; 3]| {
+                let [a, b, c] = t.map(|i| mesh.positions[i as usize]);
+                (b - a).cross(c - a) == Vec3::ZERO
+            };
+            let both = [[a, a + 1, b + 1], [a, b + 1, b]];
+            mesh.indices.extend(both.into_iter().filter(|t| !is_flat(t)));
         }
     }
     mesh

@@ -22,6 +22,44 @@ pub fn reference() -> String {
     format!("{START}\n{}", families.join("\n"))
 }
 
+/// The kinds of this name with their parameters, units, ranges and defaults, or the kinds of the
+/// family of this name, as text; `None` if there is neither.
+pub fn describe(name: &str) -> Option<String> {
+    let one = |family: &Family, kind: &Declaration| {
+        let mut text = format!("{} \"{}\": {}\n", family.name, kind.name, kind.text());
+        let lines = |text: &mut String, parameters: &[Parameter], default: &Default| {
+            for parameter in parameters.iter().filter(|p| p.name != family.tag) {
+                let [_, kind, range, default, about] =
+                    cells(parameter.name, parameter, default(parameter));
+                let default = match default.as_str() {
+                    "" => "has to be given".into(),
+                    default => format!("default {default}"),
+                };
+                let facts: Vec<_> =
+                    [kind, range, default].into_iter().filter(|f| !f.is_empty()).collect();
+                *text += &format!("  {}: {}\n      {about}\n", parameter.name, facts.join(", "));
+            }
+        };
+        lines(&mut text, kind.fields(), &|p| family.default_of(kind.name, p.name));
+        if !family.common.is_empty() {
+            text += &format!("parameters of every {}:\n", family.name);
+            lines(&mut text, family.common, &|p| family.common_default_of(p.name));
+        }
+        text
+    };
+    let kinds = |family: &Family| {
+        let names: Vec<_> = family.kinds.iter().map(|kind| kind.name).collect();
+        format!("kinds of {}: {}\n", family.name, names.join(", "))
+    };
+    let of_family = Family::named(name).map(kinds);
+    let of_kind = FAMILIES.iter().filter_map(|f| f.kind(name).map(|kind| one(f, kind)));
+    let found: Vec<String> = of_family.into_iter().chain(of_kind).collect();
+    (!found.is_empty()).then(|| found.join("\n"))
+}
+
+/// The default of a parameter.
+type Default<'a> = dyn Fn(&Parameter) -> Option<Value> + 'a;
+
 fn family_section(family: &Family) -> String {
     let mut text = format!("## {}\n\n", family.title);
     if !family.common.is_empty() {
@@ -46,10 +84,7 @@ fn kind_section(family: &Family, kind: &Declaration) -> String {
     text
 }
 
-fn table<'a>(
-    parameters: impl Iterator<Item = &'a Parameter>,
-    default: &dyn Fn(&Parameter) -> Option<Value>,
-) -> String {
+fn table<'a>(parameters: impl Iterator<Item = &'a Parameter>, default: &Default) -> String {
     let mut text =
         "| parameter | what it is | range | default | |\n|---|---|---|---|---|\n".to_string();
     for parameter in parameters {
@@ -87,6 +122,12 @@ fn inner_rows(place: &str, kind: Kind, text: &mut String) {
 }
 
 fn row(name: &str, parameter: &Parameter, default: Option<Value>) -> String {
+    let cells = cells(&format!("`{name}`"), parameter, default);
+    format!("| {} |\n", cells.map(|cell| cell.replace('|', "\\|")).join(" | "))
+}
+
+/// A parameter's name, what it is, its range, its default and its documentation.
+fn cells(name: &str, parameter: &Parameter, default: Option<Value>) -> [String; 5] {
     let range = match parameter.range {
         Range::Any => String::new(),
         // The unit stands in its own place.
@@ -97,8 +138,7 @@ fn row(name: &str, parameter: &Parameter, default: Option<Value>) -> String {
         unit => format!("{}, {unit}", parameter.kind),
     };
     let default = default.map(|value| shown(&value)).unwrap_or_default();
-    let cells = [format!("`{name}`"), kind, range, default, parameter.text()];
-    format!("| {} |\n", cells.map(|cell| cell.replace('|', "\\|")).join(" | "))
+    [name.into(), kind, range, default, parameter.text()]
 }
 
 /// A default as people write it.
@@ -129,6 +169,19 @@ fn shown(value: &Value) -> String {
 mod tests {
     use super::*;
     use std::path::Path;
+
+    #[test]
+    fn a_kind_is_described_with_units_ranges_and_defaults() {
+        let text = describe("open-pbr").expect("a kind");
+        assert!(text.starts_with("material \"open-pbr\": "), "{text}");
+        assert!(text.contains("  base_weight: number or texture, 0 to 1, default 1\n"), "{text}");
+        assert!(text.contains("W / (m^2 sr)"), "{text}");
+        assert!(describe("diffuse").expect("a kind").contains("has to be given"));
+        assert!(describe("material").expect("a family").contains("open-pbr, "));
+        let both = describe("disk").expect("a light and a shape");
+        assert!(both.contains("light \"disk\"") && both.contains("shape \"disk\""), "{both}");
+        assert_eq!(describe("no such thing"), None);
+    }
 
     #[test]
     fn the_reference_page_is_what_the_declarations_say() {

@@ -107,7 +107,9 @@ impl Builder<'_> {
             return Ok(Projection::Perspective { tan_half_fov });
         }
         let focal = w / (2.0 * tan);
-        let principal_point = [w * (0.5 + offset[0]), h * (0.5 + offset[1])];
+        // Offsets are added to the place in the film before it is projected, so a positive one
+        // moves what is seen to the left and up.
+        let principal_point = [w * (0.5 - offset[0]), h * (0.5 - offset[1])];
         Ok(Projection::Intrinsics(Intrinsics {
             focal_length: [focal; 2],
             principal_point,
@@ -117,9 +119,12 @@ impl Builder<'_> {
     }
 
     /// Half of the width seen at distance 1, for a picture of this aspect ratio.
-    fn tan_half_fov_x(&mut self, object: &Object, aspect: f64) -> Result<f64, Fault> {
-        if let Some((text, at)) = object.string("focal_length")? {
+    pub(super) fn tan_half_fov_x(&mut self, object: &Object, aspect: f64) -> Result<f64, Fault> {
+        let focal_length = object.string("focal_length")?;
+        if focal_length.is_some() || !object.has("fov") {
             object.get("fov");
+            object.get("fov_axis");
+            let (text, at) = focal_length.unwrap_or(("50mm", object.at));
             let length = super::value::number(text.trim().trim_end_matches("mm"));
             let length = length.ok().filter(|l| *l > 0.0);
             let Some(length) = length else {
@@ -129,7 +134,7 @@ impl Builder<'_> {
             let diagonal = (36.0f64 * 36.0 + 24.0 * 24.0).sqrt() / (2.0 * length);
             return Ok(diagonal * aspect / (1.0 + aspect * aspect).sqrt());
         }
-        let fov = object.float_within("fov", 50.0, [1e-6, 179.999])?;
+        let fov = object.float_within("fov", 0.0, [1e-6, 179.999])?;
         let tan = (fov * 0.5).to_radians().tan();
         let (axis, at) = object.string("fov_axis")?.unwrap_or(("x", object.at));
         Ok(match axis {

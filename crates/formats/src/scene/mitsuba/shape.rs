@@ -115,7 +115,8 @@ impl Builder<'_> {
     fn plain_shape(&mut self, object: &Rc<Object>, parent: NodeId) -> Result<(), Fault> {
         let place = object.transform("to_world")?;
         let parts = self.parts(object)?;
-        let is_textured = parts.look.layers.iter().any(|layer| !layer.textures().is_empty());
+        let is_textured = parts.look.layers.iter().any(|layer| !layer.textures().is_empty())
+            || parts.emission.is_some_and(|emission| emission.texture.is_some());
         let plain = !is_textured && !object.bool_or("flip_normals", false)?;
         let basis = match object.kind.as_str() {
             "bsplinecurve" => Some(StrandBasis::BSpline),

@@ -10,6 +10,7 @@ use crate::scene::fault::{Fault, Spot};
 use crate::scene::layers::{self, Layers, MAX_LAYERS};
 use crate::scene::metal::{Roughness, metal};
 use crate::scene::scattering::{self, Coefficients, color_of_albedo};
+use crate::scene::shapes::crossed;
 use crate::scene::sheet::letting_through;
 use snell_math::Rgb;
 use snell_math::spectrum::Metal;
@@ -592,7 +593,8 @@ impl Builder<'_> {
         let Some((name, at)) = self.file_name(params, "normalmap")? else { return Ok(None) };
         let image = self.image(name, at)?;
         let texture = self.scene.add_texture(ImageTexture::new(image, Encoding::Linear));
-        Ok(Some(NormalMap { texture, scale: 1.0 }))
+        let bitangent = crossed(&self.world_from_file);
+        Ok(Some(NormalMap { bitangent, ..NormalMap::new(texture, 1.0) }))
     }
 }
 

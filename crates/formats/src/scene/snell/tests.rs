@@ -162,7 +162,7 @@ fn numbers_that_mean_nothing_are_told_and_light_is_brought_to_what_can_be() {
     ] {
         assert!(told.iter().any(|t| t.contains(part)), "{part}: {told:?}");
     }
-    let map = snell_scene::material::NormalMap { texture: snell_scene::TextureId(9), scale: 1.0 };
+    let map = snell_scene::material::NormalMap::new(snell_scene::TextureId(9), 1.0);
     let error = with(&|m| m.normal_map = Some(map)).expect_err("there are no textures");
     assert!(error.contains("material 0 (\"lamp\") refers to texture 9"), "{error}");
 }

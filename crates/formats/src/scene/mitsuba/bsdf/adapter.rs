@@ -7,6 +7,7 @@ use super::super::value;
 use super::Look;
 use crate::scene::fault::Fault;
 use crate::scene::layers::{self, MAX_LAYERS};
+use crate::scene::shapes::crossed;
 use snell_scene::Encoding;
 use snell_scene::material::{BumpMap, HeightUnit, NormalMap, ScalarParam};
 use std::rc::Rc;
@@ -137,9 +138,9 @@ impl Builder<'_> {
             // Directions are linear, whatever the image declares.
             texture.encoding = Encoding::Linear;
             let texture = self.scene.add_texture(texture);
-            look.layers
-                .iter_mut()
-                .for_each(|l| l.normal_map = Some(NormalMap { texture, scale: 1.0 }));
+            let bitangent = crossed(&self.world_from_file);
+            let map = NormalMap { bitangent, ..NormalMap::new(texture, 1.0) };
+            look.layers.iter_mut().for_each(|l| l.normal_map = Some(map));
         }
         Ok(look)
     }

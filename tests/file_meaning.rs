@@ -1,0 +1,273 @@
+//! What scene files of other renderers mean: small files, and the radiance that the renderer they
+//! are written for, or a closed form, gives for them.
+
+use snell_formats::{ReadOptions, read_scene_bytes};
+use snell_render::{Filter, IntegratorKind, Settings};
+use snell_scene::Scene;
+use snell_tests::{colors, render};
+
+/// A scene file with pictures beside it: `quarters.pfm` is red, green, blue and white, and
+/// `green.pfm` a normal map that leans towards its green.
+fn read(name: &str, text: &str) -> Scene {
+    let folder = tempfile::tempdir().expect("a folder");
+    let write = |name: &str, bytes: &[u8]| {
+        std::fs::write(folder.path().join(name), bytes).expect("written");
+    };
+    // The rows of PFM run upwards.
+    let quarters: [f32; 12] = [0., 0., 1., 1., 1., 1., 1., 0., 0., 0., 1., 0.];
+    write("quarters.pfm", &pfm(2, &quarters));
+    write("green.pfm", &pfm(1, &GREEN));
+    let square = "v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nvn 0 0 1\n";
+    let faces = "f 1/1/1 2/2/1 3/3/1\nf 1/1/1 3/3/1 4/4/1\n";
+    let coordinates = "vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n";
+    write("obj.obj", format!("{square}{coordinates}{faces}").as_bytes());
+    let coordinates = "vt 1 0\nvt 0 0\nvt 0 1\nvt 1 1\n";
+    write("mirrored.obj", format!("{square}{coordinates}{faces}").as_bytes());
+    read_scene_bytes(name, text.into(), folder.path(), &ReadOptions::default())
+        .unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// The colour of a texel whose normal is 0.6 along green and 0.8 along the surface's normal.
+const GREEN: [f32; 3] = [0.5, 0.8, 0.9];
+
+fn pfm(size: usize, values: &[f32]) -> Vec<u8> {
+    let mut file = format!("PF\n{size} {size}\n-1.0\n").into_bytes();
+    file.extend(values.iter().flat_map(|v| v.to_le_bytes()));
+    file
+}
+
+/// The pixels of a picture of direct light, one ray through the middle of each.
+fn picture(scene: &Scene, size: [u32; 2], spp: u32) -> Vec<[f64; 3]> {
+    let settings = Settings {
+        size,
+        spp,
+        integrator: IntegratorKind::Direct,
+        filter: Filter::Box,
+        pixel_position: Some([0.5, 0.5]),
+        ..Settings::default()
+    };
+    colors(&render(scene, &scene.cameras[0], &settings).image())
+}
+
+fn mitsuba(camera: &str, size: [u32; 2], body: &str) -> Scene {
+    let [w, h] = size;
+    read(
+        "scene.xml",
+        &format!(
+            "<scene version=\"3.0.0\"><sensor type=\"perspective\">\
+            <transform name=\"to_world\">\
+            <lookat origin=\"0,0,5\" target=\"0,0,0\" up=\"0,1,0\"/></transform>{camera}\
+            <film type=\"hdrfilm\"><integer name=\"width\" value=\"{w}\"/>\
+            <integer name=\"height\" value=\"{h}\"/></film></sensor>{body}</scene>"
+        ),
+    )
+}
+
+const FOV: &str = "<float name=\"fov\" value=\"30\"/>";
+
+/// The quarters as the radiance of an emitter.
+const SHOWN: &str = "<emitter type=\"area\"><texture name=\"radiance\" type=\"bitmap\">\
+    <string name=\"filename\" value=\"quarters.pfm\"/><boolean name=\"raw\" value=\"true\"/>\
+    <string name=\"filter_type\" value=\"nearest\"/></texture></emitter>";
+
+/// One letter for each pixel.
+fn letters(pixels: &[[f64; 3]]) -> String {
+    let letter = |[r, g, b]: &[f64; 3]| match [*r > 0.5, *g > 0.5, *b > 0.5] {
+        [true, false, false] => 'r',
+        [false, true, false] => 'g',
+        [false, false, true] => 'b',
+        [true, true, true] => 'w',
+        _ => '.',
+    };
+    pixels.iter().map(letter).collect()
+}
+
+#[test]
+fn pictures_on_mitsuba_emitters_lie_as_in_mitsuba() {
+    // Rays through the middles of pixels in Mitsuba 3.9.1.
+    let disk = [
+        "........", "..gggg..", ".gggggg.", ".ggrrgg.", ".wwbbww.", ".wwwwww.", "..wwww..",
+        "........",
+    ];
+    let cases = [
+        ("rectangle", 22, "bbwwbbwwrrggrrgg".into()),
+        ("sphere", 22, "rrgg".into()),
+        ("disk", 30, disk.concat()),
+    ];
+    for (shape, fov, expected) in cases {
+        let size = [expected.len().isqrt() as u32; 2];
+        let camera = format!("<float name=\"fov\" value=\"{fov}\"/>");
+        let scene = mitsuba(&camera, size, &format!("<shape type=\"{shape}\">{SHOWN}</shape>"));
+        assert_eq!(letters(&picture(&scene, size, 1)), expected, "{shape}");
+    }
+}
+
+#[test]
+fn the_principal_point_of_mitsuba_moves_the_picture_left_and_up() {
+    // 0.2 of ten pixels are two.
+    let shape = format!("<shape type=\"rectangle\">{SHOWN}</shape>");
+    let shown = |offset: &str| {
+        let scene = mitsuba(&format!("{FOV}{offset}"), [10; 2], &shape);
+        letters(&picture(&scene, [10; 2], 1))
+    };
+    let plain = shown("");
+    let moved = shown(
+        "<float name=\"principal_point_offset_x\" value=\"0.2\"/>\
+        <float name=\"principal_point_offset_y\" value=\"0.1\"/>",
+    );
+    let row = |text: &str, y: usize| text[y * 10..][..10].to_string();
+    for y in 1..7 {
+        assert_eq!(row(&moved, y)[..8], row(&plain, y + 1)[2..], "row {y}");
+    }
+    assert!(plain.contains('r') && row(&plain, 0) != row(&plain, 2));
+}
+
+#[test]
+fn a_number_as_the_spectrum_of_a_mitsuba_emitter_is_light_of_equal_energy() {
+    // Mitsuba 3.9.1, scalar_rgb; the linear Rec. 709 colour of illuminant E is 1.2048, 0.9483,
+    // 0.9087.
+    for (value, expected) in [
+        ("<spectrum name=\"radiance\" value=\"2\"/>", [2.4096, 1.8966, 1.8178]),
+        ("<spectrum name=\"radiance\" value=\"360:2,830:2\"/>", [2.4098, 1.8965, 1.8185]),
+        ("<rgb name=\"radiance\" value=\"2\"/>", [2.0; 3]),
+        ("<float name=\"radiance\" value=\"2\"/>", [2.0; 3]),
+    ] {
+        for emitter in ["constant", "area"] {
+            let emitter = format!("<emitter type=\"{emitter}\">{value}</emitter>");
+            let lamp = format!("<shape type=\"sphere\">{emitter}</shape>");
+            let body = if emitter.contains("area") { lamp } else { emitter };
+            let pixel = picture(&mitsuba(FOV, [1; 2], &body), [1; 2], 1)[0];
+            let differs = |c: usize| (pixel[c] - expected[c]).abs() > 0.003 * expected[c];
+            assert!(!(0..3).any(differs), "{body}: {pixel:?} is not {expected:?}");
+        }
+    }
+}
+
+#[test]
+fn a_projector_of_mitsuba_lights_a_wall_evenly() {
+    // Radiance 0.8 / pi times an irradiance of 2 pi / 5^2 (projector.cpp, sample_direction).
+    let wall = "<shape type=\"rectangle\"><transform name=\"to_world\"><scale value=\"5\"/></transform>\
+        <bsdf type=\"diffuse\"><rgb name=\"reflectance\" value=\"0.8\"/></bsdf></shape>";
+    let lit = |irradiance: &str| {
+        let projector = format!(
+            "<emitter type=\"projector\"><transform name=\"to_world\">\
+            <lookat origin=\"0,0,5\" target=\"0,0,0\" up=\"0,1,0\"/></transform>\
+            <float name=\"scale\" value=\"2\"/><float name=\"fov\" value=\"60\"/>{irradiance}</emitter>{wall}"
+        );
+        let camera = "<float name=\"fov\" value=\"56\"/>";
+        picture(&mitsuba(camera, [6; 2], &projector), [6; 2], 1)
+    };
+    for irradiance in ["", "<rgb name=\"irradiance\" value=\"1\"/>"] {
+        for pixel in lit(irradiance) {
+            assert!(pixel.iter().all(|x| (x - 0.064).abs() < 1e-4), "{pixel:?}");
+        }
+    }
+    let texture = SHOWN.replace("radiance", "irradiance");
+    let texture = texture.split_once('>').expect("a tag").1.replace("</emitter>", "");
+    let quarters = lit(&texture).iter().map(|p| p.map(|x| x / 0.064)).collect::<Vec<_>>();
+    assert_eq!(letters(&quarters), "rrrggg".repeat(3) + &"bbbwww".repeat(3));
+    assert!(quarters[0][0] > 0.99 && quarters[0][0] < 1.01);
+}
+
+/// The radiance of a surface of albedo 0.8 whose normal map leans towards `green`, a world
+/// direction, lit from the side of `green`.
+fn leaning(n: [f64; 3], green: [f64; 3]) -> (String, f64) {
+    let light = [0, 1, 2].map(|i| -(n[i] + 0.5 * green[i]));
+    let length = light.map(|x| x * x).iter().sum::<f64>().sqrt();
+    let bent = [0, 1, 2].map(|i| 0.6 * green[i] + 0.8 * n[i]);
+    let cosine = -(0..3).map(|i| light[i] * bent[i]).sum::<f64>() / length;
+    let [x, y, z] = light.map(|x| x / length);
+    (format!("{x} {y} {z}"), 0.8 / std::f64::consts::PI * 3.0 * cosine)
+}
+
+#[test]
+fn green_of_mitsuba_normal_maps_is_the_normal_times_u() {
+    // The green axes of Mitsuba 3.9.1, found from its BSDF at the point that is seen: upright,
+    // and mirrored in x. With flip_normals they are opposite, except on the sphere and disk,
+    // where they are seen from inside.
+    let (y, down) = ([0.0, 1.0, 0.0], [0.0, -1.0, 0.0]);
+    let cases = [
+        ("rectangle", "", [0.0, 0.0, 1.0], y, down),
+        ("disk", "", [0.0, 0.0, 1.0], [-0.5547, 0.83205, 0.0], [-0.5547, 0.83205, 0.0]),
+        ("cube", "", [0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]),
+        ("obj", "", [0.0, 0.0, 1.0], y, down),
+        ("obj", "<boolean name=\"flip_tex_coords\" value=\"false\"/>", [0.0, 0.0, 1.0], y, down),
+        ("mirrored", "", [0.0, 0.0, 1.0], down, y),
+    ];
+    for (kind, more, n, upright, mirrored) in cases {
+        for (scale, green) in [("1,1,1", upright), ("-1,1,1", mirrored)] {
+            let (light, expected) = leaning(n, green);
+            let file = if kind == "rectangle" || kind == "disk" || kind == "cube" {
+                String::new()
+            } else {
+                format!("<string name=\"filename\" value=\"{kind}.obj\"/>")
+            };
+            let class = if file.is_empty() { kind } else { "obj" };
+            let body = format!(
+                "<shape type=\"{class}\">{file}{more}<transform name=\"to_world\"><scale value=\"{scale}\"/></transform>\
+                <bsdf type=\"twosided\"><bsdf type=\"normalmap\"><texture name=\"normalmap\" type=\"bitmap\">\
+                <string name=\"filename\" value=\"green.pfm\"/><boolean name=\"raw\" value=\"true\"/></texture>\
+                <bsdf type=\"diffuse\"><rgb name=\"reflectance\" value=\"0.8\"/></bsdf></bsdf></bsdf></shape>\
+                <emitter type=\"directional\"><vector name=\"direction\" value=\"{light}\"/>\
+                <rgb name=\"irradiance\" value=\"3\"/></emitter>"
+            );
+            let scene = mitsuba("<float name=\"fov\" value=\"1e-3\"/>", [1; 2], &body);
+            let scene = aimed(scene);
+            let found = picture(&scene, [1; 2], 1)[0][0];
+            assert!(
+                (found - expected).abs() < 1e-3,
+                "{kind} {more} {scale}: {found}, not {expected}"
+            );
+        }
+    }
+}
+
+/// The scene seen from above the point (0.3, 0.2).
+fn aimed(mut scene: Scene) -> Scene {
+    scene.cameras[0].eye = snell_math::DVec3::new(0.3, 0.2, 5.0);
+    scene
+}
+
+#[test]
+fn a_file_whose_lamps_are_all_off_is_dark() {
+    let pbrt = |lamp: &str| {
+        format!(
+            "LookAt 0 0 5 0 0 0 0 1 0 Camera \"perspective\" \"float fov\" 20 WorldBegin \
+            Shape \"sphere\" \"float radius\" 2 {lamp} Shape \"sphere\""
+        )
+    };
+    let xml = |emitter: &str| {
+        format!(
+            "<scene version=\"3.0.0\"><shape type=\"sphere\">{emitter}</shape>\
+            <shape type=\"sphere\"><float name=\"radius\" value=\"2\"/></shape></scene>"
+        )
+    };
+    let gltf = |emission: &str| {
+        format!(
+            r#"{{"asset": {{"version": "2.0"}}, "scene": 0, "scenes": [{{"nodes": [0]}}],
+            "nodes": [{{"mesh": 0}}], "materials": [{{{emission}}}], "meshes": [{{"primitives": [
+            {{"attributes": {{"POSITION": 0}}, "material": 0}}]}}],
+            "accessors": [{{"componentType": 5126, "count": 3, "type": "VEC3"}}]}}"#
+        )
+    };
+    let off = "\"emissiveFactor\": [1, 1, 1], \"extensions\": \
+        {\"KHR_materials_emissive_strength\": {\"emissiveStrength\": 0}}";
+    for (name, text, is_dark) in [
+        ("a.pbrt", pbrt("AreaLightSource \"diffuse\" \"rgb L\" [0 0 0]"), true),
+        ("a.pbrt", pbrt(""), false),
+        (
+            "a.xml",
+            xml("<emitter type=\"area\"><rgb name=\"radiance\" value=\"0\"/></emitter>"),
+            true,
+        ),
+        ("a.xml", xml(""), false),
+        ("a.gltf", gltf(off), true),
+        ("a.gltf", gltf("\"emissiveFactor\": [0, 0, 0]"), false),
+    ] {
+        let mut scene = read(name, &text);
+        snell_scene::framing::prepare(&mut scene, &Default::default()).expect("no cycles");
+        let pixels = picture(&scene, [4; 2], 1);
+        let sum: f64 = pixels.iter().flatten().sum();
+        assert_eq!(sum == 0.0, is_dark, "{text}: {sum}");
+    }
+}
