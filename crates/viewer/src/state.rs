@@ -333,8 +333,8 @@ impl State {
             settings.spp = spp;
         }
         if let Some(depth) = max_depth {
-            if depth > Settings::MAX_DEPTH {
-                return Err(format!("{depth} bounces; choose 0 to {}", Settings::MAX_DEPTH));
+            if depth > Settings::DEEPEST {
+                return Err(format!("{depth} bounces; choose 0 to {}", Settings::DEEPEST));
             }
             settings.max_depth = depth;
         }

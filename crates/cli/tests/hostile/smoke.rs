@@ -76,11 +76,12 @@ const COMMANDS: [&str; 22] = [
 const PICTURE_COMMANDS: [&str; 3] =
     ["compare FILE FILE", "compare FILE FILE --json --max-flip 1", "compare FILE FILE -o out.png"];
 /// Options with odd values, for a valid scene.
-const VALUED: [&str; 24] = [
+const VALUED: [&str; 25] = [
     "--exposure",
     "--bits",
     "--noise",
     "--max-depth",
+    "--roulette-depth",
     "--seed",
     "--clamp",
     "--ao-distance",

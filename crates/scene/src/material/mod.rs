@@ -351,6 +351,10 @@ snell_math::declare! {
         /// light illuminates other surfaces in its place.
         #[serde(default = "defaults::yes")]
         pub illuminates: bool,
+        /// False for a surface that rays pass through as if it were not there. Of a lamp, the light
+        /// remains: only light samples find it.
+        #[serde(default = "defaults::yes")]
+        pub visible: bool,
         /// The use of `alpha`.
         #[serde(default)]
         pub alpha_mode: AlphaMode,
@@ -417,6 +421,7 @@ impl Material {
             emission_takes_vertex_color: false,
             emits_on_both_sides: false,
             illuminates: true,
+            visible: true,
             alpha_mode: AlphaMode::Opaque,
             alpha: ScalarParam::constant(1.0),
             double_sided: true,
@@ -491,7 +496,10 @@ impl Material {
 
     /// True if hits need an opacity test ([`Self::is_present`]).
     pub fn needs_filter(&self) -> bool {
-        self.alpha_mode != AlphaMode::Opaque || !self.double_sided || self.is_interface()
+        self.alpha_mode != AlphaMode::Opaque
+            || !self.double_sided
+            || !self.visible
+            || self.is_interface()
     }
 
     /// Opacity at a point, `[0, 1]`: 0 or 1 for a mask.
@@ -511,9 +519,9 @@ impl Material {
     }
 
     /// The probability that a ray hits the surface at a point: its opacity, but 0 on the inner side
-    /// of a single-sided surface and for interfaces.
+    /// of a single-sided surface, for interfaces and for what is not visible.
     pub fn presence(&self, ray_direction: Vec3, point: &ShadingPoint) -> f32 {
-        if self.is_interface() {
+        if self.is_interface() || !self.visible {
             return 0.0;
         }
         if self.double_sided || point.surface.is_front_facing(ray_direction) {
@@ -523,13 +531,20 @@ impl Material {
         }
     }
 
+    /// The fraction of the radiance [emitted](Self::emitted) at a point that reaches a light sample
+    /// whose direction towards it is `ray_direction`: the probability that a ray hits the surface,
+    /// or the opacity of one that is not visible.
+    pub fn emitting_share(&self, ray_direction: Vec3, point: &ShadingPoint) -> f32 {
+        if self.visible { self.presence(ray_direction, point) } else { self.opacity(point) }
+    }
+
     /// The constant radiance that the surface emits in all directions of its emitting sides; `None`
-    /// if that depends on the point, or if the surface is not opaque.
+    /// if that depends on the point, or if the surface is not opaque or not visible.
     pub fn uniform_emission(&self) -> Option<Color> {
         let is_uniform = self.is_emissive()
             && self.emission.texture.is_none()
             && !self.emission_takes_vertex_color;
-        let is_solid = self.alpha_mode == AlphaMode::Opaque && !self.is_interface();
+        let is_solid = self.alpha_mode == AlphaMode::Opaque && self.visible && !self.is_interface();
         let is_there = is_solid && (self.double_sided || !self.emits_on_both_sides);
         let ColorParam { factor: rgb, spectrum, .. } = self.emission;
         (is_uniform && is_there).then(|| Color { rgb, spectrum }.map(emitted_part))

@@ -374,6 +374,11 @@ impl Document {
         };
         scene.topological_order().map_err(|error| ("/nodes".to_string(), error.to_string()))?;
         scene.check_textures().map_err(|error| ("/materials".to_string(), error.to_string()))?;
+        for (i, light) in scene.lights.iter().enumerate() {
+            if let Some(flaw) = light.lost_direction() {
+                return Err((format!("/lights/{i}"), flaw));
+            }
+        }
         // Before the ranges, which would report the same light again.
         scene.limit_light();
         scene.check_ranges();

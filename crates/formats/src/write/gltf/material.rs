@@ -50,6 +50,9 @@ pub fn value(document: &mut Document, index: usize, material: &Material) -> Valu
     if material.is_emissive() && !material.illuminates && !is_unlit {
         writer.lose("its emission lights other things too");
     }
+    if !material.visible {
+        writer.lose("it is visible");
+    }
     if material.interior.is_some_and(|i| i.medium.is_some() || i.priority != 0) {
         writer.lose("the medium inside, and its priority, are left out");
     }

@@ -165,6 +165,11 @@ impl File<'_, '_> {
     }
 
     fn add_alpha(&mut self, made: &mut Made, material: &Material, who: &str) {
+        if !material.visible {
+            // Of a lamp with this alpha, pbrt keeps the light.
+            made.shape_parameters += " \"float alpha\" [ 0 ]";
+            return;
+        }
         let cutoff = match material.alpha_mode {
             AlphaMode::Opaque => return,
             AlphaMode::Blend => None,

@@ -8,7 +8,7 @@ use crate::batch::vertices::{
 };
 use crate::batch::{Batch, BatchShader, Shaded};
 use crate::integrator::carried::Marks;
-use crate::integrator::guided::unknown_survival;
+use crate::integrator::roulette::unknown_survival;
 use crate::integrator::{Context, dimension};
 use crate::lanes::{
     BLACK, ENDLESS, HitColors, LANES, NOUGHTS, ZERO, at, at_level_by_color, put_color,
