@@ -183,8 +183,7 @@ fn leaning(n: [f64; 3], green: [f64; 3]) -> (String, f64) {
 #[test]
 fn green_of_mitsuba_normal_maps_is_the_normal_times_u() {
     // The green axes of Mitsuba 3.9.1, found from its BSDF at the point that is seen: upright,
-    // and mirrored in x. With flip_normals they are opposite, except on the sphere and disk,
-    // where they are seen from inside.
+    // and mirrored in x. With flip_normals they are opposite.
     let (y, down) = ([0.0, 1.0, 0.0], [0.0, -1.0, 0.0]);
     let cases = [
         ("rectangle", "", [0.0, 0.0, 1.0], y, down),
@@ -195,7 +194,13 @@ fn green_of_mitsuba_normal_maps_is_the_normal_times_u() {
         ("mirrored", "", [0.0, 0.0, 1.0], down, y),
     ];
     for (kind, more, n, upright, mirrored) in cases {
-        for (scale, green) in [("1,1,1", upright), ("-1,1,1", mirrored)] {
+        for (scale, flip, green) in [
+            ("1,1,1", false, upright),
+            ("-1,1,1", false, mirrored),
+            ("1,1,1", true, upright.map(|x: f64| -x)),
+            ("-1,1,1", true, mirrored.map(|x: f64| -x)),
+        ] {
+            let more = format!("{more}<boolean name=\"flip_normals\" value=\"{flip}\"/>");
             let (light, expected) = leaning(n, green);
             let file = if kind == "rectangle" || kind == "disk" || kind == "cube" {
                 String::new()
@@ -269,5 +274,166 @@ fn a_file_whose_lamps_are_all_off_is_dark() {
         let pixels = picture(&scene, [4; 2], 1);
         let sum: f64 = pixels.iter().flatten().sum();
         assert_eq!(sum == 0.0, is_dark, "{text}: {sum}");
+    }
+}
+
+#[test]
+fn a_lamp_of_pbrt_with_alpha_0_lights_and_is_not_seen() {
+    // F3 of the reports: a sphere of radiance 10 and radius 0.5 at (3, 0, 2) above a white plane
+    // gives the irradiance L pi r^2 z / d^3 below it.
+    let text = |alpha: &str| {
+        format!(
+            "LookAt 0 0 5  0 0 0  0 1 0 Camera \"perspective\" \"float fov\" 120 WorldBegin \
+            AttributeBegin Translate -3 0 2 AreaLightSource \"diffuse\" \"rgb L\" [10 10 10] \
+            Shape \"sphere\" \"float radius\" .5 {alpha} AttributeEnd \
+            Material \"diffuse\" \"rgb reflectance\" [1 1 1] Shape \"trianglemesh\" \"point3 P\" \
+            [-9 -9 0  9 -9 0  9 9 0 -9 9 0] \"integer indices\" [0 1 2 0 2 3]"
+        )
+    };
+    const SIZE: usize = 33;
+    let shown = |alpha: &str| {
+        let scene = read("lamp.pbrt", &text(alpha));
+        assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
+        picture(&scene, [SIZE as u32; 2], 64)
+    };
+    let (hidden, seen) = (shown("\"float alpha\" 0"), shown(""));
+    let middle = hidden[SIZE * SIZE / 2][0];
+    let expected = 10.0 * 0.25 * 2.0 / 13f64.powf(1.5);
+    assert!((middle / expected - 1.0).abs() < 0.02, "{middle} is not {expected}");
+    assert!(seen.iter().any(|p| p[0] > 9.9), "the other lamp is seen");
+    assert!(hidden.iter().all(|p| p[0] < 5.0), "the lamp is not seen");
+}
+
+#[test]
+fn green_of_pbrt_normal_maps_is_the_normal_times_u() {
+    // pbrt's NormalMap(): the frame of the shading normal and dpdu, whatever v does. The camera
+    // looks along z at a square whose outer side faces it, except in the last case.
+    let plain = "[0 0 1 0 1 1 0 1]";
+    let mirrored = "[1 0 0 0 0 1 1 1]";
+    let (up, down) = ([0.0, 1.0, 0.0], [0.0, -1.0, 0.0]);
+    for (uv, change, green) in [
+        // -z times x.
+        (plain, "ReverseOrientation", down),
+        (mirrored, "ReverseOrientation", up),
+        (plain, "ReverseOrientation Scale -1 1 1", up),
+        (mirrored, "ReverseOrientation Scale -1 1 1", down),
+        // z times x, seen from behind.
+        (plain, "", down),
+    ] {
+        let (light, expected) = leaning([0.0, 0.0, -1.0], green);
+        let text = format!(
+            "LookAt 0 0 -5  0 0 0  0 1 0 Camera \"perspective\" \"float fov\" 0.01 WorldBegin \
+            LightSource \"distant\" \"rgb L\" [3 3 3] \"point3 from\" [0 0 0] \"point3 to\" [{light}] \
+            MakeNamedMaterial \"m\" \"string type\" \"diffuse\" \"rgb reflectance\" [.8 .8 .8] \
+            \"string normalmap\" \"green.pfm\" NamedMaterial \"m\" {change} \
+            Shape \"trianglemesh\" \"point3 P\" [-1 -1 0  1 -1 0  1 1 0 -1 1 0] \
+            \"point2 uv\" {uv} \"integer indices\" [0 1 2 0 2 3]"
+        );
+        let found = picture(&read("n.pbrt", &text), [1; 2], 1)[0][0];
+        assert!((found - expected).abs() < 1e-3, "{uv} {change}: {found}, not {expected}");
+    }
+}
+
+#[test]
+fn cropped_films_show_a_part_of_the_picture() {
+    let shape = format!("<shape type=\"rectangle\">{SHOWN}</shape>");
+    let square = "AreaLightSource \"diffuse\" \"string filename\" \"quarters.pfm\" \
+        Shape \"trianglemesh\" \"point3 P\" [-1 -1 0  1 -1 0  1 1 0 -1 1 0] \
+        \"point2 uv\" [0 0 1 0 1 1 0 1] \"integer indices\" [0 1 2 0 2 3]";
+    for (kind, angle) in [("perspective", 40), ("orthographic", 40)] {
+        let mitsuba = |crop: &str, size: [u32; 2]| {
+            let camera = format!("<float name=\"fov\" value=\"{angle}\"/>");
+            let text = |scene: &str| scene.replace("perspective", kind);
+            let film = format!("<integer name=\"height\" value=\"12\"/>{crop}");
+            let scene = format!(
+                "<scene version=\"3.0.0\"><sensor type=\"perspective\">\
+                <transform name=\"to_world\"><scale value=\"1.5\"/>\
+                <lookat origin=\"0,0,5\" target=\"0,0,0\" up=\"0,1,0\"/></transform>{camera}\
+                <film type=\"hdrfilm\"><integer name=\"width\" value=\"20\"/>{film}</film></sensor>{shape}</scene>"
+            );
+            let scene = read("a.xml", &text(&scene));
+            assert_eq!(scene.settings.size, Some(size));
+            letters(&picture(&scene, size, 1))
+        };
+        let pbrt = |crop: &str, size: [u32; 2]| {
+            let lens = if kind == "perspective" { "\"float fov\" 40" } else { "" };
+            let scene = read(
+                "a.pbrt",
+                &format!(
+                    "Scale -1 1 1 LookAt 0 0 5  0 0 0  0 1 0 Camera \"{kind}\" {lens} Film \"rgb\" \
+                    \"integer xresolution\" 20 \"integer yresolution\" 12 {crop} WorldBegin {square}"
+                ),
+            );
+            assert_eq!(scene.settings.size, Some(size));
+            letters(&picture(&scene, size, 1))
+        };
+        let part = |whole: &str, [x, y]: [usize; 2], [w, h]: [usize; 2]| -> String {
+            (y..y + h).map(|row| &whole[row * 20 + x..][..w]).collect()
+        };
+        let whole = mitsuba("", [20, 12]);
+        let cropped = mitsuba(
+            "<integer name=\"crop_offset_x\" value=\"7\"/><integer name=\"crop_offset_y\" value=\"4\"/>\
+            <integer name=\"crop_width\" value=\"9\"/><integer name=\"crop_height\" value=\"5\"/>",
+            [9, 5],
+        );
+        assert_eq!(cropped, part(&whole, [7, 4], [9, 5]), "Mitsuba, {kind}");
+        let whole = pbrt("", [20, 12]);
+        let expected = part(&whole, [7, 3], [9, 6]);
+        for crop in
+            ["\"integer pixelbounds\" [7 16 3 9]", "\"float cropwindow\" [0.35 0.8 0.25 0.75]"]
+        {
+            assert_eq!(pbrt(crop, [9, 6]), expected, "pbrt, {kind}, {crop}");
+        }
+        assert!(expected.contains('r') && expected.contains('w'), "{kind}: {expected}");
+    }
+}
+
+#[test]
+fn spherical_cameras_of_pbrt_show_an_equal_area_square() {
+    // SphericalCamera::GenerateRay: the middle of the picture is y, the right edge's x, the bottom
+    // edge's z, and the corners are -y.
+    let ball = |place: &str, color: &str| {
+        format!(
+            "AttributeBegin Translate {place} AreaLightSource \"diffuse\" \"rgb L\" [{color}] \
+            Shape \"sphere\" \"float radius\" .3 AttributeEnd "
+        )
+    };
+    let text = format!(
+        "Camera \"spherical\" Film \"rgb\" \"integer xresolution\" 5 \"integer yresolution\" 5 \
+        WorldBegin {}{}{}{}",
+        ball("0 2 0", "1 1 1"),
+        ball("2 0 0", "1 0 0"),
+        ball("0 0 2", "0 1 0"),
+        ball("0 -2 0", "0 0 1"),
+    );
+    let scene = read("a.pbrt", &text);
+    assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
+    let pixels = letters(&picture(&scene, [81; 2], 1));
+    let at = |x: usize, y: usize| &pixels[y * 81 + x..][..1];
+    assert_eq!([at(40, 40), at(79, 40), at(40, 79), at(1, 1), at(1, 40)].concat(), "wrgb.");
+}
+
+#[test]
+fn both_sides_of_twosided_are_those_of_mitsuba() {
+    // Directional light along the view: radiance is albedo / pi times the irradiance of 3.
+    for (shape, flip) in [
+        ("rectangle", false),
+        ("rectangle", true),
+        ("disk", false),
+        ("cube", true),
+        ("sphere", true),
+    ] {
+        let two = "<bsdf type=\"twosided\"><bsdf type=\"diffuse\"><rgb name=\"reflectance\" value=\"0.8\"/>\
+            </bsdf><bsdf type=\"diffuse\"><rgb name=\"reflectance\" value=\"0.2\"/></bsdf></bsdf>";
+        let body = format!(
+            "<shape type=\"{shape}\"><boolean name=\"flip_normals\" value=\"{flip}\"/>{two}</shape>\
+            <emitter type=\"directional\"><vector name=\"direction\" value=\"0 0 -1\"/>\
+            <rgb name=\"irradiance\" value=\"3\"/></emitter>"
+        );
+        let scene = mitsuba("<float name=\"fov\" value=\"1e-3\"/>", [1; 2], &body);
+        assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
+        let found = picture(&scene, [1; 2], 1)[0][0];
+        let expected = if flip { 0.2 } else { 0.8 } * 3.0 / std::f64::consts::PI;
+        assert!((found - expected).abs() < 1e-3, "{shape} {flip}: {found}, not {expected}");
     }
 }

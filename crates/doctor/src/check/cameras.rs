@@ -90,8 +90,7 @@ fn sees_nothing(subject: &Subject, camera: &Camera) -> bool {
         camera.projection,
         Projection::Panoramic | Projection::EqualArea | Projection::Fisheye { .. }
     );
-    if sees_all_around || subject.placed.is_empty()
-    {
+    if sees_all_around || subject.placed.is_empty() {
         return false;
     }
     // Media are visible without surfaces.

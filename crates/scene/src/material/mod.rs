@@ -319,6 +319,17 @@ snell_math::declare! {
     }
 }
 
+impl Bitangent {
+    /// The direction in a mirrored scene, or on a surface that is turned over.
+    pub fn mirrored(self) -> Self {
+        match self {
+            Self::Upwards => Self::Upwards,
+            Self::Crossed => Self::CrossedMirrored,
+            Self::CrossedMirrored => Self::Crossed,
+        }
+    }
+}
+
 impl NormalMap {
     /// A normal map with this factor on x and y, whose green is up in the picture.
     pub fn new(texture: TextureId, scale: f32) -> Self {

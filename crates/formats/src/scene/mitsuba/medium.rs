@@ -3,7 +3,7 @@
 use super::Builder;
 use super::color;
 use super::object::Object;
-use super::value::Value;
+use super::value::{Value, shortened};
 use crate::scene::fault::Fault;
 use crate::scene::scattering::{self, Coefficients};
 use crate::{Input, Place, ReadError};
@@ -269,8 +269,20 @@ impl Builder<'_> {
     fn grid_volume(&mut self, volume: &Object) -> Result<Volume, Fault> {
         let (name, at) = volume.file_name()?;
         let file = read_volume(&self.open(name, at)?)?;
-        for name in ["raw", "filter_type", "wrap_mode", "accel", "max_value"] {
+        for name in ["raw", "accel", "max_value"] {
             volume.get(name);
+        }
+        for (name, ours) in [("filter_type", "trilinear"), ("wrap_mode", "clamp")] {
+            let Some((text, at)) = volume.string(name)? else { continue };
+            if text != ours {
+                let text = shortened(text);
+                self.note(format!("{name} of gridvolume"), at, || {
+                    format!(
+                        "a {name} of \"{text}\": the grid is interpolated, and empty outside of \
+                            its box"
+                    )
+                });
+            }
         }
         let mut world_from_grid = self.world_from_file * volume.transform("to_world")?;
         if volume.bool_or("use_grid_bbox", self.version.starts_with("0."))? {

@@ -69,12 +69,7 @@ impl Builder<'_> {
         Ok(())
     }
 
-    fn camera(
-        &mut self,
-        object: &Object,
-        place: DAffine3,
-        film: Film,
-    ) -> Result<Camera, Fault> {
+    fn camera(&mut self, object: &Object, place: DAffine3, film: Film) -> Result<Camera, Fault> {
         // As seen from behind the camera, its x points to the left.
         let [up, towards] = [DVec3::Y, DVec3::Z].map(|axis| place.transform_vector3(axis));
         if !towards.is_finite() || towards.cross(up).length() == 0.0 {
@@ -148,34 +143,33 @@ impl Builder<'_> {
 
     /// Half of the width seen at distance 1, for a picture of this aspect ratio.
     pub(super) fn tan_half_fov_x(&mut self, object: &Object, aspect: f64) -> Result<f64, Fault> {
+        let (axis, at) = object.string("fov_axis")?.unwrap_or(("x", object.at));
+        if !["x", "y", "smaller", "larger", "diagonal"].contains(&axis) {
+            let problem =
+                format!("\"{}\" is not an axis of the picture", super::value::shortened(axis));
+            return Err(Fault::new(at, problem, "use x, y, diagonal, smaller or larger"));
+        }
+        let of_diagonal = |tan: f64| tan * aspect / (1.0 + aspect * aspect).sqrt();
         let focal_length = object.string("focal_length")?;
         if focal_length.is_some() || !object.has("fov") {
             object.get("fov");
-            object.get("fov_axis");
             let (text, at) = focal_length.unwrap_or(("50mm", object.at));
             let length = super::value::number(text.trim().trim_end_matches("mm"));
             let length = length.ok().filter(|l| *l > 0.0);
             let Some(length) = length else {
                 return Err(Fault::new(at, "this is not a focal length", "write one like 50mm"));
             };
-            // The diagonal of 35 mm film.
-            let diagonal = (36.0f64 * 36.0 + 24.0 * 24.0).sqrt() / (2.0 * length);
-            return Ok(diagonal * aspect / (1.0 + aspect * aspect).sqrt());
+            // Half of the diagonal of 35 mm film.
+            return Ok(of_diagonal(36f64.hypot(24.0) / (2.0 * length)));
         }
         let fov = object.float_within("fov", 0.0, [1e-6, 179.999])?;
         let tan = (fov * 0.5).to_radians().tan();
-        let (axis, at) = object.string("fov_axis")?.unwrap_or(("x", object.at));
         Ok(match axis {
             "x" => tan,
             "y" => tan * aspect,
             "smaller" => tan * aspect.max(1.0),
             "larger" => tan * aspect.min(1.0),
-            "diagonal" => tan * aspect / (1.0 + aspect * aspect).sqrt(),
-            other => {
-                let problem =
-                    format!("\"{}\" is not an axis of the picture", super::value::shortened(other));
-                return Err(Fault::new(at, problem, "use x, y, diagonal, smaller or larger"));
-            }
+            _ => of_diagonal(tan),
         })
     }
 

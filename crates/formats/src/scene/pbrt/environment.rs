@@ -35,7 +35,7 @@ impl Builder<'_> {
         self.note_ignored(
             params,
             &["portal"],
-            "light from all directions needs none, but is noisier without",
+            "light comes from all directions, also beside the portal",
         );
         let is_latlong = params.has("mapname");
         let Some((name, at)) =

@@ -45,6 +45,11 @@ impl AreaLight {
         ColorParam { factor: self.radiance.factor * factor, ..self.radiance }
     }
 
+    /// True if the radiance is that of a picture.
+    pub fn shows_picture(&self) -> bool {
+        self.radiance.texture.is_some()
+    }
+
     /// True if the radiance depends on the size of the surface.
     pub fn depends_on_area(&self) -> bool {
         self.power.is_some()

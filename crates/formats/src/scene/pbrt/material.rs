@@ -52,6 +52,8 @@ pub struct Finish {
     pub emission: Option<(ColorParam, bool)>,
     /// Opacity.
     pub alpha: Option<ScalarParam>,
+    /// True for a lamp that lights and is not seen.
+    pub is_hidden: bool,
     /// The medium inside.
     pub interior: Option<Interior>,
 }
@@ -154,6 +156,7 @@ impl Builder<'_> {
             if let Some((emission, both)) = finish.emission {
                 material.emission = emission;
                 material.emits_on_both_sides = both;
+                material.visible = !finish.is_hidden;
             }
             ids.push(self.scene.add_material(material));
         }
@@ -171,7 +174,9 @@ impl Builder<'_> {
     pub(super) fn is_textured(&mut self) -> bool {
         let position = self.current_material();
         let known = &self.materials.known[position];
-        known.opacity.is_some()
+        let shows_picture = |light: usize| self.shapes.area_lights[light].shows_picture();
+        self.state.area_light.is_some_and(shows_picture)
+            || known.opacity.is_some()
             || known.layers.iter().any(|material| !material.textures().is_empty())
     }
 

@@ -291,7 +291,7 @@ pub fn is_kind(params: &Params, kind: &str) -> bool {
 
 /// The part of the film that `cropwindow` or `pixelbounds` shows (FilmBaseParameters of pbrt-v4).
 fn crop(params: &Params, size: [i64; 2]) -> Result<Option<Crop>, Fault> {
-    let bounds = params.integers("pixelbounds")?;
+    let bounds: Vec<i64> = params.floats("pixelbounds")?.iter().map(|x| *x as i64).collect();
     let window = params.floats("cropwindow")?;
     let ends: [[i64; 2]; 2] = match (&window[..], &bounds[..]) {
         (&[x0, x1, y0, y1], _) => {
