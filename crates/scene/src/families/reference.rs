@@ -13,7 +13,8 @@ the source say; `cargo xtask parameters` writes this page. The names are those o
 `snell.describe(family, kind)` shows the same.
 
 A number outside of its range is an error for `-D` and in Python, and a warning when a file is read.
-A parameter without a default has to be given. Colours are linear RGB.
+A parameter without a default has to be given, except in a `.snell` file: there it may be left out,
+and is what stands here in parentheses. Colours are linear RGB.
 ";
 
 /// The page as Markdown.
@@ -31,8 +32,9 @@ pub fn describe(name: &str) -> Option<String> {
             for parameter in parameters.iter().filter(|p| p.name != family.tag) {
                 let [_, kind, range, default, about] =
                     cells(parameter.name, parameter, default(parameter));
+                let is_required = default.is_empty() || default.starts_with('(');
                 let default = match default.as_str() {
-                    "" => "has to be given".into(),
+                    _ if is_required => "has to be given".into(),
                     default => format!("default {default}"),
                 };
                 let facts: Vec<_> =
@@ -40,10 +42,10 @@ pub fn describe(name: &str) -> Option<String> {
                 *text += &format!("  {}: {}\n      {about}\n", parameter.name, facts.join(", "));
             }
         };
-        lines(&mut text, kind.fields(), &|p| family.default_of(kind.name, p.name));
+        lines(&mut text, kind.fields(), &default_of_kind(family, kind));
         if !family.common.is_empty() {
             text += &format!("parameters of every {}:\n", family.name);
-            lines(&mut text, family.common, &|p| family.common_default_of(p.name));
+            lines(&mut text, family.common, &common_default(family));
         }
         text
     };
@@ -57,8 +59,29 @@ pub fn describe(name: &str) -> Option<String> {
     (!found.is_empty()).then(|| found.join("\n"))
 }
 
-/// The default of a parameter.
-type Default<'a> = dyn Fn(&Parameter) -> Option<Value> + 'a;
+/// The default of a parameter as people write it, in parentheses if only files may leave it out.
+type Default<'a> = dyn Fn(&Parameter) -> String + 'a;
+
+fn default_of_kind<'a>(
+    family: &'a Family,
+    kind: &'a Declaration,
+) -> impl Fn(&Parameter) -> String + 'a {
+    let usual = family.usual(kind.name);
+    move |parameter| either(family.default_of(kind.name, parameter.name), usual.get(parameter.name))
+}
+
+fn common_default(family: &Family) -> impl Fn(&Parameter) -> String + '_ {
+    let usual = family.usual_common();
+    move |parameter| either(family.common_default_of(parameter.name), usual.get(parameter.name))
+}
+
+fn either(default: Option<Value>, usual: Option<&Value>) -> String {
+    let in_parentheses = |value: &Value| match shown(value) {
+        text if text.is_empty() => text,
+        text => format!("({text})"),
+    };
+    default.map_or_else(|| usual.map(in_parentheses).unwrap_or_default(), |value| shown(&value))
+}
 
 fn family_section(family: &Family) -> String {
     let mut text = format!("## {}\n\n", family.title);
@@ -68,7 +91,7 @@ fn family_section(family: &Family) -> String {
             .common
             .iter()
             .filter(|p| !matches!(p.kind, Kind::OneOf(tag, _) if tag == family.tag));
-        text += &table(common, &|parameter| family.common_default_of(parameter.name));
+        text += &table(common, &common_default(family));
         text += "\n";
     }
     let kinds: Vec<String> = family.kinds.iter().map(|kind| kind_section(family, kind)).collect();
@@ -79,7 +102,7 @@ fn kind_section(family: &Family, kind: &Declaration) -> String {
     let mut text = format!("### `{}`\n\n{}\n", kind.name, kind.text());
     if !kind.fields().is_empty() {
         text += "\n";
-        text += &table(kind.fields().iter(), &|p| family.default_of(kind.name, p.name));
+        text += &table(kind.fields().iter(), &default_of_kind(family, kind));
     }
     text
 }
@@ -99,7 +122,7 @@ fn inner_rows(place: &str, kind: Kind, text: &mut String) {
     let mut add = |place: &str, parameters: &[Parameter]| {
         for parameter in parameters.iter().filter(|p| !p.name.is_empty()) {
             let place = format!("{place}.{}", parameter.name);
-            let row = row(&place, parameter, None);
+            let row = row(&place, parameter, String::new());
             // Variants may have parameters in common.
             if text.contains(&row) {
                 continue;
@@ -121,13 +144,13 @@ fn inner_rows(place: &str, kind: Kind, text: &mut String) {
     }
 }
 
-fn row(name: &str, parameter: &Parameter, default: Option<Value>) -> String {
+fn row(name: &str, parameter: &Parameter, default: String) -> String {
     let cells = cells(&format!("`{name}`"), parameter, default);
     format!("| {} |\n", cells.map(|cell| cell.replace('|', "\\|")).join(" | "))
 }
 
 /// A parameter's name, what it is, its range, its default and its documentation.
-fn cells(name: &str, parameter: &Parameter, default: Option<Value>) -> [String; 5] {
+fn cells(name: &str, parameter: &Parameter, default: String) -> [String; 5] {
     let range = match parameter.range {
         Range::Any => String::new(),
         // The unit stands in its own place.
@@ -137,7 +160,6 @@ fn cells(name: &str, parameter: &Parameter, default: Option<Value>) -> [String; 
         "" => parameter.kind.to_string(),
         unit => format!("{}, {unit}", parameter.kind),
     };
-    let default = default.map(|value| shown(&value)).unwrap_or_default();
     [name.into(), kind, range, default, parameter.text()]
 }
 
@@ -155,6 +177,12 @@ fn shown(value: &Value) -> String {
         }
         Value::Array(items) if items.len() <= 3 && items.iter().all(Value::is_number) => {
             items.iter().map(shown).collect::<Vec<_>>().join(" ")
+        }
+        Value::Array(items)
+            if items.iter().all(|item| item.as_array().is_some_and(|i| i.len() == 3)) =>
+        {
+            let rows: Vec<_> = items.iter().map(shown).collect();
+            if rows == ["1 0 0", "0 1 0", "0 0 1"] { "identity".into() } else { rows.join("; ") }
         }
         Value::Array(_) => "identity".into(),
         Value::Number(number) => {
