@@ -22,6 +22,7 @@ fn read(name: &str, text: &str) -> Scene {
     let coordinates = "vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n";
     write("obj.obj", format!("{square}{coordinates}{faces}").as_bytes());
     let coordinates = "vt 1 0\nvt 0 0\nvt 0 1\nvt 1 1\n";
+    write("bare.obj", b"v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nf 1 2 3\nf 1 3 4\n");
     write("mirrored.obj", format!("{square}{coordinates}{faces}").as_bytes());
     read_scene_bytes(name, text.into(), folder.path(), &ReadOptions::default())
         .unwrap_or_else(|e| panic!("{e}"))
@@ -436,4 +437,49 @@ fn both_sides_of_twosided_are_those_of_mitsuba() {
         let expected = if flip { 0.2 } else { 0.8 } * 3.0 / std::f64::consts::PI;
         assert!((found - expected).abs() < 1e-3, "{shape} {flip}: {found}, not {expected}");
     }
+}
+
+#[test]
+fn lamps_of_mitsuba_shine_on_the_side_that_mitsuba_means() {
+    // Mitsuba 3.9.1: normals of files are kept by a mirror, those it computes are turned over.
+    let flat = "<boolean name=\"face_normals\" value=\"true\"/>";
+    for (file, more, scale, flip, shines) in [
+        ("obj", "", 1, false, true),
+        ("obj", "", -1, false, true),
+        ("obj", "", -1, true, false),
+        ("obj", flat, -1, false, false),
+        ("obj", flat, -1, true, true),
+        ("bare", "", 1, false, true),
+        ("bare", "", 1, true, false),
+        ("bare", "", -1, false, false),
+        ("bare", "", -1, true, true),
+    ] {
+        let body = format!(
+            "<shape type=\"obj\"><string name=\"filename\" value=\"{file}.obj\"/>{more}\
+            <boolean name=\"flip_normals\" value=\"{flip}\"/><transform name=\"to_world\">\
+            <scale x=\"{scale}\" y=\"1\" z=\"1\"/></transform><emitter type=\"area\"/></shape>"
+        );
+        let found = picture(&mitsuba(FOV, [1; 2], &body), [1; 2], 1)[0][0];
+        assert_eq!(found > 0.5, shines, "{file} {more} {scale} {flip}");
+    }
+}
+
+#[test]
+fn hidden_emitters_of_mitsuba_light_and_are_not_seen() {
+    let lamp = "<shape type=\"sphere\"><point name=\"center\" value=\"0 0 2\"/>\
+        <float name=\"radius\" value=\"0.1\"/><emitter type=\"area\"><rgb name=\"radiance\" \
+        value=\"100\"/></emitter></shape><shape type=\"rectangle\"><bsdf type=\"diffuse\">\
+        <rgb name=\"reflectance\" value=\"1\"/></bsdf></shape><emitter type=\"constant\">\
+        <rgb name=\"radiance\" value=\"0.5\"/></emitter>";
+    let hidden =
+        "<integrator type=\"path\"><boolean name=\"hide_emitters\" value=\"true\"/></integrator>";
+    let [seen, unseen] = ["", hidden].map(|integrator| {
+        let scene = mitsuba(FOV, [9; 2], &format!("{integrator}{lamp}"));
+        picture(&scene, [9; 2], 256)
+    });
+    assert!(seen[40][0] > 50.0 && (seen[0][0] - 0.5).abs() < 1e-3);
+    // L pi r^2 / d^2 over pi, and the constant.
+    let expected = 100.0 * 0.01 / 4.0 + 0.5;
+    assert!((unseen[40][0] - expected).abs() < 0.02, "{} is not {expected}", unseen[40][0]);
+    assert_eq!(unseen[0], [0.0; 3]);
 }

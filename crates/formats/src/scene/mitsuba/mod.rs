@@ -79,6 +79,8 @@ struct Builder<'a> {
     notes: Notes,
     /// True if the file has emitters, even if they are off.
     has_lamps: bool,
+    /// True if surfaces that emit are not seen.
+    hides_emitters: bool,
 }
 
 fn read(input: &Input) -> Result<Scene, ReadError> {
@@ -105,6 +107,7 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
                 opened: 0,
                 notes: loader.notes,
                 has_lamps: false,
+                hides_emitters: false,
             };
             builder.scene.parameters = parameters;
             builder.build(&root).map_err(|fault| fault.into_error(&files))?;

@@ -308,8 +308,11 @@ impl Builder<'_> {
         }
         if object.bool_or("hide_emitters", false)? {
             self.scene.background = Background::Transparent;
+            self.hides_emitters = true;
             self.note("hide_emitters", object.at, || {
-                "hide_emitters hides what is around the scene, but not surfaces that emit".into()
+                "hide_emitters: surfaces that emit are not seen in mirrors either, and cast no \
+                    shadows"
+                    .into()
             });
         }
         // These affect only the noise.

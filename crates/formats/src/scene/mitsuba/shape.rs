@@ -245,6 +245,7 @@ impl Builder<'_> {
             material.double_sided &= !finish.is_one_sided;
             if let Some(emission) = finish.emission {
                 material.emission = emission;
+                material.visible = !self.hides_emitters;
             }
             material
         });
