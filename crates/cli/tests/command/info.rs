@@ -123,7 +123,7 @@ fn info_and_convert_take_definitions() {
         let run = place.run(&format!("info a.xml --json {define}")).done();
         serde_json::from_slice::<serde_json::Value>(&run.out).expect("it is JSON")
     };
-    let changed = info("-D r=3 -D material.skin.reflectance=.25");
+    let changed = info("-D r=3 -D material.skin.reflectance.factor=[.25,.25,.25]");
     assert_eq!(changed["bounds"]["max"][0], 3.0, "{}", changed["bounds"]);
     assert_eq!(changed["materials"][0]["kind"]["reflectance"]["factor"][0], 0.25);
     place.run("convert a.xml b.snell -D r=2").done();
