@@ -1,46 +1,52 @@
-//! BSDFs for a batch of directions: the bits of [`Lobes`], in loops that become vector code.
+//! BSDFs for a batch of directions, with the same bits as [`Lobes`], in loops that become vector
+//! code.
 
+use super::branchless::{BranchlessDrawn, BranchlessLobes};
 use super::coat::BatchCoated;
-use super::conductor::BatchMetal;
+use super::conductor::{BatchMetal, ComplexIor, F82};
 use super::dielectric::BatchGlass;
 use super::glossy::BatchGloss;
+use super::microfacets::{Rough, Smooth};
 use super::open_pbr::{BatchMixed, OnlySlab};
 use super::{Bsdf, ConductorBsdf, GlossyBsdf, Lobes};
 use snell_math::simd::Wide;
 use snell_math::{ColorMode, ColorModel, SampledSpectrum, Vec2, Vec3, at_level};
 
-/// Directions in a batch.
+/// The number of directions in a batch.
 pub const BATCH: usize = 16;
 
-/// A number for each.
+/// A number for each direction of a batch.
 type Numbers = [f32; BATCH];
-/// A vector for each.
+/// A vector for each direction of a batch, by axis.
 type Vectors = [Numbers; 3];
-/// A spectrum for each.
+/// A spectrum for each direction of a batch, by channel.
 type Spectra = [Numbers; 4];
 
 /// Spectra of a BSDF by their role, which differs from kind to kind. A mixture of metal and gloss
-/// has the first two in common.
+/// uses `base` and `specular` for both.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LobeSpectra<T = SampledSpectrum> {
-    /// Reflectance of the body below a gloss; the reflectance of a metal at normal incidence, or
-    /// the real part of its index of refraction; tint of light that crosses glass.
+    /// For a gloss the reflectance of the body below it; for a metal the reflectance at normal
+    /// incidence, or the real part of the index of refraction; for glass the tint of light that
+    /// crosses it.
     pub base: T,
-    /// Tint of a gloss; the factor of a metal at the edge ([`super::FacetReflectance`]), or the
-    /// imaginary part of its index; tint of glass reflections on the outer side.
+    /// For a gloss its tint; for a metal the factor at the edge ([`super::FacetReflectance`]), or
+    /// the imaginary part of the index of refraction; for glass the tint of reflections on the
+    /// outer side.
     pub specular: T,
-    /// Factor on the reflectance of a metal; tint of glass reflections on the inner side.
+    /// For a metal a factor on its reflectance; for glass the tint of reflections on the inner
+    /// side.
     pub other: T,
 }
 
 impl<T> LobeSpectra<T> {
-    /// Applies a function to each.
+    /// Applies a function to each spectrum.
     #[inline(always)]
     pub fn map<U>(self, mut f: impl FnMut(T) -> U) -> LobeSpectra<U> {
         LobeSpectra { base: f(self.base), specular: f(self.specular), other: f(self.other) }
     }
 
-    /// References to each.
+    /// References to the spectra.
     #[inline(always)]
     pub fn each_ref(&self) -> LobeSpectra<&T> {
         LobeSpectra { base: &self.base, specular: &self.specular, other: &self.other }
@@ -50,42 +56,42 @@ impl<T> LobeSpectra<T> {
 /// The inputs of an evaluation, in the frame of the BSDF.
 #[derive(Clone, Copy, Debug)]
 pub struct BatchInputs<'a> {
-    /// 0 for lanes that are not used: their outputs mean nothing.
+    /// 1 for lanes that are evaluated, 0 for others, whose outputs are arbitrary.
     pub is_active: &'a [u32; BATCH],
-    /// As [`BatchPoint::spectra`]: in [`snell_math::ColorMode::Rgb`] only the first three channels
-    /// of the base are used.
+    /// See [`BatchPoint::spectra`]. In [`snell_math::ColorMode::Rgb`] only the first three channels
+    /// of `base` are used.
     pub spectra: LobeSpectra<[&'a Numbers; 4]>,
-    /// Whether spectra are colours.
+    /// The colour model: what the channels of spectra stand for.
     pub color: ColorModel,
-    /// As [`BatchPoint::alpha`].
+    /// See [`BatchPoint::alpha`].
     pub alpha: &'a Numbers,
-    /// As [`BatchPoint::metalness`].
+    /// See [`BatchPoint::metalness`].
     pub metalness: &'a Numbers,
     /// Unit directions towards the viewer.
     pub wo: [&'a Numbers; 3],
-    /// Unit directions towards the light, for value and density.
+    /// Unit directions towards the light, for which value and density are computed.
     pub wi: [&'a Numbers; 3],
-    /// Numbers in `[0, 1)` for a direction that is drawn, as in [`Lobes::draw_from`].
+    /// Numbers in `[0, 1)` that choose the lobe of a sampled direction; see [`Lobes::draw_from`].
     pub u_lobe: &'a Numbers,
-    /// Further numbers in `[0, 1)` for such a direction.
+    /// Further numbers in `[0, 1)` for the sampled direction.
     pub u: [&'a Numbers; 2],
 }
 
-/// Parameters that may vary over a surface. A BSDF uses only those that it has.
+/// Parameters of a BSDF that may vary over a surface. A BSDF uses only those that it has.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BatchPoint {
-    /// Spectra of the lane. In [`snell_math::ColorMode::Rgb`] only the base is used: the
-    /// reflectance of a body below a gloss, and of the metal mixed with it at normal incidence. In
-    /// spectral colour all spectra.
+    /// The spectra. In [`snell_math::ColorMode::Rgb`] only `base` is used: the reflectance of a
+    /// body below a gloss, which is also that of the metal mixed with the gloss at normal
+    /// incidence. In spectral mode all three are used.
     pub spectra: LobeSpectra,
-    /// Width of the facet distribution of such a mixture, see [`super::Widths`].
+    /// Width of the facet distribution of a mixture of metal and gloss, see [`super::Widths`].
     pub alpha: f32,
-    /// Share of the metal.
+    /// Fraction of metal in such a mixture.
     pub metalness: f32,
 }
 
 impl BatchPoint {
-    /// A point with a body of this reflectance, where nothing else varies.
+    /// A point at which the reflectance of the body is the only parameter that varies.
     pub fn with_body(body: SampledSpectrum) -> Self {
         Self {
             spectra: LobeSpectra { base: body, ..LobeSpectra::default() },
@@ -98,42 +104,42 @@ impl BatchPoint {
 /// The outputs of an evaluation.
 #[derive(Clone, Debug, Default)]
 pub struct BatchOutputs {
-    /// As [`Lobes::value_and_pdf_from`].
+    /// The value of [`Lobes::value_and_pdf_from`] for `wi`.
     pub value: Spectra,
-    /// As [`Lobes::value_and_pdf_from`].
+    /// The density of [`Lobes::value_and_pdf_from`] for `wi`.
     pub pdf: Numbers,
-    /// The direction that was drawn.
+    /// The sampled unit direction.
     pub drawn: Vectors,
-    /// As [`super::BsdfSample::weight`].
+    /// See [`super::BsdfSample::weight`].
     pub weight: Spectra,
-    /// As [`super::BsdfSample::pdf`].
+    /// See [`super::BsdfSample::pdf`].
     pub drawn_pdf: Numbers,
-    /// As [`super::BsdfSample::is_delta`]: 0 if not.
+    /// 1 if [`super::BsdfSample::is_delta`], 0 if not.
     pub is_delta: [u32; BATCH],
-    /// As [`super::BsdfSample::is_transmission`]: 0 if not.
+    /// 1 if [`super::BsdfSample::is_transmission`], 0 if not.
     pub is_transmission: [u32; BATCH],
-    /// As [`Lobes::crossing_scale`] if the direction crosses the surface, 1 if not.
+    /// [`Lobes::crossing_scale`] if the sampled direction crosses the surface, otherwise 1.
     pub crossing: Numbers,
-    /// 0 if no direction was drawn.
+    /// 1 if a direction was sampled, 0 if not.
     pub exists: [u32; BATCH],
 }
 
-/// A BSDF that can be evaluated in batches, as it is in [`snell_math::ColorMode::Rgb`]; in spectral
-/// colour by the [`LobeSpectra`] of each lane.
+/// A BSDF that can be evaluated in batches. It holds the spectra of [`snell_math::ColorMode::Rgb`];
+/// in spectral mode each lane brings its [`LobeSpectra`].
 #[derive(Clone, Debug)]
 pub struct BatchBsdf(Kind);
 
 #[derive(Clone, Debug)]
 enum Kind {
-    RoughGloss(BatchGloss<false>),
-    SmoothGloss(BatchGloss<true>),
-    Measured(BatchMetal<true>),
-    Colored(BatchMetal<false>),
+    RoughGloss(BatchGloss<Rough>),
+    SmoothGloss(BatchGloss<Smooth>),
+    Measured(BatchMetal<ComplexIor>),
+    Colored(BatchMetal<F82>),
     Glass(BatchGlass),
-    RoughCoatedGloss(BatchCoated<BatchGloss<false>, false>),
-    SmoothCoatedGloss(BatchCoated<BatchGloss<false>, true>),
-    RoughCoatedMetal(BatchCoated<BatchMetal<false>, false>),
-    SmoothCoatedMetal(BatchCoated<BatchMetal<false>, true>),
+    RoughCoatedGloss(BatchCoated<BatchGloss<Rough>, false>),
+    SmoothCoatedGloss(BatchCoated<BatchGloss<Rough>, true>),
+    RoughCoatedMetal(BatchCoated<BatchMetal<F82>, false>),
+    SmoothCoatedMetal(BatchCoated<BatchMetal<F82>, true>),
     Mixed(Box<BatchMixed>),
 }
 
@@ -194,19 +200,20 @@ impl BatchBsdf {
         measured.or_else(|| BatchMetal::of(metal).map(Kind::Colored)).map(Self)
     }
 
-    /// Its parameters where they do not vary over the surface.
+    /// The BSDF's own parameters, for surfaces over which they do not vary.
     pub fn point(&self) -> BatchPoint {
         BatchPoint::with_body(match &self.0 {
-            Kind::RoughGloss(gloss) => gloss.own.body,
-            Kind::SmoothGloss(gloss) => gloss.own.body,
-            Kind::RoughCoatedGloss(coated) => coated.base.own.body,
-            Kind::SmoothCoatedGloss(coated) => coated.base.own.body,
+            Kind::RoughGloss(gloss) => gloss.body(),
+            Kind::SmoothGloss(gloss) => gloss.body(),
+            Kind::RoughCoatedGloss(coated) => coated.base.body(),
+            Kind::SmoothCoatedGloss(coated) => coated.base.body(),
             Kind::Mixed(mixed) => return mixed.point,
             _ => SampledSpectrum::ZERO,
         })
     }
 
-    /// The spectra of this BSDF in another mode of colour; `None` if it has no batch form there.
+    /// The spectra of `bsdf`, which may be in any colour mode; `None` if its kind has no batch
+    /// form.
     pub fn spectra_of(bsdf: &Bsdf) -> Option<LobeSpectra> {
         match bsdf {
             Bsdf::Glossy(gloss) => Some(gloss.spectra()),
@@ -217,7 +224,7 @@ impl BatchBsdf {
         }
     }
 
-    /// True if there is a coat in the frame of the base.
+    /// True if the BSDF has a coat in the frame of its base.
     pub fn has_coat(&self) -> bool {
         use Kind::{RoughCoatedGloss, RoughCoatedMetal, SmoothCoatedGloss, SmoothCoatedMetal};
         matches!(
@@ -226,22 +233,22 @@ impl BatchBsdf {
         )
     }
 
-    /// True if light goes through.
+    /// True if the BSDF transmits light.
     pub fn transmits(&self) -> bool {
         matches!(self.0, Kind::Glass(_))
     }
 
-    /// True if it can be evaluated with any [`BatchPoint::with_body`].
+    /// True if the BSDF can be evaluated with any [`BatchPoint::with_body`].
     pub fn takes_any_body(&self) -> bool {
         matches!(self.0, Kind::RoughGloss(_) | Kind::Mixed(_))
     }
 
-    /// True if it can be evaluated with any [`BatchPoint`] that is rough.
+    /// True if the BSDF can be evaluated with any rough [`BatchPoint`].
     pub fn takes_any_point(&self) -> bool {
         matches!(self.0, Kind::Mixed(_))
     }
 
-    /// Evaluates and samples it for all lanes.
+    /// Evaluates the BSDF for all active lanes, and samples a direction for each.
     pub fn evaluate(&self, inputs: &BatchInputs, outputs: &mut BatchOutputs, wide: Option<Wide>) {
         macro_rules! evaluate_by {
             ($type:ty, $bsdf:expr) => {
@@ -263,22 +270,22 @@ impl BatchBsdf {
             };
         }
         match &self.0 {
-            Kind::RoughGloss(bsdf) => evaluate_by!(BatchGloss<false>, bsdf),
-            Kind::SmoothGloss(bsdf) => evaluate_by!(BatchGloss<true>, bsdf),
-            Kind::Measured(bsdf) => evaluate_by!(BatchMetal<true>, bsdf),
-            Kind::Colored(bsdf) => evaluate_by!(BatchMetal<false>, bsdf),
+            Kind::RoughGloss(bsdf) => evaluate_by!(BatchGloss<Rough>, bsdf),
+            Kind::SmoothGloss(bsdf) => evaluate_by!(BatchGloss<Smooth>, bsdf),
+            Kind::Measured(bsdf) => evaluate_by!(BatchMetal<ComplexIor>, bsdf),
+            Kind::Colored(bsdf) => evaluate_by!(BatchMetal<F82>, bsdf),
             Kind::Glass(bsdf) => evaluate_by!(BatchGlass, bsdf),
             Kind::RoughCoatedGloss(bsdf) => {
-                evaluate_by!(BatchCoated<BatchGloss<false>, false>, bsdf)
+                evaluate_by!(BatchCoated<BatchGloss<Rough>, false>, bsdf)
             }
             Kind::SmoothCoatedGloss(bsdf) => {
-                evaluate_by!(BatchCoated<BatchGloss<false>, true>, bsdf)
+                evaluate_by!(BatchCoated<BatchGloss<Rough>, true>, bsdf)
             }
             Kind::RoughCoatedMetal(bsdf) => {
-                evaluate_by!(BatchCoated<BatchMetal<false>, false>, bsdf)
+                evaluate_by!(BatchCoated<BatchMetal<F82>, false>, bsdf)
             }
             Kind::SmoothCoatedMetal(bsdf) => {
-                evaluate_by!(BatchCoated<BatchMetal<false>, true>, bsdf)
+                evaluate_by!(BatchCoated<BatchMetal<F82>, true>, bsdf)
             }
             Kind::Mixed(bsdf) => match inputs.color {
                 ColorModel::Rgb => evaluate_by!(BatchMixed, bsdf, BatchMixed::evaluate::<3>),
@@ -288,48 +295,13 @@ impl BatchBsdf {
     }
 }
 
-/// [`Lobes`] without branches, so that loops over it become vector code.
-pub(super) trait BatchLobes {
-    /// The precomputed state for `wo`.
-    type Seen;
-    /// Spectra and values derived from them.
-    type Colors: Copy;
-
+/// Lobes for lanes that differ in their spectra.
+pub(super) trait BatchLobes: BranchlessLobes {
     /// The spectra of this BSDF, over a body of this reflectance.
     fn own_colors(&self, body: SampledSpectrum) -> Self::Colors;
 
     /// The spectra of a lane.
     fn colors_of(&self, spectra: &LobeSpectra) -> Self::Colors;
-
-    /// As [`Lobes::seen`], in these colours.
-    fn seen(&self, wo: Vec3, colors: Self::Colors) -> Self::Seen;
-
-    fn value_and_pdf_from(&self, seen: &Self::Seen, wi: Vec3) -> (SampledSpectrum, f32);
-
-    fn draw_from(&self, seen: &Self::Seen, u_lobe: f32, u: Vec2) -> BatchDrawn;
-
-    fn albedo_from(&self, seen: &Self::Seen) -> SampledSpectrum;
-}
-
-/// A direction that was drawn.
-pub(super) struct BatchDrawn {
-    pub wi: Vec3,
-    pub exists: bool,
-    pub is_delta: bool,
-    /// The weight of a delta lobe.
-    pub delta: SampledSpectrum,
-    pub is_transmission: bool,
-    /// As [`BatchOutputs::crossing`].
-    pub crossing: f32,
-}
-
-impl BatchDrawn {
-    /// A reflected direction, with the weight of a delta lobe where there is one.
-    #[inline(always)]
-    pub fn reflected(wi: Vec3, exists: bool, delta: Option<(bool, SampledSpectrum)>) -> Self {
-        let (is_delta, delta) = delta.unwrap_or((false, SampledSpectrum::ZERO));
-        Self { wi, exists, is_delta, delta, is_transmission: false, crossing: 1.0 }
-    }
 }
 
 #[inline(always)]
@@ -343,10 +315,10 @@ fn evaluate<const CHANNELS: usize, B: BatchLobes>(
             4 => bsdf.colors_of(&inputs.spectra(i)),
             _ => bsdf.own_colors(inputs.body(i)),
         };
-        let seen = bsdf.seen(inputs.wo(i), colors);
-        outputs.take_value::<CHANNELS>(i, bsdf.value_and_pdf_from(&seen, inputs.wi(i)));
-        let drawn = bsdf.draw_from(&seen, inputs.u_lobe[i], inputs.u(i));
-        let found = bsdf.value_and_pdf_from(&seen, drawn.wi);
+        let seen = bsdf.seen(&colors, inputs.wo(i));
+        outputs.take_value::<CHANNELS>(i, bsdf.value_and_pdf_from(&colors, &seen, inputs.wi(i)));
+        let drawn = bsdf.draw_from(&colors, &seen, inputs.u_lobe[i], inputs.u(i));
+        let found = bsdf.value_and_pdf_from(&colors, &seen, drawn.wi);
         outputs.take_drawn::<CHANNELS>(i, &drawn, found);
     }
 }
@@ -396,7 +368,7 @@ impl BatchOutputs {
     pub(super) fn take_drawn<const CHANNELS: usize>(
         &mut self,
         i: usize,
-        drawn: &BatchDrawn,
+        drawn: &BranchlessDrawn,
         (value, pdf): (SampledSpectrum, f32),
     ) {
         let scattered = value / pdf;
@@ -575,7 +547,7 @@ mod tests {
         }
     }
 
-    /// Questions of each kind.
+    /// Inputs for the evaluation of BSDFs of each kind.
     struct Inputs {
         spectra: LobeSpectra<Spectra>,
         alpha: Numbers,
@@ -594,7 +566,8 @@ mod tests {
                 let number = |use_of: u32| rng::uniform2([seed[0], seed[1], i as u32, use_of]);
                 let [mut wo, mut wi] =
                     [1, 2].map(|use_of| sampling::uniform_sphere(number(use_of)));
-                // Grazing directions, those in the surface, and mirror directions too.
+                // Grazing directions, directions in the surface, and mirror directions are tested
+                // too.
                 match i {
                     0 => wo.z = 0.0,
                     1 => wi.z = 0.0,

@@ -17,7 +17,7 @@ A parameter without a default has to be given, except in a `.snell` file: there 
 and is what stands here in parentheses. Colours are linear RGB.
 ";
 
-/// The page as Markdown.
+/// The reference page in Markdown.
 pub fn reference() -> String {
     let families: Vec<String> = FAMILIES.iter().map(family_section).collect();
     format!("{START}\n{}", families.join("\n"))
@@ -117,13 +117,13 @@ fn table<'a>(parameters: impl Iterator<Item = &'a Parameter>, default: &Default)
     text
 }
 
-/// The parameters inside of one.
+/// Adds the rows of the parameters inside a parameter.
 fn inner_rows(place: &str, kind: Kind, text: &mut String) {
     let mut add = |place: &str, parameters: &[Parameter]| {
         for parameter in parameters.iter().filter(|p| !p.name.is_empty()) {
             let place = format!("{place}.{}", parameter.name);
             let row = row(&place, parameter, String::new());
-            // Variants may have parameters in common.
+            // A parameter that several variants share is listed once.
             if text.contains(&row) {
                 continue;
             }
@@ -153,7 +153,7 @@ fn row(name: &str, parameter: &Parameter, default: String) -> String {
 fn cells(name: &str, parameter: &Parameter, default: String) -> [String; 5] {
     let range = match parameter.range {
         Range::Any => String::new(),
-        // The unit stands in its own place.
+        // The unit has a column of its own.
         range => range.to_string().replace(", in radians", ""),
     };
     let kind = match parameter.unit {
@@ -163,7 +163,7 @@ fn cells(name: &str, parameter: &Parameter, default: String) -> [String; 5] {
     [name.into(), kind, range, default, parameter.text()]
 }
 
-/// A default as people write it.
+/// A default in the form in which users write it.
 fn shown(value: &Value) -> String {
     match value {
         Value::Null => "none".into(),

@@ -1,7 +1,9 @@
 //! Metals by their measured index of refraction, or by their colour.
 
 use super::{ColorParam, ScalarParam, ShadingPoint};
-use crate::bsdf::{Bsdf, ConductorBsdf, FacetReflectance, LobeSpectra, MicrofacetShape, Widths};
+use crate::bsdf::{
+    Bsdf, ComplexIor, ConductorBsdf, F82, FacetReflectance, LobeSpectra, MicrofacetShape, Widths,
+};
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
@@ -14,19 +16,19 @@ snell_math::declare! {
     #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(remote = "Self")]
     pub enum ConductorSpectrum {
-        /// A measured metal by chemical symbol or name: exact in spectral mode, and of the same
-        /// colour at normal incidence in RGB mode.
+        /// A measured metal by chemical symbol or name. It is exact in spectral mode, and has the
+        /// same colour at normal incidence in RGB mode.
         "metal" => Metal(metal: Metal),
         /// Complex index of refraction `eta + i k` relative to air.
         "measured" => Measured {
-            /// Real part, at least 0.
+            /// Real part of the index, at least 0.
             #[range(Range::AMOUNT)]
             eta: Rgb,
-            /// Imaginary part (absorption), at least 0.
+            /// Imaginary part of the index (absorption), at least 0.
             #[range(Range::AMOUNT)]
             k: Rgb,
         },
-        /// Colour at normal incidence, `[0, 1]`; white at grazing angles (Schlick).
+        /// Colour at normal incidence, `[0, 1]`. The metal is white at grazing angles (Schlick).
         "color" => Color(#[range(Range::SHARE)] color: ColorParam),
     }
 }
@@ -70,22 +72,22 @@ snell_math::declare! {
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(deny_unknown_fields)]
     pub struct Conductor {
-        /// Its spectrum.
+        /// Spectrum of the metal.
         pub spectrum: ConductorSpectrum,
         /// Roughness, `[0, 1]`; the distribution's `alpha` is its square (as in glTF). Below 0.032
         /// the metal is a mirror.
         #[range(Range::SHARE)]
         #[serde(default = "super::defaults::smooth")]
         pub roughness: ScalarParam,
-        /// Shape of the distribution.
+        /// Shape of the microfacet distribution.
         #[serde(default)]
         pub microfacets: MicrofacetShape,
-        /// Anisotropy, `[-1, 1]`: highlights are stretched along the tangent, or along the
-        /// bitangent if it is negative. As in [`super::OpenPbr`].
+        /// Anisotropy, `[-1, 1]`. Highlights are stretched along the tangent, or along the
+        /// bitangent if it is negative, as in [`super::OpenPbr`].
         #[range(Range::Within(-1.0, 1.0))]
         #[serde(default = "super::defaults::smooth")]
         pub anisotropy: ScalarParam,
-        /// Factor on the reflectance, `[0, 1]`: white for a real metal.
+        /// Factor on the reflectance, `[0, 1]`; white for a real metal.
         #[range(Range::SHARE)]
         #[serde(default = "super::defaults::white")]
         pub tint: ColorParam,
@@ -93,7 +95,7 @@ snell_math::declare! {
 }
 
 impl Conductor {
-    /// A metal of this spectrum.
+    /// A metal with this spectrum.
     pub fn new(spectrum: ConductorSpectrum, roughness: impl Into<ScalarParam>) -> Self {
         Self {
             spectrum,
@@ -104,32 +106,32 @@ impl Conductor {
         }
     }
 
-    /// A metal of this complex index of refraction.
+    /// A metal with this complex index of refraction relative to air.
     pub fn measured(eta: Rgb, k: Rgb, roughness: f32) -> Self {
         Self::new(ConductorSpectrum::Measured { eta, k }, roughness)
     }
 
-    /// A measured metal.
+    /// A measured metal with this roughness.
     pub fn metal(metal: Metal, roughness: f32) -> Self {
         Self::new(ConductorSpectrum::Metal(metal), roughness)
     }
 
-    /// A metal of this colour.
+    /// A metal with this colour at normal incidence.
     pub fn color(color: Rgb, roughness: f32) -> Self {
         Self::new(ConductorSpectrum::Color(color.into()), roughness)
     }
 
-    /// Gold.
+    /// Gold with this roughness.
     pub fn gold(roughness: f32) -> Self {
         Self::measured(Rgb::new(0.143, 0.375, 1.442), Rgb::new(3.983, 2.386, 1.603), roughness)
     }
 
-    /// Copper.
+    /// Copper with this roughness.
     pub fn copper(roughness: f32) -> Self {
         Self::measured(Rgb::new(0.200, 0.924, 1.102), Rgb::new(3.912, 2.452, 2.142), roughness)
     }
 
-    /// Metals for tests and galleries.
+    /// Examples for tests and galleries.
     pub fn examples() -> Vec<Self> {
         let silver = Metal::named("silver").map(|metal| Self::metal(metal, 0.2));
         let mut all = vec![
@@ -158,7 +160,7 @@ impl Conductor {
         Bsdf::Conductor(self.lobe(point, 1.0))
     }
 
-    /// The BSDF of the metal under a layer of this index of refraction.
+    /// The BSDF of the metal under a layer with this index of refraction.
     pub(super) fn lobe(&self, point: &ShadingPoint, outside_ior: f32) -> ConductorBsdf {
         let (roughness, anisotropy) = (self.roughness.at(point), self.anisotropy.at(point));
         let is_even = anisotropy == 0.0;
@@ -173,11 +175,7 @@ impl Conductor {
 
     /// The spectra of [`Self::bsdf`].
     pub(super) fn spectra(&self, point: &ShadingPoint) -> LobeSpectra {
-        let (base, specular) = match self.facets(point, 1.0) {
-            FacetReflectance::Complex { eta, k } => (eta, k),
-            FacetReflectance::F82 { f0, edge } => (f0, edge),
-        };
-        LobeSpectra { base, specular, other: self.factor(point) }
+        self.facets(point, 1.0).spectra(self.factor(point))
     }
 
     fn facets(&self, point: &ShadingPoint, outside_ior: f32) -> FacetReflectance {
@@ -185,20 +183,20 @@ impl Conductor {
         match self.spectrum {
             ConductorSpectrum::Metal(metal) => {
                 let [eta, k] = metal.indices(point.mode);
-                FacetReflectance::Complex { eta: eta * over, k: k * over }
+                FacetReflectance::Complex(ComplexIor { eta: eta * over, k: k * over })
             }
-            ConductorSpectrum::Measured { eta, k } => FacetReflectance::Complex {
+            ConductorSpectrum::Measured { eta, k } => FacetReflectance::Complex(ComplexIor {
                 eta: point.coefficient(eta) * over,
                 k: point.coefficient(k) * over,
-            },
-            ConductorSpectrum::Color(color) => FacetReflectance::F82 {
+            }),
+            ConductorSpectrum::Color(color) => FacetReflectance::F82(F82 {
                 f0: point.reflectance(color.at(point)),
                 edge: SampledSpectrum::ONE,
-            },
+            }),
         }
     }
 
-    /// The factor on the reflectance.
+    /// The tint at a point, as a factor on the reflectance.
     fn factor(&self, point: &ShadingPoint) -> SampledSpectrum {
         let unit = point.mode.unit();
         let is_white = self.tint == Rgb::WHITE.into();

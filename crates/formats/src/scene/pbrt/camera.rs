@@ -22,7 +22,7 @@ pub struct Built {
 struct Screen {
     x: [f64; 2],
     y: [f64; 2],
-    /// False if it follows from the aspect ratio.
+    /// False if the window follows from the aspect ratio.
     is_given: bool,
 }
 
@@ -63,7 +63,8 @@ impl Screen {
         self.x[0] == -self.x[1] && self.y[0] == -self.y[1]
     }
 
-    /// Half-extents times a factor; `None` for those that follow from the aspect ratio.
+    /// Half-extents of the window times a factor; `None` for an extent that follows from the aspect
+    /// ratio.
     fn half_extents(&self, factor: f64, size: [u32; 2]) -> [Option<f64>; 2] {
         let [x, y] = [self.x, self.y].map(|[from, to]| Some((to - from) * 0.5 * factor));
         match size {
@@ -101,7 +102,7 @@ pub fn build(
     } else if sees_all_around {
         let mapping = params.string("mapping")?.unwrap_or("equalarea");
         if mapping == "equirectangular" || is_kind(params, "environment") {
-            // The middle of the picture is -x, and its right is -z.
+            // In camera space, the middle of pbrt's picture is -x and its right is -z.
             (own.right, own.towards) = (DVec3::NEG_Z, DVec3::NEG_X);
             Projection::Panoramic
         } else {
