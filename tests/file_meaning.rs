@@ -193,6 +193,13 @@ fn green_of_mitsuba_normal_maps_is_the_normal_times_u() {
         ("obj", "", [0.0, 0.0, 1.0], y, down),
         ("obj", "<boolean name=\"flip_tex_coords\" value=\"false\"/>", [0.0, 0.0, 1.0], y, down),
         ("mirrored", "", [0.0, 0.0, 1.0], down, y),
+        (
+            "cylinder",
+            "<point name=\"p0\" value=\"0 -1 0\"/><point name=\"p1\" value=\"0 1 0\"/>",
+            [0.0, 0.0, 1.0],
+            y,
+            down,
+        ),
     ];
     for (kind, more, n, upright, mirrored) in cases {
         for (scale, flip, green) in [
@@ -203,7 +210,7 @@ fn green_of_mitsuba_normal_maps_is_the_normal_times_u() {
         ] {
             let more = format!("{more}<boolean name=\"flip_normals\" value=\"{flip}\"/>");
             let (light, expected) = leaning(n, green);
-            let file = if kind == "rectangle" || kind == "disk" || kind == "cube" {
+            let file = if ["rectangle", "disk", "cube", "cylinder"].contains(&kind) {
                 String::new()
             } else {
                 format!("<string name=\"filename\" value=\"{kind}.obj\"/>")
@@ -218,7 +225,7 @@ fn green_of_mitsuba_normal_maps_is_the_normal_times_u() {
                 <rgb name=\"irradiance\" value=\"3\"/></emitter>"
             );
             let scene = mitsuba("<float name=\"fov\" value=\"1e-3\"/>", [1; 2], &body);
-            let scene = aimed(scene);
+            let scene = aimed(scene, if kind == "cylinder" { 0.0 } else { 0.3 });
             let found = picture(&scene, [1; 2], 1)[0][0];
             assert!(
                 (found - expected).abs() < 1e-3,
@@ -228,9 +235,9 @@ fn green_of_mitsuba_normal_maps_is_the_normal_times_u() {
     }
 }
 
-/// The scene seen from above the point (0.3, 0.2).
-fn aimed(mut scene: Scene) -> Scene {
-    scene.cameras[0].eye = snell_math::DVec3::new(0.3, 0.2, 5.0);
+/// The scene seen from above the point (x, 0.2).
+fn aimed(mut scene: Scene, x: f64) -> Scene {
+    scene.cameras[0].eye = snell_math::DVec3::new(x, 0.2, 5.0);
     scene
 }
 

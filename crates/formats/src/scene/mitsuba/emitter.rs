@@ -13,8 +13,12 @@ use snell_scene::light::{
     Attenuation, Directional, IntensityTable, Point, Profile, Projector, Slide,
 };
 use snell_scene::material::ColorParam;
+use snell_scene::texture::Filtering;
 use snell_scene::{Image, MediumId};
 use std::sync::Arc;
+
+/// Texture coordinates as they are.
+const UNMOVED: [[f32; 3]; 2] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
 
 impl Builder<'_> {
     /// Reads light, in linear Rec. 709, that must be constant (not textured).
@@ -155,6 +159,13 @@ impl Builder<'_> {
         };
         let (factor, image) = match pattern {
             Some(Pattern::Picture(factor, texture)) => {
+                if texture.filtering == Filtering::Nearest || texture.uv_transform != UNMOVED {
+                    self.note("projected picture", object.at, || {
+                        "a projected picture is interpolated and fills the view, whatever its \
+                            filter_type and to_uv are"
+                            .into()
+                    });
+                }
                 (factor, self.scene.images[texture.image.index()].clone())
             }
             Some(Pattern::Constant(color)) => (color.factor, white()),
