@@ -55,21 +55,21 @@ fn mitsuba(camera: &str, size: [u32; 2], body: &str) -> Scene {
     read(
         "scene.xml",
         &format!(
-            "<scene version=\"3.0.0\"><sensor type=\"perspective\">\
-            <transform name=\"to_world\">\
-            <lookat origin=\"0,0,5\" target=\"0,0,0\" up=\"0,1,0\"/></transform>{camera}\
-            <film type=\"hdrfilm\"><integer name=\"width\" value=\"{w}\"/>\
-            <integer name=\"height\" value=\"{h}\"/></film></sensor>{body}</scene>"
+            "<scene version='3.0.0'><sensor type='perspective'>\
+            <transform name='to_world'>\
+            <lookat origin='0,0,5' target='0,0,0' up='0,1,0'/></transform>{camera}\
+            <film type='hdrfilm'><integer name='width' value='{w}'/>\
+            <integer name='height' value='{h}'/></film></sensor>{body}</scene>"
         ),
     )
 }
 
-const FOV: &str = "<float name=\"fov\" value=\"30\"/>";
+const FOV: &str = "<float name='fov' value='30'/>";
 
 /// The quarters as the radiance of an emitter.
-const SHOWN: &str = "<emitter type=\"area\"><texture name=\"radiance\" type=\"bitmap\">\
-    <string name=\"filename\" value=\"quarters.pfm\"/><boolean name=\"raw\" value=\"true\"/>\
-    <string name=\"filter_type\" value=\"nearest\"/></texture></emitter>";
+const SHOWN: &str = "<emitter type='area'><texture name='radiance' type='bitmap'>\
+    <string name='filename' value='quarters.pfm'/><boolean name='raw' value='true'/>\
+    <string name='filter_type' value='nearest'/></texture></emitter>";
 
 /// One letter for each pixel.
 fn letters(pixels: &[[f64; 3]]) -> String {
@@ -97,8 +97,8 @@ fn pictures_on_mitsuba_emitters_lie_as_in_mitsuba() {
     ];
     for (shape, fov, expected) in cases {
         let size = [expected.len().isqrt() as u32; 2];
-        let camera = format!("<float name=\"fov\" value=\"{fov}\"/>");
-        let scene = mitsuba(&camera, size, &format!("<shape type=\"{shape}\">{SHOWN}</shape>"));
+        let camera = format!("<float name='fov' value='{fov}'/>");
+        let scene = mitsuba(&camera, size, &format!("<shape type='{shape}'>{SHOWN}</shape>"));
         assert_eq!(letters(&picture(&scene, size, 1)), expected, "{shape}");
     }
 }
@@ -106,15 +106,15 @@ fn pictures_on_mitsuba_emitters_lie_as_in_mitsuba() {
 #[test]
 fn the_principal_point_of_mitsuba_moves_the_picture_left_and_up() {
     // 0.2 of ten pixels are two.
-    let shape = format!("<shape type=\"rectangle\">{SHOWN}</shape>");
+    let shape = format!("<shape type='rectangle'>{SHOWN}</shape>");
     let shown = |offset: &str| {
         let scene = mitsuba(&format!("{FOV}{offset}"), [10; 2], &shape);
         letters(&picture(&scene, [10; 2], 1))
     };
     let plain = shown("");
     let moved = shown(
-        "<float name=\"principal_point_offset_x\" value=\"0.2\"/>\
-        <float name=\"principal_point_offset_y\" value=\"0.1\"/>",
+        "<float name='principal_point_offset_x' value='0.2'/>\
+        <float name='principal_point_offset_y' value='0.1'/>",
     );
     let row = |text: &str, y: usize| text[y * 10..][..10].to_string();
     for y in 1..7 {
@@ -128,14 +128,14 @@ fn a_number_as_the_spectrum_of_a_mitsuba_emitter_is_light_of_equal_energy() {
     // Mitsuba 3.9.1, scalar_rgb; the linear Rec. 709 colour of illuminant E is 1.2048, 0.9483,
     // 0.9087.
     for (value, expected) in [
-        ("<spectrum name=\"radiance\" value=\"2\"/>", [2.4096, 1.8966, 1.8178]),
-        ("<spectrum name=\"radiance\" value=\"360:2,830:2\"/>", [2.4098, 1.8965, 1.8185]),
-        ("<rgb name=\"radiance\" value=\"2\"/>", [2.0; 3]),
-        ("<float name=\"radiance\" value=\"2\"/>", [2.0; 3]),
+        ("<spectrum name='radiance' value='2'/>", [2.4096, 1.8966, 1.8178]),
+        ("<spectrum name='radiance' value='360:2,830:2'/>", [2.4098, 1.8965, 1.8185]),
+        ("<rgb name='radiance' value='2'/>", [2.0; 3]),
+        ("<float name='radiance' value='2'/>", [2.0; 3]),
     ] {
         for emitter in ["constant", "area"] {
-            let emitter = format!("<emitter type=\"{emitter}\">{value}</emitter>");
-            let lamp = format!("<shape type=\"sphere\">{emitter}</shape>");
+            let emitter = format!("<emitter type='{emitter}'>{value}</emitter>");
+            let lamp = format!("<shape type='sphere'>{emitter}</shape>");
             let body = if emitter.contains("area") { lamp } else { emitter };
             let pixel = picture(&mitsuba(FOV, [1; 2], &body), [1; 2], 1)[0];
             let differs = |c: usize| (pixel[c] - expected[c]).abs() > 0.003 * expected[c];
@@ -147,18 +147,19 @@ fn a_number_as_the_spectrum_of_a_mitsuba_emitter_is_light_of_equal_energy() {
 #[test]
 fn a_projector_of_mitsuba_lights_a_wall_evenly() {
     // Radiance 0.8 / pi times an irradiance of 2 pi / 5^2 (projector.cpp, sample_direction).
-    let wall = "<shape type=\"rectangle\"><transform name=\"to_world\"><scale value=\"5\"/></transform>\
-        <bsdf type=\"diffuse\"><rgb name=\"reflectance\" value=\"0.8\"/></bsdf></shape>";
+    let wall = "<shape type='rectangle'><transform name='to_world'><scale value='5'/></transform>\
+        <bsdf type='diffuse'><rgb name='reflectance' value='0.8'/></bsdf></shape>";
     let lit = |irradiance: &str| {
         let projector = format!(
-            "<emitter type=\"projector\"><transform name=\"to_world\">\
-            <lookat origin=\"0,0,5\" target=\"0,0,0\" up=\"0,1,0\"/></transform>\
-            <float name=\"scale\" value=\"2\"/><float name=\"fov\" value=\"60\"/>{irradiance}</emitter>{wall}"
+            "<emitter type='projector'><transform name='to_world'>\
+            <lookat origin='0,0,5' target='0,0,0' up='0,1,0'/></transform>\
+            <float name='scale' value='2'/>\
+            <float name='fov' value='60'/>{irradiance}</emitter>{wall}"
         );
-        let camera = "<float name=\"fov\" value=\"56\"/>";
+        let camera = "<float name='fov' value='56'/>";
         picture(&mitsuba(camera, [6; 2], &projector), [6; 2], 1)
     };
-    for irradiance in ["", "<rgb name=\"irradiance\" value=\"1\"/>"] {
+    for irradiance in ["", "<rgb name='irradiance' value='1'/>"] {
         for pixel in lit(irradiance) {
             assert!(pixel.iter().all(|x| (x - 0.064).abs() < 1e-4), "{pixel:?}");
         }
@@ -191,11 +192,11 @@ fn green_of_mitsuba_normal_maps_is_the_normal_times_u() {
         ("disk", "", [0.0, 0.0, 1.0], [-0.5547, 0.83205, 0.0], [-0.5547, 0.83205, 0.0]),
         ("cube", "", [0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]),
         ("obj", "", [0.0, 0.0, 1.0], y, down),
-        ("obj", "<boolean name=\"flip_tex_coords\" value=\"false\"/>", [0.0, 0.0, 1.0], y, down),
+        ("obj", "<boolean name='flip_tex_coords' value='false'/>", [0.0, 0.0, 1.0], y, down),
         ("mirrored", "", [0.0, 0.0, 1.0], down, y),
         (
             "cylinder",
-            "<point name=\"p0\" value=\"0 -1 0\"/><point name=\"p1\" value=\"0 1 0\"/>",
+            "<point name='p0' value='0 -1 0'/><point name='p1' value='0 1 0'/>",
             [0.0, 0.0, 1.0],
             y,
             down,
@@ -208,23 +209,27 @@ fn green_of_mitsuba_normal_maps_is_the_normal_times_u() {
             ("1,1,1", true, upright.map(|x: f64| -x)),
             ("-1,1,1", true, mirrored.map(|x: f64| -x)),
         ] {
-            let more = format!("{more}<boolean name=\"flip_normals\" value=\"{flip}\"/>");
+            let more = format!("{more}<boolean name='flip_normals' value='{flip}'/>");
             let (light, expected) = leaning(n, green);
             let file = if ["rectangle", "disk", "cube", "cylinder"].contains(&kind) {
                 String::new()
             } else {
-                format!("<string name=\"filename\" value=\"{kind}.obj\"/>")
+                format!("<string name='filename' value='{kind}.obj'/>")
             };
             let class = if file.is_empty() { kind } else { "obj" };
             let body = format!(
-                "<shape type=\"{class}\">{file}{more}<transform name=\"to_world\"><scale value=\"{scale}\"/></transform>\
-                <bsdf type=\"twosided\"><bsdf type=\"normalmap\"><texture name=\"normalmap\" type=\"bitmap\">\
-                <string name=\"filename\" value=\"green.pfm\"/><boolean name=\"raw\" value=\"true\"/></texture>\
-                <bsdf type=\"diffuse\"><rgb name=\"reflectance\" value=\"0.8\"/></bsdf></bsdf></bsdf></shape>\
-                <emitter type=\"directional\"><vector name=\"direction\" value=\"{light}\"/>\
-                <rgb name=\"irradiance\" value=\"3\"/></emitter>"
+                "<shape type='{class}'>{file}{more}<transform name='to_world'>\
+                <scale value='{scale}'/></transform>\
+                <bsdf type='twosided'><bsdf type='normalmap'>\
+                <texture name='normalmap' type='bitmap'>\
+                <string name='filename' value='green.pfm'/><boolean name='raw' value='true'/>\
+                </texture>\
+                <bsdf type='diffuse'><rgb name='reflectance' value='0.8'/></bsdf></bsdf>\
+                </bsdf></shape>\
+                <emitter type='directional'><vector name='direction' value='{light}'/>\
+                <rgb name='irradiance' value='3'/></emitter>"
             );
-            let scene = mitsuba("<float name=\"fov\" value=\"1e-3\"/>", [1; 2], &body);
+            let scene = mitsuba("<float name='fov' value='1e-3'/>", [1; 2], &body);
             let scene = aimed(scene, if kind == "cylinder" { 0.0 } else { 0.3 });
             let found = picture(&scene, [1; 2], 1)[0][0];
             assert!(
@@ -251,8 +256,8 @@ fn a_file_whose_lamps_are_all_off_is_dark() {
     };
     let xml = |emitter: &str| {
         format!(
-            "<scene version=\"3.0.0\"><shape type=\"sphere\">{emitter}</shape>\
-            <shape type=\"sphere\"><float name=\"radius\" value=\"2\"/></shape></scene>"
+            "<scene version='3.0.0'><shape type='sphere'>{emitter}</shape>\
+            <shape type='sphere'><float name='radius' value='2'/></shape></scene>"
         )
     };
     let gltf = |emission: &str| {
@@ -268,11 +273,7 @@ fn a_file_whose_lamps_are_all_off_is_dark() {
     for (name, text, is_dark) in [
         ("a.pbrt", pbrt("AreaLightSource \"diffuse\" \"rgb L\" [0 0 0]"), true),
         ("a.pbrt", pbrt(""), false),
-        (
-            "a.xml",
-            xml("<emitter type=\"area\"><rgb name=\"radiance\" value=\"0\"/></emitter>"),
-            true,
-        ),
+        ("a.xml", xml("<emitter type='area'><rgb name='radiance' value='0'/></emitter>"), true),
         ("a.xml", xml(""), false),
         ("a.gltf", gltf(off), true),
         ("a.gltf", gltf("\"emissiveFactor\": [0, 0, 0]"), false),
@@ -331,7 +332,8 @@ fn green_of_pbrt_normal_maps_is_the_normal_times_u() {
         let (light, expected) = leaning([0.0, 0.0, -1.0], green);
         let text = format!(
             "LookAt 0 0 -5  0 0 0  0 1 0 Camera \"perspective\" \"float fov\" 0.01 WorldBegin \
-            LightSource \"distant\" \"rgb L\" [3 3 3] \"point3 from\" [0 0 0] \"point3 to\" [{light}] \
+            LightSource \"distant\" \"rgb L\" [3 3 3] \"point3 from\" [0 0 0] \"point3 to\" \
+            [{light}] \
             MakeNamedMaterial \"m\" \"string type\" \"diffuse\" \"rgb reflectance\" [.8 .8 .8] \
             \"string normalmap\" \"green.pfm\" NamedMaterial \"m\" {change} \
             Shape \"trianglemesh\" \"point3 P\" [-1 -1 0  1 -1 0  1 1 0 -1 1 0] \
@@ -344,20 +346,21 @@ fn green_of_pbrt_normal_maps_is_the_normal_times_u() {
 
 #[test]
 fn cropped_films_show_a_part_of_the_picture() {
-    let shape = format!("<shape type=\"rectangle\">{SHOWN}</shape>");
+    let shape = format!("<shape type='rectangle'>{SHOWN}</shape>");
     let square = "AreaLightSource \"diffuse\" \"string filename\" \"quarters.pfm\" \
         Shape \"trianglemesh\" \"point3 P\" [-1 -1 0  1 -1 0  1 1 0 -1 1 0] \
         \"point2 uv\" [0 0 1 0 1 1 0 1] \"integer indices\" [0 1 2 0 2 3]";
     for (kind, angle) in [("perspective", 40), ("orthographic", 40)] {
         let mitsuba = |crop: &str, size: [u32; 2]| {
-            let camera = format!("<float name=\"fov\" value=\"{angle}\"/>");
+            let camera = format!("<float name='fov' value='{angle}'/>");
             let text = |scene: &str| scene.replace("perspective", kind);
-            let film = format!("<integer name=\"height\" value=\"12\"/>{crop}");
+            let film = format!("<integer name='height' value='12'/>{crop}");
             let scene = format!(
-                "<scene version=\"3.0.0\"><sensor type=\"perspective\">\
-                <transform name=\"to_world\"><scale value=\"1.5\"/>\
-                <lookat origin=\"0,0,5\" target=\"0,0,0\" up=\"0,1,0\"/></transform>{camera}\
-                <film type=\"hdrfilm\"><integer name=\"width\" value=\"20\"/>{film}</film></sensor>{shape}</scene>"
+                "<scene version='3.0.0'><sensor type='perspective'>\
+                <transform name='to_world'><scale value='1.5'/>\
+                <lookat origin='0,0,5' target='0,0,0' up='0,1,0'/></transform>{camera}\
+                <film type='hdrfilm'><integer name='width' value='20'/>{film}</film>\
+                </sensor>{shape}</scene>"
             );
             let scene = read("a.xml", &text(&scene));
             assert_eq!(scene.settings.size, Some(size));
@@ -369,7 +372,8 @@ fn cropped_films_show_a_part_of_the_picture() {
                 "a.pbrt",
                 &format!(
                     "Scale -1 1 1 LookAt 0 0 5  0 0 0  0 1 0 Camera \"{kind}\" {lens} Film \"rgb\" \
-                    \"integer xresolution\" 20 \"integer yresolution\" 12 {crop} WorldBegin {square}"
+                    \"integer xresolution\" 20 \"integer yresolution\" 12 {crop} WorldBegin \
+                    {square}"
                 ),
             );
             assert_eq!(scene.settings.size, Some(size));
@@ -380,8 +384,8 @@ fn cropped_films_show_a_part_of_the_picture() {
         };
         let whole = mitsuba("", [20, 12]);
         let cropped = mitsuba(
-            "<integer name=\"crop_offset_x\" value=\"7\"/><integer name=\"crop_offset_y\" value=\"4\"/>\
-            <integer name=\"crop_width\" value=\"9\"/><integer name=\"crop_height\" value=\"5\"/>",
+            "<integer name='crop_offset_x' value='7'/><integer name='crop_offset_y' value='4'/>\
+            <integer name='crop_width' value='9'/><integer name='crop_height' value='5'/>",
             [9, 5],
         );
         assert_eq!(cropped, part(&whole, [7, 4], [9, 5]), "Mitsuba, {kind}");
@@ -431,14 +435,14 @@ fn both_sides_of_twosided_are_those_of_mitsuba() {
         ("cube", true),
         ("sphere", true),
     ] {
-        let two = "<bsdf type=\"twosided\"><bsdf type=\"diffuse\"><rgb name=\"reflectance\" value=\"0.8\"/>\
-            </bsdf><bsdf type=\"diffuse\"><rgb name=\"reflectance\" value=\"0.2\"/></bsdf></bsdf>";
+        let two = "<bsdf type='twosided'><bsdf type='diffuse'><rgb name='reflectance' value='0.8'/>\
+            </bsdf><bsdf type='diffuse'><rgb name='reflectance' value='0.2'/></bsdf></bsdf>";
         let body = format!(
-            "<shape type=\"{shape}\"><boolean name=\"flip_normals\" value=\"{flip}\"/>{two}</shape>\
-            <emitter type=\"directional\"><vector name=\"direction\" value=\"0 0 -1\"/>\
-            <rgb name=\"irradiance\" value=\"3\"/></emitter>"
+            "<shape type='{shape}'><boolean name='flip_normals' value='{flip}'/>{two}</shape>\
+            <emitter type='directional'><vector name='direction' value='0 0 -1'/>\
+            <rgb name='irradiance' value='3'/></emitter>"
         );
-        let scene = mitsuba("<float name=\"fov\" value=\"1e-3\"/>", [1; 2], &body);
+        let scene = mitsuba("<float name='fov' value='1e-3'/>", [1; 2], &body);
         assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
         let found = picture(&scene, [1; 2], 1)[0][0];
         let expected = if flip { 0.2 } else { 0.8 } * 3.0 / std::f64::consts::PI;
@@ -449,7 +453,7 @@ fn both_sides_of_twosided_are_those_of_mitsuba() {
 #[test]
 fn lamps_of_mitsuba_shine_on_the_side_that_mitsuba_means() {
     // Mitsuba 3.9.1: normals of files are kept by a mirror, those it computes are turned over.
-    let flat = "<boolean name=\"face_normals\" value=\"true\"/>";
+    let flat = "<boolean name='face_normals' value='true'/>";
     for (file, more, scale, flip, shines) in [
         ("obj", "", 1, false, true),
         ("obj", "", -1, false, true),
@@ -462,9 +466,9 @@ fn lamps_of_mitsuba_shine_on_the_side_that_mitsuba_means() {
         ("bare", "", -1, true, true),
     ] {
         let body = format!(
-            "<shape type=\"obj\"><string name=\"filename\" value=\"{file}.obj\"/>{more}\
-            <boolean name=\"flip_normals\" value=\"{flip}\"/><transform name=\"to_world\">\
-            <scale x=\"{scale}\" y=\"1\" z=\"1\"/></transform><emitter type=\"area\"/></shape>"
+            "<shape type='obj'><string name='filename' value='{file}.obj'/>{more}\
+            <boolean name='flip_normals' value='{flip}'/><transform name='to_world'>\
+            <scale x='{scale}' y='1' z='1'/></transform><emitter type='area'/></shape>"
         );
         let found = picture(&mitsuba(FOV, [1; 2], &body), [1; 2], 1)[0][0];
         assert_eq!(found > 0.5, shines, "{file} {more} {scale} {flip}");
@@ -473,13 +477,13 @@ fn lamps_of_mitsuba_shine_on_the_side_that_mitsuba_means() {
 
 #[test]
 fn hidden_emitters_of_mitsuba_light_and_are_not_seen() {
-    let lamp = "<shape type=\"sphere\"><point name=\"center\" value=\"0 0 2\"/>\
-        <float name=\"radius\" value=\"0.1\"/><emitter type=\"area\"><rgb name=\"radiance\" \
-        value=\"100\"/></emitter></shape><shape type=\"rectangle\"><bsdf type=\"diffuse\">\
-        <rgb name=\"reflectance\" value=\"1\"/></bsdf></shape><emitter type=\"constant\">\
-        <rgb name=\"radiance\" value=\"0.5\"/></emitter>";
+    let lamp = "<shape type='sphere'><point name='center' value='0 0 2'/>\
+        <float name='radius' value='0.1'/><emitter type='area'><rgb name='radiance' \
+        value='100'/></emitter></shape><shape type='rectangle'><bsdf type='diffuse'>\
+        <rgb name='reflectance' value='1'/></bsdf></shape><emitter type='constant'>\
+        <rgb name='radiance' value='0.5'/></emitter>";
     let hidden =
-        "<integrator type=\"path\"><boolean name=\"hide_emitters\" value=\"true\"/></integrator>";
+        "<integrator type='path'><boolean name='hide_emitters' value='true'/></integrator>";
     let [seen, unseen] = ["", hidden].map(|integrator| {
         let scene = mitsuba(FOV, [9; 2], &format!("{integrator}{lamp}"));
         picture(&scene, [9; 2], 256)

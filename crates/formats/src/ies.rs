@@ -1,9 +1,9 @@
 //! Photometric files of the Illuminating Engineering Society (IES LM-63, `.ies`): the luminous
 //! intensity of a luminaire by angle.
 //!
-//! Supported is photometry of type C (nearly all files), B (floodlights) and A (headlamps) with any
-//! of their symmetries, in absolute candela, times the file's candela multiplier and ballast factor.
-//! Keywords, lamp tilt and the size of the luminaire are ignored: it is a point here.
+//! The reader supports photometry of type C (nearly all files), B (floodlights) and A (headlamps)
+//! with any of their symmetries, in absolute candela, times the file's candela multiplier and
+//! ballast factor. Keywords, lamp tilt and the size of the luminaire are ignored: it is a point.
 
 use crate::error::{Place, ReadError};
 use crate::input::Input;

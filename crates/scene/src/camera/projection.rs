@@ -69,9 +69,9 @@ snell_math::declare! {
     }
 }
 
-/// The unit direction for a point of the square `[-1, 1]^2` that covers the sphere with equal areas;
-/// its middle is `+z`, its corners `-z` (Clarberg, Fast Equal-Area Mapping of the (Hemi)Sphere using
-/// SIMD, 2008).
+/// Returns the unit direction for a point of the square `[-1, 1]^2`, which covers the sphere with
+/// equal areas: its middle is `+z`, its corners are `-z` (Clarberg, Fast Equal-Area Mapping of the
+/// (Hemi)Sphere using SIMD, 2008).
 pub fn equal_area_direction(p: DVec2) -> DVec3 {
     let (u, v) = (p.x.abs(), p.y.abs());
     let distance = 1.0 - (u + v);
@@ -83,7 +83,8 @@ pub fn equal_area_direction(p: DVec2) -> DVec3 {
     DVec3::new(cos.copysign(p.x) * side, sin.copysign(p.y) * side, z)
 }
 
-/// The point of the square for a unit direction: the inverse of [`equal_area_direction`].
+/// Returns the point of the square for a unit direction, as the inverse of
+/// [`equal_area_direction`].
 pub fn equal_area_place(d: DVec3) -> DVec2 {
     let (x, y, z) = (d.x.abs(), d.y.abs(), d.z.abs());
     let radius = (1.0 - z).max(0.0).sqrt();
