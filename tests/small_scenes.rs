@@ -38,7 +38,7 @@ fn stage(name: &str) -> Scene {
     scene
 }
 
-/// A lamp above, and a sky.
+/// Adds a lamp above, and a sky.
 fn light_up(scene: &mut Scene) {
     let glow = lamp(scene, 5.0);
     put(

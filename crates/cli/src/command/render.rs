@@ -159,7 +159,7 @@ struct Outcome {
 
 /// Whether and where a picture was written.
 enum Fate {
-    /// The picture is in its place; its SHA-256.
+    /// The picture is in its place; the text is the SHA-256 of its file.
     Written(String),
     /// The picture is in its place, but still noisy, because denoising was interrupted.
     Noisy,

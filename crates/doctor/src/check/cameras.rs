@@ -1,4 +1,4 @@
-//! Cameras that cannot see what they should.
+//! Cameras inside of closed surfaces, and cameras with everything behind them.
 
 use super::lights::is_opaque;
 use crate::{Report, Severity, Subject};

@@ -10,7 +10,7 @@ use snell_intersect::{Hit, SphereHits, TriangleHits, TrianglePoints};
 use snell_math::simd::Wide;
 use snell_math::{ColorMode, Ray, Rgb, Vec2};
 
-/// Looks up the first surfaces for AOVs where these are plain, at most [`LANES`] at once.
+/// Looks up first surfaces on plain meshes and shapes for AOVs, for at most [`LANES`] rays at once.
 #[derive(Debug)]
 pub struct FirstSurfaces<'a> {
     needs: SurfaceNeeds,

@@ -379,8 +379,7 @@ snell_math::declare! {
         /// Normal map, which perturbs the shading normal.
         #[serde(default)]
         pub normal_map: Option<NormalMap>,
-        /// Bump map, which perturbs the normal further. A coat with its own normal does not follow
-        /// it.
+        /// Bump map, which perturbs the normal further. Coats do not follow it.
         #[serde(default)]
         pub bump_map: Option<BumpMap>,
         /// Interior of a closed surface; `None` for the one that the kind implies
@@ -482,7 +481,7 @@ impl Material {
         }
     }
 
-    /// The reflectance of a matte surface at a point, and its shading normal before that is bent
+    /// The reflectance of a matte surface at a point, and its shading normal before it is bent
     /// towards the viewer. `None` for other materials.
     pub fn matte_at(&self, point: &ShadingPoint) -> Option<(SampledSpectrum, Vec3)> {
         Some((self.as_matte()?.reflectance_at(point), self.shading_normal(point)))

@@ -81,8 +81,8 @@ pub struct Options {
         help_heading = "Motion",
     )]
     pub at: Option<f64>,
-    /// Play this animation of the file (`all` for all together). Default: the first, with those
-    /// that move other things
+    /// Play this animation of the file (`all` for all together). Default: the first, and each later
+    /// one that moves only other things
     #[arg(long, value_name = "NAME|INDEX", help_heading = "Motion")]
     pub animation: Option<String>,
     /// Render many pictures: from one time until just before another, at a rate per second, such as

@@ -177,7 +177,8 @@ impl<'t, W: Lanes16> Leaf<'t, W> {
         child: ChildRef,
         room: &'t mut MaybeUninit<TriangleBlock>,
     ) -> Self {
-        // SAFETY: the references of a tree are to blocks that exist.
+        // SAFETY: `child` is a reference of the tree, which has its block (`GroupTree`) and is
+        // borrowed for as long as the block.
         let block =
             unsafe { tree.blocks.at().block::<W::Half>(W::half_token(token), child.block(), room) };
         let (place, used) = (child.block() as u32 * 8, (2 << (child.count() - 1)) - 1);
@@ -203,7 +204,7 @@ impl<'t, W: Lanes16> Leaf<'t, W> {
                 wanted,
             ));
         }
-        // SAFETY: the value was written now or before.
+        // SAFETY: `is_seen` is set only here, beside the write.
         unsafe { self.seen.assume_init_ref() }
     }
 
@@ -290,7 +291,8 @@ impl SeenBlock {
         wanted: Wanted,
     ) -> Self {
         let half = W::half_token(token);
-        // SAFETY: everything is written except planes and depths that are not wanted.
+        // SAFETY: everything is written except planes and depths that are not wanted, which are
+        // `MaybeUninit`.
         unsafe {
             let [px, py, pz] = packet_rays.point;
             let (point, forward) = (
@@ -355,7 +357,7 @@ impl SeenBlock {
     #[inline(always)]
     pub(super) fn planes(&self) -> &Planes {
         assert!(self.wanted.planes, "planes were wanted");
-        // SAFETY: planes are written if they are wanted.
+        // SAFETY: `new` has written the planes if `wanted.planes`, which is asserted above.
         unsafe { self.planes.assume_init_ref() }
     }
 
@@ -364,7 +366,7 @@ impl SeenBlock {
     #[inline(always)]
     fn depths(&self) -> &Depths {
         assert!(self.wanted.depths, "depths were wanted");
-        // SAFETY: depths are written if they are wanted.
+        // SAFETY: `new` has written the depths if `wanted.depths`, which is asserted above.
         unsafe { self.depths.assume_init_ref() }
     }
 

@@ -545,7 +545,7 @@ impl Locals {
             self.built |= 1 << lane;
             self.rays[lane].write(LocalRay::new(&packet.rays.get(lane)));
         }
-        // SAFETY: the element was written now or before.
+        // SAFETY: the bit of `lane` in `built` is set, which is done only here, beside the write.
         unsafe { self.rays[lane].assume_init_ref() }
     }
 }

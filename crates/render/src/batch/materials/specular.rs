@@ -42,9 +42,9 @@ pub struct SpecularShader<'a> {
 struct Lobes {
     /// Index of refraction inside divided by that outside.
     ior: HitLanes,
-    /// By channel, the factors on light that crosses the surface, and on light that arrives from
-    /// inside.
+    /// By channel, the factor on light that crosses the surface.
     tint: HitColors,
+    /// By channel, the factor on light that arrives from inside.
     arriving: HitColors,
     /// By channel, the factor on reflected light at surfaces without refraction.
     reflectance: HitColors,
