@@ -134,7 +134,7 @@ mod tests {
                     scene.materials.iter_mut().enumerate().filter(|(_, m)| !m.is_emissive())
                 {
                     material.kind = kinds[(first + i) % kinds.len()].clone();
-                    material.normal_map = (i % 5 == 4).then_some(NormalMap { texture, scale: 0.3 });
+                    material.normal_map = (i % 5 == 4).then_some(NormalMap::new(texture, 0.3));
                 }
                 first += 3;
                 let settings = Settings {

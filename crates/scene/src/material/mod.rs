@@ -290,6 +290,21 @@ snell_math::declare! {
 }
 
 snell_math::declare! {
+    /// The direction that the green channel of a normal map stands for.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+    pub enum Bitangent {
+        /// Up in the picture as it lies on the surface, or what the tangents of the mesh say; the
+        /// rule of glTF.
+        "upwards" => #[default] Upwards,
+        /// The shading normal times the derivative of the position by u, however the picture lies
+        /// on the surface; the rule of pbrt and Mitsuba.
+        "crossed" => Crossed,
+        /// The opposite of `crossed`, for scenes that were mirrored.
+        "crossed-mirrored" => CrossedMirrored,
+    }
+}
+
+snell_math::declare! {
     /// A normal map.
     #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
     pub struct NormalMap {
@@ -298,6 +313,27 @@ snell_math::declare! {
         /// Factor on the x and y of the normals.
         #[serde(default = "defaults::whole")]
         pub scale: f32,
+        /// The direction of its green.
+        #[serde(default)]
+        pub bitangent: Bitangent,
+    }
+}
+
+impl Bitangent {
+    /// The direction in a mirrored scene, or on a surface that is turned over.
+    pub fn mirrored(self) -> Self {
+        match self {
+            Self::Upwards => Self::Upwards,
+            Self::Crossed => Self::CrossedMirrored,
+            Self::CrossedMirrored => Self::Crossed,
+        }
+    }
+}
+
+impl NormalMap {
+    /// A normal map with this factor on x and y, whose green is up in the picture.
+    pub fn new(texture: TextureId, scale: f32) -> Self {
+        Self { texture, scale, bitangent: Bitangent::Upwards }
     }
 }
 

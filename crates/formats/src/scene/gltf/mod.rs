@@ -41,6 +41,7 @@ mod topology;
 #[cfg(test)]
 mod tests;
 
+use crate::scene::keep_dark;
 use crate::{Input, ReadError, SceneReader};
 use accessor::Accessors;
 use container::{Buffers, Container, GLB_MAGIC};
@@ -98,6 +99,8 @@ struct Reader<'a> {
     pointers: Vec<pointer::Pointer>,
     /// Textures whose placement changes, by the path of their `textureInfo`. They are not shared.
     moving_textures: BTreeMap<String, TextureId>,
+    /// True if a material emits with a strength of 0: a lamp that is off.
+    has_lamps_off: bool,
 }
 
 fn read(input: &Input) -> Result<Scene, ReadError> {
@@ -123,12 +126,16 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
         vertices: 0,
         pointers: Vec::new(),
         moving_textures: BTreeMap::new(),
+        has_lamps_off: false,
     };
     reader.textures = texture::decode_images(&reader)?;
     reader.pointers = pointer::read_all(&mut reader)?;
     material::read_all(&mut reader)?;
     node::read_scene(&mut reader)?;
     light::add_sky(&mut reader.scene);
+    if reader.has_lamps_off {
+        keep_dark(&mut reader.scene);
+    }
     Ok(reader.scene)
 }
 

@@ -28,13 +28,16 @@ pub struct Look {
     /// The layers, outermost first; empty for no surface at all. Only the last one is always
     /// opaque.
     pub layers: Vec<Material>,
+    /// The layers of the back, seen on a surface that is turned over; empty if it looks like the
+    /// front.
+    pub back: Vec<Material>,
     /// True if vertex colours are visible.
     pub uses_vertex_colors: bool,
 }
 
 impl Look {
     fn of(material: Material) -> Self {
-        Self { layers: vec![material], uses_vertex_colors: false }
+        Self { layers: vec![material], ..Self::default() }
     }
 }
 

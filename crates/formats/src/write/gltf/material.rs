@@ -7,7 +7,9 @@ use crate::write::material::{open_pbr, shown_name, without_spectrum};
 use serde_json::{Value, json};
 use snell_math::Rgb;
 use snell_scene::Material;
-use snell_scene::material::{AlphaMode, ColorParam, MaterialKind, NormalMap, OpenPbr, ScalarParam};
+use snell_scene::material::{
+    AlphaMode, Bitangent, ColorParam, MaterialKind, NormalMap, OpenPbr, ScalarParam,
+};
 
 /// The JSON of a material.
 pub fn value(document: &mut Document, index: usize, material: &Material) -> Value {
@@ -108,6 +110,12 @@ impl Writer<'_, '_, '_> {
     }
 
     fn normal_map(&mut self, map: &NormalMap) -> Value {
+        if map.bitangent != Bitangent::Upwards {
+            self.lose(
+                "the green of its normal map points up in the picture: where texture coordinates \
+                    are mirrored, that is the other way",
+            );
+        }
         let mut info = self.info(colors(map.texture), false);
         info["scale"] = map.scale.into();
         info

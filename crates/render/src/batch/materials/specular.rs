@@ -410,7 +410,7 @@ mod tests {
                 .skip(1);
             for (material, kind) in materials.step_by(2).zip(kinds().into_iter().cycle()) {
                 material.normal_map = matches!(kind, MaterialKind::Conductor(_))
-                    .then_some(NormalMap { texture, scale: 0.3 });
+                    .then_some(NormalMap::new(texture, 0.3));
                 material.kind = kind;
             }
             let ways = [
