@@ -108,6 +108,35 @@ fn options_become_settings() {
 }
 
 #[test]
+fn power_in_ply_files_is_that_of_each_face() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let ply = |faces: &str| {
+        format!(
+            "ply\nformat ascii 1.0\nelement vertex 5\nproperty float x\nproperty float y\n\
+            property float z\nelement face 2\nproperty list uchar int vertex_indices\nend_header\n\
+            0 0 0\n1 0 0\n1 1 0\n0 1 0\n2 0 0\n{faces}"
+        )
+    };
+    let radiance = |faces: &str| {
+        std::fs::write(folder.path().join("a.ply"), ply(faces)).expect("written");
+        let text = "WorldBegin AreaLightSource \"diffuse\" \"float power\" 1 \
+            Shape \"plymesh\" \"string filename\" \"a.ply\"";
+        let scene =
+            testing::read_in(&READER, folder.path(), text).unwrap_or_else(|e| panic!("{e}"));
+        let said: Vec<_> = scene.warnings.iter().map(|w| w.message.clone()).collect();
+        (scene.materials[0].emission.factor, said.join("\n"))
+    };
+    let of_mean = |area: f32| [1.0 / (std::f32::consts::PI * area); 3];
+    let (color, said) = radiance("3 0 1 2\n3 0 2 3\n");
+    colors_are(color, of_mean(0.5));
+    assert_eq!(said, "");
+    // A quadrilateral is one light.
+    let (color, said) = radiance("4 0 1 2 3\n3 1 4 2\n");
+    colors_are(color, of_mean(0.75));
+    assert!(said.contains("power\" is that of each bilinear patch"), "{said}");
+}
+
+#[test]
 fn transforms_apply_in_the_order_of_pbrt() {
     let scene =
         world("Translate 1 0 0 Rotate 90 0 0 1 Scale 2 2 2 Shape \"sphere\" \"float radius\" 0.5");
@@ -384,6 +413,37 @@ fn area_lights_emit_their_radiance_or_their_power() {
     let square =
         "\"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 1 1 0 0 1 0] \"integer indices\" [0 1 2 0 2 3]";
     colors_are(emission(&format!("\"float power\" {}", std::f32::consts::PI), square).0, [2.0; 3]);
+}
+
+#[test]
+fn power_is_that_of_a_whole_shape_or_of_each_patch() {
+    let radiance = |shape: &str| {
+        let scene = world(&format!("AreaLightSource \"diffuse\" \"float power\" 1 {shape}"));
+        material(&scene).emission.factor
+    };
+    let of_area = |area: f64| [1.0 / (std::f64::consts::PI * area) as f32; 3];
+    let turn = std::f64::consts::TAU;
+    let [low, half] = ["\"float zmin\" -0.25", "\"float phimax\" 180"];
+    for (shape, area) in [
+        (format!("Shape \"sphere\" \"float radius\" 0.5 {low}"), turn * 0.5 * 0.75),
+        (format!("Shape \"sphere\" {half}"), turn),
+        ("ReverseOrientation Shape \"sphere\"".into(), 2.0 * turn),
+        (format!("Shape \"disk\" \"float innerradius\" 0.5 {half}"), turn * 0.25 * 0.75),
+        ("ReverseOrientation Shape \"disk\"".into(), turn * 0.5),
+        (format!("Shape \"cylinder\" \"float radius\" 0.5 {half}"), turn * 0.5),
+        ("Shape \"cone\" \"float height\" 2".into(), turn * 0.5 * 5f64.sqrt()),
+        ("Shape \"paraboloid\"".into(), turn / 12.0 * (5f64.powf(1.5) - 1.0)),
+    ] {
+        colors_are(radiance(&shape), of_area(area));
+    }
+    // Each of two patches of the area 2 has the power; the bent one is of many triangles.
+    let patches = "Shape \"bilinearmesh\" \"point3 P\" [0 0 0 2 0 0 0 1 0 2 1 0 0 2 0 2 2 0] \
+        \"integer indices\" [0 1 2 3 2 3 4 5]";
+    colors_are(radiance(patches), of_area(2.0));
+    let text = "WorldBegin AreaLightSource \"diffuse\" \"float power\" 1 \
+        Shape \"bilinearmesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0 1 1 0 0 3 0 1 3 0] \
+        \"integer indices\" [0 1 2 3 2 3 4 5]";
+    assert!(warnings(text).contains("power\" is that of each bilinear patch"));
 }
 
 #[test]
