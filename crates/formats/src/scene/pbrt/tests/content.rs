@@ -102,9 +102,34 @@ fn options_become_settings() {
         (Some([320, 200]), Some(77), Some(9))
     );
     assert_eq!((settings.filter.as_deref(), settings.exposure), (Some("tent"), Some(2.0)));
-    assert_eq!(scene.warnings, []);
+    let said: Vec<_> = scene.warnings.iter().map(|w| w.message.as_str()).collect();
+    assert!(said.len() == 1 && said[0].contains("multiplies light by 4"), "{said:?}");
     assert_eq!(super::scene("WorldBegin").settings.size, Some([1280, 720]));
     assert_eq!(super::scene("Film \"image\" WorldBegin").settings.size, Some([640, 480]));
+}
+
+#[test]
+fn films_of_version_3_have_a_factor_and_no_clamp() {
+    let text = "Film \"image\" \"float scale\" 8 \"float maxsampleluminance\" 2\nWorldBegin";
+    assert_eq!(scene(text).settings.exposure, Some(3.0));
+    let said = warnings(text);
+    assert!(said.contains("maxsampleluminance") && said.contains("by 8"), "{said}");
+}
+
+#[test]
+fn subsurface_scattering_lifts_the_limit_of_bounces() {
+    let text = |depth: i32, material: &str| {
+        format!(
+            "Integrator \"volpath\" \"integer maxdepth\" {depth}\nWorldBegin Material {material} \
+            Shape \"sphere\""
+        )
+    };
+    let below = "\"subsurface\" \"rgb mfp\" [.02 .02 .02] \"rgb reflectance\" [.8 .8 .8]";
+    let depth = |text: &str| scene(text).settings.max_depth;
+    assert_eq!(depth(&text(5, below)), None);
+    assert!(warnings(&text(5, below)).contains("\"maxdepth\" 5 was ignored"));
+    assert_eq!(depth(&text(0, below)), Some(0), "only what emits");
+    assert_eq!(depth(&text(5, "\"diffuse\"")), Some(5));
 }
 
 #[test]
