@@ -133,6 +133,26 @@ fn subsurface_scattering_lifts_the_limit_of_bounces() {
 }
 
 #[test]
+fn goniometric_lights_take_the_mean_of_their_colours() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let picture = b"PF\n1 1\n-1.0\n".iter().copied();
+    let texel = [6.0f32, 3.0, 0.0].map(f32::to_le_bytes).concat();
+    std::fs::write(folder.path().join("g.pfm"), picture.chain(texel).collect::<Vec<_>>())
+        .expect("written");
+    let intensity = |power: &str| {
+        let text =
+            format!("WorldBegin LightSource \"goniometric\" \"string filename\" \"g.pfm\" {power}");
+        let scene =
+            testing::read_in(&READER, folder.path(), &text).unwrap_or_else(|e| panic!("{e}"));
+        let Light::Profile(profile) = &scene.lights[0] else { panic!("{:?}", scene.lights) };
+        profile.table.at(DVec3::Z) * profile.scale
+    };
+    colors_are(intensity(""), [3.0; 3]);
+    let power = 4.0 * std::f32::consts::PI;
+    colors_are(intensity(&format!("\"float power\" {power}")), [1.0; 3]);
+}
+
+#[test]
 fn power_in_ply_files_is_that_of_each_face() {
     let folder = tempfile::tempdir().expect("a folder");
     let ply = |faces: &str| {
