@@ -50,8 +50,9 @@ pub fn surface(geometry: Geometry, material: Option<MaterialId>) -> Surface {
     )
 }
 
-/// Number of pieces of a swept surface: around a full turn, and from one end to the other.
+/// Number of pieces of a swept surface around a full turn.
 pub const AROUND: u32 = 256;
+/// Number of pieces of a swept surface from one end to the other.
 pub const ALONG: u32 = 128;
 
 /// The rotation from Snell's round shapes to those of pbrt and Mitsuba. Snell's stand around y and

@@ -27,10 +27,11 @@ pub(crate) const SPARE_LINES: usize = 4;
 /// holds the corners of every triangle instead.
 const MOST_CORNERS: usize = 16;
 
-/// Offsets in a record, in 32-bit words: of the corner indices, of the corner coordinates, and of
-/// the corners in a record that holds all.
+/// The offset of the corner indices in a record, in 32-bit words.
 const NAMES: usize = 8;
+/// The offset of the corner coordinates in a record, in 32-bit words.
 const TABLE: usize = 11;
+/// The offset of the corners in a record that holds the corners of every triangle.
 const ALL: usize = 8;
 
 /// The number of lines of a record that holds the corners of every triangle.

@@ -2,8 +2,9 @@
 //!
 //! The document is read as plain JSON through `json::Json`, which knows its path and so can report
 //! where a file is wrong. A file that violates the standard in a way that would change the picture
-//! (dangling references, data that does not fit, cycles) is refused with that path; a file that is
-//! merely odd loads, and anything changed or left out is a warning of the scene.
+//! (dangling references, data that does not fit, cycles) is refused with an error that names this
+//! path; a file that is merely odd loads, and anything changed or left out is a warning of the
+//! scene.
 //!
 //! glTF maps to a scene as follows. Each node is a node; each mesh is a node with one surface per
 //! primitive, stored once and shared by all nodes that show it. Morph targets are applied with

@@ -43,10 +43,13 @@ impl Look {
 
 /// Grey, as Mitsuba's diffuse surfaces are by default.
 pub const GRAY: f32 = 0.5;
-/// The default inside and outside materials of Mitsuba's dielectrics.
+/// Index of refraction of `bk7`, inside Mitsuba's dielectrics by default.
 const GLASS: f64 = 1.5046;
+/// Index of refraction of `air`, outside all of Mitsuba's materials by default.
 const AIR: f64 = 1.000_277;
+/// Index of refraction of `polypropylene`, inside Mitsuba's plastics by default.
 const POLYPROPYLENE: f64 = 1.49;
+/// Index of refraction of `amber`, inside Mitsuba's hair by default.
 const AMBER: f64 = 1.55;
 
 impl Builder<'_> {

@@ -315,7 +315,7 @@ impl Builder<'_> {
                     .into()
             });
         }
-        // These affect only the noise.
+        // These parameters affect only the noise.
         for name in [
             "rr_depth",
             "strict_normals",

@@ -260,7 +260,7 @@ impl Builder<'_> {
 
     /// Reads the parameters of the layer between coat and base.
     fn coating_details(&mut self, params: &Params) -> Result<(), Fault> {
-        // These only control how pbrt computes the layers.
+        // These parameters only control how pbrt computes the layers.
         for name in ["maxdepth", "nsamples", "g"] {
             params.get(name);
         }

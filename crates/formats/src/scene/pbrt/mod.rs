@@ -6,8 +6,8 @@
 //! warning that names file, line and column; unused parameters are reported, too.
 //!
 //! Coordinates of pbrt are left-handed: its cameras look along `+z` with `+x` to the right and `+y`
-//! up. If the camera's own transform does not mirror that, the whole scene is mirrored in x (by the
-//! root node), so that pictures are not.
+//! up. If the camera's own transform does not mirror these coordinates, the whole scene is mirrored
+//! in x (by the root node), so that pictures are not mirrored.
 
 mod camera;
 mod directive;

@@ -229,7 +229,8 @@ impl Writer<'_, '_, '_> {
         if surface.thin_film_weight.factor > 0.0 {
             let mut film = json!({ "iridescenceIor": surface.thin_film_ior.factor });
             self.scalar(&mut film, "iridescence", &surface.thin_film_weight, 0);
-            // Micrometres to nanometres; the texture's minimum is 0.
+            // The thickness is converted from micrometres to nanometres; the texture's minimum is
+            // 0.
             film["iridescenceThicknessMinimum"] = 0.0.into();
             film["iridescenceThicknessMaximum"] = (surface.thin_film_thickness.factor * 1e3).into();
             if let Some(texture) = surface.thin_film_thickness.texture {

@@ -60,19 +60,22 @@ pub(super) struct Wanted {
 /// A block of triangles relative to the common point of a packet; arrays are indexed by triangle.
 #[repr(C, align(64))]
 pub(super) struct SeenBlock {
-    /// Vectors of two edges whose dot product with a direction is a signed area, and the edges
-    /// themselves, by axis of the packet.
+    /// Vectors of two edges whose dot product with a direction is a signed area, by axis of the
+    /// packet.
     pub(super) areas: [[[f32; 8]; 3]; 2],
+    /// The two edges, by axis of the packet.
     pub(super) edges: [[[f32; 8]; 3]; 2],
     /// The vector whose dot product with a direction is the sum of all three areas.
     pub(super) normal: [[f32; 8]; 3],
     /// Bound on the errors of areas.
     pub(super) bound: [f32; 8],
-    /// Bounds on the `z` of a hit.
+    /// Lower bound on the `z` of a hit.
     pub(super) nearest: [f32; 8],
+    /// Upper bound on the `z` of a hit.
     pub(super) farthest: [f32; 8],
-    /// Planes and depths, written only if they are wanted.
+    /// The planes; unset unless they are wanted.
     planes: MaybeUninit<Planes>,
+    /// The depths; unset unless they are wanted.
     depths: MaybeUninit<Depths>,
     wanted: Wanted,
 }
@@ -82,10 +85,11 @@ pub(super) struct SeenBlock {
 struct Depths {
     /// The depth of the first corner, and the differences of the depths of the other two from it.
     corners: [[f32; 8]; 3],
-    /// The sum of areas from which on depths are certain; the error of `z` times that sum; and
-    /// other errors of `z`.
+    /// The sum of areas from which on depths are certain.
     clear: [f32; 8],
+    /// The error of `z` times the sum of areas.
     error: [f32; 8],
+    /// Other errors of `z`.
     other_error: [f32; 8],
 }
 
@@ -274,10 +278,12 @@ pub(super) struct TriangleHits<W> {
     /// The rays that certainly hit the triangle within their intervals, nearer than all previous
     /// hits.
     pub certain: u32,
-    /// The rays for which such a hit is certain if they hit the triangle or its projection at all.
+    /// The rays for which the hit is certainly nearer than all previous hits, if they hit the
+    /// triangle or its projection at all.
     pub nearer: u32,
-    /// Bounds on the `z` of these hits.
+    /// Lower bound on the `z` of the hits.
     pub low: W,
+    /// Upper bound on the `z` of the hits.
     pub high: W,
 }
 

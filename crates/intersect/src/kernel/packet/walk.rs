@@ -95,16 +95,18 @@ pub(super) struct Walker<'w, 's, G: Goal> {
     pub(super) cancel: Option<&'w AtomicBool>,
     /// The mask bits that all rays of the run have in common.
     pub(super) masks: u32,
-    /// The rays of the run, and the number of the first in the batch.
+    /// The rays of the run.
     pub(super) rays: &'w [RayOf<G>],
+    /// The number of the first ray of the run in the batch.
     pub(super) first: usize,
-    /// The searches of rays with hits that need the filter or other checks, and a bit for each ray
-    /// that has one. Rays that hit nothing or only plain triangles need no search.
+    /// The searches of rays with hits that need the filter or other checks. Rays that hit nothing
+    /// or only plain triangles need no search.
     pub(super) searches: PerRay<Option<Search<'s, G>>>,
+    /// A bit for each ray that has a search.
     pub(super) searched: u32,
-    /// The rays without a search that have a hit that counts, and the nearest hit of each (an
-    /// arbitrary hit for occlusion queries).
+    /// The rays without a search that have a hit that counts.
     pub(super) hit: u32,
+    /// The nearest hit of each of these rays (an arbitrary hit for occlusion queries).
     pub(super) nearest: PerRay<HitOf<G>>,
     /// Begins the search of a ray, given by its number. It writes in place, because a returned
     /// search would be copied as a whole just after it was written in pieces.
@@ -117,13 +119,13 @@ pub(super) struct Walker<'w, 's, G: Goal> {
     pub(super) deferred: Deferred,
     /// Rays that are left to other kernels, because a deferred hit turned out to be elsewhere.
     pub(super) unresolved: u32,
-    /// Rays without a search whose nearest hit was deferred and is certain: its data are in
-    /// `certain_hits`.
+    /// Rays without a search whose nearest hit was deferred and is certain. The data of these hits
+    /// are in `certain_hits`.
     pub(super) certain: u32,
     pub(super) certain_hits: CertainHits<RealOf<G>>,
-    /// True if triangles count as small ([`super::trial::Detail`]). `counted` are the counters that
-    /// decide this.
+    /// True if triangles count as small ([`super::trial::Detail`]).
     pub(super) is_small: bool,
+    /// The numbers of leaves and triangles from which `is_small` is decided.
     pub(super) counted: [u32; 2],
 }
 

@@ -33,10 +33,10 @@ const MIN_RAYS: usize = 16;
 /// forest is not in the second-level cache. (In smaller forests the prefetches cost a little.)
 const FETCHED_BYTES: usize = 8 << 20;
 
-/// Rays are sorted in forests of more bytes than this ([`pays_to_sort`]). The second value holds
-/// for occlusion rays at AVX-512: sixteen of them start together in one register, and share more
-/// visits if they start near each other.
+/// Rays are sorted in forests of more bytes than this ([`pays_to_sort`]).
 const SORTED_BYTES: usize = 32 << 20;
+/// The same limit at AVX-512 for queries that want one hit per ray: sixteen of their rays start
+/// together in one register, and share more visits if they start near each other.
 const SORTED_BYTES_AVX512: usize = 128 << 10;
 
 /// A batch of rays to search for, and the data that their searches share.
@@ -172,7 +172,7 @@ struct Pending<'b, 'a, P: Facts> {
     forest: &'b Forest,
     wide: Option<Wide>,
     batch: &'b Batch<'a, P>,
-    /// The place in the batch of the first of them.
+    /// The place in the batch of the next ray to start.
     next: usize,
     trial: Trial,
 }
@@ -254,7 +254,7 @@ fn search_alone<G: Goal>(forest: &Forest, wide: Option<Wide>, mut search: Search
     search.goal
 }
 
-/// The walks that take part in the next round, by what they are at.
+/// The walks that take part in the next round; those that are at a node have a queue of their own.
 struct Round<'q, 's, 'a, G: Goal> {
     nodes: Queue<'q, Walk<'s, 'a, G, Node>>,
     /// Walks that are not at a node.
@@ -278,7 +278,7 @@ impl<'s, 'a, G: Goal> Round<'_, 's, 'a, G> {
         self.put_fetched(walk);
     }
 
-    /// Lets a walk take part. (Without a branch on what it is at.)
+    /// Lets a walk take part. (This is done without a branch on what the walk is at.)
     #[inline(always)]
     fn put_fetched(&mut self, walk: Walk<'s, 'a, G>) {
         let is_node = walk.current().is_node();
@@ -290,7 +290,7 @@ impl<'s, 'a, G: Goal> Round<'_, 's, 'a, G> {
         }
     }
 
-    /// Moves all walks that are not at a node to `leaves` and `others`. (Without a branch.)
+    /// Moves all walks that are not at a node to `leaves` and `others`, without a branch.
     #[inline(always)]
     fn split_rest(
         &mut self,
@@ -379,7 +379,7 @@ impl<'s, 'a, G: Goal> Round<'_, 's, 'a, G> {
         for walk in others.drain() {
             let (is_object, is_return) =
                 (walk.current().is_object(), walk.current() == ChildRef::RETURN);
-            // SAFETY: one of the three queues counts the walk: that of what it is at. A walk is
+            // SAFETY: one of the three queues counts the walk, by its current reference. A walk is
             // counted in one queue only, so no queue has more than `SLOTS`.
             unsafe {
                 returns.put(walk.copied_as::<Return>(), is_return);

@@ -32,9 +32,9 @@ pub(super) const SHARED_RAYS: usize = 2 * ROW;
 /// The number of rays that are tested with a box at once.
 const ROW: usize = 16;
 
-/// A node is visited together if at least `MIN_INSIDE` rays start in it, or at least `MIN_MET` rays
-/// hit it.
+/// A node is visited together if at least this number of rays start in it and hit it.
 const MIN_INSIDE: u32 = 8;
+/// A node is also visited together if at least this number of rays hit it.
 const MIN_MET: u32 = 16;
 
 /// The largest number of nodes and leaves that are left to the rays of a packet, limited by the
@@ -134,7 +134,8 @@ struct PerLane([f32; ROW]);
 /// Sixteen rays, prepared for tests with boxes.
 struct Row<W> {
     inverse: [W; 3],
-    /// As [`crate::exact::prepared::PreparedRay::near`] and `far`, but rounded to neither side.
+    /// The offsets of [`crate::exact::prepared::PreparedRay::near`] and `far`, but rounded to
+    /// neither side.
     offset: [W; 3],
     t_min: W,
     /// The padded limits of the searches, plus `margin`.
@@ -169,7 +170,7 @@ impl<W: Lanes16> Row<W> {
             near[1].add(far[1]).mul(half),
             near[2].add(far[2]).mul(half),
         ];
-        // (Twice of what it must be.)
+        // The margin is twice as large as it must be.
         let mut margin = W::splat(token, 0.0);
         for axis in 0..3 {
             let side = far[axis].sub(near[axis]).abs();
@@ -197,7 +198,7 @@ impl<W: Lanes16> Row<W> {
         (enter, enter.le(leave))
     }
 
-    /// The distances of one of eight planes on each axis.
+    /// The distances at which the rays cross one of eight planes on each axis.
     #[inline(always)]
     fn crossings(&self, [x, y, z]: &[[f32; 8]; 3], slot: usize) -> [W; 3] {
         let (token, slot) = (self.t_min.token(), slot & 7);
@@ -250,7 +251,7 @@ unsafe fn visit<W: Lanes16, G: Goal, const N: usize>(
     if !root.is_node() || rays.count_ones() < MIN_INSIDE {
         return 0;
     }
-    // (A ring: by `has_room` there are never more in it.)
+    // The queue is a ring: because of `has_room` it never holds more nodes than this.
     const QUEUE: usize = MAX_LEFT / 8;
     let mut queue = [const { MaybeUninit::<(u32, u32)>::uninit() }; QUEUE];
     queue[0].write((root.0, rays));

@@ -103,11 +103,11 @@ struct Slot<'a, G: Goal> {
     /// The number of entries on the stack.
     top: u32,
     place: Place,
-    /// `None` before the first ray and after the last.
+    /// The search for the ray; `None` before the first ray and after the last.
     search: Option<Search<'a, G>>,
     /// The number of the ray.
     number: usize,
-    /// The places outside of the instances that the walk is in, outermost first.
+    /// The positions of the ray in the groups outside of the current one, outermost first.
     outside: Vec<Place>,
     forest: &'a Forest,
 }
@@ -144,7 +144,7 @@ impl<'a, G: Goal> Slots<'a, G> {
     /// Makes `count` idle slots for walks through a forest.
     pub fn new(count: usize, forest: &'a Forest) -> Self {
         let stack = (forest.stack_size() + 16) * Slot::<G>::ENTRY * size_of::<u32>();
-        // (An odd number, so that slots do not compete for the same sets of the cache.)
+        // The number is odd, so that slots do not compete for the same sets of the cache.
         let lines = (size_of::<Slot<G>>() + stack).div_ceil(size_of::<Line>()) | 1;
         let memory = (0..count * lines).map(|_| Line(MaybeUninit::uninit())).collect();
         let mut slots = Self { memory, lines, slots: PhantomData };
@@ -210,8 +210,9 @@ pub(super) enum Object {}
 /// The state of a walk that leaves an instance next.
 pub(super) enum Return {}
 
-/// The only handle of a slot: a ray in flight, and in `At` what it is at. It is a pointer, so that
-/// queues of walks need neither an address computation nor a bounds check to get to a slot.
+/// The only handle of a slot, which has a ray in flight; `At` is the state of the walk, such as
+/// [`Idle`]. The handle is a pointer, so that queues of walks need neither an address computation
+/// nor a bounds check to get to a slot.
 #[repr(transparent)]
 pub(super) struct Walk<'s, 'a, G: Goal, At = Started> {
     slot: NonNull<Slot<'a, G>>,
@@ -277,7 +278,7 @@ impl<'s, 'a, G: Goal, At> Walk<'s, 'a, G, At> {
         }
     }
 
-    /// After hits: takes the new limit, and removes the entries beyond it from the stack.
+    /// Takes the new limit after hits, and removes the entries beyond it from the stack.
     ///
     /// # Safety
     /// There must be a search, and `current` must have been popped last.
@@ -310,8 +311,8 @@ impl<'s, 'a, G: Goal, At> Walk<'s, 'a, G, At> {
 }
 
 impl<G: Goal> Slot<'_, G> {
-    /// Numbers of an entry of the stack: its reference, and the bits of the distance of its box if
-    /// the goal narrows.
+    /// The count of 32-bit numbers of an entry of the stack: its reference, and the bits of the
+    /// distance of its box if the goal narrows.
     const ENTRY: usize = if G::NARROWS { 2 } else { 1 };
 }
 
@@ -337,7 +338,7 @@ impl<'s, 'a, G: Goal> Walk<'s, 'a, G, Idle> {
         let exact = G::Precision::exact(ray);
         (place.origin, place.direction) = (exact.origin, exact.direction);
         (place.group, place.instance) = (0, 0);
-        // (A search that was over in an instance has not returned.)
+        // A search that ended inside an instance has left its positions here.
         slot.outside.clear();
         let search = slot.search.insert(search());
         (slot.t_min, slot.cull) = (search.start, search.cull());
@@ -361,9 +362,9 @@ impl<'s, 'a, G: Goal> Walk<'s, 'a, G> {
         self.slot().tree()
     }
 
-    /// The first sixteen numbers of the slot: where the search begins, its padded limit, four that
-    /// mean nothing, then `inverse`, `near` and `far` of the [ray](PreparedRay), and one that means
-    /// nothing.
+    /// The first sixteen numbers of the slot: where the search begins, its padded limit, four
+    /// unused ones, then `inverse`, `near` and `far` of the [ray](PreparedRay), and one unused
+    /// number.
     #[inline(always)]
     pub fn rows(&self) -> [&[f32; 8]; 2] {
         const {

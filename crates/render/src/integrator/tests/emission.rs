@@ -16,7 +16,7 @@ use std::sync::Arc;
 
 /// The numbers of independent pictures, and of samples in each of their pixels.
 const PICTURES: u32 = 16;
-const SPP: u32 = 8;
+const SPP: u32 = 24;
 
 /// A white floor, and textures 0, a picture of which most is black, and 1, stripes for alpha.
 fn stage() -> Scene {

@@ -67,8 +67,8 @@ fn leaves<L: Lanes8>(
     found
 }
 
-/// Lets rays start, and looks at what is left to each. Returns how many are not at the root any
-/// more.
+/// Lets rays start, and compares what is left to each with its own search. Returns the number of
+/// rays that are not at the root any more.
 fn look<W: Lanes16>(token: W::Token, world: &World, rays: &[Ray]) -> usize {
     looked_at::<W, W::Half>(token, W::half_token(token), world, rays)
 }
@@ -107,7 +107,7 @@ fn looked_at<W: Lanes16, L: Lanes8>(
             let below = leaves::<L>(token, tree, child, ray, interval);
             for (_, leaf) in &below {
                 let place = expected.iter().position(|(_, other)| other == leaf);
-                // (Boxes are a little wider here.)
+                // The boxes of a shared start are a little wider.
                 if let Some(place) = place {
                     let (enter, _) = expected.swap_remove(place);
                     assert!(distance <= enter, "{distance} {enter}");

@@ -1,4 +1,4 @@
-//! The steps of a walk, by what it is at.
+//! The steps of a walk, by the kind of its current reference.
 
 use super::{Idle, Leaf, Line, Node, Object, Place, Return, Slot, Walk};
 use crate::exact::TriangleTest;
@@ -111,7 +111,7 @@ impl<'s, 'a, G: Goal> Walk<'s, 'a, G, Leaf> {
 pub(in super::super) struct Candidates<'s, 'a, G: Goal> {
     pub walk: Walk<'s, 'a, G>,
     triangles: Mask,
-    /// The number of the block, of the tree that the walk is in: [`Walk::leave`] has taken it from
+    /// The number of the block in the tree that the walk is in: [`Walk::leave`] has taken it from
     /// `current`, and to pop an entry does not change the tree.
     block: u32,
 }
@@ -207,7 +207,7 @@ impl<'s, 'a, G: Goal> Walk<'s, 'a, G, Object> {
             return unsafe {
                 entry.write(ChildRef::RETURN.0);
                 if G::NARROWS {
-                    // (Nearer than any limit.)
+                    // This distance is nearer than any limit.
                     entry.add(1).write(f32::NEG_INFINITY.to_bits());
                 }
                 self.into_state()
@@ -244,7 +244,7 @@ impl<G: Goal> Slot<'_, G> {
         if mask & visible == 0 || tree.root == ChildRef::NONE || !tree.unbounded.is_empty() {
             return None;
         }
-        // (If it overflows, it is not ordinary.)
+        // A ray that overflows is not ordinary.
         let ray = child_from_group.mapped(&self.place.exact(), time)?;
         self.outside.push(self.place);
         let place = &mut self.place;
@@ -315,7 +315,7 @@ impl<'s, 'a, G: Goal> Walk<'s, 'a, G> {
             )
         };
         fetch_lines(at, 4);
-        // (Of a node, the fourth again.)
+        // For a node, the last line is fetched again instead of a fifth.
         fetch_lines(at.wrapping_add((4 - usize::from(is_node)) * size_of::<Line>()), 1);
     }
 }

@@ -10,15 +10,15 @@ use snell_math::simd::{Level, Portable, Portable8};
 use snell_math::{DVec3, Ray, Transform};
 use std::sync::Arc;
 
-/// Dozens are in flight, and the first cache is small.
+/// Dozens of slots are in use at once, and the first-level cache is small.
 #[test]
 #[cfg(target_pointer_width = "64")]
 fn a_slot_of_rays_of_single_precision_has_four_lines() {
     assert_eq!(size_of::<Slot<crate::search::Closest<Single>>>(), 4 * size_of::<Line>());
 }
 
-/// A search that is over in an instance does not return from it, so the next one has to forget
-/// where it was.
+/// A search that ends inside an instance does not return from it, so the next search must forget
+/// the position.
 #[test]
 fn searches_that_end_in_instances_leave_nothing_behind() {
     let mut random = Random(3);
@@ -92,7 +92,7 @@ impl<G: Goal> Walk<'_, '_, G> {
             (f32::from_bits(distance), ChildRef(child))
         };
         let mut entries: Vec<_> = (1..top).map(at).collect();
-        // (The current one was popped last, or is the root.)
+        // The current reference was popped last, or is the root.
         entries.push(if entries.is_empty() && current.is_node() {
             (self.slot().t_min, current)
         } else {
