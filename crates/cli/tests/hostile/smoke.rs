@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 /// Renders; `FILE` is the damaged one.
 const RENDER: &str = "render FILE --size 8x6 --spp 1 -q -o out.pfm";
 const RENDER_IN_LIGHT: &str = "render minray --environment FILE --size 8x6 --spp 1 -q -o out.pfm";
-/// Options of which half of the renders have some.
+/// Options; half of the renders get some of these.
 const RENDER_OPTIONS: [&str; 30] = [
     "-i flat",
     "-i raycast",

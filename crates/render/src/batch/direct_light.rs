@@ -167,8 +167,8 @@ impl DirectLight {
         }
     }
 
-    /// Samples the lights that [`LightSamples`] does not handle, for the first `count` lanes, by
-    /// `sample` with the random numbers `u`.
+    /// Samples lights for the first `count` lanes by calling `sample` with the random numbers `u`,
+    /// where [`LightSamples`] does not handle the chosen light.
     pub fn sample_alone(
         &mut self,
         count: usize,

@@ -28,10 +28,11 @@ pub struct MediumShader {
     bounces: Bounces,
 }
 
-/// The next directions of paths, and the densities of these directions.
+/// The next directions of paths.
 #[derive(Debug)]
 struct Bounces {
     wi: HitVectors,
+    /// Density per steradian of each direction.
     pdf: HitLanes,
 }
 

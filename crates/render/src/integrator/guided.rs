@@ -94,12 +94,12 @@ impl<'a> GuidedBsdf<'a> {
         (pdf > 0.0).then_some(BsdfSample { wi, weight, pdf, is_delta: false, is_transmission })
     }
 
-    /// The survival weight of a path for Russian roulette. Without guiding it is the `next`
-    /// throughput. The throughput of a guided path is small where much light is expected, because
-    /// many paths go there; so its weight is the expected light (see [`expected_survival`]), or
-    /// where the field is not trained, the absorption of this bounce. `crossing` is
-    /// [`ShadingBsdf::crossing_scale`] of the sample. Takes [`super::PathState::expected`] of this
-    /// ray and also returns that of the next.
+    /// The survival weight of a path for Russian roulette. Without guiding it is that of the `next`
+    /// throughput (see [`unknown_survival`]). The throughput of a guided path is small where much
+    /// light is expected, because many paths go there; so its weight is the expected light (see
+    /// [`expected_survival`]), or where the field is not trained, the share of light that this
+    /// bounce keeps. `crossing` is [`ShadingBsdf::crossing_scale`] of the sample. Takes
+    /// [`super::PathState::expected`] of this ray and also returns that of the next.
     pub fn survival(
         &self,
         wo: Vec3,

@@ -241,7 +241,7 @@ pub(crate) mod dimension {
     pub const MEDIUM: u32 = 5;
     pub const GUIDE: u32 = 6;
     /// The first dimension for integrators that sample every light. Each further light has the next
-    /// one.
+    /// one; after 200 lights the dimensions repeat.
     pub const LIGHTS: u32 = 8;
 }
 

@@ -187,8 +187,8 @@ settings! {
         pub denoise: Denoise,
         /// Exposure in stops, for display formats.
         ///
-        /// `noise` looks at the picture with this exposure. The scene's own comes before the
-        /// default.
+        /// The error of `noise` is that of the picture with this exposure. The scene's own comes
+        /// before the default.
         #[setting(Picture, "EV", "float", range Range::Within(-100.0, 100.0), default "0")]
         pub exposure: f64,
     }

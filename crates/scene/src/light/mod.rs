@@ -146,7 +146,7 @@ trait Emitter {
         None
     }
 
-    /// Moves the light by a map of the world. It keeps its size and power.
+    /// Moves the light by a map of the world. The light keeps its size and power.
     fn transform(&mut self, by: &DAffine3);
 
     /// The light as a punctual one, if it is one, so that many points can be computed at once.
@@ -212,7 +212,7 @@ impl Light {
         match_light!(self, light => light.cone())
     }
 
-    /// The light, moved by a map of the world. It keeps its size and power.
+    /// The light, moved by a map of the world, with unchanged size and power.
     pub fn moved(&self, by: &DAffine3) -> Self {
         let mut light = self.clone();
         match_light!(&mut light, light => light.transform(by));

@@ -290,6 +290,21 @@ snell_math::declare! {
 }
 
 snell_math::declare! {
+    /// The direction that the green channel of a normal map stands for.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+    pub enum Bitangent {
+        /// Up in the picture as it lies on the surface, or what the tangents of the mesh say; the
+        /// rule of glTF.
+        "upwards" => #[default] Upwards,
+        /// The shading normal times the derivative of the position by u, however the picture lies
+        /// on the surface; the rule of pbrt and Mitsuba.
+        "crossed" => Crossed,
+        /// The opposite of `crossed`, for scenes that were mirrored.
+        "crossed-mirrored" => CrossedMirrored,
+    }
+}
+
+snell_math::declare! {
     /// A normal map.
     #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
     pub struct NormalMap {
@@ -298,6 +313,27 @@ snell_math::declare! {
         /// Factor on the x and y of the normals.
         #[serde(default = "defaults::whole")]
         pub scale: f32,
+        /// The direction of its green.
+        #[serde(default)]
+        pub bitangent: Bitangent,
+    }
+}
+
+impl Bitangent {
+    /// The direction in a mirrored scene, or on a surface that is turned over.
+    pub fn mirrored(self) -> Self {
+        match self {
+            Self::Upwards => Self::Upwards,
+            Self::Crossed => Self::CrossedMirrored,
+            Self::CrossedMirrored => Self::Crossed,
+        }
+    }
+}
+
+impl NormalMap {
+    /// A normal map with this factor on x and y, whose green is up in the picture.
+    pub fn new(texture: TextureId, scale: f32) -> Self {
+        Self { texture, scale, bitangent: Bitangent::Upwards }
     }
 }
 
@@ -343,8 +379,7 @@ snell_math::declare! {
         /// Normal map, which perturbs the shading normal.
         #[serde(default)]
         pub normal_map: Option<NormalMap>,
-        /// Bump map, which perturbs the normal further. A coat with its own normal does not follow
-        /// it.
+        /// Bump map, which perturbs the normal further. Coats do not follow it.
         #[serde(default)]
         pub bump_map: Option<BumpMap>,
         /// Interior of a closed surface; `None` for the one that the kind implies
@@ -446,7 +481,7 @@ impl Material {
         }
     }
 
-    /// The reflectance of a matte surface at a point, and its shading normal before that is bent
+    /// The reflectance of a matte surface at a point, and its shading normal before it is bent
     /// towards the viewer. `None` for other materials.
     pub fn matte_at(&self, point: &ShadingPoint) -> Option<(SampledSpectrum, Vec3)> {
         Some((self.as_matte()?.reflectance_at(point), self.shading_normal(point)))

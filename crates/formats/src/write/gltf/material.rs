@@ -7,7 +7,9 @@ use crate::write::material::{open_pbr, shown_name, without_spectrum};
 use serde_json::{Value, json};
 use snell_math::Rgb;
 use snell_scene::Material;
-use snell_scene::material::{AlphaMode, ColorParam, MaterialKind, NormalMap, OpenPbr, ScalarParam};
+use snell_scene::material::{
+    AlphaMode, Bitangent, ColorParam, MaterialKind, NormalMap, OpenPbr, ScalarParam,
+};
 
 /// The JSON of a material.
 pub fn value(document: &mut Document, index: usize, material: &Material) -> Value {
@@ -108,6 +110,12 @@ impl Writer<'_, '_, '_> {
     }
 
     fn normal_map(&mut self, map: &NormalMap) -> Value {
+        if map.bitangent != Bitangent::Upwards {
+            self.lose(
+                "the green of its normal map points up in the picture: where texture coordinates \
+                    are mirrored, that is the other way",
+            );
+        }
         let mut info = self.info(colors(map.texture), false);
         info["scale"] = map.scale.into();
         info
@@ -221,7 +229,8 @@ impl Writer<'_, '_, '_> {
         if surface.thin_film_weight.factor > 0.0 {
             let mut film = json!({ "iridescenceIor": surface.thin_film_ior.factor });
             self.scalar(&mut film, "iridescence", &surface.thin_film_weight, 0);
-            // Micrometres to nanometres; the texture's minimum is 0.
+            // The thickness is converted from micrometres to nanometres; the texture's minimum is
+            // 0.
             film["iridescenceThicknessMinimum"] = 0.0.into();
             film["iridescenceThicknessMaximum"] = (surface.thin_film_thickness.factor * 1e3).into();
             if let Some(texture) = surface.thin_film_thickness.texture {
