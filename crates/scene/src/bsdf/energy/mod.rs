@@ -7,15 +7,17 @@
 //! and loses nothing. Layers use the same numbers for the share of light that reaches the layers
 //! below.
 //!
-//! The tables in `tables.bin` were integrated by `generate.rs`. Half of their nodes along the
+//! The tables in `tables.bin`, for isotropic surfaces, were integrated by `generate.rs`. Half of their nodes along the
 //! direction follow the cosine in units of the roughness ([`Widths::steepness`]), in which albedos
 //! are smooth even for nearly smooth surfaces at grazing angles, and half the cosine itself, for
 //! the critical angle.
 
+mod anisotropic;
 #[cfg(test)]
 mod generate;
 
 use super::{MicrofacetShape, Microfacets, Widths};
+use anisotropic::Anisotropic;
 use snell_math::{Vec2, Vec3, exponentials};
 use std::f32::consts::FRAC_1_PI;
 
@@ -300,7 +302,8 @@ pub(super) struct BouncedLobe {
 
 impl BouncedLobe {
     pub(super) fn new(widths: Widths) -> Self {
-        let squared_width = (widths.alpha() * widths.alpha()).max(1e-6);
+        let width = widths.x.max(widths.y);
+        let squared_width = (width * width).max(1e-6);
         Self { squared_width, integral: (1.0 / squared_width).ln_1p() }
     }
 
@@ -326,19 +329,28 @@ impl BouncedLobe {
 pub(super) struct FacetLoss {
     widths: Widths,
     loss: Albedo,
+    anisotropic: Option<Anisotropic>,
 }
 
 impl FacetLoss {
     pub(super) fn new(facets: Microfacets) -> Self {
-        Self { widths: facets.widths(), loss: Albedo::loss(facets, FACETS, NO_INDEX) }
+        Self {
+            widths: facets.widths(),
+            loss: Albedo::loss(facets, FACETS, NO_INDEX),
+            anisotropic: Anisotropic::loss(facets, FACETS, 1.0),
+        }
     }
 
     /// Share of light lost towards (equally: from) a direction above.
     pub(super) fn towards(&self, w: Vec3) -> f32 {
-        if self.widths.is_smooth() { 0.0 } else { self.loss.directional(position(self.widths, w)) }
+        match &self.anisotropic {
+            _ if self.widths.is_smooth() => 0.0,
+            Some(anisotropic) => anisotropic.directional(w).min(1.0),
+            None => self.loss.directional(position(self.widths, w)),
+        }
     }
 
-    /// The nodes of a rough surface, for many evaluations.
+    /// The nodes of a rough isotropic surface, for many evaluations.
     pub(super) fn line(&self) -> FacetLossBy<Line> {
         FacetLossBy { widths: self.widths, loss: self.loss.line() }
     }
@@ -351,7 +363,11 @@ impl FacetLoss {
 
     /// Share of diffuse light lost.
     pub(super) fn average(&self) -> f32 {
-        if self.widths.is_smooth() { 0.0 } else { self.loss.average() }
+        match &self.anisotropic {
+            _ if self.widths.is_smooth() => 0.0,
+            Some(anisotropic) => anisotropic.average(),
+            None => self.loss.average(),
+        }
     }
 }
 
@@ -387,6 +403,7 @@ pub(super) struct DielectricReflection {
     /// Weights of the index of refraction.
     indices: (usize, [f32; 4]),
     reflected: Albedo,
+    anisotropic: Option<Anisotropic>,
 }
 
 impl DielectricReflection {
@@ -406,18 +423,23 @@ impl DielectricReflection {
             ior,
             indices,
             reflected: Albedo::reflected(facets, indices),
+            anisotropic: Anisotropic::reflected(facets, ior),
         }
     }
 
     /// Share of light reflected once towards a direction above.
     pub(super) fn towards(&self, w: Vec3) -> f32 {
-        match self.widths.is_smooth() {
-            true => super::fresnel::dielectric(w.z, self.ior),
-            false => reflected_towards(self.widths, self.ior, &self.reflected, w),
+        match &self.anisotropic {
+            _ if self.widths.is_smooth() => super::fresnel::dielectric(w.z, self.ior),
+            Some(anisotropic) => {
+                let reference = super::fresnel::dielectric(self.widths.root(w).min(1.0), self.ior);
+                (reference * anisotropic.directional(w)).min(1.0)
+            }
+            None => reflected_towards(self.widths, self.ior, &self.reflected, w),
         }
     }
 
-    /// The nodes of a rough surface, for many evaluations.
+    /// The nodes of a rough isotropic surface, for many evaluations.
     pub(super) fn line(&self) -> DielectricReflectionBy<Line> {
         DielectricReflectionBy {
             widths: self.widths,
@@ -434,10 +456,10 @@ impl DielectricReflection {
 
     /// Share of diffuse light reflected once.
     pub(super) fn average(&self) -> f32 {
-        if self.widths.is_smooth() {
-            super::fresnel::dielectric_average(self.ior)
-        } else {
-            self.reflected.average()
+        match &self.anisotropic {
+            _ if self.widths.is_smooth() => super::fresnel::dielectric_average(self.ior),
+            Some(anisotropic) => anisotropic.average(),
+            None => self.reflected.average(),
         }
     }
 }
@@ -470,27 +492,38 @@ impl<N: Nodes> DielectricReflectionBy<N> {
 pub(super) struct DielectricLoss {
     widths: Widths,
     loss: Albedo,
+    anisotropic: Option<Anisotropic>,
 }
 
 impl DielectricLoss {
     /// Seen from one side; `eta` is the index of the other side over that of this one.
     pub(super) fn new(facets: Microfacets, eta: f32) -> Self {
         let (table, ior) = if eta >= 1.0 { (LOST[0], eta) } else { (LOST[1], 1.0 / eta) };
-        Self { widths: facets.widths(), loss: Albedo::loss(facets, table, indices(ior)) }
+        Self {
+            widths: facets.widths(),
+            loss: Albedo::loss(facets, table, indices(ior)),
+            anisotropic: Anisotropic::loss(facets, table, ior),
+        }
     }
 
     /// Share of light lost towards (equally: from) a direction above.
     pub(super) fn towards(&self, w: Vec3) -> f32 {
-        self.loss.directional(position(self.widths, w))
+        match &self.anisotropic {
+            Some(anisotropic) => anisotropic.directional(w).min(1.0),
+            None => self.loss.directional(position(self.widths, w)),
+        }
     }
 
     /// Share of diffuse light lost.
     pub(super) fn average(&self) -> f32 {
-        self.loss.average()
+        match &self.anisotropic {
+            Some(anisotropic) => anisotropic.average(),
+            None => self.loss.average(),
+        }
     }
 }
 
-/// [`DielectricLoss`] of a rough surface seen from its outer and its inner side, for many
+/// [`DielectricLoss`] of a rough isotropic surface seen from its outer and its inner side, for many
 /// evaluations.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct DielectricLossLines {
