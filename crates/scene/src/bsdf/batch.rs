@@ -1,9 +1,11 @@
 //! BSDFs for a batch of directions: the bits of [`Lobes`], in loops that become vector code.
 
+use super::branchless::{BranchlessDrawn, BranchlessLobes};
 use super::coat::BatchCoated;
-use super::conductor::BatchMetal;
+use super::conductor::{BatchMetal, ComplexIor, F82};
 use super::dielectric::BatchGlass;
 use super::glossy::BatchGloss;
+use super::microfacets::{Rough, Smooth};
 use super::open_pbr::{BatchMixed, OnlySlab};
 use super::{Bsdf, ConductorBsdf, GlossyBsdf, Lobes};
 use snell_math::simd::Wide;
@@ -125,15 +127,15 @@ pub struct BatchBsdf(Kind);
 
 #[derive(Clone, Debug)]
 enum Kind {
-    RoughGloss(BatchGloss<false>),
-    SmoothGloss(BatchGloss<true>),
-    Measured(BatchMetal<true>),
-    Colored(BatchMetal<false>),
+    RoughGloss(BatchGloss<Rough>),
+    SmoothGloss(BatchGloss<Smooth>),
+    Measured(BatchMetal<ComplexIor>),
+    Colored(BatchMetal<F82>),
     Glass(BatchGlass),
-    RoughCoatedGloss(BatchCoated<BatchGloss<false>, false>),
-    SmoothCoatedGloss(BatchCoated<BatchGloss<false>, true>),
-    RoughCoatedMetal(BatchCoated<BatchMetal<false>, false>),
-    SmoothCoatedMetal(BatchCoated<BatchMetal<false>, true>),
+    RoughCoatedGloss(BatchCoated<BatchGloss<Rough>, false>),
+    SmoothCoatedGloss(BatchCoated<BatchGloss<Rough>, true>),
+    RoughCoatedMetal(BatchCoated<BatchMetal<F82>, false>),
+    SmoothCoatedMetal(BatchCoated<BatchMetal<F82>, true>),
     Mixed(Box<BatchMixed>),
 }
 
@@ -201,10 +203,10 @@ impl BatchBsdf {
     /// Its parameters where they do not vary over the surface.
     pub fn point(&self) -> BatchPoint {
         BatchPoint::with_body(match &self.0 {
-            Kind::RoughGloss(gloss) => gloss.own.body,
-            Kind::SmoothGloss(gloss) => gloss.own.body,
-            Kind::RoughCoatedGloss(coated) => coated.base.own.body,
-            Kind::SmoothCoatedGloss(coated) => coated.base.own.body,
+            Kind::RoughGloss(gloss) => gloss.body(),
+            Kind::SmoothGloss(gloss) => gloss.body(),
+            Kind::RoughCoatedGloss(coated) => coated.base.body(),
+            Kind::SmoothCoatedGloss(coated) => coated.base.body(),
             Kind::Mixed(mixed) => return mixed.point,
             _ => SampledSpectrum::ZERO,
         })
@@ -267,22 +269,22 @@ impl BatchBsdf {
             };
         }
         match &self.0 {
-            Kind::RoughGloss(bsdf) => evaluate_by!(BatchGloss<false>, bsdf),
-            Kind::SmoothGloss(bsdf) => evaluate_by!(BatchGloss<true>, bsdf),
-            Kind::Measured(bsdf) => evaluate_by!(BatchMetal<true>, bsdf),
-            Kind::Colored(bsdf) => evaluate_by!(BatchMetal<false>, bsdf),
+            Kind::RoughGloss(bsdf) => evaluate_by!(BatchGloss<Rough>, bsdf),
+            Kind::SmoothGloss(bsdf) => evaluate_by!(BatchGloss<Smooth>, bsdf),
+            Kind::Measured(bsdf) => evaluate_by!(BatchMetal<ComplexIor>, bsdf),
+            Kind::Colored(bsdf) => evaluate_by!(BatchMetal<F82>, bsdf),
             Kind::Glass(bsdf) => evaluate_by!(BatchGlass, bsdf),
             Kind::RoughCoatedGloss(bsdf) => {
-                evaluate_by!(BatchCoated<BatchGloss<false>, false>, bsdf)
+                evaluate_by!(BatchCoated<BatchGloss<Rough>, false>, bsdf)
             }
             Kind::SmoothCoatedGloss(bsdf) => {
-                evaluate_by!(BatchCoated<BatchGloss<false>, true>, bsdf)
+                evaluate_by!(BatchCoated<BatchGloss<Rough>, true>, bsdf)
             }
             Kind::RoughCoatedMetal(bsdf) => {
-                evaluate_by!(BatchCoated<BatchMetal<false>, false>, bsdf)
+                evaluate_by!(BatchCoated<BatchMetal<F82>, false>, bsdf)
             }
             Kind::SmoothCoatedMetal(bsdf) => {
-                evaluate_by!(BatchCoated<BatchMetal<false>, true>, bsdf)
+                evaluate_by!(BatchCoated<BatchMetal<F82>, true>, bsdf)
             }
             Kind::Mixed(bsdf) => match inputs.color {
                 ColorModel::Rgb => evaluate_by!(BatchMixed, bsdf, BatchMixed::evaluate::<3>),
@@ -292,48 +294,13 @@ impl BatchBsdf {
     }
 }
 
-/// [`Lobes`] without branches, so that loops over it become vector code.
-pub(super) trait BatchLobes {
-    /// The precomputed state for `wo`.
-    type Seen;
-    /// Spectra and values derived from them.
-    type Colors: Copy;
-
+/// Lobes for lanes that differ in their spectra.
+pub(super) trait BatchLobes: BranchlessLobes {
     /// The spectra of this BSDF, over a body of this reflectance.
     fn own_colors(&self, body: SampledSpectrum) -> Self::Colors;
 
     /// The spectra of a lane.
     fn colors_of(&self, spectra: &LobeSpectra) -> Self::Colors;
-
-    /// As [`Lobes::seen`], in these colours.
-    fn seen(&self, wo: Vec3, colors: Self::Colors) -> Self::Seen;
-
-    fn value_and_pdf_from(&self, seen: &Self::Seen, wi: Vec3) -> (SampledSpectrum, f32);
-
-    fn draw_from(&self, seen: &Self::Seen, u_lobe: f32, u: Vec2) -> BatchDrawn;
-
-    fn albedo_from(&self, seen: &Self::Seen) -> SampledSpectrum;
-}
-
-/// A direction that was drawn.
-pub(super) struct BatchDrawn {
-    pub wi: Vec3,
-    pub exists: bool,
-    pub is_delta: bool,
-    /// The weight of a delta lobe.
-    pub delta: SampledSpectrum,
-    pub is_transmission: bool,
-    /// As [`BatchOutputs::crossing`].
-    pub crossing: f32,
-}
-
-impl BatchDrawn {
-    /// A reflected direction, with the weight of a delta lobe where there is one.
-    #[inline(always)]
-    pub fn reflected(wi: Vec3, exists: bool, delta: Option<(bool, SampledSpectrum)>) -> Self {
-        let (is_delta, delta) = delta.unwrap_or((false, SampledSpectrum::ZERO));
-        Self { wi, exists, is_delta, delta, is_transmission: false, crossing: 1.0 }
-    }
 }
 
 #[inline(always)]
@@ -347,10 +314,10 @@ fn evaluate<const CHANNELS: usize, B: BatchLobes>(
             4 => bsdf.colors_of(&inputs.spectra(i)),
             _ => bsdf.own_colors(inputs.body(i)),
         };
-        let seen = bsdf.seen(inputs.wo(i), colors);
-        outputs.take_value::<CHANNELS>(i, bsdf.value_and_pdf_from(&seen, inputs.wi(i)));
-        let drawn = bsdf.draw_from(&seen, inputs.u_lobe[i], inputs.u(i));
-        let found = bsdf.value_and_pdf_from(&seen, drawn.wi);
+        let seen = bsdf.seen(&colors, inputs.wo(i));
+        outputs.take_value::<CHANNELS>(i, bsdf.value_and_pdf_from(&colors, &seen, inputs.wi(i)));
+        let drawn = bsdf.draw_from(&colors, &seen, inputs.u_lobe[i], inputs.u(i));
+        let found = bsdf.value_and_pdf_from(&colors, &seen, drawn.wi);
         outputs.take_drawn::<CHANNELS>(i, &drawn, found);
     }
 }
@@ -400,7 +367,7 @@ impl BatchOutputs {
     pub(super) fn take_drawn<const CHANNELS: usize>(
         &mut self,
         i: usize,
-        drawn: &BatchDrawn,
+        drawn: &BranchlessDrawn,
         (value, pdf): (SampledSpectrum, f32),
     ) {
         let scattered = value / pdf;

@@ -2,7 +2,7 @@
 
 mod batch;
 
-use super::energy::DielectricReflection;
+use super::energy::{DielectricReflection, Directional};
 use super::ggx::Ggx;
 use super::mirror::mirror_branch;
 use super::{SpecularBranch, fresnel, lift, lower_like};

@@ -1,123 +1,173 @@
 //! Metals: reflection by microfacets of a conductor.
 
-mod batch;
-
-pub(super) use batch::BatchMetal;
-
-use super::batch::LobeSpectra;
-use super::energy::{BouncedLobe, FacetLoss};
+use super::batch::{BatchLobes, LobeSpectra};
+use super::branchless::{BranchlessDrawn, BranchlessLobes};
+use super::energy::{BouncedLobe, Directional, FacetLoss, FacetLossBy, Line, Nodes};
 use super::film::ThinFilm;
+use super::microfacets::{FacetDistribution, KnownFacets, Rough};
 use super::mirror::mirror_branch;
-use super::{Choice, Drawn, Lobes, Microfacets, SpecularBranch, fresnel, lift, lower_like};
+use super::{Choice, Drawn, Lobes, Microfacets, SpecularBranch, Widths, fresnel, lift, lower_like};
+use snell_math::simd::select;
 use snell_math::{SampledSpectrum, Vec2, Vec3};
 use std::f32::consts::FRAC_1_PI;
 
 /// Reflectance of a facet.
 #[derive(Clone, Copy, Debug)]
 pub enum FacetReflectance {
-    /// Complex index of refraction `eta + i k` relative to the outside.
-    Complex {
-        /// Real part.
-        eta: SampledSpectrum,
-        /// Imaginary part (absorption).
-        k: SampledSpectrum,
-    },
-    /// Schlick's approximation between this reflectance at normal and white at grazing incidence,
-    /// less a dip (Kutz, Hasan and Edmondson, Novel aspects of the Adobe Standard Material, 2021):
-    /// times `edge` at about 82 degrees.
-    F82 {
-        /// Reflectance at normal incidence.
-        f0: SampledSpectrum,
-        /// Factor on Schlick's reflectance at the edge, `[0, 1]`.
-        edge: SampledSpectrum,
-    },
+    /// Fresnel's law for a complex index of refraction.
+    Complex(ComplexIor),
+    /// Schlick's approximation with a factor at the edge.
+    F82(F82),
 }
 
-/// Cosine of the angle of [`FacetReflectance::F82`], and the height of the dip's shape
-/// `mu (1 - mu)^6` there.
+/// Complex index of refraction `eta + i k` relative to the outside.
+#[derive(Clone, Copy, Debug)]
+pub struct ComplexIor {
+    /// Real part.
+    pub eta: SampledSpectrum,
+    /// Imaginary part (absorption).
+    pub k: SampledSpectrum,
+}
+
+/// Schlick's approximation between this reflectance at normal and white at grazing incidence, less
+/// a dip (Kutz, Hasan and Edmondson, Novel aspects of the Adobe Standard Material, 2021): times
+/// `edge` at about 82 degrees.
+#[derive(Clone, Copy, Debug)]
+pub struct F82 {
+    /// Reflectance at normal incidence.
+    pub f0: SampledSpectrum,
+    /// Factor on Schlick's reflectance at the edge, `[0, 1]`.
+    pub edge: SampledSpectrum,
+}
+
+impl FacetReflectance {
+    /// The spectra of a metal with this factor on all it reflects.
+    pub(crate) fn spectra(&self, unit: SampledSpectrum) -> LobeSpectra {
+        let (base, specular) = match *self {
+            Self::Complex(ComplexIor { eta, k }) => (eta, k),
+            Self::F82(F82 { f0, edge }) => (f0, edge),
+        };
+        LobeSpectra { base, specular, other: unit }
+    }
+}
+
+/// A law of reflection by a facet.
+pub(super) trait FacetLaw: Copy {
+    /// Reflectance of a facet that is seen at this cosine.
+    fn at(&self, cos: f32) -> SampledSpectrum;
+
+    /// The mean of the reflectance over directions weighted by the cosine.
+    fn average(&self) -> SampledSpectrum;
+}
+
+impl FacetLaw for ComplexIor {
+    #[inline(always)]
+    fn at(&self, cos: f32) -> SampledSpectrum {
+        self.eta.zip(self.k, |eta, k| fresnel::conductor(cos, eta, k))
+    }
+
+    #[inline(always)]
+    fn average(&self) -> SampledSpectrum {
+        // Gauss's points for the weight `2 mu` on [0, 1].
+        const POINTS: [(f32, f32); 3] = [
+            (0.212_340_54, 0.139_653_96),
+            (0.590_533_14, 0.458_482_21),
+            (0.911_412_04, 0.401_863_83),
+        ];
+        let [a, b, c] = POINTS.map(|(mu, weight)| self.at(mu) * weight);
+        a + b + c
+    }
+}
+
+/// Cosine of the angle of [`F82`], and the height of the dip's shape `mu (1 - mu)^6` there.
 const EDGE: f32 = 1.0 / 7.0;
 const DIP: f32 =
     EDGE * (6.0 / 7.0) * (6.0 / 7.0) * (6.0 / 7.0) * (6.0 / 7.0) * (6.0 / 7.0) * (6.0 / 7.0);
 
-/// [`FacetReflectance::Complex`] at this cosine.
-#[inline(always)]
-fn complex(cos: f32, eta: SampledSpectrum, k: SampledSpectrum) -> SampledSpectrum {
-    eta.zip(k, |eta, k| fresnel::conductor(cos, eta, k))
+impl F82 {
+    /// Factor of the dip.
+    #[inline(always)]
+    fn dip(&self) -> SampledSpectrum {
+        fresnel::schlick(EDGE, self.f0, SampledSpectrum::ONE)
+            * (SampledSpectrum::ONE - self.edge)
+            * (1.0 / DIP)
+    }
 }
 
-/// The mean of [`complex`] over directions weighted by the cosine.
-#[inline(always)]
-fn complex_average(eta: SampledSpectrum, k: SampledSpectrum) -> SampledSpectrum {
-    // Gauss's points for the weight `2 mu` on [0, 1].
-    const POINTS: [(f32, f32); 3] =
-        [(0.212_340_54, 0.139_653_96), (0.590_533_14, 0.458_482_21), (0.911_412_04, 0.401_863_83)];
-    let [a, b, c] = POINTS.map(|(mu, weight)| complex(mu, eta, k) * weight);
-    a + b + c
-}
-
-/// [`FacetReflectance::F82`] at this cosine.
-#[inline(always)]
-fn f82(cos: f32, f0: SampledSpectrum, edge: SampledSpectrum) -> SampledSpectrum {
-    let schlick = fresnel::schlick(cos, f0, SampledSpectrum::ONE);
-    let rest = (1.0 - cos).clamp(0.0, 1.0);
-    (schlick - dip(f0, edge) * (cos * rest.powi(6))).clamp(0.0, 1.0)
-}
-
-/// The mean of [`f82`] over directions weighted by the cosine.
-#[inline(always)]
-fn f82_average(f0: SampledSpectrum, edge: SampledSpectrum) -> SampledSpectrum {
-    // 2 int (1 - mu)^5 mu dmu = 1 / 21, and 2 int mu (1 - mu)^6 mu dmu = 1 / 126.
-    (f0.lerp(SampledSpectrum::ONE, 1.0 / 21.0) - dip(f0, edge) * (1.0 / 126.0)).clamp(0.0, 1.0)
-}
-
-/// The share left of light that bounces off several facets of this mean reflectance, over the mean
-/// loss.
-#[inline(always)]
-fn bounced(f: SampledSpectrum, unit: SampledSpectrum, lost: f32) -> SampledSpectrum {
-    // Each further bounce reflects the mean reflectance, and loses `lost` to the next.
-    let bounced = f * f * (1.0 - lost) / (SampledSpectrum::ONE - f * lost) * unit * (1.0 / lost);
-    bounced.map(|x| if lost > 0.0 { x } else { 0.0 })
-}
-
-/// Factor of the dip.
-#[inline(always)]
-fn dip(f0: SampledSpectrum, edge: SampledSpectrum) -> SampledSpectrum {
-    fresnel::schlick(EDGE, f0, SampledSpectrum::ONE) * (SampledSpectrum::ONE - edge) * (1.0 / DIP)
-}
-
-impl FacetReflectance {
+impl FacetLaw for F82 {
+    #[inline(always)]
     fn at(&self, cos: f32) -> SampledSpectrum {
-        match *self {
-            Self::Complex { eta, k } => complex(cos, eta, k),
-            Self::F82 { f0, edge } => f82(cos, f0, edge),
-        }
+        let schlick = fresnel::schlick(cos, self.f0, SampledSpectrum::ONE);
+        let rest = (1.0 - cos).clamp(0.0, 1.0);
+        (schlick - self.dip() * (cos * rest.powi(6))).clamp(0.0, 1.0)
     }
 
-    /// The mean over directions weighted by the cosine.
+    #[inline(always)]
     fn average(&self) -> SampledSpectrum {
-        match *self {
-            Self::F82 { f0, edge } => f82_average(f0, edge),
-            Self::Complex { eta, k } => complex_average(eta, k),
-        }
+        // 2 int (1 - mu)^5 mu dmu = 1 / 21, and 2 int mu (1 - mu)^6 mu dmu = 1 / 126.
+        (self.f0.lerp(SampledSpectrum::ONE, 1.0 / 21.0) - self.dip() * (1.0 / 126.0))
+            .clamp(0.0, 1.0)
     }
 }
 
-/// A metal. A diffuse lobe adds the light that bounces between facets, so that a white metal loses
-/// nothing at any roughness (Kulla and Conty, Revisiting Physically Based Shading at Imageworks,
-/// SIGGRAPH 2017 course). Make it with [`ConductorBsdf::new`].
+/// Any law, under a film if there is one.
 #[derive(Clone, Copy, Debug)]
-pub struct ConductorBsdf {
+struct UnderFilm {
     facets: FacetReflectance,
-    /// At most 1 in every lane in use, 0 elsewhere.
-    unit: SampledSpectrum,
-    microfacets: Microfacets,
-    loss: FacetLoss,
-    lobe: BouncedLobe,
-    /// Loss of diffuse light.
-    mean_loss: f32,
     film: Option<ThinFilm>,
     /// Reflectance at normal incidence, for the film.
     f0: SampledSpectrum,
+}
+
+impl FacetLaw for FacetReflectance {
+    fn at(&self, cos: f32) -> SampledSpectrum {
+        match self {
+            Self::Complex(law) => law.at(cos),
+            Self::F82(law) => law.at(cos),
+        }
+    }
+
+    fn average(&self) -> SampledSpectrum {
+        match self {
+            Self::Complex(law) => law.average(),
+            Self::F82(law) => law.average(),
+        }
+    }
+}
+
+impl FacetLaw for UnderFilm {
+    fn at(&self, cos: f32) -> SampledSpectrum {
+        let plain = self.facets.at(cos);
+        self.film.map_or(plain, |film| film.reflectance(cos, self.f0, plain))
+    }
+
+    /// The mean without the film.
+    fn average(&self) -> SampledSpectrum {
+        self.facets.average()
+    }
+}
+
+/// Facets of a metal with this law of reflection and this distribution, and a diffuse lobe for the
+/// light that bounces between facets, so that a white metal loses nothing at any roughness (Kulla
+/// and Conty, Revisiting Physically Based Shading at Imageworks, SIGGRAPH 2017 course).
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ConductorLobe<R, M, L> {
+    microfacets: M,
+    /// Share of light lost by single facets.
+    loss: L,
+    /// Loss of diffuse light.
+    mean_loss: f32,
+    bounced_lobe: BouncedLobe,
+    /// The spectra where they are the same everywhere.
+    own: ConductorColors<R>,
+}
+
+/// The spectra of a metal.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ConductorColors<R> {
+    facets: R,
+    /// Factor on all that is reflected: at most 1 in every lane in use, 0 elsewhere.
+    unit: SampledSpectrum,
     /// The share left of light that bounces off several facets, over the mean loss.
     bounced: SampledSpectrum,
 }
@@ -126,8 +176,6 @@ pub struct ConductorBsdf {
 #[derive(Clone, Debug)]
 pub struct ConductorSeen {
     wo: Vec3,
-    /// Reflectance of a facet along the surface.
-    reflectance: SampledSpectrum,
     /// Share of light lost by single facets.
     lost: f32,
     /// Albedos of single and of multiple bounces.
@@ -135,12 +183,83 @@ pub struct ConductorSeen {
     choice: Choice<2>,
 }
 
-impl ConductorBsdf {
-    /// As [`Microfacets::has_tangent`].
-    pub(crate) fn has_tangent(&self) -> bool {
-        self.microfacets.has_tangent()
+impl<R: FacetLaw> ConductorColors<R> {
+    #[inline(always)]
+    fn new(facets: R, unit: SampledSpectrum, mean_loss: f32) -> Self {
+        // Each further bounce reflects the mean reflectance, and loses `mean_loss` to the next.
+        let (f, lost) = (facets.average(), mean_loss);
+        let bounced =
+            f * f * (1.0 - lost) / (SampledSpectrum::ONE - f * lost) * unit * (1.0 / lost);
+        Self { facets, unit, bounced: bounced.map(|x| if lost > 0.0 { x } else { 0.0 }) }
     }
 
+    /// Reflectance of a facet that is seen at this cosine.
+    #[inline(always)]
+    fn reflectance(&self, cos: f32) -> SampledSpectrum {
+        self.unit * self.facets.at(cos)
+    }
+}
+
+impl<R: FacetLaw, M: FacetDistribution, L: Directional> BranchlessLobes for ConductorLobe<R, M, L> {
+    type Seen = ConductorSeen;
+    type Colors = ConductorColors<R>;
+
+    #[inline(always)]
+    fn seen(&self, colors: &ConductorColors<R>, wo: Vec3) -> ConductorSeen {
+        let up = lift(wo);
+        let (reflectance, lost) = (colors.reflectance(up.z), self.loss.towards(up));
+        let albedos = [reflectance * (1.0 - lost), colors.bounced * self.mean_loss * lost];
+        ConductorSeen { wo, lost, albedos, choice: Choice::new(albedos) }
+    }
+
+    #[inline(always)]
+    fn value_and_pdf_from(
+        &self,
+        colors: &ConductorColors<R>,
+        seen: &ConductorSeen,
+        wi: Vec3,
+    ) -> (SampledSpectrum, f32) {
+        let is_seen = seen.wo.z * wi.z > 0.0;
+        let (wo, wi) = (lift(seen.wo), lift(wi));
+        let [facets, diffuse] = seen.choice.probabilities;
+        let (m, value, pdf, exists) = self.microfacets.reflected(wo, wi);
+        let once = (colors.reflectance(wo.dot(m)) * value).map(|x| if exists { x } else { 0.0 });
+        let value = once + colors.bounced * (seen.lost * self.loss.towards(wi) * wi.z * FRAC_1_PI);
+        let pdf = facets * if exists { pdf } else { 0.0 } + diffuse * self.bounced_lobe.pdf(wi.z);
+        (value.map(|x| if is_seen { x } else { 0.0 }), if is_seen { pdf } else { 0.0 })
+    }
+
+    #[inline(always)]
+    fn draw_from(
+        &self,
+        _colors: &ConductorColors<R>,
+        seen: &ConductorSeen,
+        u_lobe: f32,
+        u: Vec2,
+    ) -> BranchlessDrawn {
+        let wo = seen.wo;
+        let (is_once, exists) = seen.choice.picks_first(u_lobe);
+        let (facet, is_above) = self.microfacets.drawn_reflection(lift(wo), u);
+        let wi = lower_like(select(is_once, facet, self.bounced_lobe.sample(u)), wo);
+        let exists = exists & (is_above | !is_once) & (wo.z != 0.0);
+        BranchlessDrawn::reflected(wi, exists, None)
+    }
+
+    #[inline(always)]
+    fn albedo_from(&self, _colors: &ConductorColors<R>, seen: &ConductorSeen) -> SampledSpectrum {
+        let [facets, bounced] = seen.albedos;
+        facets + bounced
+    }
+}
+
+/// A metal: a [`ConductorLobe`], or a mirror where it is smooth. Make it with
+/// [`ConductorBsdf::new`].
+#[derive(Clone, Copy, Debug)]
+pub struct ConductorBsdf {
+    lobe: ConductorLobe<UnderFilm, Microfacets, FacetLoss>,
+}
+
+impl ConductorBsdf {
     /// A metal of this law of reflection and roughness; smooth ones are mirrors. `unit` is a factor
     /// on all it reflects, at most 1 in every lane in use and 0 elsewhere.
     pub fn new(
@@ -149,30 +268,33 @@ impl ConductorBsdf {
         microfacets: impl Into<Microfacets>,
     ) -> Self {
         let microfacets = microfacets.into();
-        let loss = FacetLoss::new(microfacets);
-        let lost = loss.average();
-        let bounced = bounced(facets.average(), unit, lost);
-        let (lobe, f0) = (BouncedLobe::new(microfacets.widths()), facets.at(1.0));
-        Self { facets, unit, microfacets, loss, lobe, mean_loss: lost, film: None, f0, bounced }
+        let (loss, bounced_lobe) =
+            (FacetLoss::new(microfacets), BouncedLobe::new(microfacets.widths()));
+        let mean_loss = loss.average();
+        let facets = UnderFilm { facets, film: None, f0: facets.at(1.0) };
+        let own = ConductorColors::new(facets, unit, mean_loss);
+        Self { lobe: ConductorLobe { microfacets, loss, mean_loss, bounced_lobe, own } }
+    }
+
+    /// The same metal under a film.
+    pub fn with_film(mut self, film: Option<ThinFilm>) -> Self {
+        self.lobe.own.facets.film = film;
+        self
+    }
+
+    /// As [`Microfacets::has_tangent`].
+    pub(crate) fn has_tangent(&self) -> bool {
+        self.lobe.microfacets.has_tangent()
     }
 
     /// Its spectra, as [`BatchMetal`] needs them.
     pub(super) fn spectra(&self) -> LobeSpectra {
-        let (base, specular) = match self.facets {
-            FacetReflectance::Complex { eta, k } => (eta, k),
-            FacetReflectance::F82 { f0, edge } => (f0, edge),
-        };
-        LobeSpectra { base, specular, other: self.unit }
+        let ConductorColors { facets, unit, .. } = self.lobe.own;
+        facets.facets.spectra(unit)
     }
 
-    /// The same metal under a film.
-    pub fn with_film(self, film: Option<ThinFilm>) -> Self {
-        Self { film, ..self }
-    }
-
-    fn reflectance(&self, cos: f32) -> SampledSpectrum {
-        let plain = self.facets.at(cos);
-        self.unit * self.film.map_or(plain, |film| film.reflectance(cos, self.f0, plain))
+    fn mirror(&self, wo: Vec3) -> SpecularBranch {
+        mirror_branch(wo, self.lobe.own.reflectance(wo.z.abs()))
     }
 }
 
@@ -180,52 +302,33 @@ impl Lobes for ConductorBsdf {
     type Seen = ConductorSeen;
 
     fn seen(&self, wo: Vec3) -> ConductorSeen {
-        let up = lift(wo);
-        let (reflectance, lost) = (self.reflectance(up.z), self.loss.towards(up));
-        let albedos = [reflectance * (1.0 - lost), self.bounced * self.mean_loss * lost];
-        ConductorSeen { wo, reflectance, lost, albedos, choice: Choice::new(albedos) }
+        self.lobe.seen(&self.lobe.own, wo)
     }
 
     fn value_and_pdf_from(&self, seen: &ConductorSeen, wi: Vec3) -> (SampledSpectrum, f32) {
-        if seen.wo.z * wi.z <= 0.0 || self.microfacets.is_smooth() {
+        if self.is_delta() {
             return (SampledSpectrum::ZERO, 0.0);
         }
-        let (wo, wi) = (lift(seen.wo), lift(wi));
-        let [facets, diffuse] = seen.choice.probabilities;
-        let (once, pdf) = match self.microfacets.reflection_and_pdf(wo, wi) {
-            Some((m, value, pdf)) => (self.reflectance(wo.dot(m)) * value, pdf),
-            None => (SampledSpectrum::ZERO, 0.0),
-        };
-        let value = once + self.bounced * (seen.lost * self.loss.towards(wi) * wi.z * FRAC_1_PI);
-        (value, facets * pdf + diffuse * self.lobe.pdf(wi.z))
+        self.lobe.value_and_pdf_from(&self.lobe.own, seen, wi)
     }
 
     fn draw_from(&self, seen: &ConductorSeen, u_lobe: f32, u: Vec2) -> Option<Drawn> {
-        let wo = seen.wo;
-        if wo.z == 0.0 {
-            return None;
+        if self.is_delta() {
+            return (seen.wo.z != 0.0).then(|| self.mirror(seen.wo).drawn(1.0));
         }
-        if self.microfacets.is_smooth() {
-            return Some(mirror_branch(wo, seen.reflectance).drawn(1.0));
-        }
-        let wi = match seen.choice.pick(u_lobe)? {
-            (0, _) => self.microfacets.sample_reflection(lift(wo), u)?,
-            _ => self.lobe.sample(u),
-        };
-        Some(Drawn::Direction { wi: lower_like(wi, wo), is_transmission: false })
+        self.lobe.draw_from(&self.lobe.own, seen, u_lobe, u).drawn()
+    }
+
+    fn albedo_from(&self, seen: &ConductorSeen) -> SampledSpectrum {
+        self.lobe.albedo_from(&self.lobe.own, seen)
     }
 
     fn is_delta(&self) -> bool {
-        self.microfacets.is_smooth()
+        self.lobe.microfacets.is_smooth()
     }
 
     fn is_opaque(&self) -> bool {
         true
-    }
-
-    fn albedo_from(&self, seen: &ConductorSeen) -> SampledSpectrum {
-        let [facets, bounced] = seen.albedos;
-        facets + bounced
     }
 
     fn ambient(&self, wo: Vec3) -> SampledSpectrum {
@@ -234,6 +337,94 @@ impl Lobes for ConductorBsdf {
     }
 
     fn specular_branches(&self, wo: Vec3) -> [Option<SpecularBranch>; 2] {
-        [self.is_delta().then(|| mirror_branch(wo, self.reflectance(wo.z.abs()))), None]
+        [self.is_delta().then(|| self.mirror(wo)), None]
+    }
+}
+
+/// A rough metal of [`super::Ggx`] without a film, for batches of directions.
+pub(super) type BatchMetal<R, N = Line> = ConductorLobe<R, Rough, FacetLossBy<N>>;
+
+/// A law of reflection that is known at compile time.
+pub(super) trait BatchLaw: FacetLaw {
+    /// The law if it is this one.
+    fn of(facets: FacetReflectance) -> Option<Self>;
+
+    /// The law with the spectra of a lane.
+    fn with_spectra(spectra: &LobeSpectra) -> Self;
+}
+
+impl BatchLaw for ComplexIor {
+    fn of(facets: FacetReflectance) -> Option<Self> {
+        if let FacetReflectance::Complex(law) = facets { Some(law) } else { None }
+    }
+
+    #[inline(always)]
+    fn with_spectra(&LobeSpectra { base: eta, specular: k, .. }: &LobeSpectra) -> Self {
+        Self { eta, k }
+    }
+}
+
+impl BatchLaw for F82 {
+    fn of(facets: FacetReflectance) -> Option<Self> {
+        if let FacetReflectance::F82(law) = facets { Some(law) } else { None }
+    }
+
+    #[inline(always)]
+    fn with_spectra(&LobeSpectra { base: f0, specular: edge, .. }: &LobeSpectra) -> Self {
+        Self { f0, edge }
+    }
+}
+
+impl<R: BatchLaw> BatchMetal<R> {
+    /// `None` for other metals.
+    pub fn of(bsdf: &ConductorBsdf) -> Option<Self> {
+        let ConductorLobe { microfacets, loss, mean_loss, bounced_lobe, own } = &bsdf.lobe;
+        if own.facets.film.is_some() {
+            return None;
+        }
+        let (microfacets, facets) = (Rough::of(*microfacets)?, R::of(own.facets.facets)?);
+        let own = ConductorColors::new(facets, own.unit, *mean_loss);
+        let (mean_loss, bounced_lobe) = (*mean_loss, *bounced_lobe);
+        Some(Self { microfacets, loss: loss.line(), mean_loss, bounced_lobe, own })
+    }
+}
+
+impl BatchMetal<F82> {
+    /// The same metal with another roughness and the loss of that roughness. The spectra must be
+    /// computed anew.
+    #[inline(always)]
+    pub fn with<N>(
+        &self,
+        loss: FacetLossBy<N>,
+        bounced_lobe: BouncedLobe,
+        mean_loss: f32,
+    ) -> BatchMetal<F82, N> {
+        let microfacets = Rough::from(loss.widths);
+        ConductorLobe { microfacets, loss, mean_loss, bounced_lobe, own: self.own }
+    }
+
+    /// Width of the facet distribution.
+    pub fn widths(&self) -> Widths {
+        self.microfacets.widths()
+    }
+}
+
+impl<N> BatchMetal<F82, N> {
+    /// Its own spectra, with this reflectance at normal incidence.
+    #[inline(always)]
+    pub fn spectra(&self, f0: SampledSpectrum) -> LobeSpectra {
+        LobeSpectra { base: f0, specular: self.own.facets.edge, other: self.own.unit }
+    }
+}
+
+impl<R: BatchLaw, N: Nodes> BatchLobes for BatchMetal<R, N> {
+    #[inline(always)]
+    fn own_colors(&self, _body: SampledSpectrum) -> ConductorColors<R> {
+        self.own
+    }
+
+    #[inline(always)]
+    fn colors_of(&self, spectra: &LobeSpectra) -> ConductorColors<R> {
+        ConductorColors::new(R::with_spectra(spectra), spectra.other, self.mean_loss)
     }
 }

@@ -15,6 +15,7 @@ use std::f32::consts::FRAC_1_PI;
 pub struct Ggx(Widths);
 
 impl From<Widths> for Ggx {
+    #[inline(always)]
     fn from(widths: Widths) -> Self {
         Self(widths)
     }

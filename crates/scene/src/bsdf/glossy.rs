@@ -6,17 +6,16 @@
 //! Specular-Matte BRDF Model, 2001): a white body loses nothing, and over a Lambertian body the
 //! model is reciprocal. Light that bounces between facets enters the body.
 
-mod batch;
-
-pub(super) use batch::BatchGloss;
-
-use super::batch::LobeSpectra;
-use super::energy::DielectricReflection;
-use super::film::ThinFilm;
+use super::batch::{BatchLobes, LobeSpectra};
+use super::branchless::{BranchlessDrawn, BranchlessLobes};
+use super::energy::{DielectricReflection, DielectricReflectionBy, Directional, Line, Nodes};
+use super::film::{Film, NoFilm, ThinFilm};
+use super::microfacets::{FacetDistribution, KnownFacets, Rough};
 use super::mirror::mirror_branch;
 use super::{
     Choice, DiffuseBsdf, Drawn, Lobes, Microfacets, SpecularBranch, fresnel, lift, lower_like,
 };
+use snell_math::simd::select;
 use snell_math::{SampledSpectrum, Vec2, Vec3, sampling};
 use std::f32::consts::FRAC_1_PI;
 
@@ -32,16 +31,6 @@ pub struct Gloss {
     pub microfacets: Microfacets,
     /// A film on the interface.
     pub film: Option<ThinFilm>,
-}
-
-impl Gloss {
-    /// True if this has no film and otherwise equals another one.
-    fn is_plainly(&self, other: &Self) -> bool {
-        self.film.is_none()
-            && self.ior == other.ior
-            && self.tint == other.tint
-            && self.microfacets == other.microfacets
-    }
 }
 
 /// The body below the interface: shares of the light that reaches it, with a sum of at most 1 in
@@ -64,14 +53,103 @@ impl Body {
     }
 }
 
-/// The parameters of one point. Make it with [`GlossyBsdf::new`].
+/// What a [`GlossLobe`] asks of the body.
+pub(super) trait GlossBody: Copy {
+    /// True if the body lets nothing through.
+    const IS_OPAQUE: bool;
+
+    /// `pi f` for directions above.
+    fn value(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum;
+
+    /// Share of light reflected towards a direction of this cosine.
+    fn directional_albedo(&self, cos: f32) -> SampledSpectrum;
+
+    /// Share of light that does not come back on the side that it entered from.
+    fn transmitted(&self) -> SampledSpectrum;
+
+    /// True if [`Self::white_mean`] is 1, or does not matter.
+    fn is_lambertian(&self) -> bool;
+
+    /// As [`DiffuseBsdf::white_mean`].
+    fn white_mean(&self, cos_o: f32, cos_i: f32) -> f32;
+}
+
+impl GlossBody for Body {
+    const IS_OPAQUE: bool = false;
+
+    fn value(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
+        self.diffuse.value(wo, wi)
+    }
+
+    fn directional_albedo(&self, cos: f32) -> SampledSpectrum {
+        self.diffuse.directional_albedo(cos)
+    }
+
+    fn transmitted(&self) -> SampledSpectrum {
+        self.through + self.walk
+    }
+
+    fn is_lambertian(&self) -> bool {
+        self.diffuse.is_lambertian() || self.diffuse.is_black()
+    }
+
+    fn white_mean(&self, cos_o: f32, cos_i: f32) -> f32 {
+        self.diffuse.white_mean(cos_o, cos_i)
+    }
+}
+
+/// An opaque Lambertian body of this reflectance.
 #[derive(Clone, Copy, Debug)]
-pub struct GlossyBsdf {
-    gloss: Gloss,
-    body: Body,
-    albedo: DielectricReflection,
-    /// Reflectance of the interface at normal incidence, for the film.
-    f0: SampledSpectrum,
+pub(super) struct Lambertian(SampledSpectrum);
+
+impl GlossBody for Lambertian {
+    const IS_OPAQUE: bool = true;
+
+    #[inline(always)]
+    fn value(&self, _wo: Vec3, _wi: Vec3) -> SampledSpectrum {
+        self.0
+    }
+
+    #[inline(always)]
+    fn directional_albedo(&self, _cos: f32) -> SampledSpectrum {
+        self.0
+    }
+
+    #[inline(always)]
+    fn transmitted(&self) -> SampledSpectrum {
+        SampledSpectrum::ZERO
+    }
+
+    #[inline(always)]
+    fn is_lambertian(&self) -> bool {
+        true
+    }
+
+    #[inline(always)]
+    fn white_mean(&self, _cos_o: f32, _cos_i: f32) -> f32 {
+        1.0
+    }
+}
+
+/// A gloss with this distribution of facets, albedo and film over the reflection by a body.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct GlossLobe<M, A, F, B> {
+    /// At least 1.
+    ior: f32,
+    microfacets: M,
+    film: F,
+    /// Albedo of the gloss without tint and film, and its mean for diffuse light.
+    albedo: A,
+    mean: f32,
+    /// The spectra where they are the same everywhere.
+    own: GlossColors<B>,
+}
+
+/// The spectra of a gloss and its body.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct GlossColors<B> {
+    body: B,
+    tint: SampledSpectrum,
     /// Share of diffuse light that the gloss transmits.
     passed_average: SampledSpectrum,
 }
@@ -92,150 +170,93 @@ pub struct GlossySeen {
     choice: Choice<3>,
 }
 
-impl GlossyBsdf {
-    /// As [`Microfacets::has_tangent`].
-    pub(crate) fn has_tangent(&self) -> bool {
-        self.gloss.microfacets.has_tangent()
-    }
-
-    /// A gloss over a body.
-    pub fn new(gloss: Gloss, body: Body) -> Self {
-        Self::like(None, gloss, body)
-    }
-
-    /// The same, reusing tables of another one with the same interface.
-    pub(crate) fn like(other: Option<&Self>, gloss: Gloss, body: Body) -> Self {
-        let ior = if gloss.ior < 1.0 { 1.0 / gloss.ior } else { gloss.ior };
-        let gloss = Gloss { ior, ..gloss };
-        if let Some(other) =
-            other.filter(|other| gloss.film.is_none() && other.gloss.is_plainly(&gloss))
-        {
-            return Self { body, ..*other };
-        }
-        let mut made = Self {
-            gloss,
-            body,
-            albedo: other.map_or_else(
-                || DielectricReflection::new(gloss.microfacets, ior),
-                |o| o.albedo.again(gloss.microfacets, ior),
-            ),
-            f0: SampledSpectrum::splat(fresnel::f0_from_ior(ior)),
-            passed_average: SampledSpectrum::ZERO,
-        };
-        made.passed_average = made.mean_of_passed();
-        made
-    }
-
-    /// The widths of the distribution.
-    pub(super) fn microfacets(&self) -> Microfacets {
-        self.gloss.microfacets
-    }
-
-    /// The albedo of its gloss at another roughness, without the tint.
-    pub(super) fn albedo_at(&self, microfacets: Microfacets) -> DielectricReflection {
-        self.albedo.again(microfacets, self.gloss.ior)
-    }
-
-    /// Its spectra, as [`BatchGloss`] needs them.
-    pub(super) fn spectra(&self) -> LobeSpectra {
-        let base = self.body.diffuse.directional_albedo(1.0);
-        LobeSpectra { base, specular: self.gloss.tint, ..LobeSpectra::default() }
-    }
-
-    fn mean_of_passed(&self) -> SampledSpectrum {
-        let average = if self.gloss.film.is_some() {
-            NODES.iter().map(|&(cos, weight)| self.gloss_albedo(along(cos)) * weight).sum()
+impl<M: FacetDistribution, A: Directional, F: Film, B: GlossBody> GlossLobe<M, A, F, B> {
+    #[inline(always)]
+    fn colors(&self, body: B, tint: SampledSpectrum) -> GlossColors<B> {
+        let average = if self.film.exists() {
+            NODES.iter().map(|&(cos, weight)| self.gloss_albedo(tint, along(cos)) * weight).sum()
         } else {
-            self.gloss.tint * self.albedo.average()
+            tint * self.mean
         };
-        SampledSpectrum::ONE - average
+        GlossColors { body, tint, passed_average: SampledSpectrum::ONE - average }
     }
 
-    fn fresnel(&self, cos: f32) -> SampledSpectrum {
-        let f = SampledSpectrum::splat(fresnel::dielectric(cos, self.gloss.ior));
-        let f = self.gloss.film.map_or(f, |film| film.reflectance(cos, self.f0, f));
-        f * self.gloss.tint
+    /// Reflectance of a facet that is seen at this cosine.
+    #[inline(always)]
+    fn fresnel(&self, tint: SampledSpectrum, cos: f32) -> SampledSpectrum {
+        let f = SampledSpectrum::splat(fresnel::dielectric(cos, self.ior));
+        self.film.reflectance(cos, self.f0(), f) * tint
+    }
+
+    /// Reflectance at normal incidence.
+    #[inline(always)]
+    fn f0(&self) -> SampledSpectrum {
+        SampledSpectrum::splat(fresnel::f0_from_ior(self.ior))
     }
 
     /// Share of light that the gloss reflects towards a direction above.
-    fn gloss_albedo(&self, w: Vec3) -> SampledSpectrum {
-        let plain = self.albedo.towards(w);
-        let Some(film) = self.gloss.film else { return self.gloss.tint * plain };
+    #[inline(always)]
+    fn gloss_albedo(&self, tint: SampledSpectrum, w: Vec3) -> SampledSpectrum {
+        let plain = if self.microfacets.is_smooth() {
+            fresnel::dielectric(w.z, self.ior)
+        } else {
+            self.albedo.towards(w)
+        };
+        if !self.film.exists() {
+            return tint * plain;
+        }
         // The film changes the albedo by the same factor as the reflectance of a typical facet.
-        let cos = self.gloss.microfacets.widths().facet_cosine(w);
-        let f = fresnel::dielectric(cos, self.gloss.ior);
+        let cos = self.microfacets.widths().facet_cosine(w);
+        let f = fresnel::dielectric(cos, self.ior);
         let ratio = if f > 0.0 { plain / f } else { 1.0 };
-        (film.reflectance(cos, self.f0, SampledSpectrum::splat(f)) * ratio).clamp(0.0, 1.0)
-            * self.gloss.tint
+        let filmed = self.film.reflectance(cos, self.f0(), SampledSpectrum::splat(f));
+        (filmed * ratio).clamp(0.0, 1.0) * tint
     }
 
     /// Share of light that reaches the body from a direction above.
-    fn passed(&self, w: Vec3) -> SampledSpectrum {
-        SampledSpectrum::ONE - self.gloss_albedo(w)
+    #[inline(always)]
+    fn passed(&self, colors: &GlossColors<B>, w: Vec3) -> SampledSpectrum {
+        SampledSpectrum::ONE - self.gloss_albedo(colors.tint, w)
     }
 
     /// Mean of [`Self::passed`] over the directions in which a white body scatters light towards a
     /// direction above of this cosine.
-    fn passed_by_body(&self, cos_o: f32) -> SampledSpectrum {
-        let diffuse = &self.body.diffuse;
-        if diffuse.is_lambertian() || diffuse.is_black() {
-            return self.passed_average;
+    #[inline(always)]
+    fn passed_by_body(&self, colors: &GlossColors<B>, cos_o: f32) -> SampledSpectrum {
+        if colors.body.is_lambertian() {
+            return colors.passed_average;
         }
         let difference = |&(cos, weight): &(f32, f32)| {
-            (self.passed(along(cos)) - self.passed_average)
-                * (weight * (diffuse.white_mean(cos_o, cos) - 1.0))
+            (self.passed(colors, along(cos)) - colors.passed_average)
+                * (weight * (colors.body.white_mean(cos_o, cos) - 1.0))
         };
-        self.passed_average + NODES.iter().map(difference).sum::<SampledSpectrum>()
+        colors.passed_average + NODES.iter().map(difference).sum::<SampledSpectrum>()
     }
 
     /// `(1 - E(wo)) (1 - E(wi)) / mean` for directions above.
-    fn coupling(&self, seen: &GlossySeen, wi: Vec3, mean: SampledSpectrum) -> SampledSpectrum {
-        (seen.passed * self.passed(wi))
-            .zip(mean, |x, mean| if mean > 1e-5 { x / mean } else { 0.0 })
+    #[inline(always)]
+    fn coupling(
+        &self,
+        colors: &GlossColors<B>,
+        seen: &GlossySeen,
+        wi: Vec3,
+        mean: SampledSpectrum,
+    ) -> SampledSpectrum {
+        (seen.passed * self.passed(colors, wi)).zip(mean, over_mean)
     }
 
-    /// `f |cos(wi)|` of the gloss for directions above, and its density.
-    fn gloss_value_and_pdf(&self, wo: Vec3, wi: Vec3) -> (SampledSpectrum, f32) {
-        if self.gloss.microfacets.is_smooth() {
-            return (SampledSpectrum::ZERO, 0.0);
-        }
-        let reflection = self.gloss.microfacets.reflection_and_pdf(wo, wi);
-        reflection.map_or((SampledSpectrum::ZERO, 0.0), |(m, value, pdf)| {
-            (self.fresnel(wo.dot(m)) * value, pdf)
-        })
+    /// `f |cos(wi)|` of reflection by the body, for a direction above.
+    #[inline(always)]
+    fn body_value(&self, colors: &GlossColors<B>, seen: &GlossySeen, wi: Vec3) -> SampledSpectrum {
+        let coupling = self.coupling(colors, seen, wi, seen.mean);
+        colors.body.value(lift(seen.wo), wi) * coupling * (wi.z * FRAC_1_PI)
     }
+}
 
-    /// `f |cos(wi)|` of the body for a direction lifted above.
-    fn body_value(&self, seen: &GlossySeen, wi: Vec3, is_transmission: bool) -> SampledSpectrum {
-        let cos = wi.z * FRAC_1_PI;
-        if !is_transmission {
-            if self.body.diffuse.is_black() {
-                return SampledSpectrum::ZERO;
-            }
-            return self.body.diffuse.value(lift(seen.wo), wi)
-                * self.coupling(seen, wi, seen.mean)
-                * cos;
-        }
-        let mut value = SampledSpectrum::ZERO;
-        if !self.body.through.is_black() {
-            value += self.body.through * self.coupling(seen, wi, self.passed_average) * cos;
-        }
-        if !self.body.walk.is_black() {
-            value += self.body.walk * seen.passed * cos;
-        }
-        value
-    }
-
-    /// `f |cos(wi)|` where light of the medium inside, gathered along `wo`, comes out: `wi` is
-    /// outside and above, for a share of 1.
-    pub(super) fn exit_value(&self, wi: Vec3) -> SampledSpectrum {
-        self.passed(wi).zip(self.passed_average, |x, mean| if mean > 1e-5 { x / mean } else { 0.0 })
-            * (wi.z * FRAC_1_PI)
-    }
-
-    fn mirror(&self, wo: Vec3) -> SpecularBranch {
-        mirror_branch(wo, self.fresnel(wo.z.abs()))
-    }
+/// A share of light over its mean.
+#[inline(always)]
+fn over_mean(x: f32, mean: f32) -> f32 {
+    if mean > 1e-5 { x / mean } else { 0.0 }
 }
 
 /// Cosines and weights for means with the weight `2 mu` on [0, 1]: Gauss's points in the root of
@@ -256,90 +277,282 @@ fn along(cos: f32) -> Vec3 {
     Vec3::new((1.0 - cos * cos).sqrt(), 0.0, cos)
 }
 
+impl<M: FacetDistribution, A: Directional, F: Film, B: GlossBody> BranchlessLobes
+    for GlossLobe<M, A, F, B>
+{
+    type Seen = GlossySeen;
+    type Colors = GlossColors<B>;
+
+    #[inline(always)]
+    fn seen(&self, colors: &GlossColors<B>, wo: Vec3) -> GlossySeen {
+        let up = lift(wo);
+        let gloss = self.gloss_albedo(colors.tint, up);
+        let passed = SampledSpectrum::ONE - gloss;
+        let body = colors.body.directional_albedo(up.z);
+        let through = match B::IS_OPAQUE {
+            true => SampledSpectrum::ZERO,
+            false => colors.body.transmitted() * passed,
+        };
+        let choice = Choice::new([gloss, body * passed, through]);
+        GlossySeen { wo, gloss, passed, mean: self.passed_by_body(colors, up.z), body, choice }
+    }
+
+    #[inline(always)]
+    fn value_and_pdf_from(
+        &self,
+        colors: &GlossColors<B>,
+        seen: &GlossySeen,
+        wi: Vec3,
+    ) -> (SampledSpectrum, f32) {
+        let [gloss, diffuse, _] = seen.choice.probabilities;
+        let is_seen = seen.wo.z * wi.z > 0.0;
+        let wi = lift(wi);
+        let (body, cosine) =
+            (self.body_value(colors, seen, wi), sampling::cosine_hemisphere_pdf(wi.z));
+        let (value, pdf) = if self.microfacets.is_smooth() {
+            (body, diffuse * cosine)
+        } else {
+            let wo = lift(seen.wo);
+            let (m, value, pdf, exists) = self.microfacets.reflected(wo, wi);
+            let facets = self.fresnel(colors.tint, wo.dot(m)) * value;
+            let facets = facets.map(|x| if exists { x } else { 0.0 });
+            (facets + body, gloss * if exists { pdf } else { 0.0 } + diffuse * cosine)
+        };
+        (value.map(|x| if is_seen { x } else { 0.0 }), if is_seen { pdf } else { 0.0 })
+    }
+
+    /// Draws a reflection by the gloss or by the body.
+    #[inline(always)]
+    fn draw_from(
+        &self,
+        colors: &GlossColors<B>,
+        seen: &GlossySeen,
+        u_lobe: f32,
+        u: Vec2,
+    ) -> BranchlessDrawn {
+        let (wo, [gloss, diffuse, _]) = (seen.wo, seen.choice.probabilities);
+        let (is_gloss, exists) = Choice { probabilities: [gloss, diffuse] }.picks_first(u_lobe);
+        let exists = exists & (wo.z != 0.0);
+        let body = lower_like(sampling::cosine_hemisphere(u), wo);
+        if self.microfacets.is_smooth() {
+            let delta = self.fresnel(colors.tint, wo.z.abs()) / gloss;
+            let mirror = Vec3::new(-wo.x, -wo.y, wo.z);
+            return BranchlessDrawn::reflected(
+                select(is_gloss, mirror, body),
+                exists,
+                Some((is_gloss, delta)),
+            );
+        }
+        let (facet, is_above) = self.microfacets.drawn_reflection(lift(wo), u);
+        let wi = select(is_gloss, lower_like(facet, wo), body);
+        BranchlessDrawn::reflected(wi, exists & (is_above | !is_gloss), None)
+    }
+
+    /// The share that is reflected.
+    #[inline(always)]
+    fn albedo_from(&self, _colors: &GlossColors<B>, seen: &GlossySeen) -> SampledSpectrum {
+        seen.gloss + seen.body * seen.passed
+    }
+}
+
+/// The parameters of one point: a [`GlossLobe`], and transmission by the body. Make it with
+/// [`GlossyBsdf::new`].
+#[derive(Clone, Copy, Debug)]
+pub struct GlossyBsdf {
+    lobe: GlossLobe<Microfacets, DielectricReflection, Option<ThinFilm>, Body>,
+}
+
+impl GlossyBsdf {
+    /// A gloss over a body.
+    pub fn new(gloss: Gloss, body: Body) -> Self {
+        Self::like(None, gloss, body)
+    }
+
+    /// The same, reusing tables of another one with the same interface.
+    pub(crate) fn like(other: Option<&Self>, gloss: Gloss, body: Body) -> Self {
+        let Gloss { ior, tint, microfacets, film } = gloss;
+        let ior = if ior < 1.0 { 1.0 / ior } else { ior };
+        if let Some(Self { lobe }) = other
+            && [lobe.film, film].iter().all(Option::is_none)
+            && (lobe.ior, lobe.own.tint, lobe.microfacets) == (ior, tint, microfacets)
+        {
+            return Self { lobe: GlossLobe { own: GlossColors { body, ..lobe.own }, ..*lobe } };
+        }
+        let albedo = match other {
+            None => DielectricReflection::new(microfacets, ior),
+            Some(Self { lobe }) => lobe.albedo.again(microfacets, ior),
+        };
+        let own = GlossColors { body, tint, passed_average: SampledSpectrum::ZERO };
+        let lobe = GlossLobe { ior, microfacets, film, albedo, mean: albedo.average(), own };
+        Self { lobe: GlossLobe { own: lobe.colors(body, tint), ..lobe } }
+    }
+
+    /// As [`Microfacets::has_tangent`].
+    pub(crate) fn has_tangent(&self) -> bool {
+        self.lobe.microfacets.has_tangent()
+    }
+
+    /// The distribution of facets.
+    pub(super) fn microfacets(&self) -> Microfacets {
+        self.lobe.microfacets
+    }
+
+    /// The albedo of its gloss at another roughness, without the tint.
+    pub(super) fn albedo_at(&self, microfacets: Microfacets) -> DielectricReflection {
+        self.lobe.albedo.again(microfacets, self.lobe.ior)
+    }
+
+    /// Its spectra, as [`BatchGloss`] needs them.
+    pub(super) fn spectra(&self) -> LobeSpectra {
+        let GlossColors { body, tint, .. } = &self.lobe.own;
+        let base = body.diffuse.directional_albedo(1.0);
+        LobeSpectra { base, specular: *tint, ..LobeSpectra::default() }
+    }
+
+    /// `f |cos(wi)|` of transmission by the body, for a direction lifted above.
+    fn through_value(&self, seen: &GlossySeen, wi: Vec3) -> SampledSpectrum {
+        let colors = &self.lobe.own;
+        let (Body { through, walk, .. }, cos) = (&colors.body, wi.z * FRAC_1_PI);
+        let mut value = SampledSpectrum::ZERO;
+        if !through.is_black() {
+            value += *through * self.lobe.coupling(colors, seen, wi, colors.passed_average) * cos;
+        }
+        if !walk.is_black() {
+            value += *walk * seen.passed * cos;
+        }
+        value
+    }
+
+    /// `f |cos(wi)|` where light of the medium inside, gathered along `wo`, comes out: `wi` is
+    /// outside and above, for a share of 1.
+    pub(super) fn exit_value(&self, wi: Vec3) -> SampledSpectrum {
+        let colors = &self.lobe.own;
+        self.lobe.passed(colors, wi).zip(colors.passed_average, over_mean) * (wi.z * FRAC_1_PI)
+    }
+}
+
 impl Lobes for GlossyBsdf {
     type Seen = GlossySeen;
 
     fn seen(&self, wo: Vec3) -> GlossySeen {
-        let up = lift(wo);
-        let gloss = self.gloss_albedo(up);
-        let passed = SampledSpectrum::ONE - gloss;
-        let Body { diffuse, through, walk } = &self.body;
-        let body = diffuse.directional_albedo(up.z);
-        let choice = Choice::new([gloss, body * passed, (*through + *walk) * passed]);
-        GlossySeen { wo, gloss, passed, mean: self.passed_by_body(up.z), body, choice }
+        self.lobe.seen(&self.lobe.own, wo)
     }
 
     fn value_and_pdf_from(&self, seen: &GlossySeen, wi: Vec3) -> (SampledSpectrum, f32) {
-        let [gloss, diffuse, through] = seen.choice.probabilities;
-        let side = seen.wo.z * wi.z;
-        if side == 0.0 {
-            return (SampledSpectrum::ZERO, 0.0);
+        if seen.wo.z * wi.z >= 0.0 {
+            return self.lobe.value_and_pdf_from(&self.lobe.own, seen, wi);
         }
-        let wi = lift(wi);
-        let (body, cosine) =
-            (self.body_value(seen, wi, side < 0.0), sampling::cosine_hemisphere_pdf(wi.z));
-        if side < 0.0 {
-            return (body, through * cosine);
-        }
-        let (value, facets) = self.gloss_value_and_pdf(lift(seen.wo), wi);
-        (value + body, gloss * facets + diffuse * cosine)
+        let ([.., through], wi) = (seen.choice.probabilities, lift(wi));
+        (self.through_value(seen, wi), through * sampling::cosine_hemisphere_pdf(wi.z))
     }
 
     fn draw_from(&self, seen: &GlossySeen, u_lobe: f32, u: Vec2) -> Option<Drawn> {
         let wo = seen.wo;
-        if wo.z == 0.0 {
-            return None;
+        if seen.choice.pick(u_lobe)?.0 < 2 {
+            return self.lobe.draw_from(&self.lobe.own, seen, u_lobe, u).drawn();
         }
-        let lobe = seen.choice.pick(u_lobe)?.0;
-        if lobe == 0 && self.gloss.microfacets.is_smooth() {
-            return Some(self.mirror(wo).drawn(seen.choice.probabilities[0]));
-        }
-        let up = if lobe == 0 {
-            self.gloss.microfacets.sample_reflection(lift(wo), u)?
-        } else {
-            sampling::cosine_hemisphere(u)
-        };
-        let is_transmission = lobe == 2;
-        let up = if is_transmission { Vec3::new(up.x, up.y, -up.z) } else { up };
-        Some(Drawn::Direction { wi: lower_like(up, wo), is_transmission })
+        let up = sampling::cosine_hemisphere(u);
+        let wi = lower_like(Vec3::new(up.x, up.y, -up.z), wo);
+        (wo.z != 0.0).then_some(Drawn::Direction { wi, is_transmission: true })
     }
 
     fn albedo_from(&self, seen: &GlossySeen) -> SampledSpectrum {
-        seen.gloss + (seen.body + self.body.through + self.body.walk) * seen.passed
+        let Body { through, walk, .. } = &self.lobe.own.body;
+        seen.gloss + (seen.body + *through + *walk) * seen.passed
     }
 
     fn diffuse(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
         match wo.z * wi.z > 0.0 {
-            true => self.body_value(&self.seen(wo), lift(wi), false),
+            true => self.lobe.body_value(&self.lobe.own, &self.seen(wo), lift(wi)),
             false => SampledSpectrum::ZERO,
         }
     }
 
     fn is_delta(&self) -> bool {
-        self.gloss.microfacets.is_smooth()
-            && self.body.diffuse.is_black()
-            && self.body.through.is_black()
-            && self.body.walk.is_black()
+        let Body { diffuse, .. } = &self.lobe.own.body;
+        self.lobe.microfacets.is_smooth() && diffuse.is_black() && self.is_opaque()
     }
 
     fn is_opaque(&self) -> bool {
-        self.body.through.is_black() && self.body.walk.is_black()
+        let Body { through, walk, .. } = &self.lobe.own.body;
+        through.is_black() && walk.is_black()
     }
 
     fn ambient(&self, wo: Vec3) -> SampledSpectrum {
         // The mirror reflection of smooth layers is left to the branch.
-        let e = self.gloss_albedo(lift(wo));
-        let base = self.body.diffuse.directional_albedo(wo.z.abs()) * (SampledSpectrum::ONE - e);
-        if self.gloss.microfacets.is_smooth() { base } else { base + e }
+        let GlossColors { body, tint, .. } = &self.lobe.own;
+        let e = self.lobe.gloss_albedo(*tint, lift(wo));
+        let base = body.directional_albedo(wo.z.abs()) * (SampledSpectrum::ONE - e);
+        if self.lobe.microfacets.is_smooth() { base } else { base + e }
     }
 
     fn specular_branches(&self, wo: Vec3) -> [Option<SpecularBranch>; 2] {
-        let mirror = self
-            .gloss
-            .microfacets
-            .is_smooth()
-            .then(|| self.mirror(wo))
-            .filter(|b| !b.weight.is_black());
-        [mirror, None]
+        let mirror = || mirror_branch(wo, self.lobe.fresnel(self.lobe.own.tint, wo.z.abs()));
+        let mirror = self.lobe.microfacets.is_smooth().then(mirror);
+        [mirror.filter(|branch| !branch.weight.is_black()), None]
+    }
+}
+
+/// A gloss of [`super::Ggx`] without a film, smooth or rough, over a Lambertian body, for batches of
+/// directions.
+pub(super) type BatchGloss<M, N = Line> =
+    GlossLobe<M, DielectricReflectionBy<N>, NoFilm, Lambertian>;
+
+impl<M: KnownFacets> BatchGloss<M> {
+    /// `None` for other glosses.
+    pub fn of(bsdf: &GlossyBsdf) -> Option<Self> {
+        let GlossLobe { ior, microfacets, film, albedo, mean, own } = &bsdf.lobe;
+        let microfacets = M::of(*microfacets)?;
+        let is_matte = own.body.diffuse.is_lambertian() && bsdf.is_opaque();
+        let body = Lambertian(own.body.diffuse.directional_albedo(1.0));
+        let own = GlossColors { body, tint: own.tint, passed_average: own.passed_average };
+        let (ior, albedo, mean) = (*ior, albedo.line(), *mean);
+        (is_matte && film.is_none()).then_some(Self {
+            ior,
+            microfacets,
+            film: NoFilm,
+            albedo,
+            mean,
+            own,
+        })
+    }
+
+    /// Reflectance of the body where it is the same everywhere.
+    pub fn body(&self) -> SampledSpectrum {
+        self.own.body.0
+    }
+}
+
+impl BatchGloss<Rough> {
+    /// Index of refraction.
+    #[inline(always)]
+    pub fn ior(&self) -> f32 {
+        self.ior
+    }
+
+    /// The same gloss with another roughness: with the reflection of that roughness and its mean
+    /// albedo, without the tint.
+    #[inline(always)]
+    pub fn with<N: Nodes>(
+        &self,
+        albedo: DielectricReflectionBy<N>,
+        mean: f32,
+    ) -> BatchGloss<Rough, N> {
+        let microfacets = Rough::from(albedo.widths);
+        let lobe =
+            GlossLobe { ior: self.ior, microfacets, film: NoFilm, albedo, mean, own: self.own };
+        GlossLobe { own: lobe.colors(self.own.body, self.own.tint), ..lobe }
+    }
+}
+
+impl<M: FacetDistribution, N: Nodes> BatchLobes for BatchGloss<M, N> {
+    #[inline(always)]
+    fn own_colors(&self, body: SampledSpectrum) -> GlossColors<Lambertian> {
+        GlossColors { body: Lambertian(body), ..self.own }
+    }
+
+    #[inline(always)]
+    fn colors_of(&self, spectra: &LobeSpectra) -> GlossColors<Lambertian> {
+        self.colors(Lambertian(spectra.base), spectra.specular)
     }
 }

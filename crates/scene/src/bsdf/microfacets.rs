@@ -55,6 +55,127 @@ macro_rules! ask {
     };
 }
 
+/// What a [lobe without branches](super::branchless) asks of a distribution.
+pub(super) trait FacetDistribution: Copy {
+    /// The widths.
+    fn widths(self) -> Widths;
+
+    /// As [`Widths::is_smooth`].
+    #[inline(always)]
+    fn is_smooth(self) -> bool {
+        self.widths().is_smooth()
+    }
+
+    /// As [`Ggx::reflected`].
+    fn reflected(self, wo: Vec3, wi: Vec3) -> (Vec3, f32, f32, bool);
+
+    /// As [`Ggx::drawn_reflection`].
+    fn drawn_reflection(self, wo: Vec3, u: Vec2) -> (Vec3, bool);
+}
+
+/// [`Ggx`] of a surface that is known to be rough when the program is compiled.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Rough(Ggx);
+
+impl From<Widths> for Rough {
+    #[inline(always)]
+    fn from(widths: Widths) -> Self {
+        Self(widths.into())
+    }
+}
+
+/// A surface that is known to be smooth when the program is compiled: it has no facets.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Smooth;
+
+/// Distributions of which the compiler knows whether the surface is rough.
+pub(super) trait KnownFacets: FacetDistribution {
+    /// `None` for other distributions.
+    fn of(microfacets: Microfacets) -> Option<Self>;
+}
+
+impl KnownFacets for Rough {
+    fn of(microfacets: Microfacets) -> Option<Self> {
+        microfacets.ggx().filter(|ggx| !ggx.is_smooth()).map(Self)
+    }
+}
+
+impl KnownFacets for Smooth {
+    fn of(microfacets: Microfacets) -> Option<Self> {
+        microfacets.ggx().filter(|ggx| ggx.is_smooth()).map(|_| Self)
+    }
+}
+
+impl FacetDistribution for Smooth {
+    #[inline(always)]
+    fn widths(self) -> Widths {
+        Widths::both(0.0)
+    }
+
+    #[inline(always)]
+    fn is_smooth(self) -> bool {
+        true
+    }
+
+    #[inline(always)]
+    fn reflected(self, _wo: Vec3, _wi: Vec3) -> (Vec3, f32, f32, bool) {
+        (Vec3::Z, 0.0, 0.0, false)
+    }
+
+    #[inline(always)]
+    fn drawn_reflection(self, _wo: Vec3, _u: Vec2) -> (Vec3, bool) {
+        (Vec3::Z, false)
+    }
+}
+
+impl FacetDistribution for Rough {
+    #[inline(always)]
+    fn widths(self) -> Widths {
+        self.0.widths()
+    }
+
+    #[inline(always)]
+    fn is_smooth(self) -> bool {
+        false
+    }
+
+    #[inline(always)]
+    fn reflected(self, wo: Vec3, wi: Vec3) -> (Vec3, f32, f32, bool) {
+        self.0.reflected(wo, wi)
+    }
+
+    #[inline(always)]
+    fn drawn_reflection(self, wo: Vec3, u: Vec2) -> (Vec3, bool) {
+        self.0.drawn_reflection(wo, u)
+    }
+}
+
+impl FacetDistribution for Microfacets {
+    #[inline(always)]
+    fn widths(self) -> Widths {
+        ask!(self, known => known.widths())
+    }
+
+    #[inline]
+    fn reflected(self, wo: Vec3, wi: Vec3) -> (Vec3, f32, f32, bool) {
+        match self {
+            Self::Ggx(ggx) => ggx.reflected(wo, wi),
+            Self::Beckmann(beckmann) => beckmann
+                .reflection_and_pdf(wo, wi)
+                .map_or((Vec3::Z, 0.0, 0.0, false), |(m, value, pdf)| (m, value, pdf, true)),
+        }
+    }
+
+    fn drawn_reflection(self, wo: Vec3, u: Vec2) -> (Vec3, bool) {
+        match self {
+            Self::Ggx(ggx) => ggx.drawn_reflection(wo, u),
+            Self::Beckmann(beckmann) => {
+                beckmann.sample_reflection(wo, u).map_or((Vec3::Z, false), |wi| (wi, true))
+            }
+        }
+    }
+}
+
 impl Microfacets {
     /// The distribution if it is [`Ggx`].
     pub fn ggx(self) -> Option<Ggx> {

@@ -8,6 +8,7 @@
 mod batch;
 mod beckmann;
 mod black;
+mod branchless;
 mod coat;
 mod conductor;
 mod dielectric;
@@ -36,7 +37,7 @@ pub use batch::{BATCH, BatchBsdf, BatchInputs, BatchOutputs, BatchPoint, LobeSpe
 pub use beckmann::Beckmann;
 pub use black::BlackBsdf;
 pub use coat::Coat;
-pub use conductor::{ConductorBsdf, ConductorSeen, FacetReflectance};
+pub use conductor::{ComplexIor, ConductorBsdf, ConductorSeen, F82, FacetReflectance};
 pub use dielectric::{DielectricBsdf, DielectricSeen, RoughLosses, Split};
 pub use diffuse::DiffuseBsdf;
 pub use film::ThinFilm;

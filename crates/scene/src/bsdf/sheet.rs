@@ -3,7 +3,7 @@
 //! Light bounces between the two faces of the sheet; the sum over all bounces is reflected or goes
 //! straight on. Roughness spreads transmitted light as much as reflected light.
 
-use super::energy::{BouncedLobe, FacetLoss};
+use super::energy::{BouncedLobe, Directional, FacetLoss};
 use super::film::ThinFilm;
 use super::ggx::Ggx;
 use super::mirror::mirror_branch;

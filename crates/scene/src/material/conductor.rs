@@ -1,7 +1,9 @@
 //! Metals by their measured index of refraction, or by their colour.
 
 use super::{ColorParam, ScalarParam, ShadingPoint};
-use crate::bsdf::{Bsdf, ConductorBsdf, FacetReflectance, LobeSpectra, MicrofacetShape, Widths};
+use crate::bsdf::{
+    Bsdf, ComplexIor, ConductorBsdf, F82, FacetReflectance, LobeSpectra, MicrofacetShape, Widths,
+};
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
@@ -173,11 +175,7 @@ impl Conductor {
 
     /// The spectra of [`Self::bsdf`].
     pub(super) fn spectra(&self, point: &ShadingPoint) -> LobeSpectra {
-        let (base, specular) = match self.facets(point, 1.0) {
-            FacetReflectance::Complex { eta, k } => (eta, k),
-            FacetReflectance::F82 { f0, edge } => (f0, edge),
-        };
-        LobeSpectra { base, specular, other: self.factor(point) }
+        self.facets(point, 1.0).spectra(self.factor(point))
     }
 
     fn facets(&self, point: &ShadingPoint, outside_ior: f32) -> FacetReflectance {
@@ -185,16 +183,16 @@ impl Conductor {
         match self.spectrum {
             ConductorSpectrum::Metal(metal) => {
                 let [eta, k] = metal.indices(point.mode);
-                FacetReflectance::Complex { eta: eta * over, k: k * over }
+                FacetReflectance::Complex(ComplexIor { eta: eta * over, k: k * over })
             }
-            ConductorSpectrum::Measured { eta, k } => FacetReflectance::Complex {
+            ConductorSpectrum::Measured { eta, k } => FacetReflectance::Complex(ComplexIor {
                 eta: point.coefficient(eta) * over,
                 k: point.coefficient(k) * over,
-            },
-            ConductorSpectrum::Color(color) => FacetReflectance::F82 {
+            }),
+            ConductorSpectrum::Color(color) => FacetReflectance::F82(F82 {
                 f0: point.reflectance(color.at(point)),
                 edge: SampledSpectrum::ONE,
-            },
+            }),
         }
     }
 

@@ -3,7 +3,7 @@
 use super::prepared::anywhere;
 use super::{ColorParam, FrameNeeds, Material, NormalMap, ScalarParam, ShadingPoint, positive_ior};
 use crate::bsdf::{
-    BatchBsdf, BatchPoint, Body, Bsdf, Coat, ConductorBsdf, DielectricBsdf, DiffuseBsdf,
+    BatchBsdf, BatchPoint, Body, Bsdf, Coat, ConductorBsdf, DielectricBsdf, DiffuseBsdf, F82,
     FacetReflectance, Fuzz, FuzzModel, Ggx, Gloss, GlossyBsdf, LobeSpectra, OpenPbrBsdf,
     RoughLosses, SheetBsdf, Slabs, ThinFilm, Translucent, Widths, bounded, fresnel,
 };
@@ -426,7 +426,7 @@ impl OpenPbr {
         let clear = (1.0 - metalness) * transmission;
         let opaque = (1.0 - metalness) * (1.0 - transmission);
         let metal = || {
-            let facets = FacetReflectance::F82 { f0: base, edge: tint };
+            let facets = FacetReflectance::F82(F82 { f0: base, edge: tint });
             let unit = point.mode.unit() * common.specular_weight.min(1.0);
             ConductorBsdf::new(facets, unit, common.ggx).with_film(film)
         };

@@ -1,6 +1,7 @@
 //! Rough glass, for batches of directions.
 
-use super::super::batch::{BatchDrawn, BatchLobes, LobeSpectra};
+use super::super::batch::{BatchLobes, LobeSpectra};
+use super::super::branchless::{BranchlessDrawn, BranchlessLobes};
 use super::super::energy::{BouncedLobe, DielectricLossLines};
 use super::super::{Ggx, fresnel, lift, lower_like};
 use super::{DielectricBsdf, Split};
@@ -47,7 +48,6 @@ impl Colors {
 /// As [`super::DielectricSeen`].
 pub struct Seen {
     wo: Vec3,
-    colors: Colors,
     /// The side of the direction.
     is_inside: bool,
     eta: f32,
@@ -76,7 +76,7 @@ impl BatchGlass {
     /// As [`DielectricBsdf::facet`] and what follows from it: value and density, `wo` above and
     /// `wi` mirrored likewise.
     #[inline(always)]
-    fn facets(&self, seen: &Seen, wo: Vec3, wi: Vec3) -> (SampledSpectrum, f32) {
+    fn facets(&self, colors: &Colors, seen: &Seen, wo: Vec3, wi: Vec3) -> (SampledSpectrum, f32) {
         let (eta, is_transmission) = (seen.eta, wi.z < 0.0);
         let half = wo + wi * if is_transmission { eta } else { 1.0 };
         let scale = 1.0 / half.length();
@@ -96,8 +96,8 @@ impl BatchGlass {
         let reflected_pdf = density * 0.5 / around * reflectance;
         let refracted_pdf =
             density * cos_o.max(0.0) * 2.0 / around * jacobian * (1.0 - reflectance);
-        let mirror_tint = of_side(&seen.colors.mirror_tint, seen);
-        let crossing = of_side(&seen.colors.crossing, seen);
+        let mirror_tint = of_side(&colors.mirror_tint, seen);
+        let crossing = of_side(&colors.crossing, seen);
         let reflected = mirror_tint * reflectance * (density * visibility * up.z);
         let refracted = crossing * (1.0 - reflectance) * flux;
         let value = reflected.zip(refracted, |reflected, refracted| {
@@ -114,47 +114,30 @@ fn of_side(of: &[SampledSpectrum; 2], seen: &Seen) -> SampledSpectrum {
     of[0].zip(of[1], |outer, inner| if seen.is_inside { inner } else { outer })
 }
 
-impl BatchLobes for BatchGlass {
+impl BranchlessLobes for BatchGlass {
     type Seen = Seen;
     type Colors = Colors;
 
     #[inline(always)]
-    fn own_colors(&self, _body: SampledSpectrum) -> Colors {
-        self.own
-    }
-
-    #[inline(always)]
-    fn colors_of(&self, spectra: &LobeSpectra) -> Colors {
-        Colors::new(spectra, self.eta)
-    }
-
-    #[inline(always)]
-    fn seen(&self, wo: Vec3, colors: Colors) -> Seen {
+    fn seen(&self, _colors: &Colors, wo: Vec3) -> Seen {
         let is_inside = wo.z <= 0.0;
         let pick = |[outer, inner]: [f32; 2]| if is_inside { inner } else { outer };
         let lost = self.losses.towards(is_inside, lift(wo));
-        Seen {
-            wo,
-            colors,
-            is_inside,
-            eta: pick(self.eta),
-            lost,
-            transmitted: pick(self.transmitted),
-        }
+        Seen { wo, is_inside, eta: pick(self.eta), lost, transmitted: pick(self.transmitted) }
     }
 
     #[inline(always)]
-    fn value_and_pdf_from(&self, seen: &Seen, wi: Vec3) -> (SampledSpectrum, f32) {
+    fn value_and_pdf_from(&self, colors: &Colors, seen: &Seen, wi: Vec3) -> (SampledSpectrum, f32) {
         let is_seen = seen.wo.z * wi.z != 0.0;
         let (wo, wi) = (lift(seen.wo), lower_like(wi, seen.wo));
-        let (facets, facet_pdf) = self.facets(seen, wo, wi);
+        let (facets, facet_pdf) = self.facets(colors, seen, wo, wi);
         let is_transmission = wi.z < 0.0;
         let to_inside = seen.is_inside != is_transmission;
         let average = if to_inside { self.average[1] } else { self.average[0] };
         let loss = self.losses.towards(to_inside, lift(wi));
         let diffuse = seen.lost * loss / average * wi.z.abs() * FRAC_1_PI;
         let (mirror_tint, crossing) =
-            (of_side(&seen.colors.mirror_tint, seen), of_side(&seen.colors.crossing, seen));
+            (of_side(&colors.mirror_tint, seen), of_side(&colors.crossing, seen));
         let side = if is_transmission { seen.transmitted } else { 1.0 - seen.transmitted };
         let tint = mirror_tint
             .zip(crossing, |mirror, crossing| if is_transmission { crossing } else { mirror });
@@ -169,7 +152,7 @@ impl BatchLobes for BatchGlass {
     }
 
     #[inline(always)]
-    fn draw_from(&self, seen: &Seen, u_lobe: f32, u: Vec2) -> BatchDrawn {
+    fn draw_from(&self, _colors: &Colors, seen: &Seen, u_lobe: f32, u: Vec2) -> BranchlessDrawn {
         let &Seen { wo, eta, lost, transmitted, .. } = seen;
         let up = lift(wo);
         let is_bounced = u_lobe < lost;
@@ -187,7 +170,7 @@ impl BatchLobes for BatchGlass {
             (is_partial | !is_refracted) & (facet.z != 0.0) & ((facet.z < 0.0) == is_refracted);
         let wi = select(is_bounced, bounced, facet);
         let is_transmission = wi.z < 0.0;
-        BatchDrawn {
+        BranchlessDrawn {
             wi: lower_like(wi, wo),
             exists: (is_bounced | is_sound) & (wo.z != 0.0),
             is_delta: false,
@@ -198,9 +181,20 @@ impl BatchLobes for BatchGlass {
     }
 
     #[inline(always)]
-    fn albedo_from(&self, seen: &Seen) -> SampledSpectrum {
+    fn albedo_from(&self, colors: &Colors, seen: &Seen) -> SampledSpectrum {
         let reflectance = fresnel::dielectric(seen.wo.z.abs(), seen.eta);
-        of_side(&seen.colors.mirror_tint, seen) * reflectance
-            + seen.colors.tint * (1.0 - reflectance)
+        of_side(&colors.mirror_tint, seen) * reflectance + colors.tint * (1.0 - reflectance)
+    }
+}
+
+impl BatchLobes for BatchGlass {
+    #[inline(always)]
+    fn own_colors(&self, _body: SampledSpectrum) -> Colors {
+        self.own
+    }
+
+    #[inline(always)]
+    fn colors_of(&self, spectra: &LobeSpectra) -> Colors {
+        Colors::new(spectra, self.eta)
     }
 }

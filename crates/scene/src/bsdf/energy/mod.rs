@@ -229,6 +229,12 @@ impl Albedo {
     }
 }
 
+/// A share of light as a function of the direction that it comes from or goes to.
+pub(super) trait Directional {
+    /// The share for a direction above.
+    fn towards(&self, w: Vec3) -> f32;
+}
+
 /// A function of direction by its values at the nodes along it.
 pub(super) trait Nodes {
     fn node(&self, i: usize) -> f32;
@@ -332,21 +338,23 @@ pub(super) struct FacetLoss {
     anisotropic: Option<Anisotropic>,
 }
 
+impl Directional for FacetLoss {
+    /// Share of light lost towards (equally: from) a direction above.
+    fn towards(&self, w: Vec3) -> f32 {
+        match &self.anisotropic {
+            _ if self.widths.is_smooth() => 0.0,
+            Some(anisotropic) => anisotropic.directional(w).min(1.0),
+            None => self.loss.directional(position(self.widths, w)),
+        }
+    }
+}
+
 impl FacetLoss {
     pub(super) fn new(facets: Microfacets) -> Self {
         Self {
             widths: facets.widths(),
             loss: Albedo::loss(facets, FACETS, NO_INDEX),
             anisotropic: Anisotropic::loss(facets, FACETS, 1.0),
-        }
-    }
-
-    /// Share of light lost towards (equally: from) a direction above.
-    pub(super) fn towards(&self, w: Vec3) -> f32 {
-        match &self.anisotropic {
-            _ if self.widths.is_smooth() => 0.0,
-            Some(anisotropic) => anisotropic.directional(w).min(1.0),
-            None => self.loss.directional(position(self.widths, w)),
         }
     }
 
@@ -378,10 +386,9 @@ pub(super) struct FacetLossBy<N> {
     pub loss: N,
 }
 
-impl<N: Nodes> FacetLossBy<N> {
-    /// As [`FacetLoss::towards`].
+impl<N: Nodes> Directional for FacetLossBy<N> {
     #[inline(always)]
-    pub(super) fn towards(&self, w: Vec3) -> f32 {
+    fn towards(&self, w: Vec3) -> f32 {
         self.loss.directional(position(self.widths, w))
     }
 }
@@ -406,6 +413,20 @@ pub(super) struct DielectricReflection {
     anisotropic: Option<Anisotropic>,
 }
 
+impl Directional for DielectricReflection {
+    /// Share of light reflected once towards a direction above.
+    fn towards(&self, w: Vec3) -> f32 {
+        match &self.anisotropic {
+            _ if self.widths.is_smooth() => super::fresnel::dielectric(w.z, self.ior),
+            Some(anisotropic) => {
+                let reference = super::fresnel::dielectric(self.widths.root(w).min(1.0), self.ior);
+                (reference * anisotropic.directional(w)).min(1.0)
+            }
+            None => reflected_towards(self.widths, self.ior, &self.reflected, w),
+        }
+    }
+}
+
 impl DielectricReflection {
     /// Seen from the side of lower index; `ior` is the other side's over this one's, at least 1.
     pub(super) fn new(facets: Microfacets, ior: f32) -> Self {
@@ -424,18 +445,6 @@ impl DielectricReflection {
             indices,
             reflected: Albedo::reflected(facets, indices),
             anisotropic: Anisotropic::reflected(facets, ior),
-        }
-    }
-
-    /// Share of light reflected once towards a direction above.
-    pub(super) fn towards(&self, w: Vec3) -> f32 {
-        match &self.anisotropic {
-            _ if self.widths.is_smooth() => super::fresnel::dielectric(w.z, self.ior),
-            Some(anisotropic) => {
-                let reference = super::fresnel::dielectric(self.widths.root(w).min(1.0), self.ior);
-                (reference * anisotropic.directional(w)).min(1.0)
-            }
-            None => reflected_towards(self.widths, self.ior, &self.reflected, w),
         }
     }
 
@@ -479,10 +488,9 @@ pub(super) struct DielectricReflectionBy<N> {
     pub reflected: N,
 }
 
-impl<N: Nodes> DielectricReflectionBy<N> {
-    /// As [`DielectricReflection::towards`].
+impl<N: Nodes> Directional for DielectricReflectionBy<N> {
     #[inline(always)]
-    pub(super) fn towards(&self, w: Vec3) -> f32 {
+    fn towards(&self, w: Vec3) -> f32 {
         reflected_towards(self.widths, self.ior, &self.reflected, w)
     }
 }

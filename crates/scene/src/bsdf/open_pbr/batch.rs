@@ -5,16 +5,18 @@
 //! the rest is computed in lanes. So there are several passes over the lanes: a direction must be
 //! drawn before its values can be looked up.
 
-use super::super::batch::{BatchDrawn, BatchLobes, BatchPoint, LobeSpectra};
+use super::super::batch::{BatchLobes, BatchPoint, LobeSpectra};
+use super::super::branchless::{BranchlessDrawn, BranchlessLobes};
 use super::super::energy::{
     BouncedLobe, DielectricReflection, DielectricReflectionBy, FacetLoss, FacetLossBy, Near,
     first_node,
 };
+use super::super::microfacets::Rough;
 use super::super::{
     BATCH, BatchInputs, BatchOutputs, Choice, ConductorBsdf, Ggx, GlossyBsdf, Microfacets, Widths,
     lift,
 };
-use super::super::{conductor::BatchMetal, glossy::BatchGloss};
+use super::super::{F82, conductor::BatchMetal, glossy::BatchGloss};
 use snell_math::simd::select;
 use snell_math::{SampledSpectrum, Vec2, Vec3};
 
@@ -22,8 +24,8 @@ use snell_math::{SampledSpectrum, Vec2, Vec3};
 /// [`Ggx`].
 #[derive(Clone, Debug)]
 pub struct BatchMixed {
-    metal: BatchMetal<false>,
-    gloss: BatchGloss<false>,
+    metal: BatchMetal<F82>,
+    gloss: BatchGloss<Rough>,
     /// The BSDF that the gloss was made from.
     dielectric: GlossyBsdf,
     /// Its parameters where nothing varies.
@@ -33,8 +35,8 @@ pub struct BatchMixed {
 /// The mixture at a point, for directions between certain nodes.
 struct Mixture {
     metalness: f32,
-    metal: BatchMetal<false, Near>,
-    gloss: BatchGloss<false, Near>,
+    metal: BatchMetal<F82, Near>,
+    gloss: BatchGloss<Rough, Near>,
 }
 
 /// As [`super::OpenPbrSeen`].
@@ -45,7 +47,7 @@ struct Seen<M, G> {
 }
 
 /// Values that depend on the roughness, by lane: of metal and of gloss only where they are needed.
-struct Rough {
+struct ByRoughness {
     loss: [FacetLoss; BATCH],
     /// Its mean.
     lost: [f32; BATCH],
@@ -72,7 +74,7 @@ impl BatchMixed {
         let point = BatchPoint {
             alpha: widths.alpha(),
             metalness: *metalness,
-            ..BatchPoint::with_body(of_gloss.own.body)
+            ..BatchPoint::with_body(of_gloss.body())
         };
         is_such.then_some(Self { metal, gloss: of_gloss, dielectric: *gloss, point })
     }
@@ -85,27 +87,37 @@ impl BatchMixed {
         inputs: &BatchInputs,
         outputs: &mut BatchOutputs,
     ) {
-        let rough = Rough::of(inputs, &self.dielectric);
+        let rough = ByRoughness::of(inputs, &self.dielectric);
         let (around_wo, around_wi) =
             (rough.around(inputs, inputs.wo), rough.around(inputs, inputs.wi));
         let mut exists = [false; BATCH];
         for i in 0..BATCH {
             let mixture = self.at(inputs, &rough, &around_wo, i);
-            let seen = mixture.seen(inputs.wo(i), self.colors::<CHANNELS>(&mixture, inputs, i));
-            let drawn = mixture.draw_from(&seen, inputs.u_lobe[i], inputs.u(i));
+            let colors = self.colors::<CHANNELS>(&mixture, inputs, i);
+            let seen = mixture.seen(&colors, inputs.wo(i));
+            let drawn = mixture.draw_from(&colors, &seen, inputs.u_lobe[i], inputs.u(i));
             (outputs.drawn[0][i], outputs.drawn[1][i], outputs.drawn[2][i]) =
                 (drawn.wi.x, drawn.wi.y, drawn.wi.z);
             exists[i] = drawn.exists;
             let mixture = self.at(inputs, &rough, &around_wi, i);
-            outputs.take_value::<CHANNELS>(i, mixture.value_and_pdf_from(&seen, inputs.wi(i)));
+            outputs.take_value::<CHANNELS>(
+                i,
+                mixture.value_and_pdf_from(&colors, &seen, inputs.wi(i)),
+            );
         }
         let around_drawn = rough.around(inputs, outputs.drawn.each_ref());
         for i in 0..BATCH {
             let mixture = self.at(inputs, &rough, &around_wo, i);
-            let seen = mixture.seen(inputs.wo(i), self.colors::<CHANNELS>(&mixture, inputs, i));
+            let colors = self.colors::<CHANNELS>(&mixture, inputs, i);
+            let seen = mixture.seen(&colors, inputs.wo(i));
             let wi = Vec3::new(outputs.drawn[0][i], outputs.drawn[1][i], outputs.drawn[2][i]);
-            let found = self.at(inputs, &rough, &around_drawn, i).value_and_pdf_from(&seen, wi);
-            outputs.take_drawn::<CHANNELS>(i, &BatchDrawn::reflected(wi, exists[i], None), found);
+            let found =
+                self.at(inputs, &rough, &around_drawn, i).value_and_pdf_from(&colors, &seen, wi);
+            outputs.take_drawn::<CHANNELS>(
+                i,
+                &BranchlessDrawn::reflected(wi, exists[i], None),
+                found,
+            );
         }
     }
 
@@ -114,7 +126,7 @@ impl BatchMixed {
     fn at(
         &self,
         inputs: &BatchInputs,
-        rough: &Rough,
+        rough: &ByRoughness,
         [loss, reflected]: &Around,
         i: usize,
     ) -> Mixture {
@@ -138,7 +150,7 @@ impl BatchMixed {
         mixture: &Mixture,
         inputs: &BatchInputs,
         i: usize,
-    ) -> <Mixture as BatchLobes>::Colors {
+    ) -> <Mixture as BranchlessLobes>::Colors {
         match CHANNELS {
             4 => mixture.colors_of(&inputs.spectra(i)),
             _ => mixture.own_colors(inputs.body(i)),
@@ -153,7 +165,7 @@ fn is_active(inputs: &BatchInputs, i: usize) -> [bool; 2] {
     [is_active && metalness > 0.0, is_active && metalness < 1.0]
 }
 
-impl Rough {
+impl ByRoughness {
     #[inline(always)]
     fn of(inputs: &BatchInputs, dielectric: &GlossyBsdf) -> Self {
         let roughest = Widths::both(1.0);
@@ -205,16 +217,68 @@ impl Rough {
     }
 }
 
-impl BatchLobes for Mixture {
+impl BranchlessLobes for Mixture {
     type Seen = Seen<
-        <BatchMetal<false, Near> as BatchLobes>::Seen,
-        <BatchGloss<false, Near> as BatchLobes>::Seen,
+        <BatchMetal<F82, Near> as BranchlessLobes>::Seen,
+        <BatchGloss<Rough, Near> as BranchlessLobes>::Seen,
     >;
     type Colors = (
-        <BatchMetal<false, Near> as BatchLobes>::Colors,
-        <BatchGloss<false, Near> as BatchLobes>::Colors,
+        <BatchMetal<F82, Near> as BranchlessLobes>::Colors,
+        <BatchGloss<Rough, Near> as BranchlessLobes>::Colors,
     );
 
+    #[inline(always)]
+    fn seen(&self, colors: &Self::Colors, wo: Vec3) -> Self::Seen {
+        let (metal, gloss) = (self.metal.seen(&colors.0, wo), self.gloss.seen(&colors.1, wo));
+        let [of_metal, of_gloss] = self.shares(
+            self.metal.albedo_from(&colors.0, &metal),
+            self.gloss.albedo_from(&colors.1, &gloss),
+        );
+        Seen { metal, gloss, choice: Choice::new([of_metal, of_gloss]) }
+    }
+
+    #[inline(always)]
+    fn value_and_pdf_from(
+        &self,
+        colors: &Self::Colors,
+        seen: &Self::Seen,
+        wi: Vec3,
+    ) -> (SampledSpectrum, f32) {
+        let (metal, metal_pdf) = self.metal.value_and_pdf_from(&colors.0, &seen.metal, wi);
+        let (gloss, gloss_pdf) = self.gloss.value_and_pdf_from(&colors.1, &seen.gloss, wi);
+        let ([metal, gloss], [p, q]) = (self.shares(metal, gloss), seen.choice.probabilities);
+        let share = |p: f32, pdf: f32| if p > 0.0 { p * pdf } else { 0.0 };
+        (metal + gloss, share(p, metal_pdf) + share(q, gloss_pdf))
+    }
+
+    #[inline(always)]
+    fn draw_from(
+        &self,
+        colors: &Self::Colors,
+        seen: &Self::Seen,
+        u_lobe: f32,
+        u: Vec2,
+    ) -> BranchlessDrawn {
+        let (is_metal, exists, rest) = seen.choice.picked(u_lobe);
+        let (metal, gloss) = (
+            self.metal.draw_from(&colors.0, &seen.metal, rest, u),
+            self.gloss.draw_from(&colors.1, &seen.gloss, rest, u),
+        );
+        let is_sound = if is_metal { metal.exists } else { gloss.exists };
+        BranchlessDrawn::reflected(select(is_metal, metal.wi, gloss.wi), exists & is_sound, None)
+    }
+
+    #[inline(always)]
+    fn albedo_from(&self, colors: &Self::Colors, seen: &Self::Seen) -> SampledSpectrum {
+        let [metal, gloss] = self.shares(
+            self.metal.albedo_from(&colors.0, &seen.metal),
+            self.gloss.albedo_from(&colors.1, &seen.gloss),
+        );
+        metal + gloss
+    }
+}
+
+impl BatchLobes for Mixture {
     #[inline(always)]
     fn own_colors(&self, body: SampledSpectrum) -> Self::Colors {
         (self.metal.colors_of(&self.metal.spectra(body)), self.gloss.own_colors(body))
@@ -223,41 +287,6 @@ impl BatchLobes for Mixture {
     #[inline(always)]
     fn colors_of(&self, spectra: &LobeSpectra) -> Self::Colors {
         (self.metal.colors_of(spectra), self.gloss.colors_of(spectra))
-    }
-
-    #[inline(always)]
-    fn seen(&self, wo: Vec3, (metal, gloss): Self::Colors) -> Self::Seen {
-        let (metal, gloss) = (self.metal.seen(wo, metal), self.gloss.seen(wo, gloss));
-        let [of_metal, of_gloss] =
-            self.shares(self.metal.albedo_from(&metal), self.gloss.albedo_from(&gloss));
-        Seen { metal, gloss, choice: Choice::new([of_metal, of_gloss]) }
-    }
-
-    #[inline(always)]
-    fn value_and_pdf_from(&self, seen: &Self::Seen, wi: Vec3) -> (SampledSpectrum, f32) {
-        let (metal, metal_pdf) = self.metal.value_and_pdf_from(&seen.metal, wi);
-        let (gloss, gloss_pdf) = self.gloss.value_and_pdf_from(&seen.gloss, wi);
-        let ([metal, gloss], [p, q]) = (self.shares(metal, gloss), seen.choice.probabilities);
-        let share = |p: f32, pdf: f32| if p > 0.0 { p * pdf } else { 0.0 };
-        (metal + gloss, share(p, metal_pdf) + share(q, gloss_pdf))
-    }
-
-    #[inline(always)]
-    fn draw_from(&self, seen: &Self::Seen, u_lobe: f32, u: Vec2) -> BatchDrawn {
-        let (is_metal, exists, rest) = seen.choice.picked(u_lobe);
-        let (metal, gloss) = (
-            self.metal.draw_from(&seen.metal, rest, u),
-            self.gloss.draw_from(&seen.gloss, rest, u),
-        );
-        let is_sound = if is_metal { metal.exists } else { gloss.exists };
-        BatchDrawn::reflected(select(is_metal, metal.wi, gloss.wi), exists & is_sound, None)
-    }
-
-    #[inline(always)]
-    fn albedo_from(&self, seen: &Self::Seen) -> SampledSpectrum {
-        let [metal, gloss] =
-            self.shares(self.metal.albedo_from(&seen.metal), self.gloss.albedo_from(&seen.gloss));
-        metal + gloss
     }
 }
 
