@@ -257,7 +257,7 @@ impl ShadingPoint<'_> {
 
     /// The spectrum of a factor that may exceed 1; negative values and NaN count as 0.
     pub fn coefficient(&self, color: impl Into<Color>) -> SampledSpectrum {
-        self.mode.reflectance(color.into().map(|x| bounded(x, 1e6)))
+        self.mode.reflectance(color.into().map(|x| bounded(x, 1e20)))
     }
 
     /// Vertex colour of the mesh, white where there is none.

@@ -90,8 +90,8 @@ snell_math::declare! {
         /// Colour that it shows, `[0, 1]`.
         #[range(Range::SHARE)]
         pub subsurface_color: ColorParam,
-        /// Mean free path there, in units of the scene. Where it is too small for rays to resolve,
-        /// such as 0, light comes out where it went in: the surface is matte.
+        /// Mean free path there, in units of the scene. For 0 light comes out where it went in: the
+        /// surface is matte.
         #[range(Range::AMOUNT)]
         #[unit("scene units")]
         pub subsurface_radius: ScalarParam,
@@ -672,19 +672,20 @@ impl OpenPbr {
         medium(sigma_a, sigma_s, bounded_cosine(self.transmission_scatter_anisotropy.at(point)))
     }
 
-    /// The mean free paths under the surface, in units of the scene: 0 for those too short to be
-    /// told from the rounding of the point that a path starts at.
+    /// The mean free paths under the surface, in units of the scene.
     fn subsurface_paths(&self, point: &ShadingPoint) -> SampledSpectrum {
         let scale = point.coefficient(self.subsurface_radius_scale.at(point));
-        let paths = scale * self.subsurface_radius.at(point).max(0.0);
-        let least = point.surface.position_error.max_element().max(f32::MIN_POSITIVE);
-        paths.map(|path| if path > least { path } else { 0.0 })
+        scale * bounded(self.subsurface_radius.at(point), f32::MAX)
     }
 
     fn subsurface_medium(&self, point: &ShadingPoint) -> MediumProperties {
         let g = bounded_cosine(self.subsurface_scatter_anisotropy.at(point));
         let color = point.reflectance(self.subsurface_color.at(point) * point.vertex_color());
-        let sigma_t = self.subsurface_paths(point).map(|r| if r > 0.0 { 1.0 / r } else { 0.0 });
+        // Paths that are not longer than the error of the point at which they start could not be
+        // resolved: of this length they look the same.
+        let least = (16.0 * point.surface.position_error.max_element()).max(f32::MIN_POSITIVE);
+        let sigma_t = (self.subsurface_paths(point))
+            .map(|path| if path > 0.0 { 1.0 / path.max(least) } else { 0.0 });
         let albedo = color.map(|c| scattering_albedo(c, g));
         medium(sigma_t * (SampledSpectrum::ONE - albedo), sigma_t * albedo, g)
     }

@@ -7,7 +7,9 @@ use crate::write::material::{open_pbr, shown_name, without_spectrum};
 use serde_json::{Value, json};
 use snell_math::Rgb;
 use snell_scene::Material;
-use snell_scene::material::{AlphaMode, ColorParam, MaterialKind, NormalMap, OpenPbr, ScalarParam};
+use snell_scene::material::{
+    AlphaMode, ColorParam, FuzzModel, MaterialKind, NormalMap, OpenPbr, ScalarParam,
+};
 
 /// The JSON of a material.
 pub fn value(document: &mut Document, index: usize, material: &Material) -> Value {
@@ -214,6 +216,9 @@ impl Writer<'_, '_, '_> {
             self.color(&mut sheen, "sheenColor", &color);
             self.scalar(&mut sheen, "sheenRoughness", &surface.fuzz_roughness, 3);
             self.extension("KHR_materials_sheen", sheen);
+            if surface.fuzz_model != FuzzModel::Charlie {
+                self.lose("the fuzz reflects by another law in glTF");
+            }
         }
         if surface.thin_film_weight.factor > 0.0 {
             let mut film = json!({ "iridescenceIor": surface.thin_film_ior.factor });

@@ -20,7 +20,7 @@ pub(super) const WIDTHS: usize = 11;
 /// Nodes in the root of the smaller width over the larger one.
 pub(super) const RATIOS: usize = 8;
 /// Nodes along the azimuth.
-pub(super) const AZIMUTHS: usize = 7;
+pub(super) const AZIMUTHS: usize = 11;
 /// Nodes along the direction, as in [`super::STEEPNESSES`].
 pub(super) const STEEPNESSES: usize = 28;
 /// Nodes in the index of refraction.
@@ -57,15 +57,25 @@ pub(super) fn ratio_at(node: usize) -> f32 {
     (least + (1.0 - least) * node as f32 / (RATIOS - 1) as f32).powi(2)
 }
 
-/// The share of the square of the root that has index of refraction `ior` on the nodes of indices.
+/// The position of an index of refraction on its nodes.
 fn index_position(ior: f32) -> f64 {
     let s = f64::from((ior - 1.0) / (ior + 1.0));
     (s / MOST_ROOT_F0).clamp(0.0, 1.0).powf(1.0 / 2.5) * (INDICES - 1) as f64
 }
 
+/// The position along the azimuths, by the square of the azimuth's cosine: 0 across the larger
+/// width, 1 along it. It is the root of the width along the direction, over its range: albedos
+/// change fast where that is small.
+#[inline(always)]
+pub(super) fn azimuth_position(widths: Widths, along2: f32) -> f32 {
+    let Widths { x, y } = widths;
+    let width = (x * x * along2 + y * y * (1.0 - along2)).max(0.0).sqrt();
+    ((x + y) * along2 / (width + y)).sqrt()
+}
+
 /// The first of four nodes around a position, and their weights in a cubic.
 #[inline(always)]
-fn four_nodes(x: f32, n: usize) -> (usize, [f32; 4]) {
+pub(super) fn four_nodes(x: f32, n: usize) -> (usize, [f32; 4]) {
     let (node, t) = nodes(x, n);
     let first = node.saturating_sub(1).min(n - 4);
     (first, cubic((node - first) as f32 + t))
@@ -168,21 +178,12 @@ impl Anisotropic {
         sum.max(0.0)
     }
 
-    /// The position of a direction above along the azimuths: 0 across the larger width, 1 along it.
-    /// It grows with the width along the direction, whose changes are fast where it is small.
-    #[inline(always)]
-    fn azimuth(&self, w: Vec3) -> f32 {
-        let Widths { x, y } = self.widths;
-        let length2 = w.x * w.x + w.y * w.y;
-        let along2 = if length2 > 0.0 { w.x * w.x / length2 } else { 0.5 };
-        let width = (x * x * along2 + y * y * (1.0 - along2)).sqrt();
-        (x + y) * along2 / (width + y)
-    }
-
     /// The value for a direction above.
     pub(super) fn directional(&self, w: Vec3) -> f32 {
         let w = if self.is_across { Vec3::new(w.y, w.x, w.z) } else { w };
-        let (azimuth, by_azimuth) = four_nodes(self.azimuth(w), AZIMUTHS);
+        let length2 = w.x * w.x + w.y * w.y;
+        let along2 = if length2 > 0.0 { w.x * w.x / length2 } else { 0.5 };
+        let (azimuth, by_azimuth) = four_nodes(azimuth_position(self.widths, along2), AZIMUTHS);
         let (node, t) = nodes(position(self.widths, w), STEEPNESSES);
         let mut sum = 0.0;
         for (i, weight) in by_azimuth.iter().enumerate() {

@@ -1,6 +1,7 @@
 //! Integrates the tables, and checks the values interpolated between their nodes.
 
-use super::anisotropic::{self, AZIMUTHS, CELL, RATIOS, WIDTHS, ratio_at, width_at};
+use super::anisotropic::{self, AZIMUTHS, CELL, RATIOS, WIDTHS};
+use super::anisotropic::{azimuth_position, four_nodes, ratio_at, width_at};
 use super::*;
 use crate::bsdf::fresnel;
 
@@ -28,7 +29,7 @@ struct Shares {
     out: f64,
 }
 
-/// [`Widths::facet_cosine`] of rough surfaces also for those that count as smooth.
+/// The cosine at which a typical visible facet is seen, also of surfaces that count as smooth.
 fn facet_cosine(widths: Widths, w: Vec3) -> f32 {
     (f64::from(widths.spread(w)).hypot(f64::from(w.z)) as f32).min(1.0)
 }
@@ -188,15 +189,11 @@ fn anisotropic_ior_at(node: usize) -> f64 {
 
 /// The cosine of the azimuth at a node: the inverse of the position along azimuths.
 fn azimuth_at(widths: Widths, node: usize) -> f64 {
-    let [x, y] = [widths.x, widths.y].map(f64::from);
-    let position = |cos: f64| {
-        let along2 = cos * cos;
-        (x + y) * along2 / ((x * x * along2 + y * y * (1.0 - along2)).sqrt() + y)
-    };
     let (mut low, mut high) = (0.0, 1.0);
     for _ in 0..60 {
         let middle = 0.5 * (low + high);
-        let reached = position(middle) < node as f64 / (AZIMUTHS - 1) as f64;
+        let position = azimuth_position(widths, (middle * middle) as f32);
+        let reached = f64::from(position) < node as f64 / (AZIMUTHS - 1) as f64;
         *(if reached { &mut low } else { &mut high }) = middle;
     }
     if node == 0 { 0.0 } else { high }
@@ -229,11 +226,8 @@ fn mean_of_cell(widths: Widths, cell: &[f64], reference: impl Fn(Vec3) -> f64) -
     let mut sum = 0.0;
     for i in 0..turns {
         let along = ((f64::from(i) + 0.5) / f64::from(turns) * std::f64::consts::FRAC_PI_2).cos();
-        let [x, y] = [widths.x, widths.y].map(f64::from);
-        let width = (x * x * along * along + y * y * (1.0 - along * along)).sqrt();
-        let (node, t) = nodes(((x + y) * along * along / (width + y)) as f32, AZIMUTHS);
-        let first = node.saturating_sub(1).min(AZIMUTHS - 4);
-        let by_azimuth = cubic((node - first) as f32 + t);
+        let position_along = azimuth_position(widths, (along * along) as f32);
+        let (first, by_azimuth) = four_nodes(position_along, AZIMUTHS);
         for k in 0..steps {
             let u = (f64::from(k) + 0.5) / f64::from(steps);
             let (w, weight) = (direction_at(u * u * u, along), 6.0 * u.powi(5));

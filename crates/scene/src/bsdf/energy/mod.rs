@@ -91,8 +91,8 @@ fn four(at: usize) -> [f32; 4] {
 /// at grazing angles, and their ratio matters.
 const DEEPEST: f32 = -16.0;
 
-/// Range of the quotient of the reflectance of a rough and of a smooth dielectric, see
-/// [`Widths::facet_cosine`].
+/// Range of the quotient of the reflectance of a rough and of a smooth dielectric at the cosine at
+/// which a typical visible facet is seen, [`Widths::root`].
 const MOST: f32 = 16.0;
 
 /// Factor on that range for this distribution: at grazing angles more of Beckmann's visible facets

@@ -9,7 +9,7 @@ use snell_math::{Vec2, Vec3, sampling};
 use std::f32::consts::{FRAC_1_PI, TAU};
 
 /// Nodes of the table in the roughness and in the root of the cosine.
-const SIZE: usize = 32;
+const SIZE: usize = 48;
 
 /// The least roughness: below, the fibres reflect next to nothing but at grazing angles.
 const LEAST: f32 = 0.07;
@@ -18,7 +18,7 @@ const LEAST: f32 = 0.07;
 static TABLE: &[u8; 2 * SIZE * SIZE] = include_bytes!("charlie.bin");
 
 /// The table's largest number.
-const RANGE: f32 = 2.0;
+const RANGE: f32 = 4.0;
 
 fn entry(row: usize, column: usize) -> f32 {
     let at = 2 * (row * SIZE + column);
