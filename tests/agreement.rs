@@ -1,5 +1,5 @@
-//! Different methods for the same picture agree: strategies, light samplers, random samplers,
-//! filters, the textbook renderer.
+//! Different methods of rendering a picture agree: strategies, light samplers, random samplers,
+//! filters, and the textbook renderer.
 
 use snell_intersect::BuildOptions;
 use snell_intersect::shape::{BoxShape, Sphere};
@@ -22,8 +22,8 @@ use snell_tests::statistics::{compare, compare_exact};
 use snell_tests::{colors, render, render_compiled, settings};
 use std::sync::Arc;
 
-/// Rough objects under several lamps and a sky: light arrives on many paths, none of them rare for
-/// any strategy.
+/// A scene of rough objects under several lamps and a sky. Light arrives on many paths, none of
+/// which is rarely sampled by any strategy.
 fn lamps_and_sky() -> (Scene, Camera) {
     let mut scene = Scene::new("lamps and sky");
     ground(&mut scene, 0.6);
@@ -123,8 +123,8 @@ fn samplers_agree_and_the_good_ones_are_less_noisy() {
     let mut errors = Vec::new();
     for (sampler, seed) in SamplerKind::ALL.into_iter().zip(2..) {
         let film = render(sampler, seed, 64);
-        // The spread of the samples overestimates the error of samplers better than independent
-        // ones.
+        // For samplers better than the independent one, the spread of the samples overestimates the
+        // error.
         compare(&film, &best).check(sampler.name());
         let (a, b) = (colors(&film.image()), colors(&best.image()));
         errors.push(
@@ -137,7 +137,7 @@ fn samplers_agree_and_the_good_ones_are_less_noisy() {
 
 #[test]
 fn filters_agree_on_a_ramp() {
-    // Any symmetric filter preserves a linear picture.
+    // Any symmetric filter preserves a picture that is linear in the position.
     let mut scene = Scene::new("ramp");
     let ramp =
         scene.add_image(image(2, 1, 3, |x, _| vec![x as f32, 2.0 * x as f32, 1.0 - x as f32]));
@@ -150,7 +150,7 @@ fn filters_agree_on_a_ramp() {
     put_mesh(&mut scene, quad(), DAffine3::from_scale(DVec3::splat(4.0)), material);
     let projection = snell_scene::Projection::Orthographic { half_size: [Some(0.6), Some(0.6)] };
     let camera = Camera::from_direction(DVec3::Z, DVec3::NEG_Z, DVec3::Y, projection);
-    // The ramp is one texel, half of the quad's width of 4.
+    // The ramp spans one texel, which is half of the quad's width of 4.
     let value = |x: u32| (f64::from(x) + 0.5 - 16.0) / 16.0 * 0.6 / 2.0 + 0.5;
     let expected: Vec<_> =
         (0..32 * 32).map(|i| value(i % 32)).map(|v| [v, 2.0 * v, 1.0 - v]).collect();
@@ -170,7 +170,7 @@ fn filters_agree_on_a_ramp() {
 
 #[test]
 fn filters_agree_in_the_mean() {
-    // On a black background, light that a filter moves between pixels is not lost.
+    // The background is black, so no light that a filter moves between pixels is lost.
     let mut scene = Scene::new("ball");
     let material = lamp(&mut scene, 1.0);
     put(&mut scene, Sphere { radius: 1.0 }, DAffine3::IDENTITY, material);
@@ -226,8 +226,8 @@ fn the_batched_renderer_agrees_with_the_textbook_on_everything() {
 
 #[test]
 fn strategies_agree_behind_glass() {
-    // Through smooth glass only bounces find the lamp; through frosted glass and metal both methods
-    // do. The lamp is large, so none of them is rare.
+    // Through smooth glass only bounces find the lamp; through frosted glass and on metal, both
+    // methods do. The lamp is large, so none of these paths is rare.
     let mut scene = Scene::new("caustics");
     let walls = matte(&mut scene, 0.6);
     put(
@@ -262,7 +262,8 @@ fn strategies_agree_behind_glass() {
     compare(&mis, &render(LightStrategy::Bsdf, 3)).check("behind glass: mis against bsdf");
 }
 
-/// Two clusters of a mesh and balls, either one node below two parents or two copies.
+/// Two clusters of a mesh and balls: with `shared` one node below two parents, otherwise two
+/// copies.
 fn clusters(shared: bool) -> (Scene, Camera) {
     let mut scene = Scene::new("clusters");
     let (paper, glow) = (matte(&mut scene, 0.7), lamp(&mut scene, 3.0));

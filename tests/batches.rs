@@ -1,8 +1,9 @@
-//! Large batches: any size, any number of threads, any level and either grouping give the same
-//! bits, and the three queries for a hit agree.
+//! Large batches of any size, on any number of threads, with any SIMD level and either grouping
+//! give the same bits; and the three queries for a hit agree.
 //!
-//! `SNELL_BATCH_RAYS` sets the number of rays in a batch (12,000 by default),
-//! `SNELL_RANDOM_QUERIES` that of the rays for the three queries (400,000 by default).
+//! The environment variable `SNELL_BATCH_RAYS` sets the number of rays in a batch (12,000 by
+//! default), and `SNELL_RANDOM_QUERIES` the number of rays for the three queries (400,000 by
+//! default).
 
 use rayon::ThreadPoolBuilder;
 use rayon::prelude::*;
@@ -26,8 +27,8 @@ fn random(index: u64, stream: u32) -> [f32; 4] {
     pcg4d([index as u32, (index >> 32) as u32, stream, 41]).map(to_unit)
 }
 
-/// Spheres of many triangles, some of them touching and overlapping instances, beside a world of
-/// random shapes.
+/// A random world of shapes, a sphere of many triangles, and 60 instances of another, some of which
+/// touch or overlap.
 fn builder(seed: u32) -> WorldBuilder {
     let bytes = random_bytes(seed, 12_000);
     let mut source = Source::new(&bytes);
@@ -50,8 +51,8 @@ fn builder(seed: u32) -> WorldBuilder {
     builder
 }
 
-/// Half of them are random, a quarter start at one point, and a quarter are parallel; neighbours
-/// are close together.
+/// The ray with this number. Half of the rays are random, a quarter start at one point, and a
+/// quarter are parallel; of the latter two, neighbours are close together.
 fn ray(index: u64) -> Ray {
     let u = random(index, 1);
     let v = random(index, 2);

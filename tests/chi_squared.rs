@@ -1,6 +1,7 @@
-//! Samples have the claimed density, and the density integrates to the sampled share: for every
-//! lobe over sweeps of its parameters, phase functions, lamps, environments, emissive media and the
-//! choice among many lights. Each family is judged as a whole at a significance of 0.01 (Sidak).
+//! Samples have the claimed density, and the density integrates to the sampled share. This is
+//! tested for every lobe over sweeps of its parameters, for phase functions, lamps, environments,
+//! emissive media and the choice among many lights. Each family is judged as a whole at a
+//! significance of 0.01 (Sidak).
 
 use snell_intersect::SurfaceInteraction;
 use snell_math::rng::uniform2;
@@ -15,11 +16,11 @@ use snell_scene::texture::surface_at;
 
 const SIGNIFICANCE: f64 = 0.01;
 
-/// Cells of each half of the sphere.
+/// Numbers of rings and sectors of the cells on each half of the sphere.
 const RINGS: usize = 12;
 const SECTORS: usize = 8;
 
-/// The tests of one family: their deviations, judged together.
+/// The tests of one family, judged together by their worst deviation.
 struct Family {
     name: &'static str,
     worst: (f64, String),
@@ -117,7 +118,7 @@ fn check_bsdf(
                 _ => elsewhere += 1,
             }
         }
-        // Delta lobes, and rejected directions.
+        // The last cell counts delta lobes and rejected directions.
         found.push(elsewhere);
         expected.push((1.0 - total).max(0.0));
         expected.iter_mut().for_each(|e| *e *= f64::from(N));
@@ -165,14 +166,15 @@ fn metals_are_sampled_by_their_density() {
     family.judge();
 }
 
-/// A parameter of `open-pbr` and how to set it.
+/// A parameter of `open-pbr`, the function that sets it, and a function that sets the kind of
+/// surface.
 type Sweep = (&'static str, fn(&mut OpenPbr, f32), fn(&mut OpenPbr));
 
 fn scalar(x: f32) -> ScalarParam {
     x.into()
 }
 
-/// The swept parameters, from 0 to 1, and the kind of surface.
+/// The swept parameters, each from 0 to 1, with their kind of surface.
 const SWEEPS: [Sweep; 17] = [
     ("base_diffuse_roughness", |p, x| p.base_diffuse_roughness = scalar(x), |_| {}),
     ("base_metalness", |p, x| p.base_metalness = scalar(x), |_| {}),

@@ -15,7 +15,7 @@ use snell_tests::statistics::{compare_exact, image_mean};
 use snell_tests::{render, settings};
 use std::f64::consts::PI;
 
-/// Pixels along the sides of the pictures.
+/// Width and height of the pictures in pixels.
 const SIZE: u32 = 32;
 
 const REFLECTANCE: f32 = 0.6;
@@ -32,8 +32,8 @@ fn ground_points(camera: &Camera, settings: &Settings) -> Vec<DVec3> {
     (0..height).flat_map(|y| (0..width).map(move |x| point(x, y))).collect()
 }
 
-/// Renders the ground and compares with its reflectance / pi times `irradiance`: `direct` and
-/// `path` with every strategy.
+/// Renders the ground with every light strategy, by `direct` or `path`, and compares the radiance
+/// with its reflectance / pi times `irradiance`.
 fn check(what: &str, scene: &Scene, camera: &Camera, spp: u32, irradiance: impl Fn(DVec3) -> f64) {
     for (seed, strategy) in (1..).zip(LightStrategy::ALL) {
         check_strategy(what, scene, camera, spp, strategy, seed, &irradiance);
@@ -49,7 +49,7 @@ fn check_strategy(
     seed: u32,
     irradiance: impl Fn(DVec3) -> f64,
 ) {
-    // Half of the checks by each integrator: both are the same vertex function.
+    // Each integrator makes half of the checks: both are the same vertex function.
     let integrator =
         if seed.is_multiple_of(2) { IntegratorKind::Direct } else { IntegratorKind::Path };
     let settings =
@@ -140,8 +140,8 @@ fn spot_light_on_a_plane() {
 
 #[test]
 fn panels_on_a_plane() {
-    // The definition, by the midpoint rule: the mean over the panel of 2 emission cos cos /
-    // distance^2.
+    // The expected value follows the definition, by the midpoint rule: the mean over the panel of 2
+    // emission cos cos / distance^2.
     let (center, normal) = (DVec3::new(0.2, 1.2, -0.1), DVec3::new(0.3, -1.0, 0.1).normalize());
     let (x, y) = normal.any_orthonormal_pair();
     let arriving = |p: DVec3, q: DVec3| {
@@ -196,7 +196,7 @@ fn sphere_light_over_a_plane() {
 
 #[test]
 fn stretched_sphere_light_has_the_power_of_its_shape() {
-    // Flattened almost completely, a sphere is two disks.
+    // A sphere that is flattened almost completely is two disks.
     let mut scene = scene();
     let material = lamp(&mut scene, 3.0);
     let flat = at(0.0, 1.0, 0.0) * DAffine3::from_scale(DVec3::new(0.6, 1e-4, 0.6));
@@ -238,12 +238,13 @@ fn rectangle_light_over_a_plane() {
 
 #[test]
 fn mesh_light_over_a_plane() {
-    // Triangles of very different sizes, moved by a transform that mirrors and stretches.
+    // The triangles are of very different sizes, and a transform that mirrors and stretches moves
+    // them.
     let placed = at(-0.2, 1.0, 0.1) * DAffine3::from_scale(DVec3::new(-0.5, 1.0, 0.7));
     let corners = [(-1.0, 1.0), (1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (-1.0, 0.9)];
     let positions: Vec<Vec3> = corners.iter().map(|&(x, z)| Vec3::new(x, 0.0, z)).collect();
-    // As seen from below (the bright side, because the mirrored mesh is reversed),
-    // counterclockwise.
+    // The triangles are counterclockwise as seen from below, the bright side, because the mirrored
+    // mesh is reversed.
     let indices = vec![[0, 4, 1], [4, 2, 1], [4, 3, 2]];
     let mut scene = scene();
     let lamp = Material {
@@ -317,7 +318,7 @@ fn many_lights_add_up() {
         direction: DVec3::new(0.0, -0.8, 0.6),
         irradiance: Rgb::splat(0.5),
     });
-    // Directional light misses the lamps, so the test looks where they cast no shadow of it.
+    // The lamps cast shadows in the directional light, so the camera looks where there are none.
     check("many lights", &scene, &over_ground(0.0, -1.5), 256, |p| {
         let d = (center - p).length();
         let sphere = 9.0 * PI * (radius / d).powi(2) * center.y / d;
@@ -339,7 +340,7 @@ fn a_sphere_hides_its_share_of_the_sky() {
         2.0 * PI * (1.0 - hidden(p))
     });
 
-    // Ambient occlusion is the same without the reflectance.
+    // Ambient occlusion equals this without the reflectance.
     let camera = over_ground(0.0, 0.0);
     let settings = Settings {
         integrator: IntegratorKind::Ao,
@@ -387,8 +388,8 @@ fn a_smooth_environment_image_lights_by_its_harmonics() {
 
 #[test]
 fn a_sun_in_an_environment_image_lights_by_quadrature() {
-    // One bright texel among dark ones: by the definition of bilinear interpolation, independently
-    // of the renderer's lookups.
+    // The sky has one bright texel among dark ones. Its radiance follows from the definition of
+    // bilinear interpolation, independently of the renderer's lookups.
     let (width, height, sun) = (32, 16, (20, 5));
     let image = image(width, height, 3, |x, y| vec![if (x, y) == sun { 300.0 } else { 0.1 }; 3]);
     let mut scene = scene();
@@ -428,7 +429,7 @@ fn a_sun_in_an_environment_image_lights_by_quadrature() {
     );
 }
 
-/// A black sheet between the light and the ground that is there with this probability.
+/// A black sheet between the light and the ground, with the opacity `alpha`.
 fn veiled(alpha: f32, alpha_mode: AlphaMode) -> Scene {
     let mut scene = scene();
     let veil = Material { alpha_mode, alpha: alpha.into(), ..Material::new("veil", Black {}) };
@@ -461,8 +462,8 @@ fn blended_surfaces_let_their_share_of_light_through() {
                 let film = render(&scene, &over_ground(0.0, 0.0), &settings);
                 let expected =
                     vec![[f64::from(REFLECTANCE) / PI * irradiance; 3]; (SIZE * SIZE) as usize];
-                // The sheet is finite, and 20 units do not cover the whole sky: less than half a
-                // percent of it passes below.
+                // The sheet is finite: its 20 units do not cover the whole sky, so less than half a
+                // percent of the light passes below.
                 let missing =
                     if scene.environment.is_some() { 0.01 * f64::from(REFLECTANCE) } else { 0.0 };
                 let found = image_mean(&film)[0];

@@ -8,7 +8,7 @@ use snell_scene::builtin::BUILTINS;
 use snell_scene::framing::{FramingOptions, prepare};
 use snell_tests::{bits, render, settings, shared_data};
 
-/// The scene after it was written and read, and the number of losses.
+/// The scene as it is read after it was written, and the number of losses.
 fn round_trip(scene: &Scene, extension: &str) -> (Scene, usize) {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join(format!("scene.{extension}"));
@@ -51,8 +51,8 @@ fn scenes_of_pbrt_have_the_same_picture_as_pbrt_again() {
         };
         let (a, b) = (values(&scene), values(&again));
         let sum = |v: &[f64]| v.iter().sum::<f64>();
-        // The same samples: only numbers that were written as decimals may differ in their last
-        // bits.
+        // The samples are the same: only numbers that were written as decimals may differ in their
+        // last bits.
         let far =
             a.iter().zip(&b).filter(|(x, y)| (*x - *y).abs() > 1e-2 * (1.0 + x.abs())).count();
         assert!(

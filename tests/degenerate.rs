@@ -49,7 +49,7 @@ fn front() -> Camera {
     Camera::look_at(Vec3::new(0.3, 0.4, 4.0), Vec3::ZERO, Vec3::Y, 0.5)
 }
 
-/// An illuminated ground.
+/// A scene with an illuminated ground.
 fn lit() -> Scene {
     let mut scene = Scene::new("lit");
     ground(&mut scene, 0.5);
@@ -103,7 +103,7 @@ fn broken_meshes_leave_the_rest_of_the_scene_alone() {
             put_mesh(&mut scene, mesh.clone(), at(0.0, 0.5, 0.0), material);
             survives(&format!("positions {value}"), &scene, &front());
             if !value.is_finite() {
-                // The lamp that cannot be hit or sampled changes nothing, whatever it emits.
+                // A lamp that cannot be hit or sampled changes nothing, whatever it emits.
                 let found = colors(&render(&scene, &front(), &settings(8, 16)).image());
                 assert_eq!(found, expected, "{value} {emissive}");
             }
@@ -256,7 +256,7 @@ fn things_that_touch_and_coincide_give_finite_pictures() {
         put(&mut scene, Sphere { radius: 0.5 }, at(0.0, 0.5, 0.0), material);
         put_mesh(&mut scene, quad(), at(1.0, 0.5, 0.0), material);
     }
-    // A camera on a surface, and one in a corner.
+    // One camera lies on a surface, and one in a corner.
     survives("touching", &scene, &front());
     survives(
         "on the ground",

@@ -1,5 +1,5 @@
-//! The same bits for any number of threads, order of tiles, passes, crops, instruction set and
-//! accelerator.
+//! Renders give the same bits for any number of threads, order of tiles, passes, crops, instruction
+//! set and accelerator.
 
 use snell_intersect::AcceleratorKind;
 use snell_intersect::BuildOptions;
@@ -172,7 +172,7 @@ fn ray_trees_with_more_rays_than_a_batch_holds_do_not_change_a_bit() {
 #[test]
 fn instructions_and_accelerators_do_not_change_a_bit() {
     let (scene, camera) = everything();
-    // These layers count the work of an accelerator, which differs.
+    // Layers that count the work of an accelerator are left out, because the counts differ.
     let aovs: Vec<Aov> = Aov::ALL.into_iter().filter(|a| !a.needs_counters()).collect();
     let levels: Vec<Level> = Level::ALL.into_iter().filter(|l| l.is_supported()).collect();
     for integrator in IntegratorKind::ALL {

@@ -1,9 +1,9 @@
-//! The test of exactness: rays from inside closed meshes, aimed at every vertex and at the middle
-//! of every edge, and random ones. None may escape, and every crossing counts exactly once: their
-//! number is odd, and exits minus entries is one.
+//! The test of exactness. Rays start inside of closed meshes, aimed at every vertex and at the
+//! middle of every edge, or in random directions. None may escape, and every crossing must count
+//! exactly once: the number of crossings is odd, and exits minus entries is one.
 //!
-//! `SNELL_EXACT_RAYS` sets the number of rays of either kind for each mesh at each place (20,000 by
-//! default); a table is printed.
+//! The environment variable `SNELL_EXACT_RAYS` sets the number of rays of either kind for each mesh
+//! at each place (20,000 by default); a table is printed.
 
 use rayon::prelude::*;
 use snell_formats::ReadOptions;
@@ -29,7 +29,7 @@ fn direction(index: usize, stream: u32) -> Vec3 {
     uniform_sphere(Vec2::new(u[0], u[1]))
 }
 
-/// The meshes; those from files only if the files exist.
+/// The meshes to test. Meshes from files are skipped if the files do not exist.
 fn meshes() -> Vec<(String, TriangleMesh)> {
     let mut meshes =
         vec![("lat-long sphere 100x200".to_string(), latitude_longitude_sphere(2.0, 100, 200))];
@@ -52,7 +52,8 @@ fn meshes() -> Vec<(String, TriangleMesh)> {
     meshes
 }
 
-/// Scaled to a radius of about 2 around the origin, then by `scale`, then moved, rounding once.
+/// The mesh scaled to a radius of about 2 around the origin, then scaled by `scale` and moved to
+/// `center`, with a single rounding.
 fn placed(mesh: &TriangleMesh, scale: f64, center: Vec3) -> TriangleMesh {
     let bounds = mesh.bounds();
     let (middle, size) = (bounds.center().as_dvec3(), f64::from(bounds.size().max_element()));
@@ -63,7 +64,7 @@ fn placed(mesh: &TriangleMesh, scale: f64, center: Vec3) -> TriangleMesh {
     placed
 }
 
-/// Exits minus entries over all crossings.
+/// The number of exits minus the number of entries over all crossings.
 fn winding(mesh: &TriangleMesh, ray: &Ray, hits: &[Hit]) -> i32 {
     let sign = |hit: &Hit| {
         let [a, b, c] = mesh.corners(hit.primitive as usize).map(|p| p.as_dvec3());
@@ -93,10 +94,11 @@ fn origins(world: &World, mesh: &TriangleMesh, radius: f32, center: Vec3) -> Vec
 struct Counts {
     rays: usize,
     misses: usize,
-    /// An even number of crossings: one of them was lost or counted twice.
+    /// Number of rays with an even number of crossings: one was lost or counted twice.
     wrong: usize,
-    /// Exits minus entries is not one, or there are several crossings of a convex shape: projected
-    /// along the ray the mesh is folded, so that some triangles face the wrong way.
+    /// Number of rays for which exits minus entries is not one, or which cross a convex shape
+    /// several times: projected along the ray the mesh is folded, so that some triangles face the
+    /// wrong way.
     folded: usize,
 }
 
@@ -148,8 +150,8 @@ fn no_ray_escapes_a_closed_mesh_and_every_crossing_counts_once() {
             let origins = origins(&world, &mesh, 2.0 * scale as f32, center);
             assert!(!origins.is_empty(), "{name}, {place}: there are points inside");
             let targets = mesh.positions.len() + mesh.indices.len() * 3;
-            // A stride without common factors covers everything sparsely with few rays, and all of
-            // it with many.
+            // A stride without common factors covers all targets: sparsely with few rays, and
+            // completely with many.
             let aimed = |i: usize| {
                 let target = (i * 7919) % targets;
                 let target = match target.checked_sub(mesh.positions.len()) {
@@ -173,7 +175,7 @@ fn no_ray_escapes_a_closed_mesh_and_every_crossing_counts_once() {
                     counts.rays, counts.misses, counts.wrong, counts.folded
                 );
                 assert_eq!(counts.misses, 0, "{name}, {place}, {kind}");
-                // Rounding the coordinates has flipped some triangles there.
+                // At these places, rounding of the coordinates has flipped some triangles.
                 assert!(
                     place == "far" || counts.folded == 0,
                     "{name}, {place}, {kind}: {}",

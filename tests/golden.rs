@@ -1,13 +1,14 @@
 //! Golden pictures: each scene in `tests/golden/INTEGRATOR/` looks like the OpenEXR file beside it
 //! that has its name.
 //!
-//! Nobody lists them: to add one, put a scene there, run `cargo xtask golden`, look at the new
-//! picture, and commit both. What a scene names (materials excepted, which have an extension of
-//! their own) goes into the file itself or into a folder below.
+//! The test finds the scenes by itself. To add one, put a scene into the folder, run `cargo xtask
+//! golden`, look at the new picture, and commit both. Other files that a scene names go into the
+//! file itself or into a subfolder. (Material files may stay beside it, because their extension
+//! differs.)
 //!
-//! Noise does not count, so another seed passes; other light, geometry or textures do. After a
-//! failure `target/golden/INTEGRATOR/` has the new picture and the differences;
-//! `cargo xtask golden` makes the new pictures the references.
+//! Noise does not count, so another seed passes, but other light, geometry or textures fail. After
+//! a failure, `target/golden/INTEGRATOR/` has the new picture and the differences; `cargo xtask
+//! golden` makes the new pictures the references.
 
 use snell_formats::image::compare::{
     CompareError, CompareOptions, Compared, LinearImage, compare, difference_picture,
@@ -32,7 +33,7 @@ const NOISE: f32 = 4.0;
 /// Maximum mean FLIP error of pixels that passes.
 const MAX_FLIP: f64 = 0.005;
 
-/// Sides of squares whose means are compared, too: their noise is lower than that of pixels.
+/// Sides in pixels of squares whose means are compared, too: these have less noise than pixels.
 const SQUARES: [u32; 2] = [5, 20];
 
 /// Maximum relative mean squared error of the means of squares that passes.
@@ -77,7 +78,7 @@ struct Picture {
 }
 
 impl Picture {
-    /// The picture of a scene as `snell render` makes it with this integrator.
+    /// Renders the picture of a scene as `snell render` does with this integrator.
     fn render(path: &Path, integrator: IntegratorKind, seed: u32) -> Self {
         let mut scene = read_scene(path, &ReadOptions::default()).unwrap_or_else(|e| panic!("{e}"));
         prepare(&mut scene, &FramingOptions { size: SIZE, ..FramingOptions::default() })
@@ -109,7 +110,7 @@ impl Picture {
     }
 }
 
-/// A picture of one layer.
+/// An image with one layer of RGB.
 fn picture([width, height]: [u32; 2], values: Vec<f32>) -> LayeredImage {
     let channels = ["R", "G", "B"].map(String::from).to_vec();
     LayeredImage {
@@ -124,8 +125,8 @@ fn linear(image: &LayeredImage) -> LinearImage {
     LinearImage::from_layer(image, &image.layers[0])
 }
 
-/// A picture of the means of squares of pixels. Incomplete squares at the right and bottom are
-/// dropped.
+/// The picture whose pixels are the means of squares of pixels. Incomplete squares at the right and
+/// bottom are dropped.
 fn squares(image: &LinearImage, side: u32, mean: impl Fn(&[[f32; 3]]) -> [f32; 3]) -> LinearImage {
     let (width, height) = (image.width / side, image.height / side);
     let square = |i: u32| {
@@ -191,7 +192,7 @@ impl Judgement {
         Ok(Self { pixels, squares })
     }
 
-    /// The failure, if any.
+    /// Fails with a message if the picture differs too much from its reference.
     fn verdict(&self) -> Result<(), String> {
         let c = &self.pixels.comparison;
         let is_finite = c.not_finite_in_reference + c.not_finite_in_test == 0;

@@ -1,5 +1,5 @@
-//! Path guiding changes only the noise, gives the same bits for any threads, order and crop, and
-//! works on any scene.
+//! Path guiding changes only the noise, gives the same bits for any number of threads, order and
+//! crop, and works on any scene.
 
 use snell_intersect::BuildOptions;
 use snell_intersect::shape::{BoxShape, Sphere};
@@ -38,7 +38,8 @@ fn room_with_glass() -> (Scene, Camera) {
     (scene, Camera::look_at(Vec3::new(0.0, 1.6, 4.0), Vec3::new(0.0, 0.5, 0.0), Vec3::Y, 0.4))
 }
 
-/// Two rooms with a gap in the wall between them; the lamp is in the one that is not visible.
+/// Two rooms with a gap in the wall between them. The camera sees one room, and the lamp is in the
+/// other.
 fn two_rooms() -> (Scene, Camera) {
     let mut scene = Scene::new("two rooms");
     let walls = matte(&mut scene, 0.7);

@@ -1,4 +1,4 @@
-//! Layers that show parts of the light add up to the picture, for any kind of scene.
+//! Layers that show parts of the light add up to the picture in any kind of scene.
 
 use snell_render::integrator::light_part::{LightPart, LightSource, Lobe, Scatterings};
 use snell_render::{Aov, IntegratorKind, LightGroup, Settings};
@@ -10,7 +10,7 @@ fn part(lobe: Option<Lobe>, scatterings: Scatterings) -> Aov {
     Aov::Light(LightPart { lobe, scatterings: Some(scatterings), group: None })
 }
 
-/// Checks that layers add up to the picture, and returns the mean of each.
+/// Checks that layers add up to the picture, and returns the mean of each layer.
 fn check_sum(image: &LayeredImage, layers: std::ops::Range<usize>, name: &str) -> Vec<f32> {
     let picture = &image.layers[0].values;
     let mut means = vec![0.0; layers.len()];
@@ -43,7 +43,7 @@ fn lobes_and_bounces_add_up_to_the_picture() {
         check_sum(&image, split + 1..split + 4, integrator.name());
         let there: Vec<bool> = means.iter().map(|&m| m > 0.0).collect();
         let many = integrator == IntegratorKind::Path;
-        // Light enters glass and leaves it: two bounces.
+        // Light through glass needs two bounces: one to enter and one to leave.
         assert_eq!(there[..7], [true, true, many, true, many, false, many], "{means:?}");
         assert!(!there[7] && !there[8], "no medium, no scattering in it");
     }
@@ -67,7 +67,7 @@ fn light_groups_add_up_to_the_picture_and_hold_their_lights_alone() {
     };
     let image = render(&scene, &camera, &settings).image();
     check_sum(&image, 1..4, "groups");
-    // Lamps only: the same light without all others.
+    // This scene has only the lamps, which must give the same light as their group.
     scene.environment = None;
     scene.lights.clear();
     scene.background = snell_scene::Background::Environment;

@@ -34,7 +34,7 @@ fn every_light(with_points: bool) -> (Scene, Camera) {
     );
     put(&mut scene, Sphere { radius: 0.4 }, at(-0.7, 0.4, 0.3), metal);
     put(&mut scene, rectangle(4.0, 3.0), facing(DVec3::new(0.0, 1.5, -1.6), DVec3::Z), paper);
-    // Analytic lamps, one that touches a wall.
+    // Analytic lamps, one of which touches a wall.
     put(&mut scene, Sphere { radius: 0.15 }, at(-1.2, 1.2, -1.45), glow);
     put(
         &mut scene,
@@ -53,7 +53,7 @@ fn every_light(with_points: bool) -> (Scene, Camera) {
     put(&mut scene, Triangle { vertices: corners }, DAffine3::IDENTITY, dim);
     let stretched = at(0.9, 0.3, 0.8) * DAffine3::from_scale(DVec3::new(0.3, 0.1, 0.2));
     put(&mut scene, Sphere { radius: 0.8 }, stretched, dim);
-    // A textured mesh that shines on both sides, instanced.
+    // An instanced mesh with a texture that emits on both sides.
     let picture = image(4, 4, 3, |x, y| vec![x as f32 * 2.0, f32::from(y == 1) * 9.0, 0.5]);
     let picture = scene.add_image(picture);
     let texture = Some(scene.add_texture(ImageTexture::new(picture, Encoding::Linear)));
@@ -149,7 +149,8 @@ fn threads_do_not_change_a_bit_of_a_scene_of_many_lights() {
     }
 }
 
-/// Zero size, infinite power, NaN: the picture stays finite, and valid lights still illuminate.
+/// With zero size, infinite power or NaN, the picture stays finite, and valid lights still
+/// illuminate.
 #[test]
 fn lights_that_make_no_sense_do_no_harm() {
     let (mut scene, camera) = every_light(false);
@@ -264,7 +265,8 @@ fn lamps_that_move_while_the_shutter_is_open_are_sampled_where_they_are() {
     }
 }
 
-/// A flame over the ground, half of it outside of its bounds, seen through a pane of glass.
+/// A flame over the ground, part of whose emission lies outside of its bounds, seen through a pane
+/// of glass.
 fn flame() -> (Scene, Camera) {
     let mut scene = Scene::new("flame");
     ground(&mut scene, 0.6);

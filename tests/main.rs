@@ -1,5 +1,5 @@
-//! Tests that need several crates, as one program: it is linked once, and its tests run beside each
-//! other. `cargo test -p snell-tests golden::` runs those of one file.
+//! Tests that need several crates, as one program: it is linked once, and its tests run in
+//! parallel. `cargo test -p snell-tests golden::` runs the tests of one file.
 
 mod agreement;
 mod batches;

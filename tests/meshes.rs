@@ -80,7 +80,7 @@ pub fn icosphere(radius: f64, levels: u32) -> TriangleMesh {
 }
 
 /// The mesh with equal vertices merged and every hole closed by a fan around the middle of its
-/// border; `None` if even then it is not a closed, consistently oriented surface.
+/// border. `None` if the result is not a closed, consistently oriented surface.
 pub fn closed(mesh: &TriangleMesh) -> Option<TriangleMesh> {
     let mut numbers = BTreeMap::new();
     let mut result = TriangleMesh::default();

@@ -6,7 +6,7 @@ use snell_render::{CompiledScene, IntegratorKind, Job, Settings, reference};
 use snell_scene::{Scene, builtin::builtin};
 use snell_tests::{colors, render, shared_data};
 
-/// The original's settings, as the scene specifies them.
+/// The settings of the original program, as the scene specifies them.
 fn settings(scene: &Scene) -> Settings {
     let asked = &scene.settings;
     assert_eq!(asked.integrator.as_deref(), Some("whitted"));
@@ -20,14 +20,15 @@ fn settings(scene: &Scene) -> Settings {
     }
 }
 
-/// The numbers of an `.ap` file: `width height`, then `r g b` per pixel, 255 for 1.
+/// The colours of an `.ap` file, which holds `width height`, then `r g b` per pixel, where 255 is
+/// 1.
 fn read_ap(text: &str) -> Vec<[f64; 3]> {
     let numbers: Vec<f64> = text.split_whitespace().map(|w| w.parse().expect("a number")).collect();
     assert_eq!((numbers[0], numbers[1]), (32.0, 32.0));
     numbers[2..].chunks_exact(3).map(|c| [c[0], c[1], c[2]]).collect()
 }
 
-/// Share of pixels within `tolerance` levels, and the largest difference.
+/// The share of pixels within `tolerance` levels of 255, and the largest difference.
 fn agreement(
     rendered: &[[f64; 3]],
     reference: &[[f64; 3]],
@@ -61,7 +62,7 @@ fn the_picture_equals_the_output_of_the_original_program() {
 
 #[test]
 fn the_picture_is_within_a_level_of_the_posting_of_1987() {
-    // The program in the posting truncated fractions.
+    // The program in the posting of 1987 truncated fractions instead of rounding them.
     let Some(path) = shared_data("minray/test1.heckbert1987.ap") else { return };
     let reference = read_ap(&std::fs::read_to_string(path).expect("the file can be read"));
     let scene = builtin("minray").expect("the scene is built in");

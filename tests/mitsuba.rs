@@ -89,7 +89,7 @@ fn reference(name: &str, size: usize) -> Option<Vec<[f64; 3]>> {
     Some((0..size * size).map(block).collect())
 }
 
-/// Pixels along the sides of the pictures compared.
+/// Width and height in pixels of the pictures compared.
 const SIZE: usize = 64;
 
 fn check(integrator: IntegratorKind, name: &str, spp: u32) {
@@ -117,7 +117,7 @@ fn check(integrator: IntegratorKind, name: &str, spp: u32) {
         .flat_map(|(a, b)| [0, 1, 2].map(|c| relative(a[c], b[c])))
         .collect();
     let by_pixel = errors.iter().sum::<f64>() / errors.len() as f64;
-    // Means of 8 x 8 pixels: noise averages out, incorrect light does not.
+    // Means of 8 x 8 pixels are compared: there noise averages out, but incorrect light does not.
     let squares = |values: &[[f64; 3]]| -> Vec<[f64; 3]> {
         let mut sums = vec![[0.0; 3]; SIZE * SIZE / 64];
         for (i, value) in values.iter().enumerate() {

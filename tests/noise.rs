@@ -1,5 +1,5 @@
-//! Adaptive sampling is correct: the interval covers the truth as often as stated, and the bits
-//! depend on nothing else.
+//! Adaptive sampling is correct: the interval covers the truth as often as stated, and the bits do
+//! not depend on threads or order.
 
 use snell_intersect::BuildOptions;
 use snell_render::film::noise::NoiseMap;
@@ -15,10 +15,10 @@ fn cornell_box() -> (CompiledScene, Camera) {
     (CompiledScene::new(&scene, &BuildOptions::default()).expect("the scene compiles"), camera)
 }
 
-/// Renders of the long test, of 64 pixels each.
+/// Number of renders in the long test, of 64 pixels each.
 const TRIALS: u32 = 1000;
 
-/// The shares of pixels in `trials` renders whose intervals contain the truth, and the mean number
+/// The share of pixels in `trials` renders whose intervals contain the truth, and the mean number
 /// of samples.
 fn coverage(
     (scene, camera): &(CompiledScene, Camera),

@@ -2,8 +2,8 @@
 //! snell-tests pbrt_references -- --ignored --nocapture` prints the table and writes the pictures
 //! to `target/references`.
 //!
-//! Both pictures are compared at a quarter of the reference's size: its noise and ours average out,
-//! differences of light remain.
+//! Both pictures are compared at a quarter of the reference's size: there the noise of both
+//! averages out, while differences of light remain.
 
 use snell_formats::image::compare::{CompareOptions, LinearImage, compare, difference_picture};
 use snell_formats::image::{WriteOptions, read_image, write_image};
@@ -14,18 +14,18 @@ use snell_scene::{Layer, LayeredImage};
 use snell_tests::{render_compiled, shared_data};
 use std::path::Path;
 
-/// Reduction of the reference's size for the comparison, along each side.
+/// Factor by which the reference's size is reduced for the comparison, along each side.
 const REDUCTION: u32 = 4;
 
 /// A scene and its reference.
 struct Case {
     name: &'static str,
     file: &'static str,
-    /// Samples per (reduced) pixel.
+    /// Samples per reduced pixel.
     spp: u32,
-    /// Depth of the reference if it differs from the file's.
+    /// Maximum path depth of the reference, if it differs from the file's.
     max_depth: Option<u32>,
-    /// Maximum relative mean squared error and FLIP that are explained.
+    /// Maximum relative mean squared error and mean FLIP error; `why` explains the difference.
     limits: [f64; 2],
     /// The explanation.
     why: &'static str,
@@ -84,7 +84,7 @@ const CASES: [Case; 6] = [
 ];
 
 impl Case {
-    /// Name and format.
+    /// The name and format of the case.
     fn label(&self) -> String {
         format!("{} {}", self.name, self.file.split('/').next().unwrap_or_default())
     }
@@ -113,8 +113,8 @@ fn picture(image: &LinearImage) -> LayeredImage {
     LayeredImage { width: image.width, height: image.height, layers, metadata: Vec::new() }
 }
 
-/// Renders the scene, writes the pictures, and returns the line of the table and whether it is
-/// within the limits.
+/// Renders the scene, writes the pictures, and returns the line of the table and whether the errors
+/// are within the limits.
 fn check(case: &Case) -> Option<(String, bool)> {
     let folder = shared_data(&format!("bitterli/{}", case.name))?;
     let reference = Input::open(&folder.join("pbrt/TungstenRender.exr"), &ReadOptions::default())

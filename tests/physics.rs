@@ -10,14 +10,14 @@ use snell_tests::scenes::{all_around, at, facing, ground, image, matte, put, put
 use snell_tests::statistics::{Estimate, image_mean};
 use snell_tests::{colors, render, settings};
 
-/// Light of radiance 1 from everywhere.
+/// A scene with light of radiance 1 from everywhere.
 fn furnace() -> Scene {
     let mut scene = Scene::new("furnace");
     scene.environment = Some(Environment::Constant(Rgb::WHITE));
     scene
 }
 
-/// The same light as a picture, which is importance sampled.
+/// A furnace whose light is a picture, which is importance sampled.
 fn sampled_furnace() -> Scene {
     let image = image(8, 4, 3, |_, _| vec![1.0; 3]);
     let world_from_environment = DAffine3::IDENTITY;
@@ -68,8 +68,8 @@ fn a_white_furnace_shows_nothing() {
             let name = format!("white furnace, {what}, {}", light_strategy.name());
             let camera = Camera::look_at(Vec3::new(0.5, 3.0, 4.0), Vec3::ZERO, Vec3::Y, 0.7);
             let found = mean(&name, &scene, &camera, &settings);
-            // Uniform samples of the whole sky rarely find its light: there, only noise may be
-            // wrong.
+            // Uniform samples of the whole sky rarely find its light: for these strategies, only
+            // the noise is larger.
             if what == "constant" && light_strategy != LightStrategy::Light {
                 assert!((found.mean - 1.0).abs() < 1e-3 && found.error < 1e-3, "{name}: {found:?}");
             } else {
@@ -140,7 +140,7 @@ fn a_glowing_cavity_has_the_radiance_of_the_geometric_series() {
 
 #[test]
 fn roulette_keeps_the_radiance_of_a_bright_cavity() {
-    // Nine of ten bounces continue: most of the light comes after roulette has begun.
+    // Nine of ten bounces continue, so most of the light comes after roulette has begun.
     let mut scene = Scene::new("cavity");
     let material = glowing(&mut scene, 0.9);
     put(&mut scene, Sphere { radius: 1.0 }, DAffine3::IDENTITY, material);
@@ -162,7 +162,7 @@ fn the_depth_counts_bounces() {
             let settings = Settings { max_depth, light_strategy, ..settings(16, 64) };
             let found =
                 mean(&format!("depth {max_depth}"), &scene, &all_around(DVec3::ZERO), &settings);
-            // Without weights and roulette, every sample is exactly the series.
+            // Without weights and roulette, every sample is exactly the partial sum of the series.
             let is_exact = light_strategy != LightStrategy::Mis && max_depth < 2;
             let tolerance = if is_exact { 1e-4 } else { 4.0 * found.error + 1e-4 };
             assert!(found.error < 0.01, "{max_depth} {light_strategy:?}: {found:?}");
@@ -325,8 +325,8 @@ fn a_cut_out_or_blended_lamp_gives_as_much_light_as_is_there() {
             0.0,
             "{strategy:?}: nothing is there"
         );
-        // The outer surface transmits half, and the inner one is seen through it with half of the
-        // rest.
+        // The outer surface blocks half of the light, and through it the inner one blocks half of
+        // the rest.
         let half = look_at_floor(AlphaMode::Blend, 0.5, true, strategy);
         assert!((half / whole - 0.75).abs() < 0.03, "{strategy:?}: {half} of {whole}");
         let outside = look_at_floor(AlphaMode::Blend, 0.5, false, strategy);

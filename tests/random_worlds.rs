@@ -62,7 +62,7 @@ impl<'a> Source<'a> {
         Vec3::new(self.coordinate(), self.coordinate(), self.coordinate())
     }
 
-    /// An extreme number: NaN, infinite, enormous, tiny, zero.
+    /// An extreme number: NaN, infinite, enormous, tiny or zero.
     fn strange(&mut self) -> f32 {
         let values = [
             f32::NAN,
@@ -110,15 +110,15 @@ impl<'a> Source<'a> {
             }
             mesh.positions.push(point);
         }
-        // Few vertices and many triangles: shared edges, fans, and the same triangle twice.
+        // Few vertices with many triangles give shared edges, fans, and the same triangle twice.
         for _ in 0..1 + self.below(60) {
             mesh.indices.push(std::array::from_fn(|_| self.below(vertices) as u32));
         }
         mesh
     }
 
-    /// A mesh with so many triangles that it is refitted when it moves: strips of three, small
-    /// compared to their distances.
+    /// A mesh with so many triangles that it is refitted when it moves: strips of three triangles,
+    /// small compared to the distances between them.
     fn crowd(&mut self) -> TriangleMesh {
         const STRIPS: u32 = 400;
         let (seed, size) = (self.word(), [0.3, 1e-2, 1e-4, 1e-6][self.below(4)]);
@@ -177,7 +177,7 @@ impl<'a> Source<'a> {
                 all.geometries.push(P::add_shape(&mut all.builder, group, shape, placed));
             }
         }
-        // Only later groups are instanced in earlier ones: no cycles.
+        // Only later groups are instanced in earlier ones, so there are no cycles.
         for child in 1..count {
             for _ in 0..1 + self.below(3) {
                 let group = GroupId(self.below(child) as u32);
@@ -192,7 +192,8 @@ impl<'a> Source<'a> {
         all
     }
 
-    /// Adds spheres, curves, quads, a mesh with moving vertices, and a moving instance of the same.
+    /// Adds spheres, curves, quads and meshes with moving vertices, each with some probability, to
+    /// the root group and to a new group, and a moving instance of the new group.
     pub fn add_sets<P: Tested>(&mut self, all: &mut Collected<P>) {
         let child = P::add_group(&mut all.builder);
         for group in [WorldBuilder::ROOT, child] {
@@ -244,13 +245,13 @@ impl<'a> Source<'a> {
         all.add(WorldBuilder::ROOT, Instance { later, ..Instance::new(child, self.transform()) });
     }
 
-    /// Random edits: vertices move, instances move and vanish, geometries appear, vanish and are
-    /// replaced.
+    /// Makes random edits: vertices move, instances move and vanish, geometries appear, vanish and
+    /// are replaced.
     pub fn edit<P: Tested>(&mut self, all: &mut Collected<P>) {
         for _ in 0..1 + self.below(4) {
             match self.below(6) {
                 0 | 1 if !all.meshes.is_empty() => {
-                    // The last, which may be large, is chosen more often.
+                    // The last mesh, which may be large, is chosen more often.
                     let at = self.below(2 * all.meshes.len()).min(all.meshes.len() - 1);
                     let (id, group, mut mesh) = all.meshes[at].clone();
                     let (scale, offset) =
@@ -294,7 +295,7 @@ impl<'a> Source<'a> {
         }
     }
 
-    /// Points with radii.
+    /// Random points with radii.
     fn balls(&mut self, count: usize) -> Vec<Vec4> {
         let ball = |_| {
             let radius = self.coordinate().abs() * 0.3;
@@ -304,7 +305,8 @@ impl<'a> Source<'a> {
         (0..count).map(ball).collect()
     }
 
-    /// A ray at an object, along an axis, through lattice points, or an invalid one.
+    /// A ray that is aimed at an object, runs along an axis or through lattice points, or is
+    /// invalid.
     pub fn ray(&mut self) -> Ray {
         let origin = self.point() * if self.below(3) == 0 { 4.0 } else { 1.0 };
         let mut ray = Ray::new(origin, self.point() - origin);
@@ -347,7 +349,7 @@ impl<'a> Source<'a> {
         P::ray_to(mesh, triangle, barycentrics, self.point(), all.place)
     }
 
-    /// A mask: mostly all bits.
+    /// A random mask, mostly with all bits set.
     pub fn mask(&mut self) -> u32 {
         if self.below(4) == 0 { self.byte().into() } else { u32::MAX }
     }
@@ -359,15 +361,15 @@ pub fn random_bytes(seed: u32, count: usize) -> Vec<u8> {
     words.flat_map(u32::to_le_bytes).take(count).collect()
 }
 
-/// A builder, and its contents.
+/// A builder, with lists of what was added to it.
 #[derive(Clone, Debug)]
 pub struct Collected<P: Tested> {
     /// The builder.
     pub builder: P::Builder,
-    /// The position of its root group.
+    /// The position of the root group's objects.
     pub place: DVec3,
     geometries: Vec<GeometryId>,
-    /// The meshes, with their groups, before they were moved there.
+    /// The meshes, with their groups, before they were moved to `place`.
     meshes: Vec<(GeometryId, GroupId, TriangleMesh)>,
     /// Instances and their groups.
     instances: Vec<(InstanceId, GroupId)>,

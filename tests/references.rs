@@ -1,9 +1,9 @@
-//! Princeton `.scn` scenes as a student's program of 2012 renders them: the same geometry, cameras,
-//! Phong shading and shadows.
+//! Princeton `.scn` scenes are compared with the pictures of a student's program of 2012: geometry,
+//! cameras, Phong shading and shadows are the same.
 //!
-//! The pictures hold sRGB display values of 8 bits, one sample per pixel, at its lower left corner.
-//! Pictures of effects that the program simplifies are left out: light straight through glass,
-//! shadows of objects beyond a lamp, area lights that are points.
+//! The pictures hold sRGB display values of 8 bits, with one sample per pixel at its lower left
+//! corner. Pictures of effects that the program simplifies are left out: straight light through
+//! glass, shadows of objects beyond a lamp, area lights that are points.
 
 use snell_formats::image::compare::LinearImage;
 use snell_formats::image::{Display, display_value, read_image};
@@ -13,7 +13,7 @@ use snell_scene::framing::{FramingOptions, prepare};
 use snell_tests::{render, shared_data};
 use std::path::Path;
 
-/// Pixels along the sides of the pictures.
+/// Width and height of the pictures in pixels.
 const SIZE: u32 = 256;
 
 /// The difference between two pictures.
@@ -49,7 +49,7 @@ fn difference(scene: &Path, reference: &Path, settings: &Settings) -> Difference
     Difference { mean: sum / pixels, far: far / pixels }
 }
 
-/// Renders each scene and compares it with the picture of this kind.
+/// Renders each scene and compares it with its picture of this kind.
 fn check(scenes: &[&str], kind: &str, shadows: Shadows, max_depth: u32) {
     let settings = Settings {
         size: [SIZE, SIZE],

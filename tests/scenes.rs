@@ -42,7 +42,7 @@ pub fn lamp(scene: &mut Scene, radiance: f32) -> MaterialId {
     scene.add_material(Material::new("lamp", Black {}).emitting(Rgb::splat(radiance)))
 }
 
-/// A translation.
+/// A translation by these coordinates.
 pub fn at(x: f64, y: f64, z: f64) -> DAffine3 {
     DAffine3::from_translation(DVec3::new(x, y, z))
 }
@@ -68,7 +68,7 @@ pub fn over_ground(x: f64, z: f64) -> Camera {
     Camera::from_direction(eye, DVec3::NEG_Y, DVec3::NEG_Z, projection)
 }
 
-/// A camera inside of objects that looks in all directions.
+/// A camera that looks in all directions, for places inside of objects.
 pub fn all_around(eye: DVec3) -> Camera {
     Camera::from_direction(eye, DVec3::NEG_Z, DVec3::Y, Projection::Panoramic)
 }
@@ -103,9 +103,9 @@ pub fn sky(width: u32, radiance: impl Fn(DVec3) -> [f32; 3]) -> Arc<Image> {
     })
 }
 
-/// A scene with a bit of everything: textures, instances of instances, cut-out and blended
-/// surfaces, a normal map, glass, metals, an emissive mesh, lights of several kinds, an environment
-/// image. The camera sees all of it.
+/// A scene with many features: textures, instances of instances, cut-out and blended surfaces, a
+/// normal map, glass, metals, an emissive mesh, lights of several kinds, an environment image. The
+/// camera sees all of it.
 pub fn everything() -> (Scene, Camera) {
     let mut scene = Scene::new("everything");
     let checks = image(8, 8, 4, |x, y| {
@@ -171,7 +171,8 @@ pub fn everything() -> (Scene, Camera) {
         DAffine3::IDENTITY,
         bumpy,
     );
-    // A cluster of balls of several materials, seen twice, the second time inside another group.
+    // A cluster of balls of several materials is visible twice, the second time inside another
+    // group.
     let mut cluster = Node::named("cluster");
     for (i, material) in [glass, frosted, gold, mirror, coat, phong].into_iter().enumerate() {
         let angle = i as f64;

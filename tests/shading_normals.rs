@@ -1,5 +1,4 @@
-//! Normals other than the geometric ones: they deflect light, but they neither create nor leak any,
-//! and leave no black rims.
+//! Shading normals deflect light, but they neither create nor leak any, and leave no black rims.
 
 use snell_intersect::TriangleMesh;
 use snell_intersect::shape::Sphere;
@@ -47,7 +46,7 @@ fn bumpy_ball(kind: MaterialKind, scale: f32, as_heights: bool) -> (Scene, Camer
     let waves = scene.add_image(waves);
     let texture = scene.add_texture(ImageTexture::new(waves, Encoding::Linear));
     let normal_map = (!as_heights).then_some(NormalMap { texture, scale });
-    // Waves of ten texels, each a fortieth of the radius wide.
+    // The heights are waves of ten texels, each texel a fortieth of the radius wide.
     let heights = BumpMap { texture, channel: None, height: 0.12 * scale, unit: HeightUnit::Scene };
     let bump_map = as_heights.then_some(heights);
     let material =
@@ -63,7 +62,7 @@ fn brightness(scene: &Scene, camera: &Camera) -> [f64; 2] {
         colors(&render(scene, camera, &Settings { max_depth: 64, ..settings(SIZE, 32) }).image());
     let radius = |i: usize| {
         let at = |k: usize| (k as f64 + 0.5) / f64::from(SIZE) * 2.0 - 1.0;
-        // The silhouette of the ball, as a fraction of the picture.
+        // The radius relative to the ball's silhouette in the picture.
         at(i % SIZE as usize).hypot(at(i / SIZE as usize)) * 0.27f64.tan()
             / (1.0f64 / 4.0).asin().tan()
     };
@@ -93,7 +92,7 @@ fn bumps_make_no_light_and_no_black_rims() {
                 all < 1.005 && rim < 1.02,
                 "{name} with bumps of {scale} makes light: {all} {rim}"
             );
-            // Light deflected below the surface is lost, which is much at grazing angles.
+            // Light deflected below the surface is lost. At grazing angles, that is a large share.
             let least = if scale < 0.5 { [0.9, 0.65] } else { [0.7, 0.4] };
             assert!(
                 all > least[0] && rim > least[1],
@@ -113,7 +112,7 @@ fn light_from_behind_a_face_does_not_reach_it_whatever_its_normals() {
         let mut scene = Scene::new("terminator");
         let material = scene.add_material(Material::new(name, kind));
         put_mesh(&mut scene, tilted.clone(), DAffine3::IDENTITY, material);
-        // Under the face, but above the plane of its normals.
+        // The light is under the face, but above the plane of its shading normals.
         scene.add_light(Point {
             position: DVec3::new(3.0, 0.0, -0.2),
             intensity: Rgb::splat(100.0),

@@ -1,6 +1,6 @@
-//! Twenty small scenes, each of one kind of material, light or medium: every way of rendering them
-//! gives the same picture, by z-tests of the means, and of every pixel where both ways are
-//! efficient, each family at a significance of 0.01 (Sidak).
+//! Twenty small scenes, each of one kind of material, light or medium. Every way of rendering a
+//! scene gives the same picture, by z-tests of the means, and of every pixel where both ways are
+//! efficient; each family of tests is judged at a significance of 0.01 (Sidak).
 
 use snell_intersect::BuildOptions;
 use snell_intersect::shape::{BoxShape, Disk, Sphere};
@@ -24,7 +24,7 @@ use snell_tests::scenes::{
 };
 use snell_tests::statistics::{image_mean, pixel_z};
 
-/// A ground and a box beside the place for objects, without light.
+/// A scene with a ground and a box beside the place for objects, without light.
 fn stage(name: &str) -> Scene {
     let mut scene = Scene::new(name);
     ground(&mut scene, 0.6);
@@ -241,7 +241,7 @@ fn small_scenes() -> Vec<Scene> {
 
 const SIDE: u32 = 16;
 
-/// Deviations in standard errors of all comparisons, judged together.
+/// The deviations of all comparisons, in standard errors. They are judged together by the largest.
 #[derive(Default)]
 struct Deviations {
     tests: u32,
@@ -257,7 +257,7 @@ impl Deviations {
     }
 
     fn judge(&self, name: &str) {
-        // Both signs count.
+        // Deviations of both signs count, which doubles the number of tests.
         let limit = sidak_deviation(0.01, 2 * self.tests);
         let (worst, what) = &self.worst;
         eprintln!(

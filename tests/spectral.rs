@@ -110,7 +110,8 @@ fn grey_scenes_look_as_they_do_in_rgb() {
 
 #[test]
 fn a_path_of_one_wavelength_stands_for_four() {
-    // Glass that separates wavelengths without refracting them differently.
+    // The glass counts as dispersive, so that a path carries one wavelength, but its index is
+    // nearly the same at all wavelengths.
     let scene = |ior: RefractiveIndex| {
         display(vec![Dielectric::smooth(ior).into(), Dielectric::rough(ior, 0.4).into()])
     };
@@ -133,7 +134,7 @@ fn a_prism_shows_a_spectrum_and_in_rgb_a_white_line() {
         colors(&render(&scene, &scene.cameras[0], &Settings { crop, ..settings }).image())
     };
     let spectral = rows(ColorModel::Spectral);
-    // The pixel in which a channel exceeds the others most.
+    // The column in which channel `c` exceeds the others most.
     let place = |c: usize| {
         let lead = |p: &[f64; 3]| p[c] - p[(c + 1) % 3].max(p[(c + 2) % 3]);
         let best = (0..160)
@@ -169,7 +170,7 @@ fn colours_that_are_seen_once_are_those_of_rgb() {
             BoxShape { min: DVec3::new(x - 0.9, -0.9, -0.1), max: DVec3::new(x + 0.9, 0.9, 0.0) };
         put(&mut scene, shape, DAffine3::IDENTITY, material);
     }
-    // Every surface has an irradiance of pi, in one colour and another.
+    // Every surface has an irradiance of pi, first in white and then in a colour.
     for light in [Rgb::WHITE, Rgb::new(2.0, 1.0, 0.3)] {
         let irradiance = light * std::f32::consts::PI;
         scene.lights = vec![Directional { direction: DVec3::NEG_Z, irradiance }.into()];

@@ -13,8 +13,8 @@ pub struct Estimate {
     pub error: f64,
 }
 
-/// Relative rounding error of single precision over a whole picture: smaller differences are not
-/// evidence.
+/// Relative rounding error of single precision over a whole picture: smaller differences do not
+/// count.
 const ROUNDING: f64 = 1e-5;
 
 impl Estimate {
@@ -41,7 +41,7 @@ pub fn image_mean(film: &Film) -> [Estimate; 3] {
     })
 }
 
-/// The agreement of a picture with another one, or with expected values.
+/// How well a picture agrees with another one, or with expected values.
 #[derive(Clone, Copy, Debug)]
 pub struct Agreement {
     /// z of the mean of the whole picture, in the channel where it is largest.
@@ -54,8 +54,8 @@ pub struct Agreement {
 
 impl Agreement {
     /// # Panics
-    /// If the mean is off by 3 standard errors, or the blocks together by 4 (channels may be equal
-    /// and do not count).
+    /// If the mean is off by more than 3 standard errors, or the blocks together by more than 4.
+    /// (The channels may be equal, so they do not count as independent.)
     pub fn check(&self, what: &str) {
         eprintln!("{what}: z {:+.2}, chi2 {:.2} of {} blocks", self.mean_z, self.chi2, self.blocks);
         assert!(self.mean_z.abs() < 3.0, "{what}: {self:?}");

@@ -1,8 +1,8 @@
 //! Every accelerator, kernel, level, batch size and thread count finds the same hits, bit for bit,
 //! in random worlds of mixed shapes, meshes and instances, in either precision, also after edits.
 //!
-//! `SNELL_RANDOM_WORLDS` sets the number of worlds (250 by default; 60 in double precision, 120
-//! that are edited).
+//! The environment variable `SNELL_RANDOM_WORLDS` sets the number of worlds (by default 250; 60 in
+//! double precision, and 120 for edits).
 
 use rayon::prelude::*;
 use snell_tests::random_worlds::{
@@ -21,10 +21,10 @@ fn worlds(otherwise: u32) -> u32 {
     std::env::var("SNELL_RANDOM_WORLDS").ok().and_then(|s| s.parse().ok()).unwrap_or(otherwise)
 }
 
-/// The results for random worlds, by seed.
+/// Calls `look` with the bytes of the world of each seed, and returns the results.
 ///
 /// # Panics
-/// If there is a world in which answers differ.
+/// If answers differ in a world: then `look` has panicked.
 fn looked_at<T: Send>(
     seeds: &[u32],
     look: impl Fn(u32, &[u8]) -> T + Sync + RefUnwindSafe,
@@ -81,8 +81,8 @@ fn random_worlds_that_change_are_as_if_built_from_nothing() {
     assert_changed_worlds::<Double>(&seeds);
 }
 
-/// Found by a fuzzer: two crossings of one segment of a curve whose distances are equal after
-/// rounding, and the second has the lower `uv`.
+/// A fuzzer found this case: a ray crosses one segment of a curve twice, at distances that are
+/// equal after rounding, and the second crossing has the lower `uv`.
 #[test]
 fn the_first_of_two_crossings_that_are_equally_far_is_the_closest() {
     let bytes = b"\xb8\x9cXTX\x9c\xffXTXXXXU\x04UU\xff\xffUTU\x9cUUU\xff\xff";

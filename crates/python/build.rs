@@ -1,5 +1,5 @@
-//! Tells the linker what an extension module needs where that is not what it does anyway: on macOS,
-//! that the interpreter has what is missing.
+//! Passes the linker the arguments that an extension module needs. They matter on macOS, where the
+//! symbols of the interpreter are found only when the module is loaded.
 
 fn main() {
     pyo3_build_config::add_extension_module_link_args();

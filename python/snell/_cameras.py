@@ -50,8 +50,8 @@ def create_rays_pinhole(
     """Rays of a pinhole camera, one through the centre of each pixel: an array ``(height_px,
     width_px, 6)``.
 
-    Either by matrices or by ``fov_deg``, ``center``, ``eye`` and ``up``; the meanings are those of
-    Open3D.
+    The camera is given either by matrices or by ``fov_deg``, ``center``, ``eye`` and ``up``; the
+    arguments have the meanings of Open3D.
 
     Parameters
     ----------
@@ -69,9 +69,9 @@ def create_rays_pinhole(
     eye : array (3,)
         The position of the camera.
     up : array (3,)
-        What points up in the picture.
+        The direction that points up in the picture.
     dtype : numpy.float32 or numpy.float64
-        Of the rays.
+        The dtype of the rays.
 
     Returns
     -------

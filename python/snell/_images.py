@@ -17,12 +17,12 @@ __all__ = ["Comparison", "compare"]
 class Comparison(types.SimpleNamespace):
     """The differences of two pictures: the result of :func:`compare`.
 
-    `mse` and `rel_mse` are the mean squared error of linear values, and the same relative to the
-    reference (``(test - reference)**2 / (reference**2 + 0.01)``). `mse_srgb`, `psnr` (decibels;
-    None if equal) and `flip` (0 to 1, at 67 pixels per degree) are of what a screen shows, and
-    `flip_map` has the FLIP error of each pixel. `max_abs` is the largest difference of a linear
-    value, at column and row `max_at`; `max_levels` that of an 8-bit one. `different` is the share
-    of pixels that differ by more than `threshold` levels.
+    `mse` is the mean squared error of linear values, and `rel_mse` the mean squared error relative
+    to the reference (``(test - reference)**2 / (reference**2 + 0.01)``). `mse_srgb`, `psnr`
+    (decibels; None if equal) and `flip` (0 to 1, at 67 pixels per degree) compare sRGB display
+    values, and `flip_map` has the FLIP error of each pixel. `max_abs` is the largest difference of
+    a linear value, at column and row `max_at`; `max_levels` is the largest difference of an 8-bit
+    display value. `different` is the share of pixels that differ by more than `threshold` levels.
     """
 
     width: int

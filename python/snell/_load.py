@@ -20,7 +20,8 @@ def load(path: str | os.PathLike[str], *, threads: int | None = None) -> _snell.
         'snell[usd]'``; `snell.usd.load` also chooses variants and a time.
 
     threads : int, optional
-        Threads that work on it, but for USD, which has its own. Default: one per core.
+        Number of threads for the reading, except for USD, which has its own threads. Default: one
+        per core.
 
     Returns
     -------
@@ -31,9 +32,9 @@ def load(path: str | os.PathLike[str], *, threads: int | None = None) -> _snell.
     OSError
         If the file cannot be read.
     ValueError
-        If it is not a valid scene; the message gives the place and reason.
+        If the file is not a valid scene; the message gives the place and reason.
     ImportError
-        If it is USD and ``usd-core`` is missing.
+        If the file is USD and ``usd-core`` is missing.
     """
     name = os.fspath(path)
     if name.lower().endswith((".usd", ".usda", ".usdc", ".usdz")) and os.path.exists(name):

@@ -1,4 +1,6 @@
-"""Progress of a render: by tqdm or rich if the program uses one of them, else a line of text."""
+"""Shows the progress of a render: by tqdm or rich if the program has imported one of them, else as
+a line of text.
+"""
 
 from __future__ import annotations
 
@@ -11,12 +13,14 @@ from typing import Any
 
 Report = Callable[[float, int], object]
 
-# Seconds before anything is shown.
+# Seconds of rendering before anything is shown.
 _PATIENCE = 1.0
 
 
 class _Bar:
-    """A display of the share done. It opens after a delay, not for short renders."""
+    """A display of the finished share of a render. It opens after a delay, so short renders show
+    none.
+    """
 
     def __init__(self) -> None:
         self._start = time.perf_counter()
@@ -95,7 +99,7 @@ def _bar() -> _Bar | None:
 
 @contextlib.contextmanager
 def reporter(progress: bool | Report) -> Iterator[Report | None]:
-    """The function that receives the progress of a render."""
+    """Yields the function that receives the progress of a render; None if nothing does."""
     if not isinstance(progress, bool):
         yield progress
         return

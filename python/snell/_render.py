@@ -24,7 +24,9 @@ __all__ = ["SceneWarning", "render", "render_iter"]
 
 
 class SceneWarning(UserWarning):
-    """A part of a scene that cannot be rendered as described, and what is done instead."""
+    """The warning that a part of a scene cannot be rendered as described; it states what is done
+    instead.
+    """
 
 
 def _scene(scene: Scene | str | os.PathLike[str]) -> Scene:
@@ -37,8 +39,8 @@ def _warn(image: Image) -> None:
 
 
 def _denoiser(denoise: Any) -> Any:
-    """Where Open Image Denoise is: in a Python package, if one is installed, else wherever the
-    system finds it.
+    """The setting `denoise`, with True replaced by the folder of the package `pyoidn` if that is
+    installed. Otherwise the system's library is used.
     """
     spec = (
         importlib.import_module("importlib.util").find_spec("pyoidn") if denoise is True else None
@@ -64,24 +66,25 @@ def render(
 ) -> Image:
     """Renders a scene.
 
-    Omitted settings come from the scene's file, else from below. A scene without a camera is
-    framed; one without any light gets a grey sky. The scene is compiled at the first render and
-    kept until it changes. Work is done without Python's lock; Ctrl-C ends it at once.
+    Omitted settings come from the scene's file, or else are the defaults below. A scene without a
+    camera gets one that frames it; a scene without any light gets a grey sky. The scene is
+    compiled at the first render and kept until it changes. Python's lock is released during the
+    render; Ctrl-C ends it at once.
 
     Parameters
     ----------
     scene : Scene, str or os.PathLike
         A scene, a file that :func:`load` reads, or the name of a built-in scene.
     camera : Camera, int, str
-        A camera, or number or name of one of the scene's; the first.
+        A camera, or the number or name of one of the scene's cameras. Default: the first.
     threads : int
-        All cores.
+        Number of threads. Default: one per core.
     tonemap : str
-        How the picture is shown: ``"none"``, ``"aces"`` or ``"agx"``.
+        Tone map with which the picture is shown: ``"none"``, ``"aces"`` or ``"agx"``.
     progress : bool or callable
-        True shows how far it is, after a second, by tqdm or rich if the program has imported one of
-        them, else as a line of text on a terminal. A callable is given the share that is done and
-        the rays so far, and stops the render by answering False.
+        True shows the progress after a second, by tqdm or rich if the program has imported one of
+        them, else as a line of text on a terminal. A callable is given the finished share, 0 to 1,
+        and the number of rays so far; it stops the render by returning False.
     SETTINGS
 
     Returns
@@ -111,7 +114,7 @@ _SETTINGS: dict[str, dict[str, Any]] = _render_settings()
 
 
 def _known(function: str, settings: Mapping[str, Any]) -> dict[str, Any]:
-    """The settings, with the path of the denoiser; an error for unknown ones."""
+    """Returns the settings with the path of the denoiser; raises TypeError for an unknown one."""
     for name in settings:
         if name not in _SETTINGS and name not in _OTHERS:
             known = [*_SETTINGS, *_OTHERS]
@@ -126,7 +129,7 @@ _OTHERS = ("camera", "threads", "tonemap")
 
 
 def _documented() -> str:
-    """The settings as in the documentation of a function."""
+    """The settings in the form of a docstring's parameters."""
     lines = []
     for name, about in _SETTINGS.items():
         text = f"{about['summary']}. {about['details']}".strip()
@@ -149,20 +152,20 @@ def render_iter(
     progress: bool | Callable[[float, int], object] = False,
     **options: Any,
 ) -> Iterator[Image]:
-    """Renders a scene and yields the picture whenever it has four times the samples: 1, 4, 16 and
-    so on per pixel. The last picture is that of :func:`render`.
+    """Renders a scene and yields the picture each time its number of samples has quadrupled: at 1,
+    4, 16 and so on per pixel. The last picture is the one that :func:`render` returns.
 
-    Each picture is whole, and nothing is rendered twice. With `noise`, pixels that have stopped
-    stay as they are.
+    Each picture is complete, and no sample is taken twice. With `noise`, pixels that have reached
+    the requested error get no more samples.
 
     Parameters
     ----------
     scene, integrator, spp, size, progress, **options
-        As of :func:`render`.
+        As for :func:`render`.
     time : float
-        Stop after so many seconds altogether.
+        Time limit in seconds for all pictures together.
     view : bool
-        Show the pictures in the notebook, each in the place of the one before. Left out: if this is
+        Show the pictures in the notebook, each in the place of the previous one. Default: True in
         a notebook.
 
     Examples

@@ -26,7 +26,7 @@ def explain(
     structures: Sequence[str] = (),
     **options: Any,
 ) -> dict[str, Any]:
-    """Explains a pixel: what :func:`render` with the same options did for it.
+    """Explains the colour that :func:`render` with the same options gives a pixel.
 
     Parameters
     ----------
@@ -35,7 +35,8 @@ def explain(
     pixel : tuple of int
         Column and row, from the upper left corner.
     sample : int
-        The sample whose path is report; the one whose colour is nearest to that of the pixel.
+        Number of the sample whose path is reported, from 0. Default: the sample whose colour is
+        nearest to that of the pixel.
     structures : list of str
         Acceleration structures through which the camera ray is followed, such as ``["bvh",
         "kdtree"]``.
@@ -46,11 +47,11 @@ def explain(
     -------
     dict
         ``value`` is the pixel (red, green, blue, alpha). ``samples`` are the colours of its
-        samples, whose mean it is; ``convergence`` is the mean after some of them. ``classes`` is
-        its light by the way it took: E for the eye, then D (diffuse), G (glossy), S (mirror), T
-        (through a surface) or V (in a medium), and L for the light. ``tree`` is one sample:
-        ``vertices`` with what each adds to its ``color``. ``traces`` is the traversal of
-        each structure by the camera ray.
+        samples, whose mean is ``value``; ``convergence`` is the mean after some of the samples.
+        ``classes`` is the light of the pixel by class of path: E for the eye, then for each vertex
+        D (diffuse), G (glossy), S (mirror), T (through a surface) or V (in a medium), and L for the
+        light. ``tree`` is the path of one sample: ``vertices`` with what each adds to the sample's
+        ``color``. ``traces`` is the traversal of each structure by the camera ray.
 
     Examples
     --------
@@ -73,27 +74,27 @@ def view(
     fps: float = 30.0,
     **options: Any,
 ) -> View:
-    """Shows a scene in the browser, as ``snell view`` does: it moves while you steer and is refined
-    when you rest.
+    """Shows a scene in the browser, as ``snell view`` does: the picture follows the camera that you
+    steer, and is refined while the camera rests.
 
     Parameters
     ----------
     scene : Scene, str or os.PathLike
-        As for :func:`render`. What is shown is the scene as it is now.
+        As for :func:`render`. Later changes of the scene are not shown.
     port : int
-        Where the server listens, on this machine only; any that is free.
+        Port on which the server listens, on this machine only. Default: any free one.
     open : bool
-        Whether the page is opened in the browser. In a notebook the cell shows it; elsewhere it is
-        opened.
+        Whether the page is opened in the browser. Default: no in a notebook, whose cell shows the
+        page, and yes elsewhere.
     fps : float
         Frames per second while something moves, 1 to 240.
     **options
-        As for :func:`render`: how the picture at rest is made.
+        As for :func:`render`: the settings of the picture at rest.
 
     Returns
     -------
     View
-        It ends with ``close()``, at the end of a ``with`` block, or with the program.
+        The view, which ends with ``close()``, at the end of a ``with`` block, or with the program.
 
     Examples
     --------

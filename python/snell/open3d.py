@@ -41,13 +41,13 @@ def _threads(nthreads: int) -> int | None:
 class RaycastingScene:
     """A scene of triangle meshes for ray casting and closest points.
 
-    All is in float32, as Open3D has it; for float64 use :class:`snell.Scene`. Answers are
+    All numbers are float32, as in Open3D; for float64 use :class:`snell.Scene`. Queries return
     dictionaries of NumPy arrays.
 
     Parameters
     ----------
     nthreads : int
-        Of no meaning here: the number of threads to build with. 0 is all.
+        The number of threads for building in Open3D. It has no effect here: all cores build.
 
     Examples
     --------
@@ -125,8 +125,9 @@ class RaycastingScene:
     def compute_signed_distance(
         self, query_points: ArrayLike, nthreads: int = 0, nsamples: int = 1
     ) -> NDArray[np.float32]:
-        """The same, negative inside. By winding numbers, so ``nsamples`` (rays that vote, in
-        Open3D) is not needed.
+        """The distance of each point ``(..., 3)`` to the nearest surface, negative inside. The sign
+        follows from winding numbers, so ``nsamples`` (the number of rays that vote in Open3D) has
+        no effect.
         """
         distance: NDArray[np.float32] = self._scene.signed_distance(
             _single(query_points), threads=_threads(nthreads)
@@ -136,16 +137,16 @@ class RaycastingScene:
     def compute_occupancy(
         self, query_points: ArrayLike, nthreads: int = 0, nsamples: int = 1
     ) -> NDArray[np.float32]:
-        """1 for points ``(..., 3)`` inside, 0 for others."""
+        """1 for points ``(..., 3)`` inside the surfaces, 0 for all other points."""
         return self._scene.occupancy(_single(query_points), threads=_threads(nthreads)).astype(
             np.float32
         )
 
     @staticmethod
     def create_rays_pinhole(*args: Any, **kwargs: Any) -> NDArray[np.float32]:
-        """The rays of a pinhole camera, ``(height_px, width_px, 6)``: by ``(intrinsic_matrix,
-        extrinsic_matrix, width_px, height_px)`` or ``(fov_deg, center, eye, up, width_px,
-        height_px)``."""
+        """The rays of a pinhole camera, ``(height_px, width_px, 6)``. The arguments are
+        ``(intrinsic_matrix, extrinsic_matrix, width_px, height_px)`` or ``(fov_deg, center, eye,
+        up, width_px, height_px)``."""
         names = ["intrinsic_matrix", "extrinsic_matrix", "width_px", "height_px"]
         if len(args) == 6 or "fov_deg" in kwargs or (args and np.ndim(args[0]) == 0):
             names = ["fov_deg", "center", "eye", "up", "width_px", "height_px"]

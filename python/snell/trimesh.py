@@ -1,7 +1,8 @@
 """A ray engine for trimesh: exact, on all cores.
 
 :class:`RayMeshIntersector` has the methods, arguments, shapes and meanings of ``mesh.ray`` of
-trimesh; where its two engines differ in the order of arguments, those of the one on Embree.
+trimesh. Where trimesh's two engines differ in the order of arguments, that of the Embree engine
+holds.
 
 Examples
 --------
@@ -38,17 +39,17 @@ def _vectors(value: ArrayLike, name: str) -> NDArray[np.float64]:
 class RayMeshIntersector:
     """Casts rays at one mesh, in double precision.
 
-    Hits lie ahead of the origin: at ``t > 0``. Unlike trimesh's own engines, a ray through an edge
-    or a vertex crosses a closed mesh as often as it should; nothing is moved a little to go on
-    behind a hit.
+    Hits lie ahead of the origin, at ``t > 0``. Unlike with trimesh's own engines, a ray through an
+    edge or vertex of a closed mesh counts each crossing exactly once, because no ray is restarted
+    a little behind a hit.
 
     Parameters
     ----------
     geometry : trimesh.Trimesh
-        Or anything with ``vertices`` and ``faces``. When trimesh sees the mesh change, a new
+        A mesh, or any object with ``vertices`` and ``faces``. After a change of the mesh, a new
         intersector is needed.
     **kwargs
-        Options of other engines, such as ``scale_to_box``: not needed here, and not looked at.
+        Options of other engines, such as ``scale_to_box``; they are ignored.
 
     Examples
     --------
@@ -137,7 +138,7 @@ class RayMeshIntersector:
         index_tri : (h,) int64
         index_ray : (h,) int64
         locations : (h, 3) float64
-            Only if asked for.
+            Only with ``return_locations``.
         """
         rays = self._rays(ray_origins, ray_directions)
         found: Any
@@ -171,7 +172,7 @@ class RayMeshIntersector:
         return self._scene.test_occlusions(self._rays(ray_origins, ray_directions))
 
     def contains_points(self, points: ArrayLike) -> NDArray[np.bool_]:
-        """Whether each point ``(n, 3)`` is inside of the mesh: an array ``(n,)`` of bool. Sensible
-        for open meshes too.
+        """Whether each point ``(n, 3)`` is inside the mesh: an array ``(n,)`` of bool. For open
+        meshes, a point is inside where the generalised winding number exceeds 0.5.
         """
         return self._scene.occupancy(_vectors(points, "points"))

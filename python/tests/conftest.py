@@ -34,8 +34,8 @@ def sphere_mesh(rows: int, columns: int, radius: float = 1.0) -> tuple[np.ndarra
 
 @pytest.fixture(scope="session", autouse=True)
 def ctrl_c() -> None:
-    """Ctrl-C is an exception, also where the tests run in the background of a shell, which ignores
-    it.
+    """Ctrl-C raises an exception even if a shell runs the tests in the background, where it would
+    be ignored.
     """
     signal.signal(signal.SIGINT, signal.default_int_handler)
 

@@ -1,4 +1,4 @@
-"""What is wrong with an argument is said with its name and the first bad place. Nothing crashes."""
+"""Errors about an argument have its name and the first bad place. Nothing crashes."""
 
 from __future__ import annotations
 

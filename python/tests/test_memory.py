@@ -1,4 +1,4 @@
-"""What does not fit into memory is a MemoryError; threads are as many as asked for."""
+"""Work that does not fit into memory raises a MemoryError, and threads are as many as requested."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ linux = pytest.mark.skipif(sys.platform != "linux", reason="limits as on Linux")
 
 
 def run_within(gigabytes: float, code: str, **environment: str) -> str:
-    """Run a program that may add this much to the address space it has once snell is imported."""
+    """Run a program whose address space may grow by this much after it has imported snell."""
     head = f"""
         import resource, snell, numpy as np
         size = 4096 * int(open("/proc/self/statm").read().split()[0])
@@ -108,8 +108,8 @@ def test_one_thread_loads_renders_and_saves_whatever_the_environment_says(tmp_pa
         """,
         RAYON_NUM_THREADS="300",
     )
-    # The thread of the pool, the one that renders, and the one that gives up work when it is asked
-    # to.
+    # These are the thread of the pool, the one that renders, and the one that cancels work on
+    # request.
     assert int(out) <= 3
 
 

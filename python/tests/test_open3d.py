@@ -11,7 +11,7 @@ from snell.open3d import RaycastingScene
 
 
 class Tensor:
-    """Of Open3D, as far as it matters here."""
+    """The part of Open3D's class that these tests need."""
 
     def __init__(self, array):
         self.array = array

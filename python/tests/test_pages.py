@@ -17,8 +17,8 @@ NOTEBOOKS = sorted((FOLDER / "notebooks").glob("*.ipynb"))
 
 
 def blocks(page: pathlib.Path) -> list[str]:
-    """The examples of a page, each with as many empty lines before it that errors show the line of
-    the page.
+    """The examples of a page. Empty lines precede each example, so that errors show its line in the
+    page.
     """
     text = page.read_text(encoding="utf-8")
     found = re.finditer(r"^```python\n(.*?)^```", text, flags=re.DOTALL | re.MULTILINE)
@@ -26,7 +26,9 @@ def blocks(page: pathlib.Path) -> list[str]:
 
 
 def examples() -> list[tuple[str, list[str]]]:
-    """What runs in one go: a block, with those after it that begin without an import."""
+    """Groups of blocks that run together: a block, and the next ones that do not begin with an
+    import.
+    """
     found: list[tuple[str, list[str]]] = []
     for page in PAGES:
         for code in blocks(page):
@@ -52,7 +54,7 @@ def test_examples_run(place, codes, folder):
         exec(compile(code, place, "exec"), names)
     for picture in folder.glob("*.jpg"):
         made, kept = snell.Image.open(picture), snell.Image.open(FOLDER / "pictures" / picture.name)
-        # They look alike; the noise may be another.
+        # The pictures look alike; only the noise may differ.
         assert snell.compare(kept, made).flip < 0.15, picture.name
 
 

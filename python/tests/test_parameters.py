@@ -14,7 +14,7 @@ FAMILIES = {
     "medium": (snell.Medium, snell.MEDIA),
     "light": (snell.Light, snell.LIGHTS),
 }
-# What looks like more than one number.
+# Values of parameters that are not a single number.
 GIVEN = {
     "spectrum": "metal:Au",
     "conductor": snell.Material("conductor", spectrum="metal:Au"),

@@ -142,7 +142,7 @@ def test_double_precision_tells_sides_of_a_millimetre_in_a_city(rng):
         assert ((scene.signed_distance(points) < 0) == inside).all()
         np.testing.assert_allclose(scene.winding_number(points), float(inside), atol=0.1)
         near = scene.closest_points(points)
-        # Of all triangles, by their corners: none is nearer than what was found.
+        # No corner of any triangle is nearer than the point that was found.
         corners = (vertices * radius + UTM)[faces].reshape(-1, 3)
         least = np.linalg.norm(corners[None] - points[:, None], axis=2).min(1)
         assert (near.distances <= least + 1e-12).all()

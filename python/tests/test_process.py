@@ -135,7 +135,7 @@ def test_a_build_is_not_waited_for_after_ctrl_c():
     timer.start()
     with pytest.raises(KeyboardInterrupt):
         scene.commit(np.float64)
-        time.sleep(5)  # a machine that builds two million triangles in no time
+        time.sleep(5)  # for a machine that builds two million triangles in no time
     assert time.perf_counter() - sent[0] < 0.5
     assert scene.test_occlusions([0, 0, 0, 0, 0, 1])
 

@@ -265,7 +265,7 @@ def test_contiguous_rays_are_not_copied(dtype):
         tracemalloc.stop()
         return peak
 
-    # Distance, two coordinates and three ids are kept of each hit, and nothing else is made.
+    # For each hit, a distance, two coordinates and three ids are kept, and nothing else is stored.
     kept = 3 * np.dtype(dtype).itemsize + 3 * 4
     assert peak(rays) < kept + 1
     assert peak((np.ascontiguousarray(rays[:, :3]), np.ascontiguousarray(rays[:, 3:]))) < kept + 1

@@ -43,7 +43,8 @@ def test_layers_and_variance(box):
     assert box.aovs["depth"].shape == (48, 48) and box.aovs["normal"].shape == (48, 48, 3)
     assert box.aovs["geometry-id"].dtype == np.int32 and len(np.unique(box.aovs["geometry-id"])) > 3
     assert box.variance.shape == (48, 48, 3) and (box.variance >= 0).all()
-    # The variance is that of the mean: two pictures with other random numbers differ by so much.
+    # The variance is that of the mean: two pictures with different random numbers differ by that
+    # much.
     one, other = (
         snell.render("cornell-box", spp=16, size=(48, 48), sampler="independent", seed=seed)
         for seed in (1, 2)
@@ -349,7 +350,7 @@ def test_settings_may_be_numbers_and_flags_of_numpy():
 def test_the_documentation_of_render_has_every_setting():
     for name, about in _render_settings().items():
         assert f"\n    {name} : {about['type']}\n" in snell.render.__doc__
-        # Layers are too many for it.
+        # There are too many layers to list them.
         assert name == "aovs" or all(c in snell.render.__doc__ for c in about["choices"])
 
 

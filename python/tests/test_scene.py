@@ -43,7 +43,7 @@ def test_objects_come_move_and_go(dtype, sphere):
     with pytest.raises(IndexError, match="id 0 was removed"):
         scene.remove(mesh)
     assert scene.add_shape("sphere", radius=1) == 2
-    # What was found before is as it was.
+    # Answers from before are unchanged.
     assert before.normals[0, 2] < -0.9
 
 
@@ -224,7 +224,7 @@ def test_compact_scenes_are_smaller_and_answer_alike(dtype, rng):
     expected, memory = scene.cast_rays(rays), scene.statistics(dtype)["memory_bytes"]
     assert 4000 < np.isfinite(expected.t_hit).sum() < 20000
     scene.compact = True
-    # (Double precision keeps the corners of each triangle besides.)
+    # (In double precision, the corners of each triangle are stored in addition.)
     part = {np.float32: 0.75, np.float64: 0.9}[dtype]
     for other in (scene, copy.copy(scene), pickle.loads(pickle.dumps(scene))):
         assert other.compact
@@ -264,7 +264,7 @@ def test_changing_an_answer_or_the_input_changes_nothing_else(sphere):
 
 
 def test_copying_into_other_scenes_keeps_nothing_alive_for_long(sphere):
-    """No growth over many calls: the size of the process stays."""
+    """The process does not grow over many calls."""
     resource = pytest.importorskip("resource")
     scene = snell.Scene()
     mesh = scene.add_mesh(*sphere)

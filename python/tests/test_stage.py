@@ -89,7 +89,7 @@ def test_copies_pickles_and_files_give_the_same_picture(tmp_path):
     np.testing.assert_array_equal(pixels(again), first)
     again.save(tmp_path / "b.snell")
     assert (tmp_path / "a.snell").read_bytes() == (tmp_path / "b.snell").read_bytes()
-    # What can be hit is the same, too.
+    # Rays hit the same surfaces, too.
     rays = scene.create_rays_camera(0, 32, 24)
     np.testing.assert_allclose(again.cast_rays(rays).t_hit, scene.cast_rays(rays).t_hit, rtol=1e-5)
     with pytest.raises(
@@ -103,7 +103,8 @@ def test_a_loaded_scene_is_rendered_alike_before_and_after_an_edit(name):
     path = REPOSITORY / name
     scene = snell.load(path if path.exists() else name)
     before = pixels(scene, spp=1)
-    # From here on the scene is what Python holds, and no longer the nodes of the file.
+    # After an edit, the scene is rendered from the objects in Python, not from the nodes of the
+    # file.
     scene.remove(scene.add_shape("sphere", radius=1))
     after = pixels(scene, spp=1)
     assert (np.abs(before - after) > 1e-3).mean() < 0.02
@@ -369,7 +370,7 @@ def test_light_that_is_too_bright_is_limited_and_told():
 
 
 def glass_box(medium):
-    """A box of a medium without a surface, before a white sky, seen straight on."""
+    """A box that holds a medium and has no surface, before a white sky, seen from the front."""
     scene = snell.Scene()
     scene.add_shape(
         "box",
@@ -385,8 +386,8 @@ def glass_box(medium):
 def test_media_from_arrays():
     rng = np.random.default_rng(1)
     box = [(-1, -1, -1), (1, 1, 1)]
-    # What is behind each other adds up: columns along z, red to the left and dense below (a row of
-    # pixels is y downwards).
+    # Density adds up along z. The left half absorbs no red, and the lower half is denser (rows of
+    # pixels go down, against y).
     density = np.zeros((4, 2, 2))
     density[:, 0, :], density[:, 1, :] = 1.0, 0.25
     tint = np.ones((1, 1, 2, 3))
@@ -411,7 +412,7 @@ def test_media_from_arrays():
         for column, factors in [(1, (0, 1, 1)), (6, (1, 1, 1))]:
             expected = np.exp(-2 * thickness * np.multiply((0.5, 1, 2), factors))
             np.testing.assert_allclose(picture[row, column], expected, atol=0.03)
-    # It goes through pickles, into materials and out of scenes, and into files.
+    # Arrays survive pickling, materials, scenes and files.
     assert "density=<array (4, 2, 2)>" in repr(smoke)
     for again in [
         pickle.loads(pickle.dumps(smoke)),
@@ -425,7 +426,7 @@ def test_media_from_arrays():
         assert repr(again) == repr(smoke)
     moved = smoke.replace(bounds=[(0, 0, 0), (1, 2, 3)])
     np.testing.assert_allclose(np.diag(moved.world_from_grid), (1, 2, 3, 1))
-    # Numbers of any kind, views, and what is no number.
+    # Arrays may have other types of numbers, be views, and contain NaN.
     odd = rng.normal(size=(6, 5, 4)).astype(np.float16)[::2, :, ::-1]
     odd[0, 0, 0] = np.nan
     kept = snell.Medium("grid", density=odd, sigma_s=1).density

@@ -80,8 +80,8 @@ def test_points_inside_agree(meshes):
 
 
 def test_the_methods_and_their_arguments_are_those_of_the_embree_engine():
-    """Its file is read, not imported: that needs Embree. (trimesh's two engines differ in the order
-    of two arguments.)
+    """The file of that engine is only read, because importing it needs Embree. (trimesh's two
+    engines differ in the order of two arguments.)
     """
     path = pathlib.Path(ray_triangle.__file__).with_name("ray_pyembree.py")
     classes = [n for n in ast.parse(path.read_text()).body if isinstance(n, ast.ClassDef)]
@@ -111,7 +111,7 @@ def test_max_hits_keeps_the_first(meshes):
 
 
 def test_a_ray_through_a_vertex_or_edge_counts_as_it_should(meshes):
-    """Where trimesh counts each triangle around the vertex."""
+    """There, trimesh counts each triangle around the vertex."""
     ball = meshes[0]
     vertices = ball.vertices[1:-1]
     ours = RayMeshIntersector(ball)

@@ -49,7 +49,7 @@ MESH = """
 def stage(folder: Path, text: str, name: str = "stage.usda") -> str:
     pytest.importorskip("pxr")
     path = folder / name
-    # A statement ends with its line.
+    # A statement must end with a line, so closing braces get lines of their own.
     path.write_text(HEADER + text.replace(" }", "\n}"))
     return str(path)
 
@@ -339,7 +339,7 @@ def Xform "World"
     form, _ = document(path)
     assert form["materials"][-1]["emission"]["factor"] == [4, 4, 4]
     scene = snell.load(path)
-    # Seen from where it shines, +x is to the left.
+    # Seen from the side to which it shines, +x is to the left.
     camera = snell.Camera(eye=(0, 0, -4), target=(0, 0, 0), up=(0, 1, 0), fov=40)
     pixels = np.asarray(snell.render(scene, camera=camera, size=(9, 9), spp=4))
     assert pixels[2, 2].argmax() == 0 and pixels[2, 6].argmax() == 1 and pixels[6, 2].argmax() == 2
@@ -364,7 +364,7 @@ def SphereLight "dot"
     path.write_text("#usda 1.0\n( metersPerUnit = 0.01 )\n" + lights)
     form, _ = document(str(path))
     assert form["materials"][0]["emission"]["factor"] == [2, 2, 2]
-    # The radiance of the ball, times the disk that is seen of it, in square metres.
+    # The radiance of the ball, times the area of its silhouette in square metres.
     seen = 4 / (4 * np.pi * 5**2) * np.pi * 0.05**2
     assert form["lights"][0]["intensity"] == pytest.approx([seen] * 3)
 
@@ -464,7 +464,8 @@ def test_transforms_that_change_are_a_motion(tmp_path: Path) -> None:
     assert motion["joints"][channel["joint"]]["name"] == "cart"
     keys = channel["track"]["transform"]
     assert len(keys) == 49 and keys[0][0] == 0 and keys[-1][0] == pytest.approx(2)
-    # A quarter of the way is a quarter of the turn, which the two samples alone would not show.
+    # After a quarter of the time, a quarter of the turn is done. Two samples alone would not show
+    # that.
     assert keys[12][0] == pytest.approx(0.5)
     np.testing.assert_allclose(keys[12][1], [[0, 0, 1, 1], [0, 1, 0, 0], [-1, 0, 0, 0]], atol=1e-12)
     names = [motion["joints"][joint]["name"] for _, joint in motion["cameras"]]

@@ -6,10 +6,11 @@ use snell_intersect::{BuildOptions, Grouping, Hit, Quality, Rays};
 use snell_math::simd::Level;
 
 /// Builds the world encoded by the bytes with every accelerator, every switch, and every level, and
-/// asserts that all answers to the following rays (`rays` random ones, and as many aimed at
-/// triangles) equal those of brute force, bit for bit: closest, any and all, one ray at a time and
-/// in batches of `batches`, on one thread and on several, and the number of hits. A crowded world
-/// has an additional mesh of many triangles. Returns the number of rays, and of those that hit.
+/// traces the rays encoded by the following bytes (`rays` random ones, and as many aimed at
+/// triangles). All answers must equal those of brute force, bit for bit: closest, any and all, one
+/// ray at a time and in batches of `batches`, on one thread and on several, and the number of hits.
+/// A crowded world has an additional mesh of many triangles. Returns the number of rays, and the
+/// number of those that hit.
 ///
 /// # Panics
 /// If two answers differ.
@@ -35,9 +36,9 @@ pub fn assert_agreement<P: Tested>(
     (expected.len(), expected.iter().filter(|hits| !hits.is_empty()).count())
 }
 
-/// Edits the world encoded by the bytes, as the following bytes specify, and asserts that
-/// rebuilding from the previous world gives the same answers as building from scratch: repeatedly,
-/// with every accelerator and every switch.
+/// Edits the world encoded by the bytes as the following bytes specify, and asserts that rebuilding
+/// from the previous world gives the same answers as building from scratch. This is done
+/// repeatedly, with every accelerator and every switch.
 ///
 /// # Panics
 /// If two answers differ.
@@ -73,19 +74,19 @@ pub fn assert_edits_agree<P: Tested>(
     edits
 }
 
-/// The results for edited worlds.
+/// Numbers counted while worlds were edited.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Edits {
-    /// Number of rays traced, in each way.
+    /// Number of rays, each of which is traced in every way.
     pub rays: usize,
-    /// Number of those that hit.
+    /// Number of rays that hit.
     pub hits: usize,
     /// Number of trees that were refitted.
     pub refitted: usize,
 }
 
-/// The world encoded by the bytes. Half of them also have sets and motion, which are read from the
-/// end.
+/// The world encoded by the bytes. Half of the worlds also have sets and motion, which are read
+/// from the end of the bytes.
 fn described<P: Tested>(source: &mut Source, bytes: &[u8], is_crowded: bool) -> Collected<P> {
     let mut world = source.collected();
     let reversed: Vec<u8> = bytes.iter().rev().copied().collect();
@@ -111,7 +112,7 @@ fn oracle_options() -> BuildOptions {
     }
 }
 
-/// All ways to build, and their names; for crowded worlds without the slow ones.
+/// All ways to build, each with its name; for crowded worlds, the slow ones are left out.
 fn ways(simd: Level, is_crowded: bool) -> Vec<(String, BuildOptions)> {
     let plain = |accelerator| BuildOptions { accelerator, simd, ..BuildOptions::default() };
     let mut ways = Vec::new();
@@ -168,7 +169,7 @@ impl<P: Tested> Asked<P> {
         Rays::new(&self.rays).with_masks(&self.masks).with_times(&self.times)
     }
 
-    /// All hits of each ray; the first must be the closest.
+    /// All hits of each ray. Asserts that the first is the closest.
     fn answers(&self, oracle: &P::World) -> Vec<Vec<P::Hit>> {
         let answer = |i: usize| {
             let query = self.queries().get(i);

@@ -11,15 +11,15 @@ use std::sync::Arc;
 
 /// How worlds of a precision are built and queried.
 pub trait Tested: Precision {
-    /// The builder of its worlds.
+    /// The builder of worlds in this precision.
     type Builder: Clone + Default;
-    /// Its worlds.
+    /// Worlds in this precision.
     type World;
-    /// Its meshes.
+    /// Meshes in this precision.
     type Mesh;
     /// The answer for a ray that misses.
     const MISS: Self::Hit;
-    /// Positions of worlds: everything in the root group is moved there.
+    /// Positions to which the objects of the root group are moved.
     const PLACES: &'static [DVec3];
 
     /// The mesh in this precision, moved.
@@ -28,7 +28,8 @@ pub trait Tested: Precision {
     /// The ray in this precision, moved.
     fn ray(ray: &Ray, place: DVec3) -> Self::Ray;
 
-    /// A ray from a point to one of a triangle of a mesh in the root group, by its barycentrics.
+    /// A ray from an origin to the point of a triangle with these barycentric coordinates, in a
+    /// mesh of the root group.
     fn ray_to(
         mesh: &TriangleMesh,
         triangle: [u32; 3],
@@ -50,10 +51,10 @@ pub trait Tested: Precision {
         mesh: Arc<Self::Mesh>,
     ) -> Result<(), EditError>;
 
-    /// [`WorldBuilder::add_quads`], if there are any in this precision.
+    /// [`WorldBuilder::add_quads`]; does nothing in a precision without quads.
     fn add_quads(_builder: &mut Self::Builder, _group: GroupId, _quads: QuadMesh) {}
 
-    /// [`WorldBuilder::add_moving_mesh`], if there are any in this precision.
+    /// [`WorldBuilder::add_moving_mesh`]; does nothing in a precision without moving meshes.
     fn add_moving_mesh(_builder: &mut Self::Builder, _group: GroupId, _mesh: MovingMesh) {}
 
     /// [`WorldBuilder::add_shape`].
@@ -96,7 +97,7 @@ pub trait Tested: Precision {
         last: &Self::World,
     ) -> Result<Self::World, WorldError>;
 
-    /// The number of trees that were refitted for it.
+    /// The number of trees that were refitted for the world.
     fn refitted(world: &Self::World) -> usize;
 
     /// [`World::all_one`].
@@ -125,7 +126,7 @@ fn weighted(corners: [DVec3; 3], [a, b, c]: [f64; 3]) -> DVec3 {
     corners[0] * a + corners[1] * b + corners[2] * c
 }
 
-/// The methods that have the same form for both.
+/// The methods that have the same form in both precisions.
 macro_rules! alike {
     ($builder:ty, $world:ty, $hit:ty, $mesh:ty) => {
         type Builder = $builder;
@@ -269,7 +270,7 @@ const FINE: f64 = 1.0 + 1e-9;
 
 impl Tested for Double {
     alike!(DWorldBuilder, DWorld, DHit, DTriangleMesh);
-    /// The second is in a city, in metres of UTM.
+    /// The second place is in a city, in metres of UTM.
     const PLACES: &'static [DVec3] = &[DVec3::ZERO, DVec3::new(500_000.123, 4_649_776.22, 300.0)];
 
     fn mesh(mesh: &TriangleMesh, place: DVec3) -> Arc<DTriangleMesh> {

@@ -1,4 +1,5 @@
-// The camera as the server has it, and how it moves. Pure functions; the mouse is in controls.ts.
+// The camera in the server's form, and its motions. These are pure functions; controls.ts has the
+// mouse.
 
 import { add, cross, dot, length, mul, normalize, rotate, sub, type Vec3 } from "./vec";
 

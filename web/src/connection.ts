@@ -1,4 +1,5 @@
-// The socket: messages as objects, pictures as frames, and a new try when it breaks.
+// The WebSocket: messages become objects, binary messages frames. A broken connection is opened
+// again.
 
 import { HEADER_SIZE, type ToPage, type ToServer } from "./protocol.gen";
 
@@ -91,8 +92,8 @@ export class Connection {
     }
     const frame = parseFrame(data);
     if (!frame) return;
-    // One after another: a picture that takes longer to decode must not cover the one that came
-    // after it.
+    // Frames are shown one after another: a picture that takes longer to decode must not cover a
+    // later one.
     this.shown = this.shown
       .then(() => this.listener.frame(frame))
       .catch(reportError)

@@ -1,5 +1,5 @@
-// Why a pixel looks as it does: where its light comes from, how its samples add up, the tree of one
-// path, the way of its ray.
+// Explains why a pixel looks as it does: the origin of its light, the convergence of its samples,
+// the path tree of one sample, and the traversal of its ray.
 
 import { useSignal } from "@preact/signals";
 import type { JSX } from "preact";

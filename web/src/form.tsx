@@ -1,4 +1,4 @@
-// Forms made from declarations: whatever a material or light declares can be changed.
+// Forms made from declarations: every declared parameter of a material or light can be edited.
 
 import type { JSX } from "preact";
 import type { Form } from "./protocol.gen";
@@ -41,7 +41,7 @@ export function inside(
   const found =
     named(form.fields) ?? (typeof kind === "string" ? named(form.kinds[kind]) : undefined);
   if (found || form.tag !== "" || !(key in form.kinds)) return found;
-  // The name of the variant stands around its parameters.
+  // The name of the variant is the key around its parameters.
   return (
     form.kinds[key]!.find((field) => field.name === "") ?? {
       ...form,

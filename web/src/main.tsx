@@ -1,4 +1,4 @@
-// The page: the picture, a bar above, a panel beside, numbers below.
+// The page: the picture, a bar above it, a panel beside it, and numbers below it.
 
 import { useSignal, useSignalEffect } from "@preact/signals";
 import { type ComponentChildren, type JSX, render } from "preact";

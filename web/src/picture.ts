@@ -1,4 +1,4 @@
-// The canvas: shows frames, and shows them again when only the display changes.
+// The canvas: shows frames, and shows the last one again when only the display settings change.
 
 import type { Frame } from "./connection";
 import { type Display, toDisplay } from "./tonemap";

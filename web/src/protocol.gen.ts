@@ -6,11 +6,12 @@ export const HEADER_SIZE = 40;
 
 export type ToServer = { "type": "camera", 
 /**
- * Increases with each message; frames name the last one that they show.
+ * Number of the message, which increases with each; frames name the last message that they
+ * show.
  */
 seq: number, 
 /**
- * The complete camera.
+ * All parameters of the camera.
  */
 camera: Camera, } | { "type": "size", 
 /**
@@ -34,19 +35,19 @@ max_depth?: number | null,
  */
 aov?: string | null, 
 /**
- * Acceleration structure.
+ * Name of an acceleration structure.
  */
 accelerator?: string | null, } | { "type": "set", 
 /**
- * Its name.
+ * The name of the setting.
  */
 name: string, 
 /**
- * A name or number; null for what it was when the scene was opened.
+ * A name or number; null for the value when the scene was opened.
  */
 value: unknown, } | { "type": "display", 
 /**
- * Stops.
+ * Exposure in stops.
  */
 exposure: number, 
 /**
@@ -54,7 +55,7 @@ exposure: number,
  */
 tonemap: string, } | { "type": "edit", 
 /**
- * Path into the scene.
+ * Path of the parameter in the scene.
  */
 key: string, 
 /**
@@ -62,15 +63,15 @@ key: string,
  */
 value: unknown, } | { "type": "show", 
 /**
- * Its number.
+ * Number of the node.
  */
 node: number, 
 /**
- * True to show it.
+ * True to show the node.
  */
 visible: boolean, } | { "type": "undo" } | { "type": "redo" } | { "type": "reload" } | { "type": "pick", 
 /**
- * Returned with the answer.
+ * Number that the answer repeats.
  */
 id: number, 
 /**
@@ -78,29 +79,29 @@ id: number,
  */
 pixel: [number, number], } | { "type": "explain", 
 /**
- * Returned with the answer.
+ * Number that the answer repeats.
  */
 id: number, 
 /**
- * The pixel.
+ * Column and row of the pixel.
  */
 pixel: [number, number], 
 /**
- * The sample to show; `None` for a typical one.
+ * Number of the sample to show; `None` for a typical one.
  */
 sample?: number | null, 
 /**
- * True to follow rays through all structures, however long it takes to build them.
+ * True to follow rays through all structures, even if it takes long to build them.
  */
 all?: boolean, } | { "type": "ack", 
 /**
- * Its number.
+ * Number of the frame.
  */
 frame: number, } | { "type": "steer" };
 
 export type ToPage = { "type": "welcome", 
 /**
- * [`VERSION`].
+ * Version of the protocol: [`VERSION`].
  */
 version: number, 
 /**
@@ -116,11 +117,11 @@ choices: Choices,
  */
 is_gallery: boolean, } | { "type": "scene", 
 /**
- * Its contents.
+ * The contents of the scene.
  */
 scene: SceneInfo, } | { "type": "view", 
 /**
- * The state.
+ * The settings and the camera.
  */
 view: ViewInfo, } | { "type": "steering", 
 /**
@@ -136,7 +137,7 @@ watching: number, } | { "type": "picked",
  */
 id: number, 
 /**
- * `None` if the ray leaves the scene.
+ * The surface; `None` if the ray leaves the scene.
  */
 hit: PickedHit | null, } | { "type": "explained", 
 /**
@@ -158,19 +159,19 @@ message: string, };
 
 export type Choices = { 
 /**
- * Integrators.
+ * Names of integrators.
  */
 integrators: Array<string>, 
 /**
- * Layers.
+ * Names of layers.
  */
 aovs: Array<string>, 
 /**
- * Tone maps.
+ * Names of tone maps.
  */
 tonemaps: Array<string>, 
 /**
- * Acceleration structures.
+ * Names of acceleration structures.
  */
 accelerators: Array<string>, 
 /**
@@ -182,29 +183,29 @@ scenes: Array<SceneChoice>,
  */
 forms: { [key in string]: Form }, 
 /**
- * Settings of the render without a control of their own.
+ * Settings of the render that have no control of their own.
  */
 settings: Array<SettingForm>, };
 
 export type Form = { 
 /**
- * Its name.
+ * The name of the parameter.
  */
 name: string, 
 /**
- * What it looks like: `flag`, `number`, `color`, `vector`, `choice`, or `other`.
+ * The control for the parameter: `flag`, `number`, `color`, `vector`, `choice`, or `other`.
  */
 kind: string, 
 /**
- * Between which numbers it usually is, if there are two.
+ * The plausible range of a number, if it is bounded on both sides.
  */
 range: [number, number] | null, 
 /**
- * What it is measured in; empty for plain numbers.
+ * The unit of the parameter; empty for plain numbers.
  */
 unit: string, 
 /**
- * What it is, in words.
+ * The documentation of the parameter.
  */
 doc: string, 
 /**
@@ -212,31 +213,32 @@ doc: string,
  */
 options: Array<string>, 
 /**
- * The parameters inside.
+ * The parameters of a group.
  */
 fields: Array<Form>, 
 /**
- * The field inside that says which of `kinds` it is; empty if its name stands around it.
+ * The field that names the variant, one of `kinds`; empty if the variant's name is the key
+ * around its parameters.
  */
 tag: string, 
 /**
- * The parameters inside, by kind.
+ * The parameters of each variant, by its name.
  */
 kinds: { [key in string]: Array<Form> }, };
 
 export type SceneChoice = { 
 /**
- * Its name.
+ * The name of the scene.
  */
 name: string, 
 /**
- * What it shows.
+ * What the scene shows.
  */
 description: string, };
 
 export type SceneInfo = { 
 /**
- * Its name.
+ * The name of the scene.
  */
 name: string, 
 /**
@@ -260,11 +262,11 @@ materials: Record<string, unknown>[],
  */
 lights: Record<string, unknown>[], 
 /**
- * Cameras.
+ * Cameras with their parameters.
  */
 cameras: Camera[], 
 /**
- * Rotation of its environment about the up direction, in degrees; `None` without an
+ * Rotation of the environment about the up direction, in degrees; `None` without an
  * environment, or for a uniform one.
  */
 environment_rotation: number | null, 
@@ -291,37 +293,37 @@ history: [boolean, boolean], };
 
 export type NodeInfo = { 
 /**
- * Its number.
+ * Number of the node.
  */
 id: number, 
 /**
- * Number of the parent it is listed under; none for the root.
+ * Number of the parent under which the node is listed; none for the root.
  */
 parent: number | null, 
 /**
- * Its name.
+ * The name of the node.
  */
 name: string, 
 /**
- * Its surfaces.
+ * Descriptions of the node's surfaces.
  */
 surfaces: Array<string>, 
 /**
- * False if it was hidden.
+ * False if the node was hidden.
  */
 visible: boolean, };
 
 export type SettingForm = { 
 /**
- * Its name.
+ * The name of the setting.
  */
 name: string, 
 /**
- * What it is, in words.
+ * The documentation of the setting.
  */
 doc: string, 
 /**
- * What holds while it is not set, in words.
+ * The value that holds while the setting is not set, in words.
  */
 default: string, 
 /**
@@ -381,11 +383,11 @@ command: string, };
 
 export type PickedHit = { 
 /**
- * Its position in the world.
+ * Position of the hit in the world.
  */
 position: [number, number, number], 
 /**
- * Shading normal.
+ * Shading normal at the hit.
  */
 normal: [number, number, number], 
 /**
@@ -393,11 +395,11 @@ normal: [number, number, number],
  */
 distance: number, 
 /**
- * The node that holds the surface, if known.
+ * The node that holds the surface; none if it is not known.
  */
 node: number | null, 
 /**
- * Names from the root to it.
+ * Names of the nodes from the root to the one that holds the surface.
  */
 path: Array<string>, 
 /**
@@ -405,11 +407,11 @@ path: Array<string>,
  */
 material: number | null, 
 /**
- * Its name.
+ * The name of the material.
  */
 material_name: string, 
 /**
- * Triangle or face.
+ * Number of the triangle or face.
  */
 primitive: number, };
 
@@ -419,7 +421,7 @@ export type Report = {
  */
 scene: string, 
 /**
- * The pixel, from the upper left corner.
+ * Column and row of the pixel, from the upper left corner.
  */
 pixel: [number, number], 
 /**
@@ -435,11 +437,11 @@ integrator: string,
  */
 value: [number, number, number, number], 
 /**
- * Standard error of red, green, blue.
+ * Standard errors of red, green and blue.
  */
 error: [number, number, number], 
 /**
- * Samples of the pixel.
+ * Number of samples of the pixel.
  */
 spp: number, 
 /**
@@ -447,7 +449,7 @@ spp: number,
  */
 convergence: Array<Point>, 
 /**
- * Its light by path class, the brightest first.
+ * The light of the pixel by path class, the brightest first.
  */
 classes: Array<PathClass>, 
 /**
@@ -455,7 +457,7 @@ classes: Array<PathClass>,
  */
 samples: Array<[number, number, number]>, 
 /**
- * One sample in full detail.
+ * One of the samples, in full detail.
  */
 tree: SampleReport, 
 /**
@@ -477,11 +479,11 @@ export type Point = {
  */
 samples: number, 
 /**
- * Their mean.
+ * The mean of these samples.
  */
 value: [number, number, number], 
 /**
- * Its standard error; 0 while unknown.
+ * Standard error of the mean; 0 while unknown.
  */
 error: [number, number, number], };
 
@@ -492,47 +494,48 @@ export type PathClass = {
  */
 way: string, 
 /**
- * Its contribution to the pixel.
+ * Contribution of the class to the pixel.
  */
 value: [number, number, number], 
 /**
- * Its share of the pixel's luminance.
+ * Share of the class in the pixel's luminance, 0 to 1.
  */
 share: number, };
 
 export type SampleReport = { 
 /**
- * Its number.
+ * Number of the sample, from 0.
  */
 number: number, 
 /**
- * Its colour.
+ * Colour of the sample.
  */
 color: [number, number, number], 
 /**
- * The sum of all contributions of its vertices, in the renderer's order: equal to the colour.
+ * The sum of all contributions of the path vertices, in the renderer's order: equal to the
+ * colour.
  */
 sum: [number, number, number], 
 /**
- * The filter's weight.
+ * Weight of the sample in the pixel's filter.
  */
 weight: number, 
 /**
- * Its path vertices, parents first.
+ * The path vertices, parents first.
  */
 vertices: Array<VertexReport>, };
 
 export type VertexReport = { 
 /**
- * The previous vertex of the path; `None` for the camera's.
+ * The previous vertex of the path; `None` for the end of the camera ray.
  */
 parent: number | null, 
 /**
- * Number of bounces before.
+ * Number of bounces before this vertex.
  */
 depth: number, 
 /**
- * `surface`, `medium`, `escaped` or `absorbed`.
+ * What the ray met: `surface`, `medium`, `escaped` or `absorbed`.
  */
 what: string, 
 /**
@@ -540,23 +543,23 @@ what: string,
  */
 object: string, 
 /**
- * The material's name.
+ * The name of the surface's material.
  */
 material: string, 
 /**
- * Triangle or face.
+ * Number of the triangle or face.
  */
 primitive: number | null, 
 /**
- * Where the ray begins.
+ * The origin of the ray.
  */
 origin: [number, number, number], 
 /**
- * The ray's direction.
+ * The direction of the ray.
  */
 direction: [number, number, number], 
 /**
- * Where the ray ended.
+ * The point where the ray ended.
  */
 position: [number, number, number] | null, 
 /**
@@ -564,7 +567,7 @@ position: [number, number, number] | null,
  */
 normal: [number, number, number] | null, 
 /**
- * Length of the ray.
+ * Distance that the ray travelled.
  */
 distance: number | null, 
 /**
@@ -572,11 +575,12 @@ distance: number | null,
  */
 throughput: [number, number, number], 
 /**
- * The lobe that was sampled for the ray; `None` for the camera's.
+ * The lobe that was sampled for the ray; `None` for the camera ray.
  */
 lobe: string | null, 
 /**
- * Probability density of its direction per steradian; `None` for mirrors and clear glass.
+ * Probability density of the ray's direction per steradian; `None` for mirrors and clear
+ * glass.
  */
 pdf: number | null, 
 /**
@@ -584,25 +588,25 @@ pdf: number | null,
  */
 glow: [number, number, number], 
 /**
- * Emission found here, times throughput and weight.
+ * Emission found at the vertex, times throughput and weight.
  */
 found: [number, number, number], 
 /**
- * Its weight in multiple importance sampling.
+ * Weight of the emission found, in multiple importance sampling.
  */
 found_weight: number, 
 /**
- * Light samples.
+ * Light samples taken at the vertex.
  */
 lights: Array<LightReport>, };
 
 export type LightReport = { 
 /**
- * The light.
+ * The name of the light.
  */
 source: string, 
 /**
- * The lobe that scatters its light.
+ * The lobe that scatters the light.
  */
 lobe: string, 
 /**
@@ -610,7 +614,7 @@ lobe: string,
  */
 origin: [number, number, number], 
 /**
- * Its direction.
+ * Direction of the shadow ray.
  */
 direction: [number, number, number], 
 /**
@@ -618,41 +622,41 @@ direction: [number, number, number],
  */
 end: [number, number, number] | null, 
 /**
- * Its contribution if it is unoccluded.
+ * Contribution of the light sample if it were unoccluded.
  */
 value: [number, number, number], 
 /**
- * Its actual contribution.
+ * Actual contribution of the light sample.
  */
 brought: [number, number, number], 
 /**
- * True if it is occluded.
+ * True if the light sample is occluded.
  */
 is_blocked: boolean, 
 /**
- * Its weight in multiple importance sampling, which is included in the values.
+ * Weight of the light sample in multiple importance sampling, which is included in the values.
  */
 weight: number, };
 
 export type TraceReport = { 
 /**
- * The structure.
+ * The name of the structure.
  */
 accelerator: string, 
 /**
- * Nodes visited.
+ * Number of nodes visited.
  */
 nodes: number, 
 /**
- * Cells visited.
+ * Number of cells visited.
  */
 cells: number, 
 /**
- * Primitives tested.
+ * Number of primitives tested.
  */
 primitives: number, 
 /**
- * Total number of nodes and cells.
+ * Total number of nodes and cells of the structure.
  */
 built_nodes: number, 
 /**
@@ -674,15 +678,15 @@ export type StepReport = {
  */
 kind: string, 
 /**
- * Its centre.
+ * The centre of the region.
  */
 center: [number, number, number], 
 /**
- * Vectors from the centre to its sides.
+ * Vectors from the centre to the sides of the region.
  */
 axes: [[number, number, number], [number, number, number], [number, number, number]], 
 /**
- * True if it holds primitives.
+ * True if the region holds primitives.
  */
 is_leaf: boolean, 
 /**
@@ -690,10 +694,10 @@ is_leaf: boolean,
  */
 level: number, 
 /**
- * Primitives tested there.
+ * Number of primitives tested in the region.
  */
 tested: number, 
 /**
- * Distance of a hit that was found there.
+ * Distance of a hit that was found in the region.
  */
 found: number | null, };

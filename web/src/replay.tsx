@@ -138,7 +138,7 @@ function draw(
   });
   context.globalAlpha = 1;
 
-  // The ray as far as it has come, and the rest of the path faintly.
+  // Draws the ray as far as it has come, and the rest of the path faintly.
   const { vertices } = stage.report.tree;
   const first = vertices[0];
   if (!first) return;
@@ -262,7 +262,8 @@ export function Replay(props: { report: Report; up: Vec3; askAll?: () => void })
   useSignalEffect(() => {
     if (!playing.value) return;
     let last = performance.now();
-    // At least six steps a second, so that short traces are not over at once.
+    // Steps a second: at least six, and at least as many as are shown already, so long traces get
+    // faster.
     let at = step.peek() >= most ? 0 : step.peek();
     let frame = requestAnimationFrame(function tick(now) {
       const share = Math.max(6, at, most / SECONDS);

@@ -296,7 +296,7 @@ export class Store {
     const start = this.sent.get(frame.seq);
     for (const seq of this.sent.keys()) if (seq <= frame.seq) this.sent.delete(seq);
     this.generation = Math.max(this.generation, frame.generation);
-    // For bench/viewer_speed.mjs, which makes the list.
+    // bench/viewer_speed.mjs creates this list to collect the times of frames.
     const list = (
       window as unknown as {
         snellFrames?: { latency: number; scale: number; milliseconds: number }[];

@@ -69,7 +69,16 @@ async function open(url, prepare = () => {}) {
   return { page, faults };
 }
 
-const isDone = (page) => page.waitForSelector(".dot.done");
+/** The page shows the whole picture at rest, in the size of its stage: the server begins in another. */
+const isDone = (page) =>
+  page.waitForFunction(() => {
+    const canvas = document.querySelector("canvas.picture");
+    const { clientWidth, clientHeight } = document.querySelector(".stage");
+    const isWhole = canvas.width === clientWidth && canvas.height === clientHeight;
+    return (
+      isWhole && canvas.dataset.kind === "half" && document.querySelector(".dot.done") !== null
+    );
+  });
 
 /** A number that differs for different pictures. */
 const fingerprint = (page) =>

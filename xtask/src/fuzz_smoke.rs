@@ -12,7 +12,7 @@ const HELP: &str =
   --release  the optimised program instead of the one that the tests have
 ";
 
-/// Runs it; false if a failure was found or the options are invalid.
+/// Runs the fuzzer with these options; false if it found a failure or the options are invalid.
 pub fn fuzz_smoke(mut options: impl Iterator<Item = String>) -> bool {
     let days = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |t| t.as_secs() / 86_400);
     let (mut seconds, mut seed, mut only) = ("120".to_string(), days.to_string(), String::new());
@@ -38,13 +38,14 @@ pub fn fuzz_smoke(mut options: impl Iterator<Item = String>) -> bool {
     {
         return false;
     }
-    // The libFuzzer targets are a workspace of their own, which nothing else compiles.
+    // This compiles the libFuzzer targets, which are a workspace of their own that no other command
+    // compiles.
     let targets = ["check", "--quiet", "--locked", "--manifest-path", "fuzz/Cargo.toml", "--bins"];
     let rest = ["--features", "render", "--target-dir", "target/fuzz"];
     if !run("the check of the fuzz targets", cargo(&[&targets[..], &rest].concat())) {
         return false;
     }
-    // Built as by `test`, so that nothing is built twice.
+    // The test is built as by `xtask test`, so that nothing is built twice.
     let test = "smoke::whatever_the_files_are_the_program_keeps_its_promises";
     let mut command = cargo(&[
         "test",

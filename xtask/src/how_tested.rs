@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 const PAGE: &str = "docs/how-it-is-tested.md";
 const START: &str = "<!-- Figures: `cargo xtask how-tested` writes what follows. -->\n";
 const END: &str = "<!-- End of the figures. -->";
-/// Tolerance of the figures, so that one more test does not make the page stale.
+/// Relative tolerance of the figures, so that one more test does not make the page stale.
 const TOLERANCE: f64 = 0.1;
 
 /// Writes the figures into the page.
@@ -101,7 +101,8 @@ fn rounded(n: usize) -> usize {
 #[derive(Default)]
 struct Count {
     tests: usize,
-    /// Lines that are neither blank nor only a comment, outside and inside of tests.
+    /// Lines outside of tests that are neither blank nor only a comment; `lines` counts those in
+    /// tests.
     code: usize,
     lines: usize,
 }
@@ -120,7 +121,7 @@ impl Count {
                 .map(str::trim)
                 .filter(|line| !line.is_empty() && !line.starts_with("//"))
             {
-                // A file's tests are at its end, in a module.
+                // The tests of a file are in a module at its end.
                 in_tests |= is_marked && line.starts_with("mod ") && line.ends_with('{');
                 is_marked = line == "#[cfg(test)]";
                 count.tests += usize::from(line == "#[test]");
@@ -158,7 +159,7 @@ fn files(folder: &Path, extension: &str) -> std::io::Result<Vec<PathBuf>> {
     Ok(found)
 }
 
-/// The number of promises in the map of the code, and of different tests that it names for them.
+/// The number of promises in ARCHITECTURE.md, and of different tests that it names for them.
 fn promises() -> std::io::Result<(usize, usize)> {
     let text = fs::read_to_string("ARCHITECTURE.md")?;
     let section =

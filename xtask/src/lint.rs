@@ -1,5 +1,5 @@
-//! What machines can say about the code without running it: layout, width, and lints of Rust,
-//! Python and the page, warnings as errors.
+//! Checks of the code that need no run of it: layout, width, and lints of Rust, Python and the
+//! page, with warnings as errors.
 
 mod width;
 
@@ -8,8 +8,8 @@ use crate::{cargo, how_tested, python, run, web};
 /// The workspaces of Rust code: the product, the fuzz targets, and the peers of the benchmarks.
 const MANIFESTS: [&str; 3] = ["Cargo.toml", "fuzz/Cargo.toml", "bench/peers/Cargo.toml"];
 
-/// Checks everything, what is quick first. Every step runs, so that one look shows all there is to
-/// mend; what needs Python or Node.js is skipped where there is none.
+/// Checks everything, the quick checks first. Every step runs, so that one call shows all faults.
+/// Steps that need Python or Node.js are skipped where that is missing.
 pub fn check(with_documentation: bool) -> bool {
     let mut results = vec![
         ("format of Rust", rustfmt(&["--check"])),
@@ -30,7 +30,7 @@ pub fn check(with_documentation: bool) -> bool {
     failed.is_empty()
 }
 
-/// Lays out everything: Rust, Python, and the page.
+/// Formats all code: Rust, Python, and the page.
 pub fn format() -> bool {
     [rustfmt(&[]), python::format() != Some(false), web::format() != Some(false)] == [true; 3]
 }

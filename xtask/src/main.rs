@@ -58,8 +58,8 @@ fn main() -> ExitCode {
     if succeeded { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }
 
-/// Cargo, without incremental compilation unless `CARGO_INCREMENTAL` is set: a full build is
-/// faster, and so is its code.
+/// Returns a command for Cargo, without incremental compilation unless `CARGO_INCREMENTAL` is set.
+/// A full build is faster without it, and so is the built program.
 fn cargo(arguments: &[&str]) -> Command {
     let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     command
@@ -68,15 +68,15 @@ fn cargo(arguments: &[&str]) -> Command {
     command
 }
 
-/// Builds targets of the workspace from the dependencies that its tests are built with. A test is
-/// included, here a small one, because only then dependencies get the features that tests need.
+/// Builds targets of the workspace with the dependencies that its tests are built with. A small
+/// test is included, because only then dependencies get the features that tests need.
 fn build_as_tested(targets: &[&str]) -> Command {
     let mut command = cargo(&["build", "--quiet", "--workspace", "--test", "planted"]);
     command.args(targets);
     command
 }
 
-/// Runs a command with its output shown.
+/// Runs a command and shows its output; true if it succeeded.
 fn run(what: &str, mut command: Command) -> bool {
     match command.status() {
         Ok(status) if status.success() => true,
@@ -91,7 +91,7 @@ fn run(what: &str, mut command: Command) -> bool {
     }
 }
 
-/// Runs a command, and shows its output only if it failed.
+/// Runs a command, and shows its output only if it fails; true if it succeeded.
 fn run_quietly(what: &str, mut command: Command) -> bool {
     match command.output() {
         Ok(output) if output.status.success() => true,
@@ -111,7 +111,7 @@ fn run_quietly(what: &str, mut command: Command) -> bool {
     }
 }
 
-/// The pictures of `tests/golden/` that are not as they were become the references.
+/// Makes the pictures of `tests/golden/` that have changed the new references.
 fn golden() -> bool {
     let arguments =
         ["test", "--package", "snell-tests", "golden::every_golden", "--", "--nocapture"];
@@ -127,8 +127,8 @@ fn golden() -> bool {
     succeeded
 }
 
-/// The pages of parameters and settings, and the types of settings in Python, are written anew from
-/// their declarations.
+/// Writes the pages of parameters and settings, and the types of settings in Python, from their
+/// declarations.
 fn parameters() -> bool {
     let mut command =
         cargo(&["test", "--package", "snell-scene", "--package", "snell-render", "--lib"]);
@@ -136,7 +136,7 @@ fn parameters() -> bool {
     run("parameters", command)
 }
 
-/// Numbers of a run of the test harness.
+/// The numbers in the output of a test run.
 #[derive(Default)]
 struct Counts {
     passed: u64,
@@ -190,8 +190,8 @@ fn counted(mut command: Command, counts: &mut Counts) -> bool {
     }
 }
 
-/// All tests: unit tests, properties, documentation examples, the command line, the Python package,
-/// and the viewer's page in a browser.
+/// Runs all tests: unit tests, properties, documentation examples, the command line, the Python
+/// package, and the viewer's page in a browser.
 fn test() -> bool {
     let start = Instant::now();
     let mut counts = Counts::default();

@@ -50,7 +50,7 @@ fn environment(root: &Path) -> Option<PathBuf> {
     made.then(|| std::fs::write(marker, wanted)).and_then(Result::ok).map(|()| programs)
 }
 
-/// Builds the Rust half and copies it to where the Python half imports it.
+/// Builds the Rust half and copies it to the folder from which the Python half imports it.
 fn build(root: &Path, programs: &Path) -> bool {
     let mut build = build_as_tested(&["--lib"]);
     build.env("PYO3_PYTHON", programs.join("python"));
@@ -85,14 +85,14 @@ fn python(programs: &Path, arguments: &[&str]) -> Command {
     command
 }
 
-/// Checks layout and lints of all Python code. `None` without Python.
+/// Checks format and lints of all Python code. `None` without Python.
 pub fn lint() -> Option<bool> {
     let ruff = |what: &str, arguments: &[&str]| Some(run(what, ruff(arguments)?));
     let is_laid_out = ruff("format check of Python", &["format", "--check"])?;
     Some(ruff("ruff", &["check", "--quiet"])? && is_laid_out)
 }
 
-/// Lays out all Python code. `None` without Python.
+/// Formats all Python code. `None` without Python.
 pub fn format() -> Option<bool> {
     Some(run("format of Python", ruff(&["format", "--quiet"])?))
 }
@@ -104,7 +104,7 @@ fn ruff(arguments: &[&str]) -> Option<Command> {
     Some(command)
 }
 
-/// Builds the package and runs its tests; checks that the stubs say what the module has. `None`
+/// Builds the package, runs its tests, and checks that the stubs agree with the module. `None`
 /// without Python.
 pub fn test() -> Option<bool> {
     let root = root();

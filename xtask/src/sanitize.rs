@@ -1,5 +1,5 @@
-//! Finds memory errors that no result shows: runs tests of unsafe code under AddressSanitizer and
-//! Miri.
+//! Finds memory errors that tests do not notice: runs tests of unsafe code under AddressSanitizer
+//! and Miri.
 
 use crate::{Counts, counted};
 use std::process::{Command, Stdio};
@@ -7,25 +7,25 @@ use std::process::{Command, Stdio};
 /// A package, and substrings that select its tests.
 type Tests = (&'static str, &'static [&'static str]);
 
-/// The tests for AddressSanitizer. It checks every access, including those of vector instructions
-/// and of C++.
+/// The tests for AddressSanitizer, which checks every access, including those of vector
+/// instructions and of C++.
 const ADDRESS: [Tests; 3] = [
     ("snell-math", &["simd::"]),
     ("snell-intersect", &["kernel::", "exact::", "tree::", "build::"]),
     ("snell-formats", &["meshopt", "compression"]),
 ];
 
-/// The tests for Miri, which also checks the rules of the language. It is a thousand times slower,
-/// has only the baseline instructions, and supports neither C++ nor large worlds.
+/// The tests for Miri, which also checks the aliasing rules of Rust. Miri is a thousand times
+/// slower, has only the baseline instructions, and supports neither C++ nor large worlds.
 const MIRI: [Tests; 2] = [
     ("snell-math", &["simd::"]),
     ("snell-intersect", &["tree::compact", "tree::storage", "a_tree_stays_as_it_was_read"]),
 ];
 
-/// A run of tests, which counts them; `None` if its tools are missing.
+/// Runs tests and counts them; `None` if the tools for it are missing.
 type Run = fn(&mut Counts) -> Option<bool>;
 
-/// Runs both, or the named one.
+/// Runs both sanitizers, or the one named; true if they passed.
 pub fn run(which: Option<&str>) -> bool {
     let runs: [(&str, Run); 2] = [("address", address), ("miri", miri)];
     if let Some(name) = which.filter(|name| runs.iter().all(|run| run.0 != *name)) {
@@ -57,7 +57,7 @@ pub fn run(which: Option<&str>) -> bool {
 
 /// Cargo of the nightly toolchain, which builds into a folder of its own.
 fn nightly(arguments: &[&str], folder: &str) -> Command {
-    // Not the Cargo of the environment, which belongs to the toolchain that built this.
+    // The Cargo in the environment would belong to the toolchain that built this program.
     let mut command = Command::new("cargo");
     command.arg("+nightly").args(arguments).env("CARGO_TARGET_DIR", format!("target/{folder}"));
     command
@@ -72,7 +72,7 @@ fn starts(arguments: &[&str]) -> bool {
         .is_ok_and(|status| status.success())
 }
 
-/// `None` if it is unavailable.
+/// Runs tests under AddressSanitizer; `None` on systems other than Linux on x86-64.
 fn address(counts: &mut Counts) -> Option<bool> {
     if !cfg!(all(target_os = "linux", target_arch = "x86_64")) {
         println!("address: it is set up for Linux on x86-64 only");
@@ -80,10 +80,10 @@ fn address(counts: &mut Counts) -> Option<bool> {
     }
     const TARGET: &str = "x86_64-unknown-linux-gnu";
     let run = |(package, names): Tests| {
-        // With a target, build scripts and macros are built without the sanitizer.
+        // With an explicit target, build scripts and macros are built without the sanitizer.
         let mut command =
             nightly(&["test", "--target", TARGET, "--package", package, "--lib", "--"], "sanitize");
-        // Frames are larger, so the stacks of test threads must be.
+        // Stack frames are larger under the sanitizer, so test threads need larger stacks.
         command
             .args(names)
             .env("RUSTFLAGS", "-Zsanitizer=address")
@@ -96,7 +96,7 @@ fn address(counts: &mut Counts) -> Option<bool> {
     Some(all(ADDRESS.map(run)))
 }
 
-/// `None` without Miri.
+/// Runs tests under Miri; `None` if Miri is not installed.
 fn miri(counts: &mut Counts) -> Option<bool> {
     if !starts(&["miri", "--version"]) {
         println!(
@@ -106,8 +106,8 @@ fn miri(counts: &mut Counts) -> Option<bool> {
     }
     let run = |(package, names): Tests| {
         let mut command = nightly(&["miri", "test", "--package", package, "--lib", "--"], "miri");
-        // Tests write files, and threads of the pool never end; its queues violate the rules of
-        // stacked borrows.
+        // Miri must allow tests to write files, and threads of the pool never to end. The pool's
+        // queues violate the rules of stacked borrows, so tree borrows are checked.
         command
             .args(names)
             .env("MIRIFLAGS", "-Zmiri-disable-isolation -Zmiri-ignore-leaks -Zmiri-tree-borrows");
@@ -122,7 +122,7 @@ fn all<const N: usize>(results: [bool; N]) -> bool {
 
 #[cfg(test)]
 mod tests {
-    /// The profile of this test is that of all tests.
+    /// This test is built with the profile of all tests.
     #[test]
     #[should_panic(expected = "overflow")]
     fn tests_check_arithmetic_for_overflow() {

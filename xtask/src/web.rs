@@ -47,18 +47,18 @@ pub fn build() -> bool {
     packages() == Some(true) && run("build of the page", npm(&["run", "--silent", "build"]))
 }
 
-/// Checks layout and lints of the page and of the scripts that drive it. `None` without Node.js.
+/// Checks format and lints of the page and of the scripts that drive it. `None` without Node.js.
 pub fn lint() -> Option<bool> {
     Some(packages()? && run("Biome", npm(&["run", "--silent", "lint"])))
 }
 
-/// Lays out the page and the scripts that drive it. `None` without Node.js.
+/// Formats the page and the scripts that drive it. `None` without Node.js.
 pub fn format() -> Option<bool> {
     Some(packages()? && run("format of the page", npm(&["run", "--silent", "format"])))
 }
 
-/// Checks types, unit tests, that the built page is that of the sources, and the page in a browser.
-/// `None` without Node.js.
+/// Checks types, runs unit tests, checks that the built page is up to date with the sources, and
+/// tests the page in a browser. `None` without Node.js.
 pub fn test() -> Option<bool> {
     if !packages()? {
         return Some(false);
@@ -102,8 +102,8 @@ fn in_browser() -> bool {
     run("tests of the page in a browser", command)
 }
 
-/// A Chromium or Chrome: from the variable `CHROME`, an installed one, or one that is installed
-/// now.
+/// Path of a Chromium or Chrome: from the variable `CHROME`, an installed one, or one that this
+/// function installs.
 fn browser() -> Option<String> {
     let usual = [
         "chromium",
@@ -119,7 +119,7 @@ fn browser() -> Option<String> {
     named.or_else(find).or_else(|| install_package().then(find).flatten()).or_else(install_from_npm)
 }
 
-/// The browser library requires a path, not a name.
+/// The full path of a program, because the browser library accepts no bare name.
 fn full_path(name: &str) -> Option<String> {
     if Path::new(name).is_absolute() {
         return Some(name.to_string());
@@ -130,7 +130,7 @@ fn full_path(name: &str) -> Option<String> {
     found.map(|path| path.display().to_string())
 }
 
-/// Installs Debian's package, where possible.
+/// Installs Debian's package chromium; false without root rights, or if that fails.
 fn install_package() -> bool {
     if !runs("id", &["-u"])
         || !Command::new("id").arg("-u").output().is_ok_and(|o| o.stdout.starts_with(b"0\n"))
@@ -150,7 +150,7 @@ fn install_package() -> bool {
         )
 }
 
-/// A binary from an npm package, which needs no privileges.
+/// Installs a browser from an npm package, which needs no privileges.
 fn install_from_npm() -> Option<String> {
     println!("xtask: installing a Chromium from npm");
     let folder = root().join("target/chromium");

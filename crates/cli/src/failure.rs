@@ -23,7 +23,7 @@ pub enum Failure {
     /// The scene cannot be rendered.
     #[error("{0}")]
     Scene(String),
-    /// Anything else.
+    /// Any other failure.
     #[error("{0}")]
     Other(String),
 }

@@ -1,9 +1,9 @@
 //! Signals that ask the program to end: Ctrl-C, and those that schedulers, systems and closed
 //! terminals send (SIGTERM, SIGHUP, and SIGXCPU when the allowed processor time is used up).
 //!
-//! Initially such a signal ends the program at once. Work that can be saved asks for a warning
-//! instead: then the first signal is a request to end, and only a later one ends the program at
-//! once. No temporary file is left either way.
+//! Initially such a signal ends the program at once. A command whose work can be saved calls
+//! [`save_first`]: then the first signal is a request to end, and only a later one ends the program
+//! at once. No temporary file is left either way.
 
 use crate::failure::Failure;
 use std::borrow::Cow;
@@ -23,8 +23,7 @@ static STATE: Mutex<State> =
 static CHANGED: Condvar = Condvar::new();
 
 struct State {
-    /// The message when a signal ends the program at once; `None` while a signal is a request
-    /// first.
+    /// The message when a signal ends the program at once; `None` if the next signal is a request.
     farewell: Option<Cow<'static, str>>,
     /// The time of the last distinct signal.
     last: Option<Instant>,
@@ -36,8 +35,8 @@ fn state() -> MutexGuard<'static, State> {
     STATE.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// From now on a signal ends the program at once with this message. (An earlier one may have been a
-/// request.)
+/// From now on a signal ends the program at once with this message, also if an earlier one was a
+/// request.
 pub fn end_at_once(farewell: impl Into<Cow<'static, str>>) {
     state().farewell = Some(farewell.into());
 }
@@ -58,13 +57,13 @@ pub fn requests() -> usize {
     REQUESTS.load(Ordering::Relaxed)
 }
 
-/// Waits for this time, or until there are more requests than `known`.
+/// Waits for at most `time`, or until there are more requests than `known`.
 pub fn wait(time: Duration, known: usize) {
     let is_quiet = |_: &mut State| requests() <= known;
     drop(CHANGED.wait_timeout_while(state(), time, is_quiet));
 }
 
-/// Handles a signal. `insists` if a second one of its kind may abort the saving.
+/// Handles a signal. `insists` is true if a second signal of its kind may abort the saving.
 fn receive(insists: bool) {
     let mut state = state();
     let repeats = state.last.is_some_and(|last| last.elapsed() < SAME_WISH);
@@ -138,6 +137,6 @@ fn is_hangup_ignored() -> bool {
                 != 0,
         )
     });
-    // If the system does not report it: `nohup` redirects messages away from the terminal.
+    // The system does not report it. But `nohup` redirects messages away from the terminal.
     ignored.unwrap_or_else(|| !std::io::stderr().is_terminal())
 }

@@ -16,7 +16,7 @@ pub enum ProgressStyleOption {
     Plain,
     /// One JSON object per line, on standard error.
     Json,
-    /// Nothing.
+    /// No progress is shown.
     None,
 }
 
@@ -27,7 +27,7 @@ enum Style {
     Silent,
 }
 
-/// Shows the progress of a render. Called from any thread.
+/// Shows the progress of a render. Its methods may be called from any thread.
 pub struct Reporter {
     style: Style,
     start: Instant,
@@ -71,7 +71,7 @@ impl Reporter {
         }
     }
 
-    /// The seconds so far, if enough time has passed since the last output.
+    /// The seconds since the start, if enough time has passed since the last output; else `None`.
     fn due(&self) -> Option<f64> {
         let now = Instant::now();
         let mut next = self.next.try_lock().ok().filter(|next| now >= **next)?;

@@ -5,7 +5,8 @@ use snell_formats::memory::Available;
 use snell_render::memory::of_scene;
 use snell_scene::Scene;
 
-/// Fails with a message if there is too little memory for `what` on all threads.
+/// Fails with a message if less than `bytes` of memory is available for `what`, which runs on all
+/// threads.
 pub fn admit(what: &str, bytes: u64) -> Result<(), String> {
     let available = Available::now().for_threads(rayon::current_num_threads());
     let admitted = available.admit(what, bytes);

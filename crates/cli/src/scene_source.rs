@@ -57,7 +57,7 @@ pub fn load(path: &Path, options: &ReadOptions) -> Result<Scene, Failure> {
 /// The stem of the default output file.
 pub fn stem(path: &Path, scene: &Scene) -> OsString {
     if path == Path::new("-") {
-        // (A scene's name may contain a path out of the folder.)
+        // The scene's name may contain a path out of the folder, so slashes are replaced.
         let name = scene.name.replace([' ', '/', '\\', '\0'], "-");
         return if name.is_empty() { "scene".into() } else { name.into() };
     }

@@ -7,8 +7,8 @@ use std::path::Path;
 /// Maximum size of a table in bytes.
 const MOST_BYTES: u64 = 16 << 20;
 
-/// In a definition `key=value` of a spectrum whose value is a file name, replaces the name by the
-/// file's table. Other definitions are unchanged.
+/// Replaces the file name in a definition `key=FILE` of a spectrum by the file's table. Other
+/// definitions are returned unchanged.
 pub fn resolve(definition: &str) -> Result<String, Failure> {
     match definition.split_once('=') {
         Some((key, name)) if key.ends_with(".spectrum") && Path::new(name).exists() => {

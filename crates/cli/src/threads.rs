@@ -10,8 +10,8 @@ pub fn number() -> RangedI64ValueParser<u32> {
     clap::value_parser!(u32).range(1..=MAX as i64)
 }
 
-/// Starts the threads that read and write files and build structures: this many for the whole
-/// process, whatever the environment specifies.
+/// Starts the pool of threads that read and write files and build structures: `threads` of them for
+/// the whole process, whatever the environment specifies.
 pub fn start(threads: usize) -> Result<(), Failure> {
     let pool =
         rayon::ThreadPoolBuilder::new().num_threads(threads).thread_name(|i| format!("snell-{i}"));

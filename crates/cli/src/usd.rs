@@ -1,8 +1,8 @@
 //! USD stages, read by a Python with the package `usd-core`: the modules of `python/snell/usd`
 //! convert them to Snell's own format.
 //!
-//! They are part of this program and are passed to Python on standard input, so that `snell` works
-//! whether or not Snell's Python package is installed.
+//! The modules are part of this program and are passed to Python on standard input, so that `snell`
+//! works whether or not Snell's Python package is installed.
 
 mod converter;
 mod process;
@@ -83,7 +83,7 @@ pub fn load(path: &Path, options: &ReadOptions) -> Result<Scene, Failure> {
     Err(error(problem, INSTALL).into())
 }
 
-/// The scene that the converter wrote, with its warnings.
+/// Reads the scene that the converter wrote, and adds the converter's warnings.
 fn scene(path: &Path, answer: Answer, options: &ReadOptions) -> Result<Scene, Failure> {
     let shown = path.display().to_string();
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));

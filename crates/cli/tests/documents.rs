@@ -310,7 +310,7 @@ fn long_options(text: &str) -> BTreeSet<String> {
     found
 }
 
-/// The page of the command line, with the page of settings, to which it leads.
+/// The page about the command line, followed by the page of settings that it refers to.
 fn page_of_commands() -> String {
     let folder = repository().join("docs/user");
     ["command-line.md", "settings.md"].map(|name| read(&folder.join(name))).concat()
@@ -361,7 +361,7 @@ fn commands_in_running_text_exist() {
     let mut count = 0;
     for document in documents() {
         let text = read(&document);
-        // Outside of blocks.
+        // The prose is the text outside of blocks.
         let prose: String = text.split("```").step_by(2).collect();
         for span in prose.split('`').skip(1).step_by(2) {
             let place = format!("{}: `{span}`", document.display());
@@ -407,7 +407,7 @@ fn the_command_line_page_has_every_name() {
         Terminator,
     };
     let page = page_of_commands();
-    // These have tables that say more.
+    // These names are in tables, which describe them.
     let tables = read(&repository().join("docs/user/command-line.md"));
     let described = IntegratorKind::ALL.map(IntegratorKind::name).into_iter();
     for name in described.chain(Aov::ALL.map(Aov::name)) {

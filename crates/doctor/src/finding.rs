@@ -3,7 +3,7 @@
 use crate::Subject;
 use crate::subject::Body;
 
-/// Its severity.
+/// How severe a finding is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Severity {
     /// The picture is wrong.
@@ -30,13 +30,13 @@ impl Severity {
 pub struct Finding {
     /// Name of the check.
     pub check: &'static str,
-    /// Its severity.
+    /// The severity of the finding.
     pub severity: Severity,
     /// The object of the scene: a node, a material, a light; empty for the whole scene.
     pub object: String,
-    /// The first face concerned, as the mesh in memory counts its triangles, from 0.
+    /// Number of the first face concerned, from 0, in the order of the mesh in memory.
     pub face: Option<u32>,
-    /// The position in the world, if that helps to find it.
+    /// The position of the flaw in the world, if that helps to find it.
     pub position: Option<[f64; 3]>,
     /// Number of faces, edges or objects concerned.
     pub count: u64,

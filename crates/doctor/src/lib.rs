@@ -1,12 +1,12 @@
-//! Finds flaws of a scene that spoil pictures, each with its place and a remedy.
+//! Finds flaws of a scene that spoil pictures. Each finding has its place and a remedy.
 //!
 //! [`examine`] runs all of [`CHECKS`] over a scene graph and changes nothing. To add a check: a new
-//! file in `check/`, and its line in the list. A check reads a [`Subject`], which holds data shared
-//! by several checks, and adds to a [`Report`].
+//! file in `check/`, and its line in the list. A check reads a [`Subject`], which holds data that
+//! several checks share, and adds findings to a [`Report`].
 //!
-//! The rule for severities: a flaw that makes the picture wrong is an error, one that probably does
-//! is a warning, and one that may only surprise is a note. A mesh with holes is none of these
-//! unless it is glass.
+//! The rule for severities: a flaw that makes the picture wrong is an error, a flaw that probably
+//! does is a warning, and a flaw that may only surprise is a note. A mesh with holes is not
+//! reported unless it is glass.
 
 #![forbid(unsafe_code)]
 
@@ -24,14 +24,14 @@ use snell_scene::Scene;
 /// A check.
 #[derive(Clone, Copy)]
 pub struct Check {
-    /// Short name, the `check` of its findings.
+    /// Short name, which is the `check` of the findings.
     pub name: &'static str,
-    /// The flaws that it finds, in one line.
+    /// The flaws that the check finds, in one line.
     pub description: &'static str,
     run: fn(&Subject, &mut Report),
 }
 
-/// All checks, in the order of their findings.
+/// All checks, in the order in which their findings are listed.
 pub const CHECKS: &[Check] = &[
     Check {
         name: "reader",
@@ -86,8 +86,8 @@ pub const CHECKS: &[Check] = &[
     },
 ];
 
-/// All findings, by check, the severe ones of each first. An error for scenes with cycles or
-/// invalid ids, or that are too large to examine.
+/// Returns all findings, check by check, and the severe ones of each check first. Fails for scenes
+/// with cycles or invalid ids, and for scenes that are too large to examine.
 pub fn examine(scene: &Scene) -> Result<Vec<Finding>, String> {
     let subject = Subject::new(scene)?;
     let mut findings = Vec::new();

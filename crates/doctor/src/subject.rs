@@ -10,14 +10,14 @@ use snell_scene::{Geometry, Material, MaterialId, Scene};
 use std::collections::HashMap;
 use std::sync::{Arc, OnceLock};
 
-/// The uses of a mesh, all placements together.
+/// The use of a mesh, over all of its placements.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Role {
-    /// True if light enters: it bounds glass or a medium.
+    /// True if light enters the mesh: it bounds glass or a medium.
     pub bounds_inside: bool,
-    /// True if its back is invisible.
+    /// True if the back of the mesh is invisible.
     pub is_one_sided: bool,
-    /// True if it emits on its outer side only.
+    /// True if the mesh emits on its outer side only.
     pub emits_outwards: bool,
 }
 
@@ -25,11 +25,11 @@ pub struct Role {
 pub struct Body<'a> {
     /// The triangles.
     pub mesh: &'a Arc<TriangleMesh>,
-    /// Their topology.
+    /// The topology of the triangles.
     pub topology: Topology,
-    /// Indices of its placements in [`Subject::placed`].
+    /// Indices of the mesh's placements in [`Subject::placed`].
     pub places: Vec<usize>,
-    /// Its use.
+    /// The use of the mesh.
     pub role: Role,
 }
 
@@ -37,11 +37,11 @@ pub struct Body<'a> {
 pub struct Subject<'a> {
     /// The scene.
     pub scene: &'a Scene,
-    /// All its surfaces.
+    /// All placed surfaces of the scene.
     pub placed: Vec<Placed<'a>>,
-    /// All its valid meshes.
+    /// All valid meshes of the scene.
     pub bodies: Vec<Body<'a>>,
-    /// The index of the body of each placed surface, if it is a mesh.
+    /// For each placed surface, the index of its body; `None` if it is not a valid mesh.
     pub body_of: Vec<Option<usize>>,
     /// Invalid meshes: the placement and the error.
     pub broken: Vec<(usize, String)>,
@@ -95,7 +95,7 @@ impl<'a> Subject<'a> {
         let mut last = None;
         for &place in &body.places {
             let place = &self.placed[place];
-            // Instances of one object have the same use.
+            // Instances of one object have the same use, so consecutive ones are skipped.
             let key = (std::ptr::from_ref(place.surface), place.material(0));
             if last == Some(key) {
                 continue;
@@ -122,7 +122,8 @@ impl<'a> Subject<'a> {
         self.material(self.placed[place].material(usize::from(slot)))
     }
 
-    /// The name of a placed surface: that of its node, or of its material where no node has a name.
+    /// The name of a placed surface: the name of its node, or of its material if no node has a
+    /// name.
     pub fn name(&self, place: usize) -> String {
         let placed = &self.placed[place];
         let kind = match &placed.surface.geometry {
@@ -171,8 +172,8 @@ impl<'a> Subject<'a> {
         all.filter(|b| !b.is_empty() && b.is_finite()).fold(Bounds3d::EMPTY, |a, b| a.union(&b))
     }
 
-    /// Everything that rays hit; `None` if it cannot be built. Geometries are numbered as
-    /// [`Self::placed`].
+    /// A world of everything that rays hit; `None` if it cannot be built. Geometries are numbered
+    /// as in [`Self::placed`].
     pub fn world(&self) -> Option<&World> {
         let build = || {
             let mut builder = WorldBuilder::default();
@@ -208,7 +209,8 @@ impl<'a> Subject<'a> {
         self.world.get_or_init(build).as_ref()
     }
 
-    /// The closed surfaces around a point: placement, and component if it is a mesh.
+    /// The closed surfaces around a point: for each the index of its placement, and the component
+    /// if it is a mesh.
     pub fn around(&self, point: DVec3) -> Vec<(usize, Option<usize>)> {
         let mut found = Vec::new();
         for (i, placed) in self.placed.iter().enumerate() {

@@ -12,9 +12,9 @@ use snell_math::{Bounds3, DVec3, Vec3};
 /// A face that is the copy of another.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Duplicate {
-    /// The copy.
+    /// Number of the face that is the copy.
     pub face: u32,
-    /// The face that it copies.
+    /// Number of the face that is copied.
     pub of: u32,
     /// True if both have the same winding; false if they are back to back.
     pub is_wound_alike: bool,
@@ -23,23 +23,23 @@ pub struct Duplicate {
 /// A connected component: triangles that share edges, directly or through others.
 #[derive(Clone, Debug)]
 pub struct Component {
-    /// The first of its faces.
+    /// Number of the first face of the component.
     pub first_face: u32,
     /// Number of faces.
     pub faces: u32,
-    /// Edges with one face only.
+    /// Number of edges with one face only.
     pub boundary_edges: u32,
-    /// Edges whose two faces go along them in the same direction.
+    /// Number of edges whose two faces go along them in the same direction.
     pub inconsistent_edges: u32,
-    /// Faces whose vertex normals all point to the side opposite to their winding.
+    /// Number of faces whose vertex normals all point to the side opposite to their winding.
     pub faces_against_normals: u32,
-    /// Sum of the areas.
+    /// Sum of the areas of the faces.
     pub area: f64,
-    /// Sum of the areas as vectors: zero for closed surfaces.
+    /// Sum of the area vectors of the faces: zero for closed surfaces.
     pub vector_area: DVec3,
     /// Signed volume; negative for a closed surface that is inside out.
     pub volume: f64,
-    /// The box around it.
+    /// The box around the component.
     pub bounds: Bounds3,
 }
 
@@ -49,7 +49,7 @@ impl Component {
         self.boundary_edges == 0
     }
 
-    /// Its openness: 0 for closed surfaces, 1 for a flat sheet.
+    /// The openness of the component: 0 for closed surfaces, 1 for a flat sheet.
     pub fn openness(&self) -> f64 {
         if self.area > 0.0 { self.vector_area.length() / self.area } else { 0.0 }
     }
@@ -58,9 +58,9 @@ impl Component {
 /// An edge of one face only, in the direction of that face.
 #[derive(Clone, Copy, Debug)]
 pub struct BoundaryEdge {
-    /// The face.
+    /// Number of the face.
     pub face: u32,
-    /// Its ends.
+    /// The ends of the edge.
     pub ends: [Vec3; 2],
 }
 
@@ -88,8 +88,8 @@ pub struct Topology {
 /// The component of ignored faces.
 const NONE: u32 = u32::MAX;
 
-/// True if three points lie on a line within rounding. (Not by a ratio of area and length: a face
-/// may be as thin as its coordinates allow, and rays still hit it.)
+/// True if three points lie on a line within rounding. The test does not compare the area with the
+/// length: a face may be as thin as its coordinates allow, and rays still hit it.
 fn is_on_a_line([a, b, c]: [DVec3; 3]) -> bool {
     const ROUNDING: f64 = 4.0 * f64::EPSILON;
     let (u, v) = (b - a, c - a);
@@ -97,7 +97,7 @@ fn is_on_a_line([a, b, c]: [DVec3; 3]) -> bool {
     (first - second).abs().cmple((first.abs() + second.abs()) * ROUNDING).all()
 }
 
-/// Vertex numbers such that vertices at one position have the same.
+/// Numbers the vertices so that vertices at one position have the same number.
 fn welded(mesh: &TriangleMesh) -> Vec<u32> {
     // Both signs of zero are one position.
     let bits = |x: f32| u128::from((x + 0.0).to_bits());
@@ -117,7 +117,7 @@ fn welded(mesh: &TriangleMesh) -> Vec<u32> {
     numbers
 }
 
-/// The smallest of three first, in cyclic order.
+/// Rotates three numbers so that the smallest comes first, in cyclic order.
 fn rotated([a, b, c]: [u32; 3]) -> [u32; 3] {
     if a < b && a < c {
         [a, b, c]
@@ -142,7 +142,7 @@ impl Sets {
 
     fn join(&mut self, a: u32, b: u32) {
         let (a, b) = (self.root(a), self.root(b));
-        // The lower number wins, so that the result does not depend on the order.
+        // The lower root wins, so that the result does not depend on the order.
         self.0[a.max(b) as usize] = a.min(b);
     }
 }
@@ -169,7 +169,8 @@ impl Topology {
         this
     }
 
-    /// True for faces that count: those with an area.
+    /// Records degenerate and non-finite faces. The result is true for faces that connect their
+    /// neighbours.
     fn sort_out(&mut self, mesh: &TriangleMesh, faces: &[[u32; 3]]) -> Vec<bool> {
         #[derive(Clone, Copy, PartialEq)]
         enum Kind {
@@ -257,7 +258,7 @@ impl Topology {
                 }
                 2 if backwards != 1 => inconsistent.push(face),
                 2 => {}
-                // Bodies that touch along an edge pair up.
+                // Bodies that touch along an edge have faces that pair up.
                 n if 2 * backwards == n => {}
                 _ => self.non_manifold.push(face),
             }

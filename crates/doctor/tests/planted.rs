@@ -1,5 +1,5 @@
-//! Every flaw planted in the small files of `planted/` is found, and nothing else in them; scenes
-//! without flaws have none.
+//! Every flaw planted in the small files of `planted/` is found, and nothing else in these files;
+//! scenes without flaws have no findings.
 
 use snell_doctor::{Severity, examine};
 use snell_formats::{ReadOptions, read_scene};

@@ -2,10 +2,10 @@
 
 use std::ffi::{c_char, c_int, c_uint, c_void};
 
-/// `RTCDevice`, `RTCScene` and `RTCGeometry`: opaque.
+/// An opaque handle: `RTCDevice`, `RTCScene` or `RTCGeometry`.
 pub type Handle = *mut c_void;
 
-/// No geometry, no instance.
+/// The id that stands for no geometry or no instance.
 pub const INVALID_ID: u32 = u32::MAX;
 
 pub const GEOMETRY_TYPE_TRIANGLE: c_int = 0;
@@ -32,7 +32,8 @@ pub struct Rays<const N: usize> {
     pub t_near: [f32; N],
     pub direction: [[f32; N]; 3],
     pub time: [f32; N],
-    /// Set to the distance of the hit, or to minus infinity if the ray is occluded.
+    /// The end of the ray's interval. Embree sets it to the distance of the hit, or to minus
+    /// infinity if the ray is occluded.
     pub t_far: [f32; N],
     pub mask: [u32; N],
     pub id: [u32; N],
@@ -56,9 +57,9 @@ pub struct RayHits<const N: usize> {
     pub uv: [[f32; N]; 2],
     pub primitive: [u32; N],
     pub geometry: [u32; N],
-    /// One level, as in default builds of Embree.
+    /// The number of the instance; one level, as in default builds of Embree.
     pub instance: [u32; N],
-    /// The index within an array of instances: since 4.3.
+    /// The index within an array of instances, present since version 4.3.
     pub instance_primitive: [u32; N],
 }
 
@@ -87,7 +88,7 @@ impl Arguments {
     }
 }
 
-/// `RTCMemoryMonitorFunction`.
+/// The type `RTCMemoryMonitorFunction`.
 pub type MemoryMonitor = unsafe extern "C" fn(*mut c_void, isize, bool) -> bool;
 
 /// Functions that trace one ray, and functions that trace a packet in which some lanes are valid
@@ -97,7 +98,7 @@ pub type TracePacket<T> = unsafe extern "C" fn(*const c_int, Handle, *mut T, *mu
 
 macro_rules! functions {
     ($($field:ident: $symbol:literal = $signature:ty;)*) => {
-        /// The functions of the library that are called.
+        /// The functions of the library that this crate calls.
         #[derive(Clone, Copy)]
         pub struct Functions {
             $(pub $field: $signature,)*
@@ -112,8 +113,8 @@ macro_rules! functions {
             pub unsafe fn find(library: &libloading::Library) -> Result<Self, &'static str> {
                 Ok(Self {
                     $(
-                        // SAFETY: the caller says that this is Embree 4, whose functions have these
-                        // signatures.
+                        // SAFETY: the caller promises that this is Embree 4, whose functions have
+                        // these signatures.
                         $field: *unsafe { library.get::<$signature>($symbol.as_bytes()) }
                             .map_err(|_| $symbol)?,
                     )*

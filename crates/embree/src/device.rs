@@ -11,20 +11,21 @@ use std::sync::atomic::{AtomicI64, Ordering};
 pub struct Device {
     pub(crate) embree: Arc<Embree>,
     pub(crate) handle: Handle,
-    /// Bytes in use. Boxed, because Embree keeps a pointer to it.
+    /// The number of bytes in use. Boxed, because Embree keeps a pointer to it.
     memory: Box<AtomicI64>,
 }
 
 // SAFETY: Embree's API reference says that all calls on a device are thread-safe, except for those
 // that change one geometry or scene.
 unsafe impl Send for Device {}
-// SAFETY: as above.
+// SAFETY: all calls on a device are thread-safe, except for those that change one geometry or
+// scene.
 unsafe impl Sync for Device {}
 
-/// Called for every allocation and release.
+/// The function that Embree calls for every allocation and release.
 unsafe extern "C" fn count_memory(counter: *mut c_void, bytes: isize, _after: bool) -> bool {
-    // SAFETY: the pointer is the one given to Embree beside this function; its device keeps the
-    // counter alive.
+    // SAFETY: the pointer is the one that was given to Embree with this function; the device keeps
+    // the counter alive.
     let counter = unsafe { &*counter.cast::<AtomicI64>() };
     counter.fetch_add(bytes as i64, Ordering::Relaxed);
     true
@@ -35,7 +36,7 @@ impl Device {
     pub fn new(embree: &Arc<Embree>, threads: usize) -> Result<Arc<Self>, LoadError> {
         let config = CString::new(format!("threads={threads}")).expect("no zero byte in it");
         let functions = &embree.functions;
-        // SAFETY: the argument is a string that ends with zero.
+        // SAFETY: the argument is a string that ends with a zero byte.
         let handle = unsafe { (functions.new_device)(config.as_ptr()) };
         if handle.is_null() {
             // SAFETY: a null device requests the error of device creation.
@@ -43,8 +44,7 @@ impl Device {
         }
         let memory = Box::new(AtomicI64::new(0));
         let counter = std::ptr::from_ref(&*memory).cast_mut().cast();
-        // SAFETY: the counter lives in a box of its own, which is dropped after the device is
-        // released.
+        // SAFETY: the counter is in a separate box, which is dropped after the device is released.
         unsafe { (functions.set_memory_monitor)(handle, count_memory, counter) };
         Ok(Arc::new(Self { embree: embree.clone(), handle, memory }))
     }

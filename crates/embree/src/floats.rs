@@ -4,8 +4,8 @@
 #[cfg(target_arch = "x86_64")]
 const FLUSH: u32 = 1 << 15 | 1 << 6;
 
-/// Runs `calls` with denormals treated as zero. Apart from Embree, it may move numbers, but must
-/// not compute with them.
+/// Runs `calls` with denormals treated as zero. Besides calling Embree, `calls` may move numbers,
+/// but must not compute with them.
 #[inline]
 pub fn with_flushed_denormals<T>(calls: impl FnOnce() -> T) -> T {
     #[cfg(target_arch = "x86_64")]

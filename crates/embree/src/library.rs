@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use tempfile::TempDir;
 
-/// Why Embree could not be loaded. Each message ends with a remedy.
+/// Errors of loading Embree. Each message ends with a remedy.
 #[derive(Debug, thiserror::Error)]
 pub enum LoadError {
     /// The path does not exist, or cannot be read.
@@ -23,13 +23,13 @@ pub enum LoadError {
         /// The cause.
         source: io::Error,
     },
-    /// A folder or wheel without the library.
+    /// The folder or wheel does not contain the library.
     #[error(
         "{0}: there is no libembree4 in it; give the shared library itself, or the wheel `embreex` \
             of PyPI"
     )]
     NotFound(PathBuf),
-    /// The system's loader refused it.
+    /// The system's loader rejected the library.
     #[error(
         "{path}: cannot be loaded: {source}; it must be the shared library of Embree 4 for this \
             machine, with libtbb beside it"
@@ -48,7 +48,7 @@ pub enum LoadError {
         /// The missing function.
         symbol: &'static str,
     },
-    /// The library was loaded but does not work.
+    /// The library was loaded, but creating a device failed with this error number.
     #[error("Embree could not make a device (error {0}); it must be made for this machine")]
     Device(i32),
 }
@@ -56,9 +56,10 @@ pub enum LoadError {
 /// The loaded library.
 pub struct Embree {
     pub(crate) functions: Functions,
-    /// Never unloaded, because its threads live on for a while after the last device is released.
+    /// The library, which is never unloaded, because its threads live on for a while after the last
+    /// device is released.
     _library: ManuallyDrop<libloading::Library>,
-    /// The folder of an unpacked wheel.
+    /// The folder of an unpacked wheel, removed on drop.
     _folder: Option<TempDir>,
 }
 
@@ -88,12 +89,12 @@ impl Embree {
             None => Some(path.to_path_buf()),
         };
         let file = file.ok_or_else(|| LoadError::NotFound(path.into()))?;
-        // SAFETY: the user chooses to run this library, as any program that they name; Embree's
+        // SAFETY: the user chooses to run this library, like any program that they name; Embree's
         // initialisers have no preconditions.
         let library = unsafe { libloading::Library::new(&file) };
         let library = library.map_err(|source| LoadError::Load { path: file.clone(), source })?;
         // SAFETY: the user states that this is Embree 4; a library without all of its functions is
-        // refused. The functions are kept together with the library.
+        // rejected. The functions are kept together with the library.
         let functions = unsafe { Functions::find(&library) };
         let functions = functions.map_err(|symbol| LoadError::Symbol { path: file, symbol })?;
         Ok(Arc::new(Self { functions, _library: ManuallyDrop::new(library), _folder: folder }))
@@ -118,7 +119,8 @@ fn find_library(folder: &Path) -> Option<PathBuf> {
     here.cloned().or_else(|| entries.iter().filter(|p| p.is_dir()).find_map(|p| find_library(p)))
 }
 
-/// Unpacks the shared libraries of a wheel, with those of one folder side by side as they expect.
+/// Unpacks the shared libraries of a wheel. Libraries of one folder stay side by side, as they
+/// expect.
 fn unpack(wheel: &Path) -> io::Result<TempDir> {
     let folder = TempDir::new()?;
     let mut archive = zip::ZipArchive::new(File::open(wheel)?).map_err(io::Error::other)?;

@@ -7,16 +7,16 @@ use snell_math::Transform;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Why a world cannot be converted.
+/// Errors of converting a world.
 #[derive(Debug, thiserror::Error)]
 pub enum PeerError {
-    /// There is other geometry than triangles.
+    /// The world has geometry other than triangles.
     #[error(
         "the scene has geometry other than triangles, which Embree is not given; use a scene of \
             meshes"
     )]
     Shapes,
-    /// Embree reported an error.
+    /// Embree reported the error with this number.
     #[error("Embree could not build the scene (error {0})")]
     Build(i32),
 }
@@ -24,11 +24,11 @@ pub enum PeerError {
 /// Embree's build quality.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BuildQuality {
-    /// Morton order.
+    /// Built in Morton order (`RTC_BUILD_QUALITY_LOW`).
     Low,
-    /// Surface-area heuristic.
+    /// Built by the surface area heuristic (`RTC_BUILD_QUALITY_MEDIUM`).
     Medium,
-    /// With spatial splits.
+    /// Built with spatial splits (`RTC_BUILD_QUALITY_HIGH`).
     High,
 }
 
@@ -51,9 +51,9 @@ impl BuildQuality {
 pub struct SceneOptions {
     /// The build quality.
     pub quality: BuildQuality,
-    /// Watertight edges and conservative boxes.
+    /// Whether edges are watertight and boxes conservative (`RTC_SCENE_FLAG_ROBUST`).
     pub robust: bool,
-    /// Less memory, slower rays.
+    /// Whether the scene takes less memory, with slower rays (`RTC_SCENE_FLAG_COMPACT`).
     pub compact: bool,
 }
 
@@ -62,23 +62,23 @@ pub struct SceneOptions {
 pub struct PeerScene {
     pub(crate) device: Arc<Device>,
     pub(crate) handle: Handle,
-    /// The scenes of instances, which the instances hold, too.
+    /// The scenes of groups, which instances refer to as well.
     children: Vec<Handle>,
     options: SceneOptions,
     build_seconds: f64,
     memory_bytes: i64,
 }
 
-// SAFETY: a committed scene is not changed any more, and Embree's API reference says that ray
-// queries are thread-safe.
+// SAFETY: a committed scene is never changed, and Embree's API reference says that ray queries are
+// thread-safe.
 unsafe impl Send for PeerScene {}
-// SAFETY: as above.
+// SAFETY: a committed scene is never changed, and ray queries are thread-safe.
 unsafe impl Sync for PeerScene {}
 
 impl PeerScene {
-    /// Builds a scene of the same triangles. A group that occurs below the root becomes a scene,
-    /// and each of its occurrences one instance in the top scene, because Embree is built with one
-    /// level of instances.
+    /// Builds a scene of the triangles of a world. A group that occurs below the root becomes a
+    /// scene, and each of its occurrences one instance in the top scene, because Embree is built
+    /// with one level of instances.
     pub fn build(
         device: &Arc<Device>,
         world: &World,
@@ -133,12 +133,12 @@ impl PeerScene {
         }
     }
 
-    /// The options it was built with.
+    /// The options with which the scene was built.
     pub fn options(&self) -> SceneOptions {
         self.options
     }
 
-    /// Seconds that Embree took for the acceleration structures, without copying the meshes.
+    /// Seconds that Embree took to build the acceleration structures, without copying the meshes.
     pub fn build_seconds(&self) -> f64 {
         self.build_seconds
     }
@@ -164,7 +164,7 @@ impl PeerScene {
         unsafe {
             let geometry =
                 (functions.new_geometry)(self.device.handle, abi::GEOMETRY_TYPE_TRIANGLE);
-            // The low quality of a scene affects only its top level.
+            // The low quality of a scene affects only its top level, so geometries get it too.
             (functions.set_geometry_quality)(geometry, self.options.quality as i32);
             let buffer = |kind, format, count| {
                 (functions.set_new_buffer)(geometry, kind, 0, format, 12, count)

@@ -77,14 +77,16 @@ impl PeerScene {
             }),
             Width::Eight => closest::<8>(rays, hits, |count, packet| {
                 let valid = Valid::<8>::first(count);
-                // SAFETY: as above; the lanes that are valid hold rays.
+                // SAFETY: the scene is alive and built, the structures have Embree's layout, and
+                // valid lanes hold rays.
                 unsafe {
                     (functions.intersect_8)(valid.0.as_ptr(), self.handle, packet, &mut arguments)
                 };
             }),
             Width::Sixteen => closest::<16>(rays, hits, |count, packet| {
                 let valid = Valid::<16>::first(count);
-                // SAFETY: as above; the lanes that are valid hold rays.
+                // SAFETY: the scene is alive and built, the structures have Embree's layout, and
+                // valid lanes hold rays.
                 unsafe {
                     (functions.intersect_16)(valid.0.as_ptr(), self.handle, packet, &mut arguments)
                 };
@@ -106,14 +108,16 @@ impl PeerScene {
             }),
             Width::Eight => occluded::<8>(rays, blocked, |count, packet| {
                 let valid = Valid::<8>::first(count);
-                // SAFETY: as above; the lanes that are valid hold rays.
+                // SAFETY: the scene is alive and built, the structures have Embree's layout, and
+                // valid lanes hold rays.
                 unsafe {
                     (functions.occluded_8)(valid.0.as_ptr(), self.handle, packet, &mut arguments)
                 };
             }),
             Width::Sixteen => occluded::<16>(rays, blocked, |count, packet| {
                 let valid = Valid::<16>::first(count);
-                // SAFETY: as above; the lanes that are valid hold rays.
+                // SAFETY: the scene is alive and built, the structures have Embree's layout, and
+                // valid lanes hold rays.
                 unsafe {
                     (functions.occluded_16)(valid.0.as_ptr(), self.handle, packet, &mut arguments)
                 };
@@ -173,7 +177,8 @@ fn closest<const N: usize>(
     }
 }
 
-/// Like [`closest`], for any hit.
+/// Packs rays `N` at a time, calls `trace` with the number of valid ones, and unpacks the
+/// occlusion.
 #[inline(always)]
 fn occluded<const N: usize>(
     rays: &[Ray],

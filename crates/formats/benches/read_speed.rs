@@ -9,7 +9,7 @@ use std::fmt::Write;
 use std::path::Path;
 use std::time::Instant;
 
-/// Wavy grids of triangles until the text has this many bytes.
+/// Generates pbrt text of at least `bytes` bytes: wavy grids of triangles, as many as that takes.
 fn generated(bytes: usize) -> String {
     const SIDE: usize = 300;
     let mut text = String::from("WorldBegin\nMaterial \"diffuse\"\n");

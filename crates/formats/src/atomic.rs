@@ -37,8 +37,8 @@ pub fn write_with(
     stage(path, fill).and_then(Staged::place).map_err(io_error(path))
 }
 
-/// Like [`write_with()`], but never replaces anything: if there is a file at `path`, the error is
-/// of the kind [`ErrorKind::AlreadyExists`].
+/// Like [`write_with()`], but never replaces a file: if there is one at `path`, the error is of the
+/// kind [`ErrorKind::AlreadyExists`].
 pub fn write_new(path: &Path, fill: impl FnOnce(&mut dyn Write) -> Result<()>) -> Result<()> {
     if path.symlink_metadata().is_ok() {
         return Err(ErrorKind::AlreadyExists.into());
@@ -48,13 +48,13 @@ pub fn write_new(path: &Path, fill: impl FnOnce(&mut dyn Write) -> Result<()>) -
     file.rename(|file| file.persist_noclobber(path).map(drop).map_err(|e| e.error))
 }
 
-/// Writes several files as [`write()`] does: all of them under temporary names before the first is
-/// renamed. The last is renamed last.
+/// Writes several files as [`write()`] does. All of them are written under temporary names before
+/// the first is renamed; the renames follow the order of `files`.
 pub fn write_all(files: &[(PathBuf, Vec<u8>)]) -> std::result::Result<(), WriteError> {
     let staged: Vec<_> = files
         .iter()
         .map(|(path, bytes)| match destination(path).map_err(io_error(path))? {
-            // A special file has no other name to wait under.
+            // A special file has no temporary name: it is written in the second step.
             Destination::Special => Ok(None),
             Destination::File(_) => {
                 stage(path, |out| out.write_all(bytes)).map(Some).map_err(io_error(path))
@@ -68,8 +68,8 @@ pub fn write_all(files: &[(PathBuf, Vec<u8>)]) -> std::result::Result<(), WriteE
     Ok(())
 }
 
-/// Removes all temporary files, for a program that is about to exit. Afterwards no other can be
-/// created or renamed into place: other threads wait for the exit.
+/// Removes all temporary files, for a program that is about to exit. After this call, a thread that
+/// would create a temporary file or rename one into place blocks until the process exits.
 pub fn abandon() {
     let known = temporaries();
     for path in known.iter() {
@@ -132,11 +132,11 @@ fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// Content that is written, but not yet in its place.
+/// Content that is written but not yet renamed into place.
 enum Staged {
     /// A file under a temporary name.
     File { temporary: Temporary, place: PathBuf },
-    /// Nothing left to do: the content went to a special file.
+    /// Content that was written to a special file, which needs no renaming.
     Done,
 }
 
@@ -168,8 +168,8 @@ impl Staged {
     }
 }
 
-/// The existing temporary files. They are created, renamed and removed while this is locked, so
-/// that [`abandon`] misses none.
+/// The existing temporary files. They are created, renamed and removed only while this set is
+/// locked, so that [`abandon`] misses none.
 static TEMPORARIES: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 
 fn temporaries() -> MutexGuard<'static, BTreeSet<PathBuf>> {
@@ -182,7 +182,7 @@ struct Temporary(Option<NamedTempFile>);
 impl Temporary {
     fn beside(path: &Path) -> Result<Self> {
         let folder = folder_of(path);
-        // The temporary name means nothing to a user, so it does not belong in the error.
+        // The error names the user's path, not the temporary one, which means nothing to a user.
         let plain = |e: Error| {
             std::fs::metadata(folder).err().unwrap_or_else(|| {
                 e.raw_os_error().map_or(e.kind().into(), Error::from_raw_os_error)
@@ -191,7 +191,7 @@ impl Temporary {
         let mut builder = tempfile::Builder::new();
         builder.prefix(".snell-").suffix(".tmp");
         #[cfg(unix)]
-        // The system removes what the umask forbids.
+        // From this mode, the system removes the bits that the umask forbids.
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
         let mut known = temporaries();
         let file = builder.tempfile_in(folder).map_err(plain)?;

@@ -1,4 +1,4 @@
-//! Errors of reading and writing files: where, what was found, what to do.
+//! Errors of reading and writing files. Each has a place, a problem and a remedy.
 
 use std::borrow::Cow;
 use std::fmt;
@@ -26,11 +26,11 @@ pub enum Place {
 pub struct ReadError {
     /// The file, as the user named it.
     pub file: String,
-    /// The place in it.
+    /// The place in the file.
     pub place: Place,
     /// What was found and what was expected.
     pub problem: String,
-    /// What to do about it.
+    /// A way to mend the file or to avoid the problem.
     pub remedy: String,
 }
 
@@ -73,7 +73,7 @@ pub fn one_line(text: &str) -> Cow<'_, str> {
     Cow::Owned(shown)
 }
 
-/// A file could not be written. A file that existed at its path is unchanged.
+/// The error of a file that could not be written. A file that existed at its path is unchanged.
 #[derive(Debug, thiserror::Error)]
 pub enum WriteError {
     /// The system refused.
@@ -90,9 +90,9 @@ pub enum WriteError {
     Format {
         /// The file.
         path: PathBuf,
-        /// What does not fit.
+        /// The property of the picture that the format cannot hold.
         problem: String,
-        /// What to do.
+        /// A way to avoid the problem.
         remedy: String,
     },
 }

@@ -1,9 +1,9 @@
 //! A limit on how much the files of one scene may expand to in memory, all together.
 //!
 //! A small file can expand greatly: compressed data, pictures of one colour, counts without data,
-//! one file that is named a thousand times. Each is charged here *before* memory is allocated, and
-//! all inputs of a scene share one account, so that many small things are refused as one large one
-//! is.
+//! one file that is named a thousand times. Every expansion is charged here *before* memory is
+//! allocated. All inputs of a scene share one account, so that many small expansions are refused
+//! just as one large one is.
 
 use crate::error::{Place, ReadError};
 use crate::input::Input;
@@ -19,7 +19,7 @@ pub(crate) struct Expansion(Mutex<Account>);
 
 #[derive(Debug, Default)]
 struct Account {
-    /// How many times files were opened.
+    /// Number of times that files were opened.
     opened: usize,
     /// Bytes of each file on the disk: opening a file again does not raise the limit.
     files: HashMap<PathBuf, u64>,
@@ -91,7 +91,7 @@ impl Input {
         Ok(())
     }
 
-    /// Fails if the scene has opened as many files as it may.
+    /// Counts the opening of `path`. Fails if the scene has opened too many files.
     pub(crate) fn count_file(&self, path: &Path) -> Result<(), ReadError> {
         let limit = self.options.limits.files;
         if self.expansion.account().opened >= limit {
@@ -105,7 +105,8 @@ impl Input {
     /// Unpacks `packed`, found at `place`, and charges the bytes that it unpacks to.
     ///
     /// # Errors
-    /// If it is damaged, or unpacks to more than real files do, or to more than the scene may take.
+    /// If the data is damaged, or unpacks to more than real files do, or to more than the scene may
+    /// take.
     pub(crate) fn unpack(
         &self,
         packed: &[u8],
@@ -122,7 +123,7 @@ impl Input {
 /// Any input, however small, may unpack to this many bytes.
 const ALWAYS_UNPACKED: u64 = 64 << 20;
 
-/// Unpacks `packed`. The error is the problem and its remedy.
+/// Unpacks `packed`. An error consists of a problem and a remedy.
 pub(crate) fn unpack(
     packed: &[u8],
     how: Compression,

@@ -6,14 +6,14 @@ use std::panic::{AssertUnwindSafe, catch_unwind, set_hook, take_hook};
 use std::sync::Once;
 
 thread_local! {
-    /// How many calls of [`guarded`] are active on this thread.
+    /// Number of active calls of [`guarded`] on this thread.
     static DEPTH: Cell<usize> = const { Cell::new(0) };
 }
 
 static QUIET: Once = Once::new();
 
-/// Returns the result of `work`, or `None` if it panics. The panic is not reported; the hook of the
-/// process stays in place for all others.
+/// Returns the result of `work`, or `None` if it panics. Nothing is printed about such a panic; the
+/// panic hook of the process still handles the panics of all other code.
 pub(crate) fn guarded<T>(work: impl FnOnce() -> T) -> Option<T> {
     QUIET.call_once(|| {
         let usual = take_hook();

@@ -40,7 +40,9 @@ pub fn read_ies(input: &Input) -> Result<IntensityTable, ReadError> {
     })
 }
 
-/// The azimuths of the full circle in degrees, and the index of the given angle that each repeats.
+/// The azimuths of the full circle in degrees, each with the index of the given angle whose
+/// intensities it repeats. `None` for angles that are not ascending or cover none of the standard's
+/// ranges.
 fn around(horizontal: &[f64]) -> Option<(Vec<f64>, Vec<usize>)> {
     let (first, last) = (*horizontal.first()?, *horizontal.last()?);
     if horizontal.len() == 1 {
@@ -51,7 +53,7 @@ fn around(horizontal: &[f64]) -> Option<(Vec<f64>, Vec<usize>)> {
     }
     let near = |a: f64, b: f64| (a - b).abs() < 0.01;
     let given = horizontal.iter().copied().enumerate();
-    // Each angle, then its images in the planes of symmetry.
+    // Each given angle is followed by its images in the planes of symmetry.
     let mut all: Vec<(f64, usize)> = match (first, last) {
         (f, l) if near(f, 0.0) && near(l, 90.0) => {
             given.flat_map(|(k, a)| [a, 180.0 - a, 180.0 + a, 360.0 - a].map(|a| (a, k))).collect()
@@ -76,8 +78,8 @@ fn around(horizontal: &[f64]) -> Option<(Vec<f64>, Vec<usize>)> {
     Some(all.into_iter().unzip())
 }
 
-/// The plane at 180 degrees, which stands in for that at 0 and 360 if the luminaire is symmetric
-/// about its 90 degree plane.
+/// The index of the angle nearest to 180 degrees. In luminaires that are symmetric about the plane
+/// through 90 and 270 degrees, the intensities at 0 and 360 degrees are those at 180 degrees.
 fn opposite(horizontal: &[f64]) -> usize {
     (0..horizontal.len())
         .min_by(|&a, &b| (horizontal[a] - 180.0).abs().total_cmp(&(horizontal[b] - 180.0).abs()))

@@ -1,4 +1,4 @@
-//! An input file: its bytes, and how the files that it names are found.
+//! An input file: its bytes, and the rules for finding the files that it names.
 
 use crate::ReadOptions;
 use crate::error::{Place, ReadError};
@@ -174,7 +174,7 @@ fn unpacked(bytes: Vec<u8>, name: &str, limits: &Limits) -> Result<Vec<u8>, Read
     })
 }
 
-/// True if `path`, with links followed where it exists, lies in `root`.
+/// True if `path`, with its existing links followed, lies in `root`.
 fn stays_inside(root: &Path, path: &Path) -> bool {
     if let (Ok(root), Ok(path)) = (root.canonicalize(), path.canonicalize()) {
         return path.starts_with(root);

@@ -42,8 +42,8 @@ pub struct SceneReader {
     pub description: &'static str,
     /// Extensions in lower case, without the dot.
     pub extensions: &'static [&'static str],
-    /// True if the bytes can only be this format. It gets the whole file and must be quick (look at
-    /// the first few KiB).
+    /// True if the bytes can only be this format. The function gets the whole file and must be
+    /// quick: it looks at the first few KiB.
     pub recognises: fn(&[u8]) -> bool,
     /// Reads the scene.
     pub read: fn(&Input) -> Result<Scene, ReadError>,

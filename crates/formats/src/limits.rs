@@ -15,8 +15,8 @@ pub struct Limits {
     pub files: usize,
     /// Bytes of memory that the files of a scene may take together, whatever their size.
     pub memory_bytes: u64,
-    /// Bytes of memory that they may take beyond that for each byte on disk. A file that is named
-    /// several times counts once.
+    /// Bytes of memory that the files of a scene may take in addition to `memory_bytes`, per byte
+    /// on disk. A file that is named several times counts once.
     pub expansion: u64,
 }
 

@@ -8,7 +8,7 @@ use std::fmt;
 use std::fs::read_to_string;
 use std::path::{Path, PathBuf};
 
-/// Available memory, and what limits it.
+/// The available memory, and the limit that makes it so.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Available {
     /// Bytes that can still be allocated; `u64::MAX` if unknown.
@@ -28,7 +28,7 @@ pub enum Limit {
     AddressSpace,
     /// `ulimit -d`: all writable memory counts.
     Data,
-    /// Nothing is known.
+    /// No limit is known.
     None,
 }
 
@@ -36,7 +36,7 @@ impl Available {
     /// The value if no limit is known.
     pub const UNKNOWN: Self = Self { bytes: u64::MAX, limit: Limit::None };
 
-    /// What this process may allocate now.
+    /// The memory that this process may allocate now.
     pub fn now() -> Self {
         Self::under(Path::new("/"))
     }
@@ -60,8 +60,8 @@ impl Available {
         known.min_by_key(|available| available.bytes).unwrap_or(Self::UNKNOWN)
     }
 
-    /// What is left for work on this many threads beside the calling one: each takes address space
-    /// for its stack and its part of the heap.
+    /// The memory that is left for work on `threads` threads in addition to the calling one. Each
+    /// of them takes address space for its stack and its part of the heap.
     pub fn for_threads(self, threads: usize) -> Self {
         let each = match self.limit {
             Limit::AddressSpace => SPACE_OF_THREAD,
@@ -71,7 +71,7 @@ impl Available {
     }
 }
 
-/// Address space of a thread: its stack, and a heap of its own as the C library maps them.
+/// Address space of a thread in bytes: its stack, and the heap that the C library maps for it.
 const SPACE_OF_THREAD: u64 = 68 << 20;
 
 /// The C library shares heaps among more threads than this, on most machines.
@@ -89,8 +89,8 @@ impl fmt::Display for Limit {
 }
 
 impl Available {
-    /// Fails if less is available than `what` needs. The message has no remedy: the caller adds
-    /// one.
+    /// Fails if less memory is available than `what` needs. The message has no remedy: the caller
+    /// adds one.
     pub fn admit(&self, what: &str, needed: u64) -> Result<(), String> {
         if needed <= self.bytes {
             return Ok(());
@@ -120,7 +120,7 @@ impl fmt::Display for Bytes {
     }
 }
 
-/// Allocates a buffer of this many zeros; fails if there is no room for it.
+/// Allocates a buffer of `count` zeros; fails if there is no room for it.
 pub fn zeros<T: Clone + Default>(
     count: usize,
 ) -> Result<Vec<T>, std::collections::TryReserveError> {
@@ -148,13 +148,14 @@ fn soft_limit(limits: &str, name: &str) -> Option<u64> {
     line.split_whitespace().next()?.parse().ok()
 }
 
-/// What the control groups of this process leave: the minimum over its own and all enclosing ones.
+/// The memory that the control groups of this process leave: the minimum over its own group and all
+/// enclosing ones.
 fn control_groups(root: &Path, groups: &str) -> Option<u64> {
     let left = |(top, path, files): (&str, &str, &Files)| files.least(&root.join(top), path);
     groups.lines().flat_map(places_of_group).filter_map(left).min()
 }
 
-/// Where the files for a line of `/proc/self/cgroup` may be: the folder, and the path below it.
+/// Places of the files for a line of `/proc/self/cgroup`: the folder, and the path below it.
 /// Version 2 has no list of controllers, and may be mounted beside version 1.
 fn places_of_group(line: &str) -> Vec<(&'static str, &str, &'static Files)> {
     let mut parts = line.splitn(3, ':').skip(1);
@@ -200,7 +201,7 @@ impl Files {
         }
     }
 
-    /// What one group leaves; `None` if it has no limit.
+    /// The memory that one group leaves; `None` if it has no limit.
     fn left(&self, folder: &Path) -> Option<u64> {
         let number = |name: &str| {
             read_to_string::<PathBuf>(folder.join(name)).ok()?.trim().parse::<u64>().ok()

@@ -7,22 +7,22 @@ use std::fs::{File, Metadata};
 use std::io::Read;
 use std::path::Path;
 
-/// Who names a file: this decides whether it may be a pipe.
+/// The origin of a file's name, which decides whether the file may be a pipe.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NamedBy {
-    /// The user. What the shell passes, `/dev/stdin` and `/dev/fd/63` for `<(command)`, may be a
-    /// pipe.
+    /// The user named the file. It may be a pipe if it is one that the shell passes: `/dev/stdin`,
+    /// or `/dev/fd/63` for `<(command)`.
     User,
     /// Another file, or a folder that is searched.
     File,
 }
 
-/// Why a file cannot be read. Displays as `problem; remedy`.
+/// The reason why a file cannot be read. Displays as `problem; remedy`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Refusal {
     /// What was found.
     pub problem: String,
-    /// What to do about it.
+    /// A way to avoid the problem.
     pub remedy: &'static str,
 }
 

@@ -63,7 +63,7 @@ pub fn tubes(curves: &Curves) -> TriangleMesh {
 pub struct Strip<'a> {
     mesh: &'a mut TriangleMesh,
     sides: usize,
-    /// A direction across the curve, carried along it.
+    /// A unit vector across the curve, carried from ring to ring with little twist.
     side: Vec3,
     /// The first vertex of the previous ring.
     before: Option<u32>,

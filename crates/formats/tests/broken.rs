@@ -1,6 +1,6 @@
 //! Broken files: for every reader more than fifty, each a small valid file with one fault. All end
 //! in an error that names the file, the place, the problem and a remedy; the snapshots beside this
-//! file record the text. (pbrt's and Mitsuba's have lists of their own, beside the readers.)
+//! file record the text. (pbrt and Mitsuba have lists of their own, beside the readers.)
 
 use flate2::{Compression, write::GzEncoder};
 use serde_json::{Value, json};
@@ -53,7 +53,7 @@ const GLTF: &str = r#"{"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nod
 
 /// Minimum number of broken files of each format.
 const LEAST: usize = 50;
-/// Maximum number of them in a snapshot, spread over all.
+/// Maximum number of broken files in a snapshot, taken evenly from all.
 const SHOWN: usize = 80;
 
 fn message(name: &str, bytes: Vec<u8>) -> Option<String> {
@@ -68,7 +68,7 @@ fn message(name: &str, bytes: Vec<u8>) -> Option<String> {
     Some(error.to_string())
 }
 
-/// Files with one word changed, or truncated before it.
+/// Files in which one word of the text is changed, and files that end before it.
 fn of_words(text: &str) -> Vec<(String, Vec<u8>)> {
     let follows_blank = |i: usize| text[..i].chars().next_back().is_none_or(char::is_whitespace);
     let starts = text.char_indices().filter(|&(i, c)| !c.is_whitespace() && follows_blank(i));
@@ -88,7 +88,7 @@ fn of_words(text: &str) -> Vec<(String, Vec<u8>)> {
     broken
 }
 
-/// Every value, with its descendants.
+/// Collects the JSON pointers of a value and of everything in it.
 fn pointers(value: &Value, at: String, all: &mut Vec<String>) {
     match value {
         Value::Array(items) => {

@@ -1,14 +1,15 @@
 //! Measures builds: `cargo bench -p snell-intersect --bench builds -- [SCENE...] [--quality LIST]
 //! [--rays] [--cache FOLDER]`.
 //!
-//! Scenes: `bunny`, `bunnies` (100 turned copies in one mesh, 7M triangles), `terrain` (4.2M),
-//! `room` (columns and long thin beams, 1.8M), `terrain:N` with N by N squares. Prints for each
-//! quality the best time of five builds, triangles per second, the surface area heuristic's cost
-//! (nodes and blocks a random ray through the bounds would visit), bytes per triangle and, with
-//! `--rays`, rates on one thread. With `--cache` trees are kept in files there, as by
-//! `snell render --bvh-cache`: the time is that of a start from the file, once there is one.
+//! The scenes are `bunny`, `bunnies` (100 rotated copies in one mesh, 7M triangles), `terrain`
+//! (4.2M), `room` (columns and long thin beams, 1.8M), and `terrain:N` with N by N squares. The
+//! output has for each quality the best time of five builds, triangles per second, the cost by the
+//! surface area heuristic (the nodes and blocks that a random ray through the bounds would visit),
+//! bytes per triangle and, with `--rays`, rates on one thread. With `--cache`, trees are cached in
+//! files in that folder, as by `snell render --bvh-cache`, and the time is that of reading the file
+//! once it exists.
 //!
-//! Cargo runs it in the crate's folder: give paths that are absolute.
+//! Cargo runs the benchmark in the crate's folder, so paths must be absolute.
 
 mod clock;
 mod scenes;

@@ -1,9 +1,9 @@
 //! Compares worlds in double precision with worlds in single precision on the same rays:
 //! `cargo bench -p snell-intersect --bench double -- [bunny] [bunnies:15] [terrain:724] [room]`.
 //!
-//! One thread, in processor time where Linux tells it; medians of alternating runs. Single
-//! precision traces the scene where it is, double precision does so too, and once more with
-//! everything moved to a city in UTM coordinates.
+//! The measurements use one thread, and processor time where Linux provides it; they are medians of
+//! alternating runs. Single precision traces the scene where it is; double precision traces it
+//! there, and once more with everything moved to a city in UTM coordinates.
 
 mod clock;
 mod scenes;
@@ -32,7 +32,7 @@ fn double_world(mesh: &TriangleMesh, offset: DVec3) -> DWorld {
     builder.build(&BuildOptions::default()).expect("a mesh builds")
 }
 
-/// The median time of each, run by turns.
+/// The median time of each function; the functions run in turn.
 fn medians<const N: usize>(mut runs: [&mut dyn FnMut(); N]) -> [f64; N] {
     let mut times = [const { Vec::new() }; N];
     for _ in 0..7 {

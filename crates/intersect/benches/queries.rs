@@ -1,8 +1,9 @@
-//! Measures the queries besides closest hits, and commits of a world that changes:
+//! Measures the queries other than closest hits, and commits of a world that changes:
 //! `cargo bench -p snell-intersect --bench queries -- bunny`.
 //!
-//! One thread, in processor time where Linux tells it. Points in the mesh's box grown by half,
-//! points near the surface, rays through the box. Best of three.
+//! The measurements use one thread, and processor time where Linux provides it. The inputs are
+//! points in the mesh's box enlarged by half, points near the surface, and rays through the box.
+//! The best of three runs counts.
 
 mod clock;
 #[allow(dead_code, reason = "shared with other benchmarks")]
@@ -73,7 +74,7 @@ fn main() {
     time("move all vertices", &mut dynamic);
 }
 
-/// Prints how many a second.
+/// Prints the number of items processed per second.
 fn rate(name: &str, count: usize, mut run: impl FnMut()) {
     let mut best = f64::INFINITY;
     for _ in 0..3 {

@@ -1,12 +1,13 @@
 //! Measures build time and ray rates on a mesh: `cargo bench -p snell-intersect --bench rates --
 //! mesh.obj [copies [kinds]]`, where kinds may be `diffuse,shuffled` (then nothing else is
-//! measured). With `SNELL_SIMD` set, at that level only.
+//! measured). If `SNELL_SIMD` is set, only that level is measured.
 //!
-//! One thread, in processor time where the system tells it (so that other work on the machine
-//! counts less); primary rays over 1024x1024 pixels in blocks of 4x4, one cosine bounce from the
-//! hits, the bounces shuffled, and shadow rays to a point above. Best of five.
+//! The measurements use one thread, and processor time where the system provides it (so that other
+//! work on the machine counts less). The rays are primary rays over 1024x1024 pixels in blocks of
+//! 4x4, one cosine-distributed bounce from the hits, the bounces shuffled, and shadow rays to a
+//! point above. The best of five runs counts.
 //!
-//! Cargo runs it in the crate's folder: give paths that are absolute.
+//! Cargo runs the benchmark in the crate's folder, so paths must be absolute.
 
 mod clock;
 
@@ -18,11 +19,11 @@ use snell_math::{DMat3, DVec3, Frame, Ray, Vec3, rng, sampling};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// What is measured if nothing else is named.
+/// The mesh that is measured by default.
 const BUNNY: &str =
     concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data/meshes/common/stanford-bunny.obj");
 
-/// The `n`-th argument; Cargo adds one of its own to the last.
+/// The `n`-th argument, without the argument that Cargo appends.
 fn argument(n: usize) -> Option<String> {
     std::env::args().nth(n).filter(|word| word != "--bench")
 }
@@ -60,7 +61,7 @@ fn best_of<T>(n: u32, mut run: impl FnMut() -> T) -> (f64, T) {
     best
 }
 
-/// The mesh many times, turned and spread, as one mesh.
+/// Many rotated copies of a mesh side by side, as one mesh.
 fn copies(mesh: &TriangleMesh, n: usize) -> TriangleMesh {
     let size = mesh.bounds().size().max_element();
     let mut all = TriangleMesh::default();
@@ -85,7 +86,7 @@ fn primary_rays(world: &World) -> Vec<Ray> {
     let frame = Frame::from_z((center - eye).normalize());
     let mut rays = Vec::new();
     for i in 0..1u32 << 20 {
-        // Morton order.
+        // Pixels are in Morton order.
         let bit = |shift: u32| (0..10).map(|b| ((i >> (2 * b + shift)) & 1) << b).sum::<u32>();
         let plane = |p: u32| (p as f32 + 0.5) / 512.0 - 1.0;
         let d = frame.z + (frame.x * plane(bit(0)) + frame.y * plane(bit(1))) * 0.5;

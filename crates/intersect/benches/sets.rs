@@ -1,8 +1,9 @@
 //! Measures builds, memory and ray rates of spheres, curves and moving meshes:
 //! `cargo bench -p snell-intersect --bench sets [-- NAME]`.
 //!
-//! Only those whose name contains NAME, if given. One thread, in processor time where Linux tells
-//! it. Rays start around the cloud and aim into it; best of five batches.
+//! If NAME is given, only sets whose name contains it are measured. The measurements use one
+//! thread, and processor time where Linux provides it. Rays start around the cloud and aim into it.
+//! The best of five batches counts.
 
 mod clock;
 
@@ -76,7 +77,7 @@ fn report_set(name: &str, set: impl PrimitiveSet + 'static, source_bytes: usize)
     });
 }
 
-/// Strands of `n` points from random places, wandering.
+/// A random walk of `n` points from a random place, as a strand.
 fn strand(i: u32, n: u32, step: f32, radius: f32) -> impl Iterator<Item = Vec4> {
     let start = point(i, 50);
     let drift = point(i, 53) * step;

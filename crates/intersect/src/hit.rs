@@ -38,10 +38,10 @@ impl Hit {
         self.geometry != Self::NONE
     }
 
-    /// True if this hit is reported rather than `other`: it is nearer, or has at equal `t` the
-    /// lower (instance, geometry, primitive), and for two hits on one primitive (a quad that is
-    /// folded over) the lower `uv`. Any hit is better than a miss. (A ray may cross a primitive of
-    /// a set twice at the same rounded `t`; then the first crossing counts, whatever its `uv`.)
+    /// True if this hit is reported rather than `other`: this hit is nearer, or at equal `t` it has
+    /// the lower (instance, geometry, primitive), and for two hits on one primitive (a quad that is
+    /// folded over) the lower `uv`. Any hit is before a miss. (A ray may cross a primitive of a set
+    /// twice at the same rounded `t`; then the first crossing counts, whatever its `uv`.)
     pub fn is_before(&self, other: &Self) -> bool {
         self.t < other.t || (self.t == other.t && self.rank() < other.rank())
     }
@@ -52,22 +52,22 @@ impl Hit {
     }
 }
 
-/// [`Hit`] of a world in double precision.
+/// The result of a closest-hit query for one ray in double precision; see [`Hit`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DHit {
     /// Ray parameter of the hit, in units of the ray's direction; infinite for a miss. On a
-    /// triangle it differs by at most one unit in the last place from where the ray's line meets
-    /// the plane of the three vertices in exact arithmetic, both taken in the coordinates of the
+    /// triangle, `t` differs by at most one unit in the last place from the exact intersection of
+    /// the ray's line with the plane of the three vertices, both taken in the coordinates of the
     /// mesh. (If rounding reports a hit on a triangle that the ray just misses, `t` is clamped to
     /// the interval in which the ray is inside the triangle's box.)
     pub t: f64,
-    /// As in [`Hit`].
+    /// Primitive parameters; see [`Hit::uv`].
     pub uv: DVec2,
-    /// As in [`Hit`].
+    /// Occurrence number of the group that holds the geometry; see [`Hit::instance`].
     pub instance: u32,
-    /// As in [`Hit`].
+    /// The number of the geometry; see [`Hit::geometry`].
     pub geometry: u32,
-    /// As in [`Hit`].
+    /// The number of the primitive in the geometry; see [`Hit::primitive`].
     pub primitive: u32,
 }
 
@@ -114,11 +114,11 @@ pub struct SurfaceInteraction {
     pub shading_normal: Vec3,
     /// Texture coordinates of the first two sets; zero where the geometry has none.
     pub uv: [Vec2; 2],
-    /// Derivatives of the position by the first texture coordinates: tangents, neither normalised
-    /// nor exactly perpendicular to the shading normal. They are never zero: without texture
-    /// coordinates they are those of an arbitrary frame.
+    /// Derivative of the position by the first coordinate of `uv[0]`: a tangent, neither normalised
+    /// nor exactly perpendicular to the shading normal. Never zero: without texture coordinates,
+    /// `dpdu` and `dpdv` are tangents of an arbitrary frame.
     pub dpdu: Vec3,
-    /// Derivative of the position by the second texture coordinate; see `dpdu`.
+    /// Derivative of the position by the second coordinate of `uv[0]`; see `dpdu`.
     pub dpdv: Vec3,
     /// Unit tangent of a mesh that stores tangents, and the sign of the bitangent (glTF's `w`):
     /// `bitangent = sign * n x tangent`.
@@ -128,28 +128,28 @@ pub struct SurfaceInteraction {
     /// True on a curve ([`crate::Curves`]): the point is on the outside of a fibre, and `dpdu` runs
     /// along the fibre.
     pub on_curve: bool,
-    /// As in [`Hit`].
+    /// Ray parameter of the hit, in units of the ray's direction.
     pub t: f32,
-    /// As in [`Hit`]: barycentrics for triangles.
+    /// Primitive parameters, barycentrics for triangles; see [`Hit::uv`].
     pub primitive_uv: Vec2,
-    /// As in [`Hit`].
+    /// Occurrence number of the group that holds the geometry; see [`Hit::instance`].
     pub instance: u32,
-    /// As in [`Hit`].
+    /// The number of the geometry; see [`Hit::geometry`].
     pub geometry: u32,
-    /// As in [`Hit`].
+    /// The number of the primitive in the geometry; see [`Hit::primitive`].
     pub primitive: u32,
 }
 
 /// The part of a [`SurfaceInteraction`] that is needed to spawn a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfacePoint {
-    /// As in [`SurfaceInteraction`].
+    /// The point on the surface, in world space.
     pub position: Vec3,
-    /// As in [`SurfaceInteraction`].
+    /// Bound on the absolute error of each coordinate of `position`.
     pub position_error: Vec3,
-    /// As in [`SurfaceInteraction`].
+    /// Unit geometric normal, on the outer side of the shape.
     pub geometric_normal: Vec3,
-    /// As in [`SurfaceInteraction`].
+    /// True on a curve; see [`SurfaceInteraction::on_curve`].
     pub on_curve: bool,
 }
 
@@ -163,7 +163,7 @@ impl From<&SurfaceInteraction> for SurfacePoint {
 }
 
 impl SurfacePoint {
-    /// As [`SurfaceInteraction::ray_origin`].
+    /// Returns the same origin as [`SurfaceInteraction::ray_origin`].
     pub fn ray_origin(&self, direction: Vec3) -> Vec3 {
         robust::offset_ray_origin(
             self.position,
@@ -173,15 +173,16 @@ impl SurfacePoint {
         )
     }
 
-    /// As [`SurfaceInteraction::is_front_facing`].
+    /// True if a ray of this direction arrives from the outer side; see
+    /// [`SurfaceInteraction::is_front_facing`].
     pub fn is_front_facing(&self, ray_direction: Vec3) -> bool {
         ray_direction.dot(self.geometric_normal) < 0.0
     }
 }
 
 impl SurfaceInteraction {
-    /// A point without error bounds: white, without texture coordinates, in an arbitrary frame, and
-    /// of no object.
+    /// A point that belongs to no geometry: without error bounds, white, without texture
+    /// coordinates, and in an arbitrary frame around `normal`.
     #[inline]
     pub fn plain(position: Vec3, normal: Vec3) -> Self {
         Self {
@@ -223,22 +224,23 @@ impl SurfaceInteraction {
 /// The result of a nearest-point query for one point. 36 bytes, plain data.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NearestPoint {
-    /// Distance in world units, not negative; infinite if nothing is near enough.
+    /// Distance in world units, not negative; infinite if no surface is within the maximum
+    /// distance.
     pub distance: f32,
-    /// The point of the surface, in world space; zero if there is none.
+    /// The nearest point of the surface, in world space; zero if none is found.
     pub position: Vec3,
     /// Barycentrics `(b1, b2)` on a triangle, zero on a shape.
     pub uv: Vec2,
-    /// As in [`Hit`].
+    /// Occurrence number of the group that holds the geometry; see [`Hit::instance`].
     pub instance: u32,
-    /// As in [`Hit`]; [`Hit::NONE`] if nothing is near enough.
+    /// The number of the geometry; [`Hit::NONE`] if no surface is within the maximum distance.
     pub geometry: u32,
-    /// As in [`Hit`].
+    /// The number of the primitive in the geometry; see [`Hit::primitive`].
     pub primitive: u32,
 }
 
 impl NearestPoint {
-    /// Nothing is near enough.
+    /// The result when no surface is within the maximum distance.
     pub const NONE: Self = Self {
         distance: f32::INFINITY,
         position: Vec3::ZERO,
@@ -248,31 +250,32 @@ impl NearestPoint {
         primitive: Hit::NONE,
     };
 
-    /// True unless nothing is near enough.
+    /// True if a nearest point was found.
     pub fn is_found(&self) -> bool {
         self.geometry != Hit::NONE
     }
 }
 
-/// [`NearestPoint`] of a point in double precision.
+/// The result of a nearest-point query for one point in double precision; see [`NearestPoint`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DNearestPoint {
-    /// Distance in world units, not negative; infinite if nothing is near enough.
+    /// Distance in world units, not negative; infinite if no surface is within the maximum
+    /// distance.
     pub distance: f64,
-    /// The point of the surface, in world space; zero if there is none.
+    /// The nearest point of the surface, in world space; zero if none is found.
     pub position: DVec3,
-    /// As in [`NearestPoint`].
+    /// Barycentrics `(b1, b2)` on a triangle, zero on a shape.
     pub uv: DVec2,
-    /// As in [`Hit`].
+    /// Occurrence number of the group that holds the geometry; see [`Hit::instance`].
     pub instance: u32,
-    /// As in [`Hit`]; [`Hit::NONE`] if nothing is near enough.
+    /// The number of the geometry; [`Hit::NONE`] if no surface is within the maximum distance.
     pub geometry: u32,
-    /// As in [`Hit`].
+    /// The number of the primitive in the geometry; see [`Hit::primitive`].
     pub primitive: u32,
 }
 
 impl DNearestPoint {
-    /// Nothing is near enough.
+    /// The result when no surface is within the maximum distance.
     pub const NONE: Self = Self {
         distance: f64::INFINITY,
         position: DVec3::ZERO,
@@ -282,7 +285,7 @@ impl DNearestPoint {
         primitive: Hit::NONE,
     };
 
-    /// True unless nothing is near enough.
+    /// True if a nearest point was found.
     pub fn is_found(&self) -> bool {
         self.geometry != Hit::NONE
     }

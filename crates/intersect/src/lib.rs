@@ -73,7 +73,7 @@ pub use world::{
     GroupId, Instance, InstanceId, Reuse, Snapshots, World, WorldBuilder, WorldError,
 };
 
-/// The examples of the README are tests.
+/// Runs the examples of the README as tests.
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]
 struct Readme;

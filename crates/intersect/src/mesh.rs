@@ -10,7 +10,7 @@ pub struct TriangleMesh {
     pub positions: Vec<Vec3>,
     /// Three vertex numbers per triangle; the right-hand rule gives the outer side.
     pub indices: Vec<[u32; 3]>,
-    /// Vertex normals, any length but zero, or empty: then the mesh is shaded flat.
+    /// Vertex normals of any length but zero. Empty for a mesh that is shaded flat.
     pub normals: Vec<Vec3>,
     /// Unit tangents with the sign of the bitangent in `w` (as in glTF), or empty.
     pub tangents: Vec<Vec4>,
@@ -29,7 +29,7 @@ pub enum MeshError {
     /// An index points past the vertices.
     #[error("triangle {triangle} refers to vertex {index}, but there are only {vertices} vertices")]
     IndexOutOfRange {
-        /// The first such triangle.
+        /// The first triangle with an invalid index.
         triangle: usize,
         /// The invalid index.
         index: u32,
@@ -65,7 +65,7 @@ impl DTriangleMesh {
         check_indices(&self.indices, self.positions.len())
     }
 
-    /// The smallest box around all vertices that triangles use and that are finite.
+    /// The smallest box around all finite vertices that triangles use.
     pub fn bounds(&self) -> Bounds3d {
         Bounds3d::of(
             self.indices
@@ -76,14 +76,14 @@ impl DTriangleMesh {
         )
     }
 
-    /// The three corners of a triangle.
+    /// Positions of the three corners of a triangle.
     #[inline]
     pub fn corners(&self, triangle: usize) -> [DVec3; 3] {
         self.indices[triangle].map(|i| self.positions[i as usize])
     }
 
-    /// True for a triangle that can never be hit: with a non-finite vertex, or with two vertices in
-    /// one place.
+    /// True for a triangle that can never be hit, because a vertex is not finite or two vertices
+    /// coincide.
     pub fn is_degenerate(&self, triangle: usize) -> bool {
         let [a, b, c] = self.corners(triangle);
         !(a.is_finite() && b.is_finite() && c.is_finite()) || a == b || b == c || c == a
@@ -109,19 +109,19 @@ fn check_indices(indices: &[[u32; 3]], vertices: usize) -> Result<(), MeshError>
     Ok(())
 }
 
-/// True for corners of a triangle that can never be hit; see [`TriangleMesh::is_degenerate`].
+/// True for the corners of a triangle that can never be hit; see [`TriangleMesh::is_degenerate`].
 #[inline(always)]
 pub(crate) fn are_degenerate(corners: &[Vec3; 3]) -> bool {
     let [a, b, c] = corners.map(|v| v.extend(0.0));
-    // Differences of finite numbers may overflow; the numbers times 0 are 0 if all are finite, and
-    // otherwise NaN.
+    // Differences of finite numbers may overflow, so finiteness is tested by multiplying by 0: the
+    // products are 0 if all numbers are finite, and otherwise NaN.
     let finite = (a * 0.0 + b * 0.0 + c * 0.0) == Vec4::ZERO;
     !finite || a == b || b == c || c == a
 }
 
-/// The box around a triangle that acceleration structures use: padded by `1e-6` of its largest
-/// extent and a unit in the last place. The triangle as projected across a ray (the test of hits)
-/// may lie outside of the exact box by less than that.
+/// The bounding box of a triangle that acceleration structures use: padded by `1e-6` of its largest
+/// extent and a unit in the last place. The hit test projects the triangle along the ray, and
+/// rounding in that projection may move it out of the exact box by less than this padding.
 #[inline(always)]
 pub(crate) fn padded_bounds([a, b, c]: &[Vec3; 3]) -> Bounds3 {
     let (low, high) = (a.min(*b).min(*c), a.max(*b).max(*c));
@@ -151,12 +151,13 @@ impl TriangleMesh {
         check("material_slots", self.material_slots.len(), self.indices.len(), "triangle")
     }
 
-    /// The smallest box around all vertices that triangles use and that are finite.
+    /// The smallest box around all finite vertices that triangles use.
     pub fn bounds(&self) -> Bounds3 {
         self.survey().0
     }
 
-    /// [`Self::bounds`] and [`Self::degenerate_triangles`], in one pass over all triangles.
+    /// Returns [`Self::bounds`] and [`Self::degenerate_triangles`] from one pass over all
+    /// triangles.
     pub(crate) fn survey(&self) -> (Bounds3, usize) {
         let of = |indices: &[[u32; 3]]| {
             let (mut low, mut high, mut degenerate) = (Vec4::INFINITY, Vec4::NEG_INFINITY, 0);
@@ -181,15 +182,15 @@ impl TriangleMesh {
             .reduce(nothing, |a, b| (a.0.union(&b.0), a.1 + b.1))
     }
 
-    /// The three corners of a triangle.
+    /// Positions of the three corners of a triangle.
     #[inline(always)]
     pub fn corners(&self, triangle: usize) -> [Vec3; 3] {
         let [a, b, c] = self.indices[triangle];
         [self.positions[a as usize], self.positions[b as usize], self.positions[c as usize]]
     }
 
-    /// The box around a triangle that acceleration structures use: a little larger than the
-    /// triangle.
+    /// The bounding box of a triangle that acceleration structures use, padded by about `1e-6` of
+    /// its largest extent.
     pub fn padded_bounds(&self, triangle: usize) -> Bounds3 {
         padded_bounds(&self.corners(triangle))
     }
@@ -199,19 +200,19 @@ impl TriangleMesh {
         self.survey().1
     }
 
-    /// True for a triangle that can never be hit: with a non-finite vertex, or with two vertices in
-    /// one place.
+    /// True for a triangle that can never be hit, because a vertex is not finite or two vertices
+    /// coincide.
     ///
-    /// Three different vertices on a line are not enough: as projected across a ray they may cover
-    /// a little, and what they cover no other triangle of a closed mesh does (rounding the
-    /// coordinates of far-away meshes makes such triangles).
+    /// A triangle whose three different vertices lie on a line is not degenerate in this sense.
+    /// Projected along a ray it may still cover a small area, which no other triangle of a closed
+    /// mesh covers (rounding the coordinates of far-away meshes makes such triangles).
     pub fn is_degenerate(&self, triangle: usize) -> bool {
         are_degenerate(&self.corners(triangle))
     }
 
-    /// The mesh moved by `transform`: positions in double precision and rounded once, normals by
-    /// the inverse transpose, tangents along. A mirroring transform also turns the triangles over,
-    /// so that the outer side stays outside.
+    /// The mesh transformed by `transform`. Positions are computed in double precision and rounded
+    /// once, normals by the inverse transpose, and tangents as vectors. A mirroring transform also
+    /// reverses the vertex order of the triangles, so that their outer side stays outside.
     pub fn transformed(&self, transform: &Transform) -> Self {
         let mut mesh = self.clone();
         for p in &mut mesh.positions {

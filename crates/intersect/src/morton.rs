@@ -1,7 +1,7 @@
 //! Morton codes: the interleaved bits of three numbers.
 
-/// For each of the numbers below `N` (at most `2^11`), every bit at three times its place: one axis
-/// of a Morton code.
+/// A table for one axis of a Morton code: for each number below `N` (at most `2^11`), the number
+/// with bit `i` moved to place `3 i`.
 pub(crate) const fn spread<const N: usize>() -> [u32; N] {
     let mut table = [0; N];
     let mut x = 1;

@@ -1,5 +1,5 @@
-//! Prefetching of memory. It has no side effects, so any address is valid, and results do not
-//! depend on it.
+//! Prefetching of memory. A prefetch has no side effects, so any address is valid, and results do
+//! not depend on it.
 
 /// Bytes of a cache line.
 const LINE: usize = 64;
@@ -8,12 +8,12 @@ const LINE: usize = 64;
 #[inline(always)]
 pub(crate) fn fetch<T>(item: *const T) {
     let (first, end) = (item.cast::<u8>(), item.wrapping_add(1).cast::<u8>());
-    // (It may straddle two.)
+    // The item may straddle two lines.
     fetch_line(first);
     fetch_line(end.wrapping_sub(1));
 }
 
-/// Prefetches a number of cache lines from an address on.
+/// Prefetches `lines` cache lines from the address `start` on.
 #[inline(always)]
 pub(crate) fn fetch_lines<T>(start: *const T, lines: usize) {
     for line in 0..lines {

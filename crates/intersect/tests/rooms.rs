@@ -1,4 +1,4 @@
-//! The rooms of the sources: which may use which, as ARCHITECTURE.md shows them.
+//! Tests which rooms of the sources use which others, against the rules in ARCHITECTURE.md.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -58,7 +58,7 @@ fn no_room_uses_one_that_it_may_not() {
     assert_eq!(found, known, "a room that is not in the table");
 }
 
-/// The files of a room, without its tests, which may use all of the crate.
+/// The files of a room except its tests, which may use the whole crate.
 fn sources(src: &Path, room: &str) -> Vec<PathBuf> {
     let mut files = Vec::new();
     let mut left = vec![src.join(room), src.join(format!("{room}.rs"))];
@@ -74,7 +74,7 @@ fn sources(src: &Path, room: &str) -> Vec<PathBuf> {
     files
 }
 
-/// How many modules a file is within, itself included.
+/// The nesting depth of the module in a file, itself included.
 fn depth(src: &Path, file: &Path) -> usize {
     let within = file.strip_prefix(src).expect("within").components().count();
     if file.ends_with("mod.rs") { within - 1 } else { within }
@@ -88,7 +88,7 @@ fn code_of(file: &Path) -> String {
     code.collect::<Vec<_>>().join("\n")
 }
 
-/// The rooms that are named as `crate::room`.
+/// The rooms that code names as `crate::room`.
 fn used_rooms(code: &str) -> impl Iterator<Item = String> {
     let is_of_name = |c: &char| c.is_alphanumeric() || *c == '_';
     code.split("crate::").skip(1).map(move |path| path.chars().take_while(is_of_name).collect())

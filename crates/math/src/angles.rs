@@ -1,5 +1,5 @@
-//! Trigonometric functions by arithmetic alone: the same bits on every machine, and vectorisable
-//! loops.
+//! Trigonometric functions made of basic arithmetic alone: they give the same bits on every
+//! machine, and loops over them are vectorised.
 
 use std::f32::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 use std::f64::consts;
@@ -56,9 +56,10 @@ pub fn turn_to(y: f64, x: f64) -> f64 {
 /// below 1e-15 for the first turn. (Interpolation at Chebyshev nodes, to 3e-17.)
 #[inline(always)]
 pub fn sin_cos(angle: f64) -> (f64, f64) {
-    /// A quarter turn, pi / 2, in two parts, the first of which has few digits.
+    /// A quarter turn, pi / 2, as the sum of two numbers. The first has few significant bits, so
+    /// that its product with a small integer is exact.
     const QUARTER: [f64; 2] = [1.570_796_326_734_125_6, 6.077_100_506_506_192e-11];
-    /// Adding and subtracting this rounds to an integer.
+    /// Adding and then subtracting this constant rounds a number to the nearest integer.
     const ROUNDER: f64 = 6_755_399_441_055_744.0;
     let quarters = (angle * consts::FRAC_2_PI + ROUNDER) - ROUNDER;
     let x = (angle - quarters * QUARTER[0]) - quarters * QUARTER[1];
@@ -75,12 +76,12 @@ pub fn sin_cos(angle: f64) -> (f64, f64) {
     let cos = ((series * z - 1.388_888_888_888_738_9e-3) * z + 4.166_666_666_666_666_4e-2) * z * z
         - 0.5 * z
         + 1.0;
-    // The quadrant, as two halvings of the turn: without integers, because wide registers may lack
-    // the conversion.
+    // The quadrant is found by halving the number of quarter turns twice, in floating point: the
+    // conversion to integers may be missing in wide registers.
     let half = quarters - 4.0 * ((quarters * 0.25 + ROUNDER) - ROUNDER);
     let is_odd = half.abs() == 1.0;
     let (s, c) = if is_odd { (cos, sin) } else { (sin, cos) };
-    // Quadrants -2, -1, 0, 1 and 2 around the whole turn.
+    // `half` is the quadrant: -2, -1, 0, 1 or 2 quarter turns.
     let s = if half < 0.0 || half == 2.0 { -s } else { s };
     let c = if half == 1.0 || half.abs() == 2.0 { -c } else { c };
     (s, c)

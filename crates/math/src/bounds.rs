@@ -42,7 +42,7 @@ macro_rules! bounds {
                 max: <$vec>::splat(<$float>::INFINITY),
             };
 
-            /// The smallest box around `points`; points with a NaN coordinate are ignored.
+            /// The smallest box around `points`. Points with a NaN coordinate are ignored.
             #[inline]
             pub fn of(points: impl IntoIterator<Item = $vec>) -> Self {
                 points
@@ -56,13 +56,13 @@ macro_rules! bounds {
                 Self { min: self.min.min(p), max: self.max.max(p) }
             }
 
-            /// The smallest box around both.
+            /// The smallest box around both boxes.
             #[inline]
             pub fn union(&self, other: &Self) -> Self {
                 Self { min: self.min.min(other.min), max: self.max.max(other.max) }
             }
 
-            /// The common part; may be empty.
+            /// The common part of both boxes, which may be empty.
             #[inline]
             pub fn intersection(&self, other: &Self) -> Self {
                 Self { min: self.min.max(other.min), max: self.max.min(other.max) }

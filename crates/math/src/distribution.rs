@@ -8,9 +8,9 @@ use glam::Vec2;
 pub struct Distribution1D {
     /// Cumulative weights divided by their sum, from 0 to 1; one entry more than there are pieces.
     cdf: Vec<f32>,
-    /// The start of the search: `[0, 1)` is divided into as many equal parts as there are pieces,
-    /// and for each part, and one more, this is the first entry of `cdf` above its beginning (the
-    /// cutpoint method of Chen and Asau, 1974).
+    /// Where the search in `cdf` starts. `[0, 1)` is divided into as many equal parts as there are
+    /// pieces; for the lower end of each part, and for 1, this is the index of the first entry of
+    /// `cdf` above that number (the cutpoint method of Chen and Asau, 1974).
     guide: Vec<u32>,
     sum: f64,
 }
@@ -62,14 +62,14 @@ impl Distribution1D {
         self.len() == 0
     }
 
-    /// Sum of the (finite, positive) weights given.
+    /// Sum of the weights given to [`Self::new`], after those that are not valid were set to 0.
     #[inline]
     pub fn sum(&self) -> f64 {
         self.sum
     }
 
-    /// Samples piece `i` with its probability: returns `i` and the remaining uniform number in `[0,
-    /// 1)`.
+    /// Chooses a piece with its probability. Returns the index of the piece and a new uniform
+    /// number in `[0, 1)`, made from `u`.
     #[inline]
     pub fn sample(&self, u: f32) -> (usize, f32) {
         let i = self.first_above(u).clamp(1, self.len()) - 1;
@@ -80,7 +80,7 @@ impl Distribution1D {
         (i, rest)
     }
 
-    /// The first entry of `cdf` above `u`.
+    /// The index of the first entry of `cdf` above `u`.
     #[inline]
     fn first_above(&self, u: f32) -> usize {
         let part = ((u * self.len() as f32) as usize).min(self.len() - 1);
@@ -98,7 +98,7 @@ impl Distribution1D {
         (0..i).rev().find(wide).or_else(|| (i..self.len()).find(wide)).unwrap_or(i)
     }
 
-    /// Probability of piece `i`, exactly that with which [`Self::sample`] chooses it.
+    /// Probability of piece `i`: exactly the one with which [`Self::sample`] chooses it.
     #[inline]
     pub fn probability(&self, i: usize) -> f32 {
         self.cdf[i + 1] - self.cdf[i]
@@ -125,7 +125,7 @@ impl Distribution2D {
         Self { marginal: Distribution1D::new(&sums), rows }
     }
 
-    /// A point of the unit square and its density with respect to the unit square.
+    /// Samples a point of the unit square. Returns the point and its density with respect to area.
     #[inline]
     pub fn sample(&self, u: Vec2) -> (Vec2, f32) {
         let (row, v) = self.marginal.sample(u.y);
@@ -206,8 +206,8 @@ mod tests {
         let (p, pdf) = d.sample(Vec2::new(0.4, 0.8));
         assert_eq!(pdf, d.pdf(p));
     }
-    /// Tables of random weights, some of them 0, over orders of magnitude: chi squared of their
-    /// pieces.
+    /// Chi-squared test of the pieces that are sampled from tables of random weights, some of them
+    /// 0, over several orders of magnitude.
     #[test]
     fn pieces_of_the_square_are_distributed_as_stated() {
         use crate::rng::uniform2;

@@ -1,10 +1,10 @@
 //! Exact arithmetic on `f64`: sums and products with their rounding errors, double-double numbers,
 //! and expansions of any length.
 //!
-//! A predicate or a quotient is first evaluated in plain numbers or in [`DoubleDouble`] with a
-//! bound of its error; only if that does not decide are [`Expansion`]s needed (Shewchuk, Adaptive
-//! Precision Floating-Point Arithmetic and Fast Robust Geometric Predicates, 1997). Everything
-//! holds as long as nothing overflows and no product falls below about `1e-290`.
+//! A predicate or a quotient is first evaluated in plain numbers or in [`DoubleDouble`], with a
+//! bound of its error. [`Expansion`]s are computed only if that does not decide (Shewchuk, Adaptive
+//! Precision Floating-Point Arithmetic and Fast Robust Geometric Predicates, 1997). All results are
+//! valid as long as nothing overflows and no product falls below about `1e-290`.
 
 use crate::simd::{DoubleLanes, Lanes4};
 use std::cmp::Ordering;
@@ -17,7 +17,7 @@ pub trait Number: Copy {
     /// `self - other`.
     fn sub(self, other: Self) -> Self;
 
-    /// `self other`.
+    /// `self * other`.
     fn mul(self, other: Self) -> Self;
 
     /// `self / other`.
@@ -26,8 +26,8 @@ pub trait Number: Copy {
     /// `-self`.
     fn negated(self) -> Self;
 
-    /// `self factor + summand`, rounded once. A single operation in code compiled for it, and a
-    /// call elsewhere; the bits are the same.
+    /// `self * factor + summand`, rounded once. It is one instruction in code compiled for FMA, and
+    /// a function call elsewhere; the bits are the same.
     fn fused(self, factor: Self, summand: Self) -> Self;
 }
 
@@ -111,17 +111,17 @@ fn fast_two_sum<T: Number>(a: T, b: T) -> (T, T) {
     (sum, b.sub(sum.sub(a)))
 }
 
-/// `a b` and its rounding error.
+/// `a * b` and its rounding error.
 #[inline(always)]
 pub fn two_product<T: Number>(a: T, b: T) -> (T, T) {
     let product = a.mul(b);
     (product, a.fused(b, product.negated()))
 }
 
-/// Compares `a b` with `c d` exactly, at any magnitude; `None` if one of the four is infinite or
-/// NaN.
+/// Compares `a * b` with `c * d` exactly, at any magnitude; `None` if one of the four is infinite
+/// or NaN.
 ///
-/// Computed in integers: a product of two significands fits 106 bits.
+/// The products are computed in integers: a product of two significands fits in 106 bits.
 pub fn compare_products(a: f64, b: f64, c: f64, d: f64) -> Option<Ordering> {
     let (left, right) = (Product::of(a, b)?, Product::of(c, d)?);
     Some(if left.sign != right.sign {
@@ -174,11 +174,11 @@ fn integer_parts(x: f64) -> Option<(i32, u64, i32)> {
     }
 }
 
-/// An unevaluated sum `high + low` of two numbers, `low` at most half a unit in the last place of
-/// `high`: about 106 bits.
+/// An unevaluated sum `high + low` of two numbers, with about 106 significant bits. `low` is at
+/// most half a unit in the last place of `high`.
 ///
-/// Bounds of the errors: Joldes, Muller and Popescu, Tight and Rigorous Error Bounds for Basic
-/// Building Blocks of Double-Word Arithmetic (ACM TOMS, 2017). `u` is `2^-53`.
+/// The error bounds are those of Joldes, Muller and Popescu, Tight and Rigorous Error Bounds for
+/// Basic Building Blocks of Double-Word Arithmetic (ACM TOMS, 2017), with `u = 2^-53`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct DoubleDouble<T = f64> {
     /// The sum, rounded.
@@ -195,7 +195,7 @@ impl<T: Number> DoubleDouble<T> {
         Self { high, low }
     }
 
-    /// The sum, with a relative error of at most `4 u^2` (their algorithm 6).
+    /// The sum, with a relative error of at most `4 u^2` (algorithm 6 of Joldes et al.).
     #[inline(always)]
     pub fn plus(self, other: Self) -> Self {
         let (sum, error) = two_sum(self.high, other.high);
@@ -205,13 +205,13 @@ impl<T: Number> DoubleDouble<T> {
         Self { high, low }
     }
 
-    /// The difference, as [`Self::plus`].
+    /// The difference, with the error of [`Self::plus`].
     #[inline(always)]
     pub fn minus(self, other: Self) -> Self {
         self.plus(Self { high: other.high.negated(), low: other.low.negated() })
     }
 
-    /// The product, with a relative error of at most `5 u^2` (their algorithm 11).
+    /// The product, with a relative error of at most `5 u^2` (algorithm 11 of Joldes et al.).
     #[inline(always)]
     pub fn times(self, other: Self) -> Self {
         let (product, error) = two_product(self.high, other.high);
@@ -220,8 +220,8 @@ impl<T: Number> DoubleDouble<T> {
         Self { high, low }
     }
 
-    /// The product with a plain number, with a relative error of at most `2 u^2` (their algorithm
-    /// 9).
+    /// The product with a plain number, with a relative error of at most `2 u^2` (algorithm 9 of
+    /// Joldes et al.).
     #[inline(always)]
     pub fn times_plain(self, other: T) -> Self {
         let (product, error) = two_product(self.high, other);
@@ -229,8 +229,7 @@ impl<T: Number> DoubleDouble<T> {
         Self { high, low }
     }
 
-    /// The quotient as a plain number, with an error of hardly more than half a unit in the last
-    /// place.
+    /// The quotient as a plain number, with an error barely above half a unit in the last place.
     #[inline(always)]
     pub fn divided_by(self, other: Self) -> T {
         let quotient = self.high.div(other.high);
@@ -239,23 +238,23 @@ impl<T: Number> DoubleDouble<T> {
     }
 }
 
-/// An unevaluated sum of any number of parts, exact: nonoverlapping, ascending by magnitude, none
-/// zero.
+/// An exact, unevaluated sum of any number of parts, which do not overlap, ascend by magnitude and
+/// are not zero.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Expansion(Vec<f64>);
 
 impl Expansion {
-    /// `a - b`.
+    /// `a - b`, exactly.
     pub fn difference(a: f64, b: f64) -> Self {
         let (sum, error) = two_sum(a, -b);
         Self([error, sum].into_iter().filter(|&x| x != 0.0).collect())
     }
 
-    /// The sum (Shewchuk's linear expansion sum).
+    /// The exact sum of both, made by adding one part at a time.
     pub fn plus(&self, other: &Self) -> Self {
         let mut parts: Vec<f64> = self.0.iter().chain(&other.0).copied().collect();
         parts.sort_by(|a, b| a.abs().total_cmp(&b.abs()));
-        // Adding number by number keeps the parts nonoverlapping, in any order.
+        // Adding the parts one by one, in any order, keeps them nonoverlapping.
         let mut sum = Self::default();
         for part in parts {
             sum = sum.grown(part);
@@ -263,7 +262,7 @@ impl Expansion {
         sum
     }
 
-    /// The sum with one number (Shewchuk's grow expansion).
+    /// The exact sum of this expansion and one number (Shewchuk's grow expansion).
     fn grown(&self, part: f64) -> Self {
         let mut sum = part;
         let mut parts = Vec::with_capacity(self.0.len() + 1);
@@ -280,12 +279,12 @@ impl Expansion {
         Self(parts)
     }
 
-    /// The negative.
+    /// The expansion with the sign of every part reversed.
     pub fn negated(&self) -> Self {
         Self(self.0.iter().map(|x| -x).collect())
     }
 
-    /// The product.
+    /// The exact product.
     pub fn times(&self, other: &Self) -> Self {
         let mut sum = Self::default();
         for &a in &self.0 {
@@ -297,7 +296,7 @@ impl Expansion {
         sum
     }
 
-    /// The leading 106 bits or so.
+    /// The value rounded to about 106 bits.
     pub fn rounded(&self) -> DoubleDouble {
         let high: f64 = self.0.iter().sum();
         let rest = self.grown(-high);
@@ -370,7 +369,7 @@ mod tests {
         fn products_of_plain_numbers_are_ordered_as_expansions_are(
             a in number(), b in number(), c in number(),
         ) {
-            // Products that are equal or nearly so.
+            // Makes `a * b` and `c * d` equal or nearly so.
             let d = a * b / c;
             prop_assume!(d.is_finite());
             let single = |x: f64| Expansion::difference(x, 0.0);

@@ -1,17 +1,19 @@
-//! Exponentials, logarithms and the error function by arithmetic alone: the same bits on every
-//! machine, and vectorisable loops.
+//! Exponentials, logarithms and the error function made of basic arithmetic alone: they give the
+//! same bits on every machine, and loops over them are vectorised.
 
 use std::f64::consts;
 
-/// The natural logarithm of 2 in two parts, the first of which has few digits.
+/// The natural logarithm of 2 as the sum of two numbers. The first has few significant bits, so
+/// that its product with a small integer is exact.
 const LN_2: [f64; 2] = [0.693_147_180_369_123_8, 1.908_214_929_270_587_7e-10];
 
-/// `e^x` for `x` of at most 700, with a relative error below 1e-14. Below -700, and for NaN, it
-/// returns the value at -700, which is zero in single precision. (Taylor series after whole powers
-/// of 2 are split off.)
+/// `e^x` for `x` of at most 700, with a relative error below 1e-14. For `x` below -700 or NaN it
+/// returns the value at -700, which is zero in single precision. (Powers of 2 are split off first;
+/// the rest is a Taylor series.)
 #[inline(always)]
 pub fn exp(x: f64) -> f64 {
-    /// Adding this rounds to an integer, which is then in the lowest bits.
+    /// Adding this constant rounds a number to an integer and leaves that integer in the lowest
+    /// bits.
     const ROUNDER: f64 = 6_755_399_441_055_744.0;
     let x = if x > -700.0 { x } else { -700.0 };
     let shifted = x * consts::LOG2_E + ROUNDER;
@@ -26,18 +28,19 @@ pub fn exp(x: f64) -> f64 {
     series * power
 }
 
-/// The natural logarithm of a normal positive number, with a relative error below 1e-15. (Series of
-/// the inverse hyperbolic tangent.)
+/// The natural logarithm of a normal positive number, with a relative error below 1e-15, by the
+/// series of the inverse hyperbolic tangent.
 #[inline(always)]
 pub fn ln(x: f64) -> f64 {
-    /// The bits of the square root of a half, roughly, and of 1.
+    /// The bits of sqrt(1/2), roughly, and of 1.
     const LOWEST: u64 = 0x3fe6_a09e_0000_0000;
     const ONE: u64 = 0x3ff0_0000_0000_0000;
-    /// The bits of 2^52: added to those of an integer, they make it a number.
+    /// The bits of 2^52. An integer below 2^52, ORed into or added to these bits, gives the float
+    /// 2^52 plus that integer.
     const MAKER: u64 = 0x4330_0000_0000_0000;
     let shifted = x.to_bits().wrapping_add(ONE - LOWEST);
     let power = f64::from_bits((shifted >> 52) | MAKER) - (4_503_599_627_370_496.0 + 1023.0);
-    // From the square root of a half to that of 2.
+    // `m` is the significand, scaled to lie between sqrt(1/2) and sqrt(2).
     let m = f64::from_bits((shifted & 0x000f_ffff_ffff_ffff).wrapping_add(LOWEST));
     let f = (m - 1.0) / (m + 1.0);
     let z = f * f;
@@ -48,8 +51,8 @@ pub fn ln(x: f64) -> f64 {
 }
 
 /// `e^(x^2) erfc(x)`, the scaled complementary error function, for `x` of at least 0, including
-/// infinity, with a relative error below 1e-10. (Interpolation at Chebyshev nodes in `1 / (1 + 0.4
-/// x)`, which covers the whole axis.)
+/// infinity, with a relative error below 1e-10. (Interpolation at Chebyshev nodes in
+/// `1 / (1 + 0.4 x)`, which covers the whole axis.)
 #[inline(always)]
 pub fn erfcx(x: f64) -> f64 {
     const POWERS: [f64; 15] = [
@@ -80,8 +83,8 @@ mod tests {
 
     #[test]
     fn the_scaled_error_function_is_that_of_its_continued_fraction() {
-        // Known to fifteen digits at the first three, where the continued fraction converges
-        // slowly.
+        // Values with fifteen digits for the first three arguments, where the continued fraction
+        // converges slowly.
         let known = [(0.0, 1.0), (0.5, 0.615_690_344_192_926), (1.0, 0.427_583_576_155_807)];
         let fraction = |x: f64| {
             let rest = (1..500).rev().fold(x, |rest, k| x + f64::from(k) * 0.5 / rest);

@@ -34,7 +34,7 @@ impl Frame {
     /// loops over it are vectorised.
     #[inline(always)]
     pub fn from_z_and_x(z: Vec3, x: Vec3) -> Self {
-        // Derivatives of positions have any length: squares of tiny and of huge ones would
+        // Derivatives of positions may have any length, and the squares of tiny or huge ones would
         // underflow or overflow.
         let x = x / max(max(x.x.abs(), x.y.abs()), x.z.abs());
         let tangent = x - z * z.dot(x);

@@ -1,12 +1,12 @@
-//! Enums over all kinds of something, made from one list of the kinds.
+//! The macro that makes an enum from the list of its kinds.
 
-/// Makes an enum from the list of its kinds, each a type of its own with a name, and a macro that
-/// asks whichever kind a value is, or each of the kinds.
+/// Makes an enum from a list of kinds, where each kind is a type of its own with a name. It also
+/// makes a macro that runs an expression on the kind that a value holds, or on each of the kinds.
 ///
-/// The enum is [`Clone`], [`Debug`] and [`PartialEq`], is made [`From`] each kind, and has `NAMES`,
-/// `name()` and `examples()`, for which each kind has an `examples()` too. It is read and written
-/// by serde (the crate that calls this needs it) with the names as variants; attributes of serde
-/// may stand with it.
+/// The enum implements [`Clone`], [`Debug`], [`PartialEq`] and [`From`] for each kind, and has
+/// `NAMES`, `name()` and `examples()`; for the last of these each kind needs an `examples()` too.
+/// Serde reads and writes the enum with the names as variants, so the calling crate needs serde;
+/// attributes of serde may stand before the enum.
 ///
 /// ```
 /// #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -50,9 +50,9 @@
 /// assert_eq!(Figure::corners(), [4]);
 /// ```
 ///
-/// With `tagged "figure"` after the name, in place of an attribute of serde, the kinds are things
-/// with parameters ([`declare!`](crate::declare)), and so is the enum, whose `DECLARATIONS` are
-/// theirs:
+/// With `tagged "figure"` after the name, instead of an attribute of serde, every kind must be a
+/// type with parameters ([`declare!`](crate::declare)). The enum then has parameters too, and its
+/// `DECLARATIONS` are those of the kinds:
 ///
 /// ```
 /// snell_math::declare! {
@@ -96,14 +96,14 @@ macro_rules! kinds {
         }
 
         impl $any {
-            /// The field that says which kind a thing is.
+            /// The field whose value is the name of the kind.
             pub const TAG: &'static str = $tag;
 
-            /// The kinds with their parameters.
+            /// The declarations of all kinds: names and parameters.
             pub const DECLARATIONS: &'static [$crate::parameters::Declaration] =
                 &[$($crate::parameters::Declaration::of::<$kind>($name)),*];
 
-            /// The declaration of this kind.
+            /// The declaration of the kind of this value.
             pub fn declaration(&self) -> $crate::parameters::Declaration {
                 match self {
                     $(Self::$kind(_) => $crate::parameters::Declaration::of::<$kind>($name),)*
@@ -146,7 +146,7 @@ macro_rules! kinds {
                 match self { $(Self::$kind(_) => $name,)* }
             }
 
-            /// A few of each kind, extremes included, for tests and galleries.
+            /// A few values of each kind, extremes included, for tests and galleries.
             pub fn examples() -> Vec<Self> {
                 let mut all = Vec::new();
                 $(all.extend($kind::examples().into_iter().map(Self::$kind));)*
@@ -160,7 +160,7 @@ macro_rules! kinds {
 
         $crate::kinds! { @matching ($) $any by $matching! { $($kind,)* } }
     };
-    // A dollar passed as a token remains one in the generated macro.
+    // A dollar sign that arrives as a token stays one in the generated macro.
     (@matching ($dollar:tt) $any:ident by $matching:ident! { $($kind:ident,)* }) => {
         macro_rules! $matching {
             (each $dollar kind:ident => $dollar answer:expr) => {

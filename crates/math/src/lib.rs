@@ -1,9 +1,10 @@
-//! Numbers: vectors, transforms, rays, bounds, spectra, random numbers, warps and SIMD levels; and
-//! [`kinds!`], the enum of all kinds of something, and [`parameters`], what they are made of.
+//! Numbers: vectors, transforms, rays, bounds, spectra, random numbers, warps and SIMD levels.
+//! [`kinds!`] makes an enum from a list of types, and [`parameters`] declares the parameters of
+//! such types.
 //!
-//! The base of Snell. Nothing here does I/O, starts threads or knows what a scene is. Vectors are
-//! [glam](https://docs.rs/glam)'s; positions of a scene are composed in `f64` ([`DVec3`],
-//! [`Transform`]) and traced in `f32` ([`Vec3`], [`Ray`]).
+//! This is the base crate of Snell. Nothing here does I/O, starts threads or knows what a scene is.
+//! Vectors are [glam](https://docs.rs/glam)'s; positions of a scene are composed in `f64`
+//! ([`DVec3`], [`Transform`]) and traced in `f32` ([`Vec3`], [`Ray`]).
 //!
 //! Maps between spaces are named `to_from`: `world_from_object.point(p_in_object)` is a point in
 //! the world.
@@ -36,7 +37,7 @@ pub use ray::{DRay, Ray};
 pub use spectrum::{ColorMode, ColorModel, Rgb, SampledSpectrum, SampledWavelengths};
 pub use transform::Transform;
 
-/// The example of the README is a test.
+/// Makes the example of the README a test.
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]
 struct Readme;

@@ -1,9 +1,10 @@
-//! Parameters of things: declared once, where the thing is ([`declare!`](crate::declare)), and read
-//! by all who check, list, edit or describe them.
+//! Parameters of shapes, materials and other things. They are declared once, beside the type
+//! ([`declare!`](crate::declare)), and all code that checks, lists, edits or describes parameters
+//! reads the declaration.
 //!
-//! A declaration has two sides. [`Declared::PARAMETERS`] is known without a value: names, kinds,
-//! ranges, units and documentation. [`Value::visit`] goes through the numbers of a value, each with
-//! its place and range, so that nobody has to know the fields of a type to look at them.
+//! A declaration has two sides. [`Declared::PARAMETERS`] needs no value: names, kinds, ranges,
+//! units and documentation. [`Value::visit`] goes through the numbers of a value, each with its
+//! place and range, so that code can look at them without knowing the fields of the type.
 
 mod declare;
 mod kind;

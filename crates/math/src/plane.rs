@@ -2,20 +2,21 @@
 
 use crate::{Bounds3d, DVec3};
 
-/// The plane of all points `p` with `normal . p = offset`; its front is where the left side is
-/// greater.
+/// The plane of all points `p` with `normal . p = offset`. Points with `normal . p > offset` are in
+/// front of it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Plane {
-    /// The direction that the front faces; distances are in units of its length.
+    /// The plane's normal, which points to the front. It may have any length, and distances are
+    /// multiplied by that length.
     pub normal: DVec3,
-    /// The distance from the origin, along the normal.
+    /// `normal . p` for the points `p` of the plane.
     pub offset: f64,
 }
 
 /// The vertices of convex polygons, one polygon after another.
 pub type Vertices = Vec<DVec3>;
 
-/// On which side of a plane something lies.
+/// The side of a plane on which a polygon or box lies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Side {
     /// All of it is on the plane.
@@ -29,7 +30,8 @@ pub enum Side {
 }
 
 impl Plane {
-    /// The distance of a point in front of the plane; it is negative behind.
+    /// `normal . p - offset`: the signed distance of a point, times the length of the normal;
+    /// positive in front.
     #[inline(always)]
     pub fn distance(&self, p: &DVec3) -> f64 {
         self.normal.dot(*p) - self.offset
@@ -54,15 +56,15 @@ impl Plane {
         side_of(middle - radius, middle + radius, tolerance)
     }
 
-    /// Appends the part of a polygon on one side of the plane (`sign` 1: the front, -1: the back).
-    /// Vertices on the plane belong to both.
+    /// Appends to `out` the part of a polygon on one side of the plane (`sign` 1: the front, -1:
+    /// the back). Vertices on the plane belong to both parts.
     pub fn cut(&self, polygon: &[DVec3], sign: f64, out: &mut Vertices) {
         let Some(mut from) = polygon.last() else { return };
         let mut d_from = self.distance(from) * sign;
         for to in polygon {
             let d_to = self.distance(to) * sign;
             if (d_from < 0.0 && d_to > 0.0) || (d_from > 0.0 && d_to < 0.0) {
-                // The same intersection point for both sides.
+                // The order of the two ends makes the intersection point the same for both sides.
                 let (a, b, da, db) =
                     if d_from < 0.0 { (from, to, d_from, d_to) } else { (to, from, d_to, d_from) };
                 out.push(*a + (*b - *a) * (da / (da - db)));

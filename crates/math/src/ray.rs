@@ -11,7 +11,7 @@ pub struct Ray {
     pub origin: Vec3,
     /// Hits at `t <= t_min` are ignored.
     pub t_min: f32,
-    /// Direction of any non-zero length. `t` is in units of it.
+    /// Direction of any non-zero length. `t` is in units of that length.
     pub direction: Vec3,
     /// Hits at `t >= t_max` are ignored. Infinite by default.
     pub t_max: f32,
@@ -24,7 +24,7 @@ impl Ray {
         Self { origin, t_min: 0.0, direction, t_max: f32::INFINITY }
     }
 
-    /// The same ray ended at `t_max` (exclusive).
+    /// The same ray with its interval ended at `t_max` (exclusive).
     #[inline]
     pub fn with_t_max(self, t_max: f32) -> Self {
         Self { t_max, ..self }
@@ -73,13 +73,13 @@ impl DRay {
         self.origin + self.direction * t
     }
 
-    /// The same ray ended at `t_max` (exclusive).
+    /// The same ray with its interval ended at `t_max` (exclusive).
     #[inline]
     pub fn with_t_max(self, t_max: f64) -> Self {
         Self { t_max, ..self }
     }
 
-    /// True if the ray can hit anything, as [`Ray::is_valid`].
+    /// True if the ray can hit anything: the condition of [`Ray::is_valid`].
     #[inline]
     pub fn is_valid(&self) -> bool {
         self.origin.is_finite()

@@ -70,7 +70,7 @@ mod tests {
             sum += u;
         }
         let mean = sum / n as f32;
-        // Standard error of the mean is 0.0009.
+        // The standard error of the mean is 0.0009.
         assert!((mean - 0.5).abs().max_element() < 0.005, "{mean}");
         assert!(to_unit(u32::MAX) == ONE_MINUS_EPSILON);
     }

@@ -14,7 +14,8 @@ pub const fn gamma(n: u32) -> f32 {
     nu / (1.0 - nu)
 }
 
-/// A point that is certainly off the surface through `position`, on the side of `direction`.
+/// A point that is certainly on the side of the surface through `position` into which `direction`
+/// points.
 ///
 /// `error` bounds the absolute error of each coordinate of `position`; `normal` is the unit
 /// geometric normal (either side). The point moves along the normal until it is outside of the box
@@ -26,7 +27,7 @@ pub fn offset_ray_origin(position: Vec3, error: Vec3, normal: Vec3, direction: V
     let normal = if direction.dot(normal) < 0.0 { -normal } else { normal };
     let offset = normal * distance;
     let moved = position + offset;
-    // Rounding down is rounding up with the signs reversed.
+    // Rounds `p` in the direction of `o`. Rounding down is rounding up with the signs reversed.
     let round = |p: f32, o: f32| {
         let sign = o.to_bits() & 0x8000_0000;
         let away = f32::from_bits(p.to_bits() ^ sign).next_up();
@@ -35,7 +36,7 @@ pub fn offset_ray_origin(position: Vec3, error: Vec3, normal: Vec3, direction: V
     Vec3::new(round(moved.x, offset.x), round(moved.y, offset.y), round(moved.z, offset.z))
 }
 
-/// `a b - c d` with an error of at most 1.5 units in the last place (Kahan; Jeannerod et al.,
+/// `a * b - c * d` with an error of at most 1.5 units in the last place (Kahan; Jeannerod et al.,
 /// 2013).
 #[inline]
 pub fn difference_of_products(a: f64, b: f64, c: f64, d: f64) -> f64 {

@@ -15,7 +15,7 @@ pub fn uniform_sphere(u: Vec2) -> Vec3 {
     Vec3::new(r * cos, r * sin, z)
 }
 
-/// Sine and cosine of a fraction of a turn.
+/// Sine and cosine of the angle that is `part` of a full turn.
 #[inline(always)]
 fn turned(part: f32) -> (f32, f32) {
     let (sin, cos) = angles::sin_cos(TAU * f64::from(part));
@@ -43,7 +43,7 @@ pub fn concentric_disk(u: Vec2) -> Vec2 {
     let is_wide = offset.x.abs() > offset.y.abs();
     let (r, other) = if is_wide { (offset.x, offset.y) } else { (offset.y, offset.x) };
     let ratio = if r == 0.0 { 0.0 } else { other / r };
-    // The angle from the nearer axis, x or y.
+    // `ratio` times pi / 4 is the angle from the nearer axis, x or y.
     let (sin, cos) = sin_cos_of_eighth(FRAC_PI_4 * ratio);
     if is_wide { Vec2::new(r * cos, r * sin) } else { Vec2::new(r * sin, r * cos) }
 }
@@ -61,8 +61,8 @@ pub fn cosine_hemisphere_pdf(cos_theta: f32) -> f32 {
     cos_theta.max(0.0) * FRAC_1_PI
 }
 
-/// Uniform direction in the cone around `z` with `cos_theta_max`; density
-/// `1 / (2 pi (1 - cos_theta_max))`.
+/// Uniform direction in the cone around `z` whose half-angle has the cosine `cos_theta_max`. The
+/// density is `1 / (2 pi (1 - cos_theta_max))` per steradian.
 #[inline]
 pub fn uniform_cone(u: Vec2, cos_theta_max: f32) -> Vec3 {
     let cos = 1.0 - u.x * (1.0 - cos_theta_max);
@@ -82,8 +82,8 @@ pub fn uniform_triangle(u: Vec2) -> Vec2 {
     Vec2::new(b1, 1.0 - b0 - b1)
 }
 
-/// Weight of a sample of density `a` against one of density `b` (power heuristic with exponent 2;
-/// Veach, 1997).
+/// The MIS weight of a sample that was drawn with density `a` and could have been drawn with
+/// density `b` (power heuristic with exponent 2; Veach, 1997).
 #[inline(always)]
 pub fn power_heuristic(a: f32, b: f32) -> f32 {
     let (a2, b2) = (a * a, b * b);
@@ -115,8 +115,8 @@ mod tests {
         assert!((bary - 1.0 / 3.0).abs().max_element() < 0.005);
     }
 
-    /// Chi-squared test of points of the unit square that should be uniform: each warp is inverted
-    /// by its distribution function.
+    /// Chi-squared test of each warp: the distribution function is applied to the warped points,
+    /// which gives points that should be uniform in the unit square.
     #[test]
     fn warped_points_are_distributed_as_stated() {
         use crate::statistics::{chi_squared_deviation, sidak_deviation};
@@ -151,7 +151,8 @@ mod tests {
             ),
         ];
         for cos in [0.999_99f32, 0.99, 0.7, 0.0, -0.8] {
-            // From below, because the heights of narrow cones are close to rounding.
+            // The height is computed from below, because heights in narrow cones are close to the
+            // rounding of 1.
             let undo = move |d: Vec3| {
                 let sin2 = r2(d.x, d.y);
                 let drop = if d.z > 0.0 {

@@ -1,5 +1,6 @@
-//! Uniform sampling of the solid angle of triangles, rectangles and spheres, with densities. In
-//! double precision, because the solid angle of a small object is a difference of angles.
+//! Uniform sampling of the solid angle of triangles, rectangles and spheres, with densities.
+//! Everything is in double precision, because the solid angle of a small object is a difference of
+//! angles.
 
 use crate::angles;
 use crate::simd::{self, max, min};
@@ -14,17 +15,18 @@ pub fn triangle_solid_angle(a: DVec3, b: DVec3, c: DVec3) -> f64 {
     2.0 * angles::turn_to(volume, 1.0 + a.dot(b) + b.dot(c) + c.dot(a))
 }
 
-/// A unit vector that is uniform in the spherical triangle of three unit vectors, whose solid angle
-/// is given (Arvo, Stratified Sampling of Spherical Triangles, 1995, in the form of Pharr, Jakob
-/// and Humphreys, 4th edition, section 6.5.4). Returns false if the triangle is degenerate; then
-/// the vector is arbitrary. It has no branches, so that loops over it are vectorised.
+/// A unit vector that is uniform in the spherical triangle of three unit vectors with the given
+/// solid angle (Arvo, Stratified Sampling of Spherical Triangles, 1995, in the form of Pharr, Jakob
+/// and Humphreys, 4th edition, section 6.5.4). Returns false and an arbitrary vector if the
+/// triangle is degenerate. The function has no branches, so that loops over it are vectorised.
 #[inline(always)]
 pub fn sample_triangle([a, b, c]: [DVec3; 3], solid_angle: f64, u: DVec2) -> (DVec3, bool) {
     let (n_ab, has_ab) = unit(a.cross(b));
     let (n_ca, has_ca) = unit(c.cross(a));
     let cos_alpha = -n_ab.dot(n_ca);
     let sin_alpha = n_ab.cross(n_ca).length();
-    // The area of the part of the triangle up to the new side b c', minus the angle alpha at a.
+    // The area of the part of the triangle up to the new side b c', minus the angle alpha at corner
+    // a.
     let (sin_part, cos_part) = angles::sin_cos(u.x * solid_angle);
     let (sin_phi, cos_phi) =
         (sin_part * cos_alpha - cos_part * sin_alpha, cos_part * cos_alpha + sin_part * sin_alpha);
@@ -43,7 +45,7 @@ pub fn sample_triangle([a, b, c]: [DVec3; 3], solid_angle: f64, u: DVec2) -> (DV
     (b * z + side * max((1.0 - z) * (1.0 + z), 0.0).sqrt(), has_ab & has_ca & has_side & is_number)
 }
 
-/// The normalised vector; zero and false if it has no direction.
+/// The normalised vector and true, or zero and false if `v` has no direction.
 #[inline(always)]
 fn unit(v: DVec3) -> (DVec3, bool) {
     let scale = 1.0 / v.length();
@@ -53,8 +55,8 @@ fn unit(v: DVec3) -> (DVec3, bool) {
 }
 
 /// A rectangle seen from the origin, prepared for uniform sampling by solid angle (Ureña, Fajardo
-/// and King, An Area-Preserving Parametrization for Spherical Rectangles, 2013). It has no
-/// branches, so that loops over it are vectorised.
+/// and King, An Area-Preserving Parametrization for Spherical Rectangles, 2013). The methods have
+/// no branches, so that loops over them are vectorised.
 #[derive(Clone, Copy, Debug)]
 pub struct SphericalRectangle {
     min: DVec2,
@@ -63,7 +65,7 @@ pub struct SphericalRectangle {
     b: [f64; 2],
     /// Sine and cosine of the angle `k` in the paper.
     k: [f64; 2],
-    /// The solid angle, in `[0, 2 pi]`; for a rectangle seen exactly edge-on, either of these.
+    /// The solid angle, in `[0, 2 pi]`. A rectangle seen exactly edge-on gives 0 or `2 pi`.
     pub solid_angle: f64,
 }
 
@@ -74,10 +76,10 @@ impl SphericalRectangle {
     pub fn new(min: DVec2, max: DVec2, z: f64) -> Self {
         let z = z.abs();
         let z2 = z * z;
-        // Components along z of the normals of the planes through the origin and each side.
+        // Gives the z components of the normals of the planes through the origin and each side.
         let along_z = |side: f64| side / (side * side + z2).sqrt();
         let (b0, b1, n3) = (-along_z(min.y), along_z(max.y), -along_z(min.x));
-        // Two of the interior angles, by their cosines.
+        // Two of the interior angles of the spherical rectangle, by their cosines.
         let (cos_g2, cos_g3) = (-b1 * n3, -n3 * b0);
         let sin = |cos: f64| simd::max(1.0 - cos * cos, 0.0).sqrt();
         let (sin_g2, sin_g3) = (sin(cos_g2), sin(cos_g3));
@@ -114,26 +116,26 @@ impl SphericalRectangle {
     }
 }
 
-/// Solid angle of a sphere with this squared radius at this squared distance of its centre: that of
-/// the cone around it. The viewpoint is outside.
+/// Solid angle of a sphere with this squared radius, whose centre is at this squared distance from
+/// the viewpoint. The viewpoint is outside of the sphere.
 #[inline(always)]
 pub fn sphere_solid_angle(radius_squared: f64, distance_squared: f64) -> f64 {
     let sin2 = radius_squared / distance_squared;
-    // 1 - cos without cancellation.
+    // This is `2 pi (1 - cos)`, without cancellation.
     TAU * sin2 / (1.0 + max(1.0 - sin2, 0.0).sqrt())
 }
 
 /// A point on the sphere around `center`, in a direction from the origin that is uniform in the
-/// cone around the sphere. The origin is outside.
+/// cone that the sphere fills. The origin is outside of the sphere.
 #[inline]
 pub fn sample_sphere(center: DVec3, radius: f64, u: DVec2) -> DVec3 {
     let towards = -center / center.length();
     center + around(towards, near_side_of_sphere(center, radius, u.x), u.y) * radius
 }
 
-/// For the sphere of [`sample_sphere`], the cosine at its centre of the angle between the
-/// directions to the origin and to the point. It has no branches, so that loops over it are
-/// vectorised.
+/// A cosine for sampling the sphere of [`sample_sphere`]: that of the angle at the sphere's centre
+/// between the directions to the origin and to the sampled point. The function has no branches, so
+/// that loops over it are vectorised.
 #[inline(always)]
 pub fn near_side_of_sphere(center: DVec3, radius: f64, u: f64) -> f64 {
     let d2 = center.length_squared();
@@ -147,8 +149,8 @@ pub fn near_side_of_sphere(center: DVec3, radius: f64, u: f64) -> f64 {
     max(min(cos_alpha, 1.0), -1.0)
 }
 
-/// The unit vector at an angle with this cosine to a unit vector, rotated by the fraction `u` of a
-/// turn around it. It has no branches either.
+/// The unit vector at an angle with this cosine to the unit vector `axis`, rotated about it by the
+/// fraction `u` of a turn. The function has no branches.
 #[inline(always)]
 pub fn around(axis: DVec3, cos: f64, u: f64) -> DVec3 {
     let sign = 1f64.copysign(axis.z);
@@ -175,8 +177,8 @@ mod tests {
         DVec3::new(number(i, 3 * k), number(i, 3 * k + 1), number(i, 3 * k + 2))
     }
 
-    /// Compares the mean of a function over samples with its integral over the area, divided by the
-    /// solid angle: three moments each.
+    /// Compares means over the samples with integrals over the area, divided by the solid angle,
+    /// for three moments.
     fn check(
         name: &str,
         solid_angle: f64,
@@ -268,7 +270,8 @@ mod tests {
                 let u = uniform2([i, 2, 2, 2]).as_dvec2();
                 let p = sample_sphere(center, radius, u);
                 assert!(((p - center).length() / radius - 1.0).abs() < 1e-9);
-                // The share of the cone closer to the axis is u.x.
+                // The fraction of the cone that is closer to the axis than the sample must be
+                // `u.x`.
                 let one_minus = (p.normalize() - center.normalize()).length_squared() * 0.5;
                 assert!(
                     (one_minus * TAU / solid_angle - u.x).abs() < 1e-5,

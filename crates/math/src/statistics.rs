@@ -1,16 +1,17 @@
-//! Chi-squared tests: do samples have the claimed density? Used by the tests of all sampling.
+//! Chi-squared tests of whether samples have the claimed density, for the tests of all sampling
+//! code.
 
 use crate::{Frame, Vec3};
 use std::f64::consts::TAU;
 
-/// Minimum expected number of samples in a cell that is judged by itself; cells with fewer are
+/// Minimum expected number of samples in a cell that is judged by itself. Cells with fewer are
 /// pooled.
 const FEWEST: f64 = 8.0;
 
 /// The number of standard deviations by which Pearson's statistic of these counts exceeds its
 /// expectation (Wilson and Hilferty's approximation, The distribution of chi-square, 1931). Both
-/// slices must add up to the number of samples, so that there is one degree of freedom less than
-/// there are cells.
+/// slices must have the same sum, the number of samples, so that there is one degree of freedom
+/// less than there are cells.
 ///
 /// # Panics
 /// If the slices differ in length.
@@ -29,7 +30,7 @@ pub fn chi_squared_deviation(found: &[u32], expected: &[f64]) -> f64 {
         statistic += (pool.0 - pool.1).powi(2) / pool.1;
         cells += 1.0;
     } else {
-        // Too few to be judged by the statistic: only a large excess counts.
+        // The pool is too small for the statistic, so that only a large excess counts.
         statistic += (pool.0 - pool.1 - 2.0 * FEWEST).max(0.0).powi(2) / FEWEST;
     }
     let degrees: f64 = f64::max(cells - 1.0, 1.0);
@@ -41,8 +42,8 @@ pub fn chi_squared_deviation(found: &[u32], expected: &[f64]) -> f64 {
 /// all hypotheses are true (Sidak, Rectangular confidence regions, 1967).
 pub fn sidak_deviation(significance: f64, tests: u32) -> f64 {
     let tail = -f64::ln_1p(-significance) / f64::from(tests.max(1));
-    // The significance of each test, without the cancellation of 1 - (1 - significance)^(1 /
-    // tests).
+    // The significance of each single test is 1 - (1 - significance)^(1 / tests), computed without
+    // cancellation.
     let tail = -f64::exp_m1(-tail);
     let (mut low, mut high) = (-8.0, 9.0);
     for _ in 0..60 {
@@ -52,8 +53,8 @@ pub fn sidak_deviation(significance: f64, tests: u32) -> f64 {
     high
 }
 
-/// The probability that a standard normal variable exceeds `z`, to 7 digits (Abramowitz and Stegun,
-/// 26.2.17, below 3; above, the asymptotic series as a continued fraction).
+/// The probability that a standard normal variable exceeds `z`, to 7 digits: for `z` below 3 by
+/// Abramowitz and Stegun, 26.2.17, and above by the asymptotic series as a continued fraction.
 fn normal_tail(z: f64) -> f64 {
     if z < 0.0 {
         return 1.0 - normal_tail(-z);
@@ -68,13 +69,13 @@ fn normal_tail(z: f64) -> f64 {
     density / fraction
 }
 
-/// Cells of one hemisphere, `z > 0` or `z < 0`, in polar coordinates about an axis in it. They
-/// become finer towards the axis with its cube, so that sharp lobes there are resolved, and end
-/// exactly at the hemisphere's border.
+/// Cells of one hemisphere, `z > 0` or `z < 0`, in polar coordinates about an axis in that
+/// hemisphere. The angles of their rings grow with the cube of the ring's number, so that sharp
+/// lobes about the axis are resolved, and the last ring ends exactly at the hemisphere's border.
 #[derive(Clone, Copy, Debug)]
 pub struct HemisphereCells {
     frame: Frame,
-    /// The sign of z in the hemisphere.
+    /// The sign of z in the hemisphere: 1 or -1.
     sign: f64,
     rings: usize,
     sectors: usize,
@@ -88,15 +89,15 @@ const GAUSS: [(f64, f64); 4] = [
     (0.930_568_155_797_026_3, 0.173_927_422_568_726_93),
 ];
 
-/// The change of a piece below which it is not halved any more, and the maximum and minimum number
-/// of halvings: narrow ridges would be missed otherwise.
+/// A piece is no longer halved when its integral changes by less than `TOLERANCE`. A minimum number
+/// of halvings keeps narrow ridges from being missed, and a maximum number ends the recursion.
 const TOLERANCE: f64 = 1e-5;
 const MOST_HALVINGS: u32 = 8;
 const LEAST_HALVINGS: u32 = 1;
 
 impl HemisphereCells {
-    /// `rings` times `sectors` cells about a unit vector, which is in the hemisphere and not on its
-    /// border.
+    /// Divides the hemisphere that holds the unit vector `axis` into `rings` times `sectors` cells.
+    /// The axis must not lie on the hemisphere's border.
     pub fn new(axis: Vec3, rings: usize, sectors: usize) -> Self {
         Self { frame: Frame::from_z(axis), sign: f64::from(axis.z).signum(), rings, sectors }
     }
@@ -116,8 +117,8 @@ impl HemisphereCells {
         (t as usize).min(self.rings - 1) * self.sectors + (p as usize).min(self.sectors - 1)
     }
 
-    /// The integral of a density per steradian over each cell, to about 1e-4 of the whole: pieces
-    /// are halved until the result no longer changes.
+    /// The integral of a density per steradian over each cell, with an error of about 1e-4 of the
+    /// whole: pieces are halved until the result no longer changes.
     pub fn integrate(&self, density: impl Fn(Vec3) -> f32) -> Vec<f64> {
         let at = |t: f64, p: f64| {
             let phi = TAU * (p - 0.5);
@@ -129,7 +130,7 @@ impl HemisphereCells {
                 (sin * phi.sin()) as f32,
                 cos as f32,
             ));
-            // Points that rounding moves across the border are on it.
+            // A point that rounding moved across the border counts as on it.
             if f64::from(w.z) * self.sign > 0.0 {
                 f64::from(density(w)) * sin * border * 3.0 * t * t * TAU
             } else {
@@ -196,7 +197,7 @@ mod tests {
             let total = |f: &dyn Fn(Vec3) -> f32| cells.integrate(f).iter().sum::<f64>();
             assert!((total(&|_| 1.0) / TAU - 1.0).abs() < 1e-4, "{axis}");
             assert!((total(&|w| w.z.abs()) / PI - 1.0).abs() < 1e-4, "{axis}");
-            // A lobe of a thousandth of a radian.
+            // The lobe is a thousandth of a radian wide.
             let lobe = |w: Vec3| 1e6 / PI as f32 * (-(w - axis).length_squared() * 1e6).exp();
             assert!((total(&lobe) - 1.0).abs() < 2e-4, "{axis}: {}", total(&lobe));
         }
@@ -218,7 +219,7 @@ mod tests {
 
     #[test]
     fn deviations_are_those_of_tables() {
-        // One test: quantiles of the normal distribution.
+        // For one test, the deviations are quantiles of the normal distribution.
         for (significance, z) in [
             (0.5, 0.0),
             (0.05, 1.644_854),
@@ -238,7 +239,7 @@ mod tests {
             chi_squared_deviation(&[10_000; 4], &[10_400.0, 9_600.0, 10_000.0, 10_000.0]) > 4.3
         );
         assert!(chi_squared_deviation(&[10_050, 9_950, 9_980, 10_020], &[10_000.0; 4]) < 2.0);
-        // Found often where nothing is expected.
+        // Samples were found where none are expected.
         assert!(chi_squared_deviation(&[10_000, 60], &[10_060.0, 0.0]) > 5.0);
     }
 
@@ -256,7 +257,7 @@ mod tests {
                 .push(chi_squared_deviation(&found, &[f64::from(samples) / cells as f64; 12]));
         }
         let above = |z: f64| deviations.iter().filter(|&&d| d > z).count();
-        // Expected 63.5, 9.1 and 0.5 of 400.
+        // The expected counts are 63.5, 9.1 and 0.5 of 400.
         assert!(
             (40..90).contains(&above(1.0)) && (2..20).contains(&above(2.0)) && above(3.0) < 4,
             "{deviations:?}"

@@ -3,7 +3,8 @@
 use crate::{Bounds3d, DRay};
 use glam::{DAffine3, DMat3, DMat4, DVec3};
 
-/// An invertible affine map and its inverse. Named `to_from`: `world_from_object`.
+/// An invertible affine map together with its inverse. Variables are named `to_from`, such as
+/// `world_from_object`.
 ///
 /// The whole map applies to points, its linear part to directions (unnormalised, so that a ray
 /// keeps its `t`), and the inverse transpose of the linear part to normals.
@@ -135,7 +136,8 @@ impl Transform {
         if b.is_empty() {
             return Bounds3d::EMPTY;
         }
-        // Arvo, Transforming axis-aligned bounding boxes (Graphics Gems, 1990). 0 * inf is 0.
+        // The method is that of Arvo, Transforming axis-aligned bounding boxes (Graphics Gems,
+        // 1990), where 0 times infinity is 0.
         let times = |m: f64, x: f64| if m == 0.0 { 0.0 } else { m * x };
         let mut result = Bounds3d { min: self.forward.translation, max: self.forward.translation };
         for column in 0..3 {
@@ -150,7 +152,7 @@ impl Transform {
         result
     }
 
-    /// Factor by which the map scales the area of a small surface patch with unit normal `n`:
+    /// The factor by which the map scales the area of a small surface patch with unit normal `n`:
     /// `|det M| |M^-T n|`.
     #[inline]
     pub fn area_scale(&self, n: DVec3) -> f64 {

@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-/// Files to try, the best first: the named one, the one in the named folder or its subfolders, or
-/// those that the system's loader finds.
+/// Files to try, the best first. For a file, that file; for a folder, the library in it or in its
+/// subfolders; otherwise names that the system's loader searches.
 pub fn candidates(named: Option<&Path>) -> Vec<PathBuf> {
     match named {
         None => [

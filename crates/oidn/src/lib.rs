@@ -13,7 +13,7 @@ pub use library::Denoiser;
 
 use std::path::PathBuf;
 
-/// Why a picture could not be denoised. Each message ends with a remedy.
+/// The reason why a picture could not be denoised. Each message ends with a remedy.
 #[derive(Debug, thiserror::Error)]
 pub enum DenoiseError {
     /// The library was not found.
@@ -25,7 +25,7 @@ pub enum DenoiseError {
         .0.as_ref().map(|p| format!(" in {}", p.display())).unwrap_or_default()
     )]
     NotFound(Option<PathBuf>),
-    /// The system's loader refused it.
+    /// The system's loader refused the library.
     #[error(
         "{path}: cannot be loaded: {source}; it must be Open Image Denoise 2 for this machine, \
             with the libraries that belong to it beside it"

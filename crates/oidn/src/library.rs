@@ -9,11 +9,12 @@ use std::ptr;
 /// `OIDNDevice`, `OIDNFilter`: opaque.
 type Handle = *mut c_void;
 
-/// `OIDN_DEVICE_TYPE_CPU`: it uses our memory, and its results do not depend on a graphics card.
+/// `OIDN_DEVICE_TYPE_CPU`: this device uses the memory of the process, and its results do not
+/// depend on a graphics card.
 const DEVICE_TYPE_CPU: c_int = 1;
-/// `OIDN_FORMAT_FLOAT3`.
+/// `OIDN_FORMAT_FLOAT3`: images of three floats per pixel.
 const FORMAT_FLOAT3: c_int = 3;
-/// `OIDN_ERROR_NONE`.
+/// `OIDN_ERROR_NONE`: no error.
 const ERROR_NONE: c_int = 0;
 
 macro_rules! functions {
@@ -57,7 +58,7 @@ functions! {
 /// The loaded library.
 pub struct Denoiser {
     functions: Functions,
-    /// Never unloaded, because its threads may live on for a while.
+    /// The library is never unloaded, because its threads may live on for a while.
     _library: ManuallyDrop<libloading::Library>,
 }
 
@@ -68,8 +69,8 @@ impl std::fmt::Debug for Denoiser {
 }
 
 impl Denoiser {
-    /// Loads the library: the file at `named`, the one in that folder or its subfolders, or else
-    /// the one that the system finds.
+    /// Loads the library: the file `named`, or the library in the folder `named` or in its
+    /// subfolders, or else the library that the system finds.
     pub fn load(named: Option<&Path>) -> Result<Self, DenoiseError> {
         let candidates = find::candidates(named);
         let not_found = || DenoiseError::NotFound(named.map(Path::to_path_buf));

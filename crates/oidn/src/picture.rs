@@ -4,7 +4,7 @@ use crate::{DenoiseError, Denoiser, Noisy};
 use snell_scene::{Layer, LayeredImage};
 
 impl Denoiser {
-    /// Denoises the colours of a picture; the original ones become the layer `noisy`. The layers
+    /// Denoises the colours of a picture; the original colours become the layer `noisy`. The layers
     /// `albedo` and `normal` are the auxiliary images.
     pub fn denoise_picture(
         &self,

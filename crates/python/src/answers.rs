@@ -1,4 +1,4 @@
-//! Answers of queries in Python: named arrays, each created when it is first accessed.
+//! Answers of queries in Python: named arrays, each of which is created when it is first accessed.
 
 use crate::arrays::{filled, from_vec};
 use crate::assemble::{Form, Snapshot};
@@ -17,7 +17,7 @@ use snell_intersect::Hit;
 use snell_math::{DRay, DVec3};
 use std::sync::Arc;
 
-/// Answers of a piece.
+/// Number of answers that a thread processes at a time.
 const PIECE: usize = 16384;
 
 /// Creates arrays from answers.
@@ -25,33 +25,35 @@ pub trait Answers: Send + Sync {
     /// The array of this name; `None` if answers of this kind have no such array.
     fn array<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Option<Bound<'py, PyAny>>>;
 
-    /// The leading shape.
+    /// The leading shape of the arrays.
     fn shape(&self) -> &[usize];
 }
 
 /// The query's inputs, from which surfaces are computed.
 #[derive(Debug)]
 pub enum Asked<P> {
-    /// Rays; an answer belongs to the ray of its index, or to the one listed here.
+    /// Rays: an answer belongs to the ray with its own index or, if a list is given, to the ray
+    /// listed at that index.
     Rays(KeptRays, Option<Vec<u32>>),
-    /// The nearest points.
+    /// Points whose nearest points were searched.
     Positions(Vec<[P; 3]>),
 }
 
-/// Answers in memory, with the world that they refer to.
+/// Answers whose arrays are not computed yet, with the world that was queried.
 #[derive(Debug)]
 pub struct Live<P: Precision, F: Form> {
     /// The world that was queried.
     pub snapshot: Arc<Snapshot<F>>,
-    /// The answers.
+    /// The answers of the query.
     pub hits: Columns<P>,
-    /// The inputs.
+    /// The rays or points that were asked about.
     pub asked: Asked<P>,
     /// Number of rays.
     pub rays: usize,
     /// Shape of the answers.
     pub shape: Vec<usize>,
-    /// The start of the answers of each ray.
+    /// For each ray, the index of its first answer, and then the number of all answers; `None` for
+    /// queries with one answer per ray.
     pub splits: Option<Vec<i64>>,
 }
 
@@ -97,7 +99,7 @@ impl<P: Precision, F: Form> Answers for Live<P, F> {
 }
 
 impl<P: Precision, F: Form> Live<P, F> {
-    /// An array of these numbers, `width` per answer.
+    /// An array of `values`, `width` of them per answer.
     fn copied<'py, T: Element + Copy + Send + Sync>(
         &self,
         py: Python<'py>,
@@ -109,7 +111,7 @@ impl<P: Precision, F: Form> Live<P, F> {
         })
     }
 
-    /// An array of the objects' ids for these ids of the world.
+    /// An array of objects' ids: `name` applied to each of the world's ids.
     fn mapped<'py>(
         &self,
         py: Python<'py>,
@@ -183,19 +185,19 @@ impl<P: Precision, F: Form> Live<P, F> {
     }
 }
 
-/// Existing arrays, and the source of the others.
+/// The arrays of a query by name. An array is computed from the answers when it is first accessed.
 pub struct Named {
     live: Option<Box<dyn Answers>>,
     made: PyOnceLock<Py<PyDict>>,
 }
 
 impl Named {
-    /// Answers of a query.
+    /// The arrays of a query's answers, none of them computed yet.
     pub fn new(live: impl Answers + 'static) -> Self {
         Self { live: Some(Box::new(live)), made: PyOnceLock::new() }
     }
 
-    /// Arrays that were stored.
+    /// Arrays that were stored by pickling. Fails if one of `names` is missing.
     pub fn stored(arrays: &Bound<'_, PyDict>, names: &[&str]) -> PyResult<Self> {
         for name in names {
             if !arrays.contains(name)? {
@@ -207,12 +209,12 @@ impl Named {
         Ok(Self { live: None, made })
     }
 
-    /// Stores an array.
+    /// Stores an array under a name.
     pub fn set(&self, py: Python<'_>, name: &str, array: Bound<'_, PyAny>) -> PyResult<()> {
         self.made.get_or_init(py, || PyDict::new(py).unbind()).bind(py).set_item(name, array)
     }
 
-    /// The array of this name.
+    /// The array of this name, which is computed on first access.
     pub fn get<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
         let made = self.made.get_or_init(py, || PyDict::new(py).unbind()).bind(py);
         if let Some(array) = made.get_item(name)? {
@@ -223,11 +225,11 @@ impl Named {
             None => None,
         };
         let array = array.ok_or_else(|| PyAttributeError::new_err(name.to_string()))?;
-        // Another thread may have created it meanwhile: all get the same array.
+        // Another thread may have created the array meanwhile; all threads get the same one.
         made.call_method1("setdefault", (name, array))
     }
 
-    /// The same, for `answers[name]`.
+    /// Like [`Self::get`], for `answers[name]`: an unknown name is a `KeyError`.
     pub fn item<'py>(
         &self,
         py: Python<'py>,
@@ -241,7 +243,7 @@ impl Named {
         }
     }
 
-    /// All arrays.
+    /// The arrays of these names, as a dictionary.
     pub fn all<'py>(&self, py: Python<'py>, names: &[&str]) -> PyResult<Bound<'py, PyDict>> {
         let all = PyDict::new(py);
         for name in names {
@@ -250,7 +252,7 @@ impl Named {
         Ok(all)
     }
 
-    /// The leading shape: that of the first array of one number each.
+    /// The leading shape of the arrays: the shape of `scalar`, which has one number per answer.
     pub fn shape<'py>(&self, py: Python<'py>, scalar: &str) -> PyResult<Bound<'py, PyTuple>> {
         match &self.live {
             Some(live) => PyTuple::new(py, live.shape()),
@@ -407,21 +409,21 @@ answers! {
         ray_ids,
         /// `(n,)`: ray parameter, in units of the direction's length.
         t_hit,
-        /// `(n,)`, uint32: as of :class:`Hits`.
+        /// `(n,)`, uint32: as in :class:`Hits`.
         geometry_ids,
-        /// `(n,)`, uint32: as of :class:`Hits`.
+        /// `(n,)`, uint32: as in :class:`Hits`.
         instance_ids,
-        /// `(n,)`, uint32: as of :class:`Hits`.
+        /// `(n,)`, uint32: as in :class:`Hits`.
         primitive_ids,
-        /// `(n, 2)`: as of :class:`Hits`.
+        /// `(n, 2)`: as in :class:`Hits`.
         primitive_uvs,
-        /// `(n, 3)`: as of :class:`Hits`.
+        /// `(n, 3)`: as in :class:`Hits`.
         primitive_normals,
-        /// `(n, 3)`: as of :class:`Hits`.
+        /// `(n, 3)`: as in :class:`Hits`.
         points,
-        /// `(n, 3)`: as of :class:`Hits`.
+        /// `(n, 3)`: as in :class:`Hits`.
         normals,
-        /// `(n, 2)`: as of :class:`Hits`.
+        /// `(n, 2)`: as in :class:`Hits`.
         uvs,
     }
 }
@@ -444,21 +446,21 @@ answers! {
     ClosestPoints by distances {
         /// `(..., 3)`: the points of the surfaces, in the scene.
         points,
-        /// `(...)`: how far they are, in units of the scene; not negative.
+        /// `(...)`: distances of the points, in units of the scene; not negative.
         distances,
-        /// `(...)`, uint32: as of :class:`Hits`.
+        /// `(...)`, uint32: as in :class:`Hits`.
         geometry_ids,
-        /// `(...)`, uint32: as of :class:`Hits`.
+        /// `(...)`, uint32: as in :class:`Hits`.
         instance_ids,
-        /// `(...)`, uint32: as of :class:`Hits`.
+        /// `(...)`, uint32: as in :class:`Hits`.
         primitive_ids,
-        /// `(..., 2)`: as of :class:`Hits`.
+        /// `(..., 2)`: as in :class:`Hits`.
         primitive_uvs,
-        /// `(..., 3)`: as of :class:`Hits`.
+        /// `(..., 3)`: as in :class:`Hits`.
         primitive_normals,
-        /// `(..., 3)`: as of :class:`Hits`.
+        /// `(..., 3)`: as in :class:`Hits`.
         normals,
-        /// `(..., 2)`: as of :class:`Hits`.
+        /// `(..., 2)`: as in :class:`Hits`.
         uvs,
     }
 }

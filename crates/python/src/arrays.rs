@@ -15,7 +15,7 @@ use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyDict, PyTuple};
 
-/// A function of NumPy.
+/// The function of NumPy with this name.
 pub fn numpy<'py>(py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
     static NUMPY: PyOnceLock<Py<PyModule>> = PyOnceLock::new();
     let module = NUMPY.get_or_try_init(py, || py.import("numpy").map(Bound::unbind))?;
@@ -39,18 +39,18 @@ pub fn array<'py>(value: &Bound<'py, PyAny>, name: &str) -> PyResult<Bound<'py, 
     Ok(made.cast_into::<PyUntypedArray>()?)
 }
 
-/// An error with its cause.
+/// Returns `error` with `cause` as its `__cause__`.
 pub fn caused(py: Python<'_>, error: PyErr, cause: PyErr) -> PyErr {
     error.set_cause(py, Some(cause));
     error
 }
 
-/// The kind of an array's numbers, as NumPy writes it: `f`, `i`, `u`, `b`, …
+/// The code of an array's numbers in NumPy: `f`, `i`, `u`, `b`, …
 fn number_kind(array: &Bound<'_, PyUntypedArray>) -> PyResult<char> {
     array.dtype().getattr("kind")?.extract()
 }
 
-/// Whether an array of real numbers is processed in double precision.
+/// True if an array of real numbers is processed in double precision.
 pub fn is_double(array: &Bound<'_, PyUntypedArray>, name: &str) -> PyResult<bool> {
     match number_kind(array)? {
         'f' => Ok(array.dtype().getattr("itemsize")?.extract::<usize>()? > 4),
@@ -62,7 +62,8 @@ pub fn is_double(array: &Bound<'_, PyUntypedArray>, name: &str) -> PyResult<bool
     }
 }
 
-/// The same for several arguments: plain Python sequences do not count beside arrays, as in NumPy.
+/// True if one of several arguments is processed in double precision. Plain Python sequences do not
+/// count beside arrays, as in NumPy.
 pub fn are_double(
     arrays: &[(&Bound<'_, PyAny>, &Bound<'_, PyUntypedArray>, &str)],
 ) -> PyResult<bool> {
@@ -76,7 +77,7 @@ pub fn are_double(
     Ok(answer.unwrap_or(true))
 }
 
-/// A contiguous array of numbers; the array itself if it is contiguous.
+/// An array of numbers as a contiguous one; the array itself if it is contiguous already.
 pub fn contiguous<'py, T: Element>(
     array: &Bound<'py, PyUntypedArray>,
 ) -> PyResult<PyReadonlyArrayDyn<'py, T>> {
@@ -93,7 +94,7 @@ pub fn contiguous<'py, T: Element>(
     Ok(wanted.try_readonly()?)
 }
 
-/// Whether numbers lie at multiples of their size.
+/// True if the numbers lie at multiples of their size.
 fn is_aligned<T: Element>(array: &Bound<'_, PyArrayDyn<T>>) -> bool {
     (array.data() as usize).is_multiple_of(align_of::<T>())
 }
@@ -129,7 +130,7 @@ pub fn filled<'py, T: Element>(
     Ok(array.reshape(shape)?.into_any())
 }
 
-/// An array repeated to a shape, as [`contiguous`].
+/// An array repeated to a shape, made contiguous as by [`contiguous`].
 pub fn broadcast<'py, T: Element>(
     array: &Bound<'py, PyUntypedArray>,
     shape: &[usize],
@@ -156,7 +157,7 @@ pub fn common_shape(a: &[usize], b: &[usize]) -> Option<Vec<usize>> {
         .collect()
 }
 
-/// A shape as Python writes it.
+/// Formats a shape as Python does.
 pub fn shown(shape: &[usize]) -> String {
     match shape {
         [n] => format!("({n},)"),
@@ -201,7 +202,7 @@ pub fn leading(array: &Bound<'_, PyUntypedArray>, last: usize, name: &str) -> Py
     }
 }
 
-/// One number per ray or point, or one for all.
+/// One number for each ray or point, or one for all.
 #[derive(Debug)]
 pub enum Column<'py, T: Element + Copy> {
     /// One value for all.
@@ -236,7 +237,7 @@ impl<'py, T: Element + Copy> Column<'py, T> {
         Ok(Self::Each(broadcast(array, shape)?))
     }
 
-    /// The numbers: one, or as many as rays.
+    /// The numbers, to be read by other threads.
     pub fn values(&self) -> PyResult<Values<'_, T>> {
         Ok(match self {
             Self::All(value) => Values::All(*value),
@@ -255,7 +256,7 @@ pub enum Values<'a, T> {
 }
 
 impl<T: Copy> Values<'_, T> {
-    /// The number of a ray.
+    /// The number of ray `i`.
     #[inline(always)]
     pub fn get(&self, i: usize) -> T {
         match self {
@@ -281,7 +282,7 @@ pub fn mask_column<'py>(
     Column::each(&array, shape, "mask")
 }
 
-/// An error unless all are whole numbers from 0 to `largest`.
+/// Fails unless all elements are whole numbers from 0 to `largest`.
 pub fn check_unsigned(array: &Bound<'_, PyUntypedArray>, largest: u64, name: &str) -> PyResult<()> {
     let py = array.py();
     let kind = number_kind(array)?;

@@ -1,9 +1,9 @@
 //! Builds the world of a scene for queries, in single or in double precision.
 //!
-//! An object without a transform lies in the group of its scene; a mesh or set of spheres with one
-//! is a group of its own, so that moving it costs little; a scene is a group however often it is
-//! instanced. Numbers do not change when objects are added or removed at the end, so the next world
-//! shares what did not change.
+//! Objects without a transform lie in the group of their scene. A mesh or set of spheres with a
+//! transform has a group of its own, so that moving it costs little. A scene is one group, however
+//! often it is instanced. Numbers do not change when objects are added or removed at the end, so
+//! the next world shares what did not change.
 
 use crate::contents::{Contents, Kind, Object, Slot};
 use crate::mesh::Mesh;
@@ -15,16 +15,16 @@ use snell_math::Transform;
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// A geometry of a world, as surfaces are computed from it.
+/// A geometry of a world in the form from which surfaces are computed.
 #[derive(Clone, Debug)]
 pub enum Surface {
-    /// Triangles, in the coordinates of their group.
+    /// Triangles, in the coordinates of the group.
     Mesh(Arc<Mesh>),
-    /// A shape, with the map to its group.
+    /// A shape, with the map to the coordinates of the group.
     Shape(Arc<AnyShape>, Transform),
-    /// Spheres, in the coordinates of their group.
+    /// Spheres, in the coordinates of the group.
     Spheres(Arc<Spheres>),
-    /// Strands, in the coordinates of their group.
+    /// Strands, in the coordinates of the group.
     Curves(Arc<Curves>),
     /// A removed geometry.
     Gone,
@@ -33,24 +33,24 @@ pub enum Surface {
 /// The objects that the ids in a world's hits stand for.
 #[derive(Debug, Default)]
 pub struct Names {
-    /// The number of each geometry of the world in the scene that holds it.
+    /// For each geometry of the world, the number of its object in the scene that holds the object.
     objects: Vec<u32>,
     /// Surfaces by geometry of the world.
     pub surfaces: Vec<Surface>,
-    /// Per instance in the root group, the first occurrence in it, ascending, and its number in the
-    /// scene ([`Hit::NONE`] for one that only moves an object).
+    /// For each instance in the root group, its first occurrence, ascending, and its number in the
+    /// scene ([`Hit::NONE`] for an instance that only moves an object).
     instances: Vec<(u32, u32)>,
 }
 
 impl Names {
-    /// The number of an object in the scene that holds it.
+    /// The number of a geometry's object in the scene that holds the object.
     #[inline]
     pub fn object(&self, geometry: u32) -> u32 {
         self.objects.get(geometry as usize).copied().unwrap_or(Hit::NONE)
     }
 
-    /// The number of the instance that an occurrence is in, [`Hit::NONE`] for what is in no
-    /// instance.
+    /// The number of the instance that an occurrence is in; [`Hit::NONE`] for occurrences outside
+    /// of all instances.
     #[inline]
     pub fn instance(&self, occurrence: u32) -> u32 {
         let at = self.instances.partition_point(|&(first, _)| first <= occurrence);
@@ -63,12 +63,12 @@ impl Names {
     }
 }
 
-/// A world and the meaning of its ids. Immutable.
+/// A world and the meaning of its ids. A snapshot never changes.
 #[derive(Debug)]
 pub struct Snapshot<F: Form> {
-    /// The type of the world.
+    /// The world in which rays are traced.
     pub world: Arc<F::World>,
-    /// The meaning of its ids.
+    /// The meaning of the world's ids.
     pub names: Arc<Names>,
 }
 
@@ -76,7 +76,7 @@ pub struct Snapshot<F: Form> {
 pub trait Form: 'static {
     /// The type of the world.
     type World: Send + Sync + std::fmt::Debug + 'static;
-    /// The type of its builder.
+    /// The type of the world's builder.
     type Builder: Builder;
 
     /// Builds a world, sharing unchanged parts with the previous one.
@@ -92,20 +92,20 @@ pub trait Form: 'static {
 
 /// A builder of groups and geometries.
 pub trait Builder: Default {
-    /// A new group.
+    /// Adds a group.
     fn add_group(&mut self) -> GroupId;
-    /// Triangles in a group.
+    /// Adds triangles to a group.
     fn add_mesh(&mut self, group: GroupId, mesh: &Mesh) -> GeometryId;
-    /// A shape in a group.
+    /// Adds a shape to a group.
     fn add_shape(&mut self, group: GroupId, shape: &Arc<AnyShape>, placed: Transform)
     -> GeometryId;
-    /// Spheres in a group.
+    /// Adds spheres to a group.
     fn add_spheres(&mut self, group: GroupId, spheres: &Arc<Spheres>) -> GeometryId;
-    /// Strands in a group.
+    /// Adds strands to a group.
     fn add_curves(&mut self, group: GroupId, curves: &Arc<Curves>) -> GeometryId;
-    /// Reserves an unused number.
+    /// Reserves an unused number for a geometry.
     fn add_gap(&mut self);
-    /// A group in a group.
+    /// Adds an instance of a group to a group.
     fn add(&mut self, group: GroupId, instance: Instance);
     /// Sets the mask of a geometry.
     fn set_mask(&mut self, geometry: GeometryId, mask: u32);
@@ -114,8 +114,8 @@ pub trait Builder: Default {
 struct Assembler<F: Form> {
     builder: F::Builder,
     names: Names,
-    /// The group of each instanced scene, and its number of occurrences. The scene is kept, so that
-    /// no other has its address.
+    /// The group of each instanced scene, and its number of occurrences. The scene is kept alive,
+    /// so that no other scene gets its address.
     scenes: HashMap<*const Contents, (GroupId, u64)>,
 }
 
@@ -136,8 +136,8 @@ pub fn assemble<F: Form>(
 }
 
 impl<F: Form> Assembler<F> {
-    /// Adds the objects of a scene to its group; returns the number of occurrences: the group and
-    /// all below.
+    /// Adds the objects of a scene to the scene's group. Returns the number of occurrences: the
+    /// group and everything below it.
     fn fill(&mut self, group: GroupId, contents: &Contents) -> u64 {
         let mut occurrences = 1u64;
         for (number, slot) in contents.slots.iter().enumerate() {
@@ -169,7 +169,8 @@ impl<F: Form> Assembler<F> {
             let placed = object.transform.unwrap_or(Transform::IDENTITY);
             self.builder.add(group, Instance { mask, ..Instance::new(child, placed) });
             if group == WorldBuilder::ROOT {
-                // Worlds with more occurrences than numbers are refused when they are built.
+                // A world with more occurrences than numbers is refused when it is built, so a
+                // clamped number is never used.
                 self.names.instances.push((occurrences.min(u32::MAX.into()) as u32, instance));
             }
             occurrences = occurrences.saturating_add(below);

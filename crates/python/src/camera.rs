@@ -21,8 +21,8 @@ use snell_scene::Projection;
 /// eye : three numbers
 ///     Where the camera is.
 /// target : three numbers, optional
-///     The point that it looks at; alternatively `towards`, the viewing direction. -z if both are
-///     left out.
+///     The point that the camera looks at; alternatively `towards`, the viewing direction. -z if
+///     both are left out.
 /// up : three numbers
 ///     The up direction of the picture; it need not be perpendicular.
 /// fov : float, optional
@@ -33,11 +33,11 @@ use snell_scene::Projection;
 /// focus_distance : float, optional
 ///     Distance of the plane in focus; the distance of the target if left out.
 /// resolution : two whole numbers, optional
-///     Size of the picture that it is made for.
+///     Size of the picture that the camera is made for.
 /// name : str
-///     For `camera="name"`.
+///     A name, for `camera="name"`.
 /// **parameters
-///     Those of the projection, in place of `fov`.
+///     The parameters of the projection, in place of `fov`.
 ///
 /// Examples
 /// --------
@@ -52,7 +52,7 @@ use snell_scene::Projection;
 #[pyclass(frozen, module = "snell")]
 pub struct Camera(pub snell_scene::Camera);
 
-/// Three finite numbers.
+/// Reads three finite numbers.
 fn vector(value: &Bound<'_, PyAny>, name: &str) -> PyResult<DVec3> {
     match read(value, Kind::Vector(3), name, &mut References::default())? {
         Value::List(items) => match items[..] {
@@ -70,7 +70,7 @@ fn at_least(value: f64, low: f64, name: &str) -> PyResult<f64> {
     Err(PyValueError::new_err(format!("{name} is {value}, expected a number from {low}")))
 }
 
-/// The projection with these parameters.
+/// Makes a projection from its parameters.
 fn projection(
     kind: &str,
     fov: Option<f64>,

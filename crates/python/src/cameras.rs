@@ -10,7 +10,8 @@ use rayon::prelude::*;
 use snell_math::{DVec2, Vec2};
 use snell_scene::{Camera, CameraSample};
 
-/// The requested camera: one of these by number or name, or a camera itself. The first by default.
+/// The requested camera: one of `cameras` by number or name, or a camera itself. By default the
+/// first of `cameras`.
 pub fn choose(cameras: &[Camera], wanted: Option<&Bound<'_, PyAny>>) -> PyResult<Camera> {
     let Some(wanted) = wanted else {
         return cameras
@@ -80,7 +81,7 @@ pub fn rays_of<'py>(
                 let film = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
                 let found = camera.ray(&CameraSample { film, lens: Vec2::splat(0.5) }, size);
                 place[..3].copy_from_slice(&found.ray.origin.to_array());
-                // Outside the projection there is no direction: such rays miss.
+                // Outside the projection a ray has no direction, so it misses.
                 if found.weight > 0.0 {
                     place[3..].copy_from_slice(&found.ray.direction.to_array());
                 }

@@ -1,8 +1,8 @@
-//! Many hits, each of their numbers in a column of its own.
+//! Many hits as a structure of arrays: each of their numbers has a column of its own.
 //!
-//! Columns are arrays of NumPy from the beginning: their memory is not cleared before it is written
-//! (and comes in large pages if there is much of it), and the distances can be handed out as they
-//! are.
+//! Columns are NumPy arrays from the beginning. Their memory is not cleared before it is written
+//! (and comes in large pages if there is much of it), and the column of distances can be given to
+//! the caller without a copy.
 
 use crate::arrays::{empty, slice, slice_mut};
 use crate::precision::{Found, Precision};
@@ -15,15 +15,15 @@ type Column<T> = Py<PyArray1<T>>;
 /// Hits by column.
 #[derive(Debug)]
 pub struct Columns<P: Precision> {
-    /// Distances; `None` if they were handed out.
+    /// Distances; `None` after [`Self::take_t`].
     t: Option<Column<P>>,
-    /// Barycentrics, two by two.
+    /// Barycentric coordinates, two for each hit.
     uv: Column<P>,
-    /// Occurrences.
+    /// Occurrences of the hits.
     occurrence: Column<u32>,
-    /// Geometries of the world.
+    /// Numbers of the hits' geometries in the world.
     geometry: Column<u32>,
-    /// Primitives.
+    /// Numbers of the hits' primitives.
     primitive: Column<u32>,
 }
 
@@ -49,7 +49,7 @@ impl<P: Precision> Columns<P> {
         Ok((columns, writable))
     }
 
-    /// The columns of these hits.
+    /// The columns of the hits `found`.
     pub fn of(py: Python<'_>, found: &[Found<P>]) -> PyResult<Self> {
         let (columns, mut writable) = Self::new(py, found.len())?;
         let mut places = writable.places()?;
@@ -57,12 +57,12 @@ impl<P: Precision> Columns<P> {
         Ok(columns)
     }
 
-    /// Hands the distances over to the caller.
+    /// Gives the distances to the caller; later calls return `None`.
     pub fn take_t(&mut self) -> Option<Column<P>> {
         self.t.take()
     }
 
-    /// A guard to read them.
+    /// A guard to read the columns.
     pub fn readable<'py>(&self, py: Python<'py>) -> PyResult<Readable<'py, P>> {
         Ok(Readable {
             t: self.t.as_ref().map(|t| t.bind(py).try_readonly()).transpose()?,
@@ -74,7 +74,7 @@ impl<P: Precision> Columns<P> {
     }
 }
 
-/// [`Columns`] while they are written.
+/// A guard through which [`Columns`] are written.
 #[derive(Debug)]
 pub struct Writable<'py, P: Precision> {
     t: PyReadwriteArray1<'py, P>,
@@ -85,7 +85,7 @@ pub struct Writable<'py, P: Precision> {
 }
 
 impl<P: Precision> Writable<'_, P> {
-    /// For other threads.
+    /// The columns as slices, which other threads may write.
     pub fn places(&mut self) -> PyResult<Places<'_, P>> {
         Ok(Places {
             t: slice_mut(&mut self.t)?,
@@ -97,7 +97,7 @@ impl<P: Precision> Writable<'_, P> {
     }
 }
 
-/// Places of hits, to be written.
+/// Slices of columns that are to be filled with hits.
 #[derive(Debug)]
 pub struct Places<'a, P> {
     t: &'a mut [P],
@@ -113,7 +113,7 @@ impl<P: Precision> Places<'_, P> {
         self.geometry.len()
     }
 
-    /// Fills them piece by piece. The function gets a thread's scratch space, the index of the
+    /// Fills the slices piece by piece. `fill` gets a thread's scratch space, the index of the
     /// first hit of a piece, and the piece to write.
     pub fn fill<S, E: Send>(
         self,
@@ -136,7 +136,7 @@ impl<P: Precision> Places<'_, P> {
         )
     }
 
-    /// Writes one of them.
+    /// Writes the hit with index `i`.
     #[inline(always)]
     fn set(&mut self, i: usize, found: &Found<P>) {
         self.t[i] = found.t;
@@ -146,7 +146,7 @@ impl<P: Precision> Places<'_, P> {
         self.primitive[i] = found.primitive;
     }
 
-    /// Writes all of them.
+    /// Writes all hits.
     pub fn write(&mut self, hits: &[P::Hit]) {
         let Self { t, uv, occurrence, geometry, primitive } = self;
         let numbers = t.iter_mut().zip(uv.as_chunks_mut::<2>().0);
@@ -161,7 +161,7 @@ impl<P: Precision> Places<'_, P> {
     }
 }
 
-/// [`Columns`] while they are read.
+/// A guard through which [`Columns`] are read.
 #[derive(Debug)]
 pub struct Readable<'py, P: Precision> {
     t: Option<PyReadonlyArray1<'py, P>>,
@@ -172,7 +172,7 @@ pub struct Readable<'py, P: Precision> {
 }
 
 impl<P: Precision> Readable<'_, P> {
-    /// For other threads.
+    /// The columns as slices, which other threads may read.
     pub fn view(&self) -> PyResult<View<'_, P>> {
         Ok(View {
             t: self.t.as_ref().map_or(Ok::<&[P], PyErr>(&[]), slice)?,
@@ -184,23 +184,23 @@ impl<P: Precision> Readable<'_, P> {
     }
 }
 
-/// Hits as slices.
+/// Columns as slices that are only read.
 #[derive(Clone, Copy, Debug)]
 pub struct View<'a, P> {
-    /// Distances; empty if they were handed out.
+    /// Distances; empty after [`Columns::take_t`].
     pub t: &'a [P],
-    /// Barycentrics, two by two.
+    /// Barycentric coordinates, two for each hit.
     pub uv: &'a [P],
-    /// Occurrences.
+    /// Occurrences of the hits.
     pub occurrence: &'a [u32],
-    /// Geometries of the world.
+    /// Numbers of the hits' geometries in the world.
     pub geometry: &'a [u32],
-    /// Primitives.
+    /// Numbers of the hits' primitives.
     pub primitive: &'a [u32],
 }
 
 impl<P: Precision> View<'_, P> {
-    /// One of them; its distance is 0 if the distances were handed out.
+    /// The hit with index `i`. Its distance is 0 if the distances were taken.
     #[inline(always)]
     pub fn get(&self, i: usize) -> Found<P> {
         Found {

@@ -1,6 +1,6 @@
-//! The contents of a scene as plain data: objects by number, and the stage around them. Worlds are
-//! assembled from it ([`crate::assemble`]), and so is the scene graph that is rendered
-//! ([`crate::graph`]).
+//! The contents of a scene as plain data: objects by number, and the stage around them (materials,
+//! lights, cameras). [`crate::assemble`] builds worlds from the contents, and [`crate::graph`] the
+//! scene graph that is rendered.
 
 use crate::mesh::Mesh;
 use pyo3::PyResult;
@@ -25,23 +25,24 @@ pub enum Kind {
     Spheres(Arc<Spheres>),
     /// Strands.
     Curves(Arc<Curves>),
-    /// An instance: the contents of another scene when it was added.
+    /// An instance: the contents that another scene had when it was added.
     Instance(Arc<Contents>),
 }
 
 /// An object of a scene.
 #[derive(Clone, Debug)]
 pub struct Object {
-    /// Its kind.
+    /// The kind of the object.
     pub kind: Kind,
-    /// From its coordinates to the scene's. `None` if they are the same and it was never moved.
+    /// The map from the object's coordinates to the scene's; `None` for the identity, if the object
+    /// was never moved.
     pub transform: Option<Transform>,
     /// A name for users.
     pub name: Option<String>,
-    /// Only rays whose mask shares a bit with it hit the object.
+    /// The mask: only rays whose mask shares a bit with it hit the object.
     pub mask: u32,
     /// Materials of the stage by slot of a mesh; other objects have one slot. The material of an
-    /// instance is for objects in it without their own.
+    /// instance is for the objects in it that have no material of their own.
     pub materials: Vec<Option<MaterialId>>,
 }
 
@@ -52,13 +53,13 @@ impl Object {
     }
 }
 
-/// The place of an object, by its number.
+/// The slot of an object in the list of a scene.
 #[derive(Clone, Debug)]
 #[expect(clippy::large_enum_variant, reason = "almost all are the large one")]
 pub enum Slot {
-    /// Present.
+    /// An object that is present.
     Here(Object),
-    /// Removed; true if it had a transform.
+    /// An object that was removed; true if it had a transform.
     Gone(bool),
 }
 
@@ -71,16 +72,18 @@ pub struct Nodes {
     pub root: NodeId,
 }
 
-/// All objects of a scene. Numbers of removed ones stay unused.
+/// All objects of a scene. The numbers of removed objects stay unused.
 #[derive(Clone, Debug, Default)]
 pub struct Contents {
     /// Objects by number.
     pub slots: Vec<Slot>,
-    /// Everything else of a picture: materials, textures, lights, cameras. A graph without nodes.
+    /// Everything else that a picture needs: materials, textures, lights, cameras. A scene graph
+    /// without nodes.
     pub stage: Arc<Scene>,
-    /// True if acceleration structures take less memory and more time.
+    /// True if acceleration structures are compact: these take less memory, but queries take more
+    /// time.
     pub compact: bool,
-    /// The nodes that the objects were read from, as long as no object was changed: they keep the
+    /// The nodes that the objects were read from; `None` once an object was changed. They keep the
     /// names and nesting of the file.
     nodes: Option<Arc<Nodes>>,
     nesting: usize,
@@ -101,7 +104,7 @@ impl Contents {
             }
             self.nesting = self.nesting.max(child.nesting + 1);
         }
-        // The last number means "nothing".
+        // The largest number stands for no object.
         let number = u32::try_from(self.slots.len()).ok().filter(|&n| n != u32::MAX);
         let number = number.ok_or_else(|| {
             PyValueError::new_err("a scene holds no more than 4294967295 objects")
@@ -167,7 +170,7 @@ impl Contents {
         self.nodes = Some(Arc::new(nodes));
     }
 
-    /// The nodes that the objects were read from, if they are those of a file.
+    /// The nodes that the objects were read from; `None` if an object was changed since.
     pub fn nodes(&self) -> Option<&Arc<Nodes>> {
         self.nodes.as_ref()
     }
@@ -177,12 +180,12 @@ impl Contents {
         Arc::make_mut(&mut self.stage)
     }
 
-    /// The box around everything.
+    /// The box around all objects.
     pub fn bounds(&self) -> Bounds3d {
         self.bounds_with(&mut HashMap::new())
     }
 
-    /// The same, with a cache of the boxes of instanced scenes.
+    /// Like [`Self::bounds`], with a cache of the boxes of instanced scenes.
     fn bounds_with(&self, known: &mut HashMap<*const Self, Bounds3d>) -> Bounds3d {
         let mut all = Bounds3d::EMPTY;
         for (_, object) in self.objects() {

@@ -1,5 +1,5 @@
-//! Common code of the classes of declared things: a kind, its parameters, and the textures that
-//! they refer to.
+//! Common code of the classes whose parameters are declared (materials, lights, media, patterns): a
+//! kind, its parameters, and the textures and media that they refer to.
 
 use crate::medium::Medium;
 use crate::schema::{References, arrays, family, kind_of, make, read_all, show};
@@ -13,21 +13,21 @@ use serde::de::DeserializeOwned;
 use serde_json::{Map, Value as Json};
 use snell_math::parameters::{self, Declaration, Kind, Parameter};
 
-/// A declared thing, with its references.
+/// A value with declared parameters, and the objects that it refers to.
 #[derive(Debug)]
 pub struct Declared<T> {
-    /// The thing; its textures are those of `references`.
+    /// The value. Ids of textures and media in it are indices into `references`.
     pub value: T,
-    /// Its references.
+    /// The textures and media that the value refers to.
     pub references: References,
 }
 
 /// Values by name.
 type Fields = Vec<(String, Value)>;
 
-/// The layout of the parameters of a family of things.
+/// How a family, such as materials, lays out its parameters.
 pub trait Schema: Serialize + DeserializeOwned + Clone + parameters::Value {
-    /// The name of its family.
+    /// The name of the family.
     const FAMILY: &'static str;
 
     /// The defaults of the parameters common to all kinds.
@@ -35,12 +35,12 @@ pub trait Schema: Serialize + DeserializeOwned + Clone + parameters::Value {
         Ok(Vec::new())
     }
 
-    /// Builds a thing from the fields of the kind, including the tag, and the common ones.
+    /// Joins the fields of the kind, including its tag, and the common fields.
     fn assemble(kind: Map<String, Json>, _common: Map<String, Json>) -> Json {
         Json::Object(kind)
     }
 
-    /// Splits a thing into the fields of the kind and the common ones.
+    /// Splits a value into the fields of its kind and the common fields.
     fn apart(value: Value) -> (Fields, Fields) {
         match value {
             Value::Fields(kind) => (kind, Vec::new()),
@@ -48,22 +48,22 @@ pub trait Schema: Serialize + DeserializeOwned + Clone + parameters::Value {
         }
     }
 
-    /// Sets one of the array parameters, which is not None.
+    /// Sets the array parameter `name` to a value that is not None.
     fn set_array(&mut self, name: &str, _value: &Bound<'_, PyAny>) -> PyResult<()> {
         Err(PyTypeError::new_err(format!("there is no array {name:?}")))
     }
 
-    /// True for an array that sets another parameter and is not kept itself.
+    /// True for the name of an array that sets another parameter and is not kept itself.
     fn is_shorthand(_name: &str) -> bool {
         false
     }
 
-    /// One of the arrays, if present.
+    /// The array parameter `name`, if present.
     fn array<'py>(&self, _py: Python<'py>, _name: &str) -> PyResult<Option<Bound<'py, PyAny>>> {
         Ok(None)
     }
 
-    /// An error if something is missing.
+    /// Fails if a required parameter is missing.
     fn complete(self) -> PyResult<Self> {
         Ok(self)
     }
@@ -89,7 +89,7 @@ impl<T: Schema> Declared<T> {
         Ok(kind.fields().iter().chain(common).copied().collect())
     }
 
-    /// A thing of this kind with these parameters.
+    /// A value of this kind with the parameters `given`.
     fn new<'py>(py: Python<'py>, kind: &str, given: Option<&Bound<'py, PyDict>>) -> PyResult<Self> {
         let (family, declaration) = (family(T::FAMILY)?, Self::declaration(kind)?);
         let mut references = References::default();
@@ -118,7 +118,7 @@ impl<T: Schema> Declared<T> {
         Ok(Self { value: value.complete()?, references })
     }
 
-    /// Parameters that are declared, and those that are arrays.
+    /// Separates the declared parameters from those that are arrays.
     fn sorted<'py>(
         py: Python<'py>,
         kind: &Declaration,
@@ -134,8 +134,8 @@ impl<T: Schema> Declared<T> {
         Ok((declared, given_arrays))
     }
 
-    /// An error for numbers of these parameters that are out of range. (For files there is only a
-    /// warning.)
+    /// Fails if a number of the parameters `given` is out of range. (Readers of files only warn of
+    /// such numbers.)
     fn check(self, kind: &str, given: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
         for key in given.into_iter().flatten().map(|(key, _)| key) {
             let key: String = key.extract()?;
@@ -156,7 +156,7 @@ impl<T: Schema> Declared<T> {
         Ok(self)
     }
 
-    /// A thing of this kind with these parameters, whose numbers must be in range.
+    /// Like [`Self::new`], and fails if a number is out of range.
     pub fn checked<'py>(
         py: Python<'py>,
         kind: &str,
@@ -197,7 +197,7 @@ impl<T: Schema> Declared<T> {
         Ok(all)
     }
 
-    /// One parameter.
+    /// Value of one parameter, for attribute access in Python.
     pub fn attribute<'py>(
         &self,
         py: Python<'py>,
@@ -210,7 +210,7 @@ impl<T: Schema> Declared<T> {
         })
     }
 
-    /// A copy with some parameters changed.
+    /// A copy with the parameters in `changes` replaced.
     pub fn replace<'py>(
         &self,
         py: Python<'py>,
@@ -227,7 +227,7 @@ impl<T: Schema> Declared<T> {
         Self::new(py, &self.kind()?, Some(&all))?.check(&self.kind()?, changes)
     }
 
-    /// The expression that creates it.
+    /// The Python expression that creates the value.
     pub fn shown(&self, py: Python<'_>, class: &str) -> PyResult<String> {
         let mut text = format!("{class}({:?}", self.kind()?);
         let tag = family(T::FAMILY)?.tag;
@@ -252,7 +252,7 @@ impl<T: Schema> Declared<T> {
         Ok(text + ")")
     }
 
-    /// The picklable state: JSON, textures, media, and arrays by name.
+    /// The state for pickling: JSON, textures, media, and arrays by name.
     pub fn stored<'py>(&self, py: Python<'py>) -> PyResult<Stored<'py>> {
         let error = |e: serde_json::Error| PyValueError::new_err(e.to_string());
         let json = serde_json::to_string(&self.value).map_err(error)?;
@@ -272,7 +272,7 @@ impl<T: Schema> Declared<T> {
         Ok((json, textures, media, kept))
     }
 
-    /// Restores a stored thing.
+    /// Restores a value from its state.
     pub fn restored(stored: Stored<'_>) -> PyResult<Self> {
         let (json, textures, media, arrays) = stored;
         let mut value: T =
@@ -285,13 +285,13 @@ impl<T: Schema> Declared<T> {
     }
 }
 
-/// Parameters as they were given: those that are declared, and arrays by name.
+/// Parameters as they were given: the declared ones, and arrays by name.
 type Sorted<'py> = (Bound<'py, PyDict>, Vec<(&'static str, Bound<'py, PyAny>)>);
 
 /// The stored form of a declared value.
 pub type Stored<'py> = (String, Vec<AnyTexture>, Vec<Py<Medium>>, Bound<'py, PyDict>);
 
-/// Declares the class of a family of declared things, and the function that restores a stored one.
+/// Declares the Python class of a family, and the function that restores a pickled value.
 macro_rules! declared_class {
     ($(#[doc = $doc:expr])* $class:ident of $value:ty, restored by $restore:ident;
         $(#[doc = $about:expr])* replace) => {
@@ -311,7 +311,7 @@ macro_rules! declared_class {
                 $crate::declared::Declared::checked(py, kind, parameters).map(Self)
             }
 
-            /// The name of its kind.
+            /// The name of the kind.
             #[getter]
             fn kind(&self) -> PyResult<String> {
                 self.0.kind()
@@ -353,7 +353,7 @@ macro_rules! declared_class {
             }
         }
 
-        /// Restores a stored thing.
+        /// Restores a pickled value.
         #[pyfunction]
         pub fn $restore(
             json: String,

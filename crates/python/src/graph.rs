@@ -31,7 +31,7 @@ pub fn graph(contents: &Contents) -> Result<Scene, String> {
 
 struct Writer {
     scene: Scene,
-    /// The first material of each stage.
+    /// The id of the first material of each stage.
     stages: HashMap<*const Scene, u32>,
     /// The node of each scene that is instanced.
     children: HashMap<*const Contents, NodeId>,
@@ -79,8 +79,8 @@ impl Writer {
         Ok(())
     }
 
-    /// Adds a scene to a node. A scene of a single mesh is added as a surface, for a mesh may also
-    /// be used twice.
+    /// Adds an instanced scene to a node. A scene of a single mesh is added as a surface of the
+    /// node, because a mesh may be used several times.
     fn instance(&mut self, node: &mut Node, child: &Arc<Contents>) -> Result<(), String> {
         let mut objects = child.objects();
         if let (Some((_, only)), None) = (objects.next(), objects.next())
@@ -106,7 +106,7 @@ impl Writer {
         Ok(())
     }
 
-    /// Spheres as shapes; those of one radius share it.
+    /// A node for each sphere; spheres of one radius share their shape.
     fn spheres(&mut self, spheres: &Spheres) -> Vec<NodeId> {
         let mut shapes: BTreeMap<u32, Arc<AnyShape>> = BTreeMap::new();
         let each = spheres.spheres.iter().map(|s| {

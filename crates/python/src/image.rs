@@ -26,7 +26,7 @@ use std::sync::Arc;
 pub struct Look(Display);
 
 impl Look {
-    /// The settings of the scene's file.
+    /// The display settings of the scene's file, or their defaults.
     pub fn of(hints: &SceneSettings, integrator: IntegratorKind) -> PyResult<Self> {
         let name = hints.tonemap.as_deref().unwrap_or("none");
         Ok(Self(Display {
@@ -36,7 +36,7 @@ impl Look {
         }))
     }
 
-    /// The same with the given settings changed.
+    /// The settings with the given ones replaced.
     pub fn with(self, exposure: Option<f64>, tonemap: Option<&str>) -> PyResult<Self> {
         let mut display = self.0;
         if let Some(stops) = exposure {
@@ -84,7 +84,8 @@ pub struct Image {
     layers: PyOnceLock<Py<PyDict>>,
 }
 
-/// A layer as an array. Ids are whole numbers; one channel needs no axis.
+/// A layer as a read-only array. Layers of ids become int32, and layers with one channel have no
+/// channel axis.
 fn layer_array<'py>(
     py: Python<'py>,
     image: &LayeredImage,
@@ -106,7 +107,7 @@ fn layer_array<'py>(
 }
 
 impl Image {
-    /// A rendered picture.
+    /// The image of a rendered picture.
     pub fn new(
         picture: LayeredImage,
         variance: Option<LayeredImage>,
@@ -128,7 +129,7 @@ impl Image {
         &self.picture
     }
 
-    /// An error if there is no memory for a copy of the picture and for its encoder.
+    /// Fails if there is no memory for a copy of the picture and for its encoder.
     fn admit_file(&self, extension: &str, png_bits: u8) -> PyResult<()> {
         let values: usize = self.picture.layers.iter().map(|layer| layer.channels.len()).sum();
         let each = 4 * (values as u64 + 4) + encoder_bytes(extension, values as u64, png_bits);
@@ -144,7 +145,7 @@ impl Image {
             vec![("Software".to_string(), format!("Snell {}", env!("CARGO_PKG_VERSION")))];
         for (key, value) in self.facts.bind(py) {
             let (key, value) = (key.extract::<String>()?, value.str()?.extract::<String>()?);
-            // It belongs to the run, not to the picture.
+            // These values belong to the run, not to the picture.
             if !["seconds", "warnings", "is_complete", "estimated_memory_bytes", "Software"]
                 .contains(&key.as_str())
             {
@@ -155,7 +156,7 @@ impl Image {
     }
 }
 
-/// Pixels of an array.
+/// Reads pixels from an array.
 fn read_pixels(value: &Bound<'_, PyAny>, name: &str) -> PyResult<LayeredImage> {
     let array = array(value, name)?;
     is_double(&array, name)?;
@@ -274,8 +275,8 @@ impl Image {
         Ok(self.layers.get_or_try_init(py, make)?.bind(py).clone())
     }
 
-    /// The variance of each of :attr:`pixels` as an estimate, of the same shape; None for a picture
-    /// that was not rendered.
+    /// The estimated variance of each value of :attr:`pixels`, in the same shape; None for a
+    /// picture that was not rendered.
     #[getter]
     fn variance<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
         self.variance
@@ -363,15 +364,15 @@ impl Image {
     /// path : str or os.PathLike
     ///     The path of the file. It is written completely or not at all.
     /// exposure, tonemap
-    ///     As of :meth:`to_uint8`, for formats with display values.
+    ///     As for :meth:`to_uint8`, for formats with display values.
     /// bits : int
-    ///     Per channel of PNG: 8 or 16.
+    ///     Bits per channel of PNG: 8 or 16.
     /// half : bool
-    ///     16-bit instead of 32-bit colours in OpenEXR.
+    ///     Writes colours of OpenEXR with 16 instead of 32 bits.
     /// variance : bool
     ///     Writes the variance as a layer, too (OpenEXR).
     /// threads : int, optional
-    ///     Threads that work on it. Default: one per core.
+    ///     Number of threads for the encoding. Default: one per core.
     ///
     /// Examples
     /// --------
@@ -462,7 +463,7 @@ impl Image {
     }
 }
 
-/// Layers as what pickles.
+/// The layers of a picture in a form that pickles.
 fn stored<'py>(py: Python<'py>, image: &LayeredImage) -> PyResult<Bound<'py, PyAny>> {
     let layers = PyList::empty(py);
     for layer in &image.layers {
@@ -497,7 +498,7 @@ fn restored((width, height, stored): Stored<'_>) -> PyResult<LayeredImage> {
     Ok(LayeredImage { width, height, layers, metadata: Vec::new() })
 }
 
-/// Makes a picture from what was stored.
+/// Restores a picture from its pickled state.
 #[pyfunction]
 pub fn _restore_image(
     picture: Stored<'_>,

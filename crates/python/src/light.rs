@@ -6,14 +6,14 @@ use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 
 declared_class! {
-    /// A light that is not a surface. (A surface is one if its material has an `emission`.)
+    /// A light that is not a surface. (A surface emits if its material has an `emission`.)
     ///
     /// Parameters
     /// ----------
     /// kind : str
     ///     One of :data:`LIGHTS`, such as `"point"` or `"directional"`.
     /// **parameters
-    ///     Those of the kind, in coordinates of the scene. Directions have any length.
+    ///     The parameters of the kind, in coordinates of the scene. Directions have any length.
     ///
     /// Examples
     /// --------
@@ -54,7 +54,7 @@ impl Schema for snell_scene::Light {
     }
 }
 
-/// A direction of unit length, or several.
+/// Scales a direction, or each of several, to unit length.
 fn unit(value: &Value, name: &str) -> PyResult<Value> {
     let Value::List(items) = value else { return Ok(value.clone()) };
     let numbers: Option<Vec<f64>> = items

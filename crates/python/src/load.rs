@@ -1,7 +1,8 @@
 //! Files as scenes: the surfaces of any file that Snell reads.
 //!
-//! A node with one parent is flattened into the scene, its surfaces with the transform of their
-//! node; a node or mesh that is used several times becomes a scene of its own, which is instanced.
+//! A node with one parent is flattened into the scene: its surfaces become objects with the
+//! transform of the node. A node or mesh that is used several times becomes a scene of its own,
+//! which is instanced.
 
 use crate::contents::{Contents, Kind, Nodes, Object, Slot};
 use crate::memory::admit_all;
@@ -19,10 +20,10 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// The scene of a file: everything that rays can hit, its materials, lights and cameras.
+/// Reads the scene of a file: everything that rays can hit, its materials, lights and cameras.
 ///
-/// Reads what `snell formats` lists: OBJ, PLY, STL, glTF and others. Objects are named as in the
-/// file.
+/// All formats that `snell formats` lists can be read: OBJ, PLY, STL, glTF and others. Objects are
+/// named as in the file.
 ///
 /// Parameters
 /// ----------
@@ -30,7 +31,7 @@ use std::sync::Arc;
 ///     A file or, if there is none of that name, a built-in scene: `"cornell-box"` and others
 ///     listed by `snell scenes`.
 /// threads : int, optional
-///     Threads that work on it. Default: one per core.
+///     Number of threads for the reading. Default: one per core.
 ///
 /// Examples
 /// --------
@@ -60,7 +61,7 @@ pub fn load(py: Python<'_>, path: PathBuf, threads: Option<usize>) -> PyResult<S
     scene.map(Scene::of)
 }
 
-/// The same error as that of `open` if a file cannot be read.
+/// Fails with the error that Python's `open` gives if a file cannot be read.
 pub fn check_there(path: &Path) -> PyResult<()> {
     let Err(error) = std::fs::metadata(path) else { return Ok(()) };
     let (number, shown) = (error.raw_os_error(), path.display().to_string());
@@ -70,8 +71,8 @@ pub fn check_there(path: &Path) -> PyResult<()> {
     Err(PyOSError::new_err((number, error.to_string(), shown)))
 }
 
-/// An error if there is no memory for the objects of a scene graph: one for each surface, and at
-/// most one for each place of a node. Their list doubles when it grows.
+/// Fails if there is too little memory for the objects of a scene graph: one object for each
+/// surface, and at most one for each place of a node. Their list doubles when it grows.
 fn check_memory(scene: &Graph) -> PyResult<()> {
     let objects: usize =
         scene.nodes.iter().map(|node| node.surfaces.len() + node.children.len()).sum();
@@ -82,7 +83,7 @@ fn check_memory(scene: &Graph) -> PyResult<()> {
     )
 }
 
-/// Converts a scene graph.
+/// Converts a scene graph to the contents of a scene.
 pub fn fold(mut scene: Graph) -> Result<Contents, String> {
     let nodes = std::mem::take(&mut scene.nodes);
     let stage = Arc::new(scene.clone());
@@ -97,15 +98,15 @@ struct Folder<'a> {
     scene: &'a Graph,
     parents: Vec<u32>,
     uses: HashMap<*const TriangleMesh, u32>,
-    /// Nodes with several parents.
+    /// Scenes for nodes with several parents.
     nodes: HashMap<NodeId, Arc<Contents>>,
-    /// Meshes with several uses.
+    /// Scenes for meshes with several uses.
     meshes: HashMap<MeshUse, Arc<Contents>>,
-    /// The stage of their materials.
+    /// The materials, lights and cameras that all scenes share.
     stage: Arc<Graph>,
 }
 
-/// A mesh, with the materials that it is used with.
+/// A mesh, and the materials of one of its uses.
 type MeshUse = (*const TriangleMesh, Vec<Option<MaterialId>>);
 
 /// The material of each slot of a surface.
@@ -136,7 +137,7 @@ impl<'a> Folder<'a> {
         }
         let mut folder =
             Self { scene, parents, uses, nodes: HashMap::new(), meshes: HashMap::new(), stage };
-        // Children come before parents.
+        // Children are converted before their parents.
         for id in order.into_iter().filter(|&id| id != scene.root) {
             if folder.parents[id.index()] > 1 {
                 let contents = folder.contents(id, Transform::IDENTITY)?;
@@ -153,7 +154,7 @@ impl<'a> Folder<'a> {
         Contents::on(self.stage.clone())
     }
 
-    /// A node and everything that only it refers to.
+    /// The contents of a node and of everything that only this node refers to.
     fn contents(&mut self, id: NodeId, placed: Transform) -> Result<Contents, String> {
         let mut contents = self.empty();
         // An explicit stack, because files may nest deeper than the thread's stack.
@@ -183,7 +184,7 @@ impl<'a> Folder<'a> {
                         let shared = self.meshes.entry(key).or_insert_with(|| {
                             let mut alone = Contents::on(self.stage.clone());
                             let kind = Kind::Mesh(Arc::new(Mesh::read(mesh, &Transform::IDENTITY)));
-                            // A single mesh exceeds no limit.
+                            // Adding a single mesh exceeds no limit.
                             let _ = alone.add(named(kind, None, materials));
                             Arc::new(alone)
                         });

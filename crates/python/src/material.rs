@@ -18,12 +18,12 @@ declared_class! {
     /// Parameters
     /// ----------
     /// kind : str
-    ///     Such as `"diffuse"` or `"metallic-roughness"`.
+    ///     One of :data:`MATERIALS`, such as `"diffuse"` or `"metallic-roughness"`.
     /// **parameters
-    ///     Those of the kind, and of all kinds: `name`, `emission` (radiance, W / (m^2 sr)),
-    ///     `alpha`, `alpha_mode` (`"opaque"`, `"blend"` or `{"mask": cutoff}`), `double_sided`,
-    ///     `normal_map` (a texture) and others. Emission, opacity and normals of an `"open-pbr"`
-    ///     take precedence over these.
+    ///     The parameters of the kind, and those of all kinds: `name`, `emission` (radiance, W /
+    ///     (m^2 sr)), `alpha`, `alpha_mode` (`"opaque"`, `"blend"` or `{"mask": cutoff}`),
+    ///     `double_sided`, `normal_map` (a texture) and others. Emission, opacity and normals of an
+    ///     `"open-pbr"` take precedence over the common parameters.
     ///
     /// Examples
     /// --------
@@ -72,7 +72,8 @@ impl Schema for snell_scene::Material {
         }
     }
 
-    /// Emission, opacity and normals of an OpenPBR surface take precedence.
+    /// Replaces emission, opacity and normals by those of an OpenPBR surface, where the surface
+    /// sets them.
     fn settle(mut self) -> PyResult<Self> {
         self.follow_kind(&OpenPbr::default().into());
         Ok(self)

@@ -19,10 +19,12 @@ declared_class! {
     /// kind : str
     ///     One of :data:`MEDIA`, such as `"homogeneous"`.
     /// **parameters
-    ///     Those of the kind. Coefficients are per unit of length of the scene.
+    ///     The parameters of the kind. Coefficients are per unit of length of the scene.
     ///
-    /// Notes ----- A `"grid"` has a `density`, an array of the shape (z, y, x) whose numbers stand
-    /// at the middles of their cells, are joined by straight lines, and multiply `sigma_a` and
+    /// Notes
+    /// -----
+    /// A `"grid"` has a `density`, an array of the shape (z, y, x). Its numbers are values at the
+    /// centres of cells, are interpolated linearly between them, and multiply `sigma_a` and
     /// `sigma_s`. Cells fill the box between two corners, `bounds`, or the unit cube mapped by the
     /// matrix `world_from_grid`. `sigma_a_tint`, `sigma_s_tint` and `emission_tint`, of the shape
     /// (z, y, x, 3) or (z, y, x), are factors of each colour. The emitted light is `emission` times
@@ -133,8 +135,8 @@ impl Schema for snell_scene::Medium {
     }
 }
 
-/// The numbers of an array of the shape `(z, y, x)`, or of one with a colour for each cell, and the
-/// cells along x, y and z.
+/// The numbers of an array of the shape `(z, y, x)`, or `(z, y, x, 3)` with a colour for each cell,
+/// and the numbers of cells along x, y and z.
 fn numbers(
     value: &Bound<'_, PyAny>,
     name: &str,
@@ -182,7 +184,7 @@ fn of_colors<'py>(py: Python<'py>, grid: &ColorGrid) -> PyResult<Bound<'py, PyAn
     from_vec(py, grid.values().iter().flat_map(|color| color.to_array()).collect(), &[z, y, x, 3])
 }
 
-/// From the unit cube to the box between two corners.
+/// The map from the unit cube to the box between two corners.
 fn bounds(value: &Bound<'_, PyAny>) -> PyResult<DAffine3> {
     let array = array(value, "bounds")?;
     is_double(&array, "bounds")?;

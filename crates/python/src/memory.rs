@@ -11,7 +11,7 @@ use snell_render::memory::{Estimate, Uses, of_picture, of_scene};
 /// Smaller allocations are not checked: the check takes longer than the allocation.
 const SMALL: u64 = 16 << 20;
 
-/// An error if there is no memory for this many bytes, which are needed for `what`.
+/// Fails if there is no memory for `bytes` bytes, which are needed for `what`.
 pub fn admit(what: &str, bytes: u64) -> PyResult<()> {
     if bytes < SMALL {
         return Ok(());
@@ -19,23 +19,24 @@ pub fn admit(what: &str, bytes: u64) -> PyResult<()> {
     Available::now().admit(what, bytes).map_err(PyMemoryError::new_err)
 }
 
-/// [`admit`] for values of this many bytes each.
+/// Like [`admit`], for `count` values of `bytes_of_each` bytes.
 pub fn admit_all(what: &str, count: usize, bytes_of_each: usize) -> PyResult<()> {
     admit(what, count as u64 * bytes_of_each as u64)
 }
 
-/// The memory of a render beside the scene of Python: the scene once it is compiled, film and
-/// picture.
+/// The memory that a render takes in addition to the Python scene: the compiled scene, the film and
+/// the picture.
 pub fn estimate(task: &Task, threads: usize) -> Estimate {
     picture(&task.settings, threads, task.denoiser.is_some()).with(of_scene(&task.prepared.scene))
 }
 
-/// Film and picture, its variance, and the picture once more as an array or on its way into a file.
+/// The memory for the film, the picture, its variance, and a second copy of the picture as an array
+/// or in an encoder.
 fn picture(settings: &Settings, threads: usize, denoise: bool) -> Estimate {
     of_picture(settings, &Uses { threads, variance: true, denoise, beside: 16 })
 }
 
-/// An error if there is no memory for a picture; the message gives the size that fits.
+/// Fails if there is no memory for a picture; the message gives the size that fits.
 pub fn check_picture(settings: &Settings, threads: usize, denoise: bool) -> PyResult<()> {
     let estimate = picture(settings, threads, denoise);
     let available = Available::now().for_threads(threads);

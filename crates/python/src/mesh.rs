@@ -5,12 +5,12 @@ use snell_intersect::{DTriangleMesh, TriangleMesh};
 use snell_math::{DVec3, Transform, Vec2, Vec3};
 use std::sync::{Arc, OnceLock};
 
-/// Vertices as they were given.
+/// Vertices in the precision in which they were given.
 #[derive(Clone, Debug)]
 pub enum Positions {
-    /// `float32`.
+    /// Given as `float32`.
     Single(Vec<Vec3>),
-    /// `float64`.
+    /// Given as `float64`.
     Double(Vec<DVec3>),
 }
 
@@ -39,20 +39,21 @@ pub struct Attributes {
     pub material_slots: Vec<u16>,
 }
 
-/// A mesh as it is rendered, and its transform.
+/// A mesh as it is rendered, and the transform to the coordinates of the original mesh.
 #[derive(Clone, Debug)]
 struct Rendered {
     mesh: Arc<TriangleMesh>,
     placed: Transform,
 }
 
-/// A mesh. It is stored in the precision in which it was given; the other is computed when needed.
+/// A mesh. It is stored in the precision in which it was given; the other precision is computed
+/// when needed.
 #[derive(Debug)]
 pub struct Mesh {
     is_double: bool,
     single: OnceLock<Arc<TriangleMesh>>,
     double: OnceLock<Arc<DTriangleMesh>>,
-    /// The middle of its box, if it was given in double precision; else the origin.
+    /// The centre of the mesh's box, if it was given in double precision; else the origin.
     center: DVec3,
     centered: OnceLock<Arc<TriangleMesh>>,
     attributes: Attributes,
@@ -86,7 +87,7 @@ impl Mesh {
                 let mut mesh = mesh(true);
                 let double = DTriangleMesh { positions, indices };
                 let bounds = double.bounds();
-                // Rounded, so that subtracting it from nearby vertices is exact.
+                // The centre is rounded, so that subtracting it from nearby vertices is exact.
                 mesh.center = if bounds.is_empty() {
                     DVec3::ZERO
                 } else {
@@ -124,7 +125,7 @@ impl Mesh {
             }
             Self::new(Positions::Double(positions), indices, attributes)
         };
-        // Rendered as it was read.
+        // The mesh is rendered as it was read.
         let _ = mesh.rendered.set(Rendered { mesh: source.clone(), placed: *placed });
         mesh
     }
@@ -163,8 +164,8 @@ impl Mesh {
         self.double.get_or_init(|| Arc::new(DTriangleMesh::from(&**self.single())))
     }
 
-    /// As it is rendered, with all attributes, and the map from there to the coordinates of the
-    /// mesh.
+    /// The mesh as it is rendered, with all attributes, and the map from its coordinates to those
+    /// of this mesh.
     pub fn rendered(&self) -> (Arc<TriangleMesh>, Transform) {
         let Rendered { mesh, placed } = self.rendered.get_or_init(|| {
             let Attributes { normals, uvs, second_uvs, colors, material_slots } =
@@ -190,7 +191,7 @@ impl Mesh {
         (mesh.clone(), *placed)
     }
 
-    /// True if its vertices were given in double precision.
+    /// True if the vertices were given in double precision.
     pub fn is_double(&self) -> bool {
         self.is_double
     }
@@ -205,7 +206,7 @@ impl Mesh {
         if self.is_double { self.double().positions.len() } else { self.single().positions.len() }
     }
 
-    /// The corners of a triangle, as they were given.
+    /// The corners of a triangle in the precision in which they were given.
     pub fn corners(&self, triangle: usize) -> [DVec3; 3] {
         if self.is_double {
             self.double().corners(triangle)
@@ -219,7 +220,7 @@ impl Mesh {
         &self.attributes
     }
 
-    /// The same mesh with other vertices.
+    /// A copy of the mesh with other vertices and, if given, other normals.
     pub fn moved(&self, positions: Positions, normals: Option<Vec<Vec3>>) -> Self {
         let mut attributes = self.attributes.clone();
         if let Some(normals) = normals {

@@ -3,7 +3,7 @@
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-/// The thing of this name.
+/// The element of `all` whose name is `wanted`. Otherwise an error suggests the nearest name.
 pub fn choice<T: Copy>(
     argument: &str,
     wanted: &str,
@@ -17,7 +17,8 @@ pub fn choice<T: Copy>(
     Err(PyValueError::new_err(format!("{argument} is {wanted:?}{}", suggestion(wanted, &names))))
 }
 
-/// The closest of some names to one that is not among them, as the end of a message.
+/// The end of a message about an unknown name: the closest of the known names, or all of them if
+/// none is close.
 pub fn suggestion(name: &str, known: &[&str]) -> String {
     let far = |known: &str| match name.is_empty()
         || !(known.starts_with(name) || name.starts_with(known))

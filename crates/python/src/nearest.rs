@@ -1,4 +1,4 @@
-//! Nearest points and the sidedness of points: each precision uses the same world as its rays.
+//! Nearest points, insideness and winding numbers: each precision uses the same world as its rays.
 
 use crate::precision::Found;
 use numpy::Element;
@@ -14,12 +14,12 @@ pub struct Nearest<P> {
     pub position: [P; 3],
 }
 
-/// `f32` or `f64`, for points.
+/// The precision of points: `f32` or `f64`.
 pub trait PointPrecision: crate::precision::Precision + Element {
-    /// The nearest point of a surface.
+    /// The nearest point of a surface within the distance `limit`.
     fn nearest(world: &Self::World, point: [Self; 3], limit: Self, mask: u32) -> Nearest<Self>;
 
-    /// True if a point is inside.
+    /// True if a point is inside: its winding number exceeds 0.5.
     fn is_inside(world: &Self::World, point: [Self; 3]) -> bool;
 
     /// The winding number around a point.

@@ -39,7 +39,7 @@ fn check_finite<T: Element + Copy + Into<f64> + Sync>(
     })
 }
 
-/// Vertices: an array `(n, 3)` of finite numbers.
+/// Reads vertices: an array `(n, 3)` of finite numbers.
 pub fn positions(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Positions> {
     let (array, py) = (array(value, name)?, value.py());
     rows(&array, 3, name)?;
@@ -56,7 +56,8 @@ pub fn positions(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Positions> {
     }
 }
 
-/// Rows of numbers in single precision: finite, `(n, width)`, `n` as expected if something is.
+/// Reads an array of shape `(n, N)` as rows in single precision. Fails if a number is not finite,
+/// or `n` is not as expected.
 fn attribute<const N: usize>(
     value: &Bound<'_, PyAny>,
     expected: Option<usize>,
@@ -76,7 +77,7 @@ fn attribute<const N: usize>(
     Ok(values.as_chunks::<N>().0.to_vec())
 }
 
-/// Normals of vertices.
+/// Reads normals of vertices.
 pub fn normals(value: Option<&Bound<'_, PyAny>>, vertices: usize) -> PyResult<Option<Vec<Vec3>>> {
     let read = |value| {
         Ok(attribute::<3>(value, Some(vertices), "normals")?
@@ -87,7 +88,7 @@ pub fn normals(value: Option<&Bound<'_, PyAny>>, vertices: usize) -> PyResult<Op
     value.map(read).transpose()
 }
 
-/// Texture coordinates of vertices.
+/// Reads texture coordinates of vertices.
 pub fn uvs(value: Option<&Bound<'_, PyAny>>, vertices: usize) -> PyResult<Option<Vec<Vec2>>> {
     let read = |value| {
         Ok(attribute::<2>(value, Some(vertices), "uvs")?
@@ -98,7 +99,7 @@ pub fn uvs(value: Option<&Bound<'_, PyAny>>, vertices: usize) -> PyResult<Option
     value.map(read).transpose()
 }
 
-/// Faces: an array `(m, 3)` of whole numbers below `vertices`.
+/// Reads faces: an array `(m, 3)` of whole numbers below `vertices`.
 pub fn faces(value: &Bound<'_, PyAny>, vertices: usize) -> PyResult<Vec<[u32; 3]>> {
     let array = array(value, "faces")?;
     if rows(&array, 3, "faces")? == 0 {
@@ -146,13 +147,13 @@ fn convert<T: Element + Copy + TryInto<u32> + std::fmt::Display + Sync>(
 /// The optional arguments of a mesh beside vertices and faces.
 #[derive(Debug, Default)]
 pub struct Given<'a, 'py> {
-    /// `(n, 3)`.
+    /// Normals of vertices: an array `(n, 3)`.
     pub normals: Option<&'a Bound<'py, PyAny>>,
-    /// `(n, 2)`.
+    /// Texture coordinates of vertices: an array `(n, 2)`.
     pub uvs: Option<&'a Bound<'py, PyAny>>,
-    /// `(n, 3)` or `(n, 4)`.
+    /// Colours of vertices: an array `(n, 3)` or `(n, 4)`.
     pub colors: Option<&'a Bound<'py, PyAny>>,
-    /// `(m,)`.
+    /// Material slots of faces: an array `(m,)`.
     pub material_ids: Option<&'a Bound<'py, PyAny>>,
 }
 
@@ -179,7 +180,7 @@ fn colors(value: &Bound<'_, PyAny>, vertices: usize) -> PyResult<Vec<[f32; 4]>> 
     Ok(opaque.into_iter().map(|[r, g, b]| [r, g, b, 1.0]).collect())
 }
 
-/// Material slots of faces.
+/// Reads material slots of faces.
 fn slots(value: &Bound<'_, PyAny>, faces: usize) -> PyResult<Vec<u16>> {
     let array = array(value, "material_ids")?;
     if array.shape() != [faces] {
@@ -221,7 +222,7 @@ pub fn transform(value: Option<&Bound<'_, PyAny>>) -> PyResult<Option<Transform>
     value.map(|value| named_transform(value, "transform")).transpose()
 }
 
-/// As [`transform`], for an argument of another name.
+/// Like [`transform`], for a required argument of another name.
 pub fn named_transform(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Transform> {
     let array = array(value, name)?;
     if !matches!(array.shape(), [3 | 4, 4]) {
@@ -248,20 +249,20 @@ pub fn named_transform(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Transfo
     })
 }
 
-/// A matrix `(4, 4)`.
+/// A transform as a matrix `(4, 4)`.
 pub fn matrix<'py>(py: Python<'py>, map: &Transform) -> PyResult<Bound<'py, PyAny>> {
     let rows = DMat4::from(*map.matrix()).transpose().to_cols_array();
     crate::arrays::from_vec(py, rows.to_vec(), &[4, 4])
 }
 
-/// A mask of 32 bits.
+/// Reads a mask of 32 bits.
 pub fn mask(value: Option<i64>) -> PyResult<u32> {
     let Some(value) = value else { return Ok(u32::MAX) };
     u32::try_from(value)
         .map_err(|_| PyValueError::new_err(format!("mask is {value}, expected 0 to {}", u32::MAX)))
 }
 
-/// One number for each of some points, or one for all.
+/// One number for each of `count` points; a single number stands for all.
 fn of_each(values: &Bound<'_, PyAny>, what: &str, count: usize) -> PyResult<Vec<f32>> {
     let py = values.py();
     let values = array(values, what)?;
@@ -280,7 +281,7 @@ fn of_each(values: &Bound<'_, PyAny>, what: &str, count: usize) -> PyResult<Vec<
     Ok(if values.len() == 1 { vec![values[0]; count] } else { values.to_vec() })
 }
 
-/// Positions with the radii that belong to them.
+/// Spheres as positions and radii.
 fn balls(positions: &[[f32; 3]], radii: &[f32]) -> Vec<Vec4> {
     positions.iter().zip(radii).map(|(&[x, y, z], &r)| Vec4::new(x, y, z, r)).collect()
 }
@@ -298,8 +299,8 @@ pub fn spheres(centers: &Bound<'_, PyAny>, radii: &Bound<'_, PyAny>) -> PyResult
     Ok(Spheres { spheres: balls(&centers, &radii), colors: Vec::new() })
 }
 
-/// Strands of round curves. `strands` has the number of points of each; all points are one strand
-/// without.
+/// Strands of round curves. `strands` has the number of points of each; without it, all points are
+/// one strand.
 pub fn curves(
     points: &Bound<'_, PyAny>,
     radii: &Bound<'_, PyAny>,

@@ -18,31 +18,31 @@ use std::sync::Arc;
 pub struct Found<P> {
     /// The ray parameter, in units of the direction's length; infinite for a miss.
     pub t: P,
-    /// Barycentrics of a triangle.
+    /// Barycentric coordinates in a triangle.
     pub uv: [P; 2],
-    /// Occurrence.
+    /// Number of the occurrence in the world.
     pub occurrence: u32,
-    /// Geometry of the world; [`Hit::NONE`] for a miss.
+    /// Number of the geometry in the world; [`Hit::NONE`] for a miss.
     pub geometry: u32,
-    /// Primitive.
+    /// Number of the primitive in the geometry.
     pub primitive: u32,
 }
 
-/// `f32` or `f64`.
+/// The precision of a query: `f32` or `f64`.
 pub trait Precision:
     Form + Element + Copy + Default + PartialEq + Into<f64> + Send + Sync + 'static
 {
-    /// The library's own type for it.
+    /// The marker type of this precision in `snell_intersect`.
     type Tag: snell_intersect::Precision<Ray = Self::Ray, Hit = Self::Hit>;
-    /// Rays.
+    /// The type of rays in this precision.
     type Ray: Copy + Send + Sync;
-    /// Answers.
+    /// The type of hits in this precision.
     type Hit: Copy + Send + Sync + Default;
 
     /// Rounds to this precision.
     fn round(x: f64) -> Self;
 
-    /// A ray.
+    /// Makes a ray.
     fn ray(origin: [Self; 3], direction: [Self; 3], interval: [Self; 2]) -> Self::Ray;
 
     /// True if the ray can hit anything.
@@ -57,7 +57,7 @@ pub trait Precision:
     /// Statistics of the acceleration structures.
     fn stats(world: &Self::World) -> &BuildStats;
 
-    /// The nearest hits.
+    /// Finds the nearest hit of each ray.
     fn closest(
         world: &Self::World,
         rays: Rays<Self::Tag>,
@@ -65,7 +65,7 @@ pub trait Precision:
         hits: &mut [Self::Hit],
     );
 
-    /// Whether there are any hits.
+    /// For each ray, true if it hits anything.
     fn occluded(
         world: &Self::World,
         rays: Rays<Self::Tag>,
@@ -73,10 +73,10 @@ pub trait Precision:
         blocked: &mut [bool],
     );
 
-    /// The number of hits.
+    /// Counts the hits of each ray.
     fn count(world: &Self::World, rays: Rays<Self::Tag>, counts: &mut [u32]);
 
-    /// All hits.
+    /// Finds all hits of each ray.
     fn all(world: &Self::World, rays: Rays<Self::Tag>) -> AllHits<Self::Tag>;
 }
 

@@ -1,5 +1,5 @@
-//! A scene made ready to be rendered: compiled, with a camera and light if it has none. Kept
-//! between renders.
+//! A scene that is ready to be rendered: compiled, and with a camera and light if it had none. It
+//! is kept between renders.
 
 use crate::contents::Contents;
 use crate::graph::graph;
@@ -11,7 +11,7 @@ use snell_render::CompiledScene;
 use snell_scene::Scene;
 use snell_scene::framing::{FramingOptions, prepare};
 
-/// The options of preparation, on which the result depends beside the scene.
+/// The options that decide, together with the scene, what is prepared.
 #[derive(Clone, Debug)]
 pub struct Request {
     /// The options of building acceleration structures.
@@ -32,8 +32,8 @@ impl PartialEq for Request {
 pub struct Prepared {
     /// The compiled scene.
     pub compiled: CompiledScene,
-    /// The scene graph that it was built from, with at least one camera. (Meshes and textures are
-    /// shared with the scene.)
+    /// The scene graph that was compiled, with at least one camera. (Meshes and textures are shared
+    /// with the scene.)
     pub scene: Scene,
     /// The warnings of the reader and the compiler.
     pub warnings: Vec<String>,

@@ -10,13 +10,13 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
-/// The argument `rays`, before its numbers are read.
+/// The argument `rays`. Its shape is known, but its numbers are not read yet.
 #[derive(Debug)]
 pub struct RayArgument<'py> {
     arrays: Arrays<'py>,
     /// The leading shape.
     pub shape: Vec<usize>,
-    /// True for a query in double precision.
+    /// True if the query is in double precision.
     pub is_double: bool,
 }
 
@@ -63,19 +63,19 @@ impl<'py> RayArgument<'py> {
 /// Further options of a query about its rays.
 #[derive(Debug)]
 pub struct Limits<'a, 'py> {
-    /// Hits at or before this do not count.
+    /// Hits at or before this ray parameter do not count.
     pub t_min: &'a Bound<'py, PyAny>,
-    /// Hits at or after this do not count.
+    /// Hits at or after this ray parameter do not count.
     pub t_max: &'a Bound<'py, PyAny>,
-    /// Mask of the geometries that count.
+    /// The mask: only objects that share a bit with it are hit.
     pub mask: Option<&'a Bound<'py, PyAny>>,
 }
 
-/// Vectors of three numbers, somewhere in an array.
+/// Vectors of three numbers, at regular places in an array.
 #[derive(Debug)]
 struct Vectors<'py, P: Precision> {
     array: PyReadonlyArrayDyn<'py, P>,
-    /// Stride in numbers; 0 if all are the same.
+    /// Distance from one vector to the next, in numbers; 0 if all rays share one vector.
     stride: usize,
     offset: usize,
 }
@@ -122,7 +122,7 @@ pub struct RayArrays<'py, P: Precision> {
 }
 
 impl<'py, P: Precision> RayArrays<'py, P> {
-    /// Reads the numbers.
+    /// Reads the numbers of the rays and their limits.
     pub fn new(rays: &RayArgument<'py>, limits: &Limits<'_, 'py>) -> PyResult<Self> {
         let shape = &rays.shape;
         let (origins, directions) = match &rays.arrays {
@@ -144,7 +144,7 @@ impl<'py, P: Precision> RayArrays<'py, P> {
         })
     }
 
-    /// For other threads.
+    /// The rays as slices, for other threads.
     pub fn view(&self) -> PyResult<RayView<'_, P>> {
         Ok(RayView {
             origins: self.origins.view()?,
@@ -156,8 +156,8 @@ impl<'py, P: Precision> RayArrays<'py, P> {
         })
     }
 
-    /// The rays that hits need later to compute surfaces. A `copy` does not change when the
-    /// caller's arrays do.
+    /// The rays that are needed later to compute the surfaces at hits. With `copy`, they do not
+    /// change when the caller's arrays do.
     pub fn keep(&self, copy: bool) -> PyResult<KeptRays> {
         fn kept<T: Element>(
             array: &PyReadonlyArrayDyn<'_, T>,
@@ -183,7 +183,7 @@ pub struct KeptRays {
 }
 
 impl KeptRays {
-    /// The rays as they are now.
+    /// The rays that the arrays hold now.
     pub fn rays<'py, P: Precision>(
         &self,
         py: Python<'py>,
@@ -226,20 +226,20 @@ impl<P: Precision> RayView<'_, P> {
         self.len
     }
 
-    /// One of them.
+    /// The ray with index `i`.
     #[inline(always)]
     pub fn get(&self, i: usize) -> P::Ray {
         P::ray(self.origins.get(i), self.directions.get(i), [self.t_min.get(i), self.t_max.get(i)])
     }
 
-    /// Some of them as rows of six numbers, if they were given so.
+    /// The rays of a range as rows of six numbers, if that is their form.
     fn rows(&self, range: std::ops::Range<usize>) -> Option<&[[P; 6]]> {
         let is_rows =
             self.origins.stride == 6 && self.directions.stride == 6 && self.origins.offset == 0;
         is_rows.then(|| &self.origins.values.as_chunks::<6>().0[range])
     }
 
-    /// Some of them, and their masks (none if all bits are set).
+    /// Reads the rays of a range, and their masks (none if all bits are set).
     pub fn read(
         &self,
         range: std::ops::Range<usize>,

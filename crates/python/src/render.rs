@@ -1,5 +1,5 @@
-//! Rendering: without the interpreter's lock, on threads of its own, until it is done, out of time
-//! or stopped.
+//! Renders without the interpreter's lock, on its own threads, until the picture is done, the time
+//! is over or the render is stopped.
 
 use crate::cameras;
 use crate::image::{Image, Look};
@@ -40,9 +40,9 @@ struct PartialRender {
 /// The goal of one run of a render.
 #[derive(Clone, Copy)]
 struct Goal {
-    /// Samples per pixel; `None` for all that were requested.
+    /// Samples per pixel; `None` for the requested number.
     samples: Option<u32>,
-    /// Maximum time.
+    /// Maximum time; `None` for no limit.
     time: Option<Duration>,
 }
 
@@ -73,9 +73,9 @@ pub struct Task {
     pub prepared: Arc<Prepared>,
     /// The camera.
     pub camera: Camera,
-    /// The request.
+    /// The request of the user.
     pub request: Request,
-    /// The settings derived from it.
+    /// The settings derived from the request.
     pub settings: Settings,
     /// The denoiser.
     pub denoiser: Option<Denoiser>,
@@ -91,7 +91,7 @@ impl Task {
         let request = settings::request(keywords)?;
         let threads = Threads::new(keywords.get("threads", "a whole number")?)?;
         if let Some(size) = request.size {
-            // A lower bound; the rest is checked when all settings are known.
+            // This is a lower bound; the rest is checked when all settings are known.
             let crop = request.crop_within(size).map_err(request_error)?;
             let least = Settings { size, crop, spp: 1, ..Settings::default() };
             memory::check_picture(&least, 1, false)?;
@@ -274,14 +274,14 @@ fn variance(film: &Film, channels: usize) -> LayeredImage {
     variance
 }
 
-/// The share done, from 0 to 1.
+/// The finished share of the render, from 0 to 1.
 fn share(progress: &Progress, elapsed: Duration, limit: Option<Duration>) -> f64 {
     let by_samples = progress.done as f64 / progress.total.max(1) as f64;
     let by_time = limit.map_or(0.0, |limit| elapsed.as_secs_f64() / limit.as_secs_f64().max(1e-9));
     by_samples.max(by_time).min(1.0)
 }
 
-/// Metadata of a picture about its render.
+/// The metadata that a render gives its picture.
 fn facts(py: Python<'_>, plan: &Plan, partial: &PartialRender) -> PyResult<Py<PyDict>> {
     let (settings, PartialRender { underway: Underway { film, statistics, .. }, seconds, .. }): (
         &Settings,

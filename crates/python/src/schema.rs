@@ -41,7 +41,7 @@ pub fn kind_of(family: &Family, name: &str) -> PyResult<&'static Declaration> {
     })
 }
 
-/// The names of all kinds, with those of their parameters.
+/// The names of all kinds of a family, each with the names of its parameters.
 pub fn catalogue<'py>(py: Python<'py>, family: &str) -> PyResult<Bound<'py, PyDict>> {
     let all = PyDict::new(py);
     for kind in self::family(family)?.kinds {
@@ -50,15 +50,15 @@ pub fn catalogue<'py>(py: Python<'py>, family: &str) -> PyResult<Bound<'py, PyDi
     Ok(all)
 }
 
-/// The names of the parameters of a kind, those that are arrays last.
+/// The names of the parameters of a kind; arrays come last.
 fn names(kind: &Declaration) -> Vec<&'static str> {
     let arrays = arrays(kind);
     let declared = kind.fields().iter().map(|parameter| parameter.name);
     declared.filter(|name| !arrays.contains(name)).chain(arrays.iter().copied()).collect()
 }
 
-/// The parameters of a kind that are arrays: cells of grids, and where they lie. The place may be
-/// given by corners (`bounds`), too.
+/// The parameters of a kind that are arrays: the cells of a grid, and the map that places the grid.
+/// The place may also be given by corners (`bounds`).
 pub fn arrays(kind: &Declaration) -> Vec<&'static str> {
     if !Medium::DECLARATIONS.contains(kind) {
         return Vec::new();
@@ -112,17 +112,18 @@ pub fn describe<'py>(py: Python<'py>, family: &str, kind: &str) -> PyResult<Boun
     Ok(all)
 }
 
-/// The references of a declared value, by number.
+/// The textures and media that a declared value refers to. Ids in the value are indices into these
+/// lists.
 #[derive(Debug, Default)]
 pub struct References {
-    /// References by number.
+    /// Textures by id.
     pub textures: Vec<AnyTexture>,
-    /// References by number.
+    /// Media by id.
     pub media: Vec<Medium>,
 }
 
 impl References {
-    /// The number of a medium.
+    /// The id of a medium, which is added if it is new.
     fn medium(&mut self, medium: &Medium) -> Value {
         let known = self.media.iter().position(|known| known == medium);
         let number = known.unwrap_or_else(|| {
@@ -132,7 +133,7 @@ impl References {
         Value::Id("MediumId", number as u32)
     }
 
-    /// The number of a texture.
+    /// The id of a texture, which is added if it is new.
     fn texture(&mut self, texture: AnyTexture) -> Value {
         let known = self.textures.iter().position(|known| known.is(&texture));
         let number = known.unwrap_or_else(|| {
@@ -143,7 +144,8 @@ impl References {
     }
 }
 
-/// The value of each parameter, in the form of its declaration.
+/// Converts the given keyword arguments to values in the form of their parameters' declarations. An
+/// unknown name or a value of another kind is an error.
 pub fn read_all(
     what: &str,
     known: &[Parameter],
@@ -168,8 +170,8 @@ pub fn read_all(
     Ok(all)
 }
 
-/// A thing read from the given parameters. `example` has all of its fields; `whole` assembles the
-/// fields. An error names the parameter.
+/// Deserialises a `T` from parameters. `example` has all fields of the kind; `whole` assembles the
+/// fields of a kind to the JSON of a `T`. An error names the parameter.
 pub fn make<T: DeserializeOwned>(
     what: &str,
     known: &[Parameter],
@@ -194,7 +196,7 @@ pub fn make<T: DeserializeOwned>(
             return Err(PyTypeError::new_err(message));
         }
     }
-    // Find the parameter: the first that fails together with the other fields of an example.
+    // Finds the wrong parameter: the first that fails together with the other fields of an example.
     for (key, value) in given.iter().filter(|_| with(example.clone()).is_ok()) {
         let mut fields = example.clone();
         fields.insert(key.clone(), value.clone());
@@ -205,7 +207,7 @@ pub fn make<T: DeserializeOwned>(
     Err(PyValueError::new_err(format!("{what}: {error}")))
 }
 
-/// A value whose kind is validated by its reader.
+/// The kind of values that are not checked here, but by deserialisation.
 const ANYTHING: Kind = Kind::Table;
 
 /// The variant that a bare texture or colour stands for.
@@ -224,7 +226,7 @@ fn inside(kind: Kind, key: &str) -> Kind {
     kind.inside(key).unwrap_or(ANYTHING).required()
 }
 
-/// True for a factor that changes nothing.
+/// True for a factor of 1.
 fn is_neutral(factor: &Value) -> bool {
     match factor {
         Value::List(items) => items.iter().all(is_neutral),
@@ -232,7 +234,7 @@ fn is_neutral(factor: &Value) -> bool {
     }
 }
 
-/// The factor that changes nothing.
+/// A factor of 1 in the form of a parameter.
 fn neutral(kind: Kind) -> Value {
     match kind {
         Kind::TexturedColor => Value::List(vec![Value::Single(1.0); 3]),
@@ -245,7 +247,7 @@ fn fields_of<const N: usize>(fields: [(&str, Value); N]) -> Value {
     Value::Fields(fields.map(|(key, value)| (key.to_string(), value)).to_vec())
 }
 
-/// A texture in the form of a parameter.
+/// The value of a parameter that is given by a texture, or by a channel of one.
 fn with_texture(kind: Kind, id: Value, channel: Option<u8>, name: &str) -> PyResult<Value> {
     if let Some((variant, color)) = textured_variant(kind) {
         return Ok(fields_of([(variant, with_texture(color, id, channel, name)?)]));
@@ -261,12 +263,13 @@ fn with_texture(kind: Kind, id: Value, channel: Option<u8>, name: &str) -> PyRes
             Ok(fields_of([("factor", neutral(kind)), ("texture", texture)]))
         }
         Kind::Reference(_) => Ok(id),
-        // The texture of a factor of a number, beside that factor.
+        // Here the value is the texture beside a given factor.
         Kind::Table => Ok(match channel {
             Some(channel) => Value::List(vec![id, Value::Whole(channel.into())]),
             None => id,
         }),
-        // Maps: other missing parameters are reported when they are created.
+        // Maps have further parameters; if one is missing, that is reported when the map is
+        // created.
         _ => Ok(fields_of([("texture", id)])),
     }
 }
@@ -304,7 +307,8 @@ pub fn read(
     }
     if let Ok(medium) = value.cast::<PyMedium>() {
         let medium = references.medium(&medium.get().0.value);
-        // The inside of a surface that is filled with a medium, or the medium of such an inside.
+        // A medium may stand for the group that describes an interior, or be a member of that
+        // group.
         let is_whole = matches!(kind, Kind::Group(_));
         return Ok(if is_whole { fields_of([("medium", medium)]) } else { medium });
     }
@@ -363,12 +367,12 @@ pub fn read(
     read_list(value, kind, name, references, &unexpected)
 }
 
-/// True for `True` and `False` of Python and NumPy.
+/// True if a value is one of the booleans of Python or NumPy.
 pub fn is_flag(value: &Bound<'_, PyAny>) -> PyResult<bool> {
     Ok(value.is_instance_of::<PyBool>() || value.is_instance(&numpy(value.py(), "bool_")?)?)
 }
 
-/// A dictionary: the parameters of a group, a variant, or a factor with its texture.
+/// Reads a dictionary: the parameters of a group, a variant, or a factor with its texture.
 fn read_fields(
     fields: &Bound<'_, PyDict>,
     kind: Kind,
@@ -380,7 +384,7 @@ fn read_fields(
         let key: String = key.extract()?;
         let place = format!("{name}[{key:?}]");
         let mut value = read(&value, inside(kind, &key), &place, references)?;
-        // A number takes a channel; a pattern may stand for a number as well as for a colour.
+        // The texture of a number needs a channel: 0 if the value names none, such as a pattern.
         if kind == Kind::TexturedNumber && matches!(value, Value::Id("TextureId", _)) {
             value = Value::List(vec![value, Value::Whole(0)]);
         }
@@ -396,7 +400,7 @@ fn read_fields(
     Ok(Value::Fields(all))
 }
 
-/// A sequence: a vector, a colour, or a list.
+/// Reads a sequence: a vector, a colour, or a list.
 fn read_list(
     value: &Bound<'_, PyAny>,
     kind: Kind,
@@ -424,7 +428,8 @@ fn read_list(
             let item = read(item, of, &format!("{name}[{i}]"), references)?;
             Ok(match (kind, item) {
                 (Kind::Color, Value::Double(x)) => Value::Single(x as f32),
-                // Some are whole numbers, and numbers of any sort are read from these.
+                // Some of these numbers are declared as whole; the others can be read from whole
+                // numbers too.
                 (Kind::Numbers(_), Value::Double(x)) if x.fract() == 0.0 && x.abs() < 9e15 => {
                     Value::Whole(x as i64)
                 }
@@ -483,7 +488,7 @@ fn expected(kind: Kind) -> String {
     }
 }
 
-/// A declared value as a Python object: constants as numbers, textures as such.
+/// A declared value as a Python object: constants become numbers, textures their objects.
 pub fn show<'py>(
     py: Python<'py>,
     value: &Value,
@@ -508,7 +513,7 @@ pub fn show<'py>(
             Ok(PyTuple::new(py, items)?.into_any())
         }
         Value::Fields(fields) => {
-            // Factors of 1 are left out: a constant, a texture, one of its channels.
+            // Factors of 1 are left out, so that a constant, a texture or a channel stands alone.
             let is_bare = |(key, value): &(String, Value)| {
                 matches!(&**key, "factor" | "texture") || *value == Value::Nothing
             };

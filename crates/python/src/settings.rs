@@ -17,7 +17,7 @@ impl<'py> Keywords<'_, 'py> {
         Ok(self.0.get_item(name)?.filter(|value| !value.is_none()))
     }
 
-    /// The value of a name; `what` describes it in errors.
+    /// The value of a name; `what` describes the expected value in errors.
     pub fn get<T: for<'a> FromPyObject<'a, 'py>>(
         &self,
         name: &str,
@@ -62,7 +62,7 @@ pub fn request(keywords: &Keywords<'_, '_>) -> PyResult<Request> {
     Ok(request)
 }
 
-/// A Python value as a requested value; `None` if no setting has its type.
+/// Converts a Python value to the value of a setting; `None` if no setting has its type.
 fn wish(value: &Bound<'_, PyAny>) -> Option<Wish> {
     if is_flag(value).unwrap_or(false) {
         return value.is_truthy().ok().map(Wish::Flag);
@@ -93,13 +93,14 @@ fn wish(value: &Bound<'_, PyAny>) -> Option<Wish> {
     items.map(item).collect::<Option<_>>().map(Wish::List)
 }
 
-/// A value, such as a path, as text.
+/// Converts a value, such as a path, to text.
 fn as_text(value: &Bound<'_, PyAny>) -> Option<Wish> {
     Some(Wish::Text(value.str().ok()?.to_string_lossy().into_owned()))
 }
 
-/// The settings of a render, in the order of the reference page, with `doc`, `default`, `choices`,
-/// `type` and `heading` of each: `render` takes its keywords and their documentation from here.
+/// The settings of a render in the order of the reference page, with `doc`, `default`, `choices`,
+/// `type` and `heading` of each. The Python function `render` takes its keywords and their
+/// documentation from here.
 #[pyfunction]
 pub fn _render_settings(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     let settings = PyDict::new(py);
@@ -115,7 +116,7 @@ pub fn _render_settings(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     Ok(settings)
 }
 
-/// A request that cannot be fulfilled, with the parameters as Python spells them.
+/// The error for a request that cannot be fulfilled, with the parameters as Python spells them.
 pub fn request_error(error: RequestError) -> PyErr {
     PyValueError::new_err(match error {
         RequestError::TooManyPixels { .. } => {
@@ -125,7 +126,7 @@ pub fn request_error(error: RequestError) -> PyErr {
     })
 }
 
-/// Open Image Denoise, if noise is to be removed.
+/// Loads Open Image Denoise, if the request asks for denoising.
 pub fn denoiser(request: &Request) -> PyResult<Option<Denoiser>> {
     let path = match &request.denoise {
         None => return Ok(None),
@@ -135,7 +136,8 @@ pub fn denoiser(request: &Request) -> PyResult<Option<Denoiser>> {
     Denoiser::load(path).map(Some).map_err(denoise_error)
 }
 
-/// An error of the denoiser, whose message names the command's option.
+/// The error for a failed denoising. The library's message names the command's option, which is
+/// replaced by the keyword.
 pub fn denoise_error(error: snell_oidn::DenoiseError) -> PyErr {
     PyRuntimeError::new_err(error.to_string().replace("--denoise", "denoise"))
 }

@@ -1,5 +1,4 @@
-//! The stage of a scene: materials, lights, cameras and environment. Also loading and saving of
-//! files.
+//! The stage of a scene: its materials, lights, cameras and environment. Also saves scenes.
 
 use crate::arrays::from_vec;
 use crate::camera::Camera;
@@ -28,7 +27,7 @@ use snell_scene::{Background, Environment, MaterialId, Scene as Graph, TextureId
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// The number of a texture on a stage. It is added if needed, after the textures that it refers to.
+/// The id of a texture on a stage. A new texture is added after the textures that it refers to.
 fn add_texture(stage: &mut Graph, texture: &AnyTexture) -> PyResult<TextureId> {
     let wanted: snell_scene::Texture = match texture {
         AnyTexture::Image(texture) => {
@@ -44,13 +43,14 @@ fn add_texture(stage: &mut Graph, texture: &AnyTexture) -> PyResult<TextureId> {
     Ok(known.map_or_else(|| stage.add_texture(wanted), |at| TextureId(at as u32)))
 }
 
-/// The number of a medium on a stage; added if it is not there.
+/// The id of a medium on a stage; a new medium is added.
 fn add_medium(stage: &mut Graph, medium: &Medium) -> MediumId {
     let known = stage.media.iter().position(|known| known == medium);
     known.map_or_else(|| stage.add_medium(medium.clone()), |at| MediumId(at as u32))
 }
 
-/// A material or light with the textures of a stage in the place of its own.
+/// A material, light or pattern with its ids replaced by those of its textures and media on a
+/// stage.
 fn on_stage<T: serde::Serialize + serde::de::DeserializeOwned>(
     stage: &mut Graph,
     declared: &Declared<T>,
@@ -67,7 +67,7 @@ fn on_stage<T: serde::Serialize + serde::de::DeserializeOwned>(
     with_ids(&declared.value, id).map_err(PyValueError::new_err)
 }
 
-/// The number of a material on a stage; added if it is not there.
+/// The id of a material on a stage; a new material is added.
 pub fn add_material(contents: &mut Contents, material: &Material) -> PyResult<MaterialId> {
     let stage = contents.stage_mut();
     let wanted = on_stage(stage, &material.0)?;
@@ -75,7 +75,7 @@ pub fn add_material(contents: &mut Contents, material: &Material) -> PyResult<Ma
     Ok(known.map_or_else(|| stage.add_material(wanted), |at| MaterialId(at as u32)))
 }
 
-/// Materials by slot: one, or a list of them.
+/// Material ids by slot, from one material or a list of them.
 pub fn add_materials(
     contents: &mut Contents,
     value: Option<&Bound<'_, PyAny>>,
@@ -100,7 +100,7 @@ pub fn add_materials(
     }
 }
 
-/// A value of a stage with textures of its own.
+/// The opposite of [`on_stage`]: a value of a stage, with its own list of textures and media.
 fn taken<T: serde::Serialize + serde::de::DeserializeOwned>(
     py: Python<'_>,
     stage: &Graph,
@@ -130,7 +130,7 @@ fn taken<T: serde::Serialize + serde::de::DeserializeOwned>(
                 let declared = snell_scene::ImageTexture { image: ImageId(0), ..declared.clone() };
                 AnyTexture::Image(Py::new(py, Texture { image, declared })?)
             }
-            // Textures refer only to preceding ones, so this ends.
+            // Textures refer only to preceding ones, so the recursion ends.
             snell_scene::Texture::Pattern(pattern)
                 if pattern.textures().iter().all(|part| part.0 < id) =>
             {
@@ -169,7 +169,7 @@ fn color_tuple(py: Python<'_>, color: Rgb) -> PyResult<Bound<'_, PyAny>> {
     form.plain(py)
 }
 
-/// All of a list.
+/// All elements of a list, which must be of one class.
 fn each<'py, T: pyo3::PyClass>(
     list: &Bound<'py, PyAny>,
     name: &str,
@@ -188,7 +188,7 @@ fn each<'py, T: pyo3::PyClass>(
 
 #[pymethods]
 impl Scene {
-    /// For people; the stem of the file's name.
+    /// A name for users; for a file, the stem of its name.
     #[getter]
     fn name(&self, py: Python<'_>) -> String {
         self.0.contents(py).stage.name.clone()
@@ -202,7 +202,7 @@ impl Scene {
         })
     }
 
-    /// The warnings of the reader of the file, and what could not be kept.
+    /// The warnings of the file's reader, and what of the file could not be kept.
     #[getter]
     fn warnings(&self, py: Python<'_>) -> Vec<String> {
         self.0.contents(py).stage.warnings.iter().map(|warning| warning.message.clone()).collect()
@@ -223,7 +223,7 @@ impl Scene {
     /// material : int or str
     ///     Number in :attr:`materials`, or name.
     /// new : Material
-    ///     What takes its place.
+    ///     The new material.
     ///
     /// Examples
     /// --------
@@ -269,9 +269,10 @@ impl Scene {
     /// Parameters
     /// ----------
     /// id : int
-    ///     Of the object.
+    ///     The id of the object.
     /// material : Material or list of Material
-    ///     One, or one per material slot of a mesh. That of an instance is for what in it has none.
+    ///     One material, or one per material slot of a mesh. The material of an instance is for the
+    ///     objects in it that have none.
     ///
     /// Examples
     /// --------
@@ -399,12 +400,12 @@ impl Scene {
     /// Parameters
     /// ----------
     /// value
-    ///     What :attr:`environment` may be.
+    ///     Any value that can be assigned to :attr:`environment`.
     /// scale : colour, optional
     ///     Factor on the radiance of a picture.
     /// transform : array (4, 4) or (3, 4), optional
-    ///     Map from the environment's coordinates, in which +y is the zenith, to the scene's: how a
-    ///     picture is turned.
+    ///     Map from the environment's coordinates, in which +y is the zenith, to the scene's; it
+    ///     turns the picture.
     ///
     /// Examples
     /// --------
@@ -481,7 +482,7 @@ impl Scene {
     /// path : str or os.PathLike
     ///     The path of the file. It is written completely or not at all.
     /// threads : int, optional
-    ///     Threads that work on it. Default: one per core.
+    ///     Number of threads for the writing. Default: one per core.
     ///
     /// Examples
     /// --------
@@ -509,7 +510,7 @@ impl Scene {
     }
 }
 
-/// Light from all directions, as it may be given.
+/// Reads light from all directions in any of the forms that :attr:`environment` accepts.
 fn read_environment(
     value: &Bound<'_, PyAny>,
     scale: Rgb,

@@ -1,8 +1,8 @@
 //! The state of a scene between calls: its contents, and the worlds built from them so far.
 //!
 //! A world is built when a query first needs it, by one thread for all callers; a query keeps the
-//! world that it started with. The lock is taken only with the interpreter's lock held, and never
-//! for long.
+//! world that it started with. The lock of the state is taken only by threads that hold the
+//! interpreter's lock, and never for long.
 
 use crate::assemble::{Form, Snapshot, assemble};
 use crate::contents::Contents;
@@ -19,7 +19,7 @@ type Built<F> = Result<Arc<Snapshot<F>>, WorldError>;
 /// A world that is being built.
 #[derive(Debug)]
 struct Building<F: Form> {
-    /// The process that builds it: a forked child does not have that thread.
+    /// The process that builds the world. A forked child has not inherited the building thread.
     pid: u32,
     version: u64,
     job: Arc<Job<Built<F>>>,
@@ -30,7 +30,8 @@ struct Building<F: Form> {
 pub struct Worlds<F: Form> {
     made: Option<(u64, Arc<Snapshot<F>>)>,
     building: Option<Building<F>>,
-    /// The preparation of [`snell_intersect::World::winding_number`].
+    /// The world that was last prepared for [`snell_intersect::World::winding_number`], the process
+    /// that did it, and the job.
     winding: Option<(Weak<F::World>, u32, Arc<Job<()>>)>,
 }
 
@@ -51,9 +52,9 @@ pub struct State {
     prepared: Option<(u64, Request, Arc<Prepared>)>,
 }
 
-/// A kind of world, stored in a field of [`State`].
+/// A kind of world, kept in a field of [`State`].
 pub trait Kept: Form + Sized {
-    /// The field.
+    /// The worlds of this kind.
     fn worlds(state: &mut State) -> &mut Worlds<Self>;
 }
 
@@ -88,7 +89,7 @@ impl Shared {
         self.lock(py).contents.clone()
     }
 
-    /// Changes the contents; an error changes nothing.
+    /// Changes the contents. If `edit` fails, the version stays, so `edit` must not leave a change.
     pub fn edit<T>(
         &self,
         py: Python<'_>,
@@ -135,7 +136,7 @@ impl Shared {
             py.detach(|| job.wait_attentively())?;
             let mut state = self.lock(py);
             let worlds = F::worlds(&mut state);
-            // The first thread that returns stores it for all.
+            // The first thread that returns stores the world for all.
             if worlds.building.as_ref().is_some_and(|building| Arc::ptr_eq(&building.job, &job)) {
                 worlds.building = None;
             }
@@ -153,8 +154,8 @@ impl Shared {
         }
     }
 
-    /// Prepares the world for winding numbers. (Not left to the queries: threads of a pool that
-    /// wait for each other's work might wait for themselves.)
+    /// Prepares the world for winding numbers. (Queries must not do it themselves: threads of a
+    /// pool that wait for each other's work might wait for themselves.)
     pub fn prepare_winding<F: Kept + PointPrecision>(
         &self,
         py: Python<'_>,
@@ -171,7 +172,7 @@ impl Shared {
                 _ => {
                     let asked = world.clone();
                     let job = begin(py, move || F::prepare(&asked))?;
-                    // A weak one: it keeps the address from being used again.
+                    // The weak reference keeps the address from being used again.
                     worlds.winding = Some((Arc::downgrade(world), pid, job.clone()));
                     job
                 }

@@ -1,5 +1,5 @@
-//! The surface at a hit: position, normals and texture coordinates, in double precision whatever
-//! the hit's.
+//! The surface at a hit: position, normals and texture coordinates, in double precision even if the
+//! hit is in single precision.
 
 use crate::assemble::{Form, Snapshot, Surface};
 use crate::mesh::Mesh;
@@ -10,11 +10,11 @@ use snell_math::{DRay, DVec2, DVec3, Transform, Vec2};
 /// The local properties of a point of a surface, in world coordinates.
 #[derive(Clone, Copy, Debug)]
 pub struct Local {
-    /// The point.
+    /// The point in the world.
     pub position: DVec3,
     /// Unit normal of the surface itself, on its outer side (right-hand rule for triangles).
     pub geometric_normal: DVec3,
-    /// Unit normal for shading, on the same side.
+    /// Unit normal for shading, on the same side of the surface.
     pub normal: DVec3,
     /// Texture coordinates.
     pub uv: DVec2,
@@ -30,7 +30,8 @@ impl Local {
     };
 }
 
-/// Finds surfaces; remembers the last occurrence, for neighbours are often in the same.
+/// Computes surfaces at hits. It remembers the transform of the last occurrence, because
+/// consecutive hits are often in one occurrence.
 #[derive(Debug)]
 pub struct Surfaces<'a, F: Form> {
     snapshot: &'a Snapshot<F>,
@@ -39,12 +40,12 @@ pub struct Surfaces<'a, F: Form> {
 }
 
 impl<'a, F: Form> Surfaces<'a, F> {
-    /// The surfaces of a world.
+    /// Starts with no occurrence remembered.
     pub fn new(snapshot: &'a Snapshot<F>) -> Self {
         Self { snapshot, occurrence: 0, placed: Transform::IDENTITY }
     }
 
-    /// The surface that `ray` met.
+    /// The surface at the hit `found` of `ray`.
     pub fn at<P: Precision>(&mut self, ray: &DRay, found: &Found<P>) -> Local {
         let Some(surface) = self.snapshot.names.surfaces.get(found.geometry as usize) else {
             return Local::NONE;
@@ -122,7 +123,8 @@ fn on_mesh<P: Precision>(mesh: &Mesh, direction: &DVec3, found: &Found<P>) -> Lo
     local
 }
 
-/// The normal of a degenerate triangle: perpendicular to its line, towards the origin of the ray.
+/// The normal of a degenerate triangle: perpendicular to the line of the triangle, on the side of
+/// the ray's origin.
 fn line_normal(p: &[DVec3; 3], direction: &DVec3) -> DVec3 {
     let edges = [p[1] - p[0], p[2] - p[1], p[0] - p[2]];
     let longest = edges

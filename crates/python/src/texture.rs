@@ -43,7 +43,7 @@ use std::sync::Arc;
 /// Texture(64 x 64, encoding='srgb', filtering='nearest')
 #[pyclass(frozen, module = "snell")]
 pub struct Texture {
-    /// The pixels.
+    /// The image of the texture.
     pub image: Arc<Image>,
     /// The lookup parameters; the image is number 0.
     pub declared: Declared,
@@ -75,14 +75,14 @@ declared_class! {
     /// Parameters
     /// ----------
     /// kind : str
-    ///     Such as `"marble"` or `"checkerboard"`.
+    ///     One of :data:`PATTERNS`, such as `"marble"` or `"checkerboard"`.
     /// **parameters
-    ///     Those of the kind. Colours take textures and patterns too. Patterns in space have
-    ///     `texture_from_world`: three rows of four numbers, the map from the world to the space of
-    ///     the pattern. The others have `mapping`: `{"uv": {"uv_set": 0, "uv_transform": rows}}`
-    ///     (two rows of three numbers, to `s` and `t` from `u`, `v` and 1),
-    ///     `{"spherical": {"texture_from_world": rows}}`, `"cylindrical"` likewise, or
-    ///     `{"planar": {"st_from_world": rows}}` (two rows of four numbers).
+    ///     The parameters of the kind. Colours take textures and patterns too. Patterns in space
+    ///     have `texture_from_world`: three rows of four numbers, the map from the world to the
+    ///     space of the pattern. The others have `mapping`: `{"uv": {"uv_set": 0, "uv_transform":
+    ///     rows}}` (two rows of three numbers, to `s` and `t` from `u`, `v` and 1), `{"spherical":
+    ///     {"texture_from_world": rows}}`, `"cylindrical"` likewise, or `{"planar":
+    ///     {"st_from_world": rows}}` (two rows of four numbers).
     ///
     /// Examples
     /// --------
@@ -110,7 +110,7 @@ impl Schema for snell_scene::texture::Pattern {
     const FAMILY: &'static str = "pattern";
 }
 
-/// The textures that declared things accept.
+/// A texture of either class, as parameters accept it.
 #[derive(Debug, FromPyObject, IntoPyObject)]
 pub enum AnyTexture {
     /// An image.
@@ -120,7 +120,7 @@ pub enum AnyTexture {
 }
 
 impl AnyTexture {
-    /// Another reference to the same object.
+    /// A new reference to the object.
     pub fn clone_ref(&self, py: Python<'_>) -> Self {
         match self {
             Self::Image(texture) => Self::Image(texture.clone_ref(py)),
@@ -128,7 +128,7 @@ impl AnyTexture {
         }
     }
 
-    /// True if the other is the same object.
+    /// True if both are the same object.
     pub fn is(&self, other: &Self) -> bool {
         match (self, other) {
             (Self::Image(a), Self::Image(b)) => a.is(b),
@@ -138,12 +138,12 @@ impl AnyTexture {
     }
 }
 
-/// The defaults of textures.
+/// The texture of an image with default parameters.
 fn default_of(image: &Image) -> Declared {
     Declared::new(ImageId(0), image.encoding)
 }
 
-/// The parameters of textures.
+/// The parameters of a texture, without its image.
 fn parameters(of: &Declared) -> PyResult<Vec<(String, Value)>> {
     match Value::of(of).map_err(PyTypeError::new_err)? {
         Value::Fields(fields) => Ok(fields.into_iter().filter(|(key, _)| key != "image").collect()),
@@ -151,7 +151,7 @@ fn parameters(of: &Declared) -> PyResult<Vec<(String, Value)>> {
     }
 }
 
-/// The pixels of an argument.
+/// The image that an argument gives: an array, an image, or its file.
 pub fn image(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Arc<Image>> {
     let py = value.py();
     if let Ok(picture) = value.cast::<Picture>() {
@@ -236,7 +236,7 @@ impl Texture {
         let Ok(Json::Object(default)) = serde_json::to_value(default_of(&pixels)) else {
             return Err(PyTypeError::new_err("a texture has parameters"));
         };
-        // The first is the image.
+        // The first parameter is the image.
         let known = &Declared::PARAMETERS[1..];
         let given = match parameters {
             Some(given) => read_all("Texture", known, given, &mut References::default())?,
@@ -309,7 +309,7 @@ impl Texture {
     }
 }
 
-/// Makes a texture from what was stored.
+/// Restores a texture from its pickled state.
 #[pyfunction]
 pub fn _restore_texture(
     pixels: &Bound<'_, PyAny>,

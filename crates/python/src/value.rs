@@ -24,9 +24,9 @@ pub enum Value {
     Single(f32),
     /// A number in double precision.
     Double(f64),
-    /// A name.
+    /// A text or a name.
     Text(String),
-    /// The position in a table: the name of its type, such as `TextureId`.
+    /// A position in a table, with the name of the id's type, such as `TextureId`.
     Id(&'static str, u32),
     /// Several values.
     List(Vec<Value>),
@@ -34,7 +34,7 @@ pub enum Value {
     Fields(Vec<(String, Value)>),
 }
 
-/// The error of a value that cannot be written.
+/// The error for a value that cannot be converted.
 #[derive(Debug)]
 pub struct Unwritable(String);
 
@@ -58,13 +58,13 @@ impl Value {
         value.serialize(Writer).map_err(|e| e.to_string())
     }
 
-    /// The value of a name.
+    /// The value under a name.
     pub fn get(&self, name: &str) -> Option<&Self> {
         let Self::Fields(fields) = self else { return None };
         fields.iter().find(|(key, _)| key == name).map(|(_, value)| value)
     }
 
-    /// As Python's own values; ids are numbers.
+    /// Converts to Python's own values; ids become numbers.
     pub fn plain<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         Ok(match self {
             Self::Nothing => py.None().into_bound(py),
@@ -89,7 +89,7 @@ impl Value {
         })
     }
 
-    /// As JSON, with other ids.
+    /// Converts to JSON. `id` maps the type and number of an id to its new number.
     pub fn json(&self, id: &mut impl FnMut(&'static str, u32) -> u32) -> Json {
         match self {
             Self::Nothing => Json::Null,
@@ -117,7 +117,7 @@ impl From<Json> for Value {
             Json::Bool(b) => Self::Bool(b),
             Json::Number(number) => match (number.as_i64(), number.as_f64()) {
                 (Some(whole), _) => Self::Whole(whole),
-                // Numbers that single precision represents were given in it.
+                // A number that single precision holds exactly was given in single precision.
                 (_, Some(x)) if f64::from(x as f32) == x => Self::Single(x as f32),
                 (_, x) => Self::Double(x.unwrap_or(f64::NAN)),
             },
@@ -130,12 +130,12 @@ impl From<Json> for Value {
     }
 }
 
-/// A number in single precision in its shortest form: 0.1, not 0.10000000149.
+/// A number in single precision with its shortest decimal form: 0.1, not 0.10000000149.
 fn shortest(x: f32) -> f64 {
     x.to_string().parse().unwrap_or_else(|_| f64::from(x))
 }
 
-/// The same value with other ids: `id` maps the name of an id's type and the id.
+/// The value with other ids: `id` maps the type and number of an id to its new number.
 pub fn with_ids<T: Serialize + DeserializeOwned>(
     value: &T,
     mut id: impl FnMut(&'static str, u32) -> u32,
@@ -143,10 +143,10 @@ pub fn with_ids<T: Serialize + DeserializeOwned>(
     serde_json::from_value(Value::of(value)?.json(&mut id)).map_err(|e| e.to_string())
 }
 
-/// Writes values.
+/// Serialises to a [`Value`].
 struct Writer;
 
-/// Writes lists.
+/// Collects the elements of a list, a tuple or a variant with several values.
 struct ListWriter {
     items: Vec<Value>,
     variant: Option<&'static str>,
@@ -158,7 +158,7 @@ struct FieldWriter {
     variant: Option<&'static str>,
 }
 
-/// A value under the name of its variant, as JSON has it.
+/// A value under the name of its variant, as in JSON.
 fn in_variant(variant: Option<&'static str>, value: Value) -> Value {
     match variant {
         Some(name) => Value::Fields(vec![(name.to_string(), value)]),

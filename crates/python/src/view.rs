@@ -71,15 +71,15 @@ impl View {
         py.detach(|| server.map(Server::stop));
     }
 
-    /// An address that leads to the page once, within a minute, for programs of the same user: for
-    /// the command line of a browser, which other users of the machine can read.
+    /// An address that leads to the page once, within a minute, for programs of the same user. It
+    /// is for the command line of a browser, which other users of the machine can read.
     fn _url_for_browser(&self) -> PyResult<String> {
         let server = self.server.lock().unwrap_or_else(PoisonError::into_inner);
         let closed = || PyValueError::new_err("the view is closed");
         server.as_ref().ok_or_else(closed)?.url_for_browser().map_err(PyRuntimeError::new_err)
     }
 
-    /// True until it is closed.
+    /// True until the view is closed.
     #[getter]
     fn is_open(&self) -> bool {
         self.server.lock().unwrap_or_else(PoisonError::into_inner).is_some()
@@ -99,7 +99,7 @@ impl View {
         format!("<snell.View at {}{state}>", self.url)
     }
 
-    /// The page, in a cell of a notebook.
+    /// The page as an HTML frame, for a cell of a notebook.
     fn _repr_html_(&self) -> String {
         if !self.is_open() {
             return "<em>This view is closed.</em>".into();
@@ -112,7 +112,7 @@ impl View {
     }
 }
 
-/// Starts to show a scene.
+/// Starts to show a scene in the viewer.
 #[pyfunction]
 pub fn _view<'py>(
     py: Python<'py>,
@@ -148,7 +148,7 @@ pub fn _view<'py>(
     Ok(View { url: server.url.clone(), server: Mutex::new(Some(server)) })
 }
 
-/// A scene of Python, and scenes chosen on the page.
+/// The scenes of a viewer: that of Python, and scenes chosen on the page.
 struct Shown {
     prepared: Arc<Prepared>,
     camera: Camera,

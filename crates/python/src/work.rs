@@ -1,8 +1,8 @@
 //! Runs work without the interpreter's lock, on the requested number of threads, until Ctrl-C.
 //!
 //! A pool of threads is created when it is first needed and lives as long as the process. A forked
-//! child creates its own, for it does not have the threads of its parent. All locks here are taken
-//! only with the interpreter's lock held, so a fork never finds them locked.
+//! child creates its own pool, because it does not have the threads of its parent. All locks here
+//! are taken only by threads that hold the interpreter's lock, so a fork never finds them locked.
 
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
@@ -34,7 +34,7 @@ struct Pools {
 
 static POOLS: Mutex<Pools> = Mutex::new(Pools { pid: 0, by_threads: BTreeMap::new() });
 
-/// The number of cores: asking the system takes longer than a short query.
+/// The number of cores, kept because asking the system takes longer than a short query.
 static CORES: OnceLock<usize> = OnceLock::new();
 
 /// Number of threads of a call: `None` means all cores.
@@ -42,7 +42,7 @@ static CORES: OnceLock<usize> = OnceLock::new();
 pub struct Threads(usize);
 
 impl Threads {
-    /// From the argument `threads`.
+    /// Checks the argument `threads`.
     pub fn new(threads: Option<usize>) -> PyResult<Self> {
         match threads {
             None => Ok(Self(*CORES.get_or_init(threads::cores))),
@@ -64,7 +64,8 @@ impl Threads {
         let mut pools = POOLS.lock().unwrap_or_else(PoisonError::into_inner);
         let pid = std::process::id();
         if pools.pid != pid {
-            // After a fork: these threads are the parent's, and ending them would wait for them.
+            // After a fork, these threads are the parent's, and dropping the pools would wait for
+            // them.
             std::mem::forget(std::mem::take(&mut pools.by_threads));
             pools.pid = pid;
         }
@@ -81,7 +82,7 @@ impl Threads {
     }
 }
 
-/// Work that was stopped by its flag.
+/// The error of work that was stopped by its flag.
 #[derive(Debug)]
 pub struct Stopped;
 
@@ -90,12 +91,12 @@ pub struct Stopped;
 pub struct Cancel(AtomicBool);
 
 impl Cancel {
-    /// An error if work should stop. To be called every few milliseconds.
+    /// Fails if the work should stop. Work calls this every few milliseconds.
     pub fn check(&self) -> Result<(), Stopped> {
         if self.0.load(Ordering::Relaxed) { Err(Stopped) } else { Ok(()) }
     }
 
-    /// Sets the flag.
+    /// Makes the work stop at its next check.
     pub fn stop(&self) {
         self.0.store(true, Ordering::Relaxed);
     }
@@ -124,14 +125,14 @@ fn message(panic: &(dyn Any + Send)) -> String {
 }
 
 impl<T> Job<T> {
-    /// Does the work; a panic becomes its message.
+    /// Runs `work` and stores its result; a panic becomes an error with its message.
     fn run(&self, work: impl FnOnce() -> T) {
         let result = catch_unwind(AssertUnwindSafe(work)).map_err(|panic| message(&*panic));
         *self.result.lock().unwrap_or_else(PoisonError::into_inner) = Some(result);
         self.done.notify_all();
     }
 
-    /// Waits for a while; true if the work is done.
+    /// Waits for at most `time`; true if the work is done.
     fn wait(&self, time: Duration) -> bool {
         let result = self.result.lock().unwrap_or_else(PoisonError::into_inner);
         if result.is_some() {
@@ -150,7 +151,7 @@ impl<T> Job<T> {
         self.wait_with(|_| Ok(()))
     }
 
-    /// The same, and calls a function at the same interval.
+    /// Like [`Self::wait_attentively`], and calls `look` at the same interval.
     pub fn wait_with(&self, mut look: impl FnMut(Python<'_>) -> PyResult<()>) -> PyResult<()>
     where
         T: Send,
@@ -176,7 +177,7 @@ impl<T: Clone> Job<T> {
     }
 }
 
-/// Does work that checks the flag, on a pool. Small work is done at once by the calling thread.
+/// Runs work that checks the flag on a pool. If `is_small`, the calling thread does it at once.
 pub fn run<T: Send>(
     py: Python<'_>,
     threads: Threads,
@@ -238,7 +239,7 @@ fn begin_on<T: Send + 'static>(
     Ok(job)
 }
 
-/// Does work that cannot be stopped, on all cores. After Ctrl-C the caller no longer waits for it.
+/// Runs work that cannot be stopped, on all cores. After Ctrl-C the caller no longer waits for it.
 pub fn run_to_end<T: Send + 'static>(
     py: Python<'_>,
     work: impl FnOnce() -> T + Send + 'static,
@@ -246,7 +247,7 @@ pub fn run_to_end<T: Send + 'static>(
     run_to_end_on(py, Threads::new(None)?, work)
 }
 
-/// The same on this number of threads.
+/// Like [`run_to_end`], on this number of threads.
 pub fn run_to_end_on<T: Send + 'static>(
     py: Python<'_>,
     threads: Threads,

@@ -1,9 +1,9 @@
-//! Why a pixel looks as it does: the path tree of each of its samples, with all that was added to
-//! it, and how the mean of the samples came about.
+//! Explains the value of a pixel: the path tree of each of its samples, with every contribution to
+//! the sample, and how the mean of the samples developed.
 //!
 //! There is no second integrator here. The renderer itself renders the pixel and keeps a
-//! [`Journal`]; this module only puts the entries together. So the trees add up to the samples, and
-//! the samples to the pixel of the picture, bit for bit.
+//! [`Journal`]; this module only assembles the entries. The trees therefore add up to the samples,
+//! and the samples to the pixel of the picture, bit for bit.
 
 use crate::compile::CompiledScene;
 use crate::film::FilmPart;
@@ -14,117 +14,118 @@ use snell_intersect::{Hit, SurfaceInteraction};
 use snell_math::{ColorMode, Ray, Rgb, SampledSpectrum, Vec3};
 use snell_scene::MaterialId;
 
-/// Samples that an explanation keeps, the first ones: there may be millions.
+/// The number of samples that an explanation keeps at most, the first ones: a pixel may have
+/// millions.
 pub const KEPT: u32 = 4096;
 
-/// Vertices of all trees that are kept: some have thousands.
+/// The number of vertices that are kept in all trees: some trees have thousands.
 const KEPT_VERTICES: usize = 1 << 20;
 
-/// The samples of a pixel.
+/// The value of a pixel and the path trees of its samples.
 #[derive(Clone, Debug)]
 pub struct Explanation {
-    /// The pixel, from the upper left corner of the whole picture.
+    /// Pixel coordinates, from the upper left corner of the whole picture.
     pub pixel: [u32; 2],
-    /// Its values in the picture: red, green, blue (linear), alpha.
+    /// The pixel's value in the picture: red, green, blue (linear), alpha.
     pub value: [f32; 4],
-    /// The first [`KEPT`] samples, by number, and the requested one.
+    /// The first samples, at most [`KEPT`], in order, and the requested sample.
     pub samples: Vec<PathTree>,
-    /// The pixel after the requested numbers of samples, and after all.
+    /// The pixel's value after the requested numbers of samples, and after all samples.
     pub convergence: Vec<Mean>,
 }
 
-/// A pixel after some samples.
+/// The value of a pixel after some of its samples.
 #[derive(Clone, Copy, Debug)]
 pub struct Mean {
-    /// How many.
+    /// The number of samples.
     pub samples: u32,
-    /// Red, green and blue.
+    /// Red, green and blue, linear.
     pub value: [f32; 3],
-    /// Their standard error; 0 while unknown.
+    /// The standard error of each value; 0 after one sample.
     pub error: [f32; 3],
 }
 
-/// One sample.
+/// One sample as a tree of vertices, with what they contributed.
 #[derive(Clone, Debug)]
 pub struct PathTree {
-    /// Its number.
+    /// The sample's number in the pixel.
     pub number: u32,
-    /// What it adds to the pixel: linear Rec. 709.
+    /// The sample's colour, before its weight: linear Rec. 709.
     pub color: Rgb,
-    /// Weight of the filter: 1 or -1.
+    /// Weight of the sample in the reconstruction filter: 1 or -1.
     pub weight: f32,
-    /// What the lanes of its spectra stand for.
+    /// What the lanes of the tree's spectra stand for.
     pub mode: ColorMode,
-    /// The vertices, parents first; the first is what the camera ray met.
+    /// The vertices, parents first. The first is where the camera ray ended.
     pub vertices: Vec<PathVertex>,
-    /// What was added, in the order of adding: vertex, number of its light ray (none: found on the
-    /// way or at the vertex), how much.
+    /// All contributions, in the order in which they were added.
     pub additions: Vec<Addition>,
 }
 
-/// Light that was added to a sample.
+/// A contribution to a sample.
 #[derive(Clone, Copy, Debug)]
 pub struct Addition {
-    /// Position among the vertices.
+    /// Position of the contributing vertex in the tree.
     pub vertex: usize,
-    /// Which of the vertex's light rays brought it; none if it was found.
+    /// The number of the vertex's light ray that contributed; `None` for light found at the vertex
+    /// or on the way there.
     pub light_ray: Option<usize>,
-    /// How much.
+    /// The contribution.
     pub radiance: SampledSpectrum,
 }
 
-/// Where a ray ended.
+/// The point at which a ray ended, with what was found there.
 #[derive(Clone, Debug)]
 pub struct PathVertex {
-    /// Position of the vertex that the ray came from; none for the camera.
+    /// Position of the vertex that the ray came from; `None` for the camera.
     pub parent: Option<usize>,
-    /// How many bounces came before.
+    /// The number of bounces before this vertex.
     pub depth: u32,
-    /// The ray that came here.
+    /// The ray that led here.
     pub ray: Ray,
-    /// What it met.
+    /// What the ray hit.
     pub kind: VertexKind,
-    /// What the path carried when it arrived.
+    /// The path's throughput on arrival.
     pub throughput: SampledSpectrum,
-    /// How the direction of the ray was chosen at the parent; none for the camera's.
+    /// How the ray's direction was chosen at the parent; `None` for the camera ray.
     pub scattering: Option<Scattering>,
-    /// Radiance of media on the way, times throughput.
+    /// Radiance emitted by media on the way, multiplied by the throughput.
     pub glow: SampledSpectrum,
-    /// Radiance found at the vertex, times throughput and weight.
+    /// Radiance found at the vertex, multiplied by the throughput and by the MIS weight.
     pub found: SampledSpectrum,
-    /// Its weight by multiple importance sampling.
+    /// The MIS weight of the radiance found at the vertex.
     pub found_weight: f32,
-    /// Rays towards lights.
+    /// Rays from the vertex towards lights.
     pub light_rays: Vec<LightRay>,
 }
 
-/// What a ray met.
+/// What a ray hit.
 #[derive(Clone, Copy, Debug)]
 pub enum VertexKind {
     /// A surface.
     Surface {
         /// The hit.
         hit: Hit,
-        /// Where.
+        /// The point that was hit.
         position: Vec3,
         /// Shading normal.
         normal: Vec3,
-        /// The material.
+        /// The material of the surface.
         material: MaterialId,
     },
-    /// A medium scattered the path.
+    /// A point at which a medium scattered the path.
     Medium {
-        /// Where.
+        /// The scattering point.
         position: Vec3,
     },
-    /// Nothing: the environment or the background.
+    /// Nothing was hit: the ray reached the environment or the background.
     Escaped,
-    /// Media took all that the path carried.
+    /// Nothing: media absorbed all that the path carried.
     Absorbed,
 }
 
 impl VertexKind {
-    /// Where, if it is somewhere.
+    /// The position of the vertex, if it has one.
     pub fn position(&self) -> Option<Vec3> {
         match *self {
             Self::Surface { position, .. } | Self::Medium { position } => Some(position),
@@ -133,39 +134,39 @@ impl VertexKind {
     }
 }
 
-/// How a path went on.
+/// How the next ray of a path was chosen.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scattering {
-    /// The lobe that contributes most of the value in this direction.
+    /// The lobe that contributes most to the BSDF in the ray's direction.
     pub lobe: Lobe,
-    /// True for perfect mirrors and clear glass.
+    /// True if a delta lobe was sampled: a perfect mirror or clear glass.
     pub is_delta: bool,
-    /// Density per steradian of the direction; 0 if it is a delta lobe.
+    /// Density per steradian with which the direction was chosen; 0 for a delta lobe.
     pub pdf: f32,
 }
 
 /// A ray from a vertex to a light.
 #[derive(Clone, Copy, Debug)]
 pub struct LightRay {
-    /// The ray; the light is where its interval ends.
+    /// The ray; its interval ends at the light.
     pub ray: Ray,
-    /// Where its light comes from, if that is known.
+    /// The light's source, if it is recorded.
     pub source: Option<LightSource>,
-    /// What it would bring if nothing were in the way.
+    /// The contribution if nothing blocked the ray.
     pub value: SampledSpectrum,
-    /// What it brings: less in media, nothing if it is blocked.
+    /// The contribution that arrived: less through media, and zero if the ray is blocked.
     pub brought: SampledSpectrum,
-    /// True if something is in the way.
+    /// True if something blocks the ray.
     pub is_blocked: bool,
-    /// Weight by multiple importance sampling; it is in the values.
+    /// The MIS weight, which is already part of the values.
     pub weight: f32,
-    /// What scatters its light towards the camera.
+    /// The lobe that scatters most of the light towards the path's origin.
     pub lobe: Lobe,
 }
 
 impl PathTree {
-    /// The sum of all additions, in the renderer's own order: what was found and what light rays
-    /// brought, apart.
+    /// The sum of all contributions in the renderer's own order: light that was found and light
+    /// from light rays are summed separately, then added.
     pub fn sum(&self) -> SampledSpectrum {
         let of = |is_brought: bool| {
             let parts = self.additions.iter().filter(move |a| a.light_ray.is_some() == is_brought);
@@ -174,24 +175,24 @@ impl PathTree {
         of(false) + of(true)
     }
 
-    /// An addition as a colour.
+    /// The colour of a contribution.
     pub fn color_of(&self, radiance: SampledSpectrum) -> Rgb {
         self.mode.to_rgb(radiance)
     }
 }
 
-/// What is wanted of a pixel's samples.
+/// Options of [`explain`].
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Wanted<'a> {
-    /// A sample to keep, whatever its number.
+    /// The number of a sample to keep, even if it is not one of the first.
     pub sample: Option<u32>,
-    /// After how many samples the pixel is looked at, ascending.
+    /// The numbers of samples after which the pixel's value is recorded, ascending.
     pub looks: &'a [u32],
 }
 
-/// Renders one pixel of a job and explains its value. `each` gets every sample's tree once, in
-/// order; the number of trees that are kept is bounded. `None` if the pixel is outside of the
-/// picture.
+/// Renders one pixel of a job and explains its value. `each` is called once with the tree of every
+/// sample, in order; only a bounded number of trees is kept. Returns `None` if the pixel is outside
+/// of the picture.
 pub fn explain(
     job: &Job,
     pixel: [u32; 2],
@@ -242,7 +243,7 @@ pub fn explain(
     Some(Explanation { pixel, value, samples, convergence })
 }
 
-/// One sample of a part that has only one pixel.
+/// One sample of a part that has only one pixel, as a part of its own.
 fn one_sample(part: &FilmPart, number: usize) -> FilmPart {
     fn share<T: Copy>(all: &[T], number: usize, count: usize) -> Vec<T> {
         let each = all.len() / count;
@@ -260,7 +261,7 @@ fn one_sample(part: &FilmPart, number: usize) -> FilmPart {
     }
 }
 
-/// The trees of a part's samples.
+/// The trees of the samples of a part.
 fn trees(job: &Job, part: &FilmPart, journal: &Journal) -> Vec<PathTree> {
     let tree = |(number, value): (u32, &crate::film::FilmSample)| PathTree {
         number,
@@ -293,7 +294,8 @@ fn trees(job: &Job, part: &FilmPart, journal: &Journal) -> Vec<PathTree> {
     trees
 }
 
-/// A ray under way: the vertex that it leaves, and how it was chosen.
+/// A ray whose end is not processed yet: the vertex that it leaves, and how its direction was
+/// chosen.
 #[derive(Clone, Copy)]
 struct Twig {
     parent: Option<usize>,
@@ -301,14 +303,14 @@ struct Twig {
     scattering: Option<Scattering>,
 }
 
-/// Which ray leads where while trees grow. Paths have numbers by depth; those of the next depth are
-/// the rays that leave, in order.
+/// Tracks which ray leads to which vertex while trees grow. Paths are numbered anew at each depth:
+/// those of the next depth are the rays that leave this one, in order.
 #[derive(Default)]
 struct Planting {
     depth: Option<u32>,
     arriving: Vec<Twig>,
     leaving: Vec<Twig>,
-    /// The vertices of this depth, by path.
+    /// The vertices of this depth, by the number of their path.
     vertices: Vec<Option<usize>>,
 }
 
@@ -319,7 +321,8 @@ impl Planting {
         self.vertices.clear();
     }
 
-    /// The vertex that a path comes to, new if it was not met before.
+    /// The position of the vertex at which a path arrives. The vertex is added to the tree the
+    /// first time.
     fn vertex(&mut self, tree: &mut PathTree, path: usize) -> usize {
         if self.vertices.len() <= path {
             self.vertices.resize(path + 1, None);
@@ -365,7 +368,7 @@ fn add_vertex<'a>(
     let vertex = &mut tree.vertices[number];
     let surface =
         shaded.hit.is_hit().then(|| scene.interaction(&shaded.ray, shaded.state.time, &shaded.hit));
-    // Media move the origin of the ray on; what is shown is the whole way.
+    // Media advance the origin of a ray, but the vertex keeps the whole ray.
     vertex.ray = if vertex.parent.is_some() { vertex.ray } else { shaded.ray };
     vertex.kind = match (&surface, &shaded.medium) {
         (_, Some(medium)) => VertexKind::Medium { position: medium.position },
@@ -397,7 +400,7 @@ fn add_vertex<'a>(
     tree.additions.push(Addition { vertex: number, light_ray: None, radiance: shaded.radiance });
 }
 
-/// How a ray was chosen, from what is known of it.
+/// How a next ray was chosen at a shaded vertex.
 fn scattering(scene: &CompiledScene, shaded: &Shaded, ray: &Ray, state: &PathState) -> Scattering {
     let is_delta = state.bsdf_pdf == 0.0;
     let surface =
@@ -406,7 +409,8 @@ fn scattering(scene: &CompiledScene, shaded: &Shaded, ray: &Ray, state: &PathSta
     Scattering { lobe, is_delta, pdf: state.bsdf_pdf }
 }
 
-/// The lobe that gives most of what is scattered from `wi` to the ray that came.
+/// The lobe that contributes most of the light scattered from `wi` towards the origin of the
+/// arriving ray.
 fn lobe(
     scene: &CompiledScene,
     shaded: &Shaded,
@@ -430,7 +434,7 @@ fn lobe(
     let wo = -shaded.ray.direction;
     let shading = material.bsdf_towards(&vertex.point(scene), wo);
     let shares = LobeShares::of_surface(&shading, wo, wi, is_delta);
-    // Of the lanes that mean something.
+    // The unit spectrum leaves out lanes that carry nothing.
     let share = |lobe: &Lobe| (shares.share(*lobe) * state.mode.unit()).0.iter().sum::<f32>();
     Lobe::ALL.into_iter().max_by(|a, b| share(a).total_cmp(&share(b))).unwrap_or(Lobe::Diffuse)
 }
@@ -442,8 +446,8 @@ mod tests {
     use snell_intersect::BuildOptions;
     use snell_scene::builtin::builtin;
 
-    /// Every sample's tree adds up to the sample, and the samples to the pixel of the picture: the
-    /// same bits.
+    /// Checks that the tree of every sample adds up to the sample, and the samples to the pixel of
+    /// the picture, bit for bit.
     fn check(name: &str, fog: Option<f32>, settings: &Settings) {
         let mut scene = builtin(name).expect("the scene is built in");
         if let Some(density) = fog {

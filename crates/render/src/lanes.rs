@@ -1,5 +1,5 @@
-//! Values in structure-of-arrays layout: arrays with one entry per lane, for loops that the
-//! compiler vectorises.
+//! Values in structure-of-arrays layout: each array has one entry per lane. The compiler vectorises
+//! loops over such arrays.
 
 use snell_intersect::triangles::{HitLanes, HitVectors, TRIANGLE_HITS};
 use snell_math::{SampledSpectrum, Vec3};
@@ -10,15 +10,15 @@ pub const LANES: usize = TRIANGLE_HITS;
 /// A vector of zero in every lane.
 pub const ZERO: HitVectors = [[0.0; LANES]; 3];
 
-/// A spectrum for each lane, by channel: the fourth is zero in [`ColorMode::Rgb`].
+/// A spectrum for each lane, by channel. The fourth channel is zero in [`ColorMode::Rgb`].
 pub type HitColors = [HitLanes; SPECTRUM];
 const SPECTRUM: usize = snell_math::spectrum::LANES;
 
-/// Zero in every lane.
+/// The zero spectrum in every lane.
 pub const BLACK: HitColors = [[0.0; LANES]; SPECTRUM];
 
-/// [`snell_math::at_level`] of a function that is generic over the number of channels of the colour
-/// mode.
+/// [`snell_math::at_level`] for a function that is generic over the number of channels. The number
+/// is chosen by the colour model.
 macro_rules! at_level_by_color {
     ($wide:expr, $color:expr, $function:ident, ($($arguments:tt)*)) => {
         match $color {
@@ -33,10 +33,10 @@ macro_rules! at_level_by_color {
 }
 pub(crate) use at_level_by_color;
 
-/// Zero for each lane.
+/// Zero in every lane.
 pub const NOUGHTS: HitLanes = [0.0; LANES];
 
-/// Rays without an upper limit.
+/// Infinity in every lane, as the ends of rays without an upper limit.
 pub const ENDLESS: HitLanes = [f32::INFINITY; LANES];
 
 /// The vector of a lane.
@@ -45,7 +45,7 @@ pub fn at(v: &HitVectors, lane: usize) -> Vec3 {
     Vec3::new(v[0][lane], v[1][lane], v[2][lane])
 }
 
-/// Puts a vector into a lane.
+/// Stores a vector in a lane.
 #[inline(always)]
 pub fn put(v: &mut HitVectors, lane: usize, to: Vec3) {
     (v[0][lane], v[1][lane], v[2][lane]) = (to.x, to.y, to.z);
@@ -61,7 +61,7 @@ pub fn color_at<const CHANNELS: usize>(v: &[HitLanes; CHANNELS], lane: usize) ->
     color
 }
 
-/// Puts a spectrum into a lane, for the channels that there are.
+/// Stores a spectrum in a lane, for the channels that `v` has.
 #[inline(always)]
 pub fn put_color<const CHANNELS: usize>(
     v: &mut [HitLanes; CHANNELS],

@@ -1,5 +1,5 @@
-//! Layers requested by name: the AOVs that they need, the light groups, and the names of the
-//! objects that cover pixels.
+//! Layers that users request by name: the AOVs that they need, the light groups, and the names of
+//! the objects that cover pixels.
 
 use crate::compile::CompiledScene;
 use crate::film::Film;
@@ -14,11 +14,12 @@ use std::collections::HashMap;
 /// The largest number of light groups.
 const MAX_GROUPS: usize = 100;
 
-/// The group of all emitters that are in no other group.
+/// The name of the group of all emitters that are in no other group.
 const OTHER: &str = "other";
 
-/// The AOVs that these layers need, each once: with light groups, all light of each group and each
-/// light part by group; the first layer for the integrator `aov`; the feature layers of a denoiser.
+/// The AOVs that the requested layers need, each once. Light groups need the light of each group as
+/// a whole, and each requested part of the light by group. The integrator `aov` needs its first
+/// layer, and a denoiser needs feature layers.
 pub fn needed_aovs(
     asked: &[Aov],
     integrator: IntegratorKind,
@@ -51,8 +52,8 @@ pub fn needed_aovs(
     aovs
 }
 
-/// Adds a group of lights, each named by its number, the name of an emissive material, or
-/// `environment`.
+/// Adds a light group. Each light is named by its number, by the name of an emissive material, or
+/// as `environment`.
 pub fn add_light_group(
     groups: &mut Vec<LightGroup>,
     name: &str,
@@ -96,8 +97,8 @@ fn source(item: &str, scene: &Scene) -> Result<LightSource, String> {
     })
 }
 
-/// Gives the layers of light groups their names, `PART_GROUP`. Layers stand in the order of the
-/// AOVs, after the picture.
+/// Gives the layers of light groups their names, `PART_GROUP`. After the picture, layers must stand
+/// in the order of the film's AOVs.
 pub fn name_groups(picture: &mut LayeredImage, film: &Film, groups: &[LightGroup]) {
     let with_layer = film.aovs().iter().filter(|a| a.kind() != AovKind::Coverage);
     for (layer, aov) in picture.layers[1..].iter_mut().zip(with_layer) {
@@ -111,16 +112,16 @@ pub fn name_groups(picture: &mut LayeredImage, film: &Film, groups: &[LightGroup
 /// The objects or materials that cover the pixels of a picture.
 #[derive(Clone, Debug, Default)]
 pub struct Coverage {
-    /// The names.
+    /// The names of the objects or materials.
     pub names: Vec<String>,
-    /// For each pixel, row by row: indices of names, and the fraction of the pixel that each
-    /// covers.
+    /// For each pixel, row by row: indices into `names`, each with the fraction of the pixel that
+    /// is covered.
     pub shares: Vec<Vec<(usize, f32)>>,
 }
 
 impl Coverage {
-    /// The coverage of a film for an AOV of kind [`AovKind::Coverage`]; `None` if it has no such
-    /// AOV.
+    /// The coverage of a film for an AOV of kind [`AovKind::Coverage`]; `None` if the film does not
+    /// have the AOV.
     pub fn of(film: &Film, aov: Aov, scene: &Scene, compiled: &CompiledScene) -> Option<Self> {
         if !film.aovs().contains(&aov) {
             return None;
@@ -140,8 +141,8 @@ impl Coverage {
     }
 }
 
-/// The name for a key of [`Film::coverage`]; for an object, the names of its nodes below the root,
-/// joined by `/`.
+/// The name that belongs to a key of [`Film::coverage`]. For an object it consists of the names of
+/// its nodes below the root, joined by `/`.
 fn thing_name(aov: Aov, key: u64, scene: &Scene, compiled: &CompiledScene) -> String {
     if aov == Aov::CryptoMaterial {
         let name =

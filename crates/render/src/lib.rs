@@ -1,4 +1,4 @@
-//! The renderer: it compiles a scene, samples it, transports light, and gathers it on the film.
+//! The renderer: it compiles a scene, samples it, transports light, and collects it on the film.
 //!
 //! The modules are listed in the order of the data flow. This crate does no I/O: it takes a
 //! [`snell_scene::Scene`] and returns pictures in memory.

@@ -1,5 +1,5 @@
 //! Estimates the peak memory of a render before it starts, from its settings, its scene, and what
-//! is done with the picture.
+//! will be done with the picture.
 //!
 //! The figures come from the sizes of the types, or from measurements for data that is private to a
 //! thread or short-lived. The system is not queried: callers compare the estimate with the memory
@@ -14,25 +14,25 @@ use snell_scene::{Environment, Geometry, Image, NodeId, Pixels, Scene};
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// What is done with a film besides filling it.
+/// What will be done with a film besides filling it.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Uses {
     /// The number of render threads.
     pub threads: usize,
-    /// True if variance layers are made of it.
+    /// True if variance layers are made of the film.
     pub variance: bool,
     /// True if the picture is denoised.
     pub denoise: bool,
-    /// Bytes per pixel that the consumer of the picture, such as an encoder, needs besides it.
+    /// Bytes per pixel that the consumer of the picture, such as an encoder, needs in addition.
     pub beside: u64,
 }
 
-/// Bytes that a picture takes: a part per pixel, and a constant part.
+/// The memory of a picture: bytes per pixel, and a constant number of bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Estimate {
-    /// The constant part.
+    /// The constant number of bytes.
     pub fixed: u64,
-    /// The part per pixel.
+    /// Bytes per pixel.
     pub per_pixel: u64,
     /// Width and height of the rendered area.
     pub size: [u32; 2],
@@ -40,34 +40,34 @@ pub struct Estimate {
     pub is_crop: bool,
 }
 
-/// Buffers of a thread, without its samples; measured.
+/// Bytes of a thread's buffers without its samples; measured.
 const THREAD: u64 = 2 << 20;
 
-/// Heap overhead of each small allocation of a pixel.
+/// Heap overhead of the small allocations of a tile, in bytes per pixel.
 const TILE_BYTES: u64 = 6;
 
-/// What Open Image Denoise takes for itself, measured (2.5, one and two threads): its library and
-/// weights, and bytes per pixel while it processes the whole picture at once; it processes larger
-/// pictures in parts.
+/// The memory of Open Image Denoise itself, measured with version 2.5 and one or two threads: bytes
+/// of its library and weights, and bytes per pixel while it processes the whole picture at once. It
+/// processes larger pictures in parts.
 const DENOISER: u64 = 24 << 20;
 const DENOISER_PIXEL: u64 = 640;
 const DENOISER_WHOLE: u64 = 3_000_000;
 const DENOISER_LATER_PIXEL: u64 = 105;
 
 impl Estimate {
-    /// The total.
+    /// The number of bytes in total.
     pub fn bytes(&self) -> u64 {
         let [width, height] = self.size.map(u64::from);
         self.fixed.saturating_add((width * height).saturating_mul(self.per_pixel))
     }
 
-    /// Adds bytes to the constant part.
+    /// Adds a number of bytes to the constant part.
     pub fn with(self, more: u64) -> Self {
         Self { fixed: self.fixed.saturating_add(more), ..self }
     }
 
-    /// The largest picture of the same aspect ratio that fits into this many bytes, in steps of
-    /// about 1 %; `None` if none does.
+    /// The largest picture of the same aspect ratio that fits into this many bytes, found in steps
+    /// of about 1 %; `None` if none does.
     pub fn largest(&self, available: u64) -> Option<[u32; 2]> {
         let pixels = available.saturating_sub(self.fixed) / self.per_pixel.max(1);
         let [width, height] = self.size.map(f64::from);
@@ -97,7 +97,7 @@ pub fn of_picture(settings: &Settings, uses: &Uses) -> Estimate {
     let is_signed = FilterSampler::new(settings.filter).mean_weight() < 1.0;
     let film = film_bytes(settings, sampled, covers, is_signed);
     let noise_map = if settings.noise.is_some() || aovs.contains(&Aov::Noise) { 48 } else { 0 };
-    // Names and shares of what covers a pixel, and the layers that hold them.
+    // Bytes of the names and fractions of what covers a pixel, and of the layers that hold them.
     let coverage = covers * (24 + 56 + 80);
     let variance = if uses.variance { 4 + layers } else { 0 };
     let size = settings.crop.unwrap_or(Crop::full(settings.size)).size();
@@ -115,7 +115,8 @@ pub fn of_picture(settings: &Settings, uses: &Uses) -> Estimate {
     }
 }
 
-/// Memory of a denoiser, constant and per pixel, including the copies that it is given.
+/// The memory of a denoiser, including the copies that it is given: the constant number of bytes,
+/// and bytes per pixel.
 fn denoiser_bytes(size: [u32; 2]) -> (u64, u64) {
     const COPIES: u64 = 5 * 12;
     let [width, height] = size.map(u64::from);
@@ -126,21 +127,21 @@ fn denoiser_bytes(size: [u32; 2]) -> (u64, u64) {
     (DENOISER + first, COPIES + DENOISER_LATER_PIXEL)
 }
 
-/// Values of each pixel of the picture and its layers, without those of coverage and variance.
+/// The number of values of each pixel in the picture and its layers, without coverage and variance.
 pub fn picture_channels(settings: &Settings) -> u64 {
     let layers = settings.aovs.iter().filter(|aov| aov.kind() != AovKind::Coverage);
     4 + layers.map(|aov| aov.channels().len() as u64).sum::<u64>()
 }
 
-/// The film's bytes for each pixel.
+/// The film's bytes per pixel.
 fn film_bytes(settings: &Settings, sampled: u64, covers: u64, is_signed: bool) -> u64 {
     let channels = 4 + sampled;
     let sums = 8 * (channels * if is_signed { 3 } else { 2 } + 1);
-    // Sums of whole blocks, and of the block that is being filled.
+    // The film has sums of whole blocks, and sums of the block that is being filled.
     let blocks = u64::from(settings.spp >= BLOCK);
     let partial = u64::from(settings.spp < BLOCK || !settings.spp.is_multiple_of(BLOCK));
     let decided = if settings.noise.is_some() { 16 + 2 * 4 } else { 0 };
-    // The list of a pixel that few things cover, with the heap around it.
+    // The list of a pixel that few things cover, with its heap overhead.
     let cover = 24 + 80;
     sums * (blocks + partial)
         + 4
@@ -151,13 +152,13 @@ fn film_bytes(settings: &Settings, sampled: u64, covers: u64, is_signed: bool) -
         + TILE_BYTES
 }
 
-/// Memory of the guiding field and of the records of a batch: it grows with the square root of the
-/// paths, see [`crate::Guiding`].
+/// Bytes of the guiding field and of the records of a batch. They grow with the square root of the
+/// number of paths; see [`crate::Guiding`].
 fn guiding_bytes(passes: u32) -> u64 {
     (64 << 20) + ((1u64 << 19) * (1 << (passes.min(40) / 2)))
 }
 
-/// Peak memory of compiling a scene, without the scene itself.
+/// Peak memory of compiling a scene in bytes, without the scene itself.
 pub fn of_scene(scene: &Scene) -> u64 {
     let mut meshes: HashMap<*const TriangleMesh, u64> = HashMap::new();
     let mut bytes = 0u64;
@@ -169,7 +170,7 @@ pub fn of_scene(scene: &Scene) -> u64 {
     };
     add(NODE + shapes(scene.root) * SHAPE);
     for node in &scene.nodes {
-        // Shapes exist once per occurrence of their node, other surfaces once.
+        // Shapes exist once for each occurrence of their node, other surfaces only once.
         node.children.iter().for_each(|&child| add(NODE + shapes(child) * SHAPE));
         for surface in &node.surfaces {
             add(match &surface.geometry {
@@ -194,10 +195,10 @@ pub fn of_scene(scene: &Scene) -> u64 {
     bytes
 }
 
-/// Bytes per triangle of a mesh: its share of the structure and of the build's buffers. Measured
-/// for the builders and layouts that need most (`--quality high`, `--bvh-compact`).
+/// Bytes per triangle of a mesh in the acceleration structure and in the buffers of its build.
+/// Measured for the builders and layouts that need most (`--quality high`, `--bvh-compact`).
 const TRIANGLE: u64 = 115;
-/// Pages of the program that only rendering touches; measured.
+/// Bytes of the parts of the program that only rendering loads; measured.
 const PROGRAM: u64 = 4 << 20;
 /// Bytes per segment of a curve; measured.
 const SEGMENT: u64 = 400;
@@ -205,10 +206,10 @@ const SEGMENT: u64 = 400;
 const SHAPE: u64 = 700;
 /// Bytes per occurrence of a node.
 const NODE: u64 = 250;
-/// Bytes per pixel of an environment: its radiance, and two sampling tables; measured.
+/// Bytes per pixel of an environment, for its radiance and two sampling tables; measured.
 const ENVIRONMENT: u64 = 26;
 
-/// The mipmap levels of an image, and the values that they are computed from.
+/// Bytes of the mipmap levels of an image, and of the values that they are computed from.
 fn pyramid_bytes(image: &Image) -> u64 {
     let values = u64::from(image.width) * u64::from(image.height) * u64::from(image.channels);
     let stored = if matches!(image.pixels, Pixels::F32(_)) { 4 } else { 2 };
@@ -254,7 +255,7 @@ mod tests {
                 && blocks > plain + 70
                 && variance > plain + 15
         );
-        // Whole blocks only: no more than one set of sums.
+        // With whole blocks only, the film needs a single set of sums.
         assert!(estimate(|s| s.spp = 64, Uses::default()).per_pixel < plain + 20);
         let crop = Some(Crop { min: [10, 10], max: [20, 30] });
         assert_eq!(estimate(|s| s.crop = crop, Uses::default()).size, [10, 20]);

@@ -6,7 +6,7 @@ use crate::integrator::IntegratorKind;
 use crate::settings::Settings;
 use snell_scene::{Background, LayeredImage};
 
-/// The linear picture with its layers. The alpha channel is kept only with a transparent
+/// The linear picture of a film, with its layers. The alpha channel is kept only with a transparent
 /// background.
 pub fn picture(film: &Film, settings: &Settings, compiled: &CompiledScene) -> LayeredImage {
     let mut picture = film.image();
@@ -20,7 +20,7 @@ pub fn picture(film: &Film, settings: &Settings, compiled: &CompiledScene) -> La
             .map(|v| aov.preview(v, compiled.radius))
             .collect();
         for (pixel, color) in picture.layers[0].values.chunks_mut(4).zip(previews) {
-            // Colours are premultiplied.
+            // Colours in the picture are premultiplied by alpha.
             let premultiplied = color * pixel[3];
             pixel[..3].copy_from_slice(&premultiplied.to_array());
         }
@@ -29,7 +29,7 @@ pub fn picture(film: &Film, settings: &Settings, compiled: &CompiledScene) -> La
         let main = &mut picture.layers[0];
         main.channels.truncate(3);
         let pixels = main.values.len() / 4;
-        // In place, because pictures are large.
+        // Alpha is removed in place, because pictures are large.
         (0..pixels).for_each(|i| main.values.copy_within(4 * i..4 * i + 3, 3 * i));
         main.values.truncate(3 * pixels);
         main.values.shrink_to_fit();

@@ -1,8 +1,8 @@
 //! The textbook renderer: one recursive call per ray, without batches or optimisations. It is the
 //! first file to read, and the oracle with which tests compare the batched renderer.
 //!
-//! It makes the same queries of the same scene with the same random numbers, so its pictures must
-//! be the same up to rounding.
+//! This renderer makes the same queries of the same scene with the same random numbers as the
+//! batched one, so its pictures must be the same up to rounding.
 
 use crate::compile::CompiledScene;
 use crate::film::filter::FilterSampler;
@@ -16,7 +16,7 @@ use snell_intersect::{Hit, RayQuery};
 use snell_math::{ColorMode, Ray, Rgb, SampledSpectrum};
 use snell_scene::Camera;
 
-/// Renders a picture: for each pixel, the filtered mean of its samples. Row by row from the top.
+/// Renders a picture: for each pixel, row by row from the top, the filtered mean of its samples.
 pub fn ray_cast(scene: &CompiledScene, camera: &Camera, settings: &Settings) -> Vec<Rgb> {
     let view = camera.view(settings.size);
     let [width, height] = settings.size;
@@ -39,8 +39,8 @@ pub fn ray_cast(scene: &CompiledScene, camera: &Camera, settings: &Settings) -> 
                 sum = sum + color * weight;
                 weights += weight;
             }
-            // The weights of a filter with negative lobes may add up to 0: only the difference from
-            // the plain mean is weighted.
+            // The weights of a filter with negative lobes may add up to 0, so only differences from
+            // the unweighted mean are weighted.
             let n = settings.spp as f32;
             let mean = plain * (1.0 / n);
             image.push(mean + (sum + mean * -weights) * (1.0 / (n * filter.mean_weight() as f32)));
@@ -49,8 +49,8 @@ pub fn ray_cast(scene: &CompiledScene, camera: &Camera, settings: &Settings) -> 
     image
 }
 
-/// Radiance along a ray: emission where it ends, the contributions of unoccluded light rays, and
-/// the radiance along all next rays of the integrator.
+/// Radiance along a ray: emission at its end, the contributions of unoccluded light rays, and the
+/// radiance along all next rays of the integrator.
 fn radiance(
     context: &Context,
     ray: &Ray,
@@ -115,12 +115,12 @@ fn radiance(
     sum
 }
 
-/// A ray as it is passed to the world.
+/// A ray with its time, as a query of the world.
 fn timed(ray: &Ray, time: f32) -> RayQuery<'_> {
     RayQuery { time, ..RayQuery::from(ray) }
 }
 
-/// The state of a ray in scenes with media.
+/// What a ray needs in scenes with media.
 struct Media<'a> {
     walker: Walker<'a>,
     own: OwnMedia,
@@ -162,7 +162,7 @@ impl<'a> Media<'a> {
         }
     }
 
-    /// The transmitted value of a light ray.
+    /// The value of a light ray that arrives: its contribution multiplied by the transmittance.
     fn arriving(
         &mut self,
         scene: &CompiledScene,
@@ -192,8 +192,8 @@ impl<'a> Media<'a> {
         }
     }
 
-    /// Enters or leaves the medium that the vertex's surface bounds, if a ray continues on its
-    /// other side.
+    /// Enters or leaves the medium that the vertex's surface bounds, if `ray` continues on the
+    /// other side of the surface.
     fn go_on(&mut self, here: Option<Insides>, vertex: &Vertex, ray: &Ray) {
         self.insides = here.unwrap_or_default();
         let Some(surface) = &vertex.surface else { return };
@@ -267,7 +267,7 @@ mod tests {
         }
     }
 
-    /// The lecture takes one sample at the centre of each pixel, which makes edges ragged.
+    /// With one sample at the centre of each pixel, as in the lecture, edges would be ragged.
     #[test]
     fn errata_e9_samples_are_spread_over_the_pixel_and_filtered() {
         let mut scene = Scene::new("edge");
@@ -278,7 +278,7 @@ mod tests {
             Node { surfaces: vec![Surface::shape(half, white)], ..Node::default() },
         );
         scene.background = Background::Color(Rgb::BLACK);
-        // The edge runs through the middle of the only column that it touches.
+        // The edge runs through the middle of the only column of pixels that it touches.
         let camera = Camera::look_at(Vec3::new(0.0, 0.0, 5.0), Vec3::ZERO, Vec3::Y, 0.5);
         let settings = |filter, spp| Settings {
             size: [9, 1],

@@ -1,9 +1,9 @@
-//! Who may use whom in this crate: the rooms of light transport, in the order of [`ROOMS`].
+//! Tests which modules of this crate use which. The modules of light transport ("rooms") are
+//! ordered in [`ROOMS`].
 
 use std::path::{Path, PathBuf};
 
-/// Rooms that carry light, each with those beside it: a room may use its own line and the lines
-/// before.
+/// The modules of light transport. Each may use those in its own line and in the lines before.
 const ROOMS: [&[&str]; 5] = [
     &["compile", "guiding", "lanes", "light_sampler", "sampler"],
     &["integrator"],
@@ -12,7 +12,7 @@ const ROOMS: [&[&str]; 5] = [
     &["job"],
 ];
 
-/// All Rust files in a folder, or the file beside it.
+/// All Rust files of a module: those in its folder, or the file of its name.
 fn files(room: &str) -> Vec<PathBuf> {
     fn add(folder: &Path, files: &mut Vec<PathBuf>) {
         for entry in std::fs::read_dir(folder).expect("the folder is readable") {
@@ -31,7 +31,7 @@ fn files(room: &str) -> Vec<PathBuf> {
     files
 }
 
-/// What is compiled of a file outside of tests, without comments.
+/// The text of a file that is compiled outside of tests, without comments.
 fn code(file: &Path) -> String {
     let text = std::fs::read_to_string(file).expect("the file is readable");
     let text = text.split("#[cfg(test)]\nmod tests {").next().unwrap_or_default();

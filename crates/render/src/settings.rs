@@ -44,7 +44,7 @@ pub enum LightStrategy {
     /// Light samples and BSDF samples, combined by the power heuristic (Veach and Guibas, 1995).
     #[default]
     Mis,
-    /// Light samples only, except where a delta lobe or an unsampled light leaves no choice.
+    /// Light samples only, except for delta lobes and lights that are not sampled.
     Light,
     /// BSDF samples only, except for lights that no BSDF sample can find.
     Bsdf,
@@ -67,10 +67,11 @@ impl LightStrategy {
 /// The treatment of the shadow terminator on coarse meshes with vertex normals.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Terminator {
-    /// The terminator is that of the smooth surface, see [`snell_intersect::smooth`].
+    /// The terminator of the smooth surface that the normals imply; see
+    /// [`snell_intersect::smooth`].
     #[default]
     Smooth,
-    /// The terminator follows the edges of the triangles, as in renderers without correction.
+    /// The terminator along the edges of the triangles, as in renderers without correction.
     Faceted,
 }
 
@@ -90,9 +91,9 @@ impl Terminator {
 /// A rectangle of pixels, right and lower border exclusive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Crop {
-    /// Left, upper.
+    /// Left and upper border (inclusive).
     pub min: [u32; 2],
-    /// Right, lower (exclusive).
+    /// Right and lower border (exclusive).
     pub max: [u32; 2],
 }
 
@@ -114,82 +115,84 @@ pub enum TileOrder {
     /// Row by row from the top.
     #[default]
     Rows,
-    /// From the last to the first.
+    /// Row by row, from the last tile to the first.
     Reversed,
-    /// In random order, with this seed.
+    /// In random order; the number is the seed.
     Shuffled(u32),
 }
 
 /// A light group, shown as a layer of its own.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LightGroup {
-    /// Its name.
+    /// The group's name, from which its layers are named.
     pub name: String,
     /// The emitters of the group. An emitter in several groups belongs to the first.
     pub sources: Vec<LightSource>,
 }
 
-/// Settings of a render.
+/// The settings of a render.
 #[derive(Clone, Debug)]
 pub struct Settings {
     /// Width and height of the whole picture in pixels.
     pub size: [u32; 2],
-    /// Only this part is rendered.
+    /// The part of the picture that is rendered; `None` for all of it.
     pub crop: Option<Crop>,
     /// Samples per pixel.
     pub spp: u32,
     /// If set, a pixel takes samples only until its error is at most this, see
-    /// [`crate::film::noise`]; `spp` is the most.
+    /// [`crate::film::noise`]; `spp` is the upper limit.
     pub noise: Option<f64>,
-    /// Intensity that is added to that of a pixel before its error is divided by it, see
+    /// The floor f that is added to a pixel's intensity when its error is computed, see
     /// [`crate::film::noise`].
     pub noise_floor: f64,
-    /// Render in passes that grow from one sample, so that a render that is stopped early leaves a
-    /// complete picture. Never changes the bits.
+    /// True to render in passes that grow from one sample, so that a render that is stopped early
+    /// leaves a complete picture. This never changes the bits.
     pub progressive: bool,
     /// Seed of all random numbers.
     pub seed: u32,
     /// The sampler.
     pub sampler: SamplerKind,
-    /// Further keys of a moving camera, after its position when the shutter opens: evenly spaced in
-    /// time. Empty for a static camera.
+    /// The poses of a moving camera at equal times after the shutter opens, up to its closing.
+    /// Empty for a static camera.
     pub later_cameras: Vec<Camera>,
     /// Reconstruction filter.
     pub filter: Filter,
-    /// If set, every sample of a pixel is taken at this position in it, and the filter is not used.
+    /// If set, every sample of a pixel is taken at this position in the pixel, from (0, 0) to (1,
+    /// 1), and the filter is not used.
     pub pixel_position: Option<[f64; 2]>,
-    /// The integrator.
+    /// The integrator that computes light.
     pub integrator: IntegratorKind,
     /// The representation of colour in light transport.
     pub color: ColorModel,
-    /// How many bounces after the camera ray's hit are followed at most: 0 shows light that reaches
-    /// the camera from the first surface itself, 1 adds direct light (in `path`), and so on.
+    /// The largest number of bounces after the camera ray's hit. 0 shows light that reaches the
+    /// camera from the first surface itself, 1 adds direct light (in `path`), and so on.
     pub max_depth: u32,
     /// How occlusion of lights is treated by the classic integrators.
     pub shadows: Shadows,
-    /// Where meshes with vertex normals have their shadow terminator.
+    /// Which shadow terminator meshes with vertex normals have.
     pub terminator: Terminator,
     /// The strategy of sampling lights.
     pub light_strategy: LightStrategy,
-    /// The light sampler.
+    /// How one light is chosen among many.
     pub light_sampler: LightSamplerKind,
     /// If set, `path` uses path guiding, trained before the render.
     pub guiding: Option<Guiding>,
-    /// Added to the scene's ambient light in `raycast` and `whitted`: a cheap substitute for
-    /// indirect light.
+    /// Light that is added to the scene's ambient light in `raycast` and `whitted`, as a cheap
+    /// substitute for indirect light.
     pub fill: Rgb,
-    /// How far `ao` looks for occluders; `None` is half of the scene's radius.
+    /// The distance within which `ao` counts occluders, in scene units; `None` means half of the
+    /// scene's radius.
     pub ao_distance: Option<f32>,
-    /// Light that was scattered more than once and is brighter than this, in any channel, is
-    /// clamped to it: this removes fireflies, but the picture is too dark.
+    /// Radiance to which light that was scattered more than once is clamped, in every channel.
+    /// Clamping removes fireflies, but makes the picture too dark.
     pub clamp: Option<f32>,
     /// Light groups, each with a layer of its own.
     pub light_groups: Vec<LightGroup>,
-    /// Extra layers.
+    /// The AOVs that become extra layers.
     pub aovs: Vec<Aov>,
-    /// Order of the tiles.
+    /// The order in which tiles are rendered.
     pub tile_order: TileOrder,
-    /// Acceleration structure and SIMD level.
+    /// Options of the acceleration structure, including the SIMD level.
     pub build: BuildOptions,
 }
 

@@ -1,6 +1,6 @@
-//! The families of things with parameters, and everything that their declarations state. Tests, the
-//! documentation, Python and the viewer iterate over them, so a new kind or parameter appears
-//! everywhere once it is declared.
+//! The families of things with parameters, with everything that their declarations state. Tests,
+//! the documentation, Python and the viewer iterate over the families, so a new kind or parameter
+//! appears everywhere once it is declared.
 
 mod reference;
 
@@ -16,7 +16,7 @@ use snell_intersect::AnyShape;
 use snell_math::parameters::{Declaration, Declared, Parameter};
 use snell_math::{DVec3, Rgb};
 
-/// All things of one sort, such as the materials.
+/// All kinds of things of one sort, such as the materials.
 #[derive(Clone, Copy, Debug)]
 pub struct Family {
     /// The name of one thing, in the singular.
@@ -25,7 +25,7 @@ pub struct Family {
     pub title: &'static str,
     /// The field that selects the kind of a thing.
     pub tag: &'static str,
-    /// The kinds.
+    /// The declarations of the kinds.
     pub kinds: &'static [Declaration],
     /// The parameters common to all kinds.
     pub common: &'static [Parameter],
@@ -33,13 +33,13 @@ pub struct Family {
     pub examples: fn() -> Vec<Value>,
     /// Reads a thing and writes it again; the error is the reason why it cannot be read.
     read: fn(Value) -> Result<Value, serde_json::Error>,
-    /// A thing of any kind, with the common parameters in the syntax of scenes.
+    /// Makes a thing of some kind, with the common parameters, in the syntax of scenes.
     plain: fn() -> Value,
-    /// As [`Self::read`], for a thing with these common parameters.
+    /// Does what [`Self::read`] does, for the value that [`Self::plain`] makes.
     read_plain: fn(Value) -> Result<Value, serde_json::Error>,
 }
 
-/// The families.
+/// All families.
 pub const FAMILIES: &[Family] = &[
     Family {
         name: "material",
@@ -125,12 +125,12 @@ fn read<T: Serialize + DeserializeOwned>(written: Value) -> Result<Value, serde_
 }
 
 impl Family {
-    /// The family of this name.
+    /// The family of this name; `None` if there is none.
     pub fn named(name: &str) -> Option<&'static Self> {
         FAMILIES.iter().find(|family| family.name == name)
     }
 
-    /// The kind of this name.
+    /// The kind of this name; `None` if there is none.
     pub fn kind(&self, name: &str) -> Option<&'static Declaration> {
         self.kinds.iter().find(|kind| kind.name == name)
     }
@@ -229,7 +229,7 @@ mod tests {
         }
     }
 
-    /// Cells of grids are not part of the written value.
+    /// True for the cells of grids, which are not part of the written value.
     fn is_cells(kind: Kind) -> bool {
         kind.required() == Kind::Cells
     }
@@ -263,8 +263,8 @@ mod tests {
         }
     }
 
-    /// The thing with a number outside of its range in each of its places: the key of the place,
-    /// the number, and the thing.
+    /// Copies of the thing, each with one number outside of its range. Returns the key of the
+    /// number's place, the number, and the copy.
     fn spoilt<T>(thing: &T) -> Vec<(String, f64, T)>
     where
         T: snell_math::parameters::Value + Serialize + DeserializeOwned,
@@ -291,8 +291,8 @@ mod tests {
         places.into_iter().map(spoil).collect()
     }
 
-    /// Asserts that each number outside of its range is an error for `-D`, and a warning when a
-    /// scene with it is read.
+    /// Asserts that each number outside of its range is an error when `-D` sets it, and a warning
+    /// when a scene that has it is read.
     fn ranges_hold<T>(thing: &T, key: &str, add: fn(&mut Scene, T))
     where
         T: snell_math::parameters::Value + Serialize + DeserializeOwned + Clone,

@@ -16,7 +16,7 @@ use crate::motion::Pose;
 use snell_math::{Bounds3d, DVec3, Rgb, Transform};
 use std::collections::BTreeMap;
 
-/// The default material of surfaces without any: grey.
+/// The default material, a grey one, for surfaces without a material.
 pub fn default_material() -> Material {
     Material::new("default", Diffuse::new(Rgb::splat(0.55)))
 }
@@ -24,10 +24,10 @@ pub fn default_material() -> Material {
 /// The background of the default sky: a light grey, from which objects stand out.
 pub const DEFAULT_BACKGROUND: Rgb = Rgb::splat(0.82);
 
-/// Defaults for [`prepare`].
+/// Defaults that [`prepare`] uses.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FramingOptions {
-    /// The up direction, unless the scene's settings have one. `+y` for most formats, `+z` is
+    /// The up direction, unless the scene's settings have one. Most formats have `+y` up; `+z` is
     /// common in STL and CAD.
     pub up: DVec3,
     /// Size of the picture in pixels, unless the scene's settings have one.
@@ -40,16 +40,16 @@ impl Default for FramingOptions {
     }
 }
 
-/// Adds the parts that a picture needs and the scene lacks: a camera that frames its finite
-/// surfaces, and the default sky if nothing in it emits light (no lights, no environment, no
-/// emissive material in use). With the sky comes [`DEFAULT_BACKGROUND`], unless the scene has a
-/// background. A complete scene is unchanged.
+/// Adds the parts that a picture needs and the scene lacks: a camera that frames the finite
+/// surfaces, and the default sky if nothing emits light (no lights, no environment, no emissive
+/// material in use). With the sky comes [`DEFAULT_BACKGROUND`], unless the scene has a background.
+/// A complete scene is unchanged.
 pub fn prepare(scene: &mut Scene, options: &FramingOptions) -> Result<(), SceneError> {
     prepare_for(scene, &[], options)
 }
 
-/// Like [`prepare`], but an added camera frames the scene in all of these poses, instead of its
-/// current state.
+/// Does what [`prepare`] does, except that an added camera frames the scene in all of these poses
+/// instead of its current state.
 pub fn prepare_for(
     scene: &mut Scene,
     poses: &[Pose],
@@ -73,7 +73,7 @@ pub fn prepare_for(
     Ok(())
 }
 
-/// The nodes of a scene in a pose, without anything else.
+/// A scene that has the nodes of `scene` in a pose, and nothing else.
 fn posed(scene: &Scene, pose: &Pose) -> Scene {
     let mut posed = Scene { nodes: scene.nodes.clone(), root: scene.root, ..Scene::default() };
     posed.apply(pose);
@@ -93,8 +93,8 @@ fn camera_for(scenes: &[&Scene], order: &[NodeId], up: DVec3, aspect: f64) -> Ca
     })
 }
 
-/// The bounds of the bounded surfaces of each node, in the node's coordinates. `order` has children
-/// before parents.
+/// The bounds of the bounded surfaces at and below each node, in the node's coordinates. `order`
+/// has children before parents.
 fn finite_bounds(scene: &Scene, order: &[NodeId]) -> BTreeMap<NodeId, Bounds3d> {
     let mut bounds: BTreeMap<NodeId, Bounds3d> = BTreeMap::new();
     for &id in order {
@@ -107,14 +107,14 @@ fn finite_bounds(scene: &Scene, order: &[NodeId]) -> BTreeMap<NodeId, Bounds3d> 
     bounds
 }
 
-/// A node's box in its parent's coordinates; empty if it is not finite there.
+/// The box of a node in the coordinates of its parent; empty if it is not finite there.
 fn placed(scene: &Scene, id: NodeId, own: &Bounds3d) -> Bounds3d {
     let bounds = Transform::new(scene.nodes[id.index()].transform)
         .map_or(Bounds3d::EMPTY, |m| m.bounds(own));
     if bounds.is_finite() { bounds } else { Bounds3d::EMPTY }
 }
 
-/// True if any material in use emits.
+/// True if any material in use emits light.
 fn uses_emission(scene: &Scene, order: &[NodeId]) -> bool {
     order.iter().any(|id| {
         let node = &scene.nodes[id.index()];
@@ -201,7 +201,7 @@ mod tests {
             indices: vec![[0, 1, 2]],
             ..TriangleMesh::default()
         };
-        // The transform makes its bounds infinite.
+        // The transform makes the bounds infinite.
         let transform = DAffine3::from_scale(DVec3::splat(1e300));
         let surfaces = vec![Surface::new(Geometry::Mesh(Arc::new(huge)))];
         scene.add_child(scene.root, Node { transform, surfaces, ..Node::default() });

@@ -1,7 +1,7 @@
 //! The scene graph: a directed acyclic graph of nodes, and the tables that nodes refer to.
 //!
-//! It uses ids instead of pointers: a node used under two parents is stored once. Transforms
-//! compose in double precision.
+//! Nodes refer to each other by ids instead of pointers, so a node used under two parents is stored
+//! once. Transforms compose in double precision.
 
 use crate::camera::Camera;
 use crate::image::Image;
@@ -25,10 +25,10 @@ macro_rules! id {
         pub struct $name(pub u32);
 
         impl $name {
-            /// The name of an entry of its table.
+            /// The name of an entry of the table that the id points into.
             pub const TABLE: &'static str = $table;
 
-            /// The position in its table.
+            /// The position in that table.
             pub fn index(self) -> usize {
                 self.0 as usize
             }
@@ -72,8 +72,8 @@ pub enum Geometry {
     Mesh(Arc<TriangleMesh>),
     /// An analytic shape.
     Shape(Arc<AnyShape>),
-    /// Strands of round cross-section, in bulk: hair, fur, grass. Texture coordinates run from root
-    /// (`u` 0) to tip (1), and around (`v`).
+    /// Curves of round cross-section, in bulk: hair, fur, grass. The texture coordinate `u` runs
+    /// from 0 at the root to 1 at the tip, and `v` around the curve.
     Curves(Arc<Curves>),
 }
 
@@ -87,7 +87,7 @@ impl Geometry {
         }
     }
 
-    /// A description for users: "sphere", "mesh of 12 triangles".
+    /// A description for users, such as "sphere" or "mesh of 12 triangles".
     pub fn describe(&self) -> String {
         match self {
             Self::Shape(shape) => shape.name().to_string(),
@@ -100,11 +100,11 @@ impl Geometry {
 /// A geometry with its materials.
 #[derive(Clone, Debug)]
 pub struct Surface {
-    /// Mesh, shape or curves, in the coordinates of the node.
+    /// The mesh, shape or curves, in the coordinates of the node.
     pub geometry: Geometry,
-    /// Material by slot ([`TriangleMesh::material_slots`]; all else has slot 0 only). A slot that
-    /// is `None` or missing takes the material of the node, or of the nearest ancestor that has
-    /// one.
+    /// The material of each slot ([`TriangleMesh::material_slots`]; other geometries have slot 0
+    /// only). A slot that is `None` or missing takes the material of the node, or of the nearest
+    /// ancestor that has one.
     pub materials: Vec<Option<MaterialId>>,
 }
 
@@ -114,12 +114,12 @@ impl Surface {
         Self { geometry, materials: Vec::new() }
     }
 
-    /// A surface of one material.
+    /// A surface whose slot 0 has this material.
     pub fn with_material(geometry: Geometry, material: MaterialId) -> Self {
         Self { geometry, materials: vec![Some(material)] }
     }
 
-    /// A shape of one material.
+    /// A surface that is a shape with this material.
     pub fn shape(shape: impl Into<AnyShape>, material: MaterialId) -> Self {
         Self::with_material(Geometry::Shape(Arc::new(shape.into())), material)
     }
@@ -136,7 +136,7 @@ pub struct Node {
     pub children: Vec<NodeId>,
     /// Surfaces in the node's coordinates.
     pub surfaces: Vec<Surface>,
-    /// Material of surfaces here and below that have none of their own.
+    /// Material of the surfaces of this node, and of nodes below, that have none of their own.
     pub material: Option<MaterialId>,
 }
 
@@ -166,56 +166,57 @@ pub enum Environment {
     Constant(Rgb),
     /// A latitude-longitude image.
     Image {
-        /// The picture; row 0 is the zenith. Linear radiance.
+        /// The picture, in linear radiance; row 0 is the zenith.
         image: Arc<Image>,
-        /// Factor on its radiance.
+        /// Factor on the picture's radiance.
         scale: Rgb,
-        /// Map from the environment's coordinates to the world. In the environment's, `+y` is the
-        /// zenith and the middle of the picture is `-z`, with `+x` to its right (the convention of
-        /// glTF viewers).
+        /// Map from the environment's coordinates to the world. In the environment's coordinates
+        /// `+y` is the zenith and the middle of the picture is `-z`, with `+x` to its right (the
+        /// convention of glTF viewers).
         world_from_environment: DAffine3,
     },
 }
 
-/// The background: what camera rays that leave the scene show.
+/// The background, which camera rays that leave the scene show.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Background {
-    /// The environment (black if there is none).
+    /// The environment, or black if the scene has none.
     #[default]
     Environment,
-    /// A colour (linear), which illuminates nothing.
+    /// A linear colour, which illuminates nothing.
     Color(Rgb),
-    /// Nothing: alpha 0.
+    /// No background: the pixel has alpha 0.
     Transparent,
 }
 
 /// The cause of a warning.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum WarningKind {
-    /// Something differs from the file, or is left out.
+    /// Something in the scene differs from the file, or was left out.
     #[default]
     Changed,
     /// A file that the scene names is missing, or cannot be read.
     Missing,
-    /// A choice that the file leaves open, or a feature of another program; nothing is wrong.
+    /// The reader made a choice that the file leaves open, or the file uses a feature of another
+    /// program; nothing is wrong.
     Choice,
-    /// Numbers that are not finite are in the scene as they were in the file.
+    /// The scene has numbers that are not finite, as they were in the file.
     NotFinite,
 }
 
-/// A message of a reader or check for the user; equal messages are counted.
+/// A message of a reader or check for the user. Equal messages are counted.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Warning {
     /// One sentence with the problem, its place, and what was done instead.
     pub message: String,
-    /// Number of occurrences.
+    /// Number of occurrences, at least 1.
     pub count: u64,
-    /// Its cause.
+    /// The cause of the warning.
     pub kind: WarningKind,
 }
 
-/// The message, with the number of times if there are several.
+/// Writes the message, followed by the number of occurrences if there are several.
 impl std::fmt::Display for Warning {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self.count {
@@ -229,13 +230,13 @@ impl Warning {
     /// Maximum number of different warnings in one list.
     const MAX_DIFFERENT: usize = 1000;
 
-    /// Adds a warning to a list; an equal one is counted instead of repeated, and so are all beyond
-    /// a thousand different ones.
+    /// Adds a warning to a list. A warning that is in the list already is counted instead of
+    /// repeated, and beyond a thousand different ones all are counted together.
     pub fn note(list: &mut Vec<Self>, message: String, count: u64) {
         Self::note_of(WarningKind::Changed, list, message, count);
     }
 
-    /// Adds a warning of a kind to a list, as [`Self::note`] does.
+    /// Does what [`Self::note`] does for a warning of any kind.
     pub fn note_of(kind: WarningKind, list: &mut Vec<Self>, message: String, count: u64) {
         let known = list.iter().position(|w| w.message == message);
         match known {
@@ -254,11 +255,11 @@ impl Warning {
 /// A whole scene.
 #[derive(Clone, Debug)]
 pub struct Scene {
-    /// The name of the scene, in most cases the file's name.
+    /// The name of the scene, which most readers take from the file's name.
     pub name: String,
-    /// All nodes; only those reachable from the root are part of the picture.
+    /// All nodes. Only nodes that can be reached from the root are part of the picture.
     pub nodes: Vec<Node>,
-    /// The root of the graph.
+    /// The root of the graph; its transform maps to the world.
     pub root: NodeId,
     /// Materials by id.
     pub materials: Vec<Material>,
@@ -273,30 +274,31 @@ pub struct Scene {
     pub medium: Option<MediumId>,
     /// Lights that are not surfaces, in world coordinates.
     pub lights: Vec<Light>,
-    /// Cameras in world coordinates; the first is used unless another is asked for. A scene may
-    /// have none.
+    /// Cameras in world coordinates; there may be none. The first is used unless another is
+    /// requested.
     pub cameras: Vec<Camera>,
-    /// Light from all directions, if any.
+    /// Light from all directions, if there is any.
     pub environment: Option<Environment>,
-    /// The background: what camera rays that leave the scene show.
+    /// The background, which camera rays that leave the scene show.
     pub background: Background,
-    /// Ambient light of local illumination: the radiance that a surface of ambient reflectance 1
-    /// shows. Only the integrators `raycast` and `whitted` use it; the others compute indirect
-    /// light instead.
+    /// Ambient light of local illumination: the radiance of a surface with ambient reflectance 1.
+    /// Only the integrators `raycast` and `whitted` use it; the others compute indirect light.
     pub ambient: Rgb,
-    /// Render settings of the file; options override them.
+    /// Render settings of the file, which options override.
     pub settings: SceneSettings,
-    /// Parameters of the file, with their values: `$name` in Mitsuba scenes.
+    /// Names and values of the file's parameters, such as `$name` in Mitsuba scenes.
     pub parameters: Vec<(String, String)>,
     /// Warnings of the reader.
     pub warnings: Vec<Warning>,
-    /// Notes on conversions by the reader that are not obvious: shown on request, not warnings.
+    /// The reader's notes on conversions that are not obvious. They are shown on request and are
+    /// not warnings.
     pub notes: Vec<Warning>,
-    /// Names of the file's material variants; empty for files with only one.
+    /// Names of the file's material variants; empty for files without variants.
     pub variants: Vec<String>,
-    /// Names of the file's scenes, including this one; empty for formats with only one.
+    /// Names of the scenes in the file, including this one; empty for formats with one scene.
     pub scenes: Vec<String>,
-    /// The motion, if any: see [`Scene::apply`]. Everything else describes the scene at rest.
+    /// The motion of the scene, if there is any; see [`Scene::apply`]. Everything else describes
+    /// the scene at rest.
     pub motion: Option<Arc<Motion>>,
 }
 
@@ -306,45 +308,45 @@ pub enum SceneError {
     /// A node is its own descendant.
     #[error("node {node} (\"{name}\") is its own descendant; a scene graph must not have cycles")]
     Cycle {
-        /// A node on the cycle.
+        /// The number of a node on the cycle.
         node: u32,
-        /// Its name.
+        /// The node's name.
         name: String,
     },
-    /// A texture that is not in the table.
+    /// A material refers to a texture that is not in the table.
     #[error("material {material} (\"{name}\") refers to texture {id}, but there are only {count}")]
     DanglingTexture {
-        /// The material that refers.
+        /// The number of the material.
         material: usize,
-        /// Its name.
+        /// The material's name.
         name: String,
-        /// The id found.
+        /// The id of the missing texture.
         id: u32,
-        /// Length of the table.
+        /// The length of the table.
         count: usize,
     },
-    /// A medium that is not in the table.
+    /// Something refers to a medium that is not in the table.
     #[error("{what} refers to medium {id}, but there are only {count}")]
     DanglingMedium {
-        /// The referring object.
+        /// A description of what refers to it.
         what: String,
-        /// The id found.
+        /// The id of the missing medium.
         id: u32,
-        /// Length of the table.
+        /// The length of the table.
         count: usize,
     },
-    /// An id points past its table.
+    /// A node refers to an entry that is not in its table.
     #[error("node {node} (\"{name}\") refers to {what} {id}, but there are only {count}")]
     DanglingId {
-        /// The node that refers.
+        /// The number of the node.
         node: u32,
-        /// Its name.
+        /// The node's name.
         name: String,
-        /// Kind of the thing referred to.
+        /// What the node refers to, such as "material".
         what: &'static str,
-        /// The id found.
+        /// The id of the missing entry.
         id: u32,
-        /// Length of the table.
+        /// The length of the table.
         count: usize,
     },
 }
@@ -356,7 +358,7 @@ impl Default for Scene {
 }
 
 impl Scene {
-    /// An empty scene: a root node and nothing else.
+    /// An empty scene, which has a root node and nothing else.
     pub fn new(name: impl Into<String>) -> Self {
         Self {
             name: name.into(),
@@ -382,32 +384,32 @@ impl Scene {
         }
     }
 
-    /// Stores a node without a parent.
+    /// Adds a node without a parent, and returns its id.
     pub fn add_node(&mut self, node: Node) -> NodeId {
         self.nodes.push(node);
         NodeId(self.nodes.len() as u32 - 1)
     }
 
-    /// Stores a node below `parent`.
+    /// Adds a node below `parent`, and returns its id.
     pub fn add_child(&mut self, parent: NodeId, node: Node) -> NodeId {
         let id = self.add_node(node);
         self.nodes[parent.index()].children.push(id);
         id
     }
 
-    /// Stores a material.
+    /// Adds a material, and returns its id.
     pub fn add_material(&mut self, material: Material) -> MaterialId {
         self.materials.push(material);
         MaterialId(self.materials.len() as u32 - 1)
     }
 
-    /// Stores an image.
+    /// Adds an image, and returns its id.
     pub fn add_image(&mut self, image: Arc<Image>) -> ImageId {
         self.images.push(image);
         ImageId(self.images.len() as u32 - 1)
     }
 
-    /// Stores a texture.
+    /// Adds a texture, and returns its id.
     pub fn add_texture(&mut self, texture: impl Into<Texture>) -> TextureId {
         self.textures.push(texture.into());
         TextureId(self.textures.len() as u32 - 1)
@@ -418,7 +420,7 @@ impl Scene {
         self.lights.push(light.into());
     }
 
-    /// Stores a medium.
+    /// Adds a medium, and returns its id.
     pub fn add_medium(&mut self, medium: impl Into<Medium>) -> MediumId {
         self.media.push(medium.into());
         MediumId(self.media.len() as u32 - 1)
@@ -429,22 +431,22 @@ impl Scene {
         self.parameters.iter().any(|(known, _)| known == name)
     }
 
-    /// Notes a warning; an equal one is counted instead of repeated.
+    /// Adds a warning. An equal one is counted instead of repeated.
     pub fn warn(&mut self, message: impl Into<String>) {
         self.warn_of(WarningKind::Changed, message);
     }
 
-    /// Notes a warning of a kind; an equal one is counted instead of repeated.
+    /// Adds a warning of this kind. An equal one is counted instead of repeated.
     pub fn warn_of(&mut self, kind: WarningKind, message: impl Into<String>) {
         Warning::note_of(kind, &mut self.warnings, message.into(), 1);
     }
 
-    /// Adds a note on a conversion; an equal note is counted instead of repeated.
+    /// Adds a note on a conversion. An equal one is counted instead of repeated.
     pub fn note(&mut self, message: impl Into<String>) {
         Warning::note(&mut self.notes, message.into(), 1);
     }
 
-    /// Checks that all ids are in range and that no node is its own descendant; returns the
+    /// Checks that all ids are in range and that no node is its own descendant. Returns the
     /// reachable nodes, each once, children before parents.
     pub fn topological_order(&self) -> Result<Vec<NodeId>, SceneError> {
         #[derive(Clone, Copy, PartialEq)]
@@ -457,7 +459,7 @@ impl Scene {
         let mut order = Vec::new();
         self.check_ids(self.root)?;
         marks[self.root.index()] = Mark::Open;
-        // An explicit stack, because files may nest deeper than the thread's stack.
+        // The stack is explicit, because files may nest deeper than a thread's stack allows.
         let mut stack = vec![(self.root, 0)];
         while let Some((id, next)) = stack.pop() {
             let Some(&child) = self.nodes[id.index()].children.get(next) else {
@@ -482,7 +484,7 @@ impl Scene {
         Ok(order)
     }
 
-    /// Checks that the textures of all materials are in the table.
+    /// Checks that the textures of all materials are in the table of textures.
     pub fn check_textures(&self) -> Result<(), SceneError> {
         for (material, declaration) in self.materials.iter().enumerate() {
             if let Some(TextureId(id)) = self.missing_texture(declaration) {
@@ -493,7 +495,7 @@ impl Scene {
         Ok(())
     }
 
-    /// The texture of a material that is not in the table, if there is one.
+    /// A texture of the material that is not in the table of textures, if there is one.
     pub(crate) fn missing_texture(&self, material: &Material) -> Option<TextureId> {
         material.textures().into_iter().find(|texture| texture.index() >= self.textures.len())
     }
@@ -530,8 +532,8 @@ impl Scene {
         Ok(())
     }
 
-    /// Bounding box of each reachable node in its own coordinates (children included, by their
-    /// transforms).
+    /// The bounding box of each reachable node in the node's own coordinates. The box includes the
+    /// children, by their transforms.
     pub fn node_bounds(&self) -> Result<BTreeMap<NodeId, Bounds3d>, SceneError> {
         let mut bounds = BTreeMap::new();
         for id in self.topological_order()? {
@@ -548,7 +550,7 @@ impl Scene {
         Ok(bounds)
     }
 
-    /// The box around all surfaces in world coordinates; sides may be infinite, and it is empty for
+    /// The box around all surfaces in world coordinates. Its sides may be infinite; it is empty for
     /// a scene without surfaces.
     pub fn bounds(&self) -> Result<Bounds3d, SceneError> {
         let root = self.node_bounds()?[&self.root];

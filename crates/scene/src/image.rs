@@ -4,24 +4,24 @@
 use serde::{Deserialize, Serialize};
 
 snell_math::declare! {
-    /// The encoding of colour in stored values.
+    /// The encoding of stored colour values.
     #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
     pub enum Encoding {
-        /// Colour channels carry the sRGB curve; alpha is linear.
+        /// Colour channels are encoded with the sRGB curve; alpha is linear.
         "srgb" => Srgb,
-        /// Values are linear (data, or scene-linear radiance).
+        /// Values are linear, either data or scene-linear radiance.
         "linear" => Linear,
     }
 }
 
-/// Stored values: `channels` per pixel, row by row from the top.
+/// The stored values: `channels` for each pixel, row by row from the top.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Pixels {
     /// 0 to 255 stand for 0 to 1.
     U8(Vec<u8>),
     /// 0 to 65535 stand for 0 to 1.
     U16(Vec<u16>),
-    /// The value itself.
+    /// Floating-point numbers that stand for themselves.
     F32(Vec<f32>),
 }
 
@@ -35,9 +35,9 @@ pub struct Image {
     pub height: u32,
     /// Channels per pixel, 1 to 4.
     pub channels: u32,
-    /// The values.
+    /// The stored values.
     pub pixels: Pixels,
-    /// The default encoding of colour values, which users of the image may override.
+    /// The encoding of colour values, unless users of the image override it.
     pub encoding: Encoding,
 }
 
@@ -55,7 +55,7 @@ impl Image {
         Self { width, height, channels, pixels: Pixels::F32(values), encoding: Encoding::Linear }
     }
 
-    /// Stored value of a channel, 0 to 1 for integer pixels, as encoded.
+    /// The stored value of a channel, still encoded; integer values are scaled to 0 to 1.
     pub fn value(&self, x: u32, y: u32, channel: u32) -> f32 {
         let i = (y as usize * self.width as usize + x as usize) * self.channels as usize
             + channel as usize;
@@ -66,8 +66,8 @@ impl Image {
         }
     }
 
-    /// Linear RGB and alpha of a pixel, with colour values decoded by `encoding`. Grey is copied to
-    /// all three; alpha is 1 if absent.
+    /// Linear RGB and alpha of a pixel, decoded by `encoding`. Grey is copied to all three colour
+    /// channels; alpha is 1 if the image has none.
     pub fn rgba_as(&self, x: u32, y: u32, encoding: Encoding) -> [f32; 4] {
         let c = |i| self.value(x, y, i);
         let [r, g, b, a] = match self.channels {
@@ -85,13 +85,13 @@ impl Image {
         }
     }
 
-    /// Linear RGB and alpha of a pixel by the image's own encoding.
+    /// Linear RGB and alpha of a pixel, decoded by the image's own encoding.
     pub fn rgba(&self, x: u32, y: u32) -> [f32; 4] {
         self.rgba_as(x, y, self.encoding)
     }
 }
 
-/// One layer of a picture: some named channels of 32-bit floats.
+/// One layer of a picture, with some named channels of 32-bit floats.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Layer {
     /// Empty for the picture itself, otherwise the name of the AOV, such as `depth`.
@@ -102,7 +102,7 @@ pub struct Layer {
     pub values: Vec<f32>,
 }
 
-/// A picture with any number of layers. The first is the picture itself: `R G B` or `R G B A`
+/// A picture with any number of layers. The first layer is the picture itself: `R G B` or `R G B A`
 /// (premultiplied alpha), scene-linear Rec. 709.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LayeredImage {
@@ -110,14 +110,14 @@ pub struct LayeredImage {
     pub width: u32,
     /// Height in pixels.
     pub height: u32,
-    /// The layers.
+    /// The layers, the picture itself first.
     pub layers: Vec<Layer>,
-    /// Settings and statistics that travel with the picture: key and value.
+    /// Settings and statistics that are stored with the picture, as keys and values.
     pub metadata: Vec<(String, String)>,
 }
 
 impl LayeredImage {
-    /// The layer of this name.
+    /// The layer of this name; `None` if there is none.
     pub fn layer(&self, name: &str) -> Option<&Layer> {
         self.layers.iter().find(|l| l.name == name)
     }

@@ -1,8 +1,8 @@
-//! The parts of a scene, and their local functions: a camera gives a ray, a texture a colour, a
-//! material a BSDF, a light its radiance.
+//! The parts of a scene, and what each computes locally: a camera gives a ray, a texture a colour,
+//! a material a BSDF, a light its radiance.
 //!
 //! Everything here is a function of its arguments. There are no files, threads, samplers or
-//! acceleration structures in this crate: random numbers are arguments, so each part can be tested
+//! acceleration structures in this crate. Random numbers are arguments, so each part can be tested
 //! alone.
 
 #![forbid(unsafe_code)]

@@ -1,10 +1,10 @@
-//! Noise functions over space: for media without a shape, and for the patterns of stone, waves and
+//! Noise functions over space, for media without a shape, and for patterns of stone, waves and
 //! wrinkles.
 
 use snell_math::{Vec3, rng};
 
-/// Gradient noise (Perlin, Improving Noise, SIGGRAPH 2002) with hashed gradients: 0 at integer
-/// coordinates, smooth, within about `[-1, 1]`.
+/// Gradient noise (Perlin, Improving Noise, SIGGRAPH 2002) with hashed gradients. It is 0 at
+/// integer coordinates, smooth, and within about `[-1, 1]`.
 pub fn gradient_noise(p: Vec3, seed: u32) -> f32 {
     let whole = |c: f32| c as i32;
     let gradient = |[x, y, z]: [i32; 3], f: Vec3| {
@@ -15,8 +15,8 @@ pub fn gradient_noise(p: Vec3, seed: u32) -> f32 {
 }
 
 /// Interpolates between the eight corners of a cell of the integer lattice. `gradient` returns the
-/// value of a corner's linear function at an offset from it, `whole` the integer of a corner's
-/// rounded coordinate.
+/// value of a corner's linear function at an offset from the corner; `whole` converts a coordinate
+/// of a corner to an integer.
 fn lattice(p: Vec3, whole: impl Fn(f32) -> i32, gradient: impl Fn([i32; 3], Vec3) -> f32) -> f32 {
     let cell = p.floor();
     let f = p - cell;
@@ -44,8 +44,8 @@ pub fn fractal_noise(p: Vec3, octaves: u32, seed: u32) -> f32 {
     sum
 }
 
-/// Perlin's permutation of the numbers from 0 to 255, which makes renderers agree on one noise
-/// (Perlin, Improving Noise, SIGGRAPH 2002).
+/// Perlin's permutation of the numbers from 0 to 255, which is why different renderers compute the
+/// same noise (Perlin, Improving Noise, SIGGRAPH 2002).
 #[rustfmt::skip]
 const PERMUTATION: [u8; 256] = [
     151, 160, 137, 91, 90, 15, 131, 13, 201, 95, 96, 53, 194, 233, 7, 225, 140, 36, 103, 30, 69,
@@ -63,12 +63,13 @@ const PERMUTATION: [u8; 256] = [
     78, 66, 215, 61, 156, 180,
 ];
 
-/// Perlin's improved noise with his own permutation, which repeats every 256 units: 0 at integer
-/// coordinates, within about `[-1, 1]`. 0 if the coordinates are not finite.
+/// Perlin's improved noise with his own permutation, which repeats every 256 units. It is 0 at
+/// integer coordinates, and within about `[-1, 1]`. If the coordinates are not finite, the result
+/// is 0.
 ///
 /// The gradients are the twelve directions to the midpoints of a cube's edges. Four of them occur
-/// twice, to make sixteen. They follow pbrt (3rd edition of the book, section 10.6.1) and differ
-/// from Perlin's in two entries.
+/// twice, which makes sixteen. They follow pbrt (3rd edition of the book, section 10.6.1) and
+/// differ from Perlin's in two entries.
 pub fn perlin_noise(p: Vec3) -> f32 {
     if !p.is_finite() {
         return 0.0;
@@ -89,41 +90,43 @@ pub fn perlin_noise(p: Vec3) -> f32 {
     )
 }
 
-/// A sum of octaves of [`perlin_noise`]: fractional Brownian motion and turbulence (Pharr, Jakob,
-/// Humphreys, Physically Based Rendering, 3rd edition, section 10.6.3).
+/// Parameters of a sum of octaves of [`perlin_noise`], for fractional Brownian motion and
+/// turbulence (Pharr, Jakob, Humphreys, Physically Based Rendering, 3rd edition, section 10.6.3).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Octaves {
-    /// Number of octaves, at most 32: more would be finer than the precision.
+    /// Number of octaves, at most 32, since more would be finer than the precision.
     pub count: u32,
-    /// Ratio of the amplitudes of successive octaves, `[0, 4]`; other values are clamped, and NaN
-    /// is 0.
+    /// Ratio of the amplitudes of successive octaves, in `[0, 4]`; other values are clamped, and
+    /// NaN counts as 0.
     pub omega: f32,
 }
 
-/// Ratio of the frequencies of successive octaves. Not quite 2: the zeros of the lattices would
-/// coincide.
+/// Ratio of the frequencies of successive octaves. It is not quite 2, because the zeros of the
+/// lattices would coincide.
 const LACUNARITY: f32 = 1.99;
 /// The mean of the absolute value of [`perlin_noise`], measured.
 const MEAN_ABSOLUTE: f32 = 0.217;
 
 impl Octaves {
-    /// Fractional Brownian motion: the sum of the octaves. `width` is the filter width; octaves too
-    /// fine for it fade out, because their mean is 0. A width of 0 keeps all.
+    /// Fractional Brownian motion, which is the sum of the octaves. `width` is the filter width;
+    /// octaves that are too fine for it fade out, because their mean is 0. A width of 0 keeps all
+    /// octaves.
     pub fn fbm(self, p: Vec3, width: f32) -> f32 {
         self.sum(p, width, 0.0, |noise| noise)
     }
 
-    /// Turbulence: the sum of the absolute values of the octaves. Those too fine for `width` are
-    /// replaced by their mean.
+    /// Turbulence, which is the sum of the absolute values of the octaves. Octaves that are too
+    /// fine for `width` are replaced by their mean.
     pub fn turbulence(self, p: Vec3, width: f32) -> f32 {
         self.sum(p, width, MEAN_ABSOLUTE, f32::abs)
     }
 
-    /// The sum of a function of the octaves; octaves that are too fine are replaced by its mean.
+    /// The sum of the function `value` of the octaves; octaves that are too fine are replaced by
+    /// `mean`.
     fn sum(self, p: Vec3, width: f32, mean: f32, value: impl Fn(f32) -> f32) -> f32 {
         let count = self.count.min(32);
         let omega = crate::bsdf::bounded(self.omega, 4.0);
-        // Nyquist: an octave is fully resolved up to half a period per width.
+        // By Nyquist's theorem, an octave is fully resolved up to half a period per width.
         let seen = crate::bsdf::bounded(-1.0 - width.max(0.0).log2(), count as f32);
         let (mut sum, mut frequency, mut height) = (0.0, 1.0, 1.0);
         for octave in 0..count {
@@ -168,8 +171,8 @@ mod tests {
         assert_eq!(gradient_noise(Vec3::new(3.0, -2.0, 8.0), 1), 0.0);
     }
 
-    /// A second implementation: each corner's gradient from a list of the sixteen directions, in
-    /// double precision.
+    /// A second implementation in double precision, in which each corner's gradient comes from a
+    /// list of the sixteen directions.
     fn perlin_by_list(p: [f64; 3]) -> f64 {
         const DIRECTIONS: [[f64; 3]; 16] = [
             [1.0, 1.0, 0.0],
@@ -208,7 +211,7 @@ mod tests {
 
     #[test]
     fn perlins_noise_is_the_published_one() {
-        // Each number occurs once: a permutation.
+        // Each number must occur once.
         let mut seen = PERMUTATION;
         seen.sort_unstable();
         assert!(seen.iter().enumerate().all(|(i, &p)| i == usize::from(p)));
@@ -222,7 +225,7 @@ mod tests {
             assert_eq!(perlin_noise(p.floor()), 0.0);
             assert!((perlin_noise(p) - perlin_noise(p + 256.0)).abs() < 1e-3, "the period is 256");
         }
-        // The value of the reference implementation at a commonly quoted point.
+        // The value of the reference implementation at a point that is often quoted.
         assert!((perlin_noise(Vec3::new(314.0 / 100.0, 42.0, 7.0)) - 0.13691995).abs() < 1e-5);
     }
 
@@ -260,14 +263,15 @@ mod tests {
             mean(&|p| octaves.fbm(p, 0.0)).abs() < 0.01
                 && octaves.fbm(Vec3::splat(0.3), 9.0) == 0.0
         );
-        // Octaves are independent: the variance of the sum is the geometric sum of that of one.
+        // The octaves are independent, so the variance of their sum is the geometric sum of the
+        // variance of one.
         let one = variance(&perlin_noise);
         let all = one * (1.0 - 0.25f64.powi(8)) / (1.0 - 0.25);
         let found = variance(&|p| octaves.fbm(p, 0.0));
         assert!((found / all - 1.0).abs() < 0.03, "{found} {all}");
         let halved = variance(&|p| octaves.fbm(p, 0.25));
         assert!(halved < found && halved > 0.9 * one, "{halved}");
-        // The visible pattern fades continuously.
+        // The visible pattern must fade continuously.
         for i in 1..200 {
             let [a, b] = [i, i + 1]
                 .map(|i| octaves.fbm(Vec3::new(0.3, 1.7, 2.2), 0.5f32.powf(i as f32 / 20.0)));

@@ -1,10 +1,10 @@
-//! Changes to a scene by name: `-D key=value` of the command line, edits in the viewer.
+//! Changes to a scene by name: `-D key=value` on the command line, and edits in the viewer.
 //!
 //! A key is a path into the scene: `material.NAME.PARAMETER`, `camera.NAME.PARAMETER`,
 //! `light.NUMBER.PARAMETER`, `medium.NUMBER.PARAMETER`, `node.NAME.visible`, `environment.rotation`
 //! (degrees about the scene's up axis, counter-clockwise as seen from above), `environment.scale`,
-//! `ambient`. The parameters are those of the scene's own declarations; the value is JSON, or plain
-//! text where JSON is not given.
+//! `ambient`. The parameters are those that the types in the scene declare. The value is JSON;
+//! anything that is not JSON is taken as plain text.
 
 use crate::material::MaterialKind;
 use crate::ranges::BRIGHTEST;
@@ -20,9 +20,9 @@ use snell_math::{DAffine3, DVec3, Rgb};
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("-D {key}: {problem}")]
 pub struct OverrideError {
-    /// The key, or the whole definition if it has no key.
+    /// The key of the change, or the whole definition if it has no key.
     pub key: String,
-    /// The reason.
+    /// The reason why the change is not possible.
     pub problem: String,
 }
 
@@ -30,7 +30,7 @@ fn error(key: &str, problem: impl Into<String>) -> OverrideError {
     OverrideError { key: key.to_string(), problem: problem.into() }
 }
 
-/// Applies one `key=value`. The scene is unchanged if that fails.
+/// Applies one change `key=value`. If that fails, the scene is unchanged.
 pub fn apply(scene: &mut Scene, definition: &str) -> Result<(), OverrideError> {
     let Some((key, text)) = definition.split_once('=') else {
         let problem = "expected key=value, such as material.floor.reflectance.factor=[1,0,0]";
@@ -85,7 +85,7 @@ pub fn apply(scene: &mut Scene, definition: &str) -> Result<(), OverrideError> {
         }
         "node" => {
             let names: Vec<String> = scene.nodes.iter().map(|n| n.name.clone()).collect();
-            // Numbers first: nodes of many files have numbers for names.
+            // Numbers are tried first, because nodes in many files have numbers as names.
             let numbered = rest
                 .split_once('.')
                 .and_then(|(number, path)| Some((number.parse::<usize>().ok()?, path)));
@@ -130,12 +130,12 @@ fn edit_material(
     Ok(())
 }
 
-/// The entry of a table at a position.
+/// The entry of a table at a position; an error if there is none.
 fn entry<'a, T>(table: &'a mut [T], number: usize, path: &str) -> Result<&'a mut T, OverrideError> {
     table.get_mut(number).ok_or_else(|| error(path, format!("there is no number {number}")))
 }
 
-/// Changes a parameter of a material by its position in the scene's table.
+/// Changes a parameter of a material, which is given by its position in the scene's table.
 pub fn set_material(
     scene: &mut Scene,
     number: usize,
@@ -145,7 +145,7 @@ pub fn set_material(
     edit_material(entry(&mut scene.materials, number, path)?, path, path, value, edit)
 }
 
-/// Changes a parameter of a light by its position in the scene's table.
+/// Changes a parameter of a light, which is given by its position in the scene's table.
 pub fn set_light(
     scene: &mut Scene,
     number: usize,
@@ -155,7 +155,7 @@ pub fn set_light(
     edit(entry(&mut scene.lights, number, path)?, path, path, value)
 }
 
-/// Changes a parameter of a camera by its position in the scene's table.
+/// Changes a parameter of a camera, which is given by its position in the scene's table.
 pub fn set_camera(
     scene: &mut Scene,
     number: usize,
@@ -165,7 +165,7 @@ pub fn set_camera(
     edit(entry(&mut scene.cameras, number, path)?, path, path, value)
 }
 
-/// The material kind of this name with the defaults of its parameters, or its first example if some
+/// A material of the kind of this name with default parameters, or the kind's first example if some
 /// parameters have no default.
 fn kind_named(key: &str, name: &str) -> Result<Value, OverrideError> {
     let plain = json!({ "material": name });
@@ -222,8 +222,8 @@ fn edit_environment(
     }
 }
 
-/// The rotation of an environment about a direction, in degrees from -180 to 180: the angle of the
-/// middle of its image, measured from `-z` (from `+y` if up is along `z`).
+/// The rotation of an environment about a direction, in degrees from -180 to 180. It is the angle
+/// of the middle of the environment's image, measured from `-z` (from `+y` if up is along `z`).
 pub fn rotation(world_from_environment: &DAffine3, up: DVec3) -> f64 {
     let up = up.normalize_or(DVec3::Y);
     let level = |v: DVec3| (v - up * v.dot(up)).normalize_or_zero();
@@ -232,7 +232,8 @@ pub fn rotation(world_from_environment: &DAffine3, up: DVec3) -> f64 {
     zero.cross(middle).dot(up).atan2(zero.dot(middle)).to_degrees()
 }
 
-/// The thing that a key names, by name or number, and the rest of the key. Names may contain dots.
+/// The thing that a key names, by name or by number, and the rest of the key. Names may contain
+/// dots.
 fn find<'a>(
     key: &str,
     what: &str,
@@ -281,7 +282,8 @@ fn edit<T: Serialize + DeserializeOwned + Parameters>(
     Ok(())
 }
 
-/// An edit by a user, whose numbers must be within their ranges. (Animations may overshoot.)
+/// Applies a user's edit, whose numbers must be within their ranges. (Those of animations may
+/// overshoot.)
 fn edit_checked<T: Serialize + DeserializeOwned + Parameters>(
     target: &mut T,
     key: &str,
@@ -303,7 +305,7 @@ fn edit_checked<T: Serialize + DeserializeOwned + Parameters>(
     Ok(())
 }
 
-/// The first number that is outside of single precision, if there is one.
+/// The first number that does not fit in single precision, if there is one.
 fn too_large(value: &Value) -> Option<f64> {
     match value {
         Value::Number(number) => number.as_f64().filter(|x| !(*x as f32).is_finite()),
@@ -340,15 +342,15 @@ fn edited<T: Serialize + DeserializeOwned + Parameters>(
     })
 }
 
-/// The error of `serde` for a value that does not fit, with the value found and what the
-/// declaration expects, but without the names of Rust types.
+/// The error message of `serde` for a value that does not fit. It keeps the value that was found,
+/// and says what the declaration expects, without the names of Rust types.
 fn in_words(message: &str, kind: Option<Kind>) -> String {
     let Some((found, own)) = message.split_once(", expected ") else { return message.to_string() };
     let expected = kind.and_then(expected).unwrap_or_else(|| own.to_string());
     format!("{}, expected {expected}", found.strip_prefix("invalid type: ").unwrap_or(found))
 }
 
-/// The syntax of a value in words; `None` where the reader's own message is more precise.
+/// The syntax of a value in words; `None` if the message of the reader is more precise.
 fn expected(kind: Kind) -> Option<String> {
     let names = |names: &mut dyn Iterator<Item = &str>| names.collect::<Vec<_>>().join(", ");
     Some(match kind {
@@ -380,8 +382,8 @@ fn of_numbers(n: usize) -> String {
     format!("a list of {n} numbers, such as [{}]", vec!["1"; n].join(","))
 }
 
-/// One step into a tree. Materials hold their parameters one level down (`kind`), which keys may
-/// leave out.
+/// The value one step further down in a tree. Materials hold their parameters one level down
+/// (`kind`), which keys may leave out.
 fn descend<'a>(tree: &'a mut Value, key: &str, step: &str) -> Result<&'a mut Value, OverrideError> {
     let shown = tree.clone();
     if let Value::Array(items) = tree {
@@ -419,7 +421,7 @@ fn from_value<T: DeserializeOwned + Parameters>(
     serde_json::from_value(value).map_err(|e| error(key, in_words(&e.to_string(), Some(T::KIND))))
 }
 
-/// An RGB value of light.
+/// A value as the RGB of light; an error if it is not one.
 fn light(key: &str, value: Value) -> Result<Rgb, OverrideError> {
     let light: Rgb = from_value(key, value)?;
     let possible = |x: f32| (0.0..=BRIGHTEST).contains(&x);
@@ -429,13 +431,14 @@ fn light(key: &str, value: Value) -> Result<Rgb, OverrideError> {
     Err(error(key, format!("expected three numbers from 0 to {BRIGHTEST:e}")))
 }
 
-/// The nearest of some names, if one is near.
+/// The name that is nearest to `name`, if one is near.
 pub fn nearest<'a>(name: &str, names: &[&'a str]) -> Option<&'a str> {
     let best = names.iter().map(|n| (edit_distance(name, n), *n)).min()?;
     (best.0 <= name.chars().count().div_ceil(3).max(1)).then_some(best.1)
 }
 
-/// Number of insertions, deletions and replacements between two words (Levenshtein).
+/// The number of insertions, deletions and replacements that turn one word into another
+/// (Levenshtein).
 fn edit_distance(a: &str, b: &str) -> usize {
     let b: Vec<char> = b.chars().collect();
     let mut row: Vec<usize> = (0..=b.len()).collect();

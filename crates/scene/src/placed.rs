@@ -1,26 +1,26 @@
-//! The surfaces of a scene graph, flattened, each with its transform to the world.
+//! The surfaces of a scene graph as a flat list, each with its transform to the world.
 
 use crate::graph::{Geometry, MaterialId, Node, NodeId, Scene, Surface};
 use snell_math::{DAffine3, Transform};
 use std::collections::HashSet;
 use std::sync::Arc;
 
-/// Maximum number of placements in one list: a small file can place one surface an unlimited number
-/// of times.
+/// Maximum number of placements in one list, since a small file can place one surface an unlimited
+/// number of times.
 pub const MAX_PLACED: u64 = 10_000_000;
 
-/// A placed surface.
+/// A surface at one place in the world.
 #[derive(Clone, Debug)]
 pub struct Placed<'a> {
-    /// The node that holds it.
+    /// The node that holds the surface.
     pub node: NodeId,
-    /// Name of the nearest node above that has one; may be empty.
+    /// Name of the nearest node at or above `node` that has a name; may be empty.
     pub name: &'a str,
-    /// Its transform to the world.
+    /// The surface's transform to the world.
     pub world_from_surface: Transform,
-    /// The surface.
+    /// The surface itself.
     pub surface: &'a Surface,
-    /// The material of slots without their own.
+    /// The material of slots that have none of their own.
     inherited: Option<MaterialId>,
 }
 
@@ -30,7 +30,7 @@ impl Placed<'_> {
         self.surface.materials.get(slot).copied().flatten().or(self.inherited)
     }
 
-    /// The slots that its triangles use, ascending, and their materials.
+    /// The slots that the surface's triangles use, ascending, with their materials.
     pub fn slots(&self) -> Vec<(u16, Option<MaterialId>)> {
         let slots = match &self.surface.geometry {
             Geometry::Mesh(mesh) if !mesh.material_slots.is_empty() => {
@@ -49,7 +49,8 @@ pub fn placement_count(scene: &Scene) -> Result<u64, String> {
     total(scene, |node| 1 + node.surfaces.len() as u64)
 }
 
-/// The triangles of all meshes, each mesh counted once: a measure of work on the meshes themselves.
+/// The number of triangles of all meshes, where each mesh is counted once. It measures the work on
+/// the meshes themselves.
 pub fn distinct_triangles(scene: &Scene) -> u64 {
     let mut seen = HashSet::new();
     let surfaces = scene.nodes.iter().flat_map(|node| &node.surfaces);
@@ -72,8 +73,8 @@ pub fn total(scene: &Scene, of_node: impl Fn(&Node) -> u64) -> Result<u64, Strin
     Ok(counts[scene.root.index()])
 }
 
-/// All surfaces, in the order of the graph. Those flattened by a singular transform are left out,
-/// as in rendering. Fails for cycles, ids out of range, and more than [`MAX_PLACED`] nodes and
+/// All surfaces, in the order of the graph. Surfaces under a singular transform are left out, as in
+/// rendering. It fails for cycles, for ids out of range, and for more than [`MAX_PLACED`] nodes and
 /// surfaces.
 pub fn placed(scene: &Scene) -> Result<Vec<Placed<'_>>, String> {
     let count = placement_count(scene)?;
@@ -90,7 +91,7 @@ pub fn placed(scene: &Scene) -> Result<Vec<Placed<'_>>, String> {
             list of them"
         )
     })?;
-    // For each node on the path, its remaining children and the state that they inherit.
+    // For each node on the path: the children that are left, and the state that they inherit.
     let mut stack = vec![(std::slice::from_ref(&scene.root).iter(), DAffine3::IDENTITY, None, "")];
     while let Some((children, world_from_parent, material, name)) = stack.last_mut() {
         let Some(&id) = children.next() else {

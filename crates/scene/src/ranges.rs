@@ -1,4 +1,4 @@
-//! Warnings of readers about numbers of a scene that are out of range ([`Scene::check_ranges`]).
+//! Warnings about numbers of a scene that are out of range ([`Scene::check_ranges`]), for readers.
 //! The ranges are declared with the parameters ([`snell_math::declare!`]).
 
 use crate::graph::{Environment, Scene, WarningKind};
@@ -6,20 +6,20 @@ use crate::{Material, Texture};
 use snell_math::Rgb;
 use snell_math::parameters::{Range, Value, problem_at};
 
-/// Maximum radiance, irradiance or intensity of a light: brighter values leave single precision no
-/// headroom for further factors, such as the inverse density of a sample. (The sun's disk has 2e7 W
-/// / (m² sr).)
+/// Maximum radiance, irradiance or intensity of a light. Brighter values would leave single
+/// precision no headroom for further factors, such as the inverse density of a sample. (The sun's
+/// disk has 2e7 W / (m² sr).)
 pub const BRIGHTEST: f32 = 1e24;
 
-/// Maximum distance of a camera from the origin: squares of distances must be finite.
+/// Maximum distance of a camera from the origin, since squares of distances must be finite.
 pub(crate) const FARTHEST: f64 = 1e18;
 
 /// The range of radiance, irradiance, intensity and emission.
 pub(crate) const LIGHT: Range = Range::Within(0.0, BRIGHTEST as f64);
 
 impl Scene {
-    /// Warns of out-of-range numbers of materials, patterns, lights, media and cameras, such as a
-    /// roughness of 7. Renderers clamp such a number to its range or ignore it.
+    /// Warns about out-of-range numbers of materials, patterns, lights, media and cameras, such as
+    /// a roughness of 7. The renderer clamps such a number to its range or ignores it.
     pub fn check_ranges(&mut self) {
         fn look<'a, T: Value + 'a>(
             what: &str,
@@ -46,8 +46,8 @@ impl Scene {
         }
     }
 
-    /// Clamps light that is too bright to compute with ([`BRIGHTEST`]) or negative, with a warning
-    /// for each. Readers call this for every scene.
+    /// Clamps light that is negative, or too bright to compute with ([`BRIGHTEST`]), and adds a
+    /// warning for each. Readers call it for every scene.
     pub fn limit_light(&mut self) {
         let mut told = Vec::new();
         let mut limit = |what: &dyn Fn() -> String, light: &mut Rgb| {

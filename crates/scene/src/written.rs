@@ -1,10 +1,10 @@
-//! Values as scene files and users write them, held against the declarations of parameters before
-//! `serde` reads them: names that nothing declares, and values of another sort.
+//! Compares values as scene files and users write them with the declarations of parameters, before
+//! `serde` reads them. It finds names that nothing declares, and values of the wrong type.
 
 use serde_json::Value;
 use snell_math::parameters::{Kind, Parameter};
 
-/// The names that an object may have; `None` for what is not declared by name.
+/// The names that an object may have; `None` if it has no declared names.
 fn names(kind: Kind, value: &Value) -> Option<Vec<&'static str>> {
     let named = |parameters: &[Parameter]| parameters.iter().map(|p| p.name).collect();
     match kind.required() {
@@ -20,7 +20,7 @@ fn names(kind: Kind, value: &Value) -> Option<Vec<&'static str>> {
     }
 }
 
-/// The kind of the value under a name of an object.
+/// The kind of the value under a name of an object; `None` if it is not declared.
 fn kind_of(kind: Kind, value: &Value, name: &str) -> Option<Kind> {
     match kind.required() {
         Kind::OneOf(tag, variants) if !tag.is_empty() => {
@@ -31,7 +31,7 @@ fn kind_of(kind: Kind, value: &Value, name: &str) -> Option<Kind> {
     }
 }
 
-/// Calls `look` with every value whose kind is declared, and its place in the whole.
+/// Calls `look` with every value whose kind is declared, and with the value's place in the whole.
 fn walk(kind: Kind, value: &Value, place: &str, look: &mut dyn FnMut(&str, Kind, &Value)) {
     look(place, kind, value);
     let inside = |step: &str| match place {
@@ -55,8 +55,8 @@ fn walk(kind: Kind, value: &Value, place: &str, look: &mut dyn FnMut(&str, Kind,
     }
 }
 
-/// The names in a value that no declaration has, each with its place and the names that are known
-/// there. They would be ignored.
+/// The names in a value that no declaration has, which would be ignored. Each is given with its
+/// place and the names that are valid there.
 pub fn unknown_names(kind: Kind, value: &Value) -> Vec<String> {
     let mut unknown = Vec::new();
     walk(kind, value, "", &mut |place, kind, value| {
@@ -72,8 +72,8 @@ pub fn unknown_names(kind: Kind, value: &Value) -> Vec<String> {
     unknown
 }
 
-/// The place of the first value that is of another sort than its declaration, such as text for a
-/// number, with its kind; `None` if there is none.
+/// The first value whose type differs from its declaration, such as text for a number: its place,
+/// its declared kind, and the value. `None` if there is none.
 pub fn misfit(kind: Kind, value: &Value) -> Option<(String, Kind, Value)> {
     let mut found = None;
     walk(kind, value, "", &mut |place, kind, value| {

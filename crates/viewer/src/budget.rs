@@ -12,10 +12,12 @@ pub struct Budget {
 
 /// The minimum scale of width and height.
 const LEAST: f64 = 0.0875;
-/// Share of a frame's time used for rendering: some frames take longer than the previous ones.
+/// Share of a frame's time that is planned for rendering: some frames take longer than the previous
+/// ones.
 const SHARE: f64 = 0.85;
-/// The size changes only if the ratio leaves this range, because each change is visible. A late
-/// frame is noticed earlier than one that could be larger.
+/// The size changes only if the ratio of the wanted to the present scale leaves this range, because
+/// each change is visible. The range is asymmetric, because a late frame is more noticeable than
+/// one that could be larger.
 const TOLERANCE: [f64; 2] = [0.95, 1.2];
 
 impl Budget {
@@ -29,12 +31,12 @@ impl Budget {
         self.cost = None;
     }
 
-    /// Width and height of the next frame, for a picture of `full` pixels.
+    /// Width and height of the next frame, for a picture of size `full`.
     pub fn size(&mut self, full: [u32; 2]) -> [u32; 2] {
         let pixels = f64::from(full[0].max(1)) * f64::from(full[1].max(1));
         let wanted = match self.cost {
             Some(cost) => (self.target / (cost * pixels)).sqrt().clamp(LEAST, 1.0),
-            // Small at first: a late first frame is worse than a coarse one.
+            // The first frame is small: if it were late, that would be worse than its coarseness.
             None => (25_000.0 / pixels).sqrt().clamp(LEAST, 1.0),
         };
         let change = wanted / self.scale;

@@ -19,17 +19,18 @@ use tokio::time::{sleep, timeout};
 
 /// Time limit for a request's header, from the first byte or from the previous request.
 const HEAD_TIME: Duration = Duration::from_secs(5);
-/// A connection that has not presented the token by then is closed.
+/// A connection that has not presented the token within this time is closed.
 const STRANGER_TIME: Duration = Duration::from_secs(10);
-/// Any other is closed after this time, unless it has become a WebSocket.
+/// A connection that has presented the token is closed after this time, unless it has become a
+/// WebSocket.
 const LIFETIME: Duration = Duration::from_secs(15 * 60);
 /// Maximum number of connections that have not presented the token.
 const MAX_STRANGERS: usize = 64;
-/// Maximum number of those that have, except for WebSockets.
+/// Maximum number of connections that have presented the token, except for WebSockets.
 const MAX_KNOWN: usize = 192;
 /// Maximum number of bytes of a header.
 const MAX_HEAD: usize = 64 << 10;
-/// How long the server waits if it cannot accept a connection for lack of file descriptors.
+/// Time for which the server waits if it cannot accept a connection for lack of file descriptors.
 const PAUSE: Duration = Duration::from_millis(50);
 
 /// Connections that have not presented the token, the oldest first.
@@ -60,7 +61,8 @@ impl Visitor {
         }
         let Ok(place) = self.hall.known.clone().try_acquire_owned() else { return false };
         self.leave_strangers();
-        // Two requests of one connection never run at once; a second place would be given back.
+        // Two requests of one connection never run at once; if they did, the second permit would be
+        // dropped.
         self.place.get_or_init(|| place);
         true
     }
@@ -74,7 +76,7 @@ impl Visitor {
     }
 }
 
-/// Accepts connections forever. Requests have their [`Visitor`] as an extension.
+/// Accepts connections forever. Each request has its connection's [`Visitor`] as an extension.
 pub async fn accept(listener: TcpListener, app: Router) {
     let hall =
         Arc::new(Hall { strangers: Mutex::default(), known: Arc::new(Semaphore::new(MAX_KNOWN)) });
@@ -85,12 +87,12 @@ pub async fn accept(listener: TcpListener, app: Router) {
             Ok((stream, Visitor { hall: hall.clone(), number, place: OnceLock::new(), peer, own }))
         });
         let Ok((stream, visitor)) = visitor else {
-            // The connection is gone already, or file descriptors have run out.
+            // Either the connection has ended already, or file descriptors have run out.
             turn_out(&mut lock(&hall.strangers), 0);
             sleep(PAUSE).await;
             continue;
         };
-        // It must be in the list before it can be removed.
+        // The lock is held so that the connection is in the list before it can be removed.
         let mut strangers = lock(&hall.strangers);
         let task = tokio::spawn(attend(stream, Arc::new(visitor), app.clone()));
         strangers.push_back((number, task.abort_handle()));
@@ -98,7 +100,7 @@ pub async fn accept(listener: TcpListener, app: Router) {
     }
 }
 
-/// Closes the oldest connection if there are more than `most`.
+/// Closes the oldest connection without a token if there are more than `most`.
 fn turn_out(strangers: &mut VecDeque<(u64, AbortHandle)>, most: usize) {
     if strangers.len() > most
         && let Some((_, task)) = strangers.pop_front()

@@ -8,8 +8,8 @@ use snell_scene::CameraSample;
 /// Maximum number of pixels of a map.
 const MAX_PIXELS: u32 = 512 * 512;
 
-/// Approximate limit on the nodes, cells and primitives of all rays of a map: the resolution is
-/// reduced if each ray visits very many.
+/// Approximate limit on the number of nodes, cells and primitives of all rays of a map. The
+/// resolution is reduced if each ray visits too many.
 const MAX_WORK: f64 = 4e8;
 /// Rays along each side of the picture that estimate the work per ray.
 const PROBES: u32 = 4;
@@ -22,8 +22,8 @@ fn size_of(subject: &Subject, width: u32, most: f64) -> [u32; 2] {
     [width * scale, width * scale * h / w].map(|side| (side.round() as u32).max(1))
 }
 
-/// The numbers of visited nodes and cells and of tested primitives for the camera ray through the
-/// centre of each pixel of a picture of this size, row by row.
+/// For the camera ray through the centre of each pixel of a picture of this size, row by row: the
+/// number of visited nodes and cells, and the number of tested primitives.
 fn costs(subject: &Subject, size: [u32; 2]) -> Vec<[u32; 2]> {
     let Subject { compiled, camera, settings, .. } = subject;
     let filter = snell_render::job::hit_filter(compiled);

@@ -8,9 +8,10 @@ use snell_math::Rgb;
 use snell_scene::{LayeredImage, Material};
 use std::ops::Range;
 
-/// Distances between taps double with each pass: these reach 31 pixels to each side.
+/// Number of passes. The distances between taps double with each pass, so that all passes together
+/// reach 31 pixels to each side.
 const PASSES: u32 = 5;
-/// Weights of a row of taps.
+/// Weights of the three taps of a row.
 const TAPS: [f32; 3] = [0.25, 0.5, 0.25];
 /// Smaller albedos are not divided out, because they reflect almost no light.
 const LEAST_ALBEDO: f32 = 0.02;
@@ -20,7 +21,7 @@ const KNEE: f32 = 4.0;
 /// Maximum relative difference of depth between neighbours on one surface.
 const DEPTH_TOLERANCE: f32 = 0.02;
 
-/// Minimum number of rows per thread: waking others for fewer takes longer than the work.
+/// Minimum number of rows per thread: waking other threads for fewer takes longer than the work.
 const ROWS: usize = 64;
 
 /// A value of every pixel, row by row.
@@ -31,7 +32,7 @@ struct Surfaces {
     normal: [Plane; 3],
     depth: Plane,
     material: Plane,
-    /// 1 where other objects or nothing are visible: mirrors, glass, background.
+    /// 1 where the pixel shows other objects or nothing (mirrors, glass, background), else 0.
     sharp: Plane,
 }
 
@@ -51,7 +52,7 @@ pub fn denoise(image: &LayeredImage, materials: &[Material], fill: Rgb, rgb: &mu
     let mut light = [0, 1, 2].map(|_| vec![0.0; pixels]);
     for i in 0..pixels {
         let arriving = [0, 1, 2].map(|c| rgb[i * 3 + c] / color(i, c));
-        // Bright dots get less weight.
+        // Bright dots are compressed, so that they get less weight.
         let scale = 1.0 / (1.0 + brightest(arriving) / KNEE);
         for (plane, x) in light.iter_mut().zip(arriving) {
             plane[i] = if x.is_finite() { x * scale } else { 0.0 };
@@ -86,7 +87,7 @@ fn brightest(light: [f32; 3]) -> f32 {
     light.into_iter().fold(0.0, f32::max)
 }
 
-/// True if a surface shows others (by reflection or refraction) or emits.
+/// True if a surface shows other objects by reflection or refraction, or emits.
 pub fn is_sharp(material: &Material) -> bool {
     material.is_emissive() || matches!(material.kind.name(), "mirror" | "dielectric" | "conductor")
 }
@@ -101,7 +102,7 @@ fn smooth_row(to: [&mut [f32]; 3], light: &[Plane; 3], surfaces: &Surfaces, y: u
             continue;
         };
         for (i, tap_x) in TAPS.iter().enumerate() {
-            // Columns whose neighbour is inside the picture.
+            // The columns whose neighbour is inside the picture.
             let first = step.saturating_sub(i * step).min(width);
             let last = (width + step).saturating_sub(i * step).clamp(first, width);
             let (here, there) =
@@ -128,7 +129,7 @@ fn smooth_row(to: [&mut [f32]; 3], light: &[Plane; 3], surfaces: &Surfaces, y: u
     }
 }
 
-/// The same neighbour for each pixel in a row.
+/// A tap for consecutive pixels of a row: each pixel and its neighbour at one offset.
 struct Taps {
     here: Range<usize>,
     there: Range<usize>,
@@ -154,7 +155,7 @@ impl Taps {
         let [to_r, to_g, to_b] = sums;
         let tolerance = DEPTH_TOLERANCE * step as f32;
         for i in 0..count {
-            // The 32nd power of the cosine between normals.
+            // The weight of the normals is the 32nd power of the cosine between them.
             let cos = nx.0[i] * nx.1[i] + ny.0[i] * ny.1[i] + nz.0[i] * nz.1[i];
             let cos = if cos > 0.0 { cos } else { 0.0 };
             let c4 = cos * cos * (cos * cos);
@@ -164,11 +165,11 @@ impl Taps {
             let flat = if has_normal { c16 * c16 } else { 1.0 };
             let difference =
                 (depth.0[i] - depth.1[i]).abs() / (depth.0[i].abs() * tolerance + 1e-20);
-            // Approximates exp(-difference), and is 0 from 4 on.
+            // The weight of the depth approximates exp(-difference), and is 0 from 4 on.
             let near = 1.0 - 0.25 * difference;
             let near = if near > 0.0 { near } else { 0.0 };
             let near = near * near * (near * near);
-            // A small minimum, so that a pixel is never without weight.
+            // A small minimum keeps the weight of every pixel positive.
             let flat = if flat > 1e-6 { flat } else { 1e-6 };
             let near = if near > 1e-6 { near } else { 1e-6 };
             let alike = if material.0[i] == material.1[i] { weight * flat * near } else { 0.0 };

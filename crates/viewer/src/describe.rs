@@ -55,7 +55,7 @@ fn environment_rotation(scene: &Scene) -> Option<f64> {
     Some(overrides::rotation(world_from_environment, scene.settings.up.unwrap_or(DVec3::Y)))
 }
 
-/// The reachable nodes, parents first, and the number of those left out.
+/// The reachable nodes, parents first, and the number of nodes left out.
 fn nodes(scene: &Scene, hidden: &BTreeSet<u32>) -> (Vec<NodeInfo>, u32) {
     let mut list = Vec::new();
     let mut parents: HashMap<NodeId, Option<u32>> = HashMap::from([(scene.root, None)]);

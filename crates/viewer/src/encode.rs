@@ -1,4 +1,4 @@
-//! Encodes pictures: JPEG while something moves, 16-bit floats at rest. A thread does it while the
+//! Encodes pictures: JPEG while something moves, 16-bit floats at rest. A thread encodes while the
 //! next picture is rendered.
 
 use crate::protocol::{FrameHeader, ToPage};
@@ -17,16 +17,16 @@ const JPEG_QUALITY: u8 = 82;
 
 /// A picture for the pages.
 pub struct Picture {
-    /// The header before its bytes.
+    /// The header that precedes the picture's bytes.
     pub header: FrameHeader,
     /// Linear values, three per pixel.
     pub rgb: Vec<f32>,
-    /// Display settings if it is sent as JPEG; otherwise it is sent as half floats, which the pages
-    /// convert themselves.
+    /// Display settings if the picture is sent as JPEG; otherwise it is sent as half floats, which
+    /// the pages convert themselves.
     pub display: Option<Display>,
 }
 
-/// Encodes pictures and publishes them in order. Its thread ends when it is dropped.
+/// Encodes pictures and publishes them in order. Its thread ends when the encoder is dropped.
 pub struct Encoder {
     pictures: SyncSender<Picture>,
 }
@@ -34,7 +34,8 @@ pub struct Encoder {
 impl Encoder {
     /// An encoder for the pages of a session.
     pub fn new<'scope, 'env>(scope: &'scope Scope<'scope, 'env>, session: &'env Session) -> Self {
-        // No queue: a renderer faster than the encoder waits, so that pictures are never outdated.
+        // The channel has no queue: a renderer that is faster than the encoder waits, so that
+        // pictures are never outdated.
         let (pictures, incoming) = sync_channel::<Picture>(0);
         scope.spawn(move || {
             let mut table = DisplayTable::new(Display::default());
@@ -56,14 +57,13 @@ impl Encoder {
         Self { pictures }
     }
 
-    /// Passes on a picture, once the previous one is encoded. Fails if the thread has ended by a
-    /// fault.
+    /// Passes on a picture, once the previous one is encoded. Fails if the thread has panicked.
     pub fn send(&self, picture: Picture) -> Result<(), String> {
         self.pictures.send(picture).map_err(|_| "a fault in the encoder; please start again".into())
     }
 }
 
-/// The bytes sent to pages. `None` for sizes that JPEG does not support.
+/// The bytes of a picture for the pages. `None` for sizes that JPEG does not support.
 fn bytes_of(
     Picture { header, rgb, display }: Picture,
     table: &mut DisplayTable,
@@ -75,11 +75,12 @@ fn bytes_of(
     jpeg(header, &rgb, table)
 }
 
-/// Display values of half floats, for tone maps that treat channels independently. Made once per
-/// exposure.
+/// Table of display values by half float, for tone maps that treat channels independently. It is
+/// made once per exposure.
 pub struct DisplayTable {
     display: Display,
-    /// Indexed by the bits of a half float; empty if the tone map mixes channels.
+    /// Display values from 0 to 255, indexed by the bits of a half float; empty if the tone map
+    /// mixes channels.
     table: Vec<u8>,
 }
 
@@ -97,7 +98,7 @@ impl DisplayTable {
         Self { display, table }
     }
 
-    /// The settings of this table.
+    /// The display settings of this table.
     pub fn display(&self) -> &Display {
         &self.display
     }
@@ -134,7 +135,7 @@ pub fn jpeg(header: FrameHeader, rgb: &[f32], table: &DisplayTable) -> Option<Ve
     Some(out)
 }
 
-/// Linear RGB values as half floats, after their header.
+/// Encodes linear RGB values as half floats, after the header.
 pub fn half_floats(header: FrameHeader, rgb: &[f32]) -> Vec<u8> {
     let mut halves = vec![f16::ZERO; rgb.len()];
     halves

@@ -1,4 +1,4 @@
-//! The forms of the page: what it is told about parameters, from their declarations.
+//! Forms of the page: what the page needs to edit parameters, taken from their declarations.
 
 use serde::Serialize;
 use snell_math::parameters::{Declaration, Kind, Parameter};
@@ -6,27 +6,28 @@ use snell_render::{Request, Setting};
 use snell_scene::families::Family;
 use std::collections::BTreeMap;
 
-/// One parameter.
+/// How the page shows one parameter.
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub struct Form {
-    /// Its name.
+    /// The name of the parameter.
     pub name: String,
-    /// What it looks like: `flag`, `number`, `color`, `vector`, `choice`, or `other`.
+    /// The control for the parameter: `flag`, `number`, `color`, `vector`, `choice`, or `other`.
     pub kind: String,
-    /// Between which numbers it usually is, if there are two.
+    /// The plausible range of a number, if it is bounded on both sides.
     pub range: Option<[f64; 2]>,
-    /// What it is measured in; empty for plain numbers.
+    /// The unit of the parameter; empty for plain numbers.
     pub unit: String,
-    /// What it is, in words.
+    /// The documentation of the parameter.
     pub doc: String,
     /// The names of a choice.
     pub options: Vec<String>,
-    /// The parameters inside.
+    /// The parameters of a group.
     pub fields: Vec<Form>,
-    /// The field inside that says which of `kinds` it is; empty if its name stands around it.
+    /// The field that names the variant, one of `kinds`; empty if the variant's name is the key
+    /// around its parameters.
     pub tag: String,
-    /// The parameters inside, by kind.
+    /// The parameters of each variant, by its name.
     pub kinds: BTreeMap<String, Vec<Form>>,
 }
 
@@ -34,11 +35,11 @@ pub struct Form {
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub struct SettingForm {
-    /// Its name.
+    /// The name of the setting.
     pub name: String,
-    /// What it is, in words.
+    /// The documentation of the setting.
     pub doc: String,
-    /// What holds while it is not set, in words.
+    /// The value that holds while the setting is not set, in words.
     pub default: String,
     /// The names of a choice; empty for a number.
     pub options: Vec<String>,

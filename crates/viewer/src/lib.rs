@@ -1,8 +1,8 @@
 //! `snell view`: a local server that shows a scene and its live picture in the browser.
 //!
 //! [`serve`] binds a port, prints nothing, and returns a handle. The page (`web/`, built into the
-//! binary) communicates with it over one WebSocket: see [`protocol`]. The picture at rest is the
-//! one of `snell render` with the same settings, bit for bit.
+//! binary) communicates with the server over one WebSocket: see [`protocol`]. The picture at rest
+//! equals the one of `snell render` with the same settings, bit for bit.
 
 #![forbid(unsafe_code)]
 
@@ -47,19 +47,19 @@ pub struct Opened {
     pub scene: Scene,
     /// The initial camera.
     pub camera: Camera,
-    /// Its position among the scene's.
+    /// Number of the initial camera among the scene's cameras.
     pub camera_number: usize,
-    /// True if the camera was made to frame the whole scene at this aspect ratio: at another one,
-    /// the command makes another camera.
+    /// True if the camera was made to frame the whole scene at this aspect ratio. At another aspect
+    /// ratio, `snell render` makes another camera.
     pub is_camera_made: bool,
-    /// The settings that were asked for.
+    /// The settings that the user asked for.
     pub request: Request,
-    /// The settings at rest that follow from them.
+    /// The settings of the picture at rest, which follow from `request`.
     pub settings: Settings,
     /// The display settings.
     pub display: Display,
-    /// The words of a command that renders the same, without size, samples, integrator, camera and
-    /// changes.
+    /// The words of a command that renders the same picture, without size, samples, integrator,
+    /// camera and changes of the scene.
     pub command: Vec<String>,
 }
 
@@ -72,9 +72,9 @@ pub enum Which {
     Builtin(String),
     /// A file that was dropped on the page.
     Dropped {
-        /// Its name.
+        /// The name of the file.
         name: String,
-        /// Its contents.
+        /// The contents of the file.
         bytes: Vec<u8>,
     },
 }
@@ -85,8 +85,8 @@ pub trait Source: Send + Sync {
     fn open(&self, which: Which) -> Result<Opened, String>;
 }
 
-/// Reads a file that was dropped on the page. It cannot name other files, whatever the options
-/// allow, because its sender may not be the user who set them.
+/// Reads a file that was dropped on the page. The file cannot name other files, whatever the
+/// options allow, because its sender may not be the user who set them.
 pub fn read_dropped(name: &str, bytes: Vec<u8>, options: &ReadOptions) -> Result<Scene, String> {
     // A folder that cannot exist, because its parent is not a folder.
     let nowhere = Path::new(if cfg!(windows) { "NUL\\dropped" } else { "/dev/null/dropped" });
@@ -100,7 +100,7 @@ pub fn read_dropped(name: &str, bytes: Vec<u8>, options: &ReadOptions) -> Result
     })
 }
 
-/// The item of this name. The error is a message for the user.
+/// The element of this name. The error is a message for the user.
 fn by_name<T: Copy>(
     what: &str,
     all: &[T],

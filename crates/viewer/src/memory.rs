@@ -4,17 +4,17 @@ use snell_formats::memory::Available;
 use snell_render::Settings;
 use snell_render::memory::{Estimate, Uses, of_picture};
 
-/// Memory per pixel beside film and picture, in bytes: the shown linear colours and the previous
-/// ones, the frame in transit, and temporary data (measured).
+/// Bytes per pixel in addition to film and picture: the shown linear colours and the previous ones,
+/// the frame in transit, and temporary data. The value was measured.
 const BESIDE: u64 = 2 * 12 + 12 + 24;
 
-/// The memory that the picture at rest takes, beside its scene.
+/// The memory that the picture at rest takes, without its scene.
 pub fn estimate(settings: &Settings) -> Estimate {
     let threads = rayon::current_num_threads();
     of_picture(settings, &Uses { threads, variance: true, denoise: false, beside: BESIDE })
 }
 
-/// Fails if there is too little memory for a picture with these settings; the message says what
+/// Fails if there is too little memory for a picture with these settings; the message gives what
 /// fits.
 pub fn check(settings: &Settings) -> Result<(), String> {
     let estimate = estimate(settings);
@@ -33,7 +33,7 @@ mod tests {
     fn a_picture_that_nothing_can_hold_is_refused_with_one_that_fits() {
         let of = |size| check(&Settings { size, ..Settings::default() });
         assert_eq!(of([64, 48]), Ok(()));
-        // On any machine with less than a terabyte.
+        // The test holds on any machine with less than a terabyte.
         if Available::now().bytes < 1 << 40 {
             let message = of([1 << 16, 1 << 16]).expect_err("a picture of 4 billion pixels");
             assert!(message.contains("65536x65536") && message.contains("fits"), "{message}");

@@ -11,7 +11,7 @@ pub struct Pace {
     changed: Condvar,
 }
 
-/// True if one picture precedes another, by numbers that wrap around.
+/// True if picture `a` precedes picture `b`. Their numbers wrap around.
 pub fn is_before(a: u32, b: u32) -> bool {
     a.wrapping_sub(b).cast_signed() < 0
 }
@@ -26,7 +26,7 @@ impl Pace {
         }
     }
 
-    /// Waits until a page shows this picture or a later one, at most for `most`.
+    /// Waits until a page shows this picture or a later one, for at most `most`.
     pub fn wait_for(&self, number: u32, most: Duration) {
         let shown = lock(&self.shown);
         let is_late = |shown: &mut u32| is_before(*shown, number);
@@ -49,7 +49,7 @@ mod tests {
     fn a_picture_that_is_shown_is_not_waited_for() {
         let pace = Pace::default();
         pace.show(7);
-        // A page that lags behind the others.
+        // A page that lags behind the others shows an older picture.
         pace.show(3);
         pace.wait_for(7, LONG);
         pace.wait_for(u32::MAX, LONG);

@@ -2,11 +2,11 @@
 
 /// A file of the page.
 pub struct PageFile {
-    /// Its name; empty for the page itself.
+    /// The name of the file; empty for the page itself.
     pub name: &'static str,
-    /// Its media type.
+    /// The media type of the file.
     pub media_type: &'static str,
-    /// Its bytes.
+    /// The content of the file.
     pub bytes: &'static [u8],
 }
 

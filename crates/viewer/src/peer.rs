@@ -2,11 +2,11 @@
 
 use std::net::SocketAddr;
 
-/// True if the same user runs both ends of a connection. Linux reports this for connections within
-/// the machine; false if unknown.
+/// True if the same user runs both ends of a connection. Linux reports the users of connections
+/// within the machine. False if the user is not known.
 #[cfg(target_os = "linux")]
 pub fn is_same_user(own: SocketAddr, peer: SocketAddr) -> bool {
-    // Both ends of the connection are in the table of sockets, each with its user.
+    // Both ends of the connection are in the table of sockets, which names the user of each.
     let tables = ["/proc/self/net/tcp", "/proc/self/net/tcp6"]
         .map(|p| std::fs::read_to_string(p).unwrap_or_default());
     let user_of = |local, remote| tables.iter().find_map(|table| user_in(table, local, remote));
@@ -14,7 +14,7 @@ pub fn is_same_user(own: SocketAddr, peer: SocketAddr) -> bool {
     user.is_some() && user == user_of(peer, own)
 }
 
-/// Other systems do not report it.
+/// Always false: other systems do not report the users of a connection.
 #[cfg(not(target_os = "linux"))]
 pub fn is_same_user(_own: SocketAddr, _peer: SocketAddr) -> bool {
     true
@@ -33,7 +33,7 @@ fn user_in(table: &str, local: SocketAddr, remote: SocketAddr) -> Option<u32> {
     })
 }
 
-/// `0100007F:1F90`: the words of the address in native byte order, and the port.
+/// Parses an address such as `0100007F:1F90`: its words in native byte order, and the port.
 #[cfg(target_os = "linux")]
 fn parsed(text: &str) -> Option<(std::net::IpAddr, u16)> {
     use std::net::{Ipv4Addr, Ipv6Addr};

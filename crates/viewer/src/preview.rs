@@ -1,5 +1,5 @@
-//! Pictures while something moves: one sample in the centre of each pixel, without light that needs
-//! many samples.
+//! Renders pictures while something moves: one sample in the centre of each pixel, without light
+//! that needs many samples.
 //!
 //! Scenes with few lights are ray-cast, or ray-traced if mirrors and glass show other objects;
 //! edges and shadows are sharp and nothing flickers. Many lights or an environment would cost too
@@ -19,23 +19,23 @@ const FEW_LIGHTS: usize = 8;
 /// Bounces if mirrors and glass show other objects.
 const MIRROR_DEPTH: u32 = 4;
 
-/// Random bounces in scenes with glass: into a bowl and its inside, out again, and to the surface
-/// behind.
+/// Random bounces in scenes with glass: enough to go into a bowl and its inside, out again, and to
+/// the surface behind.
 const GLASS_DEPTH: u32 = 5;
 
-/// How a moving picture is made.
+/// The settings of moving pictures.
 pub struct Preview {
     settings: Settings,
-    /// True if the picture is to be denoised; it has the layers for that.
+    /// True if the picture is to be denoised; then it has the layers that the filter needs.
     is_noisy: bool,
-    /// True if a constant replaces light that the picture at rest has.
+    /// True if a constant replaces light that only the picture at rest has.
     pub has_fill: bool,
-    /// Position of the sample in each pixel, if the picture is to have the layers for [`History`].
+    /// The quarter of each pixel that is sampled, if the picture has the layers for [`History`].
     phase: Option<[usize; 2]>,
 }
 
 impl Preview {
-    /// Pictures of this size of a scene that is rendered with `settings` at rest.
+    /// Prepares pictures of this size for a scene that is rendered with `settings` at rest.
     pub fn new(settings: &Settings, compiled: &CompiledScene, size: [u32; 2], fill: Rgb) -> Self {
         let is_lit = matches!(settings.integrator, IntegratorKind::Path | IntegratorKind::Direct);
         let by_chance =
@@ -79,7 +79,7 @@ impl Preview {
         Self { settings, is_noisy, has_fill: is_lit, phase: None }
     }
 
-    /// The same with samples at another position in each pixel, for pictures that are combined from
+    /// Moves the samples to another position in each pixel, for pictures that are combined from
     /// several.
     pub fn at_phase(mut self, phase: [usize; 2]) -> Self {
         self.phase = Some(phase);
@@ -96,7 +96,7 @@ impl Preview {
         self.image(camera, compiled, threads).1
     }
 
-    /// Renders the picture that follows another one.
+    /// Renders the picture that follows `before`, whose samples it reuses.
     pub fn follow(
         &self,
         before: Option<&History>,
@@ -142,12 +142,12 @@ pub fn rgb_of(image: &LayeredImage) -> Vec<f32> {
 
 /// Width of the pictures for a first estimate.
 const GUESS_WIDTH: u32 = 48;
-/// Their samples per pixel, and bounces.
+/// Samples per pixel of these pictures; [`GUESS_DEPTH`] is their number of bounces.
 const GUESS_SPP: u32 = 4;
 const GUESS_DEPTH: u32 = 5;
 
-/// A first [`fill`] for a scene that has not been at rest yet, from two tiny pictures. Black if
-/// none is needed.
+/// Estimates the [`fill`] for a scene that has not been at rest yet, from two tiny pictures. Black
+/// if none is needed.
 pub fn first_fill(
     settings: &Settings,
     camera: &Camera,
@@ -174,7 +174,8 @@ pub fn first_fill(
 }
 
 /// The constant that makes a moving picture as bright as the one at rest: the missing light divided
-/// by the mean reflectance. Pictures are linear RGB values.
+/// by the mean reflectance, plus the constant `before` that the moving picture had. Pictures are
+/// linear RGB values.
 pub fn fill(rest: &[f32], preview: &[f32], before: Rgb) -> Rgb {
     let (rest, preview, before) = (mean(rest), mean(preview), before.to_array());
     // Most surfaces reflect about half; bright spots of the picture at rest must not brighten
@@ -186,8 +187,8 @@ pub fn fill(rest: &[f32], preview: &[f32], before: Rgb) -> Rgb {
     Rgb::new(r, g, b)
 }
 
-/// The mean of a picture with each value clamped to 1: brighter lamps and highlights say nothing
-/// about indirect light.
+/// The mean of a picture with each value clamped to 1: brighter lamps and highlights are no measure
+/// of indirect light.
 fn mean(rgb: &[f32]) -> [f32; 3] {
     let mut sums = [0.0_f64; 3];
     for pixel in rgb.chunks_exact(3) {

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::collections::BTreeMap;
 
-/// Changes when old pages become incompatible with new servers.
+/// The version, which changes when old pages become incompatible with new servers.
 pub const VERSION: u32 = 1;
 
 /// A message from the page.
@@ -18,9 +18,10 @@ pub const VERSION: u32 = 1;
 pub enum ToServer {
     /// The camera has moved.
     Camera {
-        /// Increases with each message; frames name the last one that they show.
+        /// Number of the message, which increases with each; frames name the last message that they
+        /// show.
         seq: u32,
-        /// The complete camera.
+        /// All parameters of the camera.
         #[cfg_attr(test, ts(type = "Camera"))]
         camera: Value,
     },
@@ -29,7 +30,7 @@ pub enum ToServer {
         /// Width and height.
         size: [u32; 2],
     },
-    /// Render settings. Absent ones are unchanged.
+    /// Changes render settings. Absent settings stay unchanged.
     Render {
         /// Name of an integrator.
         #[serde(default)]
@@ -47,29 +48,29 @@ pub enum ToServer {
         #[serde(default)]
         #[cfg_attr(test, ts(optional = nullable))]
         aov: Option<String>,
-        /// Acceleration structure.
+        /// Name of an acceleration structure.
         #[serde(default)]
         #[cfg_attr(test, ts(optional = nullable))]
         accelerator: Option<String>,
     },
-    /// Another setting of the render, one of [`Choices::settings`].
+    /// Changes another setting of the render, one of [`Choices::settings`].
     Set {
-        /// Its name.
+        /// The name of the setting.
         name: String,
-        /// A name or number; null for what it was when the scene was opened.
+        /// A name or number; null for the value when the scene was opened.
         #[cfg_attr(test, ts(type = "unknown"))]
         value: Value,
     },
-    /// Exposure and tone map of frames while something moves (at rest the page applies them).
+    /// Sets exposure and tone map of frames while something moves (at rest the page applies them).
     Display {
-        /// Stops.
+        /// Exposure in stops.
         exposure: f64,
         /// Name of a tone map.
         tonemap: String,
     },
     /// Changes the scene, as `key=value` of `snell render -D`.
     Edit {
-        /// Path into the scene.
+        /// Path of the parameter in the scene.
         key: String,
         /// New value.
         #[cfg_attr(test, ts(type = "unknown"))]
@@ -77,42 +78,42 @@ pub enum ToServer {
     },
     /// Hides or shows a node and its descendants.
     Show {
-        /// Its number.
+        /// Number of the node.
         node: u32,
-        /// True to show it.
+        /// True to show the node.
         visible: bool,
     },
     /// Undoes the last change of the scene.
     Undo,
-    /// Redoes it.
+    /// Redoes the last change that was undone.
     Redo,
     /// Reloads the scene's file.
     Reload,
-    /// Asks what is at a pixel (from the upper left corner).
+    /// Asks which surface is at a pixel (from the upper left corner).
     Pick {
-        /// Returned with the answer.
+        /// Number that the answer repeats.
         id: u32,
         /// Position in pixels.
         pixel: [f64; 2],
     },
     /// Asks for an explanation of a pixel of the picture at rest.
     Explain {
-        /// Returned with the answer.
+        /// Number that the answer repeats.
         id: u32,
-        /// The pixel.
+        /// Column and row of the pixel.
         pixel: [u32; 2],
-        /// The sample to show; `None` for a typical one.
+        /// Number of the sample to show; `None` for a typical one.
         #[serde(default)]
         #[cfg_attr(test, ts(optional = nullable))]
         sample: Option<u32>,
-        /// True to follow rays through all structures, however long it takes to build them.
+        /// True to follow rays through all structures, even if it takes long to build them.
         #[serde(default)]
         #[cfg_attr(test, ts(as = "Option<bool>", optional))]
         all: bool,
     },
     /// A frame has been shown.
     Ack {
-        /// Its number.
+        /// Number of the frame.
         frame: u32,
     },
     /// Requests control of the view.
@@ -126,7 +127,7 @@ pub enum ToServer {
 pub enum ToPage {
     /// The first message of a connection.
     Welcome {
-        /// [`VERSION`].
+        /// Version of the protocol: [`VERSION`].
         version: u32,
         /// Number of this page among the connected ones.
         client: u32,
@@ -137,26 +138,26 @@ pub enum ToPage {
     },
     /// The current scene.
     Scene {
-        /// Its contents.
+        /// The contents of the scene.
         scene: SceneInfo,
     },
     /// The current render settings.
     View {
-        /// The state.
+        /// The settings and the camera.
         view: ViewInfo,
     },
-    /// Which page has control.
+    /// Tells which page has control.
     Steering {
         /// Number of the page.
         client: u32,
         /// Number of connected pages.
         watching: u32,
     },
-    /// Answers what is at a pixel.
+    /// Answers which surface is at a pixel.
     Picked {
         /// The number of the request.
         id: u32,
-        /// `None` if the ray leaves the scene.
+        /// The surface; `None` if the ray leaves the scene.
         hit: Option<PickedHit>,
     },
     /// Explains a pixel.
@@ -171,7 +172,7 @@ pub enum ToPage {
         /// Message for the user.
         message: String,
     },
-    /// The current activity, or empty.
+    /// Tells what the server is doing; the message is empty when the work is done.
     Busy {
         /// Message for the user.
         message: String,
@@ -182,19 +183,19 @@ pub enum ToPage {
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub struct Choices {
-    /// Integrators.
+    /// Names of integrators.
     pub integrators: Vec<String>,
-    /// Layers.
+    /// Names of layers.
     pub aovs: Vec<String>,
-    /// Tone maps.
+    /// Names of tone maps.
     pub tonemaps: Vec<String>,
-    /// Acceleration structures.
+    /// Names of acceleration structures.
     pub accelerators: Vec<String>,
     /// Built-in scenes.
     pub scenes: Vec<SceneChoice>,
     /// The parameters of materials and lights, by the name of their family.
     pub forms: BTreeMap<String, Form>,
-    /// Settings of the render without a control of their own.
+    /// Settings of the render that have no control of their own.
     pub settings: Vec<SettingForm>,
 }
 
@@ -202,9 +203,9 @@ pub struct Choices {
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub struct SceneChoice {
-    /// Its name.
+    /// The name of the scene.
     pub name: String,
-    /// What it shows.
+    /// What the scene shows.
     pub description: String,
 }
 
@@ -212,7 +213,7 @@ pub struct SceneChoice {
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub struct SceneInfo {
-    /// Its name.
+    /// The name of the scene.
     pub name: String,
     /// Increases with every change of the scene.
     pub generation: u32,
@@ -226,10 +227,10 @@ pub struct SceneInfo {
     /// Lights with their parameters.
     #[cfg_attr(test, ts(type = "Record<string, unknown>[]"))]
     pub lights: Vec<Value>,
-    /// Cameras.
+    /// Cameras with their parameters.
     #[cfg_attr(test, ts(type = "Camera[]"))]
     pub cameras: Vec<Value>,
-    /// Rotation of its environment about the up direction, in degrees; `None` without an
+    /// Rotation of the environment about the up direction, in degrees; `None` without an
     /// environment, or for a uniform one.
     pub environment_rotation: Option<f64>,
     /// Minimum and maximum corner of the box around everything finite.
@@ -249,19 +250,19 @@ pub struct SceneInfo {
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub struct NodeInfo {
-    /// Its number.
+    /// Number of the node.
     pub id: u32,
-    /// Number of the parent it is listed under; none for the root.
+    /// Number of the parent under which the node is listed; none for the root.
     pub parent: Option<u32>,
-    /// Its name.
+    /// The name of the node.
     pub name: String,
-    /// Its surfaces.
+    /// Descriptions of the node's surfaces.
     pub surfaces: Vec<String>,
-    /// False if it was hidden.
+    /// False if the node was hidden.
     pub visible: bool,
 }
 
-/// How the scene is rendered.
+/// The render settings and camera of the picture.
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub struct ViewInfo {
@@ -296,21 +297,21 @@ pub struct ViewInfo {
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub struct PickedHit {
-    /// Its position in the world.
+    /// Position of the hit in the world.
     pub position: [f64; 3],
-    /// Shading normal.
+    /// Shading normal at the hit.
     pub normal: [f64; 3],
     /// Distance from the camera.
     pub distance: f64,
-    /// The node that holds the surface, if known.
+    /// The node that holds the surface; none if it is not known.
     pub node: Option<u32>,
-    /// Names from the root to it.
+    /// Names of the nodes from the root to the one that holds the surface.
     pub path: Vec<String>,
     /// Number of the material, if it is one of the scene's.
     pub material: Option<u32>,
-    /// Its name.
+    /// The name of the material.
     pub material_name: String,
-    /// Triangle or face.
+    /// Number of the triangle or face.
     pub primitive: u32,
 }
 
@@ -321,11 +322,11 @@ pub struct FrameHeader {
     pub kind: u32,
     /// Number of the frame, to be acknowledged.
     pub frame: u32,
-    /// The last camera that it shows.
+    /// Number of the last camera that the frame shows.
     pub seq: u32,
-    /// Generation of the scene that it shows.
+    /// Generation of the scene that the frame shows.
     pub generation: u32,
-    /// Pixels.
+    /// Width and height in pixels.
     pub size: [u32; 2],
     /// Samples per pixel.
     pub samples: u32,

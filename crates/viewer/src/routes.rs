@@ -28,8 +28,8 @@ pub struct Shared {
     pub session: Arc<Session>,
     /// Limits the number of pages.
     pub pages: Arc<Semaphore>,
-    /// One picture is encoded to a file at a time, and one file is uploaded at a time, because of
-    /// their memory.
+    /// Held while a picture is encoded to a file; `receiving` is held while a file is uploaded. One
+    /// file at a time is encoded, and one received, to save memory.
     saving: Arc<Semaphore>,
     receiving: Arc<Semaphore>,
 }
@@ -171,7 +171,7 @@ fn encode(
 ) -> Result<(Vec<u8>, String), String> {
     let options = WriteOptions { display, ..WriteOptions::default() };
     let bytes = encode_image_as(format, picture, &options).map_err(|e| e.to_string())?;
-    // A known format is a plain word, so it can be part of a name.
+    // A known format is a plain word, so it is safe in the name of a file.
     Ok((bytes, format.to_lowercase()))
 }
 

@@ -17,20 +17,20 @@ use std::net::{IpAddr, SocketAddr};
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
-/// First component of the path of a code. A token is longer.
+/// First component of the path that holds a one-time code. A token is longer.
 pub const ONCE: &str = "once";
-/// How long a code is valid: a browser may take a while to start.
+/// Time for which a code is valid: a browser may take a while to start.
 const CODE_TIME: Duration = Duration::from_secs(60);
 
-/// The requirements on a request.
+/// The rules that requests must satisfy.
 #[derive(Debug)]
 pub struct Guard {
     token: String,
-    /// The last code until it is used, and when it was issued.
+    /// The last code until it is used, and the time when it was issued.
     code: Mutex<Option<(String, Instant)>>,
     address: SocketAddr,
-    /// Names of the server besides its address and, on loopback, `localhost`. Any name is allowed
-    /// if the user asked to listen on all addresses.
+    /// True if requests may name any host, because the user asked to listen on all addresses.
+    /// Otherwise they must name the server's address or, on loopback, `localhost`.
     any_host: bool,
 }
 
@@ -61,7 +61,7 @@ impl Guard {
         Ok(code)
     }
 
-    /// True if this is the code and it is still valid. This uses it up.
+    /// True if this is the code and it is still valid. The code is used up by this call.
     pub fn takes_code(&self, code: &str) -> bool {
         let is_it = |(known, given): &mut (String, Instant)| {
             given.elapsed() < CODE_TIME && is_same(code, known)
@@ -125,14 +125,14 @@ impl Guard {
     }
 }
 
-/// 128 random bits.
+/// A token of 128 random bits.
 fn secret() -> Result<String, String> {
     let mut bytes = [0_u8; 16];
     getrandom::fill(&mut bytes).map_err(|e| format!("no random numbers for the token: {e}"))?;
     Ok(bytes.iter().map(|b| format!("{b:02x}")).collect())
 }
 
-/// Compares two texts in constant time: nearly right ones take as long as wrong ones.
+/// Compares two texts in constant time: a text that is nearly right takes as long as a wrong one.
 fn is_same(text: &str, secret: &str) -> bool {
     let difference = text.bytes().zip(secret.bytes()).fold(0, |d, (a, b)| d | (a ^ b));
     text.len() == secret.len() && difference == 0

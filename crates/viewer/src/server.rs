@@ -1,4 +1,4 @@
-//! A running server: its threads, its start and its end.
+//! A running server: its threads, and how it starts and stops.
 
 use crate::connections::accept;
 use crate::protocol::ToPage;
@@ -35,7 +35,7 @@ pub struct ServerOptions {
 
 /// A running server; it stops when it is dropped.
 pub struct Server {
-    /// The address it listens on.
+    /// The address that the server listens on.
     pub address: SocketAddr,
     /// The address of the page, with its token.
     pub url: String,

@@ -30,9 +30,9 @@ const FEW_TRIANGLES: u64 = 300_000;
 /// An encoded picture.
 #[derive(Debug)]
 pub struct Frame {
-    /// Its number.
+    /// Number of the frame.
     pub number: u32,
-    /// Header and bytes.
+    /// The header and the encoded picture.
     pub bytes: Bytes,
 }
 
@@ -53,11 +53,11 @@ struct Viewing {
 /// A copy of the state that a picture needs.
 #[derive(Clone)]
 pub struct Snapshot {
-    /// Increases with every change.
+    /// Number of the change that made this state.
     pub version: u64,
     /// Generation of the scene.
     pub generation: u32,
-    /// Generation of its geometry.
+    /// Generation of the scene's geometry.
     pub geometry: u32,
     /// The scene.
     pub scene: Arc<Scene>,
@@ -78,7 +78,7 @@ pub struct Snapshot {
 pub struct Finished {
     /// Name of the scene.
     pub name: String,
-    /// Its layers.
+    /// The layers of the picture.
     pub picture: Arc<LayeredImage>,
 }
 
@@ -86,17 +86,17 @@ pub struct Finished {
 pub struct Session {
     source: Box<dyn Source>,
     viewing: Mutex<Viewing>,
-    /// Held while a scene is read: one at a time.
+    /// Held while a scene is read: scenes are read one at a time.
     reading: Mutex<()>,
-    /// Held while a pixel is explained or a structure is measured: one at a time, because of their
-    /// memory.
+    /// Held while a pixel is explained or a structure is measured: these run one at a time, because
+    /// of their memory.
     pub examining: Arc<Semaphore>,
     changed: Condvar,
     version: AtomicU64,
     clients: AtomicU32,
     /// The newest picture.
     pub frames: watch::Sender<Option<Arc<Frame>>>,
-    /// Which of them the pages have shown.
+    /// The newest of the pictures that pages have shown.
     pub pace: Pace,
     /// All other messages for all pages.
     pub events: broadcast::Sender<ToPage>,
@@ -104,7 +104,7 @@ pub struct Session {
     pub compiled: Mutex<Option<(u32, Arc<CompiledScene>)>>,
     /// The newest picture at rest.
     pub finished: Mutex<Option<Finished>>,
-    /// The scene of a generation in other structures, for explanations.
+    /// The scene of one generation, compiled with other acceleration structures for explanations.
     structures: Mutex<(u32, Vec<Structure>)>,
     /// Pictures of built-in scenes made so far.
     thumbnails: Mutex<BTreeMap<String, Arc<Vec<u8>>>>,
@@ -115,7 +115,7 @@ pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 impl Session {
-    /// Opens the source's first scene.
+    /// Opens the first scene of `source`.
     pub fn new(source: Box<dyn Source>, is_gallery: bool) -> Result<Self, String> {
         let opened = source.open(Which::Given)?;
         let state = State::new(opened)?;
@@ -183,7 +183,7 @@ impl Session {
         }
     }
 
-    /// Ends the worker.
+    /// Ends the session and its worker.
     pub fn stop(&self) {
         lock(&self.viewing).is_stopped = true;
         self.version.fetch_add(1, Ordering::Release);
@@ -218,7 +218,7 @@ impl Session {
         (client, messages)
     }
 
-    /// All messages about the current state, for a page that has missed some.
+    /// All messages about the current state, for a page that has missed some messages.
     pub fn all(&self) -> Vec<ToPage> {
         self.all_of(&lock(&self.viewing))
     }
@@ -268,7 +268,7 @@ impl Session {
         viewing.steering = client;
         match change {
             Change::Nothing | Change::Display => drop(viewing),
-            // The camera's position is sent when it rests.
+            // The new camera is sent to the pages only when it rests.
             Change::Camera => self.after_change(viewing),
             Change::Picture => {
                 self.after_change(viewing);
@@ -281,8 +281,8 @@ impl Session {
         if is_reload { self.open(Which::Given) } else { Ok(()) }
     }
 
-    /// Opens another scene, or the same again. The camera stays if it is the same. Scenes are read
-    /// one at a time.
+    /// Opens another scene, or reads the same one again; then the camera stays. Scenes are read one
+    /// at a time.
     pub fn open(&self, which: Which) -> Result<(), String> {
         let is_same = matches!(which, Which::Given);
         let _turn = lock(&self.reading);
@@ -305,7 +305,7 @@ impl Session {
         self.changed.notify_all();
     }
 
-    /// Records that pages see the picture of a version.
+    /// Records that a picture of this version was shown.
     pub fn has_shown(&self, version: u64) {
         let mut viewing = lock(&self.viewing);
         if self.version() == version {
@@ -321,7 +321,7 @@ impl Session {
         if self.version() != version {
             return;
         }
-        // A state that was shown and fails later is kept: there is nothing better.
+        // A state that was shown and fails later is kept, because there is no better one.
         let Some((_, before)) = viewing.shown.take_if(|(shown, _)| *shown != version) else {
             return;
         };
@@ -330,7 +330,7 @@ impl Session {
         self.tell_view();
     }
 
-    /// Sends the render settings to the pages.
+    /// Sends the state of the view to the pages.
     pub fn tell_view(&self) {
         let view = self.view_info(&lock(&self.viewing).state);
         self.tell(ToPage::View { view });
@@ -378,7 +378,7 @@ impl Session {
 
     /// A small picture of a built-in scene, as PNG.
     pub fn thumbnail(&self, name: &str) -> Result<Arc<Vec<u8>>, String> {
-        // One at a time, because they are not urgent.
+        // Pictures are made one at a time, because they are not urgent.
         let mut known = lock(&self.thumbnails);
         if let Some(bytes) = known.get(name) {
             return Ok(bytes.clone());
@@ -400,7 +400,7 @@ impl Session {
             .ok_or_else(|| "the scene is still being prepared".into())
     }
 
-    /// The scene in another structure, built on first request.
+    /// The scene compiled with another structure on first request.
     fn structure(
         &self,
         snapshot: &Snapshot,
@@ -541,7 +541,8 @@ mod tests {
         ]
     }
 
-    /// The same message with each value in turn replaced by values that are mostly invalid.
+    /// Copies of a message in which each value in turn is replaced by values that are mostly
+    /// invalid.
     fn spoilt(message: &Value) -> Vec<Value> {
         let long = "x".repeat(2000);
         let bad = json!([
@@ -583,7 +584,7 @@ mod tests {
         for message in good(&session) {
             let sent: ToServer = serde_json::from_value(message.clone()).expect("a message");
             let outcome = session.handle(client, sent);
-            // The available names may change, but most of these must be valid.
+            // The available names may change, but most of these messages must be valid.
             done += u32::from(outcome.is_ok());
             for bad in spoilt(&message) {
                 let Ok(sent) = serde_json::from_value::<ToServer>(bad.clone()) else { continue };
@@ -623,7 +624,7 @@ mod tests {
             let sent = serde_json::from_value(message).expect("a message");
             assert!(session.handle(client, sent).is_err() && facts(&session) == before, "{part}");
         }
-        // A page that requests control when no page has it, and asks for the impossible.
+        // A page requests control when no page has it, and asks for the impossible.
         session.leave(client);
         let before = facts(&session);
         assert!(session.handle(client + 1, ToServer::Size { size: [0, 0] }).is_err());

@@ -8,7 +8,7 @@ const MAX_SIDE: u32 = 16384;
 const MAX_PIXELS: u64 = 1 << 26;
 
 /// Checks that a picture with these settings can be made: its size, and the memory available now.
-/// The error says what is possible.
+/// The error states the limit.
 pub fn fits(settings: &Settings) -> Result<(), String> {
     let [width, height] = settings.size;
     let pixels = u64::from(width) * u64::from(height);

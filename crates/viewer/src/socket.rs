@@ -19,11 +19,11 @@ use tokio::time::{Interval, MissedTickBehavior, interval, timeout};
 pub const MAX_PAGES: usize = 32;
 /// Maximum number of bytes of a message from a page.
 const MAX_MESSAGE: usize = 1 << 20;
-/// Maximum number of pictures in transit to a page: one that is shown, one on its way.
+/// Maximum number of pictures in transit to a page: one that is shown, and one on its way.
 const MAX_UNDERWAY: u32 = 2;
 /// A page that takes longer than this for a message is disconnected.
 const PATIENCE: Duration = Duration::from_secs(20);
-/// Interval of keep-alive messages, and how long a page may be silent.
+/// Interval of keep-alive messages, and the time that a page may be silent.
 const BEAT: Duration = Duration::from_secs(30);
 const SILENCE: Duration = Duration::from_secs(120);
 /// Maximum length of an error about a message, which may quote much of the message.
@@ -51,7 +51,7 @@ pub async fn socket(
     )
 }
 
-/// A connected page, until this is dropped.
+/// A connected page. Dropping the value removes the page from the session.
 struct Watching {
     session: Arc<Session>,
     client: u32,
@@ -83,7 +83,7 @@ struct Connection {
     /// Number of pictures sent and not acknowledged.
     underway: u32,
     newest: Option<u32>,
-    /// When the page last sent anything.
+    /// Time when the page last sent anything.
     heard: Instant,
     beat: Interval,
 }
@@ -108,7 +108,8 @@ impl Connection {
                     Some(Ok(Message::Binary(_))) => {
                         send_error(socket, "messages are JSON text".into()).await
                     }
-                    // Sent here and waited for: answers to a flood of pings must not pile up.
+                    // The answer is sent here and waited for: answers to a flood of pings must not
+                    // pile up.
                     Some(Ok(Message::Ping(bytes))) => transmit(socket, Message::Pong(bytes)).await,
                     Some(Ok(Message::Pong(_))) => true,
                     Some(Ok(Message::Close(_)) | Err(_)) | None => false,
@@ -116,7 +117,7 @@ impl Connection {
             }
             event = events.recv() => match event {
                 Ok(event) => send(socket, &event).await,
-                // A page that was too slow has missed some.
+                // A page that was too slow has missed some messages.
                 Err(broadcast::error::RecvError::Lagged(_)) => {
                     send_all(socket, &session.all()).await
                 }
@@ -130,7 +131,8 @@ impl Connection {
                 if changed.is_err() {
                     return false;
                 }
-                // Only the newest: a slow page skips pictures and never builds up a queue.
+                // Only the newest picture is sent: a slow page skips pictures and never builds up a
+                // queue.
                 let frame = frames.borrow_and_update().clone();
                 let Some(frame) = frame.filter(|f| self.newest != Some(f.number)) else {
                     return true;
@@ -227,7 +229,8 @@ async fn send(socket: &mut WebSocket, message: &ToPage) -> bool {
     }
 }
 
-/// A page that does not accept its messages is disconnected, so that it blocks nothing.
+/// Sends a message. A page that does not accept its messages is disconnected, so that it blocks
+/// nothing.
 async fn transmit(socket: &mut WebSocket, message: Message) -> bool {
     matches!(timeout(PATIENCE, socket.send(message)).await, Ok(Ok(())))
 }

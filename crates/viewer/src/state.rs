@@ -1,6 +1,6 @@
 //! The state of the view: everything that determines the picture.
 //!
-//! A message never changes a state: [`State::after`] returns the complete next one, or an error.
+//! A message never changes a state: [`State::after`] returns the complete next state, or an error.
 
 use crate::protocol::ToServer;
 use crate::size::fits;
@@ -17,10 +17,10 @@ use std::time::{Duration, Instant};
 
 /// Maximum number of samples per pixel.
 const MAX_SPP: u32 = 1 << 20;
-/// Maximum number of kept changes of the scene, and of their total bytes.
+/// Maximum number of edits that are kept; [`MAX_EDIT_BYTES`] limits their total size.
 const MAX_EDITS: usize = 1000;
 const MAX_EDIT_BYTES: usize = 4 << 20;
-/// Maximum distance from the origin, and of the focus, for a camera: squares of larger ones
+/// Maximum distance of a camera from the origin, and of its focus: squares of larger numbers
 /// overflow single precision.
 const FARTHEST: f64 = 1e18;
 
@@ -30,7 +30,7 @@ pub struct State {
     opened: Arc<Opened>,
     /// Changes of the scene that can be undone, in the form of `-D`.
     edits: Vec<String>,
-    /// How many of them are applied; the rest can be redone.
+    /// Number of edits that are applied; the rest can be redone.
     applied: usize,
     /// The scene with its edits.
     pub scene: Arc<Scene>,
@@ -38,13 +38,13 @@ pub struct State {
     pub hidden: BTreeSet<u32>,
     /// Increases with each change of the scene.
     pub generation: u32,
-    /// Increases when more than materials, lights and environment has changed.
+    /// Increases when more than materials, lights and environment changes.
     pub geometry: u32,
     /// The camera.
     pub camera: Camera,
     /// Number of the last camera message.
     pub seq: u32,
-    /// The render settings that were asked for.
+    /// The render settings that the user asked for.
     request: Request,
     /// The render settings at rest.
     pub settings: Settings,
@@ -59,11 +59,11 @@ pub struct State {
 pub enum Change {
     /// No visible change.
     Nothing,
-    /// The conversion to display values.
+    /// Only the conversion to display values changed.
     Display,
-    /// The camera.
+    /// The camera changed.
     Camera,
-    /// The scene, or its render settings.
+    /// The scene or its render settings changed.
     Picture,
 }
 
@@ -95,8 +95,8 @@ impl State {
         })
     }
 
-    /// The state for another scene on the same pages; or the same one, read again (`is_same`),
-    /// which keeps camera and settings.
+    /// The state for another scene on the same pages, or for the same scene read again (`is_same`);
+    /// then camera and settings stay.
     pub fn reopened(&self, opened: Opened, is_same: bool) -> Result<Self, String> {
         let mut new = Self::with_size(opened, self.settings.size)?;
         (new.generation, new.geometry, new.seq) =
@@ -109,8 +109,8 @@ impl State {
         Ok(new)
     }
 
-    /// Restores the earlier state `before`, after this one could not be rendered. Its counters
-    /// continue from this state's.
+    /// Returns the earlier state `before`, after this one could not be rendered. The counters of
+    /// the result continue from this state's.
     pub fn taken_back_to(&self, before: &Self) -> Self {
         let (generation, geometry) = (self.generation + 1, self.geometry + 1);
         Self { generation, geometry, seq: self.seq, moved: Instant::now(), ..before.clone() }
@@ -231,7 +231,7 @@ impl State {
         self.go_to(self.edits.len())
     }
 
-    /// The scene after this many edits.
+    /// Changes the scene to the one after this many edits.
     fn go_to(&mut self, applied: usize) -> Result<(), String> {
         let mut scene = self.opened.scene.clone();
         for edit in standing(&self.edits[..applied]) {
@@ -246,7 +246,7 @@ impl State {
         Ok(())
     }
 
-    /// Sets a setting without a message of its own; with null, to what it was when the scene was
+    /// Sets a setting that has no message of its own; null restores the value when the scene was
     /// opened.
     fn set(&mut self, name: &str, value: &Value) -> Result<(), String> {
         let setting = Request::setting(name).filter(|setting| setting.is_live);
@@ -274,7 +274,7 @@ impl State {
             self.generation += 1;
             self.geometry += 1;
         }
-        // The others have messages of their own.
+        // The other settings have messages of their own.
         self.settings = Settings {
             size: now.size,
             crop: None,
@@ -289,7 +289,7 @@ impl State {
         Ok(())
     }
 
-    /// The settings without messages of their own that are set, as a command line has them.
+    /// The settings without messages of their own that are set, in the form of command-line values.
     pub fn set_settings(&self) -> BTreeMap<String, String> {
         let live = Request::SETTINGS.iter().filter(|setting| setting.is_live);
         live.filter_map(|s| Some((s.name.to_string(), s.get(&self.request)?))).collect()
@@ -392,8 +392,8 @@ impl State {
     }
 }
 
-/// The integrator that shows light, and its bounces, for a scene that was opened with these
-/// settings.
+/// The integrator that shows light, and its number of bounces, for a scene that was opened with
+/// these settings. The integrator `aov` shows no light; `path` stands in for it.
 fn light_of(settings: &Settings) -> (IntegratorKind, u32) {
     match settings.integrator {
         IntegratorKind::Aov => (IntegratorKind::Path, IntegratorKind::Path.default_max_depth()),
@@ -401,7 +401,7 @@ fn light_of(settings: &Settings) -> (IntegratorKind, u32) {
     }
 }
 
-/// The key of an edit.
+/// The key of an edit, which has the form `key=value`.
 fn key(edit: &str) -> &str {
     edit.split_once('=').map_or(edit, |(key, _)| key)
 }

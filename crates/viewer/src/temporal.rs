@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use snell_math::{DVec2, DVec3, Vec2};
 use snell_scene::{Camera, CameraSample};
 
-/// The position of a picture's sample within its pixel, by quarters, in turn.
+/// The quarter of the pixels that each picture samples, in turn.
 const PHASES: [[usize; 2]; 4] = [[0, 0], [1, 1], [1, 0], [0, 1]];
 /// Weight of the old picture at new samples, if samples are noisy.
 const MEMORY: f32 = 0.6;
@@ -17,12 +17,12 @@ const FAR: f64 = 1e12;
 /// Minimum number of rows per thread.
 const ROWS: usize = 16;
 
-/// The four positions, in turn.
+/// The quarter of the pixels that the picture with number `frame` samples.
 pub fn phase(frame: u32) -> [usize; 2] {
     PHASES[frame as usize % 4]
 }
 
-/// A position in a pixel, from 0 to 1.
+/// The position of a quarter's centre in the pixel, each coordinate from 0 to 1.
 pub fn pixel_position(phase: [usize; 2]) -> [f64; 2] {
     phase.map(|side| 0.25 + 0.5 * side as f64)
 }
@@ -37,10 +37,10 @@ pub struct History {
 /// The previous position of the surface that a pixel sees.
 #[derive(Clone, Copy)]
 struct Motion {
-    /// Squared distance from the eye.
+    /// Squared distance of the surface from the eye.
     distance: f64,
-    /// The position in the previous picture of the centre of pixel `[0, 0]` of the new one, if
-    /// everything moved as this surface did.
+    /// The position in the previous picture that corresponds to the centre of pixel `[0, 0]` of the
+    /// new one, if everything moved as this surface did; `None` if it is not visible there.
     place: Option<DVec2>,
 }
 
@@ -52,15 +52,15 @@ impl Motion {
 
 /// A picture with one sample per pixel.
 pub struct Fresh<'a> {
-    /// Its camera.
+    /// The camera of the picture.
     pub camera: &'a Camera,
-    /// Its size in pixels.
+    /// Width and height in pixels.
     pub size: [u32; 2],
-    /// Position of the sample in each pixel.
+    /// The quarter of each pixel that is sampled.
     pub phase: [usize; 2],
     /// Linear values, three per pixel.
     pub rgb: &'a [f32],
-    /// Hit points of the samples, three numbers per pixel.
+    /// Hit points of the samples, three coordinates per pixel.
     pub positions: &'a [f32],
     /// Ids of the hits; negative for misses.
     pub ids: &'a [f32],
@@ -69,7 +69,8 @@ pub struct Fresh<'a> {
 }
 
 impl History {
-    /// The picture of twice the width and height.
+    /// The next picture, of twice the width and height of `fresh`. Three quarters of its pixels
+    /// come from `before`, where that shows the surface.
     pub fn next(before: Option<&Self>, fresh: &Fresh) -> Self {
         let size = fresh.size.map(|side| 2 * side as usize);
         let mut rgb = vec![0.0; size[0] * size[1] * 3];
@@ -77,7 +78,7 @@ impl History {
         let rows = rgb.par_chunks_mut((2 * size[0] * 3).max(1)).enumerate();
         rows.with_min_len(ROWS).for_each(|(y, rows)| {
             for x in 0..size[0] / 2 {
-                // Edges move with the surface in front.
+                // At edges, pixels move with the surface in front.
                 let place = |motions: &Vec<Motion>| {
                     fresh.around([x, y]).map(|i| motions[i]).reduce(Motion::nearer)
                 };
@@ -122,7 +123,7 @@ impl History {
             (2 * y + fresh.phase[1]) as f64 + 0.5,
         );
         let seen = if fresh.ids[i] < 0.0 {
-            // A miss: a point far away.
+            // A miss counts as a point far away.
             let sample = CameraSample { film, lens: Vec2::splat(0.5) };
             let ray = fresh.camera.ray(&sample, size.map(|side| side as u32)).ray;
             self.camera.eye + ray.direction.as_dvec3() * FAR
@@ -136,12 +137,13 @@ impl History {
         Motion { distance: (seen - fresh.camera.eye).length_squared(), place }
     }
 
-    /// Pixels of this picture per pixel of another one.
+    /// Pixels of this picture per pixel of a picture of size `size`.
     fn scale(&self, size: [usize; 2]) -> DVec2 {
         DVec2::new(self.size[0] as f64 / size[0] as f64, self.size[1] as f64 / size[1] as f64)
     }
 
-    /// The interpolated colour at `place`, which is that of a [`Motion`]. `None` outside.
+    /// The interpolated colour for pixel `at` of the new picture, if `place` is that of its
+    /// [`Motion`]. `None` outside of this picture.
     fn sample(&self, place: DVec2, at: [usize; 2], size: [usize; 2]) -> Option<[f32; 3]> {
         let p = place + DVec2::new(at[0] as f64, at[1] as f64) * self.scale(size) - 0.5;
         let [width, height] = self.size;
@@ -164,7 +166,8 @@ impl History {
 }
 
 impl Fresh<'_> {
-    /// The colour of a pixel of the large picture, which lies in pixel `[x, y]` of this one.
+    /// The colour of pixel `at` of the large picture, which lies in pixel `[x, y]` of this one.
+    /// `old` is its colour in the previous picture.
     fn resolved(
         &self,
         [x, y]: [usize; 2],
@@ -177,7 +180,7 @@ impl Fresh<'_> {
             return own;
         }
         let Some(Some(old)) = old else { return own };
-        // Colours outside the range of the neighbours are clamped.
+        // Old colours are clamped to the range of the new neighbours.
         let [low, high] = self.range(x, y);
         let old = [0, 1, 2].map(|c| old[c].clamp(low[c], high[c]));
         if is_new { [0, 1, 2].map(|c| own[c] + (old[c] - own[c]) * MEMORY) } else { old }
@@ -196,7 +199,7 @@ impl Fresh<'_> {
         [self.rgb[i], self.rgb[i + 1], self.rgb[i + 2]]
     }
 
-    /// Minimum and maximum values of the pixels around one.
+    /// Minimum and maximum of each channel in a pixel and its neighbours.
     fn range(&self, x: usize, y: usize) -> [[f32; 3]; 2] {
         let (mut low, mut high) = (self.color(x, y), self.color(x, y));
         for i in self.around([x, y]) {
@@ -278,7 +281,7 @@ mod tests {
 
     #[test]
     fn four_pictures_of_a_camera_at_rest_make_one_of_four_times_the_pixels() {
-        // Only pixels brighter or darker than all neighbours are lost.
+        // Only pixels that are brighter or darker than all neighbours are lost.
         let (one, four) = (error_after(1, 0.0, false), error_after(4, 0.0, false));
         assert!(four < 0.1 * one, "{four} after {one}");
     }

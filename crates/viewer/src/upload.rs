@@ -13,11 +13,11 @@ const PIECE_TIME: Duration = Duration::from_secs(20);
 /// Time limit for a whole file.
 const WHOLE_TIME: Duration = Duration::from_secs(10 * 60);
 
-/// Why an upload was refused: a status, and a line for the user.
+/// The refusal of an upload: a status, and a line for the user.
 pub type Refusal = (StatusCode, String);
 
 /// Receives the file in the body of a request. A file whose declared size is too large is refused
-/// before any of it is read; one that turns out to be too large, as soon as it does.
+/// before any of it is read; a file that turns out to be too large is refused as soon as it does.
 pub async fn receive(headers: &HeaderMap, body: Body) -> Result<Vec<u8>, Refusal> {
     let length = headers.get(header::CONTENT_LENGTH).and_then(|l| l.to_str().ok());
     if length.is_some_and(|l| l.parse::<usize>().is_ok_and(|l| l > MAX_BYTES)) {

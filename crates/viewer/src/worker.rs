@@ -20,10 +20,10 @@ const QUICK: u32 = 16;
 /// Minimum interval between pictures at rest.
 const REST_INTERVAL: Duration = Duration::from_millis(100);
 
-/// Number of moving pictures not yet shown when the next one is begun: one in transit and one being
-/// encoded.
+/// Maximum number of moving pictures that are not shown yet when the next one is begun: one in
+/// transit and one being encoded.
 const UNSEEN: u32 = 2;
-/// How long the next one waits for a slower page.
+/// Maximum time that the next moving picture waits for a slower page.
 const PATIENCE: Duration = Duration::from_millis(100);
 
 /// Renders for a session until it ends.
@@ -34,19 +34,20 @@ pub struct Worker<'a> {
     compiled: Option<Compiled>,
     encoder: Encoder,
     frame: u32,
-    /// The number of the last picture, if something was moving.
+    /// The number of the last picture, if it showed something moving.
     moving: Option<u32>,
     /// The constant for indirect light while something moves; `None` for a new scene.
     fill: Option<Rgb>,
     /// The last moving picture, and the version that it shows.
     last_preview: Option<(u64, Vec<f32>)>,
-    /// The last moving picture that the next one can reuse, and what else it depends on.
+    /// The last moving picture, which the next one can reuse if the scene's generation and the
+    /// integrator are the same.
     history: Option<((u32, IntegratorKind), History)>,
-    /// The picture at rest being made.
+    /// The picture at rest that is being made.
     refinement: Option<Refinement>,
 }
 
-/// A scene, compiled.
+/// A compiled scene.
 struct Compiled {
     generation: u32,
     geometry: u32,
@@ -57,7 +58,7 @@ struct Compiled {
 struct Refinement {
     version: u64,
     underway: Underway,
-    /// True for the picture that is shown during training.
+    /// True for the quick picture that is shown during training.
     is_quick: bool,
     spent: Duration,
     sent: Option<Instant>,
@@ -65,7 +66,7 @@ struct Refinement {
 }
 
 impl<'a> Worker<'a> {
-    /// Renders for a session until it ends, with this many threads and frames per second.
+    /// Renders for a session until it ends, with this number of threads and of frames per second.
     pub fn run(session: &'a Session, threads: usize, frames_per_second: f64) {
         std::thread::scope(|scope| {
             Self::new(session, threads, frames_per_second, Encoder::new(scope, session)).work();
@@ -88,9 +89,10 @@ impl<'a> Worker<'a> {
         }
     }
 
-    /// A fault in a picture is reported to the pages, and the next change is rendered again.
+    /// Renders until the session ends. A panic in a picture is reported to the pages, and the next
+    /// change is rendered again.
     fn work(mut self) {
-        // No page is open yet; compiling now saves the first one the wait. A failure here repeats,
+        // No page is open yet; compiling now saves the first page the wait. A failure here repeats,
         // and is reported, when a page is open.
         let _ = catch_unwind(AssertUnwindSafe(|| self.compile(&self.session.now())));
         let mut seen = 0;
@@ -117,13 +119,14 @@ impl<'a> Worker<'a> {
         }
     }
 
-    /// Discards everything that a fault may have left half done.
+    /// Discards everything that a panic may have left half done.
     fn forget(&mut self) {
         (self.compiled, self.refinement, self.history) = (None, None, None);
         (self.fill, self.last_preview, self.moving) = (None, None, None);
     }
 
-    /// The next state to render, when it is time.
+    /// The next state to render. Waits until it is due, and until a page has shown an earlier
+    /// picture.
     fn next(&self, seen: u64, due: Option<Instant>) -> Option<Snapshot> {
         if let Some(last) = self.moving {
             self.session.pace.wait_for(last.wrapping_sub(UNSEEN), PATIENCE);
@@ -131,8 +134,8 @@ impl<'a> Worker<'a> {
         self.session.wait(seen, due)
     }
 
-    /// Renders one frame while moving, or one step of refinement. Returns when to continue if
-    /// nothing changes.
+    /// Renders one frame while moving, or one step of refinement. Returns the time of the next step
+    /// if nothing changes.
     fn step(&mut self, snapshot: &Snapshot, is_new: bool) -> Result<Option<Instant>, String> {
         let compiled = self.compile(snapshot)?;
         if is_new {
@@ -209,7 +212,7 @@ impl<'a> Worker<'a> {
         self.last_preview = has_fill.then(|| (snapshot.version, rgb.clone()));
         let header = self.header(snapshot, shown, start.elapsed());
         self.encoder.send(Picture { header, rgb, display: Some(snapshot.display) })?;
-        // Includes the wait for the encoder, if that is the bottleneck.
+        // The time includes the wait for the encoder, if that is the bottleneck.
         self.budget.spent(size, start.elapsed().as_secs_f64());
         Ok(())
     }
@@ -266,7 +269,7 @@ impl<'a> Worker<'a> {
             return Ok(false);
         }
         refinement.is_complete = !has_more;
-        // Until then the quick one is better.
+        // Until the new picture has as many samples, the quick one is better.
         let is_worse = settings.guiding.is_some()
             && !refinement.is_quick
             && refinement.underway.samples() < QUICK;

@@ -1,4 +1,4 @@
-//! A server among hostile programs and pages: their requests are refused, cost little, and lock out
+//! A server among hostile programs and pages. Their requests are refused, cost little, and lock out
 //! no other client.
 
 use serde_json::{Value, json};
@@ -13,7 +13,7 @@ use tungstenite::{Message, WebSocket};
 
 const PATIENCE: Duration = Duration::from_secs(60);
 
-/// The Cornell box, and dropped files.
+/// The scenes of the test: the Cornell box, and dropped files.
 struct Small;
 
 impl Source for Small {
@@ -54,7 +54,7 @@ fn connect(server: &Server) -> TcpStream {
     stream
 }
 
-/// The response to these bytes, until the server closes.
+/// The response to `sent`, read until the server closes the connection.
 fn exchange(server: &Server, sent: &str) -> String {
     let mut stream = connect(server);
     stream.write_all(sent.as_bytes()).expect("the server reads");
@@ -142,7 +142,7 @@ fn connections_that_say_nothing_are_closed_and_keep_nobody_out() {
     assert_eq!(status(&server, &format!("GET {path}"), ""), 200);
     assert!(start.elapsed() < Duration::from_secs(4), "{:?}", start.elapsed());
     for mut stream in idle {
-        // The end, or a reset.
+        // The connection ends, or is reset.
         assert!(
             matches!(stream.read(&mut [0]), Ok(0) | Err(_)),
             "nothing is said to strangers who say nothing"
@@ -205,7 +205,7 @@ fn files_over_the_limit_are_refused_before_they_are_sent_or_as_soon_as_they_pass
     let sent = (0..600).take_while(|_| stream.write_all(&piece).is_ok()).count();
     assert!((256..320).contains(&sent), "{sent} MB were taken");
 
-    // Two at a time would take twice the memory.
+    // Two uploads at a time would take twice the memory.
     let head = format!(
         "POST {path}open?name=a.obj HTTP/1.1\r\nHost: {host}\r\nContent-Length: 100\r\n\r\nv"
     );
@@ -213,7 +213,8 @@ fn files_over_the_limit_are_refused_before_they_are_sent_or_as_soon_as_they_pass
     let second =
         || status(&server, &format!("POST {path}open?name=a.obj"), "Content-Length: 0\r\n");
     loop {
-        // It is sent repeatedly until it comes before the second, which would otherwise refuse it.
+        // The upload is sent again until it begins before the second, which would otherwise refuse
+        // it.
         let mut first = connect(&server);
         first.write_all(head.as_bytes()).expect("the server reads");
         std::thread::sleep(Duration::from_millis(50));
@@ -328,7 +329,7 @@ fn the_renderer_lives_whatever_a_page_asks() {
 fn messages_over_the_limit_and_floods_end_one_page_and_no_other() {
     let server = start();
     let mut good = page(&server).expect("there is room");
-    // In one frame, and in small pieces.
+    // The message is sent in one frame, and in small pieces.
     let mut bad = page(&server).expect("there is room");
     let _ = bad.send(Message::text("x".repeat(2 << 20)));
     while bad.read().is_ok() {}
@@ -339,7 +340,7 @@ fn messages_over_the_limit_and_floods_end_one_page_and_no_other() {
     };
     let sent = (0..2000).take_while(|n| bad.write_all(&piece(*n == 0)).is_ok()).count();
     assert!(sent < 1000, "{sent} pieces were taken");
-    // A page that asks and never reads.
+    // This page asks and never reads.
     let mut deaf = page(&server).expect("there is room");
     deaf.get_ref()
         .set_write_timeout(Some(Duration::from_millis(200)))

@@ -1,16 +1,16 @@
-"""USD stages as scenes of Snell, by way of its text format.
+"""Converts USD stages to scenes of Snell, by way of Snell's text format.
 
-Needs the official wheel ``usd-core`` (``pip install 'snell[usd]'``) and NumPy. As a program,
-``python3 -m snell.usd IN OUT.snell`` writes the scene of a stage; the command ``snell`` runs the
-modules of this package whenever it is given a ``.usd``, ``.usda``, ``.usdc`` or ``.usdz``, so they
-use nothing else of Snell.
+This package needs the official wheel ``usd-core`` (``pip install 'snell[usd]'``) and NumPy. As a
+program, ``python3 -m snell.usd IN OUT.snell`` writes the scene of a stage. The command ``snell``
+runs the modules of this package whenever it is given a ``.usd``, ``.usda``, ``.usdc`` or ``.usdz``,
+so they use nothing else of Snell.
 
 What is read: the composed stage (references, payloads, variants as they are chosen), instances and
 point instancers, meshes (polygons; those of subdivision schemes with smooth normals), spheres,
 cubes, cylinders, cones, capsules and planes, curves as tubes, points as balls, cameras, the lights
 of UsdLux, and materials: UsdPreviewSurface, and OpenPBR and standard surface as MaterialX networks.
 Units become metres, and the up axis is that of the stage. Transforms that change over time are the
-scene's motion. What is left out is told.
+scene's motion. A remark names everything that is left out.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def load(
     time: float | None = None,
     allow_outside: bool = False,
 ) -> Any:
-    """The scene of a USD stage, as `snell.load` gives it for other files.
+    """Reads the scene of a USD stage, as `snell.load` does for other files.
 
     Parameters
     ----------
@@ -40,8 +40,8 @@ def load(
         Variants to choose instead of those the file chooses: ``{"/Path/of/prim:set": "name"}``, or
         ``{"set": "name"}`` wherever there is such a set.
     time : float, optional
-        Time code at which values that change are read; without it, the default values, or else
-        those of the first sample.
+        Time code at which animated values are read. Default: the stage's default values, or else
+        the values of the first time sample.
     allow_outside : bool, optional
         Lets the stage name files outside of its folder.
     """
@@ -79,8 +79,8 @@ def convert(
     name: str | None = None,
     most_layers: int = 10_000,
 ) -> tuple[str, list[str]]:
-    """The text of a ``.snell`` file for a stage, and remarks on what was left out. `name` is that
-    of the file in messages.
+    """The text of a ``.snell`` file for a stage, and remarks on what was left out. `name` is the
+    name of the stage's file in messages.
     """
     try:
         import numpy  # noqa: F401
@@ -127,7 +127,7 @@ def convert(
 
 
 def _reported(text: str) -> str:
-    """What USD reports, without the addresses of its own memory."""
+    """A message of USD, without the memory addresses in it."""
     import re
 
     return " ".join(

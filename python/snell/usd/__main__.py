@@ -1,4 +1,6 @@
-"""``python3 -m snell.usd [--allow-outside] IN OUT.snell``, and what the command ``snell`` runs."""
+"""The program ``python3 -m snell.usd [--allow-outside] IN OUT.snell``. The command ``snell`` runs
+this module, too.
+"""
 
 from __future__ import annotations
 
@@ -13,8 +15,8 @@ _MOST_REMARKS = 10_000
 
 
 def main(arguments: list[str], name: str | None = None) -> int:
-    """Exit code 0 done, 1 failed, 2 wrong usage, 3 without the package ``usd-core``. `name` is that
-    of the stage in messages.
+    """Runs the program and returns its exit code: 0 success, 1 failure, 2 wrong usage, 3 if the
+    package ``usd-core`` is missing. `name` is the name of the stage in messages.
     """
     trusted = arguments[:1] == ["--allow-outside"]
     arguments = arguments[trusted:]

@@ -1,5 +1,5 @@
-"""What is collected while a stage is read: the parts of a document of Snell's text format, and what
-could not be read.
+"""The data that is collected while a stage is read: the parts of a document in Snell's text format,
+and remarks on what could not be read.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ def numbers(array: Any, kind: Any) -> str:
 
 
 def rows(matrix: Any) -> list[list[float]]:
-    """A map of columns as three rows of four numbers."""
+    """A transform for column vectors as three rows of four numbers."""
     return [[float(x) for x in row] for row in np.asarray(matrix)[:3]]
 
 
@@ -45,7 +45,7 @@ def scalar_form(factor: float, texture: tuple[int, int] | None = None) -> dict[s
 
 
 class Context:
-    """A stage at a time, and the document that is made from it."""
+    """A stage at one time, and the document that is made from it."""
 
     def __init__(self, stage: Any, time: float | None, files: Files) -> None:
         self.stage, self.files = stage, files
@@ -74,7 +74,7 @@ class Context:
         self.world = np.diag([self.scale, self.scale, self.scale, 1.0])
 
     def remark(self, text: str) -> None:
-        """Adds a remark about what is left out; equal ones once."""
+        """Adds a remark about what is left out, unless an equal remark is there."""
         self.remarks[text] = self.remarks.get(text, 0) + 1
 
     def value(self, attribute: Any, default: Any = None) -> Any:
@@ -91,7 +91,7 @@ class Context:
         return np.array(self.value(attribute, default), dtype=np.float64).reshape(-1, width)
 
     def source(self, prim: Any) -> str:
-        """The path of the prim that stands for all instances of one."""
+        """The path of the prim that all instances of a prototype share."""
         return str((prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim).GetPath())
 
     def add_node(self, node: dict[str, Any]) -> int:
@@ -143,8 +143,8 @@ class Context:
         return len(self.meshes) - 1
 
     def add_material(self, surface: dict[str, Any], name: str, key: Any = None, **more: Any) -> int:
-        """Stores a material, which is OpenPBR unless `more` overrides it; the same `key` is the
-        same material.
+        """Stores a material and returns its number. It is an OpenPBR material unless `more` says
+        otherwise. Materials with the same `key` are stored once.
         """
         if key is not None and key in self.known:
             return int(self.known[key])
@@ -166,7 +166,7 @@ class Context:
         return len(self.materials) - 1
 
     def picture(self, asset: Any, attribute: Any) -> dict[str, Any] | None:
-        """The content of an image file; `attribute` names it."""
+        """The content of the image file that `attribute` names."""
         content, problem = self.files.picture(asset, attribute)
         if content is None:
             self.remark(

@@ -32,7 +32,7 @@ _BASES = {
 
 
 def curves(context: Context, prim: Any) -> list[Any]:
-    """The surfaces of curves: one mesh."""
+    """The surfaces of a curves prim: one mesh for all of its curves."""
     given = UsdGeom.BasisCurves(prim)
     points = context.array(given.GetPointsAttr(), 3)
     counts = np.array(context.value(given.GetCurveVertexCountsAttr(), []), dtype=np.int64)
@@ -75,8 +75,8 @@ def curves(context: Context, prim: Any) -> list[Any]:
 
 
 def _for_points(values: np.ndarray, counts: np.ndarray, kind: str, wrap: str) -> np.ndarray:
-    """A row for each point, of values for all, for each curve, for the ends of each segment, or for
-    each point.
+    """A row for each point. The values given may be one for all curves, one for each curve, one for
+    each end of a segment, or one for each point.
     """
     total = int(counts.sum())
     if len(values) >= total:

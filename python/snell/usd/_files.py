@@ -1,5 +1,5 @@
-"""The files of a stage: ordinary ones in its folder, unless the user trusts it. They are looked at
-before USD opens any of them.
+"""The files of a stage. Only regular files in the stage's folder are allowed, unless the user
+trusts the stage. They are checked before USD opens any of them.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ class StageError(ValueError):
 
 
 def cause(error: Exception) -> str:
-    """The first of the errors that USD reports; what stands before the colon is where in the
-    library.
+    """The text of the first error that USD reports, without the place in the library that stands
+    before its colon.
     """
     lines = str(error).splitlines()
     return (
@@ -44,7 +44,7 @@ class Files:
         self.folder = os.path.realpath(os.path.dirname(path) or ".")
 
     def layers(self) -> list[Any]:
-        """The layers of the stage, opened one after the other; their names are looked at before."""
+        """Opens the layers of the stage one after the other, and checks the name of each before."""
         if problem := _not_a_file(self.path):
             raise StageError(f"{problem}; name an ordinary file")
         resolver = Ar.GetResolver()
@@ -110,8 +110,8 @@ class Files:
         return (bytes(found.GetBuffer()), "") if found else (None, "cannot be opened")
 
     def _vetted(self, layer: Any, name: str, place: str = "") -> str:
-        """The identifier of a layer that another one names, once it is known to be a file that may
-        be opened.
+        """The identifier of a layer that another layer names. Raises an error unless the layer is a
+        file that may be opened.
         """
         if not self.allow_outside and Sdf.VariableExpression.IsExpression(name):
             problem = (
@@ -146,8 +146,8 @@ class Files:
         return str(Sdf.Layer.CreateIdentifier(anchored, arguments))
 
     def _beside(self, layer: Any, path: str) -> str:
-        """The file that a path leads into; a name that USD did not find counts from the layer that
-        names it.
+        """The file that a path leads into. A name that USD did not find is relative to the layer
+        that names it.
         """
         folder = os.path.dirname(_file(layer.realPath)) if layer else self.folder
         file = _file(path)
@@ -162,8 +162,8 @@ class Files:
 
 
 def _opened(identifier: str) -> Any:
-    """The layer; nothing if there is none or it is broken, which USD says again when it composes
-    the stage.
+    """Opens a layer; None if it is missing or broken, which USD reports again when it composes the
+    stage.
     """
     try:
         return Sdf.Layer.FindOrOpen(identifier)
@@ -172,7 +172,7 @@ def _opened(identifier: str) -> Any:
 
 
 def _file(path: str) -> str:
-    """The file that a path leads into: of `a.usdz[b.usda]`, `a.usdz`."""
+    """The file that a path leads into, such as `a.usdz` for `a.usdz[b.usda]`."""
     return (
         str(Ar.SplitPackageRelativePathOuter(path)[0]) if Ar.IsPackageRelativePath(path) else path
     )
@@ -184,8 +184,8 @@ def _is_address(name: str) -> bool:
 
 
 def _not_a_file(path: str) -> str:
-    """What a path leads to that would be read for ever; empty for files, folders, and where nothing
-    is.
+    """The reason why a path leads to no file but to something that would be read for ever, such as
+    a pipe; empty for regular files, folders, and paths that lead to nothing.
     """
     try:
         mode = os.stat(path).st_mode
@@ -198,8 +198,8 @@ def _not_a_file(path: str) -> str:
 
 
 def _numbered(file: str) -> list[str]:
-    """The files that a name of a sequence stands for, `clip.###.usd`; another name stands for
-    itself.
+    """The files that the name of a sequence, such as `clip.###.usd`, stands for. Any other name
+    stands for itself.
     """
     if "#" not in file:
         return [file]

@@ -19,7 +19,7 @@ _TURNED = np.diag([-1.0, 1.0, -1.0, 1.0])
 
 
 def light(context: Context, prim: Any, world: np.ndarray) -> list[int]:
-    """Adds a light; those with an area are nodes."""
+    """Adds a light. A light with an area becomes a node, whose number is returned."""
     kind = str(prim.GetTypeName())
     color = _color(context, prim)
     _tell_what_is_left_out(context, prim)
@@ -55,8 +55,8 @@ def light(context: Context, prim: Any, world: np.ndarray) -> list[int]:
 
 
 def mesh_light(context: Context, prim: Any, world: np.ndarray) -> list[Any]:
-    """The surfaces of a mesh that is a light: its material, which shines, tinted by what it shone
-    before.
+    """The surfaces of a mesh that is a light. Its material emits the light, tinted by the emission
+    that the material has itself.
     """
     radiance = _color(context, prim)
     if _is_normalized(context, prim):
@@ -86,7 +86,7 @@ def mesh_light(context: Context, prim: Any, world: np.ndarray) -> list[Any]:
 
 
 def _color(context: Context, prim: Any) -> np.ndarray:
-    """Colour by intensity, exposure and temperature."""
+    """The colour of a light times its intensity, exposure and colour temperature."""
     given = UsdLux.LightAPI(prim)
     strength = float(context.value(given.GetIntensityAttr(), 1.0)) * 2.0 ** float(
         context.value(given.GetExposureAttr(), 0.0)
@@ -94,7 +94,7 @@ def _color(context: Context, prim: Any) -> np.ndarray:
     color = np.array(context.value(given.GetColorAttr(), (1, 1, 1)), dtype=np.float64) * strength
     if context.value(given.GetEnableColorTemperatureAttr(), False):
         kelvin = float(context.value(given.GetColorTemperatureAttr(), 6500.0))
-        # A black body of luminance 1.
+        # The colour of a black body, scaled to luminance 1.
         color = color * np.array(UsdLux.BlackbodyTemperatureAsRgb(kelvin), dtype=np.float64)
     return color
 
@@ -173,7 +173,9 @@ def _picture(context: Context, prim: Any) -> int | None:
 def _point(
     context: Context, prim: Any, world: np.ndarray, color: np.ndarray, cone: float | None
 ) -> None:
-    """A distant sphere: its radiance from the area of its visible disk."""
+    """Adds a point or spot light in place of a sphere light. Its intensity is the radiance times
+    the area of the visible disk.
+    """
     radius = _radius(context, prim) * float(np.linalg.norm(world[:3, 0]))
     if _is_normalized(context, prim):
         # Divided by the area in units of the stage, which leaves a factor of a quarter.

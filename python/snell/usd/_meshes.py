@@ -1,5 +1,5 @@
-"""Meshes: triangles of their polygons, what belongs to their points and corners, and the materials
-of their parts.
+"""Meshes: the triangles of their polygons, the attributes of their points and corners, and the
+materials of their parts.
 """
 
 from __future__ import annotations

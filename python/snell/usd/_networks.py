@@ -192,7 +192,9 @@ class Network:
 
     @staticmethod
     def _product(sides: list[_Source]) -> _Source | None:
-        """A constant and at most one image."""
+        """The product of some sources: a constant and at most one image. None if two sources are
+        images, or one is a primvar.
+        """
         pictures = [side for side in sides if side.picture is not None]
         if len(pictures) > 1 or any(side.primvar for side in sides):
             return None

@@ -42,7 +42,7 @@ def triangulated(
 
 
 def _halves(points: np.ndarray, indices: np.ndarray, first: np.ndarray) -> np.ndarray:
-    """Quadrilaterals along the diagonal that keeps both triangles on one side of the face, for
+    """Cuts quadrilaterals along the diagonal for which both triangles turn the same way, also in
     faces that are not convex.
     """
     p = points[indices[first[:, None] + np.arange(4)]].astype(np.float64)
@@ -77,7 +77,7 @@ def _ears(p: np.ndarray) -> np.ndarray:
 
 
 def _is_ear(flat: np.ndarray, ear: list[int], rest: list[int]) -> bool:
-    """A corner that turns left, with no other point of the polygon inside."""
+    """True if a corner turns left and no other point of the polygon is inside its triangle."""
     a, b, c = (flat[i] for i in ear)
     if _area(a, b, c) <= 0:
         return False

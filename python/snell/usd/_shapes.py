@@ -89,7 +89,7 @@ def points(context: Context, prim: Any) -> list[int]:
 
 
 def _balls(context: Context, prim: Any, count: int) -> list[int]:
-    """The sphere of each point; points of one colour share it."""
+    """The node of each point's sphere; points of one colour share a node."""
     form = {"shape": "sphere", "radius": 0.5}
     colors = None if is_bound(prim) else display_color(context, prim)
     if colors is None or len(colors) < max(count, 2):

@@ -54,8 +54,8 @@ def document(context: Context, name: str) -> str:
 
 
 def _settings(context: Context) -> dict[str, Any]:
-    """The up axis, and what the stage's render settings ask for: a size, and the camera that comes
-    first.
+    """The scene's settings: the up axis, and from the stage's render settings the size of the
+    picture and the camera, which becomes the first.
     """
     settings: dict[str, Any] = {
         "up": [0.0, 0.0, 1.0] if UsdGeom.GetStageUpAxis(context.stage) == "Z" else [0.0, 1.0, 0.0]
@@ -98,7 +98,7 @@ def _pose(context: Context) -> None:
 
 
 def _samples_around(context: Context) -> Any:
-    """The samples of poses that are needed at the time of this reading."""
+    """The interval of time codes whose poses are needed at the time of this reading."""
     time = context.time.GetValue() if context.time.IsNumeric() else 0.0
     found = [time]
     for prim in context.stage.Traverse(Usd.TraverseInstanceProxies()):
@@ -115,8 +115,8 @@ def _children(context: Context, prim: Any, world: np.ndarray, joint: int) -> lis
 
 
 def _node(context: Context, prim: Any, parent: np.ndarray, joint: int) -> int | None:
-    """The node of a prim and what is below it. Values that are not what the schema says are errors
-    with the prim's path.
+    """The node of a prim and of everything below it. Values of a type other than the schema's are
+    errors with the prim's path.
     """
     try:
         return _node_of(context, prim, parent, joint)
@@ -176,7 +176,7 @@ def _sizes(context: Context) -> list[tuple[list[Any], int]]:
 
 
 def _check_finite(context: Context, before: list[tuple[list[Any], int]]) -> None:
-    """An error if an added number is not finite, which no file can hold."""
+    """Raises an error if an added number is not finite, because no file can hold it."""
     try:
         json.dumps(
             [part[size:] for part, size in before]
@@ -188,7 +188,7 @@ def _check_finite(context: Context, before: list[tuple[list[Any], int]]) -> None
 
 
 def _shared_children(context: Context, prim: Any, world: np.ndarray, joint: int) -> list[int]:
-    """The nodes below; those of a prototype are created once for all instances."""
+    """The nodes below a prim. The nodes of a prototype are created once for all instances."""
     if not prim.IsInstance():
         return _children(context, prim, world, joint)
     key = ("prototype", str(prim.GetPrototype().GetPath()))
@@ -202,14 +202,16 @@ def _shared_children(context: Context, prim: Any, world: np.ndarray, joint: int)
 
 
 def _placed_in_the_world(context: Context) -> tuple[int, int, bool]:
-    """Lights and cameras are in world space, so they are created for every instance."""
+    """The numbers of lights and cameras so far, and whether the scene still lacks an environment.
+    All of these are in world space, so they are created for every instance.
+    """
     return len(context.lights), len(context.cameras), context.environment is None
 
 
 def _content(
     context: Context, prim: Any, world: np.ndarray, joint: int
 ) -> tuple[list[Any], list[int]]:
-    """Surfaces of a prim itself, and further nodes."""
+    """The surfaces of a prim itself, and further nodes that it needs."""
     is_light = prim.HasAPI(UsdLux.LightAPI)
     if prim.IsA(UsdGeom.Mesh):
         return mesh_light(context, prim, world) if is_light else mesh(context, prim), []

@@ -1,14 +1,14 @@
-//! No line is wider than 100 columns, but for what cannot be broken: tables, addresses, and raw
-//! string literals, such as the snapshots of tests. Ruff looks at Python.
+//! No line may be wider than 100 columns, except those that cannot be broken: tables, addresses,
+//! and raw string literals, such as the snapshots of tests. Ruff checks the width of Python.
 
 use std::path::{Path, PathBuf};
 
 const WIDTH: usize = 100;
 const EXTENSIONS: [&str; 7] = ["rs", "ts", "tsx", "mjs", "css", "toml", "sh"];
-/// Folders that programs fill.
+/// Folders whose files are generated.
 const GENERATED: [&str; 4] = ["target", "node_modules", "page", "corpus"];
 
-/// Names every line of the repository's own files that is too wide; true if there is none.
+/// Prints every line of the repository's own files that is too wide; true if there is none.
 pub fn check() -> bool {
     let mut files = vec![PathBuf::from(".ci/run")];
     collect(Path::new("."), &mut files);
@@ -23,7 +23,7 @@ pub fn check() -> bool {
     is_narrow
 }
 
-/// Collects the files of a folder and of those in it that people write.
+/// Collects the files that people write, in a folder and its subfolders.
 fn collect(folder: &Path, files: &mut Vec<PathBuf>) {
     let mut entries: Vec<PathBuf> =
         std::fs::read_dir(folder).into_iter().flatten().flatten().map(|e| e.path()).collect();
@@ -71,7 +71,7 @@ fn is_address(line: &str, at: usize) -> bool {
     line[start..].split_whitespace().next().is_some_and(|word| word.contains("://"))
 }
 
-/// Where the raw string literals of Rust code are, and the snapshots after an `@`, in bytes.
+/// The byte ranges of raw string literals in Rust code, and of snapshots after an `@`.
 fn raw_literals(text: &str) -> Vec<(usize, usize)> {
     let mut found = Vec::new();
     let mut at = 0;
@@ -121,8 +121,8 @@ fn string_length(text: &str) -> usize {
     text.len()
 }
 
-/// The length of the character literal that a text starts with, otherwise of one character: `'"'`
-/// starts no string.
+/// The length of a character literal of a quote at the start of a text, such as `'"'`, which starts
+/// no string; otherwise the length of the first character.
 fn char_length(text: &str) -> usize {
     let quoted = ["'\"'", "'\\\"'", "'\\''"].into_iter().find(|quoted| text.starts_with(quoted));
     quoted.map_or_else(|| text.chars().next().map_or(1, char::len_utf8), str::len)

@@ -1,4 +1,4 @@
-//! `snell doctor`: what is wrong with a scene.
+//! `snell doctor`: finds flaws of a scene.
 
 use crate::failure::Failure;
 use crate::resources::admit;
@@ -62,7 +62,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
 
 /// Refuses a scene if there is too little memory to examine it.
 fn check_memory(scene: &Scene) -> Result<(), String> {
-    // Bytes per triangle, for its connectivity and a structure for rays. Measured.
+    // Bytes per triangle, for its connectivity and a structure for rays. The number was measured.
     const BYTES: u64 = 260;
     let triangles = distinct_triangles(scene);
     admit(

@@ -11,8 +11,8 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-/// In scenes with more triangles, the ray is followed only through the structure in use, unless the
-/// user asks for others: some take long to build.
+/// In scenes with more triangles than this, the ray is followed only through the structure in use,
+/// unless the user asks for others: some structures take long to build.
 const MANY_TRIANGLES: u64 = 300_000;
 
 /// Options of `snell explain`.

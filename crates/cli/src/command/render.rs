@@ -35,7 +35,7 @@ use std::time::{Duration, Instant};
 use summary::Summary;
 use tev::Tev;
 
-/// The message if a signal ends the command before there is anything to save.
+/// The message if a signal ends the command before anything can be saved.
 const NOTHING_YET: &str = "interrupted before anything was rendered: no picture was written";
 
 /// Renders a scene and writes the picture, or the frames of an animation.
@@ -43,7 +43,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     interrupt::end_at_once(NOTHING_YET);
     let options = &options.clone().recording_sources();
     let simd = Level::from_env().map_err(Failure::Usage)?;
-    // Fail before the work, not after it.
+    // Errors of the output are found before the work, not after it.
     let output = output::Output::plan(options)?;
     let denoiser = options.request.denoise.as_ref().map(denoise::load).transpose()?.map(Arc::new);
     let start = Instant::now();
@@ -130,7 +130,7 @@ fn load(options: &Options) -> Result<Scene, Failure> {
     Ok(scene)
 }
 
-/// Pictures with more pixels take so long to save that a message says so.
+/// Pictures with more pixels than this take so long to save that a message says so.
 const QUICKLY_SAVED: u64 = 4_000_000;
 
 /// State shared by all pictures of one command.
@@ -142,7 +142,7 @@ struct Session<'a> {
     tonemap: Tonemap,
     load_seconds: f64,
     stem: OsString,
-    /// The memory estimate before the picture was begun.
+    /// The memory estimate from before the picture was begun, in bytes.
     estimated_memory_bytes: u64,
     /// True once a picture was begun and warnings were printed.
     has_begun: bool,
@@ -159,21 +159,22 @@ struct Outcome {
 
 /// Whether and where a picture was written.
 enum Fate {
-    /// In its place, with this SHA-256.
+    /// The picture is in its place; its SHA-256.
     Written(String),
-    /// In its place, but still noisy, because denoising was interrupted.
+    /// The picture is in its place, but still noisy, because denoising was interrupted.
     Noisy,
-    /// In a fallback place, which was reported.
+    /// The picture is in a fallback place, which was reported.
     Elsewhere,
-    /// Beside its place, because it has holes.
+    /// An incomplete picture is beside its place, under another name.
     Partial,
-    /// Nowhere: it was interrupted before anything was rendered, or it is one of many frames.
+    /// No picture was written: the render was interrupted before anything was rendered, or during
+    /// one of many frames.
     Nothing,
 }
 
 impl Session<'_> {
-    /// Renders a picture and writes it to a file, or to standard output. If it is one of many
-    /// frames and is interrupted, it is not written.
+    /// Renders a picture and writes it to a file, or to standard output. A frame of several is not
+    /// written if it is interrupted.
     fn take(&mut self, scene: &Scene, shot: Shot, target: Target) -> Result<Outcome, Failure> {
         let options = self.options;
         let Shot { camera, later_cameras, compiled, build_seconds, .. } = shot;
@@ -258,14 +259,14 @@ impl Session<'_> {
                 return Err(Failure::Other(problem));
             }
         }
-        // Last, because the denoiser or the encoder may take the most memory.
+        // The statistics come last, because the denoiser or the encoder may take the most memory.
         let (least_samples, statistics) = (film.least_samples(), summary.json());
         Ok(Outcome { compiled, fate, least_samples, render_seconds, statistics })
     }
 }
 
-/// Warnings before a picture is rendered. Those of the readers name a place in a file; those found
-/// later concern the whole scene.
+/// Warnings before a picture is rendered. Warnings of the readers name a place in a file; warnings
+/// of the compiler concern the whole scene.
 fn warnings(
     options: &Options,
     scene: &Scene,
@@ -286,8 +287,8 @@ fn warnings(
     warnings
 }
 
-/// True if layers would be lost: only OpenEXR holds them. The integrator `aov` shows its first one
-/// in any format.
+/// True if layers would be lost: only OpenEXR holds them. The integrator `aov` shows the first of
+/// its layers as the picture, in any format.
 fn loses_layers(options: &Options, settings: &Settings) -> bool {
     let extension = options.output.as_ref().and_then(|path| path.extension());
     fn count<T>(items: &Option<Vec<T>>) -> usize {
@@ -363,7 +364,8 @@ fn render(
             Some(training) => reporter.update_training(training),
             None => reporter.update(progress, limit),
         }
-        // Where passes are counted, the clock has no say: bits must repeat.
+        // If training passes are counted, training does not depend on the time, so that bits
+        // repeat.
         let is_training_timed = options.request.is_training_timed();
         !progress.is_late(start.elapsed(), limit, is_training_timed) && !interrupt::is_requested()
     });

@@ -15,10 +15,10 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, SystemTime};
 
-/// Interval at which `--watch` checks the files.
+/// Interval at which the modification times of files are checked with `--watch`.
 const WATCH_INTERVAL: Duration = Duration::from_millis(300);
 
-/// The scene behind the scene chooser if none is named.
+/// The scene that is shown behind the chooser if the command names no scene.
 const FIRST_SCENE: &str = "cornell-box";
 
 /// The environment variable with the token, an alternative to `--token`.
@@ -64,7 +64,7 @@ pub struct Options {
     render: Vec<OsString>,
 }
 
-/// `snell render` as a command of its own, to read its options.
+/// The options of `snell render` as a command of their own, to be read from words.
 #[derive(Debug, clap::Parser)]
 #[command(name = "snell render", no_binary_name = true)]
 struct RenderLine {
@@ -83,7 +83,7 @@ fn parse_token(text: &str) -> Result<String, String> {
 }
 
 impl Options {
-    /// The requested number of threads, from here or from the render's options.
+    /// The requested number of threads, from `snell view` or from the options of `snell render`.
     pub fn threads(&self) -> usize {
         self.threads.map_or_else(|| threads_of(&self.render), |n| n as usize)
     }
@@ -155,7 +155,8 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// The latest modification time of a scene file or of a file beside it that it may name.
+/// The latest modification time of a scene file and of up to 1000 files beside it, which it may
+/// name.
 fn modified(path: &Path) -> Option<SystemTime> {
     let own = path.metadata().ok()?.modified().ok()?;
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
@@ -172,8 +173,8 @@ fn has_display() -> bool {
     cfg!(any(target_os = "macos", windows)) || is_set("DISPLAY") || is_set("WAYLAND_DISPLAY")
 }
 
-/// Other users of the machine can read the browser's command line, so it must not contain the
-/// token.
+/// Opens the page in the browser. The address does not contain the token, because other users of
+/// the machine can read the browser's command line.
 fn open_browser(server: &Server) {
     let opened = server
         .url_for_browser()
@@ -183,14 +184,15 @@ fn open_browser(server: &Server) {
     }
 }
 
-/// Scenes read as by `snell render`.
+/// Scenes that are read as by `snell render`.
 pub(super) struct Files {
     scene: PathBuf,
     render: Vec<OsString>,
 }
 
 impl Files {
-    /// A scene with options of `snell render`.
+    /// The scene at `scene`, with options of `snell render`. Fails if an option makes no sense
+    /// here.
     pub fn new(scene: &Path, render: &[OsString]) -> Result<Self, Failure> {
         let files = Self { scene: scene.into(), render: render.to_vec() };
         let options = files.line(scene).map_err(Failure::Usage)?;
@@ -210,8 +212,8 @@ impl Files {
         Ok(line.options)
     }
 
-    /// `name` is for messages and the command line shown: it may come from a page, and is never
-    /// read as an option.
+    /// Prepares a scene for the viewer. `name` is for messages and for the command line that is
+    /// shown: it may come from a page, and is never read as an option.
     fn opened(&self, name: &Path, scene: Scene) -> Result<Opened, Failure> {
         let options = self.line(&self.scene).map_err(Failure::Usage)?;
         let options = render::Options { scene: name.into(), ..options };

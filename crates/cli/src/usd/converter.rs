@@ -24,10 +24,10 @@ const MODULES: [(&str, &str); 15] = modules![
     "_tree",
     "__main__",
 ];
-/// The program that Python runs first: the rest comes from standard input, which stays open.
+/// The program that Python runs first. It reads the rest from standard input, which stays open.
 pub const BOOT: &str = "import sys; exec(sys.stdin.buffer.read(int(sys.argv[1])))";
-/// Sets limits, installs a finder that loads the modules from their texts on import, and runs the
-/// last one.
+/// The text that sets limits, installs a finder which loads the modules from their texts on import,
+/// and runs the last module.
 const START: &str = include_str!("start.py");
 
 /// The text of the program. Its arguments are its own length in bytes, the name of the stage for

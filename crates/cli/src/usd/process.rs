@@ -1,5 +1,5 @@
-//! The Python process that reads a stage. It imports nothing from the current folder or the
-//! scene's, has limits on time, memory and output, and ends when this program does.
+//! The Python process that reads a stage. It imports nothing from the current folder or the scene's
+//! folder, has limits on time, memory and output, and ends when this program does.
 
 use super::converter;
 use snell_formats::ReadOptions;
@@ -15,32 +15,33 @@ pub const TIME: Duration = Duration::from_secs(600);
 const MOST_SAID: u64 = 16 << 20;
 /// Interval between checks on the process.
 const INTERVAL: Duration = Duration::from_millis(5);
-/// Prefixes of variables that change what Python and USD load; they may include the current folder.
+/// Prefixes of environment variables that change what Python and USD load; such a variable may name
+/// the current folder.
 const FOREIGN: [&str; 7] = ["PYTHON", "PXR_", "USD", "TF_", "AR_", "SDF_", "PCP_"];
 
 /// How the process ended.
 pub enum End {
-    /// It exited.
+    /// The process exited with this code.
     Exit(i32),
-    /// A signal killed it, or the system reported something else.
+    /// A signal killed the process, or the system reported something else.
     Killed(ExitStatus),
-    /// It took longer than [`TIME`].
+    /// The process took longer than [`TIME`].
     TooLong,
-    /// It wrote more than a file may hold.
+    /// The process wrote more than a file may hold.
     TooLarge,
 }
 
 /// The output of the process.
 pub struct Answer {
     pub end: End,
-    /// Its standard output.
+    /// The standard output of the process.
     pub scene: Vec<u8>,
-    /// Its standard error.
+    /// The standard error of the process.
     pub said: String,
 }
 
-/// The programs `python3` and `python` on the search path, except for entries that depend on the
-/// working directory: relative ones, the current folder and the scene's.
+/// The programs `python3` and `python` on the search path. Entries that depend on the working
+/// directory are skipped: relative ones, the current folder and the scene's folder.
 pub fn interpreters(scene: &Path) -> Vec<PathBuf> {
     let here = [std::env::current_dir().ok(), absolute(scene).parent().map(Path::to_path_buf)];
     let here: Vec<_> =
@@ -80,8 +81,9 @@ pub fn run(python: &Path, scene: &Path, options: &ReadOptions) -> Result<Answer>
         (process.0.stdin.take(), process.0.stdout.take(), process.0.stderr.take());
     let limit = options.limits.file_bytes;
     std::thread::scope(|threads| {
-        // Threads, so that neither side waits for the other forever. The program's pipe stays open:
-        // the process ends when it closes. If the process ends early, its own message says why.
+        // Each pipe has a thread, so that neither side waits for the other forever. The pipe to the
+        // process stays open: the process ends when it closes. If the process ends early, its own
+        // message gives the reason.
         let input = threads
             .spawn(move || stdin.map(|mut pipe| pipe.write_all(program.as_bytes()).map(|()| pipe)));
         let output = threads.spawn(move || read(stdout, limit));
@@ -120,11 +122,11 @@ fn command(python: &Path, scene: &Path, options: &ReadOptions, length: usize) ->
     command
 }
 
-/// Reads a pipe up to the limit, and one byte more if there is more. Then the other side cannot go
-/// on writing.
+/// Reads a pipe up to the limit, and one byte more if there is one. The pipe is then closed, so the
+/// other side cannot go on writing.
 fn read(pipe: Option<impl Read>, limit: u64) -> Vec<u8> {
     let mut bytes = Vec::new();
-    // After an error the bytes read so far are kept; the exit status says the rest.
+    // After an error, the bytes read so far are kept; the exit status tells the reason.
     let _ = pipe.map(|pipe| pipe.take(limit.saturating_add(1)).read_to_end(&mut bytes));
     bytes
 }
@@ -133,7 +135,7 @@ fn read(pipe: Option<impl Read>, limit: u64) -> Vec<u8> {
 struct Process(Child);
 
 impl Process {
-    /// Waits until it ends; `None` on timeout.
+    /// Waits until the process ends; `None` if it has not ended at `until`.
     fn wait(&mut self, until: Instant) -> Result<Option<ExitStatus>> {
         while Instant::now() < until {
             if let Some(status) = self.0.try_wait()? {
@@ -147,7 +149,7 @@ impl Process {
 
 impl Drop for Process {
     fn drop(&mut self) {
-        // It may have ended already.
+        // Killing fails if the process has ended already.
         let _ = self.0.kill();
         let _ = self.0.wait();
     }

@@ -9,7 +9,7 @@ import threading
 
 
 def end_with_the_parent():
-    # Its end of the pipe closes when it ends, however it ends.
+    # The parent's end of the pipe closes when the parent ends, in whatever way.
     while os.read(0, 1):
         pass
     os._exit(1)
@@ -31,8 +31,8 @@ def set_limits():
             memory = min(memory, int(file.read()))
     except (OSError, ValueError):
         pass
-    # The rest is for the scene, which grows on the other side. Files that are mapped and space that
-    # is only reserved count for the addresses alone.
+    # The last quarter is for the scene, which grows in the parent. Mapped files and space that is
+    # only reserved count towards the limit on addresses alone.
     memory = memory // 4 * 3
     for kind, most in (
         ("RLIMIT_DATA", memory),
@@ -60,11 +60,11 @@ class Carried(importlib.abc.MetaPathFinder, importlib.abc.InspectLoader):
 signal.signal(signal.SIGINT, signal.SIG_DFL)
 threading.Thread(target=end_with_the_parent, daemon=True).start()
 set_limits()
-# Only the scene goes to standard output; what libraries print goes where messages go.
+# Only the scene goes to standard output; what libraries print goes to standard error.
 sys.stdout = open(os.dup(1), "w", encoding="utf-8", newline="\n")
 os.dup2(2, 1)
-# An isolated Python leaves out what the user installed without rights on the system (pip install
-# --user): it is added, but nothing in it is run before it is imported.
+# An isolated Python ignores the packages that the user installed without administrator rights (pip
+# install --user). Their folder is added here; nothing in it runs before it is imported.
 if sys.prefix == sys.base_prefix and os.path.isabs(site.getusersitepackages()):
     sys.path.append(site.getusersitepackages())
 sys.meta_path.insert(0, Carried())
@@ -73,6 +73,6 @@ from snell_usd.__main__ import main
 code = main(sys.argv[3:], sys.argv[2])
 sys.stdout.flush()
 sys.stderr.flush()
-# Without taking USD apart, which takes long and may end in a crash while its threads are still
-# there.
+# This skips the destruction of USD, which takes long and may crash while the threads of USD still
+# run.
 os._exit(code)

@@ -30,7 +30,7 @@ fn each_kind_of_ray_and_number_of_threads_is_a_line() {
     }
     let number = |row: &Value, key: &str| row[key].as_u64().expect("a number");
     let seen = number(&rows[0], "hits");
-    // The camera frames the pyramid: it covers some of the picture, not all.
+    // The camera frames the pyramid, which covers some of the picture, but not all.
     assert_eq!(number(&rows[0], "ray_count"), 256);
     assert!((40..230).contains(&seen), "{seen}");
     for row in &rows[1..4] {

@@ -2,7 +2,7 @@
 
 use super::support::Place;
 
-/// Exit code and messages.
+/// The exit code and the messages of a failing command.
 fn failure(place: &Place, words: &str) -> String {
     let run = place.run(words);
     assert!(run.out.is_empty(), "{words}");

@@ -9,7 +9,7 @@ fn a_time_limit_ends_the_render() {
     let start = Instant::now();
     place.run("render cornell-box --size 64x48 --time 1s -t 1 -q --stats s.json -o a.png").done();
     let seconds = start.elapsed().as_secs_f64();
-    // (Much longer than it should take: the machine may be busy.)
+    // The upper limit is much longer than the render should take, because the machine may be busy.
     assert!((0.9..30.0).contains(&seconds), "{seconds} s");
     let statistics = place.json("s.json");
     assert_eq!(statistics["complete"], false);
@@ -56,7 +56,7 @@ fn interrupted(place: &Place, words: &str, seconds: Option<u64>) -> (Option<i32>
     let start = Instant::now();
     kill(Pid::from_raw(child.id() as i32), Signal::SIGINT).expect("the command is running");
     let status = child.wait().expect("the command was started");
-    // At once, except on a busy machine. The renders would take much longer.
+    // The command ends at once, except on a busy machine. The renders would take much longer.
     assert!(start.elapsed() < Duration::from_secs(30), "{:?}", start.elapsed());
     let mut rest = String::new();
     messages.read_to_string(&mut rest).expect("messages are text");

@@ -1,5 +1,5 @@
-//! Rendered results are not lost: signals, unwritable places, files of the user in the place of
-//! ours.
+//! Rendered results are not lost when signals arrive, places are unwritable, or the user's files
+//! lie where the program would write its own.
 #![cfg(unix)]
 
 use super::support::{BALL, Place, Run};
@@ -13,7 +13,7 @@ use std::process::{Child, ChildStderr, Command, Stdio};
 use std::time::{Duration, Instant};
 
 const SMALL: &str = "--size 32x24 --spp 1 -t 1";
-/// A render of hours, whose first pass is finished soon.
+/// A render of hours, whose first pass takes only moments.
 const LONG: &str = "--size 64x48 --spp 1000000 -t 1 --progress json";
 /// A render of a single pass that takes some seconds.
 const ONE_PASS: &str = "--size 1200x900 --spp 16 -t 1 --progress json";
@@ -128,7 +128,7 @@ fn a_signal_while_the_scene_is_read_ends_the_command_at_once() {
         for words in ["render - -o a.png", "info -", "convert - a.ply", "doctor -"] {
             let place = Place::new();
             let mut command = place.command(words);
-            // The scene never comes.
+            // The command waits for a scene that never comes.
             command.stdin(Stdio::piped());
             let mut running = Running::new(command);
             let input = running.child.stdin.take();
@@ -397,7 +397,8 @@ fn frames_of_what_has_changed_since_are_rendered_again() {
     place.write("a.mtl", "newmtl m\nmap_Kd a.ppm\n").write("a.ppm", "P3 1 1 255 9 9 9\n");
     place.write("sky.ppm", "P3 1 1 255 90 90 90\n");
     let words = format!("render a.obj --turntable 3 {SMALL} --environment sky.ppm -o a.png");
-    // As after an interruption: the last frame cannot be written, and the first two exist.
+    // The state after an interruption: the last frame could not be written, and the first two
+    // exist.
     let interrupted = || {
         let _ = std::fs::remove_file(place.path("a.0002.png"));
         std::fs::create_dir(place.path("a.0002.png")).expect("the folder is writable");
@@ -420,7 +421,7 @@ fn frames_of_what_has_changed_since_are_rendered_again() {
         let before =
             std::fs::metadata(place.path(name)).and_then(|m| m.modified()).expect("it is there");
         place.write(name, text);
-        // Neither size nor time shows the change.
+        // The size and the modification time of the file do not change with its content.
         let file = std::fs::File::options().write(true).open(place.path(name)).expect("it is ours");
         file.set_modified(before).expect("it is ours");
         let err = again();
@@ -463,7 +464,7 @@ fn a_signal_ends_the_wait_for_a_reader_of_a_pipe_and_the_picture_is_kept() {
     );
     let running =
         Running::new(place.command(&format!("render cornell-box -i flat {SMALL} -o a.png")));
-    // There is no sign that it waits; a render that had not begun would end with 130.
+    // The command shows no sign that it waits; a render that had not begun would end with 130.
     std::thread::sleep(Duration::from_secs(3));
     let run = running.ended_by(Signal::SIGTERM);
     assert!(

@@ -42,7 +42,7 @@ fn a_picture_that_does_not_fit_is_refused_with_one_that_does() {
         );
     }
     assert!(place.files().iter().all(|file| !file.ends_with("png") && !file.ends_with("exr")));
-    // The cost is that of the crop.
+    // The memory needed is that of the crop.
     run_within(&place, 2, &format!("{render} --size 16000x16000 --crop 0,0,64,64 -o a.png")).done();
     let run = run_within(&place, 2, "view cornell-box --no-open -- --size 8000x8000");
     assert!(run.code == 1 && run.err.contains("fits"), "{}", run.err);
@@ -167,8 +167,8 @@ fn one_thread_reads_builds_renders_and_writes_whatever_the_environment_says() {
         writeln!(mesh, "f {a} {} {} {}", a + 1, a + side + 1, a + side).expect("text grows");
     }
     place.write("mesh.obj", mesh);
-    // The thread that waits for signals, the one that cancels work on request, the main thread, and
-    // one worker for each.
+    // Expected are the thread that waits for signals, the one that cancels work on request, the
+    // main thread, and one worker for each thread requested.
     let most =
         most_threads(&place, "render mesh.obj -i flat --spp 1 --size 300x200 -t 1 -q -o a.exr");
     assert!((2..=4).contains(&most), "{most} threads");
@@ -180,7 +180,7 @@ fn one_thread_reads_builds_renders_and_writes_whatever_the_environment_says() {
 #[test]
 fn threads_that_cannot_be_started_are_one_line() {
     let place = Place::new();
-    // Each has a stack of two megabytes.
+    // Each thread has a stack of two megabytes.
     let run = run_within(&place, 1, "render cornell-box --size 8x8 --spp 1 -t 4096 -q -o a.png");
     assert_eq!((run.code, run.err.lines().count()), (1, 1), "{}", run.err);
     assert!(

@@ -96,7 +96,7 @@ fn an_interrupted_animation_goes_on_where_it_was() {
         "{:?}",
         place.files()
     );
-    // Other settings: no previous frame is reused.
+    // With other settings no previous frame is reused.
     let other = place.run(&format!("{words} --resume --seed 1 --time 0.01s"));
     assert!(
         other.err.contains("other files or options") && other.err.contains("frame 4 of 4"),
@@ -114,7 +114,7 @@ fn an_interrupted_animation_goes_on_where_it_was() {
 fn only_frames_that_are_missing_are_rendered() {
     let place = place();
     let words = format!("render pendulum.gltf --frames 0..1s@4 -o swing.png {SMALL}");
-    // As after an interruption: the last frame cannot be written.
+    // The state after an interruption: the last frame could not be written.
     std::fs::create_dir(place.path("swing.0003.png")).expect("the folder is writable");
     assert_eq!(place.run(&words).code, 1);
     std::fs::remove_dir(place.path("swing.0003.png")).expect("it is empty");

@@ -196,7 +196,7 @@ fn light_groups_and_cryptomatte_have_their_names_in_openexr() {
     let manifest =
         picture.metadata.iter().find(|(k, v)| k.ends_with("/manifest") && v.contains("\"white\":"));
     assert!(manifest.is_some_and(|(k, _)| k.starts_with("cryptomatte/")), "{:?}", picture.metadata);
-    // The manifest has the largest share of a pixel, bit for bit.
+    // The manifest has the hash of the material with the largest share of a pixel, bit for bit.
     let material = picture.layer("CryptoMaterial00").expect("the layer is there");
     let red = material
         .channels

@@ -19,7 +19,7 @@ fn with_pipes(names: &[&str]) -> Place {
     place
 }
 
-/// Exit code and all output of a command, which has to end by itself.
+/// The exit code and all output of a command, which must end by itself.
 #[track_caller]
 fn ends(place: &Place, words: &str) -> (i32, String) {
     let mut child = place.command(words).spawn().expect("the command exists");

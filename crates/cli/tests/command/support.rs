@@ -31,7 +31,7 @@ impl Run {
         std::str::from_utf8(&self.out).expect("text is UTF-8")
     }
 
-    /// Fails the test unless the command succeeded.
+    /// Returns the run; panics unless the command succeeded.
     #[track_caller]
     pub fn done(self) -> Self {
         assert_eq!(self.code, 0, "{}", self.err);
@@ -68,7 +68,7 @@ impl Place {
         self.finish(&mut self.command(words), b"")
     }
 
-    /// Runs with this on standard input.
+    /// Runs `snell` with `input` on standard input.
     pub fn run_with_input(&self, words: &str, input: &[u8]) -> Run {
         self.finish(self.command(words).stdin(Stdio::piped()), input)
     }

@@ -1,4 +1,5 @@
-//! `snell view`: access control, and its behaviour when memory or file descriptors are scarce.
+//! `snell view`: access control, and what the viewer does when memory or file descriptors are
+//! scarce.
 
 use crate::support::Place;
 use std::io::{BufRead, BufReader, Read, Write};
@@ -6,10 +7,10 @@ use std::net::TcpStream;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
-/// A viewer that runs until this is dropped.
+/// A viewer that runs until this value is dropped.
 struct Viewer {
     child: Child,
-    /// `127.0.0.1:PORT` and the token.
+    /// Address of the viewer: `127.0.0.1:PORT`.
     host: String,
     token: String,
 }
@@ -77,7 +78,7 @@ fn a_dropped_file_names_no_file_even_with_allow_outside() {
             "{answer}"
         );
     }
-    // A name is not taken for an option either.
+    // The name in an address is not taken for an option either.
     let answer = viewer.ask("POST", "open?name=--environment=/etc/passwd", "");
     assert!(answer.starts_with("HTTP/1.1 422") && answer.contains("format"), "{answer}");
 }
@@ -114,7 +115,7 @@ fn what_the_viewer_does_not_show_is_refused() {
     refused("cornell-box -- --size 16385x1 --spp 1", "16384");
 }
 
-/// The command under shell limits, such as `-n 64`.
+/// The command under limits of the shell's `ulimit`, such as `-n 64`.
 #[cfg(unix)]
 fn limited(place: &Place, limit: &str, words: &str) -> Command {
     let mut command = Command::new("sh");

@@ -33,7 +33,7 @@ fn black(width: usize, height: usize) -> Vec<u8> {
     bytes
 }
 
-/// Asserts that a command refuses files soon, in one line that contains `expected`.
+/// Asserts that a command refuses files quickly, in one line that contains `expected`.
 fn is_refused(name: &str, files: &[(&str, Vec<u8>)], words: &str, expected: &str) {
     let folder = folder_with(files);
     let start = Instant::now();
@@ -51,7 +51,7 @@ fn an_environment_of_one_colour_does_not_fill_the_memory() {
 
 #[test]
 fn an_image_whose_decoder_panics_is_one_line() {
-    // Its palette has four bytes, which is no number of colours.
+    // The palette has four bytes, which is not a whole number of colours.
     let hex = "89504e470d0a1a0a0000000d49484452000000020000000208030000004568fd1600000004504c5445\
         ff0000011da1981d0000000174524e5380ad5e5b460000000b49444154789c636000010000060001fe8c67c800\
         00000049454e44ae426082";

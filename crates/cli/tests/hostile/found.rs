@@ -1,4 +1,5 @@
-//! Files that once broke a promise, in `found/`, and small ones of the same kinds: none does now.
+//! Files that once broke a promise, in `found/`, and small files of the same kinds. None may break
+//! a promise.
 
 use super::promise::Case;
 use std::collections::BTreeMap;

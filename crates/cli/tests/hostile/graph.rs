@@ -17,13 +17,15 @@ fn moved(x: f64, child: NodeId) -> Node {
     }
 }
 
-/// `levels` of two copies of the level below, with this surface at the bottom.
+/// A scene of `levels` levels, each of which holds two copies of the level below, with `surface` at
+/// the bottom.
 fn doubled(levels: u32, surface: impl FnOnce(&mut Scene) -> Surface) -> Scene {
     let mut scene = Scene::new("doubled");
     let surfaces = vec![surface(&mut scene)];
     let mut below = scene.add_node(Node { surfaces, ..Node::default() });
     for level in 0..levels {
-        // Side by side: a ray through a million coincident balls would have to test them all.
+        // The copies lie side by side: a ray through a million coincident balls would have to test
+        // them all.
         let places = [0.0, 3.0 * f64::from(level).exp2()].map(|x| scene.add_node(moved(x, below)));
         below = scene.add_node(Node { children: places.to_vec(), ..Node::default() });
     }
@@ -44,7 +46,7 @@ fn lamp(scene: &mut Scene) -> Surface {
     Surface::with_material(Geometry::Mesh(Arc::new(mesh)), material)
 }
 
-/// Runs one case, which must not fail; true if it ended in a picture.
+/// Renders one case, which must not panic; true if it gave a picture.
 fn is_rendered(name: &str, scene: Scene) -> bool {
     let mut report = Report::default();
     report.case(name, || {

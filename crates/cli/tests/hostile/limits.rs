@@ -1,6 +1,6 @@
-//! Small files that demand much: huge counts, deep nesting, files that name files. The real
-//! command, with limits on its address space: an allocation from a declared count, or a stack
-//! overflow, would end it by a signal.
+//! Small files that demand much: huge counts, deep nesting, files that name files. They are given
+//! to the real command, with limits on its address space: an allocation from a declared count, or a
+//! stack overflow, would end it by a signal.
 
 use super::mutate::crc32;
 use super::promise::{self, Ended};
@@ -22,7 +22,7 @@ pub fn survive(folder: &Path, words: &str) -> Ended {
     ended
 }
 
-/// Renders the file, and shows what is in it.
+/// Runs `render`, `info` and `info --json` on the file; true for each that succeeds.
 fn survive_scene(folder: &Path, name: &str) -> [bool; 3] {
     let render = format!("render {name} --size 8x8 --spp 1 -t 1 -q -o {name}.png");
     [render, format!("info {name}"), format!("info {name} --json")]

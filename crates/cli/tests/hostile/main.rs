@@ -1,6 +1,6 @@
-//! Broken and hostile files: each ends in a picture without NaN or in an error message, soon, in
-//! bounded memory, never in a panic. Files are read and rendered in this process, which is faster;
-//! limits are tested with the real command.
+//! Broken and hostile files. Each must end quickly in a picture without NaN or in an error message,
+//! in bounded memory, and never in a panic. Files are read and rendered in this process, which is
+//! faster; limits are tested with the real command.
 
 mod collection;
 mod costs;

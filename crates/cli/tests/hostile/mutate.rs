@@ -27,7 +27,7 @@ const WORDS: [&[u8]; 20] = [
     b"\0",
 ];
 
-/// Numbers at the ends of ranges, and invalid ones.
+/// Numbers at the ends of ranges, and invalid numbers.
 const NUMBERS: [&str; 28] = [
     "0",
     "-0",
@@ -81,7 +81,7 @@ impl Random {
     }
 }
 
-/// The seed with damage number `number`: one to four changes of bytes.
+/// The seed with the damage of this number: one to four changes of bytes.
 pub fn mutate(seed: &[u8], number: u32) -> Vec<u8> {
     let mut random = Random::new([number, 0]);
     let mut bytes = seed.to_vec();

@@ -1,5 +1,5 @@
-//! Thousands of damaged variants of small valid files. `SNELL_MUTATIONS` is their number for each
-//! format.
+//! Thousands of damaged variants of small valid files. The environment variable `SNELL_MUTATIONS`
+//! sets the number of variants for each format.
 
 use super::mutate::{correct_png_checksums, mutate};
 use super::seeds::{MESH_WITH_MATERIALS, Seed, images, materials, scenes};
@@ -29,7 +29,8 @@ fn run(seeds: Vec<Seed>, case: impl Fn(&Seed, &str, Vec<u8>, &mut Report) + Sync
             threads.into_iter().map(|t| t.join().expect("cases catch panics")).collect()
         });
         parts.into_iter().for_each(|part| report.add(part));
-        // Otherwise only the first lines would have been tested.
+        // More than one file in fifty must be rendered: otherwise only first lines would have been
+        // tested.
         assert!(
             report.pictures * 50 > report.files,
             "{format}: only {} of {} rendered",

@@ -1,4 +1,4 @@
-//! The promises of the program for any files and options: it ends by itself, soon, in bounded
+//! The promises of the program for any files and options: it ends quickly by itself, in bounded
 //! memory, with exit code 0, 1 or 2; a failure is one clean line and leaves the folder unchanged;
 //! pixels are finite.
 
@@ -10,8 +10,8 @@ use std::time::{Duration, Instant};
 
 /// Address space of the program, in KiB: an allocation beyond it ends the program by a signal.
 const MEMORY_KIB: u64 = 2_000_000;
-/// Limit of processor time, in seconds: no file of a few kilobytes may take longer. Independent of
-/// other load on the machine.
+/// Limit of processor time, in seconds: no file of a few kilobytes may take longer. Processor time
+/// does not depend on other load on the machine.
 const PROCESSOR_SECONDS: u32 = 20;
 /// Limit of time, in seconds, for anything that waits forever.
 const SECONDS: u64 = 120;
@@ -30,7 +30,7 @@ pub struct Ended {
     status: String,
 }
 
-/// Runs the program in a folder. Its output goes to files in `scratch`, which is elsewhere.
+/// Runs the program in a folder. Its output goes to files in `scratch`, outside of that folder.
 pub fn run(program: &Path, words: &[String], folder: &Path, scratch: &Path) -> Ended {
     let [output, messages] = ["output", "messages"].map(|name| scratch.join(name));
     let file = |path: &Path| File::create(path).expect("the temporary folder is writable");
@@ -68,8 +68,8 @@ pub fn run(program: &Path, words: &[String], folder: &Path, scratch: &Path) -> E
 }
 
 impl Ended {
-    /// The promise that this end breaks. For `doctor` and `compare`, exit code 1 is also a regular
-    /// result, not a failure.
+    /// The promise that this end breaks, if any. For `doctor` and `compare`, exit code 1 is also a
+    /// regular result, not a failure.
     pub fn fault(&self, words: &[String]) -> Option<String> {
         let answers = matches!(words[0].as_str(), "doctor" | "compare");
         let panic = self.messages.lines().find(|line| line.contains("panicked at"));
@@ -217,7 +217,7 @@ fn fault_of_picture(name: &str, bytes: &[u8]) -> Option<String> {
         return None;
     }
     if name.ends_with(".pfm") {
-        // Without our reader, which makes values finite.
+        // The file is decoded here, because Snell's reader makes values finite.
         let header = bytes.iter().enumerate().filter(|(_, b)| **b == b'\n').nth(2)?.0 + 1;
         let mut values =
             bytes[header..].chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]));

@@ -1,4 +1,4 @@
-//! From bytes to pixels, as in the command.
+//! Reads and renders files in this process as the command does, from bytes to pixels.
 
 use snell_formats::{Input, ReadError, ReadOptions, image};
 use snell_math::{DAffine3, Rgb};
@@ -11,9 +11,9 @@ const SIZE: [u32; 2] = [8, 8];
 
 /// The result for a file.
 pub enum End {
-    /// A picture; the number of samples that were not finite.
+    /// A picture was rendered; the number of samples that were not finite.
     Picture { invalid_samples: u64 },
-    /// A message.
+    /// The file was refused with this message.
     Refused(String),
 }
 

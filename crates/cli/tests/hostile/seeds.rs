@@ -10,7 +10,7 @@ pub struct Seed {
     pub format: &'static str,
     pub name: String,
     pub bytes: Vec<u8>,
-    /// The folder of the files that it names.
+    /// The folder of the files that the seed names.
     pub folder: PathBuf,
 }
 
@@ -67,7 +67,7 @@ const COLLECTED: &[(&str, &[&str])] = &[
     ("minray", &["minray/test1.json"]),
 ];
 
-/// Small files that are always there.
+/// Small files that are part of this test.
 const OWN: &[(&str, &str, &str)] = &[
     (
         "gltf",

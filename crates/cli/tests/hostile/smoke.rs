@@ -1,5 +1,5 @@
 //! Damaged files and odd options, given to the real program until the time is over: five seconds as
-//! an ordinary test, longer by `cargo xtask fuzz-smoke`. A case is a function of the seed and its
+//! an ordinary test, longer with `cargo xtask fuzz-smoke`. A case is a function of the seed and its
 //! number. Cases that break a promise are minimised and saved in `target/fuzz-smoke/`, with the
 //! command that reproduces them.
 
@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 /// Renders; `FILE` is the damaged one.
 const RENDER: &str = "render FILE --size 8x6 --spp 1 -q -o out.pfm";
 const RENDER_IN_LIGHT: &str = "render minray --environment FILE --size 8x6 --spp 1 -q -o out.pfm";
-/// Half of the renders have some of these.
+/// Options of which half of the renders have some.
 const RENDER_OPTIONS: [&str; 30] = [
     "-i flat",
     "-i raycast",
@@ -168,7 +168,7 @@ impl Plan {
     /// The case of this number.
     fn case(&self, subjects: &[Subject], number: u32) -> Case {
         let mut random = Random::new([number, self.seed]);
-        // Often of the same kind, in which its words have a meaning.
+        // The other file is often of the same kind, in which its words have a meaning.
         let other = random.choose(subjects);
         let subject = random.choose(subjects);
         let alike: Vec<_> = subjects
@@ -228,7 +228,7 @@ fn odd_options(random: &mut Random) -> Case {
 struct Tally {
     done: u32,
     refused: u32,
-    /// By kind of fault: how often, and the number and text of the first case.
+    /// The findings by kind of fault: their number, and the number and text of the first case.
     findings: BTreeMap<String, (u32, u32, String)>,
 }
 
@@ -284,8 +284,8 @@ fn whatever_the_files_are_the_program_keeps_its_promises() {
     let scratch = tempfile::TempDir::new().expect("temporary folders can be made");
     let mut subjects = subjects();
     let all = subjects.len();
-    // Otherwise only the first lines are tested. Some of the collection need files that are not
-    // beside them here.
+    // Files that cannot be read undamaged are left out: only their first lines would be tested.
+    // Some files of the collection need other files that are not beside them here.
     subjects.retain(|subject| {
         let line = if subject.kind == Kind::Scene { RENDER } else { RENDER_IN_LIGHT };
         let end = subject.case(line).try_in(&plan.program, scratch.path());

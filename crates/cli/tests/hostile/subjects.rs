@@ -6,7 +6,8 @@ use super::seeds;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Larger files are mostly numbers, and slow to read a thousand times.
+/// Files larger than this are left out: they consist mostly of numbers, and are slow to read a
+/// thousand times.
 const LARGEST: usize = 64 << 10;
 
 /// The role of a file in the commands.
@@ -16,12 +17,12 @@ pub enum Kind {
     Picture,
 }
 
-/// A valid file, and which of the files beside it is damaged.
+/// A valid file, and the name of the file beside it that is damaged.
 pub struct Subject {
     pub kind: Kind,
     /// The file that the commands are given.
     pub name: String,
-    /// The damaged file: that one, or one that it names.
+    /// The damaged file: `name`, or a file that it names.
     pub damaged: String,
     pub files: BTreeMap<String, Vec<u8>>,
 }

@@ -5,7 +5,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
-/// Time limit for a file. None takes a quarter of this on an idle machine; a hang takes forever.
+/// Time limit for a file. On an idle machine no file takes a quarter of it; a hang takes forever.
 const LIMIT: Duration = Duration::from_secs(60);
 
 /// The results so far.

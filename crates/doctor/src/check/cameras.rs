@@ -17,7 +17,7 @@ pub fn cameras(subject: &Subject, report: &mut Report) {
             continue;
         }
         for (place, component) in subject.around(camera.eye) {
-            // Rooms may contain cameras.
+            // A camera may be inside of a room.
             if holds_something(subject, place, component) {
                 continue;
             }
@@ -53,8 +53,8 @@ pub fn cameras(subject: &Subject, report: &mut Report) {
     }
 }
 
-/// True if another surface lies in the bounding box of a closed surface: then it is a room, a
-/// vessel or a sky.
+/// True if another surface lies in the bounding box of a closed surface. Then the closed surface is
+/// a room, a vessel or a sky.
 pub fn holds_something(subject: &Subject, place: usize, component: Option<usize>) -> bool {
     let placed = &subject.placed[place];
     let map = &placed.world_from_surface;
@@ -78,13 +78,13 @@ pub fn holds_something(subject: &Subject, place: usize, component: Option<usize>
             && !bounds.is_empty()
             && own.contains(bounds.center())
             && {
-                // The interior holds something smaller.
+                // A surface in the box makes it a room only if it is smaller than the box.
                 bounds.size().length() < own.size().length()
             }
     })
 }
 
-/// True if all surfaces are behind a flat camera.
+/// True if all surfaces are behind a camera whose picture is flat (perspective or orthographic).
 fn sees_nothing(subject: &Subject, camera: &Camera) -> bool {
     if matches!(camera.projection, Projection::Panoramic | Projection::Fisheye { .. })
         || subject.placed.is_empty()

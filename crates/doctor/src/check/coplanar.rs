@@ -1,8 +1,8 @@
 //! Surfaces of different objects in one plane, where it is undefined which of them is visible.
 //!
-//! Triangles are sorted by their planes; those in the same plane are put into a grid, and pairs of
-//! different pieces are clipped against each other. Invisible faces are not reported: those by
-//! which one opaque body stands on another.
+//! Triangles are sorted by their planes. The triangles of one plane are put into a grid, and pairs
+//! that belong to different pieces are clipped against each other. Invisible overlaps are not
+//! reported, such as those of the faces on which one opaque body stands on another.
 
 use crate::subject::bounds_inside;
 use crate::{Report, Severity, Subject};
@@ -11,14 +11,14 @@ use snell_math::{DVec2, DVec3};
 use snell_scene::Material;
 use std::collections::{BTreeMap, HashMap};
 
-/// Maximum number of triangles, counting each instance; beyond it, only first placements are
-/// checked.
+/// Maximum number of triangles, counting each instance. In larger scenes only the first placement
+/// of each object is checked.
 const MAX_TRIANGLES: usize = 8_000_000;
 /// Distance below which planes count as one, relative to the scene's size.
 const SAME_PLANE: f64 = 1e-7;
 
-/// Maximum number of pairs of triangles in one plane that are compared: thousands of triangles in
-/// one place form millions of pairs.
+/// Maximum number of pairs of triangles in one plane that are compared. There is a limit because
+/// thousands of triangles in one place form millions of pairs.
 const MAX_PAIRS: usize = 2_000_000;
 /// Maximum number of pairs of pieces in one plane that are stored.
 const MAX_FOUND: usize = 10_000;
@@ -70,7 +70,7 @@ pub fn coplanar(subject: &Subject, report: &mut Report) {
         known.area += overlap.area;
         known.count += overlap.count;
     }
-    // The same two objects may overlap in many pieces.
+    // The same two objects may overlap in many pieces, of which at most three are reported.
     let mut told: HashMap<(u32, u32), usize> = HashMap::new();
     for ((a, b), overlap) in all {
         let seen = told.entry((a.0, b.0)).or_default();
@@ -132,7 +132,7 @@ fn plane_key(normal: DVec3, point: DVec3, size: f64) -> u64 {
         normal.z
     };
     let n = if largest > 0.0 { normal } else { -normal };
-    // The offsets keep common round numbers away from the boundaries of the quantisation.
+    // The offset keeps common round numbers away from the boundaries of the quantisation.
     let cut = |x: f64, step: f64| (x / step + 0.271_828).floor() as i64;
     let parts =
         [cut(n.x, 1e-4), cut(n.y, 1e-4), cut(n.z, 1e-4), cut(n.dot(point), size * SAME_PLANE)];
@@ -142,7 +142,8 @@ fn plane_key(normal: DVec3, point: DVec3, size: f64) -> u64 {
     })
 }
 
-/// The overlaps of the pieces in a plane; false if there was too much to compare.
+/// The overlaps of the pieces in a plane; the second result is false if there were too many pairs
+/// to compare.
 fn overlaps(group: &[Face]) -> (BTreeMap<(Piece, Piece), Overlap>, bool) {
     let mut compared = 0;
     let mut found: BTreeMap<(Piece, Piece), Overlap> = BTreeMap::new();
@@ -158,8 +159,8 @@ fn overlaps(group: &[Face]) -> (BTreeMap<(Piece, Piece), Overlap>, bool) {
     };
     let flat: Vec<[DVec2; 3]> = group.iter().map(|f| f.corners.map(flat)).collect();
     let bounds = |t: &[DVec2; 3]| (t[0].min(t[1]).min(t[2]), t[0].max(t[1]).max(t[2]));
-    // A grid whose cells are about as large as the triangles, coarse enough that large ones do not
-    // fill the memory.
+    // The cells of the grid are about as large as the triangles, and so coarse that large triangles
+    // do not fill the memory.
     let (low, high) = flat
         .iter()
         .map(bounds)
@@ -203,7 +204,7 @@ fn overlaps(group: &[Face]) -> (BTreeMap<(Piece, Piece), Overlap>, bool) {
                 if p == q {
                     continue;
                 }
-                // A pair that shares several cells counts in the first.
+                // A pair that shares several cells is counted in the first of them.
                 let (a, b) = (bounds(&flat[i as usize]), bounds(&flat[j as usize]));
                 let first = index(a.0.max(b.0));
                 if (first.x, first.y) != (x, y) || a.0.cmpge(b.1).any() || b.0.cmpge(a.1).any() {
@@ -225,7 +226,7 @@ fn overlaps(group: &[Face]) -> (BTreeMap<(Piece, Piece), Overlap>, bool) {
                     count: 0,
                     normal: f.normal,
                 });
-                // Back from the projection to the plane.
+                // Converts the area from the projection to the plane.
                 overlap.area += area / axis.max_element();
                 overlap.count += 1;
             }
@@ -269,7 +270,7 @@ fn common(a: &[DVec2; 3], b: &[DVec2; 3]) -> f64 {
         * 0.5
 }
 
-/// Adds a finding if the overlap is visible.
+/// Adds a finding if the overlap is visible; true if it does.
 fn tell(subject: &Subject, a: Piece, b: Piece, overlap: &Overlap, report: &mut Report) -> bool {
     let body = |piece: Piece| subject.body_of[piece.0 as usize].map(|b| &subject.bodies[b]);
     let (Some(first), Some(second)) = (body(a), body(b)) else { return false };
@@ -299,9 +300,10 @@ fn tell(subject: &Subject, a: Piece, b: Piece, overlap: &Overlap, report: &mut R
         )
     } else {
         let is_hidden = match closed {
-            // Back to back, both behind their own faces; or one body in another.
+            // The bodies are back to back, both behind their own faces, or one is inside the other.
             [true, true] => !overlap.is_alike,
-            // A body on a sheet hides the overlap; a sheet on a body is a sticker.
+            // A body that stands on a sheet hides the overlap. If the faces point the same way and
+            // the sheet lies on the body for most of its area, it is a sticker, which is visible.
             [true, false] => !overlap.is_alike || overlap.area < 0.9 * areas[1],
             [false, true] => !overlap.is_alike || overlap.area < 0.9 * areas[0],
             [false, false] => false,

@@ -1,9 +1,9 @@
 //! Holes and loose edges of surfaces that light enters.
 //!
 //! A body may be made of several meshes, and exporters do not always give the two sides of a seam
-//! the same numbers: an edge counts as open only if no other open edge lies within a millionth of
-//! the body's size. A surface that is more sheet than body (water in a basin, a pane) is not
-//! reported as a body with a hole.
+//! the same coordinates. So an edge counts as open only if no other open edge lies within a
+//! millionth of the body's size. A surface that is more sheet than body (water in a basin, a pane)
+//! is not reported as a body with a hole.
 
 use super::counted;
 use crate::subject::{Body, bounds_inside};
@@ -12,7 +12,7 @@ use crate::{Report, Severity, Subject};
 use snell_math::DVec3;
 use std::collections::{BTreeMap, HashMap};
 
-/// A surface at least this open is a sheet.
+/// Surfaces whose openness is at least this, from 0 to 1, are sheets.
 const SHEET: f64 = 0.45;
 
 /// Checks all meshes that bound an interior.
@@ -94,7 +94,7 @@ fn tell_of_holes(
     }
 }
 
-/// All open edges of bodies with an interior, in the world, by position.
+/// All open edges in the world of bodies with an interior, by position.
 struct Seams {
     cells: HashMap<[i64; 3], u32>,
     cell: f64,

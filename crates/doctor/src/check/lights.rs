@@ -54,7 +54,7 @@ fn is_lit_otherwise(subject: &Subject) -> bool {
         || subject.placed.iter().any(|p| p.slots().into_iter().any(emits))
 }
 
-/// A light that emits nothing.
+/// The message and remedy for a light that emits nothing; `None` for any other light.
 fn dark(light: &Light) -> Option<(&'static str, &'static str)> {
     let color = light.color();
     if color.r.min(color.g).min(color.b) < 0.0 {
@@ -81,7 +81,7 @@ fn misses(light: &Light, bounds: &Bounds3d) -> bool {
     between - (radius / distance).asin() > angle + 1e-6
 }
 
-/// The opaque closed surface around a light that contains nothing else.
+/// The opaque closed surface around a light, if it contains nothing else.
 fn enclosed(subject: &Subject, light: &Light, at: DVec3) -> Option<usize> {
     if light.has_body() {
         return None;
@@ -99,7 +99,7 @@ fn enclosed(subject: &Subject, light: &Light, at: DVec3) -> Option<usize> {
         };
         is_opaque(material)
     })?;
-    // Rooms may contain lights.
+    // A light may be inside of a room.
     (!super::cameras::holds_something(subject, place, component)).then_some(place)
 }
 
@@ -120,7 +120,7 @@ pub fn is_opaque(material: &Material) -> bool {
     is_whole && !is_clear && !material.is_emissive()
 }
 
-/// Emitting materials: whether a surface uses them, and whether their light escapes.
+/// Checks emitting materials: whether a surface uses each of them, and whether their light escapes.
 fn emitters(subject: &Subject, report: &mut Report) {
     let mut lit: BTreeMap<usize, bool> = BTreeMap::new();
     let mut covered: BTreeMap<usize, (usize, DVec3)> = BTreeMap::new();
@@ -175,8 +175,8 @@ fn emitters(subject: &Subject, report: &mut Report) {
     }
 }
 
-/// The tested point of an emitting surface if all that it sees is close; `None` if some of its
-/// light escapes, or if that is unknown.
+/// A tested point of an emitting surface if every ray from its tested points hits something close;
+/// `None` if some of its light escapes, or if that is unknown.
 fn looks_around(
     subject: &Subject,
     place: usize,
@@ -193,8 +193,8 @@ fn looks_around(
             let normal = normal * *side;
             let x = normal.any_orthonormal_vector();
             let y = normal.cross(x);
-            // Spread by the golden angle, not too near to the horizon: hits there are far away even
-            // if something covers the lamp.
+            // Directions are spread by the golden angle, and not too near to the horizon: hits
+            // there are far away even if something covers the lamp.
             let (height, turn) =
                 (1.0 - 0.7 * (i as f64 + 0.5) / f64::from(PROBES), i as f64 * 2.399_963);
             let (sin, cos) = turn.sin_cos();
@@ -229,7 +229,7 @@ fn sampled(subject: &Subject, place: usize, slot: u16) -> Option<Vec<(DVec3, DVe
             });
             Some(points.collect::<Vec<_>>()).filter(|p| !p.is_empty())
         }
-        // Strands see each other and the sky, so nothing covers all of them.
+        // Strands are not tested: parts of them see the sky, so nothing covers all of them.
         Geometry::Curves(_) => None,
         Geometry::Mesh(mesh) => {
             let body = &subject.bodies[subject.body_of[place]?];

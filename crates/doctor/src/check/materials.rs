@@ -24,7 +24,7 @@ pub fn materials(subject: &Subject, report: &mut Report) {
     }
 }
 
-/// Checks the parameters of a thing.
+/// Checks the parameters of a material, light or other declared value.
 fn parameters(scene: &Scene, name: &str, thing: &impl Value, report: &mut Report) {
     find(thing, &mut |found| {
         if let Some((message, remedy)) = impossible(found).or_else(|| unusual(scene, found)) {
@@ -76,9 +76,9 @@ fn unusual(scene: &Scene, found: &Found) -> Option<(String, &'static str)> {
 
 const CUT: &str = "make it at most 1: more would make light out of nothing, and is cut";
 
-/// A colour that reflects more than it receives.
+/// The message and remedy for a colour that reflects more than it receives.
 fn above_one(found: &Found) -> Option<(String, &'static str)> {
-    // The values of a spectrum are not known from its factor alone.
+    // The values of a spectrum do not follow from its factor alone.
     if found.is_spectral || largest(found) <= 1.0 + TOLERANCE {
         return None;
     }
@@ -104,7 +104,7 @@ fn brightest(scene: &Scene, texture: TextureId) -> f32 {
     })
 }
 
-/// Checks the index of refraction of the interior, however the material gives it.
+/// Checks the index of refraction of a surface's interior.
 fn inside(name: &str, material: &Material, report: &mut Report) {
     let ior = material.ior();
     if material.bounded_interior().is_some() && !USUAL_INDICES.contains(&ior) {

@@ -35,7 +35,7 @@ fn material_name(index: usize, material: &Material) -> String {
     }
 }
 
-/// `1 face`, `2 faces`.
+/// A number with its noun, such as `1 face` or `2 faces`.
 fn counted(count: usize, what: &str) -> String {
     if count == 1 { format!("1 {what}") } else { format!("{count} {what}s") }
 }

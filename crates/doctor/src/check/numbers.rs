@@ -87,7 +87,7 @@ fn meshes(subject: &Subject, report: &mut Report) {
     }
 }
 
-/// Reports the first parameter of a thing with a number that is not finite.
+/// Reports the first parameter that is not finite in a declared value.
 fn check(report: &mut Report, object: String, thing: &impl Value) {
     let mut message = None;
     find(thing, &mut |found| {

@@ -14,7 +14,7 @@ pub fn reader(subject: &Subject, report: &mut Report) {
                 (Severity::Warning, "see whether the picture is what you want, or change the file")
             }
             WarningKind::Choice => (Severity::Note, "nothing, if that is what you want"),
-            // The check of numbers reports it with its place.
+            // The check of numbers reports such values with their place.
             WarningKind::NotFinite => continue,
         };
         report.add(severity, "", warning.message.clone(), remedy).count = warning.count;

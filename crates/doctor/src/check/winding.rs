@@ -23,14 +23,14 @@ fn inconsistent(subject: &Subject, body: &Body, report: &mut Report) {
     let severity = match body.role {
         role if role.bounds_inside => Severity::Error,
         role if role.is_one_sided || role.emits_outwards => Severity::Warning,
-        // Two-sided and opaque: nothing depends on it.
+        // The mesh is two-sided and opaque: nothing depends on the winding.
         _ => Severity::Note,
     };
     let remedy = "recalculate the outside of the mesh and export it again";
     report.add_at_face(severity, subject, body, (first, faces.len()), message, remedy);
 }
 
-/// Closed pieces with a negative volume, unless they are the inner wall of another piece.
+/// Reports closed pieces with a negative volume, unless they are the inner wall of another piece.
 fn inside_out(subject: &Subject, body: &Body, report: &mut Report) {
     let topology = &body.topology;
     let Some(&place) = body.places.first() else { return };
@@ -66,13 +66,14 @@ fn inside_out(subject: &Subject, body: &Body, report: &mut Report) {
             "turn its faces over, or make the material two-sided",
         )
     } else {
-        // A room or a sky, or the orientation does not matter.
+        // The body is a room or a sky, or the orientation does not matter.
         return;
     };
     report.add_at_face(severity, subject, body, (first.first_face, turned.len()), message, remedy);
 }
 
-/// True if another mesh with an interior surrounds it: the two are the walls of a vessel.
+/// True if another mesh with an interior surrounds the box `inner`: then the two meshes are the
+/// walls of a vessel.
 fn is_inner_wall(subject: &Subject, place: usize, inner: &Bounds3) -> bool {
     let inner = subject.placed[place].world_from_surface.bounds(&(*inner).into());
     (0..subject.placed.len()).any(|other| {
@@ -87,7 +88,7 @@ fn is_inner_wall(subject: &Subject, place: usize, inner: &Bounds3) -> bool {
     })
 }
 
-/// Vertex normals that point to the inner side.
+/// Reports pieces whose vertex normals point to their inner side.
 fn against_normals(subject: &Subject, body: &Body, report: &mut Report) {
     let Some(&place) = body.places.first() else { return };
     let against: Vec<_> = body

@@ -1,5 +1,6 @@
 //! Animated pictures: a sequence of frames of display values. APNG keeps every colour; GIF has 256
-//! per frame. Both loop. Y4M is raw video, from which `ffmpeg` and others read size and rate.
+//! colours per frame. Animations of both formats loop. Y4M is raw video, from which `ffmpeg` and
+//! other programs read size and rate.
 
 use std::io::Write;
 
@@ -18,7 +19,7 @@ impl AnimatedFormat {
     /// All formats.
     pub const ALL: [Self; 3] = [Self::Apng, Self::Gif, Self::Y4m];
 
-    /// Its extension.
+    /// The extension of the format's files, without the dot.
     pub fn extension(self) -> &'static str {
         match self {
             Self::Apng => "apng",
@@ -113,7 +114,7 @@ impl<W: Write> AnimatedWriter<W> {
             }
             Encoder::Gif(encoder) => {
                 let [w, h] = self.size.map(|side| side as u16);
-                // From 1, the slowest and best, to 30.
+                // Speed of the GIF encoder, from 1 (slowest, best colours) to 30.
                 const SPEED: i32 = 10;
                 let mut frame = gif::Frame::from_rgba_speed(w, h, &mut image, SPEED);
                 // Delays are in hundredths of a second, rounded so that the total duration is
@@ -145,7 +146,7 @@ fn decode(png: &[u8]) -> Result<::image::RgbaImage, String> {
     image.map(|image| image.to_rgba8()).map_err(text)
 }
 
-/// The duration of a frame in seconds, as a fraction.
+/// The duration of a frame in seconds, as numerator and denominator.
 fn delay(rate: f64) -> (u16, u16) {
     if rate.fract() == 0.0 && (1.0..=65535.0).contains(&rate) {
         return (1, rate as u16);

@@ -38,8 +38,8 @@ impl LinearImage {
         }
     }
 
-    /// Converts a layer of `image`: its channels R, G, B, or else its first three; with fewer, they
-    /// are repeated.
+    /// Converts a layer of `image`: its channels R, G, B, or else its first three. A layer with
+    /// fewer than three channels repeats them.
     pub fn from_layer(image: &LayeredImage, layer: &Layer) -> Self {
         let find = |name: &str, otherwise: usize| {
             let last = layer.channels.len().saturating_sub(1);
@@ -64,7 +64,8 @@ pub const BYTES_PER_PIXEL: usize = 140;
 /// Options of [`compare`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CompareOptions {
-    /// How display values are made; `None` decides by the pictures ([`automatic_display`]).
+    /// How linear values become display values; `None` decides by the pictures
+    /// ([`automatic_display`]).
     pub display: Option<Display>,
     /// A pixel counts as different if a channel of its 8-bit display values differs by more than
     /// this many levels.
@@ -80,9 +81,9 @@ impl Default for CompareOptions {
 /// The results as numbers. Values that are not finite are replaced as in [`super::read_image`].
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Comparison {
-    /// Width of both in pixels.
+    /// Width of both pictures in pixels.
     pub width: u32,
-    /// Height of both in pixels.
+    /// Height of both pictures in pixels.
     pub height: u32,
     /// Mean squared error of the linear values, over all pixels and channels.
     pub mse: f64,
@@ -91,7 +92,7 @@ pub struct Comparison {
     pub rel_mse: f64,
     /// Mean squared error of the sRGB display values, which lie between 0 and 1.
     pub mse_srgb: f64,
-    /// Peak signal to noise ratio of the display values in decibels; none if they are equal.
+    /// Peak signal to noise ratio of the display values in decibels; `None` if they are equal.
     pub psnr: Option<f64>,
     /// Mean FLIP error from 0 to 1, at 67 pixels per degree, on the display values.
     pub flip: f64,
@@ -107,7 +108,7 @@ pub struct Comparison {
     pub threshold: u8,
     /// Pixels of the reference with a value that is not finite.
     pub not_finite_in_reference: u64,
-    /// Pixels of the other picture with a value that is not finite.
+    /// Pixels of the test picture with a value that is not finite.
     pub not_finite_in_test: u64,
     /// True if the display values were tone mapped, because the pictures have a high dynamic range
     /// or on request.
@@ -119,16 +120,16 @@ pub struct Comparison {
 /// The results as numbers, and the error of each pixel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Compared {
-    /// The numbers.
+    /// The measured differences.
     pub comparison: Comparison,
     /// FLIP error of each pixel, 0 to 1.
     pub flip: Vec<f32>,
 }
 
-/// Why two pictures cannot be compared.
+/// The reason why two pictures cannot be compared.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum CompareError {
-    /// Their sizes differ.
+    /// The sizes of the pictures differ.
     #[error(
         "the sizes differ: the reference has {} x {} pixels, the other picture {} x {}; render or \
             scale one of them to the size of the other",
@@ -146,18 +147,19 @@ pub enum CompareError {
             and at least one pixel"
     )]
     Pixels {
-        /// What was found.
+        /// The number of pixels in the picture.
         pixels: usize,
-        /// Width times height.
+        /// The expected number: width times height.
         expected: usize,
     },
 }
 
-/// Added to the square of the reference in the relative error: for references well below 0.1 the
-/// error is in effect absolute.
+/// The constant added to the square of the reference in the relative error: for references well
+/// below 0.1 the error is in effect absolute.
 pub const RELATIVE_EPSILON: f64 = 1e-2;
 
-/// Compares `test` with `reference`.
+/// Compares `test` with `reference`. Fails if a picture is empty, has the wrong number of pixels,
+/// or if their sizes differ.
 pub fn compare(
     reference: &LinearImage,
     test: &LinearImage,
@@ -443,7 +445,7 @@ mod tests {
         assert_eq!(difference_picture(&compared).layers[0].values.len(), 60);
     }
 
-    /// Values by the package flip-evaluator 1.7 and scikit-image 0.26.
+    /// The expected values are those of the packages flip-evaluator 1.7 and scikit-image 0.26.
     #[test]
     fn published_implementations_agree() {
         let folder =

@@ -20,8 +20,8 @@ pub struct Cryptomatte {
 }
 
 /// Encodes coverage. `pixels` has, for each pixel in row order, pairs of an index into `names` and
-/// the share that it covers (0 to 1); several with one name count as one. `kind` names the layers,
-/// such as `CryptoObject`.
+/// the share that the named object covers (0 to 1). Several pairs with one name are added. `kind`
+/// names the layers, such as `CryptoObject`.
 pub fn encode<'a>(
     kind: &str,
     names: &[String],
@@ -31,7 +31,7 @@ pub fn encode<'a>(
     let mut layers: Vec<Layer> = (0..RANKS / 2)
         .map(|number| Layer {
             name: format!("{kind}{number:02}"),
-            // Lower case, so that readers do not take them for colours.
+            // The names are in lower case, so that readers do not take the channels for colours.
             channels: ["r", "g", "b", "a"].map(String::from).to_vec(),
             values: Vec::new(),
         })
@@ -83,7 +83,7 @@ mod tests {
 
     #[test]
     fn names_have_the_hashes_of_the_specification() {
-        // From the manifests of the specification's sample pictures.
+        // These hashes are from the manifests of the specification's sample pictures.
         assert_eq!(format!("{:08x}", hash("bunny")), "13851a76");
         assert_eq!(format!("{:08x}", hash("default")), "42c9679f");
     }

@@ -29,11 +29,11 @@ pub fn flip(width: usize, reference: &[[f32; 3]], test: &[[f32; 3]]) -> Vec<f32>
         .collect()
 }
 
-/// What an image looks like: the input of both distances.
+/// The perceived colours and features of an image: the input of both distances.
 struct Appearance {
     /// Filtered colour in L*a*b*, with a* and b* scaled by lightness.
     colour: Vec<[f32; 3]>,
-    /// Strength of the edge and of the point at each pixel.
+    /// Strengths of the edge and of the point feature at each pixel.
     features: Vec<[f32; 2]>,
 }
 
@@ -99,7 +99,7 @@ fn hunt([l, a, b]: [f32; 3]) -> [f32; 3] {
     [l, 0.01 * l * a, 0.01 * l * b]
 }
 
-/// Distance for large colour differences (Section 4.1.2).
+/// The distance of two colours when differences may be large (Section 4.1.2).
 fn hyab(p: [f32; 3], q: [f32; 3]) -> f32 {
     (p[0] - q[0]).abs() + (p[1] - q[1]).hypot(p[2] - q[2])
 }
@@ -112,9 +112,9 @@ struct ColourRange {
 
 impl ColourRange {
     const EXPONENT: f32 = 0.7;
-    /// Up to this share of the largest distance ...
+    /// Share of the largest distance below which errors grow linearly to [`Self::ERROR_AT_KNEE`].
     const KNEE: f32 = 0.4;
-    /// ... errors go up to this.
+    /// The error at the knee.
     const ERROR_AT_KNEE: f32 = 0.95;
 
     fn new() -> Self {
@@ -248,7 +248,7 @@ const RGB_FROM_XYZ: [[f32; 3]; 3] = [
     [0.055_630_08, -0.203_976_96, 1.056_971_5],
 ];
 
-/// XYZ of (1, 1, 1).
+/// The white of the display, linear sRGB (1, 1, 1), in XYZ.
 const WHITE: [f32; 3] = [0.950_455_93, 1.0, 1.089_057_75];
 
 fn multiply(matrix: &[[f32; 3]; 3], v: [f32; 3]) -> [f32; 3] {
@@ -276,7 +276,7 @@ fn xyz_from_opponent([luminance, cx, cz]: [f32; 3]) -> [f32; 3] {
     std::array::from_fn(|i| relative[i] * WHITE[i])
 }
 
-/// CIE 1976 L*a*b*.
+/// Converts CIE XYZ to CIE 1976 L*a*b*.
 fn lab_from_xyz(xyz: [f32; 3]) -> [f32; 3] {
     const DELTA: f32 = 6.0 / 29.0;
     let f =

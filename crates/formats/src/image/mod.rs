@@ -29,12 +29,12 @@ use picture::Unfit;
 use snell_scene::{Image, Layer, LayeredImage};
 use std::path::Path;
 
-/// How to turn scene-linear values into display values, for formats that hold display values.
+/// How scene-linear values become display values, for formats that hold display values.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Display {
     /// Exposure in stops: values are multiplied by two to this power.
     pub exposure: f64,
-    /// Curve.
+    /// The tone map.
     pub tonemap: Tonemap,
     /// False for formats that store the clamped linear values.
     pub srgb: bool,
@@ -49,12 +49,12 @@ impl Default for Display {
 /// Tone maps for display formats.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Tonemap {
-    /// Clamp only.
+    /// Values are only clamped to 0 to 1.
     #[default]
     None,
-    /// ACES filmic.
+    /// The filmic curve of ACES.
     Aces,
-    /// AgX.
+    /// AgX, by Troy Sobotka.
     Agx,
 }
 
@@ -108,12 +108,12 @@ pub struct ImageFormat {
 }
 
 impl ImageFormat {
-    /// True if [`read_image`] supports it.
+    /// True if [`read_image`] supports the format.
     pub fn reads(&self) -> bool {
         self.read.is_some()
     }
 
-    /// True if [`encode_image`] supports it.
+    /// True if [`encode_image`] supports the format.
     pub fn writes(&self) -> bool {
         self.write.is_some()
     }
@@ -329,8 +329,9 @@ fn writer(name: &str) -> Result<Writer, Unfit> {
     })
 }
 
-/// Memory that the encoder of a name or extension takes beside the picture, in bytes per pixel, for
-/// layers of `values` channels in total: its input, compressed data and its output.
+/// Memory that an encoder takes in addition to the picture, in bytes per pixel, for layers of
+/// `values` channels in total: its input, compressed data and its output. `name` is the name or
+/// extension of a format.
 pub fn encoder_bytes(name: &str, values: u64, png_bits: u8) -> u64 {
     let known = IMAGE_FORMATS.iter().find(|f| f.name == name || f.extensions.contains(&name));
     match known.map(|f| f.name) {

@@ -49,10 +49,10 @@ pub fn read(input: &Input) -> Result<Image, ReadError> {
     Ok(Image::from_f32(width, height, channels, values))
 }
 
-/// The words of the header.
+/// Reads the words of the header.
 struct Header<'a> {
     input: &'a Input,
-    /// Bytes used so far.
+    /// Number of bytes read so far.
     at: usize,
 }
 

@@ -4,12 +4,12 @@ use crate::memory::Available;
 use crate::{Input, Place, ReadError};
 use snell_scene::{Image, LayeredImage, Pixels};
 
-/// Why a picture does not fit a format.
+/// The reason why a picture does not fit a format.
 #[derive(Debug)]
 pub struct Unfit {
-    /// What does not fit.
+    /// The property of the picture that does not fit.
     pub problem: String,
-    /// What to do.
+    /// A way to avoid the problem.
     pub remedy: String,
 }
 
@@ -25,14 +25,15 @@ const MAX_EXPANSION: u64 = 4096;
 /// Images up to this many bytes in memory are decoded whatever the file's size: enough for 4 Mi
 /// pixels of RGBA floats.
 const ALWAYS_ALLOWED_BYTES: u64 = 64 << 20;
-/// Beyond this many bytes in memory (8192 x 8192 pixels of RGBA), real pictures expand far less; a
-/// file that expands that much is made to exhaust the memory.
+/// Images above this many bytes in memory (8192 x 8192 pixels of RGBA) may expand only by
+/// [`MAX_EXPANSION_OF_LARGE`]: real pictures of that size stay far below, and a file above it is
+/// made to exhaust the memory.
 const LARGE_BYTES: u64 = 256 << 20;
 const MAX_EXPANSION_OF_LARGE: u64 = 128;
 
-/// Refuses an image that is empty, over the limit, or that declares more pixels than its bytes can
-/// hold or the scene may take; charges its memory. It must be called once, before anything is
-/// allocated.
+/// Refuses an image that is empty or over the limit, or that declares more pixels than its bytes
+/// can hold or the scene may take; otherwise charges its memory. Decoders call this once, before
+/// they allocate anything.
 pub fn check_size(
     input: &Input,
     width: u64,
@@ -70,7 +71,7 @@ pub fn check_size(
         ));
     }
     input.charge(needed, "the image")?;
-    // The decoder's own pixels, and the returned ones.
+    // The memory is that of the decoder's own pixels and of the returned ones.
     let needed = needed.saturating_mul(2);
     if needed > ALWAYS_ALLOWED_BYTES {
         let what = format!("the image of {width} x {height} pixels");

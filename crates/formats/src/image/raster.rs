@@ -24,8 +24,8 @@ pub fn read_radiance(input: &Input) -> Result<Image, ReadError> {
     decode(input, decoder)
 }
 
-/// Limits on what decoders may allocate beside the pixels, such as for profiles and comments, which
-/// are compressed as well: twice what the file's bytes may expand to.
+/// Limits on what decoders may allocate in addition to the pixels, such as for profiles and
+/// comments, which are compressed as well: twice the size to which the file's bytes may expand.
 fn decoder_limits(input: &Input) -> Limits {
     let mut limits = Limits::default();
     let crate::Limits { memory_bytes, expansion, .. } = input.options.limits;

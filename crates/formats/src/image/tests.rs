@@ -121,8 +121,8 @@ fn long_names_of_layers_and_settings_survive_openexr() {
     assert_eq!(back.metadata[1], ("snell.channels".into(), "3".into()));
 }
 
-/// Parts of other programs: tiles with smaller copies, several compressions, names, one part of
-/// them smaller.
+/// Three parts as other programs write them: tiles of several sizes, three compressions, a channel
+/// with a layer prefix, and one part that is smaller than the display window.
 #[test]
 fn openexr_files_of_several_parts_become_layers() {
     use exr::prelude as e;
@@ -162,7 +162,8 @@ fn openexr_files_of_several_parts_become_layers() {
     let numbers = |count: usize| (0..count).map(|i| i as f32).collect::<Vec<_>>();
     assert_eq!(read.layers[0].values, numbers(600));
     assert_eq!(read.layers[1].values[199], 597.0);
-    // The inset's pixel (0, 1) lands at (18, 0), the rest of it outside or below.
+    // Pixel (0, 1) of the inset lands at (18, 0) of the picture; most of the inset lies outside of
+    // it.
     assert_eq!(read.layers[3].values[2 * 18..2 * 20], [12.0, 13.0, 15.0, 16.0]);
     assert_eq!(read.layers[3].values.iter().filter(|v| **v != 0.0).count(), 8);
 
@@ -407,7 +408,7 @@ fn damaged_images_are_errors_or_images_and_quick() {
         let input = Input::open(&path, &ReadOptions::default()).unwrap();
         for error in [read_image(&input).err(), read_layers(&input).err()].into_iter().flatten() {
             assert!(!error.problem.is_empty() && !error.remedy.is_empty());
-            // In words, not in Rust.
+            // The message is plain text, not Rust's debug form.
             assert!(
                 !error.problem.contains(['{', '}']) && !error.problem.contains("Format error"),
                 "{error}"
@@ -489,7 +490,7 @@ fn openexr_images_look_like_their_renditions() {
 #[test]
 fn other_primaries_are_converted_to_rec709() {
     use exr::prelude as e;
-    // ACES AP0: its red is more saturated than Rec. 709 can be, its white is white.
+    // The red of ACES AP0 is more saturated than Rec. 709 can be; its white is white.
     let pixels = [[1.0f32, 1.0, 1.0], [1.0, 0.0, 0.0]];
     let channel = |(i, c)| {
         e::AnyChannel::new(c, e::FlatSamples::F32(pixels.map(|p: [f32; 3]| p[i]).to_vec()))
@@ -539,7 +540,8 @@ proptest! {
 #[test]
 fn a_small_file_cannot_declare_a_picture_that_fills_the_memory() {
     let check = super::picture::check_size;
-    // As much as deflate can make of two megabytes.
+    // Deflate could pack the first picture into two megabytes, but real pictures of that size do
+    // not compress so well.
     let small = input("a.png", vec![0; 2 << 20]);
     assert!(check(&small, 16_000, 16_000, 8).is_err());
     assert!(check(&small, 8_192, 8_192, 4).is_ok());

@@ -1,4 +1,4 @@
-//! From scene-linear values to display values: exposure, tone map, sRGB curve.
+//! Converts scene-linear values to display values: exposure, tone map, sRGB curve.
 
 use super::{Display, Tonemap};
 use snell_math::spectrum::linear_to_srgb;
@@ -25,7 +25,8 @@ fn multiply(matrix: &[[f32; 3]; 3], v: [f32; 3]) -> [f32; 3] {
     matrix.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2])
 }
 
-/// Tone maps are flat beyond this; it keeps the squares below finite.
+/// Inputs are limited to this value: tone maps are flat beyond it, and larger squares might
+/// overflow.
 const BRIGHTEST: f32 = 1e6;
 
 /// The ACES reference rendering and sRGB output transforms as fitted by Stephen Hill (2016),
@@ -34,7 +35,7 @@ fn aces(rgb: [f32; 3]) -> [f32; 3] {
     /// Linear sRGB to the working space of the fit (AP1 with the transform's desaturation).
     const INPUT: [[f32; 3]; 3] =
         [[0.59719, 0.35458, 0.04823], [0.07600, 0.90834, 0.01566], [0.02840, 0.13383, 0.83777]];
-    /// And back.
+    /// From the working space of the fit back to linear sRGB.
     const OUTPUT: [[f32; 3]; 3] = [
         [1.60475, -0.53108, -0.07367],
         [-0.10208, 1.10813, -0.00605],

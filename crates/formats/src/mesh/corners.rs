@@ -21,8 +21,8 @@ fn points_of(triangle: &[u32; 3], points: &[u32]) -> [usize; 3] {
 /// The position of each point's corners in the list of all corners, sorted by point. A corner's
 /// number is 3 times the triangle plus 0, 1 or 2.
 pub struct Corners {
-    /// Where the corners of each point end, for ranges already listed; where they begin, for
-    /// others.
+    /// For each point, the end of its corners if its range has been listed already; otherwise their
+    /// beginning.
     places: Vec<AtomicU32>,
     parts: Vec<Range<usize>>,
     /// The lowest and the highest point of each piece of the triangles. Triangles that are adjacent
@@ -58,7 +58,7 @@ impl Corners {
         Self { places, parts, reach }
     }
 
-    /// Ranges of points. Their corners must be requested in this order, each once.
+    /// The ranges of points. Their corners must be requested in this order, once for each range.
     pub fn parts(&self) -> Vec<Range<usize>> {
         self.parts.clone()
     }
@@ -95,7 +95,7 @@ impl Corners {
 /// The corners of a range of points.
 pub struct Part<'a> {
     ends: &'a [AtomicU32],
-    /// How many corners earlier ranges have.
+    /// Number of corners in earlier ranges.
     start: u32,
     first: usize,
     corners: Vec<AtomicU32>,

@@ -70,7 +70,7 @@ pub fn smooth_normals(mesh: &mut TriangleMesh, crease_degrees: f32) {
     normals::smooth(mesh, crease_degrees, &[]);
 }
 
-/// A scene of one mesh.
+/// Makes a scene of one mesh.
 fn scene_of(input: &Input, mesh: TriangleMesh, mut notes: Notes) -> Scene {
     let mut scene = Scene::new(input.stem());
     note_oddities(input, &mesh, &mut notes);

@@ -24,14 +24,14 @@ const NONE: u32 = u32::MAX;
 /// Points that one thread works on at a time.
 const BLOCK: usize = 1 << 12;
 
-/// The criterion for sharp edges.
+/// How the edges of a face are judged sharp or smooth.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Smoothing {
-    /// The angle between the faces.
+    /// An edge is smooth if its faces meet at less than the crease angle.
     Angle,
-    /// Every edge is sharp: the face is flat.
+    /// Every edge of the face is sharp: the face is flat.
     Flat,
-    /// Smooth among faces of the same group, sharp to others.
+    /// Edges to faces of the same group are smooth, all others sharp.
     Group(u32),
 }
 
@@ -108,7 +108,8 @@ impl<'a> Facets<'a> {
         Self { positions, indices, points, smoothing, crease_cosine, half_cosine }
     }
 
-    /// A corner as seen from its point; `None` in triangles without a normal, which are ignored.
+    /// The corner with this number, as seen from its point; `None` for corners of triangles without
+    /// a normal, which are ignored.
     fn corner(&self, number: u32) -> Option<Corner> {
         let (triangle, k) = (number as usize / 3, number as usize % 3);
         let vertices = [0, 1, 2].map(|i| self.indices[triangle][(k + i) % 3]);
@@ -187,11 +188,11 @@ fn angle(cross: f64, dot: f64) -> f64 {
 
 /// A corner of a triangle that has a normal.
 struct Corner {
-    /// 3 times triangle plus corner.
+    /// Number of the corner: 3 times the triangle plus 0, 1 or 2.
     number: u32,
     vertex: u32,
     normal: Vec3,
-    /// The normal times the angle.
+    /// The normal times the angle of the triangle at this corner.
     weighted: Vec3,
     smoothing: Smoothing,
 }
@@ -203,7 +204,7 @@ struct Split {
     kept: Vec<(u32, Vec3)>,
     /// New vertices: copies of others, with normals of their own.
     added: Vec<(u32, Vec3)>,
-    /// Corners that get a new vertex, and its number.
+    /// Corners that get a new vertex, each with the number of this vertex.
     moved: Vec<(u32, u32)>,
 }
 
@@ -236,10 +237,11 @@ fn extend<T: Copy>(values: &mut Vec<T>, sources: impl ExactSizeIterator<Item = u
 struct Around {
     split: Split,
     corners: Vec<Corner>,
-    /// Other end of an edge, and the corner (by place around the point) that has it.
+    /// For each edge, the point at its other end and the corner that has the edge, by the corner's
+    /// place in `corners`.
     edges: Vec<(u32, u32)>,
     parents: Vec<u32>,
-    /// The group of each corner, once known.
+    /// The group of each corner; filled by [`Self::number_groups`].
     group: Vec<u32>,
     /// Normals of the groups.
     means: Vec<Vec3>,
@@ -291,7 +293,7 @@ impl Around {
         i
     }
 
-    /// Groups are numbered in the order of their first corners, which are their roots.
+    /// Numbers the groups in the order of their first corners, which are the roots of the groups.
     fn number_groups(&mut self) {
         self.group.clear();
         self.means.clear();
@@ -308,7 +310,8 @@ impl Around {
         self.means.iter_mut().for_each(|mean| *mean = upright(*mean));
     }
 
-    /// Each vertex keeps its first group; new vertices are made for the others.
+    /// Makes new vertices: each vertex stays with its first group, and gets a copy for every other
+    /// group.
     fn split_vertices(&mut self) {
         self.users.clear();
         self.users.extend(
@@ -331,7 +334,7 @@ impl Around {
     }
 }
 
-/// Normalises a sum of normals; `+z` where they cancel.
+/// The unit vector of a sum of normals; `+z` where the normals cancel.
 fn upright(sum: Vec3) -> Vec3 {
     sum.try_normalize().unwrap_or(Vec3::Z)
 }
@@ -412,8 +415,7 @@ mod tests {
             (0..mesh.indices.len()).flat_map(|t| (0..3).map(move |k| (t, k))).collect();
         for &(t, k) in corners.iter().filter(|(t, k)| face(*t, *k).0 != Vec3::ZERO) {
             let vertex = mesh.indices[t][k] as usize;
-            // All faces at this place whose corners got the same normal: they, and they alone, are
-            // its group.
+            // All faces at this place whose corners got the same normal must be one group.
             let here = corners.iter().filter(|(t, k)| {
                 let other = mesh.indices[*t][*k] as usize;
                 mesh.positions[other] == mesh.positions[vertex]

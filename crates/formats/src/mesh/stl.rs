@@ -25,8 +25,8 @@ pub const READER: SceneReader = SceneReader {
         let mut mesh = parse(input, &mut notes)?;
         normals::smooth(&mut mesh, normals::CREASE_ANGLE, &[]);
         let mut scene = super::scene_of(input, mesh, notes);
-        // STL is written for machines that build in layers; its programs place objects on the xy
-        // plane.
+        // STL is written for machines that build in layers; programs that write it place objects on
+        // the xy plane.
         scene.settings.up = Some(DVec3::Z);
         Ok(scene)
     },

@@ -9,9 +9,9 @@ use std::borrow::Cow;
 /// A run of characters without white space.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Word<'a> {
-    /// The characters.
+    /// The characters of the word.
     pub bytes: &'a [u8],
-    /// Offset of the first one in the text.
+    /// Offset of the first character in the text.
     pub start: usize,
 }
 
@@ -47,12 +47,12 @@ impl<'a> Text<'a> {
         Self { bytes, position, continuations: false, comment: None }
     }
 
-    /// The same text, with lines continued by a backslash at their end.
+    /// Returns the text with lines continued by a backslash at their end.
     pub fn with_continuations(self) -> Self {
         Self { continuations: true, ..self }
     }
 
-    /// The same text, where a word that begins with `mark` hides the rest of its line.
+    /// Returns the text with comments: a word that begins with `mark` hides the rest of its line.
     pub fn with_comments(self, mark: u8) -> Self {
         Self { comment: Some(mark), ..self }
     }
@@ -87,7 +87,8 @@ impl<'a> Text<'a> {
         let mut word = &rest[..length];
         self.position = start + length;
         if self.continuations && word.len() > 1 && word.ends_with(b"\\") && self.is_at_line_end() {
-            // A continuation without a blank before it: leave the backslash to the next call.
+            // The line is continued right after the word, so the backslash is left to the next
+            // call.
             word = &word[..length - 1];
             self.position -= 1;
         }
@@ -180,11 +181,11 @@ pub fn place_of(bytes: &[u8], offset: usize) -> Place {
 /// A word interpreted as a number.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Number {
-    /// A number; may be infinite or NaN if the word says so.
+    /// A number, which may be infinite or NaN if the word is.
     Exact(f32),
     /// A number followed by something else, such as `3.1+e2`.
     Prefix(f32),
-    /// Not a number at all.
+    /// The word does not begin with a number.
     None,
 }
 
@@ -201,7 +202,7 @@ pub fn number(word: &[u8]) -> Number {
     if let Some(at) =
         word.iter().position(|&b| b == b'#').filter(|&at| at >= 2 && word[at - 1] == b'.')
     {
-        // As printed by old Microsoft libraries: 1.#INF, -1.#IND, 1.#QNAN.
+        // Old Microsoft libraries print such numbers: 1.#INF, -1.#IND, 1.#QNAN.
         let infinite = word[at..].to_ascii_uppercase().starts_with(b"#INF");
         let sign = if word[0] == b'-' { -1.0 } else { 1.0 };
         return Number::Exact(if infinite { sign * f32::INFINITY } else { f32::NAN });
@@ -262,7 +263,7 @@ pub fn decoded(bytes: &[u8]) -> Cow<'_, [u8]> {
 pub struct Reader<'a> {
     /// The file.
     pub input: &'a Input,
-    /// Its decoded content.
+    /// The decoded content of the file.
     pub bytes: &'a [u8],
     /// The words.
     pub text: Text<'a>,
@@ -301,7 +302,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// A word as a number.
+    /// Parses a word as a number.
     pub fn number_in(&self, word: Word<'_>, what: &str) -> Result<f32, ReadError> {
         match number(word.bytes) {
             Number::Exact(value) => Ok(value),

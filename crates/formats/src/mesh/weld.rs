@@ -14,17 +14,17 @@ fn key(position: Vec3) -> [u32; 3] {
 /// No vertex.
 const NONE: u32 = u32::MAX;
 
-/// For each vertex, the lowest number of a vertex at an equal position (in the sense of
-/// [`Welder`]). Vertices around which the triangles close keep their own number: they need no
-/// partner. Runs on all cores, with a table of numbers only.
+/// For each vertex, the lowest number of a vertex at an equal position (equal as for [`Welder`]). A
+/// vertex around which the triangles close keeps its own number, because it has no duplicate. This
+/// runs on all cores, with a table of numbers only.
 pub fn points(positions: &[Vec3], indices: &[[u32; 3]]) -> Vec<u32> {
     let open = open_vertices(positions.len(), indices);
     let number = open.par_iter().with_min_len(1 << 12).filter(|open| is_open(open)).count();
     let size = (number + number / 3 + 1).next_power_of_two();
     let mut table = Vec::new();
     table.resize_with(size, || AtomicU32::new(NONE));
-    // The hash has a random key, so that a file cannot make it slow; the numbers do not depend on
-    // it.
+    // The hash has a random key, so that a file cannot make it slow; the resulting numbers do not
+    // depend on the key.
     let state = RandomState::new();
     let place = |number: usize| {
         if !is_open(&open[number]) {
@@ -56,8 +56,9 @@ fn is_open(balance: &AtomicU32) -> bool {
 }
 
 /// For each vertex, a number that is not 0 if the triangles around it do not close. If they close
-/// with consistent winding, each neighbour comes once after and once before the vertex, and what is
-/// added for one is subtracted for the other. (By chance, one vertex in 2³² seems closed.)
+/// with consistent winding, each neighbour follows the vertex in one triangle and precedes it in
+/// another, and what is added for the first is subtracted for the second. (One in 2³² open vertices
+/// gets 0 by chance.)
 fn open_vertices(count: usize, indices: &[[u32; 3]]) -> Vec<AtomicU32> {
     let mut balance = Vec::new();
     balance.resize_with(count, AtomicU32::default);
@@ -83,13 +84,13 @@ fn mixed(mut x: u32) -> u32 {
 /// the same bits.
 #[derive(Clone, Debug, Default)]
 pub struct Welder {
-    // Never iterated, so its order does not matter; its hash is keyed, so a file cannot make it
-    // slow.
+    // The table is never iterated, so its order does not matter. Its hash is keyed, so a file
+    // cannot make it slow.
     numbers: HashMap<[u32; 3], u32>,
 }
 
 impl Welder {
-    /// The number of a position: the next free one if it is new.
+    /// The number of a position. A new position gets the next free number.
     pub fn weld(&mut self, position: Vec3) -> u32 {
         let next = self.numbers.len() as u32;
         *self.numbers.entry(key(position)).or_insert(next)

@@ -8,9 +8,9 @@ use crate::{Place, ReadError};
 pub struct Spot {
     /// The number of the file, in the order of opening.
     pub file: u32,
-    /// From 1.
+    /// Number of the line, from 1.
     pub line: u32,
-    /// In characters, from 1.
+    /// Number of the character in the line, from 1.
     pub column: u32,
 }
 
@@ -19,11 +19,11 @@ pub struct Spot {
 pub enum Fault {
     /// Something in a file of the scene.
     Here {
-        /// The place.
+        /// The place in the file.
         at: Spot,
         /// What was found and what was expected.
         problem: String,
-        /// What to do about it.
+        /// A way to mend the file.
         remedy: String,
     },
     /// An error about another file, which has its own place.

@@ -1,18 +1,18 @@
 //! Several materials on one surface, as coincident surfaces that are each present with some
-//! probability. Where one is absent the ray hits the next, so the shares are exact for any
+//! probability. Where one surface is absent the ray hits the next, so the shares are exact for any
 //! materials.
 
 use snell_scene::Material;
 use snell_scene::material::{AlphaMode, ScalarParam};
 
 /// Materials from the outermost to the innermost; empty for no surface at all. The opacity of each
-/// is the probability that it is hit if those before it were not.
+/// is the probability that its layer is hit if the layers before it were not.
 pub type Layers = Vec<Material>;
 
 /// Maximum number of layers of a surface. Each level of nested blends doubles them.
 pub const MAX_LAYERS: usize = 256;
 
-/// `top` on this share of the surface, `rest` elsewhere.
+/// Puts `top` on this share of the surface and `rest` elsewhere.
 pub fn blend(top: Layers, rest: Layers, share: ScalarParam) -> Layers {
     if share == ScalarParam::constant(1.0) {
         return top;
@@ -36,7 +36,7 @@ pub fn mask(mut layers: Layers, share: ScalarParam) -> (Layers, bool) {
         }
         return (layers, count <= 1);
     }
-    // The share of rays that reach a layer, before and after.
+    // The shares of rays that reach a layer before and after the reduction.
     let (mut before, mut after) = (1.0f32, 1.0f32);
     for layer in &mut layers {
         let own = if layer.alpha_mode == AlphaMode::Opaque { 1.0 } else { layer.alpha.factor };

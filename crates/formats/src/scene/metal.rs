@@ -7,9 +7,10 @@ use snell_scene::material::{ColorParam, Conductor, ConductorSpectrum, ScalarPara
 /// The roughness of a surface; its square is the width of the microfacet distribution.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Roughness {
-    /// The same in all directions.
+    /// Isotropic: the same roughness in all directions.
     Even(ScalarParam),
-    /// Stretched along the tangent, or along the bitangent if negative ([`Conductor::anisotropy`]).
+    /// A surface stretched along the tangent, or along the bitangent if `anisotropy` is negative
+    /// ([`Conductor::anisotropy`]).
     Stretched { roughness: f32, anisotropy: f32 },
 }
 

@@ -12,8 +12,8 @@ pub struct Notes {
 }
 
 impl Notes {
-    /// Adds a warning at a place: what was found, and what was done instead; only the first of each
-    /// kind is kept.
+    /// Adds a warning at a place: what was found, and what was done instead. Only the first warning
+    /// of each kind is kept.
     pub fn add(
         &mut self,
         about: WarningKind,

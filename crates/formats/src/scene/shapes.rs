@@ -14,15 +14,15 @@ pub struct ShapeTable {
 }
 
 impl ShapeTable {
-    /// The shape, shared with all equal ones.
+    /// The geometry of a shape, shared by all equal shapes.
     pub fn shared(&mut self, shape: AnyShape) -> Geometry {
         // The debug form of a float is exact, so equal text means equal shapes.
         let shared = self.known.entry(format!("{shape:?}")).or_insert_with(|| Arc::new(shape));
         Geometry::Shape(shared.clone())
     }
 
-    /// Adds a node below `parent` that holds the shape. Without a material it takes the one of
-    /// `parent`.
+    /// Adds a node below `parent` that holds the shape. Without a material, the node inherits that
+    /// of `parent`.
     pub fn place(
         &mut self,
         scene: &mut Scene,
@@ -41,7 +41,7 @@ impl ShapeTable {
     }
 }
 
-/// A surface with a material, or that of its node.
+/// A surface with a material; without one it has that of its node.
 pub fn surface(geometry: Geometry, material: Option<MaterialId>) -> Surface {
     material.map_or_else(
         || Surface::new(geometry.clone()),
@@ -49,18 +49,18 @@ pub fn surface(geometry: Geometry, material: Option<MaterialId>) -> Surface {
     )
 }
 
-/// Pieces of a swept surface: around a full turn, and from one end to the other of a round one.
+/// Number of pieces of a swept surface: around a full turn, and from one end to the other.
 pub const AROUND: u32 = 256;
 pub const ALONG: u32 = 128;
 
-/// The rotation from our round shapes, which stand around y and count longitude from z towards x,
-/// to those of pbrt and Mitsuba, which stand around z and count it from x towards y.
+/// The rotation from Snell's round shapes to those of pbrt and Mitsuba. Snell's stand around y and
+/// count longitude from z towards x; the others stand around z and count it from x towards y.
 pub fn around_z() -> DMat3 {
     DMat3::from_cols(DVec3::Y, DVec3::Z, DVec3::X)
 }
 
-/// Tessellates a surface of points and normals over longitude (radians) and v from 0 to 1, for a
-/// turn in degrees, into pieces.
+/// Tessellates a surface that is swept by `turn` degrees. `surface` gives the point and the normal
+/// at a longitude in radians and at v from 0 to 1; `around` and `along` are the numbers of pieces.
 pub fn swept(
     turn: f64,
     [around, along]: [u32; 2],

@@ -21,7 +21,7 @@ impl<'a> Token<'a> {
         String::from_utf8_lossy(self.bytes)
     }
 
-    /// The word if it is UTF-8.
+    /// The word if it is valid UTF-8.
     pub fn utf8(&self) -> Option<&'a str> {
         std::str::from_utf8(self.bytes).ok()
     }
@@ -130,7 +130,7 @@ impl<'a> Tokens<'a> {
         self.input.error(self.place(token), problem, remedy)
     }
 
-    /// The next word, which is required. `what` describes it for messages.
+    /// The next word, which is required. `what` names the expected word in messages.
     pub fn expect(&mut self, what: &str) -> Result<Token<'a>, ReadError> {
         match self.take() {
             Some(token) => Ok(token),

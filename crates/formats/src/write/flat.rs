@@ -10,7 +10,7 @@ use std::borrow::Cow;
 /// Maximum number of triangles whose corners 32-bit numbers can count.
 const MOST_TRIANGLES: u64 = u32::MAX as u64 / 3;
 
-/// How many triangles a shape becomes at most.
+/// The maximum number of triangles that a shape becomes.
 fn most_triangles(shape: &AnyShape) -> u64 {
     shape.patches().iter().map(|patch| patch.most_triangles(AROUND)).sum()
 }

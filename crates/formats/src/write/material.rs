@@ -51,7 +51,7 @@ fn tinted(color: ColorParam, tint: ColorParam) -> (ColorParam, f32) {
     (base_color, strength)
 }
 
-/// A colour without its spectrum, which is multiplied in as a colour.
+/// A colour whose spectrum, if it has one, is converted to RGB and multiplied into the factor.
 pub fn without_spectrum(color: ColorParam, is_light: bool) -> ColorParam {
     let Some(spectrum) = color.spectrum else { return color };
     let tint = if is_light { spectrum.light_rgb() } else { spectrum.reflectance_rgb() };
@@ -63,7 +63,7 @@ pub fn roughness_of_shininess(shininess: f32) -> f32 {
     (2.0 / (shininess.max(0.0) + 2.0)).sqrt().sqrt()
 }
 
-/// Notes that microfacets became GGX, if they were not.
+/// Notes that microfacets of another distribution became GGX.
 pub fn lose_shape(kind: &MaterialKind, who: &str, output: &mut Output) {
     let shape = match kind {
         MaterialKind::Conductor(metal) => metal.microfacets,

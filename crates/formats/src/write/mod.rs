@@ -63,10 +63,10 @@ pub struct Output {
     extension: String,
     /// The file itself.
     main: Vec<u8>,
-    /// Files in the folder beside it: name and content.
+    /// Files in the folder beside the main file: name and content.
     files: Vec<(String, Vec<u8>)>,
     losses: Vec<Warning>,
-    /// The memory available for this.
+    /// The memory that may be used for the output.
     available: Available,
 }
 
@@ -85,7 +85,7 @@ impl Output {
         }
     }
 
-    /// Sets the content of the file itself.
+    /// Sets the content of the main file.
     pub fn set(&mut self, bytes: Vec<u8>) {
         self.main = bytes;
     }
@@ -102,7 +102,8 @@ impl Output {
         format!("{}/{name}", self.folder())
     }
 
-    /// The folder of the files beside it: its characters need no quoting in any format.
+    /// The name of the folder for the files beside the main one. Its characters need no quoting in
+    /// any format.
     fn folder(&self) -> String {
         format!("{}-files", plain_name(&self.stem))
     }
@@ -158,7 +159,7 @@ pub struct Written {
     pub format: &'static str,
     /// All files, the main one first.
     pub files: Vec<PathBuf>,
-    /// What the format could not hold, and what was written instead.
+    /// A list of what the format could not hold, and of what was written instead.
     pub losses: Vec<Warning>,
 }
 
@@ -200,21 +201,21 @@ fn exists(path: &Path) -> WriteError {
     }
 }
 
-/// Memory per triangle of a mesh, including its vertices, while a file is written: the output, in
-/// growing buffers. Measured.
+/// Memory per triangle of a mesh, including its vertices, while a file is written. This was
+/// measured; it covers the output in growing buffers.
 const BYTES_OF_TRIANGLE: u64 = 220;
 
-/// What becomes of a scene that is written without instances.
+/// The size of a scene that is written without instances.
 struct Expansion {
-    /// How many things, each counted as often as it is there.
+    /// The number of things, each counted in every instance.
     count: u64,
-    /// The most that the format holds.
+    /// The maximum number that the format holds.
     limit: u64,
-    /// What the things are.
+    /// Name of what is counted, in plural.
     what: &'static str,
-    /// Bytes that one takes on its way into the file.
+    /// Memory that each takes while the file is written, in bytes.
     bytes_of_each: u64,
-    /// What to do instead.
+    /// Advice for messages.
     remedy: &'static str,
 }
 
@@ -281,8 +282,8 @@ pub fn write_scene_as(path: &Path, scene: &Scene, overwrite: bool) -> Result<Wri
     Ok(Written { format: writer.name, files, losses: output.losses })
 }
 
-/// Notes choices that are not written: the scene is written as it stands. Only Snell's own format
-/// has motion.
+/// Notes what is left out because the scene is written in its present state: its other material
+/// variants and scenes and, except in Snell's own format, its motion.
 fn lose_choices(scene: &Scene, format: &str, output: &mut Output) {
     if scene.motion.is_some() && format != crate::scene::snell::READER.name {
         output.lose("what moves is written as it stands; its motion is left out");

@@ -273,7 +273,7 @@ impl Library<'_, '_> {
         _ = writeln!(self.text, "{key} {options}{placement}{file}");
     }
 
-    /// `-s` and `-o`: `v' = 1 - (scale v + offset)`.
+    /// The options `-s` (scale) and `-o` (offset) of a texture, by `v' = 1 - (scale v + offset)`.
     fn placement(&mut self, texture: &ImageTexture) -> String {
         let [[a, b, c], [d, e, f]] = texture.uv_transform;
         if b != 0.0 || d != 0.0 {

@@ -18,7 +18,7 @@ const MAX_PERIOD: u8 = 8;
 /// Maximum difference of values that count as equal.
 const SAME: f32 = 1e-3;
 
-/// The scene with the patterns replaced that are not `known` to the format.
+/// The scene with every pattern replaced that the format does not know.
 pub fn drawn<'a>(
     scene: &'a Scene,
     known: fn(&Pattern) -> bool,
@@ -29,7 +29,7 @@ pub fn drawn<'a>(
     if !scene.textures.iter().any(is_strange) {
         return Cow::Borrowed(scene);
     }
-    // Textures of materials and inputs of known patterns; others are not written.
+    // Only textures of materials, and inputs of known patterns, are written.
     let mut used: BTreeSet<TextureId> =
         scene.materials.iter().flat_map(Material::textures).collect();
     for (i, texture) in scene.textures.iter().enumerate().rev() {
@@ -87,7 +87,7 @@ fn plain(color: Rgb) -> Image {
 /// A pattern drawn into a picture.
 struct Drawn {
     image: Image,
-    /// The picture covers the coordinates from 0 to this.
+    /// The picture covers coordinates from 0 to this number.
     period: f32,
     wrap: Wrap,
 }
@@ -103,7 +103,7 @@ impl Drawing<'_> {
         self.scene.textures.get(id.index()).and_then(Texture::as_pattern)
     }
 
-    /// True if the pattern depends only on the first coordinates of the surface.
+    /// True if the pattern depends only on the surface's first set of texture coordinates.
     fn is_on_surface(&self, id: TextureId) -> bool {
         self.pattern(id).is_none_or(|p| {
             p.is_on_surface() && p.textures().into_iter().all(|id| self.is_on_surface(id))
@@ -132,7 +132,7 @@ impl Drawing<'_> {
         (Drawn { image, period: length, wrap }, period.is_some())
     }
 
-    /// True if a pattern has the same values one period further, at random places.
+    /// True if a pattern has the same values one period further, tested at 256 random points.
     fn repeats_after(&self, id: TextureId, period: f32) -> bool {
         (0..256u32).all(|i| {
             let uv = rng::uniform2([i, 11, 0, 0]) * 8.0;
@@ -233,7 +233,7 @@ mod tests {
         let sets = [&scene, &*drawn].map(|scene| TextureSet::new(&scene.textures, &scene.images));
         for i in 0..400 {
             let uv = rng::uniform2([i, 0, 0, 0]) * 6.0 - 3.0;
-            // Away from the edges.
+            // Points away from the edges of the checks.
             if (uv * Vec2::new(4.0, 2.0)).fract().abs().clamp(Vec2::splat(0.1), Vec2::splat(0.9))
                 != (uv * Vec2::new(4.0, 2.0)).fract().abs()
             {

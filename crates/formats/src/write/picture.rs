@@ -14,29 +14,29 @@ use std::sync::Arc;
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Part {
     Whole,
-    /// One channel as grey.
+    /// One channel of the image, as grey.
     Channel(u8),
-    /// Colours in the other encoding.
+    /// The colours, converted to the other encoding.
     Recoded,
     /// Computed from the texture's values.
     Baked(Baked),
 }
 
-/// Pictures whose values are a function of a texture's values.
+/// A function of a texture's values that is written as a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Baked {
-    /// Colours times a factor.
+    /// The colours, multiplied by a factor.
     Tinted(Rgb),
     /// Light: colours times a factor, always linear.
     Light(Rgb),
-    /// The colours of bodies that show the texture's colours, times a factor, through a clear
-    /// layer.
+    /// The colours of bodies that show the texture's colours, times `factor`, through a clear layer
+    /// of index `ior`.
     UnderCoat { factor: Rgb, ior: f32 },
-    /// A channel times a factor.
+    /// One channel, multiplied by a factor.
     Scaled { channel: u8, factor: f32 },
     /// The square of a channel times a factor.
     Squared { channel: u8, factor: f32 },
-    /// 1 where a channel is at least this, else 0.
+    /// 1 where a channel is at least `least`, else 0.
     Mask { channel: u8, least: f32 },
 }
 
@@ -74,7 +74,7 @@ impl Baked {
         [r, g, b]
     }
 
-    /// The values of an image, in sRGB where they are colours from 0 to 1.
+    /// The picture of the function's values. Colours from 0 to 1 are encoded as sRGB.
     fn of(self, image: &Image, encoding: Encoding) -> Image {
         let mut values = Vec::with_capacity(image.width as usize * image.height as usize * 3);
         for y in 0..image.height {
@@ -109,13 +109,13 @@ pub struct Pictures<'a> {
     known: HashMap<String, String>,
 }
 
-/// The texture for an invalid id.
+/// The texture that stands for an invalid id.
 fn missing() -> ImageTexture {
     ImageTexture::new(snell_scene::graph::ImageId(u32::MAX), Encoding::Srgb)
 }
 
 impl<'a> Pictures<'a> {
-    /// Begins with no pictures.
+    /// Begins with no picture written.
     pub fn new(scene: &'a Scene) -> Self {
         Self { scene, known: HashMap::new() }
     }
@@ -153,7 +153,7 @@ impl<'a> Pictures<'a> {
         }
     }
 
-    /// The encoding of such a file's integers.
+    /// The encoding of the integers in a file of [`Self::baked`].
     pub fn encoding_of_baked(&self, id: TextureId, baked: Baked) -> Encoding {
         match baked {
             Baked::Tinted(Rgb::WHITE) => self.texture(id).encoding,
@@ -228,7 +228,7 @@ fn recoded(image: &Image, from: Encoding) -> Image {
     from_values(image, image.channels, pixels.flat_map(value).collect())
 }
 
-/// One channel, decoded.
+/// One channel of an image, decoded, as a grey image.
 fn grey(image: &Image, encoding: Encoding, channel: u8) -> Image {
     let mut values = Vec::with_capacity(image.width as usize * image.height as usize);
     for y in 0..image.height {

@@ -292,7 +292,7 @@ fn every_material_can_be_written_and_what_changes_is_said() {
         let mut scene = scene();
         for (i, kind) in MaterialKind::examples().into_iter().enumerate() {
             let id = scene.add_material(Material::new(format!("number {i}"), kind));
-            // Few triangles, because they are not tested here.
+            // The boxes are small, because the tests below do not look at their triangles.
             let small = BoxShape { min: DVec3::ZERO, max: DVec3::splat(0.1) };
             scene.nodes[1].surfaces.push(Surface::shape(small, id));
         }
@@ -489,7 +489,8 @@ fn patterns_are_the_same_in_pbrt_and_in_snells_own_format() {
         }
         assert!(read.warnings.is_empty(), "{:?}", read.warnings);
         for material in &scene.materials {
-            // They are named after their number, in the order of the spheres.
+            // The materials read are named after the number of the written one, in the order of the
+            // spheres.
             let found = read.materials.iter().find(|m| {
                 m.name.starts_with(&material.name) && {
                     let rest = &m.name[material.name.len()..];

@@ -1,12 +1,12 @@
-//! Processor time: on a shared machine a better measure than the clock on the wall, which is taken
-//! where the system does not tell.
+//! Processor time, which on a shared machine is a better measure than wall-clock time. Wall-clock
+//! time is used where the system does not provide processor time.
 
 #![allow(dead_code, reason = "every benchmark takes some of it")]
 
 use std::time::Instant;
 
-/// Of this thread, in seconds. (What `/proc` tells of a thread that runs is up to a tick old, some
-/// milliseconds.)
+/// Processor time of this thread in seconds. (Values of `/proc` for a running thread may be some
+/// milliseconds old.)
 pub fn of_thread() -> f64 {
     #[cfg(any(target_os = "linux", target_os = "macos"))]
     if let Some(time) = read(nix::time::ClockId::CLOCK_THREAD_CPUTIME_ID) {
@@ -15,7 +15,7 @@ pub fn of_thread() -> f64 {
     wall()
 }
 
-/// Of all threads, in seconds.
+/// Processor time of all threads in seconds.
 pub fn of_process() -> f64 {
     #[cfg(any(target_os = "linux", target_os = "macos"))]
     if let Some(time) = read(nix::time::ClockId::CLOCK_PROCESS_CPUTIME_ID) {

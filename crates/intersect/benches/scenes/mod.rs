@@ -1,9 +1,9 @@
-//! Meshes to measure on, and rays into them.
+//! Meshes for benchmarks, and rays into them.
 
 use snell_intersect::{AcceptAll, Grouping, Hit, TriangleMesh, World};
 use snell_math::{DMat3, DVec3, Frame, Ray, Vec3, rng, sampling};
 
-/// The mesh of this name.
+/// The mesh with this name; `None` for an unknown name.
 pub fn by_name(name: &str) -> Option<TriangleMesh> {
     let (kind, n) =
         name.split_once(':').map_or((name, None), |(kind, n)| (kind, n.parse::<usize>().ok()));
@@ -61,7 +61,7 @@ fn turn(i: usize) -> DMat3 {
     )
 }
 
-/// The mesh many times, turned and spread, as one mesh.
+/// Many rotated copies of a mesh side by side, as one mesh.
 fn copies(mesh: &TriangleMesh, n: usize) -> TriangleMesh {
     let spread = f64::from(mesh.bounds().size().max_element()) * (n as f64).cbrt() * 0.7;
     let mut all = TriangleMesh::default();
@@ -152,7 +152,8 @@ fn column(n: usize) -> TriangleMesh {
     mesh
 }
 
-/// 1024 by 1024 rays of a pinhole in front of (or, for a room, in) the scene, in Morton order.
+/// 1024 by 1024 rays of a pinhole camera in front of the scene (in a room, inside it), in Morton
+/// order.
 pub fn primary_rays(world: &World) -> Vec<Ray> {
     let bounds = world.bounds();
     let (center, radius) = (bounds.center().as_vec3(), bounds.radius() as f32);
@@ -169,7 +170,7 @@ pub fn primary_rays(world: &World) -> Vec<Ray> {
     (0..1u32 << 20).map(ray).collect()
 }
 
-/// One cosine bounce from the hits.
+/// Rays of one cosine-distributed bounce from the hits.
 pub fn diffuse_rays(world: &World, rays: &[Ray]) -> Vec<Ray> {
     let mut hits = vec![Hit::MISS; rays.len()];
     world.closest(rays, Grouping::None, &AcceptAll, &mut hits);

@@ -1,25 +1,28 @@
-//! The binary tree that every builder makes, and how it is best gathered into 8-wide nodes.
+//! The binary tree that every builder makes, and how it is best collapsed into 8-wide nodes.
 //!
-//! Each inner node knows, for 2 to 8 slots of a wide node given to its subtree, how many of them
-//! its first child should get so that the area of all wide nodes is least: the dynamic programme of
-//! Ylitie, Karras and Laine (Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide
-//! BVHs, 2017, section 3.1). Leaves cost the same however they are gathered and do not count.
+//! Each inner node stores, for each number of slots (2 to 8) of a wide node that its subtree may
+//! get, how many of them go to its first child so that the total area of all wide nodes is least.
+//! This is the dynamic programme of Ylitie, Karras and Laine (Efficient Incoherent Ray Traversal on
+//! GPUs Through Compressed Wide BVHs, 2017, section 3.1). Leaves have the same cost in every
+//! arrangement and do not count.
 
 use super::binning::Box8;
 use snell_math::{Bounds3, Vec3};
 
-/// The least area of wide nodes needed for a subtree that is given 1 to 7 slots (index 1 to 7).
+/// The least total area of the wide nodes of a subtree that gets `i` slots, at index `i` from 1 to
+/// 7.
 pub(super) type Costs = [f32; 8];
 
-/// Costs of a leaf.
+/// The costs of a leaf.
 pub(super) const LEAF_COSTS: Costs = [0.0; 8];
 
-/// For 2 to 8 slots how many go to the first child, in 3 bits each; 0: the subtree is best a wide
-/// node of its own.
+/// For 2 to 8 slots, the number of slots for the first child, in 3 bits each. 0 means that the
+/// subtree is best a wide node of its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Choices(u32);
 
-/// The choice of `k` slots for the first child, by `k` and by the number of slots less one.
+/// The bits of a choice of `k` slots for the first child, by `k` and by the number of slots less
+/// one.
 const SHARES: [[u32; 8]; 8] = {
     let mut shares = [[0; 8]; 8];
     let mut k = 0;
@@ -35,21 +38,21 @@ const SHARES: [[u32; 8]; 8] = {
 };
 
 impl Choices {
-    /// One slot for the first child, the others for the second. (With a bit more than
-    /// [`Self::best`] has.)
+    /// One slot for the first child, the others for the second. (It has a bit that [`Self::best`]
+    /// never sets, and so is recognisable.)
     const ONE: Self = Self(0o1_111_111_100);
 
-    /// How the slots are best shared.
+    /// The number of slots that the first child gets of `slots`.
     #[inline(always)]
     fn first(self, slots: usize) -> usize {
         (self.0 >> (3 * slots)) as usize & 7
     }
 
-    /// Works out the best choices of an inner node, and its costs.
+    /// Computes the best choices of an inner node, and its costs.
     #[inline]
     pub fn best(half_area: f32, first: &Costs, second: &Costs) -> (Self, Costs) {
-        // For 1 to 8 slots (lanes 0 to 7) the costs if the first child gets `k` of them; nothing
-        // can be had for less than one slot.
+        // The costs for 1 to 8 slots (lanes 0 to 7) if the first child gets `k` of them. Less than
+        // one slot for the second child has an infinite cost.
         let mut seconds = [f32::INFINITY; 16];
         seconds[9..].copy_from_slice(&second[1..]);
         let given =
@@ -64,15 +67,15 @@ impl Choices {
             }
         }
         let mut choices = shares.iter().fold(0, |all, share| all | share);
-        // One slot: a wide node of its own. That, or any smaller number of slots, may be better for
-        // more slots too.
+        // With one slot, the subtree is a wide node of its own. This, or the best result for fewer
+        // slots, may also be better with more slots.
         let mut costs = [f32::INFINITY; 8];
         costs[1] = half_area + least[7];
         for slots in 2..8 {
             let (more, fewer) = (least[slots - 1], costs[slots - 1]);
             costs[slots] = if more >= fewer { fewer } else { more };
-            // If a slot less is no worse, as with that; the second child may get one more than it
-            // needs.
+            // If one slot less is no worse, its choice is used; the second child may get one slot
+            // more than it needs.
             let field = 7 << (3 * slots);
             choices ^= (choices ^ (choices << 3)) & (field * u32::from(more >= fewer));
         }
@@ -80,20 +83,21 @@ impl Choices {
     }
 }
 
-/// A node of a [`Part`]. The first child of an inner node follows it.
+/// A node of a [`Part`]. The first child of an inner node follows it directly.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct BinaryNode {
     low: [f32; 3],
-    /// The second child, or where the primitives of a leaf start.
+    /// The index of the second child, or for a leaf the index of its first primitive.
     link: u32,
     high: [f32; 3],
-    /// Choices, or [`LEAF`] and a count (below the bits of choices, so that all of these are 0).
+    /// Choices, or [`LEAF`] and a count (which is below the bits of choices, so that all of these
+    /// are 0).
     kind: u32,
 }
 
 const LEAF: u32 = 1 << 31;
 
-/// A subtree in one piece, with the primitives its leaves refer to.
+/// A subtree whose nodes are stored together, with the primitives of its leaves.
 #[derive(Debug)]
 pub(super) struct Part<'a, P> {
     nodes: Vec<BinaryNode>,
@@ -101,14 +105,14 @@ pub(super) struct Part<'a, P> {
     costs: Costs,
 }
 
-/// Nodes of a part in the making.
+/// Collects the nodes of a part.
 #[derive(Debug, Default)]
 pub(super) struct PartBuilder {
     nodes: Vec<BinaryNode>,
 }
 
 impl PartBuilder {
-    /// For some `primitives`.
+    /// A builder for about this many primitives.
     pub fn new(primitives: usize) -> Self {
         Self { nodes: Vec::with_capacity(primitives / 2 + 8) }
     }
@@ -119,13 +123,13 @@ impl PartBuilder {
         self.nodes.push(BinaryNode { low: b.min.to_array(), link, high: b.max.to_array(), kind });
     }
 
-    /// A leaf of `count` primitives: one object, or up to eight triangles.
+    /// Adds a leaf of `count` primitives: one object, or up to eight triangles.
     pub fn leaf(&mut self, bounds: &Box8, first: usize, count: usize) -> Costs {
         self.push(bounds, first as u32, LEAF | count as u32);
         LEAF_COSTS
     }
 
-    /// An inner node whose children `first` and `second` push, in this order.
+    /// Adds an inner node whose children are added by `first` and `second`, in this order.
     pub fn inner(
         &mut self,
         bounds: &Box8,
@@ -143,28 +147,29 @@ impl PartBuilder {
         costs
     }
 
-    /// A leaf whose box [`Self::complete`] finds.
+    /// Adds a leaf whose box is computed later by [`Self::complete`].
     pub fn open_leaf(&mut self, first: usize, count: usize) {
         self.push(&Box8::EMPTY, first as u32, LEAF | count as u32);
     }
 
-    /// An inner node whose box [`Self::complete`] finds. What is pushed next is its first child;
-    /// then comes [`Self::second_child`].
+    /// Adds an inner node whose box is computed later by [`Self::complete`]. The next node added is
+    /// its first child; the second child follows after a call of [`Self::second_child`].
     pub fn open_inner(&mut self) -> usize {
         self.push(&Box8::EMPTY, 0, 0);
         self.nodes.len() - 1
     }
 
-    /// What is pushed next is the second child of this inner node.
+    /// Declares that the next node added is the second child of the inner node `of`.
     pub fn second_child(&mut self, of: usize) {
         self.nodes[of].link = self.nodes.len() as u32;
     }
 
-    /// Finds the boxes of all nodes, and the costs of the whole, from the boxes of leaves: `leaf`
-    /// gets where the primitives of one start and how many they are, the last leaf first.
+    /// Computes the boxes of all nodes, and the costs of the part, from the boxes of leaves. `leaf`
+    /// is called for each leaf, from last to first, with the index of its first primitive and their
+    /// number.
     pub fn complete(&mut self, mut leaf: impl FnMut(usize, usize) -> Box8) -> (Box8, Costs) {
-        // Children come after their parents, so here before them: those of a node are the last two
-        // that wait.
+        // Children come after their parents, so in this reverse order they come before: the
+        // children of a node are the last two entries of `waiting`.
         let mut waiting: Vec<(Box8, Costs)> = Vec::with_capacity(64);
         for node in self.nodes.iter_mut().rev() {
             let (bounds, costs) = if node.kind & LEAF != 0 {
@@ -184,7 +189,7 @@ impl PartBuilder {
         waiting.pop().unwrap_or_default()
     }
 
-    /// The finished part. `costs` are those of its root.
+    /// Finishes the part. `costs` are the costs of its root.
     pub fn finish<P>(self, primitives: &[P], costs: Costs) -> Tree<'_, P> {
         Tree::Part(Part { nodes: self.nodes, primitives, costs })
     }
@@ -207,15 +212,15 @@ pub(super) struct Inner<'a, P> {
 }
 
 impl<'a, P> Tree<'a, P> {
-    /// An inner node.
+    /// An inner node above two trees.
     pub fn inner(bounds: Box8, children: [Self; 2]) -> Self {
         let (choices, costs) =
             Choices::best(bounds.half_area(), children[0].costs(), children[1].costs());
         Self::Inner(Box::new(Inner { bounds, choices, costs, children }))
     }
 
-    /// The root of two trees, of which the first becomes one child of the wide node, and the second
-    /// all others.
+    /// A root above two trees, of which the first becomes one child of the wide node, and the
+    /// second takes all other slots.
     pub fn beside(first: Self, second: Self) -> Self {
         let bounds = [&first, &second].map(|tree| tree.root().bounds());
         let all = bounds[0].union(&bounds[1]);
@@ -229,7 +234,7 @@ impl<'a, P> Tree<'a, P> {
         }))
     }
 
-    /// True for trees from [`Self::beside`].
+    /// True if the tree was made by [`Self::beside`].
     pub fn is_beside(&self) -> bool {
         matches!(self, Self::Inner(inner) if inner.choices == Choices::ONE)
     }
@@ -241,7 +246,7 @@ impl<'a, P> Tree<'a, P> {
         }
     }
 
-    /// The top node.
+    /// The root of the tree.
     pub fn root(&self) -> Cursor<'_, P> {
         match self {
             Self::Part(part) => Cursor::Part(PartCursor { part, node: 0 }),
@@ -289,7 +294,7 @@ impl<'t, P> Cursor<'t, P> {
         found
     }
 
-    /// Adds the entries that represent this subtree in a number of slots.
+    /// Adds the nodes that represent this subtree in the given number of slots.
     fn share(self, slots: usize, to: &mut Vec<Self>) {
         match self {
             Self::Inner(inner) => match inner.choices.first(slots) {
@@ -356,11 +361,11 @@ pub(super) struct WideChildren<'t, P> {
 }
 
 impl<'t, P> WideChildren<'t, P> {
-    /// Adds the entries that represent a subtree in a number of slots.
+    /// Adds the nodes that represent a subtree in the given number of slots.
     fn share(&mut self, mut node: u32, mut slots: usize) {
         while slots > 1 {
             let own = &self.part.nodes[node as usize];
-            // (0 also if it is a leaf.)
+            // The result is 0 also for a leaf.
             let first = Choices(own.kind).first(slots);
             if first == 0 {
                 break;

@@ -1,13 +1,13 @@
-//! The inner loops of the builder: sorting boxes into bins, and parting them at a plane between
-//! bins.
+//! The inner loops of the builder: sorting boxes into bins, and partitioning them at a plane
+//! between bins.
 
 #[cfg(target_arch = "x86_64")]
 use snell_math::simd::{Avx2, Avx8, Token};
 use snell_math::simd::{Lanes8, Portable, Portable8, Wide};
 use snell_math::{Bounds3, Vec3, Vec4};
 
-/// A box as how far it reaches along -x, -y, -z, (nothing), x, y, z, (nothing): so the union of two
-/// is one maximum.
+/// A box stored as its extents along -x, -y, -z, (nothing), x, y, z, (nothing), so that the union
+/// of two boxes is a single maximum.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(32))]
 pub(crate) struct Box8(pub [f32; 8]);
@@ -19,7 +19,7 @@ impl Default for Box8 {
 }
 
 impl Box8 {
-    /// The box that holds nothing.
+    /// The empty box.
     pub const EMPTY: Self = Self([f32::NEG_INFINITY; 8]);
 
     pub fn new(low: Vec3, high: Vec3) -> Self {
@@ -45,13 +45,13 @@ impl Box8 {
         Self([low[0], low[1], low[2], low[3], high[0], high[1], high[2], high[3]])
     }
 
-    /// The common part; may be empty.
+    /// The intersection of both boxes; may be empty.
     pub fn intersection(&self, other: &Self) -> Self {
         let (a, b) = (self.bounds(), other.bounds());
         Self::new(a.min.max(b.min), a.max.min(b.max))
     }
 
-    /// The box grown to hold `p`.
+    /// The box extended to contain `p`.
     #[inline(always)]
     pub fn with_point(&self, p: Vec4) -> Self {
         let (low, high) = (self.low_negated().max(-p).to_array(), self.high().max(p).to_array());
@@ -71,7 +71,7 @@ impl Box8 {
         d.x * d.y + d.y * d.z + d.z * d.x
     }
 
-    /// Twice the centre. Overflows for coordinates above half of the largest number.
+    /// Twice the centre. Overflows for coordinates above half of the largest `f32`.
     #[inline(always)]
     pub fn center2(&self) -> Vec4 {
         self.high() - self.low_negated()
@@ -87,13 +87,13 @@ impl Box8 {
     }
 }
 
-/// A primitive, or a piece of one: its box, with its number in lane 3.
+/// A primitive, or a piece of a triangle: its box, with its number in lane 3.
 #[derive(Clone, Copy, Debug)]
 #[repr(transparent)]
 pub(crate) struct Primitive(Box8);
 
-/// Flipped in numbers, so that as `f32` most are normal: processors work on subnormal ones, even if
-/// just in passing, very slowly.
+/// Bits that are flipped in numbers, so that most of them are normal numbers when read as `f32`.
+/// Processors are very slow with subnormal numbers, even where the result is not used.
 const NORMAL: u32 = 0x3f80_0000;
 
 impl Primitive {
@@ -124,7 +124,7 @@ impl Primitive {
 /// Bins per axis.
 pub(crate) const BINS: usize = 16;
 
-/// From here on `f32` has only integers.
+/// From `2^23` on, every `f32` is an integer.
 const FIRST_INTEGER: f32 = 8388608.0;
 
 /// Maps doubled centres to bins.
@@ -135,7 +135,7 @@ pub(crate) struct Binning {
 }
 
 impl Binning {
-    /// `centers` is the box around the doubled centres.
+    /// The binning for doubled centres in the box `centers`.
     pub fn new(centers: &Box8) -> Self {
         let size = centers.size();
         let scale = Vec4::select(
@@ -143,15 +143,15 @@ impl Binning {
             Vec4::splat(BINS as f32 * 0.9999) / size,
             Vec4::ZERO,
         );
-        // Tiny and overflown extents give no usable scale: one bin for all.
+        // Tiny extents and extents that overflow give no usable scale: everything goes to one bin.
         let usable = scale.is_finite_mask() & size.is_finite_mask();
         Self { low: centers.low(), scale: Vec4::select(usable, scale, Vec4::ZERO) }
     }
 
-    /// The bin on each axis, plus `2^23`: so it is in the low bits.
+    /// The bin on each axis plus `2^23`, so that its integer is in the low bits.
     #[inline(always)]
     fn bins_as_floats(&self, center2: Vec4) -> Vec4 {
-        // Half a bin less, rounded to the nearest by adding `2^23`.
+        // Half a bin less, because adding `2^23` rounds to the nearest integer.
         let x = (center2 - self.low) * self.scale - 0.5;
         x.max(Vec4::ZERO).min(Vec4::splat((BINS - 1) as f32)) + FIRST_INTEGER
     }
@@ -165,7 +165,7 @@ impl Binning {
     }
 }
 
-/// A plane between bins: before it are the bins below `bin`.
+/// A plane between bins: bins with numbers below `bin` are before it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct BinPlane {
     pub axis: usize,
@@ -181,7 +181,7 @@ impl BinPlane {
     }
 }
 
-/// What lies in each bin, by axis and bin.
+/// The contents of each bin, by axis and bin.
 #[derive(Clone)]
 pub(crate) struct Bins {
     pub boxes: [[Box8; BINS]; 3],
@@ -236,8 +236,8 @@ pub(crate) struct Parts {
     pub centers: [Box8; 2],
 }
 
-/// Moves the primitives before the plane to the front: stable, and without a branch on data, which
-/// could not be predicted.
+/// Moves the primitives before the plane to the front. The partition is stable, and has no branch
+/// on data, which would be unpredictable.
 ///
 /// # Panics
 /// If `scratch` is shorter than the primitives.
@@ -272,11 +272,12 @@ fn part_with<L: Lanes8>(
     assert!(scratch.len() >= primitives.len(), "room for all");
     let mut first = 0;
     for i in 0..primitives.len() {
-        // Written to where it would go in either part, the second part to other memory first.
+        // Each primitive is written to its next place in both parts, of which one write is later
+        // overwritten; the second part goes to scratch memory first.
         let p = L::load(token, &primitives[i].0.0);
         let is_first = plane.is_before(binning, primitives[i].center2());
-        // SAFETY: `first <= i`, and `i - first`, which are in the second part so far, is below the
-        // length of `scratch`, as was checked.
+        // SAFETY: `first <= i`, and `i - first`, the number of primitives in the second part so
+        // far, is below the length of `scratch`, which was checked.
         let (to, other) =
             unsafe { (primitives.get_unchecked_mut(first), scratch.get_unchecked_mut(i - first)) };
         p.store(&mut to.0.0);

@@ -5,12 +5,12 @@ use super::binning::{BINS, BinPlane, Binning, Bins, Box8, Primitive, fill};
 use rayon::prelude::*;
 use snell_math::simd::Wide;
 
-/// Sets at least this large are binned and partitioned by several threads, in pieces of [`CHUNK`].
-/// The result is the same: minima, maxima and counts do not depend on the order.
+/// Sets of at least this size are binned and partitioned by several threads, in pieces of
+/// [`CHUNK`]. The result is the same, because minima, maxima and counts do not depend on the order.
 pub(super) const PARALLEL: usize = 1 << 15;
 pub(super) const CHUNK: usize = 1 << 13;
 
-/// Boxes around the primitives of a set, and around their doubled centres.
+/// Boxes around the primitives of a set, and around the doubled centres of the primitives.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Extent {
     pub bounds: Box8,
@@ -61,23 +61,23 @@ fn union(mut a: Bins, b: Bins) -> Bins {
     a
 }
 
-/// A division between bins.
+/// A division of a set at a plane between bins.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Plane {
     pub at: BinPlane,
     /// The boxes of both parts.
     pub bounds: [Box8; 2],
-    /// Area times blocks.
+    /// The sum over both parts of half the area times the number of blocks.
     pub cost: f32,
 }
 
-/// The division of least cost; `None` if all primitives share a bin on every axis.
+/// The division of least cost; `None` if on every axis all primitives share a bin.
 pub(super) fn best_plane(bins: &Bins) -> Option<Plane> {
     let mut best = None;
     let mut best_cost = f32::INFINITY;
     for axis in 0..3 {
         let (boxes, counts) = (&bins.boxes[axis], &bins.counts[axis]);
-        // Cost and count of all from a bin on.
+        // Cost and count of the primitives from each bin to the last.
         let mut right = [(0.0, 0); BINS];
         let (mut bounds, mut count) = (Box8::EMPTY, 0);
         for i in (1..BINS).rev() {
@@ -92,7 +92,7 @@ pub(super) fn best_plane(bins: &Bins) -> Option<Plane> {
             let (right_cost, right_count) = right[i];
             let cost = cost(&bounds, count) + right_cost;
             let divides = count > 0 && right_count > 0;
-            // Areas may overflow to infinity: any division is better than none.
+            // Areas may overflow to infinity; then any division is better than none.
             if divides && (cost < best_cost || best.is_none()) {
                 best_cost = cost;
                 best = Some(BinPlane { axis, bin: i });
@@ -105,14 +105,14 @@ pub(super) fn best_plane(bins: &Bins) -> Option<Plane> {
     Some(Plane { at, bounds: [bounds(a), bounds(b)], cost: best_cost })
 }
 
-/// The cost of visiting a set: area times blocks of up to eight triangles.
+/// The cost of visiting a set: half the area times the number of blocks of up to eight triangles.
 #[inline(always)]
 fn cost(bounds: &Box8, count: u32) -> f32 {
     bounds.half_area() * blocks(count)
 }
 
-/// The number of blocks of up to eight triangles that a set will need. Large ones do not fill their
-/// blocks evenly anyway.
+/// The number of blocks of up to eight triangles that a set will need. It is not rounded up for
+/// large sets, because these do not fill their blocks evenly anyway.
 #[inline(always)]
 pub(super) fn blocks(count: u32) -> f32 {
     if count > 256 { count as f32 / 8.0 } else { count.div_ceil(8) as f32 }

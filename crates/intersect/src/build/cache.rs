@@ -1,19 +1,19 @@
 //! A cache of trees in files: a tree that was built once is read the next time, which for a hundred
-//! million triangles takes less time than to load the mesh.
+//! million triangles takes less time than loading the mesh.
 //!
-//! A file is named by a hash of all that the tree follows from, so there is nothing to keep up to
-//! date; delete files to be rid of them. It holds a [header](header) and then the nodes, the blocks
-//! and the triangles left out, as they are in memory ([`body`]). It is written under another name
-//! and renamed when it is complete.
+//! A file is named by a hash of everything that determines the tree, so files never become
+//! outdated; they may be deleted at any time. A file holds a [header](header) and then the nodes,
+//! the blocks and the numbers of the triangles left out, as they are in memory ([`body`]). It is
+//! written under a temporary name and renamed when it is complete.
 //!
 //! The file is copied into memory and checked there, so later changes of the file cannot change a
-//! picture. Checked are the header, whose tree it is, the length, a checksum of each piece, and
-//! that every reference leads to something. A mapped file would need the same checks, and a process
-//! that reads a mapped file dies if the file is truncated.
+//! picture. The checks cover the header, the hash of the tree, the length, a checksum of each
+//! piece, and that every reference is valid. A mapped file would need the same checks, and a
+//! process that reads a mapped file dies if the file is truncated.
 //!
-//! Ten million triangles (493 MB, two cores of Zen 5, the file in the system's memory) start in
-//! 0.23 s of processor time, and are built in 5.5 s. Reading and checking take 0.06 s of it where
-//! huge pages are free; a mapped file took 0.02 s to look at and 0.025 s to check.
+//! Ten million triangles (493 MB, two cores of Zen 5, the file in the system's cache) take 0.23 s
+//! of processor time to load and 5.5 s to build. Reading and checking take 0.06 s of this where
+//! huge pages are free.
 
 mod body;
 mod header;
@@ -37,7 +37,8 @@ use std::fs::File;
 use std::io::{Error, ErrorKind, Read, Result, Write};
 use std::path::{Path, PathBuf};
 
-/// Groups with fewer triangles are built faster than they are found.
+/// The least number of triangles of a cached group; smaller groups are built faster than they are
+/// read.
 pub(crate) const LEAST_TRIANGLES: usize = 1 << 16;
 
 /// A tree, and the triangles that are not in it.
@@ -46,10 +47,10 @@ pub(crate) struct Cached {
     pub skipped: Vec<u32>,
 }
 
-/// The place of a group's tree.
+/// The cache file of a group's tree.
 pub(crate) struct Entry {
     pub path: PathBuf,
-    /// The hash of all that the tree follows from.
+    /// The hash of everything that determines the tree.
     key: [u8; 32],
 }
 
@@ -73,7 +74,7 @@ impl Entry {
     }
 
     /// Writes a tree atomically: other processes see all of it or nothing, even if several write
-    /// the same tree.
+    /// the same tree at once.
     pub fn write(&self, wide: &Wide, skipped: &[u32]) -> Result<()> {
         if std::fs::metadata(&self.path).is_ok_and(|found| !found.is_file()) {
             return Err(no_file());
@@ -84,17 +85,16 @@ impl Entry {
         let mut builder = tempfile::Builder::new();
         builder.prefix(&prefix).suffix(".tmp");
         #[cfg(unix)]
-        // Other users may read it, unless the umask forbids it.
+        // Other users may read the file, unless the umask forbids it.
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-        // The temporary name means nothing to a user, so it is not part of the error.
+        // A user does not know the temporary name, so it is not part of the error.
         let mut file = builder.tempfile_in(folder).map_err(|e| Error::from(e.kind()))?;
         self.write_to(file.as_file_mut(), wide, skipped)?;
         file.persist(&self.path)?;
         Ok(())
     }
 
-    /// There is no need to wait for the disk: what does not arrive there is found when the file is
-    /// read.
+    /// Writes the contents without waiting for the disk: damage is detected when the file is read.
     fn write_to(&self, file: &mut File, wide: &Wide, skipped: &[u32]) -> Result<()> {
         let block_bytes = BLOCK_BYTES[usize::from(wide.blocks.is_compact())];
         let skipped: Vec<u8> = skipped.iter().flat_map(|id| id.to_ne_bytes()).collect();
@@ -203,8 +203,8 @@ fn mesh_hash(mesh: &TriangleMesh) -> [u8; 32] {
     hash.finalize().into()
 }
 
-/// True if every reference leads to something, children come after their parents, and no path is
-/// longer than the stated depth.
+/// True if every reference is valid, children come after their parents, and no path is longer than
+/// the stated depth.
 fn is_sound(wide: &Wide, triangles: usize, objects: usize) -> bool {
     let leads_on = |child: ChildRef, from: usize| {
         if child == ChildRef::NONE {
@@ -222,7 +222,7 @@ fn is_sound(wide: &Wide, triangles: usize, objects: usize) -> bool {
     };
     let ids_exist = match &wide.blocks {
         Blocks::Plain(blocks) => blocks.par_iter().all(|block| ids_exist(&block.ids, triangles)),
-        // They have been looked at.
+        // Compact blocks were checked before.
         Blocks::Compact(..) => true,
     };
     let is_first = |node: &WideNode| node.children[0] == wide.rest;

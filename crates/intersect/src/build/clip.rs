@@ -1,15 +1,15 @@
-//! Pieces of triangles: what of a triangle lies on either side of a plane.
+//! Division of a triangle by a plane, for spatial splits.
 
 use super::binning::Primitive;
 use crate::exact::triangle::PLACE_TOLERANCE;
 use snell_math::{DVec3, Vec3};
 
-/// The boxes of both pieces of a piece of a triangle, divided at `plane` on an axis; `None` for a
-/// side that has nothing.
+/// The boxes of both parts of a piece of a triangle, divided at `plane` on an axis; `None` for a
+/// side on which nothing of the triangle lies.
 ///
-/// Each is the box around the part of the triangle on that side, grown by more than what the test
-/// of the triangle may be off by along it, and cut to the box of the piece: so a ray that hits the
-/// triangle meets the box of a piece around the place of the hit.
+/// Each is the box around the part of the triangle on that side, padded by more than the error of a
+/// hit along the triangle, and clipped to the box of the piece. So a ray that hits the triangle
+/// also hits the box of a piece around the hit.
 pub(super) fn divided(
     piece: &Primitive,
     corners: &[Vec3; 3],

@@ -1,5 +1,5 @@
-//! Fast quality: primitives are sorted along a space-filling curve, and sets are divided where its
-//! cells are (Lauterbach et al., Fast BVH Construction on GPUs, 2009).
+//! Fast quality: primitives are sorted along a space-filling curve, and sets are divided at the
+//! boundaries of its cells (Lauterbach et al., Fast BVH Construction on GPUs, 2009).
 
 use super::binary::{PartBuilder, Tree};
 use super::binning::{Box8, Primitive};
@@ -12,16 +12,16 @@ use crate::tree::storage::{Plain, Storage};
 use rayon::prelude::*;
 use snell_math::{Vec3, Vec4};
 
-/// Sets up to a size between these become one part of the tree, built by one thread.
+/// The range of the largest size of a set that becomes one part of the tree, built by one thread.
 const PART: std::ops::RangeInclusive<usize> = 512..=4096;
 
-/// The cell of a primitive's centre, in 33 bits, above its number in 31: so keys are all different,
-/// and their order is the same however they are sorted.
+/// The Morton code of a primitive's centre, in 33 bits, above the number of the primitive in 31
+/// bits. So all keys are different, and their order is the same whatever the sorting algorithm.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(transparent)]
 pub(super) struct Key(u64);
 
-// SAFETY: a number.
+// SAFETY: a `u64` has no padding and accepts any bits.
 unsafe impl Plain for Key {}
 
 const NUMBER_BITS: u32 = 31;
@@ -36,10 +36,10 @@ impl Numbered for Key {
     }
 }
 
-/// Cells of an axis in a Morton code.
+/// Table that spreads the bits of a cell's coordinate on one axis for a Morton code.
 static SPREAD: [u32; CELLS_PER_AXIS as usize] = morton::spread();
 
-/// Maps doubled centres to cells.
+/// The grid of cells over the doubled centres of primitives.
 struct Grid {
     low: Vec4,
     scale: Vec4,
@@ -56,23 +56,23 @@ impl Grid {
     #[inline(always)]
     fn key(&self, center2: Vec4, number: u32) -> Key {
         let x = (center2 - self.low) * self.scale;
-        // Rounded by adding `2^23`, so that the number is in the low bits.
+        // Rounded by adding `2^23`, so that the integer is in the low bits.
         let x = (x - 0.5).max(Vec4::ZERO).min(Vec4::splat((CELLS_PER_AXIS - 1) as f32)) + 8388608.0;
         let cell = |x: f32| u64::from(SPREAD[(x.to_bits() & (CELLS_PER_AXIS - 1)) as usize]);
         Key((cell(x.x) << 2 | cell(x.y) << 1 | cell(x.z)) << NUMBER_BITS | u64::from(number))
     }
 }
 
-/// A tree, and the blocks of its leaves in their order.
+/// The sorted keys of a group's primitives.
 pub(super) struct Fast {
     pub keys: Storage<Key>,
     /// The number of keys in use.
     pub count: usize,
-    /// The number of triangles among these.
+    /// The number of triangles among the keys in use.
     pub triangles: usize,
 }
 
-/// Sorts the triangles that can be hit and the objects along the curve.
+/// Sorts the objects and the triangles that can be hit along the curve.
 pub(super) fn sorted(triangles: &Triangles, objects: &[Primitive]) -> Fast {
     let center2 = |[a, b, c]: [Vec3; 3]| (a.min(b).min(c) + a.max(b).max(c)).extend(0.0);
     let around = objects.iter().fold(triangles.centers(center2), |b, p| b.with_point(p.center2()));
@@ -87,22 +87,22 @@ pub(super) fn sorted(triangles: &Triangles, objects: &[Primitive]) -> Fast {
     Fast { keys: sort(keys, all), count: all, triangles: count }
 }
 
-/// Bits of a cell that one pass of sorting looks at: three passes for all.
+/// The number of bits of a Morton code that one pass of sorting uses; a sort takes three passes.
 const DIGIT: u32 = 11;
 const DIGITS: usize = 1 << DIGIT;
 
-/// The bits of a key that a pass looks at, the last pass being that of the highest.
+/// The bits of a key that a pass uses; the last pass uses the highest bits.
 #[inline(always)]
 fn digit(key: Key, pass: u32) -> usize {
     (key.0 >> (NUMBER_BITS + pass * DIGIT)) as usize & (DIGITS - 1)
 }
 
-/// Fewer keys than this (a megabyte: in the second cache) are sorted by one digit after the other,
-/// the lowest first.
+/// Fewer keys than this (a megabyte, which fits the second-level cache) are sorted by one digit
+/// after the other, the lowest first.
 const NEAR: usize = 1 << 17;
 
-/// Sorts the first `count` keys, whose numbers ascend. Many: first by their highest digit, in one
-/// pass of all threads, then each bucket by the others.
+/// Sorts the first `count` keys, whose primitive numbers ascend. Large inputs are sorted first by
+/// their highest digit, in one pass on all threads, and then each bucket by the other digits.
 fn sort(mut keys: Storage<Key>, count: usize) -> Storage<Key> {
     let input = &mut keys[..count];
     if count < 1 << 12 {
@@ -112,7 +112,7 @@ fn sort(mut keys: Storage<Key>, count: usize) -> Storage<Key> {
     let threads = rayon::current_num_threads();
     let mut output = Storage::unset(count);
     if count < NEAR {
-        // (Not more chunks than pay: each has a place for every digit.)
+        // Chunks are not too small, because each needs a counter for every digit.
         let chunk = count.div_ceil(threads).max(CHUNK);
         sort_by(input, &mut output, 0, chunk);
         sort_by(&output, input, 1, chunk);
@@ -133,8 +133,8 @@ fn sort(mut keys: Storage<Key>, count: usize) -> Storage<Key> {
     output
 }
 
-/// One pass of a radix sort, a chunk for each thread at a time: keys of the same digit stay in
-/// order. Returns how many there are of each.
+/// One stable pass of a radix sort on all threads, in chunks of `chunk` keys. Returns the number of
+/// keys with each digit.
 fn sort_by(input: &[Key], output: &mut [Key], pass: u32, chunk: usize) -> Vec<usize> {
     let histogram = |keys: &[Key]| {
         let mut counts = vec![0u32; DIGITS];
@@ -142,7 +142,7 @@ fn sort_by(input: &[Key], output: &mut [Key], pass: u32, chunk: usize) -> Vec<us
         counts
     };
     let counts: Vec<Vec<u32>> = input.par_chunks(chunk).map(histogram).collect();
-    // For each chunk its place in each bucket.
+    // For each chunk, the places where its keys of each digit go.
     let mut places: Vec<Vec<std::slice::IterMut<Key>>> =
         counts.iter().map(|_| Vec::with_capacity(DIGITS)).collect();
     let mut rest = output;
@@ -163,10 +163,11 @@ fn sort_by(input: &[Key], output: &mut [Key], pass: u32, chunk: usize) -> Vec<us
     (0..DIGITS).map(|b| counts.iter().map(|c| c[b] as usize).sum()).collect()
 }
 
-/// Buckets smaller than this are sorted by comparing, as that takes no longer.
+/// Buckets smaller than this are sorted by comparison, which takes no longer.
 const SMALL_BUCKET: usize = 512;
 
-/// Sorts keys with the same highest digit and ascending numbers, with room beside.
+/// Sorts keys with the same highest digit and ascending numbers. `spare` is scratch memory of the
+/// same size.
 fn sort_bucket(keys: &mut [Key], spare: &mut [Key]) {
     match keys.len() {
         0..SMALL_BUCKET => keys.sort_unstable(),
@@ -178,7 +179,7 @@ fn sort_bucket(keys: &mut [Key], spare: &mut [Key]) {
     }
 }
 
-/// One pass of a radix sort: keys of the same digit stay in order.
+/// One stable pass of a radix sort.
 fn sort_by_digit(from: &[Key], to: &mut [Key], pass: u32) {
     let mut places = [0u32; DIGITS];
     from.iter().for_each(|&key| places[digit(key, pass)] += 1);
@@ -193,16 +194,17 @@ fn sort_by_digit(from: &[Key], to: &mut [Key], pass: u32) {
     }
 }
 
-/// Of more triangles than this, corners are fetched ahead: meshes of a million are built 1.1 to 1.2
-/// times as fast by it, but one of 69 thousand, which is in the second cache, 0.92 times.
+/// For more triangles than this, corners are prefetched. This makes builds of meshes of a million
+/// triangles 1.1 to 1.2 times as fast, but of a mesh of 69 thousand, which fits the second-level
+/// cache, 0.92 times as fast.
 const FETCHED: usize = 1 << 17;
 
-/// Small sets are divided so that their blocks will be full.
+/// Sets of up to this size are divided so that their blocks are full.
 const FULL: usize = 32;
 
 /// The position at which to divide two or more sorted keys: between the halves of the smallest cell
-/// that holds all, or in the middle if they share one; small sets where it is nearest to that and
-/// needs no more blocks of eight than the whole.
+/// that contains all, or in the middle if all are in one cell. For small sets, the nearest position
+/// to that which needs no more blocks of eight than the undivided set.
 #[inline]
 fn middle(keys: &[Key]) -> usize {
     let n = keys.len();
@@ -216,7 +218,8 @@ fn middle(keys: &[Key]) -> usize {
     if n <= 8 || n > FULL {
         return at;
     }
-    // The last block of the first part may have as many empty lanes as the last block of all.
+    // The first part's last block may have as many empty lanes as the last block of the undivided
+    // set.
     let (over, lacking) = (at % 8, n.next_multiple_of(8) - n);
     if over == 0 || 8 - over <= lacking {
         return at;
@@ -225,7 +228,7 @@ fn middle(keys: &[Key]) -> usize {
     if down > 0 && (up >= n || over <= up - at) { down } else { up }
 }
 
-/// The sets that become parts, in order, and how they hang together.
+/// The inner nodes above the parts; parts are listed separately, in order.
 enum Top {
     Part,
     Inner(Box<[Top; 2]>),
@@ -259,7 +262,7 @@ pub(super) fn build<'a>(
         rest = others;
         jobs.push((set, outline.part, own));
     }
-    // The boxes of objects, by number.
+    // The boxes of objects, indexed by object number.
     let mut boxes = Vec::new();
     for p in objects {
         let number = (p.number() & !OBJECT) as usize;
@@ -278,7 +281,8 @@ pub(super) fn build<'a>(
                 std::mem::take(&mut blocks).split_last_mut().expect("as many as were counted");
             blocks = rest;
             if fetches_ahead {
-                // The next leaves are before this one.
+                // Leaves are visited from the last to the first, so the next leaves are before this
+                // one.
                 let ahead = |from: usize, to: usize| {
                     let ids = set[first.saturating_sub(from)..first.saturating_sub(to)]
                         .iter()
@@ -312,10 +316,10 @@ fn assemble<'a>(
     }
 }
 
-/// A part whose boxes are not known yet.
+/// The topology of a part, whose boxes are not computed yet.
 struct Outline {
     part: PartBuilder,
-    /// The number of its blocks.
+    /// The number of blocks of the part.
     blocks: usize,
 }
 
@@ -326,7 +330,7 @@ impl Outline {
         outline
     }
 
-    /// `first` is where the set starts in the part.
+    /// Adds the subtree of a set, whose first key has the index `first` in the part.
     fn node(&mut self, first: usize, keys: &[Key], has_objects: bool) {
         if is_leaf(keys, has_objects) {
             self.blocks += usize::from(keys[0].id() & OBJECT == 0);

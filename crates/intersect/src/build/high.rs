@@ -1,11 +1,11 @@
-//! High quality: besides dividing the primitives of a set, its space may be divided, and triangles
-//! across the plane go to both sides with the box of what is there (Stich, Friedrich and Dietrich,
-//! Spatial Splits in Bounding Volume Hierarchies, 2009). Rooms with long slanted triangles are
-//! traced two to three times faster; in scans nothing changes.
+//! High quality: instead of the primitives of a set, its space may be divided. Triangles that cross
+//! the dividing plane go to both sides, each time with the box of the part on that side (Stich,
+//! Friedrich and Dietrich, Spatial Splits in Bounding Volume Hierarchies, 2009). Rooms with long
+//! slanted triangles are traced two to three times as fast; scans do not benefit.
 //!
-//! Each set has room for some pieces more than it has, which it shares among its parts by the area
-//! of their boxes (as in Fuetterling et al., Parallel Spatial Splits in Bounding Volume
-//! Hierarchies, 2016): so memory and time are bounded, and parts are built in parallel in place.
+//! Each set has room for some more pieces than it holds, which is divided between its two parts by
+//! the area of their boxes (as in Fuetterling et al., Parallel Spatial Splits in Bounding Volume
+//! Hierarchies, 2016). So memory and time are bounded, and parts are built in parallel in place.
 
 use super::binary::{Costs, PartBuilder, Tree};
 use super::binning::{Binning, Box8, Primitive};
@@ -18,36 +18,37 @@ use rayon::join;
 use rayon::prelude::*;
 use snell_math::simd::Wide;
 
-/// Sets are divided in space only where the parts would overlap by more than this share of the area
-/// of everything.
+/// Space is divided only where the two parts of an object split would overlap by more than this
+/// share of the area of everything.
 const LEAST_OVERLAP: f32 = 1e-5;
 
-/// Spatial splits are tried only where a random line through the set meets at least this many boxes
-/// of primitives on average; otherwise they gain little.
+/// Spatial splits are tried only where a random line through the set hits on average at least this
+/// many boxes of primitives; otherwise they gain little.
 const CROWDED: f64 = 4.0;
 
-/// Bins per axis of space.
+/// The number of bins on each axis of space.
 const BINS: usize = 16;
 
 /// Options of the build.
 #[derive(Clone, Copy)]
 pub(super) struct High<'a> {
-    /// Which instructions to use.
+    /// The SIMD instructions to use.
     pub wide: Option<Wide>,
     /// False if all primitives are triangles.
     pub has_objects: bool,
-    /// What the primitives are boxes of.
+    /// The triangles whose boxes the primitives are.
     pub triangles: &'a Triangles<'a>,
-    /// Half of the area of the box around everything.
+    /// Half of the surface area of the box around everything.
     area: f32,
 }
 
-/// Primitives that become a subtree: the first `len` of `room`.
+/// The primitives of a subtree: the first `len` entries of `room`.
 struct Set<'p> {
     room: &'p mut [Primitive],
     len: usize,
     extent: Extent,
-    /// Sum of half of the areas of the boxes; not known if there is no room for more.
+    /// Sum of the half surface areas of the boxes; not computed if there is no room for more
+    /// pieces.
     areas: f64,
     depth: usize,
 }
@@ -63,8 +64,8 @@ impl<'a> High<'a> {
         Self { wide, has_objects, triangles, area: 0.0 }
     }
 
-    /// Builds the tree of the first `len` (at least one) of `room`, which extend over this. The
-    /// rest is room for pieces.
+    /// Builds the tree of the first `len` (at least one) primitives of `room`, whose extent is
+    /// given. The rest is room for pieces.
     pub fn build(
         mut self,
         room: &mut [Primitive],
@@ -90,7 +91,8 @@ impl<'a> High<'a> {
         Tree::inner(bounds, [a, b])
     }
 
-    /// Builds a subtree within a part. `first` is where the set starts in the part.
+    /// Builds a subtree within a part. `first` is the index in the part at which the room of the
+    /// set starts.
     fn node(self, part: &mut PartBuilder, first: usize, set: Set<'_>) -> Costs {
         if is_leaf(set.primitives(), self.has_objects) {
             let pieces = &mut set.room[..set.len];
@@ -105,7 +107,8 @@ impl<'a> High<'a> {
         )
     }
 
-    /// Divides a set of at least two. Also returns where the room of the second part starts.
+    /// Divides a set of at least two. Also returns the index at which the room of the second part
+    /// starts.
     fn divide<'p>(self, set: Set<'p>) -> (usize, [Set<'p>; 2]) {
         let Set { room, len, extent, areas, depth } = set;
         let binning = Binning::new(&extent.centers);
@@ -132,7 +135,7 @@ impl<'a> High<'a> {
         share(room, parts.first, len - parts.first, depth)
     }
 
-    /// The plane in space of least cost.
+    /// The plane of least cost for dividing space; `None` if no plane divides it.
     fn space_plane(self, primitives: &[Primitive], bounds: &Box8) -> Option<SpacePlane> {
         let slabs = Slabs::new(bounds);
         let of = |primitives: &[Primitive]| {
@@ -148,9 +151,9 @@ impl<'a> High<'a> {
         bins.best_plane(&slabs)
     }
 
-    /// Divides at a plane in space: afterwards the first part is in front, followed by the second.
-    /// Returns how many both are, or `None` (and nothing has changed) if there is no room, or a
-    /// part would be empty or have all.
+    /// Divides a set at a plane in space; afterwards the first part is in front, followed by the
+    /// second. Returns the sizes of both, or `None` (and nothing has changed) if there is no room,
+    /// or if a part would be empty or hold all primitives.
     fn divide_space(
         self,
         room: &mut [Primitive],
@@ -170,8 +173,7 @@ impl<'a> High<'a> {
             } else if b.min[axis] >= at || p.id() & OBJECT != 0 {
                 second.push(*p);
             } else {
-                // A piece may be left whole if that costs less ("reference unsplitting", section
-                // 4.4).
+                // A piece stays whole if that costs less ("reference unsplitting", section 4.4).
                 let only_first =
                     bounds[0].union(p.bounds()).half_area() * a_count + b_area * (b_count - 1.0);
                 let only_second =
@@ -182,8 +184,8 @@ impl<'a> High<'a> {
                     second.push(*p);
                 } else {
                     let pieces = divided(p, &self.triangles.corners(p.id()), axis, at);
-                    // Each plane leaves something on some side; if rounding loses both parts, the
-                    // whole is kept.
+                    // Some part of the triangle must be on some side; if rounding loses both parts,
+                    // the piece is kept whole.
                     if pieces[0].is_none() && pieces[1].is_none() {
                         first.push(*p);
                     }
@@ -202,8 +204,8 @@ impl<'a> High<'a> {
     }
 }
 
-/// Shares the room for two parts of `first` and `second` primitives that follow each other: what is
-/// left over by the area of their boxes.
+/// Divides the room between two consecutive parts of `first` and `second` primitives. The free
+/// entries are divided in proportion to the area of the boxes.
 fn share(
     room: &mut [Primitive],
     first: usize,
@@ -226,8 +228,8 @@ fn share(
     (first + spare, [a, b])
 }
 
-/// The sum of half of the areas of the boxes: pieces of the same size, added in order, whatever the
-/// threads.
+/// The sum of the half surface areas of the boxes. Sums of pieces of fixed size are added in order,
+/// so the result does not depend on the threads.
 fn areas(primitives: &[Primitive]) -> f64 {
     let of = |p: &[Primitive]| p.iter().map(|p| f64::from(p.bounds().half_area())).sum::<f64>();
     if primitives.len() < PARALLEL {
@@ -236,7 +238,7 @@ fn areas(primitives: &[Primitive]) -> f64 {
     primitives.par_chunks(CHUNK).map(of).collect::<Vec<_>>().iter().sum()
 }
 
-/// Puts one piece of each primitive to the front; returns how many these are.
+/// Moves one piece of each primitive to the front. Returns their number.
 fn without_duplicates(pieces: &mut [Primitive]) -> usize {
     pieces.sort_unstable_by_key(Numbered::id);
     let mut kept = 1;
@@ -249,19 +251,19 @@ fn without_duplicates(pieces: &mut [Primitive]) -> usize {
     kept
 }
 
-/// A division of space.
+/// A division of a set by a plane in space.
 #[derive(Clone, Copy, Debug)]
 struct SpacePlane {
     axis: usize,
     at: f32,
-    /// The boxes of both parts, and how many primitives they would have.
+    /// The boxes of both parts; `counts` are the numbers of primitives that they would have.
     bounds: [Box8; 2],
     counts: [usize; 2],
-    /// Area times blocks.
+    /// The sum over both parts of half the area times the number of blocks.
     cost: f32,
 }
 
-/// Equal slabs of a box along each axis.
+/// A box divided into equal slabs along each axis.
 struct Slabs {
     low: [f32; 3],
     width: [f32; 3],
@@ -273,18 +275,19 @@ impl Slabs {
         Self { low: b.min.to_array(), width: (b.size() / BINS as f32).to_array() }
     }
 
-    /// Where slab `i` begins.
+    /// The coordinate at which slab `i` begins.
     fn start(&self, axis: usize, i: usize) -> f32 {
         self.low[axis] + self.width[axis] * i as f32
     }
 
     fn of(&self, axis: usize, x: f32) -> usize {
-        // Not a number (for a box without width) becomes 0.
+        // NaN (for a box without width) becomes 0.
         (((x - self.low[axis]) / self.width[axis]) as usize).min(BINS - 1)
     }
 }
 
-/// What lies in each slab, and how many primitives begin and end there, by axis.
+/// The contents of each slab, by axis: their box, and the numbers of primitives that begin and
+/// end in the slab.
 struct SpaceBins {
     boxes: [[Box8; BINS]; 3],
     begin: [[u32; BINS]; 3],

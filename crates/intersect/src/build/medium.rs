@@ -11,27 +11,27 @@ use snell_math::simd::Wide;
 /// Sets up to this size become one part of the tree, built by one thread.
 pub(super) const PART: usize = 4096;
 
-/// Below this depth sets are halved instead of divided by cost, so that no tree is deeper than some
-/// 90 nodes.
+/// Below this depth sets are halved instead of divided by cost, which limits the depth of trees to
+/// about 90 nodes.
 pub(super) const MAX_COST_DEPTH: usize = 60;
 
 /// Options of the build.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Medium {
-    /// Which instructions to use.
+    /// The SIMD instructions to use.
     pub wide: Option<Wide>,
     /// False if all primitives are triangles.
     pub has_objects: bool,
 }
 
 impl Medium {
-    /// Builds the tree of some primitives, at least one.
+    /// Builds the tree of at least one primitive.
     pub fn build(self, primitives: &mut [Primitive]) -> Tree<'_, Primitive> {
         let extent = Extent::of(primitives);
         self.build_within(primitives, &extent)
     }
 
-    /// The same of primitives that extend over this.
+    /// Builds the tree of at least one primitive, whose extent is given.
     pub fn build_within<'a>(
         self,
         primitives: &'a mut [Primitive],
@@ -60,7 +60,8 @@ impl Medium {
         Tree::inner(extent.bounds, [a, b])
     }
 
-    /// Builds a subtree within a part. `first` is where the set starts in the part.
+    /// Builds a subtree within a part. `first` is the index of the set's first primitive in the
+    /// part.
     fn node(
         self,
         part: &mut PartBuilder,
@@ -81,8 +82,8 @@ impl Medium {
         )
     }
 
-    /// Reorders a set of at least two into two parts that are not empty. Returns the size of the
-    /// first, and what both extend over.
+    /// Reorders a set of at least two primitives into two parts that are not empty. Returns the
+    /// size of the first part, and the extents of both.
     fn divide(self, set: &mut [Primitive], extent: &Extent, depth: usize) -> (usize, [Extent; 2]) {
         let binning = Binning::new(&extent.centers);
         let plane = if depth < MAX_COST_DEPTH {

@@ -1,9 +1,9 @@
-//! The tree of one group, in the requested quality.
+//! Builds the tree of one group in the requested quality.
 //!
-//! A build makes a binary tree (`fast`, `medium` or `high`), in parts that one thread builds each
-//! and inner nodes above them; `wide` then counts what the tree needs as 8-wide nodes and blocks,
-//! and all threads write it in place. The tree depends neither on the threads nor on the
-//! instructions.
+//! A build makes a binary tree (`fast`, `medium` or `high`), which consists of parts, each built by
+//! one thread, and of inner nodes above them. Then `wide` counts the 8-wide nodes and blocks that
+//! the tree needs, and all threads write them in place. The tree depends neither on the number of
+//! threads nor on the SIMD level.
 
 mod binary;
 mod binning;
@@ -45,16 +45,17 @@ use wide::{Wide, write};
 #[derive(Clone, Debug)]
 pub(crate) struct BvhOptions {
     pub quality: Quality,
-    /// Whether blocks take less memory, and more time.
+    /// Whether blocks are compact: they take less memory, and tests take more time.
     pub compact: bool,
-    /// Instructions the builder may use; the tree is the same at every level.
+    /// SIMD instructions that the builder may use; the tree is the same at every level.
     pub wide: Option<simd::Wide>,
-    /// The folder of cached trees.
+    /// The folder of cached trees; `None` disables the cache.
     pub cache: Option<PathBuf>,
 }
 
 impl GroupTree {
-    /// Builds the tree of a group; `bounds` are the boxes of its objects in its coordinates.
+    /// Builds the tree of a group; `bounds` are the boxes of its objects in the group's
+    /// coordinates.
     pub fn build(
         list: &GroupList,
         bounds: &[Bounds3d],
@@ -65,7 +66,7 @@ impl GroupTree {
     }
 }
 
-/// Builds the tree of one group. `boxes` are those of its objects, in order.
+/// Builds the tree of one group. `boxes` are the boxes of its objects, in order.
 fn build_group(
     list: &GroupList,
     boxes: &[Bounds3],
@@ -134,7 +135,7 @@ fn build_group(
     })
 }
 
-/// The tree in a file, or else a new one, which is then written there.
+/// Returns the tree from the cache file, or builds a new one and writes it to the file.
 fn through_cache(
     entry: &Entry,
     triangles: usize,
@@ -163,7 +164,7 @@ fn through_cache(
     Ok((built, usage))
 }
 
-/// Also returns the number of triangles in the tree.
+/// Builds the 8-wide tree of a group. Also returns the number of triangles in it.
 fn build_wide(
     list: &GroupList,
     triangles: &Triangles,
@@ -185,7 +186,7 @@ fn build_wide(
     let has_objects = !objects.is_empty();
     let most = triangles.count() + objects.len();
     let room = if options.quality == Quality::High { most / 3 + 64 } else { most / 4 + 64 };
-    // Memory that is not used is never touched, and costs nothing.
+    // Unused memory is never touched, and costs nothing.
     let (mut primitives, count) = triangle_primitives(triangles, objects.len() + room);
     let all = count + objects.len();
     primitives[count..all].copy_from_slice(objects);
@@ -210,8 +211,8 @@ fn build_wide(
     Ok((write(&tree, triangles, None)?, count))
 }
 
-/// Nodes and blocks that a random line through the bounds of these nodes, of which the first is the
-/// root, meets on average.
+/// The expected number of nodes and blocks that a random line through the bounds of the first node,
+/// which is the root, visits.
 fn sah_cost(nodes: &[WideNode]) -> f32 {
     let Some(root) = nodes.first() else { return 0.0 };
     let whole = root.bounds().half_area();

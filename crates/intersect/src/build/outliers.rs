@@ -1,8 +1,8 @@
 //! Outliers: the few large primitives of a group, such as the floor below a model or the wall
-//! behind it. Nearly every ray meets their boxes, and a box around them and the model says little
-//! about the model. So the rest of the group gets a tree of its own below the root, whose other
-//! children lead to the outliers: kernels test sixteen rays at a time against those, and send only
-//! the rays into the tree that come near the rest.
+//! behind it. Nearly every ray hits their boxes, and a box around them and the model is much larger
+//! than the model. So the rest of the group gets a separate tree below the root, whose other
+//! children lead to the outliers. Kernels test sixteen rays at a time against the outliers, and
+//! only the rays that come near the rest traverse its tree.
 
 use super::binary::Tree;
 use super::binning::Primitive;
@@ -13,20 +13,21 @@ use crate::group::GroupList;
 use crate::tree::list::is_for_lists;
 use rayon::prelude::*;
 
-/// Outliers of a group: each takes time of every ray.
+/// The largest number of outliers in a group, since every ray is tested against each of them.
 const MAX_OUTLIERS: usize = 16;
 
-/// Their boxes have at least this share of the area of that around everything.
+/// The least area of an outlier's box, relative to the area of the box around everything.
 const MIN_AREA: f32 = 1.0 / 32.0;
 
-/// The box around the rest has at most this share of it: else most rays come near the rest,
-/// whatever else they meet.
+/// The largest area of the box around the rest, relative to the area of the box around everything.
+/// If the rest were larger, most rays would come near it anyway.
 const MAX_REST: f32 = 0.5;
 
-/// Fewer others are for lists as a whole, or nearly so.
+/// The least number of other primitives. A group with fewer is suitable for a list as a whole, or
+/// nearly so.
 const MIN_REST: usize = 64;
 
-/// Moves the outliers to the end; returns how many primitives are none, and what these extend over.
+/// Moves the outliers to the end. Returns the number of other primitives, and their extent.
 pub(super) fn divide(primitives: &mut [Primitive], list: &GroupList) -> (usize, Extent) {
     let (all, extent) = (primitives.len(), Extent::of(primitives));
     let area = extent.bounds.half_area();
@@ -51,7 +52,7 @@ pub(super) fn divide(primitives: &mut [Primitive], list: &GroupList) -> (usize, 
     if large.is_empty() || large.len() > MAX_OUTLIERS || rest < MIN_REST {
         return (all, extent);
     }
-    // The last one first, so that none of those yet to be moved is where another goes.
+    // Starting with the last, so that no outlier still to be moved is overwritten.
     for (i, &from) in large.iter().rev().enumerate() {
         primitives.swap(from, all - 1 - i);
     }
@@ -59,7 +60,7 @@ pub(super) fn divide(primitives: &mut [Primitive], list: &GroupList) -> (usize, 
     if around.bounds.half_area() <= MAX_REST * area { (rest, around) } else { (all, extent) }
 }
 
-/// The tree of a group from that of the rest and the outliers.
+/// The tree of a group, made of the tree of the rest and the outliers.
 pub(super) fn join<'a>(
     rest: Tree<'a, Primitive>,
     outliers: &'a mut [Primitive],

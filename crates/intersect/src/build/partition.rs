@@ -1,4 +1,4 @@
-//! Reordering a set into two parts, in place; large sets by several threads.
+//! Partitioning of a set into two parts, in place; large sets by several threads.
 
 use super::binning::{BinPlane, Binning, Box8, Parts, Primitive, part};
 use super::bins::{CHUNK, PARALLEL};
@@ -8,7 +8,7 @@ use snell_math::simd::Wide;
 use std::cell::RefCell;
 
 /// Moves the primitives before the plane to the front. The order within the parts is arbitrary but
-/// always the same.
+/// deterministic.
 pub(super) fn partition(
     wide: Option<Wide>,
     binning: &Binning,
@@ -34,12 +34,12 @@ pub(super) fn partition(
 }
 
 thread_local! {
-    /// Memory for the second part of small sets.
+    /// Memory for the second part, used for small sets.
     static SCRATCH: RefCell<Vec<Primitive>> = const { RefCell::new(Vec::new()) };
 }
 
-/// Each piece is partitioned in itself: exchanges the second parts that lie before `first` with the
-/// first parts that lie behind it.
+/// Completes a partition whose pieces are partitioned one by one: exchanges primitives of the
+/// second part that lie before `first` with primitives of the first part that lie behind it.
 fn exchange(primitives: &mut [Primitive], pieces: &[Parts], first: usize) {
     let (front, back) = primitives.split_at_mut(first);
     // Ranges of the front that belong to the second part, and of the back that belong to the first.
@@ -75,7 +75,7 @@ fn exchange(primitives: &mut [Primitive], pieces: &[Parts], first: usize) {
     pairs.into_par_iter().for_each(|(x, y)| x.swap_with_slice(y));
 }
 
-/// The parts of a slice at ascending disjoint ranges that are not empty.
+/// Mutable subslices at ascending disjoint ranges that are not empty.
 fn ranges<'a>(
     mut slice: &'a mut [Primitive],
     ranges: &[std::ops::Range<usize>],

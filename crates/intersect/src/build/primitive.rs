@@ -9,19 +9,19 @@ use rayon::prelude::*;
 use snell_math::{Vec3, Vec4};
 use std::ops::Range;
 
-/// Something with the number of a triangle within its group, or with [`OBJECT`] and that of an
-/// object.
+/// A value that carries the number of a triangle within its group, or the number of an object
+/// together with the bit [`OBJECT`].
 pub(super) trait Numbered: Copy + Send + Sync {
     fn id(&self) -> u32;
 }
 
-/// Set in numbers of objects (shapes and instances).
+/// The bit that is set in numbers of objects (shapes and instances).
 pub(super) const OBJECT: u32 = 1 << 31;
 
-/// Triangles a group may have.
+/// The largest number of triangles in a group.
 pub(super) const MAX_TRIANGLES: usize = 1 << 30;
 
-// SAFETY: eight numbers of which any bits are valid, without padding.
+// SAFETY: a `Primitive` is eight numbers without padding, and accepts any bits.
 unsafe impl Plain for Primitive {}
 
 impl Numbered for Primitive {
@@ -35,7 +35,8 @@ impl Numbered for Primitive {
 #[derive(Clone, Copy)]
 pub(super) struct Triangles<'a> {
     list: &'a GroupList,
-    /// As [`crate::tree::GroupTree::meshes`].
+    /// For each mesh the number of its first triangle, and its geometry; see
+    /// [`crate::tree::GroupTree::meshes`].
     meshes: &'a [(u32, u32)],
 }
 
@@ -49,7 +50,7 @@ impl<'a> Triangles<'a> {
         self.list.meshes.iter().map(|(_, mesh)| mesh.indices.len()).sum()
     }
 
-    /// The mesh of a triangle, and its number there.
+    /// The mesh of a triangle, and the number of the triangle in the mesh.
     #[inline(always)]
     fn find(&self, id: u32) -> (&'a TriangleMesh, usize) {
         let mesh = match self.meshes {
@@ -73,7 +74,7 @@ impl<'a> Triangles<'a> {
         fetch(&mesh.indices[triangle]);
     }
 
-    /// Asks for the memory of the corners of a triangle.
+    /// Prefetches the corners of a triangle.
     #[inline(always)]
     pub fn fetch_corners(&self, id: u32) {
         let (mesh, triangle) = self.find(id);
@@ -88,8 +89,8 @@ impl<'a> Triangles<'a> {
         mesh.is_degenerate(triangle)
     }
 
-    /// About the box around the doubled centres (by `center2`) of all triangles: large numbers of
-    /// them are only sampled.
+    /// A box around the doubled centres (by `center2`) of all triangles. It is approximate if there
+    /// are so many triangles that they are sampled.
     pub fn centers(&self, center2: impl Fn([Vec3; 3]) -> Vec4 + Sync) -> Box8 {
         let stride = self.count() / SAMPLES + 1;
         let of_piece = |(mesh, range): (&TriangleMesh, Range<usize>)| {
@@ -99,7 +100,7 @@ impl<'a> Triangles<'a> {
         };
         let mut pieces = Vec::new();
         for (_, mesh) in &self.list.meshes {
-            // (Each starts where the samples of the previous one would continue.)
+            // Each piece starts where the samples of the previous piece would continue.
             pieces.extend(
                 ranges(mesh.indices.len(), stride * SAMPLES_AT_ONCE).map(|range| (&**mesh, range)),
             );
@@ -116,8 +117,9 @@ impl<'a> Triangles<'a> {
             .collect()
     }
 
-    /// Fills `to` in parallel with what `make` gives for each triangle that can be hit (number and
-    /// corners), and returns how many these are. They are at the front, in order.
+    /// Fills the front of `to`, in parallel and in order, with the results of `make` for the
+    /// triangles that can be hit (called with the number and corners of each). Returns the number
+    /// of these triangles.
     pub fn collect<T: Copy + Send>(
         &self,
         to: &mut [T],
@@ -151,28 +153,28 @@ impl<'a> Triangles<'a> {
     }
 }
 
-/// How many triangles are looked at to estimate where all are.
+/// The number of triangles sampled to estimate the extent of all.
 const SAMPLES: usize = 1 << 14;
 
-/// How many of them one thread looks at together.
+/// The number of samples that one task handles.
 const SAMPLES_AT_ONCE: usize = 1 << 11;
 
-/// Most triangles that are handled at once by one thread, and least of those.
+/// The largest and the least number of triangles that one task handles.
 pub(super) const CHUNK: usize = 1 << 14;
 const LEAST_CHUNK: usize = 1 << 11;
 
-/// The number of triangles, of this many, that a thread takes at a time: small enough to balance
-/// the threads.
+/// The number of triangles per task, of `count` in total: small enough to balance the threads.
 fn chunk_of(count: usize) -> usize {
     (count / (8 * rayon::current_num_threads())).clamp(LEAST_CHUNK, CHUNK)
 }
 
-/// Pieces of a size, but for the last.
+/// Ranges of `size` elements that together cover `count`; the last may be shorter.
 fn ranges(count: usize, size: usize) -> impl Iterator<Item = Range<usize>> {
     (0..count).step_by(size).map(move |start| start..(start + size).min(count))
 }
 
-/// Moves the used front of each piece (size, used) together; returns the sum.
+/// Each piece (size, used) has its used elements in front. Moves these elements together and
+/// returns their number.
 fn close_gaps<T: Copy>(items: &mut [T], pieces: &[(usize, usize)]) -> usize {
     let (mut from, mut to) = (0, 0);
     for &(size, used) in pieces {
@@ -185,8 +187,8 @@ fn close_gaps<T: Copy>(items: &mut [T], pieces: &[(usize, usize)]) -> usize {
     to
 }
 
-/// The boxes of all triangles that can be hit, and how many they are; there is room for `extra`
-/// more.
+/// The boxes of all triangles that can be hit, and the number of these triangles, with room for
+/// `extra` more boxes.
 pub(super) fn triangle_primitives(
     triangles: &Triangles,
     extra: usize,

@@ -3,18 +3,19 @@
 /// The build quality of a hierarchy. All qualities give the same hits, bit for bit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Quality {
-    /// Along a space-filling curve: built several times faster, traced at perhaps three quarters of
-    /// the rate.
+    /// Built along a space-filling curve: the build is several times faster than the others, and
+    /// rays are traced at about three quarters of the rate.
     Fast,
-    /// By the surface area heuristic; large slanted triangles are split beforehand where that pays.
+    /// Built by the surface area heuristic; large slanted triangles are split first where that is
+    /// worthwhile.
     #[default]
     Medium,
-    /// With spatial splits everywhere: the slowest to build.
+    /// Built with spatial splits everywhere, which takes the longest.
     High,
 }
 
 impl Quality {
-    /// All qualities, from fast to slow to build.
+    /// All qualities, from the fastest to the slowest build.
     pub const ALL: [Self; 3] = [Self::Fast, Self::Medium, Self::High];
 
     /// The name on the command line.
@@ -26,7 +27,7 @@ impl Quality {
         }
     }
 
-    /// The quality of this name.
+    /// The quality with this name; `None` for an unknown name.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|q| q.name() == name)
     }

@@ -1,5 +1,6 @@
-//! New boxes for a tree whose vertices have moved: the topology stays, so it is much faster than a
-//! build, and the slower to trace the more the vertices have moved among each other.
+//! New boxes for a tree whose vertices have moved. The topology stays, so refitting is much faster
+//! than a build, and tracing becomes slower the more the vertices have moved relative to each
+//! other.
 
 use super::primitive::Triangles;
 use crate::group::GroupList;
@@ -14,13 +15,13 @@ use snell_math::{Bounds3, Bounds3d};
 const PARALLEL: usize = 512;
 
 impl GroupTree {
-    /// The tree for new positions of the same triangles and new boxes of the same objects
+    /// Refits the tree to new positions of the same triangles and new boxes of the same objects
     /// (`bounds`, as for [`Self::build`]).
     ///
     /// `None` if refitting is impossible and the tree must be rebuilt: the numbers of triangles,
     /// objects or unbounded objects differ, a triangle that could not be hit before now can, or
-    /// vertices that coincided no longer do and do not fit into a compact block. Triangles that no
-    /// longer can be hit are taken out, until a later refit brings them back.
+    /// vertices that coincided no longer do and do not fit into a compact block. Triangles that can
+    /// no longer be hit are taken out, until a later refit brings them back.
     pub fn refit(&self, list: &GroupList, bounds: &[Bounds3d]) -> Option<Self> {
         let mut first = 0;
         let same =
@@ -78,7 +79,7 @@ impl GroupTree {
     }
 }
 
-/// Puts the corners of a block's triangles in; returns the box around those that can be hit.
+/// Stores the new corners of a block's triangles. Returns the box around those that can be hit.
 fn refill(block: &mut TriangleBlock, triangles: &Triangles) -> Bounds3 {
     let mut bounds = Bounds3::EMPTY;
     for lane in 0..8 {
@@ -87,7 +88,7 @@ fn refill(block: &mut TriangleBlock, triangles: &Triangles) -> Bounds3 {
             continue;
         }
         if triangles.is_degenerate(id) {
-            // All corners in one place: never hit.
+            // A triangle whose corners coincide is never hit.
             block.set(lane, &[[0.0; 3]; 3], id);
         } else {
             let corners = triangles.corners(id);
@@ -99,19 +100,18 @@ fn refill(block: &mut TriangleBlock, triangles: &Triangles) -> Bounds3 {
 }
 
 struct Refit<'a> {
-    /// Of the objects.
+    /// The new boxes of the objects.
     boxes: &'a [Bounds3],
     blocks: &'a [Bounds3],
 }
 
 impl Refit<'_> {
-    /// Refits the subtree whose nodes these are, of which the first has number `start`; returns its
-    /// box.
+    /// Refits the subtree with these nodes, of which the first has the number `start`. Returns the
+    /// box of the subtree.
     fn subtree(&self, nodes: &mut [WideNode], start: usize) -> Bounds3 {
         let size = nodes.len();
         let Some((node, mut rest)) = nodes.split_first_mut() else { return Bounds3::EMPTY };
-        // The nodes of each child that is a node, in order: those of a subtree are next to each
-        // other.
+        // The nodes below each child that is a node. The nodes of a subtree are contiguous.
         let mut children: [Option<(&mut [WideNode], usize)>; 8] = Default::default();
         let mut end = start + size;
         for slot in (0..8).rev().filter(|&slot| node.children[slot].is_node()) {

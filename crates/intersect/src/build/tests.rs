@@ -1,4 +1,4 @@
-//! Trees of every quality against no tree at all.
+//! Tests trees of every quality against a search without a tree.
 
 use super::*;
 use crate::hit::Hit;
@@ -12,7 +12,7 @@ use snell_math::simd::Level;
 use snell_math::{DVec3, Ray, Transform, Vec3, rng};
 use std::sync::Arc;
 
-/// Uniform in -1..1.
+/// Uniform in -1 to 1.
 fn signed(i: u32, k: u32, seed: u32) -> f32 {
     2.0 * rng::to_unit(rng::pcg4d([i, k, seed, 77])[0]) - 1.0
 }
@@ -49,7 +49,7 @@ pub(super) fn soup(n: u32, seed: u32) -> TriangleMesh {
     mesh
 }
 
-/// Rays everywhere, many of them through vertices and edges, or along an axis.
+/// Random rays, many of them through vertices and edges, or along an axis.
 fn rays(mesh: &TriangleMesh, n: u32) -> Vec<Ray> {
     let bounds = mesh.bounds();
     let (center, size) = (bounds.center(), bounds.size());
@@ -78,7 +78,7 @@ fn world_of(meshes: &[Arc<TriangleMesh>], options: &BuildOptions) -> World {
     builder.build(options).expect("a world")
 }
 
-/// Every quality, compact or not, and what to call it.
+/// Options for every quality, compact or not, each with a name.
 fn ways() -> impl Iterator<Item = (BuildOptions, String)> {
     let both = |quality| {
         [false, true].map(|compact| BuildOptions { quality, compact, ..BuildOptions::default() })
@@ -93,7 +93,7 @@ fn none() -> BuildOptions {
     BuildOptions { accelerator: AcceleratorKind::None, ..BuildOptions::default() }
 }
 
-/// Asks both worlds everything about the rays.
+/// Checks that both worlds give the same results for every query of the rays.
 fn assert_equal(world: &World, oracle: &World, rays: &[Ray], what: &str) {
     let (mut hits, mut blocked) = (vec![Hit::MISS; rays.len()], vec![false; rays.len()]);
     world.closest(rays, Grouping::None, &AcceptAll, &mut hits);
@@ -162,7 +162,7 @@ fn shapes_and_several_meshes_share_a_tree() {
     }
 }
 
-/// Everything that rays see of a tree.
+/// Everything in a tree that affects rays.
 fn contents(world: &World) -> (Vec<[u32; 64]>, Vec<u8>) {
     let Structure::Bvh(forest) = &world.structure else { panic!("a tree") };
     let tree = &forest.trees[0];
@@ -198,7 +198,7 @@ fn nodes_and_blocks_of_a_subtree_are_next_to_each_other() {
         );
         let Structure::Bvh(forest) = &world.structure else { panic!("a tree") };
         let tree = &forest.trees[0];
-        /// Checks a subtree; returns where its nodes and blocks end.
+        /// Checks a subtree. Returns the numbers after its last node and block.
         fn visit(tree: &GroupTree, child: ChildRef, next: (usize, usize)) -> (usize, usize) {
             if child.is_triangles() {
                 assert_eq!(child.block(), next.1);
@@ -227,8 +227,8 @@ fn a_refitted_tree_finds_what_has_moved() {
         for (i, p) in mesh.positions.iter_mut().enumerate() {
             *p += vector(i as u32, 0, 6) * 0.3;
         }
-        // One triangle collapses (a compact block may have no room for its place); those that could
-        // not be hit still cannot.
+        // One triangle becomes degenerate (a compact block may have no room for its new corner);
+        // triangles that could not be hit still cannot.
         if !options.compact {
             mesh.positions[4] = mesh.positions[3];
         }
@@ -239,7 +239,7 @@ fn a_refitted_tree_finds_what_has_moved() {
                 }
             }
         }
-        // On a floor that is an outlier.
+        // With a floor that is an outlier.
         let floor = |y: f32| {
             [[-900.0, y, -900.0], [900.0, y, -900.0], [900.0, y, 900.0], [-900.0, y, 900.0]]
         };
@@ -253,7 +253,7 @@ fn a_refitted_tree_finds_what_has_moved() {
             ..GroupList::default()
         };
         let refitted = old.trees[0].refit(&list(&after), &[]).expect("the same triangles");
-        // And back again.
+        // And moved back again.
         let back = refitted.refit(&list(&before), &[]).expect("the same triangles");
         assert!(back.nodes.len() == old.trees[0].nodes.len());
         world.structure = Structure::Bvh(Forest::of(vec![Arc::new(refitted)], &[0]));
@@ -266,7 +266,7 @@ fn a_refitted_tree_finds_what_has_moved() {
     }
 }
 
-/// A square of this many squares by side, up and down.
+/// A square terrain of `side` squares along each side, with hills.
 fn hills(side: u32) -> TriangleMesh {
     let at = |i: u32| {
         let (x, z) = ((i % (side + 1)) as f32, (i / (side + 1)) as f32);
@@ -329,7 +329,7 @@ fn a_compact_tree_is_built_anew_where_corners_part() {
     let options = BuildOptions { compact: true, ..BuildOptions::default() };
     let world = world_of(&[Arc::new(mesh.clone())], &options);
     let Structure::Bvh(forest) = &world.structure else { panic!("a tree") };
-    // Each triangle gets corners of its own, first where they were.
+    // Each triangle gets separate corners, first at their old positions.
     mesh.positions = mesh.indices.iter().flatten().map(|&i| mesh.positions[i as usize]).collect();
     mesh.indices = (0..mesh.indices.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
     let list = |mesh: &TriangleMesh| GroupList {
@@ -374,7 +374,7 @@ fn check_cached(compact: bool) {
     assert_eq!(files.len(), 1, "nothing else is left there");
     let path = files[0].path();
     let whole = std::fs::read(&path).expect("a file");
-    // Other contents and qualities have other names.
+    // Other contents and qualities have other file names.
     let high = BuildOptions { quality: Quality::High, ..options.clone() };
     assert_eq!(cached(&world_of(&mesh, &high)), (0, 0));
     assert_eq!(
@@ -384,8 +384,8 @@ fn check_cached(compact: bool) {
     assert_eq!(cached(&world_of(&[Arc::new(soup(70_000, 9))], &options)), (0, 0));
     let mut damages: Vec<Vec<u8>> =
         vec![Vec::new(), whole[..100].to_vec(), whole[..whole.len() - 1].to_vec()];
-    // In the header, in a box and the references of a node, and in the corners and numbers of
-    // blocks.
+    // Damage in the header, in a box and the references of a node, and in the corners and numbers
+    // of blocks.
     let last = whole.len() - 4 * 1024;
     for place in [3, 40, 120, 4000, 4096 + 20, 4096 + 195, last - 333, last, last + 291] {
         let mut bytes = whole.clone();

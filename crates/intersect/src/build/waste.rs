@@ -1,19 +1,20 @@
-//! Whether spatial splits pay: an estimate from the boxes of single triangles.
+//! Whether spatial splits are worthwhile: an estimate from the boxes of single triangles.
 
 use super::binning::{Box8, Primitive};
 use super::primitive::{CHUNK, Numbered, OBJECT, Triangles};
 use rayon::prelude::*;
 
-/// Boxes of less than this share of the area of everything are not looked at.
+/// Boxes of less than this share of the total area are ignored.
 const LEAST_AREA: f32 = 1e-5;
 
-/// Boxes of up to this many times the area of their triangle are not wasteful: that of a slanted
-/// triangle has about three times.
+/// A box of up to this many times the area of its triangle is not wasteful; the box of a slanted
+/// triangle typically has about three times the area.
 const TYPICAL: f32 = 5.0;
 
-/// Spatial splits pay if a random line through the set meets on average this many boxes of large
-/// triangles without a hit. (A tree over scans or terrain costs some 10 to 40 steps; scans have a
-/// waste of about 0.1, the room of the examples some hundreds.)
+/// Spatial splits are worthwhile if a random line through the set enters on average more than this
+/// many boxes of large triangles without a hit. (Tracing a ray through a tree over scans or terrain
+/// takes about 10 to 40 steps; scans have a waste of about 0.1, the room of the examples of some
+/// hundreds.)
 const LARGE: f64 = 4.0;
 
 /// True if large triangles fill so little of their boxes that splitting them makes up for the
@@ -40,7 +41,8 @@ fn waste(primitives: &[Primitive], triangles: &Triangles) -> f64 {
         let [a, b, c] = triangles.corners(p.id());
         f64::from((area - TYPICAL * 0.5 * (b - a).cross(c - a).length()).max(0.0) / all)
     };
-    // Pieces of the same size whatever the threads, added in order: the same sum.
+    // Pieces of the same size for any number of threads, added in order, so that the sum is the
+    // same.
     let sums: Vec<f64> = primitives.par_chunks(CHUNK).map(|c| c.iter().map(of).sum()).collect();
     sums.iter().sum()
 }

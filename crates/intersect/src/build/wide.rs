@@ -1,8 +1,8 @@
-//! From a binary tree to the 8-wide nodes and blocks of triangles that rays walk: first it is
-//! counted what each part needs, then all threads write, each into its own piece.
+//! Converts a binary tree to the 8-wide nodes and triangle blocks that kernels traverse. The nodes
+//! and blocks of each part are counted first; then all threads write, each into its own range.
 //!
-//! Nodes and blocks are in preorder: those of a subtree are next to each other, and children come
-//! after their parents.
+//! Nodes and blocks are in preorder: those of a subtree are contiguous, and children come after
+//! their parents.
 
 use super::binary::{Cursor, PartCursor, Tree};
 use super::primitive::{Numbered, OBJECT, Triangles};
@@ -19,13 +19,14 @@ pub(crate) struct Wide {
     pub nodes: Storage<WideNode>,
     pub blocks: Blocks,
     pub root: ChildRef,
-    /// As [`crate::tree::GroupTree::rest`].
+    /// Where the traversal of everything except outliers starts; see
+    /// [`crate::tree::GroupTree::rest`].
     pub rest: ChildRef,
-    /// Nodes on the longest way down.
+    /// The number of nodes on the longest path from the root.
     pub depth: usize,
 }
 
-/// Nodes and blocks: how many, or which are next.
+/// Numbers of nodes and blocks, as counts or as the next indices.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Place {
     nodes: usize,
@@ -40,7 +41,7 @@ enum Step<'t, P> {
     Piece(PartCursor<'t, P>),
 }
 
-/// Writes the tree. `written` are the blocks of its leaves, if the builder has filled them.
+/// Writes the tree. `written` are the blocks of its leaves, if the builder has already filled them.
 pub(crate) fn write<P: Numbered>(
     tree: &Tree<'_, P>,
     triangles: &Triangles,
@@ -123,7 +124,7 @@ pub(crate) fn write<P: Numbered>(
     Ok(Wide { root, rest, depth: depths[0], nodes, blocks: Blocks::Plain(blocks) })
 }
 
-/// Adds the steps of a subtree, in preorder; returns the first.
+/// Adds the steps of a subtree, in preorder. Returns the index of the first.
 fn plan<'t, P>(cursor: Cursor<'t, P>, steps: &mut Vec<Step<'t, P>>) -> usize {
     let index = steps.len();
     if let Cursor::Part(part) = cursor {
@@ -137,7 +138,7 @@ fn plan<'t, P>(cursor: Cursor<'t, P>, steps: &mut Vec<Step<'t, P>>) -> usize {
     index
 }
 
-/// The size of a subtree.
+/// The number of nodes and blocks of a subtree.
 fn count<P: Numbered>(cursor: PartCursor<P>) -> Place {
     if let Some(leaf) = cursor.leaf() {
         return Place { nodes: 0, blocks: usize::from(leaf[0].id() & OBJECT == 0) };
@@ -157,20 +158,20 @@ fn leaf_reference<P: Numbered>(leaf: &[P], block: usize) -> ChildRef {
     }
 }
 
-/// Writes a subtree into its piece of the tree.
+/// Writes a subtree into its range of the tree.
 struct Writer<'a> {
     triangles: &'a Triangles<'a>,
     write_blocks: bool,
     nodes: &'a mut [WideNode],
     blocks: &'a mut [TriangleBlock],
-    /// The start of the piece in the tree.
+    /// The start of the range in the tree.
     start: Place,
-    /// How much of the piece is written.
+    /// How much of the range is written.
     used: Place,
 }
 
 impl Writer<'_> {
-    /// Returns the reference to the subtree, and its depth.
+    /// Writes a subtree. Returns the reference to it, and its depth.
     fn subtree<P: Numbered>(&mut self, cursor: PartCursor<P>) -> (ChildRef, usize) {
         if let Some(leaf) = cursor.leaf() {
             return (self.leaf(leaf), 0);
@@ -201,7 +202,7 @@ impl Writer<'_> {
     }
 }
 
-/// Fills the block of a leaf; returns the box around it.
+/// Fills the block of a leaf. Returns the box around the block.
 #[inline]
 pub(crate) fn fill<P: Numbered>(
     block: &mut TriangleBlock,
@@ -223,7 +224,8 @@ pub(crate) fn fill<P: Numbered>(
 const PIECE: usize = 1 << 10;
 
 impl Wide {
-    /// The tree with compact blocks. An error if there are too many triangles for that.
+    /// Converts the tree to compact blocks. Returns an error if there are too many triangles for
+    /// them.
     pub fn compact(self, triangles: usize) -> Result<Self, String> {
         let Blocks::Plain(blocks) = &self.blocks else { return Ok(self) };
         let counts: Vec<u8> = blocks.par_iter().map(|block| lines_of(block) as u8).collect();

@@ -1,4 +1,4 @@
-//! The tests that decide hits: prepared rays, and the watertight test of a triangle.
+//! The tests that decide hits: rays prepared for tests, and the watertight test of a triangle.
 
 pub(crate) mod double;
 pub(crate) mod plane_hit;
@@ -16,17 +16,17 @@ use snell_math::{DRay, DVec3};
 
 /// Transforms rays of a precision into the coordinates of trees, and decides hits on triangles.
 pub(crate) trait TriangleTest: Frames {
-    /// True if triangles are tested with data outside of the blocks, which can then be prefetched.
+    /// True if the triangle test reads data outside of the blocks, which can then be prefetched.
     const TRIANGLES_ELSEWHERE: bool;
 
-    /// Asks for the memory of a triangle.
+    /// Prefetches the data of a triangle.
     fn fetch_triangle(data: &Self::Data, geometry: u32, triangle: u32);
 
-    /// A ray in the coordinates of a group, as the kernels want it.
+    /// Prepares a ray in the coordinates of a group for the general kernels.
     fn local_ray(data: &Self::Data, group: usize, ray: &DRay) -> LocalRay;
 
-    /// The hit on a triangle whose corners are these in the tree, after the start of the ray and
-    /// not beyond what is wanted.
+    /// The hit on a triangle, given its corners as the tree stores them; `None` unless the hit is
+    /// after the start of the ray and not beyond the limit of the goal.
     fn triangle_hit<G: Goal<Precision = Self>>(
         search: &Search<'_, G>,
         ray: &LocalRay,
@@ -34,15 +34,15 @@ pub(crate) trait TriangleTest: Frames {
         ids: impl FnOnce() -> [u32; 3],
     ) -> Option<Self::Hit>;
 
-    /// Prepares a ray of the world for the fast kernels, in the root group; false if it is not
-    /// ordinary, or its interval is empty or begins below zero.
+    /// Prepares a ray of the world for the fast kernels, in the root group. Returns false if the
+    /// ray is not ordinary, or its interval is empty or begins below zero.
     fn prepare_root<L: Lanes8>(
         data: &Self::Data,
         prepared: &mut PreparedRay,
         ray: &Self::Ray,
     ) -> bool;
 
-    /// Prepares a ray of a group for the fast kernels; false if it is not ordinary.
+    /// Prepares a ray of a group for the fast kernels. Returns false if the ray is not ordinary.
     fn prepare<L: Lanes8>(
         data: &Self::Data,
         group: usize,
@@ -50,7 +50,7 @@ pub(crate) trait TriangleTest: Frames {
         ray: &DRay,
     ) -> bool;
 
-    /// As [`Self::triangle_hit`] for an ordinary ray; `origin` and `direction` are in the
+    /// Performs [`Self::triangle_hit`] for an ordinary ray; `origin` and `direction` are in the
     /// coordinates of the group.
     fn hit_on_line<G: Goal<Precision = Self>>(
         search: &Search<'_, G>,

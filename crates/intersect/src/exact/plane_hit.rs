@@ -1,18 +1,18 @@
 //! The intersections of sixteen rays with one triangle each.
 //!
-//! The same operations in the same order as in [`super::triangle::exact_hit_on`], so the same bits.
-//! What is rare there (ties, rays along the plane of the triangle, points outside of its box by
-//! rounding) must be known not to be.
+//! The operations and their order are those of [`super::triangle::exact_hit_on`], so the results
+//! have the same bits. The rare cases of that function (ties, rays along the plane of the triangle,
+//! hits outside its box by rounding) are not handled; callers must exclude them.
 
 use snell_math::simd::{Doubles16, Lanes16};
 
-/// Three corners by axis, each as a lane per ray.
+/// Three corners by axis, with one lane per ray.
 pub(crate) type Corners<W> = [[W; 3]; 3];
 
-/// The distances of the planes of triangles along rays.
+/// The intersections of rays with the planes of triangles.
 pub(crate) struct PlaneHit<D: Doubles16> {
     pub normal: [D; 3],
-    /// The product of the ray's direction with the normal.
+    /// The dot product of the ray's direction with the unnormalised normal.
     pub slope: D,
     pub t: D,
 }
@@ -31,17 +31,18 @@ impl<D: Doubles16> PlaneHit<D> {
     }
 }
 
-/// The positions of rays in the projections of triangles.
+/// The positions of rays in the projected triangles.
 pub(crate) struct ProjectedHit<D> {
-    /// The rays that are certainly inside.
+    /// A bit for each ray that is certainly inside.
     pub inside: u32,
-    /// Barycentrics, where they are.
+    /// Barycentrics, valid for the rays inside.
     pub b1: D,
     pub b2: D,
 }
 
 impl<D: Doubles16> ProjectedHit<D> {
-    /// From corners and origins in the order of the axes that the rays project on.
+    /// Tests projected triangles. Corners and origins are given in the order of the axes on which
+    /// the rays project.
     #[inline(always)]
     pub fn new(
         token: D::Token,
@@ -60,7 +61,7 @@ impl<D: Doubles16> ProjectedHit<D> {
     }
 }
 
-/// In double precision, exactly.
+/// Converts vectors to double precision, exactly.
 #[inline(always)]
 pub(crate) fn doubles<D: Doubles16>(v: [D::Singles; 3]) -> [D; 3] {
     [D::of(v[0]), D::of(v[1]), D::of(v[2])]
@@ -76,15 +77,15 @@ fn minus<D: Doubles16>(a: [D; 3], b: [D; 3]) -> [D; 3] {
     [a[0].sub(b[0]), a[1].sub(b[1]), a[2].sub(b[2])]
 }
 
-/// As [`super::triangle::Projection::project`].
+/// Projects vertices by the operations of [`super::triangle::Projection::project`].
 #[inline(always)]
 fn project<D: Doubles16>(v: [D::Singles; 3], o: [D::Singles; 3], shear: [D::Singles; 2]) -> [D; 2] {
     let (x, y, z) = (v[0].sub(o[0]), v[1].sub(o[1]), v[2].sub(o[2]));
     [D::of(x.sub(shear[0].mul(z))), D::of(y.sub(shear[1].mul(z)))]
 }
 
-/// As the function of the same name of the exact test, but for the symbolic shift: zero is not
-/// decided here.
+/// The signed area of the edge test, by the operations of the function with this name in
+/// [`super::triangle`] but without the symbolic shift: the sign of zero is left undecided.
 #[inline(always)]
 fn edge<D: Doubles16>(p: [D; 2], q: [D; 2]) -> D {
     p[0].mul(q[1]).sub(p[1].mul(q[0]))

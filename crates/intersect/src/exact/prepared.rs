@@ -1,10 +1,10 @@
 //! A ray of ordinary size, prepared for the fast kernels.
 //!
 //! Nearly all rays are ordinary, as [`PreparedRay`] defines. For them nothing overflows or cancels,
-//! so boxes can be tested by one fused multiplication and addition per plane, and rays that come in
-//! `f32` can be prepared in `f32`. All others, and all in trees of extraordinary size, are walked
-//! with the general [`super::ray::LocalRay`]. Which triangles are hit, and where, is the same for
-//! both: origin, axes and shear have the same bits, and boxes and filters are conservative.
+//! so boxes can be tested by one fused multiplication and addition per plane, and rays given in
+//! `f32` can be prepared in `f32`. All other rays, and all rays in trees of extraordinary size, are
+//! traced with the general [`super::ray::LocalRay`]. Both give the same hits: origin, axes and
+//! shear have the same bits, and boxes and filters are conservative.
 
 use super::ray::Axes;
 use super::triangle::{ExactRay, Projection};
@@ -13,64 +13,65 @@ use snell_math::simd::Lanes8;
 use snell_math::{DVec3, Ray, Vec3, Vec4};
 
 /// Relative padding of box distances. Ize (Robust BVH Ray Traversal, JCGT 2013) needs `2 gamma(3)`,
-/// some `4e-7`, for the slabs alone; the projection of triangles may be off by as much again.
+/// about `4e-7`, for the slabs alone; the projection of triangles may have as large an error again.
 pub(crate) const BOX_PADDING: f32 = 1.0e-6;
 
-/// Coordinates of boxes and origins may be as large as this.
+/// The largest magnitude of the coordinates of ordinary boxes and origins.
 pub(crate) const MAX_COORDINATE: f32 = 1e12;
 
-/// Sides of directions may be zero, or from `MIN_SLOPE` to `MAX_SLOPE`; the largest must not be
-/// below `1 / MAX_SLOPE`.
+/// Components of ordinary directions are zero, or have a magnitude from `MIN_SLOPE` to `MAX_SLOPE`;
+/// the largest magnitude must be at least `1 / MAX_SLOPE`.
 const MIN_SLOPE: f32 = 1e-24;
 const MAX_SLOPE: f32 = 1e12;
 
-/// More than any distance along an ordinary ray to anything: `2 MAX_COORDINATE MAX_SLOPE` is less.
+/// More than the ray parameter of any point on an ordinary ray inside a box, which is at most
+/// `2 MAX_COORDINATE MAX_SLOPE`.
 const BEYOND: f32 = 4e24;
 
-/// Stands for the inverse of zero, divided by the origin where that is above 1: so planes that a
-/// ray runs along are some [`BEYOND`] away, unless they are as close as `4e-13` (or rounding of the
-/// origin).
+/// Replaces the inverse of zero (divided by the origin where that is above 1), so that planes
+/// parallel to the ray are at a distance of about [`BEYOND`], unless they are as close as `4e-13`
+/// (or the rounding error of the origin).
 const PARALLEL: f32 = 1e37;
 
 /// An ordinary ray prepared for the kernels, in the coordinates of a group. (The data of the box
-/// test come first, without gaps: with dozens of rays in flight, each line of the cache counts.)
+/// test come first and without gaps, because with dozens of rays in flight each cache line counts.)
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
 pub(crate) struct PreparedRay {
-    /// Inverse direction, `x y z`; a large number where the ray does not move along the axis.
+    /// Inverse direction, `x y z`; a large number on axes along which the ray does not move.
     pub inverse: [f32; 3],
-    /// Per axis, for distances to near planes. If operations are fused, what to add to the product
-    /// of the plane and `inverse`; else what to subtract from the plane. Rounded so that planes
-    /// come nearer.
+    /// For each axis, a term for the distances to near planes. With fused operations it is added to
+    /// the product of the plane and `inverse`; otherwise it is subtracted from the plane. Rounded
+    /// so that planes come nearer.
     pub near: [f32; 3],
-    /// The same for far planes; rounded so that they go farther.
+    /// For each axis, the corresponding term for far planes, rounded so that planes move away.
     pub far: [f32; 3],
-    /// The octant of the direction, as [`crate::tree::node::WideNode::order`] counts them.
+    /// The octant of the direction, with the numbering of [`crate::tree::node::WideNode::order`].
     octant: u32,
-    /// The origin rounded to nearest: all vertices are projected relative to it.
+    /// The origin rounded to nearest; vertices are projected relative to it.
     pub origin: [f32; 3],
-    /// As in [`super::ray::LocalRay`].
+    /// The shear of the projection, see [`super::ray::LocalRay::shear`].
     pub shear: [f32; 2],
-    /// As in [`super::ray::LocalRay`].
+    /// The axes of the projection.
     pub axes: Axes,
     /// Bound on the error of a vertex relative to the origin; 0 in single precision.
     pub slack: f32,
 }
 
-/// The planes of the eight boxes of a node on one side of an axis: the number of the first within
-/// [`crate::tree::node::WideNode::bounds`].
+/// The eight planes of a node on one side of an axis, one plane per box. The value is the index of
+/// the first plane within [`crate::tree::node::WideNode::bounds`].
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Planes(u8);
 
 impl Planes {
-    /// The number of the first plane: 0, 8, and so on to 40.
+    /// The index of the first plane: 0, 8, and so on to 40.
     #[inline(always)]
     pub fn first(self) -> usize {
         usize::from(self.0)
     }
 }
 
-/// By octant, the near planes `x y z`, the far ones, and two that mean nothing.
+/// For each octant the near planes `x y z`, the far planes `x y z`, and two unused entries.
 static PLANES: [[Planes; 8]; 8] = {
     let mut table = [[Planes(0); 8]; 8];
     let mut octant = 0;
@@ -87,13 +88,13 @@ static PLANES: [[Planes; 8]; 8] = {
     table
 };
 
-/// True if a tree of this [`extent`] is of ordinary size.
+/// True if a tree whose largest coordinate is `extent` is of ordinary size.
 pub(crate) fn is_ordinary(extent: f32) -> bool {
     extent <= MAX_COORDINATE
 }
 
 impl PreparedRay {
-    /// Nothing yet.
+    /// A placeholder for a ray that is not prepared yet.
     pub const UNSET: Self = Self {
         inverse: [0.0; 3],
         near: [0.0; 3],
@@ -105,8 +106,9 @@ impl PreparedRay {
         slack: 0.0,
     };
 
-    /// Prepares a ray that comes in `f32`; false if it is not ordinary, or its interval is empty or
-    /// begins below zero. (In place: copies of what was just written would have to wait.)
+    /// Prepares a ray that is given in `f32`. Returns false if the ray is not ordinary, or its
+    /// interval is empty or begins below zero. (Writes in place, because copies of values just
+    /// written would have to wait for them.)
     #[inline(always)]
     pub fn set_from_ray<L: Lanes8>(&mut self, ray: &Ray) -> bool {
         let [o, d] = halves(ray);
@@ -118,17 +120,19 @@ impl PreparedRay {
         self.set_slabs::<L>(o, d)
     }
 
-    /// The data for the exact test; `origin` and `direction` are those it was prepared from.
+    /// The data of the ray for the exact test; `origin` and `direction` must be those that were
+    /// prepared.
     #[inline(always)]
     pub fn exact(&self, origin: DVec3, direction: DVec3) -> ExactRay {
         let projection = Projection { origin: self.origin, axes: self.axes, shear: self.shear };
         ExactRay { origin, direction, projection }
     }
 
-    /// Prepares a ray that comes through transforms; false if it is not ordinary.
+    /// Prepares a ray given in `f64`, as after the transforms of instances. Returns false if the
+    /// ray is not ordinary.
     #[inline(always)]
     pub fn set_from_exact<L: Lanes8>(&mut self, origin: &DVec3, direction: &DVec3) -> bool {
-        // Ones, as in `halves`.
+        // The fourth components are 1, as in `halves`.
         let (o, d) = (origin.as_vec3().extend(1.0), direction.as_vec3().extend(1.0));
         if !is_ordinary_line(o, d.abs()) || (is_slow(d) && is_too_slow(direction)) {
             return false;
@@ -143,7 +147,7 @@ impl PreparedRay {
 
     #[inline(always)]
     fn set_slabs<L: Lanes8>(&mut self, o: Vec4, d: Vec4) -> bool {
-        // Three roundings at most: of the origin to `f32`, of the product and of the sum here.
+        // At most three roundings: of the origin to `f32`, and of the product and the sum here.
         const ROUNDING: f32 = 6.0 * (f32::EPSILON / 2.0);
         let inverse = d.recip();
         let (near, far) = if L::FUSED {
@@ -162,8 +166,8 @@ impl PreparedRay {
         !is_slow(d) || self.set_slow::<L>(&d.to_array())
     }
 
-    /// Sets what is different on axes that the ray does not move along. False if it is just very
-    /// slow there, or slow on all.
+    /// Sets the values of axes along which the ray does not move. Returns false if a component of
+    /// the direction is too small without being 0, or if all are too small.
     #[cold]
     #[inline(never)]
     fn set_slow<L: Lanes8>(&mut self, d: &[f32; 4]) -> bool {
@@ -172,7 +176,7 @@ impl PreparedRay {
         }
         self.octant = 0;
         for (i, &slope) in d.iter().enumerate().take(3) {
-            // (Zero counts as up, whatever its sign.)
+            // Zero counts as positive, whatever its sign.
             self.octant |= u32::from(slope < 0.0) << i;
             if slope != 0.0 {
                 if slope.abs() < MIN_SLOPE {
@@ -194,7 +198,7 @@ impl PreparedRay {
         true
     }
 
-    /// Makes room for boxes and origins that are off by up to `slack` along each axis.
+    /// Widens the ray for boxes and origins that are off by up to `slack` along each axis.
     #[inline(always)]
     pub fn widen<L: Lanes8>(&mut self, slack: f32) {
         let largest = self.origin[0].abs().max(self.origin[1].abs()).max(self.origin[2].abs());
@@ -210,7 +214,7 @@ impl PreparedRay {
         }
     }
 
-    /// The near planes `x y z` that it meets, the far ones, and two that mean nothing.
+    /// The near planes `x y z` of the ray's octant, the far planes `x y z`, and two unused entries.
     #[inline(always)]
     pub fn planes(&self) -> &'static [Planes; 8] {
         &PLANES[self.octant()]
@@ -223,54 +227,54 @@ impl PreparedRay {
     }
 }
 
-/// Origin and direction, and a one each: numbers that are never used but must be ordinary, since
-/// others slow the processor down.
+/// Origin and direction, each with a fourth component of 1: the value is never used, but must be an
+/// ordinary number, since others slow the processor down.
 #[inline(always)]
 fn halves(ray: &Ray) -> [Vec4; 2] {
     let start = (&raw const *ray).cast::<Vec4>();
     // SAFETY: a ray is eight numbers in this order (`repr(C)`): origin, start, direction, end.
-    // (Loaded at once, which the compiler does not see by itself.)
+    // (Loaded at once, which the compiler does not do on its own.)
     let [o, d] = unsafe { [start.read_unaligned(), start.add(1).read_unaligned()] };
     [o.with_w(1.0), d.with_w(1.0)]
 }
 
-/// The axes of the projection and its shear, by a direction and its sizes.
+/// The axes and the shear of the projection, from a direction and the magnitudes of its components.
 #[inline(always)]
 fn axes_and_shear(direction: &Vec3, sizes: Vec4) -> (Axes, [f32; 2]) {
     let axes = AXES[(sizes.xxyw().cmpge(sizes.yzzw()).bitmask() & 7) as usize];
-    // By memory instead of conditions: signs and sizes are as good as random.
+    // By a table rather than conditions, because the order of magnitudes is unpredictable.
     let [x, y, z] = axes.of(direction.as_ref());
     (axes, [x / z, y / z])
 }
 
-/// True if no size is too large. (The fourth number is not looked at.)
+/// True if no component is too large. (The fourth component is ignored.)
 #[inline(always)]
 fn is_ordinary_line(o: Vec4, d: Vec4) -> bool {
     let ordinary = o.abs().cmple(Vec4::splat(MAX_COORDINATE)) & d.cmple(Vec4::splat(MAX_SLOPE));
     ordinary.bitmask() & 7 == 7
 }
 
-/// True if a direction may not be ordinary for being slow along some axis.
+/// True if some component of a direction is so small that the direction may not be ordinary.
 #[inline(always)]
 fn is_slow(d: Vec4) -> bool {
     d.abs().cmpge(Vec4::splat(1.0 / MAX_SLOPE)).bitmask() & 7 != 7
 }
 
-/// True if a direction is slower than ordinary ones along some axis, but not parallel to it. (In
-/// `f32` it may be.)
+/// True if some component of a direction is too small without being 0. (Rounded to `f32` it may be
+/// 0.)
 #[cold]
 fn is_too_slow(direction: &DVec3) -> bool {
     (direction.abs().cmplt(DVec3::splat(f64::from(MIN_SLOPE))) & direction.cmpne(DVec3::ZERO)).any()
 }
 
-/// The axes of the projection by comparisons of the sizes of the direction, in bits: x at least y,
-/// x at least z, y at least z.
+/// The axes of the projection, indexed by three comparisons of magnitudes of the direction as bits:
+/// x at least y, x at least z, y at least z.
 static AXES: [Axes; 8] = {
     const FIRST: [Axes; 3] = Axes::BY_Z;
     [FIRST[2], FIRST[2], FIRST[2], FIRST[0], FIRST[1], FIRST[1], FIRST[1], FIRST[0]]
 };
 
-/// The factor that moves the far side of a box away. See [`BOX_PADDING`].
+/// The factor that moves the far side of a box away; see [`BOX_PADDING`].
 pub(crate) const FAR_FACTOR: f32 = 1.0 + BOX_PADDING;
 
 #[cfg(test)]
@@ -285,7 +289,7 @@ mod tests {
     use snell_math::simd::{Portable, Portable8};
     use snell_math::{Bounds3, DRay, Vec3};
 
-    /// Zero, either sign, small and large.
+    /// Zeros of either sign, and small and large numbers.
     fn number() -> impl Strategy<Value = f32> {
         prop_oneof![
             Just(0.0f32),
@@ -300,7 +304,8 @@ mod tests {
         [number(), number(), number()].prop_map(Vec3::from_array)
     }
 
-    /// Whether a box is met, by the arithmetic of a level.
+    /// Whether a ray hits a box, by the arithmetic of a SIMD level; `None` if the ray is not
+    /// ordinary.
     fn is_met<L: Lanes8>(token: L::Token, ray: &Ray, bounds: &Bounds3, cull: f32) -> Option<bool> {
         let mut prepared = PreparedRay::UNSET;
         if !prepared.set_from_ray::<L>(ray) {
@@ -328,7 +333,7 @@ mod tests {
             below in vector(), above in vector(),
         ) {
             let ray = Ray::new(o, if d == Vec3::ZERO { Vec3::Y } else { d });
-            // A box around the exact point, as tight as it may be.
+            // A box around the exact point, as tight as possible.
             let t = t * 10f64.powi(e);
             let p = DRay::from(&ray).at(t);
             let exact = snell_math::Bounds3d { min: p, max: p }.outward_f32();

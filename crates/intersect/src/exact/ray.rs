@@ -1,84 +1,87 @@
-//! A ray in the coordinates of one group, with all that the box and triangle tests want to know
-//! about it.
+//! A ray in the coordinates of one group, with all data that the general box and triangle tests
+//! need.
 
 use super::triangle::{ExactRay, Projection};
 use snell_math::{DRay, DVec3, Vec3};
 
-/// Axes x, y, z of a projection: z is where the direction of the ray is largest (Woop, Benthin and
-/// Wald 2013).
+/// Axes x, y, z of a projection: z is the axis along which the direction of the ray is largest
+/// (Woop, Benthin and Wald 2013).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Axes([u8; 4]);
 
 impl Axes {
-    /// By the number of z.
+    /// The axes for each number of the z axis.
     pub const BY_Z: [Self; 3] = [Self([1, 2, 0, 0]), Self([2, 0, 1, 0]), Self([0, 1, 2, 0])];
 
-    /// The number of z.
+    /// The number of the z axis.
     #[inline(always)]
     pub fn z(self) -> usize {
         usize::from(self.0[2])
     }
 
-    /// What there is for x, y and z.
+    /// The elements of `all` for the axes x, y and z.
     #[inline(always)]
     pub fn of<T>(self, all: &[T; 3]) -> [&T; 3] {
         let [x, y, z, _] = self.0.map(usize::from);
-        // SAFETY: the numbers are those of `BY_Z`, below 3.
+        // SAFETY: the axis numbers are those of `BY_Z`, below 3.
         unsafe { [all.get_unchecked(x), all.get_unchecked(y), all.get_unchecked(z)] }
     }
 
-    /// What [`Self::of`] was given, from what it gave.
+    /// The inverse of [`Self::of`].
     #[inline(always)]
     pub fn back<T: Copy>(self, projected: [T; 3]) -> [T; 3] {
         let (mut all, [x, y, z, _]) = (projected, self.0.map(usize::from));
         for (axis, value) in [x, y, z].into_iter().zip(projected) {
-            // SAFETY: as in `of`.
+            // SAFETY: the axis numbers are those of `BY_Z`, below 3.
             unsafe { *all.get_unchecked_mut(axis) = value };
         }
         all
     }
 }
 
-/// A ray in the coordinates of a group. The `f64` ray decides distances; what follows from it in
-/// `f32` decides which triangles cover it (`origin`, `shear`: the projection) and which boxes can
-/// be skipped (`near_origin` and on: conservatively).
+/// A ray in the coordinates of a group. The `f64` ray decides distances. Values derived from it in
+/// `f32` decide which triangles the ray passes through (`origin`, `axes` and `shear`, the
+/// projection) and which boxes can be skipped (`near_origin` and the following fields,
+/// conservatively).
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LocalRay {
-    /// The ray as it came through the inverse transforms. Its interval is not used.
+    /// The ray after the inverse transforms of the instances. Its interval is not used.
     pub exact: DRay,
-    /// The origin rounded to nearest: all vertices are projected relative to it.
+    /// The origin rounded to nearest; vertices are projected relative to it.
     pub origin: [f32; 3],
-    /// The projection of vertices.
+    /// The axes of the projection.
     pub axes: Axes,
-    /// Projected x = x - shear[0] z, y = y - shear[1] z.
+    /// The shear of the projection: projected x = x - shear[0] z, y = y - shear[1] z.
     pub shear: [f32; 2],
-    /// Distance along the ray per unit of the z axis; 0 if it has no useful value in `f32`, then
+    /// Distance along the ray per unit of the z axis. 0 if it has no usable value in `f32`; then
     /// depths are not compared.
     pub depth_scale: f32,
-    /// Origin per axis, rounded so that near planes come nearer.
+    /// The origin on each axis, rounded so that near planes come nearer.
     pub near_origin: [f32; 3],
-    /// Origin per axis, rounded so that far planes go farther.
+    /// The origin on each axis, rounded so that far planes move away.
     pub far_origin: [f32; 3],
-    /// Inverse direction; not zero, infinite where the ray does not move along the axis.
+    /// Inverse direction: never zero, and infinite on axes along which the ray does not move.
     pub inverse: [f32; 3],
-    /// 1 for each axis on which the ray goes down: then the near plane of a box is its maximum.
+    /// 1 for each axis along which the direction is negative, so that the near plane of a box is
+    /// its maximum.
     pub negative: [usize; 3],
-    /// Bounds on the errors of the origin and of a vertex, for trees of rounded vertices
-    /// ([`super::double`]).
+    /// Bound on the errors of the origin and of a vertex, for trees of rounded vertices
+    /// ([`super::double`]); 0 in single precision.
     pub slack: f32,
 }
 
 impl LocalRay {
-    /// Works it all out. Signs are as good as random, so nothing branches on them; and nothing is
-    /// written before all is known, so that the processor never has to wait for a piece of a vector
-    /// it has just stored.
+    /// Prepares a ray of a tree in single precision. The signs of directions are unpredictable, so
+    /// nothing branches on them; and nothing is stored before all values are computed, so that the
+    /// processor never waits for part of a vector that it has just stored.
     #[inline(always)]
     pub fn new(exact: &DRay) -> Self {
         Self::within(exact, exact.origin, exact.direction, 0.0)
     }
 
-    /// A ray in a tree whose coordinates are others than those of its group (`o` and `d` are the
-    /// ray in them), and off by up to `slack`.
+    /// Prepares a ray for a tree whose coordinates differ from those of its group. `o` and `d` are
+    /// the origin and direction in the tree's coordinates, and vertices there are off by up to
+    /// `slack`.
     #[inline(always)]
     pub fn within(exact: &DRay, o: DVec3, d: DVec3, slack: f32) -> Self {
         let a = d.abs();
@@ -115,7 +118,7 @@ impl LocalRay {
         }
     }
 
-    /// The data for the exact test.
+    /// The data of the ray for the exact test.
     #[inline(always)]
     pub fn exact_ray(&self) -> ExactRay {
         let projection = Projection { origin: self.origin, axes: self.axes, shear: self.shear };
@@ -123,7 +126,7 @@ impl LocalRay {
     }
 }
 
-/// The data of the box test for one axis; see [`LocalRay`].
+/// The data of the box test for one axis; see [`LocalRay`] for the fields.
 struct AxisRay {
     origin: f32,
     near: f32,
@@ -138,16 +141,17 @@ impl AxisRay {
         let is_exact = slack == 0.0 && f64::from(origin) == o;
         let rounding =
             if is_exact { 0.0 } else { origin.abs() * f32::EPSILON + f32::MIN_POSITIVE + slack };
-        // Zero counts as up. Never zero, so that empty boxes stay infinitely far.
+        // Zero counts as positive. The inverse is never zero, so that empty boxes stay infinitely
+        // far.
         let slow = d as f32 + 0.0;
         let inverse = (1.0 / slow.abs()).max(f32::from_bits(1));
         let side = rounding.copysign(slow);
-        // The direction is so small or large that `f32` cannot represent where the ray crosses a
-        // plane; then no plane limits it.
+        // If the direction is so small or large that `f32` cannot represent where the ray crosses a
+        // plane, no plane limits the ray on this axis.
         let unknown = (inverse == f32::INFINITY && d != 0.0) || inverse < 1e-30;
         let inverse = if unknown { f32::INFINITY } else { inverse };
         let (middle, side) = if unknown { (0.0, f32::MAX.copysign(slow)) } else { (origin, side) };
-        // Finite, so that an empty box never gives NaN, which would not count.
+        // Kept finite, so that an empty box never gives NaN, which comparisons would ignore.
         let finite = |x: f32| x.clamp(f32::MIN, f32::MAX);
         Self {
             origin,
@@ -163,7 +167,7 @@ impl AxisRay {
     }
 }
 
-/// A vertex in double precision.
+/// The vertex converted to double precision.
 #[inline(always)]
 pub(crate) fn wide(v: [f32; 3]) -> DVec3 {
     Vec3::from_array(v).as_dvec3()

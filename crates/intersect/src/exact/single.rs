@@ -52,8 +52,8 @@ impl TriangleTest for Single {
     ) -> Option<Hit> {
         let t_min = search.start.into();
         let [height, speed] = height_and_speed(origin, direction, corners);
-        // What is behind the start is so at once, without waiting for a quotient. (Which is finite:
-        // of an ordinary ray, these are between `1e-150` and `1e40`.)
+        // A plane behind the start is rejected at once, without waiting for the quotient. (The
+        // product is finite: for an ordinary ray, both factors are between `1e-150` and `1e40`.)
         if height * speed < 0.0 {
             return None;
         }
@@ -69,7 +69,8 @@ impl TriangleTest for Single {
     }
 }
 
-/// The result of the exact test in single precision, as a hit; `None` if it is beyond the limit.
+/// Converts the result of the exact test to a hit in single precision; `None` if it is beyond the
+/// limit.
 #[inline(always)]
 fn single_hit<G: Goal<Precision = Single>>(
     search: &Search<'_, G>,
@@ -77,7 +78,7 @@ fn single_hit<G: Goal<Precision = Single>>(
     ids: impl FnOnce() -> [u32; 3],
 ) -> Option<Hit> {
     let (t, uv) = found?;
-    // Never minus zero.
+    // Adding 0 turns -0 into +0.
     let t = t as f32 + 0.0;
     if t > search.goal.limit() {
         return None;

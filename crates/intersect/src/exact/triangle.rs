@@ -1,19 +1,20 @@
 //! The watertight ray-triangle test.
 //!
-//! The vertices are projected on a plane across the ray in `f32` (Woop, Benthin and Wald,
-//! Watertight Ray/Triangle Intersection, JCGT 2013). The projection is a little inexact but the
-//! same for every triangle of a vertex, and on it every decision is exact: `f32` products have no
-//! error in `f64`, and where the ray meets an edge or vertex of the projection, a symbolic shift of
-//! the ray decides. So a ray through a closed mesh crosses each fan exactly once.
+//! The vertices are projected in `f32` along the ray (Woop, Benthin and Wald, Watertight
+//! Ray/Triangle Intersection, JCGT 2013). The projection is a little inexact, but it is the same
+//! for every triangle that shares a vertex, and every decision on projected vertices is exact:
+//! products of `f32` have no error in `f64`, and where the ray passes exactly through a projected
+//! edge or vertex, a symbolic shift of the ray decides. So a ray through a closed mesh crosses the
+//! fan of triangles around a vertex exactly once.
 //!
-//! Earlier filters of triangles are conservative, so the hits are the same at every SIMD level, and
-//! with any structure.
+//! Filters that run before this test are conservative, so the hits are the same at every SIMD level
+//! and with every structure.
 
 use super::ray::{Axes, LocalRay, wide};
 use snell_math::{DVec3, Vec2};
 
 /// Twice the signed area of the projected triangle (ray, p, q), and its exact sign after the
-/// symbolic shift of the ray: 0 only if the edge is a point or not a number.
+/// symbolic shift of the ray. The sign is 0 only if the edge has no length or a coordinate is NaN.
 #[inline(always)]
 fn edge(p: [f32; 2], q: [f32; 2]) -> (f64, i32) {
     let (a, b) = (f64::from(p[0]) * f64::from(q[1]), f64::from(p[1]) * f64::from(q[0]));
@@ -28,17 +29,17 @@ fn edge(p: [f32; 2], q: [f32; 2]) -> (f64, i32) {
     (a - b, decided)
 }
 
-/// A ray as the exact test wants it: what decides distances, and what decides which triangles cover
-/// it.
+/// The data of a ray for the exact test: the `f64` ray decides distances, and the projection
+/// decides which triangles the ray passes through.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ExactRay {
     pub origin: DVec3,
     pub direction: DVec3,
-    /// See [`LocalRay`].
+    /// The projection of vertices.
     pub projection: Projection,
 }
 
-/// The plane across the ray that vertices are projected on; see [`LocalRay`].
+/// The sheared projection of vertices along a ray; see [`LocalRay`] for the fields.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Projection {
     pub origin: [f32; 3],
@@ -47,8 +48,8 @@ pub(crate) struct Projection {
 }
 
 impl Projection {
-    /// The vertex as projected. It has the same bits in every triangle and at every SIMD level:
-    /// rounded subtraction, product, subtraction, never fused.
+    /// Projects a vertex. The result has the same bits in every triangle and at every SIMD level,
+    /// because the subtraction, the product and the second subtraction are rounded and never fused.
     #[inline(always)]
     pub fn project(&self, v: &[f32; 3]) -> [f32; 2] {
         let ([vx, vy, vz], [ox, oy, oz]) = (self.axes.of(v), self.axes.of(&self.origin));
@@ -57,14 +58,15 @@ impl Projection {
     }
 }
 
-/// The exact test: distance and barycentrics `(b1, b2)` if the line of the ray passes through the
-/// triangle at `t > t_min`.
+/// The exact test. Returns distance and barycentrics `(b1, b2)` if the line of the ray passes
+/// through the triangle at `t > t_min`.
 ///
 /// The distance comes from the plane of the triangle in `f64`, so it has the right sign for any
-/// start that is more than a few units in the last place (of `f64`) off the plane. It is then moved
-/// into the interval in which the ray is inside the triangle's box (it leaves that only by
-/// rounding), so that skipping boxes can never lose it, and near the point of the triangle that was
-/// projected where the ray is, so that skipping boxes of its pieces cannot either.
+/// origin that is more than a few units in the last place (of `f64`) off the plane. It is then
+/// clamped twice, which changes it only because of rounding: to the interval in which the ray is
+/// inside the triangle's box, so that culling by boxes can never lose the hit, and to the
+/// neighbourhood of the point given by the barycentrics, so that culling by boxes of pieces of the
+/// triangle cannot either.
 #[inline(always)]
 pub(crate) fn exact_hit(
     ray: &LocalRay,
@@ -74,7 +76,7 @@ pub(crate) fn exact_hit(
     exact_hit_on(&ray.exact_ray(), corners, t_min)
 }
 
-/// [`exact_hit`] for a ray from elsewhere.
+/// Performs [`exact_hit`] for a ray that is given by its [`ExactRay`].
 #[inline(always)]
 pub(crate) fn exact_hit_on(
     ray: &ExactRay,
@@ -85,16 +87,16 @@ pub(crate) fn exact_hit_on(
     if is_behind(plane, t_min) { None } else { hit_in_plane(ray, corners, plane, t_min) }
 }
 
-/// The distance of the plane of a triangle along a ray: the first part of [`exact_hit`]. Infinite
-/// or NaN if that is not known.
+/// The ray parameter of the plane of a triangle: the first part of [`exact_hit`]. Infinite or NaN
+/// if the ray is parallel to the plane or the triangle has no area.
 #[inline(always)]
 pub(crate) fn plane_distance(origin: &DVec3, direction: &DVec3, corners: &[[f32; 3]; 3]) -> f64 {
     let [height, speed] = height_and_speed(origin, direction, corners);
     height / speed
 }
 
-/// How high the plane of a triangle is above the origin, and how fast the ray rises to it, both
-/// times the normal.
+/// The height of a triangle's plane above the origin of the ray, and the rate at which the ray
+/// rises to it, both as products with the unnormalised normal.
 #[inline(always)]
 pub(crate) fn height_and_speed(
     origin: &DVec3,
@@ -107,13 +109,13 @@ pub(crate) fn height_and_speed(
 }
 
 /// True if a triangle with this [`plane_distance`] cannot be hit beyond `t_min`. Most triangles
-/// that are tested exactly are of this kind: the ones that the ray starts on.
+/// that reach the exact test are rejected here: the ray starts on them.
 #[inline(always)]
 pub(crate) fn is_behind(plane: f64, t_min: f64) -> bool {
     plane <= t_min && plane > f64::NEG_INFINITY
 }
 
-/// The second part of [`exact_hit`].
+/// The second part of [`exact_hit`], for a triangle whose plane is at the parameter `plane`.
 #[inline(always)]
 pub(crate) fn hit_in_plane(
     ray: &ExactRay,
@@ -148,25 +150,27 @@ pub(crate) fn hit_in_plane(
     Some((t, Vec2::new(b1 as f32, b2 as f32)))
 }
 
-/// How far along the ray a hit may be from the point of the triangle that was projected there,
-/// relative to the distance and to the size of the triangle. Only the projection is inexact, by
-/// some `1e-7`, so only rays at less than about a tenth of a degree to the triangle get this far.
+/// The largest difference along the ray between a hit and the point given by the barycentrics,
+/// relative to the sum of the distance and the size of the triangle. Only the projection is
+/// inexact, by about `1e-7`, so the limit matters only for rays at less than about a tenth of a
+/// degree to the triangle.
 pub(crate) const PLACE_TOLERANCE: f64 = 5e-5;
 
-/// The value nearest to `t` that is within [`PLACE_TOLERANCE`] of `place`. `z` is the largest
-/// component of the direction.
+/// The value nearest to `t` that is within [`PLACE_TOLERANCE`] of `place`. `z` is the component of
+/// the direction with the largest magnitude.
 #[inline(always)]
 fn near_place(t: f64, place: f64, z: f64, relative: &[DVec3; 3]) -> f64 {
     let low = relative[0].min(relative[1]).min(relative[2]);
     let high = relative[0].max(relative[1]).max(relative[2]);
     let reach = (place.abs() + (high - low).max_element() / z.abs()) * PLACE_TOLERANCE;
-    // `max` and `min` pass over what is not a number.
+    // If one operand is NaN, `max` and `min` return the other.
     if (t - place).abs() <= reach { t } else { t.max(place - reach).min(place + reach) }
 }
 
-/// The nearest value to `t` at which the ray is in the box of the three corners (given relative to
-/// its origin), padded by a little less than structures pad it ([`crate::mesh::padded_bounds`]);
-/// `t` itself if it is there up to an error that the padding of distances covers.
+/// The value nearest to `t` at which the ray is in the box of the three corners (given relative to
+/// the ray's origin). The box is padded by a little less than in structures
+/// ([`crate::mesh::padded_bounds`]). Returns `t` itself if the ray is inside there, up to an error
+/// that the padding of distances covers.
 #[inline(always)]
 pub(crate) fn clamp_to_box(direction: &DVec3, relative: &[DVec3; 3], t: f64) -> f64 {
     let low = relative[0].min(relative[1]).min(relative[2]);
@@ -186,7 +190,8 @@ pub(crate) fn clamp_to_box(direction: &DVec3, relative: &[DVec3; 3], t: f64) -> 
 fn clamp_to_slabs(direction: &DVec3, low: DVec3, high: DVec3, t: f64) -> f64 {
     let inverse = direction.recip();
     let (low, high) = (low * inverse, high * inverse);
-    // An axis along which the ray does not move does not limit it: 0 / 0 and x / 0.
+    // An axis along which the ray does not move gives 0 / 0 or x / 0, and does not limit the
+    // interval.
     let usable = inverse.is_finite_mask();
     let enter = DVec3::select(usable, low.min(high), DVec3::NEG_INFINITY).max_element();
     let leave = DVec3::select(usable, low.max(high), DVec3::INFINITY).min_element();
@@ -207,8 +212,8 @@ mod tests {
         let (a, b, c, d) = ([0.0, 0.0, 1.0], [1.0, 0.0, 1.0], [1.0, 1.0, 1.0], [0.0, 1.0, 1.0]);
         for i in 0..=16 {
             let s = i as f32 / 16.0;
-            // The vertices a and c have other neighbours outside, so only the inner points must
-            // count once.
+            // The vertices a and c have other neighbours outside this fan, so only the inner points
+            // must count exactly once.
             let ray = ray([s, s, 0.0], [0.0, 0.0, 1.0]);
             let count =
                 [[a, b, c], [a, c, d]].iter().filter(|t| exact_hit(&ray, t, 0.0).is_some()).count();

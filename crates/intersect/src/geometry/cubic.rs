@@ -12,50 +12,52 @@ const SIXTH: f64 = 1.0 / 6.0;
 /// The basis of a cubic curve.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum CurveBasis {
-    /// Four points of the segment: the ends, and between them two that it is drawn towards.
-    /// Segments that follow each other share a point.
+    /// Bézier: four points, the first and last of which are the ends of the segment; the two
+    /// between attract it. Consecutive segments share a point.
     #[default]
     Bezier,
-    /// Uniform B-spline: four points that the segment is near; the next segment starts one point
-    /// on.
+    /// Uniform B-spline: four points that the segment approximates. The next segment starts one
+    /// point later.
     BSpline,
-    /// The segment runs from the second to the third of four points; the next segment starts one
-    /// point on.
+    /// Catmull-Rom: the segment runs from the second to the third of four points. The next segment
+    /// starts one point later.
     CatmullRom,
-    /// Two points, and the derivative at each ([`CubicCurves::tangents`]).
+    /// Hermite: two points, and the derivative at each ([`CubicCurves::tangents`]).
     Hermite,
 }
 
 /// Cubic curves of round cross-section: each segment is the space swept by a ball whose centre and
-/// radius are cubic functions. The ends are round, so segments that meet leave no crack. Each
-/// segment is a solid of its own.
+/// radius are cubic functions. The ends are round, so consecutive segments leave no crack. Each
+/// segment is a separate solid.
 ///
 /// The curve is divided in halves until it is straight to a thousandth of its largest radius (at
-/// most 4096 pieces), and the crossings of the pieces' hulls are then improved to the true surface
-/// where that converges, to some 1e-12 of the size of the segment. Errors remain at silhouettes: a
-/// ray within a thousandth of the radius of the silhouette may be classified wrongly. Where a curve
-/// bends more tightly than its radius, the surface is still that of the swept space.
+/// most 4096 pieces). The crossings of the pieces' hulls are then refined to the true surface where
+/// the iteration converges, to about 1e-12 of the size of the segment. Errors remain at
+/// silhouettes: a ray within a thousandth of the radius of the silhouette may be classified
+/// wrongly. Where a curve bends more tightly than its radius, the surface is still that of the
+/// swept space.
 ///
-/// A segment with a point that is out of range or not finite, with a negative radius, or with all
-/// radii 0, is never hit. Where the basis makes the radius negative between points, it is 0.
+/// A segment is never hit if a point is out of range or not finite, if a radius is negative, or if
+/// all radii are 0. Where the basis makes the radius negative between points, it is clamped to 0.
 ///
-/// [`crate::Hit::uv`] is (parameter from 0 to 1 along the segment, 0); the texture coordinates are
-/// the same with the angle around the curve, from 0 to 1, for the second.
+/// [`crate::Hit::uv`] is `(u, 0)` with `u` from 0 to 1 along the segment. The texture coordinates
+/// are `(u, v)` with `v` the angle around the curve, from 0 to 1 for a full turn.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CubicCurves {
-    /// The basis of the points.
+    /// The basis of all segments.
     pub basis: CurveBasis,
     /// Position (x, y, z) and radius (w).
     pub points: Vec<Vec4>,
-    /// For Hermite curves the derivatives at the points by the parameter of the segment, radius
-    /// included.
+    /// For Hermite curves, the derivatives of position and radius at the points by the parameter of
+    /// the segment.
     pub tangents: Vec<Vec4>,
-    /// For each segment the number of its first point.
+    /// For each segment the index of its first point.
     pub segments: Vec<u32>,
 }
 
 impl CubicCurves {
-    /// The Bézier control points of a segment, radius last; `None` if it is never hit.
+    /// The Bézier control points of a segment, with the radius in `w`; `None` if the segment is
+    /// never hit.
     pub fn bezier(&self, segment: usize) -> Option<[DVec4; 4]> {
         let first = self.segments[segment] as usize;
         let wide = |v: Vec4| v.as_dvec4();
@@ -101,10 +103,10 @@ impl CubicCurves {
     }
 }
 
-/// The number of balls of a segment that are compared first in the search for its nearest point.
+/// The number of balls of a segment that the search for its nearest point compares before refining.
 const SAMPLES: usize = 48;
 
-/// A cubic Bézier curve, radius last, as the solid that a ball sweeps along it.
+/// A cubic Bézier curve, with the radius in `w`, as the solid that a ball sweeps along it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Tube(pub [DVec4; 4]);
 
@@ -116,19 +118,19 @@ impl Tube {
     }
 
     pub fn bounds(&self) -> Bounds3d {
-        // The curve is a mean of its control points, and so are the balls around it.
+        // The curve is a weighted mean of its control points, and so are the balls along it.
         let balls = self.0.map(|c| Ball { center: c.truncate(), radius: c.w }.bounds());
         balls.into_iter().fold(Bounds3d::EMPTY, |all, b| all.union(&b))
     }
 
-    /// The entries and exits of a ray's line, ascending.
+    /// The entries and exits of a ray's line in ascending order.
     pub fn crossings(&self, ray: &DRay) -> Option<impl Iterator<Item = PrimitiveHit> + use<>> {
         let sweep = Sweep::new(&self.0, ray)?;
         Some(sweep.crossings().map(|(t, u)| PrimitiveHit { t, uv: Vec2::new(u as f32, 0.0) }))
     }
 
-    /// The surface at a point that was hit with this `u`. `chord` is any direction common to a
-    /// whole curve; angles count from it.
+    /// The surface at a point that was hit with this `u`. `chord` is a direction common to a whole
+    /// curve, from which the angle of the texture coordinates is measured.
     pub fn surface(&self, position: DVec3, u: f32, chord: DVec3) -> ShapeSurface {
         let u = super::sweep::foot(&self.0, position, u.into());
         let [c, d, _] = super::sweep::derivatives(&self.0, u);
@@ -218,7 +220,7 @@ mod tests {
         };
         let p = points().iter().map(|p| p.as_dvec4()).collect::<Vec<_>>();
         let near = |a: DVec4, b: DVec4| (a - b).abs().max_element() < 1e-6;
-        // Catmull-Rom goes through the inner points, along the line between their neighbours.
+        // Catmull-Rom passes through the inner points, along the line between their neighbours.
         let [c, d, _] = derivatives(&curve(CurveBasis::CatmullRom), 0.0);
         assert!(near(c, p[1]) && near(d, (p[2] - p[0]) * 0.5));
         // Hermite has the given points and derivatives.

@@ -12,19 +12,20 @@ use snell_math::{Bounds3d, DRay, DVec3, DVec4, Vec2, Vec3, Vec4};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum StrandBasis {
-    /// Straight from point to point.
+    /// Straight segments from point to point.
     Linear,
-    /// Segments of four points, the last of which is the first of the next: `3 n + 1` points.
+    /// Bézier segments of four points, the last of which is the first of the next: `3 n + 1` points
+    /// for `n` segments.
     #[default]
     Bezier,
-    /// Uniform B-spline: `n + 3` points, which the strand is near.
+    /// Uniform B-spline: `n + 3` points for `n` segments, which approximate the points.
     BSpline,
-    /// Through all of `n + 3` points but the first and the last.
+    /// Catmull-Rom: `n + 3` points for `n` segments, through all points but the first and the last.
     CatmullRom,
 }
 
 impl StrandBasis {
-    /// Points of a segment, and how many of them the next segment does not share.
+    /// The number of points of a segment, and by how many points the next segment starts later.
     fn points_and_step(self) -> (usize, usize) {
         match self {
             Self::Linear => (2, 1),
@@ -33,8 +34,8 @@ impl StrandBasis {
         }
     }
 
-    /// The number of segments of a strand of this many points; `None` if the points make no
-    /// segment.
+    /// The number of segments of a strand with this number of points; `None` if the number is not
+    /// valid for the basis.
     pub fn segments(self, points: usize) -> Option<usize> {
         let (whole, step) = self.points_and_step();
         let rest = points.checked_sub(whole)?;
@@ -42,28 +43,28 @@ impl StrandBasis {
     }
 }
 
-/// Points that do not define strands.
+/// Errors of points that do not define strands.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum StrandError {
-    /// A strand with too few points, or too many for whole segments.
+    /// A strand has too few points, or a number of points that does not make whole segments.
     #[error("strand {strand} has {points} points, expected {}", expected(*basis))]
     Points {
-        /// Its number.
+        /// The index of the strand.
         strand: usize,
-        /// The number of its points.
+        /// The number of points of the strand.
         points: u32,
-        /// Their basis.
+        /// The basis of the strand.
         basis: StrandBasis,
     },
-    /// The strands do not use up the points.
+    /// The strands together do not have as many points as were given.
     #[error("the strands have {strands} points together, but there are {points}")]
     Total {
-        /// Points of all strands.
+        /// The number of points that the strands have together.
         strands: u64,
-        /// The number of points.
+        /// The number of points given.
         points: usize,
     },
-    /// There are more points or segments than the numbers can count.
+    /// There are more points or segments than 32-bit indices can address.
     #[error("more points than 32-bit numbers can count: spread them over several sets")]
     TooMany,
 }
@@ -77,47 +78,48 @@ fn expected(basis: StrandBasis) -> &'static str {
     }
 }
 
-/// Curves of round cross-section in strands: the space that a ball sweeps along each.
-/// [`LinearCurves`] and [`CubicCurves`] define the segments. Long and thin segments are divided in
-/// halves, quarters or eighths, because their boxes are much smaller; [`crate::Hit::primitive`]
-/// counts these pieces over all strands, and [`crate::Hit::uv`] is along a piece.
+/// Curves of round cross-section in strands: the space that a ball sweeps along each strand.
+/// [`LinearCurves`] and [`CubicCurves`] define the segments. Long and thin cubic segments are
+/// divided into two, four or eight pieces, because the boxes of pieces are much smaller.
+/// [`crate::Hit::primitive`] numbers the pieces over all strands, and [`crate::Hit::uv`] is along a
+/// piece.
 ///
-/// Unlike their segments, strands have an outside only: a ray hits a strand where it enters, never
-/// where it leaves, and never inside where segments meet. So a ray that starts on a strand passes
+/// Unlike separate segments, a strand is hit only from outside: where a ray enters it, never where
+/// the ray leaves, and never inside where segments meet. So a ray that starts on a strand passes
 /// through it, as fibre scattering requires (the material models the light inside the fibre);
 /// Embree culls the back faces of curves likewise.
 ///
-/// Texture coordinates: `u` from 0 at the root of a strand to 1 at its tip, evenly over its
-/// segments; `v` from 0 to 1 around it.
+/// The texture coordinate `u` goes from 0 at the root of a strand to 1 at its tip, evenly over its
+/// segments; `v` goes from 0 to 1 around the strand.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Curves {
     basis: StrandBasis,
     segments: Segments,
-    /// Points of each strand.
+    /// The number of points of each strand.
     strands: Vec<u32>,
-    /// The first segment of each strand, and the number of all segments.
+    /// The first segment of each strand, followed by the number of all segments.
     first_segments: Vec<u32>,
-    /// How often segments are halved.
+    /// How often each segment is halved to give its pieces.
     halvings: u32,
-    /// Around each piece of cubic segments.
+    /// A bounding capsule of each piece of cubic segments.
     capsules: Vec<Capsule>,
 }
 
 /// A capsule: all points within a distance of a line segment. It bounds a piece, so that most rays
-/// that miss it are rejected early.
+/// that miss the piece are rejected early.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Capsule {
     start: Vec3,
     along: Vec3,
-    /// Below 0 where there is nothing to hit.
+    /// Negative if the piece is never hit.
     radius: f32,
 }
 
 impl Capsule {
     const NOTHING: Self = Self { start: Vec3::ZERO, along: Vec3::ZERO, radius: -1.0 };
 
-    /// Around a tube: its balls are means of those at its control points, so that they are no
-    /// farther out.
+    /// A capsule around a tube. It holds the balls at the control points, and therefore all balls
+    /// of the tube, which are weighted means of these.
     fn around(tube: &Tube) -> Self {
         let [a, b, c, d] = tube.0;
         let (start, end) = (a.truncate().as_vec3(), d.truncate().as_vec3());
@@ -132,8 +134,8 @@ impl Capsule {
         Self { start, along, radius: radius.next_up() }
     }
 
-    /// True if the line of a ray passes by, for certain: by the distance of the line from the
-    /// nearest point of the middle line, which is off by rounding only.
+    /// True if the line of a ray certainly misses the capsule. The test compares its distance from
+    /// the nearest point of the capsule's segment, which is exact to rounding, with the radius.
     #[inline]
     fn is_missed(&self, ray: &DRay) -> bool {
         let (start, along, radius) =
@@ -145,14 +147,14 @@ impl Capsule {
         let (seen_across, across) = (seen - ray.direction * from, along - ray.direction * to);
         let at = (-seen_across.dot(across) / across.length_squared()).clamp(0.0, 1.0);
         let nearest = seen_across + across * if at.is_nan() { 0.0 } else { at };
-        // (Not so for what is no number, and for directions whose squares are none.)
+        // False for NaN, and for directions whose squares overflow or vanish.
         self.radius < 0.0
             || nearest.length_squared() > radius * radius + ROUNDING * seen.length_squared()
     }
 }
 
-/// What squared distances from lines may be off by, relative to those from their origins: with far
-/// more than enough room.
+/// A generous bound on the error of squared distances between lines and points, relative to the
+/// squared distance from the ray's origin.
 const ROUNDING: f64 = 1e-12;
 
 #[derive(Clone, Debug, PartialEq)]
@@ -164,17 +166,17 @@ enum Segments {
 /// The largest number of halvings of a segment.
 const MOST_HALVINGS: u32 = 3;
 
-/// Target ratio of a piece's length to its width, unless it needs more halvings than are allowed.
+/// Target ratio of a piece's length to its width, which [`MOST_HALVINGS`] may not suffice to reach.
 const SLENDER: f64 = 8.0;
 
-/// How far outside of the next segment, as the sine of an angle at the joint, the end of a segment
-/// is still left to be hit: rays that meet both must not slip through between them.
+/// A hit on the round end of a segment is dropped only if it is inside the next segment by more
+/// than this sine of an angle at the joint: rays that hit both must not slip through between them.
 const JOINT: f64 = 0.01;
 
 impl Curves {
-    /// Strands of these points, position (x, y, z) and radius (w), one strand after the other;
-    /// `strands` has the number of points of each. A segment with a point that is not finite, with
-    /// a negative radius, or with all radii 0, is never hit.
+    /// Makes strands from points, position (x, y, z) and radius (w), one strand after the other;
+    /// `strands` has the number of points of each. A segment is never hit if a point is not finite,
+    /// if a radius is negative, or if all radii are 0.
     pub fn new(
         basis: StrandBasis,
         points: Vec<Vec4>,
@@ -223,8 +225,8 @@ impl Curves {
         Ok(curves)
     }
 
-    /// How often to halve cubic segments so that pieces are not much longer than wide, by the mean
-    /// of all.
+    /// How often to halve cubic segments so that pieces have at most [`SLENDER`] times their width
+    /// as length, on average over all segments.
     fn best_halvings(&self) -> u32 {
         let Segments::Cubic(curves) = &self.segments else { return 0 };
         let (mut length, mut width) = (0.0, 0.0);
@@ -242,7 +244,8 @@ impl Curves {
         self.first_segments.last().map_or(0, |&count| count as usize)
     }
 
-    /// The solid of a piece and the direction of its segment; `None` if it is never hit, or linear.
+    /// The solid of a piece and the direction of its segment; `None` if the piece is never hit, or
+    /// linear.
     fn tube(&self, piece: usize) -> Option<(Tube, DVec3)> {
         let Segments::Cubic(curves) = &self.segments else { return None };
         let mut controls = curves.bezier(piece >> self.halvings)?;
@@ -253,7 +256,7 @@ impl Curves {
         Some((Tube(controls), chord))
     }
 
-    /// How the points define the strands.
+    /// The basis by which points define strands.
     pub fn basis(&self) -> StrandBasis {
         self.basis
     }
@@ -266,12 +269,12 @@ impl Curves {
         }
     }
 
-    /// How many points each strand has.
+    /// The number of points of each strand.
     pub fn strands(&self) -> &[u32] {
         &self.strands
     }
 
-    /// The points of each strand.
+    /// The points of one strand after the other.
     pub fn strand_points(&self) -> impl Iterator<Item = &[Vec4]> {
         let mut rest = self.points();
         self.strands.iter().map(move |&count| {
@@ -281,19 +284,20 @@ impl Curves {
         })
     }
 
-    /// The first piece of the strand of a piece, and the one after its last.
+    /// The range of the pieces of the strand that holds a piece, as first and end.
     fn strand_of(&self, piece: usize) -> [usize; 2] {
         let segment = piece >> self.halvings;
         let strand = self.first_segments.partition_point(|&first| first as usize <= segment) - 1;
         [strand, strand + 1].map(|i| (self.first_segments[i] as usize) << self.halvings)
     }
 
-    /// The segments of a strand.
+    /// The range of the segments of a strand.
     pub fn segments_of(&self, strand: usize) -> std::ops::Range<usize> {
         self.first_segments[strand] as usize..self.first_segments[strand + 1] as usize
     }
 
-    /// The Bézier points of a segment, radius last; `None` if it is never hit.
+    /// The Bézier control points of a segment, with the radius in `w`; `None` if the segment is
+    /// never hit.
     pub fn bezier(&self, segment: usize) -> Option<[DVec4; 4]> {
         match &self.segments {
             Segments::Cubic(curves) => curves.bezier(segment),
@@ -312,7 +316,7 @@ impl Curves {
             .fold(Bounds3d::EMPTY, |all, b| all.union(&b))
     }
 
-    /// True if a point on the round end of a piece, at `u` 0 or 1, lies within the adjacent piece.
+    /// True if a point on the round end of a piece, at `u` 0 or 1, lies inside the adjacent piece.
     fn is_within_next(&self, piece: usize, u: f32, position: DVec3) -> bool {
         let [first, after] = self.strand_of(piece);
         let (next, start, sign) = match u {
@@ -324,7 +328,7 @@ impl Curves {
             self.tube(next).map(|(tube, _)| tube.0).or_else(|| self.bezier(next >> self.halvings));
         let Some(controls) = controls else { return false };
         let [c, d, _] = derivatives(&controls, start);
-        // By how much the distance to the ball shrinks on the way into that piece.
+        // The rate at which the distance to the ball shrinks on the way into that piece.
         let nearer = (position - c.truncate()).dot(d.truncate()) + c.w * d.w;
         nearer * sign > JOINT * c.w * d.truncate().length()
     }
@@ -426,7 +430,7 @@ mod tests {
     const BASES: [StrandBasis; 4] =
         [StrandBasis::Linear, StrandBasis::Bezier, StrandBasis::BSpline, StrandBasis::CatmullRom];
 
-    /// A strand that winds gently along x, of three segments or more.
+    /// A strand of three segments or more that winds gently along x.
     fn winding(basis: StrandBasis) -> Curves {
         let point = |i: u32| {
             let x = i as f32 * 0.5;
@@ -489,7 +493,7 @@ mod tests {
                 let (Some(mine), Some(solids)) = (mine, solids) else { continue };
                 assert!((mine.0 - solids.0).abs() < 1e-6, "{basis:?}: {ray:?}");
                 hits += 1;
-                // On from there, into the strand: whatever it meets is entered from outside.
+                // The ray continues into the strand: anything it hits must be entered from outside.
                 let point = ray.at(mine.0);
                 let on = DRay { t_min: 1e-9, ..DRay::new(point, way) };
                 let Some((t, again)) = closest(&curves, &on) else { continue };
@@ -499,8 +503,8 @@ mod tests {
                 inside += usize::from((0..curves.len()).any(|i| curves.contains(i, before)));
             }
             assert!(hits > 5_000, "{basis:?}: {hits}");
-            // Rays are aimed at joints. Where straight segments meet at an angle, a little of one's
-            // side is within the other.
+            // Rays are aimed at joints. Where straight segments meet at an angle, a small part of
+            // one's side is inside the other.
             assert!(inside * 50 < hits, "{basis:?}: {inside} hits within the strand, of {hits}");
         }
     }
@@ -572,7 +576,7 @@ mod tests {
                     Curves::new(StrandBasis::Bezier, points, vec![4]).expect("four points");
                 let direction = random.direction().as_dvec3();
                 let target = random.point(scale).as_dvec3();
-                // From near and from far: there squares of distances have few digits left.
+                // Origins near and far: squared distances from far away have few accurate digits.
                 let origin = target
                     - direction * f64::from(scale) * if random.unit() < 0.5 { 0.5 } else { 1e5 };
                 let ray = DRay::new(origin, direction);

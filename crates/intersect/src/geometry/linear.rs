@@ -7,32 +7,32 @@ use super::{PrimitiveHit, PrimitiveSet};
 use crate::shape::{Metric, ShapeSurface};
 use snell_math::{Bounds3d, DRay, DVec3, DVec4, Vec2, Vec4};
 
-/// Line segments with a radius at each end. Each is the hull of two balls: a cone with round ends,
-/// which touches it. Segments that share a point share the whole ball there, so chains have no
-/// cracks. Each segment is a solid of its own: a ray that passes along a chain also crosses the
-/// ends inside.
+/// Line segments with a radius at each end. Each is the convex hull of two balls: a truncated cone
+/// tangent to its round ends. Segments that share a point share the whole ball there, so chains
+/// have no cracks. Each segment is a separate solid: a ray that passes along a chain also crosses
+/// the ends inside it.
 ///
-/// A segment with a point that is out of range or not finite, with a negative radius, or with both
-/// radii 0, is never hit; one without length is a ball. Hits are decided in double precision.
+/// A segment is never hit if a point is out of range or not finite, if a radius is negative, or if
+/// both radii are 0; a segment of length 0 is a ball. Hits are decided in double precision.
 ///
-/// [`crate::Hit::uv`] is (0 at the first ball to 1 at the second, 0); the texture coordinates are
-/// the same with the angle around the axis, from 0 to 1, for the second.
+/// [`crate::Hit::uv`] is `(u, 0)` with `u` from 0 at the first ball to 1 at the second. The texture
+/// coordinates are `(u, v)` with `v` the angle around the axis, from 0 to 1 for a full turn.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LinearCurves {
     /// Position (x, y, z) and radius (w).
     pub points: Vec<Vec4>,
-    /// For each segment the number of its first point; the next point is its second.
+    /// For each segment the index of its first point; the next point is its second.
     pub segments: Vec<u32>,
 }
 
 impl LinearCurves {
-    /// One chain through all points.
+    /// A single chain of segments through all points.
     pub fn chain(points: Vec<Vec4>) -> Self {
         let segments = (1..points.len() as u32).map(|i| i - 1).collect();
         Self { points, segments }
     }
 
-    /// Both points of a segment, radius last; `None` if it is never hit.
+    /// Both points of a segment, with the radius in `w`; `None` if the segment is never hit.
     pub(super) fn ends(&self, segment: usize) -> Option<[DVec4; 2]> {
         Some(self.balls(segment)?.map(|ball| ball.center.extend(ball.radius)))
     }
@@ -43,7 +43,7 @@ impl LinearCurves {
         Some(ends.map(|(t, u)| PrimitiveHit { t, uv: Vec2::new(u as f32, 0.0) }))
     }
 
-    /// The entry of a ray's line.
+    /// The entry of a ray's line into a segment.
     pub(super) fn entry(&self, segment: usize, ray: &DRay) -> Option<PrimitiveHit> {
         self.crossings(segment, ray).map(|[entry, _]| entry)
     }

@@ -1,9 +1,9 @@
 //! Geometries other than meshes and shapes: sets of spheres and curves, user-defined sets
 //! ([`PrimitiveSet`]), quads, and moving geometry.
 //!
-//! A set gives the bounds of each of its primitives and its nearest intersection with a ray. The
-//! rest is the same for every set: each primitive is put into the tree of its group, at a few bytes
-//! each.
+//! A set gives the bounds of each of its primitives and its nearest intersection with a ray. All
+//! else is common to every set: each primitive is an object in the tree of its group, at a few
+//! bytes each.
 
 pub mod cubic;
 pub mod curves;
@@ -32,7 +32,7 @@ use snell_math::{Bounds3d, DRay, DVec3, Vec2};
 pub struct PrimitiveHit {
     /// Ray parameter.
     pub t: f64,
-    /// Parameters of the point, defined by the set; they become [`crate::Hit::uv`].
+    /// Parameters of the point, defined by the set; they are reported as [`crate::Hit::uv`].
     pub uv: Vec2,
 }
 
@@ -40,11 +40,11 @@ pub struct PrimitiveHit {
 /// user-defined geometry.
 ///
 /// All methods must be pure functions of their arguments. Whatever they return, queries terminate
-/// and all acceleration structures agree: a hit that is not finite does not count, a hit outside of
-/// the primitive's bounds is moved to the interval in which the ray is inside them (or does not
-/// count if there is none), and a ray has at most 64 hits on one primitive.
+/// and all acceleration structures agree. A hit that is not finite does not count. A hit outside
+/// the primitive's bounds is moved to the interval in which the ray is inside them, or does not
+/// count if there is no such interval. A ray has at most 64 hits on one primitive.
 pub trait PrimitiveSet: Send + Sync + std::fmt::Debug {
-    /// The number of primitives. [`crate::Hit::primitive`] counts them from 0.
+    /// The number of primitives; [`crate::Hit::primitive`] is an index below it.
     fn len(&self) -> usize;
 
     /// True if the set has no primitives.
@@ -61,7 +61,8 @@ pub trait PrimitiveSet: Send + Sync + std::fmt::Debug {
     /// Directions may have any length. `time` is that of the ray, from 0 to 1.
     fn closest(&self, primitive: usize, ray: &DRay, time: f32) -> Option<PrimitiveHit>;
 
-    /// [`Self::closest`] and [`Self::bounds`] together, which may be cheaper than two calls.
+    /// Returns [`Self::closest`] and [`Self::bounds`] together, which may be cheaper than two
+    /// calls.
     fn closest_within(
         &self,
         primitive: usize,
@@ -71,17 +72,17 @@ pub trait PrimitiveSet: Send + Sync + std::fmt::Debug {
         self.closest(primitive, ray, time).map(|hit| (hit, self.bounds(primitive)))
     }
 
-    /// Prefetches the memory that [`Self::closest`] will read first. Called some time before it.
+    /// Prefetches the memory that [`Self::closest`] will read first; called some time before it.
     /// Does nothing by default.
     fn fetch(&self, _primitive: usize) {}
 
-    /// The surface of a primitive at `position`, a point on it (or within single-precision rounding
-    /// of it), which was hit with this `uv` at this `time`.
+    /// The surface of a primitive at `position`, a point on the primitive to within
+    /// single-precision rounding, which was hit with this `uv` at this `time`.
     fn surface(&self, primitive: usize, position: DVec3, uv: Vec2, time: f32) -> ShapeSurface;
 
-    /// The point of a primitive's surface nearest to `point` at time 0, where lengths are measured
-    /// by `metric`, and its `uv`. `None`, the default, excludes the primitive from nearest-point
-    /// queries.
+    /// The point of a primitive's surface nearest to `point` at time 0, with lengths measured by
+    /// `metric`, and the `uv` of that point. `None`, the default, excludes the primitive from
+    /// nearest-point queries.
     fn nearest_point(
         &self,
         _primitive: usize,
@@ -96,7 +97,7 @@ pub trait PrimitiveSet: Send + Sync + std::fmt::Debug {
         false
     }
 
-    /// True for curves, whose surfaces have the derivative by `uv.x` along the fibre:
+    /// True for curves, whose `dpdu` runs along the fibre; reported as
     /// [`crate::SurfaceInteraction::on_curve`].
     fn is_curve(&self) -> bool {
         false
@@ -108,14 +109,14 @@ pub trait PrimitiveSet: Send + Sync + std::fmt::Debug {
     }
 }
 
-/// How far a hit may lie outside of its primitive's bounds, relative to its distance from the ray's
-/// origin, and still be attributed to rounding.
+/// The largest distance of a hit from its primitive's bounds, relative to its distance from the
+/// ray's origin, that is still attributed to rounding.
 const ROUNDING: f64 = 1e-8;
 
 /// The parameter nearest to `t` at which the ray is within the bounds; `None` if it never is, or
 /// `t` is not finite.
 ///
-/// Trees skip what lies outside of boxes, so hits there must not count.
+/// Hits outside the bounds must not count, because trees skip whatever lies outside their boxes.
 pub(crate) fn within_bounds(bounds: &Bounds3d, ray: &DRay, t: f64) -> Option<f64> {
     let way = ray.direction * t;
     let (low, high) = (bounds.min - ray.origin, bounds.max - ray.origin);
@@ -129,7 +130,7 @@ pub(crate) fn within_bounds(bounds: &Bounds3d, ray: &DRay, t: f64) -> Option<f64
     let inverse = ray.direction.recip();
     let (a, b) = (low * inverse, high * inverse);
     // An axis along which the ray does not move does not limit `t`, but the whole ray may be
-    // outside.
+    // outside the bounds on that axis.
     let moves = inverse.is_finite_mask();
     let outside = (low.cmpgt(margin) | high.cmplt(-margin)) & !moves;
     let enter = DVec3::select(moves, a.min(b), DVec3::NEG_INFINITY).max_element();

@@ -4,8 +4,8 @@ use crate::mesh::{MeshError, TriangleMesh};
 use snell_math::{Bounds3d, DAffine3, DVec3, Transform, Vec3};
 use std::sync::Arc;
 
-/// The position of a time from 0 to 1 between keys: the key before it, and the fraction to the
-/// next.
+/// Where a time from 0 to 1 lies between keys: the key before it, and the fraction of the way to
+/// the next key.
 #[inline(always)]
 pub(crate) fn between_keys(time: f32, keys: usize) -> (usize, f32) {
     if keys < 2 {
@@ -16,22 +16,22 @@ pub(crate) fn between_keys(time: f32, keys: usize) -> (usize, f32) {
     (key, x - key as f32)
 }
 
-/// Linear interpolation from `a` to `b` by `s`. Never outside of the box of both, and exact where
-/// they are equal.
+/// Linear interpolation from `a` to `b` by `s`. The result is never outside the box of both points,
+/// and exact where they are equal.
 #[inline(always)]
 pub(crate) fn lerp(a: Vec3, b: Vec3, s: f32) -> Vec3 {
     // Rounded products and a sum, never fused: a vertex has the same bits in all its triangles.
     (a * (1.0 - s) + b * s).max(a.min(b)).min(a.max(b))
 }
 
-/// A matrix counts as singular if its columns, of length 1, span less than this, or if less than
-/// this is left of a column.
+/// An interpolated matrix counts as singular if the determinant of its normalised columns is at
+/// most this, or if the length of a column is at most this fraction of its length at the keys.
 const FLAT: f64 = 1e-9;
 
-/// The transform at a time: matrices are interpolated entry by entry (as in Embree), so every point
+/// The transform at a time. Matrices are interpolated entry by entry (as in Embree), so every point
 /// moves on straight lines between keys; a rotation between two keys is not rigid and needs several
-/// keys. `None` while the interpolated matrix is singular in double precision (as halfway through
-/// half a turn between two keys): then nothing is hit.
+/// keys. `None` while the interpolated matrix is singular in double precision (as halfway through a
+/// rotation by 180 degrees between two keys); the instance is not hit then.
 pub(crate) fn transform_at(keys: &[Transform], time: f32) -> Option<Transform> {
     let (key, s) = between_keys(time, keys.len());
     let (first, s) = (keys.get(key)?, f64::from(s));
@@ -63,18 +63,18 @@ const PADDING: f64 = 1.1e-6;
 /// Vertices of a [`MovingMesh`] at a later key.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MeshKey {
-    /// As [`TriangleMesh::positions`].
+    /// Vertex positions, one per vertex of the mesh; see [`TriangleMesh::positions`].
     pub positions: Vec<Vec3>,
-    /// As [`TriangleMesh::normals`]; empty where the mesh has none.
+    /// Vertex normals, see [`TriangleMesh::normals`]; empty where the mesh has none.
     pub normals: Vec<Vec3>,
 }
 
-/// A triangle mesh whose vertices move: along straight lines between keys that are evenly spaced in
+/// A triangle mesh whose vertices move along straight lines between keys that are evenly spaced in
 /// time from 0 to 1.
 ///
-/// At any time it is hit exactly as the triangle mesh with the vertices of that time
-/// ([`Self::at`]), bit for bit; so closed meshes stay closed. A vertex that is not finite at one
-/// key counts as not finite at all times.
+/// At any time it is hit exactly, bit for bit, as the triangle mesh with the vertices of that time
+/// ([`Self::at`]), so closed meshes stay closed. A vertex that is not finite at one key counts as
+/// not finite at all times.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MovingMesh {
     first: Arc<TriangleMesh>,
@@ -82,7 +82,7 @@ pub struct MovingMesh {
 }
 
 impl MovingMesh {
-    /// The mesh at time 0, and its vertices at the later keys.
+    /// Makes a moving mesh from the mesh at time 0 and its vertices at the later keys.
     pub fn new(first: TriangleMesh, later: Vec<MeshKey>) -> Result<Self, MeshError> {
         first.validate()?;
         for key in &later {
@@ -130,10 +130,10 @@ impl MovingMesh {
         mesh
     }
 
-    /// Three corners of a triangle at a time from 0 to 1.
+    /// Positions of the three corners of a triangle at a time from 0 to 1.
     ///
     /// # Panics
-    /// If there is no such triangle.
+    /// If the index of the triangle is out of range.
     #[inline(always)]
     pub fn corners(&self, triangle: usize, time: f32) -> [Vec3; 3] {
         let [a, b, c] = self.first.indices[triangle];
@@ -142,8 +142,8 @@ impl MovingMesh {
         [at(a), at(b), at(c)]
     }
 
-    /// A box around the three corners at all times, a little larger; `None` for a triangle that is
-    /// never hit: a corner is not finite at some key, or two coincide at all keys.
+    /// A slightly padded box around the three corners at all times; `None` for a triangle that is
+    /// never hit, because a corner is not finite at some key or two corners coincide at all keys.
     pub(crate) fn bounds(&self, triangle: usize) -> Option<Bounds3d> {
         let corners = self.first.indices[triangle].map(|v| v as usize);
         if !self.keys().all(|positions| corners.iter().all(|&v| positions[v].is_finite())) {
@@ -154,7 +154,7 @@ impl MovingMesh {
             return None;
         }
         let b = Bounds3d::of(self.keys().flat_map(|p| corners.map(|v| p[v].as_dvec3())));
-        // As much as the box of a triangle at rest is padded, see `mesh::padded_bounds`.
+        // A static triangle has the same padding, see `mesh::padded_bounds`.
         let margin = b.size().max_element() * PADDING
             + b.min.abs().max(b.max.abs()).max_element() * f64::from(f32::EPSILON)
             + f64::from(f32::MIN_POSITIVE);
@@ -182,7 +182,7 @@ impl MovingMesh {
         before[v].lerp(after.normals[v], s)
     }
 
-    /// One triangle with its attributes at a time, as a mesh of its own.
+    /// One triangle with its attributes at a time, as a separate mesh.
     pub(crate) fn triangle_at(&self, triangle: usize, time: f32) -> TriangleMesh {
         let indices = self.first.indices[triangle].map(|v| v as usize);
         fn part<T: Copy>(all: &[T], indices: [usize; 3]) -> Vec<T> {

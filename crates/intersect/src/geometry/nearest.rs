@@ -5,7 +5,8 @@ use crate::shape::Metric;
 use crate::shape::nearest::{golden_section, on_sphere};
 use snell_math::DVec3;
 
-/// The point of a ball's surface nearest to `point`, and how far it is: negative inside.
+/// The point of a ball's surface nearest to `point`, and its distance by `metric`, negative if
+/// `point` is inside.
 pub(super) fn on_ball(metric: &Metric, point: DVec3, ball: &Ball) -> (DVec3, f64) {
     let from_center = point - ball.center;
     let position = if ball.radius > 0.0 {
@@ -17,9 +18,9 @@ pub(super) fn on_ball(metric: &Metric, point: DVec3, ball: &Ball) -> (DVec3, f64
     (position, if from_center.length() < ball.radius { -distance } else { distance })
 }
 
-/// The same for the space swept by `ball(u)` for `u` from 0 to 1, and the `u` of the ball that the
-/// point is on. The outline is that of the ball that is nearest, or that the point is deepest in:
-/// found among `samples` and refined by golden sections.
+/// The point nearest to `point` on the surface of the space swept by `ball(u)` for `u` from 0 to 1,
+/// its signed distance, and the `u` of its ball: the ball with the least signed distance, found
+/// among `samples` and refined by golden-section search.
 pub(super) fn on_sweep(
     metric: &Metric,
     point: DVec3,

@@ -5,22 +5,24 @@ use crate::mesh::{MeshError, TriangleMesh};
 use snell_math::{DVec2, Vec2};
 use std::sync::Arc;
 
-/// A mesh of quadrilaterals. Each is the two triangles (0, 1, 3) and (2, 3, 1) of its corners,
-/// which share the diagonal from 1 to 3 and are hit by the same watertight test as all triangles;
-/// so meshes of quads and triangles can be watertight. A quad whose last two corners are the same
-/// is a triangle.
+/// A mesh of quadrilaterals. Each consists of the two triangles (0, 1, 3) and (2, 3, 1) of its
+/// corners, which share the diagonal from 1 to 3 and are hit by the same watertight test as all
+/// triangles, so that meshes of quads and triangles can be watertight. A quad whose last two
+/// corners are the same is a triangle.
 ///
-/// [`Hit::primitive`] is the quad, [`Hit::uv`] the position in it: (0, 0), (1, 0), (1, 1), (0, 1)
-/// at its corners, linear in each of the triangles (for a parallelogram in all of it), with a sum
-/// above 1 on the second of them only. Vertex attributes are interpolated in the triangles too.
+/// [`Hit::primitive`] is the number of the quad. [`Hit::uv`] is the position in the quad: (0, 0),
+/// (1, 0), (1, 1) and (0, 1) at its corners, and linear in each of the triangles (for a
+/// parallelogram in all of it). `u + v` exceeds 1 on the second triangle only. Vertex attributes
+/// are interpolated in the triangles too.
 #[derive(Clone, Debug, PartialEq)]
 pub struct QuadMesh {
     triangles: Arc<TriangleMesh>,
 }
 
 impl QuadMesh {
-    /// Quads between the vertices of `mesh`, whose triangles are replaced; material slots are one
-    /// per quad, or none. All else must satisfy [`TriangleMesh::validate`].
+    /// Makes quads from the vertices and attributes of `mesh`; its triangles are replaced. There
+    /// must be one material slot per quad, or none. The rest must satisfy
+    /// [`TriangleMesh::validate`].
     pub fn new(mesh: TriangleMesh, quads: &[[u32; 4]]) -> Result<Self, MeshError> {
         let slots = mesh.material_slots;
         if !slots.is_empty() && slots.len() != quads.len() {
@@ -49,7 +51,7 @@ impl QuadMesh {
         self.triangles.indices.is_empty()
     }
 
-    /// The triangles: those of quad `i` are `2 i` and `2 i + 1`.
+    /// The mesh of all triangles. Quad `i` consists of the triangles `2 i` and `2 i + 1`.
     pub fn triangles(&self) -> &Arc<TriangleMesh> {
         &self.triangles
     }
@@ -64,7 +66,7 @@ impl QuadMesh {
     /// Converts a hit on a quad to a hit on one of its triangles.
     pub(crate) fn triangle_hit(&self, hit: &Hit) -> Hit {
         let quad = hit.primitive as usize;
-        // (A place on the diagonal that came from elsewhere may be on a triangle in name only.)
+        // A `uv` that was not reported by a query may lie on a degenerate triangle.
         let second = (is_beyond_f32(hit.uv.x, hit.uv.y)
             && !self.triangles.is_degenerate(2 * quad + 1))
             || self.triangles.is_degenerate(2 * quad);
@@ -80,28 +82,28 @@ pub(crate) fn quad_hit(hit: &Hit) -> Hit {
     Hit { primitive: hit.primitive >> 1, uv, ..*hit }
 }
 
-/// As [`quad_hit`], in double precision.
+/// Converts a hit on one of the triangles to a hit on the quad, in double precision.
 #[inline(always)]
 pub(crate) fn quad_hit_double(hit: &DHit) -> DHit {
     let uv = DVec2::from(place_f64(hit.uv.into(), hit.primitive & 1 == 1));
     DHit { primitive: hit.primitive >> 1, uv, ..*hit }
 }
 
-/// Places on quads: the first triangle has those with `u + v` up to 1, the second those beyond,
-/// exactly. So where a quad is folded over, and a ray meets both triangles on their common edge,
-/// these are two hits; what is moved over the edge for that, or by rounding, is moved by a unit in
-/// the last place or two.
+/// Positions on quads: those with `u + v` up to 1 belong to the first triangle, the others to the
+/// second, decided exactly. So where a quad is folded over and a ray hits both triangles on their
+/// common edge, these are two different hits. A position that rounding or this rule puts on the
+/// wrong side of the diagonal is moved across it, by one or two units in the last place.
 macro_rules! places {
     ($place:ident, $is_beyond:ident, $float:ty) => {
-        /// True if the sum is more than 1.
+        /// True if `u + v` is more than 1, without rounding.
         #[inline(always)]
         fn $is_beyond(u: $float, v: $float) -> bool {
-            // (Of a number from a half on, what is missing to 1 is exact.)
+            // For `large` from a half on, `1.0 - large` is exact.
             let (small, large) = (u.min(v), u.max(v));
             large >= 0.5 && small > 1.0 - large
         }
 
-        /// The place on the quad of one on the first or second triangle.
+        /// Converts barycentrics of the first or second triangle to the position on the quad.
         #[inline(always)]
         fn $place([b1, b2]: [$float; 2], second: bool) -> [$float; 2] {
             let [u, v] = if second { [1.0 - b1, 1.0 - b2] } else { [b1, b2] };
@@ -175,7 +177,7 @@ mod tests {
         for i in 0..2000u32 {
             let [a, b, ..] =
                 snell_math::rng::pcg4d([i, 4, 5, 6]).map(|x| x as f32 / u32::MAX as f32);
-            // In the triangle, and on the edge that both share, as far as rounding lets it be.
+            // In the triangle, and as close to the common edge as rounding permits.
             let b1 = if i % 3 == 0 { a * a * a * a * 1e-9 } else { a };
             for b2 in [(1.0 - b1) * b, 1.0 - b1, (1.0 - b1).next_up(), (1.0 - b1).next_down(), 0.0]
             {
@@ -230,7 +232,7 @@ mod tests {
             let counts = aside.map(|direction| hits(direction, y));
             assert!(counts.iter().all(|&count| count == 0 || count == 2), "{counts:?}");
             met += counts.iter().sum::<usize>();
-            // There is one on each side.
+            // Here one triangle is on each side of the edge.
             assert_eq!(
                 [Vec3::X, -Vec3::X, Vec3::new(1.0, 0.25, 0.125)]
                     .map(|direction| hits(direction, y)),

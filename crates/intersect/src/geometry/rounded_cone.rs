@@ -1,9 +1,9 @@
-//! Balls, and the hull of two balls: a cone between two spheres that it touches, the piece that
-//! round curves are made of.
+//! Balls, and the convex hull of two balls (a truncated cone tangent to two spheres), from which
+//! round curves are built.
 //!
-//! A ray's way through such a solid is one stretch. Its ends are found among the crossings of both
-//! spheres and of the cone between the circles where it touches them: the first and the last. So
-//! there is no seam between sphere and cone that a ray could slip through.
+//! A ray is inside this solid along a single interval. Its ends are the first and the last of the
+//! crossings with both spheres and with the cone between the circles where it is tangent to them.
+//! So there is no seam between sphere and cone that a ray could slip through.
 
 use snell_math::{Bounds3d, DRay, DVec3, Vec4, robust};
 
@@ -15,7 +15,8 @@ pub(super) struct Ball {
 }
 
 impl Ball {
-    /// From centre and radius; `None` unless they are finite and the radius is not negative.
+    /// The ball with centre (x, y, z) and radius w; `None` unless all are finite and the radius is
+    /// not negative.
     #[inline]
     pub fn new(v: Vec4) -> Option<Self> {
         let ball = Self { center: v.truncate().as_dvec3(), radius: v.w.into() };
@@ -27,7 +28,7 @@ impl Ball {
         Bounds3d { min: self.center - self.radius, max: self.center + self.radius }
     }
 
-    /// The ball at `s` on the way to another.
+    /// The ball interpolated linearly from this one (`s = 0`) to another (`s = 1`).
     #[inline]
     pub fn lerp(&self, other: &Self, s: f64) -> Self {
         Self {
@@ -42,13 +43,13 @@ impl Ball {
 pub(super) struct UnitRay {
     pub origin: DVec3,
     pub direction: DVec3,
-    /// Ray parameter per length.
+    /// Ray parameter per unit of length.
     pub scale: f64,
 }
 
 impl UnitRay {
-    /// `None` for directions so short or long (1e-150, 1e150) that their squares are not exact;
-    /// nothing is hit along these.
+    /// Normalises a ray. `None` if the length of its direction is outside 1e-150 to 1e150, where
+    /// the squares are inaccurate; along such rays nothing is hit.
     #[inline]
     pub fn new(ray: &DRay) -> Option<Self> {
         let length2 = ray.direction.length_squared();
@@ -57,9 +58,9 @@ impl UnitRay {
         usable.then_some(Self { origin: ray.origin, direction: ray.direction * scale, scale })
     }
 
-    /// The ray with its origin moved to where it is nearest to a point, seen from there; and how
-    /// far that was. What follows is exact to rounding of the size of things near the point,
-    /// however far the origin is.
+    /// The point of the ray nearest to `point`, relative to `point`, and its length along the ray.
+    /// Calculations from there have rounding errors relative to the scale near the point, however
+    /// far away the origin is.
     #[inline]
     fn near(&self, point: DVec3) -> (DVec3, f64) {
         let o = self.origin - point;
@@ -67,8 +68,7 @@ impl UnitRay {
         (o + self.direction * s, s)
     }
 
-    /// Ray parameters at both ends of the way through a ball; `None` if the ray does not go
-    /// through.
+    /// The interval of ray parameters inside a ball; `None` if the ray misses it.
     #[inline]
     pub fn ball_span(&self, ball: &Ball) -> Option<[f64; 2]> {
         self.ball_lengths(ball).map(|ends| ends.map(|s| s * self.scale))
@@ -77,13 +77,13 @@ impl UnitRay {
     #[inline]
     fn ball_lengths(&self, ball: &Ball) -> Option<[f64; 2]> {
         let (o, s) = self.near(ball.center);
-        // Half of the chord, squared. Not `>`: NaN must miss.
+        // Half of the chord, squared. Compared so that NaN misses.
         let half2 = ball.radius * ball.radius - o.length_squared();
         (half2 > 0.0).then(|| [s - half2.sqrt(), s + half2.sqrt()])
     }
 
-    /// Both ends of the way through the hull of two balls, as ray parameter and position along the
-    /// hull (0 at the first ball, 1 at the second); `None` if the ray does not go through.
+    /// Both ends of the interval inside the hull of two balls, each as ray parameter and position
+    /// along the hull (0 at the first ball, 1 at the second); `None` if the ray misses it.
     pub fn hull_span(&self, balls: &[Ball; 2]) -> Option<[(f64, f64); 2]> {
         let mut ends: Option<[(f64, f64); 2]> = None;
         let mut add = |s: f64, u: f64| {
@@ -106,18 +106,18 @@ impl UnitRay {
         ends.map(|ends| ends.map(|(s, u)| (s * self.scale, u)))
     }
 
-    /// Where the ray crosses the cone, between the circles where it touches the balls.
+    /// The crossings of the ray with the cone, between its circles of tangency with the balls.
     ///
-    /// The balls between the two have centres `c + v a` and radii `r - v k`. A point `q` (seen from
-    /// `c`) is on their envelope if the least value over `v` of `|q - v a|^2 - (r - v k)^2` is 0:
+    /// The balls between the two have centres `c + v a` and radii `r - v k`. A point `q` (relative
+    /// to `c`) is on their envelope if the minimum over `v` of `|q - v a|^2 - (r - v k)^2` is 0:
     /// `|q|^2 - r^2 = y^2 / g` at `v = y / g`, where `y = q a - r k` and `g = a^2 - k^2`. All is
-    /// seen from the places where ray and axis are nearest, so that small differences keep their
-    /// digits.
+    /// computed relative to the points where ray and axis are nearest, so that small differences
+    /// stay accurate.
     fn cone_crossings(&self, [first, second]: &[Ball; 2]) -> [Option<(f64, f64)>; 2] {
         let (a, k) = (second.center - first.center, first.radius - second.radius);
         let g = a.length_squared() - k * k;
         if g.is_nan() || g <= 0.0 {
-            // One ball holds the other.
+            // One ball contains the other.
             return [None; 2];
         }
         let along = a.dot(self.direction);
@@ -125,7 +125,7 @@ impl UnitRay {
         let ball = first.lerp(second, base);
         let (o, s) = self.near(ball.center);
         let y = o.dot(a) - ball.radius * k;
-        // `o` is across the direction.
+        // `o` is perpendicular to the direction.
         let (qa, qb) = (1.0 - along * along / g, -y * along / g);
         let qc = o.length_squared() - ball.radius * ball.radius - y * y / g;
         let Some((s0, s1)) = robust::quadratic(qa, 2.0 * qb, qc) else { return [None; 2] };
@@ -135,7 +135,7 @@ impl UnitRay {
         })
     }
 
-    /// Where on the axis, from 0 to 1, the ray comes nearest.
+    /// The position along the axis, from 0 to 1, nearest to the ray.
     fn nearest_on_axis(&self, start: DVec3, a: DVec3, along: f64) -> f64 {
         let (o, _) = self.near(start);
         let across = a - self.direction * along;

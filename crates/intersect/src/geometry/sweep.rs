@@ -1,27 +1,28 @@
 //! The intersection of a ray with the space swept by a ball along a cubic curve.
 //!
-//! That space is a union of balls, so along a ray it is a union of intervals, one for each
-//! connected set of balls that the ray passes through; entries and exits alternate. Here the curve
-//! is divided in halves, parts whose bounds the ray misses are dropped (as in Nakamaru and Ohno,
-//! Ray tracing for curves primitive, WSCG 2002), the hulls of the balls at the ends of the last
-//! pieces give stretches ([`UnitRay::hull_span`]), and those that overlap are joined. The ends of
-//! the remaining intervals are then refined to the true surface by Newton's method.
+//! This solid is a union of balls, so along a ray it is a union of intervals, one for each
+//! connected set of balls that the ray passes through; entries and exits alternate. The search
+//! divides the curve in halves and drops parts whose bounds the ray misses (as in Nakamaru and
+//! Ohno, Ray tracing for curves primitive, WSCG 2002). The last pieces are approximated by the hull
+//! of the balls at their ends, which gives intervals of the ray ([`UnitRay::hull_span`]), and
+//! overlapping intervals are merged. The ends of the remaining intervals are then refined to the
+//! true surface by Newton's method.
 
 use super::rounded_cone::{Ball, UnitRay};
 use crate::shape::ShapeSurface;
 use snell_math::{DMat3, DRay, DVec2, DVec3, DVec4};
 use std::f64::consts::TAU;
 
-/// The largest distance between curve and chord, relative to the largest radius.
+/// The largest distance between a piece of the curve and its chord, relative to the largest radius.
 const FLATNESS: f64 = 1e-3;
 
-/// The largest number of halvings.
+/// The largest number of successive halvings.
 const MAX_DEPTH: u32 = 12;
 
-/// The largest number of intervals, far more than a cubic has; further ones are merged.
+/// The largest number of intervals, far more than a cubic has; any further ones are merged.
 const MAX_STRETCHES: usize = 16;
 
-/// Value, first and second derivative of a Bézier curve.
+/// Value, first and second derivative of a Bézier curve at `u`.
 pub(super) fn derivatives(c: &[DVec4; 4], u: f64) -> [DVec4; 3] {
     let l1 = [c[0].lerp(c[1], u), c[1].lerp(c[2], u), c[2].lerp(c[3], u)];
     let l2 = [l1[0].lerp(l1[1], u), l1[1].lerp(l1[2], u)];
@@ -29,7 +30,7 @@ pub(super) fn derivatives(c: &[DVec4; 4], u: f64) -> [DVec4; 3] {
     [l2[0].lerp(l2[1], u), (l2[1] - l2[0]) * 3.0, second]
 }
 
-/// Both halves of a Bézier curve. The point where they meet has the same bits in both.
+/// Both halves of a Bézier curve. Their common point has the same bits in both.
 #[inline]
 pub(super) fn halves(&[a, b, c, d]: &[DVec4; 4]) -> [[DVec4; 4]; 2] {
     let middle = |p: DVec4, q: DVec4| (p + q) * 0.5;
@@ -39,11 +40,11 @@ pub(super) fn halves(&[a, b, c, d]: &[DVec4; 4]) -> [[DVec4; 4]; 2] {
     [[a, ab, abc, abcd], [abcd, bcd, cd, d]]
 }
 
-/// The curve parameter near `u` of the ball whose surface is at `position`.
+/// The curve parameter, near `u`, of the ball whose surface holds `position`.
 pub(super) fn foot(controls: &[DVec4; 4], position: DVec3, mut u: f64) -> f64 {
     for _ in 0..6 {
         let [g, slope] = envelope(&derivatives(controls, u), position);
-        // Not a minimum of the distance here: the ball that was hit is used.
+        // The distance has no minimum here: keep the ball that was hit.
         if slope.is_nan() || slope <= 0.0 {
             break;
         }
@@ -53,15 +54,16 @@ pub(super) fn foot(controls: &[DVec4; 4], position: DVec3, mut u: f64) -> f64 {
 }
 
 /// Half the derivative by `u` of `|p - c|^2 - r^2`, which is 0 on the envelope of the balls, and
-/// its derivative.
+/// the derivative by `u` of that half.
 fn envelope([c, d, dd]: &[DVec4; 3], p: DVec3) -> [f64; 2] {
     let e = p - c.truncate();
     let (d3, dd3) = (d.truncate(), dd.truncate());
     [-e.dot(d3) - c.w * d.w, d3.length_squared() - e.dot(dd3) - d.w * d.w - c.w * dd.w]
 }
 
-/// The surface of a tube at the ball of parameter `u`, where the tube grows by `(center, radius)`
-/// per unit of `u`. `chord` is any direction common to a whole curve; angles count from it.
+/// The surface of a tube at `position` on the ball of parameter `u`, where centre and radius change
+/// by `growth` per unit of `u`. `chord` is a direction common to the whole curve, from which the
+/// angle of the texture coordinates is measured.
 pub(super) fn tube_surface(
     ball: &Ball,
     u: f64,
@@ -72,7 +74,8 @@ pub(super) fn tube_surface(
     let normal = (position - ball.center).try_normalize().unwrap_or(DVec3::Y);
     let axis = growth.0.try_normalize().or(chord.try_normalize()).unwrap_or(DVec3::Y);
     let around = axis.cross(normal);
-    // Zero angle: across the curve, on the side of a coordinate axis that the curve is not along.
+    // The angle is zero perpendicular to the curve, towards the coordinate axis that is least along
+    // it.
     let reference =
         DVec3::AXES.into_iter().min_by(|a, b| a.dot(chord).abs().total_cmp(&b.dot(chord).abs()));
     let zero =
@@ -80,7 +83,7 @@ pub(super) fn tube_surface(
     let angle = DVec2::new(normal.dot(zero), normal.dot(axis.cross(zero))).to_angle() / TAU;
     let along = growth.0 + normal * growth.1;
     let along = (along - normal * along.dot(normal)).try_normalize();
-    // At the poles of the ends any tangent will do.
+    // At the poles of the round ends the tangent is arbitrary.
     let dpdu =
         along.unwrap_or(normal.any_orthonormal_vector()) * growth.0.length().max(ball.radius);
     let dpdv = around.try_normalize().unwrap_or(normal.cross(dpdu).normalize_or(DVec3::X))
@@ -90,7 +93,7 @@ pub(super) fn tube_surface(
     ShapeSurface { position, normal, uv: DVec2::new(u, v), dpdu, dpdv }
 }
 
-/// An interval of the ray inside: both ends as length along the ray and curve parameter.
+/// An interval of the ray inside the solid: each end as length along the ray and curve parameter.
 #[derive(Clone, Copy, Debug)]
 struct Stretch {
     enter: (f64, f64),
@@ -100,13 +103,13 @@ struct Stretch {
 /// A curve in ray coordinates: the ray is the z axis, x and y are perpendicular to it.
 pub(super) struct Sweep {
     controls: [DVec4; 4],
-    /// Offset from z to lengths along the ray.
+    /// The length along the ray at `z = 0`.
     start: f64,
-    /// Ray parameter per length.
+    /// Ray parameter per unit of length.
     scale: f64,
 }
 
-/// A part of the curve.
+/// A part of the curve: `width` of the curve parameter from `u` on, to be halved `depth` times.
 #[derive(Clone, Copy)]
 struct Part {
     controls: [DVec4; 4],
@@ -133,13 +136,14 @@ impl Part {
 }
 
 impl Sweep {
-    /// The curve with these control points in ray coordinates; may be `None` if the ray misses it.
+    /// The curve with these control points in the coordinates of the ray; `None` for some rays that
+    /// miss it.
     pub fn new(controls: &[DVec4; 4], ray: &DRay) -> Option<Self> {
         let ray = UnitRay::new(ray)?;
         let middle = (controls[0] + controls[3]).truncate() * 0.5;
         let start = (middle - ray.origin).dot(ray.direction);
         let origin = ray.origin + ray.direction * start;
-        // Most near misses are across the chord, which is tested before anything is rotated.
+        // Most near misses pass beside the chord, so this is tested before anything is rotated.
         let whole_chord = (controls[3] - controls[0]).truncate();
         let across = ray.direction.cross(whole_chord);
         let unit = across.length();
@@ -152,7 +156,7 @@ impl Sweep {
         if is_below | is_above {
             return None;
         }
-        // x along the projected chord, so that y bounds the curve tightly.
+        // x runs along the projected chord, so that y bounds the curve tightly.
         let chord = whole_chord.reject_from_normalized(ray.direction);
         let x = chord.try_normalize().unwrap_or(ray.direction.any_orthonormal_vector());
         let frame = DMat3::from_cols(x, ray.direction.cross(x), ray.direction).transpose();
@@ -160,8 +164,8 @@ impl Sweep {
         Some(Self { controls, start, scale: ray.scale })
     }
 
-    /// How often to halve the curve so that it is flat ([`FLATNESS`]): after `n` equal divisions a
-    /// curve is off its chords by at most a 8 n^2-th of its second derivative.
+    /// How often to halve the curve to make it flat ([`FLATNESS`]). After `n` equal divisions, the
+    /// distance of a curve from its chords is at most `1 / (8 n^2)` of its second derivative.
     fn depth(&self) -> u32 {
         let [a, b, c, d] = self.controls;
         let bend =
@@ -176,7 +180,8 @@ impl Sweep {
         depth
     }
 
-    /// The entries and exits of the ray, ascending, as ray parameter and curve parameter.
+    /// The entries and exits of the ray in ascending order, each as ray parameter and curve
+    /// parameter.
     pub fn crossings(self) -> impl Iterator<Item = (f64, f64)> {
         let depth = self.depth();
         let whole = Part { controls: self.controls, u: 0.0, width: 1.0, depth };
@@ -195,7 +200,7 @@ impl Sweep {
         found
     }
 
-    /// Adds those of a part, its first half first.
+    /// Adds the intervals of a part, its first half first.
     fn add_stretches(part: &Part, found: &mut Stretches) {
         if part.is_missed() {
             return;
@@ -212,8 +217,8 @@ impl Sweep {
         }
     }
 
-    /// The crossing of the ball at an end (`u` is 0 or 1) nearest to `z`, if no ball next to it is
-    /// farther out.
+    /// The crossing, nearest to `z`, of the ball at an end of the curve (`u` is 0 or 1); `None` if
+    /// a neighbouring ball extends beyond it there.
     fn on_end(&self, (z, u): (f64, f64)) -> Option<(f64, f64)> {
         let at = derivatives(&self.controls, u);
         let c = at[0];
@@ -224,9 +229,10 @@ impl Sweep {
         is_outermost.then_some((z, u))
     }
 
-    /// The crossing of the true surface near one of the pieces': length and curve parameter at
-    /// which the distance to the curve is the radius, and is so at its least. `None` if there is
-    /// none near.
+    /// Refines a crossing of a piece to a crossing of the true surface, as length and curve
+    /// parameter: a point whose distance from the curve has a minimum at that parameter, equal to
+    /// the radius. `None` if the iteration finds none nearby. `piece` is the width of a piece in
+    /// the curve parameter.
     fn improved(&self, (z, u): (f64, f64), piece: f64) -> Option<(f64, f64)> {
         if let Some(at_end) = (u <= 0.0 || u >= 1.0).then(|| self.on_end((z, u))).flatten() {
             return Some(at_end);
@@ -238,7 +244,7 @@ impl Sweep {
             let e = p - at[0].truncate();
             let f = e.length_squared() - at[0].w * at[0].w;
             let [g, g_u] = envelope(&at, p);
-            // f by z, f by u; g by z, g by u.
+            // Derivatives of f by z and u, and of g by z.
             let (f_z, f_u, g_z) = (2.0 * e.z, 2.0 * g, -at[1].z);
             let determinant = f_z * g_u - f_u * g_z;
             let (dz, du) = ((g * f_u - f * g_u) / determinant, (f * g_z - g * f_z) / determinant);
@@ -258,7 +264,7 @@ impl Sweep {
     }
 }
 
-/// Disjoint stretches, ascending.
+/// Disjoint intervals in ascending order.
 #[derive(Clone, Copy)]
 struct Stretches {
     list: [Stretch; MAX_STRETCHES],
@@ -272,7 +278,7 @@ impl Default for Stretches {
 }
 
 impl Stretches {
-    /// Adds a stretch, joined with those it overlaps.
+    /// Adds an interval, merged with those it overlaps.
     fn add(&mut self, mut new: Stretch) {
         let old = &self.list[..self.count];
         let first = old.iter().take_while(|old| old.exit.0 < new.enter.0).count();
@@ -286,14 +292,14 @@ impl Stretches {
             last.exit = if new.exit.0 > last.exit.0 { new.exit } else { last.exit };
             return;
         }
-        // Those behind move up or down to where they follow it.
+        // The intervals behind move up or down to follow the new one.
         self.list.copy_within(first + overlapped..self.count, first + 1);
         self.list[first] = new;
         self.count = self.count + 1 - overlapped;
     }
 
-    /// Their refined ends; those of an interval stay unrefined if they would get out of order. Each
-    /// is refined when it is needed.
+    /// The refined ends of the intervals. An end that refinement would move out of order keeps its
+    /// old value. Each is refined only when the iterator reaches it.
     fn improved(
         self,
         moved: impl Fn((f64, f64)) -> Option<(f64, f64)>,

@@ -16,34 +16,34 @@ use std::sync::Arc;
 /// A shape or an instance in a group.
 #[derive(Clone, Debug)]
 pub(crate) enum Object {
-    /// A shape.
+    /// An analytic shape.
     Shape {
-        /// The geometry to test.
+        /// The shape to test.
         shape: Arc<dyn Shape>,
-        /// Its number.
+        /// The number of its geometry.
         geometry: u32,
         /// The map from the group to the shape.
         shape_from_group: DAffine3,
     },
-    /// Another group.
+    /// An instance of another group.
     Instance {
-        /// Which group.
+        /// The number of that group.
         child: usize,
         /// The difference between the occurrence numbers of the child and of the group.
         offset: u32,
         /// The map from the group to the child.
         child_from_group: Placement,
-        /// Only rays whose mask has a bit in common with this one enter.
+        /// Only rays whose mask has a bit in common with this one enter the instance.
         mask: u32,
     },
 }
 
-/// The map from a group to what is placed in it.
+/// The map from a group to an object placed in it.
 #[derive(Clone, Debug)]
 pub(crate) enum Placement {
-    /// The same at all times.
+    /// A map that is the same at all times.
     Still(DAffine3),
-    /// Keys of the inverse map, from the child to the group.
+    /// A moving map, given by keys of its inverse, from the child to the group.
     Moving(Arc<[Transform]>),
 }
 
@@ -72,14 +72,15 @@ impl Placement {
         }
     }
 
-    /// The ray in the child; `None` if it overflows or the map is singular, so that nothing there
-    /// can be hit.
+    /// The ray in the coordinates of the child; `None` if it overflows or the map is singular, so
+    /// that nothing there can be hit.
     #[inline(always)]
     pub fn ray_in_child(&self, ray: &DRay, time: f32) -> Option<DRay> {
         self.mapped(ray, time).filter(is_finite)
     }
 
-    /// The same for a ray that may overflow.
+    /// The ray in the coordinates of the child, which may have overflowed; `None` if the map is
+    /// singular.
     #[inline(always)]
     pub fn mapped(&self, ray: &DRay, time: f32) -> Option<DRay> {
         match self {
@@ -94,12 +95,12 @@ impl Placement {
 pub(crate) enum BulkContents {
     /// A set: spheres, curves, or user-defined.
     Set(Arc<dyn PrimitiveSet>),
-    /// Triangles whose vertices move.
+    /// Triangles of a mesh whose vertices move.
     MovingMesh(Arc<MovingMesh>),
 }
 
 impl BulkContents {
-    /// How many primitives there are.
+    /// The number of primitives.
     pub fn len(&self) -> usize {
         match self {
             Self::Set(set) => set.len(),
@@ -107,7 +108,7 @@ impl BulkContents {
         }
     }
 
-    /// The box of a primitive at all times, empty if it is never hit.
+    /// The box of a primitive at all times; empty if the primitive is never hit.
     pub fn bounds(&self, primitive: usize) -> Bounds3d {
         let b = match self {
             Self::Set(set) => set.bounds(primitive),
@@ -120,16 +121,16 @@ impl BulkContents {
 /// A set of primitives in a group.
 #[derive(Clone, Debug)]
 pub(crate) struct Bulk {
-    /// Number of its first primitive among the objects of the group.
+    /// Number of the set's first primitive among the objects of the group.
     pub first: u32,
-    /// Its number.
+    /// The number of the geometry.
     pub geometry: u32,
-    /// The geometry to test.
+    /// The primitives to test.
     pub contents: BulkContents,
 }
 
-/// All that a group holds besides the triangles of meshes, under one numbering: first the shapes
-/// and instances, then the primitives of each set.
+/// All contents of a group besides the triangles of meshes, under a single numbering: first the
+/// shapes and instances, then the primitives of each set.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Objects {
     placed: Vec<Object>,
@@ -137,23 +138,23 @@ pub(crate) struct Objects {
     count: usize,
 }
 
-/// The object with a number.
+/// A reference to the object with a given number.
 pub(crate) enum ObjectRef<'a> {
     /// A shape or an instance.
     Placed(&'a Object),
-    /// A primitive of a set.
+    /// A primitive of a set, with its index in the set.
     Primitive(&'a Bulk, u32),
 }
 
 impl Objects {
-    /// Adds a shape or an instance: before all sets.
+    /// Adds a shape or an instance. All of these must be added before any set.
     pub fn push(&mut self, object: Object) {
         debug_assert!(self.sets.is_empty(), "shapes and instances come first");
         self.placed.push(object);
         self.count += 1;
     }
 
-    /// Adds a set. False if there are more objects than 32-bit numbers.
+    /// Adds a set. Returns false if the number of objects would not fit 32 bits.
     pub fn push_set(&mut self, geometry: u32, contents: BulkContents) -> bool {
         let count = self.count.saturating_add(contents.len());
         if count > u32::MAX as usize {
@@ -169,7 +170,7 @@ impl Objects {
         self.count
     }
 
-    /// The ranges of numbers that are one geometry or instance each.
+    /// The ranges of object numbers that belong to one geometry or instance, as first and end.
     pub fn geometries(&self) -> impl Iterator<Item = (u32, u32)> {
         let single = (0..self.placed.len() as u32).map(|i| (i, i + 1));
         single.chain(
@@ -193,7 +194,7 @@ impl Objects {
         ObjectRef::Primitive(bulk, number as u32 - bulk.first)
     }
 
-    /// Prefetches what will be tested soon.
+    /// Prefetches an object that will be tested soon.
     #[inline(always)]
     pub fn fetch(&self, number: usize) {
         if let ObjectRef::Primitive(Bulk { contents: BulkContents::Set(set), .. }, primitive) =
@@ -203,13 +204,13 @@ impl Objects {
         }
     }
 
-    /// Memory of the list, without the geometries.
+    /// Memory of the list in bytes, without the geometries.
     pub fn memory_bytes(&self) -> usize {
         size_of_val(self.placed.as_slice()) + size_of_val(self.sets.as_slice())
     }
 }
 
-/// What a group holds.
+/// The contents of a group.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct GroupList {
     /// Meshes with their geometry numbers.
@@ -218,9 +219,9 @@ pub(crate) struct GroupList {
     pub objects: Objects,
 }
 
-/// Tests an object by its number. `ray` is in the group's coordinates; `enter` searches a group
-/// that is instanced there: it gets the group, the ray in its coordinates and its occurrence
-/// number. True if the search is over.
+/// Tests an object, given by its number. `ray` is in the group's coordinates. For an instance,
+/// `enter` searches the instanced group: it gets the number of the group, the ray in its
+/// coordinates and its occurrence number. Returns true if the search is over.
 #[inline(always)]
 pub(crate) fn test_object<G: Goal>(
     objects: &Objects,
@@ -254,7 +255,7 @@ pub(crate) fn test_object<G: Goal>(
     }
 }
 
-/// The ray mapped by an affine matrix; `t` is shared.
+/// Maps a ray by an affine map; its parameter `t` stays the same.
 #[inline(always)]
 pub(crate) fn mapped(map: &DAffine3, ray: &DRay) -> DRay {
     DRay {
@@ -268,12 +269,12 @@ fn is_finite(ray: &DRay) -> bool {
     ray.origin.is_finite() && ray.direction.is_finite()
 }
 
-/// How often one object is tested again after a hit that did not count. No shape has that many
-/// crossings.
+/// How often one object is tested again after a hit that did not count. No built-in shape has as
+/// many crossings.
 const MAX_CROSSINGS: usize = 64;
 
-/// Reports the hits on one shape, nearest first. `ray` is in the shape's coordinates. True if the
-/// search is over.
+/// Reports the hits on one shape, nearest first. `ray` is in the shape's coordinates. Returns true
+/// if the search is over.
 pub(crate) fn test_shape<G: Goal>(
     search: &mut Search<'_, G>,
     shape: &dyn Shape,
@@ -284,7 +285,8 @@ pub(crate) fn test_shape<G: Goal>(
     search.goal.count_primitives(1);
     let mut ray = DRay { t_min: search.t_min().into(), ..*ray };
     for _ in 0..MAX_CROSSINGS {
-        // One step more, for hits that are equally far once they are rounded.
+        // One unit in the last place more, to include hits that are at equal distance after
+        // rounding.
         ray.t_max = search.goal.limit().next_up().into();
         let found = shape.nearest_two(&ray);
         for (number, found) in found.into_iter().enumerate() {
@@ -309,7 +311,7 @@ pub(crate) fn test_shape<G: Goal>(
 }
 
 /// Reports the hits on one primitive of a set, nearest first; `ids` are instance, geometry and
-/// primitive. True if the search is over.
+/// primitive. Returns true if the search is over.
 fn test_primitive<G: Goal>(
     search: &mut Search<'_, G>,
     set: &dyn PrimitiveSet,
@@ -318,8 +320,8 @@ fn test_primitive<G: Goal>(
 ) -> bool {
     search.goal.count_primitives(1);
     let (time, number) = (search.time, ids[2] as usize);
-    // Not what is known by now: a hit that is moved into the bounds must not depend on what else
-    // was found before.
+    // The whole interval rather than the current limit: a hit that is moved into the bounds must
+    // not depend on the hits that were found before.
     let [t_min, t_max] = G::Precision::interval(search.ray).map(Into::into);
     let mut ray = DRay { t_min, t_max, ..*ray };
     for _ in 0..MAX_CROSSINGS {
@@ -332,7 +334,7 @@ fn test_primitive<G: Goal>(
             match search.offer(hit) {
                 Verdict::Finished => return true,
                 Verdict::Behind => return false,
-                // What follows is not nearer, also where it is moved into the bounds.
+                // Later hits are not nearer, also if they are moved into the bounds.
                 Verdict::Taken if search.goal.limit() <= G::Precision::t(&hit) => return false,
                 Verdict::Taken | Verdict::Rejected => {}
             }
@@ -342,7 +344,8 @@ fn test_primitive<G: Goal>(
     false
 }
 
-/// Reports the hit on a triangle with its corners at the ray's time. True if the search is over.
+/// Reports the hit on a triangle with its corners at the ray's time. Returns true if the search is
+/// over.
 fn test_moving_triangle<G: Goal>(
     search: &mut Search<'_, G>,
     mesh: &MovingMesh,
@@ -356,13 +359,13 @@ fn test_moving_triangle<G: Goal>(
     }
     let found =
         exact_hit(&LocalRay::new(ray), &corners.map(|p| p.to_array()), search.t_min().into());
-    // Never minus zero.
+    // Adding 0 turns -0 into +0.
     let hit = found.map(|(t, uv)| G::Precision::hit(t + 0.0, uv, ids));
     let hit = hit.filter(|hit| G::Precision::t(hit) <= search.goal.limit());
     hit.is_some() && mesh.bounds(ids[2] as usize).is_some() && offer_triangle(search, hit)
 }
 
-/// Reports the hit on one triangle. True if the search is over.
+/// Reports the hit on one triangle. Returns true if the search is over.
 #[inline(always)]
 pub(crate) fn test_triangle<G: Goal<Precision: TriangleTest>>(
     search: &mut Search<'_, G>,
@@ -374,7 +377,7 @@ pub(crate) fn test_triangle<G: Goal<Precision: TriangleTest>>(
     offer_triangle(search, hit)
 }
 
-/// Reports the result of the exact test of a triangle. True if the search is over.
+/// Reports the result of the exact test of a triangle. Returns true if the search is over.
 #[inline(always)]
 pub(crate) fn offer_triangle<G: Goal>(search: &mut Search<'_, G>, found: Option<HitOf<G>>) -> bool {
     let Some(hit) = found else { return false };

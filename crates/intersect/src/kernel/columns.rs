@@ -1,7 +1,7 @@
-//! Sixteen records of eight numbers as eight columns.
+//! Transposes sixteen records of eight numbers to eight columns.
 //!
-//! Nothing here by `map` or `from_fn`: what is not compiled into the function that calls it has not
-//! its instructions.
+//! Nothing here uses `map` or `from_fn`: a closure that is not inlined is compiled without the SIMD
+//! instructions of its caller.
 
 use snell_math::Ray;
 use snell_math::simd::{Lanes16, WideLanes};
@@ -12,7 +12,7 @@ const _: () = assert!(
         && std::mem::offset_of!(Ray, t_max) == 28
 );
 
-/// The columns of sixteen rows of eight.
+/// The eight columns of sixteen rows of eight numbers.
 #[inline(always)]
 pub(super) fn columns<W: Lanes16>(
     token: W::Token,
@@ -34,13 +34,13 @@ pub(super) fn columns<W: Lanes16>(
     ]
 }
 
-/// Rays by column: origin, `t_min`, direction, `t_max`.
+/// The columns of sixteen rays: origin, `t_min`, direction, `t_max`.
 #[inline(always)]
 pub(super) fn ray_columns<W: Lanes16>(token: W::Token, rays: &[Ray; 16]) -> [W; 8] {
     columns(token, rows(rays, 0), rows(rays, 8))
 }
 
-/// Eight of the rays.
+/// Eight of the rays, starting at `from`, as rows of numbers.
 #[inline(always)]
 fn rows(rays: &[Ray; 16], from: usize) -> [&[f32; 8]; 8] {
     [

@@ -1,6 +1,6 @@
-//! Traversal kernels: ray-boxes and ray-triangles, written once over [`snell_math::simd::Lanes8`],
-//! and their entries per level. `README.md` beside this file explains the traversal and the choice
-//! of kernels.
+//! Traversal kernels, which test rays against boxes and triangles. They are written once over
+//! [`snell_math::simd::Lanes8`] and compiled for each SIMD level. `README.md` beside this file
+//! explains the traversal and the choice of kernels.
 
 mod columns;
 pub(crate) mod list;
@@ -12,12 +12,12 @@ use crate::search;
 use list::ListSearch;
 use packet::PacketTests;
 
-/// A precision that all kernels know.
+/// A precision that all kernels support.
 pub(crate) trait Kernels: PacketTests + ListSearch {}
 
 impl<P: PacketTests + ListSearch> Kernels for P {}
 
-/// A goal in such a precision.
+/// A goal in a precision that all kernels support.
 pub(crate) trait Goal: search::Goal<Precision: Kernels> {}
 
 impl<G: search::Goal<Precision: Kernels>> Goal for G {}

@@ -1,52 +1,55 @@
-//! A ray as planes, boxes and cells see it: surely not too narrow.
+//! A ray in the form for tests of planes, boxes and cells, with a thickness that makes them
+//! conservative.
 //!
 //! The exact test of a triangle rounds vertices relative to the ray's origin, so it may report a
-//! hit although the line misses the triangle by up to some `4e-7` of the distance between the
-//! origin and the farthest vertex. Distances are then moved into the triangle's box. So a structure
-//! must treat the ray as a thick one: all that comes within [`BoxRay::width`] of the line counts.
-//! With that, hits are safe wherever the structure keeps a primitive in every cell that its box
+//! hit although the line misses the triangle by up to about `4e-7` of the distance between the
+//! origin and the farthest vertex. The hit is then moved into the triangle's box. So a structure
+//! must treat the ray as a thick one: everything within [`BoxRay::width`] of the line counts. No
+//! hit is then lost if the structure keeps a primitive in every cell that the primitive's box
 //! touches.
 //!
-//! Structures may keep less: only the cells near the plane of the triangle *within* its box
-//! ([`super::primitives::Region`]). The place of a hit lies there if the width is below the
-//! region's margin. A ray from so far away that it is not ([`BoxRay::is_wide`]) still passes the
-//! triangle itself within its width, only the distance reported may be that of another cell. So it
-//! finds all hits if it does not stop at the nearest: [`BoxRay::cull`] sees to that.
+//! A structure may keep a triangle in fewer cells, namely those near the plane of the triangle
+//! *within* its box ([`super::primitives::Region`]). A hit lies in that region if the ray's width
+//! is below the region's margin. A ray from so far away that its width is larger
+//! ([`BoxRay::is_wide`]) still passes the triangle within its width, but the reported distance may
+//! belong to another cell. Such a ray finds all hits if it does not stop at the nearest one, which
+//! [`BoxRay::cull`] ensures.
 
 use super::Visitor;
 use super::primitives::MARGIN;
 use snell_math::{Bounds3, Bounds3d, DRay, DVec3};
 
-/// How far from the line things still count, relative to the greatest distance along an axis from
-/// the origin to the contents.
+/// The largest distance from the line at which contents still count, relative to the greatest
+/// distance along an axis from the origin to the contents.
 const WIDTH: f64 = 1e-6;
 
 /// A thick ray in the coordinates of a group.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct BoxRay {
-    /// Start.
+    /// The origin.
     pub origin: [f64; 3],
-    /// Direction, any length.
+    /// The direction, of any length.
     pub direction: [f64; 3],
-    /// One over the direction; infinite where it is 0.
+    /// The reciprocal of the direction; infinite where the direction is 0.
     pub inverse: [f64; 3],
     /// The width with the signs of the direction.
     signed_width: [f64; 3],
-    /// How far from the line along each axis things still count.
+    /// The largest distance from the line, along each axis, at which contents still count.
     pub width: f64,
-    /// Nothing before counts.
+    /// The start of the interval; nothing before it counts.
     pub t_min: f64,
-    /// True if the ray comes from so far that regions do not hold for it.
+    /// True if the ray comes from so far away that [`super::primitives::Region`]s are not valid for
+    /// it.
     pub is_wide: bool,
 }
 
 impl BoxRay {
-    /// The ray as seen by contents within `bounds`.
+    /// Prepares a ray for contents within `bounds`.
     pub fn new(ray: &DRay, bounds: &Bounds3, t_min: f32) -> Self {
         let (o, d) = (ray.origin, ray.direction);
         let bounds: Bounds3d = (*bounds).into();
         let reach = (bounds.min - o).abs().max((bounds.max - o).abs()).max_element();
-        // Triangles are drawn around the origin rounded to `f32`.
+        // Triangles are projected relative to the origin rounded to `f32`.
         let rounded = o.as_vec3().as_dvec3();
         let rounding =
             if rounded == o { 0.0 } else { o.abs().max_element() * f64::from(f32::EPSILON) };
@@ -68,21 +71,21 @@ impl BoxRay {
         Self { origin: (DVec3::from_array(self.origin) - point).to_array(), ..*self }
     }
 
-    /// The point at a distance.
+    /// The point at the parameter `t`.
     pub fn at(&self, t: f64) -> DVec3 {
         DVec3::from_array(self.origin) + DVec3::from_array(self.direction) * t
     }
 
-    /// True if the ray goes down along the axis.
+    /// True if the direction is negative along the axis.
     #[inline(always)]
     pub fn is_down(&self, axis: usize) -> bool {
         self.signed_width[axis] < 0.0
     }
 
-    /// The interval of the ray within its width of a plane perpendicular to an axis. A ray parallel
-    /// to the plane is inside always or never: then the interval is at plus infinity if the plane
-    /// lies on the upper side, else at minus infinity (the other way round for a direction of -0).
-    /// Bounds may be NaN in the worst case; then they do not limit the ray.
+    /// The interval in which the ray is within its width of a plane perpendicular to an axis. A ray
+    /// parallel to the plane is inside always or never: if never, the interval is at plus infinity
+    /// if the plane lies on the upper side, otherwise at minus infinity (reversed for a direction
+    /// of -0). The ends may be NaN in the worst case; then they do not limit the ray.
     #[inline(always)]
     pub fn crossing(&self, axis: usize, plane: f64) -> (f64, f64) {
         let (distance, width, inverse) =
@@ -90,8 +93,8 @@ impl BoxRay {
         ((distance - width) * inverse, (distance + width) * inverse)
     }
 
-    /// The same for a plane in general position: `normal . x = offset`. Also true if the ray goes
-    /// towards the normal.
+    /// Computes [`Self::crossing`] for a plane in general position, `normal . x = offset`. The
+    /// third result is true if the ray goes in the direction of the normal.
     #[inline(always)]
     pub fn plane_crossing(&self, normal: &DVec3, offset: f64) -> (f64, f64, bool) {
         let (o, d) = (DVec3::from_array(self.origin), DVec3::from_array(self.direction));
@@ -102,14 +105,15 @@ impl BoxRay {
         ((distance - width) * inverse, (distance + width) * inverse, speed.is_sign_positive())
     }
 
-    /// Where the ray is in a box, from `t_min` on: nowhere if the first number is greater.
+    /// The interval in which the ray is in a box, from `t_min` on; empty if its start is greater
+    /// than its end.
     #[inline(always)]
     pub fn span(&self, low: [f64; 3], high: [f64; 3]) -> (f64, f64) {
         let (mut start, mut end) = (self.t_min, f64::INFINITY);
         for axis in 0..3 {
             let (near, far) =
                 if self.is_down(axis) { (high[axis], low[axis]) } else { (low[axis], high[axis]) };
-            // A NaN on the right does not count.
+            // A NaN as the right operand is ignored.
             start = start.max(self.crossing(axis, near).0);
             end = end.min(self.crossing(axis, far).1);
         }
@@ -123,8 +127,8 @@ impl BoxRay {
         self.span(wide(b.min), wide(b.max))
     }
 
-    /// What starts beyond this cannot matter, for structures that keep primitives in their regions
-    /// only.
+    /// The distance beyond which regions can be skipped by structures that keep primitives in their
+    /// [`super::primitives::Region`] only.
     #[inline(always)]
     pub fn cull(&self, visitor: &dyn Visitor) -> f64 {
         if self.is_wide { f64::INFINITY } else { visitor.cull() }

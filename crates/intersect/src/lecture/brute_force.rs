@@ -1,11 +1,11 @@
-//! No structure: every primitive of every occurrence is tested. The oracle for all others.
+//! No structure: every primitive of every occurrence is tested. The reference for all structures.
 
 use crate::exact::TriangleTest;
 use crate::group::{GroupList, test_object, test_triangle};
 use crate::search::{Goal, Search};
 use snell_math::DRay;
 
-/// Tests everything in a group and below it. True if the search is over.
+/// Tests everything in a group and in the groups below it. Returns true if the search is over.
 pub(crate) fn search_all<G: Goal<Precision: TriangleTest>>(
     groups: &[GroupList],
     group: usize,

@@ -1,6 +1,6 @@
-//! The scene graph's own bounding boxes, as on the slides: each mesh, shape and instance of a group
-//! has a box; what is in it is tested if the ray enters the box before the nearest hit so far,
-//! children nearest first. All triangles of a mesh are tested.
+//! The bounding boxes of the scene graph itself, as in the lecture: each mesh, shape and instance
+//! of a group has a box, and its contents are tested if the ray enters the box before the nearest
+//! hit so far, nearest boxes first. All triangles of a mesh are tested.
 
 use super::box_ray::BoxRay;
 use super::primitives::{Item, Primitives, bounds_of};
@@ -12,7 +12,7 @@ use snell_math::Bounds3;
 #[derive(Debug)]
 struct Graph {
     children: Vec<Child>,
-    /// Ranges of primitives that can be hit.
+    /// Ranges of primitives that can be hit, as first and end.
     ranges: Vec<(u32, u32)>,
     front_to_back: bool,
 }
@@ -20,11 +20,11 @@ struct Graph {
 #[derive(Debug)]
 struct Child {
     bounds: Bounds3,
-    /// First and end in `ranges`.
+    /// The child's range of indices in `ranges` of [`Graph`], as first and end.
     ranges: (u32, u32),
 }
 
-/// Builds it.
+/// Builds the structure of a group.
 pub(crate) fn build(primitives: &Primitives, options: &AcceleratorOptions) -> Box<dyn Accelerator> {
     let mut graph =
         Graph { children: Vec::new(), ranges: Vec::new(), front_to_back: options.front_to_back };
@@ -43,7 +43,8 @@ pub(crate) fn build(primitives: &Primitives, options: &AcceleratorOptions) -> Bo
     Box::new(graph)
 }
 
-/// The numbers of the items as ranges: the gaps are triangles that can never be hit.
+/// Adds the numbers of the items as ranges. The gaps between ranges are triangles that can never be
+/// hit.
 fn add_ranges(items: &[Item], ranges: &mut Vec<(u32, u32)>) {
     let first = ranges.len();
     for item in items {
@@ -55,7 +56,7 @@ fn add_ranges(items: &[Item], ranges: &mut Vec<(u32, u32)>) {
 }
 
 impl Graph {
-    /// Tests what a child holds. True if the search is over.
+    /// Tests the contents of a child. Returns true if the search is over.
     fn visit(&self, child: &Child, visitor: &mut dyn Visitor, work: &Work) -> bool {
         let (first, end) = child.ranges;
         work.look(visitor, true, || Region::of_bounds(&child.bounds));
@@ -64,7 +65,7 @@ impl Graph {
             .any(|&(first, end)| visitor.test_range(first, end))
     }
 
-    /// Children in the order of the graph.
+    /// Visits the children in the order of the graph.
     fn walk_unsorted(&self, ray: &BoxRay, visitor: &mut dyn Visitor, work: &Work) -> bool {
         self.children.iter().any(|child| {
             let (start, end) = ray.span_of(&child.bounds);
@@ -73,7 +74,7 @@ impl Graph {
         })
     }
 
-    /// Children in the order in which the ray enters their boxes.
+    /// Visits the children in the order in which the ray enters their boxes.
     fn walk_sorted(&self, ray: &BoxRay, visitor: &mut dyn Visitor, work: &Work) -> bool {
         let mut met = visitor.take_stack();
         let cull = visitor.cull();

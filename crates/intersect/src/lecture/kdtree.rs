@@ -1,12 +1,13 @@
-//! A k-d tree by the surface area heuristic (MacDonald and Booth, Heuristics for ray tracing using
-//! space subdivision, 1990).
+//! A k-d tree built by the surface area heuristic (MacDonald and Booth, Heuristics for ray tracing
+//! using space subdivision, 1990).
 //!
-//! Large sets are divided at one of 31 planes per axis (bins of where primitives start and end:
-//! Popov et al., Experiences with streaming construction of SAH kd-trees, 2006), small ones at the
-//! best side of all their boxes (Wald and Havran, On building fast kd-trees for ray tracing, and on
-//! doing that in O(N log N), 2006). Primitives that a plane cuts are kept on both sides, each with
-//! the box of its part. The walk goes front to back with a stack (Havran, Heuristic ray shooting
-//! algorithms, 2000, appendix C); it takes the plane for as thick as the ray.
+//! Large sets are divided at one of 31 planes per axis (with bins that count where primitives start
+//! and end: Popov et al., Experiences with streaming construction of SAH kd-trees, 2006), small
+//! sets at the best side of all their boxes (Wald and Havran, On building fast kd-trees for ray
+//! tracing, and on doing that in O(N log N), 2006). Primitives that a plane cuts are kept on both
+//! sides, each with the box of its part. The traversal goes front to back with a stack (Havran,
+//! Heuristic ray shooting algorithms, 2000, appendix C); it treats planes as slabs as thick as the
+//! ray.
 
 mod build;
 
@@ -16,9 +17,10 @@ use super::{Accelerator, AcceleratorOptions, Later, Size, Visitor, Work, walk_wi
 use crate::search::region::Region;
 use snell_math::Bounds3;
 
-/// Eight bytes. Of an inner node: the bits of the plane's coordinate; the second child times four
-/// plus the axis (the first child comes right after its parent). Of a leaf: its first reference;
-/// how many it has times four plus three.
+/// A node in eight bytes. For an inner node, `word` has the bits of the plane's coordinate, and
+/// `data` is four times the index of the second child plus the axis (the first child follows its
+/// parent directly). For a leaf, `word` is the index of its first reference, and `data` is four
+/// times the number of references plus three.
 #[derive(Clone, Copy, Debug)]
 struct Node {
     word: u32,
@@ -51,7 +53,7 @@ struct KdTree {
     front_to_back: bool,
 }
 
-/// Builds it.
+/// Builds the k-d tree of a group.
 pub(crate) fn build(primitives: &Primitives, options: &AcceleratorOptions) -> Box<dyn Accelerator> {
     let part = build::tree(primitives);
     Box::new(KdTree {
@@ -64,8 +66,9 @@ pub(crate) fn build(primitives: &Primitives, options: &AcceleratorOptions) -> Bo
 }
 
 impl KdTree {
-    /// The part of space that belongs to a node. It is not stored, and so sought from the root:
-    /// children come after their parents, and all below the first child before the second.
+    /// The region of space that belongs to a node. It is not stored, so the function descends from
+    /// the root: children come after their parents, and all nodes below the first child before the
+    /// second child.
     fn cell(&self, wanted: u32) -> Bounds3 {
         let (mut at, mut cell) = (0, self.bounds);
         while at < wanted {
@@ -111,7 +114,8 @@ impl KdTree {
                 let (near, far) =
                     if is_down { (node.data >> 2, at + 1) } else { (at + 1, node.data >> 2) };
                 let (ends_near, starts_far) = (end.min(high), start.max(low));
-                // The ray passes the near side first, then, for as long as it is thick, both.
+                // The ray passes through the near side first, and through both sides within its
+                // thickness.
                 let (in_near, in_far) = (start <= ends_near, starts_far <= end);
                 if in_near && in_far {
                     if self.front_to_back || !is_down {

@@ -1,16 +1,18 @@
-//! Which primitives a walk has tested already (mailboxing: Amanatides and Woo 1987; Arnaldi, Priol
-//! and Bouatouch 1987).
+//! The set of primitives that a traversal has already tested (mailboxing: Amanatides and Woo 1987;
+//! Arnaldi, Priol and Bouatouch 1987).
 
-/// A set of (walk, primitive), exact, emptied in no time. Walks may be nested.
+/// An exact set of pairs of traversal and primitive, which is emptied in constant time. Traversals
+/// may be nested.
 #[derive(Debug)]
 pub(crate) struct Mailbox {
-    /// Open addressing; a power of two. Entries of walks before `first` are free.
+    /// A hash table with open addressing, whose size is a power of two. Entries of traversals
+    /// before `first` are free.
     slots: Vec<Letter>,
-    /// The first walk of the query.
+    /// The number of the first traversal of the query.
     first: u32,
-    /// The last number given to a walk.
+    /// The last number given to a traversal.
     last: u32,
-    /// Entries of this query.
+    /// The number of entries of this query.
     filled: usize,
 }
 
@@ -29,9 +31,9 @@ impl Default for Mailbox {
 }
 
 impl Mailbox {
-    /// Forgets everything: a new query begins.
+    /// Empties the set for a new query.
     pub fn clear(&mut self) {
-        // Long before the numbers run out.
+        // Starts again long before the numbers are used up.
         if self.last > u32::MAX / 2 {
             *self = Self::default();
         }
@@ -39,14 +41,14 @@ impl Mailbox {
         self.filled = 0;
     }
 
-    /// A number for a walk.
+    /// Returns a number for a new traversal.
     pub fn begin(&mut self) -> u32 {
-        // More walks in one query than numbers would be a query without end.
+        // A single query cannot use up the numbers in any practical time.
         self.last = self.last.wrapping_add(1);
         self.last
     }
 
-    /// Notes a primitive; false if the walk has met it before.
+    /// Inserts a primitive; false if the traversal has tested it before.
     #[inline(always)]
     pub fn insert(&mut self, walk: u32, primitive: u32) -> bool {
         let mask = self.slots.len() - 1;

@@ -1,10 +1,11 @@
-//! Acceleration structures, by name.
+//! The acceleration structures of the lecture.
 //!
-//! All give the same hits, bit for bit: one exact test per ray and primitive decides (`group`), and
-//! a structure may skip only what the ray surely does not hit. Two live on their own: `none`, the
-//! oracle that skips nothing, and `bvh`, the fast one with kernels of its own. All others are
-//! `Accelerator`s over the numbered `primitives` of one group; `walk` joins them over instances and
-//! serves every query. To add one: a file with a `build` function, and a line in the list below.
+//! All structures give the same hits, bit for bit: one exact test per ray and primitive decides
+//! (`group`), and a structure may skip only primitives that the ray certainly does not hit. Two are
+//! separate: `none`, the reference that skips nothing, and `bvh`, the fast structure, which has
+//! kernels of its own. All others are `Accelerator`s over the numbered `primitives` of one group;
+//! `walk` connects them over instances and serves every query. To add one, write a file with a
+//! `build` function, and add a line to the list of `crate::world::accelerator`.
 
 pub(crate) mod box_ray;
 pub(crate) mod brute_force;
@@ -22,19 +23,20 @@ use crate::search::region::Region;
 use box_ray::BoxRay;
 use primitives::Primitives;
 
-/// Variants of the structures, to measure what each saves. Hits never depend on them. `none` and
-/// `bvh` have no switches.
+/// Variants of the structures, to measure how much each optimisation saves. Hits never depend on
+/// them. `none` and `bvh` ignore them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AcceleratorOptions {
-    /// Whether what is nearer along the ray is visited first (lecture: "visit child nodes in
-    /// front-to-back order"). Off, children are visited in the order in which they are stored;
+    /// Whether children nearer along the ray are visited first (lecture: "visit child nodes in
+    /// front-to-back order"). If false, children are visited in the order in which they are stored;
     /// grids and the octree by neighbours have no other order.
     pub front_to_back: bool,
     /// Whether in each group the primitive that was hit last is tested first (lecture: "store
-    /// closest child intersection from previous ray and check that node first"). The memory belongs
-    /// to one batch on one thread, never to the world.
+    /// closest child intersection from previous ray and check that node first"). That primitive is
+    /// remembered for one batch on one thread, never in the world.
     pub last_hit_cache: bool,
-    /// Cells of a grid along its longest side; `None` chooses by the number of primitives.
+    /// The number of cells of a grid along its longest side; `None` chooses it by the number of
+    /// primitives.
     pub grid_resolution: Option<u32>,
     /// Whether crowded cells of a grid become grids themselves.
     pub nested_grids: bool,
@@ -61,7 +63,7 @@ pub(crate) trait Accelerator: std::fmt::Debug + Send + Sync {
     /// once if [`Self::repeats`] is true.
     fn walk(&self, ray: &BoxRay, visitor: &mut dyn Visitor) -> bool;
 
-    /// True if primitives may lie in several places.
+    /// True if a primitive may be stored in several places.
     fn repeats(&self) -> bool;
 
     /// Statistics of the build.
@@ -71,18 +73,18 @@ pub(crate) trait Accelerator: std::fmt::Debug + Send + Sync {
 /// The size of a structure.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Size {
-    /// Nodes and cells.
+    /// The number of nodes and cells.
     pub nodes: u64,
-    /// Entries in the lists of primitives.
+    /// The number of entries in the lists of primitives.
     pub references: u64,
-    /// Nodes on the longest way down.
+    /// The number of nodes on the longest path from the root.
     pub depth: u32,
     /// Memory in bytes.
     pub bytes: u64,
 }
 
 impl Size {
-    /// Of a tree that is these nodes and references.
+    /// The size of a tree with these nodes and references.
     fn of_tree<N>(nodes: &[N], references: &[u32], depth: u32) -> Self {
         Self {
             nodes: nodes.len() as u64,
@@ -95,45 +97,45 @@ impl Size {
 
 /// The visitor of primitives, which tests them and holds the result.
 pub(crate) trait Visitor {
-    /// Primitives that start beyond this are skipped. It shrinks as hits are found.
+    /// The distance beyond which primitives are skipped. It shrinks as hits are found.
     fn cull(&self) -> f64;
 
-    /// Tests primitives. True if the search is over.
+    /// Tests primitives. Returns true if the search is over.
     fn test(&mut self, primitives: &[u32]) -> bool;
 
-    /// Tests the primitives `first..end`. True if the search is over.
+    /// Tests the primitives `first..end`. Returns true if the search is over.
     fn test_range(&mut self, first: u32, end: u32) -> bool;
 
-    /// True if it records regions.
+    /// True if the visitor records regions.
     fn records(&self) -> bool;
 
-    /// Called for each region that the traversal enters; the flag is true if it holds primitives
-    /// and not other regions.
+    /// Called for each region that the traversal enters; `is_leaf` is true if the region holds
+    /// primitives rather than other regions.
     fn visit(&mut self, is_leaf: bool, region: Region);
 
     /// Called at the end of a traversal with the number of nodes and cells that it visited.
     fn count(&mut self, work: Work);
 
-    /// An empty list of places to visit later, to be given back by [`Self::give_stack`].
+    /// An empty list of nodes to visit later, to be returned by [`Self::give_stack`].
     fn take_stack(&mut self) -> Vec<Later>;
 
-    /// Takes the list back, so that its memory serves again.
+    /// Takes the list back, so that its memory can be reused.
     fn give_stack(&mut self, stack: Vec<Later>);
 }
 
 /// Counters of a traversal.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Work {
-    /// Inner nodes.
+    /// The number of visited inner nodes.
     pub nodes: u32,
-    /// Cells of grids, leaves of trees that divide space.
+    /// The number of visited cells of grids, or leaves of trees that divide space.
     pub cells: u32,
     /// Whether regions are recorded.
     is_recorded: bool,
 }
 
 impl Work {
-    /// For a walk of this visitor.
+    /// Counters for a traversal with this visitor.
     pub fn of(visitor: &dyn Visitor) -> Self {
         Self { is_recorded: visitor.records(), ..Self::default() }
     }
@@ -152,7 +154,7 @@ impl Work {
         self.look(visitor, true, region);
     }
 
-    /// Reports the region that the traversal enters, without counting.
+    /// Reports the region that the traversal enters, without counting it.
     #[inline(always)]
     pub fn look(&self, visitor: &mut dyn Visitor, is_leaf: bool, region: impl FnOnce() -> Region) {
         if self.is_recorded {
@@ -161,30 +163,30 @@ impl Work {
     }
 }
 
-/// A place to visit later.
+/// A node to visit later.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Later {
-    /// Where the ray enters it.
+    /// The parameter at which the ray enters the node.
     pub start: f64,
-    /// Where the ray leaves it.
+    /// The parameter at which the ray leaves the node.
     pub end: f64,
-    /// Which one.
+    /// The index of the node.
     pub node: u32,
-    /// Its depth, where it matters.
+    /// The depth of the node, for structures that need it.
     pub level: u32,
-    /// Its place among the cells of its level, where it matters.
+    /// The coordinates of the node among the cells of its level, for structures that need them.
     pub cell: [u32; 3],
 }
 
 impl Later {
-    /// A node of a tree without places.
+    /// A node of a tree that needs neither depth nor coordinates.
     pub fn node(node: u32, start: f64, end: f64) -> Self {
         Self { start, end, node, level: 0, cell: [0; 3] }
     }
 }
 
-/// [`Accelerator::walk`] by a `search` that is given a list for places to visit later, and counts
-/// what it costs.
+/// Runs `search`, the body of [`Accelerator::walk`], with a list for nodes to visit later and with
+/// counters.
 fn walk_with_stack(
     visitor: &mut dyn Visitor,
     search: impl FnOnce(&mut dyn Visitor, &mut Vec<Later>, &mut Work) -> bool,

@@ -6,16 +6,16 @@ use crate::group::GroupList;
 use rayon::prelude::*;
 use snell_math::{Bounds3, Bounds3d, DVec3, Vec3};
 
-/// Thickness of the [`Region`] of a triangle, relative to the longest side of the box of the group.
+/// Thickness of the [`Region`] of a triangle, relative to the longest side of the group's box.
 pub(crate) const MARGIN: f64 = 5e-5;
 
-/// Triangles smaller than this many margins have no region of their own: their box is as good.
+/// The least size of triangles that have a region, in margins; for smaller ones the box is as good.
 const LARGE: f64 = 40.0;
 
-/// Few enough primitives for one thread.
+/// The number of primitives up to which one thread is enough.
 pub(crate) const PARALLEL: usize = 4096;
 
-/// A primitive and the box that holds every place where a ray can hit it, or a part of that.
+/// A primitive, and a box that contains every possible hit on it (or on a part of the primitive).
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Item {
     pub min: Vec3,
@@ -33,26 +33,26 @@ impl Item {
     }
 }
 
-/// What a group holds, for builders.
+/// The contents of a group, for builders.
 pub(crate) struct Primitives<'a> {
     list: &'a GroupList,
     /// For each mesh the number of its first triangle.
     first: Vec<u32>,
-    /// How many triangles there are; shapes and instances are numbered from here.
+    /// The number of triangles; shapes and instances are numbered from here on.
     pub triangles: u32,
-    /// The primitives that can be hit and have finite bounds, ascending.
+    /// The primitives that can be hit and have finite bounds, in ascending order.
     pub items: Vec<Item>,
-    /// Shapes and instances without finite bounds.
+    /// The numbers of shapes and instances without finite bounds.
     pub unbounded: Vec<u32>,
     /// The box around all items.
     pub bounds: Bounds3,
-    /// See [`Region`].
+    /// The margin of [`Region`]s in this group.
     pub margin: f64,
 }
 
 impl<'a> Primitives<'a> {
-    /// Numbers the contents. `boxes` are those of the objects of the list, in order. Returns an
-    /// error if there are too many.
+    /// Numbers the contents. `boxes` are the boxes of the objects of the list, in order. Returns an
+    /// error if there are too many primitives.
     pub fn new(list: &'a GroupList, boxes: &[Bounds3]) -> Result<Self, String> {
         let count: usize = list.meshes.iter().map(|(_, mesh)| mesh.indices.len()).sum::<usize>()
             + list.objects.len();
@@ -94,7 +94,7 @@ impl<'a> Primitives<'a> {
         Ok(Self { list, first, triangles: next, items, unbounded, bounds, margin })
     }
 
-    /// The ranges of primitives that are one geometry or instance each.
+    /// The ranges of primitives that belong to one geometry or instance, as first and end.
     pub fn geometries(&self) -> impl Iterator<Item = (u32, u32)> {
         let meshes = self
             .first
@@ -118,19 +118,19 @@ impl<'a> Primitives<'a> {
         Some(self.list.meshes[mesh].1.corners((id - self.first[mesh]) as usize))
     }
 
-    /// The region of a triangle; `None` if its box is as good, or it is no triangle.
+    /// The region of a triangle; `None` if its box is as good, or for another primitive.
     pub fn region(&self, id: u32, bounds: &Bounds3) -> Option<Region> {
         let least = LARGE * self.margin;
         let large = |x: f32| f64::from(x) > least;
         let size = bounds.size();
-        // Boxes that are flat along an axis lie in the plane already.
+        // A box that is flat along an axis lies near the plane anyway.
         if !(large(size.x) && large(size.y) && large(size.z)) {
             return None;
         }
         Some(Region::new(&self.corners(id)?, self.margin))
     }
 
-    /// The part of an item in a cell; `None` if it has none.
+    /// The part of an item in a cell; `None` if the item does not reach into the cell.
     pub fn clipped(&self, item: &Item, cell: &Bounds3d) -> Option<Item> {
         let wide: Bounds3d = item.bounds().into();
         let mut part = wide.intersection(cell);
@@ -144,12 +144,12 @@ impl<'a> Primitives<'a> {
             }
         }
         let part = part.outward_f32();
-        // Rounding must not let it grow again.
+        // Rounding must not make the part larger than the item.
         Some(Item { min: part.min.max(item.min), id: item.id, max: part.max.min(item.max) })
     }
 }
 
-/// As many as fit beside flags in 32 bits.
+/// The largest number of primitives, so that flags fit beside it in 32 bits.
 pub(crate) const MAX_PRIMITIVES: usize = 1 << 30;
 
 /// The box around items.
@@ -167,13 +167,14 @@ pub(crate) fn half_area(b: &Bounds3) -> f64 {
     Bounds3d::from(*b).half_area()
 }
 
-/// The places within the box of a triangle at which a ray can hit it: near its plane. (Not only on
-/// the triangle: the distance of a ray that grazes it may be off by much. See [`super::box_ray`].)
+/// The part of a triangle's box where a ray can hit the triangle: near its plane. (It is not only
+/// the triangle itself, because the distance of a ray that grazes it may be inaccurate; see
+/// [`super::box_ray`].)
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Region {
     normal: DVec3,
     point: DVec3,
-    /// The margin, times the length of the normal.
+    /// The margin times the length of the normal.
     thickness: f64,
 }
 
@@ -184,8 +185,9 @@ impl Region {
         Self { normal, point: a, thickness: normal.length() * margin }
     }
 
-    /// The part of a box that holds all of the region in it: the plane's equation solved for each
-    /// coordinate, with the bounds of the other two. Empty if the plane misses the box.
+    /// A part of a box that contains the region's intersection with it: the plane's equation is
+    /// solved for each coordinate, with the bounds of the other two. Empty if the plane misses the
+    /// box.
     pub fn clipped(&self, b: &Bounds3d) -> Bounds3d {
         let (low, high) = ((b.min - self.point) * self.normal, (b.max - self.point) * self.normal);
         let (low, high) = (low.min(high), low.max(high));
@@ -201,7 +203,7 @@ impl Region {
             let inverse = 1.0 / self.normal[axis];
             let x = (-self.thickness - high[j] - high[k]) * inverse;
             let y = (self.thickness - low[j] - low[k]) * inverse;
-            // NaN, from numbers beyond all reason, does not count.
+            // NaN, which arises from overflow, is ignored.
             part.min[axis] = part.min[axis].max(x.min(y) + self.point[axis]);
             part.max[axis] = part.max[axis].min(x.max(y) + self.point[axis]);
         }

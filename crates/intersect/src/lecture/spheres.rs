@@ -2,9 +2,9 @@
 //! "Sphere has simple/efficient intersection code. Bounding box is generally 'tighter'").
 //!
 //! Sets are divided by the surface area heuristic over bins, with the areas of spheres. The sphere
-//! of a set starts at the centre of its box and moves towards the farthest of its primitives, a
-//! little less each time (Bădoiu and Clarkson, Smaller core-sets for balls, SODA 2003): some
-//! percent larger than the smallest.
+//! of a set is first centred in its box and then moves towards the farthest of its primitives, by a
+//! smaller share each time (Bădoiu and Clarkson, Smaller core-sets for balls, SODA 2003). The
+//! result is a few percent larger than the smallest sphere.
 
 use super::box_ray::BoxRay;
 use super::primitives::{Item, PARALLEL, Primitives, bounds_of};
@@ -12,26 +12,26 @@ use super::{Accelerator, AcceleratorOptions, Later, Size, Visitor, Work, walk_wi
 use crate::search::region::Region;
 use snell_math::{Bounds3, DVec3, Vec3};
 
-/// Primitives in a leaf.
+/// The largest number of primitives in a leaf.
 const LEAF: usize = 4;
 
-/// Steps towards the smallest sphere.
+/// The number of steps towards the smallest sphere.
 const STEPS: usize = 6;
 
-/// Bins per axis.
+/// The number of bins on each axis.
 const BINS: usize = 16;
 
-/// Sets this deep are halved, so that no tree is deeper than some 70 nodes.
+/// The depth from which on sets are halved, so that no tree is deeper than about 70 nodes.
 const MAX_COST_DEPTH: usize = 40;
 
 #[derive(Clone, Copy, Debug)]
 struct Node {
     center: Vec3,
     radius: f32,
-    /// Of an inner node the second child (the first comes right after it); of a leaf the first
-    /// reference.
+    /// For an inner node the index of its second child (the first child follows the node directly),
+    /// for a leaf the index of its first reference.
     at: u32,
-    /// Primitives in a leaf; 0 for an inner node.
+    /// The number of primitives in a leaf; 0 for an inner node.
     count: u32,
 }
 
@@ -43,7 +43,7 @@ struct Spheres {
     front_to_back: bool,
 }
 
-/// Builds it.
+/// Builds the hierarchy of spheres of a group.
 pub(crate) fn build(primitives: &Primitives, options: &AcceleratorOptions) -> Box<dyn Accelerator> {
     let mut items = primitives.items.clone();
     let mut tree = Spheres::default();
@@ -55,7 +55,7 @@ pub(crate) fn build(primitives: &Primitives, options: &AcceleratorOptions) -> Bo
 }
 
 impl Spheres {
-    /// Adds the tree of a set, depth first.
+    /// Adds the subtree of a set, depth first.
     fn add(&mut self, items: &mut [Item], depth: usize) {
         let bounds = bounds_of(items);
         let (center, radius) = sphere(items, &bounds);
@@ -88,7 +88,7 @@ impl Spheres {
         }
     }
 
-    /// Adds a finished tree.
+    /// Adds a finished subtree.
     fn append(&mut self, other: Self) {
         let (nodes, references) = (self.nodes.len() as u32, self.references.len() as u32);
         let moved =
@@ -99,7 +99,7 @@ impl Spheres {
     }
 }
 
-/// A sphere around items: centre and radius, rounded up.
+/// A sphere around items: centre, and radius rounded up.
 fn sphere(items: &[Item], bounds: &Bounds3) -> (Vec3, f32) {
     let mut center = bounds.center();
     let mut best = (center, f64::INFINITY);
@@ -107,8 +107,8 @@ fn sphere(items: &[Item], bounds: &Bounds3) -> (Vec3, f32) {
         let (radius, farthest) = items
             .iter()
             .map(|i| {
-                // The corner farthest from the centre: exactly, because a centre in `f32` may be
-                // the wrong one.
+                // The corner farthest from the centre, chosen in `f64`, because rounding
+                // differences to `f32` may choose a wrong one.
                 let center = center.as_dvec3();
                 let (up, down) = (i.max.as_dvec3() - center, center - i.min.as_dvec3());
                 let corner =
@@ -124,7 +124,7 @@ fn sphere(items: &[Item], bounds: &Bounds3) -> (Vec3, f32) {
     (best.0, ((best.1.sqrt() * (1.0 + 1e-9)) as f32).next_up())
 }
 
-/// Reorders items into two parts and returns the size of the first; both hold at least one.
+/// Reorders items into two parts, each with at least one item. Returns the size of the first part.
 fn split(items: &mut [Item]) -> usize {
     let centers = Bounds3::of(items.iter().map(Item::center));
     let scale = (Vec3::splat(BINS as f32 * 0.9999) / centers.size()).min(Vec3::splat(f32::MAX));
@@ -170,8 +170,9 @@ fn split(items: &mut [Item]) -> usize {
 }
 
 impl Spheres {
-    /// Where the ray is in the sphere of a node, by the distance of the centre from the line;
-    /// `None` if nowhere. NaN, from numbers beyond all reason, never excludes.
+    /// The interval of the ray inside the sphere of a node, from the distance of the centre from
+    /// the line; `None` if the ray misses it. NaN, which arises from overflow, never excludes a
+    /// node.
     #[inline(always)]
     fn span(&self, node: u32, ray: &ThickRay) -> Option<(f64, f64)> {
         let node = &self.nodes[node as usize];
@@ -229,7 +230,7 @@ impl Spheres {
     }
 }
 
-/// A ray as spheres see it.
+/// A ray with a thickness, in the form for sphere tests.
 struct ThickRay {
     origin: DVec3,
     direction: DVec3,
@@ -245,7 +246,7 @@ impl ThickRay {
             origin: DVec3::from_array(ray.origin),
             direction,
             inverse_length_squared: 1.0 / direction.length_squared(),
-            // From the middle of a cube to its corner.
+            // The half diagonal of a cube whose half side is the ray's width.
             width: ray.width * 1.7321,
             t_min: ray.t_min,
         }
@@ -275,7 +276,7 @@ mod tests {
 
     #[test]
     fn the_sphere_of_a_set_holds_it_and_is_tighter_than_that_of_its_box() {
-        // Three far points of a triangle: the sphere around its box is a half larger.
+        // Three distant vertices of a triangle: the sphere around its box is half as large again.
         let at = |p: Vec3, id: u32| Item { min: p, id, max: p };
         let items =
             [at(Vec3::ZERO, 0), at(Vec3::new(1.0, 1.0, 0.0), 1), at(Vec3::new(1.0, 0.0, 1.0), 2)];

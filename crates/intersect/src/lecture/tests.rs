@@ -1,7 +1,7 @@
-//! Every structure gives the hits of `none`, bit for bit: random scenes of mixed shapes, meshes and
-//! nested instances, at all scales, with degenerate and coincident triangles, and rays chosen to be
-//! difficult. `SNELL_TEST_CASES` is the number of scenes (300 by default); with `SNELL_TEST_BVH`
-//! set, the `bvh` is compared too, whose kernels have tests of their own.
+//! Tests that every structure gives the same hits as `none`, bit for bit: random scenes of mixed
+//! shapes, meshes and nested instances, at all scales, with degenerate and coincident triangles,
+//! and rays chosen to be difficult. `SNELL_TEST_CASES` is the number of scenes (300 by default);
+//! with `SNELL_TEST_BVH` set, the `bvh` is compared too, whose kernels have separate tests.
 
 use super::AcceleratorOptions;
 use crate::hit::Hit;
@@ -16,7 +16,7 @@ use snell_math::simd::Level;
 use snell_math::{DAffine3, DMat3, DVec3, Ray, Transform, Vec3};
 use std::sync::Arc;
 
-/// Random numbers in order.
+/// A sequence of pseudo-random numbers.
 struct Random(u32);
 
 impl Random {
@@ -41,7 +41,7 @@ impl Random {
         self.unit() < p
     }
 
-    /// A coordinate in -1..1, often on a lattice, so that many things coincide.
+    /// A coordinate in -1 to 1, often on a lattice, so that many coordinates coincide.
     fn coordinate(&mut self) -> f32 {
         if self.chance(0.5) { (self.below(9) as f32 - 4.0) * 0.25 } else { self.signed() }
     }
@@ -63,7 +63,8 @@ impl Random {
     }
 }
 
-/// Some triangles: large, small, slivers, in planes across axes, degenerate, repeated, not finite.
+/// Triangles of many kinds: large, small, slivers, perpendicular to axes, degenerate, repeated, and
+/// not finite.
 fn soup(random: &mut Random, triangles: usize, scale: f32, center: Vec3) -> TriangleMesh {
     let mut mesh = TriangleMesh::default();
     for i in 0..triangles as u32 {
@@ -90,7 +91,7 @@ fn soup(random: &mut Random, triangles: usize, scale: f32, center: Vec3) -> Tria
     mesh
 }
 
-/// A height field over a lattice: shared edges and vertices, many triangles in one plane.
+/// A height field over a lattice, with shared edges and vertices and many coplanar triangles.
 fn terrain(random: &mut Random, n: u32, scale: f32, center: Vec3) -> TriangleMesh {
     let mut mesh = TriangleMesh::default();
     for y in 0..=n {
@@ -110,7 +111,7 @@ fn terrain(random: &mut Random, n: u32, scale: f32, center: Vec3) -> TriangleMes
     mesh
 }
 
-/// A scene, and points worth aiming at.
+/// A random scene, and points of it at which to aim rays.
 fn scene(seed: u32) -> (WorldBuilder, Vec<Vec3>) {
     let mut random = Random(hash32(seed));
     let mut builder = WorldBuilder::default();
@@ -182,7 +183,7 @@ fn fill(
     }
 }
 
-/// Rays of all kinds between the points.
+/// Rays of all kinds, aimed from and at the points.
 fn rays(seed: u32, points: &[Vec3], n: usize) -> Vec<Ray> {
     let mut random = Random(hash32(seed ^ 0x5eed));
     let size =
@@ -191,8 +192,8 @@ fn rays(seed: u32, points: &[Vec3], n: usize) -> Vec<Ray> {
     for _ in 0..n {
         let (from, to) = (points[random.below(points.len())], points[random.below(points.len())]);
         let mut origin = match random.below(6) {
-            // From a vertex along an edge, a face or anywhere, from a little beside, from outside,
-            // from far outside.
+            // From a vertex along an edge, a face or anywhere, from slightly beside it, from
+            // outside, from far outside.
             0 | 1 => from,
             2 => from + random.point() * size * 1e-6,
             3 | 4 => to + random.point() * size * 3.0,
@@ -249,7 +250,7 @@ fn bits(hit: &Hit) -> [u32; 6] {
     ]
 }
 
-/// Kinds and switches to be compared with `none`.
+/// The structures and options to be compared with `none`.
 fn variants() -> Vec<(AcceleratorKind, AcceleratorOptions)> {
     let plain = AcceleratorOptions::default();
     let mut all = Vec::new();
@@ -271,7 +272,7 @@ fn variants() -> Vec<(AcceleratorKind, AcceleratorOptions)> {
     all
 }
 
-/// Compares all structures on one scene; returns how many rays hit.
+/// Compares all structures on one scene. Returns the number of rays that hit.
 fn compare(seed: u32, count: usize) -> usize {
     let (_, points) = scene(seed);
     let rays = rays(seed, &points, count);

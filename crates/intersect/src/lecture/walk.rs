@@ -1,5 +1,5 @@
-//! The structures of all groups, and the search of one ray through them: the recursion over
-//! instances that every [`Accelerator`] shares.
+//! The structures of all groups, and the search of one ray in them: the recursion over instances
+//! that all [`Accelerator`]s share.
 
 use super::box_ray::BoxRay;
 use super::mailbox::Mailbox;
@@ -23,17 +23,17 @@ pub(crate) struct Structures {
     has_cache: bool,
 }
 
-/// A group, ready to be searched.
+/// A group with its structure.
 #[derive(Debug)]
 struct Group {
     list: GroupList,
     /// For each mesh the number of its first triangle.
     first: Vec<u32>,
-    /// How many triangles there are; shapes and instances are numbered from here.
+    /// The number of triangles; shapes and instances are numbered from here on.
     triangles: u32,
-    /// Always tested.
+    /// The numbers of unbounded primitives, which are always tested.
     unbounded: Vec<u32>,
-    /// The box of what the structure holds.
+    /// The box around the contents of the structure.
     bounds: Bounds3,
     structure: Box<dyn Accelerator>,
 }
@@ -63,7 +63,7 @@ impl Structures {
         Ok(Self { groups: groups?, has_cache: options.last_hit_cache })
     }
 
-    /// What a group holds.
+    /// The contents of a group.
     pub fn list(&self, group: usize) -> &GroupList {
         &self.groups[group].list
     }
@@ -79,7 +79,8 @@ impl Structures {
         self.groups.iter().map(|g| g.structure.size()).fold(Size::default(), add)
     }
 
-    /// Memory for searches, taken from the thread's store. What was hit before is forgotten.
+    /// Memory for searches, taken from the thread's store. The last hits of earlier batches are
+    /// forgotten.
     pub fn scratch(&self) -> Scratch {
         let mut scratch = SCRATCH.take().unwrap_or_default();
         scratch.last_hit.clear();
@@ -89,7 +90,7 @@ impl Structures {
         scratch
     }
 
-    /// Searches from the root.
+    /// Searches for one ray, from the root.
     pub fn search<G: Goal<Precision: TriangleTest>>(
         &self,
         search: &mut Search<'_, G>,
@@ -99,7 +100,7 @@ impl Structures {
         self.search_group(0, &G::Precision::exact(search.ray), 0, search, scratch);
     }
 
-    /// Searches a group and all below it. True if the search is over.
+    /// Searches a group and all groups below it. Returns true if the search is over.
     fn search_group<G: Goal<Precision: TriangleTest>>(
         &self,
         index: usize,
@@ -135,25 +136,25 @@ impl Structures {
     }
 }
 
-/// No primitive.
+/// A number that no primitive has.
 const NOTHING: u32 = u32::MAX;
 
 thread_local! {
-    /// The memory of a thread's searches. Empty during a search.
+    /// The memory for searches of this thread; `None` during a search.
     static SCRATCH: Cell<Option<Scratch>> = const { Cell::new(None) };
 }
 
-/// The memory of a search, used again by the next.
+/// The memory of a search, reused by the next search.
 #[derive(Debug, Default)]
 pub(crate) struct Scratch {
     mailbox: Mailbox,
     stacks: Vec<Vec<Later>>,
-    /// Per group the primitive that was hit last; empty if that is not wanted.
+    /// For each group the primitive that was hit last; empty if the cache is off.
     last_hit: Vec<u32>,
 }
 
 impl Scratch {
-    /// Gives the memory back to the thread.
+    /// Returns the memory to the thread's store.
     pub fn keep(self) {
         SCRATCH.set(Some(self));
     }
@@ -166,23 +167,23 @@ struct GroupVisitor<'a, 's, G: Goal<Precision: TriangleTest>> {
     group: &'a Group,
     local: LocalRay,
     instance: u32,
-    /// The number of the walk if primitives may be met more than once, else 0.
+    /// The number of the traversal if primitives may be visited more than once, otherwise 0.
     walk: u32,
-    /// Primitives that are tested before all others.
+    /// The primitive that is tested before all others.
     cached: u32,
     search: &'a mut Search<'s, G>,
     scratch: &'a mut Scratch,
 }
 
 impl<G: Goal<Precision: TriangleTest>> GroupVisitor<'_, '_, G> {
-    /// True for the first time that the walk meets the primitive.
+    /// True if the traversal visits the primitive for the first time.
     #[inline(always)]
     fn is_new(&mut self, primitive: u32) -> bool {
         primitive != self.cached
             && (self.walk == 0 || self.scratch.mailbox.insert(self.walk, primitive))
     }
 
-    /// Tests a primitive; true if the search is over.
+    /// Tests a primitive. Returns true if the search is over.
     #[inline(always)]
     fn test_one(&mut self, primitive: u32) -> bool {
         let before = self.search.goal.limit();
@@ -194,7 +195,7 @@ impl<G: Goal<Precision: TriangleTest>> GroupVisitor<'_, '_, G> {
             };
             let triangle = primitive - self.group.first[mesh];
             let (geometry, mesh) = &self.group.list.meshes[mesh];
-            // One that can never be hit is in no list, but may be in a range.
+            // A triangle that can never be hit is in no list, but may be in a range.
             let corners = mesh.corners(triangle as usize).map(|p| p.to_array());
             test_triangle(self.search, &self.local, &corners, || {
                 [self.instance, *geometry, triangle]
@@ -227,8 +228,8 @@ impl<G: Goal<Precision: TriangleTest>> GroupVisitor<'_, '_, G> {
 impl<G: Goal<Precision: TriangleTest>> Visitor for GroupVisitor<'_, '_, G> {
     #[inline]
     fn cull(&self) -> f64 {
-        // The second term is for distances so small that rounding them to `f32` moves them by more
-        // than a share of them.
+        // The second term is for distances so small that rounding them to `f32` changes them by
+        // more than the relative padding.
         f64::from(self.search.cull()) + 4.0 * f64::from(f32::from_bits(1))
     }
 

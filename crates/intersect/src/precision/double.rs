@@ -1,9 +1,9 @@
-//! Exact decisions in double precision, on trees in single precision.
+//! Exact decisions in double precision, with trees in single precision.
 //!
-//! The tree of a group is built over a *shadow*: its triangles with vertices moved near the origin,
-//! scaled to about 1 and rounded to `f32` ([`Frame`]). Boxes and the filter of triangles
-//! work on the shadow and allow for the rounding; the triangles that remain, one or two a ray, are
-//! decided on the `f64` vertices.
+//! The tree of a group is built over a *shadow* of its meshes: triangles whose vertices are moved
+//! near the origin, scaled to about 1 and rounded to `f32` ([`Frame`]). Boxes and the filter of
+//! triangles use the shadow and allow for the rounding. The triangles that remain, one or two per
+//! ray, are tested exactly on their `f64` vertices.
 
 use super::frame::Frame;
 use crate::mesh::DTriangleMesh;
@@ -12,18 +12,20 @@ use rayon::prelude::*;
 use snell_math::DVec3;
 use std::sync::Arc;
 
-/// What searches in double precision need besides the trees.
+/// The data that searches in double precision need besides the trees.
 #[derive(Debug, Default)]
 pub(crate) struct DoubleData {
-    /// Per group, how its tree's coordinates follow from its own.
+    /// For each group, the map from its coordinates to those of its tree.
     pub frames: Vec<Frame>,
-    /// Per geometry the corners of its triangles, side by side: most rays want one triangle of each
-    /// leaf they reach, and so wait for memory once. Empty for what is not a mesh.
+    /// For each geometry the corners of its triangles, stored without indices, so that a ray waits
+    /// for memory only once per triangle: most rays test one triangle of each leaf. Empty for a
+    /// geometry that is not a mesh.
     corners: Vec<Arc<[[DVec3; 3]]>>,
 }
 
 impl DoubleData {
-    /// `known` finds groups that already hold the corners of a mesh.
+    /// Collects the corners of meshes. `known` returns earlier data, if any, that already holds the
+    /// corners of the mesh with this number.
     pub fn new<'a>(
         frames: Vec<Frame>,
         meshes: &[Arc<DTriangleMesh>],
@@ -46,19 +48,19 @@ impl DoubleData {
         &self.corners[geometry as usize][triangle as usize]
     }
 
-    /// All corners of a mesh.
+    /// The corners of all triangles of a mesh.
     #[cfg(test)]
     pub fn corners_of(&self, geometry: usize) -> Arc<[[DVec3; 3]]> {
         self.corners[geometry].clone()
     }
 
-    /// Asks for the memory of a triangle.
+    /// Prefetches the corners of a triangle.
     #[inline(always)]
     pub fn fetch(&self, geometry: u32, triangle: u32) {
         fetch(self.corners(geometry, triangle));
     }
 
-    /// Memory of the corners.
+    /// Memory of the corners in bytes.
     pub fn memory_bytes(&self) -> usize {
         self.corners.iter().map(|corners| size_of_val(&**corners)).sum()
     }

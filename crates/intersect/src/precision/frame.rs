@@ -4,25 +4,25 @@ use super::{Double, DoubleData, Facts, Single};
 use crate::mesh::{DTriangleMesh, TriangleMesh};
 use snell_math::{Bounds3d, DRay, DVec3, Vec3};
 
-/// Maps a group's coordinates to those of its tree, which are within -1 to 1:
-/// `(p - center) * scale`. Distances along rays are the same in both.
+/// The map `(p - center) * scale` from a group's coordinates to those of its tree, which are within
+/// -1 to 1. Ray parameters are the same in both.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Frame {
     pub center: DVec3,
-    /// A power of two.
+    /// The scale of the map, a power of two.
     pub scale: f64,
-    /// Bound on the error of a vertex of the rounded mesh, along each axis.
+    /// Bound on the error of each coordinate of a vertex of the rounded mesh.
     pub slack: f32,
 }
 
-/// Bounds on the `f64` rounding error of positions in the tree's coordinates: of a box, and of a
-/// vertex.
+/// A bound on the `f64` rounding error of positions in the tree's coordinates, for boxes and
+/// vertices.
 const DOUBLE_ROUNDING: f64 = 1.0 / (1u64 << 50) as f64;
 
 impl Frame {
     /// The frame of a group whose triangles and finite boxes are within `bounds`.
     pub fn of(bounds: &Bounds3d) -> Self {
-        // Never 0, because rays are rounded when they are transformed.
+        // The slack is never 0, because rays are rounded when they are transformed.
         let frame = Self { center: DVec3::ZERO, scale: 1.0, slack: f32::MIN_POSITIVE };
         if bounds.is_empty() {
             return frame;
@@ -30,33 +30,32 @@ impl Frame {
         let center = bounds.center();
         let radius =
             (bounds.max * 0.5 - bounds.min * 0.5).max_element().clamp(f64::MIN_POSITIVE, f64::MAX);
-        // The power of two that brings the radius to between a half and 1. Not beyond what `f64`
-        // can hold, and nothing smaller than the rounding of the group's own coordinates is made
-        // larger.
+        // The power of two that brings the radius to between a half and 1. It is limited to what
+        // `f64` can represent.
         let exponent = (radius.to_bits() >> 52) as i32 - 1022;
         let scale = 2f64.powi((-exponent).clamp(-1000, 1000));
         Self { center, scale, ..frame }
     }
 
-    /// A point in the tree's coordinates.
+    /// Maps a point to the tree's coordinates.
     #[inline(always)]
     pub fn point(&self, p: DVec3) -> DVec3 {
         (p - self.center) * self.scale
     }
 
-    /// The approximate point of the group for a position in the tree's coordinates.
+    /// Maps a point from the tree's coordinates back to the group's, approximately.
     pub fn point_in_group(&self, p: DVec3) -> DVec3 {
         p / self.scale + self.center
     }
 
-    /// A ray in the tree's coordinates.
+    /// Maps a ray to the tree's coordinates.
     #[inline(always)]
     pub fn ray(&self, ray: &DRay) -> DRay {
         DRay { origin: self.point(ray.origin), direction: ray.direction * self.scale, ..*ray }
     }
 
-    /// A box in the tree's coordinates, padded for rounding; infinite sides and empty boxes stay as
-    /// they are.
+    /// Maps a box to the tree's coordinates, padded for rounding; infinite sides and empty boxes
+    /// stay as they are.
     pub fn bounds(&self, b: &Bounds3d) -> Bounds3d {
         if b.is_empty() {
             return *b;
@@ -66,9 +65,9 @@ impl Frame {
         Bounds3d { min: min - margin(min), max: max + margin(max) }
     }
 
-    /// The rounded copy of a mesh of the group, with the same numbers of triangles. Degenerate
-    /// triangles stay degenerate, and no others become so. The slack grows to the error of the
-    /// vertices.
+    /// The rounded copy of a mesh of the group, with the same number of triangles. Degenerate
+    /// triangles stay degenerate, and all others stay non-degenerate. The slack grows to the
+    /// largest error of a vertex.
     pub fn shadow(&mut self, mesh: &DTriangleMesh) -> TriangleMesh {
         let shadow_point = |p: &DVec3| self.point(*p).as_vec3();
         let mut positions: Vec<Vec3> = mesh.positions.iter().map(shadow_point).collect();
@@ -96,18 +95,19 @@ impl Frame {
     }
 }
 
-/// Transforms rays and points of a precision into the coordinates of trees, and back.
+/// Maps rays and points of a precision to the coordinates of trees, and back.
 pub(crate) trait Frames: Facts {
-    /// A ray of a group in the coordinates that the structures of the group are in.
+    /// Maps a ray of a group to the coordinates of the group's structures.
     fn ray_in_structure(data: &Self::Data, group: usize, ray: &DRay) -> DRay;
 
-    /// A point of a group in the coordinates that the structures of the group are in.
+    /// Maps a point of a group to the coordinates of the group's structures.
     fn point_in_structure(data: &Self::Data, group: usize, point: DVec3) -> DVec3;
 
-    /// The approximate inverse for points.
+    /// Maps a point from the coordinates of a group's structures back to the group's,
+    /// approximately.
     fn point_in_group(data: &Self::Data, group: usize, point: DVec3) -> DVec3;
 
-    /// Bound on the error of vertices in the structures of a group.
+    /// Bound on the error of each coordinate of a vertex in the structures of a group.
     fn slack(data: &Self::Data, group: usize) -> f32;
 }
 
@@ -155,7 +155,7 @@ impl Frames for Double {
     }
 }
 
-/// Moves rounded corners apart until all three differ; true if it had to.
+/// Moves rounded corners until all three differ. Returns true if any was moved.
 fn separate([a, b, c]: &mut [Vec3; 3]) -> bool {
     let mut moved = false;
     if a == b {

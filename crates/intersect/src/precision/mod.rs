@@ -3,7 +3,7 @@
 //!
 //! Trees, boxes and kernels are the same for both, in `f32`, since boxes and filters only cull. Two
 //! things differ: the transformation of a ray into the coordinates of a tree, and the exact test of
-//! a triangle. Each module that does so has a small trait for it.
+//! a triangle. Each module that depends on them has a small trait for it.
 
 mod double;
 pub(crate) mod frame;
@@ -21,23 +21,23 @@ use std::fmt::Debug;
 pub trait Precision:
     sealed::Sealed + Copy + Debug + Default + PartialEq + Send + Sync + 'static
 {
-    /// Rays of the world.
+    /// The type of rays.
     type Ray: Copy + Debug + Sync;
-    /// The hits that queries return.
+    /// The type of the hits that queries return.
     type Hit: Copy + Debug + Default + PartialEq + Send + Sync;
-    /// The points of point queries.
+    /// The type of points in point queries.
     type Point: Copy + Debug + PartialEq + Into<DVec3> + Send + Sync;
-    /// The distances of point queries.
+    /// The type of distances in point queries.
     type Distance: Copy + Debug + PartialEq + Into<f64> + Send + Sync;
-    /// The results of nearest-point queries.
+    /// The type of results of nearest-point queries.
     type Nearest: Copy + Debug + Default + PartialEq + Send + Sync;
 }
 
-/// `f32`: [`Ray`] and [`Hit`].
+/// Single precision, `f32`: [`Ray`] and [`Hit`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Single;
 
-/// `f64`: [`DRay`] and [`DHit`].
+/// Double precision, `f64`: [`DRay`] and [`DHit`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Double;
 
@@ -63,33 +63,34 @@ mod sealed {
     impl Sealed for crate::precision::Double {}
 }
 
-/// The facts of a precision, as searches use them.
+/// The operations of a precision that searches need.
 pub(crate) trait Facts: Precision {
-    /// Distances.
+    /// The type of distances.
     type Real: Real;
 
     /// The data that searches need besides the trees.
     type Data: Sync;
 
-    /// A miss.
+    /// The hit that stands for a miss.
     const MISS: Self::Hit;
 
     /// The start and end of a ray's interval.
     fn interval(ray: &Self::Ray) -> [Self::Real; 2];
 
-    /// True if the ray can hit anything.
+    /// True if the ray is valid, so that it can hit anything.
     fn is_valid(ray: &Self::Ray) -> bool;
 
     /// The ray in `f64`.
     fn exact(ray: &Self::Ray) -> DRay;
 
-    /// The approximate origin of the ray.
+    /// The origin of the ray, rounded.
     fn origin(ray: &Self::Ray) -> Vec3;
 
-    /// A hit: distance (rounded), parameters, and instance, geometry and primitive.
+    /// Makes a hit from its distance (which is rounded), parameters, and instance, geometry and
+    /// primitive.
     fn hit(t: f64, uv: Vec2, ids: [u32; 3]) -> Self::Hit;
 
-    /// As [`Self::hit`], of what [`Self::exact_hits`] has found.
+    /// Makes a hit from distance, parameters and ids that are already in this precision.
     fn found(t: Self::Real, uv: [Self::Real; 2], ids: [u32; 3]) -> Self::Hit;
 
     /// The distance of a hit.
@@ -98,7 +99,7 @@ pub(crate) trait Facts: Precision {
     /// Instance, geometry and primitive of a hit.
     fn ids(hit: &Self::Hit) -> [u32; 3];
 
-    /// The key that breaks ties between hits at equal distance: the ids, then the bits of the
+    /// The key that breaks ties between hits at equal distance: first the ids, then the bits of the
     /// parameters.
     fn rank(hit: &Self::Hit) -> [u64; 5];
 
@@ -106,7 +107,7 @@ pub(crate) trait Facts: Precision {
     /// ([`crate::geometry::quads`]).
     fn quad_hit(hit: &Self::Hit) -> Self::Hit;
 
-    /// True if a hit is reported rather than the other: it is nearer, or has at equal distance the
+    /// True if `hit` is reported rather than `other`: it is nearer, or at equal distance it has the
     /// lower (instance, geometry, primitive).
     #[inline(always)]
     fn is_before(hit: &Self::Hit, other: &Self::Hit) -> bool {
@@ -142,7 +143,7 @@ impl Facts for Single {
 
     #[inline(always)]
     fn hit(t: f64, uv: Vec2, [instance, geometry, primitive]: [u32; 3]) -> Hit {
-        // Never minus zero.
+        // Adding 0 turns -0 into +0.
         Hit { t: t as f32 + 0.0, uv, instance, geometry, primitive }
     }
 

@@ -1,23 +1,23 @@
-//! Distances in either precision.
+//! Distances in single or double precision.
 
 use std::cmp::Ordering;
 use std::fmt::Debug;
 
 /// A distance: `f32` or `f64`.
 pub(crate) trait Real: Copy + Debug + PartialOrd + Into<f64> {
-    /// Zero.
+    /// The number 0.
     const ZERO: Self;
 
     /// The next greater number.
     fn next_up(self) -> Self;
 
-    /// The order of all numbers, NaN included.
+    /// The total order of all numbers, NaN included.
     fn compare(self, other: Self) -> Ordering;
 
-    /// The largest `f32` that is not greater.
+    /// The largest `f32` that is not greater than the number.
     fn below(self) -> f32;
 
-    /// The smallest `f32` that is not less.
+    /// The smallest `f32` that is not less than the number.
     fn above(self) -> f32;
 }
 

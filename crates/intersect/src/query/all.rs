@@ -1,9 +1,9 @@
-//! All hits of a ray: how many there are, and which.
+//! Queries for all hits of a ray, or for their number.
 //!
 //! A structure may hold a triangle several times (because of spatial splits), so a hit may be
-//! reported several times, in any order. It counts once: for triangles the same (instance,
-//! geometry, primitive) at the same `t` and `uv` is the same hit. Shapes are held once, and two of
-//! the hits on one may well be equal in single precision.
+//! reported several times, in any order. It counts once: two reports for a triangle with the same
+//! (instance, geometry, primitive), `t` and `uv` are one hit. A shape is held once, and two
+//! different hits on it may be equal in single precision.
 
 #[cfg(test)]
 mod tests;
@@ -22,8 +22,9 @@ pub struct AllHits<P: Precision = Single> {
     /// The index in `hits` of each ray's first hit, followed by the number of hits: one entry more
     /// than there are rays.
     pub ray_splits: Vec<usize>,
-    /// The hits, ray after ray. Those of a ray ascend by `t`, at equal `t` by instance, geometry
-    /// and primitive; those of one primitive other than a quad are in their order along the ray.
+    /// The hits, ray after ray. Those of a ray are sorted by `t`, at equal `t` by instance,
+    /// geometry and primitive; hits on one primitive other than a quad keep their order along the
+    /// ray.
     pub hits: Vec<P::Hit>,
 }
 
@@ -31,7 +32,7 @@ impl<P: Precision> AllHits<P> {
     /// The hits of one ray.
     ///
     /// # Panics
-    /// If there is no such ray.
+    /// If the ray number is out of range.
     pub fn of_ray(&self, ray: usize) -> &[P::Hit] {
         &self.hits[self.ray_splits[ray]..self.ray_splits[ray + 1]]
     }
@@ -41,7 +42,7 @@ impl<P: Precision> AllHits<P> {
         self.ray_splits.len().saturating_sub(1)
     }
 
-    /// Appends the hits of another batch.
+    /// The results of several batches, one after the other.
     pub(super) fn concatenated(batches: Vec<Self>) -> Self {
         let mut all = Self {
             ray_splits: vec![0],
@@ -57,7 +58,7 @@ impl<P: Precision> AllHits<P> {
 }
 
 /// The sort key of hits. Hits on one primitive of a set are reported in their order along the ray,
-/// and keep it where their rounded `t` are equal: the first is also the closest hit.
+/// and keep it where their rounded `t` are equal, so that the first one is also the closest hit.
 fn key<P: Facts>(hit: &P::Hit, geometries: &[Geometry]) -> Key<P> {
     let [instance, geometry, primitive, u, v] = P::rank(hit);
     let [u, v] = if is_mesh(geometries, P::ids(hit)[1]) { [u, v] } else { [0; 2] };
@@ -69,18 +70,20 @@ fn is_mesh(geometries: &[Geometry], geometry: u32) -> bool {
 }
 
 impl World {
-    /// Every hit of each ray, in order; none for invalid rays. Their number is unlimited.
+    /// Every hit of each ray, in order along the ray; none for invalid rays. The number of hits is
+    /// unlimited.
     pub fn all<'a>(&self, rays: impl Into<Rays<'a>>, filter: &dyn HitFilter) -> AllHits {
         let rays = rays.into();
         self.searcher(filter).with_cancel(rays.cancel()).all(rays)
     }
 
-    /// Every hit of one ray, ascending by `t`, equal ones by instance, geometry and primitive.
+    /// Every hit of one ray in ascending order of `t`, at equal `t` of instance, geometry and
+    /// primitive.
     pub fn all_one<'a>(&self, ray: impl Into<RayQuery<'a>>, filter: &dyn HitFilter) -> Vec<Hit> {
         self.searcher(filter).all_one(ray.into())
     }
 
-    /// How many hits each ray has, without keeping them; 0 for invalid rays.
+    /// The number of hits of each ray, found without storing them; 0 for invalid rays.
     ///
     /// # Panics
     /// If the slices differ in length.
@@ -99,7 +102,7 @@ impl World {
 }
 
 impl<P: Kernels> Searcher<'_, P> {
-    /// [`World::all`].
+    /// Every hit of each ray; the search behind [`World::all`].
     pub fn search_hits(&self, rays: Rays<P>) -> AllHits<P> {
         let mut rows = vec![Vec::new(); rays.len()];
         self.search_all(rays, Grouping::None, All::new, |i, goal| {
@@ -117,14 +120,14 @@ impl<P: Kernels> Searcher<'_, P> {
         all
     }
 
-    /// [`World::all_one`].
+    /// Every hit of one ray; the search behind [`World::all_one`].
     pub fn search_hits_of(&self, ray: RayQuery<P>) -> Vec<P::Hit> {
         let mut hits = self.search(ray, All::new).hits;
         self.sort_and_deduplicate(&mut hits);
         hits
     }
 
-    /// Sorts hits and keeps each of them once.
+    /// Sorts hits and removes repeated reports of one hit.
     fn sort_and_deduplicate(&self, hits: &mut Vec<P::Hit>) {
         let geometries = &self.world.geometries;
         let key = |hit: &P::Hit| key::<P>(hit, geometries);
@@ -132,7 +135,7 @@ impl<P: Kernels> Searcher<'_, P> {
         hits.dedup_by(|a, b| key(a) == key(b) && is_mesh(geometries, P::ids(a)[1]));
     }
 
-    /// [`World::count`].
+    /// The number of hits of each ray; the search behind [`World::count`].
     pub fn search_counts(&self, rays: Rays<P>, counts: &mut [u32]) {
         if self.world.may_repeat() {
             self.count_distinct(rays, BUFFER, counts);
@@ -141,7 +144,7 @@ impl<P: Kernels> Searcher<'_, P> {
         }
     }
 
-    /// As [`Self::count`] for structures that may offer a hit several times.
+    /// The number of hits of each ray, for structures that may report a hit several times.
     fn count_distinct(&self, rays: Rays<P>, buffer: usize, counts: &mut [u32]) {
         let start = |ray: &P::Ray| Distinct::<P>::new(ray, &self.world.geometries, buffer);
         self.search_all(rays, Grouping::None, start, |i, mut goal| {
@@ -157,7 +160,7 @@ impl<P: Kernels> Searcher<'_, P> {
     }
 }
 
-/// The number of hits, if each is reported once.
+/// A goal that counts hits, for structures that report each hit once.
 #[derive(Clone, Copy, Debug)]
 struct Tally<P: Facts> {
     limit: P::Real,
@@ -191,11 +194,11 @@ impl<P: Facts> Goal for Tally<P> {
     }
 }
 
-/// The order of hits.
+/// The key by which hits are sorted.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Key<P: Facts> {
     t: P::Real,
-    /// [`Facts::rank`].
+    /// The result of [`Facts::rank`].
     rank: [u64; 5],
 }
 
@@ -205,17 +208,17 @@ impl<P: Facts> Key<P> {
     }
 }
 
-/// The number of hits that the buffer holds.
+/// The largest number of hits in the buffer.
 const BUFFER: usize = 4096;
 
-/// Counts different hits in fixed memory. The buffer holds the first ones; if there are more,
-/// another search continues `after` the last of these.
+/// A goal that counts different hits in fixed memory. The buffer holds the first hits along the
+/// ray; if there are more, another search continues `after` the last hit of the buffer.
 #[derive(Clone, Debug)]
 struct Distinct<'a, P: Facts> {
     geometries: &'a [Geometry],
     limit: P::Real,
     after: Option<Key<P>>,
-    /// Hits behind this one were dropped.
+    /// If some hits were dropped, the last hit that was kept.
     until: Option<Key<P>>,
     found: Vec<Key<P>>,
     buffer: usize,
@@ -233,11 +236,12 @@ impl<'a, P: Facts> Distinct<'a, P> {
         }
     }
 
-    /// Makes room, if necessary by dropping the farther half.
+    /// Removes duplicates, and if that does not free half the buffer, drops the hits farther along
+    /// the ray.
     fn compact(&mut self) {
         self.sort_and_deduplicate();
         if self.found.len() > self.buffer / 2 {
-            // Equal hits on a shape stay together.
+            // Hits on a shape with equal keys are dropped or kept together.
             let last = self.found[self.buffer / 2 - 1];
             self.found.truncate(self.found.partition_point(|key| key.compare(&last).is_le()));
             self.until = Some(last);
@@ -250,7 +254,7 @@ impl<'a, P: Facts> Distinct<'a, P> {
         self.found.dedup_by(|a, b| a == b && is_mesh(geometries, a.rank[1] as u32));
     }
 
-    /// The number of hits in the buffer, and the last of them if there are more.
+    /// The number of hits in the buffer, and the last of them if any were dropped.
     fn finish(mut self) -> (u32, Option<Key<P>>) {
         self.sort_and_deduplicate();
         (self.found.len() as u32, self.until)

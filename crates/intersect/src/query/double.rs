@@ -9,7 +9,7 @@ use crate::search::{Context, Grouping, HitFilter, TraversalCounters};
 use crate::world::double::DWorld;
 
 impl DWorld {
-    /// As [`crate::World::closest`].
+    /// Finds the nearest hit of each ray; see [`crate::World::closest`].
     ///
     /// # Panics
     /// If the slices differ in length.
@@ -24,7 +24,7 @@ impl DWorld {
         self.searcher(filter).with_cancel(rays.cancel()).closest(rays, grouping, hits);
     }
 
-    /// As [`crate::World::occluded`].
+    /// For each ray, whether anything lies in its interval; see [`crate::World::occluded`].
     ///
     /// # Panics
     /// If the slices differ in length.
@@ -39,7 +39,7 @@ impl DWorld {
         self.searcher(filter).with_cancel(rays.cancel()).occluded(rays, grouping, blocked);
     }
 
-    /// As [`crate::World::closest_one`].
+    /// The nearest hit of one ray; see [`crate::World::closest_one`].
     pub fn closest_one<'a>(
         &self,
         ray: impl Into<RayQuery<'a, Double>>,
@@ -48,7 +48,7 @@ impl DWorld {
         self.searcher(filter).closest_one(ray.into())
     }
 
-    /// As [`crate::World::occluded_one`].
+    /// True if anything lies in the interval of one ray; see [`crate::World::occluded_one`].
     pub fn occluded_one<'a>(
         &self,
         ray: impl Into<RayQuery<'a, Double>>,
@@ -57,7 +57,7 @@ impl DWorld {
         self.searcher(filter).occluded_one(ray.into())
     }
 
-    /// As [`crate::World::all`].
+    /// Every hit of each ray; see [`crate::World::all`].
     pub fn all<'a>(
         &self,
         rays: impl Into<Rays<'a, Double>>,
@@ -67,7 +67,7 @@ impl DWorld {
         self.searcher(filter).with_cancel(rays.cancel()).all(rays)
     }
 
-    /// As [`crate::World::all_one`].
+    /// Every hit of one ray; see [`crate::World::all_one`].
     pub fn all_one<'a>(
         &self,
         ray: impl Into<RayQuery<'a, Double>>,
@@ -76,7 +76,7 @@ impl DWorld {
         self.searcher(filter).all_one(ray.into())
     }
 
-    /// As [`crate::World::count`].
+    /// The number of hits of each ray; see [`crate::World::count`].
     ///
     /// # Panics
     /// If the slices differ in length.
@@ -90,7 +90,8 @@ impl DWorld {
         self.searcher(filter).with_cancel(rays.cancel()).count(rays, counts);
     }
 
-    /// As [`crate::World::closest_counted`].
+    /// The nearest hit of one ray, and counters of the traversal; see
+    /// [`crate::World::closest_counted`].
     pub fn closest_counted<'a>(
         &self,
         ray: impl Into<RayQuery<'a, Double>>,

@@ -1,5 +1,5 @@
-//! Ray queries over batches, the main queries of a [`World`]. Results depend only on each ray,
-//! never on its neighbours.
+//! Ray queries over batches, the main queries of a [`World`]. The result of a ray depends only on
+//! that ray, never on other rays of the batch.
 
 pub mod all;
 mod double;
@@ -18,7 +18,7 @@ use crate::world::World;
 use searcher::Searcher;
 
 impl World {
-    /// The nearest hit of each ray, [`Hit::MISS`] where there is none or the ray is invalid
+    /// The nearest hit of each ray. The result is [`Hit::MISS`] for a ray that misses or is invalid
     /// ([`snell_math::Ray::is_valid`]).
     ///
     /// # Panics

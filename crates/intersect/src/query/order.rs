@@ -2,7 +2,7 @@
 //! other, because they visit the same parts of the tree.
 //!
 //! Rays are sorted by the Morton code of their origin's cell, by a counting sort, unless they are
-//! in such an order already. Each ray is still traced independently, so the results are the same.
+//! already in such an order. Each ray is still traced independently, so the results are the same.
 
 use crate::morton;
 use crate::precision::Facts;
@@ -10,22 +10,23 @@ use crate::search::rays::Rays;
 use snell_math::Vec3;
 use std::ops::Range;
 
-/// The smallest batch that is worth sorting.
+/// The smallest number of rays that is worth sorting.
 const MIN_RAYS: usize = 1 << 14;
 
-/// The largest number of rays sorted at a time: the rays and results of more do not fit the caches.
+/// The largest number of rays sorted at a time; more rays and their results would not fit the
+/// caches.
 const MAX_RAYS: usize = 1 << 16;
 
 /// Bits of a cell's coordinate on each axis.
 const CELL_BITS: u32 = 5;
 
-/// The number of cells. (Few enough for their counters to fit the second-level cache.)
+/// The number of cells, few enough that their counters fit the second-level cache.
 const CELLS: usize = 1 << (3 * CELL_BITS);
 
-/// The number of pairs of consecutive rays that are sampled to see whether rays are in order.
+/// The number of pairs of consecutive rays that are sampled to find out whether rays are in order.
 const SAMPLES: usize = 256;
 
-/// One of this many origins is sampled to estimate their extent.
+/// One origin of this many is sampled to estimate the extent of all origins.
 const STEP: usize = 61;
 
 /// Consecutive origins are close together if their distance is within this fraction of the extent
@@ -35,18 +36,18 @@ const CLOSE: f32 = 1.0 / 16.0;
 /// Sorts a batch part by part.
 pub(crate) struct Sorter {
     rays: usize,
-    /// Rays of a part.
+    /// The number of rays in a part.
     size: usize,
     sorts: bool,
     /// The cell of each ray.
     cells: Vec<u16>,
-    /// For each cell the number of its rays, then the position of its next ray.
+    /// For each cell first the number of its rays, then the position of its next ray in the order.
     places: Vec<u32>,
     order: Vec<u32>,
 }
 
 impl Sorter {
-    /// A sorter for a batch of this many rays; it sorts if `sorts` is set and the batch is large
+    /// A sorter for a batch of this many rays. It sorts if `sorts` is true and the batch is large
     /// enough.
     pub fn new(rays: usize, sorts: bool) -> Self {
         let sorts = sorts && rays >= MIN_RAYS;
@@ -61,13 +62,13 @@ impl Sorter {
         }
     }
 
-    /// The parts, of equal size.
+    /// The ranges of the parts, of equal size except the last.
     pub fn parts(&self) -> impl Iterator<Item = Range<usize>> + use<> {
         let (rays, size) = (self.rays, self.size);
         (0..rays).step_by(size).map(move |first| first..(first + size).min(rays))
     }
 
-    /// The number of rays to take at a time; the argument where they are not sorted.
+    /// The number of rays to process at a time: a part if rays are sorted, otherwise `unsorted`.
     pub fn at_once(&self, unsorted: usize) -> usize {
         if self.sorts { self.size } else { unsorted }
     }
@@ -77,7 +78,8 @@ impl Sorter {
         self.order_of::<P>(rays.rays().iter())
     }
 
-    /// The same for a subset of the rays, as indices into it.
+    /// The order in which to trace a subset of the rays, as indices into the subset; empty if it
+    /// need not change.
     pub fn order_of<'r, P: Facts>(
         &mut self,
         rays: impl ExactSizeIterator<Item = &'r P::Ray> + Clone,
@@ -114,7 +116,8 @@ impl Sorter {
     }
 }
 
-/// Approximate bounds of all origins, from one in [`STEP`]. (Origins outside of them are clamped.)
+/// Approximate bounds of all origins, from every [`STEP`]-th one. (Origins outside of the bounds
+/// are clamped to them.)
 fn extent_of(origins: impl Iterator<Item = Vec3>) -> (Vec3, Vec3) {
     origins
         .step_by(STEP)
@@ -122,7 +125,7 @@ fn extent_of(origins: impl Iterator<Item = Vec3>) -> (Vec3, Vec3) {
         .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), o| (low.min(o), high.max(o)))
 }
 
-/// True if most rays start close to the previous one.
+/// True if most origins are close to the previous one.
 fn is_in_order(origins: impl ExactSizeIterator<Item = Vec3> + Clone, extent: Vec3) -> bool {
     let step = (origins.len() / SAMPLES).max(1);
     let pairs = origins.clone().zip(origins.skip(1)).step_by(step);
@@ -144,10 +147,10 @@ impl Grid {
         Self { low, scale: Vec3::splat(Self::LAST) / (high - low) }
     }
 
-    /// The Morton code of a point's cell; any code in range if the point is not finite.
+    /// The Morton code of a point's cell; an arbitrary valid code if the point is not finite.
     #[inline(always)]
     fn cell(&self, point: Vec3) -> u16 {
-        // (Rounds by adding a constant and taking the low bits, which needs no range checks.)
+        // Rounds by adding a constant and taking the low bits, which needs no range checks.
         const TO_WHOLE: f32 = (1 << 23) as f32;
         let at = ((point - self.low) * self.scale).max(Vec3::ZERO).min(Vec3::splat(Self::LAST))
             + TO_WHOLE;
@@ -156,7 +159,7 @@ impl Grid {
     }
 }
 
-/// The coordinate along one axis, spread for a Morton code.
+/// Table that spreads the bits of a coordinate along one axis for a Morton code.
 static SPREAD: [u32; 1 << CELL_BITS] = morton::spread();
 
 #[cfg(test)]

@@ -1,8 +1,8 @@
-//! The queries over batches by all threads of the current rayon pool.
+//! Queries over batches on all threads of the current rayon pool.
 //!
 //! A batch is divided into pieces, whose size is a multiple of the run length of [`Grouping`], and
 //! each piece is an ordinary query, so results are the same for any number of threads and any size
-//! of pieces. (Callers that run many batches in tasks of their own use the [`World`] directly.)
+//! of pieces. (Callers that run many batches in separate tasks use the [`World`] directly.)
 
 #[cfg(test)]
 mod tests;
@@ -19,19 +19,19 @@ use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Runs of coherent rays have this length or divide it.
+/// A multiple of the run length of coherent rays.
 const RUN: usize = 64;
 
-/// Limits of the number of rays of a piece, which is an eighth of a thread's share so that all
-/// threads end at about the same time. Large pieces of incoherent rays can be sorted.
+/// Limits of the number of rays in a piece. A piece is an eighth of a thread's share, so that all
+/// threads finish at about the same time. Large pieces of incoherent rays can be sorted.
 const MIN_PIECE: usize = 4096;
 const MAX_PIECE: usize = 65536;
 
-/// The largest number of rays of a piece if the query can be cancelled: about 20 milliseconds in
-/// large worlds.
+/// The largest number of rays in a piece if the query can be cancelled: about 20 milliseconds of
+/// work in large worlds.
 const MAX_PIECE_TO_CANCEL: usize = 16384;
 
-/// The query was cancelled by its flag. Its results are only partly written.
+/// The error of a query that was cancelled by its flag. Its results are only partly written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("the query was cancelled")]
 pub struct Cancelled;
@@ -45,21 +45,21 @@ pub struct Parallel<'a, W = World> {
 }
 
 impl World {
-    /// The same queries as the world's own, by all threads of the current rayon pool. Results are
-    /// the same, bit for bit.
+    /// The queries of this world on all threads of the current rayon pool. Results are the same,
+    /// bit for bit.
     pub fn parallel(&self) -> Parallel<'_> {
         Parallel { world: self, piece: None, cancel: None }
     }
 }
 
 impl DWorld {
-    /// As [`World::parallel`].
+    /// The queries of this world on all threads of the current rayon pool; see [`World::parallel`].
     pub fn parallel(&self) -> Parallel<'_, Self> {
         Parallel { world: self, piece: None, cancel: None }
     }
 }
 
-/// The precision of a world, and the types of its results.
+/// The precision of a world; the types of its rays and results follow.
 type Of<W> = <W as Queries>::Precision;
 type HitOf<W> = <Of<W> as Precision>::Hit;
 type PointOf<W> = <Of<W> as Precision>::Point;
@@ -73,13 +73,13 @@ impl<'a, W: Queries> Parallel<'a, W> {
         Self { cancel: Some(cancel), ..self }
     }
 
-    /// Sets the number of rays of a piece, rounded up to a multiple of 64. By default it follows
+    /// Sets the number of rays in a piece, rounded up to a multiple of 64. By default it follows
     /// from the size of the batch.
     pub fn with_piece(self, rays: usize) -> Self {
         Self { piece: rays.max(1).checked_next_multiple_of(RUN), ..self }
     }
 
-    /// As [`World::closest`].
+    /// Finds the nearest hit of each ray; see [`World::closest`].
     ///
     /// # Errors
     /// If the flag was set.
@@ -99,7 +99,7 @@ impl<'a, W: Queries> Parallel<'a, W> {
         })
     }
 
-    /// As [`World::occluded`].
+    /// For each ray, whether anything lies in its interval; see [`World::occluded`].
     ///
     /// # Errors
     /// If the flag was set.
@@ -119,7 +119,7 @@ impl<'a, W: Queries> Parallel<'a, W> {
         })
     }
 
-    /// As [`World::count`].
+    /// The number of hits of each ray; see [`World::count`].
     ///
     /// # Errors
     /// If the flag was set.
@@ -138,7 +138,7 @@ impl<'a, W: Queries> Parallel<'a, W> {
         })
     }
 
-    /// As [`World::all`].
+    /// Every hit of each ray; see [`World::all`].
     ///
     /// # Errors
     /// If the flag was set.
@@ -157,7 +157,7 @@ impl<'a, W: Queries> Parallel<'a, W> {
         Ok(AllHits::concatenated(pieces.collect::<Result<_, _>>()?))
     }
 
-    /// As [`World::nearest_point`].
+    /// The nearest surface point to each point; see [`World::nearest_point`].
     ///
     /// # Errors
     /// If the flag was set.
@@ -175,7 +175,8 @@ impl<'a, W: Queries> Parallel<'a, W> {
         })
     }
 
-    /// As [`World::signed_distance`].
+    /// The distance of each point to the nearest surface, negative inside; see
+    /// [`World::signed_distance`].
     ///
     /// # Errors
     /// If the flag was set.
@@ -193,7 +194,7 @@ impl<'a, W: Queries> Parallel<'a, W> {
         })
     }
 
-    /// As [`World::winding_number`].
+    /// The winding number around each point; see [`World::winding_number`].
     ///
     /// # Errors
     /// If the flag was set.
@@ -210,7 +211,7 @@ impl<'a, W: Queries> Parallel<'a, W> {
         })
     }
 
-    /// As [`World::occupancy`].
+    /// For each point, whether it is inside; see [`World::occupancy`].
     ///
     /// # Errors
     /// If the flag was set.
@@ -223,19 +224,19 @@ impl<'a, W: Queries> Parallel<'a, W> {
         })
     }
 
-    /// The rays, with the flag.
+    /// The rays, with this query's flag set.
     fn cancellable<'r>(&'r self, rays: Rays<'r, Of<W>>) -> Rays<'r, Of<W>> {
         self.cancel.map_or(rays, |flag| rays.with_cancel(flag))
     }
 
-    /// Rays of a piece of a batch.
+    /// The number of rays in a piece of a batch of `rays`.
     fn piece(&self, rays: usize) -> usize {
         let most = if self.cancel.is_some() { MAX_PIECE_TO_CANCEL } else { MAX_PIECE };
         let share = rays / (8 * rayon::current_num_threads());
         self.piece.unwrap_or_else(|| share.next_multiple_of(RUN).clamp(MIN_PIECE, most))
     }
 
-    /// Calls `query` for each piece of the results, with its range.
+    /// Calls `query` for each piece of the results, with the range of the piece.
     fn write<T: Send>(
         &self,
         count: usize,
@@ -249,7 +250,7 @@ impl<'a, W: Queries> Parallel<'a, W> {
             query(i * piece..i * piece + answers.len(), answers);
             Ok(())
         })?;
-        // The last pieces may have been cancelled.
+        // The flag may have been set during the last pieces.
         self.check()
     }
 

@@ -10,18 +10,18 @@ use crate::world::{BuildStats, World};
 
 macro_rules! queries {
     ($(
-        #[doc = $doc:literal]
+        $(#[doc = $doc:literal])+
         fn $name:ident(&self, $($argument:ident: $type:ty),+) $(-> $answer:ty)?;
     )+) => {
-        /// The queries of a [`World`] or a [`DWorld`], by the names they have there.
+        /// The queries of a [`World`] or a [`DWorld`], under the same names.
         pub trait Queries: Sync {
             /// The precision of coordinates, rays and results.
             type Precision: Precision;
 
-            /// As [`World::stats`].
+            /// Statistics of the build; see [`World::stats`].
             fn stats(&self) -> &BuildStats;
 
-            $(#[doc = $doc]
+            $($(#[doc = $doc])+
             fn $name(&self, $($argument: $type),+) $(-> $answer)?;)+
         }
 
@@ -51,7 +51,7 @@ macro_rules! queries {
     };
 }
 
-/// Rays, hits, points and distances of a world.
+/// The type of a batch of rays of a world; the types of hits, points and distances follow.
 type RaysOf<'a, W> = Rays<'a, <W as Queries>::Precision>;
 type PointsOf<'a, W> = Points<'a, <W as Queries>::Precision>;
 type FilterOf<'a, W> = &'a dyn HitFilter<<W as Queries>::Precision>;
@@ -61,7 +61,7 @@ type NearestOf<W> = <<W as Queries>::Precision as Precision>::Nearest;
 type DistanceOf<W> = <<W as Queries>::Precision as Precision>::Distance;
 
 queries! {
-    /// As [`World::closest`].
+    /// The nearest hit of each ray; see [`World::closest`].
     fn closest(
         &self,
         rays: RaysOf<'_, Self>,
@@ -69,7 +69,7 @@ queries! {
         filter: FilterOf<'_, Self>,
         hits: &mut [HitOf<Self>]
     );
-    /// As [`World::occluded`].
+    /// For each ray, whether anything lies in its interval; see [`World::occluded`].
     fn occluded(
         &self,
         rays: RaysOf<'_, Self>,
@@ -77,16 +77,17 @@ queries! {
         filter: FilterOf<'_, Self>,
         blocked: &mut [bool]
     );
-    /// As [`World::count`].
+    /// The number of hits of each ray; see [`World::count`].
     fn count(&self, rays: RaysOf<'_, Self>, filter: FilterOf<'_, Self>, counts: &mut [u32]);
-    /// As [`World::all`].
+    /// Every hit of each ray; see [`World::all`].
     fn all(&self, rays: RaysOf<'_, Self>, filter: FilterOf<'_, Self>) -> AllHits<Self::Precision>;
-    /// As [`World::nearest_point`].
+    /// The nearest surface point to each point; see [`World::nearest_point`].
     fn nearest_point(&self, points: PointsOf<'_, Self>, nearest: &mut [NearestOf<Self>]);
-    /// As [`World::signed_distance`].
+    /// The distance from each point to the nearest surface, negative inside; see
+    /// [`World::signed_distance`].
     fn signed_distance(&self, points: PointsOf<'_, Self>, distances: &mut [DistanceOf<Self>]);
-    /// As [`World::winding_number`].
+    /// The winding number around each point; see [`World::winding_number`].
     fn winding_number(&self, points: &[PointOf<Self>], numbers: &mut [f64]);
-    /// As [`World::occupancy`].
+    /// For each point, whether it is inside; see [`World::occupancy`].
     fn occupancy(&self, points: &[PointOf<Self>], inside: &mut [bool]);
 }

@@ -1,4 +1,4 @@
-//! The searches behind the queries of a world.
+//! The searches that the queries of a world call.
 
 use super::all::AllHits;
 use super::order;
@@ -20,12 +20,12 @@ use std::sync::atomic::AtomicBool;
 type HitOf<P> = <P as Precision>::Hit;
 
 /// The number of unsorted rays that are tested against outliers before the remaining ones traverse
-/// the tree: as many as fit the caches.
+/// the tree. Their data fit the caches.
 const RAYS_AT_ONCE: usize = 1 << 12;
 
-/// What a search needs, independent of its goal.
+/// Everything that a search needs independently of its goal.
 pub(crate) struct Searcher<'a, P: Facts = Single> {
-    /// The structure, and which geometries are meshes, without their contents.
+    /// The world whose structure is searched. In double precision its meshes are empty stand-ins.
     pub world: &'a World,
     pub context: Context<'a, P>,
 }
@@ -130,7 +130,7 @@ impl Searcher<'_> {
 }
 
 impl<'a, P: Facts> Searcher<'a, P> {
-    /// The same, ended by a flag.
+    /// Sets the flag that ends the searches early.
     #[inline]
     pub fn with_cancel(mut self, cancel: Option<&'a AtomicBool>) -> Self {
         self.context.cancel = cancel;
@@ -139,8 +139,8 @@ impl<'a, P: Facts> Searcher<'a, P> {
 }
 
 impl<P: Kernels> Searcher<'_, P> {
-    /// Searches for all rays of a batch; `finish` gets the number of a ray and what was found, in
-    /// no particular order.
+    /// Searches for all rays of a batch; `finish` is called with the number of each ray and its
+    /// goal, in no particular order.
     pub fn search_all<G: Goal<Precision = P>>(
         &self,
         rays: Rays<P>,
@@ -151,9 +151,9 @@ impl<P: Kernels> Searcher<'_, P> {
         self.search_into(rays, grouping, start, finish);
     }
 
-    /// Searches for all rays of a batch, each for itself, with the kernels that suit the structure
-    /// and the grouping. Lists and packets are for who wants one hit; for others they are not even
-    /// compiled.
+    /// Searches for all rays of a batch independently, with the kernels that suit the structure and
+    /// the grouping. Lists and packets are only for goals that want one hit; for others their
+    /// kernels are not compiled.
     pub fn search_into<G: Goal<Precision = P>>(
         &self,
         rays: Rays<P>,
@@ -174,8 +174,8 @@ impl<P: Kernels> Searcher<'_, P> {
         }
     }
 
-    /// [`Self::search_into`] by the list of the world, or by that of its outliers and the tree of
-    /// the rest. Returns how many of the rays are done.
+    /// Performs [`Self::search_into`] with the list of the world, or with the list of its outliers
+    /// and the tree of the remaining triangles. Returns the number of rays that are done.
     fn search_lists<G: Goal<Precision = P>>(
         &self,
         forest: &Forest,
@@ -214,7 +214,7 @@ impl<P: Kernels> Searcher<'_, P> {
         first
     }
 
-    /// [`Self::search_into`] by the structure.
+    /// Performs [`Self::search_into`] with the structure of the world.
     fn search_tree<G: Goal<Precision = P>>(
         &self,
         rays: Rays<P>,
@@ -300,7 +300,7 @@ impl<P: Kernels> Searcher<'_, P> {
     }
 }
 
-/// Searches a structure that is not the fast one. Rays that are not valid find nothing.
+/// Searches a structure other than the 8-wide tree. Invalid rays find nothing.
 #[inline(never)]
 fn search_other<G: Goal>(structure: &Structure, search: &mut Search<'_, G>) {
     if !G::Precision::is_valid(search.ray) {

@@ -9,21 +9,22 @@ use crate::search::{Closest, Counted, Goal, HitFilter, HitOf, RealOf, TraversalC
 use crate::world::{Structure, World};
 use snell_math::DAffine3;
 
-/// The largest number of steps that are recorded. An effective structure needs a few hundred.
+/// The largest number of steps that are recorded. A good structure needs a few hundred per ray.
 const MAX_STEPS: usize = 10_000;
 
 /// One node or cell that a search visited.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TraceStep {
-    /// The node or cell.
+    /// The region of the node or cell, in world space.
     pub region: Region,
-    /// True if it holds primitives and not other nodes.
+    /// True if the node or cell holds primitives rather than other nodes.
     pub is_leaf: bool,
-    /// Its instancing depth.
+    /// The number of instances entered on the way to it; 0 in the root group.
     pub level: u32,
-    /// Primitives tested here.
+    /// The number of primitives tested at this step.
     pub tested: u32,
-    /// Distance of the nearest hit that was found here, if it is nearer than all before.
+    /// Ray parameter of the nearest hit found at this step; `None` unless it is nearer than all
+    /// earlier hits.
     pub found: Option<f32>,
 }
 
@@ -32,16 +33,17 @@ pub struct TraceStep {
 pub struct TraversalTrace {
     /// The steps, in order.
     pub steps: Vec<TraceStep>,
-    /// The number of further steps, which are not listed.
+    /// The number of further steps beyond the largest number that is recorded.
     pub left_out: u64,
-    /// The hit.
+    /// The nearest hit.
     pub hit: Hit,
     /// Counters of the traversal.
     pub counters: TraversalCounters,
 }
 
 impl World {
-    /// Traces how the nearest hit of one ray is found. The hit is that of [`World::closest_one`].
+    /// Traces how the nearest hit of one ray is found. The hit equals the result of
+    /// [`World::closest_one`].
     pub fn trace<'a>(
         &self,
         ray: impl Into<RayQuery<'a>>,
@@ -52,7 +54,7 @@ impl World {
 
     fn trace_of(&self, ray: RayQuery, filter: &dyn HitFilter) -> TraversalTrace {
         let whole = match &self.structure {
-            // There is no node, and everything is tested.
+            // Without a structure there is no node: everything is tested in the world's bounds.
             Structure::None(_) => Some(self.bounds()),
             _ => None,
         };
@@ -69,12 +71,12 @@ impl World {
     }
 }
 
-/// A goal: the nearest hit, and the steps of its search.
+/// A goal that finds the nearest hit and records the steps of the search.
 struct Recorded {
     goal: Counted<Closest<Single>>,
     steps: Vec<TraceStep>,
     left_out: u64,
-    /// The maps from the current instances to the world.
+    /// The maps to the world from the instances that the search is in, innermost last.
     maps: Vec<DAffine3>,
 }
 
@@ -145,7 +147,7 @@ mod tests {
     use snell_math::{DVec3, Ray, Transform, Vec3, rng};
     use std::sync::Arc;
 
-    /// Balls in a group that is instanced, moved, beside a few of the root's own.
+    /// Balls in a group that is instanced with a translation, and a few more in the root.
     fn world(accelerator: AcceleratorKind) -> World {
         let mut builder = WorldBuilder::default();
         let placed =
@@ -165,7 +167,8 @@ mod tests {
         builder.build(&BuildOptions { accelerator, ..BuildOptions::default() }).expect("a world")
     }
 
-    /// True if a ray passes a region that has an inside, or passes it nearly.
+    /// True if a ray passes through a region of a kind that has an inside, to within a small
+    /// tolerance.
     fn passes(region: &Region, ray: &Ray) -> bool {
         let inverse =
             snell_math::DMat3::from_cols(region.axes[0], region.axes[1], region.axes[2]).inverse();
@@ -211,7 +214,7 @@ mod tests {
                     .find(|s| s.found.is_some())
                     .expect("it was found somewhere");
                 assert_eq!(last.found, Some(trace.hit.t), "{kind:?} {i}");
-                // Shapes of the `bvh` belong to the node that leads to them.
+                // In the `bvh`, shapes belong to the node whose child they are.
                 assert!(last.is_leaf || kind == AcceleratorKind::Bvh, "{kind:?} {i}: {last:?}");
                 assert!(passes(&last.region, &ray), "{kind:?} {i}: {last:?}");
             }

@@ -1,12 +1,12 @@
-//! The destination of the results of a batch.
+//! Destinations for the results of a batch.
 
 use super::{Any, Closest, Goal};
 use crate::precision::Facts;
 use crate::prefetch::fetch;
 
-/// Receives the result of each ray, by its number. Closures implement it.
+/// Receives the result of each ray, by the number of the ray. Closures implement this trait.
 pub(crate) trait Answers<G> {
-    /// Receives the result of a ray.
+    /// Receives the result of the ray with this number.
     fn put(&mut self, number: usize, goal: G);
 
     /// Called some time before a ray's result is written, if rays are not traced in order, to
@@ -46,7 +46,7 @@ impl<P: Facts> Answered for Any<P> {
     }
 }
 
-/// A slice of results, starting with that of ray number 0.
+/// A slice of results, whose first element is the result of ray 0.
 pub(crate) struct Slice<'a, T>(pub &'a mut [T]);
 
 impl<G: Answered> Answers<G> for Slice<'_, G::Answer> {
@@ -61,7 +61,7 @@ impl<G: Answered> Answers<G> for Slice<'_, G::Answer> {
     }
 }
 
-/// Results of a part of a batch, numbered from its first ray.
+/// Results of a part of a batch, in which ray 0 is the ray `first` of the whole batch.
 pub(crate) struct Part<'a, A> {
     pub answers: &'a mut A,
     pub first: usize,

@@ -1,29 +1,29 @@
-//! What searches cost.
+//! Counters of the work of searches.
 
-/// What one ray cost.
+/// Counters of the work for one ray.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct TraversalCounters {
     /// Nodes of acceleration structures whose boxes were tested.
     pub nodes_visited: u32,
     /// Triangles and shapes tested.
     pub primitives_tested: u32,
-    /// Cells of grids, and leaves of trees that divide space, that were gone through.
+    /// Cells of grids, and leaves of trees that divide space, that the ray passed through.
     pub cells_stepped: u32,
 }
 
-/// What a batch of rays cost: [`TraversalCounters`], summed.
+/// Counters of the work for a batch of rays: sums of [`TraversalCounters`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct TraversalWork {
-    /// See [`TraversalCounters::nodes_visited`].
+    /// The sum of [`TraversalCounters::nodes_visited`].
     pub nodes_visited: u64,
-    /// See [`TraversalCounters::primitives_tested`].
+    /// The sum of [`TraversalCounters::primitives_tested`].
     pub primitives_tested: u64,
-    /// See [`TraversalCounters::cells_stepped`].
+    /// The sum of [`TraversalCounters::cells_stepped`].
     pub cells_stepped: u64,
 }
 
 impl TraversalWork {
-    /// Adds the work of a ray.
+    /// Adds the counters of one ray.
     pub(crate) fn add(&mut self, ray: &TraversalCounters) {
         self.nodes_visited += u64::from(ray.nodes_visited);
         self.primitives_tested += u64::from(ray.primitives_tested);

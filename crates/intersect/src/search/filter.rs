@@ -2,28 +2,28 @@
 
 use crate::precision::{Precision, Single};
 
-/// The coherence of the rays of a batch. The kernel follows from this and from the kind of query,
-/// never from the other rays of the batch, so a ray's result never depends on its neighbours.
+/// The coherence of the rays of a batch. This and the kind of query determine the kernel; the other
+/// rays of the batch do not, so a ray's result never depends on its neighbours.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Grouping {
-    /// Incoherent rays.
+    /// Rays without coherence.
     #[default]
     None,
     /// Coherent rays: those of each run of 16, counted from the start of the batch (the last may be
     /// shorter), have a common origin or target, and similar directions. Examples are the samples
-    /// of a pixel or of 4x4 pixels seen by a pinhole, and the shadow rays from them to a point
-    /// light. Runs that are not coherent are traced like incoherent rays.
+    /// of a pixel or of 4x4 pixels seen by a pinhole camera, and the shadow rays from these to a
+    /// point light. Runs that are not coherent are traced like incoherent rays.
     Coherent,
 }
 
 /// Decides about hits on geometries marked by [`crate::WorldBuilder::set_filtered`] (cut-out and
-/// blended surfaces). Must be a pure function of its arguments.
+/// blended surfaces). Implementations must be pure functions of their arguments.
 pub trait HitFilter<P: Precision = Single>: Sync {
-    /// False if the ray passes through at this hit. `ray` is in world space; its `t_max` is
-    /// unspecified.
+    /// Returns false if the ray passes through the surface at this hit. `ray` is in world space;
+    /// its `t_max` is unspecified.
     fn accept(&self, ray: &P::Ray, hit: &P::Hit) -> bool;
 
-    /// The same for a ray with a time from 0 to 1. By default it ignores the time and calls
+    /// [`Self::accept`] for a ray with a time from 0 to 1. By default it ignores the time and calls
     /// [`Self::accept`].
     fn accept_at(&self, ray: &P::Ray, time: f32, hit: &P::Hit) -> bool {
         let _ = time;
@@ -48,7 +48,7 @@ pub struct GeometryOptions {
     pub mask: u32,
     /// True if the query's [`crate::HitFilter`] may reject hits.
     pub filtered: bool,
-    /// True if its triangles are halves of quads.
+    /// True if the triangles of the geometry are halves of quads.
     pub(crate) quads: bool,
 }
 

@@ -16,7 +16,7 @@ use crate::search::region::Region;
 use snell_math::DAffine3;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Rays, hits and distances of the world that a goal is about.
+/// The type of rays in the precision of a goal; the types of hits, data and reals follow.
 pub(crate) type RayOf<G> = <<G as Goal>::Precision as Precision>::Ray;
 pub(crate) type HitOf<G> = <<G as Goal>::Precision as Precision>::Hit;
 pub(crate) type DataOf<G> = <<G as Goal>::Precision as Facts>::Data;
@@ -24,7 +24,7 @@ pub(crate) type RealOf<G> = <<G as Goal>::Precision as Facts>::Real;
 
 /// The goal of a query: the nearest hit, any hit, or all hits of a ray.
 pub(crate) trait Goal {
-    /// Of the world that is searched.
+    /// The precision of the world that is searched.
     type Precision: Facts;
     /// True if hits reduce the limit of the search.
     const NARROWS: bool;
@@ -32,7 +32,7 @@ pub(crate) trait Goal {
     const WANTS_ONE: bool = false;
     /// True if any hit will do, so that [`Self::take`] ignores its data.
     const ANY: bool = false;
-    /// True if it records regions and instances.
+    /// True if the goal records regions and instances.
     const RECORDS: bool = false;
 
     /// The limit: hits at a greater `t` do not count.
@@ -41,13 +41,13 @@ pub(crate) trait Goal {
     /// True if this hit would be taken.
     fn wants(&self, hit: &HitOf<Self>) -> bool;
 
-    /// True if this hit was reported before; later ones on the same primitive may still count.
+    /// True if this hit was reported before; later hits on the same primitive may still count.
     #[inline(always)]
     fn is_past(&self, _hit: &HitOf<Self>) -> bool {
         false
     }
 
-    /// Takes a hit; true if the search is over.
+    /// Takes a hit. Returns true if the search is over.
     fn take(&mut self, hit: HitOf<Self>) -> bool;
 
     /// Called for every node whose boxes are tested.
@@ -78,13 +78,13 @@ pub(crate) trait Goal {
 /// The outcome of a reported hit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Verdict {
-    /// Taken, and nothing more is needed.
+    /// The hit was taken, and nothing more is needed.
     Finished,
-    /// Taken; the search goes on.
+    /// The hit was taken, and the search goes on.
     Taken,
-    /// Beyond the limit.
+    /// The hit is beyond the limit.
     Behind,
-    /// Rejected: a later hit on the same primitive may count.
+    /// The hit was rejected, but a later hit on the same primitive may count.
     Rejected,
 }
 
@@ -92,16 +92,17 @@ pub(crate) enum Verdict {
 pub(crate) struct Context<'a, P: Facts> {
     /// The filter that may reject hits.
     pub filter: &'a dyn HitFilter<P>,
-    /// Per geometry: its mask, and whether the filter is asked.
+    /// For each geometry its mask, and whether hits on it are filtered.
     pub options: &'a [GeometryOptions],
-    /// Data that the precision needs.
+    /// Data that only one precision needs, such as meshes in double precision.
     pub data: &'a P::Data,
     /// Ends all searches early when it is set.
     pub cancel: Option<&'a AtomicBool>,
 }
 
 impl<P: Facts> Context<'_, P> {
-    /// True if the query was cancelled. Called where a search may take long: at every instance.
+    /// True if the query was cancelled. Called at every instance, because a search through many may
+    /// take long.
     #[inline(always)]
     pub fn is_cancelled(&self) -> bool {
         self.cancel.is_some_and(|flag| flag.load(Ordering::Relaxed))
@@ -112,7 +113,7 @@ impl<P: Facts> Context<'_, P> {
 pub(crate) struct Search<'a, G: Goal> {
     /// The ray in world space.
     pub ray: &'a RayOf<G>,
-    /// Where its interval starts, or a little before.
+    /// The start of the ray's interval, rounded down to `f32`.
     pub start: f32,
     /// The mask of the ray: [`RayQuery::mask`].
     pub mask: u32,
@@ -142,14 +143,14 @@ impl<'a, G: Goal> Search<'a, G> {
         }
     }
 
-    /// Where the interval of the ray starts.
+    /// The start of the ray's interval.
     #[inline(always)]
     pub fn t_min(&self) -> RealOf<G> {
         G::Precision::interval(self.ray)[0]
     }
 
-    /// The padded limit: boxes that start beyond it can be skipped. Equal distances are never
-    /// beyond it, because the lower number wins there.
+    /// The padded limit: boxes that start beyond it can be skipped. A hit at a distance equal to
+    /// the limit is never beyond it, because it wins if its numbers are lower.
     #[inline(always)]
     pub fn cull(&self) -> f32 {
         padded(self.goal.limit().above())
@@ -158,7 +159,7 @@ impl<'a, G: Goal> Search<'a, G> {
     /// Reports a hit. The filter is called last, so a rejected hit has no effect.
     #[inline(always)]
     pub fn offer(&mut self, hit: HitOf<G>) -> Verdict {
-        // The open interval holds after rounding too.
+        // The interval is open, also after rounding.
         if G::Precision::t(&hit) <= self.t_min() || self.goal.is_past(&hit) {
             return Verdict::Rejected;
         }
@@ -176,12 +177,13 @@ impl<'a, G: Goal> Search<'a, G> {
     }
 }
 
-/// The nearest hit; the lowest (instance, geometry, primitive) among equally near ones.
+/// The goal of finding the nearest hit. Among equally near hits, the hit with the lowest (instance,
+/// geometry, primitive) counts.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Closest<P: Facts> {
-    /// A miss as long as nothing is found.
+    /// The nearest hit so far; a miss as long as nothing is found.
     best: P::Hit,
-    /// Its distance, or the end of the ray.
+    /// Distance of the nearest hit so far, or the end of the ray's interval.
     limit: P::Real,
 }
 
@@ -209,7 +211,7 @@ impl<P: Facts> Goal for Closest<P> {
 
     #[inline(always)]
     fn wants(&self, hit: &P::Hit) -> bool {
-        // Misses are before nothing, also at infinity.
+        // A hit at infinity is not before a miss, so misses are recognised by their ids.
         let is_found = || P::ids(&self.best) != P::ids(&P::MISS);
         P::t(hit) < self.limit
             || (P::t(hit) == self.limit && is_found() && P::is_before(hit, &self.best))
@@ -223,11 +225,11 @@ impl<P: Facts> Goal for Closest<P> {
     }
 }
 
-/// Whether there is any hit.
+/// The goal of finding out whether there is any hit.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Any<P: Facts> {
     limit: P::Real,
-    /// The answer.
+    /// True if a hit was found.
     pub found: bool,
 }
 
@@ -261,11 +263,11 @@ impl<P: Facts> Goal for Any<P> {
     }
 }
 
-/// Every hit, unsorted.
+/// The goal of collecting every hit, unsorted.
 #[derive(Clone, Debug)]
 pub(crate) struct All<P: Facts> {
     limit: P::Real,
-    /// The answer.
+    /// The hits found so far.
     pub hits: Vec<P::Hit>,
 }
 
@@ -293,12 +295,12 @@ impl<P: Facts> Goal for All<P> {
     }
 }
 
-/// A goal that also counts traversal steps.
+/// A goal that also counts the steps of the traversal.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Counted<G> {
-    /// What is wanted.
+    /// The goal whose traversal is counted.
     pub goal: G,
-    /// The work.
+    /// The counters so far.
     pub counters: TraversalCounters,
 }
 
@@ -342,11 +344,12 @@ impl<G: Goal> Goal for Counted<G> {
     }
 }
 
-/// Relative padding of the culling distance: more than a hit can be off along the ray from the box
-/// of the part of its triangle that the ray hits ([`crate::exact::triangle::PLACE_TOLERANCE`]).
+/// Relative padding of the culling distance. It exceeds the largest error along the ray between a
+/// hit and the box of the part of its triangle that the ray hits
+/// ([`crate::exact::triangle::PLACE_TOLERANCE`]).
 pub(crate) const CULL_PADDING: f32 = 1.0e-4;
 
-/// A bound on distances, padded by [`CULL_PADDING`].
+/// An upper bound on distances, padded by [`CULL_PADDING`].
 #[inline(always)]
 pub(crate) fn padded(t: f32) -> f32 {
     t + t.abs() * CULL_PADDING

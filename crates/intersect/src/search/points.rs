@@ -3,28 +3,30 @@
 use crate::precision::{Double, Precision, Single};
 use snell_math::{DVec3, Vec3};
 
-/// A batch of points. A slice of points converts into it: all geometries, any distance.
+/// A batch of points. A slice of points converts into a batch without a distance limit and with all
+/// mask bits set.
 #[derive(Clone, Copy, Debug)]
 pub struct Points<'a, P: Precision = Single> {
     /// The points, in world space.
     pub points: &'a [P::Point],
     /// The largest distance at which surfaces are found, inclusive.
     pub max_distance: P::Distance,
-    /// The same for each point, or empty. The smaller of the two applies.
+    /// A largest distance for each point, or empty. The smaller one of this and `max_distance`
+    /// applies.
     pub max_distances: &'a [P::Distance],
     /// Only geometries and instances whose mask has a bit in common with this one count.
     pub mask: u32,
 }
 
 impl<'a> Points<'a> {
-    /// Points without limits.
+    /// Points without distance limits.
     pub fn new(points: &'a [Vec3]) -> Self {
         Self { points, max_distance: f32::INFINITY, max_distances: &[], mask: u32::MAX }
     }
 }
 
 impl<'a> Points<'a, Double> {
-    /// Points without limits, in double precision.
+    /// Points without distance limits, in double precision.
     pub fn of_doubles(points: &'a [DVec3]) -> Self {
         Self { points, max_distance: f64::INFINITY, max_distances: &[], mask: u32::MAX }
     }
@@ -36,12 +38,12 @@ impl<P: Precision> Points<'_, P> {
         self.points.len()
     }
 
-    /// True if there are none.
+    /// True if the batch has no points.
     pub fn is_empty(&self) -> bool {
         self.points.is_empty()
     }
 
-    /// The points numbered `range`.
+    /// The points of a range of indices, with their limits.
     pub fn slice(&self, range: std::ops::Range<usize>) -> Self {
         let max_distances = if self.max_distances.is_empty() {
             self.max_distances

@@ -4,15 +4,16 @@ use crate::precision::{Double, Precision, Single};
 use snell_math::{DRay, Ray, Vec3};
 use std::sync::atomic::AtomicBool;
 
-/// One ray with its mask and time. A `&Ray` converts into it: all geometries, time 0.
+/// One ray with its mask and time. A `&Ray` converts into a query with all mask bits set and time
+/// 0.
 #[derive(Clone, Copy, Debug)]
 pub struct RayQuery<'a, P: Precision = Single> {
-    /// In world space.
+    /// The ray, in world space.
     pub ray: &'a P::Ray,
     /// The ray hits a geometry or enters an instance only if their masks have a bit in common with
     /// this one.
     pub mask: u32,
-    /// From 0 (start of the motion) to 1 (its end). Only moving geometry depends on it.
+    /// Time from 0 (start of the motion) to 1 (its end). Only moving geometry depends on it.
     pub time: f32,
 }
 
@@ -30,71 +31,71 @@ impl<'a> From<&'a DRay> for RayQuery<'a, Double> {
     }
 }
 
-/// The time of a ray as searches use it: from 0 to 1, 0 if it is not a number.
+/// The time of a ray as searches use it: clamped to 0 to 1, and 0 for NaN.
 #[inline(always)]
 pub(crate) fn clamped_time(time: f32) -> f32 {
     if time.is_nan() { 0.0 } else { time.clamp(0.0, 1.0) }
 }
 
-/// A batch of rays. A slice of rays converts into it: all geometries, time 0.
+/// A batch of rays. A slice of rays converts into a batch with all mask bits set and time 0.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Rays<'a, P: Precision = Single> {
     rays: &'a [P::Ray],
-    /// Empty, or one per ray.
+    /// Masks, one per ray, or empty.
     masks: &'a [u32],
-    /// Empty, or one per ray.
+    /// Times, one per ray, or empty.
     times: &'a [f32],
     /// Ends the search early when it is set.
     cancel: Option<&'a AtomicBool>,
 }
 
 impl<'a, P: Precision> Rays<'a, P> {
-    /// The rays, for all geometries and at time 0.
+    /// A batch with all mask bits set and time 0.
     pub fn new(rays: &'a [P::Ray]) -> Self {
         Self { rays, masks: &[], times: &[], cancel: None }
     }
 
-    /// With a mask per ray ([`RayQuery::mask`]).
+    /// Sets a mask for each ray ([`RayQuery::mask`]).
     ///
     /// # Panics
-    /// If their number is not that of the rays.
+    /// If there are not as many masks as rays.
     pub fn with_masks(self, masks: &'a [u32]) -> Self {
         assert_eq!(masks.len(), self.rays.len(), "one mask per ray");
         Self { masks, ..self }
     }
 
-    /// With a time per ray ([`RayQuery::time`]); what is not in 0 to 1 is clamped, NaN counts as 0.
+    /// Sets a time for each ray ([`RayQuery::time`]). Times are clamped to 0 to 1; NaN counts as 0.
     ///
     /// # Panics
-    /// If their number is not that of the rays.
+    /// If there are not as many times as rays.
     pub fn with_times(self, times: &'a [f32]) -> Self {
         assert_eq!(times.len(), self.rays.len(), "one time per ray");
         Self { times, ..self }
     }
 
-    /// With a flag that is looked at all the time, also while one ray is searched for: soon after
-    /// it is set the query ends, and its answers are of no use.
+    /// Sets a flag that ends the query soon after it becomes true. The search reads the flag often,
+    /// also within one ray. The results of a query that was ended this way are meaningless.
     pub fn with_cancel(self, cancel: &'a AtomicBool) -> Self {
         Self { cancel: Some(cancel), ..self }
     }
 
-    /// The flag, if there is one.
+    /// The flag that ends the query, if one is set.
     pub(crate) fn cancel(&self) -> Option<&'a AtomicBool> {
         self.cancel
     }
 
-    /// How many rays there are.
+    /// The number of rays.
     #[inline(always)]
     pub fn len(&self) -> usize {
         self.rays.len()
     }
 
-    /// True without rays.
+    /// True if the batch has no rays.
     pub fn is_empty(&self) -> bool {
         self.rays.is_empty()
     }
 
-    /// The rays alone.
+    /// The rays without their masks and times.
     pub fn rays(&self) -> &'a [P::Ray] {
         self.rays
     }
@@ -104,7 +105,7 @@ impl<'a, P: Precision> Rays<'a, P> {
         !self.masks.is_empty()
     }
 
-    /// One of the rays.
+    /// The ray with this index, its mask and its time.
     ///
     /// # Panics
     /// If the index is out of range.
@@ -115,7 +116,7 @@ impl<'a, P: Precision> Rays<'a, P> {
         RayQuery { ray: &self.rays[index], mask, time }
     }
 
-    /// What all rays of a part have in their masks.
+    /// The mask bits that all rays of a part have in common.
     ///
     /// # Panics
     /// If the range reaches beyond the batch.
@@ -128,10 +129,10 @@ impl<'a, P: Precision> Rays<'a, P> {
         }
     }
 
-    /// A part of the batch.
+    /// A part of the batch, with its masks and times.
     ///
     /// # Panics
-    /// If the range reaches beyond it.
+    /// If the range reaches beyond the batch.
     pub fn slice(&self, range: std::ops::Range<usize>) -> Self {
         let masks = if self.masks.is_empty() { self.masks } else { &self.masks[range.clone()] };
         let times = if self.times.is_empty() { self.times } else { &self.times[range.clone()] };
@@ -139,7 +140,8 @@ impl<'a, P: Precision> Rays<'a, P> {
     }
 }
 
-/// Why rays of a batch hit nothing; each is counted once, under the first that holds.
+/// Numbers of rays of a batch that are invalid and hit nothing. Each ray is counted once, in the
+/// first field that applies.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct InvalidRays {
     /// A coordinate of the origin or direction is infinite or NaN.
@@ -151,14 +153,15 @@ pub struct InvalidRays {
 }
 
 impl InvalidRays {
-    /// All of them.
+    /// The number of all invalid rays.
     pub fn total(&self) -> usize {
         self.not_finite + self.without_direction + self.empty_interval
     }
 }
 
 impl Rays<'_> {
-    /// Counts the rays that every query answers with a miss without looking ([`Ray::is_valid`]).
+    /// Counts the invalid rays, which every query reports as misses without a search
+    /// ([`Ray::is_valid`]).
     pub fn count_invalid(&self) -> InvalidRays {
         let mut counts = InvalidRays::default();
         for ray in self.rays.iter().filter(|ray| !ray.is_valid()) {

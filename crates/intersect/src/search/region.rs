@@ -5,24 +5,24 @@ use snell_math::{Bounds3, Bounds3d, DAffine3, DVec3};
 /// The form of a [`Region`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RegionKind {
-    /// `center` plus from -1 to 1 times each of the axes.
+    /// A parallelepiped: `center` plus each of the axes times a number from -1 to 1.
     Box,
-    /// The centre, and the axes times all that has length 1.
+    /// An ellipsoid: `center` plus the axes times the coordinates of any vector of length up to 1.
     Ball,
-    /// A piece of a plane: `center` plus from -1 to 1 times the first two axes.
+    /// A piece of a plane: `center` plus each of the first two axes times a number from -1 to 1.
     Plane,
-    /// A piece of the ray itself: `center` plus from -1 to 1 times the first axis.
+    /// A piece of the ray itself: `center` plus the first axis times a number from -1 to 1.
     Stretch,
 }
 
 /// A region that a search visited, in world space.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Region {
-    /// Its form.
+    /// The form of the region.
     pub kind: RegionKind,
-    /// Its middle.
+    /// The middle of the region.
     pub center: DVec3,
-    /// From the middle to its sides.
+    /// Vectors from the middle to the sides.
     pub axes: [DVec3; 3],
 }
 

@@ -37,9 +37,9 @@ const UV_AXES: [[DVec3; 2]; 6] = [
 
 /// The nearest hit, face by face (lecture: "ray-box intersection": find the intersection with the
 /// plane of each side, check that it is inside the rectangle, return the least `t`). All six sides
-/// are tested, not only those that face the ray, which would lose every ray that starts inside. By
-/// rounding, a ray exactly through an edge may slip between two faces; [`intersect_slabs`] is
-/// tight.
+/// are tested, because testing only those that face the ray would lose every ray that starts
+/// inside. By rounding, a ray exactly through an edge may slip between two faces;
+/// [`intersect_slabs`] is watertight.
 pub fn intersect_faces(shape: &BoxShape, ray: &DRay) -> Option<ShapeHit> {
     let hit_face = |face: usize| {
         let axis = face / 2;
@@ -53,8 +53,8 @@ pub fn intersect_faces(shape: &BoxShape, ray: &DRay) -> Option<ShapeHit> {
 }
 
 /// The nearest hit by slabs: the ray is inside the box where it is between all three pairs of
-/// planes (Kay and Kajiya, Ray tracing complex scenes, 1986). A ray that starts inside finds its
-/// exit.
+/// planes (Kay and Kajiya, Ray tracing complex scenes, 1986). For a ray that starts inside, the hit
+/// is its exit.
 pub fn intersect_slabs(shape: &BoxShape, ray: &DRay) -> Option<ShapeHit> {
     crossings(ray, |o, d| shape.span(o, d), |_| true)[0]
 }
@@ -72,7 +72,7 @@ impl BoxShape {
         .to_vec()
     }
 
-    /// The common part of three slabs, for numbers that are finite.
+    /// The intersection of the three slabs along a line, for finite numbers.
     fn span(&self, o: DVec3, d: DVec3) -> Option<Span> {
         let (mut enter, mut exit, mut faces) = (f64::NEG_INFINITY, f64::INFINITY, [0, 1]);
         for i in 0..3 {
@@ -83,7 +83,7 @@ impl BoxShape {
                 }
                 continue;
             }
-            // Divisions, as in `slab`.
+            // Divisions for the same reason as in [`slab`]: their signs and order are exact.
             let (at_low, at_high, lower) =
                 ((low - o[i]) / d[i], (high - o[i]) / d[i], 2 * i as u32);
             let is_forward = d[i] > 0.0;
@@ -98,7 +98,7 @@ impl BoxShape {
         Span::new(enter, exit, faces)
     }
 
-    /// The two halves of a face.
+    /// The two triangles of a face.
     fn face_triangles(&self, face: u32) -> [[DVec3; 3]; 2] {
         let axis = face as usize / 2;
         let corner = |x: bool, y: bool| {
@@ -166,13 +166,13 @@ impl Shape for BoxShape {
     fn surface(&self, position: DVec3, face: u32) -> ShapeSurface {
         let (p, normal) = self.normal(position, face);
         let size = self.max - self.min;
-        // From 0 at the side the axis comes from to 1 at the side it points to.
+        // From 0 at the side where the axis starts to 1 at the side to which it points.
         let along = |axis: DVec3| {
             let from = if axis.element_sum() > 0.0 { p - self.min } else { self.max - p };
             let extent = axis.abs().dot(size);
             if extent > 0.0 { axis.abs().dot(from) / extent } else { 0.0 }
         };
-        // A box may be flat.
+        // The box may be flat, and then the axis itself is the tangent.
         let tangent =
             |axis: DVec3| if (axis * size).abs().max_element() > 0.0 { axis * size } else { axis };
         let [u, v] = UV_AXES[face.min(5) as usize];

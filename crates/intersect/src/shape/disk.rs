@@ -40,9 +40,9 @@ impl Disk {
     }
 }
 
-/// Where on a ring, in its plane: the point moved onto the ring, `uv`, and the derivatives of the
-/// point by `uv`. At the centre direction +x stands for all, and the derivative by `u` is any
-/// tangent.
+/// Returns the point of the ring nearest to `p` (in the plane of the ring), its `uv`, and the
+/// derivatives of the point by `u` and by `v`. At the centre the direction is taken as +x, and the
+/// derivative by `u` is an arbitrary tangent.
 pub(super) fn polar(p: DVec2, radius: f64, inner_radius: f64) -> (DVec2, DVec2, DVec2, DVec2) {
     let (along, rho) = on_ring_at(p, radius, inner_radius);
     let width = radius - inner_radius;
@@ -50,12 +50,13 @@ pub(super) fn polar(p: DVec2, radius: f64, inner_radius: f64) -> (DVec2, DVec2, 
     (along * rho, DVec2::new(turn(along), (radius - rho) / width), dpdu, -along * width)
 }
 
-/// The direction of a point of a ring from its centre, and its distance from there.
+/// Polar coordinates of the point of the ring nearest to `p`: the unit direction from the centre
+/// (+x at the centre itself) and the distance from the centre.
 pub(super) fn on_ring_at(p: DVec2, radius: f64, inner_radius: f64) -> (DVec2, f64) {
     (p.try_normalize().unwrap_or(DVec2::X), p.length().max(inner_radius).min(radius))
 }
 
-/// A point uniform on a ring, in its plane.
+/// Maps `u` in `[0, 1)^2` to a point of the ring, in its plane, uniformly by area.
 pub(super) fn sample_ring(u: DVec2, radius: f64, inner_radius: f64) -> DVec2 {
     let rho = (inner_radius * inner_radius * (1.0 - u.x) + radius * radius * u.x).sqrt();
     DVec2::from_angle(TAU * u.y) * rho

@@ -39,7 +39,7 @@ snell_math::declare! {
     }
 }
 
-/// Ends are closed by default.
+/// The default of `caps`: ends are closed.
 pub(super) fn closed() -> bool {
     true
 }
@@ -83,30 +83,31 @@ impl Frustum {
         [-0.5 * self.height, 0.5 * self.height]
     }
 
-    /// The face that closes each end. A cap without radius is the apex, a point of the side.
+    /// The face at each end of the axis. An end of radius 0 is the apex, which belongs to the side.
     fn end_faces(&self) -> [u32; 2] {
         let face = |radius, cap| if radius > 0.0 { cap } else { Self::SIDE };
         [face(self.bottom_radius, Self::BOTTOM), face(self.top_radius, Self::TOP)]
     }
 
-    /// The part of a line inside the solid, caps or not.
+    /// The part of a line inside the solid, whether or not its ends are closed by caps.
     fn span(&self, o: DVec3, d: DVec3) -> Option<Span> {
         let axial = slab(o.y, d.y, self.ends(), self.end_faces())?;
         self.span_of_infinite_cone(o, d)?.intersection(axial)
     }
 
     /// The part of a line inside the cone extended without end: inside where
-    /// `f(t) = |P|^2 - R^2 <= 0`, with `P` the point of the line seen along the axis and `R` the
-    /// (signed) radius at its height, both linear in `t`. May lie in the cone beyond the apex; the
-    /// slab of the ends cuts that off.
+    /// `f(t) = |P|^2 - R^2 <= 0`, with `P` the point of the line projected along the axis and `R`
+    /// the (signed) radius at its height, both linear in `t`. The part may lie in the nappe beyond
+    /// the apex; the slab between the ends cuts that off.
     ///
     /// `f` is a quadratic `a t^2 + 2 b t + c`. Its discriminant is written
-    /// `|R d - e P|^2 - (P x d)^2` (with `e` the change of `R`; Lagrange's identity), which keeps
-    /// its digits for rays from far away and near the apex.
+    /// `|R d - e P|^2 - (P x d)^2` (with `e` the derivative of `R` by `t`; Lagrange's identity),
+    /// which stays accurate for rays from far away and near the apex.
     fn span_of_infinite_cone(&self, o: DVec3, d: DVec3) -> Option<Span> {
         let minor = robust::difference_of_products;
         let (p, d_across) = (DVec2::new(o.z, o.x), DVec2::new(d.z, d.x));
-        // From the nearer end, so that a point on a rim gets the radius of the rim.
+        // Measured from the nearer end, so that a point on a rim gets exactly the radius of the
+        // rim.
         let r = if o.y < 0.0 {
             self.bottom_radius + self.slope() * (o.y + 0.5 * self.height)
         } else {
@@ -127,12 +128,12 @@ impl Frustum {
             }
             roots(a, b, c, discriminant)
         } else if a < 0.0 {
-            // Steeper than the cone: inside from the last crossing on if it widens ahead, else up
-            // to the first.
+            // The line is steeper than the cone: it is inside from the last crossing on if the cone
+            // widens along it, otherwise up to the first crossing.
             let (t0, t1) = roots(a, b, c, discriminant.max(0.0));
             if e > 0.0 { (t1, f64::INFINITY) } else { (f64::NEG_INFINITY, t0) }
         } else if b == 0.0 {
-            // Along the axis of a cylinder, or along the side.
+            // A line along the axis of a cylinder, or along the side.
             return if c <= 0.0 {
                 Span::new(f64::NEG_INFINITY, f64::INFINITY, [0, 0])
             } else {
@@ -157,8 +158,9 @@ impl Frustum {
         [side, cap(self.bottom_radius), cap(self.top_radius)]
     }
 
-    /// The nearest point of the side, in the half plane of the axis and a position: the direction
-    /// of that across the axis, how far up it is from 0 to 1, and the radius there.
+    /// The point of the side nearest to `position`, in the half plane through the axis and
+    /// `position`: the unit direction of that half plane as (z, x), the height as a fraction from 0
+    /// (bottom) to 1 (top), and the radius at that height.
     fn on_side(&self, position: DVec3) -> (DVec2, f64, f64) {
         let across = DVec2::new(position.z, position.x);
         let along = across.try_normalize().unwrap_or(DVec2::X);
@@ -169,7 +171,7 @@ impl Frustum {
         (along, s, self.bottom_radius * (1.0 - s) + self.top_radius * s)
     }
 
-    /// Position and normal of what [`Self::on_side`] gives.
+    /// Position and unit normal of a point of the side, given as returned by [`Self::on_side`].
     fn side_normal(&self, (along, s, rho): (DVec2, f64, f64)) -> (DVec3, DVec3) {
         let (rise, widening) = (self.height, self.top_radius - self.bottom_radius);
         let position = DVec3::new(along.y * rho, (s - 0.5) * rise, along.x * rho);
@@ -186,13 +188,13 @@ impl Frustum {
             position,
             normal,
             uv: DVec2::new(turn(along), 1.0 - s),
-            // At an apex, where the derivative vanishes, any tangent.
+            // At an apex, where the derivative vanishes, an arbitrary tangent is used.
             dpdu: around * if rho > 0.0 { TAU * rho } else { slant },
             dpdv: -DVec3::new(along.y * widening, rise, along.x * widening),
         }
     }
 
-    /// The side is a segment for each angle.
+    /// The point of the side nearest to `point`, found as the nearest of one segment per angle.
     fn nearest_on_side(&self, point: DVec3, metric: &Metric) -> DVec3 {
         if metric.is_similarity() {
             return self.side_surface(point).position;
@@ -205,7 +207,8 @@ impl Frustum {
         })
     }
 
-    /// The cap that a face is: its height, and its radius. `None` for the side.
+    /// Height and radius of the cap with this face number. `None` for the side and for a cap of
+    /// radius 0.
     fn cap(&self, face: u32) -> Option<(f64, f64)> {
         let [bottom, top] = self.ends();
         match face {
@@ -295,7 +298,7 @@ impl Shape for Frustum {
         if self.caps {
             return solid;
         }
-        // The side is the solid without its caps, of which the lower one looks down.
+        // The side is the closed solid without its caps, whose bottom normal points down.
         solid + winding::of_disk(metric, point, 1, bottom, self.bottom_radius)
             - winding::of_disk(metric, point, 1, top, self.top_radius)
     }
@@ -315,7 +318,7 @@ impl Shape for Frustum {
             Self::BOTTOM => on_cap(bottom, self.bottom_radius),
             Self::TOP => on_cap(top, self.top_radius),
             _ => {
-                // The area up to a height grows with the square of the radius there.
+                // The area of the side up to a height grows with the square of the radius there.
                 let (r0, r1) = (self.bottom_radius, self.top_radius);
                 let rho = (r0 * r0 * (1.0 - x) + r1 * r1 * x).sqrt();
                 let s = if rho > 0.0 { x * (r0 + r1) / (r0 + rho) } else { 0.0 };
@@ -349,8 +352,8 @@ impl Shape for Frustum {
     }
 }
 
-/// Chooses an entry in proportion to its weight, and gives what is left of `u` as a fresh number in
-/// `[0, 1)`.
+/// Samples an index in proportion to the weights. The second result is `u` rescaled to a new
+/// uniform number in `[0, 1)`.
 pub(super) fn choose(weights: &[f64], u: f64) -> (usize, f64) {
     let mut rest = u * weights.iter().sum::<f64>();
     let last = weights.iter().rposition(|&w| w > 0.0).unwrap_or(0);
@@ -364,7 +367,7 @@ pub(super) fn choose(weights: &[f64], u: f64) -> (usize, f64) {
     (last, if fresh < 1.0 { fresh.max(0.0) } else { 1.0_f64.next_down() })
 }
 
-/// Writes the shape operations of a special case of the frustum, which has `as_frustum`.
+/// Implements [`Shape`] for a special case of the frustum by its method `as_frustum`.
 macro_rules! shape_as_frustum {
     ($kind:ty, $validate:expr) => {
         impl Shape for $kind {

@@ -1,12 +1,12 @@
 //! Analytic shapes: one file per shape, with its parameters, all its operations, examples and
 //! tests.
 //!
-//! A shape is defined in its own coordinates and is intersected in double precision with
-//! single-precision rays, so that a ray that starts one rounding step off the surface is known to
-//! start off it. Placing it in a scene is the world's job ([`crate::World`]).
+//! A shape is defined in its own coordinates. Single-precision rays are intersected with it in
+//! double precision, so that a ray that starts one rounding step off the surface is found to start
+//! off it. Placing a shape in a scene is the task of [`crate::World`].
 //!
-//! To add a shape: a new file here, and its two lines in the list below. Tests, area lights and
-//! documentation iterate the list.
+//! To add a shape, write a new file here and add its two lines to the list below. Tests, area
+//! lights and documentation iterate over that list.
 
 pub mod box_shape;
 pub mod cone;
@@ -57,8 +57,8 @@ pub struct ShapeSurface {
     pub position: DVec3,
     /// Unit normal on the outer side.
     pub normal: DVec3,
-    /// Texture coordinates in `[0, 1]^2`, `v` downwards (documented by each shape; on an infinite
-    /// plane they are unbounded).
+    /// Texture coordinates in `[0, 1]^2` with `v` downwards, as documented by each shape (unbounded
+    /// on an infinite plane).
     pub uv: DVec2,
     /// Derivative of the position by `uv.x`. Never zero: at poles and apexes it is an arbitrary
     /// tangent.
@@ -67,14 +67,14 @@ pub struct ShapeSurface {
     pub dpdv: DVec3,
 }
 
-/// A point chosen uniformly by area.
+/// A point of the surface, sampled uniformly by area.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ShapeSample {
     /// The point.
     pub position: DVec3,
     /// Unit normal on the outer side.
     pub normal: DVec3,
-    /// Texture coordinates, as [`ShapeSurface::uv`].
+    /// Texture coordinates, see [`ShapeSurface::uv`].
     pub uv: DVec2,
     /// The face the point lies on.
     pub face: u32,
@@ -88,8 +88,8 @@ impl ShapeSample {
     }
 }
 
-/// A parameter of a shape is out of range. Operations on such a shape never panic, but their
-/// results are meaningless.
+/// The error for a parameter of a shape that is out of range. Operations on such a shape never
+/// panic, but their results are meaningless.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{shape}: {parameter} is {found}, expected {expected}")]
 pub struct ShapeError {
@@ -97,14 +97,14 @@ pub struct ShapeError {
     pub shape: &'static str,
     /// Name of the parameter.
     pub parameter: &'static str,
-    /// Its value.
+    /// The value found.
     pub found: f64,
-    /// The values that it may have.
+    /// A description of the values that the parameter may have.
     pub expected: &'static str,
 }
 
 impl ShapeError {
-    /// Returns an error unless the parameter is finite and `accepts` it.
+    /// Returns an error unless the parameter is finite and `accepts` returns true for it.
     fn unless(
         shape: &'static str,
         parameter: &'static str,
@@ -128,8 +128,8 @@ impl ShapeError {
     }
 }
 
-/// The angle of a direction from its x towards its y axis as a fraction of a full turn, in `[0,
-/// 1)`.
+/// The angle from the x axis of the plane towards its y axis, as a fraction of a full turn in
+/// `[0, 1)`.
 fn turn(d: DVec2) -> f64 {
     let turns = d.y.atan2(d.x) / std::f64::consts::TAU;
     // A tiny negative angle would round to a full turn.
@@ -143,11 +143,11 @@ pub trait Shape: Send + Sync + std::fmt::Debug {
         Ok(())
     }
 
-    /// The smallest box around the shape. May have infinite sides.
+    /// The smallest box around the shape. Its sides may be infinite.
     fn bounds(&self) -> Bounds3d;
 
-    /// The nearest intersection in the open interval of the ray, from either side. Directions may
-    /// have any length. Rays with NaN miss.
+    /// The nearest intersection in the open interval of the ray, from either side of the surface.
+    /// The direction may have any length. A ray with a NaN misses.
     fn closest(&self, ray: &DRay) -> Option<ShapeHit>;
 
     /// The nearest intersection and the next one, equal to two calls of [`Self::closest`]. Most
@@ -169,28 +169,29 @@ pub trait Shape: Send + Sync + std::fmt::Debug {
     /// The surface at `position`, a point on (or within rounding of) `face`.
     fn surface(&self, position: DVec3, face: u32) -> ShapeSurface;
 
-    /// Position and normal of [`Self::surface`], which may be much cheaper to compute.
+    /// Position and normal as returned by [`Self::surface`], which may be much cheaper to compute
+    /// alone.
     fn normal(&self, position: DVec3, face: u32) -> (DVec3, DVec3) {
         let ShapeSurface { position, normal, .. } = self.surface(position, face);
         (position, normal)
     }
 
-    /// The point of the surface nearest to `point`, where lengths are measured by `metric`; among
-    /// equally near points, that of the lowest face. `None` if there is no answer, as for points
-    /// that are not finite.
+    /// The point of the surface nearest to `point`, with lengths measured by `metric`; among
+    /// equally near points, the one on the face with the lowest number. `None` if there is no
+    /// result, as for points that are not finite.
     fn nearest_point(&self, point: DVec3, metric: &Metric) -> Option<ShapePoint>;
 
     /// The winding number of the surface around `point`, after the map of `metric`: the signed
-    /// solid angle over `4 pi`, positive where the surface is seen from behind. It is 1 inside and
-    /// 0 outside of a closed shape (either on its surface), a fraction around an open shape, and 0
-    /// in the plane of a flat one.
+    /// solid angle over `4 pi`, positive where the surface is seen from behind. For a closed shape
+    /// it is 1 inside, 0 outside, and either of these on the surface. For an open shape it is a
+    /// fraction, and 0 in the plane of a flat one.
     fn winding_number(&self, point: DVec3, metric: &Metric) -> f64;
 
-    /// Area; infinite for unbounded shapes, which cannot be sampled.
+    /// Area of the surface; infinite for unbounded shapes, which cannot be sampled.
     fn area(&self) -> f64;
 
-    /// A point distributed uniformly by area (density `1 / area`), from `u` in `[0, 1)^2`. `None`
-    /// for unbounded shapes.
+    /// Maps `u` in `[0, 1)^2` to a point of the surface, uniformly by area (density `1 / area`).
+    /// `None` for unbounded shapes.
     fn sample(&self, u: DVec2) -> Option<ShapeSample>;
 
     /// True for closed shapes, whose normals point outside; false for open surfaces (disk,
@@ -201,20 +202,20 @@ pub trait Shape: Send + Sync + std::fmt::Debug {
     /// shapes.
     fn patches(&self) -> Vec<Patch>;
 
-    /// Triangles with the normals and texture coordinates of the shape, oriented outwards, with
-    /// `around` segments around each circle, at least 3. The corners lie on the surface to single
+    /// A triangle mesh of the shape with normals and texture coordinates, oriented outwards, with
+    /// `around` segments (at least 3) around each circle. The corners lie on the surface to single
     /// precision; a closed shape gives a closed mesh. `None` for unbounded shapes.
     fn tessellate(&self, around: u32) -> Option<TriangleMesh> {
         patch::tessellate(self, around)
     }
 
     /// The shape as an [`AnyShape`], for code that treats some shapes specially, as light sampling
-    /// does spheres. `None` for user-defined shapes.
+    /// treats spheres. `None` for user-defined shapes.
     fn to_any(&self) -> Option<AnyShape> {
         None
     }
 
-    /// The shape, if it is a sphere: spheres are intersected in batches.
+    /// The shape if it is a sphere, otherwise `None`; spheres are intersected in batches.
     fn as_sphere(&self) -> Option<&Sphere> {
         None
     }

@@ -1,18 +1,18 @@
-//! Nearest points on surfaces, with distances measured after a linear map, so that the result is
-//! nearest *in world space* for a shape that is stretched or sheared there.
+//! Nearest points on surfaces. Distances are measured after a linear map, so that the result is
+//! nearest *in world space* also for a shape that is stretched or sheared there.
 
 use snell_math::{DMat3, DVec2, DVec3};
 
 /// A point on a shape.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ShapePoint {
-    /// The point, in the shape's coordinates.
+    /// The point, in the coordinates of the shape.
     pub position: DVec3,
-    /// The face it lies on.
+    /// The face on which the point lies.
     pub face: u32,
 }
 
-/// A metric: a difference `v` of two points of a shape has the length `|M v|`.
+/// A metric: the difference `v` between two points of a shape has the length `|M v|`.
 #[derive(Clone, Copy, Debug)]
 pub struct Metric {
     linear: DMat3,
@@ -21,15 +21,15 @@ pub struct Metric {
     is_similarity: bool,
 }
 
-/// Tolerance for maps that are a rotation with a uniform scale.
+/// Relative tolerance for recognising a rotation with a uniform scale.
 const SIMILAR: f64 = 1e-13;
 
 impl Metric {
-    /// Lengths as they are.
+    /// The Euclidean metric, with `M` the identity.
     pub const EUCLIDEAN: Self =
         Self { linear: DMat3::IDENTITY, gram: DMat3::IDENTITY, is_similarity: true };
 
-    /// Lengths after this map, the linear part of `world_from_shape`.
+    /// The metric of the linear map `M = linear`, which is the linear part of `world_from_shape`.
     pub fn new(linear: DMat3) -> Self {
         let gram = linear.transpose() * linear;
         let g = gram.to_cols_array_2d();
@@ -42,33 +42,34 @@ impl Metric {
         Self { linear, gram, is_similarity }
     }
 
-    /// The map.
+    /// The linear map `M`.
     pub fn linear(&self) -> &DMat3 {
         &self.linear
     }
 
-    /// -1 if the map is a reflection, else 1.
+    /// Returns -1 if the map is a reflection, otherwise 1.
     pub fn orientation(&self) -> f64 {
         if self.linear.determinant() < 0.0 { -1.0 } else { 1.0 }
     }
 
-    /// True if the metric is isotropic: then the nearest point is the same as without the map.
+    /// True if `M` is a rotation with a uniform scale: then the nearest point is the same as in the
+    /// Euclidean metric.
     pub fn is_similarity(&self) -> bool {
         self.is_similarity
     }
 
-    /// The squared length of a difference.
+    /// The squared length of the difference `v` between two points.
     #[inline]
     pub fn length_squared(&self, v: DVec3) -> f64 {
         (self.linear * v).length_squared()
     }
 
-    /// A lower bound for lengths that needs no products of different axes:
-    /// `|M v|^2 >= sum(w[i] v[i]^2)`. Exact up to `1e-9` for maps that scale along the axes and
-    /// then turn.
+    /// Weights `w` of a lower bound on lengths without products of different axes:
+    /// `|M v|^2 >= sum(w[i] v[i]^2)`. The bound is exact up to `1e-9` for maps that first scale
+    /// along the axes and then rotate.
     ///
-    /// With `D` the diagonal of `G = M^T M` this is `w = e D`, where `e` is the least eigenvalue of
-    /// `D^-1/2 G D^-1/2`.
+    /// With `D` the diagonal of `G = M^T M`, this is `w = e D`, where `e` is the least eigenvalue
+    /// of `D^-1/2 G D^-1/2`.
     pub fn axis_weights(&self) -> DVec3 {
         let g = self.gram;
         let diagonal = DVec3::new(g.x_axis.x, g.y_axis.y, g.z_axis.z);
@@ -78,7 +79,7 @@ impl Metric {
             g.x_axis.z / (root.x * root.z),
             g.y_axis.z / (root.y * root.z),
         );
-        // Gershgorin's bound is good enough unless the map shears a lot.
+        // Gershgorin's bound is good enough unless the map shears strongly.
         let off = (xy.abs() + xz.abs()).max(xy.abs() + yz.abs()).max(xz.abs() + yz.abs());
         let least = if off < 0.01 {
             1.0 - off
@@ -94,8 +95,8 @@ impl Metric {
         if weights.is_finite() { weights } else { DVec3::ZERO }
     }
 
-    /// The nearest of several points; the first of equally near ones. Points that are not finite do
-    /// not count.
+    /// The candidate nearest to `point`; the first one of equally near candidates. Candidates that
+    /// are not finite are ignored.
     pub fn nearest(
         &self,
         point: DVec3,
@@ -116,10 +117,10 @@ impl Metric {
 /// The point of a triangle nearest to `point`, and its barycentric coordinates of the second and
 /// third corner.
 ///
-/// The regions of the plane decide what it lies on (Ericson, Real-Time Collision Detection, 2005,
-/// section 5.1.5): inside, or an edge that has the point on its outer side. Where rounding makes
-/// the region uncertain, as in slivers, all candidates are tried. On an edge the result has the
-/// same bits for every triangle that shares the edge.
+/// The plane is divided into the regions nearest to each corner, edge and the inside (Ericson,
+/// Real-Time Collision Detection, 2005, section 5.1.5); the region of `point` gives the result.
+/// Where rounding makes the region uncertain, as in slivers, all candidates are tried. On an edge
+/// the result has the same bits for every triangle that shares the edge.
 #[inline]
 pub fn on_triangle(metric: &Metric, point: DVec3, corners: &[DVec3; 3]) -> (DVec3, DVec2) {
     let r = corners.map(|c| metric.linear * (c - point));
@@ -152,8 +153,8 @@ pub fn on_triangle(metric: &Metric, point: DVec3, corners: &[DVec3; 3]) -> (DVec
     best
 }
 
-/// The point of a segment nearest to `point`, and where between `a` (0) and `b` (1). The same
-/// point, bit for bit, for both orders.
+/// The point of a segment nearest to `point`, and its position along the segment from 0 at `a` to 1
+/// at `b`. Swapping `a` and `b` gives the same point, bit for bit.
 #[inline]
 pub(super) fn on_segment(metric: &Metric, point: DVec3, a: DVec3, b: DVec3) -> (DVec3, f64) {
     let swapped = b.to_array() < a.to_array();
@@ -170,7 +171,7 @@ pub(super) fn on_segment(metric: &Metric, point: DVec3, a: DVec3, b: DVec3) -> (
     (position, if swapped { 1.0 - s } else { s })
 }
 
-/// The point of the sphere around the origin nearest to `point`.
+/// The point nearest to `point` on the sphere around the origin.
 pub(crate) fn on_sphere(metric: &Metric, point: DVec3, radius: f64) -> DVec3 {
     if metric.is_similarity {
         return point.try_normalize().unwrap_or(DVec3::Y) * radius;
@@ -181,8 +182,8 @@ pub(crate) fn on_sphere(metric: &Metric, point: DVec3, radius: f64) -> DVec3 {
     (axes * DVec3::from_array(x)).normalize_or(DVec3::Y) * radius
 }
 
-/// The point of a ring (a disk if `inner_radius` is 0) in a plane across the axis number `axis`, at
-/// height `h`, nearest to `point`.
+/// The point nearest to `point` on a ring (a disk if `inner_radius` is 0), which lies in the plane
+/// perpendicular to the axis number `axis` at height `h` along it.
 pub(super) fn on_ring(
     metric: &Metric,
     point: DVec3,
@@ -206,7 +207,8 @@ pub(super) fn on_ring(
     if metric.is_similarity {
         return place(center.try_normalize().unwrap_or(DVec2::X) * rim);
     }
-    // Distances in the plane follow from the part of the Gram matrix there.
+    // Distances within the plane follow from the rows and columns of the Gram matrix for `x` and
+    // `y`.
     let g = metric.gram.to_cols_array_2d();
     let turn = 0.5 * (2.0 * g[x][y]).atan2(g[x][x] - g[y][y]);
     let axes = [DVec2::from_angle(turn), DVec2::from_angle(turn).perp()];
@@ -215,8 +217,9 @@ pub(super) fn on_ring(
     place((axes[0] * q[0] + axes[1] * q[1]).normalize_or(DVec2::X) * rim)
 }
 
-/// The step within the plane across an axis from above a point to the foot of its perpendicular,
-/// `rise` along the axis away.
+/// The offset between two points of a plane perpendicular to the axis number `axis`, which lies
+/// `rise` along that axis from a given point: from the projection of the point along the axis to
+/// the point of the plane nearest in the metric.
 fn plane_shift(metric: &Metric, axis: usize, rise: f64) -> DVec2 {
     let g = metric.gram.to_cols_array_2d();
     let (x, y) = ((axis + 1) % 3, (axis + 2) % 3);
@@ -231,11 +234,11 @@ pub(super) fn on_plane(metric: &Metric, point: DVec3) -> DVec3 {
     (point.truncate() + plane_shift(metric, 2, -point.z)).extend(0.0)
 }
 
-/// The number of angles around an axis at which distances are compared first.
+/// The number of angles at which [`around`] compares distances before it refines.
 const SAMPLES: usize = 64;
 
-/// The nearest of the points `at(angle)`: the best of samples all around, with each local minimum
-/// refined by golden-section search.
+/// The nearest of the points `at(angle)`: evenly spaced angles are compared, and each local minimum
+/// is refined by golden-section search.
 pub(super) fn around(metric: &Metric, point: DVec3, at: impl Fn(f64) -> DVec3) -> DVec3 {
     let step = std::f64::consts::TAU / SAMPLES as f64;
     let cost = |angle: f64| metric.length_squared(at(angle) - point);
@@ -255,8 +258,8 @@ pub(super) fn around(metric: &Metric, point: DVec3, at: impl Fn(f64) -> DVec3) -
     at(best)
 }
 
-/// The minimum of a unimodal function in an interval (Kiefer, Sequential minimax search for a
-/// maximum, 1953).
+/// The argument at which a unimodal function has its minimum in an interval, by golden-section
+/// search (Kiefer, Sequential minimax search for a maximum, 1953).
 pub(crate) fn golden_section(mut low: f64, mut high: f64, cost: impl Fn(f64) -> f64) -> f64 {
     const RATIO: f64 = 0.618_033_988_749_894_9;
     let (mut a, mut b) = (high - RATIO * (high - low), low + RATIO * (high - low));
@@ -278,19 +281,21 @@ pub(crate) fn golden_section(mut low: f64, mut high: f64, cost: impl Fn(f64) -> 
 /// The point of the circle or sphere `|x| = radius` that minimises `sum(g[i] (x[i] - q[i])^2)` with
 /// positive `g`.
 ///
-/// It is `x = g q / (g + m)` for the greatest `m` that gives it the right length (the multiplier of
-/// the trust region subproblem; Moré and Sorensen, Computing a trust region step, 1983). Bisection,
-/// as in Eberly, Distance from a point to an ellipsoid, is slow but never fails.
+/// The point is `x = g q / (g + m)` for the greatest `m` that gives `x` the right length (the
+/// multiplier of the trust region subproblem; Moré and Sorensen, Computing a trust region step,
+/// 1983). `m` is found by bisection, as in Eberly, Distance from a point to an ellipsoid, which is
+/// slow but never fails.
 fn on_round<const N: usize>(g: [f64; N], q: [f64; N], radius: f64) -> [f64; N] {
     let least = (0..N).fold(0, |a, b| if g[b] < g[a] { b } else { a });
     let part = |i: usize, m: f64| {
-        // Equal to the pole: the others first, then what is left of the length.
+        // Where both are 0, at the pole, the other coordinates come first and this one takes the
+        // rest of the length.
         let (above, below) = (g[i] * q[i], g[i] + m);
         if above == 0.0 { 0.0 } else { above / below }
     };
     let length = |m: f64| (0..N).map(|i| part(i, m).powi(2)).sum::<f64>().sqrt();
     let pull = (0..N).map(|i| (g[i] * q[i]).powi(2)).sum::<f64>().sqrt();
-    // Kept as the distance from the pole, which may be far below the size of the values.
+    // `m` is kept as its distance from the pole at `-g[least]`, which may be far smaller than `m`.
     let (mut low, mut high) = ((g[least] * q[least]).abs() / radius, pull / radius);
     for _ in 0..200 {
         let middle = 0.5 * (low + high);
@@ -302,12 +307,12 @@ fn on_round<const N: usize>(g: [f64; N], q: [f64; N], radius: f64) -> [f64; N] {
     let m = high - g[least];
     let mut x: [f64; N] = std::array::from_fn(|i| part(i, m));
     let rest = radius * radius - (0..N).filter(|&i| i != least).map(|i| x[i] * x[i]).sum::<f64>();
-    // By the length, not the quotient: near the pole that has few digits.
+    // Computed from the length, because near the pole the quotient is inaccurate.
     x[least] = rest.max(0.0).sqrt().copysign(q[least]);
     x
 }
 
-/// Eigenvalues and unit eigenvectors (columns) of a symmetric matrix, by Jacobi's rotations.
+/// Eigenvalues and unit eigenvectors (columns) of a symmetric matrix, by Jacobi rotations.
 fn eigen(matrix: &DMat3) -> ([f64; 3], DMat3) {
     let mut a = matrix.to_cols_array_2d();
     let mut v = DMat3::IDENTITY.to_cols_array_2d();

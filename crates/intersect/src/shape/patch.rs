@@ -1,4 +1,4 @@
-//! Tessellation of analytic shapes: each shape gives the patches of which its surface consists.
+//! Tessellation of analytic shapes: each shape lists the patches that make up its surface.
 
 use super::Shape;
 use crate::mesh::TriangleMesh;
@@ -18,19 +18,21 @@ enum Form {
 }
 
 impl Patch {
-    /// A flat convex polygon on a face, by its corners in either order.
+    /// A flat convex polygon on a face, given by its corners in clockwise or counter-clockwise
+    /// order.
     pub fn flat(face: u32, corners: impl Into<Vec<DVec3>>) -> Self {
         Self { face, form: Form::Flat(corners.into()) }
     }
 
-    /// A patch of a face, given by its position at `(u, v)` in the unit square. `u` goes around
-    /// once; `v`, that of the texture coordinates, runs through the given number of turns: 0 is
-    /// straight, 0.5 is from pole to pole. Coincident positions are equal to the bit.
+    /// A curved patch on a face, given by its position at `(u, v)` in the unit square. `u` goes
+    /// once around the axis. `v`, which is the `v` of the texture coordinates, covers an arc of
+    /// `turns` full turns: 0 for a straight profile, 0.5 from pole to pole. Positions that coincide
+    /// must be equal bit for bit.
     pub fn round(face: u32, turns: f64, position: impl Fn(f64, f64) -> DVec3 + 'static) -> Self {
         Self { face, form: Form::Round { turns, position: Box::new(position) } }
     }
 
-    /// Upper bound on the number of triangles, with the given number of segments around a circle.
+    /// Upper bound on the number of triangles, with `around` segments around a circle.
     pub fn most_triangles(&self, around: u32) -> u64 {
         match &self.form {
             Form::Flat(corners) => corners.len().saturating_sub(2) as u64,
@@ -43,7 +45,8 @@ fn rows(turns: f64, around: u32) -> u32 {
     ((turns * f64::from(around)).round() as u32).max(1)
 }
 
-/// The triangles of a shape's patches, with the given number of segments around a circle.
+/// Triangulates the patches of a shape, with `around` segments around a circle. `None` for a shape
+/// without patches.
 pub(super) fn tessellate<S: Shape + ?Sized>(shape: &S, around: u32) -> Option<TriangleMesh> {
     let patches = shape.patches();
     let mut builder = Builder { shape, mesh: TriangleMesh::default() };
@@ -72,8 +75,8 @@ impl<S: Shape + ?Sized> Builder<'_, S> {
         self.mesh.positions.len() as u32 - 1
     }
 
-    /// A triangle turned so that its outer side is the shape's; left out if two corners are one
-    /// point.
+    /// Adds a triangle, oriented so that its outer side is that of the shape, unless two of its
+    /// corners coincide.
     fn triangle(&mut self, corners: [u32; 3]) {
         let [a, b, c] = corners.map(|i| self.mesh.positions[i as usize].as_dvec3());
         if a == b || b == c || c == a {
@@ -95,13 +98,14 @@ impl<S: Shape + ?Sized> Builder<'_, S> {
         }
     }
 
-    /// The last column has texture coordinates 1 where the shape gives 0 again.
+    /// Adds a grid of triangles. Its last column has texture coordinate `u = 1` at the positions
+    /// where the shape itself gives `u = 0`.
     fn grid(&mut self, face: u32, [columns, rows]: [u32; 2], position: impl Fn(f64, f64) -> DVec3) {
         let start = self.mesh.positions.len() as u32;
         for j in 0..=rows {
             for i in 0..=columns {
                 let (u, v) = (f64::from(i) / f64::from(columns), f64::from(j) / f64::from(rows));
-                // The same point at both ends of the seam, to the bit.
+                // Both ends of the seam get the same point, bit for bit.
                 let vertex = self.vertex(position(if i == columns { 0.0 } else { u }, v), face);
                 self.mesh.uvs[0][vertex as usize].x = u as f32;
             }

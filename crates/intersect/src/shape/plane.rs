@@ -15,9 +15,9 @@ snell_math::declare! {
     pub struct Plane {}
 }
 
-/// Where the ray meets the plane through `point` with `normal` (any length), if in its open
-/// interval: `t = (Q - P0) . N / (V . N)` (lecture: "ray-plane intersection"). Rays parallel to the
-/// plane, or in it, miss.
+/// The parameter where the ray crosses the plane through `point` with `normal` (of any length), if
+/// it is in the ray's open interval: `t = (Q - P0) . N / (V . N)` (lecture: "ray-plane
+/// intersection"). Rays parallel to the plane, or in it, miss.
 pub fn intersect_plane(ray: &DRay, point: DVec3, normal: DVec3) -> Option<f64> {
     let (direction, scale) = scaled_direction(ray)?;
     let t = (point - ray.origin).dot(normal) / direction.dot(normal) * scale;

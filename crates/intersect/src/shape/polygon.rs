@@ -20,17 +20,17 @@ use std::f64::consts::TAU;
 #[serde(try_from = "Vertices", into = "Vertices")]
 pub struct Polygon {
     vertices: Vec<DVec3>,
-    /// The vertices moved onto the common plane where they are off it by more than rounding,
-    /// repeated ones left out.
+    /// The vertices without repeated ones. Those off the common plane by more than rounding are
+    /// moved onto it.
     corners: Vec<DVec3>,
     normal: DVec3,
-    /// Corner where `uv` is 0, and the derivatives of the position.
+    /// The corner where `uv` is 0; the derivatives of the position by `u` and `v` follow.
     origin: DVec3,
     dpdu: DVec3,
     dpdv: DVec3,
 }
 
-/// How polygons are stored.
+/// The serialized form of a polygon.
 #[derive(Clone, Serialize, Deserialize)]
 struct Vertices {
     vertices: Vec<DVec3>,
@@ -60,29 +60,29 @@ impl Value for Polygon {
 /// Errors of vertices that do not form a polygon.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PolygonError {
-    /// Fewer than three different vertices in a row.
+    /// Fewer than three vertices that differ from their predecessor; how many there are.
     #[error("a polygon needs at least 3 different vertices, found {0}")]
     TooFew(usize),
-    /// A coordinate is infinite or NaN.
+    /// A coordinate is infinite or NaN; the number of the vertex.
     #[error("vertex {0} of the polygon is not finite")]
     NotFinite(usize),
-    /// All on a line, or too near to each other for a direction.
+    /// All vertices lie on a line, or too near to each other to define a plane.
     #[error("the vertices of the polygon lie on a line or nearly in a point: it has no area")]
     NoArea,
-    /// Off the plane by more than the tolerance.
+    /// A vertex lies off the plane by more than the tolerance.
     #[error(
         "vertex {vertex} lies {distance} off the plane of the polygon, allowed are {allowed}; \
             split it into triangles"
     )]
     NotPlanar {
-        /// The vertex farthest off.
+        /// The number of that vertex.
         vertex: usize,
-        /// Its distance.
+        /// Its distance from the plane.
         distance: f64,
-        /// [`Polygon::TOLERANCE`] times the extent.
+        /// The largest distance allowed: [`Polygon::TOLERANCE`] times the extent of the polygon.
         allowed: f64,
     },
-    /// A corner that turns the other way, or edges that go around more than once.
+    /// The corner with this number turns the other way, or the edges go around more than once.
     #[error("the polygon is not convex at vertex {0}; split it into triangles")]
     NotConvex(usize),
 }
@@ -101,8 +101,9 @@ impl From<Polygon> for Vertices {
     }
 }
 
-/// Ray-plane, then point in polygon by sides (lecture: "same as triangle"): inside if the point is
-/// on the same side of all edges, whichever side that is.
+/// The ray parameter of the hit by the ray-plane test followed by a point-in-polygon test (lecture:
+/// "same as triangle"): the point is inside if it is on the same side of all edges, whichever side
+/// that is.
 pub fn intersect_algebraic(polygon: &Polygon, ray: &DRay) -> Option<f64> {
     let t = intersect_plane(ray, polygon.corners[0], polygon.normal)?;
     let p = ray.at(t);
@@ -111,17 +112,17 @@ pub fn intersect_algebraic(polygon: &Polygon, ray: &DRay) -> Option<f64> {
     inside.then_some(t)
 }
 
-/// The nearest of the triangles into which the polygon decomposes, a fan around the first vertex
-/// (lecture: "decompose into triangles, and check all of them"). By the watertight test, so there
-/// is no gap along the diagonals.
+/// The nearest hit on the triangles of a fan around the first vertex (lecture: "decompose into
+/// triangles, and check all of them"). The watertight triangle test leaves no gap along the
+/// diagonals.
 pub fn intersect_fan(polygon: &Polygon, ray: &DRay) -> Option<f64> {
     let space = RaySpace::new(ray)?;
     polygon.fan().find_map(|triangle| space.intersect(&triangle)).map(|hit| hit.t)
 }
 
 impl Polygon {
-    /// How far vertices may be off a plane, and corners from convex, as a fraction of the extent:
-    /// the rounding of decimal files.
+    /// The largest distance of a vertex from the plane and of a corner from convexity, as a
+    /// fraction of the extent. It allows for the rounding of decimal numbers in files.
     pub const TOLERANCE: f64 = 1e-5;
 
     /// The polygon with these vertices. Vertices that repeat their predecessor are ignored, and
@@ -156,7 +157,7 @@ impl Polygon {
         Ok(Self { vertices, corners, normal, origin, dpdu: right * width, dpdv: down * height })
     }
 
-    /// The vertices as given.
+    /// The vertices that were given to [`Self::new`].
     pub fn vertices(&self) -> &[DVec3] {
         &self.vertices
     }
@@ -199,16 +200,16 @@ fn edges(corners: &[DVec3]) -> impl Iterator<Item = [DVec3; 2]> {
 }
 
 /// Unit normal from the vector area (Newell's method; Sutherland et al., A characterization of ten
-/// hidden-surface algorithms, 1974). `None` without area.
+/// hidden-surface algorithms, 1974). `None` for a polygon without area.
 fn newell_normal(corners: &[DVec3], center: DVec3, extent: f64) -> Option<DVec3> {
     let area: DVec3 =
         edges(corners).map(|[a, b]| ((a - center) / extent).cross((b - center) / extent)).sum();
     if area.length() > 1e-12 { area.try_normalize() } else { None }
 }
 
-/// Moves corners onto the plane through `center`: a ray that leaves the surface must not meet a bit
-/// of it that stands out. Those that are there but for rounding keep their bits, which neighbours
-/// may share.
+/// Moves corners onto the plane through `center`, so that a ray that leaves the surface cannot hit
+/// a part that sticks out. Corners that are off the plane by no more than rounding keep their bits,
+/// which neighbouring polygons may share.
 fn flatten(
     corners: &mut [DVec3],
     center: DVec3,
@@ -228,7 +229,7 @@ fn flatten(
     Ok(())
 }
 
-/// No corner turns right, and all turns together make one full turn.
+/// Returns an error unless no corner turns right and all turns together make one full turn.
 fn check_convex(corners: &[DVec3], normal: DVec3, extent: f64) -> Result<(), PolygonError> {
     let n = corners.len();
     let mut turned = 0.0;
@@ -236,7 +237,7 @@ fn check_convex(corners: &[DVec3], normal: DVec3, extent: f64) -> Result<(), Pol
         let (before, after) =
             (corners[i] - corners[(i + n - 1) % n], corners[(i + 1) % n] - corners[i]);
         let (sin, cos) = (before.cross(after).dot(normal), before.dot(after));
-        // How far the corner is inside of the line between its neighbours.
+        // How far the corner lies inside the line between its neighbours.
         let dent = -sin / (before + after).length().max(f64::MIN_POSITIVE);
         turned += sin.atan2(cos);
         if dent > Polygon::TOLERANCE * extent || (sin <= 0.0 && cos < 0.0) || turned > TAU + 0.1 {

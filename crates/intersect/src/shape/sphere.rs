@@ -26,8 +26,9 @@ snell_math::declare! {
 }
 
 /// The roots of the sphere's quadratic, ascending (lecture: "ray-sphere intersection, algebraic
-/// method"): `P = P0 + tV` put into `|P - O|^2 = r^2`. The direction has any length, and `t` is in
-/// units of it. Short and plain; [`Sphere`] itself uses a discriminant that stays exact far away.
+/// method"): `P = P0 + tV` substituted into `|P - O|^2 = r^2`. The direction may have any length,
+/// and `t` is in units of it. This is the plain formula; [`Sphere`] itself uses a discriminant that
+/// stays accurate for a sphere far away.
 pub fn intersect_algebraic(sphere: &Sphere, ray: &DRay) -> Option<(f64, f64)> {
     let a = ray.direction.length_squared();
     let b = 2.0 * ray.direction.dot(ray.origin);
@@ -35,10 +36,10 @@ pub fn intersect_algebraic(sphere: &Sphere, ray: &DRay) -> Option<(f64, f64)> {
     robust::quadratic(a, b, c)
 }
 
-/// The parameters where the line of the ray meets the sphere, ascending (lecture: "ray-sphere
-/// intersection, geometric method"): from the point of the ray nearest to the centre half a chord
-/// back and forth. A centre behind the origin rejects only rays that start outside (such a ray has
-/// no hit ahead). The direction is normalised here, and `t` is given in units of the original one.
+/// The parameters where the line of the ray crosses the sphere, ascending (lecture: "ray-sphere
+/// intersection, geometric method"): half a chord before and after the point of the ray nearest to
+/// the centre. A centre behind the origin rejects only rays that start outside (such a ray has no
+/// hit ahead). The direction is normalised here, and `t` is in units of the original one.
 pub fn intersect_geometric(sphere: &Sphere, ray: &DRay) -> Option<(f64, f64)> {
     let length = ray.direction.length();
     let v = ray.direction / length;
@@ -60,10 +61,10 @@ impl Sphere {
         [1.0, 1e-3, 250.0].map(|radius| Self { radius }).to_vec()
     }
 
-    /// The part of a line inside. The discriminant `b^2 - a c` is written `r^2 |d|^2 - |o x d|^2`
-    /// (Lagrange's identity): the squared half chord as a difference of two lengths, without the
-    /// cancellation that makes far or small spheres ragged (compare Haines et al., Precision
-    /// improvements for ray/sphere intersection, Ray Tracing Gems, 2019).
+    /// The part of a line inside the sphere. The discriminant `b^2 - a c` is written
+    /// `r^2 |d|^2 - |o x d|^2` (Lagrange's identity): the squared half chord as a difference of two
+    /// squared lengths, without the cancellation that makes far or small spheres ragged (compare
+    /// Haines et al., Precision improvements for ray/sphere intersection, Ray Tracing Gems, 2019).
     fn span(&self, o: DVec3, d: DVec3) -> Option<Span> {
         let (reach, distance) = (self.radius * d.length(), accurate_cross(o, d).length());
         if distance.is_nan() || distance > reach {
@@ -107,7 +108,7 @@ impl Shape for Sphere {
         let (position, normal) = self.normal(position, face);
         let around = DVec2::new(normal.z, normal.x);
         let sin_theta = around.length();
-        // At the poles the meridian of longitude 0 stands for all.
+        // At the poles, where all longitudes meet, longitude 0 is used.
         let (along, dpdu) = match around.try_normalize() {
             Some(d) => (d, DVec3::new(position.z, 0.0, -position.x) * TAU),
             None => (DVec2::X, DVec3::X * self.radius),
@@ -149,7 +150,8 @@ impl Shape for Sphere {
         let radius = self.radius;
         let position = move |u: f64, v: f64| {
             let ((sin, cos), (sin_phi, cos_phi)) = ((v * PI).sin_cos(), (u * TAU).sin_cos());
-            // A pole is one point, to the bit: what would be triangles without area are left out.
+            // A pole is one point, bit for bit, so that the triangles without area there are left
+            // out.
             let sin = if v == 1.0 { 0.0 } else { sin };
             DVec3::new(sin * sin_phi, cos, sin * cos_phi) * radius
         };
@@ -178,7 +180,7 @@ mod tests {
 
     #[test]
     fn errata_e1_the_constant_term_is_the_squared_distance_to_the_centre_less_the_squared_radius() {
-        // From distance 3: c = 9 - 1, roots 2 and 4, whose product is c / a.
+        // From distance 3: `c = 9 - 1`, and the product of the roots 2 and 4 is `c / a`.
         pair_is(
             intersect_algebraic(&UNIT, &DRay::new(DVec3::new(0.0, 0.0, -3.0), DVec3::Z)),
             (2.0, 4.0),

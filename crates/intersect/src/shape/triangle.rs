@@ -1,5 +1,5 @@
-//! A single triangle, the lecture's two inside tests, and a watertight test. (Meshes have their
-//! own, faster kernel.)
+//! A single triangle, the lecture's two inside tests, and a watertight test. (Meshes have a
+//! separate, faster kernel.)
 
 use super::nearest::on_triangle;
 use super::plane::intersect_plane;
@@ -32,17 +32,17 @@ pub struct TriangleHit {
     pub barycentrics: DVec2,
 }
 
-/// Whether a line along `direction` through `p`, a point of the triangle's plane, passes through
-/// the triangle, by sides (lecture: "ray-triangle intersection, algebraic"): for each side, on
-/// which side of the plane through it and an eye point is `p`? The eye is `p - direction`. Inside
-/// if all answers agree, whichever they are, so neither winding nor facing matters.
+/// True if a line along `direction` through `p`, a point of the triangle's plane, passes through
+/// the triangle (lecture: "ray-triangle intersection, algebraic"). For each side, the test finds on
+/// which side of the plane through that side and the eye point `p - direction` the point `p` lies.
+/// `p` is inside if all three answers agree, so neither winding nor facing matters.
 pub fn inside_algebraic([t1, t2, t3]: &[DVec3; 3], p: DVec3, direction: DVec3) -> bool {
     let side = |a: &DVec3, b: &DVec3| direction.dot((*b - p).cross(*a - p));
     let sides = [side(t1, t2), side(t2, t3), side(t3, t1)];
     sides.iter().all(|&s| s >= 0.0) || sides.iter().all(|&s| s <= 0.0)
 }
 
-/// Whether `p`, a point of the triangle's plane, is inside, by its barycentric coordinates
+/// True if `p`, a point of the triangle's plane, is inside, by its barycentric coordinates
 /// (lecture: "ray-triangle intersection, parametric"): `p = T1 + u (T2 - T1) + v (T3 - T1)` with
 /// `u, v >= 0` and `u + v <= 1`. Degenerate triangles hold no point.
 pub fn inside_parametric([t1, t2, t3]: &[DVec3; 3], p: DVec3) -> bool {
@@ -53,26 +53,29 @@ pub fn inside_parametric([t1, t2, t3]: &[DVec3; 3], p: DVec3) -> bool {
     area2 > 0.0 && u >= 0.0 && v >= 0.0 && u + v <= area2
 }
 
-/// Ray-plane, then [`inside_algebraic`].
+/// The ray parameter of the hit by the ray-plane test followed by [`inside_algebraic`]; `None` for
+/// a miss.
 pub fn intersect_algebraic(vertices: &[DVec3; 3], ray: &DRay) -> Option<f64> {
     let t = intersect_plane(ray, vertices[0], normal(vertices))?;
     inside_algebraic(vertices, ray.at(t), ray.direction).then_some(t)
 }
 
-/// Ray-plane, then [`inside_parametric`].
+/// The ray parameter of the hit by the ray-plane test followed by [`inside_parametric`]; `None` for
+/// a miss.
 pub fn intersect_parametric(vertices: &[DVec3; 3], ray: &DRay) -> Option<f64> {
     let t = intersect_plane(ray, vertices[0], normal(vertices))?;
     inside_parametric(vertices, ray.at(t)).then_some(t)
 }
 
 /// The watertight test (Woop, Benthin and Wald, Watertight ray/triangle intersection, JCGT 2013),
-/// in double precision and winding free, with exact edge signs: a ray through a shared edge or
-/// vertex hits exactly one of the triangles that close around it.
+/// in double precision, with exact edge signs and for either winding: a ray through a shared edge
+/// or vertex hits exactly one of the triangles that close around it.
 pub fn intersect_watertight(vertices: &[DVec3; 3], ray: &DRay) -> Option<TriangleHit> {
     RaySpace::new(ray)?.intersect(vertices)
 }
 
-/// Coordinates in which a ray runs along the last axis: the line is where the first two are 0.
+/// The sheared coordinates of the watertight test, in which the ray is the third axis: points of
+/// the ray's line have 0 in the first two coordinates.
 pub(super) struct RaySpace<'a> {
     ray: &'a DRay,
     direction: DVec3,
@@ -82,7 +85,7 @@ pub(super) struct RaySpace<'a> {
 }
 
 impl<'a> RaySpace<'a> {
-    /// The space of a ray; `None` if the ray hits nothing.
+    /// The space of a ray; `None` if the ray is not finite or has no direction.
     pub fn new(ray: &'a DRay) -> Option<Self> {
         let (d, scale) = scaled_direction(ray)?;
         let z = d.abs().max_position();
@@ -91,8 +94,9 @@ impl<'a> RaySpace<'a> {
         Some(Self { ray, direction: d, axes, shear, scale })
     }
 
-    /// A point: position across the ray, and ray parameter. The same bits for the same point,
-    /// whichever triangle it belongs to.
+    /// Transforms a point: the first two coordinates are its position across the ray, the third is
+    /// the parameter along the scaled direction. The result has the same bits for every triangle
+    /// that shares the point.
     fn point(&self, p: DVec3) -> DVec3 {
         let p = p - self.ray.origin;
         let z = p[self.axes[2]];
@@ -103,16 +107,17 @@ impl<'a> RaySpace<'a> {
         )
     }
 
-    /// Parameter of the plane along the scaled direction. Unlike the depths of the corners it is
-    /// exactly 0 for a ray that starts in a triangle parallel to an axis. `None` where it is
-    /// ill-conditioned: nearly edge on, there the depths are better.
+    /// Parameter of the triangle's plane along the scaled direction. Unlike the depths of the
+    /// corners it is exactly 0 for a ray that starts in a triangle parallel to an axis. `None` for
+    /// a ray nearly in the plane, for which this formula is ill-conditioned and the depths are more
+    /// accurate.
     fn plane_parameter(&self, vertices: &[DVec3; 3]) -> Option<f64> {
         let n = normal(vertices);
         let cos = self.direction.dot(n);
         (cos.abs() > 1e-6 * n.length()).then(|| (vertices[0] - self.ray.origin).dot(n) / cos)
     }
 
-    /// See [`intersect_watertight`].
+    /// Intersects the ray with a triangle; see [`intersect_watertight`].
     pub fn intersect(&self, vertices: &[DVec3; 3]) -> Option<TriangleHit> {
         let p = vertices.map(|v| self.point(v));
         let sides = [edge_side(p[1], p[2])?, edge_side(p[2], p[0])?, edge_side(p[0], p[1])?];
@@ -132,9 +137,9 @@ impl<'a> RaySpace<'a> {
     }
 }
 
-/// Whether the origin lies to the left of the edge from `p` to `q` (in x and y), exactly. On the
-/// edge, the origin counts as moved by (s, s^2) for a vanishing s > 0, so that of the two triangles
-/// at an edge exactly one holds it. `None` for an edge without length.
+/// True if the origin lies to the left of the edge from `p` to `q` (in x and y), decided exactly.
+/// If it lies on the edge, it counts as moved by (s, s^2) for an infinitesimal s > 0, so that
+/// exactly one of the two triangles at an edge contains it. `None` for an edge without length.
 fn edge_side(p: DVec3, q: DVec3) -> Option<bool> {
     // Rounding is monotonic: if the rounded products differ, so do the exact ones. Otherwise their
     // rounding errors, which a fused operation gives exactly, decide.
@@ -148,13 +153,13 @@ fn edge_side(p: DVec3, q: DVec3) -> Option<bool> {
     moved.into_iter().find(|&x| x != 0.0).map(|x| x > 0.0)
 }
 
-/// Normal of any length by the right-hand rule, accurate for slivers too.
+/// Normal of any length by the right-hand rule, accurate also for slivers.
 fn normal([a, b, c]: &[DVec3; 3]) -> DVec3 {
     accurate_cross(*b - *a, *c - *a)
 }
 
-/// Uniform barycentric coordinates of the second and third vertex (Heitz, A low-distortion map
-/// between triangle and square, 2019).
+/// Maps `u` in `[0, 1)^2` to barycentric coordinates of the second and third vertex, uniformly by
+/// area (Heitz, A low-distortion map between triangle and square, 2019).
 pub(super) fn sample_barycentrics(u: DVec2) -> DVec2 {
     if u.y > u.x {
         DVec2::new(u.x * 0.5, u.y - u.x * 0.5)

@@ -1,14 +1,15 @@
 //! The generalised winding number of a surface around a point (Jacobson, Kavan and Sorkine-Hornung,
 //! Robust Inside-Outside Segmentation using Generalized Winding Numbers, 2013), which is the signed
-//! solid angle of the surface over `4 pi`. Positive seen from behind (the side the normal does not
-//! point to), so that it is 1 inside a closed surface and 0 outside.
+//! solid angle of the surface over `4 pi`. The angle is positive where the surface is seen from
+//! behind (from the side opposite to its normal), so the number is 1 inside a closed surface and 0
+//! outside.
 
 use super::Metric;
 use snell_math::{DMat3, DVec2, DVec3};
 use std::f64::consts::TAU;
 
 /// The winding number of a triangle around the origin (van Oosterom and Strackee, The Solid Angle
-/// of a Plane Triangle, 1983); 0 in its plane.
+/// of a Plane Triangle, 1983); 0 if the origin is in the triangle's plane.
 #[inline]
 pub(crate) fn of_triangle([a, b, c]: [DVec3; 3]) -> f64 {
     let determinant = a.dot(b.cross(c));
@@ -20,7 +21,7 @@ pub(crate) fn of_triangle([a, b, c]: [DVec3; 3]) -> f64 {
     determinant.atan2(denominator) / TAU
 }
 
-/// The winding number around `point` of triangles of a shape, in the world's measure.
+/// The winding number of triangles of a shape around `point`, measured in world space.
 pub(super) fn of_triangles(
     metric: &Metric,
     point: DVec3,
@@ -30,14 +31,14 @@ pub(super) fn of_triangles(
     triangles.into_iter().map(in_world).sum::<f64>() * metric.orientation()
 }
 
-/// The winding number around `point` of the disk across the axis number `axis` at height `h`, with
-/// its normal along the axis; 0 in its plane.
+/// The winding number around `point` of the disk perpendicular to the axis number `axis` at height
+/// `h`, with its normal along the axis; 0 if `point` is in the plane of the disk.
 ///
-/// The solid angle is the flux of a monopole at the point, and so the integral along the rim of a
-/// potential with its string (Dirac,
-/// 1931) led away from the disk. The integrand is smooth and periodic: the trapezoid rule converges
-///       exponentially, except for points
-/// within a hundredth of the radius of the rim, where the error may reach `1e-4`.
+/// The solid angle is the flux of a monopole at the point through the disk, which equals the
+/// integral along the rim of the monopole's vector potential, with its Dirac string (Dirac, 1931)
+/// pointing away from the disk. The integrand is smooth and periodic, so the trapezoid rule
+/// converges exponentially, except for points within a hundredth of the radius of the rim, where
+/// the error may reach `1e-4`.
 pub(super) fn of_disk(metric: &Metric, point: DVec3, axis: usize, h: f64, radius: f64) -> f64 {
     let place = |p: DVec2, h: f64| {
         let mut at = DVec3::ZERO;
@@ -61,7 +62,8 @@ pub(super) fn of_disk(metric: &Metric, point: DVec3, axis: usize, h: f64, radius
                 let along = linear * place(direction.perp(), 0.0);
                 let length = r.length();
                 let flow = string.cross(r).dot(along);
-                // Zero only at the far end of the string, where the rim never is.
+                // The denominator is zero only at the far end of the string, where the rim never
+                // is.
                 if flow == 0.0 { 0.0 } else { flow / (length * (length - string.dot(r))) }
             })
             .sum::<f64>()

@@ -2,26 +2,26 @@
 
 use snell_math::{Bounds3, Mat4, Vec3, Vec4};
 
-/// Up to eight triangles, ready to be tested at once.
+/// Up to eight triangles in lanes, so that they are tested at once.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
 pub(crate) struct TriangleBlock {
-    /// By vertex, axis, triangle.
+    /// Coordinates by vertex, axis and lane.
     pub vertices: [[[f32; 8]; 3]; 3],
-    /// Number of the triangle within its group.
+    /// Number of each triangle within its group.
     pub ids: [u32; 8],
 }
 
 impl TriangleBlock {
     pub const EMPTY: Self = Self { vertices: [[[0.0; 8]; 3]; 3], ids: [u32::MAX; 8] };
 
-    /// The box of its first triangles.
+    /// The box around the first `count` triangles.
     pub fn bounds(&self, count: u32) -> Bounds3 {
         Bounds3::of((0..count as usize).flat_map(|lane| self.corners(lane)).map(Vec3::from_array))
     }
 
-    /// The box around its first triangles, each padded as by [`crate::mesh::padded_bounds`]. All
-    /// vertices must be finite.
+    /// The box around the first `count` triangles, each padded as by
+    /// [`crate::mesh::padded_bounds`]. All vertices must be finite.
     #[inline]
     pub fn padded_bounds(&self, count: usize) -> Bounds3 {
         let (mut low, mut high) = ([Vec4::INFINITY; 3], [Vec4::NEG_INFINITY; 3]);
@@ -53,7 +53,7 @@ impl TriangleBlock {
         Bounds3 { min: least.truncate(), max: most.truncate() }
     }
 
-    /// The corners of one of the triangles.
+    /// The corners of the triangle in a lane.
     #[inline(always)]
     pub fn corners(&self, lane: usize) -> [[f32; 3]; 3] {
         let (lane, v) = (lane & 7, &self.vertices);
@@ -61,12 +61,12 @@ impl TriangleBlock {
         [corner(0), corner(1), corner(2)]
     }
 
-    /// Puts triangles into all lanes: their corners by vertex and lane.
+    /// Sets all lanes. `corners` are given by vertex and lane.
     #[inline]
     pub fn set_all(&mut self, corners: &[[Vec4; 8]; 3], ids: [u32; 8]) {
         for (vertex, [a, b, c, d, e, f, g, h]) in self.vertices.iter_mut().zip(*corners) {
-            // In registers: numbers written one by one and read as rows (by `padded_bounds`) would
-            // have to wait.
+            // Transposed in registers: if numbers were written one by one, reading them as rows (in
+            // `padded_bounds`) would have to wait for the writes.
             let (low, high) =
                 (Mat4::from_cols(a, b, c, d).transpose(), Mat4::from_cols(e, f, g, h).transpose());
             for (axis, row) in vertex.iter_mut().enumerate() {
@@ -77,7 +77,7 @@ impl TriangleBlock {
         self.ids = ids;
     }
 
-    /// Puts a triangle into a lane.
+    /// Sets the triangle of one lane.
     pub fn set(&mut self, lane: usize, corners: &[[f32; 3]; 3], id: u32) {
         for (vertex, corner) in self.vertices.iter_mut().zip(corners) {
             for (axis, &x) in vertex.iter_mut().zip(corner) {

@@ -1,4 +1,5 @@
-//! The blocks of a tree's triangles: as kernels take them, or [compact](crate::tree::compact).
+//! The blocks of a tree's triangles, in the plain form that kernels use or in the
+//! [compact](crate::tree::compact) form.
 
 use super::compact::{BlocksAt, Line, SPARE_LINES, ids_from, lines_from, pack};
 use super::storage::{Plain, Storage};
@@ -14,19 +15,20 @@ unsafe impl Plain for Line {}
 /// The blocks of a tree.
 #[derive(Clone, Debug)]
 pub(crate) enum Blocks {
-    /// As kernels take them. Their numbers count them.
+    /// Blocks in the form that kernels use. Block numbers are indices of blocks.
     Plain(Storage<TriangleBlock>),
-    /// In less memory: this many. Their numbers count lines; [`SPARE_LINES`] follow the last.
+    /// Compact records, and how many there are. Block numbers are indices of lines; [`SPARE_LINES`]
+    /// follow the last record.
     Compact(Storage<Line>, usize),
 }
 
 impl Blocks {
-    /// None.
+    /// No blocks.
     pub fn none() -> Self {
         Self::Plain(Storage::unset(0))
     }
 
-    /// Plain ones.
+    /// Blocks in the plain form.
     #[cfg(test)]
     pub fn of(blocks: &[TriangleBlock]) -> Self {
         let mut all = Storage::unset(blocks.len());
@@ -42,7 +44,7 @@ impl Blocks {
         }
     }
 
-    /// Numbers are below this.
+    /// An upper bound, exclusive, on block numbers.
     #[inline(always)]
     pub fn end(&self) -> usize {
         match self {
@@ -56,7 +58,7 @@ impl Blocks {
         assert!(number < self.end(), "there is no block {number}");
     }
 
-    /// A block, unpacked into `room` if it has to be.
+    /// The block with this number, unpacked into `room` if it is compact.
     #[inline(always)]
     pub fn get<'a>(
         &'a self,
@@ -66,7 +68,7 @@ impl Blocks {
         self.unpacked::<Portable8>(Portable, number, room)
     }
 
-    /// The same, with the instructions of `L`.
+    /// Performs [`Self::get`] with the SIMD instructions of `L`.
     #[inline(always)]
     pub fn unpacked<'a, L: Lanes8>(
         &'a self,
@@ -75,11 +77,12 @@ impl Blocks {
         room: &'a mut MaybeUninit<TriangleBlock>,
     ) -> &'a TriangleBlock {
         self.check(number);
-        // SAFETY: it is there: whatever lines these are, those that are read with them are, too.
+        // SAFETY: the number was checked, and the lines that are read with a record follow it,
+        // whatever they contain.
         unsafe { self.at().block::<L>(token, number, room) }
     }
 
-    /// The corners of one triangle.
+    /// The corners of the triangle in a lane of a block.
     #[inline(always)]
     pub fn corners(&self, number: usize, lane: usize) -> [[f32; 3]; 3] {
         self.check(number);
@@ -87,7 +90,7 @@ impl Blocks {
         unsafe { self.at().corners(number, lane) }
     }
 
-    /// The number of one triangle within the group.
+    /// The number within the group of the triangle in a lane of a block.
     #[inline(always)]
     pub fn id(&self, number: usize, lane: usize) -> u32 {
         self.check(number);
@@ -107,7 +110,7 @@ impl Blocks {
         })
     }
 
-    /// The number after that of a block.
+    /// The number of the block after this one.
     fn after(&self, number: usize) -> usize {
         match self {
             Self::Plain(_) => number + 1,
@@ -135,8 +138,8 @@ impl Blocks {
         }
     }
 
-    /// Lines from an untrusted source, if records follow each other to the end and have no triangle
-    /// numbers beyond the given count.
+    /// Compact blocks from an untrusted source. `None` unless records follow each other to the end
+    /// and no triangle number reaches the given count.
     pub fn checked(lines: Storage<Line>, triangles: usize) -> Option<Self> {
         let blocks = Self::Compact(lines, 0);
         let (mut count, mut end) = (0, 0);
@@ -158,7 +161,7 @@ impl Blocks {
         self.bytes().len()
     }
 
-    /// The memory as it is.
+    /// The blocks as bytes in memory.
     pub fn bytes(&self) -> &[u8] {
         match self {
             Self::Plain(blocks) => blocks.bytes(),
@@ -166,8 +169,9 @@ impl Blocks {
         }
     }
 
-    /// The same with each block changed by `change`, which returns its box; and these boxes, by the
-    /// numbers of the blocks. `None` if one does not fit in its place.
+    /// A copy in which each block was modified by `change`, which returns the box of the block; and
+    /// these boxes, indexed by block number. `None` if a modified block no longer fits its compact
+    /// record.
     pub fn changed(
         &self,
         change: impl Fn(&mut TriangleBlock) -> Bounds3 + Send + Sync,

@@ -1,38 +1,39 @@
-//! The blocks of a tree, and a compact form of blocks that stores shared vertices once.
+//! The compact form of triangle blocks, which stores shared vertices once.
 //!
 //! A record of several [lines](Line) begins with the numbers of eight triangles (the highest bits
-//! of the first hold the number of different corners), then for each vertex eight 4-bit indices of
-//! corners, and then the coordinates of the corners by axis. Nothing is rounded, so unpacked
-//! triangles have the same hits, bit for bit. In a mesh two or three cache lines hold what takes
-//! five in a [`TriangleBlock`].
+//! of the first number hold the count of different corners), then come eight 4-bit corner indices
+//! for each of the three vertices, and then the coordinates of the corners by axis. Nothing is
+//! rounded, so unpacked triangles have the same hits, bit for bit. In a mesh a record takes two or
+//! three cache lines, where a [`TriangleBlock`] takes five.
 
 use crate::tree::block::TriangleBlock;
 use snell_math::Vec4;
 use snell_math::simd::{Lanes8, Token};
 use std::mem::MaybeUninit;
 
-/// A line of the cache: records begin with one.
+/// A cache line, the unit of records.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
 pub(crate) struct Line(pub [u32; 16]);
 
-/// Numbers of triangles are below this.
+/// The limit, exclusive, of triangle numbers.
 pub(crate) const MAX_ID: u32 = 1 << ID_BITS;
 const ID_BITS: u32 = 28;
 
-/// Lines that must follow the last record: some of them are read with it.
+/// The number of lines that must follow the last record, because reading a record may touch them.
 pub(crate) const SPARE_LINES: usize = 4;
 
-/// Different corners that a record names; one with more holds all corners of each triangle.
+/// The largest number of different corners that a record can index. With more corners, a record
+/// holds the corners of every triangle instead.
 const MOST_CORNERS: usize = 16;
 
-/// Where names begin in a record, and coordinates, in numbers; and the corners of one that holds
-/// all.
+/// Offsets in a record, in 32-bit words: of the corner indices, of the corner coordinates, and of
+/// the corners in a record that holds all.
 const NAMES: usize = 8;
 const TABLE: usize = 11;
 const ALL: usize = 8;
 
-/// Lines of a record that holds all.
+/// The number of lines of a record that holds the corners of every triangle.
 const LINES_OF_ALL: usize = size_of::<TriangleBlock>() / size_of::<Line>();
 
 /// The number of lines of a record with this many different corners.
@@ -40,7 +41,8 @@ fn lines_for(corners: usize) -> usize {
     if corners > MOST_CORNERS { LINES_OF_ALL } else { (TABLE + 3 * corners).div_ceil(16) }
 }
 
-/// The different corners of a block's triangles, and which each vertex of each triangle is.
+/// The different corners of a block's triangles, and for each vertex of each triangle the index of
+/// its corner.
 struct Corners {
     table: [[u32; 3]; 24],
     count: usize,
@@ -61,19 +63,20 @@ impl Corners {
                 }
             }
         }
-        // (A record of one line is recognised by its number.)
+        // At least two, because a count of one is stored as 0, which marks a record that holds all
+        // corners.
         found.count = found.count.max(2);
         found
     }
 }
 
-/// The number of lines of a block.
+/// The number of lines of the record for a block.
 pub(crate) fn lines_of(block: &TriangleBlock) -> usize {
     lines_for(Corners::of(block).count)
 }
 
-/// Writes a block, the first lane of which must be used, with numbers below [`MAX_ID`]. Returns
-/// false if it needs another number of lines than given.
+/// Writes a block, whose first lane must be used, with triangle numbers below [`MAX_ID`]. Returns
+/// false if the record needs a different number of lines from the given one.
 pub(crate) fn pack(block: &TriangleBlock, to: &mut [Line]) -> bool {
     let corners = Corners::of(block);
     if to.len() != lines_for(corners.count) {
@@ -97,7 +100,7 @@ pub(crate) fn pack(block: &TriangleBlock, to: &mut [Line]) -> bool {
     true
 }
 
-/// The number of lines of the record that begins with this one.
+/// The number of lines of the record that begins with this line.
 pub(crate) fn lines_from(first: &Line) -> usize {
     match first.0[0] >> ID_BITS {
         0 => LINES_OF_ALL,
@@ -105,13 +108,13 @@ pub(crate) fn lines_from(first: &Line) -> usize {
     }
 }
 
-/// The numbers of the triangles of a record that begins with this line; `u32::MAX` in lanes that
-/// are not used.
+/// The numbers of the triangles of the record that begins with this line; `u32::MAX` in unused
+/// lanes.
 pub(crate) fn ids_from(first: &Line) -> [u32; 8] {
     std::array::from_fn(|lane| if lane == 0 { first.0[0] & (MAX_ID - 1) } else { first.0[lane] })
 }
 
-/// Bit `i` is the highest of the `i`th four bits.
+/// Bit `i` of the result is the highest bit of the `i`th group of four bits.
 #[inline(always)]
 fn highest_of_four(bits: u32) -> u32 {
     let bits = bits >> 3 & 0x1111_1111;
@@ -120,16 +123,16 @@ fn highest_of_four(bits: u32) -> u32 {
     (bits | bits >> 12) & 0xff
 }
 
-/// The blocks of a tree, of either kind.
+/// The address of the blocks of a tree, in plain or compact form.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct BlocksAt {
     start: *const u8,
-    /// Bytes from one number to the next.
+    /// Bytes between consecutive block numbers.
     stride: u32,
 }
 
 impl BlocksAt {
-    /// What [`Self::parts`] gave.
+    /// The blocks with the given [`Self::parts`].
     #[inline(always)]
     pub const fn new(start: *const u8, stride: u32) -> Self {
         Self { start, stride }
@@ -140,13 +143,13 @@ impl BlocksAt {
         (self.start, self.stride)
     }
 
-    /// Blocks as they are; numbers count them.
+    /// Plain blocks, numbered by index.
     #[inline(always)]
     pub fn blocks(blocks: &[TriangleBlock]) -> Self {
         Self::new(blocks.as_ptr().cast(), size_of::<TriangleBlock>() as u32)
     }
 
-    /// Records; numbers count lines. [`SPARE_LINES`] must follow the last record.
+    /// Compact records, numbered by line. [`SPARE_LINES`] must follow the last record.
     #[inline(always)]
     pub fn lines(lines: &[Line]) -> Self {
         Self::new(lines.as_ptr().cast(), size_of::<Line>() as u32)
@@ -163,10 +166,10 @@ impl BlocksAt {
         self.stride != size_of::<TriangleBlock>() as u32
     }
 
-    /// A block, unpacked into `room` if it has to be.
+    /// The block with this number, unpacked into `room` if it is compact.
     ///
     /// # Safety
-    /// There must be a block with this number, for as long as the answer is used.
+    /// There must be a block with this number for as long as the result is used.
     #[inline(always)]
     pub unsafe fn block<L: Lanes8>(
         self,
@@ -181,7 +184,7 @@ impl BlocksAt {
         }
     }
 
-    /// The corners of one triangle.
+    /// The corners of the triangle in a lane.
     ///
     /// # Safety
     /// There must be a block with this number.
@@ -197,14 +200,14 @@ impl BlocksAt {
         }
     }
 
-    /// The number of one triangle.
+    /// The number within the group of the triangle in a lane.
     ///
     /// # Safety
     /// There must be a block with this number, and the lane must be used.
     #[inline(always)]
     pub unsafe fn id(self, number: usize, lane: usize) -> u32 {
-        // SAFETY: a block of this kind is there, by the caller's promise; either begins with the
-        // numbers of eight triangles.
+        // SAFETY: a block of this kind is there, by the caller's promise; either form begins with
+        // the numbers of eight triangles.
         unsafe {
             if self.is_compact() {
                 return self.address(number).cast::<u32>().add(lane & 7).read() & (MAX_ID - 1);
@@ -214,17 +217,17 @@ impl BlocksAt {
     }
 }
 
-/// The corners of a triangle of a record. (As registers that are written as wholes: numbers written
-/// one by one and read two at a time would have to wait.)
+/// The corners of a triangle of a record. (Returned as whole registers: if numbers were written one
+/// by one, reading several at a time would have to wait for the writes.)
 ///
 /// # Safety
-/// It must be the first line of a record, and [`SPARE_LINES`] must follow that.
+/// `first` must be the first line of a record, and [`SPARE_LINES`] must follow the record.
 #[cold]
 #[inline(never)]
 unsafe fn corners_in(first: *const Line, lane: usize) -> [Vec4; 3] {
     let (record, lane) = (first.cast::<u32>(), lane & 7);
-    // SAFETY: names are below 16, so the coordinates are in the record or the lines that follow it
-    // by the caller's promise.
+    // SAFETY: indices are below 16, so the coordinates are in the record or in the lines that
+    // follow it by the caller's promise.
     unsafe {
         let corner = |x: usize, step: usize| {
             let float = |i: usize| f32::from_bits(record.add(i).read());
@@ -239,11 +242,11 @@ unsafe fn corners_in(first: *const Line, lane: usize) -> [Vec4; 3] {
     }
 }
 
-/// A record as a block. (Not in line: what walks plain blocks is slower by 2 to 4 % with this code
-/// in the midst of it.)
+/// Unpacks a record into a block. (Not inlined, because kernels for plain blocks are 2 to 4 %
+/// slower with this code in their loops.)
 ///
 /// # Safety
-/// It must be the first line of a record, and [`SPARE_LINES`] must follow that.
+/// `first` must be the first line of a record, and [`SPARE_LINES`] must follow the record.
 #[cold]
 #[inline(never)]
 unsafe fn unpacked<L: Lanes8>(
@@ -259,14 +262,14 @@ unsafe fn unpacked<L: Lanes8>(
 }
 
 /// # Safety
-/// As [`unpacked`].
+/// `first` must be the first line of a record, and [`SPARE_LINES`] must follow the record.
 #[inline(always)]
 unsafe fn unpack<L: Lanes8>(
     token: L::Token,
     first: *const Line,
     room: &mut MaybeUninit<TriangleBlock>,
 ) -> &TriangleBlock {
-    // SAFETY: names are below 16, so nothing is read beyond four lines after the first, and these
+    // SAFETY: indices are below 16, so nothing is read beyond four lines after the first, and these
     // are there by the caller's promise. All of the block is written.
     unsafe {
         let (record, block) = (first.cast::<u32>(), &mut *room.as_mut_ptr());
@@ -301,7 +304,7 @@ mod tests {
     use crate::world::tests::Random;
     use snell_math::simd::{Portable, Portable8};
 
-    /// Random blocks of a number of triangles whose corners are among a number of points.
+    /// Random blocks of triangles whose corners are chosen from the given number of points.
     fn blocks(random: &mut Random, points: usize) -> Vec<TriangleBlock> {
         let table: Vec<[f32; 3]> = (0..points).map(|_| random.point(9.0).to_array()).collect();
         let mut block = |count: usize| {

@@ -1,5 +1,5 @@
-//! The trees that kernels traverse: an 8-wide bounding volume hierarchy of each group, and all
-//! groups together. They are data only: `build` makes trees, and kernels traverse them.
+//! The trees that kernels traverse: an 8-wide bounding volume hierarchy for each group, and the
+//! forest of all groups. They are data only: `build` makes trees, and kernels traverse them.
 
 pub(crate) mod block;
 pub(crate) mod blocks;
@@ -18,9 +18,9 @@ use node::{ChildRef, WideNode};
 use std::sync::Arc;
 use storage::{Plain, Storage};
 
-// SAFETY: numbers of 32 bits without padding: 6 * 8 + 8 + 8 of them in 256 bytes.
+// SAFETY: `WideNode` is 6 * 8 + 8 + 8 numbers of 32 bits in 256 bytes, without padding.
 unsafe impl Plain for WideNode {}
-// SAFETY: numbers of 32 bits without padding: 9 * 8 + 8 of them in 320 bytes.
+// SAFETY: `TriangleBlock` is 9 * 8 + 8 numbers of 32 bits in 320 bytes, without padding.
 unsafe impl Plain for TriangleBlock {}
 
 /// Whether a tree was read from a cache file.
@@ -28,9 +28,9 @@ unsafe impl Plain for TriangleBlock {}
 pub(crate) enum CacheUse {
     /// No cache was requested, or the group is small.
     None,
-    /// It was read from a file.
+    /// The tree was read from a file.
     Read,
-    /// It was built and written to a file.
+    /// The tree was built and written to a file.
     Written,
     /// A warning for the user: the tree was built because its file was damaged, or the file could
     /// not be written.
@@ -40,7 +40,7 @@ pub(crate) enum CacheUse {
 /// The tree of one group.
 #[derive(Debug)]
 pub(crate) struct GroupTree {
-    /// In preorder: a subtree is a range of nodes, and a range of blocks.
+    /// The nodes in preorder, so that a subtree is a range of nodes and a range of blocks.
     pub nodes: Storage<WideNode>,
     pub blocks: Blocks,
     /// Where traversal starts; [`ChildRef::NONE`] for a group without bounded contents.
@@ -48,32 +48,32 @@ pub(crate) struct GroupTree {
     /// Where the traversal of everything except [outliers](Outliers) starts: the first child of the
     /// root, or the root itself.
     pub rest: ChildRef,
-    /// Shapes, instances and primitives of sets, as the leaves number them.
+    /// Shapes, instances and primitives of sets, numbered as in the leaves.
     pub objects: Objects,
-    /// Objects without finite bounds: always tested.
+    /// Numbers of the objects without finite bounds, which are always tested.
     pub unbounded: Vec<u32>,
-    /// For each mesh the number of its first triangle within the group, and its geometry;
-    /// ascending.
+    /// For each mesh the number of its first triangle within the group, and its geometry, in
+    /// ascending order.
     pub meshes: Vec<(u32, u32)>,
-    /// Depth: nodes on the longest path from the root.
+    /// The number of nodes on the longest path from the root.
     pub depth: usize,
     /// The number of triangles of the meshes.
     pub triangles: usize,
     /// The triangles that can never be hit and are not in the tree.
     pub skipped: Vec<u32>,
-    /// The objects without contents; not in the tree.
+    /// The objects without contents, which are not in the tree.
     pub empty: Vec<u32>,
-    /// Whether it was read from a cache file.
+    /// Whether the tree was read from a cache file.
     pub cache: CacheUse,
     /// The expected number of nodes and blocks that a random line through the bounds visits.
     pub sah_cost: f32,
 }
 
-/// Nodes of a tree that [`GroupTree::is_blurred`] looks at.
+/// The number of nodes that [`GroupTree::is_blurred`] samples.
 const LOOKED_AT: usize = 1000;
 
 impl GroupTree {
-    /// True if most nodes, each with what is below it, are smaller than this.
+    /// True if the boxes of most nodes are smaller than `size`.
     fn is_blurred(&self, size: f32) -> bool {
         let sample = self.nodes.iter().step_by(self.nodes.len() / LOOKED_AT + 1);
         let (mut small, mut all) = (0, 0);
@@ -84,7 +84,7 @@ impl GroupTree {
         all > 1 && 2 * small > all
     }
 
-    /// Geometry and triangle of a triangle numbered within the group.
+    /// Geometry and primitive of a triangle, given its number within the group.
     #[inline(always)]
     pub fn triangle(&self, id: u32) -> (u32, u32) {
         let (first, geometry) = match self.meshes.as_slice() {
@@ -94,14 +94,14 @@ impl GroupTree {
         (geometry, id - first)
     }
 
-    /// Geometry and triangle of what is in a lane of a block, both as one number: that of the block
-    /// eight times, and the lane.
+    /// Geometry and primitive of the triangle in a lane of a block. `place` is eight times the
+    /// number of the block plus the lane.
     #[inline(always)]
     pub fn triangle_at(&self, place: u32) -> (u32, u32) {
         self.triangle(self.blocks.id(place as usize >> 3, place as usize & 7))
     }
 
-    /// True if a triangle is in several blocks, as spatial splits leave them.
+    /// True if a triangle is in several blocks, which happens with spatial splits.
     pub fn has_repeated_triangles(&self) -> bool {
         let ids = || {
             self.blocks
@@ -119,12 +119,12 @@ impl GroupTree {
         })
     }
 
-    /// Stack entries that the traversal of this group alone may need.
+    /// The largest number of stack entries that the traversal of this group alone needs.
     fn stack_size(&self) -> usize {
         7 * self.depth + 8
     }
 
-    /// Memory of the tree.
+    /// Memory of the tree in bytes.
     pub fn memory_bytes(&self) -> usize {
         size_of_val(&*self.nodes) + self.blocks.memory_bytes() + self.objects.memory_bytes()
     }
@@ -133,26 +133,26 @@ impl GroupTree {
 /// The trees of all groups; group 0 is the root.
 #[derive(Debug)]
 pub(crate) struct Forest {
-    /// Shared with other worlds that hold the same groups.
+    /// The tree of each group, shared with other worlds that hold the same group.
     pub trees: Vec<Arc<GroupTree>>,
-    /// Stack entries that traversal needs on the deepest path from each group through all groups
-    /// below it.
+    /// For each group, the number of stack entries that traversal needs on the deepest path from
+    /// the group through all groups below it.
     pub stack_sizes: Vec<usize>,
     /// The largest coordinate of each tree.
     pub extents: Vec<f32>,
-    /// True if everything is of ordinary size ([`is_ordinary`]).
+    /// True if all trees are of ordinary size ([`is_ordinary`]).
     pub ordinary: bool,
     /// True if, in addition, nothing in the root is unbounded, and traversal needs at most
     /// [`SMALL_STACK`] entries.
     pub simple: bool,
-    /// The root's contents without a tree, if they are few.
+    /// The contents of the root as a list, if they are few enough to be tested without a tree.
     pub list: Option<Box<List>>,
     /// The outliers of the root.
     pub outliers: Option<Outliers>,
 }
 
 impl Forest {
-    /// All groups from their trees; `order` lists the groups with children before parents.
+    /// The forest of these trees; `order` lists the groups with children before parents.
     pub fn of(trees: Vec<Arc<GroupTree>>, order: &[usize]) -> Self {
         let mut sizes = vec![0; trees.len()];
         for &group in order {
@@ -176,15 +176,15 @@ impl Forest {
         forest
     }
 
-    /// Stack entries that traversal needs on the deepest path through all groups.
+    /// The number of stack entries that traversal needs on the deepest path through all groups.
     #[inline(always)]
     pub fn stack_size(&self) -> usize {
         self.stack_sizes[0]
     }
 
-    /// How far out the coordinates of a group reach, if single precision has no steps there that
-    /// are small enough for most of what is in it: boxes are widened by such steps, and so most
-    /// rays meet most boxes.
+    /// The largest coordinate of a group whose nodes are mostly smaller than the spacing of `f32`
+    /// at that coordinate; `None` if there is no such group. Boxes are padded by that spacing, so
+    /// in such a group most rays hit most boxes.
     pub fn blurred(&self) -> Option<f32> {
         let groups = self.trees.iter().zip(&self.extents);
         groups
@@ -193,21 +193,22 @@ impl Forest {
             .reduce(f32::max)
     }
 
-    /// Memory of all trees.
+    /// Memory of all trees in bytes.
     pub fn memory_bytes(&self) -> usize {
         self.trees.iter().map(|tree| tree.memory_bytes()).sum()
     }
 }
 
-/// Entries on the thread's stack; deeper forests take memory per query.
+/// The number of traversal entries on the thread's stack; deeper forests allocate memory per query.
 pub(crate) const SMALL_STACK: usize = 512;
 
-/// True if walks through the bounded part of the forest fit the stacks of this kernel.
+/// True if the fast kernels can traverse the forest: all trees are of ordinary size, the root group
+/// has nodes, and the stacks are large enough.
 pub(crate) fn may_search(forest: &Forest) -> bool {
     forest.ordinary && forest.trees[0].root.is_node() && forest.stack_size() <= SMALL_STACK
 }
 
-/// The largest coordinate in the tree; infinite if one is not a number.
+/// The largest coordinate in the tree; infinite if a coordinate is NaN.
 fn extent(tree: &GroupTree) -> f32 {
     let largest =
         |extent: f32, x: &f32| if x.is_nan() { f32::INFINITY } else { extent.max(x.abs()) };

@@ -18,14 +18,15 @@ impl ChildRef {
     pub const MAX_NODES: usize = 1 << 30;
     /// Fills unused slots; their boxes are empty.
     pub const NONE: Self = Self(u32::MAX);
-    /// On the stack of a walk: here it returns from an instance. Not in trees.
+    /// A marker on the stack of a traversal, where it returns from an instance. Never stored in
+    /// trees.
     pub const RETURN: Self = Self(u32::MAX - 1);
 
     pub fn node(index: usize) -> Self {
         Self(index as u32)
     }
 
-    /// `count` from 1 to 8.
+    /// A reference to the first `count` triangles, from 1 to 8, of a block.
     pub fn triangles(block: usize, count: usize) -> Self {
         Self(Self::TRIANGLES | ((count as u32 - 1) << Self::BLOCK_BITS) | block as u32)
     }
@@ -49,7 +50,7 @@ impl ChildRef {
         self.0 & (3 << 30) == Self::OBJECT
     }
 
-    /// Number of the node, of what is known to be one.
+    /// The number of the node, for a reference that is known to be a node.
     #[inline(always)]
     pub fn node_index(self) -> usize {
         self.0 as usize
@@ -74,15 +75,15 @@ impl ChildRef {
     }
 }
 
-/// Eight boxes and where they lead.
+/// Eight boxes, and a reference to the child in each.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
 pub(crate) struct WideNode {
-    /// By side (minimum, maximum), axis, slot.
+    /// Bounds by side (minimum, maximum), axis and slot.
     pub bounds: [[[f32; 8]; 3]; 2],
     pub children: [ChildRef; 8],
-    /// For each octant of directions (bit i set: down along axis i) the slots from far to near:
-    /// eight numbers of 3 bits.
+    /// For each octant of directions (bit i is set for directions that are negative along axis i),
+    /// the slots from far to near as eight numbers of 3 bits.
     pub order: [u32; 8],
 }
 
@@ -101,21 +102,21 @@ impl WideNode {
         self.children[slot] = child;
     }
 
-    /// The box of a slot; empty if it is not used.
+    /// The box of a slot; empty if the slot is not used.
     pub fn slot_bounds(&self, slot: usize) -> Bounds3 {
         let side = |side: usize| Vec3::from_array(self.bounds[side].map(|axis| axis[slot & 7]));
         Bounds3 { min: side(0), max: side(1) }
     }
 
-    /// The box of all slots.
+    /// The box around all slots.
     pub fn bounds(&self) -> Bounds3 {
         (0..8).map(|slot| self.slot_bounds(slot)).fold(Bounds3::EMPTY, |all, own| all.union(&own))
     }
 
-    /// Half of the surface areas of all slots together.
+    /// The sum over all slots of half the surface area of the box.
     pub fn half_areas(&self) -> f64 {
         let [low, high] = &self.bounds;
-        // (Those that are not used are infinitely far from having a size.)
+        // Unused slots have an infinitely negative size, which counts as 0.
         let size = |axis: usize| {
             std::array::from_fn::<f32, 8, _>(|slot| (high[axis][slot] - low[axis][slot]).max(0.0))
         };
@@ -125,22 +126,22 @@ impl WideNode {
             .sum()
     }
 
-    /// Works out the order of the children for each octant, when all are set: by their centres
-    /// along the diagonal.
+    /// Computes the order of the children for each octant, by the position of their centres along
+    /// the octant's diagonal. All slots must be set before.
     pub fn sort_octants(&mut self) {
         let center = |axis: usize| {
             let (low, high) = (&self.bounds[0][axis], &self.bounds[1][axis]);
             std::array::from_fn::<f32, 8, _>(|slot| low[slot] * 0.5 + high[slot] * 0.5)
         };
         let [x, y, z] = [center(0), center(1), center(2)];
-        // By slot, for the octants 0 to 3.
+        // Sort keys by slot, for the octants 0 to 3.
         let mut keys = [[0i32; 4]; 8];
         for (slot, keys) in keys.iter_mut().enumerate() {
             for (octant, key) in keys.iter_mut().enumerate() {
                 let side = |axis: usize| if octant >> axis & 1 == 1 { -1.0 } else { 1.0 };
-                // Unused slots give NaN and go wherever; they are never met.
+                // Unused slots give NaN and end up anywhere; they are never hit.
                 let bits = (x[slot] * side(0) + y[slot] * side(1) + z[slot]).to_bits() as i32;
-                // Integers in the order of the numbers, with the slot in the low bits.
+                // Integers in the same order as the numbers, with the slot in the low bits.
                 let ordered = bits ^ (bits >> 31 & i32::MAX);
                 *key = ordered & !7 | slot as i32;
             }
@@ -155,14 +156,14 @@ impl WideNode {
             }
         }
         for octant in 0..4 {
-            // The opposite octant meets them the other way round.
+            // The opposite octant has the reverse order.
             (self.order[octant], self.order[octant ^ 7]) = (up[octant], down[octant]);
         }
     }
 }
 
-/// Sorts eight rows, each column by itself, by a network of 19 exchanges (Batcher's odd-even merge
-/// sort): no branches.
+/// Sorts eight rows, each column independently, without branches, by a network of 19 exchanges
+/// (Batcher's odd-even merge sort).
 #[inline]
 fn sort8(rows: &mut [[i32; 4]; 8]) {
     const NETWORK: [(usize, usize); 19] = [

@@ -1,9 +1,9 @@
-//! The memory of trees: large pieces come from the system in huge pages where it has them.
+//! The memory of trees: large pieces are mapped in huge pages where the system has them.
 //!
-//! Fresh pages are a large part of the cost of a build, and address translation is one of
-//! traversing large trees, so larger pieces are mapped separately with huge pages. No memory is
-//! initialised before several threads write their parts of it: it starts as zeros, which the system
-//! provides, or holds the old contents of a piece that was returned ([`spare`]).
+//! Fresh pages are a large part of the cost of a build, and address translation is a large part of
+//! the cost of traversing large trees, so large pieces are mapped separately with huge pages.
+//! Memory is not initialised before several threads write their parts of it: it holds zeros, which
+//! the system provides, or the old contents of a piece that was returned ([`spare`]).
 
 use std::alloc::{Layout, alloc_zeroed, dealloc, handle_alloc_error};
 use std::fmt;
@@ -21,20 +21,21 @@ use spare::Piece;
 /// Any bits must be a valid value, and there must be no padding.
 pub(crate) unsafe trait Plain: Copy + Send + Sync + 'static {}
 
-/// Pieces at least this large are mapped by themselves. (Few bytes are much for Miri.)
+/// Pieces of at least this many bytes are mapped separately. (The limit is low for Miri, which is
+/// slow.)
 const MAPPED_BYTES: usize = if cfg!(miri) { 1 << 12 } else { 3 << 17 };
 
-/// Bytes of a huge page where the system has them, and if not, what memory is aligned to.
+/// Bytes of a huge page. Mapped memory is aligned to this also where the system has no huge pages.
 const HUGE_PAGE: usize = 1 << 21;
 
-/// The number of bytes to put in huge pages, rounded up if the end fills at least half of one. So
-/// at most a megabyte is wasted or left to small pages, each of which costs a microsecond to touch
-/// on virtual machines.
+/// The number of bytes to put in huge pages, rounded up if the end fills at least half of a page.
+/// So at most a megabyte is wasted or left to small pages, each of which takes a microsecond to
+/// touch on virtual machines.
 fn huge_bytes(bytes: usize) -> usize {
     (bytes.saturating_add(HUGE_PAGE / 2)) / HUGE_PAGE * HUGE_PAGE
 }
 
-/// Zeros from the system, aligned to huge pages, and how many bytes they are.
+/// Maps zeroed memory, aligned to huge pages. Also returns its size in bytes.
 fn map_anonymous(bytes: usize) -> Option<(NonNull<u8>, usize, memmap2::MmapMut)> {
     let huge = huge_bytes(bytes);
     let bytes = bytes.max(huge);
@@ -42,7 +43,7 @@ fn map_anonymous(bytes: usize) -> Option<(NonNull<u8>, usize, memmap2::MmapMut)>
     let offset = map.as_ptr().align_offset(HUGE_PAGE);
     let start = map.get_mut(offset..offset + bytes)?.as_mut_ptr();
     #[cfg(all(target_os = "linux", not(miri)))]
-    // Only a wish: without huge pages it is as before.
+    // The advice may fail: without huge pages the memory works all the same.
     let _ = map.advise_range(memmap2::Advice::HugePage, offset, huge);
     Some((NonNull::new(start)?, bytes, map))
 }
@@ -55,21 +56,21 @@ pub(crate) struct Storage<T> {
     values: PhantomData<T>,
 }
 
-/// The owner of the memory, by how it is freed.
+/// The owner of the memory, which determines how the memory is freed.
 enum Owner {
     Heap(Layout),
     Mapped(Piece),
-    /// Returned already.
+    /// Memory that was already returned.
     Nothing,
 }
 
 // SAFETY: `Storage` owns plain values, like a `Vec`.
 unsafe impl<T: Plain> Send for Storage<T> {}
-// SAFETY: as above.
+// SAFETY: `Storage` owns plain values, like a `Vec`.
 unsafe impl<T: Plain> Sync for Storage<T> {}
 
 impl<T: Plain> Storage<T> {
-    /// Memory for `len` values with arbitrary contents: zeros, or those of earlier use.
+    /// Memory for `len` values with arbitrary contents: zeros, or values from earlier use.
     pub fn unset(len: usize) -> Self {
         let layout = Layout::array::<T>(len).expect("no world is larger than the address space");
         if layout.size() >= MAPPED_BYTES
@@ -98,9 +99,10 @@ impl<T: Plain> Storage<T> {
         unsafe { std::slice::from_raw_parts(self.start.as_ptr().cast(), size_of_val(&**self)) }
     }
 
-    /// The same, to be changed.
+    /// The values as they are in memory, for writing.
     pub fn bytes_mut(&mut self) -> &mut [u8] {
-        // SAFETY: as above, there is no other reference, and any bits are valid values.
+        // SAFETY: plain values have no padding and accept any bits, and there is no other
+        // reference.
         unsafe { std::slice::from_raw_parts_mut(self.start.as_ptr().cast(), size_of_val(&**self)) }
     }
 }
@@ -130,7 +132,8 @@ impl<T> Deref for Storage<T> {
 
 impl<T> DerefMut for Storage<T> {
     fn deref_mut(&mut self) -> &mut [T] {
-        // SAFETY: as above, and there is no other reference.
+        // SAFETY: `start` leads to `len` values that live as long as `self`, and there is no other
+        // reference.
         unsafe { std::slice::from_raw_parts_mut(self.start.as_ptr(), self.len) }
     }
 }
@@ -153,7 +156,7 @@ impl<T> fmt::Debug for Storage<T> {
 mod tests {
     use super::*;
 
-    // SAFETY: a number.
+    // SAFETY: a `u32` has no padding and accepts any bits.
     unsafe impl Plain for u32 {}
 
     #[test]

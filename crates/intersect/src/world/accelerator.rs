@@ -33,29 +33,29 @@ macro_rules! accelerators {
 }
 
 accelerators! {
-    /// No structure: every primitive is tested. The reference that tests compare with.
+    /// No structure: every primitive is tested. This is the reference of the tests.
     None = "none" => None,
     /// The scene graph's own boxes: one per mesh, shape and instance, in the order of the graph.
     Graph = "graph" => Some(graph::build),
     /// A binary hierarchy of bounding spheres.
     Spheres = "spheres" => Some(spheres::build),
-    /// An 8-wide bounding volume hierarchy: the fast one.
+    /// An 8-wide bounding volume hierarchy, by far the fastest structure.
     #[default]
     Bvh = "bvh" => None,
     /// A uniform grid, with finer grids in crowded cells.
     Grid = "grid" => Some(grid::build),
-    /// An octree, walked from each cell to its neighbour.
+    /// An octree, traversed from each cell to its neighbour.
     Octree = "octree" => Some(octree::build_neighbours),
-    /// An octree, walked from the root down.
+    /// An octree, traversed from the root down.
     OctreeHierarchical = "octree-hierarchical" => Some(octree::build_hierarchical),
-    /// A binary space partition by the planes of the polygons themselves.
+    /// A binary space partition whose splitting planes are the planes of the polygons.
     Bsp = "bsp" => Some(bsp::build),
-    /// A k-d tree by the surface area heuristic.
+    /// A k-d tree built by the surface area heuristic.
     KdTree = "kdtree" => Some(kdtree::build),
 }
 
 impl AcceleratorKind {
-    /// The kind of this name.
+    /// The kind with this name; `None` for an unknown name.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|k| k.name() == name)
     }

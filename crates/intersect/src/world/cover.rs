@@ -1,31 +1,30 @@
-//! Covers: many small boxes around the contents of an instance instead of one. The union of the
-//! rotated small boxes is much tighter than the one rotated box (which is up to `sqrt(3)` times as
-//! long on each axis), so fewer rays are transformed into the instance.
+//! Covers: many small boxes around the contents of an instance instead of one. After a rotation,
+//! the union of the small boxes is much tighter than the box of the one rotated box (which is up to
+//! `sqrt(3)` times as long on each axis), so fewer rays are transformed into the instance.
 
 use crate::mesh::TriangleMesh;
 use rayon::prelude::*;
 use snell_math::{Bounds3, Bounds3d, Vec3};
 use std::sync::Arc;
 
-/// Boxes whose union holds everything that can be hit. Shared, because a cover takes time to
-/// compute.
+/// Boxes whose union holds everything that can be hit. Shared, because computing a cover takes
+/// time.
 pub(super) type Cover = Arc<[Bounds3d]>;
 
-/// Cells on each axis of the grid that triangles are put into.
+/// Cells on each axis of the grid into which triangles are sorted.
 const CELLS: usize = 8;
 
-/// Meshes with fewer triangles have one box per triangle.
+/// Below this number of triangles, the cover of a mesh has one box per triangle.
 const FEW: usize = 32;
 
-/// Triangles that a thread takes at a time.
+/// The number of triangles that one task handles.
 const CHUNK: usize = 1 << 14;
 
-/// The largest number of boxes of a group, besides those of its meshes; beyond it, boxes are
-/// merged.
+/// The largest number of boxes for the objects of a group; beyond it, boxes are merged.
 const MAX_OBJECTS: usize = 512;
 
-/// The cover of a mesh: the boxes around the triangles whose middles are in the same cell of a
-/// grid.
+/// The cover of a mesh: for each cell of a grid, the box around the triangles whose centres are in
+/// it.
 pub(super) fn of_mesh(mesh: &TriangleMesh) -> Cover {
     let hittable = |i: &usize| !mesh.is_degenerate(*i);
     if mesh.indices.len() < FEW {
@@ -38,7 +37,7 @@ pub(super) fn of_mesh(mesh: &TriangleMesh) -> Cover {
     let scale = Vec3::splat(CELLS as f32) / all.size();
     let cell = |b: &Bounds3| {
         let at = (b.min * 0.5 + b.max * 0.5 - all.min) * scale;
-        // NaN becomes 0.
+        // The conversion turns NaN into 0.
         let [x, y, z] = at.to_array().map(|x| (x as usize).min(CELLS - 1));
         x + CELLS * (y + CELLS * z)
     };
@@ -60,7 +59,7 @@ pub(super) fn of_mesh(mesh: &TriangleMesh) -> Cover {
     cells.into_iter().filter(|b| !b.is_empty()).map(Bounds3d::from).collect()
 }
 
-/// The cover of a group, from those of its meshes and the boxes of its objects.
+/// The cover of a group, made of the covers of its meshes and the boxes of its objects.
 pub(super) fn of_group<'a>(meshes: impl Iterator<Item = &'a Cover>, objects: &[Bounds3d]) -> Cover {
     let size = objects.len().div_ceil(MAX_OBJECTS).max(1);
     let together =

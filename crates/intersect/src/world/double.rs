@@ -1,9 +1,10 @@
-//! Worlds in double precision, for large coordinates: a city in metres with details of millimetres.
+//! Worlds in double precision, for large coordinates such as those of a city with details of
+//! millimetres.
 //!
-//! Everything is as in [`World`], with [`DTriangleMesh`]es, [`snell_math::DRay`]s and
-//! [`crate::DHit`]s. The trees are the same too: they hold the meshes near their own centre, scaled
-//! and rounded to `f32`, to find the few triangles that a ray may hit; those are tested in `f64`.
-//! (Only [`World`] has [`World::interaction`].)
+//! All methods are those of [`World`], with [`DTriangleMesh`]es, [`snell_math::DRay`]s and
+//! [`crate::DHit`]s; only [`World::interaction`] is missing. The trees have the same form: they
+//! hold the meshes relative to their centre, scaled and rounded to `f32`, to find the few triangles
+//! that a ray may hit, which are then tested in `f64`.
 
 use super::occurrence::Occurrences;
 use super::reuse::Summary;
@@ -20,13 +21,13 @@ use rayon::prelude::*;
 use snell_math::{Bounds3d, Transform};
 use std::sync::Arc;
 
-/// Collects groups, geometries and instances, then builds a [`DWorld`]. It has the methods of
+/// Collects groups, geometries and instances, then builds a [`DWorld`]. Its methods are those of
 /// [`WorldBuilder`].
 #[derive(Clone, Debug, Default)]
 pub struct DWorldBuilder {
-    /// The builder in single precision, with an empty mesh in the place of each mesh.
+    /// A builder in single precision that has an empty mesh in the place of each mesh.
     builder: WorldBuilder,
-    /// Per geometry; empty for what is not a mesh.
+    /// The mesh of each geometry; empty for a geometry that is not a mesh.
     meshes: Vec<Arc<DTriangleMesh>>,
 }
 
@@ -34,7 +35,7 @@ impl DWorldBuilder {
     /// The root group: world coordinates.
     pub const ROOT: GroupId = WorldBuilder::ROOT;
 
-    /// As [`WorldBuilder::add_group`].
+    /// Adds a new empty group; see [`WorldBuilder::add_group`].
     pub fn add_group(&mut self) -> GroupId {
         self.builder.add_group()
     }
@@ -47,7 +48,7 @@ impl DWorldBuilder {
         self.builder.add_mesh(group, Arc::default())
     }
 
-    /// As [`WorldBuilder::add_shape`].
+    /// Puts a shape into a group; see [`WorldBuilder::add_shape`].
     pub fn add_shape(
         &mut self,
         group: GroupId,
@@ -58,13 +59,13 @@ impl DWorldBuilder {
         self.builder.add_shape(group, shape, group_from_shape)
     }
 
-    /// As [`WorldBuilder::add_set`].
+    /// Puts a set of primitives into a group; see [`WorldBuilder::add_set`].
     pub fn add_set(&mut self, group: GroupId, set: Arc<dyn PrimitiveSet>) -> GeometryId {
         self.meshes.push(Arc::default());
         self.builder.add_set(group, set)
     }
 
-    /// As [`WorldBuilder::add_instance`].
+    /// Places `child` in `group`; see [`WorldBuilder::add_instance`].
     pub fn add_instance(
         &mut self,
         group: GroupId,
@@ -74,32 +75,33 @@ impl DWorldBuilder {
         self.builder.add_instance(group, child, group_from_child)
     }
 
-    /// As [`WorldBuilder::add`].
+    /// Places an instance in `group`; see [`WorldBuilder::add`].
     pub fn add(&mut self, group: GroupId, instance: Instance) -> InstanceId {
         self.builder.add(group, instance)
     }
 
-    /// As [`WorldBuilder::set_mask`].
+    /// Sets the mask of a geometry; see [`WorldBuilder::set_mask`].
     pub fn set_mask(&mut self, geometry: GeometryId, mask: u32) {
         self.builder.set_mask(geometry, mask);
     }
 
-    /// As [`WorldBuilder::set_filtered`].
+    /// Lets the filter of queries decide about hits on this geometry; see
+    /// [`WorldBuilder::set_filtered`].
     pub fn set_filtered(&mut self, geometry: GeometryId) {
         self.builder.set_filtered(geometry);
     }
 
-    /// As [`WorldBuilder::remove`].
+    /// Removes a geometry. Returns false if it was already removed; see [`WorldBuilder::remove`].
     pub fn remove(&mut self, geometry: GeometryId) -> bool {
         self.meshes[geometry.0 as usize] = Arc::default();
         self.builder.remove(geometry)
     }
 
-    /// Replaces a mesh by another; group, number, mask and filter stay. If the numbers of vertices
-    /// and triangles are unchanged, [`Self::rebuild`] refits the tree where that is good enough.
+    /// Replaces a mesh; its group, number, mask and filter stay. If the numbers of vertices and
+    /// triangles are unchanged, [`Self::rebuild`] refits the tree where that is good enough.
     ///
     /// # Errors
-    /// If it was removed.
+    /// If the geometry was removed.
     pub fn set_mesh(
         &mut self,
         geometry: GeometryId,
@@ -110,23 +112,24 @@ impl DWorldBuilder {
         Ok(())
     }
 
-    /// As [`WorldBuilder::move_instance`].
+    /// Moves an instance. Returns false if it was removed; see [`WorldBuilder::move_instance`].
     pub fn move_instance(&mut self, id: InstanceId, group_from_child: Transform) -> bool {
         self.builder.move_instance(id, group_from_child)
     }
 
-    /// As [`WorldBuilder::remove_instance`].
+    /// Removes an instance. Returns false if it was already removed; see
+    /// [`WorldBuilder::remove_instance`].
     pub fn remove_instance(&mut self, id: InstanceId) -> bool {
         self.builder.remove_instance(id)
     }
 
-    /// As [`WorldBuilder::build`].
+    /// Builds the world; see [`WorldBuilder::build`].
     pub fn build(self, options: &BuildOptions) -> Result<DWorld, WorldError> {
         self.assemble(options, None)
     }
 
-    /// As [`WorldBuilder::rebuild`]: shares with `previous` what did not change, and refits what
-    /// only moved.
+    /// Builds a world that shares with `previous` whatever did not change, and refits trees whose
+    /// contents only moved; see [`WorldBuilder::rebuild`].
     pub fn rebuild(&self, options: &BuildOptions, previous: &DWorld) -> Result<DWorld, WorldError> {
         self.clone().assemble(options, Some(previous))
     }
@@ -141,8 +144,7 @@ impl DWorldBuilder {
         let summaries = self.summaries(previous);
         let same_build = WorldBuilder::same_build(options, previous.map(|p| &p.world));
         let (mut bounds, unchanged) = self.builder.measure(&occurrences, &summaries, same_build);
-        // The empty meshes that stand for those in double precision, until rounded copies replace
-        // them.
+        // Empty meshes stand for the meshes in double precision, until rounded copies replace them.
         let empty = self.builder.geometries.clone();
         let frame = |group: usize| match previous.filter(|_| unchanged[group]) {
             Some(previous) => previous.data.frames[group],
@@ -157,7 +159,7 @@ impl DWorldBuilder {
             same_build,
         )?;
         let mut world = self.builder.into_world(occurrences, parts);
-        // The rounded copies are no longer needed.
+        // The rounded copies are no longer needed; the empty meshes take their place again.
         world.geometries = empty;
         let known = |i: usize| previous.filter(|p| p.holds(i, &self.meshes[i])).map(|p| &p.data);
         let data = DoubleData::new(frames, &self.meshes, known);
@@ -165,8 +167,8 @@ impl DWorldBuilder {
         Ok(DWorld { world, meshes: self.meshes, data })
     }
 
-    /// Gives meshes that the previous world also holds the same stand-ins, so that they are
-    /// recognised as unchanged.
+    /// Gives each mesh that the previous world also holds the same empty stand-in, so that the mesh
+    /// is recognised as unchanged.
     fn recognise(&mut self, previous: Option<&DWorld>) {
         let Some(previous) = previous else { return };
         for (i, geometry) in self.builder.geometries.iter_mut().enumerate() {
@@ -193,7 +195,8 @@ impl DWorldBuilder {
         self.builder.geometries.par_iter().enumerate().map(summary).collect()
     }
 
-    /// Chooses the frame of a group, and brings its meshes and the boxes of its objects into it.
+    /// Chooses the frame of a group, and transforms the group's meshes and the boxes of its objects
+    /// to it.
     fn enter_frame(
         &mut self,
         group: usize,
@@ -223,14 +226,15 @@ impl DWorldBuilder {
 /// Geometries and instances in double precision, ready for queries. Immutable.
 #[derive(Debug)]
 pub struct DWorld {
-    /// The world of the stand-ins of the meshes; it must not be queried directly.
+    /// The world in single precision with an empty mesh for each mesh; it must not be queried
+    /// directly.
     pub(crate) world: World,
     meshes: Vec<Arc<DTriangleMesh>>,
     pub(crate) data: DoubleData,
 }
 
 impl DWorld {
-    /// True if the geometry with this number is the same mesh (by address).
+    /// True if the geometry with this number is the same mesh, compared by address.
     fn holds(&self, geometry: usize, mesh: &Arc<DTriangleMesh>) -> bool {
         let is_mesh = matches!(self.world.geometries.get(geometry), Some(Geometry::Mesh(_)));
         is_mesh && Arc::ptr_eq(&self.meshes[geometry], mesh)
@@ -242,8 +246,8 @@ impl DWorld {
         is_mesh.then(|| &self.meshes[id.0 as usize])
     }
 
-    /// The box around everything, in world coordinates; may have infinite sides, is empty for an
-    /// empty world.
+    /// The bounds of everything in world coordinates. They may have infinite sides, and are empty
+    /// for an empty world.
     pub fn bounds(&self) -> Bounds3d {
         self.world.bounds()
     }
@@ -253,17 +257,18 @@ impl DWorld {
         self.world.stats()
     }
 
-    /// As [`World::instance_count`].
+    /// The number of occurrences of groups; see [`World::instance_count`].
     pub fn instance_count(&self) -> u32 {
         self.world.instance_count()
     }
 
-    /// As [`World::instance_path`].
+    /// The path from the root to an occurrence; see [`World::instance_path`].
     pub fn instance_path(&self, instance: u32) -> Vec<(GroupId, usize)> {
         self.world.instance_path(instance)
     }
 
-    /// As [`World::world_from_instance`].
+    /// The map from the coordinates of an occurrence's group to the world; see
+    /// [`World::world_from_instance`].
     pub fn world_from_instance(&self, instance: u32) -> Transform {
         self.world.world_from_instance(instance)
     }

@@ -1,5 +1,5 @@
-//! Worlds that change: edits are collected, a commit makes them visible, and readers keep their
-//! snapshots.
+//! Worlds that change: edits are collected, and a commit makes them visible in a new snapshot.
+//! Readers keep the snapshots they hold.
 
 #[cfg(test)]
 mod tests;
@@ -45,7 +45,7 @@ pub struct DynamicWorld {
 pub struct Snapshots(Arc<RwLock<Arc<World>>>);
 
 impl Snapshots {
-    /// The newest committed world. It never changes; call this again for a newer one.
+    /// The newest committed world. A world never changes; call this again for a newer one.
     pub fn current(&self) -> Arc<World> {
         self.0.read().unwrap_or_else(PoisonError::into_inner).clone()
     }
@@ -63,16 +63,16 @@ impl DynamicWorld {
         Self { builder, options, current }
     }
 
-    /// The builder whose contents the next commit publishes.
+    /// The builder that receives the edits of the next commit.
     pub fn edit(&mut self) -> &mut WorldBuilder {
         &mut self.builder
     }
 
-    /// Builds what has changed since the last commit, on the threads of the current rayon pool, and
-    /// makes it the current snapshot.
+    /// Builds what changed since the last commit, on the threads of the current rayon pool, and
+    /// makes the result the current snapshot.
     ///
     /// # Errors
-    /// As [`WorldBuilder::build`]. On an error the current snapshot and the edits stay.
+    /// The errors of [`WorldBuilder::build`]. On an error the current snapshot and the edits stay.
     pub fn commit(&mut self) -> Result<Arc<World>, WorldError> {
         let world = Arc::new(self.builder.rebuild(&self.options, &self.current.current())?);
         *self.current.0.write().unwrap_or_else(PoisonError::into_inner) = world.clone();
@@ -84,7 +84,7 @@ impl DynamicWorld {
         self.current.current()
     }
 
-    /// A handle for other threads, which sees all later commits.
+    /// A handle for other threads, through which they get all later commits.
     pub fn snapshots(&self) -> Snapshots {
         self.current.clone()
     }

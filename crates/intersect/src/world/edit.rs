@@ -1,29 +1,29 @@
 //! Edits of a builder: between builds, geometries and instances are added, removed, moved and
 //! replaced.
 //!
-//! Numbers are stable: the number of a removed geometry is never used again.
+//! Numbers are stable: the number of a removed geometry is never reused.
 
 use super::{Geometry, GeometryId, GroupId, Instance, WorldBuilder};
 use crate::mesh::{MeshError, TriangleMesh};
 use snell_math::{Transform, Vec3};
 use std::sync::Arc;
 
-/// Number of an instance, in order of insertion over all groups. (Not [`crate::Hit::instance`],
-/// which counts occurrences and changes when instances are added or removed;
-/// [`super::World::instance_id`] converts from that to this.)
+/// Number of an instance, in order of insertion over all groups. It differs from
+/// [`crate::Hit::instance`], which numbers occurrences and changes when instances are added or
+/// removed; [`super::World::instance_id`] converts from that number to this one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct InstanceId(pub u32);
 
-/// Why a geometry could not be changed.
+/// Errors of edits of a geometry.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum EditError {
-    /// It was removed.
+    /// The geometry with this number was removed.
     #[error("geometry {0} was removed")]
     Removed(u32),
-    /// Only meshes have vertices.
+    /// The geometry with this number is not a mesh, and only meshes have vertices.
     #[error("geometry {0} is not a mesh")]
     NotAMesh(u32),
-    /// The new vertices do not fit.
+    /// The new vertices do not fit the mesh.
     #[error(transparent)]
     Mesh(#[from] MeshError),
 }
@@ -33,7 +33,7 @@ impl WorldBuilder {
     /// mesh). Returns false if it was already removed.
     ///
     /// # Panics
-    /// If there never was such a geometry.
+    /// If no such geometry was ever added.
     pub fn remove(&mut self, geometry: GeometryId) -> bool {
         let Some(group) = self.homes[geometry.0 as usize].take() else { return false };
         self.groups[group.0 as usize].geometries.retain(|&g| g != geometry);
@@ -41,13 +41,13 @@ impl WorldBuilder {
         true
     }
 
-    /// Replaces a geometry by another; group, number, mask and filter stay.
+    /// Replaces a geometry; its group, number, mask and filter stay.
     ///
     /// # Errors
-    /// If it was removed.
+    /// If the geometry was removed.
     ///
     /// # Panics
-    /// If there never was such a geometry.
+    /// If no such geometry was ever added.
     pub fn replace(&mut self, id: GeometryId, geometry: Geometry) -> Result<(), EditError> {
         self.check(id)?;
         self.put(id, geometry);
@@ -59,16 +59,16 @@ impl WorldBuilder {
         self.geometries[id.0 as usize] = geometry;
     }
 
-    /// Moves the vertices of a mesh; all else stays. The next build refits the tree where that is
-    /// good enough. (To change more of a mesh, [`Self::replace`] it; if the numbers of vertices and
-    /// triangles are unchanged, it is refitted too.)
+    /// Moves the vertices of a mesh; everything else stays. The next build refits the tree where
+    /// that is good enough. (To change more of a mesh, call [`Self::replace`]; the tree is also
+    /// refitted then if the numbers of vertices and triangles are unchanged.)
     ///
     /// # Errors
-    /// If the geometry was removed or is not a mesh, or if the number of positions is not that of
-    /// the vertices.
+    /// If the geometry was removed or is not a mesh, or if the number of positions differs from the
+    /// number of vertices.
     ///
     /// # Panics
-    /// If there never was such a geometry.
+    /// If no such geometry was ever added.
     pub fn set_positions(&mut self, id: GeometryId, positions: Vec<Vec3>) -> Result<(), EditError> {
         self.check(id)?;
         let Geometry::Mesh(old) = &self.geometries[id.0 as usize] else {
@@ -89,10 +89,10 @@ impl WorldBuilder {
         self.homes[id.0 as usize].map(|_| ()).ok_or(EditError::Removed(id.0))
     }
 
-    /// The instance; `None` if it was removed.
+    /// The instance with this number; `None` if it was removed.
     ///
     /// # Panics
-    /// If there never was such an instance.
+    /// If no such instance was ever added.
     pub fn instance_mut(&mut self, id: InstanceId) -> Option<&mut Instance> {
         let group = self.instance_homes[id.0 as usize]?;
         let contents = &mut self.groups[group.0 as usize];
@@ -100,10 +100,11 @@ impl WorldBuilder {
         contents.instances.get_mut(at)
     }
 
-    /// Moves an instance; further keys of its motion stay. Returns false if it was removed.
+    /// Sets the map of an instance at time 0; the later keys of its motion stay. Returns false if
+    /// the instance was removed.
     ///
     /// # Panics
-    /// If there never was such an instance.
+    /// If no such instance was ever added.
     pub fn move_instance(&mut self, id: InstanceId, group_from_child: Transform) -> bool {
         self.instance_mut(id).map(|instance| instance.group_from_child = group_from_child).is_some()
     }
@@ -111,7 +112,7 @@ impl WorldBuilder {
     /// Removes an instance. Returns false if it was already removed.
     ///
     /// # Panics
-    /// If there never was such an instance.
+    /// If no such instance was ever added.
     pub fn remove_instance(&mut self, id: InstanceId) -> bool {
         let Some(group) = self.instance_homes[id.0 as usize].take() else { return false };
         let contents = &mut self.groups[group.0 as usize];
@@ -124,7 +125,7 @@ impl WorldBuilder {
     /// The group that holds a geometry; `None` if it was removed.
     ///
     /// # Panics
-    /// If there never was such a geometry.
+    /// If no such geometry was ever added.
     pub fn group_of(&self, geometry: GeometryId) -> Option<GroupId> {
         self.homes[geometry.0 as usize]
     }

@@ -7,11 +7,12 @@ use crate::search::rays::{RayQuery, clamped_time};
 use crate::shape::ShapeSurface;
 use snell_math::{DRay, DVec2, DVec3, Frame, Ray, Transform, Vec2, Vec3};
 
-/// Bound on the relative error of a mapped coordinate in `f64` (four products, three sums), with
-/// room to spare.
+/// A generous bound on the relative error of a mapped coordinate in `f64` (four products, three
+/// sums).
 pub(super) const MAP_ERROR: f64 = 1.0 / (1u64 << 49) as f64;
 
-/// A surface in the coordinates of some group, on its way up to the world.
+/// A surface point in the coordinates of a group, mapped from group to group until it is in the
+/// world's.
 struct LocalSurface {
     position: DVec3,
     /// Bound on the error of each coordinate of the position, and of the origin of the next ray
@@ -54,12 +55,13 @@ impl LocalSurface {
 }
 
 impl World {
-    /// The surface interaction at `hit`, which `ray` found (with its time, if anything moves).
+    /// The surface interaction at `hit`, which `ray` found; a ray with a time if anything moves.
     ///
-    /// Positions come from the barycentrics of triangles, or are moved onto shapes, in `f64`; the
-    /// error bound covers the transformation to the world and that of the next ray back (the idea
-    /// of Wächter and Binder, A Fast and Robust Method for Avoiding Self-Intersection, Ray Tracing
-    /// Gems 2019; the bounds as in Pharr, Jakob and Humphreys, 4th edition, section 6.8).
+    /// Positions are computed in `f64`, from the barycentrics of triangles or by moving the point
+    /// onto the shape. The error bound covers the transformation to the world and that of the next
+    /// ray back (the idea of Wächter and Binder, A Fast and Robust Method for Avoiding
+    /// Self-Intersection, Ray Tracing Gems 2019; the bounds as in Pharr, Jakob and Humphreys, 4th
+    /// edition, section 6.8).
     ///
     /// # Panics
     /// If `hit` is a miss or does not belong to this world.
@@ -67,20 +69,20 @@ impl World {
         self.surface(ray.into(), hit)
     }
 
-    /// The part of [`Self::interaction`] that spawning rays needs, without what only materials
-    /// need: twice as fast on triangles.
+    /// The part of [`Self::interaction`] that is needed to spawn rays, without the parts that only
+    /// materials need. On triangles it takes half the time.
     ///
     /// # Panics
-    /// As [`Self::interaction`].
+    /// If `hit` is a miss or does not belong to this world.
     pub fn point<'a>(&self, ray: impl Into<RayQuery<'a>>, hit: &Hit) -> SurfacePoint {
         let query = ray.into();
-        // Once this is inlined, the unused rest is not computed.
+        // After inlining, the unused fields are not computed.
         self.shape_point(query.ray, hit)
             .unwrap_or_else(|| SurfacePoint::from(&self.surface(query, hit)))
     }
 
-    /// [`Self::point`] of a hit on an analytic shape that is not instanced; `None` for all other
-    /// hits. Its shading normal is the geometric normal.
+    /// Computes [`Self::point`] for a hit on an analytic shape that is not instanced, where the
+    /// shading normal equals the geometric normal; `None` for all other hits.
     pub fn shape_point(&self, ray: &Ray, hit: &Hit) -> Option<SurfacePoint> {
         if self.step(GroupId(0), hit.instance).is_some() {
             return None;
@@ -98,7 +100,7 @@ impl World {
 
     #[inline(always)]
     fn surface(&self, RayQuery { ray, time, .. }: RayQuery, hit: &Hit) -> SurfaceInteraction {
-        // The most common case has its own path, in registers.
+        // The most common case has a separate path that stays in registers.
         if let (None, Geometry::Mesh(mesh)) =
             (self.step(GroupId(0), hit.instance), self.geometry(GeometryId(hit.geometry)))
         {
@@ -116,8 +118,8 @@ impl World {
         )
     }
 
-    /// The surface in the coordinates of `group`, for an occurrence `rest` below it. `ray` is in
-    /// the same coordinates.
+    /// The surface in the coordinates of `group`, for the occurrence numbered `rest` relative to
+    /// it. `ray` is in the same coordinates.
     fn surface_in_group(
         &self,
         group: GroupId,
@@ -158,7 +160,7 @@ impl World {
     }
 }
 
-/// The surface in world space, rounded once.
+/// Converts the surface, which must be in world space, to single precision with a single rounding.
 #[inline(always)]
 fn in_world(local: LocalSurface, hit: &Hit) -> SurfaceInteraction {
     let (position, position_error) = rounded(local.position, local.error);
@@ -189,7 +191,8 @@ fn in_world(local: LocalSurface, hit: &Hit) -> SurfaceInteraction {
     }
 }
 
-/// The position in single precision, and a bound on its error that includes this rounding.
+/// The position in single precision, and a bound on its error that includes the error of this
+/// rounding.
 fn rounded(position: DVec3, error: DVec3) -> (Vec3, Vec3) {
     let limit = DVec3::splat(f32::MAX.into());
     let single = position.clamp(-limit, limit).as_vec3();
@@ -207,7 +210,7 @@ fn shape_surface(surface: ShapeSurface) -> LocalSurface {
     let uv = surface.uv.as_vec2();
     LocalSurface {
         position: surface.position,
-        // Shapes are accurate to a few roundings of their largest coordinate.
+        // Shapes are accurate to a few roundings of the largest coordinate.
         error: DVec3::splat(size * 4.0 * MAP_ERROR),
         normal: surface.normal,
         shading_normal: surface.normal,
@@ -268,8 +271,8 @@ fn triangle_surface(mesh: &TriangleMesh, direction: &DVec3, hit: &Hit) -> LocalS
     }
 }
 
-/// A substitute for the normal of three collinear vertices: perpendicular to their line, towards
-/// the ray's origin.
+/// A substitute for the normal of three collinear vertices: perpendicular to their line, on the
+/// side of the ray's origin.
 fn line_normal(p: &[DVec3; 3], direction: &DVec3) -> DVec3 {
     let edges = [p[1] - p[0], p[2] - p[1], p[0] - p[2]];
     let longest = edges
@@ -279,7 +282,7 @@ fn line_normal(p: &[DVec3; 3], direction: &DVec3) -> DVec3 {
     across.unwrap_or_else(|| -direction.normalize_or(DVec3::NEG_Z))
 }
 
-/// The derivatives, or arbitrary ones if they are degenerate.
+/// The given derivatives, or arbitrary tangents if the derivatives are degenerate.
 #[inline(always)]
 pub(super) fn spanning(dpdu: Vec3, dpdv: Vec3, shading_normal: Vec3) -> (Vec3, Vec3) {
     let usable = |v: Vec3| {
@@ -297,8 +300,8 @@ pub(super) fn spanning(dpdu: Vec3, dpdv: Vec3, shading_normal: Vec3) -> (Vec3, V
 }
 
 /// Derivatives of the position by the texture coordinates (Pharr, Jakob and Humphreys, 4th edition,
-/// section 6.5.2); zero where the coordinates do not span a plane. It has no branches, so that
-/// loops over it are vectorised.
+/// section 6.5.2); zero where the coordinates do not span a plane. The function has no branches, so
+/// that loops over it are vectorised.
 #[inline(always)]
 pub(super) fn derivatives(p: &[DVec3; 3], uv: [DVec2; 3], normal: DVec3) -> (DVec3, DVec3) {
     let (e1, e2) = (p[1] - p[0], p[2] - p[0]);

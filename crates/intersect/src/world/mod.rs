@@ -1,13 +1,13 @@
 //! Geometries, groups and instances, with nested acceleration structures.
 //!
 //! A *group* holds triangle meshes (in the group's coordinates), analytic shapes (each with its own
-//! placement) and instances of other groups. Group 0 is the root, and its coordinates are the
-//! world's. A group is stored and has its structure built once, however often and deep it is
-//! instanced.
+//! placement) and instances of other groups. Group 0 is the root, and its coordinates are those of
+//! the world. A group is stored once and its structure is built once, however often and deep the
+//! group is instanced.
 //!
-//! Each path from the root to a group is an *occurrence*, numbered depth first: the root is 0,
-//! then, instance by instance in order of insertion, the child followed by all that is below it.
-//! [`crate::Hit::instance`] is this number, so a hit stays small at any depth, and
+//! Each path from the root to a group is an *occurrence*. Occurrences are numbered depth first: the
+//! root is 0, then, for each instance in order of insertion, come the child and all occurrences
+//! below it. [`crate::Hit::instance`] is this number, so a hit stays small at any depth, and
 //! [`World::instance_path`] gives the path.
 
 mod accelerator;
@@ -57,20 +57,20 @@ pub struct GroupId(pub u32);
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct GeometryId(pub u32);
 
-/// Why a world could not be built.
+/// Errors of a build.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum WorldError {
-    /// A group contains itself.
+    /// The group with this number contains itself.
     #[error(
         "group {0} contains itself, directly or through others; a scene graph must not have cycles"
     )]
     Cycle(u32),
-    /// There are more occurrences of groups than 32-bit numbers.
+    /// The number of occurrences of groups does not fit 32 bits.
     #[error(
         "more than 4294967294 instances when all nesting is counted; share less or split the scene"
     )]
     TooManyInstances,
-    /// A limit of the structure is exceeded; the text says which and what to do.
+    /// A limit of the structure is exceeded; the text names it and a remedy.
     #[error("{0}")]
     Limit(String),
 }
@@ -84,12 +84,12 @@ pub struct BuildOptions {
     pub accelerator_options: AcceleratorOptions,
     /// The quality of an [`AcceleratorKind::Bvh`]: build time against tracing speed.
     pub quality: Quality,
-    /// Whether an [`AcceleratorKind::Bvh`] stores vertices that triangles share only once: it takes
-    /// about two thirds of the memory, and rays are somewhat slower. Never changes a hit.
+    /// Whether an [`AcceleratorKind::Bvh`] stores vertices that triangles share only once. It then
+    /// takes about two thirds of the memory, and rays are somewhat slower. Hits do not change.
     pub compact: bool,
     /// A folder in which the [`AcceleratorKind::Bvh`] of large groups (65,536 triangles and more)
-    /// is kept in files: the next build of the same group maps it into memory. The folder must be
-    /// trusted, because hits are computed from its files. `None`: no files are kept.
+    /// is cached in files; the next build of the same group maps its file into memory. The folder
+    /// must be trusted, because hits are computed from its files. `None` disables the cache.
     pub cache: Option<PathBuf>,
     /// The SIMD instructions that the kernels use.
     pub simd: Level,
@@ -108,7 +108,7 @@ impl Default for BuildOptions {
     }
 }
 
-/// A geometry as it was added.
+/// A geometry in the form in which it was added.
 #[derive(Clone, Debug)]
 pub enum Geometry {
     /// A mesh in the coordinates of its group.
@@ -132,9 +132,9 @@ pub struct Instance {
     pub group_from_child: Transform,
     /// Only rays whose mask has a bit in common with this one enter the instance.
     pub mask: u32,
-    /// The map of a moving instance at its further keys, which are evenly spaced from time 0
-    /// (`group_from_child`) to 1. Between keys the matrices are interpolated linearly. Empty for a
-    /// static instance.
+    /// The map of a moving instance at its later keys, which are evenly spaced in time up to 1;
+    /// `group_from_child` is the map at time 0. Between keys the matrices are interpolated
+    /// linearly. Empty for a static instance.
     pub later: Vec<Transform>,
 }
 
@@ -144,12 +144,12 @@ impl Instance {
         Self { child, group_from_child, mask: u32::MAX, later: Vec::new() }
     }
 
-    /// The map at all keys, the first at time 0.
+    /// The map at every key, starting at time 0.
     pub(crate) fn keys(&self) -> impl Iterator<Item = &Transform> {
         std::iter::once(&self.group_from_child).chain(&self.later)
     }
 
-    /// The map at a time from 0 to 1; at times when the map is singular, so that the instance is
+    /// The map at a time from 0 to 1. At times when the map is singular, so that the instance is
     /// not hit, the map at time 0.
     pub(crate) fn at(&self, time: f32) -> Transform {
         self.at_time(time).unwrap_or(self.group_from_child)
@@ -200,14 +200,14 @@ pub struct WorldBuilder {
     instance_homes: Vec<Option<GroupId>>,
 }
 
-/// What a group holds.
+/// The contents of a group.
 #[derive(Clone, Debug, Default)]
 pub struct GroupContents {
-    /// Geometries, ascending.
+    /// The geometries of the group, in ascending order.
     pub geometries: Vec<GeometryId>,
-    /// Instances in order of insertion.
+    /// The instances of the group, in order of insertion.
     pub instances: Vec<Instance>,
-    /// The number of each instance, ascending.
+    /// The number of each instance, in ascending order.
     pub instance_ids: Vec<InstanceId>,
 }
 
@@ -227,7 +227,7 @@ impl WorldBuilder {
     /// The root group: world coordinates.
     pub const ROOT: GroupId = GroupId(0);
 
-    /// A new empty group; it is not in the world until it is instanced.
+    /// Adds a new empty group. It becomes part of the world when it is instanced.
     pub fn add_group(&mut self) -> GroupId {
         self.groups.push(GroupContents::default());
         GroupId((self.groups.len() - 1) as u32)
@@ -301,28 +301,27 @@ impl WorldBuilder {
         self.options[geometry.0 as usize].mask = mask;
     }
 
-    /// The mask of a geometry, and whether its hits are filtered.
+    /// The mask of a geometry, and whether hits on it are filtered.
     pub fn options_mut(&mut self, geometry: GeometryId) -> &mut GeometryOptions {
         &mut self.options[geometry.0 as usize]
     }
 
-    /// Sets whether the query's [`crate::HitFilter`] is called for hits on this geometry and may
-    /// reject them.
+    /// Lets the query's [`crate::HitFilter`] decide about hits on this geometry.
     pub fn set_filtered(&mut self, geometry: GeometryId) {
         self.options[geometry.0 as usize].filtered = true;
     }
 
     /// Builds the acceleration structures, on the threads of the current rayon pool. The result
-    /// does not depend on the number of threads. A SIMD level that the machine lacks is replaced by
-    /// the best that it has.
+    /// does not depend on the number of threads. A SIMD level that the processor lacks is replaced
+    /// by its best level.
     pub fn build(self, options: &BuildOptions) -> Result<World, WorldError> {
         let (occurrences, parts) = on_the_pool(|| self.parts(options, None))?;
         Ok(self.into_world(occurrences, parts))
     }
 
     /// Builds a world that shares with `previous`, an earlier world of this builder (or of a copy
-    /// of it), everything built from contents that did not change: see [`DynamicWorld`]. Queries of
-    /// the result are the same, bit for bit, as after a build from scratch.
+    /// of it), everything whose contents did not change; see [`DynamicWorld`]. Queries of the
+    /// result give the same bits as after a build from scratch.
     pub fn rebuild(&self, options: &BuildOptions, previous: &World) -> Result<World, WorldError> {
         let (occurrences, parts) = on_the_pool(|| self.parts(options, Some(previous)))?;
         Ok(self.clone().into_world(occurrences, parts))
@@ -358,7 +357,7 @@ impl WorldBuilder {
         }
     }
 
-    /// The contents of each group, prepared for intersection tests.
+    /// Prepares the contents of each group for intersection tests.
     fn group_lists(&self, occurrences: &Occurrences) -> Result<Vec<GroupList>, WorldError> {
         let list = |(group, contents): (usize, &GroupContents)| {
             let mut list = GroupList::default();
@@ -394,8 +393,8 @@ impl WorldBuilder {
         self.groups.iter().enumerate().map(list).collect()
     }
 
-    /// The geometries of a group that consist of many objects; they come after its shapes and
-    /// instances.
+    /// The geometries of a group that consist of many objects, in the order in which they follow
+    /// its shapes and instances in the tree.
     fn sets(&self, contents: &GroupContents) -> impl Iterator<Item = (GeometryId, BulkContents)> {
         contents
             .geometries
@@ -456,20 +455,20 @@ impl WorldBuilder {
     }
 }
 
-/// The largest number of cover boxes to transform for the instances of a group; where there are
-/// more instances, each has one box.
+/// The largest number of cover boxes to transform for the instances of a group. If it would be
+/// exceeded, each instance has one box.
 const MAX_PIECES: usize = 1 << 24;
 
-/// The boxes of all groups and of what they hold.
+/// The bounds of all groups and of their objects.
 struct GroupBounds {
-    /// Per group, in its own coordinates.
+    /// Bounds of each group in its own coordinates.
     exact: Vec<Bounds3d>,
-    /// Per group the boxes of its shapes, instances and primitives of sets, in the order of
+    /// For each group the boxes of its shapes, instances and primitives of sets, in the order of
     /// [`GroupList::objects`], grown by the largest error of transforming a ray.
     objects: Vec<Vec<Bounds3d>>,
-    /// Per group, in its own coordinates, grown like those of the objects.
+    /// Bounds of each group in its own coordinates, grown by the same margins as `objects`.
     grown: Vec<Bounds3d>,
-    /// The cover of each group: many boxes. Empty if the cover of a mesh is not known.
+    /// The cover of each group; empty if the cover of one of its meshes was not computed.
     covers: Vec<Cover>,
 }
 
@@ -480,7 +479,7 @@ impl GroupBounds {
         Self { exact: none.clone(), objects: vec![Vec::new(); groups], grown: none, covers }
     }
 
-    /// Finds the boxes of a group whose children are done.
+    /// Computes the bounds of a group, after those of the groups that it instances.
     fn measure(&mut self, builder: &WorldBuilder, summaries: &[Summary], group: usize) {
         let contents = &builder.groups[group];
         let (mut exact, mut outer) = (Bounds3d::EMPTY, Bounds3d::EMPTY);
@@ -562,9 +561,9 @@ fn grown_bounds(placed: &Transform, b: &Bounds3d) -> Bounds3d {
     Bounds3d { min: image.min - margin, max: image.max + margin }
 }
 
-/// The box of an instance at all times, grown likewise. Between keys every point moves on a
-/// straight line, so the boxes at the keys hold it; the inverse of an interpolated matrix may be
-/// less exact.
+/// The box of an instance at all times, grown for rounding like [`grown_bounds`]. Between keys
+/// every point moves on a straight line, so the boxes at the keys contain it. The margin is larger
+/// if the instance moves, because the inverse of an interpolated matrix may be less accurate.
 fn instance_bounds(instance: &Instance, b: &Bounds3d) -> Bounds3d {
     let all = instance
         .keys()
@@ -577,7 +576,7 @@ fn instance_bounds(instance: &Instance, b: &Bounds3d) -> Bounds3d {
     Bounds3d { min: all.min - margin, max: all.max + margin }
 }
 
-/// The matrix of the absolute values.
+/// The matrix of the absolute values of the entries.
 fn abs_matrix(m: &DMat3) -> DMat3 {
     DMat3::from_cols(m.x_axis.abs(), m.y_axis.abs(), m.z_axis.abs())
 }
@@ -596,13 +595,13 @@ struct Parts {
 pub(crate) enum Structure {
     /// No structure: every primitive is tested.
     None(Vec<GroupList>),
-    /// A tree per group.
+    /// A tree for each group.
     Bvh(Forest),
-    /// One of the lecture's structures per group.
+    /// One of the lecture's structures for each group.
     Walked(Structures),
 }
 
-/// Geometries and instances, ready for queries. Immutable.
+/// Geometries and instances, ready for queries. A world is immutable.
 #[derive(Debug)]
 pub struct World {
     pub(crate) geometries: Vec<Geometry>,
@@ -615,20 +614,20 @@ pub struct World {
     /// The SIMD level of queries; holding it proves that the processor has it.
     pub(crate) wide: Option<Wide>,
     stats: BuildStats,
-    /// Computed at first use.
+    /// The data for winding numbers, computed at first use.
     pub(crate) winding: OnceLock<Winding>,
-    /// Whether the structure may report a hit several times; computed at first use.
+    /// True if the structure may report a hit several times; computed at first use.
     pub(crate) repeats: OnceLock<bool>,
 }
 
-/// What was built.
+/// Statistics of a build.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BuildStats {
-    /// Triangles of all meshes, each mesh counted once; a quad is two.
+    /// Triangles of all meshes, each mesh counted once; a quad counts as two triangles.
     pub triangles: u64,
     /// Triangles that can never be hit ([`TriangleMesh::is_degenerate`]); part of `triangles`.
     pub skipped_triangles: u64,
-    /// Triangles of the world, counted once per occurrence.
+    /// Triangles in the world, counted once per occurrence.
     pub instanced_triangles: u64,
     /// Primitives of all sets (spheres, curves), each counted once.
     pub primitives: u64,
@@ -638,18 +637,19 @@ pub struct BuildStats {
     pub cached_groups: u64,
     /// Nodes of acceleration structures.
     pub nodes: u64,
-    /// Blocks of up to eight triangles.
+    /// Blocks of up to eight triangles in the leaves.
     pub triangle_blocks: u64,
-    /// Entries in the lists of primitives of the structures that have such lists.
+    /// Entries in the lists of primitives, for structures that have lists.
     pub references: u64,
-    /// Depth of the deepest tree: nodes on the longest path from the root of any group.
+    /// Depth of the deepest tree: the number of nodes on the longest path from the root of any
+    /// group.
     pub depth: u32,
-    /// Memory of the acceleration structures, without the geometries.
+    /// Memory of the acceleration structures in bytes, without the geometries.
     pub memory_bytes: u64,
-    /// The expected number of nodes and blocks of triangles that a random line through the root's
+    /// The expected number of nodes and triangle blocks that a random line through the root's
     /// bounds visits, by the surface area heuristic, without the contents of instances.
     pub sah_cost: f32,
-    /// What was reused from the previous world.
+    /// How much was reused from the previous world.
     pub reuse: Reuse,
 }
 
@@ -659,12 +659,12 @@ impl World {
         &self.geometries[id.0 as usize]
     }
 
-    /// The number of geometries; ids run from 0.
+    /// The number of geometries; their ids run from 0.
     pub fn geometry_count(&self) -> usize {
         self.geometries.len()
     }
 
-    /// What a group holds.
+    /// The contents of a group.
     pub fn group(&self, id: GroupId) -> &GroupContents {
         &self.groups[id.0 as usize]
     }
@@ -674,8 +674,8 @@ impl World {
         self.geometries.iter().filter(|g| matches!(g, Geometry::Shape(..))).count()
     }
 
-    /// The number of the instance that made an occurrence ([`crate::Hit::instance`]): the last step
-    /// of [`Self::instance_path`]. `None` for the root.
+    /// The number of the instance that leads to an occurrence ([`crate::Hit::instance`]) in the
+    /// last step of its [`Self::instance_path`]. `None` for the root.
     pub fn instance_id(&self, occurrence: u32) -> Option<InstanceId> {
         let (group, at) = self.instance_path(occurrence).pop()?;
         Some(self.group(group).instance_ids[at])
@@ -686,7 +686,7 @@ impl World {
         WorldBuilder::default().build(options).expect("nothing exceeds no limit")
     }
 
-    /// The number of groups; ids run from 0.
+    /// The number of groups; their ids run from 0.
     pub fn group_count(&self) -> usize {
         self.groups.len()
     }
@@ -696,24 +696,25 @@ impl World {
         self.occurrences.order.iter().copied()
     }
 
-    /// The number of occurrences that one instance of a group adds: its own and all below it.
+    /// The number of occurrences that one instance of a group adds: one for the group itself, and
+    /// one for each occurrence below it.
     pub fn occurrences_below(&self, id: GroupId) -> u32 {
         self.occurrences.counts[id.0 as usize] as u32
     }
 
-    /// The box around everything, in world coordinates; may have infinite sides, is empty for an
-    /// empty world.
+    /// The bounds of everything in world coordinates. They may have infinite sides, and are empty
+    /// for an empty world.
     pub fn bounds(&self) -> Bounds3d {
         self.bounds
     }
 
-    /// What was built.
+    /// Statistics of the build.
     pub fn stats(&self) -> &BuildStats {
         &self.stats
     }
 
-    /// Warnings of the build: files of [`BuildOptions::cache`] that were damaged or could not be
-    /// written, and coordinates so large that they slow rays down.
+    /// Warnings of the build: files in the folder [`BuildOptions::cache`] that were damaged or
+    /// could not be written, and coordinates so large that they make rays slow.
     pub fn warnings(&self) -> Vec<String> {
         let Structure::Bvh(forest) = &self.structure else { return Vec::new() };
         let warning = |tree: &std::sync::Arc<crate::tree::GroupTree>| match &tree.cache {
@@ -751,7 +752,7 @@ impl World {
         self.stats.triangles
     }
 
-    /// Triangles of the world, counted once per occurrence.
+    /// Triangles in the world, counted once per occurrence.
     pub fn instanced_triangle_count(&self) -> u64 {
         self.stats.instanced_triangles
     }

@@ -6,16 +6,16 @@ use snell_math::Transform;
 /// The largest nesting depth of instances.
 pub(super) const MAX_NESTING: usize = 512;
 
-/// The occurrences of all groups.
+/// The numbering of the occurrences of all groups.
 #[derive(Debug)]
 pub(super) struct Occurrences {
     /// Groups, children before parents.
     pub order: Vec<usize>,
-    /// For each group, the number of occurrences that one instance of it adds: its own and all
-    /// below it.
+    /// For each group, the number of occurrences that one instance of it adds: one for the group
+    /// itself, and one for each occurrence below it.
     pub counts: Vec<u64>,
-    /// For each group and instance, the difference between the occurrence numbers of the child and
-    /// of the group. Ascending.
+    /// For each instance of each group, the difference between the occurrence numbers of the child
+    /// and of the group, in ascending order.
     pub offsets: Vec<Vec<u32>>,
 }
 
@@ -47,8 +47,8 @@ impl Occurrences {
     }
 }
 
-/// All groups, children before parents. An explicit stack: files may nest deeper than the thread's
-/// stack.
+/// All groups, children before parents. Uses an explicit stack, because files may nest groups more
+/// deeply than a thread's stack allows.
 fn children_first(groups: &[GroupContents]) -> Result<Vec<usize>, WorldError> {
     #[derive(Clone, Copy, PartialEq)]
     enum State {
@@ -91,8 +91,9 @@ impl World {
         self.occurrences.counts[0] as u32
     }
 
-    /// The instance of `group` that leads to the occurrence `rest` below it (0 is the group
-    /// itself), and the number of `rest` relative to the child.
+    /// The index of the instance of `group` that leads to the occurrence numbered `rest` relative
+    /// to the group (0 is the group itself), and the number of that occurrence relative to the
+    /// child.
     pub(super) fn step(&self, group: GroupId, rest: u32) -> Option<(usize, u32)> {
         let offsets = &self.occurrences.offsets[group.0 as usize];
         let step = offsets.partition_point(|&o| o <= rest).checked_sub(1)?;
@@ -111,19 +112,20 @@ impl World {
         path
     }
 
-    /// The map from the coordinates of an occurrence's group to the world; at time 0, if it moves.
+    /// The map from the coordinates of an occurrence's group to the world, at time 0 if it moves.
     pub fn world_from_instance(&self, instance: u32) -> Transform {
         self.world_from_instance_at(instance, 0.0)
     }
 
     /// The map from the coordinates of an occurrence's group to the world at a time from 0 to 1. An
-    /// instance whose map is singular at that time, so that it is not hit, has its map at time 0.
+    /// instance whose map is singular at that time, so that it is not hit, contributes its map at
+    /// time 0.
     pub fn world_from_instance_at(&self, instance: u32, time: f32) -> Transform {
         let mut world_from_group = Transform::IDENTITY;
         let (mut group, mut rest) = (GroupId(0), instance);
         while let Some((step, left)) = self.step(group, rest) {
             let instance = &self.group(group).instances[step];
-            // The first step needs no product, and most paths have one step.
+            // The first step needs no product, and most paths have a single step.
             world_from_group = if group.0 == 0 {
                 instance.at(time)
             } else {

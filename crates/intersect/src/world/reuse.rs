@@ -1,4 +1,4 @@
-//! Reuse of the previous world in a build: everything whose contents did not change.
+//! Reuse of the previous world in a build: everything whose contents did not change is shared.
 
 use super::cover::Cover;
 use super::occurrence::Occurrences;
@@ -15,11 +15,11 @@ use rayon::prelude::*;
 use snell_math::Bounds3d;
 use std::sync::Arc;
 
-/// Groups with fewer triangles are always rebuilt, which is as fast.
+/// Groups with fewer triangles are always rebuilt, because that is as fast as refitting.
 const WORTH_REFITTING: u64 = 1024;
 
-/// A tree is rebuilt when refitting has increased its traversal cost by this factor since it was
-/// built.
+/// A tree is rebuilt when refitting has increased its traversal cost by this factor since the last
+/// build.
 const WORN: f32 = 1.3;
 
 /// Facts about a world's contents that builds need and queries do not.
@@ -28,19 +28,19 @@ pub(super) struct Inventory {
     accelerator: AcceleratorKind,
     quality: crate::build::Quality,
     compact: bool,
-    /// Per geometry.
+    /// A summary of each geometry.
     pub summaries: Vec<Summary>,
-    /// Per group, [`GroupBounds`].
+    /// The exact bounds of each group; see [`GroupBounds`].
     exact: Vec<Bounds3d>,
     grown: Vec<Bounds3d>,
     covers: Vec<Cover>,
-    /// Per group, the cost of its tree when it was last built.
+    /// The cost of each group's tree when the tree was last built.
     costs: Vec<f32>,
     /// Statistics of reuse for this world.
     pub reuse: Reuse,
 }
 
-/// How the structures of the groups of a world were made.
+/// The number of groups whose structures were shared, refitted or built.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Reuse {
     /// Structures shared with the previous world.
@@ -54,7 +54,7 @@ pub struct Reuse {
 /// Facts about a geometry that take time to compute.
 #[derive(Clone, Debug)]
 pub(super) struct Summary {
-    /// In its own coordinates; empty for a set and for a mesh that moves.
+    /// Bounds in the geometry's own coordinates; empty for a set and for a mesh that moves.
     pub bounds: Bounds3d,
     /// The number of triangles or primitives, and how many of them are degenerate.
     pub count: u64,
@@ -114,7 +114,7 @@ impl Summary {
     }
 }
 
-/// True for the same geometry (by address).
+/// True if both are the same geometry, compared by address.
 fn is_same(a: &Geometry, b: &Geometry) -> bool {
     match (a, b) {
         (Geometry::Mesh(a), Geometry::Mesh(b)) => Arc::ptr_eq(a, b),
@@ -127,7 +127,7 @@ fn is_same(a: &Geometry, b: &Geometry) -> bool {
 }
 
 impl WorldBuilder {
-    /// A summary of each geometry.
+    /// Returns a summary of each geometry.
     pub(super) fn summaries(&self, previous: Option<&World>) -> Vec<Summary> {
         let mut is_shown = vec![false; self.geometries.len()];
         for instance in self.groups.iter().flat_map(|group| &group.instances) {
@@ -145,8 +145,8 @@ impl WorldBuilder {
         self.geometries.par_iter().enumerate().with_min_len(16).map(summary).collect()
     }
 
-    /// True if the contents of a group, their placement and numbers are those of the previous
-    /// world.
+    /// True if the contents of a group, their placement and their numbers are the same as in the
+    /// previous world.
     fn is_unchanged(
         &self,
         group: usize,
@@ -178,7 +178,7 @@ impl WorldBuilder {
             })
     }
 
-    /// The previous world, if it was built with the same options, so that its trees can be reused.
+    /// The previous world if it was built with the same options, so that its trees can be reused.
     pub(super) fn same_build<'a>(
         options: &BuildOptions,
         previous: Option<&'a World>,
@@ -192,7 +192,7 @@ impl WorldBuilder {
         })
     }
 
-    /// The boxes of all groups, and for each group whether it is unchanged.
+    /// The bounds of all groups, and for each group whether it is unchanged.
     pub(super) fn measure(
         &self,
         occurrences: &Occurrences,
@@ -216,7 +216,8 @@ impl WorldBuilder {
         (bounds, unchanged)
     }
 
-    /// The structures of all groups. The boxes of objects are in the coordinates of the structures.
+    /// Builds or reuses the structures of all groups. The boxes of objects are in the coordinates
+    /// of the structures.
     pub(super) fn structures(
         &self,
         options: &BuildOptions,
@@ -297,13 +298,13 @@ enum How {
 
 struct Grown {
     tree: Arc<GroupTree>,
-    /// When it was built.
+    /// The cost of the tree when it was last built.
     cost: f32,
     how: How,
 }
 
-/// The tree of a group: the old one if the group is unchanged, else refitted where that pays, else
-/// rebuilt.
+/// The tree of a group: the old tree if the group is unchanged, otherwise a refitted one where that
+/// is worthwhile, otherwise a new one.
 fn tree(
     list: &GroupList,
     boxes: &[Bounds3d],

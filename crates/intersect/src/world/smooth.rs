@@ -1,20 +1,21 @@
-//! The smooth surfaces that vertex normals imply, and the origins of rays that leave them, so that
-//! coarse meshes of round objects have no jagged edge between light and shadow (the *shadow
-//! terminator problem*).
+//! The smooth surfaces that vertex normals imply, and the origins of rays that leave these
+//! surfaces. They give coarse meshes of round objects a terminator between light and shadow that is
+//! not jagged (the *shadow terminator problem*).
 //!
-//! A point of a triangle is lifted onto the mean of the planes that the vertex normals span at its
-//! corners, weighted by its barycentric coordinates (Hanika, Hacking the Shadow Terminator, Ray
-//! Tracing Gems II, 2021, chapter 4). Where the surface is concave, seen from the side of the
-//! incoming path, nothing is lifted: no triangle is in the way there.
+//! A point of a triangle is lifted onto the mean, weighted by its barycentric coordinates, of the
+//! planes through the corners that are perpendicular to the vertex normals (Hanika, Hacking the
+//! Shadow Terminator, Ray Tracing Gems II, 2021, chapter 4). Where the surface is concave, seen
+//! from the side of the incoming path, nothing is lifted, because no triangle is in the way there.
 //!
-//! Only rays that leave nearly along the triangle, or through its plane, start from there: all
-//! others are correct from the unlifted point, and shadows of what touches the surface stay where
-//! they are (as in Blender's Cycles, where this is the *geometry offset*). The other remedy darkens
-//! what the normals would light, by a factor of the cosines alone (Chiang, Li and Burley, Taming
-//! the Shadow Terminator, 2019; Conty Estevez, Lecocq and Stein, A Microfacet-Based Shadowing
-//! Function to Solve the Bump Terminator Problem, 2019). That method is meant for normal maps,
-//! which have no underlying surface: on coarse triangles it leaves the terminator at the edges of
-//! the triangles and blurs it, instead of moving it to that of the round surface.
+//! Only rays that leave nearly along the triangle, or through its plane, start from the lifted
+//! point. All others are correct from the unlifted point, and shadows of objects that touch the
+//! surface stay where they are (as in Blender's Cycles, where this is the *geometry offset*).
+//! Another remedy darkens the surface towards the terminator of the shading normals, by a factor of
+//! the cosines alone (Chiang, Li and Burley, Taming the Shadow Terminator, 2019; Conty Estevez,
+//! Lecocq and Stein, A Microfacet-Based Shadowing Function to Solve the Bump Terminator Problem,
+//! 2019). That method is meant for normal maps, which have no underlying surface: on coarse
+//! triangles it leaves the terminator at the edges of the triangles and blurs it, instead of moving
+//! it to the terminator of the round surface.
 
 use super::triangles::{HitVectors, TRIANGLE_HITS, TriangleHits, TrianglePoints};
 use super::{Geometry, GeometryId, GroupId, World};
@@ -24,12 +25,12 @@ use crate::search::rays::{RayQuery, clamped_time};
 use snell_math::simd::{Wide, max, min};
 use snell_math::{DVec3, Vec3, at_level, robust};
 
-/// Rays that rise higher above a triangle than this sine are not lifted at all.
+/// The sine of the angle to the triangle's plane from which on a ray is not lifted at all.
 const STEEP: f32 = 0.1;
 
-/// Cosines of the largest angle between the normal of a triangle and those of its corners: beyond
-/// the first no point is lifted, within the second all are. Normals at larger angles only round off
-/// edges, as of boxes, and do not imply a smooth surface.
+/// Limits of the least cosine between the normal of a triangle and those of its corners: below the
+/// first no point is lifted, above the second the lift is complete. Normals at larger angles only
+/// round off the edges of objects such as boxes, and do not imply a smooth surface.
 const BENT: [f32; 2] = [0.6, 0.8];
 
 /// The offset from a point of a triangle to the smooth surface, on the side of `wo`.
@@ -55,7 +56,7 @@ fn lift(corners: [Vec3; 3], normals: [Vec3; 3], [b1, b2]: [f32; 2], flat: Vec3, 
     if is_bent & (lift.length_squared() < f32::INFINITY) { lift } else { Vec3::ZERO }
 }
 
-/// The origin of a ray that leaves a surface with this [`World::lift`]; equal to
+/// The origin of a ray that leaves a surface whose [`World::lift`] is `lift`; equal to
 /// [`robust::offset_ray_origin`] if the lift is zero.
 #[inline(always)]
 pub fn lifted_ray_origin(
@@ -81,7 +82,7 @@ pub fn lifted_ray_origin(
 }
 
 impl World {
-    /// The offset from a point of a mesh with vertex normals to the smooth surface that these
+    /// The offset from a point of a mesh with vertex normals to the smooth surface that the normals
     /// imply, on the side from which `ray` arrives; zero for all other geometry, and where the
     /// smooth surface is behind the mesh. [`lifted_ray_origin`] applies it to reflected rays.
     pub fn lift<'a>(&self, ray: impl Into<RayQuery<'a>>, surface: &SurfaceInteraction) -> Vec3 {
@@ -110,7 +111,8 @@ impl World {
         if lift.is_finite() { lift } else { Vec3::ZERO }
     }
 
-    /// The same in the coordinates of `group`, for an occurrence `rest` below it.
+    /// [`Self::lift`] in the coordinates of `group`, for the occurrence numbered `rest` relative to
+    /// it.
     fn lift_in_group(&self, group: GroupId, rest: u32, wo: DVec3, time: f32, hit: &Hit) -> DVec3 {
         if let Some((step, left)) = self.step(group, rest) {
             let instance = &self.group(group).instances[step];
@@ -145,8 +147,8 @@ fn lift_in_mesh(mesh: &TriangleMesh, wo: DVec3, hit: &Hit) -> DVec3 {
 }
 
 impl TriangleHits {
-    /// [`World::lift`] for all lanes, with the same bits, for paths that arrive from the directions
-    /// `wo`.
+    /// Computes [`World::lift`] for all lanes, with the same bits, for paths that arrive from the
+    /// directions `wo`.
     pub fn lifts(
         &self,
         points: &TrianglePoints,
@@ -188,7 +190,7 @@ mod tests {
     use snell_math::simd::Level;
     use snell_math::{DMat4, Ray, Transform, Vec2, rng};
 
-    /// Triangles with their corners on the unit sphere, each of at most this size.
+    /// A triangulated unit sphere whose triangles have at most this size.
     fn pieces_of_a_sphere(size: f32) -> TriangleMesh {
         let number = |i: u32, k: u32| rng::uniform2([i, k, 7, 7]).x * 2.0 - 1.0;
         let positions: Vec<Vec3> = (0..TRIANGLE_HITS as u32)
@@ -248,11 +250,11 @@ mod tests {
             let lift = world.lift(&from_outside, &surface);
             let depth = 1.0 - surface.position.length();
             let left = (surface.position + lift).length() - 1.0;
-            // Slivers do not lie along the sphere.
+            // Slivers are excluded, because they do not lie along the sphere.
             let corners = mesh.indices[hit.primitive as usize].map(|i| mesh.normals[i as usize]);
             if corners.iter().all(|n| n.dot(surface.geometric_normal) > BENT[1]) {
-                // The planes touch the sphere at the corners and are above it elsewhere: by what
-                // the triangle is below.
+                // The planes touch the sphere at the corners and are above it elsewhere, by as much
+                // as the triangle is below it.
                 assert!((0.8 * depth..1.2 * depth + 1e-6).contains(&left), "{left} of {depth}");
                 deepest = deepest.max(depth);
             }

@@ -1,4 +1,4 @@
-//! Batches of hits on spheres: [`World::shape_point`] of each, with the same bits.
+//! Batches of hits on spheres: the result of [`World::shape_point`] for each, with the same bits.
 
 use super::interaction::MAP_ERROR;
 use super::triangles::{HitLanes, HitVectors, TRIANGLE_HITS as LANES, TrianglePoints};
@@ -103,7 +103,7 @@ fn points(hits: &SphereHits, to: &mut TrianglePoints) {
         let (out, back) = (matrix(&hits.world_from_sphere), matrix(&hits.sphere_from_world));
         let (out_by, back_by) =
             (column(&hits.world_from_sphere[3]), column(&hits.sphere_from_world[3]));
-        // In the coordinates of the sphere.
+        // From here on in the coordinates of the sphere.
         let origin = back * vector(&hits.origin) + back_by;
         let met = origin + back * vector(&hits.direction) * f64::from(hits.t[i]);
         let scale = 1.0 / met.length();
@@ -111,7 +111,7 @@ fn points(hits: &SphereHits, to: &mut TrianglePoints) {
         let local = normal * hits.radius[i];
         let size = greater(greater(local.x.abs(), local.y.abs()), local.z.abs());
         let rounding = DVec3::splat(size * 4.0 * MAP_ERROR);
-        // In the world.
+        // From here on in world space.
         let grow = magnitudes(&out);
         let position = out * local + out_by;
         let up = (grow * local.abs() + out_by.abs()) * MAP_ERROR;
@@ -204,7 +204,7 @@ mod tests {
             })
             .collect();
         let mut gathered = SphereHits::default();
-        // One lane is left empty.
+        // One lane stays empty.
         for (lane, (ray, hit)) in hits.iter().enumerate().skip(1) {
             assert!(world.gather_sphere(ray, hit, lane, &mut gathered));
         }

@@ -1,4 +1,5 @@
-//! Whole worlds: all structures and levels agree, closed meshes have no holes, rays leave surfaces.
+//! Tests of whole worlds: all structures and SIMD levels agree, closed meshes have no holes, rays
+//! leave surfaces.
 
 mod closed;
 mod instances;
@@ -17,7 +18,7 @@ use snell_math::rng::{hash32, pcg4d, to_unit};
 use snell_math::sampling::uniform_sphere;
 use snell_math::{DAffine3, DMat3, DRay, DVec3, Ray, Vec2, Vec3};
 
-/// Random numbers in order.
+/// A sequence of pseudo-random numbers.
 pub(crate) struct Random(pub u32);
 
 impl Random {
@@ -43,7 +44,8 @@ impl Random {
         uniform_sphere(u)
     }
 
-    /// Turned, stretched unevenly, sometimes mirrored, moved.
+    /// A random transform: a rotation with a nonuniform scale, sometimes mirrored, and a
+    /// translation.
     pub fn transform(&mut self, extent: f32) -> Transform {
         let turn =
             DMat3::from_axis_angle(self.direction().as_dvec3(), f64::from(self.range(0.0, 6.0)));
@@ -65,7 +67,8 @@ pub(crate) fn soup(random: &mut Random, triangles: usize) -> TriangleMesh {
     let mut mesh = TriangleMesh::default();
     for i in 0..triangles as u32 {
         let center = random.point(2.0);
-        // Every tenth sliver is long, every seventh triangle repeats its predecessor: ties.
+        // Every tenth triangle is a long sliver, and every seventh repeats its predecessor, which
+        // makes ties.
         let size = if i % 10 == 0 { 3.0 } else { 0.3 };
         if i % 7 == 6 {
             mesh.indices.push([3 * i - 3, 3 * i - 2, 3 * i - 1]);
@@ -78,7 +81,7 @@ pub(crate) fn soup(random: &mut Random, triangles: usize) -> TriangleMesh {
     mesh
 }
 
-/// Small triangles everywhere.
+/// A mesh of small triangles at random positions.
 pub(crate) fn dust(random: &mut Random, triangles: u32) -> TriangleMesh {
     let mut mesh = TriangleMesh::default();
     for i in 0..triangles {
@@ -89,7 +92,8 @@ pub(crate) fn dust(random: &mut Random, triangles: u32) -> TriangleMesh {
     mesh
 }
 
-/// Meshes, spheres and instances of the group before, four deep.
+/// A scene of groups nested four deep, each with meshes, spheres and instances of the previous
+/// group.
 pub(crate) fn nested_scene(seed: u32) -> WorldBuilder {
     let mut random = Random(hash32(seed));
     let mut builder = WorldBuilder::default();
@@ -97,7 +101,7 @@ pub(crate) fn nested_scene(seed: u32) -> WorldBuilder {
     for level in 0..4 {
         let mesh = Arc::new(soup(&mut random, 60));
         builder.add_mesh(group, mesh.clone());
-        // The same again: every hit is a tie between two geometries.
+        // The same mesh again: every hit is a tie between two geometries.
         builder.add_mesh(group, mesh);
         for _ in 0..3 {
             let shapes = AnyShape::examples();
@@ -145,12 +149,12 @@ pub(crate) fn bits(hit: &Hit) -> [u32; 6] {
     ]
 }
 
-/// On a lattice, so that rays meet edges, vertices and flat boxes all the time.
+/// A point of a lattice, so that rays often hit edges, vertices and flat boxes.
 pub(crate) fn lattice_point() -> impl Strategy<Value = Vec3> {
     [-3i8..=3, -3i8..=3, -3i8..=3].prop_map(|p| Vec3::from_array(p.map(f32::from)))
 }
 
-/// Compares all claims about hits, however rays are grouped, with the oracle.
+/// Compares the hits of all queries, with every grouping of rays, with those of the reference.
 pub(crate) fn check(
     world: &World,
     oracle: &World,

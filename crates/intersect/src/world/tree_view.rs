@@ -52,8 +52,8 @@ impl TreeChild {
 pub struct TreeNode<'w>(&'w WideNode);
 
 impl<'w> TreeNode<'w> {
-    /// The bounds of all slots, by side (minimum, maximum), axis and slot; infinite ones where a
-    /// slot is empty.
+    /// The bounds of all slots, by side (minimum, maximum), axis and slot. An empty slot has
+    /// infinite bounds.
     pub fn planes(&self) -> &'w [[[f32; 8]; 3]; 2] {
         &self.0.bounds
     }

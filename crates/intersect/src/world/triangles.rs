@@ -1,5 +1,5 @@
-//! Batches of hits on triangles: [`World::interaction`] of each, with the same bits, without the
-//! parts that only some materials need.
+//! Batches of hits on triangles: the result of [`World::interaction`] for each, with the same bits,
+//! without the parts that only some materials need.
 
 use super::interaction::{MAP_ERROR, derivatives, spanning};
 use super::{Geometry, GeometryId, World};
@@ -13,11 +13,10 @@ pub const TRIANGLE_HITS: usize = 64;
 
 /// A number for each hit.
 pub type HitLanes = [f32; TRIANGLE_HITS];
-/// A vector for each hit, by axis.
+/// A vector for each hit, stored axis by axis.
 pub type HitVectors = [HitLanes; 3];
 
-/// The triangles of a mesh without vertex colours that does not move, in the coordinates of its
-/// group.
+/// The triangles of a static mesh without vertex colours, in the coordinates of its group.
 #[derive(Clone, Copy, Debug)]
 pub struct PlainMesh<'w> {
     positions: &'w [Vec3],
@@ -39,24 +38,25 @@ pub struct TriangleHits {
     has_normals: [bool; TRIANGLE_HITS],
     /// Barycentric coordinates of the second and third corner.
     pub(super) weights: [HitLanes; 2],
-    /// First texture coordinates of the corners, where they were [gathered](Self::gather_uvs); zero
-    /// where there are none.
+    /// First texture coordinates of the corners, for hits that were [gathered](Self::gather_uvs)
+    /// with them; zero for meshes without texture coordinates.
     uvs: [[HitLanes; 2]; 3],
 }
 
-/// Points of triangles. See [`crate::SurfaceInteraction`] for the meaning of each.
+/// Points of triangles; each field has one value per lane. [`crate::SurfaceInteraction`] explains
+/// the values.
 #[derive(Clone, Debug)]
 pub struct TrianglePoints {
     /// Points on the surfaces.
     pub position: HitVectors,
-    /// Bounds on the errors of their coordinates.
+    /// Bounds on the absolute errors of the coordinates of `position`.
     pub position_error: HitVectors,
     /// Unit normals of the triangles.
     pub geometric_normal: HitVectors,
     /// Unit shading normals.
     pub shading_normal: HitVectors,
-    /// 1 where these values are valid; 0 for degenerate triangles and overflow, which need
-    /// [`World::interaction`].
+    /// 1 where the values of a lane are valid; 0 for degenerate triangles and after overflow, where
+    /// [`World::interaction`] must be used instead.
     pub is_sound: [u32; TRIANGLE_HITS],
 }
 
@@ -89,8 +89,9 @@ impl Default for TrianglePoints {
 }
 
 impl World {
-    /// The triangles of a geometry, if [`TriangleHits`] can hold them: a mesh that does not move
-    /// and has no vertex colours. Hits on it must be in the root group (`instance` 0).
+    /// The triangles of a geometry if [`TriangleHits`] can hold them, that is for a static mesh
+    /// without vertex colours; otherwise `None`. Hits on it must be in the root group (`instance`
+    /// 0).
     pub fn plain_mesh(&self, geometry: GeometryId) -> Option<PlainMesh<'_>> {
         match self.geometry(geometry) {
             Geometry::Mesh(mesh) if mesh.colors.is_empty() => {
@@ -109,7 +110,7 @@ impl TriangleHits {
         &mut self,
         hits: impl Iterator<Item = (usize, &'w PlainMesh<'w>, &'w Hit)> + Clone,
     ) {
-        // In two steps, so that the cache misses of many hits overlap.
+        // Done in two steps, so that the cache misses of many hits overlap.
         for (lane, mesh, hit) in hits.clone() {
             self.indices[lane] = mesh.indices[hit.primitive as usize];
             (self.weights[0][lane], self.weights[1][lane]) = (hit.uv.x, hit.uv.y);
@@ -127,8 +128,8 @@ impl TriangleHits {
         }
     }
 
-    /// Adds the texture coordinates of hits that are in lanes already: [`Self::tangents`] needs
-    /// them.
+    /// Adds the texture coordinates of hits that were gathered before; [`Self::tangents`] needs
+    /// them. Each item is a lane and the mesh of its hit.
     #[inline]
     pub fn gather_uvs<'w>(&mut self, hits: impl Iterator<Item = (usize, &'w PlainMesh<'w>)>) {
         for (lane, mesh) in hits {
@@ -140,7 +141,7 @@ impl TriangleHits {
         }
     }
 
-    /// The tangents at the points of all lanes: [`crate::SurfaceInteraction::dpdu`].
+    /// The tangents at the points of all lanes, equal to [`crate::SurfaceInteraction::dpdu`].
     pub fn tangents(&self, points: &TrianglePoints, to: &mut HitVectors, wide: Option<Wide>) {
         at_level!(
             wide,
@@ -149,12 +150,12 @@ impl TriangleHits {
         );
     }
 
-    /// True if some lane holds, or has held, a hit on a mesh with vertex normals.
+    /// True if a hit on a mesh with vertex normals was ever gathered.
     pub fn has_normals(&self) -> bool {
         self.has_normals.contains(&true)
     }
 
-    /// The points of all lanes, including those that hold no hit.
+    /// Computes the points of all lanes, including those that hold no hit.
     pub fn points(&self, to: &mut TrianglePoints, wide: Option<Wide>) {
         match self.has_normals() {
             true => {
@@ -175,7 +176,7 @@ impl TriangleHits {
     }
 }
 
-/// Puts three vectors into a lane.
+/// Stores the vectors of a triangle's three corners in a lane.
 #[inline(always)]
 fn put(to: &mut [HitVectors; 3], lane: usize, from: &[Vec3], indices: [u32; 3]) {
     for (to, index) in to.iter_mut().zip(indices) {
@@ -203,7 +204,7 @@ fn inverse_length(v: Vector) -> f64 {
     1.0 / (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt()
 }
 
-/// `SMOOTH` if any has vertex normals.
+/// Computes the points of all lanes. `SMOOTH` must be true if any lane has vertex normals.
 #[inline(always)]
 fn points<const SMOOTH: bool>(hits: &TriangleHits, to: &mut TrianglePoints) {
     for i in 0..TRIANGLE_HITS {
@@ -236,7 +237,7 @@ fn points<const SMOOTH: bool>(hits: &TriangleHits, to: &mut TrianglePoints) {
         if SMOOTH {
             let [n0, n1, n2] =
                 [wide(&hits.normals[0]), wide(&hits.normals[1]), wide(&hits.normals[2])];
-            // (Not by `map`, which is a call that would keep the loop from becoming vector code.)
+            // A closure rather than `map`, which is a call and would prevent vectorisation.
             let blend = |axis: usize| n0[axis] * b0 + n1[axis] * b1 + n2[axis] * b2;
             let blended = [blend(0), blend(1), blend(2)];
             let scale = inverse_length(blended);
@@ -255,7 +256,7 @@ fn points<const SMOOTH: bool>(hits: &TriangleHits, to: &mut TrianglePoints) {
     }
 }
 
-/// See [`TriangleHits::tangents`].
+/// Computes the tangents of all lanes; see [`TriangleHits::tangents`].
 #[inline(always)]
 fn tangents(hits: &TriangleHits, points: &TrianglePoints, to: &mut HitVectors) {
     for i in 0..TRIANGLE_HITS {
@@ -304,7 +305,7 @@ mod tests {
                 .collect();
             let indices =
                 (0..TRIANGLE_HITS as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
-            // (Coordinates that are the same at all corners now and then.)
+            // Every seventh triangle has the same coordinates at all corners.
             let uv = |i: u32| vector(if (i / 3).is_multiple_of(7) { 0 } else { i }, 2).truncate();
             let uvs =
                 [(0..3 * TRIANGLE_HITS as u32).map(uv).filter(|_| with_uvs).collect(), Vec::new()];

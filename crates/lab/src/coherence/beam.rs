@@ -10,13 +10,14 @@ use snell_intersect::Hit;
 use snell_intersect::World;
 use snell_math::{DVec2, DVec3, Ray};
 
-/// A beam with more pieces is divided, because the work grows with their square.
+/// The largest number of pieces of a beam; a beam with more is divided, because the work grows with
+/// their square.
 const MOST_PIECES: usize = 48;
 
 /// If a beam has to be divided, rays up to this number are traced one by one instead.
 const FEW_RAYS: usize = 4;
 
-/// A beam with more rays is divided before it is traced.
+/// The largest number of rays in a beam that is traced without being divided first.
 const MANY_RAYS: usize = 512;
 
 /// Maximum number of divisions of a region.
@@ -25,7 +26,7 @@ const MOST_DIVISIONS: u32 = 40;
 /// A part of a region, and the triangle that is visible in it.
 #[derive(Clone, Copy, Debug)]
 pub struct VisiblePiece {
-    /// The places where it is visible.
+    /// The places of the view where the triangle is visible.
     pub polygon: ConvexPolygon,
     /// The visible primitive; `None` for the background.
     pub primitive: Option<PrimitiveId>,
@@ -33,7 +34,7 @@ pub struct VisiblePiece {
 }
 
 impl VisiblePiece {
-    /// The nearness at a place: see [`View`].
+    /// The nearness at a place; see [`View`].
     pub fn nearness(&self, place: DVec2) -> f64 {
         self.nearness.at(place)
     }
@@ -43,8 +44,8 @@ impl VisiblePiece {
 ///
 /// A beam starts as one empty piece. The triangles in it are visited in the order of their boxes
 /// from near to far, and each cuts the part that it hides from the pieces, until all pieces are
-/// nearer than the next box. A beam with many pieces is divided, and its parts continue where it
-/// stopped.
+/// nearer than the next box. A beam with many pieces is divided, and its parts continue where the
+/// beam stopped.
 #[derive(Debug)]
 pub struct BeamTracer<'w> {
     walk: Walk<'w>,
@@ -63,7 +64,7 @@ impl<'w> BeamTracer<'w> {
 
     /// Reports everything visible in a region of a view: pieces that do not overlap and cover the
     /// region. The coordinates of a piece are exact up to `f64` rounding. Of equally near triangles
-    /// the one with the lowest ids is visible; a triangle that is seen edge-on is not.
+    /// the one with the lowest ids is visible; a triangle that is seen edge-on is not visible.
     pub fn visible(
         &mut self,
         view: &View,
@@ -84,9 +85,9 @@ impl<'w> BeamTracer<'w> {
         );
     }
 
-    /// The closest hit of each ray, as [`World::closest`] finds it: the beams determine the
-    /// triangle, and the common intersection test the hit. Only within rounding of an edge may the
-    /// result differ. Rays that do not start at the apex of the view are traced one by one.
+    /// The closest hit of each ray, with the result of [`World::closest`]: the beams determine the
+    /// triangle, and the common intersection test the hit. The result may differ only within
+    /// rounding of an edge. Rays that do not start at the apex of the view are traced one by one.
     ///
     /// # Panics
     /// If the slices differ in length.
@@ -176,7 +177,7 @@ impl<'w> BeamTracer<'w> {
                 self.walk.recycle(fragments);
             }
             Outcome::Crowded(inside) => {
-                // Into four, so that little work is wasted.
+                // Divided into four, so that little work is wasted.
                 let halves = queries::divide(queries).map(|(a, b)| [a, b]);
                 for half in halves.into_iter().flatten() {
                     let parts = if half.len() > FEW_RAYS { queries::divide(half) } else { None };
@@ -206,8 +207,8 @@ impl<'w> BeamTracer<'w> {
     }
 }
 
-/// Reports the fragments of a region, dividing it where it is crowded. `near` and `floor` are those
-/// of a [`Window`].
+/// Reports the fragments of a region, dividing it where it is crowded. `near` and `floor` are the
+/// limits of a [`Window`].
 pub(super) fn see_all(
     walk: &mut Walk,
     view: &View,
@@ -241,7 +242,7 @@ pub(super) fn see_all(
     }
 }
 
-/// Finds the fragment that contains each query; `None` for a query between two.
+/// Finds the fragment that contains each query; `None` for a query between two fragments.
 fn locate(
     fragments: &Fragments,
     queries: &[Query],

@@ -11,22 +11,22 @@ use snell_math::{DVec3, Ray};
 /// A round cone, or a cylinder.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cone {
-    /// The start of its axis.
+    /// The start of the axis.
     pub origin: DVec3,
     /// Unit vector along the axis.
     pub direction: DVec3,
-    /// Its diameter at the origin; 0 or more.
+    /// Diameter at the origin, 0 or more.
     pub width: f64,
     /// Growth of the diameter per unit of distance; 0 or more.
     pub spread: f64,
 }
 
-/// The elliptical intersection of a cone with a surface: its two diameters.
+/// The elliptical intersection of a cone with a surface, given by its two diameters.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Footprint {
     /// The longer diameter, along the surface.
     pub major: DVec3,
-    /// The shorter diameter, across.
+    /// The shorter diameter, perpendicular to the longer one.
     pub minor: DVec3,
 }
 
@@ -50,8 +50,8 @@ impl Cone {
         }
     }
 
-    /// The diameter at a distance from the origin: the filter width for a texture (Amanatides
-    /// 1984).
+    /// The diameter at a distance from the origin, which is the filter width for a texture
+    /// (Amanatides 1984).
     pub fn width_at(&self, distance: f64) -> f64 {
         self.width + self.spread * distance
     }
@@ -69,7 +69,8 @@ impl Cone {
         Footprint { major: normal.cross(across) * (width / cosine), minor: across * width }
     }
 
-    /// The view in which its interior is the unit disk, and the depth of its origin there.
+    /// The view in which the interior of the cone is the unit disk, and the depth of the cone's
+    /// origin there.
     fn view(&self) -> Option<(View, f64)> {
         let (right, up) = self.direction.any_orthonormal_pair();
         if self.spread > 0.0 {
@@ -90,23 +91,24 @@ impl Cone {
 pub struct ConeHit {
     /// The primitive.
     pub primitive: PrimitiveId,
-    /// The share of the cross-section that it covers and no nearer primitive does, from 0 to 1.
+    /// The share of the cross-section that this primitive covers and no nearer primitive does, from
+    /// 0 to 1.
     pub coverage: f64,
-    /// The share that it and all nearer ones cover.
+    /// The share that this primitive and all nearer ones cover, from 0 to 1.
     pub opacity: f64,
-    /// Distance along the axis of its nearest visible piece.
+    /// Distance along the axis to the nearest visible piece of the primitive.
     pub distance: f64,
 }
 
-/// All primitives in a cone.
+/// All visible primitives in a cone.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ConeHits {
-    /// The hits from near to far.
+    /// The hits in order from near to far.
     pub hits: Vec<ConeHit>,
 }
 
 impl ConeHits {
-    /// The covered share of the cross-section.
+    /// The covered share of the cross-section, from 0 to 1.
     pub fn opacity(&self) -> f64 {
         self.hits.last().map_or(0.0, |hit| hit.opacity)
     }

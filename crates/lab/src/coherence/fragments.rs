@@ -5,7 +5,7 @@ use super::view::{Facet, Window};
 use snell_math::DVec2;
 
 /// A triangle: the frame ([`super::walk::Walk`]) of its group's occurrence, and its number in the
-/// group. Sorted by ids.
+/// group. Sources are ordered by their ids.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Source {
     pub frame: u32,
@@ -28,7 +28,7 @@ pub(super) struct Fragment {
     pub source: Option<Source>,
     low: DVec2,
     high: DVec2,
-    /// The minimum nearness on it.
+    /// The minimum nearness on the piece.
     farthest: f64,
 }
 
@@ -38,23 +38,23 @@ impl Fragment {
         Self { polygon, nearness, source, low, high, farthest: polygon.range(&nearness).0 }
     }
 
-    /// True for a place inside it, or less than about `tolerance` outside.
+    /// True for a place inside the piece, or less than about `tolerance` outside.
     pub fn contains(&self, p: DVec2, tolerance: f64) -> bool {
         let is_near = p.cmpge(self.low - tolerance).all() && p.cmple(self.high + tolerance).all();
         is_near && self.polygon.contains(p, tolerance)
     }
 
-    /// A part of it.
+    /// A part of the piece.
     fn part(&self, polygon: ConvexPolygon) -> Self {
         Self::new(polygon, self.nearness, self.source)
     }
 }
 
-/// Nearness values that differ by less, relatively, count as equal.
+/// Nearness values whose relative difference is less than this count as equal.
 const EQUAL: f64 = 1e-12;
 
-/// The pieces of a region. Each inserted triangle cuts the part that it hides from them; triangles
-/// may intersect, and may come in any order.
+/// The pieces of a region. Each inserted triangle cuts the part that it hides from the pieces;
+/// triangles may intersect, and may come in any order.
 #[derive(Clone, Debug)]
 pub(super) struct Fragments {
     pub list: Vec<Fragment>,
@@ -63,7 +63,7 @@ pub(super) struct Fragments {
 }
 
 impl Fragments {
-    /// An empty region.
+    /// A region in which only the background is visible.
     pub fn new(region: &ConvexPolygon, window: &Window, mut list: Vec<Fragment>) -> Self {
         list.clear();
         let size = window.low.abs().max(window.high.abs()).max_element();
@@ -72,13 +72,13 @@ impl Fragments {
         Self { list, tolerance: size * 1e-14 }
     }
 
-    /// The nearness beyond which everything is hidden.
+    /// The least nearness of all pieces; surfaces with less are hidden.
     pub fn farthest(&self) -> f64 {
         self.list.iter().map(|f| f.farthest).fold(f64::INFINITY, f64::min)
     }
 
-    /// Inserts a facet where it is nearer than the present pieces. True if it overlaps the region,
-    /// visible or not.
+    /// Inserts a facet where it is nearer than the present pieces. Returns true if the facet
+    /// overlaps the region, visible or not.
     pub fn insert(&mut self, facet: &Facet, source: Source) -> bool {
         let new = Fragment::new(facet.polygon, facet.nearness, Some(source));
         let nearest = new.polygon.range(&new.nearness).1;
@@ -100,7 +100,7 @@ impl Fragments {
             if new.low.cmpge(old.high).any() || new.high.cmple(old.low).any() {
                 continue;
             }
-            // Most facets are hidden or beside the piece: no need to cut.
+            // Most facets are hidden or beside the piece and need no cut.
             let beside = |edge: &Affine| {
                 old.polygon.vertices().iter().all(|p| edge.at(*p) <= self.tolerance)
             };
@@ -125,7 +125,7 @@ impl Fragments {
         touched
     }
 
-    /// Assigns to `new` the part of a piece where it is nearer; `common` is the part that both
+    /// Assigns to `new` the part of a piece where `new` is nearer; `common` is the part that both
     /// cover.
     fn hide(&mut self, index: usize, edges: &[Affine; 3], common: &ConvexPolygon, new: &Fragment) {
         let old = self.list[index];

@@ -10,10 +10,10 @@
 //! * A *cone* ([`Cone`], [`ConeTracer`]) is a ray with a width; each primitive in it covers a share
 //!   of its cross-section (Amanatides, Ray Tracing with Cones, SIGGRAPH 1984).
 //!
-//! All three use a [`View`], in which rays are points and triangles are triangles, traverse the
-//! 8-wide tree with the four planes around a region of it, and support triangles only, with every
-//! mask and without a filter. They exist for comparison with rays (`snell bench coherence`), and
-//! for results that rays cannot give: exact coverage, and footprints. The renderer traces rays,
+//! All three use a [`View`], in which rays are points and triangles are triangles. They traverse
+//! the 8-wide tree with the four planes around a region of it, and support triangles only, with
+//! every mask and without a filter. They exist for comparison with rays (`snell bench coherence`),
+//! and for results that rays cannot give: exact coverage, and footprints. The renderer traces rays,
 //! which are faster.
 //!
 //! Differences from the papers: beams here are cut by a quadtree of regions and a bounding volume
@@ -41,14 +41,14 @@ pub use polygon::ConvexPolygon;
 pub use view::View;
 pub use walk::RegionWork;
 
-/// A triangle of a world: ids as in [`snell_intersect::Hit`].
+/// A triangle of a world, identified as in [`snell_intersect::Hit`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct PrimitiveId {
-    /// See [`snell_intersect::Hit::instance`].
+    /// Occurrence number of the group; see [`snell_intersect::Hit::instance`].
     pub instance: u32,
-    /// See [`snell_intersect::Hit::geometry`].
+    /// The number of the geometry; see [`snell_intersect::Hit::geometry`].
     pub geometry: u32,
-    /// See [`snell_intersect::Hit::primitive`].
+    /// The number of the triangle; see [`snell_intersect::Hit::primitive`].
     pub primitive: u32,
 }
 
@@ -58,16 +58,16 @@ impl From<[u32; 3]> for PrimitiveId {
     }
 }
 
-/// Why regions of a world cannot be traced.
+/// Errors of tracing regions of a world.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum CoherenceError {
-    /// The world has another acceleration structure.
+    /// The world has another acceleration structure than the bounding volume hierarchy.
     #[error(
         "beams, pencils and cones walk the bounding volume hierarchy only; build the world with \
             the accelerator bvh"
     )]
     NotBvh,
-    /// There is geometry other than triangles, or it moves.
+    /// The world has geometry other than triangles, or moving geometry.
     #[error(
         "beams, pencils and cones see triangles that do not move, and nothing else; take a scene \
             of meshes"

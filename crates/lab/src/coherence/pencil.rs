@@ -4,9 +4,10 @@ use snell_math::glam::{DMat2, DMat4};
 use snell_math::{DMat3, DRay, DVec2, DVec3, DVec4};
 
 /// An axial ray on its path through mirrors and glass, with the 4 by 4 *system matrix* of its
-/// paraxial rays (Shinya, Takahashi and Naito 1987, section 3): it maps their offsets from the axis
-/// and their slopes at the start to those at the current point, to first order. (Igehy, Tracing Ray
-/// Differentials, SIGGRAPH 1999, keeps the same for two of the four dimensions.)
+/// paraxial rays (Shinya, Takahashi and Naito 1987, section 3). The matrix maps their offsets from
+/// the axis and their slopes at the start to offsets and slopes at the current point, to first
+/// order. (Igehy, Tracing Ray Differentials, SIGGRAPH 1999, keeps the same data for two of the four
+/// dimensions.)
 ///
 /// A paraxial ray is `(x, y, slope of x, slope of y)` in the axes `right` and `up`, which are
 /// perpendicular to the axis.
@@ -48,7 +49,7 @@ impl CurvedSurface {
         let normal = sum.try_normalize()?;
         let gradients = barycentric_gradients(e1, e2)?;
         // Derivatives of the interpolated vector by the barycentrics, without their component along
-        // it.
+        // that vector.
         let by = |k: usize| {
             let d = normals[k + 1] - normals[0];
             (d - normal * normal.dot(d)) / sum.length()
@@ -88,7 +89,7 @@ impl Pencil {
         self.direction
     }
 
-    /// The system matrix: from paraxial rays at the start to those at the current point.
+    /// The system matrix, which maps paraxial rays at the start to those at the current point.
     pub fn system(&self) -> DMat4 {
         self.system
     }
@@ -108,7 +109,7 @@ impl Pencil {
         DRay::new(self.origin + offset, self.direction + slope)
     }
 
-    /// Moves along the axis. (Exact, also for rays far from it.)
+    /// Moves the current point along the axis. (This is exact also for rays far from the axis.)
     pub fn transfer(&mut self, distance: f64) {
         self.origin += self.direction * distance;
         let step = DMat4::from_cols(
@@ -120,13 +121,13 @@ impl Pencil {
         self.system = step * self.system;
     }
 
-    /// The offset from the origin at which a paraxial ray of the start hits a surface at the
-    /// origin.
+    /// The offset from the current origin at which a paraxial ray, given at the start, hits a
+    /// surface at that origin.
     pub fn offset_on(&self, normal: DVec3, start: DVec4) -> DVec3 {
         self.slid(self.now(start).0, normal)
     }
 
-    /// Reflects at a surface at the origin.
+    /// Reflects the pencil at a surface at the current origin.
     pub fn reflect(&mut self, surface: &CurvedSurface) {
         let (n, e) = (surface.normal, self.direction);
         let direction = e - n * (2.0 * e.dot(n));
@@ -135,8 +136,9 @@ impl Pencil {
         });
     }
 
-    /// Refracts at a surface at the origin. `ratio` is the index of refraction in front of the
-    /// surface over that behind. Returns false, and does nothing, if the axis is totally reflected.
+    /// Refracts the pencil at a surface at the current origin. `ratio` is the index of refraction
+    /// in front of the surface divided by the index behind it. Returns false, and does nothing, if
+    /// the axis is totally reflected.
     pub fn refract(&mut self, surface: &CurvedSurface, ratio: f64) -> bool {
         let against = if self.direction.dot(surface.normal) > 0.0 { -1.0 } else { 1.0 };
         let surface = CurvedSurface {
@@ -161,8 +163,8 @@ impl Pencil {
         true
     }
 
-    /// Turns the axis at a surface. `change` maps the change of the incoming direction and that of
-    /// the normal to the change of the outgoing direction.
+    /// Changes the direction of the axis at a surface. `change` maps the change of the incoming
+    /// direction and that of the normal to the change of the outgoing direction.
     fn turn(
         &mut self,
         surface: &CurvedSurface,
@@ -185,7 +187,7 @@ impl Pencil {
         *self = Self { origin: self.origin, direction, right, up, system: step * self.system };
     }
 
-    /// The current offset and slope of a paraxial ray of the start.
+    /// The current offset and slope of a paraxial ray, given at the start.
     fn now(&self, start: DVec4) -> (DVec3, DVec3) {
         let now = self.system * start;
         (self.across(now.x, now.y), self.across(now.z, now.w))
@@ -195,18 +197,18 @@ impl Pencil {
         self.right * x + self.up * y
     }
 
-    /// An offset moved along the axis onto the plane across a normal.
+    /// The projection of an offset along the axis onto the plane perpendicular to a normal.
     fn slid(&self, offset: DVec3, normal: DVec3) -> DVec3 {
         offset - self.direction * (offset.dot(normal) / self.direction.dot(normal))
     }
 }
 
-/// Bounds the distance between the points where rays from a common origin hit a plane and those
-/// that their pencil predicts, from the distance of the plane along the axis, the maximum slope of
+/// Bounds the distance between the true hits of rays from a common origin on a plane and the hits
+/// that their pencil predicts, given the distance of the plane along the axis, the maximum slope of
 /// a ray, and the tangent of the angle between the axis and the plane's normal.
 ///
-/// With `q` the slope of the ray towards the plane, the ray hits it at `distance / (1 + q)` and the
-/// pencil predicts `distance (1 - q)`: the difference is of second order.
+/// With `q` the slope of the ray towards the plane, the ray hits the plane at `distance / (1 + q)`
+/// and the pencil predicts `distance (1 - q)`; the difference is of second order.
 pub(super) fn plane_error(distance: f64, slope: f64, tangent: f64) -> f64 {
     let q = slope * tangent;
     if q >= 0.5 {

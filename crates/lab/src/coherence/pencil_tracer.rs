@@ -11,13 +11,13 @@ use snell_intersect::Hit;
 use snell_intersect::World;
 use snell_math::{DVec3, Ray, Vec2};
 
-/// A pencil that may hit more triangles is divided.
+/// The largest number of triangles that a pencil may hit without being divided.
 const MOST_TRIANGLES: usize = 6;
 
 /// If a pencil has to be divided, rays up to this number are traced one by one instead.
 const FEW_RAYS: usize = 4;
 
-/// A pencil with more rays is divided before it is traced.
+/// The largest number of rays in a pencil that is traced without being divided first.
 const MANY_RAYS: usize = 64;
 
 /// Traces pencils through a world. Each thread needs its own.
@@ -25,11 +25,11 @@ const MANY_RAYS: usize = 64;
 pub struct PencilTracer<'w> {
     walk: Walk<'w>,
     tolerance: f64,
-    /// Number of rays that the matrix of a pencil answered.
+    /// The number of rays that were answered by the matrix of a pencil.
     linear: u64,
 }
 
-/// What a pencil certainly hits.
+/// The common result of all rays of a pencil.
 enum Sure {
     Nothing,
     Triangle(Source),
@@ -142,8 +142,8 @@ impl<'w> PencilTracer<'w> {
         }
     }
 
-    /// The single result that all rays of a window certainly share, if there is one; and where
-    /// walks through parts of the window start.
+    /// The single result that all rays of a window certainly share, if there is one; and the
+    /// entries at which traversals of parts of the window start.
     fn sure(
         &mut self,
         view: &View,
@@ -189,8 +189,8 @@ impl<'w> PencilTracer<'w> {
         (met.iter().find(is_first).map(|(_, source, _)| Sure::Triangle(*source)), entries)
     }
 
-    /// Derives the hits of rays that all hit one triangle from the axial one. False if the pencil
-    /// is too wide for that.
+    /// Derives the hits of rays that all hit one triangle from the hit of the axial ray. Returns
+    /// false if the pencil is too wide for that.
     fn follow(
         &mut self,
         source: &Source,

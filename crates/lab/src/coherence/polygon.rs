@@ -6,8 +6,8 @@ use std::f64::consts::PI;
 /// Maximum number of vertices of a polygon.
 const CAPACITY: usize = 12;
 
-/// Polygons with more vertices are halved before a facet cuts them: its three edges and a line of
-/// equal depth add a vertex each.
+/// Polygons with more vertices are halved before a facet cuts them, because its three edges and a
+/// line of equal depth add a vertex each.
 const LARGE: usize = CAPACITY - 4;
 
 /// A convex polygon with few vertices, counter-clockwise.
@@ -33,8 +33,7 @@ impl Affine {
         Self { normal: self.normal - other.normal, offset: self.offset - other.offset }
     }
 
-    /// Distance to the left of the line from `a` to `b`: the exact negative of that for the line
-    /// from `b` to `a`.
+    /// Distance to the left of the line from `a` to `b`. Swapping `a` and `b` exactly negates it.
     pub fn left_of(a: DVec2, b: DVec2) -> Self {
         let scale = 1.0 / (b - a).length();
         Self { normal: DVec2::new(a.y - b.y, b.x - a.x) * scale, offset: a.perp_dot(b) * scale }
@@ -53,12 +52,12 @@ pub(super) enum Cut {
 }
 
 impl ConvexPolygon {
-    /// The rectangle from one corner to the other.
+    /// The rectangle with these minimum and maximum corners.
     pub fn rectangle(low: DVec2, high: DVec2) -> Self {
         Self::of(&[low, DVec2::new(high.x, low.y), high, DVec2::new(low.x, high.y)])
     }
 
-    /// The triangle of three points, in either orientation.
+    /// The triangle with these corners, in either orientation.
     pub fn triangle(a: DVec2, b: DVec2, c: DVec2) -> Self {
         if (b - a).perp_dot(c - a) < 0.0 { Self::of(&[a, c, b]) } else { Self::of(&[a, b, c]) }
     }
@@ -91,7 +90,7 @@ impl ConvexPolygon {
         self.edges().map(|(a, b)| signed_area_in_disk(a, b)).sum()
     }
 
-    /// The area inside the rectangle from one corner to the other.
+    /// The area inside the rectangle with these minimum and maximum corners.
     pub fn area_in_rectangle(&self, low: DVec2, high: DVec2) -> f64 {
         if let Some((a, b)) = self.halved() {
             return a.area_in_rectangle(low, high) + b.area_in_rectangle(low, high);
@@ -107,7 +106,7 @@ impl ConvexPolygon {
         inside.map_or(0.0, |polygon| polygon.area())
     }
 
-    /// The minimum and maximum corner of its bounding rectangle.
+    /// The minimum and maximum corner of the polygon's bounding rectangle.
     pub fn extent(&self) -> (DVec2, DVec2) {
         let start = (DVec2::INFINITY, DVec2::NEG_INFINITY);
         self.vertices().iter().fold(start, |(low, high), &p| (low.min(p), high.max(p)))
@@ -118,7 +117,7 @@ impl ConvexPolygon {
         self.edges().all(|(a, b)| (b - a).perp_dot(p - a) >= -tolerance * (b - a).length())
     }
 
-    /// The minimum and maximum of a function.
+    /// The minimum and maximum of an affine function over the polygon.
     pub(super) fn range(&self, of: &Affine) -> (f64, f64) {
         let start = (f64::INFINITY, f64::NEG_INFINITY);
         self.vertices()
@@ -166,8 +165,8 @@ impl ConvexPolygon {
         }
     }
 
-    /// Writes the function's value at each vertex to `values`, with 0 up to `tolerance`. Returns
-    /// whether any are positive, and whether any are negative.
+    /// Writes the function's value at each vertex to `values`; magnitudes up to `tolerance` count
+    /// as 0. Returns whether any are positive, and whether any are negative.
     fn values(&self, line: &Affine, tolerance: f64, values: &mut [f64; CAPACITY]) -> (bool, bool) {
         let (mut any_in, mut any_out) = (false, false);
         for (value, &p) in values.iter_mut().zip(self.vertices()) {
@@ -179,7 +178,7 @@ impl ConvexPolygon {
         (any_in, any_out)
     }
 
-    /// Visits the vertices with their values, and the zero crossings of edges between them.
+    /// Visits the vertices with their values, and the zero crossings on edges between them.
     fn walk_around(&self, values: &[f64; CAPACITY], mut each: impl FnMut(DVec2, f64)) {
         let count = usize::from(self.len);
         for i in 0..count {
@@ -202,14 +201,14 @@ impl ConvexPolygon {
         self.vertices().iter().sum::<DVec2>() / f64::from(self.len)
     }
 
-    /// The regular polygon of eight sides around the unit disk.
+    /// The regular octagon around the unit disk.
     pub(super) fn around_unit_disk() -> Self {
         let radius = 1.0 / (PI / 8.0).cos();
         let vertex = |i: u8| DVec2::from_angle((f64::from(i) + 0.5) * PI / 4.0) * radius;
         Self::of(&std::array::from_fn::<_, 8, _>(|i| vertex(i as u8)))
     }
 
-    /// Two halves, if there are so many vertices that a cut might exceed the capacity.
+    /// The two halves, if the polygon has so many vertices that a cut might exceed the capacity.
     pub(super) fn halved(&self) -> Option<(Self, Self)> {
         let all = self.vertices();
         if all.len() <= LARGE {
@@ -222,8 +221,8 @@ impl ConvexPolygon {
     }
 }
 
-/// The signed area that the triangle of the origin, `a` and `b` shares with the unit disk: parts of
-/// the edge inside the circle make triangles, the others sectors.
+/// The signed area of the intersection of the unit disk and the triangle of the origin, `a` and
+/// `b`: parts of the edge inside the circle give triangles, the others sectors.
 fn signed_area_in_disk(a: DVec2, b: DVec2) -> f64 {
     let along = b - a;
     let (qa, qb, qc) = (along.length_squared(), a.dot(along), a.length_squared() - 1.0);

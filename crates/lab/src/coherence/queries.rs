@@ -7,9 +7,9 @@ use snell_math::{DVec2, Ray};
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Query {
     pub place: DVec2,
-    /// Surfaces with less nearness do not affect it.
+    /// Surfaces with less nearness than this do not affect the ray.
     pub floor: f64,
-    /// Its index in the batch.
+    /// The index of the ray in the batch.
     pub index: usize,
 }
 
@@ -52,8 +52,8 @@ pub(super) fn towards_point(point: snell_math::DVec3, rays: &[Ray]) -> Around {
             &mut sides[2 * axis + usize::from(from[axis] > 0.0)];
         match view.project(start) {
             Some((_, floor)) if is_near => {
-                // The whole ray counts, so its place is that of its start only if it ends exactly
-                // at the point; the difference is below rounding.
+                // The whole ray counts, so its place equals that of its start only if the ray ends
+                // exactly at the point; the difference is below rounding.
                 let place = view.project(origin).map_or(DVec2::ZERO, |(place, _)| place);
                 queries.push(Query { place, floor, index });
             }

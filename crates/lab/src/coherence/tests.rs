@@ -14,7 +14,7 @@ fn random(i: u32, k: u32) -> DVec3 {
     DVec3::new(a.x.into(), a.y.into(), b.x.into())
 }
 
-/// Triangles at random in the unit cube.
+/// Random triangles in the unit cube.
 fn soup(seed: u32, count: u32, size: f64) -> TriangleMesh {
     let mut mesh = TriangleMesh::default();
     for i in 0..count {
@@ -152,7 +152,7 @@ fn the_pieces_of_a_beam_cover_its_region_once_and_show_what_rays_hit() {
             let ray = Ray::new(EYE, view().direction(place).as_vec3());
             let hit = closest(world, &[ray])[0];
             let seen = piece.primitive.map(|p| [p.instance, p.geometry, p.primitive]);
-            // The direction is rounded, so slivers may be missed.
+            // The direction of the ray is rounded, so slivers may be missed.
             if piece.polygon.contains(
                 view().place_of_direction(ray.direction.as_dvec3()).expect("ahead"),
                 -1e-6,
@@ -171,7 +171,7 @@ fn the_pieces_of_a_beam_cover_its_region_once_and_show_what_rays_hit() {
     }
 }
 
-/// A rectangle across z.
+/// A rectangle perpendicular to z.
 fn rectangle(low: [f32; 2], high: [f32; 2], z: f32) -> TriangleMesh {
     let corners = [[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]];
     TriangleMesh {
@@ -183,8 +183,8 @@ fn rectangle(low: [f32; 2], high: [f32; 2], z: f32) -> TriangleMesh {
 
 #[test]
 fn coverage_of_known_polygons_is_exact() {
-    // A quarter of the picture, half of which the nearer one hides; another intersects both planes
-    // and is behind.
+    // The farther rectangle fills a quarter of the picture, half of which the nearer one hides;
+    // another rectangle intersects both planes and is behind.
     let world = world_of(
         vec![
             rectangle([0.0; 2], [2.0; 2], 4.0),
@@ -352,7 +352,7 @@ fn cones_are_covered_by_the_share_of_their_section() {
         let last = hits.last().expect("covered");
         assert!((last.opacity - 1.0).abs() < 1e-12 && last.primitive.geometry == 1);
         assert!((last.distance - 7.0).abs() < 1e-9 && (hits[0].distance - 5.0).abs() < 1e-9);
-        // Up to 6, and from 6 on.
+        // The depths up to 6, and the depths from 6 on.
         assert!((tracer.trace(&cone, [0.0, 6.0]).opacity() - 0.5).abs() < 1e-12);
         assert!(tracer.trace(&cone, [6.0, 99.0]).hits.iter().all(|h| h.primitive.geometry == 1));
         assert!(tracer.trace(&cone, [8.0, 99.0]).hits.is_empty());

@@ -12,7 +12,7 @@ use snell_math::{DAffine3, DVec2, DVec3, DVec4};
 #[derive(Clone, Copy, Debug)]
 pub struct View {
     rows: Rows,
-    /// The common origin of all rays.
+    /// The common origin of all rays; `None` in a parallel projection.
     apex: Option<DVec3>,
     /// Coefficients of the place: directions of rays from the apex, or origins of parallel rays.
     corner: DVec3,
@@ -22,7 +22,8 @@ pub struct View {
     direction: DVec3,
 }
 
-/// Affine functions of points: x and y times `depth`, nearness times `depth`, and `depth`.
+/// Affine functions of points, each as coefficients: x and y times `depth`, nearness times `depth`,
+/// and `depth`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Rows {
     pub x: DVec4,
@@ -118,7 +119,7 @@ impl View {
         if self.apex.is_some() { 0.0 } else { -1e300 }
     }
 
-    /// The same functions for points in other coordinates.
+    /// The functions of [`Self::project`] for points in the coordinates of a group.
     pub(super) fn rows_in(&self, world_from_local: &DAffine3) -> Rows {
         let m = world_from_local;
         let row = |r: DVec4| {
@@ -160,7 +161,8 @@ pub(super) struct Window {
 }
 
 impl Window {
-    /// Functions of points; where any is negative the point is outside.
+    /// The functions of points for the six sides of the window; a point where any of them is
+    /// negative is outside.
     pub fn sides(&self, rows: &Rows) -> [DVec4; 6] {
         [
             rows.x - rows.depth * self.low.x,

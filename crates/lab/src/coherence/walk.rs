@@ -20,9 +20,9 @@ pub struct RegionWork {
     pub nodes: u64,
     /// Triangles projected.
     pub triangles: u64,
-    /// Rays that fell back to tracing one by one.
+    /// Rays that were traced one by one instead.
     pub rays: u64,
-    /// Rays that were tested with the one triangle that the region is known to see there.
+    /// Rays that were tested only with the triangle that is known to be visible at their place.
     pub confirmed: u64,
 }
 
@@ -76,13 +76,14 @@ impl Ord for Next {
 
 /// The result for a region.
 pub(super) enum Outcome {
-    /// Everything visible in it.
+    /// Everything visible in the region.
     Seen(Fragments),
-    /// It has more pieces than allowed; its contents, as the start of walks through parts of it.
+    /// The region has more pieces than allowed. The entries are the starts of traversals of its
+    /// parts.
     Crowded(Vec<Entry>),
 }
 
-/// Walks through a world of triangles. Each thread needs its own.
+/// Traverses a world of triangles. Each thread needs a separate instance.
 #[derive(Debug)]
 pub(super) struct Walk<'w> {
     pub world: &'w World,
@@ -92,7 +93,7 @@ pub(super) struct Walk<'w> {
     frame_of: HashMap<u32, u32>,
     pub work: RegionWork,
     heap: BinaryHeap<Next>,
-    /// Memory of unused lists, for reuse.
+    /// Unused lists, kept for reuse.
     spare: Vec<Vec<Fragment>>,
 }
 
@@ -124,15 +125,15 @@ impl<'w> Walk<'w> {
         })
     }
 
-    /// The entries where walks start: the whole world.
+    /// The entries where traversals start: the whole world.
     pub fn start(&self) -> Vec<Entry> {
         let entry = |child| Entry { bounds: Bounds3::INFINITE, child, frame: 0 };
         self.tree.root(0).map(entry).into_iter().collect()
     }
 
     /// Finds everything visible in a region of a window, up to a maximum number of pieces. (Hidden
-    /// ones do not count: dividing the region would not help.) Facets that do not matter are
-    /// skipped.
+    /// pieces do not count, because dividing the region would not help.) Facets that do not matter
+    /// are skipped.
     pub fn see(
         &mut self,
         view: &View,
@@ -163,14 +164,14 @@ impl<'w> Walk<'w> {
         Outcome::Crowded(done)
     }
 
-    /// Reclaims memory.
+    /// Reclaims the memory of fragments.
     pub fn recycle(&mut self, fragments: Fragments) {
         self.spare.push(fragments.list);
     }
 
-    /// Visits the leaves that may be in the window, nearest first. `take` gets those with facets in
-    /// it, and returns the minimum nearness of interest from then on (infinite: none). Returns the
-    /// entries that were not visited.
+    /// Visits the leaves that may be in the window, nearest first. `take` is called with each leaf
+    /// that has facets in the window, and returns the minimum nearness of interest from then on
+    /// (infinite to stop). Returns the entries that were not visited.
     pub fn visit(
         &mut self,
         view: &View,
@@ -306,14 +307,14 @@ impl<'w> Walk<'w> {
         }
     }
 
-    /// Tests a ray with one triangle, by the test common to all structures.
+    /// Tests a ray with one triangle, by the test that all structures share.
     pub fn confirm(&mut self, ray: &Ray, source: &Source) -> Option<Hit> {
         self.work.confirmed += 1;
         let local = self.ray_in(source.frame, ray)?;
         self.tree.test_triangle(ray, &local, &self.local_corners(source), self.ids(source))
     }
 
-    /// A ray of the world transformed into a frame, through one instance after the other.
+    /// A ray of the world transformed to a frame, through one instance after the other.
     fn ray_in(&self, frame: u32, ray: &Ray) -> Option<DRay> {
         match &self.frames[frame as usize].outer {
             None => Some(DRay::from(ray)),
@@ -331,13 +332,13 @@ impl<'w> Walk<'w> {
         }
     }
 
-    /// Traces one ray by the normal traversal.
+    /// Traces one ray by the ordinary traversal.
     pub fn closest(&mut self, ray: &Ray) -> Hit {
         self.work.rays += 1;
         self.world.closest_one(ray, &AcceptAll)
     }
 
-    /// Tests one ray for occlusion by the normal traversal.
+    /// Tests one ray for occlusion by the ordinary traversal.
     pub fn occluded(&mut self, ray: &Ray) -> bool {
         self.work.rays += 1;
         self.world.occluded_one(ray, &AcceptAll)
@@ -347,7 +348,7 @@ impl<'w> Walk<'w> {
 /// The largest absolute coordinates in a group.
 fn extent(tree: &TreeView, group: usize) -> DVec3 {
     let Some(TreeChild::Node(root)) = tree.root(group) else {
-        // A single leaf: its triangles are always tested.
+        // The tree is a single leaf, whose triangles are always tested.
         return DVec3::INFINITY;
     };
     let node = tree.node(group, root);
@@ -411,7 +412,7 @@ impl Sight {
             rows,
             sides: window.sides(&rows).map(|row| Side::new(row, frame.extent)),
             nearness: Side::new(rows.nearness, frame.extent),
-            // The minimum depth is the negated maximum of its negative.
+            // The minimum depth is the negated maximum of the negated depth.
             depth: Side::new(-rows.depth, frame.extent),
         }
     }
@@ -422,7 +423,7 @@ impl Sight {
         (!outside).then(|| nearest(self.nearness.greatest(b), -self.depth.greatest(b)))
     }
 
-    /// Which boxes may be in the window, and bounds on their nearness.
+    /// A bit for each box that may be in the window, and bounds on their nearness.
     fn boxes(&self, node: &TreeNode) -> (u32, [f32; 8]) {
         let mut inside = [true; 8];
         for side in &self.sides {

@@ -1,11 +1,11 @@
 //! Visible areas as polygons, sampled at the pixels (Weiler and Atherton, Hidden Surface Removal
 //! Using Polygon Area Sorting, SIGGRAPH 1977).
 //!
-//! Weiler and Atherton cut all polygons by the outline of the nearest, and the remainder by those
-//! behind it, until the picture consists of polygons that do not overlap. [`BeamTracer::visible`]
-//! does that here, with convex pieces, and with the bounding volume hierarchy in place of the
-//! sorted list. The pieces are exact areas, at any resolution; they are sampled at the pixel
-//! centres only for comparison with the other methods.
+//! Weiler and Atherton cut all polygons by the outline of the nearest polygon, and the remainder by
+//! those behind it, until the picture consists of polygons that do not overlap. Here
+//! [`BeamTracer::visible`] does this, with convex pieces, and with the bounding volume hierarchy in
+//! place of the sorted list. The pieces are exact areas, at any resolution; they are sampled at the
+//! pixel centres only for comparison with the other methods.
 
 use super::canvas::{Canvas, Seen};
 use super::facet::centre;
@@ -14,7 +14,7 @@ use crate::coherence::{BeamTracer, ConvexPolygon};
 use snell_intersect::World;
 use snell_math::DVec2;
 
-/// A centre this close to a piece, in pixels, may be in it: then the common test decides.
+/// Distance in pixels within which a pixel centre may be in a piece; the common test then decides.
 const TOLERANCE: f64 = 1e-7;
 
 /// Cuts the picture into its visible pieces.

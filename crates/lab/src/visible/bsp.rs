@@ -3,12 +3,12 @@
 //! Fuchs, Kedem and Naylor, On Visible Surface Generation by A Priori Tree Structures, SIGGRAPH
 //! 1980).
 //!
-//! Each node divides space by the plane of a polygon, which stays there with all others on the
-//! plane; polygons across it are cut. As seen from the eye, polygons on the far side of the plane
-//! can never hide those on the plane, nor can those hide polygons on the near side. So a traversal
-//! of the tree, far side first, gives a painting order; near side first, it allows filling only
-//! empty pixels (Gordon and Chen, Front-to-Back Display of BSP Trees, IEEE Computer Graphics and
-//! Applications 1991).
+//! Each node divides space by the plane of a polygon, which stays at the node together with all
+//! other polygons in that plane; polygons across the plane are cut. As seen from the eye, polygons
+//! on the far side of the plane can never hide those on the plane, nor can those hide polygons on
+//! the near side. So a traversal of the tree, far side first, gives a painting order; near side
+//! first, it allows filling only empty pixels (Gordon and Chen, Front-to-Back Display of BSP Trees,
+//! IEEE Computer Graphics and Applications 1991).
 //!
 //! Planes of polygons alone divide convex meshes badly, so large sets may also be divided by
 //! axis-aligned planes without polygons, as Schumacker did between clusters of polygons.
@@ -28,24 +28,24 @@ const TOLERANCE: f64 = 1e-12;
 const CANDIDATES: usize = 6;
 const SAMPLE: usize = 48;
 
-/// Larger sets may be divided across an axis.
+/// The size of a set from which on it may be divided by an axis-aligned plane.
 const LARGE: usize = 32;
 
-/// The cost of a cut, in units of polygons that one side has more than the other.
+/// The cost of a cut, in units of the difference between the numbers of polygons on both sides.
 const CUT_COST: f64 = 6.0;
 
 /// The maximum number of parts of a tree: this many per triangle, this many in addition, and this
 /// many in total.
 const MOST_PARTS: [u64; 3] = [40, 2_000_000, 16_000_000];
 
-/// No child.
+/// The index that stands for no child.
 const EMPTY: u32 = u32::MAX;
 
 /// A part of a triangle in space.
 #[derive(Clone, Debug)]
 struct Part {
     triangle: u32,
-    /// Its last cut.
+    /// The index of the part's last cut.
     cuts: u32,
     polygon: Vec<DVec3>,
 }
@@ -53,9 +53,10 @@ struct Part {
 #[derive(Debug)]
 struct Node {
     plane: Plane,
-    /// The triangle that defines the plane; [`NOTHING`] for one across an axis.
+    /// The triangle that defines the plane; [`NOTHING`] for an axis-aligned plane.
     triangle: u32,
-    /// Parts on the plane: first and end in [`Tree::on`], in ascending order of their triangles.
+    /// The range of parts on the plane in [`Tree::on`], as first and end, in ascending order of
+    /// their triangles.
     on: [u32; 2],
     /// The subtrees behind and in front of the plane.
     children: [u32; 2],
@@ -67,9 +68,9 @@ pub struct Tree {
     nodes: Vec<Node>,
     /// Triangle and last cut of each part.
     on: Vec<(u32, u32)>,
-    /// Cuts by the plane of a node; the side is `true` in front of it.
+    /// Cuts by the planes of nodes; the `true` side is in front of the plane.
     cuts: Vec<CutNode<u32>>,
-    /// The origin of planes.
+    /// The origin relative to which planes are given.
     centre: DVec3,
     depth: u32,
 }
@@ -93,7 +94,7 @@ impl Tree {
             .filter(|p| plane_of(&p.polygon).is_some())
             .collect();
         let most = (MOST_PARTS[0] * parts.len() as u64 + MOST_PARTS[1]).min(MOST_PARTS[2]);
-        // The sets still to be divided, where the node goes, and its depth.
+        // The sets still to be divided, each with the reference to set for its node, and its depth.
         let mut todo = vec![(parts, None::<(usize, usize)>, 1)];
         while let Some((set, place, depth)) = todo.pop() {
             if set.is_empty() {
@@ -117,7 +118,7 @@ impl Tree {
         Ok(tree)
     }
 
-    /// Makes a node, and returns the sets behind and in front of its plane.
+    /// Makes a node. Returns the sets behind and in front of its plane.
     fn divide(&mut self, screen: &Screen, set: Vec<Part>) -> [Vec<Part>; 2] {
         let (plane, chosen) = choose(screen, self.centre, &set);
         let node = self.nodes.len() as u32;
@@ -126,7 +127,7 @@ impl Tree {
         for (i, part) in set.into_iter().enumerate() {
             let side = if chosen == Some(i) { Side::On } else { plane.side(&part.polygon) };
             match side {
-                // A plane across an axis holds no polygons.
+                // An axis-aligned plane holds no polygons.
                 Side::On if chosen.is_some() => on.push((part.triangle, part.cuts)),
                 Side::On | Side::Front => sides[1].push(part),
                 Side::Back => sides[0].push(part),
@@ -155,7 +156,7 @@ impl Tree {
         sides
     }
 
-    /// Numbers of nodes, parts and cuts, and the depth.
+    /// The numbers of nodes, parts and cuts, and the depth of the tree.
     pub fn statistics(&self) -> [u64; 4] {
         [
             self.nodes.len() as u64,
@@ -171,7 +172,7 @@ impl Tree {
     }
 }
 
-/// A plane, and its triangle.
+/// A plane, and the triangle that defines it.
 #[derive(Clone, Copy)]
 struct Candidate {
     plane: Plane,
@@ -195,8 +196,8 @@ fn side_of(plane: &Plane, polygon: &[DVec3]) -> Side {
     plane.side(polygon, reach * TOLERANCE)
 }
 
-/// A point in the middle of most of the scene: the median of the corners per axis, which a few
-/// distant ones do not affect.
+/// A point in the middle of most of the scene: the median of the corners on each axis, which a few
+/// distant corners do not affect.
 fn centre(triangles: &[Triangle]) -> DVec3 {
     let median = |axis: usize| {
         let mut all: Vec<f64> = triangles.iter().map(|t| t.corners[0][axis]).collect();
@@ -218,8 +219,8 @@ fn plane_of_triangle(screen: &Screen, centre: DVec3, triangle: u32) -> Option<Pl
     plane_of(&screen.triangles[triangle as usize].corners.map(|c| c - centre))
 }
 
-/// A plane that divides a set well, and the part that defines it; `None` for one across an axis,
-/// which leaves fewer than all on either side.
+/// A plane that divides a set well, and the index of the part that defines it; `None` for an
+/// axis-aligned plane, which leaves a smaller set on either side.
 fn choose(screen: &Screen, centre: DVec3, set: &[Part]) -> (Candidate, Option<usize>) {
     let count = set.len();
     let pick = |k: usize, of: usize| {
@@ -294,14 +295,15 @@ impl Sight<'_> {
         node.plane.distance(&self.eye) > 0.0
     }
 
-    /// A cut at the plane of a node in the picture: the front side is nearer than the plane if the
-    /// eye is there too.
+    /// The cut at the plane of a node, as a cut of the picture: the front side is nearer than the
+    /// plane if the eye is in front of the plane.
     fn cut(&self, node: u32, is_before: bool) -> (Divider, bool) {
         let (divider, true_is_before) = self.divider(node);
         (divider, is_before == true_is_before)
     }
 
-    /// The divider at the plane of a node, and whether its `true` side is in front of the plane.
+    /// The divider at the plane of a node, and whether the divider's `true` side is in front of the
+    /// plane.
     fn divider(&self, node: u32) -> (Divider, bool) {
         let node = &self.tree.nodes[node as usize];
         if node.triangle != NOTHING
@@ -328,11 +330,11 @@ impl Sight<'_> {
     }
 }
 
-/// Rows in which filled pixels are skipped.
+/// Rows with links that skip filled pixels.
 struct Mask {
     width: usize,
-    /// For each column, and one beyond, in each row: a column from there on before which nothing is
-    /// empty.
+    /// For each row and each column of it (and one column beyond), a link to the right that skips
+    /// only filled pixels. An empty pixel links to itself.
     next: Vec<u32>,
 }
 
@@ -388,7 +390,7 @@ impl Mask {
     }
 }
 
-/// A remaining step: the tree below a node, or the polygons on its plane.
+/// A remaining step: the subtree of a node, or the polygons on its plane.
 enum Step {
     Below(u32),
     On(u32),
@@ -418,7 +420,7 @@ pub(super) fn run(screen: &Screen, tree: &Tree, from_front: bool, with_cost: boo
             Step::On(index) => {
                 let [first, end] = tree.nodes[index as usize].on.map(|i| i as usize);
                 for i in 0..end - first {
-                    // Of coincident ones the lowest number is visible.
+                    // Of coincident polygons, the one with the lowest number is visible.
                     let (triangle, last) =
                         tree.on[if from_front { first + i } else { end - 1 - i }];
                     let Some(facet) = screen.facet_of(triangle).filter(|f| f.has_pixels()) else {
@@ -452,7 +454,7 @@ pub(super) fn run(screen: &Screen, tree: &Tree, from_front: bool, with_cost: boo
     canvas.seen(work, memory)
 }
 
-/// Bounds on the pixels of a part; `None` if there are none.
+/// Bounds on the pixels of a part; `None` if it has no pixels.
 fn extent(screen: &Screen, facet: &Facet, cuts: &[(Divider, bool)]) -> Option<(DVec2, DVec2)> {
     let size = DVec2::new(screen.size[0].into(), screen.size[1].into());
     let mut outline = pieces::whole(facet, size);

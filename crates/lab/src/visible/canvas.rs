@@ -3,7 +3,7 @@
 use super::facet::{centre, is_nearer};
 use super::{NOTHING, Screen};
 
-/// A picture in the making.
+/// A picture that is being painted.
 pub(super) struct Canvas {
     width: u32,
     pub items: Vec<u32>,
@@ -26,7 +26,7 @@ pub struct Seen {
 }
 
 impl Canvas {
-    /// An empty picture; `with_cost` to count work per pixel.
+    /// An empty picture; `with_cost` enables counting work per pixel.
     pub fn new(screen: &Screen, with_cost: bool) -> Self {
         let [width, height] = screen.size;
         let count = width as usize * height as usize;
@@ -52,8 +52,8 @@ impl Canvas {
         }
     }
 
-    /// Stores a facet in those pixels of a row where it is nearest so far; `depth` is the row's.
-    /// Returns the number of pixels tested and written.
+    /// Stores a facet in those pixels of a row where it is the nearest so far; `depth` is the row's
+    /// depth buffer. Returns the number of pixels tested and written.
     pub fn keep_nearest(
         &mut self,
         screen: &Screen,
@@ -84,7 +84,7 @@ impl Canvas {
         }
     }
 
-    /// Counts work at all pixels of a rectangle, ends excluded.
+    /// Counts work at all pixels of a rectangle; `end` is exclusive.
     pub fn charge_window(&mut self, low: [u32; 2], end: [u32; 2]) {
         if self.cost.is_some() {
             for y in low[1]..end[1] {

@@ -1,9 +1,9 @@
 //! Depth sort, the painter's algorithm with all its tests (Newell, Newell and Sancha, A Solution to
 //! the Hidden Surface Problem, ACM Annual Conference 1972).
 //!
-//! Facets are sorted by their farthest point and painted from the back. Before the last of the list
-//! is painted, it is compared with those whose depths overlap its own; it may be painted before one
-//! of them if any of five tests succeeds:
+//! Facets are sorted by their farthest point and painted from the back. Before the last facet of
+//! the list is painted, it is compared with the facets whose depths overlap its own. It may be
+//! painted before another facet if any of five tests succeeds:
 //!
 //! 1. their extents in x do not overlap,
 //! 2. nor those in y,
@@ -11,11 +11,11 @@
 //! 4. the other is in front of its plane,
 //! 5. their outlines do not overlap.
 //!
-//! If none does, the other is tried first. If that was tried before, they overlap in a cycle or
-//! intersect, and one is cut by the plane of the other. Where the planes do not cut them (a cycle
-//! of three or more, none of which reaches through the plane of its neighbour), it is cut along an
-//! edge of the other's outline. The number of cuts is limited; pairs that are still undecided then
-//! are painted in list order, and counted.
+//! If no test succeeds, the other facet is tried first. If that one was tried before, the two
+//! overlap in a cycle or intersect, and one is cut by the plane of the other. Where the planes do
+//! not cut them (in a cycle of three or more, none of which reaches through the plane of its
+//! neighbour), it is cut along an edge of the other's outline. The number of cuts is limited; pairs
+//! that are still undecided after that are painted in list order, and counted.
 
 use super::canvas::{Canvas, Seen};
 use super::facet::Edge;
@@ -24,7 +24,7 @@ use super::{Screen, VisibleError};
 use snell_math::DVec2;
 
 /// Maximum number of pairs compared by their extents, and the costs of a comparison by planes and
-/// by outlines in such pairs.
+/// by outlines in units of such pairs.
 const MOST_PAIRS: u64 = 1_500_000_000;
 const PLANE_EFFORT: u64 = 12;
 const OUTLINE_EFFORT: u64 = 40;
@@ -32,7 +32,8 @@ const OUTLINE_EFFORT: u64 = 40;
 /// Maximum number of cuts per facet, on average.
 const MOST_CUTS: u64 = 16;
 
-/// As [`LEAST`], for lines: twice the overlap that disjoint outlines may have.
+/// The least extent that is worth a cut along a line, like [`LEAST`] for planes: twice the overlap
+/// that disjoint outlines may have.
 const LEAST_ALONG_LINES: f64 = 160.0;
 
 /// A facet or a part of one.
@@ -45,9 +46,9 @@ struct Part {
     high: DVec2,
     farthest: f64,
     nearest: f64,
-    /// True if it was moved out of order, to the end of the list.
+    /// True if the part was moved out of order, to the end of the list.
     is_moved: bool,
-    /// The number of parts painted when it was last moved.
+    /// The number of parts that were painted when this one was last moved.
     moved_at: u64,
 }
 
@@ -67,14 +68,15 @@ struct Work {
 struct Sort<'a> {
     screen: &'a Screen,
     size: DVec2,
-    /// Sorted with the nearest first; the last is painted next. Moved parts are at the end.
+    /// The parts to paint, sorted with the nearest first; the last is painted next. Moved parts are
+    /// at the end.
     list: Vec<Part>,
     cuts: Vec<CutNode<Divider>>,
     work: Work,
     most_cuts: u64,
 }
 
-/// The action for a part and one in conflict with it.
+/// What to do with the last part of the list.
 enum Verdict {
     Paint,
     /// The part with this index in the list must be painted first.
@@ -135,7 +137,7 @@ pub(super) fn run(screen: &Screen, with_cost: bool) -> Result<Seen, VisibleError
     Ok(canvas.seen(work, memory))
 }
 
-/// Numbers of separated pairs: in total, by extents, by planes, by outlines.
+/// Numbers of compared pairs: in total, and separated by extents, by planes, and by outlines.
 type Tests = [u64; 4];
 
 impl Sort<'_> {
@@ -169,7 +171,7 @@ impl Sort<'_> {
         self.work.by_outline += by_outline;
     }
 
-    /// Compares the last of the list with those that it might hide.
+    /// Compares the last part of the list with those that it might hide.
     fn verdict(&self, p: &Part) -> (Verdict, Tests) {
         let mut tests = [0; 4];
         for i in (0..self.list.len() - 1).rev() {
@@ -195,7 +197,7 @@ impl Sort<'_> {
         (Verdict::Paint, tests)
     }
 
-    /// The third and the fourth test.
+    /// The third and the fourth of the five tests.
     fn is_behind(&self, p: &Part, q: &Part) -> bool {
         let (facet_p, facet_q) =
             (&self.screen.facets[p.item as usize], &self.screen.facets[q.item as usize]);
@@ -208,7 +210,7 @@ impl Sort<'_> {
         p.outline.iter().all(is_nearer) || q.outline.iter().all(is_nearer)
     }
 
-    /// Resolves a conflict of the last of the list with part `i`.
+    /// Resolves a conflict of the last part of the list with part `i`.
     fn conflict(&mut self, i: usize, canvas: &mut Canvas) {
         let was_tried = self.list[i].is_moved && self.list[i].moved_at == self.work.painted;
         if !was_tried {
@@ -232,7 +234,7 @@ impl Sort<'_> {
         }
     }
 
-    /// A divider that separates two parts in conflict, and whether it cuts the first of them.
+    /// A divider that separates two parts in conflict. The flag is true if it cuts the first part.
     fn divider(&self, p: &Part, q: &Part) -> Option<(bool, Divider)> {
         let plane = |part: &Part| {
             Divider::Plane(self.screen.facets[part.item as usize].nearness, part.item)
@@ -255,7 +257,7 @@ impl Sort<'_> {
             .or_else(|| by_lines(q, p).map(|line| (false, line)))
     }
 
-    /// Puts both sides of a part back into the list.
+    /// Divides a part, and puts both sides back into the list.
     fn cut(&mut self, part: &Part, divider: Divider) {
         self.work.cuts += 1;
         for side in [true, false] {
@@ -289,8 +291,8 @@ fn edges(outline: &[DVec2]) -> impl Iterator<Item = Edge> + '_ {
     pairs.filter(|(a, b)| a.distance(*b) > LEAST_PIXELS).map(|(a, b)| Edge::new(a, b))
 }
 
-/// The fifth test: one part has an edge with the whole other part on its outer side (convex
-/// outlines need no other lines).
+/// The fifth test: one part has an edge with the whole other part on its outer side (for convex
+/// outlines, no other lines need to be tried).
 fn are_apart(p: &Part, q: &Part) -> bool {
     let parts = |a: &Part, b: &Part| {
         edges(&a.outline)

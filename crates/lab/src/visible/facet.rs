@@ -1,12 +1,12 @@
 //! A triangle in the picture: a convex polygon in pixels, with its nearness.
 //!
-//! All methods use the same two functions of a pixel, which are defined only here: is its centre in
-//! the polygon ([`Facet::covers`]), and what is the nearness of the plane there ([`Nearness::at`])?
-//! Both are evaluated by the same operations in the same order, so that all methods get the same
-//! bits. And both are *monotonic* along rows and columns, rounding included: an offset is
-//! subtracted, a factor multiplied and a number added, which preserves order. So results at the
-//! corners of a rectangle of pixels hold for all of it, and a row of pixels intersects a polygon in
-//! one piece.
+//! All methods use the same two functions of a pixel, which are defined only here:
+//! [`Facet::covers`] decides whether the pixel's centre is in the polygon, and [`Nearness::at`]
+//! gives the nearness of the plane there. Both are evaluated by the same operations in the same
+//! order, so that all methods get the same bits. Both are also *monotonic* along rows and columns,
+//! rounding included: an offset is subtracted, a factor multiplied and a number added, which
+//! preserves order. So results at the corners of a rectangle of pixels hold for all of it, and a
+//! row of pixels intersects a polygon in one piece.
 
 use snell_math::{DVec2, DVec3};
 
@@ -19,9 +19,9 @@ pub(super) fn centre(x: u32, y: u32) -> DVec2 {
 /// A directed line, from the smaller of two points to the greater (by x, then y), with a polygon on
 /// one side.
 ///
-/// Two polygons that share an edge have the same line with opposite sides, and a point on it
-/// belongs to the one on the left: as if all points were moved slightly along y, and far less back
-/// along x. So it belongs to exactly one, also where many edges meet.
+/// Two polygons that share an edge have the same line with opposite sides, and a point on the line
+/// belongs to the polygon on the left: as if all points were moved slightly along y, and far less
+/// back along x. So a point belongs to exactly one polygon, also where many edges meet.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Edge {
     from: DVec2,
@@ -37,26 +37,27 @@ impl Edge {
         Self { from, along: to - from, is_left: is_forward }
     }
 
-    /// Positive to the left of the directed line: the distance times the line's length.
+    /// The distance from the line times the line's length, positive to the left of the directed
+    /// line.
     #[inline(always)]
     fn left(&self, p: DVec2) -> f64 {
         self.along.x * (p.y - self.from.y) - self.along.y * (p.x - self.from.x)
     }
 
-    /// True on the side of the polygon.
+    /// True if a point is on the side of the polygon.
     #[inline(always)]
     pub fn holds(&self, p: DVec2) -> bool {
         (self.left(p) >= 0.0) == self.is_left
     }
 
-    /// Positive on the side of the polygon: a distance in pixels.
+    /// The distance from the line in pixels, positive on the side of the polygon.
     pub fn inside(&self, p: DVec2) -> f64 {
         let left = self.left(p) / self.along.length();
         if self.is_left { left } else { -left }
     }
 
-    /// The columns of `low..end` whose centres in this row are on the side of the polygon: one
-    /// piece, because the test is monotonic.
+    /// Narrows the columns `low..end` to those whose centres in this row are on the side of the
+    /// polygon. They are contiguous, because the test is monotonic.
     #[inline]
     fn clip(&self, row: f64, low: &mut u32, end: &mut u32) {
         // `left` falls with x where the line rises.
@@ -71,7 +72,7 @@ impl Edge {
         };
         let crossing = self.from.x + self.along.x * ((row - self.from.y) / self.along.y);
         let guess = (crossing - 0.5).ceil().clamp(f64::from(*low), f64::from(*end)) as u32;
-        // Searches for the first column that is on the other side than `low`, if the estimate is
+        // Searches for the first column that is on the other side from `low`, if the estimate is
         // off: by one, or for huge numbers by any amount.
         let is_before = |x: u32| holds(x) != holds_later;
         let is_right = |x: u32| (x <= *low || is_before(x - 1)) && (x >= *end || !is_before(x));
@@ -98,18 +99,18 @@ impl Edge {
 pub(super) struct Nearness {
     pub anchor: DVec2,
     pub slope: DVec2,
-    /// The value at the anchor.
+    /// The nearness at the anchor.
     pub value: f64,
 }
 
 impl Nearness {
-    /// The value at a place.
+    /// The nearness at a place.
     #[inline(always)]
     pub fn at(&self, p: DVec2) -> f64 {
         self.slope.x * (p.x - self.anchor.x) + (self.slope.y * (p.y - self.anchor.y) + self.value)
     }
 
-    /// A bound on its rounding error in a picture of this size.
+    /// A bound on the rounding error of nearness in a picture of this size.
     pub fn slack(&self, size: DVec2) -> f64 {
         let reach = self.anchor.abs().max((size - self.anchor).abs()) + self.anchor.abs();
         (self.slope.abs().dot(reach) + self.value.abs()) * 8.0 * f64::EPSILON
@@ -119,7 +120,7 @@ impl Nearness {
 /// A triangle in the picture, or the part of it behind the near plane.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Facet {
-    /// Its index in [`super::Screen::triangles`], which are sorted by ids.
+    /// The index of the triangle in [`super::Screen::triangles`], which are sorted by ids.
     pub triangle: u32,
     corners: [DVec3; 4],
     edges: [Edge; 4],
@@ -127,8 +128,8 @@ pub(super) struct Facet {
     pub nearness: Nearness,
     /// A bound on the rounding error of the nearness.
     pub slack: f64,
-    /// The columns and rows whose centres are within its extent, ends excluded. Empty for one that
-    /// lies between the centres.
+    /// The columns and rows whose centres are within the facet's extent, as first and exclusive
+    /// end. Empty for a facet that lies between pixel centres.
     pub columns: [u32; 2],
     pub rows: [u32; 2],
     /// The minimum and maximum nearness.
@@ -137,7 +138,7 @@ pub(super) struct Facet {
 }
 
 impl Facet {
-    /// The polygon of three or four corners (place and nearness, in either orientation). `None` if
+    /// The facet with three or four corners (place and nearness, in either orientation). `None` if
     /// it has no area in the picture's plane, or is so thin that its plane cannot be determined.
     pub fn new(
         triangle: u32,
@@ -209,12 +210,12 @@ impl Facet {
         &self.edges[..usize::from(self.count)]
     }
 
-    /// True if its extent contains a pixel centre.
+    /// True if the facet's extent contains a pixel centre.
     pub fn has_pixels(&self) -> bool {
         self.columns[0] < self.columns[1] && self.rows[0] < self.rows[1]
     }
 
-    /// True if it contains the centre of the pixel.
+    /// True if the facet contains the centre of the pixel.
     #[inline(always)]
     pub fn covers(&self, x: u32, y: u32) -> bool {
         let is_near = (self.columns[0]..self.columns[1]).contains(&x)
@@ -222,8 +223,8 @@ impl Facet {
         is_near && self.edges().iter().all(|edge| edge.holds(centre(x, y)))
     }
 
-    /// The columns of a row whose centres are in it, end excluded; empty if there are none. The row
-    /// is one of [`Self::rows`].
+    /// The columns of a row whose centres are in the facet, as first and exclusive end; empty if
+    /// there are none. The row must be one of [`Self::rows`].
     #[inline]
     pub fn span(&self, y: u32) -> [u32; 2] {
         let [mut low, mut end] = self.columns;
@@ -237,21 +238,21 @@ impl Facet {
         [low, end]
     }
 
-    /// The distance by which the place is inside (positive) or outside, in pixels; outside it is a
-    /// lower bound.
+    /// The distance in pixels by which a place is inside (positive) or outside the facet; outside
+    /// it is a lower bound.
     pub fn inside(&self, p: DVec2) -> f64 {
         self.edges().iter().map(|edge| edge.inside(p)).fold(f64::INFINITY, f64::min)
     }
 }
 
-/// The pixels whose centres are from `low` to `high`, of `count` pixels.
+/// The range of pixels, of `count`, whose centres are from `low` to `high`.
 fn centres_within(low: f64, high: f64, count: u32) -> [u32; 2] {
     let bound = |x: f64| x.clamp(0.0, f64::from(count)) as u32;
     [bound((low - 0.5).ceil()), bound((high - 0.5).floor() + 1.0)]
 }
 
-/// True if the plane of `a` is nearer at a place than that of `b`; equal nearness is decided by
-/// number. All methods use this comparison.
+/// True if the plane of `a` is nearer at a place than that of `b`; at equal nearness the number
+/// decides. All methods use this comparison.
 #[inline(always)]
 pub(super) fn is_nearer((a, near_a): (u32, f64), (b, near_b): (u32, f64)) -> bool {
     near_a > near_b || (near_a == near_b && a < b)

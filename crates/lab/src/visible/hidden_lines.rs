@@ -10,11 +10,12 @@
 //! 1969) keep the set of hiding faces in place of its number, and Loutrel (A Solution to the
 //! Hidden-Line Problem for Computer-Drawn Polyhedra, 1970) carries the number as Appel does.
 //!
-//! Appel carries the number through the vertices too, from edge to edge. Here each edge has a count
-//! of its own, at the middle of its first segment, and another after it has touched the border of a
-//! face: an error then stays local, and surfaces need not be closed. Edges that cross at a vertex,
-//! or coincide in the picture, are distinguished by the side of the line on which points are, so
-//! that each crossing counts once. Lines in which faces intersect are not edges, and are not drawn.
+//! Appel carries the number also through vertices, from edge to edge. Here each edge has a separate
+//! count, at the middle of its first segment, and another count after the edge has touched the
+//! border of a face: an error then stays local, and surfaces need not be closed. Edges that cross
+//! at a vertex, or coincide in the picture, are distinguished by the side of the line on which
+//! points are, so that each crossing counts once. Lines in which faces intersect are not edges, and
+//! are not drawn.
 
 use super::facet::{Edge, Facet};
 use super::{Characterization, NOTHING, Screen, Space, VisibleError};
@@ -39,72 +40,72 @@ const FLAT: f64 = 1.0 - 1e-9;
 /// Maximum number of comparisons of edges with contours and faces.
 const MOST_WORK: u64 = 1_000_000_000;
 
-/// How the faces at a line lie in the picture.
+/// The arrangement of the faces at a line in the picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LineKind {
-    /// A silhouette edge: its faces are on one side.
+    /// A silhouette edge: all of its faces are on one side of it.
     Contour,
     /// An edge between two faces of different planes that are both seen from the same side.
     Crease,
-    /// An edge between two coplanar faces: not a line of the surface.
+    /// An edge between two coplanar faces, which is not a visible line of the surface.
     Flat,
 }
 
-/// A part of an edge along which nothing changes.
+/// A part of an edge along which the invisibility does not change.
 #[derive(Clone, Copy, Debug)]
 pub struct Stretch {
-    /// Its ends in the picture, in pixels.
+    /// The ends in the picture, in pixels.
     pub ends: [DVec2; 2],
-    /// The reciprocal of the depth there.
+    /// The reciprocals of the depth at the ends.
     pub nearness: [f64; 2],
-    /// The number of faces that hide it; 0 if it is visible.
+    /// The number of faces that hide this part; 0 if it is visible.
     pub invisibility: u32,
-    /// The kind of its line.
+    /// The kind of the edge.
     pub kind: LineKind,
 }
 
 /// The operations of the algorithm.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LineWork {
-    /// Number of edges in the picture.
+    /// The number of edges in the picture.
     pub edges: u64,
-    /// Contours among them.
+    /// The number of contours among these edges.
     pub contours: u64,
     /// The number of comparisons between edges and the contours close to them in the picture.
     pub comparisons: u64,
-    /// Crossings behind contours.
+    /// The number of crossings of edges behind contours.
     pub crossings: u64,
-    /// Intersections of edges with faces.
+    /// The number of intersections of edges with faces.
     pub piercings: u64,
-    /// Faces examined, to find those that an edge intersects and to count those in front of a
-    /// point.
+    /// The number of faces examined, to find those that an edge intersects and to count those in
+    /// front of a point.
     pub faces: u64,
-    /// Segments whose number was counted: the first of each edge, and those after it touched the
-    /// border of a face.
+    /// The number of segments whose invisibility was counted: the first segment of each edge, and
+    /// segments after the edge touched the border of a face.
     pub counts: u64,
 }
 
 /// The edges of a scene in the picture, each in visible and hidden segments.
 #[derive(Clone, Debug)]
 pub struct HiddenLines {
-    /// Segments in the order of the edges; along each from its first point.
+    /// The segments in the order of the edges, and for each edge in order from its first point.
     pub stretches: Vec<Stretch>,
-    /// The operations.
+    /// The numbers of operations.
     pub work: LineWork,
 }
 
 impl Stretch {
-    /// Its middle in the picture, and the reciprocal of the depth there.
+    /// The middle in the picture, and the reciprocal of the depth there.
     pub fn middle(&self) -> (DVec2, f64) {
         ((self.ends[0] + self.ends[1]) * 0.5, (self.nearness[0] + self.nearness[1]) * 0.5)
     }
 
-    /// Its length in pixels.
+    /// The length in pixels.
     pub fn length(&self) -> f64 {
         self.ends[0].distance(self.ends[1])
     }
 
-    /// True if a ray from the eye hits something before its middle.
+    /// True if a ray from the eye hits something before the middle of this part.
     pub fn is_occluded(&self, screen: &Screen, world: &World) -> bool {
         let (place, near) = self.middle();
         let eye = screen.view.apex().unwrap_or_default();
@@ -114,8 +115,9 @@ impl Stretch {
         world.occluded_one(&Ray { t_max: (BEFORE / near) as f32, ..ray }, &AcceptAll)
     }
 
-    /// True if some face certainly hides its middle: the middle is more than `tolerance` pixels
-    /// inside the face's outline, and behind it by more than a ray's tolerance. Examines all faces.
+    /// True if some face certainly hides the middle of this part: the middle is more than
+    /// `tolerance` pixels inside the face's outline, and behind the face by more than a ray's
+    /// tolerance. Examines all faces.
     pub fn is_surely_hidden(&self, screen: &Screen, tolerance: f64) -> bool {
         let (place, near) = self.middle();
         screen
@@ -128,16 +130,16 @@ impl Stretch {
 /// A ray to a point of an edge ends at this fraction of the distance.
 const BEFORE: f64 = 1.0 - 1e-4;
 
-/// An edge in the picture.
+/// An edge in the picture, with its faces.
 struct Line {
     ends: [DVec3; 2],
-    /// Its facets.
+    /// The facets that have this edge.
     faces: Vec<u32>,
     kind: LineKind,
-    /// The part that is in the picture, from 0 to 1.
+    /// The range of the edge's parameter that is in the picture, from 0 to 1.
     range: [f64; 2],
-    /// The number of faces to the left of it minus those to the right, from the smaller to the
-    /// greater end: the invisibility behind it changes by this.
+    /// The number of faces to the left of the line minus the number to its right, looking from the
+    /// smaller to the greater end. The invisibility behind the line changes by this.
     change: i32,
 }
 
@@ -145,13 +147,13 @@ struct Line {
 struct Event {
     at: f64,
     change: i32,
-    /// True if the line touches the border of a face here, so that rounding decides what it passes:
-    /// the number must be counted again.
+    /// True if the line touches the border of a face here, so that rounding decides on which side
+    /// it passes, and the number must be counted again.
     is_touch: bool,
 }
 
 impl HiddenLines {
-    /// The name on the command line.
+    /// The name of the method on the command line.
     pub const NAME: &str = "quantitative-invisibility";
 
     /// The characterization of the method.
@@ -164,8 +166,8 @@ impl HiddenLines {
         cost: None,
     };
 
-    /// Finds the visible parts of all edges. The time grows with the numbers of edges and of
-    /// contours in the same parts of the picture.
+    /// Finds the visible parts of all edges. The time grows with the number of edges and contours
+    /// in the same parts of the picture.
     pub fn new(screen: &Screen) -> Result<Self, VisibleError> {
         let lines = lines(screen);
         let mut cells = Cells::new(screen, &lines);
@@ -197,7 +199,7 @@ fn lines(screen: &Screen) -> Vec<Line> {
         let corners = facet.corners();
         for (i, &a) in corners.iter().enumerate() {
             let b = corners[(i + 1) % corners.len()];
-            // Ordered ends, so that both faces find the same line.
+            // The ends are ordered, so that both faces find the same line.
             let (a, b) = if (a.x, a.y) < (b.x, b.y) { (a, b) } else { (b, a) };
             let key = [a.x, a.y, a.z, b.x, b.y, b.z].map(f64::to_bits);
             let found = *number.entry(key).or_insert_with(|| {
@@ -300,7 +302,7 @@ fn crossings(line: &Line, lines: &[Line], met: &[u32], work: &mut LineWork) -> V
         if is_a == is_b {
             continue;
         }
-        // Along the line, the distance from the contour changes sign.
+        // Along the line, the signed distance from the contour changes its sign.
         let across = ends[1] - ends[0];
         let (at_from, at_to) = (across.perp_dot(from - ends[0]), across.perp_dot(to - ends[0]));
         let at = at_from / (at_from - at_to);
@@ -314,7 +316,7 @@ fn crossings(line: &Line, lines: &[Line], met: &[u32], work: &mut LineWork) -> V
             continue;
         }
         work.crossings += 1;
-        // From right to left of the contour it passes behind the surface on the left.
+        // A line that goes from right to left of the contour passes behind the surface on the left.
         let goes_left = at_from < at_to;
         let change = if goes_left { contour.change } else { -contour.change };
         events.push(Event { at, change, is_touch: near < own_near * (1.0 + TOUCH) });
@@ -358,8 +360,8 @@ fn piercings(
     }
 }
 
-/// True if a face has the line as its edge or one of its ends as a corner: then it cannot hide it
-/// there.
+/// True if a face has the line as an edge or one of the line's ends as a corner, so that the face
+/// cannot hide the line there.
 fn touches(facet: &Facet, line: &Line) -> bool {
     facet.corners().iter().any(|c| line.ends.contains(c))
 }

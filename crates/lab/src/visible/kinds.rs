@@ -6,19 +6,19 @@
 pub enum Method {
     /// A ray for each pixel, tested with every triangle.
     RayCastingAll,
-    /// The same through the bounding volume hierarchy.
+    /// A ray for each pixel, traced through the bounding volume hierarchy.
     RayCasting,
-    /// The nearest so far, per pixel.
+    /// A depth buffer with the nearest facet so far at each pixel.
     ZBuffer,
-    /// The same with a buffer of one row.
+    /// A depth buffer of one row.
     ScanLineZ,
-    /// Rows of sample spans.
+    /// Rows divided into sample spans.
     ScanLine,
-    /// Painting from the back, after five tests.
+    /// Painting from back to front, after five tests.
     DepthSort,
-    /// Painting from the back, in the order of a tree of planes.
+    /// Painting from back to front, in the order of a tree of planes.
     Bsp,
-    /// Filling from front to back, in the order of the same tree.
+    /// Filling from front to back, in the order of a tree of planes.
     BspFrontToBack,
     /// Windows divided until they are simple.
     Warnock,
@@ -29,9 +29,9 @@ pub enum Method {
 /// Where a method decides visibility.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Space {
-    /// In object space, to the precision of numbers.
+    /// Visibility is decided in object space, to the precision of numbers.
     Object,
-    /// In image space, to the precision of pixels.
+    /// Visibility is decided in image space, to the precision of pixels.
     Image,
     /// Priority is decided in object space, and visibility by overpainting (*list / priority*).
     ListPriority,
@@ -51,13 +51,13 @@ impl Space {
 /// A method in the terms of the 1974 paper.
 #[derive(Clone, Copy, Debug)]
 pub struct Characterization {
-    /// The space of the decision.
+    /// The space in which visibility is decided.
     pub space: Space,
-    /// What is sorted, in which order, and how.
+    /// What the method sorts, in which order, and how.
     pub sorts: &'static str,
-    /// The kind of coherence that it exploits.
+    /// The kind of coherence that the method exploits.
     pub coherence: &'static str,
-    /// Authors and years.
+    /// The authors and years of the sources.
     pub source: &'static str,
     /// The meaning of work per pixel; `None` if it is undefined.
     pub cost: Option<&'static str>,

@@ -3,15 +3,16 @@
 //!
 //! Sutherland, Sproull and Schumacker compared ten methods (A Characterization of Ten
 //! Hidden-Surface Algorithms, ACM Computing Surveys 6(1), 1974) by what they sort, in which order,
-//! and by the coherence they exploit. [`Method`] has these kinds of methods as they are taught
+//! and by the coherence they exploit. [`Method`] lists these kinds of methods as they are taught
 //! today, each in a file that follows its paper, and [`Method::characterization`] gives the paper's
-//! criteria for each. They exist for comparison (`snell bench hidden-surfaces`); the renderer
-//! traces rays.
+//! criteria for each. The methods exist for comparison (`snell bench hidden-surfaces`); the
+//! renderer traces rays.
 //!
-//! All have the same input: [`Screen`] projects the triangles of a world as seen by a pinhole, and
-//! `facet.rs` has the only tests of a pixel, so that all methods but the two that trace rays give
-//! the same picture, bit for bit. (A painter's order may differ where two triangles are equally
-//! near up to rounding.) Triangles are double-sided; at equal nearness the lowest ids win.
+//! All methods have the same input: [`Screen`] projects the triangles of a world as seen by a
+//! pinhole camera, and `facet.rs` has the only tests of a pixel, so that all methods but the two
+//! that trace rays give the same picture, bit for bit. (A painter's order may differ where two
+//! triangles are equally near up to rounding.) Triangles are double-sided; at equal nearness the
+//! lowest ids win.
 //!
 //! [`HiddenLines`] draws lines instead of surfaces, by the oldest of these algorithms: Appel's
 //! quantitative invisibility.
@@ -45,23 +46,23 @@ use snell_intersect::World;
 /// The item of a background pixel.
 pub const NOTHING: u32 = u32::MAX;
 
-/// The item of a pixel where a ray hit a triangle that is seen edge-on, which has no number. Only
-/// methods that trace rays produce it.
+/// The item of a pixel where a ray hit a triangle that is seen edge-on and therefore has no number.
+/// Only methods that trace rays produce it.
 pub const EDGE_ON: u32 = u32::MAX - 1;
 
-/// Why a method does not support a world.
+/// Errors of methods that do not support a world.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum VisibleError {
-    /// Rays do not start at one point.
+    /// The rays do not start at one point.
     #[error("hidden surfaces are found for a pinhole camera with a flat picture")]
     NotPinhole,
-    /// There is geometry other than triangles, or it moves.
+    /// The world has geometry other than triangles, or moving geometry.
     #[error(
         "hidden surfaces are found among triangles that do not move, and nothing else; take a \
             scene of meshes"
     )]
     NotTriangles,
-    /// The world has another acceleration structure.
+    /// The world has another acceleration structure than the bounding volume hierarchy.
     #[error(
         "areas are found with the bounding volume hierarchy; build the world with the accelerator \
             bvh"
@@ -73,9 +74,9 @@ pub enum VisibleError {
             smaller one"
     )]
     TooManyTriangles {
-        /// Number of triangles; each instance counts.
+        /// The number of triangles; each instance counts.
         count: u64,
-        /// The limit.
+        /// The largest number of triangles.
         most: u64,
     },
     /// A method would take far too much time or memory for this scene.
@@ -93,7 +94,7 @@ pub enum VisibleError {
 pub struct Prepared<'w> {
     method: Method,
     world: &'w World,
-    /// The tree of methods that sort by planes; empty otherwise.
+    /// The tree for methods that sort by planes; empty for other methods.
     tree: Tree,
 }
 

@@ -2,7 +2,7 @@
 //!
 //! A part has two descriptions. Its *cuts* decide about pixels: each states the side of a plane on
 //! which the pixel centre is, by the common comparison of nearness, so that each pixel is in
-//! exactly one of two parts. And its *outline* is a slightly enlarged polygon around these pixels,
+//! exactly one of two parts. Its *outline* is a slightly enlarged polygon around these pixels,
 //! which bounds the search and gives the position relative to other parts.
 
 use super::Screen;
@@ -16,26 +16,26 @@ pub(super) const WHOLE: u32 = u32::MAX;
 /// A divider between two parts.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Divider {
-    /// A plane, and its number for ties: the part in front of it is `true`.
+    /// A plane, and the number that decides ties: `true` for the part in front of the plane.
     Plane(Nearness, u32),
     /// A plane through the eye, which appears as a line: `true` where the function is positive.
     EdgeOn(Nearness, f64),
-    /// A line: `true` inside.
+    /// A line: `true` on its inner side.
     Line(Edge),
 }
 
 /// Enlargement of outlines, in units of the rounding error of nearness.
 const MARGIN: f64 = 8.0;
 
-/// Smaller values are not worth a cut.
+/// The least extent that is worth a cut, in units of the rounding error of nearness.
 pub(super) const LEAST: f64 = 16.0;
 
-/// The same in pixels, for lines.
+/// Enlargement of outlines at lines, in pixels.
 const LINE_MARGIN: f64 = 1e-9;
 pub(super) const LEAST_PIXELS: f64 = 1e-8;
 
 impl Divider {
-    /// The side of a pixel of a facet.
+    /// The side of the divider on which a pixel of a facet is.
     #[inline]
     fn side(&self, item: u32, facet: &Facet, place: DVec2) -> bool {
         match self {
@@ -47,7 +47,7 @@ impl Divider {
         }
     }
 
-    /// A function that is positive on the side that is `true`, and its tolerance around zero.
+    /// A function that is positive on the `true` side, and its tolerance around zero.
     pub fn value(&self, facet: &Facet, place: DVec2, size: DVec2) -> (f64, f64) {
         match self {
             Self::Plane(plane, _) => {
@@ -59,7 +59,7 @@ impl Divider {
     }
 }
 
-/// A cut, and its predecessors.
+/// A cut, and the index of the cut before it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct CutNode<D> {
     pub before: u32,
@@ -67,7 +67,7 @@ pub(super) struct CutNode<D> {
     pub side: bool,
 }
 
-/// The part of a convex outline on one side of a divider, slightly enlarged; with the same
+/// The part of a convex outline on one side of a divider, slightly enlarged, with the same
 /// orientation.
 pub(super) fn clipped(
     outline: &[DVec2],
@@ -102,8 +102,8 @@ pub(super) fn clipped(
     part
 }
 
-/// Maximum distance of corners in units of the picture's size, so that rounding does not matter
-/// where an edge enters the picture.
+/// Maximum distance of corners in units of the picture's size. Up to that distance, rounding does
+/// not affect where an edge enters the picture.
 const FAR: f64 = 1e5;
 
 /// The outline of a facet within the picture; the whole picture for a facet whose corners are too
@@ -138,7 +138,7 @@ pub(super) fn extent(outline: &[DVec2]) -> (DVec2, DVec2) {
     outline.iter().fold(start, |(low, high), &p| (low.min(p), high.max(p)))
 }
 
-/// A cut and its predecessors.
+/// The list of a cut and all cuts before it.
 pub(super) fn chain<D: Copy>(
     all: &[CutNode<D>],
     last: u32,
@@ -156,7 +156,7 @@ pub(super) struct Drawn<'a> {
 }
 
 impl Drawn<'_> {
-    /// The rows and columns where its pixels are.
+    /// The ranges of columns and rows that contain the part's pixels.
     pub fn window(&self, facet: &Facet) -> [std::ops::Range<u32>; 2] {
         // Far more than rounding errors of places.
         let pad = 1e-6;
@@ -174,7 +174,7 @@ impl Drawn<'_> {
         self.cuts.iter().all(|(divider, side)| divider.side(self.item, facet, place) == *side)
     }
 
-    /// Overpaints its pixels. Returns their number.
+    /// Overpaints the pixels of the part. Returns their number.
     pub fn paint(&self, screen: &Screen, canvas: &mut Canvas) -> u64 {
         let facet = &screen.facets[self.item as usize];
         let [columns, rows] = self.window(facet);

@@ -14,7 +14,7 @@ use snell_math::{DVec3, Ray};
 /// Maximum number of ray/triangle tests.
 const MOST_TESTS: u64 = 5_000_000_000;
 
-/// Blocks of this many pixels per side are traced together.
+/// The side in pixels of the blocks that are traced together.
 const BLOCK: u32 = 16;
 
 /// Tests every ray with every triangle in `f64`, in world coordinates, without projection.
@@ -40,7 +40,7 @@ pub(super) fn run_all(screen: &Screen) -> Result<Seen, VisibleError> {
             let direction = screen.view.direction(centre(x, y));
             let (mut best, mut nearest) = (NOTHING, 0.0);
             for (i, triangle) in prepared.iter().enumerate() {
-                // At equal distance the first one stays.
+                // At equal distance the first triangle is kept.
                 if let Some(near) = triangle.nearness(direction) {
                     hits += 1;
                     if near > nearest {
@@ -85,7 +85,7 @@ pub(super) fn run(screen: &Screen, world: &World) -> Seen {
     canvas.seen_without_cost(work, world.memory_bytes() as usize)
 }
 
-/// The numbers of nodes and triangles that the rays are tested with.
+/// The number of nodes and the number of triangles that the rays are tested with.
 pub(super) fn work(screen: &Screen, world: &World) -> [u64; 2] {
     let [width, height] = screen.size;
     let mut total = [0; 2];
@@ -105,7 +105,8 @@ pub(super) fn ray(screen: &Screen, x: u32, y: u32) -> Ray {
     Ray::new(eye.as_vec3(), screen.view.direction(centre(x, y)).normalize().as_vec3())
 }
 
-/// The pixels of a block, by fours, so that sixteen rays are those of 4 x 4 pixels.
+/// The pixels of a block in groups of four by four, so that sixteen consecutive rays are those of
+/// such a group.
 fn block(left: u32, top: u32, [width, height]: [u32; 2]) -> impl Iterator<Item = (u32, u32)> {
     let pixel = move |i: u32| {
         let (group, within) = (i / 16, i % 16);

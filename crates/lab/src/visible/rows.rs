@@ -1,14 +1,14 @@
-//! The facets that a row of pixels may intersect: bucket-sorted by first row, active while they
-//! last.
+//! The facets that a row of pixels may intersect: bucket-sorted by first row, and active until
+//! their last row.
 
 use super::Screen;
 
 /// Facets in the order in which rows from the top reach them.
 pub(super) struct ActiveRows<'a> {
     screen: &'a Screen,
-    /// Sorted by first row; within a row by number.
+    /// Facets sorted by first row, and within a row by number.
     sorted: Vec<u32>,
-    /// For each row, and after the last, its start in `sorted`.
+    /// For each row, and one after the last, the index in `sorted` where its facets start.
     starts: Vec<u32>,
     active: Vec<u32>,
     /// The maximum number of active facets.
@@ -16,7 +16,7 @@ pub(super) struct ActiveRows<'a> {
 }
 
 impl<'a> ActiveRows<'a> {
-    /// Sorts all facets: a counting sort by first row.
+    /// Sorts all facets by their first row, by a counting sort.
     pub fn new(screen: &'a Screen) -> Self {
         let first = |item: &u32| screen.facets[*item as usize].rows[0] as usize;
         let mut starts = vec![0; screen.size[1] as usize + 1];
@@ -44,7 +44,7 @@ impl<'a> ActiveRows<'a> {
         &self.active
     }
 
-    /// Size of its lists in bytes.
+    /// Size of the lists in bytes.
     pub fn memory(&self) -> usize {
         size_of_val(&self.sorted[..]) + size_of_val(&self.starts[..]) + self.most * size_of::<u32>()
     }

@@ -5,9 +5,9 @@
 //! A row of pixels intersects each facet in a *segment*. Segments are sorted by their left ends,
 //! starting from the order of the row above, so that few have to move. From left to right, a
 //! *sample span* reaches from one begin or end of a segment to the next. The same segments cross
-//! all pixels of a span; a segment that is in front at both ends is visible all along. If no
-//! segment certainly is, because segments cross or nearly meet, the span is halved. The segment
-//! that was visible on the row above is tried first.
+//! all pixels of a span; a segment that is in front at both ends is visible in the whole span. If
+//! no segment is certainly in front, because segments cross or nearly touch, the span is halved.
+//! The segment that was visible on the row above is tried first.
 
 use super::canvas::{Canvas, Seen};
 use super::facet::{centre, is_nearer};
@@ -31,10 +31,10 @@ impl Segment {
 #[derive(Default)]
 struct Work {
     segments: u64,
-    /// Number of places that segments moved in the order kept from the row above.
+    /// The total number of places by which segments moved from the order of the row above.
     moves: u64,
     spans: u64,
-    /// Number of spans in which the facet visible above was in front.
+    /// The number of spans in which the facet that was visible on the row above is in front.
     guessed: u64,
     halvings: u64,
     comparisons: u64,
@@ -48,7 +48,8 @@ pub(super) fn run(screen: &Screen, with_cost: bool) -> Seen {
     let (mut segments, mut open): (Vec<Segment>, Vec<Segment>) = (Vec::new(), Vec::new());
     // For each facet the last row that intersected it.
     let mut met = vec![u32::MAX; screen.facets.len()];
-    // Facets in the order in which the row above intersected them, and active ones that it did not.
+    // Facets in the order in which the row above intersected them, active facets that it did not
+    // intersect, and new segments.
     let (mut order, mut waiting, mut fresh): (Vec<u32>, Vec<u32>, Vec<Segment>) =
         Default::default();
     for y in 0..screen.size[1] {
@@ -96,7 +97,7 @@ pub(super) fn run(screen: &Screen, with_cost: bool) -> Seen {
 }
 
 /// Insertion sort, which is fast for nearly sorted segments; if that takes too many moves, a full
-/// sort. Returns the number of places that segments moved.
+/// sort. Returns the number of places by which segments moved.
 fn sort_from_left(segments: &mut [Segment]) -> u64 {
     let (mut moves, most) = (0, 16 * segments.len() as u64);
     for i in 1..segments.len() {
@@ -114,7 +115,7 @@ fn sort_from_left(segments: &mut [Segment]) -> u64 {
     moves
 }
 
-/// Merges sorted segments into others that are sorted, from the right.
+/// Merges sorted segments into other sorted segments, from the right.
 fn merge(segments: &mut Vec<Segment>, fresh: &[Segment]) {
     let (mut old, mut new) = (segments.len(), fresh.len());
     segments.extend_from_slice(fresh);
@@ -200,7 +201,7 @@ impl Row<'_> {
     }
 
     /// True if an item is certainly in front of all others at both ends of a span, whatever the
-    /// rounding between them; or if the span is one pixel and it is in front there.
+    /// rounding between the ends, or if the span is one pixel and the item is in front there.
     fn is_in_front(&mut self, item: u32, open: &[Segment], low: u32, last: u32) -> bool {
         let facets = &self.screen.facets;
         let me = &facets[item as usize];
@@ -210,7 +211,7 @@ impl Row<'_> {
         let all = open.iter().all(|s| {
             let other = &facets[s.item as usize];
             compared += 1;
-            // Exactly the same plane: the number decides, as everywhere.
+            // For exactly equal planes the number decides, as in all comparisons.
             let is_same = me.nearness == other.nearness;
             let surely = || {
                 (0..2)

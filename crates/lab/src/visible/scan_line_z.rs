@@ -1,7 +1,7 @@
 //! The scan-line z-buffer: row by row, with a depth buffer for one row (Myers, An Efficient Visible
-//! Surface Program, Ohio State University 1975). It visits all facets of a row at each pixel they
-//! cover, as Wylie, Romney, Evans and Erdahl did (Half-tone perspective drawings by computer, AFIPS
-//! 1967), and compares by the row's depth buffer.
+//! Surface Program, Ohio State University 1975). It visits all facets that cover a pixel of the
+//! row, as Wylie, Romney, Evans and Erdahl did (Half-tone perspective drawings by computer, AFIPS
+//! 1967), and compares them by the row's depth buffer.
 
 use super::Screen;
 use super::canvas::{Canvas, Seen};

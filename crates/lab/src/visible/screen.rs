@@ -6,10 +6,10 @@ use crate::coherence::{PrimitiveId, View};
 use snell_intersect::{Geometry, GroupId, World};
 use snell_math::{DVec2, DVec3};
 
-/// Worlds with more triangles are refused: a facet takes about four hundred bytes.
+/// The largest number of triangles in a world; a facet takes about four hundred bytes.
 const MOST_TRIANGLES: u64 = 8_000_000;
 
-/// The near plane, relative to the maximum depth.
+/// The depth of the near plane, relative to the maximum depth.
 const NEAR: f64 = 1e-8;
 
 /// A triangle in world coordinates.
@@ -19,19 +19,19 @@ pub(super) struct Triangle {
     pub corners: [DVec3; 3],
 }
 
-/// A world of triangles seen through a picture: the input of all methods.
+/// A world of triangles projected to a picture: the input of all methods.
 ///
 /// Triangles are transformed to the world, clipped at a near plane just in front of the eye, and
-/// projected to places of the picture (in pixels, with a corner of the picture at 0) with the
-/// reciprocal of their depth. There, planes remain planes, and all rays are parallel: nearer is
-/// greater.
+/// projected to places of the picture (in pixels, with a corner of the picture at 0), with their
+/// *nearness*, the reciprocal of the depth. In these coordinates planes remain planes, all rays are
+/// parallel, and a greater nearness is nearer to the eye.
 #[derive(Debug)]
 pub struct Screen {
     pub(super) size: [u32; 2],
     pub(super) view: View,
     /// All triangles that can be hit, in ascending order of ids.
     pub(super) triangles: Vec<Triangle>,
-    /// Those that overlap the picture, in ascending order of ids.
+    /// The facets that overlap the picture, in ascending order of ids.
     pub(super) facets: Vec<Facet>,
     /// The facets that may cover a pixel centre.
     pub(super) sampled: Vec<u32>,
@@ -48,8 +48,8 @@ fn homogeneous(view: &View, p: DVec3) -> DVec3 {
 }
 
 impl Screen {
-    /// Projects a world as a view sees it: places from (0, 0) to `size` are the picture, each pixel
-    /// a square of side 1.
+    /// Projects a world to a view. The picture has the places from (0, 0) to `size`, and each pixel
+    /// is a square of side 1.
     pub fn new(world: &World, view: &View, size: [u32; 2]) -> Result<Self, VisibleError> {
         if view.apex().is_none() {
             return Err(VisibleError::NotPinhole);
@@ -101,7 +101,7 @@ impl Screen {
                 push(a);
             }
             if (a.z >= near) != (b.z >= near) {
-                // The same point for both triangles at this edge.
+                // Ordered by depth, so that both triangles at this edge get the same point.
                 let (a, b) = if a.z < b.z { (a, b) } else { (b, a) };
                 let at = a + (b - a) * ((near - a.z) / (b.z - a.z));
                 push(DVec3::new(at.x, at.y, near));
@@ -127,8 +127,8 @@ impl Screen {
         self.facets.push(facet);
     }
 
-    /// Orders corners by distance from the middle of the picture. Nearness is best measured from
-    /// the nearest; the result does not depend on the order of corners.
+    /// Compares corners by their distance from the middle of the picture. Nearness is most accurate
+    /// relative to the nearest corner; the result does not depend on the order of corners.
     fn nearest_first(&self, a: &DVec3, b: &DVec3) -> std::cmp::Ordering {
         let middle = DVec2::new(self.size[0].into(), self.size[1].into()) * 0.5;
         let key = |p: &DVec3| [(p.truncate() - middle).abs().max_element(), p.x, p.y];
@@ -186,7 +186,7 @@ impl Screen {
         self.facets[item as usize].nearness.at(centre(x, y))
     }
 
-    /// The visible facet among some at a pixel, by comparing all.
+    /// The facet that is visible at a pixel, found by comparing all of the given ones.
     pub(super) fn nearest_of(&self, items: impl Iterator<Item = u32>, x: u32, y: u32) -> u32 {
         let mut best = (super::NOTHING, 0.0);
         for item in items {
@@ -202,8 +202,8 @@ impl Screen {
     }
 
     /// True if two methods may legitimately see different items at a pixel: its centre is within
-    /// `tolerance` pixels of an edge of one of them, or both are equally near there, or one is seen
-    /// edge-on.
+    /// `tolerance` pixels of an edge of one of the items, or both are equally near there, or one is
+    /// seen edge-on.
     pub fn is_borderline(&self, x: u32, y: u32, a: u32, b: u32, tolerance: f64) -> bool {
         let place = centre(x, y);
         let facet = |item: u32| self.facets.get(item as usize);
@@ -226,12 +226,12 @@ impl Screen {
     }
 }
 
-/// The gradient of nearness on the plane of three homogeneous places; the same in any order. `None`
-/// if the plane contains the eye.
+/// The gradient of nearness on the plane of three homogeneous places, the same for any order of
+/// them. `None` if the plane contains the eye.
 fn plane(corners: &[DVec3; 3]) -> Option<DVec2> {
     let mut c = *corners;
     c.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)).then(a.z.total_cmp(&b.z)));
-    // Affine a x + b y + c = 1 / depth, times depth: three linear equations.
+    // The affine function a x + b y + c = 1 / depth, times depth, gives three linear equations.
     let (u, v) = (c[1] - c[0], c[2] - c[0]);
     let (n, volume) = (u.cross(v), c[0].dot(u.cross(v)));
     let slope = n.truncate() / volume;

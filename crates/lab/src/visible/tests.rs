@@ -1,4 +1,4 @@
-//! Tests of all methods against each other, against rays, and on hostile input.
+//! Tests of all methods against each other, against rays, and on difficult input.
 
 use super::facet::centre;
 use super::*;
@@ -24,7 +24,7 @@ fn mesh_of(triangles: impl IntoIterator<Item = [Vec3; 3]>) -> TriangleMesh {
     mesh
 }
 
-/// Triangles at random in the unit cube.
+/// Random triangles in the unit cube.
 fn soup(seed: u32, count: u32, size: f64) -> TriangleMesh {
     mesh_of((0..count).map(|i| {
         let middle = random(seed * 10_000 + i, 0);
@@ -61,7 +61,7 @@ fn looked_up(screen: &Screen) -> Vec<u32> {
     pixels.map(|(x, y)| screen.nearest_of(0..screen.facets.len() as u32, x, y)).collect()
 }
 
-/// Methods that trace rays round differently; all others must agree exactly.
+/// True for methods that must agree exactly. The others trace rays, which round differently.
 fn is_exact(method: Method) -> bool {
     !matches!(method, Method::RayCasting | Method::RayCastingAll)
 }
@@ -69,16 +69,16 @@ fn is_exact(method: Method) -> bool {
 /// The required agreement of the methods.
 #[derive(Clone, Copy, PartialEq)]
 enum Demand {
-    /// The same picture; for rays except for a few borderline pixels.
+    /// The same picture. Methods that trace rays may differ in a few borderline pixels.
     Same,
-    /// The same picture; centres are on edges or triangles coincide, so that rays may see others in
-    /// many pixels, but only in borderline ones.
+    /// The same picture, but centres are on edges or triangles coincide. Methods that trace rays
+    /// may differ in many pixels, all of them borderline.
     SameDespiteTies,
     /// Differences in borderline pixels only.
     SameUpToTies,
 }
 
-/// Runs all methods, and returns the picture.
+/// Runs all methods, checks their agreement, and returns the picture.
 fn check(world: &World, screen: &Screen, demand: Demand, what: &str) -> Vec<u32> {
     let expected = looked_up(screen);
     let width = screen.size()[0];
@@ -162,7 +162,7 @@ fn instances_are_seen_like_any_other_triangles() {
     assert!(seen.len() >= 4, "{seen:?}");
 }
 
-/// Three beams, each over the next: no order paints them correctly.
+/// Three beams, each overlapping the next: no order paints them correctly.
 fn cycle() -> TriangleMesh {
     let corner = |i: u32, r: f64, z: f64, turn: f64| {
         let (sin, cos) = (f64::from(i) * std::f64::consts::TAU / 3.0 + turn).sin_cos();
@@ -218,7 +218,7 @@ fn of_coincident_triangles_the_first_is_seen() {
     assert!(items.iter().all(|&i| i == 0 || i == NOTHING) && items.contains(&0));
 }
 
-/// A rectangle across z, of cells of two triangles.
+/// A rectangle perpendicular to z, made of cells of two triangles.
 fn lattice(low: DVec2, step: DVec2, cells: [u32; 2], z: f64) -> TriangleMesh {
     let at = |i: u32, j: u32| (low + step * DVec2::new(i.into(), j.into())).extend(z).as_vec3();
     mesh_of((0..cells[0] * cells[1]).flat_map(|k| {
@@ -229,7 +229,7 @@ fn lattice(low: DVec2, step: DVec2, cells: [u32; 2], z: f64) -> TriangleMesh {
 
 #[test]
 fn a_centre_on_shared_edges_and_corners_belongs_to_one_triangle() {
-    // Vertices and diagonals pass through pixel centres: one cell is two pixels.
+    // Vertices and diagonals pass through pixel centres, because a cell has the size of two pixels.
     let view = View::perspective(DVec3::ZERO, DVec3::Z, DVec3::X, DVec3::Y).expect("independent");
     let world = world_of(vec![lattice(DVec2::splat(0.5), DVec2::splat(2.0), [6, 6], 1.0)]);
     let screen = Screen::new(&world, &view, [16, 16]).expect("triangles");
@@ -264,7 +264,7 @@ fn rows_of_pixels_are_those_that_are_covered() {
 
 #[test]
 fn scenes_in_which_everything_touches_differ_at_ties_only() {
-    // Boxes on a floor, seen along the axes, with decals on the planes of others.
+    // Boxes on a floor, seen along the axes, with decals in the planes of other faces.
     let z = |x: f32, y: f32, z: f32| Vec3::new(x, y, z);
     let quad = |a: Vec3, b: Vec3, c: Vec3| [[a, b, c], [b + c - a, b, c]];
     let mut all: Vec<[Vec3; 3]> = Vec::new();
@@ -308,7 +308,7 @@ fn hostile_triangles_end_well() {
         [z(0.0, 0.0, 0.3), z(1.0, 1.0, 0.3), z(1.0, 1.0 + 1e-7, 0.3)],
         [z(1e-38, 0.0, 0.3), z(0.0, 1e-38, 0.3), z(0.0, 0.0, 0.3)],
     ];
-    // Each alone, with a few others, and all at once.
+    // Each triangle alone, with a few others, and all at once.
     for i in 0..=hostile.len() {
         let some: Vec<_> = if i < hostile.len() { vec![hostile[i]] } else { hostile.clone() };
         for with in [0, 20] {
@@ -320,7 +320,7 @@ fn hostile_triangles_end_well() {
                         Prepared::new(method, &screen, &world).and_then(|p| p.run(&screen, true));
                     let seen = seen.unwrap_or_else(|e| panic!("{i} {}: {e}", method.name()));
                     assert_eq!(seen.items.len(), (size[0] * size[1]) as usize);
-                    // In object space, small triangles vanish beside coordinates beyond all bounds.
+                    // In object space, small triangles vanish beside enormous coordinates.
                     let is_huge = i == 10 || i == hostile.len();
                     let is_in_space = matches!(
                         method,
@@ -401,8 +401,8 @@ fn of_the_edges_of_a_box_nine_are_seen() {
     };
     assert_eq!((count(true, LineKind::Contour), count(true, LineKind::Crease)), (6, 3));
     assert_eq!((count(false, LineKind::Contour), count(false, LineKind::Crease)), (0, 3));
-    // A ray behind a closed box passes two faces, but an edge at the back has only one in front of
-    // it.
+    // A ray behind a closed box passes two faces, but an edge at the back has only one face in
+    // front of it.
     assert!(found.stretches.iter().all(|s| s.invisibility <= 1));
     assert_eq!((found.work.edges, found.work.counts), (18, 18));
 }

@@ -2,10 +2,10 @@
 //! University of Utah 1969).
 //!
 //! A simple window of pixels is drawn; any other is divided into four. The facets of a window are
-//! those of its parent window, each of which is now *disjoint* and dropped, *surrounding*, or
+//! those of its parent window, of which each is now *disjoint* and dropped, *surrounding*, or
 //! *contained* in the window or *intersecting* it. A window is simple if it is empty, if it has a
-//! single facet, or if a surrounding facet is in front of all others; and in any case when it is a
-//! pixel. Facets behind a surrounding facet are dropped too.
+//! single facet, if a surrounding facet is in front of all others, or if it is a single pixel.
+//! Facets behind a surrounding facet are dropped too.
 //!
 //! A window consists of its pixels' centres, so it is tested at the centres of its corner pixels,
 //! and the decisions are exact.
@@ -14,14 +14,14 @@ use super::canvas::{Canvas, Seen};
 use super::facet::{Facet, centre};
 use super::{NOTHING, Screen};
 
-/// A rectangle of pixels, ends excluded.
+/// A rectangle of pixels, with exclusive ends.
 #[derive(Clone, Copy)]
 struct Window {
     low: [u32; 2],
     end: [u32; 2],
 }
 
-/// The relation of a facet to a window; disjoint ones are not stored.
+/// A facet and its relation to a window; disjoint facets are not stored.
 #[derive(Clone, Copy)]
 struct Guest {
     item: u32,
@@ -38,11 +38,11 @@ struct Work {
     classifications: u64,
 }
 
-/// Divides the picture.
+/// Divides the picture recursively.
 pub(super) fn run(screen: &Screen, with_cost: bool) -> Seen {
     let mut canvas = Canvas::new(screen, with_cost);
     let mut work = Work::default();
-    // The guests of the enclosing windows, each list after that of its parent window.
+    // The facets of the enclosing windows, each list after that of its parent window.
     let mut guests: Vec<Guest> =
         screen.sampled.iter().map(|&item| Guest { item, is_surrounding: false }).collect();
     let mut most = guests.len();
@@ -118,7 +118,7 @@ impl Subdivision<'_> {
             [w.end[0] - 1, w.end[1] - 1],
         ];
         let start = self.guests.len();
-        // Of the surrounding ones, that with the greatest minimum nearness.
+        // The surrounding facet with the greatest minimum nearness.
         let (mut front, mut floor) = (NOTHING, f64::NEG_INFINITY);
         for i in from..to {
             let guest = self.guests[i];
@@ -143,7 +143,7 @@ impl Subdivision<'_> {
             return NOTHING;
         }
         let surrounding = &self.screen.facets[front as usize];
-        // Those that were added before it.
+        // Facets that were added before the surrounding one may be hidden by it.
         let (screen, mut kept) = (self.screen, start);
         let mut hides_all = true;
         for i in start..self.guests.len() {
@@ -189,7 +189,7 @@ fn quarters(w: &Window) -> [Option<Window>; 4] {
 enum Relation {
     Disjoint,
     Surrounding,
-    /// Contained or intersecting: they are distinguished only when the window is divided.
+    /// Contained or intersecting; the two are distinguished only when the window is divided.
     Other,
 }
 
@@ -211,7 +211,7 @@ fn relation(facet: &Facet, w: &Window, corners: &[[u32; 2]; 4]) -> Relation {
     if is_surrounding { Relation::Surrounding } else { Relation::Other }
 }
 
-/// The minimum and maximum nearness of a facet's plane at the corners, limited to the facet's own
+/// The minimum and maximum nearness of a facet's plane at the corners, clamped to the facet's own
 /// range.
 fn range(facet: &Facet, corners: &[[u32; 2]; 4]) -> (f64, f64) {
     let start = (f64::INFINITY, f64::NEG_INFINITY);
@@ -221,7 +221,7 @@ fn range(facet: &Facet, corners: &[[u32; 2]; 4]) -> (f64, f64) {
 }
 
 /// True if the plane of `a` is certainly nearer than that of `b` at all corners and anywhere
-/// between, whatever the rounding.
+/// between them, whatever the rounding.
 fn is_surely_before(a: &Facet, b: &Facet, corners: &[[u32; 2]; 4]) -> bool {
     let slack = 3.0 * (a.slack + b.slack);
     corners

@@ -1,6 +1,6 @@
-//! The z-buffer: facets in any order, and for each pixel the nearest so far (Catmull, A Subdivision
-//! Algorithm for Computer Display of Curved Surfaces, University of Utah 1974, section 3.3;
-//! Strasser, Berlin 1974).
+//! The z-buffer: facets in any order, and for each pixel the nearest facet so far (Catmull, A
+//! Subdivision Algorithm for Computer Display of Curved Surfaces, University of Utah 1974, section
+//! 3.3; Strasser, Berlin 1974).
 
 use super::Screen;
 use super::canvas::{Canvas, Seen};

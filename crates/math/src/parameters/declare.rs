@@ -1,11 +1,11 @@
 //! The macro that declares things with parameters.
 
-/// Declares a struct, or an enum of variants, with its parameters: the fields, each with its
-/// documentation and these attributes, in this order:
+/// Declares a struct, or an enum of variants, with its parameters. The parameters are the fields,
+/// each with its documentation and these attributes, in this order:
 ///
-/// * `#[range(…)]`: a [`Range`](crate::parameters::Range) of its numbers,
+/// * `#[range(…)]`: the [`Range`](crate::parameters::Range) of the numbers in the field,
 /// * `#[usual(…)]`: the range outside of which numbers are most likely a mistake,
-/// * `#[unit("…")]`: their unit,
+/// * `#[unit("…")]`: the unit of the numbers,
 /// * attributes of serde, which give the default.
 ///
 /// ```
@@ -130,7 +130,7 @@ macro_rules! declare {
         )*}
 
         impl $name {
-            /// The variants, by their names.
+            /// The declarations of the variants, each with its name.
             pub const DECLARATIONS: &'static [$crate::parameters::Declaration] = &[$(
                 $crate::parameters::Declaration {
                     name: $text,
@@ -167,7 +167,7 @@ macro_rules! declare {
                             visitor.parameter(parameter, $value);
                         })?
                     };
-                    // The name encloses the parameters, or is a field beside them.
+                    // A variant's name either encloses the parameters or is a field beside them.
                     if matches!(Self::KIND, $crate::parameters::Kind::OneOf("", _)) {
                         visitor.within($crate::parameters::Step::Name(variant.name), look);
                     } else {

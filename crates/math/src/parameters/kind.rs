@@ -1,25 +1,26 @@
-//! The kinds of parameters, without values.
+//! The kinds of parameters: what a parameter is, without a value.
 
 use super::{Declared, Range};
 
-/// One parameter of a thing.
+/// One parameter of a declared type.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Parameter {
-    /// Its name in scenes. Empty for the unnamed value of a variant.
+    /// The parameter's name in scenes. Empty for the unnamed value of a variant.
     pub name: &'static str,
-    /// Its kind.
+    /// What sort of value the parameter takes.
     pub kind: Kind,
-    /// The range of its numbers, unless a nested parameter has its own.
+    /// The range of the parameter's numbers, unless a nested parameter has its own.
     pub range: Range,
-    /// The range of plausible numbers: others are allowed, but most likely a mistake.
+    /// The range of plausible numbers. Numbers outside of it are allowed, but most likely a
+    /// mistake.
     pub usual: Range,
-    /// The unit of its numbers; empty for plain numbers.
+    /// The unit of the parameter's numbers; empty for plain numbers.
     pub unit: &'static str,
-    /// Its documentation as in the source.
+    /// The parameter's doc comment as it stands in the source.
     pub doc: &'static str,
 }
 
-/// The kind of a parameter.
+/// The sort of value that a parameter takes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Kind {
     /// True or false.
@@ -44,13 +45,13 @@ pub enum Kind {
     List(&'static Kind),
     /// An affine map: rows or columns of numbers.
     Matrix,
-    /// A text, with its meaning in words.
+    /// A text. The string describes what the text means.
     Text(&'static str),
-    /// The position in a table of the scene, such as a `texture`.
+    /// A position in the table of the scene that the string names, such as `texture`.
     Reference(&'static str),
-    /// Measured or painted data, whose numbers are not parameters of their own.
+    /// Measured or painted data, whose numbers are not parameters in their own right.
     Table,
-    /// Cells of a grid, which are not part of the declaration.
+    /// Cells of a grid, whose numbers are not part of the declaration.
     Cells,
     /// An optional value.
     Optional(&'static Kind),
@@ -61,24 +62,25 @@ pub enum Kind {
     OneOf(&'static str, &'static [Declaration]),
 }
 
-/// A kind of thing with its parameters.
+/// A declared type, or a variant of one, with its parameters.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Declaration {
-    /// Its name in scenes.
+    /// The name in scenes.
     pub name: &'static str,
-    /// Its documentation as in the source.
+    /// The doc comment as it stands in the source.
     pub about: &'static str,
-    /// Its parameters.
+    /// The parameters, in the order of the source.
     pub parameters: &'static [Parameter],
 }
 
 impl Declaration {
-    /// The description of a type.
+    /// The declaration of a type under a name.
     pub const fn of<T: Declared>(name: &'static str) -> Self {
         Self { name, about: T::ABOUT, parameters: T::PARAMETERS }
     }
 
-    /// The parameters by name: for a variant that holds a thing, those of the thing.
+    /// The named parameters. For a variant that holds another declared type, these are that type's
+    /// parameters.
     pub fn fields(&self) -> &'static [Parameter] {
         match self.parameters {
             [Parameter { name: "", kind: Kind::Group(fields), .. }] => fields,
@@ -86,27 +88,28 @@ impl Declaration {
         }
     }
 
-    /// The parameter of this name.
+    /// The parameter of this name; `None` if there is none.
     pub fn get(&self, name: &str) -> Option<&'static Parameter> {
         self.fields().iter().find(|parameter| parameter.name == name)
     }
 
-    /// Its documentation as plain text.
+    /// The documentation as plain text.
     pub fn text(&self) -> String {
         plain(self.about)
     }
 }
 
 impl Parameter {
-    /// Its documentation as plain text.
+    /// The documentation as plain text.
     pub fn text(&self) -> String {
         plain(self.doc)
     }
 }
 
 impl Kind {
-    /// The kind of the value under a name, or at a position, inside of this one. The field `kind`,
-    /// which holds the parameters of a kind beside those of all kinds, may be left out.
+    /// The kind of the value at one step inside a value of this kind: a parameter's name or a
+    /// position in a list. The field `kind`, which holds the parameters of one kind beside those
+    /// that all kinds share, may be left out of a path.
     pub fn inside(self, step: &str) -> Option<Self> {
         let named = |parameters: &'static [Parameter]| {
             parameters.iter().find(|parameter| parameter.name == step).map(|p| p.kind)
@@ -133,7 +136,7 @@ impl Kind {
         }
     }
 
-    /// The kind inside an option.
+    /// The kind inside [`Self::Optional`], or this kind if it is not optional.
     pub fn required(self) -> Self {
         match self {
             Self::Optional(kind) => *kind,
@@ -142,7 +145,7 @@ impl Kind {
     }
 }
 
-/// Writes the kind in words, without what depends on the parameter.
+/// Writes the kind in words that fit any parameter of this kind.
 impl std::fmt::Display for Kind {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
@@ -181,7 +184,8 @@ fn names(
     Ok(())
 }
 
-/// A doc comment as plain text: lines joined, links without brackets and paths.
+/// Turns a doc comment into plain text: lines are joined, and links lose their brackets and
+/// targets.
 pub fn plain(doc: &str) -> String {
     let words: Vec<&str> = doc.split_whitespace().collect();
     let mut text = String::new();
@@ -190,7 +194,7 @@ pub fn plain(doc: &str) -> String {
         let Some((name, after)) = link.split_once("`]") else { break };
         let name = name.rsplit("::").next().unwrap_or(name);
         text += &format!("{before}`{name}`");
-        // The target of a link in parentheses.
+        // Skips the target of a link, which stands in parentheses.
         let target = after.strip_prefix('(').and_then(|target| target.split_once(')'));
         rest = target.map_or(after, |(_, after)| after).to_string();
     }

@@ -1,6 +1,6 @@
-//! The range of a number.
+//! The range of values that a parameter may have.
 
-/// The range of a number.
+/// The range of values that a number may have.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Range {
     /// Any number.
@@ -11,20 +11,20 @@ pub enum Range {
     Between(f64, f64),
     /// More than 0.
     Positive,
-    /// Coordinates of a direction: not all 0.
+    /// Coordinates of a direction, which must not all be 0.
     Direction,
 }
 
 use Range::{Any, Between, Direction, Positive, Within};
 
 impl Range {
-    /// A share: 0 to 1.
+    /// A fraction from 0 to 1, both included.
     pub const SHARE: Self = Within(0.0, 1.0);
     /// An amount: 0 or more.
     pub const AMOUNT: Self = Within(0.0, f64::INFINITY);
 
-    /// The range of the factor on a texture: the same range without an upper bound, for the factor
-    /// may be large where the texture is dark.
+    /// The range of a factor that multiplies a texture: this range without its upper bound, since
+    /// the factor may be large where the texture is dark.
     pub fn of_factor(self) -> Self {
         match self {
             Within(least, most) if most < 1e20 => Within(least, f64::INFINITY),
@@ -32,7 +32,7 @@ impl Range {
         }
     }
 
-    /// True for numbers in the range. NaN is only in [`Self::Any`].
+    /// True for numbers in the range. NaN is in [`Self::Any`] only.
     pub fn contains(self, x: f64) -> bool {
         match self {
             Any | Direction => true,
@@ -42,7 +42,7 @@ impl Range {
         }
     }
 
-    /// The bounds, if both are finite.
+    /// The lower and upper bound, if both are finite.
     pub fn ends(self) -> Option<[f64; 2]> {
         match self {
             Within(least, most) | Between(least, most) if most < 1e6 && least > -1e6 => {
@@ -71,9 +71,9 @@ impl std::fmt::Display for Range {
     }
 }
 
-/// A number in its shortest form.
+/// A number in its shortest decimal form.
 pub(super) fn shown(x: f64) -> String {
-    // Most numbers were given in single precision.
+    // Most numbers were given in single precision, which has a shorter form.
     let short = x as f32;
     let is_plain = x == 0.0 || (1e-4..1e7).contains(&x.abs());
     if is_plain { format!("{short}") } else { format!("{short:e}") }

@@ -10,7 +10,7 @@ pub trait Value {
     /// The kind of the parameter.
     const KIND: Kind;
 
-    /// Visits its numbers and references.
+    /// Visits the value's numbers and references.
     fn visit(&self, visitor: &mut Visitor<'_>);
 
     /// The number, if the value is one.
@@ -19,11 +19,11 @@ pub trait Value {
     }
 }
 
-/// A thing with parameters, declared by [`declare!`](crate::declare).
+/// A type with parameters, declared by [`declare!`](crate::declare).
 pub trait Declared: Value {
-    /// Its documentation as in the source.
+    /// The type's doc comment as it stands in the source.
     const ABOUT: &'static str;
-    /// Its parameters, in the order of the source.
+    /// The type's parameters, in the order of the source.
     const PARAMETERS: &'static [Parameter];
 }
 
@@ -51,7 +51,7 @@ impl Value for RefractiveIndex {
     fn visit(&self, visitor: &mut Visitor<'_>) {
         match self {
             Self::Constant(ior) => visitor.number(f64::from(*ior)),
-            // The ranges of formulas and tables are checked where those are read.
+            // Formulas and tables of glasses are checked where they are read.
             Self::Cauchy { .. } | Self::Glass(_) => {}
         }
     }

@@ -1,9 +1,9 @@
-//! Visits the numbers of a value.
+//! Visitors of the numbers in a value with parameters.
 
 use super::range::shown;
 use super::{Range, Value};
 
-/// One step from a thing to a part of it.
+/// One step from a value to a part of it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Step {
     /// A step to the parameter of this name.
@@ -28,28 +28,28 @@ pub enum Leaf<'a> {
     Number(f64),
     /// A vector or colour. Some components may be missing.
     Numbers(&'a [Option<f64>]),
-    /// The position in a table of the scene, such as a `texture`.
+    /// A position in the table of the scene that the string names, such as `texture`.
     Reference(&'static str, u32),
 }
 
-/// A value that was found in a thing.
+/// A number, vector or reference that was found in a value with parameters.
 #[derive(Clone, Copy, Debug)]
 pub struct Found<'a> {
-    /// The place.
+    /// The steps from the visited value to this one.
     pub place: &'a [Step],
-    /// The range of its numbers.
+    /// The range of the numbers.
     pub range: Range,
     /// The range of plausible numbers.
     pub usual: Range,
-    /// The texture that it is a factor on, by its position in the scene's table.
+    /// The texture that the number or colour multiplies, by its position in the scene's table.
     pub texture: Option<u32>,
-    /// True for the factor on a spectrum.
+    /// True if the value is a factor that multiplies a spectrum.
     pub is_spectral: bool,
-    /// The value.
+    /// The number, vector or reference itself.
     pub leaf: Leaf<'a>,
 }
 
-/// The state of a visit to a thing, with the callback for its values.
+/// The state of a visit, with the callback that gets what is found.
 pub struct Visitor<'v> {
     place: Vec<Step>,
     range: Range,
@@ -78,19 +78,19 @@ impl Visitor<'_> {
         (self.range, self.usual) = before;
     }
 
-    /// Visits a part, which has the range of the whole.
+    /// Visits a part of the current value. The part has the range of the whole.
     pub fn inside(&mut self, step: Step, value: &impl Value) {
         self.within(step, |visitor| value.visit(visitor));
     }
 
-    /// Visits the value one step further.
+    /// Calls `look` with the visitor one step further inside.
     pub fn within(&mut self, step: Step, look: impl FnOnce(&mut Self)) {
         self.place.push(step);
         look(self);
         self.place.pop();
     }
 
-    /// Visits a factor on a texture (by its position), on a spectrum, or on neither.
+    /// Visits a factor. It multiplies a texture (given by its position), a spectrum, or neither.
     pub fn factor(&mut self, texture: Option<u32>, is_spectral: bool, value: &impl Value) {
         let range = self.range;
         if texture.is_some() {
@@ -102,17 +102,17 @@ impl Visitor<'_> {
         self.range = range;
     }
 
-    /// Reports a number.
+    /// Reports a number at the current place.
     pub fn number(&mut self, x: f64) {
         self.found(Leaf::Number(x));
     }
 
-    /// Reports a vector or colour.
+    /// Reports a vector or colour at the current place.
     pub fn numbers(&mut self, all: &[Option<f64>]) {
         self.found(Leaf::Numbers(all));
     }
 
-    /// Reports the position in a table.
+    /// Reports a reference to a position in a table of the scene.
     pub fn reference(&mut self, table: &'static str, number: u32) {
         self.found(Leaf::Reference(table, number));
     }
@@ -129,7 +129,7 @@ impl Visitor<'_> {
     }
 }
 
-/// Visits all numbers and references of a thing.
+/// Visits all numbers and references of `thing`.
 pub fn find(thing: &impl Value, visit: &mut dyn FnMut(&Found<'_>)) {
     let (range, usual) = (Range::Any, Range::Any);
     let place = Vec::new();
@@ -137,7 +137,7 @@ pub fn find(thing: &impl Value, visit: &mut dyn FnMut(&Found<'_>)) {
     thing.visit(&mut visitor);
 }
 
-/// The positions in one of the scene's tables that a thing refers to, in the order of its
+/// The positions in one of the scene's tables that `thing` refers to, in the order of its
 /// parameters.
 pub fn references(thing: &impl Value, table: &str) -> Vec<u32> {
     let mut all = Vec::new();
@@ -152,7 +152,7 @@ pub fn references(thing: &impl Value, table: &str) -> Vec<u32> {
 }
 
 impl Found<'_> {
-    /// The components that are present.
+    /// The components that are present, as numbers.
     pub fn numbers(&self) -> Vec<f64> {
         match self.leaf {
             Leaf::Number(x) => vec![x],
@@ -171,14 +171,15 @@ impl Found<'_> {
     }
 }
 
-/// A place in the syntax of keys: steps joined by dots. The field `kind`, which holds the
-/// parameters of a kind beside those of all kinds, is left out.
+/// A place in the syntax of keys: the steps, joined by dots. The field `kind`, which holds the
+/// parameters of one kind beside those that all kinds share, is left out.
 pub fn place_of(steps: &[Step]) -> String {
     let steps: Vec<String> = steps.iter().map(Step::to_string).filter(|s| s != "kind").collect();
     steps.join(".")
 }
 
-/// A description of the first number at or below a place of a thing that is out of its range.
+/// Describes the first number at or below the place `path` in `thing` that is out of its range;
+/// `None` if all are in range.
 pub fn problem_at(thing: &impl Value, path: &[&str]) -> Option<String> {
     let mut problem = None;
     find(thing, &mut |found| {

@@ -4,19 +4,20 @@ use super::memory::{load_f32x8, load_u32x8, store_f32x8, store_pairs, store_u32x
 use super::{Avx2, Lanes8};
 use std::arch::x86_64::*;
 
-/// The result of instructions of AVX2 and FMA, where a token proves that the machine has them:
-/// `avx2!(token, expression)`. No others may be used, and none that take pointers.
+/// `avx2!(token, expression)`: evaluates AVX2 and FMA intrinsics, where a token proves that the
+/// machine has these instructions. The expression must not use other instruction sets or intrinsics
+/// that take pointers.
 macro_rules! avx2 {
     ($token:expr, $instructions:expr) => {{
         let _: $crate::simd::Avx2 = $token;
-        // SAFETY: the token proves that the machine has AVX2 and FMA, and that is all that these
-        // instructions ask for.
+        // SAFETY: the token proves that the machine has AVX2 and FMA, which is all that these
+        // intrinsics require.
         unsafe { $instructions }
     }};
 }
 pub(super) use avx2;
 
-/// Eight lanes of AVX.
+/// Eight lanes in an AVX register.
 #[derive(Clone, Copy, Debug)]
 pub struct Avx8(pub(super) __m256);
 
@@ -26,7 +27,8 @@ impl Lanes8 for Avx8 {
 
     #[inline(always)]
     fn token(self) -> Avx2 {
-        // SAFETY: only the functions of this module make values, all of them with a token.
+        // SAFETY: only the functions of this module make values of this type, all of them from a
+        // token.
         unsafe { Avx2::assume() }
     }
 
@@ -146,7 +148,7 @@ impl Lanes8 for Avx8 {
             let order = front(mask, order);
             let payload = _mm256_permutevar8x32_epi32(load_u32x8(payload), order);
             let numbers = _mm256_castps_si256(_mm256_permutevar8x32_ps(self.0, order));
-            // (In the order of `front`, these are the first four pairs and the last four.)
+            // In the order that `front` gives, these are the first four pairs and the last four.
             let first = _mm256_unpacklo_epi32(payload, numbers);
             let last = _mm256_unpackhi_epi32(payload, numbers);
             store_pairs(first, last, to);
@@ -198,12 +200,12 @@ impl Lanes8 for Avx8 {
     }
 }
 
-/// The same numbers, hidden from the optimiser: it would turn load, blend and store into a masked
-/// store, which takes twenty cycles on several generations of processors (Zen 2 to Zen 4).
+/// The same numbers, hidden from the optimiser. Otherwise it would turn load, blend and store into
+/// a masked store, which takes twenty cycles on Zen 2 to Zen 4.
 #[inline]
 #[target_feature(enable = "avx")]
 fn unknown(mut numbers: __m256) -> __m256 {
-    // SAFETY: no instructions.
+    // SAFETY: the assembly contains no instructions.
     unsafe {
         std::arch::asm!(
             "/* {0} */",
@@ -214,8 +216,8 @@ fn unknown(mut numbers: __m256) -> __m256 {
     numbers
 }
 
-/// Eight numbers of 3 bits, as the indices of a permutation (which reads only the lowest three bits
-/// of each lane).
+/// Unpacks eight lane numbers of 3 bits into the indices of a permutation, which reads only the
+/// lowest three bits of each lane.
 #[inline]
 #[target_feature(enable = "avx2")]
 fn lanes_of(order: u32) -> __m256i {
@@ -225,7 +227,7 @@ fn lanes_of(order: u32) -> __m256i {
     )
 }
 
-/// For each mask of eight lanes the numbers of the lanes that are set, in order.
+/// For each mask of eight lanes, the numbers of the lanes whose bit is set, in ascending order.
 static FRONT: [[u8; 8]; 256] = {
     let mut table = [[0; 8]; 256];
     let mut mask = 0;
@@ -243,8 +245,8 @@ static FRONT: [[u8; 8]; 256] = {
     table
 };
 
-/// The lanes that are kept, in [`PAIRED`] order. (A permutation reads only the lowest three bits of
-/// each.)
+/// The numbers of the lanes that are kept, in [`PAIRED`] order. Only the lowest three bits of each
+/// are valid, which is all that a permutation reads.
 #[inline]
 #[target_feature(enable = "avx2")]
 fn front(mask: u32, order: u32) -> __m256i {
@@ -252,11 +254,12 @@ fn front(mask: u32, order: u32) -> __m256i {
     _mm256_srlv_epi32(_mm256_set1_epi32(order as i32), shifts)
 }
 
-/// The source of each lane if the first four are to be in the lower halves of the two parts of a
-/// register.
+/// The source of each lane for a permutation that puts the first four lanes into the lower halves
+/// of the two 128-bit parts of a register, and the last four into the upper halves.
 const PAIRED: [usize; 8] = [0, 1, 4, 5, 2, 3, 6, 7];
 
-/// [`FRONT`] times three: the shifts of the numbers in an order; in [`PAIRED`] order.
+/// The entries of [`FRONT`], in [`PAIRED`] order, times three: how far to shift a packed order of
+/// lanes to the right so that the lane's 3 bits are lowest.
 static FRONT_SHIFTS: Aligned<[[u32; 8]; 256]> = {
     let mut table = [[0; 8]; 256];
     let mut i = 0;
@@ -267,7 +270,7 @@ static FRONT_SHIFTS: Aligned<[[u32; 8]; 256]> = {
     Aligned(table)
 };
 
-/// Aligned to registers.
+/// Data aligned to the size of a register.
 #[repr(align(32))]
 struct Aligned<T>(T);
 

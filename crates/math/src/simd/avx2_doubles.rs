@@ -5,7 +5,7 @@ use super::memory::{load_f32x8, load_f64x4, load_u32x8, store_f32x4, store_f64x4
 use super::{Avx2, Avx8, DoubleLanes, Lanes4, Lanes8, WideLanes};
 use std::arch::x86_64::*;
 
-/// Four lanes of AVX with FMA.
+/// Four lanes in an AVX register.
 #[derive(Clone, Copy, Debug)]
 pub struct Avx4(__m256d);
 
@@ -15,7 +15,8 @@ impl DoubleLanes for Avx4 {
 
     #[inline(always)]
     fn token(self) -> Avx2 {
-        // SAFETY: only the functions of this module make values, all of them with a token.
+        // SAFETY: only the functions of this module make values of this type, all of them from a
+        // token.
         unsafe { Avx2::assume() }
     }
 
@@ -148,7 +149,7 @@ impl WideLanes for Avx8 {
     fn look_up(self, table: &[u32; 32], to: &mut [u32; 8]) {
         let (parts, _) = table.as_chunks::<8>();
         avx2!(self.token(), {
-            // A permutation reads the lowest three bits of each lane, a blend the highest one.
+            // A permutation reads the lowest three bits of each lane, and a blend the highest bit.
             let tags = _mm256_castps_si256(self.0);
             let part = |i: usize| {
                 _mm256_permutevar8x32_ps(_mm256_castsi256_ps(load_u32x8(&parts[i])), tags)
@@ -173,13 +174,13 @@ impl WideLanes for Avx8 {
     #[inline(always)]
     fn load_columns(token: Avx2, rows: [&[f32; 8]; 8]) -> [Self; 8] {
         avx2!(token, {
-            // No closures: they do not have the instructions, and vectors must not pass through
-            // calls.
+            // Closures are avoided: they are compiled without the instructions, and vectors must
+            // not pass through calls.
             let [r0, r1] = [load_f32x8(rows[0]), load_f32x8(rows[1])];
             let [r2, r3] = [load_f32x8(rows[2]), load_f32x8(rows[3])];
             let [r4, r5] = [load_f32x8(rows[4]), load_f32x8(rows[5])];
             let [r6, r7] = [load_f32x8(rows[6]), load_f32x8(rows[7])];
-            // Pairs of rows, then fours, each in both halves.
+            // Transposes pairs of rows, then groups of four rows, in each half of the registers.
             let [a, b] = [_mm256_unpacklo_ps(r0, r1), _mm256_unpackhi_ps(r0, r1)];
             let [c, d] = [_mm256_unpacklo_ps(r2, r3), _mm256_unpackhi_ps(r2, r3)];
             let [e, f] = [_mm256_unpacklo_ps(r4, r5), _mm256_unpackhi_ps(r4, r5)];

@@ -6,19 +6,19 @@ use super::memory::{
 use super::{Avx2, Avx8, Avx8Doubles, Avx16Doubles, Avx512, Lanes8, Lanes16, WideLanes};
 use std::arch::x86_64::*;
 
-/// The result of instructions of AVX-512, where a token proves that the machine has them; as
-/// [`avx2`](super::avx2::avx2).
+/// `avx512!(token, expression)`: evaluates AVX-512 intrinsics, where a token proves that the
+/// machine has these instructions. The rules of [`avx2`](super::avx2::avx2) apply.
 macro_rules! avx512 {
     ($token:expr, $instructions:expr) => {{
         let _: $crate::simd::Avx512 = $token;
-        // SAFETY: the token proves that the machine has AVX-512 F, VL, BW and DQ, and that is all
-        // that these instructions ask for.
+        // SAFETY: the token proves that the machine has AVX-512 F, VL, BW and DQ, which is all that
+        // these intrinsics require.
         unsafe { $instructions }
     }};
 }
 pub(super) use avx512;
 
-/// Sixteen lanes of AVX-512.
+/// Sixteen lanes in an AVX-512 register.
 #[derive(Clone, Copy, Debug)]
 pub struct Avx16(pub(super) __m512);
 
@@ -31,7 +31,8 @@ impl Lanes16 for Avx16 {
 
     #[inline(always)]
     fn token(self) -> Avx512 {
-        // SAFETY: only the functions of this module make values, all of them with a token.
+        // SAFETY: only the functions of this module make values of this type, all of them from a
+        // token.
         unsafe { Avx512::assume() }
     }
 

@@ -15,7 +15,8 @@ impl Doubles16 for Avx16Doubles {
 
     #[inline(always)]
     fn token(self) -> Avx512 {
-        // SAFETY: only the functions of this module make values, all of them with a token.
+        // SAFETY: only the functions of this module make values of this type, all of them from a
+        // token.
         unsafe { Avx512::assume() }
     }
 
@@ -135,7 +136,8 @@ impl DoubleLanes for Avx8Doubles {
 
     #[inline(always)]
     fn token(self) -> Avx512 {
-        // SAFETY: only the functions of this module make values, all of them with a token.
+        // SAFETY: only the functions of this module make values of this type, all of them from a
+        // token.
         unsafe { Avx512::assume() }
     }
 

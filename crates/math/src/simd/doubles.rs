@@ -46,22 +46,22 @@ pub trait DoubleLanes: Copy {
     fn lt(self, other: Self) -> u32;
 }
 
-/// Conversion of some of eight numbers to double precision: those from `first` on, a multiple of
-/// [`DoubleLanes::LANES`] below 8.
+/// Conversion of a part of eight numbers to double precision: the [`DoubleLanes::LANES`] numbers
+/// from index `first` on, which is a multiple of `LANES` below 8.
 pub trait DoublesOf<S>: DoubleLanes {
-    /// The numbers, exactly.
+    /// The `LANES` numbers of `singles` from index `first` on, converted exactly.
     fn of(token: Self::Token, singles: S, first: usize) -> Self;
 
-    /// The values at the indices `lanes` (below 16).
+    /// The entries of `values` at the indices `lanes[first..]` (each below 16), `LANES` of them.
     fn gather(token: Self::Token, values: &[f64; 16], lanes: &[u32; 8], first: usize) -> Self;
 
-    /// Writes them to their positions, rounded to nearest.
+    /// Writes the lanes to `to[first..]`, rounded to nearest.
     fn store_rounded_from(self, to: &mut [f32; 8], first: usize);
 }
 
 /// Four lanes that support fused operations ([`Lanes4::fused`]) and permutations.
 pub trait Lanes4: DoubleLanes {
-    /// Four numbers from memory.
+    /// Loads four numbers from memory.
     fn load(token: Self::Token, values: &[f64; 4]) -> Self;
 
     /// The columns of the matrix whose rows are given.
@@ -73,7 +73,7 @@ pub trait Lanes4: DoubleLanes {
     /// Writes the four numbers, rounded to nearest.
     fn store_rounded(self, to: &mut [f32; 4]);
 
-    /// Rounded to `f32`, and back.
+    /// The lanes rounded to `f32` and converted back.
     fn rounded(self) -> Self;
 
     /// `self * factor + summand`, rounded once.
@@ -89,7 +89,7 @@ pub trait Lanes4: DoubleLanes {
     fn replace(self, mask: u32, other: Self) -> Self;
 }
 
-/// Four of eight lanes, as [`WideLanes`] have them.
+/// Conversion of four of the eight lanes of [`WideLanes`].
 impl<S: WideLanes<Doubles = D>, D: Lanes4> DoublesOf<S> for D {
     #[inline(always)]
     fn of(_: Self::Token, singles: S, first: usize) -> Self {
@@ -111,17 +111,17 @@ impl<S: WideLanes<Doubles = D>, D: Lanes4> DoublesOf<S> for D {
 
 /// Eight lanes that support permutations and conversion to double precision.
 pub trait WideLanes: Lanes8 {
-    /// Four of them in double precision.
+    /// The type of four lanes in double precision.
     type Doubles: Lanes4<Token = Self::Token> + DoublesOf<Self>;
 
-    /// The numbers with a tag instead of their lowest five bits. (Infinity becomes NaN, zero a
-    /// subnormal number.)
+    /// The numbers with a tag in place of their lowest five bits. (Infinity becomes NaN, and zero
+    /// becomes a subnormal number.)
     fn with_tag(self, tag: u32) -> Self;
 
-    /// Writes the entries of a table for the tags.
+    /// Writes to `to` the entries of a table at the tags of the lanes.
     fn look_up(self, table: &[u32; 32], to: &mut [u32; 8]);
 
-    /// The lanes equal to a value: a bit for each lane, the first lowest.
+    /// Bit `i` is set if `values[i] == value`.
     fn places_of(token: Self::Token, value: u32, values: &[u32; 8]) -> u32;
 
     /// The columns of the matrix whose rows are given.
@@ -136,13 +136,13 @@ pub trait WideLanes: Lanes8 {
     /// The maximum of the eight numbers; unspecified if any is NaN.
     fn reduce_max(self) -> f32;
 
-    /// The first four lanes, exactly.
+    /// The first four lanes, converted exactly.
     fn first_doubles(self) -> Self::Doubles;
 
-    /// The last four lanes, exactly.
+    /// The last four lanes, converted exactly.
     fn last_doubles(self) -> Self::Doubles;
 
-    /// The four lanes of each, rounded to nearest.
+    /// The four lanes of `first`, then the four lanes of `last`, rounded to nearest.
     fn from_doubles(first: Self::Doubles, last: Self::Doubles) -> Self;
 }
 

@@ -6,8 +6,8 @@ use super::Token;
 /// otherwise: no other operation is fused, and `min` and `max` return the second operand if one is
 /// NaN.
 pub trait Lanes8: Copy {
-    /// True if [`Self::mul_add`] and [`Self::mul_sub`] round once, false if they round the product
-    /// too.
+    /// True if [`Self::mul_add`] and [`Self::mul_sub`] round once; false if they round the product
+    /// and then the result.
     const FUSED: bool;
 
     /// The token of the instruction set, needed to create values.
@@ -28,7 +28,7 @@ pub trait Lanes8: Copy {
     /// Writes the eight numbers.
     fn store(self, to: &mut [f32; 8]);
 
-    /// Writes those where the mask has a bit.
+    /// Writes the lanes whose bit is set in `mask`.
     fn store_where(self, mask: u32, to: &mut [f32; 8]);
 
     /// `self + other`.
@@ -64,23 +64,23 @@ pub trait Lanes8: Copy {
     /// Bit `i` is set if lane `i` has its sign bit set.
     fn signs(self) -> u32;
 
-    /// `other` where the mask has a bit, `self` elsewhere.
+    /// `other` in the lanes whose bit is set in `mask`, `self` in the others.
     fn replace(self, mask: u32, other: Self) -> Self;
 
-    /// `other` where `low < high` (not for NaN), `self` elsewhere. Cheaper than a mask that becomes
-    /// bits in between.
+    /// `other` where `low < high` (not for NaN), `self` elsewhere. This is cheaper than
+    /// [`Self::lt`] followed by [`Self::replace`], which convert the comparison to bits and back.
     fn where_less(self, low: Self, high: Self, other: Self) -> Self;
 
     /// Bit `i` is set if `self <= limit` in the lane that comes `i`-th in `order` (eight numbers of
     /// 3 bits, the first lowest).
     fn le_in_order(self, limit: Self, order: u32) -> u32;
 
-    /// Takes the lanes in `order`, keeps those whose bit is set in `mask` (as [`Self::le_in_order`]
-    /// gives it), and writes their `payload`, each with the bits of its number, to the front; the
-    /// contents behind them are unspecified.
+    /// Takes the lanes in `order`, keeps those whose bit is set in `mask` (a result of
+    /// [`Self::le_in_order`]), and writes them to the front of `to`: for each its `payload` and the
+    /// bits of its number. The contents of `to` behind them are unspecified.
     fn compress(self, mask: u32, order: u32, payload: &[u32; 8], to: &mut [[u32; 2]; 8]);
 
-    /// As [`Self::compress`], of the payload alone.
+    /// Does what [`Self::compress`] does with the payload alone.
     fn compress_payload(
         token: Self::Token,
         mask: u32,
@@ -89,12 +89,12 @@ pub trait Lanes8: Copy {
         to: &mut [u32; 8],
     );
 
-    /// Writes the payload of each lane with the bits of its number.
+    /// Writes for each lane its payload, followed by the bits of its number.
     fn store_after(self, payload: &[u32; 8], to: &mut [[u32; 2]; 8]);
 
-    /// Takes the lanes in the order given by `order` (eight numbers of 3 bits, the first lowest),
-    /// keeps those with `self <= limit`, and writes them and their `payload` to the front of the
-    /// outputs; the contents behind them are unspecified. Returns the number kept.
+    /// Takes the lanes in `order` (eight numbers of 3 bits, the first lowest), keeps those with
+    /// `self <= limit`, and writes their numbers and their `payload` to the front of the outputs.
+    /// The contents behind them are unspecified. Returns how many lanes were kept.
     fn compress_le(
         self,
         limit: Self,

@@ -1,4 +1,4 @@
-//! The instruction set of kernels.
+//! The instruction sets for which kernels are compiled.
 
 #[cfg(target_arch = "x86_64")]
 use super::{Avx2, Avx512};
@@ -7,7 +7,8 @@ use std::fmt;
 /// An instruction-set level. Every level finds the same hits, bit for bit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Level {
-    /// Portable code, no special instructions: the reference for tests of the others.
+    /// Portable code without special instructions. It is the reference in tests of the other
+    /// levels.
     Scalar,
     /// AVX2, FMA, BMI1, BMI2, LZCNT and POPCNT (x86-64).
     Avx2,
@@ -28,7 +29,7 @@ impl Level {
         }
     }
 
-    /// The level of this name.
+    /// The level of this name; `None` if no level has it.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|l| l.name() == name)
     }
@@ -46,7 +47,7 @@ impl Level {
         }
     }
 
-    /// The best level of this machine.
+    /// The highest level that this machine can run.
     pub fn best() -> Self {
         Self::ALL.into_iter().rev().find(|l| l.is_supported()).unwrap_or(Self::Scalar)
     }

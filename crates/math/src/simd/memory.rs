@@ -2,7 +2,8 @@
 
 use std::arch::x86_64::*;
 
-/// Loads and stores: `name(instructions: what is in memory, the register) = load, store`.
+/// Makes pairs of functions that load and store a register:
+/// `name(intrinsics: type in memory, register type) = load, store`.
 macro_rules! registers {
     ($(
         $load:ident, $store:ident ($feature:literal): $memory:ty, $register:ty =
@@ -13,8 +14,8 @@ macro_rules! registers {
         #[target_feature(enable = $feature)]
         pub(super) fn $load(from: &$memory) -> $register {
             const { assert!(size_of::<$memory>() == size_of::<$register>()) };
-            // SAFETY: the reference covers what is read, as many bytes as the register has, and the
-            // instruction asks for no alignment.
+            // SAFETY: the reference covers all bytes that are read, as many as the register has,
+            // and the instruction requires no alignment.
             unsafe { $load_instruction(from.as_ptr().cast()) }
         }
 
@@ -23,8 +24,8 @@ macro_rules! registers {
         #[target_feature(enable = $feature)]
         pub(super) fn $store(register: $register, to: &mut $memory) {
             const { assert!(size_of::<$memory>() == size_of::<$register>()) };
-            // SAFETY: the reference covers what is written, as many bytes as the register has, and
-            // the instruction asks for no alignment. All bits are numbers.
+            // SAFETY: the reference covers all bytes that are written, as many as the register has,
+            // and the instruction requires no alignment. Any bits are valid numbers.
             unsafe { $store_instruction(to.as_mut_ptr().cast(), register) }
         }
     )*};
@@ -41,23 +42,23 @@ registers! {
     load_f64x8, store_f64x8 ("avx512f"): [f64; 8], __m512d = _mm512_loadu_pd, _mm512_storeu_pd;
 }
 
-/// Writes numbers where the mask has a bit.
+/// Writes the numbers whose bit is set in `mask`.
 #[inline]
 #[target_feature(enable = "avx512f")]
 pub(super) fn store_f32x16_where(register: __m512, mask: u16, to: &mut [f32; 16]) {
-    // SAFETY: the reference covers all that may be written, and no alignment is asked for.
+    // SAFETY: the reference covers all that may be written, and no alignment is required.
     unsafe { _mm512_mask_storeu_ps(to.as_mut_ptr(), mask, register) }
 }
 
-/// Writes numbers where the mask has a bit.
+/// Writes the numbers whose bit is set in `mask`.
 #[inline]
 #[target_feature(enable = "avx512f")]
 pub(super) fn store_u32x16_where(register: __m512i, mask: u16, to: &mut [u32; 16]) {
-    // SAFETY: the reference covers all that may be written, and no alignment is asked for.
+    // SAFETY: the reference covers all that may be written, and no alignment is required.
     unsafe { _mm512_mask_storeu_epi32(to.as_mut_ptr().cast(), mask, register) }
 }
 
-/// Writes eight pairs: the first four and the last four.
+/// Writes eight pairs of numbers: four from each register.
 #[inline]
 #[target_feature(enable = "avx")]
 pub(super) fn store_pairs(first: __m256i, last: __m256i, to: &mut [[u32; 2]; 8]) {

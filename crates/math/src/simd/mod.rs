@@ -1,4 +1,4 @@
-//! SIMD levels, chosen at run time; all give the same results.
+//! SIMD levels, chosen at run time. All levels give the same results.
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;

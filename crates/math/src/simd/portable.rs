@@ -1,7 +1,7 @@
 //! Eight lanes without special instructions: the reference implementation.
 //!
-//! Long functions are inlined only in builds without debug assertions: kernels of that many
-//! instructions take minutes to compile.
+//! Long functions are inlined only in builds without debug assertions, because kernels that inline
+//! them take minutes to compile.
 
 use super::{Lanes8, Portable};
 
@@ -145,7 +145,8 @@ impl Lanes8 for Portable8 {
         let mut count = 0;
         for i in 0..8 {
             let lane = ((order >> (3 * i)) & 7) as usize;
-            // Always written, but counted only if kept: no branch on data.
+            // The pair is always written but only counted if it is kept, which avoids a branch on
+            // data.
             to[count & 7] = [payload[lane], self.0[lane].to_bits()];
             count += (mask >> i & 1) as usize;
         }
@@ -181,7 +182,8 @@ impl Lanes8 for Portable8 {
         let mut count = 0;
         for i in 0..8 {
             let lane = ((order >> (3 * i)) & 7) as usize;
-            // Always written, but counted only if kept: no branch on data.
+            // The lane is always written but only counted if it is kept, which avoids a branch on
+            // data.
             values_out[count & 7] = self.0[lane];
             payload_out[count & 7] = payload[lane];
             count += usize::from(self.0[lane] <= limit.0[lane]);

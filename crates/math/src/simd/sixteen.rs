@@ -1,10 +1,10 @@
-//! Sixteen `f32` lanes: in one register where the machine has them, otherwise in two of eight
-//! lanes.
+//! Sixteen `f32` lanes, in one register where the machine has registers that wide, otherwise in two
+//! registers of eight lanes.
 
 use super::{Doubles16, DoublesOf, Lanes8, PairDoubles, Token, WideLanes};
 
-/// Sixteen lanes; masks have a bit for each, the first lowest. Every implementation gives the same
-/// bits, with the exceptions of [`super::Lanes8`].
+/// Sixteen lanes. A mask has a bit for each lane, the first lane lowest. Every implementation gives
+/// the same bits, with the exceptions of [`super::Lanes8`].
 pub trait Lanes16: Copy {
     /// Number of registers.
     const REGISTERS: u32;
@@ -12,13 +12,13 @@ pub trait Lanes16: Copy {
     /// The token of the instruction set, needed to create values.
     type Token: Token;
 
-    /// Eight of them.
+    /// The type of eight of the lanes.
     type Half: WideLanes;
 
-    /// As many in double precision.
+    /// The type of sixteen lanes in double precision.
     type Doubles: Doubles16<Singles = Self, Token = Self::Token>;
 
-    /// Some of a half in double precision, as many as a register holds.
+    /// The type of some lanes of a half in double precision, as many as fit in a register.
     type HalfDoubles: DoublesOf<Self::Half, Token = Self::Token>;
 
     /// The token that was used to create this value.
@@ -33,13 +33,13 @@ pub trait Lanes16: Copy {
     /// Sixteen numbers from memory.
     fn load(token: Self::Token, values: &[f32; 16]) -> Self;
 
-    /// Two times eight numbers from memory.
+    /// Loads eight numbers from each of two places in memory.
     fn load_halves(token: Self::Token, low: &[f32; 8], high: &[f32; 8]) -> Self;
 
-    /// Eight of sixteen numbers in memory, at the indices `lanes` (below 16).
+    /// The entries of `values` at the indices `lanes` (each below 16).
     fn gather(token: Self::Token, values: &[f32; 16], lanes: &[u32; 8]) -> Self::Half;
 
-    /// The lanes of two halves.
+    /// Joins the lanes of two halves, those of `low` first.
     fn from_halves(token: Self::Token, low: Self::Half, high: Self::Half) -> Self;
 
     /// Both halves, the first lanes first.
@@ -48,7 +48,7 @@ pub trait Lanes16: Copy {
     /// Writes the sixteen numbers.
     fn store(self, to: &mut [f32; 16]);
 
-    /// Writes those where the mask has a bit.
+    /// Writes the lanes whose bit is set in `mask`.
     fn store_where(self, mask: u32, to: &mut [f32; 16]);
 
     /// `self + other`.
@@ -89,20 +89,20 @@ pub trait Lanes16: Copy {
     /// The mask of lanes with the sign bit set.
     fn signs(self) -> u32;
 
-    /// `other` where the mask has a bit, `self` elsewhere.
+    /// `other` in the lanes whose bit is set in `mask`, `self` in the others.
     fn replace(self, mask: u32, other: Self) -> Self;
 
-    /// `other` where `low < high` (not for NaN), `self` elsewhere. Cheaper than a mask that becomes
-    /// bits in between.
+    /// `other` where `low < high` (not for NaN), `self` elsewhere. This is cheaper than
+    /// [`Self::lt`] followed by [`Self::replace`], which convert the comparison to bits and back.
     fn where_less(self, low: Self, high: Self, other: Self) -> Self;
 
-    /// The numbers with a tag instead of their lowest five bits; see [`WideLanes::with_tag`].
+    /// The numbers with a tag in place of their lowest five bits; see [`WideLanes::with_tag`].
     fn with_tag(self, tag: u32) -> Self;
 
-    /// Writes `value` where the mask has a bit.
+    /// Writes `value` to the entries of `to` whose bit is set in `mask`.
     fn write_where(token: Self::Token, mask: u32, value: u32, to: &mut [u32; 16]);
 
-    /// The mask of lanes equal to a value.
+    /// The mask of the entries of `values` that equal `value`.
     fn places_of(token: Self::Token, value: u32, values: &[u32; 16]) -> u32;
 
     /// The minimum of the sixteen numbers; unspecified if any is NaN.
@@ -269,7 +269,7 @@ impl<L: WideLanes> Lanes16 for Pair<L> {
     #[inline(always)]
     fn write_where(token: L::Token, mask: u32, value: u32, to: &mut [u32; 16]) {
         let to: *mut [u32; 16] = to;
-        // SAFETY: numbers of both kinds are as large and as aligned, and may hold any bits.
+        // SAFETY: `f32` and `u32` have the same size and alignment, and both may hold any bits.
         let to = unsafe { &mut *to.cast::<[f32; 16]>() };
         Self::splat(token, f32::from_bits(value)).store_where(mask, to);
     }
@@ -326,7 +326,7 @@ mod tests {
         ]);
         values.extend([x.where_less(x, y, five), five.where_less(y, x, swapped)]);
         values.extend([x.with_tag(mask), y.with_tag(7)]);
-        // Exact, so that it does not matter whether they are fused.
+        // The results are exact, so it does not matter whether the operations are fused.
         values.extend([five.mul_add(five, x), five.mul_sub(five, x)]);
         let mut written = [7; 16];
         W::write_where(token, mask, 9, &mut written);
@@ -401,7 +401,7 @@ mod tests {
             -2e9,
         ];
         let n = special.len();
-        // (Miri takes a second for each.)
+        // Miri takes a second for each, so it tests fewer.
         for i in (0..n * n).step_by(if cfg!(miri) { 10 } else { 1 }) {
             let a: [f32; 16] = std::array::from_fn(|k| special[(i + k) % (n - i % 3 * 4)]);
             let b: [f32; 16] = std::array::from_fn(|k| special[(i / n + 3 * k) % n]);

@@ -1,14 +1,14 @@
-//! Sixteen `f64` lanes, as counterpart of [`Lanes16`].
+//! Sixteen `f64` lanes, the counterpart of [`Lanes16`].
 
 use super::{DoubleLanes, Lanes4, Lanes8, Lanes16, Pair, Token, WideLanes};
 
-/// Sixteen numbers of double precision; masks as in [`Lanes16`]. Every implementation gives the
-/// same bits, except for [`Self::mul_add`].
+/// Sixteen lanes of double precision, with masks like those of [`Lanes16`]. Every implementation
+/// gives the same bits, except for [`Self::mul_add`].
 pub trait Doubles16: Copy {
     /// The token of the instruction set, needed to create values.
     type Token: Token;
 
-    /// Sixteen of single precision.
+    /// The type of sixteen lanes in single precision.
     type Singles: Lanes16<Token = Self::Token>;
 
     /// The token that was used to create this value.
@@ -23,10 +23,10 @@ pub trait Doubles16: Copy {
     /// Writes the sixteen numbers.
     fn store(self, to: &mut [f64; 16]);
 
-    /// The same numbers, exactly.
+    /// Converts sixteen numbers of single precision, exactly.
     fn of(singles: Self::Singles) -> Self;
 
-    /// Rounded to nearest.
+    /// The lanes rounded to nearest in single precision.
     fn rounded(self) -> Self::Singles;
 
     /// `self + other`.
@@ -41,7 +41,8 @@ pub trait Doubles16: Copy {
     /// `self / other`.
     fn div(self, other: Self) -> Self;
 
-    /// `self * factor + summand`, fused or not, as that of [`Self::Singles`].
+    /// `self * factor + summand`, fused if the `mul_add` of [`Self::Singles`] is, otherwise rounded
+    /// twice.
     fn mul_add(self, factor: Self, summand: Self) -> Self;
 
     /// `self * factor + summand`, rounded once.
@@ -56,7 +57,7 @@ pub trait Doubles16: Copy {
     /// The mask of `self < other` (false for NaN).
     fn lt(self, other: Self) -> u32;
 
-    /// `other` where the mask has a bit, `self` elsewhere.
+    /// `other` in the lanes whose bit is set in `mask`, `self` in the others.
     fn replace(self, mask: u32, other: Self) -> Self;
 }
 
@@ -194,12 +195,12 @@ mod tests {
         let [x, y] = [a, b].map(|values| D::of(D::Singles::load(token, values)));
         let three = D::splat(token, 3.0);
         let third = x.div(three);
-        // The rounding error, too.
+        // The rounding error is tested, too.
         let rest = third.sub(D::of(third.rounded()));
         let mut kept = [0.0; 16];
         third.store(&mut kept);
         let kept = D::load(token, &kept);
-        // Exact, so that it does not matter whether it is fused.
+        // The results are exact, so it does not matter whether the operations are fused.
         let values = [
             x.add(y),
             x.sub(y),
@@ -238,7 +239,7 @@ mod tests {
             -2e9,
         ];
         let n = special.len();
-        // (Miri takes a second for each.)
+        // Miri takes a second for each, so it tests fewer.
         for i in (0..n * n).step_by(if cfg!(miri) { 10 } else { 1 }) {
             let a: [f32; 16] = std::array::from_fn(|k| special[(i + k) % n]);
             let b: [f32; 16] = std::array::from_fn(|k| special[(i / n + 3 * k) % n]);

@@ -1,16 +1,17 @@
 //! Proofs that the machine has the instructions of a level.
 //!
 //! A token has no size. It is created once, where a level is chosen, and passed to all code that
-//! creates [lanes](super::Lanes8): so lanes exist only where their instructions do, and all
-//! operations on them are safe.
+//! creates [lanes](super::Lanes8). Lanes can therefore exist only on machines that have their
+//! instructions, and all operations on them are safe.
 
 use std::fmt::Debug;
 
 /// A proof that the machine has the instructions of a level.
 pub trait Token: Copy + Debug + Send + Sync + 'static {
-    /// Calls a function that is compiled with the instructions. It must be `#[inline(always)]`, and
-    /// so must be all functions with lanes that it calls: functions that are not inlined are
-    /// compiled without the instructions, and much slower. The call itself is never inlined.
+    /// Calls `function`, compiled with the instructions of the level. `function` must be
+    /// `#[inline(always)]`, and so must all functions with lanes that it calls: functions that are
+    /// not inlined are compiled without the instructions and are much slower. The call to `run`
+    /// itself is never inlined.
     fn run<R>(self, function: impl FnOnce() -> R) -> R;
 }
 
@@ -37,7 +38,7 @@ mod x86 {
     pub struct Avx2(());
 
     impl Avx2 {
-        /// The proof; `None` if the machine lacks any of them.
+        /// Creates the proof; `None` if the machine lacks any of these instructions.
         pub fn new() -> Option<Self> {
             let has = is_x86_feature_detected!("avx2")
                 && is_x86_feature_detected!("fma")
@@ -48,7 +49,7 @@ mod x86 {
             has.then_some(Self(()))
         }
 
-        /// The proof, where one was created before.
+        /// Creates the proof without asking the machine again.
         ///
         /// # Safety
         /// [`Self::new`] must have given a proof before.
@@ -76,7 +77,7 @@ mod x86 {
     pub struct Avx512(Avx2);
 
     impl Avx512 {
-        /// The proof; `None` if the machine lacks any of them.
+        /// Creates the proof; `None` if the machine lacks any of these instructions.
         pub fn new() -> Option<Self> {
             let has = is_x86_feature_detected!("avx512f")
                 && is_x86_feature_detected!("avx512vl")
@@ -85,7 +86,7 @@ mod x86 {
             if has { Avx2::new().map(Self) } else { None }
         }
 
-        /// The proof, where one was created before.
+        /// Creates the proof without asking the machine again.
         ///
         /// # Safety
         /// [`Self::new`] must have given a proof before.

@@ -2,7 +2,7 @@
 //! level.
 //!
 //! The compiler vectorises a branch-free loop over arrays where the instructions are enabled.
-//! Selections are written as `if a { x } else { y }` of values already computed.
+//! Selections are written as `if a { x } else { y }`, where `x` and `y` are already computed.
 //! Nothing is fused or reordered, so every level gives the same bits.
 
 use super::Level;
@@ -33,8 +33,8 @@ impl From<Wide> for Avx2 {
 }
 
 impl Level {
-    /// The proof that the machine has the instructions of the level, or of the best below that it
-    /// can run; `None` for portable code.
+    /// The proof that the machine has the instructions of this level, or of the best lower level
+    /// that the machine supports; `None` for portable code.
     pub fn wide(self) -> Option<Wide> {
         #[cfg(target_arch = "x86_64")]
         if self == Self::Avx512
@@ -49,7 +49,7 @@ impl Level {
         None
     }
 
-    /// The level that is proved.
+    /// The level that `wide` proves.
     pub fn of(wide: Option<Wide>) -> Self {
         match wide {
             #[cfg(target_arch = "x86_64")]
@@ -61,9 +61,10 @@ impl Level {
     }
 }
 
-/// Calls `function`, which must be `#[inline(always)]`, compiled for wide registers if the first
-/// argument is `Some(Wide)`: `at_level!(wide, function, (a: A = value, b: B = value) -> C)`. If
-/// types depend on a parameter of the caller, that is named again:
+/// Calls `function`, which must be `#[inline(always)]`. If the first argument is `Some(Wide)`, the
+/// call is compiled for wide registers:
+/// `at_level!(wide, function, (a: A = value, b: B = value) -> C)`. If the types depend on a type
+/// parameter of the caller, that parameter is declared again:
 /// `at_level!(wide, <A: Bound> function::<A>, (a: A = value))`.
 #[macro_export]
 macro_rules! at_level {
@@ -99,24 +100,24 @@ macro_rules! at_level {
     }};
 }
 
-/// The maximum of two numbers; the second if one is NaN. One instruction, unlike `f32::max`.
+/// The maximum of two numbers; the second if one is NaN. Unlike `f32::max`, it is one instruction.
 #[inline(always)]
 pub fn max<T: PartialOrd>(a: T, b: T) -> T {
     if a > b { a } else { b }
 }
 
-/// The minimum of two numbers; the second if one is NaN. One instruction, unlike `f32::min`.
+/// The minimum of two numbers; the second if one is NaN. Unlike `f32::min`, it is one instruction.
 #[inline(always)]
 pub fn min<T: PartialOrd>(a: T, b: T) -> T {
     if a < b { a } else { b }
 }
 
-/// Numbers of 32 bits.
+/// A number type of 32 bits.
 pub trait Bits: Copy {
-    /// Its bits.
+    /// The bits of the number.
     fn bits(self) -> u32;
 
-    /// The number of these bits.
+    /// The number that has these bits.
     fn of_bits(bits: u32) -> Self;
 }
 
@@ -144,8 +145,8 @@ impl Bits for f32 {
     }
 }
 
-/// The first of two numbers if a mask is 1, the second if it is 0. It is for results stored over
-/// the second number: as a condition this would become a masked store, which takes twenty cycles on
+/// The first of two numbers if `mask` is 1, the second if it is 0. Use it where the result is
+/// stored over the second number: an `if` would become a masked store, which takes twenty cycles on
 /// some processors (Zen 2 to 4, with AVX2). The mask must come from memory; otherwise the compiler
 /// recognises it as a condition.
 #[inline(always)]
@@ -154,13 +155,13 @@ pub fn mask_select<T: Bits>(mask: u32, a: T, b: T) -> T {
     T::of_bits(a.bits() & mask | b.bits() & !mask)
 }
 
-/// As [`mask_select`], for vectors.
+/// Applies [`mask_select`] to each coordinate of two vectors.
 #[inline(always)]
 pub fn mask_select_vector(mask: u32, a: Vec3, b: Vec3) -> Vec3 {
     Vec3::new(mask_select(mask, a.x, b.x), mask_select(mask, a.y, b.y), mask_select(mask, a.z, b.z))
 }
 
-/// The first of two vectors if the condition holds, else the second. Without a branch.
+/// The first of two vectors if the condition holds, otherwise the second. It has no branches.
 #[inline(always)]
 pub fn select(condition: bool, a: Vec3, b: Vec3) -> Vec3 {
     let select = |a: f32, b: f32| if condition { a } else { b };

@@ -1,4 +1,4 @@
-//! Authored colours: red, green and blue, times an optional spectrum.
+//! Authored colours: red, green and blue, multiplied by an optional spectrum.
 
 use super::response::{luminance_of_light, rgb_of_light, rgb_of_reflectance, white_light};
 use super::{ColorMode, Metal, Rgb, SampledSpectrum, table};
@@ -6,10 +6,11 @@ use serde::{Deserialize, Serialize};
 use std::ops::Mul;
 use std::sync::LazyLock;
 
-/// The second radiation constant `h c / k` (CODATA 2018), nm K.
+/// The second radiation constant `h c / k` (CODATA 2018) in nm K.
 const SECOND_CONSTANT: f64 = 1.438_776_877e7;
 
-/// Illuminant A is a black body of 2848 K by the second radiation constant of 1931, 1.435e7 nm K.
+/// The temperature of illuminant A in kelvin: 2848 K by the second radiation constant of 1931,
+/// 1.435e7 nm K, converted to today's constant.
 const KELVIN_OF_A: f64 = 2848.0 * SECOND_CONSTANT / 1.435e7;
 static LUMINANCE_OF_A: LazyLock<f64> =
     LazyLock::new(|| luminance(|lambda| planck(lambda.into(), KELVIN_OF_A)));
@@ -19,8 +20,8 @@ static LUMINANCE_OF_A: LazyLock<f64> =
 /// As text it is `"blackbody:3000"`, `"illuminant:A"` or `"metal:Au"`, or a table of pairs of a
 /// wavelength in nm and a value.
 ///
-/// It is small and `Copy`, because every colour may have one: definitions live as long as the
-/// program, and there are only as many as authors write.
+/// It is small and `Copy`, because every colour may have one. Definitions are never freed; their
+/// number is bounded by what authors write.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Written", into = "Written")]
 pub struct Spectrum(&'static Definition);
@@ -28,14 +29,14 @@ pub struct Spectrum(&'static Definition);
 #[derive(Debug, PartialEq)]
 struct Definition {
     kind: Kind,
-    /// Its colour as light, and as a reflectance in white light: its values in RGB mode.
+    /// The spectrum's values in RGB mode: its colour as light, and as a reflectance in white light.
     light: Rgb,
     reflectance: Rgb,
 }
 
 #[derive(Debug, PartialEq)]
 enum Kind {
-    /// A black body of this temperature in kelvin, divided by its luminance.
+    /// A black body of this temperature in kelvin, with luminance 1.
     Blackbody {
         kelvin: f32,
         luminance: f64,
@@ -43,7 +44,7 @@ enum Kind {
     Illuminant(Illuminant),
     /// The reflectance of a metal at normal incidence.
     Metal(Metal),
-    /// Wavelengths in nm, ascending, and values.
+    /// Pairs of an ascending wavelength in nm and a value.
     Table(Vec<[f32; 2]>),
 }
 
@@ -78,8 +79,8 @@ impl Spectrum {
         Self::new(Kind::Metal(metal))
     }
 
-    /// Values at wavelengths in nm, interpolated linearly and constant beyond the ends. As light, a
-    /// table of ones has luminance 1.
+    /// A table of wavelengths in nm and values, interpolated linearly and constant beyond the ends.
+    /// As light, a table of ones has luminance 1. An invalid table gives an error.
     pub fn table(pairs: &[[f32; 2]]) -> Result<Self, String> {
         let ascends = pairs.windows(2).all(|w| w[0][0] < w[1][0]);
         let is_sound = pairs.iter().flatten().all(|x| x.is_finite() && *x >= 0.0);
@@ -99,7 +100,7 @@ impl Spectrum {
         Self(Box::leak(Box::new(Definition { kind, light, reflectance })))
     }
 
-    /// Its colour as light.
+    /// The colour of this spectrum as light.
     pub fn light_rgb(&self) -> Rgb {
         self.0.light
     }
@@ -133,7 +134,8 @@ impl Kind {
     }
 }
 
-/// Luminance of light of this radiance; a radiance of 1 at all wavelengths has luminance 1.
+/// The luminance of light of this spectral radiance. A radiance of 1 at all wavelengths has
+/// luminance 1.
 fn luminance(radiance: impl Fn(f32) -> f64) -> f64 {
     luminance_of_light(radiance).max(f64::MIN_POSITIVE)
 }
@@ -141,23 +143,23 @@ fn luminance(radiance: impl Fn(f32) -> f64) -> f64 {
 /// Planck's law up to a factor: spectral radiance at a wavelength in nm and a temperature in
 /// kelvin.
 fn planck(lambda: f64, kelvin: f64) -> f64 {
-    // Relative to 560 nm, so that neither overflows.
+    // The values are relative to 560 nm, so that neither factor overflows.
     let x = |lambda: f64| SECOND_CONSTANT / (lambda * kelvin);
     let ratio = (560.0 / lambda).powi(5);
     ratio * ((x(560.0) - x(lambda)).exp() * -(-x(560.0)).exp_m1() / -(-x(lambda)).exp_m1())
 }
 
-/// A colour: red, green and blue, times an optional spectrum.
+/// A colour: red, green and blue, multiplied by an optional spectrum.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Color {
-    /// Linear Rec. 709, or a factor on the spectrum.
+    /// The colour in linear Rec. 709, or the factor on the spectrum.
     pub rgb: Rgb,
-    /// The spectrum that it multiplies.
+    /// The spectrum that `rgb` multiplies.
     pub spectrum: Option<Spectrum>,
 }
 
 impl Color {
-    /// The same spectrum with another factor.
+    /// The same spectrum with `f` applied to each component of the factor.
     pub fn map(self, f: impl Fn(f32) -> f32) -> Self {
         Self { rgb: self.rgb.map(f), ..self }
     }
@@ -187,19 +189,19 @@ impl Mul<f32> for Color {
 }
 
 impl ColorMode {
-    /// The lanes of a factor with a spectrum.
+    /// The lanes of a reflectance: a factor multiplied by a spectrum.
     pub(super) fn spectral_reflectance(self, rgb: Rgb, spectrum: &Spectrum) -> SampledSpectrum {
         self.reflectance(rgb) * self.lanes(spectrum.0.reflectance, |lambda| spectrum.at(lambda))
     }
 
-    /// The lanes of light with a spectrum.
+    /// The lanes of emitted light: a factor multiplied by a spectrum.
     pub(super) fn spectral_illuminant(self, rgb: Rgb, spectrum: &Spectrum) -> SampledSpectrum {
         // The spectrum includes the white light already.
         self.reflectance(rgb) * self.lanes(spectrum.0.light, |lambda| spectrum.at(lambda))
     }
 }
 
-/// The serialised form of a spectrum.
+/// The serialised form of a [`Spectrum`].
 #[derive(Serialize, Deserialize)]
 #[serde(untagged)]
 enum Written {
@@ -258,7 +260,7 @@ mod tests {
     use super::*;
     use crate::spectrum::response::RGB_FROM_XYZ;
 
-    /// CIE x, y of a linear colour.
+    /// CIE 1931 chromaticity x, y of a linear colour.
     fn chromaticity(rgb: Rgb) -> [f64; 2] {
         let m = glam::DMat3::from_cols_array_2d(&RGB_FROM_XYZ).transpose();
         let [r, g, b] = rgb.to_array().map(f64::from);
@@ -269,8 +271,8 @@ mod tests {
     #[test]
     fn lights_have_their_published_chromaticities() {
         let read = |text: &str| Spectrum::try_from(Written::Text(text.into())).expect("a spectrum");
-        // The Planckian locus of the CIE 1931 observer (Wyszecki and Stiles, Color Science, table
-        // 1(3.11)), and CIE 15.
+        // Expected values: the Planckian locus of the CIE 1931 observer (Wyszecki and Stiles, Color
+        // Science, table 1(3.11)), and CIE 15.
         for (text, x, y) in [
             ("blackbody:2000", 0.5267, 0.4133),
             ("blackbody:3000", 0.4369, 0.4041),

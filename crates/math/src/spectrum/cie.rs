@@ -1,8 +1,8 @@
 //! Tables of the International Commission on Illumination (CIE): the standard observer of 1931 and
 //! illuminants.
 //!
-//! Data, from CIE 018:2019, Basic photometry (colour-matching functions), and CIE 015:2018,
-//! Colorimetry (illuminants A, D50 and D65).
+//! The data are those of CIE 018:2019, Basic photometry (colour-matching functions), and CIE
+//! 015:2018, Colorimetry (illuminants A, D50 and D65).
 
 /// Shortest wavelength of the tables of the observer, nm.
 pub const LAMBDA_MIN: f32 = 360.0;

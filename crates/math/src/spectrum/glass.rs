@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Fraunhofer lines in nm: a single index of refraction is measured at d, and dispersion between F
-/// and C.
+/// The Fraunhofer lines d, F and C in nm. A single index of refraction is measured at d, and
+/// dispersion between F and C.
 pub const LINE_D: f32 = 587.561_8;
 const LINE_F: f32 = 486.132_7;
 const LINE_C: f32 = 656.272_5;
@@ -15,13 +15,13 @@ const LINE_C: f32 = 656.272_5;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Written", into = "Written")]
 pub enum RefractiveIndex {
-    /// The same for all wavelengths.
+    /// The same index at all wavelengths.
     Constant(f32),
     /// Cauchy's formula `a + b / lambda^2` with the wavelength in micrometres.
     Cauchy {
-        /// The limit for long wavelengths.
+        /// The index in the limit of long wavelengths.
         a: f32,
-        /// Dispersion, square micrometres.
+        /// The dispersion in square micrometres.
         b: f32,
     },
     /// A glass or another clear substance by name.
@@ -30,8 +30,8 @@ pub enum RefractiveIndex {
 
 impl RefractiveIndex {
     /// The index `n` at the d line with Abbe number `abbe = (n - 1) / (n_F - n_C)`, by Cauchy's
-    /// formula. A smaller number means more dispersion; one that is not positive and finite means
-    /// none.
+    /// formula. A smaller Abbe number means more dispersion; one that is not positive and finite
+    /// gives no dispersion.
     pub fn from_abbe(n: f32, abbe: f32) -> Self {
         if abbe.is_nan() || abbe <= 0.0 || abbe.is_infinite() {
             return Self::Constant(n);
@@ -55,7 +55,7 @@ impl RefractiveIndex {
         self.at(LINE_D)
     }
 
-    /// True if it depends on the wavelength.
+    /// True if the index depends on the wavelength.
     pub fn is_dispersive(self) -> bool {
         match self {
             Self::Constant(_) => false,
@@ -64,7 +64,7 @@ impl RefractiveIndex {
         }
     }
 
-    /// `(n_d - 1) / (n_F - n_C)`; infinite without dispersion.
+    /// The Abbe number `(n_d - 1) / (n_F - n_C)`; infinite without dispersion.
     pub fn abbe_number(self) -> f32 {
         (self.at(LINE_D) - 1.0) / (self.at(LINE_F) - self.at(LINE_C))
     }
@@ -129,8 +129,8 @@ impl TryFrom<Written> for RefractiveIndex {
     }
 }
 
-/// A glass or another clear substance with measured dispersion, by Sellmeier's formula `n^2 = 1 +
-/// sum of B lambda^2 / (lambda^2 - C)` with the wavelength in micrometres.
+/// A glass or another clear substance with measured dispersion, by Sellmeier's formula
+/// `n^2 = 1 + sum of B lambda^2 / (lambda^2 - C)` with the wavelength in micrometres.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Glass(usize);
 
@@ -151,12 +151,12 @@ impl Glass {
         (0..GLASSES.len()).map(Self)
     }
 
-    /// The glass of this name, in any case.
+    /// The glass of this name, in any case; `None` if it is unknown.
     pub fn named(name: &str) -> Option<Self> {
         GLASSES.iter().position(|g| g.name.eq_ignore_ascii_case(name)).map(Self)
     }
 
-    /// Its name, such as `BK7`.
+    /// The name of the glass, such as `BK7`.
     pub fn name(self) -> &'static str {
         GLASSES[self.0].name
     }
@@ -170,9 +170,10 @@ impl Glass {
     }
 }
 
-/// All glasses. BK7, SF11 and N-SF11: Schott's catalogue of 2017. Fused silica: Malitson, J. Opt.
-/// Soc. Am. 55 (1965). Sapphire (ordinary ray): Malitson, J. Opt. Soc. Am. 52 (1962). Diamond:
-/// Peter, Z. Phys. 15 (1923). Water at 20 degrees: Daimon and Masumura, Appl. Opt. 46 (2007).
+/// The sources: Schott's catalogue of 2017 for BK7, SF11 and N-SF11; Malitson, J. Opt. Soc. Am. 55
+/// (1965) for fused silica; Malitson, J. Opt. Soc. Am. 52 (1962) for sapphire (ordinary ray);
+/// Peter, Z. Phys. 15 (1923) for diamond; Daimon and Masumura, Appl. Opt. 46 (2007) for water at 20
+/// °C.
 const GLASSES: &[Entry] = &[
     Entry {
         name: "BK7",
@@ -213,7 +214,7 @@ mod tests {
 
     #[test]
     fn glasses_have_their_published_index_and_abbe_number() {
-        // n_d and V_d by the makers' data sheets; diamond and sapphire by the papers.
+        // Expected n_d and V_d: the makers' data sheets, and the papers for diamond and sapphire.
         for (name, n, abbe) in [
             ("BK7", 1.5168, 64.17),
             ("SF11", 1.784_72, 25.76),

@@ -1,9 +1,10 @@
 //! Metals by name, with measured complex indices of refraction.
 //!
 //! The tables are those of refractiveindex.info (M. N. Polyanskiy, Sci. Data 11, 94, 2024; CC0),
-//! from the papers named with each, from the last entry below 360 nm to the first above 830 nm. For
-//! platinum and tungsten they are `Rakic-LD`, a fit to optical measurements (the tables of Werner
-//! et al. come from electrons, not from light), here at fewer wavelengths.
+//! from the papers named at each table. They run from the last entry below 360 nm to the first
+//! above 830 nm. The tables of platinum and tungsten are `Rakic-LD`, a fit to optical measurements,
+//! sampled at fewer wavelengths here (the tables of Werner et al. come from electrons, not from
+//! light).
 
 use super::response::rgb_of_reflectance;
 use super::{ColorMode, Rgb, SampledSpectrum, table};
@@ -19,11 +20,11 @@ pub struct Metal(usize);
 struct Entry {
     symbol: &'static str,
     name: &'static str,
-    /// Wavelength in nm, n, k.
+    /// Rows of wavelength in nm, n and k, by ascending wavelength.
     rows: &'static [[f32; 3]],
 }
 
-/// Red, green and blue of n and k of each metal.
+/// Values of n and of k for red, green and blue, for each metal.
 static RGB: LazyLock<Vec<[Rgb; 2]>> =
     LazyLock::new(|| Metal::all().map(Metal::rgb_indices).collect());
 
@@ -33,7 +34,7 @@ impl Metal {
         (0..METALS.len()).map(Self)
     }
 
-    /// The metal of this chemical symbol or English name, in any case.
+    /// The metal of this chemical symbol or English name, in any case; `None` if it is unknown.
     pub fn named(name: &str) -> Option<Self> {
         let is = |other: &str| other.eq_ignore_ascii_case(name);
         METALS.iter().position(|m| is(m.symbol) || is(m.name)).map(Self)
@@ -71,8 +72,8 @@ impl Metal {
         ((n - 1.0) * (n - 1.0) + k * k) / ((n + 1.0) * (n + 1.0) + k * k)
     }
 
-    /// Indices for red, green and blue: the mean n of each channel, and the k that reproduces the
-    /// colour of the measured reflectance at normal incidence.
+    /// Indices n and k for red, green and blue. Each n is the mean over its channel, and each k is
+    /// chosen so that the colour of the measured reflectance at normal incidence is reproduced.
     fn rgb_indices(self) -> [Rgb; 2] {
         let smallest = METALS[self.0].rows.iter().map(|row| row[1]).fold(f32::INFINITY, f32::min);
         let n = rgb_of_reflectance(|lambda| self.index(lambda)[0].into()).map(|n| n.max(smallest));
@@ -102,7 +103,7 @@ impl TryFrom<String> for Metal {
     }
 }
 
-/// All metals, by symbol.
+/// All metals, ordered by symbol.
 const METALS: &[Entry] = &[
     Entry { symbol: "Ag", name: "silver", rows: SILVER },
     Entry { symbol: "Al", name: "aluminium", rows: ALUMINIUM },
@@ -188,7 +189,7 @@ const NICKEL: &[[f32; 3]] = &[
     [821.0, 2.26, 4.97], [892.0, 2.4, 5.23],
 ];
 
-/// By the Lorentz-Drude fit of Rakic, Djurisic, Elazar and Majewski, Optical properties of metallic
+/// The Lorentz-Drude fit of Rakic, Djurisic, Elazar and Majewski, Optical properties of metallic
 /// films, Appl. Opt. 37 (1998).
 #[rustfmt::skip]
 const PLATINUM: &[[f32; 3]] = &[
@@ -210,7 +211,7 @@ const TITANIUM: &[[f32; 3]] = &[
     [821.0, 3.21, 4.01], [892.0, 3.29, 3.96],
 ];
 
-/// By the Lorentz-Drude fit of Rakic, Djurisic, Elazar and Majewski, Optical properties of metallic
+/// The Lorentz-Drude fit of Rakic, Djurisic, Elazar and Majewski, Optical properties of metallic
 /// films, Appl. Opt. 37 (1998).
 #[rustfmt::skip]
 const TUNGSTEN: &[[f32; 3]] = &[

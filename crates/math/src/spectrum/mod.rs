@@ -54,7 +54,7 @@ impl SampledSpectrum {
         Self([f(a), f(b), f(c), f(d)])
     }
 
-    /// Applies a function to each lane and that of another.
+    /// Applies a function to each lane together with the same lane of `other`.
     #[inline(always)]
     pub fn zip(self, other: Self, f: impl Fn(f32, f32) -> f32) -> Self {
         let ([a, b, c, d], [e, g, h, i]) = (self.0, other.0);
@@ -76,7 +76,7 @@ impl SampledSpectrum {
     /// True if every lane is 0 (or negative zero).
     #[inline]
     pub fn is_black(self) -> bool {
-        // (Without branches.)
+        // This form has no branches.
         let [a, b, c, d] = self.0;
         (a == 0.0) & (b == 0.0) & (c == 0.0) & (d == 0.0)
     }
@@ -88,25 +88,25 @@ impl SampledSpectrum {
         a.is_finite() & b.is_finite() & c.is_finite() & d.is_finite()
     }
 
-    /// Square roots; negative lanes count as 0.
+    /// The square root of each lane; negative lanes count as 0.
     #[inline]
     pub fn sqrt(self) -> Self {
         self.map(|x| x.max(0.0).sqrt())
     }
 
-    /// Exponentials.
+    /// The exponential of each lane.
     #[inline]
     pub fn exp(self) -> Self {
         self.map(f32::exp)
     }
 
-    /// Clamped to `[lo, hi]`.
+    /// Each lane clamped to `[lo, hi]`.
     #[inline(always)]
     pub fn clamp(self, lo: f32, hi: f32) -> Self {
         self.map(|x| x.clamp(lo, hi))
     }
 
-    /// `self (1 - t) + other t`.
+    /// `self * (1 - t) + other * t`, for each lane.
     #[inline(always)]
     pub fn lerp(self, other: Self, t: f32) -> Self {
         self * (1.0 - t) + other * t

@@ -10,7 +10,7 @@ pub enum ColorModel {
     /// Three values: linear Rec. 709.
     #[default]
     Rgb,
-    /// Four wavelengths per path, sampled for each sample.
+    /// Four wavelengths for each path, chosen anew for each sample.
     Spectral,
 }
 
@@ -18,7 +18,7 @@ impl ColorModel {
     /// All models.
     pub const ALL: [Self; 2] = [Self::Rgb, Self::Spectral];
 
-    /// The name on the command line.
+    /// The model's name on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Rgb => "rgb",
@@ -26,8 +26,8 @@ impl ColorModel {
         }
     }
 
-    /// The mode of a path. `u` returns a number in `[0, 1)` that samples its wavelengths; it is
-    /// called only in spectral mode.
+    /// The mode of a new path. `u` returns a number in `[0, 1)` from which the wavelengths are
+    /// sampled; it is called only in spectral mode.
     #[inline]
     pub fn mode(self, u: impl FnOnce() -> f32) -> ColorMode {
         match self {
@@ -62,7 +62,7 @@ impl ColorMode {
         }
     }
 
-    /// The lanes of an emitted or incident radiance: white is the light of illuminant D65.
+    /// The lanes of an emitted or incident radiance. White stands for the light of illuminant D65.
     #[inline]
     pub fn illuminant(self, color: impl Into<Color>) -> SampledSpectrum {
         let Color { rgb: color, spectrum } = color.into();
@@ -72,7 +72,7 @@ impl ColorMode {
         self.rgb_illuminant(color)
     }
 
-    /// [`Self::illuminant`] of a radiance without a spectrum of its own.
+    /// [`Self::illuminant`] for a radiance without a spectrum of its own.
     #[inline(always)]
     pub fn rgb_illuminant(self, color: Rgb) -> SampledSpectrum {
         match self {
@@ -83,14 +83,14 @@ impl ColorMode {
         }
     }
 
-    /// [`Self::rgb_illuminant`] in spectral mode, from a precomputed [`RgbSpectrum::of_light`]:
-    /// that is the expensive part, and many colours never change.
+    /// [`Self::rgb_illuminant`] in spectral mode, from a precomputed [`RgbSpectrum::of_light`].
+    /// Computing that spectrum is the expensive part, and many colours never change.
     #[inline(always)]
     pub fn light_at(wavelengths: &SampledWavelengths, spectrum: &RgbSpectrum) -> SampledSpectrum {
         spectrum.at(wavelengths) * SampledSpectrum(wavelengths.lambda().map(white_light))
     }
 
-    /// The radiance of a surface of this reflectance, per lane, in white light of radiance 1.
+    /// The lanes of the radiance of a surface of this reflectance in white light of radiance 1.
     #[inline]
     pub fn in_white_light(self, reflectance: SampledSpectrum) -> SampledSpectrum {
         match self {
@@ -110,8 +110,8 @@ impl ColorMode {
         }
     }
 
-    /// The colour that a sensor sees, in linear Rec. 709. In spectral mode it is the estimate from
-    /// these wavelengths, which may be negative.
+    /// The colour that a sensor sees, in linear Rec. 709. In spectral mode it is an estimate from
+    /// the path's wavelengths, which may be negative.
     #[inline]
     pub fn to_rgb(self, s: SampledSpectrum) -> Rgb {
         match self {
@@ -120,8 +120,8 @@ impl ColorMode {
         }
     }
 
-    /// The lanes of a quantity that depends on the wavelength (nm in vacuum); in RGB mode, the
-    /// given red, green and blue.
+    /// The lanes of a quantity that depends on the wavelength: `at` at each wavelength (nm in
+    /// vacuum), or `rgb` in RGB mode.
     #[inline]
     pub fn lanes(self, rgb: Rgb, at: impl Fn(f32) -> f32) -> SampledSpectrum {
         match self {
@@ -130,7 +130,7 @@ impl ColorMode {
         }
     }
 
-    /// The wavelength in nm that determines the path where wavelengths separate: the hero's, or
+    /// The wavelength in nm that a path follows where its wavelengths separate: the hero's, or
     /// `otherwise` in RGB mode.
     #[inline]
     pub fn hero(self, otherwise: f32) -> f32 {
@@ -141,8 +141,8 @@ impl ColorMode {
     }
 
     /// The factor on a path's throughput where its wavelengths separate and only the hero's is
-    /// followed: it represents the others from there on. It is 1 in RGB mode, where they do not
-    /// separate, and in the hero's lane if the others are gone already.
+    /// followed, which then represents all of them. The factor is 1 in RGB mode, where nothing
+    /// separates, and in the hero's lane if the other wavelengths were dropped before.
     #[inline]
     pub fn hero_factor(self) -> SampledSpectrum {
         match self {

@@ -1,8 +1,8 @@
 //! The response of a sensor to a spectrum: CIE 1931 tristimulus values, and linear Rec. 709 with a
 //! white that is exactly (1, 1, 1).
 //!
-//! The white is that of illuminant D65 in our own tables, so that rounding does not tint the colour
-//! of the illuminant.
+//! The white is illuminant D65 as it stands in our own tables, so that rounding does not tint the
+//! colour of the illuminant.
 
 use super::cie::{D65, LAMBDA_COUNT, LAMBDA_MAX, LAMBDA_MIN, OBSERVER_1931};
 use super::{LANES, Rgb, SampledSpectrum, SampledWavelengths};
@@ -10,22 +10,22 @@ use super::{LANES, Rgb, SampledSpectrum, SampledWavelengths};
 /// Chromaticities of red, green and blue (ITU-R BT.709).
 const PRIMARIES: [[f64; 2]; 3] = [[0.64, 0.33], [0.30, 0.60], [0.15, 0.06]];
 
-/// D65 at the wavelengths of the observer, scaled to the luminance of a light of 1 at all
+/// D65 at the wavelengths of the observer, scaled to the luminance of light of radiance 1 at all
 /// wavelengths.
 static WHITE: [f32; LAMBDA_COUNT] = white();
 
-/// The contribution of 1 nm of radiance to red, green and blue; a radiance of 1 at all wavelengths
-/// has luminance 1.
+/// The contribution of 1 nm of radiance to red, green and blue, in units in which light of radiance
+/// 1 at all wavelengths has luminance 1.
 static RESPONSE: [[f32; 3]; LAMBDA_COUNT] = response();
 
-/// D65 at a wavelength of the observer: interpolated linearly.
+/// D65 at wavelength `i` of the observer, interpolated linearly.
 const fn d65(i: usize) -> f64 {
     let (node, t) = (i / 5, (i % 5) as f64 / 5.0);
     let next = if node + 1 < D65.len() { node + 1 } else { node };
     D65[node] * (1.0 - t) + D65[next] * t
 }
 
-/// Y of a light of 1 at all wavelengths, in units of the observer's table.
+/// Y of light of radiance 1 at all wavelengths, in units of the observer's table.
 const OBSERVED: f64 = observed();
 
 const fn observed() -> f64 {
@@ -82,8 +82,8 @@ const fn response() -> [[f32; 3]; LAMBDA_COUNT] {
 pub const RGB_FROM_XYZ: [[f64; 3]; 3] = rgb_from_xyz();
 
 const fn rgb_from_xyz() -> [[f64; 3]; 3] {
-    // Columns: X, Y, Z of each primary with Y = 1. Its inverse is scaled row by row so that white
-    // becomes (1, 1, 1).
+    // The columns are X, Y, Z of each primary with Y = 1. The inverse of this matrix is scaled row
+    // by row so that white becomes (1, 1, 1).
     let mut m = [[0.0; 3]; 3];
     let mut c = 0;
     while c < 3 {
@@ -130,7 +130,8 @@ const fn inverse(m: [[f64; 3]; 3]) -> [[f64; 3]; 3] {
     cofactors
 }
 
-/// The entry below a wavelength, and the fraction to the next.
+/// The index of the table entry at or below a wavelength in nm, and the fraction of the way to the
+/// next entry.
 #[inline]
 fn place(lambda: f32) -> (usize, f32) {
     let x = (lambda - LAMBDA_MIN).clamp(0.0, LAMBDA_MAX - LAMBDA_MIN);
@@ -138,29 +139,29 @@ fn place(lambda: f32) -> (usize, f32) {
     (i, x - i as f32)
 }
 
-/// Spectral radiance of white light (D65) whose colour is (1, 1, 1), relative to the equal-energy
-/// light of luminance 1.
+/// Spectral radiance of white light (D65) at a wavelength in nm. The light has the colour (1, 1,
+/// 1); the unit is the radiance of equal-energy light of luminance 1.
 #[inline]
 pub fn white_light(lambda: f32) -> f32 {
     let (i, t) = place(lambda);
     WHITE[i] * (1.0 - t) + WHITE[i + 1] * t
 }
 
-/// The contribution of 1 nm of radiance 1 at a wavelength to linear red, green and blue. Single
-/// wavelengths lie outside of the triangle of the primaries, so some entries are negative.
+/// The contribution of 1 nm of radiance 1 at a wavelength in nm to linear red, green and blue.
+/// Single wavelengths lie outside of the triangle of the primaries, so some entries are negative.
 #[inline]
 pub fn rgb_response(lambda: f32) -> [f32; 3] {
     let (i, t) = place(lambda);
     response_at(i, t)
 }
 
-/// The same for the fraction `t` of a nm above the whole number `i` of nm from [`LAMBDA_MIN`].
+/// [`rgb_response`] at the wavelength `i + t` nm above [`LAMBDA_MIN`], with `t` in `[0, 1)`.
 #[inline(always)]
 fn response_at(i: usize, t: f32) -> [f32; 3] {
     std::array::from_fn(|c| RESPONSE[i][c] * (1.0 - t) + RESPONSE[i + 1][c] * t)
 }
 
-/// The estimated colour of a spectrum that is known at sampled wavelengths.
+/// The estimated colour of a spectrum from its values at sampled wavelengths.
 pub fn rgb_of_samples(spectrum: SampledSpectrum, wavelengths: &SampledWavelengths) -> Rgb {
     let mut rgb = [0.0; 3];
     for (value, lambda) in spectrum.0.into_iter().zip(wavelengths.lambda()) {
@@ -208,7 +209,7 @@ mod tests {
     fn white_is_one_and_the_matrix_is_that_of_the_standard() {
         let [r, g, b] = rgb_of_reflectance(|_| 1.0).to_array();
         assert!([r, g, b].iter().all(|c| (c - 1.0).abs() < 1e-5), "{r} {g} {b}");
-        // IEC 61966-2-1, for the white point (0.3127, 0.3290).
+        // The expected matrix is that of IEC 61966-2-1, for the white point (0.3127, 0.3290).
         let standard =
             [[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]];
         for (row, expected) in RGB_FROM_XYZ.iter().zip(standard) {
@@ -235,7 +236,8 @@ mod tests {
         );
     }
 
-    /// The rows of a CSV file without its header; `None` if the shared data is absent.
+    /// The rows of a CSV file of the shared data, without its header; `None` if the data are
+    /// absent.
     fn csv(name: &str) -> Option<Vec<Vec<String>>> {
         let path =
             format!("{}/../../../shared/data/spectra/cie/{name}", env!("CARGO_MANIFEST_DIR"));
@@ -251,8 +253,8 @@ mod tests {
         )
     }
 
-    /// The spectra of the 24 patches of the ColorChecker yield the colours computed elsewhere, and
-    /// spectra from these colours yield them again.
+    /// The spectra of the 24 patches of the ColorChecker must give the published colours, and the
+    /// upsampled spectra of these colours must give the same colours again.
     #[test]
     fn a_colour_checker_has_its_colours_and_they_come_back() {
         let (Some(spectra), Some(colors)) = (

@@ -3,8 +3,8 @@
 use serde::{Deserialize, Serialize};
 use std::ops::{Add, Mul, Sub};
 
-/// A colour in linear Rec. 709 (the primaries of sRGB, without its curve). It has no upper bound:
-/// lights may be far above 1.
+/// A colour in linear Rec. 709, which has the primaries of sRGB but no transfer curve. Channels
+/// have no upper bound: lights may be far above 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(from = "[f32; 3]", into = "[f32; 3]")]
 pub struct Rgb {
@@ -123,13 +123,14 @@ impl Mul<f32> for Rgb {
     }
 }
 
-/// The inverse of the sRGB transfer curve (IEC 61966-2-1).
+/// The inverse of the sRGB transfer curve (IEC 61966-2-1): from an encoded value to a linear one.
 #[inline]
 pub fn srgb_to_linear(x: f32) -> f32 {
     if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
 }
 
-/// The sRGB transfer curve (IEC 61966-2-1). Values outside `[0, 1]` are not clamped.
+/// The sRGB transfer curve (IEC 61966-2-1): from a linear value to an encoded one. Values outside
+/// `[0, 1]` are not clamped.
 #[inline]
 pub fn linear_to_srgb(x: f32) -> f32 {
     if x <= 0.003_130_8 { x * 12.92 } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }

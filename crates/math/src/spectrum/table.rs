@@ -1,8 +1,8 @@
 //! Tabulated functions of the wavelength.
 
-/// The values of a table at a wavelength, interpolated linearly between its rows and constant
-/// beyond its ends. Each row is a wavelength, in ascending order, and the values there. Zero for an
-/// empty table.
+/// The values of a table at a wavelength, interpolated linearly between the rows and constant
+/// beyond the ends. Each row is a wavelength, in ascending order, followed by the values at it. An
+/// empty table gives zeros.
 pub fn lookup<const ROW: usize, const VALUES: usize>(
     rows: &[[f32; ROW]],
     lambda: f32,

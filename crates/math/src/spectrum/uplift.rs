@@ -1,14 +1,14 @@
 //! Spectral upsampling: smooth reflectances that have a given colour in white light (Jakob and
 //! Hanika, A Low-Dimensional Function Space for Efficient Spectral Upsampling, Eurographics 2019).
 //!
-//! A reflectance is `S(c0 t^2 + c1 t + c2)` with the sigmoid `S(x) = 1/2 + x / (2 sqrt(1 + x^2))`
-//! and `t` from 0 to 1 over the visible range: it is between 0 and 1 for any coefficients.
-//! Coefficients are found by Newton's method on a grid of colours when the first colour is
-//! requested, and interpolated.
+//! A reflectance is `S(c0 t^2 + c1 t + c2)` with the sigmoid `S(x) = 1/2 + x / (2 sqrt(1 + x^2))`,
+//! where `t` goes from 0 to 1 over the visible range. It is between 0 and 1 for any coefficients.
+//! When the first colour is requested, the coefficients are found by Newton's method on a grid of
+//! colours; other colours are interpolated.
 //!
-//! Only colours whose largest channel is at least one half need a place in the grid: a darker one
-//! is the scaled spectrum of a brighter one, which is as smooth, and reproduces the colour as
-//! exactly. The same holds for lights, which have no upper bound.
+//! Only colours whose largest channel is at least one half need a place in the grid. The spectrum
+//! of a darker colour is a scaled spectrum of a brighter one, which is as smooth and reproduces the
+//! colour as exactly. Lights, which have no upper bound, are scaled in the same way.
 
 use super::cie::{LAMBDA_MAX, LAMBDA_MIN};
 use super::response::{rgb_response, white_light};
@@ -17,15 +17,15 @@ use glam::{DMat3, DVec3};
 use std::cell::Cell;
 use std::sync::LazyLock;
 
-/// Nodes of the grid in the ratios of the two smaller channels to the largest.
+/// Number of grid nodes in each ratio of one of the two other channels to the largest.
 const RATIOS: usize = 40;
-/// Nodes of the grid in the largest channel, from [`DARKEST`] to 1.
+/// Number of grid nodes in the value of the largest channel, from [`DARKEST`] to 1.
 const VALUES: usize = 20;
 /// The largest channel of the darkest colours of the grid.
 const DARKEST: f32 = 0.5;
-/// The smallest channel of the palest colours in the grid.
+/// The smallest channel of the palest colours in the grid. Paler colours are mixed with white.
 const PALEST: f32 = 0.75;
-/// How much denser the ratios of the grid are near 0 and 1, in `[0, 1]`.
+/// How much denser the nodes are near the ratios 0 and 1 than in the middle, in `[0, 1]`.
 const CROWDING: f32 = 0.7;
 
 /// The spectrum for a colour: a scaled smooth reflectance.
@@ -40,8 +40,9 @@ impl RgbSpectrum {
     /// The zero spectrum.
     const BLACK: Self = Self { coefficients: [0.0; 3], scale: 0.0, offset: 0.0 };
 
-    /// The spectrum of a factor. Colours within `[0, 1]` give spectra within `[0, 1]`, and greys
-    /// constant ones. Channels below 0 count as 0; values above 1 scale the spectrum.
+    /// The spectrum of a reflectance or other factor. Colours within `[0, 1]` give spectra within
+    /// `[0, 1]`, and greys give constant spectra. Channels below 0 count as 0; channels above 1
+    /// scale the spectrum.
     pub fn of_factor(color: Rgb) -> Self {
         let bits = color.to_array().map(f32::to_bits);
         let place = bits.iter().fold(0u32, |hash, bits| (hash ^ bits).wrapping_mul(0x9e37_79b1))
@@ -58,13 +59,14 @@ impl RgbSpectrum {
         })
     }
 
-    /// The factor by which the spectrum of white light is multiplied to give light of this colour,
-    /// at any brightness.
+    /// The factor that turns the spectrum of white light into light of this colour, at any
+    /// brightness.
     pub fn of_light(color: Rgb) -> Self {
         Self::new(color, DARKEST)
     }
 
-    /// The spectrum of a colour, from the one whose largest channel is `value`.
+    /// The spectrum of a colour: that of the colour scaled to a largest channel of `value`, scaled
+    /// back.
     fn new(color: Rgb, value: f32) -> Self {
         let [r, g, b] = color.to_array().map(|x| if x > 0.0 { x } else { 0.0 });
         let largest = r.max(g).max(b);
@@ -75,8 +77,8 @@ impl RgbSpectrum {
         if r == g && g == b {
             return Self { coefficients: [0.0; 3], scale: 0.0, offset: largest };
         }
-        // Near white the coefficients diverge: such a colour is a mixture of white and a colour
-        // farther away.
+        // Near white the coefficients diverge, so a pale colour is mixed from white and a colour
+        // farther away from white.
         let smallest = r.min(g).min(b) / scale;
         let white = ((smallest - PALEST) / (1.0 - PALEST)).max(0.0);
         let color = [r, g, b].map(|x| (x / scale - white) / (1.0 - white));
@@ -112,8 +114,9 @@ fn sigmoid(x: f32) -> f32 {
     0.5 + 0.5 * x / (1.0 + x * x).sqrt()
 }
 
-/// Coefficients of colours on a grid: the index of the largest channel, its value, and the ratios
-/// of the next two channels (in the order red, green, blue, red) to it.
+/// Coefficients of colours on a grid. Its axes are the index of the largest channel, the value of
+/// that channel, and the ratios of the next two channels (in the order red, green, blue, red) to
+/// it.
 struct Grid {
     ratios: [f32; RATIOS],
     nodes: Vec<[f32; 3]>,
@@ -121,31 +124,31 @@ struct Grid {
 
 static GRID: LazyLock<Grid> = LazyLock::new(Grid::new);
 
-/// Binary logarithm of the size of the cache of factors: scenes have few, which are requested at
+/// Binary logarithm of the number of cached factors. A scene has few, and they are requested at
 /// every vertex.
 const RECENT_BITS: u32 = 6;
 
 thread_local! {
-    /// A cache of the latest factors, indexed by the bits of their colours. Initially it holds
-    /// black everywhere.
+    /// A cache of the latest factors, indexed by a hash of the bits of their colours. Initially
+    /// every entry is black.
     static RECENT: [Cell<([u32; 3], RgbSpectrum)>; 1 << RECENT_BITS] =
         const { [const { Cell::new(([0; 3], RgbSpectrum::BLACK)) }; 1 << RECENT_BITS] };
 }
 
-/// The value of a node, from [`DARKEST`] to 1 and denser towards 1.
+/// The value of the largest channel at a node, from [`DARKEST`] to 1, denser towards 1.
 fn node_value(i: usize) -> f32 {
     let s = 1.0 - i as f32 / (VALUES - 1) as f32;
     1.0 - (1.0 - DARKEST) * s * s
 }
 
-/// The node below a value, and the fraction to the next.
+/// The node at or below a value, and the fraction of the way to the next node.
 fn value_place(value: f32) -> (usize, f32) {
     let x = (1.0 - ((1.0 - value) / (1.0 - DARKEST)).max(0.0).sqrt()) * (VALUES - 1) as f32;
     let i = (x as usize).min(VALUES - 2);
     (i, x - i as f32)
 }
 
-/// The ratio of a node, from 0 to 1 and denser towards both.
+/// The ratio at a node, from 0 to 1, denser towards both ends.
 fn node_ratio(i: usize) -> f32 {
     let s = i as f32 / (RATIOS - 1) as f32;
     s + CROWDING * (s * s * (3.0 - 2.0 * s) - s)
@@ -162,8 +165,8 @@ impl Grid {
         for channel in 0..3 {
             for third in (0..RATIOS).rev() {
                 for second in (0..RATIOS).rev() {
-                    // The start value comes from the neighbour that was solved before, beginning at
-                    // grey.
+                    // Newton's method starts at the solution of a neighbour that was solved before;
+                    // the first one starts at grey.
                     let mut start = match (second + 1 < RATIOS, third + 1 < RATIOS) {
                         (true, _) => nodes[index(channel, 0, second + 1, third)],
                         (false, true) => nodes[index(channel, 0, second, third + 1)],
@@ -176,8 +179,8 @@ impl Grid {
                         color[(channel + 2) % 3] = node_value(value) * node_ratio(third);
                         let found = solver.solve(color, start);
                         nodes[index(channel, value, second, third)] = found;
-                        // Extrapolation: the next one is about as far from this one as this one is
-                        // from the last.
+                        // The start is extrapolated: the next solution is about as far from this
+                        // one as this one is from the previous one.
                         let last = if value == 0 {
                             found
                         } else {
@@ -192,7 +195,7 @@ impl Grid {
         Self { ratios: std::array::from_fn(node_ratio), nodes }
     }
 
-    /// The node below a ratio, and the fraction to the next.
+    /// The node at or below a ratio, and the fraction of the way to the next node.
     fn ratio_place(&self, ratio: f32) -> (usize, f32) {
         let nodes = &self.ratios;
         let i = nodes[1..RATIOS - 1].partition_point(|&node| node <= ratio);
@@ -227,26 +230,26 @@ impl Grid {
     }
 }
 
-/// Distance of the quadrature nodes in nm, and their number.
+/// Spacing of the quadrature nodes in nm, and their number.
 const STEP: usize = 5;
 const NODES: usize = (LAMBDA_MAX - LAMBDA_MIN) as usize / STEP + 1;
-/// Number of nodes that are summed side by side; the last group is padded with nodes of weight 0.
+/// Number of nodes that are summed in parallel; the last group is padded with nodes of weight 0.
 const SIDE_BY_SIDE: usize = 8;
 const BUNDLES: usize = NODES.div_ceil(SIDE_BY_SIDE);
 
-/// Values for nodes that are summed side by side.
+/// Values at nodes that are summed in parallel.
 type Bundle = [f32; SIDE_BY_SIDE];
 
-/// Solves for coefficients.
+/// Finds the coefficients of a colour.
 struct Solver {
-    /// The contribution of a reflectance of 1 at each node to red, green and blue in white light.
+    /// What a reflectance of 1 at each node contributes to red, green and blue in white light.
     weights: Vec<[Bundle; 3]>,
 }
 
 impl Solver {
     fn new() -> Self {
-        // Exact for reflectances that are linear between the nodes: each nm is shared among its two
-        // nodes.
+        // The quadrature is exact for reflectances that are linear between the nodes: the response
+        // at each nm is shared among the two nodes around it.
         let mut sums = [[0.0; 3]; NODES];
         for i in 0..=(NODES - 1) * STEP {
             let lambda = LAMBDA_MIN + i as f32;
@@ -269,7 +272,8 @@ impl Solver {
         Self { weights }
     }
 
-    /// The colour for some coefficients and its derivatives by them.
+    /// The colour of the reflectance with coefficients `c`, and its derivatives with respect to
+    /// them.
     fn evaluate(&self, c: [f32; 3]) -> ([f32; 3], [[f32; 3]; 3]) {
         let mut colors = [[0.0; SIDE_BY_SIDE]; 3];
         let mut slopes = [[[0.0; SIDE_BY_SIDE]; 3]; 3];
@@ -292,7 +296,8 @@ impl Solver {
         (colors.map(sum), slopes.map(|row| row.map(sum)))
     }
 
-    /// Coefficients with the closest colour, from a start value: the Levenberg-Marquardt method.
+    /// The coefficients whose colour is closest to `target`, by the Levenberg-Marquardt method from
+    /// `start`.
     fn solve(&self, target: [f32; 3], start: [f32; 3]) -> [f32; 3] {
         let error =
             |color: &[f32; 3]| -> [f32; 3] { std::array::from_fn(|k| target[k] - color[k]) };
@@ -345,7 +350,7 @@ mod tests {
     use super::*;
     use crate::rng;
 
-    /// The largest difference between a colour and that of its spectrum.
+    /// The largest difference of a channel between `color` and the colour of `spectrum`.
     fn error(color: Rgb, spectrum: RgbSpectrum) -> f32 {
         let seen = rgb_of_reflectance(|l| f64::from(spectrum.at_wavelength(l)));
         (0..3).map(|c| (seen.to_array()[c] - color.to_array()[c]).abs()).fold(0.0, f32::max)
@@ -359,7 +364,7 @@ mod tests {
             let [r, g, b, _] = rng::pcg4d([i, 1, 2, 3]).map(rng::to_unit);
             Rgb::new(r, g, b)
         });
-        // Near the edges and corners of the cube, where spectra are steepest.
+        // These colours lie near the edges and corners of the cube, where spectra are steepest.
         let extreme = (0..3000).map(|i| {
             let [r, g, b, k] = rng::pcg4d([i, 4, 5, 6]).map(rng::to_unit);
             Rgb::new(r, g, b).map(|x| ((x - 0.5) * (1.0 + 20.0 * k) + 0.5).clamp(0.0, 1.0))

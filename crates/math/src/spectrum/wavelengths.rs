@@ -5,29 +5,29 @@ use super::cie::{LAMBDA_COUNT, LAMBDA_MAX, LAMBDA_MIN};
 use crate::exponentials::{exp, ln};
 use crate::simd::{max, min};
 
-/// The wavelengths of a path's lanes: a *hero* and three that follow it at equal distances in the
-/// distribution, so that together they cover the visible range (Wilkie et al., Hero Wavelength
-/// Spectral Sampling, EGSR 2014).
+/// The wavelengths of a path's lanes: a *hero* wavelength and three that follow at equal distances
+/// in the distribution, so that together they cover the visible range (Wilkie et al., Hero
+/// Wavelength Spectral Sampling, EGSR 2014).
 ///
 /// They are sampled roughly in proportion to the sensitivity of the eye, from the density of
 /// Radziszewski et al. (An improved technique for full spectral rendering, 2009) with the
 /// parameters of pbrt-v4: `sech^2(0.0072 (lambda - 538 nm))`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SampledWavelengths {
-    /// Wavelengths in vacuum in nm; the first is the hero's.
+    /// Wavelengths in vacuum, in nm. The first is the hero's.
     lambda: [f32; LANES],
-    /// True if only the hero could follow the path.
+    /// True if the wavelengths were separated, so that only the hero's lane carries light.
     hero_only: bool,
 }
 
-/// Steepness of the density in 1/nm, and its maximum in nm.
+/// Steepness of the density in 1/nm, and the wavelength of its maximum in nm.
 const STEEPNESS: f32 = 0.0072;
 const PEAK: f32 = 538.0;
-/// `tanh(STEEPNESS (PEAK - LAMBDA_MIN))`, and the sum of it and the same for `LAMBDA_MAX`.
+/// `tanh(STEEPNESS (PEAK - LAMBDA_MIN))`, and its sum with `tanh(STEEPNESS (LAMBDA_MAX - PEAK))`.
 const TANH_MIN: f32 = 0.856_910_6;
 const TANH_RANGE: f32 = 1.827_495;
 
-/// `e^x` and `e^-x` for twice the argument of the density at each whole nm.
+/// `e^x` and `e^-x` at each whole nm, where `x` is twice the argument of the density.
 static EXPONENTIALS: [[f64; 2]; LAMBDA_COUNT] = {
     let mut all = [[0.0; 2]; LAMBDA_COUNT];
     let mut i = 0;
@@ -39,7 +39,7 @@ static EXPONENTIALS: [[f64; 2]; LAMBDA_COUNT] = {
     all
 };
 
-/// `e^x` for small numbers, by the Taylor series of a fraction of them.
+/// `e^x` for small `x`, at compile time: the 16th power of the Taylor series of `e^(x/16)`.
 const fn series(x: f64) -> f64 {
     let (x, mut sum, mut term, mut n) = (x / 16.0, 1.0, 1.0, 1);
     while n < 20 {
@@ -56,7 +56,7 @@ const fn series(x: f64) -> f64 {
 }
 
 impl SampledWavelengths {
-    /// The wavelengths for a number in `[0, 1)`.
+    /// The wavelengths for a uniform number `u` in `[0, 1)`.
     #[inline(always)]
     pub fn sample(u: f32) -> Self {
         let mut lambda = [0.0; LANES];
@@ -67,27 +67,27 @@ impl SampledWavelengths {
         Self { lambda, hero_only: false }
     }
 
-    /// Wavelengths in nm, lane by lane; the first is the hero's.
+    /// The wavelengths of the lanes in nm; the first is the hero's.
     #[inline]
     pub fn lambda(&self) -> [f32; LANES] {
         self.lambda
     }
 
-    /// Density per nm of the wavelengths of [`Self::sample`].
+    /// Density per nm with which [`Self::sample`] chooses a wavelength.
     #[inline(always)]
     pub fn pdf(lambda: f32) -> f32 {
-        // The square of twice the hyperbolic cosine.
+        // `e + 2 + 1 / e` is the square of twice the hyperbolic cosine.
         let e = exp(2.0 * f64::from(STEEPNESS * (lambda - PEAK)));
         (4.0 * f64::from(STEEPNESS) / (f64::from(TANH_RANGE) * (e + 2.0 + 1.0 / e))) as f32
     }
 
-    /// The reciprocal of [`Self::pdf`] at a wavelength that is `rest` above `whole` nm from
-    /// [`LAMBDA_MIN`], without an exponential.
+    /// The reciprocal of [`Self::pdf`] at the wavelength `whole + rest` nm above [`LAMBDA_MIN`],
+    /// computed without an exponential.
     #[inline(always)]
     pub(super) fn inverse_pdf(whole: usize, rest: f32) -> f32 {
         const FACTOR: f64 = TANH_RANGE as f64 / (4.0 * STEEPNESS as f64);
         let x = 2.0 * f64::from(STEEPNESS) * f64::from(rest);
-        // Taylor series; the argument is below 0.0145, and the remainder below 1e-14.
+        // Taylor series, with an argument below 0.0145 and a remainder below 1e-14.
         let (even, odd) = (
             1.0 + x * x * (0.5 + x * x * (1.0 / 24.0)),
             x * (1.0 + x * x * (1.0 / 6.0 + x * x * (1.0 / 120.0))),
@@ -102,18 +102,18 @@ impl SampledWavelengths {
         self.hero_only
     }
 
-    /// The same wavelengths after an event that separates them.
+    /// The same wavelengths after an event that separates them, so that only the hero's remains.
     #[inline]
     pub fn hero_only(self) -> Self {
         Self { hero_only: true, ..self }
     }
 }
 
-/// The wavelength at this value of the distribution function.
+/// The wavelength at which the distribution function has the value `u`.
 #[inline(always)]
 fn wavelength(u: f32) -> f32 {
     let tanh = f64::from(TANH_MIN) - f64::from(TANH_RANGE) * f64::from(u);
-    // The inverse of the hyperbolic tangent.
+    // The logarithm is the inverse hyperbolic tangent, times 2.
     let lambda = f64::from(PEAK) - ln((1.0 + tanh) / (1.0 - tanh)) * (0.5 / f64::from(STEEPNESS));
     min(max(lambda as f32, LAMBDA_MIN), LAMBDA_MAX)
 }
@@ -136,7 +136,7 @@ mod tests {
 
     #[test]
     fn wavelengths_follow_their_density_and_cover_the_visible_range() {
-        // The distribution function at a wavelength is the density integrated up to it.
+        // The density integrated up to a wavelength must be the distribution function there.
         let n = 4000;
         let step = (LAMBDA_MAX - LAMBDA_MIN) / n as f32;
         let (mut sum, mut at) = (0.0, Vec::new());

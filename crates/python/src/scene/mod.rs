@@ -138,7 +138,7 @@ impl Scene {
     /// material : Material, optional
     ///     For rendering; grey if left out.
     /// **parameters
-    ///     Those of the shape, in units of the scene.
+    ///     The parameters of the shape, in units of the scene.
     ///
     /// Examples
     /// --------
@@ -170,7 +170,7 @@ impl Scene {
     /// centers : array (n, 3)
     ///     Finite positions, kept in single precision.
     /// radii : array (n,) or float
-    ///     Positive.
+    ///     Positive radii.
     /// transform, name, mask, material
     ///     As for :meth:`add_mesh`.
     ///
@@ -204,7 +204,7 @@ impl Scene {
     ///     Finite positions of the points of all strands, one strand after the other; kept in
     ///     single precision.
     /// radii : array (n,) or float
-    ///     At each point, 0 or more.
+    ///     Radius at each point, 0 or more.
     /// strands : sequence of int, optional
     ///     Number of points of each strand. One strand if left out.
     /// basis : str
@@ -244,21 +244,21 @@ impl Scene {
 
     /// Adds the current contents of another scene as one object, and returns its id.
     ///
-    /// Its geometry is stored and accelerated once, however often it is instanced. Later changes of
-    /// the other scene have no effect here.
+    /// The geometry of the other scene is stored and accelerated once, however often it is
+    /// instanced. Later changes of the other scene have no effect here.
     ///
     /// Parameters
     /// ----------
     /// scene : Scene
     ///     The scene to instance. It may contain instances.
     /// transform : array (4, 4) or (3, 4), optional
-    ///     Map from its coordinates to this scene's.
+    ///     Map from the other scene's coordinates to this scene's.
     /// name : str, optional
     ///     A name for users.
     /// mask : int, optional
-    ///     Only rays whose mask shares a bit with it enter the instance.
+    ///     Only rays whose mask shares a bit with this mask enter the instance.
     /// material : Material, optional
-    ///     The material of its objects without their own.
+    ///     The material of the instanced objects that have no material of their own.
     ///
     /// Examples
     /// --------
@@ -313,7 +313,7 @@ impl Scene {
     /// vertices : array (n, 3)
     ///     Positions, as many as before.
     /// normals : array (n, 3), optional
-    ///     The old ones stay if this is left out.
+    ///     Normals at the vertices; the old normals stay if they are left out.
     ///
     /// Examples
     /// --------
@@ -499,8 +499,8 @@ impl Scene {
     }
 
     /// Whether the acceleration structures of meshes take less memory, by storing shared vertices
-    /// once. Hits are the same; queries of incoherent rays take up to a quarter longer. It applies
-    /// to instanced scenes, too.
+    /// once. Hits are the same; queries of incoherent rays take up to a quarter longer. The setting
+    /// also holds for instanced scenes.
     ///
     /// Examples
     /// --------
@@ -581,7 +581,7 @@ impl Scene {
     }
 }
 
-/// True if a dtype is `float64`; it may be left out.
+/// True for the dtype `float64`, false for `float32` or no dtype.
 fn precision(py: Python<'_>, dtype: Option<&Bound<'_, PyAny>>) -> PyResult<bool> {
     let Some(dtype) = dtype else { return Ok(false) };
     let dtype = crate::arrays::numpy(py, "dtype")?.call1((dtype,))?;

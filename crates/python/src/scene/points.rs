@@ -17,7 +17,7 @@ use rayon::prelude::*;
 use snell_intersect::{DWorld, World};
 use std::sync::Arc;
 
-/// Points of a piece.
+/// Number of points that a thread processes at a time.
 const POINTS: usize = 64;
 
 impl Scene {
@@ -34,7 +34,7 @@ impl Scene {
         let limit = limit.values()?;
         let values = slice(&points.values)?.as_chunks::<3>().0;
         let world = &*snapshot.world;
-        // The answers, their copy in columns, and the points.
+        // The memory is that of the answers, of their copy in columns, and of the points.
         admit_all("the answers", values.len(), 3 * size_of::<Nearest<P>>())?;
         let (found, positions) = run(py, threads, values.len() <= POINTS, |cancel| {
             let each = |(i, (near, values)): (usize, (&mut [Nearest<P>], &[[P; 3]]))| {
@@ -69,7 +69,7 @@ impl Scene {
         })))
     }
 
-    /// One answer per point.
+    /// An array with one answer per point, computed by `answer` from a point's index and position.
     fn of_points<'py, P: PointPrecision, T: numpy::Element + Default + Copy + Send>(
         &self,
         points: &Bound<'py, PyUntypedArray>,
@@ -98,7 +98,7 @@ impl Scene {
         from_vec(py, answers, &points.shape)
     }
 
-    /// The distances of points, in the precision that they are in.
+    /// An array of the distances of points, in the points' precision; negative inside if `signed`.
     fn distances<'py>(
         &self,
         points: &Bound<'py, PyAny>,
@@ -155,7 +155,8 @@ impl Scene {
         self.0.prepare_winding(py, snapshot)
     }
 
-    /// A property of the surfaces around points.
+    /// An array with one number per point, computed by `single` or `double` from the world and the
+    /// point.
     fn around<'py, T: numpy::Element + Default + Copy + Send>(
         &self,
         points: &Bound<'py, PyAny>,
@@ -178,7 +179,7 @@ impl Scene {
     }
 }
 
-/// Maximum distances.
+/// Maximum distances of the points; infinity by default.
 fn limit<'py, P: Precision>(
     max_distance: Option<&Bound<'py, PyAny>>,
     shape: &[usize],
@@ -203,7 +204,7 @@ impl Scene {
     /// mask : int, optional
     ///     Only objects whose mask shares a bit with it count.
     /// threads : int, optional
-    ///     As of :meth:`cast_rays`.
+    ///     As for :meth:`cast_rays`.
     ///
     /// Returns
     /// -------
@@ -234,7 +235,7 @@ impl Scene {
     }
 
     /// The distance of each point to the nearest surface, not negative: an array `(...)`. Infinite
-    /// where nothing is near enough. Parameters as of :meth:`closest_points`.
+    /// where no surface is within `max_distance`. Parameters as for :meth:`closest_points`.
     ///
     /// Examples
     /// --------
@@ -255,8 +256,8 @@ impl Scene {
     }
 
     /// The distance of each point to the nearest surface, negative inside (see :meth:`occupancy`):
-    /// an array `(...)`. Where nothing is near enough it is `max_distance`, with the sign.
-    /// Parameters as of :meth:`closest_points`; the mask does not matter to the sign.
+    /// an array `(...)`. Where no surface is within `max_distance`, it is `max_distance` with the
+    /// sign. Parameters as for :meth:`closest_points`; the mask does not matter to the sign.
     ///
     /// Examples
     /// --------

@@ -18,7 +18,8 @@ use snell_formats::memory::Available;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 
-/// Bytes of a hit while all hits of rays are listed: as it is found, in the list, and in columns.
+/// Bytes per hit while all hits of rays are listed: in the lists of threads, in the joined list,
+/// and in columns.
 const BYTES_OF_LISTED: u64 = 200;
 
 /// Options of a query over rays.
@@ -83,8 +84,8 @@ impl Scene {
                 })
             })?;
             drop(writable);
-            // Surfaces of shapes depend on the distance of the hit; for meshes the distances are
-            // handed out as they are.
+            // The surface of a shape depends on the distance of the hit. For meshes it does not, so
+            // the distances are given to Python without a copy.
             let is_distance_needed = !snapshot.names.are_all_meshes();
             let t = if is_distance_needed { None } else { hits.take_t() };
             let named = Named::new(Live::<P, P> {
@@ -272,8 +273,8 @@ queries! {
     /// [4.0, 2.0, inf]
     cast_rays -> Hits = cast;
 
-    /// Whether each ray hits anything: an array `(...)` of bool. Faster than the nearest hit.
-    /// Parameters as of :meth:`cast_rays`.
+    /// Whether each ray hits anything: an array `(...)` of bool. Faster than :meth:`cast_rays`.
+    /// Parameters as for :meth:`cast_rays`.
     ///
     /// Examples
     /// --------
@@ -284,10 +285,11 @@ queries! {
     /// [True, False]
     test_occlusions -> Bound<'py, PyAny> = occlusions;
 
-    /// The number of hits of each ray: an array `(...)` of uint32. Parameters as of
+    /// The number of hits of each ray: an array `(...)` of uint32. Parameters as for
     /// :meth:`cast_rays`.
     ///
-    /// Exact: a ray through an edge or vertex of a closed mesh counts each crossing once.
+    /// The number is exact: a ray through an edge or vertex of a closed mesh counts each crossing
+    /// once.
     ///
     /// Examples
     /// --------
@@ -298,7 +300,7 @@ queries! {
     /// [2, 1]
     count_intersections -> Bound<'py, PyAny> = count;
 
-    /// Every hit of each ray, sorted. Parameters as of :meth:`cast_rays`.
+    /// Every hit of each ray, sorted. Parameters as for :meth:`cast_rays`.
     ///
     /// Returns
     /// -------

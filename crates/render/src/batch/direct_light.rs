@@ -1,5 +1,5 @@
-//! Direct light at the vertices of a batch and the next rays of their paths, for surfaces and
-//! points of media.
+//! Computes, for the vertices of a batch on surfaces or in media, the direct light and the next
+//! rays of their paths.
 
 use super::lights::{ALONE, LightArrivals, LightSamples};
 use super::vertices::{
@@ -16,29 +16,29 @@ use snell_math::simd::max;
 use snell_math::{SampledSpectrum, Vec2};
 use snell_scene::MediumId;
 
-/// The light samples of vertices and their contributions, by lane.
+/// The light samples of the vertices and their contributions. Arrays have an entry for each lane.
 #[derive(Debug)]
 pub struct DirectLight {
     pub lights: LightSamples,
     pub arrivals: LightArrivals,
-    /// As [`crate::integrator::Outputs::glowing`].
+    /// The glowing medium of each lane; see [`crate::integrator::Outputs::glowing`].
     pub glowing: [Option<MediumId>; LANES],
     pub outputs: VertexOutputs,
 }
 
-/// The outputs of vertices of `path` or `direct`.
+/// The outputs of vertices of the integrators `path` and `direct`, by lane.
 #[derive(Debug)]
 pub struct VertexOutputs {
-    /// By channel, the contribution of the light if its ray is unoccluded.
+    /// By channel, what the light contributes to the sample if the light ray is unoccluded.
     pub brought: HitColors,
     /// 0 in lanes without a light ray.
     pub has_light_ray: [u32; LANES],
-    /// By channel, the throughput of the next ray.
+    /// By channel, the path's throughput along the next ray.
     pub throughput: HitColors,
-    /// As [`crate::integrator::carried::Carried`].
+    /// See [`crate::integrator::carried::Carried`] for this field and the next.
     pub cone_spread: HitLanes,
     pub marks: MarkLanes,
-    /// 0 where the path ends.
+    /// 1 where the path continues, 0 where it ends.
     pub goes_on: [u32; LANES],
 }
 
@@ -61,7 +61,8 @@ impl Default for DirectLight {
 }
 
 impl VertexOutputs {
-    /// Computes the contribution of the light of a lane, given the BSDF times the cosine.
+    /// Computes what the light of a lane contributes, given the BSDF times the cosine
+    /// (`scattered`).
     #[inline(always)]
     pub fn bring<const CHANNELS: usize>(
         &mut self,
@@ -83,8 +84,8 @@ impl VertexOutputs {
         self.has_light_ray[lane] = u32::from((arrivals.exists[lane] != 0) & is_bright & is_finite);
     }
 
-    /// Records the remaining state of the path of a lane after it was scattered, or by a delta
-    /// lobe.
+    /// Records the spread and marks of the path of a lane for its next ray. `is_delta` says that a
+    /// delta lobe scattered it.
     #[inline(always)]
     pub fn mark(
         &mut self,
@@ -100,9 +101,9 @@ impl VertexOutputs {
         self.marks[lane] = Marks::new(expected, transmits, is_specular);
     }
 
-    /// Decides whether the path of a lane continues in the sampled direction: if that `exists` and
-    /// the path survives roulette, by `survival` or else by the throughput. `weight` is the factor
-    /// on the throughput.
+    /// Decides whether the path of a lane continues in its sampled direction: if `exists` is true
+    /// and the path survives Russian roulette. Roulette uses `survival`, or without it the
+    /// throughput. `weight` is the factor on the throughput.
     #[inline(always)]
     pub fn go_on<const CHANNELS: usize>(
         &mut self,
@@ -132,18 +133,19 @@ impl VertexOutputs {
 }
 
 impl DirectLight {
-    /// The light rays.
+    /// The rays from the vertices to the light samples.
     pub fn light_rays(&self) -> RayColumns<'_> {
         self.arrivals.shadow_rays()
     }
 
-    /// The contribution of the light of a lane if its ray is unoccluded.
+    /// What the light of a lane contributes if the light ray is unoccluded.
     #[inline(always)]
     pub fn brought(&self, lane: usize) -> SampledSpectrum {
         color_at(&self.outputs.brought, lane % LANES)
     }
 
-    /// The next states of the paths, given the values that are not known here.
+    /// What the paths carry along their next rays. The arguments are the values that are not stored
+    /// in `self`.
     pub fn carried<'a>(
         &'a self,
         lanes: &'a VertexLanes,
@@ -165,8 +167,8 @@ impl DirectLight {
         }
     }
 
-    /// Samples the lights of the first lanes that [`LightSamples`] does not handle, with these
-    /// random numbers.
+    /// Samples the lights that [`LightSamples`] does not handle, for the first `count` lanes, by
+    /// `sample` with the random numbers `u`.
     pub fn sample_alone(
         &mut self,
         count: usize,
@@ -182,7 +184,7 @@ impl DirectLight {
         }
     }
 
-    /// Stores a light sample of a lane that [`LightSamples`] does not handle.
+    /// Stores the light sample of a lane that [`LightSamples`] does not handle.
     pub fn put_alone(&mut self, lane: usize, light: Option<WeightedLight>) {
         self.outputs.has_light_ray[lane] = u32::from(light.is_some());
         if let Some(WeightedLight { value, shadow_ray, source, weight, glowing, .. }) = light {

@@ -1,9 +1,9 @@
-//! Paths of `path` and `direct` that leave the scene: the environment's radiance.
+//! Paths of `path` and `direct` that leave the scene and find the environment's radiance.
 
 use super::lights::sky::{NO_PLACES, places_of};
 use super::{Batch, BatchShader, Shaded};
+use crate::integrator::Context;
 use crate::integrator::path::{escaped_to, plain_sky};
-use crate::integrator::{Context, Vertex};
 use crate::lanes::LANES;
 use snell_math::spectrum::RgbSpectrum;
 use snell_math::{ColorMode, ColorModel, SampledSpectrum, Vec2};
@@ -12,14 +12,14 @@ use snell_scene::light::environment::EnvironmentLight;
 /// Shades paths that hit nothing.
 pub struct EscapedShader {
     found: Vec<(u32, SampledSpectrum)>,
-    /// The radiance of a constant environment, in RGB.
+    /// The radiance of a constant environment in RGB mode.
     constant: Option<SampledSpectrum>,
-    /// The same for all wavelengths, if paths have any.
+    /// The spectrum of that radiance, in spectral mode.
     spectrum: Option<RgbSpectrum>,
 }
 
 impl EscapedShader {
-    /// `None` unless the integrator is `path` or `direct`.
+    /// Makes the shader; `None` unless the integrator is `path` or `direct`.
     pub fn new(context: &Context) -> Option<Self> {
         let is_spectral = context.settings.color == ColorModel::Spectral;
         let color = context.scene.environment.as_deref().and_then(EnvironmentLight::constant);
@@ -72,15 +72,9 @@ impl<'a> BatchShader<'a> for EscapedShader {
             } else if let Some(sky) = plain {
                 carried.throughput * sky.radiance_at(place, mode())
             } else {
-                let vertex = Vertex {
-                    depth: batch.depth,
-                    ray: &batch.paths.rays[path],
-                    state: &batch.paths.state(path),
-                    random: batch.random(path),
-                    surface: None,
-                    medium: None,
-                };
-                escaped_to(context, &vertex, |_| place).0
+                let direction = batch.paths.rays[path].direction;
+                let state = batch.paths.state(path);
+                escaped_to(context, batch.depth, direction, &state, |_| place).0
             };
             self.found.push((number, radiance));
         }

@@ -1,4 +1,4 @@
-//! First surfaces along camera rays for AOVs: batches of plain surfaces, with the bits of
+//! The first surfaces along camera rays, for AOVs: plain surfaces in batches, with the same bits as
 //! [`FirstSurface::of`].
 
 use super::plain_surfaces::PlainSurface;
@@ -10,11 +10,11 @@ use snell_intersect::{Hit, SphereHits, TriangleHits, TrianglePoints};
 use snell_math::simd::Wide;
 use snell_math::{ColorMode, Ray, Rgb, Vec2};
 
-/// Looks up plain surfaces for AOVs: at most [`LANES`] at once.
+/// Looks up the first surfaces for AOVs where these are plain, at most [`LANES`] at once.
 #[derive(Debug)]
 pub struct FirstSurfaces<'a> {
     needs: SurfaceNeeds,
-    /// The triangles of each geometry that is a plain mesh.
+    /// The triangles of each geometry that is a plain mesh; `None` for other geometries.
     plain: Vec<Option<PlainSurface<'a>>>,
     wide: Option<Wide>,
     triangles: TriangleHits,
@@ -25,8 +25,8 @@ pub struct FirstSurfaces<'a> {
 }
 
 impl<'a> FirstSurfaces<'a> {
-    /// For the layers of a render, unless they need no surface. (Texture coordinates are not
-    /// batched.)
+    /// Makes the look-up for the AOVs of a render; `None` if they need no surface. If they need
+    /// texture coordinates, no surface is looked up in batches.
     pub fn for_aovs(context: &Context<'a>) -> Option<Self> {
         let (scene, aovs) = (context.scene, &context.settings.aovs);
         if !aovs.iter().any(|aov| aov.needs_surface(context)) {
@@ -50,12 +50,12 @@ impl<'a> FirstSurfaces<'a> {
         })
     }
 
-    /// The data that are needed.
+    /// The data that the AOVs need.
     pub fn needs(&self) -> SurfaceNeeds {
         self.needs
     }
 
-    /// Looks up the hits of the first [`LANES`] rays.
+    /// Looks up the surfaces at the hits of the first [`LANES`] rays.
     pub fn look_up(&mut self, context: &Context, rays: &[Ray], hits: &[Hit]) {
         self.spheres.clear();
         self.on = [None; LANES];
@@ -78,7 +78,7 @@ impl<'a> FirstSurfaces<'a> {
         self.spheres.points(&mut self.points, self.wide);
     }
 
-    /// The surface of a lane that was looked up, if it is a plain one.
+    /// The surface of a lane, if it is a plain one.
     pub fn at(&self, lane: usize, ray: &Ray, mode: ColorMode) -> Option<FirstSurface> {
         let (points, surface) = (&self.points, plain_surface(&self.plain, self.on[lane]?)?);
         if points.is_sound[lane] == 0 {

@@ -1,4 +1,4 @@
-//! Batches of the vertices of `path` and `direct` where media scatter
+//! Batches of the vertices of `path` and `direct` at which media scatter
 //! ([`crate::integrator::scattering`]).
 
 use super::direct_light::{DirectLight, VertexOutputs};
@@ -18,7 +18,7 @@ use snell_math::simd::max;
 use snell_math::{ColorModel, SampledSpectrum, Vec2, Vec3, at_level};
 use snell_scene::medium::HenyeyGreenstein;
 
-/// Shades vertices in media.
+/// Shades vertices at which media scatter.
 #[derive(Debug)]
 pub struct MediumShader {
     lanes: VertexLanes,
@@ -28,7 +28,7 @@ pub struct MediumShader {
     bounces: Bounces,
 }
 
-/// Next directions, and their densities.
+/// The next directions of paths, and the densities of these directions.
 #[derive(Debug)]
 struct Bounces {
     wi: HitVectors,
@@ -36,7 +36,7 @@ struct Bounces {
 }
 
 impl MediumShader {
-    /// `None` if there are no media, or the integrator does not support them.
+    /// Makes the shader; `None` if the scene has no media, or the integrator does not support them.
     pub fn new(context: &Context, sampler: &Sampler) -> Option<Self> {
         let (scene, settings) = (context.scene, context.settings);
         let is_for = settings.integrator.is_path() && scene.volumes.is_some();
@@ -72,7 +72,7 @@ impl MediumShader {
         let (wide, count) = (self.lanes.wide, self.lanes.paths().len());
         let bounce = self.lanes.randoms.pairs(dimension::BSDF, wide);
         let roulette = self.lanes.roulette(context, depth);
-        // Media receive light from everywhere.
+        // Points in media receive light from everywhere, so no normal is needed.
         let receivers = Receivers::opaque(&self.lanes.points.position, &ZERO);
         self.direct.lights.choose(context, &receivers, &self.lanes.randoms, count, wide);
         let light = self.direct.lights.numbers(&self.lanes.randoms, count, wide);
@@ -175,7 +175,7 @@ impl<'a> BatchShader<'a> for MediumShader {
     }
 }
 
-/// The outputs of vertices, without lights that are sampled one by one.
+/// Computes the outputs of the vertices, except for lights that are sampled one by one.
 #[inline(always)]
 fn give<const CHANNELS: usize>(
     carried: &CarriedLanes,
@@ -200,7 +200,7 @@ fn give<const CHANNELS: usize>(
     }
 }
 
-/// The next rays of paths.
+/// Computes the next rays of the paths.
 #[inline(always)]
 fn bounce_off(
     wo: &HitVectors,

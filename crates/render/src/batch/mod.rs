@@ -1,14 +1,14 @@
-//! Batch shading: most vertices of a picture are shaded here.
+//! Batch shading. Most vertices of a picture are shaded here.
 //!
-//! A [`BatchShader`] gives the bits of the vertex function ([`crate::integrator`]) at up to
-//! [`LANES`] vertices, in loops over arrays that the compiler vectorises. Which vertices it accepts
-//! depends on the scene and the settings alone, and lanes are independent, so a path does not
-//! depend on the others in its batch. All shaders consist of the same parts: the vertices and the
-//! state of their paths ([`vertices`]), light samples ([`lights`]) and their contributions
+//! A [`BatchShader`] shades up to [`LANES`] vertices with the same bits as the vertex function
+//! ([`crate::integrator`]), in loops over arrays that the compiler vectorises. Which vertices it
+//! accepts depends on the scene and the settings alone, and lanes are independent, so a path does
+//! not depend on the others in its batch. All shaders consist of the same parts: the vertices and
+//! the state of their paths ([`vertices`]), light samples ([`lights`]) and their contributions
 //! ([`direct_light`]).
 //!
 //! The renderer of parts ([`crate::job`]) traces the rays, tries the [list](shaders) of shaders in
-//! order, and calls the vertex function where none accepts.
+//! order, and calls the vertex function for a path that no shader accepts.
 
 pub mod direct_light;
 pub mod escaped;
@@ -43,13 +43,13 @@ use snell_math::SampledSpectrum;
 use std::rc::Rc;
 use vertices::{CarriedColumns, RayColumns, UNMARKED};
 
-/// Shades many vertices at once.
+/// Shades many vertices at once. A lane is the place of one vertex in a batch.
 pub trait BatchShader<'a> {
-    /// The number of leading paths that it can shade together, at most [`LANES`]; 0 if the first is
-    /// for another shader.
+    /// The number of paths at the front of `paths` that this shader can shade together, at most
+    /// [`LANES`]. 0 leaves the first path to the next shader.
     fn accepts(&self, batch: &Batch<'_, 'a>, paths: &[u32]) -> usize;
 
-    /// Shades these paths, all of which it has accepted.
+    /// Shades these paths, which must be those that [`Self::accepts`] has counted.
     fn shade(&mut self, batch: &Batch<'_, 'a>, paths: &[u32]);
 
     /// The output of the last call of [`Self::shade`].
@@ -61,23 +61,24 @@ pub trait BatchShader<'a> {
         false
     }
 
-    /// Writes the output of the vertex function for a valid lane.
+    /// Writes what the vertex function would write for a lane in use.
     fn outputs(&self, _batch: &Batch<'_, 'a>, _lane: usize, _out: &mut Outputs) {}
 
-    /// The lobe that scatters light at the vertex of a lane. Only where [`Batch::wants_lobes`].
+    /// The lobe that scatters light at the vertex of a lane. It is called only where
+    /// [`Batch::wants_lobes`] is true.
     fn lobe(&self, _lane: usize) -> LobeShares {
         LobeShares::UNKNOWN
     }
 
-    /// Whether the light ray and the next ray of a lane may start on the side opposite to that from
-    /// which the path arrived.
+    /// Whether the light ray and the next ray of a lane may start on the opposite side of the
+    /// surface from the one on which the path arrived.
     fn may_cross(&self, _lane: usize) -> [bool; 2] {
         [true, true]
     }
 }
 
-/// All batch shaders of a render; the first that accepts a path shades it. With portable code there
-/// is only the one for paths that leave the scene.
+/// All batch shaders of a render, in the order in which they are asked: the first that accepts a
+/// path shades it. With portable code, the only one is the shader of paths that leave the scene.
 pub fn shaders<'a>(
     context: &Context<'a>,
     sampler: &Sampler,
@@ -99,39 +100,40 @@ pub fn shaders<'a>(
     .collect()
 }
 
-/// Paths at vertices of one depth.
+/// Paths at vertices of the same depth.
 #[derive(Clone, Copy)]
 pub struct Batch<'b, 'a> {
-    /// The scene and the settings.
+    /// The scene and the settings of the render.
     pub context: &'b Context<'a>,
     /// The sampler of random numbers.
     pub sampler: &'b Sampler,
     /// The number of bounces before these vertices.
     pub depth: u32,
-    /// The paths and the hits of their rays.
+    /// The paths, with the hits of their rays.
     pub paths: &'b Paths,
-    /// Random numbers, by sample.
+    /// The key of each sample's random numbers.
     pub keys: &'b [SampleKey],
-    /// The number of the material that each path hit, or the number of materials for a miss; not
-    /// for the paths that [`order::Order`] put first.
+    /// The number of the material that each path hit, or the number of materials for a miss.
+    /// Entries of the first [`Self::matte_next`] paths are arbitrary.
     pub materials: &'b [u32],
-    /// The number of leading paths that [`order::Order`] found to be on matte surfaces.
+    /// The number of paths at the front of the list that [`order::Order`] has found to be on matte
+    /// surfaces.
     pub matte_next: usize,
-    /// The media around the paths, if there are any.
+    /// The media around the paths, if the scene has any.
     pub media: Option<Surroundings<'b>>,
-    /// True if the outputs of each vertex are recorded, for training or by a journal.
+    /// True if the outputs of each vertex are recorded, for training or in a journal.
     pub is_watched: bool,
     /// True if a journal records everything.
     pub has_journal: bool,
 }
 
 impl Batch<'_, '_> {
-    /// True if only the emitted and direct light of vertices is needed.
+    /// True if only the emitted light and the direct light of vertices are needed.
     pub fn is_simple(&self) -> bool {
         self.context.settings.integrator.is_path() && !self.is_watched
     }
 
-    /// True if these are first vertices, and layers need the lobes that scatter there.
+    /// True if these are the first vertices of paths, and layers need the lobes that scatter there.
     pub fn wants_lobes(&self) -> bool {
         self.context.wants_lobes && self.depth == 0
     }
@@ -146,35 +148,35 @@ impl Batch<'_, '_> {
         self.media.as_ref().map_or(1.0, |media| media.outside_ior(path, &self.paths.hits[path]))
     }
 
-    /// The random numbers of a path's vertex.
+    /// The random numbers of the vertex of a path.
     pub fn random(&self, path: usize) -> Random {
         let key = self.keys[self.paths.samples[path] as usize];
         self.sampler.numbers_of(key).at_vertex(self.paths.carried[path].stream, self.depth)
     }
 }
 
-/// The output of a [`BatchShader`], by lane. Values are already multiplied by the paths'
-/// throughputs.
+/// The output of a [`BatchShader`], by lane. Values are already multiplied by the throughputs of
+/// the paths.
 #[derive(Clone, Copy, Debug)]
 pub struct Shaded<'s> {
-    /// Paths and the light that each has found at its vertex.
+    /// Numbers of paths, with the light that each has found at its vertex.
     pub found: &'s [(u32, SampledSpectrum)],
     /// Numbers of the paths of the lanes in use.
     pub paths: &'s [u32],
-    /// 0 where the vertex function must shade the vertex after all.
+    /// 1 for lanes that were shaded, 0 where the vertex function must shade the vertex after all.
     pub is_sound: &'s [u32; LANES],
     /// Light samples, if the shader takes any.
     pub light: Option<&'s DirectLight>,
-    /// 0 where the path ends.
+    /// 1 where the path continues, 0 where it ends.
     pub goes_on: &'s [u32; LANES],
     /// The next rays of the paths.
     pub next_rays: RayColumns<'s>,
-    /// The next states of the paths.
+    /// What the paths carry along their next rays.
     pub carried: CarriedColumns<'s>,
 }
 
 impl Shaded<'_> {
-    /// Nothing.
+    /// The output for no paths.
     pub const NONE: Self = Self {
         found: &[],
         paths: &[],

@@ -1,5 +1,5 @@
-//! The order in which the paths of a batch are shaded: sorted by material, so that shaders get full
-//! batches.
+//! The order in which the paths of a batch are shaded. They are sorted by material, so that shaders
+//! get full batches.
 
 use super::materials::matte_surfaces::MatteSurfaces;
 use crate::compile::CompiledScene;
@@ -7,32 +7,32 @@ use crate::volume::Surroundings;
 use snell_intersect::Hit;
 use std::rc::Rc;
 
-/// Sorts paths by material, reusing its buffers.
+/// Sorts paths by material and reuses its buffers from batch to batch.
 #[derive(Debug, Default)]
 pub struct Order<'a> {
     matte: Option<Rc<MatteSurfaces<'a>>>,
-    /// The paths in order.
+    /// The numbers of the paths in the order in which they are shaded.
     pub paths: Vec<u32>,
-    /// The number of leading paths that are known to be on matte surfaces.
+    /// The number of paths at the front of [`Self::paths`] that are on matte surfaces.
     pub matte_count: usize,
-    /// As [`super::Batch::materials`].
+    /// See [`super::Batch::materials`].
     pub materials: Vec<u32>,
-    /// Paths on surfaces that are not matte, or all, in the order of their numbers.
+    /// The paths that [`Self::sort_surfaces`] sorts, in the order of their numbers.
     surfaces: Vec<u32>,
-    /// Paths without a hit.
+    /// The paths without a hit.
     missed: Vec<u32>,
-    /// The first position of each material.
+    /// Buffer of the counting sort: the first position of each material.
     starts: Vec<u32>,
 }
 
 impl<'a> Order<'a> {
-    /// For a scene with these matte surfaces.
+    /// Makes the order for a scene with these matte surfaces.
     pub fn new(matte: Option<Rc<MatteSurfaces<'a>>>) -> Self {
         Self { matte, ..Self::default() }
     }
 
-    /// Sorts paths by the material of these hits; misses come last. The paths of one sample stay in
-    /// order, so that sums have one order.
+    /// Sorts paths by the material of these hits; misses come last. Paths on the same material stay
+    /// in order, so that sums of a sample's light always have the same order.
     pub fn by_material(&mut self, scene: &CompiledScene, hits: &[Hit]) {
         self.matte_count = 0;
         self.paths.resize(hits.len(), 0);
@@ -41,9 +41,9 @@ impl<'a> Order<'a> {
         self.sort_surfaces(scene, hits, 0);
     }
 
-    /// Sorts paths of different samples, whose order does not affect any sum: first all on matte
-    /// surfaces, then others by material, then those that leave the scene, then those that media
-    /// scattered.
+    /// Sorts paths of different samples, whose order does not affect any sum: first paths on matte
+    /// surfaces, then other surfaces by material, then paths that leave the scene, then paths that
+    /// media have scattered.
     pub fn matte_first(
         &mut self,
         scene: &CompiledScene,
@@ -60,7 +60,8 @@ impl<'a> Order<'a> {
         for (path, hit) in (0..).zip(hits) {
             let is_matte = self.matte.as_ref().is_some_and(|surfaces| surfaces.has(scene, hit));
             let is_missed = !hit.is_hit();
-            // (Written to all three: branches on what rays hit are mispredicted.)
+            // Each path is written to all three lists and counted in one, because branches on what
+            // rays hit are mispredicted.
             (matte[counts[0]], surfaces[counts[1]], missed[counts[2]]) = (path, path, path);
             counts[0] += usize::from(is_matte);
             counts[1] += usize::from(!is_matte & !is_missed);
@@ -73,7 +74,7 @@ impl<'a> Order<'a> {
         if self.missed.is_empty() {
             return;
         }
-        // What leaves a dark scene finds nothing.
+        // Paths that leave a dark scene find no light and need not be shaded.
         if media.is_none() && scene.is_dark_outside() {
             return self.paths.truncate(count - counts[2]);
         }
@@ -90,7 +91,7 @@ impl<'a> Order<'a> {
         second.copy_from_slice(&scattered);
     }
 
-    /// Puts `self.surfaces` into the order, by material, from this place on.
+    /// Sorts `self.surfaces` by material into `self.paths`, from position `from` on.
     fn sort_surfaces(&mut self, scene: &CompiledScene, hits: &[Hit], from: usize) {
         let surfaces = &self.surfaces;
         if surfaces.is_empty() {
@@ -108,7 +109,8 @@ impl<'a> Order<'a> {
             order.sort_by_key(|&path| keys[path as usize]);
             return;
         }
-        // Counting sort: first the number of each, then the position of the first of each.
+        // Counting sort: counts the paths of each material, then finds the first position of each
+        // material.
         self.starts.clear();
         self.starts.resize(last + 2, 0);
         surfaces.iter().for_each(|&path| self.starts[keys[path as usize] as usize + 1] += 1);

@@ -10,23 +10,24 @@ use snell_math::{Ray, SampledSpectrum};
 /// Live paths: one entry per ray in flight.
 #[derive(Debug)]
 pub struct Paths {
-    /// The ray to trace next.
+    /// The ray of each path to trace next.
     pub rays: Vec<Ray>,
-    /// The state of the path.
+    /// The most used part of each path's state.
     pub carried: Vec<Carried>,
-    /// The rest of the state; empty if it is [`Rest::PLAIN`] for all.
+    /// The other part of each path's state; empty if it is [`Rest::PLAIN`] for all paths.
     rest: Vec<Rest>,
-    /// The times of the rays, from 0 to 1; empty like `rest`.
+    /// The times of the rays, from 0 to 1; empty where `rest` is.
     pub times: Vec<f32>,
     is_plain: bool,
-    /// The sample of the part to which the path belongs.
+    /// The sample that each path belongs to, by its number in the part.
     pub samples: Vec<u32>,
-    /// The hits of the rays.
+    /// The hit of each ray.
     pub hits: Vec<Hit>,
 }
 
 impl Paths {
-    /// No paths. `is_plain` if the states of all future paths are [`Rest::PLAIN`].
+    /// Makes an empty list. `is_plain` says that the rest of the state of all future paths is
+    /// [`Rest::PLAIN`].
     pub fn new(is_plain: bool) -> Self {
         let (rays, carried, rest, times) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         Self { rays, carried, rest, times, is_plain, samples: Vec::new(), hits: Vec::new() }
@@ -48,7 +49,7 @@ impl Paths {
         self.extend_rest(std::iter::once(rest));
     }
 
-    /// Adds the rest of states after all else was added.
+    /// Adds the rest of the state of paths for which everything else was added before.
     pub fn extend_rest(&mut self, rest: impl Iterator<Item = Rest> + Clone) {
         if !self.is_plain {
             self.rest.extend(rest.clone());
@@ -56,7 +57,7 @@ impl Paths {
         }
     }
 
-    /// The state of a path.
+    /// The whole state of a path.
     pub fn state(&self, path: usize) -> PathState {
         self.carried[path].with(self.rest(path))
     }
@@ -65,7 +66,7 @@ impl Paths {
         if self.is_plain { &Rest::PLAIN } else { &self.rest[path] }
     }
 
-    /// The rest of all states, if it is not [`Rest::PLAIN`] for all.
+    /// The rest of the states of all paths; `None` if it is [`Rest::PLAIN`] for all.
     pub fn rests(&self) -> Option<&[Rest]> {
         (!self.is_plain).then_some(&self.rest)
     }
@@ -80,7 +81,7 @@ impl Paths {
         scene.interaction(&self.rays[path], self.rest(path).time, &self.hits[path])
     }
 
-    /// The same as input of vertex functions.
+    /// The surface that a path has hit, as the input of vertex functions.
     pub fn surface<'s>(
         &'s self,
         scene: &'s CompiledScene,
@@ -102,7 +103,7 @@ impl Paths {
         }
     }
 
-    /// True if the rest of all states is [`Rest::PLAIN`].
+    /// True if the rest of the state is [`Rest::PLAIN`] for all paths.
     pub fn is_plain(&self) -> bool {
         self.is_plain
     }
@@ -112,14 +113,14 @@ impl Paths {
     }
 }
 
-/// Rays towards lights, with their contributions if unoccluded.
+/// Rays towards lights, with what each contributes if it is unoccluded.
 #[derive(Debug, Default)]
 pub struct LightRays {
     pub rays: Vec<Ray>,
     pub times: Vec<f32>,
     pub values: Vec<SampledSpectrum>,
     pub samples: Vec<u32>,
-    /// The classification of the light, if layers need it.
+    /// The layers that each contribution belongs to, if layers need it.
     pub tags: Vec<LightTag>,
     pub blocked: Vec<bool>,
 }

@@ -16,10 +16,10 @@ use snell_scene::bsdf::{BatchBsdf, BatchPoint, Bsdf, Lobes};
 use snell_scene::material::{Bend, FrameNeeds, Prepared, ShadingBsdf};
 use std::borrow::Cow;
 
-/// A mesh or shape without emission, of one uniform BSDF.
+/// A mesh or shape without emission, with one material whose BSDF is uniform.
 #[derive(Clone, Copy, Debug)]
 pub struct PlainSurface<'a> {
-    /// `None` for other shapes, whose points [`VertexLanes::gather_shape`] knows.
+    /// The mesh; `None` for a shape, whose points [`VertexLanes::gather_shape`] computes.
     pub mesh: Option<PlainMesh<'a>>,
     bsdf: &'a Bsdf,
     material: &'a Material,
@@ -27,12 +27,12 @@ pub struct PlainSurface<'a> {
     pub batch: Option<&'a BatchBsdf>,
     pub needs: FrameNeeds,
     is_opaque: bool,
-    /// True if points on it may be lifted.
+    /// True if points on the surface may be lifted ([`crate::integrator::estimators::Skin::lift`]).
     pub is_lifted: bool,
 }
 
 impl<'a> PlainSurface<'a> {
-    /// A geometry, if it is one.
+    /// The geometry with this number, if it is a plain surface.
     pub fn of(context: &Context<'a>, geometry: u32) -> Option<Self> {
         let scene = context.scene;
         let mesh = scene.world.plain_mesh(GeometryId(geometry));
@@ -40,7 +40,7 @@ impl<'a> PlainSurface<'a> {
         let material = scene.material(id);
         let prepared = scene.prepared(id);
         let bsdf = prepared.plain(material)?;
-        // (The guiding field is evaluated lane by lane.)
+        // With a guiding field, lanes are evaluated one by one.
         let batch = prepared.plain_batch(material).filter(|_| context.field.is_none());
         let is_opaque = bsdf.is_opaque();
         let is_lifted = is_opaque && !bsdf.is_delta() && may_be_lifted(context, material);
@@ -49,17 +49,18 @@ impl<'a> PlainSurface<'a> {
         (mesh.is_some() || !needs.has_tangent).then_some(surface)
     }
 
-    /// As [`Receiver::transmits`].
+    /// True if the surface transmits light; see [`Receiver::transmits`].
     pub fn transmits(&self) -> bool {
         !self.is_opaque
     }
 
-    /// Its BSDF for batches of directions and what it is in this mode, if it has that form.
+    /// The surface's BSDF for batches with the BSDF's values in this mode; `None` if the BSDF
+    /// cannot be evaluated in batches.
     pub fn batch_in(&self, mode: ColorMode) -> Option<(&'a BatchBsdf, BatchPoint)> {
         self.batch.and_then(|_| self.prepared.plain_batch_in(self.material, mode))
     }
 
-    /// Its BSDF in this mode.
+    /// The surface's BSDF in this mode.
     fn bsdf_in(&self, mode: ColorMode) -> Cow<'a, Bsdf> {
         match mode {
             ColorMode::Rgb => Cow::Borrowed(self.bsdf),
@@ -67,8 +68,8 @@ impl<'a> PlainSurface<'a> {
         }
     }
 
-    /// [`Material::albedo`] where it has these normals, its own and that for shading, unless
-    /// tangents mean something to it.
+    /// The albedo ([`Material::albedo`]) at a point with this geometric normal (`flat`) and shading
+    /// normal (`smooth`), for materials that do not depend on tangents.
     pub fn albedo(&self, mode: ColorMode, [flat, smooth]: [Vec3; 2], wo: Vec3) -> SampledSpectrum {
         let bsdf = self.bsdf_in(mode);
         bsdf.albedo_from_anywhere().unwrap_or_else(|| {
@@ -77,7 +78,7 @@ impl<'a> PlainSurface<'a> {
         })
     }
 
-    /// The BSDF of a lane on it.
+    /// The BSDF at the vertex of a lane, with the vertex as receiver of light.
     pub fn scatterer(&self, lanes: &VertexLanes, frames: &Frames, lane: usize) -> Scatterer<'a> {
         let (wo, frame, lift) = (at(&lanes.wo, lane), frames.at(lane), at(&lanes.lift, lane));
         let arrival = lanes.arrival(lane);
@@ -93,12 +94,12 @@ impl<'a> PlainSurface<'a> {
     }
 }
 
-/// Frames of lanes on plain surfaces.
+/// Shading frames of vertices on plain surfaces, by lane.
 #[derive(Debug)]
 pub struct Frames {
-    /// What is known of the tangents.
+    /// The tangents along u, where the mesh has texture coordinates.
     dpdu: HitVectors,
-    /// As [`FrameNeeds`].
+    /// The fields of [`FrameNeeds`].
     mirrors: [bool; LANES],
     has_tangent: [bool; LANES],
     x: HitVectors,
@@ -107,13 +108,13 @@ pub struct Frames {
 }
 
 impl Frames {
-    /// Of a lane.
+    /// The frame of a lane.
     #[inline(always)]
     pub fn at(&self, lane: usize) -> Frame {
         Frame { x: at(&self.x, lane), y: at(&self.y, lane), z: at(&self.z, lane) }
     }
 
-    /// Puts a known frame into a lane.
+    /// Stores a frame that was computed elsewhere.
     pub fn put(&mut self, lane: usize, frame: &Frame) {
         put(&mut self.x, lane, frame.x);
         put(&mut self.y, lane, frame.y);
@@ -125,8 +126,8 @@ impl Frames {
         (self.mirrors[lane], self.has_tangent[lane]) = (needs.mirrors, needs.has_tangent);
     }
 
-    /// Works out those of lanes of which that is known, once these are placed. Tangents mean
-    /// something on triangles of plain meshes only.
+    /// Computes the frames of all lanes from points that were computed before. Tangents are defined
+    /// on triangles of plain meshes only.
     pub fn turn(&mut self, lanes: &VertexLanes) {
         lanes.tangents(&mut self.dpdu);
         at_level!(
@@ -152,9 +153,9 @@ impl Default for Frames {
 #[derive(Debug)]
 pub struct Bends {
     is_any: bool,
-    /// 0 for lanes without one.
+    /// 1 for lanes with a normal map, 0 for others.
     has: [u32; LANES],
-    /// As [`Bend`].
+    /// The columns of [`Bend`].
     local: HitVectors,
     tangent: HitVectors,
     upwards: HitVectors,
@@ -176,7 +177,7 @@ impl Bends {
         }
     }
 
-    /// Takes a lane.
+    /// Stores the value of a lane's normal map, if there is one.
     pub fn put(&mut self, lane: usize, bend: Option<Bend>) {
         let Some(Bend { local, tangent, upwards, side }) = bend else { return };
         put(&mut self.local, lane, local);
@@ -185,7 +186,7 @@ impl Bends {
         (self.is_any, self.has[lane], self.side[lane]) = (true, 1, side);
     }
 
-    /// Applies normal maps to the shading normals of lanes that are placed.
+    /// Applies normal maps to the shading normals of lanes whose points were computed.
     pub fn bend(&self, lanes: &mut VertexLanes) {
         if self.is_any {
             at_level!(
@@ -197,7 +198,7 @@ impl Bends {
     }
 }
 
-/// Shading normals with normal maps applied.
+/// Applies normal maps to shading normals.
 #[inline(always)]
 fn bend(bends: &Bends, points: &mut TrianglePoints) {
     for i in 0..LANES {
@@ -213,7 +214,7 @@ fn bend(bends: &Bends, points: &mut TrianglePoints) {
     }
 }
 
-/// Frames as they are seen.
+/// Computes shading frames for the direction from which each surface is seen.
 #[inline(always)]
 fn turn(points: &TrianglePoints, wo: &HitVectors, frames: &mut Frames) {
     for i in 0..LANES {

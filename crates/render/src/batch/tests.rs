@@ -1,4 +1,4 @@
-//! Layers of parts of the light.
+//! Tests of layers that hold parts of the light.
 
 use super::twins::{assert_same_at_every_level, every_second_node};
 use crate::compile::Moving;

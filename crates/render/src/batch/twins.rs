@@ -8,8 +8,9 @@ use snell_math::{DAffine3, Vec3};
 use snell_scene::{Geometry, NodeId, Pose, Scene};
 use std::sync::Arc;
 
-/// Fails unless the picture and all of its layers are the same at every level of this machine, bit
-/// for bit: portable code shades one vertex at a time. Returns the picture.
+/// Fails unless the picture and all of its layers have the same bits at every SIMD level of this
+/// machine. Portable code shades one vertex at a time, the other levels in batches. Returns the
+/// picture.
 pub fn assert_same_at_every_level(scene: &Scene, moving: &Moving, settings: &Settings) -> Vec<f32> {
     let picture = |simd: Level| {
         let options = BuildOptions { simd, ..BuildOptions::default() };
@@ -33,8 +34,8 @@ pub fn assert_same_at_every_level(scene: &Scene, moving: &Moving, settings: &Set
     one_by_one.into_iter().next().unwrap_or_default()
 }
 
-/// Every second node with surfaces turns while the shutter is open, and the first mesh of those
-/// between grows.
+/// Lets things move while the shutter is open: every second node with surfaces turns, and the first
+/// mesh of the others grows.
 pub fn every_second_node(scene: &Scene) -> Moving {
     let mut later = Pose::default();
     let has_surfaces = |id: &NodeId| !scene.nodes[id.index()].surfaces.is_empty();

@@ -14,53 +14,54 @@ use snell_intersect::{Hit, SphereHits, SurfaceInteraction, TriangleHits, Triangl
 use snell_math::simd::{Wide, min};
 use snell_math::{ColorMode, Ray, Vec3};
 
-/// Flags of each lane.
+/// The marks of the paths, by lane.
 pub type MarkLanes = [Marks; LANES];
 
-/// No flags in every lane.
+/// No marks in any lane.
 pub const UNMARKED: MarkLanes = [Marks::NONE; LANES];
 
-/// Vertices on surfaces. Arrays are by lane; unused lanes hold arbitrary values.
+/// Vertices on surfaces, with the state of their paths. Arrays are by lane; unused lanes hold
+/// arbitrary values.
 #[derive(Debug)]
 pub struct VertexLanes {
-    /// Numbers of the paths of the lanes, and how many lanes are in use.
+    /// The number of each lane's path, and how many lanes are in use.
     paths: [u32; LANES],
     count: usize,
     triangles: TriangleHits,
     spheres: SphereHits,
-    /// Of all vertices, once they are [placed](Self::place).
+    /// The points of all vertices, once [`Self::place`] has computed them.
     pub points: TrianglePoints,
-    /// Lanes on plain triangles.
+    /// The lanes on plain triangles.
     plain: Vec<usize>,
-    /// The points of lanes that are not on plain triangles or spheres.
+    /// The points of lanes that are neither on plain triangles nor on plain spheres.
     others: Vec<(usize, OtherPoint)>,
-    /// Direction towards the ray's origin.
+    /// Unit directions towards the rays' origins.
     pub wo: HitVectors,
-    /// As [`crate::integrator::estimators::Skin::lift`], once they are placed; all zero while
-    /// `has_lifts` is false.
+    /// The lift of each point ([`crate::integrator::estimators::Skin::lift`]), once
+    /// [`Self::place_lifts`] has computed it. All are zero while `has_lifts` is false.
     pub lift: HitVectors,
     has_lifts: bool,
     pub carried: CarriedLanes,
-    /// The meaning of the channels of the paths, and the times of their rays.
+    /// What the channels of each path stand for, and the time of each ray.
     pub modes: [ColorMode; LANES],
     pub times: HitLanes,
     pub randoms: BatchRandoms<LANES>,
     pub wide: Option<Wide>,
 }
 
-/// The fields of [`Carried`] that are needed.
+/// The columns of the fields of [`Carried`] that batches need.
 #[derive(Debug)]
 pub struct CarriedLanes {
-    /// By channel.
+    /// The throughput, by color channel.
     pub throughput: HitColors,
     pub eta_scale: HitLanes,
-    /// At the vertex.
+    /// The width of the ray cone at the vertex.
     pub cone_width: HitLanes,
     pub cone_spread: HitLanes,
     pub marks: MarkLanes,
 }
 
-/// The fields of [`SurfaceInteraction`] that are needed here.
+/// The fields of [`SurfaceInteraction`] that batches need.
 #[derive(Clone, Copy, Debug)]
 pub struct OtherPoint {
     position: Vec3,
@@ -71,25 +72,25 @@ pub struct OtherPoint {
 }
 
 impl OtherPoint {
-    /// Of a surface with this shading normal and [lift](crate::integrator::estimators::Skin::lift).
+    /// The point of a surface with this shading normal and
+    /// [lift](crate::integrator::estimators::Skin::lift).
     pub fn of(surface: &SurfaceInteraction, shading_normal: Vec3, lift: Vec3) -> Self {
         let SurfaceInteraction { position, position_error, geometric_normal, .. } = *surface;
         Self { position, position_error, geometric_normal, shading_normal, lift }
     }
 }
 
-/// Russian roulette of a batch of vertices: their random numbers, if there is roulette at their
-/// depth.
+/// Russian roulette for a batch of vertices, with the random numbers of the lanes.
 #[derive(Debug)]
 pub struct Roulette {
-    /// The largest survival probability.
+    /// The largest survival probability; `None` if there is no roulette at this depth.
     most: Option<f32>,
     numbers: HitLanes,
 }
 
 impl Roulette {
-    /// The factor on a lane's throughput, and whether its path survives; `weight` is that of
-    /// [`crate::integrator::path::survival`].
+    /// The factor on the throughput of a lane's path, and whether the path survives. `weight` is
+    /// the value of [`crate::integrator::path::survival`].
     #[inline(always)]
     pub fn survival(&self, lane: usize, weight: f32) -> (f32, bool) {
         let survival = match self.most {
@@ -101,7 +102,7 @@ impl Roulette {
 }
 
 impl VertexLanes {
-    /// For vertices of one depth.
+    /// Makes empty lanes.
     pub fn new(sampler: &Sampler, wide: Option<Wide>) -> Self {
         let zero = [0.0; LANES];
         let carried = CarriedLanes {
@@ -130,8 +131,8 @@ impl VertexLanes {
         }
     }
 
-    /// Takes the paths with these numbers, at most [`LANES`], of which the dead are left out; their
-    /// vertices are of this depth. The data of the surfaces must follow.
+    /// Fills the lanes with the paths of these numbers, at most [`LANES`], except those that have
+    /// ended. The points on surfaces must follow.
     pub fn start(&mut self, batch: &Batch, paths: &[u32]) {
         let Batch { sampler, depth, paths: from, keys, .. } = *batch;
         self.randoms.start(sampler, depth);
@@ -162,7 +163,7 @@ impl VertexLanes {
         }
     }
 
-    /// Takes all paths out of the lanes.
+    /// Removes all paths from the lanes.
     pub fn clear(&mut self) {
         self.count = 0;
     }
@@ -172,13 +173,15 @@ impl VertexLanes {
         &self.paths[..self.count]
     }
 
-    /// Marks a lane as on a triangle of a plain mesh; [`Self::gather_triangles`] must follow.
+    /// Records that the vertex of a lane is on a triangle of a plain mesh;
+    /// [`Self::gather_triangles`] must follow.
     #[inline(always)]
     pub fn put_triangle(&mut self, lane: usize) {
         self.plain.push(lane);
     }
 
-    /// Looks up the triangles of all lanes that are on some, in the meshes that were hit.
+    /// Looks up the triangles of all lanes recorded by [`Self::put_triangle`], in the meshes that
+    /// were hit.
     #[inline(always)]
     pub fn gather_triangles<'w>(
         &mut self,
@@ -193,19 +196,20 @@ impl VertexLanes {
         self.triangles.gather(hits);
     }
 
-    /// Looks up the texture coordinates of meshes of lanes whose triangles are known, for
+    /// Looks up the texture coordinates of triangles that were looked up before, for
     /// [`Self::tangents`].
     #[inline(always)]
     pub fn gather_uvs<'w>(&mut self, meshes: impl Iterator<Item = (usize, &'w PlainMesh<'w>)>) {
         self.triangles.gather_uvs(meshes);
     }
 
-    /// The tangents on the triangles ([`SurfaceInteraction::dpdu`]), once they are placed.
+    /// Writes the tangents of the triangles ([`SurfaceInteraction::dpdu`]), once the points are
+    /// computed.
     pub fn tangents(&self, to: &mut HitVectors) {
         self.triangles.tangents(&self.points, to, self.wide);
     }
 
-    /// The receiver at the vertex of a lane, once it is placed and lifted.
+    /// The vertex of a lane as a receiver of light, once its point and lift are computed.
     pub fn arrival(&self, lane: usize) -> Arrival {
         let points = &self.points;
         let skin = Skin {
@@ -217,8 +221,8 @@ impl VertexLanes {
         Arrival { position: at(&points.position, lane), surface: Some(skin), mode, time }
     }
 
-    /// Puts a point into a lane if it is on a shape that is not instanced; otherwise returns false
-    /// and does nothing.
+    /// Looks up the point of a lane if it is on a shape outside of instances. Otherwise returns
+    /// false and does nothing.
     pub fn gather_shape(&mut self, context: &Context, lane: usize, ray: &Ray, hit: &Hit) -> bool {
         let world = &context.scene.world;
         if world.gather_sphere(ray, hit, lane, &mut self.spheres) {
@@ -238,7 +242,7 @@ impl VertexLanes {
         true
     }
 
-    /// Puts a point that is known already into a lane.
+    /// Stores a point that was computed elsewhere.
     pub fn put_point(&mut self, lane: usize, point: OtherPoint) {
         self.others.push((lane, point));
     }
@@ -256,8 +260,7 @@ impl VertexLanes {
         }
     }
 
-    /// Computes the lifts of all lanes, once they are placed; does nothing if no mesh has vertex
-    /// normals.
+    /// Computes the lifts of all lanes from their points. Does nothing if no lane needs one.
     pub fn place_lifts(&mut self, context: &Context) {
         let had_lifts = self.has_lifts;
         let is_smooth =
@@ -270,7 +273,7 @@ impl VertexLanes {
         if is_smooth {
             self.triangles.lifts(&self.points, &self.wo, &mut found, self.wide);
         }
-        // (Lanes that are not on triangles have none.)
+        // Lanes that are neither on triangles nor in `others` have no lift.
         self.lift = ZERO;
         for &lane in &self.plain {
             put(&mut self.lift, lane, at(&found, lane));
@@ -280,7 +283,7 @@ impl VertexLanes {
         }
     }
 
-    /// Russian roulette at this depth.
+    /// The random numbers and the limit of Russian roulette at this depth.
     pub fn roulette(&self, context: &Context, depth: u32) -> Roulette {
         let most = context.roulette(depth);
         let numbers = match most {
@@ -291,12 +294,12 @@ impl VertexLanes {
     }
 }
 
-/// Rays by column; lanes without one hold arbitrary values.
+/// Rays as columns. Lanes without a ray hold arbitrary values.
 #[derive(Clone, Copy, Debug)]
 pub struct RayColumns<'a> {
     pub origin: &'a HitVectors,
     pub direction: &'a HitVectors,
-    /// As [`Ray::t_max`].
+    /// [`Ray::t_max`] of each ray.
     pub end: &'a HitLanes,
 }
 
@@ -309,11 +312,11 @@ impl RayColumns<'_> {
     }
 }
 
-/// [`Carried`] column by column, of paths that are not branched; lanes without a path hold
-/// arbitrary values.
+/// [`Carried`] as columns, for paths that are not branched. Lanes without a path hold arbitrary
+/// values.
 #[derive(Clone, Copy, Debug)]
 pub struct CarriedColumns<'a> {
-    /// By channel.
+    /// The throughput, by color channel.
     pub throughput: &'a HitColors,
     pub eta_scale: &'a HitLanes,
     pub cone_width: &'a HitLanes,
@@ -325,7 +328,7 @@ pub struct CarriedColumns<'a> {
 }
 
 impl CarriedColumns<'_> {
-    /// The state of a lane.
+    /// The entry of a lane.
     #[inline(always)]
     pub fn at(&self, lane: usize) -> Carried {
         let lane = lane % LANES;

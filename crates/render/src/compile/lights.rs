@@ -1,4 +1,5 @@
-//! All lights in one table: lights without a surface, emissive surfaces, the environment.
+//! The table of all lights: lights without a surface, emissive surfaces, emissive media, the
+//! environment.
 
 use super::surfaces::SurfaceTable;
 use super::volumes::VolumeTable;
@@ -17,8 +18,8 @@ use std::collections::HashMap;
 use std::f64::consts::PI;
 use std::sync::OnceLock;
 
-/// Limits of work and memory for the table of emissive surfaces, because a small file may instance
-/// an emissive mesh billions of times.
+/// Limits of the work and memory for listing emissive surfaces, in units of looking at one
+/// triangle: a small file may instance an emissive mesh billions of times.
 const BUDGET: u64 = 1 << 28;
 const COST_OF_INSTANCE: u64 = 4096;
 const COST_OF_TRIANGLE: u64 = 64;
@@ -28,7 +29,7 @@ const COST_OF_TRIANGLE: u64 = 64;
 pub enum CompiledLight {
     /// A light without a surface.
     Light(Box<BareLight>),
-    /// One occurrence of an emissive surface.
+    /// One occurrence of an emissive surface in the scene.
     Area(Box<AreaLight>),
     /// An emissive surface that moves while the shutter is open.
     Moving(Box<MovingAreaLight>),
@@ -38,14 +39,14 @@ pub enum CompiledLight {
     Environment,
 }
 
-/// A light without a surface.
+/// A light without a surface, with precomputed data.
 #[derive(Debug)]
 pub struct BareLight {
-    /// The light in the scene.
+    /// The light as the scene holds it.
     pub light: Light,
-    /// The same, if it is a punctual light.
+    /// The light in the form for batches, if it is punctual.
     pub punctual: Option<PunctualLight>,
-    /// The light's colour for all wavelengths, computed at first use.
+    /// The light's colour as a spectrum, computed at first use.
     spectrum: OnceLock<LightSpectrum>,
 }
 
@@ -55,7 +56,7 @@ impl BareLight {
         Self { light, punctual, spectrum: OnceLock::new() }
     }
 
-    /// As [`Light::sample`].
+    /// Samples the light; see [`Light::sample`].
     pub fn sample(&self, p: Vec3, u: Vec2, mode: ColorMode) -> Option<LightSample> {
         match &self.punctual {
             Some(light) => LightSample::of_punctual(light.sample(p), self.color_of(light, mode)),
@@ -63,7 +64,7 @@ impl BareLight {
         }
     }
 
-    /// The colour of the punctual light for all wavelengths.
+    /// The colour of the punctual light as a spectrum.
     pub fn spectrum(&self, light: &PunctualLight) -> LightSpectrum {
         *self.spectrum.get_or_init(|| LightSpectrum::new(light.color.into()))
     }
@@ -80,15 +81,15 @@ impl BareLight {
 /// The emission of an opaque surface with uniform emission.
 #[derive(Clone, Debug)]
 pub struct PlainEmission {
-    /// Its material.
+    /// The material of the surface.
     pub material: MaterialId,
-    /// Emitted radiance.
+    /// The emitted radiance.
     pub radiance: Color,
-    /// The same in RGB.
+    /// The emitted radiance in RGB mode.
     pub rgb: SampledSpectrum,
-    /// The same for all wavelengths, computed at first use.
+    /// The emitted radiance as a spectrum, computed at first use.
     spectrum: OnceLock<LightSpectrum>,
-    /// True if it emits on both sides.
+    /// True if the surface emits on both sides.
     pub on_both_sides: bool,
 }
 
@@ -103,23 +104,24 @@ impl PlainEmission {
         Some(Self { material: id, radiance, rgb, spectrum: OnceLock::new(), on_both_sides })
     }
 
-    /// Emitted radiance for all wavelengths.
+    /// The emitted radiance as a spectrum.
     pub fn spectrum(&self) -> LightSpectrum {
         *self.spectrum.get_or_init(|| LightSpectrum::new(self.radiance))
     }
 
-    /// Emitted radiance at the wavelengths of a path.
+    /// The lanes of the emitted radiance in this mode.
     pub fn radiance_in(&self, mode: ColorMode) -> SampledSpectrum {
         if mode == ColorMode::Rgb { self.rgb } else { self.spectrum().at(mode) }
     }
 }
 
-/// A colour of light, as [`ColorMode::illuminant`] has it, for all wavelengths.
+/// The colour of a light, prepared for [`Self::at`]: the values are those of
+/// [`ColorMode::illuminant`].
 #[derive(Clone, Copy, Debug)]
 pub enum LightSpectrum {
-    /// Red, green and blue.
+    /// A colour of red, green and blue.
     Rgb(RgbSpectrum),
-    /// One that is given as a spectrum.
+    /// A colour with a spectrum of its own.
     Given(Color),
 }
 
@@ -137,7 +139,7 @@ impl LightSpectrum {
         }
     }
 
-    /// Its lanes in this mode.
+    /// The lanes of the colour in this mode.
     pub fn at(&self, mode: ColorMode) -> SampledSpectrum {
         match (self, mode) {
             (Self::Rgb(spectrum), ColorMode::Spectral(wavelengths)) => {
@@ -153,21 +155,21 @@ impl LightSpectrum {
 #[derive(Debug, Default)]
 pub struct LightTable {
     pub lights: Vec<CompiledLight>,
-    /// Approximate power of each, W.
+    /// Approximate power of each light in W.
     pub powers: Vec<f64>,
-    /// Position of the environment.
+    /// The position of the environment among the lights.
     pub environment: Option<usize>,
     by_surface: HashMap<(u32, u32), usize>,
-    /// The lights that are media.
+    /// The lights that are media, with their positions.
     media: Vec<(MediumId, usize)>,
-    /// Whether each emits on both sides.
+    /// Whether each light emits on both sides.
     two_sided: Vec<bool>,
-    /// The emission of each, if it is a surface with uniform emission.
+    /// The emission of each light that is a surface with uniform emission.
     plain: Vec<Option<PlainEmission>>,
-    /// The fraction of the power of all lights that is the environment's constant part.
+    /// The power of the environment's constant part, as a fraction of the power of all lights.
     even_share: f64,
     spent: u64,
-    /// True if curves emit light; they are not sampled.
+    /// True if curves emit light. Curves are not sampled.
     has_glowing_curves: bool,
 }
 
@@ -202,7 +204,8 @@ impl LightTable {
         }
         if let Some(environment) = environment {
             table.environment = Some(table.lights.len());
-            // Power through a disk of the scene's size from every direction (pbrt, section 12.5).
+            // The power is that through a disk of the scene's size from every direction (pbrt,
+            // section 12.5).
             table.push(
                 CompiledLight::Environment,
                 4.0 * PI * PI * radius * radius * environment.mean_luminance(),
@@ -219,19 +222,19 @@ impl LightTable {
         self.even_share > 0.5
     }
 
-    /// False if the scene has more emissive surfaces than the table lists. The others emit light
-    /// too, but only rays that hit them by chance find it.
+    /// False if the scene has more emissive surfaces than the table lists. The rest emit light too,
+    /// but only rays that hit them by chance find it.
     pub fn is_complete(&self) -> bool {
         self.spent <= BUDGET
     }
 
-    /// True if there are curves that give light, which only rays that find them by chance receive.
+    /// True if some curves emit light. Only rays that hit them by chance find it.
     pub fn has_glowing_curves(&self) -> bool {
         self.has_glowing_curves
     }
 
-    /// The input of light samplers; the bounds of all parts only if requested. The light `left_out`
-    /// is not sampled.
+    /// The lights as input of light samplers, without the light `left_out`. `with_parts` adds the
+    /// bounds of all parts.
     pub fn summaries(&self, with_parts: bool, left_out: Option<usize>) -> Vec<LightSummary> {
         let parts = |i: usize| match &self.lights[i] {
             CompiledLight::Light(bare) => bare.light.bounds().into_iter().collect(),
@@ -323,8 +326,8 @@ impl LightTable {
                 self.has_glowing_curves |= is_light(material(0));
                 return;
             }
-            // They emit when they are hit, but are not sampled; so do meshes that deform while the
-            // shutter is open.
+            // Quads, and meshes that deform while the shutter is open, emit when they are hit, but
+            // are not sampled.
             Geometry::Quads(_) | Geometry::MovingMesh(_) => return,
         };
         if !emitting.any {
@@ -368,17 +371,17 @@ impl LightTable {
     }
 }
 
-/// The placement of a group.
+/// The placement of a group in the world.
 #[derive(Clone, Default)]
 struct Place {
-    /// When the shutter opens.
+    /// The placement when the shutter opens.
     world_from_group: Transform,
-    /// The instances that hold it, outermost first.
+    /// The instances that hold the group, outermost first.
     carriers: Vec<Instance>,
 }
 
 impl Place {
-    /// The place of what an instance holds.
+    /// The placement of the group that `instance` holds.
     fn within(&self, instance: &Instance) -> Self {
         let mut carriers = self.carriers.clone();
         carriers.push(instance.clone());
@@ -393,7 +396,7 @@ impl Place {
     }
 }
 
-/// The traversal that finds emissive surfaces.
+/// The traversal of the world that finds emissive surfaces.
 struct Parts<'a> {
     world: &'a World,
     surfaces: &'a SurfaceTable,
@@ -408,13 +411,13 @@ impl Parts<'_> {
     }
 }
 
-/// Properties of the materials of an emissive surface.
+/// Properties of the materials of an emissive surface, over all of its parts.
 #[derive(Default)]
 struct Emitting {
     any: bool,
-    /// Some emit on both sides.
+    /// True if some part emits on both sides.
     both_sides: bool,
-    /// Some have non-uniform emission.
+    /// True if some part has non-uniform emission.
     varies: bool,
 }
 
@@ -432,7 +435,8 @@ fn is_light(material: &Material) -> bool {
     material.is_emissive() && material.illuminates
 }
 
-/// Where emissive surfaces may be, so that millions of dark instances need not be walked.
+/// Which geometries and groups hold emissive surfaces, so that millions of dark instances need not
+/// be walked.
 struct EmissiveGroups {
     geometries: Vec<bool>,
     groups: Vec<bool>,
@@ -446,7 +450,7 @@ impl EmissiveGroups {
             .map(|g| surfaces.own_materials(g).any(emits) || (handed_down && surfaces.inherits(g)))
             .collect();
         let mut groups = vec![false; world.group_count()];
-        // Iterated to the fixed point: one round per level of nesting.
+        // Iterated until nothing changes: one round per level of nesting.
         let mut changed = true;
         while changed {
             changed = false;

@@ -1,10 +1,10 @@
-//! Compiles a scene graph: instances over geometries, flat tables of lights, materials and
+//! Compiles a scene graph to instances over geometries and flat tables of lights, materials and
 //! textures, all referred to by ids.
 //!
-//! A node with one parent is folded into the group of its parent, its transforms composed in double
-//! precision and applied to the vertices. A node with several parents becomes a group of its own
-//! and is stored once, whatever its depth. So does a mesh that several surfaces share, and a node
-//! that moves: so the frames of an animation have most of their structures in common.
+//! A node with one parent is folded into the group of its parent: its transforms are composed in
+//! double precision and applied to the vertices. A node with several parents becomes a group of its
+//! own, which is stored once at any depth. So does a mesh that several surfaces share. A node that
+//! moves becomes a group too, so that the frames of an animation share most structures.
 
 mod lights;
 mod surfaces;
@@ -31,10 +31,10 @@ use std::collections::BTreeSet;
 use std::sync::{Arc, Mutex, PoisonError};
 use surfaces::SurfaceTable;
 
-/// Why a scene could not be compiled.
+/// The reason why a scene could not be compiled.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum CompileError {
-    /// The graph is not usable.
+    /// The scene graph is invalid.
     #[error(transparent)]
     Scene(#[from] SceneError),
     /// The world could not be built.
@@ -50,48 +50,48 @@ pub enum CompileError {
     },
 }
 
-/// The moving parts of a scene.
+/// The parts of a scene that move.
 #[derive(Clone, Debug, Default)]
 pub struct Moving {
     /// Nodes that move from one compilation to the next, or while the shutter is open
     /// ([`snell_scene::Player::moving_nodes`]). Each becomes an instance of a group of its own, so
-    /// that the rest stays as it is.
+    /// that the rest of the world need not change.
     pub nodes: BTreeSet<NodeId>,
-    /// The poses while the shutter is open, after the current one of the scene: evenly spaced until
-    /// it closes. Between poses everything moves on straight lines.
+    /// The poses while the shutter is open, at equal times from the one after opening, which is the
+    /// scene's own pose, to closing. Between poses everything moves on straight lines.
     pub later: Vec<Pose>,
 }
 
-/// A scene prepared for rendering. Immutable; shared by all threads.
+/// A scene prepared for rendering. It is immutable and shared by all threads.
 #[derive(Debug)]
 pub struct CompiledScene {
     /// The geometry.
     pub world: Arc<World>,
-    /// Materials by id; the last one is the default for surfaces without any.
+    /// Materials by id. The last one is the default, for surfaces without a material.
     pub materials: Vec<Material>,
-    /// Precomputed data of their BSDFs.
+    /// Precomputed data of the BSDF of each material.
     prepared: Vec<Prepared>,
     /// Textures by id.
     pub textures: Arc<TextureSet>,
-    /// Light from all directions.
+    /// Light from all directions at infinity.
     pub environment: Option<Arc<EnvironmentLight>>,
     /// The background for camera rays that leave the scene.
     pub background: Background,
-    /// Ambient light, for local illumination only.
+    /// Ambient light, for the integrators of local illumination only.
     pub ambient: Rgb,
-    /// Middle of the scene's finite part.
+    /// Centre of the scene's finite part.
     pub center: Vec3,
     /// Radius of the scene's finite part; 1 if it is empty.
     pub radius: f32,
     /// Warnings of the compilation.
     pub warnings: Vec<Warning>,
-    /// Media, if there are any.
+    /// The media, if the scene has any.
     pub(crate) volumes: Option<VolumeTable>,
-    /// True if rays must have times, because something moves while the shutter is open.
+    /// True if rays need times, because something moves while the shutter is open.
     pub moves: bool,
     surfaces: Arc<SurfaceTable>,
     lights: LightTable,
-    /// The light samplers that were requested.
+    /// The light samplers that were built so far.
     light_samplers: Mutex<Vec<(LightSamplerKind, LightStrategy, Arc<LightSampler>)>>,
 }
 
@@ -105,14 +105,14 @@ struct Built {
 }
 
 impl CompiledScene {
-    /// Compiles a scene.
+    /// Compiles a scene in which nothing moves.
     pub fn new(scene: &Scene, options: &BuildOptions) -> Result<Self, CompileError> {
         Self::moving(scene, &Moving::default(), options, None)
     }
 
-    /// Compiles a scene in which some nodes move. Unchanged parts of `previous` are reused: that
-    /// must be the same scene, and compiled with the same moving nodes, but in another pose. The
-    /// result does not depend on whether there is a previous one.
+    /// Compiles a scene in which some nodes move. Unchanged parts of `previous` are reused: it must
+    /// be the same scene, compiled with the same moving nodes, in another pose. The result does not
+    /// depend on `previous`.
     pub fn moving(
         scene: &Scene,
         moving: &Moving,
@@ -120,7 +120,8 @@ impl CompiledScene {
         previous: Option<Self>,
     ) -> Result<Self, CompileError> {
         let mut warnings = Vec::new();
-        // Poses change no materials' textures, and there may be many materials.
+        // Poses do not change the textures of materials, so the check of possibly many materials is
+        // skipped.
         if previous.is_none() {
             scene.check_textures()?;
         }
@@ -148,10 +149,11 @@ impl CompiledScene {
         Self::over(scene, materials, warnings, built)
     }
 
-    /// The same scene after changes of materials, lights, media and surroundings. `before` is what
-    /// this was compiled from; its nodes, geometries, textures and images must be those of `scene`.
-    /// Nothing is built again that need not be. `None` if the structure has to be: a surface has
-    /// become cut out, blended or an interface, or is so no more.
+    /// Compiles `scene`, which differs from `before`, the scene that `self` was compiled from, in
+    /// materials, lights, media and surroundings only. Nodes, geometries, textures and images must
+    /// be the same. Only what has changed is built. Returns `None` if the world has to be built
+    /// anew, because a surface has become cut out, blended or an interface, or is no longer one of
+    /// these.
     pub fn changed(&self, before: &Scene, scene: &Scene) -> Result<Option<Self>, CompileError> {
         let materials = materials(scene);
         let is_alike = |(a, b): (&Material, &Material)| a.needs_filter() == b.needs_filter();
@@ -171,7 +173,7 @@ impl CompiledScene {
         Self::over(scene, materials, self.warnings.clone(), built).map(Some)
     }
 
-    /// The parts that are rebuilt at every change.
+    /// Builds the parts that are made anew at every change.
     fn over(
         scene: &Scene,
         materials: Vec<Material>,
@@ -244,13 +246,13 @@ impl CompiledScene {
         self.surfaces.node_path(&self.world, hit.instance, hit.geometry)
     }
 
-    /// The surface at a hit of a ray with a time from 0 to 1.
+    /// The point at a hit of a ray with a time from 0 to 1, and the surface's properties there.
     #[inline]
     pub fn interaction(&self, ray: &Ray, time: f32, hit: &Hit) -> SurfaceInteraction {
         self.world.interaction(RayQuery { time, ..RayQuery::from(ray) }, hit)
     }
 
-    /// The offset from that surface to the smooth one that its vertex normals imply
+    /// The offset from a point of the surface to the smooth surface that the vertex normals imply
     /// ([`snell_intersect::World::lift`]).
     pub fn lift(&self, ray: &Ray, time: f32, surface: &SurfaceInteraction) -> Vec3 {
         self.world.lift(RayQuery { time, ..RayQuery::from(ray) }, surface)
@@ -271,28 +273,28 @@ impl CompiledScene {
         &self.lights.lights
     }
 
-    /// The emission of a light, if it is a surface with uniform emission.
+    /// The emission of a light that is a surface with uniform emission; `None` for other lights.
     #[inline]
     pub(crate) fn plain_emission(&self, light: usize) -> Option<&PlainEmission> {
         self.lights.plain(light)
     }
 
-    /// The light of an emissive surface, if it can be sampled.
+    /// The light of the surface of a geometry; `None` if it does not emit or cannot be sampled.
     pub fn light_of(&self, instance: u32, geometry: u32) -> Option<usize> {
         self.lights.of_surface(instance, geometry)
     }
 
-    /// The light of a medium, if it is emissive and can be sampled.
+    /// The light of a medium; `None` if it does not emit or cannot be sampled.
     pub fn light_of_medium(&self, medium: MediumId) -> Option<usize> {
         self.lights.of_medium(medium)
     }
 
-    /// The environment's position among the lights.
+    /// The position of the environment among the lights.
     pub fn environment_light(&self) -> Option<usize> {
         self.lights.environment
     }
 
-    /// True if nothing is seen in any direction in which a ray leaves the scene.
+    /// True if rays that leave the scene see black in every direction.
     pub fn is_dark_outside(&self) -> bool {
         let shows_color = matches!(self.background, Background::Color(color) if !color.is_black());
         self.environment.is_none() && !shows_color
@@ -304,7 +306,7 @@ impl CompiledScene {
         self.lights.is_even()
     }
 
-    /// A light sampler, built at first use.
+    /// The light sampler of this kind, built at first use.
     pub fn light_sampler(
         &self,
         kind: LightSamplerKind,
@@ -330,8 +332,8 @@ impl CompiledScene {
         LightSampler::new(kind, &lights, self.world.simd().wide())
     }
 
-    /// False if the environment is left to BSDF samples. For a constant environment this halves the
-    /// work and lowers the variance.
+    /// True if light samples are taken from the environment. A constant environment may be left to
+    /// BSDF samples, which halves the work and lowers the variance.
     pub fn samples_environment(&self, strategy: LightStrategy) -> bool {
         self.environment.as_ref().is_some_and(|sky| match strategy {
             LightStrategy::Mis => sky.excess() > 0.0,
@@ -340,7 +342,7 @@ impl CompiledScene {
         })
     }
 
-    /// A point as the input of materials, for a path of this colour mode.
+    /// The point at a hit as the input of materials, for a path of this colour mode.
     pub fn shading_point<'a>(
         &'a self,
         surface: &'a SurfaceInteraction,
@@ -350,14 +352,14 @@ impl CompiledScene {
         ShadingPoint { surface, footprint, textures: &self.textures, mode, outside_ior: 1.0 }
     }
 
-    /// True if some hits need the filter.
+    /// True if some hits must pass the hit filter.
     pub fn has_filter(&self) -> bool {
         self.surfaces.any_filtered
     }
 }
 
-/// Cut-out, blended and single-sided surfaces: a pure function of ray and hit, so shadows and any
-/// batching agree.
+/// Rejects hits on cut-out, blended and single-sided surfaces. The decision is a pure function of
+/// ray and hit, so shadow rays and batches of any size agree.
 impl HitFilter for CompiledScene {
     fn accept(&self, ray: &Ray, hit: &Hit) -> bool {
         self.accept_at(ray, 0.0, hit)
@@ -369,7 +371,7 @@ impl HitFilter for CompiledScene {
             return false;
         }
         if material.alpha_mode == AlphaMode::Opaque {
-            // Only the side matters.
+            // Only the side of the surface matters.
             let point = || self.world.point(RayQuery { time, ..RayQuery::from(ray) }, hit);
             return material.double_sided || point().is_front_facing(ray.direction);
         }
@@ -387,19 +389,19 @@ impl HitFilter for CompiledScene {
             rng::hash_combine(a ^ b, bits(ray.origin)[0]),
             hit.t.to_bits(),
         ));
-        // What is present has no colour.
+        // Presence does not depend on colours, so any mode will do.
         material.is_present(ray.direction, &self.shading_point(&surface, 0.0, ColorMode::Rgb), u)
     }
 }
 
-/// The scene's materials, and the default as the last.
+/// The materials of the scene, followed by the default material.
 fn materials(scene: &Scene) -> Vec<Material> {
     let mut materials = scene.materials.clone();
     materials.push(snell_scene::framing::default_material());
     materials
 }
 
-/// True if two environments surely give the same light.
+/// True if two environments certainly give the same light. Images are compared by address.
 fn is_same(a: &Environment, b: &Environment) -> bool {
     match (a, b) {
         (Environment::Constant(a), Environment::Constant(b)) => a == b,
@@ -411,7 +413,8 @@ fn is_same(a: &Environment, b: &Environment) -> bool {
     }
 }
 
-/// Light that is negative or not finite counts as none, as in lights and environments.
+/// `x`, or 0 if it is negative or not finite, since lights and environments count such values as no
+/// light.
 fn finite(x: f32) -> f32 {
     if x.is_finite() { x.max(0.0) } else { 0.0 }
 }
@@ -420,8 +423,8 @@ fn scene_bounds(world: &World) -> Bounds3d {
     world.bounds()
 }
 
-/// Bounds with infinite sides cut to the finite ones, so that planes do not make the scene
-/// infinite.
+/// The bounds with infinite sides cut to the finite ones, so that infinite planes do not make the
+/// scene infinite.
 fn finite_part(bounds: &Bounds3d) -> Bounds3d {
     if bounds.is_finite() || bounds.is_empty() {
         return *bounds;

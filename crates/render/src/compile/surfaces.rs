@@ -1,4 +1,4 @@
-//! Nodes and surfaces to groups and geometries.
+//! Compiles nodes and surfaces to groups and geometries of the world.
 
 use super::{CompileError, Moving, index};
 use snell_intersect::{
@@ -9,41 +9,42 @@ use snell_scene::{Geometry, Material, MaterialId, NodeId, Scene, Surface, Warnin
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// Meshes of fewer triangles are copied where they are used: cheaper than an instance.
+/// Meshes with fewer triangles are copied to each place of use, which is cheaper than an instance.
 const SMALL_MESH: usize = 64;
 
-/// Which material each primitive of each geometry has.
+/// The materials of all primitives of all geometries, and the nodes that hold them.
 #[derive(Debug)]
 pub struct SurfaceTable {
     geometries: Vec<GeometryMaterials>,
-    /// For each group, what each of its instances hands down.
+    /// For each group, what each of its instances passes on to the contents.
     instances: Vec<Vec<Handed>>,
-    /// Nodes as they were folded into groups, each with the one above it in the same group.
+    /// Nodes as they were folded into groups, each with the position of the one above it in the
+    /// same group.
     visits: Vec<(NodeId, Option<u32>)>,
     default: MaterialId,
     /// True if any geometry needs the hit filter.
     pub any_filtered: bool,
 }
 
-/// What an instance stands for.
+/// What an instance passes on to the group inside.
 #[derive(Clone, Copy, Debug)]
 struct Handed {
-    /// Material for what is inside and has none.
+    /// The material for contents without a material.
     material: Option<MaterialId>,
-    /// The node that holds the instance.
+    /// The node that holds the instance, as a position in [`SurfaceTable::visits`].
     visit: u32,
 }
 
 #[derive(Debug)]
 struct GeometryMaterials {
-    /// By slot; `None` is inherited from the instance.
+    /// The material of each slot; `None` means the material that the instance passes on.
     slots: Vec<Option<MaterialId>>,
-    /// Slot by triangle; empty means slot 0.
+    /// The mesh whose triangles have slots; `None` if all use slot 0.
     mesh: Option<Arc<TriangleMesh>>,
-    /// The node that holds the surface; none for a mesh in a group of its own.
+    /// The node that holds the surface; `None` for a mesh in a group of its own.
     visit: Option<u32>,
-    /// For a mesh that was brought into the coordinates of its group: what it was before, its place
-    /// there, and what became of it.
+    /// For a mesh that was transformed into the coordinates of its group: the original, the
+    /// transform, and the result.
     placed: Option<(Arc<TriangleMesh>, Transform, Arc<TriangleMesh>)>,
 }
 
@@ -67,7 +68,7 @@ impl SurfaceTable {
         if instance == 0 {
             return self.default;
         }
-        // The innermost instance that hands a material down.
+        // The innermost instance that passes a material on decides.
         let path = world.instance_path(instance);
         let handed = path
             .iter()
@@ -84,7 +85,7 @@ impl SurfaceTable {
         is_only.then(|| materials.slots.first().copied().flatten().unwrap_or(self.default))
     }
 
-    /// The materials a geometry may have, without those it inherits.
+    /// The materials that a geometry may have, except for those that instances pass on.
     pub fn own_materials(&self, geometry: u32) -> impl Iterator<Item = MaterialId> {
         self.geometries[geometry as usize].slots.iter().filter_map(|&m| m)
     }
@@ -95,7 +96,7 @@ impl SurfaceTable {
         slots.is_empty() || slots.iter().any(Option::is_none)
     }
 
-    /// Materials that instances hand down, and the default.
+    /// The materials that instances pass on, and the default material.
     pub fn handed_down(&self) -> impl Iterator<Item = MaterialId> {
         self.instances.iter().flatten().filter_map(|i| i.material).chain([self.default])
     }
@@ -124,18 +125,18 @@ impl SurfaceTable {
     }
 }
 
-/// What is shared: a mesh in a group of its own, with the materials it is used with.
+/// Identifies a mesh in a group of its own, by its address and the materials that it is used with.
 type MeshUse = (*const TriangleMesh, Vec<Option<MaterialId>>);
 
-/// The same of curves.
+/// Identifies curves in a group of their own, by their address and material.
 type CurvesUse = (*const Curves, Option<MaterialId>);
 
 struct Compiler<'a> {
     scene: &'a Scene,
     moving: &'a Moving,
-    /// The table of the same scene in another pose.
+    /// The table of the same scene in another pose, if there is one.
     previous: Option<&'a SurfaceTable>,
-    /// Nodes with surfaces, or above nodes with surfaces.
+    /// For each node: whether the node, or one below, has surfaces.
     has_surfaces: Vec<bool>,
     builder: WorldBuilder,
     table: SurfaceTable,
@@ -198,7 +199,7 @@ pub fn compile(
         node_groups: HashMap::new(),
         warnings,
     };
-    // Shared and moving nodes first (children before parents), then the root.
+    // Shared and moving nodes are compiled first, children before parents, then the root.
     for &id in order.iter().filter(|&&id| id != scene.root) {
         let moves = moving.nodes.contains(&id) && compiler.has_surfaces[id.index()];
         if compiler.parents[id.index()] > 1 || moves {
@@ -213,7 +214,8 @@ pub fn compile(
         }
         None => compiler.warn_singular(&scene.nodes[scene.root.index()].name),
     }
-    // Everything below is asked about, once all materials that may be handed down are known.
+    // The hit filter is decided for each geometry once all materials that may be passed on are
+    // collected.
     let Compiler { mut builder, mut table, .. } = compiler;
     let needs_filter = |id: MaterialId| materials[id.index()].needs_filter();
     let handed_down = table.handed_down().any(needs_filter);
@@ -250,8 +252,8 @@ impl Compiler<'_> {
         Warning::note(self.warnings, message, 1);
     }
 
-    /// Puts a node's surfaces, and those of the nodes that only it holds, into `group`. `inherited`
-    /// is the material from above.
+    /// Adds to `group` the surfaces of a node and of the nodes that only this node holds.
+    /// `inherited` is the material that comes from above.
     fn fold_node(
         &mut self,
         id: NodeId,
@@ -260,7 +262,7 @@ impl Compiler<'_> {
         inherited: Option<MaterialId>,
     ) -> Result<(), CompileError> {
         let scene = self.scene;
-        // An explicit stack, because files may nest deeper than the thread's stack.
+        // The stack is explicit, because files may nest deeper than a thread's stack allows.
         let mut stack = vec![(id, *group_from_node, inherited, None)];
         while let Some((id, group_from_node, inherited, above)) = stack.pop() {
             let node = &scene.nodes[id.index()];
@@ -277,7 +279,7 @@ impl Compiler<'_> {
                     Handed { material, visit },
                 );
             }
-            // Reversed, so that the first child is folded first.
+            // Children are pushed in reverse, so that the first one is folded first.
             for &child in node.children.iter().rev() {
                 let moves = self.moving.nodes.contains(&child);
                 if moves && !self.has_surfaces[child.index()] {
@@ -285,7 +287,8 @@ impl Compiler<'_> {
                 }
                 let Some(node_from_child) = Transform::new(scene.nodes[child.index()].transform)
                 else {
-                    // Animations scale things to nothing to hide them.
+                    // Moving nodes give no warning, because animations scale things to nothing to
+                    // hide them.
                     if !moves {
                         self.warn_singular(&scene.nodes[child.index()].name);
                     }
@@ -304,7 +307,8 @@ impl Compiler<'_> {
         Ok(())
     }
 
-    /// Where a node is while the shutter is open, after its first place; none if it stays there.
+    /// The places of a node at the poses after the first while the shutter is open; empty if the
+    /// node does not move.
     fn later_places(
         &self,
         node: NodeId,
@@ -318,7 +322,7 @@ impl Compiler<'_> {
         if places.iter().all(|place| *place == still) {
             return Vec::new();
         }
-        // Where it is flattened, it stays where it was before.
+        // A node with a singular transform stays where it was before.
         let mut last = *first;
         let mut place = |map: &DAffine3| {
             last = Transform::new(*map).unwrap_or(last);
@@ -327,8 +331,8 @@ impl Compiler<'_> {
         places.iter().map(&mut place).collect()
     }
 
-    /// The meshes of a surface while the shutter is open, after its first one; none if it stays as
-    /// it is.
+    /// The meshes of a surface at the poses after the first while the shutter is open; empty if the
+    /// surface does not deform.
     fn later_meshes(
         &self,
         node: NodeId,
@@ -403,7 +407,8 @@ impl Compiler<'_> {
         }
     }
 
-    /// Strands stay in their own coordinates, where they are round: elsewhere they are instances.
+    /// Curves stay in their own coordinates, in which they are round. Elsewhere they are added as
+    /// instances.
     fn add_curves(
         &mut self,
         curves: &Arc<Curves>,
@@ -433,7 +438,8 @@ impl Compiler<'_> {
         self.add_instance(group, Instance::new(child, *placed), handed);
     }
 
-    /// The mesh in the coordinates of a group: that of the table before, if it was the same there.
+    /// The mesh in the coordinates of a group. The transformed mesh of the previous table is used
+    /// if it came from the same mesh and transform.
     fn brought(&self, mesh: &Arc<TriangleMesh>, placed: &Transform) -> Arc<TriangleMesh> {
         let before = self
             .previous
@@ -502,7 +508,7 @@ impl Compiler<'_> {
     }
 }
 
-/// True for a triangle whose corners are on a line.
+/// True for a triangle whose corners lie on a line.
 fn is_flat(corners: &[Vec3; 3]) -> bool {
     let [a, b, c] = corners.map(Vec3::as_dvec3);
     (b - a).cross(c - a) == DVec3::ZERO

@@ -1,4 +1,4 @@
-//! Sharing, inheritance and node paths survive compiling.
+//! Tests that sharing, inherited materials and node paths survive compiling.
 
 mod motion;
 
@@ -36,7 +36,8 @@ fn look_down(x: f32) -> Ray {
     Ray::new(Vec3::new(x, 0.1, 5.0), Vec3::NEG_Z)
 }
 
-/// Root with two pairs; each pair holds the same leaf twice; the second pair hands a material down.
+/// A scene whose root has two pairs. Each pair holds the same leaf twice; the second passes a
+/// material on to its leaves.
 fn nested(mesh: Arc<TriangleMesh>) -> Scene {
     let mut scene = Scene::new("nested");
     let red = scene.add_material(Material::new("red", Diffuse::new(Rgb::new(1.0, 0.0, 0.0))));
@@ -151,7 +152,7 @@ fn a_mesh_of_faces_without_an_area_is_told_and_one_with_a_good_face_is_not() {
             mesh.indices[1] = [0; 3];
         }
         for i in 0..flat {
-            // Three corners on a line, of which no two are in one place.
+            // Three different corners on a line.
             let first = mesh.positions.len() as u32;
             mesh.positions.extend([0.0, 0.3, 1.0].map(|x| Vec3::new(x, 0.0, 0.0)));
             mesh.indices[i] = [first, first + 1, first + 2];

@@ -1,4 +1,4 @@
-//! Which media there are, and which materials bound them.
+//! The media of a scene, and the materials that bound them.
 
 use super::CompileError;
 use crate::light_sampler::{LightSummary, LightTable};
@@ -6,34 +6,34 @@ use snell_scene::material::Interior;
 use snell_scene::medium::{EquiangularLight, Glow, PreparedMedium};
 use snell_scene::{Material, MaterialId, MediumId, Scene, SceneError};
 
-/// The media of a scene and the surfaces that bound them. A scene without has none of this, and
-/// pays nothing for it.
+/// The media of a scene and the surfaces that bound them. Scenes without media have no table, so
+/// they pay nothing.
 #[derive(Debug)]
 pub struct VolumeTable {
     media: Vec<PreparedMedium>,
-    /// What is where no inside is.
+    /// The medium outside of all interiors.
     pub everywhere: Option<MediumId>,
     boundaries: Vec<Option<Boundary>>,
-    /// True if rays may pass some surfaces as if they were not there.
+    /// True if rays may pass some surfaces without being scattered.
     pub has_passable: bool,
-    /// True if rays through media meet every surface: none is cut out, blended or single-sided.
+    /// True if rays through media hit every surface: none is cut out, blended or single-sided.
     pub sees_all: bool,
-    /// True if insides may hide surfaces of others.
+    /// True if priorities may hide surfaces inside of other interiors.
     pub has_priorities: bool,
-    /// Where light comes from, if it comes from anywhere near.
+    /// The lights for equiangular sampling; `None` if no light has a place.
     pub equiangular_lights: Option<EquiangularLights>,
 }
 
-/// The lights of a scene as media see them from far: one is chosen in proportion to power.
+/// The lights of a scene for equiangular sampling. One is chosen in proportion to power.
 #[derive(Debug)]
 pub struct EquiangularLights {
     table: LightTable,
-    /// `None` for light that comes from nowhere near.
+    /// The place of each light; `None` for lights at infinity.
     equiangular_lights: Vec<Option<EquiangularLight>>,
 }
 
 impl EquiangularLights {
-    /// `None` if no light has a place.
+    /// Collects the places of the lights; `None` if no light has one.
     pub fn new(lights: &[LightSummary]) -> Option<Self> {
         let equiangular_light = |light: &LightSummary| {
             let bounds = light.parts.iter().map(|part| part.bounds).reduce(|a, b| a.union(&b))?;
@@ -52,26 +52,27 @@ impl EquiangularLights {
             .then(|| Self { table: LightTable::new(&powers), equiangular_lights })
     }
 
-    /// A equiangular_light, or none if light from far was chosen. `u` is asked for a uniform number
-    /// if there is a choice.
+    /// Chooses a light; `None` if it is at infinity. `u` returns a uniform number and is called
+    /// only if there is a choice.
     pub fn sample(&self, u: impl FnOnce() -> f32) -> Option<EquiangularLight> {
         self.equiangular_lights[self.table.sample(u)?.light]
     }
 }
 
-/// A surface that bounds an inside.
+/// A surface that bounds an interior.
 #[derive(Clone, Copy, Debug)]
 pub struct Boundary {
     /// What is inside.
     pub interior: Interior,
-    /// Light passes it as if it were not there.
+    /// True if light passes the surface without being scattered.
     pub is_interface: bool,
-    /// Index of refraction inside.
+    /// Index of refraction of the interior.
     pub ior: f32,
 }
 
 impl VolumeTable {
-    /// `None` if the scene has no media or interfaces, so that light travels through vacuum.
+    /// Makes the table; `None` if the scene has no media or interfaces, so that light travels
+    /// through vacuum.
     pub fn new(scene: &Scene, materials: &[Material]) -> Result<Option<Self>, CompileError> {
         let check = |id: Option<MediumId>, what: &str| match id {
             Some(id) if id.index() >= scene.media.len() => {
@@ -115,7 +116,7 @@ impl VolumeTable {
         &self.media[id.index()]
     }
 
-    /// The media that are anywhere and glow so that points of them can be sampled.
+    /// The media that occur in the scene and whose emission can be sampled.
     pub fn glows(&self) -> impl Iterator<Item = (MediumId, Glow)> {
         let is_used = |id: MediumId| {
             self.everywhere == Some(id)
@@ -125,12 +126,12 @@ impl VolumeTable {
         ids.filter_map(|id| Some((id, self.medium(id).glow()?)))
     }
 
-    /// True if no medium is expensive to pass.
+    /// True if the transmittance of all media has a closed form.
     pub fn is_in_closed_form(&self) -> bool {
         self.media.iter().all(PreparedMedium::is_in_closed_form)
     }
 
-    /// What a material bounds.
+    /// The interior that surfaces of a material bound, if they bound one.
     pub fn boundary(&self, material: MaterialId) -> Option<&Boundary> {
         self.boundaries[material.index()].as_ref()
     }

@@ -106,11 +106,11 @@ impl Filter {
 #[derive(Clone, Debug)]
 pub struct FilterSampler {
     radius: f64,
-    /// Inverse of the cumulative distribution of |f|, at equal steps of probability, with the sign
-    /// of f there.
+    /// The inverse of the cumulative distribution of |f|, at equal steps of probability, multiplied
+    /// by the sign of f at that point.
     offsets: Vec<f64>,
     filter: Filter,
-    /// Integral of f over that of |f|.
+    /// The integral of f divided by that of |f|.
     signed_share: f64,
 }
 
@@ -144,7 +144,8 @@ impl FilterSampler {
         Self { radius, offsets, filter, signed_share }
     }
 
-    /// Displacement from the pixel's centre and the sample's weight: 1, or -1 in a negative lobe.
+    /// Samples the displacement from the pixel's centre, in pixels, and the sample's weight: 1, or
+    /// -1 in a negative lobe.
     pub fn sample(&self, u: Vec2) -> (DVec2, f32) {
         let (x, wx) = self.sample_axis(u.x);
         let (y, wy) = self.sample_axis(u.y);

@@ -1,6 +1,6 @@
-//! The film: running sums of every pixel and AOV, kept per fixed block of samples and added in
-//! order, so that the bits of the picture do not depend on threads, tile order or splitting. Memory
-//! does not grow with the number of samples.
+//! The film: running sums for every pixel and AOV. They are kept per fixed block of samples and
+//! added in order, so that the bits of the picture do not depend on threads, tile order or
+//! splitting. Memory does not grow with the number of samples.
 
 pub mod filter;
 pub mod noise;
@@ -12,12 +12,12 @@ use rayon::prelude::*;
 use snell_math::Rgb;
 use snell_scene::{Layer, LayeredImage};
 
-/// Samples whose values are summed before the sum is added to the pixel: the unit of splitting a
-/// render.
+/// The number of samples of a pixel that are summed before the sum is added to the pixel. A render
+/// is split at multiples of it.
 pub const BLOCK: u32 = 16;
 
 /// The value of the layer `noise` in pixels with too few samples for an estimate: the largest
-/// number of half precision.
+/// number in half precision.
 const UNKNOWN: f64 = 65504.0;
 
 /// One sample of one pixel, as the film sees it.
@@ -25,30 +25,30 @@ const UNKNOWN: f64 = 65504.0;
 pub struct FilmSample {
     /// Sensor response: linear Rec. 709.
     pub color: Rgb,
-    /// 1 if the ray met something, 0 if it left into a transparent background.
+    /// 1 if the camera ray hit something, 0 if it left into a transparent background.
     pub alpha: f32,
     /// Filter weight, 1 or -1.
     pub weight: f32,
 }
 
-/// The smallest number of tiles per thread when values are computed: waking a thread for fewer
-/// takes longer than the work.
+/// The smallest number of tiles per thread when pixel values are computed. Waking a thread for
+/// fewer takes longer than the work.
 const MANY_TILES: usize = 64;
 
-/// Pixels along the side of a tile. Tiles lie on a grid over the whole picture, so a crop consists
-/// of parts of the same tiles.
+/// Pixels along the side of a tile. Tiles lie on a fixed grid over the whole picture, so a crop
+/// consists of parts of the same tiles.
 pub const TILE: u32 = 16;
 
 /// Sums of one channel group of a tile, pixel by pixel.
 #[derive(Clone, Debug, PartialEq)]
 struct Sums {
-    /// Weighted sums: per pixel colour, alpha, then the AOV channels.
+    /// Weighted sums: for each pixel colour, alpha, then the AOV channels.
     sum: Vec<f64>,
     /// Sums of the squares of the weighted values.
     square: Vec<f64>,
     /// Sum of the weights, per pixel.
     weight: Vec<f64>,
-    /// Sums of the values without weights. Empty if all weights are 1.
+    /// Sums of the values without weights; empty if all weights are 1.
     plain: Vec<f64>,
     channels: usize,
 }
@@ -60,8 +60,8 @@ impl Sums {
         Self { sum: zeros(), square: zeros(), weight: vec![0.0; pixels], plain, channels }
     }
 
-    /// Adds samples of a pixel that have only these channels, all of weight 1 if there is no plain
-    /// sum.
+    /// Adds samples of a pixel that have colour and alpha only. Without unweighted sums, all
+    /// weights must be 1.
     fn add_plain(&mut self, pixel: usize, samples: &[FilmSample]) {
         let range = 4 * pixel..4 * pixel + 4;
         let (Some(sum), Some(square)) =
@@ -69,7 +69,7 @@ impl Sums {
         else {
             return;
         };
-        // In registers: the same sums in the same order as those of `add`.
+        // The sums are kept in registers, and have the same order as those of `add`.
         let (mut sums, mut squares): ([f64; 4], [f64; 4]) = (*sum, *square);
         for sample in samples {
             let Rgb { r, g, b } = sample.color;
@@ -133,7 +133,7 @@ struct ChannelSums {
 }
 
 impl ChannelSums {
-    /// Empty sums, for samples that may have weights.
+    /// Empty sums; `is_signed` says that samples may have weights other than 1.
     fn nothing(is_signed: bool) -> Self {
         Self { sum: 0.0, square: 0.0, weight: 0.0, plain: is_signed.then_some(0.0) }
     }
@@ -147,11 +147,11 @@ impl ChannelSums {
         }
     }
 
-    /// Unweighted mean over `n` samples, corrected by the weighted difference from it.
+    /// The unweighted mean over `n` samples, and the sum of the weighted differences from it.
     ///
-    /// The sum of the weights of few samples may be 0 or of the wrong sign where the filter is
-    /// partly negative, so it is no divisor. Only what differs from the plain mean is weighted, and
-    /// divided by the weight that is expected.
+    /// The sum of the weights of few samples may be 0 or have the wrong sign where the filter is
+    /// partly negative, so it is no divisor. Only the differences from the unweighted mean are
+    /// weighted, and they are divided by the expected weight.
     fn plain_mean(&self, n: f64) -> (f64, f64) {
         match self.plain {
             None => (self.sum / n, 0.0),
@@ -159,65 +159,67 @@ impl ChannelSums {
         }
     }
 
-    /// Mean over `n` samples.
+    /// The mean over `n` samples, an estimate of the pixel's value.
     fn mean(&self, n: f64, mean_weight: f64) -> f64 {
         let (mean, difference) = self.plain_mean(n);
         if difference == 0.0 { mean } else { mean + difference / (n * mean_weight) }
     }
 
-    /// Variance of the mean over `n` samples.
+    /// The variance of [`Self::mean`] over `n` samples.
     fn variance(&self, n: f64, mean_weight: f64) -> f64 {
         let (mean, difference) = self.plain_mean(n);
-        // The variance of the weighted differences from the plain mean; all weights are 1 or -1.
+        // The variance of the weighted differences from the unweighted mean. All weights are 1 or
+        // -1.
         let spread = (self.square - mean * mean * n - difference * difference / n).max(0.0);
         let divisor = n * mean_weight;
         if n > 1.0 { spread / (divisor * divisor) * (n / (n - 1.0)) } else { 0.0 }
     }
 }
 
-/// Samples of one tile over one range of sample numbers, in (pixel, sample) order.
+/// The samples of one tile in one range of sample numbers, ordered by pixel, then by sample.
 #[derive(Clone, Debug)]
 pub struct FilmPart {
-    /// Pixels covered, in the whole picture.
+    /// The pixels of the tile, in coordinates of the whole picture.
     pub area: Crop,
-    /// First sample number and one past the last.
+    /// The first sample number, and one past the last.
     pub samples: [u32; 2],
-    /// The pixels of the area that have samples, as row-major indices, ascending; `None` for all.
+    /// The pixels of `area` that have samples, as ascending row-major indices; `None` if all have.
     pub pixels: Option<Vec<u32>>,
-    /// Sample values: all samples of the first pixel, then of the next.
+    /// The samples: all of the first pixel, then all of the next.
     pub values: Vec<FilmSample>,
-    /// AOV values in the same order, all channels of a sample together.
+    /// AOV values in the order of `values`, all channels of a sample together.
     pub aovs: Vec<f32>,
-    /// The key that covers each sample, for each AOV of kind [`AovKind::Coverage`], in the same
-    /// order.
+    /// For each AOV of kind [`AovKind::Coverage`], the key that covers each sample, in the order of
+    /// `values`.
     pub keys: Vec<u64>,
 }
 
 /// One tile of the film.
 #[derive(Clone, Debug)]
 pub struct FilmTile {
-    /// Pixels covered, in the whole picture.
+    /// The pixels of the tile, in coordinates of the whole picture.
     pub area: Crop,
     /// The largest number of samples of a pixel.
     pub samples: u32,
-    /// Samples of each pixel.
+    /// The number of samples of each pixel.
     taken: Vec<u32>,
-    /// Sum of the intensities of whole blocks, and of their squares, of each pixel; empty before
-    /// the first.
+    /// For each pixel, the sum of the intensities of its whole blocks, and the sum of their
+    /// squares; empty before the first whole block.
     blocks: Vec<[f64; 2]>,
-    /// For stopped pixels, the deviation of blocks that decided; empty if none has stopped.
+    /// For each pixel that has stopped, the deviation of blocks on which the decision was based;
+    /// empty if none has stopped.
     decided: Vec<Option<f64>>,
     channels: usize,
-    /// Expected weight of a sample, see [`filter::FilterSampler::mean_weight`].
+    /// Expected weight of a sample; see [`filter::FilterSampler::mean_weight`].
     mean_weight: f64,
-    /// Sums of all whole blocks, if there are any.
+    /// Sums over all whole blocks; `None` before the first.
     total: Option<Sums>,
-    /// Sums of the incomplete block, if there is one.
+    /// Sums over the incomplete block; `None` if there is none.
     partial: Option<Sums>,
-    /// Values of AOVs that cannot be averaged, from the first sample.
+    /// Values of AOVs that cannot be averaged: those of the first sample.
     first: Vec<f32>,
-    /// The keys that cover each pixel, with the number of samples of each: a list for each AOV of
-    /// kind [`AovKind::Coverage`].
+    /// For each AOV of kind [`AovKind::Coverage`] and each pixel, the keys that cover it, with the
+    /// number of samples of each.
     coverage: Vec<Vec<(u64, u32)>>,
 }
 
@@ -256,7 +258,7 @@ impl FilmTile {
         let mut values = vec![0.0; self.channels];
         let mut done = 0;
         while done < samples {
-            // The samples that remain of the block.
+            // The number of samples up to the end of the block or of the part.
             let run = ((BLOCK - self.samples % BLOCK) as usize).min(samples - done);
             let partial = self
                 .partial
@@ -306,8 +308,8 @@ impl FilmTile {
         }
     }
 
-    /// The picture of this tile so far, row by row: red, green, blue (linear Rec. 709), alpha
-    /// (premultiplied).
+    /// The picture of this tile so far, row by row: red, green, blue (linear Rec. 709) and alpha
+    /// (premultiplied) of each pixel.
     pub fn colors(&self) -> Vec<f32> {
         let value = |i: usize| self.mean(i / 4, i % 4) as f32;
         (0..self.taken.len() * 4).map(value).collect()
@@ -335,7 +337,7 @@ impl FilmTile {
         parts.fold(nothing, |sums, part| sums.plus(part.channel(pixel, channel)))
     }
 
-    /// Sum of the intensities of a pixel's whole blocks, and of their squares.
+    /// The sum of the intensities of a pixel's whole blocks, and the sum of their squares.
     fn blocks_of(&self, pixel: usize) -> [f64; 2] {
         self.blocks.get(pixel).copied().unwrap_or_default()
     }
@@ -345,7 +347,7 @@ impl FilmTile {
         self.sums(pixel, channel).mean(f64::from(self.taken[pixel].max(1)), self.mean_weight)
     }
 
-    /// The variance of that mean.
+    /// The variance of the mean of one channel of a pixel.
     fn variance(&self, pixel: usize, channel: usize) -> f64 {
         self.sums(pixel, channel).variance(f64::from(self.taken[pixel].max(1)), self.mean_weight)
     }
@@ -356,7 +358,7 @@ impl FilmTile {
 pub struct Film {
     /// The part of the picture that is rendered.
     pub crop: Crop,
-    /// See [`crate::Settings::noise_floor`].
+    /// The floor of the error in dark pixels; see [`crate::Settings::noise_floor`].
     pub noise_floor: f64,
     aovs: Vec<Aov>,
     /// Tiles, row by row.
@@ -364,12 +366,13 @@ pub struct Film {
 }
 
 impl Film {
-    /// An empty film for `crop`, with layers for these AOVs, whose samples have weights of 1.
+    /// An empty film for `crop`, with layers for these AOVs, for samples of weight 1.
     pub fn new(crop: Crop, aovs: &[Aov]) -> Self {
         Self::with_mean_weight(crop, aovs, 1.0)
     }
 
-    /// An empty film for samples of a filter, see [`filter::FilterSampler::mean_weight`].
+    /// An empty film for samples of a filter with this [mean
+    /// weight](filter::FilterSampler::mean_weight).
     pub fn with_mean_weight(crop: Crop, aovs: &[Aov], mean_weight: f64) -> Self {
         let aov_channels = aovs.iter().map(|a| a.sampled_channels()).sum::<usize>();
         let coverages = aovs.iter().filter(|a| a.kind() == AovKind::Coverage).count();
@@ -390,7 +393,7 @@ impl Film {
         &self.aovs
     }
 
-    /// Least number of samples that any pixel has.
+    /// The smallest number of samples that any pixel has.
     pub fn least_samples(&self) -> u32 {
         self.taken().min().unwrap_or(0)
     }
@@ -409,14 +412,15 @@ impl Film {
         self.tiles.iter().flat_map(|t| t.taken.iter().copied())
     }
 
-    /// The picture: first the layer of colour and alpha (premultiplied), then one layer per AOV.
-    /// Linear Rec. 709.
+    /// The picture in linear Rec. 709: first the layer of colour and alpha (premultiplied), then
+    /// one layer for each AOV.
     pub fn image(&self) -> LayeredImage {
         self.layers(false)
     }
 
-    /// What covers each pixel, row by row, by the keys of [`Aov::key`] with the number of samples
-    /// of each, and the number of all samples of the pixel. Empty if the AOV was not asked for.
+    /// For each pixel, row by row, the keys of [`Aov::key`] that cover it, with the number of
+    /// samples of each, and the number of all samples of the pixel. Empty if the AOV was not
+    /// requested.
     pub fn coverage(&self, aov: Aov) -> Vec<(&[(u64, u32)], u32)> {
         let mut kinds = self.aovs.iter().filter(|a| a.kind() == AovKind::Coverage);
         let count = kinds.clone().count();
@@ -434,8 +438,8 @@ impl Film {
         pixels
     }
 
-    /// The variance of each value of [`Self::image`] as an estimate (that of the mean, not of one
-    /// sample). 0 for values that are not averaged.
+    /// The variance of each value of [`Self::image`] as an estimate: the variance of the mean, not
+    /// that of one sample. It is 0 for values that are not averaged.
     pub fn variance(&self) -> LayeredImage {
         self.layers(true)
     }
@@ -456,7 +460,7 @@ impl Film {
                          channel: usize| match kind {
                 AovKind::Averaged => {
                     let channel = first_channel + channel;
-                    // The square of a large number may not fit.
+                    // The square of a large number may exceed the range of `f32`.
                     let value = if variance {
                         tile.variance(pixel, channel)
                     } else {
@@ -489,8 +493,8 @@ impl Film {
         LayeredImage { width, height, layers, metadata: Vec::new() }
     }
 
-    /// A number of values for each pixel, row by row. `value` gets the tile, the pixel's index in
-    /// it, its position in the picture, and the index of the value.
+    /// A number of values for each pixel, row by row. `value` is called with the tile, the index of
+    /// the pixel in it, the pixel's position in the picture, and the index of the value.
     fn gathered(
         &self,
         count: usize,
@@ -500,7 +504,7 @@ impl Film {
             |[x, y]: [u32; 2]| [(x - self.crop.min[0]) as usize, (y - self.crop.min[1]) as usize];
         let [width, height] = self.crop.size().map(|side| side as usize);
         let mut values = vec![0.0; width * height * count];
-        // Rows of tiles, each with the rows of pixels that it fills.
+        // Tiles are grouped into rows, each with the rows of pixels that it fills.
         let (mut bands, mut rest) = (Vec::new(), values.as_mut_slice());
         for tiles in self.tiles.chunk_by(|a, b| a.area.min[1] == b.area.min[1]) {
             let length = tiles[0].area.size()[1] as usize * width * count;
@@ -614,9 +618,11 @@ mod tests {
         let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / 2000.0;
         let estimated =
             films.iter().map(|f| f64::from(f.variance().layers[0].values[0])).sum::<f64>() / 2000.0;
-        // The integral of u^2 over [1/4, 1] less that over [0, 1/4], by 1/2; 1 is what was added.
+        // The integral of u^2 over [1/4, 1] minus that over [0, 1/4], divided by 1/2, plus the
+        // constant 1.
         let expected = (1.0 - 2.0 / 64.0) / 3.0 / 0.5 + 1.0;
-        // The plain mean depends on the samples that it is taken from: a bias of order 1 / n.
+        // The unweighted mean depends on the samples that it is computed from, which causes a bias
+        // of order 1 / n.
         assert!((mean - expected).abs() < 0.01, "{mean} {expected}");
         assert!((estimated / variance - 1.0).abs() < 0.1, "{estimated} {variance}");
     }

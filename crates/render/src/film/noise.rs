@@ -1,42 +1,43 @@
-//! How wrong a pixel still is, and when it is good enough.
+//! The error of a pixel's value, and the decision when the pixel has enough samples.
 //!
 //! **The error of a pixel.** Its *intensity* I is the mean of its linear red, green and blue.
-//! Samples come in blocks of [`BLOCK`], each an independent estimate of I
-//! ([`crate::sampler::Sampler::in_blocks`]), so Student's t gives a 95 % confidence interval I ± h
-//! from the mean and the spread of the blocks. The error is h in *tone-mapped units*: those of the
-//! curve T(I) = ln(1 + I / f), whose slope makes it
+//! Samples come in blocks of [`BLOCK`], and each block gives an independent estimate of I
+//! ([`crate::sampler::Sampler::in_blocks`]). Student's t thus gives a 95 % confidence interval I ±
+//! h from the mean and the spread of the blocks. The error is h in *tone-mapped units*, which are
+//! those of the curve T(I) = ln(1 + I / f). The slope of that curve turns h into
 //!
 //! ```text
 //! error = h / (I + f)
 //! ```
 //!
-//! For intensities well above the floor f it is the relative error; in the dark it is an absolute
-//! one, because relative errors are invisible there. f is 0.1, divided by the exposure: middle grey
-//! is 0.18. An error of 0.02 at white is 2.2 % of it, at middle grey 3.1 % of it, at black 0.002 of
-//! white.
+//! For intensities well above the floor f this is the relative error. In the dark it is an absolute
+//! error, because relative errors are invisible there. f is 0.1 divided by the exposure; middle
+//! grey is 0.18. An error of 0.02 means a half-width of 2.2 % of the intensity at white, of 3.1 %
+//! at middle grey, and of 0.002 times white at black.
 //!
-//! **When a pixel stops.** It is checked after 128 samples and whenever their number has grown by a
-//! quarter. It stops when its error is small enough, and would also be with the mean deviation of
-//! the blocks of the 3 x 3 pixels around it: few blocks of one pixel may agree by chance. Checking
-//! repeatedly whether an interval has shrunk to a given width is the sequential procedure of Chow
-//! and Robbins (On the asymptotic theory of fixed-width sequential confidence intervals, 1965): as
-//! the width goes to zero the interval covers with the stated probability, and the mean converges
-//! to the truth, for any finite variance. On the way there, pixels whose blocks agree by chance
-//! stop first, so the deviation of a pixel alone is a little too small. The reported interval uses
-//! a deviation a quarter of the way from that of the pixel to the one that decided.
+//! **When a pixel stops.** It is checked after 128 samples and whenever the number of samples has
+//! grown by a quarter. It stops when its error is small enough, and would also be small enough with
+//! the mean deviation of the blocks of the 3 x 3 pixels around it: the few blocks of one pixel may
+//! agree by chance. Checking repeatedly whether an interval has shrunk to a given width is the
+//! sequential procedure of Chow and Robbins (On the asymptotic theory of fixed-width sequential
+//! confidence intervals, 1965). As the width goes to zero, the interval covers with the stated
+//! probability and the mean converges to the true value, for any finite variance. At a finite
+//! width, pixels whose blocks agree by chance stop first, so the deviation of a pixel alone is a
+//! little too small. The reported interval uses a deviation a quarter of the way from the pixel's
+//! own to the one that decided.
 
 use super::{BLOCK, Film};
 use crate::settings::Crop;
 
-/// Samples before a pixel may stop.
+/// The number of samples before a pixel may stop.
 pub const LEAST_SAMPLES: u32 = 8 * BLOCK;
 
-/// The interpolation of the reported interval from the deviation of a pixel alone to the one that
-/// decides; found by experiments on pixels of the Cornell box and on random numbers from normal to
-/// logarithmic normal ones.
+/// Where the deviation of the reported interval lies between that of the pixel alone (0) and the
+/// one that decided (1). The value was found by experiments on pixels of the Cornell box and on
+/// random numbers from normal to log-normal ones.
 const CAUTION: f64 = 0.25;
 
-/// Intensity of each pixel of a film, row by row, and its confidence interval.
+/// The intensity of each pixel of a film, row by row, with its confidence interval.
 #[derive(Clone, Debug)]
 pub struct NoiseMap {
     size: [usize; 2],
@@ -48,14 +49,14 @@ struct Pixel {
     intensity: f64,
     /// The number of whole blocks.
     blocks: u32,
-    /// Standard deviation of the intensity of a block.
+    /// Standard deviation of the intensity of one block.
     deviation: f64,
-    /// The deviation that decided when the pixel stopped, see [`NoiseMap::cautious_error`].
+    /// The deviation that decided when the pixel stopped; see [`NoiseMap::cautious_error`].
     decided: Option<f64>,
 }
 
 impl Pixel {
-    /// Half of the 95 % confidence interval for a given standard deviation of blocks.
+    /// Half of the width of the 95 % confidence interval, for a given standard deviation of blocks.
     fn half_width(&self, deviation: f64) -> f64 {
         match self.blocks {
             0 | 1 => f64::INFINITY,
@@ -89,8 +90,8 @@ impl NoiseMap {
         self.pixels[pixel].intensity
     }
 
-    /// Half of the 95 % confidence interval of a pixel's intensity; infinite with fewer than two
-    /// blocks of samples.
+    /// Half of the width of the 95 % confidence interval of a pixel's intensity; infinite with
+    /// fewer than two blocks of samples.
     pub fn half_width(&self, pixel: usize) -> f64 {
         let own = &self.pixels[pixel];
         own.half_width(own.deviation + (self.cautious_deviation(pixel) - own.deviation) * CAUTION)
@@ -101,15 +102,15 @@ impl NoiseMap {
         self.half_width(pixel) / (self.pixels[pixel].intensity.max(0.0) + floor)
     }
 
-    /// The error that decides whether a pixel stops: with a deviation not less than that of the
-    /// pixels around.
+    /// The error that decides whether a pixel stops. It uses a deviation that is at least the mean
+    /// deviation of the pixels around.
     pub fn cautious_error(&self, pixel: usize, floor: f64) -> f64 {
         let own = &self.pixels[pixel];
         own.half_width(self.cautious_deviation(pixel)) / (own.intensity.max(0.0) + floor)
     }
 
-    /// The larger of a pixel's deviation and the mean over its 3 x 3 neighbourhood. For a stopped
-    /// pixel, the value when it stopped.
+    /// The larger of a pixel's deviation and the mean over its 3 x 3 neighbourhood. For a pixel
+    /// that has stopped, the value at which it stopped.
     fn cautious_deviation(&self, pixel: usize) -> f64 {
         if let Some(deviation) = self.pixels[pixel].decided {
             return deviation;
@@ -125,13 +126,13 @@ impl NoiseMap {
     }
 }
 
-/// Pixels of an area, row by row.
+/// The positions of the pixels of an area, row by row.
 pub fn positions(area: &Crop) -> impl Iterator<Item = [u32; 2]> + use<> {
     let Crop { min, max } = *area;
     (min[1]..max[1]).flat_map(move |y| (min[0]..max[0]).map(move |x| [x, y]))
 }
 
-/// Of the pixels of each tile that are active (all if `None`), those whose error is still above
+/// Finds, among the active pixels of each tile (`None` means all), those whose error is still above
 /// `noise`. The others stop.
 pub fn unconverged(
     film: &mut Film,
@@ -161,7 +162,7 @@ pub fn unconverged(
     noisy
 }
 
-/// The number of samples at the next check of a pixel, given that at the last one.
+/// The number of samples at which a pixel is checked next, given the number at the last check.
 pub fn next_look(samples: u32) -> u32 {
     match samples {
         0 => LEAST_SAMPLES,

@@ -1,25 +1,27 @@
 //! The contents of a field, laid out for look-ups at many points at once. A look-up walks through
-//! an unpredictable number of tables, and each step waits for memory. So all points take each step
-//! together, and the list of unfinished ones is made without branches.
+//! an unpredictable number of tables, and each step waits for memory. All points therefore take
+//! each step together, and the list of unfinished points is made without branches.
 
 use super::density::{COORDINATE_DIGITS, DIGITS, Density, ONE};
 use super::parallax::Parallax;
 use super::regions::{Halves, Place, Regions};
 use snell_math::Vec2;
 
-/// Marks an entry as the number of a table, not a density. (Densities are not negative.)
+/// Marks an entry as the number of a table. Other entries are the bits of densities, which are not
+/// negative.
 const TABLE: u32 = 1 << 31;
 
-/// The data of a region.
+/// The data of a region in short form.
 #[derive(Clone, Copy, Debug)]
 pub struct Brief {
-    /// The first table of its density, marked; 0, which is a density of 0, if the region is not
-    /// trained.
+    /// The first table of the region's density, marked with [`TABLE`]; 0, which stands for a
+    /// density of 0, if the region is not trained.
     table: u32,
-    /// The start of its parts (see [`Density`]), and their number.
+    /// The position of the region's parts in [`Atlas::starts`] (see [`Density`]), and the number of
+    /// parts.
     starts: u32,
     parts: u32,
-    /// As in [`super::Cell`].
+    /// See [`super::Cell`] for this field and the next.
     pub bsdf_share: f32,
     pub expected: f32,
     pub parallax: Parallax,
@@ -38,23 +40,23 @@ impl Brief {
 pub struct Atlas {
     regions: Regions,
     briefs: Vec<Brief>,
-    /// The tables of all densities, of 4 x 4 squares: each entry is a density per steradian or a
-    /// further table.
+    /// The tables of all densities. Each table covers 4 x 4 squares, and each entry is a density
+    /// per steradian or the number of a further table.
     tables: Vec<[u32; 16]>,
-    /// The first quads of parts, the probabilities of quads (as in [`Density`]), and their corners
-    /// and sizes.
+    /// The first quad of each part, the cumulative probabilities of the quads (both like the fields
+    /// of [`Density`]), and the quads' corners and sizes.
     starts: Vec<u32>,
     ends: Vec<u32>,
     quads: Vec<[f32; 3]>,
 }
 
 impl Atlas {
-    /// An atlas of no regions.
+    /// An atlas without the data of regions, for the trees with these roots.
     pub fn of_trees<N: Halves>(roots: impl Iterator<Item = N>) -> Self {
         Self { regions: Regions::new(roots), ..Self::default() }
     }
 
-    /// Adds the next region.
+    /// Adds the data of the next region.
     pub fn add(
         &mut self,
         density: Option<&Density>,
@@ -87,7 +89,7 @@ impl Atlas {
         self.regions.find(face, place)
     }
 
-    /// The regions of the first points, up to the given number.
+    /// Finds the regions of the first `count` points.
     pub fn regions<const N: usize>(
         &self,
         faces: &[u32; N],
@@ -98,8 +100,8 @@ impl Atlas {
         self.regions.find_many(faces, places, count, to);
     }
 
-    /// Densities per steradian at [coordinates](super::density::coordinates) in regions, in the
-    /// selected lanes; 0 elsewhere.
+    /// Densities per steradian at [coordinates](super::density::coordinates) in regions, for lanes
+    /// where `is_wanted` is 1; other lanes get 0.
     pub fn pdfs<const N: usize>(
         &self,
         regions: &[u32; N],
@@ -132,7 +134,8 @@ impl Atlas {
         }
     }
 
-    /// Samples points of the square, as [`Density::point`] does, in the selected lanes.
+    /// Samples points of the unit square as [`Density::point`] does, for lanes where `is_wanted` is
+    /// 1.
     pub fn points<const N: usize>(
         &self,
         regions: &[u32; N],
@@ -149,7 +152,7 @@ impl Atlas {
             drawing[count] = (i as u16, number, brief.starts + part as u32);
             count += usize::from((is_wanted[i] != 0) & brief.is_known());
         }
-        // From parts to quads.
+        // From parts to the first quads of parts.
         for (_, _, at) in &mut drawing[..count] {
             *at = self.starts[*at as usize];
         }
@@ -169,7 +172,7 @@ impl Atlas {
         }
     }
 
-    /// Bytes in memory.
+    /// Memory use in bytes.
     pub fn memory_bytes(&self) -> usize {
         self.regions.memory_bytes()
             + size_of_val(&self.briefs[..])
@@ -190,7 +193,7 @@ mod tests {
 
     const MANY: usize = 64;
 
-    /// Densities of lights of several sizes.
+    /// Densities learnt from lights of several sizes.
     fn densities() -> Vec<Density> {
         let learnt = |size: u32| {
             let mut gatherer = Gatherer::default();
@@ -211,7 +214,7 @@ mod tests {
         (1..8).map(learnt).collect()
     }
 
-    /// Batched look-ups have the same bits as those of each density.
+    /// Batched look-ups must give the same bits as those of each density by itself.
     #[test]
     fn many_are_looked_up_as_one_by_one() {
         #[derive(Clone, Copy)]

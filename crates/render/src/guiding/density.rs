@@ -1,27 +1,28 @@
-//! Densities of directions to sample from: quadtrees as tables, so that neither drawing a direction
-//! nor looking up its density walks a tree step by step.
+//! Densities of directions to sample from. Quadtrees are stored as tables, so that neither sampling
+//! a direction nor looking up its density walks a tree level by level.
 
 use super::directional::{Node, direction_from_square, square_from_direction};
 use snell_math::{Vec2, Vec3};
 use std::f32::consts::PI;
 
-/// Numbers between 0 and 1 that are drawn have this many digits. Probabilities are multiples of the
-/// least of them, so that what is drawn is exactly as likely as is stated.
+/// The number of bits of the random numbers that choose a quad. Probabilities are multiples of
+/// `2^-DIGITS`, so that a quad is chosen exactly as often as its density states.
 pub(super) const DIGITS: u32 = 24;
-/// What [`DIGITS`] make.
+/// `2^DIGITS`, the number of different random numbers.
 pub(super) const ONE: f32 = (1 << DIGITS) as f32;
 
-/// Digits of coordinates on the square, by which quads are found: two for each table on the way.
+/// The number of bits of coordinates on the square. The look-up of a quad uses two bits for each
+/// table on the way.
 pub(super) const COORDINATE_DIGITS: u32 = 16;
 
-/// Marks what is the number of a quad, not of a table.
+/// Marks an entry of a table as the number of a quad, not of a table.
 const QUAD: u16 = 1 << 15;
 
-/// An undivided square of the map.
+/// A square of the map that is not divided further.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Quad {
     corner: [f32; 2],
-    /// Of its sides.
+    /// Length of the sides.
     size: f32,
     /// Density per steradian.
     pdf: f32,
@@ -31,18 +32,19 @@ struct Quad {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Density {
     quads: Vec<Quad>,
-    /// Probability of all quads up to and with each, in units of the least number.
+    /// The probability of the quads up to and including each, in units of `2^-DIGITS`.
     ends: Vec<u32>,
-    /// The quad where each of equally many parts of the numbers between 0 and 1 begins; there are a
-    /// power of two.
+    /// `[0, 1)` is divided into equal parts, as many as a power of two. For each part, this is the
+    /// quad in which it begins.
     starts: Vec<u16>,
-    /// What lies in each of 4 times 4 squares, row by row: a quad (see [`QUAD`]), or a table of its
-    /// own.
+    /// What lies in each of 4 x 4 squares, row by row: the number of a quad (marked with [`QUAD`])
+    /// or of a further table.
     tables: Vec<[u16; 16]>,
 }
 
 impl Density {
-    /// Of a tree of which the nodes hold shares of their parents' light, times 4.
+    /// The density of a tree. The `light` of each node must hold the fractions of the node's light
+    /// in the quadrants, times 4.
     pub(super) fn new(nodes: &[Node]) -> Self {
         let mut density =
             Self { quads: Vec::new(), ends: Vec::new(), starts: Vec::new(), tables: Vec::new() };
@@ -52,7 +54,7 @@ impl Density {
         density
     }
 
-    /// Adds the table of a node, and all below; gives its number.
+    /// Adds the table of a node, and the tables below it. Returns the table's number.
     fn add_table(
         &mut self,
         nodes: &[Node],
@@ -113,15 +115,15 @@ impl Density {
         }
     }
 
-    /// A point of the [square](direction_from_square), as densely as the directions that points
-    /// stand for; `choice` and `u` are three independent numbers.
+    /// Samples a point of the [square](direction_from_square) that stands for the sampled
+    /// direction. `choice` and `u` are three independent uniform numbers.
     #[inline]
     pub fn point(&self, choice: f32, u: Vec2) -> Vec2 {
         let Quad { corner, size, .. } = self.quads[self.quad(choice)];
         Vec2::from(corner) + u * size
     }
 
-    /// Draws a quad.
+    /// Chooses a quad with its probability.
     #[inline]
     fn quad(&self, choice: f32) -> usize {
         let number = (choice * ONE) as u32;
@@ -133,7 +135,7 @@ impl Density {
         quad
     }
 
-    /// Draws a unit direction; `choice` and `u` are three independent numbers.
+    /// Samples a unit direction. `choice` and `u` are three independent uniform numbers.
     pub fn sample(&self, choice: f32, u: Vec2) -> Vec3 {
         direction_from_square(self.point(choice, u))
     }
@@ -143,7 +145,7 @@ impl Density {
         self.pdf_at(coordinates(square_from_direction(direction)))
     }
 
-    /// The same by the [coordinates] of the direction's point of the square.
+    /// Density per steradian of the direction with these [coordinates] in the square.
     #[inline]
     pub fn pdf_at(&self, [x, y]: [u32; 2]) -> f32 {
         let (mut table, mut digits) = (0, COORDINATE_DIGITS);
@@ -158,7 +160,8 @@ impl Density {
         }
     }
 
-    /// The tables, with what stands for quads of these densities, and for tables of these numbers.
+    /// The tables with other entries: `quad` gives the entry for a quad of some density, and
+    /// `table` the entry for the number of a table.
     pub(super) fn tables(
         &self,
         quad: impl Fn(f32) -> u32,
@@ -171,22 +174,22 @@ impl Density {
         self.tables.iter().map(move |cells| cells.map(&entry))
     }
 
-    /// Corners and sizes of quads.
+    /// The corner and size of each quad.
     pub(super) fn squares(&self) -> impl Iterator<Item = [f32; 3]> {
         self.quads.iter().map(|&Quad { corner: [x, y], size, .. }| [x, y, size])
     }
 
-    /// As the fields.
+    /// For each part of `[0, 1)`, the quad in which it begins.
     pub(super) fn starts(&self) -> &[u16] {
         &self.starts
     }
 
-    /// As the fields.
+    /// The cumulative probabilities of the quads, in units of `2^-DIGITS`.
     pub(super) fn ends(&self) -> &[u32] {
         &self.ends
     }
 
-    /// Bytes in memory.
+    /// Memory use in bytes.
     pub fn memory_bytes(&self) -> usize {
         size_of_val(&self.quads[..])
             + size_of_val(&self.ends[..])
@@ -195,7 +198,8 @@ impl Density {
     }
 }
 
-/// The quadrants of a node: number, corner, child and share of all light.
+/// The four quadrants of a node: number, corner, child (0 if there is none) and fraction of all
+/// light.
 fn quadrants(
     node: &Node,
     corner: [f32; 2],
@@ -209,12 +213,12 @@ fn quadrants(
     })
 }
 
-/// Coordinates of a point of the square, for [`Density::pdf_at`].
+/// The coordinates of a point of the square, for [`Density::pdf_at`].
 #[inline(always)]
 pub fn coordinates(point: Vec2) -> [u32; 2] {
     const SIDE: f32 = (1u32 << COORDINATE_DIGITS) as f32;
-    // By way of signed numbers, of which wide registers have a conversion. (Points lie in the
-    // square.)
+    // The conversion goes through signed integers, which wide registers support. Points lie in the
+    // square, so the numbers are not negative.
     [(point.x * SIDE) as i32 as u32, (point.y * SIDE) as i32 as u32]
 }
 
@@ -225,7 +229,8 @@ mod tests {
     use snell_math::rng::{to_unit, uniform2};
     use snell_math::statistics::{chi_squared_deviation, sidak_deviation};
 
-    /// Light from one corner of the sky and a little from everywhere, gathered in rounds.
+    /// A density learnt in rounds from light in one corner of the sky and a little light from
+    /// everywhere.
     fn learnt(rounds: u32) -> Density {
         let sun = Vec3::new(0.3, -0.4, 0.866).normalize();
         let mut gatherer = Gatherer::default();
@@ -265,8 +270,8 @@ mod tests {
         }
     }
 
-    /// Every number that can be drawn is drawn once: what comes out must be what is stated, to the
-    /// last digit.
+    /// Every number that can choose a quad is used once. The frequencies must then equal the stated
+    /// probabilities to the last bit.
     #[test]
     fn quads_are_drawn_exactly_as_often_as_is_stated() {
         let density = learnt(6);
@@ -284,8 +289,8 @@ mod tests {
         }
     }
 
-    /// The integral of a density over cells of the square: quads lie within cells, or cover whole
-    /// ones.
+    /// The integral of a density over the cells of a grid on the square. Quads lie within cells or
+    /// cover whole cells.
     fn shares(density: &Density, rows: usize, columns: usize) -> Vec<f64> {
         let mut shares = vec![0.0; rows * columns];
         for quad in &density.quads {
@@ -304,8 +309,8 @@ mod tests {
         shares
     }
 
-    /// Counts against the integral of the density over cells of the sphere, with a bound that holds
-    /// for all cells together.
+    /// Compares counts with the integral of the density over cells of the sphere, with a bound that
+    /// holds for all cells together.
     #[test]
     fn samples_are_distributed_as_the_density_says_by_chi_squared() {
         let (rows, columns, n) = (16usize, 32usize, 400_000u32);

@@ -1,6 +1,6 @@
-//! Light by direction, learnt from weighted directions: quadtrees over the equal-area cylindrical
-//! map (Müller, Gross and Novák, Practical Path Guiding for Efficient Light-Transport Simulation,
-//! 2017, section 3.2).
+//! The distribution of light by direction, learnt from weighted directions: quadtrees over the
+//! equal-area cylindrical map (Müller, Gross and Novák, Practical Path Guiding for Efficient
+//! Light-Transport Simulation, 2017, section 3.2).
 
 use super::density::Density;
 use snell_math::rng::ONE_MINUS_EPSILON;
@@ -8,15 +8,15 @@ use snell_math::simd::{max, min};
 use snell_math::{Vec2, Vec3, angles};
 use std::f32::consts::TAU;
 
-/// A quad with more than this share of the light is divided.
+/// A quad with more than this fraction of the light is divided.
 const SHARE: f32 = 0.01;
-/// Divisions of the square along each side are at most 2 to this power.
+/// The number of levels of a tree: the smallest quads have sides of `2^-MAX_DEPTH`.
 const MAX_DEPTH: u32 = 16;
-/// No more nodes than this in one tree.
+/// The largest number of nodes of a tree.
 const MAX_NODES: usize = 256;
 
-/// The point of the unit square that stands for a unit direction. Equal areas stand for equal solid
-/// angles.
+/// The point of the unit square that stands for a unit direction. Equal areas correspond to equal
+/// solid angles.
 #[inline(always)]
 pub fn square_from_direction(d: Vec3) -> Vec2 {
     let turn = angles::atan2(d.y, d.x) * (1.0 / TAU);
@@ -25,7 +25,7 @@ pub fn square_from_direction(d: Vec3) -> Vec2 {
     Vec2::new(inside(x), inside((d.z + 1.0) * 0.5))
 }
 
-/// The unit direction of a point of the unit square.
+/// The unit direction that a point of the unit square stands for.
 #[inline(always)]
 pub fn direction_from_square(p: Vec2) -> Vec3 {
     let z = p.y * 2.0 - 1.0;
@@ -34,7 +34,8 @@ pub fn direction_from_square(p: Vec2) -> Vec3 {
     Vec3::new(r * cos as f32, r * sin as f32, z)
 }
 
-/// Steps into the quadrant of `p`: its number (x first, then y), with `p` scaled to it.
+/// Steps into the quadrant of `p`: returns the quadrant's number (x is the lowest bit, then y) and
+/// maps `p` from the quadrant to the unit square.
 fn quadrant(p: &mut Vec2) -> usize {
     let doubled = *p * 2.0;
     let (right, upper) = (doubled.x >= 1.0, doubled.y >= 1.0);
@@ -42,7 +43,7 @@ fn quadrant(p: &mut Vec2) -> usize {
     usize::from(right) + 2 * usize::from(upper)
 }
 
-/// Four quadrants, each of which may have a node of its own.
+/// A node of a quadtree, with four quadrants that may be divided further.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Node {
     /// Light in each quadrant.
@@ -51,10 +52,10 @@ pub(super) struct Node {
     pub children: [u32; 4],
 }
 
-/// The distribution of light by direction, as fractions in a quadtree.
+/// The distribution of light over directions, as fractions in a quadtree.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shares {
-    /// The light of each is what share of its node's each quadrant has, times 4.
+    /// The nodes; `light` holds the fraction of the node's light in each quadrant, times 4.
     nodes: Vec<Node>,
 }
 
@@ -65,23 +66,23 @@ impl Shares {
     }
 }
 
-/// The quantity that is gathered.
+/// The quantity that is gathered in each quad.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Moment {
-    /// Light: the density becomes proportional to it.
+    /// Light. The density becomes proportional to it.
     First,
-    /// Squares of light: the density of a quad becomes proportional to the square root of their
-    /// mean, which is best for the variance where light is noisy or finer than quads (Rath et al.,
-    /// Variance-aware path guiding, 2020, section 4).
+    /// The square of light. The density of a quad becomes proportional to the square root of the
+    /// mean square, which minimises the variance where light is noisy or finer than quads (Rath et
+    /// al., Variance-aware path guiding, 2020, section 4).
     Second,
 }
 
-/// Gathers light by direction. Its quads are adapted to the light of earlier passes.
+/// Gathers light by direction, in quads that are adapted to the light of earlier passes.
 #[derive(Clone, Debug)]
 pub struct Gatherer {
     nodes: Vec<Node>,
-    /// The previous distribution: the fraction of light in each undivided quad. Empty if there was
-    /// none.
+    /// The previous distribution: the fraction of light in each undivided quad; empty if there is
+    /// no previous distribution.
     known: Vec<[f32; 4]>,
 }
 
@@ -92,13 +93,13 @@ impl Default for Gatherer {
 }
 
 impl Gatherer {
-    /// Adds light from a direction. The direction is first moved by up to half of the width of its
-    /// quad, according to `u`, which smooths between neighbouring quads.
+    /// Adds light from a direction. The point of the direction is first moved by up to half of the
+    /// width of its quad, according to `u`, which smooths between neighbouring quads.
     pub fn add(&mut self, direction: Vec3, light: f32, u: Vec2) {
         let point = square_from_direction(direction);
         let (_, _, size) = self.find(point);
         let moved = point + (u - 0.5) * size;
-        // Around the cylinder, and not beyond its ends.
+        // A moved point wraps around the cylinder, and is reflected at the cylinder's ends.
         let y = if moved.y < 0.0 {
             -moved.y
         } else if moved.y >= 1.0 {
@@ -112,7 +113,7 @@ impl Gatherer {
         self.nodes[node].light[quadrant] += light;
     }
 
-    /// The undivided quad of a point: node, quadrant, width.
+    /// The undivided quad of a point: its node, its quadrant in the node, and its width.
     fn find(&self, mut point: Vec2) -> (usize, usize, f32) {
         let (mut node, mut size) = (0, 0.5);
         loop {
@@ -126,7 +127,7 @@ impl Gatherer {
     }
 
     /// The distribution of the gathered light and, with weight `trust` in `[0, 1]`, of the previous
-    /// one; `None` if both are zero or not finite.
+    /// distribution; `None` if the sum is zero or not finite.
     pub fn shares(&self, moment: Moment, trust: f32) -> Option<Shares> {
         let mut nodes = self.nodes.clone();
         if moment == Moment::Second {
@@ -140,7 +141,7 @@ impl Gatherer {
                 node.light = std::array::from_fn(|q| node.light[q] * new + known[q] * old);
             }
         }
-        // Children come after their parents.
+        // Children come after their parents, so their sums are complete first.
         for i in (0..nodes.len()).rev() {
             for q in 0..4 {
                 if nodes[i].children[q] != 0 {
@@ -154,16 +155,17 @@ impl Gatherer {
         }
         for node in &mut nodes {
             let sum: f32 = node.light.iter().sum();
-            // Nodes without light are never entered; their density must still be a number.
+            // Nodes without light are never chosen, but their density must still be a number.
             node.light = node.light.map(|x| if sum > 0.0 { 4.0 * (x / sum) } else { 1.0 });
         }
         Some(Shares { nodes })
     }
 
-    /// An empty gatherer whose quads are adapted to the distribution: those with much light are
-    /// divided, those with little merged.
+    /// An empty gatherer whose quads are adapted to the distribution: quads with much light are
+    /// divided, and those with little light are merged.
     pub fn suited_to(shares: &Shares) -> Self {
-        // Node to make from: the old one if there is one; its share of all light.
+        // Each entry of the queue is a new node, the old node in its place if there is one, its
+        // fraction of all light, and its depth.
         let (mut nodes, mut known) = (vec![Node::default()], vec![[0.0; 4]]);
         let mut queue = std::collections::VecDeque::from([(0, Some(0), 1.0, 1)]);
         while let Some((new, old, share, depth)) = queue.pop_front() {
@@ -194,7 +196,7 @@ impl Gatherer {
     }
 }
 
-/// From sums of squares over undivided quads to what their light counts for.
+/// Replaces the sum of squares in each undivided quad by the root that counts as the quad's light.
 fn take_roots(nodes: &mut [Node]) {
     let mut area = vec![0.25; nodes.len()];
     for i in 0..nodes.len() {

@@ -1,9 +1,9 @@
 //! The guiding field: a density of directions for each region of space and each of six orientations
 //! of surfaces.
 //!
-//! Regions are the leaves of binary trees, one for each of six orientations of a surface (by the
-//! largest component of its normal), so that light on one side of a wall does not guide paths on
-//! the other. A region with many records is halved.
+//! Regions are the leaves of binary trees over space. There is one tree for each of six
+//! orientations of a surface (by the largest component of its normal), so that light on one side of
+//! a wall does not guide paths on the other side. A region with many records is halved.
 
 use super::atlas::{Atlas, Brief};
 use super::density::Density;
@@ -15,40 +15,43 @@ use crate::threads::on_threads;
 use snell_math::simd::{max, min};
 use snell_math::{Vec2, Vec3, rng};
 
-/// Most regions.
+/// The largest number of regions.
 const MAX_CELLS: usize = 1 << 14;
-/// Most halvings of the scene's box.
+/// The largest number of times that the scene's box is halved for a region.
 const MAX_DEPTH: u32 = 48;
-/// What is known of a region counts like this many new records of equal light.
+/// The previous state of a region counts like this many new records of equal light.
 const TRUST: f64 = 16.0;
-/// Fewer than this are no knowledge.
+/// With fewer effective records than this, a region stays untrained.
 const MIN_RECORDS: f64 = 4.0;
-/// The share of BSDF samples stays between these, so that wrong guesses cannot cost much.
+/// The least and greatest fraction of BSDF samples, so that a badly trained field cannot cost much.
 const BSDF_SHARE: [f32; 2] = [0.5, 0.95];
 
-/// What is known of one region.
+/// The state of one region.
 #[derive(Clone, Debug)]
 pub struct Cell {
-    /// Where light comes from, as [`Self::parallax`] turns it; `None` if nothing is known.
+    /// The density of incident light, as seen from the anchor of [`Self::parallax`]; `None` if the
+    /// region is not trained.
     density: Option<Density>,
-    /// The share of samples that is drawn from the BSDF instead of the density.
+    /// The fraction of directions that are sampled from the BSDF instead of the density.
     pub bsdf_share: f32,
-    /// What a path of throughput 1 brings from here on by all that follows its bounce, about.
+    /// About how much light a path of throughput 1 will find after it leaves a vertex in the
+    /// region.
     pub expected: f32,
-    /// How directions turn within the region.
+    /// How directions change within the region.
     parallax: Parallax,
-    /// How often the cube was halved for the region.
+    /// The number of halvings of the cube that led to the region.
     depth: u32,
     gatherer: Gatherer,
     records: u32,
-    /// What was gathered by direction.
+    /// Sums over the light gathered by direction in this pass.
     gathered: Weights,
-    /// Light found by all records, and how much of it BSDF samples would have found.
+    /// Sums over the light found by all records of this pass, and the part of it that BSDF samples
+    /// would have found.
     found: Weights,
     found_by_bsdf: f64,
 }
 
-/// A sum of weights, and its effective sample size.
+/// A sum of weights, with the sum of their squares.
 #[derive(Clone, Copy, Debug, Default)]
 struct Weights {
     sum: f64,
@@ -61,8 +64,8 @@ impl Weights {
         self.squares += f64::from(weight) * f64::from(weight);
     }
 
-    /// Kish's effective sample size: the number of equal weights with the same relative variance,
-    /// which is 1 if one weight dominates.
+    /// Kish's effective sample size: the number of equal weights with the same relative variance.
+    /// It is 1 if one weight dominates.
     fn count(&self) -> f64 {
         if self.squares > 0.0 && self.squares.is_finite() {
             self.sum * self.sum / self.squares
@@ -71,7 +74,7 @@ impl Weights {
         }
     }
 
-    /// The weight of what was known before, against these.
+    /// The weight of the region's previous state when it is averaged with these records.
     fn trust(&self) -> f64 {
         TRUST / (TRUST + self.count())
     }
@@ -106,7 +109,7 @@ impl Cell {
         }
     }
 
-    /// Ends a pass: what was gathered becomes what is known.
+    /// Ends a pass: updates the region's state with what was gathered.
     fn learn(&mut self, moment: Moment) {
         if self.found.count() > 0.0 {
             let (mean, trust) = (self.found.sum / f64::from(self.records), self.found.trust());
@@ -114,8 +117,8 @@ impl Cell {
             self.expected = (f64::from(self.expected) * trust + mean * (1.0 - trust)) as f32;
         }
         if self.density.is_some() && self.found.count() > 0.0 {
-            // A step of expectation maximisation of the mixture of both, from the share that was
-            // used.
+            // One step of expectation maximisation for the mixture of BSDF and density, from the
+            // fraction that was used.
             let (share, trust) = (self.found_by_bsdf / self.found.sum, self.found.trust());
             let share = (f64::from(self.bsdf_share) * trust + share * (1.0 - trust)) as f32;
             self.bsdf_share = share.clamp(BSDF_SHARE[0], BSDF_SHARE[1]);
@@ -129,31 +132,31 @@ impl Cell {
         self.forget();
     }
 
-    /// Finds how directions turn, and forgets all that was known of them.
+    /// Determines the parallax, and discards the density.
     fn find_parallax<'a>(&mut self, records: impl Iterator<Item = &'a Record>) {
         let found: Vec<Record> = records.filter(|record| record.light > 0.0).copied().collect();
         (self.parallax, self.density, self.gatherer) =
             (Parallax::of(&found), None, Gatherer::default());
     }
 
-    /// True if anything is known of directions.
+    /// True if the region is trained.
     pub fn is_known(&self) -> bool {
         self.density.is_some()
     }
 
-    /// What [`Guide`] knows at a point of the region.
+    /// The density of directions at a point of the region; `None` if the region is not trained.
     pub fn guide(&self, position: Vec3) -> Option<Guide<'_>> {
         Some(Guide { density: self.density.as_ref()?, shift: self.parallax.shift(position) })
     }
 
-    /// Drops sums that belong to a pass.
+    /// Discards the sums of a pass.
     fn forget(&mut self) {
         (self.gathered, self.found, self.found_by_bsdf) =
             (Weights::default(), Weights::default(), 0.0);
     }
 }
 
-/// Where light comes from at a point.
+/// The density of incident light at a point.
 #[derive(Clone, Copy, Debug)]
 pub struct Guide<'a> {
     density: &'a Density,
@@ -161,7 +164,7 @@ pub struct Guide<'a> {
 }
 
 impl Guide<'_> {
-    /// Draws a unit direction; `choice` and `u` are three independent numbers.
+    /// Samples a unit direction. `choice` and `u` are three independent uniform numbers.
     pub fn sample(&self, choice: f32, u: Vec2) -> Vec3 {
         to_place(self.density.sample(choice, u), self.shift)
     }
@@ -173,21 +176,21 @@ impl Guide<'_> {
     }
 }
 
-/// A region of which something is known.
+/// The number of a trained region.
 #[derive(Clone, Copy, Debug)]
 pub struct Known(pub(crate) u32);
 
-/// A node of the trees over space: two halves, or a region.
+/// A node of the trees over space: either two halves, or a region.
 #[derive(Clone, Copy, Debug)]
 enum Node {
-    /// Axes take turns.
+    /// The axes along which nodes are halved take turns.
     Halves {
         first: u32,
     },
     Region(u32),
 }
 
-/// A node of some.
+/// A node, together with the list that holds its children.
 #[derive(Clone, Copy)]
 struct NodeOf<'a> {
     nodes: &'a [Node],
@@ -208,8 +211,8 @@ impl Halves for NodeOf<'_> {
 /// The number of orientations of a surface.
 const FACES: usize = 6;
 
-/// Orientation by the largest component of a normal: 0 to 2 for positive x, y, z; 3 to 5 for
-/// negative.
+/// The orientation of a surface, by the largest component of its normal: 0 to 2 for positive x, y,
+/// z; 3 to 5 for negative x, y, z.
 #[inline(always)]
 fn face(normal: Vec3) -> usize {
     let size = normal.abs();
@@ -223,12 +226,12 @@ fn face(normal: Vec3) -> usize {
     if normal[axis] < 0.0 { axis + 3 } else { axis }
 }
 
-/// The regions of a scene.
+/// The regions of a scene with their trees.
 #[derive(Clone, Debug)]
 pub struct Field {
     origin: Vec3,
     scale: f32,
-    /// The first nodes are the roots.
+    /// The nodes of all trees. The first [`FACES`] nodes are the roots.
     nodes: Vec<Node>,
     /// The regions and their densities, laid out for look-ups.
     atlas: Atlas,
@@ -237,7 +240,7 @@ pub struct Field {
 }
 
 impl Field {
-    /// An untrained field over a ball.
+    /// An untrained field over the ball with this centre and radius.
     pub fn new(center: Vec3, radius: f32) -> Self {
         let scale = 0.5 / radius;
         let mut field = Self {
@@ -252,7 +255,7 @@ impl Field {
         field
     }
 
-    /// Rebuilds [`Self::atlas`] from nodes and cells.
+    /// Rebuilds [`Self::atlas`] from the nodes and cells.
     fn lay_out(&mut self) {
         let nodes = &self.nodes;
         self.atlas = Atlas::of_trees(nodes[..FACES].iter().map(|&node| NodeOf { nodes, node }));
@@ -261,14 +264,15 @@ impl Field {
         }
     }
 
-    /// The cell at a point of a surface with this `normal`. Points outside of the ball are clamped
-    /// to it.
+    /// The cell at a point of a surface with this `normal`. Points outside of the cube around the
+    /// ball are clamped to it.
     pub fn cell(&self, position: Vec3, normal: Vec3) -> &Cell {
         let (place, face) = self.place(position, normal);
         self.cell_at(place, face)
     }
 
-    /// The coordinates for look-ups in the [atlas](Self::atlas).
+    /// The coordinates of a point and the orientation of its surface, for look-ups in the
+    /// [atlas](Self::atlas).
     #[inline(always)]
     pub fn place(&self, position: Vec3, normal: Vec3) -> (Place, usize) {
         let Vec3 { x, y, z } = self.unit(position);
@@ -285,7 +289,7 @@ impl Field {
         &self.atlas
     }
 
-    /// The cell of a region.
+    /// The data of a trained region in short form.
     #[inline]
     pub fn brief(&self, Known(region): Known) -> &Brief {
         self.atlas.brief(region)
@@ -296,30 +300,31 @@ impl Field {
         self.cells[region as usize].guide(position)
     }
 
-    /// Coordinates in the unit cube.
+    /// The coordinates of a point in the unit cube.
     #[inline(always)]
     fn unit(&self, position: Vec3) -> Vec3 {
         let p = (position - self.origin) * self.scale;
-        // NaN becomes 0.
+        // NaN becomes 0, since `max` returns the second operand.
         let inside = |x: f32| min(max(x, 0.0), rng::ONE_MINUS_EPSILON);
         Vec3::new(inside(p.x), inside(p.y), inside(p.z))
     }
 
-    /// The region to which a record is added: that of a nearby point, at most half of a region's
-    /// size away, which smooths between neighbours.
+    /// The region to which a record is added: the region at a random point at most half of a
+    /// region's size away, which smooths between neighbours.
     fn region_of(&self, record: &Record, key: u32) -> u32 {
         let (p, face) = (self.unit(record.position), face(record.normal));
         let region = |p: Vec3| self.atlas.region(face, p.to_array().map(place));
         let depth = self.cells[region(p) as usize].depth;
         let [x, y, z, _] = rng::pcg4d([key, depth, 17, 4]);
         let u = Vec3::new(rng::to_unit(x), rng::to_unit(y), rng::to_unit(z)) - 0.5;
-        // Axes take turns.
+        // The axes of halving take turns, x first.
         let size = Vec3::new(halved(depth.div_ceil(3)), halved((depth + 1) / 3), halved(depth / 3));
         let moved = (p + u * size).clamp(Vec3::ZERO, Vec3::splat(rng::ONE_MINUS_EPSILON));
         region(moved)
     }
 
-    /// Adds records. Each region sees its own in the order given, whatever the number of threads.
+    /// Adds records. Each region gets its records in the order given, whatever the number of
+    /// threads.
     pub fn add(&mut self, records: &[Record], key: u32, threads: usize) {
         self.for_each_cell_with(records, key, threads, |cell, records| {
             for (record, key) in records {
@@ -335,7 +340,8 @@ impl Field {
         });
     }
 
-    /// Calls a function for each region with its records, and a key of each, in the order given.
+    /// Calls a function for each region with the region's records, in the order given, each with a
+    /// random key.
     fn for_each_cell_with(
         &mut self,
         records: &[Record],
@@ -357,7 +363,7 @@ impl Field {
                 }
             }
         });
-        // Sorted by region, by counting.
+        // Counting sort by region.
         let mut starts = vec![0u32; self.cells.len() + 1];
         regions.iter().for_each(|&region| starts[region as usize + 1] += 1);
         (0..self.cells.len()).for_each(|i| starts[i + 1] += starts[i]);
@@ -388,8 +394,8 @@ impl Field {
         });
     }
 
-    /// Ends a pass: densities are computed from the gathered records (of this moment), and regions
-    /// of more than `most` records are halved.
+    /// Ends a pass: computes densities from this moment of the gathered records, and halves regions
+    /// with more than `most` records.
     pub fn learn(&mut self, moment: Moment, most: u32, threads: usize) {
         self.for_each_cell(threads, |_, cell| cell.learn(moment));
         for root in 0..FACES {
@@ -430,14 +436,14 @@ impl Field {
         self.cells.iter().filter(|c| c.density.is_some()).count()
     }
 
-    /// Bytes of the sampling data.
+    /// Memory use of the data for sampling, in bytes.
     pub fn memory_bytes(&self) -> usize {
         let densities: usize =
             self.cells.iter().filter_map(|c| c.density.as_ref()).map(Density::memory_bytes).sum();
         densities + self.cells.len() * size_of::<Cell>() + self.atlas.memory_bytes()
     }
 
-    /// Drops the records since the last call of [`Self::learn`].
+    /// Discards the records added since the last call of [`Self::learn`].
     pub fn forget_pass(&mut self) {
         for cell in &mut self.cells {
             cell.gatherer = Gatherer::default();
@@ -446,7 +452,7 @@ impl Field {
         }
     }
 
-    /// True until [`Self::finish`]: the field takes records.
+    /// True until [`Self::finish`] is called. While it is true the field accepts records.
     pub fn is_learning(&self) -> bool {
         self.is_learning
     }
@@ -460,7 +466,7 @@ impl Field {
     }
 }
 
-/// 2 to the power of `-times`.
+/// `2^-times`.
 fn halved(times: u32) -> f32 {
     0.5f32.powi(times as i32)
 }
@@ -471,7 +477,8 @@ mod tests {
     use snell_math::rng::uniform2;
     use snell_math::sampling::uniform_sphere;
 
-    /// A floor under a small lamp: every region sees it in a direction of its own.
+    /// A field learnt on a floor under a small lamp, which each region sees in a different
+    /// direction.
     fn learnt() -> Field {
         let lamp = Vec3::new(0.1, 0.7, -0.2);
         let records: Vec<Record> = (0..40_000)
@@ -504,8 +511,8 @@ mod tests {
         field
     }
 
-    /// The density at the corner of a region points to the lamp as seen from the corner, not from
-    /// the middle.
+    /// The density at the corner of a region must point to the lamp as seen from that corner, not
+    /// as seen from the region's middle.
     #[test]
     fn directions_turn_within_a_region() {
         let field = learnt();
@@ -518,12 +525,13 @@ mod tests {
                 field.cell(position, Vec3::Y).guide(position).expect("all of the floor is known");
             sum += guide.pdf((lamp - position).normalize()) / 1000.0;
         }
-        // Some 330. If directions are not turned it is 2 or 3, since regions are some 30 degrees
-        // wide, seen from the lamp.
+        // The sum is about 330. Without parallax it would be 2 or 3, since regions are some 30
+        // degrees wide as seen from the lamp.
         assert!(sum > 100.0, "{sum}");
     }
 
-    /// Integrals over the sphere, estimated from sampled directions and their reported density.
+    /// Compares integrals over the sphere with estimates from sampled directions and their reported
+    /// density.
     #[test]
     fn turned_directions_are_drawn_as_densely_as_is_stated() {
         let field = learnt();
@@ -537,7 +545,7 @@ mod tests {
             for i in 0..n {
                 let [u, v] = [1, 2].map(|k| uniform2([i, place, k, 6]));
                 let d = guide.sample(u.x, v);
-                // (Because of rounding, a few points fall where the density is 0.)
+                // Because of rounding, a few samples fall where the density is 0.
                 let pdf = f64::from(guide.pdf(d));
                 let weight = if pdf > 0.0 { 1.0 / pdf / f64::from(n) } else { 0.0 };
                 integrals[0] += weight;

@@ -1,40 +1,42 @@
-//! Parallax: the direction to a light depends on the position in a region. A lamp or its image in a
-//! lens is at one point of space; so directions are stored as seen from one point of the region,
-//! and reprojected for all others (Ruppert, Herholz and Lensch, Robust fitting of parallax-aware
-//! mixtures for path guiding, 2020). They use the distances of first hits. Behind glass these are
-//! not the distances of the light, and an image may be behind the viewer; so here the distance is
-//! estimated from the directions themselves.
+//! Parallax: the direction to a light depends on the position in a region. A lamp, or its image in
+//! a lens, is at one point of space, so directions are stored as seen from one point of the region
+//! and reprojected for all other points (Ruppert, Herholz and Lensch, Robust fitting of
+//! parallax-aware mixtures for path guiding, 2020). That paper uses the distances of first hits.
+//! Behind glass these are not the distances of the light, and an image may even be behind the
+//! viewer. This module therefore estimates the distance from the directions themselves.
 
 use super::directional::square_from_direction;
 use super::record::Record;
 use snell_math::Vec3;
 use snell_math::simd::max;
 
-/// Directions are turned by no more than what this moves their ends.
+/// The largest length of a shift of a unit direction.
 const MOST: f32 = 0.8;
 /// Cells along each side of the square of directions.
 const SIDE: usize = 64;
-/// The number of distances that are tried on either side, each larger by the root of two than the
-/// last.
+/// The number of distances that are tried on either side of the surface, each larger than the last
+/// by a factor of the square root of 2.
 const DISTANCES: i32 = 10;
-/// The largest and the smallest number of records that are used.
+/// The smallest number of records for an estimate, and the largest number that is used.
 const RECORDS: std::ops::RangeInclusive<usize> = 32..=1024;
-/// A distance must concentrate directions by this factor over infinite distance.
+/// A distance is accepted only if it concentrates directions this many times more than infinite
+/// distance does.
 const LEAST_GAIN: f32 = 1.2;
-/// And by this much more, in units of single records, to exceed chance.
+/// The concentration must exceed that by this much more, in units of the records' own
+/// contributions, so that it is not due to chance.
 const NOISE: f32 = 0.1;
 
-/// The parallax of a region.
+/// How the directions to the light change within a region.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Parallax {
-    /// The anchor, from which directions are seen.
+    /// The point from which the stored directions are seen.
     anchor: Vec3,
-    /// Inverse distance of the light; negative for images behind the lit surface.
+    /// The reciprocal of the distance of the light; negative for images behind the lit surface.
     nearness: f32,
 }
 
 impl Parallax {
-    /// The parallax that concentrates the recorded directions most.
+    /// The parallax that concentrates the recorded directions most; none with too few records.
     pub fn of(records: &[Record]) -> Self {
         if records.len() < *RECORDS.start() {
             return Self::default();
@@ -63,19 +65,20 @@ impl Parallax {
         best
     }
 
-    /// The anchor, from which directions are seen, and one over the distance.
+    /// The anchor, from which the stored directions are seen, and the reciprocal of the distance.
     #[inline(always)]
     pub fn parts(self) -> (Vec3, f32) {
         (self.anchor, self.nearness)
     }
 
-    /// Of [`Self::parts`].
+    /// The parallax with these [parts](Self::parts).
     #[inline(always)]
     pub fn from_parts(anchor: Vec3, nearness: f32) -> Self {
         Self { anchor, nearness }
     }
 
-    /// The amount of light from equal cells of the square, over all pairs.
+    /// How concentrated directions are: the sum of the products of light over all pairs of records
+    /// in the same cell of the square.
     fn togetherness(self, records: &[Record]) -> f32 {
         let mut cells = vec![0.0f32; SIDE * SIDE];
         let mut alone = 0.0;
@@ -88,8 +91,8 @@ impl Parallax {
         cells.iter().map(|light| light * light).sum::<f32>() - alone
     }
 
-    /// By what the ends of directions move that are seen from here, for [`from_anchor`] and
-    /// [`to_place`].
+    /// The shift that turns unit directions seen from `position` into directions seen from the
+    /// anchor, for [`from_anchor`] and [`to_place`].
     #[inline(always)]
     pub fn shift(self, position: Vec3) -> Vec3 {
         let shift = (position - self.anchor) * self.nearness;
@@ -97,7 +100,8 @@ impl Parallax {
     }
 }
 
-/// A unit direction as the anchor sees it, and how much larger solid angles are there.
+/// The unit direction as seen from the anchor, and the ratio of the solid angle there to the solid
+/// angle at the point.
 #[inline(always)]
 pub fn from_anchor(direction: Vec3, shift: Vec3) -> (Vec3, f32) {
     let moved = direction + shift;
@@ -105,7 +109,7 @@ pub fn from_anchor(direction: Vec3, shift: Vec3) -> (Vec3, f32) {
     (moved * inverse, direction.dot(moved) * (inverse * inverse * inverse))
 }
 
-/// The reverse of [`from_anchor`].
+/// The inverse of [`from_anchor`]: the unit direction as seen from the point.
 #[inline(always)]
 pub fn to_place(direction: Vec3, shift: Vec3) -> Vec3 {
     let along = direction.dot(shift);
@@ -140,7 +144,7 @@ mod tests {
         }
     }
 
-    /// The ratio of solid angles, compared with that of a small square.
+    /// Compares the ratio of solid angles with that of a small square.
     #[test]
     fn solid_angles_grow_as_stated() {
         const SIDE: f32 = 0.01;
@@ -162,8 +166,8 @@ mod tests {
         Record { position, normal: Vec3::Z, direction, light: 1.0, found: 0.0, bsdf_share: 0.0 }
     }
 
-    /// A small lamp is found at its distance, an image behind the surface too, and light from
-    /// everywhere turns nothing.
+    /// The distance of a small lamp must be found, also of an image behind the surface; light from
+    /// everywhere must give no parallax.
     #[test]
     fn the_distance_of_a_light_is_found() {
         for distance in [2.0f32, 5.0, -3.0] {

@@ -5,49 +5,49 @@ use snell_math::{SampledSpectrum, Vec3};
 /// The number of vertices of a path that are recorded; later ones contribute little.
 const MAX_VERTICES: u32 = 32;
 
-/// The light that a path found in a direction.
+/// The light that a path or photon brought from a direction.
 #[derive(Clone, Copy, Debug)]
 pub struct Record {
     /// The point at which the direction was sampled.
     pub position: Vec3,
-    /// The surface's normal on the side of the viewer.
+    /// The unit normal of the surface on the side of the viewer.
     pub normal: Vec3,
-    /// The direction; unit.
+    /// The unit direction in which the path continued, or from which the photon came.
     pub direction: Vec3,
-    /// Of a photon: its flux. Of a path: the square of incident radiance times the cosine, over the
-    /// density of the direction.
+    /// For a photon its flux. For a path the square of incident radiance times the cosine, divided
+    /// by the density of the direction.
     pub light: f32,
-    /// Incident radiance times the cosine and the BSDF, over the density of the direction: the
-    /// light that the vertex scattered.
+    /// Incident radiance times the cosine and the BSDF, divided by the density of the direction:
+    /// the light that the vertex scattered.
     pub found: f32,
-    /// The probability that the direction came from the BSDF, given the direction.
+    /// The probability that this direction was sampled from the BSDF and not from the field.
     pub bsdf_share: f32,
 }
 
 /// A sampled direction, as the vertex function reports it.
 #[derive(Clone, Copy, Debug)]
 pub struct Choice {
-    /// As in [`Record`].
+    /// See [`Record::position`].
     pub position: Vec3,
-    /// As in [`Record`].
+    /// See [`Record::normal`].
     pub normal: Vec3,
-    /// As in [`Record`].
+    /// See [`Record::direction`].
     pub direction: Vec3,
     /// Density of the direction per steradian, times the survival probability of the path.
     pub pdf: f32,
-    /// As in [`Record`].
+    /// See [`Record::bsdf_share`].
     pub bsdf_share: f32,
 }
 
-/// A sampled direction whose light is not known yet.
+/// A sampled direction whose light is not complete yet.
 #[derive(Clone, Copy, Debug)]
 struct Open {
     choice: Choice,
     sample: u32,
-    /// The path's throughput before and after the choice.
+    /// The path's throughput before and after this bounce.
     before: SampledSpectrum,
     after: SampledSpectrum,
-    /// The light of the path before the contribution of this direction.
+    /// The light that the path had collected before it found any from this direction.
     collected: SampledSpectrum,
 }
 
@@ -57,19 +57,20 @@ const NONE: u32 = u32::MAX;
 #[derive(Debug, Default)]
 pub struct Recorder {
     open: Vec<Open>,
-    /// The last sampled direction of each sample, until its path arrives at a vertex.
+    /// For each sample, the last entry of `open`, until the path arrives at the next vertex.
     last: Vec<u32>,
 }
 
 impl Recorder {
-    /// Starts a part of this many samples.
+    /// Starts a part with this many samples.
     pub fn start(&mut self, samples: usize) {
         self.open.clear();
         self.last.clear();
         self.last.resize(samples, NONE);
     }
 
-    /// Reports that a path arrives at a vertex, with the light of earlier ones.
+    /// Records that a path arrives at a vertex. `collected` is the light that it has found at
+    /// earlier vertices.
     pub fn arrive(&mut self, sample: u32, collected: SampledSpectrum) {
         let last = std::mem::replace(&mut self.last[sample as usize], NONE);
         if let Some(open) = self.open.get_mut(last as usize) {
@@ -77,7 +78,7 @@ impl Recorder {
         }
     }
 
-    /// Reports that a path continues.
+    /// Records that a path continues in a sampled direction.
     pub fn leave(
         &mut self,
         sample: u32,
@@ -98,7 +99,8 @@ impl Recorder {
         }
     }
 
-    /// Ends a part; `total` is the radiance of each sample.
+    /// Ends a part, and appends its records to `records`. `total` returns the radiance of each
+    /// sample.
     pub fn finish(&mut self, total: impl Fn(u32) -> SampledSpectrum, records: &mut Vec<Record>) {
         records.extend(self.open.iter().map(|open| {
             let brought = (total(open.sample) - open.collected).map(|x| x.max(0.0));

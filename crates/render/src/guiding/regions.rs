@@ -1,7 +1,7 @@
-//! Finding the region of a point: binary trees over space as tables of eight, three halvings at
-//! once.
+//! Finds the region of a point. The binary trees over space are stored as tables of eight entries,
+//! which cover three halvings at once.
 
-/// Digits of coordinates in the unit cube.
+/// The number of bits of coordinates in the unit cube.
 const DIGITS: u32 = 24;
 
 /// Marks an entry as the number of a region, not of a table.
@@ -10,31 +10,32 @@ const REGION: u32 = 1 << 31;
 /// The regions of several trees, each over the same cube.
 #[derive(Clone, Debug, Default)]
 pub struct Regions {
-    /// The root of each tree.
+    /// The entry of each tree's root: a region (see [`REGION`]) or a table.
     roots: Vec<u32>,
-    /// The content of each octant, by its position along x, y and z (1, 2 and 4): a region (see
-    /// [`REGION`]), or a table of its own.
+    /// The content of each octant, numbered by its position along x, y and z (1, 2 and 4): a region
+    /// (see [`REGION`]) or a further table.
     tables: Vec<[u32; 8]>,
 }
 
-/// Two halves of a box, or a region. Axes take turns, x first.
+/// A node of a binary tree over a box: two halves, or a region. The axes of halving take turns, x
+/// first.
 pub trait Halves: Copy {
-    /// The halves of a node, or else the number of its region.
+    /// The two halves of the node, or the number of its region as error.
     fn halves(self) -> Result<[Self; 2], u32>;
 }
 
-/// Where a point lies in the unit cube.
+/// The coordinates of a point in the unit cube, in units of `2^-DIGITS`.
 pub type Place = [u32; 3];
 
-/// The place of a coordinate in `[0, 1)`.
+/// The coordinate of a [`Place`] for `x` in `[0, 1)`.
 #[inline(always)]
 pub fn place(x: f32) -> u32 {
-    // By way of signed numbers, of which wide registers have a conversion.
+    // The conversion goes through signed integers, which wide registers support.
     (x * (1u32 << DIGITS) as f32) as i32 as u32
 }
 
 impl Regions {
-    /// Of trees with these roots.
+    /// The regions of trees with these roots.
     pub fn new<N: Halves>(roots: impl Iterator<Item = N>) -> Self {
         let mut regions = Self::default();
         for root in roots {
@@ -44,7 +45,7 @@ impl Regions {
         regions
     }
 
-    /// What stands for a node: its region, or a new table.
+    /// The entry for a node: the number of its region, or of a new table.
     fn entry<N: Halves>(&mut self, node: N) -> u32 {
         if let Err(region) = node.halves() {
             return region | REGION;
@@ -58,15 +59,14 @@ impl Regions {
                     at = halves[eighth >> axis & 1];
                 }
             }
-            // (Undivided boxes of more than an eighth come several times; what is found is the
-            // same.)
+            // A region larger than an octant fills several entries, with the same value.
             let entry = self.entry(at);
             self.tables[number][eighth] = entry;
         }
         number as u32
     }
 
-    /// The region of a place in a tree.
+    /// The number of the region at a place in a tree.
     #[inline]
     pub fn find(&self, tree: usize, [x, y, z]: Place) -> u32 {
         let (mut at, mut digit) = (self.roots[tree], DIGITS);
@@ -78,7 +78,7 @@ impl Regions {
         at & !REGION
     }
 
-    /// The regions of the first points, up to the given number; all take each step together.
+    /// Finds the regions of the first `count` points. All points take each step together.
     pub fn find_many<const N: usize>(
         &self,
         trees: &[u32; N],
@@ -108,7 +108,7 @@ impl Regions {
         to.iter_mut().take(count).for_each(|region| *region &= !REGION);
     }
 
-    /// Bytes in memory.
+    /// Memory use in bytes.
     pub fn memory_bytes(&self) -> usize {
         size_of_val(&self.tables[..])
     }
@@ -119,7 +119,7 @@ mod tests {
     use super::*;
     use snell_math::rng;
 
-    /// Halves a box at random, by a hash.
+    /// A tree whose boxes are halved at random, by a hash.
     #[derive(Clone, Copy)]
     struct Chance {
         key: u32,

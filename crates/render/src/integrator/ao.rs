@@ -1,4 +1,4 @@
-//! Ambient occlusion.
+//! The integrator of ambient occlusion.
 
 use super::{Context, Family, Integrator, Outputs, Vertex, dimension};
 use snell_math::{Frame, Ray, SampledSpectrum, sampling};
@@ -7,12 +7,14 @@ use snell_math::{Frame, Ray, SampledSpectrum, sampling};
 pub(crate) const AO: Integrator =
     Integrator { name: "ao", shade, family: Family::Other, max_depth: 1, spp: 32 };
 
-/// Vertex function of `ao`: white where the cosine-weighted hemisphere is free within the distance.
+/// Vertex function of `ao`: the fraction of the cosine-weighted hemisphere that is free within the
+/// occlusion distance, as a grey.
 pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
     let mode = vertex.state.mode;
     let white: SampledSpectrum = mode.in_white_light(mode.unit());
     let Some(surface) = &vertex.surface else {
-        out.radiance = super::estimators::background(context, vertex).unwrap_or(white);
+        out.radiance =
+            super::estimators::background(context, vertex.depth, vertex.state).unwrap_or(white);
         return;
     };
     let interaction = surface.interaction;

@@ -1,4 +1,4 @@
-//! The start of a path: camera samples and rays.
+//! The start of a path: the camera sample and the camera ray.
 
 use super::PathState;
 use super::carried::Expected;
@@ -10,14 +10,15 @@ use crate::settings::Settings;
 use snell_math::{ColorMode, DVec2, Ray, Vec2};
 use snell_scene::{Camera, CameraRay, CameraSample, CameraView};
 
-/// Dimensions of the camera sample.
+/// The dimensions of the random numbers of a camera sample.
 pub(crate) const FILM: u32 = 0;
 pub(crate) const LENS: u32 = 1;
 pub(crate) const WAVELENGTH: u32 = 2;
 pub(crate) const TIME: u32 = 3;
 
 /// The position of a sample on the film, in the coordinates of [`CameraSample::film`], and the
-/// filter's weight, from the sample's random numbers of dimension [`FILM`].
+/// weight of the sample in the filter. Both come from the sample's random numbers of dimension
+/// [`FILM`].
 #[inline]
 pub(crate) fn film_point(
     settings: &Settings,
@@ -35,7 +36,8 @@ pub(crate) fn film_point(
     (DVec2::new(f64::from(pixel[0]), f64::from(pixel[1])) + position, weight)
 }
 
-/// A sample's camera ray, and the state of its path. The path has a time only if anything `moves`.
+/// The camera ray of a sample, and the state of its path. The path gets a time other than 0 only if
+/// `moves` is true.
 pub(crate) fn camera_path(
     view: &CameraView,
     settings: &Settings,
@@ -75,7 +77,7 @@ pub(crate) fn path_of(camera_ray: &CameraRay, mode: ColorMode, time: f32) -> Pat
     }
 }
 
-/// The camera at a time from 0 to 1.
+/// The camera at a time from 0 to 1, interpolated between `first` and the cameras in `later`.
 pub(crate) fn camera_at(first: &Camera, later: &[Camera], time: f32) -> Camera {
     let x = f64::from(time) * later.len() as f64;
     let key = (x as usize).min(later.len() - 1);

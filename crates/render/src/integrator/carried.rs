@@ -5,8 +5,8 @@ use super::light_part::LobeShares;
 use crate::light_sampler::Receiver;
 use snell_math::{ColorMode, SampledSpectrum, Vec3};
 
-/// The state of a path, in one cache line: [`PathState`] without the [rest](Rest), which is the
-/// same for all paths in most renders.
+/// The state of a path in one cache line: [`PathState`] without the [rest](Rest), which is the same
+/// for all paths in most renders.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
 pub struct Carried {
@@ -22,7 +22,8 @@ pub struct Carried {
     pub stream: u32,
 }
 
-/// [`PathState::expected`], [`Receiver::transmits`] and [`PathState::is_specular`] in 32 bits.
+/// [`PathState::expected`], [`Receiver::transmits`] and [`PathState::is_specular`], packed into 32
+/// bits.
 #[derive(Clone, Copy, Debug)]
 pub struct Marks(u32);
 
@@ -55,18 +56,18 @@ impl Marks {
     }
 }
 
-/// A non-negative number of about three significant digits.
+/// A non-negative number with about three significant decimal digits, in 16 bits.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Expected(u16);
 
 impl Expected {
-    /// The number, rounded down.
+    /// Stores a number, rounded down.
     #[inline(always)]
     pub fn of(x: f32) -> Self {
         Self((x.to_bits() >> 16) as u16)
     }
 
-    /// The number.
+    /// The stored number.
     #[inline(always)]
     pub fn get(self) -> f32 {
         f32::from_bits(u32::from(self.0) << 16)
@@ -75,7 +76,7 @@ impl Expected {
 
 const _: () = assert!(size_of::<Carried>() == 64);
 
-/// The rest of [`PathState`].
+/// The part of [`PathState`] that [`Carried`] does not hold.
 #[derive(Clone, Copy, Debug)]
 pub struct Rest {
     pub mode: ColorMode,
@@ -84,12 +85,12 @@ pub struct Rest {
 }
 
 impl Rest {
-    /// The rest of all paths in [`ColorMode::Rgb`] if no lobes are recorded and nothing moves.
+    /// The rest of all paths in [`ColorMode::Rgb`] when no lobes are recorded and nothing moves.
     pub const PLAIN: Self = Self { mode: ColorMode::Rgb, lobe: LobeShares::UNKNOWN, time: 0.0 };
 }
 
 impl Carried {
-    /// Splits a state.
+    /// Splits a state into its two parts.
     pub fn of(state: &PathState) -> (Self, Rest) {
         let PathState {
             throughput,
@@ -118,12 +119,12 @@ impl Carried {
         (carried, Rest { mode: state.mode, lobe: state.lobe, time: state.time })
     }
 
-    /// See [`PathState::receiver`].
+    /// The receiver of the state; see [`PathState::receiver`].
     pub fn receiver(&self) -> Receiver {
         Receiver { position: self.position, normal: self.normal, transmits: self.marks.transmits() }
     }
 
-    /// The whole state.
+    /// Joins the two parts of a state.
     pub fn with(&self, rest: &Rest) -> PathState {
         let Self {
             throughput, bsdf_pdf, eta_scale, cone_width, cone_spread, stream, marks, ..

@@ -1,7 +1,8 @@
 //! The classic integrators: local illumination (`raycast`) and the recursive ray tree (`whitted`).
 //!
-//! I = emission + ambient reflectance x ambient + sum over lights of their local illumination;
-//! `whitted` adds the radiance along the perfectly reflected and refracted directions, weighted.
+//! The radiance is emission + ambient reflectance x ambient light + the sum over lights of their
+//! local illumination. `whitted` adds the weighted radiance along the perfectly reflected and
+//! refracted directions.
 
 use super::estimators::{Arrival, background, continued, environment, sample_whole_light};
 use super::{
@@ -29,7 +30,8 @@ const LEAST_THROUGHPUT: f32 = 1e-4;
 pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
     let throughput = vertex.state.throughput;
     let Some(surface) = &vertex.surface else {
-        let seen = background(context, vertex).unwrap_or_else(|| environment(context, vertex));
+        let seen = background(context, vertex.depth, vertex.state)
+            .unwrap_or_else(|| environment(context, vertex));
         out.radiance = throughput * seen;
         return;
     };
@@ -49,8 +51,8 @@ pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
     }
 }
 
-/// Adds the contribution of every light. `local` is `pi f |cos|` of a direction, or the classic
-/// formula instead.
+/// Adds the contribution of every light. `local` returns `pi f |cos|` for a direction, or the value
+/// of the classic formula in its place.
 pub(crate) fn add_lights(
     context: &Context,
     throughput: SampledSpectrum,
@@ -65,7 +67,7 @@ pub(crate) fn add_lights(
             // sampled.
             _ if context.scene.environment_light() == Some(light) => random.pair(dimension::LIGHT),
             Shadows::Soft => random.pair(dimension::LIGHTS + light as u32 % 200),
-            // The middle of the light.
+            // These numbers select the middle of the light.
             Shadows::None | Shadows::Hard => Vec2::splat(0.5),
         };
         let Some(sample) = sample_whole_light(context, at, light, u) else { continue };

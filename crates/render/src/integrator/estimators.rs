@@ -1,4 +1,4 @@
-//! Steps that integrators share: light that arrives from outside the scene, and light samples.
+//! Steps that integrators share: light samples, and light that arrives from outside of the scene.
 
 use super::light_part::LightSource;
 use super::{Context, PathState, SurfaceVertex, Vertex};
@@ -28,18 +28,18 @@ pub fn environment(context: &Context, vertex: &Vertex) -> SampledSpectrum {
 /// The background along a ray that leaves the scene, or `None` if the ray carries the environment's
 /// light instead.
 ///
-/// The background is for the camera. Where there is no environment, mirrors and glass show it too.
-pub fn background(context: &Context, vertex: &Vertex) -> Option<SampledSpectrum> {
-    let shows =
-        vertex.depth == 0 || (vertex.state.is_specular && context.scene.environment.is_none());
+/// The background is meant for camera rays. In scenes without an environment, mirrors and glass
+/// show it too.
+pub fn background(context: &Context, depth: u32, state: &PathState) -> Option<SampledSpectrum> {
+    let shows = depth == 0 || (state.is_specular && context.scene.environment.is_none());
     match context.scene.background {
-        Background::Color(color) if shows => Some(vertex.state.mode.illuminant(color)),
-        Background::Transparent if vertex.depth == 0 => Some(SampledSpectrum::ZERO),
+        Background::Color(color) if shows => Some(state.mode.illuminant(color)),
+        Background::Transparent if depth == 0 => Some(SampledSpectrum::ZERO),
         _ => None,
     }
 }
 
-/// A light sample of any kind, before the test of occlusion.
+/// A light sample of any kind, before shadow rays are traced.
 #[derive(Clone, Copy, Debug)]
 pub struct IncidentLight {
     /// Unit direction to the light.
@@ -61,37 +61,38 @@ pub struct IncidentLight {
 /// The receiver of light, at which shadow rays start.
 #[derive(Clone, Copy, Debug)]
 pub struct Arrival {
-    /// Where.
+    /// The point that receives light.
     pub position: Vec3,
-    /// The surface there; none at a point of a medium.
+    /// The surface at the point; `None` for a point in a medium.
     pub surface: Option<Skin>,
-    /// What spectra mean to the path.
+    /// What the lanes of spectra stand for on the path.
     pub mode: ColorMode,
-    /// When.
+    /// The time of the path's rays, from 0 to 1.
     pub time: f32,
 }
 
-/// The data of a surface that offsets the origins of the rays that leave it.
+/// What a surface adds to the origins of rays that leave it.
 #[derive(Clone, Copy, Debug)]
 pub struct Skin {
-    /// Bound on the error of the position.
+    /// Bound of the absolute error of each coordinate of the position.
     pub position_error: Vec3,
     /// Unit geometric normal.
     pub geometric_normal: Vec3,
-    /// The offset to the smooth surface that the vertex normals imply; zero where there is none, or
-    /// where it does not matter.
+    /// The offset from the point to the smooth surface that the vertex normals imply. It is zero
+    /// where there is no such surface, or where it makes no difference.
     pub lift: Vec3,
 }
 
 /// True if points on a surface of this material may be lifted ([`snell_intersect::smooth`]).
-/// Boundaries of media are not, so that inside and outside stay unambiguous.
+/// Boundaries of media are not lifted, so that inside and outside stay unambiguous.
 pub fn may_be_lifted(context: &Context, material: &Material) -> bool {
     context.settings.terminator == Terminator::Smooth && material.bounded_interior().is_none()
 }
 
 impl Arrival {
-    /// A receiver on a surface with this BSDF. Where it is lifted, light arrives from all
-    /// directions above the horizon of the shading normal, and shadow rays decide about occlusion.
+    /// The vertex on a surface with this BSDF as a receiver of light. Where the point is lifted,
+    /// light arrives from all directions above the horizon of the shading normal, and shadow rays
+    /// decide about occlusion.
     pub fn at_surface(
         context: &Context,
         vertex: &Vertex,
@@ -113,12 +114,12 @@ impl Arrival {
         }
     }
 
-    /// See [`Skin::lift`].
+    /// The lift of the point; see [`Skin::lift`].
     pub fn lift(&self) -> Vec3 {
         self.surface.map_or(Vec3::ZERO, |skin| skin.lift)
     }
 
-    /// The origin of a ray of this direction that leaves the point.
+    /// The origin of a ray that leaves the point in this direction.
     pub fn ray_origin(&self, direction: Vec3) -> Vec3 {
         self.surface.map_or(self.position, |Skin { position_error, geometric_normal, lift }| {
             lifted_ray_origin(self.position, position_error, geometric_normal, lift, direction)
@@ -126,7 +127,7 @@ impl Arrival {
     }
 }
 
-/// [`Skin::lift`] of an opaque surface that is not a pure mirror.
+/// The [lift](Skin::lift) of a point on an opaque surface that is not a pure mirror.
 pub fn lift_of_opaque(context: &Context, vertex: &Vertex, surface: &SurfaceVertex) -> Vec3 {
     match may_be_lifted(context, surface.material) {
         true => context.scene.lift(vertex.ray, vertex.state.time, surface.interaction),
@@ -134,8 +135,8 @@ pub fn lift_of_opaque(context: &Context, vertex: &Vertex, surface: &SurfaceVerte
     }
 }
 
-/// Light from a point of light number `light`, uniform by area for a shape: `u = (0.5, 0.5)` is its
-/// middle. For integrators without multiple importance sampling.
+/// Light from a point of light number `light`. For a shape the point is uniform by area, and
+/// `u = (0.5, 0.5)` gives its middle. It serves integrators without multiple importance sampling.
 pub fn sample_whole_light(
     context: &Context,
     at: &Arrival,
@@ -155,7 +156,7 @@ pub fn sample_whole_light(
     }
 }
 
-/// Light from a point of an emissive surface that was chosen by area.
+/// Light from a point of an emissive surface that was sampled by area.
 fn from_area(context: &Context, at: &Arrival, sample: AreaSample) -> Option<IncidentLight> {
     let to_light = sample.surface.position - at.position;
     let direction = to_light.try_normalize()?;
@@ -164,8 +165,8 @@ fn from_area(context: &Context, at: &Arrival, sample: AreaSample) -> Option<Inci
     from_surface(context, at, DirectedSample { surface: sample.surface, direction, pdf })
 }
 
-/// Light from a point of the chosen light; its `pdf` does not include the probability of the
-/// choice.
+/// Light from a point of the chosen light. Its `pdf` does not include the probability of choosing
+/// the light.
 pub fn sample_light(
     context: &Context,
     at: &Arrival,
@@ -178,7 +179,7 @@ pub fn sample_light(
             let sample = light.sample(at.position, u, at.mode)?;
             let origin = at.ray_origin(sample.direction);
             let shadow_ray = if sample.distance.is_finite() {
-                // Aim from the offset origin at the same point of the light.
+                // The ray is aimed from the offset origin at the same point of the light.
                 let target = at.position + sample.direction * sample.distance;
                 Ray::new(origin, target - origin).with_t_max(SHADOW_END)
             } else {
@@ -224,8 +225,8 @@ pub fn sample_light(
     }
 }
 
-/// The part of a chosen light, its probability if it was not chosen before, and the remaining
-/// random numbers.
+/// The part of a chosen light, the probability of the part (1 if the light sampler has chosen it),
+/// and the random numbers that remain.
 fn part_of_choice(light: &AreaLight, chosen: &ChosenLight, u: Vec2) -> (u32, f32, Vec2) {
     match chosen.part {
         Some(part) => (part, 1.0, u),
@@ -236,7 +237,7 @@ fn part_of_choice(light: &AreaLight, chosen: &ChosenLight, u: Vec2) -> (u32, f32
     }
 }
 
-/// A direction to the environment.
+/// Samples a direction to the environment.
 pub(crate) fn environment_direction(context: &Context, u: Vec2) -> Option<SkySample> {
     let sky = context.scene.environment.as_ref()?;
     match context.settings.light_strategy {
@@ -245,7 +246,7 @@ pub(crate) fn environment_direction(context: &Context, u: Vec2) -> Option<SkySam
     }
 }
 
-/// Light from a direction of the environment. [`super::lights`] does the same in batches.
+/// Light from a direction of the environment. [`super::lights`] computes the same in batches.
 pub(crate) fn from_environment(
     context: &Context,
     at: &Arrival,
@@ -270,9 +271,9 @@ pub(crate) fn from_environment(
 
 /// Light from a point of an emissive medium.
 ///
-/// Points are sampled by volume; paths find emission along their whole segment in the medium. To
-/// compare the two, the density of a point is that of its direction times a typical length of
-/// segments in the medium.
+/// Points are sampled by volume, whereas paths find emission along their whole segment in the
+/// medium. To make the two densities comparable, that of a point is the density of its direction
+/// multiplied by a typical length of segments in the medium.
 fn from_glow(at: &Arrival, medium: MediumId, glow: &Glow, u: Vec2) -> Option<IncidentLight> {
     let (target, pdf) = glow.sample(u);
     let to_light = target - at.position;
@@ -288,8 +289,8 @@ fn from_glow(at: &Arrival, medium: MediumId, glow: &Glow, u: Vec2) -> Option<Inc
     Some(IncidentLight { direction, radiance, pdf, is_delta: false, source, shadow_ray, glowing })
 }
 
-/// The density with which [`from_glow`] samples a point at which a path finds an emissive medium,
-/// including the choice of the light.
+/// The density with which [`from_glow`] samples a point of an emissive medium that a path has
+/// found, including the probability of choosing the light.
 pub fn light_pdf_of_glow(
     lights: &LightSampler,
     receiver: &Receiver,
@@ -305,8 +306,8 @@ pub fn light_pdf_of_glow(
     }
 }
 
-/// Light from a point of a simple surface of uniform emission. [`super::lights`] does the same in
-/// batches.
+/// Light from a point of a simple surface of uniform emission. [`super::lights`] computes the same
+/// in batches.
 fn from_part(
     at: &Arrival,
     plain: &PlainEmission,
@@ -383,7 +384,7 @@ fn from_surface(context: &Context, at: &Arrival, sample: DirectedSample) -> Opti
     })
 }
 
-/// The hit that an interaction describes.
+/// The hit from which the interaction was made.
 fn hit_of(surface: &SurfaceInteraction) -> snell_intersect::Hit {
     snell_intersect::Hit {
         t: surface.t,
@@ -394,8 +395,8 @@ fn hit_of(surface: &SurfaceInteraction) -> snell_intersect::Hit {
     }
 }
 
-/// Density per steradian with which light samples find the emissive point that a path hit,
-/// including the choice of the light. 0 if no light sample can.
+/// Density per steradian with which light samples find the emissive point that a path has hit,
+/// including the probability of choosing the light; 0 if no light sample can find it.
 pub fn light_pdf_of_hit(context: &Context, vertex: &Vertex, surface: &SurfaceVertex) -> f32 {
     let scene = context.scene;
     let Some(light) = scene.light_of(surface.hit.instance, surface.hit.geometry) else {
@@ -423,17 +424,16 @@ pub fn light_pdf_of_hit(context: &Context, vertex: &Vertex, surface: &SurfaceVer
     pdf * context.lights.probability(receiver, light, (part, area.part_probability(part)))
 }
 
-/// Density of a direction to the environment, times the probability of choosing the environment.
-pub fn environment_choice(context: &Context, vertex: &Vertex, pdf: f32) -> f32 {
+/// Density of a direction to the environment, multiplied by the probability of choosing the
+/// environment.
+pub fn environment_choice(context: &Context, receiver: &Receiver, pdf: f32) -> f32 {
     match context.scene.environment_light() {
-        Some(light) if pdf > 0.0 => {
-            pdf * context.lights.probability(&vertex.state.receiver, light, (0, 1.0))
-        }
+        Some(light) if pdf > 0.0 => pdf * context.lights.probability(receiver, light, (0, 1.0)),
         _ => 0.0,
     }
 }
 
-/// The state after a bounce.
+/// The state of a path after a bounce.
 pub fn continued(
     vertex: &Vertex,
     surface: &SurfaceVertex,

@@ -1,4 +1,4 @@
-//! The first surface along a camera ray, with what AOVs show of it.
+//! The first surface along a camera ray, with the values that AOVs show.
 
 use super::{Context, SurfaceVertex, outgoing};
 use snell_intersect::SurfaceInteraction;
@@ -11,7 +11,7 @@ pub struct FirstSurface {
     pub position: Vec3,
     /// Geometric normal.
     pub geometric_normal: Vec3,
-    /// Interpolated normal, without normal map.
+    /// Interpolated vertex normal; normal maps are not applied.
     pub shading_normal: Vec3,
     /// First texture coordinates.
     pub uv: Vec2,
@@ -20,17 +20,17 @@ pub struct FirstSurface {
     pub albedo: Rgb,
 }
 
-/// The data of surfaces that are needed besides the position.
+/// The data that are needed besides the position and the normals.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SurfaceNeeds {
-    /// Texture coordinates.
+    /// True if texture coordinates are needed.
     pub uv: bool,
-    /// The fraction of light that the material scatters.
+    /// True if the albedo is needed.
     pub albedo: bool,
 }
 
 impl FirstSurface {
-    /// A surface that a ray has hit.
+    /// The data of a surface that a ray has hit.
     pub fn of(context: &Context, ray: &Ray, surface: &SurfaceVertex, needs: SurfaceNeeds) -> Self {
         let SurfaceInteraction { position, geometric_normal, shading_normal, uv, .. } =
             *surface.interaction;

@@ -1,4 +1,4 @@
-//! No illumination: every surface shows its colour.
+//! The integrator without illumination: every surface shows its colour.
 
 use super::estimators::{background, environment};
 use super::{Context, Family, Integrator, Outputs, Vertex, outgoing};
@@ -13,7 +13,8 @@ pub(crate) const FLAT: Integrator =
 /// Vertex function of `flat`.
 pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
     let Some(surface) = &vertex.surface else {
-        out.radiance = background(context, vertex).unwrap_or_else(|| environment(context, vertex));
+        out.radiance = background(context, vertex.depth, vertex.state)
+            .unwrap_or_else(|| environment(context, vertex));
         return;
     };
     let point = surface.point(context.scene);
@@ -21,7 +22,7 @@ pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
     let shading = surface.material.bsdf(&point);
     let color = vertex.state.mode.in_white_light(shading.bsdf.albedo(shading.frame.to_local(wo)));
     let emitted = surface.material.emitted(&point, wo);
-    // A lamp is as bright as white paper here.
+    // The brightest channel of a lamp is shown like that of white paper.
     let brightest =
         surface.material.emitted(&ShadingPoint { mode: ColorMode::Rgb, ..point }, wo).max_element();
     out.radiance = color + if brightest > 1.0 { emitted / brightest } else { emitted };

@@ -1,4 +1,4 @@
-//! Direction sampling at a vertex: by the BSDF alone, or by a mixture of the BSDF and a trained
+//! Sampling of directions at a vertex: by the BSDF alone, or by a mixture of the BSDF and a trained
 //! guiding field.
 
 use super::carried::Expected;
@@ -10,7 +10,7 @@ use snell_math::{SampledSpectrum, Vec2, Vec3};
 use snell_scene::bsdf::BsdfSample;
 use snell_scene::material::ShadingBsdf;
 
-/// Density of a direction in a mixture, given the fraction of BSDF samples.
+/// Density of a direction in the mixture of BSDF and field, given the fraction of BSDF samples.
 #[inline(always)]
 pub fn mixed_pdf(bsdf_share: f32, bsdf_pdf: f32, density: f32) -> f32 {
     bsdf_share * bsdf_pdf + (1.0 - bsdf_share) * density
@@ -53,7 +53,7 @@ pub struct GuidedBsdf<'a> {
 }
 
 impl<'a> GuidedBsdf<'a> {
-    /// The BSDF at a point with its guiding.
+    /// The BSDF at a point with the guidance of the field, if there is a field.
     pub fn new(field: Option<&'a Field>, shading: &'a ShadingBsdf<'a>, point: &Receiver) -> Self {
         let cell =
             field.filter(|_| !shading.is_delta()).map(|f| f.cell(point.position, point.normal));
@@ -67,14 +67,15 @@ impl<'a> GuidedBsdf<'a> {
         }
     }
 
-    /// `f(wo, wi) |cos(wi)|` and the density per steradian with which [`Self::sample`] draws `wi`,
-    /// both without delta lobes.
+    /// `f(wo, wi) |cos(wi)|`, and the density per steradian with which [`Self::sample`] samples
+    /// `wi`. Both exclude delta lobes.
     pub fn eval_and_pdf(&self, wo: Vec3, wi: Vec3) -> (SampledSpectrum, f32) {
         let (value, pdf) = self.shading.eval_and_pdf(wo, wi);
         (value, self.mixed_pdf(wi, pdf))
     }
 
-    /// The fraction of BSDF samples, and the density from which the other directions are sampled.
+    /// The fraction of BSDF samples, and the density from which the other directions are sampled;
+    /// `None` without guidance.
     fn mixture(&self) -> Option<(f32, &Guide<'a>)> {
         Some((self.cell?.bsdf_share, self.guide.as_ref()?))
     }
@@ -86,8 +87,8 @@ impl<'a> GuidedBsdf<'a> {
         }
     }
 
-    /// Draws a direction, as [`ShadingBsdf::sample`] does; `u_quad` is one more random number.
-    /// Delta lobes are sampled by the BSDF only.
+    /// Samples a direction, like [`ShadingBsdf::sample`]; `u_quad` is one more random number. Delta
+    /// lobes are sampled by the BSDF only.
     pub fn sample(
         &self,
         wo: Vec3,
@@ -144,7 +145,7 @@ impl<'a> GuidedBsdf<'a> {
         (survival, Expected::of(first))
     }
 
-    /// The training record of a sampled direction, if the field needs one. `survival` is the
+    /// The training record of a sampled direction, if the field is learning. `survival` is the
     /// survival probability of the path.
     pub fn choice(
         &self,

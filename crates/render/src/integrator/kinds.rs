@@ -1,15 +1,15 @@
-//! The list of integrators. Each is a line here, and is declared in the file of its vertex
-//! function; all other code reads this list.
+//! The list of integrators. Each is declared in the file of its vertex function and has a line
+//! here; all other code reads this list.
 
 use super::{VertexFunction, ao, aov, classic, flat, path};
 
-/// The declaration of an integrator, in its file.
+/// The declaration of an integrator.
 pub(crate) struct Integrator {
     /// The name on the command line.
     pub name: &'static str,
     /// The vertex function.
     pub shade: VertexFunction,
-    /// The family to which it belongs.
+    /// The family of the integrator.
     pub family: Family,
     /// The default of the largest number of bounces.
     pub max_depth: u32,
@@ -17,12 +17,12 @@ pub(crate) struct Integrator {
     pub spp: u32,
 }
 
-/// Families of integrators, for batch shaders and media.
+/// Families of integrators, which differ in their batch shaders and their support of media.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Family {
-    /// They support media, and parts of the light as layers.
+    /// Integrators that support media, and parts of the light as layers.
     Path,
-    /// Local illumination.
+    /// Integrators of local illumination.
     Classic,
     /// All others.
     Other,
@@ -58,14 +58,14 @@ integrators! {
     Whitted: classic::WHITTED,
     /// Light that reaches the first hit directly from lights.
     Direct: path::DIRECT,
-    /// Ambient occlusion: the cosine-weighted share of the hemisphere that is free of near
+    /// Ambient occlusion: the cosine-weighted fraction of the hemisphere that is free of near
     /// occluders.
     Ao: ao::AO,
     /// Path tracing with next-event estimation, multiple importance sampling and Russian roulette
     /// (Kajiya, 1986; Veach, 1997).
     #[default]
     Path: path::PATH,
-    /// No light: the first of the chosen AOVs as a picture.
+    /// No light is transported: the picture shows the first of the chosen AOVs.
     Aov: aov::AOV,
 }
 

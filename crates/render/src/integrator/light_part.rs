@@ -1,7 +1,8 @@
-//! Parts of the light by its path to the camera, for layers that add up to the picture.
+//! Parts of the light, for layers that add up to the picture. A part is selected by the path of the
+//! light to the camera.
 //!
-//! A path is classified by its *first* scattering, seen from the camera: the mirror image of a wall
-//! is specular, whatever the wall is made of.
+//! A path is classified by its *first* scattering as seen from the camera: the mirror image of a
+//! wall is specular, whatever the wall is made of.
 
 use snell_math::SampledSpectrum;
 use snell_math::Vec3;
@@ -13,7 +14,7 @@ use snell_scene::material::ShadingBsdf;
 pub enum Lobe {
     /// Reflection by diffuse lobes.
     Diffuse,
-    /// All other reflection: mirrors, glossy lobes, coats.
+    /// All other reflection: by mirrors, glossy lobes and coats.
     Specular,
     /// Transmission through a surface.
     Transmission,
@@ -29,16 +30,16 @@ impl Lobe {
 /// The number of scatterings between light and camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Scatterings {
-    /// Never: the camera sees the light itself.
+    /// None: the camera sees the light itself.
     None,
-    /// Once.
+    /// One.
     One,
-    /// More than once.
+    /// More than one.
     Many,
 }
 
 impl Scatterings {
-    /// The class of a number of scatterings.
+    /// The class of this number of scatterings.
     pub fn of(count: u32) -> Self {
         match count {
             0 => Self::None,
@@ -51,17 +52,17 @@ impl Scatterings {
 /// A part of the picture: all light with these properties; `None` means any.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LightPart {
-    /// First scattering. Light that is not scattered has none.
+    /// The first scattering. Light that is not scattered has none.
     pub lobe: Option<Lobe>,
-    /// How often it was scattered.
+    /// How often the light is scattered.
     pub scatterings: Option<Scatterings>,
-    /// Number of the light group, see [`crate::settings::LightGroup`]; one past the last is the
-    /// light of no group.
+    /// Number of the light group, see [`crate::settings::LightGroup`]. The number after the last
+    /// group stands for light of no group.
     pub group: Option<u8>,
 }
 
 impl LightPart {
-    /// The fraction of some light that belongs to the part, by channel.
+    /// The fraction of some light that belongs to the part, by lane.
     pub fn share(&self, light: &LightTag) -> SampledSpectrum {
         let fits = self.scatterings.is_none_or(|s| s == light.scatterings)
             && self.group.is_none_or(|g| g == light.group);
@@ -74,7 +75,8 @@ impl LightPart {
     }
 }
 
-/// The composition of a first scattering: a fraction of diffuse reflection, and one other lobe.
+/// What a first scattering is made of: a fraction of diffuse reflection, and one other lobe for the
+/// rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LobeShares {
     diffuse: SampledSpectrum,
@@ -82,12 +84,12 @@ pub struct LobeShares {
 }
 
 impl LobeShares {
-    /// No scattering yet.
+    /// The value before any scattering.
     pub const UNKNOWN: Self = Self { diffuse: SampledSpectrum::ZERO, rest: Lobe::Specular };
     /// Scattering in a medium.
     pub const VOLUME: Self = Self { diffuse: SampledSpectrum::ZERO, rest: Lobe::Volume };
 
-    /// Scattering by a surface.
+    /// The lobes of scattering by a surface from `wi` to `wo`.
     pub fn of_surface(shading: &ShadingBsdf, wo: Vec3, wi: Vec3, is_delta: bool) -> Self {
         let normal = shading.geometric_normal;
         if normal.dot(wo) * normal.dot(wi) < 0.0 {
@@ -111,7 +113,7 @@ impl LobeShares {
         }
     }
 
-    /// The fraction of a lobe.
+    /// The fraction that belongs to a lobe, by lane.
     pub(crate) fn share(&self, lobe: Lobe) -> SampledSpectrum {
         match lobe {
             Lobe::Diffuse => self.diffuse,
@@ -121,14 +123,14 @@ impl LobeShares {
     }
 }
 
-/// The classification of some light that arrives.
+/// The classification of light that arrives at the camera.
 #[derive(Clone, Copy, Debug)]
 pub struct LightTag {
-    /// The first scattering.
+    /// The first scattering of the light.
     pub lobe: LobeShares,
-    /// How often it was scattered.
+    /// How often the light was scattered.
     pub scatterings: Scatterings,
-    /// Its group.
+    /// The number of the light's group.
     pub group: u8,
 }
 
@@ -139,7 +141,7 @@ pub enum LightSource {
     Light(u32),
     /// Surfaces of an emissive material.
     Material(MaterialId),
-    /// The environment, or the background where the camera sees it.
+    /// The environment, or the background where the camera sees that.
     Environment,
     /// Emissive media.
     Medium,

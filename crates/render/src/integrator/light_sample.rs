@@ -1,4 +1,4 @@
-//! Light samples with their weights.
+//! Light samples with their MIS weights.
 
 use super::Context;
 use super::estimators::{
@@ -12,24 +12,25 @@ use snell_math::{Ray, SampledSpectrum, Vec2, Vec3, sampling};
 use snell_scene::MediumId;
 use snell_scene::light::environment::SkySample;
 
-/// A light sample with its weight.
+/// A light sample with its MIS weight.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct WeightedLight {
-    /// The contribution to the path if the shadow ray is unoccluded.
+    /// What the sample contributes to the path if the shadow ray is unoccluded.
     pub value: SampledSpectrum,
-    /// See [`Outputs::light_rays`].
+    /// The shadow ray; see [`Outputs::light_rays`].
     pub shadow_ray: Ray,
-    /// Where the light comes from.
+    /// The unit direction to the light.
     pub direction: Vec3,
     /// The source of the light.
     pub source: LightSource,
-    /// Its weight by multiple importance sampling, included in the value.
+    /// The MIS weight, which `value` includes.
     pub weight: f32,
-    /// See [`Outputs::glowing`].
+    /// The emissive medium that the light comes from; see [`Outputs::glowing`].
     pub glowing: Option<MediumId>,
 }
 
-/// A light sample for a path of this throughput; `scattering` as in [`super::path::light_sample`].
+/// Samples a light for a path of this throughput. [`super::path::light_sample`] describes
+/// `scattering`.
 #[inline]
 pub(crate) fn weighted_light(
     context: &Context,
@@ -44,7 +45,7 @@ pub(crate) fn weighted_light(
     weighted_sample(context, throughput, at, &chosen, u(), scattering)
 }
 
-/// [`weighted_light`] of a light that is chosen already.
+/// Samples a light that was chosen before, like [`weighted_light`].
 #[inline]
 pub(crate) fn weighted_sample(
     context: &Context,
@@ -59,16 +60,17 @@ pub(crate) fn weighted_sample(
     drawn.weighted(context, throughput, at, chosen.probability, scattered)
 }
 
-/// A light sample, before the BSDF is evaluated.
+/// A light sample whose BSDF value is not known yet.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum DrawnLight {
-    /// Half of the environment is behind a surface, and looking up its radiance is expensive.
+    /// A direction to the environment, without its radiance. Half of the directions lie behind the
+    /// surface, and looking up radiance is expensive.
     Environment(SkySample),
     Other(IncidentLight),
 }
 
 impl DrawnLight {
-    /// A sample of a light that is chosen already.
+    /// Samples a light that was chosen before.
     #[inline]
     pub fn of(context: &Context, at: &Arrival, chosen: &ChosenLight, u: Vec2) -> Option<Self> {
         match &context.scene.lights()[chosen.light] {
@@ -77,7 +79,7 @@ impl DrawnLight {
         }
     }
 
-    /// Where the light comes from.
+    /// The unit direction to the light.
     pub fn direction(&self) -> Vec3 {
         match self {
             Self::Environment(sample) => sample.direction,
@@ -85,8 +87,9 @@ impl DrawnLight {
         }
     }
 
-    /// Its contribution to a path of this throughput, given the probability of the choice and the
-    /// scattering (see [`super::path::light_sample`]).
+    /// The sample with its contribution to a path of this throughput, given the probability of
+    /// choosing the light, and the BSDF value and density for its direction (see
+    /// [`super::path::light_sample`]).
     #[inline]
     pub fn weighted(
         self,

@@ -1,7 +1,7 @@
-//! Integrators: what light does. Each is a *vertex function*: a hit and a path's state in;
-//! radiance, weighted light rays and weighted next rays out. It holds no loop, no recursion and no
-//! queue, and sees nothing of what shares its batch: the driver ([`crate::job`]) owns batches,
-//! tracing, order and film.
+//! Integrators, which define how light is transported. Each is a *vertex function*: a hit and a
+//! path's state go in; radiance, weighted light rays and weighted next rays come out. A vertex
+//! function contains no loop over bounces, no recursion and no queue, and does not see the other
+//! paths of its batch. The driver ([`crate::job`]) owns batches, tracing, order and film.
 
 mod ao;
 pub mod aov;
@@ -38,11 +38,11 @@ use snell_scene::{Material, MediumId};
 /// The input of vertex functions that is the same for all paths.
 #[derive(Debug)]
 pub struct Context<'a> {
-    /// The scene.
+    /// The compiled scene.
     pub scene: &'a CompiledScene,
-    /// The settings.
+    /// The settings of the render.
     pub settings: &'a Settings,
-    /// The light sampler.
+    /// The light sampler of the render.
     pub lights: &'a LightSampler,
     /// The trained guiding field, if paths are guided.
     pub field: Option<&'a Field>,
@@ -80,78 +80,80 @@ const MAX_SURVIVAL: f32 = 0.98;
 /// The state of a path between vertices. It depends on (pixel, sample, seed) alone.
 #[derive(Clone, Copy, Debug)]
 pub struct PathState {
-    /// Path throughput: the factor on all radiance found from here on.
+    /// Path throughput: the factor on all radiance that the path finds from here on.
     pub throughput: SampledSpectrum,
-    /// The meaning of the channels of the throughput: colours or wavelengths.
+    /// What the lanes of spectra stand for: colour channels or wavelengths.
     pub mode: ColorMode,
-    /// Density per steradian of the last BSDF sample; 0 after the camera and after delta lobes,
-    /// where no light sample can find the same light.
+    /// Density per steradian of the last BSDF sample. It is 0 after the camera and after delta
+    /// lobes, because no light sample could have found the same light.
     pub bsdf_pdf: f32,
-    /// The vertex where [`Self::bsdf_pdf`] was sampled, for the density of light samples from
-    /// there.
+    /// The vertex at which [`Self::bsdf_pdf`] was sampled. The density of light samples is computed
+    /// for that vertex.
     pub receiver: Receiver,
-    /// Factor that undoes the radiance scaling of refraction, for Russian roulette (pbrt's
+    /// The factor that undoes the radiance scaling of refraction, for Russian roulette (pbrt's
     /// `etaScale`).
     pub eta_scale: f32,
-    /// True while every bounce so far was a delta lobe.
+    /// True if every bounce so far was a delta lobe.
     pub is_specular: bool,
     /// For Russian roulette of guided paths: the contribution that was expected of the path at the
-    /// first vertex where the field is trained; 0 before that.
+    /// first vertex in a trained region; 0 before that vertex.
     pub expected: Expected,
     /// Width of the ray cone at its origin.
     pub cone_width: f32,
     /// Growth of the cone per unit of distance.
     pub cone_spread: f32,
-    /// Branch of a ray tree, which selects its random numbers; 0 on an unbranched path.
+    /// The branch of a ray tree, which selects random numbers; 0 on a path without branches.
     pub stream: u32,
-    /// The first scattering, if [`Context::wants_lobes`] is set.
+    /// The first scattering of the path, if [`Context::wants_lobes`] is set.
     pub lobe: LobeShares,
-    /// The time of all rays of the path: from 0 (the shutter opens) to 1 (it closes).
+    /// The time of all rays of the path, from 0 (the shutter opens) to 1 (it closes).
     pub time: f32,
 }
 
-/// A vertex: where a path's ray ended.
+/// A vertex: the point at which a path's ray ended.
 #[derive(Debug)]
 pub struct Vertex<'a> {
-    /// The number of bounces before it.
+    /// The number of bounces before the vertex.
     pub depth: u32,
     /// The ray that arrived here; its direction has unit length.
     pub ray: &'a Ray,
-    /// The path so far.
+    /// The state of the path on arrival.
     pub state: &'a PathState,
     /// Random numbers of this vertex.
     pub random: Random,
     /// The surface that was hit; `None` if the ray left the scene, or a medium scattered the path.
     pub surface: Option<SurfaceVertex<'a>>,
-    /// Where a medium scattered the path, if one did. Only `path` and `direct` support media.
+    /// The point at which a medium scattered the path, if one did. Only `path` and `direct` support
+    /// media.
     pub medium: Option<MediumVertex>,
 }
 
 /// The surface at a vertex.
 #[derive(Debug)]
 pub struct SurfaceVertex<'a> {
-    /// The hit.
+    /// The hit of the path's ray.
     pub hit: &'a Hit,
     /// Geometry at the point.
     pub interaction: &'a SurfaceInteraction,
     /// Material at the point.
     pub material: &'a Material,
-    /// Precomputed values of its BSDF.
+    /// Precomputed data of the material's BSDF.
     pub prepared: &'a Prepared,
     /// Width of the ray cone at the point.
     pub footprint: f32,
-    /// The meaning of the channels of spectra on this path.
+    /// What the lanes of spectra stand for on this path.
     pub mode: ColorMode,
     /// Index of refraction on the outer side of the surface.
     pub outside_ior: f32,
 }
 
-/// Where a medium scattered a path. The throughput of the path already includes its transmittance.
+/// A point at which a medium scattered a path. The path's throughput already includes the
+/// transmittance up to the point.
 #[derive(Clone, Copy, Debug)]
 pub struct MediumVertex {
-    /// The point.
+    /// The scattering point.
     pub position: Vec3,
-    /// The phase function there.
+    /// The phase function at the point.
     pub phase: HenyeyGreenstein,
     /// Width of the ray cone at the point.
     pub footprint: f32,
@@ -170,32 +172,32 @@ impl<'a> SurfaceVertex<'a> {
 pub struct Outputs {
     /// Radiance found at the vertex.
     pub radiance: SampledSpectrum,
-    /// Light rays: radiance that counts if the ray is unoccluded.
+    /// Light rays, with the radiance that each contributes if it is unoccluded.
     pub light_rays: Vec<(Ray, SampledSpectrum)>,
-    /// The source of the light of the light rays, if it is a single one.
+    /// The source of the light along the light rays, if all have the same.
     pub light_source: Option<LightSource>,
-    /// The emissive medium that must be at the end of the light rays for them to count; `None` for
-    /// all other light.
+    /// The emissive medium that must be at the end of the light rays for them to contribute; `None`
+    /// for all other light.
     pub glowing: Option<MediumId>,
-    /// The weights of multiple importance sampling.
+    /// The MIS weights.
     pub weights: Weights,
-    /// The lobes that scatter the light of the light rays; only at the first vertex and if
-    /// [`Context::wants_lobes`] is set.
+    /// The lobes that scatter the light of the light rays. Set only at the first vertex and if
+    /// [`Context::wants_lobes`] is true.
     pub light_lobe: LobeShares,
     /// The next rays of the path (several for a ray tree).
     pub next: Vec<(Ray, PathState)>,
-    /// How the direction of a single next ray was sampled, if a guiding field can be trained with
-    /// it.
+    /// How the direction of the next ray was sampled. Set if there is a single next ray with which
+    /// a guiding field can be trained.
     pub choice: Option<Choice>,
 }
 
-/// The weights of multiple importance sampling: 1 where only one strategy can find the light. For
-/// display only; the values include them.
+/// The weights of multiple importance sampling; 1 where only one strategy can find the light. They
+/// serve for display only, because the values already include them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Weights {
-    /// The weight of the radiance found at the vertex by BSDF sampling.
+    /// The weight of the radiance that BSDF sampling found at the vertex.
     pub found: f32,
-    /// The weight of the light ray, by light sampling.
+    /// The weight of the light ray, which light sampling found.
     pub light: f32,
 }
 
@@ -221,7 +223,7 @@ impl Default for Outputs {
 }
 
 impl Outputs {
-    /// Empties all lists.
+    /// Empties all lists and resets the values.
     pub fn clear(&mut self) {
         self.radiance = SampledSpectrum::ZERO;
         (self.light_source, self.light_lobe, self.glowing) = (None, LobeShares::UNKNOWN, None);
@@ -235,7 +237,7 @@ impl Outputs {
 /// A vertex function.
 pub(crate) type VertexFunction = fn(&Context, &Vertex, &mut Outputs);
 
-/// The uses of the random numbers of a vertex.
+/// The dimensions of the random numbers of a vertex, by use.
 pub(crate) mod dimension {
     pub const LOBE: u32 = 0;
     pub const BSDF: u32 = 1;
@@ -244,11 +246,12 @@ pub(crate) mod dimension {
     pub const ROULETTE: u32 = 4;
     pub const MEDIUM: u32 = 5;
     pub const GUIDE: u32 = 6;
-    /// First dimension of integrators that sample every light, followed by one for each.
+    /// The first dimension for integrators that sample every light. Each further light has the next
+    /// one.
     pub const LIGHTS: u32 = 8;
 }
 
-/// Direction towards the ray's origin.
+/// The unit direction towards the ray's origin.
 pub(crate) fn outgoing(ray: &Ray) -> Vec3 {
     -ray.direction
 }

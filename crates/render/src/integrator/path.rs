@@ -1,5 +1,5 @@
-//! Path tracing: light samples at every vertex, BSDF samples to go on, both weighted by the power
-//! heuristic, Russian roulette. `direct` is the same with one bounce.
+//! Path tracing: light samples at every vertex and BSDF samples to continue, both weighted by the
+//! power heuristic, with Russian roulette. `direct` is the same with one bounce.
 
 use super::estimators::{Arrival, background, continued, environment_choice, light_pdf_of_hit};
 use super::guided::GuidedBsdf;
@@ -64,7 +64,8 @@ pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
     add_bounce(context, vertex, surface, &at, &receiver, &guided, out);
 }
 
-/// The emission of the surface that the path hit, and its weight.
+/// The emission of the surface that the path hit, multiplied by throughput and weight, and the MIS
+/// weight.
 pub(crate) fn shining(
     context: &Context,
     vertex: &Vertex,
@@ -84,14 +85,16 @@ pub(crate) fn shining(
     (SampledSpectrum::ZERO, 1.0)
 }
 
-/// The environment's radiance for a path that leaves the scene, and its weight.
+/// The environment's radiance for a path that leaves the scene, multiplied by throughput and
+/// weight, and the MIS weight.
 pub(crate) fn escaped(context: &Context, vertex: &Vertex) -> (SampledSpectrum, f32) {
-    escaped_to(context, vertex, |sky| sky.place(vertex.ray.direction))
+    let direction = vertex.ray.direction;
+    escaped_to(context, vertex.depth, direction, vertex.state, |sky| sky.place(direction))
 }
 
-/// Adds a light ray towards a light sample, and returns its direction. `scattering` returns for a
-/// direction the value of the BSDF times the cosine and the density with which the path itself
-/// samples it.
+/// Adds a light ray towards a light sample, and returns the direction of the sample. `scattering`
+/// returns two values for a direction: the BSDF times the cosine, and the density with which the
+/// path itself samples the direction.
 pub(crate) fn light_sample(
     context: &Context,
     vertex: &Vertex,
@@ -163,7 +166,8 @@ pub(crate) fn survival(context: &Context, vertex: &Vertex, weight: f32) -> Optio
     (vertex.random.number(dimension::ROULETTE) < survival).then_some(survival)
 }
 
-/// The path's first scattering: this one, if it is the first and lobes are recorded.
+/// The path's first scattering: `this` at the first vertex if lobes are recorded, otherwise the one
+/// in the path's state.
 pub(crate) fn first_lobe(
     context: &Context,
     vertex: &Vertex,
@@ -172,7 +176,7 @@ pub(crate) fn first_lobe(
     if context.wants_lobes && vertex.depth == 0 { this() } else { vertex.state.lobe }
 }
 
-/// A scattering surface, with the outgoing direction of a path.
+/// A surface that scatters light, with the outgoing direction of a path.
 #[derive(Clone, Debug)]
 pub(crate) struct Scatterer<'a> {
     pub shading: ShadingBsdf<'a>,
@@ -181,7 +185,8 @@ pub(crate) struct Scatterer<'a> {
 }
 
 impl<'a> Scatterer<'a> {
-    /// The surface at a vertex; borrows `prepared`, which is [`SurfaceVertex::prepared`].
+    /// The surface at a vertex. `prepared` is [`SurfaceVertex::prepared`], from which the result
+    /// borrows.
     pub fn new(
         context: &Context,
         vertex: &Vertex,
@@ -202,8 +207,8 @@ impl<'a> Scatterer<'a> {
     }
 }
 
-/// The environment, if paths that leave the scene at this depth bring its radiance with a weight of
-/// 1, as [`escaped`] would give.
+/// The environment, if paths that leave the scene at this depth find its radiance with an MIS
+/// weight of 1, so that [`escaped`] need not be called.
 pub(crate) fn plain_sky<'a>(context: &Context<'a>, depth: u32) -> Option<&'a EnvironmentLight> {
     let (scene, strategy) = (context.scene, context.settings.light_strategy);
     let shows_background = depth == 0 && !matches!(scene.background, Background::Environment);
@@ -211,42 +216,47 @@ pub(crate) fn plain_sky<'a>(context: &Context<'a>, depth: u32) -> Option<&'a Env
     scene.environment.as_deref().filter(|_| !shows_background && !is_sampled)
 }
 
-/// The same with the [place](EnvironmentLight::place) of the direction in the environment.
+/// What [`escaped`] returns for a path in this state that leaves the scene at this depth in this
+/// direction; `place` computes the [place](EnvironmentLight::place) of the direction in the
+/// environment.
+#[inline]
 pub(crate) fn escaped_to(
     context: &Context,
-    vertex: &Vertex,
+    depth: u32,
+    direction: Vec3,
+    state: &PathState,
     place: impl FnOnce(&EnvironmentLight) -> Vec2,
 ) -> (SampledSpectrum, f32) {
-    if let Some(background) = background(context, vertex) {
-        return (vertex.state.throughput * background, 1.0);
+    if let Some(background) = background(context, depth, state) {
+        return (state.throughput * background, 1.0);
     }
     let Some(sky) = &context.scene.environment else { return (SampledSpectrum::ZERO, 1.0) };
-    let (direction, strategy) = (vertex.ray.direction, context.settings.light_strategy);
+    let strategy = context.settings.light_strategy;
     let is_sampled = strategy == LightStrategy::Mis && context.scene.samples_environment(strategy);
     let place = place(sky);
-    let radiance = sky.radiance_at(place, vertex.state.mode);
+    let radiance = sky.radiance_at(place, state.mode);
     if radiance.is_black() {
         return (SampledSpectrum::ZERO, 1.0);
     }
     let weight = match strategy {
         LightStrategy::Mis if !is_sampled => 1.0,
-        LightStrategy::Mis => weight_of_bsdf_sample(context, vertex, || {
-            environment_choice(context, vertex, sky.pdf_compensated_at(place))
+        LightStrategy::Mis => weight_of_found_light(strategy, state.bsdf_pdf, || {
+            environment_choice(context, &state.receiver, sky.pdf_compensated_at(place))
         }),
         LightStrategy::Bsdf => 1.0,
-        LightStrategy::Light => weight_of_bsdf_sample(context, vertex, || {
-            environment_choice(context, vertex, sky.pdf(direction))
+        LightStrategy::Light => weight_of_found_light(strategy, state.bsdf_pdf, || {
+            environment_choice(context, &state.receiver, sky.pdf(direction))
         }),
     };
-    (vertex.state.throughput * radiance * weight, weight)
+    (state.throughput * radiance * weight, weight)
 }
 
 fn weight_of_bsdf_sample(context: &Context, vertex: &Vertex, light_pdf: impl Fn() -> f32) -> f32 {
     weight_of_found_light(context.settings.light_strategy, vertex.state.bsdf_pdf, light_pdf)
 }
 
-/// Weight of light that a BSDF sample found in a direction of this light-sampling density (0 if no
-/// light sample can find it).
+/// The MIS weight of light that a BSDF sample found in a direction with this density of light
+/// samples (0 if no light sample can find it).
 #[inline]
 pub(crate) fn weight_of_found_light(
     strategy: LightStrategy,

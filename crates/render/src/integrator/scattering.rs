@@ -1,6 +1,6 @@
 //! The vertex function of `path` and `direct` where a medium scatters: a light sample, and a new
-//! direction from the phase function, both weighted by the power heuristic on their densities of
-//! direction. Media and interfaces on the way affect both equally.
+//! direction from the phase function. Both are weighted by the power heuristic on their densities
+//! of direction. Media and interfaces on the way affect both equally.
 
 use super::estimators::Arrival;
 use super::guided::unknown_survival;

@@ -1,4 +1,4 @@
-//! Where light and shadow meet on coarse meshes.
+//! Tests of the shadow terminator on coarse meshes.
 
 use crate::{CompiledScene, Filter, IntegratorKind, Job, Settings, Terminator};
 use snell_intersect::{BuildOptions, Sphere, TriangleMesh};
@@ -10,8 +10,8 @@ use snell_scene::{Camera, Environment, Geometry, Light, Material, Node, Scene, S
 use std::f32::consts::PI;
 use std::sync::Arc;
 
-/// The unit sphere with a number of triangles around and from pole to pole, with its own normals at
-/// the vertices.
+/// The unit sphere as triangles, with the sphere's normals at the vertices. `around` and `down` are
+/// the numbers of divisions around the axis and from pole to pole.
 fn sphere(around: u32, down: u32) -> TriangleMesh {
     let point = |i: u32, j: u32| {
         let (phi, theta) =
@@ -65,7 +65,8 @@ fn pixels(scene: &Scene, eye: Vec3, settings: &Settings) -> Vec<f32> {
     image.layers[0].values.chunks(4).map(|pixel| pixel[0]).collect()
 }
 
-/// One sample in the middle of each pixel, so that only the surface makes a difference.
+/// Settings with one sample in the middle of each pixel, so that pictures differ by the surface
+/// only.
 fn settings(integrator: IntegratorKind, terminator: Terminator) -> Settings {
     let how = Settings { integrator, terminator, filter: Filter::Box, ..Settings::default() };
     Settings { size: [64, 64], spp: 1, pixel_position: Some([0.5, 0.5]), max_depth: 1, ..how }
@@ -74,7 +75,8 @@ fn settings(integrator: IntegratorKind, terminator: Terminator) -> Settings {
 #[test]
 fn the_terminator_of_a_coarse_sphere_is_that_of_a_fine_one() {
     let eye = Vec3::new(0.0, -5.0, 0.0);
-    // Away from the outline, which coarse triangles cannot make round.
+    // Only pixels away from the outline are compared, because coarse triangles cannot make the
+    // outline round.
     let is_inside = |i: &usize| {
         let [x, y] = [i % 64, i / 64].map(|c| (c as f32 + 0.5) / 32.0 - 1.0);
         x.hypot(y) < 0.7
@@ -91,7 +93,7 @@ fn the_terminator_of_a_coarse_sphere_is_that_of_a_fine_one() {
                 let scene = scene_of(sphere(around, down), material.clone(), light.clone());
                 pixels(&scene, eye, &settings(integrator, terminator))
             };
-            // Pixels that are in shadow and should not be.
+            // The number of pixels that are in shadow and should not be.
             let dark = |light: &Light, terminator| {
                 let fine = picture(light, [192, 96], Terminator::Faceted);
                 let coarse = picture(light, [12, 6], terminator);
@@ -122,12 +124,12 @@ fn no_light_comes_through_a_closed_coarse_mesh() {
             ..settings(integrator, Terminator::Smooth)
         };
         for (around, down) in [(3, 2), (5, 3), (12, 6)] {
-            // Lamps inside are not seen outside, also near the skin.
+            // Lamps inside of the sphere must not be seen outside, even near the surface.
             for inside in [DVec3::ZERO, DVec3::new(0.1, -0.2, 0.3), DVec3::new(0.0, 0.0, 0.9)] {
                 let mut scene = scene_of(sphere(around, down), matte(), lamp(inside));
                 let outside = pixels(&scene, Vec3::new(1.0, -5.0, 2.0), &how);
                 assert!(outside.iter().all(|&x| x == 0.0), "{integrator:?} {around} {inside}");
-                // And all light outside is not seen inside.
+                // Light from outside of the sphere must not be seen inside.
                 scene.lights =
                     vec![sun(DVec3::new(1.0, 0.3, -0.2)), lamp(DVec3::new(0.0, 1.3, 0.0))];
                 if integrator == IntegratorKind::Path {

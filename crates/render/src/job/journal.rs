@@ -10,23 +10,23 @@ use snell_math::{Ray, SampledSpectrum};
 pub struct Journal {
     /// Vertices, and emission of media on the way to them.
     pub events: Vec<Event>,
-    /// The results of the light rays of all vertices, in order: their transmitted value, and
-    /// whether they were occluded.
+    /// The results of the light rays of all vertices, in order: the value that media transmit, and
+    /// whether the ray was occluded.
     pub fates: Vec<(SampledSpectrum, bool)>,
 }
 
-/// One entry.
+/// An entry of the journal.
 #[derive(Clone, Debug)]
 pub enum Event {
     /// All paths have advanced by one ray.
     Depth,
     /// A medium has added radiance on the way to a vertex.
     Glow {
-        /// Number of the path among those in flight.
+        /// Number of the path among the live paths.
         path: usize,
-        /// Its sample, counted in the part.
+        /// The sample of the path, counted from the first of the part.
         sample: u32,
-        /// The radiance.
+        /// The added radiance.
         radiance: SampledSpectrum,
     },
     /// A vertex was shaded.
@@ -36,27 +36,27 @@ pub enum Event {
 /// A vertex that was shaded, with the output of the vertex function.
 #[derive(Clone, Debug)]
 pub struct Shaded {
-    /// Number of the path among those in flight.
+    /// Number of the path among the live paths.
     pub path: usize,
-    /// Its sample, counted in the part.
+    /// The sample of the path, counted from the first of the part.
     pub sample: u32,
-    /// The ray that arrived here.
+    /// The ray that arrived at the vertex.
     pub ray: Ray,
-    /// Its hit.
+    /// The hit of that ray.
     pub hit: Hit,
-    /// The state of the path.
+    /// The state of the path on arrival.
     pub state: PathState,
-    /// Where a medium scattered the path, if one did.
+    /// The point at which a medium scattered the path, if one did.
     pub medium: Option<MediumVertex>,
     /// Index of refraction on the outer side of the surface.
     pub outside_ior: f32,
-    /// Radiance found there.
+    /// Radiance found at the vertex.
     pub radiance: SampledSpectrum,
-    /// Weights of multiple importance sampling.
+    /// The MIS weights.
     pub weights: Weights,
-    /// Light rays with their contributions if unoccluded.
+    /// Light rays, with what each contributes if it is unoccluded.
     pub light_rays: Vec<(Ray, SampledSpectrum)>,
-    /// The source of their light, if it is a single one.
+    /// The source of the light along the light rays, if all have the same.
     pub source: Option<LightSource>,
     /// The next rays of the path.
     pub next: Vec<(Ray, PathState)>,

@@ -1,4 +1,5 @@
-//! Layers of parts of the light: their values in a sample, and the light that belongs to them.
+//! Layers that hold parts of the light: where their values are in a sample, and which light belongs
+//! to them.
 
 use crate::compile::CompiledScene;
 use crate::integrator::aov::Aov;
@@ -9,11 +10,11 @@ use snell_scene::MaterialId;
 
 /// The requested parts of the light.
 pub struct LightParts {
-    /// The index of the first value of each among those of a sample.
+    /// The requested parts, each with the index of its first value in a sample.
     parts: Vec<(usize, LightPart)>,
-    /// Values of all layers of a sample.
+    /// The number of values of all layers in a sample.
     channels: usize,
-    /// Groups by light, by material, and those of the environment and of media.
+    /// The light group of each light, of each material, of the environment and of media.
     of_light: Vec<u8>,
     of_material: Vec<u8>,
     of_environment: u8,
@@ -21,7 +22,7 @@ pub struct LightParts {
 }
 
 impl LightParts {
-    /// The parts of a render.
+    /// The parts that the settings of a render request.
     pub fn new(scene: &CompiledScene, settings: &Settings) -> Self {
         let (mut parts, mut channels) = (Vec::new(), 0);
         let is_known = settings.integrator.is_path();
@@ -48,12 +49,12 @@ impl LightParts {
         self.parts.is_empty()
     }
 
-    /// True if some of them depend on the first scattering of a path.
+    /// True if some parts depend on the first scattering of a path.
     pub fn want_lobes(&self) -> bool {
         self.parts.iter().any(|(_, part)| part.lobe.is_some())
     }
 
-    /// The group of a source.
+    /// The number of the light group of a source.
     pub fn group(&self, source: LightSource) -> u8 {
         match source {
             LightSource::Light(light) => self.of_light[light as usize],
@@ -63,7 +64,7 @@ impl LightParts {
         }
     }
 
-    /// Adds light to the values of a sample.
+    /// Adds light to the values of a sample, in each part that the light belongs to.
     pub fn add(
         &self,
         values: &mut [f32],
@@ -83,7 +84,7 @@ impl LightParts {
     }
 }
 
-/// The first group that holds a source; one past the last for none.
+/// The number of the first group that holds a source; the number after the last if none does.
 fn group(groups: &[LightGroup], source: LightSource) -> u8 {
     let number = groups.iter().position(|g| g.sources.contains(&source)).unwrap_or(groups.len());
     number.min(usize::from(u8::MAX)) as u8

@@ -1,8 +1,8 @@
-//! A render: parts, threads, progress.
+//! A render: parts, threads and progress.
 //!
 //! The unit of work is a *part*: one tile of 16 x 16 pixels and one range of sample numbers.
-//! Threads take parts in a fixed order and fold them into the film tile by tile, in order of the
-//! samples; the picture does not depend on which thread did what.
+//! Threads take parts in a fixed order and fold them into the film tile by tile, in the order of
+//! the samples. The picture does not depend on which thread rendered which part.
 
 mod journal;
 mod light_parts;
@@ -42,19 +42,19 @@ use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 use tracer::Tracer;
 
-/// Rays traced, by kind.
+/// Numbers of rays traced, by kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RayCounts {
-    /// From the camera.
+    /// Camera rays.
     pub camera: u64,
-    /// Towards lights.
+    /// Rays towards lights.
     pub shadow: u64,
-    /// After a bounce.
+    /// Rays after a bounce.
     pub indirect: u64,
 }
 
 impl RayCounts {
-    /// All kinds together.
+    /// The number of rays of all kinds.
     pub fn total(&self) -> u64 {
         self.camera + self.shadow + self.indirect
     }
@@ -71,24 +71,24 @@ impl AddAssign for RayCounts {
 /// Statistics of a render.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Statistics {
-    /// Rays traced.
+    /// Numbers of rays traced.
     pub rays: RayCounts,
-    /// Samples of pixels.
+    /// The number of samples taken, over all pixels.
     pub samples: u64,
-    /// Samples that were not finite and counted as black. Always 0 unless a material or light has
-    /// an error.
+    /// The number of samples that were not finite and counted as black. It is always 0 unless a
+    /// material or light has an error.
     pub invalid_samples: u64,
-    /// Time that threads spent in ray queries, all threads together. Not reproducible.
+    /// Time that threads spent in ray queries, summed over all threads. Not reproducible.
     pub tracing: Duration,
-    /// Complete training passes of path guiding.
+    /// The number of complete training passes of path guiding.
     pub training_passes: u32,
-    /// Time of training.
+    /// The time that training took.
     pub training: Duration,
-    /// Trained regions of the guiding field.
+    /// The number of trained regions of the guiding field.
     pub guiding_regions: u64,
-    /// Memory of the guiding field in bytes.
+    /// Memory use of the guiding field in bytes.
     pub guiding_bytes: u64,
-    /// Pixels whose error is within the requested limit; 0 without a limit.
+    /// The number of pixels whose error is within the requested limit; 0 without a limit.
     pub converged_pixels: u64,
     /// False if the render was stopped before all samples were taken.
     pub is_complete: bool,
@@ -97,25 +97,25 @@ pub struct Statistics {
 /// The progress of a render.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Progress {
-    /// Pixel samples taken.
+    /// The number of samples taken, over all pixels.
     pub done: u64,
-    /// Pixel samples requested; an estimate if pixels stop by their error.
+    /// The number of samples requested, over all pixels; an estimate if pixels stop by their error.
     pub total: u64,
-    /// Rays traced so far.
+    /// The number of rays traced so far.
     pub rays: u64,
-    /// Passes over the whole picture that are complete, or will be if the render is stopped now:
-    /// threads finish their current parts.
+    /// The number of passes over the whole picture that are complete, or will be if the render is
+    /// stopped now, because threads finish their current parts.
     pub passes: usize,
-    /// The progress of training for guiding, while it runs. Returning false then ends training with
-    /// the complete passes, and rendering starts.
+    /// The progress of training for guiding; `None` when it does not run. While it runs, returning
+    /// false ends training with the complete passes, and rendering starts.
     pub training: Option<Training>,
 }
 
 impl Progress {
-    /// True if a render that has taken this long must stop because of its time limit. During
-    /// training, unless the number of passes is fixed: if the next pass, which takes as long as all
-    /// before it, would exceed [`Guiding::SHARE`] of the limit. Later: once each pixel has a
-    /// sample, since an incomplete picture is useless.
+    /// True if a render that has taken this long must stop because of its time limit. Training
+    /// whose number of passes is not fixed stops if the next pass, which takes as long as all
+    /// passes before, would exceed the fraction [`Guiding::SHARE`] of the limit. Rendering stops
+    /// once each pixel has a sample, since an incomplete picture is useless.
     pub fn is_late(
         &self,
         elapsed: Duration,
@@ -137,15 +137,15 @@ impl Progress {
 /// The progress of training.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Training {
-    /// The pass, from 0. Each takes about as long as all before it.
+    /// The number of the pass, from 0. Each pass takes about as long as all passes before.
     pub pass: u32,
-    /// The number of its parts that were started before this one.
+    /// The number of parts of this pass that were started so far.
     pub begun: usize,
-    /// Its parts.
+    /// The number of parts of this pass.
     pub parts: usize,
 }
 
-/// One render, planned.
+/// A render that is planned but not run yet.
 pub struct Job<'a> {
     scene: &'a CompiledScene,
     camera: &'a Camera,
@@ -159,12 +159,12 @@ pub struct Job<'a> {
     cancel: Option<&'a AtomicBool>,
 }
 
-/// A tile being filled by several threads.
+/// A tile that several threads fill.
 struct SharedTile {
     tile: FilmTile,
-    /// The pixels that take samples; `None` if all do.
+    /// The pixels of the tile that take samples; `None` if all do.
     pixels: Option<Vec<u32>>,
-    /// Parts whose predecessors are still being rendered.
+    /// Parts that were rendered before an earlier part of the tile was complete, by first sample.
     waiting: BTreeMap<u32, FilmPart>,
 }
 
@@ -172,15 +172,15 @@ struct SharedTile {
 struct Shared<'b> {
     tiles: &'b [Mutex<SharedTile>],
     parts: &'b Parts,
-    /// The next part.
+    /// The number of the next part to take.
     next: AtomicUsize,
-    /// Passes over the whole picture that were already complete.
+    /// The number of passes over the whole picture that were already complete.
     passes: usize,
     tally: &'b Tally,
     keep_going: &'b (dyn Fn(&Progress) -> bool + Sync),
 }
 
-/// A callback for every tile that has got more samples, called from any thread.
+/// A callback for every tile that has got more samples. It is called from any thread.
 pub type TileWatcher<'a> = &'a (dyn Fn(&FilmTile) + Sync);
 
 /// Statistics of a render so far.
@@ -219,15 +219,15 @@ impl<'a> Job<'a> {
         }
     }
 
-    /// Sets a callback for tiles as they get samples.
+    /// Sets a callback that is called for tiles when they get samples.
     pub fn watched(self, watcher: TileWatcher<'a>) -> Self {
         Self { watcher: Some(watcher), ..self }
     }
 
     /// Sets a flag that cancels the current parts. When `keep_going` returns false, threads finish
-    /// their current parts, which may take minutes where a ray has millions of hits. Soon after the
-    /// flag is set they abandon them; the film has only complete parts. A cancelled render makes no
-    /// further progress.
+    /// their current parts, which may take minutes where a ray has millions of hits. When the flag
+    /// is set they soon abandon these parts, and the film keeps only complete ones. A cancelled
+    /// render makes no further progress.
     pub fn with_cancel(self, cancel: &'a AtomicBool) -> Self {
         Self { cancel: Some(cancel), ..self }
     }
@@ -244,12 +244,12 @@ impl<'a> Job<'a> {
         (underway.film, underway.statistics)
     }
 
-    /// The scene.
+    /// The scene of the render.
     pub fn scene(&self) -> &'a CompiledScene {
         self.scene
     }
 
-    /// How.
+    /// The settings of the render.
     pub fn settings(&self) -> &'a Settings {
         self.settings
     }
@@ -262,9 +262,9 @@ impl<'a> Job<'a> {
         film
     }
 
-    /// Continues a film of this render until every pixel has `until` samples (or all that are
-    /// requested), or `keep_going` returns false. The film does not depend on the number of steps.
-    /// No pixel stops by its error.
+    /// Continues a film of this render until every pixel has `until` samples (at most the requested
+    /// number), or until `keep_going` returns false. The film does not depend on the number of
+    /// calls. No pixel stops by its error.
     pub fn extend(
         &self,
         film: Film,
@@ -277,14 +277,15 @@ impl<'a> Job<'a> {
         (underway.film, underway.statistics)
     }
 
-    /// The rays that [`Self::extend`] traces, batch by batch: 32 bytes a ray. The order of batches
-    /// is not reproducible.
+    /// Records the rays that [`Self::extend`] traces, batch by batch, with 32 bytes for each ray.
+    /// The order of batches is not reproducible.
     pub fn record(&self, threads: usize) -> Recording {
         self.fill(&mut self.begin(threads, &|_| true), self.settings.spp, threads, &|_| true, true)
     }
 
-    /// Renders all samples of one pixel of the whole picture and passes them with their journal to
-    /// a callback: block by block, with the bits of [`Self::run`] if no pixel stops by its error.
+    /// Renders all samples of one pixel of the whole picture, and passes them block by block with
+    /// their journal to a callback. The samples have the same bits as those of [`Self::run`] if no
+    /// pixel stops by its error.
     pub(crate) fn observe(
         &self,
         pixel: [u32; 2],
@@ -318,12 +319,12 @@ impl<'a> Job<'a> {
         }
     }
 
-    /// A film of this render for one pixel of the whole picture, without samples.
+    /// An empty film of this render for one pixel of the whole picture.
     pub(crate) fn film_of_pixel(&self, pixel: [u32; 2]) -> Film {
         Film::with_mean_weight(area_of(pixel), &self.settings.aovs, self.filter.mean_weight())
     }
 
-    /// Trains the guiding field, if the settings request it.
+    /// Trains the guiding field, if the settings request guiding.
     fn trained(
         &self,
         threads: usize,
@@ -336,7 +337,7 @@ impl<'a> Job<'a> {
         (field, statistics)
     }
 
-    /// The missing parts of a film, given the ranges of each tile.
+    /// The missing parts of a film, given the missing ranges of samples of each tile.
     fn parts(&self, film: &Film, ranges: impl Fn(usize) -> Ranges) -> Parts {
         Parts::new(tile_order(film.tiles.len(), self.settings.tile_order), ranges)
     }
@@ -363,7 +364,8 @@ impl<'a> Job<'a> {
         film.tiles = tiles.into_iter().map(|t| into_inner(t).tile).collect();
     }
 
-    /// The loop of a thread: it takes the next part, renders it, and adds it to its tile.
+    /// The loop of a thread: takes the next part, renders it, and adds it to its tile, until none
+    /// is left.
     fn work(&self, shared: &Shared) {
         let Shared { tiles, parts, next, passes, tally, keep_going } = shared;
         let wants_lobes = self.light_parts.want_lobes();
@@ -386,8 +388,8 @@ impl<'a> Job<'a> {
         );
         let mut mine = Statistics::default();
         loop {
-            // Checked before a part is taken: every part that is taken is rendered, so the passes
-            // counted here are complete, however slow some thread is.
+            // `keep_going` is asked before a part is taken. Every part that is taken is rendered,
+            // so the passes counted here will be complete, however slow some thread is.
             let progress = Progress {
                 done: tally.done.load(Ordering::Relaxed),
                 total: tally.total.load(Ordering::Relaxed),
@@ -454,7 +456,8 @@ fn pixels(area: &Crop) -> u64 {
     area.size().iter().map(|&x| u64::from(x)).product()
 }
 
-/// A panic of another thread does not corrupt the film, because only complete parts are added.
+/// Locks a mutex even if another thread has panicked. The film stays valid, because only complete
+/// parts are added.
 fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
 }
@@ -512,7 +515,8 @@ mod tests {
         for steps in [&[1, 4, 16, 20][..], &[7, 7, 30], &[19, 20]] {
             let mut film = job.empty_film();
             for &until in steps {
-                // Stopped in the middle as well: tiles then differ in their number of samples.
+                // The render is also stopped in the middle of a step, when tiles differ in their
+                // number of samples.
                 let asked = AtomicUsize::new(0);
                 film = job.extend(film, until, 2, &|_| asked.fetch_add(1, Ordering::Relaxed) < 3).0;
                 let statistics;

@@ -1,5 +1,5 @@
-//! The main loop of rendering: camera rays, hits, shading by material, light rays, next rays, depth
-//! by depth until no path is left. All queries are batches.
+//! The main loop of rendering. Camera rays, hits, shading by material, light rays and next rays
+//! follow each other, depth by depth, until no path is left. All queries are batches.
 
 mod collect;
 mod collect_shaded;
@@ -30,83 +30,83 @@ use snell_math::{ColorMode, ColorModel, SampledSpectrum};
 use snell_scene::{Camera, CameraRays, CameraView};
 use std::mem::take;
 
-/// Samples that are taken at once. (Measured from 256 to 4,096: fewer leave the kernels idle, more
-/// exceed the caches.)
+/// The number of samples that are taken at once. Measured from 256 to 4,096: fewer leave the
+/// kernels idle, and more exceed the caches.
 const MAX_SAMPLES: usize = 1 << 11;
 
-/// The number of light rays that are traced at once, exceeded by those of one vertex at most: ray
-/// trees and scenes of many lights have too many to store.
+/// The number of light rays that are traced at once, because ray trees and scenes with many lights
+/// have too many to store. The light rays of one vertex may exceed it.
 const MAX_BATCH: usize = 1 << 16;
 
 /// The largest number of rays of one sample's ray tree, since trees in clear glass grow
-/// exponentially. A tree of depth 9 is smaller.
+/// exponentially. Trees of depth 9 stay below it.
 const MAX_TREE: u32 = 1024;
 
-/// Renders parts, reusing its buffers.
+/// Renders parts, and reuses its buffers from part to part.
 pub struct PartRenderer<'a> {
     context: Context<'a>,
     camera: &'a Camera,
     view: CameraView<'a>,
     camera_rays: CameraRays<LANES>,
-    /// The camera does not move.
+    /// True if the camera does not move.
     stands_still: bool,
     sampler: &'a Sampler,
     filter: &'a FilterSampler,
     shade: VertexFunction,
-    /// All ray queries, except those that count traversal steps.
+    /// Makes all ray queries, except those that count traversal steps.
     pub tracer: Tracer<'a>,
     paths: Paths,
     next: Paths,
     light_rays: LightRays,
-    /// The batch shaders and the order of paths, before the vertex function.
+    /// The order of paths, and the batch shaders that are asked before the vertex function.
     order: Order<'a>,
     shaders: Vec<Box<dyn BatchShader<'a> + 'a>>,
     outputs: Outputs,
-    /// The valid lanes of a shader, and a subset of them.
+    /// The lanes that a shader has shaded, and a subset of them.
     lanes: Vec<u32>,
     kept: Vec<u32>,
     samples: Vec<Sample>,
     facts: Vec<SampleFacts>,
-    /// The keys of their random numbers.
+    /// The keys of the samples' random numbers.
     keys: Vec<SampleKey>,
     aovs: Vec<f32>,
-    /// Records what paths find, for training.
+    /// Records what paths find, for training the guiding field.
     recorder: Option<Recorder>,
     /// Records every event, for explanations.
     pub journal: Option<Journal>,
     /// The coverage keys of each sample.
     covering: Vec<u64>,
-    /// The data of surfaces that AOVs need, if any.
+    /// The surfaces that AOVs need, if they need any.
     first_surfaces: Option<Box<FirstSurfaces<'a>>>,
     light_parts: &'a LightParts,
-    /// The state of media, if there are any and the integrator supports them.
+    /// The state of media, if the scene has any and the integrator supports them.
     volumes: Option<VolumeBatch<'a>>,
 }
 
 /// The light that a sample has collected.
 #[derive(Clone, Copy)]
 struct Sample {
-    /// Found at vertices.
+    /// Radiance found at vertices.
     radiance: SampledSpectrum,
-    /// Contributions of light rays. They are summed separately, because the order of the two
-    /// depends on how a batch is divided, and the bits of a sample must not depend on its
-    /// neighbours.
+    /// Contributions of light rays. They are summed separately, because the order in which light
+    /// rays and vertices contribute depends on how a batch is divided, and the bits of a sample
+    /// must not depend on its neighbours.
     brought: SampledSpectrum,
 }
 
 /// Further data of a sample.
 #[derive(Clone, Copy)]
 struct SampleFacts {
-    /// The meaning of the channels of its spectra.
+    /// What the lanes of the sample's spectra stand for.
     mode: ColorMode,
     alpha: f32,
     weight: f32,
-    /// The number of its next rays so far.
+    /// The number of next rays so far, to limit ray trees.
     rays: u32,
 }
 
 impl Sample {
-    /// All radiance so far.
+    /// All radiance that was collected so far.
     fn collected(&self) -> SampledSpectrum {
         self.radiance + self.brought
     }
@@ -168,8 +168,8 @@ impl<'a> PartRenderer<'a> {
         }
     }
 
-    /// Takes samples `range` of every pixel of `area`; the training records of their paths are
-    /// added to `records`.
+    /// Takes the samples `range` of every pixel of `area`, and adds the training records of their
+    /// paths to `records`.
     pub fn record(
         &mut self,
         area: Crop,
@@ -185,8 +185,9 @@ impl<'a> PartRenderer<'a> {
         }
     }
 
-    /// Takes samples `range` of the pixels of `area`: of all, or of those with these indices (row
-    /// by row). If it is [cancelled](Tracer::is_cancelled), the part is invalid.
+    /// Takes the samples `range` of the pixels of `area`: of all pixels, or of those with the given
+    /// row-major indices. The part is invalid if the render was [cancelled](Tracer::is_cancelled)
+    /// meanwhile.
     pub fn render(
         &mut self,
         area: Crop,
@@ -209,7 +210,7 @@ impl<'a> PartRenderer<'a> {
             aovs: vec![],
             keys: vec![],
         };
-        // The journal covers the whole part.
+        // A journal or a recorder covers the whole part at once.
         let at_once = match self.recorder.is_some() || self.journal.is_some() {
             true => positions.len(),
             false => MAX_SAMPLES / (range[1] - range[0]).max(1) as usize,
@@ -224,7 +225,7 @@ impl<'a> PartRenderer<'a> {
         part
     }
 
-    /// Takes samples of some pixels.
+    /// Takes the samples `range` of the pixels at these positions.
     fn take_samples(
         &mut self,
         positions: &[[u32; 2]],
@@ -233,7 +234,8 @@ impl<'a> PartRenderer<'a> {
     ) {
         self.start(positions, range);
         statistics.rays.camera += self.paths.len() as u64;
-        // Sixteen consecutive rays belong to one pixel, or to one row of a tile.
+        // Rays are coherent if sixteen consecutive ones belong to one pixel, or to one row of a
+        // tile.
         let mut grouping = if self.camera.has_common_origin()
             && self.stands_still
             && matches!(range[1] - range[0], 1 | 16)
@@ -272,7 +274,7 @@ impl<'a> PartRenderer<'a> {
         }
     }
 
-    /// Passes the light that paths have collected so far to the recorder, if there is one.
+    /// Passes the light that each path has collected so far to the recorder, if there is one.
     fn note_arrivals(&mut self) {
         let Some(recorder) = &mut self.recorder else { return };
         for &sample in &self.paths.samples {
@@ -280,7 +282,7 @@ impl<'a> PartRenderer<'a> {
         }
     }
 
-    /// Moves paths through media, if there are any, to the next vertices.
+    /// Moves paths through media, if the scene has any, to their next vertices.
     fn travel(&mut self, depth: u32, grouping: Grouping) {
         let Some(volumes) = &mut self.volumes else { return };
         if depth == 0 {
@@ -320,7 +322,7 @@ impl<'a> PartRenderer<'a> {
         }
     }
 
-    /// Shades the current vertices, each by the first shader that accepts it or by the vertex
+    /// Shades the current vertices, each by the first shader that accepts its path or by the vertex
     /// function, and adds the contributions of their light rays.
     fn shade_batch(&mut self, depth: u32, statistics: &mut Statistics) {
         if self.context.settings.integrator == IntegratorKind::Aov {
@@ -365,7 +367,7 @@ impl<'a> PartRenderer<'a> {
         }
     }
 
-    /// The current vertices, as input of shaders.
+    /// The current vertices as the input of batch shaders.
     fn batch(&self, depth: u32) -> Batch<'_, 'a> {
         Batch {
             context: &self.context,
@@ -381,12 +383,12 @@ impl<'a> PartRenderer<'a> {
         }
     }
 
-    /// True if recorders need more data of vertices than their light.
+    /// True if a recorder or journal needs more data of vertices than their light.
     fn is_watched(&self) -> bool {
         self.journal.is_some() || self.recorder.is_some()
     }
 
-    /// Calls the vertex function.
+    /// Shades one vertex by the vertex function.
     fn shade_one(&mut self, depth: u32, path: usize) {
         let scene = self.context.scene;
         if self.paths.is_dead(path) {
@@ -456,7 +458,7 @@ impl<'a> PartRenderer<'a> {
         rays.clear();
     }
 
-    /// Adds the collected light to a part.
+    /// Adds the samples, with the light that they have collected, to a part.
     fn finish(&mut self, part: &mut FilmPart, statistics: &mut Statistics) {
         part.values.extend(self.samples.iter().zip(&self.facts).map(|(sample, facts)| {
             let radiance = sample.collected();

@@ -1,20 +1,21 @@
-//! The order in which samples are taken: parts of a film, a tile and a range of its samples each.
+//! The order in which samples are taken. A part is a tile and a range of the tile's samples.
 
 use crate::film::{BLOCK, TILE};
 
-/// Ranges of sample numbers of one tile, in order. They are computed one by one, since there may be
-/// a million of them for each tile.
+/// Ranges of sample numbers of one tile, in order. They are computed when needed, since a tile may
+/// have a million of them.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Ranges {
-    /// Whole blocks. Progressive renders start with smaller ranges, to show a first picture soon.
+    /// Ranges of whole blocks. Progressive renders start with smaller ranges, to show a first
+    /// picture soon.
     Blocks { start: u32, end: u32, is_progressive: bool },
-    /// Ranges of one round of pixels that stop by their error, each of `step` samples.
+    /// Ranges of `step` samples, for one round of pixels that stop by their error.
     Round { start: u32, end: u32, step: u32 },
 }
 
 impl Ranges {
-    /// The ranges of one round for a tile with this many active pixels; they are longer where there
-    /// are few.
+    /// The ranges of one round for a tile with this number of active pixels. With fewer pixels the
+    /// ranges are longer.
     pub fn of_round([start, end]: [u32; 2], pixels: u64) -> Self {
         let blocks = u64::from(TILE * TILE)
             .checked_div(pixels)
@@ -22,7 +23,7 @@ impl Ranges {
         Self::Round { start, end: if pixels == 0 { start } else { end }, step: blocks * BLOCK }
     }
 
-    /// The range with this number.
+    /// The range with this number; `None` beyond the last.
     pub fn get(self, number: usize) -> Option<[u32; 2]> {
         let (start, end, ends) = match self {
             Self::Blocks { start, end, is_progressive } => {
@@ -40,7 +41,7 @@ impl Ranges {
         (range[0] < range[1]).then_some(range)
     }
 
-    /// All of them.
+    /// All ranges, in order.
     pub fn all(self) -> impl Iterator<Item = [u32; 2]> {
         (0..).map_while(move |number| self.get(number))
     }
@@ -57,7 +58,8 @@ impl Ranges {
     }
 }
 
-/// The end of the range with this number: 1, 4 and whole blocks, or whole blocks only.
+/// The end of the range with this number. Progressive ranges end at samples 1 and 4, then at whole
+/// blocks; others end at whole blocks only.
 fn end_of_block(number: usize, is_progressive: bool) -> Option<u32> {
     match (is_progressive, number) {
         (true, 0) => Some(1),
@@ -76,7 +78,8 @@ fn ends_before(sample: u32, is_progressive: bool) -> usize {
     }
 }
 
-/// The missing parts of a film: the first range of all tiles, then the second … …
+/// The missing parts of a film: the first range of every tile, then the second range of every tile,
+/// and so on.
 #[derive(Debug)]
 pub(super) struct Parts {
     order: Vec<usize>,
@@ -85,20 +88,20 @@ pub(super) struct Parts {
 }
 
 impl Parts {
-    /// The parts of tiles in this order, given the ranges of each.
+    /// The parts of the tiles in this order, given the ranges of each tile.
     pub fn new(order: Vec<usize>, ranges: impl Fn(usize) -> Ranges) -> Self {
         let ranges: Vec<_> = (0..order.len()).map(ranges).collect();
         let passes = ranges.iter().map(|ranges| ranges.count()).max().unwrap_or(0);
         Self { order, ranges, passes }
     }
 
-    /// Numbers of parts are below this.
+    /// A number above those of all parts.
     pub fn end(&self) -> usize {
         self.order.len().saturating_mul(self.passes)
     }
 
-    /// Tile and range of samples of the part with this number; `None` where a tile has fewer ranges
-    /// than others.
+    /// Tile and range of samples of the part with this number. `None` if the tile has fewer ranges
+    /// than other tiles.
     pub fn get(&self, number: usize) -> Option<(usize, [u32; 2])> {
         let tile = self.order[number % self.order.len()];
         self.ranges[tile].get(number / self.order.len()).map(|range| (tile, range))
@@ -165,7 +168,7 @@ mod tests {
             found,
             [(1, [16, 32]), (0, [0, 16]), (1, [32, 40]), (0, [16, 32]), (0, [32, 40])]
         );
-        // An 8K picture with the largest number of samples.
+        // The parts of an 8K picture with the largest number of samples.
         let parts = Parts::new((0..129_600).collect(), |_| Ranges::Blocks {
             start: 0,
             end: 1 << 24,

@@ -4,13 +4,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::Duration;
 
-/// The time limit; most parts take milliseconds.
+/// The time for the current parts, of which most take milliseconds.
 const PATIENCE: Duration = Duration::from_millis(500);
 
-/// The interval of checks.
+/// The interval at which `is_stopped` is asked.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// Runs work with a flag, for [`super::Job::with_cancel`], that is set half a second after
+/// Runs `work` with a flag for [`super::Job::with_cancel`]. The flag is set half a second after
 /// `is_stopped` first returns true.
 pub fn with_patience<T>(
     is_stopped: impl Fn() -> bool + Sync,
@@ -18,7 +18,8 @@ pub fn with_patience<T>(
 ) -> T {
     let cancel = AtomicBool::new(false);
     std::thread::scope(|scope| {
-        // It is dropped when the work ends, also by a panic, and wakes the thread.
+        // The sender is dropped when the work ends, even by a panic, which wakes the waiting
+        // thread.
         let (_working, end) = mpsc::channel::<()>();
         let (is_stopped, cancel) = (&is_stopped, &cancel);
         scope.spawn(move || {

@@ -1,10 +1,10 @@
-//! Photons train the field before the first path. A path rarely finds a small lamp behind glass or
-//! a door, where photons start (Jensen, Importance driven path tracing using the photon map, 1995;
-//! Vorba et al., On-line learning of parametric mixture models for light transport simulation,
-//! 2014).
+//! Photons train the guiding field before the first path. Paths rarely find a small lamp behind
+//! glass or a door, whereas photons start there (Jensen, Importance driven path tracing using the
+//! photon map, 1995; Vorba et al., On-line learning of parametric mixture models for light
+//! transport simulation, 2014).
 //!
-//! Photons only guide paths, so they are simplified: media do not affect them, and surfaces scatter
-//! them like paths from the camera.
+//! Photons only guide paths, so their transport is simplified: media do not affect them, and
+//! surfaces scatter them like paths from the camera.
 
 use super::projection_maps::{Departure, ProjectionMaps};
 use super::tracer::Tracer;
@@ -23,24 +23,24 @@ use std::ops::Range;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// The number of rounds after which the field reads the photons.
+/// How many times the field reads all photons.
 const ROUNDS: u32 = 7;
-/// The round before which the parallax of directions is determined, when regions have about their
-/// final size.
+/// The round before which the parallax of directions is determined. By then regions have about
+/// their final size.
 const PARALLAX_ROUND: u32 = 4;
-/// Photons of a batch.
+/// The number of photons in a batch.
 const BATCH: usize = 4096;
 /// The largest number of bounces of a photon.
 const MAX_DEPTH: u32 = 24;
-/// One of this many photons is used for the projection maps.
+/// One photon in this many is used to make the projection maps.
 const SCOUTS: usize = 8;
 /// The largest survival probability.
 const MAX_SURVIVAL: f32 = 0.95;
 
-/// Where light comes from does not depend on the colour mode.
+/// The colour mode of photons. The directions of light hardly depend on the mode.
 const COLOR: ColorMode = ColorMode::Rgb;
 
-/// The uses of random numbers.
+/// The dimensions of the photons' random numbers, by use.
 mod dimension {
     pub const LIGHT: u32 = 0;
     pub const POSITION: u32 = 1;
@@ -56,9 +56,9 @@ mod dimension {
 struct Photon {
     ray: Ray,
     flux: SampledSpectrum,
-    /// Roulette uses the fraction that remains of the initial flux.
+    /// The largest lane of the initial flux. Roulette compares the remaining flux with it.
     first_flux: f32,
-    /// True if the last bounce was at glass or a mirror.
+    /// True if the last bounce was on smooth glass or a mirror.
     is_caustic: bool,
     departure: Departure,
     random: Random,
@@ -102,8 +102,8 @@ impl Job<'_> {
             ProjectionMaps::new(shots.iter().flat_map(|shots| shots.focused.iter().copied()));
         shots.extend(shoot(scouts..batches, &maps));
         let records: Vec<Record> = shots.into_iter().flat_map(|shots| shots.records).collect();
-        // Regions and quads are divided by their contents, so new ones are filled by reading all
-        // records again.
+        // Regions and quads are divided according to their contents, and the new ones are filled by
+        // reading all records again.
         let is_cancelled = || self.cancel.is_some_and(|flag| flag.load(Ordering::Relaxed));
         for round in (0..ROUNDS).take_while(|_| !is_cancelled()) {
             if round == PARALLAX_ROUND {
@@ -119,12 +119,12 @@ impl Job<'_> {
 #[derive(Default)]
 struct Shots {
     records: Vec<Record>,
-    /// The emission of the photons that were focused.
+    /// The cells of the projection maps from which focused photons were emitted.
     focused: Vec<Departure>,
 }
 
 impl Shots {
-    /// Shoots one batch.
+    /// Shoots one batch of photons.
     fn shoot(
         &mut self,
         (scene, lights, maps): (&CompiledScene, &LightSampler, &ProjectionMaps),
@@ -159,7 +159,7 @@ fn emitted(
         maps.aim(chosen.light, vertex.number(dimension::AIM), vertex.pair(dimension::DIRECTION));
     let light = &scene.lights()[chosen.light];
     let (ray, flux) = match light {
-        // Photons see the scene when the shutter opens.
+        // Photons see the scene as it is when the shutter opens.
         CompiledLight::Area(_) | CompiledLight::Moving(_) => {
             let sample = match light {
                 CompiledLight::Moving(moving) => moving.first.sample(u)?,
@@ -187,7 +187,7 @@ fn emitted(
             if seen.distance.is_finite() {
                 let position = scene.center + seen.direction * seen.distance;
                 let direction = sampling::uniform_sphere(v);
-                // The intensity, from the irradiance at a nearby point.
+                // The intensity follows from the irradiance at a nearby point.
                 let distance = scene.radius * 0.1;
                 let near = light.sample(position + direction * distance, u, COLOR)?;
                 let flux = near.radiance * (distance * distance * 4.0 * PI / near.pdf);
@@ -217,7 +217,8 @@ fn emitted(
     (flux.is_finite() && first_flux > 0.0).then_some(photon)
 }
 
-/// A ray from a direction through the projected disk of the scene's bounding sphere.
+/// A ray that arrives from `direction`, through the disk into which the scene's bounding sphere
+/// projects.
 fn from_afar(scene: &CompiledScene, direction: Vec3, u: Vec2) -> Ray {
     let disk = sampling::concentric_disk(u) * scene.radius;
     let frame = Frame::from_z(direction);
@@ -225,7 +226,7 @@ fn from_afar(scene: &CompiledScene, direction: Vec3, u: Vec2) -> Ray {
     Ray::new(origin, -direction)
 }
 
-/// The hit that an interaction describes.
+/// The hit from which the interaction was made.
 fn hit_of(surface: &snell_intersect::SurfaceInteraction) -> Hit {
     Hit {
         t: surface.t,
@@ -236,7 +237,7 @@ fn hit_of(surface: &snell_intersect::SurfaceInteraction) -> Hit {
     }
 }
 
-/// Records the arrival of a photon, and scatters it.
+/// Records the hit of a photon, and scatters the photon. `None` if the photon ends.
 fn bounced(
     scene: &CompiledScene,
     photon: &Photon,
@@ -251,7 +252,7 @@ fn bounced(
     let point = scene.shading_point(&surface, 0.0, COLOR);
     let from = -photon.ray.direction;
     let shading = scene.material(scene.material_id(hit)).bsdf_towards(&point, from);
-    // Direct light is left to light samples.
+    // Direct light is left to light samples, so it is not recorded.
     if depth > 0 && !shading.is_delta() {
         let normal = shading.frame.z;
         let normal = if normal.dot(from) < 0.0 { -normal } else { normal };

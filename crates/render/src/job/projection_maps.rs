@@ -1,8 +1,8 @@
-//! Projection maps of photons that glass and mirrors focus: few of a light's photons hit these, but
-//! they cause all caustics. So after some photons were emitted everywhere, half of the others are
-//! emitted where the focused ones were (Jensen, Global illumination using photon maps, 1996,
-//! section 2.1). The maps are over the random numbers by which a photon is emitted, so one kind of
-//! map serves all kinds of lights.
+//! Projection maps for photons that glass and mirrors focus. Few of a light's photons hit such
+//! surfaces, but they cause all caustics. After some photons were emitted in all directions, half
+//! of the others are therefore emitted where the focused ones were (Jensen, Global illumination
+//! using photon maps, 1996, section 2.1). The maps are over the random numbers by which a photon is
+//! emitted, so one kind of map serves all kinds of lights.
 
 use snell_math::Vec2;
 use snell_math::rng::ONE_MINUS_EPSILON;
@@ -10,25 +10,25 @@ use std::collections::BTreeMap;
 
 /// Cells along each side of a map.
 const SIDE: usize = 16;
-/// The number of maps; if there are more lights, they share maps.
+/// The number of maps. If there are more lights, some share a map.
 const MAPS: usize = 1 << 10;
-/// The number of photons that are emitted everywhere.
+/// The fraction of photons that are emitted without the maps.
 const ANYWHERE: f32 = 0.5;
 
-/// The random numbers of a photon's emission.
+/// The cell of a map that holds the random numbers of a photon's emission.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Departure {
     map: u32,
     cell: u32,
 }
 
-/// The maps of focused photons of all lights.
+/// The maps of focused photons of all lights, by number.
 #[derive(Debug, Default)]
 pub struct ProjectionMaps {
     maps: BTreeMap<u32, Map>,
 }
 
-/// Per light, the cumulative number of photons up to and including each cell.
+/// A map, as the cumulative number of focused photons up to and including each cell.
 #[derive(Debug)]
 struct Map {
     ends: Vec<u32>,
@@ -45,7 +45,7 @@ impl Map {
 }
 
 impl ProjectionMaps {
-    /// The maps of these focused photons.
+    /// The maps of photons that were emitted from these cells and focused.
     pub fn new(focused: impl Iterator<Item = Departure>) -> Self {
         let mut maps = BTreeMap::new();
         for Departure { map, cell } in focused {
@@ -62,8 +62,8 @@ impl ProjectionMaps {
         Self { maps }
     }
 
-    /// Maps random numbers to those of a photon's emission; also returns the ratio of the uniform
-    /// to the mapped density.
+    /// Maps random numbers to those of a photon's emission. Returns the mapped numbers, the ratio
+    /// of the uniform to the mapped density, and the cell.
     pub fn aim(&self, light: usize, choice: f32, u: Vec2) -> (Vec2, f32, Departure) {
         let number = (light % MAPS) as u32;
         let departure = |u: Vec2| {
@@ -91,7 +91,7 @@ mod tests {
     use super::*;
     use snell_math::rng::uniform2;
 
-    /// Weighted means are unchanged, and focused photons are more frequent.
+    /// Weighted means must not change, and focused photons must become more frequent.
     #[test]
     fn what_is_aimed_is_weighed() {
         let narrow = |u: Vec2| u.x > 0.5 && u.x < 0.55 && u.y > 0.2 && u.y < 0.3;
@@ -111,7 +111,7 @@ mod tests {
         assert!((mean(&|u, weight| f32::from(narrow(u)) * weight) - 0.005).abs() < 0.0002);
         assert!(mean(&|u, _| f32::from(narrow(u))) > 0.1);
         assert_eq!(aim.aim(6, 0.9, Vec2::splat(0.1)).1, 1.0);
-        // The last number of the last cell.
+        // The last random number in the last cell.
         let last = Vec2::splat(ONE_MINUS_EPSILON);
         let corner = ProjectionMaps::new(std::iter::once(nowhere.aim(0, 0.0, last).2));
         assert!(corner.aim(0, 0.9, last).0.max_element() < 1.0);

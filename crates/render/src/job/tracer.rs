@@ -1,4 +1,4 @@
-//! The renderer's ray queries: every batch of rays is traced and timed here, and recorded if
+//! The renderer's ray queries. Every batch of rays is traced and timed here, and recorded if
 //! requested.
 
 use crate::compile::CompiledScene;
@@ -7,28 +7,28 @@ use snell_math::Ray;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// Traces batches.
+/// Traces batches of rays.
 pub struct Tracer<'a> {
     scene: &'a CompiledScene,
-    /// Total time of the queries.
+    /// Total time of the queries so far.
     pub spent: Duration,
-    /// The recorded batches, if requested.
+    /// The recorded batches, if recording is requested.
     pub recording: Option<Recording>,
-    /// Ends queries early when it is set.
+    /// A flag that ends queries early when it is set.
     cancel: Option<&'a AtomicBool>,
 }
 
-/// Batches of rays that a render traced.
+/// The batches of rays that a render has traced.
 #[derive(Clone, Debug, Default)]
 pub struct Recording {
-    /// Those of [`snell_intersect::World::closest`].
+    /// The batches of [`snell_intersect::World::closest`].
     pub closest: Vec<(Grouping, Vec<Ray>)>,
-    /// Those of [`snell_intersect::World::occluded`].
+    /// The batches of [`snell_intersect::World::occluded`].
     pub occluded: Vec<Vec<Ray>>,
 }
 
 impl Recording {
-    /// Adds the batches of another thread.
+    /// Adds the batches that another thread has recorded.
     pub fn append(&mut self, mut other: Self) {
         self.closest.append(&mut other.closest);
         self.occluded.append(&mut other.occluded);
@@ -54,7 +54,7 @@ impl<'a> Tracer<'a> {
         hit_filter(self.scene)
     }
 
-    /// The nearest hit of each ray. The times matter only if the scene moves.
+    /// Finds the nearest hit of each ray. The times matter only if the scene moves.
     pub fn closest(
         &mut self,
         rays: &[Ray],
@@ -65,7 +65,7 @@ impl<'a> Tracer<'a> {
         self.closest_by(self.filter(), rays, times, grouping, hits);
     }
 
-    /// The nearest hit of each ray that a filter accepts.
+    /// Finds the nearest hit of each ray that `filter` accepts.
     pub fn closest_by(
         &mut self,
         filter: &dyn HitFilter,
@@ -93,7 +93,7 @@ impl<'a> Tracer<'a> {
         self.cancel.map_or(rays, |cancel| rays.with_cancel(cancel))
     }
 
-    /// For each ray, whether it is occluded.
+    /// Finds out for each ray whether it is occluded.
     pub fn occluded(&mut self, rays: &[Ray], times: &[f32], blocked: &mut Vec<bool>) {
         if let Some(recording) = &mut self.recording {
             recording.occluded.push(rays.to_vec());
@@ -106,8 +106,8 @@ impl<'a> Tracer<'a> {
     }
 }
 
-/// Who decides about hits on cut-out and blended surfaces of a scene; scenes without any are traced
-/// without asking.
+/// The filter that decides about hits on cut-out and blended surfaces of a scene. Scenes without
+/// such surfaces accept every hit, which is faster.
 pub fn hit_filter(scene: &CompiledScene) -> &dyn HitFilter {
     if scene.has_filter() { scene } else { &AcceptAll }
 }

@@ -15,17 +15,18 @@ use snell_math::rng;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-/// The number of paths whose records are kept before the field reads them, which bounds the memory
-/// of training.
+/// The number of paths whose records are kept before the field reads them. It bounds the memory of
+/// training.
 const PATHS_OF_BATCH: u64 = 1 << 17;
 
 /// The largest number of samples of a part.
 const MAX_RANGE: u32 = 16;
 
-/// Combined with the seed for training, whose random numbers are independent of the picture's.
+/// A number that is combined with the seed for training, so that its random numbers are independent
+/// of the picture's.
 const SEED: u32 = 0x7261_696e;
 
-/// The same for photons.
+/// A number that is combined with the seed for photons.
 const PHOTONS: u32 = 0x7068_6f74;
 
 /// The tiles and ranges of samples of a pass.
@@ -35,8 +36,8 @@ struct Pass {
 }
 
 impl Pass {
-    /// Pass number `pass`: tiles from all over the picture if one sample in each pixel is too many,
-    /// else all tiles.
+    /// The parts of pass number `pass`: tiles from all over the picture if one sample in each pixel
+    /// would be too many, otherwise all tiles.
     fn new(tiles: &[Crop], pass: u32, seed: u32) -> Self {
         let pixels: u64 = tiles.iter().map(super::pixels).sum();
         let paths = Guiding::FIRST_PASS << pass;
@@ -58,7 +59,7 @@ impl Pass {
 
 impl Job<'_> {
     /// Trains a guiding field; `None` if the settings request no guiding. A pass that `keep_going`
-    /// interrupts is discarded; `statistics` has the number of complete passes.
+    /// interrupts is discarded. The number of complete passes is written to `statistics`.
     pub(super) fn train(
         &self,
         threads: usize,
@@ -67,7 +68,8 @@ impl Job<'_> {
     ) -> Option<Field> {
         let guiding =
             self.settings.guiding.filter(|_| self.settings.integrator == IntegratorKind::Path)?;
-        // The whole picture, even if only a crop is rendered, because crops must fit together.
+        // Training covers the whole picture even if only a crop is rendered, because separately
+        // rendered crops must fit together.
         let tiles: Vec<Crop> =
             Film::new(Crop::full(self.settings.size), &[]).tiles.iter().map(|t| t.area).collect();
         let mut field = Field::new(self.scene.center, self.scene.radius);
@@ -95,7 +97,7 @@ impl Job<'_> {
         Some(field)
     }
 
-    /// Runs one pass; returns false if it was interrupted.
+    /// Runs one pass. Returns false if it was interrupted.
     fn train_pass(
         &self,
         field: &mut Field,

@@ -1,4 +1,4 @@
-//! Renders in several steps, whose pixels may stop by their error.
+//! Renders in several steps, in which pixels may stop by their error.
 
 use super::parts::Ranges;
 use super::{Job, Progress, Recording, Statistics, Tally, into_inner, pixels};
@@ -9,17 +9,17 @@ use std::sync::atomic::Ordering;
 
 /// A render between two steps: its film and its guiding field.
 pub struct Underway {
-    /// All samples so far.
+    /// The film with all samples so far.
     pub film: Film,
     /// Statistics of these samples, complete if the last step was not interrupted.
     pub statistics: Statistics,
     /// The guiding field, if paths are guided.
     field: Option<Field>,
-    /// The active pixels of each tile; `None` for all.
+    /// The active pixels of each tile, which take more samples; `None` if all are active.
     active: Vec<Option<Vec<u32>>>,
-    /// The number of samples of the active pixels.
+    /// The number of samples that the active pixels have.
     samples: u32,
-    /// The number of samples at their next check.
+    /// The number of samples at which the active pixels are checked next.
     look: u32,
 }
 
@@ -29,12 +29,12 @@ impl Underway {
         Self { film, statistics, field, active, samples, look: noise::next_look(0) }
     }
 
-    /// The number of samples of the active pixels.
+    /// The number of samples that the active pixels have.
     pub fn samples(&self) -> u32 {
         self.samples
     }
 
-    /// True if there are active pixels.
+    /// True if some pixels are active.
     fn is_active(&self) -> bool {
         self.active.iter().any(|pixels| pixels.as_ref().is_none_or(|p| !p.is_empty()))
     }
@@ -46,7 +46,7 @@ impl Underway {
             .map_or_else(|| pixels(&self.film.tiles[tile].area), |p| p.len() as u64)
     }
 
-    /// Lends its state to the threads of a step.
+    /// Lends the state to the threads of a step.
     fn tally(&mut self, record: bool) -> Tally {
         let statistics = Mutex::new(self.statistics);
         Tally { field: self.field.take(), statistics, record, ..Tally::default() }
@@ -59,7 +59,7 @@ impl Underway {
 }
 
 impl Job<'_> {
-    /// Starts a render in steps, with the training of guiding if the settings request it.
+    /// Starts a render in steps. Trains the guiding field first if the settings request guiding.
     pub fn begin(
         &self,
         threads: usize,
@@ -78,9 +78,9 @@ impl Job<'_> {
         Underway::new(film, field, statistics)
     }
 
-    /// Continues until every pixel has `until` samples or stops by its error, or `keep_going`
-    /// returns false. Returns true if more remains to be done. The picture does not depend on the
-    /// number of steps.
+    /// Continues a render until every pixel has `until` samples or has stopped by its error, or
+    /// until `keep_going` returns false. Returns true if the render is not finished. The picture
+    /// does not depend on the number of steps.
     pub fn go_on(
         &self,
         underway: &mut Underway,
@@ -111,7 +111,7 @@ impl Job<'_> {
         let missing =
             |tile: &FilmTile| pixels(&tile.area) * u64::from(until.saturating_sub(tile.samples));
         tally.total.store(film.tiles.iter().map(missing).sum(), Ordering::Relaxed);
-        // Samples that the film already has are not rendered again.
+        // Only samples that the film does not have yet are rendered.
         let parts = self.parts(film, |tile| Ranges::Blocks {
             start: film.tiles[tile].samples,
             end: until,
@@ -125,7 +125,8 @@ impl Job<'_> {
         recording
     }
 
-    /// Rounds of samples for the pixels whose error is still too large, see [`crate::film::noise`].
+    /// Renders rounds of samples for the pixels whose error is still too large; see
+    /// [`crate::film::noise`].
     fn go_on_by_error(
         &self,
         underway: &mut Underway,
@@ -142,7 +143,7 @@ impl Job<'_> {
             let done = tally.done.load(Ordering::Relaxed);
             tally.total.store(done + still * u64::from(end - start), Ordering::Relaxed);
             let parts = self.parts(&underway.film, |tile| {
-                // After an interrupted round, some tiles have more samples.
+                // After an interrupted round, some tiles have more samples than others.
                 Ranges::of_round(
                     [underway.film.tiles[tile].samples.max(start), end],
                     underway.count(tile),

@@ -1,5 +1,5 @@
-//! Batches of paths and light rays through media: all are traced, and those that pass an interface
-//! are traced again, until all have arrived.
+//! Moves batches of paths and light rays through media. All rays are traced, and those that pass an
+//! interface are traced again, until all have arrived.
 
 use super::tracer::Tracer;
 use crate::batch::paths::{LightRays, Paths};
@@ -13,46 +13,47 @@ use snell_intersect::{Grouping, Hit, SurfaceInteraction, SurfacePoint};
 use snell_math::{ColorMode, ColorModel, Ray, SampledSpectrum, Vec3};
 use snell_scene::{MaterialId, MediumId};
 
-/// The largest number of interfaces that a ray passes between two vertices, far beyond any real
-/// scene.
+/// The largest number of interfaces that a ray may pass between two vertices, far more than real
+/// scenes have.
 const MOST_PASSED: usize = 1 << 14;
 
-/// No material.
+/// Stands for no material.
 const NONE: MaterialId = MaterialId(u32::MAX);
 
-/// The data that media need besides [`Paths`] and [`LightRays`], with entries for the same paths
-/// and rays.
+/// The data that media need besides [`Paths`] and [`LightRays`]. The lists have entries for the
+/// same paths and rays.
 pub struct VolumeBatch<'a> {
     walker: Walker<'a>,
     known: KnownInsides,
-    /// The objects that the camera is inside.
+    /// The materials of the objects that the camera is inside, each with a point of its surface.
     around_camera: Vec<(MaterialId, SurfaceInteraction)>,
-    /// The objects that each path is inside.
+    /// The objects that each path is inside, by number in `known`; `next` has them for next rays.
     insides: Vec<u32>,
     next: Vec<u32>,
-    /// Where media scattered paths.
+    /// The points at which media scattered paths.
     pub scattered: Vec<Option<MediumVertex>>,
     light_insides: Vec<u32>,
-    /// Present if some medium needs random numbers.
+    /// Random numbers of light rays; empty unless some medium needs them.
     light_numbers: Vec<Numbers>,
-    /// Emissive media in which light rays must end.
+    /// The emissive medium in which each light ray must end, if there is one.
     glowing: Vec<Option<MediumId>>,
-    /// Steps of the [`Numbers`] of each path.
+    /// The number of steps that each path has taken in its [`Numbers`].
     steps: Vec<u32>,
     on_the_way: OnTheWay<'a>,
     sampler: Sampler,
-    /// Batch versions of the steps; none with portable code, or in spectral colours.
+    /// Batch versions of the steps through homogeneous media; `None` with portable code, or in
+    /// spectral mode.
     homogeneous: Option<Box<HomogeneousBatch>>,
 }
 
 /// Rays that have not arrived yet.
 struct OnTheWay<'a> {
-    /// The indices of their paths or light rays.
+    /// The indices of the paths or light rays that the rays belong to.
     pending: Vec<u32>,
     rays: Vec<Ray>,
     times: Vec<f32>,
     hits: Vec<Hit>,
-    /// The materials that they pass.
+    /// The materials of the surfaces that the rays pass.
     materials: Vec<MaterialId>,
     crossings: InterfaceCrossings<'a>,
 }
@@ -66,7 +67,8 @@ impl OnTheWay<'_> {
         self.materials.clear();
     }
 
-    /// Adds a ray that passes a surface of this material.
+    /// Adds a ray that passes a surface of this material. `whose` is the index of its path or light
+    /// ray.
     fn push(&mut self, whose: u32, ray: Ray, time: f32, hit: Hit, material: MaterialId) {
         self.pending.push(whose);
         self.rays.push(ray);
@@ -75,7 +77,7 @@ impl OnTheWay<'_> {
         self.materials.push(material);
     }
 
-    /// Keeps only the first rays, of this number.
+    /// Keeps only the first `count` rays.
     fn truncate(&mut self, count: usize) {
         self.pending.truncate(count);
         self.rays.truncate(count);
@@ -84,15 +86,15 @@ impl OnTheWay<'_> {
         self.materials.truncate(count);
     }
 
-    /// Moves a ray to an earlier index, with the material that it passes.
+    /// Moves a ray to an earlier index, with the material of the surface that it passes.
     fn keep(&mut self, from: usize, to: usize, material: MaterialId) {
         (self.pending[to], self.rays[to], self.times[to]) =
             (self.pending[from], self.rays[from], self.times[from]);
         (self.hits[to], self.materials[to]) = (self.hits[from], material);
     }
 
-    /// Moves every ray through its surface. `go_on` gets the index of its path, its index here, and
-    /// the objects that it is inside afterwards.
+    /// Moves every ray through the surface that it passes, and updates the objects that its path is
+    /// inside. `mode` returns the colour mode of a path.
     fn cross(
         &mut self,
         walker: &Walker,
@@ -114,7 +116,7 @@ impl OnTheWay<'_> {
 }
 
 impl<'a> VolumeBatch<'a> {
-    /// `None` if the scene has no media.
+    /// Makes the data; `None` if the scene has no media.
     pub fn new(context: &Context<'a>, sampler: &Sampler, eye: Vec3) -> Option<Self> {
         let walker = Walker::new(context)?;
         let wide =
@@ -143,7 +145,7 @@ impl<'a> VolumeBatch<'a> {
         })
     }
 
-    /// Begins a part with these camera paths.
+    /// Starts a part with these camera paths.
     pub fn start(&mut self, paths: &Paths) {
         self.known.clear();
         self.insides.clear();
@@ -159,20 +161,21 @@ impl<'a> VolumeBatch<'a> {
         }
     }
 
-    /// Makes the collected paths the current ones.
+    /// Makes the collected next paths the current ones.
     pub fn swap(&mut self) {
         std::mem::swap(&mut self.insides, &mut self.next);
         self.next.clear();
     }
 
-    /// True if rays must be traced by [`Self::advance`], which detects interfaces.
+    /// True if paths must be traced by [`Self::advance`], which detects interfaces.
     pub fn sees_more(&self) -> bool {
         self.walker.has_passable()
     }
 
-    /// Brings every path to its next vertex, of this depth. The hits are those without interfaces,
-    /// and are traced again if [`Self::sees_more`]. `random` gives the random numbers of a path's
-    /// next vertex; `emitted` receives the emission on its way.
+    /// Moves every path to its next vertex, at this depth. The paths' hits must be those of their
+    /// rays, unless [`Self::sees_more`] is true; then they are traced here. `random` returns the
+    /// random numbers of the next vertex of a path; `emitted` receives the emission that a path
+    /// finds on the way.
     pub fn advance(
         &mut self,
         tracer: &mut Tracer,
@@ -239,7 +242,7 @@ impl<'a> VolumeBatch<'a> {
         }
     }
 
-    /// Moves the paths that have not arrived through their current media.
+    /// Moves the paths that have not arrived through the media in which they are.
     fn travel(
         &mut self,
         paths: &mut Paths,
@@ -296,14 +299,14 @@ impl<'a> VolumeBatch<'a> {
         }
     }
 
-    /// The surroundings of the paths.
+    /// The media around the paths, as the input of batch shaders.
     pub fn surroundings(&self) -> Surroundings<'_> {
         let Self { walker, known, insides, scattered, .. } = self;
         Surroundings { walker, known, insides, scattered }
     }
 
-    /// Records the objects that the rays of a vertex start inside. `surface` is called only where a
-    /// medium depends on it.
+    /// Records the objects that the light rays and next rays of a vertex start inside. `surface` is
+    /// called only where a medium depends on it.
     pub fn note_outputs(
         &mut self,
         path: usize,
@@ -369,8 +372,8 @@ impl<'a> VolumeBatch<'a> {
         self.next.push(self.insides[path]);
     }
 
-    /// Traces light rays to their lights: values are multiplied by the transmittance, and rays that
-    /// arrive are not `blocked`. `mode` is that of a sample.
+    /// Traces light rays to their lights. Their values are multiplied by the transmittance, and
+    /// rays that do not arrive are marked as blocked. `mode` returns the colour mode of a sample.
     pub fn trace_light_rays(
         &mut self,
         tracer: &mut Tracer,
@@ -416,7 +419,7 @@ impl<'a> VolumeBatch<'a> {
                     &mut way.hits,
                 );
             } else {
-                // It is already known to be unoccluded.
+                // The ray is already known to be unoccluded.
                 way.hits.clear();
                 way.hits.resize(way.rays.len(), Hit::MISS);
             }
@@ -428,7 +431,7 @@ impl<'a> VolumeBatch<'a> {
                 if passed.is_none() {
                     light.blocked[i] = true;
                 } else if filling == Filling::Empty {
-                    // It loses nothing.
+                    // Vacuum absorbs nothing.
                 } else if let Some(homogeneous) = homogeneous
                     && let Some(medium) = walker.homogeneous_in_rgb(&known.own, filling)
                 {
@@ -460,7 +463,7 @@ impl<'a> VolumeBatch<'a> {
             }
             way.truncate(kept);
             way.cross(walker, known, insides, |i| mode(light.samples[i]));
-            // Some end at the surface that they pass.
+            // Some light rays end at the surface that they pass.
             let mut kept = 0;
             for at in 0..way.pending.len() {
                 let i = way.pending[at] as usize;
@@ -482,7 +485,7 @@ impl<'a> VolumeBatch<'a> {
     }
 }
 
-/// Stores the results of the path lanes, and empties the lanes.
+/// Stores the results of all path lanes, and empties the lanes.
 fn arrive(
     homogeneous: &mut HomogeneousBatch,
     paths: &mut Paths,
@@ -504,7 +507,7 @@ fn arrive(
     homogeneous.clear();
 }
 
-/// Multiplies the light rays of all lanes by their transmittance, and empties the lanes.
+/// Multiplies the light rays in all lanes by their transmittance, and empties the lanes.
 fn lose(homogeneous: &mut HomogeneousBatch, light: &mut LightRays) {
     if homogeneous.whose().is_empty() {
         return;

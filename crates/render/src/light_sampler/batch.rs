@@ -1,4 +1,4 @@
-//! Batches of samples of a [`LightBvh`], with the bits of single ones.
+//! Samples a [`LightBvh`] for batches of receivers, with the same bits as for single ones.
 
 use super::bvh::{EMITTER, LightBvh, NONE, Node, WIDTH, choose, importance};
 use super::{ChosenLight, Receiver};
@@ -9,14 +9,15 @@ use snell_math::simd::{mask_select, min};
 /// The number of receivers of a batch.
 pub const BATCH: usize = 64;
 
-/// Lights chosen for many receivers.
+/// The lights chosen for the receivers of a batch.
 #[derive(Clone, Debug)]
 pub struct ChosenLights {
-    /// As [`ChosenLight::light`]; [`NONE`] if there is none, and then the rest means nothing.
+    /// [`ChosenLight::light`]; [`NONE`] if no light was chosen, and then the other fields are
+    /// arbitrary.
     pub light: [u32; BATCH],
-    /// As [`ChosenLight::part`]; [`NONE`] if that was not chosen.
+    /// [`ChosenLight::part`]; [`NONE`] if no part was chosen.
     pub part: [u32; BATCH],
-    /// As [`ChosenLight::probability`].
+    /// [`ChosenLight::probability`].
     pub probability: [f32; BATCH],
 }
 
@@ -27,7 +28,7 @@ impl Default for ChosenLights {
 }
 
 impl ChosenLights {
-    /// One of them.
+    /// The choice for receiver `i`.
     pub fn get(&self, i: usize) -> Option<ChosenLight> {
         let (light, part, probability) = (self.light[i], self.part[i], self.probability[i]);
         let part = (part != NONE).then_some(part);
@@ -45,7 +46,7 @@ impl ChosenLights {
     }
 }
 
-/// Many receivers, by axis.
+/// The receivers of a batch; vectors are stored by axis.
 #[derive(Clone, Copy, Debug)]
 pub struct Receivers<'a> {
     /// See [`Receiver::position`].
@@ -57,12 +58,12 @@ pub struct Receivers<'a> {
 }
 
 impl<'a> Receivers<'a> {
-    /// Of which none transmits.
+    /// Receivers that do not transmit light.
     pub fn opaque(position: &'a [[f32; BATCH]; 3], normal: &'a [[f32; BATCH]; 3]) -> Self {
         Self { position, normal, transmits: &[false; BATCH] }
     }
 
-    /// One of them.
+    /// Receiver `i`.
     #[inline(always)]
     pub fn get(&self, i: usize) -> Receiver {
         let at = |v: &[[f32; BATCH]; 3]| Vec3::new(v[0][i], v[1][i], v[2][i]);
@@ -74,7 +75,7 @@ impl<'a> Receivers<'a> {
     }
 }
 
-/// See [`LightBvh::sample_batch`].
+/// The body of [`LightBvh::sample_batch`], compiled for each SIMD level.
 #[inline(always)]
 pub(super) fn sample_batch(
     tree: &LightBvh,
@@ -94,8 +95,9 @@ pub(super) fn sample_batch(
     }
 }
 
-/// All receivers go down the tree level by level: the importance of the children of all their nodes
-/// first, then the choice between them, so that none waits for its own results.
+/// Chooses lights for receivers that descend the tree level by level. At each level the importance
+/// of the children is computed for all receivers before children are chosen, so that no receiver
+/// waits for its own results.
 #[inline(always)]
 fn descend(
     tree: &LightBvh,
@@ -108,10 +110,10 @@ fn descend(
     let mut local =
         [Receiver { position: Vec3::ZERO, normal: Vec3::ZERO, transmits: false }; BATCH];
     let mut weights = [[0.0; WIDTH]; BATCH];
-    // Numbers of those that are at a node, and which.
+    // The numbers of the receivers that are at a node, and the node of each receiver.
     let (mut under_way, mut node) = ([0; BATCH], [0; BATCH]);
     let (mut u, mut probability) = (*u, [1.0; BATCH]);
-    // The last child of each.
+    // The child that each receiver has chosen last.
     let mut child = [NONE; BATCH];
     for i in 0..count {
         local[i] = tree.local(&receivers.get(i));
@@ -163,8 +165,8 @@ fn descend(
     }
 }
 
-/// [`sample_batch`] where all lights are children of one node: the receivers in lanes instead of
-/// the children.
+/// [`sample_batch`] for trees whose lights are all children of the root: the lanes are receivers
+/// instead of children.
 #[inline(always)]
 fn sample_few(
     tree: &LightBvh,

@@ -1,7 +1,8 @@
-//! Builds a light BVH from the top: a node's range of emitters is split into up to eight, always
-//! the most expensive part, at the best split by the surface area orientation heuristic (Conty
-//! Estevez and Kulla, section 4.4; Pharr, Jakob and Humphreys, section 12.6.3). Candidates are
-//! compared by cones around a box of axes, which is cheap; nodes get tight ones.
+//! Builds a light BVH from the top. A node's range of emitters is split into up to eight parts: the
+//! most expensive part is split again and again, at the best place by the surface area orientation
+//! heuristic (Conty Estevez and Kulla, section 4.4; Pharr, Jakob and Humphreys, section 12.6.3).
+//! Candidates are compared by cones around a box of axes, which are cheap to compute; nodes get
+//! tight cones.
 
 use super::bvh::{EMITTER, NONE, Node, WIDTH};
 use super::cone::sin_from_cos;
@@ -11,8 +12,8 @@ use snell_scene::light::LightBounds;
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
 const BUCKETS: usize = 12;
-/// Ranges of more emitters are built in parallel, on the threads of the current rayon pool; the
-/// tree does not depend on them.
+/// Ranges of more emitters are built in parallel, on the threads of the current rayon pool. The
+/// tree does not depend on the threads.
 const PARALLEL: usize = 4096;
 
 /// An emitter in the units of the tree.
@@ -28,8 +29,8 @@ pub struct Emitter {
     number: u32,
 }
 
-/// Emitters of some intensity with positions around 0 and of extent about 1, and intensities of at
-/// most 1; the origin and the scale of the positions.
+/// The emitters that have some intensity, scaled so that positions are around 0, the extent is
+/// about 1, and intensities are at most 1. Also returns the origin and the scale of the positions.
 pub fn normalized<'a>(
     lights: impl Iterator<Item = &'a LightBounds> + Clone,
 ) -> (Vec<Emitter>, Vec3, f32) {
@@ -50,7 +51,7 @@ pub fn normalized<'a>(
             cos_spread: light.cos_spread,
             cos_emission: light.cos_emission,
             is_two_sided: light.is_two_sided,
-            // Sums over many stay finite, and the weakest stay above 0.
+            // With these limits, sums over many emitters stay finite, and the weakest stay above 0.
             intensity: ((light.intensity / strongest) as f32).max(1e-20),
             number: number as u32,
         }
@@ -60,18 +61,18 @@ pub fn normalized<'a>(
 }
 
 impl Emitter {
-    /// The box around its sphere.
+    /// The box around the emitter's sphere.
     fn bounds(&self) -> Bounds3 {
         Bounds3 { min: self.center - self.radius, max: self.center + self.radius }
     }
 }
 
-/// The nodes of the tree, the root first; none without emitters.
+/// The nodes of the tree, the root first; empty without emitters.
 pub fn build(mut emitters: Vec<Emitter>) -> Vec<Node> {
     if emitters.is_empty() { Vec::new() } else { subtree(&mut emitters) }
 }
 
-/// The tree over some emitters, numbered from 0.
+/// The nodes of the tree over some emitters, numbered from 0.
 fn subtree(emitters: &mut [Emitter]) -> Vec<Node> {
     if emitters.len() <= PARALLEL {
         return small_subtree(emitters);
@@ -107,7 +108,8 @@ fn subtree(emitters: &mut [Emitter]) -> Vec<Node> {
     nodes
 }
 
-/// The same for few: with a stack of its own, because many lights in one place may nest deeply.
+/// [`subtree`] for few emitters. It has a stack of its own, because many lights in one place may
+/// nest deeply.
 fn small_subtree(emitters: &mut [Emitter]) -> Vec<Node> {
     let mut nodes: Vec<Node> = Vec::new();
     let mut todo = vec![(0, emitters.len(), NONE, 0)];
@@ -130,9 +132,9 @@ fn small_subtree(emitters: &mut [Emitter]) -> Vec<Node> {
     nodes
 }
 
-/// Sorts emitters into up to eight parts, one after the other; gives their lengths.
+/// Sorts emitters into up to eight parts, one after the other, and returns their lengths.
 fn split_wide(emitters: &mut [Emitter]) -> Vec<usize> {
-    // Start, length, cost.
+    // Start, length and cost of each part.
     let mut parts = vec![(0, emitters.len(), f32::INFINITY)];
     while parts.len() < WIDTH {
         let splittable = parts.iter().enumerate().filter(|(_, part)| part.1 > 1);
@@ -147,12 +149,12 @@ fn split_wide(emitters: &mut [Emitter]) -> Vec<usize> {
     parts.into_iter().map(|part| part.1).collect()
 }
 
-/// What a candidate part of a split holds.
+/// Bounds of the emitters in a candidate part of a split.
 #[derive(Clone, Copy)]
 struct Bucket {
     bounds: Bounds3,
     axes: Bounds3,
-    /// Least cosines, so greatest angles.
+    /// The smallest cosines, which belong to the largest angles.
     cos_spread: f32,
     cos_emission: f32,
     intensity: f32,
@@ -189,8 +191,8 @@ impl Bucket {
         }
     }
 
-    /// The surface area orientation heuristic: intensity, times the measure of directions, times
-    /// the surface of the box.
+    /// The surface area orientation heuristic: the intensity, multiplied by the measure of
+    /// directions and by the surface of the box.
     fn cost(&self) -> f32 {
         if self.count == 0 {
             return 0.0;
@@ -201,7 +203,7 @@ impl Bucket {
         let directions = TAU * (1.0 - cos)
             + FRAC_PI_2
                 * (2.0 * widest * sin - (spread - 2.0 * widest).cos() - 2.0 * spread * sin + cos);
-        // Points and lines have no surface, but lie apart.
+        // Boxes of points and lines have no surface, but their size matters too.
         let size = self.bounds.size();
         self.intensity * directions * (self.bounds.half_area() + 1e-3 * size.length_squared())
     }
@@ -211,15 +213,17 @@ fn angle(cos: f32) -> f32 {
     cos.clamp(-1.0, 1.0).acos()
 }
 
-/// Cosine of an angle that holds all unit vectors of a box around its centre's direction.
+/// Cosine of an angle around the direction of a box's centre that contains all unit vectors in the
+/// box.
 fn cos_around(axes: &Bounds3) -> f32 {
     let (center, radius) = (axes.center(), axes.radius());
     let length = center.length();
-    // By the law of cosines, for vectors of length 1 within the radius around the centre.
+    // The law of cosines, for vectors of length 1 within `radius` of the centre.
     ((1.0 + length * length - radius * radius) / (2.0 * length).max(1e-6)).clamp(-1.0, 1.0)
 }
 
-/// Sorts emitters into two parts that are not empty; the length of the first and the cost of each.
+/// Sorts emitters into two parts that are not empty. Returns the length of the first part and the
+/// cost of each.
 fn split(emitters: &mut [Emitter]) -> (usize, [f32; 2]) {
     let centers = Bounds3::of(emitters.iter().map(|e| e.center));
     let size = centers.size();
@@ -252,7 +256,7 @@ fn bucket_of(e: &Emitter, centers: &Bounds3, axis: usize) -> usize {
     ((relative * BUCKETS as f32) as usize).min(BUCKETS - 1)
 }
 
-/// What the buckets along each axis hold.
+/// Sorts emitters into buckets along each axis.
 fn sort_into_buckets(emitters: &[Emitter], centers: &Bounds3) -> [[Bucket; BUCKETS]; 3] {
     let mut buckets = [[Bucket::EMPTY; BUCKETS]; 3];
     for e in emitters {
@@ -263,7 +267,8 @@ fn sort_into_buckets(emitters: &[Emitter], centers: &Bounds3) -> [[Bucket; BUCKE
     buckets
 }
 
-/// After which bucket to split, and what the two parts cost.
+/// The bucket after which to split, and the cost of the two parts; `None` if one part would be
+/// empty.
 fn best_boundary(buckets: &[Bucket; BUCKETS]) -> Option<(usize, [f32; 2])> {
     let mut above = [Bucket::EMPTY; BUCKETS + 1];
     for i in (0..BUCKETS).rev() {
@@ -282,7 +287,7 @@ fn best_boundary(buckets: &[Bucket; BUCKETS]) -> Option<(usize, [f32; 2])> {
     best
 }
 
-/// Partitions emitters: moves those of the first part to the front, and returns their number.
+/// Moves the emitters of the first part to the front, and returns their number.
 fn partition(emitters: &mut [Emitter], is_first: impl Fn(&Emitter) -> bool) -> usize {
     let mut first = 0;
     for i in 0..emitters.len() {
@@ -294,7 +299,7 @@ fn partition(emitters: &mut [Emitter], is_first: impl Fn(&Emitter) -> bool) -> u
     first
 }
 
-/// Tight bounds of a child.
+/// Sets tight bounds of a child.
 fn set_child(node: &mut Node, lane: usize, emitters: &[Emitter]) {
     if let [only] = emitters {
         node.child[lane] = only.number | EMITTER;
@@ -306,7 +311,7 @@ fn set_child(node: &mut Node, lane: usize, emitters: &[Emitter]) {
     let is_two_sided = emitters.iter().any(|e| e.is_two_sided);
     let sum = emitters.iter().fold(Vec3::ZERO, |sum, e| sum + e.axis * e.intensity);
     let axis = sum.try_normalize().unwrap_or(emitters[0].axis);
-    // Rounding of unit vectors.
+    // Unit vectors are rounded, so the cosine gets a margin.
     let least = emitters.iter().map(|e| e.axis.dot(axis)).fold(1.0, f32::min)
         - if emitters.len() > 1 { 1e-6 } else { 0.0 };
     let widest = emitters.iter().map(|e| e.cos_spread).fold(1.0, f32::min);

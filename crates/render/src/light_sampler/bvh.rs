@@ -1,11 +1,12 @@
-//! A light BVH: a tree over all lights with a place and all triangles of emissive surfaces,
-//! descended with one random number by what each branch may bring to the receiver (Conty Estevez
-//! and Kulla, Importance Sampling of Many Lights with Adaptive Tree Splitting, 2018; the importance
-//! is that of Pharr, Jakob and Humphreys, 4th edition, section 12.6.3).
+//! A light BVH: a tree over all lights that have a place and over all triangles of emissive
+//! surfaces. It is descended with one random number, by the importance of each branch, an estimate
+//! of what it contributes to the receiver (Conty Estevez and Kulla, Importance Sampling of Many
+//! Lights with Adaptive Tree Splitting, 2018; the importance is that of Pharr, Jakob and Humphreys,
+//! 4th edition, section 12.6.3).
 //!
-//! Nodes have up to eight children and the importance of all is computed at once. Space is bounded
-//! by spheres, directions by cones. Lights without a place (the environment, the sun) stand beside
-//! the tree in a table.
+//! Nodes have up to eight children, whose importance is computed at once. Positions are bounded by
+//! spheres, directions by cones. Lights without a place (the environment, the sun) are in a table
+//! beside the tree.
 
 use super::batch::{BATCH, ChosenLights, Receivers, sample_batch};
 use super::build;
@@ -16,68 +17,70 @@ use snell_math::rng::ONE_MINUS_EPSILON;
 use snell_math::simd::{Wide, max, min};
 use snell_math::{Vec3, at_level};
 
-/// Children of a node.
+/// The number of children of a node.
 pub const WIDTH: usize = 8;
-/// No child, light or part.
+/// Stands for no child, light or part.
 pub const NONE: u32 = u32::MAX;
-/// Set in a child that is an emitter and not a node.
+/// The bit of a child that is an emitter and not a node.
 pub const EMITTER: u32 = 1 << 31;
-/// Receivers farther away count as if they were there: in units of the lights' extent.
+/// The largest coordinate of receivers in units of the tree. Receivers farther away are moved
+/// there.
 const FAR: f32 = 1e12;
-/// Allowance for rounding before a branch counts as dark.
+/// Margin for rounding, in cosines, before a branch counts as dark.
 const SLACK: f32 = 1e-4;
 
-/// A node: its children in lanes. Lengths are in units of the tree.
+/// A node, with its children in lanes. Lengths are in units of the tree.
 #[derive(Clone, Debug)]
 pub struct Node {
     /// Centre of the sphere around each child.
     pub center: [[f32; WIDTH]; 3],
-    /// Its radius.
+    /// Radius of the sphere around each child.
     pub radius: [f32; WIDTH],
-    /// Axis of the cone of main directions.
+    /// Axis of the cone of each child's main directions.
     pub axis: [[f32; WIDTH]; 3],
     /// Cosine and sine of the cone's half-angle.
     pub cos_spread: [f32; WIDTH],
     pub sin_spread: [f32; WIDTH],
-    /// Cosine of the angle around the cone that still receives light.
+    /// Cosine of the angle from the cone up to which light is emitted.
     pub cos_emission: [f32; WIDTH],
-    /// -1 if the opposite direction counts too, else 1.
+    /// -1 if the opposite direction counts too, otherwise 1.
     pub side: [f32; WIDTH],
-    /// Radiant intensity relative to the strongest emitter; 0 for no child.
+    /// Radiant intensity relative to the strongest emitter; 0 where there is no child.
     pub intensity: [f32; WIDTH],
-    /// A node, an emitter (with [`EMITTER`]) or [`NONE`].
+    /// The number of a node, the number of an emitter with the bit [`EMITTER`], or [`NONE`].
     pub child: [u32; WIDTH],
-    /// The node above, and which of its children this is; [`NONE`] for the root.
+    /// The node above this one, and the lane that this one has there; [`NONE`] for the root.
     pub parent: u32,
     pub slot: u32,
 }
 
-/// The tree, and the table of lights beside it.
+/// The tree, with the table of lights beside it.
 #[derive(Debug)]
 pub struct LightBvh {
     pub(super) nodes: Vec<Node>,
-    /// Light and part of each emitter.
+    /// The light and part of each emitter.
     pub(super) emitters: Vec<(u32, u32)>,
-    /// Node and slot of each emitter: `node * WIDTH + slot`.
+    /// The place of each emitter in the tree: `node * WIDTH + slot`.
     places: Vec<u32>,
-    /// Number of the first emitter of each light; [`NONE`] for those beside the tree.
+    /// The number of the first emitter of each light; [`NONE`] for lights beside the tree.
     first: Vec<u32>,
-    /// The lights beside the tree, and their choice.
+    /// The lights beside the tree, and the table that chooses among them.
     pub(super) beside: Vec<u32>,
     table: LightTable,
-    /// Position in `beside` of each light; [`NONE`] for the others.
+    /// The position in `beside` of each light; [`NONE`] for lights in the tree.
     entry: Vec<u32>,
-    /// How often the tree is chosen where both can bring light.
+    /// The probability of choosing the tree where both the tree and the lights beside it may
+    /// contribute.
     tree_share: f32,
-    /// For [`Node::importance`].
+    /// The instructions for [`Node::importance`].
     wide: Option<Wide>,
-    /// Map of world positions into the units of the tree.
+    /// The map from world positions to units of the tree: subtract the origin, then scale.
     origin: Vec3,
     scale: f32,
 }
 
 impl LightBvh {
-    /// Builds the tree.
+    /// Builds the tree and the table.
     pub fn new(lights: &[LightSummary], wide: Option<Wide>) -> Self {
         let (mut emitters, mut first) = (Vec::new(), vec![NONE; lights.len()]);
         let (mut beside, mut entry) = (Vec::new(), vec![NONE; lights.len()]);
@@ -131,12 +134,12 @@ impl LightBvh {
         }
     }
 
-    /// False if no number is needed for choosing.
+    /// False if no random number is needed, because there is at most one light.
     pub fn has_choice(&self) -> bool {
         self.emitters.len() + self.beside.len() > 1
     }
 
-    /// Samples a light. `u` is called for a uniform number if there is a choice.
+    /// Samples a light. `u` returns a uniform number and is called only if there is a choice.
     pub fn sample(&self, receiver: &Receiver, u: impl FnOnce() -> f32) -> Option<ChosenLight> {
         let u = if self.has_choice() { u() } else { 0.0 };
         at_level!(
@@ -150,7 +153,7 @@ impl LightBvh {
         )
     }
 
-    /// Samples a light for each of the given number of first receivers.
+    /// Samples a light for each of the first `count` receivers.
     pub fn sample_batch(
         &self,
         receivers: &Receivers,
@@ -171,7 +174,7 @@ impl LightBvh {
         );
     }
 
-    /// The probability with which [`Self::sample`] gives a part of a light.
+    /// The probability with which [`Self::sample`] chooses a part of a light.
     pub fn probability(&self, receiver: &Receiver, light: usize, part: u32) -> f32 {
         let Some(&first) = self.first.get(light) else { return 0.0 };
         let local = self.local(receiver);
@@ -200,8 +203,8 @@ impl LightBvh {
         }
     }
 
-    /// The probability of choosing the tree rather than a light beside it: 0 where no emitter can
-    /// bring light.
+    /// The probability of choosing the tree rather than a light beside it; 0 where no emitter can
+    /// contribute.
     fn probability_of_tree(&self, local: &Receiver) -> f32 {
         match self.nodes.first() {
             None => 0.0,
@@ -210,14 +213,15 @@ impl LightBvh {
         }
     }
 
-    /// [`Self::probability_of_tree`] where there are lights beside it, by the importance of the
-    /// root's children.
+    /// [`Self::probability_of_tree`] if there are lights beside the tree, given the importance of
+    /// the root's children.
     #[inline(always)]
     pub(super) fn share_of_tree(&self, weights: &[f32; WIDTH]) -> f32 {
         if weights.iter().any(|&w| w > 0.0) { self.tree_share } else { 0.0 }
     }
 
-    /// A light beside the tree, for a number that is not one of those for which the tree is chosen.
+    /// Chooses a light beside the tree. `u` is a uniform number that is at least `of_tree`, the
+    /// probability of choosing the tree.
     pub(super) fn choose_beside(&self, u: f32, of_tree: f32) -> Option<ChosenLight> {
         let rest = ((u - of_tree) / (1.0 - of_tree)).clamp(0.0, ONE_MINUS_EPSILON);
         let chosen = self.table.sample(|| rest)?;
@@ -225,12 +229,12 @@ impl LightBvh {
         Some(ChosenLight { light, part: None, probability: chosen.probability * (1.0 - of_tree) })
     }
 
-    /// Bytes that the tree takes.
+    /// Memory use in bytes.
     pub fn bytes(&self) -> usize {
         self.nodes.len() * size_of::<Node>() + self.emitters.len() * 8 + self.places.len() * 4
     }
 
-    /// The receiver in the units of the tree.
+    /// The receiver in units of the tree.
     #[inline(always)]
     pub(super) fn local(&self, receiver: &Receiver) -> Receiver {
         let position = (receiver.position - self.origin) * self.scale;
@@ -238,8 +242,8 @@ impl LightBvh {
     }
 }
 
-/// Probabilities, half uniform and half by power: by power alone, a lamp indoors would hardly be
-/// sampled beside the sun.
+/// Probabilities that are half uniform and half in proportion to power. In proportion to power
+/// alone, a lamp indoors would hardly be sampled beside the sun.
 fn mixed(powers: Vec<f64>) -> Vec<f64> {
     let count = powers.len() as f64;
     let strongest = powers.iter().copied().fold(0.0, f64::max);
@@ -249,7 +253,7 @@ fn mixed(powers: Vec<f64>) -> Vec<f64> {
 }
 
 impl Node {
-    /// An empty node.
+    /// A node without children.
     pub fn new(parent: u32, slot: u32) -> Self {
         Self {
             center: [[0.0; WIDTH]; 3],
@@ -280,10 +284,12 @@ impl Node {
         }
     }
 
-    /// What each child may bring to the receiver, in units that only compare: 0 if surely nothing.
+    /// The importance of each child for the receiver, in arbitrary units; 0 if the child certainly
+    /// contributes nothing.
     ///
-    /// The intensity, times the cosine of the least angle between a main direction and the way to
-    /// the receiver, over the squared distance, times the cosine of the least angle of incidence.
+    /// It is the intensity, multiplied by the cosine of the least angle between a main direction
+    /// and the direction to the receiver, divided by the squared distance, and multiplied by the
+    /// cosine of the least angle of incidence.
     fn importance(&self, receiver: &Receiver, wide: Option<Wide>) -> [f32; WIDTH] {
         at_level!(
             wide,
@@ -293,7 +299,7 @@ impl Node {
     }
 }
 
-/// See [`LightBvh::sample`].
+/// The body of [`LightBvh::sample`], compiled for each SIMD level.
 #[inline(always)]
 fn sample(tree: &LightBvh, receiver: &Receiver, u: f32) -> Option<ChosenLight> {
     let local = tree.local(receiver);
@@ -322,7 +328,7 @@ fn sample(tree: &LightBvh, receiver: &Receiver, u: f32) -> Option<ChosenLight> {
     }
 }
 
-/// A child of a node: the fields of [`Node`].
+/// One child of a node, with the fields of [`Node`].
 pub(super) struct Lane {
     center: [f32; 3],
     radius: f32,
@@ -334,7 +340,8 @@ pub(super) struct Lane {
     intensity: f32,
 }
 
-/// See [`Node::importance`]. A loop without branches: a few instructions for all lanes.
+/// Compiled for each SIMD level; see [`Node::importance`]. The loop has no branches, so it becomes
+/// a few instructions for all lanes.
 #[inline(always)]
 #[expect(clippy::needless_range_loop, reason = "plain loops become vector code")]
 pub(super) fn importance(node: &Node, receiver: &Receiver) -> [f32; WIDTH] {
@@ -346,24 +353,24 @@ pub(super) fn importance(node: &Node, receiver: &Receiver) -> [f32; WIDTH] {
 }
 
 impl Lane {
-    /// See [`Node::importance`].
+    /// The importance of this child; see [`Node::importance`].
     #[inline(always)]
     pub(super) fn importance(&self, receiver: &Receiver) -> f32 {
         let Receiver { position: p, normal: n, transmits } = *receiver;
         let in_medium = n == Vec3::ZERO;
-        // |x| is max(x, -x), and x is max(x, x).
+        // The code uses that |x| is max(x, -x), and x is max(x, x).
         let incident_side = if transmits { -1.0 } else { 1.0 };
         let d = [p.x - self.center[0], p.y - self.center[1], p.z - self.center[2]];
         let squared = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
         let inverse = 1.0 / max(squared, 1e-30).sqrt();
-        // The sphere around the child, as seen from the receiver.
+        // The angle of the sphere around the child, as seen from the receiver.
         let r2 = self.radius * self.radius;
         let is_inside = squared <= r2 * 1.0001;
         let sin = self.radius * inverse;
         let cos = sin_from_cos(sin);
         let sin_b = if is_inside { 0.0 } else { sin };
         let cos_b = if is_inside { -1.0 } else { cos };
-        // Angle between the cone of main directions and the way to the receiver.
+        // The angle between the cone of main directions and the direction to the receiver.
         let w = (self.axis[0] * d[0] + self.axis[1] * d[1] + self.axis[2] * d[2]) * inverse;
         let cos_w = min(max(w, w * self.side), 1.0);
         let sin_w = sin_from_cos(cos_w);
@@ -371,7 +378,7 @@ impl Lane {
         let sin_x = sin_of_difference(sin_w, cos_w, self.sin_spread, self.cos_spread);
         let cos_e = cos_of_difference(sin_x, cos_x, sin_b, cos_b);
         let emits = if cos_e + SLACK >= self.cos_emission { max(cos_e, SLACK) } else { 0.0 };
-        // Angle of incidence.
+        // The angle of incidence at the receiver.
         let c = -(n.x * d[0] + n.y * d[1] + n.z * d[2]) * inverse;
         let cos_n = min(max(max(c, c * incident_side), -1.0), 1.0);
         let cos_i = cos_of_difference(sin_from_cos(cos_n), cos_n, sin_b, cos_b) + SLACK;
@@ -381,8 +388,9 @@ impl Lane {
     }
 }
 
-/// A child by its weight, its probability, and the rest of the number. The probability is NaN if
-/// all weights are 0. Without branches: which child it is cannot be foreseen.
+/// Chooses a child in proportion to its weight. Returns the child, its probability, and a new
+/// uniform number made from `u`. The probability is NaN if all weights are 0. The function has no
+/// branches, because the chosen child cannot be predicted.
 #[inline(always)]
 pub(super) fn choose(weights: &[f32; WIDTH], u: f32) -> (usize, f32, f32) {
     let mut sums = [0.0; WIDTH + 1];
@@ -391,8 +399,8 @@ pub(super) fn choose(weights: &[f32; WIDTH], u: f32) -> (usize, f32, f32) {
     }
     let total = sums[WIDTH];
     let target = u * total;
-    // The first whose sum is more than the target; should rounding leave none, the last that has
-    // any weight.
+    // The child is the first whose sum exceeds the target. If rounding leaves none, it is the last
+    // with a weight.
     let (mut passed, mut last) = (0, 0);
     for sum in &sums[1..] {
         passed += usize::from(*sum <= target);
@@ -403,7 +411,7 @@ pub(super) fn choose(weights: &[f32; WIDTH], u: f32) -> (usize, f32, f32) {
     (i, weights[i] / total, rest)
 }
 
-/// The probability with which [`choose`] gives a child.
+/// The probability with which [`choose`] chooses a child.
 fn share(weights: &[f32; WIDTH], slot: usize) -> f32 {
     if weights[slot] > 0.0 { weights[slot] / weights.iter().sum::<f32>() } else { 0.0 }
 }

@@ -1,4 +1,4 @@
-//! Sums and differences of angles below 180 degrees, by their cosines and sines only.
+//! Sums and differences of angles below 180 degrees, computed from their cosines and sines.
 
 use snell_math::simd::max;
 

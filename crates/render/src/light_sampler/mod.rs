@@ -1,5 +1,5 @@
-//! Which light is sampled: from a table, the same everywhere ([`table`]), or from a tree that knows
-//! where the receiving point is ([`bvh`]).
+//! The choice of the light to sample: from a table that is the same everywhere ([`table`]), or from
+//! a tree that takes the receiving point into account ([`bvh`]).
 
 mod batch;
 mod build;
@@ -20,21 +20,21 @@ use snell_scene::light::LightBounds;
 /// How a light is chosen among many.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum LightSamplerKind {
-    /// Each with the same probability.
+    /// Each light has the same probability.
     Uniform,
     /// In proportion to emitted power.
     Power,
-    /// By what it may bring to the point that receives light: power, distance and angles, by a tree
-    /// over all lights and all triangles of emissive surfaces.
+    /// By the estimated contribution to the point that receives light: power, distance and angles,
+    /// with a tree over all lights and all triangles of emissive surfaces.
     #[default]
     Bvh,
 }
 
 impl LightSamplerKind {
-    /// All kinds.
+    /// All kinds of light samplers.
     pub const ALL: [Self; 3] = [Self::Uniform, Self::Power, Self::Bvh];
 
-    /// The name on the command line.
+    /// The name of the kind on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Uniform => "uniform",
@@ -44,52 +44,53 @@ impl LightSamplerKind {
     }
 }
 
-/// The point that receives light: what the choice of a light may depend on.
+/// A point that receives light, with the data that the choice of a light may depend on.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Receiver {
-    /// Where.
+    /// The point in the world.
     pub position: Vec3,
-    /// Unit shading normal on the side of the viewer; zero inside a medium, which receives light
+    /// Unit shading normal on the side of the viewer. Zero inside a medium, where light is received
     /// from everywhere.
     pub normal: Vec3,
     /// True if light from behind the normal counts too.
     pub transmits: bool,
 }
 
-/// A chosen light.
+/// A light that was chosen, with its probability.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ChosenLight {
     /// Position among the lights of the scene.
     pub light: usize,
-    /// The part of an emissive surface, if that was chosen too.
+    /// The part of an emissive surface, if the sampler has chosen one too.
     pub part: Option<u32>,
-    /// Probability of the choice.
+    /// Probability of choosing the light, and the part if there is one.
     pub probability: f32,
 }
 
 /// One light as the samplers see it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LightSummary {
-    /// Approximate power, W. Finite, not negative.
+    /// Approximate power in W, finite and not negative.
     pub power: f64,
-    /// Bounds of its parts, in order; empty if it has no place or does not fade with the square of
-    /// the distance.
+    /// Bounds of the light's parts, in order. Empty if the light has no place, or does not fade
+    /// with the square of the distance.
     pub parts: Vec<LightBounds>,
     /// False for lights that are left to BSDF samples.
     pub is_sampled: bool,
 }
 
-/// Chooses among the lights of a scene. Immutable; a pure function of its arguments.
+/// Chooses among the lights of a scene. It is immutable, and its methods are pure functions of
+/// their arguments.
 #[derive(Debug)]
 pub enum LightSampler {
-    /// The same choice everywhere.
+    /// Chooses with the same probabilities everywhere.
     Table(LightTable),
-    /// By what lights may bring to the receiver.
+    /// Chooses by the estimated contribution to the receiver.
     Bvh(LightBvh),
 }
 
 impl LightSampler {
-    /// A sampler over these lights. `wide` allows wide registers.
+    /// A sampler of these lights. `wide` are the instructions that it may use.
     pub fn new(kind: LightSamplerKind, lights: &[LightSummary], wide: Option<Wide>) -> Self {
         let powers = |light: &LightSummary| if light.is_sampled { light.power } else { 0.0 };
         match kind {
@@ -109,7 +110,7 @@ impl LightSampler {
         }
     }
 
-    /// False if no number is needed for choosing.
+    /// False if no random number is needed, because there is at most one light.
     pub fn has_choice(&self) -> bool {
         match self {
             Self::Table(_) => true,
@@ -117,8 +118,8 @@ impl LightSampler {
         }
     }
 
-    /// Samples a light; `None` if none can light the receiver. `u` is called for a uniform number
-    /// if there is a choice.
+    /// Samples a light; `None` if none can light the receiver. `u` returns a uniform number and is
+    /// called only if there is a choice.
     pub fn sample(&self, receiver: &Receiver, u: impl FnOnce() -> f32) -> Option<ChosenLight> {
         match self {
             Self::Table(table) => table.sample(u),
@@ -126,7 +127,7 @@ impl LightSampler {
         }
     }
 
-    /// [`Self::sample`] for the given number of first receivers; further entries are arbitrary.
+    /// [`Self::sample`] for the first `count` receivers; further entries are arbitrary.
     pub fn sample_batch(
         &self,
         receivers: &Receivers,
@@ -140,8 +141,8 @@ impl LightSampler {
         }
     }
 
-    /// The probability of choosing this part of a light, where `part` is its number and its
-    /// probability if only the light is chosen.
+    /// The probability of choosing this part of a light. `part` is the number of the part, and the
+    /// probability with which it is chosen afterwards if the sampler chooses only the light.
     pub fn probability(&self, receiver: &Receiver, light: usize, part: (u32, f32)) -> f32 {
         match self {
             Self::Table(table) => table.probability(light) * part.1,

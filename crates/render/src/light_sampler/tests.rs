@@ -25,7 +25,7 @@ fn part(key: u32, size: f32) -> LightBounds {
     }
 }
 
-/// Lights of one part, of many, and beside the tree.
+/// Lights with one part, with many parts, and beside the tree.
 fn lights(count: u32, size: f32) -> Vec<LightSummary> {
     let light = |i: u32| {
         let parts = match i % 4 {
@@ -119,8 +119,8 @@ fn the_tree_gives_every_emitter_with_the_probability_it_says() {
                 assert!((again / chosen.probability - 1.0).abs() < 1e-4, "{again} {chosen:?}");
                 chosen_at_all += 1.0 / 2000.0;
             }
-            // The rest ends in branches that promise light from afar, of which no emitter can bring
-            // any.
+            // The other numbers end in branches whose bounds promise light, but none of whose
+            // emitters can contribute.
             assert!(
                 (all - chosen_at_all).abs() < 0.01 && all < 1.0001,
                 "{count} {key}: {all} {chosen_at_all}"
@@ -129,7 +129,8 @@ fn the_tree_gives_every_emitter_with_the_probability_it_says() {
     }
 }
 
-/// Chi squared of the emitters that are chosen with random numbers, for every way of choosing.
+/// Chi-squared test of the emitters that are chosen with random numbers, for every kind of light
+/// sampler.
 #[test]
 fn emitters_are_chosen_as_often_as_stated() {
     let n = 20_000u32;
@@ -143,7 +144,8 @@ fn emitters_are_chosen_as_often_as_stated() {
         let sampler = LightSampler::new(kind, &lights, Level::best().wide());
         for key in 0..receivers {
             let receiver = receiver(key, size);
-            // The tree chooses parts; tables choose lights, and the rest is the light's.
+            // The tree chooses parts. Tables choose lights, and the part is then chosen by the
+            // light.
             let parts = |l: &LightSummary| {
                 if kind == LightSamplerKind::Bvh { l.parts.len().max(1) } else { 1 }
             };
@@ -189,7 +191,8 @@ fn the_tree_does_not_depend_on_the_number_of_threads() {
     assert_eq!(choices(1), choices(3));
 }
 
-/// Equidistant numbers: each emitter comes as often as its probability says, to one per boundary.
+/// With equidistant numbers, each emitter is chosen as often as its probability says, up to one for
+/// each boundary.
 #[test]
 fn stratified_numbers_stay_stratified_over_the_tree() {
     let lights = lights(60, 1.0);
@@ -211,8 +214,7 @@ fn stratified_numbers_stay_stratified_over_the_tree() {
     }
 }
 
-/// What may bring light must have a chance: the importance of a branch is never 0 where an emitter
-/// in it could shine.
+/// The importance of a branch must never be 0 where an emitter in it could light the receiver.
 #[test]
 fn no_emitter_that_may_bring_light_is_left_out() {
     let lights = lights(200, 1.0);
@@ -277,7 +279,7 @@ fn broken_emitters_and_receivers_give_no_nan() {
         let parts = vec![LightBounds { intensity, ..part(3, 1.0) }];
         broken.push(LightSummary { power: f64::MAX, parts, is_sampled: true });
     }
-    // A thousand in one place.
+    // A thousand emitters in the same place.
     broken.push(LightSummary { power: 1.0, parts: vec![part(9, 1.0); 1000], is_sampled: true });
     let sampler = LightSampler::new(LightSamplerKind::Bvh, &broken, Level::best().wide());
     let positions = [
@@ -305,7 +307,7 @@ fn broken_emitters_and_receivers_give_no_nan() {
     }
 }
 
-/// `cargo test --release -p snell-render a_million -- --ignored --nocapture`
+/// Run it with `cargo test --release -p snell-render a_million -- --ignored --nocapture`.
 #[test]
 #[ignore = "a measurement"]
 fn a_million_emitters() {

@@ -1,6 +1,6 @@
-//! Requests of a user for a render, and the settings that follow from them. The user's values take
-//! precedence over the scene's, and those over the defaults. The command line and Python both fill
-//! a [`Request`], so they have the same defaults, ranges and errors.
+//! A user's request for a render, and the settings that follow from it. The user's values take
+//! precedence over the scene's, and the scene's over the defaults. The command line and Python both
+//! fill a [`Request`], so they have the same defaults, ranges and errors.
 
 mod reference;
 mod setting;
@@ -29,7 +29,7 @@ use std::path::PathBuf;
 use std::sync::LazyLock;
 use std::time::Duration;
 
-/// How many training passes path guiding makes.
+/// The number of training passes of path guiding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum GuidingPasses {
     /// As many as fit into [`Guiding::SHARE`] of the samples, or of the time.
@@ -38,19 +38,19 @@ pub enum GuidingPasses {
     Count(u32),
 }
 
-/// How noise is removed.
+/// How noise is removed from the picture.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Denoise {
     /// By Open Image Denoise, wherever the system finds it.
     Found,
-    /// By Open Image Denoise at this path: its library, or the folder that holds it.
+    /// By Open Image Denoise at this path, which is its library or the folder that holds it.
     At(PathBuf),
 }
 
 settings! {
-    /// Wishes for a render. `None` leaves a choice to the scene, or else to the default.
+    /// A user's choices for a render. `None` leaves a choice to the scene, or else to the default.
     ///
-    /// Each field is a setting: the first paragraph of its documentation is its line in the
+    /// Each field is a setting. The first paragraph of its documentation is its line in the
     /// command's help and in the reference page.
     ///
     /// ```
@@ -83,8 +83,8 @@ settings! {
         )]
         pub size: [u32; 2],
         /// Stop each pixel when its 95 % confidence interval is this narrow on both sides, such as
-        /// 0.02: relative to the light in bright regions, see the documents. The number of samples
-        /// and the time are upper limits.
+        /// 0.02. In bright regions the value is relative to the light; see the documents. The
+        /// number of samples and the time are upper limits.
         #[setting(Light, "ERROR", "float", range Range::Within(1e-5, 10.0))]
         pub noise: f64,
         /// Stop after this time, such as 30s, 5m or 1h (the first pass over the picture is always
@@ -104,7 +104,7 @@ settings! {
         pub crop: Crop,
         /// Seed of the random numbers.
         ///
-        /// The picture depends on it, but not on the number of threads or the time of day.
+        /// The picture depends on the seed, but not on the number of threads or the time of day.
         #[setting(Light, "N", "int", default "0"; live)]
         pub seed: u32,
         /// Colours in light transport (`spectral` has four wavelengths per sample).
@@ -140,14 +140,14 @@ settings! {
             default "off"
         )]
         pub guiding: GuidingPasses,
-        /// Clamp light after two or more bounces to this radiance: no fireflies, but the picture
-        /// becomes too dark.
+        /// Clamp light after two or more bounces to this radiance, which removes fireflies but
+        /// makes the picture too dark.
         #[setting(
             Light, "RADIANCE", "float", range Range::Within(f64::MIN_POSITIVE, f32::MAX as f64),
             default "off"; live
         )]
         pub clamp: f32,
-        /// Range of `ao`, in scene units.
+        /// Distance within which `ao` counts occluders, in scene units.
         #[setting(
             Light, "DISTANCE", "float", range Range::Positive,
             default "half of the scene's radius"; live
@@ -204,7 +204,8 @@ fn samples() -> &'static str {
     &TEXT
 }
 
-/// A number of each integrator, in words: the smallest for all that are not named.
+/// A number of each integrator, in words. The smallest number is given for all integrators that are
+/// not named.
 fn by_integrator(number: impl Fn(IntegratorKind) -> u32) -> String {
     let smallest = IntegratorKind::ALL.into_iter().map(&number).min().unwrap_or_default();
     let differs = |kind: &IntegratorKind| number(*kind) > smallest;
@@ -213,23 +214,23 @@ fn by_integrator(number: impl Fn(IntegratorKind) -> u32) -> String {
     format!("{}, else {smallest}", named.join(", "))
 }
 
-/// Why a request has no settings.
+/// The reason why a request cannot become settings.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum RequestError {
     /// The value of a parameter is invalid, by itself or together with the others.
     #[error("{parameter} {problem}")]
     Parameter {
-        /// The field of [`Request`].
+        /// The name of the field of [`Request`].
         parameter: &'static str,
-        /// What is wrong with it, to be read after its name.
+        /// What is wrong with the value, worded to follow the parameter's name.
         problem: String,
     },
-    /// A group of `light_groups` cannot be made.
+    /// A group of `light_groups` is invalid.
     #[error("light_groups[{group:?}]: {problem}")]
     LightGroup {
         /// The name of the group.
         group: String,
-        /// What is wrong with it.
+        /// What is wrong with the group.
         problem: String,
     },
     /// The area to render has more pixels than [`Request::MAX_PIXELS`].
@@ -244,11 +245,11 @@ pub enum RequestError {
     /// The scene's own settings contain an unknown name.
     #[error("the scene asks for the {parameter} \"{name}\", which is none of {known}")]
     SceneName {
-        /// The field of [`Request`], and of the scene's settings.
+        /// The name of the field of [`Request`] and of the scene's settings.
         parameter: &'static str,
         /// The unknown name.
         name: String,
-        /// The valid names.
+        /// The valid names, separated by commas.
         known: String,
     },
 }
@@ -259,19 +260,20 @@ fn refused<T>(parameter: &'static str, problem: String) -> Result<T, RequestErro
 }
 
 impl Request {
-    /// The size of a picture if user, scene and camera specify none.
+    /// The size of a picture in pixels if neither user nor scene nor camera specifies one.
     pub const DEFAULT_SIZE: [u32; 2] = [960, 720];
-    /// The largest number of pixels, equal to the limit of Snell's image readers. (For the memory
-    /// that they need, see [`crate::memory`].)
+    /// The largest number of pixels, equal to the limit of Snell's image readers. [`crate::memory`]
+    /// estimates the memory that they need.
     pub const MAX_PIXELS: u64 = 1 << 28;
     /// The largest number of samples per pixel.
     pub const MAX_SPP: u32 = 1 << 24;
-    /// The limit of samples per pixel if only time or noise is limited.
+    /// The limit of samples per pixel if the user limits only time or noise.
     pub const SPP_OF_LIMITS: u32 = 1 << 16;
-    /// The largest number of samples per pixel in one pass.
+    /// The largest number of samples per pixel that a single pass takes.
     const SPP_OF_ONE_PASS: u32 = 16;
 
-    /// The settings of a render of this scene by this camera.
+    /// The settings of a render of this scene by this camera. An error names the parameter that is
+    /// invalid.
     pub fn resolve(&self, scene: &Scene, camera: &Camera) -> Result<Settings, RequestError> {
         self.check_ranges()?;
         let (hints, default) = (&scene.settings, Settings::default());
@@ -318,7 +320,7 @@ impl Request {
         })
     }
 
-    /// Options of building acceleration structures, which do not depend on the scene.
+    /// The options of building acceleration structures, which do not depend on the scene.
     pub fn build(&self) -> BuildOptions {
         let default = BuildOptions::default();
         BuildOptions {
@@ -348,13 +350,13 @@ impl Request {
         Ok(Some(crop))
     }
 
-    /// True if training for guiding ends after its share of the time. With a fixed number of passes
-    /// the clock is ignored, so that the bits are reproducible.
+    /// True if training for guiding ends after its fraction of the time. With a fixed number of
+    /// passes the clock is ignored, so that the bits are reproducible.
     pub fn is_training_timed(&self) -> bool {
         self.guiding == Some(GuidingPasses::Auto) && self.time.is_some()
     }
 
-    /// The setting of this name.
+    /// The setting of this name; `None` if there is none.
     pub fn setting(name: &str) -> Option<&'static Setting> {
         Self::SETTINGS.iter().find(|setting| setting.name == name)
     }
@@ -415,7 +417,7 @@ impl Request {
     }
 }
 
-/// The user's choice, else the scene's by its name, else the default.
+/// The user's choice, otherwise the scene's choice by its name, otherwise the default.
 fn chosen<T: Copy + Default, const N: usize>(
     wish: Option<T>,
     (parameter, hint): (&'static str, &Option<String>),
@@ -451,7 +453,7 @@ mod tests {
         request.resolve(&scene, &camera()).expect("the request is possible")
     }
 
-    /// The text of the error.
+    /// The text of the error that a request gives.
     fn problem(request: Request) -> String {
         let scene = Scene::new("empty");
         request.resolve(&scene, &camera()).expect_err("the request is impossible").to_string()
@@ -522,7 +524,7 @@ mod tests {
         assert_eq!((settings.sampler, settings.filter), (SamplerKind::Independent, Filter::Box));
         assert_eq!(settings.noise_floor, Settings::NOISE_FLOOR / 4.0);
         assert_eq!(settings.pixel_position, None);
-        // An unknown name in the scene is no error if the user overrides it.
+        // An unknown name in the scene is no error if the user's choice overrides it.
         let path = Request { integrator: Some(IntegratorKind::Path), ..Request::default() };
         resolved(path, |hints| hints.integrator = Some("photons".into()));
     }

@@ -10,7 +10,7 @@ it; `cargo xtask parameters` writes this page. An option is given as `--spp 64`,
 `spp=64`. What is left out is as the scene's file says, else as in the last column.
 ";
 
-/// The page as Markdown.
+/// The reference page in Markdown.
 pub fn page() -> String {
     let section = |heading: Heading| {
         let rows = Request::SETTINGS.iter().filter(|setting| setting.heading == heading).map(row);
@@ -47,7 +47,7 @@ fn row(setting: &Setting) -> String {
     format!("| {} |\n", cells.map(|cell| cell.replace('|', "\\|")).join(" | "))
 }
 
-/// The keywords of `snell.render` that may be given by position, which its signature names.
+/// The parameters of `snell.render` that may be given by position. Its signature names them.
 const POSITIONAL: [&str; 3] = ["integrator", "spp", "size"];
 
 const MODULE: &str = "\"\"\"Types of the settings of a render, as the renderer declares them.
@@ -68,7 +68,7 @@ class RenderSettings(TypedDict, total=False):
     \"\"\"Keywords of :func:`snell.render`. ``None`` is as if they were left out.\"\"\"
 ";
 
-/// The module of Python's types.
+/// The source of the Python module that has the types of the keywords.
 pub fn python_types() -> String {
     let fields = Request::SETTINGS.iter().filter(|setting| !POSITIONAL.contains(&setting.name));
     let field = |setting: &Setting| {
@@ -79,7 +79,7 @@ pub fn python_types() -> String {
     MODULE.to_string() + &fields.map(field).collect::<String>()
 }
 
-/// A text in lines of at most this many characters.
+/// Breaks a text into lines of at most `width` characters.
 fn wrapped(text: &str, width: usize) -> Vec<String> {
     let mut lines = vec![String::new()];
     for word in text.split(' ') {

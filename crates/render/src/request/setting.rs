@@ -1,5 +1,5 @@
-//! Settings of a render, as users write them: each is declared once, as a field of
-//! [`Request`](super::Request), and the command line, Python, the viewer and the reference page all
+//! Settings of a render as users write them. Each is declared once, as a field of
+//! [`Request`](super::Request); the command line, Python, the viewer and the reference page all
 //! read the declarations.
 
 use super::{Request, wish::Wish};
@@ -8,11 +8,11 @@ use snell_math::parameters::{Range, plain};
 /// The heading under which help lists a setting.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Heading {
-    /// What part of the scene is seen.
+    /// Settings of the part of the scene that is seen.
     Subject,
-    /// What is written.
+    /// Settings of what is written.
     Picture,
-    /// How light is simulated, and what changes only noise, time and memory.
+    /// Settings of how light is simulated, and those that change only noise, time and memory.
     Light,
 }
 
@@ -20,7 +20,7 @@ impl Heading {
     /// All headings.
     pub const ALL: [Self; 3] = [Self::Subject, Self::Picture, Self::Light];
 
-    /// The heading.
+    /// The text of the heading.
     pub fn text(self) -> &'static str {
         match self {
             Self::Subject => "What is rendered",
@@ -50,50 +50,51 @@ pub enum Form {
 /// A setting: a field of [`Request`].
 #[derive(Clone, Copy, Debug)]
 pub struct Setting {
-    /// The name of the field, which is that of Python's keyword.
+    /// The name of the field and of Python's keyword.
     pub name: &'static str,
-    /// Where help lists it.
+    /// The heading under which help lists the setting.
     pub heading: Heading,
-    /// What its value is called in help, such as `N`.
+    /// The name of the value in help, such as `N`.
     pub value_name: &'static str,
-    /// The type of the value in Python, as annotations write it.
+    /// The type of the value in Python, in the form of an annotation.
     pub python: &'static str,
-    /// The letter of its short option, if it has one.
+    /// The letter of the short option, if there is one.
     pub short: Option<char>,
-    /// Another name of its option, if it has one.
+    /// Another name of the option, if there is one.
     pub alias: Option<&'static str>,
-    /// How it is written.
+    /// How the setting is written on a command line.
     pub form: Form,
-    /// True if it may change while a picture is looked at: the page of the viewer has it.
+    /// True if the setting may change while a picture is shown: the page of the viewer has a
+    /// control for it.
     pub is_live: bool,
-    /// The names to choose from; empty if it is no choice.
+    /// The names to choose from; empty if the setting is not a choice.
     pub choices: fn() -> Vec<&'static str>,
-    /// The default, as a name or in words. Empty if there is none.
+    /// The default, as a name or in words; empty if there is none.
     pub default: fn() -> &'static str,
-    /// Its documentation, as it stands in the source.
+    /// The documentation as it stands in the source.
     pub doc: &'static str,
-    /// Sets the field; a problem leaves it as it was.
+    /// Sets the field. A problem leaves the field as it was.
     pub(super) set: fn(&mut Request, &Wish) -> Result<(), Problem>,
-    /// What is wrong with the value of the field, if anything: the number, and what is expected.
+    /// What is wrong with the field's value, if anything: the number, and what is expected instead.
     pub(super) check: fn(&Request) -> Option<[String; 2]>,
-    /// The value of the field as text, if it is set.
+    /// The value of the field as text, or `None` if it is not set.
     pub(super) get: fn(&Request) -> Option<String>,
     /// Unsets the field.
     pub(super) clear: fn(&mut Request),
 }
 
-/// Why a setting cannot have a value: what is expected instead, to be read after the name and the
-/// value.
+/// Why a setting cannot have a value. The text says what is expected instead, worded to follow the
+/// name and the value.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Problem {
-    /// It is another sort of value.
+    /// The value has the wrong type.
     Kind(String),
-    /// It is the right sort, but not possible.
+    /// The value has the right type, but is not possible.
     Value(String),
 }
 
 impl Problem {
-    /// What is expected instead.
+    /// The text that says what is expected instead.
     pub fn text(&self) -> &str {
         match self {
             Self::Kind(text) | Self::Value(text) => text,
@@ -102,7 +103,7 @@ impl Problem {
 }
 
 impl Setting {
-    /// Sets it in a request; a problem leaves the request as it was.
+    /// Sets the field in a request. A problem leaves the request as it was.
     pub fn set(&self, request: &mut Request, wish: &Wish) -> Result<(), Problem> {
         let mut next = request.clone();
         (self.set)(&mut next, wish)?;
@@ -113,17 +114,18 @@ impl Setting {
         Ok(())
     }
 
-    /// Its value in a request as a command line has it; `None` if it is not set.
+    /// The value in a request, as it is written on a command line; `None` if it is not set.
     pub fn get(&self, request: &Request) -> Option<String> {
         (self.get)(request)
     }
 
-    /// Leaves it to the scene or the default.
+    /// Unsets the field in a request, which leaves the choice to the scene or the default.
     pub fn clear(&self, request: &mut Request) {
         (self.clear)(request);
     }
 
-    /// The name of its option on the command line, without dashes. A list has that of one item.
+    /// The name of the option on the command line, without dashes. The option of a list has the
+    /// name of one item.
     pub fn option(&self) -> String {
         let name = self.name.replace('_', "-");
         match self.form {
@@ -132,13 +134,14 @@ impl Setting {
         }
     }
 
-    /// What it is: the first paragraph of its documentation, in one line without a full stop.
+    /// What the setting is: the first paragraph of the documentation, in one line without a full
+    /// stop.
     pub fn statement(&self) -> String {
         let first = self.doc.trim().split("\n\n").next().unwrap_or_default();
         plain(first).trim_end_matches('.').to_string()
     }
 
-    /// Its statement with its choices and its default.
+    /// The statement, followed by the choices and the default.
     pub fn summary(&self) -> String {
         let mut text = self.statement();
         let choices = (self.choices)();
@@ -154,14 +157,14 @@ impl Setting {
         text
     }
 
-    /// What else there is to say of it; empty if nothing.
+    /// The further paragraphs of the documentation; empty if there are none.
     pub fn details(&self) -> String {
         let (_, rest) = self.doc.trim().split_once("\n\n").unwrap_or_default();
         plain(rest)
     }
 }
 
-/// What numbers of a range are, in words.
+/// Describes the numbers of a range in words.
 pub(super) fn in_words(range: Range, is_whole: bool) -> String {
     let number = if is_whole { "a whole number" } else { "a number" };
     match range {
@@ -176,7 +179,7 @@ pub(super) fn in_words(range: Range, is_whole: bool) -> String {
     }
 }
 
-/// Declares the struct of wishes, with a [`Setting`] for each field.
+/// Declares the struct of wishes, `Request`, with a [`Setting`] for each field.
 macro_rules! settings {
     (
         $(#[$attribute:meta])*

@@ -1,4 +1,4 @@
-//! Values of settings as users write them, and how they become fields of a
+//! Values of settings as users write them, and their conversion to fields of a
 //! [`Request`](super::Request).
 
 use super::setting::{Form, Problem, in_words};
@@ -16,26 +16,26 @@ use snell_scene::overrides::nearest;
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// A value as a user writes it: text on a command line, a value in Python or in a message.
+/// A value as a user writes it: a text on a command line, or a value in Python or in a message.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Wish {
-    /// True or false; on a command line an option without a value is true.
+    /// True or false. On a command line, an option without a value is true.
     Flag(bool),
     /// A whole number.
     Whole(i64),
-    /// Another number.
+    /// A number that need not be whole.
     Number(f64),
-    /// A text, which may stand for any other value.
+    /// A text, which may stand for a value of any other form.
     Text(String),
     /// A file or folder.
     Path(PathBuf),
-    /// Values in a row.
+    /// A list of values.
     List(Vec<Self>),
-    /// Values by name.
+    /// Values with names.
     Named(Vec<(String, Self)>),
 }
 
-/// A number of any of the forms.
+/// The number that a wish of any form stands for, if it is one.
 fn number(wish: &Wish) -> Option<f64> {
     match wish {
         Wish::Whole(n) => Some(*n as f64),
@@ -45,7 +45,7 @@ fn number(wish: &Wish) -> Option<f64> {
     }
 }
 
-/// Whole numbers of a list, or of a text in which one of these characters separates them.
+/// The whole numbers of a list, or of a text in which one of these characters separates them.
 fn wholes(wish: &Wish, separators: &[char]) -> Option<Vec<i64>> {
     let whole = |wish: &Wish| match wish {
         Wish::Whole(n) => Some(*n),
@@ -59,7 +59,7 @@ fn wholes(wish: &Wish, separators: &[char]) -> Option<Vec<i64>> {
     }
 }
 
-/// Texts of a list, or of a text in which commas separate them.
+/// The texts of a list, or of a text in which commas separate them.
 fn texts(wish: &Wish) -> Option<Vec<String>> {
     let text = |wish: &Wish| match wish {
         Wish::Text(text) => Some(text.clone()),
@@ -74,35 +74,36 @@ fn texts(wish: &Wish) -> Option<Vec<String>> {
     }
 }
 
-/// An error of a value that is of another sort.
+/// The error for a value of the wrong type.
 fn unlike<T>(expected: impl Into<String>) -> Result<T, Problem> {
     Err(Problem::Kind(format!("expected {}", expected.into())))
 }
 
-/// What a setting can be.
+/// A type that the value of a setting can have.
 pub(super) trait Wished: Sized {
-    /// How it is written.
+    /// How values of the type are written on a command line.
     const FORM: Form = Form::Value;
 
-    /// Reads it. `None` is the default, which some can be set back to.
+    /// Reads a value. `None` stands for the default, to which some settings can be set back.
     fn read(wish: &Wish, range: Range) -> Result<Option<Self>, Problem>;
 
-    /// What is wrong with it: the wrong number, and what is expected.
+    /// What is wrong with the value, if anything: the wrong number, and what is expected instead.
     fn problem(&self, _range: Range) -> Option<[String; 2]> {
         None
     }
 
-    /// It as a command line has it; empty for what the viewer does not change.
+    /// The value as it is written on a command line; empty for types that the viewer does not
+    /// change.
     fn text(&self) -> String {
         String::new()
     }
 
-    /// The names that it chooses from.
+    /// The names to choose from; empty if the type is not a choice.
     fn choices() -> Vec<&'static str> {
         Vec::new()
     }
 
-    /// The name of the default choice.
+    /// The name of the default choice; empty if the type is not a choice.
     fn default_name() -> &'static str {
         ""
     }
@@ -185,7 +186,7 @@ impl Wished for Duration {
     }
 }
 
-/// Seconds of a text such as `90`, `30s`, `5m` or `1h30m`.
+/// The number of seconds in a text such as `90`, `30s`, `5m` or `1h30m`.
 fn seconds_of(text: &str) -> Option<f64> {
     if let Ok(seconds) = text.trim().parse() {
         return Some(seconds);
@@ -268,7 +269,7 @@ choices! {
     SamplerKind, Shadows, Terminator,
 }
 
-/// The problem of a name that is none of these.
+/// The problem of a name that is none of the valid ones.
 fn unknown(name: &str, known: &[&'static str]) -> Problem {
     let hint = nearest(name, known).map(|name| format!("; did you mean {name}?"));
     let (known, hint) = (known.join(", "), hint.unwrap_or_default());

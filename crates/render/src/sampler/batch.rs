@@ -1,10 +1,10 @@
-//! Random numbers of many samples at once, with the bits of [`Random`].
+//! Random numbers of many samples at once, with the same bits as [`Random`].
 
 use super::{Random, SampleKey, Sampler, SamplerKind, sobol};
 use snell_math::simd::Wide;
 use snell_math::{at_level, rng};
 
-/// The random numbers of `N` vertices, all at one depth of unbranched paths.
+/// The random numbers of `N` vertices at one depth of paths without branches.
 #[derive(Clone, Debug)]
 pub struct BatchRandoms<const N: usize> {
     sampler: Sampler,
@@ -14,7 +14,7 @@ pub struct BatchRandoms<const N: usize> {
 }
 
 impl<const N: usize> BatchRandoms<N> {
-    /// For vertices of this depth.
+    /// Random numbers for vertices at this depth.
     pub fn new(sampler: &Sampler, depth: u32) -> Self {
         let mut randoms = Self::of_camera(sampler);
         randoms.start(sampler, depth);
@@ -27,12 +27,12 @@ impl<const N: usize> BatchRandoms<N> {
         self.base = Random::base_at(0, depth);
     }
 
-    /// Numbers for camera samples, before there is a vertex.
+    /// Random numbers for camera samples, which come before the first vertex.
     pub fn of_camera(sampler: &Sampler) -> Self {
         Self { sampler: *sampler, keys: [0; N], samples: [0; N], base: 0 }
     }
 
-    /// Puts a sample into a lane; its own vertex does not matter.
+    /// Puts a sample into a lane. Only its pixel and sample number matter.
     #[inline(always)]
     pub fn set(&mut self, lane: usize, key: SampleKey) {
         (self.keys[lane], self.samples[lane]) = (key.pixel, key.sample);
@@ -42,7 +42,7 @@ impl<const N: usize> BatchRandoms<N> {
         SampleKey { pixel: self.keys[lane], sample: self.samples[lane] }
     }
 
-    /// [`Random::pair`] of each lane.
+    /// The result of [`Random::pair`] for each lane.
     pub fn pairs(&self, dimension: u32, wide: Option<Wide>) -> [[f32; N]; 2] {
         let dimension = self.base + dimension;
         let mut to = [[0.0; N]; 2];
@@ -84,7 +84,7 @@ impl<const N: usize> BatchRandoms<N> {
         to
     }
 
-    /// [`Random::number`] of each lane.
+    /// The result of [`Random::number`] for each lane.
     pub fn numbers(&self, dimension: u32, wide: Option<Wide>) -> [f32; N] {
         let dimension = self.base + dimension;
         let mut to = [0.0; N];

@@ -1,8 +1,8 @@
 //! Samplers: pure functions from (seed, pixel, sample, dimension) to numbers in `[0, 1)`.
 //!
-//! A *dimension* is the use of a number (lens, light, BSDF at the third bounce …); [`Random`] binds
-//! the other arguments. Nothing depends on the order of calls, so batching, threads and splitting
-//! cannot change a number.
+//! A *dimension* is the use of a number (lens, light, BSDF at the third bounce …); [`Random`] holds
+//! the other arguments. No number depends on the order of calls, so batching, threads and splitting
+//! change nothing.
 
 mod batch;
 mod sobol;
@@ -26,8 +26,8 @@ pub enum SamplerKind {
     /// Owen-scrambled Sobol points, padded by two dimensions at a time (Burley, Practical
     /// hash-based Owen scrambling, JCGT 2020).
     Sobol,
-    /// The same points, distributed among neighbouring pixels so that the error of the picture is
-    /// blue noise (Ahmed and Wonka, 2020).
+    /// Sobol points, distributed among neighbouring pixels so that the error of the picture is blue
+    /// noise (Ahmed and Wonka, 2020).
     #[default]
     ZSobol,
 }
@@ -36,7 +36,7 @@ impl SamplerKind {
     /// All samplers.
     pub const ALL: [Self; 4] = [Self::Independent, Self::Stratified, Self::Sobol, Self::ZSobol];
 
-    /// The name on the command line.
+    /// The sampler's name on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Independent => "independent",
@@ -53,7 +53,7 @@ pub struct Sampler {
     kind: SamplerKind,
     seed: u32,
     spp: u32,
-    /// True if every block of `spp` samples is a point set independent of the others.
+    /// True if every block of `spp` samples is a point set independent of other blocks.
     in_blocks: bool,
 }
 
@@ -63,14 +63,14 @@ impl Sampler {
         Self { kind, seed, spp: spp.max(1), in_blocks: false }
     }
 
-    /// A sampler for any number of samples: those of each block are well distributed, and different
-    /// blocks are independent, so that the variance between blocks estimates the error of their
-    /// mean.
+    /// A sampler for any number of samples. The samples of each block are well distributed, and
+    /// different blocks are independent, so that the variance between blocks estimates the error of
+    /// their mean.
     pub fn in_blocks(kind: SamplerKind, seed: u32, block: u32) -> Self {
         Self { in_blocks: true, ..Self::new(kind, seed, block) }
     }
 
-    /// The sampler of a render.
+    /// The sampler that the settings of a render request.
     pub fn of(settings: &Settings) -> Self {
         match settings.noise {
             None => Self::new(settings.sampler, settings.seed, settings.spp),
@@ -78,18 +78,18 @@ impl Sampler {
         }
     }
 
-    /// Numbers for a sample of a pixel (coordinates in the whole picture).
+    /// The numbers of a sample of a pixel. Pixel coordinates are those of the whole picture.
     pub fn random(&self, pixel: [u32; 2], sample: u32) -> Random {
         let (block, sample) = self.block_of(sample);
         self.numbers_of(self.of_pixel(pixel, block).nth(sample))
     }
 
-    /// The numbers of a sample.
+    /// The numbers of the sample with this key.
     pub fn numbers_of(&self, key: SampleKey) -> Random {
         Random { sampler: *self, key, base: 0 }
     }
 
-    /// The keys from which the numbers of a range of samples of a pixel follow.
+    /// The keys of a range of samples of a pixel.
     pub fn keys(&self, pixel: [u32; 2], samples: Range<u32>) -> impl Iterator<Item = SampleKey> {
         let mut known: Option<(u32, SampleKey)> = None;
         samples.map(move |sample| {
@@ -101,12 +101,12 @@ impl Sampler {
         })
     }
 
-    /// The block of a sample, and its index in the block.
+    /// The block that a sample belongs to, and the sample's index in the block.
     fn block_of(&self, sample: u32) -> (u32, u32) {
         if self.in_blocks { (sample / self.spp, sample % self.spp) } else { (0, sample) }
     }
 
-    /// The first sample of a pixel in a block.
+    /// The key of the first sample of a pixel in a block.
     fn of_pixel(&self, pixel: [u32; 2], block: u32) -> SampleKey {
         let seed = if self.in_blocks { rng::hash_combine(self.seed, !block) } else { self.seed };
         let key = |[x, y]: [u32; 2]| rng::hash_combine(rng::hash_combine(seed, x), y);
@@ -120,7 +120,7 @@ impl Sampler {
         SampleKey { pixel: key, sample: start }
     }
 
-    /// Logarithm of the number of samples of a pixel or block, rounded up.
+    /// Binary logarithm of the number of samples of a pixel or block, rounded up.
     fn set_log2(&self) -> u32 {
         self.spp.next_power_of_two().trailing_zeros()
     }
@@ -149,20 +149,20 @@ impl Sampler {
 /// The key from which a sampler computes the numbers of one sample of one pixel.
 #[derive(Clone, Copy, Debug)]
 pub struct SampleKey {
-    /// The key of the sequences, which belong to the pixel or are shared by several.
+    /// The key of the sequences of numbers, which belong to one pixel or are shared by several.
     pixel: u32,
-    /// Index in these sequences.
+    /// The sample's index in these sequences.
     sample: u32,
 }
 
 impl SampleKey {
-    /// The key of a later sample, by the difference of indices.
+    /// The key of the sample that comes `sample` places later.
     fn nth(self, sample: u32) -> Self {
         Self { sample: self.sample + sample, ..self }
     }
 }
 
-/// The numbers of one sample of one pixel.
+/// The random numbers of one sample of one pixel.
 #[derive(Clone, Copy, Debug)]
 pub struct Random {
     sampler: Sampler,
@@ -171,7 +171,7 @@ pub struct Random {
 }
 
 impl Random {
-    /// The numbers of a vertex: each (`stream`, `depth`) has dimensions of its own.
+    /// The numbers of a vertex. Each pair of `stream` and `depth` has dimensions of its own.
     pub fn at_vertex(self, stream: u32, depth: u32) -> Self {
         Self { base: Self::base_at(stream, depth), ..self }
     }
@@ -181,22 +181,23 @@ impl Random {
         self.key
     }
 
-    /// The first dimension of a vertex.
+    /// The first dimension of the numbers of a vertex.
     fn base_at(stream: u32, depth: u32) -> u32 {
         if stream == 0 { (depth + 1) << 8 } else { rng::hash_combine(stream, depth) << 8 }
     }
 
-    /// A well-distributed pair for a dimension below 256.
+    /// A well-distributed pair of numbers for a dimension below 256 of this vertex.
     pub fn pair(&self, dimension: u32) -> Vec2 {
         self.sampler.point(self.key, self.base + dimension)
     }
 
-    /// Pair number `step` of a sequence of independent pairs, for uses of unknown length.
+    /// Pair number `step` of a sequence of independent pairs, for uses that need an unknown number
+    /// of pairs.
     pub fn independent_pair(&self, step: u32) -> Vec2 {
         rng::uniform2([self.key.pixel, self.key.sample, rng::hash32(self.base), step])
     }
 
-    /// A well-distributed number for a dimension below 256.
+    /// A well-distributed number for a dimension below 256 of this vertex.
     pub fn number(&self, dimension: u32) -> f32 {
         self.sampler.number(self.key, self.base + dimension)
     }
@@ -206,8 +207,8 @@ impl Random {
 mod tests {
     use super::*;
 
-    /// Integrates over the unit square with `spp` samples in each of many pixels; returns mean and
-    /// variance of the estimates.
+    /// Integrates a function over the unit square with `spp` samples in each of many pixels.
+    /// Returns the mean and the variance of the estimates.
     fn estimate(
         kind: SamplerKind,
         spp: u32,
@@ -232,7 +233,7 @@ mod tests {
 
     #[test]
     fn every_sampler_is_unbiased_and_the_good_ones_converge_faster() {
-        // A quarter disk (area pi / 4) and a smooth product (mean 1 / 4).
+        // The functions are a quarter disk (area pi / 4) and a smooth product (mean 1 / 4).
         let disk = |u: Vec2| f32::from(u.length_squared() < 1.0);
         let smooth = |u: Vec2| u.x * u.y;
         let mut variances = Vec::new();
@@ -287,15 +288,15 @@ mod tests {
                     covariance += f64::from((a - 0.5) * (b - 0.5));
                 }
             }
-            // Standard error is (1 / 12) / sqrt(32000) = 0.0005.
+            // The standard error is (1 / 12) / sqrt(32000) = 0.0005.
             assert!((covariance / 32000.0).abs() < 0.002, "{kind:?}: {covariance}");
         }
     }
 
     #[test]
     fn what_depends_on_several_dimensions_is_as_good_as_chance_allows() {
-        // The product of 8 numbers plus 1/2: terms that depend on a single pair vanish, the others
-        // are random.
+        // The integrand is the product of 8 numbers plus 1/2. The terms of a single pair integrate
+        // without error, and those of several pairs are random.
         let pair = (13.0f64 / 12.0).powi(2) - 1.0;
         let rest = (1.0 + pair).powi(4) - 1.0 - 4.0 * pair;
         for kind in [SamplerKind::Stratified, SamplerKind::Sobol, SamplerKind::ZSobol] {
@@ -329,7 +330,7 @@ mod tests {
         assert_eq!(seen, [1; 16]);
     }
 
-    /// How many of these points lie in each of `columns * rows` boxes.
+    /// The number of points in each of `columns * rows` boxes.
     fn counts(points: &[Vec2], columns: usize, rows: usize) -> Vec<u32> {
         let mut seen = vec![0; columns * rows];
         for u in points {

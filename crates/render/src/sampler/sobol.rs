@@ -18,10 +18,10 @@ pub fn number(key: u32, index: u32, set_log2: u32) -> f32 {
     rng::to_unit(owen_scramble(index.reverse_bits(), rng::hash_combine(key, 1)))
 }
 
-/// The order of the points, which decides how values of different dimensions are paired. A nested
-/// scramble keeps aligned runs of a power of two together, so that all prefixes are well
-/// distributed; but two neighbours are then in opposite halves in *every* dimension, which
-/// correlates their products. So runs of up to 16 are permuted freely.
+/// Shuffles the order of the points, which decides how values of different dimensions are paired. A
+/// nested scramble keeps aligned runs of a power of two together, so that all prefixes are well
+/// distributed. But then two neighbours are in opposite halves in *every* dimension, which
+/// correlates their products, so runs of up to 16 are permuted freely.
 #[inline(always)]
 fn shuffle(index: u32, key: u32, set_log2: u32) -> u32 {
     let bits = set_log2.min(4);
@@ -31,8 +31,8 @@ fn shuffle(index: u32, key: u32, set_log2: u32) -> u32 {
     run << bits | permute(nested & mask, mask, rng::hash32(run ^ key.rotate_left(16)))
 }
 
-/// Position of `i` in a permutation of `0..=mask` chosen by `key`; `mask` is a power of two less
-/// one, at most 15.
+/// Position of `i` in a permutation of `0..=mask` that `key` chooses; `mask + 1` is a power of two
+/// of at most 16.
 #[inline(always)]
 fn permute(i: u32, mask: u32, key: u32) -> u32 {
     let i = (i ^ key) & mask;
@@ -58,8 +58,8 @@ fn second_dimension(index: u32) -> u32 {
     x.reverse_bits()
 }
 
-/// Nested uniform scramble of a number in `[0, 2^32)` whose highest bit is the first digit: each
-/// bit is flipped or not depending on the bits above it only (Laine and Karras, 2011; constants of
+/// Nested uniform scramble of a number in `[0, 2^32)` whose highest bit is the first digit. Whether
+/// a bit is flipped depends only on the bits above it (Laine and Karras, 2011; constants of
 /// Vegdahl's search).
 #[inline(always)]
 fn owen_scramble(x: u32, seed: u32) -> u32 {
@@ -78,7 +78,7 @@ mod tests {
 
     #[test]
     fn the_second_dimension_matches_its_direction_numbers() {
-        // v_1 = 1, v_j = 2 v_(j-1) xor v_(j-1), left aligned.
+        // The direction numbers: v_1 = 1, v_j = 2 v_(j-1) xor v_(j-1), left aligned.
         let mut directions = [0u32; 32];
         let mut v = 1u32 << 31;
         for d in &mut directions {

@@ -2,7 +2,7 @@
 
 use snell_math::{Vec2, rng};
 
-/// Sample `index` of `spp`, with strata visited in an order chosen by `key`.
+/// Sample `index` of `spp`. The strata are visited in an order that `key` chooses.
 pub fn point(key: u32, index: u32, spp: u32) -> Vec2 {
     let columns = (1..=spp.isqrt()).rev().find(|c| spp.is_multiple_of(*c)).unwrap_or(1);
     let rows = spp / columns;
@@ -14,8 +14,8 @@ pub fn point(key: u32, index: u32, spp: u32) -> Vec2 {
         .min(Vec2::splat(rng::ONE_MINUS_EPSILON))
 }
 
-/// Position of `index` in a pseudo-random permutation of `0..length` (Kensler, Correlated
-/// Multi-Jittered Sampling, 2013).
+/// Position of `index` in a pseudo-random permutation of `0..length` that `p` chooses (Kensler,
+/// Correlated Multi-Jittered Sampling, 2013).
 fn permute(mut index: u32, length: u32, p: u32) -> u32 {
     let w = length.next_power_of_two() - 1;
     loop {

@@ -1,30 +1,30 @@
-//! Sobol points distributed along a space-filling curve over the pixels, so that errors of
-//! neighbouring pixels are negatively correlated: the error of the picture is blue noise (Ahmed and
+//! Sobol points distributed along a space-filling curve over the pixels. The errors of neighbouring
+//! pixels are negatively correlated, so that the error of the picture is blue noise (Ahmed and
 //! Wonka, Screen-space blue-noise diffusion of Monte Carlo sampling error via hierarchical ordering
 //! of pixels, 2020; `ZSobolSampler` of pbrt-v4).
 //!
-//! One scrambled sequence per dimension serves a square of pixels. Position on the curve and number
-//! of the sample together, highest digits first, are a number in that sequence. So the samples of a
-//! pixel are a run whose length is a power of two, which is a net by itself; the union of two,
-//! four, sixteen … neighbours on the curve is a net too. The curve is Hilbert's instead of
-//! Morton's: the pairs of a Morton curve are always side by side, those of Hilbert's also one above
-//! the other, so that a binary scramble (see [`super::sobol`]) shuffles as well as a quaternary
-//! one.
+//! One scrambled sequence per dimension serves a square of pixels. The pixel's position on the
+//! curve followed by the sample's number, as digits, give the index in that sequence. The samples
+//! of a pixel are therefore a run whose length is a power of two, which is a (0, m, 2)-net by
+//! itself; the union of two, four, sixteen … neighbours on the curve is a net too. The curve is
+//! Hilbert's instead of Morton's. Pairs along a Morton curve are always side by side, while some of
+//! Hilbert's pairs are one above the other, so that a binary scramble (see [`super::sobol`])
+//! shuffles as well as a quaternary one.
 
-/// The position of a pixel's samples in the sequences of its square.
+/// The place of a pixel's samples in the sequences of its square.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stretch {
-    /// The square of pixels, all of which share sequences.
+    /// The square of pixels that share sequences.
     pub square: [u32; 2],
-    /// Number of the first sample.
+    /// Index of the first sample in the sequences.
     pub start: u32,
 }
 
-/// Logarithm of the side of the largest square.
+/// Binary logarithm of the side of the largest square, in pixels.
 const MAX_SIDE_LOG2: u32 = 8;
 
-/// The run of a pixel that takes `spp` samples. Squares are smaller where many samples would use up
-/// the 32-bit numbers.
+/// The place of a pixel that takes `spp` samples. Squares are smaller where many samples would
+/// exceed the range of 32-bit indices.
 pub fn stretch(pixel: [u32; 2], spp: u32) -> Stretch {
     let samples_log2 = spp.max(1).next_power_of_two().trailing_zeros();
     let side_log2 = ((32 - samples_log2) / 2).min(MAX_SIDE_LOG2);
@@ -39,7 +39,8 @@ fn hilbert_position([mut x, mut y]: [u32; 2], side_log2: u32) -> u32 {
     for level in (0..side_log2).rev() {
         let (right, low) = (x >> level & 1, y >> level & 1);
         position = position << 2 | (3 * right) ^ low;
-        // Rotate and mirror the quarter so that its curve runs like that of the whole.
+        // Rotates and mirrors the quarter so that its curve runs like the curve of the whole
+        // square.
         if low == 0 {
             if right == 1 {
                 (x, y) = (!x, !y);

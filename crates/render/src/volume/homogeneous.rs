@@ -1,5 +1,5 @@
-//! Batches of paths and light rays through homogeneous media without emission, with the bits of
-//! [`super::Walker`].
+//! Moves batches of paths and light rays through homogeneous media without emission, with the same
+//! bits as [`super::Walker`].
 
 use super::Numbers;
 use crate::integrator::dimension;
@@ -19,7 +19,8 @@ pub struct HomogeneousBatch {
     whose: Vec<u32>,
     phase: [HenyeyGreenstein; LANES],
     ways: Ways,
-    /// Random numbers of the paths, and the lanes of those that have used some already.
+    /// The first random numbers of the paths' walks, and the lanes whose paths have used these
+    /// already, with their further numbers.
     randoms: BatchRandoms<LANES>,
     later: Vec<(usize, Numbers)>,
     wide: Wide,
@@ -30,16 +31,16 @@ struct Ways {
     sigma_t: HitVectors,
     sigma_s: HitVectors,
     length: HitLanes,
-    /// By channel: throughputs of paths, or values of light rays, before and then after the
-    /// segment.
+    /// By channel: throughputs of paths or values of light rays, before `travel` or `attenuate`
+    /// those at the start of the segment, and afterwards those at the end.
     color: HitVectors,
-    /// Positions where paths were scattered.
+    /// The distance at which each path was scattered.
     distance: HitLanes,
     is_scattered: [u32; LANES],
 }
 
 impl HomogeneousBatch {
-    /// A batch for the paths of a sampler.
+    /// An empty batch, with random numbers of this sampler.
     pub fn new(sampler: &Sampler, wide: Wide) -> Self {
         let (length, distance, is_scattered) = ([0.0; LANES], [0.0; LANES], [0; LANES]);
         Self {
@@ -59,7 +60,7 @@ impl HomogeneousBatch {
         }
     }
 
-    /// Sets the depth of the vertices to which the following segments lead.
+    /// Sets the depth of the vertices to which the next segments lead.
     pub fn start(&mut self, sampler: &Sampler, depth: u32) {
         self.randoms.start(sampler, depth);
         self.clear();
@@ -71,12 +72,12 @@ impl HomogeneousBatch {
         self.later.clear();
     }
 
-    /// True if all lanes are used.
+    /// True if all lanes are in use.
     pub fn is_full(&self) -> bool {
         self.whose.len() == LANES
     }
 
-    /// Index of the path or light ray of each lane.
+    /// The index of the path or light ray in each lane in use.
     pub fn whose(&self) -> &[u32] {
         &self.whose
     }
@@ -97,8 +98,8 @@ impl HomogeneousBatch {
         self.ways.length[lane] = length;
     }
 
-    /// Puts a path into the next lane; it has already used this many steps of the random numbers of
-    /// its vertex.
+    /// Puts a path into the next lane. `step` random numbers of the way to its vertex have been
+    /// used already.
     #[inline(always)]
     pub fn push_path(
         &mut self,
@@ -119,7 +120,7 @@ impl HomogeneousBatch {
         self.push(whose, medium, length, throughput);
     }
 
-    /// Advances all paths along their segments.
+    /// Moves all paths along their segments.
     pub fn travel(&mut self) {
         let mut u = self.randoms.pairs(dimension::MEDIUM, Some(self.wide));
         for (lane, numbers) in &mut self.later {
@@ -132,18 +133,18 @@ impl HomogeneousBatch {
         );
     }
 
-    /// Advances all light rays along their segments.
+    /// Moves all light rays along their segments.
     pub fn attenuate(&mut self) {
         at_level!(Some(self.wide), attenuate, (ways: &mut Ways = &mut self.ways));
     }
 
-    /// The remaining throughput or value of a lane.
+    /// The throughput or value of a lane at the end of its segment.
     #[inline(always)]
     pub fn color(&self, lane: usize) -> SampledSpectrum {
         color_at(&self.ways.color, lane % LANES)
     }
 
-    /// The position where the path of a lane was scattered.
+    /// Where the path of a lane was scattered; `None` if it was not.
     #[inline(always)]
     pub fn scattered(&self, lane: usize) -> Option<Scattering> {
         let lane = lane % LANES;

@@ -1,34 +1,35 @@
-//! The nested objects that a path is inside.
+//! The set of nested objects that a path is inside.
 
 use snell_scene::medium::MediumProperties;
 use snell_scene::{MaterialId, MediumId};
 
-/// The largest number of nested objects at a point; further ones are ignored.
+/// The largest number of objects at a point; further ones are ignored.
 const MOST: usize = 6;
 
-/// The content of an object.
+/// What fills an object.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Filling {
     /// Nothing.
     #[default]
     Empty,
-    /// A medium of the scene.
+    /// This medium of the scene.
     Medium(MediumId),
-    /// The material's own medium where the path entered: an index into [`OwnMedia`].
+    /// The material's own medium with the values of the point where the path entered: an index into
+    /// [`OwnMedia`].
     Own(u32),
 }
 
-/// The media that materials define, evaluated where paths entered.
+/// The media that materials define, evaluated at the points where paths entered.
 pub type OwnMedia = Vec<MediumProperties>;
 
 /// One object that a path is inside.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Inside {
-    /// The material of the surface that bounds it.
+    /// The material of the surface that bounds the object.
     pub material: MaterialId,
-    /// Priority where objects overlap.
+    /// The object's priority: where objects overlap, the highest is active.
     pub priority: i32,
-    /// Its content.
+    /// What fills the object.
     pub filling: Filling,
 }
 
@@ -51,17 +52,18 @@ impl Default for Insides {
 }
 
 impl Insides {
-    /// All objects.
+    /// All objects, in the order in which they were entered.
     pub fn entered(&self) -> &[Inside] {
         &self.entries[..self.count]
     }
 
-    /// The active object: the last one of the highest priority. `None` outside of all.
+    /// The active object: the one entered last among those of the highest priority. `None` outside
+    /// of all objects.
     pub fn innermost(&self) -> Option<&Inside> {
         self.entered().iter().max_by_key(|inside| inside.priority)
     }
 
-    /// The active object if those of one material are ignored.
+    /// The active object when those bounded by this material are ignored.
     pub fn innermost_but(&self, material: MaterialId) -> Option<&Inside> {
         self.entered()
             .iter()
@@ -69,12 +71,12 @@ impl Insides {
             .max_by_key(|inside| inside.priority)
     }
 
-    /// The content at the point, where `everywhere` is the content outside of all objects.
+    /// What fills the space at the point. `everywhere` fills the space outside of all objects.
     pub fn filling(&self, everywhere: Filling) -> Filling {
         self.innermost().map_or(everywhere, |inside| inside.filling)
     }
 
-    /// Enters one more.
+    /// Enters an object.
     pub fn enter(&mut self, inside: Inside) {
         if self.count < MOST {
             self.entries[self.count] = inside;
@@ -82,7 +84,7 @@ impl Insides {
         }
     }
 
-    /// Leaves the last object that this material bounds, if there is one.
+    /// Leaves the object that was entered last of those that this material bounds, if there is one.
     pub fn leave(&mut self, material: MaterialId) {
         if let Some(at) = self.entered().iter().rposition(|inside| inside.material == material) {
             self.entries.copy_within(at + 1..self.count, at);

@@ -1,5 +1,5 @@
-//! Batches of rays that pass interfaces: the points where they continue, with the bits of
-//! [`snell_intersect::SurfacePoint`].
+//! Finds, for batches of rays that pass interfaces, the points where they continue, with the same
+//! bits as [`snell_intersect::SurfacePoint`].
 
 use crate::compile::CompiledScene;
 use crate::lanes::{LANES, ZERO, at, put};
@@ -8,10 +8,10 @@ use snell_intersect::{GeometryId, Hit, RayQuery, SurfacePoint, TriangleHits, Tri
 use snell_math::simd::Wide;
 use snell_math::{Ray, Vec3, at_level, robust};
 
-/// Up to this number, rays are processed one by one.
+/// Batches of at most this many rays are processed one by one.
 const FEW: usize = 6;
 
-/// The point where a ray continues.
+/// The point of an interface where a ray continues.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct InterfaceCrossing {
     /// The origin of the continued ray.
@@ -22,11 +22,11 @@ pub struct InterfaceCrossing {
     pub on_curve: bool,
 }
 
-/// Finds [`InterfaceCrossing`]s.
+/// Finds [`InterfaceCrossing`]s for batches of rays.
 #[derive(Debug)]
 pub struct InterfaceCrossings<'a> {
     scene: &'a CompiledScene,
-    /// The triangles of each geometry that is a plain mesh.
+    /// The triangles of each geometry that is a plain mesh; `None` for other geometries.
     meshes: Vec<Option<PlainMesh<'a>>>,
     wide: Option<Wide>,
     triangles: TriangleHits,
@@ -36,7 +36,7 @@ pub struct InterfaceCrossings<'a> {
     found: Vec<InterfaceCrossing>,
 }
 
-/// Directions and new origins, by lane.
+/// Directions and new origins of rays, by lane.
 #[derive(Debug)]
 struct Ways {
     direction: HitVectors,
@@ -55,7 +55,7 @@ impl InterfaceCrossing {
 }
 
 impl<'a> InterfaceCrossings<'a> {
-    /// For hits on a scene.
+    /// Makes the data for hits on this scene.
     pub fn new(scene: &'a CompiledScene) -> Self {
         let plain = |geometry: usize| scene.world.plain_mesh(GeometryId(geometry as u32));
         Self {
@@ -74,7 +74,7 @@ impl<'a> InterfaceCrossings<'a> {
         &self.found
     }
 
-    /// Computes the points where rays continue from their hits, each at its time.
+    /// Computes the points where rays continue from these hits. `times` are the times of the rays.
     pub fn find(&mut self, rays: &[Ray], times: &[f32], hits: &[Hit]) {
         self.found.clear();
         self.found.resize(rays.len(), InterfaceCrossing::default());
@@ -119,13 +119,13 @@ impl<'a> InterfaceCrossings<'a> {
     }
 }
 
-/// The mesh of a hit, if it is a plain mesh.
+/// The mesh that was hit, if it is a plain one outside of instances.
 #[inline(always)]
 fn plain<'m, 'a>(meshes: &'m [Option<PlainMesh<'a>>], hit: &Hit) -> Option<&'m PlainMesh<'a>> {
     meshes[hit.geometry as usize].as_ref().filter(|_| hit.instance == 0)
 }
 
-/// As [`SurfacePoint::ray_origin`] and [`SurfacePoint::is_front_facing`].
+/// Applies [`SurfacePoint::ray_origin`] and [`SurfacePoint::is_front_facing`] in every lane.
 #[inline(always)]
 fn leave(points: &TrianglePoints, ways: &mut Ways) {
     for i in 0..LANES {

@@ -1,4 +1,4 @@
-//! Numbered sets of objects that rays are inside, so that paths and light rays need only store a
+//! Numbered sets of the objects that rays are inside, so that paths and light rays store only a
 //! number.
 
 use super::insides::{Filling, Inside};
@@ -6,36 +6,36 @@ use super::{Insides, OwnMedia};
 use snell_scene::MaterialId;
 use std::collections::HashMap;
 
-/// Entries of the cache of crossings; a power of two.
+/// The number of entries of the cache of crossings; a power of two.
 const REMEMBERED: usize = 64;
 
-/// All sets of objects that rays of a batch are inside, and the content of each. Number 0 is the
-/// empty set.
+/// All sets of objects that the rays of a batch are inside, with what fills the space in each.
+/// Number 0 is the empty set.
 #[derive(Debug)]
 pub struct KnownInsides {
     all: Vec<(Insides, Filling)>,
-    /// The content outside of all objects.
+    /// What fills the space outside of all objects.
     everywhere: Filling,
     numbers: HashMap<Vec<Inside>, u32>,
-    /// A cache of the results of the last crossings.
+    /// A cache of the sets to which recent crossings led.
     recent: [Option<(Crossed, u32)>; REMEMBERED],
-    /// The media that materials define.
+    /// The media that materials define, evaluated at points.
     pub own: OwnMedia,
 }
 
-/// The key of a crossing.
+/// What identifies a crossing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Crossed {
-    /// The insides before.
+    /// The number of the set before the crossing.
     pub from: u32,
-    /// The material of the surface.
+    /// The material of the surface that is crossed.
     pub material: MaterialId,
-    /// To its inside.
+    /// True if the ray crosses to the inside of the surface.
     pub enters: bool,
 }
 
 impl KnownInsides {
-    /// Only number 0, given the content outside of all objects.
+    /// Only the empty set, with `everywhere` as what fills it.
     pub fn new(everywhere: Filling) -> Self {
         let (all, numbers, own) = (Vec::new(), HashMap::new(), OwnMedia::new());
         let mut known = Self { all, everywhere, numbers, recent: [None; REMEMBERED], own };
@@ -43,7 +43,7 @@ impl KnownInsides {
         known
     }
 
-    /// Removes all but number 0.
+    /// Removes all sets but the empty one.
     pub fn clear(&mut self) {
         self.all.clear();
         self.numbers.clear();
@@ -52,7 +52,7 @@ impl KnownInsides {
         self.number(Insides::default());
     }
 
-    /// The number of a set.
+    /// The number of a set, which is added if it is new.
     pub fn number(&mut self, insides: Insides) -> u32 {
         if let Some(&number) = self.numbers.get(insides.entered()) {
             return number;
@@ -69,14 +69,14 @@ impl KnownInsides {
         &self.all[number as usize].0
     }
 
-    /// The content of a set.
+    /// What fills the space in the set with this number.
     #[inline]
     pub fn filling(&self, number: u32) -> Filling {
         self.all[number as usize].1
     }
 
-    /// The number of the set to which a crossing leads. `find` computes it, and returns whether all
-    /// crossings with the same key lead there.
+    /// The number of the set after a crossing. `find` computes that set, and returns with it
+    /// whether all crossings with the same key lead to it.
     #[inline]
     pub fn crossed(
         &mut self,

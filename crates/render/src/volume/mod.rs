@@ -1,18 +1,15 @@
-//! Rays through media: the objects that a path is inside, and its scattering and attenuation
-//! between two surfaces.
+//! Rays through media: the objects that a path is inside, and how the path is scattered and
+//! attenuated between two surfaces.
 //!
-//! Light passes the boundaries of media that have no surface of their own; a path, or a light ray,
-//! is then traced on from there, so its way to the next vertex may consist of several segments. All
-//! results are functions of the ray, the state of the path, and random numbers that are bound to
-//! (pixel, sample, vertex, step); the driver makes the batches.
+//! Light passes boundaries of media that have no surface of their own. A path or light ray is then
+//! traced on from the boundary, so its way to the next vertex may consist of several segments. All
+//! results are functions of the ray, the state of the path, and random numbers that depend on
+//! (pixel, sample, vertex, step) alone; the driver forms the batches.
 //!
 //! [`Walker`] handles one ray, as the textbook renderer needs it. Batches compute the same with the
 //! same bits: sets of objects are numbered ([`KnownInsides`]), the points where rays continue are
 //! computed 64 at a time ([`InterfaceCrossings`]), and so is the transport in homogeneous media
-//! ([`HomogeneousBatch`]). In a Cornell box around a cube of fog, everything except tracing took
-//! 2,000 ns a sample without batches, 1,300 with numbered sets and crossings, and 1,000 with
-//! segments and vertices (`batch/media.rs`) in lanes too. The rest has no single hot spot: moving
-//! data into and out of lanes costs more than the arithmetic.
+//! ([`HomogeneousBatch`]).
 
 mod homogeneous;
 mod insides;

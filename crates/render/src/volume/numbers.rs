@@ -5,28 +5,29 @@ use crate::sampler::Random;
 use snell_math::Vec2;
 
 /// An unlimited sequence of pairs of uniform numbers for the way between two vertices. The first
-/// pair of a path is a well-distributed one of the sampler; all others are independent.
+/// pair of a path is a well-distributed one of the sampler; all other pairs are independent.
 #[derive(Clone, Copy, Debug)]
 pub struct Numbers {
     random: Random,
     step: u32,
 }
 
-/// Steps of light rays are counted from here, one such range for each light ray of a vertex.
+/// The number of steps that are reserved for the path, and for each light ray of a vertex.
 const LIGHT_RAY: u32 = 1 << 24;
 
 impl Numbers {
-    /// The numbers for the way of a path to the vertex of `random`, after this many steps.
+    /// The numbers for the way of a path to the vertex of `random`, of which `step` pairs were used
+    /// already.
     pub fn of_path(random: Random, step: u32) -> Self {
         Self { random, step }
     }
 
-    /// The numbers for the way of the light ray of this index from the vertex of `random`.
+    /// The numbers for the way of light ray `number` from the vertex of `random`.
     pub fn of_light_ray(random: Random, number: u32) -> Self {
         Self { random, step: LIGHT_RAY.wrapping_mul(number.wrapping_add(1)) }
     }
 
-    /// The number of steps so far.
+    /// The number of pairs used so far.
     pub fn step(&self) -> u32 {
         self.step
     }

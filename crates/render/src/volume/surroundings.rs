@@ -7,13 +7,13 @@ use snell_intersect::Hit;
 /// The media around the paths of a batch.
 #[derive(Clone, Copy)]
 pub struct Surroundings<'a> {
-    /// The walker, which has the media of the scene.
+    /// The walker, which holds the media of the scene.
     pub walker: &'a Walker<'a>,
-    /// All sets of objects that paths are inside.
+    /// All sets of objects that the paths are inside.
     pub known: &'a KnownInsides,
-    /// The number of the set of each path.
+    /// The number of each path's set.
     pub insides: &'a [u32],
-    /// The points where media scattered paths.
+    /// The points at which media scattered the paths.
     pub scattered: &'a [Option<MediumVertex>],
 }
 

@@ -1,5 +1,5 @@
-//! Media in pictures: closed forms, furnaces, agreement of strategies, and bits that depend on
-//! nothing.
+//! Tests of media in pictures: closed forms, furnaces, agreement of strategies, and bits that
+//! depend neither on threads nor on batches.
 
 use crate::reference::ray_cast;
 use crate::{CompiledScene, Filter, IntegratorKind, Job, LightStrategy, Settings};
@@ -22,7 +22,7 @@ fn add_box(scene: &mut Scene, min: DVec3, max: DVec3, material: MaterialId) {
     scene.add_child(scene.root, Node { surfaces, ..Node::default() });
 }
 
-/// An interface around a medium.
+/// Adds a material that is an interface around a medium.
 fn around(scene: &mut Scene, medium: impl Into<Medium>) -> MaterialId {
     let medium = scene.add_medium(medium);
     scene.add_material(Material::interface("cloud", medium))
@@ -36,7 +36,7 @@ fn camera(z: f32) -> Camera {
     Camera::look_at(Vec3::new(0.0, 0.0, z), Vec3::ZERO, Vec3::Y, 0.01)
 }
 
-/// Colours of all pixels.
+/// The colours of all pixels of a render.
 fn render(scene: &Scene, camera: &Camera, settings: &Settings) -> Vec<[f64; 3]> {
     let compiled = CompiledScene::new(scene, &settings.build).expect("a valid scene");
     let (film, statistics) = Job::new(&compiled, camera, settings).run(4, &|_| true);
@@ -56,7 +56,8 @@ fn mean(pixels: &[[f64; 3]]) -> [(f64, f64); 3] {
     })
 }
 
-/// All pixels have the same expected value, so their deviation estimates the error.
+/// Settings for pictures in which all pixels have the same expected value, so that their deviation
+/// estimates the error.
 fn settings(spp: u32) -> Settings {
     Settings { size: [16, 16], spp, filter: Filter::Box, ..Settings::default() }
 }
@@ -71,7 +72,7 @@ fn assert_mean(pixels: &[[f64; 3]], expected: [f64; 3]) {
     }
 }
 
-/// A ball of density that falls off outwards, in a box of side 2.
+/// A ball of a medium whose density falls off outwards, in a box of side 2.
 fn puff(sigma_a: Rgb, sigma_s: Rgb, g: f32) -> Grid {
     let n = 10;
     let value = |i: usize| {
@@ -104,7 +105,7 @@ fn clear_colours_of_glass_are_those_of_lambert_and_beer() {
 
 #[test]
 fn a_slab_scatters_once_what_the_integral_says() {
-    // A directional light from the side of the camera, 60 degrees off the normal.
+    // A directional light from the camera's side, 60 degrees off the normal.
     let (sigma_a, sigma_s, g) = (Rgb::new(0.2, 0.1, 0.0), Rgb::new(0.8, 0.4, 2.0), 0.4f32);
     let travelling = DVec3::new(0.75f64.sqrt(), 0.0, -0.5);
     let media = [
@@ -125,7 +126,7 @@ fn a_slab_scatters_once_what_the_integral_says() {
         add_box(&mut scene, DVec3::new(-50.0, -50.0, -1.5), DVec3::new(50.0, 50.0, 0.0), material);
         scene.add_light(Directional { direction: travelling, irradiance: Rgb::splat(PI as f32) });
         let settings = Settings { max_depth: 1, ..settings(64) };
-        // Deflected so that it goes towards the camera, +z.
+        // Light that is deflected towards the camera, along +z.
         let cos = travelling.z;
         let gd = f64::from(g);
         let phase = (1.0 - gd * gd) / (4.0 * PI * (1.0 + gd * gd - 2.0 * gd * cos).powf(1.5));
@@ -186,7 +187,8 @@ fn nothing_is_seen_of_a_medium_that_only_scatters_in_a_furnace() {
     }
 }
 
-/// Fog with a lamp in it, a cloud, a ball of coloured glass with a bubble, and a matt floor.
+/// A scene of fog with a lamp in it, a cloud, a ball of coloured glass with a bubble, and a matte
+/// floor.
 fn everything() -> (Scene, Camera) {
     let mut scene = Scene::new("everything");
     sky(&mut scene, Rgb::new(0.1, 0.2, 0.3));
@@ -219,7 +221,7 @@ fn everything() -> (Scene, Camera) {
     add_box(&mut scene, DVec3::splat(-1.0), DVec3::splat(1.0), cloud);
     add_ball(&mut scene, DVec3::new(1.6, 0.2, 1.0), 0.7, glass);
     add_ball(&mut scene, DVec3::new(1.6, 0.2, 1.0), 0.3, bubble);
-    // Reaches into the glass, which hides a part of it.
+    // The drink reaches into the glass, which hides a part of it.
     add_ball(&mut scene, DVec3::new(2.6, 0.2, 1.0), 0.5, drink);
     add_ball(&mut scene, DVec3::new(-1.5, 1.8, 1.0), 0.4, lamp);
     (scene, Camera::look_at(Vec3::new(0.4, 0.8, 3.9), Vec3::new(0.4, 0.0, 0.0), Vec3::Y, 0.8))
@@ -266,8 +268,8 @@ fn threads_and_passes_change_no_bit_of_media() {
 #[test]
 fn strategies_agree_on_light_in_media() {
     let (scene, camera) = everything();
-    // Light that comes straight from smooth glass can be found in one way only and is noisy in all:
-    // leave it out.
+    // Light directly from smooth glass can be found by one strategy only and is noisy in all, so it
+    // is left out.
     let estimate = |light_strategy, seed| {
         let settings = Settings {
             size: [10, 8],
@@ -281,7 +283,7 @@ fn strategies_agree_on_light_in_media() {
     };
     let runs = |strategy| (0..4).map(|seed| estimate(strategy, seed)).collect::<Vec<_>>();
     let all = [LightStrategy::Mis, LightStrategy::Light, LightStrategy::Bsdf].map(runs);
-    // The mean of the picture, by run.
+    // The mean of the picture for each run.
     let of = |runs: &Vec<Vec<[f64; 3]>>| {
         let means: Vec<[f64; 3]> = runs.iter().map(|r| mean(r).map(|(m, _)| m)).collect();
         mean(&means)
@@ -297,8 +299,8 @@ fn strategies_agree_on_light_in_media() {
 
 #[test]
 fn a_point_light_in_fog_has_the_closed_form_of_its_halo_in_the_limit_of_thin_fog() {
-    // Single scattering of isotropic fog so thin that it hardly absorbs: sigma_s I / (4 pi) * angle
-    // / distance to the ray.
+    // Expected: single scattering in isotropic fog so thin that it hardly absorbs, sigma_s I / (4
+    // pi) times the angle divided by the distance to the ray.
     let mut scene = Scene::new("halo");
     let fog = Homogeneous::scattering(Rgb::splat(1e-4), Rgb::WHITE, 0.0);
     scene.medium = Some(scene.add_medium(fog));
@@ -310,14 +312,14 @@ fn a_point_light_in_fog_has_the_closed_form_of_its_halo_in_the_limit_of_thin_fog
         attenuation,
         body_radius: 0.0,
     });
-    // A wall ends the rays at z = -2.
+    // A wall at z = -2 ends the rays.
     let wall = scene.add_material(Material::new("wall", snell_scene::material::Black {}));
     add_box(&mut scene, DVec3::new(-9.0, -9.0, -3.0), DVec3::new(9.0, 9.0, -2.0), wall);
     let camera = Camera::look_at(Vec3::new(0.0, 0.0, 2.0), Vec3::ZERO, Vec3::Y, 1e-3);
     let settings =
         Settings { integrator: IntegratorKind::Direct, size: [32, 32], ..settings(1024) };
     let angle = 2.0 * (2.0f64 / 0.5).atan();
-    // Nearly all rays pass: the noise is that of the few that do not.
+    // Nearly all rays pass, so the noise is that of the few that do not.
     for (mean, error) in mean(&render(&scene, &camera, &settings)) {
         assert!(
             (mean - angle / 0.5).abs() < 4.0 * error + 1e-3 * mean,
@@ -329,8 +331,8 @@ fn a_point_light_in_fog_has_the_closed_form_of_its_halo_in_the_limit_of_thin_fog
 
 #[test]
 fn a_lamp_in_fog_looks_the_same_with_less_noise_where_distances_are_drawn_near_it() {
-    // Fog that thins out with no height is the same everywhere, but distances are drawn without
-    // regard to lamps.
+    // Height fog without a scale height has the same density everywhere, but its distances are
+    // sampled without equiangular sampling.
     let (sigma_a, sigma_s, g) = (Rgb::splat(0.01), Rgb::new(0.05, 0.06, 0.1), 0.3);
     let plain =
         HeightFog { sigma_a, sigma_s, g, base: DVec3::ZERO, up: DVec3::Y, scale_height: 0.0 };
@@ -364,14 +366,14 @@ fn a_lamp_in_fog_looks_the_same_with_less_noise_where_distances_are_drawn_near_i
                 (a - b).abs() < 4.5 * error_a.hypot(error_b),
                 "channel {c}: {near:?} {plain:?}"
             );
-            // Where light is scattered again, some noise is that of where.
+            // Where light is scattered again, a part of the noise comes from the later scatterings.
             let gain = if max_depth == 1 { 3.0 } else { 2.0 };
             assert!(error_a * gain < error_b, "channel {c}: {near:?} {plain:?}");
         }
     }
 }
 
-/// Two balls of radius 1 around `x = -0.5` and `x = 0.5`, seen along x.
+/// A scene of two balls of radius 1 around `x = -0.5` and `x = 0.5`, seen along x.
 fn overlapping(priorities: [i32; 2], eye: f32) -> (Scene, Camera) {
     let mut scene = Scene::new("overlap");
     sky(&mut scene, Rgb::WHITE);
@@ -385,12 +387,13 @@ fn overlapping(priorities: [i32; 2], eye: f32) -> (Scene, Camera) {
 
 #[test]
 fn where_media_overlap_the_higher_priority_is_there_or_the_one_entered_last() {
-    // From -1.5 to -0.5 the first alone, to 0.5 both, to 1.5 the second alone.
+    // From x = -1.5 to -0.5 only the first ball fills the space, up to 0.5 both do, and up to 1.5
+    // only the second.
     for (priorities, eye, thickness) in [
         ([0, 0], -3.0, 1.0 + 0.25 + 0.25),
         ([1, 0], -3.0, 1.0 + 1.0 + 0.25),
         ([0, 1], -3.0, 1.0 + 0.25 + 0.25),
-        // The camera is within one, or both, or on the way out.
+        // The camera is inside one ball, inside both, or on the way out.
         ([1, 0], -1.0, 0.5 + 1.0 + 0.25),
         ([1, 0], 0.0, 0.5 + 0.25),
         ([0, 1], 0.0, 0.125 + 0.25),

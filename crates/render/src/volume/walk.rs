@@ -1,4 +1,4 @@
-//! Steps of paths and light rays from surface to surface.
+//! Moves paths and light rays from surface to surface through media.
 
 use super::insides::{Filling, Inside};
 use super::interface_crossings::InterfaceCrossing;
@@ -16,7 +16,7 @@ use snell_math::{ColorMode, Ray, SampledSpectrum, Vec2, Vec3};
 use snell_scene::medium::{EquiangularLight, Glow, MediumProperties, Scattering, Segment, Travel};
 use snell_scene::{MaterialId, MediumId};
 
-/// Walks through the media of a scene.
+/// Moves rays through the media of a scene.
 #[derive(Clone, Copy, Debug)]
 pub struct Walker<'a> {
     scene: &'a CompiledScene,
@@ -25,29 +25,30 @@ pub struct Walker<'a> {
     strategy: LightStrategy,
 }
 
-/// The result of advancing a path along a ray.
+/// What happened to a path along a ray.
 #[derive(Clone, Copy, Debug)]
 pub enum PathStep {
-    /// It arrived at the hit, or left the scene.
+    /// The path arrived at the hit, or left the scene.
     Arrived,
-    /// A medium scattered it.
+    /// A medium scattered the path at this vertex.
     Scattered(MediumVertex),
-    /// It passed an interface and continues along its new ray.
+    /// The path passed an interface and continues along its new ray.
     Passed,
 }
 
-/// The result of advancing a light ray.
+/// What happened to a light ray.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LightStep {
-    /// It arrived at the light.
+    /// The light ray arrived at the light.
     Arrived,
-    /// It was absorbed or blocked.
+    /// The light ray was absorbed or blocked.
     Blocked,
-    /// It passed an interface and continues along its new ray.
+    /// The light ray passed an interface and continues along its new ray.
     Passed,
 }
 
-/// True if rays also hit interfaces, which only media make visible.
+/// Accepts what the scene's filter accepts, and interfaces too, which matter to rays through media
+/// only.
 impl HitFilter for Walker<'_> {
     fn accept(&self, ray: &Ray, hit: &Hit) -> bool {
         self.accept_at(ray, 0.0, hit)
@@ -60,7 +61,7 @@ impl HitFilter for Walker<'_> {
 }
 
 impl<'a> Walker<'a> {
-    /// `None` if the scene has no media.
+    /// Makes the walker; `None` if the scene has no media.
     pub fn new(context: &Context<'a>) -> Option<Self> {
         let &Context { scene, lights, settings, .. } = context;
         scene.volumes.as_ref().map(|table| Self {
@@ -71,27 +72,28 @@ impl<'a> Walker<'a> {
         })
     }
 
-    /// The surface at a hit.
+    /// The surface at a hit of a ray.
     pub fn interaction(&self, ray: &Ray, time: f32, hit: &Hit) -> SurfaceInteraction {
         self.scene.interaction(ray, time, hit)
     }
 
-    /// True if rays may pass surfaces and must be traced further from there.
+    /// True if rays may pass some surfaces, and must be traced on from there.
     pub fn has_passable(&self) -> bool {
         self.table.has_passable
     }
 
-    /// True if a ray may pass a surface that blocks other rays.
+    /// True if priorities let some rays pass a surface that blocks other rays.
     pub fn has_priorities(&self) -> bool {
         self.table.has_priorities
     }
 
-    /// True if testing light rays for occlusion first costs more than following them to their end.
+    /// True if following light rays through media to their end is cheaper than testing them for
+    /// occlusion first.
     pub fn follows_light_rays(&self) -> bool {
         self.has_passable() && self.table.is_in_closed_form()
     }
 
-    /// The filter of hits; `None` if every hit counts.
+    /// The filter of hits, which accepts every hit if the scene allows it.
     pub fn filter(&self) -> &dyn HitFilter {
         if self.table.sees_all { &AcceptAll } else { self }
     }
@@ -101,7 +103,7 @@ impl<'a> Walker<'a> {
         self.table.is_in_closed_form()
     }
 
-    /// Advances a path along its ray up to a hit. Emission on the way is added to `radiance`.
+    /// Moves a path along its ray up to a hit. Emission on the way is added to `radiance`.
     pub fn step(
         &self,
         own: &mut OwnMedia,
@@ -125,7 +127,8 @@ impl<'a> Walker<'a> {
         PathStep::Passed
     }
 
-    /// Moves a path through its current medium up to a hit, or to the point where it is scattered.
+    /// Moves a path through its current medium up to a hit, or to the point where the medium
+    /// scatters it. Returns that point.
     pub fn travel(
         &self,
         own: &OwnMedia,
@@ -144,7 +147,7 @@ impl<'a> Walker<'a> {
         travel.scattered.map(|scattered| Self::vertex(ray, carried, &scattered))
     }
 
-    /// The point where a medium scattered the path of a ray.
+    /// The vertex at which a medium scattered the path of a ray.
     pub fn vertex(
         ray: &Ray,
         carried: &Carried,
@@ -154,8 +157,8 @@ impl<'a> Walker<'a> {
         MediumVertex { position: ray.at(distance), phase, footprint }
     }
 
-    /// Moves a path to the interface that it hit, and returns that; `None` if the path ended, or
-    /// does not pass the surface.
+    /// Moves a path to the surface that it hit, and returns the surface's material if the path
+    /// passes the surface. `None` if the path has ended or does not pass.
     pub fn path_passes(
         &self,
         insides: &Insides,
@@ -170,7 +173,7 @@ impl<'a> Walker<'a> {
         Some(material)
     }
 
-    /// Advances a light ray up to a hit, multiplying its value by the transmittance.
+    /// Moves a light ray up to a hit, and multiplies its value by the transmittance.
     pub fn light_step(
         &self,
         own: &mut OwnMedia,
@@ -199,13 +202,14 @@ impl<'a> Walker<'a> {
         if left > 0.0 { LightStep::Passed } else { LightStep::Arrived }
     }
 
-    /// The surface that a light ray passes at its hit, if there is a hit; `None` if the surface
-    /// blocks it.
+    /// Returns `None` if a surface blocks the light ray at its hit, otherwise the material of the
+    /// surface that it passes; that is `None` without a hit.
     pub fn light_passes(&self, insides: &Insides, hit: &Hit) -> Option<Option<MaterialId>> {
         if hit.is_hit() { self.passed(insides, hit).map(Some) } else { Some(None) }
     }
 
-    /// Moves a ray through the surface that it hit, and returns the continued ray.
+    /// Moves a ray through the surface that it hit. Updates the objects that it is inside, and
+    /// returns the origin of the continued ray.
     fn pass(
         &self,
         own: &mut OwnMedia,
@@ -260,7 +264,7 @@ impl<'a> Walker<'a> {
         medium.travel_weighted(segment, throughput, mode, weight, &mut || numbers.next())
     }
 
-    /// Travel through a homogeneous medium.
+    /// Moves a path through a homogeneous medium.
     fn travel_homogeneous(
         &self,
         medium: &MediumProperties,
@@ -277,8 +281,8 @@ impl<'a> Walker<'a> {
         }
     }
 
-    /// The light near which a path is scattered more often (equiangular sampling). Only for paths
-    /// that were not scattered before: after that, most light comes from all around.
+    /// The light near which the path is scattered more often (equiangular sampling). Only paths
+    /// that were not scattered before have one: after that, most light comes from all directions.
     fn equiangular_light(
         &self,
         carried: &Carried,
@@ -292,7 +296,7 @@ impl<'a> Walker<'a> {
         equiangular_lights.sample(|| numbers.next().x)
     }
 
-    /// The light of an emissive medium.
+    /// The number of a medium among the lights, and its emission, if it can be sampled.
     fn glow(&self, medium: MediumId) -> Option<(usize, &'a Glow)> {
         let light = self.scene.light_of_medium(medium)?;
         match &self.scene.lights()[light] {
@@ -301,12 +305,14 @@ impl<'a> Walker<'a> {
         }
     }
 
-    /// True if a light ray that ends inside these objects is in the medium whose light it carries.
+    /// True if a light ray that ends inside these objects is in the medium whose light it carries,
+    /// or carries no light of a medium.
     pub fn is_in(&self, insides: &Insides, glowing: Option<MediumId>) -> bool {
         glowing.is_none_or(|medium| self.filling(insides) == Filling::Medium(medium))
     }
 
-    /// The transmittance of a light ray up to a hit, or to its end.
+    /// The value of a light ray after a hit or its end: multiplied by the transmittance up to
+    /// there.
     pub fn attenuate(
         &self,
         own: &OwnMedia,
@@ -329,13 +335,13 @@ impl<'a> Walker<'a> {
         }
     }
 
-    /// The content outside of all objects.
+    /// What fills the space outside of all objects.
     pub fn everywhere(&self) -> Filling {
         self.table.everywhere.map_or(Filling::Empty, Filling::Medium)
     }
 
-    /// The medium of an object, if it is homogeneous without emission; its values for
-    /// [`ColorMode::Rgb`].
+    /// The values in [`ColorMode::Rgb`] of the medium that fills an object, if it is homogeneous
+    /// and emits no light.
     pub fn homogeneous_in_rgb<'m>(
         &'m self,
         own: &'m OwnMedia,
@@ -349,7 +355,7 @@ impl<'a> Walker<'a> {
         medium.filter(|medium| medium.emission.is_black())
     }
 
-    /// True if media scatter a path [more often](Self::equiangular_light) near lights.
+    /// True if media scatter the path [more often](Self::equiangular_light) near lights.
     pub fn seeks_equiangular_lights(&self, carried: &Carried) -> bool {
         self.table.equiangular_lights.is_some()
             && carried.marks.is_specular()
@@ -360,8 +366,8 @@ impl<'a> Walker<'a> {
         insides.filling(self.everywhere())
     }
 
-    /// The material of the surface, if a ray passes it: an interface, or a surface hidden by an
-    /// object of higher priority.
+    /// The material of the surface that was hit, if a ray passes it. The surface is then an
+    /// interface, or hidden by an object of higher priority.
     fn passed(&self, insides: &Insides, hit: &Hit) -> Option<MaterialId> {
         let material = self.scene.material_id(hit);
         let is_hidden = |boundary: &Boundary| {
@@ -371,13 +377,13 @@ impl<'a> Walker<'a> {
         self.table.boundary(material).filter(|b| b.is_interface || is_hidden(b)).map(|_| material)
     }
 
-    /// Index of refraction on the outer side of a surface.
+    /// Index of refraction on the outer side of the surface that was hit.
     pub fn outside_ior(&self, insides: &Insides, hit: &Hit) -> f32 {
         let outside = insides.innermost_but(self.scene.material_id(hit));
         outside.and_then(|inside| self.table.boundary(inside.material)).map_or(1.0, |b| b.ior)
     }
 
-    /// The objects that a ray is inside after passing a surface.
+    /// The objects that a ray in this direction is inside after it passes a surface.
     pub fn beyond(
         &self,
         own: &mut OwnMedia,
@@ -390,8 +396,8 @@ impl<'a> Walker<'a> {
         self.through(own, insides, &SurfacePoint::from(surface), hit, direction, mode, || *surface)
     }
 
-    /// [`Self::beyond`], which computes the whole surface only where the medium inside depends on
-    /// it.
+    /// [`Self::beyond`] with a part of the surface. `surface` computes the whole of it, and is
+    /// called only where the medium inside depends on it.
     #[inline]
     pub fn through(
         &self,
@@ -404,7 +410,7 @@ impl<'a> Walker<'a> {
         surface: impl FnOnce() -> SurfaceInteraction,
     ) -> Insides {
         let material = self.scene.material_id(hit);
-        // Curves are hit from outside only, so a ray that enters would never leave.
+        // Curves are hit from outside only, so a ray that enters one would never leave.
         let Some(boundary) = self.table.boundary(material).filter(|_| !point.on_curve) else {
             return *insides;
         };
@@ -430,7 +436,8 @@ impl<'a> Walker<'a> {
         insides
     }
 
-    /// The same by number, where a ray passes a surface of this material.
+    /// The number of the set of objects after a ray passes a surface of this material, given the
+    /// number before.
     pub fn crossed(
         &self,
         known: &mut KnownInsides,
@@ -474,12 +481,12 @@ impl<'a> Walker<'a> {
         Inside { material: id, priority: boundary.interior.priority, filling }
     }
 
-    /// The objects that a point is inside, outermost first: those whose surface a majority of three
-    /// rays first hits from inside.
+    /// The objects that a point is inside, outermost first. An object counts if at least two of
+    /// three rays from the point first hit its surface from inside.
     pub fn surfaces_around(&self, point: Vec3) -> Vec<(MaterialId, SurfaceInteraction)> {
-        /// The largest number of surfaces that a ray passes.
+        /// The largest number of surfaces that a ray may pass.
         const MOST_SURFACES: usize = 1000;
-        /// An arbitrary direction.
+        /// Three arbitrary directions.
         const DIRECTIONS: [Vec3; 3] = [
             Vec3::new(0.267, 0.802, 0.535),
             Vec3::new(-0.873, 0.218, 0.436),
@@ -512,7 +519,7 @@ impl<'a> Walker<'a> {
                 around.push((*id, *surface));
             }
         }
-        // The farther away the exit, the earlier the entry.
+        // The farther away a ray leaves an object, the earlier that object counts as entered.
         around.sort_by(|a, b| {
             (b.1.position - point).length().total_cmp(&(a.1.position - point).length())
         });
@@ -536,7 +543,7 @@ impl<'a> Walker<'a> {
     }
 }
 
-/// The ray parameter of the hit, or of the end of the ray.
+/// The parameter `t` of the hit, or of the end of the ray.
 pub fn end_of(ray: &Ray, hit: &Hit) -> f32 {
     if hit.is_hit() { hit.t } else { ray.t_max }
 }
@@ -546,7 +553,7 @@ pub fn length_to(ray: &Ray, hit: &Hit) -> f32 {
     end_of(ray, hit) * ray.direction.length()
 }
 
-/// The segment up to there.
+/// The segment of the ray up to a hit, or to its end.
 fn segment_to(ray: &Ray, hit: &Hit) -> Segment {
     let direction = ray.direction / ray.direction.length();
     Segment { origin: ray.origin, direction, length: length_to(ray, hit) }

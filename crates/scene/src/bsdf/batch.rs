@@ -1,4 +1,5 @@
-//! BSDFs for a batch of directions: the bits of [`Lobes`], in loops that become vector code.
+//! BSDFs for a batch of directions, with the same bits as [`Lobes`], in loops that become vector
+//! code.
 
 use super::branchless::{BranchlessDrawn, BranchlessLobes};
 use super::coat::BatchCoated;
@@ -11,38 +12,41 @@ use super::{Bsdf, ConductorBsdf, GlossyBsdf, Lobes};
 use snell_math::simd::Wide;
 use snell_math::{ColorMode, ColorModel, SampledSpectrum, Vec2, Vec3, at_level};
 
-/// Directions in a batch.
+/// The number of directions in a batch.
 pub const BATCH: usize = 16;
 
-/// A number for each.
+/// A number for each direction of a batch.
 type Numbers = [f32; BATCH];
-/// A vector for each.
+/// A vector for each direction of a batch, by axis.
 type Vectors = [Numbers; 3];
-/// A spectrum for each.
+/// A spectrum for each direction of a batch, by channel.
 type Spectra = [Numbers; 4];
 
 /// Spectra of a BSDF by their role, which differs from kind to kind. A mixture of metal and gloss
-/// has the first two in common.
+/// uses `base` and `specular` for both.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LobeSpectra<T = SampledSpectrum> {
-    /// Reflectance of the body below a gloss; the reflectance of a metal at normal incidence, or
-    /// the real part of its index of refraction; tint of light that crosses glass.
+    /// For a gloss the reflectance of the body below it; for a metal the reflectance at normal
+    /// incidence, or the real part of the index of refraction; for glass the tint of light that
+    /// crosses it.
     pub base: T,
-    /// Tint of a gloss; the factor of a metal at the edge ([`super::FacetReflectance`]), or the
-    /// imaginary part of its index; tint of glass reflections on the outer side.
+    /// For a gloss its tint; for a metal the factor at the edge ([`super::FacetReflectance`]), or
+    /// the imaginary part of the index of refraction; for glass the tint of reflections on the
+    /// outer side.
     pub specular: T,
-    /// Factor on the reflectance of a metal; tint of glass reflections on the inner side.
+    /// For a metal a factor on its reflectance; for glass the tint of reflections on the inner
+    /// side.
     pub other: T,
 }
 
 impl<T> LobeSpectra<T> {
-    /// Applies a function to each.
+    /// Applies a function to each spectrum.
     #[inline(always)]
     pub fn map<U>(self, mut f: impl FnMut(T) -> U) -> LobeSpectra<U> {
         LobeSpectra { base: f(self.base), specular: f(self.specular), other: f(self.other) }
     }
 
-    /// References to each.
+    /// References to the spectra.
     #[inline(always)]
     pub fn each_ref(&self) -> LobeSpectra<&T> {
         LobeSpectra { base: &self.base, specular: &self.specular, other: &self.other }
@@ -52,42 +56,42 @@ impl<T> LobeSpectra<T> {
 /// The inputs of an evaluation, in the frame of the BSDF.
 #[derive(Clone, Copy, Debug)]
 pub struct BatchInputs<'a> {
-    /// 0 for lanes that are not used: their outputs mean nothing.
+    /// 1 for lanes that are evaluated, 0 for others, whose outputs are arbitrary.
     pub is_active: &'a [u32; BATCH],
-    /// As [`BatchPoint::spectra`]: in [`snell_math::ColorMode::Rgb`] only the first three channels
-    /// of the base are used.
+    /// See [`BatchPoint::spectra`]. In [`snell_math::ColorMode::Rgb`] only the first three channels
+    /// of `base` are used.
     pub spectra: LobeSpectra<[&'a Numbers; 4]>,
-    /// Whether spectra are colours.
+    /// The colour model: what the channels of spectra stand for.
     pub color: ColorModel,
-    /// As [`BatchPoint::alpha`].
+    /// See [`BatchPoint::alpha`].
     pub alpha: &'a Numbers,
-    /// As [`BatchPoint::metalness`].
+    /// See [`BatchPoint::metalness`].
     pub metalness: &'a Numbers,
     /// Unit directions towards the viewer.
     pub wo: [&'a Numbers; 3],
-    /// Unit directions towards the light, for value and density.
+    /// Unit directions towards the light, for which value and density are computed.
     pub wi: [&'a Numbers; 3],
-    /// Numbers in `[0, 1)` for a direction that is drawn, as in [`Lobes::draw_from`].
+    /// Numbers in `[0, 1)` that choose the lobe of a sampled direction; see [`Lobes::draw_from`].
     pub u_lobe: &'a Numbers,
-    /// Further numbers in `[0, 1)` for such a direction.
+    /// Further numbers in `[0, 1)` for the sampled direction.
     pub u: [&'a Numbers; 2],
 }
 
-/// Parameters that may vary over a surface. A BSDF uses only those that it has.
+/// Parameters of a BSDF that may vary over a surface. A BSDF uses only those that it has.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BatchPoint {
-    /// Spectra of the lane. In [`snell_math::ColorMode::Rgb`] only the base is used: the
-    /// reflectance of a body below a gloss, and of the metal mixed with it at normal incidence. In
-    /// spectral colour all spectra.
+    /// The spectra. In [`snell_math::ColorMode::Rgb`] only `base` is used: the reflectance of a
+    /// body below a gloss, which is also that of the metal mixed with the gloss at normal
+    /// incidence. In spectral mode all three are used.
     pub spectra: LobeSpectra,
-    /// Width of the facet distribution of such a mixture, see [`super::Widths`].
+    /// Width of the facet distribution of a mixture of metal and gloss, see [`super::Widths`].
     pub alpha: f32,
-    /// Share of the metal.
+    /// Fraction of metal in such a mixture.
     pub metalness: f32,
 }
 
 impl BatchPoint {
-    /// A point with a body of this reflectance, where nothing else varies.
+    /// A point at which the reflectance of the body is the only parameter that varies.
     pub fn with_body(body: SampledSpectrum) -> Self {
         Self {
             spectra: LobeSpectra { base: body, ..LobeSpectra::default() },
@@ -100,28 +104,28 @@ impl BatchPoint {
 /// The outputs of an evaluation.
 #[derive(Clone, Debug, Default)]
 pub struct BatchOutputs {
-    /// As [`Lobes::value_and_pdf_from`].
+    /// The value of [`Lobes::value_and_pdf_from`] for `wi`.
     pub value: Spectra,
-    /// As [`Lobes::value_and_pdf_from`].
+    /// The density of [`Lobes::value_and_pdf_from`] for `wi`.
     pub pdf: Numbers,
-    /// The direction that was drawn.
+    /// The sampled unit direction.
     pub drawn: Vectors,
-    /// As [`super::BsdfSample::weight`].
+    /// See [`super::BsdfSample::weight`].
     pub weight: Spectra,
-    /// As [`super::BsdfSample::pdf`].
+    /// See [`super::BsdfSample::pdf`].
     pub drawn_pdf: Numbers,
-    /// As [`super::BsdfSample::is_delta`]: 0 if not.
+    /// 1 if [`super::BsdfSample::is_delta`], 0 if not.
     pub is_delta: [u32; BATCH],
-    /// As [`super::BsdfSample::is_transmission`]: 0 if not.
+    /// 1 if [`super::BsdfSample::is_transmission`], 0 if not.
     pub is_transmission: [u32; BATCH],
-    /// As [`Lobes::crossing_scale`] if the direction crosses the surface, 1 if not.
+    /// [`Lobes::crossing_scale`] if the sampled direction crosses the surface, otherwise 1.
     pub crossing: Numbers,
-    /// 0 if no direction was drawn.
+    /// 1 if a direction was sampled, 0 if not.
     pub exists: [u32; BATCH],
 }
 
-/// A BSDF that can be evaluated in batches, as it is in [`snell_math::ColorMode::Rgb`]; in spectral
-/// colour by the [`LobeSpectra`] of each lane.
+/// A BSDF that can be evaluated in batches. It holds the spectra of [`snell_math::ColorMode::Rgb`];
+/// in spectral mode each lane brings its [`LobeSpectra`].
 #[derive(Clone, Debug)]
 pub struct BatchBsdf(Kind);
 
@@ -200,7 +204,7 @@ impl BatchBsdf {
         measured.or_else(|| BatchMetal::of(metal).map(Kind::Colored)).map(Self)
     }
 
-    /// Its parameters where they do not vary over the surface.
+    /// The BSDF's own parameters, for surfaces over which they do not vary.
     pub fn point(&self) -> BatchPoint {
         BatchPoint::with_body(match &self.0 {
             Kind::RoughGloss(gloss) => gloss.body(),
@@ -212,7 +216,8 @@ impl BatchBsdf {
         })
     }
 
-    /// The spectra of this BSDF in another mode of colour; `None` if it has no batch form there.
+    /// The spectra of `bsdf`, which may be in any colour mode; `None` if its kind has no batch
+    /// form.
     pub fn spectra_of(bsdf: &Bsdf) -> Option<LobeSpectra> {
         match bsdf {
             Bsdf::Glossy(gloss) => Some(gloss.spectra()),
@@ -223,7 +228,7 @@ impl BatchBsdf {
         }
     }
 
-    /// True if there is a coat in the frame of the base.
+    /// True if the BSDF has a coat in the frame of its base.
     pub fn has_coat(&self) -> bool {
         use Kind::{RoughCoatedGloss, RoughCoatedMetal, SmoothCoatedGloss, SmoothCoatedMetal};
         matches!(
@@ -232,22 +237,22 @@ impl BatchBsdf {
         )
     }
 
-    /// True if light goes through.
+    /// True if the BSDF transmits light.
     pub fn transmits(&self) -> bool {
         matches!(self.0, Kind::Glass(_))
     }
 
-    /// True if it can be evaluated with any [`BatchPoint::with_body`].
+    /// True if the BSDF can be evaluated with any [`BatchPoint::with_body`].
     pub fn takes_any_body(&self) -> bool {
         matches!(self.0, Kind::RoughGloss(_) | Kind::Mixed(_))
     }
 
-    /// True if it can be evaluated with any [`BatchPoint`] that is rough.
+    /// True if the BSDF can be evaluated with any rough [`BatchPoint`].
     pub fn takes_any_point(&self) -> bool {
         matches!(self.0, Kind::Mixed(_))
     }
 
-    /// Evaluates and samples it for all lanes.
+    /// Evaluates the BSDF for all active lanes, and samples a direction for each.
     pub fn evaluate(&self, inputs: &BatchInputs, outputs: &mut BatchOutputs, wide: Option<Wide>) {
         macro_rules! evaluate_by {
             ($type:ty, $bsdf:expr) => {
@@ -546,7 +551,7 @@ mod tests {
         }
     }
 
-    /// Questions of each kind.
+    /// Inputs for the evaluation of BSDFs of each kind.
     struct Inputs {
         spectra: LobeSpectra<Spectra>,
         alpha: Numbers,
@@ -565,7 +570,8 @@ mod tests {
                 let number = |use_of: u32| rng::uniform2([seed[0], seed[1], i as u32, use_of]);
                 let [mut wo, mut wi] =
                     [1, 2].map(|use_of| sampling::uniform_sphere(number(use_of)));
-                // Grazing directions, those in the surface, and mirror directions too.
+                // Grazing directions, directions in the surface, and mirror directions are tested
+                // too.
                 match i {
                     0 => wo.z = 0.0,
                     1 => wi.z = 0.0,

@@ -4,8 +4,8 @@
 //! Its highlights have shorter tails than those of [`super::Ggx`]. All directions here lie above
 //! the surface (`z > 0`), and all surfaces are rough. The formulas are those of Walter et al.,
 //! Microfacet Models for Refraction through Rough Surfaces (EGSR 2007, section 5.2), with Smith's
-//! masking by the exact error function, arranged so that nothing is divided by a cosine that may
-//! vanish.
+//! masking by the exact error function. They are arranged so that nothing is divided by a cosine
+//! that may vanish.
 
 use super::{fresnel, unit_or, widths::Widths};
 use snell_math::{Vec2, Vec3, exponentials};
@@ -14,8 +14,8 @@ use std::f64::consts::{FRAC_2_SQRT_PI, PI};
 /// `1 / sqrt(pi)`.
 const FRAC_1_SQRT_PI: f64 = 0.5 * FRAC_2_SQRT_PI;
 
-/// The distribution with these widths: each is the square root of 2 times the standard deviation of
-/// slopes.
+/// Beckmann's distribution with these widths. Each width is the square root of 2 times the standard
+/// deviation of slopes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Beckmann(Widths);
 
@@ -25,11 +25,12 @@ impl From<Widths> for Beckmann {
     }
 }
 
-/// A direction in the space in which the widths are 1, not of unit length: what masking depends on.
-/// Slopes are those along it: facets of positive ones are turned away from the viewer.
+/// A direction in the space in which both widths are 1, not normalised. Masking depends on it
+/// alone. Slopes are measured along the direction: facets of positive slope are turned away from
+/// the viewer.
 #[derive(Clone, Copy, Debug)]
 struct Stretched {
-    /// Length of the part along the surface.
+    /// Length of the direction's component along the surface.
     spread: f64,
     z: f64,
 }
@@ -40,7 +41,8 @@ impl Stretched {
         self.z / self.spread
     }
 
-    /// `z` times Smith's `Lambda`: the area that visible facets hide, projected to the direction.
+    /// `z` times Smith's `Lambda`: the area of facets that other facets hide, projected to the
+    /// direction.
     fn hidden(self) -> f64 {
         let a = self.steepest();
         (0.5 * exponentials::exp(-a * a)
@@ -48,14 +50,14 @@ impl Stretched {
         .max(0.0)
     }
 
-    /// Area of all visible facets, projected to the direction: the integral of [`Self::visible`]
-    /// over all slopes.
+    /// The area of all visible facets, projected to the direction. It is the integral of
+    /// [`Self::visible`] over all slopes.
     fn area(self) -> f64 {
         self.z + self.hidden()
     }
 
-    /// Area of the visible facets with slopes up to `x`, projected to the direction, and its
-    /// derivative. `x` is at most the steepest slope.
+    /// The area of visible facets with slopes up to `x`, projected to the direction, and its
+    /// derivative with respect to `x`. `x` must be at most the steepest slope.
     fn visible(self, x: f64) -> (f64, f64) {
         let gaussian = exponentials::exp(-x * x);
         let tail = 0.5 * gaussian * exponentials::erfcx(x.abs());
@@ -64,11 +66,11 @@ impl Stretched {
         (area, FRAC_1_SQRT_PI * gaussian * (self.z - self.spread * x))
     }
 
-    /// The slope below which this share of the visible facets lies (Heitz and d'Eon, Importance
-    /// Sampling Microfacet-Based BSDFs using the Distribution of Visible Normals, EGSR 2014; by
-    /// Newton's method within shrinking bounds).
+    /// The slope below which the fraction `share` of the visible facets lies (Heitz and d'Eon,
+    /// Importance Sampling Microfacet-Based BSDFs using the Distribution of Visible Normals, EGSR
+    /// 2014), by Newton's method within shrinking bounds.
     fn slope(self, share: f64) -> f64 {
-        /// A slope of facets that are never drawn, and the minimum share.
+        /// A slope steeper than any that is sampled, and the smallest fraction.
         const WIDEST: f64 = 5.0;
         const LEAST: f64 = 1.0 / (1u64 << 25) as f64;
         let (share, all) = (share.clamp(LEAST, 1.0 - LEAST), self.area());
@@ -88,9 +90,10 @@ impl Stretched {
         x
     }
 
-    /// The initial guess of [`Self::slope`]: between the Gaussian, as seen along the normal, and
-    /// the Rayleigh distribution, as seen at grazing angles. Both are elementary (the first by
-    /// Winitzki, A handy approximation for the error function and its inverse, 2008).
+    /// The initial guess of [`Self::slope`]. It lies between a Gaussian distribution, which is seen
+    /// along the normal, and a Rayleigh distribution, which is seen at grazing angles. Both have
+    /// elementary inverses (the first by Winitzki, A handy approximation for the error function and
+    /// its inverse, 2008).
     fn roughly(self, share: f64, all: f64) -> f64 {
         const A: f64 = 0.147;
         let rayleigh = -(-exponentials::ln(share)).sqrt();
@@ -104,7 +107,7 @@ impl Stretched {
 }
 
 impl Beckmann {
-    /// The widths.
+    /// The widths of the distribution.
     pub fn widths(self) -> Widths {
         self.0
     }
@@ -113,7 +116,7 @@ impl Beckmann {
         Stretched { spread: self.0.spread(w).into(), z: w.z.into() }
     }
 
-    /// Density of microfacet normals `m` (per steradian and unit of surface).
+    /// Density of microfacet normals `m`, per steradian and unit of surface area.
     pub fn density(self, m: Vec3) -> f32 {
         let [x, y, z] = [m.x / self.0.x, m.y / self.0.y, m.z].map(f64::from);
         let (z2, area) = (z * z, f64::from(self.0.x) * f64::from(self.0.y));
@@ -124,19 +127,25 @@ impl Beckmann {
         }
     }
 
+    /// As [`super::Ggx::visible_area`].
+    pub(super) fn visible_area(self, wo: Vec3) -> f32 {
+        self.stretched(wo).area() as f32
+    }
+
     /// `G2(wo, wi) / (4 wo.z wi.z)`.
-    fn visibility(self, wo: Vec3, wi: Vec3) -> f32 {
+    pub(super) fn visibility(self, wo: Vec3, wi: Vec3) -> f32 {
         let (o, i) = (self.stretched(wo), self.stretched(wi));
         (0.25 / (o.z * i.z + i.z * o.hidden() + o.z * i.hidden())) as f32
     }
 
-    /// `G2(wo, wi) / G1(wo)`: the weight of a sample drawn from the visible normals.
+    /// `G2(wo, wi) / G1(wo)`: the weight of a sample of the visible normals.
     pub fn shadowing(self, wo: Vec3, wi: Vec3) -> f32 {
         let (o, i) = (self.stretched(wo), self.stretched(wi));
         (i.z * o.area() / (i.z * o.area() + o.z * i.hidden())) as f32
     }
 
-    /// Draws a facet normal among those visible from `wo`; `u.y` along the direction, `u.x` across.
+    /// Samples a facet normal among those visible from `wo`. `u.y` chooses the slope along the
+    /// direction, `u.x` the slope across it.
     pub fn sample_visible_normal(self, wo: Vec3, u: Vec2) -> Vec3 {
         let along = self.stretched(wo).slope(u.y.into()) as f32;
         let across = Stretched { spread: 0.0, z: 1.0 }.slope(u.x.into()) as f32;
@@ -148,26 +157,27 @@ impl Beckmann {
 
     /// Density of [`Self::sample_visible_normal`] per steradian of normals.
     pub fn visible_normal_pdf(self, wo: Vec3, m: Vec3) -> f32 {
-        self.density(m) * wo.dot(m).max(0.0) / self.stretched(wo).area() as f32
+        self.density(m) * wo.dot(m).max(0.0) / self.visible_area(wo)
     }
 
-    /// Facet normal that reflects `wi` to `wo`, `f |cos(wi)|` of that reflection by facets of
-    /// reflectance 1, and the density of [`Self::sample_reflection`] per steradian of `wi`.
+    /// The facet normal that reflects `wi` to `wo`, the value `f |cos(wi)|` of that reflection by
+    /// facets of reflectance 1, and the density of [`Self::sample_reflection`] per steradian of
+    /// `wi`.
     pub fn reflection_and_pdf(self, wo: Vec3, wi: Vec3) -> Option<(Vec3, f32, f32)> {
         let m = (wo + wi).try_normalize().filter(|m| m.z > 0.0)?;
         let density = self.density(m);
-        let pdf = if wi.z > 0.0 { density * 0.25 / self.stretched(wo).area() as f32 } else { 0.0 };
+        let pdf = if wi.z > 0.0 { density * 0.25 / self.visible_area(wo) } else { 0.0 };
         Some((m, density * self.visibility(wo, wi) * wi.z, pdf))
     }
 
-    /// Draws a direction of reflection of `wo` at visible normals. `None` for one that goes below
-    /// the surface.
+    /// Samples a direction into which facets visible from `wo` reflect it. `None` if the sampled
+    /// direction goes below the surface.
     pub fn sample_reflection(self, wo: Vec3, u: Vec2) -> Option<Vec3> {
         let wi = fresnel::reflect(wo, self.sample_visible_normal(wo, u));
         (wi.z > 0.0).then_some(wi)
     }
 
-    /// As [`super::Ggx::refraction_flux`].
+    /// See [`super::Ggx::refraction_flux`].
     pub fn refraction_flux(self, wo: Vec3, wi: Vec3, m: Vec3) -> f32 {
         self.density(m) * 4.0 * self.visibility(wo, wi) * wi.z * wo.dot(m).abs()
     }
@@ -219,7 +229,7 @@ mod tests {
 
     #[test]
     fn masking_is_that_of_the_rational_approximation() {
-        // Walter et al., the equation after 27: error below 0.35 %.
+        // The equation after 27 in Walter et al., with an error below 0.35 %.
         for i in 1..400 {
             let a = f64::from(i) * 0.01;
             let seen = Stretched { spread: 1.0, z: a };
@@ -270,7 +280,7 @@ mod tests {
                 if wi.z <= 0.0 {
                     continue;
                 }
-                // Lobes that are narrow and grazed are sensitive to the last digits.
+                // Narrow lobes at grazing angles are sensitive to the last digits.
                 let Some((_, value, pdf)) =
                     beckmann.reflection_and_pdf(wo, wi).filter(|r| r.2 > 1e-20)
                 else {

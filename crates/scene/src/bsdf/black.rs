@@ -3,7 +3,7 @@
 use super::{Drawn, Lobes};
 use snell_math::{SampledSpectrum, Vec2, Vec3};
 
-/// Absorbs everything: surfaces that only emit.
+/// The BSDF of surfaces that absorb all light and at most emit some.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct BlackBsdf;
 

@@ -4,30 +4,32 @@ use super::{BsdfSample, Drawn, Lobes};
 use snell_math::{SampledSpectrum, Vec2, Vec3, sampling};
 use std::f32::consts::{FRAC_1_PI, PI};
 
-/// Rough matte surfaces look flatter and send more light back where it came from than smooth ones,
-/// which are Lambertian (Portsmouth, Kutz and Hill, EON: A practical energy-preserving rough
-/// diffuse BRDF, 2024). A white one loses nothing at any roughness.
+/// A matte surface. Smooth ones are Lambertian; rough ones look flatter and reflect more light back
+/// towards where it came from (Portsmouth, Kutz and Hill, EON: A practical energy-preserving rough
+/// diffuse BRDF, 2024). A white one absorbs nothing at any roughness.
 #[derive(Clone, Copy, Debug)]
 pub struct DiffuseBsdf {
-    /// Share of light reflected by a facet, `[0, 1]`: that of the surface where it is smooth.
+    /// The fraction of light that a facet reflects, in `[0, 1]`: the albedo where the surface is
+    /// smooth.
     reflectance: SampledSpectrum,
     roughness: f32,
-    /// `A` of the model, and the factor of the lobe for light that bounces off several facets.
+    /// `A` of the model, and the factor on the lobe of light that bounces off several facets.
     level: f32,
     bounced: SampledSpectrum,
 }
 
-/// Constants of Fujii's model: loss of level, and gain of the mean albedo.
+/// Constants of Fujii's model: the loss of level, and the gain of the mean albedo, both per unit of
+/// roughness.
 const LEVEL: f32 = 0.5 - 2.0 / (3.0 * PI);
 const MEAN: f32 = 2.0 / 3.0 - 28.0 / (15.0 * PI);
 
 impl DiffuseBsdf {
-    /// Lambertian reflection.
+    /// Lambertian reflection with this reflectance.
     pub fn lambertian(reflectance: SampledSpectrum) -> Self {
         Self::new(reflectance, 0.0)
     }
 
-    /// A matte surface of this roughness, `[0, 1]`.
+    /// A matte surface of this reflectance and roughness, both in `[0, 1]`.
     pub fn new(reflectance: SampledSpectrum, roughness: f32) -> Self {
         let roughness = super::bounded(roughness, 1.0);
         let level = 1.0 / (1.0 + LEVEL * roughness);
@@ -41,18 +43,18 @@ impl DiffuseBsdf {
         Self { reflectance, roughness, level, bounced }
     }
 
-    /// True if nothing is reflected.
+    /// True if the surface reflects nothing.
     pub(super) fn is_black(&self) -> bool {
         self.reflectance.is_black()
     }
 
-    /// True if all directions get equal radiance.
+    /// True if all directions receive the same radiance.
     pub(crate) fn is_lambertian(&self) -> bool {
         self.roughness == 0.0
     }
 
-    /// Share of light that a white surface does not reflect by single facets towards a direction of
-    /// this cosine.
+    /// The fraction of light that a white surface does not reflect by single facets, towards a
+    /// direction with this cosine.
     fn lost(&self, cos: f32) -> f32 {
         let sin = (1.0 - cos * cos).max(0.0).sqrt();
         let g = sin * (cos.clamp(-1.0, 1.0).acos() - sin * cos)
@@ -60,7 +62,7 @@ impl DiffuseBsdf {
         (1.0 - self.level * (1.0 + self.roughness * FRAC_1_PI * g)).max(0.0)
     }
 
-    /// `pi f` for directions above.
+    /// `pi f` for directions above the surface.
     pub(super) fn value(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
         if self.is_lambertian() {
             return self.reflectance;
@@ -80,7 +82,7 @@ impl DiffuseBsdf {
             + self.lost(cos_o) * self.lost(cos_i) / (1.0 - mean).max(1e-6)
     }
 
-    /// Share of light reflected towards a direction of this cosine.
+    /// The fraction of light that is reflected, for a direction with this cosine.
     pub(super) fn directional_albedo(&self, cos: f32) -> SampledSpectrum {
         if self.is_lambertian() {
             return self.reflectance;

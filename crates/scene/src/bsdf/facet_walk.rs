@@ -1,17 +1,17 @@
-//! An independent reference for light that bounces between facets: a walk over the facets of a
-//! random surface (Heitz, Hanika, d'Eon and Dachsbacher, Multiple-Scattering Microfacet BSDFs with
-//! the Smith Model, SIGGRAPH 2016), in double precision and without code of the lobes.
+//! An independent reference for light that bounces between facets: a random walk over the facets of
+//! a random surface (Heitz, Hanika, d'Eon and Dachsbacher, Multiple-Scattering Microfacet BSDFs
+//! with the Smith Model, SIGGRAPH 2016), in double precision and without the code of the lobes.
 //!
-//! The lobes add the loss of a single bounce as a diffuse lobe, whose construction guarantees only
-//! that no energy is lost. These tests check that it goes to the right side and has the right
-//! colour.
+//! The lobes add what a single bounce loses as a diffuse lobe, whose construction guarantees only
+//! that no energy is lost. These tests check that the light goes to the right side and has the
+//! right colour.
 
 use super::{Lobes, tests::bsdf};
 use crate::material::{Conductor, Dielectric, MaterialKind};
 use snell_math::{DVec3, Rgb, Vec2, Vec3, rng};
 use std::f64::consts::TAU;
 
-/// Numbers for one walk.
+/// The random numbers of one walk.
 struct Numbers {
     walk: u32,
     next: u32,
@@ -24,14 +24,14 @@ impl Numbers {
     }
 }
 
-/// Smith's `Lambda` of GGX, also for directions that go down (equation 5 there).
+/// Smith's `Lambda` of GGX, also for directions that point down (equation 5 of the paper).
 fn lambda(w: DVec3, alpha: f64) -> f64 {
     let slope2 = alpha * alpha * (1.0 - w.z * w.z).max(0.0) / (w.z * w.z).max(1e-300);
     0.5 * ((1.0 + slope2).sqrt().copysign(w.z) - 1.0)
 }
 
-/// The height, in `[-1, 1]`, at which a ray from a height hits a facet; `None` if it leaves
-/// (algorithm 3 there, with uniform heights).
+/// The height, in `[-1, 1]`, at which a ray from `height` hits a facet; `None` if it leaves the
+/// surface (algorithm 3 of the paper, with uniform heights).
 fn next_height(w: DVec3, height: f64, alpha: f64, u: f64) -> Option<f64> {
     let (above, lambda) = (0.5 * (height + 1.0), lambda(w, alpha));
     if w.z > 0.0 && u > 1.0 - above.powf(lambda) {
@@ -40,8 +40,8 @@ fn next_height(w: DVec3, height: f64, alpha: f64, u: f64) -> Option<f64> {
     Some((2.0 * above / (1.0 - u).powf(1.0 / lambda) - 1.0).clamp(-1.0, 1.0))
 }
 
-/// A facet as it is seen from a direction, which may be below (Dupuy and Benyoub, Sampling Visible
-/// GGX Normals with Spherical Caps, 2023).
+/// Samples the normal of a facet that is visible from `w`, which may point down (Dupuy and Benyoub,
+/// Sampling Visible GGX Normals with Spherical Caps, 2023).
 fn visible_facet(w: DVec3, alpha: f64, numbers: &mut Numbers) -> DVec3 {
     let stretched = DVec3::new(alpha * w.x, alpha * w.y, w.z).normalize();
     let (u, phi) = (numbers.next(), TAU * numbers.next());
@@ -51,7 +51,7 @@ fn visible_facet(w: DVec3, alpha: f64, numbers: &mut Numbers) -> DVec3 {
     DVec3::new(alpha * half.x, alpha * half.y, half.z).normalize()
 }
 
-/// Share of light that a dielectric reflects, and the cosine of the refracted direction.
+/// The fraction of light that a dielectric reflects, and the cosine of the refracted direction.
 fn fresnel(cos: f64, eta: f64) -> (f64, f64) {
     let sin2 = (1.0 - cos * cos) / (eta * eta);
     if sin2 >= 1.0 {
@@ -65,19 +65,20 @@ fn fresnel(cos: f64, eta: f64) -> (f64, f64) {
     (0.5 * (p * p + s * s), through)
 }
 
-/// The scattering of facets.
+/// How facets scatter light.
 enum Facets {
-    /// Index of the far side over that of the near one.
+    /// As glass, with the index of refraction of the far side divided by that of the near side.
     Glass(f64),
-    /// Reflectance at normal incidence, by Schlick.
+    /// As metal, with this reflectance at normal incidence, by Schlick's approximation.
     Metal([f64; 3]),
 }
 
-/// The end of a walk: whether it is on the near side, and the share of light left.
+/// Walks until the light leaves the surface. Returns whether it leaves on the near side, and the
+/// fraction of light that is left.
 fn walk(wo: DVec3, alpha: f64, facets: &Facets, numbers: &mut Numbers) -> (bool, [f64; 3]) {
     let (mut ray, mut height, mut is_near, mut left) = (-wo, 1.0, true, [1.0; 3]);
     for _ in 0..1000 {
-        // (The far side is the same surface upside down.)
+        // Seen from the far side, the surface is the same upside down.
         let side = if is_near { 1.0 } else { -1.0 };
         let Some(next) = next_height(ray * side, height * side, alpha, numbers.next()) else {
             return (is_near, left);
@@ -111,7 +112,7 @@ fn walk(wo: DVec3, alpha: f64, facets: &Facets, numbers: &mut Numbers) -> (bool,
 
 const WALKS: u32 = 1 << 14;
 
-/// Share of light that comes back to the near side after all bounces.
+/// The fraction of light that comes back to the near side after all bounces.
 fn reflected(wo: DVec3, alpha: f64, facets: &Facets) -> [f64; 3] {
     let mut sum = [0.0; 3];
     for n in 0..WALKS {
@@ -122,7 +123,7 @@ fn reflected(wo: DVec3, alpha: f64, facets: &Facets) -> [f64; 3] {
     sum.map(|sum| sum / f64::from(WALKS))
 }
 
-/// The same share computed by the lobes of a material.
+/// The fraction that the lobes of a material reflect.
 fn reflected_by_lobes(kind: &MaterialKind, wo: Vec3) -> [f64; 3] {
     let (bsdf, mut sum) = (bsdf(kind), [0.0; 3]);
     for n in 0..WALKS {
@@ -136,12 +137,13 @@ fn reflected_by_lobes(kind: &MaterialKind, wo: Vec3) -> [f64; 3] {
     sum.map(|sum| sum / f64::from(WALKS))
 }
 
-/// Directions above, from the normal to grazing.
+/// Directions above the surface, from the normal to grazing.
 fn views() -> [DVec3; 4] {
     [1.0f64, 0.85, 0.5, 0.2].map(|z| DVec3::new((1.0 - z * z).sqrt(), 0.0, z))
 }
 
-/// The largest difference, of all views on both sides, at some roughness.
+/// The largest difference over all views on both sides of glass of this roughness, with a
+/// description.
 fn glass_is_off_by(roughness: f32) -> (f64, String) {
     let (mut worst, alpha) = ((0.0, String::new()), f64::from(roughness).powi(2));
     for ior in [1.33f32, 1.5, 2.0] {
@@ -163,11 +165,9 @@ fn glass_is_off_by(roughness: f32) -> (f64, String) {
     worst
 }
 
-/// The diffuse lobes transmit the same share from all directions. On very rough glass seen from the
-/// inside more goes through the steeper a walk begins, so lobes are off there: by 0.19 from grazing
-/// directions at a roughness of 0.9. (Shares that go with `0.25 + cos` were nearer, 0.05 instead of
-/// 0.07 at a roughness of 0.7, but with their mean read from a table a furnace of Beckmann's glass
-/// was off by 0.0018.)
+/// The diffuse lobes transmit the same fraction from all directions. On very rough glass seen from
+/// inside, more light is transmitted the steeper a walk begins, so the lobes are off there: by 0.19
+/// from grazing directions at a roughness of 0.9.
 #[test]
 fn rough_glass_reflects_about_what_a_walk_over_its_facets_does() {
     for (roughness, most) in [(0.3, 0.025), (0.5, 0.025), (0.7, 0.09), (0.9, 0.22)] {

@@ -1,25 +1,27 @@
-//! A film about as thin as the wavelength of light: soap bubbles, oil on water, anodised metal.
+//! A thin film, about as thick as the wavelength of light: soap bubbles, oil on water, anodised
+//! metal.
 //!
-//! Airy's sum over the reflections between the faces of the film (Belcour and Barla, A Practical
-//! Extension to Microfacet Theory for the Modeling of Varying Iridescence, SIGGRAPH 2017). In
-//! spectral mode it is taken at the wavelengths; in RGB mode the cosines of the series are averaged
-//! over the sensitivity of the channels by the Gaussians that the paper's authors fitted. The base
-//! is given by its reflectance at normal incidence, as in `KHR_materials_iridescence`.
+//! The reflectance is Airy's sum over the reflections between the faces of the film (Belcour and
+//! Barla, A Practical Extension to Microfacet Theory for the Modeling of Varying Iridescence,
+//! SIGGRAPH 2017). In spectral mode it is evaluated at the wavelengths. In RGB mode the cosines of
+//! the series are averaged over the sensitivity of the channels, by the Gaussians that the paper's
+//! authors fitted. The base is described by its reflectance at normal incidence, as in
+//! `KHR_materials_iridescence`.
 
 use super::fresnel;
 use snell_math::{ColorMode, Rgb, SampledSpectrum};
 use std::f32::consts::PI;
 
-/// A film on a surface.
+/// A thin film on a surface.
 #[derive(Clone, Copy, Debug)]
 pub struct ThinFilm {
-    /// Share of the surface that it covers, `[0, 1]`.
+    /// Fraction of the surface that the film covers, in `[0, 1]`.
     pub weight: f32,
     /// Thickness in nanometres.
     pub thickness: f32,
-    /// Index of refraction over that of the outside, positive.
+    /// Index of refraction of the film divided by that of the outside; positive.
     pub ior: f32,
-    /// The colour mode of the lanes.
+    /// What the lanes of spectra stand for.
     pub mode: ColorMode,
 }
 
@@ -78,14 +80,14 @@ impl Film for Option<ThinFilm> {
 struct Series {
     constant: f32,
     amplitude: f32,
-    /// Ratio of the amplitudes of successive passages through the film.
+    /// Ratio of the amplitudes of successive passages of light through the film.
     ratio: f32,
-    /// Phase shift of one passage by reflection, without that of the optical path.
+    /// Phase shift of one passage by reflections, without the optical path.
     phase: f32,
 }
 
 impl ThinFilm {
-    /// Reflectance of the film over a surface that reflects `without` at this angle and `f0` at
+    /// Reflectance of the film on a surface that reflects `without` at this angle and `f0` at
     /// normal incidence.
     pub(super) fn reflectance(
         &self,
@@ -98,7 +100,7 @@ impl ThinFilm {
     }
 
     fn covered(&self, cos: f32, f0: SampledSpectrum) -> SampledSpectrum {
-        // A film of thickness 0 has no effect.
+        // The index fades to 1 with the thickness, so that a film of thickness 0 has no effect.
         let ior = 1.0 + (self.ior - 1.0) * smoothstep(self.thickness / 30.0);
         let sin2 = (1.0 - cos * cos) / (ior * ior);
         if sin2 >= 1.0 {
@@ -127,7 +129,7 @@ impl ThinFilm {
                 .sum();
             0.5 * total
         };
-        // Each lane has its own base, so the wavelengths are evaluated one by one.
+        // Each lane has a base of its own, so the wavelengths are evaluated one by one.
         let lanes: [SampledSpectrum; 4] =
             std::array::from_fn(|i| self.mode.lanes(channels, |nm| at(nm, f0[i])));
         SampledSpectrum(std::array::from_fn(|i| lanes[i][i])).clamp(0.0, 1.0)
@@ -135,11 +137,11 @@ impl ThinFilm {
 }
 
 impl Series {
-    /// `sum of ratio^m cos(m phi)` over all passages.
+    /// The sum of `ratio^m cos(m phi)` over all numbers `m` of passages, from 1 on.
     fn sum(&self, way: f32, nm: f32) -> f32 {
         let (sin, cos) = (2.0 * PI * way / nm + self.phase).sin_cos();
         let (re, im) = (1.0 - self.ratio * cos, -self.ratio * sin);
-        // Re(z / (1 - z)) with z = ratio e^(i phi).
+        // The real part of z / (1 - z), with z = ratio e^(i phi).
         (self.ratio * cos * re + self.ratio * sin * im) / (re * re + im * im).max(1e-9)
     }
 }
@@ -149,8 +151,8 @@ fn smoothstep(x: f32) -> f32 {
     x * x * (3.0 - 2.0 * x)
 }
 
-/// Both polarisations of a film over a surface with this reflectance (to the outside) at normal
-/// incidence.
+/// The series of both polarisations for a film on a surface with this reflectance, towards the
+/// outside, at normal incidence.
 fn polarisations(cos: f32, cos_film: f32, ior: f32, base_f0: f32) -> [Series; 2] {
     let root = base_f0.clamp(0.0, 0.9999).sqrt();
     let base_ior = (1.0 + root) / (1.0 - root);
@@ -160,7 +162,7 @@ fn polarisations(cos: f32, cos_film: f32, ior: f32, base_f0: f32) -> [Series; 2]
     let parallel = (ior * cos - cos_film) / (ior * cos + cos_film);
     let perpendicular = (cos - ior * cos_film) / (cos + ior * cos_film);
     // The product of the inner reflections is positive for a film between rarer media and negative
-    // on a denser one; beyond Brewster's angle one polarisation changes sign once more.
+    // on a denser medium. Beyond Brewster's angle, one polarisation changes sign once more.
     let turns = if (base_ior < ior) == (ior > 1.0) { 0.0 } else { PI };
     let brewster = if parallel * (ior - 1.0) < 0.0 { PI } else { 0.0 };
     [(parallel, turns + brewster), (perpendicular, turns)].map(|(r, phase)| {
@@ -171,12 +173,12 @@ fn polarisations(cos: f32, cos_film: f32, ior: f32, base_f0: f32) -> [Series; 2]
     })
 }
 
-/// Mean of `cos(2 pi way / lambda + phase)` over the sensitivity of red, green and blue: the
-/// Fourier transforms of the colour matching functions, fitted by Gaussians in the wave number
-/// (Belcour and Barla, supplemental material), in linear Rec. 709 with the same share of white in
-/// each.
+/// Mean of `cos(2 pi way / lambda + phase)` over the sensitivity of red, green and blue. It is the
+/// Fourier transform of the colour-matching functions, fitted by Gaussians in the wave number
+/// (Belcour and Barla, supplemental material), in linear Rec. 709 and scaled to the same white in
+/// each channel.
 fn channel_cosines(way: f32, phase: f32) -> [f32; 3] {
-    // Height, position and variance; metres.
+    // Height, position and variance of the Gaussians, in metres.
     const X: [(f32, f32, f32); 2] =
         [(5.4856e-13, 1.6810e6, 4.3278e9), (9.7470e-14, 2.2399e6, 4.5282e9)];
     const Y: (f32, f32, f32) = (4.4201e-13, 1.7953e6, 9.3046e9);

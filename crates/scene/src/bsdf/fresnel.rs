@@ -9,16 +9,16 @@ pub fn reflect(w: Vec3, n: Vec3) -> Vec3 {
     n * (2.0 * w.dot(n)) - w
 }
 
-/// The refracted direction of light from `w` behind the interface with unit normal `n`, on whose
-/// side `w` lies. `eta` is the index of refraction behind over the one on the side of `w`. `None`
-/// if all is reflected. Snell's law.
+/// The direction into which light from `w` is refracted by an interface with unit normal `n`, by
+/// Snell's law. `w` lies on the side of `n`; `eta` is the index of refraction on the far side
+/// divided by that on the side of `w`. `None` for total internal reflection.
 pub fn refract(w: Vec3, n: Vec3, eta: f32) -> Option<Vec3> {
     let (wi, exists) = refracted(w, n, eta);
     exists.then_some(wi)
 }
 
-/// [`refract`] without branches, so that loops over it become vector code; false where all is
-/// reflected.
+/// [`refract`] without branches, so that loops over it become vector code. The flag is false for
+/// total internal reflection.
 #[inline(always)]
 pub fn refracted(w: Vec3, n: Vec3, eta: f32) -> (Vec3, bool) {
     let cos_i = w.dot(n);
@@ -29,9 +29,9 @@ pub fn refracted(w: Vec3, n: Vec3, eta: f32) -> (Vec3, bool) {
     (wi * scale, (sin2_t < 1.0) & (scale > 0.0) & (scale < f32::INFINITY))
 }
 
-/// Reflectance of an interface between dielectrics for unpolarised light. `cos_i >= 0` on the side
-/// light comes from, `eta` as in [`refract`]. Exactly 0 for `eta = 1`. Without branches, so that
-/// loops over it become vector code.
+/// Reflectance of an interface between dielectrics for unpolarised light. `cos_i >= 0` is the
+/// cosine on the side from which light comes, and `eta` is that of [`refract`]. Exactly 0 for
+/// `eta = 1`. The function has no branches, so that loops over it become vector code.
 #[inline(always)]
 pub fn dielectric(cos_i: f32, eta: f32) -> f32 {
     let cos_i = cos_i.clamp(0.0, 1.0);
@@ -44,12 +44,12 @@ pub fn dielectric(cos_i: f32, eta: f32) -> f32 {
     if eta == 1.0 { 0.0 } else { reflectance }
 }
 
-/// Reflectance of an interface between dielectrics for diffuse light from the side of lower index;
-/// `eta >= 1` as in [`refract`]. The closed form of Walsh (1926), as in Judd, Fresnel reflection of
-/// diffusely incident light (1942).
+/// Reflectance of an interface between dielectrics for diffuse light from the side of lower index,
+/// with `eta >= 1` as in [`refract`]. The closed form is that of Walsh (1926), as given by Judd,
+/// Fresnel reflection of diffusely incident light (1942).
 pub fn dielectric_average(eta: f32) -> f32 {
     if eta < 1.002 {
-        // Its terms cancel; the limit is linear.
+        // The terms of the closed form cancel here; the limit is linear.
         return (eta - 1.0).max(0.0) * 0.33;
     }
     if eta > 100.0 {
@@ -64,8 +64,8 @@ pub fn dielectric_average(eta: f32) -> f32 {
     (rational + parallel - mixed + last) as f32
 }
 
-/// Reflectance of a conductor with index of refraction `eta + i k` (relative to the outside) for
-/// unpolarised light, from the closed form in real numbers (Born and Wolf, Principles of Optics,
+/// Reflectance of a conductor with index of refraction `eta + i k`, relative to the outside, for
+/// unpolarised light, by the closed form in real numbers (Born and Wolf, Principles of Optics,
 /// section 14.2).
 #[inline(always)]
 pub fn conductor(cos_i: f32, eta: f32, k: f32) -> f32 {
@@ -82,7 +82,7 @@ pub fn conductor(cos_i: f32, eta: f32, k: f32) -> f32 {
     let parallel =
         if t3 + t4 > 0.0 { perpendicular * (t3 - t4) / (t3 + t4) } else { perpendicular };
     let reflectance = 0.5 * (perpendicular + parallel);
-    // Huge indices overflow; such a surface is a mirror.
+    // Huge indices overflow. Such a surface is a mirror.
     if reflectance.is_finite() { reflectance.clamp(0.0, 1.0) } else { 1.0 }
 }
 
@@ -95,13 +95,13 @@ pub fn schlick_weight(cos_i: f32) -> f32 {
     m2 * m2 * m
 }
 
-/// Schlick's reflectance between `f0` at normal and `f90` at grazing incidence.
+/// Schlick's reflectance, from `f0` at normal incidence to `f90` at grazing incidence.
 #[inline(always)]
 pub fn schlick(cos_i: f32, f0: SampledSpectrum, f90: SampledSpectrum) -> SampledSpectrum {
     f0.lerp(f90, schlick_weight(cos_i))
 }
 
-/// Reflectance at normal incidence of a dielectric of this index of refraction.
+/// Reflectance at normal incidence of a dielectric with this index of refraction.
 pub fn f0_from_ior(ior: f32) -> f32 {
     let r = (ior - 1.0) / (ior + 1.0);
     r * r
@@ -115,11 +115,11 @@ mod tests {
     fn dielectric_reflectance_has_its_textbook_values() {
         assert!((dielectric(1.0, 1.5) - 0.04).abs() < 1e-6);
         assert!((dielectric(0.0, 1.5) - 1.0).abs() < 1e-6);
-        // Brewster's angle: parallel polarised light is not reflected, the other by ((eta^2 - 1) /
-        // (eta^2 + 1))^2.
+        // At Brewster's angle, light polarised parallel to the plane of incidence is not reflected,
+        // and the other polarisation is reflected by ((eta^2 - 1) / (eta^2 + 1))^2.
         let brewster = 1.5f32.atan().cos();
         assert!((dielectric(brewster, 1.5) - 0.5 * (1.25f32 / 3.25).powi(2)).abs() < 1e-6);
-        // Beyond the critical angle of glass to air, 41.8 degrees.
+        // An angle beyond the critical angle from glass to air, 41.8 degrees.
         assert_eq!(dielectric(45f32.to_radians().cos(), 1.0 / 1.5), 1.0);
         assert_eq!(dielectric(0.3, 1.0), 0.0);
     }
@@ -158,7 +158,7 @@ mod tests {
             let cos = i as f32 / 20.0;
             assert!((conductor(cos, 1.5, 0.0) - dielectric(cos, 1.5)).abs() < 1e-5, "{cos}");
         }
-        // Normal incidence: ((n - 1)^2 + k^2) / ((n + 1)^2 + k^2).
+        // At normal incidence: ((n - 1)^2 + k^2) / ((n + 1)^2 + k^2).
         let (n, k) = (0.2f32, 3.9f32);
         let expected = ((n - 1.0).powi(2) + k * k) / ((n + 1.0).powi(2) + k * k);
         assert!((conductor(1.0, n, k) - expected).abs() < 1e-6);

@@ -2,15 +2,15 @@
 //! shadowing.
 //!
 //! All directions here lie above the surface (`z > 0`); BSDFs mirror directions from below before
-//! they come here. The formulas are those of Heitz, Understanding the Masking-Shadowing Function
-//! (JCGT 2014), arranged so that nothing is divided by a cosine that may vanish.
+//! they call these methods. The formulas are those of Heitz, Understanding the Masking-Shadowing
+//! Function (JCGT 2014), arranged so that nothing is divided by a cosine that may vanish.
 
 use super::unit_or;
 use super::widths::Widths;
 use snell_math::{Vec2, Vec3};
 use std::f32::consts::FRAC_1_PI;
 
-/// The distribution of these widths.
+/// The GGX distribution with these widths.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ggx(Widths);
 
@@ -22,40 +22,40 @@ impl From<Widths> for Ggx {
 }
 
 impl Ggx {
-    /// As [`Widths::from_roughness`].
+    /// The distribution with the widths of [`Widths::from_roughness`].
     pub fn from_roughness(roughness: f32) -> Self {
         Self(Widths::from_roughness(roughness))
     }
 
-    /// As [`Widths::from_anisotropy`].
+    /// The distribution with the widths of [`Widths::from_anisotropy`].
     pub fn from_anisotropy(roughness: f32, anisotropy: f32) -> Self {
         Self(Widths::from_anisotropy(roughness, anisotropy))
     }
 
-    /// The widths.
+    /// The widths of the distribution.
     #[inline(always)]
     pub fn widths(self) -> Widths {
         self.0
     }
 
-    /// As [`Widths::has_tangent`].
+    /// True if the distribution depends on tangents; see [`Widths::has_tangent`].
     pub fn has_tangent(self) -> bool {
         self.0.has_tangent()
     }
 
-    /// As [`Widths::is_smooth`].
+    /// True if the surface counts as perfectly smooth; see [`Widths::is_smooth`].
     #[inline(always)]
     pub fn is_smooth(self) -> bool {
         self.0.is_smooth()
     }
 
-    /// As [`Widths::root`], the only square root in the masking functions.
+    /// [`Widths::root`], the only square root in the masking functions.
     #[inline(always)]
-    pub(super) fn root(self, w: Vec3) -> f32 {
+    fn root(self, w: Vec3) -> f32 {
         self.0.root(w)
     }
 
-    /// Density of microfacet normals `m` (per steradian and unit of surface).
+    /// Density of microfacet normals `m`, per steradian and unit of surface area.
     #[inline(always)]
     pub fn density(self, m: Vec3) -> f32 {
         let area = self.0.x * self.0.y;
@@ -65,9 +65,15 @@ impl Ggx {
         ratio * ratio * area * FRAC_1_PI
     }
 
-    /// Share of the facets that face `w` and are visible from it.
+    /// `G1(w)`: the fraction of the facets that face `w` which is visible from there.
     pub fn masking(self, w: Vec3) -> f32 {
         2.0 * w.z / (w.z + self.root(w))
+    }
+
+    /// Area of the facets that are visible from `wo`, projected to it, per unit of surface.
+    #[inline(always)]
+    pub(super) fn visible_area(self, wo: Vec3) -> f32 {
+        0.5 * (wo.z + self.root(wo))
     }
 
     /// `G2(wo, wi) / (4 wo.z wi.z)`.
@@ -76,13 +82,14 @@ impl Ggx {
         0.5 / (wo.z * self.root(wi) + wi.z * self.root(wo))
     }
 
-    /// `G2(wo, wi) / G1(wo)`: the weight of a sample drawn from the visible normals.
+    /// `G2(wo, wi) / G1(wo)`: the weight of a sample of the visible normals.
     pub fn shadowing(self, wo: Vec3, wi: Vec3) -> f32 {
         let (ro, ri) = (self.root(wo), self.root(wi));
         wi.z * (wo.z + ro) / (wo.z * ri + wi.z * ro)
     }
 
-    /// A facet normal from a direction of the stretched hemisphere.
+    /// The facet normal halfway between a direction of the stretched hemisphere and another one,
+    /// which is given by its height and azimuth.
     #[inline(always)]
     fn half_vector(self, stretched: Vec3, z: f32, azimuth: f32) -> Vec3 {
         let r = (1.0 - z * z).max(0.0).sqrt();
@@ -96,13 +103,13 @@ impl Ggx {
         unit_or(Vec3::new(w.x * self.0.x, w.y * self.0.y, w.z), Vec3::Z)
     }
 
-    /// Draws a facet normal among those visible from `wo` (Dupuy and Benyoub, Sampling Visible GGX
-    /// Normals with Spherical Caps, HPG 2023).
+    /// Samples a facet normal among those visible from `wo` (Dupuy and Benyoub, Sampling Visible
+    /// GGX Normals with Spherical Caps, HPG 2023).
     pub fn sample_visible_normal(self, wo: Vec3, u: Vec2) -> Vec3 {
         self.visible_normal(wo, u)
     }
 
-    /// [`Self::sample_visible_normal`], for loops that become vector code.
+    /// [`Self::sample_visible_normal`], always inlined into loops that become vector code.
     #[inline(always)]
     pub(super) fn visible_normal(self, wo: Vec3, u: Vec2) -> Vec3 {
         let stretched = self.stretch(wo);
@@ -114,21 +121,21 @@ impl Ggx {
         self.density(m) * wo.dot(m).max(0.0) * 2.0 / (wo.z + self.root(wo))
     }
 
-    /// Facet normal that reflects `wi` to `wo`, and `f |cos(wi)|` of that reflection by facets of
-    /// reflectance 1.
+    /// The facet normal that reflects `wi` to `wo`, and the value `f |cos(wi)|` of that reflection
+    /// by facets of reflectance 1. `None` if no facet does.
     pub fn reflection(self, wo: Vec3, wi: Vec3) -> Option<(Vec3, f32)> {
         self.reflection_and_pdf(wo, wi).map(|(m, value, _)| (m, value))
     }
 
-    /// [`Self::reflection`] and [`Self::reflection_pdf`].
+    /// The results of [`Self::reflection`], with [`Self::reflection_pdf`].
     #[inline]
     pub fn reflection_and_pdf(self, wo: Vec3, wi: Vec3) -> Option<(Vec3, f32, f32)> {
         let (m, value, pdf, exists) = self.reflected(wo, wi);
         exists.then_some((m, value, pdf))
     }
 
-    /// [`Self::reflection_and_pdf`] without branches, so that loops over it become vector code;
-    /// false where there is no such facet.
+    /// [`Self::reflection_and_pdf`] without branches, so that loops over it become vector code. The
+    /// flag is false where no facet reflects `wi` to `wo`.
     #[inline(always)]
     pub(super) fn reflected(self, wo: Vec3, wi: Vec3) -> (Vec3, f32, f32, bool) {
         let half = wo + wi;
@@ -141,8 +148,8 @@ impl Ggx {
         (m, density * self.visibility(wo, wi) * wi.z, pdf, exists)
     }
 
-    /// Share of the lower bound of the spherical cap that reflections above the surface can come
-    /// from (Eto and Tokuyoshi, Bounded VNDF Sampling for Smith-GGX Reflections, SIGGRAPH Asia
+    /// Factor on the lower bound of the spherical cap that leaves out most reflections below the
+    /// surface (Eto and Tokuyoshi, Bounded VNDF Sampling for Smith-GGX Reflections, SIGGRAPH Asia
     /// 2023, equations 5 and 6).
     #[inline(always)]
     fn cap(self, wo: Vec3) -> f32 {
@@ -152,15 +159,16 @@ impl Ggx {
         (1.0 - a2) * s2 / (s2 + a2 * wo.z * wo.z)
     }
 
-    /// Draws a direction of reflection of `wo`: at visible normals, without most of those that
-    /// would reflect below the surface (Eto and Tokuyoshi). `None` for one that still does.
+    /// Samples a direction into which facets visible from `wo` reflect it. Most facets that would
+    /// reflect below the surface are left out (Eto and Tokuyoshi); `None` if the sampled direction
+    /// is still below.
     pub fn sample_reflection(self, wo: Vec3, u: Vec2) -> Option<Vec3> {
         let (wi, exists) = self.drawn_reflection(wo, u);
         exists.then_some(wi)
     }
 
-    /// [`Self::sample_reflection`] without branches, so that loops over it become vector code;
-    /// false where it gives `None`.
+    /// [`Self::sample_reflection`] without branches, so that loops over it become vector code. The
+    /// flag is false where that returns `None`.
     #[inline(always)]
     pub(super) fn drawn_reflection(self, wo: Vec3, u: Vec2) -> (Vec3, bool) {
         let stretched = self.stretch(wo);
@@ -175,7 +183,7 @@ impl Ggx {
         self.reflection_and_pdf(wo, wi).map_or(0.0, |(.., pdf)| pdf)
     }
 
-    /// Density per steradian of `wi` when `wo` is reflected at a normal drawn by
+    /// Density per steradian of `wi` when `wo` is reflected at a normal sampled by
     /// [`Self::sample_visible_normal`].
     pub fn visible_reflection_pdf(self, wo: Vec3, wi: Vec3) -> f32 {
         match (wo + wi).try_normalize() {
@@ -184,8 +192,9 @@ impl Ggx {
         }
     }
 
-    /// `f |cos(wi)|` of refraction into `wi` (mirrored to the upper side) at facets with normal `m`
-    /// and transmittance 1, without the density and the Jacobian: `D G2 (wo . m) / wo.z`.
+    /// The value `f |cos(wi)|` of refraction into `wi` (mirrored to the upper side) by facets with
+    /// normal `m` and transmittance 1, without the density and the Jacobian of the facets:
+    /// `D G2 (wo . m) / wo.z`.
     pub fn refraction_flux(self, wo: Vec3, wi: Vec3, m: Vec3) -> f32 {
         self.density(m) * 4.0 * self.visibility(wo, wi) * wi.z * wo.dot(m).abs()
     }

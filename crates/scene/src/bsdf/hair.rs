@@ -1,11 +1,11 @@
-//! Scattering by a hair: a rough dielectric cylinder with scales, as one event.
+//! Scattering by a hair, a rough dielectric cylinder with scales, as a single event.
 
 use super::{Choice, Drawn, Lobes, fresnel};
 use snell_math::{SampledSpectrum, Vec2, Vec3};
 use std::f32::consts::{FRAC_1_PI, PI, TAU};
 
-/// Paths through the fibre that have their own lobes: reflection (R), straight through (TT), one
-/// inner reflection (TRT). A fourth lobe stands for all longer paths.
+/// The number of paths through the fibre that have lobes of their own: reflection (R), straight
+/// transmission (TT), and one inner reflection (TRT). A fourth lobe stands for all longer paths.
 const WAYS: usize = 3;
 
 /// The hair model of Chiang, Bitterli, Tappan and Burley (A Practical and Controllable Hair and Fur
@@ -24,11 +24,11 @@ pub struct HairBsdf {
     ior: f32,
     absorption: SampledSpectrum,
     unit: SampledSpectrum,
-    /// Longitudinal variance of each lobe.
+    /// Longitudinal variance of each lobe, in square radians.
     variances: [f32; WAYS + 1],
-    /// Scale of the azimuthal logistic distribution.
+    /// Scale of the azimuthal logistic distribution, in radians.
     scale: f32,
-    /// Sine and cosine of the angle by which the scales turn each lobe's inclination.
+    /// Sine and cosine of the angle by which the scales tilt each lobe.
     tilts: [[f32; 2]; WAYS + 1],
 }
 
@@ -36,40 +36,40 @@ pub struct HairBsdf {
 #[derive(Clone, Copy, Debug)]
 pub struct HairFiber {
     /// Offset across the fibre, from -1 to 1, positive towards the local `y` axis. `None` on a
-    /// round fibre, where it follows from `wo` and the normal.
+    /// round fibre, whose offset follows from `wo` and the normal.
     pub offset: Option<f32>,
     /// Index of refraction.
     pub ior: f32,
-    /// Absorption per radius of the fibre, at least 0.
+    /// Absorption for a path as long as the fibre's radius, at least 0.
     pub absorption: SampledSpectrum,
-    /// 1 where [`Self::absorption`] has a meaning.
+    /// 1 in every lane of [`Self::absorption`] that is in use, 0 in others.
     pub unit: SampledSpectrum,
     /// Roughness along the fibre, `[0.01, 1]`: `beta_m` in the papers.
     pub longitudinal_roughness: f32,
-    /// Roughness around it, `[0.01, 1]`: `beta_n`.
+    /// Roughness around the fibre, `[0.01, 1]`: `beta_n` in the papers.
     pub azimuthal_roughness: f32,
     /// Angle of the scales, radians.
     pub scale_tilt: f32,
 }
 
-/// A fibre seen from a direction. It looks the same from below: angles are those of the direction
-/// lifted above.
+/// A fibre seen from a direction. It looks the same from below, so angles are those of the
+/// direction mirrored to the upper side.
 #[derive(Clone, Debug)]
 pub struct HairSeen {
-    /// The direction as it is.
+    /// The direction, which may be below.
     wo: Vec3,
     /// Sine and cosine of the inclination of `wo`.
     inclination: [f32; 2],
     azimuth: f32,
-    /// Angle from the normal to `wo` across the fibre, and the refracted angle.
+    /// The angle from the normal to `wo` in the plane across the fibre, and the refracted angle.
     gammas: [f32; 2],
-    /// Share of the light on each path.
+    /// Fraction of the light that takes each path.
     attenuations: [SampledSpectrum; WAYS + 1],
     choice: Choice<{ WAYS + 1 }>,
 }
 
 impl HairBsdf {
-    /// A fibre at a point.
+    /// The BSDF of a fibre at a point.
     pub fn new(fiber: &HairFiber) -> Self {
         let [m, n] = [fiber.longitudinal_roughness, fiber.azimuthal_roughness]
             .map(|r| super::bounded(r, 1.0).max(0.01));
@@ -87,19 +87,19 @@ impl HairBsdf {
         }
     }
 
-    /// Absorption per radius for which white light has about this colour, `[0, 1]`, after many
-    /// hairs: the fit of Chiang et al., section 4.2.
+    /// The absorption per radius for which white light has about this colour, in `[0, 1]`, after
+    /// many hairs: the fit of Chiang et al., section 4.2.
     pub fn absorption_of_color(
         color: SampledSpectrum,
         azimuthal_roughness: f32,
     ) -> SampledSpectrum {
         let scale = Self::color_scale(azimuthal_roughness);
-        // A black colour needs a very large absorption.
+        // Black would need infinite absorption, so the colour is bounded from below.
         color.map(|c| (c.clamp(1e-4, 1.0).ln() / scale).powi(2))
     }
 
-    /// The colour that much hair of this absorption per radius, at least 0, has in white light:
-    /// [`Self::absorption_of_color`] backwards.
+    /// The colour that much hair of this absorption per radius, at least 0, has in white light. It
+    /// is the inverse of [`Self::absorption_of_color`].
     pub fn color_of_absorption(absorption: f32, azimuthal_roughness: f32) -> f32 {
         (-absorption.max(0.0).sqrt() * Self::color_scale(azimuthal_roughness)).exp()
     }
@@ -110,14 +110,14 @@ impl HairBsdf {
         fit.iter().rev().fold(0.0, |sum, c| sum * n + c)
     }
 
-    /// Share of the light on each path, for an angle of incidence of this cosine and the
-    /// transmittance of one passage through the fibre.
+    /// The fraction of the light that takes each path, given the cosine of the angle of incidence
+    /// and the transmittance of one passage through the fibre.
     fn attenuations(&self, cos: f32, through: SampledSpectrum) -> [SampledSpectrum; WAYS + 1] {
         let f = fresnel::dielectric(cos, self.ior);
         let first = through * ((1.0 - f) * (1.0 - f));
         let second = first * through * f;
         let rest = through * f;
-        // A geometric series; no light enters where all is reflected.
+        // The longer paths form a geometric series. No light enters where all of it is reflected.
         let all = if f < 1.0 {
             second * rest / (SampledSpectrum::ONE - rest)
         } else {
@@ -126,19 +126,19 @@ impl HairBsdf {
         [SampledSpectrum::splat(f), first, second, all].map(|share| share * self.unit)
     }
 
-    /// Sine and cosine of the inclination of `wo` as the scales turn it for a lobe.
+    /// Sine and cosine of the inclination of `wo` after the scales have tilted it for a lobe.
     fn tilted(&self, lobe: usize, [sin, cos]: [f32; 2]) -> [f32; 2] {
         let [sin_tilt, cos_tilt] = self.tilts[lobe];
         [sin * cos_tilt + cos * sin_tilt, (cos * cos_tilt - sin * sin_tilt).abs()]
     }
 
-    /// The azimuthal deflection of light on a path if the fibre is smooth.
+    /// The azimuth by which a smooth fibre deflects light on a path, in radians.
     fn turn(way: usize, [gamma, refracted]: [f32; 2]) -> f32 {
         let p = way as f32;
         2.0 * p * refracted - 2.0 * gamma + p * PI
     }
 
-    /// Densities per steradian of each lobe.
+    /// Density of each lobe per steradian.
     fn lobes(&self, seen: &HairSeen, wi: Vec3) -> [f32; WAYS + 1] {
         let sin = wi.x.clamp(-1.0, 1.0);
         let inclination = [sin, (1.0 - sin * sin).max(0.0).sqrt()];
@@ -158,11 +158,11 @@ impl HairBsdf {
     }
 }
 
-/// Density of an inclination: of a direction around the mirror image of the (turned) inclination of
-/// `wo`, smeared over the sphere and averaged over azimuths (d'Eon et al., An Energy-Conserving
-/// Hair Reflectance Model, 2011). Its integral with the cosine is 1.
+/// Density of an inclination around the mirror image of the (tilted) inclination of `wo`, smeared
+/// over the sphere and averaged over azimuths (d'Eon et al., An Energy-Conserving Hair Reflectance
+/// Model, 2011). Its integral over inclinations, weighted by the cosine, is 1.
 fn longitudinal([sin, cos]: [f32; 2], [sin_o, cos_o]: [f32; 2], variance: f32) -> f32 {
-    // The paper's exponents cancel for small variances; this is their difference.
+    // The paper's exponents cancel for small variances, so their difference is computed directly.
     let distance2 = (cos - cos_o).powi(2) + (sin + sin_o).powi(2);
     let norm = variance * (1.0 - (-2.0 / variance).exp());
     (-0.5 * distance2 / variance).exp() * scaled_bessel(cos * cos_o / variance) / norm
@@ -193,12 +193,12 @@ fn scaled_bessel(x: f32) -> f32 {
     }
 }
 
-/// The angle in `[-pi, pi]`.
+/// The angle, wrapped to `[-pi, pi]`.
 fn wrapped(angle: f32) -> f32 {
     angle - TAU * (angle / TAU).round()
 }
 
-/// The logistic distribution's cumulative function.
+/// The cumulative distribution function of the logistic distribution.
 fn logistic_cdf(x: f32, scale: f32) -> f32 {
     1.0 / (1.0 + (-x / scale).exp())
 }
@@ -206,12 +206,12 @@ fn logistic_cdf(x: f32, scale: f32) -> f32 {
 /// Density of the logistic distribution cut to `[-pi, pi]`.
 fn trimmed_logistic(x: f32, scale: f32) -> f32 {
     let e = (-x.abs() / scale).exp();
-    // The share within the interval: the distribution is symmetric.
+    // The fraction of the distribution within the interval; the distribution is symmetric.
     let left = 1.0 - 2.0 * logistic_cdf(-PI, scale);
     e / (scale * (1.0 + e) * (1.0 + e) * left)
 }
 
-/// Samples the distribution cut to `[-pi, pi]`.
+/// Samples the logistic distribution cut to `[-pi, pi]`.
 fn sample_trimmed_logistic(u: f32, scale: f32) -> f32 {
     let below = logistic_cdf(-PI, scale);
     let share = below + u * (1.0 - 2.0 * below);
@@ -232,8 +232,8 @@ impl Lobes for HairBsdf {
             None => 0.0,
         };
         let cos = (1.0 - sin * sin).max(0.0).sqrt();
-        // The effective index of refraction in the plane across (Marschner et al., Light Scattering
-        // from Human Hair Fibers, 2003).
+        // The effective index of refraction in the plane across the fibre (Marschner et al., Light
+        // Scattering from Human Hair Fibers, 2003).
         let projected = (self.ior * self.ior - sin * sin).max(0.0).sqrt();
         let sin_refracted =
             if projected > 0.0 { (h * cos / projected).clamp(-1.0, 1.0) } else { 0.0 };
@@ -266,7 +266,8 @@ impl Lobes for HairBsdf {
         let (lobe, rest) = seen.choice.pick(u_lobe)?;
         let [sin_o, cos_o] = self.tilted(lobe, seen.inclination);
         let variance = self.variances[lobe];
-        // A direction around that of `wo` turned by the scales, mirrored in the plane across.
+        // An inclination around that of `wo`, tilted by the scales and mirrored in the plane across
+        // the fibre.
         let cos_away =
             1.0 + variance * (u.x.max(1e-7) + (1.0 - u.x) * (-2.0 / variance).exp()).ln();
         let sin_away = (1.0 - cos_away * cos_away).max(0.0).sqrt();
@@ -315,7 +316,7 @@ mod tests {
             .collect()
     }
 
-    /// The integral over the sphere, by midpoints of inclination and azimuth.
+    /// The integral over the sphere, by the midpoint rule in inclination and azimuth.
     fn integral(f: impl Fn(Vec3) -> f32) -> f64 {
         const STEPS: [usize; 2] = [600, 600];
         let mut sum = 0.0;
@@ -364,10 +365,10 @@ mod tests {
         }
     }
 
-    /// Reflected and refracted rays in a real cylinder of radius 1 around x: directions and shares
-    /// of the first paths.
+    /// Traces rays in a real cylinder of radius 1 around x. Returns, for each of the first paths,
+    /// the direction, the fraction of the light, and the length of the way inside.
     fn traced(h: f32, wo: Vec3, ior: f32) -> Vec<(Vec3, f32, f32)> {
-        // The offset is to the side of y of a viewer at z.
+        // A viewer at z sees positive offsets towards y.
         let start = Vec3::new(0.0, h, (1.0 - h * h).sqrt());
         let mut normal = start;
         let f = fresnel::dielectric(wo.dot(normal), ior);
@@ -396,7 +397,7 @@ mod tests {
             let wo = Vec3::new(inclination.sin(), 0.0, inclination.cos());
             let plain = HairFiber { absorption, scale_tilt: 0.0, ..fiber(Some(h), 0.1, 0.1) };
             let seen = HairBsdf::new(&plain).seen(wo);
-            // The same seen on the round fibre itself, whose normal is there.
+            // On a round fibre the offset follows from the normal at the same point.
             let normal = Vec3::new(0.0, h, (1.0 - h * h).sqrt());
             let local = Vec3::new(wo.x, wo.dot(normal.cross(Vec3::X)), wo.dot(normal));
             let round = HairBsdf::new(&HairFiber { offset: None, ..plain }).seen(local);

@@ -1,4 +1,4 @@
-//! The distributions of microfacets, where the shape is one of several.
+//! Distributions of microfacets of which one is chosen at run time.
 
 use super::{Beckmann, Ggx, Widths};
 use serde::{Deserialize, Serialize};
@@ -8,9 +8,9 @@ snell_math::declare! {
     /// Shape of a distribution of microfacets.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
     pub enum MicrofacetShape {
-        /// [`Ggx`]: highlights with long tails, like those of measured surfaces.
+        /// [`Ggx`], whose highlights have long tails, like those of measured surfaces.
         "ggx" => #[default] Ggx,
-        /// [`Beckmann`]: highlights without tails.
+        /// [`Beckmann`], whose highlights have short tails.
         "beckmann" => Beckmann,
     }
 }
@@ -45,7 +45,7 @@ impl From<Ggx> for Microfacets {
     }
 }
 
-/// Dispatches to the distribution.
+/// Evaluates an expression for whichever distribution a value holds.
 macro_rules! ask {
     ($microfacets:expr, $known:ident => $answer:expr) => {
         match $microfacets {
@@ -71,6 +71,61 @@ pub(super) trait FacetDistribution: Copy {
 
     /// As [`Ggx::drawn_reflection`].
     fn drawn_reflection(self, wo: Vec3, u: Vec2) -> (Vec3, bool);
+}
+
+/// What a lobe without branches that also refracts asks of the distribution of a rough surface.
+pub(super) trait RefractingFacets: FacetDistribution {
+    /// As [`Ggx::density`].
+    fn density(self, m: Vec3) -> f32;
+
+    /// As [`Ggx::visibility`].
+    fn visibility(self, wo: Vec3, wi: Vec3) -> f32;
+
+    /// As [`Ggx::visible_area`].
+    fn visible_area(self, wo: Vec3) -> f32;
+
+    /// As [`Ggx::visible_normal`].
+    fn visible_normal(self, wo: Vec3, u: Vec2) -> Vec3;
+}
+
+impl RefractingFacets for Rough {
+    #[inline(always)]
+    fn density(self, m: Vec3) -> f32 {
+        self.0.density(m)
+    }
+
+    #[inline(always)]
+    fn visibility(self, wo: Vec3, wi: Vec3) -> f32 {
+        self.0.visibility(wo, wi)
+    }
+
+    #[inline(always)]
+    fn visible_area(self, wo: Vec3) -> f32 {
+        self.0.visible_area(wo)
+    }
+
+    #[inline(always)]
+    fn visible_normal(self, wo: Vec3, u: Vec2) -> Vec3 {
+        self.0.visible_normal(wo, u)
+    }
+}
+
+impl RefractingFacets for Microfacets {
+    fn density(self, m: Vec3) -> f32 {
+        ask!(self, known => known.density(m))
+    }
+
+    fn visibility(self, wo: Vec3, wi: Vec3) -> f32 {
+        ask!(self, known => known.visibility(wo, wi))
+    }
+
+    fn visible_area(self, wo: Vec3) -> f32 {
+        ask!(self, known => known.visible_area(wo))
+    }
+
+    fn visible_normal(self, wo: Vec3, u: Vec2) -> Vec3 {
+        self.sample_visible_normal(wo, u)
+    }
 }
 
 /// [`Ggx`] of a surface that is known to be rough when the program is compiled.
@@ -182,7 +237,7 @@ impl Microfacets {
         if let Self::Ggx(ggx) = self { Some(ggx) } else { None }
     }
 
-    /// Its shape.
+    /// The shape of the distribution.
     pub fn shape(self) -> MicrofacetShape {
         match self {
             Self::Ggx(_) => MicrofacetShape::Ggx,
@@ -190,66 +245,66 @@ impl Microfacets {
         }
     }
 
-    /// The widths.
+    /// The widths of the distribution.
     #[inline(always)]
     pub fn widths(self) -> Widths {
         ask!(self, known => known.widths())
     }
 
-    /// As [`Widths::has_tangent`].
+    /// True if the distribution depends on tangents; see [`Widths::has_tangent`].
     pub fn has_tangent(self) -> bool {
         self.widths().has_tangent()
     }
 
-    /// As [`Widths::is_smooth`].
+    /// True if the surface counts as perfectly smooth; see [`Widths::is_smooth`].
     #[inline(always)]
     pub fn is_smooth(self) -> bool {
         self.widths().is_smooth()
     }
 
-    /// As [`Ggx::shadowing`].
+    /// See [`Ggx::shadowing`].
     pub fn shadowing(self, wo: Vec3, wi: Vec3) -> f32 {
         ask!(self, known => known.shadowing(wo, wi))
     }
 
-    /// As [`Ggx::sample_visible_normal`].
+    /// See [`Ggx::sample_visible_normal`].
     pub fn sample_visible_normal(self, wo: Vec3, u: Vec2) -> Vec3 {
         ask!(self, known => known.sample_visible_normal(wo, u))
     }
 
-    /// As [`Ggx::visible_normal_pdf`].
+    /// See [`Ggx::visible_normal_pdf`].
     pub fn visible_normal_pdf(self, wo: Vec3, m: Vec3) -> f32 {
         ask!(self, known => known.visible_normal_pdf(wo, m))
     }
 
-    /// As [`Ggx::reflection`].
+    /// See [`Ggx::reflection`].
     pub fn reflection(self, wo: Vec3, wi: Vec3) -> Option<(Vec3, f32)> {
         self.reflection_and_pdf(wo, wi).map(|(m, value, _)| (m, value))
     }
 
-    /// As [`Ggx::reflection_and_pdf`].
+    /// See [`Ggx::reflection_and_pdf`].
     #[inline]
     pub fn reflection_and_pdf(self, wo: Vec3, wi: Vec3) -> Option<(Vec3, f32, f32)> {
         ask!(self, known => known.reflection_and_pdf(wo, wi))
     }
 
-    /// As [`Ggx::sample_reflection`].
+    /// See [`Ggx::sample_reflection`].
     pub fn sample_reflection(self, wo: Vec3, u: Vec2) -> Option<Vec3> {
         ask!(self, known => known.sample_reflection(wo, u))
     }
 
-    /// As [`Ggx::visible_reflection_pdf`].
+    /// See [`Ggx::visible_reflection_pdf`].
     pub fn visible_reflection_pdf(self, wo: Vec3, wi: Vec3) -> f32 {
         match self {
             Self::Ggx(ggx) => ggx.visible_reflection_pdf(wo, wi),
-            // It draws reflections at those normals.
+            // Beckmann's reflections are sampled at visible normals anyway.
             Self::Beckmann(beckmann) => {
                 beckmann.reflection_and_pdf(wo, wi).map_or(0.0, |(.., pdf)| pdf)
             }
         }
     }
 
-    /// As [`Ggx::refraction_flux`].
+    /// See [`Ggx::refraction_flux`].
     pub fn refraction_flux(self, wo: Vec3, wi: Vec3, m: Vec3) -> f32 {
         ask!(self, known => known.refraction_flux(wo, wi, m))
     }

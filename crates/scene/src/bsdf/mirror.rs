@@ -3,20 +3,20 @@
 use super::{BsdfSample, Drawn, Lobes, SpecularBranch};
 use snell_math::{SampledSpectrum, Vec2, Vec3};
 
-/// All light comes from the mirror direction.
+/// The BSDF of a perfect mirror, which reflects light from the mirror direction only.
 #[derive(Clone, Copy, Debug)]
 pub struct MirrorBsdf {
-    /// Share of light reflected, `[0, 1]`.
+    /// Fraction of light that is reflected, in `[0, 1]`.
     pub reflectance: SampledSpectrum,
 }
 
-/// The delta lobe of a mirror with this factor.
+/// The mirror direction of `wo` with this factor on the radiance.
 pub(super) fn mirror_branch(wo: Vec3, weight: SampledSpectrum) -> SpecularBranch {
     SpecularBranch { wi: Vec3::new(-wo.x, -wo.y, wo.z), weight, is_transmission: false }
 }
 
 impl SpecularBranch {
-    /// The sample along this branch, chosen with `probability` among the lobes.
+    /// The sample of this branch, which was chosen with `probability` among the lobes.
     pub(super) fn drawn(self, probability: f32) -> Drawn {
         Drawn::Delta(BsdfSample {
             wi: self.wi,
@@ -52,7 +52,7 @@ impl Lobes for MirrorBsdf {
     }
 
     fn ambient(&self, _wo: Vec3) -> SampledSpectrum {
-        // The reflection is left to the branch.
+        // The specular branch covers the whole reflection.
         SampledSpectrum::ZERO
     }
 

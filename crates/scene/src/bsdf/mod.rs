@@ -38,7 +38,7 @@ pub use beckmann::Beckmann;
 pub use black::BlackBsdf;
 pub use coat::Coat;
 pub use conductor::{ComplexIor, ConductorBsdf, ConductorSeen, F82, FacetReflectance};
-pub use dielectric::{DielectricBsdf, DielectricSeen, RoughLosses, Split};
+pub use dielectric::{DielectricBsdf, DielectricSeen, Interface, Split};
 pub use diffuse::DiffuseBsdf;
 pub use film::ThinFilm;
 pub use fuzz::{Fuzz, FuzzModel};
@@ -56,30 +56,34 @@ use snell_math::simd::{min, select};
 use snell_math::{SampledSpectrum, Vec2, Vec3, angles};
 use std::f32::consts::PI;
 
-/// A direction drawn from a BSDF.
+/// A direction sampled from a BSDF.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BsdfSample {
     /// The direction in which the path continues.
     pub wi: Vec3,
-    /// `f |cos| / pdf` (for a delta lobe: its factor over the probability of choosing it).
+    /// `f |cos| / pdf`; for a delta lobe its factor, divided by the probability of choosing the
+    /// lobe.
     pub weight: SampledSpectrum,
-    /// Density per steradian of this direction over all non-delta lobes; 0 for a delta direction.
+    /// Density per steradian of this direction, summed over all lobes that are not delta lobes; 0
+    /// if a delta lobe was sampled.
     pub pdf: f32,
-    /// True if the direction is the only one possible (mirror, smooth refraction): light samples
-    /// cannot find it.
+    /// True if a delta lobe was sampled, which has a single direction (mirror, smooth refraction).
+    /// No light sample could find that direction.
     pub is_delta: bool,
     /// True if the path crosses the surface.
     pub is_transmission: bool,
 }
 
 impl BsdfSample {
-    /// A sample of a direction with its value (`f |cos|`) and density. `None` if the density is 0.
+    /// A sample of a direction, from the value `f |cos|` and the density. `None` if the density is
+    /// 0.
     fn of(wi: Vec3, value: SampledSpectrum, pdf: f32, is_transmission: bool) -> Option<Self> {
         (pdf > 0.0).then(|| Self { wi, weight: value / pdf, pdf, is_delta: false, is_transmission })
     }
 }
 
-/// Probabilities of `N` lobes. They add up to 1, or are all 0 if no lobe has any energy.
+/// Probabilities of choosing among `N` lobes. They add up to 1, or are all 0 if no lobe has any
+/// energy.
 #[derive(Clone, Copy, Debug)]
 struct Choice<const N: usize> {
     probabilities: [f32; N],
@@ -101,8 +105,8 @@ impl<const N: usize> Choice<N> {
         Self { probabilities }
     }
 
-    /// The lobe that a number in `[0, 1)` stands for, and a number in `[0, 1)` for use in that
-    /// lobe.
+    /// The lobe that a number in `[0, 1)` chooses, and a new number in `[0, 1)` for use in that
+    /// lobe. `None` if all probabilities are 0.
     fn pick(&self, u: f32) -> Option<(usize, f32)> {
         let mut rest = u;
         for (i, &p) in self.probabilities.iter().enumerate() {
@@ -111,21 +115,21 @@ impl<const N: usize> Choice<N> {
             }
             rest -= p;
         }
-        // Rounding may leave a small remainder.
+        // Rounding may leave a small remainder, which belongs to the last lobe.
         self.probabilities.iter().rposition(|&p| p > 0.0).map(|i| (i, 1.0 - f32::EPSILON))
     }
 }
 
 impl Choice<2> {
-    /// True if a number in `[0, 1)` chooses the first lobe, false if it chooses none: as
-    /// [`Self::pick`], without branches.
+    /// Whether a number in `[0, 1)` chooses the first of two lobes, and whether it chooses any. The
+    /// result is that of [`Self::pick`], without branches.
     #[inline(always)]
     fn picks_first(&self, u: f32) -> (bool, bool) {
         let [first, second] = self.probabilities;
         ((u < first) | (second <= 0.0), (first > 0.0) | (second > 0.0))
     }
 
-    /// The same, and a number in `[0, 1)` for use in the lobe.
+    /// The result of [`Self::picks_first`], and a new number in `[0, 1)` for use in the lobe.
     #[inline(always)]
     fn picked(&self, u: f32) -> (bool, bool, f32) {
         let [first, second] = self.probabilities;
@@ -139,19 +143,19 @@ impl Choice<2> {
     }
 }
 
-/// One direction of perfect reflection or refraction with its factor: what Whitted's recursion
-/// follows.
+/// A direction of perfect reflection or refraction with its factor. Whitted's recursion follows
+/// these.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SpecularBranch {
     /// The direction.
     pub wi: Vec3,
-    /// Factor on the radiance from there.
+    /// Factor on the radiance from that direction.
     pub weight: SampledSpectrum,
     /// True if the branch crosses the surface.
     pub is_transmission: bool,
 }
 
-/// A direction drawn from a BSDF, before its value and density are computed.
+/// A direction sampled from a BSDF, before its value and density are computed.
 #[derive(Clone, Copy, Debug)]
 pub enum Drawn {
     /// A direction of a delta lobe, with its weight.
@@ -167,29 +171,29 @@ pub enum Drawn {
 
 /// The interface of all BSDFs.
 ///
-/// Much of the work depends on `wo` only: [`Self::seen`] does it once, and the methods whose names
-/// end in `_from` use it for any number of evaluations. Methods that take `wo` are for single
-/// evaluations.
+/// Much of the work depends on `wo` alone. [`Self::seen`] does that work once, and the methods
+/// whose names end in `_from` use its result for any number of evaluations. Methods that take `wo`
+/// are for single evaluations.
 pub trait Lobes: Sized {
     /// The precomputed state for `wo`.
     type Seen: Clone + std::fmt::Debug;
 
-    /// The BSDF seen from a direction.
+    /// The BSDF as seen from `wo`.
     fn seen(&self, wo: Vec3) -> Self::Seen;
 
-    /// `f(wo, wi) |cos(wi)|`, and the density per steradian with which [`Self::sample_from`] draws
-    /// `wi`; both without delta lobes.
+    /// `f(wo, wi) |cos(wi)|`, and the density per steradian with which [`Self::sample_from`]
+    /// samples `wi`. Both exclude delta lobes.
     fn value_and_pdf_from(&self, seen: &Self::Seen, wi: Vec3) -> (SampledSpectrum, f32);
 
-    /// Draws a direction. `u_lobe` chooses the lobe, `u` the direction, all in `[0, 1)`. `None` if
-    /// the path ends.
+    /// Samples a direction. `u_lobe` chooses the lobe, `u` the direction, all in `[0, 1)`. `None`
+    /// if the path ends.
     fn draw_from(&self, seen: &Self::Seen, u_lobe: f32, u: Vec2) -> Option<Drawn>;
 
-    /// Approximate share of light that is reflected or transmitted towards `wo`: what the albedo
-    /// AOV shows.
+    /// Approximate fraction of light that is reflected or transmitted towards `wo`. The albedo AOV
+    /// shows it.
     fn albedo_from(&self, seen: &Self::Seen) -> SampledSpectrum;
 
-    /// [`Self::draw_from`] with weight and density.
+    /// [`Self::draw_from`], with the sample's weight and density.
     fn sample_from(&self, seen: &Self::Seen, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
         match self.draw_from(seen, u_lobe, u)? {
             Drawn::Delta(sample) => Some(sample),
@@ -200,7 +204,7 @@ pub trait Lobes: Sized {
         }
     }
 
-    /// [`Self::value_and_pdf_from`] a direction.
+    /// [`Self::value_and_pdf_from`] for a single evaluation.
     fn eval_and_pdf(&self, wo: Vec3, wi: Vec3) -> (SampledSpectrum, f32) {
         self.value_and_pdf_from(&self.seen(wo), wi)
     }
@@ -210,66 +214,66 @@ pub trait Lobes: Sized {
         self.eval_and_pdf(wo, wi).0
     }
 
-    /// Density per steradian with which [`Self::sample`] draws `wi`, without delta lobes.
+    /// Density per steradian with which [`Self::sample`] samples `wi`, without delta lobes.
     fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
         self.eval_and_pdf(wo, wi).1
     }
 
-    /// [`Self::sample_from`] a direction.
+    /// [`Self::sample_from`] for a single evaluation.
     fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
         self.sample_from(&self.seen(wo), u_lobe, u)
     }
 
-    /// [`Self::albedo_from`] a direction.
+    /// [`Self::albedo_from`] for a single evaluation.
     fn albedo(&self, wo: Vec3) -> SampledSpectrum {
         self.albedo_from(&self.seen(wo))
     }
 
-    /// True if all lobes are delta lobes: light samples are useless.
+    /// True if all lobes are delta lobes, so that light samples are useless.
     fn is_delta(&self) -> bool;
 
-    /// True if [`Self::eval`] is 0 for directions on opposite sides: lights behind the surface need
-    /// no samples. Delta lobes do not count.
+    /// True if [`Self::eval`] is 0 for directions on opposite sides, so that lights behind the
+    /// surface need no samples. Delta lobes do not count.
     fn is_opaque(&self) -> bool {
         false
     }
 
-    /// The diffuse part of [`Self::eval`], for AOVs that separate it.
+    /// The diffuse part of [`Self::eval`], for AOVs that separate diffuse reflection.
     fn diffuse(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
         let _ = (wo, wi);
         SampledSpectrum::ZERO
     }
 
-    /// `pi f(wo, wi) |cos(wi)|`, or the classic formula in its place (Phong): `raycast` and
-    /// `whitted` add this times `irradiance / pi` per light, with the irradiance of a surface that
-    /// faces the light.
+    /// `pi f(wo, wi) |cos(wi)|`, or the classic formula in its place (Phong). For each light,
+    /// `raycast` and `whitted` add this value times `irradiance / pi`, with the irradiance of a
+    /// surface that faces the light.
     fn eval_classic(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
         self.eval(wo, wi) * PI
     }
 
-    /// Reflectance for ambient light: what `raycast` and `whitted` multiply the scene's ambient
-    /// radiance by.
+    /// Reflectance for ambient light. `raycast` and `whitted` multiply the scene's ambient radiance
+    /// by it.
     fn ambient(&self, wo: Vec3) -> SampledSpectrum {
         self.albedo(wo)
     }
 
-    /// Factor that undoes the change of radiance by refraction, for a path that crosses the surface
-    /// as seen from `wo`. Russian roulette needs it: throughput inside glass is small without being
-    /// unimportant.
+    /// The factor that undoes the change of radiance by refraction, for a path that arrives along
+    /// `wo` and crosses the surface. Russian roulette needs it, because throughput inside glass is
+    /// small without being unimportant.
     fn crossing_scale(&self, wo: Vec3) -> f32 {
         let _ = wo;
         1.0
     }
 
-    /// Perfect reflection and refraction, at most two.
+    /// The directions of perfect reflection and refraction, at most two.
     fn specular_branches(&self, wo: Vec3) -> [Option<SpecularBranch>; 2] {
         let _ = wo;
         [None, None]
     }
 }
 
-/// Makes an enum of BSDFs from their list, the enum of their precomputed states for a direction,
-/// and the dispatch.
+/// Makes, from a list of BSDFs, the enum of the BSDFs, the enum of their precomputed states for a
+/// direction, and the implementation of [`Lobes`] that dispatches.
 macro_rules! bsdfs {
     ($(#[$doc:meta])* $name:ident, $(#[$seen_doc:meta])* $seen:ident,
         $($kind:ident => $type:ty, $known:ty;)*) => {
@@ -382,19 +386,19 @@ impl Bsdf {
     }
 }
 
-/// `x` in `[0, most]`; NaN counts as 0.
+/// `x` clamped to `[0, most]`; NaN counts as 0.
 pub(crate) fn bounded(x: f32, most: f32) -> f32 {
     if x > 0.0 { x.min(most) } else { 0.0 }
 }
 
-/// Sine and cosine of a share of a whole turn, `[0, 1]`.
+/// Sine and cosine of the angle that is the fraction `share`, in `[0, 1]`, of a full turn.
 #[inline(always)]
 fn turn(share: f32) -> (f32, f32) {
     let (sin, cos) = angles::sin_cos(f64::from(2.0 * PI * share));
     (sin as f32, cos as f32)
 }
 
-/// The vector at unit length, or `other` if it has no direction. Without a branch.
+/// The vector normalised, or `other` if it has no direction. It has no branches.
 #[inline(always)]
 pub(crate) fn unit_or(v: Vec3, other: Vec3) -> Vec3 {
     let scale = 1.0 / v.length();
@@ -407,7 +411,7 @@ fn lift(w: Vec3) -> Vec3 {
     Vec3::new(w.x, w.y, w.z.abs())
 }
 
-/// Undoes [`lift`] for a direction found with `wo` lifted: mirrored if `wo` lies below.
+/// Undoes [`lift`] for a direction found for the lifted `wo`: mirrors it if `wo` lies below.
 #[inline(always)]
 fn lower_like(w: Vec3, wo: Vec3) -> Vec3 {
     if wo.z < 0.0 { Vec3::new(w.x, w.y, -w.z) } else { w }

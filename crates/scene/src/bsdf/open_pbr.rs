@@ -204,7 +204,7 @@ impl OpenPbrBsdf {
     /// it may enter by one and leave by the other.
     fn compression(&self) -> f32 {
         match &self.slabs.translucent {
-            Some((_, Translucent::Solid(solid))) => solid.ior * solid.ior,
+            Some((_, Translucent::Solid(solid))) => solid.crossing_scale(Vec3::Z),
             _ => 1.0,
         }
     }

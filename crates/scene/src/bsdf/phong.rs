@@ -1,11 +1,11 @@
-//! Phong's model, twice: the classic formula for local illumination, and an energy-conserving BSDF
-//! for path tracing.
+//! Phong's model in two forms: the classic formula for local illumination, and an energy-conserving
+//! BSDF for path tracing.
 //!
-//! The classic formula is that of `.scn` and `.mtl` files: `kd (N.L) + ks (V.R)^n` per light,
-//! `reflection` times the radiance of the mirror direction, `transmission` times that of the
+//! The classic formula is that of `.scn` and `.mtl` files: `kd (N.L) + ks (V.R)^n` for each light,
+//! `reflection` times the radiance of the mirror direction, and `transmission` times that of the
 //! refracted direction, without Fresnel's law. The BSDF is the modified Phong model of Lafortune
 //! and Willems (Using the Modified Phong Reflectance Model for Physically Based Rendering, 1994)
-//! with a glossy lobe of albedo `specular`; mirror reflection beyond that (`reflection - specular`)
+//! with a glossy lobe of albedo `specular`. Mirror reflection beyond that (`reflection - specular`)
 //! and transmission are delta lobes.
 
 use super::mirror::mirror_branch;
@@ -16,7 +16,7 @@ use std::f32::consts::{FRAC_1_PI, PI};
 /// Maximum exponent: higher ones are too sharp for single precision and look like a mirror.
 const MAX_EXPONENT: f32 = 1e6;
 
-/// Coefficients as authored. Make it with [`PhongBsdf::new`].
+/// Phong's model at one point. Make it with [`PhongBsdf::new`].
 #[derive(Clone, Copy, Debug)]
 pub struct PhongBsdf {
     ambient: SampledSpectrum,
@@ -26,7 +26,7 @@ pub struct PhongBsdf {
     transmission: SampledSpectrum,
     exponent: f32,
     ior: f32,
-    /// Factor that keeps the BSDF energy-conserving.
+    /// Factor on the BSDF that makes it energy-conserving.
     scale: f32,
 }
 
@@ -37,7 +37,7 @@ pub struct PhongCoefficients {
     pub ambient: SampledSpectrum,
     /// Diffuse reflectance, `kd`.
     pub diffuse: SampledSpectrum,
-    /// Highlight, `ks`.
+    /// Reflectance of the highlight, `ks`.
     pub specular: SampledSpectrum,
     /// Factor on the mirrored radiance.
     pub reflection: SampledSpectrum,
@@ -45,13 +45,13 @@ pub struct PhongCoefficients {
     pub transmission: SampledSpectrum,
     /// Exponent of the highlight.
     pub exponent: f32,
-    /// Index of refraction inside over outside; 1 does not refract.
+    /// Index of refraction inside divided by that outside; 1 does not refract.
     pub ior: f32,
 }
 
 impl PhongBsdf {
-    /// The BSDF of these coefficients. If they add up to more than 1 in a channel, the BSDF (not
-    /// the classic formula) scales all down by the same factor.
+    /// The BSDF with these coefficients. If they add up to more than 1 in a channel, the BSDF (but
+    /// not the classic formula) scales all of them down by the same factor.
     pub fn new(c: PhongCoefficients) -> Self {
         let mirror = c.reflection.zip(c.specular, |r, s| (r - s).max(0.0));
         let most = (c.diffuse + c.specular + mirror + c.transmission).max_element();
@@ -71,11 +71,11 @@ impl PhongBsdf {
         self.reflection.zip(self.specular, |r, s| (r - s).max(0.0))
     }
 
-    /// `cos^n` of the angle between `wi` and the mirror direction of `wo`, both above.
+    /// `cos^n` of the angle between `wi` and the mirror direction of `wo`, both above the surface.
     fn highlight(&self, wo: Vec3, wi: Vec3) -> f32 {
         let mirror = Vec3::new(-wo.x, -wo.y, wo.z);
-        // From the chord, because the cosine of a small angle is imprecise, which matters for large
-        // exponents.
+        // The cosine is computed from the chord, because the cosine of a small angle is imprecise,
+        // which matters for large exponents.
         let one_minus_cos = 0.5 * (mirror - wi).length_squared();
         if one_minus_cos >= 1.0 { 0.0 } else { (self.exponent * (-one_minus_cos).ln_1p()).exp() }
     }
@@ -88,7 +88,7 @@ impl PhongBsdf {
         frame.from_local(Vec3::new(sin * c, sin * s, 1.0 - one_minus_cos)).normalize_or(frame.z)
     }
 
-    /// Shares of diffuse, highlight, mirror and transmission among the samples.
+    /// Probabilities of sampling the diffuse lobe, the highlight, the mirror and the transmission.
     fn choice(&self) -> Option<[f32; 4]> {
         let sum = |s: SampledSpectrum| s.0.iter().sum::<f32>();
         let weights =
@@ -97,7 +97,7 @@ impl PhongBsdf {
         (total > 0.0).then(|| weights.map(|w| w / total))
     }
 
-    /// Density of a direction above, whose [`Self::highlight`] is known.
+    /// Density of a direction above the surface, given its [`Self::highlight`].
     fn mixture_pdf(&self, [diffuse, glossy, ..]: [f32; 4], highlight: f32, wi: Vec3) -> f32 {
         diffuse * sampling::cosine_hemisphere_pdf(wi.z)
             + glossy * (self.exponent + 1.0) * 0.5 * FRAC_1_PI * highlight

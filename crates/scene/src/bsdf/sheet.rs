@@ -1,6 +1,6 @@
 //! A thin sheet of glass: a window, a soap bubble.
 //!
-//! Light bounces between the two faces of the sheet; the sum over all bounces is reflected or goes
+//! Light bounces between the two faces of the sheet. The sum over all bounces is reflected or goes
 //! straight on. Roughness spreads transmitted light as much as reflected light.
 
 use super::energy::{BouncedLobe, Directional, FacetLoss};
@@ -11,7 +11,7 @@ use super::{Choice, Drawn, Lobes, SpecularBranch, fresnel, lift, lower_like};
 use snell_math::{SampledSpectrum, Vec2, Vec3};
 use std::f32::consts::FRAC_1_PI;
 
-/// The parameters of one point. Make it with [`SheetBsdf::new`].
+/// A sheet at one point. Make it with [`SheetBsdf::new`].
 #[derive(Clone, Copy, Debug)]
 pub struct SheetBsdf {
     ior: f32,
@@ -24,30 +24,30 @@ pub struct SheetBsdf {
     f0: SampledSpectrum,
     loss: FacetLoss,
     mean_loss: f32,
-    /// Reflected and transmitted shares of light that bounced off several facets, over the mean
-    /// loss.
+    /// Reflected and transmitted fractions of light that bounced off several facets, divided by the
+    /// mean loss.
     bounced: [SampledSpectrum; 2],
 }
 
-/// A sheet seen from a direction.
+/// A sheet as seen from a direction.
 #[derive(Clone, Debug)]
 pub struct SheetSeen {
     wo: Vec3,
-    /// Reflected and transmitted shares of facets along the surface.
+    /// Reflected and transmitted fractions of light on facets that lie along the surface.
     shares: [SampledSpectrum; 2],
-    /// Share of light lost by single facets.
+    /// Fraction of light that single facets lose.
     lost: f32,
     choice: Choice<4>,
 }
 
 impl SheetBsdf {
-    /// As [`Ggx::has_tangent`].
+    /// True if the sheet depends on tangents; see [`Ggx::has_tangent`].
     pub(crate) fn has_tangent(&self) -> bool {
         self.ggx.has_tangent()
     }
 
-    /// A sheet of this index of refraction over the outside; `tint` is a factor on the reflection,
-    /// `unit` is 1 in every lane in use.
+    /// A sheet with this index of refraction, divided by that of the outside. `tint` is a factor on
+    /// the reflection; `unit` is 1 in every lane in use.
     pub fn new(
         ior: f32,
         tint: SampledSpectrum,
@@ -63,13 +63,13 @@ impl SheetBsdf {
         let mut sheet =
             Self { ior, tint, transmittance, unit, ggx, film, f0, loss, mean_loss: lost, bounced };
         if lost > 0.0 {
-            // As at the mean angle of diffuse light.
+            // The fractions are those at the mean angle of diffuse light.
             sheet.bounced = sheet.shares(2.0 / 3.0).map(|s| s * (1.0 / lost));
         }
         sheet
     }
 
-    /// Reflected and transmitted shares of facets seen at this cosine.
+    /// Reflected and transmitted fractions of light on facets seen at this cosine.
     fn shares(&self, cos: f32) -> [SampledSpectrum; 2] {
         let f = SampledSpectrum::splat(fresnel::dielectric(cos, self.ior));
         let f = self.film.map_or(f, |film| film.reflectance(cos, self.f0, f));

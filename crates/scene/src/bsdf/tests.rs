@@ -1,4 +1,4 @@
-//! Every example of every material, against what any BSDF must satisfy.
+//! Tests every example of every material against the properties that all BSDFs must have.
 
 use super::{Bsdf, Lobes, MicrofacetShape, fresnel};
 use crate::material::{MaterialKind, ShadingPoint};
@@ -39,7 +39,7 @@ fn views() -> Vec<Vec3> {
         .to_vec()
 }
 
-/// Calls `check` with each example's name, the example, its BSDF and each view.
+/// Calls `check` with the name of each example, the example, its BSDF and each view.
 fn for_each(mut check: impl FnMut(&str, &MaterialKind, &Bsdf, Vec3)) {
     for (i, kind) in MaterialKind::examples().iter().enumerate() {
         let bsdf = bsdf(kind);
@@ -49,7 +49,8 @@ fn for_each(mut check: impl FnMut(&str, &MaterialKind, &Bsdf, Vec3)) {
     }
 }
 
-/// Index of refraction behind the surface over that on the side of `wo`, for what bends light.
+/// Index of refraction behind the surface divided by that on the side of `wo`, for materials that
+/// refract.
 fn relative_ior(kind: &MaterialKind, wo: Vec3) -> f32 {
     let ior = match kind {
         MaterialKind::Dielectric(d) => d.ior.at_line_d(),
@@ -63,19 +64,20 @@ fn relative_ior(kind: &MaterialKind, wo: Vec3) -> f32 {
     if wo.z > 0.0 { ior } else { 1.0 / ior }
 }
 
-/// Change of the radiance scale at refraction, undone: what is left is energy.
+/// The factor that turns refracted radiance into energy: it undoes the change of the radiance
+/// scale.
 fn energy_scale(kind: &MaterialKind, wo: Vec3, is_transmission: bool) -> f32 {
     if is_transmission { relative_ior(kind, wo).powi(2) } else { 1.0 }
 }
 
-/// True if light goes on in a medium inside, whose BSDF is not the whole story.
+/// True if light continues in a medium inside, which the BSDF does not cover.
 fn has_walk(kind: &MaterialKind) -> bool {
     let MaterialKind::OpenPbr(p) = kind else { return false };
     p.subsurface_weight.factor > 0.0 && !p.geometry_thin_walled
 }
 
-/// True for materials whose layers or lobes are weighted by the viewer's direction alone (and fuzz,
-/// which is a fit of that form).
+/// True for materials whose layers or lobes are weighted by the viewer's direction alone, and for
+/// fuzz, which is a fit of that form.
 fn is_layered(kind: &MaterialKind) -> bool {
     match kind {
         MaterialKind::OpenPbr(p) => {
@@ -112,7 +114,8 @@ pub(super) fn sobol(i: u32) -> [f32; 3] {
     })
 }
 
-/// Share of a uniform surrounding that is seen, by the first points of Sobol's sequence.
+/// The radiance that a BSDF shows towards `wo` if radiance 1 arrives from all directions, estimated
+/// with the first `n` points of Sobol's sequence.
 fn furnace(kind: &MaterialKind, bsdf: &Bsdf, wo: Vec3, n: u32) -> [f64; 3] {
     static POINTS: std::sync::LazyLock<Vec<[f32; 3]>> =
         std::sync::LazyLock::new(|| (0..1 << 17).map(sobol).collect());
@@ -181,7 +184,7 @@ fn lossless_settings_lose_nothing() {
     }
 }
 
-/// Share of a uniform surrounding that is seen, integrated without random numbers.
+/// The fraction of a uniform surrounding that is seen, integrated without random numbers.
 fn integrated_furnace(kind: &MaterialKind, bsdf: &Bsdf, wo: Vec3) -> f64 {
     let scale = |is_transmission| f64::from(energy_scale(kind, wo, is_transmission));
     let [above, below] = halves(wo, relative_ior(kind, wo), 6, 4);
@@ -194,8 +197,8 @@ fn integrated_furnace(kind: &MaterialKind, bsdf: &Bsdf, wo: Vec3) -> f64 {
 
 const SHAPES: [MicrofacetShape; 2] = [MicrofacetShape::Ggx, MicrofacetShape::Beckmann];
 
-/// Twenty roughnesses and ten angles, from either side where `sides` is 2, of lossless settings:
-/// they keep all light but a thousandth.
+/// Checks lossless settings at twenty roughnesses and ten angles, from either side if `sides` is 2:
+/// they must keep all light but a thousandth.
 fn lossless_at_every_roughness_and_angle(
     name: &str,
     sides: usize,
@@ -205,7 +208,8 @@ fn lossless_at_every_roughness_and_angle(
     keeps_all_light_but(1e-3, name, sides, kind, seen);
 }
 
-/// The same but for this share.
+/// Does what [`lossless_at_every_roughness_and_angle`] does, with `share` as the fraction that may
+/// be lost.
 fn keeps_all_light_but(
     share: f64,
     name: &str,
@@ -248,16 +252,16 @@ fn white_metals_lose_nothing_at_any_roughness() {
     }
 }
 
-/// By random numbers: at grazing angles the refraction of rough glass has ridges that are too sharp
-/// to be integrated.
+/// Integrates with random numbers, because at grazing angles the refraction of rough glass has
+/// ridges that are too sharp for quadrature.
 fn clear_dielectrics_lose_next_to_nothing(iors: &[f32], n: u32) {
     use crate::material::Dielectric;
     for &ior in iors {
         let seen = |kind: &MaterialKind, bsdf: &Bsdf, wo| furnace(kind, bsdf, wo, n)[0];
         for microfacets in SHAPES {
             let kind = |r| Dielectric { microfacets, ..Dielectric::rough(ior, r) }.into();
-            // (Off by up to 0.0012 here with Beckmann's, and by 0.0008 with four times as many
-            // points.)
+            // With Beckmann's distribution the error here is up to 0.0012, and 0.0008 with four
+            // times as many points.
             let share = if microfacets == MicrofacetShape::Ggx { 1e-3 } else { 1.5e-3 };
             keeps_all_light_but(share, &format!("glass of {ior} {microfacets:?}"), 2, kind, seen);
         }
@@ -340,8 +344,8 @@ fn nothing_is_lost_on_a_walk_through_a_glass_ball() {
     let glass = bsdf(&Dielectric::smooth(1.5).into());
     for seed in 0..2000u32 {
         let u = |bounce: u32| rng::uniform2([seed, bounce, 5, 1]);
-        // The ball by its normals alone: inside, each chord meets the surface at the angle at which
-        // it left it.
+        // Follows light in a ball by its normals alone: inside, each chord meets the surface at the
+        // angle at which it left.
         let (mut wo, mut throughput) = (fresnel_view(u(100).x), SampledSpectrum::ONE);
         for bounce in 0..200 {
             let s = glass.sample(wo, u(bounce).x, u(bounce + 1000)).expect("glass absorbs nothing");
@@ -398,7 +402,7 @@ fn values_are_reciprocal() {
             let wi = snell_math::sampling::uniform_sphere(rng::uniform2([i, 21, 3, 0]));
             let is_transmission = wi.z * wo.z < 0.0;
             let (there, back) = (bsdf.eval(wo, wi) / wi.z.abs(), bsdf.eval(wi, wo) / wo.z.abs());
-            // Radiance is reciprocal after division by the squared index of its side.
+            // Radiance is reciprocal after division by the squared index of refraction on its side.
             let scale = energy_scale(kind, wo, is_transmission);
             for (a, b) in there.0.iter().map(|a| a * scale).zip(back.0) {
                 assert!(
@@ -462,8 +466,8 @@ fn directions_in_the_surface_are_harmless() {
     }
 }
 
-/// Cells about the mirror image and about where a smooth surface of this relative index would send
-/// light, where lobes are sharp.
+/// Cells about the mirror direction, and about the direction into which a smooth surface of this
+/// relative index would refract light, where lobes are sharp.
 fn halves(wo: Vec3, eta: f32, rings: usize, sectors: usize) -> [HemisphereCells; 2] {
     let side = Vec3::new(0.0, 0.0, wo.z.signum());
     [fresnel::reflect(wo, side), fresnel::refract(wo, side, eta).unwrap_or(-wo)]
@@ -530,7 +534,7 @@ fn phong_keeps_the_classic_formula() {
     );
     let wo = Vec3::new(0.6, 0.0, 0.8);
     let wi = Vec3::new(-0.28, 0.0, 0.96);
-    // V.R with R = 2 (N.L) N - L.
+    // The expected value is V.R with R = 2 (N.L) N - L.
     let r = Vec3::new(0.28, 0.0, 0.96);
     let expected = 0.9 * 0.96 + 0.8 * wo.dot(r).powi(3);
     assert!((phong.eval_classic(wo, wi)[0] - expected).abs() < 1e-5);

@@ -1,5 +1,5 @@
-//! A room that is lit through a door left ajar, after an idea of Veach (1997): the lamp is in the
-//! next room.
+//! A room that is lit through a door left ajar, with the lamp in the next room, after an idea of
+//! Veach (1997).
 
 use super::palette::{glass, matte, metal, plastic};
 use super::quads::quads;
@@ -9,15 +9,15 @@ use crate::material::{Black, Material};
 use snell_intersect::shape::{BoxShape, Sphere};
 use snell_math::{DAffine3, DVec3, Rgb};
 
-/// Height of the rooms, and thickness of the wall between them.
+/// Height of the rooms, and thickness of the wall between them, in metres.
 const HEIGHT: f64 = 2.8;
 const WALL: f64 = 0.15;
-/// The opening in the wall at `x = 0`: its extent along z from 0, and its height.
+/// The opening in the wall at `x = 0`: its extent along z, from 0, and its height, in metres.
 const DOOR: [f64; 2] = [1.0, 2.05];
-/// How far the door is open, in radians.
+/// The angle by which the door is open, in radians.
 const OPEN: f64 = 0.35;
 
-/// The two rooms.
+/// The built-in scene of the two rooms.
 pub fn scene() -> Scene {
     let mut scene = Scene::new("door-ajar");
     let walls = scene.add_material(matte("walls", Rgb::new(0.74, 0.72, 0.68)));
@@ -33,7 +33,7 @@ pub fn scene() -> Scene {
     let depth = DOOR[0];
     let hinge =
         DAffine3::from_translation(DVec3::new(0.0, 0.0, depth)) * DAffine3::from_rotation_y(OPEN);
-    // The leaf hangs at its far end and opens into the visible room.
+    // The door hangs at the far end of the opening, and opens into the visible room.
     put(&mut scene, "door", [0.0, 0.005, -depth], [0.05, DOOR[1] - 0.01, 0.0], hinge, wood);
     let still = DAffine3::IDENTITY;
     put(&mut scene, "table top", [1.3, 0.68, -0.6], [2.7, 0.74, 1.4], still, table);
@@ -43,7 +43,7 @@ pub fn scene() -> Scene {
     ball(&mut scene, "china", DVec3::new(1.75, 0.9, 0.75), 0.16, white);
     ball(&mut scene, "steel", DVec3::new(2.1, 0.86, 0.3), 0.12, steel);
     ball(&mut scene, "glass", DVec3::new(1.8, 0.88, -0.15), 0.14, clear);
-    // Turned to the far wall of the next room.
+    // The lamp faces the far wall of the next room.
     let lamp_quad = [[-1.9, 0.9, 2.4], [-1.9, 2.1, 2.4], [-1.5, 2.1, 2.4], [-1.5, 0.9, 2.4]];
     scene.add_child(
         scene.root,
@@ -59,7 +59,7 @@ pub fn scene() -> Scene {
     scene
 }
 
-/// Two closed rooms from `x = -3` to `x = 5` with the wall and its opening between them.
+/// Adds two closed rooms from `x = -3` to `x = 5`, and the wall between them with its opening.
 fn rooms(scene: &mut Scene, walls: MaterialId, floor: MaterialId) {
     let (left, right, back, front, h) = (-3.0, 5.0, -2.0, 3.0, HEIGHT as f32);
     let ground = [[left, 0.0, front], [right, 0.0, front], [right, 0.0, back], [left, 0.0, back]];

@@ -1,4 +1,5 @@
-//! A ball of glass under a small lamp: nearly all of its light on the floor has passed the glass.
+//! A ball of glass under a small lamp. Nearly all light on the floor below has passed through the
+//! glass.
 
 use super::palette::{glass, gold, matte};
 use super::quads::quads;
@@ -8,12 +9,12 @@ use crate::material::{Black, Material};
 use snell_intersect::shape::Sphere;
 use snell_math::{DAffine3, DVec3, Rgb};
 
-/// Half of the room's width, its height, and its front end.
+/// Half of the room's width, the room's height, and the position of its front end.
 const HALF: f32 = 3.0;
 const HEIGHT: f32 = 4.0;
 const FRONT: f32 = 8.0;
 
-/// The room with the ball.
+/// The built-in scene of the room with the ball.
 pub fn scene() -> Scene {
     let mut scene = Scene::new("caustic");
     let walls = scene.add_material(matte("walls", Rgb::new(0.72, 0.7, 0.66)));

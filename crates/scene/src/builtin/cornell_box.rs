@@ -1,9 +1,9 @@
 //! The Cornell box.
 //!
 //! Geometry and camera are the measurements published by the Cornell University Program of Computer
-//! Graphics ("Cornell Box Data", 1998), in millimetres. Its reflectances and the lamp are published
+//! Graphics ("Cornell Box Data", 1998), in millimetres. The reflectances and the lamp are published
 //! as spectra; the linear Rec. 709 colours here are the approximations in common use for them. The
-//! lamp hangs a tenth of a millimetre under the ceiling, instead of in a hole in it.
+//! lamp hangs a tenth of a millimetre under the ceiling, instead of in a hole in the ceiling.
 
 use super::palette::matte;
 use super::quads::quads;
@@ -46,7 +46,7 @@ const TALL_BLOCK: [Quad; 5] = [
     [[265.0, 0.0, 296.0], [265.0, 330.0, 296.0], [423.0, 330.0, 247.0], [423.0, 0.0, 247.0]],
 ];
 
-/// The Cornell box.
+/// The built-in scene of the Cornell box.
 pub fn scene() -> Scene {
     let mut scene = Scene::new("cornell-box");
     let white = scene.add_material(matte("white", WHITE));
@@ -61,7 +61,7 @@ pub fn scene() -> Scene {
     add("short block", vec![quads(&SHORT_BLOCK, white)]);
     add("tall block", vec![quads(&TALL_BLOCK, white)]);
     add("lamp", vec![quads(&[LIGHT], lamp)]);
-    // A focal length of 35 mm over a film of 25 mm.
+    // The camera has a focal length of 35 mm and a film of 25 mm.
     let projection = Projection::Perspective { tan_half_fov: [Some(0.025 / 2.0 / 0.035), None] };
     let eye = DVec3::new(278.0, 273.0, -800.0);
     scene.cameras.push(Camera {

@@ -1,5 +1,5 @@
-//! A glass of iced tea: nested objects with different indices of refraction, and priorities where
-//! they overlap.
+//! A glass of iced tea: nested objects with different indices of refraction, with priorities where
+//! objects overlap.
 
 use super::palette::matte;
 use super::quads::ground;
@@ -12,7 +12,7 @@ use snell_intersect::AnyShape;
 use snell_intersect::shape::{BoxShape, Cylinder};
 use snell_math::{DAffine3, DVec3, Rgb};
 
-/// A tumbler of tea with two cubes of ice on a table, in centimetres.
+/// The built-in scene: a tumbler of tea with two cubes of ice on a table, in centimetres.
 pub fn scene() -> Scene {
     let mut scene = Scene::new("drink");
     let table = scene.add_material(matte("table", Rgb::new(0.62, 0.6, 0.57)));
@@ -33,7 +33,7 @@ pub fn scene() -> Scene {
         };
     let cylinder = |radius, height| AnyShape::from(Cylinder { radius, height, caps: true });
     let at = |x, y, z| DAffine3::from_translation(DVec3::new(x, y, z));
-    // Each displaces those of lower priority: no two surfaces need to coincide.
+    // Each object displaces those of lower priority, so no two surfaces need to coincide.
     let green = Homogeneous::absorbing(Rgb::new(0.02, 0.005, 0.015));
     add("glass", 1.5, Some(green.into()), 1, cylinder(3.6, 11.0), at(0.0, 5.51, 0.0));
     add("hollow", 1.0, None, 2, cylinder(3.3, 11.0), at(0.0, 6.7, 0.0));

@@ -1,4 +1,4 @@
-//! A dusty room with a window: the sun draws shafts into the air.
+//! A dusty room with a window, in which sunlight makes shafts of light visible.
 
 use super::palette::matte;
 use crate::camera::{Camera, Projection};
@@ -10,13 +10,13 @@ use snell_intersect::shape::{BoxShape, Sphere};
 use snell_math::{DAffine3, DVec3, Rgb};
 use std::sync::Arc;
 
-/// Inner size of the room in metres, from the corner at the origin.
+/// Inner size of the room in metres. One corner is at the origin.
 const ROOM: DVec3 = DVec3::new(4.0, 3.0, 6.0);
-/// Thickness of the walls.
+/// Thickness of the walls in metres.
 const WALL: f64 = 0.25;
 
-/// A room of 4 m by 6 m with a barred window in its right wall, dust in the air, and the sun
-/// outside.
+/// The built-in scene: a room of 4 m by 6 m with a barred window in its right wall, dust in the
+/// air, and the sun outside.
 pub fn scene() -> Scene {
     let mut scene = Scene::new("fog");
     let plaster = scene.add_material(matte("plaster", Rgb::new(0.72, 0.66, 0.58)));
@@ -35,7 +35,7 @@ pub fn scene() -> Scene {
     add("left wall", vec![slab([-WALL, 0.0, -WALL], [0.0, y, z + WALL], plaster)]);
     add("back wall", vec![slab([0.0, 0.0, -WALL], [x, y, 0.0], plaster)]);
     add("front wall", vec![slab([0.0, 0.0, z], [x, y, z + WALL], plaster)]);
-    // The right wall around the window, and its bars.
+    // These blocks are the right wall around the window, and the bars of the window.
     let (low, high, near, far) = (1.1, 2.5, 1.0, 2.9);
     add(
         "right wall",
@@ -51,7 +51,7 @@ pub fn scene() -> Scene {
         slab([x + 0.08, low, at - 0.05], [x + 0.16, high, at + 0.05], plaster)
     });
     add("bars", bars.collect());
-    // The air ends slightly inside of the walls' outer faces.
+    // The air ends slightly inside of the outer faces of the walls.
     add("air", vec![block(DVec3::splat(-0.5 * WALL), ROOM + 0.9 * WALL, air)]);
     let place = DAffine3::from_translation(DVec3::new(1.25, 0.45, 1.9));
     let surfaces = vec![Surface::shape(Sphere { radius: 0.45 }, ball)];

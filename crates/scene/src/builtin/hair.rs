@@ -1,4 +1,4 @@
-//! Balls of fur: one set of strands, three kinds of hair.
+//! Balls of fur: the same strands with three kinds of hair.
 
 use super::palette::matte;
 use super::quads::ground;
@@ -13,15 +13,15 @@ use snell_math::{DAffine3, DVec3, Rgb, Vec3, rng};
 use std::f32::consts::TAU;
 use std::sync::Arc;
 
-/// Strands per ball.
+/// The number of strands of a ball.
 const STRANDS: u32 = 9000;
-/// Radius of the skin.
+/// Radius of a ball's skin.
 const SKIN: f32 = 0.72;
 /// Radius of a strand at its root.
 const THICKNESS: f32 = 0.0045;
 
-/// Fur around the origin: roots distributed evenly by the golden angle, strands that bend into
-/// tufts and hang slightly.
+/// The strands of a ball of fur around the origin. The roots are distributed evenly by the golden
+/// angle; the strands bend into tufts and hang slightly.
 fn fur() -> Curves {
     let golden = TAU * (1.0 - 2.0 / (1.0 + 5f32.sqrt()));
     let mut points = Vec::new();
@@ -31,7 +31,7 @@ fn fur() -> Curves {
         let up = Vec3::new((1.0 - y * y).sqrt() * cos, y, (1.0 - y * y).sqrt() * sin);
         let random = |k: u32| rng::pcg4d([i, k, 7, 3]).map(rng::to_unit);
         let [a, b, c, length] = random(0);
-        // A slow swirl over the ball that neighbours share, plus individual variation.
+        // A slow swirl over the ball, which neighbouring strands share, and individual variation.
         let swirl = Vec3::new(
             (5.0 * up.y).sin() + (7.0 * up.z).cos(),
             (6.0 * up.x).sin(),
@@ -51,7 +51,7 @@ fn fur() -> Curves {
     Curves::new(StrandBasis::Bezier, points, counts).expect("four points each")
 }
 
-/// Three balls of fur on a ground.
+/// The built-in scene of three balls of fur on a ground.
 pub fn scene() -> Scene {
     let mut scene = Scene::new("hair");
     let floor = scene.add_material(matte("ground", Rgb::new(0.4, 0.38, 0.36)));
@@ -86,7 +86,7 @@ pub fn scene() -> Scene {
         Projection::from_half_angle_x(0.42),
     );
     scene.environment = Some(sky_seen_by(&camera, DVec3::Y));
-    // The sun is behind, where it shines through thin parts.
+    // The sun is behind the balls, so that it shines through thin parts of the fur.
     scene.add_light(Directional {
         direction: DVec3::new(0.5, -0.7, 0.65).normalize(),
         irradiance: Rgb::splat(2.5),

@@ -1,5 +1,5 @@
 //! Heckbert's minimal ray tracer: scenes of spheres, as in the ACM contest of 1987 and on the
-//! business card (P. Heckbert, A Minimal Ray Tracer, Graphics Gems IV, 1994).
+//! author's business card (P. Heckbert, A Minimal Ray Tracer, Graphics Gems IV, 1994).
 
 use super::palette::minimal;
 use crate::camera::{Camera, Projection};
@@ -10,7 +10,7 @@ use snell_intersect::shape::Sphere;
 use snell_math::{DAffine3, DVec3, Rgb};
 use std::f32::consts::PI;
 
-/// A scene in the terms of the original.
+/// A scene in the terms of the original program.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MinrayDescription {
@@ -23,35 +23,35 @@ pub struct MinrayDescription {
     pub size: u32,
     /// Total angle of view in degrees, horizontal and vertical.
     pub aov_degrees: f64,
-    /// Ambient light, and the background.
+    /// Radiance of the ambient light and of the background.
     pub ambient: [f32; 3],
-    /// The only primitive.
+    /// The spheres, which are the only primitives.
     pub spheres: Vec<MinraySphere>,
 }
 
-/// A sphere. Names are those of the original's data.
+/// A sphere. The fields have the names of the original's data.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MinraySphere {
-    /// Centre.
+    /// x coordinate of the centre.
     pub x: f64,
-    /// Centre.
+    /// y coordinate of the centre.
     pub y: f64,
-    /// Centre; z is up.
+    /// z coordinate of the centre; z points up.
     pub z: f64,
-    /// Colour.
+    /// Red of the colour.
     pub r: f32,
-    /// Colour.
+    /// Green of the colour.
     pub g: f32,
-    /// Colour.
+    /// Blue of the colour.
     pub b: f32,
     /// Radius.
     pub rad: f64,
     /// Diffuse coefficient, multiplied by the colour.
     pub kd: f32,
-    /// Coefficient of the reflected ray.
+    /// Coefficient of the reflected ray's radiance.
     pub ks: f32,
-    /// Coefficient of the refracted ray.
+    /// Coefficient of the refracted ray's radiance.
     pub kt: f32,
     /// Luminosity, multiplied by the colour. A sphere with a positive one is a light.
     pub kl: f32,
@@ -59,29 +59,29 @@ pub struct MinraySphere {
     pub ir: f32,
 }
 
-/// Why a description cannot be rendered.
+/// The reason why a description cannot be rendered.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum MinrayError {
     /// A number is out of range.
     #[error("{name} is {found}; expected {expected}")]
     OutOfRange {
-        /// Its name.
+        /// The name of the number.
         name: &'static str,
-        /// Its value.
+        /// The value that was given.
         found: f64,
-        /// The expected value.
+        /// The values that are allowed.
         expected: &'static str,
     },
     /// A number of a sphere is invalid.
     #[error("sphere {number} (counted from 1): {name} is {found}; expected {expected}")]
     Sphere {
-        /// Position in the list, from 1.
+        /// The sphere's position in the list, from 1.
         number: usize,
-        /// Its name.
+        /// The name of the number.
         name: &'static str,
-        /// Its value.
+        /// The value that was given.
         found: f64,
-        /// The expected value.
+        /// The values that are allowed.
         expected: &'static str,
     },
 }
@@ -151,9 +151,9 @@ impl MinraySphere {
         Rgb::new(self.r, self.g, self.b)
     }
 
-    /// The light of a luminous sphere: a point at its centre without attenuation. The original adds
-    /// `kl colour cos` to what `kd` multiplies; a Lambertian surface of reflectance `kd` reflects
-    /// `1 / pi` of its irradiance.
+    /// The light of a luminous sphere: a point light at its centre, without attenuation. The
+    /// original adds `kl colour cos` to what `kd` multiplies, whereas a Lambertian surface of
+    /// reflectance `kd` reflects `1 / pi` of its irradiance.
     fn light(&self) -> Light {
         Light::Point(Point {
             position: self.center(),
@@ -164,7 +164,7 @@ impl MinraySphere {
     }
 }
 
-/// The scene of a description, with settings under which the integrator `whitted` gives the
+/// The scene of a description, with the settings for which the integrator `whitted` gives the
 /// original's picture.
 pub fn minray_scene(description: &MinrayDescription) -> Result<Scene, MinrayError> {
     description.check()?;
@@ -191,10 +191,11 @@ pub fn minray_scene(description: &MinrayDescription) -> Result<Scene, MinrayErro
     Ok(scene)
 }
 
-/// The eye is at the origin and looks along `+y`; `z` is up. With `h = size / 2` rounded down, the
-/// ray of pixel `(x, y)` has the direction `(x - h, h / tan(aov / 2), h - y)`. For an even size
-/// these are the upper left corners of the pixels of a view with that angle; for an odd size their
-/// centres, in a view that is wider by `size / (2 h)`.
+/// Sets a camera at the origin that looks along `+y`, with `z` up. With `h = size / 2` rounded
+/// down, the ray of pixel `(x, y)` has the direction `(x - h, h / tan(aov / 2), h - y)`. For an
+/// even size, these rays pass through the upper left corners of the pixels of a view with that
+/// angle. For an odd size, they pass through the pixels' centres in a view that is wider by
+/// `size / (2 h)`.
 fn set_view(scene: &mut Scene, description: &MinrayDescription) {
     let size = description.size;
     let half = f64::from((size / 2).max(1));
@@ -208,9 +209,9 @@ fn set_view(scene: &mut Scene, description: &MinrayDescription) {
     scene.settings.pixel_position = Some([position, position]);
 }
 
-/// The scene on the business card: `test1` of the contest.
+/// The built-in scene of the business card: `test1` of the contest.
 pub fn scene() -> Scene {
-    // x y z, r g b, rad, kd ks kt kl, ir.
+    // Each row holds x y z, r g b, rad, kd ks kt kl, ir.
     let spheres: [[f64; 12]; 5] = [
         [0.0, 6.0, 0.5, 1.0, 1.0, 1.0, 0.9, 0.05, 0.2, 0.85, 0.0, 1.7],
         [-1.0, 8.0, -0.5, 1.0, 0.5, 0.2, 1.0, 0.7, 0.3, 0.0, 0.05, 1.2],
@@ -230,7 +231,7 @@ pub fn scene() -> Scene {
 }
 
 impl From<[f64; 12]> for MinraySphere {
-    /// The twelve numbers in the order of the original.
+    /// The sphere with these twelve numbers, in the order of the original.
     fn from([x, y, z, r, g, b, rad, kd, ks, kt, kl, ir]: [f64; 12]) -> Self {
         let [r, g, b, kd, ks, kt, kl, ir] = [r, g, b, kd, ks, kt, kl, ir].map(|x| x as f32);
         Self { x, y, z, r, g, b, rad, kd, ks, kt, kl, ir }
@@ -326,7 +327,7 @@ mod tests {
         assert!(refused(|d| d.spheres[0].ir = 0.0).contains("index of refraction"));
     }
 
-    /// The listing in the lecture is damaged; the numbers here are those of the contest's data.
+    /// The listing in the lecture is damaged; these numbers are those of the contest's data.
     #[test]
     fn errata_e10_the_card_has_five_spheres_of_which_three_shine_and_three_levels() {
         let scene = scene();

@@ -1,4 +1,4 @@
-//! Scenes that come with the program. They also show how to build scenes in code.
+//! Scenes that come with the program. They also show how scenes are built in code.
 
 mod ajar;
 mod caustic;
@@ -22,9 +22,9 @@ use crate::graph::Scene;
 /// A built-in scene.
 #[derive(Clone, Copy, Debug)]
 pub struct Builtin {
-    /// Name on the command line.
+    /// The scene's name on the command line.
     pub name: &'static str,
-    /// One line about it.
+    /// A description of the scene in one line.
     pub description: &'static str,
     /// Makes the scene.
     pub make: fn() -> Scene,
@@ -95,7 +95,7 @@ pub const BUILTINS: &[Builtin] = &[
     },
 ];
 
-/// The built-in scene of this name.
+/// Makes the built-in scene of this name; `None` if there is none.
 pub fn builtin(name: &str) -> Option<Scene> {
     BUILTINS.iter().find(|b| b.name == name).map(|b| (b.make)())
 }

@@ -1,5 +1,5 @@
-//! A town at night: a thousand lamps of very different strengths, most of them hidden from most
-//! places.
+//! A town at night with a thousand lamps of very different strengths. From most places, most lamps
+//! are hidden.
 
 use super::palette::{matte, plastic};
 use super::quads::{ground, quads};
@@ -10,15 +10,16 @@ use snell_intersect::shape::{Rectangle, Sphere};
 use snell_math::rng::uniform2;
 use snell_math::{DAffine3, DMat3, DVec2, DVec3, Rgb, Vec2};
 
-/// Houses along a side of the town, their distance, and half of their width.
+/// The number of houses along a side of the town, their distance, and half of their width.
 const HOUSES: u32 = 8;
 const DISTANCE: f32 = 2.0;
 const HALF: f32 = 0.62;
-/// Lamps in the streets, and windows.
+/// The number of lamps in the streets, and of lit windows.
 const LAMPS: u32 = 500;
 const WINDOWS: u32 = 500;
 
-/// A thousand lamps: half of them bulbs in the streets, half windows.
+/// The built-in scene: a town with a thousand lamps, half of them bulbs in the streets, half
+/// windows.
 pub fn scene() -> Scene {
     let mut scene = Scene::new("night-town");
     let street = scene.add_material(plastic("street", Rgb::new(0.2, 0.2, 0.22), 0.35));
@@ -30,7 +31,7 @@ pub fn scene() -> Scene {
         Rgb::new(0.65, 0.8, 1.0),
         Rgb::new(1.0, 0.25, 0.4),
     ];
-    // By colour, then by strength.
+    // The materials of the lamps, ordered by colour, then by strength.
     let lamps: Vec<MaterialId> = glows
         .iter()
         .flat_map(|&color| (0..4).map(move |power| color * (4.0 * 5f32.powi(power))))
@@ -59,7 +60,7 @@ pub fn scene() -> Scene {
     scene
 }
 
-/// Middle and height of a house.
+/// The middle of a house on the ground, and its height.
 fn house_at(number: u32) -> (Vec2, f32) {
     let place = |k: u32| (k as f32 - (HOUSES - 1) as f32 * 0.5) * DISTANCE;
     (
@@ -90,7 +91,7 @@ fn walls_of(number: u32, material: MaterialId) -> Surface {
 
 fn add_bulb(scene: &mut Scene, number: u32, lamps: &[MaterialId]) {
     let (u, v) = (uniform2([number, 2, 0, 0]), uniform2([number, 3, 0, 0]));
-    // Along a street: between two rows of houses.
+    // The lamp stands along a street, which is between two rows of houses.
     let street =
         (((u.x * (HOUSES - 1) as f32) as u32) as f32 - (HOUSES - 2) as f32 * 0.5) * DISTANCE;
     let along = (u.y * 2.0 - 1.0) * 0.5 * HOUSES as f32 * DISTANCE;
@@ -120,7 +121,7 @@ fn add_window(scene: &mut Scene, number: u32, lamps: &[MaterialId]) {
     scene.add_child(scene.root, Node { transform, surfaces, ..Node::named("window") });
 }
 
-/// Strong lamps are rare.
+/// Chooses the material of a lamp; strong lamps are rare.
 fn lamp(number: u32, lamps: &[MaterialId]) -> MaterialId {
     let u = uniform2([number, 7, 0, 0]);
     let strength = (u.x.powi(3) * 4.0) as usize;

@@ -4,7 +4,7 @@ use super::MinraySphere;
 use crate::material::{Conductor, Dielectric, Diffuse, Material, Phong, Plastic};
 use snell_math::Rgb;
 
-/// Matte paint.
+/// Matte paint of this reflectance.
 pub fn matte(name: &str, reflectance: Rgb) -> Material {
     Material::new(name, Diffuse::new(reflectance))
 }
@@ -14,12 +14,12 @@ pub fn plastic(name: &str, color: Rgb, roughness: f32) -> Material {
     Material::new(name, Plastic::new(color, roughness))
 }
 
-/// Gold.
+/// Gold of this roughness.
 pub fn gold(name: &str, roughness: f32) -> Material {
     Material::new(name, Conductor::gold(roughness))
 }
 
-/// A metal of this colour; a mirror if it has no roughness.
+/// A metal of this colour; with roughness 0 it is a mirror.
 pub fn metal(name: &str, color: Rgb, roughness: f32) -> Material {
     Material::new(name, Conductor::color(color, roughness))
 }
@@ -29,7 +29,7 @@ pub fn glass(name: &str) -> Material {
     Material::new(name, Dielectric::smooth(1.5))
 }
 
-/// The material of a sphere of the minimal ray tracer: without highlights, because its lights are
+/// The material of a sphere of the minimal ray tracer. It has no highlights, because the lights are
 /// visible objects that mirrors show.
 pub fn minimal(name: &str, sphere: &MinraySphere) -> Material {
     let color = Rgb::new(sphere.r, sphere.g, sphere.b);

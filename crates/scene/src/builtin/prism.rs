@@ -1,5 +1,5 @@
-//! A prism of flint glass in front of a lamp in a slit: seen through it, the slit is spread into a
-//! spectrum.
+//! A prism of flint glass in front of a lamp behind a slit. Seen through the prism, the slit is
+//! spread into a spectrum.
 //!
 //! The camera looks at the prism at the angle of minimum deviation, and past it at the slit itself.
 //! Light of each wavelength takes its own path, so the picture needs spectral rendering; in RGB the
@@ -15,31 +15,33 @@ use snell_math::spectrum::{Glass, LINE_D};
 use snell_math::{Rgb, Vec3};
 use std::sync::Arc;
 
-/// The angle between the faces that light passes.
+/// The angle in radians between the two faces that light passes through.
 const APEX: f32 = 50.0_f32.to_radians();
-/// Length of the sides next to the apex, and height.
+/// Length of the sides next to the apex, and height of the prism.
 const SIDE: f32 = 2.4;
 const HEIGHT: f32 = 2.2;
-/// Distance from the camera to the prism, and from there to the slit.
+/// Distance from the camera to the prism, and from the prism to the slit.
 const DISTANCE: f32 = 5.0;
 const TO_SLIT: f32 = 14.0;
 /// Width and height of the slit.
 const SLIT: [f32; 2] = [0.07, 7.0];
 
-/// The minimum deviation: that of d-line light which passes the prism symmetrically.
+/// The minimum deviation in radians: that of light of the d line that passes the prism
+/// symmetrically.
 fn least_deviation() -> f32 {
     2.0 * (Glass::SF11.index(LINE_D) * (APEX / 2.0).sin()).asin() - APEX
 }
 
-/// Direction in the horizontal plane: straight ahead of the camera for 0, to its left for positive
-/// angles.
+/// A direction in the horizontal plane. The angle is in radians; 0 is straight ahead of the camera,
+/// and positive angles are to its left.
 fn towards(angle: f32) -> Vec3 {
     Vec3::new(-angle.sin(), 0.0, -angle.cos())
 }
 
-/// The prism: its apex to the right, bisected by the plane across the path of the light.
+/// The prism. Its apex points to the right, and the plane through the apex that bisects it is
+/// perpendicular to the path of the light.
 fn prism(material: MaterialId) -> Surface {
-    // Inside, light is parallel to the base, half of the deviation to the left.
+    // Inside the prism, light is parallel to the base, at half of the deviation to the left.
     let along = towards(least_deviation() / 2.0);
     let apex_direction = along.cross(Vec3::Y);
     let center = Vec3::new(0.0, 0.0, -DISTANCE);
@@ -51,7 +53,7 @@ fn prism(material: MaterialId) -> Surface {
     let at_height = |y: f32| corners.map(|p| p + Vec3::Y * y);
     let mesh = TriangleMesh {
         positions: [at_height(-HEIGHT / 2.0), at_height(HEIGHT / 2.0)].concat(),
-        // The floor, the ceiling, and two triangles for each side.
+        // The triangles of the floor and the ceiling, and two triangles for each side.
         indices: vec![
             [0, 2, 1],
             [3, 4, 5],
@@ -75,7 +77,7 @@ fn screen(center: Vec3, [width, height]: [f32; 2], material: MaterialId) -> Surf
     quads(&[[corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)]], material)
 }
 
-/// The prism and the slit.
+/// The built-in scene of the prism and the slit.
 pub fn scene() -> Scene {
     let mut scene = Scene::new("prism");
     let glass = scene.add_material(Material::new("glass", Dielectric::smooth(Glass::SF11)));
@@ -95,7 +97,7 @@ pub fn scene() -> Scene {
     );
     let camera =
         Camera::look_at(Vec3::new(0.0, 0.35, 0.0), Vec3::new(-1.35, 0.0, -DISTANCE), Vec3::Y, 0.31);
-    // Faint light from all directions, so that the glass is visible.
+    // Faint light from all directions makes the glass visible.
     scene.environment = Some(Environment::Constant(Rgb::splat(0.03)));
     scene.cameras.push(Camera { name: "main".into(), ..camera });
     scene.settings.size = Some([640, 400]);
@@ -124,7 +126,7 @@ mod tests {
 
     #[test]
     fn light_is_spread_over_some_degrees() {
-        // Newton's minimum: sin((apex + deviation) / 2) = n sin(apex / 2).
+        // Newton's minimum deviation: sin((apex + deviation) / 2) = n sin(apex / 2).
         let deviation =
             |lambda: f32| 2.0 * (Glass::SF11.index(lambda) * (APEX / 2.0).sin()).asin() - APEX;
         let spread = (deviation(430.0) - deviation(660.0)).to_degrees();

@@ -6,7 +6,7 @@ use snell_intersect::TriangleMesh;
 use snell_math::{Vec2, Vec3};
 use std::sync::Arc;
 
-/// A surface of quadrilaterals, each given by its corners in order: counter-clockwise seen from
+/// A surface of quadrilaterals. Each is given by its corners, counter-clockwise as seen from
 /// outside.
 pub fn quads(corners: &[[[f32; 3]; 4]], material: MaterialId) -> Surface {
     let first = |i: usize| 4 * i as u32;
@@ -26,7 +26,7 @@ pub fn quads(corners: &[[[f32; 3]; 4]], material: MaterialId) -> Surface {
     Surface::with_material(Geometry::Mesh(Arc::new(mesh)), material)
 }
 
-/// A square ground of this half-width at a height, facing up.
+/// A square ground at this height, with sides of twice `half`, that faces up.
 pub fn ground(height: f32, half: f32, material: MaterialId) -> Surface {
     let p = |x: f32, z: f32| [x * half, height, z * half];
     quads(&[[p(-1.0, 1.0), p(1.0, 1.0), p(1.0, -1.0), p(-1.0, -1.0)]], material)

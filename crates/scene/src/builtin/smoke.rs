@@ -1,4 +1,4 @@
-//! A camp fire: flames of hot gas below a plume of smoke, both on grids.
+//! A camp fire: flames of hot gas below a plume of smoke, both stored in grids.
 
 use super::palette::matte;
 use super::quads::ground;
@@ -12,13 +12,13 @@ use snell_intersect::shape::{BoxShape, Sphere};
 use snell_math::{DAffine3, DVec3, Rgb, Vec3};
 use std::f64::consts::TAU;
 
-/// Cells of the grids along x, y and z.
+/// The number of cells of the grids along x, y and z.
 const CELLS: [usize; 3] = [64, 160, 64];
 /// The box of the grids: its half-width and height in metres.
 const HALF_WIDTH: f64 = 1.2;
 const HEIGHT: f64 = 6.0;
 
-/// Smoke over a fire within a ring of stones, in the evening.
+/// The built-in scene: smoke over a fire within a ring of stones, in the evening.
 pub fn scene() -> Scene {
     let mut scene = Scene::new("smoke");
     let earth = scene.add_material(matte("earth", Rgb::new(0.3, 0.24, 0.18)));
@@ -71,7 +71,7 @@ pub fn scene() -> Scene {
     scene
 }
 
-/// A grid that samples a function of the position in metres.
+/// A grid of samples of a function of the position in metres.
 fn sampled(f: impl Fn(Vec3) -> f32) -> ScalarGrid {
     let [nx, ny, nz] = CELLS;
     let middle = |i: usize, n: usize| (i as f32 + 0.5) / n as f32;
@@ -91,7 +91,7 @@ fn curled(p: Vec3) -> Vec3 {
 
 fn smoke(p: Vec3) -> f32 {
     let q = curled(p);
-    // The plume leans with the wind and widens.
+    // The plume leans with the wind, and widens towards the top.
     let middle = Vec3::new(0.04 * p.y * p.y * 0.3, p.y, 0.0);
     let width = 0.22 + 0.13 * p.y;
     let away = (Vec3::new(q.x - middle.x, 0.0, q.z - middle.z)).length() / width;

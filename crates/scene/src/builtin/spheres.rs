@@ -8,7 +8,7 @@ use crate::graph::{Background, MaterialId, Node, Scene, Surface};
 use snell_intersect::shape::Sphere;
 use snell_math::{DAffine3, DVec3, Rgb};
 
-/// Balls on a ground, in focus from the front row backwards.
+/// The built-in scene: balls on a ground, in focus from the front row backwards.
 pub fn scene() -> Scene {
     let mut scene = Scene::new("spheres");
     let floor = scene.add_material(matte("floor", Rgb::new(0.42, 0.43, 0.45)));
@@ -80,7 +80,7 @@ mod tests {
             .collect();
         assert!(balls.len() > 10);
         for (i, a) in balls.iter().enumerate() {
-            // The height of the centre is the radius.
+            // The height of each centre is the ball's radius.
             assert!(balls[..i].iter().all(|b| a.distance(*b) > a.y + b.y), "ball {i} at {a}");
         }
     }

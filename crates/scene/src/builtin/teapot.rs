@@ -1,8 +1,8 @@
 //! The Utah teapot (M. Newell, 1975), from its Bezier patches.
 //!
-//! Rim, body, lid and bottom of the classic data are quarter patches of surfaces of revolution,
-//! handle and spout are symmetric. So only the profiles are stored; the 32 patches follow. Newell's
-//! axes: `z` up, the spout along `+x`. The scene has `y` up.
+//! The classic data of rim, body, lid and bottom are quarter patches of surfaces of revolution, and
+//! handle and spout are symmetric. Only the profiles are stored here; the 32 patches are computed.
+//! In Newell's axes `z` points up and the spout along `+x`. The scene has `y` up.
 
 use super::palette::{matte, plastic};
 use super::quads::ground;
@@ -14,7 +14,7 @@ use snell_math::{DAffine3, DVec3, Rgb, Vec2};
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_3};
 use std::sync::Arc;
 
-/// Rows of control points `(radius, height)` of the surfaces of revolution.
+/// Profiles of the surfaces of revolution, as control points `(radius, height)`.
 const PROFILES: [[[f64; 2]; 4]; 6] = [
     // Rim.
     [[1.4, 2.4], [1.3375, 2.53125], [1.4375, 2.53125], [1.5, 2.4]],
@@ -28,11 +28,12 @@ const PROFILES: [[[f64; 2]; 4]; 6] = [
     [[1.5, 0.15], [1.5, 0.075], [1.425, 0.0], [0.0, 0.0]],
 ];
 
-/// The inner control points of Newell's quarter circles, as a share of the radius.
+/// The distance of the inner control points of Newell's quarter circles, as a fraction of the
+/// radius.
 const QUARTER: f64 = 0.56;
 
-/// Rows of control points of handle and spout: `x` and `z` on both ends of half a cross-section,
-/// and half its width.
+/// The seven rows of control points of the handle or the spout. A row has `x` and `z` at both ends
+/// of half a cross-section, and half of the section's width.
 type Tube = [[f64; 5]; 7];
 
 const HANDLE: Tube = [
@@ -55,11 +56,11 @@ const SPOUT: Tube = [
     [2.8, 2.4, 3.2, 2.4, 0.15],
 ];
 
-/// Sixteen control points, row by row.
+/// The sixteen control points of a patch, row by row.
 type Patch = [[DVec3; 4]; 4];
 
-/// All patches, with consistent orientation: the derivative along a row crossed with the one from
-/// row to row points outwards.
+/// All patches, oriented so that the derivative along a row, crossed with the derivative from row
+/// to row, points outwards.
 fn patches() -> Vec<Patch> {
     let mut patches = Vec::with_capacity(32);
     for profile in PROFILES {
@@ -69,7 +70,7 @@ fn patches() -> Vec<Patch> {
                 [(r, 0.0), (r, QUARTER * r), (QUARTER * r, r), (0.0, r)]
                     .map(|(x, y)| DVec3::new(c * x - s * y, s * x + c * y, z))
             };
-            // From the top down the profiles run against the axis, which flips the patch.
+            // From the top down the profiles run against the axis, so the patch is flipped.
             patches.push(profile.map(|row| flipped(ring(row))));
         }
     }
@@ -97,7 +98,7 @@ fn flipped(mut row: [DVec3; 4]) -> [DVec3; 4] {
     row
 }
 
-/// Cubic Bernstein polynomials and their derivatives.
+/// The cubic Bernstein polynomials at `t`, and their derivatives.
 fn bernstein(t: f64) -> ([f64; 4], [f64; 4]) {
     let s = 1.0 - t;
     (
@@ -106,7 +107,7 @@ fn bernstein(t: f64) -> ([f64; 4], [f64; 4]) {
     )
 }
 
-/// Position and derivatives along and across the rows.
+/// The point of a patch, and the derivatives along and across the rows.
 fn evaluate(patch: &Patch, u: f64, v: f64) -> (DVec3, DVec3, DVec3) {
     let ((bu, du), (bv, dv)) = (bernstein(u), bernstein(v));
     let sum = |a: &[f64; 4], b: &[f64; 4]| {
@@ -115,7 +116,8 @@ fn evaluate(patch: &Patch, u: f64, v: f64) -> (DVec3, DVec3, DVec3) {
     (sum(&bu, &bv), sum(&du, &bv), sum(&bu, &dv))
 }
 
-/// The unit normal; at the poles, where a row has shrunk to a point, that of nearby points.
+/// The unit normal. At the poles, where a row shrinks to a point, it is the normal of nearby
+/// points.
 fn normal(patch: &Patch, u: f64, v: f64) -> DVec3 {
     let at = |v: f64| {
         let (_, du, dv) = evaluate(patch, u, v);
@@ -155,7 +157,7 @@ fn teapot(n: u32) -> TriangleMesh {
     mesh
 }
 
-/// The teapot on a ground.
+/// The built-in scene of the teapot on a ground.
 pub fn scene() -> Scene {
     let mut scene = Scene::new("teapot");
     let floor = scene.add_material(matte("ground", Rgb::splat(0.5)));
@@ -189,7 +191,7 @@ mod tests {
     fn there_are_32_patches_and_the_pot_has_its_known_extent() {
         assert_eq!(patches().len(), 32);
         let bounds = teapot(16).bounds();
-        // The control points of handle and spout reach further than the surface.
+        // The control points of handle and spout extend beyond the surface.
         assert!((bounds.min.z, bounds.max.z) == (0.0, 3.15));
         assert!(
             (bounds.min.y + 2.0).abs() < 2e-3 && (bounds.max.y - 2.0).abs() < 2e-3,
@@ -204,8 +206,8 @@ mod tests {
     #[test]
     fn neighbouring_patches_meet() {
         let patches = patches();
-        // Around each surface of revolution, and from the upper to the lower half of the body,
-        // handle and spout.
+        // Neighbouring patches must fit around each surface of revolution, and between the upper
+        // and the lower half of body, handle and spout.
         for profile in 0..6 {
             for quarter in 0..4 {
                 let (a, b) =
@@ -231,7 +233,8 @@ mod tests {
             }
         }
         for (p, n) in mesh.positions.iter().zip(&mesh.normals) {
-            // Body: away from the axis; bottom: down; top of the knob: up.
+            // Normals point away from the axis on the body, down on the bottom, and up on top of
+            // the knob.
             if p.z > 0.3 && p.z < 2.3 && p.truncate().length() > 1.99 && p.x.abs() < 1.0 {
                 assert!(n.dot(Vec3::new(p.x, p.y, 0.0)) > 0.0, "{p} {n}");
             }
@@ -242,8 +245,8 @@ mod tests {
                 assert!(n.z > 0.9, "{p} {n}");
             }
         }
-        // The far side of the handle faces away from the pot, the spout's underside forward and
-        // down.
+        // The far side of the handle faces away from the pot, and the underside of the spout faces
+        // forward and down.
         let at = |p: Vec3| {
             let near = |q: &&usize| mesh.positions[**q].distance_squared(p);
             let all: Vec<usize> = (0..mesh.positions.len()).collect();

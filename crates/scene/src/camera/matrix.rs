@@ -8,20 +8,20 @@ use snell_math::{DMat4, DVec3};
 pub enum CameraAxes {
     /// `x` right, `y` down, `z` forward.
     OpenCv,
-    /// `x` right, `y` up, `-z` forward: OpenGL, glTF, Blender.
+    /// `x` right, `y` up, `-z` forward, as in OpenGL, glTF and Blender.
     OpenGl,
 }
 
-/// Why a matrix is not the pose of a camera.
+/// The reason why a matrix is not the pose of a camera.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum CameraError {
-    /// It is not finite, not affine or not invertible.
+    /// The matrix is not finite, not affine or not invertible.
     #[error(
         "the camera's 4x4 matrix must be finite and invertible with the last row 0 0 0 1 \
          (points are columns: p' = M p; transpose it if the translation is in the last row)"
     )]
     NotAPose,
-    /// It is mirrored.
+    /// The matrix mirrors the world.
     #[error(
         "the camera's matrix mirrors the world (its determinant is negative); is it given for axes \
             of another convention?"
@@ -31,8 +31,8 @@ pub enum CameraError {
 
 impl Camera {
     /// The camera with this pose. `world_from_camera` maps points in the camera's own axes to the
-    /// world; its scale is ignored, and axes that are not quite perpendicular are made so, keeping
-    /// the view direction.
+    /// world. Its scale is ignored, and axes that are not quite perpendicular are made so; the view
+    /// direction is kept.
     pub fn from_matrix(
         world_from_camera: DMat4,
         axes: CameraAxes,
@@ -66,7 +66,7 @@ impl Camera {
         if !affine || !inverse.is_finite() {
             return Err(CameraError::NotAPose);
         }
-        // Inversion may leave rounding errors in the last row.
+        // The inversion may leave rounding errors in the last row, so that row is set.
         let columns =
             [0, 1, 2, 3].map(|i| inverse.col(i).truncate().extend(if i == 3 { 1.0 } else { 0.0 }));
         Self::from_matrix(

@@ -1,4 +1,4 @@
-//! Cameras: from a point on the film to a ray in the world, and back.
+//! Cameras: the map from a point on the film to a ray in the world, and back.
 
 mod matrix;
 mod pinhole;
@@ -19,13 +19,13 @@ use snell_math::simd::Wide;
 use snell_math::{DVec2, DVec3, Ray, Vec2, Vec3, at_level, sampling};
 use std::f64::consts::{PI, TAU};
 
-/// The position of a ray on the film and on the lens.
+/// The position on the film and on the lens that determines a camera ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CameraSample {
     /// Position in pixels from the upper left corner of the picture: `(0.5, 0.5)` is the centre of
     /// the first pixel.
     pub film: DVec2,
-    /// Uniform position on the lens, in `[0, 1)^2`.
+    /// Uniform random position that is mapped to the lens, in `[0, 1)^2`.
     pub lens: Vec2,
 }
 
@@ -33,10 +33,10 @@ snell_math::declare! {
     /// A camera in the world. Its own axes: `right`, `up` and `towards`, orthonormal.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     pub struct Camera {
-        /// For `--camera`.
+        /// Name by which `--camera` selects the camera.
         #[serde(default)]
         pub name: String,
-        /// Eye position.
+        /// Position of the eye in the world.
         #[range(Range::Within(-FARTHEST, FARTHEST))]
         #[unit("scene units")]
         pub eye: DVec3,
@@ -46,7 +46,7 @@ snell_math::declare! {
         /// Unit vector that points up in the picture, perpendicular to `towards`.
         #[range(Range::Direction)]
         pub up: DVec3,
-        /// How directions map to the film.
+        /// Map from directions to positions on the film.
         pub projection: Projection,
         /// Radius of the lens in scene units; 0 is a pinhole. Panoramic and fisheye cameras have no
         /// lens.
@@ -54,11 +54,11 @@ snell_math::declare! {
         #[unit("scene units")]
         #[serde(default)]
         pub aperture_radius: f64,
-        /// Distance along `towards` of the plane in which points are sharp. Positive.
+        /// Distance along `towards` to the plane in which points are sharp; positive.
         #[range(Range::Positive)]
         #[unit("scene units")]
         pub focus_distance: f64,
-        /// Picture size the camera was made for, if it says.
+        /// Size in pixels of the pictures that the camera was made for, if it is given.
         #[range(Range::Positive)]
         #[unit("pixels")]
         pub resolution: Option<[u32; 2]>,
@@ -68,22 +68,22 @@ snell_math::declare! {
 /// A camera ray with its footprint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CameraRay {
-    /// The ray; unit direction.
+    /// The ray, with a unit direction.
     pub ray: Ray,
     /// Width of the pixel's cone at the ray's origin.
     pub width: f32,
-    /// Growth of the cone's width per unit of distance: the square root of the solid angle of a
-    /// pixel.
+    /// Growth of the cone's width per unit of distance, which is the square root of the solid angle
+    /// of a pixel.
     pub spread: f32,
     /// Weight of the sample: 1, except 0 where the projection has no ray (outside of a fisheye's
     /// circle).
     pub weight: f32,
 }
 
-/// A ray in camera coordinates `(right, up, towards)`, without the lens.
+/// A ray in camera coordinates `(right, up, towards)`, before the lens changes it.
 struct LocalRay {
     origin: DVec2,
-    /// Of any length; for projections with a lens its last coordinate is 1.
+    /// Direction of any length. For projections with a lens its last coordinate is 1.
     direction: DVec3,
     width: f64,
     spread: f64,
@@ -113,22 +113,23 @@ impl Camera {
         }
     }
 
-    /// A camera at `eye` that looks at the point `target` and is focused on it; otherwise as
-    /// [`Self::from_direction`].
+    /// A camera at `eye` that looks at the point `target` and is focused on it. The other arguments
+    /// are those of [`Self::from_direction`].
     pub fn from_target(eye: DVec3, target: DVec3, up: DVec3, projection: Projection) -> Self {
         let distance = (target - eye).length();
         let focus_distance = if distance > 0.0 && distance.is_finite() { distance } else { 1.0 };
         Self { focus_distance, ..Self::from_direction(eye, target - eye, up, projection) }
     }
 
-    /// A pinhole camera at `eye`, looking at `target`.
+    /// A pinhole camera at `eye` that looks at `target`. `tan_half_fov_y` is the tangent of half of
+    /// the vertical angle of view.
     pub fn look_at(eye: Vec3, target: Vec3, up: Vec3, tan_half_fov_y: f64) -> Self {
         let projection = Projection::Perspective { tan_half_fov: [None, Some(tan_half_fov_y)] };
         Self::from_target(eye.as_dvec3(), target.as_dvec3(), up.as_dvec3(), projection)
     }
 
-    /// Makes `towards` a unit vector, and `up` a perpendicular one, if they are not, as in files
-    /// and edits by hand.
+    /// Makes `towards` a unit vector, and `up` a unit vector perpendicular to it. Vectors from
+    /// files and from edits by hand may be neither.
     pub fn square_up(&mut self) {
         let is_unit = |v: DVec3| (v.length_squared() - 1.0).abs() < 1e-9;
         if is_unit(self.towards) && is_unit(self.up) && self.towards.dot(self.up).abs() < 1e-9 {
@@ -138,8 +139,8 @@ impl Camera {
         (self.towards, self.up) = (squared.towards, squared.up);
     }
 
-    /// The camera interpolated between this one and another: at `s` from 0 (this) to 1 (the other),
-    /// on a straight line. It keeps this projection.
+    /// The camera interpolated on a straight line between this one (`s` is 0) and another (`s` is
+    /// 1). It keeps this camera's projection.
     pub fn on_its_way(&self, other: &Self, s: f64) -> Self {
         let (towards, up) = (self.towards.lerp(other.towards, s), self.up.lerp(other.up, s));
         let placed =
@@ -147,7 +148,8 @@ impl Camera {
         Self { eye: placed.eye, towards: placed.towards, up: placed.up, ..self.clone() }
     }
 
-    /// The same camera with a thin lens, sharp in the plane at this distance along `towards`.
+    /// The same camera with a thin lens, sharp in the plane at distance `focus_distance` along
+    /// `towards`.
     pub fn with_lens(self, aperture_radius: f64, focus_distance: f64) -> Self {
         Self { aperture_radius, focus_distance, ..self }
     }
@@ -163,13 +165,13 @@ impl Camera {
         flat && self.aperture_radius > 0.0 && self.focus_distance > 0.0
     }
 
-    /// True if all rays start at one point (so that the samples of a pixel can be traced as a
-    /// packet).
+    /// True if all rays start at one point, so that the samples of a pixel can be traced as a
+    /// packet.
     pub fn has_common_origin(&self) -> bool {
         !matches!(self.projection, Projection::Orthographic { .. }) && !self.has_lens()
     }
 
-    /// The camera for a picture of `size` pixels.
+    /// The camera prepared for a picture of `size` pixels.
     pub fn view(&self, size: [u32; 2]) -> CameraView<'_> {
         let (right, pinhole) = (self.right(), Pinhole::of(&self.projection, size));
         let lens = self.has_lens().then_some(Lens {
@@ -188,7 +190,7 @@ impl Camera {
 
     fn local_ray(&self, film: DVec2, size: [u32; 2]) -> LocalRay {
         let [w, h] = size.map(|s| f64::from(s.max(1)));
-        // From -1 to 1, y upwards.
+        // The position on the film from -1 to 1, with y upwards.
         let p = DVec2::new(film.x / w * 2.0 - 1.0, 1.0 - film.y / h * 2.0);
         match &self.projection {
             Projection::Perspective { .. } | Projection::Intrinsics(_) => {
@@ -214,7 +216,7 @@ impl Camera {
             }
             Projection::Fisheye { max_angle } => {
                 let side = w.min(h);
-                // In radii of the circle.
+                // The position in units of the circle's radius.
                 let q = p * DVec2::new(w, h) / side;
                 let r = q.length();
                 let theta = r * max_angle * 0.5;
@@ -230,10 +232,10 @@ impl Camera {
         }
     }
 
-    /// Where a point in the world is seen in a picture of `size` pixels (through the centre of the
-    /// lens), in the coordinates of [`CameraSample::film`]: the inverse of [`Self::ray`]. May lie
-    /// outside the picture. `None` for points that are not in front of a flat view, or not in a
-    /// fisheye's circle.
+    /// The position at which a point in the world is seen, through the centre of the lens, in a
+    /// picture of `size` pixels. It has the coordinates of [`CameraSample::film`] and may lie
+    /// outside of the picture; the map is the inverse of [`Self::ray`]. `None` for points that are
+    /// not in front of a flat view, or not in a fisheye's circle.
     pub fn project(&self, point: DVec3, size: [u32; 2]) -> Option<DVec2> {
         let [w, h] = size.map(|s| f64::from(s.max(1)));
         let d = point - self.eye;
@@ -270,24 +272,24 @@ impl Camera {
     }
 }
 
-/// A camera for pictures of one size, with precomputed values that all of its rays share.
+/// A camera prepared for pictures of one size, with the values that all of its rays share.
 #[derive(Clone, Copy, Debug)]
 pub struct CameraView<'a> {
     camera: &'a Camera,
     size: [u32; 2],
     right: DVec3,
-    /// Set if all rays pass through one plane.
+    /// The map from the film, if the view is flat.
     pinhole: Option<Pinhole>,
     lens: Option<Lens>,
 }
 
 impl<'a> CameraView<'a> {
-    /// The camera.
+    /// The camera that was prepared.
     pub fn camera(&self) -> &'a Camera {
         self.camera
     }
 
-    /// The ray through a point of the picture.
+    /// The ray through a point of the film and of the lens.
     #[inline]
     pub fn ray(&self, sample: &CameraSample) -> CameraRay {
         let camera = self.camera;
@@ -318,8 +320,9 @@ impl<'a> CameraView<'a> {
         self.any_ray(sample)
     }
 
-    /// [`Self::ray`] for many points of the picture and of the lens (x and y of each), bit for bit.
-    /// Returns false, and no valid rays, if these are not all ordinary rays of a flat view.
+    /// Computes [`Self::ray`] for many points of the picture and of the lens (x and y of each),
+    /// with the same bits. Returns false, and no valid rays, unless all are ordinary rays of a flat
+    /// view.
     pub fn many_rays<const N: usize>(
         &self,
         film: &[[f64; N]; 2],
@@ -368,8 +371,8 @@ impl<'a> CameraView<'a> {
         let LocalRay { origin, direction, width, spread, weight } =
             camera.local_ray(sample.film, self.size);
         let (origin, direction) = if camera.has_lens() {
-            // All rays through the lens meet where the ray through its centre crosses the plane of
-            // focus.
+            // All rays through the lens meet in the point where the ray through the lens's centre
+            // crosses the plane of focus.
             let lens = sampling::concentric_disk(sample.lens).as_dvec2() * camera.aperture_radius;
             (origin + lens, direction * camera.focus_distance - lens.extend(0.0))
         } else {
@@ -399,7 +402,8 @@ fn unit(v: DVec3) -> Option<DVec3> {
     (largest > 0.0 && v.is_finite()).then(|| (v / largest).normalize())
 }
 
-/// A right vector for a view direction without a usable up: level with respect to `y` or else `z`.
+/// A vector to the right for a view direction without a usable up: perpendicular to `y`, or to `z`
+/// for a view along `y`.
 fn any_right(towards: DVec3) -> DVec3 {
     let up = if towards.y.abs() < 0.9 { DVec3::Y } else { DVec3::NEG_Z * towards.y.signum() };
     towards.cross(up).normalize()

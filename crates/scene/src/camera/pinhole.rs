@@ -1,19 +1,20 @@
-//! Flat views, through a pinhole or a thin lens: all rays pass through one plane.
+//! Flat views through a pinhole or a thin lens, in which the rays of a point on the film pass
+//! through one plane in front of the eye.
 
 use super::projection::resolve;
 use super::{CameraRay, LocalRay, Projection, directed};
 use snell_math::{DVec2, DVec3, Ray, Vec2, Vec3, sampling};
 
-/// Squared lengths that lose no precision.
+/// The range of squared lengths that lose no precision.
 pub(super) const USUAL: std::ops::Range<f64> = 1e-200..1e200;
 
-/// The map from the film to the plane at distance 1.
+/// The map from the film to the plane at distance 1 in front of the eye.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Pinhole {
-    /// Factors on the film coordinates, and the offset.
+    /// Factors on the two film coordinates, and an offset, for x and for y on the plane.
     x: DVec3,
     y: DVec3,
-    /// Square root of the area of a pixel on the plane.
+    /// Square root of the area that a pixel has on the plane.
     pixel: f64,
 }
 
@@ -43,7 +44,8 @@ impl Pinhole {
         DVec2::new(along(self.x), along(self.y))
     }
 
-    /// The solid angle of a small patch of the plane falls with the cube of this cosine.
+    /// The square root of a pixel's solid angle in a direction with this cosine to the view
+    /// direction. The solid angle of a small patch of the plane falls with the cube of the cosine.
     #[inline(always)]
     pub fn spread(&self, cosine: f64) -> f64 {
         self.pixel * cosine * cosine.sqrt()
@@ -59,17 +61,18 @@ impl Pinhole {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Lens {
     pub eye: DVec3,
-    /// Right, up, and the view direction.
+    /// Unit vectors to the right, up, and along the view direction.
     pub axes: [DVec3; 3],
     pub radius: f64,
-    /// Distance of the plane of focus.
+    /// Distance of the plane of focus from the eye.
     pub focus: f64,
 }
 
 impl Lens {
-    /// The ray from a point of the lens, chosen by `u`, to the point where the ray through its
-    /// centre crosses the plane of focus: origin, unit direction, spread, and false if numbers are
-    /// too large or small for that. It has no branches, so that loops over it are vectorised.
+    /// The ray from a point of the lens, chosen by `u`, to the point where the ray through the
+    /// lens's centre crosses the plane of focus. Returns the origin, the unit direction, the
+    /// spread, and false if the numbers are too large or small. It has no branches, so that loops
+    /// over it are vectorised.
     #[inline(always)]
     pub fn ray(&self, pinhole: &Pinhole, film: DVec2, u: Vec2) -> (Vec3, Vec3, f32, bool) {
         let Self { eye, axes: [right, up, towards], radius, focus } = *self;
@@ -85,7 +88,7 @@ impl Lens {
     }
 }
 
-/// Rays of a flat view, by axis and ray.
+/// Rays of a flat view as columns: by axis, then by ray.
 #[derive(Clone, Debug)]
 pub struct CameraRays<const N: usize> {
     pub(super) origin: [[f32; N]; 3],
@@ -100,7 +103,7 @@ impl<const N: usize> Default for CameraRays<N> {
 }
 
 impl<const N: usize> CameraRays<N> {
-    /// One of them.
+    /// The ray with index `i`.
     #[inline]
     pub fn get(&self, i: usize) -> CameraRay {
         let vector = |v: &[[f32; N]; 3]| Vec3::new(v[0][i], v[1][i], v[2][i]);
@@ -109,7 +112,7 @@ impl<const N: usize> CameraRays<N> {
     }
 }
 
-/// See [`CameraView::many_rays`], through a lens.
+/// [`CameraView::many_rays`] for a camera with a lens.
 #[inline(always)]
 pub(super) fn lens_lanes(
     lens: &Lens,
@@ -138,7 +141,7 @@ pub(super) fn lens_lanes(
     are_usual
 }
 
-/// See [`CameraView::many_rays`], through a pinhole: the steps of [`CameraView::ray`] in the same
+/// [`CameraView::many_rays`] for a pinhole camera: the steps of [`CameraView::ray`] in the same
 /// order.
 #[inline(always)]
 pub(super) fn lanes(

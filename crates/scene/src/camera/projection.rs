@@ -1,33 +1,32 @@
-//! How directions map to the film.
+//! Projections: the maps from directions to positions on the film.
 
 use serde::{Deserialize, Serialize};
 use snell_math::parameters::Range;
 
 snell_math::declare! {
-    /// How directions map to the film.
+    /// Map from directions to positions on the film.
     #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
     pub enum Projection tagged "projection" {
-        /// A pinhole or thin lens.
+        /// A flat picture through a pinhole or a thin lens.
         "perspective" => Perspective {
             /// Tangents of the half-angles of view, horizontal and vertical. `None` follows from
-            /// the other and the shape of the picture; at least one is given.
+            /// the other one and the shape of the picture; at least one is given.
             #[range(Range::Positive)]
             tan_half_fov: [Option<f64>; 2],
         },
         /// A pinhole or thin lens given by the matrix `[fx s cx; 0 fy cy; 0 0 1]` of computer
         /// vision.
         "intrinsics" => Intrinsics(matrix: Intrinsics),
-        /// Parallel rays.
+        /// Parallel rays, as in a plan.
         "orthographic" => Orthographic {
             /// Half of the width and height of what is seen, in scene units. `None` follows from
-            /// the other and the shape of the picture; at least one is given.
+            /// the other one and the shape of the picture; at least one is given.
             #[range(Range::Positive)]
             #[unit("scene units")]
             half_size: [Option<f64>; 2],
         },
-        /// All directions, as a latitude-longitude picture: the middle is `towards`, the top edge
-        /// `up`, and what is right of `towards` is right in the picture. Both side edges show what
-        /// is behind.
+        /// All directions, as a latitude-longitude picture. The middle shows `towards`, the top
+        /// edge `up`, both side edges what is behind; right of `towards` is right in the picture.
         "panoramic" => Panoramic,
         /// Equidistant fisheye: the angle from `towards` grows linearly with the distance from the
         /// middle of the picture. The circle touches the nearer edges of the picture; outside of it
@@ -49,14 +48,15 @@ snell_math::declare! {
         /// Focal lengths `fx` and `fy`, not 0.
         #[unit("pixels")]
         pub focal_length: [f64; 2],
-        /// Principal point `cx` and `cy`, measured like [`super::CameraSample::film`]: the centre
-        /// of the first pixel is `(0.5, 0.5)`. (Where it is `(0, 0)`, add one half.)
+        /// Principal point `cx` and `cy`, where the centre of the first pixel is `(0.5, 0.5)`, as
+        /// in [`super::CameraSample::film`]. If the centre of the first pixel is `(0, 0)`, add one
+        /// half.
         #[unit("pixels")]
         pub principal_point: [f64; 2],
-        /// Skew `s`, usually 0.
+        /// Skew `s`; 0 for most cameras.
         #[serde(default)]
         pub skew: f64,
-        /// Width and height of the picture that the numbers are about.
+        /// Width and height in pixels of the picture that the other numbers refer to.
         #[range(Range::Positive)]
         #[unit("pixels")]
         pub size: [u32; 2],
@@ -77,13 +77,15 @@ pub enum FovAxis {
     Smaller,
 }
 
-/// Maximum of half-angles of view, just under 90 degrees: a flat picture cannot show more.
+/// Maximum of half-angles of view in radians, just under 90 degrees: a flat picture cannot show
+/// more.
 const MAX_HALF_ANGLE: f64 = 1.570;
-/// Minimum of half-angles, because an angle of 0 shows nothing.
+/// Minimum of half-angles of view in radians, because an angle of 0 shows nothing.
 const MIN_HALF_ANGLE: f64 = 1e-6;
 
 impl Projection {
-    /// One of each kind: what documentation and other languages learn the parameters from.
+    /// An example of each kind. Documentation and bindings to other languages take the parameters
+    /// from them.
     pub fn examples() -> Vec<Self> {
         let focal_length = [900.0, 900.0];
         vec![
@@ -100,19 +102,20 @@ impl Projection {
         ]
     }
 
-    /// A perspective view whose picture is twice `half_angle` (radians) wide: the Θ of the view
-    /// frustum. Clamped to the limits of a flat picture.
+    /// A perspective view whose horizontal angle is twice `half_angle` (radians), the Θ of the view
+    /// frustum. It is clamped to the limits of a flat picture.
     pub fn from_half_angle_x(half_angle: f64) -> Self {
         Self::Perspective { tan_half_fov: [Some(tan_of_half_angle(half_angle)), None] }
     }
 
-    /// A perspective view whose picture is twice `half_angle` (radians) high.
+    /// A perspective view whose vertical angle is twice `half_angle` (radians), clamped to the
+    /// limits of a flat picture.
     pub fn from_half_angle_y(half_angle: f64) -> Self {
         Self::Perspective { tan_half_fov: [None, Some(tan_of_half_angle(half_angle))] }
     }
 
-    /// A perspective view with a full angle of view in degrees. `size` tells which side of the
-    /// picture is the larger.
+    /// A perspective view with a full angle of view in degrees. `axis` is the side that the angle
+    /// refers to, and `size` determines which side of the picture is the larger one.
     pub fn from_fov_degrees(degrees: f64, axis: FovAxis, size: [u32; 2]) -> Self {
         let half_angle = degrees.to_radians() / 2.0;
         let wide = size[0] >= size[1];
@@ -131,7 +134,7 @@ fn tan_of_half_angle(half_angle: f64) -> f64 {
     angle.clamp(MIN_HALF_ANGLE, MAX_HALF_ANGLE).tan()
 }
 
-/// Both extents of a picture, where one may follow from the other and the aspect ratio.
+/// Both extents of a picture. If one is `None`, it follows from the other and the aspect ratio.
 pub(super) fn resolve(extent: [Option<f64>; 2], size: [f64; 2]) -> [f64; 2] {
     let [w, h] = size;
     match extent {

@@ -125,8 +125,8 @@ fn pixels_are_square_unless_both_angles_are_given() {
 
 #[test]
 fn camera_matrices_project_known_points_to_known_pixels() {
-    // fx = 100, centre (50, 40): the point (0.1, 0.2, 1) right, down and in front appears at (60,
-    // 60).
+    // With fx = 100 and the centre (50, 40), the point (0.1, 0.2, 1), measured to the right, down
+    // and in front, appears at (60, 60).
     let intrinsics = Intrinsics {
         focal_length: [100.0; 2],
         principal_point: [50.0, 40.0],
@@ -146,7 +146,7 @@ fn camera_matrices_project_known_points_to_known_pixels() {
         ] {
             let pixel = camera.project(point, [100, 80]).expect("in front");
             assert!((pixel - DVec2::new(60.0, 60.0)).length() < 1e-9, "{axes:?} {pixel}");
-            // Twice the resolution, the same view.
+            // A picture of twice the resolution shows the same view.
             let pixel = camera.project(point, [200, 160]).expect("in front");
             assert!((pixel - DVec2::new(120.0, 120.0)).length() < 1e-9, "{axes:?} {pixel}");
             assert!((camera.matrix(axes) - pose).abs_diff_eq(DMat4::ZERO, 1e-12));
@@ -262,8 +262,8 @@ fn all_rays_through_the_lens_meet_in_the_plane_of_focus() {
 
 #[test]
 fn the_spread_is_the_root_of_the_pixels_solid_angle() {
-    // The pixels of a whole panorama cover the sphere; those of a 90 degree view cover a sixth of
-    // it.
+    // The pixels of a whole panorama cover the sphere, and those of a square view of 90 degrees
+    // cover a sixth of the sphere.
     let total = |camera: &Camera, size: [u32; 2]| {
         let mut sum = 0.0;
         for y in 0..size[1] {

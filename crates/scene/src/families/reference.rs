@@ -16,7 +16,7 @@ A number outside of its range is an error for `-D` and in Python, and a warning 
 A parameter without a default has to be given. Colours are linear RGB.
 ";
 
-/// The page as Markdown.
+/// The reference page in Markdown.
 pub fn reference() -> String {
     let families: Vec<String> = FAMILIES.iter().map(family_section).collect();
     format!("{START}\n{}", families.join("\n"))
@@ -59,13 +59,13 @@ fn table<'a>(
     text
 }
 
-/// The parameters inside of one.
+/// Adds the rows of the parameters inside a parameter.
 fn inner_rows(place: &str, kind: Kind, text: &mut String) {
     let mut add = |place: &str, parameters: &[Parameter]| {
         for parameter in parameters.iter().filter(|p| !p.name.is_empty()) {
             let place = format!("{place}.{}", parameter.name);
             let row = row(&place, parameter, None);
-            // Variants may have parameters in common.
+            // A parameter that several variants share is listed once.
             if text.contains(&row) {
                 continue;
             }
@@ -89,7 +89,7 @@ fn inner_rows(place: &str, kind: Kind, text: &mut String) {
 fn row(name: &str, parameter: &Parameter, default: Option<Value>) -> String {
     let range = match parameter.range {
         Range::Any => String::new(),
-        // The unit stands in its own place.
+        // The unit has a column of its own.
         range => range.to_string().replace(", in radians", ""),
     };
     let kind = match parameter.unit {
@@ -101,7 +101,7 @@ fn row(name: &str, parameter: &Parameter, default: Option<Value>) -> String {
     format!("| {} |\n", cells.map(|cell| cell.replace('|', "\\|")).join(" | "))
 }
 
-/// A default as people write it.
+/// A default in the form in which users write it.
 fn shown(value: &Value) -> String {
     match value {
         Value::Null => "none".into(),

@@ -6,9 +6,9 @@ use crate::medium::Homogeneous;
 use snell_intersect::shape::Sphere;
 use snell_math::{DAffine3, Rgb};
 
-/// Albedo of the fog: the scattered share of extinction.
+/// Albedo of the fog: the fraction of extinction that is scattering.
 const ALBEDO: f32 = 0.95;
-/// The ball of fog is this much larger than the scene.
+/// The radius of the ball of fog, divided by that of the scene.
 const MARGIN: f64 = 1.01;
 
 /// Fills a ball around the scene with fog of this extinction coefficient (per scene unit) and
@@ -24,7 +24,8 @@ pub fn fill_with_fog(scene: &mut Scene, density: f32) -> Result<(), SceneError> 
     let material = scene.add_material(Material::interface("fog", fog));
     let surfaces = vec![Surface::shape(Sphere { radius: bounds.radius() * MARGIN }, material)];
     let transform = DAffine3::from_translation(bounds.center());
-    // Beside the root's content, whatever the root's own transform is.
+    // The fog is added beside the old root, so that the transform of the old root does not affect
+    // it.
     let root = scene.root;
     scene.root = scene.add_node(Node { children: vec![root], ..Node::named("scene in fog") });
     scene.add_child(scene.root, Node { transform, surfaces, ..Node::named("fog") });

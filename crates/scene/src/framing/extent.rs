@@ -1,4 +1,4 @@
-//! The extent of a scene's surfaces in some directions, as a tight view needs it.
+//! The extent of a scene's surfaces in some directions, for a tight view.
 
 use super::fit::Extent;
 use crate::graph::{Geometry, NodeId, Scene, Surface};
@@ -6,15 +6,15 @@ use snell_intersect::{AnyShape, Shape, TriangleMesh};
 use snell_math::{Bounds3d, DAffine3, DVec3, Transform};
 use std::collections::BTreeMap;
 
-/// After this many vertices, triangles and nodes, the bounding boxes of nodes are used: instances
-/// of instances may expand to any number.
+/// The number of vertices, triangles and nodes after which the bounding boxes of nodes are used:
+/// instances of instances may expand to any number.
 const BUDGET: usize = 12_000_000;
 
-/// A node costs as much as this many vertices or triangles.
+/// A node costs as much as this number of vertices or triangles.
 const NODE_COST: usize = 32;
 
-/// The extent of all bounded surfaces in world coordinates. `bounds` are those of the nodes, each
-/// in its own coordinates.
+/// The extent of all bounded surfaces in world coordinates. `bounds` has the bounds of each node,
+/// in the node's own coordinates.
 pub fn extent_of_scene(
     scene: &Scene,
     bounds: &BTreeMap<NodeId, Bounds3d>,
@@ -26,7 +26,7 @@ pub fn extent_of_scene(
     while let Some((id, parent)) = open.pop() {
         let node = &scene.nodes[id.index()];
         let world = parent * node.transform;
-        // Geometry under a singular transform is invisible.
+        // Geometry under a singular transform is invisible and is skipped.
         let Some(transform) = Transform::new(world) else { continue };
         let local = directions.map(|d| world.matrix3.transpose() * d);
         let placed = |e: Extent| e.moved(world.translation, directions);
@@ -46,7 +46,7 @@ pub fn extent_of_scene(
     extent
 }
 
-/// Number of vertices and triangles to be visited.
+/// The number of vertices and triangles to visit.
 fn work(geometry: &Geometry) -> usize {
     match geometry {
         Geometry::Mesh(mesh) => mesh.positions.len() + mesh.indices.len(),
@@ -81,7 +81,7 @@ fn extent_of_mesh(mesh: &TriangleMesh, directions: &[DVec3; 4]) -> Extent {
     )
 }
 
-/// The extent of balls (centre and radius).
+/// The extent of balls, each given by centre and radius.
 fn extent_of_balls(balls: impl Iterator<Item = (DVec3, f64)>, directions: &[DVec3; 4]) -> Extent {
     let mut reach = [f64::NEG_INFINITY; 4];
     let lengths = directions.map(|d| d.length());
@@ -119,7 +119,8 @@ mod tests {
         assert!((most - least).max_element() > extent, "{least} {most}");
     }
 
-    /// Centred, as far as perspective allows: not so for slivers that point at the camera.
+    /// Asserts that the points are centred as far as perspective allows, which excludes slivers
+    /// that point at the camera.
     fn assert_is_centred((least, most): (DVec2, DVec2)) {
         let middle = (least + most) / 2.0;
         assert!(middle.abs().max_element() < 0.01, "{middle}");
@@ -148,7 +149,7 @@ mod tests {
             scene.add_child(scene.root, place);
             let options = FramingOptions { size: SIZE, ..Default::default() };
             prepare(&mut scene, &options).expect("no cycle");
-            // Slivers that point at the camera cannot fill it.
+            // Slivers that point at the camera cannot fill the picture.
             assert_fits(projected(&scene, &points), 0.5);
         }
     }
@@ -180,7 +181,7 @@ mod tests {
         let sphere = Geometry::Shape(Arc::new(Sphere { radius: 1.0 }.into()));
         let mut node =
             scene.add_node(Node { surfaces: vec![Surface::new(sphere)], ..Node::named("ball") });
-        // 2^60 spheres.
+        // The nodes expand to 2^60 spheres.
         for level in 0..60 {
             let shift = |x: f64| DAffine3::from_translation(DVec3::X * x);
             let [a, b] = [0.0, 1.0 + f64::from(level)].map(|x| {

@@ -1,18 +1,19 @@
-//! A view that frames a box, or its contents, as large as possible.
+//! A camera whose view frames a box, or the contents of a box, as large as possible.
 
 use crate::camera::{Camera, Projection};
 use snell_math::{Bounds3d, DVec3};
 
-/// Tangent of half the angle of view across the smaller side of the picture: 34 degrees in all,
-/// about a 60 mm lens.
+/// Tangent of half the angle of view across the smaller side of the picture. The whole angle is 34
+/// degrees, about that of a 60 mm lens.
 const TAN_HALF_FOV: f64 = 0.3057;
-/// Share of the picture, from the middle to the edges, that the contents may take.
+/// The fraction of the way from the middle of the picture to its edges that the contents may fill.
 const FILL: f64 = 0.88;
-/// Each step leaves a fraction of the previous error; two or three are usually enough.
+/// The largest number of steps. Each step leaves a fraction of the previous error, and two or three
+/// are enough in most cases.
 const CENTERING_STEPS: usize = 24;
 /// Changes of a slope below this end the iteration.
 const CENTERED: f64 = 1e-3;
-/// Angle of the view from the right and from above, in radians.
+/// Azimuth of the camera to the right, and its elevation, in radians.
 const AZIMUTH: f64 = 0.5;
 const ELEVATION: f64 = 0.3;
 
@@ -20,14 +21,14 @@ const ELEVATION: f64 = 0.3;
 /// front, the right and slightly above. With `up = +y` the front is `+z`, with `up = +z` it is
 /// `-y`; `+x` is to the right.
 ///
-/// Infinite sides (planes) are cut to the extent of the finite ones; an empty box counts as a unit
-/// cube, and a point is given some extent. The camera is focused on the middle of the box.
+/// Infinite sides (of planes) are cut to the extent of the finite ones. An empty box counts as a
+/// unit cube, and a point is given some extent. The camera is focused on the middle of the box.
 pub fn frame(bounds: &Bounds3d, up: DVec3, aspect: f64) -> Camera {
     let bounds = sane(bounds);
     frame_content(&bounds, up, aspect, |directions| Extent::of_box(&bounds, directions))
 }
 
-/// Like [`frame`], but fits the contents of the box: `extent` returns their extent in some
+/// Does what [`frame`] does for the contents of the box: `extent` returns their extent in four
 /// directions.
 pub(super) fn frame_content(
     bounds: &Bounds3d,
@@ -55,8 +56,8 @@ pub(super) fn frame_content(
     let center = bounds.center();
     let mut camera = Camera::from_direction(center, -from_object(up), up, projection);
     let (right, up, towards) = (camera.right(), camera.up, camera.towards);
-    // The sides of a view pyramid with these slopes, touching the contents from outside: `x - slope
-    // z <= reach` and so on, relative to the box's middle.
+    // The sides of a view pyramid with these slopes that touch the contents from outside:
+    // `x - slope z <= reach` and so on, relative to the middle of the box.
     let reach = |slopes: [f64; 2]| -> [f64; 4] {
         let [x, y] = slopes.map(|slope| towards * slope);
         let normals = [right - x, -right - x, up - y, -up - y];
@@ -69,12 +70,12 @@ pub(super) fn frame_content(
     let [tan_x, tan_y] = [tan_x * FILL, tan_y * FILL];
     let outermost = reach([tan_x, tan_y]);
     let [mut x1, mut x2, mut y1, mut y2] = outermost;
-    // The apex is where opposite sides meet, no nearer than the other pair allows.
+    // The apex is where opposite sides meet, but no nearer than the other pair of sides allows.
     let back = ((x1 + x2) / (2.0 * tan_x)).max((y1 + y2) / (2.0 * tan_y));
-    // A corner may point at the camera: stay outside of the box, as seen along the view.
+    // A corner may point at the camera, which must stay outside of the box as seen along the view.
     let depth = (bounds.size() / 2.0).dot(towards.abs());
     let back = back.max(depth + bounds.radius() * 1e-3);
-    // Sides with room left move in until they touch as well, which centres the contents.
+    // Sides that have room left move in until they touch too, which centres the contents.
     let mut slopes = [tan_x, tan_y];
     for _ in 0..CENTERING_STEPS {
         let slope = |a: f64, b: f64, tan: f64| ((a + b) / (2.0 * back)).clamp(0.0, tan);
@@ -84,7 +85,7 @@ pub(super) fn frame_content(
         }
         [x1, x2, y1, y2] = reach(slopes);
     }
-    // Towards the middle as far as nothing is lost.
+    // The camera moves towards the middle as far as nothing leaves the picture.
     let aside =
         |middle: f64, a: f64, b: f64, tan: f64| middle.min(tan * back - b).max(a - tan * back);
     let x = aside((x1 - x2) / 2.0, outermost[0], outermost[1], tan_x);
@@ -95,7 +96,8 @@ pub(super) fn frame_content(
     camera
 }
 
-/// The extent of something in four directions: the largest dot product of its points with each.
+/// The extent of an object in four directions: for each, the largest dot product with the object's
+/// points.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Extent {
     pub reach: [f64; 4],
@@ -114,12 +116,12 @@ impl Extent {
         Self { reach: directions.map(|d| d.dot(center) + d.abs().dot(half)) }
     }
 
-    /// The extent of both.
+    /// The extent of both objects together.
     pub fn union(self, other: Self) -> Self {
         Self { reach: std::array::from_fn(|i| self.reach[i].max(other.reach[i])) }
     }
 
-    /// The extent after a translation.
+    /// The extent of the object after a translation.
     pub fn moved(self, by: DVec3, directions: &[DVec3; 4]) -> Self {
         Self { reach: std::array::from_fn(|i| self.reach[i] + directions[i].dot(by)) }
     }
@@ -134,8 +136,8 @@ fn from_object(up: DVec3) -> DVec3 {
     level * ELEVATION.cos() + up * ELEVATION.sin()
 }
 
-/// The box with finite sides and a positive diagonal that single precision can distinguish from a
-/// point.
+/// The box with infinite sides made finite, and with a diagonal long enough that single precision
+/// can distinguish the box from a point.
 fn sane(bounds: &Bounds3d) -> Bounds3d {
     const LIMIT: f64 = 1e30;
     if bounds.is_empty() {
@@ -168,8 +170,8 @@ mod tests {
     use proptest::prelude::*;
     use snell_math::DVec2;
 
-    /// Largest distance of a projected corner from the middle, as a share of the way to the edge:
-    /// horizontally and vertically.
+    /// Largest distance of a projected corner from the middle, horizontally and vertically, as a
+    /// fraction of the way to the edge.
     fn reach(camera: &Camera, bounds: &Bounds3d, size: [u32; 2]) -> DVec2 {
         (0..8).fold(DVec2::ZERO, |reach, i| {
             let pick =

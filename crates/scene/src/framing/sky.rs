@@ -1,4 +1,5 @@
-//! A neutral studio: a soft gradient, a large soft key light and a weaker fill, as a small picture.
+//! A neutral studio as a small picture: a soft gradient, a large soft key light and a weaker fill
+//! light.
 
 use crate::camera::Camera;
 use crate::graph::Environment;
@@ -9,11 +10,11 @@ use std::sync::Arc;
 
 const SIZE: [u32; 2] = [256, 128];
 
-/// Mean luminance: most of the light comes from above, and a white level surface has a radiance of
-/// about 1.
+/// Mean luminance of the sky. Most of the light comes from above, and a white level surface has a
+/// radiance of about 1.
 const MEAN: f64 = 0.42;
 
-/// The studio, seen along `-z` with `+y` up. A grey of 0.5 is well exposed under it.
+/// The studio as seen along `-z` with `+y` up. Under it a grey of 0.5 is well exposed.
 pub fn default_sky() -> Environment {
     let [w, h] = SIZE;
     let mut values = Vec::with_capacity((w * h * 3) as usize);
@@ -41,7 +42,8 @@ pub fn default_sky() -> Environment {
 pub fn sky_seen_by(camera: &Camera, up: DVec3) -> Environment {
     let up = up.try_normalize().filter(|u| u.is_finite()).unwrap_or(DVec3::Y);
     let level = |v: DVec3| (v - up * up.dot(v)).try_normalize().filter(|v| v.is_finite());
-    // A camera that looks straight down is levelled by its own up vector.
+    // For a camera that looks straight down, the camera's up vector takes the place of the view
+    // direction.
     let towards = level(camera.towards)
         .filter(|_| camera.towards.dot(up).abs() < 0.999)
         .or_else(|| level(camera.up));
@@ -57,7 +59,7 @@ pub fn sky_seen_by(camera: &Camera, up: DVec3) -> Environment {
 
 /// Linear radiance from a unit direction, before scaling to the mean.
 fn radiance(d: DVec3) -> [f32; 3] {
-    // From the floor over the horizon to the ceiling.
+    // The gradient goes from the floor over the horizon to the ceiling.
     let gradient = 0.18 + 0.36 * smooth(-0.4, 0.9, d.y);
     let key = soft_box(d, DVec3::new(-0.55, 0.65, 0.55), 0.55, 8.0);
     let fill = soft_box(d, DVec3::new(0.9, 0.25, 0.3), 0.5, 0.5);
@@ -67,7 +69,8 @@ fn radiance(d: DVec3) -> [f32; 3] {
     [channel(1.02, 0.98), channel(1.0, 1.0), channel(0.96, 1.03)]
 }
 
-/// A round light with a soft edge around a direction; `radius` in radians.
+/// Radiance in direction `d` from a round light with a soft edge around `toward`; `radius` is in
+/// radians.
 fn soft_box(d: DVec3, toward: DVec3, radius: f64, radiance: f64) -> f64 {
     let angle = d.angle_between(toward);
     radiance * (1.0 - smooth(0.4 * radius, radius, angle))
@@ -94,7 +97,7 @@ mod tests {
         let sky = default_sky();
         let light = EnvironmentLight::new(&sky);
         assert!((light.mean_luminance() - MEAN).abs() < 1e-3);
-        // Radiance of a white matte surface that faces up, towards the camera or away from it.
+        // Computes the radiance of a white matte surface with this normal.
         let shown = |normal: Vec3| {
             let n = 4096;
             let frame = snell_math::Frame::from_z(normal);

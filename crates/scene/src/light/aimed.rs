@@ -1,5 +1,5 @@
-//! Common code of lights that emit from a point by direction in their own coordinates, with the
-//! inverse square law.
+//! Common code of lights that emit from a point, with an intensity that depends on the direction in
+//! the light's own coordinates, and with the inverse square law.
 
 use super::bounds::mean_intensity;
 use super::{Attenuation, Incident, LightBounds, towards};

@@ -10,26 +10,27 @@ use snell_math::{Bounds3d, DVec3, Rgb, Vec3};
 pub struct LightBounds {
     /// Box around the points that emit.
     pub bounds: Bounds3d,
-    /// Unit axis of the cone that holds all directions of main emission (the normals of a surface).
+    /// Unit axis of the cone that contains all main directions of emission (for a surface, its
+    /// normals).
     pub axis: Vec3,
-    /// Cosine of the half-angle of that cone.
+    /// Cosine of the half-angle of the cone around `axis`.
     pub cos_spread: f32,
-    /// Cosine of the maximum angle of emission from each direction of main emission: 0 for a
+    /// Cosine of the maximum angle between a main direction and light that is emitted: 0 for a
     /// surface.
     pub cos_emission: f32,
-    /// True for emission in the opposite directions too.
+    /// True if light is emitted around the opposite directions too.
     pub is_two_sided: bool,
-    /// Greatest radiant intensity in a main direction, W / sr (luminance). Finite, not negative.
+    /// Greatest radiant intensity in a main direction, W / sr (luminance); finite and not negative.
     pub intensity: f64,
 }
 
 impl LightBounds {
-    /// Bounds of a point that emits in all directions.
+    /// Bounds of a point light that emits in all directions.
     pub(super) fn of_point(position: DVec3, intensity: f64) -> Option<Self> {
         Self::checked(position, DVec3::ZERO, DVec3::Z, [-1.0, 0.0], intensity)
     }
 
-    /// Bounds of a point that emits into a cone of this half-angle, in radians.
+    /// Bounds of a point light that emits into a cone with this half-angle, in radians.
     pub(super) fn of_cone(
         position: DVec3,
         axis: DVec3,
@@ -39,8 +40,8 @@ impl LightBounds {
         Self::checked(position, DVec3::ZERO, axis, [widest.cos(), 1.0], intensity)
     }
 
-    /// Bounds of a flat source that emits to one side and has this extent from its centre along
-    /// each axis.
+    /// Bounds of a flat source that emits to one side, with this extent from its centre along each
+    /// axis.
     pub(super) fn of_panel(
         center: DVec3,
         reach: DVec3,
@@ -50,7 +51,7 @@ impl LightBounds {
         Self::checked(center, reach, normal, [1.0, 0.0], intensity)
     }
 
-    /// `None` for a light whose position or direction is not finite.
+    /// The bounds, or `None` if position or direction is not finite.
     fn checked(
         center: DVec3,
         reach: DVec3,
@@ -73,14 +74,14 @@ impl LightBounds {
     }
 }
 
-/// The mean intensity in a cone of this half-angle that holds all of the power.
+/// The mean intensity in a cone with this half-angle, in radians, that contains all of the power.
 pub(super) fn mean_intensity(power: f64, widest: f64) -> f64 {
     let mean = power / (std::f64::consts::TAU * (1.0 - widest.cos()));
     if mean > 0.0 { mean.min(1e300) } else { 0.0 }
 }
 
 impl Attenuation {
-    /// The luminance of an intensity; `None` unless it follows the inverse square law.
+    /// The luminance of an intensity; `None` unless the attenuation is the inverse square law.
     pub(super) fn strength(&self, intensity: Rgb) -> Option<f64> {
         let [constant, linear, quadratic] = self.0;
         if constant != 0.0 || linear != 0.0 || quadratic.is_nan() || quadratic <= 0.0 {

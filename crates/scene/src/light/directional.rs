@@ -1,4 +1,4 @@
-//! Parallel light.
+//! The light `directional`: parallel light.
 
 use super::{Emitter, PunctualLight, luminance, turned};
 use crate::ranges::LIGHT;
@@ -22,7 +22,7 @@ snell_math::declare! {
 }
 
 impl Directional {
-    /// Parallel light for tests and galleries.
+    /// Examples for tests and galleries.
     pub fn examples() -> Vec<Self> {
         vec![Self { direction: DVec3::new(-0.6, -0.8, 0.0), irradiance: Rgb::splat(3.0) }]
     }

@@ -1,4 +1,4 @@
-//! A disk that emits to one side.
+//! The light `disk`, which emits to one side.
 
 use super::{Attenuation, Emitter, Incident, LightBounds, panel, turned};
 use crate::ranges::LIGHT;
@@ -7,17 +7,17 @@ use snell_math::parameters::Range;
 use snell_math::{DAffine3, DVec3, Rgb, Vec2, sampling};
 
 snell_math::declare! {
-    /// An invisible disk that emits to one side. A facing surface receives the average over the
-    /// disk of `emission * attenuation(d) * 2 cos(angle at the light)`.
+    /// An invisible disk that emits to one side. A surface that faces it receives the average over
+    /// the disk of `emission * attenuation(d) * 2 cos(angle at the light)`.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     pub struct Disk {
-        /// Centre.
+        /// Centre of the disk.
         #[unit("scene units")]
         pub position: DVec3,
         /// Unit normal of the side that emits.
         #[range(Range::Direction)]
         pub direction: DVec3,
-        /// Radius, at least 0.
+        /// Radius of the disk, at least 0.
         #[range(Range::AMOUNT)]
         #[unit("scene units")]
         pub radius: f64,
@@ -26,7 +26,7 @@ snell_math::declare! {
         #[range(LIGHT)]
         #[unit("W / sr")]
         pub emission: Rgb,
-        /// Attenuation by distance.
+        /// Attenuation by distance from the light.
         #[range(Range::AMOUNT)]
         #[serde(default)]
         pub attenuation: Attenuation,
@@ -34,7 +34,7 @@ snell_math::declare! {
 }
 
 impl Disk {
-    /// Disks for tests and galleries.
+    /// Examples for tests and galleries.
     pub fn examples() -> Vec<Self> {
         let disk = Self {
             position: DVec3::new(0.5, 3.0, 1.0),

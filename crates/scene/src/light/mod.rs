@@ -1,9 +1,9 @@
 //! Lights: sources that are not part of a surface ([`Light`]), emissive surfaces
 //! ([`area::AreaLight`]) and light from all directions ([`environment::EnvironmentLight`]).
 //!
-//! A [`Light`] is one file: its parameters, their ranges, `examples()`, and an [`Emitter`], which
-//! implements it. To add one, add a file here and its three lines below. All other code uses the
-//! list.
+//! A kind of [`Light`] is one file: its parameters, their ranges, `examples()`, and its
+//! implementation of [`Emitter`]. To add a kind, add a file here and its three lines below. All
+//! other code uses the list.
 
 mod aimed;
 pub mod area;
@@ -36,7 +36,7 @@ use serde::{Deserialize, Serialize};
 use snell_math::parameters::{Kind, Range, Value, Visitor};
 use snell_math::{ColorMode, DAffine3, DMat3, DVec3, Rgb, SampledSpectrum, Vec2, Vec3};
 
-/// Light arriving at a point from one direction.
+/// Light that arrives at a point from one direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LightSample {
     /// Unit direction from the point to the light.
@@ -47,12 +47,12 @@ pub struct LightSample {
     pub radiance: SampledSpectrum,
     /// Density per steradian with which the direction was chosen; 1 for delta lights.
     pub pdf: f32,
-    /// True if no other technique can find this direction (point and directional lights, and lights
-    /// without a visible body).
+    /// True if no other technique can find this direction: for point and directional lights, and
+    /// for lights without a visible body.
     pub is_delta: bool,
 }
 
-/// Factor on a light's intensity by distance `d`: `1 / (c0 + c1 d + c2 d^2)`. Physical light has
+/// Factor on a light's intensity at distance `d`: `1 / (c0 + c1 d + c2 d^2)`. Physical light has
 /// `[0, 0, 1]`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Attenuation(pub [f32; 3]);
@@ -74,7 +74,7 @@ impl Default for Attenuation {
 impl Attenuation {
     /// The inverse square law.
     pub const INVERSE_SQUARE: Self = Self([0.0, 0.0, 1.0]);
-    /// No change by distance.
+    /// No attenuation: the factor is 1 at all distances.
     pub const NONE: Self = Self([1.0, 0.0, 0.0]);
 
     /// The factor at distance `d > 0`. A denominator that is not positive counts as 1.
@@ -83,18 +83,19 @@ impl Attenuation {
         let [c0, c1, c2] = self.0.map(f64::from);
         let d = f64::from(d);
         let denominator = c0 + c1 * d + c2 * d * d;
-        // Single precision would overflow at a distance of 1e-20 already.
+        // Single precision would already overflow at a distance of 1e-20.
         if denominator > 0.0 { (1.0 / denominator).min(f64::from(f32::MAX)) as f32 } else { 1.0 }
     }
 
-    /// The factor on the power that crosses a sphere of this radius: 1 for the inverse square law.
+    /// The factor on the power through a sphere of this radius, which is 1 for the inverse square
+    /// law.
     fn over_sphere(&self, radius: f64) -> f64 {
         radius * radius * f64::from(self.at(radius as f32))
     }
 }
 
 impl LightSample {
-    /// From a light of this colour.
+    /// The sample of a punctual light of this colour; `None` if nothing arrives.
     pub fn of_punctual(sample: PunctualSample, color: SampledSpectrum) -> Option<Self> {
         let PunctualSample { direction, distance, factor, arrives } = sample;
         arrives.then(|| Self {
@@ -107,7 +108,7 @@ impl LightSample {
     }
 }
 
-/// The light arriving at a point from a sampled point of a light, as RGB.
+/// The light that arrives at a point from a sampled point of a light, in RGB.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Incident {
     /// Unit direction to the light.
@@ -118,51 +119,53 @@ struct Incident {
     irradiance: Rgb,
 }
 
-/// The interface of kinds of lights, in world coordinates.
+/// The interface of the kinds of lights, in world coordinates.
 ///
-/// Rays never hit such a light: it is found by its samples only, so it needs no density. The
-/// arriving light is given in one of two ways, [`Self::punctual`] or [`Self::sample_li`].
+/// Rays never hit such a light. It is found by its own samples only, so it needs no density. Each
+/// kind implements one of two ways to give the arriving light: [`Self::punctual`] or
+/// [`Self::sample_li`].
 trait Emitter {
-    /// The factor on its light.
+    /// The factor on the light's emission.
     fn color(&self) -> Rgb;
 
-    /// Mutable access to that factor.
+    /// Mutable access to the value of [`Self::color`].
     fn color_mut(&mut self) -> &mut Rgb;
 
-    /// Its centre; `None` if it is infinitely far away.
+    /// The centre of the light; `None` if it is infinitely far away.
     fn position(&self) -> Option<DVec3>;
 
-    /// True if a surface around it is its own body, whose inner side does not block its light.
+    /// True if a surface around the light is the light's own body, whose inner side does not block
+    /// the light.
     fn has_body(&self) -> bool {
         false
     }
 
-    /// Unit axis and half-angle, in radians, of a cone from its [position](Self::position) that
-    /// holds all of its light, if it is known.
+    /// Unit axis and half-angle, in radians, of a cone from the light's [position](Self::position)
+    /// that contains all of the light; `None` if no such cone is known.
     fn cone(&self) -> Option<(DVec3, f64)> {
         None
     }
 
-    /// Transforms it. It keeps its size and power.
+    /// Moves the light by a map of the world. It keeps its size and power.
     fn transform(&mut self, by: &DAffine3);
 
-    /// Its parameters as a punctual light, if it is one: then many points are computed together.
+    /// The light as a punctual one, if it is one, so that many points can be computed at once.
     fn punctual(&self) -> Option<PunctualLight> {
         None
     }
 
-    /// The light arriving at `p`, if it is not punctual. `u` in `[0, 1)^2` chooses a point of an
-    /// extended light. `None` if nothing arrives.
+    /// The light that arrives at `p`, unless the light is punctual. `u` in `[0, 1)^2` chooses a
+    /// point of an extended light. `None` if nothing arrives.
     fn sample_li(&self, _p: DVec3, _u: Vec2) -> Option<Incident> {
         None
     }
 
-    /// Approximate power in W. Light that does not follow the inverse square law counts by the
+    /// Approximate power in W. Light that does not follow the inverse square law counts with the
     /// power through a sphere of the scene's radius, which is positive and finite.
     fn power(&self, scene_radius: f64) -> f64;
 
-    /// Bounds, if it has a position and follows the inverse square law. `None` is always valid:
-    /// then it is chosen by its power only.
+    /// The light's bounds, if it has a position and follows the inverse square law. `None` is
+    /// always valid; the light is then chosen by its power only.
     fn bounds(&self) -> Option<LightBounds> {
         None
     }
@@ -182,33 +185,34 @@ snell_math::kinds! {
 }
 
 impl Light {
-    /// The factor on its light: irradiance, intensity, emission, or a scale.
+    /// The factor on the light's emission: irradiance, intensity, emission, or a scale.
     pub fn color(&self) -> Rgb {
         match_light!(self, light => light.color())
     }
 
-    /// Mutable access to that factor.
+    /// Mutable access to the value of [`Self::color`].
     pub fn color_mut(&mut self) -> &mut Rgb {
         match_light!(self, light => light.color_mut())
     }
 
-    /// Its centre; `None` if it is infinitely far away.
+    /// The centre of the light; `None` if it is infinitely far away.
     pub fn position(&self) -> Option<DVec3> {
         match_light!(self, light => light.position())
     }
 
-    /// True if a surface around it is its own body, whose inner side does not block its light.
+    /// True if a surface around the light is the light's own body, whose inner side does not block
+    /// the light.
     pub fn has_body(&self) -> bool {
         match_light!(self, light => light.has_body())
     }
 
-    /// Unit axis and half-angle, in radians, of a cone from its [position](Self::position) that
-    /// holds all of its light, if it is known.
+    /// Unit axis and half-angle, in radians, of a cone from the light's [position](Self::position)
+    /// that contains all of the light; `None` if no such cone is known.
     pub fn cone(&self) -> Option<(DVec3, f64)> {
         match_light!(self, light => light.cone())
     }
 
-    /// The light, transformed in the world. It keeps its size and power.
+    /// The light, moved by a map of the world. It keeps its size and power.
     pub fn moved(&self, by: &DAffine3) -> Self {
         let mut light = self.clone();
         match_light!(&mut light, light => light.transform(by));
@@ -220,8 +224,8 @@ impl Light {
         match_light!(self, light => light.punctual())
     }
 
-    /// Light arriving at `p`. `u` in `[0, 1)^2` chooses a point of an extended light. `None` if
-    /// nothing arrives.
+    /// Samples the light that arrives at `p`. `u` in `[0, 1)^2` chooses a point of an extended
+    /// light. `None` if nothing arrives.
     pub fn sample(&self, p: Vec3, u: Vec2, mode: ColorMode) -> Option<LightSample> {
         if let Some(light) = self.punctual() {
             return LightSample::of_punctual(light.sample(p), mode.illuminant(light.color));
@@ -241,8 +245,8 @@ impl Light {
         })
     }
 
-    /// Approximate emitted power in W over a scene of this radius, by which lights are chosen.
-    /// Finite and not negative. Lights that do not follow the inverse square law count by the power
+    /// Approximate emitted power in W in a scene of this radius, for choosing among lights; finite
+    /// and not negative. Lights that do not follow the inverse square law count with the power
     /// through a sphere of the scene's radius.
     pub fn power(&self, scene_radius: f64) -> f64 {
         let is_usable = scene_radius > 0.0 && scene_radius.is_finite();
@@ -251,8 +255,8 @@ impl Light {
         if power.is_nan() { 0.0 } else { power.clamp(0.0, f64::MAX) }
     }
 
-    /// Bounds of a light with a position that follows the inverse square law. `None` for all
-    /// others: their light does not fall off as the choice by distance expects.
+    /// The bounds of a light that has a position and follows the inverse square law. `None` for all
+    /// others, whose light does not fall off as the choice by distance assumes.
     pub fn bounds(&self) -> Option<LightBounds> {
         match_light!(self, light => light.bounds())
     }
@@ -264,7 +268,7 @@ impl Light {
     }
 }
 
-/// Unit direction and distance; `None` if the points coincide.
+/// Unit direction and distance from `p` to a position; `None` if the points coincide.
 fn towards(p: DVec3, position: DVec3) -> Option<(DVec3, f64)> {
     let to_light = position - p;
     let distance = to_light.length();

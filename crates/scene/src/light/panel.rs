@@ -1,13 +1,14 @@
 //! Common code of flat one-sided sources without a visible body, as in `.scn` files.
 //!
-//! Such a source lights a facing surface at distance `d` with the average over its area of
-//! `emission * attenuation(d) * 2 cos(angle at the light)`, and with nothing behind its plane.
+//! A surface that faces such a source at distance `d` receives the average over the source's area
+//! of `emission * attenuation(d) * 2 cos(angle at the light)`. Points behind the source's plane
+//! receive nothing.
 
 use super::{Attenuation, Incident, luminance};
 use snell_math::{DVec3, Rgb};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-/// Half-angle of the cone around the normal that holds all of the light, in radians.
+/// Half-angle of the cone around the normal that contains all of the light, in radians.
 pub(super) const WIDEST: f64 = FRAC_PI_2;
 
 /// The light that a point of the source sends to `p`. `None` behind the source, in its plane, and
@@ -27,7 +28,7 @@ pub(super) fn arriving(
     (cos > 0.0).then_some(Incident { direction, distance, irradiance })
 }
 
-/// Power in W: the integral of `2 cos` over the hemisphere is `2 pi`.
+/// Power in W. The integral of `2 cos` over the hemisphere is `2 pi`.
 pub(super) fn power(emission: Rgb, attenuation: &Attenuation, scene_radius: f64) -> f64 {
     TAU * luminance(emission) * attenuation.over_sphere(scene_radius)
 }

@@ -1,4 +1,4 @@
-//! Light from a point, equal in all directions.
+//! The light `point`, with the same intensity in all directions.
 
 use super::{Attenuation, Emitter, LightBounds, PunctualLight, luminance};
 use crate::ranges::LIGHT;
@@ -8,22 +8,22 @@ use snell_math::{DAffine3, DVec3, Rgb};
 use std::f64::consts::TAU;
 
 snell_math::declare! {
-    /// Light from a point, equal in all directions.
+    /// Light from a point, with the same intensity in all directions.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     pub struct Point {
-        /// Position.
+        /// Position of the light.
         #[unit("scene units")]
         pub position: DVec3,
         /// Radiant intensity, W / sr (with the inverse square law).
         #[range(LIGHT)]
         #[unit("W / sr")]
         pub intensity: Rgb,
-        /// Attenuation by distance.
+        /// Attenuation by distance from the light.
         #[range(Range::AMOUNT)]
         #[serde(default)]
         pub attenuation: Attenuation,
-        /// Radius of a surrounding sphere in the scene that is the lamp's body: shadow rays end
-        /// where they first hit it. 0 for none.
+        /// Radius of a sphere in the scene that is the lamp's body: shadow rays end where they
+        /// first hit it. 0 if there is none.
         #[range(Range::AMOUNT)]
         #[unit("scene units")]
         #[serde(default)]
@@ -32,7 +32,7 @@ snell_math::declare! {
 }
 
 impl Point {
-    /// Lamps for tests and galleries.
+    /// Examples for tests and galleries.
     pub fn examples() -> Vec<Self> {
         let position = DVec3::new(0.5, 3.0, 1.0);
         let lamp = Self {

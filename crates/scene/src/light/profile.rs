@@ -1,4 +1,4 @@
-//! Light with a measured intensity by direction: IES files and goniometric images.
+//! The light `profile`, with a measured intensity by direction: IES files and goniometric images.
 
 use super::{Emitter, Incident, LightBounds, aimed, luminance, turned_frame};
 use crate::image::Image;
@@ -13,12 +13,12 @@ snell_math::declare! {
     /// Light from a point with an intensity from a table, and with the inverse square law.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     pub struct Profile {
-        /// Position.
+        /// Position of the light.
         #[unit("scene units")]
         pub position: DVec3,
         /// Rotation of the table's coordinates into the world.
         pub world_from_light: DMat3,
-        /// Factor on the table.
+        /// Factor on the intensities of the table.
         #[range(LIGHT)]
         pub scale: Rgb,
         /// Radiant intensity by direction, W / sr.
@@ -27,12 +27,12 @@ snell_math::declare! {
 }
 
 impl Profile {
-    /// Measured lights for tests and galleries.
+    /// Examples for tests and galleries.
     pub fn examples() -> Vec<Self> {
         let values = [3.0, 5.0, 1.0, 0.0].map(Rgb::splat).to_vec();
         let table = IntensityTable::new(vec![0.0, 0.4, 0.9, 1.2], vec![0.0], values);
         let position = DVec3::new(0.5, 3.0, 1.0);
-        // It shines downwards.
+        // The light shines downwards.
         let world_from_light = DMat3::from_cols(DVec3::X, DVec3::NEG_Z, DVec3::NEG_Y);
         let scale = Rgb::new(2.0, 1.5, 1.0);
         table.map(|table| Self { position, world_from_light, scale, table }).into_iter().collect()
@@ -81,7 +81,7 @@ impl Emitter for Profile {
 pub struct IntensityTable {
     polar: Vec<f64>,
     azimuth: Vec<f64>,
-    /// For each azimuth all polar angles.
+    /// The intensities of all polar angles for each azimuth.
     values: Vec<Rgb>,
 }
 
@@ -106,7 +106,7 @@ impl TryFrom<WrittenTable> for IntensityTable {
     }
 }
 
-/// Written as its size only: the values are many, and all are finite.
+/// Writes the size only, since there are many values.
 impl fmt::Debug for IntensityTable {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "IntensityTable({} x {})", self.polar.len(), self.azimuth.len())
@@ -116,16 +116,16 @@ impl fmt::Debug for IntensityTable {
 impl Value for IntensityTable {
     const KIND: Kind = Kind::Table;
 
-    /// Its values are checked when it is created.
+    /// The values were checked when the table was created.
     fn visit(&self, _: &mut Visitor<'_>) {}
 }
 
 impl IntensityTable {
-    /// A table over ascending polar angles in `[0, pi]` and azimuths, in radians: either one (the
-    /// same all around), or ascending from 0 to a full turn. `values` holds the intensities of all
-    /// polar angles for the first azimuth, then for the next; outside of the polar angles there is
-    /// no light. Negative or undefined values count as 0. `None` if the angles or counts do not
-    /// meet these conditions.
+    /// A table over polar angles and azimuths, in radians. The polar angles ascend within
+    /// `[0, pi]`. The azimuths are either a single one, for a light that is the same all around, or
+    /// ascend from 0 to a full turn. `values` holds the intensities of all polar angles for the
+    /// first azimuth, then for the next; outside of the polar angles there is no light. Negative or
+    /// undefined values count as 0. `None` if the angles or counts do not meet these conditions.
     pub fn new(polar: Vec<f64>, azimuth: Vec<f64>, values: Vec<Rgb>) -> Option<Self> {
         let ascending = |angles: &[f64]| {
             angles.windows(2).all(|w| w[0] < w[1]) && angles.iter().all(|a| a.is_finite())
@@ -148,19 +148,20 @@ impl IntensityTable {
         })
     }
 
-    /// A latitude-longitude image: row 0 is around `+z`, columns go around from `+x` towards `+y`.
+    /// The table of a latitude-longitude image: row 0 is around `+z`, and columns go around from
+    /// `+x` towards `+y`. `None` if the image is empty.
     pub fn from_picture(image: &Image) -> Option<Self> {
         let (w, h) = (image.width, image.height);
         let polar = (0..h).map(|y| (f64::from(y) + 0.5) / f64::from(h) * PI);
-        // Closed at the poles and around.
+        // The table is extended to the poles, and closed all around.
         let polar: Vec<f64> = std::iter::once(0.0).chain(polar).chain([PI]).collect();
         let azimuth: Vec<f64> = (0..=w).map(|x| f64::from(x) / f64::from(w) * TAU).collect();
         let texel = |x: u32, y: u32| {
             let [r, g, b, _] = image.rgba(x % w, y);
             Rgb::new(r, g, b)
         };
-        // Column centres are half a column off the edges: the mean of two columns is the value at
-        // their edge.
+        // Column centres are half a column away from the edges, so the value at an edge is the mean
+        // of the two columns beside it.
         let edge = |x: u32, y: u32| (texel(x % w, y) + texel((x + w - 1) % w, y)) * 0.5;
         let rows = |x: u32| (0..h + 2).map(move |y| edge(x, y.saturating_sub(1).min(h - 1)));
         if w == 0 || h == 0 {
@@ -185,7 +186,7 @@ impl IntensityTable {
         value(column) * (1.0 - s) + value(column + 1) * s
     }
 
-    /// The greatest polar angle in which there is light, in radians.
+    /// The greatest polar angle at which there is light, in radians.
     pub fn widest(&self) -> f64 {
         let rows = self.polar.len();
         let lit = (0..rows)
@@ -194,7 +195,7 @@ impl IntensityTable {
         lit.map_or(0.0, |row| self.polar[(row + 1).min(rows - 1)])
     }
 
-    /// Integral of the luminance of the intensity over all directions.
+    /// Power in W: the integral of the luminance of the intensity over all directions.
     pub fn power(&self) -> f64 {
         let (rows, columns) = (256, 128);
         let mut sum = 0.0;
@@ -210,7 +211,8 @@ impl IntensityTable {
     }
 }
 
-/// The interval that contains an angle and the position in it, in `[0, 1]`; `None` outside.
+/// The interval that contains an angle, and the position in the interval, in `[0, 1]`; `None`
+/// outside of all intervals.
 fn interval(angles: &[f64], angle: f64) -> Option<(usize, f32)> {
     let (first, last) = (angles[0], angles[angles.len() - 1]);
     if angles.len() == 1 {

@@ -1,4 +1,4 @@
-//! Light that projects an image.
+//! The light `projector`, which projects an image.
 
 use super::{Emitter, Incident, LightBounds, aimed, luminance, turned_frame};
 use crate::image::Image;
@@ -12,12 +12,12 @@ snell_math::declare! {
     /// Light from a point that projects an image, with the inverse square law.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     pub struct Projector {
-        /// Position.
+        /// Position of the light.
         #[unit("scene units")]
         pub position: DVec3,
-        /// Rotation of the slide's coordinates into the world: it projects along their `+z`.
+        /// Rotation of the slide's coordinates into the world; the light projects along their `+z`.
         pub world_from_light: DMat3,
-        /// Factor on the slide.
+        /// Factor on the intensities of the slide.
         #[range(LIGHT)]
         pub scale: Rgb,
         /// Radiant intensity by direction, W / sr.
@@ -26,12 +26,12 @@ snell_math::declare! {
 }
 
 impl Projector {
-    /// Projectors for tests and galleries.
+    /// Examples for tests and galleries.
     pub fn examples() -> Vec<Self> {
         let picture = Image::from_f32(2, 2, 3, (0..12).map(|i| (i % 5) as f32).collect());
         let slide = Slide::new(&picture, DVec2::new(0.8, 0.5));
         let position = DVec3::new(0.5, 3.0, 1.0);
-        // It shines downwards.
+        // The light shines downwards.
         let world_from_light = DMat3::from_cols(DVec3::X, DVec3::NEG_Z, DVec3::NEG_Y);
         let scale = Rgb::new(2.0, 1.5, 1.0);
         slide.map(|slide| Self { position, world_from_light, scale, slide }).into_iter().collect()
@@ -71,18 +71,18 @@ impl Emitter for Projector {
     }
 }
 
-/// A projected image: radiant intensity by the position of the direction in the image, linear
-/// between texels, 0 outside.
+/// A projected image. The radiant intensity in a direction is the value at the direction's position
+/// in the image, interpolated linearly between texels, and 0 outside of the image.
 ///
-/// In the light's own coordinates the image is seen along `+z` from the light, `+x` to its right
-/// and `+y` up.
+/// In the light's own coordinates the image is seen along `+z` from the light, with `+x` to the
+/// right and `+y` up.
 #[derive(Clone, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "WrittenSlide")]
 pub struct Slide {
     width: u32,
     height: u32,
     values: Vec<Rgb>,
-    /// Half of the image's width and height at distance 1.
+    /// Half of the image's width and height at distance 1 from the light.
     half_size: DVec2,
 }
 
@@ -105,7 +105,7 @@ impl TryFrom<WrittenSlide> for Slide {
     }
 }
 
-/// Written as its size only: the values are many, and all are finite.
+/// Writes the size only, since there are many values.
 impl fmt::Debug for Slide {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "Slide({} x {})", self.width, self.height)
@@ -115,13 +115,13 @@ impl fmt::Debug for Slide {
 impl Value for Slide {
     const KIND: Kind = Kind::Table;
 
-    /// Its values are checked when it is created.
+    /// The values were checked when the slide was created.
     fn visit(&self, _: &mut Visitor<'_>) {}
 }
 
 impl Slide {
-    /// An image of this half width and height at distance 1. `None` if the image is empty or a size
-    /// not positive.
+    /// An image with this half width and half height at distance 1. `None` if the image is empty or
+    /// a size is not positive.
     pub fn new(image: &Image, half_size: DVec2) -> Option<Self> {
         let texel = |x, y| {
             let [r, g, b, _] = image.rgba(x, y);
@@ -161,12 +161,12 @@ impl Slide {
         row(y.floor()) * (1.0 - t) + row(y.floor() + 1.0) * t
     }
 
-    /// Half-angle of the cone around the image.
+    /// Half-angle in radians of the cone around the image.
     pub fn widest(&self) -> f64 {
         self.half_size.length().atan()
     }
 
-    /// Integral of the luminance of the intensity over all directions.
+    /// Power in W: the integral of the luminance of the intensity over all directions.
     pub fn power(&self) -> f64 {
         let n = 128;
         let mut sum = 0.0;
@@ -199,7 +199,7 @@ mod tests {
         assert_eq!(slide.at(DVec3::NEG_Z), Rgb::BLACK);
         let white =
             Slide::new(&Image::from_f32(1, 1, 3, vec![1.0; 3]), DVec2::ONE).expect("a slide");
-        // One side of a cube.
+        // The slide covers one side of a cube.
         assert!((white.power() / (2.0 * TAU / 6.0) - 1.0).abs() < 1e-3, "{}", white.power());
     }
 }

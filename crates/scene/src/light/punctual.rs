@@ -1,22 +1,23 @@
-//! Lights from single points and parallel light, ready to be asked for many places at once.
+//! Lights from single points and parallel light, in a form in which many points can be computed at
+//! once.
 
 use super::Attenuation;
 use snell_math::{DVec3, Rgb, Vec3};
 
-/// A light whose intensity follows from its distance and, with cosines alone, from its angle: the
-/// lights of the glTF extension `KHR_lights_punctual` and their like.
+/// A light whose intensity follows from its distance and, through cosines alone, from the angle.
+/// These are the lights of the glTF extension `KHR_lights_punctual` and similar ones.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PunctualLight {
-    /// Position, unless it is parallel light.
+    /// Position of the light; unused for parallel light.
     pub position: DVec3,
-    /// Unit direction in which parallel light travels, or of the axis of a spot.
+    /// Unit direction in which parallel light travels, or of the axis of a spot light.
     pub direction: DVec3,
-    /// Irradiance on a surface that faces parallel light, W / m^2; of others radiant intensity at
-    /// full, W / sr.
+    /// For parallel light, the irradiance on a surface that faces it, W / m^2; for others, the
+    /// radiant intensity in the middle of the cone, W / sr.
     pub color: Rgb,
-    /// Attenuation by distance, unless it is parallel light.
+    /// Attenuation by distance; unused for parallel light.
     pub attenuation: Attenuation,
-    /// As in [`Point`](super::Point).
+    /// Radius of the lamp's body; see [`Point`](super::Point).
     pub body_radius: f64,
     /// Falloff by angle.
     pub cone: Cone,
@@ -24,27 +25,28 @@ pub struct PunctualLight {
     pub is_parallel: bool,
 }
 
-/// Factor by the cosine with an axis: 1 from the inner cosine on, 0 up to the outer one.
+/// A factor that depends on the cosine of the angle to an axis: 1 from the inner cosine on, 0 up to
+/// the outer cosine.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cone {
     /// Cosine of the outer half-angle.
     pub outer: f64,
     /// Cosine of the inner half-angle.
     pub inner: f64,
-    /// True for a cubic step between them instead of the square of a ramp.
+    /// True for a cubic step between the two cosines, false for the square of a linear ramp.
     pub is_step: bool,
 }
 
-/// The light arriving from such a light at a point.
+/// The light that arrives at a point from a punctual light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PunctualSample {
     /// Unit direction to the light.
     pub direction: Vec3,
     /// Length of the shadow ray, infinite for parallel light.
     pub distance: f32,
-    /// The irradiance on a surface that faces the light is this times its colour.
+    /// The irradiance on a surface that faces the light is this factor times the light's colour.
     pub factor: f32,
-    /// False if nothing arrives; the other fields are then meaningless.
+    /// False if nothing arrives; the other fields are then arbitrary.
     pub arrives: bool,
 }
 
@@ -58,14 +60,14 @@ impl Cone {
         let Self { outer, inner, is_step } = *self;
         let ramp = (cos_angle - outer) / (inner - outer);
         let between = if is_step { ramp * ramp * (3.0 - 2.0 * ramp) } else { ramp * ramp };
-        // (NaN is in no cone.)
+        // NaN is in no cone.
         let factor = if cos_angle >= inner { 1.0 } else { between };
         if cos_angle > outer { factor } else { 0.0 }
     }
 }
 
 impl PunctualLight {
-    /// A point that emits in all directions.
+    /// A point light that emits in all directions.
     pub(super) fn at(position: DVec3, color: Rgb, attenuation: Attenuation) -> Self {
         Self {
             position,
@@ -83,7 +85,7 @@ impl PunctualLight {
         Self { direction, is_parallel: true, ..Self::at(DVec3::ZERO, color, Attenuation::NONE) }
     }
 
-    /// The light arriving at `p`.
+    /// The light that arrives at `p`.
     #[inline(always)]
     pub fn sample(&self, p: Vec3) -> PunctualSample {
         let &Self {
@@ -129,12 +131,13 @@ fn pick(first: bool, a: DVec3, b: DVec3) -> DVec3 {
     DVec3::new(pick(a.x, b.x), pick(a.y, b.y), pick(a.z, b.z))
 }
 
-/// The distance at which a ray from `p` towards the centre of a lamp first hits its body: the near
-/// side from outside, and from inside (or on the surface, within rounding) the far side, through
-/// the centre. It has no margin for rounding: the caller must end the shadow ray slightly before.
+/// The distance at which a ray from `p` towards the centre of a lamp first hits the lamp's body.
+/// From outside this is the near side; from inside, and within rounding of the surface, it is the
+/// far side, through the centre. The distance has no margin for rounding, so the caller must end
+/// the shadow ray slightly before.
 #[inline(always)]
 pub(super) fn distance_to_body(p: DVec3, center: DVec3, distance: f64, radius: f64) -> f64 {
-    // Points are in single precision; one on the body must not block its own shadow ray.
+    // Points are in single precision, and a point on the body must not block its own shadow ray.
     let (p, c) = (p.abs(), center.abs());
     let size = p.x.max(p.y).max(p.z) + c.x.max(c.y).max(c.z) + radius;
     let rounding = 8.0 * f64::from(f32::EPSILON) * size;

@@ -1,4 +1,4 @@
-//! A rectangle that emits to one side.
+//! The light `rectangle`, which emits to one side.
 
 use super::{Attenuation, Emitter, Incident, LightBounds, panel, turned};
 use crate::ranges::LIGHT;
@@ -7,10 +7,10 @@ use snell_math::parameters::Range;
 use snell_math::{DAffine3, DVec2, DVec3, Rgb, Vec2};
 
 snell_math::declare! {
-    /// An invisible rectangle that emits to one side, in the same way as the [`Disk`](super::Disk).
+    /// An invisible rectangle that emits to one side, like a [`Disk`](super::Disk).
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     pub struct Rectangle {
-        /// Centre.
+        /// Centre of the rectangle.
         #[unit("scene units")]
         pub center: DVec3,
         /// Unit vectors along the sides; the side that emits is that of `axes[0] x axes[1]`.
@@ -25,7 +25,7 @@ snell_math::declare! {
         #[range(LIGHT)]
         #[unit("W / sr")]
         pub emission: Rgb,
-        /// Attenuation by distance.
+        /// Attenuation by distance from the light.
         #[range(Range::AMOUNT)]
         #[serde(default)]
         pub attenuation: Attenuation,
@@ -33,7 +33,7 @@ snell_math::declare! {
 }
 
 impl Rectangle {
-    /// Rectangles for tests and galleries.
+    /// Examples for tests and galleries.
     pub fn examples() -> Vec<Self> {
         vec![Self {
             center: DVec3::new(0.5, 3.0, 1.0),
@@ -68,7 +68,8 @@ impl Emitter for Rectangle {
 
     fn transform(&mut self, by: &DAffine3) {
         self.center = by.transform_point3(self.center);
-        // A shear would make it a parallelogram: the second axis is made orthogonal.
+        // A shear would turn the rectangle into a parallelogram, so the second axis is made
+        // orthogonal.
         let [x, y] = self.axes.map(|axis| turned(by, axis));
         let across = (y - x * x.dot(y)).try_normalize();
         self.axes = across.map_or(self.axes, |y| [x, y]);

@@ -1,4 +1,5 @@
-//! Light from a point into a cone, and its falloff from the axis.
+//! The light `spot`, which emits from a point into a cone, and its falloff with the angle from the
+//! axis.
 
 use super::punctual::Cone;
 use super::{
@@ -14,7 +15,7 @@ snell_math::declare! {
     /// Light from a point into a cone.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     pub struct Spot {
-        /// Position.
+        /// Position of the light.
         #[unit("scene units")]
         pub position: DVec3,
         /// Unit direction of the axis, in which the light travels.
@@ -24,17 +25,17 @@ snell_math::declare! {
         #[range(LIGHT)]
         #[unit("W / sr")]
         pub intensity: Rgb,
-        /// Attenuation by distance.
+        /// Attenuation by distance from the light.
         #[range(Range::AMOUNT)]
         #[serde(default)]
         pub attenuation: Attenuation,
-        /// Falloff by angle.
+        /// Falloff with the angle from the axis.
         pub falloff: SpotFalloff,
     }
 }
 
 impl Spot {
-    /// Spots for tests and galleries.
+    /// Examples for tests and galleries.
     pub fn examples() -> Vec<Self> {
         let spot = |falloff| Self {
             position: DVec3::new(0.5, 3.0, 1.0),
@@ -98,41 +99,45 @@ impl Emitter for Spot {
 }
 
 snell_math::declare! {
-    /// Factor on a spot light's intensity by the angle from its axis. Angles in radians.
+    /// Factor on a spot light's intensity that depends on the angle from its axis. Angles are in
+    /// radians.
     #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
     pub enum SpotFalloff tagged "falloff" {
-        /// `cos(angle)^exponent` up to the cut-off angle, inclusive, and 0 beyond (old OpenGL,
-        /// `.scn`).
+        /// `cos(angle)^exponent` up to the cut-off angle, inclusive, and 0 beyond, as in old OpenGL
+        /// and `.scn`.
         "power" => Power {
             /// Half-angle of the cone, `[0, pi]`. Nothing is emitted backwards unless the exponent
             /// is 0.
             #[range(Range::Within(0.0, PI))]
             #[unit("radians")]
             cutoff: f64,
-            /// Exponent, at least 0.
+            /// Exponent of the cosine, at least 0.
             #[range(Range::AMOUNT)]
             exponent: f64,
         },
-        /// 1 inside the inner cone, 0 outside the outer one, and the square of a ramp in the cosine
-        /// between them: the angular attenuation of the glTF extension `KHR_lights_punctual`.
+        /// 1 inside the inner cone, 0 outside the outer one, and between them the square of a
+        /// linear ramp in the cosine: the angular attenuation of the glTF extension
+        /// `KHR_lights_punctual`.
         "smooth" => Smooth {
             /// Half-angle up to which the intensity is full.
             #[range(Range::Within(0.0, PI))]
             #[unit("radians")]
             inner: f64,
-            /// Half-angle from which it is 0; at least `inner` (equal ones make a hard edge).
+            /// Half-angle from which the intensity is 0; at least `inner` (equal angles make a hard
+            /// edge).
             #[range(Range::Within(0.0, PI))]
             #[unit("radians")]
             outer: f64,
         },
-        /// 1 inside the inner cone, 0 outside the outer one, and a cubic step in the cosine between
-        /// them: the spot light of pbrt-v4.
+        /// 1 inside the inner cone, 0 outside the outer one, and between them a cubic step in the
+        /// cosine: the spot light of pbrt-v4.
         "step" => Step {
             /// Half-angle up to which the intensity is full.
             #[range(Range::Within(0.0, PI))]
             #[unit("radians")]
             inner: f64,
-            /// Half-angle from which it is 0; at least `inner` (equal ones make a hard edge).
+            /// Half-angle from which the intensity is 0; at least `inner` (equal angles make a hard
+            /// edge).
             #[range(Range::Within(0.0, PI))]
             #[unit("radians")]
             outer: f64,
@@ -141,10 +146,11 @@ snell_math::declare! {
 }
 
 impl SpotFalloff {
-    /// The factor at an angle from the axis given by its cosine; in `[0, 1]`, and 0 for NaN.
+    /// The factor at an angle from the axis, which is given by its cosine. It is in `[0, 1]`, and 0
+    /// for NaN.
     pub fn at(&self, cos_angle: f64) -> f64 {
         let factor = match *self {
-            // Compared as angles: a cut-off of exactly 90 degrees includes 90 degrees.
+            // The angles are compared, so that a cut-off of exactly 90 degrees includes 90 degrees.
             Self::Power { cutoff, exponent } if cos_angle.clamp(-1.0, 1.0).acos() <= cutoff => {
                 if exponent == 0.0 {
                     1.0
@@ -160,7 +166,7 @@ impl SpotFalloff {
         if factor.is_finite() { factor.clamp(0.0, 1.0) } else { 0.0 }
     }
 
-    /// The falloff by cosines, if it has that form.
+    /// The falloff as a function of cosines, if it has that form.
     fn cone(&self) -> Option<Cone> {
         let (inner, outer, is_step) = match *self {
             Self::Power { .. } => return None,
@@ -170,7 +176,7 @@ impl SpotFalloff {
         Some(Cone { outer: outer.cos(), inner: inner.cos(), is_step })
     }
 
-    /// Half-angle of the cone that contains all light, in `[0, pi]`.
+    /// Half-angle of the cone that contains all of the light, in radians, in `[0, pi]`.
     pub fn widest(&self) -> f64 {
         let widest = match *self {
             Self::Power { cutoff, .. } => cutoff,
@@ -179,9 +185,9 @@ impl SpotFalloff {
         if widest.is_nan() { 0.0 } else { widest.clamp(0.0, PI) }
     }
 
-    /// Integral of the factor over all directions, in steradians: `[0, 4 pi]`.
+    /// The integral of the factor over all directions, in steradians: `[0, 4 pi]`.
     pub fn solid_angle(&self) -> f64 {
-        // The midpoint rule in the cosine over the cone only, so that narrow cones are resolved.
+        // The midpoint rule in the cosine covers the cone only, so that narrow cones are resolved.
         let cos_widest = self.widest().cos();
         let (n, width) = (256, 1.0 - cos_widest);
         let sum: f64 = (0..n).map(|i| self.at(1.0 - width * (i as f64 + 0.5) / n as f64)).sum();
@@ -209,7 +215,7 @@ mod tests {
         assert_eq!((spot.at(1.0), spot.at(0.2f64.cos()), spot.at(0.6f64.cos())), (1.0, 1.0, 0.0));
         let middle = (0.2f64.cos() + 0.6f64.cos()) / 2.0;
         assert!((spot.at(middle) - 0.25).abs() < 1e-12);
-        // The reference form of the specification: scale and offset.
+        // The reference form in the specification, with a scale and an offset.
         let scale = 1.0 / (0.2f64.cos() - 0.6f64.cos());
         for angle in [0.25f64, 0.4, 0.55] {
             let linear = (angle.cos() * scale - 0.6f64.cos() * scale).clamp(0.0, 1.0);
@@ -242,7 +248,7 @@ mod tests {
         assert!((cosine.solid_angle() - PI).abs() < 1e-4);
         let full = SpotFalloff::Power { cutoff: PI, exponent: 0.0 };
         assert!((full.solid_angle() - 2.0 * TAU).abs() < 1e-9);
-        // One third of the ramp's width in the cosine, plus the inner cone.
+        // The expected value is one third of the ramp's width in the cosine, plus the inner cone.
         let smooth = SpotFalloff::Smooth { inner: 0.01, outer: 0.02 };
         let expected = TAU * ((1.0 - 0.01f64.cos()) + (0.01f64.cos() - 0.02f64.cos()) / 3.0);
         assert!((smooth.solid_angle() / expected - 1.0).abs() < 1e-3);

@@ -6,7 +6,8 @@ fn sample(light: &Light, p: Vec3, u: Vec2) -> Option<LightSample> {
     light.sample(p, u, ColorMode::Rgb)
 }
 
-/// Irradiance at `p` on a surface of this normal: mean and standard error over random samples.
+/// Irradiance at `p` on a surface with this normal: the mean over random samples, and its standard
+/// error.
 fn irradiance(light: &Light, p: Vec3, normal: Vec3, n: u32) -> (f64, f64) {
     let values: Vec<f64> = (0..n)
         .map(|i| {
@@ -20,8 +21,8 @@ fn irradiance(light: &Light, p: Vec3, normal: Vec3, n: u32) -> (f64, f64) {
     (mean, (variance / f64::from(n)).sqrt())
 }
 
-/// The average over a flat source of `2 cos(light) cos(receiver) / d^2`, by the midpoint rule;
-/// `point` maps the unit square to the source and is uniform by area.
+/// The average of `2 cos(light) cos(receiver) / d^2` over a flat source, by the midpoint rule.
+/// `point` maps the unit square to the source, uniformly by area.
 fn quadrature(
     point: impl Fn(f64, f64) -> DVec3,
     light_normal: DVec3,
@@ -99,7 +100,7 @@ fn a_light_that_is_moved_and_dimmed_lights_a_moved_point_alike() {
         for i in 0..500 {
             let u = uniform2([i, 1, 1, 4]);
             let p = (Vec3::new(u.x, 0.5, u.y) - 0.5) * 4.0;
-            // Axes that are made up turn in another way than the disk that they span: only its
+            // A disk's axes are chosen arbitrarily and do not turn with the disk, so only its
             // middle can be compared.
             let Some(there) = sample(&light, p, Vec2::splat(0.5)) else { continue };
             let to = by.transform_point3(p.as_dvec3()).as_vec3();
@@ -138,7 +139,7 @@ fn a_shadow_ray_to_a_lamp_with_a_body_ends_where_it_first_meets_the_body() {
     let distance = |x: f32| sample(&light, Vec3::new(x, 0.0, 0.0), Vec2::ZERO).map(|s| s.distance);
     assert_eq!(distance(5.0), Some(3.0));
     assert_eq!(distance(-1.5), Some(3.5));
-    // On the body itself, to rounding, the far side counts.
+    // On the body itself, within rounding, the far side counts.
     assert_eq!(distance(2.0), Some(4.0));
     assert!((distance(2.0f32.next_up()).expect("lit") - 4.0).abs() < 1e-6);
     assert_eq!(distance(0.0), None);
@@ -184,7 +185,7 @@ fn the_irradiance_under_a_rectangle_matches_quadrature() {
     let point = |u: f64, v: f64| {
         center + axes[0] * ((u - 0.5) * lengths[0]) + axes[1] * ((v - 0.5) * lengths[1])
     };
-    // z cross x is +y: this panel shines upwards, so only points above see it.
+    // z cross x is +y, so this panel shines upwards and only points above it receive light.
     assert_eq!(sample(&light, Vec3::ZERO, Vec2::splat(0.3)), None);
     for p in [DVec3::new(0.0, 2.0, 0.0), DVec3::new(1.0, 3.0, -2.0)] {
         let expected = quadrature(point, DVec3::Y, p, DVec3::NEG_Y);

@@ -8,17 +8,17 @@ use snell_math::parameters::Range;
 use snell_math::{Rgb, Vec3};
 
 snell_math::declare! {
-    /// Heights that perturb the shading normal as if the surface were displaced along it.
+    /// Heights that perturb the shading normal as if the surface were displaced along its normal.
     #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(deny_unknown_fields)]
     pub struct BumpMap {
-        /// Linear texture: an image or a pattern.
+        /// Linear texture of heights: an image or a pattern.
         pub texture: TextureId,
-        /// The channel with the height (0 red to 3 alpha); `None` for the luminance.
+        /// The channel that holds the height (0 red to 3 alpha); `None` for the luminance.
         #[range(Range::Within(0.0, 3.0))]
         #[serde(default)]
         pub channel: Option<u8>,
-        /// Height where the texture is 1. If negative, bright texels are deep.
+        /// Height where the texture is 1. If it is negative, bright texels are deep.
         pub height: f32,
         /// The unit of heights.
         #[serde(default)]
@@ -27,7 +27,7 @@ snell_math::declare! {
 }
 
 snell_math::declare! {
-    /// The unit of heights.
+    /// Unit of the heights in a bump map.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
     pub enum HeightUnit {
         /// Units of the scene.
@@ -38,19 +38,19 @@ snell_math::declare! {
     }
 }
 
-/// Minimum step over the surface, relative to the distance from the origin, so that rounded
-/// positions still differ.
+/// Minimum step over the surface, relative to the distance from the origin, so that positions still
+/// differ after rounding.
 const LEAST_STEP: f32 = 2e-4;
 
-/// The default step in texture coordinates.
+/// The default step, in texture coordinates.
 const PLAIN_STEP: f32 = 5e-4;
 
 impl BumpMap {
     /// The gradient of the height along the surface: a vector perpendicular to the shading normal
-    /// that points uphill and has the slope as its length (Mikkelsen, Bump Mapping Unparametrized
+    /// that points uphill and whose length is the slope (Mikkelsen, Bump Mapping Unparametrized
     /// Surfaces on the GPU, 2010). It is computed by central differences over the footprint of a
-    /// pixel, but at least one texel of an image, so slopes are continuous although the texture is
-    /// linear between texels.
+    /// pixel, but over at least one texel of an image, so slopes are continuous although the
+    /// texture is linear between texels.
     pub(super) fn gradient(&self, point: &ShadingPoint) -> Vec3 {
         let surface = point.surface;
         let (n, dpdu, dpdv) = (surface.shading_normal, surface.dpdu, surface.dpdv);
@@ -80,7 +80,7 @@ impl BumpMap {
         if gradient.is_finite() { gradient } else { Vec3::ZERO }
     }
 
-    /// The texture at a small offset from the point in texture coordinates.
+    /// The height in the texture at a small offset from the point, given in texture coordinates.
     fn moved(&self, point: &ShadingPoint, u: f32, v: f32) -> f32 {
         let mut beside: SurfaceInteraction = *point.surface;
         beside.position += beside.dpdu * u + beside.dpdv * v;

@@ -7,13 +7,14 @@ use snell_math::parameters::Range;
 use snell_math::{Rgb, SampledSpectrum};
 
 snell_math::declare! {
-    /// A metal under a clear dielectric layer. The `coatedconductor` of pbrt-v4, without a medium
-    /// in the layer: the coat and the metal of [`super::OpenPbr`], with a measured metal.
+    /// A metal under a clear dielectric layer. It is the `coatedconductor` of pbrt-v4 without a
+    /// medium in the layer, made of the coat and the metal of [`super::OpenPbr`] with a measured
+    /// metal.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(deny_unknown_fields)]
     pub struct CoatedConductor {
-        /// The metal, given by its index of refraction relative to air (or by its colour under the
-        /// coat).
+        /// The metal, given by its index of refraction relative to air, or by its colour under the
+        /// coat.
         pub conductor: Conductor,
         /// Index of refraction of the coat. Positive, otherwise 1.
         #[range(Range::Positive)]
@@ -28,7 +29,7 @@ snell_math::declare! {
 }
 
 impl CoatedConductor {
-    /// Materials for tests and galleries.
+    /// Examples for tests and galleries.
     pub fn examples() -> Vec<Self> {
         vec![
             Self { conductor: Conductor::copper(0.4), ior: 1.5, roughness: 0.2.into() },

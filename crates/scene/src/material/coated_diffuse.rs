@@ -7,10 +7,10 @@ use snell_math::Rgb;
 use snell_math::parameters::Range;
 
 snell_math::declare! {
-    /// A diffuse base under a dielectric layer, given by the colour of the base itself: light that
-    /// the inner side of the layer reflects back hits the base again, so the surface looks darker
-    /// and more saturated than the base ([`super::Plastic`] is given by the visible colour). The
-    /// `coateddiffuse` of pbrt-v4, without a medium in the layer.
+    /// A diffuse base under a dielectric layer, given by the colour of the base itself: the
+    /// `coateddiffuse` of pbrt-v4 without a medium in the layer. Light that the inner side of the
+    /// layer reflects back hits the base again, so the surface looks darker and more saturated than
+    /// the base ([`super::Plastic`] is given by the visible colour).
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(deny_unknown_fields)]
     pub struct CoatedDiffuse {
@@ -26,14 +26,14 @@ snell_math::declare! {
         #[range(Range::SHARE)]
         #[serde(default = "super::defaults::smooth")]
         pub roughness: ScalarParam,
-        /// Shape of the distribution.
+        /// Shape of the microfacet distribution.
         #[serde(default)]
         pub microfacets: MicrofacetShape,
     }
 }
 
 impl CoatedDiffuse {
-    /// A layer of index 1.5.
+    /// A material whose layer has the index 1.5.
     pub fn new(reflectance: impl Into<ColorParam>, roughness: f32) -> Self {
         Self {
             reflectance: reflectance.into(),
@@ -43,7 +43,7 @@ impl CoatedDiffuse {
         }
     }
 
-    /// Materials for tests and galleries.
+    /// Examples for tests and galleries.
     pub fn examples() -> Vec<Self> {
         vec![Self::new(Rgb::WHITE, 0.3), Self::new(Rgb::new(0.8, 0.3, 0.1), 0.0)]
     }
@@ -52,7 +52,7 @@ impl CoatedDiffuse {
     pub fn bsdf(&self, point: &ShadingPoint) -> Bsdf {
         let ior = positive_ior(self.ior).max(1.0);
         let body = point.reflectance(self.reflectance.at(point) * point.vertex_color());
-        // Share of diffuse light in the layer that its outer side reflects back.
+        // The fraction of diffuse light in the layer that the layer's outer side reflects back.
         let back = 1.0 - (1.0 - fresnel::dielectric_average(ior)) / (ior * ior);
         let seen = body.map(|r| r * (1.0 - back) / (1.0 - r * back));
         let microfacets = self.microfacets.of_roughness(self.roughness.at(point));

@@ -16,19 +16,19 @@ snell_math::declare! {
     #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(remote = "Self")]
     pub enum ConductorSpectrum {
-        /// A measured metal by chemical symbol or name: exact in spectral mode, and of the same
-        /// colour at normal incidence in RGB mode.
+        /// A measured metal by chemical symbol or name. It is exact in spectral mode, and has the
+        /// same colour at normal incidence in RGB mode.
         "metal" => Metal(metal: Metal),
         /// Complex index of refraction `eta + i k` relative to air.
         "measured" => Measured {
-            /// Real part, at least 0.
+            /// Real part of the index, at least 0.
             #[range(Range::AMOUNT)]
             eta: Rgb,
-            /// Imaginary part (absorption), at least 0.
+            /// Imaginary part of the index (absorption), at least 0.
             #[range(Range::AMOUNT)]
             k: Rgb,
         },
-        /// Colour at normal incidence, `[0, 1]`; white at grazing angles (Schlick).
+        /// Colour at normal incidence, `[0, 1]`. The metal is white at grazing angles (Schlick).
         "color" => Color(#[range(Range::SHARE)] color: ColorParam),
     }
 }
@@ -72,22 +72,22 @@ snell_math::declare! {
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(deny_unknown_fields)]
     pub struct Conductor {
-        /// Its spectrum.
+        /// Spectrum of the metal.
         pub spectrum: ConductorSpectrum,
         /// Roughness, `[0, 1]`; the distribution's `alpha` is its square (as in glTF). Below 0.032
         /// the metal is a mirror.
         #[range(Range::SHARE)]
         #[serde(default = "super::defaults::smooth")]
         pub roughness: ScalarParam,
-        /// Shape of the distribution.
+        /// Shape of the microfacet distribution.
         #[serde(default)]
         pub microfacets: MicrofacetShape,
-        /// Anisotropy, `[-1, 1]`: highlights are stretched along the tangent, or along the
-        /// bitangent if it is negative. As in [`super::OpenPbr`].
+        /// Anisotropy, `[-1, 1]`. Highlights are stretched along the tangent, or along the
+        /// bitangent if it is negative, as in [`super::OpenPbr`].
         #[range(Range::Within(-1.0, 1.0))]
         #[serde(default = "super::defaults::smooth")]
         pub anisotropy: ScalarParam,
-        /// Factor on the reflectance, `[0, 1]`: white for a real metal.
+        /// Factor on the reflectance, `[0, 1]`; white for a real metal.
         #[range(Range::SHARE)]
         #[serde(default = "super::defaults::white")]
         pub tint: ColorParam,
@@ -95,7 +95,7 @@ snell_math::declare! {
 }
 
 impl Conductor {
-    /// A metal of this spectrum.
+    /// A metal with this spectrum.
     pub fn new(spectrum: ConductorSpectrum, roughness: impl Into<ScalarParam>) -> Self {
         Self {
             spectrum,
@@ -106,32 +106,32 @@ impl Conductor {
         }
     }
 
-    /// A metal of this complex index of refraction.
+    /// A metal with this complex index of refraction relative to air.
     pub fn measured(eta: Rgb, k: Rgb, roughness: f32) -> Self {
         Self::new(ConductorSpectrum::Measured { eta, k }, roughness)
     }
 
-    /// A measured metal.
+    /// A measured metal with this roughness.
     pub fn metal(metal: Metal, roughness: f32) -> Self {
         Self::new(ConductorSpectrum::Metal(metal), roughness)
     }
 
-    /// A metal of this colour.
+    /// A metal with this colour at normal incidence.
     pub fn color(color: Rgb, roughness: f32) -> Self {
         Self::new(ConductorSpectrum::Color(color.into()), roughness)
     }
 
-    /// Gold.
+    /// Gold with this roughness.
     pub fn gold(roughness: f32) -> Self {
         Self::measured(Rgb::new(0.143, 0.375, 1.442), Rgb::new(3.983, 2.386, 1.603), roughness)
     }
 
-    /// Copper.
+    /// Copper with this roughness.
     pub fn copper(roughness: f32) -> Self {
         Self::measured(Rgb::new(0.200, 0.924, 1.102), Rgb::new(3.912, 2.452, 2.142), roughness)
     }
 
-    /// Metals for tests and galleries.
+    /// Examples for tests and galleries.
     pub fn examples() -> Vec<Self> {
         let silver = Metal::named("silver").map(|metal| Self::metal(metal, 0.2));
         let mut all = vec![
@@ -160,7 +160,7 @@ impl Conductor {
         Bsdf::Conductor(self.lobe(point, 1.0))
     }
 
-    /// The BSDF of the metal under a layer of this index of refraction.
+    /// The BSDF of the metal under a layer with this index of refraction.
     pub(super) fn lobe(&self, point: &ShadingPoint, outside_ior: f32) -> ConductorBsdf {
         let (roughness, anisotropy) = (self.roughness.at(point), self.anisotropy.at(point));
         let is_even = anisotropy == 0.0;
@@ -196,7 +196,7 @@ impl Conductor {
         }
     }
 
-    /// The factor on the reflectance.
+    /// The tint at a point, as a factor on the reflectance.
     fn factor(&self, point: &ShadingPoint) -> SampledSpectrum {
         let unit = point.mode.unit();
         let is_white = self.tint == Rgb::WHITE.into();

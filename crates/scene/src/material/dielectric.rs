@@ -1,22 +1,23 @@
 //! Glass, water and other clear media.
 
 use super::{ColorParam, ScalarParam, ShadingPoint, positive_ior, relative_ior};
-use crate::bsdf::{Bsdf, DielectricBsdf, MicrofacetShape, bounded};
+use crate::bsdf::{Bsdf, DielectricBsdf, Interface, MicrofacetShape, bounded};
 use serde::{Deserialize, Serialize};
 use snell_math::parameters::Range;
 use snell_math::spectrum::{Glass, LINE_D, RefractiveIndex};
 use snell_math::{ColorMode, Rgb, SampledSpectrum};
 
 snell_math::declare! {
-    /// The interface between air (outer side) and a clear medium: reflects and refracts by
-    /// Fresnel's and Snell's laws. For closed surfaces; a single sheet bends light once.
+    /// The interface between air (outer side) and a clear medium, which reflects and refracts by
+    /// Fresnel's and Snell's laws. It is meant for closed surfaces; a single sheet refracts light
+    /// once.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(deny_unknown_fields)]
     pub struct Dielectric {
-        /// Index of refraction of the inside over the outside: 1.33 for water, 1.5 for glass, or a
+        /// Index of refraction inside divided by that outside: 1.33 for water, 1.5 for glass, or a
         /// glass by name. Positive, otherwise 1. If it depends on the wavelength, only the hero
         /// wavelength continues behind the interface (and in the mirror direction); in RGB mode all
-        /// colours have the index of the d-line.
+        /// colours have the index at the d line.
         #[range(Range::Positive)]
         #[usual(Range::Within(0.2, 6.0))]
         pub ior: RefractiveIndex,
@@ -25,16 +26,16 @@ snell_math::declare! {
         #[range(Range::SHARE)]
         #[serde(default = "super::defaults::smooth")]
         pub roughness: ScalarParam,
-        /// Shape of the distribution.
+        /// Shape of the microfacet distribution.
         #[serde(default)]
         pub microfacets: MicrofacetShape,
         /// Factor on light at each crossing, `[0, 1]`.
         #[range(Range::SHARE)]
         #[serde(default = "super::defaults::white")]
         pub tint: ColorParam,
-        /// Absorption coefficient of the medium (Beer and Lambert): after a distance `d`,
-        /// `exp(-absorption d)` of the light is left. It applies to paths that hit the surface from
-        /// inside; shadow rays to objects inside the medium ignore it.
+        /// Absorption coefficient of the medium (Beer and Lambert): after a distance `d` the
+        /// fraction `exp(-absorption d)` of the light is left. It applies to paths that hit the
+        /// surface from inside; shadow rays to objects inside the medium ignore it.
         #[range(Range::AMOUNT)]
         #[unit("per scene unit")]
         #[serde(default)]
@@ -43,7 +44,7 @@ snell_math::declare! {
 }
 
 impl Dielectric {
-    /// Clear and smooth.
+    /// A smooth interface that absorbs nothing.
     pub fn smooth(ior: impl Into<RefractiveIndex>) -> Self {
         Self {
             ior: ior.into(),
@@ -54,12 +55,12 @@ impl Dielectric {
         }
     }
 
-    /// Frosted.
+    /// A rough interface that absorbs nothing, such as frosted glass.
     pub fn rough(ior: impl Into<RefractiveIndex>, roughness: f32) -> Self {
         Self { roughness: roughness.into(), ..Self::smooth(ior) }
     }
 
-    /// Dielectrics for tests and galleries.
+    /// Examples for tests and galleries.
     pub fn examples() -> Vec<Self> {
         vec![
             Self::smooth(1.5),
@@ -76,7 +77,7 @@ impl Dielectric {
         ]
     }
 
-    /// Transmittance of the medium over a distance.
+    /// Transmittance of the medium over a distance in scene units.
     pub(super) fn transmittance(&self, distance: f32, mode: ColorMode) -> SampledSpectrum {
         if self.absorption.is_black() {
             return SampledSpectrum::ONE;
@@ -86,7 +87,7 @@ impl Dielectric {
         )
     }
 
-    /// Factor on light that crosses at a point.
+    /// Factor on light that crosses the interface at a point.
     pub(super) fn tint_at(&self, point: &ShadingPoint) -> SampledSpectrum {
         point.reflectance(self.tint.at(point))
     }
@@ -96,28 +97,24 @@ impl Dielectric {
         self.bsdf_like(None, point)
     }
 
-    /// The BSDF at a point, which reuses the tables of another point's BSDF where both have the
-    /// same parameters.
+    /// The BSDF at a point. It reuses the tables of `other`, the BSDF of another point, if both
+    /// have the same parameters.
     pub(super) fn bsdf_like(&self, other: Option<&DielectricBsdf>, point: &ShadingPoint) -> Bsdf {
         let mode = point.mode;
         let ior = relative_ior(positive_ior(self.ior.at(mode.hero(LINE_D))), point.outside_ior);
         let microfacets = self.microfacets.of_roughness(self.roughness.at(point));
-        // With dispersion, the hero wavelength stands for all of them.
+        // With dispersion, the hero wavelength represents all of them.
         let unit = if self.ior.is_dispersive() { mode.hero_factor() } else { mode.unit() };
-        Bsdf::Dielectric(DielectricBsdf {
+        let interface = Interface {
             ior,
             tint: self.tint_at(point) * unit,
             reflection_tint: SampledSpectrum::ONE,
             unit,
             film: None,
             microfacets,
-            losses: DielectricBsdf::losses(
-                microfacets,
-                ior,
-                other.and_then(|other| other.losses.as_ref()),
-            ),
             arriving: self.transmittance(point.surface.t, mode),
-        })
+        };
+        Bsdf::Dielectric(DielectricBsdf::like(other, interface))
     }
 }
 

@@ -7,11 +7,11 @@ use snell_math::parameters::Range;
 use snell_math::{Rgb, SampledSpectrum};
 
 snell_math::declare! {
-    /// Lambertian reflection.
+    /// A matte surface with Lambertian reflection.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(deny_unknown_fields)]
     pub struct Diffuse {
-        /// Share of light reflected, `[0, 1]`; multiplied by the vertex colour.
+        /// Fraction of light that is reflected, `[0, 1]`; multiplied by the vertex colour.
         #[range(Range::SHARE)]
         pub reflectance: ColorParam,
     }
@@ -23,7 +23,7 @@ impl Diffuse {
         Self { reflectance: reflectance.into() }
     }
 
-    /// Diffuse materials for tests and galleries.
+    /// Examples for tests and galleries.
     pub fn examples() -> Vec<Self> {
         vec![Self::new(Rgb::splat(0.5)), Self::new(Rgb::new(0.8, 0.1, 0.0)), Self::new(Rgb::WHITE)]
     }

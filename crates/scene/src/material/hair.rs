@@ -6,19 +6,19 @@ use serde::{Deserialize, Serialize};
 use snell_math::parameters::Range;
 use snell_math::{Rgb, SampledSpectrum};
 
-/// Absorption per fibre radius for concentration 1 of each pigment (d'Eon et al., An
+/// Absorption per fibre radius for a concentration of 1 of each pigment (d'Eon et al., An
 /// Energy-Conserving Hair Reflectance Model, 2011).
 const EUMELANIN: Rgb = Rgb::new(0.419, 0.697, 1.37);
 const PHEOMELANIN: Rgb = Rgb::new(0.187, 0.4, 1.05);
 
 snell_math::declare! {
-    /// Hair, fur and other fibres: light is reflected, transmitted, or reflected inside (Chiang et
-    /// al., A Practical and Controllable Hair and Fur Model for Production Path Tracing, 2016; the
-    /// model of pbrt's and Mitsuba's `hair`). Made for curves. On other surfaces `u` must run along
-    /// the fibre and `v` from 0 to 1 across it.
+    /// Hair, fur and other fibres, which reflect light, transmit it, or reflect it inside (Chiang
+    /// et al., A Practical and Controllable Hair and Fur Model for Production Path Tracing, 2016;
+    /// the model of pbrt's and Mitsuba's `hair`). It is made for curves. On other surfaces `u` must
+    /// run along the fibre and `v` from 0 to 1 across it.
     ///
-    /// The absorption of the fibre is the sum of those of its pigments, its dye and `sigma_a`;
-    /// without any of them it is clear, like white hair.
+    /// The absorption of the fibre is the sum of the absorption of its pigments, its dye and
+    /// `sigma_a`. Without any of them the fibre is clear, like white hair.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(default, deny_unknown_fields)]
     pub struct Hair {
@@ -30,7 +30,7 @@ snell_math::declare! {
         #[range(Range::AMOUNT)]
         pub pheomelanin: ScalarParam,
         /// Colour that the dye gives to a dense volume of hair in white light, `[0, 1]`; multiplied
-        /// by the vertex colour. White: no dye.
+        /// by the vertex colour. White means no dye.
         #[range(Range::SHARE)]
         pub color: ColorParam,
         /// Further absorption per radius of the fibre, at least 0.
@@ -47,7 +47,7 @@ snell_math::declare! {
         /// Roughness around the fibre, `[0, 1]` (`beta_n`); at least 0.01 is used.
         #[range(Range::SHARE)]
         pub azimuthal_roughness: ScalarParam,
-        /// Angle by which the scales stand off the fibre towards its tip, degrees; it separates the
+        /// Angle by which the scales stand off the fibre towards its tip, degrees. It separates the
         /// highlights.
         #[range(Range::Within(-90.0, 90.0))]
         #[unit("degrees")]
@@ -71,12 +71,12 @@ impl Default for Hair {
 }
 
 impl Hair {
-    /// Hair of these concentrations of pigments.
+    /// Hair with these concentrations of pigments.
     pub fn pigmented(eumelanin: f32, pheomelanin: f32) -> Self {
         Self { eumelanin: eumelanin.into(), pheomelanin: pheomelanin.into(), ..Self::default() }
     }
 
-    /// Absorption per radius without textures: of pigments, dye and [`Self::sigma_a`].
+    /// Absorption per radius of pigments, dye and [`Self::sigma_a`], without textures.
     pub fn plain_absorption(&self) -> Rgb {
         let rough = self.azimuthal_roughness.factor;
         let Rgb { r, g, b } = self.color.factor;
@@ -86,7 +86,7 @@ impl Hair {
         pigments + self.sigma_a.factor.map(|a| a.max(0.0)) + Rgb::new(dye[0], dye[1], dye[2])
     }
 
-    /// The approximate colour of a dense volume of this hair in white light: the texture or
+    /// The approximate colour of a dense volume of this hair in white light. It has the texture or
     /// spectrum of the dye if nothing else absorbs.
     pub fn seen_color(&self) -> ColorParam {
         let without_dye = Self { color: Rgb::WHITE.into(), ..self.clone() };
@@ -98,7 +98,7 @@ impl Hair {
         self.plain_absorption().map(|a| HairBsdf::color_of_absorption(a, rough)).into()
     }
 
-    /// Hair for tests and galleries.
+    /// Examples for tests and galleries.
     pub fn examples() -> Vec<Self> {
         vec![
             Self::default(),
@@ -139,13 +139,13 @@ impl Hair {
     }
 }
 
-/// The offset of a point across the fibre, if its texture coordinates give it.
+/// The offset of a point across the fibre, if its texture coordinates determine it.
 fn offset(point: &ShadingPoint) -> Option<f32> {
     let surface = point.surface;
     if surface.on_curve {
         return None;
     }
-    // The local y axis may point against v.
+    // The local y axis may point in the direction of decreasing v.
     let is_along = surface.shading_normal.cross(surface.dpdu).dot(surface.dpdv) >= 0.0;
     let h = 2.0 * surface.uv[0].y.rem_euclid(1.0) - 1.0;
     Some(if h.is_nan() {

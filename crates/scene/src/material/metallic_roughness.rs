@@ -7,44 +7,44 @@ use snell_math::Rgb;
 use snell_math::parameters::Range;
 
 snell_math::declare! {
-    /// A mix of metal and dielectric: the metallic-roughness model of glTF 2.0 (specification,
+    /// A mixture of metal and dielectric: the metallic-roughness model of glTF 2.0 (specification,
     /// appendix B) with the extensions `KHR_materials_ior`, `KHR_materials_specular`,
-    /// `KHR_materials_transmission` (thin walls) and `KHR_materials_clearcoat`: some of the
-    /// parameters of [`OpenPbr`] under the names of glTF.
+    /// `KHR_materials_transmission` (thin walls) and `KHR_materials_clearcoat`. Its parameters are
+    /// some of those of [`OpenPbr`], under the names of glTF.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(default, deny_unknown_fields)]
     pub struct MetallicRoughness {
-        /// Diffuse colour of the dielectric and reflectance of the metal at normal incidence, `[0,
-        /// 1]`; multiplied by the vertex colour.
+        /// Diffuse colour of the dielectric and reflectance of the metal at normal incidence,
+        /// `[0, 1]`; multiplied by the vertex colour.
         #[range(Range::SHARE)]
         pub base_color: ColorParam,
-        /// 0 dielectric, 1 metal.
+        /// Fraction of metal: 0 is a dielectric, 1 a metal.
         #[range(Range::SHARE)]
         pub metallic: ScalarParam,
         /// Perceptual roughness, `[0, 1]`; `alpha` of the distribution is its square.
         #[range(Range::SHARE)]
         pub roughness: ScalarParam,
-        /// Index of refraction of the dielectric. 0 (as in the extension) makes it reflect
-        /// everything.
+        /// Index of refraction of the dielectric. With 0 it reflects all light, as in
+        /// `KHR_materials_ior`.
         #[range(Range::AMOUNT)]
         pub ior: f32,
         /// Strength of the dielectric's reflection, `[0, 1]`.
         #[range(Range::SHARE)]
         pub specular: ScalarParam,
-        /// Colour of the dielectric's reflection at normal incidence; may exceed 1.
+        /// Colour of the dielectric's reflection at normal incidence, which may exceed 1.
         #[range(Range::AMOUNT)]
         pub specular_color: ColorParam,
-        /// Share of the dielectric's base that lets light straight through instead of scattering
+        /// Fraction of the dielectric's base that transmits light straight on instead of scattering
         /// it, `[0, 1]`.
         #[range(Range::SHARE)]
         pub transmission: ScalarParam,
-        /// Share of a clear coat (index 1.5) on top of all that, `[0, 1]`.
+        /// Fraction of the surface with a clear coat (index 1.5) on top, `[0, 1]`.
         #[range(Range::SHARE)]
         pub clearcoat: ScalarParam,
         /// Perceptual roughness of the coat, `[0, 1]`.
         #[range(Range::SHARE)]
         pub clearcoat_roughness: ScalarParam,
-        /// Bends the normal of the coat, which does not follow the material's own normal map.
+        /// Normal map of the coat, which does not follow the material's own normal map.
         pub clearcoat_normal_map: Option<NormalMap>,
     }
 }
@@ -69,7 +69,7 @@ impl Default for MetallicRoughness {
 }
 
 impl MetallicRoughness {
-    /// The three core parameters.
+    /// A material with the three core parameters.
     pub fn new(base_color: Rgb, metallic: f32, roughness: f32) -> Self {
         Self {
             base_color: base_color.into(),
@@ -79,7 +79,7 @@ impl MetallicRoughness {
         }
     }
 
-    /// Materials for tests and galleries.
+    /// Examples for tests and galleries.
     pub fn examples() -> Vec<Self> {
         let orange = Rgb::new(0.9, 0.4, 0.05);
         vec![
@@ -105,7 +105,7 @@ impl MetallicRoughness {
         ]
     }
 
-    /// The same surface as an OpenPBR one.
+    /// The same surface as an [`OpenPbr`].
     pub fn open_pbr(&self) -> OpenPbr {
         let (ior, specular_color) = reflectance_at_most_white(self.ior, self.specular_color);
         OpenPbr {
@@ -133,8 +133,9 @@ impl MetallicRoughness {
     }
 }
 
-/// An index of refraction and a tint of at most 1 with the reflectance at normal incidence that
-/// glTF gives to these. An index of 0 reflects everything, as in `KHR_materials_ior`.
+/// An index of refraction and a tint of at most 1 that together have the reflectance at normal
+/// incidence which glTF defines for `ior` and `color`. An index of 0 reflects all light, as in
+/// `KHR_materials_ior`.
 pub fn reflectance_at_most_white(ior: f32, color: ColorParam) -> (f32, ColorParam) {
     let most = color.factor.max_element();
     let ior = if ior.is_finite() { ior.max(0.0) } else { 1.5 };

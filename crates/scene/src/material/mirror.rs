@@ -7,11 +7,11 @@ use snell_math::Rgb;
 use snell_math::parameters::Range;
 
 snell_math::declare! {
-    /// Reflects in the mirror direction only, equally at all angles.
+    /// A perfect mirror, which reflects in the mirror direction only, equally at all angles.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(deny_unknown_fields)]
     pub struct Mirror {
-        /// Share of light reflected, `[0, 1]`.
+        /// Fraction of light that is reflected, `[0, 1]`.
         #[range(Range::SHARE)]
         pub reflectance: ColorParam,
     }
@@ -23,7 +23,7 @@ impl Mirror {
         Self { reflectance: reflectance.into() }
     }
 
-    /// Mirrors for tests and galleries.
+    /// Examples for tests and galleries.
     pub fn examples() -> Vec<Self> {
         vec![Self::new(Rgb::WHITE), Self::new(Rgb::new(0.9, 0.6, 0.3))]
     }

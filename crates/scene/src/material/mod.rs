@@ -1,5 +1,5 @@
-//! Materials map a surface point to a BSDF, emission and opacity. There is one file per material,
-//! with its parameters.
+//! Materials, which map a surface point to a BSDF, emission and opacity. Each material has a file
+//! here, with its parameters.
 
 mod black;
 mod bump;
@@ -55,15 +55,15 @@ use snell_math::spectrum::{Color, Spectrum};
 use snell_math::{ColorMode, Rgb, SampledSpectrum, Vec3};
 use std::collections::BTreeSet;
 
-/// A colour parameter: a factor, times a texture and a spectrum if there are any.
+/// A colour parameter: a factor, multiplied by a texture and a spectrum if there are any.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ColorParam {
-    /// Linear factor.
+    /// Linear factor in Rec. 709.
     pub factor: Rgb,
     /// Texture whose RGB multiplies the factor.
     pub texture: Option<TextureId>,
-    /// Spectrum that multiplies the factor: a black body, a measured spectrum. It is exact in
-    /// spectral mode, and its colour in RGB mode.
+    /// Spectrum that multiplies the factor, such as that of a black body. It is exact in spectral
+    /// mode, and stands for its colour in RGB mode.
     #[serde(default)]
     pub spectrum: Option<Spectrum>,
 }
@@ -74,7 +74,7 @@ impl ColorParam {
         Self { factor, texture: None, spectrum: None }
     }
 
-    /// A factor times a texture.
+    /// A factor multiplied by a texture.
     pub const fn textured(factor: Rgb, texture: Option<TextureId>) -> Self {
         Self { factor, texture, spectrum: None }
     }
@@ -109,14 +109,14 @@ impl From<Rgb> for ColorParam {
     }
 }
 
-/// A scalar parameter: a factor, times one channel of a texture if there is one. It may also be
-/// written as a plain number.
+/// A scalar parameter: a factor, multiplied by one channel of a texture if there is one. It may
+/// also be written as a plain number.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(from = "WrittenScalar")]
 pub struct ScalarParam {
-    /// Factor.
+    /// Number that is the value, or multiplies the texture.
     pub factor: f32,
-    /// Texture and channel (0 red to 3 alpha) that multiplies the factor.
+    /// Texture and channel (0 red to 3 alpha) that multiply the factor.
     pub texture: Option<(TextureId, u8)>,
 }
 
@@ -154,8 +154,8 @@ impl ScalarParam {
         }
     }
 
-    /// The values of two parameters at a point, with one lookup where they are channels of one
-    /// texture.
+    /// The values of two parameters at a point, with a single look-up if they are channels of the
+    /// same texture.
     fn both_at(&self, other: &Self, point: &ShadingPoint) -> [f32; 2] {
         match (self.texture, other.texture) {
             (Some((id, first)), Some((same, second))) if id == same => {
@@ -197,7 +197,7 @@ mod defaults {
         0.0.into()
     }
 
-    /// True.
+    /// True, for parameters that are set by default.
     pub fn yes() -> bool {
         true
     }
@@ -212,12 +212,12 @@ mod defaults {
         1.0.into()
     }
 
-    /// A factor that changes nothing.
+    /// A colour that changes nothing as a factor.
     pub fn white() -> ColorParam {
         Rgb::WHITE.into()
     }
 
-    /// A factor that changes nothing.
+    /// A number that changes nothing as a factor.
     pub fn whole() -> f32 {
         1.0
     }
@@ -233,19 +233,19 @@ mod defaults {
 pub struct ShadingPoint<'a> {
     /// The point.
     pub surface: &'a SurfaceInteraction,
-    /// Width of the ray's cone at the point, in world units (0: no filtering).
+    /// Width of the ray cone at the point, in world units; 0 means no filtering.
     pub footprint: f32,
     /// The scene's textures.
     pub textures: &'a TextureSet,
-    /// The colour mode of spectra.
+    /// What the lanes of spectra stand for.
     pub mode: ColorMode,
-    /// Index of refraction of the medium on the outer side: 1, except for nested objects.
+    /// Index of refraction of the medium on the outer side; 1 except for nested objects.
     pub outside_ior: f32,
 }
 
 impl ShadingPoint<'_> {
-    /// The spectrum of a reflectance, clamped to `[0, 1]` (NaN counts as 0): more would create
-    /// energy.
+    /// The lanes of a reflectance, clamped to `[0, 1]`, since more would create energy. NaN counts
+    /// as 0.
     pub fn reflectance(&self, color: impl Into<Color>) -> SampledSpectrum {
         let color = color.into();
         let bounds = |x| bounded(x, 1.0);
@@ -255,7 +255,7 @@ impl ShadingPoint<'_> {
         }
     }
 
-    /// The spectrum of a factor that may exceed 1; negative values and NaN count as 0.
+    /// The lanes of a factor that may exceed 1. Negative values and NaN count as 0.
     pub fn coefficient(&self, color: impl Into<Color>) -> SampledSpectrum {
         self.mode.reflectance(color.into().map(|x| bounded(x, 1e20)))
     }
@@ -267,25 +267,25 @@ impl ShadingPoint<'_> {
     }
 }
 
-/// A valid index of refraction: 1 in place of invalid values.
+/// A valid index of refraction: `ior`, or 1 if that is invalid.
 fn positive_ior(ior: f32) -> f32 {
     if ior > 1e-3 && ior < 1e3 { ior } else { 1.0 }
 }
 
-/// An index of refraction over that of the outside.
+/// An index of refraction divided by that of the outside.
 fn relative_ior(ior: f32, outside_ior: f32) -> f32 {
     positive_ior(ior / outside_ior)
 }
 
 snell_math::declare! {
-    /// The use of opacity.
+    /// How a material uses its alpha.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
     pub enum AlphaMode {
         /// Alpha is ignored.
         "opaque" => #[default] Opaque,
-        /// Opaque where alpha is at least the cut-off, absent elsewhere.
+        /// The surface is opaque where alpha is at least the cut-off, and absent elsewhere.
         "mask" => Mask(cutoff: f32),
-        /// Present with probability alpha.
+        /// The surface is present with probability alpha.
         "blend" => Blend,
     }
 }
@@ -294,9 +294,9 @@ snell_math::declare! {
     /// A normal map.
     #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
     pub struct NormalMap {
-        /// Linear texture with `2 rgb - 1` the normal in the tangent frame.
+        /// Linear texture in which `2 rgb - 1` is the normal in the tangent frame.
         pub texture: TextureId,
-        /// Factor on its x and y.
+        /// Factor on the x and y of the normals.
         #[serde(default = "defaults::whole")]
         pub scale: f32,
     }
@@ -306,25 +306,25 @@ snell_math::declare! {
     /// A material: how a surface reflects, transmits and emits light.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     pub struct Material {
-        /// A name for users.
+        /// Name of the material for users.
         #[serde(default)]
         pub name: String,
-        /// Reflection and transmission.
+        /// Model of reflection and transmission, with its parameters.
         pub kind: MaterialKind,
         /// Emitted radiance, W / (m^2 sr), on the sides that are visible.
         #[range(LIGHT)]
         #[unit("W / (m^2 sr)")]
         #[serde(default = "defaults::black")]
         pub emission: ColorParam,
-        /// True if the vertex colour multiplies the emission, as it does for surfaces that show
-        /// their base colour unlit.
+        /// True if the vertex colour multiplies the emission, as for surfaces that show their base
+        /// colour unlit.
         #[serde(default)]
         pub emission_takes_vertex_color: bool,
         /// True if the inner side emits too.
         #[serde(default)]
         pub emits_on_both_sides: bool,
         /// False if the emission is visible only to the camera and in mirrors, because another
-        /// light illuminates other surfaces in its place.
+        /// light takes its place in illuminating surfaces.
         #[serde(default = "defaults::yes")]
         pub illuminates: bool,
         /// The use of `alpha`.
@@ -344,7 +344,7 @@ snell_math::declare! {
         /// it.
         #[serde(default)]
         pub bump_map: Option<BumpMap>,
-        /// The interior of a closed surface; `None` for the one implied by the kind
+        /// Interior of a closed surface; `None` for the one that the kind implies
         /// ([`Material::bounded_interior`]).
         #[serde(default)]
         pub interior: Option<Interior>,
@@ -352,8 +352,8 @@ snell_math::declare! {
 }
 
 impl Material {
-    /// A material with only the parameters of `kind`. Emission, opacity and normals of an
-    /// [`OpenPbr`] are moved to the material.
+    /// A material with the parameters of `kind` and defaults for all others. Emission, opacity and
+    /// normals of an [`OpenPbr`] are moved to the material.
     pub fn new(name: impl Into<String>, kind: impl Into<MaterialKind>) -> Self {
         let kind = kind.into();
         let mut material = Self::plain(name.into(), kind);
@@ -362,7 +362,7 @@ impl Material {
     }
 
     /// Moves emission, opacity and normals of an [`OpenPbr`] to the material, where they differ
-    /// from those of the previous kind.
+    /// from those of `before`, the previous kind.
     pub fn follow_kind(&mut self, before: &MaterialKind) {
         let MaterialKind::OpenPbr(surface) = &self.kind else { return };
         let plain = OpenPbr::default();
@@ -402,18 +402,18 @@ impl Material {
         }
     }
 
-    /// A pure boundary of a medium.
+    /// A material that is only the boundary of a medium.
     pub fn interface(name: impl Into<String>, medium: MediumId) -> Self {
         let interior = Some(Interior { medium: Some(medium), priority: 0 });
         Self { interior, ..Self::new(name, Interface {}) }
     }
 
-    /// The same material, emitting this radiance.
+    /// The same material with this emission.
     pub fn emitting(self, radiance: Rgb) -> Self {
         Self { emission: ColorParam::constant(radiance), ..self }
     }
 
-    /// True if it disperses light: only the path's hero wavelength continues
+    /// True if the material disperses light, so that only the path's hero wavelength continues
     /// ([`ColorMode::hero_only`]).
     pub fn is_dispersive(&self) -> bool {
         match &self.kind {
@@ -423,17 +423,17 @@ impl Material {
         }
     }
 
-    /// The textures that it looks up itself.
+    /// The textures that the material looks up.
     pub fn textures(&self) -> BTreeSet<TextureId> {
         references(self, TextureId::TABLE).into_iter().map(TextureId).collect()
     }
 
-    /// True if it can emit anywhere.
+    /// True if the material can emit somewhere.
     pub fn is_emissive(&self) -> bool {
         !self.emission.factor.is_black()
     }
 
-    /// The kind of a surface that is [`Diffuse`] and does not emit.
+    /// The kind of a material that is [`Diffuse`] and does not emit; `None` for others.
     #[inline]
     pub fn as_matte(&self) -> Option<&Diffuse> {
         match &self.kind {
@@ -442,13 +442,13 @@ impl Material {
         }
     }
 
-    /// The reflectance of a matte surface at a point, and its shading normal before it is bent
-    /// towards the viewer.
+    /// The reflectance of a matte surface at a point, and its shading normal before that is bent
+    /// towards the viewer. `None` for other materials.
     pub fn matte_at(&self, point: &ShadingPoint) -> Option<(SampledSpectrum, Vec3)> {
         Some((self.as_matte()?.reflectance_at(point), self.shading_normal(point)))
     }
 
-    /// The shading normal at a point, maps applied, before it is bent towards the viewer.
+    /// The shading normal at a point with maps applied, before it is bent towards the viewer.
     pub fn shading_normal(&self, point: &ShadingPoint) -> Vec3 {
         let (smooth, flat) = (point.surface.shading_normal, point.surface.geometric_normal);
         self.bend(point).map_or(smooth, |bend| bend.normal(smooth, flat))
@@ -459,7 +459,7 @@ impl Material {
         self.normal_map.is_some() || self.bump_map.is_some()
     }
 
-    /// The result of its normal and bump maps at a point.
+    /// The result of the normal and bump maps at a point; `None` without maps.
     #[inline]
     pub fn bend(&self, point: &ShadingPoint) -> Option<Bend> {
         Bend::of(self.normal_map.as_ref(), self.bump_map.as_ref(), point)
@@ -470,7 +470,7 @@ impl Material {
         self.alpha_mode != AlphaMode::Opaque || !self.double_sided || self.is_interface()
     }
 
-    /// Opacity at a point, `[0, 1]`: 0 or 1 for a mask.
+    /// Opacity at a point, `[0, 1]`; 0 or 1 for a mask.
     pub fn opacity(&self, point: &ShadingPoint) -> f32 {
         let alpha = || self.alpha.at(point) * point.surface.color[3];
         match self.alpha_mode {
@@ -480,8 +480,8 @@ impl Material {
         }
     }
 
-    /// True if a ray hits the surface at a point; `u` in `[0, 1)` is a hash of the hit (the same
-    /// for the same hit, or light leaks).
+    /// True if a ray hits the surface at a point. `u` in `[0, 1)` is a hash of the hit; it must be
+    /// the same for the same hit, or light leaks.
     pub fn is_present(&self, ray_direction: Vec3, point: &ShadingPoint, u: f32) -> bool {
         u < self.presence(ray_direction, point)
     }
@@ -512,7 +512,7 @@ impl Material {
         (is_uniform && is_there).then(|| Color { rgb, spectrum }.map(emitted_part))
     }
 
-    /// Radiance emitted at a point towards `wo` (unit, world space).
+    /// Radiance emitted at a point towards `wo` (a unit vector in world space).
     pub fn emitted(&self, point: &ShadingPoint, wo: Vec3) -> SampledSpectrum {
         if !self.is_emissive()
             || (!self.emits_on_both_sides && wo.dot(point.surface.geometric_normal) <= 0.0)
@@ -557,13 +557,14 @@ impl Material {
     }
 }
 
-/// Clamps emitted light: negative or undefined values would spoil every pixel that they reach.
+/// The emitted light, or 0 where it is negative or undefined, which would spoil every pixel that it
+/// reaches.
 fn emitted_part(x: f32) -> f32 {
     if x.is_finite() { x.max(0.0) } else { 0.0 }
 }
 
 snell_math::kinds! {
-    /// Any of the materials.
+    /// Any of the materials with its parameters.
     pub enum MaterialKind tagged "material" by match_material! {
         "black" => Black,
         "diffuse" => Diffuse,

@@ -5,7 +5,7 @@ use crate::bsdf::{Bsdf, Lobes, fresnel, unit_or};
 use snell_math::simd::{min, select};
 use snell_math::{Frame, Vec3};
 
-/// The frame of the shading normal, maps applied, on the side of the geometric normal.
+/// The frame of the shading normal with maps applied, on the side of the geometric normal.
 pub(super) fn shading_frame(
     map: Option<&NormalMap>,
     bumps: Option<&BumpMap>,
@@ -19,22 +19,23 @@ pub(super) fn shading_frame(
     Frame::from_z_and_x(bend.normal(smooth, surface.geometric_normal), bend.axes(smooth).0)
 }
 
-/// The result of a normal map and a bump map at a point.
+/// The combined result of a normal map and a bump map at a point.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Bend {
     /// The normal in the frame of tangent, bitangent and shading normal, of any length.
     pub local: Vec3,
-    /// The direction of the image's columns, to the right.
+    /// The direction along the rows of the image, to the right.
     pub tangent: Vec3,
-    /// The upward direction of its rows, where it does not follow from the tangent.
+    /// The upward direction of the image's columns, used where it does not follow from the tangent.
     pub upwards: Vec3,
-    /// 1 if the bitangent is to the left of the tangent, -1 if it is to the right, 0 if it is the
-    /// upward direction of the rows.
+    /// 1 if the bitangent is to the left of the tangent, -1 if it is to the right, 0 if it is along
+    /// `upwards`.
     pub side: f32,
 }
 
 impl Bend {
-    /// The maps at a point; `None` if there are none. Bumps are applied on top of the normal map.
+    /// Evaluates the maps at a point; `None` if there are none. Bumps are applied on top of the
+    /// normal map.
     #[inline]
     pub(super) fn of(
         map: Option<&NormalMap>,
@@ -47,7 +48,7 @@ impl Bend {
         }
     }
 
-    /// Slopes add up.
+    /// Evaluates a bump map, whose slopes are added to those of the normal map.
     #[inline(never)]
     fn of_bumps(bumps: &BumpMap, map: Option<&NormalMap>, point: &ShadingPoint) -> Self {
         let plain =
@@ -85,7 +86,7 @@ impl Bend {
         } else {
             (surface.dpdu, surface.dpdv)
         };
-        // Texture coordinates run downwards, normal maps upwards.
+        // Texture coordinates run down the image, whereas normal maps point up.
         Self { local, tangent: dpdu, upwards: -dpdv, side: 0.0 }
     }
 
@@ -97,8 +98,8 @@ impl Bend {
         (frame.x, frame.y * if self.side != 0.0 { self.side } else { side })
     }
 
-    /// The perturbed shading normal, lifted to a small angle above the surface if it lies below.
-    /// Without branches, so that loops over it become vector code.
+    /// The perturbed shading normal, lifted to a small angle above the surface if it lies below. It
+    /// has no branches, so that loops over it become vector code.
     #[inline(always)]
     pub fn normal(&self, smooth: Vec3, geometric_normal: Vec3) -> Vec3 {
         const LEAST: f32 = 1e-2;
@@ -112,7 +113,7 @@ impl Bend {
     }
 }
 
-/// The frame rotated about its normal, counter-clockwise by an angle in radians.
+/// The frame, rotated counter-clockwise about its normal by an angle in radians.
 pub(super) fn turned(frame: Frame, angle: f32) -> Frame {
     if angle == 0.0 {
         return frame;
@@ -121,13 +122,13 @@ pub(super) fn turned(frame: Frame, angle: f32) -> Frame {
     Frame { x: frame.x * cos + frame.y * sin, y: frame.y * cos - frame.x * sin, z: frame.z }
 }
 
-/// The needs of a BSDF for its frame.
+/// What a BSDF needs of its frame.
 #[derive(Clone, Copy, Debug)]
 pub struct FrameNeeds {
     /// True if the normal must reflect the viewer away from the surface ([`reflecting_normal`]),
-    /// and not only be visible ([`visible_normal`]).
+    /// false if it need only be visible ([`visible_normal`]).
     pub mirrors: bool,
-    /// True if tangents matter. (Otherwise the cheapest frame is used.)
+    /// True if tangents matter. Otherwise the cheapest frame is used.
     pub has_tangent: bool,
 }
 
@@ -137,7 +138,7 @@ impl FrameNeeds {
         Self { mirrors: mirrors(bsdf), has_tangent: bsdf.has_tangent() }
     }
 
-    /// The frame closest to the plain one that is valid for `wo`. Without branches, so that loops
+    /// The valid frame for `wo` that is closest to the plain one. It has no branches, so that loops
     /// over it become vector code.
     #[inline(always)]
     pub fn frame(self, plain: &Frame, geometric_normal: Vec3, wo: Vec3) -> Frame {
@@ -152,8 +153,8 @@ impl FrameNeeds {
     }
 }
 
-/// True for BSDFs dominated by reflection: losing it below the surface is worse than bending the
-/// normal.
+/// True for BSDFs dominated by reflection, for which losing reflections below the surface is worse
+/// than bending the normal.
 fn mirrors(bsdf: &Bsdf) -> bool {
     let by_kind = match bsdf {
         Bsdf::Conductor(_) | Bsdf::Dielectric(_) => true,
@@ -163,7 +164,7 @@ fn mirrors(bsdf: &Bsdf) -> bool {
     by_kind || bsdf.is_delta()
 }
 
-/// The normal closest to `n` that is valid for `wo`: [`reflecting_normal`] for mirrors,
+/// The normal closest to `n` that is valid for `wo`: by [`reflecting_normal`] for mirrors, by
 /// [`visible_normal`] for others.
 pub(super) fn valid_towards(n: Vec3, geometric_normal: Vec3, wo: Vec3, mirrors: bool) -> Vec3 {
     if mirrors {
@@ -173,10 +174,10 @@ pub(super) fn valid_towards(n: Vec3, geometric_normal: Vec3, wo: Vec3, mirrors: 
     }
 }
 
-/// The normal close to `n` that `wo` sees from the same side as the surface, and that reflects `wo`
-/// to that side too (the idea of Keller et al., The Iray Light Transport Simulation and Rendering
-/// System, 2017: pull the reflected vector up to the surface, and take the half vector). Without
-/// branches, so that loops over it become vector code.
+/// A normal close to `n` that `wo` sees from the same side as the surface, and that reflects `wo`
+/// to that side too. The idea is that of Keller et al., The Iray Light Transport Simulation and
+/// Rendering System, 2017: pull the reflected vector up to the surface, and take the half vector.
+/// It has no branches, so that loops over it become vector code.
 #[inline(always)]
 pub fn reflecting_normal(n: Vec3, geometric_normal: Vec3, wo: Vec3) -> Vec3 {
     let side = if wo.dot(geometric_normal) < 0.0 { -1.0 } else { 1.0 };
@@ -191,7 +192,7 @@ pub fn reflecting_normal(n: Vec3, geometric_normal: Vec3, wo: Vec3) -> Vec3 {
     select(keeps, n, bent)
 }
 
-/// The normal close to `n` that `wo` sees from the same side as the surface. Without branches, so
+/// A normal close to `n` that `wo` sees from the same side as the surface. It has no branches, so
 /// that loops over it become vector code.
 #[inline(always)]
 pub fn visible_normal(n: Vec3, geometric_normal: Vec3, wo: Vec3) -> Vec3 {

@@ -4,8 +4,8 @@ use super::prepared::anywhere;
 use super::{ColorParam, FrameNeeds, Material, NormalMap, ScalarParam, ShadingPoint, positive_ior};
 use crate::bsdf::{
     BatchBsdf, BatchPoint, Body, Bsdf, Coat, ConductorBsdf, DielectricBsdf, DiffuseBsdf, F82,
-    FacetReflectance, Fuzz, FuzzModel, Ggx, Gloss, GlossyBsdf, LobeSpectra, OpenPbrBsdf,
-    RoughLosses, SheetBsdf, Slabs, ThinFilm, Translucent, Widths, bounded, fresnel,
+    FacetReflectance, Fuzz, FuzzModel, Ggx, Gloss, GlossyBsdf, Interface, LobeSpectra, OpenPbrBsdf,
+    SheetBsdf, Slabs, ThinFilm, Translucent, Widths, bounded, fresnel,
 };
 use crate::graph::TextureId;
 use crate::medium::{HenyeyGreenstein, MediumProperties};
@@ -16,12 +16,12 @@ use snell_math::spectrum::{LINE_D, RefractiveIndex};
 use snell_math::{Rgb, SampledSpectrum};
 
 snell_math::declare! {
-    /// Everything that the specification OpenPBR Surface 1.1 (Academy Software Foundation)
-    /// describes, under its names and with its defaults: fuzz over coat over a mixture of metal,
-    /// clear and opaque dielectric. Each parameter is a factor, times a texture if there is one.
+    /// The surface that the specification OpenPBR Surface 1.1 (Academy Software Foundation)
+    /// describes, with its names and defaults: fuzz over coat over a mixture of metal, clear and
+    /// opaque dielectric. Each parameter is a factor, multiplied by a texture if there is one.
     ///
-    /// What belongs to any surface is moved to the fields of [`super::Material`] when the material
-    /// is made ([`super::Material::new`]): `emission_luminance` times `emission_color` to
+    /// Parameters that any surface has are moved to the fields of [`super::Material`] when the
+    /// material is made ([`super::Material::new`]): `emission_luminance` times `emission_color` to
     /// `emission` (one nit as one W/(m² sr), as for glTF), `geometry_opacity` to `alpha`,
     /// `geometry_normal` to `normal_map`.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -37,15 +37,15 @@ snell_math::declare! {
         /// Roughness of the diffuse base, `[0, 1]`: 0 is Lambertian, 1 looks flat.
         #[range(Range::SHARE)]
         pub base_diffuse_roughness: ScalarParam,
-        /// 0 dielectric, 1 metal.
+        /// Fraction of metal: 0 is a dielectric, 1 a metal.
         #[range(Range::SHARE)]
         pub base_metalness: ScalarParam,
-        /// Factor on the reflectance at normal incidence; may exceed 1 for dielectrics, as far as
-        /// reflectances go.
+        /// Factor on the reflectance at normal incidence. For dielectrics it may exceed 1, as long
+        /// as the reflectance does not.
         #[range(Range::AMOUNT)]
         pub specular_weight: ScalarParam,
-        /// Tint of the dielectric's reflection; factor on the metal's reflectance at 82 degrees.
-        /// `[0, 1]`.
+        /// Tint of the dielectric's reflection, and factor on the metal's reflectance at 82
+        /// degrees, `[0, 1]`.
         #[range(Range::SHARE)]
         pub specular_color: ColorParam,
         /// Roughness of metal and dielectric, `[0, 1]`; `alpha` of the distribution is its square.
@@ -57,21 +57,22 @@ snell_math::declare! {
         /// Index of refraction of the dielectric, positive.
         #[range(Range::Positive)]
         pub specular_ior: ScalarParam,
-        /// Share of the dielectric that is clear, `[0, 1]`.
+        /// Fraction of the dielectric that is clear, `[0, 1]`.
         #[range(Range::SHARE)]
         pub transmission_weight: ScalarParam,
-        /// Transmittance over `transmission_depth`, `[0, 1]`; for a depth of 0 a factor on
+        /// Transmittance over `transmission_depth`, `[0, 1]`. For a depth of 0 it is a factor on
         /// transmitted light.
         #[range(Range::SHARE)]
         pub transmission_color: ColorParam,
-        /// Distance, in units of the scene.
+        /// Distance over which light has the transmittance `transmission_color`, in units of the
+        /// scene.
         #[range(Range::AMOUNT)]
         #[unit("scene units")]
         pub transmission_depth: ScalarParam,
-        /// Scattering coefficient of the clear dielectric times `transmission_depth`.
+        /// Scattering coefficient of the clear dielectric, multiplied by `transmission_depth`.
         #[range(Range::AMOUNT)]
         pub transmission_scatter: ColorParam,
-        /// Mean cosine of that scattering, `(-1, 1)`.
+        /// Mean cosine of scattering in the clear dielectric, `(-1, 1)`.
         #[range(Range::Within(-1.0, 1.0))]
         pub transmission_scatter_anisotropy: ScalarParam,
         /// Factor on dispersion, `[0, 1]`.
@@ -80,14 +81,14 @@ snell_math::declare! {
         /// Abbe number of the clear dielectric, positive: 20 spreads colours widely, 60 is glass.
         #[range(Range::Positive)]
         pub transmission_dispersion_abbe_number: ScalarParam,
-        /// Factor on light that goes through the surface in addition to what the specification has
-        /// (glTF's base colour of glass).
+        /// Further factor on light that goes through the surface, which the specification does not
+        /// have (glTF's base colour of glass).
         #[range(Range::SHARE)]
         pub transmission_tint: ColorParam,
-        /// Share of the opaque dielectric that scatters under the surface, `[0, 1]`.
+        /// Fraction of the opaque dielectric that scatters light under the surface, `[0, 1]`.
         #[range(Range::SHARE)]
         pub subsurface_weight: ScalarParam,
-        /// Colour that it shows, `[0, 1]`.
+        /// Colour that scattering under the surface gives, `[0, 1]`.
         #[range(Range::SHARE)]
         pub subsurface_color: ColorParam,
         /// Mean free path there, in units of the scene. For 0 light comes out where it went in: the
@@ -95,13 +96,14 @@ snell_math::declare! {
         #[range(Range::AMOUNT)]
         #[unit("scene units")]
         pub subsurface_radius: ScalarParam,
-        /// Factor on that per channel.
+        /// Factor on the mean free path, per channel.
         #[range(Range::AMOUNT)]
         pub subsurface_radius_scale: ColorParam,
-        /// Mean cosine of scattering there, `(-1, 1)`. For thin walls: -1 reflects, 1 lets through.
+        /// Mean cosine of scattering under the surface, `(-1, 1)`. For thin walls, -1 reflects and
+        /// 1 transmits.
         #[range(Range::Within(-1.0, 1.0))]
         pub subsurface_scatter_anisotropy: ScalarParam,
-        /// Share of the surface that is coated, `[0, 1]`.
+        /// Fraction of the surface that is coated, `[0, 1]`.
         #[range(Range::SHARE)]
         pub coat_weight: ScalarParam,
         /// Transmittance of the coat for light that crosses it twice, `[0, 1]`.
@@ -119,13 +121,13 @@ snell_math::declare! {
         /// Strength of the darkening by reflections inside the coat, `[0, 1]`.
         #[range(Range::SHARE)]
         pub coat_darkening: ScalarParam,
-        /// Share of the surface that is fuzzy, `[0, 1]`.
+        /// Fraction of the surface that is fuzzy, `[0, 1]`.
         #[range(Range::SHARE)]
         pub fuzz_weight: ScalarParam,
         /// Colour of the fuzz, `[0, 1]`.
         #[range(Range::SHARE)]
         pub fuzz_color: ColorParam,
-        /// 0 for thin straight fibres, 1 for dust.
+        /// Roughness of the fuzz: 0 for thin straight fibres, 1 for dust.
         #[range(Range::SHARE)]
         pub fuzz_roughness: ScalarParam,
         /// Law of the fuzz's reflection, in addition to what the specification has.
@@ -144,10 +146,10 @@ snell_math::declare! {
         #[range(LIGHT)]
         #[unit("cd / m^2")]
         pub emission_luminance: ScalarParam,
-        /// Factor on that, `[0, 1]`.
+        /// Factor on the luminance, `[0, 1]`.
         #[range(Range::SHARE)]
         pub emission_color: ColorParam,
-        /// Opacity: the share of the surface that is present, `[0, 1]`.
+        /// Opacity, the fraction of the surface that is present, `[0, 1]`.
         #[range(Range::SHARE)]
         pub geometry_opacity: ScalarParam,
         /// True for sheets without an inside: windows, leaves, paper.
@@ -156,22 +158,23 @@ snell_math::declare! {
         pub geometry_normal: Option<NormalMap>,
         /// Normal map of the coat, which does not follow that of the base.
         pub geometry_coat_normal: Option<NormalMap>,
-        /// Rotates the tangent of the base.
+        /// Map that rotates the tangent of the base.
         pub geometry_tangent: Option<TangentMap>,
-        /// Rotates the tangent of the coat; without effect unless the coat has its own normal.
+        /// Map that rotates the tangent of the coat. It has no effect unless the coat has its own
+        /// normal.
         pub geometry_coat_tangent: Option<TangentMap>,
     }
 }
 
 snell_math::declare! {
-    /// The direction in which highlights are stretched.
+    /// Direction in which highlights are stretched.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
     #[serde(default, deny_unknown_fields)]
     pub struct TangentMap {
-        /// Radians, counter-clockwise from the tangent of the surface.
+        /// Angle in radians, counter-clockwise from the tangent of the surface.
         #[unit("radians")]
         pub rotation: f32,
-        /// Linear texture; `2 rg - 1` is a direction, which the angle rotates further.
+        /// Linear texture in which `2 rg - 1` is a direction, which the angle rotates further.
         pub texture: Option<TextureId>,
     }
 }
@@ -241,8 +244,8 @@ impl Default for OpenPbr {
     }
 }
 
-/// Dielectric indices whose reflectance at normal incidence is that of `eta` times `weight`
-/// (OpenPBR Surface 1.1, "Dielectric base").
+/// The dielectric index of refraction whose reflectance at normal incidence is that of `eta`
+/// multiplied by `weight` (OpenPBR Surface 1.1, "Dielectric base").
 fn modulated_ior(eta: f32, weight: f32) -> f32 {
     let epsilon = (weight * fresnel::f0_from_ior(eta)).clamp(0.0, 0.98).sqrt();
     let epsilon = if eta < 1.0 { -epsilon } else { epsilon };
@@ -255,8 +258,8 @@ fn roughened(base: f32, coat: f32, weight: f32) -> f32 {
     base + (together - base) * weight
 }
 
-/// Single-scattering albedo for which multiple scattering has this colour in diffuse light (van de
-/// Hulst's approximation, as OpenPBR Surface 1.1 gives it).
+/// The single-scattering albedo for which multiple scattering has this colour in diffuse light (van
+/// de Hulst's approximation, as OpenPBR Surface 1.1 gives it).
 fn scattering_albedo(color: f32, g: f32) -> f32 {
     let c = color.clamp(0.0, 1.0);
     let s = 4.09712 + 4.20863 * c - (9.59217 + 41.6808 * c + 17.7126 * c * c).sqrt();
@@ -264,20 +267,20 @@ fn scattering_albedo(color: f32, g: f32) -> f32 {
     ((1.0 - s2) / (1.0 - g * s2)).clamp(0.0, 1.0)
 }
 
-/// The scalar parameters at a point that several lobes need.
+/// The scalar parameters at a point that several lobes use.
 struct Common {
     metalness: f32,
     transmission: f32,
     subsurface: f32,
     coat: f32,
-    /// Roughness of the base, under the coat.
+    /// Roughness of the base, as it is under the coat.
     ggx: Ggx,
     specular_weight: f32,
     ior: f32,
 }
 
 impl OpenPbr {
-    /// Materials for tests and galleries.
+    /// Examples for tests and galleries.
     pub fn examples() -> Vec<Self> {
         let plain = Self::default;
         let orange = || ColorParam::from(Rgb::new(0.9, 0.4, 0.05));
@@ -355,7 +358,7 @@ impl OpenPbr {
         }
     }
 
-    /// Both at a point, without a coat.
+    /// Metalness and roughness of the base at a point, without the effect of a coat.
     fn metalness_and_roughness(&self, point: &ShadingPoint) -> [f32; 2] {
         let [metalness, roughness] =
             ScalarParam::both_at(&self.base_metalness, &self.specular_roughness, point);
@@ -367,14 +370,14 @@ impl OpenPbr {
         self.bsdf_like(None, point)
     }
 
-    /// The BSDF at a point, which reuses the tables of another point's BSDF where both have the
-    /// same parameters.
+    /// The BSDF at a point. It reuses the tables of `other`, the BSDF of another point, if both
+    /// have the same parameters.
     pub(super) fn bsdf_like(&self, other: Option<&OpenPbrBsdf>, point: &ShadingPoint) -> Bsdf {
         let common = self.common(point);
         let coat = self.coat(point, &common);
         let fuzz = self.fuzz(point);
         let slabs = self.slabs(other, point, &common, coat.as_ref());
-        // With dispersion, the hero wavelength stands for all of them.
+        // With dispersion, the hero wavelength represents all of them.
         let unit = if self.is_dispersive() { point.mode.hero_factor() } else { point.mode.unit() };
         Bsdf::OpenPbr(Box::new(OpenPbrBsdf::new(slabs, coat, fuzz, unit)))
     }
@@ -430,8 +433,8 @@ impl OpenPbr {
             let unit = point.mode.unit() * common.specular_weight.min(1.0);
             ConductorBsdf::new(facets, unit, common.ggx).with_film(film)
         };
-        // The coat replaces the air above the base. There is no total reflection if the coat is
-        // denser.
+        // The coat takes the place of the air above the base. There is no total internal reflection
+        // if the coat is denser than the base.
         let ratio = coat.map_or(common.ior, |coat| {
             let below = common.ior / coat.ior;
             common.ior + (below.max(1.0 / below) - common.ior) * common.coat
@@ -451,8 +454,7 @@ impl OpenPbr {
             metal: (metalness > 0.0).then(|| (metalness, metal())),
             opaque: (opaque > 0.0).then(|| (opaque, opaque_slab())),
             translucent: (clear > 0.0).then(|| {
-                let like =
-                    other.and_then(OpenPbrBsdf::solid).and_then(|solid| solid.losses.as_ref());
+                let like = other.and_then(OpenPbrBsdf::solid);
                 (clear, self.translucent(point, common, tint, film, like))
             }),
             subsurface: if has_inside { subsurface } else { 0.0 },
@@ -489,15 +491,15 @@ impl OpenPbr {
         point.reflectance(color) * bounded(self.base_weight.at(point), 1.0)
     }
 
-    /// True if only the colour of the base depends on textures.
+    /// True if no parameter but the colour of the base depends on textures.
     pub(super) fn varies_in_color_alone(&self) -> bool {
         let base_color = ColorParam { texture: None, ..self.base_color };
         let other = Material::new("", Self { base_color, ..self.clone() });
         self.base_color.texture.is_some() && other.textures().is_empty()
     }
 
-    /// A mixture of rough metal and gloss that varies over the surface only in the parameters of
-    /// [`BatchPoint`].
+    /// The batch form of a mixture of rough metal and gloss, which varies over the surface only in
+    /// the parameters of [`BatchPoint`].
     pub(super) fn batch_mixture(&self) -> Option<BatchBsdf> {
         let half = Self {
             base_color: ColorParam { texture: None, ..self.base_color },
@@ -510,8 +512,8 @@ impl OpenPbr {
         BatchBsdf::of(&bsdf).filter(|batch| !looks_up && batch.takes_any_point())
     }
 
-    /// The parameters of [`Self::batch_mixture`] at a point, if it is rough there, and the needs of
-    /// its frame.
+    /// The parameters of [`Self::batch_mixture`] at a point, with what its BSDF needs of the frame;
+    /// `None` where the surface is not rough.
     pub(super) fn mixed_at(&self, point: &ShadingPoint) -> Option<(BatchPoint, FrameNeeds)> {
         let [metalness, roughness] = self.metalness_and_roughness(point);
         let widths = Widths::from_roughness(roughness);
@@ -524,8 +526,7 @@ impl OpenPbr {
         (!widths.is_smooth()).then_some((at, needs))
     }
 
-    /// The spectra of its metal or opaque base at a point; `None` if layers above have spectra,
-    /// too.
+    /// The spectra of the metal or opaque base at a point; `None` if layers above have spectra too.
     pub(super) fn spectra(&self, point: &ShadingPoint) -> Option<LobeSpectra> {
         let has_coat = bounded(self.coat_weight.at(point), 1.0) > 0.0;
         let is_clear =
@@ -568,7 +569,7 @@ impl OpenPbr {
         common: &Common,
         tint: SampledSpectrum,
         film: Option<ThinFilm>,
-        like: Option<&RoughLosses>,
+        like: Option<&DielectricBsdf>,
     ) -> Translucent {
         let ior = modulated_ior(common.ior, common.specular_weight);
         let unit = point.mode.unit();
@@ -586,16 +587,16 @@ impl OpenPbr {
         }
         let ior = self.dispersed(ior, point);
         let crossing = if self.transmission_depth.at(point) > 0.0 { unit } else { color() };
-        Translucent::Solid(DielectricBsdf {
+        let interface = Interface {
             ior,
             tint: crossing * extra,
             reflection_tint: tint,
             unit,
             film,
             microfacets: common.ggx.into(),
-            losses: DielectricBsdf::losses(common.ggx.into(), ior, like),
             arriving: SampledSpectrum::ONE,
-        })
+        };
+        Translucent::Solid(DielectricBsdf::like(like, interface))
     }
 
     /// True if transmitted light disperses.
@@ -604,7 +605,7 @@ impl OpenPbr {
         is_clear && self.transmission_dispersion_scale.factor > 0.0
     }
 
-    /// The index of refraction for the wavelength of the path.
+    /// The index of refraction at the wavelength of the path.
     fn dispersed(&self, ior: f32, point: &ShadingPoint) -> f32 {
         if !self.is_dispersive() {
             return ior;
@@ -614,19 +615,19 @@ impl OpenPbr {
         positive_ior(RefractiveIndex::from_abbe(ior, abbe).at(point.mode.hero(LINE_D)))
     }
 
-    /// True if [`Self::medium`] may be `Some`.
+    /// True if [`Self::medium`] may return a medium.
     pub(super) fn has_medium(&self) -> bool {
         let clear = self.transmission_weight.factor > 0.0 && self.transmission_depth.factor > 0.0;
         !self.geometry_thin_walled && (clear || self.subsurface_weight.factor > 0.0)
     }
 
-    /// True if the surface bounds an interior that light reaches.
+    /// True if the surface bounds an interior that light can enter.
     pub(super) fn has_inside(&self) -> bool {
         !self.geometry_thin_walled
             && (self.transmission_weight.factor > 0.0 || self.subsurface_weight.factor > 0.0)
     }
 
-    /// Index of refraction of the interior; 1 where light enters by scattering only.
+    /// Index of refraction of the interior; 1 if light enters it by scattering only.
     pub(super) fn inside_ior(&self) -> f32 {
         let is_clear = self.transmission_weight.factor > 0.0 && !self.geometry_thin_walled;
         if is_clear { positive_ior(self.specular_ior.factor) } else { 1.0 }
@@ -642,8 +643,8 @@ impl OpenPbr {
         self.geometry_coat_tangent.map_or(0.0, |t| t.angle(point))
     }
 
-    /// The medium inside, for a path that enters at a point: that of the clear dielectric, or of
-    /// the scattering one.
+    /// The medium inside, for a path that enters at a point: that of the clear dielectric, or that
+    /// of subsurface scattering.
     pub(super) fn medium(&self, point: &ShadingPoint) -> Option<MediumProperties> {
         let common = self.common(point);
         let depth = self.transmission_depth.at(point);
@@ -655,7 +656,7 @@ impl OpenPbr {
     }
 
     fn clear_medium(&self, point: &ShadingPoint, depth: f32) -> MediumProperties {
-        /// Stands for black, whose logarithm is infinite.
+        /// Replaces black, whose logarithm is infinite.
         const DARKEST: f32 = 1e-6;
         let color = point.reflectance(self.transmission_color.at(point));
         let sigma_t = color.map(|c| -c.clamp(DARKEST, 1.0).ln() / depth);
@@ -691,7 +692,7 @@ impl OpenPbr {
     }
 }
 
-/// Clamps a mean cosine to the range of the phase function.
+/// A mean cosine, clamped to the range of the phase function.
 fn bounded_cosine(g: f32) -> f32 {
     if g.is_finite() { g.clamp(-0.98, 0.98) } else { 0.0 }
 }

@@ -8,9 +8,9 @@ use snell_math::parameters::Range;
 
 snell_math::declare! {
     /// Ambient, diffuse and specular coefficients, with mirror reflection and transmission. The
-    /// integrators `raycast` and `whitted` follow the classic formula to the letter; the path
-    /// tracer uses an energy-conserving BSDF of the same coefficients ([`PhongBsdf`]), scaled down
-    /// where they add up to more than 1.
+    /// integrators `raycast` and `whitted` evaluate the classic formula; the path tracer uses an
+    /// energy-conserving BSDF with the same coefficients ([`PhongBsdf`]), scaled down where they
+    /// add up to more than 1.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(default, deny_unknown_fields)]
     pub struct Phong {
@@ -25,20 +25,20 @@ snell_math::declare! {
         #[range(Range::AMOUNT)]
         #[usual(Range::SHARE)]
         pub specular: ColorParam,
-        /// Factor on the radiance of the mirror direction. For `.scn` the same as `specular`; the
-        /// path tracer then has the glossy lobe only.
+        /// Factor on the radiance of the mirror direction. In `.scn` files it is the same as
+        /// `specular`; the path tracer then has the glossy lobe only.
         #[range(Range::AMOUNT)]
         #[usual(Range::SHARE)]
         pub reflection: ColorParam,
-        /// Factor on the radiance of the refracted direction, `kt`. Without Fresnel's law; 0 in
-        /// total internal reflection.
+        /// Factor on the radiance of the refracted direction, `kt`, without Fresnel's law. It is 0
+        /// in total internal reflection.
         #[range(Range::AMOUNT)]
         #[usual(Range::SHARE)]
         pub transmission: ColorParam,
         /// Exponent of the highlight, at least 0.
         #[range(Range::AMOUNT)]
         pub shininess: f32,
-        /// Index of refraction of the inside over the outside; 1 does not refract. Positive,
+        /// Index of refraction inside divided by that outside; 1 does not refract. Positive,
         /// otherwise 1.
         #[range(Range::Positive)]
         pub ior: f32,
@@ -46,7 +46,7 @@ snell_math::declare! {
 }
 
 impl Default for Phong {
-    /// White and matte, without ambient reflectance.
+    /// A white matte material without ambient reflectance.
     fn default() -> Self {
         Self {
             ambient: Rgb::BLACK.into(),
@@ -61,7 +61,7 @@ impl Default for Phong {
 }
 
 impl Phong {
-    /// Phong materials for tests and galleries.
+    /// Examples for tests and galleries.
     pub fn examples() -> Vec<Self> {
         let grey = |x| ColorParam::constant(Rgb::splat(x));
         vec![

@@ -7,15 +7,15 @@ use snell_math::Rgb;
 use snell_math::parameters::Range;
 
 snell_math::declare! {
-    /// Plastic, varnish, glazed ceramics: a diffuse base under a dielectric layer. White plastic
-    /// loses no light.
+    /// Plastic, varnish or glazed ceramics: a diffuse base under a dielectric layer. White plastic
+    /// absorbs no light.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     pub struct Plastic {
-        /// Share of the light reaching the base that comes back, `[0, 1]`; multiplied by the vertex
-        /// colour.
+        /// Fraction of the light that reaches the base and comes back, `[0, 1]`; multiplied by the
+        /// vertex colour.
         #[range(Range::SHARE)]
         pub diffuse: ColorParam,
-        /// Factor on the reflection of the layer, `[0, 1]`: white for a real dielectric.
+        /// Factor on the reflection of the layer, `[0, 1]`; white for a real dielectric.
         #[range(Range::SHARE)]
         #[serde(default = "super::defaults::white")]
         pub specular: ColorParam,
@@ -29,14 +29,14 @@ snell_math::declare! {
         #[range(Range::SHARE)]
         #[serde(default = "super::defaults::smooth")]
         pub roughness: ScalarParam,
-        /// Shape of the distribution.
+        /// Shape of the microfacet distribution.
         #[serde(default)]
         pub microfacets: MicrofacetShape,
     }
 }
 
 impl Plastic {
-    /// Plastic of index 1.5.
+    /// Plastic whose layer has the index 1.5.
     pub fn new(diffuse: impl Into<ColorParam>, roughness: f32) -> Self {
         Self {
             diffuse: diffuse.into(),
@@ -47,7 +47,7 @@ impl Plastic {
         }
     }
 
-    /// Plastics for tests and galleries.
+    /// Examples for tests and galleries.
     pub fn examples() -> Vec<Self> {
         vec![
             Self::new(Rgb::WHITE, 0.0),

@@ -1,4 +1,4 @@
-//! The parts of BSDFs that are the same at all points: computed once per material.
+//! The parts of BSDFs that are the same at all points. They are computed once per material.
 
 use super::{FrameNeeds, Material, MaterialKind, OpenPbr, ShadingPoint};
 use crate::bsdf::{BatchBsdf, BatchPoint, Bsdf};
@@ -7,7 +7,7 @@ use snell_intersect::SurfaceInteraction;
 use snell_math::{ColorMode, Vec3};
 use std::borrow::Cow;
 
-/// The parameters that vary over surfaces with a [`BatchBsdf`].
+/// The parameters of a [`BatchBsdf`] that vary over the surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Differs {
     Nothing,
@@ -18,16 +18,16 @@ enum Differs {
 /// The parts of a material's BSDF that do not depend on the point.
 #[derive(Clone, Debug)]
 pub struct Prepared {
-    /// The material as layers, if it has that form.
+    /// The material as an [`OpenPbr`], if it has that form.
     surface: Option<Box<OpenPbr>>,
-    /// The BSDF at a plain point, without textures.
+    /// The BSDF at a [plain](ShadingPoint::is_plain) point, without textures.
     bsdf: Bsdf,
-    /// The BSDF for batches of directions, if it has that form; its parameters may vary from point
+    /// The BSDF for batches of directions, if it has that form. Its parameters may vary from point
     /// to point.
     batch: Option<BatchBsdf>,
-    /// The parameters of a point.
+    /// The parameters of `batch` that vary from point to point.
     differs: Differs,
-    /// True if it is the same at all [plain](ShadingPoint::is_plain) points.
+    /// True if `bsdf` is the BSDF at all [plain](ShadingPoint::is_plain) points.
     is_everywhere: bool,
 }
 
@@ -36,7 +36,8 @@ impl Prepared {
     pub fn of(material: &Material) -> Self {
         let (bsdf, looks_up) = anywhere(&material.kind);
         let depends_on_point = match &material.kind {
-            // They depend on the offset across the fibre, and on the distance through the glass.
+            // Hair depends on the offset across the fibre, and absorbing glass on the distance
+            // through it.
             MaterialKind::Hair(_) => true,
             MaterialKind::Dielectric(glass) => !glass.absorption.is_black(),
             _ => false,
@@ -58,8 +59,8 @@ impl Prepared {
         Self { surface, bsdf, batch, differs, is_everywhere }
     }
 
-    /// The BSDF, if it is the same at all [plain](ShadingPoint::is_plain) points, in the frame of
-    /// the surface's own normal and tangent.
+    /// The BSDF in the frame of the surface's own normal and tangent, if it is the same at all
+    /// [plain](ShadingPoint::is_plain) points.
     pub fn plain(&self, material: &Material) -> Option<&Bsdf> {
         let is_turned = match &material.kind {
             MaterialKind::OpenPbr(surface) => {
@@ -70,13 +71,13 @@ impl Prepared {
         (self.is_everywhere && !material.is_bent() && !is_turned).then_some(&self.bsdf)
     }
 
-    /// [`Self::plain`] for batches of directions, if it has that form.
+    /// The batch form of [`Self::plain`], if there is one.
     pub fn plain_batch(&self, material: &Material) -> Option<&BatchBsdf> {
         self.plain(material).and(self.batch.as_ref())
     }
 
-    /// The BSDF of the material for batches of directions, if it has that form at a point, with its
-    /// parameters there and the needs of its frame.
+    /// The batch form of the material's BSDF at a point, with its parameters at the point and what
+    /// it needs of the frame. `None` if the BSDF has no batch form there.
     pub fn batch_at(
         &self,
         material: &Material,
@@ -104,8 +105,8 @@ impl Prepared {
         Some((batch, at, needs))
     }
 
-    /// [`Self::batch_at`] any plain point, in any mode, of a material that has
-    /// [`Self::plain_batch`].
+    /// The result of [`Self::batch_at`] at plain points in any colour mode, for a material that has
+    /// a [`Self::plain_batch`].
     pub fn plain_batch_in(
         &self,
         material: &Material,
@@ -116,7 +117,7 @@ impl Prepared {
         })
     }
 
-    /// The BSDF at any plain point, in any mode, of a material that has [`Self::plain`].
+    /// The BSDF at plain points in any colour mode, for a material that has a [`Self::plain`] BSDF.
     pub fn plain_in(&self, material: &Material, mode: ColorMode) -> Cow<'_, Bsdf> {
         at_plain_point(mode, |point| self.bsdf(material, point))
     }
@@ -136,7 +137,7 @@ impl Prepared {
     }
 }
 
-/// The BSDF at a plain point without textures, and true if it would have looked up textures.
+/// The BSDF at a plain point without textures, and whether it would have looked up textures.
 pub(super) fn anywhere(kind: &MaterialKind) -> (Bsdf, bool) {
     let bsdf = at_plain_point(ColorMode::Rgb, |point| kind.bsdf(point));
     (bsdf, !Material::new("", kind.clone()).textures().is_empty())
@@ -155,12 +156,12 @@ fn at_plain_point<T>(mode: ColorMode, ask: impl FnOnce(&ShadingPoint) -> T) -> T
 }
 
 impl ShadingPoint<'_> {
-    /// True in [`ColorMode::Rgb`], in air, and without a vertex colour.
+    /// True for a point in [`ColorMode::Rgb`], in air, and without a vertex colour.
     pub fn is_plain(&self) -> bool {
         matches!(self.mode, ColorMode::Rgb) && self.is_in_air()
     }
 
-    /// True in air and without a vertex colour.
+    /// True for a point in air and without a vertex colour.
     fn is_in_air(&self) -> bool {
         let [r, g, b, _] = self.surface.color;
         self.outside_ior == 1.0 && [r, g, b] == [1.0; 3]

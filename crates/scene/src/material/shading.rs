@@ -5,28 +5,29 @@ use crate::bsdf::{Bsdf, BsdfSample, BsdfSeen, Lobes, SpecularBranch};
 use snell_math::{Frame, SampledSpectrum, Vec2, Vec3};
 use std::borrow::Cow;
 
-/// A BSDF and the frame it lives in. The methods take and give unit directions in world space that
+/// A BSDF with its shading frame. Its methods take and return unit directions in world space that
 /// point away from the surface. If the BSDF was made for a viewer, evaluation for that direction is
 /// faster.
 ///
-/// The shading normal may differ from the surface's own, so a direction above one may lie below the
-/// other. Light that would be reflected through the surface, or transmitted without crossing it, is
-/// dropped here (Veach, Robust Monte Carlo Methods for Light Transport Simulation, section 5.3).
+/// The shading normal may differ from the geometric normal, so a direction above one may lie below
+/// the other. Light that would be reflected through the surface, or transmitted without crossing
+/// it, is dropped here (Veach, Robust Monte Carlo Methods for Light Transport Simulation, section
+/// 5.3).
 #[derive(Clone, Debug)]
 pub struct ShadingBsdf<'a> {
-    /// The lobes.
+    /// The lobes of the BSDF.
     pub bsdf: Cow<'a, Bsdf>,
-    /// Local frame; `z` is the shading normal (normal map applied) on the outer side.
+    /// Local frame, whose `z` is the shading normal (with maps applied) on the outer side.
     pub frame: Frame,
-    /// Unit normal of the surface itself, on the outer side.
+    /// Unit geometric normal, on the outer side.
     pub geometric_normal: Vec3,
-    /// The viewer, and the lobes' precomputed state for that direction.
+    /// The direction of the viewer, and the lobes' precomputed state for that direction.
     viewer: Option<(Vec3, BsdfSeen)>,
 }
 
 impl Material {
-    /// The BSDF at a point, with the shading normal as it is. Prefer [`Self::bsdf_towards`] where
-    /// the viewer is known.
+    /// The BSDF at a point, whose shading normal is not bent towards a viewer. Prefer
+    /// [`Self::bsdf_towards`] where there is a viewer.
     pub fn bsdf(&self, point: &ShadingPoint) -> ShadingBsdf<'static> {
         let (bsdf, frame) = (self.kind.bsdf(point), self.frame(point));
         let geometric_normal = point.surface.geometric_normal;
@@ -34,7 +35,7 @@ impl Material {
         ShadingBsdf { bsdf, frame, geometric_normal, viewer: None }
     }
 
-    /// The frame of the shading normal, without a viewer.
+    /// The frame of the shading normal, not bent towards a viewer.
     fn frame(&self, point: &ShadingPoint) -> Frame {
         let frame = normal::shading_frame(self.normal_map.as_ref(), self.bump_map.as_ref(), point);
         let angle = if let MaterialKind::OpenPbr(surface) = &self.kind {
@@ -45,7 +46,7 @@ impl Material {
         normal::turned(frame, angle)
     }
 
-    /// The normal map of a coat, and the angle by which its tangent is turned; `None` if a coat
+    /// The normal map of a coat, and the angle by which its tangent is rotated; `None` if the coat
     /// follows the base.
     pub(super) fn coat_map(&self, point: &ShadingPoint) -> Option<(Option<NormalMap>, f32)> {
         let (map, angle) = match &self.kind {
@@ -58,7 +59,7 @@ impl Material {
         (map != self.normal_map || self.bump_map.is_some() || angle != 0.0).then_some((map, angle))
     }
 
-    /// The BSDF with a coat that has a normal of its own; `None` if it has none.
+    /// The BSDF with a coat that has a normal of its own; `None` if the coat has none.
     fn with_own_coat(
         &self,
         bsdf: &Bsdf,
@@ -79,14 +80,14 @@ impl Material {
         Some(Bsdf::OpenPbr(Box::new(layers.with_coat_frame(Frame::from_z_and_x(z, x)))))
     }
 
-    /// The BSDF at a point seen from `wo` (unit, world space): the shading normal is bent just
-    /// enough to face the viewer's side, and for mirrors to reflect away from the surface. Without
-    /// this, smooth meshes and normal maps turn black at grazing angles.
+    /// The BSDF at a point seen from `wo` (a unit vector in world space). The shading normal is
+    /// bent just enough to face the viewer's side, and for mirrors just enough to reflect away from
+    /// the surface. Otherwise smooth meshes and normal maps would turn black at grazing angles.
     pub fn bsdf_towards(&self, point: &ShadingPoint, wo: Vec3) -> ShadingBsdf<'static> {
         self.towards(Cow::Owned(self.kind.bsdf(point)), point, wo)
     }
 
-    /// The same, with the prepared material.
+    /// Does what [`Self::bsdf_towards`] does, with the precomputed data of the material.
     pub fn prepared_towards<'a>(
         &self,
         prepared: &'a Prepared,
@@ -96,7 +97,7 @@ impl Material {
         self.towards(prepared.bsdf(self, point), point, wo)
     }
 
-    /// [`ShadingBsdf::albedo`] at a point, with the prepared material.
+    /// [`ShadingBsdf::albedo`] at a point, with the precomputed data of the material.
     pub fn albedo(&self, prepared: &Prepared, point: &ShadingPoint, wo: Vec3) -> SampledSpectrum {
         let bsdf = prepared.bsdf(self, point);
         bsdf.albedo_from_anywhere().unwrap_or_else(|| self.towards(bsdf, point, wo).albedo(wo))
@@ -117,20 +118,22 @@ impl Material {
 }
 
 impl<'a> ShadingBsdf<'a> {
-    /// A BSDF in this frame on a surface of this normal, made for a viewer.
+    /// A BSDF made for a viewer in direction `wo`, in this frame, on a surface with this geometric
+    /// normal.
     #[inline]
     pub fn seen_from(wo: Vec3, bsdf: Cow<'a, Bsdf>, frame: Frame, geometric_normal: Vec3) -> Self {
         let viewer = Some((wo, bsdf.seen(frame.to_local(wo))));
         Self { bsdf, frame, geometric_normal, viewer }
     }
 
-    /// True if the shading and the geometric normal agree on whether light is transmitted.
+    /// True if the shading and the geometric normal agree on whether light is transmitted from one
+    /// direction to the other.
     fn agrees(&self, wo: Vec3, wi: Vec3, is_transmission: bool) -> bool {
         let sides = self.geometric_normal.dot(wo) * self.geometric_normal.dot(wi);
         if is_transmission { sides < 0.0 } else { sides > 0.0 }
     }
 
-    /// Local directions of a pair that does not leak.
+    /// The two directions in the local frame; `None` if light between them would leak.
     fn local(&self, wo: Vec3, wi: Vec3) -> Option<(Vec3, Vec3)> {
         let (o, i) = (self.frame.to_local(wo), self.frame.to_local(wi));
         self.agrees(wo, wi, o.z * i.z < 0.0).then_some((o, i))
@@ -154,7 +157,7 @@ impl<'a> ShadingBsdf<'a> {
         self.local(wo, wi).map_or(SampledSpectrum::ZERO, |(o, i)| self.bsdf.diffuse(o, i))
     }
 
-    /// Density per steradian with which [`Self::sample`] draws `wi`, without delta lobes.
+    /// Density per steradian with which [`Self::sample`] samples `wi`, without delta lobes.
     pub fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
         self.eval_and_pdf(wo, wi).1
     }
@@ -165,19 +168,19 @@ impl<'a> ShadingBsdf<'a> {
         self.bsdf.value_and_pdf_from(&self.seen(wo), i)
     }
 
-    /// See [`Lobes::crossing_scale`].
+    /// The factor that undoes the change of radiance by refraction; see [`Lobes::crossing_scale`].
     pub fn crossing_scale(&self, wo: Vec3) -> f32 {
         self.bsdf.crossing_scale(self.frame.to_local(wo))
     }
 
-    /// Draws a direction, see [`Lobes::sample_from`].
+    /// Samples a direction; see [`Lobes::sample_from`].
     pub fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
         let local = self.bsdf.sample_from(&self.seen(wo), u_lobe, u)?;
         let wi = self.frame.from_local(local.wi).try_normalize()?;
         self.agrees(wo, wi, local.is_transmission).then_some(BsdfSample { wi, ..local })
     }
 
-    /// `pi f |cos(wi)|` or the classic formula in its place, see [`Lobes::eval_classic`].
+    /// `pi f |cos(wi)|`, or the classic formula in its place; see [`Lobes::eval_classic`].
     pub fn eval_classic(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
         self.local(wo, wi).map_or(SampledSpectrum::ZERO, |(o, i)| self.bsdf.eval_classic(o, i))
     }
@@ -187,7 +190,7 @@ impl<'a> ShadingBsdf<'a> {
         self.bsdf.ambient(self.frame.to_local(wo))
     }
 
-    /// Approximate share of light that is reflected or transmitted towards `wo`.
+    /// Approximate fraction of light that is reflected or transmitted towards `wo`.
     pub fn albedo(&self, wo: Vec3) -> SampledSpectrum {
         self.bsdf.albedo_from(&self.seen(wo))
     }
@@ -202,7 +205,7 @@ impl<'a> ShadingBsdf<'a> {
         self.bsdf.is_opaque()
     }
 
-    /// Perfect reflection and refraction, at most two.
+    /// The directions of perfect reflection and refraction, at most two.
     pub fn specular_branches(&self, wo: Vec3) -> [Option<SpecularBranch>; 2] {
         self.bsdf.specular_branches(self.frame.to_local(wo)).map(|branch| {
             let branch = branch?;

@@ -1,32 +1,32 @@
-//! Surfaces of delta lobes only that are the same everywhere, for vertices in batches.
+//! Surfaces that have only delta lobes and are the same everywhere, for vertices in batches.
 
 use super::prepared::anywhere;
 use super::{Dielectric, Material, MaterialKind, ShadingPoint, relative_ior};
-use crate::bsdf::{Bsdf, Lobes};
+use crate::bsdf::{Bsdf, Interface, Lobes};
 use crate::texture::TextureSet;
 use snell_intersect::SurfaceInteraction;
 use snell_math::{ColorMode, SampledSpectrum, Vec3};
 
-/// Reflection and refraction of a smooth surface. Surfaces that only reflect exist in
+/// Reflection and refraction of a smooth surface. Surfaces that only reflect are used in
 /// [`ColorMode::Rgb`] only.
 #[derive(Clone, Debug)]
 pub enum Specular {
-    /// Reflects or refracts.
+    /// A surface that reflects or refracts.
     Interface {
-        /// Index of refraction of the inside over that of air.
+        /// Index of refraction inside divided by that of air.
         ior: f32,
-        /// Factor on light that crosses, in [`ColorMode::Rgb`].
+        /// Factor on light that crosses the surface, in [`ColorMode::Rgb`].
         tint: SampledSpectrum,
-        /// The material.
+        /// The material of the surface.
         glass: Dielectric,
     },
-    /// Only reflects: the BSDF has one lobe, that of a mirror.
+    /// A surface that only reflects. Its BSDF has one lobe, that of a mirror.
     Reflector(Box<Bsdf>),
 }
 
 impl Specular {
-    /// `None` for materials that do anything else, that emit, or that depend on more of the point
-    /// than its normal.
+    /// The lobes of a material; `None` for materials that scatter light in other ways, that emit,
+    /// or that depend on more of a point than its normal.
     pub fn of(material: &Material) -> Option<Self> {
         let may_be = matches!(
             material.kind,
@@ -41,9 +41,10 @@ impl Specular {
         }
         match (&bsdf, &material.kind) {
             (Bsdf::Dielectric(lobe), MaterialKind::Dielectric(glass))
-                if lobe.microfacets.is_smooth() =>
+                if lobe.interface().microfacets.is_smooth() =>
             {
-                Some(Self::Interface { ior: lobe.ior, tint: lobe.tint, glass: glass.clone() })
+                let &Interface { ior, tint, .. } = lobe.interface();
+                Some(Self::Interface { ior, tint, glass: glass.clone() })
             }
             (Bsdf::Conductor(_) | Bsdf::Mirror(_), _) if bsdf.is_delta() => {
                 Some(Self::Reflector(Box::new(bsdf)))
@@ -52,8 +53,7 @@ impl Specular {
         }
     }
 
-    /// Index of refraction of the inside over this one of the outside; 1 for surfaces that only
-    /// reflect.
+    /// Index of refraction inside divided by `outside_ior`; 1 for surfaces that only reflect.
     #[inline]
     pub fn ior(&self, outside_ior: f32) -> f32 {
         match self {
@@ -62,7 +62,7 @@ impl Specular {
         }
     }
 
-    /// Factor on light that crosses.
+    /// Factor on light that crosses the surface.
     #[inline]
     pub fn tint(&self, mode: ColorMode) -> SampledSpectrum {
         match self {
@@ -82,7 +82,7 @@ impl Specular {
         }
     }
 
-    /// Transmittance of the inside over a distance.
+    /// Transmittance of the interior over a distance in scene units.
     #[inline]
     pub fn transmittance(&self, distance: f32, mode: ColorMode) -> SampledSpectrum {
         match self {
@@ -91,7 +91,8 @@ impl Specular {
         }
     }
 
-    /// Factor on reflected light at this cosine; `None` for surfaces that also refract.
+    /// Factor on light that is reflected at an angle with this cosine; `None` for surfaces that
+    /// also refract.
     #[inline]
     pub fn reflectance(&self, cos: f32) -> Option<SampledSpectrum> {
         match self {
@@ -100,7 +101,7 @@ impl Specular {
         }
     }
 
-    /// True if the BSDF is opaque ([`Lobes::is_opaque`]).
+    /// True if the surface transmits no light ([`Lobes::is_opaque`]).
     pub fn is_opaque(&self) -> bool {
         match self {
             Self::Interface { .. } => false,

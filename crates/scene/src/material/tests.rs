@@ -19,7 +19,7 @@ fn at<'a>(surface: &'a SurfaceInteraction, textures: &'a TextureSet) -> ShadingP
     ShadingPoint { surface, footprint: 0.0, textures, mode: ColorMode::Rgb, outside_ior: 1.0 }
 }
 
-/// One texel that holds this normal.
+/// A texture of one texel that holds this normal.
 fn normal_texture(n: Vec3, uv_transform: [[f32; 3]; 2]) -> TextureSet {
     let image = Image::from_f32(1, 1, 3, (n * 0.5 + 0.5).to_array().to_vec());
     let texture = ImageTexture {
@@ -58,17 +58,17 @@ fn every_material_survives_json_and_has_its_name_there() {
 
 #[test]
 fn a_normal_map_follows_the_picture_right_and_up() {
-    // v runs down the picture, so green, which points up, points against dpdv.
+    // v runs down the picture, so green, which points up, points in the direction of decreasing v.
     let s = surface();
     assert_near(mapped_normal(Vec3::new(0.6, 0.0, 0.8), IDENTITY, &s), Vec3::new(0.6, 0.0, 0.8));
     assert_near(mapped_normal(Vec3::new(0.0, 0.6, 0.8), IDENTITY, &s), Vec3::new(0.0, -0.6, 0.8));
     assert_near(mapped_normal(Vec3::Z, IDENTITY, &s), Vec3::Z);
-    // A mirrored or turned picture takes its normals along.
+    // A picture that is mirrored or rotated takes its normals along.
     let flipped_v = [[1.0, 0.0, 0.0], [0.0, -1.0, 1.0]];
     assert_near(mapped_normal(Vec3::new(0.0, 0.6, 0.8), flipped_v, &s), Vec3::new(0.0, 0.6, 0.8));
     let mirrored_u = [[-1.0, 0.0, 1.0], [0.0, 1.0, 0.0]];
     assert_near(mapped_normal(Vec3::new(0.6, 0.0, 0.8), mirrored_u, &s), Vec3::new(-0.6, 0.0, 0.8));
-    // u' = v, v' = -u: right in the picture is dpdv, down is -dpdu.
+    // With u' = v and v' = -u, right in the picture is dpdv, and down is -dpdu.
     let turned = [[0.0, 1.0, 0.0], [-1.0, 0.0, 1.0]];
     assert_near(mapped_normal(Vec3::new(0.6, 0.0, 0.8), turned, &s), Vec3::new(0.0, 0.6, 0.8));
     assert_near(mapped_normal(Vec3::new(0.0, 0.6, 0.8), turned, &s), Vec3::new(0.6, 0.0, 0.8));
@@ -83,7 +83,7 @@ fn stored_tangents_come_first_and_their_sign_turns_the_bitangent() {
     let n = Vec3::new(0.36, 0.48, 0.8);
     for sign in [1.0, -1.0] {
         let s = SurfaceInteraction { tangent: Some((Vec3::Y, sign)), ..surface() };
-        // Bitangent: sign * (z x y) = -sign x.
+        // The bitangent is sign * (z x y) = -sign x.
         assert_near(mapped_normal(n, IDENTITY, &s), Vec3::new(-sign * 0.48, 0.36, 0.8));
     }
 }
@@ -95,7 +95,7 @@ fn scale_flattens_a_normal_map() {
     assert_near(mapped(0.5).bsdf(&at(&s, &textures)).frame.z, Vec3::new(0.3, 0.0, 0.8).normalize());
 }
 
-/// A picture that grows evenly from 0 at the left edge to 1 at the right one.
+/// A picture that increases evenly from 0 at the left edge to 1 at the right edge.
 fn ramp(uv_transform: [[f32; 3]; 2]) -> TextureSet {
     let image = Image::from_f32(8, 2, 1, (0..16).map(|i| ((i % 8) as f32 + 0.5) / 8.0).collect());
     let texture = ImageTexture {
@@ -112,19 +112,19 @@ fn bumpy(height: f32, unit: HeightUnit) -> Material {
 
 #[test]
 fn bumps_bend_the_normal_as_the_moved_surface_would_have_it() {
-    // The height is `height * (a x + b y)` wherever coordinates, their map and the cone of the
-    // pixel make it so.
+    // The height is `height * (a x + b y)`, with `a` and `b` from the texture coordinates, their
+    // transform, and the ray cone of the pixel.
     let uv = Vec2::new(0.5, 0.5);
     for (dpdu, dpdv, uv_transform, slope) in [
         (Vec3::X, Vec3::Y, IDENTITY, Vec3::X),
         (Vec3::X * 4.0, Vec3::Y, IDENTITY, Vec3::X / 4.0),
         (Vec3::X, -Vec3::Y, IDENTITY, Vec3::X),
         (-Vec3::X * 2.0, Vec3::Y, IDENTITY, -Vec3::X / 2.0),
-        // Sheared: u = x - y, v = y.
+        // Sheared coordinates: u = x - y, v = y.
         (Vec3::X, Vec3::new(1.0, 1.0, 0.0), IDENTITY, Vec3::new(1.0, -1.0, 0.0)),
-        // The picture turned: its u is the surface's v.
+        // The picture is rotated: its u is the surface's v.
         (Vec3::X, Vec3::Y * 2.0, [[0.0, 1.0, 0.0], [-1.0, 0.0, 1.0]], Vec3::Y / 2.0),
-        // And smaller.
+        // The picture is smaller, too.
         (Vec3::X, Vec3::Y, [[0.5, 0.0, 0.25], [0.0, 3.0, 0.0]], Vec3::X / 2.0),
     ] {
         let s = SurfaceInteraction { dpdu, dpdv, uv: [uv; 2], ..surface() };
@@ -228,7 +228,7 @@ fn light_does_not_leak_through_the_surface() {
     let wo = Vec3::new(0.6, 0.0, 0.8);
     for (i, kind) in MaterialKind::examples().into_iter().enumerate() {
         let bsdf = Material::new("m", kind).bsdf(&at(&s, &textures));
-        // Above the shading normal's horizon, below the surface.
+        // A direction above the horizon of the shading normal, but below the surface.
         let leak = Vec3::new(0.9, 0.0, -0.19f32.sqrt());
         let shading_side = bsdf.frame.z.dot(leak);
         assert!(shading_side > 0.0 && leak.z < 0.0);

@@ -1,23 +1,24 @@
-//! Travel in closed form: media whose density along a ray is constant or exponential.
+//! Travel in closed form through media whose density along a ray is constant or exponential.
 //!
-//! Distances are sampled for one lane, chosen in proportion to the path's throughput in it, and
-//! weighted by the density of all lanes together: the balance heuristic over lanes (Miller,
-//! Georgiev and Jarosz, A Null-Scattering Path Integral Formulation of Light Transport, SIGGRAPH
-//! 2019, section 5.2), with the history of the path in the choice (Wilkie et al., Hero Wavelength
-//! Spectral Sampling, EGSR 2014). The sum of the lanes of the throughput then never grows.
+//! Distances are sampled for one lane, which is chosen in proportion to the path's throughput in
+//! the lane, and weighted by the density of all lanes together. This is the balance heuristic over
+//! lanes (Miller, Georgiev and Jarosz, A Null-Scattering Path Integral Formulation of Light
+//! Transport, SIGGRAPH 2019, section 5.2), with the history of the path in the choice (Wilkie et
+//! al., Hero Wavelength Spectral Sampling, EGSR 2014). The sum of the throughput's lanes then never
+//! grows.
 
 use super::equiangular::{Equiangular, EquiangularLight};
 use super::{MediumProperties, Scattering, Segment, Travel};
 use snell_math::exponentials::{exp, ln};
 use snell_math::{SampledSpectrum, Vec2};
 
-/// Density along a segment: `density * exp(-slope * distance)`, a factor on the medium's
+/// Density along a segment: `density * exp(-slope * distance)`. It is a factor on the medium's
 /// coefficients.
 #[derive(Clone, Copy, Debug)]
 pub struct Profile {
     /// The density at the start of the segment.
     pub density: f64,
-    /// Decrease per scene unit; negative if it grows.
+    /// Relative decrease of the density per scene unit; negative if the density grows.
     pub slope: f64,
 }
 
@@ -25,7 +26,8 @@ impl Profile {
     /// A constant density of 1.
     pub const CONSTANT: Self = Self { density: 1.0, slope: 0.0 };
 
-    /// The integral of the density over the first part of the segment.
+    /// The column of a distance: the integral of the density from the start of the segment up to
+    /// it.
     fn column(&self, distance: f64) -> f64 {
         let x = self.slope * distance;
         if self.density == 0.0 {
@@ -37,7 +39,7 @@ impl Profile {
         }
     }
 
-    /// The distance with this column; some distance must have a larger one.
+    /// The distance with this column. Some distance must have a larger column.
     fn distance(&self, column: f64) -> f64 {
         let plain = column / self.density;
         let x = self.slope * plain;
@@ -52,15 +54,16 @@ pub fn transmittance_of(sigma: f32, column: f64) -> f32 {
     if sigma == 0.0 { 1.0 } else { through }
 }
 
-/// The transmittance of all lanes.
+/// The transmittance of a column in each lane.
 fn transmittance(sigma_t: SampledSpectrum, column: f64) -> SampledSpectrum {
-    // Most media are grey.
+    // Most media have the same extinction in all lanes.
     let (first, of_first) = (sigma_t[0], transmittance_of(sigma_t[0], column));
     sigma_t.map(|sigma| if sigma == first { of_first } else { transmittance_of(sigma, column) })
 }
 
-/// The integral of the transmittance over the column: the sum of an emission of 1 per unit. 0 for
-/// an infinite distance without extinction, where it would not be finite.
+/// The integral of the transmittance over the column, which is what an emission of 1 per unit of
+/// length adds up to. 0 for an infinite distance without extinction, where the integral would be
+/// infinite.
 fn integrated_transmittance(sigma_t: SampledSpectrum, column: f64) -> SampledSpectrum {
     sigma_t.map(|sigma| {
         let sigma = f64::from(sigma);
@@ -70,7 +73,7 @@ fn integrated_transmittance(sigma_t: SampledSpectrum, column: f64) -> SampledSpe
     })
 }
 
-/// The remaining value of a light ray at the end of a segment of this length.
+/// The value of a light ray at the end of a segment of this length.
 pub fn attenuate(
     medium: &MediumProperties,
     profile: Profile,
@@ -80,7 +83,7 @@ pub fn attenuate(
     value * transmittance(medium.sigma_t(), profile.column(f64::from(length)))
 }
 
-/// Sends a path along a segment. `u` in `[0, 1)^2`: its `x` chooses the distance, its `y` the lane.
+/// Moves a path along a segment. `u` is in `[0, 1)^2`: `x` chooses the distance, `y` the lane.
 pub fn travel(
     medium: &MediumProperties,
     profile: Profile,
@@ -106,9 +109,9 @@ pub fn travel(
     }
     let sigma = f64::from(sigma_t[chosen_lane(throughput, sum, u.y)]);
     let column = -ln(1.0 - f64::from(u.x)) / sigma;
-    // Mean over the lanes, each as probable as its share of the throughput.
+    // The mean over the lanes, weighted by the throughput.
     let mean = |by_lane: SampledSpectrum| (throughput * by_lane).0.iter().sum::<f32>() / sum;
-    // This comes first if the lane is clear, because 0 / 0 may be undefined.
+    // This case comes first, because in a clear lane 0 / 0 may be undefined.
     if column.is_nan() || column >= whole {
         let through = transmittance(sigma_t, whole);
         return passed(through * (1.0 / mean(through)));
@@ -120,9 +123,9 @@ pub fn travel(
     Travel { throughput: throughput * weight, emitted, scattered }
 }
 
-/// Like [`travel`] through a homogeneous medium, with the same probability of scattering, but half
-/// of the distances are sampled near a light. The density is that of both strategies together, the
-/// balance heuristic, so no weight is more than doubled.
+/// Does what [`travel`] does through a homogeneous medium, with the same probability of scattering,
+/// but samples half of the distances near a light. The density is that of both strategies together
+/// (balance heuristic), so no weight is more than doubled.
 pub fn travel_near(
     medium: &MediumProperties,
     equiangular_light: &EquiangularLight,
@@ -143,7 +146,7 @@ pub fn travel_near(
     let scattered_share =
         |sigma: f32| if sigma == 0.0 { 0.0 } else { -(-f64::from(sigma) * length).exp_m1() };
     let sigma = sigma_t[chosen_lane(throughput, sum, u.y)];
-    // The rest of the number that has decided for scattering.
+    // What remains of the number that has decided on scattering.
     let left = (2.0 * f64::from(u.x) / scattered_share(sigma)).min(2.0);
     let distance = match left < 1.0 {
         true => near.sample(left),
@@ -159,7 +162,7 @@ pub fn travel_near(
     Travel { throughput: throughput * weight, scattered, ..alone }
 }
 
-/// A lane, chosen in proportion to the throughput; never one without any.
+/// A lane, chosen in proportion to the throughput. A lane without throughput is never chosen.
 fn chosen_lane(throughput: SampledSpectrum, sum: f32, u: f32) -> usize {
     let mut rest = u * sum;
     let mut chosen = 0;
@@ -207,7 +210,7 @@ mod tests {
         for (a, b) in travel.throughput.0.into_iter().zip(expected) {
             assert!((a - b).abs() < 1e-6, "{a} {b}");
         }
-        // Emission in a clear lane adds up along the segment, elsewhere to (1 - T) / sigma.
+        // In a clear lane emission adds up along the segment, elsewhere to (1 - T) / sigma.
         assert!(
             (travel.emitted[2] - 6.0).abs() < 1e-5
                 && (travel.emitted[1] - 2.0 * (1.0 - (-2.0f32).exp())).abs() < 1e-5
@@ -267,7 +270,7 @@ mod tests {
             let equiangular_light =
                 EquiangularLight { center: Vec3::new(across, 0.0, along), radius: 0.0 };
             for length in [4.0, f32::INFINITY] {
-                // The contribution of a light there, and the transmitted part.
+                // The contribution of a light at the end, and the transmitted part.
                 let brought = |travel: Travel| {
                     let light = travel.scattered.map(|s| {
                         1.0 / (segment(length).at(s.distance) - equiangular_light.center)

@@ -1,31 +1,31 @@
-//! The light of hot gas.
+//! The light that hot gas emits.
 
 use snell_math::spectrum::response::{luminance_of_light, rgb_of_light};
 use snell_math::{ColorMode, Rgb, SampledSpectrum};
 use std::sync::LazyLock;
 
-/// Below this temperature (kelvin) the emission is invisible.
+/// Temperature in kelvin below which the emission is invisible.
 const COLDEST: f32 = 500.0;
-/// Above this temperature the colour hardly changes.
+/// Temperature in kelvin above which the colour hardly changes.
 const HOTTEST: f32 = 20_000.0;
 /// Kelvin between the entries of the tables.
 const STEP: f32 = 50.0;
 
 /// Spectral radiance of a black body (Planck), in arbitrary units, at a wavelength in nm.
 fn planck(lambda: f32, kelvin: f32) -> f64 {
-    // The second radiation constant, in nm K.
+    // The second radiation constant in nm K.
     const C2: f64 = 1.438_776_877e7;
     let lambda = f64::from(lambda);
     1e15 / (lambda.powi(5) * (C2 / (lambda * f64::from(kelvin))).exp_m1())
 }
 
-/// By temperature: the colour of luminance 1, and the luminance of [`planck`].
+/// For each temperature, the colour with luminance 1, and the luminance of [`planck`].
 static COLORS: LazyLock<Vec<(Rgb, f64)>> = LazyLock::new(|| {
     let count = ((HOTTEST - COLDEST) / STEP) as usize + 1;
     let entry = |i: usize| {
         let kelvin = COLDEST + STEP * i as f32;
-        // Relative to the middle of the visible range, so that single precision can represent the
-        // colours.
+        // Values are relative to the middle of the visible range, so that single precision can
+        // represent the colours.
         let unit = planck(600.0, kelvin);
         let color = rgb_of_light(|lambda| planck(lambda, kelvin) / unit);
         let luminance = color.luminance();
@@ -34,7 +34,7 @@ static COLORS: LazyLock<Vec<(Rgb, f64)>> = LazyLock::new(|| {
     (0..count).map(entry).collect()
 });
 
-/// The light of a black body of luminance 1; black below 500 K.
+/// The light of a black body, scaled to luminance 1; black below 500 K.
 pub fn blackbody(kelvin: f32, mode: ColorMode) -> SampledSpectrum {
     if kelvin.is_nan() || kelvin < COLDEST {
         return SampledSpectrum::ZERO;
@@ -44,21 +44,22 @@ pub fn blackbody(kelvin: f32, mode: ColorMode) -> SampledSpectrum {
     let low = (at as usize).min(COLORS.len() - 2);
     let t = at - low as f32;
     let (a, b) = (COLORS[low], COLORS[low + 1]);
-    // Luminances grow nearly exponentially.
+    // Luminances grow nearly exponentially, so their logarithms are interpolated.
     let luminance = || (a.1.ln() + f64::from(t) * (b.1 / a.1).ln()).exp();
-    // Colours outside of the gamut, as those of embers are, have a negative lane.
+    // Colours outside of the gamut, such as those of embers, have a negative lane.
     let color = (a.0 * (1.0 - t) + b.0 * t).map(|x| x.max(0.0));
     mode.lanes(color, |lambda| (planck(lambda, kelvin) / luminance()) as f32)
 }
 
-/// The luminance of a black body, in units of an equal-energy light with its maximum spectral
-/// radiance; 0 below 500 K. (Some renderers scale black bodies to a maximum of 1.)
+/// The luminance of a black body divided by its maximum spectral radiance, in units in which light
+/// of radiance 1 at all wavelengths has luminance 1; 0 below 500 K. (Some renderers scale black
+/// bodies to a maximum of 1.)
 pub fn blackbody_luminance(kelvin: f32) -> f32 {
     if kelvin.is_nan() || kelvin < COLDEST {
         return 0.0;
     }
     let kelvin = kelvin.min(HOTTEST);
-    // Wien's displacement, in nm K.
+    // Wien's displacement constant in nm K.
     let largest = planck(2_897_772.0 / kelvin, kelvin);
     luminance_of_light(|lambda| planck(lambda, kelvin) / largest) as f32
 }

@@ -1,4 +1,4 @@
-//! Clouds made of noise.
+//! The medium `cloud`, made of noise.
 
 use super::{Grid, MediumProperties, ScalarGrid};
 use crate::noise::fractal_noise;
@@ -6,12 +6,12 @@ use serde::{Deserialize, Serialize};
 use snell_math::parameters::Range;
 use snell_math::{ColorMode, DAffine3, DVec3, Rgb, Vec3};
 
-/// Maximum number of cells along each axis: 64 MiB.
+/// Maximum number of cells along each axis, at which the grid takes 64 MiB.
 const MOST_CELLS: u32 = 256;
 
 snell_math::declare! {
-    /// A cloud: an ellipsoid whose surface fractal noise has eaten into. Kept as a [`Grid`] of its
-    /// density, which is from 0 to 1.
+    /// A cloud: an ellipsoid whose surface is eroded by fractal noise. It is stored as a [`Grid`]
+    /// of its density, which is between 0 and 1.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(default)]
     pub struct Cloud {
@@ -23,28 +23,28 @@ snell_math::declare! {
         #[range(Range::AMOUNT)]
         #[unit("per scene unit")]
         pub sigma_s: Rgb,
-        /// Mean cosine of the angle by which light is deflected, in `(-1, 1)`: about 0.85 for water
+        /// Mean cosine of the angle by which light is deflected, in `(-1, 1)`; about 0.85 for water
         /// drops.
         #[range(Range::Between(-1.0, 1.0))]
         pub g: f32,
-        /// Size of the largest lumps, as a share of the cloud's; positive.
+        /// Size of the largest lumps as a fraction of the cloud's size; positive.
         #[range(Range::Positive)]
         pub lumps: f32,
         /// Erosion of the ellipsoid by noise: 0 leaves it unchanged, 1 leaves shreds.
         #[range(Range::AMOUNT)]
         pub raggedness: f32,
-        /// Chooses one of many clouds.
+        /// Seed of the noise, which chooses one of many clouds.
         pub seed: u32,
-        /// Cells along each axis, 1 to 256.
+        /// Number of cells along each axis, 1 to 256.
         #[range(Range::Positive)]
         #[unit("cells")]
         pub resolution: u32,
-        /// From the cloud's coordinates, where it fills the unit cube, to the world.
+        /// Map from the cloud's coordinates, where the cloud fills the unit cube, to the world.
         pub world_from_cloud: DAffine3,
     }
 }
 
-/// The default cloud, in the unit cube and without coefficients.
+/// The default cloud, which fills the unit cube and has no coefficients.
 impl Default for Cloud {
     fn default() -> Self {
         Self::new(DVec3::ZERO, DVec3::ONE, Rgb::BLACK, 0)
@@ -66,27 +66,27 @@ impl Cloud {
         }
     }
 
-    /// Clouds for tests and galleries.
+    /// Examples for tests and galleries.
     pub fn examples() -> Vec<Self> {
         let cloud =
             Self { resolution: 16, ..Self::new(DVec3::ZERO, DVec3::ONE, Rgb::splat(20.0), 1) };
         vec![Self { raggedness: 0.0, g: -0.3, ..cloud.clone() }, cloud]
     }
 
-    /// The density at a point of the unit cube.
+    /// The density at a point of the unit cube, between 0 and 1.
     fn density(&self, p: Vec3) -> f32 {
         let lumps = if self.lumps > 1e-3 { self.lumps } else { 1.0 };
         let octaves = 1 + (lumps * self.resolution as f32).max(1.0).log2() as u32;
         let from_center = 2.0 * p - 1.0;
         let inside = 1.0 - from_center.length();
-        // Flatter below, like real clouds.
+        // The cloud is flatter below, like real clouds.
         let base = (p.y * 6.0).clamp(0.0, 1.0);
         let noise = fractal_noise(p / lumps, octaves.min(8), self.seed);
-        // Steep, so that the edge is visible.
+        // The slope is steep, so that the edge is visible.
         (4.0 * (inside * base + self.raggedness * (noise - 0.35))).clamp(0.0, 1.0)
     }
 
-    /// The cloud as a grid.
+    /// The density of the cloud as a grid.
     pub fn grid(&self) -> Grid {
         let n = self.resolution.clamp(1, MOST_CELLS);
         let middle = |i: u32| (i as f32 + 0.5) / n as f32;
@@ -96,7 +96,7 @@ impl Cloud {
         Grid::new(self.sigma_a, self.sigma_s, self.g, density, self.world_from_cloud)
     }
 
-    /// The properties of the cloud at a point of the world, without the rounding of its grid.
+    /// The properties of the cloud at a point of the world, without the grid's interpolation.
     pub fn properties(&self, p: Vec3, mode: ColorMode) -> MediumProperties {
         let p = self.world_from_cloud.inverse().transform_point3(p.as_dvec3()).as_vec3();
         let is_inside = p.cmpge(Vec3::ZERO).all() && p.cmple(Vec3::ONE).all();

@@ -1,6 +1,6 @@
 //! Equiangular sampling of distances along a segment: equal angles, as seen from a light, are
-//! equally likely (Kulla and Fajardo, Importance Sampling Techniques for Path Tracing in
-//! Participating Media, EGSR 2012, section 4). That cancels the inverse square of the distance in
+//! equally probable (Kulla and Fajardo, Importance Sampling Techniques for Path Tracing in
+//! Participating Media, EGSR 2012, section 4). This cancels the inverse square of the distance in
 //! the light that a medium scatters.
 
 use super::Segment;
@@ -8,43 +8,44 @@ use snell_math::Vec3;
 
 /// Optical depth beyond which nothing is sampled.
 const DEEP: f64 = 30.0;
-/// Maximum optical depth between a segment and the lights that matter. For lights farther away, the
-/// medium attenuates more than distance does.
+/// Maximum optical depth between a segment and a light. For lights farther away, the medium
+/// attenuates more than distance does.
 const NEAR: f64 = 2.0;
 
-/// The position of a light whose emission a medium may scatter.
+/// A light for equiangular sampling, reduced to a sphere.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EquiangularLight {
     /// The middle of the light.
     pub center: Vec3,
-    /// Its approximate radius: closer to it, light no longer grows with the inverse square. At
-    /// least 0.
+    /// Approximate radius of the light, at least 0. Closer than that, light no longer grows with
+    /// the inverse square of the distance.
     pub radius: f32,
 }
 
-/// Distances with a density proportional to the inverse squared distance to a light.
+/// A distribution of distances with a density proportional to the inverse squared distance to a
+/// light.
 #[derive(Clone, Copy, Debug)]
 pub struct Equiangular {
-    /// Position of the foot of the perpendicular from the light.
+    /// The distance along the segment of the foot of the perpendicular from the light.
     foot: f64,
-    /// Length of the perpendicular.
+    /// Length of that perpendicular.
     height: f64,
-    /// The angle that is sampled uniformly.
+    /// The angle that is sampled uniformly, in radians.
     angle: f64,
-    /// Largest distance.
+    /// The largest distance that is sampled.
     end: f64,
 }
 
 impl Equiangular {
-    /// The distribution for a segment through a medium of this minimum extinction; `None` if there
-    /// is nothing to sample, or if the light is far.
+    /// The distribution for a segment through a medium with at least this extinction; `None` if the
+    /// segment is empty or the light is far away.
     pub fn new(segment: &Segment, light: &EquiangularLight, sigma: f64) -> Option<Self> {
         let (direction, to_light) =
             (segment.direction.as_dvec3(), (light.center - segment.origin).as_dvec3());
         let foot = to_light.dot(direction);
         let height = (to_light - direction * foot).length().hypot(light.radius.into());
         let end = f64::from(segment.length).min(DEEP / sigma);
-        // The difference of two arc tangents, also if they are nearly equal.
+        // The difference of two arc tangents, precise even if they are nearly equal.
         let angle = (height * end).atan2(height * height - foot * (end - foot));
         let nearest = height.hypot(foot - foot.clamp(0.0, end));
         let is_sound =
@@ -53,11 +54,11 @@ impl Equiangular {
             .then_some(Self { foot, height, angle, end })
     }
 
-    /// The distance for a uniform number in `[0, 1)`.
+    /// The distance for a uniform number `u` in `[0, 1)`.
     pub fn sample(&self, u: f64) -> f64 {
         let Self { foot, height, angle, end } = *self;
         let (sin, cos) = (u * angle).sin_cos();
-        // The difference of the tangents of the two angles, times the height.
+        // The difference of the tangents of two angles, times the height.
         let distance = (height * height + foot * foot) * sin / (height * cos + foot * sin);
         if distance >= 0.0 { distance.min(end) } else { end }
     }
@@ -85,7 +86,7 @@ mod tests {
                     EquiangularLight { center: Vec3::new(across, 0.0, along), radius: 0.0 };
                 let spread =
                     Equiangular::new(&segment, &equiangular_light, 0.3).expect("there is an angle");
-                // The integral of the density up to a sampled distance is the uniform number.
+                // The integral of the density up to a sampled distance must be the uniform number.
                 let mut sum = 0.0;
                 let mut before = 0.0;
                 for i in 1..=2000 {

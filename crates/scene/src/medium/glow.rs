@@ -1,4 +1,5 @@
-//! The emission of a grid medium as a light: samples points in proportion to what they emit.
+//! The emission of a grid medium as a light, whose points are sampled in proportion to what they
+//! emit.
 
 use super::tracking::TrackedGrid;
 use snell_math::distribution::Distribution2D;
@@ -6,7 +7,7 @@ use snell_math::{Bounds3d, ColorMode, DAffine3, SampledSpectrum, Vec2, Vec3, rng
 
 /// Maximum number of cells of the table along each axis.
 const MOST_CELLS: usize = 32;
-/// Points along each axis of a cell at which the emission is looked up.
+/// Number of points along each axis of a cell at which the emission is looked up.
 const POINTS: usize = 3;
 
 /// A table of the emission of a grid medium.
@@ -15,19 +16,19 @@ pub struct Glow {
     grid: TrackedGrid,
     grid_from_world: DAffine3,
     size: [usize; 3],
-    /// Rows by z, columns by x and y.
+    /// The distribution of points: rows of the table by z, columns by x and y.
     table: Distribution2D,
-    /// Volume of the whole grid in the world.
+    /// Volume of the whole grid in the world, in cubic scene units.
     volume: f64,
-    /// Luminance of everything emitted in one direction, W / sr.
+    /// Luminance of all light that is emitted in one direction, W / sr.
     intensity: f64,
-    /// A typical length of a ray in the emissive part.
+    /// A typical length of a ray in the emissive part, in scene units.
     chord: f32,
     bounds: Bounds3d,
 }
 
 impl Glow {
-    /// `None` if nothing emits.
+    /// Builds the table; `None` if nothing emits.
     pub(super) fn new(grid: &TrackedGrid) -> Option<Self> {
         let grid_from_world = *grid.grid_from_world()?;
         if !grid.emits() {
@@ -63,7 +64,7 @@ impl Glow {
             mean > 0.0 && mean.is_finite() && volume > 0.0 && volume.is_finite() && lit.is_finite();
         let extent = lit.max - lit.min;
         let surface = 2.0 * (extent.x * extent.y + extent.y * extent.z + extent.z * extent.x);
-        // The mean chord of a convex body is four volumes over its surface.
+        // The mean chord of a convex body is four times its volume divided by its surface.
         let chord = (4.0 * extent.x * extent.y * extent.z / surface) as f32;
         (usable && chord > 0.0).then(|| Self {
             grid: grid.clone(),
@@ -77,30 +78,31 @@ impl Glow {
         })
     }
 
-    /// Bounds of the emissive part, in the world.
+    /// Bounds of the emissive part in the world.
     pub fn bounds(&self) -> Bounds3d {
         self.bounds
     }
 
-    /// Luminance of everything emitted in one direction without absorption, W / sr.
+    /// Luminance of all light that is emitted in one direction, without absorption, W / sr.
     pub fn intensity(&self) -> f64 {
         self.intensity
     }
 
-    /// A typical length of a ray in the emissive part, in scene units: it relates a density of
-    /// points to one of directions.
+    /// A typical length of a ray in the emissive part, in scene units. It relates a density of
+    /// points to a density of directions.
     pub fn chord(&self) -> f32 {
         self.chord
     }
 
-    /// A point of the world, sampled in proportion to the emission there, and its density per unit
-    /// of volume.
+    /// Samples a point of the world in proportion to the emission there. Returns the point and its
+    /// density per unit of volume.
     pub fn sample(&self, u: Vec2) -> (Vec3, f32) {
         let (p, pdf) = self.table.sample(u);
         let across = p.x * (self.size[0] * self.size[1]) as f32;
         let cell = (across as usize).min(self.size[0] * self.size[1] - 1);
         let (x, y) = (cell % self.size[0], cell / self.size[0]);
-        // Two numbers have chosen the cell and two of three coordinates.
+        // The two numbers have chosen the cell and two of three coordinates, so the third
+        // coordinate needs another number.
         let third = rng::uniform2([u.x.to_bits(), u.y.to_bits(), 71, 3]).x;
         let inside = (across - cell as f32).clamp(0.0, rng::ONE_MINUS_EPSILON);
         let local = Vec3::new(
@@ -112,7 +114,7 @@ impl Glow {
         (world, (f64::from(pdf) / self.volume) as f32)
     }
 
-    /// Density per unit of volume with which [`Self::sample`] chooses a point of the world.
+    /// Density per unit of volume with which [`Self::sample`] samples a point of the world.
     pub fn pdf(&self, p: Vec3) -> f32 {
         let local = self.grid_from_world.transform_point3(p.as_dvec3()).as_vec3();
         if !(local.cmpge(Vec3::ZERO).all() && local.cmplt(Vec3::ONE).all()) {
@@ -126,14 +128,14 @@ impl Glow {
         (f64::from(self.table.pdf(at)) / self.volume) as f32
     }
 
-    /// Radiance emitted per unit of length at a point of the world.
+    /// Radiance emitted per scene unit of length at a point of the world.
     pub fn emission(&self, p: Vec3, mode: ColorMode) -> SampledSpectrum {
         let local = self.grid_from_world.transform_point3(p.as_dvec3()).as_vec3();
         self.grid.emission(local, mode)
     }
 }
 
-/// Mean luminance emitted in a cell of the table.
+/// Mean luminance of the emission in a cell of the table.
 fn mean_in_cell(grid: &TrackedGrid, size: [usize; 3], cell: [usize; 3]) -> f32 {
     let mut sum = 0.0;
     for k in 0..POINTS * POINTS * POINTS {
@@ -191,7 +193,8 @@ mod tests {
         assert!(volume / f64::from(n) <= glow.volume * 1.05);
     }
 
-    /// Chi-squared test over blocks of the grid against the density integrated over each.
+    /// Chi-squared test over blocks of the grid, against the integral of the density over each
+    /// block.
     #[test]
     fn points_are_distributed_by_their_density() {
         use snell_math::statistics::{chi_squared_deviation, sidak_deviation};
@@ -204,7 +207,7 @@ mod tests {
         };
         let (mut expected, mut found) =
             (vec![0.0; columns * rows * layers], vec![0u32; columns * rows * layers]);
-        // A number of points that divides evenly into blocks, and into cells of the table.
+        // This number of points divides evenly into blocks, and into cells of the table.
         let side = 84;
         let world_from_grid = glow.grid_from_world.inverse();
         let at = |i: usize| (i as f64 + 0.5) / side as f64;

@@ -8,14 +8,14 @@ use snell_math::{ColorMode, DAffine3, Rgb, SampledSpectrum, Vec3};
 use std::ops::{Add, Mul, Sub};
 use std::sync::Arc;
 
-/// The type of a cell's value.
+/// A type that the value of a cell can have.
 pub trait CellValue:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<f32, Output = Self>
 {
     /// The value outside of the grid.
     const NOTHING: Self;
 
-    /// The value with negative and non-finite components replaced.
+    /// The value with invalid components (negative or not finite) replaced by 0.
     fn sane(self) -> Self;
 }
 
@@ -35,7 +35,8 @@ impl CellValue for Rgb {
     }
 }
 
-/// Numbers or colours on a regular grid over the unit cube, each at the centre of its cell.
+/// Numbers or colours on a regular grid over the unit cube. Each value belongs to the centre of its
+/// cell.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CellGrid<T> {
     size: [usize; 3],
@@ -49,9 +50,9 @@ pub type ScalarGrid = CellGrid<f32>;
 pub type ColorGrid = CellGrid<Rgb>;
 
 impl<T: CellValue> CellGrid<T> {
-    /// A grid of `size` cells along x, y and z; `values` in the order of x first, then y, then z.
-    /// `None` if their number is not the product of the sizes. Values that are negative or not
-    /// finite count as 0.
+    /// A grid of `size` cells along x, y and z. `values` are ordered by z, then by y, then by x, so
+    /// that x changes fastest. `None` if their number is not the product of the sizes. Values that
+    /// are negative or not finite count as 0.
     pub fn new(size: [usize; 3], mut values: Vec<T>) -> Option<Self> {
         let cells = size[0].checked_mul(size[1])?.checked_mul(size[2])?;
         if cells != values.len() {
@@ -61,12 +62,12 @@ impl<T: CellValue> CellGrid<T> {
         Some(Self { size, values })
     }
 
-    /// Cells along x, y and z.
+    /// The number of cells along x, y and z.
     pub fn size(&self) -> [usize; 3] {
         self.size
     }
 
-    /// All values, x first.
+    /// All values, in the order of [`Self::new`].
     pub fn values(&self) -> &[T] {
         &self.values
     }
@@ -81,26 +82,26 @@ impl<T: CellValue> CellGrid<T> {
 impl<T> Value for CellGrid<T> {
     const KIND: Kind = Kind::Cells;
 
-    /// Its values are checked where it is made.
+    /// The values were checked when the grid was made.
     fn visit(&self, _: &mut Visitor<'_>) {}
 }
 
 impl ColorGrid {
-    /// The largest value.
+    /// The largest value of any channel.
     pub fn max(&self) -> f32 {
         self.values.iter().map(|c| c.r.max(c.g).max(c.b)).fold(0.0, f32::max)
     }
 }
 
-/// The eight cells around a point of the unit cube, and the position between them.
+/// The eight cells around a point of the unit cube, and the position of the point between them.
 struct Corners {
-    /// Offsets of the two cells along each axis.
+    /// Offsets, in the list of values, of the two cells along each axis.
     steps: [[usize; 2]; 3],
     f: [f32; 3],
 }
 
 impl Corners {
-    /// `None` outside of the cube, or if there are no cells.
+    /// The cells around `p`; `None` outside of the cube, or if there are no cells.
     #[inline(always)]
     fn of(size: [usize; 3], p: Vec3) -> Option<Self> {
         if size.contains(&0) || !(p.cmpge(Vec3::ZERO).all() && p.cmple(Vec3::ONE).all()) {
@@ -111,11 +112,11 @@ impl Corners {
         for axis in 0..3 {
             let n = size[axis];
             let scaled = p[axis] * n as f32 - 0.5;
-            // Rounded down: it is above -1.
+            // The number is above -1, so this rounds it down.
             let truncated = scaled as i64;
             let low = truncated - i64::from(scaled < truncated as f32);
             f[axis] = scaled - low as f32;
-            // Values beyond the outermost centres are those at the centres.
+            // Beyond the outermost centres, values are those at the centres.
             let cell = |i: i64| i.clamp(0, n as i64 - 1) as usize * stride;
             steps[axis] = [cell(low), cell(low + 1)];
             stride *= n;
@@ -139,11 +140,12 @@ fn lerp<T: CellValue>(a: T, b: T, t: f32) -> T {
 }
 
 snell_math::declare! {
-    /// A medium on a grid: coefficients times a density, and nothing outside of the grid's box.
+    /// A medium on a grid: coefficients multiplied by a density. Outside of the grid's box there is
+    /// no medium.
     ///
-    /// Where its colour differs from place to place, each coefficient may have a factor of its own
-    /// for each colour and place: `sigma_a_tint`, `sigma_s_tint` and `emission_tint`, which are 1
-    /// where there are none.
+    /// Where its colour varies, each coefficient may have a factor of its own for each colour and
+    /// place: `sigma_a_tint`, `sigma_s_tint` and `emission_tint`, which are 1 if they are not
+    /// given.
     #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
     #[serde(default)]
     pub struct Grid {
@@ -158,36 +160,36 @@ snell_math::declare! {
         /// Mean cosine of the angle by which light is deflected, in `(-1, 1)`.
         #[range(Range::Between(-1.0, 1.0))]
         pub g: f32,
-        /// Factor on both coefficients.
+        /// Density at each place, a factor on both coefficients.
         #[serde(skip)]
         pub density: Arc<ScalarGrid>,
         /// Radiance emitted per scene unit of length, W / (m^2 sr), where `emission_scale` is 1.
         #[range(LIGHT)]
         #[unit("W / (m^2 sr) per scene unit")]
         pub emission: Rgb,
-        /// Factor on the emission; `None` for the density.
+        /// Factor on the emission at each place; `None` for the density.
         #[serde(skip)]
         pub emission_scale: Option<Arc<ScalarGrid>>,
-        /// Temperature in kelvin: emitted light is that of a black body of luminance 1, times
-        /// `emission` and its scale. `None` for the colour of `emission` alone.
+        /// Temperature in kelvin. The emitted light is that of a black body of luminance 1,
+        /// multiplied by `emission` and its scale. `None` for the colour of `emission` alone.
         #[serde(skip)]
         pub temperature: Option<Arc<ScalarGrid>>,
-        /// Factor on `sigma_a`, besides the density.
+        /// Factor on `sigma_a` at each place, besides the density.
         #[serde(skip)]
         pub sigma_a_tint: Option<Arc<ColorGrid>>,
-        /// Factor on `sigma_s`, besides the density.
+        /// Factor on `sigma_s` at each place, besides the density.
         #[serde(skip)]
         pub sigma_s_tint: Option<Arc<ColorGrid>>,
-        /// Factor on `emission`, besides its scale.
+        /// Factor on `emission` at each place, besides its scale.
         #[serde(skip)]
         pub emission_tint: Option<Arc<ColorGrid>>,
-        /// From the unit cube of the grids to the world.
+        /// Map from the unit cube of the grids to the world.
         pub world_from_grid: DAffine3,
     }
 }
 
 impl Grid {
-    /// A medium that does not emit.
+    /// A grid medium that does not emit.
     pub fn new(
         sigma_a: Rgb,
         sigma_s: Rgb,
@@ -210,7 +212,7 @@ impl Grid {
         }
     }
 
-    /// Grid media for tests and galleries.
+    /// Examples for tests and galleries.
     pub fn examples() -> Vec<Self> {
         let ball = |n: usize| {
             let value = |i: usize| {
@@ -244,7 +246,7 @@ impl Grid {
         ]
     }
 
-    /// Cells along x, y and z: along each axis, the maximum of its grids.
+    /// The number of cells along x, y and z: along each axis, the largest of all grids.
     pub fn size(&self) -> [usize; 3] {
         let tints =
             [&self.sigma_a_tint, &self.sigma_s_tint, &self.emission_tint].into_iter().flatten();
@@ -267,15 +269,15 @@ impl Grid {
         }
     }
 
-    /// True if its absorption and scattering vary in colour.
+    /// True if absorption or scattering varies in colour.
     pub(super) fn is_tinted(&self) -> bool {
         self.sigma_a_tint.is_some() || self.sigma_s_tint.is_some()
     }
 
-    /// Coefficients of absorption and scattering at a point of the unit cube, for a density of 1.
+    /// Absorption and scattering coefficients at a point of the unit cube, for a density of 1.
     pub(super) fn tinted(&self, p: Vec3) -> [Rgb; 2] {
         match (&self.sigma_a_tint, &self.sigma_s_tint) {
-            // One lookup of the cells serves both.
+            // One look-up of the cells serves both tints.
             (Some(a), Some(s)) if a.size == s.size => match Corners::of(a.size, p) {
                 Some(at) => [
                     self.sigma_a * at.interpolate(&a.values),
@@ -293,7 +295,7 @@ impl Grid {
         }
     }
 
-    /// Radiance emitted per unit of length at a point of the unit cube with this density.
+    /// Radiance emitted per scene unit of length, at a point of the unit cube with this density.
     pub(super) fn emitted(&self, p: Vec3, density: f32, mode: ColorMode) -> SampledSpectrum {
         let scale = self.emission_scale.as_ref().map_or(density, |scale| scale.lookup(p));
         let emission = self

@@ -1,4 +1,4 @@
-//! Fog that thins out with height.
+//! The medium `height-fog`, whose density falls with height.
 
 use super::analytic::Profile;
 use super::{MediumProperties, Segment};
@@ -6,12 +6,12 @@ use serde::{Deserialize, Serialize};
 use snell_math::parameters::Range;
 use snell_math::{ColorMode, DVec3, Rgb, Vec3};
 
-/// Limit on the exponent of the density: beyond it, fog is opaque or absent.
+/// Limit of the exponent of the density. Beyond it, fog is opaque or absent.
 const MAX_EXPONENT: f64 = 60.0;
 
 snell_math::declare! {
-    /// Fog, haze, or air whose density falls exponentially with height: `exp(-height /
-    /// scale_height)`.
+    /// Fog, haze, or air whose density falls exponentially with height:
+    /// `exp(-height / scale_height)`.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     pub struct HeightFog {
         /// Absorption coefficient per scene unit of length at height 0.
@@ -25,13 +25,13 @@ snell_math::declare! {
         /// Mean cosine of the angle by which light is deflected, in `(-1, 1)`.
         #[range(Range::Between(-1.0, 1.0))]
         pub g: f32,
-        /// A point of height 0.
+        /// A point at height 0.
         #[unit("scene units")]
         pub base: DVec3,
-        /// The up direction; any length.
+        /// The up direction, which may have any length.
         #[range(Range::Direction)]
         pub up: DVec3,
-        /// The height at which the density has fallen to 1 / e, in scene units; positive, otherwise
+        /// The height at which the density has fallen to 1 / e, in scene units. Positive, otherwise
         /// the density is 1 everywhere.
         #[unit("scene units")]
         pub scale_height: f64,
@@ -39,7 +39,7 @@ snell_math::declare! {
 }
 
 impl HeightFog {
-    /// Fogs for tests and galleries.
+    /// Examples for tests and galleries.
     pub fn examples() -> Vec<Self> {
         let fog = Self {
             sigma_a: Rgb::splat(0.02),
@@ -56,7 +56,7 @@ impl HeightFog {
         ]
     }
 
-    /// Upwards, in units of the scale height.
+    /// The up direction, divided by the scale height.
     fn gradient(&self) -> DVec3 {
         let gradient = self.up.normalize_or_zero() / self.scale_height;
         if self.scale_height > 0.0 && gradient.is_finite() { gradient } else { DVec3::ZERO }
@@ -72,7 +72,7 @@ impl HeightFog {
         MediumProperties::from_colors(self.sigma_a, self.sigma_s, Rgb::BLACK, self.g, mode)
     }
 
-    /// Density along a segment.
+    /// The density along a segment.
     pub(super) fn profile(&self, segment: &Segment) -> Profile {
         Profile {
             density: self.density(segment.origin),

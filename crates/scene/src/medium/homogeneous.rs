@@ -1,4 +1,4 @@
-//! Homogeneous media.
+//! The medium `homogeneous`.
 
 use super::MediumProperties;
 use crate::ranges::LIGHT;
@@ -19,13 +19,13 @@ snell_math::declare! {
         #[range(Range::AMOUNT)]
         #[unit("per scene unit")]
         pub sigma_s: Rgb,
-        /// Radiance emitted per scene unit of length, W / (m^2 sr), whatever is absorbed.
-        /// (Elsewhere often `sigma_a` times a radiance.)
+        /// Radiance emitted per scene unit of length, W / (m^2 sr). It does not depend on
+        /// `sigma_a`, by which other programs often multiply it.
         #[range(LIGHT)]
         #[unit("W / (m^2 sr) per scene unit")]
         pub emission: Rgb,
         /// Mean cosine of the angle by which light is deflected, in `(-1, 1)`: 0 is isotropic,
-        /// towards 1 forwards.
+        /// towards 1 light continues forwards.
         #[range(Range::Between(-1.0, 1.0))]
         pub g: f32,
     }
@@ -37,13 +37,13 @@ impl Homogeneous {
         Self { sigma_a, sigma_s: Rgb::BLACK, emission: Rgb::BLACK, g: 0.0 }
     }
 
-    /// A medium of extinction `sigma_t` and single-scattering albedo `albedo`, in `[0, 1]`.
+    /// A medium with extinction `sigma_t` and single-scattering albedo `albedo`, in `[0, 1]`.
     pub fn scattering(sigma_t: Rgb, albedo: Rgb, g: f32) -> Self {
         let sigma_s = sigma_t * albedo;
         Self { sigma_a: sigma_t - sigma_s, sigma_s, emission: Rgb::BLACK, g }
     }
 
-    /// Homogeneous media for tests and galleries.
+    /// Examples for tests and galleries.
     pub fn examples() -> Vec<Self> {
         vec![
             Self::absorbing(Rgb::new(0.1, 0.5, 2.0)),
@@ -57,7 +57,7 @@ impl Homogeneous {
         ]
     }
 
-    /// The properties of the medium, the same at all points.
+    /// The properties of the medium, which are the same at all points.
     pub fn properties(&self, _: Vec3, mode: ColorMode) -> MediumProperties {
         self.at_all(mode)
     }

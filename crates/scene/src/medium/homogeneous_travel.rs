@@ -1,25 +1,25 @@
-//! Travel through homogeneous media that do not emit, in linear RGB: as
-//! [`super::MediumProperties::travel`], bit for bit, but without branches, so that loops over it
-//! are vectorised.
+//! Travel through homogeneous media that do not emit, in linear RGB. The results have the same bits
+//! as those of [`super::MediumProperties::travel`], but the code has no branches, so that loops
+//! over it are vectorised.
 
 use super::analytic::transmittance_of;
 use snell_math::Vec2;
 use snell_math::exponentials::ln;
 use snell_math::simd::min;
 
-/// The result of travelling along a segment.
+/// What happened to a path along a segment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HomogeneousTravel {
-    /// As [`super::Travel::throughput`].
+    /// See [`super::Travel::throughput`].
     pub throughput: [f32; 3],
-    /// The distance of the scattering; undefined if there was none.
+    /// The distance at which the path was scattered; undefined if it was not.
     pub distance: f32,
-    /// True if the path was scattered before the end.
+    /// True if the path was scattered before the end of the segment.
     pub is_scattered: bool,
 }
 
-/// Sends a path through a length of a medium with this extinction and scattering. `u` as in
-/// [`super::MediumProperties::travel`].
+/// Moves a path along a segment of this length, through a medium with this extinction and
+/// scattering. `u` is that of [`super::MediumProperties::travel`].
 #[inline(always)]
 pub fn travel_homogeneous(
     sigma_t: [f32; 3],
@@ -29,7 +29,7 @@ pub fn travel_homogeneous(
     u: Vec2,
 ) -> HomogeneousTravel {
     let sum = throughput[0] + throughput[1] + throughput[2];
-    // The channel, chosen in proportion to the throughput.
+    // The channel is chosen in proportion to the throughput.
     let (mut rest, mut sigma, mut is_chosen) = (u.y * sum, sigma_t[0], false);
     for channel in 0..3 {
         let share = throughput[channel];
@@ -61,7 +61,7 @@ pub fn travel_homogeneous(
     HomogeneousTravel { throughput: left, distance: min(column as f32, length), is_scattered }
 }
 
-/// The remaining value of a light ray after a length of a medium with this extinction.
+/// The value of a light ray after a segment of this length through a medium with this extinction.
 #[inline(always)]
 pub fn attenuate_homogeneous(sigma_t: [f32; 3], length: f32, value: [f32; 3]) -> [f32; 3] {
     let mut left = [0.0; 3];

@@ -1,42 +1,43 @@
-//! Upper bounds (majorants) of a density, and the traversal of a ray through them.
+//! Upper bounds (majorants) of a density, and the walk of a ray through them.
 
 use super::ScalarGrid;
 use snell_math::Vec3;
 
-/// Cells of the density grid per cell of the bounds, along each axis.
+/// Number of cells of the density grid per cell of the bounds, along each axis.
 const CELLS_PER_BOUND: usize = 4;
 
-/// Upper bounds of a grid's interpolated values, on a coarser grid over the same unit cube.
+/// Upper bounds of the interpolated values of a grid, on a coarser grid over the same unit cube.
 #[derive(Clone, Debug)]
 pub struct MajorantGrid {
     size: [usize; 3],
     bounds: Vec<f32>,
 }
 
-/// A part of a ray with one upper bound, in units of its direction.
+/// A part of a ray in one cell of the bounds. Positions are in units of the ray's direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BoundedPart {
     pub start: f32,
     pub end: f32,
-    /// The cell of the bounds.
+    /// The number of the cell of the bounds.
     pub cell: usize,
 }
 
 impl MajorantGrid {
-    /// Bounds of a grid on `size` cells; [`Self::size_for`] gives a suitable size.
+    /// The bounds of a grid, on `size` cells. [`Self::size_for`] gives a suitable size.
     pub fn new(grid: &ScalarGrid, size: [usize; 3]) -> Self {
         Self::of(grid.size(), grid.values().iter().copied(), size)
     }
 
-    /// Bounds of a function of the cells of a grid with this many cells, x first.
+    /// The bounds of values in the cells of a grid, which has this many cells along each axis; x
+    /// changes fastest.
     pub fn of(
         [nx, ny, nz]: [usize; 3],
         mut values: impl Iterator<Item = f32>,
         size: [usize; 3],
     ) -> Self {
         let mut bounds = vec![0.0f32; size.iter().product()];
-        // For each cell, the bounds that it affects: one more cell on each side than interpolation
-        // needs, because of rounding.
+        // For each cell, the bounds that it affects. They extend one cell farther on each side than
+        // interpolation needs, because of rounding.
         let reach = |i: usize, n: usize, m: usize| {
             let first = i.saturating_sub(2) * m / n;
             first..=((i + 3) * m).div_ceil(n).min(m) - 1
@@ -62,17 +63,17 @@ impl MajorantGrid {
         Self { size, bounds }
     }
 
-    /// Bounds on `size` cells, each computed from its index.
+    /// Bounds on `size` cells, each computed from the cell's number.
     pub fn made(size: [usize; 3], bound: impl Fn(usize) -> f32) -> Self {
         Self { size, bounds: (0..size.iter().product()).map(bound).collect() }
     }
 
-    /// A suitable size for the bounds of a grid with this many cells.
+    /// A suitable size for the bounds of a grid with this many cells along each axis.
     pub fn size_for(cells: [usize; 3]) -> [usize; 3] {
         cells.map(|n| n.div_ceil(CELLS_PER_BOUND).max(1))
     }
 
-    /// Cells along each axis.
+    /// The number of cells of the bounds along each axis.
     pub fn size(&self) -> [usize; 3] {
         self.size
     }
@@ -82,9 +83,9 @@ impl MajorantGrid {
         self.bounds[cell]
     }
 
-    /// Visits the parts of a ray in the unit cube, in order; `visit` returns false to stop. A
-    /// three-dimensional DDA (Amanatides and Woo, A Fast Voxel Traversal Algorithm for Ray Tracing,
-    /// Eurographics 1987).
+    /// Visits the parts of a ray in the unit cube, in order, by a three-dimensional DDA (Amanatides
+    /// and Woo, A Fast Voxel Traversal Algorithm for Ray Tracing, Eurographics 1987). `visit`
+    /// returns false to stop.
     pub fn walk(
         &self,
         origin: Vec3,
@@ -107,7 +108,7 @@ impl MajorantGrid {
                 delta[axis] = 1.0 / (size[axis] * d.abs());
             }
         }
-        // Each step crosses one plane, and never crosses it again.
+        // Each step crosses one plane between cells, and no plane is crossed twice.
         for _ in 0..self.size.iter().sum::<usize>() + 3 {
             let axis = if next[0] <= next[1] && next[0] <= next[2] {
                 0
@@ -135,7 +136,8 @@ impl MajorantGrid {
     }
 }
 
-/// The part of `[0, length]` of a ray that is in the unit cube.
+/// The start and end of the part of `[0, length]` along a ray that is in the unit cube; `None` if
+/// the ray misses the cube.
 fn unit_cube(origin: Vec3, direction: Vec3, length: f32) -> Option<(f32, f32)> {
     let (mut start, mut end) = (0.0f32, length);
     for axis in 0..3 {

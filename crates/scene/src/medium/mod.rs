@@ -34,7 +34,7 @@ pub use tracking::TrackedGrid;
 
 use snell_math::{ColorMode, Rgb, SampledSpectrum, Vec3};
 
-/// Maximum coefficient per scene unit: anything above is effectively opaque.
+/// Maximum coefficient per scene unit. A medium with a larger one is effectively opaque.
 const MAX_COEFFICIENT: f32 = 1e9;
 
 /// The properties of a medium at one point.
@@ -51,7 +51,7 @@ pub struct MediumProperties {
 }
 
 impl MediumProperties {
-    /// Extinction: absorption and scattering together.
+    /// Extinction, the sum of absorption and scattering.
     pub fn sigma_t(&self) -> SampledSpectrum {
         self.sigma_a + self.sigma_s
     }
@@ -70,7 +70,7 @@ impl MediumProperties {
 /// The lanes of a coefficient, which may exceed 1.
 fn coefficient(color: Rgb, mode: ColorMode) -> SampledSpectrum {
     let color = color.map(sane);
-    // Reflectances are at most 1; twice the maximum leaves room for their spectra.
+    // Reflectances are at most 1. Twice the maximum leaves room for their spectra.
     let scale = 2.0 * color.r.max(color.g).max(color.b);
     if scale > 0.0 {
         mode.reflectance(color * (1.0 / scale)) * scale
@@ -79,13 +79,14 @@ fn coefficient(color: Rgb, mode: ColorMode) -> SampledSpectrum {
     }
 }
 
-/// A valid coefficient: negative numbers and NaN become 0, and the maximum is [`MAX_COEFFICIENT`].
+/// A valid coefficient: negative numbers and NaN become 0, and larger ones are clamped to
+/// [`MAX_COEFFICIENT`].
 fn sane(x: f32) -> f32 {
     if x > 0.0 { x.min(MAX_COEFFICIENT) } else { 0.0 }
 }
 
 impl Medium {
-    /// Copies the grids of another medium, because a textual description has none.
+    /// Copies the grids of another medium, since a textual description has none.
     pub fn keep_grids_of(&mut self, other: &Self) {
         if let (Self::Grid(grid), Self::Grid(other)) = (self, other) {
             grid.density = other.density.clone();

@@ -1,23 +1,23 @@
-//! Phase functions: the directional distribution of scattered light.
+//! Phase functions, the directional distributions of scattered light.
 
 use serde::{Deserialize, Serialize};
 use snell_math::simd::{max, min};
 use snell_math::{Frame, Vec2, Vec3, angles};
 use std::f64::consts::PI;
 
-/// Maximum magnitude of the asymmetry: beyond it, light is hardly deflected at all.
+/// Maximum magnitude of the asymmetry. Beyond it, light is hardly deflected at all.
 const MAX_ASYMMETRY: f32 = 0.999;
 
 /// The phase function of Henyey and Greenstein (Diffuse Radiation in the Galaxy, 1941). Samples
-/// follow it exactly: its value is their density.
+/// follow it exactly, so its value is also their density.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct HenyeyGreenstein {
     g: f32,
 }
 
 impl HenyeyGreenstein {
-    /// The phase function with mean cosine `g` of the scattering angle, limited to 0.999 in
-    /// magnitude; NaN counts as 0.
+    /// The phase function with mean cosine `g` of the scattering angle, which is limited to 0.999
+    /// in magnitude; NaN counts as 0.
     pub fn new(g: f32) -> Self {
         Self { g: if g.is_nan() { 0.0 } else { g.clamp(-MAX_ASYMMETRY, MAX_ASYMMETRY) } }
     }
@@ -27,9 +27,9 @@ impl HenyeyGreenstein {
         self.g
     }
 
-    /// The share of light per steradian that is scattered from `forward` (the direction of travel)
-    /// to `wi`, both unit vectors. Its integral over all `wi` is 1. It is symmetric, so either of
-    /// them may be the light's direction.
+    /// The fraction of light per steradian that is scattered from `forward` (the direction of
+    /// travel) to `wi`, both unit vectors. Its integral over all `wi` is 1. It is symmetric, so
+    /// either vector may be the light's direction.
     #[inline(always)]
     pub fn pdf(&self, forward: Vec3, wi: Vec3) -> f32 {
         let g = f64::from(self.g);
@@ -38,13 +38,13 @@ impl HenyeyGreenstein {
         ((1.0 - g * g) / (4.0 * PI * denominator * denominator.sqrt())) as f32
     }
 
-    /// Samples a direction, with its density per steradian, for `u` in `[0, 1)^2`. It has no
-    /// branches, so that loops over it are vectorised.
+    /// Samples a direction for `u` in `[0, 1)^2`. Returns the unit direction and its density per
+    /// steradian. It has no branches, so that loops over it are vectorised.
     #[inline(always)]
     pub fn sample(&self, forward: Vec3, u: Vec2) -> (Vec3, f32) {
         let g = f64::from(self.g);
         let x = f64::from(u.x);
-        // In double precision: the inversion has cancellation for small `g`.
+        // The inversion is in double precision, because it has cancellation for small `g`.
         let root = (1.0 - g * g) / (1.0 + g - 2.0 * g * x);
         let deflected = min(max((1.0 + g * g - root * root) / (2.0 * g), -1.0), 1.0);
         let cos = if g.abs() < 1e-4 { 1.0 - 2.0 * x } else { deflected };
@@ -73,7 +73,8 @@ mod tests {
 
     const ASYMMETRIES: [f32; 9] = [-0.99, -0.7, -0.3, -1e-5, 0.0, 1e-3, 0.5, 0.9, 0.99];
 
-    /// The share of light scattered by an angle whose cosine is at most `cos`, in closed form.
+    /// The fraction of light that is scattered by an angle whose cosine is at most `cos`, in closed
+    /// form.
     fn cumulative(g: f64, cos: f64) -> f64 {
         if g.abs() < 1e-4 {
             return 0.5 * (1.0 + cos);
@@ -88,7 +89,8 @@ mod tests {
         let frame = Frame::from_z(forward);
         for (key, g) in ASYMMETRIES.into_iter().enumerate() {
             let phase = HenyeyGreenstein::new(g);
-            // Rows with equal shares, so that no cell is empty.
+            // Rows are chosen so that each receives the same fraction of the light, and no cell is
+            // empty.
             let mut counts = vec![0u32; rows * columns];
             for i in 0..n {
                 let (wi, pdf) = phase.sample(forward, rng::uniform2([i, key as u32, 3, 1]));

@@ -1,4 +1,4 @@
-//! Media with precomputed tables for travel.
+//! Media with precomputed tables for travel through them.
 
 use super::analytic::{self, Profile};
 use super::tracking::TrackedGrid;
@@ -10,16 +10,16 @@ use snell_math::{ColorMode, SampledSpectrum, Vec2};
 /// A medium with precomputed tables.
 #[derive(Clone, Debug)]
 pub enum PreparedMedium {
-    /// Travel in closed form; the properties are those in [`ColorMode::Rgb`].
+    /// A homogeneous medium, with closed forms; the properties are those in [`ColorMode::Rgb`].
     Homogeneous(Homogeneous, MediumProperties),
-    /// Travel in closed form.
+    /// Fog with closed forms.
     HeightFog(HeightFog),
-    /// Travel by collisions with a grid.
+    /// A grid medium, in which collisions are sampled.
     Tracked(Box<TrackedGrid>),
 }
 
 impl PreparedMedium {
-    /// Computes the tables.
+    /// Computes the tables of a medium.
     pub fn new(medium: &Medium) -> Self {
         match medium {
             Medium::Homogeneous(medium) => {
@@ -31,12 +31,12 @@ impl PreparedMedium {
         }
     }
 
-    /// True if the attenuation of light rays is known in closed form.
+    /// True if the attenuation of light rays has a closed form.
     pub fn is_in_closed_form(&self) -> bool {
         !matches!(self, Self::Tracked(_))
     }
 
-    /// The properties if they are the same everywhere; otherwise `None`.
+    /// The properties of the medium if they are the same everywhere; otherwise `None`.
     pub fn everywhere(&self, mode: ColorMode) -> Option<MediumProperties> {
         match self {
             Self::Homogeneous(_, rgb) if mode == ColorMode::Rgb => Some(*rgb),
@@ -45,7 +45,7 @@ impl PreparedMedium {
         }
     }
 
-    /// Like [`Self::everywhere`] in [`ColorMode::Rgb`].
+    /// [`Self::everywhere`] for [`ColorMode::Rgb`].
     pub fn everywhere_in_rgb(&self) -> Option<&MediumProperties> {
         match self {
             Self::Homogeneous(_, rgb) => Some(rgb),
@@ -53,8 +53,8 @@ impl PreparedMedium {
         }
     }
 
-    /// Sends a path along a segment: it is scattered on the way, or reaches the end. `numbers`
-    /// returns pairs of independent uniform numbers in `[0, 1)`.
+    /// Moves a path along a segment, on which it is scattered or reaches the end. `numbers` returns
+    /// pairs of independent uniform numbers in `[0, 1)`.
     pub fn travel(
         &self,
         segment: &Segment,
@@ -65,7 +65,7 @@ impl PreparedMedium {
         self.travel_weighted(segment, throughput, mode, |_| 1.0, numbers)
     }
 
-    /// Its emission, if that can be sampled as a light.
+    /// The emission of the medium, if it can be sampled as a light.
     pub fn glow(&self) -> Option<Glow> {
         match self {
             Self::Homogeneous(..) | Self::HeightFog(_) => None,
@@ -73,8 +73,8 @@ impl PreparedMedium {
         }
     }
 
-    /// Like [`Self::travel`], with a factor on the light emitted at a distance from the segment's
-    /// origin, if there is a [`Self::glow`].
+    /// Does what [`Self::travel`] does. For media with a [`Self::glow`], emitted light is
+    /// multiplied by `weight` at its distance from the segment's origin.
     pub fn travel_weighted(
         &self,
         segment: &Segment,
@@ -96,7 +96,7 @@ impl PreparedMedium {
         }
     }
 
-    /// The remaining value of a light ray at the end of a segment, on average over `numbers`.
+    /// The value of a light ray at the end of a segment, on average over `numbers`.
     pub fn attenuate(
         &self,
         segment: &Segment,
@@ -114,15 +114,15 @@ impl PreparedMedium {
     }
 }
 
-/// Travel through a homogeneous medium.
+/// Travel through a homogeneous medium with these properties.
 impl MediumProperties {
-    /// Like [`PreparedMedium::travel`], for `u` in `[0, 1)^2`.
+    /// [`PreparedMedium::travel`] for a random pair `u` in `[0, 1)^2`.
     pub fn travel(&self, segment: &Segment, throughput: SampledSpectrum, u: Vec2) -> Travel {
         analytic::travel(self, Profile::CONSTANT, segment, throughput, u)
     }
 
-    /// The same with more scattering near a light: for light that comes from there and is scattered
-    /// once.
+    /// Does what [`Self::travel`] does with more scattering near a light. It is meant for paths
+    /// whose first scattering may receive light directly from there.
     pub fn travel_near(
         &self,
         equiangular_light: &EquiangularLight,
@@ -133,7 +133,7 @@ impl MediumProperties {
         analytic::travel_near(self, equiangular_light, segment, throughput, u)
     }
 
-    /// Like [`PreparedMedium::attenuate`], for a segment of this length.
+    /// [`PreparedMedium::attenuate`] for a segment of this length.
     pub fn attenuate(&self, length: f32, value: SampledSpectrum) -> SampledSpectrum {
         analytic::attenuate(self, Profile::CONSTANT, length, value)
     }

@@ -6,9 +6,9 @@ use snell_math::{SampledSpectrum, Vec3};
 /// A segment of a ray through a medium.
 #[derive(Clone, Copy, Debug)]
 pub struct Segment {
-    /// Its start.
+    /// The start of the segment.
     pub origin: Vec3,
-    /// Unit vector.
+    /// Unit direction of the ray.
     pub direction: Vec3,
     /// Length in scene units; may be infinite.
     pub length: f32,
@@ -24,25 +24,27 @@ impl Segment {
 /// A scattering event.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scattering {
-    /// Distance from the origin of the segment, less than its length.
+    /// Distance of the event from the origin of the segment, less than the segment's length.
     pub distance: f32,
-    /// The phase function there.
+    /// The phase function at the point of the event.
     pub phase: HenyeyGreenstein,
 }
 
-/// The result of a path that travels along a segment.
+/// What happened to a path along a segment.
 #[derive(Clone, Copy, Debug)]
 pub struct Travel {
-    /// Its throughput at the end, or where it was scattered (including the albedo).
+    /// The path's throughput at the end of the segment, or after it was scattered (including the
+    /// albedo).
     pub throughput: SampledSpectrum,
-    /// Radiance that the medium emitted towards its start, times its throughput there.
+    /// Radiance that the medium emitted towards the segment's start, multiplied by the throughput
+    /// there.
     pub emitted: SampledSpectrum,
     /// The scattering event; `None` if the path reached the end.
     pub scattered: Option<Scattering>,
 }
 
 impl Travel {
-    /// Travel through vacuum.
+    /// The result for a path through vacuum, whose throughput is unchanged.
     pub fn unchanged(throughput: SampledSpectrum) -> Self {
         Self { throughput, emitted: SampledSpectrum::ZERO, scattered: None }
     }

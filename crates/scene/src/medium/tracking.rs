@@ -1,12 +1,12 @@
-//! Travel by random collisions, for media with a density on a grid.
+//! Travel by random collisions, for media whose density is given on a grid.
 //!
 //! Tentative collisions occur at the rate of an upper bound of the extinction, cell by cell; each
 //! is real or null. All lanes share one sequence of collisions, and the kind of a collision is
 //! chosen by the mean over lanes, weighted by the throughput (Kutz et al., Spectral and
 //! Decomposition Tracking for Rendering Heterogeneous Volumes, SIGGRAPH 2017, with history-aware
-//! probabilities): the sum of the lanes of the throughput then never grows. Absorption reduces the
-//! weight and ends no path. Light rays multiply the probabilities of null collisions instead: ratio
-//! tracking (Novák et al., Residual Ratio Tracking, SIGGRAPH Asia 2014).
+//! probabilities). The sum of the throughput's lanes then never grows. Absorption reduces the
+//! weight and ends no path. Light rays are multiplied by the probabilities of null collisions
+//! instead, which is ratio tracking (Novák et al., Residual Ratio Tracking, SIGGRAPH Asia 2014).
 
 use super::majorant::{BoundedPart, MajorantGrid};
 use super::{ColorGrid, Grid, MediumProperties, Scattering, Segment, Travel, coefficient, sane};
@@ -14,31 +14,31 @@ use snell_math::exponentials::ln;
 use snell_math::{ColorMode, DAffine3, Rgb, SampledSpectrum, Vec2, Vec3};
 use std::sync::Arc;
 
-/// Maximum optical thickness of one cell of the grid: more makes no difference, but would need
-/// endless collisions.
+/// Maximum optical thickness of one cell of the grid. More would make no visible difference, but
+/// would need many more collisions.
 const MAX_DEPTH_OF_CELL: f64 = 64.0;
-/// Below this fraction of its start value, a weight is subject to Russian roulette.
+/// The fraction of its start value below which a weight is subject to Russian roulette.
 const ROULETTE_BELOW: f32 = 0.05;
-/// The probability of survival.
+/// The survival probability of Russian roulette.
 const SURVIVAL: f32 = 0.25;
 
-/// A grid medium with its upper bounds.
+/// A grid medium with upper bounds of its density.
 #[derive(Clone, Debug)]
 pub struct TrackedGrid {
     grid: Grid,
-    /// `None` if the map is singular: then the medium is nowhere.
+    /// The map to the grid; `None` if it is singular, so that the medium is nowhere.
     grid_from_world: Option<DAffine3>,
     densities: MajorantGrid,
-    /// Bounds of the extinction of all colours, if coefficients have tints.
+    /// Bounds of the extinction over all colours, if coefficients have tints.
     extinctions: Option<MajorantGrid>,
-    /// Bounds of the emission, if it is not proportional to the density.
+    /// Bounds of the factor on the emission, if the emission is not proportional to the density.
     emissions: Option<MajorantGrid>,
-    /// Maximum density; higher ones are clamped.
+    /// Maximum density, to which higher ones are clamped.
     most: f32,
 }
 
 impl TrackedGrid {
-    /// Computes the bounds.
+    /// Computes the bounds of a grid medium.
     pub fn new(grid: &Grid) -> Self {
         let inverse = grid.world_from_grid.inverse();
         let is_invertible =
@@ -46,7 +46,7 @@ impl TrackedGrid {
         let glows = !grid.emission.is_black();
         let scale = grid.emission_scale.as_deref().filter(|_| glows);
         let tint = grid.emission_tint.as_deref().filter(|_| glows);
-        // All on the same cells, so that one traversal serves all.
+        // All bounds have the same cells, so that one traversal serves all.
         let size = MajorantGrid::size_for(grid.size());
         let densities = MajorantGrid::new(&grid.density, size);
         let most = most_density(grid);
@@ -70,13 +70,14 @@ impl TrackedGrid {
         }
     }
 
-    /// Coefficients for density and emission scale 1.
+    /// The coefficients where density and emission scale are 1.
     fn base(&self, mode: ColorMode) -> MediumProperties {
         let Grid { sigma_a, sigma_s, emission, g, .. } = self.grid;
         MediumProperties::from_colors(sigma_a, sigma_s, emission, g, mode)
     }
 
-    /// Visits the parts of a segment that are in the grid, with the segment in its coordinates.
+    /// Visits the parts of a segment that are in the grid. The segment is passed in the grid's
+    /// coordinates.
     fn walk(&self, segment: &Segment, mut visit: impl FnMut(BoundedPart, Vec3, Vec3) -> bool) {
         let Some(map) = &self.grid_from_world else { return };
         let origin = map.transform_point3(segment.origin.as_dvec3()).as_vec3();
@@ -90,7 +91,7 @@ impl TrackedGrid {
         self.grid_from_world.as_ref()
     }
 
-    /// Cells of the bounds along each axis.
+    /// The number of cells of the bounds along each axis.
     pub(super) fn cells(&self) -> [usize; 3] {
         self.densities.size()
     }
@@ -100,7 +101,7 @@ impl TrackedGrid {
         !self.grid.emission.is_black()
     }
 
-    /// Radiance emitted per unit of length at a point of the unit cube.
+    /// Radiance emitted per scene unit of length at a point of the unit cube.
     pub(super) fn emission(&self, p: Vec3, mode: ColorMode) -> SampledSpectrum {
         self.grid.emitted(p, self.density(p), mode)
     }
@@ -109,19 +110,19 @@ impl TrackedGrid {
         self.grid.density.lookup(p).min(self.most)
     }
 
-    /// An upper bound of the extinction in a cell, over the colours with any throughput; `thickest`
-    /// is theirs for density 1.
+    /// An upper bound of the extinction in a cell, over the lanes with any throughput. `thickest`
+    /// is the largest extinction of these lanes for density 1.
     fn extinction_bound(&self, cell: usize, thickest: f32, mode: ColorMode) -> f32 {
         match &self.extinctions {
             None => self.densities.bound(cell).min(self.most) * thickest,
-            // A spectrum may exceed all three of its colours in between, but not beyond the room
+            // Between its three colours a spectrum may exceed all of them, but not beyond the room
             // that `coefficient` leaves.
             Some(bounds) => bounds.bound(cell) * if mode == ColorMode::Rgb { 1.0 } else { 2.0 },
         }
     }
 
-    /// Extinction and scattering at a point of the unit cube with this density; `base` is that of
-    /// [`Self::base`].
+    /// Extinction and scattering at a point of the unit cube with this density. `base` is the
+    /// result of [`Self::base`].
     fn coefficients(
         &self,
         p: Vec3,
@@ -138,8 +139,9 @@ impl TrackedGrid {
         [sigma_t * density, sigma_s * density]
     }
 
-    /// Sends a path along a segment. `numbers` returns pairs of independent uniform numbers,
-    /// `weight` a factor on the light emitted at a distance from the segment's origin.
+    /// Moves a path along a segment. `numbers` returns pairs of independent uniform numbers, and
+    /// `weight` returns a factor on the light that is emitted at a distance from the segment's
+    /// origin.
     pub fn travel(
         &self,
         segment: &Segment,
@@ -159,7 +161,7 @@ impl TrackedGrid {
             let glows =
                 emits && self.emissions.as_ref().unwrap_or(&self.densities).bound(part.cell) > 0.0;
             if glows {
-                // Often enough to see emission where there is nothing else.
+                // The rate is high enough to find emission where there is nothing else.
                 rate = rate.max(1.0 / (part.end - part.start));
             }
             if rate == 0.0 {
@@ -209,7 +211,7 @@ impl TrackedGrid {
         travel
     }
 
-    /// The average remaining value of a light ray at the end of a segment.
+    /// The value of a light ray at the end of a segment, on average over `numbers`.
     pub fn attenuate(
         &self,
         segment: &Segment,
@@ -251,9 +253,9 @@ impl TrackedGrid {
     }
 }
 
-/// The optical depth up to the next collision, by the upper bounds, and a number to choose its
-/// kind. Depth that one part of the segment does not use up carries over to the next: one random
-/// draw per collision.
+/// The optical depth up to the next collision, by the upper bounds, and a number that chooses the
+/// kind of the collision. Depth that one part of the segment does not use up carries over to the
+/// next part, so one random pair per collision suffices.
 fn drawn(u: Vec2) -> (f64, f32) {
     (-ln(1.0 - f64::from(u.x)), u.y)
 }
@@ -263,7 +265,7 @@ fn largest_where(sigma: SampledSpectrum, carried: SampledSpectrum) -> f32 {
     sigma.zip(carried, |s, c| if c > 0.0 { s } else { 0.0 }).max_element()
 }
 
-/// Russian roulette for weights that have become small.
+/// Applies Russian roulette to a weight that has become small. Returns false if the path ends.
 fn survives(weight: &mut SampledSpectrum, start: f32, numbers: &mut dyn FnMut() -> Vec2) -> bool {
     let largest = weight.max_element();
     if largest >= ROULETTE_BELOW * start {
@@ -277,14 +279,14 @@ fn survives(weight: &mut SampledSpectrum, start: f32, numbers: &mut dyn FnMut() 
     true
 }
 
-/// Upper bounds of red, green and blue.
+/// Upper bounds of a colour grid, for red, green and blue.
 fn bounds_by_channel(grid: &ColorGrid, size: [usize; 3]) -> [MajorantGrid; 3] {
     [|c: &Rgb| c.r, |c: &Rgb| c.g, |c: &Rgb| c.b].map(|channel: fn(&Rgb) -> f32| {
         MajorantGrid::of(grid.size(), grid.values().iter().map(channel), size)
     })
 }
 
-/// Upper bounds of the extinction of all colours, for coefficients with tints.
+/// Upper bounds of the extinction over all colours, for coefficients with tints.
 fn extinctions(grid: &Grid, densities: &MajorantGrid, most: f32, size: [usize; 3]) -> MajorantGrid {
     let tints = [&grid.sigma_a_tint, &grid.sigma_s_tint];
     let tints = tints.map(|tint| tint.as_ref().map(|tint| bounds_by_channel(tint, size)));
@@ -293,14 +295,14 @@ fn extinctions(grid: &Grid, densities: &MajorantGrid, most: f32, size: [usize; 3
         let tint = |which: usize, c: usize| {
             tints[which].as_ref().map_or(1.0, |channels| channels[c].bound(cell))
         };
-        // Limited in the same way as `coefficient`.
+        // Coefficients are limited in the same way as by `coefficient`.
         let sigma = |which: usize, c: usize| sane(sigmas[which][c] * tint(which, c));
         let thickest = (0..3).map(|c| sigma(0, c) + sigma(1, c)).fold(0.0, f32::max);
         densities.bound(cell).min(most) * thickest
     })
 }
 
-/// The density at which a cell is effectively opaque.
+/// The density at which a cell of the grid is effectively opaque.
 fn most_density(grid: &Grid) -> f32 {
     let axes = grid.world_from_grid.matrix3;
     let [nx, ny, nz] = grid.size().map(|n| n as f64);

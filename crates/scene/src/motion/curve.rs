@@ -1,34 +1,34 @@
-//! Keyframed values over time.
+//! Curves: keyframed values over time.
 
 use snell_math::glam::DQuat;
 
-/// Interpolation between keys.
+/// How values are interpolated between keys.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Interpolation {
-    /// A key's value is kept until the next key.
+    /// The value of a key is kept until the next key.
     Step,
-    /// Linear; spherical linear for rotations.
+    /// Linear, or spherical linear for rotations.
     Linear,
-    /// Hermite splines: each key has an in-tangent, a value and an out-tangent (glTF 2.0, appendix
-    /// C.5).
+    /// Hermite splines, for which each key has an in-tangent, a value and an out-tangent (glTF 2.0,
+    /// appendix C.5).
     Cubic,
 }
 
-/// Why keys are invalid.
+/// The reason why the keys of a curve are invalid.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum CurveError {
     /// There are no keys.
     #[error("there are no keys")]
     Empty,
-    /// A time is not finite or not ascending.
+    /// The time of the key with this number is not finite, or not later than the one before.
     #[error("the time of key {0} is not finite, or not after the one before")]
     Times(usize),
-    /// There are too few or too many values.
+    /// The number of values is wrong.
     #[error("there are {found} numbers, expected {expected}")]
     Values {
-        /// The number found.
+        /// The number of values that were given.
         found: usize,
-        /// The number that the keys need.
+        /// The number of values that the keys need.
         expected: usize,
     },
     /// A value is not finite.
@@ -36,7 +36,7 @@ pub enum CurveError {
     NotFinite,
 }
 
-/// Several numbers over time. Before the first key and after the last the value is constant.
+/// Several numbers over time. The value is constant before the first key and after the last.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Curve {
     times: Vec<f64>,
@@ -46,8 +46,8 @@ pub struct Curve {
 }
 
 impl Curve {
-    /// A curve of `width` numbers. `values` has them key by key; for [`Interpolation::Cubic`] there
-    /// are three times as many, as described there.
+    /// A curve of `width` numbers. `values` has the numbers key by key; for
+    /// [`Interpolation::Cubic`] it has three times as many, as described there.
     pub fn new(
         times: Vec<f64>,
         values: Vec<f32>,
@@ -72,7 +72,7 @@ impl Curve {
         Ok(Self { times, values, width, interpolation })
     }
 
-    /// The number of numbers in a value.
+    /// How many numbers a value of the curve has.
     pub fn width(&self) -> usize {
         self.width
     }
@@ -82,22 +82,22 @@ impl Curve {
         &self.times
     }
 
-    /// The numbers, key by key, as in [`Self::new`].
+    /// The numbers, in the order of [`Self::new`].
     pub fn values(&self) -> &[f32] {
         &self.values
     }
 
-    /// The interpolation between keys.
+    /// How values are interpolated between keys.
     pub fn interpolation(&self) -> Interpolation {
         self.interpolation
     }
 
-    /// First and last key, in seconds.
+    /// The times of the first and the last key, in seconds.
     pub fn span(&self) -> [f64; 2] {
         [self.times[0], self.times[self.times.len() - 1]]
     }
 
-    /// The numbers at a time.
+    /// The numbers at a time in seconds.
     pub fn at(&self, time: f64) -> Vec<f64> {
         let (key, s) = self.segment(time);
         let value = |key: usize, part: usize, i: usize| {
@@ -121,14 +121,14 @@ impl Curve {
             .collect()
     }
 
-    /// Three numbers at a time; missing ones are 0.
+    /// The first three numbers at a time in seconds; missing ones are 0.
     pub fn vector_at(&self, time: f64) -> [f64; 3] {
         let value = self.at(time);
         std::array::from_fn(|i| value.get(i).copied().unwrap_or(0.0))
     }
 
-    /// The rotation at a time, for a curve of quaternions x y z w. A zero quaternion is no
-    /// rotation.
+    /// The rotation at a time in seconds, for a curve of quaternions x y z w. A zero quaternion
+    /// gives no rotation.
     pub fn rotation_at(&self, time: f64) -> DQuat {
         let unit = |v: Vec<f64>| {
             let q = DQuat::from_xyzw(
@@ -146,7 +146,8 @@ impl Curve {
         unit(self.at(self.times[key])).slerp(unit(self.at(self.times[key + 1])), s)
     }
 
-    /// The key before a time, and the fraction of the interval to the next, from 0 to less than 1.
+    /// The number of the key before a time, and the fraction of the interval to the next key, from
+    /// 0 to less than 1.
     fn segment(&self, time: f64) -> (usize, f64) {
         let after = self.times.partition_point(|&t| t <= time);
         let (Some(key), Some(next)) = (after.checked_sub(1), self.times.get(after)) else {
@@ -183,7 +184,7 @@ mod tests {
 
     #[test]
     fn a_spline_follows_the_cubic_that_its_tangents_come_from() {
-        // t^3 - t at 1 and 3, with its derivative 3 t^2 - 1.
+        // The values are t^3 - t at 1 and 3, with the derivative 3 t^2 - 1.
         let f = |t: f64| t * t * t - t;
         let spline = curve(&[7.0, 0.0, 2.0, 26.0, 24.0, -5.0], 1, Interpolation::Cubic);
         for i in 0..=20 {

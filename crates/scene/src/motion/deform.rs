@@ -1,4 +1,4 @@
-//! Deformed meshes: morph targets, then skins (glTF 2.0, sections 3.7.2.2 and 3.7.3).
+//! Deformation of meshes by morph targets, then by skins (glTF 2.0, sections 3.7.2.2 and 3.7.3).
 
 pub use super::mesh::make_usable;
 
@@ -7,33 +7,33 @@ use snell_intersect::TriangleMesh;
 use snell_math::{DAffine3, DMat3, Vec3};
 use std::sync::Arc;
 
-/// A surface whose vertices move.
+/// A surface whose mesh is deformed.
 #[derive(Clone, Debug)]
 pub struct Deformed {
-    /// The node that has the surface.
+    /// The node that holds the surface.
     pub node: NodeId,
-    /// Index of the surface in its node.
+    /// Index of the surface among those of the node.
     pub surface: usize,
     /// The undeformed mesh.
     pub rest: Arc<TriangleMesh>,
-    /// Morph targets that are added.
+    /// Morph targets that are added to the mesh.
     pub morph: Option<Morph>,
-    /// The skin, and its influences on the vertices.
+    /// The skin, and the influences of its joints on the vertices.
     pub skin: Option<(Arc<Skin>, Vec<InfluenceSet>)>,
 }
 
 /// Morph targets of a mesh.
 #[derive(Clone, Debug)]
 pub struct Morph {
-    /// The targets.
+    /// The morph targets.
     pub targets: Vec<MorphTarget>,
-    /// Their default weights; missing ones are 0.
+    /// Default weights of the targets; missing ones are 0.
     pub weights: Vec<f64>,
-    /// The joint whose weight tracks apply.
+    /// Number of the joint whose weight tracks set the weights.
     pub joint: u32,
 }
 
-/// Differences from the mesh, per vertex; empty for unchanged attributes.
+/// Differences from the mesh, one per vertex; empty lists for unchanged attributes.
 #[derive(Clone, Debug, Default)]
 pub struct MorphTarget {
     /// Differences of positions.
@@ -47,24 +47,25 @@ pub struct MorphTarget {
 /// The joints of a skin.
 #[derive(Clone, Debug, Default)]
 pub struct Skin {
-    /// Joint numbers.
+    /// Numbers of the joints.
     pub joints: Vec<u32>,
-    /// The map from the mesh to each joint in the bind pose. One per joint.
+    /// The map from the mesh to each joint in the bind pose, one for each joint.
     pub inverse_bind: Vec<DAffine3>,
 }
 
-/// Up to four joints that influence each vertex; several sets for more.
+/// Up to four joints that influence each vertex. Several sets hold more than four.
 #[derive(Clone, Debug, Default)]
 pub struct InfluenceSet {
-    /// Indices into [`Skin::joints`], per vertex.
+    /// For each vertex, indices into [`Skin::joints`].
     pub joints: Vec<[u16; 4]>,
-    /// Weights per vertex; those that are not positive are ignored.
+    /// For each vertex, the weights of these joints; weights that are not positive are ignored.
     pub weights: Vec<[f32; 4]>,
 }
 
 impl Deformed {
-    /// The mesh with these weights and, if there is a skin, with `world_from_mesh` for each of its
-    /// joints. The error is the first joint that influences a vertex, but that the skin lacks.
+    /// The mesh deformed with these weights and, if there is a skin, with `world_from_mesh` for
+    /// each of the skin's joints. The error is the index of the first joint that influences a
+    /// vertex but is missing in the skin.
     pub fn mesh(&self, weights: &[f64], matrices: &[DAffine3]) -> Result<TriangleMesh, usize> {
         let mut mesh = TriangleMesh::clone(&self.rest);
         if let Some(morph) = &self.morph {
@@ -77,7 +78,7 @@ impl Deformed {
     }
 }
 
-/// Adds the weighted targets, and makes the mesh valid.
+/// Adds the weighted targets to a mesh, and repairs its attributes.
 pub fn morph_mesh(mesh: &mut TriangleMesh, targets: &[MorphTarget], weights: &[f64]) {
     for (target, &weight) in targets.iter().zip(weights).filter(|(_, w)| **w != 0.0) {
         let weight = weight as f32;
@@ -90,7 +91,8 @@ pub fn morph_mesh(mesh: &mut TriangleMesh, targets: &[MorphTarget], weights: &[f
     make_usable(mesh);
 }
 
-/// Skins a mesh into the world. The error is the first joint that the skin lacks.
+/// Deforms a mesh by a skin, into world coordinates. The error is the index of the first joint that
+/// is missing in the skin.
 pub fn skin_mesh(
     mesh: &mut TriangleMesh,
     influences: &[InfluenceSet],
@@ -123,7 +125,8 @@ pub fn skin_mesh(
     Ok(())
 }
 
-/// Linear blend of a vertex's joints. Weights are normalised; a vertex without any stays in place.
+/// The linear blend of the maps of a vertex's joints. Weights are normalised; a vertex without
+/// influences stays in place.
 fn blend(
     influences: &[InfluenceSet],
     vertex: usize,
@@ -147,8 +150,8 @@ fn blend(
     Ok(DAffine3 { matrix3: sum.matrix3 * (1.0 / total), translation: sum.translation / total })
 }
 
-/// The cofactor matrix: determinant times inverse transpose, which exists for singular matrices
-/// too.
+/// The cofactor matrix: the determinant times the inverse transpose. It exists for singular
+/// matrices too.
 fn cofactors(m: DMat3) -> DMat3 {
     DMat3::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis))
 }

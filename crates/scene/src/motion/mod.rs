@@ -1,10 +1,10 @@
-//! Animated scenes: the changes over time in a file, and the scene at one time.
+//! Animated scenes: the changes over time that a file describes, and the scene at one time.
 //!
-//! A [`Motion`] is a skeleton of [`Joint`]s (a tree with a placement each), [`Clip`]s of keyframed
-//! curves that move them, and things attached to the joints: nodes of the scene graph, cameras,
-//! lights, and deformed meshes ([`Deformed`]). A [`Player`] plays some of the clips and gives the
-//! [`Pose`] at a time; [`Scene::apply`] applies it to the scene. Readers convert the motion of
-//! their formats to this.
+//! A [`Motion`] is a skeleton of [`Joint`]s (a tree in which each has a placement), [`Clip`]s of
+//! keyframed curves that move them, and things attached to the joints: nodes of the scene graph,
+//! cameras, lights, and deformed meshes ([`Deformed`]). A [`Player`] plays some of the clips and
+//! computes the [`Pose`] at a time; [`Scene::apply`] applies the pose to the scene. Readers convert
+//! the motion of their formats to this form.
 
 mod curve;
 mod deform;
@@ -28,9 +28,9 @@ use crate::graph::Scene;
 /// The motion of a scene.
 #[derive(Clone, Debug, Default)]
 pub struct Motion {
-    /// The skeleton: parents before their children.
+    /// The joints of the skeleton, parents before their children.
     pub joints: Vec<Joint>,
-    /// Named animations.
+    /// The animations.
     pub clips: Vec<Clip>,
     /// Meshes that are deformed by joints or weights.
     pub deformed: Vec<Deformed>,
@@ -42,13 +42,13 @@ pub struct Motion {
     pub switches: Vec<Switch>,
 }
 
-/// Something that is present only while all of some joints are visible ([`Joint::hidden`],
+/// Something that is present only while all of the given joints are visible ([`Joint::hidden`],
 /// [`Track::Visible`]).
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Switch {
     /// Numbers of the joints.
     pub joints: Vec<u32>,
-    /// The switched thing.
+    /// What the switch turns on and off.
     pub what: Switched,
 }
 
@@ -56,8 +56,8 @@ pub struct Switch {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Switched {
-    /// A parent and its last child, the switched node. The node has no other parent, and the parent
-    /// no other such child.
+    /// A parent and its last child, which is the switched node. The node has no other parent, and
+    /// the parent has no other switched child.
     Node(NodeId, NodeId),
     /// A light, by its position in the scene's table.
     Light(usize),
@@ -68,24 +68,25 @@ pub enum Switched {
 pub struct Joint {
     /// A name for users.
     pub name: String,
-    /// Number of the parent joint; smaller than its own. `None`: the world.
+    /// Number of the parent joint, smaller than that of this joint; `None` if the parent is the
+    /// world.
     pub parent: Option<u32>,
-    /// Its placement while no clip moves it.
+    /// The joint's placement while no clip moves it.
     pub rest: Placement,
-    /// The node of the scene graph that has its transform.
+    /// The node of the scene graph whose transform is that of the joint.
     pub node: Option<NodeId>,
-    /// True if it is invisible by default.
+    /// True if the joint is invisible by default.
     pub hidden: bool,
 }
 
 /// An animation.
 #[derive(Clone, Debug, Default)]
 pub struct Clip {
-    /// Its name in the file; may be empty.
+    /// The clip's name in the file, which may be empty.
     pub name: String,
-    /// The joint properties that it animates.
+    /// The properties of joints that the clip animates.
     pub channels: Vec<Channel>,
-    /// The other parameters that it animates.
+    /// The other parameters that the clip animates.
     pub parameters: Vec<ParameterTrack>,
 }
 
@@ -116,7 +117,7 @@ pub enum Track {
 }
 
 impl Track {
-    /// First and last key, in seconds.
+    /// The times of the first and the last key, in seconds.
     pub fn span(&self) -> [f64; 2] {
         match self {
             Self::Translation(c)
@@ -128,7 +129,7 @@ impl Track {
         }
     }
 
-    /// The properties that it sets, as bits.
+    /// The properties that the track sets, as bits.
     fn properties(&self) -> u8 {
         match self {
             Self::Translation(_) => 1,
@@ -142,8 +143,8 @@ impl Track {
 }
 
 impl Clip {
-    /// First and last key of all channels and parameters, in seconds; `[0, 0]` for a clip without
-    /// any.
+    /// The times of the first and the last key over all channels and parameters, in seconds;
+    /// `[0, 0]` for an empty clip.
     pub fn span(&self) -> [f64; 2] {
         let parameters = self.parameters.iter().map(|p| p.curve.span());
         together(self.channels.iter().map(|c| c.track.span()).chain(parameters))
@@ -163,22 +164,22 @@ impl Clip {
     }
 }
 
-/// A target of a clip: a property of a joint, or a parameter.
+/// Something that a clip sets: a property of a joint, or a parameter.
 #[derive(PartialEq, Eq, PartialOrd, Ord)]
 enum Aim<'a> {
     Joint(u32, u8),
     Parameter(Owner, &'a str),
 }
 
-/// From the earliest start to the latest end; `[0, 0]` for none.
+/// The interval from the earliest start to the latest end; `[0, 0]` without intervals.
 fn together(spans: impl Iterator<Item = [f64; 2]>) -> [f64; 2] {
     spans.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]).unwrap_or([0.0; 2])
 }
 
 impl Motion {
-    /// The clips that are played by default: the first that moves anything, and all others that
-    /// move only other things than those before. (Some files have one clip for each object, others
-    /// one for each gait.)
+    /// The clips that are played by default: the first that moves anything, and each further clip
+    /// that moves only things which no earlier one moves. (Some files have one clip for each
+    /// object, others have one for each gait.)
     pub fn usual_clips(&self) -> Vec<usize> {
         let mut taken = BTreeSet::new();
         let mut clips = Vec::new();
@@ -192,8 +193,8 @@ impl Motion {
         clips
     }
 
-    /// The clips that a user names: `all`, or one by name or number (from 0). `None` if there is
-    /// none.
+    /// The clips that a user asks for: `all`, or one clip by name or by number (from 0). `None` if
+    /// there is no such clip.
     pub fn find_clips(&self, name: &str) -> Option<Vec<usize>> {
         if let Some(i) = self.clips.iter().position(|c| c.name == name) {
             return Some(vec![i]);

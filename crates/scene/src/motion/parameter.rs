@@ -1,4 +1,4 @@
-//! Animated parameters: colours, strengths, angles of view.
+//! Animated parameters, such as colours, strengths and angles of view.
 
 use super::Curve;
 use crate::texture::Texture;
@@ -6,7 +6,7 @@ use crate::{Scene, overrides};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-/// The owner of a parameter, by its position in the scene's table.
+/// What a parameter belongs to, by position in the scene's table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Owner {
@@ -20,20 +20,22 @@ pub enum Owner {
     Camera(usize),
 }
 
-/// An animated parameter.
+/// A parameter of the scene with its values over time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ParameterTrack {
-    /// The owner.
+    /// What the parameter belongs to.
     pub owner: Owner,
-    /// Its path, as in [`overrides`]: `base_color.factor`, `projection.tan_half_fov.1`.
+    /// The path of the parameter in the syntax of [`overrides`]: `base_color.factor`,
+    /// `projection.tan_half_fov.1`.
     pub path: String,
-    /// Its numbers: one, three for a colour, six for the transform of texture coordinates.
+    /// The parameter's numbers: one, three for a colour, six for the transform of texture
+    /// coordinates.
     pub curve: Curve,
 }
 
 impl ParameterTrack {
-    /// Sets a parameter of the scene to these numbers. Invalid ones are ignored, because a file may
-    /// contain anything.
+    /// Sets the parameter of the scene to these numbers. Invalid ones are ignored, because a file
+    /// may contain anything.
     pub(super) fn set(&self, scene: &mut Scene, numbers: &[f64]) {
         let number = |x: f64| serde_json::Number::from_f64(x).map_or(Value::Null, Value::Number);
         let value = match numbers {

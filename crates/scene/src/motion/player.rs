@@ -1,4 +1,4 @@
-//! Plays clips: computes the scene at a time.
+//! Players of clips, which compute the scene at a time.
 
 use super::{Motion, ParameterTrack, Placement, Switched, Track, together};
 use crate::camera::Camera;
@@ -9,32 +9,32 @@ use snell_math::{DAffine3, DVec3, Rgb};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-/// The differences of the scene at a time from the scene as read.
+/// The differences between the scene at a time and the scene as it was read.
 #[derive(Clone, Debug, Default)]
 pub struct Pose {
     /// Transforms of nodes ([`crate::Node::transform`]).
     pub transforms: BTreeMap<NodeId, DAffine3>,
-    /// Deformed meshes of surfaces: node, index of the surface.
+    /// Deformed meshes, by node and index of the surface.
     pub meshes: BTreeMap<(NodeId, usize), Arc<TriangleMesh>>,
     /// Movements of cameras in the world, relative to where they were read.
     pub cameras: Vec<(usize, DAffine3)>,
     /// Movements of lights in the world, relative to where they were read.
     pub lights: Vec<(usize, DAffine3)>,
-    /// Parameters and their numbers.
+    /// Animated parameters with their numbers.
     pub parameters: Vec<(ParameterTrack, Vec<f64>)>,
     /// Switched things, and whether they are present.
     pub switched: Vec<(Switched, bool)>,
 }
 
-/// Plays clips of a motion. It keeps the last pose, so that unchanged meshes are not computed
-/// again: they are the same pointers.
+/// Plays clips of a motion. It keeps the last pose, so that unchanged meshes are not computed again
+/// and keep their address.
 #[derive(Clone, Debug)]
 pub struct Player {
     motion: Arc<Motion>,
     clips: Vec<usize>,
-    /// The joints' rest placements in the world.
+    /// The rest placement of each joint in the world.
     rest: Vec<DAffine3>,
-    /// For each deformed surface, the inputs of the last mesh, and the mesh.
+    /// For each deformed surface, the last mesh and the inputs from which it was made.
     made: Vec<Option<Made>>,
 }
 
@@ -46,8 +46,8 @@ struct Made {
 }
 
 impl Player {
-    /// Plays these clips together; if two animate the same thing, the later one counts. Invalid
-    /// numbers of clips are ignored.
+    /// A player of these clips together. If two of them animate the same thing, the later one
+    /// counts. Numbers of clips that do not exist are ignored.
     pub fn new(motion: Arc<Motion>, clips: Vec<usize>) -> Self {
         let clips = clips.into_iter().filter(|&i| i < motion.clips.len()).collect();
         let rest = worlds(&motion, motion.joints.iter().map(|j| j.rest.matrix()));
@@ -55,7 +55,7 @@ impl Player {
         Self { motion, clips, rest, made }
     }
 
-    /// First and last key of all clips, in seconds.
+    /// The times of the first and the last key over all clips, in seconds.
     pub fn span(&self) -> [f64; 2] {
         together(self.clips().map(|clip| clip.span()).filter(|span| *span != [0.0; 2]))
     }
@@ -64,8 +64,8 @@ impl Player {
         self.clips.iter().map(|&i| &self.motion.clips[i])
     }
 
-    /// The nodes that move by themselves: their transforms or meshes change. (Their descendants
-    /// move with them.)
+    /// The nodes whose transforms or meshes change. Their descendants move with them and are not
+    /// listed.
     pub fn moving_nodes(&self) -> BTreeSet<NodeId> {
         let (moved, weighted) = self.moving_joints();
         let nodes = moved.iter().filter_map(|&j| self.motion.joints.get(j as usize)?.node);
@@ -86,8 +86,8 @@ impl Player {
         (joints(others), joints(weights))
     }
 
-    /// The pose at a time, in seconds. Before the first key of a property and after its last it is
-    /// constant.
+    /// The pose at a time in seconds. A property is constant before its first key and after its
+    /// last.
     pub fn pose(&mut self, time: f64) -> Pose {
         let motion = self.motion.clone();
         let (local, weights) = self.placements(time);
@@ -138,7 +138,7 @@ impl Player {
         pose
     }
 
-    /// Joints that clips hide at a time.
+    /// The joints that clips hide at a time in seconds.
     fn hidden_joints(&self, time: f64) -> BTreeSet<u32> {
         let joints = (0..).zip(&self.motion.joints);
         let mut hidden: BTreeSet<u32> =
@@ -156,9 +156,9 @@ impl Player {
         hidden
     }
 
-    /// The poses while a shutter is open, evenly spaced from its opening to its closing: enough of
-    /// them that linear interpolation is accurate. Only one if nothing moves, or the shutter closes
-    /// at once.
+    /// The poses while a shutter is open, at equal times from its opening to its closing: so many
+    /// that linear interpolation between them is accurate. There is only one pose if nothing moves,
+    /// or if the shutter closes at once.
     pub fn poses_between(&mut self, open: f64, close: f64) -> Vec<Pose> {
         const MOST: u32 = 32;
         let mut intervals = 0;
@@ -172,9 +172,10 @@ impl Player {
         (0..=intervals).map(|i| self.pose(time(i))).collect()
     }
 
-    /// True if joints and weights in the middle of each interval are close to linear interpolation.
+    /// True if, in the middle of each interval, joints and weights are close to linear
+    /// interpolation between the interval's ends.
     fn is_straight(&self, open: f64, close: f64, intervals: u32) -> bool {
-        /// Tolerance of a translation, a rotation, or a weight.
+        /// Largest difference of a translation, a rotation, or a weight.
         const TOLERANCE: f64 = 0.01;
         let at = |half: u32| {
             let time = open + (close - open) * f64::from(half) / f64::from(2 * intervals);
@@ -201,7 +202,8 @@ impl Player {
         })
     }
 
-    /// The placements of all joints relative to their parents, and the weights that clips set.
+    /// The placement of each joint relative to its parent, and the weights that clips set, at a
+    /// time in seconds.
     fn placements(&self, time: f64) -> (Vec<DAffine3>, BTreeMap<u32, Vec<f64>>) {
         let mut placements: Vec<Placement> = self.motion.joints.iter().map(|j| j.rest).collect();
         let mut weights = BTreeMap::new();
@@ -228,7 +230,7 @@ impl Player {
     }
 }
 
-/// The joints' transforms to the world.
+/// The transform of each joint to the world.
 fn worlds(motion: &Motion, local: impl Iterator<Item = DAffine3>) -> Vec<DAffine3> {
     let mut world: Vec<DAffine3> = Vec::with_capacity(motion.joints.len());
     for (joint, local) in motion.joints.iter().zip(local) {
@@ -239,7 +241,7 @@ fn worlds(motion: &Motion, local: impl Iterator<Item = DAffine3>) -> Vec<DAffine
 }
 
 impl Scene {
-    /// Applies a pose to the scene as read.
+    /// Applies a pose. The scene must be as it was read.
     pub fn apply(&mut self, pose: &Pose) {
         for (id, transform) in &pose.transforms {
             if let Some(node) = self.nodes.get_mut(id.index()) {
@@ -263,7 +265,7 @@ impl Scene {
                 *light = light.moved(&by);
             }
         }
-        // Placements and parameters first, so that moved things have their numbers too.
+        // Parameters are set first, so that cameras and lights are moved with their new numbers.
         for (track, numbers) in &pose.parameters {
             track.set(self, numbers);
         }
@@ -288,14 +290,14 @@ impl Scene {
         }
     }
 
-    /// A light that is off.
+    /// A light without emission, which takes the place of one that is switched off.
     fn dark() -> Light {
         Light::Directional(Directional { direction: DVec3::NEG_Y, irradiance: Rgb::BLACK })
     }
 }
 
 impl Camera {
-    /// The camera moved in the world. Its shape is unchanged: scale affects only its position.
+    /// The camera, moved by a map of the world. Scale affects only its position.
     pub fn moved(&self, by: &DAffine3) -> Self {
         let eye = by.transform_point3(self.eye);
         let (towards, up) = (by.transform_vector3(self.towards), by.transform_vector3(self.up));
@@ -316,9 +318,9 @@ mod tests {
     };
     use snell_math::Vec3;
 
-    /// An arm of two joints, 1 apart on x; the second rotates by 90 degrees about z from 0 s to 1
-    /// s. A triangle has a vertex at each end of it and one that follows both joints equally; a
-    /// camera and a light are at the second joint.
+    /// A scene with an arm of two joints, 1 apart on x; the second rotates by 90 degrees about z
+    /// between 0 s and 1 s. A triangle has a vertex at each end of the arm, and one that follows
+    /// both joints equally. A camera and a light are at the second joint.
     fn arm() -> Scene {
         let mut scene = Scene::new("arm");
         let mesh = Arc::new(TriangleMesh {
@@ -389,7 +391,7 @@ mod tests {
         let mut posed = scene.clone();
         posed.apply(&player.pose(1.0));
         let Geometry::Mesh(mesh) = &posed.nodes[1].surfaces[0].geometry else { panic!("a mesh") };
-        // Half of the target is added; the end of the arm points up, and the shared vertex stays in
+        // Half of the target is added. The end of the arm points up, and the shared vertex stays in
         // the joint.
         let expected =
             [Vec3::new(0.0, 0.0, 0.5), Vec3::new(1.0, 1.0, 0.5), Vec3::new(1.0, 0.0, 0.5)];

@@ -1,9 +1,9 @@
-//! Placements, and animated transforms that are interpolated by their parts.
+//! Placements, and animated transforms whose parts are interpolated.
 
 use snell_math::glam::DQuat;
 use snell_math::{DAffine3, DMat3, DVec3};
 
-/// A transform relative to the parent.
+/// A transform to the coordinates of the parent.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Placement {
     /// Scale, then rotation, then translation.
@@ -12,7 +12,7 @@ pub enum Placement {
         translation: DVec3,
         /// Rotation, a unit quaternion.
         rotation: DQuat,
-        /// Scale per axis.
+        /// Scale along each axis.
         scale: DVec3,
     },
     /// Any affine map.
@@ -26,7 +26,7 @@ impl Default for Placement {
 }
 
 impl Placement {
-    /// The map to the parent's coordinates.
+    /// The affine map to the parent's coordinates.
     pub fn matrix(&self) -> DAffine3 {
         match *self {
             Self::Parts { translation, rotation, scale } => {
@@ -36,7 +36,7 @@ impl Placement {
         }
     }
 
-    /// Translation, rotation and scale; for a matrix, the closest ones.
+    /// Translation, rotation and scale; for a matrix, those of the closest such map.
     pub(super) fn parts(&self) -> (DVec3, DQuat, DVec3) {
         match *self {
             Self::Parts { translation, rotation, scale } => (translation, rotation, scale),
@@ -48,10 +48,10 @@ impl Placement {
     }
 }
 
-/// A transform given at some times. Between them translations are interpolated linearly, rotations
-/// spherically, and the rest of the maps (scale and shear) linearly: the decomposition of Shoemake
-/// and Duff, *Matrix Animation and Polar Decomposition*, 1992, as in pbrt. Before the first time
-/// and after the last it is constant.
+/// A transform that is given at some times. Between these, translations are interpolated linearly,
+/// rotations spherically, and the rest of the maps (scale and shear) linearly: the decomposition of
+/// Shoemake and Duff, *Matrix Animation and Polar Decomposition*, 1992, as in pbrt. The transform
+/// is constant before the first time and after the last.
 #[derive(Clone, Debug)]
 pub struct AnimatedTransform {
     keys: Vec<Key>,
@@ -66,8 +66,8 @@ struct Key {
 }
 
 impl AnimatedTransform {
-    /// A transform by its values at some times, which are sorted here. Keys with a time that is not
-    /// finite or a duplicate are ignored; without any the transform is the identity.
+    /// The transform with these values at these times, which need not be sorted. Keys whose time is
+    /// not finite or occurs twice are ignored; without any keys the transform is the identity.
     pub fn new(keys: impl IntoIterator<Item = (f64, DAffine3)>) -> Self {
         let mut keys: Vec<Key> =
             keys.into_iter().filter(|(time, _)| time.is_finite()).map(Key::new).collect();
@@ -76,12 +76,12 @@ impl AnimatedTransform {
         Self { keys }
     }
 
-    /// The times and their transforms, as in [`Self::new`].
+    /// The times in seconds, ascending, and the transforms at them.
     pub fn keys(&self) -> impl Iterator<Item = (f64, DAffine3)> + '_ {
         self.keys.iter().map(|key| (key.time, key.map))
     }
 
-    /// First and last key, in seconds.
+    /// The times of the first and the last key, in seconds.
     pub fn span(&self) -> [f64; 2] {
         match (self.keys.first(), self.keys.last()) {
             (Some(first), Some(last)) => [first.time, last.time],
@@ -94,7 +94,7 @@ impl AnimatedTransform {
         self.keys.windows(2).any(|pair| pair[0].map != pair[1].map)
     }
 
-    /// The map at a time.
+    /// The map at a time in seconds.
     pub fn at(&self, time: f64) -> DAffine3 {
         let after = self.keys.partition_point(|key| key.time <= time);
         let before = self.keys.get(after.saturating_sub(1));
@@ -122,8 +122,8 @@ impl Key {
     }
 }
 
-/// Polar decomposition: a rotation after a stretch. Mirroring is part of the stretch. A singular
-/// matrix has no rotation.
+/// Polar decomposition into a rotation after a stretch. Mirroring is part of the stretch. For a
+/// singular matrix the rotation is the identity.
 fn polar(matrix: DMat3) -> (DQuat, DMat3) {
     const STEPS: usize = 100;
     let none = (DQuat::IDENTITY, matrix);

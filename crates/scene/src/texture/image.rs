@@ -1,4 +1,4 @@
-//! Images on surfaces.
+//! Images as textures of surfaces.
 
 use super::Wrap;
 use crate::graph::ImageId;
@@ -7,34 +7,34 @@ use serde::{Deserialize, Serialize};
 use snell_math::Vec2;
 
 snell_math::declare! {
-    /// The filter of texels.
+    /// How texels are filtered.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
     pub enum Filtering {
-        /// The nearest texel of the full image.
+        /// The nearest texel of the full image, without filtering.
         "nearest" => Nearest,
-        /// Bilinear in the two nearest mip levels.
+        /// Bilinear filtering in the two nearest mip levels.
         "trilinear" => #[default] Trilinear,
     }
 }
 
 snell_math::declare! {
-    /// An image on a surface.
+    /// An image as a texture of a surface.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     pub struct ImageTexture {
-        /// The image.
+        /// The image that is looked up.
         pub image: ImageId,
-        /// Encoding of its colour values: sRGB for base colours and emission, linear for normals,
-        /// roughness and other data.
+        /// Encoding of the image's colour values: sRGB for base colours and emission, linear for
+        /// normals, roughness and other data.
         pub encoding: Encoding,
         /// Wrap modes in u and v.
         pub wrap: [Wrap; 2],
-        /// Filtering.
+        /// How texels are filtered.
         pub filtering: Filtering,
-        /// The set of coordinates: 0 or 1.
+        /// Number of the set of texture coordinates: 0 or 1.
         pub uv_set: u32,
-        /// Rows of the affine map of the coordinates: `u' = m[0] . (u, v, 1)`, likewise `v'`. Texel
-        /// `(0, 0)` is the upper left one and `v'` grows downwards (as in glTF); readers of formats
-        /// with `v` upwards flip here.
+        /// Rows of the affine map of texture coordinates: `u' = m[0] . (u, v, 1)`, and `v'`
+        /// likewise with `m[1]`. Texel `(0, 0)` is the upper left one and `v'` grows downwards, as
+        /// in glTF; readers of formats with `v` upwards flip it in this map.
         pub uv_transform: [[f32; 3]; 2],
     }
 }
@@ -54,14 +54,15 @@ impl ImageTexture {
 }
 
 impl ImageTexture {
-    /// The texture's own coordinates; `(0, 0)` for coordinates that are not finite.
+    /// The texture coordinates after the texture's map; `(0, 0)` for coordinates that are not
+    /// finite.
     pub(super) fn coordinates(&self, uv: Vec2) -> Vec2 {
         let [[a, b, c], [d, e, f]] = self.uv_transform;
         let uv = Vec2::new(a * uv.x + b * uv.y + c, d * uv.x + e * uv.y + f);
         if uv.is_finite() { uv } else { Vec2::ZERO }
     }
 
-    /// Area that a unit of area in coordinates covers after the transform.
+    /// The area, after the map, of a unit of area in texture coordinates.
     pub(crate) fn area_scale(&self) -> f32 {
         let [[a, b, _], [c, d, _]] = self.uv_transform;
         (a * d - b * c).abs()

@@ -1,4 +1,4 @@
-//! Mappings from a point on a surface to the coordinates of a pattern.
+//! Mappings from points on surfaces to the coordinates of patterns.
 
 use crate::material::ShadingPoint;
 use serde::{Deserialize, Serialize};
@@ -11,20 +11,20 @@ pub type Rows = [[f64; 4]; 3];
 /// The identity map.
 pub const IDENTITY: Rows = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
 
-/// A point of a pattern in space.
+/// A point in the space of a three-dimensional pattern.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SpacePoint {
-    /// Coordinates in the pattern's space. Always finite.
+    /// Coordinates in the pattern's space; always finite.
     pub p: Vec3,
-    /// Extent of the filter footprint along each axis. Not negative; 0 for no filtering.
+    /// Extent of the filter footprint along each axis; not negative, 0 for no filtering.
     pub width: Vec3,
 }
 
 impl SpacePoint {
-    /// The point in a pattern's space of a point in the world.
+    /// The point in a pattern's space that belongs to a point in the world.
     ///
-    /// Patterns are fixed in the world: an object that moves passes through them as through a solid
-    /// block, as in pbrt.
+    /// Patterns are fixed in the world: an object that moves passes through them as if it were
+    /// carved anew from a solid block, as in pbrt.
     pub fn new(point: &ShadingPoint, texture_from_world: &Rows) -> Self {
         let [x, y, z] = point.surface.position.to_array().map(f64::from);
         let p = texture_from_world.map(|[a, b, c, d]| a * x + b * y + c * z + d);
@@ -35,65 +35,65 @@ impl SpacePoint {
     }
 }
 
-/// A point of a pattern on a plane.
+/// A point in the plane of a two-dimensional pattern.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlanePoint {
-    /// Coordinates `(s, t)`; `t` grows upwards. Always finite.
+    /// Coordinates `(s, t)`, where `t` grows upwards; always finite.
     pub st: Vec2,
-    /// Extent of the filter footprint along each axis. Not negative; 0 for no filtering.
+    /// Extent of the filter footprint along each axis; not negative, 0 for no filtering.
     pub width: Vec2,
 }
 
 snell_math::declare! {
-    /// The map from a point to the coordinates `(s, t)` of a pattern: the mappings of pbrt (Pharr,
-    /// Jakob, Humphreys, Physically Based Rendering, 4th edition, section 10.2).
+    /// Map from a point to the coordinates `(s, t)` of a pattern. The kinds are those of pbrt
+    /// (Pharr, Jakob, Humphreys, Physically Based Rendering, 4th edition, section 10.2).
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(deny_unknown_fields)]
     pub enum Mapping {
-        /// The coordinates of the surface.
+        /// Texture coordinates of the surface, after an affine map.
         "uv" => Uv {
-            /// The set of coordinates: 0 or 1.
+            /// Number of the set of texture coordinates: 0 or 1.
             #[serde(default)]
             uv_set: u32,
-            /// Rows of the affine map: `s = m[0] . (u, v, 1)`, likewise `t`. `v` grows downwards,
-            /// as in images.
+            /// Rows of the affine map: `s = m[0] . (u, v, 1)`, and `t` likewise with `m[1]`. `v`
+            /// grows downwards, as in images.
             uv_transform: [[f32; 3]; 2],
         },
-        /// Spherical coordinates of a space: `s` is the angle from its z axis over pi, `t` that
-        /// about the z axis over 2 pi, from 0 to 1.
+        /// Spherical coordinates of a space: `s` is the angle from its z axis divided by pi, and
+        /// `t` the angle about the z axis divided by 2 pi, from 0 to 1.
         "spherical" => Spherical {
-            /// The space.
+            /// Rows of the affine map from the world to the space.
             texture_from_world: Rows,
         },
         /// Cylindrical coordinates of a space: `s` is the angle about its z axis, from 0 to 1, and
-        /// `t` the height along it.
+        /// `t` the height along the z axis.
         "cylindrical" => Cylindrical {
-            /// The space.
+            /// Rows of the affine map from the world to the space.
             texture_from_world: Rows,
         },
         /// Two affine functions of the position in the world.
         "planar" => Planar {
-            /// `s = m[0] . (x, y, z, 1)`, likewise `t`.
+            /// Rows of the affine map: `s = m[0] . (x, y, z, 1)`, and `t` likewise with `m[1]`.
             st_from_world: [[f64; 4]; 2],
         },
     }
 }
 
 impl Default for Mapping {
-    /// `(u, 1 - v)`: once over the surface, upright.
+    /// The mapping `(u, 1 - v)`, which shows the pattern upright and once over the surface.
     fn default() -> Self {
         Self::upright([1.0, 1.0], [0.0, 0.0])
     }
 }
 
 impl Mapping {
-    /// Scaled and shifted coordinates of the surface, upright:
+    /// The scaled and shifted texture coordinates of the surface, upright:
     /// `(scale u + offset, scale (1 - v) + offset)`.
     pub fn upright([su, sv]: [f32; 2], [du, dv]: [f32; 2]) -> Self {
         Self::Uv { uv_set: 0, uv_transform: [[su, 0.0, du], [0.0, -sv, sv + dv]] }
     }
 
-    /// True if the mapping depends on the coordinates of the surface only.
+    /// True if the mapping depends on the texture coordinates of the surface only.
     pub fn is_on_surface(&self) -> bool {
         matches!(self, Self::Uv { .. })
     }
@@ -114,7 +114,7 @@ impl Mapping {
         ]
     }
 
-    /// The coordinates at a point.
+    /// The coordinates of the pattern at a point, with the filter footprint.
     pub fn at(&self, point: &ShadingPoint) -> PlanePoint {
         let (st, width) = match self {
             Self::Uv { uv_set, uv_transform } => on_surface(point, *uv_set, uv_transform),
@@ -142,7 +142,8 @@ impl Mapping {
     }
 }
 
-/// The angle about the z axis, from 0 to 1 counter-clockwise from the x axis.
+/// The angle about the z axis as a fraction of a turn, from 0 to 1, counter-clockwise from the x
+/// axis.
 fn turn(p: Vec3) -> f32 {
     let turn = p.y.atan2(p.x) / (2.0 * PI);
     if turn < 0.0 { turn + 1.0 } else { turn }

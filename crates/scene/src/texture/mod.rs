@@ -1,5 +1,5 @@
-//! Textures: values that vary over a surface. Images are looked up by coordinates, bilinearly with
-//! mip maps and all wrap modes; patterns are computed at the point of lookup.
+//! Textures: values that vary over a surface. Images are looked up by texture coordinates,
+//! bilinearly with mip maps and in all wrap modes; patterns are computed at the point of look-up.
 
 mod image;
 pub mod mapping;
@@ -28,8 +28,8 @@ use snell_math::{ColorMode, Vec2, Vec3};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// A value that varies over a surface. A pattern is written with its name as `pattern`; without one
-/// it is an image.
+/// A value that varies over a surface. In scenes, a pattern has its name in the field `pattern`; a
+/// texture without that field is an image.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum Texture {
@@ -63,7 +63,7 @@ impl<P: Into<Pattern>> From<P> for Texture {
 }
 
 impl Texture {
-    /// The image, if it is one.
+    /// The texture as an image, if it is one.
     pub fn as_image(&self) -> Option<&ImageTexture> {
         match self {
             Self::Image(image) => Some(image),
@@ -71,7 +71,7 @@ impl Texture {
         }
     }
 
-    /// As [`Self::as_image`], mutable.
+    /// Mutable access to the texture as an image, if it is one.
     pub fn as_image_mut(&mut self) -> Option<&mut ImageTexture> {
         match self {
             Self::Image(image) => Some(image),
@@ -79,7 +79,7 @@ impl Texture {
         }
     }
 
-    /// The pattern, if it is one.
+    /// The texture as a pattern, if it is one.
     pub fn as_pattern(&self) -> Option<&Pattern> {
         match self {
             Self::Image(_) => None,
@@ -88,33 +88,33 @@ impl Texture {
     }
 }
 
-/// Maximum number of textures that one texture combines, itself included, each counted as often as
-/// it is used.
+/// Maximum number of textures that one texture combines. It counts the texture itself, and each
+/// other texture as often as it is used.
 pub const MAX_PARTS: usize = 256;
 
 /// The reason why a texture of a table is invalid.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum TextureError {
-    /// Its image is not in the table.
+    /// The texture's image is not in the table.
     #[error("image is {id}, but there are {count}")]
     NoImage {
-        /// The id found.
+        /// The id of the image.
         id: u32,
-        /// Length of the table of images.
+        /// The length of the table of images.
         count: usize,
     },
-    /// It refers to a texture that does not precede it. (So no texture refers to itself.)
+    /// The texture refers to one that does not precede it in the table. (This rules out cycles.)
     #[error("it refers to texture {id}, which does not precede it")]
     NotAbove {
-        /// The id found.
+        /// The id of the texture that it refers to.
         id: u32,
     },
-    /// It combines too many textures.
+    /// The texture combines more than [`MAX_PARTS`] textures.
     #[error("it combines more than {MAX_PARTS} textures, the limit")]
     TooManyParts,
 }
 
-/// The error of each texture of a table, `None` for valid ones.
+/// For each texture of a table, its error, or `None` if it is valid.
 pub fn errors(textures: &[Texture], image_count: usize) -> Vec<Option<TextureError>> {
     let mut parts: Vec<usize> = Vec::with_capacity(textures.len());
     let errors = textures.iter().enumerate().map(|(i, texture)| {
@@ -136,50 +136,51 @@ pub fn errors(textures: &[Texture], image_count: usize) -> Vec<Option<TextureErr
                 }
             }
         }
-        // An invalid part is looked up for one colour only.
+        // An invalid texture is only looked up for one colour.
         parts.push(if error.is_some() { 1 } else { count });
         error
     });
     errors.collect()
 }
 
-/// All textures of a scene, ready for lookups. Images used in one encoding share their mip maps.
+/// All textures of a scene, prepared for look-ups. Images that are used in one encoding share their
+/// mip maps.
 #[derive(Clone, Debug, Default)]
 pub struct TextureSet {
     textures: Vec<Prepared>,
     pyramids: Vec<Arc<Pyramid>>,
 }
 
-/// A texture, ready for lookups.
+/// A texture prepared for look-ups.
 #[derive(Clone, Debug)]
 enum Prepared {
     Image(PreparedImage),
     Pattern(Box<Pattern>),
-    /// An invalid pattern.
+    /// An invalid pattern, which is magenta.
     Broken,
 }
 
-/// An image and its mip maps.
+/// An image with its mip maps.
 #[derive(Clone, Debug)]
 struct PreparedImage {
     texture: ImageTexture,
     pyramid: usize,
-    /// The value of a texture that is the same everywhere.
+    /// The value of the texture, if it is the same everywhere.
     constant: Option<[f32; 4]>,
 }
 
-/// The colour of invalid ids.
+/// The colour of textures whose id is invalid.
 const MISSING: [f32; 4] = [1.0, 0.0, 1.0, 1.0];
 
-/// A point of a surface with what textures need: its position in the world, its unit normal and
-/// both its coordinates, which grow by 1 per unit of the world.
+/// A point of a surface with what textures need: its position in the world, its unit normal, and
+/// both sets of texture coordinates, which grow by 1 per unit of the world.
 pub fn surface_at(position: Vec3, normal: Vec3, uv: Vec2) -> SurfaceInteraction {
     SurfaceInteraction { uv: [uv; 2], dpdv: Vec3::Z, ..SurfaceInteraction::plain(position, normal) }
 }
 
 impl TextureSet {
-    /// The same textures with other maps of coordinates: `textures` differ from those of the set in
-    /// these maps only.
+    /// The same textures with other maps of texture coordinates. `textures` must differ from those
+    /// of the set in these maps only.
     pub fn placed(mut set: Arc<Self>, textures: &[Texture]) -> Arc<Self> {
         let is_there = |(prepared, now): (&Prepared, &Texture)| match (prepared, now) {
             (Prepared::Image(prepared), Texture::Image(now)) => {
@@ -198,13 +199,13 @@ impl TextureSet {
         set
     }
 
-    /// Prepares textures (builds mip maps). A texture whose image is missing, or has fewer values
-    /// than its size requires, shows [`missing_texture_image`]; a pattern for which [`errors`] has
-    /// an error is magenta.
+    /// Prepares textures, which includes building mip maps. A texture whose image is missing, or
+    /// has fewer values than its size requires, shows [`missing_texture_image`]; a pattern for
+    /// which [`errors`] has an error is magenta.
     pub fn new(textures: &[Texture], images: &[Arc<Image>]) -> Self {
         let mut set = Self::default();
-        // Mip maps by image and encoding; false for those that are only looked up by nearest texel,
-        // which need no levels.
+        // The mip maps that are needed, by image and encoding. The value is false if only the
+        // nearest texel is looked up, which needs no further levels.
         let mut wanted: BTreeMap<(usize, bool), bool> = BTreeMap::new();
         let key =
             |t: &ImageTexture| (t.image.index().min(images.len()), t.encoding == Encoding::Srgb);
@@ -239,7 +240,7 @@ impl TextureSet {
         set
     }
 
-    /// The image texture of this id, if it is one.
+    /// The image texture with this id; `None` if the id is that of a pattern or invalid.
     pub fn image(&self, texture: TextureId) -> Option<&ImageTexture> {
         match self.textures.get(texture.index()) {
             Some(Prepared::Image(prepared)) => Some(&prepared.texture),
@@ -247,8 +248,8 @@ impl TextureSet {
         }
     }
 
-    /// The size of a texel along the first two coordinates of a surface; `None` for textures
-    /// without texels. Infinite where the texture does not change along one.
+    /// The size of a texel along the first two texture coordinates of a surface; infinite where the
+    /// texture does not change along one. `None` for textures without texels.
     pub fn texel_steps(&self, texture: TextureId) -> Option<[f32; 2]> {
         let Some(Prepared::Image(PreparedImage { texture, pyramid, .. })) =
             self.textures.get(texture.index())
@@ -263,19 +264,20 @@ impl TextureSet {
         )
     }
 
-    /// Memory of the mip maps in bytes, without the images themselves: 2 bytes per value for 8-bit
-    /// and 16-bit images and 4 for floating-point ones, on a third of the image's values.
+    /// Memory use of the mip maps in bytes, without the images themselves: 2 bytes per value for
+    /// 8-bit and 16-bit images and 4 for floating-point ones, for a third as many values as the
+    /// image has.
     pub fn bytes(&self) -> usize {
         self.pyramids.iter().map(|pyramid| pyramid.bytes()).sum()
     }
 
-    /// Linear RGB and alpha at a surface point. `footprint` is the width of the ray's cone there,
-    /// in world units.
+    /// Linear RGB and alpha at a surface point; always finite. `footprint` is the width of the ray
+    /// cone at the point, in world units.
     ///
     /// The mip level of an image is that at which the footprint covers one texel by area
     /// (Akenine-Moeller et al., Improved Shader and Texture Level of Detail Using Ray Cones, JCGT
-    /// 2021); the second coordinate set is filtered as the first. Patterns leave out finer details.
-    /// Always finite.
+    /// 2021). The second coordinate set is filtered like the first. Patterns leave out details
+    /// finer than the footprint.
     #[inline]
     pub fn lookup(&self, texture: TextureId, at: &SurfaceInteraction, footprint: f32) -> [f32; 4] {
         match self.textures.get(texture.index()) {
@@ -293,9 +295,9 @@ impl TextureSet {
     }
 
     /// Linear RGB and alpha at coordinates (before the texture's transform), at a mip level: 0 is
-    /// the full image, each further level has half the resolution. Levels between two are mixed;
-    /// those outside the range, and NaN, are clamped to the nearest level. Patterns are evaluated
-    /// at the origin of the world, unfiltered.
+    /// the full image, and each further level has half the resolution. Between two levels the
+    /// values are mixed; levels outside of the range, and NaN, are clamped to the nearest level.
+    /// Patterns are evaluated at the origin of the world, unfiltered.
     pub fn lookup_at(&self, texture: TextureId, uv: Vec2, level: f32) -> [f32; 4] {
         match self.textures.get(texture.index()) {
             Some(Prepared::Image(prepared)) => self.filtered(prepared, uv, level),
@@ -306,7 +308,8 @@ impl TextureSet {
         }
     }
 
-    /// The colour of a pattern; opaque. Separate from images, which are looked up far more often.
+    /// The colour of a pattern, with alpha 1. It is a function of its own, because images are
+    /// looked up far more often.
     #[inline(never)]
     fn computed(
         &self,
@@ -358,8 +361,8 @@ impl TextureSet {
         let (width, height) = self.pyramids[*pyramid].size();
         let world_per_uv = at.dpdu.cross(at.dpdv).length();
         let texels_per_world = texture.area_scale() * width as f32 * height as f32 / world_per_uv;
-        // Half the logarithm of the area is the logarithm of the width; infinity and NaN end up at
-        // a defined level in `filtered`.
+        // Half the logarithm of the area is the logarithm of the width. Infinity and NaN become a
+        // defined level in `filtered`.
         footprint.log2() + 0.5 * texels_per_world.log2()
     }
 }

@@ -1,4 +1,5 @@
-//! Mip maps: an image at its own resolution and at ever coarser ones, filtered in linear light.
+//! Mip maps: an image at its own resolution and at successively coarser ones, filtered in linear
+//! light.
 
 use super::Wrap;
 use super::wrap::floor;
@@ -6,21 +7,21 @@ use crate::image::{Encoding, Image, Pixels};
 use snell_math::{Vec2, Vec4};
 use std::sync::Arc;
 
-/// Linear values of the 256 codes of an 8-bit channel.
+/// The linear values of the 256 codes of an 8-bit channel.
 type Decode = [f32; 256];
 
-/// The storage of the texels of a level.
+/// How the texels of a level are stored.
 #[derive(Debug)]
 enum Texels {
-    /// The image itself, as it was loaded.
+    /// The image itself, as it was loaded; for level 0.
     Stored(Arc<Image>),
     /// Linear values as 0 to 65535, for images whose values lie in `[0, 1]`.
     Linear16(Vec<u16>),
-    /// Linear values.
+    /// Linear values as they are.
     Linear32(Vec<f32>),
 }
 
-/// One resolution.
+/// One level of the mip map.
 #[derive(Debug)]
 struct Level {
     width: u32,
@@ -28,8 +29,8 @@ struct Level {
     texels: Texels,
 }
 
-/// An image in one encoding, ready for lookups. Level 0 is the image; each further level has half
-/// the size (rounded down, at least 1).
+/// An image in one encoding, prepared for look-ups. Level 0 is the image; each further level has
+/// half the size (rounded down, at least 1).
 #[derive(Debug)]
 pub(super) struct Pyramid {
     levels: Vec<Level>,
@@ -39,8 +40,8 @@ pub(super) struct Pyramid {
 }
 
 impl Pyramid {
-    /// Builds all levels. `None` if the number of values does not match the size of the image, or
-    /// is 0.
+    /// Builds the levels; only level 0 unless `with_levels` is true. `None` if the number of values
+    /// is 0 or does not match the size of the image.
     pub(super) fn new(image: &Arc<Image>, encoding: Encoding, with_levels: bool) -> Option<Self> {
         let values = u64::from(image.width) * u64::from(image.height) * u64::from(image.channels);
         let stored = match &image.pixels {
@@ -94,8 +95,8 @@ impl Pyramid {
         }
     }
 
-    /// Half the resolution by an exact box filter: where the size is odd, texels are weighted by
-    /// the share that is covered. `read` gives a row of linear values.
+    /// Halves the resolution by an exact box filter. Where the size is odd, texels are weighted by
+    /// the fraction that is covered. `read` fills a row with linear values.
     fn halve(&self, from: (u32, u32), to: (u32, u32), read: impl Fn(u32, &mut [f32])) -> Vec<f32> {
         let channels = self.channels;
         let columns: Vec<_> = (0..to.0).map(|x| Coverage::new(x, from.0, to.0)).collect();
@@ -118,7 +119,7 @@ impl Pyramid {
         out
     }
 
-    /// Linear values of a row of the full image.
+    /// Fills `row` with the linear values of row `y` of the full image.
     fn decode_row(&self, image: &Image, y: u32, row: &mut [f32]) {
         let start = y as usize * row.len();
         for (i, texel) in row.chunks_exact_mut(self.channels).enumerate() {
@@ -144,7 +145,7 @@ impl Pyramid {
         (self.levels[0].width, self.levels[0].height)
     }
 
-    /// Bytes of the coarser levels; the image itself belongs to the scene.
+    /// Memory use of the coarser levels in bytes. The image itself belongs to the scene.
     pub(super) fn bytes(&self) -> usize {
         let of = |level: &Level| match &level.texels {
             Texels::Stored(_) => 0,
@@ -154,7 +155,7 @@ impl Pyramid {
         self.levels.iter().map(of).sum()
     }
 
-    /// One linear value of the full image, always finite.
+    /// One value of the full image in linear form, always finite.
     fn stored(image: &Image, decode: &Decode, encoding: Encoding, i: usize, is_color: bool) -> f32 {
         match &image.pixels {
             Pixels::U8(v) if is_color => decode[usize::from(v[i])],
@@ -166,7 +167,8 @@ impl Pyramid {
         }
     }
 
-    /// Linear RGB and alpha of a texel; grey spreads to all three, alpha is 1 if absent.
+    /// Linear RGB and alpha of a texel. Grey is copied to all three colour channels; alpha is 1 if
+    /// absent.
     #[inline]
     pub(super) fn texel(&self, level: usize, x: u32, y: u32) -> [f32; 4] {
         let level = &self.levels[level];
@@ -192,8 +194,8 @@ impl Pyramid {
         }
     }
 
-    /// Bilinear interpolation in one level. `uv` is finite and [reduced](Wrap::reduce); texel
-    /// centres lie at half-integers.
+    /// The bilinear interpolation in one level. `uv` must be finite and [reduced](Wrap::reduce);
+    /// texel centres lie at half-integers.
     pub(super) fn bilinear(&self, level: usize, uv: Vec2, wrap: [Wrap; 2]) -> [f32; 4] {
         let Level { width, height, ref texels } = self.levels[level];
         let (x0, fx) = split(uv.x * width as f32 - 0.5);
@@ -218,7 +220,7 @@ impl Pyramid {
             fx,
             fy,
         };
-        // (The storage is matched once, not for each number.)
+        // The kind of storage is matched once, not for each number.
         match texels {
             Texels::Stored(image) => match &image.pixels {
                 Pixels::U8(v) => corners.mixed(self.channels, |i, is_color| match is_color {
@@ -237,7 +239,7 @@ impl Pyramid {
         }
     }
 
-    /// The texel that holds `uv` (finite) in the full image.
+    /// The texel of the full image that contains `uv`, which must be finite.
     pub(super) fn nearest(&self, uv: Vec2, wrap: [Wrap; 2]) -> [f32; 4] {
         let (width, height) = self.size();
         let x = wrap[0].index(floor(wrap[0].reduce(uv.x) * width as f32) as i32, width);
@@ -249,17 +251,18 @@ impl Pyramid {
     }
 }
 
-/// Four texels around a point.
+/// The four texels around a point.
 struct Corners {
-    /// Indices of their first values: left and right above, left and right below.
+    /// Index of the first value of each texel: left and right above, then left and right below.
     starts: [usize; 4],
-    /// Offsets to the right and down, from 0 to 1.
+    /// Position of the point between the texels, to the right and down, from 0 to 1.
     fx: f32,
     fy: f32,
 }
 
 impl Corners {
-    /// RGBA at the point, for this number of channels whose values are given by index.
+    /// RGBA at the point for this number of channels. `number` returns the value with an index,
+    /// which belongs to a colour channel or to alpha.
     #[inline(always)]
     fn mixed(&self, channels: usize, number: impl Fn(usize, bool) -> f32) -> [f32; 4] {
         let mix = |channel: usize, is_color: bool| {
@@ -282,8 +285,8 @@ impl Corners {
         }
     }
 
-    /// The same for all channels at once: three channels are read as four, with the number that
-    /// follows. `None` if there is no number after them, or for fewer channels.
+    /// Computes [`Self::mixed`] for all channels at once: three channels are read as four, with the
+    /// number that follows. `None` if no number follows, or for fewer than three channels.
     #[inline(always)]
     fn mixed_fours(&self, channels: usize, numbers: &[u16]) -> Option<[f32; 4]> {
         let four = |start: usize| {
@@ -302,12 +305,12 @@ impl Corners {
     }
 }
 
-/// True for the channels that an encoding applies to: all but alpha.
+/// True for the channels that the encoding applies to, which are all but alpha.
 fn is_color(channel: usize, channels: usize) -> bool {
     channel == 0 || (channels >= 3 && channel < 3)
 }
 
-/// RGBA of a texel of this many channels.
+/// RGBA of a texel with this number of channels.
 #[inline]
 fn spread(channels: usize, c: impl Fn(usize) -> f32) -> [f32; 4] {
     match channels {
@@ -325,7 +328,7 @@ fn decoded(x: f32, encoding: Encoding) -> f32 {
     }
 }
 
-/// NaN becomes 0, infinite values become the maximum of half precision.
+/// `x`, with NaN replaced by 0 and infinite values by the maximum of half precision.
 fn finite(x: f32) -> f32 {
     if x.is_finite() {
         x
@@ -336,7 +339,7 @@ fn finite(x: f32) -> f32 {
     }
 }
 
-/// The source texels that one target texel covers: at most three, their shares adding up to 1.
+/// The source texels that one target texel covers: at most three, with fractions that add up to 1.
 struct Coverage {
     first: u32,
     count: usize,
@@ -346,7 +349,7 @@ struct Coverage {
 impl Coverage {
     fn new(i: u32, from: u32, to: u32) -> Self {
         let (i, from, to) = (u64::from(i), u64::from(from), u64::from(to));
-        // In units of 1 / to of a source texel, exactly.
+        // The positions are in units of 1 / to of a source texel, so they are exact.
         let (start, end) = (i * from, (i + 1) * from);
         let first = start / to;
         let share = |k: u64| {
@@ -362,7 +365,7 @@ impl Coverage {
     }
 }
 
-/// Integer part, rounded down, and the rest.
+/// The integer part, rounded down, and the fractional part.
 fn split(x: f32) -> (i32, f32) {
     let whole = floor(x);
     (whole as i32, x - whole)

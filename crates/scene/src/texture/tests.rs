@@ -21,7 +21,7 @@ fn linear() -> ImageTexture {
     ImageTexture::new(ImageId(0), Encoding::Linear)
 }
 
-/// 2 x 2: 0, 1 above 2, 3.
+/// A 2 x 2 image with the values 0, 1 above 2, 3.
 fn four() -> Image {
     Image::from_f32(2, 2, 1, vec![0.0, 1.0, 2.0, 3.0])
 }
@@ -48,7 +48,8 @@ fn texel_centres_show_texels_and_halfway_shows_the_mean() {
 #[test]
 fn each_wrap_mode_continues_the_picture_in_its_way() {
     let with = |wrap| set(ImageTexture { wrap: [wrap, Wrap::Clamp], ..linear() }, four());
-    // At the left border, between the first texel and what comes before it.
+    // At the left border the value lies between the first texel and the one that the wrap mode puts
+    // before it.
     assert_eq!(grey(&with(Wrap::Repeat), 0.0, 0.25), 0.5);
     assert_eq!(grey(&with(Wrap::Mirror), 0.0, 0.25), 0.0);
     assert_eq!(grey(&with(Wrap::Repeat), 1.25, 0.25), 0.0);
@@ -102,7 +103,7 @@ fn every_level_has_the_mean_of_the_image() {
 
 #[test]
 fn the_footprint_chooses_the_level() {
-    // Level k of this checker of single texels is flat for k >= 1; level 0 is not.
+    // All levels of this checker of single texels are flat except level 0.
     let checker = (0..64 * 64).map(|i| ((i + i / 64) % 2) as f32).collect();
     let set = set(linear(), Image::from_f32(64, 64, 1, checker));
     let uv = Vec2::splat(0.5 / 64.0);

@@ -1,25 +1,25 @@
-//! Wrap modes: textures outside `[0, 1]`.
+//! Wrap modes, for texture coordinates outside of `[0, 1]`.
 
 use serde::{Deserialize, Serialize};
 
 snell_math::declare! {
-    /// The behaviour outside `[0, 1]`.
+    /// What a texture shows outside of `[0, 1]`.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
     pub enum Wrap {
         /// The image repeats.
         "repeat" => #[default] Repeat,
-        /// Every other copy is mirrored.
+        /// The image repeats, and every other copy is mirrored.
         "mirror" => Mirror,
-        /// The border continues.
+        /// The texels at the border continue.
         "clamp" => Clamp,
-        /// Outside is black and transparent.
+        /// Black and transparent.
         "black" => Black,
     }
 }
 
 impl Wrap {
-    /// An equivalent coordinate near `[0, 1]`, so that huge ones keep their meaning and fit an
-    /// index. `u` is finite.
+    /// An equivalent coordinate near `[0, 1]`, so that huge coordinates keep their meaning and fit
+    /// in an index. `u` must be finite.
     pub(super) fn reduce(self, u: f32) -> f32 {
         match self {
             Self::Repeat => u - floor(u),
@@ -28,10 +28,11 @@ impl Wrap {
         }
     }
 
-    /// Index of the texel shown at position `i` of a row of `n`; `None` is black.
+    /// Index of the texel that is shown at position `i` of a row of `n` texels; `None` stands for
+    /// black.
     #[inline]
     pub(super) fn index(self, i: i32, n: u32) -> Option<u32> {
-        // (Most positions are inside, and divisions are slow.)
+        // Most positions are inside, and divisions are slow.
         if (0..i64::from(n)).contains(&i64::from(i)) {
             Some(i as u32)
         } else {
@@ -54,11 +55,11 @@ impl Wrap {
     }
 }
 
-/// As [`f32::floor`], which is a function call on targets without an instruction for it. The sign
-/// of zero is unspecified.
+/// The result of [`f32::floor`], which is a function call on targets without an instruction for it.
+/// The sign of zero is unspecified.
 #[inline]
 pub(super) fn floor(x: f32) -> f32 {
-    /// All numbers from here on are whole.
+    /// All numbers of at least this magnitude are whole.
     const LARGE: f32 = (1 << f32::MANTISSA_DIGITS) as f32;
     if x.abs() < LARGE {
         let whole = x as i32 as f32;

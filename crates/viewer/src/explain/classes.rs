@@ -6,7 +6,7 @@ use snell_render::explain::{PathTree, Scattering};
 use snell_render::integrator::light_part::Lobe;
 use std::collections::BTreeMap;
 
-/// Longer paths are one class.
+/// Paths with more letters than this form one class.
 const LONGEST: usize = 6;
 
 /// Sums of all contributions to a pixel's samples by path class.
@@ -51,7 +51,7 @@ impl Classes {
     }
 }
 
-/// The path from the eye to the light.
+/// The class of a path: its letters from the eye to the light.
 fn way(tree: &PathTree, vertex: usize, light_ray: Option<usize>) -> String {
     let mut letters = Vec::new();
     if let Some(light) = light_ray.and_then(|i| tree.vertices[vertex].light_rays.get(i)) {

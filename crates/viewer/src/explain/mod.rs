@@ -1,8 +1,8 @@
-//! Explains the colour of a pixel in words and numbers: [`Report`]. `snell explain`, the page and
-//! Python share it.
+//! Explains the colour of a pixel in words and numbers: [`Report`]. `snell explain`, the viewer's
+//! page and the Python package share this module.
 //!
-//! [`snell_render::explain`] and [`snell_intersect::World::trace`] record what happens; here it
-//! gets names, and becomes text ([`text`]), a drawing ([`svg`]) or JSON (it is `Serialize`).
+//! [`snell_render::explain`] and [`snell_intersect::World::trace`] record what happens. The report
+//! adds names, and becomes text ([`text`]), a drawing ([`svg`]) or JSON (it is `Serialize`).
 
 mod classes;
 mod report;
@@ -34,17 +34,17 @@ const CLOUD: [u32; 2] = [56, 32];
 /// A question about a pixel.
 #[derive(Clone, Debug)]
 pub struct Question {
-    /// The pixel, from the upper left corner.
+    /// Column and row of the pixel, from the upper left corner.
     pub pixel: [u32; 2],
-    /// The sample whose tree is reported; `None` for the one whose colour is closest to the
-    /// pixel's.
+    /// The number of the sample whose path tree is reported; `None` for the one whose colour is
+    /// closest to the pixel's.
     pub sample: Option<u32>,
 }
 
 /// A scene with everything that is needed to render it.
 #[derive(Clone, Copy)]
 pub struct Subject<'a> {
-    /// The scene graph, for names.
+    /// The scene graph, which has the names.
     pub scene: &'a Scene,
     /// The compiled scene.
     pub compiled: &'a CompiledScene,
@@ -54,10 +54,10 @@ pub struct Subject<'a> {
     pub settings: &'a Settings,
 }
 
-/// The same scene with another acceleration structure.
+/// The scene compiled with another acceleration structure.
 pub type Structure = (AcceleratorKind, Arc<CompiledScene>);
 
-/// The scene in each of these structures.
+/// The scene compiled with each of these acceleration structures.
 pub fn structures(
     scene: &Scene,
     settings: &Settings,
@@ -71,7 +71,7 @@ pub fn structures(
     kinds.iter().map(build).collect()
 }
 
-/// Answers the question. Errors are messages for the user.
+/// Answers the question. An error is a message for the user.
 pub fn report(
     subject: Subject,
     question: &Question,
@@ -131,7 +131,7 @@ pub fn report(
     })
 }
 
-/// The requested sample, or else the kept one whose colour is closest to that of the pixel.
+/// The requested sample, or else the recorded one whose colour is closest to that of the pixel.
 fn chosen(explanation: &Explanation, sample: Option<u32>) -> Option<&PathTree> {
     if let Some(number) = sample {
         return explanation.samples.iter().find(|tree| tree.number == number);
@@ -143,7 +143,7 @@ fn chosen(explanation: &Explanation, sample: Option<u32>) -> Option<&PathTree> {
     explanation.samples.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))
 }
 
-/// The colour of a sample, if all samples before it are kept, too.
+/// The colour of a recorded sample, if all samples before it are recorded, too.
 fn in_order((number, tree): (u32, &PathTree)) -> Option<[f32; 3]> {
     (tree.number == number).then(|| tree.color.to_array())
 }
@@ -153,7 +153,7 @@ fn middle_ray(camera: &Camera, settings: &Settings, pixel: [u32; 2]) -> Ray {
     camera.ray(&CameraSample { film, lens: Vec2::splat(0.5) }, settings.size).ray
 }
 
-/// The points of the plot: evenly spaced in the logarithm of the number of samples.
+/// Numbers of samples for the convergence plot, evenly spaced on a logarithmic axis.
 fn looks(spp: u32) -> Vec<u32> {
     let last = f64::from(spp.max(1));
     let mut numbers: Vec<u32> = (0..MAX_POINTS)
@@ -177,7 +177,7 @@ fn bounds(compiled: &CompiledScene) -> [[f32; 3]; 2] {
     [(center - radius).to_array(), (center + radius).to_array()]
 }
 
-/// A few points that the camera sees, as a sketch of the scene.
+/// Some points of surfaces that the camera sees, as a sketch of the scene.
 fn cloud(compiled: &CompiledScene, camera: &Camera, settings: &Settings) -> Vec<[f32; 3]> {
     let filter = snell_render::job::hit_filter(compiled);
     let at = |i: u32| {
@@ -370,7 +370,7 @@ mod tests {
         assert!(
             !first.material.is_empty() && first.parent.is_none() && first.throughput == [1.0; 3]
         );
-        // All structures find the same hit, each in its own way.
+        // All structures find the same hit; only their traversals differ.
         assert_eq!(report.traces.len(), AcceleratorKind::ALL.len());
         assert!(
             report

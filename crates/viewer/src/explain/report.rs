@@ -8,7 +8,7 @@ use serde::Serialize;
 pub struct Report {
     /// The scene's name.
     pub scene: String,
-    /// The pixel, from the upper left corner.
+    /// Column and row of the pixel, from the upper left corner.
     pub pixel: [u32; 2],
     /// Width and height of the picture.
     pub size: [u32; 2],
@@ -16,17 +16,17 @@ pub struct Report {
     pub integrator: String,
     /// The pixel in the picture: red, green, blue, alpha.
     pub value: [f32; 4],
-    /// Standard error of red, green, blue.
+    /// Standard errors of red, green and blue.
     pub error: [f32; 3],
-    /// Samples of the pixel.
+    /// Number of samples of the pixel.
     pub spp: u32,
     /// The mean after increasing numbers of samples.
     pub convergence: Vec<Point>,
-    /// Its light by path class, the brightest first.
+    /// The light of the pixel by path class, the brightest first.
     pub classes: Vec<PathClass>,
     /// The colours of the samples, by number.
     pub samples: Vec<[f32; 3]>,
-    /// One sample in full detail.
+    /// One of the samples, in full detail.
     pub tree: SampleReport,
     /// The traversal of that sample's camera ray through acceleration structures.
     pub traces: Vec<TraceReport>,
@@ -42,9 +42,9 @@ pub struct Report {
 pub struct Point {
     /// Number of samples.
     pub samples: u32,
-    /// Their mean.
+    /// The mean of these samples.
     pub value: [f32; 3],
-    /// Its standard error; 0 while unknown.
+    /// Standard error of the mean; 0 while unknown.
     pub error: [f32; 3],
 }
 
@@ -55,25 +55,26 @@ pub struct PathClass {
     /// The path in Heckbert's letters, from the eye to the light: E, then D (diffuse), G (glossy),
     /// S (mirror), T (transmitted), V (medium), L.
     pub way: String,
-    /// Its contribution to the pixel.
+    /// Contribution of the class to the pixel.
     pub value: [f32; 3],
-    /// Its share of the pixel's luminance.
+    /// Share of the class in the pixel's luminance, 0 to 1.
     pub share: f32,
 }
 
-/// One sample.
+/// One sample of a pixel.
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub struct SampleReport {
-    /// Its number.
+    /// Number of the sample, from 0.
     pub number: u32,
-    /// Its colour.
+    /// Colour of the sample.
     pub color: [f32; 3],
-    /// The sum of all contributions of its vertices, in the renderer's order: equal to the colour.
+    /// The sum of all contributions of the path vertices, in the renderer's order: equal to the
+    /// colour.
     pub sum: [f32; 3],
-    /// The filter's weight.
+    /// Weight of the sample in the pixel's filter.
     pub weight: f32,
-    /// Its path vertices, parents first.
+    /// The path vertices, parents first.
     pub vertices: Vec<VertexReport>,
 }
 
@@ -81,41 +82,42 @@ pub struct SampleReport {
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub struct VertexReport {
-    /// The previous vertex of the path; `None` for the camera's.
+    /// The previous vertex of the path; `None` for the end of the camera ray.
     pub parent: Option<u32>,
-    /// Number of bounces before.
+    /// Number of bounces before this vertex.
     pub depth: u32,
-    /// `surface`, `medium`, `escaped` or `absorbed`.
+    /// What the ray met: `surface`, `medium`, `escaped` or `absorbed`.
     pub what: String,
     /// Names of the nodes from the root to the surface.
     pub object: String,
-    /// The material's name.
+    /// The name of the surface's material.
     pub material: String,
-    /// Triangle or face.
+    /// Number of the triangle or face.
     pub primitive: Option<u32>,
-    /// Where the ray begins.
+    /// The origin of the ray.
     pub origin: [f32; 3],
-    /// The ray's direction.
+    /// The direction of the ray.
     pub direction: [f32; 3],
-    /// Where the ray ended.
+    /// The point where the ray ended.
     pub position: Option<[f32; 3]>,
     /// Shading normal.
     pub normal: Option<[f32; 3]>,
-    /// Length of the ray.
+    /// Distance that the ray travelled.
     pub distance: Option<f32>,
     /// Throughput of the path on arrival.
     pub throughput: [f32; 3],
-    /// The lobe that was sampled for the ray; `None` for the camera's.
+    /// The lobe that was sampled for the ray; `None` for the camera ray.
     pub lobe: Option<String>,
-    /// Probability density of its direction per steradian; `None` for mirrors and clear glass.
+    /// Probability density of the ray's direction per steradian; `None` for mirrors and clear
+    /// glass.
     pub pdf: Option<f32>,
     /// Emission of media along the ray, times throughput.
     pub glow: [f32; 3],
-    /// Emission found here, times throughput and weight.
+    /// Emission found at the vertex, times throughput and weight.
     pub found: [f32; 3],
-    /// Its weight in multiple importance sampling.
+    /// Weight of the emission found, in multiple importance sampling.
     pub found_weight: f32,
-    /// Light samples.
+    /// Light samples taken at the vertex.
     pub lights: Vec<LightReport>,
 }
 
@@ -123,23 +125,23 @@ pub struct VertexReport {
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub struct LightReport {
-    /// The light.
+    /// The name of the light.
     pub source: String,
-    /// The lobe that scatters its light.
+    /// The lobe that scatters the light.
     pub lobe: String,
     /// Start of the shadow ray.
     pub origin: [f32; 3],
-    /// Its direction.
+    /// Direction of the shadow ray.
     pub direction: [f32; 3],
     /// End of the shadow ray; `None` for lights at infinity.
     pub end: Option<[f32; 3]>,
-    /// Its contribution if it is unoccluded.
+    /// Contribution of the light sample if it were unoccluded.
     pub value: [f32; 3],
-    /// Its actual contribution.
+    /// Actual contribution of the light sample.
     pub brought: [f32; 3],
-    /// True if it is occluded.
+    /// True if the light sample is occluded.
     pub is_blocked: bool,
-    /// Its weight in multiple importance sampling, which is included in the values.
+    /// Weight of the light sample in multiple importance sampling, which is included in the values.
     pub weight: f32,
 }
 
@@ -147,15 +149,15 @@ pub struct LightReport {
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub struct TraceReport {
-    /// The structure.
+    /// The name of the structure.
     pub accelerator: String,
-    /// Nodes visited.
+    /// Number of nodes visited.
     pub nodes: u32,
-    /// Cells visited.
+    /// Number of cells visited.
     pub cells: u32,
-    /// Primitives tested.
+    /// Number of primitives tested.
     pub primitives: u32,
-    /// Total number of nodes and cells.
+    /// Total number of nodes and cells of the structure.
     #[cfg_attr(test, ts(type = "number"))]
     pub built_nodes: u64,
     /// Distance of the hit; `None` for a miss.
@@ -173,16 +175,16 @@ pub struct TraceReport {
 pub struct StepReport {
     /// `box`, `ball`, `plane` or `stretch` (an interval of the ray).
     pub kind: String,
-    /// Its centre.
+    /// The centre of the region.
     pub center: [f32; 3],
-    /// Vectors from the centre to its sides.
+    /// Vectors from the centre to the sides of the region.
     pub axes: [[f32; 3]; 3],
-    /// True if it holds primitives.
+    /// True if the region holds primitives.
     pub is_leaf: bool,
     /// Nesting depth of instances.
     pub level: u32,
-    /// Primitives tested there.
+    /// Number of primitives tested in the region.
     pub tested: u32,
-    /// Distance of a hit that was found there.
+    /// Distance of a hit that was found in the region.
     pub found: Option<f32>,
 }

@@ -51,7 +51,7 @@ fn text_at(out: &mut String, x: f32, y: f32, class: &str, text: &str) {
         writeln!(out, "<text x=\"{x:.1}\" y=\"{y:.1}\" class=\"{class}\">{}</text>", escaped(text));
 }
 
-/// A linear colour as a CSS colour; bright ones are scaled down to 1.
+/// A linear colour as a CSS colour; brighter colours are scaled down to 1.
 fn css(color: [f32; 3], scale: f32) -> String {
     let display = |c: f32| {
         let c = (c * scale).clamp(0.0, 1.0);
@@ -233,7 +233,8 @@ fn plot(out: &mut String, points: &[Point], top: f32) -> f32 {
     bottom
 }
 
-/// Draws bars of work on a logarithmic scale; the longest is that of the most work.
+/// Draws a bar of work for each structure on a logarithmic scale; the longest bar is that of the
+/// most work.
 fn traces(out: &mut String, traces: &[TraceReport], mut y: f32) -> f32 {
     let work = |j: &TraceReport| f64::from(j.nodes) + f64::from(j.cells) + f64::from(j.primitives);
     let most = traces.iter().map(work).fold(2.0, f64::max).ln_1p();

@@ -90,7 +90,7 @@ fn write_tree(out: &mut String, tree: &SampleReport) -> std::fmt::Result {
     writeln!(out, "  = {}", rgb(&tree.sum))
 }
 
-/// A vertex in one line.
+/// Describes a vertex in one line.
 pub(super) fn title(number: usize, vertex: &VertexReport) -> String {
     let how = match &vertex.lobe {
         None => "camera".to_string(),

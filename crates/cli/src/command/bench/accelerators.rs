@@ -88,12 +88,12 @@ struct Report<'a> {
     options: &'a Options,
 }
 
-/// A point of the sweep over grid resolutions: cells along the longest side, and microseconds per
-/// diffuse ray.
+/// One point of the sweep over grid resolutions: the number of cells along the longest side, and
+/// microseconds per diffuse ray.
 type SweepPoint = (u32, f64);
 
 impl Report<'_> {
-    /// Prints one line.
+    /// Prints one line: `text`, or `value` with `--json`.
     fn line(&self, value: &Value, text: String) -> Result<(), Failure> {
         let line = if self.options.json { format!("{value}\n") } else { text + "\n" };
         standard_output::write(line.as_bytes())
@@ -158,8 +158,8 @@ impl Report<'_> {
         Ok(())
     }
 
-    /// Measures the uniform grid at several resolutions, without nested grids; then at its default
-    /// resolution, without and with them.
+    /// Measures the uniform grid at several resolutions without nested grids, and at its default
+    /// resolution without and with nested grids.
     fn resolutions(&self, bench: &Bench, measurer: &Measurer) -> Result<Vec<SweepPoint>, Failure> {
         let triangles = bench.world.instanced_triangle_count();
         self.heading(

@@ -67,11 +67,12 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
                 })
             };
             let mut rows: Vec<Row> = own.chain(peer.iter().flat_map(of_peer)).collect();
-            // Alternately, so that other load on the machine affects all equally.
+            // The builders take turns, so that other load on the machine affects all of them
+            // equally.
             for _ in 0..options.repeat {
                 for row in &mut rows {
-                    // Threads of the previous build may still be looking for work, and would take
-                    // time from this one.
+                    // Threads of the previous build may still be looking for work, which would take
+                    // time from this build.
                     std::thread::sleep(PAUSE);
                     row.build(&bench)?;
                 }
@@ -86,14 +87,14 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Pause before each build. (After 20 ms, a virtual machine with two cores ran both threads of a
-/// build on one core for milliseconds; after 5 ms it does not.)
+/// Pause before each build. It is short because, after a pause of 20 ms, a virtual machine with two
+/// cores runs both threads of a build on one core for some milliseconds.
 const PAUSE: Duration = Duration::from_millis(5);
 
 /// A builder to measure.
 enum Way<'a> {
     Own(&'a BuildOptions, &'a ThreadPool),
-    /// The peer, and whether its structure is to be compact.
+    /// The peer's builder, and whether the structure is to be compact.
     Peer(&'a Peer, BuildQuality, bool),
 }
 
@@ -110,7 +111,7 @@ impl<'a> Row<'a> {
         Self { way, seconds: Vec::new(), memory_bytes: 0 }
     }
 
-    /// Builds once.
+    /// Builds once and records time and memory.
     fn build(&mut self, bench: &Bench) -> Result<(), Failure> {
         let (seconds, memory_bytes) = match &self.way {
             Way::Own(variant, pool) => {

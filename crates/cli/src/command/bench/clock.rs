@@ -5,8 +5,8 @@ use rayon::ThreadPool;
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
-/// Limits on the number of rays that a thread takes at a time. Between them, a thread takes an
-/// eighth of its share, so that all threads end at about the same time.
+/// Limits on the number of rays that a thread takes at a time. Within these limits, a thread takes
+/// an eighth of its share, so that all threads end at about the same time.
 pub const MIN_PIECE: usize = 4096;
 const MAX_PIECE: usize = 65536;
 

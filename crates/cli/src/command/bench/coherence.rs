@@ -66,12 +66,12 @@ pub struct Case<'a> {
     pub bench: &'a Bench,
     pub world: &'a World,
     pub side: u32,
-    /// A view whose places are pixels.
+    /// The view of the camera, in pixels.
     pub view: View,
     /// The diameter of the cone of each primary ray, per unit of distance.
     pub spreads: Vec<f32>,
     pub tolerance: f64,
-    /// The light of cones is a ball of this radius.
+    /// Radius of the ball that is the light for cones.
     pub light_radius: f64,
     /// Distances up to this count as zero.
     pub slack: f32,
@@ -177,8 +177,8 @@ struct Row {
     work: Option<Work>,
     /// Share of the rays that fell back to tracing one by one.
     traced: Option<f64>,
-    /// Share of the rays with the same result as one by one: bit for bit, and up to the tolerance
-    /// of all benchmarks.
+    /// Share of the rays with the same result as one by one, bit for bit. `agree` is the share with
+    /// the same result up to the tolerance of all benchmarks.
     identical: f64,
     agree: f64,
 }

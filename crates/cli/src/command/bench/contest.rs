@@ -10,14 +10,14 @@ use snell_math::Ray;
 /// Contenders within this factor of the fastest one in the first run are measured further.
 const CLOSE: f64 = 1.25;
 
-/// Their maximum number.
+/// Maximum number of contenders that are measured further.
 const MAX_FINALISTS: usize = 3;
 
-/// Allowed rounding of distances, in radii of the scene: nearby hits differ by more than 0.0001 of
-/// their distance if a peer computes with rounded transforms.
+/// Allowed rounding of distances, in radii of the scene. It is needed for nearby hits, whose
+/// distances differ by more than the factor 0.0001 if a peer computes with rounded transforms.
 const ROUNDING: f32 = 1e-6;
 
-/// The way of calling Snell.
+/// How Snell is called.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Call {
     /// A batch at a time.
@@ -39,12 +39,13 @@ impl Call {
     }
 }
 
-/// The result of a query for one ray.
+/// What a query finds for one ray.
 pub trait Answer: Copy + Default + Send + Sync {
     fn snell(world: &World, call: Call, grouping: Grouping, rays: &[Ray], answers: &mut [Self]);
     fn peer(peer: &Contender, rays: &[Ray], answers: &mut [Self]);
     fn is_hit(&self) -> bool;
-    /// True if both hit or both miss, at the same distance up to 0.0001 of it or up to `slack`.
+    /// True if both hit or both miss, and the distances differ by at most the factor 0.0001 or by
+    /// at most `slack`.
     fn agrees(&self, other: &Self, slack: f32) -> bool;
 }
 
@@ -112,7 +113,7 @@ pub struct Contest<'a> {
     pub contenders: &'a [Contender<'a>],
 }
 
-/// The result of a contest.
+/// What a contest finds.
 pub struct Outcome {
     /// Rays that hit something.
     pub hits: usize,
@@ -120,23 +121,23 @@ pub struct Outcome {
     pub seconds: f64,
     /// The fastest contender that is not robust.
     pub opponent: Option<Opponent>,
-    /// The fastest robust one.
+    /// The fastest robust contender.
     pub robust: Option<Opponent>,
 }
 
-/// The result of a contender.
+/// What the contest finds for a contender.
 pub struct Opponent {
-    /// The contender's way.
+    /// The name of the contender's query mode and build.
     pub mode: String,
-    /// Median of its times, in seconds.
+    /// Median of the contender's times, in seconds.
     pub seconds: f64,
-    /// Median of its times over Snell's, run by run: above 1, Snell is faster.
+    /// Median, over the runs, of the contender's time divided by Snell's: above 1, Snell is faster.
     pub ratio: f64,
     /// Share of rays with equal answers.
     pub agree: f64,
 }
 
-/// A contender with the times of its runs, in the order of Snell's.
+/// A contender and the times of its runs, which correspond to those of Snell.
 struct Runs<'a> {
     contender: &'a Contender<'a>,
     seconds: Vec<f64>,
@@ -152,7 +153,7 @@ impl Contest<'_> {
         let mut finalists = self.finalists(&mut other);
         let mut own = Vec::new();
         for round in 0..self.repeat {
-            // They take turns in going first.
+            // Snell and the contender take turns in going first.
             if round % 2 == 0 {
                 own.push(self.time_snell(&mut answers));
             }
@@ -197,7 +198,7 @@ impl Contest<'_> {
         )
     }
 
-    /// The contenders that may be the fastest, among the robust ones and among the others.
+    /// The contenders that may be the fastest: some robust ones, and some others.
     fn finalists<A: Answer>(&self, answers: &mut [A]) -> Vec<Runs<'_>> {
         let mut kept = Vec::new();
         for robust in [false, true] {

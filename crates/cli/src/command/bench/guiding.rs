@@ -103,7 +103,7 @@ fn measure(name: &str, read: &ReadOptions, options: &Options) -> Result<Value, F
         |kind: &str| options.keep.as_ref().map(|folder| folder.join(format!("{stem}-{kind}.exr")));
     let mut found = Vec::new();
     for (kind, settings) in [("plain", &plain), ("guided", &guided)] {
-        // Two renders with different random numbers.
+        // Two renders with different random numbers allow an estimate of the error.
         let (first, statistics) = render(settings, options.seconds);
         let (second, _) =
             render(&Settings { seed: settings.seed + 1, ..settings.clone() }, options.seconds);
@@ -175,9 +175,9 @@ struct Errors {
     trimmed: f64,
 }
 
-/// The errors of a picture, estimated from two that differ only in noise, as half of the squared
-/// difference. So no converged reference is needed, and its noise cannot be taken for error.
-/// Relative to `mean`, as in `snell compare`.
+/// The relative squared errors of a picture, estimated from two pictures that differ only in noise
+/// as half of the squared difference. No converged reference is needed, so the noise of a reference
+/// cannot be taken for error. Errors are relative to `mean`, as in `snell compare`.
 fn errors([a, b]: &[Pixels; 2], mean: &Pixels) -> Errors {
     let pixel = |((a, b), mean): ((&[f64; 3], &[f64; 3]), &[f64; 3])| {
         let channel = |c: usize| {

@@ -87,10 +87,10 @@ struct Case<'a> {
     name: &'a str,
     world: &'a World,
     screen: &'a Screen,
-    /// Seconds to build the acceleration structure, and to project all triangles.
+    /// Seconds to build the acceleration structure; `project` is the time to project all triangles.
     build: f64,
     project: f64,
-    /// The hits of rays, and the contents of the z-buffer.
+    /// What rays see in each pixel; `reference` is the content of the z-buffer.
     rays: Seen,
     reference: Seen,
 }
@@ -102,14 +102,14 @@ struct Row {
 }
 
 struct Measured {
-    /// Seconds of view-independent preparation, and seconds per picture.
+    /// Seconds of view-independent preparation; `seconds` is the time per picture.
     prepare: Option<f64>,
     seconds: f64,
     runs: usize,
     memory: Option<usize>,
     work: Vec<(&'static str, u64)>,
-    /// Share of pixels (for lines: of segments) that agree with rays; and the numbers of those that
-    /// differ for a known reason, and of the others.
+    /// Share of pixels (for lines: of segments) that agree with rays. `borderline` is the number of
+    /// others that rounding may decide, `unexplained` the number of the rest.
     agree: f64,
     borderline: u64,
     unexplained: u64,
@@ -130,7 +130,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
         .ok_or_else(|| fail(&visible::VisibleError::NotPinhole))?;
     let (screen, project) = timed(|| Screen::new(&bench.world, &view, [options.side; 2]));
     let screen = screen.map_err(|e| fail(&e))?;
-    // Built on one thread, as everything that is measured here.
+    // The structure is built on one thread, because all methods are measured on one thread.
     let pool = pool(1).map_err(Failure::Other)?;
     let (world, build) =
         pool.install(|| timed(|| variants::rebuilt(&bench.world, &BuildOptions::default())));
@@ -171,8 +171,8 @@ fn methods(names: &[String]) -> Result<Vec<Kind>, Failure> {
     }
 }
 
-/// Runs as often as requested, but not for long. Returns the last result and the seconds of each
-/// run.
+/// Runs `work` as often as requested, but not again after [`ENOUGH`] seconds. Returns the last
+/// result and the seconds of each run.
 fn repeated<T, E>(repeat: u32, mut work: impl FnMut() -> Result<T, E>) -> Result<(T, Vec<f64>), E> {
     let (first, seconds) = timed(&mut work);
     let (mut last, mut times) = (first?, vec![seconds]);
@@ -237,8 +237,8 @@ fn surfaces(options: &Options, case: &Case, method: Method) -> Result<Row, Failu
     Ok(Row { kind, outcome: Ok(measured) })
 }
 
-/// The share of pixels that agree with rays; of the others, the number that are so close to an edge
-/// or another triangle that rounding may decide, and the number that are not.
+/// Compares pixels with rays: the share that agrees, the number of other pixels that are so close
+/// to an edge or another triangle that rounding may decide, and the number of the rest.
 fn compare(case: &Case, items: &[u32]) -> (f64, u64, u64) {
     let width = case.screen.size()[0];
     let (mut same, mut borderline, mut unexplained) = (0u64, 0, 0);

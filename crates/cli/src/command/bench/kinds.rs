@@ -10,11 +10,12 @@ use snell_scene::camera::{CameraSample, Projection};
 /// A kind of ray.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// From the camera through the middle of each pixel, pixels in Morton order.
+    /// Rays from the camera through the middle of each pixel, pixels in Morton order.
     Primary,
-    /// From the hit points of primary rays to a light: is it occluded?
+    /// Rays from the hit points of primary rays to a light, which test for occlusion.
     Shadow,
-    /// One bounce from these points in a cosine-distributed direction, in the order of the pixels.
+    /// Rays from the hit points of primary rays in cosine-distributed directions, in the order of
+    /// the pixels.
     Diffuse,
     /// The diffuse rays in random order.
     Shuffled,
@@ -34,7 +35,8 @@ impl Kind {
         }
     }
 
-    /// The coherence of neighbouring rays: those of 4x4 pixels have a common origin or target.
+    /// The grouping for queries of this kind. Primary and shadow rays of 4x4 pixels have a common
+    /// origin or target; the others are incoherent.
     pub fn grouping(self) -> Grouping {
         match self {
             Self::Primary | Self::Shadow => Grouping::Coherent,
@@ -51,10 +53,11 @@ pub fn parse_side(text: &str) -> Result<u32, String> {
     }
 }
 
-/// A primary ray and what it hit.
+/// A primary ray and the surface that it hits, if any.
 pub type First = (Ray, Option<SurfaceInteraction>);
 
-/// The primary rays of a square picture whose side is a power of two, and what they hit.
+/// The primary rays of a square picture whose side is a power of two, with the surfaces that they
+/// hit.
 pub fn first_hits(bench: &Bench, world: &World, side: u32) -> Vec<First> {
     let camera = &bench.camera;
     let ray = |i: u32| {
@@ -70,7 +73,7 @@ pub fn first_hits(bench: &Bench, world: &World, side: u32) -> Vec<First> {
 }
 
 /// Rays that leave a surface begin this far from it, in radii of the scene: otherwise the peer's
-/// fast modes would hit the same surface again. (Snell's own do not need it.)
+/// fast modes would hit the same surface again. (Snell's own rays do not need it.)
 const START: f64 = 1e-4;
 
 /// The rays of a kind.
@@ -114,15 +117,16 @@ fn bounce(i: u32, ray: &Ray, surface: &SurfaceInteraction, start: f32) -> Ray {
     Ray { t_min: start, ..Ray::new(surface.ray_origin(direction), direction) }
 }
 
-/// The view of a camera in a square picture, with pixels as places; `None` unless its rays leave
-/// one point for a flat picture.
+/// The view of a camera in a square picture, with positions in pixels; `None` unless all rays leave
+/// one point and the picture is flat.
 pub fn view(camera: &Camera, side: u32) -> Option<View> {
     let is_flat =
         matches!(camera.projection, Projection::Perspective { .. } | Projection::Intrinsics(_));
     if !is_flat || !camera.has_common_origin() {
         return None;
     }
-    // Directions scaled to the plane at distance 1, where they are an affine function of the place.
+    // Directions scaled to the plane at distance 1, where they are affine functions of the
+    // position.
     let reach = |x: f64, y: f64| {
         let sample = CameraSample { film: DVec2::new(x, y), lens: Vec2::ZERO };
         let direction = camera.ray(&sample, [side; 2]).ray.direction.as_dvec3();

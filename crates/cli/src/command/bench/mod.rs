@@ -61,8 +61,8 @@ pub fn run(command: &Command) -> Result<ExitCode, Failure> {
     }
 }
 
-/// Creates a folder for results, unless it exists: before anything is measured, so that no time is
-/// lost if it cannot be created.
+/// Creates a folder for results, unless it exists. Benchmarks do this before they measure, so that
+/// no time is lost if it fails.
 fn make_folder(folder: &Path) -> Result<(), Failure> {
     std::fs::create_dir_all(folder).map_err(|e| {
         let folder = folder.display();

@@ -34,7 +34,8 @@ pub struct Peer {
 }
 
 impl Peer {
-    /// Embree with this many build threads. Only one may exist at a time: see [`Device::new`].
+    /// Loads Embree with this many build threads. Only one device may exist at a time: see
+    /// [`Device::new`].
     pub fn new(embree: &Arc<Embree>, threads: usize) -> Result<Self, Failure> {
         Ok(Self {
             device: Device::new(embree, threads).map_err(|e| Failure::Other(e.to_string()))?,
@@ -67,7 +68,7 @@ impl Contender<'_> {
         format!("{}, {}{robust}", self.mode.name(), options.quality.name())
     }
 
-    /// True if its scene was built robust.
+    /// True if the contender's scene was built robust.
     pub fn is_robust(&self) -> bool {
         self.scene.options().robust
     }

@@ -158,7 +158,7 @@ impl Plan<'_> {
         Ok(())
     }
 
-    /// Embree's scenes: medium and high, fast and robust.
+    /// Embree's scenes: of medium and of high quality, each in a fast and a robust form.
     fn peer_scenes(&self, world: &World) -> Result<Vec<PeerScene>, Failure> {
         let Some(peer) = &self.peer else { return Ok(Vec::new()) };
         let ways = [false, true]

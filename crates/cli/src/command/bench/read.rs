@@ -57,7 +57,7 @@ fn measure(path: &Path, read: &ReadOptions, options: &Options) -> Result<Value, 
     let (mut seconds, mut triangles) = (Vec::new(), 0);
     for _ in 0..options.repeat {
         let start = Instant::now();
-        // Freeing the scene is not part of the time.
+        // The time does not include freeing the scene.
         if options.as_written && is_mesh(path) {
             let mesh = read_mesh(&Input::open(path, read)?)?;
             seconds.push(start.elapsed().as_secs_f64());

@@ -86,7 +86,8 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
 
 /// The rays of a render, as three long batches.
 struct RecordedRays {
-    /// The rays of each kind of query.
+    /// Rays of closest-hit queries that are grouped as coherent; `unrelated` are those that are
+    /// not, and `occluded` the rays of occlusion queries.
     coherent: Vec<Ray>,
     unrelated: Vec<Ray>,
     occluded: Vec<Ray>,

@@ -1,8 +1,8 @@
 //! `snell bench samplers`: error against number of samples.
 //!
 //! Every pixel of some pictures estimates the same integral of known value. The root mean square of
-//! their errors measures a sampler's quality; the same after a slight blur measures how well the
-//! errors of neighbours cancel, which is what the eye sees.
+//! the errors measures a sampler's quality. The root mean square after a slight blur measures how
+//! well the errors of neighbouring pixels cancel, which is what the eye sees.
 
 mod blur;
 mod integrands;
@@ -70,10 +70,10 @@ pub struct Series {
 #[derive(Clone, Copy)]
 pub struct Point {
     spp: u32,
-    /// Root mean square.
+    /// Root mean square of the errors.
     error: f64,
-    /// Root mean square after a blur, divided by the blur's effect on white noise: equal to `error`
-    /// if neighbours are independent.
+    /// Root mean square of the blurred errors, divided by the blur's effect on white noise: equal
+    /// to `error` if neighbours are independent.
     blurred: f64,
 }
 

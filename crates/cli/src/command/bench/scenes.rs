@@ -18,7 +18,7 @@ use std::sync::Arc;
 
 /// A scene to be measured.
 pub struct Bench {
-    /// Its name on the command line.
+    /// The name of the scene on the command line.
     pub name: String,
     /// The geometry, without an acceleration structure: see [`super::variants::rebuilt`].
     pub world: World,
@@ -32,11 +32,11 @@ pub struct Bench {
 /// `NAME:instances=145`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Change {
-    /// Cuts each triangle into four, this many times; the surface stays the same.
+    /// Cuts each triangle into four, `N` times; the surface stays the same.
     Subdivide(u32),
     /// Rotated and spread copies, all in one mesh.
     Copies(u32),
-    /// The same copies as instances.
+    /// The copies of [`Change::Copies`] as instances.
     Instances(u32),
 }
 
@@ -60,12 +60,12 @@ fn parse(name: &str) -> Result<(&str, Option<Change>), Failure> {
     }
 }
 
-/// Quick checks on the name of a scene, so that a benchmark of many scenes does not fail late.
+/// Checks the name of a scene quickly, so that a benchmark of many scenes does not fail late.
 pub fn check(name: &str) -> Result<(), Failure> {
     parse(name).map(|_| ())
 }
 
-/// The name without the folders before it, for tables.
+/// The name of a scene without its folders, for tables.
 pub fn short_name(name: &str) -> &str {
     name.rsplit(['/', '\\']).next().unwrap_or(name)
 }
@@ -126,8 +126,8 @@ fn compile(name: &str, scene: &Scene) -> Result<World, Failure> {
     Arc::into_inner(compiled.world).ok_or_else(shared)
 }
 
-/// A point light: above a scene that is seen from outside, below the ceiling of one that is seen
-/// from inside.
+/// The position of a point light: above the corner of a scene that is seen from outside, below the
+/// ceiling of one that is seen from inside.
 fn light_above(bounds: &Bounds3d, eye: DVec3) -> Vec3 {
     if bounds.is_empty() || !bounds.is_finite() {
         return (eye + DVec3::Y).as_vec3();
@@ -249,7 +249,7 @@ mod tests {
     fn a_subdivided_mesh_stays_closed() {
         let mesh = subdivided(&subdivided(&tetrahedron()));
         assert_eq!(mesh.indices.len(), 4 * 16);
-        // Euler: the number of vertices is half of the triangles, plus two.
+        // By Euler's formula, the number of vertices is half the number of triangles, plus two.
         assert_eq!(mesh.positions.len(), 4 * 16 / 2 + 2);
     }
 
@@ -272,7 +272,7 @@ mod tests {
         };
         let (copies, instances) = (count(Change::Copies(5)), count(Change::Instances(5)));
         assert_eq!((copies.0, instances.0), (320, 320));
-        // Bounds of instances are those of rotated boxes; copies are rounded.
+        // Bounds of instances are those of rotated boxes; vertices of copies are rounded.
         let slack = 1e-5;
         assert!(
             instances.1.contains(copies.1.min + slack)

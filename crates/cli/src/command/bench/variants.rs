@@ -36,7 +36,7 @@ impl Options {
         let levels = self.levels()?;
         let mut variants = Vec::new();
         for &accelerator in &accelerators {
-            // Only this one is built in several qualities.
+            // Only the BVH is built in several qualities.
             let qualities = if accelerator == AcceleratorKind::Bvh {
                 &qualities[..]
             } else {
@@ -85,8 +85,8 @@ pub fn layout(compact: bool) -> &'static str {
     if compact { "compact" } else { "" }
 }
 
-/// A builder with the full contents of a world, for the same hits from another structure. Filters
-/// are not included.
+/// A builder with the full contents of a world, except its filters. Another structure built from it
+/// gives the same hits.
 pub fn builder_of(world: &World) -> WorldBuilder {
     let mut builder = WorldBuilder::default();
     for _ in 1..world.group_count() {
@@ -115,7 +115,7 @@ pub fn builder_of(world: &World) -> WorldBuilder {
     builder
 }
 
-/// The same world, built with other options.
+/// Builds the contents of a world with other options.
 pub fn rebuilt(world: &World, options: &BuildOptions) -> Result<World, WorldError> {
     builder_of(world).build(options)
 }

@@ -54,14 +54,14 @@ pub struct Turntable {
     pub rate: f64,
 }
 
-/// One frame.
+/// A frame to be rendered.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Frame {
-    /// The number in file names: the time in frames, so that separately rendered parts of an
-    /// animation fit together.
+    /// The number in file names: the time times the rate. So the numbers of separately rendered
+    /// parts of an animation fit together.
     number: i64,
     time: f64,
-    /// Fraction of a whole turn.
+    /// The turn of the scene so far, as a fraction of a full turn.
     turn: f64,
 }
 
@@ -138,7 +138,7 @@ fn frames(options: &Options, stage: &Stage) -> Result<Option<(Vec<Frame>, f64)>,
     let Some(FrameRange { start, end, rate }) = options.frames else { return Ok(None) };
     let [first, last] = stage.span();
     let (start, end) = (start.unwrap_or(first), end.unwrap_or(last));
-    // A frame counts if it begins before the end, up to rounding.
+    // A frame is rendered if it begins before the end, up to rounding.
     let count = ((end - start) * rate - 1e-6).ceil().max(1.0);
     if count > MOST || !count.is_finite() {
         return Err(Failure::Usage(format!(
@@ -153,7 +153,8 @@ fn frames(options: &Options, stage: &Stage) -> Result<Option<(Vec<Frame>, f64)>,
 /// The destination of frames.
 struct Place {
     folder: PathBuf,
-    /// The name before and after the number, and the minimum number of digits.
+    /// The part of the name before the number; `after` follows the number, which has at least
+    /// `digits` digits.
     before: OsString,
     after: OsString,
     digits: usize,
@@ -162,8 +163,9 @@ struct Place {
 }
 
 impl Place {
-    /// `walk.png` becomes `walk.0000.png`; `#` stand for digits if there are any. Frames of an
-    /// animated picture are kept in a folder beside it until it is written.
+    /// Places frames beside the output: `walk.png` becomes `walk.0000.png`, or `#` stand for digits
+    /// if the name has any. Frames of an animated picture are kept in a folder beside it until it
+    /// is written.
     fn of(output: Option<&Path>, stem: &OsStr) -> Result<Self, Failure> {
         let path =
             output.map_or_else(|| joined([stem, OsStr::new(".png")]).into(), Path::to_path_buf);
@@ -228,7 +230,7 @@ fn joined<const N: usize>(parts: [&OsStr; N]) -> OsString {
     parts.into_iter().collect()
 }
 
-/// A part of a name, between ASCII bytes.
+/// A part of a name. The range must begin and end at ASCII bytes.
 #[cfg(unix)]
 fn part(name: &OsStr, bytes: Range<usize>) -> OsString {
     use std::os::unix::ffi::OsStrExt;
@@ -253,7 +255,7 @@ pub fn is_animated(options: &Options) -> bool {
         .is_some_and(|path| path == Path::new("-") || animated_format(path).is_some())
 }
 
-/// A short fingerprint of how all frames are made: only frames with the same one belong together.
+/// A fingerprint of how all frames are made: only frames with the same fingerprint belong together.
 /// It covers the files read and every option that changes pictures.
 fn fingerprint(
     options: &Options,
@@ -279,8 +281,8 @@ fn fingerprint(
             .collect::<Result<_, _>>()?,
         ..options.clone()
     };
-    // Frame numbers mean other times if the first time is not a whole number of frames from 0, up
-    // to rounding.
+    // If the first time is not a whole number of frames from 0, up to rounding, the numbers of
+    // frames stand for other times.
     let offset = frames.first().map_or(0.0, |f| f.time - f.number as f64 / rate);
     let offset = (offset * 1e9).round();
     let version = env!("CARGO_PKG_VERSION");
@@ -301,7 +303,7 @@ pub fn render(session: &mut Session, stage: &mut Stage) -> Result<Option<ExitCod
     let files: BTreeMap<i64, PathBuf> =
         frames.iter().map(|f| (f.number, place.file(f.number))).collect();
     if let Some(first) = files.values().next() {
-        // Names of frames are longer than that of the output.
+        // Names of frames are longer than the name of the output, so the first is checked too.
         output::check_place(first)?;
     }
     let fingerprint = fingerprint(options, stage, &frames, rate)?;
@@ -365,7 +367,7 @@ pub fn render(session: &mut Session, stage: &mut Stage) -> Result<Option<ExitCod
 
 /// The result of a frame.
 struct Taken {
-    /// SHA-256 of its file; `None` if that is in a fallback place.
+    /// SHA-256 of the frame's file; `None` if the file is in a fallback place.
     sha256: Option<String>,
     line: String,
     statistics: Value,
@@ -415,7 +417,7 @@ fn render_one(
     Ok(Some(Taken { sha256, line, statistics }))
 }
 
-/// Total times of all frames.
+/// Times, summed over all frames.
 struct Totals {
     seconds: f64,
     pose: f64,
@@ -520,7 +522,7 @@ fn encode(
     writer.finish().map_err(failed)
 }
 
-/// Reads a file of our own, which may have been replaced by a pipe.
+/// Reads a file that Snell has written, which may have been replaced by a pipe.
 fn read(path: &Path) -> Result<Vec<u8>, Failure> {
     open::read(path, NamedBy::File, u64::MAX - 1)
         .map_err(|e| Failure::Other(format!("{}: {e}", path.display())))

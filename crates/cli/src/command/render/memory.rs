@@ -9,7 +9,7 @@ use snell_render::Settings;
 use snell_render::memory::{Estimate, Uses, of_picture, of_scene, picture_channels};
 use snell_scene::Scene;
 
-/// The memory that a render with these settings will take, beside that already in use.
+/// The memory that a render with these settings will take in addition to that in use already.
 fn estimate(options: &Options, settings: &Settings, scene: &Scene) -> Estimate {
     let output = options.output.as_deref().and_then(|path| path.extension());
     let extension = output.map_or("png".into(), |e| e.to_string_lossy().to_lowercase());
@@ -23,8 +23,8 @@ fn estimate(options: &Options, settings: &Settings, scene: &Scene) -> Estimate {
     of_picture(settings, &uses).with(of_scene(scene))
 }
 
-/// Refuses a picture for which there is too little memory, and says what would fit. Returns the
-/// estimated peak memory of the process, in bytes.
+/// Refuses a picture for which there is too little memory; the error says what would fit. Returns
+/// the estimated peak memory of the process, in bytes.
 pub fn check(options: &Options, settings: &Settings, scene: &Scene) -> Result<u64, Failure> {
     let estimate = estimate(options, settings, scene);
     let available = Available::now().for_threads(options.threads());

@@ -38,7 +38,7 @@ fn parse_display(text: &str) -> Result<DisplayOption, String> {
 /// How values are stored in display formats.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DisplayEncoding {
-    /// With the sRGB curve.
+    /// Display values with the sRGB curve.
     Srgb,
     /// Linear values, clamped.
     Linear,
@@ -186,7 +186,7 @@ pub struct Options {
     /// Print more details
     #[arg(short, long, help_heading = "Messages")]
     pub verbose: bool,
-    /// The record of the files that are read, if there is one.
+    /// The record of the files that are read; `None` if none is kept.
     #[arg(skip)]
     pub sources: Option<Sources>,
 }
@@ -194,7 +194,7 @@ pub struct Options {
 impl Options {
     /// The options for reading the scene file.
     pub fn read_options(&self) -> ReadOptions {
-        // Keys of the scene graph have dots; others may be parameters of the file.
+        // Keys of the scene graph contain a dot; keys without one may be parameters of the file.
         let plain = self
             .define
             .iter()
@@ -211,8 +211,8 @@ impl Options {
         }
     }
 
-    /// The same options, with a record of the files that are read if there are frames; `--resume`
-    /// compares it.
+    /// Returns the options with a record of the files that are read, if several frames are
+    /// rendered: `--resume` compares the record.
     pub fn recording_sources(mut self) -> Self {
         self.sources = self.has_frames().then(Sources::default);
         self
@@ -250,7 +250,7 @@ impl Options {
         self.request.exposure.or(scene.settings.exposure).unwrap_or(0.0)
     }
 
-    /// The requested tone map.
+    /// The requested tone map, else that of the scene's file, else none.
     pub fn tonemap(&self, scene: &Scene) -> Result<Tonemap, Failure> {
         let name = self.tonemap.as_deref().or(scene.settings.tonemap.as_deref()).unwrap_or("none");
         choice("tone map", name, &Tonemap::ALL, Tonemap::name)

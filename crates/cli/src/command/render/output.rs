@@ -94,7 +94,7 @@ impl<'a> Output<'a> {
     ) -> Result<Written, Failure> {
         let options = self.options;
         if options.variance {
-            // Light groups have unique names by now.
+            // Here, the light groups already have unique names.
             let names: Vec<String> = picture.layers.iter().map(|l| l.name.clone()).collect();
             picture.layers.extend(film.variance().layers.into_iter().zip(names).map(
                 |(layer, name)| Layer {
@@ -137,7 +137,7 @@ impl<'a> Output<'a> {
         let bytes = match encoded {
             Ok(bytes) => bytes,
             Err(unfit) => {
-                // OpenEXR holds any picture.
+                // The file is OpenEXR, which holds any picture.
                 let bytes = image::encode_image_as("exr", &picture, &writing)?;
                 let is_saved = rescue::elsewhere(
                     &path.with_extension("exr"),
@@ -172,11 +172,11 @@ impl<'a> Output<'a> {
 /// The destination of a picture.
 #[derive(Clone, Copy, Debug)]
 pub enum Target<'a> {
-    /// A file.
+    /// The picture goes to a file.
     File(&'a Path),
     /// Standard output, with a fallback file in the current folder if it cannot be written to.
     Output {
-        /// The name of that file.
+        /// The name of the fallback file.
         stand_in: &'a Path,
     },
 }
@@ -193,13 +193,14 @@ impl<'a> Target<'a> {
 /// A picture that was written.
 #[derive(Debug)]
 pub struct Written {
-    /// False if it is in a fallback place, see [`rescue`].
+    /// False if the picture is in a fallback place, see [`rescue`].
     pub is_in_place: bool,
     /// SHA-256 of the file.
     pub sha256: String,
 }
 
-/// Writes a text that belongs to the picture, such as its statistics; true if it is in its place.
+/// Writes a text that belongs to the picture, such as its statistics; true if it was written to
+/// `path`, false if to a fallback place.
 pub fn write_text(path: &Path, what: &str, text: &str) -> Result<bool, Failure> {
     rescue::write(path, what, &|out| out.write_all(text.as_bytes()))
 }

@@ -1,4 +1,5 @@
-//! The settings of a render as options: one for each setting that [`Request`] declares.
+//! The settings of a render as command-line options: one option for each setting that [`Request`]
+//! declares.
 
 use clap::builder::{TypedValueParser, ValueParser};
 use clap::{Arg, ArgAction, ArgMatches, Command, FromArgMatches};
@@ -6,7 +7,7 @@ use snell_render::{Form, Request, Setting, Wish};
 use std::ffi::OsString;
 use std::ops::Deref;
 
-/// The settings that are given, as a request.
+/// The settings given on the command line, as a request.
 #[derive(Clone, Debug, Default)]
 pub struct RequestOptions(Request);
 
@@ -47,7 +48,7 @@ impl FromArgMatches for RequestOptions {
     }
 }
 
-/// The option of a setting.
+/// The clap argument for a setting.
 fn argument(setting: &'static Setting) -> Arg {
     let argument = Arg::new(setting.name)
         .long(setting.option())
@@ -77,7 +78,7 @@ fn argument(setting: &'static Setting) -> Arg {
     }
 }
 
-/// What makes a wish of a value, and refuses values that are not possible.
+/// The parser of a setting's values, which refuses values that are not possible.
 fn parser(setting: &'static Setting) -> ValueParser {
     if matches!(setting.form, Form::Path | Form::OptionalValue) {
         return clap::builder::OsStringValueParser::new()
@@ -100,7 +101,7 @@ fn checked(setting: &Setting, wish: Wish) -> Result<Wish, String> {
     }
 }
 
-/// What is given for a setting; `None` if nothing is.
+/// The value given for a setting; `None` if there is none.
 fn wish(setting: &Setting, matches: &ArgMatches) -> Option<Wish> {
     match setting.form {
         Form::Flag => matches.get_flag(setting.name).then_some(Wish::Flag(true)),

@@ -1,4 +1,4 @@
-//! Saves results that took long to make: if they cannot be written to their place, a fallback is
+//! Saves results that took long to make: if a result cannot be written to its place, a fallback is
 //! used.
 
 use crate::failure::Failure;
@@ -16,9 +16,9 @@ const MAX_NAME_BYTES: usize = 255;
 const MAX_NAMES: u32 = 1000;
 
 /// Writes a file as [`atomic::write_with()`] does; `what` describes it in messages, such as "the
-/// picture". Returns true if it is in its place. If that fails, it is written to the current
-/// folder, or else to the one for temporary files, under a free name that the message reports. If
-/// neither works and the terminal is interactive, the user is asked once to make room.
+/// picture". Returns true if the file is at `path`. If that fails, the file is written to the
+/// current folder, or else to the folder for temporary files, under a free name that the message
+/// reports. If neither works and the terminal is interactive, the user is asked once to make room.
 pub fn write(
     path: &Path,
     what: &str,
@@ -42,8 +42,8 @@ pub fn write(
     }
 }
 
-/// Writes a file under a free name in the current folder or in the one for temporary files, and
-/// reports the place and the original problem. False if neither works.
+/// Writes a file under a free name in the current folder or in the folder for temporary files, and
+/// reports the place and the original problem. Returns false if neither works.
 pub fn elsewhere(
     path: &Path,
     what: &str,
@@ -117,7 +117,8 @@ pub fn partial(path: &Path) -> PathBuf {
     path.with_file_name(extended(path, ".partial"))
 }
 
-/// A file name with an addition before its extension; another name if that is too long.
+/// A file name with an addition before its extension. If that would be too long, another name is
+/// made.
 fn extended(path: &Path, addition: &str) -> OsString {
     let extension = path
         .extension()
@@ -131,8 +132,8 @@ fn extended(path: &Path, addition: &str) -> OsString {
     if name.len() <= MAX_NAME_BYTES { name } else { with("picture".as_ref()) }
 }
 
-/// Asks the user to make room; true once there is an answer, false without an interactive terminal
-/// or if the program shall end.
+/// Asks the user to make room. True if the user answered; false without an interactive terminal, or
+/// if the user gives up.
 fn asked_to_make_room(what: &str, error: &WriteError) -> bool {
     if !has_person() || interrupt::is_requested() {
         return false;

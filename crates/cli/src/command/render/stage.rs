@@ -27,7 +27,7 @@ pub struct Stage {
     moving: Moving,
     shutter: [f64; 2],
     compiled: Option<CompiledScene>,
-    /// True if the light was made for the camera, and so turns with it.
+    /// True if the light was made for the camera; then it turns with the camera.
     light_follows: bool,
 }
 
@@ -37,7 +37,7 @@ pub struct Shot {
     pub camera: Camera,
     /// The cameras at later times while the shutter is open.
     pub later_cameras: Vec<Camera>,
-    /// The scene.
+    /// The compiled scene.
     pub compiled: CompiledScene,
     /// Seconds to compute the pose.
     pub pose_seconds: f64,
@@ -46,7 +46,8 @@ pub struct Shot {
 }
 
 impl Stage {
-    /// Prepares a scene. It is animated only if the options set a time, or the file a shutter.
+    /// Prepares a scene. It is animated only if the options set a time, or if the file has a
+    /// shutter.
     pub fn new(mut scene: Scene, options: &Options) -> Result<Self, Failure> {
         let shutter = options.shutter.or(scene.settings.shutter);
         let is_asked =
@@ -124,8 +125,8 @@ impl Stage {
         choose_camera(&self.scene, options)
     }
 
-    /// Compiles the scene at a time. Unchanged parts of the previous shot are reused, if it was
-    /// handed back.
+    /// Compiles the scene at a time. Unchanged parts of the previous shot are reused, if its scene
+    /// was returned by [`Self::keep`].
     pub fn shot(
         &mut self,
         time: f64,

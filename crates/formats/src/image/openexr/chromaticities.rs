@@ -16,7 +16,7 @@ pub fn to_rec709(chromaticities: &Chromaticities) -> Option<[[f32; 3]; 3]> {
     rec709_from([red, green, blue, white].map(point))
 }
 
-/// The same for the chromaticities of red, green, blue and white.
+/// Like [`to_rec709`], for the chromaticities of red, green, blue and white.
 pub fn rec709_from(file: [[f64; 2]; 4]) -> Option<[[f32; 3]; 3]> {
     let same =
         file.iter().flatten().zip(REC709.iter().flatten()).all(|(a, b)| (a - b).abs() < 1e-3);
@@ -30,12 +30,13 @@ pub fn rec709_from(file: [[f64; 2]; 4]) -> Option<[[f32; 3]; 3]> {
     matrix.iter().flatten().all(|v| v.is_finite() && v.abs() < 1e3).then_some(matrix)
 }
 
-/// XYZ with Y = 1 of a chromaticity.
+/// The XYZ colour with Y = 1 of a chromaticity; `None` if y is not positive.
 fn xyz_of([x, y]: [f64; 2]) -> Option<[f64; 3]> {
     (y > 1e-6).then(|| [x / y, 1.0, (1.0 - x - y) / y])
 }
 
-/// The columns are the primaries, scaled so that (1, 1, 1) is white (SMPTE RP 177).
+/// The matrix from RGB to XYZ. Its columns are the primaries, scaled so that (1, 1, 1) is white
+/// (SMPTE RP 177).
 fn xyz_from_rgb(points: &[[f64; 2]; 4]) -> Option<Matrix> {
     // A primary may lie on the line y = 0 or below (ACES AP0 blue does): scale by x + y + z instead
     // of Y.
@@ -46,7 +47,8 @@ fn xyz_from_rgb(points: &[[f64; 2]; 4]) -> Option<Matrix> {
     Some(primaries.map(|row| std::array::from_fn(|c| row[c] * scale[c])))
 }
 
-/// Bradford chromatic adaptation (Lindbloom, "Chromatic Adaptation").
+/// The matrix in XYZ that adapts colours from one white to another by the Bradford method
+/// (Lindbloom, "Chromatic Adaptation").
 fn adaptation(from: [f64; 3], to: [f64; 3]) -> Option<Matrix> {
     const CONES: Matrix =
         [[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]];

@@ -60,7 +60,7 @@ fn unpremultiply(pixel: &mut [f32]) {
     }
 }
 
-/// Which channels of a layer make an image of 1 to 4 channels.
+/// The indices of the channels of a layer that make an image of 1 to 4 channels.
 fn image_channels(names: &[String]) -> Vec<usize> {
     let find = |name: &str| names.iter().position(|n| n.eq_ignore_ascii_case(name));
     let alpha = find("A");
@@ -135,7 +135,7 @@ fn decompress(chunk: Chunk, meta: &MetaData) -> Result<UncompressedBlock, String
 /// The picture being decoded.
 struct Target {
     image: LayeredImage,
-    /// For every part and channel of the file: which channel of which layer it fills, if any.
+    /// For each part and each channel of the file, the layer and channel that it fills, if any.
     slots: Vec<Vec<Option<Slot>>>,
     /// Top left of the display window.
     origin: [i64; 2],
@@ -217,7 +217,7 @@ impl Target {
     }
 }
 
-/// Converts samples (native endian, as the crate returns them) to floats.
+/// Converts samples to floats. The crate returns samples in native byte order.
 fn copy_samples<'a>(
     kind: SampleType,
     bytes: &[u8],
@@ -303,14 +303,14 @@ fn name_layers(headers: &[Header], only_picture: bool) -> (Vec<Layer>, Vec<Vec<O
     let is_rgb =
         |g: &Group| ["R", "G", "B"].iter().all(|c| g.members.iter().any(|(_, name)| name == c));
     let is_plain = |g: &Group| g.prefix.is_empty();
-    // A stable sort: within a rank the file's order stays.
+    // The sort is stable, so parts of equal rank keep the order of the file.
     groups.sort_by_key(|g| match (is_rgb(g), is_plain(g)) {
         (true, true) => 0,
         (true, false) => 1,
         (false, true) => 2,
         (false, false) => 3,
     });
-    // Only the best group is the picture; the rest keep the order of the file.
+    // Only the first group is the picture; the other groups keep the order of the file.
     groups[1..].sort_by_key(|g| g.part);
     if only_picture {
         groups.truncate(1);
@@ -349,7 +349,7 @@ fn channel_rank(name: &str) -> usize {
         .map_or(if name == "X" { 2 } else { 5 }, |i| i)
 }
 
-/// UTF-8 by custom, Latin-1 otherwise.
+/// Decodes text of the file: UTF-8 by custom, otherwise Latin-1.
 fn text(text: &Text) -> String {
     std::str::from_utf8(text.bytes()).map_or_else(|_| text.to_string(), String::from)
 }

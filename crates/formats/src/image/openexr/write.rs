@@ -18,14 +18,14 @@ use rayon::prelude::*;
 use snell_scene::{Layer, LayeredImage};
 use std::io::Cursor;
 
-/// Blocks that are compressed before the next ones are begun.
+/// Number of blocks that are compressed before the next ones are begun.
 const BATCH: usize = 64;
 
 /// A channel of the file.
 struct Channel<'a> {
     name: String,
     layer: &'a Layer,
-    /// Its index in the layer.
+    /// Index of the channel in its layer.
     index: usize,
     is_half: bool,
 }
@@ -119,12 +119,12 @@ fn check_name(name: &str) -> Result<(), Unfit> {
     Ok(())
 }
 
-/// True if half precision suffices: only for colours. Its 11 bits are too few for depth, positions
-/// and ids.
+/// True if half precision suffices for a channel, which is so only for colours: 11 bits are too few
+/// for depth, positions and ids.
 fn is_color(layer: &Layer, index: usize) -> bool {
     match layer.channels[index].as_str() {
         "R" | "G" | "B" | "A" => true,
-        // Luminance, unless it is a coordinate.
+        // Y is luminance, unless the layer holds coordinates.
         "Y" => !layer.channels.iter().any(|c| c == "X"),
         _ => false,
     }

@@ -110,12 +110,15 @@ const LONGEST_CHAIN: u32 = 32;
 
 /// Scratch memory that serves all objects.
 struct Builder {
-    /// For each position of the file, the latest vertex made from it, and in which object (from 1).
+    /// For each position of the file, the latest vertex made from it, and the number of that
+    /// vertex's object (from 1).
     heads: Vec<(u32, u32)>,
-    /// For each material of the file (and one more for none), its slot and in which object.
+    /// For each material of the file (and one more for none), its slot and the number of the object
+    /// that has the slot.
     slots: Vec<(u32, u16)>,
     object: u32,
-    /// For each vertex of the object, the previous one made from the same position, and its corner.
+    /// For each vertex of the object, the previous vertex made from the same position, and the
+    /// vertex's corner.
     vertices: Vec<(u32, Corner)>,
     /// Vertices beyond the longest chain, by object and corner. Never iterated, so order does not
     /// matter.

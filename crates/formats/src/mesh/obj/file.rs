@@ -29,7 +29,7 @@ pub struct Corner {
     pub normal: u32,
 }
 
-/// How many lines of each list there are.
+/// Numbers of lines of each list.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Counts {
     pub positions: usize,
@@ -68,7 +68,7 @@ impl Run {
 /// The faces of a piece. Attributes that a file lacks take no memory.
 #[derive(Debug, Default)]
 pub struct Faces {
-    /// Where the piece starts in the text.
+    /// Offset of the piece in the text.
     start: usize,
     positions: Vec<u32>,
     /// Empty, or one per corner up to the last that has one.
@@ -79,7 +79,7 @@ pub struct Faces {
 }
 
 impl Faces {
-    /// No faces, of a piece that starts at an offset.
+    /// An empty list, for the piece of the text that starts at an offset.
     pub fn starting_at(start: usize) -> Self {
         Self { start, ..Self::default() }
     }
@@ -120,7 +120,7 @@ impl Faces {
         }
     }
 
-    /// A corner.
+    /// The corner with this number.
     pub fn corner(&self, at: usize) -> Corner {
         let index = |list: &[u32]| list.get(at).copied().unwrap_or(NONE);
         Corner { position: self.positions[at], uv: index(&self.uvs), normal: index(&self.normals) }
@@ -206,7 +206,7 @@ pub fn parse(input: &Input, notes: &mut Notes) -> Result<ObjFile, ReadError> {
         (file.pieces.iter().map(|(faces, _)| faces.corner_count()).sum(), "corners of faces"),
     ] {
         if count > elements {
-            // The position of the first one over the limit is not known: the file was read in
+            // The position of the first element over the limit is not known: the file was read in
             // pieces.
             return Err(too_many(input, crate::mesh::text::place_of(&bytes, bytes.len()), what));
         }
@@ -217,7 +217,7 @@ pub fn parse(input: &Input, notes: &mut Notes) -> Result<ObjFile, ReadError> {
 }
 
 impl Counts {
-    /// Adds counts, and returns the sum before.
+    /// Adds `more` to the counts, and returns the counts before the addition.
     fn then(&mut self, more: Self) -> Self {
         let before = *self;
         self.positions += more.positions;
@@ -232,7 +232,7 @@ fn pieces(bytes: &[u8]) -> Vec<Range<usize>> {
     let mut pieces = Vec::with_capacity(bytes.len() / PIECE + 1);
     let mut start = 0;
     while bytes.len() - start > PIECE {
-        // Not between a backslash and the end of its line, nor inside a line end.
+        // A cut must not lie between a backslash and the end of its line, nor inside a line end.
         let cut = bytes[start..start + PIECE]
             .iter()
             .rposition(|b| !b"\\\r".contains(b))

@@ -25,8 +25,8 @@ use snell_scene::material::{
 use snell_scene::texture::Wrap;
 use snell_scene::{Encoding, Material, MaterialId, Scene, TextureId, WarningKind};
 
-/// The height of a bump map of strength 1 at its brightest, in widths of its image. (The format
-/// does not specify it.)
+/// The height of a bump map of strength 1 where it is brightest, in widths of its image. (The
+/// format does not specify the height.)
 pub const HEIGHT_OF_BUMPS: f32 = 0.02;
 
 /// Reflectance of a material that names no colour.
@@ -180,7 +180,7 @@ impl Maker<'_> {
         self.color(factor.map(|c| c.map(|x| x.min(1.0))), default, &mtl.diffuse_map, mtl)
     }
 
-    /// Opacity: `d`, or one minus `Tr`, times the map.
+    /// Sets the opacity: `d`, or one minus `Tr`, times the map.
     fn alpha(&mut self, name: &str, mtl: &Mtl, material: &mut Material) -> Result<(), ReadError> {
         let mut alpha =
             mtl.dissolve.or(mtl.transparency.map(|t| 1.0 - t)).unwrap_or(1.0).clamp(0.0, 1.0);
@@ -199,7 +199,7 @@ impl Maker<'_> {
             let texture = self.texture(map, Encoding::Linear, mtl)?;
             let picture = self.scene.textures[texture.index()].as_image();
             let image = picture.and_then(|picture| self.scene.images.get(picture.image.index()));
-            // In an image with an alpha channel alpha is the opacity; in others the brightness is.
+            // If the image has an alpha channel, alpha is the opacity; otherwise the brightness is.
             let channel =
                 if image.is_some_and(|image| matches!(image.channels, 2 | 4)) { 3 } else { 0 };
             material.alpha.texture = Some((texture, channel));

@@ -10,8 +10,8 @@ use crate::{Input, ReadError};
 use snell_math::Rgb;
 use std::collections::BTreeMap;
 
-/// A material as its file states it; `None` if it has no such statement. See Bourke's page on MTL,
-/// and Exocortex' "PBR extension to MTL" for `Pr`, `Pm` and `norm`.
+/// A material as its file states it; a field is `None` if the file lacks its statement. See
+/// Bourke's page on MTL, and Exocortex' "PBR extension to MTL" for `Pr`, `Pm` and `norm`.
 #[derive(Clone, Debug, Default)]
 pub struct Mtl {
     pub ambient: Option<Rgb>,
@@ -20,18 +20,18 @@ pub struct Mtl {
     pub emission: Option<Rgb>,
     /// `Tf`: filter of transmitted light.
     pub transmission: Option<Rgb>,
-    /// `Ns`.
+    /// `Ns`: exponent of the highlight.
     pub shininess: Option<f32>,
-    /// `Ni`.
+    /// `Ni`: index of refraction.
     pub ior: Option<f32>,
     /// `d`: 1 is opaque.
     pub dissolve: Option<f32>,
     /// `Tr`: 0 is opaque.
     pub transparency: Option<f32>,
     pub illum: Option<u32>,
-    /// `Pr`.
+    /// `Pr`: roughness.
     pub roughness: Option<f32>,
-    /// `Pm`.
+    /// `Pm`: metalness.
     pub metallic: Option<f32>,
     pub diffuse_map: Option<Map>,
     pub specular_map: Option<Map>,
@@ -41,7 +41,7 @@ pub struct Mtl {
     pub metallic_map: Option<Map>,
     pub normal_map: Option<Map>,
     pub bump_map: Option<Map>,
-    /// Index of its file in the list of libraries.
+    /// Index of the material's file in the list of libraries.
     pub library: usize,
 }
 
@@ -51,9 +51,9 @@ pub struct Map {
     pub file: String,
     /// `-s`: factor on u and v.
     pub scale: [f32; 2],
-    /// `-o`: added to u and v after that.
+    /// `-o`: added to u and v after the scale.
     pub offset: [f32; 2],
-    /// `-clamp on`.
+    /// True for `-clamp on`: the image does not repeat.
     pub clamp: bool,
     /// `-bm`: strength of a normal or bump map.
     pub strength: f32,

@@ -44,7 +44,7 @@ pub struct Piece {
     pub uvs: Vec<Vec2>,
     pub normals: Vec<Vec3>,
     pub faces: Faces,
-    /// Runs of faces; materials and objects are those of the piece.
+    /// Runs of faces; numbers of materials and objects count those of this piece.
     pub runs: Vec<Run>,
     /// The state after the last statement.
     pub end: State,
@@ -84,7 +84,7 @@ struct Parser<'a> {
 }
 
 impl Parser<'_> {
-    /// How many lines of each list there are so far.
+    /// The numbers of lines of each list so far.
     fn counts(&self) -> Counts {
         Counts {
             positions: self.before.positions + self.piece.positions.len(),
@@ -326,7 +326,7 @@ impl Parser<'_> {
         if parts.next().is_some() { Err(bad()) } else { Ok(Corner { position, uv, normal }) }
     }
 
-    /// An index from 0. Positive ones are checked at the end, because they may refer to later
+    /// An index from 0. Positive indices are checked at the end, because they may refer to later
     /// lines.
     fn index(
         &self,

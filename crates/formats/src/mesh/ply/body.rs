@@ -17,7 +17,7 @@ pub trait Source {
     fn value(&mut self, kind: Type) -> Result<f64, ReadError>;
     /// Skips values.
     fn skip(&mut self, kind: Type, count: u64) -> Result<(), ReadError>;
-    /// How much of the file is left.
+    /// The number of bytes of the file that are not read yet.
     fn bytes_left(&self) -> u64;
     /// Ends an element.
     fn end_element(&mut self);
@@ -50,7 +50,7 @@ pub struct AsciiSource<'a> {
 }
 
 impl<'a> AsciiSource<'a> {
-    /// The values after the header.
+    /// A source of the values that follow the header.
     pub fn new(input: &'a Input, header: &Header) -> Self {
         let text = Text::new(&input.bytes, header.end);
         Self {
@@ -124,7 +124,7 @@ pub struct BinarySource<'a, const BIG: bool> {
 }
 
 impl<'a, const BIG: bool> BinarySource<'a, BIG> {
-    /// The values after the header.
+    /// A source of the values that follow the header.
     pub fn new(input: &'a Input, header: &Header) -> Self {
         Self { input, position: header.end, last: header.end }
     }
@@ -377,7 +377,8 @@ fn read_vertices(
     Ok(())
 }
 
-/// Channel 3 is alpha. Values that are not finite, or negative, count as 1.
+/// Decodes one channel of a vertex colour; channel 3 is alpha. Values that are not finite, or
+/// negative, count as 1.
 fn linear_color(value: f32, kind: Type, channel: usize) -> f32 {
     let value = value / kind.color_scale();
     if !value.is_finite() || value < 0.0 {
@@ -425,16 +426,17 @@ fn skip_element(source: &mut impl Source, element: &Element) -> Result<(), ReadE
     Ok(())
 }
 
-/// The polygons read: faces may come before the vertices.
+/// The polygons read so far. They become triangles at the end, because faces may come before the
+/// vertices in a file.
 #[derive(Default)]
 struct Faces {
     vertices: u64,
-    /// Where the header declares them.
+    /// Offset of the line of the header that declares them.
     declared: usize,
     /// Triangles that were read at once, before all others.
     triangles: Vec<[u32; 3]>,
     corners: Vec<u32>,
-    /// Where each polygon's corners end.
+    /// For each polygon, the end of its corners.
     ends: Vec<usize>,
 }
 

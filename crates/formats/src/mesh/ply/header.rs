@@ -77,7 +77,7 @@ pub struct Property {
 /// A kind of element.
 #[derive(Clone, Debug)]
 pub struct Element {
-    /// Where its line is in the file.
+    /// Offset of the line that declares the element.
     pub start: usize,
     pub name: String,
     pub count: u64,
@@ -99,7 +99,7 @@ impl Element {
 pub struct Header {
     pub format: Format,
     pub elements: Vec<Element>,
-    /// Offset of the first byte after it.
+    /// Offset of the first byte after the header.
     pub end: usize,
 }
 

@@ -65,9 +65,9 @@ pub fn each<T: Send>(bytes: &[u8], size: usize, make: impl Fn(&[u8]) -> T + Send
     bytes.par_chunks_exact(size).with_min_len(PIECE).map(make).collect()
 }
 
-/// Returns triangles, if all of the `count` elements at the start of `bytes` are faces of three
-/// corners with valid vertex indices; and how many bytes they take. `list` is the index of the list
-/// of corners among the properties.
+/// Returns the triangles, and the number of bytes that they take, if all of the `count` elements at
+/// the start of `bytes` are faces of three corners with valid vertex indices. `list` is the index
+/// of the list of corners among the properties.
 pub fn triangles<const BIG: bool>(
     bytes: &[u8],
     element: &Element,
@@ -101,8 +101,8 @@ pub fn triangles<const BIG: bool>(
             && found.iter().all(|&i| i >= 0.0 && i < vertices as f64);
         good.then(|| found.map(|i| i as u32))
     };
-    // Many short pieces, so that a face of another kind ends the work early and nothing is copied
-    // twice.
+    // The pieces are short, so that a face of another kind ends the work early and nothing is
+    // copied twice.
     let mut all = vec![[0; 3]; element.count as usize];
     let pieces = all.par_chunks_mut(PIECE).zip(faces.par_chunks(PIECE * size));
     pieces

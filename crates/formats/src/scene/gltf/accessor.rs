@@ -6,10 +6,12 @@ use super::json::Json;
 use crate::ReadError;
 use std::cell::Cell;
 
-/// Maximum number of elements of an accessor without data of its own (all are zero).
+/// Maximum number of elements of an accessor that has no data of its own, so that all elements are
+/// zero.
 const MAX_ZEROS: usize = 1 << 22;
 
-/// Maximum number of such elements in a file; an accessor counts each time it is used.
+/// Maximum number of elements without data that are decoded for one file; an accessor counts each
+/// time it is used.
 const MAX_ZEROS_IN_ALL: usize = 1 << 25;
 
 /// Type of one component.
@@ -80,8 +82,8 @@ impl Component {
 pub(super) struct Accessors<'a> {
     table: Vec<Json<'a>>,
     buffers: Buffers<'a>,
-    /// Elements decoded so far: of all accessors, and of those without data. A short file can use
-    /// one accessor many times.
+    /// Elements decoded so far: by all accessors, and by those without data. These are counted
+    /// because a short file can use one accessor many times.
     decoded: Cell<[usize; 2]>,
     max_decoded: usize,
 }
@@ -104,7 +106,8 @@ pub(super) struct Accessor<'s, 'a> {
 }
 
 impl<'a> Accessors<'a> {
-    /// `limit` caps the elements of one kind.
+    /// Lists the accessors of a document. All decoded elements together are limited to 4 times
+    /// `limit`.
     pub fn new(root: &Json<'a>, buffers: Buffers<'a>, limit: usize) -> Result<Self, ReadError> {
         let table = root.items_of("accessors")?;
         Ok(Self {
@@ -190,7 +193,7 @@ impl<'a> Accessors<'a> {
     }
 }
 
-/// The bytes of some elements, known to lie within their buffer view.
+/// The bytes of some elements, which lie within their buffer view.
 struct Part {
     view: View,
     start: usize,
@@ -198,7 +201,8 @@ struct Part {
 }
 
 impl Part {
-    /// `count` elements of `size` bytes, `stride` bytes apart, from the `byteOffset` of `json`.
+    /// Locates `count` elements of `size` bytes, `stride` bytes apart, from the `byteOffset` of
+    /// `json`.
     fn new(
         json: &Json,
         view: View,
@@ -240,7 +244,7 @@ impl Accessor<'_, '_> {
         self.json.error(problem)
     }
 
-    /// The same accessor with its integers read as fractions, normalized or not (for attributes
+    /// Returns the accessor with its integers read as fractions, normalized or not (for attributes
     /// that are always fractions).
     pub fn into_fractions(mut self) -> Self {
         self.normalized = true;
@@ -303,7 +307,8 @@ impl Accessor<'_, '_> {
         Ok(elements)
     }
 
-    /// Counts the elements, and fails at the limits on what a file may make the reader decode.
+    /// Counts the elements as decoded. Fails at the limits on what a file may make the reader
+    /// decode.
     fn count_decoded(&self) -> Result<(), ReadError> {
         let [mut decoded, mut zeros] = self.all.decoded.get();
         decoded = decoded.saturating_add(self.count);

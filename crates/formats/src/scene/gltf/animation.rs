@@ -29,12 +29,13 @@ pub(super) struct Rig {
     switched: BTreeSet<usize>,
 }
 
-/// Maps cameras and lights of the scene to those of the file.
+/// The cameras and lights of the scene, with the numbers that they have in the file.
 #[derive(Default)]
 pub(super) struct Placed {
-    /// Number in the scene, number in the file.
+    /// The number of each camera in the scene, and its number in the file.
     pub cameras: Vec<(usize, usize)>,
-    /// Number in the scene, number in the file, `world_from_node`.
+    /// The number of each light in the scene, its number in the file, and its node's
+    /// `world_from_node`.
     pub lights: Vec<(usize, usize, DAffine3)>,
     /// The factor that was applied to the file's intensities.
     pub light_scale: f64,
@@ -80,7 +81,7 @@ impl Rig {
             }
             motion.clips.push(clip);
         }
-        // Pointers to nodes are handled here; the others once the scene is complete.
+        // Pointers to nodes are handled here, and all other pointers once the scene is complete.
         for pointer in std::mem::take(&mut reader.pointers) {
             match rig.channels_of(reader, &pointer)? {
                 Some(channels) => motion.clips[pointer.clip].channels.extend(channels),
@@ -91,7 +92,7 @@ impl Rig {
         Ok(rig)
     }
 
-    /// Reads a channel; `None` if it has no known target.
+    /// Reads a channel; `None` if its target is not known.
     fn channel(
         &mut self,
         reader: &Reader,
@@ -135,7 +136,8 @@ impl Rig {
         Ok(Some(Channel { joint: self.joint_of[number], track }))
     }
 
-    /// The channels of a pointer to a node, or to the weights of a mesh; `None` for others.
+    /// The channels of a pointer to a node, or to the weights of a mesh; `None` for any other
+    /// pointer.
     fn channels_of(
         &mut self,
         reader: &Reader,
@@ -191,7 +193,7 @@ impl Rig {
         self.switched.contains(&node)
     }
 
-    /// Records things that are visible only while all of some nodes are.
+    /// Records objects of the scene that are visible only while all of some nodes are.
     pub fn switches(&mut self, nodes: &[usize], what: Switched) {
         let joints: Vec<u32> = nodes.iter().map(|node| self.joint_of[*node]).collect();
         if !joints.is_empty() {
@@ -264,7 +266,7 @@ fn hide(scene: &mut Scene, motion: &Arc<Motion>) {
     scene.apply(&Pose { switched, ..Pose::default() });
 }
 
-/// `KHR_node_visibility` of a node.
+/// True if `KHR_node_visibility` does not hide the node.
 pub(super) fn is_visible(node: &Json) -> Result<bool, ReadError> {
     node.extension("KHR_node_visibility")?
         .map_or(Ok(true), |extension| extension.boolean_or("visible", true))

@@ -7,8 +7,8 @@ use snell_math::DAffine3;
 use snell_scene::{Camera, Projection};
 use std::f64::consts::PI;
 
-/// Adds the camera of a node, if it has one, and returns its index in the file. It looks along the
-/// node's `-z`, with `+y` up.
+/// Adds the camera of a node, if it has one, and returns its index in the file. The camera looks
+/// along the node's `-z`, with `+y` up.
 pub(super) fn read(
     reader: &mut Reader,
     node: &Json,

@@ -88,7 +88,7 @@ fn open_glb(input: &Input) -> Result<Container<'_>, ReadError> {
             .get(start..stop)
             .filter(|_| stop <= end)
             .ok_or_else(|| truncated(at, "a chunk"))?;
-        // Chunks of other kinds, and further ones of the same, belong to extensions and are
+        // Chunks of other kinds, and further chunks of the same kind, belong to extensions and are
         // skipped.
         match &kind.to_le_bytes() {
             b"JSON" if json.is_none() => json = Some(chunk),
@@ -103,7 +103,7 @@ fn open_glb(input: &Input) -> Result<Container<'_>, ReadError> {
     Ok(Container { json: parse_json(input, json)?, binary })
 }
 
-/// A part of a buffer, known to lie within the declared length.
+/// A part of a buffer, which lies within the buffer's declared length.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct View {
     /// Number of the view.
@@ -114,7 +114,7 @@ pub(super) struct View {
     packed: Option<usize>,
     /// Length in bytes.
     pub length: usize,
-    /// Bytes from one element to the next, if the file says so.
+    /// Bytes from one element to the next, if the file gives them.
     pub stride: Option<usize>,
 }
 
@@ -166,7 +166,7 @@ impl<'a> Buffers<'a> {
         Ok(View { number, buffer, offset, packed: Some(packed), length, stride })
     }
 
-    /// The buffer of a view, and the checked offset of its `length` bytes.
+    /// The buffer of a view, and the checked offset of the view's `length` bytes.
     fn place(&self, view: &Json, length: usize) -> Result<(usize, usize), ReadError> {
         let index = view.require("buffer")?;
         let buffer = entry(&self.declared, &index, "buffers")?;
@@ -286,7 +286,7 @@ pub(super) fn fetch_uri(input: &Input, uri: &Json) -> Result<Vec<u8>, ReadError>
     opened.map(|file| file.bytes).map_err(named)
 }
 
-/// Decodes what follows `data:`.
+/// Decodes the part of a data URI after `data:`.
 fn decode_data_uri(data: &str) -> Result<Vec<u8>, String> {
     let Some((header, body)) = data.split_once(',') else {
         return Err("the data URI has no comma before its data".into());

@@ -1,4 +1,5 @@
-//! Extensions: required ones that are not supported are errors, optional ones leave a warning.
+//! Checks extensions: a required extension that is not supported is an error, an optional one
+//! leaves a warning.
 
 use super::json::Json;
 use crate::ReadError;

@@ -26,7 +26,7 @@ impl<'a> Json<'a> {
         self.value
     }
 
-    /// Another value in the place of this one.
+    /// Returns another value with the path of this one.
     pub fn with_value<'b>(&self, value: &'b Value) -> Json<'b>
     where
         'a: 'b,
@@ -78,7 +78,7 @@ impl<'a> Json<'a> {
         Ok(map.get(key).map(|value| self.step(value, key)))
     }
 
-    /// A required property.
+    /// The property `key`, which is required.
     pub fn require(&self, key: &str) -> Result<Self, ReadError> {
         self.get(key)?.ok_or_else(|| self.error(format!("the property \"{key}\" is missing")))
     }
@@ -157,7 +157,7 @@ impl<'a> Json<'a> {
         Ok(self.as_array()?.len())
     }
 
-    /// A number.
+    /// The value as a number.
     pub fn number(&self) -> Result<f64, ReadError> {
         self.value.as_f64().ok_or_else(|| self.wrong_type("a number"))
     }
@@ -172,12 +172,12 @@ impl<'a> Json<'a> {
             .ok_or_else(|| self.wrong_type("a whole number from 0"))
     }
 
-    /// A boolean.
+    /// The value as a boolean.
     pub fn boolean(&self) -> Result<bool, ReadError> {
         self.value.as_bool().ok_or_else(|| self.wrong_type("true or false"))
     }
 
-    /// A string.
+    /// The value as a string.
     pub fn string(&self) -> Result<&'a str, ReadError> {
         self.value.as_str().ok_or_else(|| self.wrong_type("a string"))
     }

@@ -47,8 +47,8 @@ pub(super) fn scale(reader: &mut Reader) -> Result<f64, ReadError> {
     Ok(if is_photometric { 1.0 / BLENDER_LUMENS_PER_WATT } else { 1.0 })
 }
 
-/// Adds the light of a node, if it has one, and returns its index in the file. It shines along the
-/// node's `-z`.
+/// Adds the light of a node, if it has one, and returns its index in the file. The light shines
+/// along the node's `-z`.
 pub(super) fn read(
     reader: &mut Reader,
     node: &Json,
@@ -138,10 +138,10 @@ pub(super) fn read_ies(
     Ok(())
 }
 
-/// Adds the default sky to a scene that only its own emission would light, if that is at most one.
-/// Such emission (displays, small lamps, unlit surfaces) is only to be seen, and the scene is
-/// made for viewers with their own lighting. Brighter emission needs
-/// `KHR_materials_emissive_strength`: then the surfaces are meant as lights, and there is no sky.
+/// Adds the default sky to a scene that only its own emission would light, if no emission exceeds
+/// 1. Emission up to 1 (displays, small lamps, unlit surfaces) is meant to be visible, not to light
+/// the scene, which is made for viewers with their own lighting. Brighter emission needs
+/// `KHR_materials_emissive_strength`: then the surfaces are meant as lights, and no sky is added.
 pub(super) fn add_sky(scene: &mut Scene) {
     let is_lamp = |m: &Material| m.illuminates && m.emission.factor.max_element() > 1.0;
     let has_light = !scene.lights.is_empty()

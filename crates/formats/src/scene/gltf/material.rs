@@ -26,8 +26,9 @@ pub(super) fn read_all(reader: &mut Reader) -> Result<(), ReadError> {
     Ok(())
 }
 
-/// The material of primitives that name none. Unlike in the standard it is double-sided: a file
-/// without materials did not choose to hide back faces, and culling would only leave holes.
+/// The material of primitives that name none. Unlike in the standard, this material is
+/// double-sided: a file without materials did not choose to hide back faces, and culling would only
+/// leave holes.
 pub(super) fn default_material(reader: &mut Reader) -> MaterialId {
     if let Some(id) = reader.default_material {
         return id;
@@ -64,7 +65,7 @@ impl Default for Pbr {
     }
 }
 
-/// One material.
+/// Reads one material.
 pub(super) fn read(reader: &mut Reader, json: &Json) -> Result<Material, ReadError> {
     note::add(reader, json)?;
     let pbr = match json.extension("KHR_materials_pbrSpecularGlossiness")? {
@@ -224,7 +225,7 @@ fn texture_of(
 
 const OUT_OF_RANGE: &str = "material factors outside of 0 to 1 are clamped";
 
-/// A factor in `[0, 1]`.
+/// Reads a factor in `[0, 1]`; values outside are clamped.
 fn fraction(reader: &mut Reader, json: &Json, key: &str, default: f64) -> Result<f32, ReadError> {
     let value = json.number_or(key, default)?;
     if !(0.0..=1.0).contains(&value) {

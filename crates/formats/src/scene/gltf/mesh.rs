@@ -17,14 +17,14 @@ pub(super) struct Primitive {
     pub mesh: TriangleMesh,
     /// Morph targets, in the order of the mesh's weights.
     pub targets: Vec<MorphTarget>,
-    /// Joints that move its vertices; empty if it cannot be skinned.
+    /// Joints that move the vertices; empty if the primitive cannot be skinned.
     pub influences: Vec<InfluenceSet>,
     /// Index in the table of materials.
     pub material: Option<usize>,
 }
 
-/// Reads the primitives of a mesh that can be shown. `weights` are those of the morph targets;
-/// `all_targets` is set if they change, and then all targets are read.
+/// Reads the primitives of a mesh that can be shown. `weights` are the weights of the morph
+/// targets; `all_targets` is true if these weights change, and then all targets are read.
 pub(super) fn read_primitives(
     reader: &mut Reader,
     mesh: &Json,

@@ -1,5 +1,5 @@
-//! `EXT_meshopt_compression` (and `KHR_meshopt_compression`, which is the same with one more
-//! filter): buffer views that are decoded on first use.
+//! `EXT_meshopt_compression` and `KHR_meshopt_compression` (the latter with one more filter):
+//! buffer views that are decoded on first use.
 
 use super::json::Json;
 use crate::ReadError;

@@ -87,7 +87,7 @@ struct Reader<'a> {
     accessors: Accessors<'a>,
     textures: Textures,
     scene: Scene,
-    /// Material of primitives without one, once it was needed.
+    /// Material of primitives without one; `None` until the first such primitive.
     default_material: Option<MaterialId>,
     /// The selected material variant.
     variant: Option<usize>,

@@ -24,7 +24,7 @@ pub(super) fn count(mesh: &Json) -> Result<usize, ReadError> {
     Ok(most)
 }
 
-/// The targets of a primitive. Those with weight 0 stay empty, unless weights change (`all`).
+/// The targets of a primitive. Targets with weight 0 stay empty, unless weights change (`all`).
 pub(super) fn targets(
     reader: &Reader,
     primitive: &Json,
@@ -47,7 +47,8 @@ pub(super) fn targets(
     Ok(targets)
 }
 
-/// One attribute of a target. It is left out if the primitive lacks the attribute (`count` is 0).
+/// Reads one attribute of a morph target. The result is empty if the primitive lacks the attribute
+/// (`count` is 0).
 fn differences(
     reader: &Reader,
     target: &Json,

@@ -84,7 +84,7 @@ impl<'a> Hierarchy<'a> {
         }
     }
 
-    /// `world_from_node` of a node.
+    /// The matrix `world_from_node` of a node.
     pub fn world(&self, node: usize) -> DAffine3 {
         self.world[node]
     }
@@ -168,7 +168,7 @@ fn wanted_scene(reader: &Reader) -> Result<Option<usize>, ReadError> {
     Err(reader.root.error_with(format!("there is no scene \"{wanted}\""), remedy))
 }
 
-/// `parent_from_node`: the matrix, or translation, rotation and scale.
+/// Reads `parent_from_node`: the matrix, or translation, rotation and scale.
 fn placement(node: &Json) -> Result<Placement, ReadError> {
     let Some(matrix) = node.get("matrix")? else {
         let translation = node.numbers_or("translation", [0.0; 3])?;
@@ -185,8 +185,8 @@ fn placement(node: &Json) -> Result<Placement, ReadError> {
     Ok(Placement::Matrix(DAffine3 { matrix3: linear, translation: column(12) }))
 }
 
-/// Scale, then rotation (a quaternion x y z w, normalised here; zero is the identity), then
-/// translation.
+/// A placement that scales, then rotates (by a quaternion x y z w, normalised here; zero is the
+/// identity), then translates.
 pub(super) fn from_parts(translation: [f64; 3], rotation: [f64; 4], scale: [f64; 3]) -> Placement {
     let rotation = DQuat::from_array(rotation);
     let rotation =
@@ -197,7 +197,7 @@ pub(super) fn from_parts(translation: [f64; 3], rotation: [f64; 4], scale: [f64;
 /// Meshes of the file that are already in the scene.
 #[derive(Default)]
 struct MeshNodes {
-    /// Mesh nodes, by mesh number and weights (their bits).
+    /// Mesh nodes, by the number of the mesh and the bits of its morph weights.
     shared: BTreeMap<(usize, Vec<u64>), NodeId>,
     /// Numbers of all meshes shown, including skinned ones.
     shown: BTreeSet<usize>,
@@ -206,11 +206,11 @@ struct MeshNodes {
 /// A node of the file still to be read.
 struct Waiting {
     node: usize,
-    /// Its parent node in the scene.
+    /// The parent node in the scene.
     parent: NodeId,
-    /// False if it, or an ancestor, is never shown.
+    /// False if the node or an ancestor is never shown.
     is_visible: bool,
-    /// Those of it and its ancestors whose visibility changes.
+    /// The nodes whose visibility changes, among the node and its ancestors.
     switches: Vec<usize>,
 }
 
@@ -236,7 +236,7 @@ pub(super) fn read_scene(reader: &mut Reader) -> Result<(), ReadError> {
             placed.cameras.push((cameras, camera));
             rig.carries_cameras(i, cameras..cameras + 1);
         }
-        // The content of a node whose visibility changes is in a node of its own.
+        // The content of a node whose visibility changes is put into a node of its own.
         let mut content = id;
         if rig.is_switched(i) {
             content = reader.scene.add_child(id, Node::default());
@@ -290,8 +290,8 @@ fn read_meshes_without_nodes(reader: &mut Reader, shown: &mut MeshNodes) -> Resu
     Ok(())
 }
 
-/// Also checks everything that the shown scene does not use: a damaged file is reported whichever
-/// scene is shown.
+/// Checks everything that the shown scene does not use, so that a damaged file is reported
+/// whichever scene is shown.
 fn check_unseen(reader: &mut Reader, seen: &BTreeSet<usize>) -> Result<(), ReadError> {
     for skin in reader.root.items_of("skins")? {
         skin::read(reader, &skin)?;
@@ -383,8 +383,8 @@ fn still_surfaces(
     Ok(surfaces)
 }
 
-/// Gives a node the surfaces of a mesh, as deformed by its current weights and skin (with its
-/// matrices), and records them for the motion.
+/// Gives a node the surfaces of a mesh, deformed by the mesh's current weights and skin (with the
+/// skin's matrices), and records the surfaces for the motion.
 fn bent_mesh(
     reader: &mut Reader,
     mesh: &Json,

@@ -23,12 +23,12 @@ pub(super) struct Pointer {
     pub path: String,
     /// JSON pointer of the channel, for messages.
     channel: String,
-    /// Its numbers.
+    /// The values of the property over time.
     pub curve: Curve,
 }
 
 impl Pointer {
-    /// The rest of the path, if the property belongs to that object.
+    /// The part of the path below `object`; `None` if the property does not belong to that object.
     pub fn below(&self, object: &str) -> Option<&str> {
         self.path.strip_prefix(object)?.strip_prefix('/')
     }
@@ -95,7 +95,7 @@ pub(super) fn tracks(
             ),
         }
     }
-    // Reading again repeats warnings, so they are restored afterwards.
+    // The objects are read again, which repeats warnings, so the warnings are restored afterwards.
     let (warnings, notes) = (reader.scene.warnings.clone(), reader.scene.notes.clone());
     let (mut tracks, mut failed) = (Vec::new(), Vec::new());
     for ((clip, object), pointers) in groups {

@@ -48,7 +48,8 @@ pub(super) fn check(root: &Json) -> Result<(), ReadError> {
     Ok(())
 }
 
-/// `steps` has only a few elements, so recursion is fine.
+/// Checks the references that `steps` lead to from `at`: each must be less than `count`. `steps`
+/// has only a few elements, so recursion is fine.
 fn check_at(at: &Json, steps: &[&str], table: &str, count: usize) -> Result<(), ReadError> {
     match steps {
         [] => {

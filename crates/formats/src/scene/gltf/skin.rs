@@ -8,8 +8,8 @@ use crate::ReadError;
 use snell_math::{DAffine3, DMat3, DVec3};
 use snell_scene::motion::{InfluenceSet, Skin};
 
-/// The joints and weights of a primitive's vertices: `JOINTS_n` and `WEIGHTS_n`. Empty if it cannot
-/// be skinned.
+/// The joints and weights of a primitive's vertices: `JOINTS_n` and `WEIGHTS_n`. Empty if the
+/// primitive cannot be skinned.
 pub(super) fn influences(
     reader: &Reader,
     attributes: &Json,

@@ -25,10 +25,11 @@ pub(super) enum Use {
 /// coordinate transform.
 type Key = (usize, Use, u32, [u32; 6]);
 
-/// Images of the file, and which of them are in the scene.
+/// Images of the file, and their ids in the scene.
 #[derive(Default)]
 pub(super) struct Textures {
-    /// By number in the file: the image, or why it is unavailable. `None` if no texture names it.
+    /// For each image of the file, the image, or the reason why it is unavailable. `None` if no
+    /// texture names it.
     decoded: Vec<Option<Result<Arc<Image>, String>>>,
     /// Images in the scene, by number in the file.
     placed: BTreeMap<usize, ImageId>,
@@ -131,7 +132,7 @@ impl<'s, 'a> Source<'s, 'a> {
 }
 
 /// Adds the texture that a `textureInfo` object names to the scene. `None` if its image is missing
-/// and it is not a colour.
+/// and the texture holds data, not colours.
 pub(super) fn read(
     reader: &mut Reader,
     info: &Json,
@@ -234,7 +235,7 @@ fn sampler(reader: &mut Reader, texture: &Json) -> Result<([Wrap; 2], Filtering)
     Ok((wrap, if is_nearest { Filtering::Nearest } else { Filtering::Trilinear }))
 }
 
-/// Coordinate set and coordinate transform (`KHR_texture_transform`).
+/// Reads the coordinate set of a texture and its coordinate transform (`KHR_texture_transform`).
 pub(super) fn placement(
     reader: &mut Reader,
     info: &Json,

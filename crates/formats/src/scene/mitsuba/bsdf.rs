@@ -25,7 +25,8 @@ use std::rc::Rc;
 /// hit.
 #[derive(Clone, Debug, Default)]
 pub struct Look {
-    /// Only the last layer is always opaque; empty for no surface at all.
+    /// The layers, outermost first; empty for no surface at all. Only the last one is always
+    /// opaque.
     pub layers: Vec<Material>,
     /// True if vertex colours are visible.
     pub uses_vertex_colors: bool,
@@ -211,7 +212,7 @@ impl Builder<'_> {
         }
     }
 
-    /// One roughness for isotropic models.
+    /// Reads one roughness, for isotropic models.
     fn even_roughness(&mut self, object: &Object) -> Result<ScalarParam, Fault> {
         let roughness = self.roughness(object)?;
         if let Roughness::Stretched { .. } = roughness {
@@ -338,7 +339,7 @@ impl Builder<'_> {
         Ok(letting_through(Rgb::BLACK.into(), color))
     }
 
-    /// Hair, from its pigments or its absorption.
+    /// Reads hair, from its pigments or its absorption.
     fn hair(&mut self, object: &Object) -> Result<Material, Fault> {
         let mut kind = Hair { ior: self.relative_index(object, AMBER)?, ..Hair::default() };
         if object.has("sigma_a") {

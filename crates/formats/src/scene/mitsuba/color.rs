@@ -88,8 +88,9 @@ mod tests {
 
     #[test]
     fn a_black_body_of_the_suns_heat_has_its_luminance() {
-        // 1.6e9 cd/m² is the luminance of the sun's disk outside of the atmosphere, about 2e9; 683
-        // lm/W and the observer's integral.
+        // The luminance of the sun's disk is 1.6e9 cd/m² from the ground and about 2e9 cd/m²
+        // outside the atmosphere. 106.857 nm is the integral of the observer's curve, 683 lm/W the
+        // luminous efficacy.
         let luminance = blackbody_luminance(5778.0) * 106.857 * 683.0;
         assert!((1.7e9..2.1e9).contains(&luminance), "{luminance}");
     }

@@ -16,7 +16,7 @@ use snell_scene::light::{
 use snell_scene::material::ColorParam;
 
 impl Builder<'_> {
-    /// Light in linear Rec. 709 that must be constant (not textured).
+    /// Reads light, in linear Rec. 709, that must be constant (not textured).
     fn light_color(&mut self, object: &Object, name: &str, default: f32) -> Result<Rgb, Fault> {
         if let Some(property) = object.get(name)
             && let Value::Color(hue) = property.value
@@ -26,7 +26,7 @@ impl Builder<'_> {
         Ok(self.constant(object, name)?.unwrap_or(Rgb::splat(default)))
     }
 
-    /// The radiance of a surface; `None` if its emitter is not supported.
+    /// The radiance of a surface that emits; `None` if its emitter is not supported.
     pub(super) fn area_emitter(&mut self, object: &Object) -> Result<Option<ColorParam>, Fault> {
         if object.class != "emitter" {
             return Err(object.fault("an emitter was expected here", "use an area emitter"));
@@ -95,7 +95,8 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// The intensity falls linearly with the angle from the beam's edge to the cut-off.
+    /// Reads a spot light. Its intensity falls linearly with the angle from the beam's edge to the
+    /// cut-off.
     fn spot(&mut self, object: &Object, place: DAffine3) -> Result<(), Fault> {
         let scale = self.light_color(object, "intensity", 1.0)?;
         let cutoff = object.float_within("cutoff_angle", 20.0, [0.0, 180.0])?.max(1e-3);
@@ -160,7 +161,7 @@ impl Builder<'_> {
         if let (Some(slide), Some(axes)) = (Slide::new(&image, half_size), unit_axes(place)) {
             // Mitsuba's x points to the left of the projected picture, as in its cameras.
             let world_from_light = axes * DMat3::from_cols(DVec3::NEG_X, DVec3::Y, DVec3::Z);
-            // Irradiance at distance 1 of the whole picture plane, at normal incidence.
+            // The factor and the scale give the irradiance at distance 1, at normal incidence.
             let (position, scale) = (place.translation, factor * scale);
             self.scene.add_light(Projector { position, world_from_light, scale, slide });
         }
@@ -187,7 +188,8 @@ impl Builder<'_> {
             }
         };
         let image = self.scene.images[image.index()].clone();
-        // Its middle is +z and its right is -x; ours are -z and +x.
+        // In Mitsuba, the middle of the picture is +z and its right is -x; in the scene they are -z
+        // and +x.
         let turned = DMat3::from_diagonal(DVec3::new(-1.0, 1.0, -1.0));
         let world_from_environment = DAffine3::from_mat3(place.matrix3 * turned);
         self.surround(object, Environment::Image { image, scale, world_from_environment });

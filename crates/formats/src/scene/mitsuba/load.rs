@@ -33,7 +33,7 @@ const CLASSES: [&str; 14] = [
     "volume",
     "subsurface",
 ];
-/// Their names in older versions.
+/// Names of such elements in older versions, with their present names.
 const OLD_CLASSES: [(&str, &str); 2] = [("camera", "sensor"), ("luminaire", "emitter")];
 
 /// Maximum depth of includes; each takes some of the thread's stack.
@@ -56,7 +56,7 @@ pub struct Loader<'a> {
     pub declared: Vec<String>,
     /// Aliases of ids.
     pub aliases: HashMap<String, String>,
-    /// `0.6` and the like, of the main file.
+    /// Version of the main file, such as `0.6`.
     pub version: String,
     pub notes: Notes,
     /// The nesting depth of the object being read.
@@ -69,7 +69,7 @@ struct File<'t> {
     text: &'t str,
     lines: Vec<usize>,
     input: &'t Input,
-    /// The last offset that was located, and its column: counting continues from there, because a
+    /// The offset that was located last, and its column. Counting continues from there, because a
     /// file may be one long line.
     last: Cell<(usize, usize)>,
 }
@@ -185,7 +185,8 @@ impl<'a> Loader<'a> {
         while let Some(start) = rest.find('$') {
             filled.push_str(&rest[..start]);
             rest = &rest[start + 1..];
-            // The longest matching name: `$spp2` is not `$spp` followed by 2 if both are known.
+            // The longest matching name is taken: `$spp2` is not `$spp` followed by 2 if both are
+            // known.
             let known = self
                 .parameters
                 .iter()
@@ -301,7 +302,8 @@ impl<'a> Loader<'a> {
         Ok(())
     }
 
-    /// Opens a file that another one names: relative to the main file, or else to the naming file.
+    /// Opens a file that another one names. The name is relative to the main file's folder, or else
+    /// to the folder of the file that names it.
     fn open_file(&self, file: &File, name: &str, at: Spot) -> Result<Input, Fault> {
         let beside = |input: &Input| {
             input.open_relative(name).map_err(|error| {
@@ -344,7 +346,7 @@ impl<'a> Loader<'a> {
         Ok(())
     }
 
-    /// The value of an element; `None` if it is not a known kind.
+    /// The value of an element; `None` if its kind is not known.
     fn value(&mut self, file: &File, node: &Node, tag: &str) -> Result<Option<Value>, Fault> {
         let at = file.at(node);
         let fault =

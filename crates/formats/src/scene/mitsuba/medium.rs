@@ -45,7 +45,7 @@ impl Volume {
         }
     }
 
-    /// The colour of a cell of its grid.
+    /// The colour of a cell of the volume's grid.
     fn color(&self, cell: usize) -> Rgb {
         match self {
             Self::Constant(color) => *color,
@@ -179,7 +179,7 @@ impl Builder<'_> {
             let plain = Homogeneous::scattering(*sigma_t * scale, *albedo, g);
             return Ok(Some(self.scene.add_medium(Homogeneous { emission: *emission, ..plain })));
         }
-        // All use the box of the first grid, which is usually the same for all.
+        // All volumes use the box of the first grid; usually all have the same box.
         let boxes = [&extinction, &albedo, &emission].into_iter().filter_map(Volume::place);
         let boxes: Vec<DAffine3> = boxes.copied().collect();
         let Some(&place) = boxes.first() else { return Ok(None) };
@@ -280,8 +280,8 @@ impl Builder<'_> {
         Ok(Volume::Grid(file, world_from_grid))
     }
 
-    /// The medium around the camera is everywhere, unless it is also an interior: then the renderer
-    /// determines where the camera is.
+    /// Makes the medium around the camera that of the whole scene, unless the medium is also an
+    /// interior: then the renderer determines where the camera is.
     pub(super) fn camera_medium(&mut self, medium: Option<MediumId>) {
         self.scene.medium = medium.filter(|m| !self.media.inside.contains(m));
     }

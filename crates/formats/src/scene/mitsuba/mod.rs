@@ -56,7 +56,7 @@ struct Builder<'a> {
     /// The file that the user named; names in all files are relative to its folder.
     main: &'a Input,
     scene: Scene,
-    /// `0.6` and the like.
+    /// Version of the file, such as `0.6`.
     version: String,
     /// Objects by id.
     ids: HashMap<String, Rc<Object>>,
@@ -73,7 +73,7 @@ struct Builder<'a> {
     around_camera: Option<MediumId>,
     /// Objects that are being built, the innermost last.
     building: Vec<*const Object>,
-    /// The number of other files opened.
+    /// The number of files opened besides the main one.
     opened: usize,
     notes: Notes,
 }
@@ -170,13 +170,14 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// Warns of something that the user should know: what was found, and what was done instead.
-    /// Only the first of each kind is reported.
+    /// Adds a warning: what was found, and what was done instead. Only the first of each kind is
+    /// reported.
     fn note(&mut self, kind: impl Into<String>, at: Spot, message: impl FnOnce() -> String) {
         self.notes.add(WarningKind::Changed, kind.into(), at, message);
     }
 
-    /// Notes choices that the file leaves open, or features of other programs: nothing is wrong.
+    /// Adds a note about a choice that the file leaves open, or about a feature of another program,
+    /// where nothing is wrong.
     fn mention(&mut self, kind: impl Into<String>, at: Spot, message: impl FnOnce() -> String) {
         self.notes.add(WarningKind::Choice, kind.into(), at, message);
     }
@@ -201,13 +202,13 @@ impl Builder<'_> {
         }
     }
 
-    /// Marks everything in an object as used: another note explains it.
+    /// Marks everything in an object as used, because another note explains it.
     fn ignore_all(&mut self, object: &Object) {
         object.properties.iter().for_each(|p| p.used.set(true));
         object.children.iter().for_each(|c| c.used.set(true));
     }
 
-    /// The object that is nested in another or referenced there.
+    /// The nested object that a child holds or refers to.
     fn resolve(&self, child: &Child) -> Result<Rc<Object>, Fault> {
         let id = match &child.content {
             Content::Object(object) => return Ok(object.clone()),
@@ -285,7 +286,7 @@ impl Builder<'_> {
         })
     }
 
-    /// An image, read once.
+    /// The id of an image, which is read only once.
     fn image(&mut self, name: &str, at: Spot) -> Result<ImageId, Fault> {
         let main = self.main;
         self.images

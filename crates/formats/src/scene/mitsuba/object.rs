@@ -10,28 +10,28 @@ use std::rc::Rc;
 /// An element such as `<bsdf type="diffuse">` with its content.
 #[derive(Debug, Default)]
 pub struct Object {
-    /// `bsdf`, `shape` and the like.
+    /// Name of the element: `bsdf`, `shape` and the like.
     pub class: String,
-    /// The plugin.
+    /// Name of the plugin.
     pub kind: String,
-    /// Its name within the parent; empty if absent.
+    /// The name of the object within its parent; empty if absent.
     pub name: String,
-    /// The id by which others refer to it.
+    /// The id by which other objects refer to this one.
     pub id: Option<String>,
-    /// Where it begins.
+    /// The place where the object begins.
     pub at: Spot,
     /// Properties in the order of the file.
     pub properties: Vec<Property>,
-    /// Objects inside.
+    /// The nested objects.
     pub children: Vec<Child>,
 }
 
-/// A named value.
+/// A named value of an object.
 #[derive(Debug)]
 pub struct Property {
     /// The name in the spelling of versions 2 and 3.
     pub name: String,
-    /// Where it is.
+    /// The place of the property.
     pub at: Spot,
     pub value: Value,
     pub used: Cell<bool>,
@@ -46,7 +46,7 @@ pub struct Child {
     pub used: Cell<bool>,
 }
 
-/// See [`Child`].
+/// An object, or a reference to one; see [`Child`].
 #[derive(Clone, Debug)]
 pub enum Content {
     Object(Rc<Object>),
@@ -87,13 +87,13 @@ impl Object {
         Some(property)
     }
 
-    /// True if there is a property or an object of this name; it is not marked as used.
+    /// True if there is a property or an object of this name. This does not mark it as used.
     pub fn has(&self, name: &str) -> bool {
         self.properties.iter().any(|p| p.name == name)
             || self.children.iter().any(|c| c.name == name)
     }
 
-    /// A number.
+    /// The property `name` as a number; `None` if absent.
     pub fn float(&self, name: &str) -> Result<Option<f64>, Fault> {
         let Some(property) = self.get(name) else { return Ok(None) };
         match property.value {
@@ -103,12 +103,12 @@ impl Object {
         }
     }
 
-    /// A number or its default.
+    /// The property `name` as a number, or its default.
     pub fn float_or(&self, name: &str, default: f64) -> Result<f64, Fault> {
         Ok(self.float(name)?.unwrap_or(default))
     }
 
-    /// A number in a range (inclusive) or its default.
+    /// The property `name` as a number in a range (inclusive), or its default.
     pub fn float_within(&self, name: &str, default: f64, range: [f64; 2]) -> Result<f64, Fault> {
         let number = self.float_or(name, default)?;
         if (range[0]..=range[1]).contains(&number) {
@@ -122,7 +122,7 @@ impl Object {
         ))
     }
 
-    /// A positive number or its default.
+    /// The property `name` as a positive number, or its default.
     pub fn positive(&self, name: &str, default: f64) -> Result<f64, Fault> {
         let number = self.float_or(name, default)?;
         if number > 0.0 && number < 1e30 {
@@ -132,7 +132,7 @@ impl Object {
         Err(Fault::new(at, format!("\"{name}\" is {number}"), "give a positive number"))
     }
 
-    /// A whole number in a range (inclusive).
+    /// The property `name` as a whole number in a range (inclusive); `None` if absent.
     pub fn integer_within(&self, name: &str, range: [i64; 2]) -> Result<Option<i64>, Fault> {
         let Some(property) = self.get(name) else { return Ok(None) };
         let number = match property.value {
@@ -149,7 +149,7 @@ impl Object {
         ))
     }
 
-    /// A boolean or its default.
+    /// The property `name` as a boolean, or its default.
     pub fn bool_or(&self, name: &str, default: bool) -> Result<bool, Fault> {
         let Some(property) = self.get(name) else { return Ok(default) };
         match property.value {
@@ -158,7 +158,7 @@ impl Object {
         }
     }
 
-    /// A string.
+    /// The property `name` as a string, with its place; `None` if absent.
     pub fn string(&self, name: &str) -> Result<Option<(&str, Spot)>, Fault> {
         let Some(property) = self.get(name) else { return Ok(None) };
         match &property.value {
@@ -167,14 +167,14 @@ impl Object {
         }
     }
 
-    /// A required file name.
+    /// The required file name of the object, with its place.
     pub fn file_name(&self) -> Result<(&str, Spot), Fault> {
         let missing =
             || self.fault("there is no file name", "add <string name=\"filename\" value=\"…\"/>");
         self.string("filename")?.ok_or_else(missing)
     }
 
-    /// A point or vector.
+    /// The property `name` as a point or vector; `None` if absent.
     pub fn vector(&self, name: &str) -> Result<Option<DVec3>, Fault> {
         let Some(property) = self.get(name) else { return Ok(None) };
         match property.value {
@@ -183,7 +183,7 @@ impl Object {
         }
     }
 
-    /// A transform; the identity if there is none.
+    /// The property `name` as a transform; the identity if absent.
     pub fn transform(&self, name: &str) -> Result<DAffine3, Fault> {
         let Some(property) = self.get(name) else { return Ok(DAffine3::IDENTITY) };
         match property.value {
@@ -192,8 +192,7 @@ impl Object {
         }
     }
 
-    /// The objects of a class, each marked as used. Referenced objects count once they are
-    /// resolved.
+    /// The children that satisfy a condition, each marked as used.
     pub fn children_where<'a>(
         &'a self,
         is: impl Fn(&Child) -> bool + 'a,

@@ -57,7 +57,7 @@ impl Builder<'_> {
         place: DAffine3,
         size: [u32; 2],
     ) -> Result<Camera, Fault> {
-        // As seen from behind the camera, its x points to the left.
+        // The camera's x axis points to the left, as seen from behind the camera.
         let [up, towards] = [DVec3::Y, DVec3::Z].map(|axis| place.transform_vector3(axis));
         if !towards.is_finite() || towards.cross(up).length() == 0.0 {
             return Err(object.fault("its transform is singular", "correct to_world"));

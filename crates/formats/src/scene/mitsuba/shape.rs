@@ -29,7 +29,7 @@ pub struct Shapes {
     files: HashMap<(PathBuf, String), Arc<TriangleMesh>>,
     groups: HashMap<*const Object, NodeId>,
     triangles: usize,
-    /// Materials by look and by finish.
+    /// Materials by the BSDF's object and the text of the finish.
     materials: HashMap<(Option<*const Object>, String), Vec<MaterialId>>,
 }
 
@@ -123,7 +123,7 @@ impl Builder<'_> {
             _ => None,
         };
         let (made, place) = match basis {
-            // Its points are transformed here, because its radii are not scaled.
+            // The points of curves are transformed here, because their radii are not scaled.
             Some(basis) => {
                 let curves = self.curves(object, basis, place)?;
                 (
@@ -262,7 +262,7 @@ impl Builder<'_> {
         (self.shapes.table.shared(shape.into()), own)
     }
 
-    /// A mesh made here, inverted if the shape requires it.
+    /// A mesh that was generated here, inverted if the shape requires it.
     fn made(&mut self, object: &Object, mut mesh: TriangleMesh) -> Result<Made, Fault> {
         if object.bool_or("flip_normals", false)? {
             turn_over(&mut mesh);

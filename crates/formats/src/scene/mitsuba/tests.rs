@@ -12,7 +12,7 @@ fn scene_of(text: &str) -> Scene {
     read_text(&READER, &text).unwrap_or_else(|e| panic!("{e}"))
 }
 
-/// The same, which must give no warning.
+/// The scene around some elements, which must give no warning.
 fn clean(text: &str) -> Scene {
     let scene = scene_of(text);
     assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);

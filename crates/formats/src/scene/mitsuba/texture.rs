@@ -25,7 +25,7 @@ pub type Function = fn(f32) -> f32;
 pub struct Textures {
     /// Patterns by the address of their object, which lives until the scene is built.
     known: HashMap<*const Object, Pattern>,
-    /// Textures in the scene.
+    /// Textures in the scene, by their debug text.
     ids: HashMap<String, TextureId>,
     /// Scalar images derived from others, by image, encoding and function.
     scalars: HashMap<(ImageId, bool, Option<usize>), ImageId>,
@@ -65,7 +65,7 @@ impl Builder<'_> {
         }
     }
 
-    /// A colour or its default.
+    /// The colour parameter for a property, or for its default.
     pub(super) fn color(
         &mut self,
         object: &Object,
@@ -91,7 +91,7 @@ impl Builder<'_> {
         }
     }
 
-    /// A number or its default.
+    /// The scalar parameter for a property, or for its default.
     pub(super) fn scalar(
         &mut self,
         object: &Object,
@@ -101,7 +101,7 @@ impl Builder<'_> {
         self.mapped(object, name, default, None)
     }
 
-    /// A function of a number, or of its default.
+    /// A scalar parameter: `function` applied to the values of a property, or to its default.
     pub(super) fn mapped(
         &mut self,
         object: &Object,
@@ -152,7 +152,8 @@ impl Builder<'_> {
             .or_insert_with(|| scene.add_texture(texture))
     }
 
-    /// A scalar texture: grey, with a function applied.
+    /// A copy of a texture for a scalar parameter: its colours become grey, and `function` is
+    /// applied to the values.
     fn scalar_texture(
         &mut self,
         texture: &ImageTexture,
@@ -319,7 +320,7 @@ impl Builder<'_> {
     }
 }
 
-/// The colour of a constant in RGB.
+/// The RGB colour of a parameter without texture.
 pub fn rgb_of(color: ColorParam) -> Rgb {
     color.spectrum.map_or(color.factor, |s| color.factor * s.reflectance_rgb())
 }

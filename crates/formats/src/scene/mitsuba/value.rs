@@ -35,7 +35,7 @@ impl Value {
 pub enum Hue {
     /// Linear Rec. 709.
     Rgb(Rgb),
-    /// The same at all wavelengths.
+    /// A value that is the same at all wavelengths.
     Uniform(f64),
     /// A factor on a spectrum.
     Spectrum(Spectrum, f64),
@@ -48,7 +48,7 @@ pub fn numbers(text: &str) -> Result<Vec<f64>, String> {
     words.map(number).collect()
 }
 
-/// One finite number.
+/// Parses one finite number.
 pub fn number(word: &str) -> Result<f64, String> {
     match word.trim().parse::<f64>() {
         Ok(x) if x.is_finite() => Ok(x),
@@ -64,7 +64,7 @@ pub fn shortened(text: &str) -> String {
     }
 }
 
-/// Three numbers, or one for all three.
+/// Parses three numbers, or one that stands for all three.
 pub fn triple(text: &str) -> Result<DVec3, String> {
     match *numbers(text)? {
         [x] => Ok(DVec3::splat(x)),
@@ -73,7 +73,7 @@ pub fn triple(text: &str) -> Result<DVec3, String> {
     }
 }
 
-/// `#rrggbb`, in sRGB.
+/// Parses an sRGB colour `#rrggbb`.
 pub fn hex_color(text: &str) -> Option<Rgb> {
     let digits = text.trim().strip_prefix('#')?;
     if digits.len() != 6 || !digits.is_ascii() {
@@ -89,7 +89,7 @@ pub fn from_srgb(color: Rgb) -> Rgb {
     color.map(snell_math::spectrum::srgb_to_linear)
 }
 
-/// Wavelengths and values: `400:0.1, 500:0.2`.
+/// Parses wavelengths and values, such as `400:0.1, 500:0.2`.
 pub fn samples(text: &str) -> Result<Vec<[f32; 2]>, String> {
     let words = text.split(|c: char| c == ',' || c.is_whitespace()).filter(|w| !w.is_empty());
     let pairs = words.map(|word| {
@@ -136,8 +136,8 @@ pub fn matrix(text: &str) -> Result<DAffine3, String> {
     Ok(map)
 }
 
-/// The transform to the world from a camera at the first point that looks at the second along its
-/// `+z`.
+/// The transform from a camera to the world. The camera is at `origin` and looks at `target` along
+/// its `+z`.
 pub fn look_at(origin: DVec3, target: DVec3, up: DVec3) -> Option<DAffine3> {
     let towards = (target - origin).try_normalize()?;
     let left = up.try_normalize()?.cross(towards).try_normalize()?;

@@ -188,7 +188,7 @@ fn a_file_is_a_scene_of_smoke() {
 #[test]
 fn an_empty_grid_is_nothing() {
     let mut bytes = file(&[SMOKE], 0);
-    // The highest voxel below the lowest.
+    // The index of the highest voxel is below that of the lowest.
     put(&mut bytes, 16 + 100, (-5i32).to_le_bytes());
     let read = crate::read_scene_bytes("x", bytes, Path::new("."), &ReadOptions::default())
         .expect("nothing is wrong");
@@ -234,7 +234,8 @@ fn broken_files_are_told() {
 fn wild_bytes_are_never_more_than_an_error() {
     for codec in [0, 1] {
         let sound = file(&[SMOKE], codec);
-        // The headers and the pointers to the nodes; the tables of the nodes are nearly all zero.
+        // The fields of the headers and the pointers to the nodes; the tables of the nodes are
+        // nearly all zero.
         let places =
             (0..16 + 184 + 900).chain((0..64).map(|i| (16 + 184 + UPPER + i * 4200) % sound.len()));
         for at in places {

@@ -32,18 +32,18 @@ pub fn recognises(bytes: &[u8]) -> bool {
     [MAGIC, NEW_MAGIC, GRID_MAGIC].iter().any(|magic| bytes.starts_with(magic))
 }
 
-/// Numbers in space.
+/// A grid of numbers and its place in the world.
 #[derive(Clone, Debug)]
 pub struct Volume {
-    /// The values over the box of the active voxels and one more on each side, so that they fade to
-    /// the background as in the file.
+    /// The values over the box of the active voxels, with one more voxel on each side, so that the
+    /// values fade to the background as in the file.
     pub grid: ScalarGrid,
     /// The transform from the grid's unit cube to the world of the file.
     pub world_from_grid: DAffine3,
 }
 
 impl Volume {
-    /// The values of this volume at the cells of another one; 0 beyond its box.
+    /// The values of this volume at the cells of `other`; 0 outside this volume's box.
     pub fn over(&self, other: &Self) -> ScalarGrid {
         let size = other.grid.size();
         let cells = DVec3::from_array(size.map(|n| n as f64));
@@ -70,7 +70,7 @@ pub struct Volumes<'a> {
 struct Entry<'a> {
     about: GridMetadata,
     codec: Codec,
-    /// Its bytes as stored in the file, and their offset.
+    /// The bytes of the grid as stored in the file, and their offset.
     bytes: &'a [u8],
     at: usize,
 }
@@ -82,7 +82,7 @@ impl<'a> Volumes<'a> {
     /// Finds the grids of a file.
     ///
     /// # Errors
-    /// If it is not NanoVDB of a supported version, or ends too early.
+    /// If the file is not NanoVDB of a supported version, or ends too early.
     pub fn of(input: &'a Input) -> Result<Self, ReadError> {
         let bytes = &input.bytes;
         let fault = |at: usize, problem: String, remedy: &str| {
@@ -166,7 +166,7 @@ impl<'a> Volumes<'a> {
     /// The grid of this name over its own box, if there is one.
     ///
     /// # Errors
-    /// If its values are not floats, or if it is damaged or too large.
+    /// If the values of the grid are not floats, or if it is damaged or too large.
     pub fn volume(&self, name: &str) -> Result<Option<Volume>, ReadError> {
         crate::guard::guarded(|| self.read(name)).unwrap_or_else(|| {
             let problem = format!("the grid \"{name}\" is damaged: its decoder failed");

@@ -9,7 +9,7 @@ use snell_scene::material::Phong;
 use snell_scene::{Background, Camera, Material, MaterialId, Projection};
 use std::f32::consts::PI;
 
-/// Pictures with a longer side are refused, because they could not be rendered.
+/// Pictures with a side longer than this are refused, because they could not be rendered.
 const LARGEST_SIDE: i64 = 65536;
 
 impl Builder {

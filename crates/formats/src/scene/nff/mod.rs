@@ -42,7 +42,7 @@ struct Builder {
     fills: HashMap<[u64; 8], MaterialId>,
     /// Material of the following objects.
     fill: Option<MaterialId>,
-    /// Positions of the lights with their colours, as far as given.
+    /// Positions of the lights, each with its colour if the file gives one.
     lights: Vec<(DVec3, Option<Rgb>)>,
     /// Polygons by material.
     polygons: BTreeMap<MaterialId, surface::Polygons>,

@@ -14,9 +14,9 @@ use std::sync::Arc;
 /// Polygons of one material: a mesh is traced faster than many single triangles.
 #[derive(Default)]
 pub struct Polygons {
-    /// Without normals.
+    /// Polygons without normals.
     flat: TriangleMesh,
-    /// With normals.
+    /// Polygons with normals.
     smooth: TriangleMesh,
 }
 
@@ -34,7 +34,7 @@ impl Builder {
         Ok(())
     }
 
-    /// A cone or cylinder between two circles, without caps.
+    /// Reads a cone or cylinder between two circles, without caps.
     pub fn read_cone(&mut self, tokens: &mut Tokens, keyword: &Token) -> Result<(), ReadError> {
         tokens.set_usage("c base_x base_y base_z base_radius apex_x apex_y apex_z apex_radius");
         let base = tokens.vector("the center of the base")?;
@@ -69,7 +69,7 @@ impl Builder {
         self.shapes.place(&mut self.scene, root, place, shape, Some(material));
     }
 
-    /// A polygon with or without normals at its corners.
+    /// Reads a polygon with or without normals at its corners.
     pub fn read_polygon(
         &mut self,
         tokens: &mut Tokens,

@@ -22,7 +22,7 @@ pub struct Built {
 struct Screen {
     x: [f64; 2],
     y: [f64; 2],
-    /// False if it follows from the aspect ratio.
+    /// False if the window follows from the aspect ratio.
     is_given: bool,
 }
 
@@ -53,7 +53,8 @@ impl Screen {
         self.x[0] == -self.x[1] && self.y[0] == -self.y[1]
     }
 
-    /// Half-extents times a factor; `None` for those that follow from the aspect ratio.
+    /// Half-extents of the window times a factor; `None` for an extent that follows from the aspect
+    /// ratio.
     fn half_extents(&self, factor: f64, size: [u32; 2]) -> [Option<f64>; 2] {
         let [x, y] = [self.x, self.y].map(|[from, to]| Some((to - from) * 0.5 * factor));
         match size {
@@ -79,7 +80,7 @@ pub fn build(
         own.shift = DVec3::new(middle(screen.x), middle(screen.y), 0.0);
         Projection::Orthographic { half_size: screen.half_extents(scale, size) }
     } else if is_kind(params, "spherical") || is_kind(params, "environment") {
-        // The middle of the picture is -x, and its right is -z.
+        // In camera space, the middle of pbrt's picture is -x and its right is -z.
         own = Axes { right: DVec3::NEG_Z, up: DVec3::Y, towards: DVec3::NEG_X, shift: DVec3::ZERO };
         if params.string("mapping")?.unwrap_or("equalarea") != "equirectangular"
             && !is_kind(params, "environment")

@@ -280,7 +280,7 @@ impl Builder<'_> {
         if !is_import {
             return self.read_file(&input, at);
         }
-        // State set by an imported file stays local to it.
+        // An imported file changes only its own state.
         let (state, depth) = (self.state.clone(), self.stack.depth());
         self.read_file(&input, at)?;
         self.stack.check_closed(depth)?;
@@ -300,8 +300,8 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// `Option`: one parameter without a list around it. None of pbrt's options changes the
-    /// converged picture, except for those reported.
+    /// Reads `Option`: one parameter without a list around it. None of pbrt's options changes the
+    /// converged picture, except for options that cause a warning.
     fn option(&mut self, lexer: &mut Lexer) -> Result<(), Fault> {
         let at = if lexer.something_follows() { lexer.spot() } else { Spot::default() };
         let params = Params::read(lexer, "Option".into(), at, self.main.options.limits.elements)?;

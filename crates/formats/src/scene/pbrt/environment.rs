@@ -64,8 +64,8 @@ impl Builder<'_> {
             scale = scale * if own > 0.0 { (illuminance / own) as f32 } else { 0.0 };
         }
         let (image, light_from_environment) = if is_latlong {
-            // Column 0 is +x and columns grow towards +y; the middle, which is -z in the scene, is
-            // -x.
+            // Column 0 is +x and columns grow towards +y. The middle of the picture is -x in pbrt
+            // and -z in the scene.
             (image, DMat3::from_cols(DVec3::NEG_Y, DVec3::Z, DVec3::X))
         } else {
             if image.width != image.height {
@@ -142,15 +142,16 @@ fn illuminance_from_above(image: &Image) -> f64 {
     sum * TAU / (f64::from(image.width) * f64::from(image.height))
 }
 
-/// The direction, with `+z` up, for a polar angle and a fraction of the turn in a picture of the
-/// scene's environment: its axes are x as x, y as z, and the middle is `-z`.
+/// The direction in pbrt's light space, `+z` up, for a polar angle in radians and a fraction of a
+/// full turn in the scene's latitude-longitude picture. The picture's x is x, its y is z, and its
+/// middle, `-z`, is y.
 fn environment_direction(theta: f64, turn: f64) -> DVec3 {
     let ((sin, cos), (sin_phi, cos_phi)) = (theta.sin_cos(), ((turn - 0.5) * TAU).sin_cos());
     DVec3::new(sin * sin_phi, sin * cos_phi, cos)
 }
 
-/// Resamples an equal-area map as a latitude-longitude picture. `direction` maps a polar angle and
-/// a fraction of the turn to a direction.
+/// Resamples an equal-area map as a latitude-longitude picture. `direction` maps a polar angle in
+/// radians and a fraction of a full turn to a unit direction.
 pub fn latlong(image: &Image, direction: impl Fn(f64, f64) -> DVec3) -> Image {
     let height = image.height.clamp(2, MAX_HEIGHT);
     let width = 2 * height;

@@ -20,7 +20,7 @@ pub fn alpha_of_roughness(roughness: f32) -> f32 {
     1.62142 + x * (0.819955 + x * (0.1734 + x * (0.0171201 + x * 0.000640711)))
 }
 
-/// A material of pbrt-v3; `None` if it has none of this name.
+/// A material of pbrt-v3; `None` if pbrt-v3 has none of this name.
 pub fn material(builder: &mut Builder, params: &Params) -> Result<Option<Known>, Fault> {
     let kind = |kind: &str| is_kind(params, kind);
     let was_v3 = std::mem::replace(&mut builder.is_v3, true);

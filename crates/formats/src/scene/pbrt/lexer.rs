@@ -13,9 +13,9 @@ pub enum Token<'a> {
     Word(&'a [u8]),
     /// The content of a string in double quotes.
     String(&'a [u8]),
-    /// `[`
+    /// The bracket `[`.
     Open,
-    /// `]`
+    /// The bracket `]`.
     Close,
 }
 
@@ -45,8 +45,8 @@ pub struct Lexer<'a> {
     next: usize,
     file: u32,
     line: u32,
-    /// A position on the current line and its column: counting continues from there, so that long
-    /// lines cost no more.
+    /// A position on the current line and its column. Counting continues from there, so that long
+    /// lines take no more time.
     mark: (usize, u32),
 }
 
@@ -86,7 +86,7 @@ impl<'a> Lexer<'a> {
         Spot { file: self.file, line: self.line, column: self.mark.1 }
     }
 
-    /// True if the next byte is this one. Blanks must have been skipped.
+    /// True if the next byte is `byte`. The caller has skipped blanks.
     fn is_at(&self, byte: u8) -> bool {
         self.bytes.get(self.next) == Some(&byte)
     }
@@ -96,7 +96,7 @@ impl<'a> Lexer<'a> {
         self.something_follows() && self.is_at(b'"')
     }
 
-    /// Takes a bracket if it follows.
+    /// Takes a bracket if it is the next byte; true if it was.
     pub fn take_bracket(&mut self, bracket: u8) -> bool {
         let follows = self.something_follows() && self.is_at(bracket);
         self.next += usize::from(follows);
@@ -119,7 +119,7 @@ impl<'a> Lexer<'a> {
         Ok(Some((token, spot)))
     }
 
-    /// The next token, which must exist. `what` says what is expected.
+    /// The next token, which must exist. `what` names the expected token in messages.
     pub fn expect(&mut self, what: &str) -> Result<(Token<'a>, Spot), Fault> {
         match self.token()? {
             Some(token) => Ok(token),

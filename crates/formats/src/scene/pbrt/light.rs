@@ -23,9 +23,9 @@ use std::sync::Arc;
 /// An area light, which makes the following shapes emit.
 #[derive(Clone, Debug)]
 pub struct AreaLight {
-    /// Radiance.
+    /// Radiance in W/(m² sr), before it is scaled to `power`.
     radiance: ColorParam,
-    /// Power that every piece of surface emits, in W; `None` if the radiance is used as it is.
+    /// Power that every piece of surface emits, in W; `None` if the radiance is used unscaled.
     power: Option<f64>,
     /// Mean luminance of the picture, if there is one; else 1.
     mean: f64,
@@ -71,7 +71,7 @@ impl Builder<'_> {
         Ok(params.float(name)?.filter(|x| *x > 0.0))
     }
 
-    /// `LightSource "point" ...`
+    /// Reads `LightSource "point" ...`.
     pub(super) fn light(&mut self, params: Params) -> Result<(), Fault> {
         let place = self.placement(params.at);
         let Some(world_from_light) = Transform::new(self.world_from_file * place) else {
@@ -83,7 +83,7 @@ impl Builder<'_> {
                 "a light within an object definition is placed in the world once".into()
             });
         }
-        // They only set the number of samples.
+        // These parameters only set the number of samples.
         for name in ["samples", "nsamples"] {
             params.get(name);
         }
@@ -138,7 +138,7 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// The picture of a light: its name in pbrt-v4 or pbrt-v3, and true for the latter.
+    /// The name of a light's picture, and true if it is given as in pbrt-v3.
     fn light_picture(&mut self, params: &Params) -> Result<(Arc<Image>, bool), Fault> {
         let is_old = params.has("mapname");
         let Some((name, at)) =
@@ -150,7 +150,7 @@ impl Builder<'_> {
         Ok((self.scene.images[image.index()].clone(), is_old))
     }
 
-    /// Intensity from a picture of directions, in which y and z are exchanged.
+    /// Adds a light whose intensity is a picture of directions, in which y and z are exchanged.
     fn goniometric_light(&mut self, params: &Params, map: DAffine3) -> Result<(), Fault> {
         let mut scale = self.light_color(params, "I")?;
         let (image, is_old) = self.light_picture(params)?;
@@ -175,7 +175,7 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// A picture projected along `+z`; `fov` spans its shorter side.
+    /// Adds a light that projects a picture along `+z`; `fov` spans the picture's shorter side.
     fn projection_light(&mut self, params: &Params, map: DAffine3) -> Result<(), Fault> {
         let mut scale = self.light_color(params, "I")?;
         let fov = params.float_or("fov", 90.0)?;
@@ -214,7 +214,7 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// Position, and the direction from `from` to `to`.
+    /// The position of a light, and the direction from `from` to `to`.
     fn axis(&mut self, params: &Params, map: DAffine3) -> Result<Option<(DVec3, DVec3)>, Fault> {
         let from = params.point("from")?.unwrap_or(DVec3::ZERO);
         let to = params.point("to")?.unwrap_or(DVec3::Z);
@@ -228,7 +228,7 @@ impl Builder<'_> {
         Ok(direction.map(|direction| (map.transform_point3(from), direction)))
     }
 
-    /// `AreaLightSource "diffuse" ...`
+    /// Reads `AreaLightSource "diffuse" ...`.
     pub(super) fn area_light(&mut self, params: Params) -> Result<(), Fault> {
         if !is_kind(&params, "diffuse") && !is_kind(&params, "area") {
             let owner = params.owner.clone();

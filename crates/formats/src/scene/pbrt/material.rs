@@ -36,7 +36,7 @@ pub struct Known {
 /// The materials of a scene.
 #[derive(Debug, Default)]
 pub struct Materials {
-    /// In the order of definition.
+    /// Materials in the order of definition.
     known: Vec<Known>,
     named: HashMap<String, usize>,
     default: Option<usize>,
@@ -49,21 +49,21 @@ pub struct Materials {
 pub struct Finish {
     /// Radiance, and whether both sides emit.
     pub emission: Option<(ColorParam, bool)>,
-    /// Opacity.
+    /// Opacity of the surface.
     pub alpha: Option<ScalarParam>,
-    /// The medium inside.
+    /// The medium inside of the surface.
     pub interior: Option<Interior>,
 }
 
 impl Builder<'_> {
-    /// `Material "diffuse" ...`
+    /// Reads `Material "diffuse" ...`.
     pub(super) fn material(&mut self, params: Params) -> Result<(), Fault> {
         let known = self.build_material(&params)?;
         self.state.material = Some(self.keep(known));
         Ok(())
     }
 
-    /// `MakeNamedMaterial "name" "string type" "diffuse" ...`
+    /// Reads `MakeNamedMaterial "name" "string type" "diffuse" ...`.
     pub(super) fn make_named_material(&mut self, params: Params) -> Result<(), Fault> {
         let name = params.owner.strip_prefix("MakeNamedMaterial \"").unwrap_or_default();
         let name = name.strip_suffix('"').unwrap_or(name).to_string();
@@ -86,7 +86,7 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// `NamedMaterial "name"`
+    /// Reads `NamedMaterial "name"`.
     pub(super) fn named_material(&mut self, lexer: &mut Lexer) -> Result<(), Fault> {
         let (name, at) = lexer.expect_string("the name of a material")?;
         self.state.material = Some(self.find_material(name, at)?);
@@ -224,7 +224,7 @@ impl Builder<'_> {
         Ok(Known { layers: vec![material], opacity: None })
     }
 
-    /// A colour parameter of a material or its default.
+    /// A colour parameter of a material, or its default.
     pub(super) fn material_color(
         &mut self,
         params: &Params,
@@ -340,8 +340,8 @@ impl Builder<'_> {
         Ok(letting_through(color("reflectance")?, color("transmittance")?))
     }
 
-    /// Subsurface scattering: from the diffuse reflectance and the mean free path, or from
-    /// coefficients per millimetre.
+    /// Makes a material with subsurface scattering: from the diffuse reflectance and the mean free
+    /// path, or from coefficients per millimetre.
     fn subsurface(&mut self, params: &Params) -> Result<Material, Fault> {
         let scale = params.float_or("scale", 1.0)? as f32;
         let g = params.float_or("g", 0.0)?.clamp(-0.99, 0.99) as f32;
@@ -394,7 +394,8 @@ impl Builder<'_> {
         })
     }
 
-    /// Hair, from its absorption, its colour, or its pigments: the first of these that is present.
+    /// Makes hair from its absorption, its colour, or its pigments: the first of these that the
+    /// file gives.
     fn hair(&mut self, params: &Params) -> Result<Material, Fault> {
         let mut kind = Hair::default();
         let color = if params.has("reflectance") { "reflectance" } else { "color" };
@@ -433,7 +434,7 @@ impl Builder<'_> {
         Ok(Material::new("", kind))
     }
 
-    /// A scalar parameter of a material or its default.
+    /// A scalar parameter of a material, or its default.
     fn material_scalar(
         &mut self,
         params: &Params,
@@ -517,7 +518,8 @@ impl Builder<'_> {
         Ok((color.r + color.g + color.b) / 3.0)
     }
 
-    /// Snell's roughness, whose square is the width of the distribution; isotropic.
+    /// Reads an isotropic roughness, as Snell defines it: its square is the width of the microfacet
+    /// distribution.
     pub(super) fn roughness(
         &mut self,
         params: &Params,
@@ -613,8 +615,8 @@ fn named_metal(params: &Params, prefix: &str) -> Option<Metal> {
     if eta == k { Metal::named(&eta?) } else { None }
 }
 
-/// A surface with subsurface scattering: its diffuse reflectance, its mean free paths by channel,
-/// and the mean cosine of scattering.
+/// A surface with subsurface scattering, from its diffuse reflectance `color`, the mean free path
+/// `radius` of each channel and the mean cosine `g` of scattering.
 pub(super) fn lit_below(
     color: ColorParam,
     radius: Rgb,

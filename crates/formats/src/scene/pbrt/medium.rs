@@ -37,7 +37,7 @@ struct Coefficients {
 }
 
 impl Builder<'_> {
-    /// `MakeNamedMedium "name" "string type" "homogeneous" ...`
+    /// Reads `MakeNamedMedium "name" "string type" "homogeneous" ...`.
     pub(super) fn make_named_medium(&mut self, params: Params) -> Result<(), Fault> {
         let name = params.owner.strip_prefix("MakeNamedMedium \"").unwrap_or_default();
         let name = name.strip_suffix('"').unwrap_or(name).to_string();
@@ -72,7 +72,7 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// Absorption, scattering and emission; emission is proportional to absorption.
+    /// Reads absorption, scattering and emission; emission is proportional to absorption.
     fn coefficients(
         &mut self,
         params: &Params,
@@ -223,7 +223,7 @@ impl Builder<'_> {
         })
     }
 
-    /// Absorption and scattering by name; whole milk by default.
+    /// Absorption and scattering of the preset that the file names; whole milk by default.
     fn preset(&mut self, params: &Params) -> Result<(Rgb, Rgb), Fault> {
         let name = params.string("preset")?.unwrap_or_default();
         let known = scattering::named(if name.is_empty() { "wholemilk" } else { name });
@@ -263,7 +263,7 @@ impl Builder<'_> {
         })
     }
 
-    /// `MediumInterface "inside" "outside"`
+    /// Reads `MediumInterface "inside" "outside"`.
     pub(super) fn medium_interface(&mut self, lexer: &mut Lexer) -> Result<(), Fault> {
         let (inside, at) = lexer.expect_string("the name of the medium inside")?;
         let (outside, outside_at) = if lexer.string_follows() {
@@ -298,8 +298,8 @@ impl Builder<'_> {
         Some(Interior { medium, ..Interior::default() })
     }
 
-    /// The medium around the camera is everywhere, unless it is also an interior: then the renderer
-    /// determines where the camera is.
+    /// Makes the medium around the camera that of the whole scene, unless the medium is also an
+    /// interior: then the renderer determines where the camera is.
     pub(super) fn finish_media(&mut self) {
         let Some(name) = &self.media.around_camera else { return };
         if !self.media.inside.contains(name) {
@@ -308,7 +308,7 @@ impl Builder<'_> {
     }
 }
 
-/// A grid that emits by its temperatures: hot cells emit in proportion to absorption, as a black
+/// A grid that emits by its temperatures. Hot cells emit in proportion to absorption, as a black
 /// body whose maximum radiance is 1, times a scale.
 fn hot(
     params: &Params,

@@ -53,7 +53,7 @@ pub const READER: SceneReader = SceneReader {
     read,
 };
 
-/// State after some directives, over all files.
+/// The state of reading after some directives. It covers all files of the scene.
 struct Builder<'a> {
     /// The file that the user named; names in all files are relative to its folder.
     main: &'a Input,
@@ -129,13 +129,14 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// Warns of something that the user should know: what was found, and what was done instead.
-    /// Only the first of each kind is reported.
+    /// Adds a warning: what was found, and what was done instead. Only the first of each kind is
+    /// reported.
     fn note(&mut self, kind: impl Into<String>, at: Spot, message: impl FnOnce() -> String) {
         self.notes.add(WarningKind::Changed, kind.into(), at, message);
     }
 
-    /// Notes choices that the file leaves open, or features of other programs: nothing is wrong.
+    /// Adds a note about a choice that the file leaves open, or about a feature of another program,
+    /// where nothing is wrong.
     fn mention(&mut self, kind: impl Into<String>, at: Spot, message: impl FnOnce() -> String) {
         self.notes.add(WarningKind::Choice, kind.into(), at, message);
     }
@@ -223,7 +224,7 @@ impl Builder<'_> {
     }
 }
 
-/// The same path for every name of a file.
+/// A path that is the same for every name of a file.
 fn identity(path: &Path) -> PathBuf {
     path.canonicalize().unwrap_or_else(|_| path.to_path_buf())
 }

@@ -31,8 +31,8 @@ impl Builder<'_> {
         start != end
     }
 
-    /// Records that a node moves, if the current transform does. The node shows something in the
-    /// current transform after `object_from_shown`.
+    /// Records the motion of a node, if the current transform moves. `object_from_shown` is the
+    /// node's constant transform within the current one.
     pub(super) fn note_motion(&mut self, node: NodeId, object_from_shown: DAffine3) {
         let [start, end] = self.state.transform.0;
         if start != end {

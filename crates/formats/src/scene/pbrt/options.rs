@@ -9,7 +9,7 @@ use crate::scene::fault::{Fault, Spot};
 /// The options of a scene as written.
 #[derive(Debug, Default)]
 pub struct RenderOptions {
-    /// The camera, and the map from the world to its space.
+    /// The camera, and the map from the world to camera space.
     pub camera: Option<(Params, Motion, Spot)>,
     film: Option<Params>,
     sampler: Option<Params>,
@@ -156,7 +156,7 @@ impl Builder<'_> {
                 .fault(format!("{spp} samples per pixel"), "give a number from 1 to 16777216"));
         }
         self.scene.settings.spp = Some(spp as u32);
-        // For better samplers, ours is a good replacement.
+        // All better samplers of pbrt are replaced by Snell's default.
         let plain = ["independent", "stratified"].into_iter().find(|n| is_kind(params, n));
         self.scene.settings.sampler = plain.map(String::from);
         for name in ["randomization", "seed", "jitter", "dimensions"] {
@@ -166,7 +166,7 @@ impl Builder<'_> {
     }
 
     fn filter(&mut self, params: &Params) -> Result<(), Fault> {
-        // pbrt's kind, ours, and the radius of ours.
+        // pbrt's name, Snell's name, and the default radius in pixels.
         let known = [
             ("box", "box", 0.5),
             ("triangle", "tent", 1.0),

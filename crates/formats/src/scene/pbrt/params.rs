@@ -107,12 +107,12 @@ pub struct Param {
 }
 
 impl Param {
-    /// The numbers; none for strings and booleans.
+    /// The numbers; empty for strings and booleans.
     pub fn numbers(&self) -> &[f64] {
         if let Values::Numbers(numbers) = &self.values { numbers } else { &[] }
     }
 
-    /// The strings; none for others.
+    /// The strings; empty for all other types.
     pub fn strings(&self) -> &[String] {
         if let Values::Strings(strings) = &self.values { strings } else { &[] }
     }
@@ -128,7 +128,7 @@ impl Param {
 pub struct Params {
     /// The directive, such as `Shape "sphere"`: for messages.
     pub owner: String,
-    /// Where the directive is.
+    /// The place of the directive.
     pub at: Spot,
     own: Vec<Rc<Param>>,
     /// Defaults set by `Attribute`, the latest first.
@@ -151,18 +151,18 @@ impl Params {
         Ok(params)
     }
 
-    /// The same parameters with defaults for those that are absent.
+    /// Returns the parameters with defaults for those that are absent.
     pub fn with_defaults(mut self, defaults: &[Rc<Param>]) -> Self {
         self.defaults.extend(defaults.iter().rev().cloned());
         self
     }
 
-    /// The same parameters of another directive.
+    /// Returns the parameters as those of the directive `owner`.
     pub fn of(self, owner: String) -> Self {
         Self { owner, ..self }
     }
 
-    /// The parameters themselves.
+    /// The parameters that the directive itself gives, without defaults.
     pub fn into_own(self) -> Vec<Rc<Param>> {
         self.own
     }
@@ -174,7 +174,7 @@ impl Params {
         Some(param)
     }
 
-    /// True if there is a parameter of this name; it is not marked as used.
+    /// True if there is a parameter of this name. This does not mark it as used.
     pub fn has(&self, name: &str) -> bool {
         self.own.iter().chain(&self.defaults).any(|p| p.name == name)
     }
@@ -210,22 +210,22 @@ impl Params {
         }
     }
 
-    /// A number.
+    /// The parameter `name` as a number; `None` if absent.
     pub fn float(&self, name: &str) -> Result<Option<f64>, Fault> {
         self.one_number(name, &[Type::Float])
     }
 
-    /// A number or its default.
+    /// The parameter `name` as a number, or its default.
     pub fn float_or(&self, name: &str, default: f64) -> Result<f64, Fault> {
         Ok(self.float(name)?.unwrap_or(default))
     }
 
-    /// A whole number.
+    /// The parameter `name` as a whole number; `None` if absent.
     pub fn integer(&self, name: &str) -> Result<Option<i64>, Fault> {
         Ok(self.one_number(name, &[Type::Integer])?.map(|x| x as i64))
     }
 
-    /// A boolean or its default.
+    /// The parameter `name` as a boolean, or its default.
     pub fn bool_or(&self, name: &str, default: bool) -> Result<bool, Fault> {
         let Some(param) = self.typed(name, &[Type::Bool])? else { return Ok(default) };
         match &param.values {
@@ -234,7 +234,7 @@ impl Params {
         }
     }
 
-    /// A string.
+    /// The parameter `name` as a string; `None` if absent.
     pub fn string(&self, name: &str) -> Result<Option<&str>, Fault> {
         let Some(param) = self.typed(name, &[Type::String])? else { return Ok(None) };
         match param.strings() {
@@ -243,7 +243,7 @@ impl Params {
         }
     }
 
-    /// A point.
+    /// The parameter `name` as a point; `None` if absent.
     pub fn point(&self, name: &str) -> Result<Option<DVec3>, Fault> {
         let Some(param) = self.typed(name, &[Type::Point3])? else { return Ok(None) };
         match *param.numbers() {
@@ -252,24 +252,24 @@ impl Params {
         }
     }
 
-    /// A list of numbers, of floats or integers; empty if the parameter is absent.
+    /// The parameter `name` as a list of floats or integers; empty if absent.
     pub fn floats(&self, name: &str) -> Result<&[f64], Fault> {
         Ok(self.typed(name, &[Type::Float, Type::Integer])?.map_or(&[], Param::numbers))
     }
 
-    /// Points, in single precision; none if the parameter is absent.
+    /// The parameter `name` as points in single precision; empty if absent.
     pub fn points(&self, name: &str) -> Result<Vec<Vec3>, Fault> {
         Ok(self.typed(name, &[Type::Point3])?.map_or_else(Vec::new, |p| triples(p.numbers())))
     }
 
-    /// Vectors or normals, in single precision; none if the parameter is absent.
+    /// The parameter `name` as vectors or normals in single precision; empty if absent.
     pub fn directions(&self, name: &str) -> Result<Vec<Vec3>, Fault> {
         Ok(self
             .typed(name, &[Type::Normal, Type::Vector3])?
             .map_or_else(Vec::new, |p| triples(p.numbers())))
     }
 
-    /// Pairs of numbers; none if the parameter is absent. Written as floats by pbrt-v3.
+    /// The parameter `name` as pairs of numbers; empty if absent. pbrt-v3 writes pairs as floats.
     pub fn pairs(&self, name: &str) -> Result<Vec<Vec2>, Fault> {
         let Some(param) = self.typed(name, &[Type::Point2, Type::Vector2, Type::Float])? else {
             return Ok(Vec::new());

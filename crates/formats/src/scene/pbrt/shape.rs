@@ -26,19 +26,20 @@ use std::sync::Arc;
 /// State that the shapes of a scene share.
 #[derive(Debug, Default)]
 pub struct Shapes {
-    /// In the order of definition.
+    /// Area lights in the order of definition.
     pub area_lights: Vec<AreaLight>,
     table: ShapeTable,
     /// Meshes read from files, by path and whether their orientation was reversed.
     files: HashMap<(PathBuf, bool), Arc<TriangleMesh>>,
-    /// Where the last surface was added: further ones at the same place join it.
+    /// The last surface's parent node, its transform and its node. A further surface with the same
+    /// transform joins it.
     last: Option<(NodeId, DAffine3, NodeId)>,
     triangles: usize,
-    /// Triangles generated for other primitives.
+    /// Total number of triangles generated for other primitives.
     made: usize,
     /// Curves so far, by the node that holds them and their materials.
     strands: Vec<Strands>,
-    /// Their total number of points.
+    /// Total number of points of all curves.
     strand_points: usize,
 }
 
@@ -48,7 +49,7 @@ struct Strands {
     node: NodeId,
     materials: Vec<MaterialId>,
     points: Vec<Vec4>,
-    /// Number of points of each.
+    /// Number of points of each curve.
     counts: Vec<u32>,
 }
 
@@ -67,21 +68,21 @@ pub enum Made {
     Shape(Box<AnyShape>, DAffine3),
     /// A strand of cubic Bézier segments, with radii.
     Strand(Vec<Vec4>),
-    /// Nothing visible.
+    /// The shape is invisible.
     Nothing,
 }
 
 impl Made {
-    /// An analytic shape.
+    /// Makes an analytic shape.
     fn shape(shape: impl Into<AnyShape>, object_from_shape: DAffine3) -> Self {
         Self::Shape(Box::new(shape.into()), object_from_shape)
     }
 }
 
 impl Builder<'_> {
-    /// `Shape "sphere" ...`
+    /// Reads `Shape "sphere" ...`.
     pub(super) fn shape(&mut self, params: Params) -> Result<(), Fault> {
-        // Its transform at the start; it may move.
+        // The shape's transform at the start of the motion.
         let [place, _] = self.state.transform.0;
         if Transform::new(place).is_none() {
             self.note_singular(params.at);
@@ -199,7 +200,7 @@ impl Builder<'_> {
         }
     }
 
-    /// Radiance of the shape, and whether both sides emit, if there is a current area light.
+    /// The radiance of the shape, and whether both sides emit; `None` if the shape does not emit.
     fn emission(
         &mut self,
         params: &Params,
@@ -223,8 +224,8 @@ impl Builder<'_> {
         Some((light.radiance(area), light.both_sides))
     }
 
-    /// Mean area of the triangles, or the area of a shape in its own space: `power` in pbrt is
-    /// defined for these.
+    /// The area by which `power` is divided: in pbrt, `power` is that of each triangle (here, of
+    /// the mean one) or of a whole shape in its own space.
     fn piece_area(&mut self, params: &Params, made: &Made, place: DAffine3) -> f64 {
         let mesh = match made {
             Made::Shape(shape, _) => return shape.area(),

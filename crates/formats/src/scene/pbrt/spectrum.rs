@@ -186,7 +186,7 @@ fn average(samples: &[(f64, f64)], role: Role) -> Rgb {
     }
 }
 
-/// Planck's law as a colour of luminance 1.
+/// The colour of a black body (Planck's law), with luminance 1.
 fn blackbody(param: &Param, kelvin: f64) -> Result<Rgb, Fault> {
     if !(100.0..=1e6).contains(&kelvin) {
         return Err(param.fault(
@@ -209,7 +209,7 @@ fn rgb_of_xyz(xyz: [f64; 3]) -> Rgb {
     Rgb::new(r, g, b)
 }
 
-/// Linear Rec. 709 of CIE XYZ (IEC 61966-2-1).
+/// Converts CIE XYZ to linear Rec. 709 (IEC 61966-2-1).
 fn unclamped_rgb([x, y, z]: [f64; 3]) -> [f64; 3] {
     [
         3.240_454_2 * x - 1.537_138_5 * y - 0.498_531_4 * z,
@@ -218,7 +218,7 @@ fn unclamped_rgb([x, y, z]: [f64; 3]) -> [f64; 3] {
     ]
 }
 
-/// Spectra that pbrt knows by name.
+/// A spectrum that pbrt knows by name: the index of refraction of a glass or a metal.
 fn named(name: &str) -> Option<Rgb> {
     let glass = [
         ("glass-BK7", 1.5168),
@@ -247,9 +247,9 @@ fn named(name: &str) -> Option<Rgb> {
 /// Real and imaginary part of the index of refraction of copper: pbrt's default conductor.
 pub const COPPER: [Rgb; 2] = [Rgb::new(0.2332, 1.0410, 1.2976), Rgb::new(3.2553, 2.5941, 2.3530)];
 
-/// Index of refraction of metals in the three channels, by the weights of `average`. From
-/// refractiveindex.info (CC0): Johnson and Christy, 1972 (Ag, Au, Cu); Rakic, 1995 (Al). The oxides
-/// are clear: their typical index.
+/// Real and imaginary part of the index of refraction of metals in the three channels, weighted as
+/// in `average`. From refractiveindex.info (CC0): Johnson and Christy, 1972 (Ag, Au, Cu); Rakic,
+/// 1995 (Al). The oxides are clear: they have their typical index.
 fn metal_index(name: &str) -> Option<(Rgb, Rgb)> {
     let (eta, k) = match name {
         "Ag" => ([0.0553, 0.0547, 0.0427], [4.3023, 3.5365, 2.5348]),

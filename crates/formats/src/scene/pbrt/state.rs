@@ -7,7 +7,7 @@ use crate::scene::fault::{Fault, Spot};
 use snell_math::DAffine3;
 use std::rc::Rc;
 
-/// The things that `Attribute` can set defaults for.
+/// The kinds of directive for which `Attribute` can set defaults.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Target {
     Shape,
@@ -51,7 +51,7 @@ impl Motion {
 pub struct State {
     /// The current transform.
     pub transform: Motion,
-    /// Which ends of the motion transform directives change.
+    /// True for each end of the motion that transform directives change.
     pub active: [bool; 2],
     /// True if the orientation of surfaces is reversed.
     pub reverse_orientation: bool,
@@ -116,7 +116,7 @@ pub enum Block {
 }
 
 impl Block {
-    /// The directives that begin and end it.
+    /// The directives that begin and end a block of this kind.
     fn directives(self) -> [&'static str; 2] {
         match self {
             Self::Attribute => ["AttributeBegin", "AttributeEnd"],

@@ -40,7 +40,7 @@ pub struct Picture {
 /// A function of each value of a texture.
 #[derive(Clone, Copy, Debug)]
 pub struct Function {
-    /// The function; its argument is not negative.
+    /// The function, for arguments that are not negative.
     pub apply: fn(f32) -> f32,
     /// The exponent, if it is a power.
     pub exponent: Option<f32>,
@@ -52,15 +52,15 @@ pub enum Pattern {
     Constant(Rgb),
     Picture(Picture),
     Product(Rc<Pattern>, Rc<Pattern>),
-    /// The first where the third is 0, the second where it is 1.
+    /// The first pattern where the third is 0, the second where the third is 1.
     Mix([Rc<Pattern>; 3]),
     Checkerboard([Rc<Pattern>; 2], Mapping),
     SolidCheckerboard([Rc<Pattern>; 2], Rows),
-    /// The first where the surface normal points along the axis.
+    /// The first pattern where the surface normal points along the axis, else the second.
     DirectionMix([Rc<Pattern>; 2], Vec3),
-    /// The textures inside and outside the dots.
+    /// The patterns inside and outside the dots.
     Dots([Rc<Pattern>; 2], Mapping),
-    /// A pattern without inputs.
+    /// A pattern that has no other patterns as inputs.
     Whole(texture::Pattern),
     Map(Rc<Pattern>, Function),
 }
@@ -103,12 +103,13 @@ impl Pattern {
         }
     }
 
-    /// The maximum number of textures that it becomes in the scene; `None` if above `limit`.
+    /// The maximum number of textures that the pattern becomes in the scene; `None` if above
+    /// `limit`.
     fn size_within(&self, limit: usize) -> Option<usize> {
         let left = limit.checked_sub(1)?;
         let parts: &[&Rc<Self>] = match self {
             Self::Constant(_) | Self::Whole(_) => &[],
-            // It may be remapped, and inverted.
+            // The picture may need a remapping and an inversion.
             Self::Picture(_) => return (left >= 2).then_some(3),
             Self::Product(a, b)
             | Self::Checkerboard([a, b], _)
@@ -125,7 +126,7 @@ impl Pattern {
         Some(size)
     }
 
-    /// The factor and the picture, if the pattern consists of nothing else.
+    /// The factor and the picture, if the pattern is a picture times a constant.
     fn as_picture(&self) -> Option<(Rgb, &Picture)> {
         match self {
             Self::Picture(p) if !p.invert => Some((Rgb::splat(p.scale), p)),
@@ -142,7 +143,7 @@ impl Pattern {
         }
     }
 
-    /// The same pattern with a function applied to each of its values.
+    /// The pattern with a function applied to each of its values.
     pub fn mapped(self: &Rc<Self>, function: Function) -> Rc<Self> {
         let mapped = Self::Map(self.clone(), function);
         Rc::new(mapped.as_constant().map_or(mapped, Self::Constant))
@@ -150,7 +151,7 @@ impl Pattern {
 }
 
 impl Builder<'_> {
-    /// `Texture "name" "spectrum" "imagemap" ...`
+    /// Reads `Texture "name" "spectrum" "imagemap" ...`.
     pub(super) fn texture(&mut self, lexer: &mut Lexer, at: Spot) -> Result<(), Fault> {
         let (name, _) = lexer.expect_string("the name of a texture")?;
         let (kind, kind_at) = lexer.expect_string("the type of a texture")?;
@@ -294,7 +295,8 @@ impl Builder<'_> {
         Ok(Pattern::constant(0.5 * params.float_or("scale", 1.0)? as f32))
     }
 
-    /// Textures are in the space of the current transform, as it is when the shutter opens.
+    /// The transform from a texture's space to the world: the current transform at the start of the
+    /// motion.
     fn world_from_texture(&self) -> DAffine3 {
         self.world_from_file * self.state.transform.0[0]
     }
@@ -399,7 +401,7 @@ impl Builder<'_> {
         Ok(Rc::new(Pattern::Picture(picture)))
     }
 
-    /// An image, read once.
+    /// The id of an image, which is read only once.
     pub(super) fn image(&mut self, name: &str, at: Spot) -> Result<ImageId, Fault> {
         let main = self.main;
         self.images
@@ -524,8 +526,8 @@ impl Builder<'_> {
         (Rgb::WHITE, Some(self.scene.add_texture(texture)))
     }
 
-    /// The texture of a picture without its factor and inversion; with a function of its values
-    /// times a factor, if there is one.
+    /// Adds the texture of a picture, without the picture's factor and inversion. `function`, if
+    /// given, is applied to the picture's values times a factor.
     fn place_picture(
         &mut self,
         picture: &Picture,
@@ -606,7 +608,7 @@ fn whole(pattern: impl Into<texture::Pattern>) -> Rc<Pattern> {
     Rc::new(Pattern::Whole(pattern.into()))
 }
 
-/// A finite number.
+/// The parameter `name` as a finite number, or its default.
 fn finite(params: &Params, name: &str, default: f64) -> Result<f32, Fault> {
     let value = params.float_or(name, default)? as f32;
     if value.is_finite() {
@@ -630,7 +632,8 @@ fn rows(map: DAffine3) -> Rows {
     std::array::from_fn(|i| [x[i], y[i], z[i], w[i]])
 }
 
-/// A linear function of the world point: its coordinate along an axis of a space.
+/// The coordinate along `axis` in a texture's space, plus `shift`, as a linear function of the
+/// world point.
 fn planar(texture_from_world: &Rows, axis: Vec3, shift: f32) -> [f64; 4] {
     let axis = axis.to_array().map(f64::from);
     let mut row: [f64; 4] =
@@ -639,7 +642,7 @@ fn planar(texture_from_world: &Rows, axis: Vec3, shift: f32) -> [f64; 4] {
     row
 }
 
-/// A function over `[0, 1]` as a table.
+/// A table of the values of a function over `[0, 1]`.
 fn table(function: Function) -> Vec<Rgb> {
     const STEPS: u16 = 256;
     (0..=STEPS).map(|i| Rgb::splat((function.apply)(f32::from(i) / f32::from(STEPS)))).collect()

@@ -43,8 +43,8 @@ fn vector(lexer: &mut Lexer, what: &str) -> Result<DVec3, Fault> {
     ))
 }
 
-/// The transform from the world to a camera at the first point that looks at the second, with an up
-/// vector.
+/// The transform from the world to a camera. The three arguments are the camera's position, the
+/// point that it looks at, and an up vector.
 fn look_at(lexer: &mut Lexer, at: Spot) -> Result<DAffine3, Fault> {
     let (eye, target) = (vector(lexer, "the eye")?, vector(lexer, "the target")?);
     let up = vector(lexer, "the up vector")?;
@@ -63,7 +63,7 @@ fn look_at(lexer: &mut Lexer, at: Spot) -> Result<DAffine3, Fault> {
     Ok(world_from_camera.inverse())
 }
 
-/// Sixteen numbers in brackets, column by column.
+/// Reads sixteen numbers in brackets, column by column.
 fn matrix(lexer: &mut Lexer, at: Spot) -> Result<DAffine3, Fault> {
     const WHAT: &str = "a matrix of 16 numbers";
     let bracketed = lexer.take_bracket(b'[');

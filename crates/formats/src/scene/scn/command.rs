@@ -154,7 +154,7 @@ impl Builder {
         Ok(())
     }
 
-    /// `line`: it is invisible, but the default camera frames it.
+    /// Reads `line`. A line is invisible, but the default camera frames it.
     fn read_line(&mut self, file: &mut File) -> Result<(), ReadError> {
         self.material_argument(file)?;
         for _ in 0..2 {
@@ -166,7 +166,7 @@ impl Builder {
         Ok(())
     }
 
-    /// Reads a radius or height. `None` for 0: then nothing is visible.
+    /// Reads a radius or height. `None` for 0, which makes nothing visible.
     fn size(&mut self, file: &mut File, what: &str) -> Result<Option<f64>, ReadError> {
         let token = file.tokens.peek();
         let size = file.tokens.number(what)?;

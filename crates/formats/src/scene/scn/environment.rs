@@ -14,8 +14,8 @@ const DEFAULT_XFOV: f64 = 0.25;
 const DEFAULT_SIZE: [u32; 2] = [256, 256];
 
 impl Builder {
-    /// `camera`: the last one counts. The near and far distances were for the previewer; rays are
-    /// not clipped.
+    /// Reads `camera`; the last one counts. The near and far distances were meant for a previewer:
+    /// here, rays are not clipped.
     pub fn read_camera(&mut self, file: &mut File) -> Result<(), ReadError> {
         let eye = file.tokens.vector("the eye")?;
         let towards = file.tokens.direction("the view direction")?;
@@ -59,8 +59,8 @@ impl Builder {
         // The programs of the courses write clamped linear values; lights and materials were chosen
         // to look right that way.
         self.scene.settings.raw_display = true;
-        // They evaluate the format's own shading model: ambient light, Phong highlights, perfect
-        // mirrors, hard shadows.
+        // These programs evaluate the format's own shading model: ambient light, Phong highlights,
+        // perfect mirrors, hard shadows.
         self.scene.settings.integrator = Some("whitted".into());
     }
 

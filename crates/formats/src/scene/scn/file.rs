@@ -14,11 +14,11 @@ use std::sync::Arc;
 /// A file being read.
 pub struct File<'a> {
     pub tokens: Tokens<'a>,
-    /// Materials by the file's own numbers.
+    /// The materials of the file, by the numbers that the file gives them.
     pub materials: Vec<MaterialId>,
     /// The innermost open group.
     group: Group<'a>,
-    /// The groups around it; the first is the file itself.
+    /// The groups around the innermost one; the first is the file itself.
     outer: Vec<Group<'a>>,
 }
 
@@ -30,7 +30,7 @@ struct Group<'a> {
     material: Option<MaterialId>,
     /// Triangles of the group by material, one mesh each.
     triangles: BTreeMap<Option<MaterialId>, TriangleMesh>,
-    /// Where it was opened; `None` for the file itself.
+    /// The command that opened the group; `None` for the file itself.
     begin: Option<Token<'a>>,
 }
 
@@ -84,7 +84,7 @@ impl Builder {
         Ok(())
     }
 
-    /// `begin`
+    /// Reads `begin`.
     pub fn begin_group<'a>(
         &mut self,
         file: &mut File<'a>,
@@ -114,7 +114,8 @@ impl Builder {
             self.scene.warn(
                 "a group with a singular matrix is flat, has no surface to hit and is left out",
             );
-            // Stored without a parent, because it may define materials, lights and a camera.
+            // The node is stored without a parent, so its surfaces are left out, but it may still
+            // define materials, lights and a camera.
             self.scene.add_node(node)
         };
         let mut group = Group::new(node, world_from_child);
@@ -124,7 +125,7 @@ impl Builder {
         Ok(())
     }
 
-    /// `end`
+    /// Reads `end`.
     pub fn end_group(&mut self, file: &mut File, end: &Token) -> Result<(), ReadError> {
         self.close_group(file);
         let Some(outer) = file.outer.pop() else {
@@ -143,7 +144,7 @@ impl Builder {
         }
     }
 
-    /// Reads a material id of the file: `None` if it says to inherit.
+    /// Reads a material id of the file; `None` if the material is to be inherited.
     pub fn material_argument(&mut self, file: &mut File) -> Result<Option<MaterialId>, ReadError> {
         let token = file.tokens.peek();
         let number = file.tokens.integer("a material id")?;
@@ -209,7 +210,7 @@ impl Builder {
         mesh.indices.push([first, first + 1, first + 2]);
     }
 
-    /// `include`
+    /// Reads `include`.
     pub fn include(&mut self, file: &mut File, keyword: &Token) -> Result<(), ReadError> {
         let name = file.tokens.expect("the name of a scene file")?;
         self.descend(&file.tokens, keyword)?;
@@ -224,7 +225,7 @@ impl Builder {
         Ok(())
     }
 
-    /// `mesh`: the triangles of a file, read once for all its uses.
+    /// Reads `mesh`: the triangles of a file, which is read once for all its uses.
     pub fn mesh(&mut self, file: &mut File) -> Result<Arc<TriangleMesh>, ReadError> {
         let name = file.tokens.expect("the name of a mesh file")?;
         let path = named_path(file, &name)?;
@@ -285,7 +286,7 @@ pub fn named_path(file: &File, name: &Token) -> Result<PathBuf, ReadError> {
     Ok(file.tokens.input().directory.join(text))
 }
 
-/// The same path for every name of a file.
+/// A path that is the same for every name of a file.
 fn identity(path: &Path) -> PathBuf {
     path.canonicalize().unwrap_or_else(|_| path.to_path_buf())
 }

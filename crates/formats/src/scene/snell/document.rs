@@ -117,7 +117,7 @@ pub struct EncodedForm {
     encoded: Numbers<u8>,
 }
 
-/// Pixels.
+/// The pixels of an image.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PixelsForm {
@@ -139,7 +139,7 @@ enum PixelForm {
 /// An affine transform: three rows of four numbers.
 pub(super) type Rows = [[f64; 4]; 3];
 
-/// A node.
+/// A node of the scene graph.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NodeForm {
@@ -188,7 +188,7 @@ pub struct MeshForm {
     material_slots: Numbers<u16>,
 }
 
-/// Strands; a flat list of four numbers per point: position and radius.
+/// Strands, as a flat list of four numbers per point: position and radius.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CurvesForm {
@@ -239,7 +239,8 @@ fn check<T: Serialize + DeserializeOwned + PartialEq>(
 }
 
 impl Document {
-    /// Converts a scene to a file. (Warnings of the reader of another file are not included.)
+    /// Converts a scene to a document. (Warnings that the reader of another file gave are left
+    /// out.)
     pub fn of(scene: &Scene) -> Result<Self, String> {
         let Scene {
             name,
@@ -306,7 +307,7 @@ impl Document {
         })
     }
 
-    /// Converts a file to a scene.
+    /// Converts the document to a scene.
     pub fn scene(self, input: &Input) -> Result<Scene, Flaw> {
         let limits = &input.options.limits;
         let mut meshes = Vec::with_capacity(self.meshes.len());
@@ -374,7 +375,7 @@ impl Document {
         };
         scene.topological_order().map_err(|error| ("/nodes".to_string(), error.to_string()))?;
         scene.check_textures().map_err(|error| ("/materials".to_string(), error.to_string()))?;
-        // Before the ranges, which would report the same light again.
+        // This comes before the check of ranges, which would report the same light again.
         scene.limit_light();
         scene.check_ranges();
         scene.cameras.iter_mut().for_each(Camera::square_up);

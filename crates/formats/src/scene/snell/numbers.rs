@@ -65,7 +65,7 @@ impl<T> Default for Numbers<T> {
 }
 
 impl<T> Numbers<T> {
-    /// True if there are none.
+    /// True if there are no numbers.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }

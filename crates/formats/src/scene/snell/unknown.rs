@@ -1,5 +1,6 @@
-//! Names in a file that no declaration has. The tables of the file refuse them; inside of what the
-//! scene graph declares (cameras, lights, materials, textures, media, shapes) they are warnings.
+//! Finds names in a file that no declaration has. The tables of the file refuse unknown names;
+//! inside cameras, lights, materials, textures, media and shapes, which the scene graph declares,
+//! unknown names are warnings.
 
 use serde::{Deserialize, Deserializer};
 use serde_json::Value;
@@ -11,10 +12,10 @@ use snell_scene::written::unknown_names;
 use snell_scene::{Camera, Light, Medium};
 use std::marker::PhantomData;
 
-/// The unknown names of a thing; the thing itself is not kept.
+/// The unknown names in a declared value; the value itself is not kept.
 struct Unknown<T>(Vec<String>, PhantomData<T>);
 
-/// The kind of a thing as it is written.
+/// The kind of declared value that a JSON value stands for.
 trait Declared {
     fn kind(written: &Value) -> Kind;
 }
@@ -25,7 +26,7 @@ impl<T: Parameters> Declared for T {
     }
 }
 
-/// An image texture or a pattern.
+/// A texture, which is an image texture or a pattern.
 struct AnyTexture;
 
 impl Declared for AnyTexture {
@@ -41,7 +42,7 @@ impl<'de, T: Declared> Deserialize<'de> for Unknown<T> {
     }
 }
 
-/// The tables of declared things. The rest of the file is skipped.
+/// The tables of declared values. The rest of the file is skipped.
 #[derive(Default, Deserialize)]
 #[serde(default, bound = "")]
 struct Tables {

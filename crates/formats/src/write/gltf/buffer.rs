@@ -36,7 +36,7 @@ impl Buffer {
         self.accessors.len() - 1
     }
 
-    /// Positions, with their bounds.
+    /// Adds positions with their bounds, and returns the number of their accessor.
     pub fn positions(&mut self, positions: &[Vec3]) -> usize {
         let finite = || positions.iter().filter(|p| p.is_finite());
         let min = finite().fold(Vec3::INFINITY, |a, &b| a.min(b));
@@ -50,7 +50,7 @@ impl Buffer {
         number
     }
 
-    /// Vectors with `width` components.
+    /// Adds vectors with `width` components.
     pub fn vectors(&mut self, numbers: &[f32], kind: &str, width: usize) -> usize {
         let view = self.view(numbers.iter().flat_map(|x| x.to_le_bytes()), Some(VERTICES));
         let count = numbers.len() / width;
@@ -59,7 +59,7 @@ impl Buffer {
         )
     }
 
-    /// Vertex indices.
+    /// Adds vertex indices.
     pub fn indices(&mut self, indices: &[u32]) -> usize {
         let view = self.view(indices.iter().flat_map(|x| x.to_le_bytes()), Some(INDICES));
         self.accessor(json!({

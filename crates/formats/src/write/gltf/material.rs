@@ -112,7 +112,7 @@ impl Writer<'_, '_, '_> {
         info
     }
 
-    /// Base colour with opacity, metalness and roughness.
+    /// The core of a material: base colour with opacity, metalness and roughness.
     fn core(&mut self, material: &Material, surface: &OpenPbr) -> Value {
         let mut base = without_spectrum(surface.base_color, false);
         if surface.base_weight.texture.is_some() {
@@ -256,7 +256,7 @@ impl Writer<'_, '_, '_> {
         }
     }
 
-    /// Adds transmission.
+    /// Adds transmission and diffuse transmission.
     fn interior(&mut self, surface: &OpenPbr) {
         if surface.subsurface_weight.factor > 0.0 {
             if surface.geometry_thin_walled {

@@ -32,7 +32,7 @@ struct Document<'a, 'o> {
     materials: Vec<Value>,
     extensions: BTreeSet<&'static str>,
     textures: texture::Textures,
-    /// Attributes of meshes by address, and meshes by their surfaces.
+    /// The written attributes of meshes, by address.
     attributes: HashMap<*const TriangleMesh, Value>,
     known_meshes: HashMap<Vec<SurfaceKey>, usize>,
     shapes: HashMap<*const AnyShape, Option<Arc<TriangleMesh>>>,
@@ -86,7 +86,8 @@ fn write(scene: &Scene, output: &mut Output) -> Result<(), String> {
 /// Memory of a node while the document is written: its JSON, a copy and its text.
 const BYTES_OF_NODE: u64 = 3000;
 
-/// glTF has trees, so a shared node is repeated for each of its instances.
+/// Refuses a scene that grows too large as a tree: glTF has trees, so a shared node is repeated for
+/// each of its instances.
 fn check_expansion(scene: &Scene, output: &Output) -> Result<(), String> {
     let expansion = Expansion {
         count: placement_count(scene)?,
@@ -326,7 +327,7 @@ fn by_slot(mesh: &TriangleMesh) -> Vec<(u16, Vec<u32>)> {
     slots.into_iter().collect()
 }
 
-/// A node with a transform.
+/// A node with a transform, without content.
 fn placed(map: &DAffine3) -> Value {
     if *map == DAffine3::IDENTITY {
         return json!({});

@@ -9,7 +9,7 @@ use snell_scene::texture::{Filtering, Wrap};
 use snell_scene::{Encoding, Image, ImageTexture, Pixels, TextureId};
 use std::collections::HashMap;
 
-/// The sources of a picture's four channels: a texture and its channel.
+/// The source of each of a picture's four channels: a texture and one of its channels.
 pub type Channels = [Option<(TextureId, u8)>; 4];
 
 /// The textures of a document.
@@ -64,7 +64,7 @@ impl Document<'_, '_> {
         info
     }
 
-    /// Offset, rotation and scale: the inverse of the reader's formula.
+    /// Offset, rotation and scale of a texture's coordinates: the inverse of the reader's formula.
     fn transform(&mut self, texture: &ImageTexture, who: &str) -> Option<Value> {
         let [[a, b, c], [d, e, f]] = texture.uv_transform.map(|row| row.map(f64::from));
         if texture.uv_transform == [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]] {

@@ -43,7 +43,7 @@ impl File<'_, '_> {
     }
 }
 
-/// The zenith is pbrt's `z`, our `y`.
+/// The zenith is `z` in pbrt and `y` in the scene.
 const LIGHT_FROM_ENVIRONMENT: DMat3 = DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::NEG_Y);
 
 /// Resamples a latitude-longitude picture on the equal-area square.
@@ -51,7 +51,8 @@ fn square_of(image: &Image) -> Image {
     let side = (image.height * 2).clamp(16, MAX_SIDE);
     let row = |y: u32| {
         (0..side).flat_map(move |x| {
-            // The mean of four points, so that small bright features keep about their power.
+            // Each value is the mean at four points, so that small bright features keep about their
+            // power.
             let mut sum = [0.0f32; 3];
             for (dx, dy) in [(0.25, 0.25), (0.75, 0.25), (0.25, 0.75), (0.75, 0.75)] {
                 let at = |i: u32, d: f64| (f64::from(i) + d) / f64::from(side);
@@ -109,7 +110,7 @@ mod tests {
 
     #[test]
     fn a_picture_of_directions_shows_the_same_on_the_square() {
-        // Linear in the direction.
+        // Radiance that is linear in the direction.
         let (w, h) = (256, 128);
         let of = |d: DVec3| [d.x, d.y, d.z].map(|c| c as f32 + 2.0);
         let mut values = Vec::new();

@@ -15,9 +15,9 @@ use snell_scene::{Encoding, Material, MaterialId};
 /// The text that a shape of a material needs.
 #[derive(Clone, Debug, Default)]
 pub struct Made {
-    /// Directives before the shape.
+    /// Directives to be written before the shape.
     pub attributes: Vec<String>,
-    /// Parameters after the shape's own.
+    /// Parameters to be written after those of the shape itself.
     pub shape_parameters: String,
 }
 
@@ -83,7 +83,7 @@ impl File<'_, '_> {
         }
         // For colour pictures the middle channel is nearest to the luminance.
         let channel = map.channel.unwrap_or(1);
-        // The height, apart from the picture, which may have few levels.
+        // The height is not multiplied into the picture, which may have few levels.
         let heights =
             self.texture(map.texture, "float", Baked::Scaled { channel, factor: 1.0 }, who);
         let scale = format!(
@@ -298,7 +298,7 @@ impl File<'_, '_> {
         text
     }
 
-    /// A scalar parameter.
+    /// Writes a scalar parameter.
     fn scalar(&mut self, name: &str, scalar: ScalarParam, who: &str) -> String {
         match scalar.texture {
             None => format!(" \"float {name}\" [ {} ]", scalar.factor),
@@ -391,7 +391,8 @@ impl File<'_, '_> {
         Body { text: format!("\"string type\" [ \"dielectric\" ]{roughness}{eta}"), absorption }
     }
 
-    /// A body under a clear layer, from the colour that is seen; pbrt needs that of the body.
+    /// A body under a clear layer. `seen` is the colour seen through the layer; pbrt needs the
+    /// colour of the body itself.
     fn coated(&mut self, seen: ColorParam, ior: f32, roughness: ScalarParam, who: &str) -> Body {
         let body = Baked::UnderCoat { factor: without_spectrum(seen, false).factor, ior };
         let color = match seen.texture {
@@ -435,7 +436,7 @@ impl File<'_, '_> {
         format!(" \"rgb {prefix}eta\" {} \"rgb {prefix}k\" {}", rgb(at[0]), rgb(at[1]))
     }
 
-    /// A colour parameter.
+    /// Writes a colour parameter.
     fn color(&mut self, name: &str, color: ColorParam, who: &str) -> String {
         let color = without_spectrum(color, false);
         match color.texture {

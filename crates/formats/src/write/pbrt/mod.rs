@@ -117,7 +117,7 @@ fn point(p: DVec3) -> String {
     format!("[ {} {} {} ]", p.x, p.y, p.z)
 }
 
-/// `Transform` with the columns of a transform.
+/// A `Transform` statement: the columns of the matrix.
 fn transform(map: &DAffine3) -> String {
     let m = &map.matrix3;
     let columns = [(m.x_axis, 0), (m.y_axis, 0), (m.z_axis, 0), (map.translation, 1)];

@@ -1,4 +1,4 @@
-//! Shapes: those that both have, and meshes for all others.
+//! Shapes: those that pbrt has, and meshes for all others.
 
 use super::material::Made;
 use super::{File, transform};
@@ -12,8 +12,8 @@ use snell_scene::placed::Placed;
 use std::fmt::Write;
 use std::sync::Arc;
 
-/// The transform from pbrt's round shapes, which stand around z and count longitude from x towards
-/// y, to ours, which stand around y and count it from z towards x.
+/// The transform from pbrt's round shapes to Snell's. pbrt's stand around z and count longitude
+/// from x towards y; Snell's stand around y and count it from z towards x.
 fn turned() -> DAffine3 {
     DAffine3::from_mat3(DMat3::from_cols(DVec3::Y, DVec3::Z, DVec3::X).transpose())
 }
@@ -46,7 +46,7 @@ impl File<'_, '_> {
         (!text.is_empty()).then_some(text)
     }
 
-    /// Writes one shape with everything that pbrt sets by its surroundings.
+    /// Writes one shape with everything that pbrt takes from the directives around it.
     fn part(&mut self, text: &mut String, made: &Made, shape: &str) {
         for line in &made.attributes {
             _ = writeln!(text, "  {line}");
@@ -89,7 +89,7 @@ impl File<'_, '_> {
                         "\"disk\" \"float radius\" [ {radius} ] \"float height\" [ {top} ]"
                     );
                     self.part(text, made, &cap);
-                    // The other end faces the other way.
+                    // The cap at the other end faces the other way.
                     _ = writeln!(text, "  Scale 1 -1 -1");
                     self.part(text, made, &cap);
                 }

@@ -8,11 +8,12 @@ use snell_scene::texture::mapping::{IDENTITY, Rows};
 use snell_scene::texture::{Filtering, Mapping, Pattern, Wrap, errors, pattern};
 use snell_scene::{Encoding, Texture, TextureId};
 
-/// Exponents of roughness patterns that pbrt can express: the root of a width, and that of a value
-/// which pbrt remaps to a width itself.
+/// Exponents of roughness patterns that pbrt can express. Snell's roughness is the square root of a
+/// width, or the fourth root of a value that pbrt itself remaps to a width.
 const ROOTS: [f32; 2] = [0.5, 0.25];
 
-/// True for patterns that pbrt has too. Of powers, it has only these roots of a roughness.
+/// True for patterns that pbrt has too. Of power patterns, pbrt has only those with an exponent of
+/// [`ROOTS`], as roughness.
 pub fn is_known(pattern: &Pattern) -> bool {
     match pattern {
         Pattern::Power(power) => ROOTS.contains(&power.exponent),
@@ -73,8 +74,9 @@ impl File<'_, '_> {
         self.pattern(id, kind, factor, who)
     }
 
-    /// The texture for a width whose root, times a factor, is a pattern of roughness, and whether
-    /// pbrt is to remap it.
+    /// The texture of the microfacet width, if the roughness is a power pattern with an exponent of
+    /// [`ROOTS`], and whether pbrt is to remap it. `factor` is a factor on the roughness.
+    /// `None` for any other pattern.
     pub fn width(
         &mut self,
         id: TextureId,
@@ -226,7 +228,7 @@ impl File<'_, '_> {
         self.define(text, space)
     }
 
-    /// Scalar noise, times a factor.
+    /// Writes scalar noise, times a factor.
     fn noise(&mut self, kind: Kind, factor: Rgb, pattern: &Pattern, numbers: &str) -> String {
         let space = match pattern {
             Pattern::Fbm(p) => &p.texture_from_world,
@@ -244,7 +246,8 @@ impl File<'_, '_> {
                 ),
                 None,
             ),
-            // Noise is scalar in pbrt: it becomes a colour as the amount of a mix.
+            // Noise is scalar in pbrt: as the amount of a mix of black and the factor it becomes a
+            // colour.
             Kind::Color => {
                 let black = rgb(Rgb::BLACK);
                 let text = format!(

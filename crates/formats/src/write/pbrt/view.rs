@@ -113,7 +113,7 @@ impl File<'_, '_> {
             }
         };
         if camera.projection == Projection::Panoramic {
-            // The middle of the picture is -x in pbrt, and its right is -z.
+            // The middle of pbrt's picture is -x in camera space, and its right is -z.
             let axes = DMat3::from_cols(-camera.towards, camera.up, -camera.right());
             let world_from_camera = DAffine3 { matrix3: axes, translation: camera.eye };
             let inverse = Transform::new(world_from_camera)

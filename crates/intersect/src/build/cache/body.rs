@@ -1,22 +1,22 @@
-//! The body of a cache file: parts one after the other, and their checksum.
+//! The body of a cache file: its parts one after the other, and their checksum.
 //!
-//! A part is cut into pieces, each with a CRC-32, which finds every damage of up to 32 bits in a
-//! row; the checksum is a hash of all of these. All threads read and check pieces, and each slice
-//! of one while it is in the cache.
+//! A part is divided into pieces, each with a CRC-32, which detects any damage confined to 32
+//! consecutive bits; the checksum is a hash of the CRCs. All threads read pieces and check each
+//! slice of a piece while it is in the cache.
 
 use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 use std::fs::File;
 use std::io::Result;
 
-/// Bytes that one thread reads at a time: those of a huge page, so that no two threads fault in the
-/// same page.
+/// The number of bytes that one thread reads at a time: a huge page, so that no two threads fault
+/// in the same page.
 const PIECE: usize = 1 << 21;
 
-/// Bytes that are read and then checked.
+/// The number of bytes that are read before they are checked.
 const SLICE: usize = 1 << 17;
 
-/// Bytes of a file, three kinds of them in a tree's.
+/// The memory of the three parts of a tree's file.
 pub type Parts<'a> = [&'a mut [u8]; 3];
 
 /// The checksum of parts in memory.
@@ -25,7 +25,7 @@ pub fn checksum(parts: [&[u8]; 3]) -> u64 {
     combined(pieces.into_par_iter().map(crc32fast::hash).collect())
 }
 
-/// Fills the parts from a place in a file on; returns their checksum.
+/// Fills the parts from a file, beginning at byte `start`. Returns their checksum.
 pub fn read(file: &File, start: u64, parts: Parts) -> Result<u64> {
     let mut at = start;
     let pieces = parts.into_iter().flat_map(|part| part.chunks_mut(PIECE));

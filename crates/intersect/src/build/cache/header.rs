@@ -1,4 +1,4 @@
-//! The page at the start of a file.
+//! The header of a cache file, which fills its first page.
 
 use crate::build::primitive::MAX_TRIANGLES;
 use crate::tree::block::TriangleBlock;
@@ -6,7 +6,8 @@ use crate::tree::compact::Line;
 use crate::tree::node::WideNode;
 use sha2::{Digest, Sha256};
 
-/// Goes up whenever a builder, the layout of nodes and blocks, or that of the file changes.
+/// The version of the format. It increases whenever a builder, the layout of nodes and blocks, or
+/// the layout of the file changes.
 pub const VERSION: u64 = 4;
 
 const MAGIC: u64 = u64::from_le_bytes(*b"SnellBVH");
@@ -14,29 +15,29 @@ const MAGIC: u64 = u64::from_le_bytes(*b"SnellBVH");
 /// Bytes of the header.
 pub const PAGE: usize = 4096;
 
-/// Of a block, and of a line of compact ones.
+/// Bytes of a plain block, and of a line of compact blocks.
 pub const BLOCK_BYTES: [u64; 2] = [size_of::<TriangleBlock>() as u64, size_of::<Line>() as u64];
 
 /// The header of a cache file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Header {
-    /// The hash of all that the tree follows from.
+    /// The hash of everything that determines the tree.
     pub key: [u8; 32],
     pub nodes: u64,
     pub blocks: u64,
-    /// Bytes of each: of a block, or of a line of compact ones.
+    /// Bytes of a block, or of a line of compact blocks.
     pub block_bytes: u64,
     pub skipped: u64,
     pub root: u64,
     pub rest: u64,
     pub depth: u64,
-    /// The checksum of all that follows (`body`).
+    /// The checksum of everything after the header (`body`).
     pub checksum: u64,
 }
 
 impl Header {
-    /// Numbers, key, a hash of both, and zeros. Numbers are in the order of the machine: a file
-    /// from another one does not pass.
+    /// The header as bytes: numbers, key, a hash of both, and zeros. Numbers have the byte order of
+    /// the machine, so a file from a machine with another byte order is rejected.
     pub fn to_page(self) -> Vec<u8> {
         let Self { key, nodes, blocks, block_bytes, skipped, root, rest, depth, checksum } = self;
         let numbers =

@@ -1,4 +1,4 @@
-//! Files that something has happened to.
+//! Tests of damaged cache files.
 
 use super::*;
 use crate::build::Quality;
@@ -14,12 +14,12 @@ fn options(compact: bool) -> BvhOptions {
 
 fn list(n: u32, seed: u32) -> GroupList {
     let mut mesh = soup(n, seed);
-    // One that can never be hit.
+    // A degenerate triangle, which can never be hit.
     mesh.indices.push([0, 0, 1]);
     GroupList { meshes: vec![(0, Arc::new(mesh))], ..GroupList::default() }
 }
 
-/// A small tree in a file, and what is in it.
+/// A small tree in a file, and its contents.
 struct Kept {
     folder: tempfile::TempDir,
     entry: Entry,

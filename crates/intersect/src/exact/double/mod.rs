@@ -17,13 +17,13 @@ use crate::search::{Goal, Search};
 use snell_math::simd::Lanes8;
 use snell_math::{DRay, DVec3};
 
-/// Rays that start farther away, or whose direction is too large or small for `f32`, visit the
-/// whole tree.
+/// Limits of the distance of the origin and of the magnitude of the direction (`1 / FAST` to
+/// `FAST`). Rays beyond them have no useful `f32` form and visit the whole tree.
 const FAR: f64 = 1e15;
 const FAST: f64 = 1e18;
 
 impl Frame {
-    /// Prepares a ray of the group for the fast kernels; false if it is not ordinary.
+    /// Prepares a ray of the group for the fast kernels. Returns false if the ray is not ordinary.
     #[inline(always)]
     pub fn prepare<L: Lanes8>(&self, prepared: &mut PreparedRay, ray: &DRay) -> bool {
         let DRay { origin, direction, .. } = self.ray(ray);
@@ -32,8 +32,8 @@ impl Frame {
         ordinary
     }
 
-    /// A ray in the coordinates of the group, as the kernels want it: with the tree's coordinates
-    /// for boxes and filter.
+    /// Prepares a ray in the coordinates of the group for the general kernels, with the tree's
+    /// coordinates for boxes and the filter.
     #[inline(always)]
     pub fn local_ray(&self, ray: &DRay) -> LocalRay {
         let DRay { origin: o, direction: d, .. } = self.ray(ray);
@@ -46,7 +46,7 @@ impl Frame {
     }
 }
 
-/// The local ray that skips nothing, for rays of which `f32` knows nothing.
+/// A local ray that culls nothing, for rays without a useful `f32` form.
 #[cold]
 fn blind(ray: &DRay) -> LocalRay {
     let local = LocalRay::within(ray, DVec3::ZERO, ray.direction.signum(), f32::INFINITY);
@@ -119,7 +119,7 @@ fn double_hit<G: Goal<Precision = Double>>(
 ) -> Option<DHit> {
     let corners = search.context.data.corners(geometry, primitive);
     let (t, uv) = triangle::exact_hit(ray, corners, search.ray.t_min)?;
-    // Never minus zero.
+    // Adding 0 turns -0 into +0.
     let t = t + 0.0;
     (t <= search.goal.limit()).then_some(DHit { t, uv, instance, geometry, primitive })
 }

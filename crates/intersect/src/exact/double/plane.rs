@@ -1,45 +1,46 @@
-//! The intersection of a ray and the plane of a triangle, as exact as `f64` allows: off by little
-//! more than one unit in the last place for the coordinates as given, however thin the triangle,
-//! however grazing the ray, however far away both are.
+//! The intersection of a ray with the plane of a triangle, with an error of little more than one
+//! unit in the last place for the given coordinates, however thin the triangle, however grazing the
+//! ray, and however far away both are.
 //!
-//! With edges `e1`, `e2` and `r` from the ray's origin to a corner,
+//! With the edges `e1`, `e2` and the vector `r` from the ray's origin to a corner,
 //! `t = (e1 x e2) . r / (e1 x e2) . d`. Double-double numbers suffice unless nearly 50 bits cancel,
 //! which a bound on their error detects; then the two determinants are computed exactly.
 
 use snell_math::exact::{DoubleDouble, Expansion, Number};
 use snell_math::{DRay, DVec3};
 
-/// Largest cancellation that numbers of two parts make up for. A determinant of theirs is off by at
-/// most `20 u^2 = 2^-101.6` of the sum of the sizes of its products (`u` is `2^-53`: products of
-/// exact differences `5 u^2`, their difference 3, the product with the third factor 5, two sums 6),
-/// so above this it is good to `2^-55`.
+/// The least ratio of a determinant to the sum of the magnitudes of its products for which
+/// double-double numbers are accurate enough. Their error is at most `20 u^2 = 2^-101.6` of that
+/// sum (`u` is `2^-53`: products of exact differences `5 u^2`, their difference 3, the product with
+/// the third factor 5, two sums 6), so above this ratio the relative error is at most `2^-55`.
 pub(crate) const CERTAIN: f64 = 1.0 / (1u64 << 46) as f64;
 
-/// Sums of products below this may have lost their last bits to underflow, if no factor is beyond
-/// [`LARGE`].
+/// Sums of products below this may have lost their last bits to underflow, even if no factor is
+/// beyond [`LARGE`].
 pub(crate) const TINY: f64 = 1e-150;
 pub(crate) const LARGE: f64 = 1e60;
 
-/// Bound of the relative error of a determinant in plain `f64`: `8 u`, with room to spare.
+/// A generous bound on the relative error of a determinant in plain `f64`, which is `8 u`.
 pub(crate) const ROUGH: f64 = 1.0 / (1u64 << 49) as f64;
 
-/// The intersection of a ray and the plane of a triangle in plain `f64`.
+/// A rough intersection of a ray with the plane of a triangle, in plain `f64`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Estimate {
-    /// Above these, determinants in numbers of two parts are good enough.
+    /// Determinants of at least these magnitudes are accurate enough in double-double numbers.
     least_height: f64,
     least_speed: f64,
 }
 
 impl Estimate {
-    /// `None` if the line of the ray certainly does not meet the plane after `t_min`.
+    /// Makes the estimate. `None` if the line of the ray certainly does not cross the plane after
+    /// `t_min`.
     #[inline(always)]
     pub fn of(ray: &DRay, corners: &[DVec3; 3], t_min: f64) -> Option<Self> {
         let [a, b, c] = *corners;
         let (e1, e2, r, d) = (b - a, c - a, a - ray.origin, ray.direction);
         let normal = e1.cross(e2);
         let (height, speed) = (normal.dot(r), normal.dot(d));
-        // The sizes of all products.
+        // The magnitudes of all products.
         let (e1, e2, r, d) = (e1.abs(), e2.abs(), r.abs(), d.abs());
         let sizes = DVec3::new(
             e1.y * e2.z + e1.z * e2.y,
@@ -48,7 +49,7 @@ impl Estimate {
         );
         let (heights, speeds) = (sizes.dot(r), sizes.dot(d));
         let in_range = heights > TINY && speeds > TINY && (r + d + e1 + e2).element_sum() < LARGE;
-        // Most rays leave a surface, and find it behind their start.
+        // Most rays leave a surface, and the surface's own plane is behind their start.
         let (after, pace) = (height * speed.signum(), speed.abs());
         let error = (heights + t_min.abs() * speeds) * ROUGH;
         if in_range && pace > speeds * ROUGH && after - t_min * pace < -error {
@@ -58,15 +59,16 @@ impl Estimate {
         Some(Self { least_height: heights * CERTAIN, least_speed })
     }
 
-    /// The ray parameter at which the line of the ray meets the plane. Infinite or NaN if they are
-    /// parallel, or beyond what `f64` can hold.
+    /// The ray parameter at which the line of the ray crosses the plane. Infinite or NaN if both
+    /// are parallel, or if it is out of the range of `f64`.
     #[inline(always)]
     pub fn distance(self, ray: &DRay, corners: &[DVec3; 3]) -> f64 {
         precise_distance(ray, corners, self.least_height, self.least_speed)
     }
 }
 
-/// The distance, in numbers of two parts if that gives determinants above these bounds.
+/// The distance, from double-double numbers if these give determinants above the given bounds,
+/// otherwise from exact arithmetic.
 #[inline(always)]
 fn precise_distance(ray: &DRay, corners: &[DVec3; 3], least_height: f64, least_speed: f64) -> f64 {
     let corners_by_axis = [corners[0].to_array(), corners[1].to_array(), corners[2].to_array()];
@@ -76,8 +78,7 @@ fn precise_distance(ray: &DRay, corners: &[DVec3; 3], least_height: f64, least_s
     if certain { height.divided_by(speed) } else { exact_plane_distance(ray, corners) }
 }
 
-/// The two determinants in numbers of two parts: of one ray and triangle, or of several side by
-/// side.
+/// The two determinants in double-double numbers, for one ray and triangle or for several in lanes.
 #[inline(always)]
 pub(crate) fn determinants<T: Number>(
     [a, b, c]: &[[T; 3]; 3],
@@ -93,7 +94,7 @@ pub(crate) fn determinants<T: Number>(
     (height, speed)
 }
 
-/// A minor of the matrix of two edges.
+/// A 2x2 minor of the matrix of two edges.
 #[inline(always)]
 fn minor<T: Number>(
     p: &[DoubleDouble<T>; 3],
@@ -113,10 +114,10 @@ fn differences<T: Number>(p: &[T; 3], q: &[T; 3]) -> [DoubleDouble<T>; 3] {
     ]
 }
 
-/// [`Estimate::distance`] without rounding before the quotient.
+/// Computes [`Estimate::distance`] without rounding before the quotient.
 ///
-/// Positions and the direction are first brought near 1 by powers of two, so that nothing
-/// overflows, and what underflows is far below everything else.
+/// Positions and the direction are first scaled to near 1 by powers of two, so that nothing
+/// overflows, and only negligible numbers underflow.
 #[cold]
 #[inline(never)]
 pub(super) fn exact_plane_distance(ray: &DRay, corners: &[DVec3; 3]) -> f64 {

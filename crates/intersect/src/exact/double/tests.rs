@@ -1,4 +1,4 @@
-//! The exact test against arithmetic on big integers.
+//! Tests of the exact test against arithmetic on big integers.
 
 use super::plane::{Estimate, exact_plane_distance};
 use super::triangle::exact_hit;
@@ -16,7 +16,7 @@ use proptest::prelude::*;
 use snell_math::simd::{Lanes8, Portable, Portable8};
 use snell_math::{Bounds3, DRay, DVec3};
 
-/// Numbers from a counter (splitmix64).
+/// Pseudo-random numbers from a counter (splitmix64).
 struct Random(u64);
 
 impl Random {
@@ -28,7 +28,7 @@ impl Random {
         z ^ (z >> 31)
     }
 
-    /// In [-1, 1).
+    /// A uniform number in [-1, 1).
     fn signed(&mut self) -> f64 {
         (self.next() >> 11) as f64 / (1u64 << 52) as f64 - 1.0
     }
@@ -37,7 +37,7 @@ impl Random {
         DVec3::new(self.signed(), self.signed(), self.signed())
     }
 
-    /// A power of ten between the two exponents.
+    /// A power of ten with a random exponent between the two.
     fn size(&mut self, low: f64, high: f64) -> f64 {
         10f64.powf(low + (high - low) * (self.signed() * 0.5 + 0.5))
     }
@@ -46,7 +46,7 @@ impl Random {
 /// Binary places of fixed-point numbers.
 const PLACES: i32 = 330;
 
-/// `x` in fixed point; no bit may be lost.
+/// Converts `x` to fixed point without loss of a bit.
 fn fixed(x: f64) -> BigInt {
     let bits = x.to_bits();
     let exponent = (bits >> 52 & 0x7ff) as i32;
@@ -74,8 +74,8 @@ fn determinant(a: &[BigInt; 3], b: &[BigInt; 3], c: &[BigInt; 3]) -> BigInt {
         .sum()
 }
 
-/// The distance of the plane as a quotient of integers, and whether the line passes through the
-/// closed triangle.
+/// The ray parameter of the plane as a quotient of integers, and whether the line passes through
+/// the closed triangle.
 fn exact(ray: &DRay, corners: &[DVec3; 3]) -> (BigInt, BigInt, bool) {
     let (o, d) = (fixed3(ray.origin), fixed3(ray.direction));
     let v = corners.map(|v| minus(&fixed3(v), &o));
@@ -93,16 +93,17 @@ fn error(t: f64, height: &BigInt, speed: &BigInt) -> u64 {
     u64::try_from((difference + unit - 1u32) / unit).unwrap_or(u64::MAX)
 }
 
-/// A triangle and a ray aimed at it, of one of several kinds of trouble.
+/// A triangle and a ray aimed at it; each kind is difficult in a different way.
 fn aimed(random: &mut Random, kind: usize) -> (DRay, [DVec3; 3]) {
     let utm = DVec3::new(500_000.123, 4_649_776.22, 300.0);
     let (center, size, distance) = match kind {
-        // About the origin; a room, its walls as large as they are far; far away; in a city.
+        // Around the origin; a room whose walls are as large as their distance; far away; in a
+        // city.
         0 => (DVec3::ZERO, 1.0, 3.0),
         1 => (random.vector(), 10.0, 2.0),
         2 => (random.vector() * 1e3, 1.0, random.size(3.0, 9.0)),
         3 => (utm + random.vector() * 1e3, 1e-3, random.size(-3.0, 4.0)),
-        // Slivers, grazing rays, a start close to the surface, and any scale.
+        // Slivers, grazing rays, a start close to the surface, and an arbitrary scale.
         4 | 5 => (random.vector(), 1.0, 2.0),
         6 => (utm, 1.0, random.size(-9.0, 0.0)),
         _ => (DVec3::ZERO, random.size(-40.0, 40.0), 0.0),
@@ -157,7 +158,7 @@ fn distances_are_within_two_units_in_the_last_place_of_exact_arithmetic() {
                     "the box moves no distance of a triangle that is met: {ray:?} {corners:?}"
                 );
             }
-            // Met on the projection only, or off it only: by its rounding.
+            // By rounding, the projected triangle is hit and the true one is not, or the reverse.
             _ => grazed += 1,
         }
     }
@@ -181,7 +182,7 @@ fn point() -> impl Strategy<Value = DVec3> {
 }
 
 proptest! {
-    /// The ray may start far away, and the shadow may be of something much larger than the
+    /// The ray may start far away, and the shadow may be that of a mesh much larger than the
     /// triangle.
     #[test]
     fn the_filter_never_drops_a_hit(
@@ -208,11 +209,11 @@ proptest! {
         let hit = exact_hit(&ray, &mesh.corners(0), 0.0);
         if let Some((t, _)) = hit.filter(|_| !mesh.is_degenerate(0)) {
             prop_assert!(mask & 8 != 0);
-            // Nor with a limit that just holds it.
+            // The filter must keep the hit also with the smallest limit that includes it.
             let cull = padded(t.above());
             let mask = candidates::<Portable8>(Portable, &block, &local, t.below(), cull);
             prop_assert!(mask & 8 != 0);
-            // Nor its box.
+            // The box test must keep it.
             let corners = shadow.corners(0);
             let bounds = Bounds3::of(corners);
             let mut node = WideNode::EMPTY;
@@ -220,7 +221,7 @@ proptest! {
             let (enter, leave) =
                 box_distances::<Portable8>(Portable, &node, &local, t.below(), cull);
             prop_assert_eq!(enter.le(leave), 4);
-            // Nor do the fast kernels.
+            // The fast kernels must keep it.
             let mut prepared = PreparedRay::UNSET;
             if frame.prepare::<Portable8>(&mut prepared, &ray) {
                 let (lanes, (enter, leave)) = (
@@ -234,7 +235,8 @@ proptest! {
         }
     }
 
-    /// Rays through a vertex of a closed fan, or through its edges, meet it once.
+    /// Rays through the middle vertex of a closed fan, or through its edges, hit the fan exactly
+    /// once.
     #[test]
     fn a_fan_holds_a_ray_through_its_middle_once(
         (middle, o) in (point(), point()),
@@ -251,9 +253,9 @@ proptest! {
             let angle = (i as f64 + phase) / n as f64 * std::f64::consts::TAU;
             middle + x * angle.cos() + y * angle.sin() + z * (phase - 0.5)
         }).collect();
-        // On the edges a ray may leave the fan only at its rim. What lies behind the origin does
-        // not count: the line of a ray from within a fan that opens towards it passes the other
-        // side, too.
+        // On an edge, a ray may leave the fan only at its rim. Hits behind the origin do not count:
+        // if the fan opens towards the origin, the line of the ray also passes through its other
+        // side.
         for target in rim.iter().map(|r| middle + (*r - middle) * (at * 0.9)).chain([middle]) {
             let ray = DRay::new(origin, target - origin);
             let count = (0..n)

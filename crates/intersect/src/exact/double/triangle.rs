@@ -1,24 +1,24 @@
 //! The watertight ray-triangle test on `f64` vertices: the same rule as
 //! [`crate::exact::triangle`], one precision higher.
 //!
-//! The vertices are projected on a plane across the ray in `f64`, with the same operations in every
-//! triangle of a vertex; on that projection every sign is exact (products are compared in integers
-//! where rounding could matter), and where the ray meets an edge or vertex of it, the same symbolic
-//! shift decides.
+//! The vertices are projected in `f64` along the ray, by the same operations in every triangle that
+//! shares a vertex. On the projected vertices every sign is exact (products are compared in
+//! integers where rounding could matter), and where the ray passes exactly through a projected edge
+//! or vertex, the same symbolic shift decides.
 
 use super::plane::Estimate;
 use crate::exact::triangle::clamp_to_box;
 use snell_math::exact::compare_products;
 use snell_math::{DRay, DVec2, DVec3};
 
-/// The projection of vertices to the plane perpendicular to a ray.
+/// The sheared projection of vertices along a ray.
 #[derive(Clone, Copy, Debug)]
 struct Projection {
-    /// All vertices are projected relative to it.
+    /// The point relative to which vertices are projected.
     origin: [f64; 3],
-    /// Axes x, y, z of the projection: z is where the direction is largest.
+    /// Axes x, y, z of the projection: z is the axis along which the direction is largest.
     axes: [usize; 3],
-    /// Projected x = x - shear[0] z, y = y - shear[1] z.
+    /// The shear of the projection: projected x = x - shear[0] z, y = y - shear[1] z.
     shear: [f64; 2],
 }
 
@@ -36,7 +36,8 @@ impl Projection {
         }
     }
 
-    /// The vertex as projected: rounded subtraction, product, subtraction, never fused.
+    /// Projects a vertex; the subtraction, product and second subtraction are rounded and never
+    /// fused.
     #[inline(always)]
     fn project(&self, v: DVec3) -> [f64; 2] {
         let [kx, ky, kz] = self.axes;
@@ -46,19 +47,19 @@ impl Projection {
 }
 
 /// Twice the signed area of the projected triangle (ray, p, q), and its exact sign after the
-/// symbolic shift of the ray: 0 only if the edge is a point or not a number.
+/// symbolic shift of the ray. The sign is 0 only if the edge has no length or a coordinate is NaN.
 #[inline(always)]
 fn edge(p: [f64; 2], q: [f64; 2]) -> (f64, i32) {
     let (a, b) = (p[0] * q[1], p[1] * q[0]);
     let value = a - b;
-    // Two products are off by half a unit in the last place each, or by underflow.
+    // Each of the two products is off by at most half a unit in the last place, or by underflow.
     let certain = value.abs() > (a.abs() + b.abs()) * f64::EPSILON + f64::MIN_POSITIVE;
     let sign =
         if certain { i32::from(value > 0.0) - i32::from(value < 0.0) } else { exact_sign(p, q) };
     (value, sign)
 }
 
-/// The sign of [`edge`] where rounding leaves it open.
+/// The exact sign of [`edge`], for values that rounding makes uncertain.
 #[cold]
 #[inline(never)]
 fn exact_sign(p: [f64; 2], q: [f64; 2]) -> i32 {
@@ -68,16 +69,16 @@ fn exact_sign(p: [f64; 2], q: [f64; 2]) -> i32 {
     if [p, q].iter().flatten().all(|x| x.is_finite()) { order.map_or(0, |o| o as i32) } else { 0 }
 }
 
-/// The exact test: distance and barycentrics `(b1, b2)` if the line of the ray passes through the
-/// projected triangle at `t > t_min`.
+/// The exact test. Returns distance and barycentrics `(b1, b2)` if the line of the ray passes
+/// through the projected triangle at `t > t_min`.
 ///
-/// The distance is that of the triangle's plane ([`Estimate::distance`]). Rays that graze the
-/// triangle may meet the projection without meeting the triangle; then the plane may be met
-/// anywhere, and the distance is moved into the interval in which the ray is inside the triangle's
-/// box, so that skipping boxes can never lose it.
+/// The distance is that of the triangle's plane ([`Estimate::distance`]). A ray that grazes the
+/// triangle may pass through the projected triangle and miss the true one; the intersection with
+/// the plane may then be anywhere. So the distance is clamped to the interval in which the ray is
+/// inside the triangle's box, and culling by boxes can never lose the hit.
 #[inline(always)]
 pub(crate) fn exact_hit(ray: &DRay, corners: &[DVec3; 3], t_min: f64) -> Option<(f64, DVec2)> {
-    // First what drops the triangle that the ray starts on: most that are tested.
+    // This first step rejects the triangle on which the ray starts, the most frequent case.
     let estimate = Estimate::of(ray, corners, t_min)?;
     let projection = Projection::new(ray);
     let [p0, p1, p2] = [
@@ -91,7 +92,7 @@ pub(crate) fn exact_hit(ray: &DRay, corners: &[DVec3; 3], t_min: f64) -> Option<
     if s0 == 0 || s0 != s1 || s0 != s2 {
         return None;
     }
-    // All have the sign `s0`, or would have without rounding.
+    // All have the sign `s0`, or would have it without rounding.
     let side = f64::from(s0);
     let [w0, w1, w2] = [w0, w1, w2].map(|w| (w * side).max(0.0));
     let scale = 1.0 / (w0 + w1 + w2);

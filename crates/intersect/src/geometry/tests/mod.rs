@@ -1,4 +1,5 @@
-//! Sets, quads and what moves, against oracles and in worlds, where all structures must agree.
+//! Tests of sets, quads and moving geometry, against oracles and in worlds, where all structures
+//! must agree.
 
 mod motion;
 mod quads;
@@ -13,7 +14,7 @@ use snell_math::sampling::uniform_sphere;
 use snell_math::simd::Level;
 use snell_math::{Ray, Vec2, Vec3};
 
-/// Random numbers in order.
+/// A sequence of pseudo-random numbers.
 pub(super) struct Random(pub(super) u32);
 
 impl Random {
@@ -50,7 +51,8 @@ fn bits(hit: &Hit) -> [u32; 6] {
     ]
 }
 
-/// The same world with every structure and at every SIMD level; the oracle first.
+/// The same world with every structure and at every SIMD level; the reference without a structure
+/// comes first.
 fn worlds(fill: impl Fn(&mut WorldBuilder)) -> Vec<World> {
     let mut all = Vec::new();
     for accelerator in AcceleratorKind::ALL {
@@ -59,7 +61,7 @@ fn worlds(fill: impl Fn(&mut WorldBuilder)) -> Vec<World> {
             fill(&mut builder);
             let options = BuildOptions { accelerator, ..BuildOptions::default() };
             all.push(builder.build(&BuildOptions { simd, ..options }).expect("a world"));
-            // The others do not depend on the level.
+            // The other structures do not depend on the SIMD level.
             if accelerator != AcceleratorKind::Bvh {
                 break;
             }

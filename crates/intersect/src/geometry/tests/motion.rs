@@ -1,4 +1,4 @@
-//! What moves, in worlds.
+//! Tests of moving geometry in worlds.
 
 use super::{Random, agree, bits, sets, worlds};
 use crate::geometry::motion::transform_at;
@@ -81,7 +81,7 @@ fn corners_that_are_not_finite_or_together_take_their_triangles_out() {
     let all = worlds(|b| {
         b.add_moving_mesh(WorldBuilder::ROOT, mesh.clone());
     });
-    // At time 0 the third triangle has two corners in one place, later it is a proper one.
+    // At time 0 two corners of the third triangle coincide; later it is not degenerate.
     assert_eq!((all[1].stats().triangles, all[1].skipped_triangles()), (4, 1));
     let below = Ray::new(Vec3::new(0.2, -0.1, 1.0), -Vec3::Z);
     let hit = |time| all[1].closest_one(at(&below, time), &AcceptAll);

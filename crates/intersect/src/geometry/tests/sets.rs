@@ -1,5 +1,5 @@
-//! Every kind of set against an oracle that knows nothing but centres and radii, and in worlds,
-//! where all structures must agree.
+//! Tests every kind of set against an oracle that uses only centres and radii, and in worlds, where
+//! all structures must agree.
 
 use super::{Random, agree, worlds};
 use crate::geometry::{CubicCurves, CurveBasis, LinearCurves, PrimitiveHit, PrimitiveSet, Spheres};
@@ -10,13 +10,13 @@ use snell_math::rng::{pcg4d, to_unit};
 use snell_math::{Bounds3d, DAffine3, DMat3, DRay, DVec2, DVec3, Ray, Transform, Vec2, Vec3, Vec4};
 use std::sync::Arc;
 
-/// A set and, for each primitive and parameter from 0 to 1, the ball that sweeps it.
+/// A set, and a function that gives the ball that sweeps a primitive at a parameter from 0 to 1.
 struct Example {
     name: &'static str,
     set: Arc<dyn PrimitiveSet>,
     ball: Box<dyn Fn(usize, f64) -> (DVec3, f64)>,
-    /// How far hits may be off the surface, relative to the largest radius: everywhere, and all but
-    /// at silhouettes.
+    /// The largest distance of hits from the surface, relative to the largest radius: everywhere,
+    /// and everywhere except at silhouettes.
     accuracy: [f64; 2],
 }
 
@@ -67,7 +67,7 @@ fn examples() -> Vec<Example> {
         all.push(Example {
             name,
             set: Arc::new(CubicCurves { basis, points, tangents, segments }),
-            // The polynomials as the books write them.
+            // The polynomials as textbooks write them.
             ball: Box::new(move |i, u| {
                 let at = i * step as usize;
                 let (u2, u3) = (u * u, u * u * u);
@@ -113,7 +113,7 @@ fn examples() -> Vec<Example> {
 }
 
 impl Example {
-    /// How far a point is from the primitive; negative inside.
+    /// Distance of a point from the surface of the primitive; negative inside.
     fn distance(&self, primitive: usize, p: DVec3) -> f64 {
         let at = |u: f64| {
             let (c, r) = (self.ball)(primitive, u);
@@ -153,7 +153,7 @@ impl Example {
     }
 }
 
-/// A ray through the neighbourhood of a primitive.
+/// A ray that passes near a primitive.
 fn ray_near(example: &Example, primitive: usize, random: &mut Random) -> DRay {
     let (c, r) = (example.ball)(primitive, random.unit().into());
     let target = c + random.direction().as_dvec3() * r * f64::from(random.range(0.0, 1.3));
@@ -214,7 +214,7 @@ fn a_ray_through_the_inside_is_never_missed() {
         let mut random = Random(8);
         for primitive in (0..example.set.len()).cycle().take(2000) {
             let (c, r) = (example.ball)(primitive, random.unit().into());
-            // Not through what is within the accuracy of silhouettes.
+            // Excludes rays as close to silhouettes as the accuracy there.
             let depth = f64::from(random.range(0.0, 1.0)).sqrt().min(0.99);
             let inside = c + random.direction().as_dvec3() * r * depth;
             if r < 0.3 * example.largest_radius(primitive) {
@@ -276,8 +276,8 @@ fn the_surface_has_its_point_normal_and_tangents_where_the_ray_hit() {
                         && s.dpdv.dot(s.normal).abs() < 1e-9
                 );
                 assert!(s.dpdu.cross(s.dpdv).length() > 0.0, "{}", example.name);
-                // Outward: the distance grows along the normal, but for inner edges where two
-                // normals meet.
+                // The normal points outwards: the distance grows along it, except at inner edges
+                // where two normals meet.
                 let h = 1e-3 * radius;
                 let grows = example.distance(primitive, s.position + s.normal * h);
                 assert!(grows > -1e-3 * h, "{} {primitive}: {}", example.name, grows / h);
@@ -288,7 +288,7 @@ fn the_surface_has_its_point_normal_and_tangents_where_the_ray_hit() {
 
 #[test]
 fn texture_derivatives_are_those_of_the_surface() {
-    // Moving the point along dpdu changes u at the rate 1, and along dpdv v.
+    // Moving the point along dpdu changes u at the rate 1; moving it along dpdv changes v.
     for example in examples().iter().skip(1) {
         let mut random = Random(9);
         let (mut checked, mut good) = (0, 0);
@@ -309,7 +309,7 @@ fn texture_derivatives_are_those_of_the_surface() {
     }
 }
 
-/// Whatever a user may do wrong.
+/// A user-defined set that breaks every rule of the interface.
 #[derive(Debug)]
 struct Rogue(u32);
 
@@ -329,8 +329,8 @@ impl PrimitiveSet for Rogue {
     }
 
     fn closest(&self, i: usize, ray: &DRay, time: f32) -> Option<PrimitiveHit> {
-        // Any distance, from before the interval to far outside of the bounds; not a function of
-        // the interval.
+        // Distances from before the interval to far outside the bounds, not even a function of the
+        // interval.
         let bits = (ray.origin + ray.direction).to_array().map(|x| x.to_bits() as u32);
         let t = f64::from(to_unit(pcg4d([bits[0], bits[1] ^ bits[2], i as u32, self.0])[0])) * 8.0
             - 1.0;
@@ -409,7 +409,7 @@ fn a_ray_that_leaves_a_set_does_not_find_it_where_it_starts() {
                     example.largest_radius(hit.primitive as usize) as f32,
                     surface.position_error.max_element(),
                 );
-                // Creases are near in earnest, but not at the very start.
+                // At creases a hit may be very near, but not at the very start of the ray.
                 let near = own.filter(|h| h.t < 1e-5 * radius + coarse).count();
                 let grazing = d.dot(surface.geometric_normal).abs() < 0.2;
                 hits += 1;
@@ -471,10 +471,10 @@ fn primitives_that_make_no_sense_are_skipped_and_counted() {
     builder.add_set(WorldBuilder::ROOT, Arc::new(Spheres { spheres, colors: vec![[0.5; 4]] }));
     builder.add_set(WorldBuilder::ROOT, Arc::new(linear));
     builder.add_set(WorldBuilder::ROOT, Arc::new(cubic(CurveBasis::Bezier)));
-    // Without tangents there is nothing.
+    // Without tangents no segment of a Hermite set can be hit.
     builder.add_set(WorldBuilder::ROOT, Arc::new(cubic(CurveBasis::Hermite)));
     let world = builder.build(&BuildOptions::default()).expect("a world");
-    // Of the chain, the segments 0 (a ball) and 5 (a cone with a point).
+    // Of the chain, only segments 0 (a ball) and 5 (a cone with a point) can be hit.
     assert_eq!(
         (world.stats().primitives, world.stats().skipped_primitives),
         (7 + 10 + 6 + 6, 6 + 8 + 5 + 6)

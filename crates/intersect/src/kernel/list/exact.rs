@@ -1,6 +1,7 @@
 //! The hit points of sixteen rays, each on a triangle that it certainly hits.
 //!
-//! By [`crate::exact::plane_hit`], so the same bits as by the exact test.
+//! The computation is that of [`crate::exact::plane_hit`], so the results have the bits of the
+//! exact test.
 
 use super::packet::{ListPacket, PerRay, RAYS};
 use crate::exact::plane_hit::{PlaneHit, ProjectedHit, doubles};
@@ -14,14 +15,15 @@ pub(super) struct Found {
     pub t: PerRay<f32>,
     pub b1: PerRay<f32>,
     pub b2: PerRay<f32>,
-    /// The rays that hit their triangle within their interval, and those that do so beyond it.
+    /// The rays that hit their triangle within their interval, and the rays that hit it beyond the
+    /// interval.
     pub hits: u32,
     pub beyond: u32,
 }
 
-/// Tests sixteen rays, each with a triangle whose plane it meets ahead, and within whose outline or
-/// that of its neighbour in the plane it certainly is. Hits are at less than `limit`. Rays reported
-/// neither as a hit nor as beyond are undecided.
+/// Tests sixteen rays, each with one triangle. The ray must cross the triangle's plane ahead,
+/// certainly inside the outline of the triangle or of its neighbour in that plane. Hits at `limit`
+/// or beyond are not reported. Rays reported neither as a hit nor as beyond are undecided.
 #[inline(always)]
 pub(super) fn test<D: Doubles16>(
     token: D::Token,
@@ -42,7 +44,7 @@ pub(super) fn test<D: Doubles16>(
     let least = D::of(steep).mul(D::of(packet.size));
     let is_steep = least.mul(least).lt(slope.mul(slope));
 
-    // The projection: along the largest component of the direction.
+    // The projection is along the largest component of the direction.
     let (dx, dy, dz) = (d[0].abs(), d[1].abs(), d[2].abs());
     let along_x = dy.le(dx) & dz.le(dx);
     let along_y = dz.le(dy) & !along_x;
@@ -63,7 +65,7 @@ pub(super) fn test<D: Doubles16>(
     found
 }
 
-/// A part of the numbers of eight triangles.
+/// Half of the numbers (`part` 0 or 1) of eight triangles, starting at triangle `from`.
 #[inline(always)]
 fn half<'a>(triangles: &PerRay<&'a Triangle>, from: usize, part: usize) -> [&'a [f32; 8]; 8] {
     [
@@ -78,7 +80,8 @@ fn half<'a>(triangles: &PerRay<&'a Triangle>, from: usize, part: usize) -> [&'a 
     ]
 }
 
-/// The coordinates in the order of the axes that a ray projects on, by its largest component.
+/// The coordinates in the order of the axes on which a ray projects. The masks have the rays that
+/// project along x and along y.
 #[inline(always)]
 fn turned<W: Lanes16>([x, y, z]: [W; 3], along_x: u32, along_y: u32) -> [W; 3] {
     [

@@ -1,13 +1,14 @@
-//! Lists of few primitives: sixteen rays at a time against each face in turn, without a tree.
+//! The kernel for lists of few primitives: sixteen rays at a time against each face in turn,
+//! without a tree.
 //!
-//! A face is a triangle, or two that make a flat quadrilateral ([`faces`]). Where a ray meets its
-//! plane, and on which side of its edges that is, is worked out in `f32` with a bound of the error
-//! ([`packet`]). For nearly all rays it is then certain which face is the nearest; the distance on
-//! it and the coordinates follow from the numbers that the exact test would find ([`exact`]),
-//! sixteen rays at a time too. The others, which come near an edge, start in a plane or run along
-//! one, and rays of extraordinary size, go through the tree, which finds the same. Spheres and flat
-//! shapes are tested sixteen rays at a time ([`shapes`]), others ray by ray; all but flat ones with
-//! a look at their boxes before.
+//! A face is a triangle, or two triangles that make a flat quadrilateral ([`faces`]). The
+//! intersection of a ray with the plane of a face, and on which side of the edges it lies, are
+//! computed in `f32` with an error bound ([`packet`]). For nearly all rays it is then certain which
+//! face is the nearest. Distance and barycentrics on that face are computed with the operations of
+//! the exact test ([`exact`]), also for sixteen rays at a time. The other rays, which come near an
+//! edge, start in a plane or run along a plane, and rays of extraordinary size, are traced through
+//! the tree, with the same results. Spheres and flat shapes are tested sixteen rays at a time
+//! ([`shapes`]), other shapes ray by ray. All except flat shapes have their boxes tested first.
 
 mod exact;
 mod outliers;
@@ -37,30 +38,31 @@ use snell_math::simd::{Doubles16, Lanes8, Lanes16, Wide};
 use snell_math::{Ray, Vec2, Vec3};
 use std::mem::MaybeUninit;
 
-/// Batches of fewer rays are not worth it.
+/// The smallest batch for which a list is worthwhile.
 const MIN_RAYS: usize = 4;
 
-/// Nor are those of fewer rays where most are to be searched for in the tree besides.
+/// The smallest batch for which a list of outliers is worthwhile, where most rays also need the
+/// tree.
 const MIN_RAYS_APART: usize = 16;
 
-/// The number of rays after which it is decided whether lists pay for a batch.
+/// The number of rays after which it is decided whether the list is worthwhile for a batch.
 const TRIAL: usize = 128;
 
-/// Cost model: in a tree, a ray that misses costs as much as this many faces of a list, and a ray
-/// that hits as much as this many more.
+/// Cost model: tracing a ray that misses through a tree costs as much as testing `FACES_PER_RAY`
+/// faces of a list, and a ray that hits costs `FACES_PER_HIT` faces more.
 const FACES_PER_RAY: usize = 24;
 const FACES_PER_HIT: usize = 80;
 
-/// True if a list handles queries for one hit of each ray of a batch of this size, or some of the
-/// rays.
+/// True if a list can handle a batch of this size, or some of its rays, for queries that need one
+/// hit per ray.
 pub(crate) fn is_suitable(forest: &Forest, rays: usize) -> bool {
     rays >= MIN_RAYS && forest.list.is_some() || rays >= MIN_RAYS_APART && forest.outliers.is_some()
 }
 
-/// Searches for the rays of a batch; `finish` gets the number of a ray and what was found.
-/// [`is_suitable`] must hold. Rays that have yet to be searched for among the rest, if the list is
-/// only of outliers, are added to `unresolved`. Returns how many rays were dealt with: less
-/// than all if most of them point past everything, for in a tree that costs little.
+/// Searches for the rays of a batch; `finish` is called with the number of each ray and its goal.
+/// [`is_suitable`] must hold. If the list has only outliers, rays that must still be traced through
+/// the tree of the rest are added to `unresolved`. Returns the number of rays processed, which is
+/// less than all if most rays miss everything, because a tree is faster for these.
 pub(crate) fn search_list<G: Goal<Precision = Single>>(
     forest: &Forest,
     wide: Option<Wide>,
@@ -97,28 +99,28 @@ pub(crate) fn search_list<G: Goal<Precision = Single>>(
             #[inline(always)]
             move || run::<PairDoubles<Avx8>, G>(token, &scene, stack, unresolved, start, finish),
         ),
-        // Without wide registers, the tree is as fast.
+        // Without wide registers, a tree is as fast.
         _ => 0,
     }
 }
 
-/// The lanes that single rays are searched for with.
+/// The lanes for searches with single rays.
 type HalfOf<D> = <<D as Doubles16>::Singles as Lanes16>::Half;
 
-/// The list that is searched, and the rays.
+/// The list and the batch of rays.
 struct Scene<'a> {
     forest: &'a Forest,
     list: &'a List,
-    /// Where the rest is, if that is not all.
+    /// The outliers, if the list holds only these.
     outliers: Option<&'a Outliers>,
     wide: Option<Wide>,
     batch: &'a Batch<'a, Single>,
-    /// The nearest hit within the interval of a ray is always what it hits, as far as things are
-    /// tested in lanes.
+    /// True if the nearest primitive tested in lanes is always the result, because no hit on these
+    /// can be rejected.
     is_plain: bool,
 }
 
-/// True if nothing may reject a hit on what is tested in lanes, or change it.
+/// True if hits on primitives that are tested in lanes can be neither rejected nor changed.
 fn is_plain(list: &List, batch: &Batch<Single>) -> bool {
     let accepts = |geometry: u32| {
         let options = batch.context.options[geometry as usize];
@@ -230,7 +232,7 @@ fn run<D: Doubles16, G: Goal<Precision = Single>>(
     first
 }
 
-/// Searches through the tree for those of sixteen rays that have a bit.
+/// Traces those of sixteen rays that have a bit in `lanes` through the tree.
 #[inline(always)]
 fn search_tree<G: Goal<Precision = Single>>(
     scene: &Scene,
@@ -251,7 +253,7 @@ fn search_tree<G: Goal<Precision = Single>>(
     }
 }
 
-/// The rays that may meet shapes that have yet to be tested: a bit for each ray, by shape.
+/// For each shape that still has to be tested, a bit for each ray that may hit it.
 struct Near {
     shapes: [u32; MAX_OBJECTS],
 }
@@ -261,7 +263,7 @@ impl Near {
     fn new<D: Doubles16>(token: D::Token, scene: &Scene, packet: &ListPacket<D>) -> Self {
         let mut near = Self { shapes: [0; MAX_OBJECTS] };
         for (object, shape) in scene.list.objects.iter().zip(&mut near.shapes) {
-            // Those that are flat are tested as quickly as their boxes.
+            // Testing a flat shape takes no longer than testing its box.
             let is_prepared =
                 scene.is_plain && object.shape.as_ref().is_some_and(ListShape::is_flat);
             *shape = match &object.bounds {
@@ -272,7 +274,7 @@ impl Near {
         near
     }
 
-    /// The rays that may meet any.
+    /// The rays that may hit any of the shapes.
     #[inline(always)]
     fn any(&self) -> u32 {
         let mut any = 0;
@@ -282,7 +284,7 @@ impl Near {
         any
     }
 
-    /// Tests the shapes that are tested in lanes, where any will do.
+    /// For occlusion queries, tests the shapes that are tested in lanes.
     #[inline(always)]
     fn block<D: Doubles16>(
         &mut self,
@@ -303,7 +305,7 @@ impl Near {
         }
     }
 
-    /// The shapes that a ray may meet, a bit for each.
+    /// A bit for each shape that a ray may hit.
     #[inline(always)]
     fn of(&self, lane: usize) -> u32 {
         let mut shapes = 0;
@@ -314,7 +316,8 @@ impl Near {
     }
 }
 
-/// Offers the nearest hit on a triangle, if there is one, and tests some of the shapes.
+/// Offers the nearest hit on a triangle, if there is one, and tests the shapes with a bit in
+/// `shapes`.
 #[inline(never)]
 fn offer<L: Lanes8, G: Goal<Precision = Single>>(
     token: L::Token,
@@ -326,7 +329,7 @@ fn offer<L: Lanes8, G: Goal<Precision = Single>>(
 ) {
     match hit.map(|hit| search.offer(hit)) {
         Some(Verdict::Finished) => {}
-        // What is behind it has not been looked for.
+        // Faces behind the rejected hit were not searched.
         Some(Verdict::Rejected) => search_forest(scene.forest, scene.wide, search),
         Some(Verdict::Taken | Verdict::Behind) | None => {
             test_objects::<L, G>(token, scene, shapes, search, stack)
@@ -334,7 +337,7 @@ fn offer<L: Lanes8, G: Goal<Precision = Single>>(
     }
 }
 
-/// Tests some of the shapes of a list, a bit for each.
+/// Tests the shapes of a list that have a bit in `shapes`.
 fn test_objects<L: Lanes8, G: Goal<Precision = Single>>(
     token: L::Token,
     scene: &Scene,
@@ -355,9 +358,10 @@ fn test_objects<L: Lanes8, G: Goal<Precision = Single>>(
 /// The hits of sixteen rays.
 struct Hits {
     found: Found,
-    /// The numbers of what they hit, as bits.
+    /// The indices of the triangles or objects that were hit, as the bits of floats.
     numbers: PerRay<f32>,
-    /// The rays for which that is not certain, and those that meet anything ahead, or may.
+    /// The rays for which the hits are not certain, and the rays that hit, or may hit, anything
+    /// ahead.
     uncertain: u32,
     met: u32,
 }
@@ -379,8 +383,8 @@ impl Hits {
         Self { found, numbers, uncertain, met: ahead | uncertain }
     }
 
-    /// Tests the shapes that are tested in lanes, and takes what is nearer, or as near with a lower
-    /// number.
+    /// Tests the shapes that are tested in lanes. A hit replaces the previous one if it is nearer,
+    /// or as near on a geometry with a lower number.
     #[inline(always)]
     fn take_shapes<D: Doubles16>(
         &mut self,

@@ -1,20 +1,20 @@
-//! The outliers of a group, as a list beside the tree.
+//! The outliers of a group, as a list that is tested before the tree.
 
 use super::packet::ListPacket;
 use crate::tree::list::Outliers;
 use snell_math::simd::Doubles16;
 
-/// A ray that has yet to be searched for among [the rest](GroupTree::rest).
+/// A ray that must still be traced through [the rest](GroupTree::rest) of the tree.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Unresolved<H> {
-    /// Its number.
+    /// The number of the ray.
     pub number: u32,
-    /// What it has hit so far; not to be looked at where any hit would do.
+    /// The nearest hit so far; meaningless for occlusion queries.
     pub hit: Option<H>,
 }
 
 impl Outliers {
-    /// The rays that may meet any of the rest.
+    /// The rays that may hit the bounds of the rest.
     #[inline(always)]
     pub(super) fn may_meet_rest<D: Doubles16>(
         &self,
@@ -43,13 +43,13 @@ mod tests {
     use snell_math::{DMat3, DVec2, DVec3, Ray, Transform, Vec3};
     use std::sync::Arc;
 
-    /// What lies below and beside a heap of triangles.
+    /// The objects below and beside a heap of triangles.
     #[derive(Clone, Copy, Debug)]
     enum Ground {
         Floor,
         FloorAndWall,
         Slope,
-        /// A floor that was turned, so that it is flat only nearly.
+        /// A floor that was rotated, so that it is only nearly flat.
         Turned,
         Plane,
         Rectangle,
@@ -110,7 +110,7 @@ mod tests {
         }
     }
 
-    /// A heap on a ground, of triangles or of instances of a few.
+    /// A heap, of triangles or of a few instances, on a ground.
     fn heap(
         seed: u32,
         ground: Ground,
@@ -123,7 +123,7 @@ mod tests {
         mesh.positions.iter_mut().for_each(|p| *p *= scale);
         let mesh = Arc::new(mesh);
         let mut builder = WorldBuilder::default();
-        // Before and after the ground in the order of ties.
+        // Before and after the ground, in the order that decides ties.
         if !has_instances {
             builder.add_mesh(WorldBuilder::ROOT, mesh.clone());
         }
@@ -161,7 +161,7 @@ mod tests {
             let (from, to) = (random.point(6.0), random.point(3.0));
             let above = [0.0, 1e-15, -1e-15, 1e-20, 2e-16, -3e-16, 4e-8][i / 8 % 7];
             let low = Vec3::new(from.x, level + above, from.z);
-            // Corners and edges of the ground, and what lies in its plane.
+            // Aimed at corners and edges of the ground, or along its plane.
             let corner = Vec3::new([24.0, -24.0, 0.0][i / 8 % 3], level, [24.0, 0.0][i / 24 % 2]);
             let (from, to) = match i % 8 {
                 0 => (from, to),
@@ -189,7 +189,7 @@ mod tests {
         #[test]
         fn outliers_are_hit_as_the_oracle_says(
             (seed, ground) in (any::<u32>(), 0usize..GROUNDS.len()),
-            // In the middle of the heap too: then grounds and triangles cut each other.
+            // Also in the middle of the heap, where ground and triangles intersect.
             level in prop_oneof![Just(-3.0f32), Just(0.0), Just(1.5), -4.0f32..2.0],
             scale in -10i32..10,
             (has_instances, restricted) in (any::<bool>(), any::<bool>()),
@@ -231,7 +231,7 @@ mod tests {
                 && has_outliers(&world(&floor, Quality::High))
         );
         assert!(!has_outliers(&world(&|_| {}, Quality::Medium)), "nothing is large");
-        // Walls around everything.
+        // Walls around the whole scene.
         let walls = |builder: &mut WorldBuilder| {
             let wall = |x: f32| [[x, -5.5, -5.5], [x, 5.5, -5.5], [x, 5.5, 5.5], [x, -5.5, 5.5]];
             builder.add_mesh(WorldBuilder::ROOT, quads(&[wall(-5.5), wall(5.5)]));
@@ -241,7 +241,7 @@ mod tests {
         assert!(!has_outliers(&world(&many, Quality::Medium)), "too many are large");
     }
 
-    /// Large trees are searched by sorted rays.
+    /// Large trees are traversed by rays in sorted order.
     #[test]
     fn large_batches_find_what_single_rays_find() {
         let mut random = Random(3);

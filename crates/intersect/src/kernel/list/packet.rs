@@ -1,23 +1,24 @@
-//! Sixteen rays, a lane each, and what is certain about them and all faces of a list.
+//! Sixteen rays in lanes, and which faces of a list they certainly hit.
 //!
-//! Everything is in `f32`, except the distance of the origin from a plane that is not perpendicular
-//! to an axis, which decides whether a ray starts in front of the surface that it leaves. With
-//! `u = 2^-24`, `D` the largest distance of any vertex from the origin of the ray along any axis,
-//! `S` the largest component of the direction, and `s = |n d|` for the unit normal `n` (errors are
-//! relative to `D S / s`, which is at least `D / sqrt 3`):
+//! All arithmetic is in `f32`, except the distance of the origin from a plane that is not
+//! perpendicular to an axis, which decides whether a ray starts in front of the surface that it
+//! leaves. In the following error bounds, `u = 2^-24`, `D` is the largest distance of any vertex
+//! from the origin of the ray along any axis, `S` the largest component of the direction, and
+//! `s = |n d|` for the unit normal `n` (errors are relative to `D S / s`, which is at least
+//! `D / sqrt 3`):
 //!
-//! - `s` is off by less than `7 u S`, and lanes with `s` below [`LEAST_SLOPE`] of `S` are not
-//!   decided here; so the distance `t` to the plane is off by `12.6 u D / s`.
-//! - The place where the ray meets the plane is off by 18 u in each coordinate; the distance from
-//!   an edge, a product of two of these and numbers that are rounded too, by 57.3 u.
-//! - Edges of parallelograms are off by up to 8 u, since opposite ones are taken for parallel
-//!   ([`Outline`]).
-//! - The projection of the exact test moves corners by `8.5 u D`. So what is projected on one side
-//!   of an edge is, by distance in the plane, on the other by less than 14.8 u; seen along an axis,
-//!   distances are only shorter. It sums up to less than [`EDGE_ERROR`].
-//! - Hits are where the ray meets the plane, or nearer to the place that was projected: within
-//!   `8.5 u D / s`, and so within [`DISTANCE_ERROR`] of `t`, unless the ray is as near to an edge
-//!   as that.
+//! - The error of `s` is less than `7 u S`, and lanes with `s` below [`LEAST_SLOPE`] of `S` are not
+//!   decided here; so the error of the distance `t` to the plane is `12.6 u D / s`.
+//! - The error of the intersection with the plane is 18 u in each coordinate; that of the distance
+//!   from an edge, a product of two of these coordinates and rounded coefficients, is 57.3 u.
+//! - The error of the edges of parallelograms is up to 8 u, since opposite edges are treated as
+//!   parallel ([`Outline`]).
+//! - The projection of the exact test moves corners by `8.5 u D`. So a point that the projection
+//!   puts on one side of an edge is on the other side, by less than 14.8 u measured in the plane;
+//!   projected along an axis, distances are only shorter. The sum is less than [`EDGE_ERROR`].
+//! - The exact test puts a hit at the intersection with the plane, or nearer to the projected
+//!   point: within `8.5 u D / s`, and so within [`DISTANCE_ERROR`] of `t`, unless the ray is as
+//!   close as that to an edge.
 
 use crate::kernel::columns::ray_columns;
 use crate::tree::list::List;
@@ -25,116 +26,118 @@ use crate::tree::list::faces::{Face, LEAST_COORDINATE, Line, Outline};
 use snell_math::simd::{Doubles16, Lanes16};
 use snell_math::{Bounds3, Ray};
 
-/// Rays that are tested together.
+/// The number of rays that are tested together.
 pub(super) const RAYS: usize = 16;
 
-/// One number per ray.
+/// One value per ray.
 pub(super) type PerRay<T> = [T; RAYS];
 
 const ROUNDING: f32 = f32::EPSILON / 2.0;
 const EDGE_ERROR: f32 = 128.0 * ROUNDING;
 const DISTANCE_ERROR: f32 = 32.0 * ROUNDING;
 
-/// At less than this a ray runs along a plane.
+/// The slope, relative to `S`, below which a ray counts as parallel to a plane.
 const LEAST_SLOPE: f32 = 1.0 / 2048.0;
 
-/// Rays that run along a plane meet no face in it if they start farther away from it, relative to
-/// `D`.
+/// A ray parallel to a plane hits no face in the plane if it starts farther away from the plane
+/// than this, relative to `D`.
 const BESIDE: f32 = 4.0 * LEAST_SLOPE;
 
-/// Rays that start farther away, relative to the reach of the list, are left to the tree.
+/// The largest distance of ray origins, relative to the reach of the list; rays that start farther
+/// away are left to the tree.
 const FARTHEST: f32 = 64.0;
 
-/// Sizes of directions of ordinary rays.
+/// Limits of the largest component of the direction of ordinary rays.
 const SMALLEST: f32 = 1e-12;
 const LARGEST: f32 = 1e12;
 
-/// Sixteen rays.
+/// Sixteen rays, prepared for a list.
 #[derive(Clone, Copy)]
 pub(super) struct ListPacket<D: Doubles16> {
     pub origin: [D::Singles; 3],
     pub direction: [D::Singles; 3],
     pub t_min: D::Singles,
     pub t_max: D::Singles,
-    /// The largest component of the direction, without its sign.
+    /// The largest magnitude of the components of the direction.
     pub size: D::Singles,
-    /// The lanes with rays that are ordinary.
+    /// A bit for each lane with an ordinary ray.
     pub ordinary: u32,
     pub exact_origin: [D; 3],
-    /// Seen from the centre of the list.
+    /// The origins relative to the centre of the list.
     from_center: [D::Singles; 3],
-    /// `D` above.
+    /// The distance `D` of the error bounds above.
     far: D::Singles,
-    /// Inverse of the least slope.
+    /// The inverse of the least slope for which results can be certain.
     steepest: D::Singles,
-    /// By the inverse of a slope.
+    /// Errors of distances from edges and to planes, to be multiplied by the inverse of the slope.
     edge_error: D::Singles,
     distance_error: D::Singles,
 }
 
-/// See [`ListPacket::may_meet`].
+/// The padding of boxes in [`ListPacket::may_meet`], relative to `D`.
 const BOX_PADDING: f32 = 33.0 / 16_777_216.0;
 
 /// The certain results for the nearest faces along sixteen rays.
 pub(super) struct Nearest<W> {
-    /// The nearest face of each ray is no nearer than this; infinite without one.
+    /// A lower bound on the distance of the nearest face; infinite if there is no face ahead.
     pub first: W,
-    /// All others are no nearer than that.
+    /// A lower bound on the distances of all other faces.
     pub second: W,
-    /// The number of the triangle, as bits.
+    /// The index of the nearest triangle, as the bits of a float.
     pub triangle: W,
-    /// More than zero if the nearest face is certainly met, and not only perhaps.
+    /// Positive if the nearest face is certainly hit, and not only possibly.
     certain: W,
-    /// The rays for which all this is not certain.
+    /// A bit for each ray whose results are not certain.
     pub doubtful: u32,
 }
 
 /// The certain results for occlusion rays.
 pub(super) struct Blocked {
-    /// The rays that certainly meet one in their interval.
+    /// The rays that certainly hit a face in their interval.
     pub blocked: u32,
-    /// Those that may.
+    /// The rays that may hit a face in their interval.
     pub doubtful: u32,
-    /// Those that certainly meet one somewhere ahead.
+    /// The rays that may hit a face somewhere ahead, also beyond their interval.
     pub met: u32,
 }
 
 /// The intersection of sixteen rays with planes of one orientation.
 #[derive(Clone, Copy)]
 struct Slope<W> {
-    /// Of the slope.
+    /// The inverse of the slope.
     inverse: W,
-    /// How far distances to the plane may be off.
+    /// A bound on the error of distances to the plane.
     distance_error: W,
-    /// Distances from edges up to this do not count.
+    /// Up to this distance from an edge, the side is not certain.
     margin: W,
-    /// The rays that run along the plane: nothing of this is certain.
+    /// The rays parallel to the plane, for which none of this is certain.
     along: u32,
 }
 
 /// The intersection of sixteen rays with a face.
 struct FaceHits<W> {
-    /// The distance to the plane, and how far that may be off.
+    /// The distance to the plane, and a bound on its error.
     t: W,
     error: W,
-    /// The intersection with the plane, in the coordinates of the face.
+    /// The intersection with the plane, in the projected coordinates of the face.
     place: [W; 2],
-    /// How far inside of the outline that is; less than any margin for rays of which this is not
-    /// certain.
+    /// The distance from the intersection to the outline, positive inside. For rays for which this
+    /// is not certain, it is below any margin.
     inside: W,
     margin: W,
-    /// Rays of which it is not certain whether they meet the face at all.
+    /// The rays that may or may not hit the face.
     doubtful: u32,
 }
 
 impl<D: Doubles16> ListPacket<D> {
-    /// The rays that may meet a box, or come within the width of
-    /// [`crate::lecture::box_ray::BoxRay`] of it; only ordinary ones count.
+    /// The rays that may hit a box, or come within the width of [`crate::lecture::box_ray::BoxRay`]
+    /// of it. The result is valid for ordinary rays only.
     ///
-    /// The line misses it if an axis perpendicular to it and to an edge of the box separates them
-    /// (Gottschalk, Lin and Manocha, OBBTree, 1996), the ray if it starts beyond a side and goes
-    /// away. Coordinates and products are off by less than `12 u` of the distance `D`, with
-    /// `u = 2^-24`, and the width is `17 u D`: the box is padded by `33 u D`.
+    /// The line misses the box if an axis perpendicular to the line and to an edge of the box
+    /// separates both (Gottschalk, Lin and Manocha, OBBTree, 1996); the ray misses it also if it
+    /// starts beyond a side and goes away. The errors of coordinates and products are less than
+    /// `12 u` of the distance `D`, with `u = 2^-24`, and the width is `17 u D`, so the box is
+    /// padded by `33 u D`.
     #[inline(always)]
     pub fn may_meet(&self, token: D::Token, list: &List, bounds: &Bounds3) -> u32 {
         let (low, high) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
@@ -159,7 +162,7 @@ impl<D: Doubles16> ListPacket<D> {
         !(separated | behind) & 0xffff
     }
 
-    /// Loads sixteen rays, of which the given number, at least one, is valid.
+    /// Loads sixteen rays, of which the first `count`, at least one, are valid.
     #[inline(always)]
     pub fn new(token: D::Token, list: &List, rays: &[Ray; RAYS], count: usize) -> Self {
         let [x, y, z, t_min, dx, dy, dz, t_max] = ray_columns::<D::Singles>(token, rays);
@@ -168,7 +171,7 @@ impl<D: Doubles16> ListPacket<D> {
             (x.sub(splat(list.center.x)), y.sub(splat(list.center.y)), z.sub(splat(list.center.z)));
         let size = dx.abs().max(dy.abs()).max(dz.abs());
         let distance = px.abs().max(py.abs()).max(pz.abs());
-        // Zero if all are numbers. (What is not a number is below nothing.)
+        // The sum is zero if all are finite; otherwise it is NaN, which fails every comparison.
         let zero = splat(0.0);
         let sum = px.add(py).add(pz).add(dx).add(dy).add(dz).mul(zero);
         let ordinary = sum.le(zero)
@@ -198,7 +201,7 @@ impl<D: Doubles16> ListPacket<D> {
         }
     }
 
-    /// The nearest face of each ray.
+    /// Finds the nearest face of each ray.
     #[inline(always)]
     pub fn nearest(&self, token: D::Token, list: &List) -> Nearest<D::Singles> {
         let (zero, infinity) =
@@ -233,7 +236,7 @@ impl<D: Doubles16> ListPacket<D> {
         nearest
     }
 
-    /// The rays that meet any face within their intervals.
+    /// Finds the rays that hit any face within their intervals.
     #[inline(always)]
     pub fn blocked(&self, token: D::Token, list: &List) -> Blocked {
         let (zero, none) =
@@ -257,7 +260,8 @@ impl<D: Doubles16> ListPacket<D> {
         Blocked { blocked, doubtful: doubtful & !blocked, met: zero.lt(all.ahead) | blocked }
     }
 
-    /// What follows from a slope: the product of the directions with the normal of a plane.
+    /// The values that follow from a slope, which is the dot product of directions with a plane's
+    /// normal.
     #[inline(always)]
     fn slope(&self, token: D::Token, slope: D::Singles) -> Slope<D::Singles> {
         let inverse = D::Singles::splat(token, 1.0).div(slope);
@@ -270,7 +274,7 @@ impl<D: Doubles16> ListPacket<D> {
         }
     }
 
-    /// How the rays meet a face across an axis.
+    /// Intersects the rays with a face perpendicular to an axis.
     #[inline(always)]
     fn meet_across(
         &self,
@@ -288,7 +292,7 @@ impl<D: Doubles16> ListPacket<D> {
         hits
     }
 
-    /// How the rays meet a face that is not across its axis.
+    /// Intersects the rays with a face that is not perpendicular to its axis.
     #[inline(always)]
     fn meet_tilted(&self, token: D::Token, face: &Face, axis: usize) -> FaceHits<D::Singles> {
         let ([x, y, z], [a, b, c]) = (self.exact_origin, face.down);
@@ -314,7 +318,7 @@ impl<D: Doubles16> ListPacket<D> {
         hits
     }
 
-    /// How the rays meet a face whose plane is this far above where they start.
+    /// Intersects the rays with a face whose plane is at the given heights above their origins.
     #[inline(always)]
     fn meet(
         &self,
@@ -358,27 +362,27 @@ impl<W: Lanes16> FaceHits<W> {
         self.doubtful = doubtful;
     }
 
-    /// More than zero if the face may be ahead.
+    /// Positive if the face may be ahead of the ray.
     #[inline(always)]
     fn ahead(&self, t_min: W) -> W {
         self.t.sub(t_min).min(self.inside.add(self.margin))
     }
 }
 
-/// What is certain where any face will do: all are more than zero if it is so.
+/// Whether rays hit any face; each value is positive if its statement holds.
 struct AnyFace<W> {
-    /// A face is certainly met within the interval.
+    /// A face is certainly hit within the interval.
     certainly: W,
-    /// One may be.
+    /// A face may be hit within the interval.
     maybe: W,
-    /// One may be met ahead.
+    /// A face may be hit ahead.
     ahead: W,
     doubtful: u32,
 }
 
 impl<W: Lanes16> AnyFace<W> {
-    /// Notes how rays of these intervals meet a face. (What is not a number counts as less than
-    /// anything: it is the first operand of `max`.)
+    /// Includes the hits of another face by rays with these intervals. (NaN counts as less than any
+    /// number, because it is the first operand of `max`.)
     #[inline(always)]
     fn note(&mut self, [t_min, t_max]: [W; 2], hits: FaceHits<W>) {
         let ahead = hits.ahead(t_min);
@@ -392,7 +396,8 @@ impl<W: Lanes16> AnyFace<W> {
 }
 
 impl<W: Lanes16> Nearest<W> {
-    /// Notes how rays that begin here meet a face, whose first triangle has this number.
+    /// Includes the hits of a face, whose first triangle has this index, by rays that begin at
+    /// `t_min`.
     #[inline(always)]
     fn note(&mut self, token: W::Token, t_min: W, hits: FaceHits<W>, face: &Face, number: u32) {
         let zero = W::splat(token, 0.0);
@@ -409,8 +414,8 @@ impl<W: Lanes16> Nearest<W> {
     }
 }
 
-/// The rays that start at a coordinate that is not zero, but so small that heights above planes may
-/// vanish.
+/// The rays whose origin has a coordinate that is not zero, but so small that heights above planes
+/// may underflow.
 #[inline(always)]
 fn vanishing<W: Lanes16>(token: W::Token, [x, y, z]: [W; 3]) -> u32 {
     let (zero, least) = (W::splat(token, 0.0), W::splat(token, LEAST_COORDINATE));
@@ -418,7 +423,7 @@ fn vanishing<W: Lanes16>(token: W::Token, [x, y, z]: [W; 3]) -> u32 {
     (zero.lt(x) & x.lt(least)) | (zero.lt(y) & y.lt(least)) | (zero.lt(z) & z.lt(least))
 }
 
-/// The distance of a place from a line.
+/// The signed distance of a point from a line in the projection.
 #[inline(always)]
 fn distance<W: Lanes16>(token: W::Token, line: &Line, place: [W; 2]) -> W {
     place[0].mul_add(

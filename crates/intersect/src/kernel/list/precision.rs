@@ -1,4 +1,4 @@
-//! Lists are for single precision.
+//! The precisions that lists support: single precision only.
 
 use super::{Unresolved, is_suitable, search_list};
 use crate::hit::{DHit, Hit};
@@ -9,10 +9,10 @@ use crate::tree::Forest;
 use snell_math::simd::Wide;
 use snell_math::{DRay, Ray};
 
-/// The list of a forest, in precisions that have lists.
+/// Searches in lists, for the precisions that have them.
 pub(crate) trait ListSearch: Facts {
-    /// Searches for the first rays of a batch, or all, in the list of the forest
-    /// ([`search_list`]); returns how many.
+    /// Searches for the first rays of a batch, or for all, in the list of the forest
+    /// ([`search_list`]). Returns the number of rays processed.
     fn search_list<G: Goal<Precision = Self>>(
         forest: &Forest,
         wide: Option<Wide>,
@@ -42,7 +42,7 @@ impl ListSearch for Single {
 }
 
 impl ListSearch for Double {
-    /// None: lists are in single precision.
+    /// Processes no rays, because lists exist in single precision only.
     fn search_list<G: Goal<Precision = Self>>(
         _: &Forest,
         _: Option<Wide>,

@@ -1,9 +1,10 @@
-//! Spheres and flat shapes of a list: sixteen rays at a time against each.
+//! Spheres and flat shapes of a list, each tested against sixteen rays at a time.
 //!
-//! The same operations in `f64` in the same order as those of the shapes, so the same bits. Two
-//! steps are left out without effect: directions are not scaled by a power of two, because
-//! [`is_moderate`] excludes overflow and underflow; and the parameters in `f64` are not compared
-//! with the interval, for those in `f32` have to lie in it too.
+//! The operations in `f64` and their order are those of the scalar code of the shapes, so the
+//! results have the same bits. Two steps are left out without effect: directions are not scaled by
+//! a power of two, because [`is_moderate`] excludes overflow and underflow; and parameters in `f64`
+//! are not compared with the interval, because the parameters rounded to `f32` must lie in it
+//! anyway.
 
 use super::packet::ListPacket;
 use crate::exact::plane_hit::dot;
@@ -12,8 +13,8 @@ use crate::tree::list::shape::{Kind, Outline};
 use snell_math::simd::{Doubles16, Lanes16};
 
 impl ListShape {
-    /// The nearest hits of rays with the shape within their intervals; infinite for misses. Only
-    /// for the selected lanes and for ordinary rays.
+    /// The nearest hits of rays with the shape within their intervals; infinite for misses. The
+    /// result is valid only for the selected lanes and for ordinary rays.
     #[inline(always)]
     pub(super) fn meet<D: Doubles16>(
         &self,
@@ -27,7 +28,7 @@ impl ListShape {
         }
     }
 
-    /// As `closest_in_z0` of flat shapes.
+    /// Intersects rays with a flat shape, by the operations of `closest_in_z0`.
     #[inline(always)]
     fn meet_flat<D: Doubles16>(
         &self,
@@ -58,7 +59,7 @@ impl ListShape {
         D::Singles::splat(token, f32::INFINITY).replace(hits, t)
     }
 
-    /// As the span of a sphere.
+    /// Intersects rays with a sphere, by the operations of the scalar code.
     #[inline(always)]
     fn meet_sphere<D: Doubles16>(
         &self,
@@ -92,9 +93,9 @@ impl ListShape {
         let (b, from_center) = (dot(o, d), dot(o, o).sqrt());
         let c = from_center.sub(radius).mul(from_center.add(radius));
         let root = reach.sub(distance).mul(reach.add(distance)).sqrt();
-        // The sign of zero counts, and outlives rounding.
+        // The sign of zero matters, and rounding preserves it.
         let q = zero.sub(b.add(root)).replace(b.rounded().signs(), root.sub(b));
-        // If that is zero they are zero or not numbers, and lie in no interval.
+        // If `q` is zero, the roots are zero or NaN, and lie in no interval.
         let (t0, t1) = (q.div(a).rounded(), c.div(q).rounded());
         let first = meets & packet.t_min.lt(t0) & t0.lt(packet.t_max);
         let second = meets & packet.t_min.lt(t1) & t1.lt(packet.t_max);
@@ -108,7 +109,7 @@ impl ListShape {
             .add(D::splat(token, self.shape_from_group.translation[axis]))
     }
 
-    /// A coordinate of their directions.
+    /// A coordinate of the ray directions, in the coordinates of the shape.
     #[inline(always)]
     fn direction<D: Doubles16>(&self, token: D::Token, packet: &ListPacket<D>, axis: usize) -> D {
         let [x, y, z] = packet.direction;
@@ -127,7 +128,7 @@ impl ListShape {
     }
 }
 
-/// As `accurate_cross` of shapes, but for the sign of zero.
+/// The cross product, with the bits of `accurate_cross` of shapes except for the sign of zero.
 #[inline(always)]
 fn cross<D: Doubles16>(a: [D; 3], b: [D; 3], zero: D) -> [D; 3] {
     [
@@ -137,7 +138,8 @@ fn cross<D: Doubles16>(a: [D; 3], b: [D; 3], zero: D) -> [D; 3] {
     ]
 }
 
-/// As [`snell_math::robust::difference_of_products`], but for the sign of zero.
+/// The difference of products `a b - c d`, with the bits of
+/// [`snell_math::robust::difference_of_products`] except for the sign of zero.
 #[inline(always)]
 fn minor<D: Doubles16>(a: D, b: D, c: D, d: D, zero: D) -> D {
     let minus_cd = zero.sub(c.mul(d));
@@ -170,7 +172,7 @@ mod tests {
         DVec3::new(number(i, k), number(i, k + 1), number(i, k + 2))
     }
 
-    /// The hits of many rays with a shape, one after the other.
+    /// The hits of many rays with a shape, in batches of sixteen.
     fn meet<D: Doubles16>(
         token: D::Token,
         list: &List,
@@ -210,8 +212,8 @@ mod tests {
         }
     }
 
-    /// Rays at a shape, past it, along it, and from places on and in it: sizes are relative to that
-    /// of the shape.
+    /// Rays that hit a shape, pass it, run along it, and start on and in it. Sizes are relative to
+    /// the size of the shape.
     fn rays_about(shape: &AnyShape, placed: &Transform, size: f64, count: u32) -> Vec<Ray> {
         let ray = |i: u32| {
             let on = |k: u32| {
@@ -226,7 +228,7 @@ mod tests {
                 2 => (on(8).0, target),
                 3 => (on(8).0, vector(i, 5) * size),
                 4 => (vector(i, 5) * 0.5 * size, target),
-                // Along the surface, and the edges of a flat one.
+                // Along the surface, and along the edges of a flat shape.
                 5 => (
                     target - normal.any_orthonormal_vector() * size,
                     target * (1.0 + 1e-7 * number(i, 6)),
@@ -272,7 +274,7 @@ mod tests {
                 assert_eq!(lane_shape.is_some(), is_for_lanes, "{shape:?}");
                 let Some(lane_shape) = lane_shape else { continue };
                 let mut rays = rays_about(&shape, &placed, size, 2000);
-                // Ends before, at and behind what is met, and starts there.
+                // Rays that end before, at and behind the hit, and that start there.
                 for i in 0..rays.len() {
                     let t = oracle.closest_one(&rays[i], &AcceptAll).t;
                     let at_end = [t * 0.9999, t.next_down(), t, t.next_up(), t * 1.0001][i % 5];

@@ -23,7 +23,8 @@ pub(super) fn list_of(world: &World) -> Option<&List> {
     }
 }
 
-/// On the lattice of halves, so that rays meet vertices, edges and planes; or anywhere.
+/// A point on the lattice of halves, so that rays often hit vertices, edges and planes; or
+/// anywhere.
 fn point() -> impl Strategy<Value = Vec3> {
     let halves = [-8i8..=8, -8i8..=8, -8i8..=8]
         .prop_map(|p| Vec3::from_array(p.map(|x| f32::from(x) * 0.5)));
@@ -33,7 +34,7 @@ fn point() -> impl Strategy<Value = Vec3> {
 fn meshes() -> impl Strategy<Value = TriangleMesh> {
     let positions = proptest::collection::vec(lattice_point(), 3..30);
     let corners = proptest::collection::vec(proptest::array::uniform3(0u32..1000), 1..35);
-    // Lists have no slivers.
+    // Lists reject slivers, so most meshes have none.
     (positions, corners, proptest::bool::weighted(0.1)).prop_map(
         |(positions, corners, with_slivers)| {
             let n = positions.len() as u32;
@@ -140,14 +141,14 @@ fn parallelograms_are_met_between_pairs_of_edges() {
     let square = [[0.0, 0.0, 2.0], [1.0, 0.0, 2.0], [1.0, 1.0, 2.0], [0.0, 1.0, 2.0]];
     assert!(are_strips(square));
     assert!(are_strips(square.map(|[x, y, z]| [x + 0.25 * y, y - 0.75 * x, z + x * 0.5 - y])));
-    // The fourth corner by how much of an edge elsewhere.
+    // The fourth corner is moved by a fraction of the length of an edge.
     for (moved, expected) in [(1e-7, true), (1e-5, false), (0.5, false)] {
         let [a, b, c, d] = square;
         assert_eq!(are_strips([a, b, c, [d[0], d[1] + moved, d[2]]]), expected, "{moved}");
     }
 }
 
-/// Heights above planes of coordinates that are not zero, but may vanish where they are multiplied.
+/// Heights above planes of coordinates that are not zero, but may underflow when multiplied.
 #[test]
 fn rays_at_tiny_coordinates_hit_what_the_oracle_hits() {
     let tiny = [0.0, -0.0, 1e-45, 1e-38, 1e-31, -1e-31, 1e-23, 1e-22, -2e-22, 1e-12];
@@ -183,13 +184,13 @@ fn halves_of_flat_convex_quads_are_one_face() {
     let square = [[0.0, 0.0, 2.0], [1.0, 0.0, 2.0], [1.0, 1.0, 2.0], [0.0, 1.0, 2.0]];
     assert_eq!(faces(&square), [1, 0]);
     assert_eq!(faces(&square.map(|[x, y, z]| [x, y, z + x * 0.5 - y])), [0, 1]);
-    // Not flat; not convex; folded over.
+    // The quads are not flat, not convex, and folded over.
     assert_eq!(faces(&[square[0], square[1], square[2], [0.0, 1.0, 2.0 + 1e-6]]), [1, 1]);
     assert_eq!(faces(&[square[0], square[1], square[2], [0.75, 0.25, 2.0]]), [2, 0]);
     assert_eq!(faces(&[square[0], square[1], square[2], [1.0, -1.0, 2.0]]), [2, 0]);
 }
 
-/// A room with a slanted roof, and a turned block in it.
+/// A room with a slanted roof and a rotated block in it.
 fn room() -> Arc<TriangleMesh> {
     let wall = |x: f32| [[x, 0.0, 0.0], [x, 0.0, 5.0], [x, 3.0, 5.0], [x, 4.0, 0.0]];
     quads(&[
@@ -203,7 +204,7 @@ fn room() -> Arc<TriangleMesh> {
     ])
 }
 
-/// Rays from everywhere in the room, and from what they hit.
+/// Random rays that start inside the room, and rays that start at the hits of these.
 fn rays_in_room(oracle: &World, count: u32) -> Vec<Ray> {
     let unit = |i: u32, k: u32| Vec3::from_slice(&rng::pcg4d([i, k, 0, 0]).map(rng::to_unit)[..3]);
     let mut rays: Vec<Ray> = (0..count)
@@ -242,7 +243,7 @@ fn nearly_all_rays_in_a_room_are_certain() {
 fn rays_in_a_room_hit_what_the_oracle_hits() {
     let oracle = world_of(room(), AcceleratorKind::None, Level::Scalar);
     let mut rays = rays_in_room(&oracle, 2000);
-    // Where any hit will do, some end before, at and behind the next wall.
+    // For occlusion queries, some rays end before, at and behind the next wall.
     for (i, ray) in rays.iter_mut().enumerate().step_by(2) {
         let t = oracle.closest_one(&*ray, &AcceptAll).t;
         ray.t_max = t * [0.5, 1.0, 1.0 + 1e-6, 2.0][i / 2 % 4];
@@ -314,7 +315,7 @@ fn only_small_worlds_of_ordinary_size_have_lists() {
         }
         builder
     };
-    // What is not tested in lanes must be little beside the rest.
+    // Shapes that are not tested in lanes must be few compared with the triangles.
     let cylinder = AnyShape::from(Cylinder { radius: 0.5, height: 1.0, caps: true });
     assert!(
         has_list(with(strip(5), cylinder.clone(), 2)) && !has_list(with(strip(5), cylinder, 3))
@@ -394,7 +395,7 @@ fn equally_far_shapes_go_to_the_lowest_number_too() {
                 if number == mesh_at {
                     builder.add_mesh(WorldBuilder::ROOT, quads(&[square; 3]));
                 } else {
-                    // The second of three is nearer, by less than is seen in `f32`.
+                    // The second of three is nearer by less than `f32` resolves.
                     let place = Transform::translation(
                         DVec3::Z * if number == 2 { 1.0 - 1e-12 } else { 1.0 },
                     );
@@ -429,7 +430,7 @@ fn batches_that_hit_little_are_answered_too() {
     assert!(hits > 50 && hits < 400, "{hits}");
 }
 
-/// The rays that may meet a box, one by one.
+/// Whether each ray may hit a box, decided one ray at a time.
 fn near(list: &List, rays: &[Ray], bounds: &Bounds3) -> Vec<bool> {
     let of_sixteen = |rays: &[Ray; RAYS]| {
         ListPacket::<PairDoubles<Portable8>>::new(Portable, list, rays, RAYS)
@@ -461,7 +462,7 @@ fn rays_that_meet_a_box_are_near_it_and_most_others_are_not() {
         let bounds = Bounds3 { min: corner, max: corner + Vec3::new(0.3, 0.2, 0.4) * flat };
         let rays: Vec<Ray> = (0..16_000)
             .map(|i| {
-                // Towards the box or one of its corners, along an axis, or anywhere.
+                // Rays towards the box or one of its corners, along an axis, or in any direction.
                 let origin = vector(i, 0) * 0.9;
                 let at = bounds.min
                     + (bounds.max - bounds.min)

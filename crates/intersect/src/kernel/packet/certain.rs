@@ -8,7 +8,7 @@ use crate::precision::Real;
 use crate::tree::Blocks;
 use snell_math::simd::{Doubles16, Lanes16};
 
-/// Hit distances and parameters of rays.
+/// Distances and barycentrics of certain hits, by ray.
 pub(crate) struct CertainHits<R> {
     pub t: PerRay<R>,
     pub b1: PerRay<R>,
@@ -19,25 +19,26 @@ impl<R: Real> CertainHits<R> {
     pub const NONE: Self = Self { t: [R::ZERO; RAYS], b1: [R::ZERO; RAYS], b2: [R::ZERO; RAYS] };
 }
 
-/// Square of the inverse of the least slope, by the normal, of rays that are decided here. The
-/// projection is off by 8.5 units of `2^-24`, relative to the farthest vertex; so hits are within
-/// [`crate::exact::triangle::PLACE_TOLERANCE`] at up to 98. (They are in the box of the triangle,
-/// since the ray certainly passes through it, not only through what is projected. Rounding of the
-/// origin is in the bound of that, so a triangle that is certainly hit is large beside it.)
+/// Square of the inverse of the least slope, relative to the normal, of rays that are decided here.
+/// The error of the projection is 8.5 units of `2^-24`, relative to the farthest vertex, so hits
+/// are within [`crate::exact::triangle::PLACE_TOLERANCE`] up to an inverse slope of 98. (Hits are
+/// in the box of the triangle, since the ray certainly passes through the triangle itself, not only
+/// through its projection. The bound for that includes the rounding of the origin, so a triangle
+/// that is certainly hit is large compared with that rounding.)
 const STEEPEST_SQUARE: f64 = 64.0 * 64.0;
 
 /// The results of rays: a bit for each.
 pub(crate) struct Decided {
-    /// They hit.
+    /// The rays that hit their triangle.
     pub hits: u32,
-    /// They pass by the box of the triangle, so that their hit is not where they meet its plane:
-    /// anywhere.
+    /// The rays that miss the box of their triangle, so that the exact test moves their hit away
+    /// from the intersection with the plane.
     pub moved: u32,
 }
 
-/// Tests the triangles that some of the rays certainly hit, given by their places. Of `projected`
-/// rays it is only known that they hit what is projected, and not that they are in the box of the
-/// triangle.
+/// Tests some of the rays, each with the triangle (given by its place) that it certainly hits. For
+/// the `projected` rays it is only certain that they hit the projected triangle, and not that the
+/// hit is in the box of the triangle.
 #[inline(always)]
 pub(crate) fn test<W: Lanes16>(
     token: W::Token,
@@ -90,7 +91,7 @@ pub(crate) fn test<W: Lanes16>(
     Decided { hits: decided & !moved, moved }
 }
 
-/// The points of rays at `t` clamped to the boxes of triangles, as in
+/// The rays whose point at `t` is in the box of their triangle, by the operations of
 /// [`crate::exact::triangle::clamp_to_box`].
 #[inline(always)]
 fn in_box<W: Lanes16>(
@@ -102,7 +103,7 @@ fn in_box<W: Lanes16>(
 ) -> u32 {
     let (mut low, mut high, mut size) = (*origin, *origin, W::Doubles::splat(token, 0.0));
     for axis in 0..3 {
-        // (The least of the rounded differences is that of the least.)
+        // The least of the rounded differences is the rounded difference of the least.
         low[axis] = W::Doubles::of(a[axis].min(b[axis]).min(c[axis])).sub(origin[axis]);
         high[axis] = W::Doubles::of(a[axis].max(b[axis]).max(c[axis])).sub(origin[axis]);
         let side = high[axis].sub(low[axis]);
@@ -110,7 +111,7 @@ fn in_box<W: Lanes16>(
     }
     let (padding, small) =
         (size.mul(W::Doubles::splat(token, 0.8e-6)), W::Doubles::splat(token, 1e-8));
-    // (NaN is nowhere.)
+    // NaN is in no box.
     let mut inside = t.abs().lt(W::Doubles::splat(token, f64::INFINITY));
     for axis in 0..3 {
         let point = direction[axis].mul(t);
@@ -128,7 +129,7 @@ fn turned<W: Lanes16>(v: [W; 3], packet: &Packet) -> [W; 3] {
     [*x, *y, *z]
 }
 
-/// The corners of a triangle for each ray. (Neighbours mostly hit the same few.)
+/// The corners of a triangle for each ray. (Neighbouring rays mostly hit the same few triangles.)
 #[inline(always)]
 fn corners<W: Lanes16>(
     token: W::Token,

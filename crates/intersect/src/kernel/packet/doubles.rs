@@ -1,8 +1,8 @@
 //! The exact test in double precision for four pairs of a ray and a triangle at once.
 //!
-//! The same operations in the same order as in [`crate::exact::double::triangle::exact_hit`], so
-//! the same bits. What is rare there (edges that are met, rays in the plane of the triangle,
-//! numbers out of range) is not decided here but handed back.
+//! The operations and their order are those of [`crate::exact::double::triangle::exact_hit`], so
+//! the results have the same bits. The rare cases of that function (hits on edges, rays in the
+//! plane of the triangle, numbers out of range) are reported as undecided.
 
 use super::exact::{Found, Pairs, cross, dot, minus};
 use super::frustum::Packet;
@@ -12,8 +12,8 @@ use crate::tree::GroupTree;
 use snell_math::DVec3;
 use snell_math::simd::Lanes4;
 
-/// Tests up to eight pairs, as [`super::exact::exact_hits`]. Unlike there, those that are not used
-/// are read, too: they must be of this tree, or those of [`Pairs::NONE`].
+/// Tests up to eight pairs, like [`super::exact::exact_hits`]. In contrast to that function, unused
+/// pairs are read too: they must be valid for this tree, or those of [`Pairs::NONE`].
 #[inline(always)]
 pub(crate) fn exact_hits<D: Lanes4>(
     token: D::Token,
@@ -49,17 +49,17 @@ fn corners<'a>(
     data.corners(geometry, triangle)
 }
 
-/// Four of nine numbers, from the `first`.
+/// Four of the nine coordinates of three corners, from index `first`.
 #[inline(always)]
 fn four(corners: &[DVec3; 3], first: usize) -> &[f64; 4] {
     const { assert!(size_of::<[DVec3; 3]>() == 9 * size_of::<f64>()) };
     let first = first.min(5);
-    // SAFETY: three vectors are nine numbers side by side (`repr(C)`), and there are four from the
-    // fifth.
+    // SAFETY: three vectors are nine contiguous numbers (`repr(C)`), and four remain from the sixth
+    // at the latest.
     unsafe { &*corners.as_ptr().cast::<f64>().add(first).cast::<[f64; 4]>() }
 }
 
-/// Four numbers of each of four triangles, from the `first` of nine.
+/// Four of the nine coordinates of each of four triangles, from index `first`.
 #[inline(always)]
 fn columns<D: Lanes4>(token: D::Token, corners: &[&[DVec3; 3]; 4], first: usize) -> [D; 4] {
     let [a, b, c, d] = corners;
@@ -97,8 +97,8 @@ fn test<D: Lanes4>(
     let (origin, direction) = ([ox, oy, oz], [dx, dy, dz]);
     let relative =
         [minus(corners[0], origin), minus(corners[1], origin), minus(corners[2], origin)];
-    // Most rays leave a surface, and find it behind their start: as in
-    // [`crate::exact::double::plane::Estimate`].
+    // Most rays leave a surface, and the surface's plane is behind their start; the estimate is
+    // that of [`crate::exact::double::plane::Estimate`].
     let (e1, e2) = (minus(corners[1], corners[0]), minus(corners[2], corners[0]));
     let (normal, zero) = (cross(e1, e2), D::splat(token, 0.0));
     let (height, speed) = (dot(normal, relative[0]), dot(normal, direction));
@@ -120,7 +120,7 @@ fn test<D: Lanes4>(
     if behind == 0xf {
         return;
     }
-    // The projection.
+    // The sheared projection along the ray.
     let [x, y, z] = packet.axes.of(&direction);
     let per_z = D::splat(token, 1.0).div(*z);
     let shear = [x.mul(per_z), y.mul(per_z)];
@@ -150,7 +150,7 @@ fn test<D: Lanes4>(
             & in_box(token, &relative, &direction, t);
         uncertain |= hopeful & !certain;
         found.hits |= (hopeful & certain & t_min.lt(t)) << from;
-        // Never minus zero.
+        // Adding 0 turns -0 into +0.
         t.add(zero).store(&mut found.t.as_chunks_mut::<4>().0[usize::from(from >= 4)]);
         w1.mul(scale).store(&mut found.b1.as_chunks_mut::<4>().0[usize::from(from >= 4)]);
         w2.mul(scale).store(&mut found.b2.as_chunks_mut::<4>().0[usize::from(from >= 4)]);
@@ -158,7 +158,7 @@ fn test<D: Lanes4>(
     found.uncertain |= uncertain << from;
 }
 
-/// Where the point at `t` is in the box of the corners: as in
+/// The pairs whose point at `t` is in the box of the corners, by the operations of
 /// [`crate::exact::triangle::clamp_to_box`].
 #[inline(always)]
 fn in_box<D: Lanes4>(token: D::Token, [r0, r1, r2]: &[[D; 3]; 3], direction: &[D; 3], t: D) -> u32 {
@@ -178,15 +178,15 @@ fn in_box<D: Lanes4>(token: D::Token, [r0, r1, r2]: &[[D; 3]; 3], direction: &[D
     inside
 }
 
-/// A vertex as the exact test projects it.
+/// Projects a vertex as the exact test does.
 #[inline(always)]
 fn project<D: Lanes4>(relative: &[D; 3], packet: &Packet, shear: [D; 2]) -> [D; 2] {
     let [x, y, z] = packet.axes.of(relative);
     [x.sub(shear[0].mul(*z)), y.sub(shear[1].mul(*z))]
 }
 
-/// As the function of the same name of the exact test: the area, and where it is certainly positive
-/// and certainly negative.
+/// The signed area of the edge test, by the operations of the function with this name in the exact
+/// test. The masks have the lanes where the area is certainly positive and certainly negative.
 #[inline(always)]
 fn edge<D: Lanes4>(token: D::Token, p: [D; 2], q: [D; 2]) -> (D, u32, u32) {
     let (a, b) = (p[0].mul(q[1]), p[1].mul(q[0]));

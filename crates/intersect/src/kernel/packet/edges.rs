@@ -1,4 +1,5 @@
-//! Rays and triangles in lanes: a triangle for all rays, or all triangles for two rays.
+//! Edge tests in lanes: one triangle against all rays, or all triangles of a block against two
+//! rays.
 
 use super::frustum::{PerRay, RAYS};
 use super::leaf::SeenBlock;
@@ -6,7 +7,8 @@ use super::planes::Planes;
 use super::rays::PacketRays;
 use snell_math::simd::{Lanes8, Lanes16};
 
-/// [`PacketRays`] in lanes: of all rays, for a triangle; or of two rays, for all triangles.
+/// [`PacketRays`] in lanes: all rays, for one triangle; or two rays, each repeated for all
+/// triangles.
 pub(super) struct LineLanes<W> {
     slope: [W; 2],
     moment: Option<[W; 3]>,
@@ -46,7 +48,8 @@ impl<W: Lanes16> LineLanes<W> {
     }
 }
 
-/// Some of [`SeenBlock`] in lanes: of a triangle, for all rays; or of all triangles, for two rays.
+/// The data of [`SeenBlock`] in lanes: one triangle, repeated for all rays; or all triangles, for
+/// two rays.
 pub(super) struct TriangleLanes<W> {
     normal: [W; 3],
     areas: [[W; 3]; 2],
@@ -64,7 +67,7 @@ pub(super) struct PlaneLanes<W> {
 }
 
 impl<W: Lanes16> TriangleLanes<W> {
-    /// A triangle, for all rays.
+    /// The data of one triangle, for all rays.
     #[inline(always)]
     pub fn one(token: W::Token, seen: &SeenBlock, triangle: usize) -> Self {
         let i = triangle;
@@ -78,7 +81,7 @@ impl<W: Lanes16> TriangleLanes<W> {
         }
     }
 
-    /// All triangles, for two rays.
+    /// The data of all triangles, for two rays.
     #[inline(always)]
     pub fn all(token: W::Token, seen: &SeenBlock) -> Self {
         Self {
@@ -97,7 +100,7 @@ impl<W: Lanes16> TriangleLanes<W> {
         let (mut a1, mut a2) =
             (along(self.areas[0], packet_rays.slope), along(self.areas[1], packet_rays.slope));
         if let Some(moment) = packet_rays.moment {
-            // What the places of rays add.
+            // The contribution of the positions of the rays.
             (a1, a2) = (a1.add(dot(self.edges[0], moment)), a2.add(dot(self.edges[1], moment)));
         }
         let a0 = sum.sub(a1).sub(a2);
@@ -105,7 +108,8 @@ impl<W: Lanes16> TriangleLanes<W> {
         Areas { sum, a1, a2, inside }
     }
 
-    /// Where rays certainly do not meet triangles, or before they begin, or beyond where they end.
+    /// The lanes where a ray certainly misses the triangle, or hits it before its start or beyond
+    /// its end.
     #[inline(always)]
     pub fn missed(
         &self,
@@ -116,7 +120,7 @@ impl<W: Lanes16> TriangleLanes<W> {
         self.missed_by(token, &self.areas(packet_rays, W::splat(token, 0.0)), planes, packet_rays)
     }
 
-    /// The same by the areas.
+    /// Performs [`Self::missed`] with areas that are already computed.
     #[inline(always)]
     fn missed_by(
         &self,
@@ -130,15 +134,14 @@ impl<W: Lanes16> TriangleLanes<W> {
             | planes.behind(token, self, areas, packet_rays)
     }
 
-    /// Rays that certainly miss.
+    /// The lanes where a ray certainly misses the triangle.
     #[inline(always)]
     pub fn outside(&self, token: W::Token, areas: &Areas<W>) -> u32 {
-        // (NaN is never certain.)
+        // NaN is never certain.
         areas.inside.add(self.bound).lt(W::splat(token, 0.0))
     }
 
-    /// The rays that may hit a triangle where that may matter, and those that certainly do within
-    /// their intervals.
+    /// The rays that may hit a triangle within their intervals, and the rays that certainly do.
     #[inline(always)]
     fn edge_tests(
         &self,
@@ -151,14 +154,14 @@ impl<W: Lanes16> TriangleLanes<W> {
         let (size, missed) = (areas.sum.abs(), self.missed_by(token, &areas, planes, packet_rays));
         let ahead = planes.distance(token, self, &areas, packet_rays).sub(certain_begin.mul(size));
         let ahead = planes.error.lt(ahead) & planes.upright.lt(size);
-        // Rays through the inside of a triangle hit it between its corners.
+        // A ray through the interior of a triangle hits it between the depths of its corners.
         let inside = self.bound.add(self.bound).lt(areas.inside);
         [!missed & 0xffff, inside & ahead & self.farthest.lt(certain_end) & !missed]
     }
 }
 
 impl<W: Lanes16> PlaneLanes<W> {
-    /// Of a triangle, for all rays.
+    /// The planes of one triangle, for all rays.
     #[inline(always)]
     pub fn one(token: W::Token, seen: &SeenBlock, triangle: usize) -> Self {
         let Planes { height, error, upright } = seen.planes();
@@ -169,7 +172,7 @@ impl<W: Lanes16> PlaneLanes<W> {
         }
     }
 
-    /// Of all triangles, for two rays.
+    /// The planes of all triangles, for two rays.
     #[inline(always)]
     pub fn all(token: W::Token, seen: &SeenBlock) -> Self {
         let Planes { height, error, upright } = seen.planes();
@@ -180,7 +183,7 @@ impl<W: Lanes16> PlaneLanes<W> {
         }
     }
 
-    /// Where rays certainly begin behind planes: without a quotient.
+    /// The lanes where a ray certainly begins behind the plane, decided without a division.
     #[inline(always)]
     pub fn behind(
         &self,
@@ -195,8 +198,8 @@ impl<W: Lanes16> PlaneLanes<W> {
         ahead.add(self.error).lt(W::splat(token, 0.0)) & self.upright.lt(size)
     }
 
-    /// Where rays meet planes along the axis, times the product of the normal and the direction,
-    /// without its sign.
+    /// The `z` at which rays cross planes, times the magnitude of the dot product of normal and
+    /// direction.
     #[inline(always)]
     fn distance(
         &self,
@@ -216,16 +219,16 @@ impl<W: Lanes16> PlaneLanes<W> {
 
 /// The triangles of a block that occlusion rays may hit.
 pub(super) struct EdgeTests {
-    /// Triangles that any may hit, and that any certainly hit.
+    /// The triangles that some ray may hit, and the triangles that some ray certainly hits.
     pub near: u32,
     pub certain: u32,
-    /// For each triangle that was tested, the rays that may hit it, and those that certainly do.
+    /// For each tested triangle, the rays that may hit it, and the rays that certainly do.
     pub rays: [[u32; 2]; 8],
 }
 
 impl SeenBlock {
-    /// Those of some triangles that any of some rays may meet where that may matter: without a
-    /// branch on it, for many rays.
+    /// The triangles of a subset that any of some rays may hit within its interval, found without a
+    /// branch for each triangle. Made for many rays.
     #[inline(always)]
     pub fn near_any<W: Lanes16>(
         &self,
@@ -250,7 +253,7 @@ impl SeenBlock {
         near
     }
 
-    /// The triangles of a subset that some rays may hit, without branches.
+    /// Tests some rays with the triangles of a subset, without branches.
     #[inline(always)]
     pub fn edge_tests<W: Lanes16>(
         &self,
@@ -281,7 +284,8 @@ impl SeenBlock {
     }
 }
 
-/// The sum of three signed areas, two of them, and how far all are on one side, on the better side.
+/// The sum of the three signed areas of an edge test, two of them, and the least distance of all
+/// three from zero on their common side (negative if the signs differ).
 pub(super) struct Areas<W> {
     pub sum: W,
     pub a1: W,
@@ -289,31 +293,31 @@ pub(super) struct Areas<W> {
     pub inside: W,
 }
 
-/// A number of a triangle, for all rays.
+/// A value of one triangle, for all rays.
 #[inline(always)]
 pub(super) fn of<W: Lanes16>(token: W::Token, row: &[f32; 8], triangle: usize) -> W {
     W::splat(token, row[triangle & 7])
 }
 
-/// A vector of a triangle, for all rays.
+/// A vector of one triangle, for all rays.
 #[inline(always)]
 fn of3<W: Lanes16>(token: W::Token, [x, y, z]: &[[f32; 8]; 3], triangle: usize) -> [W; 3] {
     [of(token, x, triangle), of(token, y, triangle), of(token, z, triangle)]
 }
 
-/// A number of all triangles, for two rays.
+/// A value of each triangle, for two rays.
 #[inline(always)]
 fn twice<W: Lanes16>(token: W::Token, row: &[f32; 8]) -> W {
     W::load_halves(token, row, row)
 }
 
-/// The vectors of all triangles, for two rays.
+/// A vector of each triangle, for two rays.
 #[inline(always)]
 fn twice3<W: Lanes16>(token: W::Token, [x, y, z]: &[[f32; 8]; 3]) -> [W; 3] {
     [twice(token, x), twice(token, y), twice(token, z)]
 }
 
-/// The numbers of two rays, for all triangles.
+/// The values of two rays, each repeated for all triangles.
 #[inline(always)]
 fn both<W: Lanes16>(token: W::Token, values: &PerRay<f32>, a: usize, b: usize) -> W {
     let half = W::half_token(token);
@@ -321,7 +325,7 @@ fn both<W: Lanes16>(token: W::Token, values: &PerRay<f32>, a: usize, b: usize) -
     W::from_halves(token, Lanes8::splat(half, a), Lanes8::splat(half, b))
 }
 
-/// The product of a vector and directions.
+/// The dot product of a vector and the directions of rays, whose third component is 1.
 #[inline(always)]
 fn along<W: Lanes16>([x, y, z]: [W; 3], slope: [W; 2]) -> W {
     slope[0].mul_add(x, slope[1].mul_add(y, z))

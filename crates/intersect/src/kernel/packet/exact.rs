@@ -1,8 +1,8 @@
 //! The exact test for several pairs of a ray and a triangle at once.
 //!
-//! The same operations in the same order as in [`crate::exact::triangle::exact_hit`], so the same
-//! bits. What is rare there (ties, rays in the plane of the triangle, points outside of its box by
-//! rounding) is not decided here but handed back.
+//! The operations and their order are those of [`crate::exact::triangle::exact_hit`], so the
+//! results have the same bits. The rare cases of that function (ties, rays in the plane of the
+//! triangle, hits outside its box by rounding) are reported as undecided.
 
 use super::frustum::{Packet, PerRay};
 use crate::exact::ray::Axes;
@@ -13,31 +13,32 @@ use crate::tree::block::TriangleBlock;
 use snell_math::simd::{DoubleLanes, DoublesOf, Lanes16, WideLanes};
 use std::mem::MaybeUninit;
 
-/// Pairs that are tested together.
+/// The number of pairs that are tested together.
 pub(super) const PAIRS: usize = 8;
 
-/// Rays of a packet, by their lanes, and triangles, by their places: eight times the number of the
-/// block and the lane there.
+/// Pairs of rays, given by their lanes, and triangles, given by their places: eight times the
+/// number of the block plus the lane in it.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(32))]
 pub(crate) struct Pairs {
     pub triangles: [u32; PAIRS],
     pub rays: [u32; PAIRS],
     pub count: usize,
-    /// The rays, a bit for each.
+    /// A bit for each ray that is in a pair.
     pub mask: u32,
 }
 
 impl Pairs {
     pub const NONE: Self = Self { triangles: [0; PAIRS], rays: [0; PAIRS], count: 0, mask: 0 };
 
-    /// Adds a pair. There must be room.
+    /// Adds a pair. The pairs must not be full.
     #[inline(always)]
     pub fn push(&mut self, ray: u32, triangle: u32) {
         self.push_if(ray, triangle, true);
     }
 
-    /// The same if it `is_one`: written in any case, so that nothing branches on it.
+    /// Adds a pair if `is_one`. The pair is stored in any case, so that nothing branches on the
+    /// condition.
     #[inline(always)]
     pub fn push_if(&mut self, ray: u32, triangle: u32, is_one: bool) {
         self.rays[self.count & (PAIRS - 1)] = ray;
@@ -46,7 +47,7 @@ impl Pairs {
         self.mask |= u32::from(is_one) << ray;
     }
 
-    /// Forgets all.
+    /// Removes all pairs.
     #[inline(always)]
     pub fn clear(&mut self) {
         (self.count, self.mask) = (0, 0);
@@ -57,7 +58,7 @@ impl Pairs {
         self.count == PAIRS
     }
 
-    /// The block of the triangle of a pair, and its lane there.
+    /// The block of the triangle of a pair, and its lane in the block.
     #[inline(always)]
     pub fn place(&self, pair: usize) -> (usize, usize) {
         let triangle = self.triangles[pair & (PAIRS - 1)] as usize;
@@ -65,15 +66,15 @@ impl Pairs {
     }
 }
 
-/// The results of the pairs.
+/// The results of tested pairs.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Found<R> {
     pub t: [R; PAIRS],
     pub b1: [R; PAIRS],
     pub b2: [R; PAIRS],
-    /// One bit per pair that is a hit.
+    /// A bit for each pair that is a hit.
     pub hits: u32,
-    /// One bit per pair that is not decided.
+    /// A bit for each pair that is not decided.
     pub uncertain: u32,
 }
 
@@ -87,7 +88,7 @@ impl<R: Real> Found<R> {
     };
 }
 
-/// Tests up to eight pairs, at least one. Results of those that are not used mean nothing.
+/// Tests up to eight pairs, at least one. The results of unused pairs are meaningless.
 #[inline(always)]
 pub(crate) fn exact_hits<W: Lanes16>(
     token: W::Token,
@@ -116,8 +117,8 @@ pub(crate) fn exact_hits<W: Lanes16>(
     }
 }
 
-/// The corners of the triangles. (Mostly these are in a few blocks, so it is a permutation or two
-/// for each row of a block, not a load for each number.)
+/// The corners of the triangles of pairs. (Mostly these are in a few blocks, so one or two
+/// permutations for each row of a block are enough, instead of a load for each number.)
 #[inline(always)]
 fn corners<L: WideLanes>(token: L::Token, blocks: &Blocks, pairs: &Pairs) -> [[L; 3]; 3] {
     let (places, numbers) = (&pairs.triangles, pairs.triangles.map(|place| place >> 3));
@@ -143,7 +144,7 @@ fn corners<L: WideLanes>(token: L::Token, blocks: &Blocks, pairs: &Pairs) -> [[L
     corners
 }
 
-/// The corners of eight triangles as if all were of one block.
+/// The corners of eight triangles, as if all were in one block.
 #[inline(always)]
 fn rows<L: WideLanes>(token: L::Token, block: &TriangleBlock, lanes: &[u32; PAIRS]) -> [[L; 3]; 3] {
     let [a, b, c] = &block.vertices;
@@ -166,7 +167,7 @@ fn rows<L: WideLanes>(token: L::Token, block: &TriangleBlock, lanes: &[u32; PAIR
     ]
 }
 
-/// The planes that the rays of the pairs project on: [`crate::exact::ray::LocalRay::project`].
+/// The projections of the rays of the pairs; see [`crate::exact::triangle::Projection::project`].
 struct Frame<L> {
     axes: Axes,
     origin: [L; 3],
@@ -246,7 +247,7 @@ fn rays_of<W: Lanes16>(
     [origin, direction]
 }
 
-/// Numbers of rays by axis.
+/// The values of the given rays, by axis.
 #[inline(always)]
 fn picked3<W: Lanes16>(
     token: W::Token,
@@ -279,7 +280,7 @@ fn test<W: Lanes16>(
     let (w1, s1) = edge(p2, p0);
     let (w2, s2) = edge(p0, p1);
     let inside = (s0[0] & s1[0] & s2[0]) | (s0[1] & s1[1] & s2[1]);
-    // Ties, and what is not a number.
+    // Ties and NaN are uncertain.
     let mut uncertain = !((s0[0] | s0[1]) & (s1[0] | s1[1]) & (s2[0] | s2[1])) & all;
     if inside | uncertain == 0 {
         return;
@@ -307,7 +308,8 @@ fn test<W: Lanes16>(
     let high =
         [r0[0].max(r1[0]).max(r2[0]), r0[1].max(r1[1]).max(r2[1]), r0[2].max(r1[2]).max(r2[2])];
     let size = high[0].sub(low[0]).max(high[1].sub(low[1])).max(high[2].sub(low[2]));
-    // Certainly near the projected place: without divisions, so a little stricter.
+    // Certainly near the projected point: decided without divisions, so a little stricter than
+    // necessary.
     let [[.., z0], [.., z1], [.., z2]] =
         [packet.axes.of(&r0), packet.axes.of(&r1), packet.axes.of(&r2)];
     let b0 = W::HalfDoubles::splat(token, 1.0).sub(b1).sub(b2);
@@ -330,13 +332,13 @@ fn test<W: Lanes16>(
     b2.store_rounded_from(&mut found.b2, first);
 }
 
-/// Some of the pairs in double precision.
+/// The 2D values of some of the pairs in double precision.
 #[inline(always)]
 fn exact2<W: Lanes16>(token: W::Token, v: &[W::Half; 2], first: usize) -> [W::HalfDoubles; 2] {
     [W::HalfDoubles::of(token, v[0], first), W::HalfDoubles::of(token, v[1], first)]
 }
 
-/// Some of the pairs in double precision.
+/// The 3D values of some of the pairs in double precision.
 #[inline(always)]
 pub(super) fn exact3<W: Lanes16>(
     token: W::Token,
@@ -350,8 +352,8 @@ pub(super) fn exact3<W: Lanes16>(
     ]
 }
 
-/// As the function of the same name of the exact test: the area, and where it is certainly positive
-/// and negative.
+/// The signed area of the edge test, by the operations of the function with this name in the exact
+/// test. The masks have the lanes where the area is certainly positive and certainly negative.
 #[inline(always)]
 fn edge<D: DoubleLanes>(p: [D; 2], q: [D; 2]) -> (D, [u32; 2]) {
     let (a, b) = (p[0].mul(q[1]), p[1].mul(q[0]));

@@ -1,4 +1,4 @@
-//! The rays of a packet exactly: row by row, and in lanes of doubles.
+//! The exact rays of a packet: row by row, and in lanes of `f64`.
 
 use super::frustum::{PerRay, RAYS};
 use crate::exact::plane_hit::dot;
@@ -13,13 +13,13 @@ pub(super) type ExactColumns = [[PerRay<f64>; 3]; 2];
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
 pub(crate) struct ExactRays {
-    /// With `t_min` as fourth.
+    /// The origins, with `t_min` as the fourth component.
     pub origin: PerRay<[f64; 4]>,
     pub direction: PerRay<[f64; 4]>,
 }
 
 impl ExactRays {
-    /// Takes the rays of a run; lanes without a ray repeat the first one.
+    /// Copies the rays of a run; lanes without a ray repeat the first ray.
     #[inline(always)]
     pub fn write<P: PacketTests>(&mut self, rays: &[P::Ray]) {
         for lane in 0..RAYS {
@@ -30,7 +30,7 @@ impl ExactRays {
         }
     }
 
-    /// The same with other origins and directions, by axis.
+    /// Performs [`Self::write`] with other origins and directions, given by axis.
     #[inline(always)]
     pub fn write_columns<P: PacketTests>(
         &mut self,
@@ -76,7 +76,7 @@ impl<W: Lanes16> LaneRays<W> {
         }
     }
 
-    /// Writes origins and directions.
+    /// Stores origins and directions by axis.
     #[inline(always)]
     pub(super) fn store(&self, to: &mut ExactColumns) {
         for (from, to) in [self.origin, self.direction].iter().zip(to) {
@@ -86,7 +86,7 @@ impl<W: Lanes16> LaneRays<W> {
         }
     }
 
-    /// The origins as seen from a point, rounded to nearest.
+    /// The origins relative to a point, rounded to nearest.
     #[inline(always)]
     pub(super) fn seen_from(&self, token: W::Token, point: Vec3) -> [W; 3] {
         let ([ox, oy, oz], point) = (self.origin, point.as_dvec3());
@@ -97,7 +97,8 @@ impl<W: Lanes16> LaneRays<W> {
         ])
     }
 
-    /// As [`crate::precision::frame::Frame::ray`]: the same operations, so the same bits.
+    /// The rays mapped like [`crate::precision::frame::Frame::ray`], by the same operations and so
+    /// with the same bits.
     #[inline(always)]
     pub fn framed(&self, token: W::Token, center: &DVec3, scale: f64) -> Self {
         let mut image = *self;
@@ -110,7 +111,8 @@ impl<W: Lanes16> LaneRays<W> {
         image
     }
 
-    /// As [`crate::group::mapped`]: the same operations, so the same bits.
+    /// The rays mapped like [`crate::group::mapped`], by the same operations and so with the same
+    /// bits.
     #[inline(always)]
     pub fn mapped(&self, token: W::Token, map: &DAffine3) -> Self {
         let DAffine3 { matrix3, translation } = map;
@@ -131,7 +133,7 @@ impl<W: Lanes16> LaneRays<W> {
     }
 }
 
-/// Rounded to nearest.
+/// The vectors rounded to nearest.
 #[inline(always)]
 pub(super) fn rounded3<W: Lanes16>([x, y, z]: [W::Doubles; 3]) -> [W; 3] {
     [x.rounded(), y.rounded(), z.rounded()]

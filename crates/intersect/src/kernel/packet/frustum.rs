@@ -1,15 +1,15 @@
-//! Sixteen rays as one packet: what they have in common, and each of them in lanes.
+//! A packet of sixteen rays: bounds that all rays share, and the single rays in lanes.
 //!
-//! The packet is described from a point, its *apex*: where the rays start if they share an origin,
-//! about where they end if they go to one point, and any point near their origins else. Along the
-//! axis on which the first ray is fastest, `z` counts the distance from the apex, growing away from
-//! it, and a ray is the line `x = slope z + offset` in each of the other two axes. With a shared
-//! origin all offsets are 0. No inverse direction appears, so rays that are parallel to an axis, or
-//! go both ways along it, are nothing special.
+//! The packet is described relative to a point, its *apex*: the common origin of the rays, or
+//! approximately the common point where they end, or else any point near their origins. Along the
+//! axis on which the first ray is fastest, `z` is the distance from the apex, growing away from it,
+//! and a ray is the line `x = slope z + offset` in each of the other two axes. With a common origin
+//! all offsets are 0. No inverse direction appears, so rays that are parallel to an axis, or go
+//! both ways along it, need no special case.
 //!
-//! A box is missed by all if it lies outside of the four planes around the packet (Reshetov,
-//! Soupikov and Hurley, Multi-Level Ray Tracing Algorithm, 2005, go down with the same kind of
-//! frustum). Everything here is conservative.
+//! All rays miss a box that lies outside of the four planes around the packet (Reshetov, Soupikov
+//! and Hurley, Multi-Level Ray Tracing Algorithm, 2005, traverse with the same kind of frustum).
+//! All tests here are conservative.
 
 use super::exact_rays::{ExactColumns, ExactRays, LaneRays, rounded3};
 use super::rays::PacketRays;
@@ -21,38 +21,39 @@ use crate::tree::node::WideNode;
 use snell_math::simd::{Doubles16, Lanes8, Lanes16};
 use snell_math::{DVec3, Vec3};
 
-/// Rays in a packet.
+/// The number of rays in a packet.
 pub(super) const RAYS: usize = 16;
 
-/// One number per ray.
+/// One value per ray.
 pub(crate) type PerRay<T> = [T; RAYS];
 
-/// Relative padding of everything that follows from rounded coordinates, as
-/// [`crate::exact::prepared::BOX_PADDING`]: roundings of `f32` here, and of the projection of
-/// triangles, come to less than half of it.
+/// Relative padding of everything computed from rounded coordinates, like
+/// [`crate::exact::prepared::BOX_PADDING`]: the roundings of `f32` here, and of the projection of
+/// triangles, add up to less than half of it.
 const PADDING: f32 = 1.0e-6;
 
-/// Coordinates and directions beyond this are left to the other kernels: here nothing may overflow.
+/// The limit of coordinates and directions, so that nothing overflows here; rays beyond it are left
+/// to the other kernels.
 const LARGEST: f32 = 1.0e15;
 
-/// No box is as far. (So that boxes that are missed, and empty ones, begin beyond it.)
+/// A distance beyond every box, at which boxes that are missed and empty boxes begin.
 const FARTHEST: f32 = 1.0e16;
 
-/// Packets that spread more than this, per unit of depth, are not worth it.
+/// The largest spread of slopes, per unit of depth, at which a packet is worthwhile.
 const MAX_SPREAD: f32 = 0.25;
 
-/// The bounds of a packet, besides its rays.
+/// The description of a packet without its rays.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Kind {
-    /// The point that the packet is described from.
+    /// The point relative to which the packet is described.
     pub apex: [f32; 3],
-    /// The rays end near the apex instead of starting there.
+    /// True if the rays end near the apex instead of starting there.
     pub reversed: bool,
-    /// All rays start at the apex.
+    /// True if all rays start at the apex.
     pub common: bool,
-    /// Children are visited from the ends of the rays to their starts.
+    /// True if children are visited from the ends of the rays to their starts.
     pub backward: bool,
-    /// The apex, or the origins as triangles see them, are rounded.
+    /// True if the apex, or the origins used by triangle tests, are rounded.
     pub rounded: bool,
     /// Bound on the error of vertices; 0 in single precision.
     pub slack: f32,
@@ -62,46 +63,46 @@ pub(crate) struct Kind {
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
 pub(crate) struct Packet {
-    /// Not written before they [are wanted](Self::has_rays).
+    /// The rays, written only when they [are needed](Self::has_rays).
     pub rays: ExactRays,
-    /// Origins and directions in `f64` by axis of the group, where anything is rounded.
+    /// Origins and directions in `f64`, by axis of the group; used if anything is rounded.
     pub exact: ExactColumns,
-    /// By axis of the group; not used where anything is rounded.
+    /// Directions by axis of the group; used if nothing is rounded.
     pub direction: [PerRay<f32>; 3],
-    /// Per axis and ray.
+    /// Slopes and offsets of the rays, by axis of the packet.
     pub slope: [PerRay<f32>; 2],
     offset: [PerRay<f32>; 2],
-    /// The vector product of slopes and offsets.
+    /// The 2D cross product of slope and offset.
     across: PerRay<f32>,
-    /// The start and end of each ray on the z axis; the end is before the start when the ray is
-    /// finished.
+    /// The start and end of each ray in `z`; the end is before the start for a ray whose search is
+    /// over.
     near: PerRay<f32>,
     far: PerRay<f32>,
-    /// `z` at `t = 0`, and how fast it changes with `t`, without sign.
+    /// The `z` of each ray at `t = 0`, and the magnitude of the change of `z` per unit of `t`.
     start: PerRay<f32>,
     along: PerRay<f32>,
-    /// As [`Columns`] say, the limits as they are now.
+    /// The start of each interval, and the current padded limit; see [`Columns`].
     pub t_min: PerRay<f32>,
     pub cull: PerRay<f32>,
-    /// The origins as triangles see them, by axis of the packet; not used with a shared origin.
+    /// The origins used by triangle tests, by axis of the packet; not used with a common origin.
     pub projected_origin: [PerRay<f32>; 3],
-    /// The rays as triangles see them. (Up to here all rows are aligned.)
+    /// The rays in the form for triangle tests. (All rows up to here are aligned.)
     pub packet_rays: PacketRays,
     pub has_rays: bool,
     pub kind: Kind,
-    /// Axes x, y and z of the packet: z is the one along which it goes.
+    /// Axes x, y and z of the packet: z is the axis along which the rays run.
     pub axes: Axes,
     /// 1 if `z` grows along its axis, -1 if it falls.
     pub sign: f32,
-    /// For the order in which children are visited: as [`crate::tree::node::WideNode::order`]
-    /// counts them.
+    /// The octant that gives the order in which children are visited, with the numbering of
+    /// [`crate::tree::node::WideNode::order`].
     pub octant: usize,
-    /// All rays are projected along the z axis of the packet.
+    /// True if the exact test projects all rays along the z axis of the packet.
     pub is_aligned: bool,
-    /// Bound of all absolute errors of positions; 0 for a shared origin at which nothing was
+    /// Bound on the absolute errors of positions; 0 for a common origin at which nothing was
     /// rounded.
     margin: f32,
-    /// Least and greatest of all rays.
+    /// The minimum and maximum over all rays.
     packet_near: f32,
     pub packet_far: f32,
     low_slope: [f32; 2],
@@ -110,31 +111,31 @@ pub(crate) struct Packet {
     high_offset: [f32; 2],
 }
 
-/// The axes of a packet, by the sizes of a direction: the last is the largest, as in
-/// [`crate::exact::ray::LocalRay`].
+/// The axes of a packet, from the magnitudes of a direction: the last axis has the largest
+/// magnitude, as in [`crate::exact::ray::LocalRay`].
 #[inline(always)]
 fn axes(d: [f32; 3]) -> Axes {
     let z = if d[0] >= d[1] && d[0] >= d[2] { 0 } else { 2 - usize::from(d[1] >= d[2]) };
     Axes::BY_Z[z]
 }
 
-/// What a packet is made of, by axis of the group and ray, rounded to nearest.
+/// The rays from which a packet is made, by axis of the group, rounded to nearest.
 pub(crate) struct Columns<W> {
-    /// Origins, seen from the apex and from a point among them; not used with a shared origin.
+    /// Origins relative to the apex and relative to `point`; not used with a common origin.
     pub from_apex: [W; 3],
     pub from_point: [W; 3],
     pub direction: [W; 3],
-    /// What `from_point` is seen from.
+    /// A point among the origins.
     pub point: [f32; 3],
-    /// Not negative.
+    /// Starts of the intervals, not negative.
     pub t_min: W,
-    /// The padded limits of the searches; negative for rays whose search is over, and lanes without
-    /// a ray.
+    /// The padded limits of the searches; negative for rays whose search is over, and for lanes
+    /// without a ray.
     pub cull: W,
 }
 
 impl Packet {
-    /// No packet yet.
+    /// A placeholder for a packet that is not set up yet.
     pub const NONE: Self = Self {
         rays: ExactRays { origin: [[0.0; 4]; RAYS], direction: [[0.0; 4]; RAYS] },
         exact: [[[0.0; RAYS]; 3]; 2],
@@ -172,10 +173,10 @@ impl Packet {
         high_offset: [0.0; 2],
     };
 
-    /// Works out the kind, the columns and everything else from rays in `f64` by axis, the least
-    /// `t_min` and the padded limits of the searches, and the apex and a point that triangles are
-    /// seen from (neither is used with a shared origin), all in the coordinates of a group. False
-    /// if these rays do not make a packet.
+    /// Sets up the packet from rays in `f64` by axis, the starts of their intervals and the padded
+    /// limits of their searches, the apex, and the point relative to which triangles are tested
+    /// (neither point is used with a common origin), all in the coordinates of a group. Returns
+    /// false if these rays do not make a packet.
     #[inline(always)]
     pub fn set_up_exactly<W: Lanes16, P: PacketTests>(
         &mut self,
@@ -194,7 +195,7 @@ impl Packet {
         ox.store(&mut self.projected_origin[0]);
         oy.store(&mut self.projected_origin[1]);
         oz.store(&mut self.projected_origin[2]);
-        // Zero if everything is finite.
+        // The sum is zero if everything is finite, otherwise NaN.
         let zero = W::splat(token, 0.0);
         let mut sum = zero;
         for column in [ox, oy, oz, direction[0], direction[1], direction[2]] {
@@ -233,9 +234,10 @@ impl Packet {
         )
     }
 
-    /// Works out everything else from the kind, `columns`, the direction of the first ray,
-    /// `projected_origin` by axis of the group if the rays do not share their origin or anything
-    /// was rounded, and `exact` if that was. False if these rays do not make a packet.
+    /// Sets up the packet from the kind, `columns` and the direction of the first ray. Before the
+    /// call, `projected_origin` must be set by axis of the group if the rays have no common origin
+    /// or anything was rounded, and `exact` if anything was rounded. Returns false if these rays do
+    /// not make a packet.
     #[inline(always)]
     pub fn set_up<W: Lanes16, P: PacketTests>(
         &mut self,
@@ -244,8 +246,8 @@ impl Packet {
         first: [f32; 3],
         kind: Kind,
     ) -> bool {
-        // (What was just written is not read here, where it would have been written in other
-        // pieces.)
+        // Values that were just stored are not read back here, because the loads would have other
+        // widths than the stores and would wait.
         self.kind = kind;
         let directions = &columns.direction;
         let axes = axes([first[0].abs(), first[1].abs(), first[2].abs()]);
@@ -253,7 +255,7 @@ impl Packet {
         let forward: f32 = if *axes.of(&first)[2] < 0.0 { -1.0 } else { 1.0 };
         let sign = if kind.reversed { -forward } else { forward };
         self.sign = sign;
-        // Quotients as in [`crate::exact::ray::LocalRay`], whose shears these are if triangles are
+        // Quotients as in [`crate::exact::ray::LocalRay`]: they are its shears if triangles are
         // projected in `f32`.
         let is_projected = kind.rounded && !P::TRIANGLES_ELSEWHERE;
         let [x, y, speed] = axes.of(directions);
@@ -283,13 +285,13 @@ impl Packet {
         slopes[0].store(&mut self.slope[0]);
         slopes[1].store(&mut self.slope[1]);
         along.store(&mut self.along);
-        // At slope 1 the choice of the axis is a tie, or decided by less than the rounding of
-        // the slope.
+        // At slope 1 the choice of the z axis is a tie, or decided by less than the rounding of the
+        // slope.
         self.is_aligned = (0..2).all(|i| low[i] > -1.0 && high[i] < 1.0);
         self.margin = 0.0;
         self.packet_rays.margin = 0.0;
         if kind.common {
-            // (Not as arrays: what is written in halves cannot be read as a whole for long.)
+            // Not as arrays: a value stored in halves cannot be loaded as a whole for some time.
             let zero = W::splat(token, 0.0);
             zero.store(&mut self.start);
             zero.store(&mut self.offset[0]);
@@ -340,7 +342,7 @@ impl Packet {
         near.store(&mut self.near);
         far.store(&mut self.far);
         (self.packet_near, self.packet_far) = (near.reduce_min(), far.reduce_max());
-        // Before the apex the slopes change places; the packet is hardly wider there.
+        // Before the apex the order of the slopes is reversed; the packet is hardly wider there.
         let before = (-self.packet_near).max(0.0);
         for i in 0..2 {
             self.low_slope[i] = low[i] - 2.0 * PADDING;
@@ -367,7 +369,7 @@ impl Packet {
         LaneRays { origin: doubles(origin), direction: doubles(load3(token, &self.direction)) }
     }
 
-    /// The origins as triangles see them, by axis of the packet.
+    /// The origins used by triangle tests, by axis of the packet.
     #[inline(always)]
     pub fn projected<W: Lanes16>(&self, token: W::Token) -> [W; 3] {
         if !self.kind.common {
@@ -377,14 +379,14 @@ impl Packet {
         [W::splat(token, *x), W::splat(token, *y), W::splat(token, *z)]
     }
 
-    /// The point that triangles are seen from, by axis of the group.
+    /// The point relative to which triangles are tested, by axis of the group.
     #[inline(always)]
     pub fn point(&self) -> Vec3 {
         Vec3::from_array(self.axes.back(self.packet_rays.point))
     }
 
-    /// True if both go the same way, described from and seen from the same points: then they may
-    /// walk together.
+    /// True if both packets run the same way and are described relative to the same points, so that
+    /// they can be traversed together.
     #[inline(always)]
     pub fn is_coherent_with(&self, other: &Self) -> bool {
         let (a, b) = (&self.kind, &other.kind);
@@ -394,8 +396,8 @@ impl Packet {
             && self.packet_rays.point == other.packet_rays.point
     }
 
-    /// Takes the bounds of errors of another one if they are larger, so that both may be shown the
-    /// same boxes and triangles.
+    /// Raises the error bounds to those of another packet where these are larger, so that both can
+    /// use the same boxes and triangles.
     #[inline(always)]
     pub fn widen(&mut self, other: &Self) {
         self.margin = self.margin.max(other.margin);
@@ -404,7 +406,7 @@ impl Packet {
         self.packet_rays.margin = self.packet_rays.margin.max(other.packet_rays.margin);
     }
 
-    /// Works out where rays that do not share their origin begin.
+    /// Computes where rays without a common origin begin.
     #[inline(always)]
     fn place<W: Lanes16>(&mut self, token: W::Token, columns: &Columns<W>) {
         self.packet_rays.point = self.axes.of(&columns.point).map(|x| *x);
@@ -425,7 +427,7 @@ impl Packet {
         self.margin = distance * (2.0 * PADDING) + f32::MIN_POSITIVE;
     }
 
-    /// The ends of searches with these limits.
+    /// The ends of searches with these padded limits.
     #[inline(always)]
     fn ends<W: Lanes16>(&self, token: W::Token, start: W, cull: W, along: W) -> W {
         let length = cull.mul(along);
@@ -441,8 +443,8 @@ impl Packet {
         }
     }
 
-    /// After some rays were tested: their new padded limits, and of which nothing more is wanted.
-    /// [`Self::update_limits`] must follow.
+    /// Updates the packet after tests of some rays, with their new padded limits; the searches of
+    /// the rays `over` are finished. [`Self::update_limits`] must follow.
     #[inline(always)]
     pub fn narrow<W: Lanes16>(
         &mut self,
@@ -455,7 +457,8 @@ impl Packet {
         self.finish::<W>(token, over);
     }
 
-    /// After hits of some rays: their new padded limits. [`Self::update_limits`] must follow.
+    /// Updates the packet after hits of some rays, with their new padded limits.
+    /// [`Self::update_limits`] must follow.
     #[inline(always)]
     fn tighten<W: Lanes16>(&mut self, token: W::Token, rays: u32, culls: &PerRay<f32>) {
         let (cull, along) = (W::load(token, culls), W::load(token, &self.along));
@@ -471,7 +474,7 @@ impl Packet {
         self.packet_rays.tighten(token, rays, cull.mul(along));
     }
 
-    /// Nothing more is wanted of some rays. [`Self::update_limits`] must follow.
+    /// Marks the searches of some rays as finished. [`Self::update_limits`] must follow.
     #[inline(always)]
     pub fn finish<W: Lanes16>(&mut self, token: W::Token, rays: u32) {
         W::splat(token, f32::INFINITY).store_where(rays, &mut self.near);
@@ -479,8 +482,8 @@ impl Packet {
         W::splat(token, -1.0).store_where(rays, &mut self.cull);
     }
 
-    /// After certain hits of some rays that are not reversed, between two places of their
-    /// [`PacketRays`] each. [`Self::update_limits`] must follow.
+    /// Updates the packet after certain hits of some rays, given by bounds on their `z` in
+    /// [`PacketRays`]. The packet must not be reversed. [`Self::update_limits`] must follow.
     #[inline(always)]
     pub fn tighten_to<W: Lanes16>(&mut self, token: W::Token, rays: u32, low: W, high: W) {
         low.store_where(rays, &mut self.packet_rays.certain_end);
@@ -496,20 +499,20 @@ impl Packet {
         far.store_where(rays, &mut self.far);
     }
 
-    /// After hits: what is of interest to any of the rays.
+    /// Updates the limits of the packet to the smallest start and largest end of all rays.
     #[inline(always)]
     pub fn update_limits<W: Lanes16>(&mut self, token: W::Token) {
         self.packet_near = W::load(token, &self.near).reduce_min();
         self.packet_far = W::load(token, &self.far).reduce_max();
     }
 
-    /// The rays without a hit, whose interval has no end.
+    /// The rays that have no hit yet and whose interval has no end.
     #[inline(always)]
     pub fn endless<W: Lanes16>(&self, token: W::Token) -> u32 {
         W::splat(token, FARTHEST).le(W::load(token, &self.far))
     }
 
-    /// The middle and half of the width of the slopes of all rays, of [`PacketRays`].
+    /// The range of all slopes in [`PacketRays`], as its middle and half its width.
     #[inline(always)]
     pub fn slopes(&self) -> [[f32; 2]; 2] {
         let turn = self.sign * self.packet_rays.forward * 0.5;
@@ -520,7 +523,7 @@ impl Packet {
         ]
     }
 
-    /// The boxes of the children of a node.
+    /// The boxes of a node relative to the apex.
     #[inline(always)]
     pub fn boxes<L: Lanes8>(&self, token: L::Token, node: &WideNode) -> Boxes<L> {
         let up = usize::from(self.sign < 0.0);
@@ -544,20 +547,21 @@ impl Packet {
         }
     }
 
-    /// The distances at which the packet enters each of eight boxes (at or beyond `packet_far` if
-    /// it is missed).
+    /// The distances at which the packet enters each of eight boxes (at or beyond `packet_far` for
+    /// a miss).
     #[inline(always)]
     pub fn box_distances<L: Lanes8>(&self, token: L::Token, boxes: &Boxes<L>) -> L {
         let near = boxes.near.max(L::splat(token, self.packet_near));
         let far = boxes.far.min(L::splat(token, self.packet_far));
-        // The last one is always a number.
+        // The last operand is never NaN.
         let gap = self
             .gap(token, boxes, 0, near, far)
             .max(self.gap(token, boxes, 1, near, far).max(near.sub(far)));
         gap.mul(L::splat(token, f32::MAX)).max(near)
     }
 
-    /// Positive where boxes, from `near` to `far`, lie beside the packet on an axis.
+    /// The distance between packet and boxes on an axis, between the depths `near` and `far`;
+    /// positive if the packet misses.
     #[inline(always)]
     fn gap<L: Lanes8>(&self, token: L::Token, boxes: &Boxes<L>, i: usize, near: L, far: L) -> L {
         let (low, high) = (L::splat(token, self.low_slope[i]), L::splat(token, self.high_slope[i]));
@@ -567,7 +571,7 @@ impl Packet {
         low_side.sub(high).max(low.sub(high_side))
     }
 
-    /// One of the boxes of a node, for all rays.
+    /// One of the boxes of a node, prepared for tests of all rays.
     #[inline(always)]
     pub fn one_box<W: Lanes16>(&self, token: W::Token, node: &WideNode, slot: usize) -> OneBox<W> {
         let (up, slot) = (usize::from(self.sign < 0.0), slot & 7);
@@ -593,31 +597,31 @@ impl Packet {
         }
     }
 
-    /// The sides of a box, as seen from the apex, moved out.
+    /// The sides of a box relative to the apex, padded.
     #[inline(always)]
     fn padded(&self, [low, high]: [f32; 2]) -> [f32; 2] {
         [low - low.abs() * PADDING - self.margin, high + high.abs() * PADDING + self.margin]
     }
 
-    /// Which rays meet [a box](Self::one_box).
+    /// The rays that hit [a box](Self::one_box).
     #[inline(always)]
     pub fn rays_hitting<W: Lanes16>(&self, token: W::Token, one: &OneBox<W>) -> u32 {
         let near = one.near.max(W::load(token, &self.near));
         let far = one.far.min(W::load(token, &self.far));
-        // Seen along the axis of the packet: how far the line is from the middle of the box
-        // (times the length of both slopes).
+        // Projected along the axis of the packet: the distance of the line from the middle of the
+        // box, times the length of the slope vector.
         let (slope_x, slope_y) = (W::load(token, &self.slope[0]), W::load(token, &self.slope[1]));
         let from_middle = W::load(token, &self.across)
             .sub(slope_y.mul(one.middle[0]))
             .add(slope_x.mul(one.middle[1]));
         let reach = slope_y.abs().mul_add(one.half[0], slope_x.abs().mul(one.half[1]));
         let beside = from_middle.abs().sub(reach);
-        // The last one is always a number.
+        // The last operand is never NaN.
         let gap = self.gap_of_rays(token, one, 1, near, far).max(near.sub(far));
         self.gap_of_rays(token, one, 0, near, far).max(beside).max(gap).le(W::splat(token, 0.0))
     }
 
-    /// Positive where a box lies beside the rays on an axis.
+    /// The distance between the rays and a box on an axis; positive if a ray misses.
     #[inline(always)]
     fn gap_of_rays<W: Lanes16>(
         &self,
@@ -634,37 +638,37 @@ impl Packet {
     }
 }
 
-/// Boxes as packets that are [coherent](Packet::is_coherent_with) see them from their apex: where
-/// they begin and end along the axis of the packet, and on the other two axes.
+/// Boxes relative to the apex of packets that are [coherent](Packet::is_coherent_with): the depths
+/// where they begin and end along the axis of the packet, and their sides on the other two axes.
 pub(crate) struct Boxes<L> {
     near: L,
     far: L,
     sides: [[L; 2]; 2],
 }
 
-/// One of these, moved out by all errors.
+/// A box relative to the apex, padded by all errors.
 pub(crate) struct OneBox<W> {
     near: W,
     far: W,
     sides: [[W; 2]; 2],
-    /// Of its sides; and half of their distance, with more for the roundings there.
+    /// The middle of the sides, and half of their distance, rounded up.
     middle: [W; 2],
     half: [W; 2],
 }
 
-/// The middle of two sides, and half of their distance, with more for roundings.
+/// The middle of two sides, and half of their distance, rounded up.
 #[inline(always)]
 fn middle([low, high]: [f32; 2]) -> [f32; 2] {
     [(low + high) * 0.5, (high - low) * 0.5 + (low.abs() + high.abs()) * (0.5 * PADDING)]
 }
 
-/// Numbers by axis and ray.
+/// Loads vectors by axis and ray.
 #[inline(always)]
 fn load3<W: Lanes16>(token: W::Token, [x, y, z]: &[PerRay<f32>; 3]) -> [W; 3] {
     [W::load(token, x), W::load(token, y), W::load(token, z)]
 }
 
-/// True if the boxes of a node are where the tests of packets cannot overflow.
+/// True if the boxes of a node are so small and near that the tests of packets cannot overflow.
 #[inline(always)]
 pub(super) fn is_in_range<L: Lanes8>(token: L::Token, node: &WideNode) -> bool {
     let [lows, highs] = &node.bounds;

@@ -1,12 +1,12 @@
-//! Which triangles of a block the rays of a packet may hit, and which they certainly hit, and
-//! where.
+//! The triangles of a block that the rays of a packet may hit or certainly hit, and the distances
+//! of the hits.
 //!
-//! Relative to a point near the ray origins, the signed area of a ray and an edge is the product of
-//! the ray's direction with a vector that belongs to the edge alone (Plücker coordinates; for a
-//! shared origin as in Benthin, Realtime Ray Tracing on Current CPU Architectures, 2006). So the
-//! vectors of the edges of eight triangles are computed together, and then each triangle is tested
-//! against all rays together. The test is conservative: no hit of the exact test is rejected, and
-//! certain hits are hits of the exact test.
+//! Relative to a point near the ray origins, the signed area of a ray and an edge is the dot
+//! product of the ray's direction with a vector that depends on the edge alone (Plücker
+//! coordinates; for a common origin as in Benthin, Realtime Ray Tracing on Current CPU
+//! Architectures, 2006). So the vectors of the edges of eight triangles are computed together, and
+//! then each triangle is tested against all rays together. The test is conservative: no hit of the
+//! exact test is rejected, and certain hits are hits of the exact test.
 
 use super::edges::{Areas, LineLanes, PlaneLanes, TriangleLanes, of};
 use super::frustum::Packet;
@@ -23,52 +23,55 @@ use std::mem::MaybeUninit;
 /// Half a unit in the last place of 1.
 pub(super) const ROUNDING: f32 = f32::EPSILON / 2.0;
 
-/// Bound of the errors of signed areas, relative to the distance of the triangle (from where it is
-/// seen and from where rays start) and the length of the longer of two of its edges, against the
-/// true ones and against those that the exact test projects.
+/// Bound on the errors of signed areas, relative to the distance of the triangle (from the common
+/// point and from the starts of rays) times the length of the longer of two of its edges. The
+/// errors are the differences both from the true areas and from those that the exact test projects.
 ///
-/// With unit `2^-24`, distances up to `R` and edges up to `L`: coordinates of `r` and `e` are off
-/// by 1 of `R` and `L`, so those of a product of both by 8 `RL`; slopes are 1.25 at most and off by
-/// 1, so the area is off by 50 `RL`, and by 60 for what the place of the ray adds; the third area,
-/// from the sum of all (off by 50 `LL`), by 160. The exact test projects vertices to 4.75 `R`. A
-/// projected triangle around the ray has its corners, and edges, within 4.5 `L`, in both
-/// coordinates: its areas are off by 4.75 times 4 times 4.5, some 86 `RL`.
+/// With unit `2^-24`, distances up to `R` and edges up to `L`: the errors of the coordinates of `r`
+/// and `e` are 1 of `R` and `L`, so those of a product of both are 8 `RL`. Slopes are at most 1.25
+/// with an error of 1, so the error of an area is 50 `RL`, and 60 with the contribution of the
+/// position of the ray; that of the third area, from the sum of all (with an error of 50 `LL`), is
+/// 160. The exact test projects vertices with an error of 4.75 `R`. A projected triangle around the
+/// ray has its corners, and edges, within 4.5 `L`, in both coordinates: the errors of its areas are
+/// 4.75 times 4 times 4.5, about 86 `RL`.
 const AREA_ERROR: f32 = 320.0 * ROUNDING;
 
-/// The same for what vertices and rays may be off by ([`PacketRays::margin`]), by way of projection
-/// and seeing.
+/// Bound on the errors of signed areas that come from the error of vertices and rays
+/// ([`PacketRays::margin`]), through the projection and the subtraction of the common point.
 const MARGIN_ERROR: f32 = 16.0;
 
-/// Areas of all edges are off by a bound each. Where their sum is ten times that, `z`, the mean of
-/// those of the corners weighted by areas, is off by less than ten times the bound, relative to
-/// that sum, of the depth of the triangle: three errors, each for a corner at most 1.3 times the
-/// depth away, over a sum that is 0.7 of what it seems. (Inside, from a sum of six on: over half,
-/// for corners within the depth.)
+/// The ratio of the sum of areas to the error bound of an area from which on depths are certain.
+/// `z` is the mean of the depths of the corners weighted by areas. If the sum is ten times the
+/// bound, the error of `z` is less than ten times the bound, relative to that sum, of the depth of
+/// the triangle: three errors, each for a corner at most 1.3 times the depth away, over a sum that
+/// is at least 0.7 of its computed value. (Inside, a sum of six times the bound suffices: over
+/// half, for corners within the depth.)
 const CLEAR: f32 = 10.0;
 
-/// The data of a block that are needed besides areas.
+/// The choice of data of a block that are needed besides areas.
 #[derive(Clone, Copy)]
 pub(super) struct Wanted {
-    /// Where rays do not share their origin, or any hit will do.
+    /// Planes are needed if rays have no common origin, or for occlusion queries.
     pub planes: bool,
-    /// Unless any hit will do.
+    /// Depths are needed except for occlusion queries.
     pub depths: bool,
 }
 
-/// A block of triangles seen from where the rays of a packet start: numbers by triangle.
+/// A block of triangles relative to the common point of a packet; arrays are indexed by triangle.
 #[repr(C, align(64))]
 pub(super) struct SeenBlock {
-    /// Of two edges, by axis of the packet.
+    /// Vectors of two edges whose dot product with a direction is a signed area, and the edges
+    /// themselves, by axis of the packet.
     pub(super) areas: [[[f32; 8]; 3]; 2],
     pub(super) edges: [[[f32; 8]; 3]; 2],
-    /// Its product with a direction is the sum of all three areas.
+    /// The vector whose dot product with a direction is the sum of all three areas.
     pub(super) normal: [[f32; 8]; 3],
-    /// Of the errors of areas.
+    /// Bound on the errors of areas.
     pub(super) bound: [f32; 8],
-    /// Between these places a hit may be put.
+    /// Bounds on the `z` of a hit.
     pub(super) nearest: [f32; 8],
     pub(super) farthest: [f32; 8],
-    /// Written if they are wanted.
+    /// Planes and depths, written only if they are wanted.
     planes: MaybeUninit<Planes>,
     depths: MaybeUninit<Depths>,
     wanted: Wanted,
@@ -77,24 +80,26 @@ pub(super) struct SeenBlock {
 /// The extents of the triangles of a block along the axis of a packet.
 #[repr(C, align(32))]
 struct Depths {
-    /// The first corner, and how much farther the other two are.
+    /// The depth of the first corner, and the differences of the depths of the other two from it.
     corners: [[f32; 8]; 3],
-    /// Where the sum of areas is clear; errors of `z` by the inverse of that sum, and others.
+    /// The sum of areas from which on depths are certain; the error of `z` times that sum; and
+    /// other errors of `z`.
     clear: [f32; 8],
     error: [f32; 8],
     other_error: [f32; 8],
 }
 
-/// A block of triangles seen from where all rays of a packet start. Each ray costs two products an
-/// edge, so nothing is worth being shared by rays; and with nothing else to know, all of it stays
-/// in registers.
+/// A block of triangles relative to the common origin of all rays of a packet. Testing a ray takes
+/// two products per edge, so sharing work between rays is not worthwhile; and since nothing else is
+/// needed, all of it stays in registers.
 #[derive(Clone, Copy)]
 pub(super) struct SharedOrigin<L> {
-    /// Of all edges, by axis of the packet.
+    /// Vectors of all edges whose dot product with a direction is a signed area, by axis of the
+    /// packet.
     areas: [[L; 3]; 3],
-    /// Of the errors of areas.
+    /// Bound on the errors of areas.
     bound: L,
-    /// The nearest place where a hit may be put.
+    /// Lower bound on the `z` of a hit.
     nearest: L,
 }
 
@@ -118,7 +123,7 @@ impl<L: Lanes8> SharedOrigin<L> {
             (minus(v0, point, forward), minus(v1, point, forward), minus(v2, point, forward));
         let (e0, e1, e2) = (minus(v2, v1, forward), minus(v0, v2, forward), minus(v1, v0, forward));
         let length = size(e1).max(size(e2));
-        // The first edge may be as long as both others.
+        // The first edge may be as long as both others together.
         let length = length.add(length);
         let far = size(r0).add(length).add(L::splat(token, packet_rays.spread));
         let bound = bound::<L, P>(token, far, length, packet_rays.margin);
@@ -131,7 +136,7 @@ impl<L: Lanes8> SharedOrigin<L> {
         Self { areas: [cross(r1, e0), cross(r2, e1), cross(r0, e2)], bound, nearest }
     }
 
-    /// The triangles that a ray may meet, and that are not certainly beyond where it ends.
+    /// The triangles that a ray may hit and that are not certainly beyond its end.
     #[inline(always)]
     pub fn candidates(&self, token: L::Token, packet_rays: &PacketRays, ray: usize) -> u32 {
         let (sx, sy, zero) = (
@@ -144,7 +149,8 @@ impl<L: Lanes8> SharedOrigin<L> {
         let u = ux.mul_add(sx, uy.mul_add(sy, uz));
         let v = vx.mul_add(sx, vy.mul_add(sy, vz));
         let w = wx.mul_add(sx, wy.mul_add(sy, wz));
-        // Certainly outside: two edges whose signs are certain and differ. NaN is never certain.
+        // A ray is certainly outside if two edges have signs that are certain and differ. NaN is
+        // never certain.
         let inside = u.min(v).min(w).max(zero.sub(u.max(v).max(w)));
         !(inside.add(self.bound).lt(zero) | end.lt(self.nearest)) & 0xff
     }
@@ -154,9 +160,9 @@ impl<L: Lanes8> SharedOrigin<L> {
 /// all of them.
 pub(super) struct Leaf<'t, W: Lanes16> {
     pub block: &'t TriangleBlock,
-    /// Of its first triangle: eight times the number of the block.
+    /// The place of the first triangle: eight times the number of the block.
     pub place: u32,
-    /// A bit for each triangle.
+    /// A bit for each triangle in the block.
     pub used: u32,
     seen: MaybeUninit<SeenBlock>,
     is_seen: bool,
@@ -178,8 +184,8 @@ impl<'t, W: Lanes16> Leaf<'t, W> {
         Self { block, place, used, seen: MaybeUninit::uninit(), is_seen: false, of_origin: None }
     }
 
-    /// Its triangles as all packets see them that are seen from the same point as this one. The
-    /// same must be wanted whenever this is called: nothing else is known.
+    /// The triangles relative to the common point of this packet, computed at the first call. Later
+    /// calls must be for packets with the same point and ask for the same data.
     #[inline(always)]
     pub fn seen<P: PacketTests>(
         &mut self,
@@ -197,11 +203,12 @@ impl<'t, W: Lanes16> Leaf<'t, W> {
                 wanted,
             ));
         }
-        // SAFETY: written now or before.
+        // SAFETY: the value was written now or before.
         unsafe { self.seen.assume_init_ref() }
     }
 
-    /// The same for packets whose rays share their origin.
+    /// The triangles relative to the common origin of this packet's rays, computed at the first
+    /// call.
     #[inline(always)]
     pub fn of_origin<P: PacketTests>(
         &mut self,
@@ -222,7 +229,7 @@ impl<'t, W: Lanes16> Leaf<'t, W> {
     }
 }
 
-/// The corners of a block, by axis of a packet.
+/// The corners of a block, by axis of the packet.
 #[inline(always)]
 fn corners<L: Lanes8>(token: L::Token, block: &TriangleBlock, axes: Axes) -> [[L; 3]; 3] {
     let [v0, v1, v2] = &block.vertices;
@@ -234,40 +241,41 @@ fn corners<L: Lanes8>(token: L::Token, block: &TriangleBlock, axes: Axes) -> [[L
     ]
 }
 
-/// Bound of the errors of areas, by distance and length of edges; see [`AREA_ERROR`].
+/// Bound on the errors of areas, from distances and lengths of edges; see [`AREA_ERROR`].
 #[inline(always)]
 fn bound<L: Lanes8, P: PacketTests>(token: L::Token, far: L, mut length: L, margin: f32) -> L {
     let margin = L::splat(token, margin);
     let error = far.mul(L::splat(token, AREA_ERROR)).add(margin.mul(L::splat(token, MARGIN_ERROR)));
     if P::TRIANGLES_ELSEWHERE {
-        // Triangles that are met have their vertices no farther from the ray than this.
+        // Triangles that are hit have their vertices no farther from the ray than this.
         length = length.add(margin.mul(L::splat(token, 8.0)));
     }
     error.mul(length).add(L::splat(token, f32::MIN_POSITIVE))
 }
 
-/// Bound of the errors of depths, besides those that follow from areas.
+/// Bound on the errors of depths, besides the errors that come from areas.
 #[inline(always)]
 fn other_error<L: Lanes8>(token: L::Token, far: L, margin: f32) -> L {
     far.mul(L::splat(token, 32.0 * ROUNDING)).add(L::splat(token, margin * 8.0))
 }
 
-/// The nearest place where a hit of a triangle may be put whose nearest corner is at `low`: the box
-/// that hits are kept in is padded by less.
+/// A lower bound on the `z` of a hit on a triangle whose nearest corner is at `low`. The exact test
+/// clamps hits to a box that is padded by less.
 #[inline(always)]
 fn nearest<L: Lanes8>(token: L::Token, low: L, far: L, other_error: L) -> L {
     low.sub(far.mul(L::splat(token, 4e-6))).sub(other_error)
 }
 
-/// The results of the rays for a triangle: a bit for each.
+/// The results of the rays for one triangle; masks have a bit for each ray.
 pub(super) struct TriangleHits<W> {
-    /// They may hit it, and that may matter.
+    /// The rays that may hit the triangle within their limits.
     pub possible: u32,
-    /// They certainly hit it within their intervals, nearer than anything before.
+    /// The rays that certainly hit the triangle within their intervals, nearer than all previous
+    /// hits.
     pub certain: u32,
-    /// The same for those that hit it, if that is where they meet its plane or its projection.
+    /// The rays for which such a hit is certain if they hit the triangle or its projection at all.
     pub nearer: u32,
-    /// The smallest and largest distances of these hits.
+    /// Bounds on the `z` of these hits.
     pub low: W,
     pub high: W,
 }
@@ -282,7 +290,7 @@ impl SeenBlock {
         wanted: Wanted,
     ) -> Self {
         let half = W::half_token(token);
-        // SAFETY: all is written but for the planes and depths that are not wanted.
+        // SAFETY: everything is written except planes and depths that are not wanted.
         unsafe {
             let [px, py, pz] = packet_rays.point;
             let (point, forward) = (
@@ -307,7 +315,8 @@ impl SeenBlock {
             store3(cross(r0, e2), &mut to.areas[1]);
             store3(e1, &mut to.edges[0]);
             store3(e2, &mut to.edges[1]);
-            // (The product of the edges with the opposite sign, so that all turn the same way.)
+            // The cross product of the edges with the opposite sign, so that all edges turn the
+            // same way.
             let normal = cross(e1, e2);
             store3(normal, &mut to.normal);
             if wanted.planes {
@@ -342,26 +351,26 @@ impl SeenBlock {
     }
 
     /// # Panics
-    /// If they were not wanted.
+    /// If planes were not wanted.
     #[inline(always)]
     pub(super) fn planes(&self) -> &Planes {
         assert!(self.wanted.planes, "planes were wanted");
-        // SAFETY: they are written where they are wanted.
+        // SAFETY: planes are written if they are wanted.
         unsafe { self.planes.assume_init_ref() }
     }
 
     /// # Panics
-    /// If they were not wanted.
+    /// If depths were not wanted.
     #[inline(always)]
     fn depths(&self) -> &Depths {
         assert!(self.wanted.depths, "depths were wanted");
-        // SAFETY: they are written where they are wanted.
+        // SAFETY: depths are written if they are wanted.
         unsafe { self.depths.assume_init_ref() }
     }
 
-    /// Takes two of the rays, or the last one, and returns the triangles that they may hit within
-    /// their limits, a bit for each: eight for the first ray, then eight for the last. Uses
-    /// prepared rays, which pays for few rays.
+    /// Removes two rays from `rays` (or the last one) and returns the triangles that they may hit
+    /// within their limits, a bit for each: eight for the first ray, then eight for the second.
+    /// Efficient for few rays.
     #[inline(always)]
     pub fn near_two<W: Lanes16>(
         &self,
@@ -379,8 +388,8 @@ impl SeenBlock {
         ) & mask
     }
 
-    /// The triangles that the rays of a packet may be near, by the range of their slopes and
-    /// places.
+    /// The triangles that any ray of a packet may hit, by the ranges of the slopes and positions of
+    /// its rays.
     #[inline(always)]
     pub fn near_packet<L: Lanes8>(&self, token: L::Token, packet: &Packet) -> u32 {
         let [[x, y], [half_x, half_y]] = packet.slopes();
@@ -407,7 +416,7 @@ impl SeenBlock {
             ];
             let (e1, e2): ([L; 3], [L; 3]) =
                 (load3(token, &self.edges[0]), load3(token, &self.edges[1]));
-            // The first edge closes the triangle, and its area is what others leave of the sum.
+            // The first edge closes the triangle, and its area is the sum less the other two areas.
             let e0 = [e1[0].add(e2[0]), e1[1].add(e2[1]), e1[2].add(e2[2])];
             a0 = moved(a0, e0, middle, half, L::splat(token, -1.0));
             a1 = moved(a1, e1, middle, half, L::splat(token, 1.0));
@@ -415,11 +424,11 @@ impl SeenBlock {
         }
         let (zero, bound) = (L::splat(token, 0.0), L::load(token, &self.bound));
         let inside = a0[1].min(a1[1]).min(a2[1]).max(zero.sub(a0[0].max(a1[0]).max(a2[0])));
-        // (Twice, for the roundings here.)
+        // The bound counts twice, to cover the roundings here.
         !inside.add(bound).add(bound).lt(zero)
     }
 
-    /// The intersection of some of the rays with a triangle.
+    /// Intersects some of the rays with a triangle.
     #[inline(always)]
     pub fn hits<W: Lanes16>(
         &self,
@@ -471,7 +480,7 @@ impl SeenBlock {
     }
 }
 
-/// The least and greatest product of a vector and directions of a range of slopes.
+/// The range of the dot products of a vector with directions in a range of slopes.
 #[inline(always)]
 fn range<L: Lanes8>([x, y, z]: [L; 3], middle: [L; 2], half: [L; 2]) -> [L; 2] {
     let (at, reach) = (
@@ -481,7 +490,7 @@ fn range<L: Lanes8>([x, y, z]: [L; 3], middle: [L; 2], half: [L; 2]) -> [L; 2] {
     [at.sub(reach), at.add(reach)]
 }
 
-/// The range of areas after what the places of rays add, in either direction.
+/// The range of areas after adding the contribution of the positions of rays, with this sign.
 #[inline(always)]
 fn moved<L: Lanes8>(
     [low, high]: [L; 2],
@@ -495,13 +504,13 @@ fn moved<L: Lanes8>(
     [low.add(at).sub(reach), high.add(at).add(reach)]
 }
 
-/// A vector, for all triangles.
+/// A vector, repeated for all triangles.
 #[inline(always)]
 fn splat3<L: Lanes8>(token: L::Token, &[x, y, z]: &[f32; 3]) -> [L; 3] {
     [L::splat(token, x), L::splat(token, y), L::splat(token, z)]
 }
 
-/// The vectors of all triangles.
+/// Loads the vectors of all triangles.
 #[inline(always)]
 fn load3<L: Lanes8>(token: L::Token, [x, y, z]: &[[f32; 8]; 3]) -> [L; 3] {
     [L::load(token, x), L::load(token, y), L::load(token, z)]
@@ -528,7 +537,7 @@ fn cross<L: Lanes8>(a: [L; 3], b: [L; 3]) -> [L; 3] {
     ]
 }
 
-/// The largest coordinate.
+/// The largest magnitude of the coordinates.
 #[inline(always)]
 pub(super) fn size<L: Lanes8>(a: [L; 3]) -> L {
     a[0].abs().max(a[1].abs()).max(a[2].abs())

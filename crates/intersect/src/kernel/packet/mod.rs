@@ -1,12 +1,13 @@
-//! Coherent rays sixteen at a time: one test of eight boxes serves a whole packet of rays.
+//! Coherent rays traced sixteen at a time: one test of eight boxes serves a whole packet of rays.
 //!
-//! A run of sixteen rays of the batch becomes a [`Packet`] if it is one: rays from one point, or
-//! towards one point, or otherwise close together. Up to four that follow each other walk together
-//! if they are [coherent](Packet::is_coherent_with): a node is loaded and put in order once for all
-//! of them, a block of triangles is seen once, and their tests do not wait for each other. Each
-//! goes where it would go alone, in the same order. Runs that are no packets are left to the
-//! caller. Every pair of ray and triangle that is not certainly a miss goes to the same exact test
-//! as everywhere else, so that neighbours do not change results.
+//! A run of sixteen rays of the batch becomes a [`Packet`] if the rays leave one point, go towards
+//! one point, or are otherwise close together. Up to four consecutive packets are traversed
+//! together if they are [coherent](Packet::is_coherent_with): a node is loaded and its children are
+//! ordered once for all of them, the data of a block of triangles are computed once, and their
+//! tests do not wait for each other. Each packet visits the nodes that it would visit alone, in the
+//! same order. Runs that do not make packets are left to the caller. Every pair of ray and triangle
+//! that is not certainly a miss gets the exact test of all other kernels, so neighbouring rays do
+//! not change results.
 
 pub(crate) mod certain;
 pub(crate) mod doubles;
@@ -47,7 +48,7 @@ use std::ops::Range;
 use trial::{Detail, Trial};
 use walk::{Cursor, Deferred, MAX_PACKETS, PacketGroup, Stacks, Walker, enter, first};
 
-/// Fewer rays are not worth a packet.
+/// The smallest number of rays that is worth a packet.
 const MIN_RAYS: usize = 6;
 
 /// True if the forest can be searched with packets at all.
@@ -55,18 +56,18 @@ pub(crate) fn is_suitable(forest: &Forest) -> bool {
     fits::<Portable8>(Portable, &forest.trees[0])
 }
 
-/// True if packets can walk this tree.
+/// True if packets can traverse this tree.
 #[inline(always)]
 fn fits<L: Lanes8>(token: L::Token, tree: &GroupTree) -> bool {
-    // A child is remembered as its place: eight to a node.
+    // The place of a child, eight times the number of its node plus the slot, must fit 32 bits.
     tree.root != ChildRef::NONE
         && tree.root.is_node()
         && tree.nodes.len() < 1 << 29
         && frustum::is_in_range::<L>(token, &tree.nodes[tree.root.index()])
 }
 
-/// Searches for the rays of the batch run by run; `answers` get the number of a ray and what was
-/// found. Returns the ranges of rays that were left out.
+/// Searches for the rays of the batch run by run; `answers` receives the number of each ray and its
+/// goal. Returns the ranges of rays that were left out.
 pub(crate) fn search_runs<G: Goal>(
     forest: &Forest,
     wide: Option<Wide>,
@@ -94,7 +95,7 @@ pub(crate) fn search_runs<G: Goal>(
             #[inline(always)]
             move || run::<Pair<Avx8>, G>(token, forest, batch, &mut stacks, start, answers),
         ),
-        // Without wide registers, rays are as fast one by one.
+        // Without wide registers, single rays are as fast.
         _ => std::iter::once(0..batch.rays.len()).collect(),
     }
 }
@@ -140,7 +141,7 @@ fn run<'s, W: Lanes16, G: Goal>(
     let (mut trial, mut detail) = (Trial::default(), Detail::default());
     let mut next = 0;
     while next < all.len() && !batch.context.is_cancelled() {
-        // Runs that are packets.
+        // Collects runs that make packets.
         let (mut count, mut members) = (0, 0);
         let (chunk, backward) = (next, G::ANY && trial.is_backward());
         while count < MAX_PACKETS && next < all.len() {
@@ -208,7 +209,7 @@ fn run<'s, W: Lanes16, G: Goal>(
     left
 }
 
-/// Asks for the scratch of the answers of a run, and for that of rays that come after it.
+/// Prefetches the memory for the answers of a run, and the rays that come after it.
 #[inline(always)]
 fn fetch_ahead<G: Goal>(next: &[RayOf<G>], run: Range<usize>, answers: &impl Answers<G>) {
     let mut at = 0;
@@ -220,7 +221,7 @@ fn fetch_ahead<G: Goal>(next: &[RayOf<G>], run: Range<usize>, answers: &impl Ans
 }
 
 impl<'w, G: Goal> Walker<'w, '_, G> {
-    /// Prepares it for a run, whose first ray has this number.
+    /// Prepares the walker for a run; `first` is the number of its first ray.
     #[inline(always)]
     fn start_run(&mut self, rays: &'w [RayOf<G>], first: usize, masks: u32) {
         (self.rays, self.first, self.masks) = (rays, first, masks);
@@ -228,7 +229,7 @@ impl<'w, G: Goal> Walker<'w, '_, G> {
         (self.deferred.rays, self.certain, self.hit, self.unresolved) = (0, 0, 0, 0);
     }
 
-    /// Gives the answers of all rays but the unresolved ones.
+    /// Writes the answers of all rays except the unresolved ones.
     #[inline(always)]
     fn answer(&mut self, start: &impl Fn(&RayOf<G>) -> G, answers: &mut impl Answers<G>) {
         let searched = std::mem::take(&mut self.searched);
@@ -238,7 +239,7 @@ impl<'w, G: Goal> Walker<'w, '_, G> {
             if !is_in(special) {
                 answers.put(number, start(ray));
             } else if is_in(self.unresolved) {
-                // Others answer.
+                // Unresolved rays are answered by another kernel.
             } else if is_in(self.certain) {
                 let (t, b) = (
                     self.certain_hits.t[lane],

@@ -1,5 +1,5 @@
-//! Shapes and instances in packets: shapes are tested ray by ray; instances are traversed as
-//! packets where possible.
+//! Shapes and instances in packet traversal: shapes are tested ray by ray; instances are traversed
+//! with packets where possible.
 
 use super::frustum::{Packet, PerRay, RAYS};
 use super::walk::{
@@ -43,8 +43,8 @@ impl<G: Goal> Walker<'_, '_, G> {
         packet.update_limits::<W>(token);
     }
 
-    /// Tests a shape or instance for some of the rays, one by one; notes their new padded limits,
-    /// and returns whose searches are over.
+    /// Tests a shape or instance for some of the rays, one by one. Stores their new padded limits,
+    /// and returns the rays whose searches are over.
     #[inline(never)]
     fn test_one_by_one<L: Lanes8>(
         &mut self,
@@ -74,7 +74,7 @@ impl<G: Goal> Walker<'_, '_, G> {
         over
     }
 
-    /// Those of some rays that may meet what has a mask.
+    /// The rays of a subset that may hit an object with this mask.
     #[inline(always)]
     fn visible(&mut self, mut rays: u32, mask: u32) -> u32 {
         if self.masks & mask == 0 {
@@ -87,8 +87,8 @@ impl<G: Goal> Walker<'_, '_, G> {
         rays
     }
 
-    /// Makes a packet of some of the rays in the coordinates of an instanced group; false if it is
-    /// none.
+    /// Makes a packet of some of the rays in the coordinates of an instanced group. Returns false
+    /// if they do not make a packet there.
     #[inline(always)]
     fn set_up_in_child<W: Lanes16>(
         &self,
@@ -120,7 +120,7 @@ impl<G: Goal> Walker<'_, '_, G> {
 }
 
 /// Tests a shape or instance for some of the rays of some of the packets. An instance is traversed
-/// as packets where possible, together if the rays are coherent there.
+/// with packets where possible, together if the packets are coherent in its coordinates.
 #[inline(always)]
 pub(super) fn enter_object<W: Lanes16, G: Goal>(
     token: W::Token,
@@ -186,7 +186,7 @@ pub(super) fn enter_object<W: Lanes16, G: Goal>(
     }
 }
 
-/// Walks an instanced group with packets that are coherent there.
+/// Traverses an instanced group with packets that are coherent in its coordinates.
 #[inline(always)]
 fn walk_inside<W: Lanes16, G: Goal>(
     token: W::Token,

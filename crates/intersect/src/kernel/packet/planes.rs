@@ -1,9 +1,9 @@
-//! The planes of the triangles of a block, for a packet: whether a ray starts in front of them or
-//! behind.
+//! The planes of the triangles of a block, which decide whether a ray starts in front of a triangle
+//! or behind it.
 //!
-//! Areas are inaccurate for the distance to a sliver, which is hardly wider than their error. Its
-//! plane is accurate for all triangles near the ray origins: the remaining rounding is relative to
-//! the distance of the origins from the packet's common point.
+//! Areas give an inaccurate distance to a sliver, which is hardly wider than their error. Its plane
+//! is accurate for all triangles near the ray origins: the remaining rounding is relative to the
+//! distance of the origins from the packet's common point.
 
 use super::exact::{cross, dot, exact3};
 use super::leaf::{ROUNDING, size};
@@ -11,47 +11,47 @@ use super::rays::PacketRays;
 use crate::kernel::packet::PacketTests;
 use snell_math::simd::{DoubleLanes, DoublesOf, Lanes8, Lanes16};
 
-/// Triangles are processed in double precision if their normal is this many times smaller than the
-/// product of two edges, because of cancellation.
+/// Triangles are processed in double precision if the length of their normal is this many times
+/// smaller than the product of two edges, because of cancellation.
 const SLIVER: f32 = 8.0;
 
-/// Planes of eight triangles.
+/// The planes of eight triangles.
 #[derive(Clone, Copy)]
 #[repr(C, align(32))]
 pub(super) struct Planes {
-    /// The product of the normal with a corner.
+    /// The dot product of the normal with a corner.
     pub height: [f32; 8],
     /// Bounds on the errors of [heights of rays](super::edges::TriangleLanes), each times the
-    /// normal.
+    /// length of the normal.
     ///
-    /// With unit `u = 2^-24`, normals off by `dn`, rays that begin up to `s` from the point and `b`
-    /// from where their rays cross it, and corners up to `r` from there: the height of a corner is
-    /// off by `3 r dn + 15 u r n`; the place of a line (`3 s` away at most) by `8 u s` on each
-    /// axis, so its height by `6 s dn + 16 u s n`; the product with a direction (of slopes up to
-    /// 1.25) by `4 dn + 10 u n`, times `b`; the sums by `u` of what they come to. Together that is
-    /// less than `(r + s + b) (6 dn + 64 u n)`, where `dn` is `8 u` of the product of two edges,
-    /// and `n` up to twice that; or in double precision `u n` and less, and `r` only counts with
-    /// the height itself.
+    /// The unit is `u = 2^-24`, `n` is the length of a normal and `dn` its error. Rays begin up to
+    /// `s` from the common point and `b` from its plane, and corners are up to `r` from the point.
+    /// Then the height of a corner is off by `3 r dn + 15 u r n`; the position of a line (`3 s`
+    /// away at most) by `8 u s` on each axis, so its height by `6 s dn + 16 u s n`; the product
+    /// with a direction (of slopes up to 1.25) by `4 dn + 10 u n`, times `b`; the sums by `u` of
+    /// their magnitudes. Together that is less than `(r + s + b) (6 dn + 64 u n)`, where `dn` is
+    /// `8 u` of the product of two edges, and `n` up to twice that product. In double precision
+    /// `dn` is at most `u n`, and `r` only counts with the height itself.
     pub error: [f32; 8],
-    /// From where on the sign of its product with a direction is certain.
+    /// The least magnitude of the dot product of normal and direction whose sign is certain.
     pub upright: [f32; 8],
 }
 
 /// The data from which [`Planes`] are computed.
 pub(super) struct SeenCorners<L> {
     pub corners: [[L; 3]; 3],
-    /// From where they are seen, and the direction of the axis.
+    /// The common point of the packet, and the direction of its axis.
     pub point: [L; 3],
     pub forward: L,
-    /// The first corner, seen from there.
+    /// The first corner relative to the point.
     pub first: [L; 3],
-    /// The product of the edges to the other two, and their sizes.
+    /// The cross product of the edges to the other two corners, and the sizes of these edges.
     pub normal: [L; 3],
     pub sizes: [L; 2],
 }
 
 impl<L: Lanes8> SeenCorners<L> {
-    /// Writes the planes, and better normals if there are slivers.
+    /// Writes the planes, and more accurate normals if there are slivers.
     #[inline(always)]
     pub fn write<W: Lanes16<Half = L>, P: PacketTests>(
         &self,
@@ -93,8 +93,8 @@ impl<L: Lanes8> SeenCorners<L> {
             let margin = L::splat(half, packet_rays.margin);
             error = length.mul(margin).mul_add(L::splat(half, 8.0), error);
             if P::TRIANGLES_ELSEWHERE {
-                // Corners are elsewhere, too, and edges: triangles that are met have them no
-                // longer than this.
+                // The corners and edges of the true triangles differ from the stored ones; edges of
+                // triangles that are hit are at most this long.
                 let edge = self.sizes[0].max(self.sizes[1]).add(margin.mul(L::splat(half, 8.0)));
                 let off = edge.mul(margin);
                 error = off.mul(reach).mul_add(L::splat(half, 64.0), error);
@@ -105,7 +105,7 @@ impl<L: Lanes8> SeenCorners<L> {
         upright.add(tiny).store(&mut to.upright);
     }
 
-    /// Writes normals and heights from double precision.
+    /// Writes normals and heights that were computed in double precision.
     #[inline(always)]
     fn write_exactly<W: Lanes16<Half = L>>(
         &self,

@@ -12,9 +12,9 @@ use crate::tree::GroupTree;
 use snell_math::simd::{Lanes16, WideLanes};
 use snell_math::{DRay, Ray};
 
-/// Makes packets of rays of a precision, and tests them exactly.
+/// Makes packets from rays of a precision, and tests them exactly.
 pub(crate) trait PacketTests: BlockFilter {
-    /// Sixteen rays of a group in the coordinates that the structures of the group are in: as
+    /// Maps sixteen rays of a group to the coordinates of the group's structures; see
     /// [`Self::ray_in_structure`].
     fn rays_in_structure<W: Lanes16>(
         token: W::Token,
@@ -23,9 +23,9 @@ pub(crate) trait PacketTests: BlockFilter {
         rays: LaneRays<W>,
     ) -> LaneRays<W>;
 
-    /// Makes a packet of a run of rays in the root group, if possible described from where `anchor`
-    /// starts or ends; false if it is none. Lanes without a ray repeat the first one and want
-    /// nothing.
+    /// Makes a packet of a run of rays in the root group, described relative to the start or end of
+    /// `anchor` if possible. Returns false if the rays do not make a packet. Lanes without a ray
+    /// repeat the first ray, with a search that is over.
     fn set_up_packet<W: Lanes16>(
         token: W::Token,
         data: &Self::Data,
@@ -36,8 +36,8 @@ pub(crate) trait PacketTests: BlockFilter {
     ) -> bool;
 
     /// The exact test for up to eight pairs of a ray of the packet and a triangle of the tree
-    /// ([`exact::exact_hits`]); rows of rays must have been written if
-    /// [triangles are elsewhere](Self::TRIANGLES_ELSEWHERE).
+    /// ([`exact::exact_hits`]). The rows of the rays must have been written if [triangles are
+    /// elsewhere](Self::TRIANGLES_ELSEWHERE).
     fn exact_hits<W: Lanes16>(
         token: W::Token,
         data: &Self::Data,
@@ -47,8 +47,8 @@ pub(crate) trait PacketTests: BlockFilter {
         found: &mut Found<Self::Real>,
     );
 
-    /// The exact test for the triangle of the tree that each of some rays of the packet certainly
-    /// hits, or the projection of which ([`certain::test`]).
+    /// The exact test for some rays of the packet, each with the triangle of the tree that it
+    /// certainly hits, or whose projection it certainly hits ([`certain::test`]).
     fn certain_hits<W: Lanes16>(
         token: W::Token,
         tree: &GroupTree,

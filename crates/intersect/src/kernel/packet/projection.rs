@@ -1,8 +1,8 @@
-//! The edge tests of all rays of a packet with the projection of one triangle.
+//! The edge tests of all rays of a packet with the projected corners of one triangle.
 //!
-//! Areas of what is seen from one point ([`super::leaf`]) are off by the distance of a triangle
-//! times its length: too much for slivers. What a ray projects is small near that ray, and so are
-//! the errors.
+//! The error of areas relative to a common point ([`super::leaf`]) is proportional to the distance
+//! of the triangle times the length of its edges, which is too large for slivers. Corners projected
+//! along a ray are small near that ray, and so are their errors.
 
 use super::frustum::Packet;
 use crate::exact::ray::Axes;
@@ -10,8 +10,8 @@ use crate::kernel::single::filter::single::edge_error;
 use crate::tree::block::TriangleBlock;
 use snell_math::simd::{Lanes8, Lanes16};
 
-/// The rays that are inside and outside of the projection of a triangle, a bit for each; neither
-/// where single precision cannot decide.
+/// The rays that are certainly inside and certainly outside of the projected triangle, a bit for
+/// each; a ray is in neither where single precision cannot decide.
 #[inline(always)]
 pub(super) fn sides<W: Lanes16>(
     token: W::Token,
@@ -34,11 +34,11 @@ pub(super) fn sides<W: Lanes16>(
     let bound =
         pu.abs().max(pv.abs()).max(pw.abs()).mul_add(error, W::splat(token, f32::MIN_POSITIVE));
     let (low, high, other) = (u.min(v).min(w), u.max(v).max(w), W::splat(token, 0.0).sub(bound));
-    // (Nothing overflows: packets have no coordinates for that.)
+    // Nothing overflows, because the coordinates of packets are limited.
     [bound.lt(low) | high.lt(other), low.lt(other) & bound.lt(high)]
 }
 
-/// A corner of a triangle as rays project it: [`crate::exact::triangle::Projection::project`].
+/// A corner of a triangle projected by each ray: [`crate::exact::triangle::Projection::project`].
 #[inline(always)]
 fn project<W: Lanes16>(
     token: W::Token,

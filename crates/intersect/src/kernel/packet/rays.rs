@@ -1,62 +1,63 @@
-//! The rays of a packet as triangles see them: lines, in coordinates around the start of the first
-//! ray.
+//! The rays of a packet in the form for triangle tests: lines in coordinates around the start of
+//! the first ray.
 //!
-//! Triangles are seen from there, not from the apex of the packet, because every hit is decided by
-//! the distance from the start of its ray: a light far away, as the apex is, would make all errors
-//! as large as its distance. `z` grows along the rays.
+//! Triangles are tested relative to that point rather than to the apex of the packet, because every
+//! hit is decided by the distance from the start of its ray. With a distant light as the apex, all
+//! errors would be proportional to the distance of the light. `z` grows along the rays.
 
 use super::frustum::{Columns, Kind, PerRay, RAYS};
 use crate::exact::ray::Axes;
 use snell_math::simd::Lanes16;
 
-/// Roundings of a distance along the axis: a few.
+/// Bound on the rounding error of a distance along the axis: a few roundings.
 const ROUNDINGS: f32 = 8.0 * (f32::EPSILON / 2.0);
 
-/// How much nearer than its padded limit ([`crate::search::padded`]) a ray certainly ends,
-/// relative to its length: twice the padding.
+/// How much nearer than its padded limit ([`crate::search::padded`]) the true limit of a ray
+/// certainly is, relative to its length: twice the padding.
 const END_PADDING: f32 = 2.0e-4;
 
-/// No length needs to be larger, and coordinates are not ([`super::frustum`]).
+/// The limit of lengths; coordinates are smaller ([`super::frustum`]).
 const LONGEST: f32 = 1.0e16;
 
-/// By ray, and by axis of the packet.
+/// The rays of a packet, by ray and by axis of the packet.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
 pub(crate) struct PacketRays {
-    /// How `x` and `y` change with `z`.
+    /// The change of `x` and `y` per unit of `z`.
     pub slope: [PerRay<f32>; 2],
-    /// The vector product of the point at `z = 0` and the direction; not used with a shared origin.
+    /// The cross product of the point at `z = 0` and the direction; not used with a common origin.
     pub moment: [PerRay<f32>; 3],
-    /// The middle and half of the width of the moments of all rays.
+    /// The range of the moments of all rays, as its middle and half its width.
     pub moments: [[f32; 3]; 2],
-    /// The interval begins between these.
+    /// Bounds on the start of the interval.
     pub begin: PerRay<f32>,
     pub certain_begin: PerRay<f32>,
-    /// What is nearer than `certain_end` is certainly wanted, what is beyond `end` certainly not:
-    /// at first about the end of the interval, then about the nearest hit.
+    /// Hits nearer than `certain_end` certainly count, and hits beyond `end` certainly do not. Both
+    /// are at first near the end of the interval, and later near the nearest hit.
     pub certain_end: PerRay<f32>,
     pub end: PerRay<f32>,
-    /// The origins of the rays.
+    /// The `z` of the origins of the rays.
     pub start: PerRay<f32>,
-    /// The lengths of their directions.
+    /// The change of `z` per unit of `t`.
     along: PerRay<f32>,
-    /// The common point, relative to which all is computed.
+    /// The point relative to which everything is computed.
     pub point: [f32; 3],
     /// 1 if `z` grows along its axis, -1 if it falls.
     pub forward: f32,
-    /// The largest distance of the origins from there.
+    /// The largest distance of an origin from `point`.
     pub spread: f32,
-    /// And how far from the plane of that point across the axis.
+    /// The largest distance of the start of an interval from the plane through `point`
+    /// perpendicular to the axis.
     pub latest: f32,
-    /// Bound on the absolute error of vertices relative to that point, besides relative rounding
+    /// Bound on the absolute error of vertices relative to `point`, besides relative rounding
     /// errors.
     pub margin: f32,
-    /// The rays do not share their origin.
+    /// True if the rays have no common origin.
     pub separate: bool,
 }
 
 impl PacketRays {
-    /// None yet.
+    /// A placeholder for rays that are not set up yet.
     pub const NONE: Self = Self {
         slope: [[0.0; RAYS]; 2],
         moment: [[0.0; RAYS]; 3],
@@ -75,7 +76,8 @@ impl PacketRays {
         separate: false,
     };
 
-    /// Works out everything from what packets are made of, and the slopes and speeds of the packet.
+    /// Sets up the rays from the columns of a packet, its slopes, and the change of `z` per unit of
+    /// `t`.
     #[inline(always)]
     pub fn set_up<W: Lanes16>(
         &mut self,
@@ -114,13 +116,13 @@ impl PacketRays {
         begin.sub(error).store(&mut self.begin);
         begin.add(error).store(&mut self.certain_begin);
         self.latest = begin.abs().add(error).reduce_max();
-        // (Of rays that want nothing this is unspecified.)
+        // For rays whose search is over the result is unspecified.
         let [certain_end, end] = self.ends(token, columns.cull.mul(along));
         certain_end.store(&mut self.certain_end);
         end.store(&mut self.end);
     }
 
-    /// Bound of the errors of a place at this distance from the start.
+    /// Bound on the error of the `z` of a point at this distance from the start.
     #[inline(always)]
     fn error<W: Lanes16>(&self, token: W::Token, start: W, length: W) -> W {
         let (margin, roundings) =
@@ -128,7 +130,7 @@ impl PacketRays {
         start.abs().add(length).mul(roundings).add(margin)
     }
 
-    /// Between where rays end that have these padded lengths.
+    /// Bounds on the `z` of the ends of rays with these padded lengths.
     #[inline(always)]
     fn ends<W: Lanes16>(&self, token: W::Token, length: W) -> [W; 2] {
         let (start, length) = (W::load(token, &self.start), length.min(W::splat(token, LONGEST)));
@@ -139,7 +141,7 @@ impl PacketRays {
         ]
     }
 
-    /// After hits of some rays: their new padded lengths.
+    /// Updates the ends after hits of some rays, with their new padded lengths.
     #[inline(always)]
     pub fn tighten<W: Lanes16>(&mut self, token: W::Token, rays: u32, length: W) {
         let [certain_end, end] = self.ends(token, length);

@@ -1,4 +1,4 @@
-//! Packets from runs of rays as they come.
+//! Packets from runs of consecutive rays.
 
 use super::MIN_RAYS;
 use super::exact_rays::LaneRays;
@@ -11,12 +11,12 @@ use crate::search::{CULL_PADDING, padded};
 use snell_math::simd::Lanes16;
 use snell_math::{DRay, Ray};
 
-/// The largest distance between the origins of runs that share a common point, relative to the
-/// length of rays.
+/// The largest distance between the ends of the rays of two runs that are described relative to a
+/// common point, relative to the length of the rays.
 const NEAR: f64 = 1.0 / 64.0;
 
-/// The ray by which a run is described: one of a run before, if both start at one point or end at
-/// about one, or else its own first.
+/// The ray relative to which a run is described: the first ray `before` of an earlier run if both
+/// start at the same point or end at nearly the same point, otherwise the run's own first ray.
 #[inline(always)]
 pub(super) fn anchor<'a, P: PacketTests>(before: &'a P::Ray, rays: &'a [P::Ray]) -> &'a P::Ray {
     let [a, b] = [P::exact(before), P::exact(&rays[0])];
@@ -25,14 +25,15 @@ pub(super) fn anchor<'a, P: PacketTests>(before: &'a P::Ray, rays: &'a [P::Ray])
     }
     let c = P::exact(&rays[rays.len() - 1]);
     let (way_of_a, way_of_b) = (a.direction * a.t_max, b.direction * b.t_max);
-    // (Infinite and undefined lengths compare as false.)
+    // Infinite and undefined lengths compare as false.
     let gap = (a.origin + way_of_a).distance_squared(b.origin + way_of_b);
     let is_near = gap <= NEAR * NEAR * way_of_b.length_squared() && b.t_max < f64::INFINITY;
     if is_near && b.origin != c.origin { before } else { &rays[0] }
 }
 
-/// Makes a packet of a run, described from where `anchor` starts or ends, and seen from where that
-/// starts; false if it is none. Lanes without a ray repeat the first one and want nothing.
+/// Makes a packet of a run. The apex is the start or end of `anchor`, and triangles are tested
+/// relative to its start. Returns false if the rays do not make a packet. Lanes without a ray
+/// repeat the first ray, with a search that is over.
 #[inline(always)]
 pub(crate) fn set_up<W: Lanes16>(
     token: W::Token,
@@ -54,10 +55,11 @@ pub(crate) fn set_up<W: Lanes16>(
         }
     };
     packet.has_rays = false;
-    // (In registers of one size: what was written in halves cannot be read as a whole for long.)
+    // In registers of one size, because a value stored in halves cannot be loaded as a whole for
+    // some time.
     let [ox, oy, oz, t_min, dx, dy, dz, t_max] = ray_columns::<W>(token, all);
     let zero = W::splat(token, 0.0);
-    // Zero if everything is finite.
+    // The sum is zero if everything is finite, otherwise NaN.
     let mut sum = t_min.mul(zero);
     for column in [ox, oy, oz, dx, dy, dz] {
         sum = sum.add(column.mul(zero));
@@ -70,11 +72,11 @@ pub(crate) fn set_up<W: Lanes16>(
     let [x, y, z] = point;
     let from_point =
         [ox.sub(W::splat(token, x)), oy.sub(W::splat(token, y)), oz.sub(W::splat(token, z))];
-    // (Differences of finite numbers are zero if these are equal.)
+    // Differences of finite numbers are zero exactly if the numbers are equal.
     let common =
         from_point[0].abs().max(from_point[1].abs()).max(from_point[2].abs()).le(zero) == 0xffff;
     let reversed = !common && ends;
-    // A little beyond the ends, so that all rays end before it.
+    // The apex is a little beyond the ends, so that all rays end before it.
     let end = anchor.origin + anchor.direction * (anchor.t_max * (1.0 + 1.0 / 1024.0));
     let apex = if reversed { end } else { anchor.origin }.to_array();
     let kind =
@@ -101,7 +103,7 @@ pub(crate) fn set_up<W: Lanes16>(
     packet.set_up::<W, Single>(token, &columns, first.direction.to_array(), kind)
 }
 
-/// [`set_up`] in double precision.
+/// Performs [`set_up`] in double precision.
 #[inline(always)]
 pub(crate) fn set_up_doubles<W: Lanes16>(
     token: W::Token,
@@ -131,7 +133,7 @@ pub(crate) fn set_up_doubles<W: Lanes16>(
     }
     cull[rays.len()..].fill(-1.0);
     let reversed = !common && ends;
-    // A little beyond the ends, so that all rays end before it.
+    // The apex is a little beyond the ends, so that all rays end before it.
     let end = first.origin + first.direction * (first.t_max * (1.0 + 1.0 / 1024.0));
     let apex = if reversed { end } else { first.origin };
     let kind = Kind {

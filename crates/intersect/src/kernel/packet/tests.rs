@@ -30,7 +30,7 @@ use snell_math::simd::{Lanes16, Level, Pair, Portable, Portable8, Wide};
 use snell_math::{Bounds3, Bounds3d, DAffine3, DRay, DVec3, Ray, Transform, Vec3, rng};
 use std::sync::Arc;
 
-/// Unit numbers from a seed.
+/// Pseudo-random numbers in 0 to 1 from a seed.
 fn unit(seed: u32, i: u32) -> f32 {
     rng::to_unit(rng::pcg4d([seed, i, 7, 9])[0])
 }
@@ -45,7 +45,7 @@ fn is_packet(packet: &mut Packet, rays: &[Ray]) -> bool {
     is_one
 }
 
-/// How the rays of a run belong together.
+/// What the rays of a run have in common.
 #[derive(Clone, Copy, Debug)]
 enum Kind {
     FromPoint,
@@ -63,7 +63,7 @@ fn kinds() -> impl Strategy<Value = Kind> {
     ]
 }
 
-/// Rays around the line between two points, as close as `width`.
+/// Rays around the line between two points, at a distance of up to `width`.
 fn rays(kind: Kind, seed: u32, count: usize, from: Vec3, to: Vec3, width: f32) -> Vec<Ray> {
     let ray = |i: usize| {
         let beside = vector(seed, i as u32) * width;
@@ -132,7 +132,7 @@ proptest! {
         scale in prop_oneof![Just(1.0), Just(1e-3), Just(0.1)],
         far in prop_oneof![Just(0.0), Just(1.0f64)],
     ) {
-        // A city in metres.
+        // A city, in metres.
         let place = DVec3::new(500_000.123, 4_649_776.22, 300.0) * far;
         let n = positions.len() as u32;
         let moved = |p: Vec3| place + p.as_dvec3() * scale;
@@ -196,7 +196,7 @@ proptest! {
         if set_up::<Pair<Portable8>>(Portable, &mut packet, &rays, &rays[0], backward) {
             let mut node = WideNode::EMPTY;
             for (lane, ray) in rays.iter().enumerate() {
-                // A corner, an edge or the inside of the box is on the ray.
+                // A corner, an edge or the inside of the box lies on the ray.
                 let on_ray = ray.origin.as_dvec3() + ray.direction.as_dvec3() * f64::from(at);
                 let side = vector(seed, 40 + lane as u32) * 1.5;
                 let share = side.clamp(Vec3::NEG_ONE, Vec3::ONE) * 0.5 + 0.5;
@@ -204,7 +204,7 @@ proptest! {
                 let low = on_ray - (share * size).as_dvec3();
                 let high = on_ray + ((1.0 - share) * size).as_dvec3();
                 let (low, high) = (low.as_vec3(), high.as_vec3());
-                // (As for triangles there.)
+                // Padded like the boxes of triangles there.
                 let bounds = Bounds3 {
                     min: low - low.abs() * f32::EPSILON,
                     max: high + high.abs() * f32::EPSILON,
@@ -233,14 +233,14 @@ proptest! {
         }
         let mut block = TriangleBlock::EMPTY;
         for (lane, ray) in rays.iter().enumerate().take(8) {
-            // Around points on the rays; some on the lattice, where edges are met.
+            // Around points on the rays; some on the lattice, so that edges are hit.
             let u = unit(seed, lane as u32);
             let at = ray.at(match lane % 4 {
                 0 => 0.5 * u,
                 2 => ray.t_min + (u - 0.5) * 10.0f32.powf(-7.0 * unit(seed, 90 + lane as u32)),
                 _ => 1.0 + (u - 0.5) * 1e-3,
             });
-            // Some are slivers, and some have the point in their middle.
+            // Some are slivers, and some have the point in their interior.
             let width = [1.0, 1e-3, 1e-6][lane % 3];
             let away = |k: u32| {
                 let along = vector(seed ^ 5, 8 * (k / 2) + lane as u32);
@@ -329,7 +329,7 @@ fn check_block<W: Lanes16>(
                 edge_tests.rays[triangle],
                 [edge_tests.near, edge_tests.certain].map(|of| of >> triangle << lane)
             );
-            // It is the last of the two, or both.
+            // The lane is the second of the two, or both are the same.
             let half = u32::from(lane > 0);
             prop_assert!(
                 near >> (8 * half) >> triangle & 1 == 1 || wanted.is_none(),
@@ -411,7 +411,7 @@ fn tested<W: Lanes16>(
     found
 }
 
-/// Pairs of triangles of several blocks give what each gives alone.
+/// Checks that pairs of triangles from several blocks give the same results together as alone.
 #[inline(always)]
 fn check_pairs<W: Lanes16>(
     token: W::Token,
@@ -451,7 +451,8 @@ fn check_pairs<W: Lanes16>(
 
 #[test]
 fn long_boxes_beside_rays_are_not_met() {
-    // Seen from the sides it seems that rays pass through, but not from above.
+    // Projected along two of the axes, rays seem to pass through, but not projected along the
+    // third.
     let mut packet = Packet::NONE;
     let (from, to) = (Vec3::new(0.0, 0.0, -10.0), Vec3::new(5.0, 5.0, 10.0));
     for kind in [Kind::FromPoint, Kind::ToPoint, Kind::Parallel] {
@@ -522,7 +523,7 @@ fn packets_agree_with_the_oracle_on_nested_instances_with_masks_and_rejections()
     }
 }
 
-/// What is tested beside the last pairs are those from before, which must be of the same tree.
+/// Unused lanes beside the last pairs hold earlier pairs, which must be of the same tree.
 #[test]
 fn instances_of_large_groups_leave_nothing_behind_for_small_ones() {
     let soup = |seed: u32, count: u32| {
@@ -577,7 +578,7 @@ fn instances_of_large_groups_leave_nothing_behind_for_small_ones() {
     }
 }
 
-/// Far away, what is projected is off by more than the padding of the box of a small triangle.
+/// Far away, the error of the projection exceeds the padding of the box of a small triangle.
 #[test]
 fn rays_that_hit_the_projection_of_a_triangle_beside_its_box_are_left_to_others() {
     let (apex, size) = (Vec3::new(1017.88086, 600.2, 2022.0814), 0.9);
@@ -591,7 +592,7 @@ fn rays_that_hit_the_projection_of_a_triangle_beside_its_box_are_left_to_others(
     });
     let make = |accelerator, simd| {
         let mut builder = WorldBuilder::default();
-        // (A second mesh, so that there is a tree with a node.)
+        // A second mesh, so that the tree has a node.
         for x in 0..100 {
             let away = Transform::translation(DVec3::new(f64::from(x), 0.0, f64::from(x)));
             builder.add_mesh(WorldBuilder::ROOT, Arc::new(mesh.transformed(&away)));
@@ -602,7 +603,7 @@ fn rays_that_hit_the_projection_of_a_triangle_beside_its_box_are_left_to_others(
     let worlds: Vec<_> = levels().map(|level| make(AcceleratorKind::Bvh, level)).collect();
     let (mut moved, mut certain) = (0, CertainHits::NONE);
     for seed in 0..40 {
-        // Along the edge on the left, in directions that are rounded.
+        // Along the left edge, in rounded directions.
         let direction = |i: u32| {
             let beside = f64::from(unit(seed, 3 * i) - 0.5) * 2e-4;
             let point = apex.as_dvec3()
@@ -644,7 +645,7 @@ fn locals_are_built_once_and_are_those_of_the_rays() {
     assert_eq!(locals.built, 0b1001);
 }
 
-/// Rays in lanes, by a map and by a frame.
+/// Compares rays transformed in lanes, by a map and by a frame, with single ones.
 fn in_lanes<W: Lanes16>(
     token: W::Token,
     rays: &ExactColumns,

@@ -1,11 +1,11 @@
-//! Which way to go when any hit will do.
+//! Choices between ways of traversal that are made by measuring both.
 
 use crate::kernel::Goal;
 
-/// Which way packets to one point go, where any hit will do: from their starts (in a closed room
-/// the next wall is near) or from the point (towards the light, a rough surface is all that is in
-/// the way)? Now and then a few go each way, and the others as those that had less work. The way
-/// changes no answer.
+/// The direction of traversal of packets that go to one point, for occlusion queries: from the
+/// starts of the rays (in a closed room the next wall is near) or from the point (towards a light,
+/// the rough surface itself may be the only occluder). Periodically a few packets go each way, and
+/// the others take the way with less work. The direction changes no result.
 #[derive(Default)]
 pub(super) struct Trial {
     turn: u32,
@@ -13,9 +13,9 @@ pub(super) struct Trial {
 }
 
 impl Trial {
-    /// Packets that try each way.
+    /// The number of packets that try each way.
     const TRIALS: u32 = 4;
-    /// Packets after which it is tried again.
+    /// The number of packets after which both ways are tried again.
     const PERIOD: u32 = 128;
 
     pub fn is_backward(&self) -> bool {
@@ -26,7 +26,7 @@ impl Trial {
         }
     }
 
-    /// Counts the work of a packet that went the way it should.
+    /// Counts the work of a packet that went the way of [`Self::is_backward`].
     pub fn count(&mut self, work: u32) {
         if self.turn < 2 * Self::TRIALS {
             self.work[usize::from(self.is_backward())] += work;
@@ -38,28 +38,31 @@ impl Trial {
     }
 }
 
-/// Whether triangles are small beside the packets: then each ray meets another one, and it is
-/// better to take rays one by one than triangles. Now and then a few walks count how many triangles
-/// of a leaf a packet is near, and the others follow them. It changes no answer.
+/// Decides whether triangles are small compared with packets. Then each ray hits a different
+/// triangle, and testing ray by ray is better than testing triangle by triangle. Periodically a few
+/// traversals count the triangles of a leaf that a packet may hit, and the others use the result.
+/// It changes no hit.
 #[derive(Default)]
 pub(super) struct Detail {
     turn: u32,
-    /// Leaves that packets came to, and triangles that these were near.
+    /// The number of leaves that packets visited, and of triangles in them that the packets may
+    /// hit.
     counted: [u32; 2],
 }
 
 impl Detail {
-    /// Walks that count.
+    /// The number of traversals that count.
     const TRIALS: u32 = 8;
-    /// Walks after which they are counted again.
+    /// The number of traversals after which counting starts again.
     const PERIOD: u32 = 256;
-    /// The average number of small triangles of eight above which a leaf counts as finely
-    /// tessellated. (In leaves of 7 to 12 rays a bunny of 280 thousand that fills the picture has
-    /// 3.7, of 1.1 million 6.7; a terrain of 4 million has 6.1, a field of small bunnies 7.5, a
-    /// room of slivers 2.8.)
+    /// The average number of triangles per leaf that a packet may hit above which triangles count
+    /// as small. (In leaves visited by 7 to 12 rays, a bunny of 280 thousand triangles that fills
+    /// the picture has 3.7, one of 1.1 million 6.7, a terrain of 4 million 6.1, a field of small
+    /// bunnies 7.5, and a room of slivers 2.8.)
     const SMALL: u32 = 5;
-    /// The same where any hit will do (in leaves of more than 4 rays the bunny has 4.0, a terrain
-    /// 5.4, 1.1 million 7.2, instances 7.5, a room 1.1).
+    /// The corresponding number for occlusion queries. (In leaves visited by more than 4 rays, the
+    /// bunny has 4.0, a terrain 5.4, a bunny of 1.1 million triangles 7.2, instances 7.5, and a
+    /// room 1.1.)
     const SMALL_OF_ANY: u32 = 2;
 
     pub fn is_small<G: Goal>(&self) -> bool {
@@ -68,7 +71,7 @@ impl Detail {
             && near > if G::ANY { Self::SMALL_OF_ANY } else { Self::SMALL } * leaves
     }
 
-    /// Counts a walk, and what it has come to.
+    /// Counts a traversal, with the leaves and triangles that it counted.
     pub fn count(&mut self, [leaves, near]: [u32; 2]) {
         if self.turn < Self::TRIALS {
             self.counted = [self.counted[0] + leaves, self.counted[1] + near];

@@ -1,5 +1,5 @@
-//! Triangles of leaves in packets: some are certainly missed, some certainly hit, and the rest is
-//! tested exactly.
+//! Triangles of leaves in packet traversal: some are certainly missed, some are certainly hit, and
+//! the others are tested exactly.
 
 use super::certain::Decided;
 use super::edges::EdgeTests;
@@ -20,21 +20,22 @@ use crate::search::{RealOf, Verdict};
 use snell_math::simd::Lanes16;
 use std::mem::MaybeUninit;
 
-/// So few rays are taken one by one, or two at a time, before the triangles that they are near;
-/// where any hit will do, so few by register of a vector of sixteen.
+/// Up to this number of rays, the triangles of a block that rays may hit are found by testing the
+/// rays one or two at a time against all triangles; with more rays, all rays are tested together.
+/// The second limit is for occlusion queries, per register that a vector of sixteen takes.
 const FEW_RAYS: u32 = 6;
 const FEW_RAYS_OF_ANY: u32 = 4;
 
-/// The largest number of deferred pairs where the nearest hit is wanted.
+/// The number of untested pairs beyond which they are tested, for nearest-hit queries.
 const DEFERRED_PAIRS: usize = 6;
 
 impl<G: Goal> Walker<'_, '_, G> {
-    /// Only the nearest hit counts: if it is certain which that is, the exact test of others is
-    /// saved.
+    /// True if only the nearest hit counts: where it is certain which triangle that is, exact tests
+    /// of other triangles are saved.
     const DEFERS: bool = G::NARROWS && G::WANTS_ONE;
 
-    /// Tests the triangles of a block for some of the rays. Where any hit will do, pairs may be
-    /// left for later: most rays hit nothing, or certainly hit something else.
+    /// Tests the triangles of a block for some of the rays. Exact tests of pairs may be postponed,
+    /// because most of them become unnecessary.
     #[inline(always)]
     pub(super) fn test_triangles<W: Lanes16>(
         &mut self,
@@ -69,7 +70,7 @@ impl<G: Goal> Walker<'_, '_, G> {
         }
     }
 
-    /// [`FEW_RAYS`], or all where [triangles are small](super::trial::Detail).
+    /// The limit [`FEW_RAYS`], or all rays where [triangles are small](super::trial::Detail).
     #[inline(always)]
     fn few_rays<W: Lanes16>(&self) -> u32 {
         if G::ANY {
@@ -81,21 +82,21 @@ impl<G: Goal> Walker<'_, '_, G> {
         }
     }
 
-    /// True if pairs are not to be left for later.
+    /// True if the exact tests of pairs must not be postponed further.
     #[inline(always)]
     fn is_urgent<W: Lanes16>(&self, token: W::Token, packet: &Packet, pairs: &Pairs) -> bool {
         if G::ANY {
-            // When most rays have finished, the packet does not pay for the others.
+            // When most rays have finished, the packet is no longer efficient for the others.
             return 2 * pairs.count >= self.alive.count_ones() as usize;
         }
-        // As long as any other ray has no hit, the packet continues as before.
+        // As long as any other ray has no hit, the packet must continue anyway.
         !Self::DEFERS
             || pairs.count > DEFERRED_PAIRS
             || packet.endless::<W>(token) & !pairs.mask == 0
     }
 
-    /// Finds what rays that share their origin may hit of a block. True if anything was tested,
-    /// because there were many, and counted.
+    /// Finds the triangles of a block that rays with a common origin may hit. Returns true if pairs
+    /// were tested because their buffer was full, and some hits counted.
     #[inline(always)]
     fn find_pairs_of_origin<W: Lanes16>(
         &mut self,
@@ -117,7 +118,7 @@ impl<G: Goal> Walker<'_, '_, G> {
                 &packet.packet_rays,
                 ray as usize & (RAYS - 1),
             ) & used;
-            // Mostly there is one.
+            // Mostly there is exactly one triangle.
             loop {
                 scratch.pairs.push_if(
                     ray,
@@ -143,8 +144,8 @@ impl<G: Goal> Walker<'_, '_, G> {
         found
     }
 
-    /// Finds what rays may hit of a block, and what they certainly hit. True if anything counted
-    /// already.
+    /// Finds the triangles of a block that rays may hit, and those that rays certainly hit. Returns
+    /// true if any hit has already changed the packet.
     #[inline(always)]
     fn find_pairs<W: Lanes16>(
         &mut self,
@@ -210,8 +211,9 @@ impl<G: Goal> Walker<'_, '_, G> {
         found
     }
 
-    /// Where any hit will do: ends the searches of rays that certainly hit something of a block,
-    /// and finds what others may hit. True if anything counted already.
+    /// For occlusion queries, ends the searches of rays that certainly hit a triangle of a block,
+    /// and finds the triangles that others may hit. Returns true if any hit has already changed the
+    /// packet.
     #[inline(always)]
     fn find_any<W: Lanes16>(
         &mut self,
@@ -231,7 +233,8 @@ impl<G: Goal> Walker<'_, '_, G> {
                 triangles &= seen.near_packet::<W::Half>(W::half_token(token), packet);
                 self.counted = [self.counted[0] + 1, self.counted[1] + triangles.count_ones()];
             }
-            // Most rays meet only what they start on, behind their start.
+            // Most rays come close only to the triangle on which they start, which is behind their
+            // start.
             triangles = seen.near_any::<W>(token, &packet.packet_rays, rays, triangles);
         }
         if triangles == 0 {
@@ -263,8 +266,8 @@ impl<G: Goal> Walker<'_, '_, G> {
         found
     }
 
-    /// Adds pairs of some rays and a triangle. True if anything was tested, because there were
-    /// many, and counted.
+    /// Adds pairs of some rays and one triangle. Returns true if pairs were tested because their
+    /// buffer was full, and some hits counted.
     #[inline(always)]
     fn push_pairs<W: Lanes16>(
         &mut self,
@@ -294,14 +297,15 @@ impl<G: Goal> Walker<'_, '_, G> {
         found
     }
 
-    /// True if hits of a geometry count for all rays, whatever they are.
+    /// True if hits on a geometry count for all rays of the run, because it is not filtered and
+    /// every mask admits it.
     #[inline(always)]
     fn is_plain(&self, geometry: u32) -> bool {
         let options = &self.options[geometry as usize];
         options.mask & self.masks != 0 && !options.filtered
     }
 
-    /// Ends the searches of rays that certainly hit something that counts.
+    /// Ends the searches of rays that certainly hit a triangle that counts.
     #[inline(always)]
     fn take_any<W: Lanes16>(&mut self, token: W::Token, rays: u32, packet: &mut Packet) {
         self.alive &= !rays;
@@ -309,8 +313,9 @@ impl<G: Goal> Walker<'_, '_, G> {
         packet.finish::<W>(token, rays);
     }
 
-    /// Tests the deferred hits. If nothing comes after the `last` ones of the root group, what rays
-    /// without a search hit is only noted; else [`Packet::update_limits`] must follow.
+    /// Tests the deferred hits. If `last` is true, nothing follows in the root group, and for rays
+    /// without a search the hits are only recorded; otherwise [`Packet::update_limits`] must
+    /// follow.
     #[inline(always)]
     pub(super) fn test_deferred<W: Lanes16>(
         &mut self,
@@ -363,8 +368,8 @@ impl<G: Goal> Walker<'_, '_, G> {
         }
     }
 
-    /// Offers the hits of pairs of rays and triangles, and forgets the pairs. True if there are any
-    /// that count. If nothing comes after the `last` ones, the packet is left as it is.
+    /// Offers the hits of pairs of rays and triangles, and clears the pairs. Returns true if any
+    /// hit counts. If `last` is true, nothing follows, and the packet is not updated.
     #[inline(always)]
     pub(super) fn test_pairs<W: Lanes16>(
         &mut self,
@@ -424,7 +429,7 @@ impl<G: Goal> Walker<'_, '_, G> {
         self.conclude::<W>(token, packet, &outcome, last)
     }
 
-    /// Offers a hit of the triangle at a place.
+    /// Offers a hit on the triangle at a place.
     #[inline(always)]
     fn offer(
         &mut self,
@@ -448,7 +453,7 @@ impl<G: Goal> Walker<'_, '_, G> {
             }
             return;
         }
-        // As searches do, without one.
+        // For rays without a search, the same decisions as in [`crate::search::Search::offer`].
         let [start, end] = G::Precision::interval(&self.rays[ray]);
         let (nearest, is_met) = (&mut self.nearest[ray], self.hit >> ray & 1 == 1);
         let limit = if is_met { G::Precision::t(nearest) } else { end };
@@ -465,8 +470,8 @@ impl<G: Goal> Walker<'_, '_, G> {
         }
     }
 
-    /// What follows from tests for the packet. True if it does; if nothing comes after the `last`
-    /// ones, the packet is left as it is.
+    /// Updates the packet with the results of tests, and returns true if it changes. If `last` is
+    /// true, nothing follows, and the packet is not updated.
     #[inline(always)]
     fn conclude<W: Lanes16>(
         &mut self,
@@ -485,7 +490,7 @@ impl<G: Goal> Walker<'_, '_, G> {
     }
 }
 
-/// The triangles of a block that any of a few rays may meet.
+/// The triangles of a block that any of a few rays may hit.
 #[inline(always)]
 fn near_few<W: Lanes16>(token: W::Token, seen: &SeenBlock, packet: &Packet, mut rays: u32) -> u32 {
     let mut near = 0;
@@ -495,12 +500,12 @@ fn near_few<W: Lanes16>(token: W::Token, seen: &SeenBlock, packet: &Packet, mut 
     near | near >> 8
 }
 
-/// The results of rays that were tested.
+/// The results of tests, by ray.
 struct Outcome {
-    /// Rays whose searches may be nearer to their end, and those whose searches are over.
+    /// The rays whose limits may have come nearer, and the rays whose searches are over.
     nearer: u32,
     over: u32,
-    /// Their new padded limits.
+    /// The new padded limits of these rays.
     culls: PerRay<f32>,
 }
 
@@ -522,13 +527,13 @@ pub(super) struct Locals {
 }
 
 impl Locals {
-    /// None yet. (As a constant, all of it would be cleared for each packet.)
+    /// No rays yet. (Not a constant, because copying one would clear all of it for each packet.)
     #[inline(always)]
     pub(super) fn new() -> Self {
         Self { built: 0, rays: [const { MaybeUninit::uninit() }; RAYS] }
     }
 
-    /// Forgets them.
+    /// Forgets the computed rays.
     #[inline(always)]
     pub(super) fn clear(&mut self) {
         self.built = 0;
@@ -540,7 +545,7 @@ impl Locals {
             self.built |= 1 << lane;
             self.rays[lane].write(LocalRay::new(&packet.rays.get(lane)));
         }
-        // SAFETY: written now or before.
+        // SAFETY: the element was written now or before.
         unsafe { self.rays[lane].assume_init_ref() }
     }
 }

@@ -1,4 +1,4 @@
-//! The walk of a packet through the tree of a group.
+//! The traversal of the tree of a group by packets.
 
 use super::certain::CertainHits;
 use super::exact::{Found, Pairs};
@@ -17,61 +17,61 @@ use snell_math::simd::{Lanes8, Lanes16, Token, max};
 use std::mem::MaybeUninit;
 use std::sync::atomic::AtomicBool;
 
-/// Trees larger than this are fetched ahead.
+/// The size in bytes of a tree from which on its nodes are prefetched.
 const PREFETCH_BYTES: usize = 2 << 20;
 
-/// In trees larger than this all leaves below a node are fetched with it, whether they are met or
-/// not: the packets that come next will meet them.
+/// The size in bytes of a tree from which on all leaves below a node are prefetched with it,
+/// whether they are hit or not, because the next packets will hit them.
 const LEAVES_BYTES: usize = 32 << 20;
 
-/// Packets that walk together at most.
+/// The largest number of packets that are traversed together.
 pub(super) const MAX_PACKETS: usize = 4;
 
-/// Memory of the walks: what packets visit later, by distance, place (node times eight plus slot)
-/// and which packets hit the node, and the stack of single rays.
+/// The stacks of traversals. Packets push children with their distances, places (node times eight
+/// plus slot) and the packets that hit them; a separate stack is for single rays.
 pub(super) struct Stacks {
     pub(super) distances: Vec<f32>,
     pub(super) places: Vec<u32>,
-    /// Of all slots of the node: eight bits a packet.
+    /// For all slots of the node, the packets that hit them: eight bits per packet.
     pub(super) hit_masks: Vec<u32>,
     pub(super) single: Vec<MaybeUninit<Entry>>,
-    /// Of packets in instances.
+    /// Memory for packets in instances.
     #[allow(clippy::vec_box, reason = "they are large, and come and go")]
     pub(super) spare: Vec<Box<PacketGroup>>,
-    /// About what walks took: a box tested is one.
+    /// Approximate work of a traversal, in units of box tests.
     pub(super) work: u32,
 }
 
 impl Stacks {
-    /// Of how many entries.
+    /// The number of entries that fit the stacks.
     #[inline(always)]
     fn room(&self) -> usize {
         self.distances.len().min(self.places.len()).min(self.hit_masks.len())
     }
 }
 
-/// Some of the states: the first bit of a byte for each.
+/// A subset of the packets: the lowest bit of a byte for each.
 pub(super) type Members = u32;
 
-/// The group that packets are in.
+/// The group that packets traverse.
 #[derive(Clone, Copy)]
 pub(super) struct Group<'t> {
     pub(super) tree: &'t GroupTree,
-    /// Its occurrence number.
+    /// The occurrence number of the group.
     pub(super) instance: u32,
 }
 
-/// Where packets are.
+/// The position of a traversal.
 #[derive(Clone, Copy)]
 pub(super) struct Cursor {
     pub(super) group: usize,
     /// The occurrence number of the group.
     pub(super) instance: u32,
-    /// From where the stack is free.
+    /// The index of the first free entry of the stacks.
     pub(super) top: usize,
 }
 
-/// [`walk`], not inlined.
+/// Calls [`walk`] without inlining it.
 #[inline(always)]
 pub(super) fn enter<W: Lanes16, G: Goal>(
     token: W::Token,
@@ -86,54 +86,57 @@ pub(super) fn enter<W: Lanes16, G: Goal>(
     );
 }
 
-/// The searches of a run on their way through the forest.
+/// The searches of the rays of a run during a traversal.
 pub(super) struct Walker<'w, 's, G: Goal> {
     pub(super) forest: &'w Forest,
     pub(super) data: &'w DataOf<G>,
     pub(super) options: &'w [GeometryOptions],
     /// Ends all searches early when it is set.
     pub(super) cancel: Option<&'w AtomicBool>,
-    /// The union of the masks of all rays.
+    /// The mask bits that all rays of the run have in common.
     pub(super) masks: u32,
-    /// The rays of the run, and the number of the first.
+    /// The rays of the run, and the number of the first in the batch.
     pub(super) rays: &'w [RayOf<G>],
     pub(super) first: usize,
-    /// The searches of rays with hits that need the filter or other checks, and which rays have
-    /// one. Rays that hit nothing or only plain triangles need none.
+    /// The searches of rays with hits that need the filter or other checks, and a bit for each ray
+    /// that has one. Rays that hit nothing or only plain triangles need no search.
     pub(super) searches: PerRay<Option<Search<'s, G>>>,
     pub(super) searched: u32,
-    /// Rays without a search that hit something that counts, and the nearest of that (anything
-    /// where any hit will do).
+    /// The rays without a search that have a hit that counts, and the nearest hit of each (an
+    /// arbitrary hit for occlusion queries).
     pub(super) hit: u32,
     pub(super) nearest: PerRay<HitOf<G>>,
-    /// Begins the search of a ray, given by its number. (In place: what is returned would be copied
-    /// as a whole after it was written in pieces.)
+    /// Begins the search of a ray, given by its number. It writes in place, because a returned
+    /// search would be copied as a whole just after it was written in pieces.
     pub(super) begin: &'w dyn Fn(usize, &mut Option<Search<'s, G>>),
-    /// Memory for what becomes of pairs.
+    /// Memory for the results of pairs.
     pub(super) found: Found<RealOf<G>>,
     /// The rays whose search is not over.
     pub(super) alive: u32,
-    /// Hits in the group that are certain, but for their distance.
+    /// Hits in the group that are certain except for their distance.
     pub(super) deferred: Deferred,
-    /// Rays that are left to others: a deferred hit was not where it seemed to be.
+    /// Rays that are left to other kernels, because a deferred hit turned out to be elsewhere.
     pub(super) unresolved: u32,
-    /// Rays without a search whose nearest hit was deferred and is certain: in `certain_hits`.
+    /// Rays without a search whose nearest hit was deferred and is certain: its data are in
+    /// `certain_hits`.
     pub(super) certain: u32,
     pub(super) certain_hits: CertainHits<RealOf<G>>,
-    /// As [`super::trial::Detail`] has it: triangles are small; and what was counted.
+    /// True if triangles count as small ([`super::trial::Detail`]). `counted` are the counters that
+    /// decide this.
     pub(super) is_small: bool,
     pub(super) counted: [u32; 2],
 }
 
-/// The nearest certain hit of each ray so far, to be tested exactly in the end.
+/// The nearest certain hit of each ray so far, to be tested exactly at the end.
 pub(super) struct Deferred {
-    /// The rays that have one.
+    /// The rays that have such a hit.
     pub(super) rays: u32,
-    /// Those of them of which it is only known that they hit the projection of the triangle.
+    /// The rays among these for which it is only certain that they hit the projection of the
+    /// triangle.
     pub(super) projected: u32,
     /// The places of the triangles ([`Pairs`]).
     pub(super) triangles: PerRay<u32>,
-    /// Which triangles these are: pieces of one may be in several leaves.
+    /// The numbers of the triangles, because pieces of one triangle may be in several leaves.
     pub(super) ids: PerRay<u32>,
 }
 
@@ -142,25 +145,25 @@ impl Deferred {
         Self { rays: 0, projected: 0, triangles: [0; RAYS], ids: [0; RAYS] };
 }
 
-/// A packet on its walk through a group.
+/// A packet that traverses a group.
 pub(super) struct PacketState<'r, 'w, 's, G: Goal> {
     pub(super) walker: &'r mut Walker<'w, 's, G>,
     pub(super) packet: &'r mut Packet,
     pub(super) scratch: &'r mut Scratch,
 }
 
-/// All that may walk together.
+/// All packets that may be traversed together.
 pub(super) type PacketStates<'r, 'w, 's, G> = [PacketState<'r, 'w, 's, G>; MAX_PACKETS];
 
-/// The state of a packet in a group.
+/// The scratch data of a packet in a group.
 pub(super) struct Scratch {
     pub(super) pairs: Pairs,
     pub(super) locals: Locals,
 }
 
 impl Scratch {
-    /// Prepares it for another packet, perhaps in another group: places of triangles must not stay,
-    /// since in double precision what is not used is read, too.
+    /// Prepares the data for another packet, perhaps in another group. Places of triangles must not
+    /// stay, because in double precision unused pairs are read too.
     #[inline(always)]
     pub(super) fn clear(&mut self) {
         self.pairs = Pairs::NONE;
@@ -168,7 +171,8 @@ impl Scratch {
     }
 }
 
-/// What belongs to states in a group. (Never moved: it is large, and most of it is not written.)
+/// The packets in a group and their scratch data. (Never moved, because it is large and most of it
+/// is not written.)
 pub(super) struct PacketGroup {
     pub(super) packets: [Packet; MAX_PACKETS],
     scratches: [Scratch; MAX_PACKETS],
@@ -183,7 +187,7 @@ impl PacketGroup {
         })
     }
 
-    /// The first of some members, and those that may walk with it.
+    /// The first of some packets, and the packets that are coherent with it.
     #[inline(always)]
     pub(super) fn coherent(&mut self, members: Members) -> Members {
         let (first, mut rest, mut coherent) =
@@ -196,7 +200,7 @@ impl PacketGroup {
                 coherent |= 1 << (8 * number);
             }
         }
-        // All see boxes and triangles as the first one does.
+        // All packets get the error bounds of the first.
         let mut rest = coherent & (coherent - 1);
         while let Some(number) = next(&mut rest) {
             if let Ok([one, other]) = self.packets.get_disjoint_mut([first, number]) {
@@ -206,7 +210,7 @@ impl PacketGroup {
         coherent
     }
 
-    /// PacketStates for some walkers.
+    /// The states of the packets, given their walkers.
     #[inline(always)]
     pub(super) fn states<'r, 'w, 's, G: Goal>(
         &'r mut self,
@@ -222,8 +226,9 @@ impl PacketGroup {
     }
 }
 
-/// Walks one group with some of the packets, which must be [coherent](Packet::is_coherent_with):
-/// each meets what it would meet alone, in the same order.
+/// Traverses one group with some of the packets, which must be
+/// [coherent](Packet::is_coherent_with). Each visits the nodes that it would visit alone, in the
+/// same order.
 ///
 /// # Panics
 /// If the stacks have no room for the group and all below it.
@@ -258,7 +263,7 @@ fn walk<W: Lanes16, G: Goal>(
         }
     }
     descend::<W, G>(token, group, states, members, stacks, cursor);
-    // (From an instance, the limits of the rays are taken back.)
+    // After an instance, the limits of the rays are needed again.
     let last = cursor.group == 0;
     let mut rest = members;
     while let Some(number) = next(&mut rest) {
@@ -271,7 +276,7 @@ fn walk<W: Lanes16, G: Goal>(
     }
 }
 
-/// Walks the tree of the group at the cursor.
+/// Traverses the tree of the group at the cursor.
 #[inline(always)]
 fn descend<W: Lanes16, G: Goal>(
     token: W::Token,
@@ -290,8 +295,9 @@ fn descend<W: Lanes16, G: Goal>(
     let (mut far, mut fars) = limits(states, members);
     let (mut node, mut hitting) = (tree.root.index(), members);
     while far > f32::NEG_INFINITY {
-        // SAFETY: nodes are the root and those that nodes refer to, which exist; a walk holds at
-        // most 7 entries per level, and `walk` has seen that there is room for 8 at the bottom.
+        // SAFETY: nodes are the root and those that nodes refer to, which exist. A traversal holds
+        // at most 7 entries per level, and `walk` has checked that there is room for 8 at the
+        // bottom.
         let (parent, pushed) = unsafe {
             let parent = tree.nodes.get_unchecked(node);
             let hitting = [first as u32, hitting];
@@ -332,7 +338,8 @@ fn descend<W: Lanes16, G: Goal>(
                 continue;
             }
             if common && child.is_node() {
-                // (Planes are as good here, and the traversal need not wait for the rays.)
+                // For rays with a common origin, the planes around the packet are good enough, and
+                // the traversal need not wait for tests of single rays.
                 node = child.index();
                 break;
             }
@@ -384,13 +391,13 @@ fn descend<W: Lanes16, G: Goal>(
     }
 }
 
-/// The number of the first of some members.
+/// The number of the first packet of a subset.
 #[inline(always)]
 pub(super) fn first(members: Members) -> usize {
     members.trailing_zeros() as usize >> 3 & (MAX_PACKETS - 1)
 }
 
-/// Takes the first of some members.
+/// Removes the first packet from a subset and returns its number.
 #[inline(always)]
 pub(super) fn next(members: &mut Members) -> Option<usize> {
     if *members == 0 {
@@ -401,7 +408,7 @@ pub(super) fn next(members: &mut Members) -> Option<usize> {
     Some(number)
 }
 
-/// Beyond which nothing is of interest to any packet, and to each.
+/// The distances beyond which nothing matters: to any of the packets, and to each.
 #[inline(always)]
 fn limits<G: Goal>(
     states: &PacketStates<'_, '_, '_, G>,
@@ -416,7 +423,7 @@ fn limits<G: Goal>(
     (farthest, fars)
 }
 
-/// The packets whose limits are not nearer than a distance: the first bit of a byte for each.
+/// The packets whose limits are not nearer than a distance: the lowest bit of a byte for each.
 #[inline(always)]
 fn within(distance: f32, fars: &[f32; MAX_PACKETS]) -> u32 {
     let mut packets = 0;
@@ -426,8 +433,8 @@ fn within(distance: f32, fars: &[f32; MAX_PACKETS]) -> u32 {
     packets
 }
 
-/// Puts the children of a node, given with its number, that some of the packets meet on the stack,
-/// the nearest on top, and returns how many they are.
+/// Pushes the children of a node (given with its number) that some of the packets hit onto the
+/// stacks, the nearest on top. Returns the number of these children.
 ///
 /// # Safety
 /// The stacks must have room for eight entries from `top`.
@@ -455,7 +462,7 @@ unsafe fn push_children<W: Lanes16, G: Goal>(
         met |= enter.le(W::Half::splat(half, packet.packet_far)) << bit;
         nearest = nearest.min(enter);
     }
-    // SAFETY: by the caller's promise there are eight entries of each.
+    // SAFETY: by the caller's promise each stack has room for eight entries.
     let (distances, places, hit_masks) = unsafe {
         (
             &mut *stacks.distances.as_mut_ptr().add(top).cast::<[f32; 8]>(),
@@ -469,7 +476,7 @@ unsafe fn push_children<W: Lanes16, G: Goal>(
 }
 
 impl<'s, G: Goal> Walker<'_, 's, G> {
-    /// The search of a ray; it begins if it has not.
+    /// The search of a ray, which is begun if necessary.
     #[inline(always)]
     pub(super) fn search(&mut self, ray: usize) -> &mut Search<'s, G> {
         let search = &mut self.searches[ray];
@@ -486,7 +493,7 @@ impl<'s, G: Goal> Walker<'_, 's, G> {
         search.as_mut().expect("it has a search")
     }
 
-    /// Writes the rays of the packet exactly, if that has not been done.
+    /// Writes the exact rays of the packet, unless that was done before.
     #[inline(always)]
     pub(super) fn want_rays(&self, packet: &mut Packet) {
         if !packet.has_rays {
@@ -500,18 +507,18 @@ impl<'s, G: Goal> Walker<'_, 's, G> {
     }
 }
 
-/// The child at a place, and the node that it is of.
+/// The child at a place, and its parent node.
 ///
 /// # Safety
-/// The place must be one of a node of the tree.
+/// The place must belong to a node of the tree.
 #[inline(always)]
 unsafe fn child_at(tree: &GroupTree, place: u32) -> (&WideNode, ChildRef) {
-    // SAFETY: the caller promises that the place is of a node.
+    // SAFETY: the caller promises that the place belongs to a node.
     let node = unsafe { tree.nodes.get_unchecked(place as usize >> 3) };
     (node, node.children[place as usize & 7])
 }
 
-/// Asks for the scratch of a node or block.
+/// Prefetches a node or block.
 #[inline(always)]
 fn fetch_ahead(tree: &GroupTree, child: ChildRef) {
     let (start, packet_rays) = if child.is_node() {

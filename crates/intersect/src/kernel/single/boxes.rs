@@ -7,11 +7,11 @@ use snell_math::simd::Lanes8;
 use snell_math::{Vec3, Vec4};
 
 impl Planes {
-    /// Those of a node.
+    /// The planes in a node, one for each of its eight boxes.
     #[inline(always)]
     pub fn of(self, node: &WideNode) -> &[f32; 8] {
         let bounds = node.bounds.as_ptr().cast::<f32>();
-        // SAFETY: the first is 0, 8, and so on to 40, of 48.
+        // SAFETY: the first index is 0, 8, and so on to 40, of 48 numbers.
         unsafe { &*bounds.add(self.first()).cast() }
     }
 }
@@ -36,11 +36,11 @@ pub(crate) fn box_distances<L: Lanes8>(
         far::<L>(token, node, ray, 1),
         far::<L>(token, node, ray, 2),
     ];
-    // A plane that a parallel ray lies in gives NaN (0 times infinity), and a NaN on the left
-    // does not count.
+    // A plane in which a parallel ray lies gives NaN (0 times infinity), and a NaN as the left
+    // operand is ignored.
     let enter = near[0].max(near[1].max(near[2].max(L::splat(token, t_min))));
     let leave = far[0].min(far[1].min(far[2].min(L::splat(token, f32::INFINITY))));
-    // Away from zero if positive, towards it if negative: always farther along the ray.
+    // Away from zero if positive, towards zero if negative: always farther along the ray.
     let leave = leave
         .mul(L::splat(token, 1.0 + BOX_PADDING))
         .max(leave.mul(L::splat(token, 1.0 - BOX_PADDING)));
@@ -61,8 +61,8 @@ fn far<L: Lanes8>(token: L::Token, node: &WideNode, ray: &LocalRay, axis: usize)
     plane.sub(L::splat(token, ray.far_origin[axis])).mul(L::splat(token, ray.inverse[axis]))
 }
 
-/// [`box_distances`] for an ordinary ray: a far plane less than [`FAR_FACTOR`] away is as good as
-/// met.
+/// Performs [`box_distances`] for an ordinary ray, whose far planes are padded by the factor
+/// [`FAR_FACTOR`].
 #[inline(always)]
 pub(crate) fn prepared_distances<L: Lanes8>(
     token: L::Token,
@@ -100,7 +100,7 @@ fn prepared<L: Lanes8>(
     crossing(ray.planes()[axis + side].of(node), inverse, offset)
 }
 
-/// [`prepared_distances`] with all about the ray in registers, for many nodes in turn.
+/// The data for [`prepared_distances`] of one ray in registers, for many nodes in turn.
 pub(crate) struct PreparedBoxes<L> {
     inverse: [L; 3],
     near: [L; 3],
@@ -108,16 +108,17 @@ pub(crate) struct PreparedBoxes<L> {
     planes: [Planes; 6],
 }
 
-/// Instead of [`FAR_FACTOR`]: far planes are this much farther, relative to the largest distance at
-/// which the ray may meet any plane. A little more, for the roundings of that.
+/// Used instead of [`FAR_FACTOR`]: far planes are moved away by this, relative to the largest
+/// distance at which the ray crosses any plane. It is a little larger, to cover the rounding of
+/// that distance.
 const FAR_PADDING: f32 = 1.1e-6;
 
-/// No distance needs more. (Without a limit it would be infinite along an axis that the ray does
-/// not move along, and empty boxes would count as met.)
+/// The largest padding of far planes. (Without a limit it would be infinite on an axis along which
+/// the ray does not move, and empty boxes would count as hit.)
 const MAX_FAR_PADDING: f32 = 4e30;
 
 impl<L: Lanes8> PreparedBoxes<L> {
-    /// `extent` is the largest coordinate of the boxes.
+    /// Prepares a ray; `extent` is the largest coordinate of the boxes.
     #[inline(always)]
     pub fn new(token: L::Token, ray: &PreparedRay, extent: f32) -> Self {
         let (inverse, far) =
@@ -129,7 +130,7 @@ impl<L: Lanes8> PreparedBoxes<L> {
             far - ((far.abs() + extent) * FAR_PADDING).copysign(inverse)
         };
         let ([x, y, z], near, far, planes) = (ray.inverse, &ray.near, far.to_array(), ray.planes());
-        // (No closures for lanes: those are not always inlined.)
+        // No closures, because closures over lanes are not always inlined.
         Self {
             inverse: [L::splat(token, x), L::splat(token, y), L::splat(token, z)],
             near: [L::splat(token, near[0]), L::splat(token, near[1]), L::splat(token, near[2])],
@@ -138,7 +139,7 @@ impl<L: Lanes8> PreparedBoxes<L> {
         }
     }
 
-    /// As [`prepared_distances`].
+    /// The result of [`prepared_distances`].
     #[inline(always)]
     pub fn distances(&self, node: &WideNode, t_min: L, cull: L) -> (L, L) {
         let near = [self.near(node, 0), self.near(node, 1), self.near(node, 2)];
@@ -157,7 +158,7 @@ impl<L: Lanes8> PreparedBoxes<L> {
     }
 }
 
-/// Distances of planes for an ordinary ray.
+/// Distances of planes along an ordinary ray.
 #[inline(always)]
 fn crossing<L: Lanes8>(planes: &[f32; 8], inverse: L, offset: L) -> L {
     let plane = L::load(inverse.token(), planes);

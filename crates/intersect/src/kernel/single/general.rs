@@ -1,5 +1,5 @@
-//! The general traversal of one group: the textbook's loop, for any ray and any tree. Rays and
-//! trees that are not ordinary fall back to it ([`crate::exact::prepared`]).
+//! The general traversal of one group: the textbook's loop, for any ray and any tree. It is used
+//! for rays and trees that are not ordinary ([`crate::exact::prepared`]).
 
 use super::filter::BlockFilter;
 use super::traverse::{Entry, Stack, entry, test_object};
@@ -15,11 +15,11 @@ use snell_math::DRay;
 use snell_math::simd::{Lanes8, Token};
 use std::mem::MaybeUninit;
 
-/// Searches one group but for what is unbounded, nearest children first. True if the search is
-/// over.
+/// Searches one group except for its unbounded objects, nearest children first. Returns true if the
+/// search is over.
 ///
 /// # Panics
-/// If `stack` has no room for the group and all below it.
+/// If `stack` has no room for the group and all groups below it.
 #[inline(always)]
 pub(super) fn enter<L: Lanes8, G: Goal>(
     token: L::Token,
@@ -103,7 +103,7 @@ fn distance(entry: Entry) -> f32 {
     f32::from_bits((entry >> 32) as u32)
 }
 
-/// Pops entries from the stack until one is within the limit.
+/// Pops entries from the stack until one is within the limit; `None` if there is none.
 ///
 /// # Safety
 /// All entries below `top` must be written.
@@ -120,8 +120,8 @@ unsafe fn pop(stack: &Stack, top: &mut usize, cull: f32) -> Option<ChildRef> {
     None
 }
 
-/// Pushes the children that were met, at least one, but for the nearest, which is returned; near
-/// ones are on top.
+/// Pushes the children that were hit (at least one) except the nearest, which is returned; nearer
+/// children are on top.
 #[inline(always)]
 fn push_sorted(
     stack: &mut Stack,

@@ -1,4 +1,4 @@
-//! One ray through the trees: the kernel that every other falls back to.
+//! The kernel for one ray, which all other kernels fall back to.
 
 pub(crate) mod boxes;
 pub(crate) mod filter;

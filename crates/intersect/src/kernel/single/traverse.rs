@@ -1,4 +1,4 @@
-//! The walk of one ray through the tree of a group and, through instances, the groups below it.
+//! The traversal of the tree of a group by one ray and, through instances, of the groups below it.
 
 use super::filter::BlockFilter;
 use super::general;
@@ -21,15 +21,15 @@ use snell_math::{DRay, DVec3};
 use std::hint::select_unpredictable;
 use std::mem::MaybeUninit;
 
-/// A child to visit later: its reference below, the bits of its distance above. Distances are not
-/// negative, so that entries are in the order of their distances.
+/// A child to visit later: its reference in the low bits, the bits of its distance in the high
+/// ones. Distances are not negative, so that entries are ordered by their distances.
 pub(crate) type Entry = u64;
 
-/// The walk's memory: uninitialised entries, enough for the deepest path through all groups
+/// The stack of a traversal: uninitialised entries, enough for the deepest path through all groups
 /// ([`Forest::stack_size`]).
 pub(crate) type Stack = [MaybeUninit<Entry>];
 
-/// At the bottom of the stack: here the walk ends.
+/// The entry at the bottom of the stack, where the traversal ends.
 const END: Entry = ChildRef::NONE.0 as Entry;
 
 #[inline(always)]
@@ -37,13 +37,13 @@ pub(crate) fn entry(distance: f32, child: ChildRef) -> Entry {
     (u64::from(distance.to_bits()) << 32) | u64::from(child.0)
 }
 
-/// Above all entries that are not beyond `cull`, which is not negative.
+/// An entry greater than all entries that are not beyond `cull`, which must not be negative.
 #[inline(always)]
 fn first_beyond(cull: f32) -> Entry {
     (u64::from(cull.to_bits()) + 1) << 32
 }
 
-/// Searches the forest from its root. Rays that are not valid find nothing.
+/// Searches the forest from its root. Invalid rays find nothing.
 #[inline(always)]
 pub(crate) fn search_forest<G: Goal>(
     forest: &Forest,
@@ -66,10 +66,10 @@ pub(crate) fn search_forest<G: Goal>(
     }
 }
 
-/// Searches a group. True if the search is over.
+/// Searches a group. Returns true if the search is over.
 ///
 /// # Panics
-/// If `stack` has no room for the group and all below it.
+/// If `stack` has no room for the group and all groups below it.
 #[inline(always)]
 pub(super) fn enter<L: Lanes8, G: Goal>(
     token: L::Token,
@@ -120,7 +120,7 @@ fn search_with_care<L: Lanes8, G: Goal>(
     enter::<L, G>(token, forest, 0, &G::Precision::exact(search.ray), 0, search, stack);
 }
 
-/// The trees that a ray traverses.
+/// The group that a ray traverses.
 #[derive(Clone, Copy)]
 struct Place<'a, L: Lanes8> {
     token: L::Token,
@@ -143,10 +143,10 @@ impl<'a, L: Lanes8> Place<'a, L> {
         Self { token, forest, tree: &forest.trees[group], group, ray, instance }
     }
 
-    /// Searches the group. True if the search is over.
+    /// Searches the group. Returns true if the search is over.
     ///
     /// # Panics
-    /// If `stack` has no room for the group and all below it.
+    /// If `stack` has no room for the group and all groups below it.
     #[inline(always)]
     fn search<G: Goal>(self, search: &mut Search<'_, G>, stack: &mut Stack) -> bool {
         let Self { token, forest, tree, group, ray, instance } = self;
@@ -154,7 +154,7 @@ impl<'a, L: Lanes8> Place<'a, L> {
         let is_prepared = forest.ordinary
             && search.start >= 0.0
             && G::Precision::prepare::<L>(search.context.data, group, &mut prepared, ray);
-        // A ray that has overflowed on its way here hits nothing.
+        // A ray that overflowed in the transformation to this group hits nothing.
         if !(is_prepared || (ray.origin.is_finite() && ray.direction.is_finite())) {
             return false;
         }
@@ -171,7 +171,7 @@ impl<'a, L: Lanes8> Place<'a, L> {
         }
     }
 
-    /// [`Self::walk`], not inlined.
+    /// Calls [`Self::walk`] without inlining it.
     #[inline(always)]
     fn enter_prepared<G: Goal>(
         self,
@@ -185,11 +185,11 @@ impl<'a, L: Lanes8> Place<'a, L> {
         )
     }
 
-    /// The walk of an ordinary ray, which must be prepared for `L`, nearest children first. True if
-    /// the search is over.
+    /// Traverses the group with an ordinary ray, which must be prepared for `L`, nearest children
+    /// first. Returns true if the search is over.
     ///
     /// # Panics
-    /// If `stack` has no room for the group and all below it.
+    /// If `stack` has no room for the group and all groups below it.
     #[inline(always)]
     fn walk<G: Goal>(
         &self,
@@ -199,15 +199,15 @@ impl<'a, L: Lanes8> Place<'a, L> {
     ) -> bool {
         let token = self.token;
         let boxes = PreparedBoxes::<L>::new(token, prepared, self.forest.extents[self.group]);
-        // (The sum makes zero positive.)
+        // Adding 0 turns -0 into +0.
         let t_min = L::splat(token, search.start + 0.0);
         assert!(stack.len() >= self.forest.stack_sizes[self.group], "room for the way down");
         let mut cull = search.cull();
         let mut beyond = first_beyond(cull);
         let is_ascending = is_ascending(self.ray.direction);
         let (mut top, mut current) = (1, self.tree.root);
-        // SAFETY: a walk holds at most 7 entries per level and one at the bottom; there is room for
-        // that and 8 at the bottom, as was checked.
+        // SAFETY: a traversal holds at most 7 entries per level and one at the bottom; there is
+        // room for these and 8 at the bottom, as was checked.
         unsafe { stack.get_unchecked_mut(0).write(END) };
         loop {
             if current.is_node() {
@@ -218,7 +218,7 @@ impl<'a, L: Lanes8> Place<'a, L> {
                 let met = enters.le(limits);
                 search.goal.visit(false, || Region::of_bounds(&node.bounds()));
                 if !G::NARROWS && met != 0 {
-                    // SAFETY: there is room for eight above those of the levels before.
+                    // SAFETY: there is room for eight entries above those of the previous levels.
                     current = unsafe {
                         push_unsorted(stack, &mut top, met, is_ascending, &node.children)
                     };
@@ -236,14 +236,16 @@ impl<'a, L: Lanes8> Place<'a, L> {
                     let second = others.trailing_zeros() as usize & 7;
                     let rest = others & (others - 1);
                     if rest == 0 {
-                        // Two, most often. A branch, although it is often wrong: what comes next
-                        // need not wait for the distances.
+                        // Two children are the most frequent case. A branch, although it is often
+                        // mispredicted, because the next steps need not wait for the distances.
                         let (a, b) = (node.children[first], node.children[second]);
-                        // SAFETY: there is room for eight above those of the levels before.
+                        // SAFETY: there is room for eight entries above those of the previous
+                        // levels.
                         let next = unsafe { stack.get_unchecked_mut(top) };
                         if near[first] < near[second] {
-                            // SAFETY: it is valid. (Volatile, or the two branches become one with
-                            // conditional moves.)
+                            // SAFETY: the pointer is valid. (The write is volatile, because
+                            // otherwise the compiler merges the two branches into conditional
+                            // moves.)
                             unsafe { next.as_mut_ptr().write_volatile(entry(near[second], b)) };
                             current = a;
                         } else {
@@ -256,7 +258,7 @@ impl<'a, L: Lanes8> Place<'a, L> {
                     let [a, b] = [first, second].map(|slot| entry(near[slot], node.children[slot]));
                     let (mut nearest, farther) =
                         (select_unpredictable(a < b, a, b), select_unpredictable(a < b, b, a));
-                    // SAFETY: there is room for eight above those of the levels before.
+                    // SAFETY: there is room for eight entries above those of the previous levels.
                     unsafe {
                         stack.get_unchecked_mut(top).write(farther);
                         nearest = push_sorted(stack, top, nearest, rest, &near, &node.children);
@@ -303,12 +305,13 @@ impl<'a, L: Lanes8> Place<'a, L> {
             } else {
                 return false;
             }
-            // SAFETY: all entries below `top` are written, and the lowest is never beyond.
+            // SAFETY: all entries below `top` are written, and the lowest is never beyond the
+            // limit.
             current = unsafe {
                 loop {
                     top -= 1;
                     let next = stack.get_unchecked(top).assume_init();
-                    // Nothing is beyond what does not come nearer.
+                    // For goals that do not narrow the limit, no entry is beyond it.
                     if !G::NARROWS || next < beyond {
                         break ChildRef(next as u32);
                     }
@@ -317,8 +320,8 @@ impl<'a, L: Lanes8> Place<'a, L> {
         }
     }
 
-    /// [`test_object`] for an ordinary ray in an ordinary forest: most instances stand still, and
-    /// rays are ordinary there too, so these are entered without a detour.
+    /// Performs [`test_object`] for an ordinary ray in an ordinary forest. Most instances are
+    /// static, and the ray is ordinary in their coordinates too, so they are entered directly.
     #[inline(always)]
     fn test_object<G: Goal>(
         self,
@@ -366,8 +369,9 @@ impl<'a, L: Lanes8> Place<'a, L> {
     }
 }
 
-/// True if a direction goes up along the axis that it mostly goes along. Children stand in their
-/// node as they lie along the axes, so that those in the last slots are ahead of such a ray.
+/// True if the component of a direction with the largest magnitude is positive. Children are stored
+/// in a node in the order of their positions along the axes, so for such a ray those in the last
+/// slots are ahead.
 #[inline(always)]
 fn is_ascending(direction: DVec3) -> bool {
     let size = direction.abs();
@@ -377,11 +381,11 @@ fn is_ascending(direction: DVec3) -> bool {
 }
 
 /// Pushes children above `top` in slot order along the ray, without comparing distances, and
-/// returns the last. For occlusion rays sorting by distance does not pay: near the origin is mostly
-/// the surface that the ray leaves, and sorting takes longer than it saves.
+/// returns the last. For occlusion rays sorting by distance does not pay: the nearest surface is
+/// mostly the one that the ray leaves, and sorting takes longer than it saves.
 ///
 /// # Safety
-/// `stack` must have room for them, and there must be one.
+/// `stack` must have room for the children, and there must be at least one.
 #[inline(always)]
 unsafe fn push_unsorted(
     stack: &mut Stack,
@@ -398,17 +402,17 @@ unsafe fn push_unsorted(
         if rest == 0 {
             return child;
         }
-        // SAFETY: the caller promises room for all that were met.
+        // SAFETY: the caller promises room for all children that were hit.
         unsafe { stack.get_unchecked_mut(*top).write(entry(0.0, child)) };
         *top += 1;
     }
 }
 
-/// Puts more children to one that is above `top` and one that is nearer than all, far ones first;
-/// returns the new nearest.
+/// Sorts more children into the stack, far ones first, given one entry at `top` and one child
+/// nearer than that; returns the new nearest child.
 ///
 /// # Safety
-/// `stack` must have room for them, and the entry at `top` must be written.
+/// `stack` must have room for the children, and the entry at `top` must be written.
 #[inline(always)]
 unsafe fn push_sorted(
     stack: &mut Stack,
@@ -444,10 +448,11 @@ unsafe fn push_sorted(
     nearest
 }
 
-/// Tests a shape or a primitive of a set, or walks the group of an instance.
+/// Tests a shape or a primitive of a set, or traverses the group of an instance. Returns true if
+/// the search is over.
 ///
 /// # Panics
-/// If `stack` has no room for all below the group.
+/// If `stack` has no room for all groups below this one.
 #[inline(never)]
 pub(crate) fn test_object<L: Lanes8, G: Goal>(
     token: L::Token,

@@ -1,8 +1,8 @@
-//! From primitives to a BSP tree.
+//! Builds a BSP tree from primitives.
 //!
-//! The polygon of a triangle is the part of its plane within its box (grown by the margin of
-//! [`crate::lecture::primitives`]), because that is where hits on it can be. Shapes, instances and
-//! small triangles, for which the box is as good, are represented by their box.
+//! The polygon of a triangle is the part of its plane within its box (enlarged by the margin of
+//! [`crate::lecture::primitives`]), because hits on the triangle can only be there. Shapes,
+//! instances and small triangles, for which the box is as good, are represented by their box.
 
 use super::polygon::{parts_of_box, plane_in_box};
 use super::{ChildRef, Node};
@@ -10,44 +10,44 @@ use crate::lecture::primitives::{Item, PARALLEL, Primitives};
 use snell_math::plane::{Plane, Side, Vertices};
 use snell_math::{Bounds3d, DVec3};
 
-/// Sets up to this size are not divided.
+/// Sets of up to this size are not divided.
 const LEAF: usize = 2;
 
-/// Larger sets are divided even if the sample promises nothing: it is easily wrong, and what comes
-/// below may pay.
+/// Sets larger than this are divided even if the sample shows no gain: the sample is often wrong,
+/// and divisions below may pay.
 const MANY: usize = 8;
 
-/// Cost of testing a primitive, in steps from node to node.
+/// Cost of testing a primitive, in units of steps from node to node.
 const TEST_COST: f64 = 2.0;
 
-/// All nodes and leaves together refer to this many times the number of primitives at most.
+/// The largest number of references in all nodes and leaves, relative to the number of primitives.
 const GROWTH: usize = 8;
 
-/// Polygons of which planes are tried, and polygons on which they are tried.
+/// The number of polygons whose planes are tried, and of polygons on which they are tried.
 const CANDIDATES: usize = 3;
 const SAMPLE: usize = 24;
 
-/// Planes that cut off empty space cost this much less.
+/// The factor by which a plane that cuts off empty space is cheaper.
 const EMPTY_BONUS: f64 = 0.8;
 
-/// What is left of a cell without its empty part, at most.
+/// The largest part of a cell that may remain when its empty part is cut off.
 const MOST: f64 = 0.95;
 
-/// Below this relative size of the group, distances from a plane do not count.
+/// Distances from a plane below this, relative to the size of the group, count as zero.
 const TOLERANCE: f64 = 1e-7;
 
 /// The part of a primitive in a set.
 #[derive(Clone, Copy, Debug)]
 struct Fragment {
     id: u32,
-    /// Its vertices in [`Set::vertices`].
+    /// The index of the fragment's first vertex in [`Set::vertices`].
     first: u32,
-    /// How many; 0 for one that takes part with its box.
+    /// The number of vertices; 0 for a fragment that is represented by its box.
     count: u32,
     bounds: Bounds3d,
 }
 
-/// What lies in a cell of space.
+/// The contents of a cell of space.
 #[derive(Default)]
 struct Set {
     fragments: Vec<Fragment>,
@@ -86,7 +86,7 @@ fn bounds_of(points: &[DVec3]) -> Bounds3d {
     points.iter().fold(Bounds3d::EMPTY, |b, &p| b.with_point(p))
 }
 
-/// A piece of a tree.
+/// A subtree.
 #[derive(Default)]
 pub(super) struct Part {
     pub nodes: Vec<Node>,
@@ -102,7 +102,7 @@ impl Part {
         [first, self.references.len() as u32]
     }
 
-    /// Adds another piece and returns its root as seen from here.
+    /// Adds another subtree. Returns its root with indices valid in this one.
     fn append(&mut self, other: Self, root: ChildRef) -> ChildRef {
         let (nodes, leaves, references) =
             (self.nodes.len() as u32, self.leaves.len() as u32, self.references.len() as u32);
@@ -117,7 +117,7 @@ impl Part {
     }
 }
 
-/// Builds the tree; returns it with its root and the origin of its planes.
+/// Builds the tree. Returns it with its root and the origin of its planes.
 pub(super) fn tree(primitives: &Primitives) -> (Part, ChildRef, DVec3) {
     let n = primitives.items.len();
     let bounds: Bounds3d = if n == 0 { Bounds3d::default() } else { primitives.bounds.into() };
@@ -142,14 +142,14 @@ struct Builder<'a> {
     max_depth: u32,
 }
 
-/// How a plane divides a sample.
+/// The result of trying a plane on a sample.
 struct Score {
     plane: Plane,
     cost: f64,
 }
 
 impl Builder<'_> {
-    /// All primitives.
+    /// The set of all primitives.
     fn whole(&self) -> Set {
         let mut set = Set::default();
         for item in &self.primitives.items {
@@ -168,7 +168,7 @@ impl Builder<'_> {
         set
     }
 
-    /// The box of an item around the centre, with the margin.
+    /// The box of an item relative to the centre, enlarged by the margin.
     fn item_box(&self, item: &Item) -> Bounds3d {
         let margin = DVec3::splat(self.primitives.margin);
         Bounds3d {
@@ -236,8 +236,8 @@ impl Builder<'_> {
         ChildRef(node as u32)
     }
 
-    /// Divides a set by the best plane; `None` if a leaf is better, or the parts would be more than
-    /// allowed.
+    /// Divides a set by the best plane; `None` if a leaf is better, or if the parts would need more
+    /// references than allowed.
     fn divide(&self, set: &Set, cell: &Bounds3d, allowance: usize) -> Option<Divided> {
         let plane = self.best_plane(set, cell)?;
         let mut divided =
@@ -268,8 +268,8 @@ impl Builder<'_> {
         }
     }
 
-    /// The plane of least expected cost on a sample; `None` if none is expected to be better than a
-    /// leaf.
+    /// The plane of least expected cost on a sample; `None` if a leaf is expected to be better than
+    /// any plane.
     fn best_plane(&self, set: &Set, cell: &Bounds3d) -> Option<Plane> {
         let n = set.fragments.len();
         let step = |wanted: usize| n.div_ceil(wanted.min(n));
@@ -291,13 +291,13 @@ impl Builder<'_> {
                 }
             }
         }
-        // The sample stands for all.
+        // The sample represents the whole set.
         let scale = n as f64 / sample.len() as f64;
         let best = best?;
         (n > MANY || 1.0 + best.cost * scale < TEST_COST * n as f64).then_some(best.plane)
     }
 
-    /// Expected tests in the two parts of a cell: the surface area heuristic.
+    /// The expected cost of the two parts of a cell, by the surface area heuristic.
     fn cost(&self, set: &Set, sample: &[&Fragment], cell: &Bounds3d, plane: &Plane) -> f64 {
         let (mut on, mut counts) = (0, [0; 2]);
         for f in sample {
@@ -311,10 +311,11 @@ impl Builder<'_> {
         let inverse = 1.0 / cell.half_area();
         let parts = parts_of_box(plane, cell);
         let side = |i: usize| parts[i].half_area * inverse * f64::from(counts[i]);
-        // Nearly every ray through the cell meets the plane there, if it divides the cell well.
+        // Nearly every ray through the cell crosses the plane in it, if the plane divides the cell
+        // well.
         let tests = f64::EPSILON + side(0) + side(1) + 0.5 * f64::from(on);
         let bonus = match counts {
-            // A plane along the border of the cell cuts nothing off.
+            // A plane along the border of the cell cuts off nothing.
             [0, _] if parts[1].half_area * inverse > MOST => f64::INFINITY,
             [_, 0] if parts[0].half_area * inverse > MOST => f64::INFINITY,
             [0, _] | [_, 0] => EMPTY_BONUS,
@@ -324,10 +325,10 @@ impl Builder<'_> {
     }
 }
 
-/// A set, divided.
+/// A divided set.
 struct Divided {
     plane: Plane,
     on: Vec<u32>,
-    /// Back, front.
+    /// The sets behind and in front of the plane.
     sides: [Set; 2],
 }

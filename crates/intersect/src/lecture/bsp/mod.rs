@@ -1,12 +1,12 @@
-//! Binary space partition: planes that polygons lie on divide space, polygons are cut where a plane
-//! crosses them, and each node keeps the polygons on its plane (Fuchs, Kedem and Naylor, On visible
-//! surface generation by a priori tree structures, 1980).
+//! Binary space partition: space is divided by the planes of polygons, polygons are cut where a
+//! plane crosses them, and each node keeps the polygons on its plane (Fuchs, Kedem and Naylor, On
+//! visible surface generation by a priori tree structures, 1980).
 //!
-//! Auto-partitions, by the planes of polygons alone, can be bad: a convex mesh becomes a list. So
-//! the sides of the polygons' boxes serve as planes too where they divide better (Ize, Wald and
-//! Parker, Ray tracing with the BSP tree, 2008), and a set that no plane divides well stays
-//! together in a leaf. What is hit is always the whole triangle, by the exact test; the clipped
-//! polygons only decide which leaves hold it.
+//! Auto-partitions, by the planes of polygons alone, can be bad: the tree of a convex mesh becomes
+//! a list. So the sides of the polygons' boxes are also used as planes where they divide better
+//! (Ize, Wald and Parker, Ray tracing with the BSP tree, 2008), and a set that no plane divides
+//! well stays together in a leaf. A hit is always on the whole triangle, by the exact test; the
+//! clipped polygons only decide which leaves hold the triangle.
 
 mod build;
 mod polygon;
@@ -18,7 +18,7 @@ use crate::search::region::Region;
 use snell_math::plane::Plane;
 use snell_math::{Bounds3, DVec3};
 
-/// Where a child is: an inner node, or with [`Self::LEAF`] a leaf.
+/// A reference to a child: an inner node, or with the bit [`Self::LEAF`] a leaf.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct ChildRef(u32);
 
@@ -36,20 +36,20 @@ impl ChildRef {
     }
 }
 
-/// A plane, the polygons on it, and what lies behind and before it.
+/// A plane, the polygons on it, and the subtrees behind and in front of it.
 #[derive(Clone, Copy, Debug)]
 struct Node {
     plane: Plane,
-    /// First and end in [`BspTree::references`].
+    /// The range of the polygons on the plane in [`BspTree::references`], as first and end.
     on: [u32; 2],
-    /// Back, front.
+    /// The children behind and in front of the plane.
     children: [ChildRef; 2],
 }
 
 #[derive(Debug)]
 struct BspTree {
     nodes: Vec<Node>,
-    /// Of each leaf the first and the end in `references`.
+    /// For each leaf its range in `references`, as first and end.
     leaves: Vec<[u32; 2]>,
     references: Vec<u32>,
     root: ChildRef,
@@ -60,7 +60,7 @@ struct BspTree {
     front_to_back: bool,
 }
 
-/// Builds it.
+/// Builds the BSP tree of a group.
 pub(crate) fn build(primitives: &Primitives, options: &AcceleratorOptions) -> Box<dyn Accelerator> {
     let (part, root, center) = build::tree(primitives);
     Box::new(BspTree {
@@ -80,10 +80,10 @@ impl BspTree {
         &self.references[first as usize..end as usize]
     }
 
-    /// The lecture's `ComputeBSPIntersection`, with a stack, and with its test of `t` put right:
-    /// the near side is always visited up to the plane (where the ray does not reach the plane, the
-    /// near side is all there is); the polygons on the plane, and the far side, if the plane is met
-    /// within the interval.
+    /// The lecture's `ComputeBSPIntersection`, with a stack and with a corrected test of `t`: the
+    /// near side is always visited up to the plane (if the ray does not reach the plane, only the
+    /// near side is visited). The polygons on the plane, and the far side, are visited if the ray
+    /// crosses the plane within the interval.
     fn search(
         &self,
         ray: &BoxRay,
@@ -119,8 +119,9 @@ impl BspTree {
             let (low, high, goes_to_front) =
                 ray_here.plane_crossing(&node.plane.normal, node.plane.offset);
             work.node(visitor, || {
-                // As large as the stretch of the ray that is divided, where it is met, or nearest
-                // to that.
+                // The recorded piece of the plane is as large as the piece of the ray that it
+                // divides, and is centred where the ray crosses the plane, or at the nearest point
+                // of the piece.
                 let middle = low * 0.5 + high * 0.5;
                 let at = if middle.is_finite() { middle.clamp(start, end) } else { start };
                 Region::plane(
@@ -138,7 +139,7 @@ impl BspTree {
             let has_polygons = node.on[0] < node.on[1] && starts_far <= ends_near;
             let on = has_polygons
                 .then_some(Later { level: ON_PLANE, ..Later::node(at.0, starts_far, ends_near) });
-            // The last is the first to be visited.
+            // The last entry is visited first.
             let ordered =
                 if self.front_to_back || goes_to_front { [far, on, near] } else { [near, on, far] };
             stack.extend(ordered.into_iter().flatten());
@@ -181,7 +182,7 @@ mod tests {
     use snell_math::{Ray, Vec3};
     use std::sync::Arc;
 
-    /// A wall of triangles across each of some planes `x = i`, enough for a tree of planes.
+    /// Walls of triangles, one across each of several planes `x = i`, enough for a tree of planes.
     fn walls() -> World {
         let mut mesh = TriangleMesh::default();
         for i in 0..16 {
@@ -208,7 +209,7 @@ mod tests {
         let up = |x: f32, t_min: f32, t_max: f32| {
             Ray { t_min, ..Ray::new(Vec3::new(x, 0.0, 0.0), Vec3::X) }.with_t_max(t_max)
         };
-        // Planes before, in and beyond the interval, from both sides.
+        // Planes before, in and beyond the interval, crossed from both sides.
         for i in 0..15 {
             let x = i as f32 + 0.5;
             assert_eq!((hit(up(x, 0.0, 100.0)).t, hit(up(x, 0.0, 100.0)).primitive), (0.5, i + 1));
@@ -225,7 +226,7 @@ mod tests {
                 i + 1,
                 "most lie before or beyond"
             );
-            // Parallel to all the planes, between them and in one of them.
+            // Rays parallel to all the planes, between them and in one of them.
             assert_eq!(hit(Ray::new(Vec3::new(x, 0.0, 0.0), Vec3::Y)), Hit::MISS);
             assert_eq!(hit(Ray::new(Vec3::new(x - 0.5, -5.0, 0.0), Vec3::Y)), Hit::MISS);
         }

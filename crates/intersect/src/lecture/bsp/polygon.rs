@@ -3,7 +3,8 @@
 use snell_math::plane::{Plane, Vertices};
 use snell_math::{Bounds3d, DVec3};
 
-/// The polygon in which a plane meets a box, if `point` is a point of the plane in or near the box.
+/// The polygon in which a plane intersects a box; `point` must be a point of the plane in or near
+/// the box.
 pub(super) fn plane_in_box(plane: &Plane, point: DVec3, b: &Bounds3d, out: &mut Vertices) {
     let (x, y) = plane.normal.any_orthonormal_pair();
     let r = b.size().length() * 2.0;
@@ -25,13 +26,13 @@ pub(super) fn plane_in_box(plane: &Plane, point: DVec3, b: &Bounds3d, out: &mut 
 
 /// The part of a box on one side of a plane.
 pub(super) struct BoxPart {
-    /// Half of its surface, the cut included.
+    /// Half of the surface area of the part, including the cut.
     pub half_area: f64,
-    /// The box around it.
+    /// The box around the part.
     pub bounds: Bounds3d,
 }
 
-/// The two parts, back and front, into which a plane cuts a box.
+/// The two parts, back and front, into which a plane divides a box.
 pub(super) fn parts_of_box(plane: &Plane, b: &Bounds3d) -> [BoxPart; 2] {
     if let Some(axis) = (0..3).find(|&a| plane.normal[a] == 1.0) {
         let mut bounds = [*b; 2];
@@ -42,8 +43,8 @@ pub(super) fn parts_of_box(plane: &Plane, b: &Bounds3d) -> [BoxPart; 2] {
     [-1.0, 1.0].map(|sign| part_of_box(plane, b, sign))
 }
 
-/// One of them, from the parts of the six faces. The area of the cut is the size of the sum of the
-/// directed areas of all others.
+/// One part of a divided box, computed from the parts of the six faces. The area of the cut is the
+/// length of the sum of the directed areas of all others.
 fn part_of_box(plane: &Plane, b: &Bounds3d, sign: f64) -> BoxPart {
     let (mut area, mut directed, mut bounds) = (0.0, DVec3::ZERO, Bounds3d::EMPTY);
     let mut part = Vec::with_capacity(8);
@@ -85,7 +86,7 @@ mod tests {
         let b = Bounds3d { min: DVec3::ZERO, max: DVec3::ONE };
         let plane = Plane { normal: DVec3::new(1.0, 1.0, 0.0).normalize(), offset: 0.5f64.sqrt() };
         let [back, front] = parts_of_box(&plane, &b);
-        // Half of the cube each, and the diagonal cut.
+        // The half surface area consists of half of the cube's and half of the diagonal cut.
         assert!(
             (back.half_area - (3.0 + 2f64.sqrt()) / 2.0).abs() < 1e-12
                 && (front.half_area - back.half_area).abs() < 1e-12

@@ -1,4 +1,4 @@
-//! From primitives to grids: counting sort of the primitives into cells, then a grid for each
+//! Builds grids from primitives: a counting sort of the primitives into cells, then a grid for each
 //! crowded cell.
 
 use super::{Cell, Grids, Level, MAX_LEVELS, PADDING};
@@ -7,19 +7,20 @@ use crate::lecture::primitives::{Item, PARALLEL, Primitives, bounds_of};
 use rayon::prelude::*;
 use snell_math::{Bounds3d, DVec3};
 
-/// Cells for each primitive of the outermost grid, and of those within.
+/// The number of cells per primitive, of the outermost grid and of inner grids.
 const DENSITY: f64 = 3.0;
 const INNER_DENSITY: f64 = 1.0;
 
-/// Cells along an axis at most, and in all.
+/// The largest number of cells along an axis, and of a whole grid.
 const MAX_CELLS: u32 = 1024;
 const MAX_VOLUME: u64 = 1 << 26;
 
-/// A cell with more primitives becomes a grid.
+/// The largest number of primitives in a cell that does not become a grid.
 const CROWDED: usize = 24;
 
-/// A grid that would hold this many times its primitives separates too little: within another it is
-/// not made, and the outermost gets fewer cells.
+/// The largest number of references in a grid, relative to the number of its primitives. An inner
+/// grid that would need more separates too little and is not made; the outermost grid gets fewer
+/// cells.
 const GROWTH: usize = 6;
 const OUTER_GROWTH: u64 = 16;
 
@@ -40,15 +41,15 @@ pub(super) fn grids(primitives: &Primitives, options: &AcceleratorOptions) -> Gr
     grids
 }
 
-/// The given number of cells along the longest side; cells are as nearly cubes as possible.
+/// Resolution with `n` cells along the longest side, as nearly cubic as possible.
 fn along_longest(bounds: &Bounds3d, n: u32) -> [u32; 3] {
     let size = bounds.size();
     let per_length = f64::from(n.clamp(1, MAX_CELLS)) / size.max_element();
     size.to_array().map(|s| cells_of(s * per_length))
 }
 
-/// Some cells per primitive, cubes as nearly as can be. Sides that are flat get one layer of cells
-/// and do not count.
+/// Resolution with a given number of cells per primitive, as nearly cubic as possible. Flat sides
+/// get one layer of cells and do not count.
 fn by_density(bounds: &Bounds3d, count: usize, density: f64) -> [u32; 3] {
     let size = bounds.size();
     let longest = size.max_element();
@@ -64,7 +65,7 @@ fn cells_of(x: f64) -> u32 {
     (x.round().max(1.0) as u32).min(MAX_CELLS)
 }
 
-/// Cells that fill a box.
+/// A grid of cells that fills a box.
 fn level(bounds: &Bounds3d, cells: [u32; 3]) -> Level {
     let n = DVec3::from_array(cells.map(f64::from));
     let size = bounds.size() / n;
@@ -73,11 +74,12 @@ fn level(bounds: &Bounds3d, cells: [u32; 3]) -> Level {
         low: bounds.min.to_array(),
         high: bounds.max.to_array(),
         size: size.to_array(),
-        // A flat side has one layer.
+        // A flat side has a single layer.
         inverse_size: size.to_array().map(|s| if s > 0.0 { 1.0 / s } else { 0.0 }),
         cells,
         first: 0,
-        // And more than the planes of boxes from here to the end of the numbers are rounded by.
+        // The padding also exceeds the rounding of planes of boxes between here and the largest
+        // coordinates.
         padding: if shortest.is_finite() {
             shortest * PADDING + bounds.size().max_element() * 1e-12
         } else {
@@ -91,14 +93,15 @@ struct Builder<'a> {
     nested: bool,
 }
 
-/// A primitive in a cell.
+/// A cell number and a primitive in that cell.
 type Entry = (u32, Item);
 
 impl Builder<'_> {
-    /// The outermost grid with so few cells that large primitives do not fill too many of them.
+    /// Reduces the number of cells of the outermost grid until large primitives do not fill too
+    /// many of them.
     fn fitting(&self, mut grid: Level) -> Level {
         let items = &self.primitives.items;
-        // Small scenes may have what they want.
+        // Small scenes may have as many cells as they want.
         let limit = items.len() as u64 * OUTER_GROWTH + (1 << 20);
         let touched = |grid: &Level| {
             let of = |item: &Item| {
@@ -115,13 +118,13 @@ impl Builder<'_> {
         grid
     }
 
-    /// Adds a grid and those within. `depth` counts from 1.
+    /// Adds a grid and its inner grids. `depth` counts from 1.
     fn add(&self, items: &[Item], level: Level, depth: u32, grids: &mut Grids) {
         let entries = self.entries(items, &level);
         self.add_entries(entries, level, depth, grids);
     }
 
-    /// The primitives by cell.
+    /// The primitives, sorted by cell.
     fn entries(&self, items: &[Item], level: &Level) -> Vec<Entry> {
         let one = |item: &Item| {
             let mut entries = Vec::new();
@@ -135,7 +138,7 @@ impl Builder<'_> {
         }
     }
 
-    /// Calls back for every cell that a primitive lies in, and its part there.
+    /// Calls `call` for every cell that a primitive lies in, with its part there.
     fn each_cell(&self, item: &Item, level: &Level, mut call: impl FnMut(u32, Item)) {
         let [low, high] = touched_cells(item, level);
         let is_single = low == high;
@@ -164,7 +167,7 @@ impl Builder<'_> {
         let mut counts = vec![0u32; x as usize * y as usize * z as usize];
         entries.iter().for_each(|e| counts[e.0 as usize] += 1);
         grids.cells.extend(counts.iter().map(|&count| Cell { first: 0, count }));
-        // Where each cell begins.
+        // The index at which each cell begins.
         let mut sum = 0;
         for count in &mut counts {
             (*count, sum) = (sum, sum + *count);
@@ -204,7 +207,7 @@ impl Builder<'_> {
         }
     }
 
-    /// The grid in a cell, over its contents; `None` if it would separate too little.
+    /// The grid over the contents of a cell; `None` if it would separate too little.
     fn inner(&self, items: &[Item], outer: &Level, number: u32, depth: u32) -> Option<Grids> {
         let [x, y] = [outer.cells[0], outer.cells[1]];
         let cell = cell_box(outer, [number % x, number / x % y, number / (x * y)]);
@@ -227,14 +230,14 @@ impl Builder<'_> {
     }
 }
 
-/// The first and the last of the cells that the box of an item touches, with the padding.
+/// The first and the last cell on each axis that the padded box of an item touches.
 fn touched_cells(item: &Item, level: &Level) -> [[u32; 3]; 2] {
     let low = std::array::from_fn(|a| level.place(a, f64::from(item.min[a]) - level.padding));
     let high = std::array::from_fn(|a| level.place(a, f64::from(item.max[a]) + level.padding));
     [low, high]
 }
 
-/// The box of a cell, grown by the padding.
+/// The box of a cell, enlarged by the padding.
 fn cell_box(level: &Level, place: [u32; 3]) -> Bounds3d {
     let padding = DVec3::splat(level.padding);
     let side = |up: u32| DVec3::from_array(std::array::from_fn(|a| level.plane(a, place[a] + up)));
@@ -250,7 +253,7 @@ fn add_references(items: &[Item], grids: &mut Grids) -> Cell {
     Cell { first, count: items.len() as u32 }
 }
 
-/// Adds finished grids and returns the cell that leads to them.
+/// Adds finished grids. Returns the cell that leads to them.
 fn append(grids: &mut Grids, inner: Grids) -> Cell {
     let (levels, cells, references) =
         (grids.levels.len() as u32, grids.cells.len() as u32, grids.references.len() as u32);

@@ -1,9 +1,9 @@
-//! Uniform grids, nested: a cell that holds many primitives is a grid itself (hierarchical grids:
+//! Nested uniform grids: a cell that holds many primitives is itself a grid (hierarchical grids:
 //! Jevans and Wyvill, Adaptive voxel subdivision for ray tracing, 1989; Kalojanov, Billeter and
 //! Slusallek, Two-level grids for ray tracing on GPUs, 2011).
 //!
-//! The resolution follows from the number of primitives: cells are as nearly cubes as possible, and
-//! their number is a small multiple of that of the primitives (Ize, Shirley and Parker, Grid
+//! The resolution follows from the number of primitives: cells are as nearly cubic as possible, and
+//! their number is a small multiple of the number of primitives (Ize, Shirley and Parker, Grid
 //! creation strategies for efficient ray tracing, 2007).
 
 mod build;
@@ -13,17 +13,18 @@ use super::box_ray::BoxRay;
 use super::primitives::Primitives;
 use super::{Accelerator, AcceleratorOptions, Size, Visitor, Work};
 
-/// Grids in grids are at most this deep.
+/// The largest nesting depth of grids.
 const MAX_LEVELS: u32 = 4;
 
-/// How far around their boxes primitives are entered, relative to the shortest side of a cell.
+/// The distance from their boxes within which primitives are stored in cells, relative to the
+/// shortest side of a cell.
 const PADDING: f64 = 0.05;
 
-/// A cell: its references, or the grid that it is.
+/// A cell: its references, or the grid that it is divided into.
 #[derive(Clone, Copy, Debug)]
 struct Cell {
     first: u32,
-    /// References, or [`Self::GRID`].
+    /// The number of references, or [`Self::GRID`].
     count: u32,
 }
 
@@ -32,30 +33,30 @@ impl Cell {
     const EMPTY: Self = Self { first: 0, count: 0 };
 }
 
-/// Where the cells of one grid are.
+/// The region and resolution of one grid.
 #[derive(Clone, Copy, Debug)]
 struct Level {
     low: [f64; 3],
     high: [f64; 3],
-    /// Of a cell.
+    /// The size of a cell.
     size: [f64; 3],
     inverse_size: [f64; 3],
-    /// Cells along each axis.
+    /// The number of cells along each axis.
     cells: [u32; 3],
-    /// Where its cells begin in [`Grids::cells`]: x runs fastest.
+    /// The index of the grid's first cell in [`Grids::cells`]; x runs fastest.
     first: u32,
-    /// Rays thinner than this can be followed from cell to cell.
+    /// The width up to which rays can be followed from cell to cell.
     padding: f64,
 }
 
 impl Level {
-    /// The number of a plane between cells to its coordinate.
+    /// The coordinate of the plane between cells with this number.
     #[inline(always)]
     fn plane(&self, axis: usize, number: u32) -> f64 {
         self.low[axis] + self.size[axis] * f64::from(number)
     }
 
-    /// The cell along an axis that holds a coordinate; the nearest if none does.
+    /// The cell along an axis that contains a coordinate; the nearest cell if none does.
     #[inline(always)]
     fn place(&self, axis: usize, x: f64) -> u32 {
         let place = (x - self.low[axis]) * self.inverse_size[axis];
@@ -70,7 +71,7 @@ impl Level {
     }
 }
 
-/// All grids of a group; 0 is the outermost.
+/// All grids of a group; grid 0 is the outermost.
 #[derive(Debug)]
 struct Grids {
     levels: Vec<Level>,
@@ -79,7 +80,7 @@ struct Grids {
     depth: u32,
 }
 
-/// Builds it.
+/// Builds the grids of a group.
 pub(crate) fn build(primitives: &Primitives, options: &AcceleratorOptions) -> Box<dyn Accelerator> {
     Box::new(build::grids(primitives, options))
 }

@@ -1,9 +1,9 @@
-//! From cell to cell along the ray (Amanatides and Woo, A fast voxel traversal algorithm for ray
-//! tracing, 1987).
+//! Traversal of a grid from cell to cell along the ray (Amanatides and Woo, A fast voxel traversal
+//! algorithm for ray tracing, 1987).
 //!
-//! The walk follows the line itself; primitives are entered in all cells within a padding. For a
-//! ray thicker than that, from far away, each step also takes in the cells beside the piece of the
-//! line in the current cell, as far as the ray is thick.
+//! The traversal follows the line itself; primitives are stored in all cells within a padding. For
+//! a ray from far away that is thicker than the padding, each step also visits the cells beside the
+//! piece of the line in the current cell, within the thickness of the ray.
 
 use super::{Cell, Grids, Level, PADDING};
 use crate::lecture::box_ray::BoxRay;
@@ -11,7 +11,7 @@ use crate::lecture::{Visitor, Work};
 use crate::search::region::Region;
 use snell_math::Bounds3d;
 
-/// Walks through a grid and those within. True if the search is over.
+/// Traverses a grid and its inner grids. Returns true if the search is over.
 pub(super) fn walk(
     grids: &Grids,
     number: u32,
@@ -27,7 +27,7 @@ pub(super) fn walk(
     if start > end {
         return false;
     }
-    // As thick as a cell, or endless: steps would not get anywhere.
+    // The ray is as thick as a cell, or endless, so stepping from cell to cell is useless.
     if ray.width * PADDING > level.padding || !start.is_finite() || !end.is_finite() {
         let [low, high] = around(level, ray, start, end);
         return visit_range(grids, level, low, high, ray, visitor, work);
@@ -35,7 +35,7 @@ pub(super) fn walk(
     let is_thick = ray.width > level.padding;
     let mut steps = Steps::new(level, ray, start);
     loop {
-        // Where the ray leaves the cell.
+        // The axis and parameter at which the ray leaves the cell.
         let (axis, next) = steps.next();
         let finished = if is_thick {
             let [low, high] = around(level, ray, steps.start, next.min(end));
@@ -53,7 +53,7 @@ pub(super) fn walk(
     }
 }
 
-/// Tests what a cell holds, or walks through the grid that it is.
+/// Tests the contents of a cell, or traverses the grid that it is divided into.
 #[inline(always)]
 fn visit(
     grids: &Grids,
@@ -94,8 +94,8 @@ fn visit_range(
     })
 }
 
-/// The cells within the width of the ray between two of its points. All, if one of them is
-/// infinitely far.
+/// The range of cells within the width of the ray between two of its points; all cells if one of
+/// the points is infinitely far away.
 fn around(level: &Level, ray: &BoxRay, start: f64, end: f64) -> [[u32; 3]; 2] {
     if !(start.is_finite() && end.is_finite()) {
         return [[0; 3], level.cells.map(|n| n - 1)];
@@ -106,17 +106,18 @@ fn around(level: &Level, ray: &BoxRay, start: f64, end: f64) -> [[u32; 3]; 2] {
     [std::array::from_fn(low), std::array::from_fn(high)]
 }
 
-/// The state of the walk.
+/// The state of a traversal.
 struct Steps {
     /// The current cell.
     place: [u32; 3],
-    /// Where the ray entered it.
+    /// The parameter at which the ray entered the current cell.
     start: f64,
-    /// Where the ray meets the next plane of each axis; infinite where there is no further cell.
+    /// The parameter at which the ray crosses the next plane of each axis; infinite at the end of
+    /// the grid.
     next: [f64; 3],
-    /// How far it is from plane to plane.
+    /// The difference of the parameter between consecutive planes of each axis.
     delta: [f64; 3],
-    /// Steps left along each axis.
+    /// The number of remaining cells along each axis.
     left: [u32; 3],
     is_down: [bool; 3],
 }
@@ -147,7 +148,7 @@ impl Steps {
         steps
     }
 
-    /// The axis along which the ray leaves the cell, and where.
+    /// The axis along which the ray leaves the cell, and the parameter there.
     #[inline(always)]
     fn next(&self) -> (usize, f64) {
         let [x, y, z] = self.next;

@@ -1,28 +1,29 @@
-//! From primitives to a k-d tree.
+//! Builds a k-d tree from primitives.
 
 use super::Node;
 use crate::lecture::primitives::{Item, PARALLEL, Primitives, half_area};
 use snell_math::Bounds3;
 
-/// Cost of testing a primitive, in steps from node to node.
+/// Cost of testing a primitive, in units of steps from node to node.
 const TEST_COST: f64 = 2.0;
 
-/// Planes that cut off empty space cost this much less.
+/// The factor by which a plane that cuts off empty space is cheaper.
 const EMPTY_BONUS: f64 = 0.8;
 
-/// Planes per axis, plus one.
+/// The number of planes per axis, plus one.
 const BINS: usize = 32;
 
-/// Sets up to this size are divided at the best of all planes.
+/// Sets of up to this size are divided at the best of all planes along sides of boxes.
 const EXACT: usize = 64;
 
-/// All leaves together refer to this many times the number of primitives at most.
+/// The largest number of references in all leaves, relative to the number of primitives.
 const GROWTH: usize = 8;
 
-/// How often in a row a division may cost more than none, in the hope of what comes below.
+/// The largest number of successive divisions that may cost more than a leaf, in the hope that
+/// divisions below them pay.
 const MAX_BAD: u32 = 3;
 
-/// A piece of a tree, with references of its own.
+/// A subtree with a separate list of references.
 #[derive(Default)]
 pub(super) struct Part {
     pub nodes: Vec<Node>,
@@ -62,18 +63,18 @@ struct Builder<'a> {
     max_depth: u32,
 }
 
-/// What is known of a node to be.
+/// A node to be built.
 #[derive(Clone, Copy)]
 struct Cell {
     bounds: Bounds3,
     depth: u32,
-    /// Divisions in a row that did not pay.
+    /// The number of successive divisions above that cost more than a leaf.
     bad: u32,
-    /// References that may be used below.
+    /// The number of references that the subtree may use.
     allowance: usize,
 }
 
-/// A plane across an axis.
+/// A plane perpendicular to an axis.
 #[derive(Clone, Copy)]
 struct Plane {
     axis: usize,
@@ -110,7 +111,7 @@ impl Builder<'_> {
         }
     }
 
-    /// The best plane and what lies on both sides of it; `None` if a leaf is better.
+    /// The best plane and the contents of both sides of it; `None` if a leaf is better.
     fn divide(&self, items: &[Item], cell: Cell) -> Option<(Plane, [Vec<Item>; 2], [Cell; 2])> {
         if items.len() < 2 || cell.depth >= self.max_depth {
             return None;
@@ -148,20 +149,20 @@ impl Builder<'_> {
         Some((plane, sides, cells))
     }
 
-    /// What lies on both sides of the plane.
+    /// The contents of both sides of the plane.
     fn sides(&self, items: &[Item], plane: Plane, bounds: [Bounds3; 2]) -> [Vec<Item>; 2] {
         let Plane { axis, at, .. } = plane;
         let bounds = bounds.map(Into::into);
         let mut sides = [Vec::new(), Vec::new()];
         for item in items {
-            // One that lies in the plane belongs to the first side.
+            // A primitive in the plane belongs to the first side.
             let low = item.min[axis] < at || item.max[axis] <= at;
             let high = item.max[axis] > at;
             if low && high {
                 let parts = bounds.map(|b| self.primitives.clipped(item, &b));
                 let is_nowhere = parts.iter().all(Option::is_none);
                 for (side, part) in sides.iter_mut().zip(parts) {
-                    // Only numbers beyond all reason are in neither part.
+                    // Only after overflow is an item in neither part.
                     side.extend(if is_nowhere { Some(*item) } else { part });
                 }
             } else {
@@ -177,10 +178,12 @@ fn with(mut v: snell_math::Vec3, axis: usize, x: f32) -> snell_math::Vec3 {
     v
 }
 
-/// The areas of the two parts of a cell, relative to the whole, by where a plane lies.
+/// The areas of the two parts of a cell, relative to the area of the cell, as functions of the
+/// position of the plane.
 struct Areas {
     inverse: f64,
-    /// Area of the sides across the axis, and of the rest per length along it.
+    /// Area of the sides perpendicular to the axis, and of the other sides per length along the
+    /// axis.
     across: f64,
     around: f64,
     low: f64,
@@ -200,7 +203,7 @@ impl Areas {
         }
     }
 
-    /// The cost of a division.
+    /// The cost of a division at `at`, given the numbers of primitives on both sides.
     fn cost(&self, at: f32, low: usize, high: usize) -> f64 {
         let at = f64::from(at);
         let area = |length: f64| (self.across + self.around * length) * self.inverse;
@@ -260,7 +263,7 @@ fn swept(items: &[Item], cell: &Bounds3) -> Option<Plane> {
                 (Some(&x), None) | (None, Some(&x)) => x,
                 (None, None) => break,
             };
-            // Those that end here lie below, those that start here above.
+            // Primitives that end here are below the plane, those that start here are above it.
             while ends.get(j).is_some_and(|&x| x <= at) {
                 (j, ended) = (j + 1, ended + 1);
             }

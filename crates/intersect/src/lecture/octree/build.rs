@@ -1,4 +1,4 @@
-//! From primitives to an octree.
+//! Builds an octree from primitives.
 
 use super::{MAX_LEVEL, Node, Octree, PADDING, Space};
 use crate::lecture::AcceleratorOptions;
@@ -6,13 +6,13 @@ use crate::lecture::primitives::{Item, PARALLEL, Primitives};
 use rayon::prelude::*;
 use snell_math::{Bounds3d, DVec3};
 
-/// Cells with more primitives are divided.
+/// The largest number of primitives in a cell that is not divided.
 const LEAF: usize = 6;
 
-/// All leaves together refer to this many times the number of primitives at most.
+/// The largest number of references in all leaves, relative to the number of primitives.
 const GROWTH: usize = 8;
 
-/// A piece of a tree. Its root is held apart.
+/// A subtree, whose root is stored separately.
 #[derive(Default)]
 struct Part {
     nodes: Vec<Node>,
@@ -21,7 +21,7 @@ struct Part {
 }
 
 impl Part {
-    /// Adds another piece and returns its root as seen from here.
+    /// Adds another subtree. Returns its root with indices valid in this one.
     fn append(&mut self, other: Self, root: Node) -> Node {
         let (nodes, references) = (self.nodes.len() as u32, self.references.len() as u32);
         let moved =
@@ -65,12 +65,12 @@ struct Builder<'a> {
     padding: f64,
 }
 
-/// What is known of a node to be.
+/// A node to be built.
 #[derive(Clone, Copy)]
 struct Cell {
     place: [u32; 3],
     level: u32,
-    /// References that may be used below.
+    /// The number of references that the subtree may use.
     allowance: usize,
 }
 
@@ -116,8 +116,8 @@ impl Builder<'_> {
         Node { first: first as u32, count: Node::INNER }
     }
 
-    /// What lies in each octant; `None` if a division separates nothing, or takes more references
-    /// than allowed.
+    /// The contents of each octant; `None` if a division separates nothing, or takes more
+    /// references than allowed.
     fn divide(&self, items: &[Item], cell: Cell) -> Option<[(Vec<Item>, Cell); 8]> {
         let around = DVec3::splat(self.padding);
         let cells: [Cell; 8] = std::array::from_fn(|octant| cell.child(octant));
@@ -133,8 +133,8 @@ impl Builder<'_> {
             }
         }
         let total: usize = children.iter().map(Vec::len).sum();
-        // Every child holds all primitives, as when they meet in a point; smaller cells would not
-        // separate them.
+        // More than three children would hold all primitives, for example because the primitives
+        // meet in a point; smaller cells would not separate them.
         if total > cell.allowance || children.iter().filter(|c| c.len() == items.len()).count() > 3
         {
             return None;

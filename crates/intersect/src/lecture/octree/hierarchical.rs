@@ -1,7 +1,7 @@
-//! From the root down: the ray's parameters at the three planes of a node along each axis give
-//! those of all eight children (Revelles, Ureña and Lastra, An efficient parametric algorithm for
-//! octree traversal, 2000), which are then visited front to back. The planes are as thick as the
-//! ray, so children may overlap.
+//! Traversal from the root down: the ray's parameters at the three planes of a node along each axis
+//! give the parameters of all eight children (Revelles, Ureña and Lastra, An efficient parametric
+//! algorithm for octree traversal, 2000), which are then visited front to back. The planes are
+//! treated as slabs as thick as the ray, so children may overlap.
 
 use super::{Node, Octree};
 use crate::lecture::box_ray::BoxRay;
@@ -25,7 +25,7 @@ impl Accelerator for Hierarchical {
     }
 }
 
-/// Walks the tree from its root.
+/// Traverses the tree from its root.
 pub(super) fn walk(tree: &Octree, ray: &BoxRay, visitor: &mut dyn Visitor) -> bool {
     walk_with_stack(visitor, |visitor, stack, work| search(tree, ray, visitor, stack, work))
 }
@@ -60,10 +60,10 @@ fn search(
     false
 }
 
-/// Puts the children that the ray passes on the stack, the nearest on top.
+/// Pushes the children that the ray passes onto the stack, the nearest on top.
 #[inline(always)]
 fn push_children(tree: &Octree, ray: &BoxRay, node: Node, parent: &Later, stack: &mut Vec<Later>) {
-    // By axis and half: where the ray is there.
+    // The interval of the ray in each half, by axis.
     let halves: [[(f64, f64); 2]; 3] = std::array::from_fn(|axis| {
         let plane = |up: u32| {
             ray.crossing(axis, tree.space.plane(axis, parent.cell[axis] * 2 + up, parent.level + 1))
@@ -75,7 +75,7 @@ fn push_children(tree: &Octree, ray: &BoxRay, node: Node, parent: &Later, stack:
             [(low.0, middle.1), (middle.0, high.1)]
         }
     });
-    // With these bits turned over, every octant comes before all that it can hide.
+    // With these bits flipped, every octant comes before all octants that it can hide.
     let down = if tree.front_to_back {
         (0..3).map(|axis| usize::from(ray.is_down(axis)) << axis).sum()
     } else {
@@ -90,7 +90,7 @@ fn push_children(tree: &Octree, ray: &BoxRay, node: Node, parent: &Later, stack:
         let (mut start, mut end) = (parent.start, parent.end);
         for (axis, halves) in halves.iter().enumerate() {
             let half = halves[octant >> axis & 1];
-            // A NaN on the right does not count.
+            // A NaN as the right operand is ignored.
             (start, end) = (start.max(half.0), end.min(half.1));
         }
         if start <= end {

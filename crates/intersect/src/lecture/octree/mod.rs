@@ -1,9 +1,9 @@
-//! Octrees: box-shaped cells, halved along all axes at once where primitives are many. Two ways to
-//! walk through them, as in the lecture: from each cell to its neighbour ([`neighbours`]), or from
-//! the root down ([`hierarchical`]).
+//! Octrees: box-shaped cells that are halved along all axes at once where there are many
+//! primitives. The tree can be traversed in two ways, as in the lecture: from each cell to its
+//! neighbour ([`neighbours`]), or from the root down ([`hierarchical`]).
 //!
-//! Cells are not stored: their boxes follow from their level and their place among the cells of
-//! that level.
+//! Cells are not stored: their boxes follow from their level and their coordinates among the cells
+//! of that level.
 
 mod build;
 mod hierarchical;
@@ -16,15 +16,15 @@ use snell_math::Bounds3d;
 /// The deepest level; the root has level 0.
 const MAX_LEVEL: u32 = 16;
 
-/// The root is larger than its contents by this, relative to the longest side, so that all that is
-/// as thick as a ray lies inside.
+/// The distance by which the root is larger than its contents, relative to the longest side, so
+/// that contents within the thickness of a ray lie inside.
 const PADDING: f64 = 2e-5;
 
-/// Eight bytes: the first of eight children, or the references of a leaf.
+/// A node in eight bytes: the first of eight children, or the references of a leaf.
 #[derive(Clone, Copy, Debug)]
 struct Node {
     first: u32,
-    /// References of a leaf, or [`Self::INNER`].
+    /// The number of references of a leaf, or [`Self::INNER`].
     count: u32,
 }
 
@@ -38,20 +38,20 @@ impl Node {
     }
 }
 
-/// The tree, for both ways to walk. Child `x + 2y + 4z` of a node lies on the upper side along the
-/// axes whose bit is set.
+/// The tree, for both ways of traversal. Child `x + 2y + 4z` of a node lies in the upper half along
+/// each axis whose bit is set.
 #[derive(Debug)]
 struct Octree {
-    /// Node 0 is the root.
+    /// The nodes; node 0 is the root.
     nodes: Vec<Node>,
     references: Vec<u32>,
     space: Space,
-    /// How far around their boxes primitives are entered.
+    /// The distance from their boxes within which primitives are stored in cells.
     padding: f64,
     front_to_back: bool,
 }
 
-/// Where the cells are.
+/// The region of space divided by the tree.
 #[derive(Clone, Copy, Debug)]
 struct Space {
     low: [f64; 3],
@@ -61,8 +61,8 @@ struct Space {
 }
 
 impl Space {
-    /// The coordinate of a plane between cells: their number at a level. The same bits at every
-    /// level.
+    /// The coordinate of a plane between cells, given by its number at a level. It has the same
+    /// bits at every level.
     #[inline(always)]
     fn plane(&self, axis: usize, number: u32, level: u32) -> f64 {
         let place = u64::from(number) << (MAX_LEVEL - level);
@@ -78,7 +78,7 @@ impl Space {
     }
 }
 
-/// One walked from cell to cell.
+/// Builds an octree that is traversed from cell to cell.
 pub(crate) fn build_neighbours(
     primitives: &Primitives,
     options: &AcceleratorOptions,
@@ -86,7 +86,7 @@ pub(crate) fn build_neighbours(
     Box::new(neighbours::ByNeighbours(build::octree(primitives, options)))
 }
 
-/// One walked from the root down.
+/// Builds an octree that is traversed from the root down.
 pub(crate) fn build_hierarchical(
     primitives: &Primitives,
     options: &AcceleratorOptions,
@@ -95,7 +95,7 @@ pub(crate) fn build_hierarchical(
 }
 
 impl Octree {
-    /// What a leaf refers to.
+    /// The references of a leaf.
     #[inline(always)]
     fn contents(&self, leaf: Node) -> &[u32] {
         &self.references[leaf.first as usize..(leaf.first + leaf.count) as usize]

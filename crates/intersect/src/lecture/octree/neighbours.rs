@@ -1,11 +1,12 @@
 //! Traversal from each cell to its neighbour. Cells have integer coordinates at the deepest level.
-//! Where the ray leaves a cell, the coordinates beyond the face are known, and the cell that holds
-//! them is found from the lowest common ancestor, given by the highest bit in which the coordinates
-//! differ (Frisken and Perry, Simple and efficient traversal methods for quadtrees and octrees,
-//! 2002).
+//! When the ray leaves a cell, the coordinates beyond the face follow, and the cell that contains
+//! them is found from the lowest common ancestor, which is given by the highest bit in which the
+//! coordinates differ (Frisken and Perry, Simple and efficient traversal methods for quadtrees and
+//! octrees, 2002).
 //!
-//! The walk follows the line itself; primitives are entered in all cells within a padding, which is
-//! wider than rays from nearby. Rays from farther away go from the root down.
+//! The traversal follows the line itself; primitives are stored in all cells within a padding that
+//! is larger than the width of rays from nearby. Rays from farther away are traversed from the root
+//! down.
 
 use super::hierarchical;
 use super::{MAX_LEVEL, Octree};
@@ -43,24 +44,24 @@ impl Accelerator for ByNeighbours {
     }
 }
 
-/// Places along an axis at the deepest level.
+/// The number of places along an axis at the deepest level.
 const PLACES: u32 = 1 << MAX_LEVEL;
 
-/// A walk under way.
+/// The state of a traversal.
 struct Walk<'a> {
     tree: &'a Octree,
     ray: &'a BoxRay,
-    /// Places per length.
+    /// The number of places per unit of length.
     scale: [f64; 3],
     /// The nodes from the root to the current one, by level.
     path: [u32; MAX_LEVEL as usize + 1],
     level: u32,
-    /// A place in the current cell.
+    /// The coordinates of a place in the current cell.
     place: [u32; 3],
 }
 
 impl<'a> Walk<'a> {
-    /// At the place where the ray enters the tree.
+    /// Starts a traversal at the place where the ray enters the tree.
     fn new(tree: &'a Octree, ray: &'a BoxRay, start: f64) -> Self {
         let scale = tree.space.size.map(|s| f64::from(PLACES) / s);
         let mut walk =
@@ -71,7 +72,7 @@ impl<'a> Walk<'a> {
         walk
     }
 
-    /// The place of the ray along an axis, not yet rounded.
+    /// The place of the ray along an axis, not rounded to an integer.
     #[inline(always)]
     fn place_at(&self, axis: usize, t: f64) -> f64 {
         (self.ray.origin[axis] + self.ray.direction[axis] * t - self.tree.space.low[axis])
@@ -106,7 +107,7 @@ impl<'a> Walk<'a> {
         Region::of_box(&self.tree.space.cell(self.place.map(|p| p >> shift), self.level))
     }
 
-    /// Goes down to the leaf that holds the place.
+    /// Descends to the leaf that contains the place.
     #[inline(always)]
     fn descend(&mut self, visitor: &mut dyn Visitor, work: &mut Work) {
         let mut at = self.path[self.level as usize];
@@ -124,7 +125,7 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// The axis along which the ray leaves the current cell first, and where.
+    /// The axis along which the ray leaves the current cell first, and the parameter there.
     #[inline(always)]
     fn exit(&self) -> (usize, f64) {
         let shift = MAX_LEVEL - self.level;
@@ -142,8 +143,8 @@ impl<'a> Walk<'a> {
         first
     }
 
-    /// Moves the place into the next cell along the axis, and up to the node that holds both. False
-    /// at the end of the tree.
+    /// Moves the place into the next cell along the axis, and the traversal up to the node that
+    /// contains both cells. Returns false at the end of the tree.
     #[inline(always)]
     fn step(&mut self, axis: usize, t: f64) -> bool {
         let shift = MAX_LEVEL - self.level;
@@ -163,7 +164,7 @@ impl<'a> Walk<'a> {
         }
         self.place[axis] = next as u32;
         let differs = (0..3).fold(0, |bits, i| bits | (old[i] ^ self.place[i]));
-        // The level whose cells are as large as the highest bit.
+        // The deepest level whose cells contain both places, given by the highest differing bit.
         let shared = MAX_LEVEL - (32 - differs.leading_zeros());
         self.level = self.level.min(shared);
         true

@@ -76,8 +76,8 @@ fn a_hit_that_is_offered_again_counts_once_unless_it_is_a_shape() {
     let world = default_world(builder);
     let hit =
         |t: f32, geometry, primitive| Hit { t, uv: Vec2::ZERO, instance: 0, geometry, primitive };
-    // 20 triangles, each three times, and a shape crossed twice at one distance, again and again
-    // from far to near.
+    // 20 triangles, each reported three times, and a shape crossed twice at one distance, again and
+    // again from far to near.
     let mut offers = Vec::new();
     for _ in 0..3 {
         offers.extend((0..20).rev().map(|i| hit(1.0 + (i / 2) as f32, 0, i)));

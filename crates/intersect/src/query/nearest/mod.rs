@@ -1,9 +1,9 @@
-//! The point of the world nearest to a given one.
+//! The point of the world nearest to a query point.
 //!
-//! Distances are measured in world space, however geometry is scaled or sheared. Each depends on
-//! point and primitive only and is computed in `f64`; boxes only cull; and at equal distances the
-//! lowest (instance, geometry, primitive) wins. So every structure gives the same bits. Moving
-//! geometry is taken at time 0.
+//! Distances are measured in world space, however geometry is scaled or sheared. Each distance
+//! depends on the point and the primitive only and is computed in `f64`; boxes only cull; at equal
+//! distances the lowest (instance, geometry, primitive) wins. So every structure gives the same
+//! bits. Moving geometry is taken at time 0.
 
 mod place;
 #[cfg(test)]
@@ -27,9 +27,9 @@ use snell_math::{DAffine3, DVec2, DVec3, Vec3};
 use std::mem::MaybeUninit;
 
 impl World {
-    /// For each point the nearest point of any surface, from either side; [`NearestPoint::NONE`]
-    /// where there is none within the limit, the point is not finite, or the limit is negative or
-    /// NaN.
+    /// For each point, finds the nearest point of any surface, on either side. The result is
+    /// [`NearestPoint::NONE`] where no surface is within the limit, the point is not finite, or the
+    /// limit is negative or NaN.
     ///
     /// # Panics
     /// If the slices differ in length.
@@ -48,9 +48,10 @@ impl World {
         self.space().nearest(point.as_dvec3(), f64::INFINITY, u32::MAX, &mut Vec::new()).into()
     }
 
-    /// The nearest point of any surface, within `max_distance` and with a bit in common with
-    /// `mask`, to a point in double precision. Neither the point nor the result is rounded. (The
-    /// vertices of meshes are in single precision, except in a [`crate::DWorld`].)
+    /// The nearest point of any surface to a point in double precision, within `max_distance` and
+    /// among geometries and instances with a bit in common with `mask`. Neither the point nor the
+    /// result is rounded. (The vertices of meshes are in single precision, except in a
+    /// [`crate::DWorld`].)
     pub fn nearest_point_at(&self, point: DVec3, max_distance: f64, mask: u32) -> DNearestPoint {
         self.space().nearest(point, max_distance, mask, &mut Vec::new())
     }
@@ -61,7 +62,8 @@ impl World {
 }
 
 impl DWorld {
-    /// As [`World::nearest_point`]: of the meshes as they are, not rounded.
+    /// For each point, finds the nearest point of any surface (see [`World::nearest_point`]).
+    /// Meshes are used in double precision.
     ///
     /// # Panics
     /// If the slices differ in length.
@@ -79,7 +81,7 @@ impl DWorld {
         }
     }
 
-    /// As [`World::nearest_point_one`].
+    /// The nearest point of any surface to one point.
     pub fn nearest_point_one(&self, point: DVec3) -> DNearestPoint {
         self.space().nearest(point, f64::INFINITY, u32::MAX, &mut Vec::new())
     }
@@ -93,7 +95,7 @@ impl DWorld {
 #[derive(Clone, Copy)]
 pub(super) struct Space<'a> {
     pub world: &'a World,
-    /// The meshes in double precision, if it has such.
+    /// The meshes in double precision, if the world has any.
     pub double: Option<&'a DWorld>,
 }
 
@@ -128,22 +130,22 @@ fn is_answered(point: DVec3, limit: f64) -> bool {
     point.is_finite() && limit >= 0.0
 }
 
-/// The best point so far.
+/// The nearest point found so far.
 struct Best {
     squared: f64,
     /// `squared` rounded up.
     limit: f32,
-    /// Instance, geometry, primitive (for a quad its triangle).
+    /// Instance, geometry and primitive (the number of the triangle for a quad).
     ids: [u32; 3],
     position: DVec3,
     uv: DVec2,
 }
 
 impl Best {
-    /// Nothing yet.
+    /// A limit without a point.
     fn within(distance: f64) -> Self {
         let squared = distance * distance;
-        // Every id is lower, so a point exactly at the limit is accepted.
+        // Every id is lower than [`Hit::NONE`], so a point exactly at the limit is accepted.
         Self {
             squared,
             limit: above(squared),
@@ -171,7 +173,7 @@ impl Best {
 }
 
 impl From<DNearestPoint> for NearestPoint {
-    /// Rounds to single precision.
+    /// Rounds to single precision; finite numbers stay finite.
     fn from(near: DNearestPoint) -> Self {
         if !near.is_found() {
             return Self::NONE;
@@ -189,13 +191,13 @@ impl From<DNearestPoint> for NearestPoint {
     }
 }
 
-/// The least `f32` not below.
+/// The smallest `f32` that is not less than `x`.
 fn above(x: f64) -> f32 {
     let rounded = x as f32;
     if f64::from(rounded) < x { rounded.next_up() } else { rounded }
 }
 
-/// A deferred child, and a lower bound on its squared distance.
+/// A deferred child, and a lower bound on its squared distance from the point.
 type Entry = (f32, ChildRef);
 
 /// The search for one point.
@@ -204,14 +206,14 @@ struct Search<'a> {
     point: DVec3,
     mask: u32,
     options: &'a [GeometryOptions],
-    /// The meshes of a world in double precision.
+    /// The meshes of a world in double precision, if it is one.
     data: Option<&'a DoubleData>,
     best: Best,
     stack: &'a mut Vec<Entry>,
 }
 
 impl Search<'_> {
-    /// Searches the tree of a group, nearest boxes first.
+    /// Searches the tree of a group for nearer points, nearest boxes first.
     fn tree(&mut self, forest: &Forest, group: usize, place: &Place, instance: u32) {
         let tree: &GroupTree = &forest.trees[group];
         for &object in &tree.unbounded {
@@ -291,7 +293,8 @@ impl Search<'_> {
         }
     }
 
-    /// Tests the triangles of a block; `seen` is the query point in the precision of the block.
+    /// Tests the triangles of a block. `seen`, the second place, is the query point in the
+    /// coordinates of the tree.
     fn triangles(
         &mut self,
         tree: &GroupTree,
@@ -313,7 +316,7 @@ impl Search<'_> {
         }
     }
 
-    /// Tests a triangle; `corners` are those in the structure.
+    /// Tests a triangle; `corners` gives the corners stored in the structure.
     fn triangle(&mut self, corners: impl FnOnce() -> [Vec3; 3], place: &Place, ids: [u32; 3]) {
         if self.admits(ids[1]) {
             let corners = match self.data {
@@ -368,7 +371,7 @@ impl Search<'_> {
         let point = shape_from_group.transform_point3(place.point);
         let metric = place.metric_in_child(shape_from_group);
         if let Some(found) = shape.nearest_point(point, &metric) {
-            // Not outside of the box that is skipped when it is too far.
+            // Clamped to the box, because the shape is skipped if that box is too far away.
             let bounds = shape.bounds();
             let position = found.position.max(bounds.min).min(bounds.max);
             self.offer(position - point, DVec2::ZERO, &metric, [instance, geometry, found.face]);
@@ -408,8 +411,8 @@ impl Search<'_> {
         self.options[geometry as usize].mask & self.mask != 0
     }
 
-    /// Takes a point if it is nearer than the best. `offset` is from the searched point, in
-    /// coordinates measured by `metric`.
+    /// Accepts a point if it is nearer than the best so far. `offset` is the vector to it from the
+    /// query point, in coordinates measured by `metric`.
     fn offer(&mut self, offset: DVec3, uv: DVec2, metric: &crate::shape::Metric, ids: [u32; 3]) {
         let in_world = *metric.linear() * offset;
         let squared = in_world.length_squared();

@@ -1,4 +1,5 @@
-//! A point as seen from a group, and how far boxes of the group are from it in the world.
+//! A query point in the coordinates of a group, and lower bounds on its distance from the group's
+//! boxes in world space.
 
 use crate::precision::frame::Frame;
 use crate::shape::Metric;
@@ -6,30 +7,30 @@ use crate::tree::block::TriangleBlock;
 use crate::tree::node::WideNode;
 use snell_math::{DAffine3, DMat3, DVec3};
 
-/// A point in the coordinates of a group. The `f64` point and the metric decide; the rest, in
-/// `f32`, only culls boxes that are certainly too far.
+/// A query point in the coordinates of a group. The result is decided by the `f64` point and the
+/// metric; the other fields, in `f32`, only cull boxes that are certainly too far.
 #[derive(Clone, Debug)]
 pub(super) struct Place {
-    /// The point. It is defined by mapping it down group by group, so it is the same with every
+    /// The point, computed by mapping it down group by group, so that it is the same with every
     /// structure.
     pub point: DVec3,
-    /// Lengths in the world of differences in the group.
+    /// The metric by which differences in the group have their length in world space.
     pub metric: Metric,
-    /// The point rounded down and up.
+    /// The coordinates of the point rounded down (`low`) and up (`high`).
     low: [f32; 3],
     high: [f32; 3],
     /// [`Metric::axis_weights`], rounded down.
     weights: [f32; 3],
 }
 
-/// Lower bounds of squared distances are lowered by this part: more than all roundings, in `f32`
-/// here and in `f64` of the distances that they are compared with.
+/// Lower bounds on squared distances are multiplied by this. It covers all rounding, both of the
+/// `f32` bounds and of the `f64` distances with which they are compared.
 const SLACK: f32 = 1.0 - 2e-6;
 
-/// Beyond this, distances along an axis count as this: its square does not overflow.
+/// Distances along an axis are clamped to this, so that their squares do not overflow.
 const FAR: f32 = 1e18;
 
-/// At least the sum of both, away from the first.
+/// The sum `x + by`, rounded in the direction of `by`.
 fn farther(x: f32, by: f32) -> f32 {
     match by {
         0.0 => x,
@@ -39,12 +40,12 @@ fn farther(x: f32, by: f32) -> f32 {
 }
 
 impl Place {
-    /// In the world.
+    /// The point in world space.
     pub fn world(point: DVec3) -> Self {
         Self::new(point, Metric::EUCLIDEAN, 0.0)
     }
 
-    /// As the boxes of the group see it, if they are in coordinates of their own.
+    /// The point in the coordinates of a frame in which the boxes of the group are stored.
     pub fn in_frame(&self, frame: &Frame) -> Self {
         Self::new(
             frame.point(self.point),
@@ -53,7 +54,7 @@ impl Place {
         )
     }
 
-    /// Boxes may be off by `slack` along each axis.
+    /// Makes a place for boxes that may be off by `slack` along each axis.
     fn new(point: DVec3, metric: Metric, slack: f32) -> Self {
         let nearest = point.to_array().map(|x| (x as f32).clamp(f32::MIN, f32::MAX));
         let rounded = |i: usize, to: fn(f32) -> f32| {
@@ -69,33 +70,34 @@ impl Place {
         }
     }
 
-    /// The place in an instanced group; `None` if it overflows on the way, then nothing is found
-    /// there.
+    /// The point in the coordinates of an instanced group; `None` if it overflows, and then nothing
+    /// in the group is found.
     pub fn in_child(&self, child_from_group: &DAffine3) -> Option<Self> {
         let point = child_from_group.transform_point3(self.point);
         point.is_finite().then(|| Self::new(point, self.metric_in_child(child_from_group), 0.0))
     }
 
-    /// The metric of what is placed in the group.
+    /// The metric of an instanced group or of the coordinates of a shape in this group.
     pub fn metric_in_child(&self, child_from_group: &DAffine3) -> Metric {
         let group_from_child: DMat3 = child_from_group.matrix3.inverse();
         Metric::new(*self.metric.linear() * group_from_child)
     }
 
-    /// Lower bounds of the squared distances in the world to what the eight boxes of a node hold.
+    /// Lower bounds of the squared world-space distances to the contents of a node's eight boxes.
     #[inline(always)]
     pub fn node_bounds(&self, node: &WideNode) -> [f32; 8] {
         self.bounds(|axis| (&node.bounds[0][axis], &node.bounds[1][axis]))
     }
 
-    /// The same for eight triangles.
+    /// Lower bounds of the squared world-space distances to the eight triangles of a block.
     #[inline(always)]
     pub fn triangle_bounds(&self, block: &TriangleBlock) -> [f32; 8] {
         let [a, b, c] = &block.vertices;
         let mut boxes = [([0.0; 8], [0.0; 8]); 3];
         for (axis, (low, high)) in boxes.iter_mut().enumerate() {
             for i in 0..8 {
-                // Comparisons instead of `min` and `max`, which care about NaN: there is none.
+                // Comparisons are faster than `min` and `max`, which treat NaN specially; no NaN
+                // occurs here.
                 let (x, y, z) = (a[axis][i], b[axis][i], c[axis][i]);
                 let (least, most) = if x < y { (x, y) } else { (y, x) };
                 low[i] = if z < least { z } else { least };

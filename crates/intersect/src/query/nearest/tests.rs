@@ -16,7 +16,7 @@ fn bits(p: &NearestPoint) -> [u32; 9] {
     [f[0], f[1], f[2], f[3], f[4], f[5], p.instance, p.geometry, p.primitive]
 }
 
-/// Points near, inside and far away.
+/// Random points near, inside and far from the contents.
 fn points(seed: u32, count: usize) -> Vec<Vec3> {
     let mut random = Random(seed);
     (0..count).map(|i| random.point([0.5, 3.0, 8.0, 1000.0][i % 4])).collect()
@@ -108,7 +108,7 @@ fn a_point_on_an_edge_or_corner_belongs_to_the_lowest_triangle() {
             let outside = center + (p[i] - center) * 2.0;
             let nearest = world.nearest_point_one(outside);
             assert_eq!((nearest.primitive, nearest.position), (lowest(&[triangle[i]]), p[i]));
-            // Beyond the middle of an edge of a convex mesh.
+            // A point outside, opposite the middle of an edge of a convex mesh.
             let middle = center + ((p[i] + p[j]) * 0.5 - center) * 1.5;
             let nearest = world.nearest_point_one(middle);
             assert!(nearest.position.distance((p[i] + p[j]) * 0.5) < 0.1);
@@ -253,7 +253,7 @@ fn spheres_and_curves_in_bulk_are_found_as_without_a_tree_and_hold_what_is_insid
             let ray = Ray::new(point, random.direction());
             let hit = world.closest_one(&ray, &AcceptAll);
             assert!(hit.t >= nearest.distance * (1.0 - 1e-4) - 1e-5, "{point} {nearest:?} {hit:?}");
-            // Out of a solid there is a way to its surface.
+            // From a point inside a solid there is a nearest surface point.
             assert!(!inside[0] || hit.is_hit(), "{point}");
         }
     }

@@ -7,7 +7,8 @@ use crate::world::tests::{Random, default_world, double_sphere, nested_scene};
 use snell_math::{DRay, DVec3, Ray, Vec3};
 use std::sync::Arc;
 
-/// Compares pieces and threads with the world's own answers.
+/// Compares the results of different pieces and numbers of threads with those of the world's own
+/// queries.
 fn check<W: Queries>(world: &W, rays: Rays<Of<W>>, limited: Points<Of<W>>, zero: DistanceOf<W>) {
     let (n, m, points) = (rays.len(), limited.len(), limited.points);
     let (mut hits, mut blocked, mut counts) =
@@ -69,7 +70,7 @@ fn answers_do_not_depend_on_threads_or_pieces() {
     let limited = Points { max_distances: &limits, ..Points::new(&points) };
     check(&default_world(nested_scene(2)), Rays::new(&rays).with_masks(&masks), limited, 0.0);
 
-    // A ball of a millimetre in a city, and a larger one around.
+    // A ball of radius a millimetre in a city, and a larger one around it.
     let place = DVec3::new(500_000.123, 4_649_776.22, 300.0);
     let mut builder = DWorldBuilder::default();
     for radius in [1e-3, 2e-3] {
@@ -100,7 +101,7 @@ fn a_flag_stops_a_query_before_its_end() {
     assert_eq!(parallel.all(&rays, &AcceptAll), Err(Cancelled));
     assert_eq!(parallel.occupancy(&[Vec3::ZERO], &mut [false]), Err(Cancelled));
 
-    // Set while it runs, by the filter.
+    // A filter that sets the flag while the query runs.
     struct Stop<'a>(&'a AtomicBool);
     impl HitFilter for Stop<'_> {
         fn accept(&self, _: &Ray, _: &Hit) -> bool {

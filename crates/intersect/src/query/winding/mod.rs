@@ -1,10 +1,10 @@
 //! Winding numbers, occupancy and signed distances, also for open meshes and triangle soups.
 //!
-//! The generalised winding number of a point (Jacobson, Kavan and Sorkine-Hornung 2013) is the
-//! signed solid angle of all surfaces seen from it, over `4 pi`: 1 inside a closed surface, 0
-//! outside, 2 inside two of them. Around open surfaces it varies smoothly, with a half as the
+//! The generalised winding number around a point (Jacobson, Kavan and Sorkine-Hornung 2013) is the
+//! signed solid angle of all surfaces seen from the point, over `4 pi`: 1 inside a closed surface,
+//! 0 outside, 2 inside two of them. Around open surfaces it varies smoothly, and a half is the
 //! natural boundary. The outer side is that of the normal (right-hand rule for triangles), also in
-//! mirrored instances; a closed mesh turned inside out counts -1, so that one inside another is a
+//! mirrored instances. A closed mesh turned inside out counts -1, so that one inside another is a
 //! cavity.
 
 #[cfg(test)]
@@ -25,9 +25,9 @@ impl World {
     ///
     /// Distant triangles are approximated in clusters (Barill et al. 2018), with errors of up to a
     /// few hundredths next to large open surfaces and much less elsewhere;
-    /// [`Self::winding_number_exact`] sums all of them. Closed analytic shapes count exactly, 1
-    /// inside and 0 outside, however they are placed, and so does each sphere and curve segment of
-    /// sets. Masks are ignored.
+    /// [`Self::winding_number_exact`] sums all triangles. Closed analytic shapes count exactly 1
+    /// inside and 0 outside, however they are placed, and so does each sphere and each curve
+    /// segment of a set. Masks are ignored.
     ///
     /// The first call builds a tree that is kept with the world: about 40 bytes per triangle.
     ///
@@ -42,25 +42,26 @@ impl World {
             .for_each(|(&point, number)| *number = winding.around(point.as_dvec3(), ACCURACY));
     }
 
-    /// [`Self::winding_number`] of a point in double precision, which is not rounded.
+    /// Computes [`Self::winding_number`] around a point in double precision, which is not rounded.
     pub fn winding_number_at(&self, point: DVec3) -> f64 {
         self.winding().around(point, ACCURACY)
     }
 
-    /// [`Self::occupancy`] of a point in double precision, which is not rounded.
+    /// True if a point in double precision, which is not rounded, is inside; see
+    /// [`Self::occupancy`].
     pub fn is_inside(&self, point: DVec3) -> bool {
         self.winding().is_inside(point)
     }
 
-    /// The generalised winding number without approximation, exact up to rounding; its time is
-    /// linear in the number of triangles.
+    /// The generalised winding number without approximation, exact up to rounding. It takes time
+    /// proportional to the number of triangles.
     pub fn winding_number_exact(&self, point: Vec3) -> f64 {
         self.winding().around(point.as_dvec3(), f64::INFINITY)
     }
 
-    /// For each point whether it is inside: its winding number is more than a half. Where the
-    /// approximation of [`Self::winding_number`] is near a half, the exact sum decides. Points that
-    /// are not finite are outside.
+    /// For each point, whether it is inside, that is, whether its winding number is more than a
+    /// half. Where the approximation of [`Self::winding_number`] is near a half, the exact sum
+    /// decides. Points that are not finite are outside.
     ///
     /// # Panics
     /// If the slices differ in length.
@@ -73,10 +74,11 @@ impl World {
             .for_each(|(&point, inside)| *inside = winding.is_inside(point.as_dvec3()));
     }
 
-    /// The distance of each point to the nearest surface, in world units, negative inside
-    /// ([`Self::occupancy`]); 0 on a surface, `max_distance` with the right sign where no surface
-    /// is that near, infinite in an empty world and for points that are not finite. The mask of the
-    /// points selects the surfaces for distances; the sign comes from all surfaces.
+    /// The distance of each point to the nearest surface, in world units, negative inside (see
+    /// [`Self::occupancy`]) and 0 on a surface. Where no surface is within `max_distance`, the
+    /// result is `max_distance` with the sign of inside or outside. It is infinite in an empty
+    /// world and for points that are not finite. The mask of the points selects the surfaces for
+    /// distances; the sign comes from all surfaces.
     ///
     /// # Panics
     /// If the slices differ in length.
@@ -94,7 +96,8 @@ impl World {
 }
 
 impl DWorld {
-    /// As [`World::winding_number`]: of the meshes as they are, not rounded.
+    /// The generalised winding number of all surfaces around each point (see
+    /// [`World::winding_number`]). Meshes are used in double precision.
     ///
     /// # Panics
     /// If the slices differ in length.
@@ -107,12 +110,12 @@ impl DWorld {
             .for_each(|(&point, number)| *number = winding.around(point, ACCURACY));
     }
 
-    /// As [`World::winding_number_exact`].
+    /// The generalised winding number without approximation; see [`World::winding_number_exact`].
     pub fn winding_number_exact(&self, point: DVec3) -> f64 {
         self.space().winding().around(point, f64::INFINITY)
     }
 
-    /// As [`World::occupancy`].
+    /// For each point, whether it is inside; see [`World::occupancy`].
     ///
     /// # Panics
     /// If the slices differ in length.
@@ -122,7 +125,8 @@ impl DWorld {
         points.iter().zip(inside).for_each(|(&point, inside)| *inside = winding.is_inside(point));
     }
 
-    /// As [`World::signed_distance`].
+    /// The distance of each point to the nearest surface, negative inside; see
+    /// [`World::signed_distance`].
     ///
     /// # Panics
     /// If the slices differ in length.
@@ -142,15 +146,15 @@ impl DWorld {
 impl<'a> Space<'a> {
     fn winding(&self) -> &'a Winding {
         // Not built while the cell is locked: a thread that waits for parallel work may start
-        // another query meanwhile, and would then deadlock.
+        // another query meanwhile, which would then deadlock.
         if self.world.winding.get().is_none() {
-            // Another thread may have been faster.
+            // Another thread may have stored its result first.
             let _ = self.world.winding.set(Winding::of(self.world, self.double));
         }
         self.world.winding.get_or_init(|| Winding::of(self.world, self.double))
     }
 
-    /// Adds signs to distances; `round` converts them to the precision of the results.
+    /// Gives distances their signs; `round` converts them to the precision of the results.
     fn signed<P: Precision>(
         &self,
         points: Points<P>,

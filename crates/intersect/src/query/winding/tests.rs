@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 const ROOT: crate::GroupId = WorldBuilder::ROOT;
 
-/// The sum over all triangles, in the world.
+/// The exact sum over all triangles, which are in world space.
 fn brute_force(meshes: &[TriangleMesh], point: Vec3) -> f64 {
     let around = |mesh: &TriangleMesh| {
         let of = |i| of_triangle(mesh.corners(i).map(|c| c.as_dvec3() - point.as_dvec3()));
@@ -89,7 +89,8 @@ fn the_approximation_of_open_and_random_surfaces_is_near_the_sum() {
 #[test]
 fn a_bowl_is_inside_below_its_surface_where_it_covers_most_of_the_view() {
     let world = mesh_world(bowl(60, 80));
-    // Seen from the axis at height z, the bowl covers all but a cone through the rim.
+    // Seen from a point of the axis at height z, the bowl covers everything except a cone through
+    // the rim.
     for i in -20..20 {
         let z = f64::from(i) * 0.05 + 0.012;
         let expected = if z < 1.0 { 0.5 * (1.0 + z / z.hypot(1.0)) } else { 0.0 };
@@ -167,7 +168,7 @@ fn open_shapes_cover_the_solid_angle_of_the_textbook() {
         assert!((at(&rectangle, 0.0, 0.0, z) + angle / (4.0 * PI)).abs() < 1e-12);
         assert_eq!(at(&Plane {}, 7.0, 8.0, z), -0.5 * z.signum());
     }
-    // Two half spaces of view.
+    // Just above and below a disk, half of all directions see it.
     let above = at(&Disk { radius: 1.0, inner_radius: 0.0 }, 0.2, 0.3, 1e-4);
     assert!((above + 0.5).abs() < 2e-4, "{above}");
 }

@@ -1,4 +1,5 @@
-//! Hits against the oracle; closed shapes do not leak; nothing hits itself.
+//! Tests of hits against the oracle, of closed shapes that must not leak, and of rays that must not
+//! hit the surface they leave.
 
 use super::oracle;
 use super::oracle::Verdict;
@@ -12,8 +13,8 @@ fn rays_per_example() -> u32 {
     std::env::var("SNELL_ORACLE_RAYS").ok().and_then(|n| n.parse().ok()).unwrap_or(100_000)
 }
 
-/// Runs `check` on every example with its own numbers, as often as asked for, and fails with the
-/// first complaint.
+/// Runs `check` on every example [`rays_per_example`] times, each time with its own random numbers,
+/// and panics with the first error.
 fn for_each_ray(check: impl Fn(&AnyShape, &[DVec3], &mut Numbers) -> Result<(), String> + Sync) {
     for (shape, stream) in AnyShape::examples().iter().zip(0..) {
         let features = rays::features(shape);
@@ -27,13 +28,14 @@ fn for_each_ray(check: impl Fn(&AnyShape, &[DVec3], &mut Numbers) -> Result<(), 
     }
 }
 
-/// An error with this text unless `fact`.
+/// Returns an error with this text unless `fact` holds.
 fn ensure(fact: bool, complaint: impl FnOnce() -> String) -> Result<(), String> {
     if fact { Ok(()) } else { Err(complaint()) }
 }
 
-/// What rounding costs on top near the axis of a cone: the quadratic there knows only the square of
-/// a small radius, which a rounding error relative to the whole moves by up to its root.
+/// The additional error of rounding near the axis of a cone: the quadratic there holds only the
+/// square of a small radius, so that a relative rounding error of `1e-15` moves the radius by up to
+/// its square root.
 fn apex_blur(shape: &AnyShape, ray: &DRay, p: DVec3) -> f64 {
     let scale = oracle::scale(shape, ray);
     match shape {
@@ -44,7 +46,7 @@ fn apex_blur(shape: &AnyShape, ray: &DRay, p: DVec3) -> f64 {
     }
 }
 
-/// An error if the answers of the shape and of the oracle differ by more than rounding.
+/// Returns an error if the results of the shape and of the oracle differ by more than rounding.
 fn compare(shape: &AnyShape, ray: &DRay) -> Result<(), String> {
     let mut hits = Vec::new();
     shape.all(ray, &mut hits);
@@ -64,7 +66,7 @@ fn compare(shape: &AnyShape, ray: &DRay) -> Result<(), String> {
         let p = ray.at(hit.t);
         let surface = shape.surface(p, hit.face);
         let off = surface.position.distance(p);
-        // Past the outline of a flat shape as far as rounding carries a ray that is nearly edge on.
+        // Rounding may carry a ray that is nearly edge on past the outline of a flat shape.
         let cos = (ray.direction / length).dot(surface.normal).abs().max(1e-7);
         let slide = if oracle::outside(shape, p).is_none() { 0.1 * blur / cos } else { 0.0 };
         if off > blur + slide + apex_blur(shape, ray, p) {
@@ -72,7 +74,8 @@ fn compare(shape: &AnyShape, ray: &DRay) -> Result<(), String> {
         }
     }
     let Verdict::Crossings(expected) = oracle::crossings(shape, ray) else { return Ok(()) };
-    // The same crossing: near in space, or all between lies on the surface (a line that grazes it).
+    // The same crossing: close in space, or everything between both lies on the surface (a grazing
+    // line).
     let same = |s: f64, hit: &ShapeHit| {
         let found = hit.t * length;
         let middle = ray.origin + ray.direction / length * (0.5 * (s + found));
@@ -151,14 +154,14 @@ fn a_single_precision_ray_that_leaves_a_surface_does_not_meet_it_again() {
         if cos.abs() < 1e-5 {
             return Ok(());
         }
-        // What a renderer knows: the point rounded to single precision.
+        // A renderer has only the point rounded to single precision.
         let rounded = p.as_vec3();
         let error = rounded.abs() * robust::gamma(1);
         let origin = robust::offset_ray_origin(rounded, error, n.as_vec3(), direction);
         let ray = DRay::new(origin.as_dvec3(), direction.as_dvec3());
         let hit = shape.closest(&ray);
         if !oracle::knows(shape) {
-            // It need not be convex: it may be met again, but not where the ray left.
+            // The shape need not be convex: the ray may hit it again, but not where it started.
             let near = hit.is_some_and(|h| h.t < 1e-6 * shape.bounds().radius());
             return ensure(!near, || format!("{ray:?} left {p} with normal {n}: {hit:?}"));
         }
@@ -207,7 +210,7 @@ fn broken_rays_miss() {
     }
 }
 
-/// The smallest parameter in the interval of a ray, of a pair.
+/// The smallest parameter of a pair that lies in the interval of a ray.
 fn first(ray: &DRay, pair: Option<(f64, f64)>) -> Option<f64> {
     pair.and_then(|(t0, t1)| [t0, t1].into_iter().find(|&t| ray.contains(t)))
 }
@@ -217,8 +220,8 @@ fn the_methods_of_the_lecture_agree_with_each_other() {
     for_each_ray(|shape, features, numbers| {
         let ray = rays::ray(shape, features, numbers);
         let (length, scale) = (ray.direction.length(), oracle::scale(shape, &ray));
-        // The plain formulas are for rays of ordinary length, and the geometric one looks ahead
-        // only.
+        // The plain formulas are for rays of ordinary length, and the geometric one finds only hits
+        // ahead of the origin.
         if ray.t_min < 0.0 || !(1e-12..1e12).contains(&length) {
             return Ok(());
         }
@@ -246,7 +249,8 @@ fn the_methods_of_the_lecture_agree_with_each_other() {
             _ => return Ok(()),
         };
         let Verdict::Crossings(expected) = oracle::crossings(shape, &ray) else { return Ok(()) };
-        // Plain formulas lose digits: compare where the crossing is clear by a margin for that.
+        // The plain formulas lose accuracy: compare only where the crossing is clear by a margin
+        // for that.
         let clear = expected.iter().all(|c| !c.doubtful) && is_clear(shape, &ray, scale);
         for pair in answers.windows(2).filter(|_| clear) {
             let same = match (pair[0], pair[1]) {
@@ -259,7 +263,7 @@ fn the_methods_of_the_lecture_agree_with_each_other() {
     });
 }
 
-/// True if rays a little to each side of this one have as many hits, and do not change faces.
+/// True if slightly displaced rays have the same number of hits on the same faces.
 fn is_clear(shape: &AnyShape, ray: &DRay, scale: f64) -> bool {
     let count = |offset: DVec3| {
         let mut hits = Vec::new();

@@ -1,5 +1,5 @@
-//! Tests every example of every shape against an independent oracle, and its operations against
-//! each other.
+//! Tests every example of every shape against an independent oracle, and the shape's operations
+//! against each other.
 //!
 //! `SNELL_ORACLE_RAYS` sets the number of rays per example.
 

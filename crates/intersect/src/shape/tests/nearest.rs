@@ -1,11 +1,11 @@
-//! The nearest point of every example against points all over its surface.
+//! Tests the nearest point of every example against points sampled all over its surface.
 
 use super::oracle;
 use super::rays::{Numbers, features, surface_point};
 use crate::shape::{AnyShape, Metric, Shape};
 use snell_math::{DMat3, DVec3};
 
-/// As it is, turned and scaled, stretched, sheared, flattened.
+/// Metrics of the identity, and of maps that rotate and scale, stretch, shear and flatten.
 fn metrics(numbers: &mut Numbers) -> Vec<Metric> {
     let turn = DMat3::from_axis_angle(numbers.direction(), numbers.between(0.0, 6.0));
     let stretch = DMat3::from_diagonal(DVec3::new(1.0, 3.0, 0.4));

@@ -1,32 +1,32 @@
-//! Where a line meets a shape, found slowly and without any of the shapes' formulas: convex solids
-//! by searching the line for the deepest point and bisecting on both sides of it, flat shapes by
-//! bisecting the distance from their plane.
+//! Finds where a line crosses a shape, slowly and without any of the shapes' formulas: for convex
+//! solids by searching the line for the deepest point and bisecting on both sides of it, for flat
+//! shapes by bisecting the distance from their plane.
 
 use crate::shape::{AnyShape, Frustum, Shape};
 use snell_math::{DRay, DVec3};
 
-/// Where the surface must be hit, in units of length along the ray, and whether rounding may decide
-/// otherwise.
+/// A crossing of the surface, at a length along the ray, and whether rounding may make it a miss.
 #[derive(Clone, Copy, Debug)]
 pub struct Crossing {
     pub s: f64,
     pub doubtful: bool,
 }
 
-/// What the oracle knows about a ray.
+/// The oracle's answer for a ray.
 #[derive(Debug)]
 pub enum Verdict {
-    /// These crossings.
+    /// The ray has these crossings.
     Crossings(Vec<Crossing>),
     /// The line touches the shape to within rounding, or runs within a flat one: any answer on the
-    /// surface will do.
+    /// surface is correct.
     Touching,
     /// The oracle does not know this shape.
     Unknown,
 }
 
-/// True for the shapes that the oracle knows. The others pass all other tests: hits lie on the
-/// surface, areas are those that random lines measure, samples are distributed like hits.
+/// True for the shapes that the oracle supports. The others are covered by all other tests: hits
+/// lie on the surface, areas match those measured by random lines, and samples are distributed like
+/// hits.
 pub fn knows(shape: &AnyShape) -> bool {
     let known = [
         "sphere",
@@ -43,14 +43,14 @@ pub fn knows(shape: &AnyShape) -> bool {
     known.contains(&shape.name())
 }
 
-/// Size of all numbers that go into a ray's answer: rounding errors are relative to it.
+/// Magnitude of the numbers that enter a ray's result; rounding errors are relative to it.
 pub fn scale(shape: &AnyShape, ray: &DRay) -> f64 {
     let b = shape.bounds();
     let extent = if b.is_finite() { b.min.abs().max(b.max.abs()).length() } else { 1.0 };
     extent + ray.origin.length()
 }
 
-/// Distance that counts as rounding.
+/// The largest distance attributed to rounding.
 pub fn tolerance(shape: &AnyShape, ray: &DRay) -> f64 {
     1e-13 * scale(shape, ray)
 }
@@ -79,8 +79,8 @@ fn frustum_depths(f: &Frustum, p: DVec3) -> (f64, f64) {
     ((p.x.hypot(p.z) - radius) * f.height / slant, p.y.abs() - 0.5 * f.height)
 }
 
-/// For shapes around a solid (open frusta included): a convex function, negative inside, near the
-/// surface its distance. None for flat shapes.
+/// For shapes around a solid (open frusta included): a convex function that is negative inside and,
+/// near the surface, the distance from it. `None` for flat shapes.
 pub fn outside(shape: &AnyShape, p: DVec3) -> Option<f64> {
     match shape {
         AnyShape::Sphere(s) => Some(p.length() - s.radius),
@@ -92,8 +92,8 @@ pub fn outside(shape: &AnyShape, p: DVec3) -> Option<f64> {
     }
 }
 
-/// For flat shapes: a point of the plane, its unit normal, and how far a point of it is inside the
-/// outline.
+/// For flat shapes: a point of the plane, its unit normal, and a function of a point of the plane
+/// that returns how far the point is inside the outline.
 fn flat(shape: &AnyShape) -> (DVec3, DVec3, Box<dyn Fn(DVec3) -> f64 + '_>) {
     match shape {
         AnyShape::Disk(d) => {
@@ -120,7 +120,7 @@ fn flat(shape: &AnyShape) -> (DVec3, DVec3, Box<dyn Fn(DVec3) -> f64 + '_>) {
 fn outline(v: Vec<DVec3>) -> (DVec3, DVec3, Box<dyn Fn(DVec3) -> f64>) {
     let n = v.len();
     let center = v.iter().sum::<DVec3>() / n as f64;
-    // The corner with the widest angle to the first edge gives the best normal.
+    // The corner with the widest angle to the first edge gives the most accurate normal.
     let normals = (2..n).map(|i| (v[1] - v[0]).cross(v[i] - v[0]));
     let normal = normals
         .max_by(|a, b| a.length().total_cmp(&b.length()))
@@ -137,7 +137,8 @@ fn outline(v: Vec<DVec3>) -> (DVec3, DVec3, Box<dyn Fn(DVec3) -> f64>) {
     (center, normal, Box::new(inside))
 }
 
-/// The point between `a` and `b` where `f` changes its sign, to 2^-64 of their distance.
+/// The point between `a` and `b` where `f` changes its sign, by bisection to 2^-64 of their
+/// distance.
 fn bisect(mut a: f64, mut b: f64, f: impl Fn(f64) -> f64) -> f64 {
     let negative = f(a) < 0.0;
     for _ in 0..64 {
@@ -147,7 +148,7 @@ fn bisect(mut a: f64, mut b: f64, f: impl Fn(f64) -> f64) -> f64 {
     0.5 * (a + b)
 }
 
-/// Where the least value of a convex function is, by golden section.
+/// The argument at which a convex function is least, by golden-section search.
 fn least(mut a: f64, mut b: f64, f: impl Fn(f64) -> f64) -> f64 {
     const SHRINK: f64 = 0.618_033_988_749_894_8;
     let (mut l, mut r) = (b - SHRINK * (b - a), a + SHRINK * (b - a));
@@ -166,7 +167,7 @@ fn least(mut a: f64, mut b: f64, f: impl Fn(f64) -> f64) -> f64 {
     if fl < fr { l } else { r }
 }
 
-/// Where a ray meets a shape.
+/// Where the ray crosses the shape.
 pub fn crossings(shape: &AnyShape, ray: &DRay) -> Verdict {
     if !knows(shape) {
         return Verdict::Unknown;
@@ -214,7 +215,7 @@ pub fn crossings(shape: &AnyShape, ray: &DRay) -> Verdict {
             found.push(Crossing { s, doubtful: margin < tolerance / cos.abs() });
         }
     }
-    // Crossings outside the interval do not count, and those at its ends may.
+    // Crossings outside the interval do not count, and those at its ends are doubtful.
     let blur = |s: f64| match outside(shape, at(s)) {
         Some(_) => tolerance,
         None => tolerance / unit.dot(flat(shape).1).abs(),

@@ -1,10 +1,10 @@
-//! Random and spiteful rays for a shape.
+//! Random rays for a shape, many of them degenerate or nearly so.
 
 use crate::shape::{AnyShape, Shape};
 use snell_math::{DRay, DVec2, DVec3, rng};
 use std::f64::consts::TAU;
 
-/// A sequence of numbers that follows from two keys.
+/// A sequence of random numbers that is determined by two keys.
 pub struct Numbers {
     key: [u32; 2],
     next: u32,
@@ -46,7 +46,8 @@ impl Numbers {
     }
 }
 
-/// Corners, rim points, poles, apexes, edge midpoints of a shape: places where code goes wrong.
+/// Corners, rim points, poles, apexes and edge midpoints of a shape: places where errors are
+/// likely.
 pub fn features(shape: &AnyShape) -> Vec<DVec3> {
     let mut points: Vec<DVec3> = match shape {
         AnyShape::Triangle(t) => t.vertices.to_vec(),
@@ -73,7 +74,7 @@ pub fn features(shape: &AnyShape) -> Vec<DVec3> {
     points
 }
 
-/// A point of the surface and its normal.
+/// A random point of the surface and its normal.
 pub fn surface_point(shape: &AnyShape, numbers: &mut Numbers) -> (DVec3, DVec3) {
     let u = numbers.square();
     match shape.sample(u) {
@@ -82,7 +83,7 @@ pub fn surface_point(shape: &AnyShape, numbers: &mut Numbers) -> (DVec3, DVec3) 
     }
 }
 
-/// The ray with this number.
+/// A random ray for the shape, of one of several kinds.
 pub fn ray(shape: &AnyShape, features: &[DVec3], numbers: &mut Numbers) -> DRay {
     let b = shape.bounds();
     let (center, radius) =

@@ -70,7 +70,7 @@ fn normals_are_unit_outward_and_perpendicular_to_the_derivatives() {
             let mut numbers = Numbers::new(e, i);
             let face = numbers.below(6) as u32;
             let p = super::rays::surface_point(&shape, &mut numbers).0;
-            // On any face, and at features too.
+            // On any face, and also at corners, rims and poles.
             let at = if i % 8 == 0 { features[i as usize % features.len()] } else { p };
             let s = shape.surface(at, face);
             assert!((s.normal.length() - 1.0).abs() < 1e-14, "{shape:?} {s:?}");
@@ -115,7 +115,7 @@ fn derivatives_match_finite_differences() {
                 let moved = shape.surface(s.position + d * step, sample.face);
                 let duv = moved.uv - s.uv;
                 let predicted = s.dpdu * duv.x + s.dpdv * duv.y;
-                // Not over the seam of the longitude or the edge of the face.
+                // The step must not cross the seam of the longitude or the edge of the face.
                 let stayed = moved.position.distance(s.position) > 0.9 * d.length() * step;
                 if duv.abs().max_element() < 0.5 && stayed {
                     let off = (moved.position - s.position - predicted).length();
@@ -131,9 +131,9 @@ fn derivatives_match_finite_differences() {
     }
 }
 
-/// Uniformly distributed lines meet every bit of surface in proportion to its area (Crofton, 1868;
-/// Santaló, Integral Geometry and Geometric Probability, 1976). `visit` gets a ray and the area of
-/// the window it was chosen in.
+/// Uniformly distributed lines intersect every part of a surface in proportion to its area
+/// (Crofton, 1868; Santaló, Integral Geometry and Geometric Probability, 1976). `visit` gets a ray
+/// and the area of the window in which it was sampled.
 fn uniform_lines(stream: u32, shape: &AnyShape, count: u32, mut visit: impl FnMut(&DRay, f64)) {
     let b = shape.bounds();
     let half = b.size() * 0.5;
@@ -141,7 +141,8 @@ fn uniform_lines(stream: u32, shape: &AnyShape, count: u32, mut visit: impl FnMu
     for i in 0..count {
         let mut numbers = Numbers::new(stream, i);
         let d = numbers.direction();
-        // A window across the direction, along the longest side of the bounds.
+        // The window is perpendicular to the direction, with one axis along the longest side of the
+        // bounds.
         let x = (longest - d * d.dot(longest)).normalize();
         let y = d.cross(x);
         let extent = |axis: DVec3| axis.abs().dot(half);
@@ -202,7 +203,7 @@ fn traits(p: DVec3, n: DVec3) -> [f64; 9] {
     [p.x, p.y, p.z, p.x * p.x, p.y * p.y, p.z * p.z, n.x.abs(), n.y.abs(), n.z]
 }
 
-/// Weighted mean and the variance of that mean.
+/// Weighted mean, and the variance of that mean.
 fn moments(values: impl Iterator<Item = (f64, f64)> + Clone) -> (f64, f64) {
     let total: f64 = values.clone().map(|(w, _)| w).sum();
     let mean = values.clone().map(|(w, x)| w * x).sum::<f64>() / total;

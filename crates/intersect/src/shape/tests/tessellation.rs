@@ -1,4 +1,5 @@
-//! The triangles of every example: closed, on the surface, facing outwards, and ever nearer to it.
+//! Tests of the triangles of every example: closed, on the surface, facing outwards, and converging
+//! to it.
 
 use crate::mesh::TriangleMesh;
 use crate::shape::{AnyShape, Metric, Shape};
@@ -16,7 +17,7 @@ fn tessellated() -> impl Iterator<Item = (AnyShape, TriangleMesh)> {
     })
 }
 
-/// By how much corners in single precision may be off the surface.
+/// How far corners in single precision may lie off the surface.
 fn blur(shape: &AnyShape) -> f64 {
     let bounds = shape.bounds();
     f64::from(f32::EPSILON) * (bounds.radius() + bounds.center().length())
@@ -42,7 +43,7 @@ fn bounded_shapes_have_triangles_and_unbounded_ones_have_none() {
 
 #[test]
 fn triangles_of_closed_shapes_are_closed() {
-    // Adding 0 makes the two zeros one.
+    // Adding 0 turns -0 into +0.
     let key = |p: Vec3| (p + Vec3::ZERO).to_array().map(f32::to_bits);
     for (shape, mesh) in tessellated() {
         let mut edges: HashMap<_, i32> = HashMap::new();

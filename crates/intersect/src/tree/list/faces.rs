@@ -1,91 +1,96 @@
-//! Faces: flat convex outlines of one triangle, or of two that together are a quadrilateral.
+//! Faces: flat convex outlines of one triangle, or of two triangles that form a quadrilateral.
 
 use super::{Corners, normal};
 use crate::exact::ray::wide;
 use snell_math::DVec3;
 
-/// For planes across an axis the sign is always certain. But what is left of the difference of two
-/// coordinates may vanish by division if they are less than this.
+/// The least nonzero magnitude of the coordinate of a plane perpendicular to an axis. The sign of
+/// the height above such a plane is always certain, but for smaller coordinates the difference may
+/// underflow in the division.
 pub(crate) const LEAST_COORDINATE: f32 = 1e-22;
 
-/// A face, ready to be tested against many rays. It is seen along one of the axes, in units of
-/// distance from its edges there.
+/// A face prepared for tests against many rays. The face is projected along one of the axes, and
+/// distances from its edges are measured in the projection.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
 pub(crate) struct Face {
-    /// How far the plane is above a point: this plus the product of the point with `down`, the unit
-    /// normal turned around.
+    /// The height of the plane above a point is `offset` plus the dot product of the point with
+    /// `down`, the negated unit normal.
     pub offset: f64,
     pub down: [f64; 3],
     /// The unit normal.
     pub normal: [f32; 3],
-    /// Where the plane is on the axis, if it is across it.
+    /// The coordinate of the plane on the axis, if the plane is perpendicular to the axis.
     pub level: f32,
     pub outline: Outline,
-    /// Positive on the side of the first triangle.
+    /// A line that is positive on the side of the first triangle.
     pub diagonal: Line,
-    /// The sign of a height is certain if it is more than these coefficients of the coordinates of
-    /// the point, without their signs, and a constant.
+    /// Coefficients of the magnitudes of a point's coordinates, and a constant. The sign of a
+    /// height is certain if its magnitude exceeds this linear function.
     pub near: [f32; 4],
 }
 
-/// Coefficients of the two coordinates seen from the centre of the list, and a constant: the
-/// distance from a line, which has a sign.
+/// Coefficients of the two projected coordinates relative to the centre of the list, and a
+/// constant: the signed distance from a line.
 pub(crate) type Line = [f32; 3];
 
-/// Where a face is, in the coordinates that are seen.
+/// The outline of a face in the projection.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Outline {
-    /// Of a parallelogram: the lines midway between opposite edges, and how far away these are.
+    /// A parallelogram: the lines midway between opposite edges, and the distances from them to the
+    /// edges.
     Strips([Line; 2], [f32; 2]),
-    /// Of others: the edges, positive inside.
+    /// Any other outline: the lines of the edges, positive inside.
     Edges([Line; 4]),
 }
 
-/// The faces that are seen along one axis: those in planes across it, and the others.
+/// The faces that are projected along one axis: those perpendicular to the axis, and the others.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Faces {
     pub across: Vec<Face>,
     pub tilted: Vec<Face>,
 }
 
-/// A face as it is found.
+/// A face while the list is built.
 pub(crate) struct Shape {
-    /// The largest component of the normal: it is seen along that.
+    /// The axis of the largest component of the normal, along which the face is projected.
     pub axis: usize,
     /// The unit normal.
     normal: DVec3,
-    /// As [`Face::near`].
+    /// Coefficients for [`Face::near`].
     near: [f64; 4],
-    /// The plane is not across the axis, or so near to the origin that it is not taken for that.
+    /// True if the plane is not perpendicular to the axis, or is too near to the origin to be
+    /// treated so.
     pub is_tilted: bool,
-    /// Three or four, around the face.
+    /// The three or four corners in order around the face.
     outline: Vec<DVec3>,
-    /// On both sides of the line between the first and the third corner of the outline, if it has
-    /// four.
+    /// The triangles on both sides of the diagonal from the first to the third corner of the
+    /// outline. Both are the same if the outline has three corners.
     pub triangles: [usize; 2],
 }
 
-/// The normals of slivers, of less than this area relative to the square of the longest side, are
-/// not well known.
+/// The least area of a triangle relative to the square of its longest side. The normals of thinner
+/// triangles are inaccurate.
 const LEAST_AREA: f64 = 1.0 / (1 << 20) as f64;
 
-/// Planes may be as far apart, relative to the size of numbers, and count as one.
+/// The largest distance between two planes, relative to the size of the coordinates, that are
+/// treated as one.
 const SAME_PLANE: f64 = 1.0 / (1u64 << 44) as f64;
 
-/// Heights above tilted planes are off by less than this, relative to the products that they are
-/// made of, here and in the exact test together: some twenty roundings of `f64`, which is less than
-/// `2^-48` of them.
+/// Bound on the error of a height above a tilted plane, here and in the exact test together,
+/// relative to the products that make up the height. The error is about twenty roundings of `f64`,
+/// less than `2^-48` of the products.
 const HEIGHT_ERROR: f64 = 1.0 / (1u64 << 44) as f64;
 
-/// And no less than that, so that nothing vanishes.
+/// The least absolute bound on the error of a height, so that the bound never underflows.
 const LEAST_HEIGHT: f64 = 1e-30;
 
-/// Edges are parallel if the coefficients of their lines differ by no more than this together, so
-/// that half of it, relative to the size of the list, is how far the distance from an edge is off.
+/// Edges count as parallel if the sum of the differences between the coefficients of their lines is
+/// at most this. Half of it, relative to the size of the list, is the error of the distance from an
+/// edge.
 const PARALLEL: f64 = 1.0 / (1u64 << 20) as f64;
 
-/// The faces of some triangles; `None` if there are slivers.
+/// The faces of some triangles; `None` if one of the triangles is a sliver.
 pub(crate) fn shapes(triangles: &[Corners]) -> Option<Vec<Shape>> {
     let mut shapes: Vec<Shape> = Vec::new();
     for (number, corners) in triangles.iter().enumerate() {
@@ -118,8 +123,8 @@ impl Shape {
         if !is_tilted {
             normal[axis] = area[axis].signum();
         }
-        // Each component of the normal is a difference of two products, and off by the roundings of
-        // these.
+        // Each component of the normal is a difference of two products, and its error comes from
+        // rounding these.
         let (u, v) = ((b - a).abs(), (c - a).abs());
         let products =
             DVec3::new(u.y * v.z + u.z * v.y, u.z * v.x + u.x * v.z, u.x * v.y + u.y * v.x);
@@ -136,7 +141,7 @@ impl Shape {
         })
     }
 
-    /// Both as one, if they are triangles in one plane, and form a convex quadrilateral.
+    /// Both faces joined, if they are triangles in one plane and form a convex quadrilateral.
     fn with(&self, other: &Self) -> Option<Self> {
         if self.outline.len() != 3 || other.outline.len() != 3 || self.axis != other.axis {
             return None;
@@ -149,7 +154,7 @@ impl Shape {
         if turn.max_element() > allowed || highest > allowed * size {
             return None;
         }
-        // What is above one of the two planes must be above the other.
+        // A point that is certainly above one of the two planes must also be above the other.
         let farthest = self.outline.iter().fold(DVec3::ZERO, |far, v| far.max(v.abs()));
         let apart = [turn.x, turn.y, turn.z, highest + turn.dot(farthest)];
         let near = std::array::from_fn(|i| self.near[i].max(other.near[i]) + apart[i]);
@@ -157,7 +162,7 @@ impl Shape {
         for i in 0..9 {
             let ([a, b, c], [d, e, f]) = (side(&self.outline, i % 3), side(&other.outline, i / 3));
             if a == e && b == d {
-                // The first triangle is a, b and c.
+                // The first triangle has the corners a, b and c.
                 let joined = Self {
                     outline: vec![b, c, a, f],
                     near,
@@ -182,13 +187,13 @@ impl Shape {
         })
     }
 
-    /// The coordinates of a point when looked at along the axis.
+    /// The coordinates of a point in the projection along the axis.
     fn seen(&self, v: DVec3) -> [f64; 2] {
         [v[(self.axis + 1) % 3], v[(self.axis + 2) % 3]]
     }
 
-    /// The line through two corners as coefficients of a distance from it; the origin is at
-    /// `center`.
+    /// The line through two corners, as coefficients of the signed distance from it with the origin
+    /// at `center`.
     fn line(&self, from: DVec3, to: DVec3, center: DVec3) -> [f64; 3] {
         let ([x, y], [dx, dy]) = (self.seen(from - center), self.seen(to - from));
         let scale = self.normal[self.axis].signum() / dx.hypot(dy);
@@ -196,7 +201,7 @@ impl Shape {
         [a, b, -(a * x + b * y)]
     }
 
-    /// Ready to be tested, in a list with this centre.
+    /// Prepares the face for tests, in a list with this centre.
     pub fn face(&self, center: DVec3) -> Face {
         let n = self.outline.len();
         let line = |from: usize, to: usize| {
@@ -215,7 +220,7 @@ impl Shape {
 }
 
 impl Outline {
-    /// Of four edges, of which the last is the first again if there are only three.
+    /// The outline with these edges. If there are only three, the last edge repeats the first.
     fn new(edges: [[f64; 3]; 4], are_four: bool) -> Self {
         let [a, b, c, d] = edges;
         let are_parallel =

@@ -1,4 +1,4 @@
-//! The contents of a list, prepared for intersection.
+//! Lists: the contents of a small root group, prepared for tests without a tree.
 
 pub(crate) mod faces;
 mod outliers;
@@ -14,66 +14,68 @@ use crate::group::Object;
 use faces::{Faces, shapes};
 use snell_math::{Bounds3, DVec3, Vec3};
 
-/// Most triangles of a list.
+/// The largest number of triangles in a list.
 pub(crate) const MAX_TRIANGLES: usize = 64;
 
-/// Most shapes of a list, and least triangles for each of them that is not tested in lanes.
+/// The largest number of shapes in a list, and the least number of triangles per shape that is not
+/// tested in lanes.
 pub(crate) const MAX_OBJECTS: usize = 8;
 const TRIANGLES_PER_OBJECT: usize = 2;
 
-/// Numbers from here on are those of objects.
+/// The first index in [`List::triangles`] that belongs to an object.
 pub(crate) const FIRST_OBJECT: usize = 2 * MAX_TRIANGLES;
 
-/// More than there are of triangles and objects: with a power of two, numbers below that need no
-/// check.
+/// Length of [`List::triangles`], at least the number of triangles and objects. A power of two, so
+/// that masked indices need no bounds check.
 const NUMBERS: usize = 2 * FIRST_OBJECT;
 
-/// Lists of extraordinary size are left to the tree: nothing may overflow or vanish.
+/// Sizes for which nothing overflows or vanishes; groups of other sizes are left to the tree.
 const SIZES: std::ops::RangeInclusive<f64> = 1e-9..=1e9;
 
-/// And so are those that are farther from the origin, relative to their size: there `f64` is not
-/// much better than `f32`.
+/// The largest distance from the origin relative to the size. Groups farther away are left to the
+/// tree, because there the accuracy of `f64` is not much better than that of `f32`.
 const FARTHEST: f64 = 65536.0;
 
 /// The contents of a small root group.
 #[derive(Clone, Debug)]
 pub(crate) struct List {
-    /// The middle: places are seen from here.
+    /// The centre of the contents, relative to which positions are computed.
     pub(crate) center: Vec3,
-    /// No vertex is farther from the centre along any axis.
+    /// The largest distance of a vertex from the centre along an axis.
     pub(crate) reach: f32,
-    /// By the axis along which they are seen.
+    /// Faces by the axis along which they are projected.
     pub(crate) faces: [Faces; 3],
-    /// Of each face, as they are numbered, the triangle on the positive side of its diagonal and
-    /// the one on the other side. Then, from [`FIRST_OBJECT`] on, those of objects that are hit in
-    /// lanes, for their identity.
+    /// For each face, in their order, the triangle on the positive side of its diagonal and the
+    /// triangle on the other side. From [`FIRST_OBJECT`] on, entries that identify the objects
+    /// tested in lanes.
     pub(crate) triangles: [Triangle; NUMBERS],
     pub(crate) objects: Vec<ListObject>,
 }
 
-/// What is wanted of the triangle that is hit.
+/// The data of a triangle that the exact computation of its hit needs.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
 pub(crate) struct Triangle {
-    /// Its corners, then the least product of its normal with a direction whose largest component
-    /// is 1, so that hits are where the plane is, then geometry and primitive as bits.
+    /// The nine coordinates of the corners; then the least product of the normal with a direction
+    /// whose largest component is 1 for which the hit needs no clamping (see [`STEEPEST`]); then
+    /// geometry and primitive as bits.
     pub numbers: [[f32; 8]; 2],
 }
 
 /// A shape or a primitive of a set.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ListObject {
-    /// As the tree numbers it.
+    /// The number of the object in the tree.
     pub number: usize,
-    /// In the coordinates of the group, if it is known.
+    /// Bounds in the coordinates of the group; `None` if they are not known.
     pub bounds: Option<Bounds3>,
-    /// If it is tested in lanes.
+    /// The shape, if it is tested in lanes.
     pub shape: Option<ListShape>,
 }
 
-/// Inverse of the least slope at which [`Triangle`] promises that. The projection is off by 8.5
-/// units of `2^-24`, relative to the farthest vertex; so hits are within
-/// [`crate::exact::triangle::PLACE_TOLERANCE`] at up to 98.
+/// Inverse of the least slope at which a hit needs no clamping: the error of the projection is 8.5
+/// units of `2^-24`, relative to the farthest vertex, so hits are within
+/// [`crate::exact::triangle::PLACE_TOLERANCE`] up to an inverse slope of 98.
 const STEEPEST: f64 = 64.0;
 
 impl Triangle {
@@ -93,7 +95,7 @@ impl Triangle {
         Self { numbers: [[a, b, c, d, e, f, g, h], [i, steep, ids[0], ids[1], 0.0, 0.0, 0.0, 0.0]] }
     }
 
-    /// Geometry and primitive.
+    /// The numbers of the geometry and the primitive.
     #[inline(always)]
     pub fn ids(&self) -> (u32, u32) {
         (self.numbers[1][2].to_bits(), self.numbers[1][3].to_bits())
@@ -102,7 +104,7 @@ impl Triangle {
 
 pub(crate) type Corners = [[f32; 3]; 3];
 
-/// The normal of a triangle as the exact test has it.
+/// The unnormalised normal of a triangle, computed as in the exact test.
 pub(crate) fn normal(corners: &Corners) -> DVec3 {
     let [a, b, c] = corners.map(wide);
     (b - a).cross(c - a)
@@ -113,15 +115,15 @@ pub(crate) fn is_for_lists(object: &Object) -> bool {
     ListShape::of(object).is_some()
 }
 
-/// What shall be in a list.
+/// The contents of a list to be made.
 struct Primitives {
-    /// By their numbers in the group.
+    /// Triangles with their numbers in the group.
     triangles: Vec<(u32, Corners)>,
     objects: Vec<ListObject>,
 }
 
 impl Primitives {
-    /// True if there are none.
+    /// True if there are no primitives.
     fn is_empty(&self) -> bool {
         self.triangles.is_empty() && self.objects.is_empty()
     }
@@ -136,15 +138,15 @@ impl Primitives {
         Self { triangles: Vec::new(), objects }
     }
 
-    /// Adds what a leaf leads to.
+    /// Adds the primitives of a leaf.
     fn add(&mut self, tree: &GroupTree, child: ChildRef, bounds: Option<Bounds3>) {
         if child == ChildRef::NONE || child.is_node() {
         } else if child.is_triangles() {
             for lane in 0..child.count() as usize {
                 let (id, corners @ [a, b, c]) =
                     (tree.blocks.id(child.block(), lane), tree.blocks.corners(child.block(), lane));
-                // Pieces of a triangle are in several blocks; those in a point or on a side between
-                // two can not be hit.
+                // Pieces of a triangle may be in several blocks. A triangle with two equal corners
+                // cannot be hit.
                 let is_known = self.triangles.iter().any(|(known, _)| *known == id);
                 if !is_known && a != b && b != c && c != a {
                     self.triangles.push((id, corners));
@@ -163,7 +165,7 @@ impl ListObject {
 }
 
 impl List {
-    /// The list of a group; `None` if it is not for lists.
+    /// The list of a group; `None` if the group is not suitable for a list.
     pub fn of(tree: &GroupTree) -> Option<Box<Self>> {
         let is_instance = |object: &Object| matches!(object, Object::Instance { .. });
         if tree.objects.len() > MAX_OBJECTS
@@ -186,8 +188,8 @@ impl List {
         Self::new(tree, found, Bounds3::EMPTY)
     }
 
-    /// The list of what is unbounded in a group and of what some leaves lead to, beside a tree with
-    /// these bounds; `None` if it is not for lists.
+    /// The list of a group's unbounded objects and of the contents of some leaves, to be tested
+    /// beside a tree with the bounds `rest`; `None` if they are not suitable for a list.
     pub(crate) fn of_leaves(
         tree: &GroupTree,
         leaves: &[(ChildRef, Bounds3)],
@@ -198,7 +200,7 @@ impl List {
         Self::new(tree, found, *rest)
     }
 
-    /// The list of some primitives of a group; rays are also tested against these bounds.
+    /// The list of some primitives of a group; rays are also tested against the bounds `others`.
     fn new(tree: &GroupTree, found: Primitives, others: Bounds3) -> Option<Box<Self>> {
         let Primitives { triangles, objects } = found;
         if triangles.len() > MAX_TRIANGLES || objects.len() > MAX_OBJECTS {
@@ -244,7 +246,7 @@ impl List {
         Some(list)
     }
 
-    /// The triangle (or object) with this number, given as bits.
+    /// The triangle (or object) with this index, which is given as the bits of a float.
     #[inline(always)]
     pub(crate) fn triangle(&self, bits: f32) -> &Triangle {
         &self.triangles[bits.to_bits() as usize % NUMBERS]
@@ -255,7 +257,7 @@ impl List {
         self.faces.iter().map(|faces| faces.across.len() + faces.tilted.len()).sum()
     }
 
-    /// The geometries of what is tested in lanes, many of them more than once.
+    /// The geometries of everything that is tested in lanes, with repetitions.
     pub(crate) fn geometries(&self) -> impl Iterator<Item = u32> {
         let shapes = self.objects.iter().filter_map(|object| Some(object.shape.as_ref()?.geometry));
         self.triangles[..2 * self.len()].iter().map(|triangle| triangle.ids().0).chain(shapes)

@@ -1,28 +1,28 @@
-//! The outliers of a group, as a list beside its tree.
+//! The outliers of a group, as a list to be tested beside its tree.
 
 use super::{List, ListObject};
 use crate::tree::GroupTree;
 use snell_math::Bounds3;
 
-/// Large primitives, planes without end, and where the rest of the group is.
+/// Large primitives and unbounded planes of a group, and the bounds of the rest of the group.
 #[derive(Clone, Debug)]
 pub(crate) struct Outliers {
-    /// The outliers.
+    /// The list of the outliers.
     pub(crate) list: Box<List>,
-    /// The box around the rest.
+    /// The box around the rest of the group.
     pub(crate) bounds: Bounds3,
 }
 
 impl Outliers {
-    /// The outliers of a group; `None` if there are none, or they are not for lists.
+    /// The outliers of a group; `None` if there are none, or they are not suitable for a list.
     pub fn of(tree: &GroupTree) -> Option<Self> {
         let root = tree.nodes.first()?;
         let is_divided = tree.rest != tree.root;
         if !tree.rest.is_node() || !is_divided && tree.unbounded.is_empty() {
             return None;
         }
-        // In the order of the nodes: what is below the root but not among the rest, which comes
-        // first, ends the tree.
+        // Outliers are the leaves below all children of the root except the first, which holds the
+        // rest.
         let mut around = vec![];
         if is_divided {
             around.extend((1..8).map(|slot| (root.children[slot], root.slot_bounds(slot))));

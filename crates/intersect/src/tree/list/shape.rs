@@ -1,4 +1,4 @@
-//! Shapes that lists hold.
+//! Analytic shapes that lists test in lanes.
 
 use crate::group::Object;
 use crate::shape::{AnyShape, Rectangle};
@@ -12,32 +12,32 @@ pub(crate) struct ListShape {
     pub shape_from_group: DAffine3,
 }
 
-/// What it is in its own coordinates.
+/// The shape in its own coordinates.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Kind {
     Sphere {
         radius: f64,
     },
-    /// In the plane `z = 0`.
+    /// A shape in the plane `z = 0`.
     Flat(Outline),
 }
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Outline {
-    /// The whole plane if the size is infinite.
+    /// A rectangle; the whole plane if the size is infinite.
     Rectangle { half_size: DVec2 },
-    /// Between two circles, by the squares of their radii.
+    /// The area between two circles, given by the squares of their radii.
     Ring { inner: f64, outer: f64 },
 }
 
-/// True for zero and for sizes with which nothing overflows or vanishes here, ordinary rays given:
-/// what is not zero is more than `1e-91` and less than `1e44` in the coordinates of the shape.
+/// True for zero and for sizes with which nothing overflows or vanishes here for ordinary rays: all
+/// nonzero values are then between `1e-91` and `1e44` in the coordinates of the shape.
 fn is_moderate(x: f64) -> bool {
     x == 0.0 || (1e-30..1e30).contains(&x.abs())
 }
 
 impl ListShape {
-    /// The shape, if it is such.
+    /// The shape of an object; `None` if the object cannot be tested in lanes.
     pub fn of(object: &Object) -> Option<Self> {
         let Object::Shape { shape, geometry, shape_from_group } = object else { return None };
         let (kind, sizes) = match shape.to_any()? {

@@ -1,8 +1,8 @@
 //! Returned memory, kept for the next request of the same size.
 //!
-//! Fresh pages come from the system filled with zeros: for a mesh of 69 thousand triangles that is
-//! a sixth of a fast build. Worlds that are built again and again, since something in them moves,
-//! need the same pieces every time.
+//! Fresh pages come from the system filled with zeros. For a mesh of 69 thousand triangles this
+//! takes a sixth of the time of a fast build. Worlds that are rebuilt again and again, because
+//! something in them moves, need pieces of the same sizes every time.
 
 use super::{huge_bytes, map_anonymous};
 use memmap2::MmapMut;
@@ -13,16 +13,16 @@ use std::sync::{Mutex, PoisonError};
 pub(super) struct Piece {
     pub start: NonNull<u8>,
     bytes: usize,
-    /// Held only to be dropped.
+    /// The mapping, held only to be unmapped on drop.
     _map: MmapMut,
 }
 
-// SAFETY: it owns the memory that `start` leads to.
+// SAFETY: a piece owns the memory to which `start` leads.
 unsafe impl Send for Piece {}
 
 impl Piece {
-    /// What was given back, with whatever is in it, or else zeros from the system: at most an
-    /// eighth more than a new piece would have.
+    /// A returned piece with its old contents if one is suitable, otherwise zeros from the system.
+    /// The piece is at most an eighth larger than a new one would be.
     pub fn unset(bytes: usize) -> Option<Self> {
         SPARE.take(bytes).or_else(|| Self::new(bytes))
     }
@@ -32,18 +32,18 @@ impl Piece {
         Some(Self { start, bytes, _map: map })
     }
 
-    /// Keeps it for the next request.
+    /// Keeps the piece for a later request.
     pub fn give_back(self) {
         SPARE.keep(self);
     }
 }
 
-/// The returned pieces, the oldest first.
+/// The returned pieces, oldest first.
 struct Spare(Mutex<Vec<Piece>>);
 
 static SPARE: Spare = Spare(Mutex::new(Vec::new()));
 
-/// Most that is kept, in bytes and in pieces (a fast build takes four).
+/// The largest amount of memory kept, in bytes and in pieces (a fast build uses four pieces).
 const MOST_BYTES: usize = 64 << 20;
 const MOST_PIECES: usize = 8;
 
@@ -56,7 +56,7 @@ impl Spare {
         best.map(|i| pieces.remove(i))
     }
 
-    /// The oldest have to go where there is no room.
+    /// Keeps a piece, and frees the oldest pieces beyond the limits.
     fn keep(&self, piece: Piece) {
         if piece.bytes > MOST_BYTES {
             return;
@@ -71,7 +71,7 @@ impl Spare {
         }
         let dropped: Vec<Piece> = pieces.drain(..old).collect();
         drop(pieces);
-        // (The system call is slow, and no other thread should wait for it.)
+        // Freed without the lock: the system call is slow, and no other thread should wait for it.
         drop(dropped);
     }
 }
@@ -103,7 +103,7 @@ mod tests {
         for bytes in [MOST_BYTES / 2, MOST_BYTES / 4, MOST_BYTES / 2] {
             spare.keep(Piece::new(bytes).expect("memory"));
         }
-        // The oldest went.
+        // The oldest pieces were freed.
         let counts = [MOST_BYTES / 2, MOST_BYTES / 4]
             .map(|bytes| (0..).take_while(|_| spare.take(bytes).is_some()).count());
         assert_eq!(counts, [1, 1]);

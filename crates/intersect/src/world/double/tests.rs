@@ -1,5 +1,5 @@
-//! Worlds in double precision: structures and levels agree, closed meshes in a city have no holes,
-//! and worlds in single precision say the same of what both can hold.
+//! Tests of worlds in double precision: structures and SIMD levels agree, closed meshes in a city
+//! have no holes, and the results agree with those of worlds in single precision where both apply.
 
 use super::*;
 use crate::hit::{DHit, DNearestPoint, Hit};
@@ -14,7 +14,7 @@ use crate::world::tests::{Random, double_sphere, levels, scaling, soup};
 use snell_math::simd::Level;
 use snell_math::{DRay, DVec3, Ray};
 
-/// In the middle of a city, in metres (UTM).
+/// A point in the middle of a city, in metres (UTM).
 const CITY: DVec3 = DVec3::new(500_000.123, 4_649_776.22, 300.0);
 
 fn build(builder: DWorldBuilder, accelerator: AcceleratorKind, simd: Level) -> DWorld {
@@ -33,8 +33,8 @@ fn double_soup(random: &mut Random, triangles: usize, center: DVec3, size: f64) 
     mesh
 }
 
-/// Meshes twice in one place, shapes and instances, three deep, far from the origin; some masked,
-/// some filtered.
+/// A scene of groups nested three deep, far from the origin, with duplicated meshes, shapes and
+/// instances; some geometries are masked and some filtered.
 fn nested_scene(seed: u32, center: DVec3, size: f64) -> DWorldBuilder {
     let mut random = Random(snell_math::rng::hash32(seed));
     let mut builder = DWorldBuilder::default();
@@ -59,7 +59,7 @@ fn nested_scene(seed: u32, center: DVec3, size: f64) -> DWorldBuilder {
         }
         if level < 2 {
             let child = builder.add_group();
-            // The child has its middle elsewhere.
+            // The child's contents are centred elsewhere.
             let other = middle * 0.5 + DVec3::splat(size);
             for i in 0..3 {
                 let placed = Transform::translation(middle).compose(&random.transform(2.0));
@@ -148,8 +148,8 @@ fn every_structure_and_level_gives_the_same_hits_bit_for_bit() {
     assert!(hits > rays_traced / 3 && hits < rays_traced, "{hits} of {rays_traced}");
 }
 
-/// Rays from inside the closed part of a mesh at its vertices, edges and anywhere: misses, and
-/// counts other than one.
+/// Traces rays from inside a closed mesh to its vertices, edges and random points. Returns the
+/// numbers of misses and of rays that do not have exactly one hit.
 fn leaks(
     mesh: &Arc<DTriangleMesh>,
     closed: &DTriangleMesh,
@@ -179,7 +179,7 @@ fn leaks(
 
 #[test]
 fn rays_inside_a_closed_mesh_in_a_city_hit_it_exactly_once() {
-    // A sphere of a metre, and one of triangles of a millimetre.
+    // A sphere of radius 1 m, and one of 5 cm whose triangles have the size of a millimetre.
     for (radius, rings, segments) in [(1.0, 100, 200), (0.05, 150, 300)] {
         let mesh = Arc::new(double_sphere(CITY, radius, rings, segments));
         let (rays, misses, wrong) = leaks(&mesh, &mesh, CITY, radius, 2);
@@ -204,7 +204,7 @@ fn closed_meshes_of_any_size_and_place_hold_their_rays() {
 
 #[test]
 fn details_of_a_millimetre_stay_closed_in_a_mesh_of_ten_kilometres() {
-    // A bead in the corner of the town.
+    // A small sphere in a corner of the city.
     let corner = CITY + DVec3::new(5000.0, 5000.0, 100.0);
     let bead = double_sphere(corner, 0.05, 150, 300);
     let mut mesh = bead.clone();
@@ -238,7 +238,7 @@ fn single_precision_sees_the_same_triangles_as_far_as_it_can_see() {
             double.closest_one(&DRay::from(&ray), &AcceptAll),
         );
         if (a.geometry, a.primitive) != (b.geometry, b.primitive) {
-            // On an edge as projected in `f32`.
+            // The ray hits an edge of the meshes rounded to `f32`.
             differ += 1;
         } else if a.is_hit() {
             hits += 1;
@@ -393,7 +393,7 @@ fn points_around_a_ball_of_a_millimetre_in_a_city_know_how_far_it_is_and_which_s
         let triangles = (0..mesh.indices.len()).filter(|&t| !mesh.is_degenerate(t));
         let least = triangles.map(|t| on(t).distance(point)).fold(f64::INFINITY, f64::min);
         let is_inside = i % 4 < 2;
-        // A unit in the last place of the coordinates is a nanometre.
+        // A unit in the last place of the coordinates is about a nanometre.
         assert!((distances[i].abs() - least).abs() < 1e-12, "{point}: {} {least}", distances[i]);
         assert!((near[i].position.distance(point) - near[i].distance).abs() < 3e-9);
         assert_eq!((distances[i] < 0.0, inside[i]), (is_inside, is_inside), "{point}");

@@ -26,7 +26,7 @@ fn closest(world: &World, rays: &[Ray]) -> Vec<Hit> {
     hits
 }
 
-/// Panics unless a committed world answers as one built from nothing.
+/// Panics unless a committed world gives the same results as a world built from scratch.
 fn check(committed: &World, dynamic: &mut DynamicWorld, rays: &[Ray]) {
     let options = dynamic.options.clone();
     let fresh = dynamic.edit().clone().build(&options).expect("a world");
@@ -48,7 +48,7 @@ fn check(committed: &World, dynamic: &mut DynamicWorld, rays: &[Ray]) {
     );
 }
 
-/// What random edits choose from.
+/// The objects among which random edits choose.
 #[derive(Default)]
 struct Contents {
     groups: Vec<GroupId>,
@@ -60,7 +60,7 @@ fn pick<T: Copy>(random: &mut Random, from: &[T]) -> Option<T> {
     from.get((random.unit() * from.len() as f32) as usize).copied()
 }
 
-/// One edit of any kind.
+/// Makes one random edit of any kind.
 fn edit(builder: &mut WorldBuilder, contents: &mut Contents, random: &mut Random) {
     let group = pick(random, &contents.groups).expect("the root at least");
     let (geometry, instance) =
@@ -93,7 +93,7 @@ fn edit(builder: &mut WorldBuilder, contents: &mut Contents, random: &mut Random
             let _ = builder.replace(id, Geometry::Shape(Arc::new(shape), random.transform(2.0)));
         }
         (6, ..) => {
-            // Children have higher numbers than parents: no cycles.
+            // Children have higher numbers than their parents, so there are no cycles.
             let child = builder.add_group();
             contents.groups.push(child);
             contents.geometries.push(builder.add_mesh(child, Arc::new(soup(random, 30))));
@@ -135,7 +135,7 @@ fn after_any_edits_a_commit_answers_as_a_world_built_from_nothing() {
             total.built += reuse.built;
             old.push((committed.clone(), closest(&committed, &rays)));
         }
-        // Snapshots are what they were.
+        // Old snapshots must be unchanged.
         for (snapshot, hits) in &old {
             assert_eq!(&closest(snapshot, &rays), hits);
         }
@@ -162,17 +162,18 @@ fn only_what_changed_is_built() {
     assert_eq!(reuse(&mut world), Reuse { kept: 2, refitted: 0, built: 0 });
     world.edit().move_instance(instance, Transform::translation(DVec3::Y));
     assert_eq!(reuse(&mut world), Reuse { kept: 1, refitted: 0, built: 1 });
-    // All vertices a little farther out: the ball is refitted, and its new size builds the root.
+    // All vertices move outwards a little: the ball's tree is refitted, and its new size makes the
+    // root rebuild.
     let grown = sphere_mesh(Vec3::ZERO, 1.1, 40, 60).positions;
     world.edit().set_positions(mesh, grown).expect("as many");
     assert_eq!(reuse(&mut world), Reuse { kept: 0, refitted: 1, built: 1 });
-    // All vertices anywhere: the old tree is of no use.
+    // All vertices move to random positions: the old tree is useless.
     let mut random = Random(4);
     let n = sphere_mesh(Vec3::ZERO, 1.0, 40, 60).positions.len();
     let anywhere = (0..n).map(|_| random.point(1.0)).collect();
     world.edit().set_positions(mesh, anywhere).expect("as many");
     assert_eq!(reuse(&mut world), Reuse { kept: 0, refitted: 0, built: 2 });
-    // Masks cost nothing.
+    // Changing a mask rebuilds nothing.
     world.edit().set_mask(mesh, 2);
     assert_eq!(reuse(&mut world), Reuse { kept: 2, refitted: 0, built: 0 });
 }
@@ -273,7 +274,7 @@ fn an_older_world_of_another_structure_is_no_hindrance() {
     let rays = rays(5, 100);
     assert_eq!(closest(&plain, &rays), closest(&bvh, &rays));
     assert_eq!(closest(&again, &rays), closest(&bvh, &rays));
-    // And one of quite another builder.
+    // And the same with a world of an unrelated builder.
     let other = nested_scene(1).build(&BuildOptions::default()).expect("a world");
     let again = world.edit().rebuild(&BuildOptions::default(), &other).expect("a world");
     assert_eq!(closest(&again, &rays), closest(&bvh, &rays));

@@ -1,9 +1,9 @@
-//! Rays inside of closed meshes.
+//! Tests of rays inside closed meshes.
 
 use super::*;
 
-/// Aims at every vertex and edge midpoint and at random points, and returns (rays, misses, counts
-/// other than one).
+/// Aims rays at every vertex and edge midpoint and at random points of a sphere mesh. Returns the
+/// number of rays, of misses, and of rays that do not have exactly one hit.
 fn leaks(center: Vec3, radius: f32) -> (usize, usize, usize) {
     let mesh = sphere_mesh(center, radius, 40, 80);
     let mut targets = mesh.positions.clone();
@@ -46,8 +46,8 @@ fn rays_inside_a_closed_mesh_hit_it_exactly_once() {
 
 #[test]
 fn rays_inside_a_closed_mesh_far_away_never_escape() {
-    // The coordinates are so coarse there that the mesh folds over: more than one crossing is right
-    // for a few rays.
+    // The coordinates are so coarse there that the mesh folds over: for a few rays more than one
+    // crossing is correct.
     let (rays, misses, wrong) = leaks(Vec3::new(148376.0, 1234.0, -223423.0), 2.0);
     assert_eq!(misses, 0);
     assert!(wrong < rays / 200, "{wrong} of {rays}");

@@ -1,4 +1,4 @@
-//! Instances of instances, and how they are counted.
+//! Tests of instances of instances and of their numbers.
 
 use super::*;
 
@@ -57,7 +57,7 @@ fn too_many_occurrences_are_refused() {
 #[test]
 fn occurrences_are_numbered_depth_first() {
     let world = default_world(nested_scene(1));
-    // The textbook enumeration.
+    // The definition of the numbering: a recursive enumeration.
     fn visit(
         world: &World,
         group: GroupId,

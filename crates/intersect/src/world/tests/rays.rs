@@ -1,4 +1,4 @@
-//! What a ray may meet: filters, masks, extreme rays, and what it costs.
+//! Tests of filters, masks, extreme rays, and counters of the work.
 
 use super::*;
 
@@ -17,8 +17,8 @@ impl HitFilter for Cutout {
 
 #[test]
 fn the_filter_decides_about_marked_geometries_only() {
-    // Ten sheets one behind the other, the first two in an unmarked geometry if seen from the other
-    // side.
+    // Ten sheets one behind the other; the first two seen from the other side are in an unmarked
+    // geometry.
     let sheets = |first: u32, n: u32| {
         let mut mesh = TriangleMesh::default();
         for i in 0..n {

@@ -1,4 +1,4 @@
-//! Structures, levels of instructions and batches give the same hits.
+//! Tests that structures, SIMD levels and batches give the same hits.
 
 use super::*;
 
@@ -14,7 +14,7 @@ fn every_structure_and_level_gives_the_same_hits_bit_for_bit() {
             let (from, to) = (random.point(6.0), random.point(2.0));
             let mut ray = Ray::new(from, (to - from) * random.range(0.1, 10.0));
             if i % 3 == 0 {
-                // Along an axis, aimed at a lattice, and sometimes backwards too.
+                // Along an axis or aimed at a lattice, sometimes backwards.
                 ray.direction = [Vec3::X, -Vec3::Y, Vec3::Z][i / 3 % 3];
                 ray.t_min = random.range(-5.0, 5.0);
                 ray.t_max = ray.t_min + random.range(0.0, 10.0);

@@ -1,8 +1,8 @@
-//! Surfaces at hits, and rays that leave them.
+//! Tests of surfaces at hits, and of rays that leave these surfaces.
 
 use super::*;
 
-/// Maps from the harmless to the extreme.
+/// Transforms from moderate to extreme.
 fn placements() -> Vec<Transform> {
     let turn = DMat3::from_axis_angle(DVec3::new(0.3, 0.5, -0.8).normalize(), 1.1);
     let map = |scale: DVec3, translation: DVec3| {
@@ -23,7 +23,7 @@ fn placements() -> Vec<Transform> {
     ]
 }
 
-/// The thing in a group, instanced through two levels whose product is `placed`.
+/// The geometry added by `add`, instanced through two levels whose product is `placed`.
 fn instanced(placed: &Transform, add: impl Fn(&mut WorldBuilder, GroupId)) -> World {
     let mut builder = WorldBuilder::default();
     let (outer, inner) = (builder.add_group(), builder.add_group());
@@ -34,7 +34,7 @@ fn instanced(placed: &Transform, add: impl Fn(&mut WorldBuilder, GroupId)) -> Wo
     default_world(builder)
 }
 
-/// Rays at the thing from outside, each with what it hit.
+/// Rays aimed at the geometry from outside, each with its hit.
 fn hits_on(world: &World, placed: &Transform, n: usize) -> Vec<(Ray, Hit)> {
     let mut random = Random(99);
     let rays = (0..n).map(|_| {
@@ -48,7 +48,7 @@ fn hits_on(world: &World, placed: &Transform, n: usize) -> Vec<(Ray, Hit)> {
 #[test]
 fn a_ray_that_leaves_a_triangle_never_hits_it_again() {
     for placed in placements() {
-        // Once around the origin of its own coordinates, once away from it.
+        // One sphere is at the origin of its coordinates, the other away from it.
         for center in [Vec3::ZERO, Vec3::new(0.0, 0.0, 1.0)] {
             let mesh = Arc::new(sphere_mesh(center, 1.0, 12, 24));
             let world = instanced(&placed, |b, g| {
@@ -110,7 +110,8 @@ fn normals_point_outward_under_every_transform() {
     for placed in placements() {
         let mut mesh = sphere_mesh(Vec3::ZERO, 1.0, 40, 80);
         mesh.normals = mesh.positions.clone();
-        // Some authors' normals point inward: the shading normal still keeps to the geometric side.
+        // Every third normal points inwards: the shading normal must still be on the geometric
+        // side.
         mesh.normals.iter_mut().step_by(3).for_each(|n| *n = -*n);
         let (mesh, sphere) = (Arc::new(mesh), Arc::new(Sphere { radius: 1.0 }));
         let worlds = [
@@ -135,7 +136,7 @@ fn normals_point_outward_under_every_transform() {
                     _ => placed.normal(placed.inverse().point(s.position.as_dvec3())),
                 };
                 let expected = outward.normalize().as_vec3();
-                // Far away positions are coarse.
+                // Far from the origin, positions have few accurate digits.
                 assert!(
                     s.geometric_normal.dot(expected) > 0.999,
                     "{placed:?} {} {expected}",
@@ -152,7 +153,8 @@ fn normals_point_outward_under_every_transform() {
 
 #[test]
 fn errata_e5_directions_keep_their_parameter_and_normals_do_not_follow_directions() {
-    // The lecture transforms directions by the inverse transpose; that is for normals only.
+    // The lecture transforms directions by the inverse transpose, which is correct for normals
+    // only.
     let shear = DMat3::from_cols(DVec3::X, DVec3::new(1.0, 1.0, 0.0), DVec3::Z);
     let placed =
         Transform::new(DAffine3 { matrix3: shear, translation: DVec3::ZERO }).expect("invertible");
@@ -225,7 +227,8 @@ fn a_ray_that_leaves_a_shape_does_not_find_it_where_it_starts() {
                     let again = world.closest_one(&next, &AcceptAll);
                     let from = placed.inverse().ray(&DRay::from(&next));
                     let way = from.direction.length() * f64::from(again.t);
-                    // Edges and apexes are near in earnest, but not at the very start.
+                    // At edges and apexes a hit may be very near, but not at the very start of the
+                    // ray.
                     let coarse =
                         placed.inverse().vector(surface.position_error.as_dvec3()).length();
                     let found = again.primitive == hit.primitive && way < 1e-9 + 0.5 * coarse;

@@ -1,4 +1,4 @@
-//! The surfaces of a world, prepared for winding numbers.
+//! The surfaces of a world, prepared for the computation of winding numbers.
 
 mod tree;
 
@@ -14,31 +14,31 @@ use std::sync::Arc;
 use tree::{Moments, Tree, View};
 
 /// A patch is approximated at distances greater than this many times its radius. (The paper uses 2,
-/// with one more term.)
+/// with one more term of the expansion.)
 pub(crate) const ACCURACY: f64 = 3.0;
 
-/// Assumed bound on the error of the approximation: if the result is nearer to a half than this,
-/// all triangles are summed exactly.
+/// Assumed bound on the error of the approximation: if the result differs from a half by less than
+/// this, all triangles are summed exactly.
 pub(crate) const DOUBT: f64 = 0.2;
 
-/// All groups, prepared for winding numbers.
+/// All groups of a world, prepared for winding numbers.
 #[derive(Debug)]
 pub(crate) struct Winding {
     groups: Vec<Group>,
 }
 
-/// A group: its triangles, then its objects, under one numbering.
+/// A group: a single numbering covers its triangles and then its objects.
 #[derive(Debug, Default)]
 struct Group {
     meshes: Vec<(u32, Triangles)>,
     triangles: u32,
     objects: Vec<Object>,
-    /// Objects that are open or unbounded, which are never approximated.
+    /// Open or unbounded objects, which are never approximated.
     always: Vec<u32>,
     tree: Tree,
 }
 
-/// A mesh in either precision.
+/// A mesh in single or double precision.
 #[derive(Debug)]
 enum Triangles {
     Single(Arc<TriangleMesh>),
@@ -69,7 +69,7 @@ enum Object {
 }
 
 impl Winding {
-    /// Prepares a world; where meshes in double precision are given, these.
+    /// Prepares a world, with the meshes of `double` if it is given.
     pub fn of(world: &World, double: Option<&DWorld>) -> Self {
         let mut groups: Vec<Group> = (0..world.group_count()).map(|_| Group::default()).collect();
         for group in world.children_first() {
@@ -78,8 +78,8 @@ impl Winding {
         Self { groups }
     }
 
-    /// True if the winding number of a point is more than a half. Where the approximation is near a
-    /// half, the exact sum decides.
+    /// True if the winding number around a point is more than a half. Where the approximation is
+    /// near a half, the exact sum decides.
     pub fn is_inside(&self, point: DVec3) -> bool {
         let fast = self.around(point, ACCURACY);
         let number =
@@ -87,8 +87,8 @@ impl Winding {
         number > 0.5
     }
 
-    /// The winding number of a point; 0 if it is not finite. Patches are approximated at distances
-    /// greater than `accuracy` times their radius.
+    /// The winding number around a point; 0 if the point is not finite. Patches are approximated at
+    /// distances greater than `accuracy` times their radius.
     pub fn around(&self, point: DVec3, accuracy: f64) -> f64 {
         if !point.is_finite() {
             return 0.0;

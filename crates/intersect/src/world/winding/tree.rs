@@ -1,9 +1,9 @@
-//! A tree over the surfaces of a group that approximates distant ones by their moments.
+//! A tree over the surfaces of a group that approximates distant surfaces by their moments.
 //!
-//! Barill, Dickson, Schmidt, Levin and Jacobson, Fast Winding Numbers for Soups and Clouds, 2018:
-//! seen from far away, a patch of surface acts as a dipole (its area vector), corrected by the
-//! first moment of its area vectors around its centre. The tree is one of its own: each triangle is
-//! in it once, whatever the accelerator does.
+//! The method is that of Barill, Dickson, Schmidt, Levin and Jacobson, Fast Winding Numbers for
+//! Soups and Clouds, 2018: seen from far away, a patch of surface acts as a dipole (its area
+//! vector), corrected by the first moment of its area vectors around its centre. The tree is
+//! separate from the accelerator's, and holds each triangle exactly once.
 
 use rayon::prelude::*;
 use snell_math::{Bounds3d, DMat3, DVec3, Transform};
@@ -13,11 +13,11 @@ use snell_math::{Bounds3d, DMat3, DVec3, Transform};
 pub(crate) struct Moments {
     /// Centroid of the patch by area.
     pub center: DVec3,
-    /// Sum of area times normal.
+    /// Sum of area times unit normal.
     pub area_vector: DVec3,
-    /// Sum of area times the outer product of normal and offset from the centre.
+    /// Sum of area times the outer product of unit normal and offset from `center`.
     pub gradient: DMat3,
-    /// Area, used only as the weight of centres.
+    /// Area, used only as a weight in means of centres.
     pub area: f64,
     /// Bounds of the patch.
     pub bounds: Bounds3d,
@@ -42,7 +42,7 @@ impl Moments {
         }
     }
 
-    /// Moments of a closed surface: zero, since its winding number is 0 outside.
+    /// Moments of a closed surface. They are zero, because its winding number is 0 outside.
     pub fn of_closed(bounds: Bounds3d) -> Self {
         Self {
             center: bounds.center(),
@@ -53,7 +53,7 @@ impl Moments {
         }
     }
 
-    /// Moments of several patches together.
+    /// Moments of the union of several patches.
     fn sum<'a>(parts: impl Iterator<Item = &'a Self> + Clone) -> Self {
         let bounds = parts.clone().fold(Bounds3d::EMPTY, |b, m| b.union(&m.bounds));
         let area: f64 = parts.clone().map(|m| m.area).sum();
@@ -71,8 +71,8 @@ impl Moments {
         sum
     }
 
-    /// The moments in the coordinates of another group. The outer side stays outside, also under
-    /// reflections.
+    /// The moments after the transformation to another group. The outer side stays outside, also
+    /// under reflections.
     pub fn placed(&self, map: &Transform) -> Self {
         let view = View::new(DVec3::ZERO, map.matrix().matrix3);
         Self {
@@ -85,7 +85,7 @@ impl Moments {
     }
 }
 
-/// A point as seen from a group, and the map of differences to the world.
+/// A query point in the coordinates of a group, and the maps from the group to the world.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct View {
     /// The point in the coordinates of the group.
@@ -94,7 +94,7 @@ pub(crate) struct View {
     pub linear: DMat3,
     /// Maps area vectors to the world.
     area: DMat3,
-    /// -1 if the map is a reflection.
+    /// -1 if the map is a reflection, otherwise 1.
     pub orientation: f64,
     /// The largest factor by which the map lengthens differences.
     stretch: f64,
@@ -104,8 +104,8 @@ impl View {
     pub fn new(point: DVec3, linear: DMat3) -> Self {
         let determinant = linear.determinant();
         let gram = linear.transpose() * linear;
-        // The cheapest norm that is not less than the spectral norm; equal to it for rotations with
-        // scales along the axes.
+        // A cheap upper bound on the spectral norm; equal to it for a scaling along the axes
+        // followed or preceded by a permutation of the axes.
         let row = |v: DVec3| v.abs().element_sum();
         let stretch = row(gram.x_axis).max(row(gram.y_axis)).max(row(gram.z_axis)).sqrt();
         let area = linear.inverse().transpose() * determinant.abs();
@@ -119,16 +119,16 @@ impl View {
     }
 }
 
-/// A node. The first child of an inner one follows it.
+/// A node. The first child of an inner node follows it directly.
 #[derive(Clone, Copy, Debug)]
 struct Node {
     moments: Moments,
-    /// The largest distance of the patch from its centre.
+    /// The largest distance from the centroid of the patch to a point of its bounds.
     radius: f64,
-    /// The items of the node, as a range of the order.
+    /// The range of the node's items in [`Tree::order`]: its first index and its length.
     first: u32,
     count: u32,
-    /// The second child; 0 for a leaf.
+    /// The index of the second child; 0 for a leaf.
     second: u32,
 }
 
@@ -136,18 +136,18 @@ struct Node {
 #[derive(Debug, Default)]
 pub(crate) struct Tree {
     nodes: Vec<Node>,
-    /// Item numbers, ordered so that each node holds a range.
+    /// Item numbers, ordered so that the items of each node are a range.
     order: Vec<u32>,
 }
 
-/// Items in a leaf.
+/// The largest number of items in a leaf.
 const LEAF: usize = 8;
 
-/// Larger sets are built by several threads.
+/// Nodes with more items than this are built by several threads.
 const PARALLEL: usize = 4096;
 
 impl Tree {
-    /// The tree over items with these moments.
+    /// Builds the tree over items with these moments.
     pub fn build(items: &[(u32, Moments)]) -> Self {
         let mut order: Vec<u32> = (0..items.len() as u32).collect();
         let nodes = if items.is_empty() { Vec::new() } else { build(items, &mut order, 0) };
@@ -161,7 +161,8 @@ impl Tree {
     }
 
     /// The winding number of all items around a point. Nodes farther away than `accuracy` times
-    /// their radius count by their moments, the items of others by `exact`.
+    /// their radius are approximated by their moments; `exact` gives the number of each item of the
+    /// others.
     pub fn winding_number(
         &self,
         view: &View,
@@ -169,7 +170,7 @@ impl Tree {
         exact: &mut impl FnMut(u32) -> f64,
     ) -> f64 {
         let mut sum = 0.0;
-        // Each step halves what is left.
+        // Each level halves the number of items, so 64 entries suffice.
         let mut stack = [0u32; 64];
         let mut top = usize::from(!self.nodes.is_empty());
         while top > 0 {
@@ -193,7 +194,8 @@ impl Tree {
     }
 }
 
-/// The first two terms of the expansion around the centre, which is `r` away.
+/// The first two terms of the expansion around the centre of a patch; `r` is the vector from the
+/// point to the centre, of length `distance`.
 fn from_afar(moments: &Moments, view: &View, r: DVec3, distance: f64) -> f64 {
     let inverse = 1.0 / distance;
     let direction = r * inverse;
@@ -204,8 +206,8 @@ fn from_afar(moments: &Moments, view: &View, r: DVec3, distance: f64) -> f64 {
     (dipole + (trace - 3.0 * along) * inverse) * inverse * inverse / (4.0 * std::f64::consts::PI)
 }
 
-/// Builds the nodes of a part of the order, halves by the median of centres along the longest axis.
-/// `first` is where the part begins.
+/// Builds the nodes of a part of the order, divided at the median of centres along the longest
+/// axis. `first` is the index in the whole order at which the part begins.
 fn build(items: &[(u32, Moments)], order: &mut [u32], first: u32) -> Vec<Node> {
     let of = |i: &u32| &items[*i as usize].1;
     let mut nodes = Vec::new();

@@ -13,24 +13,25 @@ use snell_scene::light::punctual::{Cone, PunctualLight, PunctualSample};
 
 type Doubles = [f64; LANES];
 
-/// The lights of the lanes and their incident light; lanes without one hold arbitrary values.
+/// The lights of the lanes without a surface, and the light incident from them. Lanes without such
+/// a light hold arbitrary values.
 #[derive(Debug)]
 pub struct DeltaSamples {
     lights: PunctualLights,
-    /// 0 for lanes that do not sample such a light.
+    /// 1 for lanes that sample such a light, 0 for others.
     has: [u32; LANES],
-    /// As [`PunctualSample`].
+    /// See [`PunctualSample`] for this field and the next two.
     direction: HitVectors,
     distance: HitLanes,
     factor: HitLanes,
-    /// 0 if nothing arrives.
+    /// 1 if light arrives, 0 if not.
     arrives: [u32; LANES],
 }
 
-/// As [`PunctualLight`].
+/// The columns of [`PunctualLight`], by lane.
 #[derive(Debug)]
 struct PunctualLights {
-    /// 0 for others.
+    /// 1 for punctual lights, 0 for others.
     is_punctual: [u32; LANES],
     position: [Doubles; 3],
     direction: [Doubles; 3],
@@ -39,7 +40,7 @@ struct PunctualLights {
     body_radius: Doubles,
     outer: Doubles,
     inner: Doubles,
-    /// 0 if not.
+    /// 1 for true, 0 for false.
     is_step: [u32; LANES],
     is_parallel: [u32; LANES],
 }
@@ -71,7 +72,7 @@ impl Default for DeltaSamples {
 }
 
 impl DeltaSamples {
-    /// Puts a light into a lane.
+    /// Puts a light into a lane; `None` stands for a light that is not punctual.
     pub fn put(&mut self, lane: usize, light: Option<&PunctualLight>) {
         self.lights.is_punctual[lane] = u32::from(light.is_some());
         if let Some(light) = light {
@@ -79,9 +80,9 @@ impl DeltaSamples {
         }
     }
 
-    /// Samples the lights of these lanes for paths at these points, in these modes, with these
-    /// random numbers. Stores the radiance in the lanes, except for punctual lights in spectral
-    /// colour.
+    /// Samples the lights of `lanes` for paths at `positions` in these colour modes, with the
+    /// random numbers `u`. Stores the radiance in the lanes, except for punctual lights in spectral
+    /// mode, whose spectrum is applied later.
     pub fn sample<'a>(
         &mut self,
         lanes: &[u32],
@@ -119,7 +120,7 @@ impl DeltaSamples {
         }
     }
 
-    /// Factor on the colour of the light of a lane, if it is a punctual light.
+    /// The factor on the colour of the light of a lane; `None` if the light is not punctual.
     pub fn factor(&self, lane: usize) -> Option<f32> {
         (self.lights.is_punctual[lane] != 0).then_some(self.factor[lane])
     }
@@ -167,7 +168,7 @@ impl PunctualLights {
     }
 }
 
-/// See [`PunctualLight::sample`].
+/// Applies [`PunctualLight::sample`] in every lane.
 #[inline(always)]
 #[expect(clippy::needless_range_loop, reason = "plain loops become vector code")]
 fn sample_punctual(positions: &HitVectors, to: &mut DeltaSamples, radiance: &mut HitColors) {
@@ -187,8 +188,8 @@ fn sample_punctual(positions: &HitVectors, to: &mut DeltaSamples, radiance: &mut
     }
 }
 
-/// Contributions of samples of lights that were chosen with these probabilities. BSDF samples
-/// cannot find these lights, so their weight is 1.
+/// Writes the arrivals of samples of lights that were chosen with these probabilities. BSDF samples
+/// cannot find these lights, so the MIS weight is 1.
 #[inline(always)]
 pub fn arrive_from_delta<S: Scatterers>(
     from: &DeltaSamples,
@@ -233,7 +234,7 @@ mod tests {
     use snell_scene::material::{Diffuse, MaterialKind};
     use snell_scene::medium::Homogeneous;
 
-    /// Every light that there is, and a spot with a cubic step.
+    /// One light of every kind, and a spot light with a cubic step.
     fn lights() -> Vec<Light> {
         let mut lights = Light::examples();
         let falloff = SpotFalloff::Step { inner: 0.2, outer: 0.6 };

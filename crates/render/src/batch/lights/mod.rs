@@ -1,6 +1,6 @@
-//! Batches of light samples, with the bits of [`crate::integrator::estimators::sample_light`]. The
-//! lights are environments, lights without a surface, and surfaces of uniform emission: flat and
-//! far ones, and near rectangles, triangles and spheres.
+//! Batches of light samples, with the same bits as [`crate::integrator::estimators::sample_light`].
+//! The lights are environments, lights without a surface, and surfaces of uniform emission: flat
+//! ones that are far away, and near rectangles, triangles and spheres.
 
 mod delta;
 pub mod near;
@@ -27,88 +27,93 @@ use snell_scene::light::area::{AreaLight, FlatPart, PartSample};
 use snell_scene::medium::HenyeyGreenstein;
 use std::f32::consts::FRAC_1_PI;
 
-/// The lights of the lanes. Lanes without a light hold arbitrary values.
+/// The lights of the lanes and their samples. Lanes without a light hold arbitrary values.
 #[derive(Debug)]
 pub struct LightSamples {
-    /// The chosen light.
+    /// The light that each lane has chosen.
     pub chosen: ChosenLights,
-    /// The part of the light that a lane already holds, which is often the next one.
+    /// The light, and part of a light, whose data a lane holds already. The next vertex often
+    /// chooses the same again.
     light: [u32; LANES],
     part: [u32; LANES],
-    /// How each is sampled.
+    /// How each lane samples its light: [`DARK`] to [`ALONE`].
     pub how: [u32; LANES],
-    /// How each is sampled from near points, and spheres from all points; [`ALONE`] for all others.
+    /// What `how` is for points near the light, and for spheres at any distance; [`ALONE`] for
+    /// lights that are sampled elsewhere.
     how_near: [u32; LANES],
-    /// The source of the light of each.
+    /// The source of each lane's light.
     pub source: [LightSource; LANES],
-    /// Emitted radiance, by channel.
+    /// By channel, the emitted radiance.
     pub radiance: HitColors,
-    /// The same for all wavelengths, where these are not the same for all paths.
+    /// The spectrum of the radiance of each lane, in spectral mode; empty in RGB mode.
     spectra: Vec<LightSpectrum>,
     corner: HitVectors,
     edges: [HitVectors; 2],
-    /// Of spheres, normals and errors of points.
+    /// The surface normal, and the error bound of points on the surface. For spheres, those at the
+    /// sampled point.
     normal: HitVectors,
     error: HitVectors,
     middle: HitVectors,
-    /// Infinite for lights that are not flat.
+    /// The squared distance from `middle` beyond which the part counts as far; infinite if it is
+    /// not flat.
     far: HitLanes,
-    /// Density per unit of area.
+    /// Density of the samples per unit of area.
     pdf: HitLanes,
     kind: [u32; LANES],
-    /// 1 if both sides emit.
+    /// 1 if both sides emit, 0 if only the front does.
     on_both_sides: [u32; LANES],
     near: NearLights,
-    /// Lanes that sample the environment.
+    /// The lanes that sample the environment.
     sky_lanes: Vec<u32>,
     sky: SkySamples,
     sky_places: SkyPlaces,
-    /// Lanes that sample a light without a surface.
+    /// The lanes that sample a light without a surface.
     delta_lanes: Vec<u32>,
     delta: DeltaSamples,
 }
 
-/// There is no light.
+/// `how` of a lane without a light.
 pub const DARK: u32 = 0;
-/// By area.
+/// `how` of a flat part of a light that is sampled by area.
 const FAR: u32 = 1;
-/// By solid angle.
+/// `how` of a part of a light that is sampled by solid angle.
 const NEAR: u32 = 2;
-/// The environment.
+/// `how` of the environment.
 const SKY: u32 = 3;
-/// A light without a surface.
+/// `how` of a light without a surface.
 const DELTA: u32 = 4;
-/// The light is not one of these.
+/// `how` of a light that [`LightSamples`] does not handle.
 pub const ALONE: u32 = 5;
 
-/// Light samples as they arrive at vertices.
+/// Light samples as they arrive at the vertices, by lane.
 #[derive(Debug)]
 pub struct LightArrivals {
     pub origin: HitVectors,
-    /// Direction and end of the light ray.
+    /// Direction (not normalised) and end of the light ray.
     pub way: HitVectors,
     pub end: HitLanes,
-    /// Direction from the vertex, and the density with which it was chosen.
+    /// Unit direction from the vertex to the light, and the density per steradian with which it was
+    /// chosen.
     pub direction: HitVectors,
     pub density: HitLanes,
-    /// Density with which an unguided path samples this direction: at Lambertian surfaces the
+    /// Density with which an unguided path samples this direction: at Lambertian surfaces, the
     /// cosine of incidence over pi.
     pub share: HitLanes,
-    /// Weight by multiple importance sampling.
+    /// The weight of multiple importance sampling.
     pub weight: HitLanes,
-    /// The weight over the density of the sample.
+    /// The weight divided by the density of the sample.
     pub scale: HitLanes,
-    /// 1 if the light has no surface, so that BSDF samples cannot find it; else 0.
+    /// 1 if the light has no surface, so that BSDF samples cannot find it; otherwise 0.
     pub is_delta: [u32; LANES],
-    /// 0 where there is no light.
+    /// 1 where light arrives, 0 where none does.
     pub exists: [u32; LANES],
 }
 
-/// The surface on the side of the paths.
+/// Surfaces as receivers of light samples.
 #[derive(Clone, Copy, Debug)]
 pub struct Surfaces<'a> {
     pub points: &'a TrianglePoints,
-    /// Shading normals.
+    /// Shading normals, on the side of the path.
     pub normal: &'a HitVectors,
     /// Directions towards the origins of the rays.
     pub wo: &'a HitVectors,
@@ -116,15 +121,15 @@ pub struct Surfaces<'a> {
     pub lift: &'a HitVectors,
 }
 
-/// The receivers of light samples: surfaces, or points of media.
+/// The vertices that receive light samples: points on surfaces or in media.
 pub trait Scatterers {
     fn position(&self) -> &HitVectors;
 
-    /// The density with which the path of a lane samples a direction, and whether light from there
-    /// counts.
+    /// The density per steradian with which the path of a lane samples a direction, and whether
+    /// light from that direction can be scattered along the path.
     fn share(&self, lane: usize, direction: Vec3) -> (f32, bool);
 
-    /// The origin of a ray of this direction that leaves the vertex of a lane.
+    /// The origin of a ray that leaves the vertex of a lane in this direction.
     fn ray_origin(&self, lane: usize, direction: Vec3) -> Vec3;
 }
 
@@ -148,8 +153,8 @@ impl Scatterers for Surfaces<'_> {
     }
 }
 
-/// Surfaces of which only the geometry is known: their BSDFs are evaluated one by one, and the
-/// density of BSDF samples is applied later ([`LightArrivals::weigh`]).
+/// Surfaces whose geometry alone is available here. Their BSDFs are evaluated one by one, and the
+/// density of BSDF samples is applied later by [`LightArrivals::weigh`].
 #[derive(Clone, Copy, Debug)]
 pub struct Skins<'a> {
     pub points: &'a TrianglePoints,
@@ -173,7 +178,7 @@ impl Scatterers for Skins<'_> {
     }
 }
 
-/// The origin of a ray of this direction that leaves the surface of a lane.
+/// The origin of a ray that leaves the surface of a lane in this direction.
 #[inline(always)]
 pub fn ray_origin(
     points: &TrianglePoints,
@@ -191,13 +196,13 @@ pub fn ray_origin(
     )
 }
 
-/// Points of media.
+/// Points in media as receivers of light samples.
 #[derive(Clone, Copy, Debug)]
 pub struct MediumPoints<'a> {
     pub position: &'a HitVectors,
     /// Directions towards the origins of the rays.
     pub wo: &'a HitVectors,
-    /// Of the phase functions.
+    /// The phase functions at the points.
     pub phase: &'a [HenyeyGreenstein; LANES],
 }
 
@@ -267,7 +272,7 @@ impl Default for LightArrivals {
     }
 }
 
-/// A chosen light that [`LightSamples`] holds.
+/// A chosen light that [`LightSamples`] handles.
 #[derive(Clone, Copy)]
 enum Held<'a> {
     Part(LightPart<'a>),
@@ -276,7 +281,7 @@ enum Held<'a> {
 }
 
 impl<'a> Held<'a> {
-    /// The part of a light, if it can be sampled here.
+    /// The light, or its part, if [`LightSamples`] handles it; otherwise `None`.
     fn of(scene: &'a CompiledScene, light: u32, part: u32) -> Option<Self> {
         match scene.lights().get(light as usize)? {
             CompiledLight::Area(_) => LightPart::of(scene, light, part).map(Self::Part),
@@ -287,17 +292,17 @@ impl<'a> Held<'a> {
     }
 }
 
-/// A part of an emissive surface, for far points at least.
+/// A part of an emissive surface that can be sampled in batches, at least from far points.
 #[derive(Clone, Copy)]
 struct LightPart<'a> {
-    /// `None` for a sphere.
+    /// The flat part; `None` for a sphere.
     flat: Option<&'a FlatPart>,
     is_near: bool,
     plain: &'a PlainEmission,
 }
 
 impl<'a> LightPart<'a> {
-    /// The part of a light, if it is one.
+    /// The part of an emissive surface, if `light` is one and the part can be sampled in batches.
     fn of(scene: &'a CompiledScene, light: u32, part: u32) -> Option<Self> {
         if part == NONE {
             return None;
@@ -324,7 +329,7 @@ fn bare_light(scene: &CompiledScene, light: u32) -> Option<&BareLight> {
 }
 
 impl LightSamples {
-    /// Light samples for paths of this colour mode.
+    /// Light samples for paths of this colour model.
     pub fn new(color: ColorModel) -> Self {
         let spectra = match color {
             ColorModel::Rgb => Vec::new(),
@@ -333,8 +338,8 @@ impl LightSamples {
         Self { spectra, ..Self::default() }
     }
 
-    /// Computes the radiance that is still missing, for the given number of first lanes: at the
-    /// wavelengths of their paths, and that of an environment in its sampled direction.
+    /// Computes the radiance that is still missing in the first `count` lanes: that of the
+    /// environment in its sampled direction, and values at the wavelengths of the paths.
     pub fn shine(
         &mut self,
         scene: &CompiledScene,
@@ -363,7 +368,7 @@ impl LightSamples {
         }
     }
 
-    /// Chooses lights for the given number of first receivers, and decides how each is sampled.
+    /// Chooses lights for the first `count` receivers, and decides how each lane samples its light.
     pub fn choose(
         &mut self,
         context: &Context,
@@ -383,8 +388,8 @@ impl LightSamples {
         }
     }
 
-    /// Looks up the lights that were chosen for the given number of first points, and decides how
-    /// each is sampled.
+    /// Looks up the lights that were chosen for the first `count` points, and decides how each lane
+    /// samples its light.
     fn look_up(
         &mut self,
         scene: &CompiledScene,
@@ -399,7 +404,7 @@ impl LightSamples {
             changed[changes % LANES] = lane;
             changes += usize::from(!is_same);
         }
-        // (All are found before any is copied: so several are under way from memory.)
+        // All are found before any is copied, so that several loads from memory overlap.
         let mut found = [None; LANES];
         for &lane in &changed[..changes] {
             found[lane] = Held::of(scene, self.chosen.light[lane], self.chosen.part[lane]);
@@ -414,12 +419,12 @@ impl LightSamples {
         );
     }
 
-    /// Puts the light that was chosen for a lane into it, if it `found` one of those that are held
-    /// here.
+    /// Puts the data of the light that was chosen for a lane into the lane. `found` is `None` for a
+    /// light that is not handled here.
     fn put(&mut self, lane: usize, found: Option<Held>) {
         let (light, part) = (self.chosen.light[lane], self.chosen.part[lane]);
         (self.light[lane], self.part[lane]) = (light, part);
-        // (Nothing is as far as that.)
+        // No point is as far as that.
         self.far[lane] = f32::INFINITY;
         self.how_near[lane] = if light == NONE { DARK } else { ALONE };
         let LightPart { flat, is_near, plain } = match found {
@@ -466,17 +471,18 @@ impl LightSamples {
         self.kind[lane] = if flat.is_triangle { TRIANGLE } else { RECTANGLE };
     }
 
-    /// Notes what gave the light of a lane that was sampled alone.
+    /// Records the source of the light of a lane that was sampled alone, and that the lane holds
+    /// the data of no light.
     pub fn note_alone(&mut self, lane: usize, source: LightSource) {
         (self.light[lane], self.source[lane]) = (NONE - 1, source);
     }
 
-    /// True if there is no light in the given number of first lanes.
+    /// True if none of the first `count` lanes has a light.
     fn are_dark(&self, count: usize) -> bool {
         self.how[..count].iter().all(|&how| how == DARK)
     }
 
-    /// Random numbers for the light samples of the given number of first lanes.
+    /// Random numbers for the light samples of the first `count` lanes.
     pub fn numbers(
         &self,
         randoms: &BatchRandoms<LANES>,
@@ -486,8 +492,8 @@ impl LightSamples {
         if self.are_dark(count) { [[0.0; LANES]; 2] } else { randoms.pairs(dimension::LIGHT, wide) }
     }
 
-    /// Samples the lights of the given number of first lanes, for paths of these modes, weighted by
-    /// multiple importance sampling with the BSDF samples of the paths.
+    /// Samples the lights of the first `count` lanes for paths in these modes. The samples are
+    /// weighted by multiple importance sampling with the BSDF samples of the paths.
     pub fn arrivals<S: Scatterers>(
         &mut self,
         scene: &CompiledScene,
@@ -582,22 +588,23 @@ impl LightSamples {
 }
 
 impl LightArrivals {
-    /// The shadow rays.
+    /// The shadow rays from the vertices to the lights.
     pub fn shadow_rays(&self) -> RayColumns<'_> {
         RayColumns { origin: &self.origin, direction: &self.way, end: &self.end }
     }
 
-    /// Directions from vertices to the lights.
+    /// Unit directions from the vertices to the lights.
     pub fn directions(&self) -> &HitVectors {
         &self.direction
     }
 
-    /// Sets the direction to a light that is sampled elsewhere for a lane.
+    /// Sets the direction to the light of a lane that is sampled elsewhere.
     pub fn aim(&mut self, lane: usize, direction: Vec3) {
         put(&mut self.direction, lane, direction);
     }
 
-    /// Weights the sample of a lane, given the density of BSDF samples in its direction.
+    /// Computes the MIS weight of the light sample of a lane, given the density with which the BSDF
+    /// samples its direction.
     #[inline(always)]
     pub fn weigh(&mut self, lane: usize, pdf: f32) {
         let weight = if self.is_delta[lane] != 0 {
@@ -608,7 +615,7 @@ impl LightArrivals {
         (self.weight[lane], self.scale[lane]) = (weight, weight / self.density[lane]);
     }
 
-    /// Puts a sample of another light into a lane.
+    /// Puts the sample of a light that is handled elsewhere into a lane.
     pub fn put(&mut self, lane: usize, shadow_ray: &Ray, weight: f32) {
         for axis in 0..3 {
             self.origin[axis][lane] = shadow_ray.origin[axis];
@@ -618,8 +625,8 @@ impl LightArrivals {
     }
 }
 
-/// The normal of the plane below which nothing is reflected: the geometric normal, or where the
-/// point is lifted the shading normal.
+/// The normal of the plane below which nothing is reflected: the geometric normal, or the shading
+/// normal where the point is lifted.
 #[inline(always)]
 pub fn horizon(flat: Vec3, normal: Vec3, lift: Vec3) -> Vec3 {
     let is_lifted = lift != Vec3::ZERO;
@@ -631,13 +638,14 @@ pub fn horizon(flat: Vec3, normal: Vec3, lift: Vec3) -> Vec3 {
 fn tell_far(lights: &mut LightSamples, positions: &HitVectors) {
     for i in 0..LANES {
         let vector = |v: &HitVectors| Vec3::new(v[0][i], v[1][i], v[2][i]);
-        // As `FlatPart::is_far`.
+        // This is the test of `FlatPart::is_far`.
         let is_far = (vector(&lights.middle) - vector(positions)).length_squared() > lights.far[i];
         lights.how[i] = if is_far { FAR } else { lights.how_near[i] };
     }
 }
 
-/// `WITH_NEAR` if there are samples of near lights.
+/// Writes the arrivals of flat parts and spheres. `WITH_NEAR` is true if some lanes have samples of
+/// near lights.
 #[inline(always)]
 fn arrive<const WITH_NEAR: bool, S: Scatterers>(
     lights: &LightSamples,

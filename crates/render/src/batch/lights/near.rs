@@ -1,4 +1,4 @@
-//! Light samples from near rectangles and triangles and from spheres, by solid angle: sixteen at
+//! Light samples by solid angle, from near rectangles and triangles and from spheres: sixteen at
 //! once, in double precision.
 
 use crate::lanes::{LANES, put};
@@ -9,18 +9,18 @@ use snell_scene::light::area::{
     NearPart, NearRectangle, NearSample, NearSphere, NearTriangle, RoundSample,
 };
 
-/// Near parts of one kind that are sampled together.
+/// The number of near parts of one kind that are sampled together.
 const NEAR_LANES: usize = 16;
 
-/// The kinds.
+/// The kinds of near parts.
 pub const RECTANGLE: u32 = 0;
 pub const TRIANGLE: u32 = 1;
 pub const SPHERE: u32 = 2;
 
-/// Samples of near parts.
+/// Samples of the near parts of lights.
 #[derive(Debug, Default)]
 pub struct NearLights {
-    /// The lanes that have one, and those of one kind.
+    /// The lanes that have a near part, and the lanes among them that have one kind.
     pub lanes: Vec<u32>,
     of_kind: Vec<u32>,
     viewers: Viewers,
@@ -29,7 +29,7 @@ pub struct NearLights {
     spheres: NearSpheres,
     round: RoundSamples,
     found: NearSamples<NEAR_LANES>,
-    /// By lane.
+    /// The samples, by lane.
     pub samples: NearSamples<LANES>,
 }
 
@@ -39,19 +39,19 @@ pub struct NearParts<'a> {
     pub positions: &'a HitVectors,
     pub u: &'a [HitLanes; 2],
     pub kind: &'a [u32; LANES],
-    /// As [`FlatPart`](snell_scene::light::area::FlatPart).
+    /// The columns of [`FlatPart`](snell_scene::light::area::FlatPart).
     pub corner: &'a HitVectors,
     pub edges: &'a [HitVectors; 2],
 }
 
-/// The receivers of the parts, and the random numbers of the samples.
+/// The points that receive the samples, and the samples' random numbers.
 #[derive(Debug, Default)]
 struct Viewers {
     from: [[f32; NEAR_LANES]; 3],
     u: [[f32; NEAR_LANES]; 2],
 }
 
-/// Rectangles.
+/// The columns of the rectangles that are sampled together.
 #[derive(Debug, Default)]
 struct NearRectangles {
     center: [[f64; NEAR_LANES]; 3],
@@ -59,14 +59,14 @@ struct NearRectangles {
     half: [[f64; NEAR_LANES]; 2],
 }
 
-/// Triangles.
+/// The columns of the triangles that are sampled together.
 #[derive(Debug, Default)]
 struct NearTriangles {
     corner: [[f32; NEAR_LANES]; 3],
     edges: [[[f32; NEAR_LANES]; 3]; 2],
 }
 
-/// Spheres.
+/// The columns of the spheres that are sampled together.
 #[derive(Debug, Default)]
 struct NearSpheres {
     center: [[f64; NEAR_LANES]; 3],
@@ -80,7 +80,7 @@ struct RoundSamples {
     error: [[f32; NEAR_LANES]; 3],
 }
 
-/// See [`NearSample`].
+/// The columns of [`NearSample`].
 #[derive(Debug)]
 pub struct NearSamples<const N: usize> {
     position: [[f32; N]; 3],
@@ -98,9 +98,9 @@ impl<const N: usize> Default for NearSamples<N> {
 }
 
 impl NearLights {
-    /// Samples the parts of the lanes that have one; `part` gives the missing data of rectangles
-    /// and spheres. For points on spheres, normals and error bounds are written to the lanes of
-    /// these columns.
+    /// Samples the near parts of the lanes in [`Self::lanes`]. `part` gives the data of rectangles
+    /// and spheres that `parts` lacks. Normals and error bounds of sampled points on spheres are
+    /// written to the columns given for them.
     #[inline(never)]
     pub fn sample(
         &mut self,
@@ -181,7 +181,7 @@ impl Viewers {
         }
     }
 
-    /// Where one is, and its numbers.
+    /// The point that receives sample `i`, and the random numbers of the sample.
     #[inline(always)]
     fn get(&self, i: usize) -> (Vec3, Vec2) {
         (vector(&self.from, i), Vec2::new(self.u[0][i], self.u[1][i]))
@@ -258,7 +258,7 @@ impl<const N: usize> NearSamples<N> {
         }
     }
 
-    /// Stores the samples of these lanes.
+    /// Copies the samples in `found` to their lanes.
     fn take(&mut self, lanes: &[u32], found: &NearSamples<NEAR_LANES>) {
         for (i, &lane) in lanes.iter().enumerate() {
             self.put(lane as usize, &found.get(i));
@@ -266,7 +266,7 @@ impl<const N: usize> NearSamples<N> {
     }
 }
 
-/// See [`NearRectangle::sample`].
+/// Applies [`NearRectangle::sample`] to all columns.
 #[inline(always)]
 fn near_rectangles(of: &NearRectangles, by: &Viewers, to: &mut NearSamples<NEAR_LANES>) {
     for i in 0..NEAR_LANES {
@@ -281,7 +281,7 @@ fn near_rectangles(of: &NearRectangles, by: &Viewers, to: &mut NearSamples<NEAR_
     }
 }
 
-/// See [`NearTriangle::sample`].
+/// Applies [`NearTriangle::sample`] to all columns.
 #[inline(always)]
 fn near_triangles(of: &NearTriangles, by: &Viewers, to: &mut NearSamples<NEAR_LANES>) {
     for i in 0..NEAR_LANES {
@@ -292,7 +292,7 @@ fn near_triangles(of: &NearTriangles, by: &Viewers, to: &mut NearSamples<NEAR_LA
     }
 }
 
-/// See [`NearSphere::sample`].
+/// Applies [`NearSphere::sample`] to all columns.
 #[inline(always)]
 fn near_spheres(
     of: &NearSpheres,
@@ -423,7 +423,7 @@ mod tests {
             Vec3::new(number(i, 3 * k), number(i, 3 * k + 1), number(i, 3 * k + 2))
         };
         let (mut of, mut by) = (NearSpheres::default(), Viewers::default());
-        // From outside, from inside, and from the middle.
+        // Viewpoints lie outside of the sphere, inside, and at its middle.
         let cases: [_; NEAR_LANES] = std::array::from_fn(|lane| {
             let i = lane as u32;
             let (center, from) = (

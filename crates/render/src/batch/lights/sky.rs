@@ -1,5 +1,5 @@
-//! Light samples from an environment image: the tables are searched one by one, the rest is
-//! computed in batches. Also the look-up positions for paths that leave the scene.
+//! Light samples from an environment image: the tables are searched lane by lane, and the rest is
+//! computed in batches. Also the look-up positions of paths that leave the scene.
 
 use super::{LightArrivals, Scatterers};
 use crate::lanes::{LANES, ZERO, at, put};
@@ -8,22 +8,22 @@ use snell_math::simd::{Wide, mask_select};
 use snell_math::{Mat3, Vec2, Vec3, at_level, sampling};
 use snell_scene::light::environment::{DrawnDirection, EnvironmentLight, SkySample, place_of};
 
-/// Samples of an environment, by lane; lanes without one hold arbitrary values.
+/// Samples of an environment, by lane. Lanes without a sample hold arbitrary values.
 #[derive(Debug)]
 pub struct SkySamples {
-    /// As [`DrawnDirection`].
+    /// The columns of [`DrawnDirection`].
     height: [f64; LANES],
     turn: [f64; LANES],
     pdf: HitLanes,
-    /// 0 where there is none.
+    /// 1 where a sample exists, 0 elsewhere.
     exists: [u32; LANES],
     world_from_environment: Mat3,
 }
 
-/// The look-up positions ([`EnvironmentLight::place`]), by lane.
+/// The look-up positions in the image ([`EnvironmentLight::place`]), by lane.
 pub type SkyPlaces = [HitLanes; 2];
 
-/// Arbitrary positions.
+/// Arbitrary positions, for lanes that use none.
 pub const NO_PLACES: SkyPlaces = [[0.0; LANES]; 2];
 
 impl Default for SkySamples {
@@ -39,7 +39,7 @@ impl Default for SkySamples {
 }
 
 impl SkySamples {
-    /// Samples for these lanes, with these random numbers.
+    /// Samples the environment for these lanes, with the random numbers `u`.
     pub fn draw(&mut self, sky: &EnvironmentLight, lanes: &[u32], u: &[HitLanes; 2]) {
         self.exists = [0; LANES];
         self.world_from_environment = sky.world_from_environment();
@@ -63,7 +63,7 @@ impl SkySamples {
     }
 }
 
-/// Contributions of samples that were chosen with these probabilities.
+/// Writes the arrivals of samples of an environment that was chosen with these probabilities.
 #[inline(always)]
 pub fn arrive_from_sky<S: Scatterers>(
     from: &SkySamples,
@@ -95,8 +95,8 @@ pub fn arrive_from_sky<S: Scatterers>(
     }
 }
 
-/// The look-up position in an image for each of these directions, at most [`LANES`]
-/// ([`EnvironmentLight::place`]).
+/// The look-up position in the image for each of these directions, of which there are at most
+/// [`LANES`] ([`EnvironmentLight::place`]).
 pub fn places_of(
     sky: &EnvironmentLight,
     directions: impl Iterator<Item = Vec3>,

@@ -1,5 +1,5 @@
-//! Batches of BSDFs: all vertices of one material together, with the bits of [`super::general`] one
-//! by one.
+//! Batches of BSDFs: all vertices of one material are evaluated together, with the same bits as
+//! [`super::general`] computes one by one.
 
 use super::general::{Bounces, Scattered};
 use crate::batch::lights::horizon;
@@ -11,20 +11,20 @@ use snell_math::simd::{Bits, Wide, mask_select, mask_select_vector};
 use snell_math::{ColorModel, at_level};
 use snell_scene::bsdf::{BATCH, BatchBsdf, BatchInputs, BatchOutputs, BatchPoint, LobeSpectra};
 
-/// The BSDFs of vertices. Arrays are by lane; other lanes hold arbitrary values.
+/// The BSDFs of vertices. Arrays are by lane; lanes that were not added hold arbitrary values.
 #[derive(Debug)]
 pub struct BsdfBatch<'a> {
     color: ColorModel,
-    /// The BSDF of each; `None` for other lanes.
+    /// The BSDF of each lane; `None` for lanes that were not added.
     bsdfs: [Option<&'a BatchBsdf>; LANES],
     is_any: bool,
-    /// 0 for other lanes.
+    /// 1 for lanes that were added, 0 for others.
     has: [u32; LANES],
     /// The normal of the plane above which light is reflected and below which it is refracted, and
-    /// its cosine with the outgoing direction.
+    /// the cosine between that normal and the outgoing direction.
     horizon: HitVectors,
     side: HitLanes,
-    /// As [`BatchPoint`].
+    /// The columns of [`BatchPoint`].
     spectra: LobeSpectra<HitColors>,
     alpha: HitLanes,
     metalness: HitLanes,
@@ -34,7 +34,7 @@ pub struct BsdfBatch<'a> {
     found: Box<Found>,
 }
 
-/// As [`BatchOutputs`], by lane.
+/// The columns of [`BatchOutputs`], by lane.
 #[derive(Debug)]
 struct Found {
     value: HitColors,
@@ -48,7 +48,7 @@ struct Found {
     exists: [u32; LANES],
 }
 
-/// Surfaces with outgoing directions.
+/// Surfaces with the directions from which they are seen.
 #[derive(Clone, Copy, Debug)]
 pub struct Seen<'a> {
     pub frames: &'a Frames,
@@ -61,7 +61,7 @@ pub struct Seen<'a> {
 }
 
 impl BsdfBatch<'_> {
-    /// An empty batch for paths of this colour mode.
+    /// An empty batch for paths of this colour model.
     pub fn new(color: ColorModel) -> Self {
         let (number, mark) = ([0.0; LANES], [0; LANES]);
         Self {
@@ -97,7 +97,7 @@ impl<'a> BsdfBatch<'a> {
         (self.bsdfs, self.is_any, self.has) = ([None; LANES], false, [0; LANES]);
     }
 
-    /// Adds a lane with this BSDF and its values at the point.
+    /// Adds a lane with this BSDF and the BSDF's values at the lane's point.
     pub fn put(&mut self, lane: usize, bsdf: &'a BatchBsdf, at: &BatchPoint) {
         put_color(&mut self.spectra.base, lane, at.spectra.base);
         if self.color == ColorModel::Spectral {
@@ -113,7 +113,8 @@ impl<'a> BsdfBatch<'a> {
         self.has[lane] != 0
     }
 
-    /// Computes what does not depend on lights, and the normals on the side of the paths.
+    /// Computes what does not depend on the lights, and the normals on the side of the paths
+    /// (`facing`).
     pub fn prepare(&mut self, seen: &Seen, facing: &mut HitVectors, wide: Option<Wide>) {
         if !self.is_any {
             return;
@@ -129,8 +130,8 @@ impl<'a> BsdfBatch<'a> {
         );
     }
 
-    /// Evaluates the BSDFs for the directions of the light, and samples them with these numbers for
-    /// lobes and directions.
+    /// Evaluates the BSDFs for the directions `wi` to the lights, and samples them with the random
+    /// numbers `u_lobe` for lobes and `u` for directions.
     pub fn evaluate(
         &mut self,
         frames: &Frames,
@@ -178,7 +179,7 @@ impl<'a> BsdfBatch<'a> {
         }
     }
 
-    /// Writes values and samples, in world space, to the lanes that were added.
+    /// Writes BSDF values and samples, in world space, to the lanes that were added.
     pub fn write(
         &self,
         (frames, wi): (&Frames, &HitVectors),
@@ -206,7 +207,7 @@ impl<'a> BsdfBatch<'a> {
 }
 
 impl Found {
-    /// Stores the results of the selected lanes of a block.
+    /// Stores the results of the lanes of a block that are marked in `of`.
     fn take(
         &mut self,
         block: usize,
@@ -228,7 +229,7 @@ impl Found {
     }
 }
 
-/// The lanes of a block.
+/// The part of an array over lanes that belongs to a block.
 #[inline(always)]
 fn lanes_of<T>(of: &[T; LANES], block: usize) -> &[T; BATCH] {
     &of.as_chunks().0[block]
@@ -307,11 +308,12 @@ fn write<const CHANNELS: usize>(
     let found = &from.found;
     for i in 0..LANES {
         let (has, horizon, side) = (from.has[i], at(&from.horizon, i), from.side[i]);
-        // Shading and geometry must agree on whether light goes through.
+        // A direction counts only if the shading frame and the geometry agree on whether light goes
+        // through.
         let sides = side * horizon.dot(at(wi, i));
         let goes_through = from.wo[2][i] * from.wi[2][i] < 0.0;
-        // (Bits, for the same condition at several places would become branches, with everything in
-        // between on both sides.)
+        // The condition is turned into bits. As a condition that is used at several places it would
+        // become branches, with everything in between duplicated on both sides.
         let is_seen = u32::from((goes_through & (sides < 0.0)) | (!goes_through & (sides > 0.0)));
         let drawn = frames.at(i).from_local(at(&found.drawn, i));
         let scale = 1.0 / drawn.length();

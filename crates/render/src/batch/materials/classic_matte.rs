@@ -16,12 +16,13 @@ use std::rc::Rc;
 /// Shades vertices on matte surfaces: ambient light, and a light ray for each light.
 pub struct ClassicMatteShader<'a> {
     vertices: MatteVertices<'a>,
-    /// Shading normal.
+    /// Shading normals.
     normal: HitVectors,
 }
 
 impl<'a> ClassicMatteShader<'a> {
-    /// For these surfaces, if there are any and the integrator is `raycast` or `whitted`.
+    /// Makes the shader for these surfaces; `None` if there are none, or unless the integrator is
+    /// `raycast` or `whitted`.
     pub fn new(
         context: &Context,
         sampler: &Sampler,
@@ -74,7 +75,7 @@ impl<'a> BatchShader<'a> for ClassicMatteShader<'a> {
     }
 }
 
-/// Normals as they are seen.
+/// Shading normals on the side from which they are seen.
 #[inline(always)]
 fn normals(points: &TrianglePoints, wo: &HitVectors, normal: &mut HitVectors) {
     for i in 0..LANES {

@@ -1,7 +1,7 @@
 //! Batches of vertices of `path` and `direct` on surfaces of any kind
 //! ([`crate::integrator::path`]). Lights, random numbers, roulette and rays are processed in
-//! vectorised loops; BSDFs are evaluated in batches by material where they support it
-//! ([`super::bsdf_batch`]), else one by one.
+//! vectorised loops. BSDFs are evaluated in batches by material where the material supports it
+//! ([`super::bsdf_batch`]), otherwise one by one.
 
 use super::bsdf_batch::{BsdfBatch, Seen};
 use super::specular::specular_part;
@@ -30,39 +30,41 @@ use snell_scene::material::FrameNeeds;
 /// Shades vertices on surfaces of any kind.
 #[derive(Debug)]
 pub struct GeneralShader<'a> {
-    /// By material: whether it accepts vertices on it.
+    /// By material: whether the shader accepts vertices on it.
     accepts: Vec<bool>,
-    /// Paths and the emission that each has found.
+    /// The numbers of paths, with the emission that each has found.
     found: Vec<(u32, SampledSpectrum)>,
     lanes: VertexLanes,
     color: ColorModel,
-    /// By geometry.
+    /// By geometry: the plain surface, if the geometry is one.
     plain: Vec<Option<PlainSurface<'a>>>,
-    /// Lanes on these.
+    /// Lanes whose vertex is on a plain surface, with that surface.
     on_plain: Vec<(usize, PlainSurface<'a>)>,
-    /// The scatterers, and the index of that of each lane; [`NONE`] where there is none.
+    /// The scatterers of lanes that are shaded one by one, and the index of each lane's scatterer;
+    /// [`NONE`] where a lane has none.
     scatterers: Vec<Scatterer<'a>>,
     scatterer_of: [u32; LANES],
-    /// Lanes that are processed by material, and their frames where these are known.
+    /// Lanes whose BSDFs are evaluated in batches, and the frames of lanes where these were
+    /// computed one by one.
     bsdfs: BsdfBatch<'a>,
     turned: Vec<(usize, Frame)>,
-    /// True if frames are to be computed together.
+    /// True if the frames of some lanes are to be computed together.
     turns: bool,
     bends: Bends,
     frames: Frames,
-    /// The normal on the side of the path.
+    /// The shading normals on the side of the paths.
     facing: HitVectors,
-    /// Whether the surface transmits light.
+    /// Whether each surface transmits light.
     transmits: [bool; LANES],
-    /// The BSDF values of the surfaces for the light samples.
+    /// BSDF values and densities for the directions of the light samples.
     scattered: Scattered,
     bounces: Bounces,
     direct: DirectLight,
-    /// Light samples of lanes that are shaded together.
+    /// Samples of lights that are drawn one by one, for lanes whose BSDFs are evaluated in batches.
     alone: Vec<Alone>,
 }
 
-/// A sample of a light that is not flat.
+/// A sample of a light that [`LightSamples`] does not handle.
 #[derive(Debug)]
 struct Alone {
     lane: usize,
@@ -71,15 +73,15 @@ struct Alone {
     light: DrawnLight,
 }
 
-/// See [`GuidedBsdf::eval_and_pdf`].
+/// The columns of [`GuidedBsdf::eval_and_pdf`], by lane.
 #[derive(Debug)]
 pub struct Scattered {
-    /// By channel.
+    /// By channel, the BSDF times the cosine.
     pub value: HitColors,
     pub pdf: HitLanes,
 }
 
-/// The next rays of paths.
+/// The next rays of paths, by lane.
 #[derive(Debug)]
 pub struct Bounces {
     pub wi: HitVectors,
@@ -89,24 +91,25 @@ pub struct Bounces {
     /// By channel, the factor on the throughput.
     pub weight: HitColors,
     pub eta_scale: HitLanes,
-    /// As [`GuidedBsdf::survival`] gives it, where paths are guided.
+    /// The values of [`GuidedBsdf::survival`], where paths are guided.
     survival: HitLanes,
     pub expected: HitLanes,
-    /// 0 if not.
+    /// 1 for delta lobes, 0 for others.
     pub is_delta: [u32; LANES],
-    /// 0 where the path ends.
+    /// 1 where there is a next ray, 0 where the path ends.
     pub exists: [u32; LANES],
 }
 
-/// No scatterer.
+/// The scatterer of a lane that has none.
 const NONE: u32 = u32::MAX;
 
 impl<'a> GeneralShader<'a> {
-    /// `None` unless the integrator is `path` or `direct`.
+    /// Makes the shader; `None` with portable code, or unless the integrator is `path` or `direct`.
     pub fn new(context: &Context<'a>, sampler: &Sampler) -> Option<Self> {
         let (scene, settings) = (context.scene, context.settings);
         let wide = scene.world.simd().wide().filter(|_| settings.integrator.is_path())?;
-        // Dispersion changes the rest of a path's state.
+        // Materials with dispersion are not accepted, because dispersion changes the path's
+        // wavelengths.
         let is_spectral = settings.color == ColorModel::Spectral;
         let accepts = |material: &Material| {
             specular_part(context, material).is_none() && !(is_spectral && material.is_dispersive())
@@ -151,7 +154,8 @@ impl<'a> GeneralShader<'a> {
         })
     }
 
-    /// Puts the vertices of these paths into the lanes, and notes the light that is found there.
+    /// Puts the vertices of these paths into the lanes, and records the emission that the paths
+    /// find there.
     fn gather(&mut self, batch: &Batch<'_, 'a>, paths: &[u32]) {
         self.lanes.start(batch, paths);
         self.found.clear();
@@ -170,9 +174,9 @@ impl<'a> GeneralShader<'a> {
         }
     }
 
-    /// Puts a vertex on a plain surface into a lane: [`Self::gather_plain`] must follow. False, and
-    /// nothing is done, if it is on another; `outside_ior` is the index of refraction on the outer
-    /// side of the surface.
+    /// Puts the vertex of a lane into it if it is on a plain surface; [`Self::gather_plain`] must
+    /// follow. Otherwise returns false and does nothing. `outside_ior` is the index of refraction
+    /// on the outer side of the surface.
     fn put_plain(&mut self, batch: &Batch, lane: usize, outside_ior: f32) -> bool {
         let path = self.lanes.paths()[lane] as usize;
         let hit = &batch.paths.hits[path];
@@ -204,7 +208,7 @@ impl<'a> GeneralShader<'a> {
         );
     }
 
-    /// The points of all lanes, and their scatterers.
+    /// Computes the points of all lanes and their scatterers.
     fn place(&mut self, context: &Context) {
         self.lanes.place();
         self.lanes.place_lifts(context);
@@ -223,8 +227,8 @@ impl<'a> GeneralShader<'a> {
             if !surface.is_lifted {
                 put(&mut self.lanes.lift, lane, Vec3::ZERO);
             }
-            // (What it is does not go through memory in RGB: that took 3 % of a render of rough
-            // materials.)
+            // (In RGB the scattering function is put into its lane from where it is, not copied
+            // first.)
             let bsdf = match self.color {
                 ColorModel::Rgb => {
                     surface.batch.inspect(|bsdf| self.bsdfs.put(lane, bsdf, &bsdf.point()))
@@ -250,7 +254,7 @@ impl<'a> GeneralShader<'a> {
         self.bsdfs.prepare(&seen, &mut self.facing, *wide);
     }
 
-    /// Schedules the frame of a lane to be computed with the others.
+    /// Schedules the frame of a lane to be computed together with those of other lanes.
     fn expect_frame(&mut self, lane: usize, needs: FrameNeeds) {
         self.frames.expect(lane, needs);
         self.turns = true;
@@ -278,7 +282,7 @@ impl<'a> GeneralShader<'a> {
         if batch.is_last() {
             return;
         }
-        // (The guiding field is evaluated lane by lane.)
+        // With a guiding field, lanes are evaluated one by one.
         let bsdf = prepared.batch_at(surface.material, &point).filter(|_| context.field.is_none());
         if let Some((bsdf, at, needs)) = bsdf {
             let lift = if bsdf.transmits() {
@@ -396,7 +400,8 @@ impl<'a> GeneralShader<'a> {
         self.bring_alone(context);
     }
 
-    /// Draws from the lights that are not flat, for lanes that are shaded together.
+    /// Samples the lights that the batch does not handle, for lanes whose BSDFs are evaluated in
+    /// batches.
     fn draw_alone(&mut self, context: &Context, u: &[HitLanes; 2], count: usize) {
         self.alone.clear();
         for lane in 0..count {
@@ -411,7 +416,8 @@ impl<'a> GeneralShader<'a> {
         }
     }
 
-    /// Computes the contributions of these lights, once their BSDF values are known.
+    /// Computes the contributions of the light samples of [`Self::draw_alone`], once BSDF values
+    /// are available.
     fn bring_alone(&mut self, context: &Context) {
         for Alone { lane, at, probability, light } in self.alone.drain(..) {
             let scattered = (color_at(&self.scattered.value, lane), self.scattered.pdf[lane]);
@@ -491,7 +497,7 @@ impl<'a> BatchShader<'a> for GeneralShader<'a> {
     }
 }
 
-/// The inputs of vertices, before the outputs are computed.
+/// The inputs of [`give`].
 struct Known<'a> {
     carried: &'a CarriedLanes,
     skins: Skins<'a>,
@@ -502,7 +508,7 @@ struct Known<'a> {
     roulette: &'a Roulette,
 }
 
-/// The outputs of vertices, without lights that are sampled one by one.
+/// Computes the outputs of the vertices, except for lights that are sampled one by one.
 #[inline(always)]
 #[expect(clippy::needless_range_loop, reason = "plain loops become vector code")]
 fn give<const CHANNELS: usize>(

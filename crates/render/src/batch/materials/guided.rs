@@ -1,4 +1,5 @@
-//! Batches of [`crate::integrator::guided`] on Lambertian surfaces, with the same bits.
+//! The guided sampling of [`crate::integrator::guided`] in batches on Lambertian surfaces, with the
+//! same bits.
 
 use crate::batch::lights::{LightArrivals, Scatterers, Surfaces};
 use crate::batch::vertices::CarriedLanes;
@@ -13,48 +14,51 @@ use snell_intersect::triangles::{HitLanes, HitVectors};
 use snell_math::simd::{Wide, mask_select, max};
 use snell_math::{Vec2, Vec3, at_level, sampling};
 
-/// The data of a guiding field at vertices. Unused lanes hold arbitrary values.
+/// The data of a guiding field at vertices, by lane. Unused lanes hold arbitrary values.
 #[derive(Debug)]
 pub struct GuidedLanes {
-    /// The regions of the points.
+    /// The region of the field at each point.
     regions: [u32; LANES],
     /// 1 where the region is trained.
     is_known: [u32; LANES],
-    /// The fraction of BSDF samples; 1 where the region is not trained.
+    /// The probability of sampling the BSDF instead of the field; 1 where the region is not
+    /// trained.
     share: HitLanes,
-    /// The coordinates of the points, and the orientations of the surfaces.
+    /// The coordinates of the points in the field, and the orientations of the surfaces.
     places: [[u32; LANES]; 3],
     faces: [u32; LANES],
-    /// The parallax of the regions, in parts, and its values at the points.
+    /// The parallax of the regions, stored as an anchor and a nearness, and the shift of directions
+    /// that the parallax gives at each point.
     anchor: HitVectors,
     nearness: HitLanes,
     shift: HitVectors,
-    /// The points of the square that stand for directions.
+    /// The points of the unit square that stand for directions, and their coordinates in the field.
     square: [HitLanes; 2],
     coordinates: [[u32; LANES]; 2],
-    /// 1 for directions that do not come from the BSDF.
+    /// 1 for directions that were sampled from the field, 0 for those of the BSDF.
     is_drawn: [u32; LANES],
-    /// The ratio of a direction's solid angle at the region's anchor to that at the point.
+    /// The ratio of a direction's solid angle at the region's anchor to its solid angle at the
+    /// point.
     larger: HitLanes,
-    /// Density of a direction in the field.
+    /// Density per steradian with which the field samples a direction.
     pdf: HitLanes,
-    /// The expected contribution of paths of throughput 1; 0 where the region is not trained.
+    /// The expected contribution of a path of throughput 1; 0 where the region is not trained.
     brings: HitLanes,
-    /// As [`crate::integrator::guided::GuidedBsdf::survival`] gives it.
+    /// The values of [`crate::integrator::guided::GuidedBsdf::survival`].
     pub survival: HitLanes,
     pub expected: HitLanes,
 }
 
-/// Next directions of paths, by lane.
+/// The next directions of paths, by lane.
 #[derive(Debug)]
 pub struct Directions<'a> {
     pub wi: &'a mut HitVectors,
     pub origin: &'a mut HitVectors,
     /// Density per steradian.
     pub pdf: &'a mut HitLanes,
-    /// 0 where there is none.
+    /// 1 where there is a direction, 0 elsewhere.
     pub exists: &'a mut [u32; LANES],
-    /// By channel, reflectance in, weight of the direction out.
+    /// By channel: on input the reflectance, on output the weight of the direction.
     pub weight: &'a mut HitColors,
 }
 
@@ -83,7 +87,7 @@ impl Default for GuidedLanes {
 }
 
 impl GuidedLanes {
-    /// Looks up the field at the given number of first points.
+    /// Looks up the field at the first `count` points.
     pub fn find(&mut self, field: &Field, receivers: &Receivers, count: usize, wide: Option<Wide>) {
         at_level!(
             wide,
@@ -117,8 +121,8 @@ impl GuidedLanes {
         );
     }
 
-    /// Replaces directions sampled from BSDFs by those of the mixture. `choice`, `quad` and `u` are
-    /// independent numbers.
+    /// Replaces directions sampled from BSDFs by directions sampled from the mixture of BSDF and
+    /// field. `choice`, `quad` and `u` are independent random numbers.
     pub fn mix(
         &mut self,
         field: &Field,
@@ -149,7 +153,7 @@ impl GuidedLanes {
         );
     }
 
-    /// Weights light samples, given the density of the mixture.
+    /// Applies to light samples the MIS weight that the density of the mixture gives.
     pub fn weigh_lights(
         &mut self,
         field: &Field,
@@ -169,7 +173,7 @@ impl GuidedLanes {
         );
     }
 
-    /// Computes the survival weights of roulette, for paths on surfaces of this reflectance.
+    /// Computes the survival weights of Russian roulette for paths on surfaces of this reflectance.
     pub fn play(&mut self, carried: &CarriedLanes, reflectance: &HitColors, wide: Option<Wide>) {
         at_level!(
             wide,
@@ -182,7 +186,8 @@ impl GuidedLanes {
         );
     }
 
-    /// Densities of the directions of [`Self::coordinates`], in the selected lanes.
+    /// Computes the densities of the directions at [`Self::coordinates`], in lanes where
+    /// `is_wanted` is 1.
     fn look_up(&mut self, field: &Field, is_wanted: &[u32; LANES]) {
         field.atlas().pdfs(&self.regions, &self.coordinates, is_wanted, &mut self.pdf);
         for (pdf, larger) in self.pdf.iter_mut().zip(&self.larger) {
@@ -190,7 +195,8 @@ impl GuidedLanes {
         }
     }
 
-    /// Density of a direction in the mixture of a lane, given that of the BSDF.
+    /// Density of a direction in the mixture of BSDF and field of a lane, given the density of the
+    /// BSDF.
     pub fn mixed_pdf(
         &self,
         field: Option<&Field>,
@@ -204,7 +210,7 @@ impl GuidedLanes {
         guide.map_or(bsdf_pdf, |guide| mixed_pdf(self.share[lane], bsdf_pdf, guide.pdf(wi)))
     }
 
-    /// The data of the field in a lane.
+    /// The region of a lane, if it is trained.
     pub fn known(&self, lane: usize) -> Option<Known> {
         (self.is_known[lane] != 0).then_some(Known(self.regions[lane]))
     }
@@ -243,7 +249,8 @@ fn find_coordinates(guided: &mut GuidedLanes, directions: &HitVectors) {
     }
 }
 
-/// Directions from points of the square, where they come from there; then the coordinates of all.
+/// Computes directions from points of the square in lanes that sample the field, then the
+/// coordinates of all directions.
 #[inline(always)]
 fn turn(guided: &mut GuidedLanes, surfaces: &Surfaces, to: &mut Directions) {
     for i in 0..LANES {
@@ -262,7 +269,7 @@ fn turn(guided: &mut GuidedLanes, surfaces: &Surfaces, to: &mut Directions) {
     find_coordinates(guided, to.wi);
 }
 
-/// From densities of BSDFs to those of mixtures.
+/// Replaces densities of BSDFs by those of the mixtures, and reflectances by weights.
 #[inline(always)]
 fn weigh(guided: &GuidedLanes, to: &mut Directions) {
     for i in 0..LANES {
@@ -282,7 +289,7 @@ fn weigh(guided: &GuidedLanes, to: &mut Directions) {
     }
 }
 
-/// As [`crate::integrator::guided::GuidedBsdf::survival`].
+/// Applies [`crate::integrator::guided::GuidedBsdf::survival`] in every lane.
 #[inline(always)]
 fn play(guided: &mut GuidedLanes, carried: &CarriedLanes, reflectance: &HitColors) {
     for i in 0..LANES {

@@ -1,5 +1,5 @@
 //! Batches of vertices of `path` and `direct` on Lambertian surfaces ([`crate::integrator::path`]),
-//! which are most of many scenes.
+//! which are the most common ones in many scenes.
 
 use super::guided::{Directions, GuidedLanes};
 use super::matte_surfaces::{MatteSurfaces, MatteVertices};
@@ -28,16 +28,16 @@ use std::rc::Rc;
 pub struct MatteShader<'a> {
     vertices: MatteVertices<'a>,
     color: ColorModel,
-    /// Shading normal, and the same on the side of the path.
+    /// Shading normals, and the same normals on the side of the paths.
     normal: HitVectors,
     facing: HitVectors,
     bounces: Bounces,
-    /// The data of the guiding field, if there is one.
+    /// The data of the guiding field, if the render has one.
     guided: Box<GuidedLanes>,
     direct: DirectLight,
 }
 
-/// The next rays of paths.
+/// The next rays of paths, by lane.
 #[derive(Debug)]
 struct Bounces {
     wi: HitVectors,
@@ -45,12 +45,13 @@ struct Bounces {
     pdf: HitLanes,
     /// By channel, the factor on the throughput.
     weight: HitColors,
-    /// 0 where the path ends.
+    /// 1 where there is a next ray, 0 where the path ends.
     exists: [u32; LANES],
 }
 
 impl<'a> MatteShader<'a> {
-    /// For these surfaces, if there are any and the integrator is `path` or `direct`.
+    /// Makes the shader for these surfaces; `None` if there are none, or unless the integrator is
+    /// `path` or `direct`.
     pub fn new(
         context: &Context,
         sampler: &Sampler,
@@ -165,14 +166,14 @@ impl<'a> MatteShader<'a> {
         });
     }
 
-    /// The source of the light ray of a lane, if it has one, and its weight by multiple importance
-    /// sampling.
+    /// The source of the light ray of a lane and its MIS weight; `None` if the lane has no light
+    /// ray.
     fn light_source(&self, lane: usize) -> Option<(LightSource, f32)> {
         (self.direct.outputs.has_light_ray[lane] != 0)
             .then(|| (self.direct.lights.source[lane], self.direct.arrivals.weight[lane]))
     }
 
-    /// As [`Outputs::choice`], in a lane of which the path goes on.
+    /// The value of [`Outputs::choice`] for a lane whose path continues.
     fn choice(&self, context: &Context, depth: u32, lane: usize) -> Option<Choice> {
         let field = context.field.filter(|field| field.is_learning())?;
         let (direction, pdf) = (at(&self.bounces.wi, lane), self.bounces.pdf[lane]);
@@ -197,7 +198,7 @@ impl<'a> BatchShader<'a> for MatteShader<'a> {
     }
 
     fn shade(&mut self, batch: &Batch<'_, 'a>, paths: &[u32]) {
-        // (They do not emit light.)
+        // Matte surfaces do not emit light, so the last vertex of a path adds nothing.
         if batch.is_last() {
             return self.vertices.lanes.clear();
         }
@@ -246,7 +247,7 @@ impl<'a> BatchShader<'a> for MatteShader<'a> {
         LobeShares::of_matte(color_at(&self.vertices.reflectance, lane))
     }
 
-    /// Light rays cross the surface by rounding only.
+    /// A light ray can cross a matte surface by rounding only.
     fn may_cross(&self, lane: usize) -> [bool; 2] {
         let lanes = &self.vertices.lanes;
         let normal = at(&lanes.points.geometric_normal, lane);
@@ -255,19 +256,19 @@ impl<'a> BatchShader<'a> for MatteShader<'a> {
     }
 }
 
-/// The inputs of vertices, before the outputs are computed.
+/// The inputs of [`give`].
 struct Known<'a> {
     carried: &'a CarriedLanes,
     reflectance: &'a HitColors,
     radiance: &'a HitColors,
     arrivals: &'a LightArrivals,
     bounces: &'a Bounces,
-    /// The guiding field, if there is one.
+    /// The guiding data, if the render has a guiding field.
     guided: Option<&'a GuidedLanes>,
     roulette: &'a Roulette,
 }
 
-/// The outputs of vertices, without lights that are sampled one by one.
+/// Computes the outputs of the vertices, except for lights that are sampled one by one.
 #[inline(always)]
 #[expect(clippy::needless_range_loop, reason = "plain loops become vector code")]
 fn give<const CHANNELS: usize>(known: &Known, to: &mut VertexOutputs) {
@@ -292,7 +293,7 @@ fn give<const CHANNELS: usize>(known: &Known, to: &mut VertexOutputs) {
     }
 }
 
-/// Normals as they are seen, and cosine-distributed directions.
+/// Computes the normals on the side of the paths and cosine-distributed directions.
 #[inline(always)]
 fn bounce(
     points: &TrianglePoints,
@@ -312,8 +313,8 @@ fn bounce(
         let up = sampling::cosine_hemisphere(Vec2::new(u[0][i], u[1][i]));
         let pdf = up.z * FRAC_1_PI;
         let cos_o = n.dot(wo);
-        // (One factor for both uses: two equal conditions become two branches with masked stores,
-        // which some processors take twenty cycles for.)
+        // One factor serves both uses: two equal conditions would become two branches with masked
+        // stores, which take twenty cycles on some processors.
         let side = if cos_o < 0.0 { -1.0 } else { 1.0 };
         let local = Vec3::new(up.x, up.y, side * up.z);
         let direction = frame.from_local(local);

@@ -1,4 +1,4 @@
-//! Matte surfaces, their precomputed data, and vertices on them.
+//! The matte surfaces of a scene with precomputed data, and vertices on them.
 
 use crate::batch::Batch;
 use crate::batch::lights::horizon;
@@ -20,11 +20,12 @@ use std::rc::Rc;
 /// The matte surfaces of a scene.
 #[derive(Debug)]
 pub struct MatteSurfaces<'a> {
-    /// By geometry: the mesh and its reflectance, if that is uniform and the mesh is static.
+    /// By geometry: the mesh and its reflectance, if the mesh is static and the reflectance
+    /// uniform.
     plain: Vec<Option<PlainSurface<'a>>>,
     /// The class of hits on each geometry outside of instances; the last entry is for misses.
     kinds: Vec<Kind>,
-    /// By material.
+    /// By material: true if it is matte.
     materials: Vec<bool>,
 }
 
@@ -33,22 +34,22 @@ pub struct MatteSurfaces<'a> {
 enum Kind {
     Matte,
     Other,
-    /// It depends on the primitive.
+    /// The class of the hit depends on the primitive.
     Mixed,
 }
 
-/// A mesh of one matte material.
+/// A mesh with one matte material of uniform reflectance.
 #[derive(Clone, Copy, Debug)]
 pub struct PlainSurface<'a> {
     pub mesh: PlainMesh<'a>,
-    /// The reflectance, in RGB.
+    /// The reflectance in RGB mode.
     reflectance: SampledSpectrum,
-    /// The same for all wavelengths, if needed.
+    /// The spectrum of the reflectance, in spectral mode.
     spectrum: Option<RgbSpectrum>,
 }
 
 impl PlainSurface<'_> {
-    /// The reflectance in this mode.
+    /// The lanes of the reflectance in this mode.
     #[inline(always)]
     pub fn reflectance_in(&self, mode: ColorMode) -> SampledSpectrum {
         match (mode, &self.spectrum) {
@@ -59,7 +60,8 @@ impl PlainSurface<'_> {
 }
 
 impl<'a> MatteSurfaces<'a> {
-    /// `None` if there are none, or with portable code, where the vertex function shades them.
+    /// Finds the surfaces; `None` if there are none, or with portable code, where the vertex
+    /// function shades them.
     pub fn new(context: &Context<'a>) -> Option<Rc<Self>> {
         let scene = context.scene;
         scene.world.simd().wide()?;
@@ -90,7 +92,7 @@ impl<'a> MatteSurfaces<'a> {
         materials.contains(&true).then(|| Rc::new(Self { plain, kinds, materials }))
     }
 
-    /// True if a path with this hit can be shaded here.
+    /// True if a path with this hit can be shaded as a vertex on a matte surface.
     #[inline(always)]
     pub fn has(&self, scene: &CompiledScene, hit: &Hit) -> bool {
         let kind = self.kinds[(hit.geometry as usize).min(self.kinds.len() - 1)];
@@ -100,14 +102,14 @@ impl<'a> MatteSurfaces<'a> {
         }
     }
 
-    /// What a path has hit, if it is one of the plain surfaces.
+    /// The plain surface that a path has hit, if it has hit one.
     #[inline(always)]
     pub fn plain(&self, hit: &Hit) -> Option<&PlainSurface<'a>> {
         self.plain.get(hit.geometry as usize).and_then(Option::as_ref).filter(|_| hit.instance == 0)
     }
 }
 
-/// True if vertices on this material can be shaded here.
+/// True if vertices on this material can be shaded as matte ones.
 fn is_matte(context: &Context, material: &Material) -> bool {
     let settings = context.settings;
     let knows_color = settings.color == ColorModel::Rgb || context.field.is_none();
@@ -120,19 +122,19 @@ fn is_matte(context: &Context, material: &Material) -> bool {
 #[derive(Debug)]
 pub struct MatteVertices<'a> {
     pub lanes: VertexLanes,
-    /// By channel.
+    /// By channel, the reflectance at the vertices.
     pub reflectance: HitColors,
     surfaces: Rc<MatteSurfaces<'a>>,
 }
 
 impl<'a> MatteVertices<'a> {
-    /// No vertices.
+    /// Makes empty lanes for vertices on these surfaces.
     pub fn new(surfaces: &Rc<MatteSurfaces<'a>>, sampler: &Sampler, wide: Wide) -> Self {
         let (lanes, surfaces) = (VertexLanes::new(sampler, Some(wide)), Rc::clone(surfaces));
         Self { lanes, reflectance: BLACK, surfaces }
     }
 
-    /// The number of leading paths on matte surfaces, at most [`LANES`].
+    /// The number of paths at the front of `paths` that are on matte surfaces, at most [`LANES`].
     pub fn accepts(&self, batch: &Batch, paths: &[u32]) -> usize {
         if batch.matte_next > 0 {
             return batch.matte_next.min(LANES);
@@ -142,8 +144,8 @@ impl<'a> MatteVertices<'a> {
         paths.iter().take(LANES).take_while(is_matte).count()
     }
 
-    /// Puts the vertices of the paths with these numbers into the lanes: at most [`LANES`], without
-    /// those that have ended.
+    /// Puts the vertices of the paths with these numbers into the lanes: at most [`LANES`] paths.
+    /// Paths that have ended are left out.
     pub fn gather(&mut self, batch: &Batch, paths: &[u32]) {
         let from = batch.paths;
         self.lanes.start(batch, paths);
@@ -166,7 +168,7 @@ impl<'a> MatteVertices<'a> {
         self.lanes.gather_triangles(from, |hit| surfaces.plain(hit).map(|surface| &surface.mesh));
     }
 
-    /// What is on no plain triangle.
+    /// Puts a vertex into its lane that is on none of the plain surfaces.
     #[inline(never)]
     fn gather_other(&mut self, context: &Context, lane: usize, ray: &Ray, hit: &Hit) {
         let scene = context.scene;
@@ -194,13 +196,13 @@ impl<'a> MatteVertices<'a> {
         self.lanes.put_point(lane, OtherPoint::of(&surface, shading_normal, lift));
     }
 
-    /// The points of all lanes.
+    /// Computes the points of all lanes.
     pub fn place(&mut self, context: &Context) {
         self.lanes.place();
         self.lanes.place_lifts(context);
     }
 
-    /// The surface of a lane that has this shading normal.
+    /// The surface of a lane with this shading normal.
     pub fn seen(&self, normal: &HitVectors, lane: usize) -> Seen {
         let lanes = &self.lanes;
         let (wo, normal) = (at(&lanes.wo, lane), at(normal, lane));
@@ -218,19 +220,19 @@ impl<'a> MatteVertices<'a> {
     }
 }
 
-/// A surface as a receiver of light.
+/// A matte surface at one vertex, as a receiver of light.
 pub struct Seen {
     pub arrival: Arrival,
     normal: Vec3,
     horizon: Vec3,
-    /// Cosines of the outgoing direction with the normals.
+    /// Cosines between the outgoing direction and the shading normal, and between it and `horizon`.
     cos_o: f32,
     side: f32,
     pub reflectance: SampledSpectrum,
 }
 
 impl Seen {
-    /// The BSDF times the cosine, and the density of sampling, of a direction.
+    /// The BSDF times the cosine for direction `wi`, and the density per steradian of sampling it.
     pub fn reflected(&self, wi: Vec3) -> (SampledSpectrum, f32) {
         let cos_i = self.normal.dot(wi);
         let is_seen = self.cos_o * cos_i > 0.0 && self.side * self.horizon.dot(wi) > 0.0;

@@ -1,4 +1,5 @@
-//! Surfaces: one shader for each way in which many materials can be shaded together.
+//! Shaders of surfaces, one for each way in which vertices on many materials can be shaded
+//! together.
 
 pub mod bsdf_batch;
 pub mod classic_matte;

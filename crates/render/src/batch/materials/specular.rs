@@ -25,52 +25,54 @@ use snell_scene::material::{Specular, reflecting_normal};
 /// Shades vertices on specular surfaces.
 #[derive(Debug)]
 pub struct SpecularShader<'a> {
-    /// By geometry, where they are plain.
+    /// By geometry: the mesh, if it is a plain one.
     meshes: Vec<Option<PlainMesh<'a>>>,
-    /// By material: what it does, if it is specular.
+    /// By material: its specular lobes, if it is specular.
     materials: Vec<Option<Specular>>,
     lanes: VertexLanes,
     color: ColorModel,
     lobes: Lobes,
-    /// Shading normal.
+    /// Shading normals.
     normal: HitVectors,
     bounces: Bounces,
 }
 
-/// What the surfaces do.
+/// What the surfaces do to light, by lane.
 #[derive(Debug)]
 struct Lobes {
-    /// Index of refraction inside over outside.
+    /// Index of refraction inside divided by that outside.
     ior: HitLanes,
-    /// By channel, factors on light that crosses, and on light that comes from the inside.
+    /// By channel, the factors on light that crosses the surface, and on light that arrives from
+    /// inside.
     tint: HitColors,
     arriving: HitColors,
-    /// By channel, the factor on reflected light where there is no refraction.
+    /// By channel, the factor on reflected light at surfaces without refraction.
     reflectance: HitColors,
-    /// 1 where nothing is refracted.
+    /// 1 where the surface reflects only, 0 where it also refracts.
     is_mirror: [u32; LANES],
 }
 
-/// The next rays of paths.
+/// The next rays of paths, by lane.
 #[derive(Debug)]
 struct Bounces {
     wi: HitVectors,
     origin: HitVectors,
-    /// The normal on the side of the path.
+    /// The shading normals on the side of the paths.
     facing: HitVectors,
-    /// By channel.
+    /// By channel, the throughput along the next ray.
     throughput: HitColors,
     eta_scale: HitLanes,
-    /// As [`crate::integrator::carried::Carried::marks`].
+    /// See [`crate::integrator::carried::Carried::marks`].
     marks: MarkLanes,
-    /// 0 where the path ends.
+    /// 1 where there is a next ray, 0 where the path ends.
     exists: [u32; LANES],
 }
 
-/// What a material does, if [`SpecularShader`] knows it.
+/// The specular lobes of a material, if [`SpecularShader`] can shade it.
 pub fn specular_part(context: &Context, material: &Material) -> Option<Specular> {
     let settings = context.settings;
-    // In spectral colours: materials that differ only in tint between a path's wavelengths.
+    // In spectral mode, only interfaces without dispersion: among a path's wavelengths only their
+    // tint differs.
     let knows_color = |lobe: &Specular| match settings.color {
         ColorModel::Rgb => true,
         ColorModel::Spectral => {
@@ -81,7 +83,7 @@ pub fn specular_part(context: &Context, material: &Material) -> Option<Specular>
 }
 
 impl<'a> SpecularShader<'a> {
-    /// `None` if there are no such surfaces.
+    /// Makes the shader; `None` if the scene has no specular surfaces, or with portable code.
     pub fn new(context: &Context<'a>, sampler: &Sampler) -> Option<Self> {
         let (scene, color) = (context.scene, context.settings.color);
         let wide = scene.world.simd().wide()?;
@@ -118,7 +120,7 @@ impl<'a> SpecularShader<'a> {
         })
     }
 
-    /// The specular behaviour of the surface that a path hit.
+    /// The specular lobes of the surface that a path hit.
     fn lobe(&self, batch: &Batch, path: u32) -> Option<&Specular> {
         self.materials.get(batch.materials[path as usize] as usize)?.as_ref()
     }
@@ -219,7 +221,7 @@ impl<'a> SpecularShader<'a> {
     }
 }
 
-/// The mesh that was hit, if it is a plain one.
+/// The mesh that was hit, if it is a plain one outside of instances.
 fn plain_mesh<'m, 'a>(meshes: &'m [Option<PlainMesh<'a>>], hit: &Hit) -> Option<&'m PlainMesh<'a>> {
     meshes[hit.geometry as usize].as_ref().filter(|_| hit.instance == 0)
 }
@@ -234,7 +236,7 @@ impl<'a> BatchShader<'a> for SpecularShader<'a> {
     }
 
     fn shade(&mut self, batch: &Batch<'_, 'a>, paths: &[u32]) {
-        // (They do not emit light.)
+        // Specular surfaces do not emit light, so the last vertex of a path adds nothing.
         if batch.is_last() {
             return self.lanes.clear();
         }
@@ -268,7 +270,7 @@ impl<'a> BatchShader<'a> for SpecularShader<'a> {
     }
 }
 
-/// Normals as mirrors need them.
+/// The normals by which mirrors reflect ([`reflecting_normal`]).
 #[inline(always)]
 fn normals(points: &TrianglePoints, wo: &HitVectors, normal: &mut HitVectors) {
     for i in 0..LANES {
@@ -282,20 +284,20 @@ fn normals(points: &TrianglePoints, wo: &HitVectors, normal: &mut HitVectors) {
     }
 }
 
-/// The inputs of vertices, before directions are sampled.
+/// The inputs of [`bounce`].
 struct Known<'a> {
     points: &'a TrianglePoints,
     wo: &'a HitVectors,
     carried: &'a CarriedLanes,
     normal: &'a HitVectors,
     lobes: &'a Lobes,
-    /// Numbers for the choice of a lobe.
+    /// Random numbers that choose a lobe.
     choice: &'a HitLanes,
     is_guided: bool,
     roulette: &'a Roulette,
 }
 
-/// Next directions and throughputs.
+/// Computes the next directions and throughputs.
 #[inline(always)]
 fn bounce<const CHANNELS: usize>(known: &Known, to: &mut Bounces) {
     let Known { points, wo, carried, normal, lobes, choice, is_guided, roulette } = *known;
@@ -335,7 +337,7 @@ fn bounce<const CHANNELS: usize>(known: &Known, to: &mut Bounces) {
         }
         let crossing = pick(1.0, split.eta * split.eta);
         let eta_scale = carried.eta_scale[i] * crossing;
-        // As `GuidedBsdf::survival`.
+        // This is the weight of `GuidedBsdf::survival`.
         let weight = if is_guided {
             largest_weight * crossing
         } else {
@@ -376,7 +378,7 @@ mod tests {
     use snell_scene::material::{Conductor, Dielectric, MaterialKind, Mirror, NormalMap};
     use snell_scene::texture::Pattern;
 
-    /// Every kind of specular material, what changes from point to point left out.
+    /// Every kind of specular material, without parameters that vary over the surface.
     fn kinds() -> [MaterialKind; 6] {
         let tint = Rgb::new(0.9, 0.7, 1.0).into();
         [
@@ -400,7 +402,7 @@ mod tests {
                 .find(|p| p.textures().is_empty())
                 .expect("there is one");
             let texture = scene.add_texture(Texture::Pattern(bumps));
-            // Some of the materials stay what they are.
+            // Some of the materials are left as they are.
             let materials = scene
                 .materials
                 .iter_mut()

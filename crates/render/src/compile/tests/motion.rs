@@ -1,4 +1,4 @@
-//! Scenes that move: while the shutter is open, and from one compilation to the next.
+//! Tests of scenes that move while the shutter is open, and from one compilation to the next.
 
 use super::*;
 use crate::integrator::aov::Aov;
@@ -10,8 +10,8 @@ use snell_scene::motion::{
 use snell_scene::motion::{Curve, Interpolation};
 use snell_scene::{Camera, Environment, Motion, Player};
 
-/// Three squares of 2 x 32 x 32 triangles: one that stays, one that goes to the right and turns,
-/// one that is bent; and a camera that rises.
+/// Three squares of 2 x 32 x 32 triangles, one that does not move, one that moves to the right and
+/// turns, and one that bends; and a camera that rises.
 fn three() -> Scene {
     let mut scene = Scene::new("three");
     let red = scene.add_material(Material::new("red", Diffuse::new(Rgb::new(0.8, 0.1, 0.1))));
@@ -75,7 +75,8 @@ impl Playing {
         Self { scene, player }
     }
 
-    /// The scene from a time to another, and the cameras.
+    /// Compiles the scene for a shutter that opens and closes at these times. Returns it with the
+    /// cameras at its poses.
     fn shot(
         &mut self,
         from: f64,
@@ -124,8 +125,8 @@ fn frames_take_over_what_stays_and_are_the_same_as_if_they_did_not() {
     for time in [0.3, 0.6] {
         let (next, cameras) = playing.shot(time, time, Some(last));
         let reuse = next.world.stats().reuse;
-        // The static square is in the root, which is rebuilt because it is small apart from that
-        // square.
+        // The static square is in the root group, which is rebuilt: the rest of that group is
+        // small.
         assert!(reuse.kept >= 1 && reuse.refitted >= 1, "{reuse:?}");
         let (alone, _) = Playing::new().shot(time, time, None);
         assert!(!next.moves);
@@ -186,8 +187,8 @@ fn motion_is_the_way_of_the_point_over_the_picture() {
     for pixel in (0..values(3).len()).filter(|&pixel| values(3)[pixel] >= 0.0) {
         let at = |axis: usize| f64::from(values(1)[3 * pixel + axis]);
         let point = DVec3::new(at(0), at(1), at(2));
-        // How fast it goes: the first square stays, the third is bent by how far a point is from
-        // its middle, the second goes and turns.
+        // The velocity of the point: the first square stands still, the third bends in proportion
+        // to the distance from its middle, and the second moves and turns.
         let (square, speed) = match point.x {
             x if x < -1.5 => (0, DVec3::ZERO),
             x if x > 1.9 => (2, DVec3::new(0.0, 0.0, (x - 3.0).abs())),
@@ -202,7 +203,7 @@ fn motion_is_the_way_of_the_point_over_the_picture() {
             last.expect("in sight") - cameras[0].project(point, settings.size).expect("in sight");
         let found =
             DVec2::new(f64::from(values(2)[2 * pixel]), f64::from(values(2)[2 * pixel + 1]));
-        // (The point is that of a moment in between.)
+        // The point belongs to some moment while the shutter is open, so the bound is loose.
         let bound = 0.02 * expected.length() + 1e-4;
         assert!((found - expected).length() < bound, "{point} of {square}: {found} {expected}");
     }

@@ -2,17 +2,17 @@
 
 use snell_math::{Rgb, rng};
 
-/// A value; 0 if there are fewer.
+/// Value number `i`, or 0 if there are fewer values.
 pub fn value(values: &[f32], i: usize) -> f32 {
     values.get(i).copied().unwrap_or(0.0)
 }
 
-/// Three values as they are.
+/// Three values as red, green and blue.
 pub fn color(values: &[f32], _scene_radius: f32) -> Rgb {
     Rgb::new(value(values, 0), value(values, 1), value(values, 2))
 }
 
-/// A unit vector as a colour; black where there is none.
+/// A unit vector as a colour; the zero vector is black.
 pub fn direction(values: &[f32], scene_radius: f32) -> Rgb {
     let Rgb { r, g, b } = color(values, scene_radius);
     if (r, g, b) == (0.0, 0.0, 0.0) {
@@ -22,12 +22,12 @@ pub fn direction(values: &[f32], scene_radius: f32) -> Rgb {
     }
 }
 
-/// Two coordinates, which repeat after 1.
+/// Two coordinates as red and green, which repeat after 1.
 pub fn coordinates(values: &[f32], _scene_radius: f32) -> Rgb {
     Rgb::new(value(values, 0).rem_euclid(1.0), value(values, 1).rem_euclid(1.0), 0.0)
 }
 
-/// An id as one of many colours; black if it is negative.
+/// An id as one of many colours; a negative id is black.
 pub fn id(values: &[f32], _scene_radius: f32) -> Rgb {
     let id = value(values, 0);
     if id < 0.0 {
@@ -37,12 +37,12 @@ pub fn id(values: &[f32], _scene_radius: f32) -> Rgb {
     Rgb::new(r, g, b)
 }
 
-/// A count as a heat map by its logarithm: white is 2 to this power.
+/// A count on a logarithmic heat map, on which 0 is black and `2^most` is white.
 pub fn count(values: &[f32], most: f32) -> Rgb {
     heat(((1.0 + value(values, 0).max(0.0)).log2() / most).min(1.0))
 }
 
-/// Black, blue, magenta, orange, white: dark to bright for 0 to 1.
+/// A heat map of increasing brightness from 0 to 1: black, blue, magenta, orange, white.
 pub fn heat(x: f32) -> Rgb {
     const STOPS: [[f32; 3]; 5] = [
         [0.0, 0.0, 0.02],

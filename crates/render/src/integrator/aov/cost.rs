@@ -1,9 +1,9 @@
-//! AOVs of the cost of the camera ray.
+//! AOVs of the cost of tracing the camera ray.
 
 use super::colors;
 use super::{AovKind, Declared, Needs};
 
-/// Nodes of acceleration structures.
+/// The AOV of the number of nodes visited.
 pub const NODES_VISITED: Declared = Declared {
     name: "nodes-visited",
     channels: &["V"],
@@ -13,7 +13,7 @@ pub const NODES_VISITED: Declared = Declared {
     preview: |values, _| colors::count(values, 8.0),
 };
 
-/// Triangles and shapes.
+/// The AOV of the number of triangles and shapes tested.
 pub const PRIMITIVES_TESTED: Declared = Declared {
     name: "primitives-tested",
     channels: &["V"],

@@ -1,11 +1,11 @@
-//! AOVs of coverage: keys of objects and materials, for Cryptomatte.
+//! AOVs of coverage: the keys of objects and materials, for Cryptomatte.
 
 use super::{Aov, AovKind, Declared, Needs};
 use crate::integrator::Context;
 use snell_intersect::Hit;
 use snell_math::Rgb;
 
-/// By instance and geometry.
+/// The AOV of coverage by objects: instance and geometry.
 pub const CRYPTO_OBJECT: Declared = Declared {
     name: "crypto-object",
     channels: &[],
@@ -15,7 +15,7 @@ pub const CRYPTO_OBJECT: Declared = Declared {
     preview: |_, _| Rgb::BLACK,
 };
 
-/// By material.
+/// The AOV of coverage by materials.
 pub const CRYPTO_MATERIAL: Declared = Declared {
     name: "crypto-material",
     channels: &[],
@@ -25,7 +25,7 @@ pub const CRYPTO_MATERIAL: Declared = Declared {
     preview: |_, _| Rgb::BLACK,
 };
 
-/// The key of a hit: for objects its instance and geometry, for materials the number of the
+/// The key of a hit: for objects made of its instance and geometry, for materials the number of the
 /// material.
 pub fn key(aov: Aov, context: &Context, hit: &Hit) -> u64 {
     match aov {

@@ -4,7 +4,7 @@ use super::colors::value;
 use super::{AovKind, Declared, Needs};
 use snell_math::Rgb;
 
-/// Along the view direction.
+/// The AOV of the distance along the view direction.
 pub const DEPTH: Declared = Declared {
     name: "depth",
     channels: &["Z"],
@@ -17,7 +17,7 @@ pub const DEPTH: Declared = Declared {
     preview: near_is_bright,
 };
 
-/// Along the ray.
+/// The AOV of the distance along the ray.
 pub const DISTANCE: Declared = Declared {
     name: "distance",
     channels: &["V"],

@@ -1,9 +1,9 @@
-//! AOVs that come from the film, not from samples.
+//! AOVs that the film computes, and that have no values of samples.
 
 use super::colors;
 use super::{AovKind, Declared, Needs};
 
-/// Its error.
+/// The AOV of the pixel's error.
 pub const NOISE: Declared = Declared {
     name: "noise",
     channels: &["V"],
@@ -13,7 +13,7 @@ pub const NOISE: Declared = Declared {
     preview: |values, _| colors::heat((colors::value(values, 0) * 10.0).clamp(0.0, 1.0)),
 };
 
-/// Its samples.
+/// The AOV of the pixel's number of samples.
 pub const SAMPLES: Declared = Declared {
     name: "samples",
     channels: &["V"],

@@ -3,7 +3,7 @@
 use super::colors;
 use super::{AovKind, Declared, Needs};
 
-/// The instance.
+/// The AOV of the instance.
 pub const INSTANCE: Declared = Declared {
     name: "instance-id",
     channels: &["id"],
@@ -13,7 +13,7 @@ pub const INSTANCE: Declared = Declared {
     preview: colors::id,
 };
 
-/// The geometry.
+/// The AOV of the geometry.
 pub const GEOMETRY: Declared = Declared {
     name: "geometry-id",
     channels: &["id"],
@@ -23,7 +23,7 @@ pub const GEOMETRY: Declared = Declared {
     preview: colors::id,
 };
 
-/// The triangle or face.
+/// The AOV of the triangle or face.
 pub const PRIMITIVE: Declared = Declared {
     name: "primitive-id",
     channels: &["id"],
@@ -33,7 +33,7 @@ pub const PRIMITIVE: Declared = Declared {
     preview: colors::id,
 };
 
-/// The material.
+/// The AOV of the material.
 pub const MATERIAL: Declared = Declared {
     name: "material-id",
     channels: &["id"],

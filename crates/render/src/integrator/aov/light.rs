@@ -1,10 +1,10 @@
-//! AOVs of parts of the light.
+//! AOVs that hold parts of the light.
 
 use super::colors;
 use super::{AovKind, Declared, Needs};
 use crate::integrator::light_part::{LightPart, Lobe, Scatterings};
 
-/// The declaration of every part: its values are added while light is transported.
+/// The declaration of the AOV of every part. Its values are added during light transport.
 pub const LIGHT: Declared = Declared {
     name: "light",
     channels: &["R", "G", "B"],
@@ -14,7 +14,7 @@ pub const LIGHT: Declared = Declared {
     preview: colors::color,
 };
 
-/// The parts that can be layers, without light groups.
+/// The parts that can be AOVs without light groups.
 pub const PARTS: [LightPart; 11] = [
     part(None, Scatterings::None),
     part(None, Scatterings::One),

@@ -1,5 +1,5 @@
-//! Arbitrary output variables: properties of the first hit other than its light. Each is a line of
-//! the list below, and is declared in a file of this folder; all other code reads the list.
+//! Arbitrary output variables: properties of the first hit other than its light. Each AOV is
+//! declared in a file of this folder and is a line of the list below, which all other code reads.
 
 mod colors;
 mod cost;
@@ -18,30 +18,31 @@ use snell_intersect::Hit;
 use snell_math::{Ray, Rgb};
 use snell_scene::Camera;
 
-/// The integrator `aov`: no light, the first of the chosen AOVs as a picture.
+/// The integrator `aov`: no light is transported, and the picture shows the first of the chosen
+/// AOVs.
 pub(crate) const AOV: Integrator =
     Integrator { name: "aov", shade: |_, _, _| {}, family: Family::Other, max_depth: 1, spp: 16 };
 
 /// How the samples of a pixel are combined.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AovKind {
-    /// Their mean.
+    /// By the mean of the samples.
     Averaged,
-    /// The first sample's value: for ids, of which a mean means nothing.
+    /// By the first sample's value, for ids, whose mean would be meaningless.
     First,
-    /// A value that comes from the film, not from samples.
+    /// The film computes the value; samples have none.
     OfFilm,
-    /// The fraction of samples with each value, see [`crate::Film::coverage`]. Not a layer by
-    /// itself.
+    /// By the fraction of samples with each value; see [`crate::Film::coverage`]. The AOV is not a
+    /// layer by itself.
     Coverage,
 }
 
 /// The hit of a camera ray.
 #[derive(Debug)]
 pub struct FirstHit<'a> {
-    /// The ray.
+    /// The ray from the camera.
     pub ray: &'a Ray,
-    /// The hit, if there is one.
+    /// The hit, which may be a miss.
     pub hit: &'a Hit,
     /// The time of the ray, from 0 to 1.
     pub time: f32,
@@ -51,22 +52,23 @@ pub struct FirstHit<'a> {
     pub counters: [u32; 2],
 }
 
-/// The key of a sample that nothing covers.
+/// The key of a sample whose camera ray hits nothing.
 pub const NOTHING: u64 = u64::MAX;
 
-/// The declaration of an AOV, in its file.
+/// The declaration of an AOV.
 struct Declared {
-    /// The name on the command line, and of the layer.
+    /// The name on the command line and of the layer.
     name: &'static str,
     /// Names of the channels.
     channels: &'static [&'static str],
-    /// How samples are combined.
+    /// How the samples of a pixel are combined.
     kind: AovKind,
-    /// The data of the hit that it needs.
+    /// The data of the hit that the AOV needs.
     needs: Needs,
-    /// Appends the values of a hit; for [`Needs`] that misses satisfy too, of any ray.
+    /// Appends the values of a hit. It is called for misses too if [`Self::needs`] says that misses
+    /// have a value.
     values: Values,
-    /// The preview colour of the values, given the scene's radius.
+    /// The preview colour of the values; the second argument is the scene's radius.
     preview: fn(&[f32], f32) -> Rgb,
 }
 
@@ -79,9 +81,9 @@ enum Needs {
     Hit,
     /// The surface that was hit.
     Surface,
-    /// The surface, in a scene with motion. Misses have a value, too.
+    /// The surface, in a scene with motion. Misses have a value too.
     Motion,
-    /// The counters of the ray. Misses have a value, too.
+    /// The counters of the ray. Misses have a value too.
     Counters,
     /// No data: the value is computed elsewhere.
     Nothing,
@@ -93,8 +95,8 @@ macro_rules! aovs {
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub enum Aov {
             $($(#[$doc])* $aov,)*
-            /// Some of the light. Only `path` and `direct` can take light apart; with other
-            /// integrators it is black.
+            /// A part of the light. Only `path` and `direct` separate parts; with other integrators
+            /// the layer is black.
             Light(LightPart),
         }
 
@@ -112,19 +114,19 @@ macro_rules! aovs {
 }
 
 aovs! {
-    /// Distance from the eye along the view direction, scene units; 0 where nothing is hit.
+    /// Distance from the eye along the view direction in scene units; 0 where nothing is hit.
     Depth: distance::DEPTH,
-    /// Distance from the eye along the ray, scene units; 0 where nothing is hit.
+    /// Distance from the eye along the ray in scene units; 0 where nothing is hit.
     Distance: distance::DISTANCE,
     /// Position in the world.
     Position: surface::POSITION,
-    /// Shading normal in the world (normal map not applied), on the outer side.
+    /// Shading normal in the world, on the outer side. Normal maps are not applied.
     Normal: surface::NORMAL,
-    /// Normal of the surface itself in the world, on the outer side.
+    /// Geometric normal in the world, on the outer side.
     GeometricNormal: surface::GEOMETRIC_NORMAL,
-    /// First texture coordinates.
+    /// First set of texture coordinates.
     Uv: surface::UV,
-    /// Share of light that the material reflects or transmits.
+    /// Fraction of light that the material reflects or transmits.
     Albedo: surface::ALBEDO,
     /// Number of the instance; -1 where nothing is hit.
     InstanceId: ids::INSTANCE,
@@ -138,21 +140,21 @@ aovs! {
     Facing: surface::FACING,
     /// Barycentric coordinates of the hit triangle.
     Barycentrics: surface::BARYCENTRICS,
-    /// Way over the picture of what is hit while the shutter is open, in pixels: to the right and
-    /// down.
+    /// Motion in the picture of the point that is hit, while the shutter is open, in pixels to the
+    /// right and down.
     Motion: motion::MOTION,
     /// Nodes of acceleration structures that the camera ray visited.
     NodesVisited: cost::NODES_VISITED,
     /// Triangles and shapes that the camera ray was tested against.
     PrimitivesTested: cost::PRIMITIVES_TESTED,
-    /// Error of the pixel: half of its 95 % confidence interval in tone-mapped units, see
-    /// [`crate::film::noise`].
+    /// Error of the pixel: half of the width of its 95 % confidence interval in tone-mapped units,
+    /// see [`crate::film::noise`].
     Noise: film::NOISE,
     /// Number of samples of the pixel.
     Samples: film::SAMPLES,
-    /// Which objects cover the pixel: for Cryptomatte.
+    /// The objects that cover the pixel, for Cryptomatte.
     CryptoObject: coverage::CRYPTO_OBJECT,
-    /// Which materials cover the pixel: for Cryptomatte.
+    /// The materials that cover the pixel, for Cryptomatte.
     CryptoMaterial: coverage::CRYPTO_MATERIAL,
 }
 
@@ -171,7 +173,7 @@ impl Aov {
         all
     };
 
-    /// The name on the command line, and of the layer.
+    /// The name on the command line and of the layer.
     pub fn name(self) -> &'static str {
         match self {
             Self::Light(part) => light::name(part),
@@ -184,12 +186,12 @@ impl Aov {
         self.declared().channels
     }
 
-    /// How samples are combined.
+    /// How the samples of a pixel are combined.
     pub fn kind(self) -> AovKind {
         self.declared().kind
     }
 
-    /// The number of values of each sample.
+    /// The number of values that each sample has.
     pub fn sampled_channels(self) -> usize {
         if matches!(self.kind(), AovKind::OfFilm | AovKind::Coverage) {
             0
@@ -198,7 +200,7 @@ impl Aov {
         }
     }
 
-    /// The key of a sample, see [`crate::Film::coverage`].
+    /// The key that covers a sample; see [`crate::Film::coverage`].
     pub fn key(self, context: &Context, hit: &Hit) -> u64 {
         if hit.is_hit() { coverage::key(self, context, hit) } else { NOTHING }
     }
@@ -208,7 +210,8 @@ impl Aov {
         self.declared().needs == Needs::Counters
     }
 
-    /// True if it needs the surface that a camera ray hits, and not only the distance.
+    /// True if the AOV needs the surface that a camera ray hits, and not only the distance of the
+    /// hit.
     pub fn needs_surface(self, context: &Context) -> bool {
         match self.declared().needs {
             Needs::Surface => true,
@@ -217,7 +220,7 @@ impl Aov {
         }
     }
 
-    /// Appends the values of what a camera ray has hit.
+    /// Appends the values for what a camera ray has hit.
     pub fn extend(
         self,
         context: &Context,
@@ -235,8 +238,9 @@ impl Aov {
         }
     }
 
-    /// A colour that shows the value in a picture: directions as colours, distances relative to the
-    /// scene's radius, ids by hash, counts as a heat map by their logarithm, up to 255.
+    /// A colour that shows the values in a picture. Directions become colours, distances are
+    /// relative to the scene's radius, ids are hashed, and counts up to 255 are shown as a
+    /// logarithmic heat map.
     pub fn preview(self, values: &[f32], scene_radius: f32) -> Rgb {
         (self.declared().preview)(values, scene_radius)
     }

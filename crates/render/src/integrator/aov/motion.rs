@@ -1,4 +1,4 @@
-//! The AOV of motion vectors: the motion in the picture while the shutter is open.
+//! The AOV of motion vectors: how far points move in the picture while the shutter is open.
 
 use super::colors::value;
 use super::{AovKind, Declared, FirstHit, Needs};
@@ -8,7 +8,7 @@ use snell_intersect::{Geometry, GeometryId, Hit};
 use snell_math::{DVec2, DVec3, Ray, Rgb};
 use snell_scene::Camera;
 
-/// The motion vector.
+/// The AOV of the motion vector.
 pub const MOTION: Declared = Declared {
     name: "motion",
     channels: &["X", "Y"],
@@ -17,18 +17,19 @@ pub const MOTION: Declared = Declared {
     values: |context, first, camera, values| {
         values.extend(on_the_picture(context, camera, first));
     },
-    // Encoded like a normal map: grey where nothing moves; motions are clamped to 64 pixels.
+    // The preview is encoded like a normal map: grey where nothing moves. Motions are clamped to 64
+    // pixels.
     preview: |values, _| {
         let f = |i| (value(values, i) / 128.0 + 0.5).clamp(0.0, 1.0);
         Rgb::new(f(0), f(1), 0.5)
     },
 };
 
-/// Distance of the background, in radii of the scene.
+/// Distance at which the background is placed, in radii of the scene.
 const FAR: f64 = 1e5;
 
-/// The motion vector from the opening to the closing of the shutter, in pixels, to the right and
-/// down. Zero where nothing moves, or where an end is out of the camera's sight.
+/// The motion vector from the opening to the closing of the shutter in pixels, to the right and
+/// down. It is zero where nothing moves, and where one end is outside of the camera's view.
 fn on_the_picture(context: &Context, camera: &Camera, first: &FirstHit) -> [f32; 2] {
     if !is_any(context) {
         return [0.0; 2];
@@ -53,8 +54,8 @@ pub fn is_any(context: &Context) -> bool {
     context.scene.moves || !context.settings.later_cameras.is_empty()
 }
 
-/// The positions, at the opening and the closing of the shutter, of the surface point that is at
-/// `point` at a given time.
+/// The positions, at the opening and at the closing of the shutter, of the surface point that is at
+/// `point` at the given time.
 fn ends(context: &Context, hit: &Hit, point: DVec3, time: f32) -> [DVec3; 2] {
     let world = &context.scene.world;
     let place = |time| world.world_from_instance_at(hit.instance, time);
@@ -71,7 +72,7 @@ fn ends(context: &Context, hit: &Hit, point: DVec3, time: f32) -> [DVec3; 2] {
     [place(0.0).point(local[0]), place(1.0).point(local[1])]
 }
 
-/// A point of the background.
+/// The point of the background in the direction of a ray.
 fn behind(ray: &Ray, radius: f64) -> DVec3 {
     ray.origin.as_dvec3() + ray.direction.as_dvec3() * (radius * FAR)
 }

@@ -5,7 +5,7 @@ use super::{AovKind, Declared, Needs};
 use crate::integrator::outgoing;
 use snell_math::Rgb;
 
-/// Its point.
+/// The AOV of the point.
 pub const POSITION: Declared = Declared {
     name: "position",
     channels: &["X", "Y", "Z"],
@@ -20,7 +20,7 @@ pub const POSITION: Declared = Declared {
     },
 };
 
-/// Its shading normal.
+/// The AOV of the shading normal.
 pub const NORMAL: Declared = Declared {
     name: "normal",
     channels: &["X", "Y", "Z"],
@@ -32,7 +32,7 @@ pub const NORMAL: Declared = Declared {
     preview: colors::direction,
 };
 
-/// Its geometric normal.
+/// The AOV of the geometric normal.
 pub const GEOMETRIC_NORMAL: Declared = Declared {
     name: "geometric-normal",
     channels: &["X", "Y", "Z"],
@@ -44,7 +44,7 @@ pub const GEOMETRIC_NORMAL: Declared = Declared {
     preview: colors::direction,
 };
 
-/// Its texture coordinates.
+/// The AOV of texture coordinates.
 pub const UV: Declared = Declared {
     name: "uv",
     channels: &["U", "V"],
@@ -56,7 +56,7 @@ pub const UV: Declared = Declared {
     preview: colors::coordinates,
 };
 
-/// Its colour.
+/// The AOV of the albedo.
 pub const ALBEDO: Declared = Declared {
     name: "albedo",
     channels: &["R", "G", "B"],
@@ -68,7 +68,7 @@ pub const ALBEDO: Declared = Declared {
     preview: colors::color,
 };
 
-/// The side that is seen.
+/// The AOV of the side that is seen.
 pub const FACING: Declared = Declared {
     name: "facing",
     channels: &["V"],
@@ -84,7 +84,7 @@ pub const FACING: Declared = Declared {
     },
 };
 
-/// The place in the triangle.
+/// The AOV of barycentric coordinates.
 pub const BARYCENTRICS: Declared = Declared {
     name: "barycentrics",
     channels: &["U", "V"],

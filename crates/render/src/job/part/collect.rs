@@ -1,4 +1,4 @@
-//! Collects the output of a vertex function, and passes it to recorders.
+//! Collects the output of a vertex function, and passes it to the recorder and the journal.
 
 use super::{MAX_TREE, PartRenderer};
 use crate::integrator::light_part::{LightSource, LightTag, LobeShares, Scatterings};
@@ -40,7 +40,7 @@ impl PartRenderer<'_> {
         }
     }
 
-    /// Records the output of a vertex, if there is a journal.
+    /// Records the output of a vertex in the journal, if there is one.
     fn note_in_journal(&mut self, path: usize) {
         let Some(journal) = &mut self.journal else { return };
         let hit = self.paths.hits[path];
@@ -63,7 +63,7 @@ impl PartRenderer<'_> {
         })));
     }
 
-    /// Adds light that a path has found to its sample, and to its layers.
+    /// Adds light that a path has found to its sample, and to the sample's layers.
     #[inline]
     pub(super) fn take_found(&mut self, path: usize, depth: u32, radiance: SampledSpectrum) {
         self.take_clamped(path, depth, self.clamped(depth > 1, radiance));
@@ -79,7 +79,7 @@ impl PartRenderer<'_> {
         }
     }
 
-    /// Clamps light that was scattered more than once, if the settings request it.
+    /// Clamps light that was scattered more than once, if the settings request clamping.
     #[inline]
     pub(super) fn clamped(
         &self,
@@ -93,7 +93,7 @@ impl PartRenderer<'_> {
         if brightest > most { light * (most / brightest) } else { light }
     }
 
-    /// The source of the light that a path finds at its vertex.
+    /// The source of the light that a path finds at its current vertex.
     fn source_found(&self, path: usize) -> LightSource {
         let (scene, hit) = (self.context.scene, &self.paths.hits[path]);
         if hit.is_hit() {
@@ -103,7 +103,7 @@ impl PartRenderer<'_> {
         }
     }
 
-    /// The classification of a path's light, given the number of scatterings and the first lobe.
+    /// The classification of light of a path, given the number of scatterings and the first lobe.
     pub(super) fn tag(&self, lobe: LobeShares, scatterings: u32, source: LightSource) -> LightTag {
         LightTag {
             lobe,

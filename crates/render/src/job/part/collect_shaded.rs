@@ -1,4 +1,4 @@
-//! Collects the output of a batch shader: light rays, next rays, and the media in which these
+//! Collects the output of a batch shader: light rays, next rays, and the media in which these rays
 //! start.
 
 use super::PartRenderer;
@@ -10,8 +10,8 @@ use snell_math::{Ray, SampledSpectrum, Vec3};
 use snell_scene::MediumId;
 
 impl<'a> PartRenderer<'a> {
-    /// Collects the output of a shader for the paths that it has shaded last. Vertices that it
-    /// marks as invalid are shaded by the vertex function.
+    /// Collects the output of a shader for the paths that it has shaded last. Vertices that the
+    /// shader marks as not shaded are shaded by the vertex function.
     pub(super) fn collect_shaded(&mut self, depth: u32, shader: &dyn BatchShader<'a>) {
         let shaded = shader.shaded();
         for &(path, radiance) in shaded.found {
@@ -56,7 +56,7 @@ impl<'a> PartRenderer<'a> {
         }
     }
 
-    /// Collects the light rays of the valid lanes.
+    /// Collects the light rays of the shaded lanes.
     fn collect_light_rays(
         &mut self,
         depth: u32,
@@ -64,9 +64,7 @@ impl<'a> PartRenderer<'a> {
         shaded: &Shaded<'_>,
     ) {
         let Some(light) = shaded.light else { return };
-        // Column by column, which is twice as fast as path by path. (Transposing eight by eight in
-        // registers was no faster, perhaps because stores that miss the first-level cache take the
-        // time.)
+        // (Column by column, which is twice as fast as path by path.)
         let Self { paths: from, light_rays, lanes, kept, .. } = self;
         let first = light_rays.values.len();
         let path = |lane: u32| shaded.paths[lane as usize] as usize;
@@ -84,8 +82,8 @@ impl<'a> PartRenderer<'a> {
         }
     }
 
-    /// Clamps the light of the light rays from this index on, for the lanes that are `kept`, and
-    /// records its layers.
+    /// Clamps the contributions of the light rays from index `first` on, which belong to the lanes
+    /// `kept`, and records their layers.
     #[cold]
     fn clamp_and_tag_light_rays(
         &mut self,
@@ -108,7 +106,7 @@ impl<'a> PartRenderer<'a> {
         }
     }
 
-    /// Collects the next rays of the valid lanes.
+    /// Collects the next rays of the shaded lanes.
     fn collect_next(&mut self, depth: u32, shader: &dyn BatchShader<'a>, shaded: &Shaded<'_>) {
         let wants_lobes = self.batch(depth).wants_lobes();
         let Self { paths: from, next, lanes, kept, .. } = self;
@@ -127,7 +125,7 @@ impl<'a> PartRenderer<'a> {
         }));
     }
 
-    /// Records the media in which the rays of a lane start.
+    /// Records the media in which the light ray and the next ray of a lane start.
     fn note_media(
         &mut self,
         depth: u32,
@@ -162,7 +160,7 @@ impl<'a> PartRenderer<'a> {
         }
     }
 
-    /// Records the media in which rays from a surface start, on either side.
+    /// Records the media in which rays start that may leave a surface on either side.
     fn note_media_beyond(
         &mut self,
         depth: u32,
@@ -190,7 +188,7 @@ impl<'a> PartRenderer<'a> {
     }
 }
 
-/// The lanes that are marked, of those given.
+/// Writes to `to` those of `lanes` whose mark is not 0.
 fn keep(lanes: &[u32], marks: &[u32; LANES], to: &mut Vec<u32>) {
     to.clear();
     to.resize(lanes.len(), 0);

@@ -8,7 +8,7 @@ use snell_intersect::{Hit, RayQuery};
 use snell_scene::Background;
 
 impl PartRenderer<'_> {
-    /// Where the camera has no ray, as outside of a fisheye's circle, nothing is hit.
+    /// Gives rays a miss where the camera has none, such as outside of a fisheye's circle.
     pub(super) fn drop_dead_paths(&mut self) {
         for path in 0..self.paths.len() {
             if self.paths.is_dead(path) {
@@ -23,7 +23,7 @@ impl PartRenderer<'_> {
             || !self.context.settings.aovs.is_empty()
     }
 
-    /// Alpha and AOVs of the camera rays.
+    /// Records alpha and AOVs of the camera rays.
     pub(super) fn note_first_hits(&mut self) {
         let scene = self.context.scene;
         if scene.background == Background::Transparent {
@@ -62,7 +62,8 @@ impl PartRenderer<'_> {
         }
     }
 
-    /// The surface that a camera ray has hit, if an AOV needs it; its lane has been gathered.
+    /// The surface that a camera ray has hit, if an AOV needs it. Plain surfaces must have been
+    /// looked up before.
     fn first_surface(&self, lane: usize, path: usize) -> Option<FirstSurface> {
         let (scene, paths) = (self.context.scene, &self.paths);
         let surfaces = self.first_surfaces.as_ref().filter(|_| paths.hits[path].is_hit())?;

@@ -36,7 +36,7 @@ impl PartRenderer<'_> {
         self.keys = keys;
     }
 
-    /// Starts at most [`LANES`] samples of these pixels.
+    /// Starts at most [`LANES`] samples, given their pixels and the keys of their random numbers.
     fn start_samples(&mut self, pixels: &[[u32; 2]], keys: &[SampleKey]) {
         let (settings, wide) = (self.context.settings, self.context.scene.world.simd().wide());
         let (mut film, mut weights) = ([[0.0; LANES]; 2], [1.0; LANES]);
@@ -90,7 +90,7 @@ impl PartRenderer<'_> {
     }
 }
 
-/// The meaning of the channels of samples: colours or wavelengths.
+/// What the lanes of the samples' spectra stand for: colour channels or wavelengths.
 fn modes_of(
     color: ColorModel,
     randoms: &BatchRandoms<LANES>,

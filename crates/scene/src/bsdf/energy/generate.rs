@@ -1,26 +1,26 @@
-//! Integrates the tables, and checks the values interpolated between their nodes.
+//! Integrates the tables of albedos, and checks values that are interpolated between their nodes.
 
 use super::anisotropic::{self, AZIMUTHS, CELL, RATIOS, WIDTHS};
 use super::anisotropic::{azimuth_position, four_nodes, ratio_at, width_at};
 use super::*;
 use crate::bsdf::fresnel;
 
-/// Index of refraction at a node: 1 for the first.
+/// The index of refraction at a node; the first is 1.
 fn ior_at(node: usize) -> f64 {
     let s = MOST_ROOT_F0 * (node as f64 / (INDICES - 1) as f64).powf(2.5);
     (1.0 + s) / (1.0 - s)
 }
 
-/// Roughness at a row; the first is close to smooth.
+/// The roughness of a row; that of the first is close to 0.
 fn row_roughness(row: usize) -> f32 {
     (row as f32 / (ROUGHNESSES - 1) as f32).max(0.0141)
 }
 
-/// Numbers for one direction.
+/// Fractions of light for one direction.
 #[derive(Clone, Copy, Default)]
 struct Shares {
     /// Reflected by facets that reflect everything, by facets of a dielectric seen from outside,
-    /// and from inside.
+    /// and by facets of a dielectric seen from inside.
     mirror: f64,
     outside: f64,
     inside: f64,
@@ -34,7 +34,7 @@ fn facet_cosine(widths: Widths, w: Vec3) -> f32 {
     (f64::from(widths.spread(w)).hypot(f64::from(w.z)) as f32).min(1.0)
 }
 
-/// The direction of a node.
+/// The direction that belongs to a node.
 fn direction(widths: Widths, node: usize) -> Vec3 {
     let at = |mu: f64| Vec3::new((1.0 - mu * mu).max(0.0).sqrt() as f32, 0.0, mu as f32);
     let (mut low, mut high) = (0.0, 1.0);
@@ -51,7 +51,8 @@ fn shares(facets: Microfacets, wo: Vec3, ior: f64, n: u32) -> Shares {
     let mut sum = Shares::default();
     let weight = |wi: Vec3| f64::from(facets.shadowing(wo, wi));
     for i in 0..n {
-        // A Fibonacci lattice, warped to sample the tilted facets, which lose light, more densely.
+        // The points are a Fibonacci lattice, warped so that tilted facets, which lose light, are
+        // sampled more densely.
         let x = (f64::from(i) + 0.5) / f64::from(n);
         let y = (f64::from(i) * 0.618_033_988_749_894_9 + 0.5).fract();
         let (v, density) = (x * x * (3.0 - 2.0 * x), 6.0 * x * (1.0 - x));
@@ -84,7 +85,8 @@ fn shares(facets: Microfacets, wo: Vec3, ior: f64, n: u32) -> Shares {
     }
 }
 
-/// `2 int f mu dmu` over the cosine of a quantity that is interpolated in steepness.
+/// The integral of `2 f mu` over the cosine `mu`, for a quantity `f` that is interpolated in
+/// steepness.
 fn average(alpha: f64, row: &[f64], reference: impl Fn(f64) -> f64) -> f64 {
     let steps = 20_000;
     let mut sum = 0.0;
@@ -99,7 +101,8 @@ fn average(alpha: f64, row: &[f64], reference: impl Fn(f64) -> f64) -> f64 {
     sum
 }
 
-/// One of the [tables](Table), of rows of albedos with their means for each index of refraction.
+/// Appends a [table](Table) to `bytes`: rows of albedos with their means, for each index of
+/// refraction.
 fn encode(planes: &[&Vec<Vec<f64>>], bytes: &mut Vec<u8>) {
     for row in 0..ROUGHNESSES {
         for number in 0..ROW {
@@ -112,7 +115,7 @@ fn encode(planes: &[&Vec<Vec<f64>>], bytes: &mut Vec<u8>) {
     }
 }
 
-/// The four planes of an index of refraction: rows of albedos with their means.
+/// The four quantities for one index of refraction, as rows of albedos with their means.
 fn integrate(shape: MicrofacetShape, ior: f64) -> [Vec<Vec<f64>>; 4] {
     let mut planes: [Vec<Vec<f64>>; 4] = Default::default();
     for r in 0..ROUGHNESSES {
@@ -150,7 +153,7 @@ fn integrate(shape: MicrofacetShape, ior: f64) -> [Vec<Vec<f64>>; 4] {
     planes
 }
 
-/// The tables of one distribution.
+/// Appends the tables of one microfacet distribution to `bytes`.
 fn tables(shape: MicrofacetShape, bytes: &mut Vec<u8>) {
     let mut planes: Vec<_> = (0..INDICES).map(|_| None).collect();
     std::thread::scope(|scope| {

@@ -1,16 +1,16 @@
 //! Albedos of rough interfaces for a single bounce off the facets, and thus the energy that is
 //! missing: light that bounces between facets.
 //!
-//! Lobes add the missing energy as a diffuse lobe, in proportion to what is missing for the
+//! The lobes add the missing energy as a diffuse lobe, in proportion to what is missing for the
 //! incident and for the outgoing direction (Kelemen and Szirmay-Kalos 2001; Kulla and Conty,
-//! Revisiting Physically Based Shading at Imageworks, SIGGRAPH 2017 course), which is reciprocal
-//! and loses nothing. Layers use the same numbers for the share of light that reaches the layers
-//! below.
+//! Revisiting Physically Based Shading at Imageworks, SIGGRAPH 2017 course). That is reciprocal and
+//! conserves energy. Layered materials use the same numbers for the fraction of light that reaches
+//! the layers below.
 //!
-//! The tables in `tables.bin`, for isotropic surfaces, were integrated by `generate.rs`. Half of their nodes along the
-//! direction follow the cosine in units of the roughness ([`Widths::steepness`]), in which albedos
-//! are smooth even for nearly smooth surfaces at grazing angles, and half the cosine itself, for
-//! the critical angle.
+//! The tables in `tables.bin`, for isotropic surfaces, were integrated by `generate.rs`. Half of
+//! their nodes along the direction follow the cosine in units of the roughness
+//! ([`Widths::steepness`]), in which albedos are smooth even for nearly smooth surfaces at grazing
+//! angles, and half the cosine itself, for the critical angle.
 
 mod anisotropic;
 #[cfg(test)]
@@ -21,17 +21,17 @@ use anisotropic::Anisotropic;
 use snell_math::{Vec2, Vec3, exponentials};
 use std::f32::consts::FRAC_1_PI;
 
-/// Nodes along the direction.
+/// Number of nodes along the direction.
 const STEEPNESSES: usize = 48;
-/// Nodes in roughness, the square root of `alpha`.
+/// Number of nodes in roughness, which is the square root of `alpha`.
 const ROUGHNESSES: usize = 28;
-/// Nodes in the index of refraction.
+/// Number of nodes in the index of refraction.
 const INDICES: usize = 32;
-/// Numbers in a row: albedos and their mean.
+/// Number of values in a row: the albedos and their mean.
 const ROW: usize = STEEPNESSES + 1;
 
-/// Numbers of 16 bits, little-endian: albedos in units of 1/65535, means by their logarithms. The
-/// first half is for [`super::Ggx`], the second for [`super::Beckmann`].
+/// All values as 16-bit numbers, little-endian: albedos in units of 1/65535, means by their
+/// logarithms. The first half is for [`super::Ggx`], the second for [`super::Beckmann`].
 static NUMBERS: [u16; 2 * HALF] = {
     let (bytes, mut numbers) = (include_bytes!("tables.bin"), [0; 2 * HALF]);
     let mut i = 0;
@@ -45,20 +45,21 @@ static NUMBERS: [u16; 2 * HALF] = {
 /// Number of values for each distribution.
 const HALF: usize = ROUGHNESSES * ROW * (FACETS.indices + 3 * INDICES);
 
-/// A table: a row for each roughness, each number in it for all indices of refraction, one after
-/// the other.
+/// A table in [`NUMBERS`]. It has a row for each roughness, and each value of a row is stored for
+/// all indices of refraction, one after the other.
 #[derive(Clone, Copy, Debug)]
 struct Table {
     start: usize,
     indices: usize,
 }
 
-/// Loss of facets that reflect everything: the same for four indices of refraction.
+/// The loss of facets that reflect everything, stored four times in place of four indices of
+/// refraction.
 const FACETS: Table = Table { start: 0, indices: 4 };
-/// Albedo of a dielectric from outside over that of a smooth surface at the angle of a typical
-/// facet (in units of [`MOST`]).
+/// The albedo of a dielectric from outside, divided by the reflectance of a smooth surface at the
+/// angle of a typical facet, in units of [`MOST`].
 const REFLECTED: Table = Table::of_dielectrics(0);
-/// Loss of a dielectric from outside and from inside.
+/// The loss of a dielectric, from outside and from inside.
 const LOST: [Table; 2] = [Table::of_dielectrics(1), Table::of_dielectrics(2)];
 
 impl Table {
@@ -66,7 +67,7 @@ impl Table {
         Self { start: ROUGHNESSES * ROW * (FACETS.indices + number * INDICES), indices: INDICES }
     }
 
-    /// The start of the table for this distribution.
+    /// The start of the table for a microfacet distribution.
     fn of(self, shape: MicrofacetShape) -> usize {
         match shape {
             MicrofacetShape::Ggx => self.start,
@@ -75,11 +76,11 @@ impl Table {
     }
 }
 
-/// Root of the reflectance at normal incidence at the last index of refraction; the nodes before
-/// follow the power 2.5.
+/// The square root of the reflectance at normal incidence at the last node of the index of
+/// refraction. It grows with the power 2.5 of the node's number.
 const MOST_ROOT_F0: f64 = 0.98;
 
-/// A number for four indices of refraction.
+/// A value for four successive indices of refraction.
 #[inline(always)]
 fn four(at: usize) -> [f32; 4] {
     let [a, b, c, d] = NUMBERS[at..at + 4].as_chunks().0[0];
@@ -87,16 +88,16 @@ fn four(at: usize) -> [f32; 4] {
     [number(a), number(b), number(c), number(d)]
 }
 
-/// Range of the logarithms of means: at low roughness almost nothing is lost on average, but much
-/// at grazing angles, and their ratio matters.
+/// The logarithm of the smallest mean. At low roughness almost nothing is lost on average but much
+/// at grazing angles, and the ratio matters.
 const DEEPEST: f32 = -16.0;
 
-/// Range of the quotient of the reflectance of a rough and of a smooth dielectric at the cosine at
-/// which a typical visible facet is seen, [`Widths::root`].
+/// The largest ratio between the reflectance of a rough and of a smooth dielectric, both at the
+/// cosine at which a typical visible facet is seen ([`Widths::root`]).
 const MOST: f32 = 16.0;
 
-/// Factor on that range for this distribution: at grazing angles more of Beckmann's visible facets
-/// are seen edge-on, where even an index close to 1 reflects light.
+/// Factor on [`MOST`] for a distribution: at grazing angles, more of Beckmann's visible facets are
+/// seen edge-on, where even an index close to 1 reflects light.
 fn range(shape: MicrofacetShape) -> f32 {
     match shape {
         MicrofacetShape::Ggx => 1.0,
@@ -104,7 +105,8 @@ fn range(shape: MicrofacetShape) -> f32 {
     }
 }
 
-/// The two nodes around a position in `[0, 1]` on a grid of `n`, and the weight of the second.
+/// The first of the two nodes around a position in `[0, 1]` on a grid of `n` nodes, and the weight
+/// of the second.
 #[inline(always)]
 pub(super) fn nodes(x: f32, n: usize) -> (usize, f32) {
     let x = x.clamp(0.0, 1.0) * (n - 1) as f32;
@@ -112,7 +114,7 @@ pub(super) fn nodes(x: f32, n: usize) -> (usize, f32) {
     (i as usize, x - i as f32)
 }
 
-/// The position of a direction on the nodes, `[0, 1]`.
+/// The position of a direction among the nodes, in `[0, 1]`.
 #[inline(always)]
 fn position(widths: Widths, w: Vec3) -> f32 {
     0.5 * (widths.steepness(w).sqrt() + w.z)
@@ -123,31 +125,31 @@ fn lerp(a: f32, b: f32, t: f32) -> f32 {
     a + (b - a) * t
 }
 
-/// One quantity for one surface: a function of direction.
+/// One quantity of one surface, as a function of direction.
 #[derive(Clone, Copy, Debug)]
 struct Albedo {
-    /// The start in the table of the first of four rows around the roughness, for the first of four
+    /// The place in the table of the first of four rows around the roughness, for the first of four
     /// indices of refraction around that of the surface.
     start: usize,
-    /// As in [`Table`].
+    /// See [`Table`].
     indices: usize,
-    /// Weights of the rows and of the indices, in a cubic.
+    /// Weights of the four rows and of the four indices of refraction, for cubic interpolation.
     rows: [f32; 4],
     planes: [f32; 4],
-    /// The reference that the stored means are relative to.
+    /// The value relative to which the mean is stored.
     reference: f32,
-    /// True if steps to the normal go with the square of the angle, as albedos do. GGX's
-    /// change less there.
+    /// True if the step to the last node, the normal, is interpolated in the square of the angle,
+    /// with which albedos change. Those of GGX change less there.
     is_round: bool,
 }
 
-/// An upper estimate of the mean loss by the width of the distribution.
+/// An upper estimate of the mean loss for a width of the distribution.
 fn mean_reference(alpha: f32) -> f32 {
     let a2 = alpha * alpha;
     4.0 * a2 * (1.0 / a2).ln_1p()
 }
 
-/// Weights of the values at 0, 1, 2, 3 for the cubic through them at `x`.
+/// Weights of the values at 0, 1, 2 and 3 for the cubic through them, at `x`.
 fn cubic(x: f32) -> [f32; 4] {
     let [a, b, c, d] = [x, x - 1.0, x - 2.0, x - 3.0];
     [b * c * d * (-1.0 / 6.0), a * c * d * 0.5, a * b * d * -0.5, a * b * c * (1.0 / 6.0)]
@@ -163,21 +165,21 @@ impl Albedo {
         Self { start, indices: table.indices, rows, planes, reference: 1.0, is_round }
     }
 
-    /// A loss: its mean is stored over [`mean_reference`].
+    /// The albedo of a loss, whose mean is stored relative to [`mean_reference`].
     fn loss(facets: Microfacets, table: Table, indices: (usize, [f32; 4])) -> Self {
         let reference = mean_reference(facets.widths().alpha().clamp(1e-4, 1.0));
         Self { reference, ..Self::new(facets, table, indices) }
     }
 
-    /// An albedo, in units of [`MOST`].
+    /// The albedo of a reflection, in units of [`MOST`].
     fn reflected(facets: Microfacets, (index, planes): (usize, [f32; 4])) -> Self {
         let range = range(facets.shape());
         let made = Self::new(facets, REFLECTED, (index, planes.map(|weight| range * weight)));
-        // (The range is that of directions, not of the mean.)
+        // The range applies to directions, not to the mean.
         Self { reference: 1.0 / range, ..made }
     }
 
-    /// The cubic through the rows, of a number in them, for four indices of refraction.
+    /// Interpolates a value between the four rows, for each of four indices of refraction.
     #[inline(always)]
     fn over_rows(&self, number: impl Fn(usize) -> [f32; 4]) -> [f32; 4] {
         let mut sums = [0.0; 4];
@@ -190,7 +192,7 @@ impl Albedo {
         sums
     }
 
-    /// The cubic through four indices of refraction, not below 0.
+    /// Interpolates between four indices of refraction; the result is at least 0.
     #[inline(always)]
     fn over_planes(&self, numbers: [f32; 4]) -> f32 {
         self.planes
@@ -201,14 +203,14 @@ impl Albedo {
             .max(0.0)
     }
 
-    /// The same function with precomputed nodes around a position; `first` is the first of them.
+    /// The two nodes from `first` on, precomputed.
     #[inline(always)]
     fn near(&self, first: u32) -> Near {
         let first = first as usize;
         Near([self.node(first + first % 2), self.node(first | 1)])
     }
 
-    /// The same function with precomputed nodes.
+    /// All nodes, precomputed.
     fn line(&self) -> Line {
         let mut line = Line([0.0; LINE]);
         for (i, node) in line.0.iter_mut().enumerate().take(STEEPNESSES) {
@@ -217,10 +219,10 @@ impl Albedo {
         line
     }
 
-    /// The mean over directions weighted by the cosine.
+    /// The mean over directions, weighted by the cosine.
     fn average(&self) -> f32 {
         let logarithms = self.over_rows(|row| four(row + STEEPNESSES * self.indices));
-        // (Most of the unused ones are not computed.)
+        // Means with weight 0 are not computed.
         let mean = |plane: usize| match self.planes[plane] {
             0.0 => 0.0,
             _ => self.reference * (logarithms[plane] * DEEPEST).exp(),
@@ -239,7 +241,7 @@ pub(super) trait Directional {
 pub(super) trait Nodes {
     fn node(&self, i: usize) -> f32;
 
-    /// The value for a direction at this position between the nodes.
+    /// The value for a direction at this position among the nodes.
     #[inline(always)]
     fn directional(&self, position: f32) -> f32 {
         let (i, t) = nodes(position, STEEPNESSES);
@@ -261,7 +263,7 @@ impl Nodes for Albedo {
     }
 }
 
-/// Length of the array of nodes: a power of two, so that masked indices need no bounds check.
+/// Length of the array of nodes. It is a power of two, so that masked indices need no bounds check.
 const LINE: usize = STEEPNESSES.next_power_of_two();
 
 /// Precomputed nodes, for many evaluations of one surface.
@@ -275,7 +277,8 @@ impl Nodes for Line {
     }
 }
 
-/// The two nodes around a position, the even one first: enough for evaluations there.
+/// The two nodes around a position, the one with the even number first. They suffice for
+/// evaluations there.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Near([f32; 2]);
 
@@ -286,23 +289,23 @@ impl Nodes for Near {
     }
 }
 
-/// The first of the nodes around a direction above.
+/// The first of the two nodes around a direction above the surface.
 #[inline(always)]
 pub(super) fn first_node(widths: Widths, w: Vec3) -> u32 {
     nodes(position(widths, w), STEEPNESSES).0 as u32
 }
 
-/// Weights for functions that do not depend on the index of refraction.
+/// The index of refraction for quantities that do not depend on one.
 const NO_INDEX: (usize, [f32; 4]) = (0, [1.0, 0.0, 0.0, 0.0]);
 
-/// Directions above for light that bounced off several facets. Smooth surfaces lose light only at
-/// grazing angles, and regain it there: the square of the cosine has the density
-/// `1 / (mu^2 + alpha^2)`, not normalised.
+/// Directions above the surface for light that bounced off several facets. Smooth surfaces lose
+/// light only at grazing angles and must regain it there, so the square of the cosine has the
+/// unnormalised density `1 / (mu^2 + alpha^2)`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct BouncedLobe {
-    /// Bounded from below, so that the logarithm is finite.
+    /// The squared width, bounded from below, so that the logarithm is finite.
     squared_width: f32,
-    /// The integral of the density that is not normalised.
+    /// The integral of the unnormalised density.
     integral: f32,
 }
 
@@ -313,7 +316,7 @@ impl BouncedLobe {
         Self { squared_width, integral: (1.0 / squared_width).ln_1p() }
     }
 
-    /// Draws a direction. Without branches, so that loops over it become vector code.
+    /// Samples a direction. The function has no branches, so that loops over it become vector code.
     #[inline(always)]
     pub(super) fn sample(&self, u: Vec2) -> Vec3 {
         let grown = exponentials::exp(f64::from(u.x * self.integral)) - 1.0;
@@ -323,7 +326,8 @@ impl BouncedLobe {
         Vec3::new(r * cos, r * sin, z2.sqrt())
     }
 
-    /// Density of [`Self::sample`] per steradian, for a direction above of this cosine.
+    /// Density of [`Self::sample`] per steradian, for a direction above the surface with this
+    /// cosine.
     #[inline(always)]
     pub(super) fn pdf(&self, cos: f32) -> f32 {
         cos * FRAC_1_PI / ((cos * cos + self.squared_width) * self.integral)
@@ -363,13 +367,13 @@ impl FacetLoss {
         FacetLossBy { widths: self.widths, loss: self.loss.line() }
     }
 
-    /// The nodes for directions with this [`first_node`], of a rough surface.
+    /// The two nodes of a rough surface from [`first_node`] on.
     #[inline(always)]
     pub(super) fn near(&self, first: u32) -> Near {
         self.loss.near(first)
     }
 
-    /// Share of diffuse light lost.
+    /// The fraction of diffuse light that is lost.
     pub(super) fn average(&self) -> f32 {
         match &self.anisotropic {
             _ if self.widths.is_smooth() => 0.0,
@@ -393,8 +397,8 @@ impl<N: Nodes> Directional for FacetLossBy<N> {
     }
 }
 
-/// Four indices of refraction around one (at least 1), as the numbers of the first, and their
-/// weights in a cubic.
+/// Four indices of refraction around `ior` (at least 1): the number of the first, and the weights
+/// of all for cubic interpolation.
 fn indices(ior: f32) -> (usize, [f32; 4]) {
     let s = f64::from((ior - 1.0) / (ior + 1.0));
     let x = (s / MOST_ROOT_F0).clamp(0.0, 1.0).powf(1.0 / 2.5) * (INDICES - 1) as f64;
@@ -402,12 +406,12 @@ fn indices(ior: f32) -> (usize, [f32; 4]) {
     (first, cubic((x - first as f64) as f32))
 }
 
-/// The albedo of a dielectric.
+/// The albedo of a dielectric seen from the side of lower index.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct DielectricReflection {
     widths: Widths,
     ior: f32,
-    /// Weights of the index of refraction.
+    /// The indices of refraction around that of the surface, and their weights.
     indices: (usize, [f32; 4]),
     reflected: Albedo,
     anisotropic: Option<Anisotropic>,
@@ -433,7 +437,7 @@ impl DielectricReflection {
         Self::at(facets, ior, indices(ior))
     }
 
-    /// The same as [`Self::new`], but cheaper where `self` has the same index of refraction.
+    /// Makes what [`Self::new`] makes, which is cheaper if `self` has the same index of refraction.
     pub(super) fn again(&self, facets: Microfacets, ior: f32) -> Self {
         if ior == self.ior { Self::at(facets, ior, self.indices) } else { Self::new(facets, ior) }
     }
@@ -457,13 +461,13 @@ impl DielectricReflection {
         }
     }
 
-    /// The nodes for directions with this [`first_node`], of a rough surface.
+    /// The two nodes of a rough surface from [`first_node`] on.
     #[inline(always)]
     pub(super) fn near(&self, first: u32) -> Near {
         self.reflected.near(first)
     }
 
-    /// Share of diffuse light reflected once.
+    /// The fraction of diffuse light that is reflected in one bounce.
     pub(super) fn average(&self) -> f32 {
         match &self.anisotropic {
             _ if self.widths.is_smooth() => super::fresnel::dielectric_average(self.ior),
@@ -473,14 +477,15 @@ impl DielectricReflection {
     }
 }
 
-/// Share of light that a rough dielectric reflects once towards a direction above.
+/// The fraction of light that a rough dielectric reflects in one bounce, towards a direction above
+/// the surface.
 #[inline(always)]
 fn reflected_towards(widths: Widths, ior: f32, reflected: &impl Nodes, w: Vec3) -> f32 {
     let reference = super::fresnel::dielectric(widths.root(w).min(1.0), ior);
     (reference * MOST * reflected.directional(position(widths, w))).min(1.0)
 }
 
-/// [`DielectricReflection`] of a rough surface by its nodes, for many evaluations.
+/// [`DielectricReflection`] of a rough surface with precomputed nodes, for many evaluations.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct DielectricReflectionBy<N> {
     pub widths: Widths,
@@ -504,7 +509,8 @@ pub(super) struct DielectricLoss {
 }
 
 impl DielectricLoss {
-    /// Seen from one side; `eta` is the index of the other side over that of this one.
+    /// The loss on the side where `eta` is the index of refraction of the other side divided by
+    /// that of this side.
     pub(super) fn new(facets: Microfacets, eta: f32) -> Self {
         let (table, ior) = if eta >= 1.0 { (LOST[0], eta) } else { (LOST[1], 1.0 / eta) };
         Self {
@@ -514,7 +520,8 @@ impl DielectricLoss {
         }
     }
 
-    /// Share of light lost towards (equally: from) a direction above.
+    /// The fraction of light that is lost towards a direction above the surface, which equals that
+    /// lost from it.
     pub(super) fn towards(&self, w: Vec3) -> f32 {
         match &self.anisotropic {
             Some(anisotropic) => anisotropic.directional(w).min(1.0),
@@ -522,7 +529,7 @@ impl DielectricLoss {
         }
     }
 
-    /// Share of diffuse light lost.
+    /// The fraction of diffuse light that is lost.
     pub(super) fn average(&self) -> f32 {
         match &self.anisotropic {
             Some(anisotropic) => anisotropic.average(),
@@ -544,7 +551,7 @@ impl DielectricLossLines {
         Self { widths: outer.widths, sides: [outer.loss.line(), inner.loss.line()] }
     }
 
-    /// As [`DielectricLoss::towards`].
+    /// The loss on the inner or outer side; see [`DielectricLoss::towards`].
     #[inline(always)]
     pub(super) fn towards(&self, is_inside: bool, w: Vec3) -> f32 {
         self.sides[usize::from(is_inside)].directional(position(self.widths, w))

@@ -1,5 +1,5 @@
-//! Flat parts of emissive surfaces as seen from far away, where points are sampled by area, in
-//! single precision and without branches, so that many can be sampled at once.
+//! Flat parts of emissive surfaces as seen from far away. Their points are sampled by area, in
+//! single precision and without branches, so that many parts can be sampled at once.
 
 use super::NearSample;
 use snell_intersect::{AnyShape, Shape};
@@ -7,44 +7,45 @@ use snell_math::robust::{gamma, offset_ray_origin};
 use snell_math::simd::max;
 use snell_math::{DVec2, DVec3, Transform, Vec2, Vec3, sampling};
 
-/// Parts whose extent is below this share of their distance are sampled by area: their density by
-/// solid angle is nearly constant, and angles are expensive.
+/// Parts whose extent is below this fraction of their distance are sampled by area: the density by
+/// solid angle is nearly constant over them, and computing angles is expensive.
 const FAR: f64 = 0.4;
 
-/// A triangle or rectangle in the world.
+/// A triangle or rectangle in the world, which is a part of an emissive surface.
 #[derive(Clone, Copy, Debug)]
 pub struct FlatPart {
-    /// A corner.
+    /// A corner of the part.
     pub corner: Vec3,
-    /// Edges from there to two other corners.
+    /// Edges from `corner` to two other corners.
     pub edges: [Vec3; 2],
     /// Unit normal of the front.
     pub normal: Vec3,
-    /// Bound of the error of each coordinate of a point.
+    /// Bound of the absolute error of each coordinate of a sampled point.
     pub error: Vec3,
-    /// Density of its points per unit of area; 0 without area.
+    /// Density of sampled points per unit of area; 0 without area.
     pub pdf: f32,
-    /// True for a triangle: points are the corner plus shares of the edges with a sum of at most 1.
+    /// True for a triangle, whose points are the corner plus fractions of the edges with a sum of
+    /// at most 1.
     pub is_triangle: bool,
-    /// Centroid.
+    /// Centroid of the part.
     pub middle: Vec3,
-    /// Squared distance from there beyond which it is [far](Self::is_far).
+    /// Squared distance from `middle` beyond which the part is [far](Self::is_far).
     pub far: f32,
 }
 
-/// A sampled point of a part, as seen from another point. The fields are meaningful only if
+/// A sampled point of a part, as seen from another point. The other fields are meaningful only if
 /// [`Self::exists`].
 #[derive(Clone, Copy, Debug)]
 pub struct PartSample {
-    /// Unit direction towards it.
+    /// Unit direction towards the sampled point.
     pub direction: Vec3,
     /// Density per steradian of the direction.
     pub pdf: f32,
-    /// The end of a shadow ray towards it, on the side of the viewpoint.
+    /// The end of a shadow ray towards the sampled point, on the viewpoint's side of the part.
     pub end: Vec3,
-    /// True if its front is visible.
+    /// True if the front of the part is visible.
     pub is_front: bool,
-    /// True if there is a direction and a density.
+    /// True if the sample has a direction and a density.
     pub exists: bool,
 }
 
@@ -59,7 +60,8 @@ impl FlatPart {
             .map(|p| (p - to_middle).length_squared())
             .into_iter()
             .fold(0.0, f64::max);
-        // Corners and edges are rounded once and blended, a hit is found with a few roundings more.
+        // Corners and edges are rounded once and then blended; a hit is computed with a few more
+        // roundings.
         let reach = [corner, corner + a, corner + b, corner + last]
             .into_iter()
             .fold(DVec3::ZERO, |m, p| m.max(p.abs()));
@@ -85,7 +87,7 @@ impl FlatPart {
         Self::new(corners, normal, true)
     }
 
-    /// A triangle or rectangle with this transform; `None` for other shapes.
+    /// The triangle or rectangle that a shape with this transform is; `None` for other shapes.
     pub(super) fn of(shape: &dyn Shape, place: &Transform) -> Option<Self> {
         let (corners, is_triangle) = match shape.to_any()? {
             AnyShape::Triangle(triangle) => (triangle.vertices, true),
@@ -101,26 +103,26 @@ impl FlatPart {
         Some(Self::new(corners.map(|p| place.point(p)), normal, is_triangle))
     }
 
-    /// Area.
+    /// The area of the part.
     pub fn area(&self) -> f64 {
         let area = self.edges[0].as_dvec3().cross(self.edges[1].as_dvec3()).length();
         let area = if self.is_triangle { area * 0.5 } else { area };
         if area.is_finite() { area } else { 0.0 }
     }
 
-    /// True if points are chosen by area as seen from here.
+    /// True if points are sampled by area when seen from `from`.
     #[inline(always)]
     pub fn is_far(&self, from: Vec3) -> bool {
         (self.middle - from).length_squared() > self.far
     }
 
-    /// A point by area, as a far point sees it.
+    /// Samples a point by area, as seen from a far point.
     #[inline(always)]
     pub fn sample(&self, from: Vec3, u: Vec2) -> PartSample {
         PartSample::of(self.by_area(from, u), self.normal, self.error)
     }
 
-    /// A point by area.
+    /// Samples a point by area.
     #[inline(always)]
     fn by_area(&self, from: Vec3, u: Vec2) -> NearSample {
         let folded = sampling::uniform_triangle(u);
@@ -136,7 +138,7 @@ impl FlatPart {
         NearSample { position, direction, pdf, is_seen: false, exists }
     }
 
-    /// A point sampled by solid angle, or by area if that was not possible.
+    /// The sample `near` by solid angle, or a sample by area if that one is not possible.
     #[inline(always)]
     pub fn near_or_by_area(&self, near: NearSample, from: Vec3, u: Vec2) -> PartSample {
         let by_area = self.by_area(from, u);
@@ -157,7 +159,8 @@ impl FlatPart {
 }
 
 impl PartSample {
-    /// A point with this normal and bound of the error of each coordinate.
+    /// The sample of a point, given the surface's normal and a bound of the error of each
+    /// coordinate.
     #[inline(always)]
     pub(super) fn of(point: NearSample, normal: Vec3, error: Vec3) -> Self {
         let NearSample { position, direction, pdf, exists, .. } = point;

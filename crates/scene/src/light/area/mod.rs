@@ -1,5 +1,5 @@
-//! Emissive surfaces as lights: a part (a triangle, or a whole shape) is chosen by its power, then
-//! a point of it.
+//! Emissive surfaces as lights. A part (a triangle, or a whole shape) is chosen by its power, then
+//! a point of the part is sampled.
 
 mod flat;
 mod moving;
@@ -24,56 +24,56 @@ use surface::Place;
 /// The geometry of an emissive surface.
 #[derive(Clone, Debug)]
 pub enum EmissiveGeometry {
-    /// These triangles of a mesh.
+    /// Some triangles of a mesh.
     Mesh {
         /// The mesh.
         mesh: Arc<TriangleMesh>,
-        /// The triangles that emit. Indices past the mesh's triangles are ignored.
+        /// The numbers of the triangles that emit. Numbers past the mesh's triangles are ignored.
         triangles: Vec<u32>,
     },
     /// A whole shape.
     Shape(Arc<dyn Shape>),
 }
 
-/// A point on an emissive surface.
+/// A sampled point on an emissive surface.
 #[derive(Clone, Debug)]
 pub struct AreaSample {
-    /// The point as an interaction in the world (`t` is 0 and meaningless, ids are those given to
-    /// [`AreaLight::new`]). `position_error` bounds how far the surface that rays hit may be from
-    /// `position`: a shadow ray must end before it.
+    /// The point as an interaction in the world. `t` is 0 and meaningless; the ids are those given
+    /// to [`AreaLight::new`]. `position_error` bounds how far the surface that rays hit may be from
+    /// `position`, so a shadow ray must end before that.
     pub surface: SurfaceInteraction,
     /// Density per unit of world area.
     pub pdf_area: f32,
 }
 
-/// A point on an emissive surface as seen from somewhere.
+/// A sampled point on an emissive surface, as seen from another point.
 #[derive(Clone, Debug)]
 pub struct DirectedSample {
-    /// The point, as in [`AreaSample`].
+    /// The point; see [`AreaSample::surface`].
     pub surface: SurfaceInteraction,
-    /// Unit direction towards it.
+    /// Unit direction towards the point.
     pub direction: Vec3,
     /// Density per steradian of the direction.
     pub pdf: f32,
 }
 
-/// A point of an emissive surface, with what rays need.
+/// A point on an emissive surface, with the data that rays need.
 #[derive(Clone, Copy, Debug)]
 pub struct AreaPoint {
-    /// Position.
+    /// Position of the point in the world.
     pub position: Vec3,
-    /// Maximum distance of the surface that rays hit from there.
+    /// Bound, for each coordinate, of the distance of the surface that rays hit from the position.
     pub position_error: Vec3,
     /// Unit normal of the surface.
     pub normal: Vec3,
 }
 
-/// An [`AreaPoint`] as seen from somewhere.
+/// An [`AreaPoint`] as seen from another point.
 #[derive(Clone, Copy, Debug)]
 pub struct DirectedPoint {
-    /// The point.
+    /// The sampled point.
     pub point: AreaPoint,
-    /// Unit direction towards it.
+    /// Unit direction towards the point.
     pub direction: Vec3,
     /// Density per steradian of the direction.
     pub pdf: f32,
@@ -82,23 +82,23 @@ pub struct DirectedPoint {
 /// An emissive surface at one place in the world.
 #[derive(Debug)]
 pub struct AreaLight {
-    /// The geometry that emits. The triangles of a mesh are ascending and unique.
+    /// The geometry that emits. The triangle numbers of a mesh are ascending and unique.
     pub geometry: EmissiveGeometry,
-    /// Its transform to the world.
+    /// The transform of the geometry to the world.
     pub world_from_geometry: Transform,
-    /// Ids for the sampled interactions: instance and geometry.
+    /// Instance and geometry ids for the sampled interactions.
     pub ids: (u32, u32),
     table: Table,
     area: f64,
-    /// Mean luminance of each part, W / (m^2 sr); empty if all have the same.
+    /// Mean luminance of each part, W / (m^2 sr); empty if all parts have the same.
     radiance: Vec<f32>,
 }
 
 #[derive(Debug)]
 enum Table {
-    /// Choice among the triangles by area in the world, and the triangles in the world.
+    /// The choice among the emissive triangles by their power, and the triangles in the world.
     Mesh { choice: Distribution1D, placed: Vec<PlacedTriangle> },
-    /// Density in the shape's own coordinates.
+    /// A shape, with the density of its points in the shape's own coordinates.
     Shape { pdf: f64, outline: Outline, flat: Option<FlatPart> },
 }
 
@@ -106,9 +106,9 @@ enum Table {
 #[derive(Clone, Copy, Debug)]
 struct PlacedTriangle {
     flat: FlatPart,
-    /// Tangents by the first texture coordinates, or any.
+    /// Tangents along the first texture coordinates, or arbitrary ones if there are none.
     tangents: [Vec3; 2],
-    /// Density per unit of area, choice included.
+    /// Density per unit of area, including the probability of choosing the triangle.
     pdf: f32,
 }
 
@@ -141,7 +141,7 @@ impl PlacedTriangle {
 }
 
 impl AreaLight {
-    /// Prepares sampling. `None` if the surface has no finite positive area. Triangles without area
+    /// Prepares sampling; `None` if the surface has no finite positive area. Triangles without area
     /// are never chosen.
     pub fn new(
         geometry: EmissiveGeometry,
@@ -172,7 +172,8 @@ impl AreaLight {
         };
         let areas: Vec<f64> = triangles.iter().map(area_of).collect();
         let area: f64 = areas.iter().sum();
-        // Weights relative to the whole: areas may be too small or large for single precision.
+        // Weights are relative to the whole, because areas may be too small or large for single
+        // precision.
         let choice =
             Distribution1D::new(&areas.iter().map(|a| (a / area) as f32).collect::<Vec<_>>());
         let pdf = areas.iter().enumerate().map(|(i, &a)| density(choice.probability(i), a));
@@ -211,7 +212,7 @@ impl AreaLight {
         })
     }
 
-    /// A point with density [`AreaSample::pdf_area`] per unit of world area.
+    /// Samples a point, with density [`AreaSample::pdf_area`] per unit of world area.
     pub fn sample(&self, u: Vec2) -> Option<AreaSample> {
         let (part, _, rest) = self.choose_part(u.x);
         let surface = self.part_surface(part, Vec2::new(rest, u.y))?;
@@ -262,8 +263,8 @@ impl AreaLight {
         self
     }
 
-    /// Mean luminance of the whole surface's emitted radiance, W / (m^2 sr); 1 before
-    /// [`Self::measured`].
+    /// Mean luminance of the radiance that the whole surface emits, W / (m^2 sr); 1 before
+    /// [`Self::measured`] is called.
     pub fn mean_radiance(&self) -> f64 {
         if self.radiance.is_empty() {
             return 1.0;
@@ -273,15 +274,15 @@ impl AreaLight {
         sum / self.area
     }
 
-    /// Bounds of a part.
+    /// Bounds of a part in space and direction.
     pub fn part_bounds(&self, part: u32, is_two_sided: bool) -> LightBounds {
         let radiance = f64::from(self.radiance.get(part as usize).copied().unwrap_or(1.0));
         let (bounds, axis, cos_spread, facing_area) = match (&self.geometry, &self.table) {
             (EmissiveGeometry::Shape(shape), _) => {
                 let bounds = self.world_from_geometry.bounds(&shape.bounds());
                 match self.part_surface(0, Vec2::splat(0.5)) {
-                    // Shapes without an inside are flat. The shadow of a convex body is a quarter
-                    // of its surface on average.
+                    // A shape that is not closed is flat. For a convex body, the mean projected
+                    // area is a quarter of its surface.
                     Some(surface) if !shape.is_closed() => {
                         (bounds, surface.geometric_normal, 1.0, self.area)
                     }
@@ -314,7 +315,8 @@ impl AreaLight {
         }
     }
 
-    /// A part chosen by its power, its probability, and a uniform number derived from `u`.
+    /// Chooses a part by its power. Returns the part, its probability, and a new uniform number
+    /// made from `u`.
     pub fn choose_part(&self, u: f32) -> (u32, f32, f32) {
         match &self.table {
             Table::Mesh { choice, .. } => {
@@ -325,7 +327,7 @@ impl AreaLight {
         }
     }
 
-    /// The probability with which [`Self::choose_part`] gives a part.
+    /// The probability with which [`Self::choose_part`] chooses a part.
     pub fn part_probability(&self, part: u32) -> f32 {
         match &self.table {
             Table::Mesh { choice, .. } if (part as usize) < choice.len() => {
@@ -336,18 +338,19 @@ impl AreaLight {
         }
     }
 
-    /// The part of a primitive of the geometry; `None` if it does not emit.
+    /// The part that a primitive of the geometry is; `None` if the primitive does not emit.
     pub fn part_of(&self, primitive: u32) -> Option<u32> {
         let EmissiveGeometry::Mesh { triangles, .. } = &self.geometry else { return Some(0) };
-        // If all triangles emit, their numbers are their positions.
+        // If all triangles emit, their numbers are their positions in the list.
         if triangles.get(primitive as usize) == Some(&primitive) {
             return Some(primitive);
         }
         triangles.binary_search(&primitive).ok().map(|part| part as u32)
     }
 
-    /// A point of a part as seen from `from`, uniform by solid angle where that can be sampled and
-    /// by area elsewhere. `None` where the part cannot be seen or sampled, or the sample misses it.
+    /// Samples a point of a part as seen from `from`: uniform by solid angle where that can be
+    /// sampled, by area elsewhere. `None` where the part cannot be seen or sampled, or the sample
+    /// misses the part.
     pub fn sample_from(&self, part: u32, from: Vec3, u: Vec2) -> Option<DirectedSample> {
         let (place, DirectedPoint { point, direction, pdf }) = self.place_from(part, from, u)?;
         Some(DirectedSample { surface: self.surface(part, &place, &point), direction, pdf })
@@ -383,7 +386,7 @@ impl AreaLight {
         direction: Vec3,
     ) -> f32 {
         if let Some(seen) = self.seen_from(part, from) {
-            // Of a sphere only the near side is sampled.
+            // Only the near side of a sphere is sampled.
             let is_far_side = seen.is_sphere() && direction.dot(surface.geometric_normal) >= 0.0;
             return if is_far_side { 0.0 } else { seen.pdf() };
         }
@@ -405,7 +408,7 @@ impl AreaLight {
         if pdf.is_finite() { pdf } else { 0.0 }
     }
 
-    /// The part, if it is flat and has straight sides.
+    /// The part as a flat one with straight sides, if it is one.
     #[inline]
     pub fn flat(&self, part: u32) -> Option<&FlatPart> {
         match &self.table {
@@ -414,8 +417,8 @@ impl AreaLight {
         }
     }
 
-    /// The part, if it is sampled by solid angle: a rectangle or a triangle of a mesh where
-    /// [`FlatPart::is_far`] is false, or a sphere.
+    /// The part in the form for sampling by solid angle, if it has one: a rectangle or a triangle
+    /// of a mesh, which are sampled so where [`FlatPart::is_far`] is false, or a sphere.
     #[inline]
     pub fn near(&self, part: u32) -> Option<NearPart> {
         match &self.table {
@@ -432,8 +435,8 @@ impl AreaLight {
         }
     }
 
-    /// [`Self::sample_from`] for spheres and for flat parts that are far or [near](Self::near),
-    /// without the attributes that only some materials need; `None` for others.
+    /// [`Self::sample_from`] for spheres and for flat parts, far or [near](Self::near), without the
+    /// attributes that only some materials need; `None` for other parts.
     #[inline]
     pub fn sample_simple(&self, part: u32, from: Vec3, u: Vec2) -> Option<PartSample> {
         let (flat, near) = (self.flat(part), self.near(part));
@@ -451,7 +454,7 @@ impl AreaLight {
         Some(flat?.near_or_by_area(near, from, u))
     }
 
-    /// A part sampled by solid angle from a point; `None` if it is sampled by area.
+    /// A part prepared for sampling by solid angle from a point; `None` if it is sampled by area.
     fn seen_from(&self, part: u32, from: Vec3) -> Option<Seen> {
         if self.flat(part).is_some_and(|flat| flat.is_far(from)) {
             return None;
@@ -466,9 +469,9 @@ impl AreaLight {
         outline.seen_from(from.as_dvec3())
     }
 
-    /// Density per unit of world area with which [`Self::sample`] gives the point of this
-    /// interaction on this light. 0 for triangles that do not emit. Only the triangle or the normal
-    /// is used, not the position.
+    /// Density per unit of world area with which [`Self::sample`] samples the point of this
+    /// interaction on this light; 0 for triangles that do not emit. Only the number of the
+    /// triangle, or the normal, is used, not the position.
     pub fn pdf_area(&self, surface: &SurfaceInteraction) -> f32 {
         match &self.table {
             Table::Mesh { placed, .. } => {
@@ -478,8 +481,8 @@ impl AreaLight {
         }
     }
 
-    /// Area in the world. For shapes under non-uniform scaling, an estimate within about one
-    /// percent.
+    /// The area in the world. For shapes under non-uniform scaling it is an estimate, within about
+    /// one percent.
     pub fn area(&self) -> f64 {
         self.area
     }
@@ -491,7 +494,7 @@ impl AreaLight {
     }
 }
 
-/// Density per unit of area; 0 for triangles without area.
+/// Density per unit of area, given the probability of a part; 0 for triangles without area.
 fn density(probability: f32, area: f64) -> f32 {
     if area > 0.0 { (f64::from(probability) / area).min(f64::from(f32::MAX)) as f32 } else { 0.0 }
 }
@@ -514,8 +517,8 @@ fn mean_area_scale(shape: &dyn Shape, placed: &Transform) -> Option<f64> {
     Some(sum / f64::from(N * N))
 }
 
-/// Derivatives of the position by the first texture coordinates; `None` if there are none or they
-/// are degenerate.
+/// Derivatives of the position with respect to the first texture coordinates; `None` if there are
+/// no texture coordinates or they are degenerate.
 fn uv_derivatives(
     mesh: &TriangleMesh,
     indices: [usize; 3],

@@ -1,5 +1,5 @@
-//! An emissive surface that moves while the shutter is open: at each time it is the surface with
-//! its transform at that time.
+//! An emissive surface that moves while the shutter is open. At each time it is the surface with
+//! the transform of that time.
 
 use super::{
     AreaLight, AreaSample, DirectedSample, EmissiveGeometry, FlatPart, Outline, PlacedTriangle,
@@ -10,9 +10,10 @@ use snell_intersect::{Instance, SurfaceInteraction};
 use snell_math::distribution::Distribution1D;
 use snell_math::{Bounds3d, Transform, Vec2, Vec3};
 
-/// Number of times between keys at which bounds are taken, for rotations between them.
+/// Number of times between two keys at which bounds are taken, because of rotations between the
+/// keys.
 const MOMENTS: u32 = 9;
-/// Margin of the cone of normals.
+/// Margin of the cone of normals, in cosines.
 const WIDENING: f32 = 0.02;
 
 /// An emissive surface that moves as a whole.
@@ -20,15 +21,15 @@ const WIDENING: f32 = 0.02;
 pub struct MovingAreaLight {
     /// The surface when the shutter opens.
     pub first: AreaLight,
-    /// The instances that hold it, outermost first.
+    /// The instances that hold the surface, outermost first.
     carriers: Vec<Instance>,
     /// Map from the surface's own coordinates to those of the innermost instance.
     carrier_from_geometry: Transform,
 }
 
 impl MovingAreaLight {
-    /// The surface `first`, which has place `carrier_from_geometry` in the innermost of these
-    /// instances (outermost first), and is where they have it when the shutter opens.
+    /// The moving surface. `first` is the surface when the shutter opens, `carrier_from_geometry`
+    /// its place in the innermost of the instances that hold it (outermost first).
     pub fn new(
         first: AreaLight,
         carriers: Vec<Instance>,
@@ -37,8 +38,8 @@ impl MovingAreaLight {
         Self { first, carriers, carrier_from_geometry }
     }
 
-    /// The map to the world at a time from 0 (the shutter opens) to 1; `None` if it is singular and
-    /// rays cannot hit the surface.
+    /// The map to the world at a time from 0 (the shutter opens) to 1 (it closes). `None` if the
+    /// map is singular, so that rays cannot hit the surface.
     fn place(&self, time: f32) -> Option<Transform> {
         let mut place = Transform::IDENTITY;
         for carrier in &self.carriers {
@@ -47,7 +48,7 @@ impl MovingAreaLight {
         Some(place.compose(&self.carrier_from_geometry))
     }
 
-    /// A single part, with its transform at a time.
+    /// A single part of the surface, with the transform of this time.
     fn part_at(&self, part: u32, time: f32) -> Option<AreaLight> {
         let (place, first) = (self.place(time)?, &self.first);
         let (geometry, table, area) = match (&first.geometry, &first.table) {
@@ -83,19 +84,19 @@ impl MovingAreaLight {
         })
     }
 
-    /// As [`AreaLight::sample`], at a time.
+    /// [`AreaLight::sample`] for the surface at this time.
     pub fn sample(&self, time: f32, u: Vec2) -> Option<AreaSample> {
         let (part, probability, rest) = self.first.choose_part(u.x);
         let sample = self.part_at(part, time)?.sample(Vec2::new(rest, u.y))?;
         Some(AreaSample { pdf_area: sample.pdf_area * probability, ..sample })
     }
 
-    /// As [`AreaLight::sample_from`], at a time.
+    /// [`AreaLight::sample_from`] for the surface at this time.
     pub fn sample_from(&self, part: u32, time: f32, from: Vec3, u: Vec2) -> Option<DirectedSample> {
         self.part_at(part, time)?.sample_from(0, from, u)
     }
 
-    /// As [`AreaLight::pdf_from`], at a time.
+    /// [`AreaLight::pdf_from`] for the surface at this time.
     pub fn pdf_from(
         &self,
         part: u32,
@@ -107,7 +108,7 @@ impl MovingAreaLight {
         self.part_at(part, time).map_or(0.0, |at| at.pdf_from(0, from, surface, direction))
     }
 
-    /// Bounds of a part while the shutter is open.
+    /// Bounds of a part over the whole time that the shutter is open.
     pub fn part_bounds(&self, part: u32, is_two_sided: bool) -> LightBounds {
         let bounds_at = |time| Some(self.part_at(part, time)?.part_bounds(0, is_two_sided));
         let keys = self.carriers.iter().map(|c| c.later.len() as u32).max().unwrap_or(0);

@@ -1,5 +1,5 @@
-//! Rectangles, triangles and spheres sampled by solid angle from near points, in double precision
-//! and without branches, so that many can be sampled at once.
+//! Rectangles, triangles and spheres that are sampled by solid angle from near points. All is in
+//! double precision and without branches, so that many can be sampled at once.
 
 use super::FlatPart;
 use super::outline::{LEAST, MOST};
@@ -12,9 +12,9 @@ use std::f64::consts::PI;
 /// A rectangle in the world.
 #[derive(Clone, Copy, Debug)]
 pub struct NearRectangle {
-    /// Its centre.
+    /// Centre of the rectangle.
     pub center: DVec3,
-    /// Unit vectors along its sides.
+    /// Unit vectors along the sides.
     pub axes: [DVec3; 2],
     /// Half of the lengths of the sides.
     pub half: DVec2,
@@ -23,82 +23,84 @@ pub struct NearRectangle {
 /// A triangle in the world.
 #[derive(Clone, Copy, Debug)]
 pub struct NearTriangle {
-    /// A corner.
+    /// A corner of the triangle.
     pub corner: Vec3,
-    /// Edges from there to the other corners.
+    /// Edges from `corner` to the other corners.
     pub edges: [Vec3; 2],
 }
 
 /// A sphere in the world.
 #[derive(Clone, Copy, Debug)]
 pub struct NearSphere {
-    /// Its centre.
+    /// Centre of the sphere.
     pub center: DVec3,
-    /// Radius.
+    /// Radius of the sphere.
     pub radius: f64,
 }
 
-/// One of these shapes.
+/// A part of an emissive surface that can be sampled by solid angle.
 #[derive(Clone, Copy, Debug)]
 pub enum NearPart {
     /// A rectangle.
     Rectangle(NearRectangle),
     /// A triangle.
     Triangle(NearTriangle),
-    /// A sphere, from any viewpoint.
+    /// A sphere, which is sampled by solid angle from any distance.
     Sphere(NearSphere),
 }
 
-/// A sampled point, as seen from a near point. The fields are meaningful only if [`Self::exists`].
+/// A sampled point of a part, as seen from a near point. The other fields are meaningful only if
+/// [`Self::exists`].
 #[derive(Clone, Copy, Debug)]
 pub struct NearSample {
-    /// The point.
+    /// The sampled point.
     pub position: Vec3,
-    /// Unit direction towards it.
+    /// Unit direction towards the point.
     pub direction: Vec3,
     /// Density per steradian of the direction.
     pub pdf: f32,
-    /// True if the solid angle can be sampled; otherwise the shape is sampled by area.
+    /// True if the solid angle can be sampled. Otherwise the part is sampled by area.
     pub is_seen: bool,
-    /// True if there is a direction.
+    /// True if the sample has a direction.
     pub exists: bool,
 }
 
-/// A point of a sphere, as seen from another point.
+/// A sampled point of a sphere, as seen from another point.
 #[derive(Clone, Copy, Debug)]
 pub struct RoundSample {
-    /// The point; its solid angle can be sampled from everywhere.
+    /// The point as seen from the other point; it exists from everywhere.
     pub seen: NearSample,
-    /// Unit normal there.
+    /// Unit normal at the point.
     pub normal: Vec3,
-    /// Bound of the error of each coordinate.
+    /// Bound of the absolute error of each coordinate of the point.
     pub error: Vec3,
 }
 
-/// Bound of the error of a point of a sphere, relative to the radius: an ellipsoid within this
+/// Bound of the error of a point on a sphere, relative to the radius. An ellipsoid within this
 /// tolerance counts as a sphere.
 const ROUNDNESS: f64 = 4e-9;
-/// The same bound relative to coordinates: the rounding of double precision.
+/// Bound of the error of a point on a sphere, relative to coordinates: the rounding of double
+/// precision.
 const ROUNDING: f64 = 1e-14;
 
 impl NearSphere {
-    /// True if its visible part can be sampled: not from inside, and not from so near that the cone
-    /// around it covers nearly a hemisphere.
+    /// True if the visible part of a sphere can be sampled: not from inside, and not from so near
+    /// that the cone around the sphere is nearly a hemisphere.
     #[inline(always)]
     pub(super) fn has_near_side(radius_squared: f64, distance_squared: f64) -> bool {
         (radius_squared < distance_squared * (1.0 - 1e-7))
             & (radius_squared > distance_squared * 1e-30)
     }
 
-    /// A point uniform by solid angle on the visible side, or uniform by area where that cannot be
-    /// sampled.
+    /// Samples a point uniformly by solid angle on the visible side, or uniformly by area where
+    /// that cannot be sampled.
     #[inline(always)]
     pub fn sample(&self, from: Vec3, u: Vec2) -> RoundSample {
         let (center, u) = (self.center - from.as_dvec3(), u.as_dvec2());
         let (d2, r2) = (center.length_squared(), self.radius * self.radius);
         let has_near_side = Self::has_near_side(r2, d2);
         let towards = center * (-1.0 / d2.sqrt());
-        // From the centre any axis will do.
+        // Seen from the centre, any axis will do.
         let one = |x: f64, other: f64| if d2 > 0.0 { x } else { other };
         let axis = DVec3::new(one(towards.x, 0.0), one(towards.y, 0.0), one(towards.z, 1.0));
         let near = spherical::near_side_of_sphere(center, self.radius, u.x);
@@ -131,7 +133,7 @@ impl NearSphere {
 }
 
 impl NearRectangle {
-    /// The rectangle relative to a viewpoint, and its coordinate along the normal.
+    /// The rectangle relative to a viewpoint, and its coordinate along its normal.
     #[inline(always)]
     pub(super) fn seen_from(&self, from: DVec3) -> (SphericalRectangle, f64) {
         let center = self.center - from;
@@ -140,13 +142,13 @@ impl NearRectangle {
         (SphericalRectangle::new(middle - self.half, middle + self.half, z), z)
     }
 
-    /// Unit normal, of either side.
+    /// Unit normal of one side.
     #[inline(always)]
     pub(super) fn normal(&self) -> DVec3 {
         self.axes[0].cross(self.axes[1])
     }
 
-    /// A point uniform by solid angle.
+    /// Samples a point uniformly by solid angle.
     #[inline(always)]
     pub fn sample(&self, from: Vec3, u: Vec2) -> NearSample {
         let from = from.as_dvec3();
@@ -165,19 +167,19 @@ impl NearRectangle {
     }
 }
 
-/// True for solid angles that can be sampled.
+/// True if a part with this solid angle can be sampled by it.
 #[inline(always)]
 pub(super) fn is_sampled(solid_angle: f64) -> bool {
     (solid_angle > LEAST) & (solid_angle < MOST)
 }
 
 impl NearTriangle {
-    /// A part that is a triangle.
+    /// The triangle that a flat part is.
     pub(super) fn of(flat: &FlatPart) -> Self {
         Self { corner: flat.corner, edges: flat.edges }
     }
 
-    /// A point uniform by solid angle.
+    /// Samples a point uniformly by solid angle.
     #[inline(always)]
     pub fn sample(&self, from: Vec3, u: Vec2) -> NearSample {
         let (from, corner) = (from.as_dvec3(), self.corner.as_dvec3());
@@ -195,7 +197,7 @@ impl NearTriangle {
     }
 }
 
-/// A triangle around the viewpoint.
+/// A triangle as seen from a viewpoint.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct TriangleSeen {
     corner: DVec3,
@@ -219,8 +221,8 @@ impl TriangleSeen {
         Self { corner, edges, directions, solid_angle }
     }
 
-    /// The vector from the viewpoint to a point uniform by solid angle; false if rounding leaves no
-    /// direction.
+    /// The vector from the viewpoint to a point that is uniform by solid angle. The flag is false
+    /// if rounding leaves no direction.
     #[inline(always)]
     pub(super) fn sample(&self, u: DVec2) -> (DVec3, bool) {
         let Self { corner, edges, directions, solid_angle } = *self;
@@ -233,8 +235,8 @@ impl TriangleSeen {
     }
 }
 
-/// Barycentric coordinates of the point of a triangle's plane at this offset from its first corner,
-/// moved into the triangle.
+/// Barycentric coordinates of a point in the plane of a triangle, given its offset from the first
+/// corner. They are clamped to the triangle.
 #[inline(always)]
 pub(super) fn barycentrics(offset: DVec3, [e1, e2]: [DVec3; 2]) -> Vec2 {
     let normal = e1.cross(e2);

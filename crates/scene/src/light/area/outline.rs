@@ -1,11 +1,12 @@
-//! The solid angle of a part of an emissive surface as seen from a point, and points uniform in it.
+//! The solid angle of a part of an emissive surface as seen from a point, and sampling of points
+//! uniform in it.
 
 use super::near::{NearRectangle, NearSphere, TriangleSeen};
 use snell_intersect::{AnyShape, Shape};
 use snell_math::spherical::{self, SphericalRectangle};
 use snell_math::{DVec2, DVec3, Transform};
 
-/// A part whose solid angle can be sampled, in the world.
+/// The shape of a part in the world, for sampling by solid angle.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Outline {
     Triangle {
@@ -13,7 +14,7 @@ pub(super) enum Outline {
         edges: [DVec3; 2],
     },
     Rectangle(NearRectangle),
-    /// A disk or ring: sampled as the square around it, if it is near.
+    /// A disk or ring. From near points the square around it is sampled.
     Disk {
         center: DVec3,
         axes: [DVec3; 2],
@@ -21,18 +22,18 @@ pub(super) enum Outline {
         inner: f64,
     },
     Sphere(NearSphere),
-    /// Sampled by area.
+    /// Any other part, which is sampled by area.
     Other,
 }
 
-/// Solid angles below this are sampled by area: the density of small parts is nearly constant, and
-/// differences of angles lose digits.
+/// Parts with a smaller solid angle are sampled by area: the density over small parts is nearly
+/// constant, and differences of angles lose digits.
 pub(super) const LEAST: f64 = 1e-4;
-/// Solid angles above this are, too: the viewpoint lies on the surface, within rounding, and angles
-/// of nearly half a turn lose digits.
+/// Parts with a larger solid angle are sampled by area too: the viewpoint lies on the surface,
+/// within rounding, and angles of nearly half a turn lose digits.
 pub(super) const MOST: f64 = 6.22;
-/// The square around a disk wastes its corners, which pays only if the distances to points of the
-/// disk differ much.
+/// The least solid angle at which the square around a disk is sampled. The corners of the square
+/// are wasted, which pays only if the distances to points of the disk differ much.
 const LEAST_OF_DISK: f64 = 0.5;
 
 impl Outline {
@@ -74,7 +75,8 @@ impl Outline {
         }
     }
 
-    /// False for points of a disk's square outside the disk.
+    /// True if a point lies on the part: false for points of the square around a disk that are
+    /// outside of the disk.
     pub(super) fn holds(&self, p: DVec3) -> bool {
         match self {
             Self::Disk { center, radius, inner, .. } => {
@@ -85,7 +87,7 @@ impl Outline {
         }
     }
 
-    /// The view from a point; `None` if the part should be sampled by area.
+    /// The part as seen from a point; `None` if it should be sampled by area.
     pub(super) fn seen_from(&self, from: DVec3) -> Option<Seen> {
         let (seen, least) = match *self {
             Self::Triangle { corner, edges } => (Seen::triangle(corner - from, edges), LEAST),
@@ -103,7 +105,7 @@ impl Outline {
     }
 }
 
-/// An outline around the viewpoint.
+/// A part as seen from a viewpoint, prepared for sampling.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Seen {
     solid_angle: f64,
@@ -129,7 +131,8 @@ impl Seen {
         Self { solid_angle: seen.solid_angle, kind }
     }
 
-    /// `None` from inside, and from so near that the cone covers nearly a hemisphere.
+    /// Prepares a sphere. `None` if the viewpoint is inside, or so near that the cone around the
+    /// sphere is nearly a hemisphere.
     fn sphere(center: DVec3, radius: f64) -> Option<Self> {
         let (r2, d2) = (radius * radius, center.length_squared());
         let usable = NearSphere::has_near_side(r2, d2);
@@ -141,12 +144,12 @@ impl Seen {
         matches!(self.kind, SeenKind::Sphere { .. })
     }
 
-    /// Density per steradian.
+    /// Density of sampled directions per steradian.
     pub(super) fn pdf(&self) -> f32 {
         (1.0 / self.solid_angle).min(f64::from(f32::MAX)) as f32
     }
 
-    /// The vector from the viewpoint to a point of the outline. `None` if rounding leaves no
+    /// Samples the vector from the viewpoint to a point of the part. `None` if rounding leaves no
     /// direction.
     pub(super) fn sample(&self, u: DVec2) -> Option<DVec3> {
         let offset = match &self.kind {

@@ -1,4 +1,5 @@
-//! Points of emissive surfaces: first with what rays need, then with all that materials may need.
+//! Points on emissive surfaces: first with the data that rays need, then with all that materials
+//! may need.
 
 use super::near::barycentrics;
 use super::{AreaLight, AreaPoint, EmissiveGeometry, PlacedTriangle, Table};
@@ -6,7 +7,7 @@ use snell_intersect::{Shape, SurfaceInteraction, TriangleMesh};
 use snell_math::robust::gamma;
 use snell_math::{DVec3, Vec2, Vec3, sampling};
 
-/// A position on a part.
+/// A position on a part of an emissive surface.
 pub(super) enum Place {
     /// Barycentric coordinates in a triangle.
     Triangle(Vec2),
@@ -15,7 +16,8 @@ pub(super) enum Place {
 }
 
 impl AreaLight {
-    /// A position on a part, uniform by its area (of a shape: in its own coordinates).
+    /// Samples a position on a part, uniform by area. For a shape, the area is that in the shape's
+    /// own coordinates.
     pub(super) fn place(&self, part: u32, u: Vec2) -> Option<Place> {
         match (&self.geometry, &self.table) {
             (EmissiveGeometry::Mesh { .. }, Table::Mesh { placed, .. }) => {
@@ -30,8 +32,8 @@ impl AreaLight {
         }
     }
 
-    /// The position on a part at (or within rounding of) a point of the world. `None` beside the
-    /// part.
+    /// The position on a part of a point in the world, which must be on the part within rounding;
+    /// `None` if it is not on the part.
     pub(super) fn place_at(&self, part: u32, p: DVec3) -> Option<Place> {
         match &self.table {
             Table::Mesh { placed, .. } => {
@@ -46,7 +48,7 @@ impl AreaLight {
         }
     }
 
-    /// The point at a position.
+    /// The point of a part at a position.
     pub(super) fn point(&self, part: u32, place: &Place) -> Option<AreaPoint> {
         match (place, &self.geometry, &self.table) {
             (Place::Triangle(b), _, Table::Mesh { placed, .. }) => {
@@ -65,7 +67,8 @@ impl AreaLight {
         let place = &self.world_from_geometry;
         let (own, normal) = shape.normal(position, face);
         let position = place.point(own);
-        // The position is rounded once; the rounding of double precision is far below.
+        // The position is rounded once to single precision. The rounding errors of double precision
+        // are negligible.
         let reach = place.matrix().matrix3.abs() * own.abs() + place.matrix().translation.abs();
         Some(AreaPoint {
             position: position.as_vec3(),
@@ -111,7 +114,8 @@ impl AreaLight {
         }
     }
 
-    /// A point of a part, uniform by its area (of a shape: in its own coordinates).
+    /// Samples a point of a part, uniform by area. For a shape, the area is that in the shape's own
+    /// coordinates.
     pub(super) fn part_surface(&self, part: u32, u: Vec2) -> Option<SurfaceInteraction> {
         let place = self.place(part, u)?;
         Some(self.surface(part, &place, &self.point(part, &place)?))

@@ -6,7 +6,7 @@ use snell_math::statistics::{chi_squared_deviation, sidak_deviation};
 use snell_math::{DAffine3, DMat3};
 use std::f64::consts::PI;
 
-/// Two triangles of areas 1 and 3, one without area, and one that does not emit.
+/// A mesh of four triangles: two of areas 1 and 3, one without area, and one that does not emit.
 fn mesh() -> Arc<TriangleMesh> {
     let p = [[0., 0., 0.], [2., 0., 0.], [0., 1., 0.], [0., 0., 5.], [0., 3., 5.], [0., 0., 7.]];
     Arc::new(TriangleMesh {
@@ -63,7 +63,7 @@ fn mesh_points_are_uniform_by_world_area() {
         let p = area(0) / light.area();
         let sigma = (p * (1.0 - p) / f64::from(n)).sqrt();
         assert!((f64::from(first) / f64::from(n) - p).abs() < 4.0 * sigma);
-        // The centroid; the standard deviation of a coordinate is below 0.5.
+        // The expected mean is the centroid; the standard deviation of a coordinate is below 0.5.
         let mean = center / f64::from(first);
         assert!(
             (mean - DVec3::new(2.0 / 3.0, 1.0 / 3.0, 0.0)).length() < 3.0 / f64::from(first).sqrt()
@@ -115,7 +115,7 @@ fn a_mirrored_mesh_keeps_its_outer_side() {
 fn shape_densities_integrate_to_one_under_any_transform() {
     for place in [Transform::IDENTITY, stretched()] {
         let light = sphere_light(place);
-        // Integrates the density over the ellipsoid by the sphere's longitude and height.
+        // Integrates the density over the ellipsoid, in longitude and height of the sphere.
         let (n, mut integral, mut area) = (300, 0.0, 0.0);
         for i in 0..n {
             for j in 0..n {
@@ -211,8 +211,7 @@ fn every_shape_with_area_can_be_a_light() {
     }
 }
 
-/// Lights of each kind that knows how it looks from a point, and of some that do not, in two
-/// places.
+/// Lights of each kind that can be sampled by solid angle, and of some that cannot, in two places.
 fn seen_lights() -> Vec<AreaLight> {
     let turned = DMat3::from_axis_angle(DVec3::new(0.6, 0.0, 0.8), 1.1) * 1.5;
     let turned =
@@ -237,9 +236,9 @@ fn seen_lights() -> Vec<AreaLight> {
     lights
 }
 
-/// Points by solid angle fall into cells of the surface as the density says, which is integrated
-/// over the surface by area: chi squared. What the density lacks to 1 are samples that miss (of the
-/// square around a disk).
+/// Chi-squared test of points sampled by solid angle: they fall into cells of the surface as often
+/// as the integral of the density over the cell by area says. Where the density does not integrate
+/// to 1, the rest are samples that miss the part (those of the square around a disk).
 #[test]
 fn points_seen_from_somewhere_are_distributed_by_their_density() {
     const N: u32 = 6000;
@@ -317,8 +316,8 @@ fn points_seen_from_somewhere_are_distributed_by_their_density() {
     );
 }
 
-/// From very near and very far, inside a sphere and in the plane of a flat light: no nonsense, and
-/// two ways to the same integral.
+/// Viewpoints that are very near, very far, inside of a sphere, or in the plane of a flat light
+/// must give finite densities, and two estimates of the same integral must agree.
 #[test]
 fn hostile_viewpoints_give_finite_densities() {
     for (number, light) in seen_lights().into_iter().enumerate() {
@@ -395,7 +394,7 @@ fn flat_parts_sampled_from_afar_cover_their_solid_angle() {
             let is_front =
                 (from.as_dvec3() - place.point(DVec3::ZERO)).dot(flat.normal.as_dvec3()) > 0.0;
             assert!(samples.iter().all(|s| s.is_front == is_front), "{number}");
-            // The end of a light ray lies before the surface.
+            // The end of the shadow ray must lie before the surface.
             let before =
                 |p: Vec3| (p - flat.corner).dot(flat.normal) * if is_front { 1.0 } else { -1.0 };
             assert!(
@@ -453,7 +452,7 @@ fn spheres_are_sampled_alike_with_and_without_all_of_the_surface() {
         assert!(sample.direction.is_normalized() && sample.pdf > 0.0);
         if (from - center).length() < 0.5999 {
             assert!(!sample.is_front);
-            // All of it is seen from there, sampled by area.
+            // From there the whole part is visible, and it is sampled by area.
             let inner = center + (from - center) * 0.5;
             inside += 1;
             sum += 1.0
@@ -464,7 +463,7 @@ fn spheres_are_sampled_alike_with_and_without_all_of_the_surface() {
             let whole = light.sample_from(0, from, u).expect("it is seen from everywhere");
             assert!((sample.direction - whole.direction).length() < 1e-6, "{from}");
             assert!((sample.pdf / whole.pdf - 1.0).abs() < 1e-6 && sample.is_front, "{from}");
-            // The end of a light ray lies before the surface.
+            // The end of the shadow ray must lie before the surface.
             let before = (sample.end - center).length() - 0.6;
             assert!((-1e-7..1e-5).contains(&before), "{from}: {before}");
         }

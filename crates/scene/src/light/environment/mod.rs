@@ -1,14 +1,15 @@
 //! Light from all directions, importance sampled.
 //!
-//! An image is looked up with bilinear interpolation. A direction is drawn in two steps: a cell of
-//! a latitude-longitude table with probability proportional to the interpolated luminance in it
-//! times its solid angle, then a direction uniform in the solid angle of the cell (a rectangle in
-//! longitude and height). So the density is constant over each cell and finite at the poles.
+//! An image is looked up with bilinear interpolation. A direction is sampled in two steps: a cell
+//! of a latitude-longitude table, with probability proportional to the interpolated luminance in
+//! the cell times its solid angle, then a direction uniform in the solid angle of the cell (a
+//! rectangle in longitude and height). The density is therefore constant over each cell and finite
+//! at the poles.
 //!
-//! With multiple importance sampling, a second table without the mean is better: BSDF samples
-//! already find the uniform part of the light (Karlík, Šik, Vévoda, Skřivan and Křivánek, MIS
-//! Compensation: Optimizing Sampling Techniques in Multiple Importance Sampling, 2019). A constant
-//! environment then needs no samples.
+//! With multiple importance sampling, a second table from which the mean is subtracted is better,
+//! because BSDF samples already find the uniform part of the light (Karlík, Šik, Vévoda, Skřivan
+//! and Křivánek, MIS Compensation: Optimizing Sampling Techniques in Multiple Importance Sampling,
+//! 2019). A constant environment then needs no light samples.
 
 mod table;
 #[cfg(test)]
@@ -25,21 +26,21 @@ use table::{Cells, DirectionTable, Rows};
 
 pub use table::DrawnDirection;
 
-/// An environment prepared for lookups and sampling.
+/// An environment prepared for look-ups and sampling.
 #[derive(Debug)]
 pub struct EnvironmentLight {
     kind: Kind,
     mean_luminance: f64,
 }
 
-/// A direction from which light comes.
+/// A sampled direction from which light comes.
 #[derive(Clone, Copy, Debug)]
 pub struct SkySample {
-    /// Unit vector.
+    /// Unit vector towards the light.
     pub direction: Vec3,
     /// Density per steradian.
     pub pdf: f32,
-    /// The position in the image: see [`EnvironmentLight::place`].
+    /// The position of the direction in the image; see [`EnvironmentLight::place`].
     pub place: Vec2,
 }
 
@@ -56,18 +57,19 @@ struct ImageLight {
     /// Scaled radiance, row by row from the zenith.
     texels: Vec<Rgb>,
     world_from_environment: Mat3,
-    /// Table in proportion to the light from each direction.
+    /// The table in proportion to the light from each direction.
     exact: DirectionTable,
-    /// Table in proportion to the excess of the light over the mean; `None` if there is hardly any.
+    /// The table in proportion to the excess of the light over the mean; `None` if the light is
+    /// almost constant.
     compensated: Option<DirectionTable>,
-    /// The share of the light that exceeds the mean.
+    /// The fraction of the light that exceeds the mean.
     excess: f64,
 }
 
 impl EnvironmentLight {
-    /// Prepares an environment (builds the sampling tables of an image). Values that are negative
-    /// or not finite count as 0, and the alpha of an image is ignored. Only the rotation (and
-    /// mirroring) of the transform is used.
+    /// Prepares an environment, which includes building the sampling tables of an image. Values
+    /// that are negative or not finite count as 0, and the alpha of an image is ignored. Only the
+    /// rotation (and mirroring) of the transform is used.
     pub fn new(environment: &Environment) -> Self {
         match environment {
             Environment::Constant(color) => {
@@ -81,12 +83,12 @@ impl EnvironmentLight {
         }
     }
 
-    /// Radiance arriving along a ray that leaves the scene in this unit direction.
+    /// The radiance that arrives along a ray that leaves the scene in this unit direction.
     pub fn radiance(&self, direction: Vec3, mode: ColorMode) -> SampledSpectrum {
         self.radiance_at(self.place(direction), mode)
     }
 
-    /// [`Self::radiance`] for the direction of this position in the image.
+    /// [`Self::radiance`] for the direction at this position in the image.
     #[inline]
     pub fn radiance_at(&self, place: Vec2, mode: ColorMode) -> SampledSpectrum {
         mode.rgb_illuminant(match &self.kind {
@@ -104,7 +106,7 @@ impl EnvironmentLight {
         }
     }
 
-    /// The rotation of the image.
+    /// The rotation from the image's coordinates to the world.
     pub fn world_from_environment(&self) -> Mat3 {
         match &self.kind {
             Kind::Constant(_) => Mat3::IDENTITY,
@@ -112,7 +114,7 @@ impl EnvironmentLight {
         }
     }
 
-    /// The radiance, if it is the same from all directions.
+    /// The radiance of a constant environment; `None` for an image.
     pub fn constant(&self) -> Option<Rgb> {
         match &self.kind {
             Kind::Constant(color) => Some(*color),
@@ -120,7 +122,7 @@ impl EnvironmentLight {
         }
     }
 
-    /// A direction from which light comes. The density is positive wherever there is light.
+    /// Samples a direction from which light comes. The density is positive wherever there is light.
     pub fn sample(&self, u: Vec2) -> SkySample {
         let drawn = match &self.kind {
             Kind::Constant(_) => None,
@@ -139,7 +141,7 @@ impl EnvironmentLight {
         }
     }
 
-    /// Density per steradian with which [`Self::sample`] gives this unit direction.
+    /// Density per steradian with which [`Self::sample`] samples this unit direction.
     pub fn pdf(&self, direction: Vec3) -> f32 {
         match &self.kind {
             Kind::Constant(_) => sampling::UNIFORM_SPHERE_PDF,
@@ -147,14 +149,15 @@ impl EnvironmentLight {
         }
     }
 
-    /// A direction sampled in proportion to the excess of the light over the mean, to be combined
+    /// Samples a direction in proportion to the excess of the light over the mean, to be combined
     /// with BSDF samples by multiple importance sampling. The density is 0 in many directions.
     /// `None` if there is no excess.
     pub fn sample_compensated(&self, u: Vec2) -> Option<SkySample> {
         Some(SkySample::new(self.draw_compensated(u)?, &self.world_from_environment()))
     }
 
-    /// The same before the direction is computed, which [`SkySample::new`] does.
+    /// The sample of [`Self::sample_compensated`], before [`SkySample::new`] computes its
+    /// direction.
     #[inline]
     pub fn draw_compensated(&self, u: Vec2) -> Option<DrawnDirection> {
         match &self.kind {
@@ -165,12 +168,12 @@ impl EnvironmentLight {
         }
     }
 
-    /// Density per steradian with which [`Self::sample_compensated`] gives this unit direction.
+    /// Density per steradian with which [`Self::sample_compensated`] samples this unit direction.
     pub fn pdf_compensated(&self, direction: Vec3) -> f32 {
         self.pdf_compensated_at(self.place(direction))
     }
 
-    /// [`Self::pdf_compensated`] for the direction of this position in the image.
+    /// [`Self::pdf_compensated`] for the direction at this position in the image.
     #[inline]
     pub fn pdf_compensated_at(&self, place: Vec2) -> f32 {
         match &self.kind {
@@ -179,8 +182,8 @@ impl EnvironmentLight {
         }
     }
 
-    /// The share of the light that exceeds the mean, `[0, 1]`, which [`Self::sample_compensated`]
-    /// samples. 0 if it gives `None`.
+    /// The fraction of the light that exceeds the mean, in `[0, 1]`, which
+    /// [`Self::sample_compensated`] samples; 0 if that returns `None`.
     pub fn excess(&self) -> f64 {
         match &self.kind {
             Kind::Image(light) if light.compensated.is_some() => light.excess,
@@ -188,13 +191,13 @@ impl EnvironmentLight {
         }
     }
 
-    /// Mean radiance over the sphere (luminance). Finite and not negative.
+    /// Mean radiance over the sphere (luminance); finite and not negative.
     pub fn mean_luminance(&self) -> f64 {
         self.mean_luminance
     }
 }
 
-/// Largest radiance that counts, so that sums over a whole image stay finite.
+/// Largest radiance that is kept, so that sums over a whole image stay finite.
 const MAX_RADIANCE: f32 = 1e30;
 
 fn sane(x: f32) -> f32 {
@@ -202,14 +205,14 @@ fn sane(x: f32) -> f32 {
 }
 
 impl ImageLight {
-    /// The light and its mean luminance.
+    /// The prepared image and its mean luminance.
     fn new(image: &Arc<Image>, scale: Rgb, matrix: DMat3) -> (Self, f64) {
         let texels = texels(image, scale);
         let (w, h) = (image.width as usize, image.height as usize);
         let cells = Cells::of(Smoothed::of(&texels, w), [w, h]);
         let (exact, mean_luminance) = DirectionTable::new(&cells, 0.0);
         let compensated = DirectionTable::new(&cells, mean_luminance);
-        // A share this small is due to rounding.
+        // A fraction this small is due to rounding.
         let excess = compensated.1 / mean_luminance.max(f64::MIN_POSITIVE);
         let compensated = (excess > 1e-4).then_some(compensated.0);
         let world_from_environment = rotation(matrix);
@@ -227,15 +230,15 @@ impl ImageLight {
         )
     }
 
-    /// The bilinear interpolation at a point of the unit square.
+    /// The bilinear interpolation of the texels at a point of the unit square.
     fn texel(&self, p: Vec2) -> Rgb {
         let (w, h) = (self.width as i32, self.height as i32);
-        // Shifted by one texel, so that it is not negative.
+        // The position is shifted by one texel, so that it is not negative.
         let x = p.x * self.width as f32 + 0.5;
         let y = p.y * self.height as f32 + 0.5;
         let (left, top) = (x as i32, y as i32);
         let (fx, fy) = (x - left as f32, y - top as f32);
-        // Wrapped around in longitude, clamped at the poles.
+        // Positions wrap around in longitude and are clamped at the poles.
         let around = |x: i32| {
             (if x < 0 {
                 x + w
@@ -255,8 +258,8 @@ impl ImageLight {
 }
 
 impl SkySample {
-    /// A direction that was drawn from an environment with this rotation. Without branches, so that
-    /// loops over it become vector code.
+    /// The sample for a direction drawn from an environment with this rotation. It has no branches,
+    /// so that loops over it become vector code.
     #[inline(always)]
     pub fn new(drawn: DrawnDirection, world_from_environment: &Mat3) -> Self {
         let (direction, place) = drawn.to_vector();
@@ -264,7 +267,7 @@ impl SkySample {
     }
 }
 
-/// [`EnvironmentLight::place`] of an environment with this rotation. Without branches, so that
+/// [`EnvironmentLight::place`] for an environment with this rotation. It has no branches, so that
 /// loops over it become vector code.
 #[inline(always)]
 pub fn place_of(world_from_environment: &Mat3, direction: Vec3) -> Vec2 {
@@ -276,8 +279,8 @@ pub fn place_of(world_from_environment: &Mat3, direction: Vec3) -> Vec2 {
     Vec2::new(number(0.5 + phi * (0.5 * FRAC_1_PI)), number(theta * FRAC_1_PI))
 }
 
-/// The nearest rotation (or rotation with mirroring) that keeps the first axis' direction; the
-/// identity if there is none.
+/// The nearest rotation (or rotation with mirroring) that keeps the direction of the first axis;
+/// the identity if there is none.
 fn rotation(m: DMat3) -> Mat3 {
     let unit = |v: DVec3| v.try_normalize().filter(|v| v.is_finite());
     let orthonormal = || {
@@ -289,7 +292,7 @@ fn rotation(m: DMat3) -> Mat3 {
     orthonormal().unwrap_or(DMat3::IDENTITY).as_mat3()
 }
 
-/// Scaled radiance of every texel.
+/// The scaled radiance of every texel.
 fn texels(image: &Image, scale: Rgb) -> Vec<Rgb> {
     let texel = |x, y| {
         let [r, g, b, _] = image.rgba(x, y);
@@ -298,14 +301,14 @@ fn texels(image: &Image, scale: Rgb) -> Vec<Rgb> {
     (0..image.height).flat_map(|y| (0..image.width).map(move |x| texel(x, y))).collect()
 }
 
-/// Mean luminance over each texel's square of the bilinear interpolation: the image filtered by
-/// `[1 6 1] / 8` both ways. It is positive wherever any of the interpolated radiance is. Row by
-/// row, because a copy of a large image takes much memory.
+/// The mean luminance of the bilinear interpolation over the square of each texel, which is the
+/// image filtered by `[1 6 1] / 8` both ways. It is positive wherever any interpolated radiance is.
+/// It is computed row by row, because a copy of a large image takes much memory.
 struct Smoothed<'a> {
     texels: &'a [Rgb],
     width: usize,
-    /// Rows that are filtered along themselves, with their numbers: the last three that were
-    /// needed, row `y` at `y % 3`.
+    /// Rows that were filtered horizontally, each with its number. They are the last three that
+    /// were needed; row `y` is at `y % 3`.
     across: [(usize, Vec<f32>); 3],
 }
 

@@ -1,4 +1,4 @@
-//! A density over all directions, constant over cells of longitude and latitude.
+//! A density over all directions that is constant over cells of longitude and latitude.
 
 use snell_math::distribution::Distribution1D;
 use snell_math::simd::max;
@@ -6,20 +6,21 @@ use snell_math::{DVec3, Vec2, Vec3, angles};
 use std::f32::consts::{FRAC_1_PI, TAU};
 use std::f64::consts::PI as PI64;
 
-/// A direction drawn from the table, in the table's coordinates.
+/// A direction sampled from the table, in the table's coordinates.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct DrawnDirection {
     /// Cosine of the angle from the zenith.
     pub height: f64,
-    /// Longitude as a share of a full turn.
+    /// Longitude as a fraction of a full turn.
     pub turn: f64,
     /// Density per steradian.
     pub pdf: f32,
 }
 
 impl DrawnDirection {
-    /// The unit vector (`+y` is the zenith, `-z` the middle), and longitude and latitude as a point
-    /// of the unit square. Without branches, so that loops over it become vector code.
+    /// The unit vector (`+y` is the zenith, `-z` the middle of the image), and longitude and
+    /// latitude as a point of the unit square. It has no branches, so that loops over it become
+    /// vector code.
     #[inline(always)]
     pub fn to_vector(self) -> (Vec3, Vec2) {
         let Self { height, turn, .. } = self;
@@ -33,24 +34,25 @@ impl DrawnDirection {
     }
 }
 
-/// Choice of a row of cells, then of a cell in it; uniform by solid angle in the cell.
+/// Chooses a row of cells, then a cell in the row, then a direction uniform by solid angle in the
+/// cell.
 #[derive(Debug)]
 pub(super) struct DirectionTable {
     rows: Distribution1D,
     columns: Vec<Distribution1D>,
-    /// Cosines of the polar angles of the edges of the rows.
+    /// Cosines of the polar angles of the edges between rows.
     edges: Vec<f64>,
 }
 
 /// Maximum size of the table; larger images are downsampled.
 const MAX_TABLE: [usize; 2] = [2048, 1024];
-/// Each cell with any light, and each row, is drawn at least this often relative to the mean.
+/// The least probability, relative to the mean, of each cell with any light and of each row.
 /// Otherwise dim cells beside a sun would vanish in the rounding of the tables.
 const FLOOR: f32 = 1e-3;
 
 impl DirectionTable {
     /// The density in proportion to the excess of the cells' luminance over `taken_off`, and the
-    /// mean of the excess over the sphere.
+    /// mean of that excess over the sphere.
     pub fn new(luminance: &Cells, taken_off: f64) -> (Self, f64) {
         let [columns, rows] = luminance.size;
         let mut table = Vec::with_capacity(rows);
@@ -67,7 +69,7 @@ impl DirectionTable {
                     .map(|&c| if c > 0.0 { c.max(floor) } else { 0.0 })
                     .collect::<Vec<_>>(),
             ));
-            // The share of the row in the sphere.
+            // The fraction of the sphere that the row covers.
             let share = (row_cos(row, rows) - row_cos(row + 1, rows)) * 0.5;
             all += mean * share;
             sums.push((mean * share) as f32);
@@ -79,7 +81,7 @@ impl DirectionTable {
         (Self { rows: Distribution1D::new(&sums), columns: table, edges }, all)
     }
 
-    /// A direction with this density.
+    /// Samples a direction with this density.
     #[inline]
     pub fn sample(&self, u: Vec2) -> DrawnDirection {
         let (row, v) = self.rows.sample(u.y);
@@ -92,8 +94,8 @@ impl DirectionTable {
         }
     }
 
-    /// Density per steradian in a direction given by longitude and latitude as a point of the unit
-    /// square.
+    /// Density per steradian in a direction, which is given by longitude and latitude as a point of
+    /// the unit square.
     pub fn pdf(&self, p: Vec2) -> f32 {
         let index = |x: f32, n: usize| ((x * n as f32) as usize).min(n - 1);
         let row = index(p.y, self.columns.len());
@@ -109,27 +111,28 @@ impl DirectionTable {
 
 /// Cosine of the polar angle at the upper edge of a row.
 fn row_cos(row: usize, rows: usize) -> f64 {
-    // The sine of the angle from the horizon: exact at the poles and symmetric.
+    // The sine of the angle from the horizon is exact at the poles and symmetric.
     (PI64 * (0.5 - row as f64 / rows as f64)).sin()
 }
 
-/// An image of numbers, row by row.
+/// An image with one number per pixel, available row by row.
 pub(super) trait Rows {
-    /// The row of this number, from 0. Rows are asked for in ascending order; the last ones may be
-    /// asked for again.
+    /// The row with this number, from 0. Rows must be requested in ascending order, but the last
+    /// three rows may be requested again.
     fn row(&mut self, y: usize) -> Vec<f32>;
 }
 
-/// Means over the cells of a table that is as large as an image, or smaller.
+/// Means over the cells of a table, which has the size of an image or is smaller.
 pub(super) struct Cells {
-    /// Columns and rows.
+    /// The number of columns and rows.
     pub size: [usize; 2],
-    /// Row by row.
+    /// The means, row by row.
     pub means: Vec<f32>,
 }
 
 impl Cells {
-    /// The values of an image of this size: for each cell, the mean of all texels that it touches.
+    /// The values for an image of this size, in a table of at most [`MAX_TABLE`]: for each cell,
+    /// the mean of all texels that it touches.
     pub fn of(image: impl Rows, [w, h]: [usize; 2]) -> Self {
         Self::in_table(image, [w, h], [w.min(MAX_TABLE[0]), h.min(MAX_TABLE[1])])
     }

@@ -34,7 +34,7 @@ fn gradient() -> EnvironmentLight {
     )
 }
 
-/// Integral over the sphere by a fine grid in world longitude and height.
+/// The integral over the sphere, on a fine grid in longitude and height of the world.
 fn integrate(f: impl Fn(Vec3) -> f64) -> f64 {
     let (n, m) = (1200, 600);
     let mut sum = 0.0;
@@ -55,13 +55,14 @@ fn red(light: &EnvironmentLight, d: Vec3) -> f64 {
 
 #[test]
 fn the_picture_is_oriented_as_documented() {
-    // Columns: left quarter is -x, middle -z, right quarter +x, edges +z. Row 0 is the zenith.
+    // The columns: the left quarter is -x, the middle -z, the right quarter +x, the edges +z. Row 0
+    // is the zenith.
     let l = light(64, 32, |x, y| [x as f32, y as f32, 0.0], 0.0);
     let at = |d| l.radiance(d, ColorMode::Rgb);
     assert!((at(Vec3::NEG_Z)[0] - 31.5).abs() < 1e-3 && (at(Vec3::NEG_Z)[1] - 15.5).abs() < 1e-3);
     assert!((at(Vec3::X)[0] - 47.5).abs() < 1e-3 && (at(Vec3::NEG_X)[0] - 15.5).abs() < 1e-3);
     assert_eq!((at(Vec3::Y)[1], at(Vec3::NEG_Y)[1]), (0.0, 31.0));
-    // Across the seam the picture continues.
+    // The picture continues across the seam.
     assert!((at(Vec3::Z)[0] - 31.5).abs() < 1e-3);
 }
 
@@ -76,7 +77,7 @@ fn the_rotation_turns_the_picture_into_the_world() {
         scale: Rgb::splat(2.0),
         world_from_environment,
     });
-    // +y goes to +z.
+    // The rotation maps +y to +z.
     assert_eq!((red(&l, Vec3::Z), red(&l, Vec3::NEG_Z)), (2.0, 0.0));
 }
 
@@ -117,8 +118,8 @@ fn an_image_of_one_colour_is_left_to_other_samples() {
     assert!(l.excess() == 0.0 && l.sample_compensated(Vec2::splat(0.5)).is_none());
 }
 
-/// Several pictures, turned, with both tables: chi squared of coarse cells of the world against the
-/// integral of the density over each.
+/// Chi-squared test for several rotated pictures with both tables: counts in coarse cells of the
+/// world, against the integral of the density over each cell.
 #[test]
 fn samples_fall_into_cells_with_their_density() {
     let horizon =
@@ -161,7 +162,8 @@ fn samples_fall_into_cells_with_their_density() {
                 let SkySample { direction: d, pdf, place } =
                     sample(uniform2([i, 9, way, key])).expect("light to find");
                 assert!(d.is_normalized() && pdf > 0.0 && pdf.is_finite());
-                // It is looked up where the direction is: the sides are one, and so is each pole.
+                // The sample's place must be that of its direction, where both sides of the image
+                // are the same, and so is each pole.
                 let other = l.place(d);
                 let (across, sin) = ((place.x - other.x).abs(), (PI * place.y).sin());
                 assert!(
@@ -186,7 +188,7 @@ fn the_density_of_a_sample_is_that_of_its_direction() {
         let SkySample { direction: d, pdf, .. } = l.sample(uniform2([i, 1, 2, 3]));
         different += u32::from(l.pdf(d) != pdf);
     }
-    // Only directions on the edge of a cell may round into the next.
+    // Only directions on the edge of a cell may be rounded into the next cell.
     assert!(different <= n / 2000, "{different}");
 }
 
@@ -279,7 +281,7 @@ fn a_table_smaller_than_the_image_still_covers_all_light() {
     assert_eq!(Cells::in_table(Table(vec![3.0; 35]), [7, 5], [4, 3]).means[11], 3.0);
 }
 
-/// Seven numbers a row.
+/// An image of seven numbers per row.
 struct Table(Vec<f32>);
 
 impl Rows for Table {

@@ -1,5 +1,5 @@
-//! The sky-dome model: a formula with nine coefficients per channel, which are interpolated in
-//! published tables by turbidity, albedo of the ground and elevation of the sun.
+//! The sky-dome model of Hosek and Wilkie: a formula with nine coefficients per channel, which are
+//! interpolated in published tables by turbidity, albedo of the ground and elevation of the sun.
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -10,7 +10,7 @@ const TABLES: &[u8] = include_bytes!("hosek_wilkie.bin");
 const COEFFICIENTS: usize = 9;
 const CONTROL_POINTS: usize = 6;
 const TURBIDITIES: usize = 10;
-/// Numbers of one channel before its mean radiances, and in all.
+/// The number of values of one channel before its mean radiances, and in all.
 const SHAPES: usize = 2 * TURBIDITIES * CONTROL_POINTS * COEFFICIENTS;
 const CHANNEL: usize = SHAPES + 2 * TURBIDITIES * CONTROL_POINTS;
 
@@ -21,7 +21,8 @@ pub(super) struct HosekWilkie {
 }
 
 impl HosekWilkie {
-    /// Elevation in radians, `[0, pi / 2]`; turbidity in `[1, 10]`; albedo in `[0, 1]`.
+    /// The model for an elevation in radians, in `[0, pi / 2]`, a turbidity in `[1, 10]`, and an
+    /// albedo in `[0, 1]`.
     pub fn new(elevation: f64, turbidity: f64, albedo: f64) -> Self {
         let t = (elevation / FRAC_PI_2).cbrt();
         let value = |channel: usize, start: usize, stride: usize, offset: usize| {
@@ -45,8 +46,8 @@ impl HosekWilkie {
         }
     }
 
-    /// Radiance (in units of luminance over 683 lm / W) in red, green and blue, by the cosines of
-    /// the angle from the zenith and from the sun (equation 8 of the paper).
+    /// Radiance in red, green and blue, given the cosines of the angles from the zenith and from
+    /// the sun (equation 8 of the paper). The unit is that of luminance divided by 683 lm / W.
     pub fn radiance(&self, cos_zenith: f64, cos_sun: f64) -> [f64; 3] {
         let gamma = cos_sun.acos();
         let cos_zenith = cos_zenith.max(0.0);
@@ -70,7 +71,7 @@ fn number(index: usize) -> f64 {
     f32::from_le_bytes(bytes).into()
 }
 
-/// A Bezier curve of degree 5.
+/// The value at `t` of a Bezier curve of degree 5.
 fn bezier(p: [f64; CONTROL_POINTS], t: f64) -> f64 {
     let s = 1.0 - t;
     let binomials = [1.0, 5.0, 10.0, 10.0, 5.0, 1.0];

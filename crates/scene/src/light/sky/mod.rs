@@ -1,6 +1,6 @@
-//! The sky of a clear day with its sun, as an environment: the measured-and-simulated model of
-//! Hosek and Wilkie (An Analytic Model for Full Spectral Sky-Dome Radiance, 2012, in its RGB form),
-//! the sun through the atmosphere ([`sun`]), and uniform ground below.
+//! The sky of a clear day with its sun, as an environment. The sky is the measured and simulated
+//! model of Hosek and Wilkie (An Analytic Model for Full Spectral Sky-Dome Radiance, 2012, in its
+//! RGB form), with the sun seen through the atmosphere ([`sun`]) and uniform ground below.
 
 mod hosek_wilkie;
 mod sun;
@@ -12,23 +12,23 @@ use snell_math::{DAffine3, DVec3, Rgb};
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
-/// A clear day.
+/// The sky of a clear day.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sky {
     /// Height of the sun above the horizon, degrees, `[0, 90]`.
     pub elevation: f64,
     /// Azimuth of the sun, degrees: 0 is `-z` (the middle of the environment's image), 90 is `+x`.
     pub azimuth: f64,
-    /// Haze, `[1, 10]`: 2 is very clear, 3 a clear day, 6 and more hazy.
+    /// Haze of the air, `[1, 10]`: 2 is very clear, 3 a clear day, 6 and more hazy.
     pub turbidity: f64,
-    /// Reflectance of the ground, `[0, 1]`: it brightens the sky slightly, and is visible below the
-    /// horizon.
+    /// Reflectance of the ground, `[0, 1]`. It brightens the sky slightly, and the ground is
+    /// visible below the horizon.
     pub ground: f64,
     /// Angular diameter of the sun, degrees, `[0, 20]`: 0.53 in nature, more for softer shadows of
-    /// the same brightness; 0 for no sun.
+    /// the same brightness, 0 for no sun.
     pub sun: f64,
-    /// Factor on all radiance. With 1, the unit is `10^5 / pi` cd / m^2: the luminance of a white
-    /// surface that receives 100,000 lx, full daylight.
+    /// Factor on all radiance. With 1, the unit is `10^5 / pi` cd / m^2, which is the luminance of
+    /// a white surface that receives 100,000 lx, full daylight.
     pub scale: f64,
 }
 
@@ -38,13 +38,13 @@ impl Default for Sky {
     }
 }
 
-/// A parameter out of its range.
+/// A parameter is out of its range.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{parameter} is {found}, expected {least} to {most}")]
 pub struct SkyError {
     /// The name of the parameter.
     pub parameter: &'static str,
-    /// Its value.
+    /// The value that was given.
     pub found: f64,
     /// The lower end of the range; both ends are included.
     pub least: f64,
@@ -53,7 +53,8 @@ pub struct SkyError {
 }
 
 const SIZE: [u32; 2] = [2048, 1024];
-/// Candela per square metre in a unit of the model's luminance, and in a unit of the environment's.
+/// Candela per square metre in a unit of the model's luminance, and in a unit of the environment's
+/// luminance.
 const MODEL_UNIT: f64 = 683.0;
 const UNIT: f64 = 1e5 / PI;
 
@@ -68,7 +69,7 @@ impl Sky {
         ("scale", 0.0, 1e6),
     ];
 
-    /// Mutable access to the parameter of a name.
+    /// Mutable access to the parameter of this name; `None` if there is none.
     pub fn parameter(&mut self, name: &str) -> Option<&mut f64> {
         Some(match name {
             "elevation" => &mut self.elevation,
@@ -81,8 +82,8 @@ impl Sky {
         })
     }
 
-    /// The environment: an image with the zenith at `+y`. Its texels are 0.18 degrees wide, and so
-    /// is the soft edge of the sun.
+    /// The environment as an image with the zenith at `+y`; an error if a parameter is out of its
+    /// range. Texels are 0.18 degrees wide, and so is the soft edge of the sun.
     pub fn environment(&self) -> Result<Environment, SkyError> {
         let mut copy = *self;
         for (parameter, least, most) in Self::PARAMETERS {
@@ -135,11 +136,11 @@ impl Sky {
         Image::from_f32(w, h, 3, values)
     }
 
-    /// Spreads the sun's light over the texels of its disk above the horizon, conserving its
-    /// energy.
+    /// Spreads the sun's light over the texels of the part of its disk that is above the horizon.
+    /// Energy is conserved.
     fn add_sun(&self, values: &mut [f32], sun: DVec3, direct: [f64; 3]) {
         let [w, h] = SIZE;
-        // At least as large as a texel.
+        // The disk is at least as large as a texel.
         let radius = (self.sun * 0.5).to_radians().max(0.7 * PI / f64::from(h));
         let cos_radius = radius.cos();
         let rows = |angle: f64| (angle / PI * f64::from(h)).clamp(0.0, f64::from(h / 2)) as u32;
@@ -161,10 +162,10 @@ impl Sky {
     }
 }
 
-/// The share of a texel that a disk around `sun` covers, estimated with 16 points.
+/// The fraction of a texel that the disk around `sun` covers, estimated with 16 points.
 fn coverage(x: f64, y: f64, sun: DVec3, cos_radius: f64) -> f64 {
     let middle = direction(x + 0.5, y + 0.5);
-    // Far from the edge.
+    // Texels far outside of the disk need no points.
     if middle.dot(sun) < cos_radius - 0.02 {
         return 0.0;
     }
@@ -175,14 +176,14 @@ fn coverage(x: f64, y: f64, sun: DVec3, cos_radius: f64) -> f64 {
     (0..16).filter(inside).count() as f64 / 16.0
 }
 
-/// The direction at a position of the image in texels.
+/// The direction of a position in the image, which is given in texels.
 fn direction(x: f64, y: f64) -> DVec3 {
     let (sin, cos) = (y / f64::from(SIZE[1]) * PI).sin_cos();
     let (s, c) = (x / f64::from(SIZE[0]) * TAU - PI).sin_cos();
     DVec3::new(sin * s, cos, -sin * c)
 }
 
-/// Solid angle of a texel of a row.
+/// Solid angle of a texel in a row, in steradians.
 fn row_area(y: u32) -> f64 {
     let edge = |y: u32| (f64::from(y) / f64::from(SIZE[1]) * PI).cos();
     (edge(y) - edge(y + 1)) * TAU / f64::from(SIZE[0])
@@ -194,7 +195,7 @@ mod tests {
     use crate::light::environment::EnvironmentLight;
     use snell_math::ColorMode;
 
-    /// Illuminance in lx on level ground, of the whole and without the sun.
+    /// Illuminance in lx on level ground: the whole, and that without the sun.
     fn illuminance(sky: Sky) -> f64 {
         let image = sky.picture();
         let [w, h] = SIZE;
@@ -211,7 +212,7 @@ mod tests {
 
     #[test]
     fn daylight_is_as_bright_as_in_nature() {
-        // Clear days: total and diffuse illuminance in klx, of the ranges that daylight tables give
+        // Total and diffuse illuminance of clear days, in klx: the ranges that daylight tables give
         // (IES, CIE).
         for (elevation, total, diffuse) in [
             (60.0, 75.0..115.0, 8.0..25.0),

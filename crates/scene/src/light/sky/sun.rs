@@ -1,25 +1,26 @@
-//! The sun seen through the atmosphere: its extraterrestrial light, times the transmittance of
-//! molecules, haze and ozone.
+//! The sun seen through the atmosphere: its extraterrestrial light, multiplied by the transmittance
+//! of molecules, haze and ozone.
 
 /// Illuminance of the sun outside of the atmosphere on a surface that faces it, lx.
 const SOLAR_CONSTANT: f64 = 133_100.0;
-/// Its colour, of luminance 1, in linear Rec. 709: chromaticity (0.323, 0.333), that of the
-/// extraterrestrial spectrum (ASTM E-490).
+/// The colour of the sun outside of the atmosphere, with luminance 1, in linear Rec. 709. The
+/// chromaticity (0.323, 0.333) is that of the extraterrestrial spectrum (ASTM E-490).
 const COLOR: [f64; 3] = [1.091, 0.979, 0.942];
-/// Representative wavelengths of the channels, micrometres, and absorption of ozone there, per cm.
+/// Representative wavelengths of the channels in micrometres, and the absorption coefficient of
+/// ozone there per cm.
 const WAVELENGTHS: [f64; 3] = [0.612, 0.549, 0.465];
 const OZONE: [f64; 3] = [0.118, 0.084, 0.0075];
 /// Thickness of the ozone layer, cm at normal pressure.
 const OZONE_LAYER: f64 = 0.35;
 
-/// Illuminance per channel (whose luminance is in lx) on a surface that faces the sun. The
-/// elevation is in degrees. Transmittances as in Preetham, Shirley and Smits, A Practical Analytic
-/// Model for Daylight, 1999, appendix A; the air mass by Kasten and Young, 1989.
+/// Illuminance on a surface that faces the sun, per channel; its luminance is in lx. The elevation
+/// is in degrees. The transmittances are those of Preetham, Shirley and Smits, A Practical Analytic
+/// Model for Daylight, 1999, appendix A; the air mass is that of Kasten and Young, 1989.
 pub(super) fn illuminance(elevation: f64, turbidity: f64) -> [f64; 3] {
     let elevation = elevation.clamp(0.0, 90.0);
     let mass =
         1.0 / (elevation.to_radians().sin() + 0.505_72 * (elevation + 6.079_95).powf(-1.6364));
-    // Angstrom's coefficient.
+    // Angstrom's turbidity coefficient.
     let haze = (0.046_08 * turbidity - 0.045_86).max(0.0);
     std::array::from_fn(|c| {
         let wavelength: f64 = WAVELENGTHS[c];

@@ -19,7 +19,7 @@ fn through(length: f32) -> Segment {
     Segment { origin: Vec3::splat(0.05), direction, length }
 }
 
-/// Mean and its standard error of each lane.
+/// The mean of each lane, and its standard error.
 fn mean(n: u32, mut f: impl FnMut(u32) -> SampledSpectrum) -> [(f64, f64); 3] {
     let (mut sum, mut squares) = ([0.0f64; 3], [0.0f64; 3]);
     for i in 0..n {
@@ -45,14 +45,14 @@ fn assert_agree(estimate: [(f64, f64); 3], expected: [f64; 3]) {
     }
 }
 
-/// A ramp along x, whose optical depth has a closed form, and its integral of density from 0 to
+/// A ramp along x, whose optical depth has a closed form, and the integral of its density from 0 to
 /// `x`.
 fn ramp() -> (ScalarGrid, fn(f64) -> f64) {
     let n = 8;
     let value = |i: usize| (i % n) as f32 / 7.0;
     let grid = ScalarGrid::new([n, n, n], (0..n * n * n).map(value).collect())
         .expect("as many values as cells");
-    // Zero up to the first centre, then a line, then one.
+    // The density is zero up to the first centre, then linear, then one.
     (grid, |x| {
         let (first, last) = (1.0 / 16.0, 15.0 / 16.0);
         let slope = 1.0 / (last - first);
@@ -116,7 +116,7 @@ fn a_constant_grid_is_a_homogeneous_medium() {
             let travel = medium.travel(&segment, UNIT, ColorMode::Rgb, &mut numbers(i));
             match (what, travel.scattered) {
                 (0, None) => travel.throughput,
-                // The first moment depends on where it was scattered.
+                // The first moment depends on the distance at which the path was scattered.
                 (1, Some(s)) => travel.throughput * s.distance,
                 (2, Some(_)) => travel.throughput,
                 (3, _) => travel.emitted,
@@ -131,7 +131,7 @@ fn a_constant_grid_is_a_homogeneous_medium() {
     }
 }
 
-/// A different ramp for each colour: red grows along x, green falls, blue is constant.
+/// A different ramp for each colour: red increases along x, green decreases, blue is constant.
 fn ramps() -> (Arc<ColorGrid>, impl Fn(f64) -> [f64; 3]) {
     let (rising, integral) = ramp();
     let colors = rising.values().iter().map(|v| Rgb::new(*v, 1.0 - v, 0.5)).collect();
@@ -256,7 +256,7 @@ fn gas_of_one_temperature_glows_as_a_black_body() {
         tracked.travel(&through(1.0), UNIT, ColorMode::Rgb, |_| 1.0, &mut numbers(i)).emitted
     });
     let color = crate::medium::blackbody(1800.0, ColorMode::Rgb);
-    // Twice the density of a half along a distance of one.
+    // The emission is that of twice a density of one half along a distance of one.
     assert_agree(glow, [0, 1, 2].map(|c| f64::from(color[c])));
 }
 

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use snell_math::Rgb;
 
 snell_math::declare! {
-    /// Bilinear interpolation between four colours, which extrapolates outside their square.
+    /// Bilinear interpolation between four colours, which extrapolates outside of their square.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(default, deny_unknown_fields)]
     pub struct Bilerp {
@@ -19,7 +19,7 @@ snell_math::declare! {
         pub v10: ColorParam,
         /// The texture at `(1, 1)`.
         pub v11: ColorParam,
-        /// The mapping of the corners.
+        /// Mapping of the corners.
         pub mapping: Mapping,
     }
 }
@@ -32,7 +32,7 @@ impl Default for Bilerp {
 }
 
 impl Bilerp {
-    /// From black below to white above, and of four colours.
+    /// Examples for tests and galleries: from black below to white above, and between four colours.
     pub fn examples() -> Vec<Self> {
         let [v00, v01, v10] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
             .map(|c| ColorParam::from(Rgb::from(c)));

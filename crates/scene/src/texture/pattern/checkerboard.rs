@@ -1,4 +1,4 @@
-//! Checks, in the plane and in space.
+//! Checkerboards in the plane and in space.
 
 use super::rgb_at;
 use crate::material::{ColorParam, ShadingPoint};
@@ -7,17 +7,17 @@ use serde::{Deserialize, Serialize};
 use snell_math::Rgb;
 
 snell_math::declare! {
-    /// Squares with sides of 1 in `(s, t)`, alternating between two textures; averaged over the
+    /// Squares with sides of 1 in `(s, t)`, alternating between two textures and averaged over the
     /// filter footprint.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(default, deny_unknown_fields)]
     pub struct Checkerboard {
-        /// The texture of the square from (0, 0) to (1, 1), and of all whose coordinates have an
-        /// even sum.
+        /// Texture of the square from (0, 0) to (1, 1), and of all squares whose coordinates have
+        /// an even sum.
         pub even: ColorParam,
-        /// The texture of the others.
+        /// Texture of the other squares.
         pub odd: ColorParam,
-        /// The mapping of the squares.
+        /// Mapping of the squares.
         pub mapping: Mapping,
     }
 }
@@ -29,7 +29,7 @@ impl Default for Checkerboard {
 }
 
 impl Checkerboard {
-    /// One for each mapping.
+    /// Examples for tests and galleries, one for each mapping.
     pub fn examples() -> Vec<Self> {
         Mapping::examples().into_iter().map(|mapping| Self { mapping, ..Self::default() }).collect()
     }
@@ -46,17 +46,17 @@ impl Checkerboard {
 }
 
 snell_math::declare! {
-    /// Cubes with sides of 1 in space, alternating between two textures: an object is cut from such
-    /// a block. Averaged over the filter footprint.
+    /// Cubes with sides of 1 in space, alternating between two textures, as if the object were cut
+    /// from a block of such cubes; averaged over the filter footprint.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(default, deny_unknown_fields)]
     pub struct SolidCheckerboard {
-        /// The texture of the cube from (0, 0, 0) to (1, 1, 1), and of all whose coordinates have
+        /// Texture of the cube from (0, 0, 0) to (1, 1, 1), and of all cubes whose coordinates have
         /// an even sum.
         pub even: ColorParam,
-        /// The texture of the others.
+        /// Texture of the other cubes.
         pub odd: ColorParam,
-        /// The space of the cubes.
+        /// Rows of the affine map from the world to the space of the cubes.
         pub texture_from_world: Rows,
     }
 }
@@ -68,7 +68,7 @@ impl Default for SolidCheckerboard {
 }
 
 impl SolidCheckerboard {
-    /// Black and white.
+    /// Examples for tests and galleries.
     pub fn examples() -> Vec<Self> {
         vec![Self::default()]
     }
@@ -85,7 +85,7 @@ impl SolidCheckerboard {
     }
 }
 
-/// The first texture for a contrast of 1, the second for -1.
+/// The mixture of both textures: the first for a contrast of 1, the second for -1.
 fn shades(even: &ColorParam, odd: &ColorParam, contrast: f32, point: &ShadingPoint) -> Rgb {
     if contrast == 1.0 {
         rgb_at(even, point)
@@ -96,14 +96,14 @@ fn shades(even: &ColorParam, odd: &ColorParam, contrast: f32, point: &ShadingPoi
     }
 }
 
-/// 1 from an even number to the next odd one, -1 from there to the next even one; the mean over an
-/// interval of this width around `x`.
+/// The mean, over an interval of this width around `x`, of a square wave that is 1 from each even
+/// number to the next odd one and -1 elsewhere.
 fn square_wave(x: f32, width: f32) -> f32 {
     let (low, high) = (x - 0.5 * width, x + 0.5 * width);
     if low.floor() == high.floor() {
         return if x.floor().rem_euclid(2.0) == 0.0 { 1.0 } else { -1.0 };
     }
-    // The integral rises from 0 at even numbers to 1 at odd ones.
+    // The integral of the wave rises from 0 at even numbers to 1 at odd ones.
     let integral = |x: f32| 1.0 - (x.rem_euclid(2.0) - 1.0).abs();
     let mean = (integral(high) - integral(low)) / (high - low);
     if mean.is_finite() { mean.clamp(-1.0, 1.0) } else { 0.0 }

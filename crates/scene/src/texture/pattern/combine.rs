@@ -1,4 +1,4 @@
-//! Patterns that combine others.
+//! Patterns that combine other textures.
 
 use super::rgb_at;
 use crate::material::{ColorParam, ShadingPoint};
@@ -8,13 +8,13 @@ use snell_intersect::SurfaceInteraction;
 use snell_math::{Rgb, Vec3};
 
 snell_math::declare! {
-    /// One pattern times another.
+    /// Product of two textures.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(default, deny_unknown_fields)]
     pub struct Scale {
-        /// The texture that is scaled.
+        /// Texture that is scaled.
         pub texture: ColorParam,
-        /// The factor.
+        /// Factor on the texture.
         pub scale: ColorParam,
     }
 }
@@ -26,7 +26,7 @@ impl Default for Scale {
 }
 
 impl Scale {
-    /// Two greys.
+    /// Examples for tests and galleries.
     pub fn examples() -> Vec<Self> {
         vec![Self { texture: Rgb::splat(0.25).into(), scale: Rgb::splat(2.0).into() }]
     }
@@ -41,15 +41,15 @@ impl Scale {
 }
 
 snell_math::declare! {
-    /// Interpolates linearly between two patterns, separately in red, green and blue.
+    /// Linear interpolation between two textures, separately in red, green and blue.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(default, deny_unknown_fields)]
     pub struct Mix {
-        /// The texture where the amount is 0.
+        /// Texture where the amount is 0.
         pub first: ColorParam,
-        /// The texture where the amount is 1.
+        /// Texture where the amount is 1.
         pub second: ColorParam,
-        /// Share of the second texture; values outside `[0, 1]` extrapolate.
+        /// Fraction of the second texture; values outside `[0, 1]` extrapolate.
         pub amount: ColorParam,
     }
 }
@@ -61,7 +61,7 @@ impl Default for Mix {
 }
 
 impl Mix {
-    /// Half and half, and by channels.
+    /// Examples for tests and galleries: half and half, and a fraction that differs by channel.
     pub fn examples() -> Vec<Self> {
         vec![Self::default(), Self { amount: Rgb::new(0.1, 0.5, 1.0).into(), ..Self::default() }]
     }
@@ -77,16 +77,16 @@ impl Mix {
 }
 
 snell_math::declare! {
-    /// Blends by the direction of the shading normal: the first texture where the normal is along
-    /// an axis or opposite to it, the second where it is perpendicular.
+    /// Blend of two textures by the direction of the shading normal: the first where the normal is
+    /// along an axis or opposite to it, the second where it is perpendicular.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(default, deny_unknown_fields)]
     pub struct DirectionMix {
-        /// The texture where the shading normal is along the axis.
+        /// Texture where the shading normal is along the axis.
         pub first: ColorParam,
-        /// The texture where the normal is perpendicular to the axis.
+        /// Texture where the shading normal is perpendicular to the axis.
         pub second: ColorParam,
-        /// The axis, in the world; of any length but 0, which counts as the y axis.
+        /// Axis in the world, of any length but 0, which counts as the y axis.
         pub axis: Vec3,
     }
 }
@@ -98,7 +98,7 @@ impl Default for DirectionMix {
 }
 
 impl DirectionMix {
-    /// Along two axes.
+    /// Examples for tests and galleries, with two axes.
     pub fn examples() -> Vec<Self> {
         vec![Self::default(), Self { axis: Vec3::new(2.0, 0.0, 1.0), ..Self::default() }]
     }
@@ -115,13 +115,13 @@ impl DirectionMix {
 }
 
 snell_math::declare! {
-    /// A pattern raised to a power, separately in red, green and blue; negative values count as 0.
+    /// A texture raised to a power, separately in red, green and blue; negative values count as 0.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(default, deny_unknown_fields)]
     pub struct Power {
-        /// The base.
+        /// Texture that is raised to the power.
         pub base: ColorParam,
-        /// The exponent, above 0; others leave the base as it is.
+        /// Exponent, above 0; other values leave the base unchanged.
         pub exponent: f32,
     }
 }
@@ -133,7 +133,7 @@ impl Default for Power {
 }
 
 impl Power {
-    /// A square root.
+    /// Examples for tests and galleries: a square root.
     pub fn examples() -> Vec<Self> {
         vec![Self { base: Rgb::splat(0.25).into(), exponent: 0.5 }]
     }
@@ -150,13 +150,14 @@ impl Power {
 }
 
 snell_math::declare! {
-    /// A colour ramp: a table with the first entry at 0 and the last at 1, interpolated linearly.
+    /// Colour ramp: a table whose first entry is at 0 and whose last is at 1, interpolated
+    /// linearly.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(default, deny_unknown_fields)]
     pub struct Ramp {
-        /// The positions in the ramp, separately for red, green and blue; clamped to `[0, 1]`.
+        /// Positions in the ramp, separately for red, green and blue; clamped to `[0, 1]`.
         pub amount: ColorParam,
-        /// The table; an empty one is black.
+        /// Colours of the table; an empty table is black.
         pub colors: Vec<Rgb>,
     }
 }
@@ -168,7 +169,7 @@ impl Default for Ramp {
 }
 
 impl Ramp {
-    /// A ramp of three colours.
+    /// Examples for tests and galleries: a ramp of three colours.
     pub fn examples() -> Vec<Self> {
         let colors = vec![Rgb::BLACK, Rgb::new(1.0, 0.0, 0.0), Rgb::WHITE];
         vec![Self { amount: Rgb::splat(0.75).into(), colors }]
@@ -192,13 +193,13 @@ impl Ramp {
 }
 
 snell_math::declare! {
-    /// Another texture with a mapping in place of the coordinates of the surface.
+    /// Another texture with a mapping in place of the texture coordinates of the surface.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(default, deny_unknown_fields)]
     pub struct Projected {
-        /// The texture; its coordinates are `(s, 1 - t)`.
+        /// Texture that is looked up; its texture coordinates are `(s, 1 - t)`.
         pub texture: ColorParam,
-        /// The mapping.
+        /// Mapping to `(s, t)`.
         pub mapping: Mapping,
     }
 }
@@ -210,7 +211,7 @@ impl Default for Projected {
 }
 
 impl Projected {
-    /// One for each mapping.
+    /// Examples for tests and galleries, one for each mapping.
     pub fn examples() -> Vec<Self> {
         Mapping::examples().into_iter().map(|mapping| Self { mapping, ..Self::default() }).collect()
     }
@@ -221,7 +222,7 @@ impl Projected {
 
     pub(super) fn rgb(&self, point: &ShadingPoint) -> Rgb {
         let at = self.mapping.at(point);
-        // A surface on which the footprint has the given width in units of the coordinates.
+        // Makes a surface on which the footprint has the given width in units of the coordinates.
         let long =
             |axis: Vec3, width: f32| axis * if width > 0.0 { point.footprint / width } else { 1.0 };
         let surface = SurfaceInteraction {

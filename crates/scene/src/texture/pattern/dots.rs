@@ -1,4 +1,4 @@
-//! Dots at random places.
+//! Dots at random positions.
 
 use super::rgb_at;
 use crate::material::{ColorParam, ShadingPoint};
@@ -14,17 +14,18 @@ snell_math::declare! {
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(default, deny_unknown_fields)]
     pub struct Dots {
-        /// The texture inside the dots.
+        /// Texture inside of the dots.
         pub inside: ColorParam,
-        /// The texture between the dots.
+        /// Texture between the dots.
         pub outside: ColorParam,
-        /// The mapping of the squares.
+        /// Mapping of the squares.
         pub mapping: Mapping,
     }
 }
 
 const RADIUS: f32 = 0.35;
-/// The share of the plane that dots cover, from the share of squares with a dot.
+/// The fraction of the plane that dots cover. The first factor is the fraction of squares with a
+/// dot.
 const COVERED: f32 = 0.3955 * std::f32::consts::PI * RADIUS * RADIUS;
 
 impl Default for Dots {
@@ -34,7 +35,7 @@ impl Default for Dots {
 }
 
 impl Dots {
-    /// White on black.
+    /// Examples for tests and galleries.
     pub fn examples() -> Vec<Self> {
         vec![
             Self::default(),
@@ -58,13 +59,13 @@ impl Dots {
     }
 }
 
-/// The share of the filter footprint inside dots: for a small footprint that of the dot nearby, for
-/// a large one that of all dots.
+/// The fraction of the filter footprint that lies in dots: for a small footprint that of the dot
+/// nearby, for a large one that of all dots.
 fn share_in_dots(PlanePoint { st, width }: PlanePoint) -> f32 {
     let width = width.max_element();
     let near = dot(st).map_or(0.0, |center| {
         let depth = RADIUS - (st - center).length();
-        // A rim of the width of the footprint enlarges the dot, which is corrected.
+        // The soft rim, as wide as the footprint, enlarges the dot; `gain` corrects for that.
         let gain = 1.0 + (width / RADIUS).powi(2) / 12.0;
         if width > 0.0 {
             (depth / width + 0.5).clamp(0.0, 1.0) / gain
@@ -72,11 +73,11 @@ fn share_in_dots(PlanePoint { st, width }: PlanePoint) -> f32 {
             f32::from(u8::from(depth > 0.0))
         }
     });
-    // Wider rims would not fit into the square.
+    // Wider rims would not fit in the square, so the mean over the plane takes over.
     near + (COVERED - near) * ((width - 0.3) / 0.4).clamp(0.0, 1.0)
 }
 
-/// The centre of the dot in the square of a point, if there is one.
+/// The centre of the dot in the square that contains a point, if the square has a dot.
 fn dot(st: Vec2) -> Option<Vec2> {
     let square = (st + 0.5).floor();
     let noise = |x: f32, y: f32| perlin_noise(Vec3::new(square.x + x, square.y + y, 0.5));

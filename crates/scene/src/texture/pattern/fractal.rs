@@ -1,4 +1,4 @@
-//! Sums of octaves of noise.
+//! Patterns that are sums of octaves of noise.
 
 use crate::material::ShadingPoint;
 use crate::noise::Octaves;
@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use snell_math::parameters::Range;
 use snell_math::{Rgb, Vec3};
 
-/// Declares patterns that are a sum of octaves, by the name of the sum.
+/// Declares patterns that are a sum of octaves, each by the method that computes the sum.
 macro_rules! sums {
     ($($(#[doc = $meaning:literal])* $kind:ident => $sum:ident,)*) => {$(
         snell_math::declare! {
@@ -18,10 +18,12 @@ macro_rules! sums {
                 /// Maximum number of octaves, each of about twice the frequency of the previous
                 /// one; at most 32 are used.
                 pub octaves: u32,
-                /// Ratio of the amplitudes of successive octaves, `[0, 4]`: larger is rougher.
+                /// Ratio of the amplitudes of successive octaves, `[0, 4]`; a larger ratio is
+                /// rougher.
                 #[range(Range::Within(0.0, 4.0))]
                 pub roughness: f32,
-                /// The space of the noise, where the longest wavelength is about 1.
+                /// Rows of the affine map from the world to the space of the noise, in which the
+                /// longest wavelength is about 1.
                 pub texture_from_world: Rows,
             }
         }
@@ -33,7 +35,7 @@ macro_rules! sums {
         }
 
         impl $kind {
-            /// A smooth one and a rough one.
+            /// Examples for tests and galleries: a smooth one and a rough one.
             pub fn examples() -> Vec<Self> {
                 vec![Self::default(), Self { octaves: 3, roughness: 0.8, ..Self::default() }]
             }
@@ -52,11 +54,11 @@ macro_rules! sums {
 }
 
 sums! {
-    /// Fractional Brownian motion: bumps of all sizes around 0. Octaves too fine for the filter
-    /// footprint fade out.
+    /// Fractional Brownian motion: bumps of all sizes around 0. Octaves that are too fine for the
+    /// filter footprint fade out.
     Fbm => fbm,
-    /// Turbulence: creases as in crumpled paper, from 0 upwards. Octaves too fine for the filter
-    /// footprint are replaced by their mean.
+    /// Turbulence: creases as in crumpled paper, from 0 upwards. Octaves that are too fine for the
+    /// filter footprint are replaced by their mean.
     Wrinkled => turbulence,
 }
 
@@ -66,8 +68,8 @@ snell_math::declare! {
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(default, deny_unknown_fields)]
     pub struct Windy {
-        /// The space of the waves, where the longest wavelength is about 1; gusts are ten times as
-        /// large.
+        /// Rows of the affine map from the world to the space of the waves, in which the longest
+        /// wavelength is about 1 and gusts are ten times as large.
         pub texture_from_world: Rows,
     }
 }
@@ -79,7 +81,7 @@ impl Default for Windy {
 }
 
 impl Windy {
-    /// The only example.
+    /// The only example, for tests and galleries.
     pub fn examples() -> Vec<Self> {
         vec![Self::default()]
     }
@@ -107,23 +109,23 @@ snell_math::declare! {
         /// Ratio of the amplitudes of successive octaves, `[0, 4]`.
         #[range(Range::Within(0.0, 4.0))]
         pub roughness: f32,
-        /// Factor on the coordinates, applied first: the period of the veins is 2 pi over it.
+        /// Factor on the coordinates, applied first. The period of the veins is 2 pi divided by it.
         pub scale: f32,
-        /// Displacement of the veins by the noise.
+        /// Strength with which the noise displaces the veins.
         pub variation: f32,
-        /// The space of the block.
+        /// Rows of the affine map from the world to the space of the marble block.
         pub texture_from_world: Rows,
     }
 }
 
-/// The colours from one vein to the middle between two: control points of the spline.
+/// The colours from a vein to the middle between two veins, as control points of the spline.
 const STONE: [Rgb; 9] = {
     let (grey, light, warm) =
         (Rgb::new(0.5, 0.5, 0.5), Rgb::new(0.58, 0.58, 0.6), Rgb::new(0.6, 0.59, 0.58));
     [light, light, light, grey, warm, light, light, Rgb::new(0.2, 0.2, 0.33), light]
 };
 
-/// The mean over all phases.
+/// The mean of the colours over all phases.
 const MEAN_STONE: Rgb = Rgb::new(0.8046, 0.8030, 0.8398);
 
 impl Default for Marble {
@@ -139,7 +141,7 @@ impl Default for Marble {
 }
 
 impl Marble {
-    /// Quiet and lively stone.
+    /// Examples for tests and galleries: quiet and lively stone.
     pub fn examples() -> Vec<Self> {
         vec![Self::default(), Self { scale: 4.0, variation: 2.0, ..Self::default() }]
     }
@@ -161,7 +163,7 @@ impl Marble {
     }
 }
 
-/// The Bezier segment between four of the colours that `t` in `[0, 1]` falls on; each segment
+/// The colour at `t` in `[0, 1]`. A Bezier segment spans four of the colours, and each segment
 /// starts one colour after the previous one.
 fn spline(t: f32) -> Rgb {
     let segments = STONE.len() - 3;

@@ -1,4 +1,5 @@
-//! Patterns: textures that are computed. One file for each kind, or for a few of one kind.
+//! Patterns: textures that are computed. There is one file for each kind, or for a few related
+//! kinds.
 
 mod bilerp;
 mod checkerboard;
@@ -19,14 +20,14 @@ use crate::material::{ColorParam, ShadingPoint};
 use snell_math::Rgb;
 use snell_math::parameters::references;
 
-/// The value of a parameter of a pattern.
+/// The value of a pattern's colour parameter at a point, as RGB.
 fn rgb_at(param: &ColorParam, point: &ShadingPoint) -> Rgb {
     let color = param.at(point);
     color.spectrum.map_or(color.rgb, |spectrum| color.rgb * spectrum.reflectance_rgb())
 }
 
 snell_math::kinds! {
-    /// Any of the patterns. Omitted parameters have the pattern's defaults.
+    /// Any of the patterns with its parameters. Omitted parameters have the pattern's defaults.
     pub enum Pattern tagged "pattern" by match_pattern! {
         "checkerboard" => Checkerboard,
         "solid-checkerboard" => SolidCheckerboard,
@@ -46,18 +47,18 @@ snell_math::kinds! {
 }
 
 impl Pattern {
-    /// The textures that it combines, each as often as it is used.
+    /// The textures that the pattern combines, each as often as it is used.
     pub fn textures(&self) -> Vec<TextureId> {
         references(self, TextureId::TABLE).into_iter().map(TextureId).collect()
     }
 
-    /// True if it depends on the coordinates of the surface only, apart from the textures that it
-    /// combines: then it can be baked into an image.
+    /// True if the pattern depends only on the texture coordinates of the surface, apart from the
+    /// textures that it combines. It can then be baked into an image.
     pub fn is_on_surface(&self) -> bool {
         match_pattern!(self, pattern => pattern.is_on_surface())
     }
 
-    /// Linear RGB at a point; it may be non-finite.
+    /// Linear RGB of the pattern at a point, which may be non-finite.
     pub(super) fn rgb(&self, point: &ShadingPoint) -> Rgb {
         match_pattern!(self, pattern => pattern.rgb(point))
     }

@@ -7,8 +7,8 @@ use snell_math::{Vec2, Vec3, rng};
 use std::f32::consts::{PI, TAU};
 use std::sync::Arc;
 
-/// A point of a sphere of radius 1 around the origin, its coordinates those of the sphere with z
-/// up.
+/// A point on a sphere of radius 1 around the origin, with the texture coordinates of a sphere
+/// whose z points up.
 fn on_sphere(p: Vec3) -> SurfaceInteraction {
     let n = p.normalize_or(Vec3::Z);
     let across = n.truncate().length();
@@ -171,7 +171,7 @@ fn mappings_of_space_give_the_coordinates_and_widths_of_their_formulas() {
     assert!(close(at(&cylindrical, Vec3::new(0.0, 3.0, 4.0)).st, [0.75, 4.0]));
     assert!(close(at(&planar, Vec3::new(1.0, 2.0, 3.0)).st, [2.5, -3.0]));
     assert!(close(at(&planar, Vec3::new(1.0, 2.0, 3.0)).width, [0.02, 0.01]));
-    // No width is less than what a step of the footprint changes.
+    // The filter width must be at least the change of the coordinates over a step of the footprint.
     for mapping in [spherical, cylindrical, planar] {
         for i in 0..300 {
             let p = somewhere(i) * 0.1;
@@ -222,7 +222,7 @@ fn tables_that_make_no_sense_are_named_and_magenta() {
     assert_eq!(errors(&itself, 0), [Some(TextureError::NotAbove { id: 0 })]);
     let below = [mix(1), mix(0)];
     assert_eq!(errors(&below, 0), [Some(TextureError::NotAbove { id: 1 }), None]);
-    // Doubling: the 8th has 257 parts or more.
+    // Each mixture uses the one before twice, so the 8th has 257 parts or more.
     let doubling: Vec<Texture> =
         std::iter::once(Marble::default().into()).chain((0..40).map(mix)).collect();
     let found = errors(&doubling, 0);

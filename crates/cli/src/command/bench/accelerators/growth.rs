@@ -12,8 +12,9 @@ use std::sync::Arc;
 /// The smallest number of triangles that is measured.
 const LEAST: usize = 1000;
 
-/// The scene with about a quarter, a sixteenth ... and with four, sixteen ... times its triangles,
-/// in ascending order. Shapes and other geometry are left out.
+/// The scene with about a quarter, a sixteenth and so on of its triangles, the scene itself, and
+/// the scene with four times, sixteen times and so on its triangles, in ascending order up to
+/// `most` triangles. Shapes and other geometry are left out.
 pub fn sizes(bench: &Bench, most: u64) -> Result<Vec<(u64, Bench)>, Failure> {
     let mesh = merged(&bench.world);
     if mesh.indices.is_empty() {
@@ -37,7 +38,7 @@ pub fn sizes(bench: &Bench, most: u64) -> Result<Vec<(u64, Bench)>, Failure> {
     meshes.into_iter().map(|mesh| sized(bench, mesh)).collect()
 }
 
-/// The scene with only this mesh.
+/// The scene with `mesh` as its only geometry, and the number of triangles.
 fn sized(bench: &Bench, mesh: TriangleMesh) -> Result<(u64, Bench), Failure> {
     let triangles = mesh.indices.len() as u64;
     let mut builder = WorldBuilder::default();
@@ -89,7 +90,7 @@ fn clustered(mesh: &TriangleMesh, cell: f32) -> TriangleMesh {
     let triangles = mesh.indices.iter().map(|t| t.map(|v| number[v as usize]));
     let mut indices: Vec<[u32; 3]> =
         triangles.filter(|[a, b, c]| a != b && b != c && c != a).collect();
-    // Triangles that have become equal.
+    // Removes triangles that have become equal.
     let sorted = |t: &[u32; 3]| {
         let mut t = *t;
         t.sort_unstable();
@@ -122,7 +123,7 @@ impl Growth {
         Self { kind, points: Vec::new() }
     }
 
-    /// Adds a size. The second kind of ray is used.
+    /// Adds the measurements at one size, for diffuse rays (the second kind measured).
     pub fn add(&mut self, triangles: u64, measured: &Measured) {
         let rays = &measured.kinds[1];
         self.points.push(Point {

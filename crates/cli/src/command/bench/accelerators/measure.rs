@@ -23,7 +23,7 @@ pub struct Measurer {
 /// A scene and its rays.
 pub struct Case<'a> {
     bench: &'a Bench,
-    /// In the order of [`Kind::ALL`].
+    /// Rays of each kind, in the order of [`Kind::ALL`].
     rays: Vec<Vec<Ray>>,
 }
 
@@ -134,16 +134,16 @@ struct Pieces {
 
 impl Pieces {
     fn new(world: &World, kind: Kind, rays: &[Ray], seconds: f64) -> Self {
-        // From the whole batch: neighbouring rays may all miss the scene, which says nothing about
-        // a structure that tests every triangle.
+        // The rays are taken from the whole batch: neighbouring rays may all miss the scene, which
+        // is no measure of the cost in a structure that tests every triangle.
         let few: Vec<Ray> = rays.iter().step_by(rays.len().div_ceil(16).max(1)).copied().collect();
         let (_, seconds_of_few) =
             timed(|| trace(world, kind, &few, &mut [Hit::MISS; 16], &mut [false; 16]));
         let each = seconds_of_few / few.len().max(1) as f64;
-        // About twenty pieces.
+        // Divides the time into about twenty pieces.
         let size = (seconds / 20.0 / each.max(1e-9)) as usize;
         let size = size.clamp(16, 8192) / 16 * 16;
-        // Consecutive pieces are far apart: steps of the golden section.
+        // Consecutive pieces are far apart in the batch, by a step near the golden section.
         let count = (rays.len() / size).max(1);
         let step = (1..count)
             .map(|i| (count * 618 / 1000 + i) % count)

@@ -1,7 +1,7 @@
-//! The plot: the growth of the cost of a ray with the number of triangles, and the resolution of
-//! the uniform grid. Both axes are logarithmic; every line has its name at its end; colours are
-//! distinguishable for the colour-blind (Okabe and Ito, Color universal design, 2008), and dashes
-//! help.
+//! The plot: the growth of the cost of a ray with the number of triangles, and the cost by
+//! resolution of the uniform grid. Both axes are logarithmic, and every line has its name at its
+//! end. The colours are distinguishable for the colour-blind (Okabe and Ito, Color universal
+//! design, 2008), and dashes differ too.
 
 use super::SweepPoint;
 use super::growth::Growth;
@@ -10,7 +10,7 @@ use snell_intersect::AcceleratorKind;
 
 const SIZE: [f64; 2] = [1600.0, 900.0];
 
-/// Left edge of the names beside the lines, and of the second panel.
+/// Left edge of the names beside the lines, and of the second panel, in pixels.
 const NAMES: f64 = 774.0;
 const NAME_SIZE: f64 = 21.0;
 const SWEEP: f64 = 1190.0;
@@ -179,7 +179,7 @@ fn sweep_panel(svg: &mut Svg, sweep: &[SweepPoint]) {
     line.iter().for_each(|p| svg.dot(*p, color));
     if let Some((best, point)) = sweep.iter().zip(&line).min_by(|a, b| a.0.1.total_cmp(&b.0.1)) {
         let text = format!("best: {} cells, {:.2} µs", best.0, best.1);
-        // Names are about 220 to 260 wide, and must stay within the panel.
+        // Names are about 220 to 260 pixels wide, and must stay within the panel.
         let x = point[0].clamp(panel.left + 130.0, panel.right - 130.0);
         svg.label([x, point[1] + 38.0], 20.0, INK, Anchor::Middle, true, &text);
     }
@@ -203,8 +203,8 @@ mod tests {
 
     #[test]
     fn names_have_room_in_a_wide_font() {
-        // Width of the second panel. (The longest name takes 0.53 of its size per letter in DejaVu
-        // Sans Bold.)
+        // Width of the second panel. (In DejaVu Sans Bold, the longest name takes 0.53 of the font
+        // size per letter.)
         const UNITS: f64 = 100.0;
         let width = |kind: &AcceleratorKind| line_name(*kind, 0.25).len() as f64 * NAME_SIZE * 0.55;
         let widest = AcceleratorKind::ALL.iter().map(width).fold(0.0, f64::max);

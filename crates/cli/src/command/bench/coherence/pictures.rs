@@ -31,8 +31,8 @@ pub fn write(
 ) -> Result<(), Failure> {
     let shadow_rays = kinds::rays(Kind::Shadow, case.bench, first);
     for ((way, hits), (_, blocked)) in closest.iter().zip(occluded) {
-        // The visible share of the light for each pixel. Shadow rays are those of the pixels whose
-        // rays hit.
+        // The share of the light that each pixel sees. Only the pixels whose rays hit have shadow
+        // rays.
         let mut cones = ConeTracer::new(case.world).map_err(|e| Failure::Scene(e.to_string()))?;
         let mut shadows = shadow_rays.iter().zip(blocked);
         let lit: Vec<f32> = first
@@ -87,7 +87,7 @@ fn grey(side: u32, pixels: &[f32]) -> LayeredImage {
     LayeredImage { width: side, height: side, layers, metadata: Vec::new() }
 }
 
-/// A value for each pixel in row order, from its number in Morton order.
+/// Values in row order. `of` gives the value of a pixel by its number in Morton order.
 fn in_rows<T: Copy + Default>(side: u32, mut of: impl FnMut(usize) -> T) -> Vec<T> {
     let mut pixels = vec![T::default(); (side * side) as usize];
     for i in 0..pixels.len() {
@@ -97,7 +97,8 @@ fn in_rows<T: Copy + Default>(side: u32, mut of: impl FnMut(usize) -> T) -> Vec<
     pixels
 }
 
-/// The exact mean over each pixel of what beams see; shadows are those of the pixel centres.
+/// The exact mean over each pixel of what beams see. Shadows are those of the rays through the
+/// pixel centres.
 fn beams(case: &Case, first: &[First], lit: &[f32]) -> Result<Vec<f32>, Failure> {
     let mut tracer = BeamTracer::new(case.world).map_err(|e| Failure::Scene(e.to_string()))?;
     let side = case.side;

@@ -13,15 +13,15 @@ use snell_math::{Ray, Vec2};
 /// A method of tracing rays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Way {
-    /// One call per ray.
+    /// Rays one by one, each in a call of its own.
     One,
-    /// In batches of unrelated rays, several in flight.
+    /// Batches of unrelated rays, several of which are in flight at a time.
     Batches,
-    /// In packets of 16 that share their boxes.
+    /// Packets of 16 rays that share the tests of boxes.
     Bundles,
-    /// As the visible pieces of regions.
+    /// Beams: the visible pieces of regions of the picture.
     Beams,
-    /// By an axial ray and a matrix, where that is certainly right.
+    /// Pencils: an axial ray and a matrix, where these are certainly right.
     Pencils,
     /// A cone for each ray.
     Cones,
@@ -66,7 +66,7 @@ impl Work {
 /// Results of a method besides the hits.
 #[derive(Default)]
 pub struct Extra {
-    /// Counts, if it counts while tracing.
+    /// The cost, if the method counts it while tracing.
     pub work: Option<Work>,
     /// The number of rays that fell back to tracing one by one.
     pub traced: Option<u64>,
@@ -82,7 +82,7 @@ pub trait Answers: Answer + PartialEq {
         answers: &mut [Self],
     ) -> Result<Extra, CoherenceError>;
 
-    /// The cost, if it can only be counted in a second run.
+    /// The cost of a method that can only count in a second run.
     fn work(way: Way, case: &Case, rays: &[Ray]) -> Option<Work>;
 }
 

@@ -1,4 +1,4 @@
-//! Pictures of the methods: what they saw, and where they worked.
+//! Pictures of the methods: the triangles that each saw, and its work per pixel.
 
 use crate::command::bench::plot::{FAINT, INK, Svg};
 use crate::failure::Failure;
@@ -20,7 +20,7 @@ pub fn surfaces(
     let colors = items.iter().map(|&item| color(screen, item));
     write(&folder.join(format!("{name}.png")), screen, colors)?;
     if let Some(cost) = cost {
-        // The hottest colour is the maximum after the highest thousandth of the pixels is ignored.
+        // The brightest colour stands for the maximum of all pixels but the highest thousandth.
         let mut sorted = cost.to_vec();
         sorted.sort_unstable();
         let most = sorted
@@ -57,7 +57,7 @@ fn color(screen: &Screen, item: u32) -> [f32; 3] {
     }
 }
 
-/// From black over red and yellow to white.
+/// A colour for a value from 0 to 1, from black over red and yellow to white.
 fn heat(x: f32) -> [f32; 3] {
     [0.0, 1.0, 2.0].map(|start| linear((3.0 * x - start).clamp(0.0, 1.0)))
 }
@@ -67,7 +67,7 @@ fn linear(value: f32) -> f32 {
     value.powf(2.2)
 }
 
-/// Writes the visible lines, with thicker contours, and the hidden ones faintly.
+/// Writes the visible lines, contours thicker than others, and the hidden lines faintly.
 pub fn lines(folder: &Path, screen: &Screen, found: &HiddenLines) -> Result<(), Failure> {
     let [width, height] = screen.size().map(f64::from);
     let mut svg = Svg::new(width, height);

@@ -17,7 +17,7 @@ pub struct Panel {
     pub right: f64,
     pub top: f64,
     pub bottom: f64,
-    /// Range in decimal logarithms.
+    /// Range of the data in decimal logarithms.
     pub x: [f64; 2],
     pub y: [f64; 2],
 }

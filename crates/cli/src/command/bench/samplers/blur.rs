@@ -3,7 +3,8 @@
 /// Weights of a binomial kernel, near a Gaussian with a standard deviation of one pixel.
 const KERNEL: [f64; 5] = [1.0 / 16.0, 4.0 / 16.0, 6.0 / 16.0, 4.0 / 16.0, 1.0 / 16.0];
 
-/// The factor on the standard deviation of white noise: the sum of the squares of the weights.
+/// The factor by which the blur along both axes changes the standard deviation of white noise: the
+/// sum of the squares of the weights.
 pub const OF_WHITE_NOISE: f64 = 70.0 / 256.0;
 
 /// Blurs a square picture along both axes; its borders wrap around.

@@ -6,13 +6,13 @@ use std::f64::consts::PI;
 
 /// A function of the numbers of one sample.
 pub struct Integrand {
-    /// Its name.
+    /// The name of the integrand.
     pub name: &'static str,
-    /// Its formula, for the plot.
+    /// The formula, for the plot.
     pub formula: &'static str,
-    /// Its integral.
+    /// The exact value of the integral.
     pub integral: f64,
-    /// Its value.
+    /// The value of the integrand at the numbers of a sample.
     pub value: fn(&Random) -> f64,
 }
 
@@ -79,7 +79,8 @@ mod tests {
             let sum: f64 =
                 (0..1 << 16).map(|s| (integrand.value)(&sampler.random([0, 0], s))).sum();
             let mean = sum / f64::from(1 << 16);
-            // Dimensions beyond the second pair have random pairings: four standard deviations.
+            // Dimensions beyond the second are paired at random: the tolerance is four standard
+            // deviations.
             assert!((mean / integrand.integral - 1.0).abs() < 6e-3, "{}: {mean}", integrand.name);
         }
     }

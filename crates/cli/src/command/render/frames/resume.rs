@@ -1,8 +1,8 @@
 //! A file beside unfinished frames that records their state.
 //!
-//! Its first line is the fingerprint of how they are made. The others are the numbers of frames
-//! whose files are ours: alone for a frame still to be made, or followed by the SHA-256 of the
-//! written file.
+//! The first line is the fingerprint of how the frames are made. Each further line is the number of
+//! a frame whose file belongs to Snell: alone for a frame still to be made, or followed by the
+//! SHA-256 of the written file.
 
 use super::Place;
 use crate::command::render::options::Options;
@@ -11,19 +11,19 @@ use crate::failure::Failure;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Letters of a SHA-256.
+/// Number of hexadecimal digits of a SHA-256.
 const HASH_LETTERS: usize = 64;
 
-/// The finished frames.
+/// The record of the finished frames.
 pub struct Memory {
     path: PathBuf,
     content: Content,
 }
 
-/// The contents of the file.
+/// The content of the record's file.
 struct Content {
     fingerprint: String,
-    /// All frames of ours, with the hash of the file if it was written.
+    /// The frames whose files belong to Snell, with the hash of each file that was written.
     frames: BTreeMap<i64, Option<String>>,
 }
 
@@ -60,7 +60,7 @@ fn holds(file: &Path, hash: &str) -> bool {
 }
 
 impl Memory {
-    /// Opens the record of frames that are made in this way, in these files. Foreign files in the
+    /// Opens the record for frames with this fingerprint and these files. Files of the user in the
     /// place of unassembled frames are an error.
     pub fn open(
         place: &Place,
@@ -110,7 +110,7 @@ impl Memory {
                 }
                 frames.insert(number, hash.filter(|_| is_there));
             } else if waiting && is_there && !files.contains_key(&number) {
-                // No other command will need it.
+                // Removes the file, which no other command needs.
                 let _ = std::fs::remove_file(file);
             }
         }
@@ -176,7 +176,7 @@ mod tests {
         let text = format!("{hash}\n-1\n2 {hash}\n");
         let content = Content::parse(&text).expect("it is ours");
         assert_eq!((content.text(), content.frames.len()), (text, 2));
-        // The format before frames had hashes.
+        // This is the format from before frames had hashes.
         let old = Content::parse(&format!("{hash}\n0\n1\n")).expect("it is ours");
         assert!(old.frames.len() == 2 && old.frames.values().all(Option::is_none));
         for foreign in ["", "a diary\n", "0123\n1\n"] {

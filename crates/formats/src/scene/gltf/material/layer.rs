@@ -36,7 +36,7 @@ pub(super) fn scalar(
     Ok(ScalarParam { factor, texture })
 }
 
-/// A colour with a texture.
+/// Reads a colour with a texture.
 pub(super) fn color(
     reader: &mut Reader,
     json: &Json,
@@ -113,8 +113,8 @@ fn iridescence(reader: &mut Reader, json: &Json, surface: &mut OpenPbr) -> Resul
     Ok(())
 }
 
-/// The texture of a film with thickness `least` where the texture is 0, in units of the larger of
-/// the two thicknesses.
+/// Makes a texture of the film's thickness, which is `least` where the original texture is 0 and
+/// `most` where it is 1, in units of the larger of the two.
 fn thickness_texture(reader: &mut Reader, texture: TextureId, least: f32, most: f32) -> TextureId {
     let Some(texture) = reader.scene.textures[texture.index()].as_image().cloned() else {
         return texture;
@@ -133,8 +133,9 @@ fn thickness_texture(reader: &mut Reader, texture: TextureId, least: f32, most: 
     reader.scene.add_texture(snell_scene::texture::ImageTexture { image, ..texture })
 }
 
-/// glTF stretches `alpha` only along the tangent: from `alpha` towards 1 by the square of the
-/// strength. OpenPBR preserves the mean square of the two.
+/// Reads `KHR_materials_anisotropy`. glTF stretches the highlight only along the tangent: the width
+/// `alpha` grows towards 1 with the square of the strength. OpenPBR instead preserves the mean
+/// square of both widths.
 fn anisotropy(reader: &mut Reader, json: &Json, surface: &mut OpenPbr) -> Result<(), ReadError> {
     let Some(extension) = json.extension("KHR_materials_anisotropy")? else { return Ok(()) };
     let strength = fraction(reader, &extension, "anisotropyStrength", 0.0)?;

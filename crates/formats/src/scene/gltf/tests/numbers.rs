@@ -163,7 +163,7 @@ fn light_profiles_shine_along_minus_z_of_their_nodes() {
             "nodes": [{{"translation": [0, 0, 5], "extensions": {{"EXT_lights_ies": {{"light": 0, "multiplier": 3}}}}}}]}}"#
         )
     };
-    // 100 cd along the axis, 50 to the side, nothing behind.
+    // The profile has 100 cd along the axis, 50 cd to the side, and nothing behind.
     let ies =
         "data:application/x-ies-lm-63,TILT=NONE%0A1 1 1 2 1 1 2 0 0 0%0A1 1 0%0A0 90%0A0%0A100 50";
     let scene = read_text(&document(ies)).expect("the document is sound");
@@ -210,8 +210,8 @@ fn texture_coordinates_are_turned_as_the_test_model_of_the_extension_wants() {
         texture.uv_transform.map(|row| row[0] * uv[0] + row[1] * uv[1] + row[2])
     };
     assert_eq!(map("Offset UV", [0.25, 0.0]), [0.75, 0.5]);
-    // The arrow points along the diagonal of its image; the marker "correct" says where that must
-    // end up.
+    // The arrow points along the diagonal of its image; the marker "correct" shows where the arrow
+    // must end.
     let [u, v] = map("Rotation", [0.5 - 0.079_048_224, 0.5 + 0.516_267_5]);
     assert!((u - v).abs() < 1e-4, "{u} {v}");
     let [u, v] = map("Scale", [0.518_544_97, 0.518_544_97]);

@@ -26,7 +26,7 @@ impl Numbers {
     }
 }
 
-/// A file in which one thing of each kind changes from 0 s to 2 s.
+/// A file in which one property of each kind changes from 0 s to 2 s.
 fn file() -> Value {
     let mut numbers = Numbers { bytes: Vec::new(), accessors: Vec::new() };
     let triangle = numbers.add("VEC3", 3, &[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0]);
@@ -90,7 +90,7 @@ fn at(scene: &Scene, time: f64) -> Scene {
     posed
 }
 
-/// How many meshes are shown.
+/// The number of meshes that are shown.
 fn meshes(scene: &Scene) -> usize {
     let count = |id: &NodeId| {
         let surfaces = scene.nodes[id.index()].surfaces.iter();

@@ -1,4 +1,4 @@
-//! BSDFs that contain others.
+//! Converts BSDFs that contain other BSDFs.
 
 use super::super::Builder;
 use super::super::object::Object;
@@ -12,7 +12,7 @@ use snell_scene::material::{BumpMap, HeightUnit, NormalMap, ScalarParam};
 use std::rc::Rc;
 
 impl Builder<'_> {
-    /// Converts BSDFs that contain others.
+    /// Converts a BSDF that contains other BSDFs.
     pub(super) fn adapter(&mut self, object: &Rc<Object>) -> Result<Look, Fault> {
         match object.kind.as_str() {
             "null" => Ok(Look::default()),
@@ -79,8 +79,8 @@ impl Builder<'_> {
         self.bsdf(first)
     }
 
-    /// `weight` is the share of the second, and the rest is the first; version 0.6 also has any
-    /// number of them with `weights`.
+    /// A blend of two BSDFs: `weight` is the share of the second. In version 0.6 it may also be a
+    /// mixture of any number of BSDFs with `weights`.
     fn blend(&mut self, object: &Object) -> Result<Look, Fault> {
         let mut parts = Vec::new();
         for child in object.children_where(|c| c.name != "weight") {
@@ -158,7 +158,7 @@ impl Builder<'_> {
     }
 }
 
-/// `top` by its share, `rest` elsewhere.
+/// Puts `top` on `share` of the surface and `rest` on the remainder.
 fn on_each_other(top: Look, rest: Look, share: ScalarParam) -> Look {
     let uses_vertex_colors = top.uses_vertex_colors || rest.uses_vertex_colors;
     let layers = layers::blend(top.layers, rest.layers, share);

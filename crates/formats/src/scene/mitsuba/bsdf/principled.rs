@@ -23,8 +23,8 @@ impl Builder<'_> {
         if !is_thin && base_color.texture.is_none() {
             transmission_color.factor = base_color.factor.map(|c| c.max(0.0).sqrt());
         }
-        // That model's clear coat is a quarter as strong as glass, and its gloss maps to a width
-        // from 0.1 to 0.001.
+        // The clear coat of the principled model is a quarter as strong as glass, and its gloss
+        // maps to a width from 0.1 to 0.001.
         let coat = self.scalar(object, "clearcoat", 0.0)?;
         let gloss = self.scalar(object, "clearcoat_gloss", 0.0)?.factor.clamp(0.0, 1.0);
         let mut kind = OpenPbr {

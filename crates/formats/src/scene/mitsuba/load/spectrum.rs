@@ -51,7 +51,7 @@ impl Loader<'_> {
         }
     }
 
-    /// Spectra that are plugins: `uniform`, `srgb`, `regular` and `irregular`.
+    /// Reads a spectrum that is a plugin: `uniform`, `srgb`, `regular` or `irregular`.
     fn listed_spectrum(&mut self, file: &File, node: &Node, kind: &str) -> Result<Hue, Fault> {
         let at = file.at(node);
         let fault =

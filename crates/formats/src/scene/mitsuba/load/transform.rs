@@ -7,7 +7,7 @@ use roxmltree::Node;
 use snell_math::{DAffine3, DVec3, Transform};
 
 impl Loader<'_> {
-    /// `value="1, 2, 3"`, or `x="1" y="2" z="3"`.
+    /// Reads a vector: `value="1, 2, 3"`, or `x="1" y="2" z="3"`.
     pub(super) fn vector(
         &mut self,
         file: &File,

@@ -240,8 +240,8 @@ fn blends_and_masks_are_layers_with_their_shares() {
         type=\"conductor\"/></bsdf></bsdf></shape>",
     );
     let layers: Vec<_> = scene.materials.iter().map(|m| (m.kind.name(), m.alpha.factor)).collect();
-    // An eighth of the total is metal, and of the rest that passes, three eighths of the total are
-    // diffuse.
+    // A mirror covers an eighth of the surface. Three eighths are diffuse, of the seven eighths
+    // that pass the mirror.
     assert_eq!(layers, [("mirror", 0.125), ("diffuse", 0.375 / 0.875)]);
     assert_eq!(scene.nodes.iter().map(|n| n.surfaces.len()).sum::<usize>(), 2);
 }

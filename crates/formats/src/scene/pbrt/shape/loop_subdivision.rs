@@ -60,7 +60,7 @@ struct Ring {
 struct Edge {
     opposite: [u32; 2],
     count: u32,
-    /// The vertex that divides it.
+    /// The new vertex that divides the edge.
     middle: u32,
 }
 
@@ -176,8 +176,8 @@ fn beta(n: usize) -> f32 {
 }
 
 impl Ring {
-    /// The vertex blended with its neighbours, each with this weight; at the border with the two
-    /// neighbours there.
+    /// The vertex blended with its neighbours, each with `weight`. At the border only the two
+    /// neighbours on the border count, each with the weight `border`.
     fn blend(&self, center: Vec3, positions: &[Vec3], weight: f32, border: f32) -> Vec3 {
         let p = |i: u32| positions[i as usize];
         match (&*self.vertices, self.is_closed) {

@@ -71,7 +71,7 @@ fn is_flat([p00, p10, p01, p11]: &[Vec3; 4]) -> bool {
     normal.try_normalize().is_none_or(|n| (*p11 - *p00).dot(n).abs() <= FLAT * size)
 }
 
-/// The corners are those at (0, 0), (1, 0), (0, 1) and (1, 1).
+/// Appends a patch with corners at (0, 0), (1, 0), (0, 1) and (1, 1) in its coordinates.
 fn add_patch(
     mesh: &mut TriangleMesh,
     p: [Vec3; 4],

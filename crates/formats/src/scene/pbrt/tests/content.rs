@@ -269,7 +269,7 @@ fn cubic_b_splines_become_the_bezier_curves_they_are() {
             6 6 0 0 6]",
     );
     let curves = &curves(&scene)[0];
-    // The weights of the ends are 1, 4, 1, the inner points divide the inner sides in thirds.
+    // The ends have the weights 1, 4, 1 over 6; the inner points divide the inner sides in thirds.
     let expected: [[f32; 3]; 7] = [
         [5.0, 1.0, 0.0],
         [6.0, 2.0, 0.0],
@@ -373,7 +373,7 @@ fn area_lights_emit_their_radiance_or_their_power() {
         (material.emission.factor, material.emits_on_both_sides)
     };
     colors_are(emission("\"rgb L\" [4 5 6] \"float scale\" 0.5", "\"sphere\"").0, [2.0, 2.5, 3.0]);
-    // Area 4 pi, radiance times pi leaves each piece of it.
+    // The area is 4 pi, and each unit of area emits its radiance times pi.
     let power = 4.0 * std::f32::consts::PI * std::f32::consts::PI;
     colors_are(emission(&format!("\"float power\" {power}"), "\"sphere\"").0, [1.0; 3]);
     let (color, both) =
@@ -407,7 +407,7 @@ fn materials_map_to_ours() {
     else {
         panic!("no metal")
     };
-    // pbrt-v3's roughness is the width of the microfacets through its root, ours through its
+    // In pbrt-v3 the width of the microfacets is the root of the roughness; in Snell it is the
     // square.
     assert!(
         close(metal.roughness.factor, 0.04f32.sqrt().sqrt())
@@ -735,7 +735,7 @@ fn patterns_in_space_lie_where_their_transform_puts_them() {
     for (x, is_first) in [(1.1, true), (2.9, true), (3.1, false), (0.9, false)] {
         assert_eq!(shown(&there, [x, 0.5, 0.5], 0.0)[0] == 1.0, is_first, "{x}");
     }
-    // A picture that would be mirrored is flipped, and its patterns with it.
+    // A picture that would be mirrored is flipped, and so are the scene's patterns.
     let text =
         format!("LookAt 0 0 5  0 0 0  0 1 0\nCamera \"perspective\"\nWorldBegin\n{block}{user}");
     let mirrored = super::scene(&text);

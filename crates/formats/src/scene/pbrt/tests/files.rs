@@ -79,7 +79,7 @@ fn included_and_compressed_files_are_parts_of_the_scene() {
         y\nproperty float z\nelement face 1\n\
         property list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
     write("mesh/a.ply.gz", &packed(ply.as_bytes()));
-    // Names are relative to the main file, wherever they stand.
+    // Names are relative to the main file, in whatever file they are.
     write(
         "parts/shape.pbrt.gz",
         &packed(b"Translate 1 0 0 Shape \"plymesh\" \"string filename\" \"mesh/a.ply.gz\""),
@@ -97,8 +97,8 @@ fn included_and_compressed_files_are_parts_of_the_scene() {
         .filter(|n| !n.surfaces.is_empty())
         .map(|n| n.transform.translation.x)
         .collect();
-    // An imported file's changes to the transform end with it. The first two are at the same place:
-    // one node.
+    // Changes of the transform by an imported file end with the file. The first two shapes are at
+    // the same place, so they share a node.
     assert_eq!(places, [1.0, 2.0]);
     let meshes = meshes(&scene);
     assert_eq!(meshes.len(), 3);

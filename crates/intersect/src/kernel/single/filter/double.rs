@@ -1,4 +1,4 @@
-//! The filter on the shadow of triangles in double precision: conservative, in `f32`.
+//! The filter of triangles in double precision, conservative and in `f32`, on their shadow.
 
 use super::single::{ProjectionFrame, place_margin};
 use crate::exact::prepared::PreparedRay;
@@ -6,18 +6,18 @@ use crate::exact::ray::LocalRay;
 use crate::tree::block::TriangleBlock;
 use snell_math::simd::Lanes8;
 
-/// Bound of the rounding of an edge value of the shadow, relative to the largest projected |x|
-/// times the largest projected |y|: `2^-22`, and as much again four times for the roundings of the
-/// projection that grow with |x| and |y|. (`u`, half a unit in the last place of `f32`, is
-/// `2^-24`.)
+/// Bound on the rounding error of an edge value of the shadow, relative to the largest projected
+/// |x| times the largest projected |y|: `2^-22`, and four times as much to cover the roundings of
+/// the projection that grow with |x| and |y|.
 const EDGE_ERROR: f32 = 1.0 / (1u32 << 20) as f32;
 
-/// Twice what a projected vertex may be off by per unit of its depth: the roundings of depth, shear
-/// and their product, and of the difference. `2 * 4 u`, with room to spare.
+/// Twice the error of a projected vertex per unit of its depth: the roundings of depth, shear and
+/// their product, and of the difference. A generous bound on `2 * 4 u`, with `u = 2^-24`, half a
+/// unit in the last place of `f32`.
 const DEPTH_ERROR: f32 = 10.0 / (1u32 << 24) as f32;
 
-/// [`super::single::candidates`] on the shadow of the triangles: allows for what the
-/// vertices, the ray's origin and the projection are off by.
+/// Performs [`super::single::candidates`] on the shadow of the triangles. The test allows for the
+/// errors of the vertices, the ray's origin and the projection.
 #[inline(always)]
 pub(crate) fn candidates<L: Lanes8>(
     token: L::Token,
@@ -46,7 +46,7 @@ pub(crate) fn candidates<L: Lanes8>(
     !(outside | beyond) & 0xff
 }
 
-/// [`super::single::lines_through`] on the shadow of the triangles. Unused lanes are
+/// Performs [`super::single::lines_through`] on the shadow of the triangles. Unused lanes are
 /// unspecified.
 #[inline(always)]
 pub(crate) fn lines_through<L: Lanes8>(
@@ -59,9 +59,9 @@ pub(crate) fn lines_through<L: Lanes8>(
     !outside & 0xff
 }
 
-/// Which triangles the line of the ray certainly does not pass through: two of their edges have
-/// signs that are certain and differ. Also the projected size and the depths. A vertex relative to
-/// the origin may be off by `slack` on each axis.
+/// The triangles that the line of the ray certainly does not pass through, because two of their
+/// edges have signs that are certain and differ; also the projected sizes and the depths. Each
+/// coordinate of a vertex relative to the origin may be off by `slack`.
 #[inline(always)]
 fn outside<L: Lanes8>(
     token: L::Token,
@@ -85,8 +85,8 @@ fn outside<L: Lanes8>(
     let x = x0.abs().max(x1.abs()).max(x2.abs());
     let y = y0.abs().max(y1.abs()).max(y2.abs());
     let z = z0.abs().max(z1.abs()).max(z2.abs());
-    // With each projected coordinate off by `e` (an error along x or z each moves it by `slack` at
-    // most), an edge value is off by at most `2 e (x + y) + 2 e^2`.
+    // If each projected coordinate is off by at most `e` (an error along x or z moves it by at most
+    // `slack`), an edge value is off by at most `2 e (x + y) + 2 e^2`.
     let twice = z.mul(depth_error).add(slack);
     let bound = x.mul(y).mul(edge_error).add(twice.mul(x.add(y).add(twice))).add(tiny);
     (u.min(v).min(w).add(bound).lt(zero) & bound.lt(u.max(v).max(w)), x.add(y), [z0, z1, z2])

@@ -1,4 +1,4 @@
-//! Which triangles of a block a ray may hit, in either precision.
+//! The filter that selects the triangles of a block that a ray may hit, in either precision.
 
 pub(crate) mod double;
 pub(crate) mod single;
@@ -10,9 +10,9 @@ use crate::precision::{Double, Single};
 use crate::tree::block::TriangleBlock;
 use snell_math::simd::Lanes8;
 
-/// Filters the triangles of blocks for a precision: conservatively, in `f32`.
+/// The conservative filter of the triangles of blocks in a precision, computed in `f32`.
 pub(crate) trait BlockFilter: TriangleTest {
-    /// Which triangles of the block the ray may hit ([`single::candidates`]).
+    /// The triangles of the block that the ray may hit, a bit for each ([`single::candidates`]).
     fn candidates<L: Lanes8>(
         token: L::Token,
         block: &TriangleBlock,
@@ -21,7 +21,7 @@ pub(crate) trait BlockFilter: TriangleTest {
         cull: f32,
     ) -> u32;
 
-    /// Which triangles of the block the line of an ordinary ray may pass through
+    /// The triangles of the block that the line of an ordinary ray may pass through, a bit for each
     /// ([`single::lines_through`]).
     fn lines_through<L: Lanes8>(token: L::Token, block: &TriangleBlock, ray: &PreparedRay) -> u32;
 }

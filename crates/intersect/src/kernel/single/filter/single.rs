@@ -1,16 +1,17 @@
-//! The filter on triangles in single precision: conservative, in `f32`.
+//! The filter of triangles in single precision, conservative and in `f32`.
 
 use crate::exact::prepared::PreparedRay;
 use crate::exact::ray::{Axes, LocalRay};
 use crate::tree::block::TriangleBlock;
 use snell_math::simd::Lanes8;
 
-/// Bound of the rounding of an edge value, relative to the largest projected |x| times the largest
-/// projected |y|: two products and a difference are off by at most `2^-22` of it. Doubled.
+/// Bound on the rounding error of an edge value, relative to the largest projected |x| times the
+/// largest projected |y|: the error of two products and a difference is at most `2^-22` of that;
+/// doubled.
 const EDGE_ERROR: f32 = 4.76837158203125e-7;
 
-/// Which triangles of the block the ray may hit between `t_min` and `cull` (inclusive). `cull` must
-/// be padded by the rounding of a depth (a relative `1e-6`).
+/// The triangles of a block that the ray may hit between `t_min` and `cull` (inclusive), a bit for
+/// each. `cull` must be padded by the rounding of a depth (a relative `1e-6`).
 #[inline(always)]
 pub(crate) fn candidates<L: Lanes8>(
     token: L::Token,
@@ -34,12 +35,13 @@ pub(crate) fn candidates<L: Lanes8>(
     let u = x1.mul(y2).sub(y1.mul(x2));
     let v = x2.mul(y0).sub(y2.mul(x0));
     let w = x0.mul(y1).sub(y0.mul(x1));
-    // Certainly outside: two edges whose signs are certain and differ. NaN is never certain.
+    // A ray is certainly outside if two edges have signs that are certain and differ. NaN is never
+    // certain.
     let (x, y) = (x0.abs().max(x1.abs()).max(x2.abs()), y0.abs().max(y1.abs()).max(y2.abs()));
     let bound = x.mul(y).mul(bound_scale).add(tiny);
     let outside = u.min(v).min(w).add(bound).lt(zero) & bound.lt(u.max(v).max(w));
-    // Certainly too near or too far: all three corners are. (With `depth_scale` 0 all depths are 0
-    // and prove nothing.)
+    // A triangle is certainly too near or too far if all three corners are. (With `depth_scale` 0
+    // all depths are 0 and decide nothing.)
     if ray.depth_scale == 0.0 {
         return !outside & 0xff;
     }
@@ -55,24 +57,24 @@ pub(crate) fn candidates<L: Lanes8>(
     !(outside | beyond) & 0xff
 }
 
-/// How far before the nearest or beyond the farthest corner a hit may be placed:
-/// [`crate::exact::triangle::clamp_to_box`] keeps it in the box of the triangle, padded by a share
-/// of its size, which is at most twice the projected size (`sides`) and the largest distance of a
-/// corner (`depth`) together.
+/// How far before the nearest or beyond the farthest corner a hit may be. It is clamped by
+/// [`crate::exact::triangle::clamp_to_box`] to the box of the triangle, padded by a share of the
+/// box's size. That size is at most twice the sum of the projected size (`sides`) and the largest
+/// distance of a corner (`depth`).
 #[inline(always)]
 pub(crate) fn place_margin<L: Lanes8>(token: L::Token, depth: L, sides: L, depth_scale: f32) -> L {
     sides.mul(L::splat(token, depth_scale.abs())).add(depth).mul(L::splat(token, 4e-6))
 }
 
-/// Bound of the rounding of an edge value, the difference of two products, relative to the product
-/// that is rounded first: half a unit in the last place if the other is not rounded, else one and a
-/// half. Doubled.
+/// Bound on the rounding error of an edge value, which is a difference of two products, relative to
+/// the product that is rounded first: half a unit in the last place if the other product is not
+/// rounded, otherwise one and a half; doubled.
 pub(crate) const fn edge_error(is_fused: bool) -> f32 {
     if is_fused { f32::EPSILON } else { 2.0 * f32::EPSILON }
 }
 
-/// Which triangles of the block the line of an ordinary ray may pass through: all except those with
-/// two edges whose signs are certain and differ. Unused lanes are unspecified.
+/// The triangles of a block that the line of an ordinary ray may pass through, a bit for each: all
+/// except those with two edges whose signs are certain and differ. Unused lanes are unspecified.
 #[inline(always)]
 pub(crate) fn lines_through<L: Lanes8>(
     token: L::Token,
@@ -93,14 +95,15 @@ pub(crate) fn lines_through<L: Lanes8>(
     let error = L::splat(token, edge_error(L::FUSED));
     let bound =
         pu.abs().max(pv.abs()).max(pw.abs()).mul_add(error, L::splat(token, f32::MIN_POSITIVE));
-    // How far all of them are on one side, on the better side.
+    // The least distance of all three values from zero on their common side; negative if the signs
+    // differ.
     let inside = u.min(v).min(w).max(L::splat(token, 0.0).sub(u.max(v).max(w)));
     !inside.add(bound).signs() & 0xff
 }
 
-/// [`LocalRay::project`] for eight vertices at a time, mirrored at the origin: all differences are
-/// the other way round (a load less each), so all coordinates have the opposite sign, and the edge
-/// values, products of two, are the same.
+/// Performs [`LocalRay::project`] for eight vertices at a time, mirrored at the origin. All
+/// differences are reversed (which saves a load each), so all coordinates have the opposite sign,
+/// and the edge values, which are products of two coordinates, are the same.
 pub(crate) struct MirroredFrame<L> {
     axes: Axes,
     origin: [L; 3],
@@ -118,8 +121,9 @@ impl<L: Lanes8> MirroredFrame<L> {
     }
 }
 
-/// [`LocalRay::project`] for eight vertices at a time: the same operations. (Plain functions
-/// instead of closures, which are not always inlined, and vectors must not pass through calls.)
+/// Performs [`LocalRay::project`] for eight vertices at a time, by the same operations. (Plain
+/// functions instead of closures, which are not always inlined; vectors must not pass through
+/// calls.)
 pub(crate) struct ProjectionFrame<L> {
     axes: Axes,
     origin: [L; 3],

@@ -45,7 +45,7 @@ fn many_vertices_at_once_give_the_bits_of_one_at_a_time() {
             .find(|p| p.textures().is_empty())
             .expect("there is one");
         let texture = scene.add_texture(Texture::Pattern(bumps));
-        // A lamp that is not black, among others.
+        // One lamp gets a material that also reflects.
         if let Some(lamp) = scene.materials.iter_mut().find(|m| m.is_emissive()) {
             lamp.kind = kinds[first % kinds.len()].clone();
         }
@@ -83,7 +83,7 @@ fn many_vertices_at_once_give_the_bits_of_one_at_a_time() {
                 material.alpha = 0.7.into();
             }
             first += 4;
-            // Some of them by their spectra, too.
+            // Every second combination of settings is also rendered in spectral mode.
             let colors = if way % 2 == 0 { &ColorModel::ALL[..] } else { &ColorModel::ALL[..1] };
             for &color in colors {
                 let how = Settings {
