@@ -136,10 +136,10 @@ enum Kind {
     Measured(BatchMetal<ComplexIor>),
     Colored(BatchMetal<F82>),
     Glass(BatchGlass),
-    RoughCoatedGloss(BatchCoated<BatchGloss<Rough>, false>),
-    SmoothCoatedGloss(BatchCoated<BatchGloss<Rough>, true>),
-    RoughCoatedMetal(BatchCoated<BatchMetal<F82>, false>),
-    SmoothCoatedMetal(BatchCoated<BatchMetal<F82>, true>),
+    RoughCoatedGloss(BatchCoated<BatchGloss<Rough>, Rough>),
+    SmoothCoatedGloss(BatchCoated<BatchGloss<Rough>, Smooth>),
+    RoughCoatedMetal(BatchCoated<BatchMetal<F82>, Rough>),
+    SmoothCoatedMetal(BatchCoated<BatchMetal<F82>, Smooth>),
     Mixed(Box<BatchMixed>),
 }
 
@@ -280,16 +280,16 @@ impl BatchBsdf {
             Kind::Colored(bsdf) => evaluate_by!(BatchMetal<F82>, bsdf),
             Kind::Glass(bsdf) => evaluate_by!(BatchGlass, bsdf),
             Kind::RoughCoatedGloss(bsdf) => {
-                evaluate_by!(BatchCoated<BatchGloss<Rough>, false>, bsdf)
+                evaluate_by!(BatchCoated<BatchGloss<Rough>, Rough>, bsdf)
             }
             Kind::SmoothCoatedGloss(bsdf) => {
-                evaluate_by!(BatchCoated<BatchGloss<Rough>, true>, bsdf)
+                evaluate_by!(BatchCoated<BatchGloss<Rough>, Smooth>, bsdf)
             }
             Kind::RoughCoatedMetal(bsdf) => {
-                evaluate_by!(BatchCoated<BatchMetal<F82>, false>, bsdf)
+                evaluate_by!(BatchCoated<BatchMetal<F82>, Rough>, bsdf)
             }
             Kind::SmoothCoatedMetal(bsdf) => {
-                evaluate_by!(BatchCoated<BatchMetal<F82>, true>, bsdf)
+                evaluate_by!(BatchCoated<BatchMetal<F82>, Smooth>, bsdf)
             }
             Kind::Mixed(bsdf) => match inputs.color {
                 ColorModel::Rgb => evaluate_by!(BatchMixed, bsdf, BatchMixed::evaluate::<3>),

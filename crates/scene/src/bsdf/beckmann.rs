@@ -161,7 +161,7 @@ impl Beckmann {
     }
 
     /// The facet normal that reflects `wi` to `wo`, the value `f |cos(wi)|` of that reflection by
-    /// facets of reflectance 1, and the density of [`Self::sample_reflection`] per steradian of
+    /// facets of reflectance 1, and the density of [`Self::drawn_reflection`] per steradian of
     /// `wi`.
     pub fn reflection_and_pdf(self, wo: Vec3, wi: Vec3) -> Option<(Vec3, f32, f32)> {
         let m = (wo + wi).try_normalize().filter(|m| m.z > 0.0)?;
@@ -170,16 +170,18 @@ impl Beckmann {
         Some((m, density * self.visibility(wo, wi) * wi.z, pdf))
     }
 
-    /// Samples a direction into which facets visible from `wo` reflect it. `None` if the sampled
-    /// direction goes below the surface.
-    pub fn sample_reflection(self, wo: Vec3, u: Vec2) -> Option<Vec3> {
-        let wi = fresnel::reflect(wo, self.sample_visible_normal(wo, u));
-        (wi.z > 0.0).then_some(wi)
+    /// The results of [`Self::reflection_and_pdf`], and true; the flag is false where that returns
+    /// `None`.
+    pub(super) fn reflected(self, wo: Vec3, wi: Vec3) -> (Vec3, f32, f32, bool) {
+        self.reflection_and_pdf(wo, wi)
+            .map_or((Vec3::Z, 0.0, 0.0, false), |(m, value, pdf)| (m, value, pdf, true))
     }
 
-    /// See [`super::Ggx::refraction_flux`].
-    pub fn refraction_flux(self, wo: Vec3, wi: Vec3, m: Vec3) -> f32 {
-        self.density(m) * 4.0 * self.visibility(wo, wi) * wi.z * wo.dot(m).abs()
+    /// Samples a direction into which facets visible from `wo` reflect it. The flag is false if the
+    /// sampled direction goes below the surface.
+    pub(super) fn drawn_reflection(self, wo: Vec3, u: Vec2) -> (Vec3, bool) {
+        let wi = fresnel::reflect(wo, self.sample_visible_normal(wo, u));
+        (wi, wi.z > 0.0)
     }
 }
 
@@ -320,7 +322,7 @@ mod tests {
                     let Some((m, value, pdf)) = beckmann.reflection_and_pdf(wo, wi) else {
                         continue;
                     };
-                    let others = [beckmann.shadowing(wo, wi), beckmann.refraction_flux(wo, wi, m)];
+                    let others = [beckmann.shadowing(wo, wi), beckmann.visible_normal_pdf(wo, m)];
                     assert!(
                         [value, pdf].iter().chain(&others).all(|x| x.is_finite() && *x >= 0.0),
                         "{wo} {wi}"

@@ -1,24 +1,26 @@
 //! Lobes without branches: the one form that [`super::Lobes`] calls for a single direction and a
 //! [`BatchBsdf`](super::BatchBsdf) calls in loops that become vector code.
 //!
-//! A lobe is generic over what differs between the two: a single direction may meet any
-//! distribution of microfacets, any law of reflection and a film, each chosen by an enum; a batch
-//! knows them at compile time.
+//! A lobe is generic over what differs between the two. A single direction may meet any
+//! distribution of microfacets, any law of reflection and a film: the lobe then holds the enums. The
+//! lobe of a batch holds types that turn into one variant of these enums, such as
+//! [`Rough`](super::microfacets::Rough) or [`NoFilm`](super::film::NoFilm), so that the compiler
+//! removes the choice among variants.
 
 use super::{BsdfSample, Drawn};
 use snell_math::{SampledSpectrum, Vec2, Vec3};
 
-/// [`super::Lobes`] of which every result is computed, also one that a flag then discards.
+/// [`super::Lobes`] that compute every result, also one that a flag then discards.
 pub(super) trait BranchlessLobes {
     /// The precomputed state for `wo`.
     type Seen;
     /// The spectra, and values derived from them.
     type Colors;
 
-    /// As [`super::Lobes::seen`].
+    /// See [`super::Lobes::seen`].
     fn seen(&self, colors: &Self::Colors, wo: Vec3) -> Self::Seen;
 
-    /// As [`super::Lobes::value_and_pdf_from`].
+    /// See [`super::Lobes::value_and_pdf_from`].
     fn value_and_pdf_from(
         &self,
         colors: &Self::Colors,
@@ -26,7 +28,7 @@ pub(super) trait BranchlessLobes {
         wi: Vec3,
     ) -> (SampledSpectrum, f32);
 
-    /// As [`super::Lobes::draw_from`].
+    /// See [`super::Lobes::draw_from`].
     fn draw_from(
         &self,
         colors: &Self::Colors,
@@ -35,7 +37,7 @@ pub(super) trait BranchlessLobes {
         u: Vec2,
     ) -> BranchlessDrawn;
 
-    /// As [`super::Lobes::albedo_from`].
+    /// See [`super::Lobes::albedo_from`].
     fn albedo_from(&self, colors: &Self::Colors, seen: &Self::Seen) -> SampledSpectrum;
 }
 
@@ -59,7 +61,7 @@ impl BranchlessDrawn {
         Self { wi, exists, is_delta, delta, is_transmission: false, crossing: 1.0 }
     }
 
-    /// The same as [`super::Lobes::draw_from`] returns it.
+    /// The direction as [`super::Lobes::draw_from`] returns it.
     pub fn drawn(self) -> Option<Drawn> {
         let Self { wi, exists, is_delta, delta, is_transmission, .. } = self;
         exists.then_some(match is_delta {

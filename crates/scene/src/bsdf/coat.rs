@@ -4,8 +4,9 @@ mod batch;
 
 use super::energy::{DielectricReflection, Directional};
 use super::ggx::Ggx;
+use super::microfacets::Facets;
 use super::mirror::mirror_branch;
-use super::{SpecularBranch, fresnel, lift, lower_like};
+use super::{Microfacets, SpecularBranch, fresnel, lift, lower_like};
 use snell_math::{Frame, SampledSpectrum, Vec2, Vec3};
 
 pub(super) use batch::BatchCoated;
@@ -53,16 +54,69 @@ fn transmitted(color: SampledSpectrum, thicknesses: f32) -> SampledSpectrum {
     color.map(|c| if c >= 1.0 { 1.0 } else { c.max(0.0).powf(thicknesses) })
 }
 
+/// The upper side of a coat with this distribution of facets and albedo, without its colour and in
+/// its own frame.
+#[derive(Clone, Copy, Debug)]
+struct CoatInterface<M, A> {
+    /// As in [`Coat`].
+    weight: f32,
+    /// At least 1.
+    ior: f32,
+    microfacets: M,
+    /// Share of light that a coat of weight 1 reflects.
+    albedo: A,
+    /// As in [`Coat`].
+    darkening: f32,
+    base_roughness: f32,
+    /// Share of diffuse light that is reflected back inside the coat.
+    diffuse_reflection: f32,
+}
+
+impl<M: Facets, A: Directional> CoatInterface<M, A> {
+    /// Share of light that a coat of weight 1 reflects towards a direction above.
+    #[inline(always)]
+    fn reflected(&self, w: Vec3) -> f32 {
+        if self.microfacets.is_smooth() {
+            fresnel::dielectric(w.z, self.ior)
+        } else {
+            self.albedo.towards(w)
+        }
+    }
+
+    /// Factor on a base of this albedo, by reflections inside the coat, seen at this cosine.
+    #[inline(always)]
+    fn darkened(&self, base_albedo: SampledSpectrum, cos: f32) -> SampledSpectrum {
+        let smooth = fresnel::dielectric(cos, self.ior);
+        let k = smooth + (self.diffuse_reflection - smooth) * self.base_roughness;
+        let darkened = base_albedo.map(|e| (1.0 - k) / (1.0 - e.min(1.0) * k).max(1e-4));
+        SampledSpectrum::ONE.lerp(darkened, self.weight * self.darkening)
+    }
+
+    /// Factor on the base for reflection by the coat, and for absorption in it that leaves this
+    /// share.
+    #[inline(always)]
+    fn passed(&self, reflected: f32, left: SampledSpectrum) -> SampledSpectrum {
+        SampledSpectrum::ONE.lerp(left * (1.0 - reflected), self.weight)
+    }
+
+    /// Value for a rough coat of weight 1, and density, for directions above.
+    #[inline(always)]
+    fn value_and_pdf(&self, wo: Vec3, wi: Vec3) -> (f32, f32) {
+        let (m, value, pdf, exists) = self.microfacets.get().reflected(wo, wi);
+        let value = if exists { fresnel::dielectric(wo.dot(m), self.ior) * value } else { 0.0 };
+        (value, if exists { pdf } else { 0.0 })
+    }
+}
+
 /// A coat on a surface.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct CoatLobe {
-    coat: Coat,
-    albedo: DielectricReflection,
+    interface: CoatInterface<Microfacets, DielectricReflection>,
+    /// As in [`Coat`].
+    color: SampledSpectrum,
     frame: Frame,
-    /// Albedo of the base at normal incidence, and the share of diffuse light that is reflected
-    /// back inside the coat.
+    /// Albedo of the base at normal incidence.
     base_albedo: SampledSpectrum,
-    diffuse_reflection: f32,
 }
 
 /// A coat seen from a direction.
@@ -82,23 +136,24 @@ pub(super) struct CoatSeen {
 impl CoatLobe {
     /// A coat over a base of this albedo at normal incidence.
     pub(super) fn new(coat: Coat, base_albedo: SampledSpectrum) -> Self {
-        let coat = Coat { ior: coat.outer_ior(), ..coat };
-        let ior = coat.ior;
+        let Coat { weight, ggx, color, darkening, base_roughness, .. } = coat;
+        let ior = coat.outer_ior();
+        let interface = CoatInterface {
+            weight,
+            ior,
+            microfacets: ggx.into(),
+            albedo: DielectricReflection::new(ggx.into(), ior),
+            darkening,
+            base_roughness,
+            diffuse_reflection: 1.0 - (1.0 - fresnel::dielectric_average(ior)) / (ior * ior),
+        };
         let frame = Frame { x: Vec3::X, y: Vec3::Y, z: Vec3::Z };
-        let diffuse_reflection = 1.0 - (1.0 - fresnel::dielectric_average(ior)) / (ior * ior);
-        Self {
-            coat,
-            albedo: DielectricReflection::new(coat.ggx.into(), ior),
-            frame,
-            base_albedo,
-            diffuse_reflection,
-        }
+        Self { interface, color, frame, base_albedo }
     }
 
     /// True if it has no colour, in the lanes in use: those where `unit` is not 0.
     pub(super) fn is_clear(&self, unit: SampledSpectrum) -> bool {
-        self.coat
-            .color
+        self.color
             .zip(unit, |c, unit| if unit == 0.0 { 1.0 } else { c })
             .0
             .iter()
@@ -107,7 +162,7 @@ impl CoatLobe {
 
     /// As [`Ggx::has_tangent`].
     pub(super) fn has_tangent(&self) -> bool {
-        self.coat.ggx.has_tangent()
+        self.interface.microfacets.has_tangent()
     }
 
     /// The coat in another frame.
@@ -117,30 +172,27 @@ impl CoatLobe {
 
     /// Share of the surface that it covers.
     pub(super) fn weight(&self) -> f32 {
-        self.coat.weight
+        self.interface.weight
     }
 
     /// True if its reflection is a delta lobe.
     pub(super) fn is_smooth(&self) -> bool {
-        self.coat.ggx.is_smooth()
+        self.interface.microfacets.is_smooth()
     }
 
     /// Path length through the coat over its thickness.
     fn way(&self, w: Vec3) -> f32 {
-        way(self.frame.z.dot(w), self.coat.ior)
+        way(self.frame.z.dot(w), self.interface.ior)
     }
 
     pub(super) fn seen(&self, wo: Vec3) -> CoatSeen {
-        let smooth = fresnel::dielectric(self.frame.z.dot(wo).abs(), self.coat.ior);
-        let k = smooth + (self.diffuse_reflection - smooth) * self.coat.base_roughness;
-        let darkened = self.base_albedo.map(|e| (1.0 - k) / (1.0 - e.min(1.0) * k).max(1e-4));
         let local = self.frame.to_local(wo);
         CoatSeen {
             wo,
             local,
-            reflected: self.albedo.towards(lift(local)),
+            reflected: self.interface.reflected(lift(local)),
             way: self.way(wo),
-            darkened: SampledSpectrum::ONE.lerp(darkened, self.coat.weight * self.coat.darkening),
+            darkened: self.interface.darkened(self.base_albedo, self.frame.z.dot(wo).abs()),
         }
     }
 
@@ -149,9 +201,8 @@ impl CoatLobe {
     pub(super) fn passed(&self, seen: &CoatSeen, wi: Vec3) -> SampledSpectrum {
         // Light that goes through the base crosses the coat once.
         let way = seen.way + if seen.wo.z * wi.z > 0.0 { self.way(wi) } else { 0.0 };
-        let left = transmitted(self.coat.color, 0.5 * way);
-        let covered = left * (1.0 - seen.reflected);
-        SampledSpectrum::ONE.lerp(covered, self.coat.weight) * seen.darkened
+        let left = transmitted(self.color, 0.5 * way);
+        self.interface.passed(seen.reflected, left) * seen.darkened
     }
 
     /// Value for a coat of weight 1, and density.
@@ -160,27 +211,23 @@ impl CoatLobe {
         if o.z * i.z <= 0.0 || seen.wo.z * wi.z <= 0.0 || self.is_smooth() {
             return (0.0, 0.0);
         }
-        let (o, i) = (lift(o), lift(i));
-        let reflection = self.coat.ggx.reflection_and_pdf(o, i);
-        reflection.map_or((0.0, 0.0), |(m, value, pdf)| {
-            (fresnel::dielectric(o.dot(m), self.coat.ior) * value, pdf)
-        })
+        self.interface.value_and_pdf(lift(o), lift(i))
     }
 
     /// Draws a direction of reflection.
     pub(super) fn sample(&self, seen: &CoatSeen, u: Vec2) -> Option<Vec3> {
-        let up = self.coat.ggx.sample_reflection(lift(seen.local), u)?;
+        let (up, exists) = self.interface.microfacets.drawn_reflection(lift(seen.local), u);
         let wi = self.frame.from_local(lower_like(up, seen.local));
-        (seen.wo.z * wi.z > 0.0).then_some(wi)
+        (exists && seen.wo.z * wi.z > 0.0).then_some(wi)
     }
 
     /// The mirror image in a smooth coat.
     pub(super) fn branch(&self, wo: Vec3, unit: SampledSpectrum) -> Option<SpecularBranch> {
-        if !self.coat.ggx.is_smooth() {
+        if !self.is_smooth() {
             return None;
         }
         let local = self.frame.to_local(wo);
-        let reflectance = fresnel::dielectric(local.z.abs(), self.coat.ior) * self.coat.weight;
+        let reflectance = self.interface.reflected(lift(local)) * self.weight();
         let branch = mirror_branch(local, unit * reflectance);
         let wi = self.frame.from_local(branch.wi);
         (wo.z * wi.z > 0.0).then_some(SpecularBranch { wi, ..branch })

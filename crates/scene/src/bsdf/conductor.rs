@@ -3,8 +3,8 @@
 use super::batch::{BatchLobes, LobeSpectra};
 use super::branchless::{BranchlessDrawn, BranchlessLobes};
 use super::energy::{BouncedLobe, Directional, FacetLoss, FacetLossBy, Line, Nodes};
-use super::film::ThinFilm;
-use super::microfacets::{FacetDistribution, KnownFacets, Rough};
+use super::film::{NoFilm, ThinFilm};
+use super::microfacets::{Facets, KnownFacets, Rough};
 use super::mirror::mirror_branch;
 use super::{Choice, Drawn, Lobes, Microfacets, SpecularBranch, Widths, fresnel, lift, lower_like};
 use snell_math::simd::select;
@@ -40,42 +40,17 @@ pub struct F82 {
     pub edge: SampledSpectrum,
 }
 
-impl FacetReflectance {
-    /// The spectra of a metal with this factor on all it reflects.
-    pub(crate) fn spectra(&self, unit: SampledSpectrum) -> LobeSpectra {
-        let (base, specular) = match *self {
-            Self::Complex(ComplexIor { eta, k }) => (eta, k),
-            Self::F82(F82 { f0, edge }) => (f0, edge),
-        };
-        LobeSpectra { base, specular, other: unit }
+impl From<ComplexIor> for FacetReflectance {
+    #[inline(always)]
+    fn from(ior: ComplexIor) -> Self {
+        Self::Complex(ior)
     }
 }
 
-/// A law of reflection by a facet.
-pub(super) trait FacetLaw: Copy {
-    /// Reflectance of a facet that is seen at this cosine.
-    fn at(&self, cos: f32) -> SampledSpectrum;
-
-    /// The mean of the reflectance over directions weighted by the cosine.
-    fn average(&self) -> SampledSpectrum;
-}
-
-impl FacetLaw for ComplexIor {
+impl From<F82> for FacetReflectance {
     #[inline(always)]
-    fn at(&self, cos: f32) -> SampledSpectrum {
-        self.eta.zip(self.k, |eta, k| fresnel::conductor(cos, eta, k))
-    }
-
-    #[inline(always)]
-    fn average(&self) -> SampledSpectrum {
-        // Gauss's points for the weight `2 mu` on [0, 1].
-        const POINTS: [(f32, f32); 3] = [
-            (0.212_340_54, 0.139_653_96),
-            (0.590_533_14, 0.458_482_21),
-            (0.911_412_04, 0.401_863_83),
-        ];
-        let [a, b, c] = POINTS.map(|(mu, weight)| self.at(mu) * weight);
-        a + b + c
+    fn from(f82: F82) -> Self {
+        Self::F82(f82)
     }
 }
 
@@ -94,56 +69,50 @@ impl F82 {
     }
 }
 
-impl FacetLaw for F82 {
-    #[inline(always)]
-    fn at(&self, cos: f32) -> SampledSpectrum {
-        let schlick = fresnel::schlick(cos, self.f0, SampledSpectrum::ONE);
-        let rest = (1.0 - cos).clamp(0.0, 1.0);
-        (schlick - self.dip() * (cos * rest.powi(6))).clamp(0.0, 1.0)
+impl FacetReflectance {
+    /// The spectra of a metal with this factor on all it reflects.
+    pub(crate) fn spectra(&self, unit: SampledSpectrum) -> LobeSpectra {
+        let (base, specular) = match *self {
+            Self::Complex(ComplexIor { eta, k }) => (eta, k),
+            Self::F82(F82 { f0, edge }) => (f0, edge),
+        };
+        LobeSpectra { base, specular, other: unit }
     }
 
+    /// Reflectance of a facet that is seen at this cosine.
     #[inline(always)]
-    fn average(&self) -> SampledSpectrum {
-        // 2 int (1 - mu)^5 mu dmu = 1 / 21, and 2 int mu (1 - mu)^6 mu dmu = 1 / 126.
-        (self.f0.lerp(SampledSpectrum::ONE, 1.0 / 21.0) - self.dip() * (1.0 / 126.0))
-            .clamp(0.0, 1.0)
-    }
-}
-
-/// Any law, under a film if there is one.
-#[derive(Clone, Copy, Debug)]
-struct UnderFilm {
-    facets: FacetReflectance,
-    film: Option<ThinFilm>,
-    /// Reflectance at normal incidence, for the film.
-    f0: SampledSpectrum,
-}
-
-impl FacetLaw for FacetReflectance {
     fn at(&self, cos: f32) -> SampledSpectrum {
         match self {
-            Self::Complex(law) => law.at(cos),
-            Self::F82(law) => law.at(cos),
+            Self::Complex(ComplexIor { eta, k }) => {
+                eta.zip(*k, |eta, k| fresnel::conductor(cos, eta, k))
+            }
+            Self::F82(f82) => {
+                let schlick = fresnel::schlick(cos, f82.f0, SampledSpectrum::ONE);
+                let rest = (1.0 - cos).clamp(0.0, 1.0);
+                (schlick - f82.dip() * (cos * rest.powi(6))).clamp(0.0, 1.0)
+            }
         }
     }
 
+    /// The mean of the reflectance over directions weighted by the cosine.
+    #[inline(always)]
     fn average(&self) -> SampledSpectrum {
+        // Gauss's points for the weight `2 mu` on [0, 1].
+        const POINTS: [(f32, f32); 3] = [
+            (0.212_340_54, 0.139_653_96),
+            (0.590_533_14, 0.458_482_21),
+            (0.911_412_04, 0.401_863_83),
+        ];
         match self {
-            Self::Complex(law) => law.average(),
-            Self::F82(law) => law.average(),
+            Self::Complex(_) => {
+                let [a, b, c] = POINTS.map(|(mu, weight)| self.at(mu) * weight);
+                a + b + c
+            }
+            // 2 int (1 - mu)^5 mu dmu = 1 / 21, and 2 int mu (1 - mu)^6 mu dmu = 1 / 126.
+            Self::F82(f82) => (f82.f0.lerp(SampledSpectrum::ONE, 1.0 / 21.0)
+                - f82.dip() * (1.0 / 126.0))
+                .clamp(0.0, 1.0),
         }
-    }
-}
-
-impl FacetLaw for UnderFilm {
-    fn at(&self, cos: f32) -> SampledSpectrum {
-        let plain = self.facets.at(cos);
-        self.film.map_or(plain, |film| film.reflectance(cos, self.f0, plain))
-    }
-
-    /// The mean without the film.
-    fn average(&self) -> SampledSpectrum {
-        self.facets.average()
     }
 }
 
@@ -151,7 +120,8 @@ impl FacetLaw for UnderFilm {
 /// light that bounces between facets, so that a white metal loses nothing at any roughness (Kulla
 /// and Conty, Revisiting Physically Based Shading at Imageworks, SIGGRAPH 2017 course).
 #[derive(Clone, Copy, Debug)]
-pub(super) struct ConductorLobe<R, M, L> {
+pub(super) struct ConductorLobe<R, F, M, L> {
+    film: F,
     microfacets: M,
     /// Share of light lost by single facets.
     loss: L,
@@ -183,31 +153,44 @@ pub struct ConductorSeen {
     choice: Choice<2>,
 }
 
-impl<R: FacetLaw> ConductorColors<R> {
+impl<R: Into<FacetReflectance> + Copy> ConductorColors<R> {
     #[inline(always)]
     fn new(facets: R, unit: SampledSpectrum, mean_loss: f32) -> Self {
         // Each further bounce reflects the mean reflectance, and loses `mean_loss` to the next.
-        let (f, lost) = (facets.average(), mean_loss);
+        let (f, lost) = (facets.into().average(), mean_loss);
         let bounced =
             f * f * (1.0 - lost) / (SampledSpectrum::ONE - f * lost) * unit * (1.0 / lost);
         Self { facets, unit, bounced: bounced.map(|x| if lost > 0.0 { x } else { 0.0 }) }
     }
+}
 
+impl<R, F, M, L> ConductorLobe<R, F, M, L>
+where
+    R: Into<FacetReflectance> + Copy,
+    F: Into<Option<ThinFilm>> + Copy,
+{
     /// Reflectance of a facet that is seen at this cosine.
     #[inline(always)]
-    fn reflectance(&self, cos: f32) -> SampledSpectrum {
-        self.unit * self.facets.at(cos)
+    fn reflectance(&self, colors: &ConductorColors<R>, cos: f32) -> SampledSpectrum {
+        let (facets, film): (FacetReflectance, Option<ThinFilm>) =
+            (colors.facets.into(), self.film.into());
+        let plain = facets.at(cos);
+        colors.unit * film.map_or(plain, |film| film.reflectance(cos, facets.at(1.0), plain))
     }
 }
 
-impl<R: FacetLaw, M: FacetDistribution, L: Directional> BranchlessLobes for ConductorLobe<R, M, L> {
+impl<R, F, M: Facets, L: Directional> BranchlessLobes for ConductorLobe<R, F, M, L>
+where
+    R: Into<FacetReflectance> + Copy,
+    F: Into<Option<ThinFilm>> + Copy,
+{
     type Seen = ConductorSeen;
     type Colors = ConductorColors<R>;
 
     #[inline(always)]
     fn seen(&self, colors: &ConductorColors<R>, wo: Vec3) -> ConductorSeen {
         let up = lift(wo);
-        let (reflectance, lost) = (colors.reflectance(up.z), self.loss.towards(up));
+        let (reflectance, lost) = (self.reflectance(colors, up.z), self.loss.towards(up));
         let albedos = [reflectance * (1.0 - lost), colors.bounced * self.mean_loss * lost];
         ConductorSeen { wo, lost, albedos, choice: Choice::new(albedos) }
     }
@@ -222,8 +205,9 @@ impl<R: FacetLaw, M: FacetDistribution, L: Directional> BranchlessLobes for Cond
         let is_seen = seen.wo.z * wi.z > 0.0;
         let (wo, wi) = (lift(seen.wo), lift(wi));
         let [facets, diffuse] = seen.choice.probabilities;
-        let (m, value, pdf, exists) = self.microfacets.reflected(wo, wi);
-        let once = (colors.reflectance(wo.dot(m)) * value).map(|x| if exists { x } else { 0.0 });
+        let (m, value, pdf, exists) = self.microfacets.get().reflected(wo, wi);
+        let once =
+            (self.reflectance(colors, wo.dot(m)) * value).map(|x| if exists { x } else { 0.0 });
         let value = once + colors.bounced * (seen.lost * self.loss.towards(wi) * wi.z * FRAC_1_PI);
         let pdf = facets * if exists { pdf } else { 0.0 } + diffuse * self.bounced_lobe.pdf(wi.z);
         (value.map(|x| if is_seen { x } else { 0.0 }), if is_seen { pdf } else { 0.0 })
@@ -239,7 +223,7 @@ impl<R: FacetLaw, M: FacetDistribution, L: Directional> BranchlessLobes for Cond
     ) -> BranchlessDrawn {
         let wo = seen.wo;
         let (is_once, exists) = seen.choice.picks_first(u_lobe);
-        let (facet, is_above) = self.microfacets.drawn_reflection(lift(wo), u);
+        let (facet, is_above) = self.microfacets.get().drawn_reflection(lift(wo), u);
         let wi = lower_like(select(is_once, facet, self.bounced_lobe.sample(u)), wo);
         let exists = exists & (is_above | !is_once) & (wo.z != 0.0);
         BranchlessDrawn::reflected(wi, exists, None)
@@ -252,11 +236,11 @@ impl<R: FacetLaw, M: FacetDistribution, L: Directional> BranchlessLobes for Cond
     }
 }
 
-/// A metal: a [`ConductorLobe`], or a mirror where it is smooth. Make it with
+/// A metal: a [`ConductorLobe`] if it is rough, a mirror if it is smooth. Make it with
 /// [`ConductorBsdf::new`].
 #[derive(Clone, Copy, Debug)]
 pub struct ConductorBsdf {
-    lobe: ConductorLobe<UnderFilm, Microfacets, FacetLoss>,
+    lobe: ConductorLobe<FacetReflectance, Option<ThinFilm>, Microfacets, FacetLoss>,
 }
 
 impl ConductorBsdf {
@@ -271,30 +255,29 @@ impl ConductorBsdf {
         let (loss, bounced_lobe) =
             (FacetLoss::new(microfacets), BouncedLobe::new(microfacets.widths()));
         let mean_loss = loss.average();
-        let facets = UnderFilm { facets, film: None, f0: facets.at(1.0) };
         let own = ConductorColors::new(facets, unit, mean_loss);
-        Self { lobe: ConductorLobe { microfacets, loss, mean_loss, bounced_lobe, own } }
+        Self { lobe: ConductorLobe { film: None, microfacets, loss, mean_loss, bounced_lobe, own } }
     }
 
     /// The same metal under a film.
     pub fn with_film(mut self, film: Option<ThinFilm>) -> Self {
-        self.lobe.own.facets.film = film;
+        self.lobe.film = film;
         self
     }
 
-    /// As [`Microfacets::has_tangent`].
+    /// True if the metal depends on tangents; see [`Microfacets::has_tangent`].
     pub(crate) fn has_tangent(&self) -> bool {
         self.lobe.microfacets.has_tangent()
     }
 
-    /// Its spectra, as [`BatchMetal`] needs them.
+    /// The spectra of the metal by their role in [`BatchMetal`].
     pub(super) fn spectra(&self) -> LobeSpectra {
         let ConductorColors { facets, unit, .. } = self.lobe.own;
-        facets.facets.spectra(unit)
+        facets.spectra(unit)
     }
 
     fn mirror(&self, wo: Vec3) -> SpecularBranch {
-        mirror_branch(wo, self.lobe.own.reflectance(wo.z.abs()))
+        mirror_branch(wo, self.lobe.reflectance(&self.lobe.own, wo.z.abs()))
     }
 }
 
@@ -342,10 +325,10 @@ impl Lobes for ConductorBsdf {
 }
 
 /// A rough metal of [`super::Ggx`] without a film, for batches of directions.
-pub(super) type BatchMetal<R, N = Line> = ConductorLobe<R, Rough, FacetLossBy<N>>;
+pub(super) type BatchMetal<R, N = Line> = ConductorLobe<R, NoFilm, Rough, FacetLossBy<N>>;
 
 /// A law of reflection that is known at compile time.
-pub(super) trait BatchLaw: FacetLaw {
+pub(super) trait BatchLaw: Into<FacetReflectance> + Copy {
     /// The law if it is this one.
     fn of(facets: FacetReflectance) -> Option<Self>;
 
@@ -376,16 +359,16 @@ impl BatchLaw for F82 {
 }
 
 impl<R: BatchLaw> BatchMetal<R> {
-    /// `None` for other metals.
+    /// The lobe of a metal that has this law; `None` for other metals.
     pub fn of(bsdf: &ConductorBsdf) -> Option<Self> {
-        let ConductorLobe { microfacets, loss, mean_loss, bounced_lobe, own } = &bsdf.lobe;
-        if own.facets.film.is_some() {
+        let ConductorLobe { film, microfacets, loss, mean_loss, bounced_lobe, own } = &bsdf.lobe;
+        if film.is_some() {
             return None;
         }
-        let (microfacets, facets) = (Rough::of(*microfacets)?, R::of(own.facets.facets)?);
+        let (microfacets, facets) = (Rough::of(*microfacets)?, R::of(own.facets)?);
         let own = ConductorColors::new(facets, own.unit, *mean_loss);
         let (mean_loss, bounced_lobe) = (*mean_loss, *bounced_lobe);
-        Some(Self { microfacets, loss: loss.line(), mean_loss, bounced_lobe, own })
+        Some(Self { film: NoFilm, microfacets, loss: loss.line(), mean_loss, bounced_lobe, own })
     }
 }
 
@@ -400,17 +383,17 @@ impl BatchMetal<F82> {
         mean_loss: f32,
     ) -> BatchMetal<F82, N> {
         let microfacets = Rough::from(loss.widths);
-        ConductorLobe { microfacets, loss, mean_loss, bounced_lobe, own: self.own }
+        ConductorLobe { film: NoFilm, microfacets, loss, mean_loss, bounced_lobe, own: self.own }
     }
 
     /// Width of the facet distribution.
     pub fn widths(&self) -> Widths {
-        self.microfacets.widths()
+        self.microfacets.get().widths()
     }
 }
 
 impl<N> BatchMetal<F82, N> {
-    /// Its own spectra, with this reflectance at normal incidence.
+    /// The spectra of this metal, with another reflectance at normal incidence.
     #[inline(always)]
     pub fn spectra(&self, f0: SampledSpectrum) -> LobeSpectra {
         LobeSpectra { base: f0, specular: self.own.facets.edge, other: self.own.unit }

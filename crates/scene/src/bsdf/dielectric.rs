@@ -9,8 +9,8 @@
 use super::batch::{BatchLobes, LobeSpectra};
 use super::branchless::{BranchlessDrawn, BranchlessLobes};
 use super::energy::{BouncedLobe, DielectricLoss, DielectricLossLines};
-use super::film::{Film, NoFilm, ThinFilm};
-use super::microfacets::{KnownFacets, RefractingFacets, Rough};
+use super::film::{NoFilm, ThinFilm};
+use super::microfacets::{Facets, KnownFacets, Rough};
 use super::mirror::mirror_branch;
 use super::{Drawn, Lobes, Microfacets, SpecularBranch, fresnel, lift, lower_like};
 use snell_math::simd::select;
@@ -82,12 +82,10 @@ fn relative_ior(wo: Vec3, ior: f32) -> f32 {
 /// index of refraction inside over outside. `cos` is the cosine on the side from which the relative
 /// index is `eta`.
 #[inline(always)]
-fn reflectance(film: &impl Film, ior: f32, cos: f32, eta: f32) -> (f32, SampledSpectrum) {
+fn reflectance(film: Option<ThinFilm>, ior: f32, cos: f32, eta: f32) -> (f32, SampledSpectrum) {
     let plain = fresnel::dielectric(cos, eta);
     let f = SampledSpectrum::splat(plain);
-    if !film.exists() || plain >= 1.0 {
-        return (plain, f);
-    }
+    let Some(film) = film.filter(|_| plain < 1.0) else { return (plain, f) };
     // The film knows the angle on the outer side only.
     let is_outside = eta == ior;
     let cos =
@@ -185,7 +183,7 @@ pub struct DielectricSeen {
     transmitted: f32,
 }
 
-impl<M: RefractingFacets, L: SideLosses, F: Film, C> DielectricLobe<M, L, F, C> {
+impl<M: Facets, L: SideLosses, F: Into<Option<ThinFilm>> + Copy, C> DielectricLobe<M, L, F, C> {
     /// Value and density of the facet that takes `wi` to `wo` by reflection or refraction; `wo`
     /// above and `wi` mirrored likewise.
     #[inline(always)]
@@ -205,17 +203,17 @@ impl<M: RefractingFacets, L: SideLosses, F: Film, C> DielectricLobe<M, L, F, C> 
         let (cos_o, cos_i) = (wo.dot(m), wi.dot(m));
         let is_sound = (scale > 0.0) & (scale < f32::INFINITY);
         let exists = is_sound & (m.z > 0.0) & (cos_o > 0.0) & (cos_i * wi.z > 0.0);
-        let (plain, reflectance) = reflectance(&self.film, self.eta[0], cos_o, eta);
+        let (plain, reflectance) = reflectance(self.film.into(), self.eta[0], cos_o, eta);
         let up = lift(wi);
-        let (density, visibility) =
-            (self.microfacets.density(m), self.microfacets.visibility(wo, up));
+        let facets = self.microfacets.get();
+        let (density, visibility) = (facets.density(m), facets.visibility(wo, up));
         // Density of refracted directions per density of facet normals (Walter et al., equation
         // 17).
         let denominator = cos_i + cos_o / eta;
         let jacobian =
             if denominator == 0.0 { 0.0 } else { cos_i.abs() / (denominator * denominator) };
         let flux = density * 4.0 * visibility * up.z * cos_o.abs() * jacobian;
-        let area = self.microfacets.visible_area(wo);
+        let area = facets.visible_area(wo);
         let reflected_pdf = density * 0.25 / area * plain;
         let refracted_pdf = density * cos_o.max(0.0) / area * jacobian * (1.0 - plain);
         let mirror_tint = of_side(&colors.mirror_tint, seen);
@@ -231,7 +229,7 @@ impl<M: RefractingFacets, L: SideLosses, F: Film, C> DielectricLobe<M, L, F, C> 
     }
 }
 
-impl<M: RefractingFacets, L: SideLosses, F: Film, C> BranchlessLobes
+impl<M: Facets, L: SideLosses, F: Into<Option<ThinFilm>> + Copy, C> BranchlessLobes
     for DielectricLobe<M, L, F, C>
 {
     type Seen = DielectricSeen;
@@ -299,7 +297,7 @@ impl<M: RefractingFacets, L: SideLosses, F: Film, C> BranchlessLobes
             bounced.y,
             if u_lobe < lost * transmitted { -bounced.z } else { bounced.z },
         );
-        let m = self.microfacets.visible_normal(up, u);
+        let m = self.microfacets.get().sample_visible_normal(up, u);
         let is_refracted = (u_lobe - lost) / (1.0 - lost) >= fresnel::dielectric(up.dot(m), eta);
         let (refracted, is_partial) = fresnel::refracted(up, m, eta);
         let facet = select(is_refracted, refracted, fresnel::reflect(up, m));
@@ -319,7 +317,7 @@ impl<M: RefractingFacets, L: SideLosses, F: Film, C> BranchlessLobes
 
     #[inline(always)]
     fn albedo_from(&self, colors: &DielectricColors, seen: &DielectricSeen) -> SampledSpectrum {
-        let (_, f) = reflectance(&self.film, self.eta[0], seen.wo.z.abs(), seen.eta);
+        let (_, f) = reflectance(self.film.into(), self.eta[0], seen.wo.z.abs(), seen.eta);
         colors.albedo(seen, f)
     }
 }
@@ -329,7 +327,7 @@ impl<M: RefractingFacets, L: SideLosses, F: Film, C> BranchlessLobes
 type RoughLobe = DielectricLobe<Microfacets, [DielectricLoss; 2], Option<ThinFilm>, ()>;
 
 impl RoughLobe {
-    /// `None` for smooth interfaces.
+    /// The lobe of a rough interface; `None` for a smooth one.
     fn new(interface: &Interface) -> Option<Self> {
         let &Interface { ior, microfacets, film, .. } = interface;
         // With equal indices nothing is refracted at any roughness.
@@ -363,8 +361,8 @@ impl RoughLobe {
     }
 }
 
-/// An [`Interface`]: a [`DielectricLobe`] where it is rough, delta lobes where it is smooth. Make
-/// it with [`DielectricBsdf::new`].
+/// An [`Interface`]: a [`DielectricLobe`] if it is rough, delta lobes if it is smooth. Make it with
+/// [`DielectricBsdf::new`].
 #[derive(Clone, Copy, Debug)]
 pub struct DielectricBsdf {
     interface: Interface,
@@ -378,7 +376,8 @@ impl DielectricBsdf {
         Self::like(None, interface)
     }
 
-    /// The same, reusing tables of another one with the same roughness and index of refraction.
+    /// The same as [`Self::new`], but tables of `other` are reused if it has the same roughness and
+    /// index of refraction.
     pub(crate) fn like(other: Option<&Self>, interface: Interface) -> Self {
         let known = other.and_then(|other| other.rough?.again(&interface));
         let colors =
@@ -386,17 +385,17 @@ impl DielectricBsdf {
         Self { interface, colors, rough: known.or_else(|| RoughLobe::new(&interface)) }
     }
 
-    /// Its parameters.
+    /// The parameters of the interface.
     pub fn interface(&self) -> &Interface {
         &self.interface
     }
 
-    /// As [`Microfacets::has_tangent`].
+    /// True if the interface depends on tangents; see [`Microfacets::has_tangent`].
     pub(crate) fn has_tangent(&self) -> bool {
         self.interface.microfacets.has_tangent()
     }
 
-    /// Its spectra, as [`BatchGlass`] needs them.
+    /// The spectra of the interface by their role in [`BatchGlass`].
     pub(super) fn spectra(&self) -> LobeSpectra {
         self.interface.spectra()
     }
@@ -408,7 +407,7 @@ impl DielectricBsdf {
 
     /// Reflectance of a facet without the film, and with it.
     fn reflectance(&self, wo: Vec3, eta: f32) -> (f32, SampledSpectrum) {
-        reflectance(&self.interface.film, self.interface.ior, wo.z.abs(), eta)
+        reflectance(self.interface.film, self.interface.ior, wo.z.abs(), eta)
     }
 
     /// Reflection and refraction at a smooth interface, and the probability of the first.
@@ -435,7 +434,7 @@ impl DielectricBsdf {
 }
 
 impl Interface {
-    /// Its spectra by their role.
+    /// The spectra by their role in [`BatchGlass`].
     fn spectra(&self) -> LobeSpectra {
         let specular = self.reflection_tint * self.unit;
         LobeSpectra { base: self.tint, specular, other: self.unit }
@@ -506,7 +505,7 @@ impl Lobes for DielectricBsdf {
 pub(super) type BatchGlass = DielectricLobe<Rough, DielectricLossLines, NoFilm, DielectricColors>;
 
 impl BatchGlass {
-    /// `None` for other interfaces.
+    /// The lobe of such an interface; `None` for other ones.
     pub fn of(bsdf: &DielectricBsdf) -> Option<Self> {
         let Interface { film, arriving, .. } = bsdf.interface;
         if film.is_some() || arriving != SampledSpectrum::ONE {

@@ -25,11 +25,13 @@ const MEAN: f32 = 2.0 / 3.0 - 28.0 / (15.0 * PI);
 
 impl DiffuseBsdf {
     /// Lambertian reflection with this reflectance.
+    #[inline(always)]
     pub fn lambertian(reflectance: SampledSpectrum) -> Self {
         Self::new(reflectance, 0.0)
     }
 
     /// A matte surface of this reflectance and roughness, both in `[0, 1]`.
+    #[inline(always)]
     pub fn new(reflectance: SampledSpectrum, roughness: f32) -> Self {
         let roughness = super::bounded(roughness, 1.0);
         let level = 1.0 / (1.0 + LEVEL * roughness);
@@ -49,6 +51,7 @@ impl DiffuseBsdf {
     }
 
     /// True if all directions receive the same radiance.
+    #[inline(always)]
     pub(crate) fn is_lambertian(&self) -> bool {
         self.roughness == 0.0
     }
@@ -63,6 +66,7 @@ impl DiffuseBsdf {
     }
 
     /// `pi f` for directions above the surface.
+    #[inline(always)]
     pub(super) fn value(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
         if self.is_lambertian() {
             return self.reflectance;
@@ -83,6 +87,7 @@ impl DiffuseBsdf {
     }
 
     /// The fraction of light that is reflected, for a direction with this cosine.
+    #[inline(always)]
     pub(super) fn directional_albedo(&self, cos: f32) -> SampledSpectrum {
         if self.is_lambertian() {
             return self.reflectance;

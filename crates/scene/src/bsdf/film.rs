@@ -25,53 +25,14 @@ pub struct ThinFilm {
     pub mode: ColorMode,
 }
 
-/// A film, or none.
-pub(super) trait Film: Copy {
-    /// False for none.
-    fn exists(&self) -> bool;
-
-    /// As [`ThinFilm::reflectance`]; `without` for none.
-    fn reflectance(
-        &self,
-        cos: f32,
-        f0: SampledSpectrum,
-        without: SampledSpectrum,
-    ) -> SampledSpectrum;
-}
-
 /// No film, as is known when the program is compiled.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct NoFilm;
 
-impl Film for NoFilm {
+impl From<NoFilm> for Option<ThinFilm> {
     #[inline(always)]
-    fn exists(&self) -> bool {
-        false
-    }
-
-    #[inline(always)]
-    fn reflectance(
-        &self,
-        _cos: f32,
-        _f0: SampledSpectrum,
-        without: SampledSpectrum,
-    ) -> SampledSpectrum {
-        without
-    }
-}
-
-impl Film for Option<ThinFilm> {
-    fn exists(&self) -> bool {
-        self.is_some()
-    }
-
-    fn reflectance(
-        &self,
-        cos: f32,
-        f0: SampledSpectrum,
-        without: SampledSpectrum,
-    ) -> SampledSpectrum {
-        self.map_or(without, |film| film.reflectance(cos, f0, without))
+    fn from(NoFilm: NoFilm) -> Self {
+        None
     }
 }
 

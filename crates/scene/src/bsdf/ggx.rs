@@ -105,13 +105,8 @@ impl Ggx {
 
     /// Samples a facet normal among those visible from `wo` (Dupuy and Benyoub, Sampling Visible
     /// GGX Normals with Spherical Caps, HPG 2023).
-    pub fn sample_visible_normal(self, wo: Vec3, u: Vec2) -> Vec3 {
-        self.visible_normal(wo, u)
-    }
-
-    /// [`Self::sample_visible_normal`], always inlined into loops that become vector code.
     #[inline(always)]
-    pub(super) fn visible_normal(self, wo: Vec3, u: Vec2) -> Vec3 {
+    pub fn sample_visible_normal(self, wo: Vec3, u: Vec2) -> Vec3 {
         let stretched = self.stretch(wo);
         self.half_vector(stretched, (1.0 - u.y) * (1.0 + stretched.z) - stretched.z, u.x)
     }
@@ -190,13 +185,6 @@ impl Ggx {
             Some(m) if m.z > 0.0 => self.density(m) * 0.5 / (wo.z + self.root(wo)),
             _ => 0.0,
         }
-    }
-
-    /// The value `f |cos(wi)|` of refraction into `wi` (mirrored to the upper side) by facets with
-    /// normal `m` and transmittance 1, without the density and the Jacobian of the facets:
-    /// `D G2 (wo . m) / wo.z`.
-    pub fn refraction_flux(self, wo: Vec3, wi: Vec3, m: Vec3) -> f32 {
-        self.density(m) * 4.0 * self.visibility(wo, wi) * wi.z * wo.dot(m).abs()
     }
 }
 

@@ -9,8 +9,8 @@
 use super::batch::{BatchLobes, LobeSpectra};
 use super::branchless::{BranchlessDrawn, BranchlessLobes};
 use super::energy::{DielectricReflection, DielectricReflectionBy, Directional, Line, Nodes};
-use super::film::{Film, NoFilm, ThinFilm};
-use super::microfacets::{FacetDistribution, KnownFacets, Rough};
+use super::film::{NoFilm, ThinFilm};
+use super::microfacets::{Facets, KnownFacets, Rough};
 use super::mirror::mirror_branch;
 use super::{
     Choice, DiffuseBsdf, Drawn, Lobes, Microfacets, SpecularBranch, fresnel, lift, lower_like,
@@ -53,81 +53,23 @@ impl Body {
     }
 }
 
-/// What a [`GlossLobe`] asks of the body.
-pub(super) trait GlossBody: Copy {
-    /// True if the body lets nothing through.
-    const IS_OPAQUE: bool;
-
-    /// `pi f` for directions above.
-    fn value(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum;
-
-    /// Share of light reflected towards a direction of this cosine.
-    fn directional_albedo(&self, cos: f32) -> SampledSpectrum;
-
-    /// Share of light that does not come back on the side that it entered from.
-    fn transmitted(&self) -> SampledSpectrum;
-
-    /// True if [`Self::white_mean`] is 1, or does not matter.
-    fn is_lambertian(&self) -> bool;
-
-    /// As [`DiffuseBsdf::white_mean`].
-    fn white_mean(&self, cos_o: f32, cos_i: f32) -> f32;
-}
-
-impl GlossBody for Body {
-    const IS_OPAQUE: bool = false;
-
-    fn value(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
-        self.diffuse.value(wo, wi)
-    }
-
-    fn directional_albedo(&self, cos: f32) -> SampledSpectrum {
-        self.diffuse.directional_albedo(cos)
-    }
-
-    fn transmitted(&self) -> SampledSpectrum {
-        self.through + self.walk
-    }
-
-    fn is_lambertian(&self) -> bool {
-        self.diffuse.is_lambertian() || self.diffuse.is_black()
-    }
-
-    fn white_mean(&self, cos_o: f32, cos_i: f32) -> f32 {
-        self.diffuse.white_mean(cos_o, cos_i)
+impl Body {
+    /// True if no light goes through.
+    #[inline(always)]
+    fn is_opaque(&self) -> bool {
+        self.through.is_black() && self.walk.is_black()
     }
 }
 
-/// An opaque Lambertian body of this reflectance.
+/// A body that only reflects, and is known to be Lambertian when the program is compiled: its
+/// reflectance.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Lambertian(SampledSpectrum);
 
-impl GlossBody for Lambertian {
-    const IS_OPAQUE: bool = true;
-
+impl From<Lambertian> for Body {
     #[inline(always)]
-    fn value(&self, _wo: Vec3, _wi: Vec3) -> SampledSpectrum {
-        self.0
-    }
-
-    #[inline(always)]
-    fn directional_albedo(&self, _cos: f32) -> SampledSpectrum {
-        self.0
-    }
-
-    #[inline(always)]
-    fn transmitted(&self) -> SampledSpectrum {
-        SampledSpectrum::ZERO
-    }
-
-    #[inline(always)]
-    fn is_lambertian(&self) -> bool {
-        true
-    }
-
-    #[inline(always)]
-    fn white_mean(&self, _cos_o: f32, _cos_i: f32) -> f32 {
-        1.0
+    fn from(Lambertian(reflectance): Lambertian) -> Self {
+        Self::matte(DiffuseBsdf::lambertian(reflectance))
     }
 }
 
@@ -170,10 +112,12 @@ pub struct GlossySeen {
     choice: Choice<3>,
 }
 
-impl<M: FacetDistribution, A: Directional, F: Film, B: GlossBody> GlossLobe<M, A, F, B> {
+impl<M: Facets, A: Directional, F: Into<Option<ThinFilm>> + Copy, B: Into<Body> + Copy>
+    GlossLobe<M, A, F, B>
+{
     #[inline(always)]
     fn colors(&self, body: B, tint: SampledSpectrum) -> GlossColors<B> {
-        let average = if self.film.exists() {
+        let average = if self.film.into().is_some() {
             NODES.iter().map(|&(cos, weight)| self.mean_albedo(tint, cos) * weight).sum()
         } else {
             tint * self.mean
@@ -185,7 +129,8 @@ impl<M: FacetDistribution, A: Directional, F: Film, B: GlossBody> GlossLobe<M, A
     #[inline(always)]
     fn fresnel(&self, tint: SampledSpectrum, cos: f32) -> SampledSpectrum {
         let f = SampledSpectrum::splat(fresnel::dielectric(cos, self.ior));
-        self.film.reflectance(cos, self.f0(), f) * tint
+        let film: Option<ThinFilm> = self.film.into();
+        film.map_or(f, |film| film.reflectance(cos, self.f0(), f)) * tint
     }
 
     /// Reflectance at normal incidence.
@@ -202,31 +147,30 @@ impl<M: FacetDistribution, A: Directional, F: Film, B: GlossBody> GlossLobe<M, A
         } else {
             self.albedo.towards(w)
         };
-        if !self.film.exists() {
-            return tint * plain;
-        }
+        let film: Option<ThinFilm> = self.film.into();
+        let Some(film) = film else { return tint * plain };
         if self.microfacets.is_smooth() {
             return self.fresnel(tint, w.z);
         }
-        (tint * plain + self.added_by_film(tint, w)).clamp(0.0, 1.0)
+        (tint * plain + self.added_by_film(film, tint, w)).clamp(0.0, 1.0)
     }
 
     /// What a film adds to the light that rough facets reflect towards a direction above, which may
     /// be negative: a mean over some facets.
-    fn added_by_film(&self, tint: SampledSpectrum, w: Vec3) -> SampledSpectrum {
+    fn added_by_film(&self, film: ThinFilm, tint: SampledSpectrum, w: Vec3) -> SampledSpectrum {
         const FACETS: u32 = 24;
         let added = |i: u32| {
             // A Fibonacci lattice.
             let x = (i as f32 + 0.5) / FACETS as f32;
             let u = Vec2::new((i as f32 * 0.618_034 + 0.5).fract(), x);
-            let (wi, is_above) = self.microfacets.drawn_reflection(w, u);
-            let (m, value, pdf, exists) = self.microfacets.reflected(w, wi);
+            let (wi, is_above) = self.microfacets.get().drawn_reflection(w, u);
+            let (m, value, pdf, exists) = self.microfacets.get().reflected(w, wi);
             if !(is_above && exists && pdf > 0.0) {
                 return SampledSpectrum::ZERO;
             }
             let cos = w.dot(m);
             let plain = SampledSpectrum::splat(fresnel::dielectric(cos, self.ior));
-            (self.film.reflectance(cos, self.f0(), plain) - plain) * (value / pdf)
+            (film.reflectance(cos, self.f0(), plain) - plain) * (value / pdf)
         };
         (0..FACETS).map(added).sum::<SampledSpectrum>() * tint * (1.0 / FACETS as f32)
     }
@@ -242,7 +186,7 @@ impl<M: FacetDistribution, A: Directional, F: Film, B: GlossBody> GlossLobe<M, A
         ];
         let sin = (1.0 - cos * cos).sqrt();
         let at = |&(x, y): &(f32, f32)| self.gloss_albedo(tint, Vec3::new(sin * x, sin * y, cos));
-        if self.microfacets.widths().has_tangent() {
+        if self.microfacets.get().widths().has_tangent() {
             AZIMUTHS.iter().map(at).sum::<SampledSpectrum>() * (1.0 / 3.0)
         } else {
             at(&(1.0, 0.0))
@@ -259,12 +203,13 @@ impl<M: FacetDistribution, A: Directional, F: Film, B: GlossBody> GlossLobe<M, A
     /// direction above of this cosine.
     #[inline(always)]
     fn passed_by_body(&self, colors: &GlossColors<B>, cos_o: f32) -> SampledSpectrum {
-        if colors.body.is_lambertian() {
+        let Body { diffuse, .. } = colors.body.into();
+        if diffuse.is_lambertian() || diffuse.is_black() {
             return colors.passed_average;
         }
         let difference = |&(cos, weight): &(f32, f32)| {
             let passed = SampledSpectrum::ONE - self.mean_albedo(colors.tint, cos);
-            (passed - colors.passed_average) * (weight * (colors.body.white_mean(cos_o, cos) - 1.0))
+            (passed - colors.passed_average) * (weight * (diffuse.white_mean(cos_o, cos) - 1.0))
         };
         colors.passed_average + NODES.iter().map(difference).sum::<SampledSpectrum>()
     }
@@ -285,7 +230,8 @@ impl<M: FacetDistribution, A: Directional, F: Film, B: GlossBody> GlossLobe<M, A
     #[inline(always)]
     fn body_value(&self, colors: &GlossColors<B>, seen: &GlossySeen, wi: Vec3) -> SampledSpectrum {
         let coupling = self.coupling(colors, seen, wi, seen.mean);
-        colors.body.value(lift(seen.wo), wi) * coupling * (wi.z * FRAC_1_PI)
+        let Body { diffuse, .. } = colors.body.into();
+        diffuse.value(lift(seen.wo), wi) * coupling * (wi.z * FRAC_1_PI)
     }
 }
 
@@ -308,8 +254,8 @@ const NODES: [(f32, f32); 8] = [
     (0.960_684_08, 0.190_635_53),
 ];
 
-impl<M: FacetDistribution, A: Directional, F: Film, B: GlossBody> BranchlessLobes
-    for GlossLobe<M, A, F, B>
+impl<M: Facets, A: Directional, F: Into<Option<ThinFilm>> + Copy, B: Into<Body> + Copy>
+    BranchlessLobes for GlossLobe<M, A, F, B>
 {
     type Seen = GlossySeen;
     type Colors = GlossColors<B>;
@@ -319,10 +265,11 @@ impl<M: FacetDistribution, A: Directional, F: Film, B: GlossBody> BranchlessLobe
         let up = lift(wo);
         let gloss = self.gloss_albedo(colors.tint, up);
         let passed = SampledSpectrum::ONE - gloss;
-        let body = colors.body.directional_albedo(up.z);
-        let through = match B::IS_OPAQUE {
+        let below: Body = colors.body.into();
+        let body = below.diffuse.directional_albedo(up.z);
+        let through = match below.is_opaque() {
             true => SampledSpectrum::ZERO,
-            false => colors.body.transmitted() * passed,
+            false => (below.through + below.walk) * passed,
         };
         let choice = Choice::new([gloss, body * passed, through]);
         GlossySeen { wo, gloss, passed, mean: self.passed_by_body(colors, up.z), body, choice }
@@ -344,7 +291,7 @@ impl<M: FacetDistribution, A: Directional, F: Film, B: GlossBody> BranchlessLobe
             (body, diffuse * cosine)
         } else {
             let wo = lift(seen.wo);
-            let (m, value, pdf, exists) = self.microfacets.reflected(wo, wi);
+            let (m, value, pdf, exists) = self.microfacets.get().reflected(wo, wi);
             let facets = self.fresnel(colors.tint, wo.dot(m)) * value;
             let facets = facets.map(|x| if exists { x } else { 0.0 });
             (facets + body, gloss * if exists { pdf } else { 0.0 } + diffuse * cosine)
@@ -374,7 +321,7 @@ impl<M: FacetDistribution, A: Directional, F: Film, B: GlossBody> BranchlessLobe
                 Some((is_gloss, delta)),
             );
         }
-        let (facet, is_above) = self.microfacets.drawn_reflection(lift(wo), u);
+        let (facet, is_above) = self.microfacets.get().drawn_reflection(lift(wo), u);
         let wi = select(is_gloss, lower_like(facet, wo), body);
         BranchlessDrawn::reflected(wi, exists & (is_above | !is_gloss), None)
     }
@@ -386,7 +333,7 @@ impl<M: FacetDistribution, A: Directional, F: Film, B: GlossBody> BranchlessLobe
     }
 }
 
-/// The parameters of one point: a [`GlossLobe`], and transmission by the body. Make it with
+/// A glossy surface: a [`GlossLobe`], and transmission by the body. Make it with
 /// [`GlossyBsdf::new`].
 #[derive(Clone, Copy, Debug)]
 pub struct GlossyBsdf {
@@ -399,7 +346,7 @@ impl GlossyBsdf {
         Self::like(None, gloss, body)
     }
 
-    /// The same, reusing tables of another one with the same interface.
+    /// The same as [`Self::new`], but tables of `other` are reused if it has the same interface.
     pub(crate) fn like(other: Option<&Self>, gloss: Gloss, body: Body) -> Self {
         let Gloss { ior, tint, microfacets, film } = gloss;
         let ior = if ior < 1.0 { 1.0 / ior } else { ior };
@@ -418,7 +365,7 @@ impl GlossyBsdf {
         Self { lobe: GlossLobe { own: lobe.colors(body, tint), ..lobe } }
     }
 
-    /// As [`Microfacets::has_tangent`].
+    /// True if the gloss depends on tangents; see [`Microfacets::has_tangent`].
     pub(crate) fn has_tangent(&self) -> bool {
         self.lobe.microfacets.has_tangent()
     }
@@ -428,12 +375,12 @@ impl GlossyBsdf {
         self.lobe.microfacets
     }
 
-    /// The albedo of its gloss at another roughness, without the tint.
+    /// The albedo of the gloss at another roughness, without the tint.
     pub(super) fn albedo_at(&self, microfacets: Microfacets) -> DielectricReflection {
         self.lobe.albedo.again(microfacets, self.lobe.ior)
     }
 
-    /// Its spectra, as [`BatchGloss`] needs them.
+    /// The spectra of the surface by their role in [`BatchGloss`].
     pub(super) fn spectra(&self) -> LobeSpectra {
         let GlossColors { body, tint, .. } = &self.lobe.own;
         let base = body.diffuse.directional_albedo(1.0);
@@ -500,20 +447,19 @@ impl Lobes for GlossyBsdf {
     }
 
     fn is_delta(&self) -> bool {
-        let Body { diffuse, .. } = &self.lobe.own.body;
-        self.lobe.microfacets.is_smooth() && diffuse.is_black() && self.is_opaque()
+        let body = &self.lobe.own.body;
+        self.lobe.microfacets.is_smooth() && body.diffuse.is_black() && body.is_opaque()
     }
 
     fn is_opaque(&self) -> bool {
-        let Body { through, walk, .. } = &self.lobe.own.body;
-        through.is_black() && walk.is_black()
+        self.lobe.own.body.is_opaque()
     }
 
     fn ambient(&self, wo: Vec3) -> SampledSpectrum {
         // The mirror reflection of smooth layers is left to the branch.
         let GlossColors { body, tint, .. } = &self.lobe.own;
         let e = self.lobe.gloss_albedo(*tint, lift(wo));
-        let base = body.directional_albedo(wo.z.abs()) * (SampledSpectrum::ONE - e);
+        let base = body.diffuse.directional_albedo(wo.z.abs()) * (SampledSpectrum::ONE - e);
         if self.lobe.microfacets.is_smooth() { base } else { base + e }
     }
 
@@ -530,7 +476,7 @@ pub(super) type BatchGloss<M, N = Line> =
     GlossLobe<M, DielectricReflectionBy<N>, NoFilm, Lambertian>;
 
 impl<M: KnownFacets> BatchGloss<M> {
-    /// `None` for other glosses.
+    /// The lobe of a gloss with such facets; `None` for other ones.
     pub fn of(bsdf: &GlossyBsdf) -> Option<Self> {
         let GlossLobe { ior, microfacets, film, albedo, mean, own } = &bsdf.lobe;
         let microfacets = M::of(*microfacets)?;
@@ -576,7 +522,7 @@ impl BatchGloss<Rough> {
     }
 }
 
-impl<M: FacetDistribution, N: Nodes> BatchLobes for BatchGloss<M, N> {
+impl<M: Facets, N: Nodes> BatchLobes for BatchGloss<M, N> {
     #[inline(always)]
     fn own_colors(&self, body: SampledSpectrum) -> GlossColors<Lambertian> {
         GlossColors { body: Lambertian(body), ..self.own }

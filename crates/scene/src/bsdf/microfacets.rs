@@ -55,82 +55,33 @@ macro_rules! ask {
     };
 }
 
-/// What a [lobe without branches](super::branchless) asks of a distribution.
-pub(super) trait FacetDistribution: Copy {
-    /// The widths.
-    fn widths(self) -> Widths;
+/// The facets of a [lobe without branches](super::branchless): any distribution, or one that is
+/// known when the program is compiled.
+pub(super) trait Facets: Copy {
+    /// The distribution.
+    fn get(self) -> Microfacets;
 
-    /// As [`Widths::is_smooth`].
+    /// True if the surface counts as perfectly smooth; see [`Widths::is_smooth`].
     #[inline(always)]
     fn is_smooth(self) -> bool {
-        self.widths().is_smooth()
-    }
-
-    /// As [`Ggx::reflected`].
-    fn reflected(self, wo: Vec3, wi: Vec3) -> (Vec3, f32, f32, bool);
-
-    /// As [`Ggx::drawn_reflection`].
-    fn drawn_reflection(self, wo: Vec3, u: Vec2) -> (Vec3, bool);
-}
-
-/// What a lobe without branches that also refracts asks of the distribution of a rough surface.
-pub(super) trait RefractingFacets: FacetDistribution {
-    /// As [`Ggx::density`].
-    fn density(self, m: Vec3) -> f32;
-
-    /// As [`Ggx::visibility`].
-    fn visibility(self, wo: Vec3, wi: Vec3) -> f32;
-
-    /// As [`Ggx::visible_area`].
-    fn visible_area(self, wo: Vec3) -> f32;
-
-    /// As [`Ggx::visible_normal`].
-    fn visible_normal(self, wo: Vec3, u: Vec2) -> Vec3;
-}
-
-impl RefractingFacets for Rough {
-    #[inline(always)]
-    fn density(self, m: Vec3) -> f32 {
-        self.0.density(m)
-    }
-
-    #[inline(always)]
-    fn visibility(self, wo: Vec3, wi: Vec3) -> f32 {
-        self.0.visibility(wo, wi)
-    }
-
-    #[inline(always)]
-    fn visible_area(self, wo: Vec3) -> f32 {
-        self.0.visible_area(wo)
-    }
-
-    #[inline(always)]
-    fn visible_normal(self, wo: Vec3, u: Vec2) -> Vec3 {
-        self.0.visible_normal(wo, u)
+        self.get().is_smooth()
     }
 }
 
-impl RefractingFacets for Microfacets {
-    fn density(self, m: Vec3) -> f32 {
-        ask!(self, known => known.density(m))
-    }
-
-    fn visibility(self, wo: Vec3, wi: Vec3) -> f32 {
-        ask!(self, known => known.visibility(wo, wi))
-    }
-
-    fn visible_area(self, wo: Vec3) -> f32 {
-        ask!(self, known => known.visible_area(wo))
-    }
-
-    fn visible_normal(self, wo: Vec3, u: Vec2) -> Vec3 {
-        self.sample_visible_normal(wo, u)
-    }
+/// Facets that are known to be those of a smooth or of a rough surface when the program is
+/// compiled.
+pub(super) trait KnownFacets: Facets {
+    /// These facets, or `None` if the distribution is another one.
+    fn of(microfacets: Microfacets) -> Option<Self>;
 }
 
-/// [`Ggx`] of a surface that is known to be rough when the program is compiled.
+/// Facets of a rough surface with the distribution [`Ggx`].
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rough(Ggx);
+
+/// A smooth surface, which has no facets.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Smooth;
 
 impl From<Widths> for Rough {
     #[inline(always)]
@@ -139,14 +90,35 @@ impl From<Widths> for Rough {
     }
 }
 
-/// A surface that is known to be smooth when the program is compiled: it has no facets.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Smooth;
+impl Facets for Microfacets {
+    #[inline(always)]
+    fn get(self) -> Microfacets {
+        self
+    }
+}
 
-/// Distributions of which the compiler knows whether the surface is rough.
-pub(super) trait KnownFacets: FacetDistribution {
-    /// `None` for other distributions.
-    fn of(microfacets: Microfacets) -> Option<Self>;
+impl Facets for Rough {
+    #[inline(always)]
+    fn get(self) -> Microfacets {
+        Microfacets::Ggx(self.0)
+    }
+
+    #[inline(always)]
+    fn is_smooth(self) -> bool {
+        false
+    }
+}
+
+impl Facets for Smooth {
+    #[inline(always)]
+    fn get(self) -> Microfacets {
+        Microfacets::Ggx(Widths::both(0.0).into())
+    }
+
+    #[inline(always)]
+    fn is_smooth(self) -> bool {
+        true
+    }
 }
 
 impl KnownFacets for Rough {
@@ -158,76 +130,6 @@ impl KnownFacets for Rough {
 impl KnownFacets for Smooth {
     fn of(microfacets: Microfacets) -> Option<Self> {
         microfacets.ggx().filter(|ggx| ggx.is_smooth()).map(|_| Self)
-    }
-}
-
-impl FacetDistribution for Smooth {
-    #[inline(always)]
-    fn widths(self) -> Widths {
-        Widths::both(0.0)
-    }
-
-    #[inline(always)]
-    fn is_smooth(self) -> bool {
-        true
-    }
-
-    #[inline(always)]
-    fn reflected(self, _wo: Vec3, _wi: Vec3) -> (Vec3, f32, f32, bool) {
-        (Vec3::Z, 0.0, 0.0, false)
-    }
-
-    #[inline(always)]
-    fn drawn_reflection(self, _wo: Vec3, _u: Vec2) -> (Vec3, bool) {
-        (Vec3::Z, false)
-    }
-}
-
-impl FacetDistribution for Rough {
-    #[inline(always)]
-    fn widths(self) -> Widths {
-        self.0.widths()
-    }
-
-    #[inline(always)]
-    fn is_smooth(self) -> bool {
-        false
-    }
-
-    #[inline(always)]
-    fn reflected(self, wo: Vec3, wi: Vec3) -> (Vec3, f32, f32, bool) {
-        self.0.reflected(wo, wi)
-    }
-
-    #[inline(always)]
-    fn drawn_reflection(self, wo: Vec3, u: Vec2) -> (Vec3, bool) {
-        self.0.drawn_reflection(wo, u)
-    }
-}
-
-impl FacetDistribution for Microfacets {
-    #[inline(always)]
-    fn widths(self) -> Widths {
-        ask!(self, known => known.widths())
-    }
-
-    #[inline]
-    fn reflected(self, wo: Vec3, wi: Vec3) -> (Vec3, f32, f32, bool) {
-        match self {
-            Self::Ggx(ggx) => ggx.reflected(wo, wi),
-            Self::Beckmann(beckmann) => beckmann
-                .reflection_and_pdf(wo, wi)
-                .map_or((Vec3::Z, 0.0, 0.0, false), |(m, value, pdf)| (m, value, pdf, true)),
-        }
-    }
-
-    fn drawn_reflection(self, wo: Vec3, u: Vec2) -> (Vec3, bool) {
-        match self {
-            Self::Ggx(ggx) => ggx.drawn_reflection(wo, u),
-            Self::Beckmann(beckmann) => {
-                beckmann.sample_reflection(wo, u).map_or((Vec3::Z, false), |wi| (wi, true))
-            }
-        }
     }
 }
 
@@ -268,44 +170,38 @@ impl Microfacets {
     }
 
     /// See [`Ggx::sample_visible_normal`].
+    #[inline(always)]
     pub fn sample_visible_normal(self, wo: Vec3, u: Vec2) -> Vec3 {
         ask!(self, known => known.sample_visible_normal(wo, u))
     }
 
-    /// See [`Ggx::visible_normal_pdf`].
-    pub fn visible_normal_pdf(self, wo: Vec3, m: Vec3) -> f32 {
-        ask!(self, known => known.visible_normal_pdf(wo, m))
+    /// See [`Ggx::density`].
+    #[inline(always)]
+    pub(super) fn density(self, m: Vec3) -> f32 {
+        ask!(self, known => known.density(m))
     }
 
-    /// See [`Ggx::reflection`].
-    pub fn reflection(self, wo: Vec3, wi: Vec3) -> Option<(Vec3, f32)> {
-        self.reflection_and_pdf(wo, wi).map(|(m, value, _)| (m, value))
+    /// See [`Ggx::visibility`].
+    #[inline(always)]
+    pub(super) fn visibility(self, wo: Vec3, wi: Vec3) -> f32 {
+        ask!(self, known => known.visibility(wo, wi))
     }
 
-    /// See [`Ggx::reflection_and_pdf`].
-    #[inline]
-    pub fn reflection_and_pdf(self, wo: Vec3, wi: Vec3) -> Option<(Vec3, f32, f32)> {
-        ask!(self, known => known.reflection_and_pdf(wo, wi))
+    /// See [`Ggx::visible_area`].
+    #[inline(always)]
+    pub(super) fn visible_area(self, wo: Vec3) -> f32 {
+        ask!(self, known => known.visible_area(wo))
     }
 
-    /// See [`Ggx::sample_reflection`].
-    pub fn sample_reflection(self, wo: Vec3, u: Vec2) -> Option<Vec3> {
-        ask!(self, known => known.sample_reflection(wo, u))
+    /// See [`Ggx::reflected`].
+    #[inline(always)]
+    pub(super) fn reflected(self, wo: Vec3, wi: Vec3) -> (Vec3, f32, f32, bool) {
+        ask!(self, known => known.reflected(wo, wi))
     }
 
-    /// See [`Ggx::visible_reflection_pdf`].
-    pub fn visible_reflection_pdf(self, wo: Vec3, wi: Vec3) -> f32 {
-        match self {
-            Self::Ggx(ggx) => ggx.visible_reflection_pdf(wo, wi),
-            // Beckmann's reflections are sampled at visible normals anyway.
-            Self::Beckmann(beckmann) => {
-                beckmann.reflection_and_pdf(wo, wi).map_or(0.0, |(.., pdf)| pdf)
-            }
-        }
-    }
-
-    /// See [`Ggx::refraction_flux`].
-    pub fn refraction_flux(self, wo: Vec3, wi: Vec3, m: Vec3) -> f32 {
-        ask!(self, known => known.refraction_flux(wo, wi, m))
+    /// See [`Ggx::drawn_reflection`].
+    #[inline(always)]
+    pub(super) fn drawn_reflection(self, wo: Vec3, u: Vec2) -> (Vec3, bool) {
+        ask!(self, known => known.drawn_reflection(wo, u))
     }
 }

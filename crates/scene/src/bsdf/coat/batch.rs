@@ -1,24 +1,22 @@
 //! A clear coat over one slab, for batches of directions.
+//!
+//! The coat and the slab are those of [`super::super::OpenPbrBsdf`]. Only their layering is written
+//! again: there any layer may be missing and is left out, here both are computed in all lanes.
 
 use super::super::batch::{BatchLobes, LobeSpectra};
 use super::super::branchless::{BranchlessDrawn, BranchlessLobes};
-use super::super::energy::{DielectricReflectionBy, Directional, Line};
-use super::super::{Choice, Ggx, fresnel, lift, lower_like};
-use super::CoatLobe;
+use super::super::energy::{DielectricReflectionBy, Line};
+use super::super::microfacets::{Facets, KnownFacets};
+use super::super::{Choice, lift, lower_like};
+use super::{CoatInterface, CoatLobe};
 use snell_math::simd::select;
 use snell_math::{SampledSpectrum, Vec2, Vec3};
 
 /// A colourless coat, smooth or rough, in the frame of the base.
 #[derive(Clone, Debug)]
-pub struct BatchCoated<B, const SMOOTH: bool> {
+pub struct BatchCoated<B, M> {
     pub base: B,
-    weight: f32,
-    ggx: Ggx,
-    ior: f32,
-    darkening: f32,
-    base_roughness: f32,
-    albedo: DielectricReflectionBy<Line>,
-    diffuse_reflection: f32,
+    coat: CoatInterface<M, DielectricReflectionBy<Line>>,
     /// The spectra where they are the same everywhere, without the base.
     own: Colors<()>,
 }
@@ -38,53 +36,46 @@ pub struct Seen<S> {
     base: S,
     /// As in [`super::CoatSeen`].
     reflected: f32,
-    darkened: SampledSpectrum,
+    /// Factor on the base: for reflection by the coat, and darkening by reflections inside it.
+    passed: SampledSpectrum,
     choice: Choice<2>,
 }
 
-impl<B, const SMOOTH: bool> BatchCoated<B, SMOOTH> {
+impl<B, M: KnownFacets> BatchCoated<B, M> {
     /// `None` for other coats.
     pub fn of(lobe: &CoatLobe, unit: SampledSpectrum, base: B) -> Option<Self> {
-        let CoatLobe { coat, albedo, frame, base_albedo, diffuse_reflection } = lobe;
-        let has_frame = [frame.x, frame.y, frame.z] == [Vec3::X, Vec3::Y, Vec3::Z];
-        (lobe.is_clear(unit) && has_frame && coat.ggx.is_smooth() == SMOOTH).then(|| Self {
-            base,
-            weight: coat.weight,
-            ggx: coat.ggx,
-            ior: coat.ior,
-            darkening: coat.darkening,
-            base_roughness: coat.base_roughness,
-            albedo: albedo.line(),
-            diffuse_reflection: *diffuse_reflection,
-            own: Colors { base: (), unit, base_albedo: *base_albedo },
-        })
-    }
-
-    /// As [`CoatLobe::passed`].
-    #[inline(always)]
-    fn passed(&self, reflected: f32, darkened: SampledSpectrum) -> SampledSpectrum {
-        SampledSpectrum::ONE.lerp(SampledSpectrum::splat(1.0 - reflected), self.weight) * darkened
+        let &CoatLobe { interface, frame, base_albedo, .. } = lobe;
+        if !lobe.is_clear(unit) || [frame.x, frame.y, frame.z] != [Vec3::X, Vec3::Y, Vec3::Z] {
+            return None;
+        }
+        let CoatInterface { weight, ior, darkening, base_roughness, .. } = interface;
+        let coat = CoatInterface {
+            weight,
+            ior,
+            microfacets: M::of(interface.microfacets)?,
+            albedo: interface.albedo.line(),
+            darkening,
+            base_roughness,
+            diffuse_reflection: interface.diffuse_reflection,
+        };
+        Some(Self { base, coat, own: Colors { base: (), unit, base_albedo } })
     }
 }
 
-impl<B: BranchlessLobes, const SMOOTH: bool> BranchlessLobes for BatchCoated<B, SMOOTH> {
+impl<B: BranchlessLobes, M: Facets> BranchlessLobes for BatchCoated<B, M> {
     type Seen = Seen<B::Seen>;
     type Colors = Colors<B::Colors>;
 
     #[inline(always)]
     fn seen(&self, colors: &Self::Colors, wo: Vec3) -> Seen<B::Seen> {
         let up = lift(wo);
-        let smooth = fresnel::dielectric(up.z, self.ior);
-        let k = smooth + (self.diffuse_reflection - smooth) * self.base_roughness;
-        let darkened = colors.base_albedo.map(|e| (1.0 - k) / (1.0 - e.min(1.0) * k).max(1e-4));
-        let darkened = SampledSpectrum::ONE.lerp(darkened, self.weight * self.darkening);
-        let reflected = if SMOOTH { smooth } else { self.albedo.towards(up) };
+        let reflected = self.coat.reflected(up);
+        let passed = self.coat.passed(reflected, SampledSpectrum::ONE)
+            * self.coat.darkened(colors.base_albedo, up.z);
         let base = self.base.seen(&colors.base, wo);
-        let below = self.base.albedo_from(&colors.base, &base)
-            * colors.unit
-            * self.passed(reflected, darkened);
-        let choice = Choice::new([below, colors.unit * (reflected * self.weight)]);
-        Seen { wo, base, reflected, darkened, choice }
+        let below = self.base.albedo_from(&colors.base, &base) * colors.unit * passed;
+        let choice = Choice::new([below, colors.unit * (reflected * self.coat.weight)]);
+        Seen { wo, base, reflected, passed, choice }
     }
 
     #[inline(always)]
@@ -96,19 +87,15 @@ impl<B: BranchlessLobes, const SMOOTH: bool> BranchlessLobes for BatchCoated<B, 
     ) -> (SampledSpectrum, f32) {
         let [below, coat] = seen.choice.probabilities;
         let (value, density) = self.base.value_and_pdf_from(&colors.base, &seen.base, wi);
-        let value = value * colors.unit * self.passed(seen.reflected, seen.darkened);
+        let value = value * colors.unit * seen.passed;
         let pdf = if below > 0.0 { below * density } else { 0.0 };
-        if SMOOTH {
+        if self.coat.microfacets.is_smooth() {
             return (value, pdf);
         }
         let is_seen = seen.wo.z * wi.z > 0.0;
-        let (o, i) = (lift(seen.wo), lift(wi));
-        let (m, reflection, density, exists) = self.ggx.reflected(o, i);
-        let exists = exists & is_seen;
-        let reflection =
-            if exists { fresnel::dielectric(o.dot(m), self.ior) * reflection } else { 0.0 };
-        let density = if exists { density } else { 0.0 };
-        (value + colors.unit * (reflection * self.weight), pdf + coat * density)
+        let (reflection, density) = self.coat.value_and_pdf(lift(seen.wo), lift(wi));
+        let (reflection, density) = if is_seen { (reflection, density) } else { (0.0, 0.0) };
+        (value + colors.unit * (reflection * self.coat.weight), pdf + coat * density)
     }
 
     #[inline(always)]
@@ -124,10 +111,9 @@ impl<B: BranchlessLobes, const SMOOTH: bool> BranchlessLobes for BatchCoated<B, 
         let (is_below, exists, rest) = seen.choice.picked(u_lobe);
         let base = self.base.draw_from(&colors.base, &seen.base, rest, u);
         let exists = exists & (wo.z != 0.0);
-        if SMOOTH {
+        if self.coat.microfacets.is_smooth() {
             let mirror = Vec3::new(-wo.x, -wo.y, wo.z);
-            let delta =
-                colors.unit * (fresnel::dielectric(wo.z.abs(), self.ior) * self.weight) / coat;
+            let delta = colors.unit * (seen.reflected * self.coat.weight) / coat;
             let wi = select(is_below, base.wi, mirror);
             return BranchlessDrawn::reflected(
                 wi,
@@ -135,7 +121,7 @@ impl<B: BranchlessLobes, const SMOOTH: bool> BranchlessLobes for BatchCoated<B, 
                 Some((!is_below, delta)),
             );
         }
-        let (facet, is_above) = self.ggx.drawn_reflection(lift(wo), u);
+        let (facet, is_above) = self.coat.microfacets.get().drawn_reflection(lift(wo), u);
         let facet = lower_like(facet, wo);
         let is_sound = if is_below { base.exists } else { is_above & (wo.z * facet.z > 0.0) };
         BranchlessDrawn::reflected(select(is_below, base.wi, facet), exists & is_sound, None)
@@ -144,12 +130,11 @@ impl<B: BranchlessLobes, const SMOOTH: bool> BranchlessLobes for BatchCoated<B, 
     #[inline(always)]
     fn albedo_from(&self, colors: &Self::Colors, seen: &Seen<B::Seen>) -> SampledSpectrum {
         let below = self.base.albedo_from(&colors.base, &seen.base) * colors.unit;
-        below * self.passed(seen.reflected, seen.darkened)
-            + colors.unit * (seen.reflected * self.weight)
+        below * seen.passed + colors.unit * (seen.reflected * self.coat.weight)
     }
 }
 
-impl<B: BatchLobes, const SMOOTH: bool> BatchLobes for BatchCoated<B, SMOOTH> {
+impl<B: BatchLobes, M: Facets> BatchLobes for BatchCoated<B, M> {
     #[inline(always)]
     fn own_colors(&self, body: SampledSpectrum) -> Self::Colors {
         let Colors { base: (), unit, base_albedo } = self.own;
