@@ -545,22 +545,27 @@ impl OpenPbr {
             return Body::matte(DiffuseBsdf::new(base, roughness));
         }
         let color = point.reflectance(self.subsurface_color.at(point) * point.vertex_color());
-        let (zero, rest) = (SampledSpectrum::ZERO, base * (1.0 - subsurface));
+        // The diffuse base and what scatters below are one matte lobe, of their mean colour.
+        let diffuse = |scattering: SampledSpectrum| {
+            let share = scattering + SampledSpectrum::splat(1.0 - subsurface);
+            let mean = (base * (1.0 - subsurface) + color * scattering)
+                .zip(share, |color, share| if share > 0.0 { color / share } else { 0.0 });
+            DiffuseBsdf::new(mean, roughness).scaled(share)
+        };
         if self.geometry_thin_walled {
             let forward = bounded(0.5 * (1.0 + self.subsurface_scatter_anisotropy.at(point)), 1.0);
-            let back = color * (subsurface * (1.0 - forward));
             return Body {
-                diffuse: DiffuseBsdf::new(rest + back, roughness),
+                diffuse: diffuse(SampledSpectrum::splat(subsurface * (1.0 - forward))),
                 through: color * (subsurface * forward),
-                walk: zero,
+                walk: SampledSpectrum::ZERO,
             };
         }
         // Channels without a walk are at its limit, a matte body of the same colour.
         let walk = self
             .subsurface_paths(point)
             .zip(point.mode.unit(), |path, unit| if path > 0.0 { unit * subsurface } else { 0.0 });
-        let matte = color.zip(walk, |c, walk| if walk > 0.0 { 0.0 } else { c * subsurface });
-        Body { diffuse: DiffuseBsdf::new(rest + matte, roughness), through: zero, walk }
+        let matte = walk.map(|walk| if walk > 0.0 { 0.0 } else { subsurface });
+        Body { diffuse: diffuse(matte), through: SampledSpectrum::ZERO, walk }
     }
 
     fn translucent(

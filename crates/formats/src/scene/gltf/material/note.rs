@@ -32,7 +32,8 @@ const MAPPED: &[(&str, &str)] = &[
     ),
     (
         "KHR_materials_sheen",
-        "fuzz_weight, fuzz_color, fuzz_roughness, with fuzz_model charlie (below a clear coat in glTF, above it here)",
+        "fuzz_weight, fuzz_color, fuzz_roughness, with fuzz_model charlie (below a clear coat in \
+            glTF, above it here)",
     ),
     (
         "KHR_materials_specular",
