@@ -191,8 +191,8 @@ fn typical_noise(film: &Film, spp: u32) -> f64 {
     variances[variances.len() / 2]
 }
 
-/// A rotating lamp of triangles and a ball flying by, within a group that moves too; and the poses
-/// of the open shutter.
+/// A rotating lamp of triangles and a ball flying by, within a group that moves too; and their
+/// poses while the shutter is open.
 fn moving_lamps() -> (Scene, Camera, Moving) {
     let mut scene = Scene::new("moving lamps");
     ground(&mut scene, 0.6);

@@ -9,6 +9,7 @@ mod conversion;
 mod degenerate;
 mod determinism;
 mod exactness;
+mod file_meaning;
 mod golden;
 mod guiding;
 mod layers;

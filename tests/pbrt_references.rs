@@ -25,9 +25,9 @@ struct Case {
     spp: u32,
     /// Maximum path depth of the reference, if it differs from the file's.
     max_depth: Option<u32>,
-    /// Maximum relative mean squared error and mean FLIP error; `why` explains the difference.
+    /// Maximum relative mean squared error, and maximum mean FLIP error.
     limits: [f64; 2],
-    /// The explanation.
+    /// Why the pictures differ.
     why: &'static str,
 }
 

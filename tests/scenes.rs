@@ -136,10 +136,8 @@ pub fn everything() -> (Scene, Camera) {
     let veil =
         scene.add_material(Material { alpha_mode: AlphaMode::Blend, alpha: 0.4.into(), ..veil });
     let bumpy = Material::new("bumpy", MetallicRoughness::new(Rgb::new(0.9, 0.6, 0.2), 0.5, 0.3));
-    let bumpy = scene.add_material(Material {
-        normal_map: Some(NormalMap { texture: bumps, scale: 1.0 }),
-        ..bumpy
-    });
+    let bumpy =
+        scene.add_material(Material { normal_map: Some(NormalMap::new(bumps, 1.0)), ..bumpy });
     let glass = scene.add_material(Material::new("glass", Dielectric::smooth(1.5)));
     let frosted = scene.add_material(Material::new("frosted", Dielectric::rough(1.4, 0.4)));
     let gold = scene.add_material(Material::new("gold", Conductor::gold(0.3)));

@@ -45,7 +45,7 @@ fn bumpy_ball(kind: MaterialKind, scale: f32, as_heights: bool) -> (Scene, Camer
     });
     let waves = scene.add_image(waves);
     let texture = scene.add_texture(ImageTexture::new(waves, Encoding::Linear));
-    let normal_map = (!as_heights).then_some(NormalMap { texture, scale });
+    let normal_map = (!as_heights).then_some(NormalMap::new(texture, scale));
     // The heights are waves of ten texels, each texel a fortieth of the radius wide.
     let heights = BumpMap { texture, channel: None, height: 0.12 * scale, unit: HeightUnit::Scene };
     let bump_map = as_heights.then_some(heights);

@@ -38,7 +38,7 @@ fn stage(name: &str) -> Scene {
     scene
 }
 
-/// A lamp above, and a sky.
+/// Adds a lamp above, and a sky.
 fn light_up(scene: &mut Scene) {
     let glow = lamp(scene, 5.0);
     put(
@@ -141,7 +141,14 @@ fn point_lights(scene: &mut Scene) {
         .into(),
         Directional { direction, irradiance: Rgb::new(0.3, 0.2, 0.1) }.into(),
         Profile { position, world_from_light, scale, table: table.expect("a picture") }.into(),
-        Projector { position, world_from_light, scale, slide: slide.expect("a picture") }.into(),
+        Projector {
+            position,
+            world_from_light,
+            scale,
+            even: false,
+            slide: slide.expect("a picture"),
+        }
+        .into(),
     ]);
 }
 

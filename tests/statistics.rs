@@ -53,6 +53,8 @@ pub struct Agreement {
 }
 
 impl Agreement {
+    /// Prints the agreement, and asserts that the differences are noise.
+    ///
     /// # Panics
     /// If the mean is off by more than 3 standard errors, or the blocks together by more than 4.
     /// (The channels may be equal, so they do not count as independent.)

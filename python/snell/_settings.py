@@ -31,6 +31,11 @@ class RenderSettings(TypedDict, total=False):
     else 1.
     """
 
+    roulette_depth: int | None
+    """Bounces after which `path` may end paths that have lost light, by Russian roulette.
+    Default: 1, or 4 where most light comes evenly from all directions.
+    """
+
     crop: tuple[int, int, int, int] | None
     """Render only this rectangle of pixels (right and lower border exclusive)."""
 

@@ -360,7 +360,7 @@ def test_defaults_are_those_of_the_command():
     image = snell.render(scene, integrator="flat", spp=1)
     assert image.shape[:2] == (720, 960) and image.metadata["max_depth"] == 1
     assert snell.render(scene, integrator="ao", size=(8, 6)).metadata["samples"] == 32
-    assert snell.render("cornell-box", max_depth=5000, **SMALL).metadata["max_depth"] == 1000
+    assert snell.render("cornell-box", max_depth=500000, **SMALL).metadata["max_depth"] == 100000
 
 
 def test_a_crop_is_measured_by_the_picture_of_the_scene(tmp_path):

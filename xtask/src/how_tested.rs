@@ -101,9 +101,9 @@ fn rounded(n: usize) -> usize {
 #[derive(Default)]
 struct Count {
     tests: usize,
-    /// Lines outside of tests that are neither blank nor only a comment; `lines` counts those in
-    /// tests.
+    /// Lines outside of tests that are neither blank nor only a comment.
     code: usize,
+    /// The same kind of lines in tests.
     lines: usize,
 }
 

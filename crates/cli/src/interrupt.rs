@@ -35,8 +35,8 @@ fn state() -> MutexGuard<'static, State> {
     STATE.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// From now on a signal ends the program at once with this message, also if an earlier one was a
-/// request.
+/// From now on a signal ends the program at once with this message, even if an earlier signal was
+/// treated as a request.
 pub fn end_at_once(farewell: impl Into<Cow<'static, str>>) {
     state().farewell = Some(farewell.into());
 }

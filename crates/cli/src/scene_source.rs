@@ -1,7 +1,7 @@
 //! Sources of scenes: files, standard input, and built-in ones.
 
 use crate::failure::Failure;
-use crate::usd;
+use crate::{spectrum_file, usd};
 use snell_formats::ReadOptions;
 use snell_scene::Scene;
 use snell_scene::builtin::{BUILTINS, builtin};
@@ -52,6 +52,25 @@ pub fn load(path: &Path, options: &ReadOptions) -> Result<Scene, Failure> {
         return usd::load(path, options);
     }
     Ok(snell_formats::read_scene(path, options)?)
+}
+
+/// The definitions of `-D` that may be parameters of the file: the keys of the scene graph have
+/// dots.
+pub fn parameters(define: &[String]) -> Vec<(String, String)> {
+    let pairs = define.iter().filter_map(|definition| definition.split_once('='));
+    let plain = pairs.filter(|(key, _)| !key.contains('.'));
+    plain.map(|(key, value)| (key.to_string(), value.to_string())).collect()
+}
+
+/// Applies the definitions of `-D` that are not parameters of the file.
+pub fn apply(scene: &mut Scene, define: &[String]) -> Result<(), Failure> {
+    for definition in define {
+        if scene.takes_parameter(definition.split('=').next().unwrap_or_default()) {
+            continue;
+        }
+        snell_scene::overrides::apply(scene, &spectrum_file::resolve(definition)?)?;
+    }
+    Ok(())
 }
 
 /// The stem of the default output file.

@@ -172,8 +172,7 @@ impl<'a> Subject<'a> {
         all.filter(|b| !b.is_empty() && b.is_finite()).fold(Bounds3d::EMPTY, |a, b| a.union(&b))
     }
 
-    /// A world of everything that rays hit; `None` if it cannot be built. Geometries are numbered
-    /// as in [`Self::placed`].
+    /// A world of everything that rays hit; `None` if it cannot be built.
     pub fn world(&self) -> Option<&World> {
         let build = || {
             let mut builder = WorldBuilder::default();

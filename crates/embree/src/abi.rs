@@ -91,9 +91,9 @@ impl Arguments {
 /// The type `RTCMemoryMonitorFunction`.
 pub type MemoryMonitor = unsafe extern "C" fn(*mut c_void, isize, bool) -> bool;
 
-/// Functions that trace one ray, and functions that trace a packet in which some lanes are valid
-/// (-1) and others not (0).
+/// A function that traces one ray.
 pub type TraceOne<T> = unsafe extern "C" fn(Handle, *mut T, *mut Arguments);
+/// A function that traces a packet in which some lanes are valid (-1) and others not (0).
 pub type TracePacket<T> = unsafe extern "C" fn(*const c_int, Handle, *mut T, *mut Arguments);
 
 macro_rules! functions {

@@ -56,7 +56,7 @@ pub enum LoadError {
 /// The loaded library.
 pub struct Embree {
     pub(crate) functions: Functions,
-    /// The library, which is never unloaded, because its threads live on for a while after the last
+    /// The library. It is never unloaded, because its threads continue for a while after the last
     /// device is released.
     _library: ManuallyDrop<libloading::Library>,
     /// The folder of an unpacked wheel, removed on drop.
@@ -119,8 +119,8 @@ fn find_library(folder: &Path) -> Option<PathBuf> {
     here.cloned().or_else(|| entries.iter().filter(|p| p.is_dir()).find_map(|p| find_library(p)))
 }
 
-/// Unpacks the shared libraries of a wheel. Libraries of one folder stay side by side, as they
-/// expect.
+/// Unpacks the shared libraries of a wheel. Libraries of one folder stay side by side, where the
+/// loader expects them.
 fn unpack(wheel: &Path) -> io::Result<TempDir> {
     let folder = TempDir::new()?;
     let mut archive = zip::ZipArchive::new(File::open(wheel)?).map_err(io::Error::other)?;

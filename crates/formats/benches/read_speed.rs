@@ -1,7 +1,7 @@
 //! Measures how fast a scene is read: `cargo bench -p snell-formats --bench read_speed -- FILE`.
 //! Without a file, 20 MB of pbrt text are generated.
 //!
-//! Cargo runs it in the crate's folder: give an absolute path.
+//! Cargo runs the benchmark in the crate's folder, so the path must be absolute.
 
 use snell_formats::{ReadOptions, read_scene_bytes};
 use snell_scene::Geometry;
@@ -9,7 +9,7 @@ use std::fmt::Write;
 use std::path::Path;
 use std::time::Instant;
 
-/// Generates pbrt text of at least `bytes` bytes: wavy grids of triangles, as many as that takes.
+/// Generates pbrt text of at least `bytes` bytes: as many wavy grids of triangles as needed.
 fn generated(bytes: usize) -> String {
     const SIDE: usize = 300;
     let mut text = String::from("WorldBegin\nMaterial \"diffuse\"\n");

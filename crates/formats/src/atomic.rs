@@ -37,8 +37,8 @@ pub fn write_with(
     stage(path, fill).and_then(Staged::place).map_err(io_error(path))
 }
 
-/// Like [`write_with()`], but never replaces a file: if there is one at `path`, the error is of the
-/// kind [`ErrorKind::AlreadyExists`].
+/// Like [`write_with()`], but never replaces a file: if something exists at `path`, the error is of
+/// the kind [`ErrorKind::AlreadyExists`].
 pub fn write_new(path: &Path, fill: impl FnOnce(&mut dyn Write) -> Result<()>) -> Result<()> {
     if path.symlink_metadata().is_ok() {
         return Err(ErrorKind::AlreadyExists.into());

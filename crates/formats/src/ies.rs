@@ -1,19 +1,25 @@
 //! Photometric files of the Illuminating Engineering Society (IES LM-63, `.ies`): the luminous
 //! intensity of a luminaire by angle.
 //!
-//! Supported is type C photometry (nearly all files) with any of its symmetries, in absolute
-//! candela, times the file's candela multiplier and ballast factor. Keywords, lamp tilt and the
-//! size of the luminaire are ignored: it is a point here.
+//! The reader supports photometry of type C (nearly all files), B (floodlights) and A (headlamps)
+//! with any of their symmetries, in absolute candela, times the file's candela multiplier and
+//! ballast factor. Keywords, lamp tilt and the size of the luminaire are ignored: it is a point.
 
 use crate::error::{Place, ReadError};
 use crate::input::Input;
 use snell_math::Rgb;
 use snell_scene::light::IntensityTable;
+use std::f64::consts::{PI, TAU};
 
 const REMEDY: &str = "export the luminaire again as IES LM-63 with type C photometry";
 
+/// Steps of the polar angle, and of the azimuth, in tables made of type A and B photometry.
+const STEPS: [u32; 2] = [180, 180];
+
 /// Reads a table of intensities in candela. Polar angle 0 is the axis of the luminaire (straight
-/// down where it hangs); azimuths are its horizontal angles.
+/// down where it hangs); azimuths are its horizontal angles. Of types A and B, positive vertical
+/// angles lean towards azimuth 0 and positive horizontal ones, which go clockwise, towards azimuth
+/// -90 degrees, as `EXT_lights_ies` says.
 pub fn read_ies(input: &Input) -> Result<IntensityTable, ReadError> {
     let text = String::from_utf8_lossy(&input.bytes);
     let mut numbers = Numbers::new(input, &text)?;
@@ -22,6 +28,15 @@ pub fn read_ies(input: &Input) -> Result<IntensityTable, ReadError> {
     let horizontal = numbers.take(header.horizontal, "horizontal angle")?;
     let candela = numbers.take(header.vertical * header.horizontal, "intensity")?;
     let columns: Vec<&[f64]> = candela.chunks(header.vertical).collect();
+    if header.photometry != Photometry::C {
+        let flat = Flat::new(vertical, horizontal, candela).ok_or_else(|| {
+            let problem = "its angles must ascend from 0 or -90 to at most 90 degrees";
+            input.error(Place::Whole, problem, REMEDY)
+        })?;
+        return flat
+            .table(header.photometry, header.factor)
+            .ok_or_else(|| input.error(Place::Whole, "its intensities are not numbers", REMEDY));
+    }
     let (azimuths, order) = around(&horizontal).ok_or_else(|| {
         let problem = "the horizontal angles must ascend from 0 to 0, 90, 180 or 360 degrees, or \
             from 90 to 270";
@@ -86,10 +101,91 @@ fn opposite(horizontal: &[f64]) -> usize {
         .unwrap_or(0)
 }
 
+/// The coordinates of a file's angles.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Photometry {
+    /// Polar angles from the axis, and azimuths about it.
+    C,
+    /// Vertical angles about a horizontal axis, and horizontal ones towards it.
+    B,
+    /// Horizontal angles about a vertical axis, and vertical ones towards it.
+    A,
+}
+
+/// Intensities by horizontal and vertical angles in degrees, both 0 along the axis.
+struct Flat {
+    vertical: Vec<f64>,
+    horizontal: Vec<f64>,
+    /// All vertical angles of the first horizontal one, then those of the next.
+    candela: Vec<f64>,
+}
+
+impl Flat {
+    /// `None` if the angles do not ascend within -90 and 90 degrees.
+    fn new(vertical: Vec<f64>, horizontal: Vec<f64>, candela: Vec<f64>) -> Option<Self> {
+        let is_fine = |angles: &[f64]| {
+            angles.windows(2).all(|w| w[0] < w[1])
+                && angles.iter().all(|a| (-90.01..=90.01).contains(a))
+        };
+        (is_fine(&vertical) && is_fine(&horizontal)).then_some(Self {
+            vertical,
+            horizontal,
+            candela,
+        })
+    }
+
+    /// The table over polar angles and azimuths.
+    fn table(&self, photometry: Photometry, factor: f64) -> Option<IntensityTable> {
+        let angles = |steps: u32, end: f64| -> Vec<f64> {
+            (0..=steps).map(|i| f64::from(i) / f64::from(steps) * end).collect()
+        };
+        let (polar, azimuths) = (angles(STEPS[0], PI), angles(STEPS[1], TAU));
+        let mut values = Vec::with_capacity(polar.len() * azimuths.len());
+        for azimuth in &azimuths {
+            for polar in &polar {
+                let ((sin, z), (s, c)) = (polar.sin_cos(), azimuth.sin_cos());
+                // Up is azimuth 0, and right, as seen along the axis, azimuth -90 degrees.
+                let (up, right) = (sin * c, -sin * s);
+                let [vertical, horizontal] = match photometry {
+                    Photometry::A => [up.clamp(-1.0, 1.0).asin(), right.atan2(z)],
+                    _ => [up.atan2(z), right.clamp(-1.0, 1.0).asin()],
+                };
+                let candela = self.at(vertical.to_degrees(), horizontal.to_degrees());
+                values.push(Rgb::splat((candela * factor) as f32));
+            }
+        }
+        IntensityTable::new(polar, azimuths, values)
+    }
+
+    /// The intensity, linear between the angles; those that begin at 0 are mirrored.
+    fn at(&self, vertical: f64, horizontal: f64) -> f64 {
+        let place = |angles: &[f64], angle: f64| {
+            let angle = if angles[0] >= 0.0 { angle.abs() } else { angle };
+            let last = angles.len() - 1;
+            let is_inside = (angles[0] - 1e-6..=angles[last] + 1e-6).contains(&angle);
+            let next = angles.partition_point(|a| *a <= angle).clamp(usize::from(last > 0), last);
+            let i = next.saturating_sub(1);
+            let width = angles[next] - angles[i];
+            let t = if width > 0.0 { ((angle - angles[i]) / width).clamp(0.0, 1.0) } else { 0.0 };
+            (is_inside || last == 0).then_some((i, next, t))
+        };
+        let columns = place(&self.horizontal, horizontal);
+        let (Some((v0, v1, t)), Some((h0, h1, s))) = (place(&self.vertical, vertical), columns)
+        else {
+            return 0.0;
+        };
+        let rows = self.vertical.len();
+        let column =
+            |h: usize| self.candela[h * rows + v0] * (1.0 - t) + self.candela[h * rows + v1] * t;
+        column(h0) * (1.0 - s) + column(h1) * s
+    }
+}
+
 /// The fixed numbers before the tables.
 struct Header {
     vertical: usize,
     horizontal: usize,
+    photometry: Photometry,
     /// A factor on all intensities.
     factor: f64,
 }
@@ -107,14 +203,17 @@ impl Header {
             }
         };
         let (vertical, horizontal) = (count(fixed[3], "vertical")?, count(fixed[4], "horizontal")?);
-        if fixed[5] != 1.0 {
-            let problem = format!(
-                "its photometry is of type {} (2 is B, 3 is A), expected 1 (type C)",
-                fixed[5]
-            );
-            return Err(numbers.input.error(Place::Whole, problem, REMEDY));
-        }
-        Ok(Self { vertical, horizontal, factor: fixed[2] * fixed[10] })
+        let photometry = match fixed[5] {
+            1.0 => Photometry::C,
+            2.0 => Photometry::B,
+            3.0 => Photometry::A,
+            other => {
+                let problem =
+                    format!("its photometry is of type {other}, expected 1 (C), 2 (B) or 3 (A)");
+                return Err(numbers.input.error(Place::Whole, problem, REMEDY));
+            }
+        };
+        Ok(Self { vertical, horizontal, photometry, factor: fixed[2] * fixed[10] })
     }
 }
 
@@ -232,6 +331,35 @@ mod tests {
     }
 
     #[test]
+    fn types_a_and_b_have_angles_up_and_to_the_right() {
+        // The beam of a lamp at 30 degrees up and 40 to the right, as each type means it.
+        let lamp = |photometry: &str, horizontal: &str, candela: &str| {
+            read(
+                &file(horizontal, candela)
+                    .replace(" 1 2 0 0 0", &format!(" {photometry} 2 0 0 0"))
+                    .replace("0 45 90\n", "-90 30 90\n"),
+            )
+            .expect("a lamp")
+        };
+        let candela = "0 0 0  0 70 0  0 0 0";
+        let (up, right, along) = (DVec3::X, DVec3::NEG_Y, DVec3::Z);
+        let [(sv, cv), (sh, ch)] = [30f64, 40.0].map(|a| a.to_radians().sin_cos());
+        let b = (along * cv + up * sv) * ch + right * sh;
+        let a = (along * ch + right * sh) * cv + up * sv;
+        for (photometry, beam, other) in [("2", b, a), ("3", a, b)] {
+            let table = lamp(photometry, "-90 40 90", candela);
+            assert!((table.at(beam).r - 70.0).abs() < 3.0, "{}", table.at(beam).r);
+            assert!(table.at(other).r < 68.0 && table.at(-beam).r == 0.0);
+            // Mirrored about the vertical plane.
+            let half = lamp(photometry, "0 40 90", candela);
+            for side in [1.0, -1.0] {
+                let at = half.at(beam * DVec3::new(1.0, side, 1.0)).r;
+                assert!((at - 70.0).abs() < 3.0, "{at}");
+            }
+        }
+    }
+
+    #[test]
     fn an_included_tilt_is_skipped() {
         let text = file("0", "100 50 10").replace("TILT=NONE", "TILT=INCLUDE\n1\n2\n0 90\n1.0 0.9");
         assert_eq!(at(&read(&text).expect("a lamp"), 0.0, 0.0), 100.0);
@@ -244,8 +372,8 @@ mod tests {
             (file("0", "100 50"), "lamp.ies: it ends where intensity 3 of 3 should be"),
             (file("0", "100 x 5"), "lamp.ies:8: \"x\" is not a number, expected intensity 2 of 3"),
             (
-                file("0", "1 2 3").replace("1 1 2 0", "1 2 2 0"),
-                "lamp.ies: its photometry is of type 2",
+                file("0", "1 2 3").replace("1 1 2 0", "1 4 2 0"),
+                "lamp.ies: its photometry is of type 4",
             ),
             (
                 file("0", "1 2 3").replace("2.0 3", "2.0 1e9"),

@@ -369,7 +369,7 @@ mod tests {
         fn products_of_plain_numbers_are_ordered_as_expansions_are(
             a in number(), b in number(), c in number(),
         ) {
-            // Makes `a * b` and `c * d` equal or nearly so.
+            // This makes `a * b` and `c * d` equal or nearly so.
             let d = a * b / c;
             prop_assume!(d.is_finite());
             let single = |x: f64| Expansion::difference(x, 0.0);

@@ -32,8 +32,9 @@ pub fn exp(x: f64) -> f64 {
 /// series of the inverse hyperbolic tangent.
 #[inline(always)]
 pub fn ln(x: f64) -> f64 {
-    /// The bits of sqrt(1/2), roughly, and of 1.
+    /// The bits of a number near sqrt(1/2).
     const LOWEST: u64 = 0x3fe6_a09e_0000_0000;
+    /// The bits of 1.
     const ONE: u64 = 0x3ff0_0000_0000_0000;
     /// The bits of 2^52. An integer below 2^52, ORed into or added to these bits, gives the float
     /// 2^52 plus that integer.

@@ -19,13 +19,13 @@ pub type Vertices = Vec<DVec3>;
 /// The side of a plane on which a polygon or box lies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Side {
-    /// All of it is on the plane.
+    /// All of the polygon or box is on the plane.
     On,
-    /// None of it is in front.
+    /// None of the polygon or box is in front of the plane.
     Back,
-    /// None of it is behind.
+    /// None of the polygon or box is behind the plane.
     Front,
-    /// Some of it is in front, and some behind.
+    /// Some of the polygon or box is in front of the plane, and some behind.
     Across,
 }
 

@@ -27,7 +27,8 @@ pub fn offset_ray_origin(position: Vec3, error: Vec3, normal: Vec3, direction: V
     let normal = if direction.dot(normal) < 0.0 { -normal } else { normal };
     let offset = normal * distance;
     let moved = position + offset;
-    // Rounds `p` in the direction of `o`. Rounding down is rounding up with the signs reversed.
+    // The function rounds `p` in the direction of `o`. Rounding down is rounding up with the signs
+    // reversed.
     let round = |p: f32, o: f32| {
         let sign = o.to_bits() & 0x8000_0000;
         let away = f32::from_bits(p.to_bits() ^ sign).next_up();

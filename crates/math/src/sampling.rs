@@ -82,8 +82,9 @@ pub fn uniform_triangle(u: Vec2) -> Vec2 {
     Vec2::new(b1, 1.0 - b0 - b1)
 }
 
-/// The MIS weight of a sample that was drawn with density `a` and could have been drawn with
-/// density `b` (power heuristic with exponent 2; Veach, 1997).
+/// The MIS weight of a sample that was taken with density `a` and that another strategy would take
+/// with density `b` (power heuristic with exponent 2; Veach, 1997). It is 1 if `a` is infinite, and
+/// 0 if both densities are 0.
 #[inline(always)]
 pub fn power_heuristic(a: f32, b: f32) -> f32 {
     let (a2, b2) = (a * a, b * b);

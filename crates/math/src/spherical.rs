@@ -76,7 +76,8 @@ impl SphericalRectangle {
     pub fn new(min: DVec2, max: DVec2, z: f64) -> Self {
         let z = z.abs();
         let z2 = z * z;
-        // Gives the z components of the normals of the planes through the origin and each side.
+        // The function gives the z components of the normals of the planes through the origin and
+        // each side.
         let along_z = |side: f64| side / (side * side + z2).sqrt();
         let (b0, b1, n3) = (-along_z(min.y), along_z(max.y), -along_z(min.x));
         // Two of the interior angles of the spherical rectangle, by their cosines.

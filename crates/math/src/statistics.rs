@@ -89,10 +89,11 @@ const GAUSS: [(f64, f64); 4] = [
     (0.930_568_155_797_026_3, 0.173_927_422_568_726_93),
 ];
 
-/// A piece is no longer halved when its integral changes by less than `TOLERANCE`. A minimum number
-/// of halvings keeps narrow ridges from being missed, and a maximum number ends the recursion.
+/// A piece is no longer halved when its integral changes by less than this.
 const TOLERANCE: f64 = 1e-5;
+/// The maximum number of halvings, which ends the recursion.
 const MOST_HALVINGS: u32 = 8;
+/// The minimum number of halvings, which keeps narrow ridges from being missed.
 const LEAST_HALVINGS: u32 = 1;
 
 impl HemisphereCells {

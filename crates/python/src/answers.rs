@@ -344,7 +344,7 @@ answers! {
     ///
     /// Arrays are attributes and, by name, items of a mapping. Each is computed on first access;
     /// real numbers have the dtype of the query. A miss has `t_hit` infinite, all ids
-    /// :data:`INVALID_ID`, `points` NaN, all else 0.
+    /// :data:`INVALID_ID`, `points` NaN, and all other numbers 0.
     ///
     /// Examples
     /// --------
@@ -367,11 +367,11 @@ answers! {
         /// `(...)`, uint32: the id that :meth:`Scene.add_instance` gave; :data:`INVALID_ID` for
         /// objects in no instance.
         instance_ids,
-        /// `(...)`, uint32: triangle of a mesh, face of a shape, or sphere of many;
-        /// :data:`INVALID_ID` for a miss.
+        /// `(...)`, uint32: number of the triangle of a mesh, of the face of a shape, or of the
+        /// sphere of a set; :data:`INVALID_ID` for a miss.
         primitive_ids,
         /// `(..., 2)`: barycentric coordinates of the second and third vertex of a triangle, 0 on
-        /// all else.
+        /// all other primitives.
         primitive_uvs,
         /// `(..., 3)`: unit normals of the surface itself, on its outer side (right-hand rule for
         /// triangles); 0 for a miss.
@@ -403,27 +403,28 @@ answers! {
     /// >>> found.ray_splits.tolist(), found.ray_ids.tolist(), found.t_hit.tolist()
     /// ([0, 0, 2], [1, 1], [4.0, 6.0])
     Intersections by t_hit {
-        /// `(rays + 1,)`, int64: where the hits of each ray begin, and their number.
+        /// `(rays + 1,)`, int64: the index of the first hit of each ray, and last the number of all
+        /// hits.
         ray_splits,
-        /// `(n,)`, int64: the ray of each hit.
+        /// `(n,)`, int64: the number of each hit's ray.
         ray_ids,
         /// `(n,)`: ray parameter, in units of the direction's length.
         t_hit,
-        /// `(n,)`, uint32: as in :class:`Hits`.
+        /// `(n,)`, uint32: ids of the objects, as in :class:`Hits`.
         geometry_ids,
-        /// `(n,)`, uint32: as in :class:`Hits`.
+        /// `(n,)`, uint32: ids of the instances, as in :class:`Hits`.
         instance_ids,
-        /// `(n,)`, uint32: as in :class:`Hits`.
+        /// `(n,)`, uint32: triangles, faces or spheres, as in :class:`Hits`.
         primitive_ids,
-        /// `(n, 2)`: as in :class:`Hits`.
+        /// `(n, 2)`: barycentric coordinates, as in :class:`Hits`.
         primitive_uvs,
-        /// `(n, 3)`: as in :class:`Hits`.
+        /// `(n, 3)`: unit normals of the surfaces themselves, as in :class:`Hits`.
         primitive_normals,
-        /// `(n, 3)`: as in :class:`Hits`.
+        /// `(n, 3)`: positions in the scene, as in :class:`Hits`.
         points,
-        /// `(n, 3)`: as in :class:`Hits`.
+        /// `(n, 3)`: unit shading normals, as in :class:`Hits`.
         normals,
-        /// `(n, 2)`: as in :class:`Hits`.
+        /// `(n, 2)`: texture coordinates, as in :class:`Hits`.
         uvs,
     }
 }
@@ -433,7 +434,7 @@ answers! {
     /// `...` is the leading shape of the points.
     ///
     /// Where nothing is near enough, `distances` is infinite, all ids :data:`INVALID_ID`, `points`
-    /// NaN, all else 0.
+    /// NaN, and all other numbers 0.
     ///
     /// Examples
     /// --------
@@ -448,19 +449,19 @@ answers! {
         points,
         /// `(...)`: distances of the points, in units of the scene; not negative.
         distances,
-        /// `(...)`, uint32: as in :class:`Hits`.
+        /// `(...)`, uint32: ids of the objects, as in :class:`Hits`.
         geometry_ids,
-        /// `(...)`, uint32: as in :class:`Hits`.
+        /// `(...)`, uint32: ids of the instances, as in :class:`Hits`.
         instance_ids,
-        /// `(...)`, uint32: as in :class:`Hits`.
+        /// `(...)`, uint32: triangles, faces or spheres, as in :class:`Hits`.
         primitive_ids,
-        /// `(..., 2)`: as in :class:`Hits`.
+        /// `(..., 2)`: barycentric coordinates, as in :class:`Hits`.
         primitive_uvs,
-        /// `(..., 3)`: as in :class:`Hits`.
+        /// `(..., 3)`: unit normals of the surfaces themselves, as in :class:`Hits`.
         primitive_normals,
-        /// `(..., 3)`: as in :class:`Hits`.
+        /// `(..., 3)`: unit shading normals, as in :class:`Hits`.
         normals,
-        /// `(..., 2)`: as in :class:`Hits`.
+        /// `(..., 2)`: texture coordinates, as in :class:`Hits`.
         uvs,
     }
 }

@@ -197,7 +197,7 @@ impl<'a> Folder<'a> {
                     ))?,
                 };
             }
-            // Reversed, so that the first child is folded first.
+            // The children are pushed in reverse, so that the first child is folded first.
             for &child in node.children.iter().rev() {
                 let Some(node_from_child) =
                     Transform::new(self.scene.nodes[child.index()].transform)

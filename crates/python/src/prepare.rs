@@ -32,8 +32,8 @@ impl PartialEq for Request {
 pub struct Prepared {
     /// The compiled scene.
     pub compiled: CompiledScene,
-    /// The scene graph that was compiled, with at least one camera. (Meshes and textures are shared
-    /// with the scene.)
+    /// The scene graph that was compiled, with at least one camera. (Its meshes and textures are
+    /// not copied, but shared with the Python scene.)
     pub scene: Scene,
     /// The warnings of the reader and the compiler.
     pub warnings: Vec<String>,

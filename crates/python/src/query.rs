@@ -14,7 +14,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 /// Minimum number of rays of a piece: fewer are not worth handing to another thread.
 const MIN_PIECE: usize = 512;
 
-/// Maximum number of rays of a piece: so many rays and their hits stay in the caches of a core.
+/// Maximum number of rays of a piece: these rays and their hits stay in the caches of a core.
 const MAX_PIECE: usize = 2048;
 
 /// Maximum number of rays of a piece in large worlds. There the world sorts the rays of a piece,

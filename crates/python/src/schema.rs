@@ -196,7 +196,7 @@ pub fn make<T: DeserializeOwned>(
             return Err(PyTypeError::new_err(message));
         }
     }
-    // Finds the wrong parameter: the first that fails together with the other fields of an example.
+    // The wrong parameter is the first that fails together with the other fields of an example.
     for (key, value) in given.iter().filter(|_| with(example.clone()).is_ok()) {
         let mut fields = example.clone();
         fields.insert(key.clone(), value.clone());
@@ -263,7 +263,7 @@ fn with_texture(kind: Kind, id: Value, channel: Option<u8>, name: &str) -> PyRes
             Ok(fields_of([("factor", neutral(kind)), ("texture", texture)]))
         }
         Kind::Reference(_) => Ok(id),
-        // Here the value is the texture beside a given factor.
+        // The factor is given separately, so the value is the texture alone.
         Kind::Table => Ok(match channel {
             Some(channel) => Value::List(vec![id, Value::Whole(channel.into())]),
             None => id,

@@ -202,7 +202,7 @@ impl Scene {
         })
     }
 
-    /// The warnings of the file's reader, and what of the file could not be kept.
+    /// The warnings of the file's reader, and the parts of the file that could not be kept.
     #[getter]
     fn warnings(&self, py: Python<'_>) -> Vec<String> {
         self.0.contents(py).stage.warnings.iter().map(|warning| warning.message.clone()).collect()

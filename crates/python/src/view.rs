@@ -71,8 +71,9 @@ impl View {
         py.detach(|| server.map(Server::stop));
     }
 
-    /// An address that leads to the page once, within a minute, for programs of the same user. It
-    /// is for the command line of a browser, which other users of the machine can read.
+    /// An address that leads to the page once, within a minute, for programs of the same user. A
+    /// browser is started with this address and not with `url`, because other users of the machine
+    /// can read the browser's command line.
     fn _url_for_browser(&self) -> PyResult<String> {
         let server = self.server.lock().unwrap_or_else(PoisonError::into_inner);
         let closed = || PyValueError::new_err("the view is closed");

@@ -46,12 +46,14 @@ const THREAD: u64 = 2 << 20;
 /// Heap overhead of the small allocations of a tile, in bytes per pixel.
 const TILE_BYTES: u64 = 6;
 
-/// The memory of Open Image Denoise itself, measured with version 2.5 and one or two threads: bytes
-/// of its library and weights, and bytes per pixel while it processes the whole picture at once. It
-/// processes larger pictures in parts.
+/// Bytes of the library and weights of Open Image Denoise. This number and the next three were
+/// measured with version 2.5 and one or two threads.
 const DENOISER: u64 = 24 << 20;
+/// Bytes per pixel while Open Image Denoise processes a whole picture at once.
 const DENOISER_PIXEL: u64 = 640;
+/// Number of pixels up to which a picture is processed at once; larger ones are processed in parts.
 const DENOISER_WHOLE: u64 = 3_000_000;
+/// Bytes per pixel beyond [`DENOISER_WHOLE`].
 const DENOISER_LATER_PIXEL: u64 = 105;
 
 impl Estimate {

@@ -167,6 +167,10 @@ pub struct Settings {
     /// The largest number of bounces after the camera ray's hit. 0 shows light that reaches the
     /// camera from the first surface itself, 1 adds direct light (in `path`), and so on.
     pub max_depth: u32,
+    /// The number of bounces from which Russian roulette may end paths that have lost light; as
+    /// many as `max_depth` switch it off. `None` is 1, or 4 where most light comes uniformly from
+    /// all directions.
+    pub roulette_depth: Option<u32>,
     /// How occlusion of lights is treated by the classic integrators.
     pub shadows: Shadows,
     /// Which shadow terminator meshes with vertex normals have.
@@ -198,8 +202,10 @@ pub struct Settings {
 
 impl Settings {
     /// The default limit of the path length. Russian roulette ends practically all paths long
-    /// before.
+    /// before, unless they lose nothing.
     pub const MAX_DEPTH: u32 = 1000;
+    /// The largest limit of the path length.
+    pub const DEEPEST: u32 = 100_000;
     /// The default [`Settings::noise_floor`] for a picture whose white is 1: somewhat darker than
     /// middle grey.
     pub const NOISE_FLOOR: f64 = 0.1;
@@ -222,6 +228,7 @@ impl Default for Settings {
             integrator: IntegratorKind::default(),
             color: ColorModel::default(),
             max_depth: Self::MAX_DEPTH,
+            roulette_depth: None,
             shadows: Shadows::default(),
             terminator: Terminator::default(),
             light_strategy: LightStrategy::default(),

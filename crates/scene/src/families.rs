@@ -4,7 +4,7 @@
 
 mod reference;
 
-pub use reference::reference;
+pub use reference::{describe, reference};
 
 use crate::material::{Diffuse, Material, MaterialKind};
 use crate::texture::Pattern;
@@ -152,6 +152,21 @@ impl Family {
         fields.remove(parameter);
         let read = (self.read)(Value::Object(fields)).ok()?;
         read.get(parameter).cloned()
+    }
+
+    /// The parameters of a kind that have no default, with the values of its first example: what a
+    /// `.snell` file means that leaves them out.
+    pub fn usual(&self, kind: &str) -> Map<String, Value> {
+        let required = |name: &String| name != self.tag && self.default_of(kind, name).is_none();
+        self.example(kind).into_iter().filter(|(name, _)| required(name)).collect()
+    }
+
+    /// The parameters of all kinds that have no default, with the values that a `.snell` file means
+    /// that leaves them out.
+    pub fn usual_common(&self) -> Map<String, Value> {
+        let Value::Object(fields) = (self.plain)() else { return Map::new() };
+        let is_required = |name: &String| self.common_default_of(name).is_none();
+        fields.into_iter().filter(|(name, _)| is_required(name)).collect()
     }
 
     /// The default of a parameter that all kinds have, in the syntax of scenes; `None` if the

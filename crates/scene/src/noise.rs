@@ -1,5 +1,4 @@
-//! Noise functions over space, for media without a shape, and for patterns of stone, waves and
-//! wrinkles.
+//! Noise functions over space, for clouds and for patterns of stone, waves and wrinkles.
 
 use snell_math::{Vec3, rng};
 
@@ -44,8 +43,8 @@ pub fn fractal_noise(p: Vec3, octaves: u32, seed: u32) -> f32 {
     sum
 }
 
-/// Perlin's permutation of the numbers from 0 to 255, which is why different renderers compute the
-/// same noise (Perlin, Improving Noise, SIGGRAPH 2002).
+/// Perlin's permutation of the numbers from 0 to 255 (Improving Noise, SIGGRAPH 2002). Renderers
+/// that use it compute the same noise.
 #[rustfmt::skip]
 const PERMUTATION: [u8; 256] = [
     151, 160, 137, 91, 90, 15, 131, 13, 201, 95, 96, 53, 194, 233, 7, 225, 140, 36, 103, 30, 69,
@@ -101,8 +100,8 @@ pub struct Octaves {
     pub omega: f32,
 }
 
-/// Ratio of the frequencies of successive octaves. It is not quite 2, because the zeros of the
-/// lattices would coincide.
+/// Ratio of the frequencies of successive octaves. It is not quite 2, because the zeros of all
+/// lattices would coincide then.
 const LACUNARITY: f32 = 1.99;
 /// The mean of the absolute value of [`perlin_noise`], measured.
 const MEAN_ABSOLUTE: f32 = 0.217;

@@ -36,8 +36,7 @@ pub fn apply(scene: &mut Scene, definition: &str) -> Result<(), OverrideError> {
         let problem = "expected key=value, such as material.floor.reflectance.factor=[1,0,0]";
         return Err(error(definition, problem));
     };
-    let value: Value =
-        serde_json::from_str(text).unwrap_or_else(|_| Value::String(text.to_string()));
+    let value = value_of(text);
     let (family, rest) = key.split_once('.').unwrap_or((key, ""));
     match family {
         "ambient" => {
@@ -115,6 +114,37 @@ pub fn apply(scene: &mut Scene, definition: &str) -> Result<(), OverrideError> {
             Err(error(key, format!("unknown key; keys begin with {known}, or are ambient{own}")))
         }
     }
+}
+
+/// A value as people write it: JSON, in which numbers may begin with a point or a plus and end with
+/// a point, or plain text.
+fn value_of(text: &str) -> Value {
+    serde_json::from_str(text)
+        .or_else(|_| serde_json::from_str(&spelled_out(text)))
+        .unwrap_or_else(|_| Value::String(text.to_string()))
+}
+
+/// A text with the numbers outside of quotes as JSON has them: `.5` becomes `0.5`.
+fn spelled_out(text: &str) -> String {
+    let letters: Vec<char> = text.chars().collect();
+    let is_digit =
+        |i: Option<usize>| i.and_then(|i| letters.get(i)).is_some_and(char::is_ascii_digit);
+    let (mut out, mut is_quoted) = (String::new(), false);
+    for (i, &letter) in letters.iter().enumerate() {
+        is_quoted ^= letter == '"' && (i == 0 || letters[i - 1] != '\\');
+        let after_digit = is_digit(i.checked_sub(1));
+        match letter {
+            '+' if !is_quoted && !after_digit && !out.ends_with(['e', 'E']) => {}
+            '.' if !is_quoted => {
+                out.push_str(if after_digit { "." } else { "0." });
+                if !is_digit(Some(i + 1)) {
+                    out.push('0');
+                }
+            }
+            _ => out.push(letter),
+        }
+    }
+    out
 }
 
 fn edit_material(
@@ -479,6 +509,17 @@ mod tests {
         apply(&mut scene, "material.the.floor.coat_weight=0.75").expect("a plain number");
         let MaterialKind::OpenPbr(p) = &scene.materials[0].kind else { panic!("not open-pbr") };
         assert_eq!((p.base_color.factor, p.coat_weight.factor), (Rgb::new(0.5, 0.25, 0.0), 0.75));
+        for (text, color) in [(".5", 0.5), ("+.25", 0.25), ("1.", 1.0), ("5.e-1", 0.5)] {
+            let definition = format!("material.the.floor.base_color.factor=[{text}, .75,0]");
+            apply(&mut scene, &definition).expect("a colour");
+            apply(&mut scene, &format!("material.the.floor.coat_weight={text}")).expect("a number");
+            let MaterialKind::OpenPbr(p) = &scene.materials[0].kind else { panic!("not open-pbr") };
+            let found = (p.base_color.factor, p.coat_weight.factor);
+            assert_eq!(found, (Rgb::new(color, 0.75, 0.0), color), "{text}");
+        }
+        apply(&mut scene, "material.the.floor.name=a.b +c").expect("a name");
+        assert_eq!(scene.materials[0].name, "a.b +c");
+        scene.materials[0].name = "the.floor".into();
         let wrong =
             apply(&mut scene, "material.the.floor.coat_weight=much").expect_err("no number");
         assert!(wrong.to_string().contains("expected a number"), "{wrong}");

@@ -47,7 +47,8 @@ pub fn scene_info(
     }
 }
 
-/// The rotation of the environment.
+/// The rotation of the environment about the up direction, in degrees; `None` unless the
+/// environment is an image.
 fn environment_rotation(scene: &Scene) -> Option<f64> {
     let Some(Environment::Image { world_from_environment, .. }) = &scene.environment else {
         return None;

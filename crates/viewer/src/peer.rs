@@ -14,7 +14,8 @@ pub fn is_same_user(own: SocketAddr, peer: SocketAddr) -> bool {
     user.is_some() && user == user_of(peer, own)
 }
 
-/// Always false: other systems do not report the users of a connection.
+/// Always true: other systems do not report the users of a connection, so the one-time code alone
+/// decides.
 #[cfg(not(target_os = "linux"))]
 pub fn is_same_user(_own: SocketAddr, _peer: SocketAddr) -> bool {
     true

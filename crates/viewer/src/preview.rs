@@ -142,8 +142,9 @@ pub fn rgb_of(image: &LayeredImage) -> Vec<f32> {
 
 /// Width of the pictures for a first estimate.
 const GUESS_WIDTH: u32 = 48;
-/// Samples per pixel of these pictures; [`GUESS_DEPTH`] is their number of bounces.
+/// Samples per pixel of these pictures.
 const GUESS_SPP: u32 = 4;
+/// Number of bounces in these pictures.
 const GUESS_DEPTH: u32 = 5;
 
 /// Estimates the [`fill`] for a scene that has not been at rest yet, from two tiny pictures. Black

@@ -28,9 +28,9 @@ pub struct Shared {
     pub session: Arc<Session>,
     /// Limits the number of pages.
     pub pages: Arc<Semaphore>,
-    /// Held while a picture is encoded to a file; `receiving` is held while a file is uploaded. One
-    /// file at a time is encoded, and one received, to save memory.
+    /// Held while a picture is encoded to a file: one at a time, to save memory.
     saving: Arc<Semaphore>,
+    /// Held while a file is uploaded: one at a time, to save memory.
     receiving: Arc<Semaphore>,
 }
 

@@ -7,7 +7,7 @@
 //!
 //! A browser is started with a one-time code in the place of the token, because other users can
 //! read its command line. The code redirects to the address with the token once, within a short
-//! time, and only for a program of the same user (see [`crate::peer`]).
+//! time, and on Linux only for a program of the same user (see [`crate::peer`]).
 
 use crate::session::lock;
 use axum::extract::Request;

@@ -54,7 +54,7 @@ impl Server {
     }
 
     /// An address for a browser's command line, which other users of the machine can read: it leads
-    /// to the page once, within a short time, and only for a program of the same user.
+    /// to the page once, within a short time, and on Linux only for a program of the same user.
     pub fn url_for_browser(&self) -> Result<String, String> {
         let (place, code) = (self.url.trim_end_matches('/'), self.guard.new_code()?);
         let place = place.rsplit_once('/').map_or(place, |(place, _token)| place);

@@ -144,8 +144,8 @@ impl Session {
         self.version.load(Ordering::Acquire)
     }
 
-    /// Waits until the state is newer than `seen`, or until the time `until`. `None` if the session
-    /// ends.
+    /// Waits until a page watches, and the state is newer than `seen` or the time `until` is
+    /// reached. `None` if the session ends.
     pub fn wait(&self, seen: u64, until: Option<Instant>) -> Option<Snapshot> {
         let mut viewing = lock(&self.viewing);
         loop {

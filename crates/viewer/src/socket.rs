@@ -23,8 +23,9 @@ const MAX_MESSAGE: usize = 1 << 20;
 const MAX_UNDERWAY: u32 = 2;
 /// A page that takes longer than this for a message is disconnected.
 const PATIENCE: Duration = Duration::from_secs(20);
-/// Interval of keep-alive messages, and the time that a page may be silent.
+/// Interval of keep-alive messages.
 const BEAT: Duration = Duration::from_secs(30);
+/// A page that sends nothing for this time is disconnected.
 const SILENCE: Duration = Duration::from_secs(120);
 /// Maximum length of an error about a message, which may quote much of the message.
 const MAX_ERROR: usize = 500;

@@ -17,8 +17,9 @@ use std::time::{Duration, Instant};
 
 /// Maximum number of samples per pixel.
 const MAX_SPP: u32 = 1 << 20;
-/// Maximum number of edits that are kept; [`MAX_EDIT_BYTES`] limits their total size.
+/// Maximum number of edits that are kept.
 const MAX_EDITS: usize = 1000;
+/// Maximum total size in bytes of the edits that are kept.
 const MAX_EDIT_BYTES: usize = 4 << 20;
 /// Maximum distance of a camera from the origin, and of its focus: squares of larger numbers
 /// overflow single precision.
@@ -333,8 +334,8 @@ impl State {
             settings.spp = spp;
         }
         if let Some(depth) = max_depth {
-            if depth > Settings::MAX_DEPTH {
-                return Err(format!("{depth} bounces; choose 0 to {}", Settings::MAX_DEPTH));
+            if depth > Settings::DEEPEST {
+                return Err(format!("{depth} bounces; choose 0 to {}", Settings::DEEPEST));
             }
             settings.max_depth = depth;
         }

@@ -8,7 +8,8 @@ use rayon::prelude::*;
 use snell_math::{DVec2, DVec3, Vec2};
 use snell_scene::{Camera, CameraSample};
 
-/// The quarter of the pixels that each picture samples, in turn.
+/// The quarter of every pixel that each picture samples, in turn: its column (1 is the right one)
+/// and its row (1 is the lower one).
 const PHASES: [[usize; 2]; 4] = [[0, 0], [1, 1], [1, 0], [0, 1]];
 /// Weight of the old picture at new samples, if samples are noisy.
 const MEMORY: f32 = 0.6;
@@ -17,7 +18,7 @@ const FAR: f64 = 1e12;
 /// Minimum number of rows per thread.
 const ROWS: usize = 16;
 
-/// The quarter of the pixels that the picture with number `frame` samples.
+/// The quarter of every pixel that the picture with number `frame` samples.
 pub fn phase(frame: u32) -> [usize; 2] {
     PHASES[frame as usize % 4]
 }

@@ -99,7 +99,7 @@ def convert(
     diagnostics = UsdUtils.CoalescingDiagnosticDelegate()
     try:
         files = Files(path, allow_outside=allow_outside, most=most_layers)
-        # Kept alive, so that the stage finds them open.
+        # The list keeps the checked layers open, so that the stage uses them.
         layers = files.layers()
         stage = Usd.Stage.Open(path)
         _choose_variants(stage, variants or {})

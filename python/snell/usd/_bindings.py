@@ -37,7 +37,7 @@ def material_of(context: Context, prim: Any) -> int:
 
 
 def display_material(context: Context, color: Any) -> int:
-    """A surface of one colour."""
+    """The number of a material of one colour."""
     factor = tuple(float(x) for x in color)
     return context.add_material(
         {"base_color": color_form(factor)}, "displayColor", key=("display", factor)

@@ -16,7 +16,7 @@ _TENTH = 0.1
 
 
 def camera(context: Context, prim: Any, world: np.ndarray) -> None:
-    """Adds a camera with its vertical aperture."""
+    """Adds a camera, whose field of view follows from the vertical aperture."""
     given = UsdGeom.Camera(prim)
     get = lambda attribute, default: float(context.value(attribute, default))  # noqa: E731
     height, focal = (

@@ -66,7 +66,7 @@ class Context:
         self.motion = Motion(stage)
         #: Objects already created, by a key that identifies them.
         self.known: dict[Any, Any] = {}
-        #: Primvars with colours of meshes, by the materials that use them.
+        #: Names of primvars with vertex colours, by the number of the material that uses them.
         self.vertex_colors: dict[int, str] = {}
         scale = UsdGeom.GetStageMetersPerUnit(stage)
         #: Metres per unit of the stage.

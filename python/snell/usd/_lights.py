@@ -160,7 +160,9 @@ def _area_light(
 
 
 def _picture(context: Context, prim: Any) -> int | None:
-    """The texture of a rectangle: first row at +y, upright as seen from the emitting side."""
+    """The texture of a rectangular light: its first row is at +y, and it is upright as seen from
+    the emitting side.
+    """
     file = prim.GetAttribute("inputs:texture:file")
     asset = context.value(file)
     if prim.GetTypeName() != "RectLight" or not asset or not asset.path:
@@ -178,7 +180,8 @@ def _point(
     """
     radius = _radius(context, prim) * float(np.linalg.norm(world[:3, 0]))
     if _is_normalized(context, prim):
-        # Divided by the area in units of the stage, which leaves a factor of a quarter.
+        # The radiance is the colour divided by the area of the sphere (in units of the stage),
+        # which is four times that of the visible disk.
         intensity = color * context.scale**2 / 4
     else:
         intensity = color * math.pi * radius**2
@@ -224,7 +227,7 @@ def _dome(context: Context, prim: Any, world: np.ndarray, color: np.ndarray) -> 
     turn = np.diag([-1.0, 1.0, -1.0])
     pole = str(context.value(prim.GetAttribute("poleAxis"), "Y"))
     if pole == "Z" or (pole == "scene" and UsdGeom.GetStageUpAxis(context.stage) == "Z"):
-        # The same, rotated from y up to z up.
+        # The pole is z, so the picture is rotated from y up to z up.
         turn = np.array([[1.0, 0, 0], [0, 0, -1.0], [0, 1.0, 0]]) @ turn
     axes = world[:3, :3] / np.maximum(np.linalg.norm(world[:3, :3], axis=0), 1e-300)
     place = np.eye(4)

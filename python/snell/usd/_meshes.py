@@ -25,9 +25,9 @@ class _Polygons:
     """The polygons of a mesh and their triangles."""
 
     points: np.ndarray
-    #: Points of the corners of faces, one face after the other.
+    #: For each corner of each face, the index of its point; one face after the other.
     indices: np.ndarray
-    #: Positions of the corners of each triangle in `indices`.
+    #: For each triangle, the positions of its corners in `indices`.
     corners: np.ndarray
     #: The face of each triangle.
     faces: np.ndarray
@@ -37,7 +37,7 @@ class _Polygons:
         return self.indices[self.corners]
 
     def interpolated(self, values: np.ndarray, interpolation: str) -> Any:
-        """Values as `Context.add_mesh` takes them; `None` if they do not fit."""
+        """Values in the form that `Context.add_mesh` takes; `None` if their number is wrong."""
         if interpolation in ("vertex", "varying") and len(values) == len(self.points):
             return ("vertex", values)
         if interpolation == "faceVarying" and len(values) == len(self.indices):

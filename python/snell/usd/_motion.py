@@ -34,9 +34,10 @@ class Motion:
         return len(self.joints) - 1
 
     def follow(self, prim: Any, joint: int, rows: Any) -> None:
-        """Adds the channel of a prim, if its transform changes. Transforms that turn are not
-        straight lines between their samples, so each time code between the first and the last
-        counts as well."""
+        """Adds the channel of a prim, if its transform changes. Between the samples of a rotation
+        the transform is not linear, so the channel also has a key at each whole time code between
+        the first and the last sample.
+        """
         xformable = UsdGeom.Xformable(prim)
         samples = xformable.GetTimeSamples() if xformable else []
         if len(samples) < 2:

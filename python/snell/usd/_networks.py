@@ -49,13 +49,13 @@ class _Picture:
     wrap: list[str]
     scale: np.ndarray
     bias: np.ndarray
-    #: The map of texture coordinates before the image lookup.
+    #: The map from the texture coordinates of the mesh to those of the image.
     st: np.ndarray
 
 
 @dataclass
 class _Source:
-    """The value of an input: a constant, times an image, or a primvar."""
+    """The value of an input: a constant, an image times a constant, or a primvar."""
 
     value: Any = None
     picture: _Picture | None = None
@@ -72,12 +72,14 @@ class Network:
         self.primvar: str | None = None
 
     def constant(self, name: str, default: Any) -> Any:
-        """A constant without an image."""
+        """The constant of an input; an image is ignored."""
         value = self._read(name).value
         return default if value is None else value
 
     def color(self, name: str, default: Any, *, may_be_primvar: bool = False) -> dict[str, Any]:
-        """A colour; that of the base may come from the vertices."""
+        """The colour of an input: a constant, an image times a constant, or (if `may_be_primvar`)
+        the colours of vertices.
+        """
         source = self._read(name)
         if source.primvar and may_be_primvar:
             self.primvar = source.primvar
@@ -99,7 +101,7 @@ class Network:
         return color_form(factor, self._placed(picture, True))
 
     def scalar(self, name: str, default: float) -> dict[str, Any]:
-        """A number."""
+        """The number of an input: a constant, or an image times a constant."""
         source = self._read(name)
         if source.primvar:
             self.context.remark(
@@ -119,7 +121,7 @@ class Network:
         return scalar_form(factor, (self._placed(source.picture, False), source.channel))
 
     def normal_map(self, name: str) -> dict[str, Any] | None:
-        """An image of normals in tangent space."""
+        """The image of an input, as normals in tangent space; None if there is no image."""
         picture = self._read(name).picture
         if picture is None:
             return None
@@ -254,7 +256,7 @@ class Network:
         )
 
     def _placement(self, given: Any, depth: int = 0) -> np.ndarray:
-        """The map of texture coordinates before the image lookup."""
+        """The map from the texture coordinates of the mesh to those of the image."""
         attributes = given.GetValueProducingAttributes() if depth < _MAX_DEPTH else []
         if not attributes or not UsdShade.Output.IsOutput(attributes[0]):
             return np.eye(3)

@@ -42,7 +42,7 @@ def shape(context: Context, prim: Any) -> list[int]:
             context, get("radius", 0.5), get("height", 1), material_of(context, prim), from_y(axis)
         )
     if kind == "Plane":
-        # Its normal is the axis; that of Snell's shape is z.
+        # The normal of the plane is the axis; the normal of Snell's rectangle is z.
         form = {"shape": "rectangle", "half_size": [get("width", 2) / 2, get("length", 2) / 2]}
         return [context.add_shape(form, material_of(context, prim), _from_z(axis))]
     if prim.IsA(UsdGeom.Boundable):

@@ -20,7 +20,7 @@ __all__ = ["document"]
 
 
 def document(context: Context, name: str) -> str:
-    """The text of a stage."""
+    """The text of a `.snell` file for a stage."""
     _pose(context)
     context.nodes[0]["transform"] = rows(context.world)
     root = context.motion.add_joint("stage", None, 0, rows(context.world))

@@ -121,8 +121,8 @@ fn string_length(text: &str) -> usize {
     text.len()
 }
 
-/// The length of a character literal of a quote at the start of a text, such as `'"'`, which starts
-/// no string; otherwise the length of the first character.
+/// The length of the first character of a text; or of the whole literal, if the text starts with a
+/// character literal of a quote, such as `'"'`, since that quote starts no string.
 fn char_length(text: &str) -> usize {
     let quoted = ["'\"'", "'\\\"'", "'\\''"].into_iter().find(|quoted| text.starts_with(quoted));
     quoted.map_or_else(|| text.chars().next().map_or(1, char::len_utf8), str::len)

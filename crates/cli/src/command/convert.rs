@@ -22,6 +22,10 @@ pub struct Options {
     /// Print what was written, and what the format could not hold, as JSON
     #[arg(long)]
     json: bool,
+    /// Change the scene: material.NAME.PARAMETER=VALUE, camera.…, light.NUMBER.…, medium.NUMBER.…,
+    /// `ambient=[r,g,b]`; or NAME=VALUE, a parameter of a Mitsuba scene
+    #[arg(short = 'D', long = "define", value_name = "key=value")]
+    define: Vec<String>,
     /// Let the scene name files outside of its folder
     #[arg(long)]
     allow_outside: bool,
@@ -30,8 +34,13 @@ pub struct Options {
 /// Reads a scene, writes it, and reports what was lost.
 pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     check_scene_path(&options.output, options.force)?;
-    let read = ReadOptions { allow_outside: options.allow_outside, ..ReadOptions::default() };
-    let scene = scene_source::load(&options.input, &read)?;
+    let read = ReadOptions {
+        allow_outside: options.allow_outside,
+        parameters: scene_source::parameters(&options.define),
+        ..ReadOptions::default()
+    };
+    let mut scene = scene_source::load(&options.input, &read)?;
+    scene_source::apply(&mut scene, &options.define)?;
     let written = write_scene_as(&options.output, &scene, options.force)?;
     if options.json {
         let text = format!("{:#}\n", as_json(&scene.warnings, &written));

@@ -7,6 +7,8 @@ use crate::{messages, scene_source, standard_output};
 use serde_json::{Value, json};
 use snell_formats::ReadOptions;
 use snell_math::Bounds3d;
+use snell_scene::families::{self, FAMILIES};
+use snell_scene::overrides::nearest;
 use snell_scene::{Geometry, NodeId, Scene};
 use std::collections::{BTreeMap, HashSet};
 use std::path::PathBuf;
@@ -16,13 +18,22 @@ use std::process::ExitCode;
 #[derive(Debug, clap::Args)]
 pub struct Options {
     /// Scene or mesh file, `-` for standard input, or the name of a built-in scene
-    scene: PathBuf,
+    #[arg(required_unless_present = "kind")]
+    scene: Option<PathBuf>,
+    /// Show the parameters of a kind of material, light, medium, pattern, shape or camera, such as
+    /// open-pbr, or the kinds of one of these, such as material
+    #[arg(long, value_name = "NAME", conflicts_with_all = ["scene", "json", "define"])]
+    kind: Option<String>,
     /// Print JSON
     #[arg(long)]
     json: bool,
     /// Maximum number of nodes of the tree to show
     #[arg(long, value_name = "N", default_value_t = 60)]
     nodes: usize,
+    /// Change the scene: material.NAME.PARAMETER=VALUE, camera.…, light.NUMBER.…, medium.NUMBER.…,
+    /// `ambient=[r,g,b]`; or NAME=VALUE, a parameter of a Mitsuba scene
+    #[arg(short = 'D', long = "define", value_name = "key=value")]
+    define: Vec<String>,
     /// Let the scene name files outside of its folder
     #[arg(long)]
     allow_outside: bool,
@@ -30,16 +41,41 @@ pub struct Options {
 
 /// Prints the contents of the scene.
 pub fn run(options: &Options) -> Result<ExitCode, Failure> {
-    let read = ReadOptions { allow_outside: options.allow_outside, ..ReadOptions::default() };
-    let scene = scene_source::load(&options.scene, &read)?;
-    let bounds = scene
-        .node_bounds()
-        .map_err(|e| Failure::Scene(format!("{}: {e}", options.scene.display())))?;
+    if let Some(kind) = &options.kind {
+        let text = described(kind)?;
+        standard_output::write(text.as_bytes())?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    let path = options.scene.as_deref().expect("there is a scene where there is no kind");
+    let read = ReadOptions {
+        allow_outside: options.allow_outside,
+        parameters: scene_source::parameters(&options.define),
+        ..ReadOptions::default()
+    };
+    let mut scene = scene_source::load(path, &read)?;
+    scene_source::apply(&mut scene, &options.define)?;
+    let bounds =
+        scene.node_bounds().map_err(|e| Failure::Scene(format!("{}: {e}", path.display())))?;
     let facts = Facts { counts: Counts::of(&scene, &bounds), scene: &scene, bounds };
     let text =
         if options.json { format!("{:#}\n", facts.json()) } else { facts.text(options.nodes) };
     standard_output::write(text.as_bytes())?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// The parameters of a kind, or the kinds of a family.
+fn described(name: &str) -> Result<String, Failure> {
+    families::describe(name).ok_or_else(|| {
+        let kinds = FAMILIES.iter().flat_map(|f| f.kinds.iter().map(|kind| kind.name));
+        let names: Vec<_> = FAMILIES.iter().map(|f| f.name).chain(kinds).collect();
+        let hint = nearest(name, &names).map(|n| format!("; did you mean {n}?"));
+        let families: Vec<_> = FAMILIES.iter().map(|f| f.name).collect();
+        Failure::Usage(format!(
+            "there is no kind \"{name}\"{}; --kind lists those of {}",
+            hint.unwrap_or_default(),
+            families.join(", ")
+        ))
+    })
 }
 
 #[derive(Default)]

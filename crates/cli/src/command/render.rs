@@ -17,7 +17,7 @@ pub use options::Options;
 use crate::failure::Failure;
 use crate::messages::counted;
 use crate::progress::Reporter;
-use crate::{interrupt, scene_source, spectrum_file};
+use crate::{interrupt, scene_source};
 use denoise::Denoised;
 use output::Target;
 use snell_formats::image::Tonemap;
@@ -159,7 +159,7 @@ struct Outcome {
 
 /// Whether and where a picture was written.
 enum Fate {
-    /// The picture is in its place; its SHA-256.
+    /// The picture is in its place; the text is the SHA-256 of its file.
     Written(String),
     /// The picture is in its place, but still noisy, because denoising was interrupted.
     Noisy,
@@ -321,13 +321,7 @@ fn prepare_for(scene: &mut Scene, poses: &[Pose], options: &Options) -> Result<(
         let filled = snell_scene::framing::fill_with_fog(scene, density);
         filled.map_err(|e| failed(&e))?;
     }
-    for definition in &options.define {
-        if scene.takes_parameter(definition.split('=').next().unwrap_or_default()) {
-            continue;
-        }
-        snell_scene::overrides::apply(scene, &spectrum_file::resolve(definition)?)?;
-    }
-    Ok(())
+    scene_source::apply(scene, &options.define)
 }
 
 pub(super) fn choose_camera(scene: &Scene, options: &Options) -> Result<Camera, Failure> {

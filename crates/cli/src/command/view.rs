@@ -45,8 +45,8 @@ pub struct Options {
     #[arg(long)]
     no_open: bool,
     /// Token in the page's address, 16 to 64 letters and digits, so that the address stays the
-    /// same. Other users of the machine can read it here; the environment variable SNELL_VIEW_TOKEN
-    /// keeps it private. Default: a random one
+    /// same. Other users of the machine can see it on the command line; set SNELL_VIEW_TOKEN
+    /// instead to keep it private. Default: a random one
     #[arg(long, value_name = "TOKEN", value_parser = parse_token)]
     token: Option<String>,
     /// Frames per second while something moves

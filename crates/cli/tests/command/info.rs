@@ -110,3 +110,39 @@ fn help_is_help_and_not_an_error() {
         assert!(run.text().lines().all(|l| l.chars().count() <= 110), "{words}");
     }
 }
+
+#[test]
+fn info_and_convert_take_definitions() {
+    let place = Place::new();
+    place.write(
+        "a.xml",
+        "<scene version=\"3.0.0\"><default name=\"r\" value=\"1\"/><shape type=\"sphere\">\
+        <float name=\"radius\" value=\"$r\"/><bsdf type=\"diffuse\" id=\"skin\"/></shape></scene>",
+    );
+    let info = |define: &str| {
+        let run = place.run(&format!("info a.xml --json {define}")).done();
+        serde_json::from_slice::<serde_json::Value>(&run.out).expect("it is JSON")
+    };
+    let changed = info("-D r=3 -D material.skin.reflectance.factor=[.25,.25,.25]");
+    assert_eq!(changed["bounds"]["max"][0], 3.0, "{}", changed["bounds"]);
+    assert_eq!(changed["materials"][0]["kind"]["reflectance"]["factor"][0], 0.25);
+    place.run("convert a.xml b.snell -D r=2").done();
+    assert_eq!(
+        serde_json::from_slice::<serde_json::Value>(&place.run("info b.snell --json").done().out)
+            .expect("it is JSON")["bounds"]["max"][0],
+        2.0
+    );
+    let wrong = place.run("info a.xml -D radius=2");
+    assert!(wrong.code != 0 && wrong.err.contains("radius: unknown key"), "{}", wrong.err);
+}
+
+#[test]
+fn info_shows_the_parameters_of_a_kind() {
+    let place = Place::new();
+    let text = place.run("info --kind homogeneous").done();
+    assert!(text.text().starts_with("medium \"homogeneous\": "), "{}", text.text());
+    assert!(text.text().contains("sigma_s: colour, per scene unit, 0 or more, default "));
+    assert!(place.run("info --kind light").done().text().starts_with("kinds of light: "));
+    let wrong = place.run("info --kind open-pbrr");
+    assert!(wrong.code != 0 && wrong.err.contains("did you mean open-pbr?"), "{}", wrong.err);
+}

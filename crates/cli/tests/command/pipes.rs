@@ -1,4 +1,5 @@
-//! Pipes, devices and sockets in place of files: each command ends at once, with a message.
+//! Named pipes and devices in place of files are refused with a message, and never block a command;
+//! piped standard input is read as a scene.
 
 use super::support::{BALL, Place};
 use std::process::{Command, Stdio};

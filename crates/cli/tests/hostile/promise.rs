@@ -68,8 +68,8 @@ pub fn run(program: &Path, words: &[String], folder: &Path, scratch: &Path) -> E
 }
 
 impl Ended {
-    /// The promise that this end breaks, if any. For `doctor` and `compare`, exit code 1 is also a
-    /// regular result, not a failure.
+    /// The promise that the program broke, if any. For `doctor` and `compare`, exit code 1 is also
+    /// a regular result, not a failure.
     pub fn fault(&self, words: &[String]) -> Option<String> {
         let answers = matches!(words[0].as_str(), "doctor" | "compare");
         let panic = self.messages.lines().find(|line| line.contains("panicked at"));

@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 /// Renders; `FILE` is the damaged one.
 const RENDER: &str = "render FILE --size 8x6 --spp 1 -q -o out.pfm";
 const RENDER_IN_LIGHT: &str = "render minray --environment FILE --size 8x6 --spp 1 -q -o out.pfm";
-/// Options of which half of the renders have some.
+/// Options; half of the renders get some of these.
 const RENDER_OPTIONS: [&str; 30] = [
     "-i flat",
     "-i raycast",
@@ -76,11 +76,12 @@ const COMMANDS: [&str; 22] = [
 const PICTURE_COMMANDS: [&str; 3] =
     ["compare FILE FILE", "compare FILE FILE --json --max-flip 1", "compare FILE FILE -o out.png"];
 /// Options with odd values, for a valid scene.
-const VALUED: [&str; 24] = [
+const VALUED: [&str; 25] = [
     "--exposure",
     "--bits",
     "--noise",
     "--max-depth",
+    "--roulette-depth",
     "--seed",
     "--clamp",
     "--ao-distance",

@@ -1,4 +1,4 @@
-//! Cameras that cannot see what they should.
+//! Cameras inside of closed surfaces, and cameras with everything behind them.
 
 use super::lights::is_opaque;
 use crate::{Report, Severity, Subject};
@@ -86,9 +86,11 @@ pub fn holds_something(subject: &Subject, place: usize, component: Option<usize>
 
 /// True if all surfaces are behind a camera whose picture is flat (perspective or orthographic).
 fn sees_nothing(subject: &Subject, camera: &Camera) -> bool {
-    if matches!(camera.projection, Projection::Panoramic | Projection::Fisheye { .. })
-        || subject.placed.is_empty()
-    {
+    let sees_all_around = matches!(
+        camera.projection,
+        Projection::Panoramic | Projection::EqualArea | Projection::Fisheye { .. }
+    );
+    if sees_all_around || subject.placed.is_empty() {
         return false;
     }
     // Media are visible without surfaces.

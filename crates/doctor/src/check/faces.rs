@@ -1,10 +1,10 @@
-//! Faces that should not be there.
+//! Faces without an area, and copies of faces.
 
 use super::counted;
 use crate::topology::Duplicate;
 use crate::{Report, Severity, Subject};
 
-/// Finds degenerate faces, and copies of faces.
+/// Finds faces without an area, and faces in the place of others.
 pub fn faces(subject: &Subject, report: &mut Report) {
     for body in &subject.bodies {
         let topology = &body.topology;

@@ -310,8 +310,8 @@ mod tests {
 
     #[test]
     fn black_against_white_has_the_error_that_its_distance_gives() {
-        // No features, HyAB distance of 100; the largest distance (green against blue) follows from
-        // the space.
+        // There are no features, and the HyAB distance is 100. (The largest distance, green against
+        // blue, follows from the space.)
         let range = ColourRange::new();
         let expected = range.error(100.0);
         let errors = flip(4, &[[0.0; 3]; 12], &[[1.0; 3]; 12]);

@@ -26,9 +26,11 @@ const MAX_EXPANSION: u64 = 4096;
 /// pixels of RGBA floats.
 const ALWAYS_ALLOWED_BYTES: u64 = 64 << 20;
 /// Images above this many bytes in memory (8192 x 8192 pixels of RGBA) may expand only by
-/// [`MAX_EXPANSION_OF_LARGE`]: real pictures of that size stay far below, and a file above it is
-/// made to exhaust the memory.
+/// [`MAX_EXPANSION_OF_LARGE`]. Real pictures of that size stay far below that ratio; a file above
+/// it is made to exhaust the memory.
 const LARGE_BYTES: u64 = 256 << 20;
+/// The largest ratio of an image's bytes in memory to the bytes of its file, for images above
+/// [`LARGE_BYTES`].
 const MAX_EXPANSION_OF_LARGE: u64 = 128;
 
 /// Refuses an image that is empty or over the limit, or that declares more pixels than its bytes

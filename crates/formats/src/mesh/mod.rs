@@ -4,7 +4,7 @@
 //! | --- | --- | --- |
 //! | Wavefront OBJ, with MTL | [`obj`] | by smoothing groups; without them smooth up to 40° |
 //! | Stanford PLY | [`ply`] | smooth up to 40° |
-//! | STL | [`stl`] | equal positions are welded; smooth up to 40° (the file's own facet normals say nothing new) |
+//! | STL | [`stl`] | equal positions are welded; smooth up to 40° (the file's own facet normals are ignored, since they follow from the triangles) |
 //! | OFF | [`off`] | flat, as the programs that these files were made for show them |
 //! | Princeton `.ray` | [`ray`] | has normals |
 //!

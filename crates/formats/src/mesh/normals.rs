@@ -90,8 +90,8 @@ struct Facets<'a> {
     points: &'a [u32],
     smoothing: &'a [Smoothing],
     crease_cosine: f32,
-    /// Cosine of half the crease angle: normals this close to one of them are within the crease
-    /// angle of each other.
+    /// Cosine of half the crease angle: two normals that are both this close to a third are within
+    /// the crease angle of each other.
     half_cosine: f32,
 }
 

@@ -19,6 +19,17 @@ pub mod snell;
 mod testing;
 mod tokens;
 
+use snell_math::Rgb;
+
+/// Makes a scene dark whose file has lamps that are all off; otherwise it would be taken for one
+/// without light, and be lit by the default sky.
+fn keep_dark(scene: &mut ::snell_scene::Scene) {
+    let emits = scene.materials.iter().any(::snell_scene::Material::is_emissive);
+    if scene.lights.is_empty() && scene.environment.is_none() && !emits {
+        scene.environment = Some(::snell_scene::Environment::Constant(Rgb::BLACK));
+    }
+}
+
 /// The readers of scene files, in the order in which contents are tried.
 pub const READERS: &[crate::SceneReader] = &[
     snell::READER,

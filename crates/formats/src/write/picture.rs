@@ -29,8 +29,8 @@ pub enum Baked {
     Tinted(Rgb),
     /// Light: colours times a factor, always linear.
     Light(Rgb),
-    /// The colours of bodies that show the texture's colours, times `factor`, through a clear layer
-    /// of index `ior`.
+    /// The reflectances of a diffuse base that shows the texture's colours, times `factor`, when
+    /// seen through a clear layer of index `ior`.
     UnderCoat { factor: Rgb, ior: f32 },
     /// One channel, multiplied by a factor.
     Scaled { channel: u8, factor: f32 },
@@ -41,8 +41,8 @@ pub enum Baked {
 }
 
 impl Baked {
-    /// Reflectance of a body that shows the reflectance `seen` through a clear layer: the inverse
-    /// of the material "coated-diffuse".
+    /// Reflectance of a diffuse base that shows the reflectance `seen` when seen through a clear
+    /// layer: the inverse of the material "coated-diffuse".
     pub fn under_coat(seen: f32, ior: f32) -> f32 {
         let back = if ior > 1.0 {
             1.0 - (1.0 - fresnel::dielectric_average(ior)) / (ior * ior)

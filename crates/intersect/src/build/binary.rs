@@ -21,8 +21,8 @@ pub(super) const LEAF_COSTS: Costs = [0.0; 8];
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Choices(u32);
 
-/// The bits of a choice of `k` slots for the first child, by `k` and by the number of slots less
-/// one.
+/// `SHARES[k][slots - 1]` is the bits of [`Choices`] that give `k` of `slots` slots to the first
+/// child.
 const SHARES: [[u32; 8]; 8] = {
     let mut shares = [[0; 8]; 8];
     let mut k = 0;
@@ -38,8 +38,8 @@ const SHARES: [[u32; 8]; 8] = {
 };
 
 impl Choices {
-    /// One slot for the first child, the others for the second. (It has a bit that [`Self::best`]
-    /// never sets, and so is recognisable.)
+    /// One slot for the first child, the others for the second. (It sets a bit that [`Self::best`]
+    /// never sets, so it can be recognised.)
     const ONE: Self = Self(0o1_111_111_100);
 
     /// The number of slots that the first child gets of `slots`.
@@ -67,8 +67,8 @@ impl Choices {
             }
         }
         let mut choices = shares.iter().fold(0, |all, share| all | share);
-        // With one slot, the subtree is a wide node of its own. This, or the best result for fewer
-        // slots, may also be better with more slots.
+        // With one slot, the subtree is a wide node of its own. The best choice for fewer slots may
+        // also be the best for more slots.
         let mut costs = [f32::INFINITY; 8];
         costs[1] = half_area + least[7];
         for slots in 2..8 {
@@ -90,8 +90,8 @@ pub(super) struct BinaryNode {
     /// The index of the second child, or for a leaf the index of its first primitive.
     link: u32,
     high: [f32; 3],
-    /// Choices, or [`LEAF`] and a count (which is below the bits of choices, so that all of these
-    /// are 0).
+    /// The choices of an inner node, or [`LEAF`] plus the number of primitives of a leaf. That
+    /// number lies below the bits of choices, so a leaf reads as choices that are all 0.
     kind: u32,
 }
 
@@ -165,8 +165,8 @@ impl PartBuilder {
     }
 
     /// Computes the boxes of all nodes, and the costs of the part, from the boxes of leaves. `leaf`
-    /// is called for each leaf, from last to first, with the index of its first primitive and their
-    /// number.
+    /// is called for each leaf, from last to first, with the index of its first primitive and the
+    /// number of its primitives.
     pub fn complete(&mut self, mut leaf: impl FnMut(usize, usize) -> Box8) -> (Box8, Costs) {
         // Children come after their parents, so in this reverse order they come before: the
         // children of a node are the last two entries of `waiting`.

@@ -229,7 +229,7 @@ fn fill_with<L: Lanes8>(
     }
 }
 
-/// The size of the first part and, for both, the boxes around the doubled centres.
+/// The size of the first part, and for each of the two parts the box around its doubled centres.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Parts {
     pub first: usize,
@@ -272,8 +272,8 @@ fn part_with<L: Lanes8>(
     assert!(scratch.len() >= primitives.len(), "room for all");
     let mut first = 0;
     for i in 0..primitives.len() {
-        // Each primitive is written to its next place in both parts, of which one write is later
-        // overwritten; the second part goes to scratch memory first.
+        // Each primitive is written to the next place of both parts, and one of the two writes is
+        // later overwritten; the second part goes to scratch memory first.
         let p = L::load(token, &primitives[i].0.0);
         let is_first = plane.is_before(binning, primitives[i].center2());
         // SAFETY: `first <= i`, and `i - first`, the number of primitives in the second part so

@@ -7,9 +7,9 @@ use snell_math::{DVec3, Vec3};
 /// The boxes of both parts of a piece of a triangle, divided at `plane` on an axis; `None` for a
 /// side on which nothing of the triangle lies.
 ///
-/// Each is the box around the part of the triangle on that side, padded by more than the error of a
-/// hit along the triangle, and clipped to the box of the piece. So a ray that hits the triangle
-/// also hits the box of a piece around the hit.
+/// Each box holds the part of the triangle on that side, is padded by more than the error of a hit
+/// along the triangle, and is clipped to the box of the piece. So a ray that hits the triangle also
+/// hits the box of the piece in which the hit lies.
 pub(super) fn divided(
     piece: &Primitive,
     corners: &[Vec3; 3],

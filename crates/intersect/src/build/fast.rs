@@ -12,7 +12,8 @@ use crate::tree::storage::{Plain, Storage};
 use rayon::prelude::*;
 use snell_math::{Vec3, Vec4};
 
-/// The range of the largest size of a set that becomes one part of the tree, built by one thread.
+/// The least and the greatest value of the number of keys up to which a set becomes one part of the
+/// tree, built by one thread. (The number depends on how many keys and threads there are.)
 const PART: std::ops::RangeInclusive<usize> = 512..=4096;
 
 /// The Morton code of a primitive's centre, in 33 bits, above the number of the primitive in 31
@@ -56,7 +57,7 @@ impl Grid {
     #[inline(always)]
     fn key(&self, center2: Vec4, number: u32) -> Key {
         let x = (center2 - self.low) * self.scale;
-        // Rounded by adding `2^23`, so that the integer is in the low bits.
+        // Adding `2^23` rounds the coordinates, so that the integers are in the low bits.
         let x = (x - 0.5).max(Vec4::ZERO).min(Vec4::splat((CELLS_PER_AXIS - 1) as f32)) + 8388608.0;
         let cell = |x: f32| u64::from(SPREAD[(x.to_bits() & (CELLS_PER_AXIS - 1)) as usize]);
         Key((cell(x.x) << 2 | cell(x.y) << 1 | cell(x.z)) << NUMBER_BITS | u64::from(number))
@@ -203,8 +204,8 @@ const FETCHED: usize = 1 << 17;
 const FULL: usize = 32;
 
 /// The position at which to divide two or more sorted keys: between the halves of the smallest cell
-/// that contains all, or in the middle if all are in one cell. For small sets, the nearest position
-/// to that which needs no more blocks of eight than the undivided set.
+/// that contains all, or in the middle if all are in one cell. For small sets, the position nearest
+/// to this one at which the two parts need no more blocks of eight than the undivided set.
 #[inline]
 fn middle(keys: &[Key]) -> usize {
     let n = keys.len();

@@ -256,8 +256,9 @@ fn without_duplicates(pieces: &mut [Primitive]) -> usize {
 struct SpacePlane {
     axis: usize,
     at: f32,
-    /// The boxes of both parts; `counts` are the numbers of primitives that they would have.
+    /// The boxes of both parts.
     bounds: [Box8; 2],
+    /// The number of primitives that each part would have.
     counts: [usize; 2],
     /// The sum over both parts of half the area times the number of blocks.
     cost: f32,

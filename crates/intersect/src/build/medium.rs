@@ -8,7 +8,7 @@ use super::primitive::{Numbered, OBJECT};
 use rayon::join;
 use snell_math::simd::Wide;
 
-/// Sets up to this size become one part of the tree, built by one thread.
+/// Sets of up to this number of primitives become one part of the tree, built by one thread.
 pub(super) const PART: usize = 4096;
 
 /// Below this depth sets are halved instead of divided by cost, which limits the depth of trees to

@@ -23,11 +23,12 @@ const MIN_AREA: f32 = 1.0 / 32.0;
 /// If the rest were larger, most rays would come near it anyway.
 const MAX_REST: f32 = 0.5;
 
-/// The least number of other primitives. A group with fewer is suitable for a list as a whole, or
-/// nearly so.
+/// The least number of primitives that are not outliers. A group with fewer is small enough, or
+/// nearly so, to be searched as a list.
 const MIN_REST: usize = 64;
 
-/// Moves the outliers to the end. Returns the number of other primitives, and their extent.
+/// Moves the outliers to the end. Returns the number of other primitives and their extent. If
+/// outliers are not worth a separate treatment, all primitives count as others.
 pub(super) fn divide(primitives: &mut [Primitive], list: &GroupList) -> (usize, Extent) {
     let (all, extent) = (primitives.len(), Extent::of(primitives));
     let area = extent.bounds.half_area();
@@ -52,7 +53,7 @@ pub(super) fn divide(primitives: &mut [Primitive], list: &GroupList) -> (usize, 
     if large.is_empty() || large.len() > MAX_OUTLIERS || rest < MIN_REST {
         return (all, extent);
     }
-    // Starting with the last, so that no outlier still to be moved is overwritten.
+    // The last outlier is moved first, so that none that is still to be moved is overwritten.
     for (i, &from) in large.iter().rev().enumerate() {
         primitives.swap(from, all - 1 - i);
     }

@@ -159,8 +159,9 @@ const SAMPLES: usize = 1 << 14;
 /// The number of samples that one task handles.
 const SAMPLES_AT_ONCE: usize = 1 << 11;
 
-/// The largest and the least number of triangles that one task handles.
+/// The largest number of triangles that one task handles.
 pub(super) const CHUNK: usize = 1 << 14;
+/// The least number of triangles that one task handles.
 const LEAST_CHUNK: usize = 1 << 11;
 
 /// The number of triangles per task, of `count` in total: small enough to balance the threads.
@@ -173,8 +174,9 @@ fn ranges(count: usize, size: usize) -> impl Iterator<Item = Range<usize>> {
     (0..count).step_by(size).map(move |start| start..(start + size).min(count))
 }
 
-/// Each piece (size, used) has its used elements in front. Moves these elements together and
-/// returns their number.
+/// Moves the used elements of all pieces together, to the front. `pieces` has for each piece its
+/// size and the number of its used elements, which are at its front. Returns the number of all used
+/// elements.
 fn close_gaps<T: Copy>(items: &mut [T], pieces: &[(usize, usize)]) -> usize {
     let (mut from, mut to) = (0, 0);
     for &(size, used) in pieces {

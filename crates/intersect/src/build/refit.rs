@@ -1,6 +1,6 @@
-//! New boxes for a tree whose vertices have moved. The topology stays, so refitting is much faster
-//! than a build, and tracing becomes slower the more the vertices have moved relative to each
-//! other.
+//! New boxes for a tree whose vertices have moved. The topology of the tree stays, so refitting is
+//! much faster than a build, and tracing becomes slower the more the vertices have moved relative
+//! to each other.
 
 use super::primitive::Triangles;
 use crate::group::GroupList;

@@ -239,7 +239,7 @@ fn a_refitted_tree_finds_what_has_moved() {
                 }
             }
         }
-        // With a floor that is an outlier.
+        // The second mesh is a floor, whose triangles are outliers.
         let floor = |y: f32| {
             [[-900.0, y, -900.0], [900.0, y, -900.0], [900.0, y, 900.0], [-900.0, y, 900.0]]
         };
@@ -253,7 +253,7 @@ fn a_refitted_tree_finds_what_has_moved() {
             ..GroupList::default()
         };
         let refitted = old.trees[0].refit(&list(&after), &[]).expect("the same triangles");
-        // And moved back again.
+        // The meshes move back to their old positions.
         let back = refitted.refit(&list(&before), &[]).expect("the same triangles");
         assert!(back.nodes.len() == old.trees[0].nodes.len());
         world.structure = Structure::Bvh(Forest::of(vec![Arc::new(refitted)], &[0]));
@@ -350,7 +350,7 @@ fn a_cached_tree_is_the_same_and_a_damaged_file_is_replaced() {
 
 fn check_cached(compact: bool) {
     let folder = tempfile::tempdir().expect("a folder");
-    // With a floor that is an outlier.
+    // The second mesh is a floor, whose triangles are outliers.
     let corners = [
         [-900.0, -99.0, -900.0],
         [900.0, -99.0, -900.0],

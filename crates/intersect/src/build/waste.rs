@@ -41,8 +41,8 @@ fn waste(primitives: &[Primitive], triangles: &Triangles) -> f64 {
         let [a, b, c] = triangles.corners(p.id());
         f64::from((area - TYPICAL * 0.5 * (b - a).cross(c - a).length()).max(0.0) / all)
     };
-    // Pieces of the same size for any number of threads, added in order, so that the sum is the
-    // same.
+    // The pieces have the same size for any number of threads and are added in order, so that the
+    // sum is the same.
     let sums: Vec<f64> = primitives.par_chunks(CHUNK).map(|c| c.iter().map(of).sum()).collect();
     sums.iter().sum()
 }

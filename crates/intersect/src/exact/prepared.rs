@@ -19,18 +19,20 @@ pub(crate) const BOX_PADDING: f32 = 1.0e-6;
 /// The largest magnitude of the coordinates of ordinary boxes and origins.
 pub(crate) const MAX_COORDINATE: f32 = 1e12;
 
-/// Components of ordinary directions are zero, or have a magnitude from `MIN_SLOPE` to `MAX_SLOPE`;
-/// the largest magnitude must be at least `1 / MAX_SLOPE`.
+/// The smallest magnitude of a component of an ordinary direction that is not zero.
 const MIN_SLOPE: f32 = 1e-24;
+/// The largest magnitude of a component of an ordinary direction. The largest component must have a
+/// magnitude of at least `1 / MAX_SLOPE`.
 const MAX_SLOPE: f32 = 1e12;
 
 /// More than the ray parameter of any point on an ordinary ray inside a box, which is at most
 /// `2 MAX_COORDINATE MAX_SLOPE`.
 const BEYOND: f32 = 4e24;
 
-/// Replaces the inverse of zero (divided by the origin where that is above 1), so that planes
-/// parallel to the ray are at a distance of about [`BEYOND`], unless they are as close as `4e-13`
-/// (or the rounding error of the origin).
+/// Replaces the inverse of a direction component of 0, after division by the magnitude of the
+/// origin's coordinate where that is above 1. So planes parallel to the ray are at a distance of
+/// about [`BEYOND`] or more, unless they are as close to the origin as `4e-13` (or its rounding
+/// error).
 const PARALLEL: f32 = 1e37;
 
 /// An ordinary ray prepared for the kernels, in the coordinates of a group. (The data of the box

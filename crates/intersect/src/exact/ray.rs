@@ -107,7 +107,8 @@ impl LocalRay {
             exact: *exact,
             origin: [sides[0].origin, sides[1].origin, sides[2].origin],
             axes: Axes::BY_Z[if x_first { 0 } else { 2 - usize::from(y_first) }],
-            // Quotients, so that `f32` operands give the bits of a division in `f32`.
+            // The shears are quotients, so that `f32` operands give the bits of a division in
+            // `f32`.
             shear: [(pick(d.y, d.z, d.x) / z) as f32, (pick(d.z, d.x, d.y) / z) as f32],
             depth_scale: if usable { depth_scale } else { 0.0 },
             near_origin: [sides[0].near, sides[1].near, sides[2].near],

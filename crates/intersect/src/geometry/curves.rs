@@ -134,8 +134,9 @@ impl Capsule {
         Self { start, along, radius: radius.next_up() }
     }
 
-    /// True if the line of a ray certainly misses the capsule. The test compares its distance from
-    /// the nearest point of the capsule's segment, which is exact to rounding, with the radius.
+    /// True if the line of a ray certainly misses the capsule. The test compares the capsule's
+    /// radius with the distance between the line and the capsule's segment, which is exact to
+    /// rounding.
     #[inline]
     fn is_missed(&self, ray: &DRay) -> bool {
         let (start, along, radius) =
@@ -169,8 +170,9 @@ const MOST_HALVINGS: u32 = 3;
 /// Target ratio of a piece's length to its width, which [`MOST_HALVINGS`] may not suffice to reach.
 const SLENDER: f64 = 8.0;
 
-/// A hit on the round end of a segment is dropped only if it is inside the next segment by more
-/// than this sine of an angle at the joint: rays that hit both must not slip through between them.
+/// The sine of an angle. A hit on the round end of a segment is dropped only if it is inside the
+/// next segment by more than this angle, seen from the joint: rays that hit both ends must not slip
+/// through between them.
 const JOINT: f64 = 0.01;
 
 impl Curves {
@@ -328,7 +330,7 @@ impl Curves {
             self.tube(next).map(|(tube, _)| tube.0).or_else(|| self.bezier(next >> self.halvings));
         let Some(controls) = controls else { return false };
         let [c, d, _] = derivatives(&controls, start);
-        // The rate at which the distance to the ball shrinks on the way into that piece.
+        // Half the rate at which `|p - c|^2 - r^2` decreases per unit of `u`.
         let nearer = (position - c.truncate()).dot(d.truncate()) + c.w * d.w;
         nearer * sign > JOINT * c.w * d.truncate().length()
     }

@@ -20,7 +20,8 @@ pub(crate) fn between_keys(time: f32, keys: usize) -> (usize, f32) {
 /// and exact where they are equal.
 #[inline(always)]
 pub(crate) fn lerp(a: Vec3, b: Vec3, s: f32) -> Vec3 {
-    // Rounded products and a sum, never fused: a vertex has the same bits in all its triangles.
+    // The products are rounded and never fused with the sum: a vertex has the same bits in all its
+    // triangles.
     (a * (1.0 - s) + b * s).max(a.min(b)).min(a.max(b))
 }
 

@@ -1,9 +1,10 @@
 //! Balls, and the convex hull of two balls (a truncated cone tangent to two spheres), from which
 //! round curves are built.
 //!
-//! A ray is inside this solid along a single interval. Its ends are the first and the last of the
-//! crossings with both spheres and with the cone between the circles where it is tangent to them.
-//! So there is no seam between sphere and cone that a ray could slip through.
+//! A ray is inside the hull along a single interval. The ends of the interval are the first and the
+//! last of the crossings with both spheres and with the cone between the circles where the cone is
+//! tangent to the spheres. So there is no seam between sphere and cone that a ray could slip
+//! through.
 
 use snell_math::{Bounds3d, DRay, DVec3, Vec4, robust};
 
@@ -58,9 +59,9 @@ impl UnitRay {
         usable.then_some(Self { origin: ray.origin, direction: ray.direction * scale, scale })
     }
 
-    /// The point of the ray nearest to `point`, relative to `point`, and its length along the ray.
-    /// Calculations from there have rounding errors relative to the scale near the point, however
-    /// far away the origin is.
+    /// The point of the ray nearest to `point`, relative to `point`, and the length along the ray
+    /// up to it. Calculations from there have rounding errors relative to the scale near `point`,
+    /// however far away the origin is.
     #[inline]
     fn near(&self, point: DVec3) -> (DVec3, f64) {
         let o = self.origin - point;

@@ -218,7 +218,7 @@ impl Sweep {
     }
 
     /// The crossing, nearest to `z`, of the ball at an end of the curve (`u` is 0 or 1); `None` if
-    /// a neighbouring ball extends beyond it there.
+    /// a neighbouring ball extends beyond that ball there.
     fn on_end(&self, (z, u): (f64, f64)) -> Option<(f64, f64)> {
         let at = derivatives(&self.controls, u);
         let c = at[0];

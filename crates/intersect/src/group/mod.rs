@@ -269,8 +269,8 @@ fn is_finite(ray: &DRay) -> bool {
     ray.origin.is_finite() && ray.direction.is_finite()
 }
 
-/// How often one object is tested again after a hit that did not count. No built-in shape has as
-/// many crossings.
+/// The largest number of times that one object is tested for one ray. It is tested again, from the
+/// last hit on, as long as a later hit may count. No built-in shape has as many crossings.
 const MAX_CROSSINGS: usize = 64;
 
 /// Reports the hits on one shape, nearest first. `ray` is in the shape's coordinates. Returns true

@@ -33,7 +33,7 @@ impl Default for Mailbox {
 impl Mailbox {
     /// Empties the set for a new query.
     pub fn clear(&mut self) {
-        // Starts again long before the numbers are used up.
+        // The numbers start again from 0 long before they are used up.
         if self.last > u32::MAX / 2 {
             *self = Self::default();
         }

@@ -150,7 +150,7 @@ impl Grid {
     /// The Morton code of a point's cell; an arbitrary valid code if the point is not finite.
     #[inline(always)]
     fn cell(&self, point: Vec3) -> u16 {
-        // Rounds by adding a constant and taking the low bits, which needs no range checks.
+        // Adding this constant rounds a number and puts it in the low bits, without range checks.
         const TO_WHOLE: f32 = (1 << 23) as f32;
         let at = ((point - self.low) * self.scale).max(Vec3::ZERO).min(Vec3::splat(Self::LAST))
             + TO_WHOLE;

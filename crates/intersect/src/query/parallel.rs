@@ -22,9 +22,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// A multiple of the run length of coherent rays.
 const RUN: usize = 64;
 
-/// Limits of the number of rays in a piece. A piece is an eighth of a thread's share, so that all
-/// threads finish at about the same time. Large pieces of incoherent rays can be sorted.
+/// The least number of rays in a piece. A piece is an eighth of a thread's share, so that all
+/// threads finish at about the same time.
 const MIN_PIECE: usize = 4096;
+/// The largest number of rays in a piece: large enough that incoherent rays can be sorted.
 const MAX_PIECE: usize = 65536;
 
 /// The largest number of rays in a piece if the query can be cancelled: about 20 milliseconds of

@@ -56,7 +56,8 @@ macro_rules! searches {
                 self.search_into(rays, grouping, Any::new, Slice(blocked));
             }
 
-            // Inlined, because a single ray is so little work that nested calls cost time.
+            // The function is inlined, because a single ray is so little work that nested calls
+            // cost time.
             #[inline]
             pub fn closest_one(&self, ray: RayQuery<$precision>) -> HitOf<$precision> {
                 let mut search = Search::new(ray, &self.context, Closest::new(ray.ray));

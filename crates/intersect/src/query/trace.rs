@@ -19,7 +19,7 @@ pub struct TraceStep {
     pub region: Region,
     /// True if the node or cell holds primitives rather than other nodes.
     pub is_leaf: bool,
-    /// The number of instances entered on the way to it; 0 in the root group.
+    /// The number of instances entered on the way to this node or cell; 0 in the root group.
     pub level: u32,
     /// The number of primitives tested at this step.
     pub tested: u32,

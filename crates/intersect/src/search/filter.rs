@@ -44,7 +44,7 @@ impl<P: Precision> HitFilter<P> for AcceptAll {
 /// Properties of a geometry that decide whether hits on it count.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct GeometryOptions {
-    /// Only rays whose mask has a bit in common with this one hit it.
+    /// Only rays whose mask has a bit in common with this mask hit the geometry.
     pub mask: u32,
     /// True if the query's [`crate::HitFilter`] may reject hits.
     pub filtered: bool,

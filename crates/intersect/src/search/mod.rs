@@ -150,7 +150,8 @@ impl<'a, G: Goal> Search<'a, G> {
     }
 
     /// The padded limit: boxes that start beyond it can be skipped. A hit at a distance equal to
-    /// the limit is never beyond it, because it wins if its numbers are lower.
+    /// the limit may still be taken, if its (instance, geometry, primitive) is lower than that of
+    /// the nearest hit.
     #[inline(always)]
     pub fn cull(&self) -> f32 {
         padded(self.goal.limit().above())

@@ -83,7 +83,8 @@ impl BoxShape {
                 }
                 continue;
             }
-            // Divisions for the same reason as in [`slab`]: their signs and order are exact.
+            // These are divisions for the same reason as in [`slab`]: their signs and order are
+            // exact.
             let (at_low, at_high, lower) =
                 ((low - o[i]) / d[i], (high - o[i]) / d[i], 2 * i as u32);
             let is_forward = d[i] > 0.0;

@@ -106,8 +106,8 @@ impl Frustum {
     fn span_of_infinite_cone(&self, o: DVec3, d: DVec3) -> Option<Span> {
         let minor = robust::difference_of_products;
         let (p, d_across) = (DVec2::new(o.z, o.x), DVec2::new(d.z, d.x));
-        // Measured from the nearer end, so that a point on a rim gets exactly the radius of the
-        // rim.
+        // The radius is measured from the nearer end, so that a point on a rim gets exactly the
+        // radius of the rim.
         let r = if o.y < 0.0 {
             self.bottom_radius + self.slope() * (o.y + 0.5 * self.height)
         } else {

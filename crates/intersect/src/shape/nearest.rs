@@ -307,7 +307,8 @@ fn on_round<const N: usize>(g: [f64; N], q: [f64; N], radius: f64) -> [f64; N] {
     let m = high - g[least];
     let mut x: [f64; N] = std::array::from_fn(|i| part(i, m));
     let rest = radius * radius - (0..N).filter(|&i| i != least).map(|i| x[i] * x[i]).sum::<f64>();
-    // Computed from the length, because near the pole the quotient is inaccurate.
+    // The last coordinate is computed from the length, because near the pole the quotient is
+    // inaccurate.
     x[least] = rest.max(0.0).sqrt().copysign(q[least]);
     x
 }

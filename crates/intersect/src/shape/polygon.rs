@@ -24,9 +24,11 @@ pub struct Polygon {
     /// moved onto it.
     corners: Vec<DVec3>,
     normal: DVec3,
-    /// The corner where `uv` is 0; the derivatives of the position by `u` and `v` follow.
+    /// The corner where `uv` is 0.
     origin: DVec3,
+    /// The derivative of the position by `u`.
     dpdu: DVec3,
+    /// The derivative of the position by `v`.
     dpdv: DVec3,
 }
 
@@ -75,9 +77,9 @@ pub enum PolygonError {
             split it into triangles"
     )]
     NotPlanar {
-        /// The number of that vertex.
+        /// The number of the vertex.
         vertex: usize,
-        /// Its distance from the plane.
+        /// The distance of the vertex from the plane.
         distance: f64,
         /// The largest distance allowed: [`Polygon::TOLERANCE`] times the extent of the polygon.
         allowed: f64,

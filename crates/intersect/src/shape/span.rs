@@ -45,7 +45,8 @@ pub(super) fn slab(o: f64, d: f64, [low, high]: [f64; 2], faces: [u32; 2]) -> Op
             None
         };
     }
-    // Divisions rather than products with `1 / d`, because their signs and order are exact.
+    // These are divisions rather than products with `1 / d`, because their signs and order are
+    // exact.
     let (at_low, at_high) = ((low - o) / d, (high - o) / d);
     if d > 0.0 {
         Span::new(at_low, at_high, faces)
@@ -72,8 +73,9 @@ pub(super) fn accurate_cross(a: DVec3, b: DVec3) -> DVec3 {
 
 /// The direction of a ray times the power of two that brings its largest coordinate to `[1, 2)`,
 /// and that power. Squares of very long or short directions then neither overflow nor vanish, and
-/// the scaling is exact. A parameter along the scaled direction times the power is one along the
-/// ray. `None` for rays that hit nothing, because they are not finite or have no direction.
+/// the scaling is exact. A parameter along the scaled direction, multiplied by the power, is the
+/// parameter along the ray. `None` for rays that hit nothing, because they are not finite or have
+/// no direction.
 pub(super) fn scaled_direction(ray: &DRay) -> Option<(DVec3, f64)> {
     let largest = ray.direction.abs().max_element();
     if !ray.origin.is_finite() || !ray.direction.is_finite() || largest == 0.0 {

@@ -138,8 +138,8 @@ impl<'a> RaySpace<'a> {
 }
 
 /// True if the origin lies to the left of the edge from `p` to `q` (in x and y), decided exactly.
-/// If it lies on the edge, it counts as moved by (s, s^2) for an infinitesimal s > 0, so that
-/// exactly one of the two triangles at an edge contains it. `None` for an edge without length.
+/// An origin on the edge counts as moved by (s, s^2) for an infinitesimal s > 0, so that exactly
+/// one of the two triangles at an edge contains it. `None` for an edge without length.
 fn edge_side(p: DVec3, q: DVec3) -> Option<bool> {
     // Rounding is monotonic: if the rounded products differ, so do the exact ones. Otherwise their
     // rounding errors, which a fused operation gives exactly, decide.

@@ -62,8 +62,8 @@ pub(super) fn of_disk(metric: &Metric, point: DVec3, axis: usize, h: f64, radius
                 let along = linear * place(direction.perp(), 0.0);
                 let length = r.length();
                 let flow = string.cross(r).dot(along);
-                // The denominator is zero only at the far end of the string, where the rim never
-                // is.
+                // The denominator is zero only at the far end of the string, which the rim never
+                // reaches.
                 if flow == 0.0 { 0.0 } else { flow / (length * (length - string.dot(r))) }
             })
             .sum::<f64>()

@@ -65,8 +65,8 @@ impl TriangleBlock {
     #[inline]
     pub fn set_all(&mut self, corners: &[[Vec4; 8]; 3], ids: [u32; 8]) {
         for (vertex, [a, b, c, d, e, f, g, h]) in self.vertices.iter_mut().zip(*corners) {
-            // Transposed in registers: if numbers were written one by one, reading them as rows (in
-            // `padded_bounds`) would have to wait for the writes.
+            // The numbers are transposed in registers: if they were written one by one, reading
+            // them as rows (in `padded_bounds`) would have to wait for the writes.
             let (low, high) =
                 (Mat4::from_cols(a, b, c, d).transpose(), Mat4::from_cols(e, f, g, h).transpose());
             for (axis, row) in vertex.iter_mut().enumerate() {

@@ -77,8 +77,8 @@ impl Blocks {
         room: &'a mut MaybeUninit<TriangleBlock>,
     ) -> &'a TriangleBlock {
         self.check(number);
-        // SAFETY: the number was checked, and the lines that are read with a record follow it,
-        // whatever they contain.
+        // SAFETY: `check` has found `number` below `end`: it counts a plain block, or a line with
+        // `SPARE_LINES` more behind it, and no more is read whatever these contain.
         unsafe { self.at().block::<L>(token, number, room) }
     }
 
@@ -86,7 +86,8 @@ impl Blocks {
     #[inline(always)]
     pub fn corners(&self, number: usize, lane: usize) -> [[f32; 3]; 3] {
         self.check(number);
-        // SAFETY: as in `unpacked`.
+        // SAFETY: `check` has found `number` below `end`: it counts a plain block, or a line with
+        // `SPARE_LINES` more behind it.
         unsafe { self.at().corners(number, lane) }
     }
 
@@ -94,7 +95,8 @@ impl Blocks {
     #[inline(always)]
     pub fn id(&self, number: usize, lane: usize) -> u32 {
         self.check(number);
-        // SAFETY: as in `unpacked`.
+        // SAFETY: `check` has found `number` below `end`: it counts a plain block, or a line with
+        // `SPARE_LINES` more behind it.
         unsafe { self.at().id(number, lane) }
     }
 

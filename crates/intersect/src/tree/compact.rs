@@ -27,10 +27,11 @@ pub(crate) const SPARE_LINES: usize = 4;
 /// holds the corners of every triangle instead.
 const MOST_CORNERS: usize = 16;
 
-/// Offsets in a record, in 32-bit words: of the corner indices, of the corner coordinates, and of
-/// the corners in a record that holds all.
+/// The offset of the corner indices in a record, in 32-bit words.
 const NAMES: usize = 8;
+/// The offset of the corner coordinates in a record, in 32-bit words.
 const TABLE: usize = 11;
+/// The offset of the corners in a record that holds the corners of every triangle.
 const ALL: usize = 8;
 
 /// The number of lines of a record that holds the corners of every triangle.
@@ -178,7 +179,9 @@ impl BlocksAt {
         room: &mut MaybeUninit<TriangleBlock>,
     ) -> &TriangleBlock {
         let at = self.address(number);
-        // SAFETY: a block of this kind is there, by the caller's promise.
+        // SAFETY: the caller promises a block with this number. The stride gives its kind, since
+        // `lines` and `blocks` make these addresses: a record with `SPARE_LINES` behind it, or a
+        // `TriangleBlock`.
         unsafe {
             if self.is_compact() { unpacked::<L>(token, at.cast(), room) } else { &*at.cast() }
         }
@@ -190,7 +193,9 @@ impl BlocksAt {
     /// There must be a block with this number.
     #[inline(always)]
     pub unsafe fn corners(self, number: usize, lane: usize) -> [[f32; 3]; 3] {
-        // SAFETY: a block of this kind is there, by the caller's promise.
+        // SAFETY: the caller promises a block with this number. The stride gives its kind, since
+        // `lines` and `blocks` make these addresses: a record with `SPARE_LINES` behind it, or a
+        // `TriangleBlock`.
         unsafe {
             if self.is_compact() {
                 return corners_in(self.address(number).cast(), lane)
@@ -203,11 +208,11 @@ impl BlocksAt {
     /// The number within the group of the triangle in a lane.
     ///
     /// # Safety
-    /// There must be a block with this number, and the lane must be used.
+    /// There must be a block with this number. (The id means nothing if the lane is not used.)
     #[inline(always)]
     pub unsafe fn id(self, number: usize, lane: usize) -> u32 {
-        // SAFETY: a block of this kind is there, by the caller's promise; either form begins with
-        // the numbers of eight triangles.
+        // SAFETY: the caller promises a block with this number, whose kind the stride gives. Either
+        // kind begins with the numbers of eight triangles.
         unsafe {
             if self.is_compact() {
                 return self.address(number).cast::<u32>().add(lane & 7).read() & (MAX_ID - 1);
@@ -226,8 +231,9 @@ impl BlocksAt {
 #[inline(never)]
 unsafe fn corners_in(first: *const Line, lane: usize) -> [Vec4; 3] {
     let (record, lane) = (first.cast::<u32>(), lane & 7);
-    // SAFETY: indices are below 16, so the coordinates are in the record or in the lines that
-    // follow it by the caller's promise.
+    // SAFETY: the caller promises five lines, 80 numbers, from `first` on. `count` is at most 16
+    // and indices are below 16, so the last number that is read is 11 + 15 + 2 * 16 = 58; of a
+    // record that holds all corners, it is 8 + 48 + 7 + 16 = 79.
     unsafe {
         let corner = |x: usize, step: usize| {
             let float = |i: usize| f32::from_bits(record.add(i).read());
@@ -256,7 +262,8 @@ unsafe fn unpacked<L: Lanes8>(
 ) -> &TriangleBlock {
     token.run(
         #[inline(always)]
-        // SAFETY: the caller promises a record and the lines after it.
+        // SAFETY: the caller promises a record with `SPARE_LINES` behind it, which is what `unpack`
+        // asks for.
         move || unsafe { unpack::<L>(token, first, room) },
     )
 }
@@ -269,8 +276,9 @@ unsafe fn unpack<L: Lanes8>(
     first: *const Line,
     room: &mut MaybeUninit<TriangleBlock>,
 ) -> &TriangleBlock {
-    // SAFETY: indices are below 16, so nothing is read beyond four lines after the first, and these
-    // are there by the caller's promise. All of the block is written.
+    // SAFETY: the caller promises five lines, 80 numbers, from `first` on. `count` is at most 16,
+    // so the last number that is read is 11 + 2 * 16 + 15 = 58; of a record that holds all corners,
+    // it is 8 + 71 = 79. Both branches write all of the block.
     unsafe {
         let (record, block) = (first.cast::<u32>(), &mut *room.as_mut_ptr());
         block.ids = *record.cast();

@@ -38,6 +38,10 @@ pub(crate) enum CacheUse {
 }
 
 /// The tree of one group.
+///
+/// Kernels rely on the following without checks. `build` makes trees that way, and verifies it for
+/// trees in cache files: each reference leads to a node, a block or an object that the tree has,
+/// and no path from the root has more nodes than `depth`.
 #[derive(Debug)]
 pub(crate) struct GroupTree {
     /// The nodes in preorder, so that a subtree is a range of nodes and a range of blocks.

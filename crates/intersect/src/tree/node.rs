@@ -141,7 +141,7 @@ impl WideNode {
                 let side = |axis: usize| if octant >> axis & 1 == 1 { -1.0 } else { 1.0 };
                 // Unused slots give NaN and end up anywhere; they are never hit.
                 let bits = (x[slot] * side(0) + y[slot] * side(1) + z[slot]).to_bits() as i32;
-                // Integers in the same order as the numbers, with the slot in the low bits.
+                // These integers have the order of the numbers, with the slot in the low bits.
                 let ordered = bits ^ (bits >> 31 & i32::MAX);
                 *key = ordered & !7 | slot as i32;
             }

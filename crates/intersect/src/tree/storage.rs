@@ -64,9 +64,9 @@ enum Owner {
     Nothing,
 }
 
-// SAFETY: `Storage` owns plain values, like a `Vec`.
+// SAFETY: `Storage` alone owns its memory, like a `Vec`, and `Plain` values are `Send`.
 unsafe impl<T: Plain> Send for Storage<T> {}
-// SAFETY: `Storage` owns plain values, like a `Vec`.
+// SAFETY: `&Storage` gives out `&[T]` only, and `Plain` values are `Sync`.
 unsafe impl<T: Plain> Sync for Storage<T> {}
 
 impl<T: Plain> Storage<T> {
@@ -95,14 +95,16 @@ impl<T: Plain> Storage<T> {
 
     /// The values as they are in memory.
     pub fn bytes(&self) -> &[u8] {
-        // SAFETY: plain values have no padding, and all of them are readable.
+        // SAFETY: `self` derefs to a slice of the same memory, of which each byte is initialised:
+        // `Plain` values have no padding.
         unsafe { std::slice::from_raw_parts(self.start.as_ptr().cast(), size_of_val(&**self)) }
     }
 
     /// The values as they are in memory, for writing.
     pub fn bytes_mut(&mut self) -> &mut [u8] {
-        // SAFETY: plain values have no padding and accept any bits, and there is no other
-        // reference.
+        // SAFETY: `self` derefs to a slice of the same memory, without padding, to which `&mut
+        // self` is the only reference. Any bits are a `Plain` value, so whatever is written is
+        // valid.
         unsafe { std::slice::from_raw_parts_mut(self.start.as_ptr().cast(), size_of_val(&**self)) }
     }
 }
@@ -110,7 +112,8 @@ impl<T: Plain> Storage<T> {
 impl<T> Drop for Storage<T> {
     fn drop(&mut self) {
         match std::mem::replace(&mut self.owner, Owner::Nothing) {
-            // SAFETY: it was allocated with this layout; plain values need no drop.
+            // SAFETY: `unset`, the only constructor, has allocated the memory with this layout, for
+            // `Plain` values, which need no drop.
             Owner::Heap(layout) if layout.size() > 0 => unsafe {
                 dealloc(self.start.as_ptr().cast(), layout)
             },
@@ -125,15 +128,16 @@ impl<T> Deref for Storage<T> {
 
     #[inline(always)]
     fn deref(&self) -> &[T] {
-        // SAFETY: `start` leads to `len` values that live as long as `self`.
+        // SAFETY: `unset` has made memory for `len` aligned values at `start`: zeros or earlier
+        // contents, and any bits are a `Plain` value. Only `drop` frees it.
         unsafe { std::slice::from_raw_parts(self.start.as_ptr(), self.len) }
     }
 }
 
 impl<T> DerefMut for Storage<T> {
     fn deref_mut(&mut self) -> &mut [T] {
-        // SAFETY: `start` leads to `len` values that live as long as `self`, and there is no other
-        // reference.
+        // SAFETY: `deref` says why there are `len` values, and `&mut self` is the only reference to
+        // them.
         unsafe { std::slice::from_raw_parts_mut(self.start.as_ptr(), self.len) }
     }
 }

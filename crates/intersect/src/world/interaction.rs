@@ -309,7 +309,7 @@ pub(super) fn derivatives(p: &[DVec3; 3], uv: [DVec2; 3], normal: DVec3) -> (DVe
     let determinant = t1.perp_dot(t2);
     let dpdu = (e1 * t2.y - e2 * t1.y) / determinant;
     let dpdv = (e2 * t1.x - e1 * t2.x) / determinant;
-    // Both lie in the plane of the triangle and must span it.
+    // `dpdu` and `dpdv` lie in the plane of the triangle and must span it.
     let [u_scale, v_scale] = [1.0 / dpdu.length(), 1.0 / dpdv.length()];
     let has_length = |scale: f64| (scale > 0.0) & (scale < f64::INFINITY);
     let spans = (dpdu * u_scale).dot((dpdv * v_scale).cross(normal)).abs() > 1e-9;

@@ -1,9 +1,9 @@
 //! Geometries, groups and instances, with nested acceleration structures.
 //!
-//! A *group* holds triangle meshes (in the group's coordinates), analytic shapes (each with its own
-//! placement) and instances of other groups. Group 0 is the root, and its coordinates are those of
-//! the world. A group is stored once and its structure is built once, however often and deep the
-//! group is instanced.
+//! A *group* holds triangle meshes and sets of primitives (in the group's coordinates), analytic
+//! shapes (each with its own placement) and instances of other groups. Group 0 is the root, and its
+//! coordinates are those of the world. A group is stored once and its structure is built once,
+//! however often and deep the group is instanced.
 //!
 //! Each path from the root to a group is an *occurrence*. Occurrences are numbered depth first: the
 //! root is 0, then, for each instance in order of insertion, come the child and all occurrences
@@ -84,12 +84,13 @@ pub struct BuildOptions {
     pub accelerator_options: AcceleratorOptions,
     /// The quality of an [`AcceleratorKind::Bvh`]: build time against tracing speed.
     pub quality: Quality,
-    /// Whether an [`AcceleratorKind::Bvh`] stores vertices that triangles share only once. It then
-    /// takes about two thirds of the memory, and rays are somewhat slower. Hits do not change.
+    /// Whether an [`AcceleratorKind::Bvh`] stores each vertex that several triangles share only
+    /// once. It then takes about two thirds of the memory, and rays are somewhat slower. Hits do
+    /// not change.
     pub compact: bool,
     /// A folder in which the [`AcceleratorKind::Bvh`] of large groups (65,536 triangles and more)
-    /// is cached in files; the next build of the same group maps its file into memory. The folder
-    /// must be trusted, because hits are computed from its files. `None` disables the cache.
+    /// is cached in files; the next build of the same group reads its file. The folder must be
+    /// trusted, because hits are computed from its files. `None` disables the cache.
     pub cache: Option<PathBuf>,
     /// The SIMD instructions that the kernels use.
     pub simd: Level,

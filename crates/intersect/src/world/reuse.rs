@@ -56,8 +56,9 @@ pub struct Reuse {
 pub(super) struct Summary {
     /// Bounds in the geometry's own coordinates; empty for a set and for a mesh that moves.
     pub bounds: Bounds3d,
-    /// The number of triangles or primitives, and how many of them are degenerate.
+    /// The number of triangles or primitives.
     pub count: u64,
+    /// The number of degenerate triangles or primitives among `count`.
     pub skipped: u64,
     /// The cover of a mesh that is instanced; `None` if it was not requested.
     pub cover: Option<Cover>,

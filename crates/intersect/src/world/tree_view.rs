@@ -24,7 +24,7 @@ pub enum TreeChild {
     Node(u32),
     /// A leaf of triangles; see [`TreeView::triangles`].
     Triangles {
-        /// The number of its block.
+        /// The number of the block that holds the triangles.
         block: u32,
         /// The number of triangles in the block, from 1 to 8.
         count: u32,
@@ -52,8 +52,8 @@ impl TreeChild {
 pub struct TreeNode<'w>(&'w WideNode);
 
 impl<'w> TreeNode<'w> {
-    /// The bounds of all slots, by side (minimum, maximum), axis and slot. An empty slot has
-    /// infinite bounds.
+    /// The bounds of all slots, by side (minimum, maximum), axis and slot. The bounds of an empty
+    /// slot are inverted: a minimum of infinity and a maximum of minus infinity.
     pub fn planes(&self) -> &'w [[[f32; 8]; 3]; 2] {
         &self.0.bounds
     }

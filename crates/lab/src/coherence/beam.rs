@@ -177,7 +177,7 @@ impl<'w> BeamTracer<'w> {
                 self.walk.recycle(fragments);
             }
             Outcome::Crowded(inside) => {
-                // Divided into four, so that little work is wasted.
+                // The queries are divided into four parts, so that little work is wasted.
                 let halves = queries::divide(queries).map(|(a, b)| [a, b]);
                 for half in halves.into_iter().flatten() {
                     let parts = if half.len() > FEW_RAYS { queries::divide(half) } else { None };

@@ -25,7 +25,8 @@ const MANY_RAYS: usize = 64;
 pub struct PencilTracer<'w> {
     walk: Walk<'w>,
     tolerance: f64,
-    /// The number of rays that were answered by the matrix of a pencil.
+    /// The number of rays that were answered by the matrix of a pencil, or because their pencil
+    /// hits nothing.
     linear: u64,
 }
 
@@ -142,8 +143,8 @@ impl<'w> PencilTracer<'w> {
         }
     }
 
-    /// The single result that all rays of a window certainly share, if there is one; and the
-    /// entries at which traversals of parts of the window start.
+    /// The result that all rays of a window certainly share, or `None` if no common result is
+    /// certain; and the entries at which traversals of parts of the window start.
     fn sure(
         &mut self,
         view: &View,
@@ -182,7 +183,7 @@ impl<'w> PencilTracer<'w> {
             let is_before = |(other, of, common): &(Facet, Source, ConvexPolygon)| {
                 of == source || common.range(&facet.nearness.minus(&other.nearness)).0 > 0.0
             };
-            // In front of the start of every ray, so that all of them hit it.
+            // The facet is in front of the start of every ray, so that all of them hit it.
             let is_ahead = region.range(&facet.nearness).0 > farthest_start;
             covers(facet, &region) && is_ahead && met.iter().all(is_before)
         };

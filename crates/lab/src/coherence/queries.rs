@@ -69,7 +69,7 @@ pub(super) fn window(queries: &[Query]) -> Window {
     let (low, high, floor) = queries.iter().fold(start, |(low, high, floor), q| {
         (low.min(q.place), high.max(q.place), floor.min(q.floor))
     });
-    // Slightly enlarged, so that no query is on its edge, and that it has an interior.
+    // The window is slightly enlarged, so that no query is on its edge and it has an interior.
     let margin =
         (high - low).max_element() * 1e-6 + low.abs().max(high.abs()).max_element() * 1e-9 + 1e-12;
     Window { low: low - margin, high: high + margin, near: 0.0, floor }
@@ -79,7 +79,7 @@ pub(super) fn window(queries: &[Query]) -> Window {
 /// facet matters.
 pub(super) fn matters(queries: &[Query], facet: &Facet) -> bool {
     let (low, high) = facet.polygon.extent();
-    // Far more than rounding errors.
+    // The margin is far larger than rounding errors.
     let margin =
         (high - low).max_element() * 1e-6 + low.abs().max(high.abs()).max_element() * 1e-12;
     let (near_low, near_high) = (low - margin, high + margin);

@@ -64,7 +64,7 @@ fn soups() -> Vec<World> {
 
 const EYE: Vec3 = Vec3::new(0.4, 0.6, -1.5);
 
-/// The unit cube, seen from [`EYE`], as the unit square.
+/// A perspective view of the unit cube from [`EYE`].
 fn view() -> View {
     let corner = DVec3::new(-0.6, 0.6, 1.3);
     View::perspective(EYE.as_dvec3(), corner, DVec3::X * 1.2, DVec3::NEG_Y * 1.2)
@@ -210,8 +210,8 @@ fn coverage_of_known_polygons_is_exact() {
 
 #[test]
 fn crowds_that_no_division_thins_out_are_seen() {
-    // Sixty copies of one triangle, sixty that intersect in a line, and a fan of two hundred around
-    // a point.
+    // The mesh has sixty copies of one triangle, sixty triangles that intersect in a line, and a
+    // fan of two hundred triangles around a point.
     let mut mesh = TriangleMesh::default();
     let mut add = |corners: [Vec3; 3]| {
         let first = mesh.positions.len() as u32;
@@ -333,7 +333,7 @@ fn pencils_from_lights_give_the_shadows_of_rays() {
     }
 }
 
-/// A square that fills half of a cone, or the rest of it to the right of `x`.
+/// A rectangle covers half of each cone, and a larger rectangle behind it covers all of the cone.
 #[test]
 fn cones_are_covered_by_the_share_of_their_section() {
     let world = world_of(
@@ -352,7 +352,7 @@ fn cones_are_covered_by_the_share_of_their_section() {
         let last = hits.last().expect("covered");
         assert!((last.opacity - 1.0).abs() < 1e-12 && last.primitive.geometry == 1);
         assert!((last.distance - 7.0).abs() < 1e-9 && (hits[0].distance - 5.0).abs() < 1e-9);
-        // The depths up to 6, and the depths from 6 on.
+        // The limits of depth: up to 6, from 6 on, and from 8 on.
         assert!((tracer.trace(&cone, [0.0, 6.0]).opacity() - 0.5).abs() < 1e-12);
         assert!(tracer.trace(&cone, [6.0, 99.0]).hits.iter().all(|h| h.primitive.geometry == 1));
         assert!(tracer.trace(&cone, [8.0, 99.0]).hits.is_empty());
@@ -488,7 +488,7 @@ fn the_system_matrix_follows_rays_to_second_order_through_mirrors_and_glass() {
             Some(ratio) => assert!(pencil.refract(&surface, ratio)),
         }
         pencil.transfer(0.7);
-        // The system preserves areas in phase space, times the squared ratio of the indices.
+        // The system scales areas in phase space by the squared ratio of the indices of refraction.
         let expected = ratio.map_or(1.0, |r| r * r);
         assert!(
             (pencil.system().determinant() - expected).abs() < 1e-9,

@@ -14,16 +14,19 @@ pub struct View {
     rows: Rows,
     /// The common origin of all rays; `None` in a parallel projection.
     apex: Option<DVec3>,
-    /// Coefficients of the place: directions of rays from the apex, or origins of parallel rays.
+    /// The ray of the place (0, 0): its direction from the apex, or its origin in a parallel
+    /// projection.
     corner: DVec3,
+    /// The change of that vector with the x of the place.
     across: DVec3,
+    /// The change of that vector with the y of the place.
     down: DVec3,
     /// The direction of parallel rays.
     direction: DVec3,
 }
 
-/// Affine functions of points, each as coefficients: x and y times `depth`, nearness times `depth`,
-/// and `depth`.
+/// Affine functions of points, each given by its coefficients. The place is `x / depth` and `y /
+/// depth`, and the nearness of a point is `nearness / depth`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Rows {
     pub x: DVec4,

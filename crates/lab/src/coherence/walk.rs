@@ -257,7 +257,8 @@ impl<'w> Walk<'w> {
         }
     }
 
-    /// The root of an instance's tree; `None` if it is empty or flattened.
+    /// The root of an instance's tree; `None` if the object is not an instance that stands still,
+    /// if its group has no tree, or if the map into it is not finite.
     fn enter(&mut self, frame: u32, object: u32) -> Option<Entry> {
         let outer = &self.frames[frame as usize];
         let placed = self.tree.instance(outer.group, object)?;

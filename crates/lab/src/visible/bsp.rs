@@ -24,8 +24,9 @@ use snell_math::{DVec2, DVec3, rng};
 /// Distances below this, relative to the coordinates of plane and polygon, count as zero.
 const TOLERANCE: f64 = 1e-12;
 
-/// Number of polygons whose planes are tried, and of polygons on which planes are tried.
+/// Number of polygons whose planes are tried.
 const CANDIDATES: usize = 6;
+/// Number of polygons on which each plane is tried.
 const SAMPLE: usize = 48;
 
 /// The size of a set from which on it may be divided by an axis-aligned plane.
@@ -34,8 +35,8 @@ const LARGE: usize = 32;
 /// The cost of a cut, in units of the difference between the numbers of polygons on both sides.
 const CUT_COST: f64 = 6.0;
 
-/// The maximum number of parts of a tree: this many per triangle, this many in addition, and this
-/// many in total.
+/// The maximum number of parts of a tree: `min(MOST_PARTS[0] n + MOST_PARTS[1], MOST_PARTS[2])` for
+/// `n` triangles.
 const MOST_PARTS: [u64; 3] = [40, 2_000_000, 16_000_000];
 
 /// The index that stands for no child.
@@ -351,7 +352,7 @@ impl Mask {
         while row[end as usize] != end {
             end = row[end as usize];
         }
-        // Shortens the path for the next search.
+        // This shortens the path for the next search.
         let mut at = x;
         while at != end {
             at = std::mem::replace(&mut row[at as usize], end);

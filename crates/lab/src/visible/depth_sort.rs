@@ -1,21 +1,21 @@
 //! Depth sort, the painter's algorithm with all its tests (Newell, Newell and Sancha, A Solution to
 //! the Hidden Surface Problem, ACM Annual Conference 1972).
 //!
-//! Facets are sorted by their farthest point and painted from the back. Before the last facet of
-//! the list is painted, it is compared with the facets whose depths overlap its own. It may be
-//! painted before another facet if any of five tests succeeds:
+//! Facets are sorted by their farthest point and painted from the back. Before the last facet `p`
+//! of the list is painted, it is compared with each facet `q` whose depths overlap those of `p`.
+//! `p` may be painted before `q` if any of five tests succeeds:
 //!
-//! 1. their extents in x do not overlap,
-//! 2. nor those in y,
-//! 3. it is behind the plane of the other,
-//! 4. the other is in front of its plane,
+//! 1. the extents of `p` and `q` in x do not overlap,
+//! 2. their extents in y do not overlap,
+//! 3. `p` is behind the plane of `q`,
+//! 4. `q` is in front of the plane of `p`,
 //! 5. their outlines do not overlap.
 //!
-//! If no test succeeds, the other facet is tried first. If that one was tried before, the two
-//! overlap in a cycle or intersect, and one is cut by the plane of the other. Where the planes do
-//! not cut them (in a cycle of three or more, none of which reaches through the plane of its
-//! neighbour), it is cut along an edge of the other's outline. The number of cuts is limited; pairs
-//! that are still undecided after that are painted in list order, and counted.
+//! If no test succeeds, `q` is tried next, before `p`. If `q` was moved in this way before, `p` and
+//! `q` overlap in a cycle or intersect, and one is cut by the plane of the other. Where the planes
+//! do not cut them (in a cycle of three or more, none of which reaches through the plane of its
+//! neighbour), one is cut along an edge of the other's outline. The number of cuts is limited;
+//! pairs that are still undecided after that are painted in list order, and counted.
 
 use super::canvas::{Canvas, Seen};
 use super::facet::Edge;
@@ -23,10 +23,11 @@ use super::pieces::{self, CutNode, Divider, Drawn, LEAST, LEAST_PIXELS, WHOLE};
 use super::{Screen, VisibleError};
 use snell_math::DVec2;
 
-/// Maximum number of pairs compared by their extents, and the costs of a comparison by planes and
-/// by outlines in units of such pairs.
+/// Maximum number of pairs compared by their extents.
 const MOST_PAIRS: u64 = 1_500_000_000;
+/// The cost of a comparison by planes, in units of comparisons by extents.
 const PLANE_EFFORT: u64 = 12;
+/// The cost of a comparison by outlines, in units of comparisons by extents.
 const OUTLINE_EFFORT: u64 = 40;
 
 /// Maximum number of cuts per facet, on average.
@@ -234,7 +235,8 @@ impl Sort<'_> {
         }
     }
 
-    /// A divider that separates two parts in conflict. The flag is true if it cuts the first part.
+    /// A divider that separates two parts in conflict. The flag is true if the divider cuts the
+    /// first part, false if it cuts the second.
     fn divider(&self, p: &Part, q: &Part) -> Option<(bool, Divider)> {
         let plane = |part: &Part| {
             Divider::Plane(self.screen.facets[part.item as usize].nearness, part.item)

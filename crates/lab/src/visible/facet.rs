@@ -128,12 +128,14 @@ pub(super) struct Facet {
     pub nearness: Nearness,
     /// A bound on the rounding error of the nearness.
     pub slack: f64,
-    /// The columns and rows whose centres are within the facet's extent, as first and exclusive
-    /// end. Empty for a facet that lies between pixel centres.
+    /// The columns whose centres are within the facet's extent, as first and exclusive end. Empty
+    /// for a facet that lies between pixel centres.
     pub columns: [u32; 2],
+    /// The rows whose centres are within the facet's extent, as first and exclusive end.
     pub rows: [u32; 2],
-    /// The minimum and maximum nearness.
+    /// The minimum nearness.
     pub farthest: f64,
+    /// The maximum nearness.
     pub nearest: f64,
 }
 
@@ -238,8 +240,8 @@ impl Facet {
         [low, end]
     }
 
-    /// The distance in pixels by which a place is inside (positive) or outside the facet; outside
-    /// it is a lower bound.
+    /// The distance in pixels by which a place is inside (positive) or outside (negative) the
+    /// facet. For a place outside, it is a lower bound.
     pub fn inside(&self, p: DVec2) -> f64 {
         self.edges().iter().map(|edge| edge.inside(p)).fold(f64::INFINITY, f64::min)
     }

@@ -429,12 +429,14 @@ struct Cells {
     contours: u64,
     lines: Vec<Vec<u32>>,
     faces: Vec<Vec<u32>>,
-    /// The last line that visited a contour or face, so that each is visited once per line.
+    /// For each contour the last line that visited it, so that each is visited once per line.
     line_seen: Vec<u32>,
+    /// For each face the last line that visited it.
     face_seen: Vec<u32>,
     turn: u32,
-    /// The contents of the cells of the last line.
+    /// The contours in the cells of the last line.
     lines_met: Vec<u32>,
+    /// The faces in the cells of the last line.
     faces_met: Vec<u32>,
 }
 

@@ -32,6 +32,8 @@ pub(super) const LEAST: f64 = 16.0;
 
 /// Enlargement of outlines at lines, in pixels.
 const LINE_MARGIN: f64 = 1e-9;
+/// Edges of outlines shorter than this, in pixels, are ignored, and outlines that overlap by no
+/// more than this count as disjoint.
 pub(super) const LEAST_PIXELS: f64 = 1e-8;
 
 impl Divider {

@@ -101,7 +101,8 @@ impl Screen {
                 push(a);
             }
             if (a.z >= near) != (b.z >= near) {
-                // Ordered by depth, so that both triangles at this edge get the same point.
+                // The corners are ordered by depth, so that both triangles at this edge get the
+                // same point.
                 let (a, b) = if a.z < b.z { (a, b) } else { (b, a) };
                 let at = a + (b - a) * ((near - a.z) / (b.z - a.z));
                 push(DVec3::new(at.x, at.y, near));

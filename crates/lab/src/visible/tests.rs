@@ -69,12 +69,13 @@ fn is_exact(method: Method) -> bool {
 /// The required agreement of the methods.
 #[derive(Clone, Copy, PartialEq)]
 enum Demand {
-    /// The same picture. Methods that trace rays may differ in a few borderline pixels.
+    /// The pictures must be the same. Methods that trace rays may differ in a few borderline
+    /// pixels.
     Same,
-    /// The same picture, but centres are on edges or triangles coincide. Methods that trace rays
-    /// may differ in many pixels, all of them borderline.
+    /// The pictures must be the same, although centres of pixels are on edges or triangles
+    /// coincide. Methods that trace rays may differ in many pixels, all of them borderline.
     SameDespiteTies,
-    /// Differences in borderline pixels only.
+    /// The pictures may differ in borderline pixels only.
     SameUpToTies,
 }
 

@@ -39,7 +39,7 @@ pub enum Kind {
     RefractiveIndex,
     /// A point, a direction, or another vector of this many coordinates.
     Vector(usize),
-    /// This many numbers, some of which may be missing.
+    /// A list of this many numbers, some of which may be missing.
     Numbers(usize),
     /// A list of any length.
     List(&'static Kind),
@@ -194,7 +194,7 @@ pub fn plain(doc: &str) -> String {
         let Some((name, after)) = link.split_once("`]") else { break };
         let name = name.rsplit("::").next().unwrap_or(name);
         text += &format!("{before}`{name}`");
-        // Skips the target of a link, which stands in parentheses.
+        // The target of a link, which stands in parentheses, is skipped.
         let target = after.strip_prefix('(').and_then(|target| target.split_once(')'));
         rest = target.map_or(after, |(_, after)| after).to_string();
     }

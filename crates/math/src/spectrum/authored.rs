@@ -29,8 +29,9 @@ pub struct Spectrum(&'static Definition);
 #[derive(Debug, PartialEq)]
 struct Definition {
     kind: Kind,
-    /// The spectrum's values in RGB mode: its colour as light, and as a reflectance in white light.
+    /// The spectrum's value in RGB mode as light: the colour of that light.
     light: Rgb,
+    /// The spectrum's value in RGB mode as a reflectance: the colour of a surface in white light.
     reflectance: Rgb,
 }
 

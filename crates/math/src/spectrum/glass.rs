@@ -2,10 +2,11 @@
 
 use serde::{Deserialize, Serialize};
 
-/// The Fraunhofer lines d, F and C in nm. A single index of refraction is measured at d, and
-/// dispersion between F and C.
+/// The Fraunhofer line d in nm, at which a single index of refraction is measured.
 pub const LINE_D: f32 = 587.561_8;
+/// The Fraunhofer line F in nm. Dispersion is measured between F and C.
 const LINE_F: f32 = 486.132_7;
+/// The Fraunhofer line C in nm.
 const LINE_C: f32 = 656.272_5;
 
 /// An index of refraction.

@@ -76,7 +76,7 @@ impl SampledSpectrum {
     /// True if every lane is 0 (or negative zero).
     #[inline]
     pub fn is_black(self) -> bool {
-        // This form has no branches.
+        // Single `&`s compile to code without branches.
         let [a, b, c, d] = self.0;
         (a == 0.0) & (b == 0.0) & (c == 0.0) & (d == 0.0)
     }

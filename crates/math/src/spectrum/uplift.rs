@@ -124,8 +124,8 @@ struct Grid {
 
 static GRID: LazyLock<Grid> = LazyLock::new(Grid::new);
 
-/// Binary logarithm of the number of cached factors. A scene has few, and they are requested at
-/// every vertex.
+/// Binary logarithm of the number of cached factors. A scene has few different factors, and they
+/// are requested at every vertex.
 const RECENT_BITS: u32 = 6;
 
 thread_local! {
@@ -230,11 +230,13 @@ impl Grid {
     }
 }
 
-/// Spacing of the quadrature nodes in nm, and their number.
+/// Spacing of the quadrature nodes in nm.
 const STEP: usize = 5;
+/// Number of quadrature nodes.
 const NODES: usize = (LAMBDA_MAX - LAMBDA_MIN) as usize / STEP + 1;
-/// Number of nodes that are summed in parallel; the last group is padded with nodes of weight 0.
+/// Number of nodes that are summed in parallel.
 const SIDE_BY_SIDE: usize = 8;
+/// Number of groups of [`SIDE_BY_SIDE`] nodes; the last is padded with nodes of weight 0.
 const BUNDLES: usize = NODES.div_ceil(SIDE_BY_SIDE);
 
 /// Values at nodes that are summed in parallel.

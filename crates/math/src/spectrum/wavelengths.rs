@@ -20,11 +20,13 @@ pub struct SampledWavelengths {
     hero_only: bool,
 }
 
-/// Steepness of the density in 1/nm, and the wavelength of its maximum in nm.
+/// Steepness of the density in 1/nm.
 const STEEPNESS: f32 = 0.0072;
+/// The wavelength at which the density has its maximum, in nm.
 const PEAK: f32 = 538.0;
-/// `tanh(STEEPNESS (PEAK - LAMBDA_MIN))`, and its sum with `tanh(STEEPNESS (LAMBDA_MAX - PEAK))`.
+/// `tanh(STEEPNESS (PEAK - LAMBDA_MIN))`.
 const TANH_MIN: f32 = 0.856_910_6;
+/// The sum of [`TANH_MIN`] and `tanh(STEEPNESS (LAMBDA_MAX - PEAK))`.
 const TANH_RANGE: f32 = 1.827_495;
 
 /// `e^x` and `e^-x` at each whole nm, where `x` is twice the argument of the density.

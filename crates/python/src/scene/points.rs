@@ -256,8 +256,9 @@ impl Scene {
     }
 
     /// The distance of each point to the nearest surface, negative inside (see :meth:`occupancy`):
-    /// an array `(...)`. Where no surface is within `max_distance`, it is `max_distance` with the
-    /// sign. Parameters as for :meth:`closest_points`; the mask does not matter to the sign.
+    /// an array `(...)`. Where no surface is within `max_distance`, it is `max_distance`,
+    /// negative inside. Parameters are those of :meth:`closest_points`; the mask does not affect
+    /// the sign.
     ///
     /// Examples
     /// --------
@@ -300,8 +301,8 @@ impl Scene {
     }
 
     /// The generalised winding number of all surfaces around each point: an array `(...)` of
-    /// float64. 1 inside a closed surface, 0 outside, values between near open ones (accurate to
-    /// some hundredths next to large open surfaces).
+    /// float64. It is 1 inside a closed surface and 0 outside; near open surfaces it has other
+    /// values (accurate to some hundredths next to large ones).
     ///
     /// Examples
     /// --------

@@ -6,9 +6,9 @@ use super::vertices::{
     CarriedColumns, CarriedLanes, MarkLanes, RayColumns, Roulette, UNMARKED, VertexLanes,
 };
 use crate::integrator::carried::{Expected, Marks};
-use crate::integrator::guided::unknown_survival;
 use crate::integrator::light_sample::WeightedLight;
 use crate::integrator::path::SCATTERED_SPREAD;
+use crate::integrator::roulette::unknown_survival;
 use crate::lanes::{BLACK, HitColors, LANES, NOUGHTS, color_at, put_color};
 use crate::light_sampler::ChosenLight;
 use snell_intersect::triangles::{HitLanes, HitVectors};
@@ -167,8 +167,8 @@ impl DirectLight {
         }
     }
 
-    /// Samples the lights that [`LightSamples`] does not handle, for the first `count` lanes, by
-    /// `sample` with the random numbers `u`.
+    /// Samples lights for the first `count` lanes by calling `sample` with the random numbers `u`,
+    /// where [`LightSamples`] does not handle the chosen light.
     pub fn sample_alone(
         &mut self,
         count: usize,

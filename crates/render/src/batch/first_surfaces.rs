@@ -10,7 +10,7 @@ use snell_intersect::{Hit, SphereHits, TriangleHits, TrianglePoints};
 use snell_math::simd::Wide;
 use snell_math::{ColorMode, Ray, Rgb, Vec2};
 
-/// Looks up the first surfaces for AOVs where these are plain, at most [`LANES`] at once.
+/// Looks up first surfaces on plain meshes and shapes for AOVs, for at most [`LANES`] rays at once.
 #[derive(Debug)]
 pub struct FirstSurfaces<'a> {
     needs: SurfaceNeeds,
@@ -134,7 +134,7 @@ mod tests {
                     scene.materials.iter_mut().enumerate().filter(|(_, m)| !m.is_emissive())
                 {
                     material.kind = kinds[(first + i) % kinds.len()].clone();
-                    material.normal_map = (i % 5 == 4).then_some(NormalMap { texture, scale: 0.3 });
+                    material.normal_map = (i % 5 == 4).then_some(NormalMap::new(texture, 0.3));
                 }
                 first += 3;
                 let settings = Settings {

@@ -6,9 +6,9 @@ use super::lights::{LightArrivals, LightSamples, MediumPoints};
 use super::vertices::{CarriedLanes, RayColumns, Roulette, VertexLanes};
 use super::{Batch, BatchShader, Shaded};
 use crate::integrator::estimators::Arrival;
-use crate::integrator::guided::unknown_survival;
 use crate::integrator::light_part::LobeShares;
 use crate::integrator::light_sample::weighted_sample;
+use crate::integrator::roulette::unknown_survival;
 use crate::integrator::{Context, MediumVertex, dimension};
 use crate::lanes::{ENDLESS, HitColors, LANES, ZERO, at, at_level_by_color, color_at, put};
 use crate::light_sampler::Receivers;
@@ -28,10 +28,11 @@ pub struct MediumShader {
     bounces: Bounces,
 }
 
-/// The next directions of paths, and the densities of these directions.
+/// The next directions of paths.
 #[derive(Debug)]
 struct Bounces {
     wi: HitVectors,
+    /// Density per steradian of each direction.
     pdf: HitLanes,
 }
 

@@ -54,3 +54,19 @@ fn parts_of_the_light_are_the_bits_of_one_vertex_at_a_time() {
         }
     }
 }
+
+#[test]
+fn lamps_that_are_not_visible_and_any_roulette_give_the_bits_of_one_at_a_time() {
+    for (visible, roulette_depth) in [(false, None), (false, Some(0)), (true, Some(9))] {
+        let mut scene = builtin("cornell-box").expect("the scene is built in");
+        for lamp in scene.materials.iter_mut().filter(|material| material.is_emissive()) {
+            lamp.visible = visible;
+        }
+        for integrator in [IntegratorKind::Direct, IntegratorKind::Path] {
+            let how = Settings { size: [32, 24], spp: 4, integrator, ..Settings::default() };
+            let settings = Settings { max_depth: 9, roulette_depth, ..how };
+            let picture = assert_same_at_every_level(&scene, &Moving::default(), &settings);
+            assert!(picture.iter().step_by(4).any(|&x| x > 0.1));
+        }
+    }
+}

@@ -24,8 +24,9 @@ pub const UNMARKED: MarkLanes = [Marks::NONE; LANES];
 /// arbitrary values.
 #[derive(Debug)]
 pub struct VertexLanes {
-    /// The number of each lane's path, and how many lanes are in use.
+    /// The number of each lane's path.
     paths: [u32; LANES],
+    /// The number of lanes in use.
     count: usize,
     triangles: TriangleHits,
     spheres: SphereHits,
@@ -38,12 +39,14 @@ pub struct VertexLanes {
     /// Unit directions towards the rays' origins.
     pub wo: HitVectors,
     /// The lift of each point ([`crate::integrator::estimators::Skin::lift`]), once
-    /// [`Self::place_lifts`] has computed it. All are zero while `has_lifts` is false.
+    /// [`Self::place_lifts`] has computed it.
     pub lift: HitVectors,
+    /// False if all lifts are zero.
     has_lifts: bool,
     pub carried: CarriedLanes,
-    /// What the channels of each path stand for, and the time of each ray.
+    /// What the channels of each path stand for.
     pub modes: [ColorMode; LANES],
+    /// The time of each ray, from 0 to 1.
     pub times: HitLanes,
     pub randoms: BatchRandoms<LANES>,
     pub wide: Option<Wide>,
@@ -52,7 +55,7 @@ pub struct VertexLanes {
 /// The columns of the fields of [`Carried`] that batches need.
 #[derive(Debug)]
 pub struct CarriedLanes {
-    /// The throughput, by color channel.
+    /// The throughput, by colour channel.
     pub throughput: HitColors,
     pub eta_scale: HitLanes,
     /// The width of the ray cone at the vertex.
@@ -316,7 +319,7 @@ impl RayColumns<'_> {
 /// values.
 #[derive(Clone, Copy, Debug)]
 pub struct CarriedColumns<'a> {
-    /// The throughput, by color channel.
+    /// The throughput, by colour channel.
     pub throughput: &'a HitColors,
     pub eta_scale: &'a HitLanes,
     pub cone_width: &'a HitLanes,

@@ -11,7 +11,7 @@ use snell_scene::light::area::{AreaLight, EmissiveGeometry, MovingAreaLight};
 use snell_scene::light::environment::EnvironmentLight;
 use snell_scene::light::punctual::PunctualLight;
 use snell_scene::light::{LightBounds, LightSample};
-use snell_scene::material::ShadingPoint;
+use snell_scene::material::{AlphaMode, ShadingPoint};
 use snell_scene::medium::Glow;
 use snell_scene::{Light, Material, MaterialId, MediumId, Scene, TextureSet};
 use std::collections::HashMap;
@@ -338,7 +338,8 @@ impl LightTable {
         let points = match (emitting.varies, light.part_count()) {
             (false, _) => 1,
             (true, 257..) => 2,
-            (true, _) => 16,
+            (true, 9..) => 16,
+            (true, _) => 64,
         };
         let light = light.measured(points, |surface, width| {
             let point = ShadingPoint {
@@ -348,8 +349,9 @@ impl LightTable {
                 mode: ColorMode::Rgb,
                 outside_ior: 1.0,
             };
-            let emitted = material(surface.primitive).emitted(&point, surface.geometric_normal);
-            ColorMode::Rgb.to_rgb(emitted).luminance()
+            let material = material(surface.primitive);
+            let emitted = material.emitted(&point, surface.geometric_normal);
+            ColorMode::Rgb.to_rgb(emitted).luminance() * material.opacity(&point)
         });
         let sides = if emitting.both_sides { 2.0 } else { 1.0 };
         let power = light.area() * PI * sides * light.mean_radiance();
@@ -426,7 +428,10 @@ impl Emitting {
         materials.fold(Self::default(), |all, m| Self {
             any: true,
             both_sides: all.both_sides || m.emits_on_both_sides,
-            varies: all.varies || m.emission.texture.is_some() || m.emission_takes_vertex_color,
+            varies: all.varies
+                || m.emission.texture.is_some()
+                || m.emission_takes_vertex_color
+                || m.alpha_mode != AlphaMode::Opaque,
         })
     }
 }

@@ -367,7 +367,7 @@ impl HitFilter for CompiledScene {
 
     fn accept_at(&self, ray: &Ray, time: f32, hit: &Hit) -> bool {
         let material = self.material(self.material_id(hit));
-        if material.is_interface() {
+        if material.is_interface() || !material.visible {
             return false;
         }
         if material.alpha_mode == AlphaMode::Opaque {

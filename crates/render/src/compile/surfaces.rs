@@ -407,8 +407,8 @@ impl Compiler<'_> {
         }
     }
 
-    /// Curves stay in their own coordinates, in which they are round. Elsewhere they are added as
-    /// instances.
+    /// Adds curves. They stay in their own coordinates, in which they are round, so they become an
+    /// instance unless `placed` is the identity.
     fn add_curves(
         &mut self,
         curves: &Arc<Curves>,

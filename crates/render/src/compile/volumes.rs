@@ -20,7 +20,7 @@ pub struct VolumeTable {
     pub sees_all: bool,
     /// True if priorities may hide surfaces inside of other interiors.
     pub has_priorities: bool,
-    /// The lights for equiangular sampling; `None` if no light has a place.
+    /// The lights for equiangular sampling; `None` if all lights are at infinity.
     pub equiangular_lights: Option<EquiangularLights>,
 }
 
@@ -28,12 +28,12 @@ pub struct VolumeTable {
 #[derive(Debug)]
 pub struct EquiangularLights {
     table: LightTable,
-    /// The place of each light; `None` for lights at infinity.
+    /// The place of each light, as equiangular sampling needs it; `None` for lights at infinity.
     equiangular_lights: Vec<Option<EquiangularLight>>,
 }
 
 impl EquiangularLights {
-    /// Collects the places of the lights; `None` if no light has one.
+    /// Collects the places of the lights; `None` if all are at infinity.
     pub fn new(lights: &[LightSummary]) -> Option<Self> {
         let equiangular_light = |light: &LightSummary| {
             let bounds = light.parts.iter().map(|part| part.bounds).reduce(|a, b| a.union(&b))?;

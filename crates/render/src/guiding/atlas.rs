@@ -17,9 +17,9 @@ pub struct Brief {
     /// The first table of the region's density, marked with [`TABLE`]; 0, which stands for a
     /// density of 0, if the region is not trained.
     table: u32,
-    /// The position of the region's parts in [`Atlas::starts`] (see [`Density`]), and the number of
-    /// parts.
+    /// The position of the region's parts in [`Atlas::starts`]; see [`Density`].
     starts: u32,
+    /// The number of the region's parts.
     parts: u32,
     /// See [`super::Cell`] for this field and the next.
     pub bsdf_share: f32,
@@ -43,10 +43,11 @@ pub struct Atlas {
     /// The tables of all densities. Each table covers 4 x 4 squares, and each entry is a density
     /// per steradian or the number of a further table.
     tables: Vec<[u32; 16]>,
-    /// The first quad of each part, the cumulative probabilities of the quads (both like the fields
-    /// of [`Density`]), and the quads' corners and sizes.
+    /// The first quad of each part; see [`Density`].
     starts: Vec<u32>,
+    /// The cumulative probabilities of the quads; see [`Density`].
     ends: Vec<u32>,
+    /// The corner (x, y) and the size of each quad.
     quads: Vec<[f32; 3]>,
 }
 

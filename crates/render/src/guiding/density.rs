@@ -34,8 +34,8 @@ pub struct Density {
     quads: Vec<Quad>,
     /// The probability of the quads up to and including each, in units of `2^-DIGITS`.
     ends: Vec<u32>,
-    /// `[0, 1)` is divided into equal parts, as many as a power of two. For each part, this is the
-    /// quad in which it begins.
+    /// `[0, 1)` is divided into equal parts, whose number is a power of two. For each part, this is
+    /// the quad in which the part begins.
     starts: Vec<u16>,
     /// What lies in each of 4 x 4 squares, row by row: the number of a quad (marked with [`QUAD`])
     /// or of a further table.

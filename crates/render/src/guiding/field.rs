@@ -19,7 +19,7 @@ use snell_math::{Vec2, Vec3, rng};
 const MAX_CELLS: usize = 1 << 14;
 /// The largest number of times that the scene's box is halved for a region.
 const MAX_DEPTH: u32 = 48;
-/// The previous state of a region counts like this many new records of equal light.
+/// The weight of a region's previous state, as a number of new records of equal light.
 const TRUST: f64 = 16.0;
 /// With fewer effective records than this, a region stays untrained.
 const MIN_RECORDS: f64 = 4.0;
@@ -45,9 +45,9 @@ pub struct Cell {
     records: u32,
     /// Sums over the light gathered by direction in this pass.
     gathered: Weights,
-    /// Sums over the light found by all records of this pass, and the part of it that BSDF samples
-    /// would have found.
+    /// Sums over the light found by all records of this pass.
     found: Weights,
+    /// The part of the light in `found` that BSDF samples would have found.
     found_by_bsdf: f64,
 }
 

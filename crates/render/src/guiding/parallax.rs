@@ -1,9 +1,9 @@
 //! Parallax: the direction to a light depends on the position in a region. A lamp, or its image in
 //! a lens, is at one point of space, so directions are stored as seen from one point of the region
 //! and reprojected for all other points (Ruppert, Herholz and Lensch, Robust fitting of
-//! parallax-aware mixtures for path guiding, 2020). That paper uses the distances of first hits.
-//! Behind glass these are not the distances of the light, and an image may even be behind the
-//! viewer. This module therefore estimates the distance from the directions themselves.
+//! parallax-aware mixtures for path guiding, 2020). That paper takes the distance from the first
+//! hit. Behind glass the light is farther away than the first hit, and an image may even lie behind
+//! the viewer. This module therefore estimates the distance from the directions themselves.
 
 use super::directional::square_from_direction;
 use super::record::Record;
@@ -19,11 +19,11 @@ const SIDE: usize = 64;
 const DISTANCES: i32 = 10;
 /// The smallest number of records for an estimate, and the largest number that is used.
 const RECORDS: std::ops::RangeInclusive<usize> = 32..=1024;
-/// A distance is accepted only if it concentrates directions this many times more than infinite
-/// distance does.
+/// A distance is accepted only if its [`togetherness`](Parallax::togetherness) is more than this
+/// many times that of infinite distance, plus [`NOISE`].
 const LEAST_GAIN: f32 = 1.2;
-/// The concentration must exceed that by this much more, in units of the records' own
-/// contributions, so that it is not due to chance.
+/// The margin added to that threshold so that chance does not pass it, in units of the sum of the
+/// squared light of all records.
 const NOISE: f32 = 0.1;
 
 /// How the directions to the light change within a region.
@@ -36,7 +36,8 @@ pub struct Parallax {
 }
 
 impl Parallax {
-    /// The parallax that concentrates the recorded directions most; none with too few records.
+    /// The parallax that concentrates the recorded directions most. Without parallax, if there are
+    /// too few records or no distance concentrates the directions enough.
     pub fn of(records: &[Record]) -> Self {
         if records.len() < *RECORDS.start() {
             return Self::default();

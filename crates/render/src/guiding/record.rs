@@ -44,8 +44,9 @@ pub struct Choice {
 struct Open {
     choice: Choice,
     sample: u32,
-    /// The path's throughput before and after this bounce.
+    /// The path's throughput before the bounce.
     before: SampledSpectrum,
+    /// The path's throughput after the bounce.
     after: SampledSpectrum,
     /// The light that the path had collected before it found any from this direction.
     collected: SampledSpectrum,

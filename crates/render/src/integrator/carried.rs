@@ -56,12 +56,13 @@ impl Marks {
     }
 }
 
-/// A non-negative number with about three significant decimal digits, in 16 bits.
+/// A non-negative number with about two significant decimal digits, in 16 bits: the upper half of
+/// an `f32`.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Expected(u16);
 
 impl Expected {
-    /// Stores a number, rounded down.
+    /// Stores a non-negative number, rounded down.
     #[inline(always)]
     pub fn of(x: f32) -> Self {
         Self((x.to_bits() >> 16) as u16)

@@ -46,7 +46,7 @@ pub struct IncidentLight {
     pub direction: Vec3,
     /// Incident radiance, or irradiance for delta lights.
     pub radiance: SampledSpectrum,
-    /// Density per steradian; 1 for delta lights.
+    /// Density per steradian; 1 for lights without a surface.
     pub pdf: f32,
     /// True if no BSDF sample can find this light.
     pub is_delta: bool,
@@ -364,8 +364,8 @@ fn from_surface(context: &Context, at: &Arrival, sample: DirectedSample) -> Opti
     let point = scene.shading_point(&sample.surface, 0.0, at.mode);
     // A ray hits a partly transparent lamp only with this probability, and the shadow ray ends
     // before it.
-    let presence = material.presence(direction, &point);
-    let radiance = material.emitted(&point, -direction) * presence;
+    let share = material.emitting_share(direction, &point);
+    let radiance = material.emitted(&point, -direction) * share;
     if radiance.is_black() || !pdf.is_finite() || pdf <= 0.0 {
         return None;
     }
@@ -377,7 +377,7 @@ fn from_surface(context: &Context, at: &Arrival, sample: DirectedSample) -> Opti
         direction,
         radiance,
         pdf,
-        is_delta: false,
+        is_delta: !material.visible,
         source,
         shadow_ray,
         glowing: None,

@@ -2,10 +2,10 @@
 //! guiding field.
 
 use super::carried::Expected;
+use super::roulette::{expected_survival, unknown_survival};
 use crate::guiding::{Cell, Choice, Field, Guide};
 use crate::light_sampler::Receiver;
 use snell_math::rng::ONE_MINUS_EPSILON;
-use snell_math::simd::{max, min};
 use snell_math::{SampledSpectrum, Vec2, Vec3};
 use snell_scene::bsdf::BsdfSample;
 use snell_scene::material::ShadingBsdf;
@@ -15,31 +15,6 @@ use snell_scene::material::ShadingBsdf;
 pub fn mixed_pdf(bsdf_share: f32, bsdf_pdf: f32, density: f32) -> f32 {
     bsdf_share * bsdf_pdf + (1.0 - bsdf_share) * density
 }
-
-/// The survival weight of a path where the field is trained, and [`super::PathState::expected`] of
-/// its next ray. The expected contribution of the path is compared with the first such value, so
-/// that paths on their way to light survive, however small their throughput is, since many were
-/// sent there (Vorba and Křivánek, Adjoint-driven Russian roulette and splitting in light transport
-/// simulation, 2016).
-#[inline(always)]
-pub fn expected_survival(expected: f32, first: f32) -> (f32, f32) {
-    let first = if first > 0.0 { first } else { expected };
-    (min(max(expected / first * WINDOW, LEAST_SURVIVAL), 1.0), first)
-}
-
-/// The survival weight of a path where the field is not trained: the largest channel of its
-/// throughput, without the scaling by refraction. Most of a path's contribution often comes from a
-/// single event, as through frosted glass to a lamp; so paths that lost little are not ended.
-#[inline(always)]
-pub fn unknown_survival(throughput: f32) -> f32 {
-    throughput * WINDOW
-}
-
-/// Paths undergo roulette if their expected contribution is this many times less than the first
-/// one.
-const WINDOW: f32 = 2.0;
-/// The field may be wrong.
-const LEAST_SURVIVAL: f32 = 0.2;
 
 /// A BSDF and the field's cell that helps it to find light.
 pub struct GuidedBsdf<'a> {
@@ -119,12 +94,12 @@ impl<'a> GuidedBsdf<'a> {
         (pdf > 0.0).then_some(BsdfSample { wi, weight, pdf, is_delta: false, is_transmission })
     }
 
-    /// The survival weight of a path for Russian roulette. Without guiding it is the `next`
-    /// throughput. The throughput of a guided path is small where much light is expected, because
-    /// many paths go there; so its weight is the expected light (see [`expected_survival`]), or
-    /// where the field is not trained, the absorption of this bounce. `crossing` is
-    /// [`ShadingBsdf::crossing_scale`] of the sample. Takes [`super::PathState::expected`] of this
-    /// ray and also returns that of the next.
+    /// The survival weight of a path for Russian roulette. Without guiding it is that of the `next`
+    /// throughput (see [`unknown_survival`]). The throughput of a guided path is small where much
+    /// light is expected, because many paths go there; so its weight is the expected light (see
+    /// [`expected_survival`]), or where the field is not trained, the share of light that this
+    /// bounce keeps. `crossing` is [`ShadingBsdf::crossing_scale`] of the sample. Takes
+    /// [`super::PathState::expected`] of this ray and also returns that of the next.
     pub fn survival(
         &self,
         wo: Vec3,

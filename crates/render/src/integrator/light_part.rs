@@ -62,7 +62,7 @@ pub struct LightPart {
 }
 
 impl LightPart {
-    /// The fraction of some light that belongs to the part, by lane.
+    /// The fraction of light with this classification that belongs to the part, by lane.
     pub fn share(&self, light: &LightTag) -> SampledSpectrum {
         let fits = self.scatterings.is_none_or(|s| s == light.scatterings)
             && self.group.is_none_or(|g| g == light.group);

@@ -16,6 +16,7 @@ mod kinds;
 pub mod light_part;
 pub(crate) mod light_sample;
 pub(crate) mod path;
+pub(crate) mod roulette;
 pub(crate) mod scattering;
 #[cfg(test)]
 mod tests;
@@ -65,17 +66,10 @@ impl Context<'_> {
     /// hard to find; under a uniform sky, where it causes nearly all noise, it is twice as bad.)
     pub(crate) fn roulette(&self, depth: u32) -> Option<f32> {
         let begins_late = self.field.is_none() && self.scene.is_evenly_lit();
-        match depth {
-            0 => None,
-            1..LATE_ROULETTE => (!begins_late).then_some(1.0),
-            _ => Some(MAX_SURVIVAL),
-        }
+        let usual = if begins_late { roulette::LATE } else { roulette::EARLY };
+        roulette::most_survival(self.settings.roulette_depth.unwrap_or(usual), depth)
     }
 }
-
-/// From this depth on every path undergoes Russian roulette, so that it ends.
-const LATE_ROULETTE: u32 = 4;
-const MAX_SURVIVAL: f32 = 0.98;
 
 /// The state of a path between vertices. It depends on (pixel, sample, seed) alone.
 #[derive(Clone, Copy, Debug)]
@@ -247,7 +241,7 @@ pub(crate) mod dimension {
     pub const MEDIUM: u32 = 5;
     pub const GUIDE: u32 = 6;
     /// The first dimension for integrators that sample every light. Each further light has the next
-    /// one.
+    /// one; after 200 lights the dimensions repeat.
     pub const LIGHTS: u32 = 8;
 }
 

@@ -72,9 +72,11 @@ pub(crate) fn shining(
     surface: &SurfaceVertex,
     point: &ShadingPoint,
 ) -> (SampledSpectrum, f32) {
-    let material = surface.material;
-    if material.is_emissive() && (material.illuminates || vertex.state.is_specular) {
-        let emitted = material.emitted(point, outgoing(vertex.ray));
+    let (material, is_seen) = (surface.material, vertex.state.is_specular);
+    if material.is_emissive() && (material.illuminates || is_seen) {
+        // What a bounce meets is what light samples take; only what is seen is a picture.
+        let footprint = if is_seen { point.footprint } else { 0.0 };
+        let emitted = material.emitted(&ShadingPoint { footprint, ..*point }, outgoing(vertex.ray));
         if !emitted.is_black() {
             let weight = weight_of_bsdf_sample(context, vertex, || {
                 light_pdf_of_hit(context, vertex, surface)

@@ -3,9 +3,9 @@
 //! of direction. Media and interfaces on the way affect both equally.
 
 use super::estimators::Arrival;
-use super::guided::unknown_survival;
 use super::light_part::LobeShares;
 use super::path::{SCATTERED_SPREAD, first_lobe, light_sample, survival};
+use super::roulette::unknown_survival;
 use super::{Context, MediumVertex, Outputs, PathState, Vertex, dimension};
 use crate::light_sampler::Receiver;
 use snell_math::{Ray, SampledSpectrum, Vec3};

@@ -1,5 +1,7 @@
 //! Tests of the shadow terminator on coarse meshes.
 
+mod emission;
+
 use crate::{CompiledScene, Filter, IntegratorKind, Job, Settings, Terminator};
 use snell_intersect::{BuildOptions, Sphere, TriangleMesh};
 use snell_math::{DVec3, Rgb, Vec3};

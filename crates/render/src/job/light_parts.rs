@@ -14,10 +14,13 @@ pub struct LightParts {
     parts: Vec<(usize, LightPart)>,
     /// The number of values of all layers in a sample.
     channels: usize,
-    /// The light group of each light, of each material, of the environment and of media.
+    /// The light group of each light.
     of_light: Vec<u8>,
+    /// The light group of each material.
     of_material: Vec<u8>,
+    /// The light group of the environment.
     of_environment: u8,
+    /// The light group of all media.
     of_media: u8,
 }
 

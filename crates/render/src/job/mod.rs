@@ -114,8 +114,8 @@ pub struct Progress {
 impl Progress {
     /// True if a render that has taken this long must stop because of its time limit. Training
     /// whose number of passes is not fixed stops if the next pass, which takes as long as all
-    /// passes before, would exceed the fraction [`Guiding::SHARE`] of the limit. Rendering stops
-    /// once each pixel has a sample, since an incomplete picture is useless.
+    /// passes before, would exceed the fraction [`Guiding::SHARE`] of the limit. Rendering
+    /// continues until each pixel has a sample, since an incomplete picture is useless.
     pub fn is_late(
         &self,
         elapsed: Duration,

@@ -58,12 +58,14 @@ pub struct PartRenderer<'a> {
     paths: Paths,
     next: Paths,
     light_rays: LightRays,
-    /// The order of paths, and the batch shaders that are asked before the vertex function.
+    /// The order in which paths are shaded.
     order: Order<'a>,
+    /// The batch shaders, which are asked before the vertex function.
     shaders: Vec<Box<dyn BatchShader<'a> + 'a>>,
     outputs: Outputs,
-    /// The lanes that a shader has shaded, and a subset of them.
+    /// The lanes that a shader has shaded.
     lanes: Vec<u32>,
+    /// The lanes of a subset, such as those with a light ray.
     kept: Vec<u32>,
     samples: Vec<Sample>,
     facts: Vec<SampleFacts>,

@@ -12,6 +12,7 @@ use super::{Job, into_inner, lock};
 use crate::compile::{CompiledLight, CompiledScene};
 use crate::guiding::directional::Moment;
 use crate::guiding::{Field, Guiding, Record};
+use crate::integrator::roulette;
 use crate::light_sampler::{LightSampler, LightSamplerKind, Receiver};
 use crate::sampler::{Random, Sampler, SamplerKind};
 use crate::threads::on_threads;
@@ -34,8 +35,6 @@ const BATCH: usize = 4096;
 const MAX_DEPTH: u32 = 24;
 /// One photon in this many is used to make the projection maps.
 const SCOUTS: usize = 8;
-/// The largest survival probability.
-const MAX_SURVIVAL: f32 = 0.95;
 
 /// The colour mode of photons. The directions of light hardly depend on the mode.
 const COLOR: ColorMode = ColorMode::Rgb;
@@ -76,6 +75,7 @@ impl Job<'_> {
         let lights =
             self.scene.light_sampler(LightSamplerKind::Power, self.settings.light_strategy);
         let sampler = Sampler::new(SamplerKind::Independent, seed, 1);
+        let roulette_depth = self.settings.roulette_depth.unwrap_or(roulette::EARLY);
         let batches = photons as usize / BATCH;
         let shoot = |batches: Range<usize>, maps: &ProjectionMaps| {
             let shots: Vec<Mutex<Shots>> = batches.clone().map(|_| Mutex::default()).collect();
@@ -87,7 +87,7 @@ impl Job<'_> {
                     let Some(shots) = shots.get(index) else { break };
                     lock(shots).shoot(
                         (self.scene, &lights, maps),
-                        &sampler,
+                        (&sampler, roulette_depth),
                         batches.start + index,
                         &mut tracer,
                     );
@@ -128,7 +128,7 @@ impl Shots {
     fn shoot(
         &mut self,
         (scene, lights, maps): (&CompiledScene, &LightSampler, &ProjectionMaps),
-        sampler: &Sampler,
+        (sampler, roulette_depth): (&Sampler, u32),
         batch: usize,
         tracer: &mut Tracer,
     ) {
@@ -139,7 +139,8 @@ impl Shots {
         for depth in 0..MAX_DEPTH {
             let rays: Vec<Ray> = photons.iter().map(|p| p.ray).collect();
             tracer.closest(&rays, &vec![0.0; rays.len()], Grouping::None, &mut hits);
-            let bounce = |(photon, hit)| bounced(scene, photon, hit, depth, self);
+            let most_survival = roulette::most_survival(roulette_depth, depth);
+            let bounce = |(photon, hit)| bounced(scene, photon, hit, (depth, most_survival), self);
             photons = photons.iter().zip(&hits).filter_map(bounce).collect();
         }
     }
@@ -242,7 +243,7 @@ fn bounced(
     scene: &CompiledScene,
     photon: &Photon,
     hit: &Hit,
-    depth: u32,
+    (depth, most_survival): (u32, Option<f32>),
     shots: &mut Shots,
 ) -> Option<Photon> {
     if !hit.is_hit() {
@@ -273,7 +274,8 @@ fn bounced(
     let sample =
         shading.sample(from, vertex.number(dimension::LOBE), vertex.pair(dimension::BSDF))?;
     let flux = photon.flux * sample.weight;
-    let survival = (flux.max_element() / photon.first_flux).min(MAX_SURVIVAL);
+    let weight = roulette::unknown_survival(flux.max_element() / photon.first_flux);
+    let survival = most_survival.map_or(1.0, |most| weight.min(most));
     if !flux.is_finite() || vertex.number(dimension::ROULETTE) >= survival {
         return None;
     }

@@ -27,8 +27,9 @@ pub struct VolumeBatch<'a> {
     known: KnownInsides,
     /// The materials of the objects that the camera is inside, each with a point of its surface.
     around_camera: Vec<(MaterialId, SurfaceInteraction)>,
-    /// The objects that each path is inside, by number in `known`; `next` has them for next rays.
+    /// The objects that each path is inside, by number in `known`.
     insides: Vec<u32>,
+    /// The objects that each next ray starts inside, by number in `known`.
     next: Vec<u32>,
     /// The points at which media scattered paths.
     pub scattered: Vec<Option<MediumVertex>>,

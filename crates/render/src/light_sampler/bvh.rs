@@ -38,8 +38,9 @@ pub struct Node {
     pub radius: [f32; WIDTH],
     /// Axis of the cone of each child's main directions.
     pub axis: [[f32; WIDTH]; 3],
-    /// Cosine and sine of the cone's half-angle.
+    /// Cosine of that cone's half-angle.
     pub cos_spread: [f32; WIDTH],
+    /// Sine of that cone's half-angle.
     pub sin_spread: [f32; WIDTH],
     /// Cosine of the angle from the cone up to which light is emitted.
     pub cos_emission: [f32; WIDTH],
@@ -49,8 +50,9 @@ pub struct Node {
     pub intensity: [f32; WIDTH],
     /// The number of a node, the number of an emitter with the bit [`EMITTER`], or [`NONE`].
     pub child: [u32; WIDTH],
-    /// The node above this one, and the lane that this one has there; [`NONE`] for the root.
+    /// The node above this one; [`NONE`] for the root.
     pub parent: u32,
+    /// The lane of this node in its parent; [`NONE`] for the root.
     pub slot: u32,
 }
 
@@ -64,8 +66,9 @@ pub struct LightBvh {
     places: Vec<u32>,
     /// The number of the first emitter of each light; [`NONE`] for lights beside the tree.
     first: Vec<u32>,
-    /// The lights beside the tree, and the table that chooses among them.
+    /// The lights beside the tree.
     pub(super) beside: Vec<u32>,
+    /// The table that chooses among the lights beside the tree.
     table: LightTable,
     /// The position in `beside` of each light; [`NONE`] for lights in the tree.
     entry: Vec<u32>,
@@ -74,8 +77,9 @@ pub struct LightBvh {
     tree_share: f32,
     /// The instructions for [`Node::importance`].
     wide: Option<Wide>,
-    /// The map from world positions to units of the tree: subtract the origin, then scale.
+    /// The origin of the tree's units: positions have it subtracted before they are scaled.
     origin: Vec3,
+    /// Factor from world distances to units of the tree.
     scale: f32,
 }
 

@@ -22,10 +22,11 @@ use snell_scene::light::LightBounds;
 pub enum LightSamplerKind {
     /// Each light has the same probability.
     Uniform,
-    /// In proportion to emitted power.
+    /// Each light has a probability in proportion to its emitted power.
     Power,
-    /// By the estimated contribution to the point that receives light: power, distance and angles,
-    /// with a tree over all lights and all triangles of emissive surfaces.
+    /// Each light has a probability in proportion to its estimated contribution to the point that
+    /// receives light: from power, distance and angles, with a tree over all lights and all
+    /// triangles of emissive surfaces.
     #[default]
     Bvh,
 }
@@ -110,7 +111,7 @@ impl LightSampler {
         }
     }
 
-    /// False if no random number is needed, because there is at most one light.
+    /// True if [`Self::sample`] may need a random number. A tree over at most one light needs none.
     pub fn has_choice(&self) -> bool {
         match self {
             Self::Table(_) => true,

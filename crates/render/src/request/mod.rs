@@ -95,10 +95,19 @@ settings! {
         pub time: Duration,
         /// Maximum number of bounces after the first hit.
         ///
-        /// More than 1000 count as 1000. The scene's own comes before the default. In media, each
-        /// scattering is a bounce.
+        /// More than 100000 count as 100000. The scene's own comes before the default. In media,
+        /// each scattering is a bounce.
         #[setting(Light, "N", "int", default max_depths())]
         pub max_depth: u32,
+        /// Bounces after which `path` may end paths that have lost light, by Russian roulette.
+        ///
+        /// 0 is at the first hit; as many as `max_depth` switch it off. What conserves light, such
+        /// as a white cloud, has no noise by it, but for paths of more than 1000 bounces.
+        #[setting(
+            Light, "N", "int", default "1, or 4 where most light comes evenly from all directions";
+            live
+        )]
+        pub roulette_depth: u32,
         /// Render only this rectangle of pixels (right and lower border exclusive).
         #[setting(Subject, "x0,y0,x1,y1", "tuple[int, int, int, int]")]
         pub crop: Crop,
@@ -178,8 +187,8 @@ settings! {
         pub denoise: Denoise,
         /// Exposure in stops, for display formats.
         ///
-        /// `noise` looks at the picture with this exposure. The scene's own comes before the
-        /// default.
+        /// The error of `noise` is that of the picture with this exposure. The scene's own comes
+        /// before the default.
         #[setting(Picture, "EV", "float", range Range::Within(-100.0, 100.0), default "0")]
         pub exposure: f64,
     }
@@ -305,7 +314,8 @@ impl Request {
             pixel_position: hints.pixel_position.filter(|_| self.leaves_pixel_position()),
             integrator,
             color: self.color.unwrap_or_default(),
-            max_depth: max_depth.unwrap_or(integrator.default_max_depth()).min(Settings::MAX_DEPTH),
+            max_depth: max_depth.unwrap_or(integrator.default_max_depth()).min(Settings::DEEPEST),
+            roulette_depth: self.roulette_depth,
             shadows: self.shadows.unwrap_or_default(),
             terminator: self.terminator.unwrap_or_default(),
             light_strategy: self.light_samples.unwrap_or_default(),
@@ -500,7 +510,7 @@ mod tests {
         let huge = resolved(Request::default(), |hints| {
             (hints.spp, hints.max_depth) = (Some(u32::MAX), Some(u32::MAX));
         });
-        assert_eq!((huge.spp, huge.max_depth), (1 << 24, 1000));
+        assert_eq!((huge.spp, huge.max_depth), (1 << 24, 100_000));
         let camera = Camera { resolution: Some([7, 9]), ..camera() };
         let of_camera = Request::default().resolve(&Scene::new("empty"), &camera);
         assert_eq!(of_camera.map(|settings| settings.size), Ok([7, 9]));
@@ -513,14 +523,15 @@ mod tests {
             integrator: Some(IntegratorKind::Ao),
             spp: Some(2),
             max_depth: Some(4000),
+            roulette_depth: Some(7),
             sampler: Some(SamplerKind::Independent),
             filter: Some(Filter::Box),
             exposure: Some(2.0),
             ..Request::default()
         };
         let settings = resolved(request, ask);
-        assert_eq!((settings.size, settings.spp, settings.max_depth), ([20, 10], 2, 1000));
-        assert_eq!(settings.integrator, IntegratorKind::Ao);
+        assert_eq!((settings.size, settings.spp, settings.max_depth), ([20, 10], 2, 4000));
+        assert_eq!((settings.integrator, settings.roulette_depth), (IntegratorKind::Ao, Some(7)));
         assert_eq!((settings.sampler, settings.filter), (SamplerKind::Independent, Filter::Box));
         assert_eq!(settings.noise_floor, Settings::NOISE_FLOOR / 4.0);
         assert_eq!(settings.pixel_position, None);

@@ -19,9 +19,9 @@ pub struct HomogeneousBatch {
     whose: Vec<u32>,
     phase: [HenyeyGreenstein; LANES],
     ways: Ways,
-    /// The first random numbers of the paths' walks, and the lanes whose paths have used these
-    /// already, with their further numbers.
+    /// The first random numbers on the way of each path to its next vertex.
     randoms: BatchRandoms<LANES>,
+    /// The lanes whose paths have used those numbers already, with their further numbers.
     later: Vec<(usize, Numbers)>,
     wide: Wide,
 }
@@ -31,8 +31,8 @@ struct Ways {
     sigma_t: HitVectors,
     sigma_s: HitVectors,
     length: HitLanes,
-    /// By channel: throughputs of paths or values of light rays, before `travel` or `attenuate`
-    /// those at the start of the segment, and afterwards those at the end.
+    /// By channel, the throughput of each path or the value of each light ray: at the start of the
+    /// segment before `travel` or `attenuate` is called, and at the end of the segment afterwards.
     color: HitVectors,
     /// The distance at which each path was scattered.
     distance: HitLanes,

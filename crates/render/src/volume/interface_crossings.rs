@@ -55,7 +55,7 @@ impl InterfaceCrossing {
 }
 
 impl<'a> InterfaceCrossings<'a> {
-    /// Makes the data for hits on this scene.
+    /// Finds crossings of the interfaces of this scene.
     pub fn new(scene: &'a CompiledScene) -> Self {
         let plain = |geometry: usize| scene.world.plain_mesh(GeometryId(geometry as u32));
         Self {

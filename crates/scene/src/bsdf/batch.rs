@@ -170,8 +170,7 @@ impl BatchBsdf {
                     (OnlySlab::Metal(metal), None) => Self::of_metal(metal),
                     (OnlySlab::Opaque(gloss), Some(coat)) => {
                         let (unit, base) = (ColorMode::Rgb.unit(), BatchGloss::of(gloss)?);
-                        let rough =
-                            BatchCoated::of(coat, unit, base.clone()).map(Kind::RoughCoatedGloss);
+                        let rough = BatchCoated::of(coat, unit, base).map(Kind::RoughCoatedGloss);
                         rough
                             .or_else(|| {
                                 BatchCoated::of(coat, unit, base).map(Kind::SmoothCoatedGloss)
@@ -180,8 +179,7 @@ impl BatchBsdf {
                     }
                     (OnlySlab::Metal(metal), Some(coat)) => {
                         let (unit, base) = (ColorMode::Rgb.unit(), BatchMetal::of(metal)?);
-                        let rough =
-                            BatchCoated::of(coat, unit, base.clone()).map(Kind::RoughCoatedMetal);
+                        let rough = BatchCoated::of(coat, unit, base).map(Kind::RoughCoatedMetal);
                         rough
                             .or_else(|| {
                                 BatchCoated::of(coat, unit, base).map(Kind::SmoothCoatedMetal)

@@ -9,8 +9,9 @@ use crate::material::{Black, Material};
 use snell_intersect::shape::{BoxShape, Sphere};
 use snell_math::{DAffine3, DVec3, Rgb};
 
-/// Height of the rooms, and thickness of the wall between them, in metres.
+/// Height of the rooms in metres.
 const HEIGHT: f64 = 2.8;
+/// Thickness of the wall between the rooms, in metres.
 const WALL: f64 = 0.15;
 /// The opening in the wall at `x = 0`: its extent along z, from 0, and its height, in metres.
 const DOOR: [f64; 2] = [1.0, 2.05];

@@ -9,9 +9,11 @@ use crate::material::{Black, Material};
 use snell_intersect::shape::Sphere;
 use snell_math::{DAffine3, DVec3, Rgb};
 
-/// Half of the room's width, the room's height, and the position of its front end.
+/// Half of the room's width.
 const HALF: f32 = 3.0;
+/// Height of the room.
 const HEIGHT: f32 = 4.0;
+/// The z coordinate of the room's front end.
 const FRONT: f32 = 8.0;
 
 /// The built-in scene of the room with the ball.

@@ -10,12 +10,15 @@ use snell_intersect::shape::{Rectangle, Sphere};
 use snell_math::rng::uniform2;
 use snell_math::{DAffine3, DMat3, DVec2, DVec3, Rgb, Vec2};
 
-/// The number of houses along a side of the town, their distance, and half of their width.
+/// The number of houses along a side of the town.
 const HOUSES: u32 = 8;
+/// Distance between the middles of neighbouring houses.
 const DISTANCE: f32 = 2.0;
+/// Half of a house's width.
 const HALF: f32 = 0.62;
-/// The number of lamps in the streets, and of lit windows.
+/// The number of lamps in the streets.
 const LAMPS: u32 = 500;
+/// The number of lit windows.
 const WINDOWS: u32 = 500;
 
 /// The built-in scene: a town with a thousand lamps, half of them bulbs in the streets, half

@@ -17,11 +17,13 @@ use std::sync::Arc;
 
 /// The angle in radians between the two faces that light passes through.
 const APEX: f32 = 50.0_f32.to_radians();
-/// Length of the sides next to the apex, and height of the prism.
+/// Length of the sides next to the apex.
 const SIDE: f32 = 2.4;
+/// Height of the prism.
 const HEIGHT: f32 = 2.2;
-/// Distance from the camera to the prism, and from the prism to the slit.
+/// Distance from the camera to the prism.
 const DISTANCE: f32 = 5.0;
+/// Distance from the prism to the slit.
 const TO_SLIT: f32 = 14.0;
 /// Width and height of the slit.
 const SLIT: [f32; 2] = [0.07, 7.0];

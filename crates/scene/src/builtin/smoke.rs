@@ -14,8 +14,9 @@ use std::f64::consts::TAU;
 
 /// The number of cells of the grids along x, y and z.
 const CELLS: [usize; 3] = [64, 160, 64];
-/// The box of the grids: its half-width and height in metres.
+/// Half of the width of the grids' box, in metres.
 const HALF_WIDTH: f64 = 1.2;
+/// Height of the grids' box, in metres.
 const HEIGHT: f64 = 6.0;
 
 /// The built-in scene: smoke over a fire within a ring of stones, in the evening.

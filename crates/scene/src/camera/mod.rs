@@ -8,7 +8,7 @@ mod tests;
 
 pub use matrix::{CameraAxes, CameraError};
 pub use pinhole::CameraRays;
-pub use projection::{FovAxis, Intrinsics, Projection};
+pub use projection::{FovAxis, Intrinsics, Projection, equal_area_direction, equal_area_place};
 
 use crate::ranges::FARTHEST;
 use pinhole::{Lens, Pinhole, USUAL};
@@ -161,7 +161,10 @@ impl Camera {
 
     /// True if the projection has a lens that can be out of focus.
     pub fn has_lens(&self) -> bool {
-        let flat = !matches!(self.projection, Projection::Panoramic | Projection::Fisheye { .. });
+        let flat = !matches!(
+            self.projection,
+            Projection::Panoramic | Projection::EqualArea | Projection::Fisheye { .. }
+        );
         flat && self.aperture_radius > 0.0 && self.focus_distance > 0.0
     }
 
@@ -214,6 +217,10 @@ impl Camera {
                 let spread = (TAU / w * (PI / h) * sin.abs()).sqrt();
                 directed(DVec3::new(sin * sin_phi, cos, sin * cos_phi), spread)
             }
+            Projection::EqualArea => {
+                let d = equal_area_direction(DVec2::new(p.x, -p.y));
+                directed(DVec3::new(d.x, d.z, d.y), (4.0 * PI / (w * h)).sqrt())
+            }
             Projection::Fisheye { max_angle } => {
                 let side = w.min(h);
                 // The position in units of the circle's radius.
@@ -261,6 +268,10 @@ impl Camera {
                 let theta = d.x.hypot(d.z).atan2(d.y);
                 (d != DVec3::ZERO).then(|| film(d.x.atan2(d.z) / PI, 1.0 - theta * 2.0 / PI))
             }
+            Projection::EqualArea => d.try_normalize().map(|d| {
+                let place = equal_area_place(DVec3::new(d.x, d.z, d.y));
+                film(place.x, -place.y)
+            }),
             Projection::Fisheye { max_angle } => {
                 let theta = d.x.hypot(d.y).atan2(d.z);
                 let r = theta * 2.0 / max_angle;

@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 use snell_math::parameters::Range;
+use snell_math::{DVec2, DVec3};
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 
 snell_math::declare! {
     /// Map from directions to positions on the film.
@@ -28,6 +30,10 @@ snell_math::declare! {
         /// All directions, as a latitude-longitude picture. The middle shows `towards`, the top
         /// edge `up`, both side edges what is behind; right of `towards` is right in the picture.
         "panoramic" => Panoramic,
+        /// All directions, as a square of equal areas (Clarberg, Fast Equal-Area Mapping of the
+        /// (Hemi)Sphere using SIMD, 2008): the middle is `up`, the middle of the right edge is
+        /// right of `towards`, that of the bottom edge is `towards`, and the corners are down.
+        "equal-area" => EqualArea,
         /// Equidistant fisheye: the angle from `towards` grows linearly with the distance from the
         /// middle of the picture. The circle touches the nearer edges of the picture; outside of it
         /// there are no rays.
@@ -61,6 +67,34 @@ snell_math::declare! {
         #[unit("pixels")]
         pub size: [u32; 2],
     }
+}
+
+/// Returns the unit direction for a point of the square `[-1, 1]^2`, which covers the sphere with
+/// equal areas: its middle is `+z`, its corners are `-z` (Clarberg, Fast Equal-Area Mapping of the
+/// (Hemi)Sphere using SIMD, 2008).
+pub fn equal_area_direction(p: DVec2) -> DVec3 {
+    let (u, v) = (p.x.abs(), p.y.abs());
+    let distance = 1.0 - (u + v);
+    let r = 1.0 - distance.abs();
+    let phi = if r == 0.0 { 1.0 } else { (v - u) / r + 1.0 } * FRAC_PI_4;
+    let z = (1.0 - r * r).copysign(distance);
+    let side = r * (2.0 - r * r).max(0.0).sqrt();
+    let (sin, cos) = phi.sin_cos();
+    DVec3::new(cos.copysign(p.x) * side, sin.copysign(p.y) * side, z)
+}
+
+/// Returns the point of the square for a unit direction, as the inverse of
+/// [`equal_area_direction`].
+pub fn equal_area_place(d: DVec3) -> DVec2 {
+    let (x, y, z) = (d.x.abs(), d.y.abs(), d.z.abs());
+    let radius = (1.0 - z).max(0.0).sqrt();
+    let angle = x.min(y).atan2(x.max(y)) / FRAC_PI_2;
+    let angle = if x < y { 1.0 - angle } else { angle };
+    let (mut v, mut u) = (angle * radius, radius - angle * radius);
+    if d.z < 0.0 {
+        (u, v) = (1.0 - v, 1.0 - u);
+    }
+    DVec2::new(u.copysign(d.x), v.copysign(d.y))
 }
 
 /// Which side of the picture an angle of view is about.
@@ -98,6 +132,7 @@ impl Projection {
             }),
             Self::Orthographic { half_size: [Some(1.6), Some(0.9)] },
             Self::Panoramic,
+            Self::EqualArea,
             Self::Fisheye { max_angle: std::f64::consts::PI },
         ]
     }

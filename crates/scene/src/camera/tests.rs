@@ -40,6 +40,7 @@ fn examples() -> Vec<Camera> {
         with(Projection::Intrinsics(intrinsics)),
         with(Projection::Orthographic { half_size: [Some(3.0), None] }),
         with(Projection::Panoramic),
+        with(Projection::EqualArea),
         with(Projection::Fisheye { max_angle: PI }),
         with(Projection::Fisheye { max_angle: 1.9 * PI }),
     ]
@@ -201,6 +202,17 @@ fn a_panorama_shows_the_axes_where_they_belong() {
 }
 
 #[test]
+fn an_equal_area_square_shows_the_axes_where_they_belong() {
+    let camera = Camera::from_direction(DVec3::ZERO, DVec3::NEG_Z, DVec3::Y, Projection::EqualArea);
+    assert!(close(direction(&camera, 320.0, 180.0), DVec3::Y));
+    assert!(close(direction(&camera, 640.0, 180.0), DVec3::X));
+    assert!(close(direction(&camera, 0.0, 180.0), DVec3::NEG_X));
+    assert!(close(direction(&camera, 320.0, 360.0), DVec3::NEG_Z));
+    assert!(close(direction(&camera, 320.0, 0.0), DVec3::Z));
+    assert!(close(direction(&camera, 0.0, 0.0), DVec3::NEG_Y));
+}
+
+#[test]
 fn a_fisheye_is_equidistant_and_ends_at_its_circle() {
     let camera = Camera::from_direction(
         DVec3::ZERO,
@@ -275,6 +287,7 @@ fn the_spread_is_the_root_of_the_pixels_solid_angle() {
         sum / (4.0 * PI)
     };
     assert!((total(&with(Projection::Panoramic), [120, 60]) - 1.0).abs() < 1e-3);
+    assert!((total(&with(Projection::EqualArea), [60, 60]) - 1.0).abs() < 1e-6);
     assert!(
         (total(&with(Projection::from_half_angle_x(PI / 4.0)), [64, 64]) - 1.0 / 6.0).abs() < 1e-4
     );

@@ -13,13 +13,74 @@ the source say; `cargo xtask parameters` writes this page. The names are those o
 `snell.describe(family, kind)` shows the same.
 
 A number outside of its range is an error for `-D` and in Python, and a warning when a file is read.
-A parameter without a default has to be given. Colours are linear RGB.
+A parameter without a default has to be given, except in a `.snell` file: there it may be left out,
+and is what stands here in parentheses. Colours are linear RGB.
 ";
 
 /// The reference page in Markdown.
 pub fn reference() -> String {
     let families: Vec<String> = FAMILIES.iter().map(family_section).collect();
     format!("{START}\n{}", families.join("\n"))
+}
+
+/// The kinds of this name with their parameters, units, ranges and defaults, or the kinds of the
+/// family of this name, as text; `None` if there is neither.
+pub fn describe(name: &str) -> Option<String> {
+    let one = |family: &Family, kind: &Declaration| {
+        let mut text = format!("{} \"{}\": {}\n", family.name, kind.name, kind.text());
+        let lines = |text: &mut String, parameters: &[Parameter], default: &Default| {
+            for parameter in parameters.iter().filter(|p| p.name != family.tag) {
+                let [_, kind, range, default, about] =
+                    cells(parameter.name, parameter, default(parameter));
+                let is_required = default.is_empty() || default.starts_with('(');
+                let default = match default.as_str() {
+                    _ if is_required => "has to be given".into(),
+                    default => format!("default {default}"),
+                };
+                let facts: Vec<_> =
+                    [kind, range, default].into_iter().filter(|f| !f.is_empty()).collect();
+                *text += &format!("  {}: {}\n      {about}\n", parameter.name, facts.join(", "));
+            }
+        };
+        lines(&mut text, kind.fields(), &default_of_kind(family, kind));
+        if !family.common.is_empty() {
+            text += &format!("parameters of every {}:\n", family.name);
+            lines(&mut text, family.common, &common_default(family));
+        }
+        text
+    };
+    let kinds = |family: &Family| {
+        let names: Vec<_> = family.kinds.iter().map(|kind| kind.name).collect();
+        format!("kinds of {}: {}\n", family.name, names.join(", "))
+    };
+    let of_family = Family::named(name).map(kinds);
+    let of_kind = FAMILIES.iter().filter_map(|f| f.kind(name).map(|kind| one(f, kind)));
+    let found: Vec<String> = of_family.into_iter().chain(of_kind).collect();
+    (!found.is_empty()).then(|| found.join("\n"))
+}
+
+/// The default of a parameter as people write it, in parentheses if only files may leave it out.
+type Default<'a> = dyn Fn(&Parameter) -> String + 'a;
+
+fn default_of_kind<'a>(
+    family: &'a Family,
+    kind: &'a Declaration,
+) -> impl Fn(&Parameter) -> String + 'a {
+    let usual = family.usual(kind.name);
+    move |parameter| either(family.default_of(kind.name, parameter.name), usual.get(parameter.name))
+}
+
+fn common_default(family: &Family) -> impl Fn(&Parameter) -> String + '_ {
+    let usual = family.usual_common();
+    move |parameter| either(family.common_default_of(parameter.name), usual.get(parameter.name))
+}
+
+fn either(default: Option<Value>, usual: Option<&Value>) -> String {
+    let in_parentheses = |value: &Value| match shown(value) {
+        text if text.is_empty() => text,
+        text => format!("({text})"),
+    };
+    default.map_or_else(|| usual.map(in_parentheses).unwrap_or_default(), |value| shown(&value))
 }
 
 fn family_section(family: &Family) -> String {
@@ -30,7 +91,7 @@ fn family_section(family: &Family) -> String {
             .common
             .iter()
             .filter(|p| !matches!(p.kind, Kind::OneOf(tag, _) if tag == family.tag));
-        text += &table(common, &|parameter| family.common_default_of(parameter.name));
+        text += &table(common, &common_default(family));
         text += "\n";
     }
     let kinds: Vec<String> = family.kinds.iter().map(|kind| kind_section(family, kind)).collect();
@@ -41,15 +102,12 @@ fn kind_section(family: &Family, kind: &Declaration) -> String {
     let mut text = format!("### `{}`\n\n{}\n", kind.name, kind.text());
     if !kind.fields().is_empty() {
         text += "\n";
-        text += &table(kind.fields().iter(), &|p| family.default_of(kind.name, p.name));
+        text += &table(kind.fields().iter(), &default_of_kind(family, kind));
     }
     text
 }
 
-fn table<'a>(
-    parameters: impl Iterator<Item = &'a Parameter>,
-    default: &dyn Fn(&Parameter) -> Option<Value>,
-) -> String {
+fn table<'a>(parameters: impl Iterator<Item = &'a Parameter>, default: &Default) -> String {
     let mut text =
         "| parameter | what it is | range | default | |\n|---|---|---|---|---|\n".to_string();
     for parameter in parameters {
@@ -64,7 +122,7 @@ fn inner_rows(place: &str, kind: Kind, text: &mut String) {
     let mut add = |place: &str, parameters: &[Parameter]| {
         for parameter in parameters.iter().filter(|p| !p.name.is_empty()) {
             let place = format!("{place}.{}", parameter.name);
-            let row = row(&place, parameter, None);
+            let row = row(&place, parameter, String::new());
             // A parameter that several variants share is listed once.
             if text.contains(&row) {
                 continue;
@@ -86,7 +144,13 @@ fn inner_rows(place: &str, kind: Kind, text: &mut String) {
     }
 }
 
-fn row(name: &str, parameter: &Parameter, default: Option<Value>) -> String {
+fn row(name: &str, parameter: &Parameter, default: String) -> String {
+    let cells = cells(&format!("`{name}`"), parameter, default);
+    format!("| {} |\n", cells.map(|cell| cell.replace('|', "\\|")).join(" | "))
+}
+
+/// A parameter's name, what it is, its range, its default and its documentation.
+fn cells(name: &str, parameter: &Parameter, default: String) -> [String; 5] {
     let range = match parameter.range {
         Range::Any => String::new(),
         // The unit has a column of its own.
@@ -96,9 +160,7 @@ fn row(name: &str, parameter: &Parameter, default: Option<Value>) -> String {
         "" => parameter.kind.to_string(),
         unit => format!("{}, {unit}", parameter.kind),
     };
-    let default = default.map(|value| shown(&value)).unwrap_or_default();
-    let cells = [format!("`{name}`"), kind, range, default, parameter.text()];
-    format!("| {} |\n", cells.map(|cell| cell.replace('|', "\\|")).join(" | "))
+    [name.into(), kind, range, default, parameter.text()]
 }
 
 /// A default in the form in which users write it.
@@ -116,6 +178,12 @@ fn shown(value: &Value) -> String {
         Value::Array(items) if items.len() <= 3 && items.iter().all(Value::is_number) => {
             items.iter().map(shown).collect::<Vec<_>>().join(" ")
         }
+        Value::Array(items)
+            if items.iter().all(|item| item.as_array().is_some_and(|i| i.len() == 3)) =>
+        {
+            let rows: Vec<_> = items.iter().map(shown).collect();
+            if rows == ["1 0 0", "0 1 0", "0 0 1"] { "identity".into() } else { rows.join("; ") }
+        }
         Value::Array(_) => "identity".into(),
         Value::Number(number) => {
             number.as_f64().map_or_else(String::new, |x| (x as f32).to_string())
@@ -129,6 +197,19 @@ fn shown(value: &Value) -> String {
 mod tests {
     use super::*;
     use std::path::Path;
+
+    #[test]
+    fn a_kind_is_described_with_units_ranges_and_defaults() {
+        let text = describe("open-pbr").expect("a kind");
+        assert!(text.starts_with("material \"open-pbr\": "), "{text}");
+        assert!(text.contains("  base_weight: number or texture, 0 to 1, default 1\n"), "{text}");
+        assert!(text.contains("W / (m^2 sr)"), "{text}");
+        assert!(describe("diffuse").expect("a kind").contains("has to be given"));
+        assert!(describe("material").expect("a family").contains("open-pbr, "));
+        let both = describe("disk").expect("a light and a shape");
+        assert!(both.contains("light \"disk\"") && both.contains("shape \"disk\""), "{both}");
+        assert_eq!(describe("no such thing"), None);
+    }
 
     #[test]
     fn the_reference_page_is_what_the_declarations_say() {

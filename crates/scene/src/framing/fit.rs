@@ -13,8 +13,9 @@ const FILL: f64 = 0.88;
 const CENTERING_STEPS: usize = 24;
 /// Changes of a slope below this end the iteration.
 const CENTERED: f64 = 1e-3;
-/// Azimuth of the camera to the right, and its elevation, in radians.
+/// Azimuth of the camera to the right, in radians.
 const AZIMUTH: f64 = 0.5;
+/// Elevation of the camera, in radians.
 const ELEVATION: f64 = 0.3;
 
 /// A camera that sees the whole box in a picture of this aspect ratio (width over height), from the

@@ -2,7 +2,7 @@
 //! the light's own coordinates, and with the inverse square law.
 
 use super::bounds::mean_intensity;
-use super::{Attenuation, Incident, LightBounds, towards};
+use super::{Attenuation, Incident, LightBounds, towards, unit};
 use snell_math::{DMat3, DVec3, Rgb};
 
 /// The light that arrives at `p`. `intensity` is called with a unit direction in the light's
@@ -14,9 +14,15 @@ pub(super) fn arriving(
     intensity: impl FnOnce(DVec3) -> Rgb,
 ) -> Option<Incident> {
     let (direction, distance) = towards(p, position)?;
-    let intensity = intensity(world_from_light.transpose() * -direction);
+    let intensity = intensity(rotation(world_from_light).transpose() * -direction);
     let irradiance = intensity * Attenuation::INVERSE_SQUARE.at(distance as f32);
     Some(Incident { direction, distance, irradiance })
+}
+
+/// The matrix with axes of unit length.
+fn rotation(world_from_light: &DMat3) -> DMat3 {
+    let DMat3 { x_axis, y_axis, z_axis } = *world_from_light;
+    DMat3::from_cols(unit(x_axis), unit(y_axis), unit(z_axis))
 }
 
 /// The bounds of light that stays within `widest` radians of the `+z` axis.
@@ -26,6 +32,6 @@ pub(super) fn bounds(
     widest: f64,
     power: f64,
 ) -> Option<LightBounds> {
-    let axis = world_from_light.z_axis;
+    let axis = rotation(world_from_light).z_axis;
     LightBounds::of_cone(position, axis, widest, mean_intensity(power, widest))
 }

@@ -1,6 +1,6 @@
 //! The light `directional`: parallel light.
 
-use super::{Emitter, PunctualLight, luminance, turned};
+use super::{Emitter, PunctualLight, luminance, turned, unit};
 use crate::ranges::LIGHT;
 use serde::{Deserialize, Serialize};
 use snell_math::parameters::Range;
@@ -11,7 +11,7 @@ snell_math::declare! {
     /// Parallel light from infinitely far.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     pub struct Directional {
-        /// Unit direction in which the light travels.
+        /// Direction in which the light travels; its length has no meaning.
         #[range(Range::Direction)]
         pub direction: DVec3,
         /// Irradiance on a surface that faces the light, W / m^2.
@@ -46,7 +46,7 @@ impl Emitter for Directional {
     }
 
     fn punctual(&self) -> Option<PunctualLight> {
-        Some(PunctualLight::parallel(self.direction, self.irradiance))
+        Some(PunctualLight::parallel(unit(self.direction), self.irradiance))
     }
 
     fn power(&self, scene_radius: f64) -> f64 {

@@ -1,6 +1,6 @@
 //! The light `disk`, which emits to one side.
 
-use super::{Attenuation, Emitter, Incident, LightBounds, panel, turned};
+use super::{Attenuation, Emitter, Incident, LightBounds, panel, turned, unit};
 use crate::ranges::LIGHT;
 use serde::{Deserialize, Serialize};
 use snell_math::parameters::Range;
@@ -14,7 +14,7 @@ snell_math::declare! {
         /// Centre of the disk.
         #[unit("scene units")]
         pub position: DVec3,
-        /// Unit normal of the side that emits.
+        /// Normal of the side that emits; its length has no meaning.
         #[range(Range::Direction)]
         pub direction: DVec3,
         /// Radius of the disk, at least 0.
@@ -61,7 +61,7 @@ impl Emitter for Disk {
     }
 
     fn cone(&self) -> Option<(DVec3, f64)> {
-        Some((self.direction, panel::WIDEST))
+        Some((unit(self.direction), panel::WIDEST))
     }
 
     fn transform(&mut self, by: &DAffine3) {
@@ -70,10 +70,11 @@ impl Emitter for Disk {
     }
 
     fn sample_li(&self, p: DVec3, u: Vec2) -> Option<Incident> {
-        let (x, y) = self.direction.any_orthonormal_pair();
+        let normal = unit(self.direction);
+        let (x, y) = normal.any_orthonormal_pair();
         let on_disk = sampling::concentric_disk(u).as_dvec2() * self.radius;
         let point = self.position + x * on_disk.x + y * on_disk.y;
-        panel::arriving(p, point, self.direction, self.emission, &self.attenuation)
+        panel::arriving(p, point, normal, self.emission, &self.attenuation)
     }
 
     fn power(&self, scene_radius: f64) -> f64 {
@@ -82,6 +83,11 @@ impl Emitter for Disk {
 
     fn bounds(&self) -> Option<LightBounds> {
         let intensity = 2.0 * self.attenuation.strength(self.emission)?;
-        LightBounds::of_panel(self.position, DVec3::splat(self.radius), self.direction, intensity)
+        LightBounds::of_panel(
+            self.position,
+            DVec3::splat(self.radius),
+            unit(self.direction),
+            intensity,
+        )
     }
 }

@@ -33,7 +33,7 @@ pub use spot::{Spot, SpotFalloff};
 
 use punctual::{PunctualLight, PunctualSample};
 use serde::{Deserialize, Serialize};
-use snell_math::parameters::{Kind, Range, Value, Visitor};
+use snell_math::parameters::{Kind, Range, Value, Visitor, problem_at};
 use snell_math::{ColorMode, DAffine3, DMat3, DVec3, Rgb, SampledSpectrum, Vec2, Vec3};
 
 /// Light that arrives at a point from one direction.
@@ -146,7 +146,7 @@ trait Emitter {
         None
     }
 
-    /// Moves the light by a map of the world. It keeps its size and power.
+    /// Moves the light by a map of the world. The light keeps its size and power.
     fn transform(&mut self, by: &DAffine3);
 
     /// The light as a punctual one, if it is one, so that many points can be computed at once.
@@ -212,7 +212,7 @@ impl Light {
         match_light!(self, light => light.cone())
     }
 
-    /// The light, moved by a map of the world. It keeps its size and power.
+    /// The light, moved by a map of the world, with unchanged size and power.
     pub fn moved(&self, by: &DAffine3) -> Self {
         let mut light = self.clone();
         match_light!(&mut light, light => light.transform(by));
@@ -261,7 +261,12 @@ impl Light {
         match_light!(self, light => light.bounds())
     }
 
-    /// The names of the parameters that are directions, of unit length.
+    /// The flaw of a direction that is zero, which points nowhere.
+    pub fn lost_direction(&self) -> Option<String> {
+        self.directions().find_map(|name| problem_at(self, &[name]))
+    }
+
+    /// The names of the parameters that are directions.
     pub fn directions(&self) -> impl Iterator<Item = &'static str> {
         let parameters = self.declaration().parameters.iter();
         parameters.filter(|p| p.range == Range::Direction).map(|p| p.name)
@@ -273,6 +278,13 @@ fn towards(p: DVec3, position: DVec3) -> Option<(DVec3, f64)> {
     let to_light = position - p;
     let distance = to_light.length();
     (distance > 0.0).then(|| (to_light / distance, distance))
+}
+
+/// A direction of a light at unit length; scenes may give it any length, which means nothing. NaN
+/// if it is zero or not finite: then no light arrives.
+fn unit(direction: DVec3) -> DVec3 {
+    let is_unit = (direction.length_squared() - 1.0).abs() < 1e-9;
+    if is_unit { direction } else { direction.try_normalize().unwrap_or(DVec3::NAN) }
 }
 
 /// A unit direction, transformed; unchanged if it would vanish.

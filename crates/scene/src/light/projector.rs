@@ -20,6 +20,10 @@ snell_math::declare! {
         /// Factor on the intensities of the slide.
         #[range(LIGHT)]
         pub scale: Rgb,
+        /// True if the slide lights a plane across its axis as evenly as it is itself: its values
+        /// are then the intensity along the axis, over the cube of the cosine in other directions.
+        #[serde(default)]
+        pub even: bool,
         /// Radiant intensity by direction, W / sr.
         pub slide: Slide,
     }
@@ -34,7 +38,11 @@ impl Projector {
         // The light shines downwards.
         let world_from_light = DMat3::from_cols(DVec3::X, DVec3::NEG_Z, DVec3::NEG_Y);
         let scale = Rgb::new(2.0, 1.5, 1.0);
-        slide.map(|slide| Self { position, world_from_light, scale, slide }).into_iter().collect()
+        let with = |slide, even| Self { position, world_from_light, scale, even, slide };
+        slide
+            .into_iter()
+            .flat_map(|slide| [with(slide.clone(), false), with(slide, true)])
+            .collect()
     }
 }
 
@@ -57,12 +65,15 @@ impl Emitter for Projector {
     }
 
     fn sample_li(&self, p: DVec3, _u: Vec2) -> Option<Incident> {
-        let intensity = |direction| self.scale * self.slide.at(direction);
+        let intensity = |direction: DVec3| {
+            let spread = if self.even { direction.z.powi(3).recip() as f32 } else { 1.0 };
+            self.scale * self.slide.at(direction) * spread
+        };
         aimed::arriving(p, self.position, &self.world_from_light, intensity)
     }
 
     fn power(&self, _scene_radius: f64) -> f64 {
-        luminance(self.scale) * self.slide.power()
+        luminance(self.scale) * if self.even { self.slide.flux() } else { self.slide.power() }
     }
 
     fn bounds(&self) -> Option<LightBounds> {
@@ -168,14 +179,26 @@ impl Slide {
 
     /// Power in W: the integral of the luminance of the intensity over all directions.
     pub fn power(&self) -> f64 {
+        // The solid angle of a patch of the plane at distance 1.
+        self.integral(|distance| distance.powi(-3))
+    }
+
+    /// Integral of the luminance over the plane at distance 1: the power of a slide that lights it
+    /// evenly.
+    pub fn flux(&self) -> f64 {
+        self.integral(|_| 1.0)
+    }
+
+    /// Integral of the luminance over the plane at distance 1, with a weight by the distance from
+    /// the light.
+    fn integral(&self, weight: impl Fn(f64) -> f64) -> f64 {
         let n = 128;
         let mut sum = 0.0;
         for i in 0..n * n {
             let u =
                 (DVec2::new(f64::from(i % n), f64::from(i / n)) + 0.5) / f64::from(n) * 2.0 - 1.0;
             let p = (u * self.half_size).extend(1.0);
-            // The solid angle of a patch of the plane at distance 1.
-            sum += f64::from(self.at(p.normalize()).luminance()) / p.length().powi(3);
+            sum += f64::from(self.at(p.normalize()).luminance()) * weight(p.length());
         }
         sum * 4.0 * self.half_size.x * self.half_size.y / f64::from(n * n)
     }

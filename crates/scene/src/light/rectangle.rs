@@ -1,6 +1,6 @@
 //! The light `rectangle`, which emits to one side.
 
-use super::{Attenuation, Emitter, Incident, LightBounds, panel, turned};
+use super::{Attenuation, Emitter, Incident, LightBounds, panel, turned, unit};
 use crate::ranges::LIGHT;
 use serde::{Deserialize, Serialize};
 use snell_math::parameters::Range;
@@ -13,7 +13,8 @@ snell_math::declare! {
         /// Centre of the rectangle.
         #[unit("scene units")]
         pub center: DVec3,
-        /// Unit vectors along the sides; the side that emits is that of `axes[0] x axes[1]`.
+        /// Directions along the sides, whose lengths have no meaning; the side that emits is that of
+        /// `axes[0] x axes[1]`.
         #[range(Range::Direction)]
         pub axes: [DVec3; 2],
         /// Full lengths of the sides, at least 0.
@@ -45,7 +46,8 @@ impl Rectangle {
     }
 
     fn normal(&self) -> DVec3 {
-        self.axes[0].cross(self.axes[1])
+        let [x, y] = self.axes.map(unit);
+        unit(x.cross(y))
     }
 }
 
@@ -77,7 +79,8 @@ impl Emitter for Rectangle {
 
     fn sample_li(&self, p: DVec3, u: Vec2) -> Option<Incident> {
         let place = (u.as_dvec2() - 0.5) * DVec2::from(self.lengths);
-        let point = self.center + self.axes[0] * place.x + self.axes[1] * place.y;
+        let [x, y] = self.axes.map(unit);
+        let point = self.center + x * place.x + y * place.y;
         panel::arriving(p, point, self.normal(), self.emission, &self.attenuation)
     }
 
@@ -87,7 +90,7 @@ impl Emitter for Rectangle {
 
     fn bounds(&self) -> Option<LightBounds> {
         let intensity = 2.0 * self.attenuation.strength(self.emission)?;
-        let [x, y] = self.axes;
+        let [x, y] = self.axes.map(unit);
         let reach = (x * self.lengths[0]).abs() * 0.5 + (y * self.lengths[1]).abs() * 0.5;
         LightBounds::of_panel(self.center, reach, self.normal(), intensity)
     }

@@ -3,7 +3,7 @@
 
 use super::punctual::Cone;
 use super::{
-    Attenuation, Emitter, Incident, LightBounds, PunctualLight, luminance, towards, turned,
+    Attenuation, Emitter, Incident, LightBounds, PunctualLight, luminance, towards, turned, unit,
 };
 use crate::ranges::LIGHT;
 use serde::{Deserialize, Serialize};
@@ -18,7 +18,7 @@ snell_math::declare! {
         /// Position of the light.
         #[unit("scene units")]
         pub position: DVec3,
-        /// Unit direction of the axis, in which the light travels.
+        /// Direction of the axis, in which the light travels; its length has no meaning.
         #[range(Range::Direction)]
         pub direction: DVec3,
         /// Radiant intensity on the axis, W / sr (with the inverse square law).
@@ -65,7 +65,7 @@ impl Emitter for Spot {
     }
 
     fn cone(&self) -> Option<(DVec3, f64)> {
-        Some((self.direction, self.falloff.widest()))
+        Some((unit(self.direction), self.falloff.widest()))
     }
 
     fn transform(&mut self, by: &DAffine3) {
@@ -76,12 +76,12 @@ impl Emitter for Spot {
     fn punctual(&self) -> Option<PunctualLight> {
         let cone = self.falloff.cone()?;
         let light = PunctualLight::at(self.position, self.intensity, self.attenuation);
-        Some(PunctualLight { direction: self.direction, cone, ..light })
+        Some(PunctualLight { direction: unit(self.direction), cone, ..light })
     }
 
     fn sample_li(&self, p: DVec3, _u: Vec2) -> Option<Incident> {
         let (direction, distance) = towards(p, self.position)?;
-        let factor = self.falloff.at(-direction.dot(self.direction)) as f32;
+        let factor = self.falloff.at(-direction.dot(unit(self.direction))) as f32;
         let irradiance = self.intensity * (self.attenuation.at(distance as f32) * factor);
         Some(Incident { direction, distance, irradiance })
     }
@@ -94,7 +94,7 @@ impl Emitter for Spot {
 
     fn bounds(&self) -> Option<LightBounds> {
         let intensity = self.attenuation.strength(self.intensity)?;
-        LightBounds::of_cone(self.position, self.direction, self.falloff.widest(), intensity)
+        LightBounds::of_cone(self.position, unit(self.direction), self.falloff.widest(), intensity)
     }
 }
 

@@ -117,6 +117,54 @@ fn a_light_that_is_moved_and_dimmed_lights_a_moved_point_alike() {
     }
 }
 
+/// The light with its directions and matrices this many times as long.
+fn stretched(light: &Light, factor: f64) -> Light {
+    fn stretch(value: &mut serde_json::Value, factor: f64) {
+        if let Some(items) = value.as_array_mut() {
+            items.iter_mut().for_each(|item| stretch(item, factor));
+        } else if let Some(x) = value.as_f64() {
+            *value = (x * factor).into();
+        }
+    }
+    let mut json = serde_json::to_value(light).expect("lights serialise");
+    for name in light.directions().chain(["world_from_light"]) {
+        if let Some(value) = json.get_mut(name) {
+            stretch(value, factor);
+        }
+    }
+    serde_json::from_value(json).expect("a light of other lengths")
+}
+
+#[test]
+fn the_length_of_a_direction_has_no_meaning() {
+    for light in Light::examples() {
+        for factor in [5.0, 1e-3] {
+            let other = stretched(&light, factor);
+            assert_eq!(other.lost_direction(), None);
+            for i in 0..200 {
+                let u = uniform2([i, 1, 1, 5]);
+                let p = (Vec3::new(u.x, u.y, 0.3) - 0.5) * 8.0;
+                let [a, b] = [&light, &other].map(|light| sample(light, p, Vec2::splat(0.5)));
+                assert_eq!(a.is_some(), b.is_some(), "{light:?} {p}");
+                let Some((a, b)) = a.zip(b) else { continue };
+                let (found, expected) = (b.radiance[0], a.radiance[0]);
+                assert!((found - expected).abs() <= 1e-4 * expected, "{light:?} {p}: {found}");
+                assert!((a.direction - b.direction).length() < 1e-5, "{light:?} {p}");
+            }
+            assert!((other.power(3.0) / light.power(3.0) - 1.0).abs() < 1e-6, "{light:?}");
+            let axes = [&light, &other].map(|light| light.bounds().map(|bounds| bounds.axis));
+            let apart = axes[0].zip(axes[1]).map_or(0.0, |(a, b)| (a - b).length());
+            assert!(apart < 1e-5, "{light:?}: {axes:?}");
+        }
+        if light.directions().next().is_some() {
+            let lost = stretched(&light, 0.0);
+            let flaw = lost.lost_direction().expect("a zero vector is a flaw");
+            assert!(flaw.contains("expected a direction, not all zeros"), "{flaw}");
+            assert_eq!(sample(&lost, Vec3::ZERO, Vec2::splat(0.5)), None, "{lost:?}");
+        }
+    }
+}
+
 #[test]
 fn a_point_light_follows_the_inverse_square() {
     let light = &Light::examples()[1];

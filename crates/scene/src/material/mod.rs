@@ -291,6 +291,21 @@ snell_math::declare! {
 }
 
 snell_math::declare! {
+    /// The direction that the green channel of a normal map stands for.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+    pub enum Bitangent {
+        /// Up in the picture as it lies on the surface, or what the tangents of the mesh say; the
+        /// rule of glTF.
+        "upwards" => #[default] Upwards,
+        /// The shading normal times the derivative of the position by u, however the picture lies
+        /// on the surface; the rule of pbrt and Mitsuba.
+        "crossed" => Crossed,
+        /// The opposite of `crossed`, for scenes that were mirrored.
+        "crossed-mirrored" => CrossedMirrored,
+    }
+}
+
+snell_math::declare! {
     /// A normal map.
     #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
     pub struct NormalMap {
@@ -299,6 +314,27 @@ snell_math::declare! {
         /// Factor on the x and y of the normals.
         #[serde(default = "defaults::whole")]
         pub scale: f32,
+        /// The direction of its green.
+        #[serde(default)]
+        pub bitangent: Bitangent,
+    }
+}
+
+impl Bitangent {
+    /// The direction in a mirrored scene, or on a surface that is turned over.
+    pub fn mirrored(self) -> Self {
+        match self {
+            Self::Upwards => Self::Upwards,
+            Self::Crossed => Self::CrossedMirrored,
+            Self::CrossedMirrored => Self::Crossed,
+        }
+    }
+}
+
+impl NormalMap {
+    /// A normal map with this factor on x and y, whose green is up in the picture.
+    pub fn new(texture: TextureId, scale: f32) -> Self {
+        Self { texture, scale, bitangent: Bitangent::Upwards }
     }
 }
 
@@ -327,6 +363,10 @@ snell_math::declare! {
         /// light takes its place in illuminating surfaces.
         #[serde(default = "defaults::yes")]
         pub illuminates: bool,
+        /// False for a surface that rays pass through as if it were not there. Of a lamp, the light
+        /// remains: only light samples find it.
+        #[serde(default = "defaults::yes")]
+        pub visible: bool,
         /// The use of `alpha`.
         #[serde(default)]
         pub alpha_mode: AlphaMode,
@@ -340,8 +380,7 @@ snell_math::declare! {
         /// Normal map, which perturbs the shading normal.
         #[serde(default)]
         pub normal_map: Option<NormalMap>,
-        /// Bump map, which perturbs the normal further. A coat with its own normal does not follow
-        /// it.
+        /// Bump map, which perturbs the normal further. Coats do not follow it.
         #[serde(default)]
         pub bump_map: Option<BumpMap>,
         /// Interior of a closed surface; `None` for the one that the kind implies
@@ -393,6 +432,7 @@ impl Material {
             emission_takes_vertex_color: false,
             emits_on_both_sides: false,
             illuminates: true,
+            visible: true,
             alpha_mode: AlphaMode::Opaque,
             alpha: ScalarParam::constant(1.0),
             double_sided: true,
@@ -442,7 +482,7 @@ impl Material {
         }
     }
 
-    /// The reflectance of a matte surface at a point, and its shading normal before that is bent
+    /// The reflectance of a matte surface at a point, and its shading normal before it is bent
     /// towards the viewer. `None` for other materials.
     pub fn matte_at(&self, point: &ShadingPoint) -> Option<(SampledSpectrum, Vec3)> {
         Some((self.as_matte()?.reflectance_at(point), self.shading_normal(point)))
@@ -467,7 +507,10 @@ impl Material {
 
     /// True if hits need an opacity test ([`Self::is_present`]).
     pub fn needs_filter(&self) -> bool {
-        self.alpha_mode != AlphaMode::Opaque || !self.double_sided || self.is_interface()
+        self.alpha_mode != AlphaMode::Opaque
+            || !self.double_sided
+            || !self.visible
+            || self.is_interface()
     }
 
     /// Opacity at a point, `[0, 1]`; 0 or 1 for a mask.
@@ -487,9 +530,9 @@ impl Material {
     }
 
     /// The probability that a ray hits the surface at a point: its opacity, but 0 on the inner side
-    /// of a single-sided surface and for interfaces.
+    /// of a single-sided surface, for interfaces and for what is not visible.
     pub fn presence(&self, ray_direction: Vec3, point: &ShadingPoint) -> f32 {
-        if self.is_interface() {
+        if self.is_interface() || !self.visible {
             return 0.0;
         }
         if self.double_sided || point.surface.is_front_facing(ray_direction) {
@@ -499,14 +542,21 @@ impl Material {
         }
     }
 
+    /// The fraction of the radiance [emitted](Self::emitted) at a point that reaches a light sample
+    /// whose direction towards it is `ray_direction`: the probability that a ray hits the surface,
+    /// or the opacity of one that is not visible.
+    pub fn emitting_share(&self, ray_direction: Vec3, point: &ShadingPoint) -> f32 {
+        if self.visible { self.presence(ray_direction, point) } else { self.opacity(point) }
+    }
+
     /// The constant radiance that the surface emits in all directions of its emitting sides; `None`
-    /// if that depends on the point, or if the surface is not opaque.
+    /// if that depends on the point, or if the surface is not opaque or not visible.
     pub fn uniform_emission(&self) -> Option<Color> {
         let is_uniform = self.is_emissive()
             && self.emission.texture.is_none()
             && !self.emission_takes_vertex_color
             && !self.has_layers_above_emission();
-        let is_solid = self.alpha_mode == AlphaMode::Opaque && !self.is_interface();
+        let is_solid = self.alpha_mode == AlphaMode::Opaque && self.visible && !self.is_interface();
         let is_there = is_solid && (self.double_sided || !self.emits_on_both_sides);
         let ColorParam { factor: rgb, spectrum, .. } = self.emission;
         (is_uniform && is_there).then(|| Color { rgb, spectrum }.map(emitted_part))

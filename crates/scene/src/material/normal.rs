@@ -1,6 +1,6 @@
 //! Shading normals: normal maps, and corrections of normals that face away from the viewer.
 
-use super::{BumpMap, NormalMap, ShadingPoint};
+use super::{Bitangent, BumpMap, NormalMap, ShadingPoint};
 use crate::bsdf::{Bsdf, Lobes, fresnel, unit_or};
 use snell_math::simd::{min, select};
 use snell_math::{Frame, Vec3};
@@ -68,16 +68,30 @@ impl Bend {
         let local =
             Vec3::new((2.0 * r - 1.0) * map.scale, (2.0 * g - 1.0) * map.scale, 2.0 * b - 1.0);
         let surface = point.surface;
+        let crossed = |side| Self { local, tangent: surface.dpdu, upwards: Vec3::ZERO, side };
+        match map.bitangent {
+            Bitangent::Upwards => {}
+            Bitangent::Crossed => return crossed(1.0),
+            Bitangent::CrossedMirrored => return crossed(-1.0),
+        }
+        let transform = point.textures.image(map.texture).map(|t| t.uv_transform);
+        let [[a, b, _], [c, d, _]] = transform.unwrap_or([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
+        let determinant = a * d - b * c;
         if let Some((tangent, sign)) = surface.tangent {
-            return Self { local, tangent, upwards: Vec3::ZERO, side: 1.0f32.copysign(sign) };
+            let side = 1.0f32.copysign(sign);
+            let plain = Self { local, tangent, upwards: Vec3::ZERO, side };
+            let keeps = (b == 0.0) & (c == 0.0) & (a > 0.0) & (d > 0.0);
+            if keeps || !determinant.is_normal() {
+                return plain;
+            }
+            // The stored tangents are those of the mesh's coordinates: they turn with the picture.
+            let right = tangent * surface.dpdu.length();
+            let up = surface.shading_normal.cross(tangent) * side * surface.dpdv.length();
+            let tangent = (right * d + up * c) / determinant;
+            return Self { tangent, side: side.copysign(side * determinant), ..plain };
         }
         // Derivatives by the texture's own coordinates, its transform undone; a singular one leaves
         // the surface's.
-        let [[a, b, _], [c, d, _]] = point
-            .textures
-            .image(map.texture)
-            .map_or([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], |t| t.uv_transform);
-        let determinant = a * d - b * c;
         let (dpdu, dpdv) = if determinant.is_normal() {
             (
                 (surface.dpdu * d - surface.dpdv * c) / determinant,

@@ -32,7 +32,7 @@ fn normal_texture(n: Vec3, uv_transform: [[f32; 3]; 2]) -> TextureSet {
 const IDENTITY: [[f32; 3]; 2] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
 
 fn mapped(scale: f32) -> Material {
-    let normal_map = Some(NormalMap { texture: TextureId(0), scale });
+    let normal_map = Some(NormalMap::new(TextureId(0), scale));
     Material { normal_map, ..Material::new("bumpy", Diffuse::new(Rgb::WHITE)) }
 }
 
@@ -85,6 +85,43 @@ fn stored_tangents_come_first_and_their_sign_turns_the_bitangent() {
         let s = SurfaceInteraction { tangent: Some((Vec3::Y, sign)), ..surface() };
         // The bitangent is sign * (z x y) = -sign x.
         assert_near(mapped_normal(n, IDENTITY, &s), Vec3::new(-sign * 0.48, 0.36, 0.8));
+    }
+}
+
+#[test]
+fn stored_tangents_turn_with_the_picture() {
+    // What the derivatives of the coordinates give (dpdu along x, dpdv against y: three and two
+    // units), the stored tangents of the same coordinates give too.
+    let plain = SurfaceInteraction { dpdv: -Vec3::Y * 2.0, ..surface() };
+    let stored = SurfaceInteraction { tangent: Some((Vec3::X, 1.0)), ..plain };
+    let mirrored = SurfaceInteraction { dpdv: Vec3::Y * 2.0, ..surface() };
+    let stored_mirrored = SurfaceInteraction { tangent: Some((Vec3::X, -1.0)), ..mirrored };
+    let n = Vec3::new(0.36, 0.48, 0.8);
+    for turn in [0.0f32, 0.4, 1.5, -2.0, 3.0] {
+        let (sin, cos) = turn.sin_cos();
+        for [x, y] in [[1.0, 1.0], [2.0, 0.5], [-1.0, 1.0], [1.0, -3.0]] {
+            let transform = [[cos * x, sin * y, 0.1], [-sin * x, cos * y, 0.2]];
+            for (by_derivatives, by_tangents) in [(&plain, &stored), (&mirrored, &stored_mirrored)]
+            {
+                assert_near(
+                    mapped_normal(n, transform, by_tangents),
+                    mapped_normal(n, transform, by_derivatives),
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn green_may_be_the_normal_times_u() {
+    let textures = normal_texture(Vec3::new(0.0, 0.6, 0.8), IDENTITY);
+    for dpdv in [Vec3::Y, -Vec3::Y] {
+        for (bitangent, y) in [(Bitangent::Crossed, 0.6), (Bitangent::CrossedMirrored, -0.6)] {
+            let s = SurfaceInteraction { dpdv, ..surface() };
+            let map = NormalMap { bitangent, ..NormalMap::new(TextureId(0), 1.0) };
+            let material = Material { normal_map: Some(map), ..mapped(1.0) };
+            assert_near(material.bsdf(&at(&s, &textures)).frame.z, Vec3::new(0.0, y, 0.8));
+        }
     }
 }
 
@@ -161,7 +198,7 @@ fn slopes_of_bumps_and_of_a_normal_map_add_up_and_never_leave_the_side_of_the_su
     let textures =
         TextureSet::new(&[texture(1), texture(0)], &[Arc::new(normals), Arc::new(heights)]);
     let s = SurfaceInteraction { dpdu: Vec3::X, ..surface() };
-    let normal_map = Some(NormalMap { texture: TextureId(1), scale: 1.0 });
+    let normal_map = Some(NormalMap::new(TextureId(1), 1.0));
     let both = Material { normal_map, ..bumpy(0.25, HeightUnit::Scene) };
     assert_near(both.bsdf(&at(&s, &textures)).frame.z, slope(0.75));
     for height in [1e9, -1e9, f32::INFINITY, f32::NAN] {

@@ -20,7 +20,8 @@ pub struct Glow {
     table: Distribution2D,
     /// Volume of the whole grid in the world, in cubic scene units.
     volume: f64,
-    /// Luminance of all light that is emitted in one direction, W / sr.
+    /// Luminance of the radiant intensity of the whole medium, without absorption, W / sr. It is
+    /// the same in all directions.
     intensity: f64,
     /// A typical length of a ray in the emissive part, in scene units.
     chord: f32,
@@ -83,7 +84,8 @@ impl Glow {
         self.bounds
     }
 
-    /// Luminance of all light that is emitted in one direction, without absorption, W / sr.
+    /// Luminance of the radiant intensity of the whole medium, without absorption, W / sr. It is
+    /// the same in all directions.
     pub fn intensity(&self) -> f64 {
         self.intensity
     }

@@ -41,6 +41,7 @@ impl CellValue for Rgb {
 pub struct CellGrid<T> {
     size: [usize; 3],
     values: Vec<T>,
+    is_stepped: bool,
 }
 
 /// Numbers on a regular grid.
@@ -59,7 +60,17 @@ impl<T: CellValue> CellGrid<T> {
             return None;
         }
         values.iter_mut().for_each(|x| *x = x.sane());
-        Some(Self { size, values })
+        Some(Self { size, values, is_stepped: false })
+    }
+
+    /// The grid with values that are the same within each cell, or interpolated between cells.
+    pub fn stepped(self, is_stepped: bool) -> Self {
+        Self { is_stepped, ..self }
+    }
+
+    /// True if values are the same within each cell.
+    pub fn is_stepped(&self) -> bool {
+        self.is_stepped
     }
 
     /// The number of cells along x, y and z.
@@ -72,10 +83,24 @@ impl<T: CellValue> CellGrid<T> {
         &self.values
     }
 
-    /// The value at a point of the unit cube, interpolated between the eight nearest cells; 0
-    /// outside of the cube.
+    /// The value at a point of the unit cube, interpolated between the eight nearest cells unless
+    /// the grid is stepped; 0 outside of the cube.
     pub fn lookup(&self, p: Vec3) -> T {
-        Corners::of(self.size, p).map_or(T::NOTHING, |corners| corners.interpolate(&self.values))
+        self.corners(p).map_or(T::NOTHING, |corners| corners.interpolate(&self.values))
+    }
+
+    /// True if the cells are the same ones, and are interpolated alike.
+    fn is_like(&self, other: &Self) -> bool {
+        self.size == other.size && self.is_stepped == other.is_stepped
+    }
+
+    #[inline(always)]
+    fn corners(&self, p: Vec3) -> Option<Corners> {
+        let mut corners = Corners::of(self.size, p)?;
+        if self.is_stepped {
+            corners.f = corners.f.map(|f| f32::from(f >= 0.5));
+        }
+        Some(corners)
     }
 }
 
@@ -278,7 +303,7 @@ impl Grid {
     pub(super) fn tinted(&self, p: Vec3) -> [Rgb; 2] {
         match (&self.sigma_a_tint, &self.sigma_s_tint) {
             // One look-up of the cells serves both tints.
-            (Some(a), Some(s)) if a.size == s.size => match Corners::of(a.size, p) {
+            (Some(a), Some(s)) if a.is_like(s) => match a.corners(p) {
                 Some(at) => [
                     self.sigma_a * at.interpolate(&a.values),
                     self.sigma_s * at.interpolate(&s.values),
@@ -312,6 +337,18 @@ impl Grid {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn stepped_grids_are_even_within_each_cell() {
+        let values: Vec<f32> = (0..8).map(|i| i as f32).collect();
+        let grid = ScalarGrid::new([2, 1, 4], values).expect("eight cells").stepped(true);
+        for i in 0..200 {
+            let [x, z] = [i % 20, i / 20 % 10].map(|k| (k as f32 + 0.51) / 20.0);
+            let cell = (x * 2.0).floor() + 2.0 * (z * 4.0).floor();
+            assert_eq!(grid.lookup(Vec3::new(x, 0.3, z)), cell, "{x} {z}");
+        }
+        assert_eq!(grid.lookup(Vec3::new(1.1, 0.5, 0.5)), 0.0);
+    }
 
     #[test]
     fn lookups_give_the_cells_at_their_middles_and_lines_between_them() {

@@ -115,8 +115,8 @@ impl TrackedGrid {
     fn extinction_bound(&self, cell: usize, thickest: f32, mode: ColorMode) -> f32 {
         match &self.extinctions {
             None => self.densities.bound(cell).min(self.most) * thickest,
-            // Between its three colours a spectrum may exceed all of them, but not beyond the room
-            // that `coefficient` leaves.
+            // Between red, green and blue a spectrum may exceed all three, but at most by the
+            // factor 2 for which `coefficient` leaves room.
             Some(bounds) => bounds.bound(cell) * if mode == ColorMode::Rgb { 1.0 } else { 2.0 },
         }
     }

@@ -63,9 +63,9 @@ pub struct InfluenceSet {
 }
 
 impl Deformed {
-    /// The mesh deformed with these weights and, if there is a skin, with `world_from_mesh` for
-    /// each of the skin's joints. The error is the index of the first joint that influences a
-    /// vertex but is missing in the skin.
+    /// The mesh deformed with these weights and, if there is a skin, with `matrices`, which hold
+    /// `world_from_mesh` for each of the skin's joints. The error is the index of the first joint
+    /// that influences a vertex but is missing in the skin.
     pub fn mesh(&self, weights: &[f64], matrices: &[DAffine3]) -> Result<TriangleMesh, usize> {
         let mut mesh = TriangleMesh::clone(&self.rest);
         if let Some(morph) = &self.morph {

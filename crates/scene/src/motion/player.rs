@@ -138,7 +138,8 @@ impl Player {
         pose
     }
 
-    /// The joints that clips hide at a time in seconds.
+    /// The joints that are hidden at a time in seconds: by a clip, or by default where no clip
+    /// decides.
     fn hidden_joints(&self, time: f64) -> BTreeSet<u32> {
         let joints = (0..).zip(&self.motion.joints);
         let mut hidden: BTreeSet<u32> =
@@ -156,9 +157,9 @@ impl Player {
         hidden
     }
 
-    /// The poses while a shutter is open, at equal times from its opening to its closing: so many
-    /// that linear interpolation between them is accurate. There is only one pose if nothing moves,
-    /// or if the shutter closes at once.
+    /// The poses while a shutter is open, at equal times from its opening to its closing. Intervals
+    /// are halved until linear interpolation between the poses is accurate, up to 32 intervals.
+    /// There is only one pose if no clip is played, or if the shutter closes at once.
     pub fn poses_between(&mut self, open: f64, close: f64) -> Vec<Pose> {
         const MOST: u32 = 32;
         let mut intervals = 0;

@@ -36,7 +36,8 @@ impl Placement {
         }
     }
 
-    /// Translation, rotation and scale; for a matrix, those of the closest such map.
+    /// Translation, rotation and scale; for a matrix, those that glam extracts, which reproduce the
+    /// matrix only if it has no shear.
     pub(super) fn parts(&self) -> (DVec3, DQuat, DVec3) {
         match *self {
             Self::Parts { translation, rotation, scale } => (translation, rotation, scale),
@@ -67,7 +68,8 @@ struct Key {
 
 impl AnimatedTransform {
     /// The transform with these values at these times, which need not be sorted. Keys whose time is
-    /// not finite or occurs twice are ignored; without any keys the transform is the identity.
+    /// not finite are ignored, and of several keys with the same time the first counts. Without any
+    /// keys the transform is the identity.
     pub fn new(keys: impl IntoIterator<Item = (f64, DAffine3)>) -> Self {
         let mut keys: Vec<Key> =
             keys.into_iter().filter(|(time, _)| time.is_finite()).map(Key::new).collect();

@@ -51,7 +51,7 @@ fn text_at(out: &mut String, x: f32, y: f32, class: &str, text: &str) {
         writeln!(out, "<text x=\"{x:.1}\" y=\"{y:.1}\" class=\"{class}\">{}</text>", escaped(text));
 }
 
-/// A linear colour as a CSS colour; brighter colours are scaled down to 1.
+/// A linear colour, multiplied by `scale` and clamped to 1, as a CSS colour.
 fn css(color: [f32; 3], scale: f32) -> String {
     let display = |c: f32| {
         let c = (c * scale).clamp(0.0, 1.0);

@@ -116,7 +116,7 @@ pub(super) fn title(number: usize, vertex: &VertexReport) -> String {
     format!("{}: {how}{from} → {what}{distance}", number + 1)
 }
 
-/// A number with four significant digits.
+/// A number with four significant digits, or three with an exponent.
 pub(super) fn short(x: f32) -> String {
     if x == 0.0 {
         return "0".into();

@@ -66,14 +66,14 @@ pub struct Case<'a> {
     pub bench: &'a Bench,
     pub world: &'a World,
     pub side: u32,
-    /// The view of the camera, in pixels.
+    /// The camera's projection; its places are in pixels.
     pub view: View,
     /// The diameter of the cone of each primary ray, per unit of distance.
     pub spreads: Vec<f32>,
     pub tolerance: f64,
     /// Radius of the ball that is the light for cones.
     pub light_radius: f64,
-    /// Distances up to this count as zero.
+    /// Distances that differ by at most this count as equal.
     pub slack: f32,
 }
 
@@ -177,9 +177,10 @@ struct Row {
     work: Option<Work>,
     /// Share of the rays that fell back to tracing one by one.
     traced: Option<f64>,
-    /// Share of the rays with the same result as one by one, bit for bit. `agree` is the share with
-    /// the same result up to the tolerance of all benchmarks.
+    /// Share of the rays with the same result as one by one, bit for bit.
     identical: f64,
+    /// Share of the rays whose result [agrees](super::contest::Answer::agrees) with that of tracing
+    /// one by one.
     agree: f64,
 }
 

@@ -14,7 +14,7 @@ const CLOSE: f64 = 1.25;
 const MAX_FINALISTS: usize = 3;
 
 /// Allowed rounding of distances, in radii of the scene. It is needed for nearby hits, whose
-/// distances differ by more than the factor 0.0001 if a peer computes with rounded transforms.
+/// distances differ by more than 0.01 % if a peer computes with rounded transforms.
 const ROUNDING: f32 = 1e-6;
 
 /// How Snell is called.
@@ -44,8 +44,8 @@ pub trait Answer: Copy + Default + Send + Sync {
     fn snell(world: &World, call: Call, grouping: Grouping, rays: &[Ray], answers: &mut [Self]);
     fn peer(peer: &Contender, rays: &[Ray], answers: &mut [Self]);
     fn is_hit(&self) -> bool;
-    /// True if both hit or both miss, and the distances differ by at most the factor 0.0001 or by
-    /// at most `slack`.
+    /// True if both hit or both miss, and the distances differ by at most 0.01 % or by at most
+    /// `slack`.
     fn agrees(&self, other: &Self, slack: f32) -> bool;
 }
 

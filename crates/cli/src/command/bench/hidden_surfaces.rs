@@ -87,11 +87,13 @@ struct Case<'a> {
     name: &'a str,
     world: &'a World,
     screen: &'a Screen,
-    /// Seconds to build the acceleration structure; `project` is the time to project all triangles.
+    /// Seconds to build the acceleration structure.
     build: f64,
+    /// Seconds to project all triangles.
     project: f64,
-    /// What rays see in each pixel; `reference` is the content of the z-buffer.
+    /// What rays see in each pixel.
     rays: Seen,
+    /// The content of the z-buffer.
     reference: Seen,
 }
 
@@ -102,16 +104,18 @@ struct Row {
 }
 
 struct Measured {
-    /// Seconds of view-independent preparation; `seconds` is the time per picture.
+    /// Seconds of view-independent preparation.
     prepare: Option<f64>,
+    /// Seconds per picture.
     seconds: f64,
     runs: usize,
     memory: Option<usize>,
     work: Vec<(&'static str, u64)>,
-    /// Share of pixels (for lines: of segments) that agree with rays. `borderline` is the number of
-    /// others that rounding may decide, `unexplained` the number of the rest.
+    /// Share of pixels (for lines: of segments) that agree with rays.
     agree: f64,
+    /// Number of the others for which rounding may decide.
     borderline: u64,
+    /// Number of the rest.
     unexplained: u64,
     /// Share of pixels with the same triangle as the z-buffer.
     identical: Option<f64>,

@@ -86,10 +86,11 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
 
 /// The rays of a render, as three long batches.
 struct RecordedRays {
-    /// Rays of closest-hit queries that are grouped as coherent; `unrelated` are those that are
-    /// not, and `occluded` the rays of occlusion queries.
+    /// Rays of closest-hit queries that are grouped as coherent.
     coherent: Vec<Ray>,
+    /// All other rays of closest-hit queries.
     unrelated: Vec<Ray>,
+    /// Rays of occlusion queries.
     occluded: Vec<Ray>,
     /// The number of queries.
     queries: usize,

@@ -153,19 +153,20 @@ fn frames(options: &Options, stage: &Stage) -> Result<Option<(Vec<Frame>, f64)>,
 /// The destination of frames.
 struct Place {
     folder: PathBuf,
-    /// The part of the name before the number; `after` follows the number, which has at least
-    /// `digits` digits.
+    /// The part of the name before the number.
     before: OsString,
+    /// The part of the name after the number.
     after: OsString,
+    /// The least number of digits of the number.
     digits: usize,
     /// The animated picture, if requested; its path is `None` for standard output.
     animated: Option<(AnimatedFormat, Option<PathBuf>)>,
 }
 
 impl Place {
-    /// Places frames beside the output: `walk.png` becomes `walk.0000.png`, or `#` stand for digits
-    /// if the name has any. Frames of an animated picture are kept in a folder beside it until it
-    /// is written.
+    /// Places frames beside the output: `walk.png` becomes `walk.0000.png`; if the name has `#`
+    /// characters, these become the digits. Frames of an animated picture are kept in a folder
+    /// beside the picture until it is written.
     fn of(output: Option<&Path>, stem: &OsStr) -> Result<Self, Failure> {
         let path =
             output.map_or_else(|| joined([stem, OsStr::new(".png")]).into(), Path::to_path_buf);

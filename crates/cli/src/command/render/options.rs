@@ -5,7 +5,7 @@ use super::frames::{self, FrameRange, Turntable};
 use super::request::RequestOptions;
 use crate::failure::{Failure, choice};
 use crate::progress::ProgressStyleOption;
-use crate::threads;
+use crate::{scene_source, threads};
 use snell_formats::image::Tonemap;
 use snell_formats::{Limits, ReadOptions, Sources};
 use snell_math::Rgb;
@@ -81,8 +81,8 @@ pub struct Options {
         help_heading = "Motion",
     )]
     pub at: Option<f64>,
-    /// Play this animation of the file (`all` for all together). Default: the first, with those
-    /// that move other things
+    /// Play this animation of the file (`all` for all together). Default: the first, and each later
+    /// one that moves only other things
     #[arg(long, value_name = "NAME|INDEX", help_heading = "Motion")]
     pub animation: Option<String>,
     /// Render many pictures: from one time until just before another, at a rate per second, such as
@@ -194,17 +194,10 @@ pub struct Options {
 impl Options {
     /// The options for reading the scene file.
     pub fn read_options(&self) -> ReadOptions {
-        // Keys of the scene graph contain a dot; keys without one may be parameters of the file.
-        let plain = self
-            .define
-            .iter()
-            .filter_map(|d| d.split_once('='))
-            .filter(|(key, _)| !key.contains('.'));
-        let parameters = plain.map(|(key, value)| (key.to_string(), value.to_string())).collect();
         ReadOptions {
             allow_outside: self.allow_outside,
             limits: Limits::default(),
-            parameters,
+            parameters: scene_source::parameters(&self.define),
             variant: self.variant.clone(),
             scene: self.scene_of_file.clone(),
             sources: self.sources.clone(),

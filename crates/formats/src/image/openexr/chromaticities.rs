@@ -38,8 +38,8 @@ fn xyz_of([x, y]: [f64; 2]) -> Option<[f64; 3]> {
 /// The matrix from RGB to XYZ. Its columns are the primaries, scaled so that (1, 1, 1) is white
 /// (SMPTE RP 177).
 fn xyz_from_rgb(points: &[[f64; 2]; 4]) -> Option<Matrix> {
-    // A primary may lie on the line y = 0 or below (ACES AP0 blue does): scale by x + y + z instead
-    // of Y.
+    // A primary may lie on the line y = 0 or below (ACES AP0 blue does), so the columns are scaled
+    // by x + y + z instead of Y.
     let columns: [[f64; 3]; 3] =
         std::array::from_fn(|i| [points[i][0], points[i][1], 1.0 - points[i][0] - points[i][1]]);
     let primaries: Matrix = std::array::from_fn(|row| std::array::from_fn(|c| columns[c][row]));

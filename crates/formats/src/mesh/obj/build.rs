@@ -116,6 +116,7 @@ struct Builder {
     /// For each material of the file (and one more for none), its slot and the number of the object
     /// that has the slot.
     slots: Vec<(u32, u16)>,
+    /// The number of the object that is being built, from 1.
     object: u32,
     /// For each vertex of the object, the previous vertex made from the same position, and the
     /// vertex's corner.
@@ -127,8 +128,9 @@ struct Builder {
     missing_normals: Vec<u32>,
     /// Smoothing of each triangle of the object; empty if the file has no `s` statement.
     smoothing: Vec<Smoothing>,
-    /// Triangles of the object so far.
+    /// Number of triangles of the object before the current faces.
     smoothed: usize,
+    /// The vertices of the current polygon.
     face: Vec<u32>,
     triangulator: Triangulator,
 }

@@ -89,13 +89,13 @@ impl Maker<'_> {
         }
         if let Some(map) = &mtl.normal_map {
             let texture = self.texture(map, Encoding::Linear, mtl)?;
-            material.normal_map = Some(NormalMap { texture, scale: map.strength });
+            material.normal_map = Some(NormalMap::new(texture, map.strength));
         }
         if let Some(map) = &mtl.bump_map {
             let texture = self.texture(map, Encoding::Linear, mtl)?;
             // Many programs write their normal maps as bump maps.
             if self.shows_normals(texture) {
-                material.normal_map.get_or_insert(NormalMap { texture, scale: map.strength });
+                material.normal_map.get_or_insert(NormalMap::new(texture, map.strength));
             } else {
                 let height = map.strength * HEIGHT_OF_BUMPS;
                 material.bump_map =

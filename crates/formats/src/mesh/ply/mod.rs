@@ -2,9 +2,9 @@
 //!
 //! Elements and properties may come in any order; unknown ones are skipped. Used are `vertex` (`x y
 //! z`, `nx ny nz`, texture coordinates `u v`, `s t` or `texture_u texture_v`, colours `red green
-//! blue alpha`), `face` with a list `vertex_indices` or `vertex_index`, and `tristrips` with the
-//! same. Colours of integer types are sRGB (as scanners and editors write them), those of
-//! floating-point types linear. Colours and normals of faces are ignored.
+//! blue alpha`), `face` with a list `vertex_indices` or `vertex_index`, and `tristrips` with a list
+//! of one of these names. Colours of integer types are sRGB (as scanners and editors write them),
+//! those of floating-point types linear. Colours and normals of faces are ignored.
 //!
 //! `header.rs` reads the declarations, `body.rs` the values, and `uniform.rs` the values of common
 //! binary files on all cores.

@@ -143,7 +143,7 @@ impl<'a> Buffers<'a> {
         Ok(Self { input, binary, declared, views, loaded, decoded })
     }
 
-    /// The file.
+    /// The glTF file.
     pub fn input(&self) -> &'a Input {
         self.input
     }

@@ -184,6 +184,7 @@ fn emission(reader: &mut Reader, json: &Json) -> Result<ColorParam, ReadError> {
         Some(extension) => extension.number_or("emissiveStrength", 1.0)?.max(0.0) as f32,
         None => 1.0,
     };
+    reader.has_lamps_off |= strength == 0.0 && factor.max_element() > 0.0;
     let factor = factor * strength;
     if !factor.is_finite() {
         return Err(json.error("the emission is too large to be computed"));
@@ -208,7 +209,7 @@ fn alpha_mode(json: &Json) -> Result<AlphaMode, ReadError> {
 fn normal_map(reader: &mut Reader, json: &Json, key: &str) -> Result<Option<NormalMap>, ReadError> {
     let Some(info) = json.get(key)? else { return Ok(None) };
     let scale = info.number_or("scale", 1.0)? as f32;
-    Ok(texture::read(reader, &info, Use::Data)?.map(|texture| NormalMap { texture, scale }))
+    Ok(texture::read(reader, &info, Use::Data)?.map(|texture| NormalMap::new(texture, scale)))
 }
 
 fn texture_of(

@@ -2,8 +2,9 @@
 //!
 //! The document is read as plain JSON through `json::Json`, which knows its path and so can report
 //! where a file is wrong. A file that violates the standard in a way that would change the picture
-//! (dangling references, data that does not fit, cycles) is refused with that path; a file that is
-//! merely odd loads, and anything changed or left out is a warning of the scene.
+//! (dangling references, data that does not fit, cycles) is refused with an error that names this
+//! path; a file that is merely odd loads, and anything changed or left out is a warning of the
+//! scene.
 //!
 //! glTF maps to a scene as follows. Each node is a node; each mesh is a node with one surface per
 //! primitive, stored once and shared by all nodes that show it. Morph targets are applied with
@@ -40,6 +41,7 @@ mod topology;
 #[cfg(test)]
 mod tests;
 
+use crate::scene::keep_dark;
 use crate::{Input, ReadError, SceneReader};
 use accessor::Accessors;
 use container::{Buffers, Container, GLB_MAGIC};
@@ -97,6 +99,8 @@ struct Reader<'a> {
     pointers: Vec<pointer::Pointer>,
     /// Textures whose placement changes, by the path of their `textureInfo`. They are not shared.
     moving_textures: BTreeMap<String, TextureId>,
+    /// True if a material emits with a strength of 0: a lamp that is off.
+    has_lamps_off: bool,
 }
 
 fn read(input: &Input) -> Result<Scene, ReadError> {
@@ -122,12 +126,16 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
         vertices: 0,
         pointers: Vec::new(),
         moving_textures: BTreeMap::new(),
+        has_lamps_off: false,
     };
     reader.textures = texture::decode_images(&reader)?;
     reader.pointers = pointer::read_all(&mut reader)?;
     material::read_all(&mut reader)?;
     node::read_scene(&mut reader)?;
     light::add_sky(&mut reader.scene);
+    if reader.has_lamps_off {
+        keep_dark(&mut reader.scene);
+    }
     Ok(reader.scene)
 }
 

@@ -28,22 +28,28 @@ pub struct Look {
     /// The layers, outermost first; empty for no surface at all. Only the last one is always
     /// opaque.
     pub layers: Vec<Material>,
+    /// The layers of the back, seen on a surface that is turned over; empty if it looks like the
+    /// front.
+    pub back: Vec<Material>,
     /// True if vertex colours are visible.
     pub uses_vertex_colors: bool,
 }
 
 impl Look {
     fn of(material: Material) -> Self {
-        Self { layers: vec![material], uses_vertex_colors: false }
+        Self { layers: vec![material], ..Self::default() }
     }
 }
 
 /// Grey, as Mitsuba's diffuse surfaces are by default.
 pub const GRAY: f32 = 0.5;
-/// The default inside and outside materials of Mitsuba's dielectrics.
+/// Index of refraction of `bk7`, inside Mitsuba's dielectrics by default.
 const GLASS: f64 = 1.5046;
+/// Index of refraction of `air`, outside all of Mitsuba's materials by default.
 const AIR: f64 = 1.000_277;
+/// Index of refraction of `polypropylene`, inside Mitsuba's plastics by default.
 const POLYPROPYLENE: f64 = 1.49;
+/// Index of refraction of `amber`, inside Mitsuba's hair by default.
 const AMBER: f64 = 1.55;
 
 impl Builder<'_> {

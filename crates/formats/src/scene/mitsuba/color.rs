@@ -3,7 +3,8 @@
 
 use super::value::Hue;
 use snell_math::Rgb;
-use snell_math::spectrum::cie::{LAMBDA_MIN, OBSERVER_1931};
+use snell_math::spectrum::Spectrum;
+use snell_math::spectrum::cie::{LAMBDA_MAX, LAMBDA_MIN, OBSERVER_1931};
 use snell_scene::material::ColorParam;
 
 /// The reflectance of a surface.
@@ -26,12 +27,24 @@ pub fn factor(hue: Hue) -> Rgb {
     }
 }
 
-/// The colour of light in linear Rec. 709. A spectrum given without wavelengths is white, as in
-/// Mitsuba's RGB modes.
+/// The colour of light in linear Rec. 709.
 pub fn light(hue: Hue) -> Rgb {
+    match emission(hue) {
+        ColorParam { factor, spectrum: Some(spectrum), .. } => factor * spectrum.light_rgb(),
+        ColorParam { factor, .. } => factor,
+    }
+}
+
+/// The radiance of a surface. A number is a spectrum of equal energy at all wavelengths, which is
+/// redder than white.
+pub fn emission(hue: Hue) -> ColorParam {
     match hue {
-        Hue::Spectrum(spectrum, factor) => spectrum.light_rgb() * factor as f32,
-        other => factor(other),
+        Hue::Uniform(x) => {
+            let flat = Spectrum::table(&[[LAMBDA_MIN, 1.0], [LAMBDA_MAX, 1.0]]);
+            let spectrum = Some(flat.expect("two ascending wavelengths"));
+            ColorParam { spectrum, ..Rgb::splat(x as f32).into() }
+        }
+        other => reflectance(other),
     }
 }
 

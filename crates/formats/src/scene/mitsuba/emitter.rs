@@ -7,13 +7,18 @@ use super::texture::Pattern;
 use super::value::Value;
 use crate::scene::fault::Fault;
 use snell_math::{DAffine3, DMat3, DVec2, DVec3, Rgb};
-use snell_scene::MediumId;
 use snell_scene::graph::Environment;
 use snell_scene::light::sky::Sky;
 use snell_scene::light::{
     Attenuation, Directional, IntensityTable, Point, Profile, Projector, Slide,
 };
 use snell_scene::material::ColorParam;
+use snell_scene::texture::Filtering;
+use snell_scene::{Image, MediumId};
+use std::sync::Arc;
+
+/// Texture coordinates as they are.
+const UNMOVED: [[f32; 3]; 2] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
 
 impl Builder<'_> {
     /// Reads light, in linear Rec. 709, that must be constant (not textured).
@@ -44,10 +49,14 @@ impl Builder<'_> {
             self.note(owner.clone(), object.at, || format!("{owner}: {what}"));
             return Ok(None);
         }
-        let radiance = match self.pattern(object, "radiance")? {
-            Some(Pattern::Vertices) | None => Rgb::WHITE.into(),
-            Some(pattern) => self.color_of(pattern),
+        let radiance = match object.get("radiance").map(|property| &property.value) {
+            Some(Value::Color(hue)) => color::emission(*hue),
+            _ => match self.pattern(object, "radiance")? {
+                Some(Pattern::Vertices) | None => Rgb::WHITE.into(),
+                Some(pattern) => self.color_of(pattern),
+            },
         };
+        self.has_lamps = true;
         self.note_unused(object);
         Ok(Some(radiance))
     }
@@ -80,6 +89,7 @@ impl Builder<'_> {
         if let Some(medium) = self.inner(object, |o| o.class == "medium")? {
             let _: Option<MediumId> = self.medium(&medium)?;
         }
+        self.has_lamps = true;
         self.note_unused(object);
         Ok(())
     }
@@ -142,28 +152,36 @@ impl Builder<'_> {
 
     fn projector(&mut self, object: &Object, place: DAffine3) -> Result<(), Fault> {
         let scale = object.float_or("scale", 1.0)? as f32;
-        let fov = object.float_within("fov", 45.0, [1e-3, 179.9])?;
-        if object.string("fov_axis")?.is_some_and(|(axis, _)| axis != "x") {
-            self.note("projector axis", object.at, || {
-                "a projector whose fov is not that of x: it was taken for that".into()
-            });
-        }
         object.get("size");
-        let Some(Pattern::Picture(factor, texture)) = self.pattern(object, "irradiance")? else {
-            self.note("projector", object.at, || {
-                "a projector without a picture; it was left out".into()
-            });
-            return Ok(());
+        let pattern = match object.get("irradiance").map(|property| &property.value) {
+            Some(Value::Color(hue)) => Some(Pattern::Constant(color::light(*hue).into())),
+            _ => self.pattern(object, "irradiance")?,
         };
-        let image = self.scene.images[texture.image.index()].clone();
-        let half = (fov * 0.5).to_radians().tan();
-        let half_size = DVec2::new(half, half * f64::from(image.height) / f64::from(image.width));
+        let (factor, image) = match pattern {
+            Some(Pattern::Picture(factor, texture)) => {
+                if texture.filtering == Filtering::Nearest || texture.uv_transform != UNMOVED {
+                    self.note("projected picture", object.at, || {
+                        "a projected picture is interpolated and fills the view, whatever its \
+                            filter_type and to_uv are"
+                            .into()
+                    });
+                }
+                (factor, self.scene.images[texture.image.index()].clone())
+            }
+            Some(Pattern::Constant(color)) => (color.factor, white()),
+            Some(Pattern::Vertices) | None => (Rgb::WHITE, white()),
+        };
+        let aspect = f64::from(image.width) / f64::from(image.height);
+        let half = self.tan_half_fov_x(object, aspect)?;
+        let half_size = DVec2::new(half, half / aspect);
         if let (Some(slide), Some(axes)) = (Slide::new(&image, half_size), unit_axes(place)) {
             // Mitsuba's x points to the left of the projected picture, as in its cameras.
             let world_from_light = axes * DMat3::from_cols(DVec3::NEG_X, DVec3::Y, DVec3::Z);
-            // The factor and the scale give the irradiance at distance 1, at normal incidence.
-            let (position, scale) = (place.translation, factor * scale);
-            self.scene.add_light(Projector { position, world_from_light, scale, slide });
+            let position = place.translation;
+            // Mitsuba multiplies its "irradiance" by pi (projector.cpp, sample_direction).
+            let scale = factor * scale * std::f32::consts::PI;
+            let even = true;
+            self.scene.add_light(Projector { position, world_from_light, scale, even, slide });
         }
         Ok(())
     }
@@ -277,6 +295,11 @@ impl Builder<'_> {
         }
         self.scene.environment = Some(environment);
     }
+}
+
+/// A picture of one white texel.
+fn white() -> Arc<Image> {
+    Arc::new(Image::from_f32(1, 1, 3, vec![1.0; 3]))
 }
 
 /// The normalised axes of a transform.

@@ -3,7 +3,7 @@
 use super::Builder;
 use super::color;
 use super::object::Object;
-use super::value::Value;
+use super::value::{Value, shortened};
 use crate::scene::fault::Fault;
 use crate::scene::scattering::{self, Coefficients};
 use crate::{Input, Place, ReadError};
@@ -61,6 +61,8 @@ pub struct VolumeFile {
     channels: usize,
     bounds: [DVec3; 2],
     values: Vec<f32>,
+    /// True if values are not interpolated between cells.
+    is_stepped: bool,
 }
 
 impl Builder<'_> {
@@ -268,9 +270,16 @@ impl Builder<'_> {
 
     fn grid_volume(&mut self, volume: &Object) -> Result<Volume, Fault> {
         let (name, at) = volume.file_name()?;
-        let file = read_volume(&self.open(name, at)?)?;
-        for name in ["raw", "filter_type", "wrap_mode", "accel", "max_value"] {
+        let mut file = read_volume(&self.open(name, at)?)?;
+        for name in ["raw", "accel", "max_value"] {
             volume.get(name);
+        }
+        file.is_stepped = volume.string("filter_type")?.is_some_and(|(text, _)| text == "nearest");
+        if let Some((text, at)) = volume.string("wrap_mode")?.filter(|(text, _)| *text != "clamp") {
+            let text = shortened(text);
+            self.note("wrap_mode of gridvolume", at, || {
+                format!("a wrap_mode of \"{text}\": the grid is empty outside of its box")
+            });
         }
         let mut world_from_grid = self.world_from_file * volume.transform("to_world")?;
         if volume.bool_or("use_grid_bbox", self.version.starts_with("0."))? {
@@ -317,13 +326,14 @@ impl VolumeFile {
     fn colors(&self, change: impl Fn(usize, Rgb) -> Rgb) -> Option<Arc<ColorGrid>> {
         let cells = self.values.len() / self.channels;
         ColorGrid::new(self.size, (0..cells).map(|cell| change(cell, self.color(cell))).collect())
-            .map(Arc::new)
+            .map(|grid| Arc::new(grid.stepped(self.is_stepped)))
     }
 
     /// A number for each cell: the mean of the channels.
     fn scalar(&self) -> Option<ScalarGrid> {
         let mean = |cell: &[f32]| cell.iter().sum::<f32>() / self.channels as f32;
         ScalarGrid::new(self.size, self.values.chunks_exact(self.channels).map(mean).collect())
+            .map(|grid| grid.stepped(self.is_stepped))
     }
 }
 
@@ -365,7 +375,8 @@ fn read_volume(input: &Input) -> Result<VolumeFile, ReadError> {
     };
     let numbers = bytes[HEADER..].chunks_exact(4).take(total.unwrap_or(0));
     let values = numbers.map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
-    Ok(VolumeFile { size: [x, y, z], channels, bounds: [corner(24), corner(36)], values })
+    let (size, bounds) = ([x, y, z], [corner(24), corner(36)]);
+    Ok(VolumeFile { size, channels, bounds, values, is_stepped: false })
 }
 
 #[cfg(test)]
@@ -389,6 +400,33 @@ mod tests {
         let mut all = bytes(size, values);
         all[20..24].copy_from_slice(&channels.to_le_bytes());
         all
+    }
+
+    #[test]
+    fn the_filter_of_a_grid_is_kept_and_another_way_to_wrap_is_reported() {
+        use snell_scene::medium::Medium;
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let bytes = colored([2, 1, 1], 1, &[2.0, 4.0]);
+        std::fs::write(folder.path().join("density"), bytes).expect("the folder is writable");
+        for (filter, wrap, is_stepped, warnings) in [
+            ("trilinear", "clamp", false, 0),
+            ("nearest", "clamp", true, 0),
+            ("nearest", "repeat", true, 1),
+        ] {
+            let text = format!(
+                "<scene version='3.0.0'><shape type='cube'><medium type='heterogeneous' \
+                    name='interior'><volume type='gridvolume' name='sigma_t'>\
+                <string name='filename' value='density'/>\
+                <string name='filter_type' value='{filter}'/>\
+                <string name='wrap_mode' value='{wrap}'/></volume></medium></shape></scene>"
+            );
+            let path = folder.path().join("a.xml");
+            std::fs::write(&path, text).expect("the folder is writable");
+            let scene =
+                crate::read_scene(&path, &ReadOptions::default()).expect("nothing is wrong");
+            let [Medium::Grid(grid)] = &scene.media[..] else { panic!("one grid") };
+            assert_eq!((grid.density.is_stepped(), scene.warnings.len()), (is_stepped, warnings));
+        }
     }
 
     #[test]

@@ -25,6 +25,7 @@ mod value;
 mod xml;
 
 use crate::scene::fault::{Fault, Spot};
+use crate::scene::keep_dark;
 use crate::scene::notes::Notes;
 use crate::{Input, ReadError, SceneReader, textures};
 use bsdf::Look;
@@ -76,6 +77,10 @@ struct Builder<'a> {
     /// The number of files opened besides the main one.
     opened: usize,
     notes: Notes,
+    /// True if the file has emitters, even if they are off.
+    has_lamps: bool,
+    /// True if surfaces that emit are not seen.
+    hides_emitters: bool,
 }
 
 fn read(input: &Input) -> Result<Scene, ReadError> {
@@ -101,6 +106,8 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
                 building: Vec::new(),
                 opened: 0,
                 notes: loader.notes,
+                has_lamps: false,
+                hides_emitters: false,
             };
             builder.scene.parameters = parameters;
             builder.build(&root).map_err(|fault| fault.into_error(&files))?;
@@ -146,6 +153,9 @@ impl Builder<'_> {
             self.note(format!("scene {name}"), property.at, || {
                 format!("the property \"{name}\" of the scene itself is not known; it was ignored")
             });
+        }
+        if self.has_lamps {
+            keep_dark(&mut self.scene);
         }
         self.camera_medium(self.around_camera);
         self.scene.nodes[self.scene.root.index()].transform = self.world_from_file;

@@ -5,10 +5,29 @@ use super::object::Object;
 use crate::scene::fault::Fault;
 use snell_math::{DAffine3, DVec3};
 use snell_scene::camera::Intrinsics;
-use snell_scene::{Camera, Projection};
+use snell_scene::{Background, Camera, Projection};
 
 /// Default size of the film.
 const SIZE: [i64; 2] = [768, 576];
+/// The size of a film in pixels, and the part of it that is shown.
+#[derive(Clone, Copy, Debug)]
+struct Film {
+    size: [u32; 2],
+    crop_offset: [u32; 2],
+    crop_size: [u32; 2],
+}
+
+impl Film {
+    /// A film of this size, all of which is shown.
+    fn whole(size: [u32; 2]) -> Self {
+        Self { size, crop_offset: [0; 2], crop_size: size }
+    }
+
+    fn is_cropped(&self) -> bool {
+        self.crop_size != self.size
+    }
+}
+
 /// Number of bounces that means no limit.
 const UNLIMITED: i64 = 1 << 20;
 
@@ -18,10 +37,10 @@ impl Builder<'_> {
     pub(super) fn sensor(&mut self, object: &Object) -> Result<(), Fault> {
         let is_first = self.scene.cameras.is_empty();
         let film = self.inner(object, |o| o.class == "film")?;
-        let mut size = SIZE;
-        if let Some(film) = &film {
-            size = self.film(film, is_first)?;
-        }
+        let film = match &film {
+            Some(film) => self.film(film, is_first)?,
+            None => Film::whole(SIZE.map(|s| s as u32)),
+        };
         if let Some(sampler) = self.inner(object, |o| o.class == "sampler")? {
             self.sampler(&sampler, is_first)?;
         }
@@ -35,10 +54,9 @@ impl Builder<'_> {
         if is_first && place.matrix3.determinant() < 0.0 {
             self.world_from_file = DAffine3::from_scale(DVec3::new(-1.0, 1.0, 1.0));
         }
-        let size = size.map(|s| s as u32);
-        let mut camera = self.camera(object, self.world_from_file * place, size)?;
+        let mut camera = self.camera(object, self.world_from_file * place, film)?;
         camera.name = object.id.clone().unwrap_or_default();
-        camera.resolution = Some(size);
+        camera.resolution = Some(film.crop_size);
         for name in ["near_clip", "far_clip"] {
             // Clipping planes are ignored: cameras see everything.
             object.get(name);
@@ -51,35 +69,39 @@ impl Builder<'_> {
         Ok(())
     }
 
-    fn camera(
-        &mut self,
-        object: &Object,
-        place: DAffine3,
-        size: [u32; 2],
-    ) -> Result<Camera, Fault> {
+    fn camera(&mut self, object: &Object, place: DAffine3, film: Film) -> Result<Camera, Fault> {
         // The camera's x axis points to the left, as seen from behind the camera.
         let [up, towards] = [DVec3::Y, DVec3::Z].map(|axis| place.transform_vector3(axis));
         if !towards.is_finite() || towards.cross(up).length() == 0.0 {
             return Err(object.fault("its transform is singular", "correct to_world"));
         }
         let scale = towards.length();
-        let ratio = f64::from(size[1]) / f64::from(size[0]);
+        let ratio = f64::from(film.size[1]) / f64::from(film.size[0]);
+        let mut eye = place.translation;
         let projection = match object.kind.as_str() {
             "orthographic" => {
-                let half = place.transform_vector3(DVec3::X).length();
-                Projection::Orthographic { half_size: [Some(half), Some(up.length() * ratio)] }
+                let right = place.transform_vector3(DVec3::NEG_X);
+                let half = [right.length(), up.length() * ratio];
+                // The middle and the size of what is shown, in halves of the film.
+                let part = |i: usize| {
+                    let [offset, shown, all] =
+                        [film.crop_offset[i], film.crop_size[i], film.size[i]].map(f64::from);
+                    ((2.0 * offset + shown) / all - 1.0, shown / all)
+                };
+                eye += right * part(0).0 - up * ratio * part(1).0;
+                Projection::Orthographic { half_size: [0, 1].map(|i| Some(half[i] * part(i).1)) }
             }
-            "perspective" | "thinlens" => self.perspective(object, size)?,
+            "perspective" | "thinlens" => self.perspective(object, film)?,
             _ => {
                 let owner = object.owner();
                 self.ignore_all(object);
                 self.note(owner.clone(), object.at, || {
                     format!("{owner}: a perspective camera was used instead")
                 });
-                self.perspective(object, size)?
+                self.perspective(object, film)?
             }
         };
-        let camera = Camera::from_direction(place.translation, towards, up, projection);
+        let camera = Camera::from_direction(eye, towards, up, projection);
         if object.kind != "thinlens" {
             object.get("focus_distance");
             return Ok(camera);
@@ -94,77 +116,85 @@ impl Builder<'_> {
         Ok(camera.with_lens(aperture * scale, focus * scale))
     }
 
-    fn perspective(&mut self, object: &Object, size: [u32; 2]) -> Result<Projection, Fault> {
-        let [w, h] = size.map(f64::from);
+    fn perspective(&mut self, object: &Object, film: Film) -> Result<Projection, Fault> {
+        let [w, h] = film.size.map(f64::from);
         let tan = self.tan_half_fov_x(object, w / h)?;
         let offset = [
             object.float_or("principal_point_offset_x", 0.0)?,
             object.float_or("principal_point_offset_y", 0.0)?,
         ];
-        if offset == [0.0; 2] {
+        if offset == [0.0; 2] && !film.is_cropped() {
             let tan_half_fov =
                 if w >= h { [Some(tan), None] } else { [Some(tan), Some(tan * h / w)] };
             return Ok(Projection::Perspective { tan_half_fov });
         }
         let focal = w / (2.0 * tan);
-        let principal_point = [w * (0.5 + offset[0]), h * (0.5 + offset[1])];
+        // Offsets are added to the place in the film before it is projected, so a positive one
+        // moves what is seen to the left and up.
+        let [left, top] = film.crop_offset.map(f64::from);
+        let principal_point = [w * (0.5 - offset[0]) - left, h * (0.5 - offset[1]) - top];
         Ok(Projection::Intrinsics(Intrinsics {
             focal_length: [focal; 2],
             principal_point,
             skew: 0.0,
-            size,
+            size: film.crop_size,
         }))
     }
 
     /// Half of the width seen at distance 1, for a picture of this aspect ratio.
-    fn tan_half_fov_x(&mut self, object: &Object, aspect: f64) -> Result<f64, Fault> {
-        if let Some((text, at)) = object.string("focal_length")? {
+    pub(super) fn tan_half_fov_x(&mut self, object: &Object, aspect: f64) -> Result<f64, Fault> {
+        let (axis, at) = object.string("fov_axis")?.unwrap_or(("x", object.at));
+        if !["x", "y", "smaller", "larger", "diagonal"].contains(&axis) {
+            let problem =
+                format!("\"{}\" is not an axis of the picture", super::value::shortened(axis));
+            return Err(Fault::new(at, problem, "use x, y, diagonal, smaller or larger"));
+        }
+        let of_diagonal = |tan: f64| tan * aspect / (1.0 + aspect * aspect).sqrt();
+        let focal_length = object.string("focal_length")?;
+        if focal_length.is_some() || !object.has("fov") {
             object.get("fov");
+            let (text, at) = focal_length.unwrap_or(("50mm", object.at));
             let length = super::value::number(text.trim().trim_end_matches("mm"));
             let length = length.ok().filter(|l| *l > 0.0);
             let Some(length) = length else {
                 return Err(Fault::new(at, "this is not a focal length", "write one like 50mm"));
             };
-            // The diagonal of 35 mm film.
-            let diagonal = (36.0f64 * 36.0 + 24.0 * 24.0).sqrt() / (2.0 * length);
-            return Ok(diagonal * aspect / (1.0 + aspect * aspect).sqrt());
+            // Half of the diagonal of 35 mm film.
+            return Ok(of_diagonal(36f64.hypot(24.0) / (2.0 * length)));
         }
-        let fov = object.float_within("fov", 50.0, [1e-6, 179.999])?;
+        let fov = object.float_within("fov", 0.0, [1e-6, 179.999])?;
         let tan = (fov * 0.5).to_radians().tan();
-        let (axis, at) = object.string("fov_axis")?.unwrap_or(("x", object.at));
         Ok(match axis {
             "x" => tan,
             "y" => tan * aspect,
             "smaller" => tan * aspect.max(1.0),
             "larger" => tan * aspect.min(1.0),
-            "diagonal" => tan * aspect / (1.0 + aspect * aspect).sqrt(),
-            other => {
-                let problem =
-                    format!("\"{}\" is not an axis of the picture", super::value::shortened(other));
-                return Err(Fault::new(at, problem, "use x, y, diagonal, smaller or larger"));
-            }
+            _ => of_diagonal(tan),
         })
     }
 
-    fn film(&mut self, film: &Object, is_first: bool) -> Result<[i64; 2], Fault> {
+    fn film(&mut self, film: &Object, is_first: bool) -> Result<Film, Fault> {
         let range = [1, 1 << 16];
         let size = [
             film.integer_within("width", range)?.unwrap_or(SIZE[0]),
             film.integer_within("height", range)?.unwrap_or(SIZE[1]),
         ];
         let filter = self.inner(film, |o| o.class == "rfilter")?;
+        let (mut crop_offset, mut crop_size) = ([0; 2], size);
+        for (i, [offset, extent]) in
+            [["crop_offset_x", "crop_width"], ["crop_offset_y", "crop_height"]].iter().enumerate()
+        {
+            crop_offset[i] = film.integer_within(offset, [0, size[i] - 1])?.unwrap_or(0);
+            let room = size[i] - crop_offset[i];
+            crop_size[i] = film.integer_within(extent, [1, room])?.unwrap_or(room);
+        }
+        let [size, crop_offset, crop_size] =
+            [size, crop_offset, crop_size].map(|pair| pair.map(|s| s as u32));
         if is_first {
-            self.scene.settings.size = Some(size.map(|s| s as u32));
+            self.scene.settings.size = Some(crop_size);
             match &filter {
                 Some(filter) => self.filter(filter)?,
                 None => self.scene.settings.filter = Some("gaussian".into()),
-            }
-        }
-        for name in ["crop_width", "crop_height", "crop_offset_x", "crop_offset_y"] {
-            if film.get(name).is_some() {
-                self.mention("crop", film.at, || {
-                    "the crop of the film was ignored: give --crop instead".into()
-                });
             }
         }
         // The file format of the picture is set on the command line.
@@ -188,7 +218,7 @@ impl Builder<'_> {
             film.get(name);
         }
         self.note_unused(film);
-        Ok(size)
+        Ok(Film { size, crop_offset, crop_size })
     }
 
     fn filter(&mut self, filter: &Object) -> Result<(), Fault> {
@@ -277,11 +307,15 @@ impl Builder<'_> {
             });
         }
         if object.bool_or("hide_emitters", false)? {
+            self.scene.background = Background::Transparent;
+            self.hides_emitters = true;
             self.note("hide_emitters", object.at, || {
-                "hide_emitters was ignored: emitters are seen".into()
+                "hide_emitters: surfaces that emit are not seen in mirrors either, and cast no \
+                    shadows"
+                    .into()
             });
         }
-        // These affect only the noise.
+        // These parameters affect only the noise.
         for name in [
             "rr_depth",
             "strict_normals",

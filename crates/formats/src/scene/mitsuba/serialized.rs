@@ -119,7 +119,7 @@ impl<R: Read> Body<R> {
         }
         let is_double = flags & DOUBLE != 0;
         if version == 4 {
-            // The name, up to a zero.
+            // A name that ends with a zero byte is skipped.
             while self.bytes::<1>()? != [0] {}
         }
         let (vertices, triangles) = (self.u64()?, self.u64()?);

@@ -12,7 +12,7 @@ use crate::scene::shapes::{ALONG, AROUND, ShapeTable, around_z, swept};
 use mesh::{flip_v, turn_over};
 use primitive::{cube, disk, rectangle};
 use snell_intersect::shape::{Cylinder, Disk, Rectangle, Sphere};
-use snell_intersect::{AnyShape, StrandBasis, TriangleMesh};
+use snell_intersect::{AnyShape, Shape, StrandBasis, TriangleMesh};
 use snell_math::{DAffine3, DMat3, DVec2, DVec3, Transform};
 use snell_scene::material::{AlphaMode, ColorParam, Interface, Interior};
 use snell_scene::{Geometry, Material, MaterialId, Node, NodeId, Surface};
@@ -38,6 +38,8 @@ pub struct Shapes {
 struct Finish {
     emission: Option<ColorParam>,
     interior: Option<Interior>,
+    /// True for a surface that is seen from outside only.
+    is_one_sided: bool,
 }
 
 /// A geometry, and its transform to the shape's own space.
@@ -114,8 +116,9 @@ impl Builder<'_> {
 
     fn plain_shape(&mut self, object: &Rc<Object>, parent: NodeId) -> Result<(), Fault> {
         let place = object.transform("to_world")?;
-        let parts = self.parts(object)?;
-        let is_textured = parts.look.layers.iter().any(|layer| !layer.textures().is_empty());
+        let mut parts = self.parts(object)?;
+        let is_textured = parts.look.layers.iter().any(|layer| !layer.textures().is_empty())
+            || parts.emission.is_some_and(|emission| emission.texture.is_some());
         let plain = !is_textured && !object.bool_or("flip_normals", false)?;
         let basis = match object.kind.as_str() {
             "bsplinecurve" => Some(StrandBasis::BSpline),
@@ -139,7 +142,9 @@ impl Builder<'_> {
         if self.is_singular(place * own, object) {
             return Ok(());
         }
-        let finish = Finish { emission: parts.emission, interior: parts.interior };
+        let back = self.back(object, &mut parts)?;
+        let is_one_sided = back.is_some();
+        let finish = Finish { emission: parts.emission, interior: parts.interior, is_one_sided };
         let materials = self.materials(object, parts, &finish);
         if materials.is_empty() {
             self.mention("no surface", object.at, || {
@@ -148,8 +153,17 @@ impl Builder<'_> {
             });
             return Ok(());
         }
-        let surfaces =
+        let mut surfaces: Vec<_> =
             materials.iter().map(|m| Surface::with_material(geometry.clone(), *m)).collect();
+        if let Some(back) = back
+            && let Some(turned) = turned(&geometry)
+        {
+            let finish = Finish { is_one_sided, ..Finish::default() };
+            let materials = self.materials(object, back, &finish);
+            self.count_triangles(object.at, turned.indices.len())?;
+            let turned = Geometry::Mesh(Arc::new(turned));
+            surfaces.extend(materials.iter().map(|m| Surface::with_material(turned.clone(), *m)));
+        }
         let name = object.id.clone().unwrap_or_else(|| object.kind.clone());
         self.scene
             .add_child(parent, Node { transform: place * own, surfaces, ..Node::named(name) });
@@ -192,8 +206,26 @@ impl Builder<'_> {
         Ok(parts)
     }
 
+    /// The materials of the back, if it differs and can be seen. Bodies with the same bsdf on both
+    /// sides are seen from outside only, unless they are turned over.
+    fn back(&self, object: &Object, parts: &mut Parts) -> Result<Option<Parts>, Fault> {
+        let layers = std::mem::take(&mut parts.look.back);
+        let is_open = matches!(object.kind.as_str(), "rectangle" | "disk" | "cylinder");
+        let names = |layers: &[Material]| layers.iter().map(|l| l.kind.clone()).collect::<Vec<_>>();
+        let differs = names(&layers) != names(&parts.look.layers);
+        let is_seen = differs || is_open || object.bool_or("flip_normals", false)?;
+        if layers.is_empty() || !is_seen || object.kind.ends_with("curve") {
+            return Ok(None);
+        }
+        let look = Look { layers, ..parts.look.clone() };
+        Ok(Some(Parts { look, key: parts.key, has_bsdf: true, ..Parts::default() }))
+    }
+
     fn materials(&mut self, object: &Object, parts: Parts, finish: &Finish) -> Vec<MaterialId> {
-        let key = (parts.key, format!("{finish:?}"));
+        // One bsdf has other materials on the back of a surface.
+        let sides =
+            if finish.is_one_sided { format!("{:?}", parts.look.layers) } else { String::new() };
+        let key = (parts.key, format!("{finish:?} {sides}"));
         if let Some(known) = self.shapes.materials.get(&key) {
             return known.clone();
         }
@@ -210,8 +242,10 @@ impl Builder<'_> {
         }
         let finished = layers.into_iter().map(|mut material| {
             material.interior = finish.interior.or(material.interior);
+            material.double_sided &= !finish.is_one_sided;
             if let Some(emission) = finish.emission {
                 material.emission = emission;
+                material.visible = !self.hides_emitters;
             }
             material
         });
@@ -320,6 +354,17 @@ impl Builder<'_> {
         });
         self.made(object, mesh)
     }
+}
+
+/// The triangles of a geometry, turned over; `None` for curves.
+fn turned(geometry: &Geometry) -> Option<TriangleMesh> {
+    let mut mesh = match geometry {
+        Geometry::Mesh(mesh) => TriangleMesh::clone(mesh),
+        Geometry::Shape(shape) => shape.tessellate(AROUND)?,
+        Geometry::Curves(_) => return None,
+    };
+    turn_over(&mut mesh);
+    Some(mesh)
 }
 
 /// The nested objects of a shape.

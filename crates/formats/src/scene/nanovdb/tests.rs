@@ -274,7 +274,7 @@ fn media_of_pbrt_are_placed_and_scaled() {
         (grid.sigma_s, grid.sigma_a, grid.g),
         (Rgb::new(0.5, 1.0, 1.5), Rgb::splat(0.5), 0.2)
     );
-    // Mirrored in x, as pbrt's scenes are.
+    // The grid is mirrored in x, as pbrt's scenes are.
     let world = DVec3::new(-(5.0 + 1.0 + 0.5 * 9.0), 2.0 + 0.5 * 20.0, 3.0 - 0.5 * 3.0);
     let value =
         grid.density.lookup(grid.world_from_grid.inverse().transform_point3(world).as_vec3());

@@ -11,8 +11,9 @@ use snell_math::{DAffine3, DMat3, DVec3};
 use snell_scene::medium::ScalarGrid;
 use std::borrow::Cow;
 
-/// Magic numbers of files before and since version 32.6 of the format, which have the same layout.
+/// Magic number of files before version 32.6 of the format.
 const MAGIC: &[u8] = b"NanoVDB0";
+/// Magic number of files since version 32.6, which have the same layout.
 const NEW_MAGIC: &[u8] = b"NanoVDB2";
 /// Magic number of a grid in memory, which some programs write without a file header.
 const GRID_MAGIC: &[u8] = b"NanoVDB1";
@@ -70,8 +71,9 @@ pub struct Volumes<'a> {
 struct Entry<'a> {
     about: GridMetadata,
     codec: Codec,
-    /// The bytes of the grid as stored in the file, and their offset.
+    /// The bytes of the grid as stored in the file.
     bytes: &'a [u8],
+    /// The offset of these bytes in the file.
     at: usize,
 }
 

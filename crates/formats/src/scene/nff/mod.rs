@@ -7,8 +7,8 @@
 //!
 //! * A light without a colour has intensity `1 / sqrt(number of lights)`, so that pictures with
 //!   many lights are brighter, but not burnt out. Lights do not attenuate with distance. Because
-//!   the format was made for the classic formula `kd cos` without `1 / pi`, all are multiplied by
-//!   pi.
+//!   the format was made for the classic formula `kd cos` without `1 / pi`, all intensities are
+//!   multiplied by pi.
 //! * Highlights and mirror reflection are `Ks` times the fill colour; transmission is `T` for all
 //!   channels.
 //! * Surfaces are double-sided.

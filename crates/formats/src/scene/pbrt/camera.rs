@@ -1,7 +1,7 @@
 //! Cameras.
 
 use super::Builder;
-use super::options::is_kind;
+use super::options::{Crop, is_kind};
 use super::params::Params;
 use crate::scene::fault::Fault;
 use snell_math::{DAffine3, DVec3};
@@ -49,6 +49,16 @@ impl Screen {
         }
     }
 
+    /// The part of the window that a part of the film shows.
+    fn cropped(self, crop: Crop, size: [u32; 2]) -> Self {
+        let [w, h] = size.map(f64::from);
+        let ([left, top], [width, height]) = (crop.offset.map(f64::from), crop.size.map(f64::from));
+        let x = |column: f64| self.x[0] + (self.x[1] - self.x[0]) * column / w;
+        let y = |row: f64| self.y[1] - (self.y[1] - self.y[0]) * row / h;
+        let (x, y) = ([x(left), x(left + width)], [y(top + height), y(top)]);
+        Self { x, y, is_given: true }
+    }
+
     fn is_centred(&self) -> bool {
         self.x[0] == -self.x[1] && self.y[0] == -self.y[1]
     }
@@ -71,27 +81,33 @@ pub fn build(
     params: &Params,
     file_from_camera: DAffine3,
     size: [u32; 2],
+    crop: Option<Crop>,
 ) -> Result<Built, Fault> {
-    let screen = Screen::read(params, size)?;
+    let whole = Screen::read(params, size)?;
+    let sees_all_around = is_kind(params, "spherical") || is_kind(params, "environment");
+    if crop.is_some() && sees_all_around {
+        builder.note("crop", params.at, || {
+            "the crop of the film was ignored: this camera shows all directions".into()
+        });
+    }
+    let crop = crop.filter(|_| !sees_all_around);
+    let screen = crop.map_or(whole, |crop| whole.cropped(crop, size));
+    let size = crop.map_or(size, |crop| crop.size);
     let mut own = Axes { right: DVec3::X, up: DVec3::Y, towards: DVec3::Z, shift: DVec3::ZERO };
     let scale = file_from_camera.transform_vector3(DVec3::Z).length();
     let projection = if is_kind(params, "orthographic") {
         let middle = |[from, to]: [f64; 2]| (from + to) * 0.5;
         own.shift = DVec3::new(middle(screen.x), middle(screen.y), 0.0);
         Projection::Orthographic { half_size: screen.half_extents(scale, size) }
-    } else if is_kind(params, "spherical") || is_kind(params, "environment") {
-        // In camera space, the middle of pbrt's picture is -x and its right is -z.
-        own = Axes { right: DVec3::NEG_Z, up: DVec3::Y, towards: DVec3::NEG_X, shift: DVec3::ZERO };
-        if params.string("mapping")?.unwrap_or("equalarea") != "equirectangular"
-            && !is_kind(params, "environment")
-        {
-            builder.mention("equal-area camera", params.at, || {
-                "a spherical camera with the equal-area mapping: it became an equirectangular \
-                    one"
-                .into()
-            });
+    } else if sees_all_around {
+        let mapping = params.string("mapping")?.unwrap_or("equalarea");
+        if mapping == "equirectangular" || is_kind(params, "environment") {
+            // In camera space, the middle of pbrt's picture is -x and its right is -z.
+            (own.right, own.towards) = (DVec3::NEG_Z, DVec3::NEG_X);
+            Projection::Panoramic
+        } else {
+            Projection::EqualArea
         }
-        Projection::Panoramic
     } else {
         perspective(builder, params, &screen, size)?
     };

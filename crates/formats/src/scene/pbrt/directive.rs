@@ -152,7 +152,7 @@ impl Builder<'_> {
                 let params = self.params(name, lexer, at)?;
                 self.render_option(name, params)
             }
-            // These four belong to pbrt 1 and 2.
+            // These four directives belong to pbrt 1 and 2.
             "SurfaceIntegrator" => {
                 self.is_v3 = true;
                 let params = self.params(name, lexer, at)?;

@@ -7,7 +7,8 @@ use super::Builder;
 use super::params::{Params, Type};
 use super::spectrum::Role;
 use crate::scene::fault::Fault;
-use snell_math::{DAffine3, DMat3, DVec3, Rgb};
+use snell_math::{DAffine3, DMat3, DVec2, DVec3, Rgb};
+use snell_scene::camera::{equal_area_direction, equal_area_place};
 use snell_scene::{Environment, Image};
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
@@ -34,7 +35,7 @@ impl Builder<'_> {
         self.note_ignored(
             params,
             &["portal"],
-            "light from all directions needs none, but is noisier without",
+            "light comes from all directions, also beside the portal",
         );
         let is_latlong = params.has("mapname");
         let Some((name, at)) =
@@ -102,26 +103,14 @@ impl Builder<'_> {
     }
 }
 
-/// The point of the unit square for a unit direction (Clarberg, Fast Equal-Area Mapping of the
-/// (Hemi)Sphere using SIMD, 2008).
+/// The point of the unit square for a unit direction.
 fn square_from_direction(d: DVec3) -> [f64; 2] {
-    let (x, y, z) = (d.x.abs(), d.y.abs(), d.z.abs());
-    let radius = (1.0 - z).max(0.0).sqrt();
-    let angle = x.min(y).atan2(x.max(y)) / (PI / 2.0);
-    let angle = if x < y { 1.0 - angle } else { angle };
-    let (mut v, mut u) = (angle * radius, radius - angle * radius);
-    if d.z < 0.0 {
-        (u, v) = (1.0 - v, 1.0 - u);
-    }
-    [(u.copysign(d.x) + 1.0) * 0.5, (v.copysign(d.y) + 1.0) * 0.5]
+    ((equal_area_place(d) + 1.0) * 0.5).to_array()
 }
 
 /// The z of the direction for a point of the unit square.
-fn height_of_square([u, v]: [f64; 2]) -> f64 {
-    let (u, v) = ((2.0 * u - 1.0).abs(), (2.0 * v - 1.0).abs());
-    let distance = 1.0 - (u + v);
-    let radius = 1.0 - distance.abs();
-    (1.0 - radius * radius).copysign(distance)
+fn height_of_square(p: [f64; 2]) -> f64 {
+    equal_area_direction(DVec2::from(p) * 2.0 - 1.0).z
 }
 
 /// The illuminance that pbrt computes for a surface that faces up (`+z`) under an equal-area map:

@@ -16,7 +16,8 @@ use snell_scene::light::{
     Attenuation, Directional, IntensityTable, Point, Profile, Projector, Slide, Spot, SpotFalloff,
 };
 use snell_scene::material::ColorParam;
-use snell_scene::{Encoding, Image, ImageTexture};
+use snell_scene::texture::Wrap;
+use snell_scene::{Image, ImageTexture};
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
@@ -42,6 +43,11 @@ impl AreaLight {
         let emitted = sides * piece_area * PI * self.mean;
         let factor = if emitted > 0.0 { (power / emitted) as f32 } else { 0.0 };
         ColorParam { factor: self.radiance.factor * factor, ..self.radiance }
+    }
+
+    /// True if the radiance is that of a picture.
+    pub fn shows_picture(&self) -> bool {
+        self.radiance.texture.is_some()
     }
 
     /// True if the radiance depends on the size of the surface.
@@ -107,6 +113,7 @@ impl Builder<'_> {
             });
             return Ok(());
         }
+        self.has_lamps = true;
         self.note_unused(&params);
         Ok(())
     }
@@ -199,6 +206,7 @@ impl Builder<'_> {
             position: map.translation,
             world_from_light,
             scale,
+            even: false,
             slide,
         });
         Ok(())
@@ -248,8 +256,10 @@ impl Builder<'_> {
                 f64::from(Rgb::new(r, g, b).luminance())
             };
             mean = all.map(luminance).sum::<f64>() / count;
-            let mut texture = ImageTexture::new(image, Encoding::Linear);
-            texture.encoding = pixels.encoding;
+            // Lamps show their picture once: beyond its edge it is clamped (pbrt's BilerpChannel).
+            let encoding = pixels.encoding;
+            let texture =
+                ImageTexture { wrap: [Wrap::Clamp; 2], ..ImageTexture::new(image, encoding) };
             radiance.texture = Some(self.scene.add_texture(texture));
         }
         let power = self.positive(&params, "power")?;
@@ -259,6 +269,7 @@ impl Builder<'_> {
         }
         self.note_unused(&params);
         self.shapes.area_lights.push(AreaLight { radiance, power, mean, both_sides });
+        self.has_lamps = true;
         self.state.area_light = Some(self.shapes.area_lights.len() - 1);
         Ok(())
     }

@@ -10,6 +10,7 @@ use crate::scene::fault::{Fault, Spot};
 use crate::scene::layers::{self, Layers, MAX_LAYERS};
 use crate::scene::metal::{Roughness, metal};
 use crate::scene::scattering::{self, Coefficients, color_of_albedo};
+use crate::scene::shapes::crossed;
 use crate::scene::sheet::letting_through;
 use snell_math::Rgb;
 use snell_math::spectrum::Metal;
@@ -51,6 +52,8 @@ pub struct Finish {
     pub emission: Option<(ColorParam, bool)>,
     /// Opacity of the surface.
     pub alpha: Option<ScalarParam>,
+    /// True for a lamp that lights and is not seen.
+    pub is_hidden: bool,
     /// The medium inside of the surface.
     pub interior: Option<Interior>,
 }
@@ -153,6 +156,7 @@ impl Builder<'_> {
             if let Some((emission, both)) = finish.emission {
                 material.emission = emission;
                 material.emits_on_both_sides = both;
+                material.visible = !finish.is_hidden;
             }
             ids.push(self.scene.add_material(material));
         }
@@ -170,7 +174,9 @@ impl Builder<'_> {
     pub(super) fn is_textured(&mut self) -> bool {
         let position = self.current_material();
         let known = &self.materials.known[position];
-        known.opacity.is_some()
+        let shows_picture = |light: usize| self.shapes.area_lights[light].shows_picture();
+        self.state.area_light.is_some_and(shows_picture)
+            || known.opacity.is_some()
             || known.layers.iter().any(|material| !material.textures().is_empty())
     }
 
@@ -254,7 +260,7 @@ impl Builder<'_> {
 
     /// Reads the parameters of the layer between coat and base.
     fn coating_details(&mut self, params: &Params) -> Result<(), Fault> {
-        // These only control how pbrt computes the layers.
+        // These parameters only control how pbrt computes the layers.
         for name in ["maxdepth", "nsamples", "g"] {
             params.get(name);
         }
@@ -594,7 +600,8 @@ impl Builder<'_> {
         let Some((name, at)) = self.file_name(params, "normalmap")? else { return Ok(None) };
         let image = self.image(name, at)?;
         let texture = self.scene.add_texture(ImageTexture::new(image, Encoding::Linear));
-        Ok(Some(NormalMap { texture, scale: 1.0 }))
+        let bitangent = crossed(&self.world_from_file);
+        Ok(Some(NormalMap { bitangent, ..NormalMap::new(texture, 1.0) }))
     }
 }
 

@@ -6,8 +6,8 @@
 //! warning that names file, line and column; unused parameters are reported, too.
 //!
 //! Coordinates of pbrt are left-handed: its cameras look along `+z` with `+x` to the right and `+y`
-//! up. If the camera's own transform does not mirror that, the whole scene is mirrored in x (by the
-//! root node), so that pictures are not.
+//! up. If the camera's own transform does not mirror these coordinates, the whole scene is mirrored
+//! in x (by the root node), so that pictures are not mirrored.
 
 mod camera;
 mod directive;
@@ -29,6 +29,7 @@ mod texture;
 mod transform;
 
 use crate::scene::fault::{Fault, Spot};
+use crate::scene::keep_dark;
 use crate::scene::notes::Notes;
 use crate::textures::Textures;
 use crate::{Input, ReadError, SceneReader};
@@ -85,6 +86,8 @@ struct Builder<'a> {
     notes: Notes,
     /// Everything that moves.
     moving: motion::Moving,
+    /// True if the file has lights, even if they are off.
+    has_lamps: bool,
 }
 
 fn read(input: &Input) -> Result<Scene, ReadError> {
@@ -110,6 +113,7 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
         directives: 0,
         notes: Notes::default(),
         moving: motion::Moving::default(),
+        has_lamps: false,
     };
     match builder.read_scene() {
         Ok(()) => Ok(builder.scene),
@@ -125,6 +129,9 @@ impl Builder<'_> {
         self.finish_curves();
         self.scene.nodes[self.scene.root.index()].transform = self.world_from_file;
         self.finish_motion();
+        if self.has_lamps {
+            keep_dark(&mut self.scene);
+        }
         self.notes.finish(&mut self.scene, &self.files);
         Ok(())
     }

@@ -15,6 +15,17 @@ pub struct RenderOptions {
     sampler: Option<Params>,
     filter: Option<Params>,
     integrator: Option<Params>,
+    /// The part of the film that is shown, if it is not all.
+    crop: Option<Crop>,
+}
+
+/// A part of the film in pixels: left, top, width and height.
+#[derive(Clone, Copy, Debug)]
+pub struct Crop {
+    /// The first column and row.
+    pub offset: [u32; 2],
+    /// Columns and rows.
+    pub size: [u32; 2],
 }
 
 /// Default size of the picture.
@@ -100,10 +111,18 @@ impl Builder<'_> {
         let [start, end] = camera_from_file.0;
         self.note_camera_motion(params, [start, end].map(|m| m.inverse()))?;
         let size = self.scene.settings.size.unwrap_or(SIZE.map(|s| s as u32));
-        let built = camera::build(self, params, start.inverse(), size)?;
+        let crop = self.options.crop;
+        let built = camera::build(self, params, start.inverse(), size, crop)?;
+        self.scene.settings.size = built.camera.resolution;
         self.world_from_file = built.world_from_file;
         self.scene.cameras = vec![built.camera];
         Ok(())
+    }
+
+    /// Seconds that the shutter of the camera is open.
+    fn shutter_time(&self) -> Result<f64, Fault> {
+        let Some((params, ..)) = &self.options.camera else { return Ok(1.0) };
+        Ok(params.float_or("shutterclose", 1.0)? - params.float_or("shutteropen", 0.0)?)
     }
 
     fn set_size(&mut self, size: [i64; 2]) {
@@ -121,9 +140,11 @@ impl Builder<'_> {
             return Err(params.fault(problem, "give sizes from 1 to 65536"));
         }
         self.set_size(size);
-        let iso = params.float_or("iso", 100.0)?;
-        if iso > 0.0 && iso != 100.0 {
-            self.scene.settings.exposure = Some((iso / 100.0).log2());
+        // The imaging ratio of pbrt-v4 (PixelSensor::Create): seconds that the shutter is open,
+        // times the sensitivity over 100.
+        let ratio = self.shutter_time()? * params.float_or("iso", 100.0)? / 100.0;
+        if ratio > 0.0 && ratio != 1.0 && !self.is_v3 {
+            self.scene.settings.exposure = Some(ratio.log2());
         }
         if params.string("sensor")?.is_some_and(|s| s != "cie1931")
             || params.float_or("whitebalance", 0.0)? != 0.0
@@ -132,7 +153,7 @@ impl Builder<'_> {
                 CIE observer instead";
             self.note("sensor", params.at, || what.into());
         }
-        self.mention_ignored(params, &["cropwindow", "pixelbounds"], "give --crop instead");
+        self.options.crop = crop(params, size)?;
         self.note_ignored(params, &["maxcomponentvalue"], "samples are not clamped");
         // File name and file format of the picture are set on the command line; the diagonal is for
         // the realistic camera.
@@ -266,4 +287,29 @@ impl Builder<'_> {
 /// True if a directive is of this kind: `Sampler "halton"`.
 pub fn is_kind(params: &Params, kind: &str) -> bool {
     params.owner.ends_with(&format!(" {}", quoted(kind.as_bytes())))
+}
+
+/// The part of the film that `cropwindow` or `pixelbounds` shows (FilmBaseParameters of pbrt-v4).
+fn crop(params: &Params, size: [i64; 2]) -> Result<Option<Crop>, Fault> {
+    let bounds: Vec<i64> = params.floats("pixelbounds")?.iter().map(|x| *x as i64).collect();
+    let window = params.floats("cropwindow")?;
+    let ends: [[i64; 2]; 2] = match (&window[..], &bounds[..]) {
+        (&[x0, x1, y0, y1], _) => {
+            let end = |t: f64, i: usize| (t.clamp(0.0, 1.0) * size[i] as f64).ceil() as i64;
+            let ends = |a: f64, b: f64, i: usize| [end(a.min(b), i), end(a.max(b), i)];
+            [ends(x0, x1, 0), ends(y0, y1, 1)]
+        }
+        ([], &[x0, x1, y0, y1]) => [[x0, x1], [y0, y1]],
+        ([], []) => return Ok(None),
+        _ => {
+            let problem = "the part of the film is not x from, x to, y from, y to";
+            return Err(params.fault(problem, "give four numbers"));
+        }
+    };
+    let ends = [0, 1].map(|i| ends[i].map(|end| end.clamp(0, size[i]) as u32));
+    if ends.iter().any(|[from, to]| from >= to) {
+        return Err(params.fault("the part of the film that is shown is empty", "enlarge it"));
+    }
+    let (offset, shown) = (ends.map(|[from, _]| from), ends.map(|[from, to]| to - from));
+    Ok((shown.map(i64::from) != size).then_some(Crop { offset, size: shown }))
 }

@@ -95,10 +95,15 @@ impl Builder<'_> {
             self.note("shadowalpha", at, || "\"shadowalpha\": shadows follow alpha instead".into());
         }
         self.note_unused(&params);
+        let emission = self.emission(&params, &made, place);
+        // pbrt samples such lamps and never meets them (DiffuseAreaLight's constructor).
+        let is_hidden = emission.is_some()
+            && alpha.as_ref().and_then(|a| a.as_constant()).is_some_and(|alpha| alpha.r == 0.0);
         let finish = Finish {
-            emission: self.emission(&params, &made, place),
+            emission,
+            is_hidden,
             alpha: alpha
-                .filter(|a| a.as_constant().is_none_or(|c| c.r < 1.0))
+                .filter(|a| !is_hidden && a.as_constant().is_none_or(|c| c.r < 1.0))
                 .map(|a| self.scalar_param(&a)),
             interior: self.interior(),
         };

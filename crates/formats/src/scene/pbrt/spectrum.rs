@@ -175,7 +175,7 @@ fn average(samples: &[(f64, f64)], role: Role) -> Rgb {
         }
     }
     match role {
-        // Each channel relative to that of the constant spectrum.
+        // Each channel is divided by that of the constant spectrum.
         Role::Factor => {
             let (color, white) = (unclamped_rgb(xyz), unclamped_rgb(white));
             let [r, g, b] = [0, 1, 2].map(|c| (color[c] / white[c]).max(0.0) as f32);

@@ -1,8 +1,8 @@
 //! Textures: a tree of patterns, and how materials use them.
 //!
 //! Pictures and patterns become textures of the scene when a material uses them. If the values of a
-//! picture are not its texels (a power, a function of them, grey instead of colours), it is copied
-//! with those values.
+//! picture are not its texels (a power, a function of them, grey instead of colours), the picture
+//! is copied with the computed values.
 
 use super::Builder;
 use super::lexer::{Lexer, quoted};

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use snell_intersect::{AnyShape, Curves, Shape, StrandBasis, TriangleMesh};
 use snell_math::{DAffine3, DMat3, DVec3, Rgb, Vec2, Vec3, Vec4};
 use snell_scene::graph::MediumId;
-use snell_scene::medium::{ColorGrid, Medium, ScalarGrid};
+use snell_scene::medium::{CellGrid, CellValue, ColorGrid, Medium, ScalarGrid};
 use snell_scene::{
     Background, Camera, Encoding, Environment, Geometry, Image, Light, Material, MaterialId, Node,
     NodeId, Pixels, Scene, SceneSettings, Surface, Texture,
@@ -69,6 +69,9 @@ pub struct Document {
 pub struct GridForm {
     size: [usize; 3],
     values: Numbers<f32>,
+    /// True if values are not interpolated between cells.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    stepped: bool,
 }
 
 /// The grids of a medium.
@@ -375,6 +378,11 @@ impl Document {
         };
         scene.topological_order().map_err(|error| ("/nodes".to_string(), error.to_string()))?;
         scene.check_textures().map_err(|error| ("/materials".to_string(), error.to_string()))?;
+        for (i, light) in scene.lights.iter().enumerate() {
+            if let Some(flaw) = light.lost_direction() {
+                return Err((format!("/lights/{i}"), flaw));
+            }
+        }
         // This comes before the check of ranges, which would report the same light again.
         scene.limit_light();
         scene.check_ranges();
@@ -392,21 +400,22 @@ struct Grids {
 }
 
 impl Grids {
-    fn add(forms: &mut Vec<GridForm>, size: [usize; 3], values: Vec<f32>) -> u32 {
-        forms.push(GridForm { size, values: Numbers(values) });
+    fn add<T: CellValue>(forms: &mut Vec<GridForm>, grid: &CellGrid<T>, values: Vec<f32>) -> u32 {
+        let (size, stepped) = (grid.size(), grid.is_stepped());
+        forms.push(GridForm { size, values: Numbers(values), stepped });
         forms.len() as u32 - 1
     }
 
     /// The number of a grid in the table.
     fn scalars(&mut self, grid: &Arc<ScalarGrid>) -> u32 {
-        let add = || Self::add(&mut self.forms, grid.size(), grid.values().to_vec());
+        let add = || Self::add(&mut self.forms, &**grid, grid.values().to_vec());
         *self.scalars.entry(Arc::as_ptr(grid)).or_insert_with(add)
     }
 
     /// The numbers of the grids of red, green and blue.
     fn colors(&mut self, grid: &Arc<ColorGrid>) -> [u32; 3] {
         let mut add = |channel: fn(&Rgb) -> f32| {
-            Self::add(&mut self.forms, grid.size(), grid.values().iter().map(channel).collect())
+            Self::add(&mut self.forms, &**grid, grid.values().iter().map(channel).collect())
         };
         *self
             .colors
@@ -441,7 +450,7 @@ fn add_grids(
     limits: &Limits,
 ) -> Result<(), Flaw> {
     let mut grids = Vec::with_capacity(forms.len());
-    for (i, GridForm { size, values }) in forms.into_iter().enumerate() {
+    for (i, GridForm { size, values, stepped }) in forms.into_iter().enumerate() {
         let found = values.0.len();
         let flaw = |text: String| (format!("/grids/{i}"), text);
         if found > limits.elements {
@@ -451,7 +460,7 @@ fn add_grids(
         let grid = grid.ok_or_else(|| {
             flaw(format!("{found} values for {} x {} x {} cells", size[0], size[1], size[2]))
         })?;
-        grids.push(Arc::new(grid));
+        grids.push(Arc::new(grid.stepped(stepped)));
     }
     for (i, used) in uses.into_iter().enumerate() {
         let medium = used.medium;
@@ -474,7 +483,7 @@ fn add_grids(
                 .map(|((r, g), b)| Rgb::new(*r, *g, *b));
             let are_alike = g.size() == r.size() && b.size() == r.size();
             let grid = are_alike.then(|| ColorGrid::new(r.size(), colors.collect())).flatten();
-            grid.map(Arc::new)
+            grid.map(|grid| Arc::new(grid.stepped(r.is_stepped())))
                 .ok_or_else(|| flaw("the grids of a tint are not of the same size".into()))
         };
         owner.density = get(used.density)?;

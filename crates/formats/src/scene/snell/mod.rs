@@ -5,6 +5,7 @@
 //! are tables of their own here, because several nodes may share one; their numbers are lists or,
 //! if they are long, base64 ([`numbers`]).
 
+mod complete;
 mod document;
 mod motion;
 mod numbers;
@@ -16,6 +17,7 @@ use crate::write::{Output, SceneWriter};
 use crate::{Input, Place, ReadError, SceneReader};
 use document::Document;
 use serde::Serialize;
+use serde_json::Value;
 use snell_scene::Scene;
 
 /// The reader of Snell's scene files.
@@ -47,7 +49,7 @@ fn recognises(bytes: &[u8]) -> bool {
 }
 
 fn read(input: &Input) -> Result<Scene, ReadError> {
-    let document: Document = serde_json::from_slice(&input.bytes).map_err(|error| {
+    let document = document(&input.bytes).map_err(|error| {
         let message = error.to_string();
         let problem = message.split(" at line ").next().unwrap_or(&message).to_string();
         let remedy = "see the page on Snell's scene files for what belongs there";
@@ -69,6 +71,20 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
         scene.warn(format!("{}: {warning}", input.name));
     }
     Ok(scene)
+}
+
+/// The document of a file. If it leaves out what has no default, these fields are added.
+fn document(bytes: &[u8]) -> Result<Document, serde_json::Error> {
+    let error = match serde_json::from_slice(bytes) {
+        Ok(document) => return Ok(document),
+        Err(error) => error,
+    };
+    if !error.to_string().contains("missing field") {
+        return Err(error);
+    }
+    let mut tree: Value = serde_json::from_slice(bytes)?;
+    complete::complete(&mut tree);
+    serde_json::from_value(tree).map_err(|_| error)
 }
 
 /// Converts a scene to text; fails if the format cannot express it.

@@ -162,7 +162,7 @@ fn numbers_that_mean_nothing_are_told_and_light_is_brought_to_what_can_be() {
     ] {
         assert!(told.iter().any(|t| t.contains(part)), "{part}: {told:?}");
     }
-    let map = snell_scene::material::NormalMap { texture: snell_scene::TextureId(9), scale: 1.0 };
+    let map = snell_scene::material::NormalMap::new(snell_scene::TextureId(9), 1.0);
     let error = with(&|m| m.normal_map = Some(map)).expect_err("there are no textures");
     assert!(error.contains("material 0 (\"lamp\") refers to texture 9"), "{error}");
 }
@@ -278,4 +278,47 @@ fn pictures_may_stand_there_as_files_have_them() {
     assert_eq!(*scene.images[0], image);
     let error = reread(document("[1, 2, 3]").into_bytes()).expect_err("no picture");
     assert!(error.contains("/images/0"), "{error}");
+}
+
+#[test]
+fn a_file_may_leave_out_what_the_reference_page_has_a_value_for() {
+    use snell_scene::families::FAMILIES;
+    let read = |text: String| {
+        let input =
+            Input::from_bytes("a.snell", text.into(), Path::new("."), &ReadOptions::default());
+        (READER.read)(&input).unwrap_or_else(|e| panic!("{e}"))
+    };
+    let file = |things: &str| {
+        format!(
+            "{{\"format\": \"snell scene\", \"version\": 1, {things} \"root\": 0, \
+            \"nodes\": [{{\"surfaces\": []}}]}}"
+        )
+    };
+    let mut count = 0;
+    for family in FAMILIES.iter().filter(|family| family.name != "pattern") {
+        for kind in family.kinds {
+            let thing = format!("{{\"{}\": \"{}\"}}", family.tag, kind.name);
+            let things = match family.name {
+                "material" => format!("\"materials\": [{{\"kind\": {thing}}}],"),
+                "projection" => format!("\"cameras\": [{{\"projection\": {thing}}}],"),
+                "light" => format!("\"lights\": [{thing}],"),
+                // The cells of a grid are elsewhere.
+                "medium" if kind.name == "grid" => continue,
+                "medium" => format!("\"media\": [{thing}],"),
+                _ => {
+                    let text = file("").replace("[]", &format!("[{{\"shape\": {thing}}}]"));
+                    assert!(!read(text).bounds().expect("no cycles").is_empty(), "{}", kind.name);
+                    continue;
+                }
+            };
+            let scene = read(file(&things));
+            let things =
+                [scene.materials.len(), scene.cameras.len(), scene.lights.len(), scene.media.len()];
+            assert_eq!(things.iter().sum::<usize>(), 1, "{}", kind.name);
+            count += 1;
+        }
+    }
+    assert!(count > 20, "{count}");
+    let plain = read(file("\"materials\": [{}], \"cameras\": [{}],"));
+    assert_eq!((plain.materials[0].kind.name(), plain.cameras.len()), ("diffuse", 1));
 }

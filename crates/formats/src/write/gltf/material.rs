@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use snell_math::Rgb;
 use snell_scene::Material;
 use snell_scene::material::{
-    AlphaMode, ColorParam, FuzzModel, MaterialKind, NormalMap, OpenPbr, ScalarParam,
+    AlphaMode, Bitangent, ColorParam, FuzzModel, MaterialKind, NormalMap, OpenPbr, ScalarParam,
 };
 
 /// The JSON of a material.
@@ -51,6 +51,9 @@ pub fn value(document: &mut Document, index: usize, material: &Material) -> Valu
     }
     if material.is_emissive() && !material.illuminates && !is_unlit {
         writer.lose("its emission lights other things too");
+    }
+    if !material.visible {
+        writer.lose("it is visible");
     }
     if material.interior.is_some_and(|i| i.medium.is_some() || i.priority != 0) {
         writer.lose("the medium inside, and its priority, are left out");
@@ -107,6 +110,12 @@ impl Writer<'_, '_, '_> {
     }
 
     fn normal_map(&mut self, map: &NormalMap) -> Value {
+        if map.bitangent != Bitangent::Upwards {
+            self.lose(
+                "the green of its normal map points up in the picture: where texture coordinates \
+                    are mirrored, that is the other way",
+            );
+        }
         let mut info = self.info(colors(map.texture), false);
         info["scale"] = map.scale.into();
         info
@@ -223,7 +232,8 @@ impl Writer<'_, '_, '_> {
         if surface.thin_film_weight.factor > 0.0 {
             let mut film = json!({ "iridescenceIor": surface.thin_film_ior.factor });
             self.scalar(&mut film, "iridescence", &surface.thin_film_weight, 0);
-            // Micrometres to nanometres; the texture's minimum is 0.
+            // The thickness is converted from micrometres to nanometres; the texture's minimum is
+            // 0.
             film["iridescenceThicknessMinimum"] = 0.0.into();
             film["iridescenceThicknessMaximum"] = (surface.thin_film_thickness.factor * 1e3).into();
             if let Some(texture) = surface.thin_film_thickness.texture {

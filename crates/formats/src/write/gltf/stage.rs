@@ -19,8 +19,11 @@ pub fn cameras(document: &mut Document, top: &mut Vec<usize>) -> Vec<Value> {
         let size = camera.resolution.or(scene.settings.size).unwrap_or([4, 3]);
         let aspect = f64::from(size[0].max(1)) / f64::from(size[1].max(1));
         let Some(mut value) = projection(document, camera, aspect, &who) else {
-            let kind =
-                if camera.projection == Projection::Panoramic { "panoramic" } else { "fisheye" };
+            let kind = match camera.projection {
+                Projection::Panoramic => "panoramic",
+                Projection::EqualArea => "equal-area",
+                _ => "fisheye",
+            };
             document.output.lose(format!("{who}: a {kind} camera is left out"));
             continue;
         };
@@ -78,7 +81,7 @@ fn projection(document: &mut Document, camera: &Camera, aspect: f64, who: &str) 
             let orthographic = json!({ "xmag": x, "ymag": y, "znear": 0.0, "zfar": 1e6 });
             Some(json!({ "type": "orthographic", "orthographic": orthographic }))
         }
-        Projection::Panoramic | Projection::Fisheye { .. } => None,
+        Projection::Panoramic | Projection::EqualArea | Projection::Fisheye { .. } => None,
     }
 }
 

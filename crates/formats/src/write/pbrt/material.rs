@@ -165,6 +165,11 @@ impl File<'_, '_> {
     }
 
     fn add_alpha(&mut self, made: &mut Made, material: &Material, who: &str) {
+        if !material.visible {
+            // Of a lamp with this alpha, pbrt keeps the light.
+            made.shape_parameters += " \"float alpha\" [ 0 ]";
+            return;
+        }
         let cutoff = match material.alpha_mode {
             AlphaMode::Opaque => return,
             AlphaMode::Blend => None,
@@ -391,8 +396,8 @@ impl File<'_, '_> {
         Body { text: format!("\"string type\" [ \"dielectric\" ]{roughness}{eta}"), absorption }
     }
 
-    /// A body under a clear layer. `seen` is the colour seen through the layer; pbrt needs the
-    /// colour of the body itself.
+    /// The pbrt material `coateddiffuse`. `seen` is the colour seen through the clear layer; pbrt
+    /// needs the reflectance of the diffuse base below it.
     fn coated(&mut self, seen: ColorParam, ior: f32, roughness: ScalarParam, who: &str) -> Body {
         let body = Baked::UnderCoat { factor: without_spectrum(seen, false).factor, ior };
         let color = match seen.texture {

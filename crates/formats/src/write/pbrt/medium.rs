@@ -59,6 +59,9 @@ pub fn medium(output: &mut Output, number: usize, medium: &Medium) -> Option<Str
             if grid.temperature.is_some() {
                 output.lose(format!("medium {number}: its temperature is left out"));
             }
+            if grid.density.is_stepped() {
+                output.lose(format!("medium {number}: it is interpolated between its cells"));
+            }
             let [nx, ny, nz] = grid.density.size();
             let (densities, is_changed) = densities(grid);
             if is_changed {

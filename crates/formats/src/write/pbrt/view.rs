@@ -107,6 +107,7 @@ impl File<'_, '_> {
             Projection::Panoramic => {
                 "\"spherical\" \"string mapping\" [ \"equirectangular\" ]".into()
             }
+            Projection::EqualArea => "\"spherical\" \"string mapping\" [ \"equalarea\" ]".into(),
             Projection::Fisheye { .. } => {
                 self.output.lose("a fisheye camera became a perspective one of 90 degrees");
                 "\"perspective\" \"float fov\" [ 90 ]".into()

@@ -17,9 +17,11 @@ use crate::search::{Goal, Search};
 use snell_math::simd::Lanes8;
 use snell_math::{DRay, DVec3};
 
-/// Limits of the distance of the origin and of the magnitude of the direction (`1 / FAST` to
-/// `FAST`). Rays beyond them have no useful `f32` form and visit the whole tree.
+/// Rays with a coordinate of the origin of at least this magnitude have no useful `f32` form and
+/// visit the whole tree.
 const FAR: f64 = 1e15;
+/// Rays whose largest component of the direction is not between `1 / FAST` and `FAST` have no
+/// useful `f32` form and visit the whole tree.
 const FAST: f64 = 1e18;
 
 impl Frame {

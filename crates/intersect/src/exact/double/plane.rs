@@ -15,9 +15,10 @@ use snell_math::{DRay, DVec3};
 /// the third factor 5, two sums 6), so above this ratio the relative error is at most `2^-55`.
 pub(crate) const CERTAIN: f64 = 1.0 / (1u64 << 46) as f64;
 
-/// Sums of products below this may have lost their last bits to underflow, even if no factor is
-/// beyond [`LARGE`].
+/// Sums of the magnitudes of products up to this may have lost their last bits to underflow, even
+/// if no factor is beyond [`LARGE`].
 pub(crate) const TINY: f64 = 1e-150;
+/// If the magnitudes of all factors add up to less than this, no product overflows.
 pub(crate) const LARGE: f64 = 1e60;
 
 /// A generous bound on the relative error of a determinant in plain `f64`, which is `8 u`.
@@ -26,8 +27,10 @@ pub(crate) const ROUGH: f64 = 1.0 / (1u64 << 49) as f64;
 /// A rough intersection of a ray with the plane of a triangle, in plain `f64`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Estimate {
-    /// Determinants of at least these magnitudes are accurate enough in double-double numbers.
+    /// A determinant for the distance of the ray's origin from the plane is accurate enough in
+    /// double-double numbers if its magnitude is greater than this.
     least_height: f64,
+    /// The same limit for the determinant of the ray's direction.
     least_speed: f64,
 }
 

@@ -43,7 +43,7 @@ impl Random {
     }
 }
 
-/// Binary places of fixed-point numbers.
+/// Number of bits of fixed-point numbers after the binary point.
 const PLACES: i32 = 330;
 
 /// Converts `x` to fixed point without loss of a bit.
@@ -213,7 +213,7 @@ proptest! {
             let cull = padded(t.above());
             let mask = candidates::<Portable8>(Portable, &block, &local, t.below(), cull);
             prop_assert!(mask & 8 != 0);
-            // The box test must keep it.
+            // The box test must keep the hit.
             let corners = shadow.corners(0);
             let bounds = Bounds3::of(corners);
             let mut node = WideNode::EMPTY;
@@ -221,7 +221,7 @@ proptest! {
             let (enter, leave) =
                 box_distances::<Portable8>(Portable, &node, &local, t.below(), cull);
             prop_assert_eq!(enter.le(leave), 4);
-            // The fast kernels must keep it.
+            // The fast kernels must keep the hit.
             let mut prepared = PreparedRay::UNSET;
             if frame.prepare::<Portable8>(&mut prepared, &ray) {
                 let (lanes, (enter, leave)) = (

@@ -92,7 +92,7 @@ pub(crate) fn exact_hit(ray: &DRay, corners: &[DVec3; 3], t_min: f64) -> Option<
     if s0 == 0 || s0 != s1 || s0 != s2 {
         return None;
     }
-    // All have the sign `s0`, or would have it without rounding.
+    // All three edge values have the sign `s0`, or would have it without rounding.
     let side = f64::from(s0);
     let [w0, w1, w2] = [w0, w1, w2].map(|w| (w * side).max(0.0));
     let scale = 1.0 / (w0 + w1 + w2);

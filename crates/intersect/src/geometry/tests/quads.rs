@@ -37,7 +37,7 @@ fn a_hit_names_its_quad_and_the_place_in_it() {
     let mut random = Random(1);
     let mut rays: Vec<_> =
         (0..2000).map(|_| Ray::new(random.point(0.9), random.direction())).collect();
-    // Also along the diagonals and edges.
+    // More rays run along the diagonals and edges.
     rays.extend(
         (0..50).map(|_| Ray::new(Vec3::ZERO, random.point(3.0).round())).filter(Ray::is_valid),
     );

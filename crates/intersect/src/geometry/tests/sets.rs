@@ -214,7 +214,7 @@ fn a_ray_through_the_inside_is_never_missed() {
         let mut random = Random(8);
         for primitive in (0..example.set.len()).cycle().take(2000) {
             let (c, r) = (example.ball)(primitive, random.unit().into());
-            // Excludes rays as close to silhouettes as the accuracy there.
+            // Rays are excluded that are as close to silhouettes as the accuracy there.
             let depth = f64::from(random.range(0.0, 1.0)).sqrt().min(0.99);
             let inside = c + random.direction().as_dvec3() * r * depth;
             if r < 0.3 * example.largest_radius(primitive) {
@@ -329,8 +329,8 @@ impl PrimitiveSet for Rogue {
     }
 
     fn closest(&self, i: usize, ray: &DRay, time: f32) -> Option<PrimitiveHit> {
-        // Distances from before the interval to far outside the bounds, not even a function of the
-        // interval.
+        // The distances go from before the interval to far outside the bounds, and are not even a
+        // function of the interval.
         let bits = (ray.origin + ray.direction).to_array().map(|x| x.to_bits() as u32);
         let t = f64::from(to_unit(pcg4d([bits[0], bits[1] ^ bits[2], i as u32, self.0])[0])) * 8.0
             - 1.0;

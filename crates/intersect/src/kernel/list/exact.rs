@@ -15,9 +15,9 @@ pub(super) struct Found {
     pub t: PerRay<f32>,
     pub b1: PerRay<f32>,
     pub b2: PerRay<f32>,
-    /// The rays that hit their triangle within their interval, and the rays that hit it beyond the
-    /// interval.
+    /// The rays that hit their triangle within their interval.
     pub hits: u32,
+    /// The rays that hit their triangle beyond their interval.
     pub beyond: u32,
 }
 

@@ -48,9 +48,11 @@ const MIN_RAYS_APART: usize = 16;
 /// The number of rays after which it is decided whether the list is worthwhile for a batch.
 const TRIAL: usize = 128;
 
-/// Cost model: tracing a ray that misses through a tree costs as much as testing `FACES_PER_RAY`
-/// faces of a list, and a ray that hits costs `FACES_PER_HIT` faces more.
+/// Cost model: tracing a ray through a tree costs as much as testing this number of faces of a list
+/// if the ray misses.
 const FACES_PER_RAY: usize = 24;
+/// Cost model: tracing a ray through a tree costs as much as testing this number of further faces
+/// if the ray hits.
 const FACES_PER_HIT: usize = 80;
 
 /// True if a list can handle a batch of this size, or some of its rays, for queries that need one
@@ -360,9 +362,9 @@ struct Hits {
     found: Found,
     /// The indices of the triangles or objects that were hit, as the bits of floats.
     numbers: PerRay<f32>,
-    /// The rays for which the hits are not certain, and the rays that hit, or may hit, anything
-    /// ahead.
+    /// The rays for which the hits are not certain.
     uncertain: u32,
+    /// The rays that hit, or may hit, anything ahead.
     met: u32,
 }
 

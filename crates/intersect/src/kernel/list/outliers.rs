@@ -161,7 +161,7 @@ mod tests {
             let (from, to) = (random.point(6.0), random.point(3.0));
             let above = [0.0, 1e-15, -1e-15, 1e-20, 2e-16, -3e-16, 4e-8][i / 8 % 7];
             let low = Vec3::new(from.x, level + above, from.z);
-            // Aimed at corners and edges of the ground, or along its plane.
+            // Some rays are aimed at corners and edges of the ground, or along its plane.
             let corner = Vec3::new([24.0, -24.0, 0.0][i / 8 % 3], level, [24.0, 0.0][i / 24 % 2]);
             let (from, to) = match i % 8 {
                 0 => (from, to),
@@ -189,7 +189,8 @@ mod tests {
         #[test]
         fn outliers_are_hit_as_the_oracle_says(
             (seed, ground) in (any::<u32>(), 0usize..GROUNDS.len()),
-            // Also in the middle of the heap, where ground and triangles intersect.
+            // The ground is below the heap, above it, or in the middle, where ground and triangles
+            // intersect.
             level in prop_oneof![Just(-3.0f32), Just(0.0), Just(1.5), -4.0f32..2.0],
             scale in -10i32..10,
             (has_instances, restricted) in (any::<bool>(), any::<bool>()),

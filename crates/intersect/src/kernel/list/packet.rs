@@ -3,9 +3,9 @@
 //! All arithmetic is in `f32`, except the distance of the origin from a plane that is not
 //! perpendicular to an axis, which decides whether a ray starts in front of the surface that it
 //! leaves. In the following error bounds, `u = 2^-24`, `D` is the largest distance of any vertex
-//! from the origin of the ray along any axis, `S` the largest component of the direction, and
-//! `s = |n d|` for the unit normal `n` (errors are relative to `D S / s`, which is at least
-//! `D / sqrt 3`):
+//! from the origin of the ray along any axis, `S` the largest component of the direction, and `s =
+//! |n d|` for the unit normal `n` (errors given as plain multiples of `u` are relative to `D S /
+//! s`, which is at least `D / sqrt 3`):
 //!
 //! - The error of `s` is less than `7 u S`, and lanes with `s` below [`LEAST_SLOPE`] of `S` are not
 //!   decided here; so the error of the distance `t` to the plane is `12.6 u D / s`.
@@ -47,8 +47,9 @@ const BESIDE: f32 = 4.0 * LEAST_SLOPE;
 /// away are left to the tree.
 const FARTHEST: f32 = 64.0;
 
-/// Limits of the largest component of the direction of ordinary rays.
+/// The least magnitude of the largest component of an ordinary ray's direction.
 const SMALLEST: f32 = 1e-12;
+/// The greatest magnitude of the largest component of an ordinary ray's direction.
 const LARGEST: f32 = 1e12;
 
 /// Sixteen rays, prepared for a list.
@@ -69,8 +70,9 @@ pub(super) struct ListPacket<D: Doubles16> {
     far: D::Singles,
     /// The inverse of the least slope for which results can be certain.
     steepest: D::Singles,
-    /// Errors of distances from edges and to planes, to be multiplied by the inverse of the slope.
+    /// The error of distances from edges, to be multiplied by the inverse of the slope.
     edge_error: D::Singles,
+    /// The error of distances to planes, to be multiplied by the inverse of the slope.
     distance_error: D::Singles,
 }
 
@@ -116,8 +118,9 @@ struct Slope<W> {
 
 /// The intersection of sixteen rays with a face.
 struct FaceHits<W> {
-    /// The distance to the plane, and a bound on its error.
+    /// The distance to the plane.
     t: W,
+    /// A bound on the error of `t`.
     error: W,
     /// The intersection with the plane, in the projected coordinates of the face.
     place: [W; 2],
@@ -369,7 +372,7 @@ impl<W: Lanes16> FaceHits<W> {
     }
 }
 
-/// Whether rays hit any face; each value is positive if its statement holds.
+/// Statements about rays and faces. For each ray, a value is positive if the statement holds.
 struct AnyFace<W> {
     /// A face is certainly hit within the interval.
     certainly: W,

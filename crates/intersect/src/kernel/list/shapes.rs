@@ -274,7 +274,7 @@ mod tests {
                 assert_eq!(lane_shape.is_some(), is_for_lanes, "{shape:?}");
                 let Some(lane_shape) = lane_shape else { continue };
                 let mut rays = rays_about(&shape, &placed, size, 2000);
-                // Rays that end before, at and behind the hit, and that start there.
+                // Some rays end before, at or behind the hit; other rays start there.
                 for i in 0..rays.len() {
                     let t = oracle.closest_one(&rays[i], &AcceptAll).t;
                     let at_end = [t * 0.9999, t.next_down(), t, t.next_up(), t * 1.0001][i % 5];

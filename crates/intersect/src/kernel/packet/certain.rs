@@ -36,9 +36,9 @@ pub(crate) struct Decided {
     pub moved: u32,
 }
 
-/// Tests some of the rays, each with the triangle (given by its place) that it certainly hits. For
-/// the `projected` rays it is only certain that they hit the projected triangle, and not that the
-/// hit is in the box of the triangle.
+/// Tests some of the rays, each with the triangle (given by eight times the number of its block
+/// plus its lane) that it certainly hits. For the `projected` rays it is only certain that they hit
+/// the projected triangle, and not that the hit is in the box of the triangle.
 #[inline(always)]
 pub(crate) fn test<W: Lanes16>(
     token: W::Token,

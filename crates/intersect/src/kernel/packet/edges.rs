@@ -219,8 +219,9 @@ impl<W: Lanes16> PlaneLanes<W> {
 
 /// The triangles of a block that occlusion rays may hit.
 pub(super) struct EdgeTests {
-    /// The triangles that some ray may hit, and the triangles that some ray certainly hits.
+    /// The triangles that some ray may hit.
     pub near: u32,
+    /// The triangles that some ray certainly hits.
     pub certain: u32,
     /// For each tested triangle, the rays that may hit it, and the rays that certainly do.
     pub rays: [[u32; 2]; 8],
@@ -228,7 +229,7 @@ pub(super) struct EdgeTests {
 
 impl SeenBlock {
     /// The triangles of a subset that any of some rays may hit within its interval, found without a
-    /// branch for each triangle. Made for many rays.
+    /// branch for each triangle. Efficient for many rays.
     #[inline(always)]
     pub fn near_any<W: Lanes16>(
         &self,

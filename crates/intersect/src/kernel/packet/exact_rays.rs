@@ -44,7 +44,7 @@ impl ExactRays {
         }
     }
 
-    /// One of the rays; its interval is not used.
+    /// The ray in this lane; its interval is not used.
     #[inline(always)]
     pub fn get(&self, lane: usize) -> DRay {
         let (o, d) = (&self.origin[lane], &self.direction[lane]);

@@ -69,20 +69,23 @@ pub(crate) struct Packet {
     pub exact: ExactColumns,
     /// Directions by axis of the group; used if nothing is rounded.
     pub direction: [PerRay<f32>; 3],
-    /// Slopes and offsets of the rays, by axis of the packet.
+    /// Slopes of the rays, by axis of the packet.
     pub slope: [PerRay<f32>; 2],
+    /// Offsets of the rays, by axis of the packet.
     offset: [PerRay<f32>; 2],
     /// The 2D cross product of slope and offset.
     across: PerRay<f32>,
-    /// The start and end of each ray in `z`; the end is before the start for a ray whose search is
-    /// over.
+    /// The start of each ray in `z`.
     near: PerRay<f32>,
+    /// The end of each ray in `z`; it is before the start for a ray whose search is over.
     far: PerRay<f32>,
-    /// The `z` of each ray at `t = 0`, and the magnitude of the change of `z` per unit of `t`.
+    /// The `z` of each ray at `t = 0`.
     start: PerRay<f32>,
+    /// The magnitude of the change of `z` per unit of `t`.
     along: PerRay<f32>,
-    /// The start of each interval, and the current padded limit; see [`Columns`].
+    /// The start of the interval of each ray.
     pub t_min: PerRay<f32>,
+    /// The current padded limit of each ray; see [`Columns::cull`].
     pub cull: PerRay<f32>,
     /// The origins used by triangle tests, by axis of the packet; not used with a common origin.
     pub projected_origin: [PerRay<f32>; 3],
@@ -102,12 +105,17 @@ pub(crate) struct Packet {
     /// Bound on the absolute errors of positions; 0 for a common origin at which nothing was
     /// rounded.
     margin: f32,
-    /// The minimum and maximum over all rays.
+    /// The smallest start in `z` of all rays.
     packet_near: f32,
+    /// The largest end in `z` of all rays.
     pub packet_far: f32,
+    /// Lower bounds on the slopes of all rays: x and y per unit of `z`.
     low_slope: [f32; 2],
+    /// Upper bounds on the slopes of all rays: x and y per unit of `z`.
     high_slope: [f32; 2],
+    /// Lower bounds on the offsets of all rays in x and y.
     low_offset: [f32; 2],
+    /// Upper bounds on the offsets of all rays in x and y.
     high_offset: [f32; 2],
 }
 
@@ -121,8 +129,9 @@ fn axes(d: [f32; 3]) -> Axes {
 
 /// The rays from which a packet is made, by axis of the group, rounded to nearest.
 pub(crate) struct Columns<W> {
-    /// Origins relative to the apex and relative to `point`; not used with a common origin.
+    /// Origins relative to the apex; not used with a common origin.
     pub from_apex: [W; 3],
+    /// Origins relative to `point`; not used with a common origin.
     pub from_point: [W; 3],
     pub direction: [W; 3],
     /// A point among the origins.
@@ -255,8 +264,8 @@ impl Packet {
         let forward: f32 = if *axes.of(&first)[2] < 0.0 { -1.0 } else { 1.0 };
         let sign = if kind.reversed { -forward } else { forward };
         self.sign = sign;
-        // Quotients as in [`crate::exact::ray::LocalRay`]: they are its shears if triangles are
-        // projected in `f32`.
+        // The slopes are quotients as in [`crate::exact::ray::LocalRay`]: they are its shears if
+        // triangles are projected in `f32`.
         let is_projected = kind.rounded && !P::TRIANGLES_ELSEWHERE;
         let [x, y, speed] = axes.of(directions);
         let along = speed.mul(W::splat(token, forward));
@@ -291,7 +300,8 @@ impl Packet {
         self.margin = 0.0;
         self.packet_rays.margin = 0.0;
         if kind.common {
-            // Not as arrays: a value stored in halves cannot be loaded as a whole for some time.
+            // Vectors are stored, not arrays: a value stored in halves cannot be loaded as a whole
+            // for some time.
             let zero = W::splat(token, 0.0);
             zero.store(&mut self.start);
             zero.store(&mut self.offset[0]);
@@ -608,8 +618,8 @@ impl Packet {
     pub fn rays_hitting<W: Lanes16>(&self, token: W::Token, one: &OneBox<W>) -> u32 {
         let near = one.near.max(W::load(token, &self.near));
         let far = one.far.min(W::load(token, &self.far));
-        // Projected along the axis of the packet: the distance of the line from the middle of the
-        // box, times the length of the slope vector.
+        // In the projection along the axis of the packet: the distance of the line from the middle
+        // of the box, times the length of the slope vector.
         let (slope_x, slope_y) = (W::load(token, &self.slope[0]), W::load(token, &self.slope[1]));
         let from_middle = W::load(token, &self.across)
             .sub(slope_y.mul(one.middle[0]))
@@ -651,8 +661,9 @@ pub(crate) struct OneBox<W> {
     near: W,
     far: W,
     sides: [[W; 2]; 2],
-    /// The middle of the sides, and half of their distance, rounded up.
+    /// The middle of the two sides on each axis.
     middle: [W; 2],
+    /// Half of the distance of the two sides on each axis, rounded up.
     half: [W; 2],
 }
 

@@ -60,19 +60,22 @@ pub(super) struct Wanted {
 /// A block of triangles relative to the common point of a packet; arrays are indexed by triangle.
 #[repr(C, align(64))]
 pub(super) struct SeenBlock {
-    /// Vectors of two edges whose dot product with a direction is a signed area, and the edges
-    /// themselves, by axis of the packet.
+    /// Vectors of two edges whose dot product with a direction is a signed area, by axis of the
+    /// packet.
     pub(super) areas: [[[f32; 8]; 3]; 2],
+    /// The two edges, by axis of the packet.
     pub(super) edges: [[[f32; 8]; 3]; 2],
     /// The vector whose dot product with a direction is the sum of all three areas.
     pub(super) normal: [[f32; 8]; 3],
     /// Bound on the errors of areas.
     pub(super) bound: [f32; 8],
-    /// Bounds on the `z` of a hit.
+    /// Lower bound on the `z` of a hit.
     pub(super) nearest: [f32; 8],
+    /// Upper bound on the `z` of a hit.
     pub(super) farthest: [f32; 8],
-    /// Planes and depths, written only if they are wanted.
+    /// The planes; unset unless they are wanted.
     planes: MaybeUninit<Planes>,
+    /// The depths; unset unless they are wanted.
     depths: MaybeUninit<Depths>,
     wanted: Wanted,
 }
@@ -82,10 +85,11 @@ pub(super) struct SeenBlock {
 struct Depths {
     /// The depth of the first corner, and the differences of the depths of the other two from it.
     corners: [[f32; 8]; 3],
-    /// The sum of areas from which on depths are certain; the error of `z` times that sum; and
-    /// other errors of `z`.
+    /// The sum of areas from which on depths are certain.
     clear: [f32; 8],
+    /// The error of `z` times the sum of areas.
     error: [f32; 8],
+    /// Other errors of `z`.
     other_error: [f32; 8],
 }
 
@@ -177,7 +181,8 @@ impl<'t, W: Lanes16> Leaf<'t, W> {
         child: ChildRef,
         room: &'t mut MaybeUninit<TriangleBlock>,
     ) -> Self {
-        // SAFETY: the references of a tree are to blocks that exist.
+        // SAFETY: `child` is a reference of the tree, which has its block (`GroupTree`) and is
+        // borrowed for as long as the block.
         let block =
             unsafe { tree.blocks.at().block::<W::Half>(W::half_token(token), child.block(), room) };
         let (place, used) = (child.block() as u32 * 8, (2 << (child.count() - 1)) - 1);
@@ -203,7 +208,7 @@ impl<'t, W: Lanes16> Leaf<'t, W> {
                 wanted,
             ));
         }
-        // SAFETY: the value was written now or before.
+        // SAFETY: `is_seen` is set only here, beside the write.
         unsafe { self.seen.assume_init_ref() }
     }
 
@@ -273,10 +278,12 @@ pub(super) struct TriangleHits<W> {
     /// The rays that certainly hit the triangle within their intervals, nearer than all previous
     /// hits.
     pub certain: u32,
-    /// The rays for which such a hit is certain if they hit the triangle or its projection at all.
+    /// The rays for which the hit is certainly nearer than all previous hits, if they hit the
+    /// triangle or its projection at all.
     pub nearer: u32,
-    /// Bounds on the `z` of these hits.
+    /// Lower bound on the `z` of the hits.
     pub low: W,
+    /// Upper bound on the `z` of the hits.
     pub high: W,
 }
 
@@ -290,7 +297,8 @@ impl SeenBlock {
         wanted: Wanted,
     ) -> Self {
         let half = W::half_token(token);
-        // SAFETY: everything is written except planes and depths that are not wanted.
+        // SAFETY: everything is written except planes and depths that are not wanted, which are
+        // `MaybeUninit`.
         unsafe {
             let [px, py, pz] = packet_rays.point;
             let (point, forward) = (
@@ -355,7 +363,7 @@ impl SeenBlock {
     #[inline(always)]
     pub(super) fn planes(&self) -> &Planes {
         assert!(self.wanted.planes, "planes were wanted");
-        // SAFETY: planes are written if they are wanted.
+        // SAFETY: `new` has written the planes if `wanted.planes`, which is asserted above.
         unsafe { self.planes.assume_init_ref() }
     }
 
@@ -364,7 +372,7 @@ impl SeenBlock {
     #[inline(always)]
     fn depths(&self) -> &Depths {
         assert!(self.wanted.depths, "depths were wanted");
-        // SAFETY: depths are written if they are wanted.
+        // SAFETY: `new` has written the depths if `wanted.depths`, which is asserted above.
         unsafe { self.depths.assume_init_ref() }
     }
 

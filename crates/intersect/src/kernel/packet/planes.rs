@@ -24,14 +24,16 @@ pub(super) struct Planes {
     /// Bounds on the errors of [heights of rays](super::edges::TriangleLanes), each times the
     /// length of the normal.
     ///
-    /// The unit is `u = 2^-24`, `n` is the length of a normal and `dn` its error. Rays begin up to
-    /// `s` from the common point and `b` from its plane, and corners are up to `r` from the point.
-    /// Then the height of a corner is off by `3 r dn + 15 u r n`; the position of a line (`3 s`
-    /// away at most) by `8 u s` on each axis, so its height by `6 s dn + 16 u s n`; the product
-    /// with a direction (of slopes up to 1.25) by `4 dn + 10 u n`, times `b`; the sums by `u` of
-    /// their magnitudes. Together that is less than `(r + s + b) (6 dn + 64 u n)`, where `dn` is
-    /// `8 u` of the product of two edges, and `n` up to twice that product. In double precision
-    /// `dn` is at most `u n`, and `r` only counts with the height itself.
+    /// The unit is `u = 2^-24`. Lengths are largest coordinates; `n` is the length of a normal and
+    /// `dn` its error. Rays begin up to `s` from the common point and up to `b` from the plane
+    /// through it perpendicular to the axis, and corners are up to `r` from the point. Then the
+    /// height of a corner is off by `3 r dn + 15 u r n`. The position of a line (at most `3 s`
+    /// away) is off by `8 u s` on each axis, so its height is off by `6 s dn + 16 u s n`. The
+    /// product of the normal with a direction (of slopes up to 1.25) is off by `4 dn + 10 u n`,
+    /// which counts `b` times, and the sums are off by `u` times their magnitudes. Together that is
+    /// less than `(r + s + b) (6 dn + 64 u n)`. `dn` is `8 u` times the product of the lengths of
+    /// two edges, and `n` is at most twice that product. In double precision `dn` is at most `u n`,
+    /// and the rounding of the height of a corner is relative to that height instead of `r n`.
     pub error: [f32; 8],
     /// The least magnitude of the dot product of normal and direction whose sign is certain.
     pub upright: [f32; 8],
@@ -40,13 +42,15 @@ pub(super) struct Planes {
 /// The data from which [`Planes`] are computed.
 pub(super) struct SeenCorners<L> {
     pub corners: [[L; 3]; 3],
-    /// The common point of the packet, and the direction of its axis.
+    /// The common point of the packet.
     pub point: [L; 3],
+    /// [`PacketRays::forward`] in all lanes.
     pub forward: L,
     /// The first corner relative to the point.
     pub first: [L; 3],
-    /// The cross product of the edges to the other two corners, and the sizes of these edges.
+    /// The cross product of the edges from the first corner to the second and third.
     pub normal: [L; 3],
+    /// The sizes of these two edges.
     pub sizes: [L; 2],
 }
 

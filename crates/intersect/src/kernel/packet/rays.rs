@@ -9,14 +9,15 @@ use super::frustum::{Columns, Kind, PerRay, RAYS};
 use crate::exact::ray::Axes;
 use snell_math::simd::Lanes16;
 
-/// Bound on the rounding error of a distance along the axis: a few roundings.
+/// Bound on the rounding error of a `z`, relative to `|start| + length`: eight roundings.
 const ROUNDINGS: f32 = 8.0 * (f32::EPSILON / 2.0);
 
-/// How much nearer than its padded limit ([`crate::search::padded`]) the true limit of a ray
-/// certainly is, relative to its length: twice the padding.
+/// A bound on how much nearer the true limit of a ray is than its padded limit
+/// ([`crate::search::padded`]), relative to the length of the ray: twice the padding.
 const END_PADDING: f32 = 2.0e-4;
 
-/// The limit of lengths; coordinates are smaller ([`super::frustum`]).
+/// Lengths of rays in `z` are limited to this, which is larger than all coordinates
+/// ([`super::frustum`]).
 const LONGEST: f32 = 1.0e16;
 
 /// The rays of a packet, by ray and by axis of the packet.
@@ -29,12 +30,15 @@ pub(crate) struct PacketRays {
     pub moment: [PerRay<f32>; 3],
     /// The range of the moments of all rays, as its middle and half its width.
     pub moments: [[f32; 3]; 2],
-    /// Bounds on the start of the interval.
+    /// A lower bound on the `z` at which the interval starts.
     pub begin: PerRay<f32>,
+    /// An upper bound on the `z` at which the interval starts.
     pub certain_begin: PerRay<f32>,
-    /// Hits nearer than `certain_end` certainly count, and hits beyond `end` certainly do not. Both
-    /// are at first near the end of the interval, and later near the nearest hit.
+    /// Hits nearer than this certainly count. This is at first just before the end of the interval,
+    /// and later just before the nearest hit.
     pub certain_end: PerRay<f32>,
+    /// Hits beyond this certainly do not count. This is at first just after the end of the
+    /// interval, and later just after the nearest hit.
     pub end: PerRay<f32>,
     /// The `z` of the origins of the rays.
     pub start: PerRay<f32>,
@@ -44,7 +48,7 @@ pub(crate) struct PacketRays {
     pub point: [f32; 3],
     /// 1 if `z` grows along its axis, -1 if it falls.
     pub forward: f32,
-    /// The largest distance of an origin from `point`.
+    /// The largest distance of an origin from `point`, as a sum over the axes.
     pub spread: f32,
     /// The largest distance of the start of an interval from the plane through `point`
     /// perpendicular to the axis.

@@ -204,7 +204,7 @@ proptest! {
                 let low = on_ray - (share * size).as_dvec3();
                 let high = on_ray + ((1.0 - share) * size).as_dvec3();
                 let (low, high) = (low.as_vec3(), high.as_vec3());
-                // Padded like the boxes of triangles there.
+                // The box is padded as trees pad the boxes of triangles.
                 let bounds = Bounds3 {
                     min: low - low.abs() * f32::EPSILON,
                     max: high + high.abs() * f32::EPSILON,

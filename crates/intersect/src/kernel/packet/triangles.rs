@@ -502,10 +502,11 @@ fn near_few<W: Lanes16>(token: W::Token, seen: &SeenBlock, packet: &Packet, mut 
 
 /// The results of tests, by ray.
 struct Outcome {
-    /// The rays whose limits may have come nearer, and the rays whose searches are over.
+    /// The rays whose limits may have come nearer.
     nearer: u32,
+    /// The rays whose searches are over.
     over: u32,
-    /// The new padded limits of these rays.
+    /// The new padded limits of all rays in `nearer` and `over`.
     culls: PerRay<f32>,
 }
 
@@ -545,7 +546,7 @@ impl Locals {
             self.built |= 1 << lane;
             self.rays[lane].write(LocalRay::new(&packet.rays.get(lane)));
         }
-        // SAFETY: the element was written now or before.
+        // SAFETY: the bit of `lane` in `built` is set, which is done only here, beside the write.
         unsafe { self.rays[lane].assume_init_ref() }
     }
 }

@@ -95,16 +95,18 @@ pub(super) struct Walker<'w, 's, G: Goal> {
     pub(super) cancel: Option<&'w AtomicBool>,
     /// The mask bits that all rays of the run have in common.
     pub(super) masks: u32,
-    /// The rays of the run, and the number of the first in the batch.
+    /// The rays of the run.
     pub(super) rays: &'w [RayOf<G>],
+    /// The number of the first ray of the run in the batch.
     pub(super) first: usize,
-    /// The searches of rays with hits that need the filter or other checks, and a bit for each ray
-    /// that has one. Rays that hit nothing or only plain triangles need no search.
+    /// The searches of rays with hits that need the filter or other checks. Rays that hit nothing
+    /// or only plain triangles need no search.
     pub(super) searches: PerRay<Option<Search<'s, G>>>,
+    /// A bit for each ray that has a search.
     pub(super) searched: u32,
-    /// The rays without a search that have a hit that counts, and the nearest hit of each (an
-    /// arbitrary hit for occlusion queries).
+    /// The rays without a search that have a hit that counts.
     pub(super) hit: u32,
+    /// The nearest hit of each of these rays (an arbitrary hit for occlusion queries).
     pub(super) nearest: PerRay<HitOf<G>>,
     /// Begins the search of a ray, given by its number. It writes in place, because a returned
     /// search would be copied as a whole just after it was written in pieces.
@@ -117,13 +119,13 @@ pub(super) struct Walker<'w, 's, G: Goal> {
     pub(super) deferred: Deferred,
     /// Rays that are left to other kernels, because a deferred hit turned out to be elsewhere.
     pub(super) unresolved: u32,
-    /// Rays without a search whose nearest hit was deferred and is certain: its data are in
-    /// `certain_hits`.
+    /// Rays without a search whose nearest hit was deferred and is certain. The data of these hits
+    /// are in `certain_hits`.
     pub(super) certain: u32,
     pub(super) certain_hits: CertainHits<RealOf<G>>,
-    /// True if triangles count as small ([`super::trial::Detail`]). `counted` are the counters that
-    /// decide this.
+    /// True if triangles count as small ([`super::trial::Detail`]).
     pub(super) is_small: bool,
+    /// The numbers of leaves and triangles from which `is_small` is decided.
     pub(super) counted: [u32; 2],
 }
 
@@ -295,9 +297,9 @@ fn descend<W: Lanes16, G: Goal>(
     let (mut far, mut fars) = limits(states, members);
     let (mut node, mut hitting) = (tree.root.index(), members);
     while far > f32::NEG_INFINITY {
-        // SAFETY: nodes are the root and those that nodes refer to, which exist. A traversal holds
-        // at most 7 entries per level, and `walk` has checked that there is room for 8 at the
-        // bottom.
+        // SAFETY: `node` is the root or a child of a node, which the tree has (`GroupTree`). `walk`
+        // has asserted room for 7 entries a level and 8 more, and a node pushes at most eight, of
+        // which one is popped before the next level.
         let (parent, pushed) = unsafe {
             let parent = tree.nodes.get_unchecked(node);
             let hitting = [first as u32, hitting];
@@ -309,7 +311,8 @@ fn descend<W: Lanes16, G: Goal>(
         }
         if prefetch {
             for &place in stacks.places[top..top + pushed].iter().rev() {
-                // SAFETY: places are those of nodes that exist.
+                // SAFETY: `push_children` has just written the place, of the node that it was
+                // given.
                 fetch_ahead(tree, unsafe { child_at(tree, place) }.1);
             }
         }
@@ -319,7 +322,7 @@ fn descend<W: Lanes16, G: Goal>(
                 return;
             }
             top -= 1;
-            // SAFETY: `top` was within the stacks.
+            // SAFETY: `top` was more than `base`, so this entry was pushed, within the stacks.
             let (distance, place, hit_masks) = unsafe {
                 (
                     *stacks.distances.get_unchecked(top),
@@ -332,7 +335,7 @@ fn descend<W: Lanes16, G: Goal>(
             }
             stacks.work += 1;
             hitting = hit_masks >> (place & 7) & within(distance, &fars);
-            // SAFETY: places are those of nodes that exist.
+            // SAFETY: `push_children` has written the place, of a node of the tree.
             let (parent, child) = unsafe { child_at(tree, place) };
             if hitting == 0 {
                 continue;
@@ -462,7 +465,8 @@ unsafe fn push_children<W: Lanes16, G: Goal>(
         met |= enter.le(W::Half::splat(half, packet.packet_far)) << bit;
         nearest = nearest.min(enter);
     }
-    // SAFETY: by the caller's promise each stack has room for eight entries.
+    // SAFETY: the caller promises room for eight entries from `top` on in each of the three arrays,
+    // and an array has the alignment of its elements.
     let (distances, places, hit_masks) = unsafe {
         (
             &mut *stacks.distances.as_mut_ptr().add(top).cast::<[f32; 8]>(),
@@ -513,7 +517,8 @@ impl<'s, G: Goal> Walker<'_, 's, G> {
 /// The place must belong to a node of the tree.
 #[inline(always)]
 unsafe fn child_at(tree: &GroupTree, place: u32) -> (&WideNode, ChildRef) {
-    // SAFETY: the caller promises that the place belongs to a node.
+    // SAFETY: a place is eight times the number of its node, plus the slot, and the caller promises
+    // that the tree has this node.
     let node = unsafe { tree.nodes.get_unchecked(place as usize >> 3) };
     (node, node.children[place as usize & 7])
 }

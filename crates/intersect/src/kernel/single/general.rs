@@ -89,7 +89,7 @@ fn walk<L: Lanes8, G: Goal>(
             }
         }
         cull = search.cull();
-        // SAFETY: all entries below `top` are written.
+        // SAFETY: `top` was 0 at first, and grows only by entries that `push_sorted` has written.
         match unsafe { pop(stack, &mut top, cull) } {
             Some(next) => current = next,
             None => return false,
@@ -111,7 +111,8 @@ fn distance(entry: Entry) -> f32 {
 unsafe fn pop(stack: &Stack, top: &mut usize, cull: f32) -> Option<ChildRef> {
     while *top > 0 {
         *top -= 1;
-        // SAFETY: the caller promises that entries below the top are written.
+        // SAFETY: the caller promises that entries below `top` are written, so they are within the
+        // stack; `top` was just reduced.
         let next = unsafe { stack.get_unchecked(*top).assume_init() };
         if distance(next) <= cull {
             return Some(ChildRef(next as u32));

@@ -206,19 +206,20 @@ impl<'a, L: Lanes8> Place<'a, L> {
         let mut beyond = first_beyond(cull);
         let is_ascending = is_ascending(self.ray.direction);
         let (mut top, mut current) = (1, self.tree.root);
-        // SAFETY: a traversal holds at most 7 entries per level and one at the bottom; there is
-        // room for these and 8 at the bottom, as was checked.
+        // SAFETY: the assertion above compares with `stack_sizes`, which has 7 entries for each
+        // level of the tree and 8 more. The traversal leaves at most 7 a level, above `END`.
         unsafe { stack.get_unchecked_mut(0).write(END) };
         loop {
             if current.is_node() {
                 search.goal.count_node();
-                // SAFETY: the references of a tree are to nodes that exist.
+                // SAFETY: `current` is a reference of the tree, which has its node (`GroupTree`).
                 let node = unsafe { self.tree.nodes.get_unchecked(current.index()) };
                 let (enters, limits) = boxes.distances(node, t_min, L::splat(token, cull));
                 let met = enters.le(limits);
                 search.goal.visit(false, || Region::of_bounds(&node.bounds()));
                 if !G::NARROWS && met != 0 {
-                    // SAFETY: there is room for eight entries above those of the previous levels.
+                    // SAFETY: at most 7 of eight children are pushed, for which the assertion above
+                    // found room at each level, and `met` is not 0.
                     current = unsafe {
                         push_unsorted(stack, &mut top, met, is_ascending, &node.children)
                     };
@@ -239,8 +240,8 @@ impl<'a, L: Lanes8> Place<'a, L> {
                         // Two children are the most frequent case. A branch, although it is often
                         // mispredicted, because the next steps need not wait for the distances.
                         let (a, b) = (node.children[first], node.children[second]);
-                        // SAFETY: there is room for eight entries above those of the previous
-                        // levels.
+                        // SAFETY: one child is pushed, and the assertion above found room for 7 a
+                        // level.
                         let next = unsafe { stack.get_unchecked_mut(top) };
                         if near[first] < near[second] {
                             // SAFETY: the pointer is valid. (The write is volatile, because
@@ -258,7 +259,8 @@ impl<'a, L: Lanes8> Place<'a, L> {
                     let [a, b] = [first, second].map(|slot| entry(near[slot], node.children[slot]));
                     let (mut nearest, farther) =
                         (select_unpredictable(a < b, a, b), select_unpredictable(a < b, b, a));
-                    // SAFETY: there is room for eight entries above those of the previous levels.
+                    // SAFETY: at most 7 of eight children are pushed, for which the assertion above
+                    // found room at each level.
                     unsafe {
                         stack.get_unchecked_mut(top).write(farther);
                         nearest = push_sorted(stack, top, nearest, rest, &near, &node.children);
@@ -269,7 +271,7 @@ impl<'a, L: Lanes8> Place<'a, L> {
                 }
             } else if current.is_triangles() {
                 let mut room = MaybeUninit::uninit();
-                // SAFETY: the references of a tree are to blocks that exist.
+                // SAFETY: `current` is a reference of the tree, which has its block (`GroupTree`).
                 let block =
                     unsafe { self.tree.blocks.at().block::<L>(token, current.block(), &mut room) };
                 let mut lanes = G::Precision::lines_through::<L>(token, block, prepared)
@@ -305,8 +307,8 @@ impl<'a, L: Lanes8> Place<'a, L> {
             } else {
                 return false;
             }
-            // SAFETY: all entries below `top` are written, and the lowest is never beyond the
-            // limit.
+            // SAFETY: entries below `top` were pushed. `END`, the lowest, is never beyond the limit
+            // and ends the traversal, so `top` was at least 1.
             current = unsafe {
                 loop {
                     top -= 1;
@@ -402,7 +404,8 @@ unsafe fn push_unsorted(
         if rest == 0 {
             return child;
         }
-        // SAFETY: the caller promises room for all children that were hit.
+        // SAFETY: this is done once for each bit of `met` but the last, and the caller promises
+        // room for all of them above `top`.
         unsafe { stack.get_unchecked_mut(*top).write(entry(0.0, child)) };
         *top += 1;
     }
@@ -434,8 +437,8 @@ unsafe fn push_sorted(
         nearest = new_nearest;
         end += 1;
         let mut at = end;
-        // SAFETY: entries from `top` to before `end` were just written, and there is room for one
-        // more.
+        // SAFETY: the caller has written the entry at `top`, and earlier turns of the loop those up
+        // to `end - 1`. The caller promises room for one entry for each bit of `rest`.
         unsafe {
             while at > top && stack.get_unchecked(at - 1).assume_init() < new {
                 let before = stack.get_unchecked(at - 1).assume_init();

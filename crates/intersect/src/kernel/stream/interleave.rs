@@ -1,13 +1,14 @@
-//! Many single rays at once in one thread: dozens of walks take turns, one step each, so that the
+//! Traces many single rays in one thread: dozens of walks take turns, one step each, so that the
 //! processor always has another ray to work on while one waits for memory or for a long chain of
 //! operations. Rays do not influence each other, but those that start one after another may take
 //! their first steps together ([`super::shared_start`]).
 
+use super::queue::{Queue, items};
 use super::shared_start::{SHARED_RAYS, Trial, shared_start};
-use super::slot::{Enters, Slot, Slots};
+use super::slot::{Candidates, Enters, Idle, Leaf, Mask, Node, Object, Return, Slots, Walk};
 use crate::kernel::Goal;
 use crate::kernel::list::Unresolved;
-use crate::kernel::single::traverse::{Entry, search_forest};
+use crate::kernel::single::traverse::{Stack, search_forest};
 use crate::precision::Facts;
 use crate::prefetch::fetch;
 use crate::search::answers::Answers;
@@ -23,33 +24,35 @@ use snell_math::simd::{Lanes8, Level, Portable, Portable8, Wide};
 use std::mem::MaybeUninit;
 
 /// The largest number of rays in flight. When [`SHARED_RAYS`] of them have finished, others start.
-const SLOTS: usize = 48;
+pub(super) const SLOTS: usize = 48;
 
-/// Batches of fewer rays are not worth it.
+/// Batches of fewer rays are traced one ray at a time.
 const MIN_RAYS: usize = 16;
 
-/// Forests of more bytes are fetched ahead: much of them is not in the second cache. (It costs a
-/// little in smaller ones.)
+/// In forests of more bytes than this, walks prefetch what they visit next, since much of the
+/// forest is not in the second-level cache. (In smaller forests the prefetches cost a little.)
 const FETCHED_BYTES: usize = 8 << 20;
 
-/// See [`pays_to_sort`]: rays that start together in one register are worth more if neighbours
-/// start near each other.
+/// Rays are sorted in forests of more bytes than this ([`pays_to_sort`]).
 const SORTED_BYTES: usize = 32 << 20;
+/// The same limit at AVX-512 for queries that want one hit per ray: sixteen of their rays start
+/// together in one register, and share more visits if they start near each other.
 const SORTED_BYTES_AVX512: usize = 128 << 10;
 
-/// Rays to search for, and what is common to them.
+/// A batch of rays to search for, and the data that their searches share.
 pub(crate) struct Batch<'a, P: Facts> {
     pub rays: Rays<'a, P>,
     pub context: &'a Context<'a, P>,
-    /// In which order to search for them: their numbers, or places in `unresolved`; if empty, as
-    /// they are.
+    /// The order of the searches: places in `unresolved`, or numbers of rays if that is `None`. If
+    /// empty, the searches are in the order of `unresolved` or of the rays.
     pub order: &'a [u32],
-    /// The rays to search for, if these are not all from the beginning.
+    /// The rays that are left after the outliers of the forest were tested, with their hits so far;
+    /// `None` for all rays, from the beginning.
     pub unresolved: Option<&'a [Unresolved<P::Hit>]>,
 }
 
 impl<'a, P: Facts> Batch<'a, P> {
-    /// All of these rays, from the beginning.
+    /// A batch of all these rays, whose searches start from the beginning.
     pub fn new(rays: Rays<'a, P>, context: &'a Context<'a, P>) -> Self {
         Self { rays, context, order: &[], unresolved: None }
     }
@@ -59,8 +62,8 @@ impl<'a, P: Facts> Batch<'a, P> {
         self.unresolved.map_or(self.rays.len(), <[_]>::len)
     }
 
-    /// The `i`-th ray: its number and its search. Prefetches the memory of a later ray and of its
-    /// result.
+    /// The number of the `i`-th ray of the batch, and its hit so far if it is unresolved.
+    /// Prefetches the memory of a later ray and of its result.
     #[inline(always)]
     fn get<G>(
         &self,
@@ -83,23 +86,22 @@ impl<'a, P: Facts> Batch<'a, P> {
     }
 }
 
-/// True if forests are so large that rays should be in an order. (In smaller ones, sorting costs
-/// more than it saves.)
+/// True if the forest is so large that sorting the rays saves more time than it takes.
 pub(crate) fn pays_to_sort<G: Goal>(forest: &Forest, wide: Option<Wide>) -> bool {
     let is_widest = Level::of(wide) == Level::Avx512;
     let least = if G::WANTS_ONE && is_widest { SORTED_BYTES_AVX512 } else { SORTED_BYTES };
     forest.memory_bytes() > least
 }
 
-/// True if walks through the forest fit the stacks of this kernel, and it has something to
+/// True if walks through the forest fit the stacks of this kernel, and there are enough rays to
 /// interleave.
 pub(crate) fn is_suitable(forest: &Forest, rays: usize) -> bool {
     let tree = &forest.trees[0];
     rays >= MIN_RAYS && tree.unbounded.is_empty() && may_search(forest)
 }
 
-/// Searches for every ray of a batch; `answers` get the number of a ray and what was found, in no
-/// particular order.
+/// Searches for every ray of a batch, and passes the number and the goal of each ray to `answers`,
+/// in no particular order.
 pub(crate) fn search_batch<G: Goal>(
     forest: &Forest,
     wide: Option<Wide>,
@@ -122,8 +124,8 @@ pub(crate) fn search_batch<G: Goal>(
     }
 }
 
-/// The loop over all rays in flight: first a step for each that is at a node, then one for each
-/// that is at a leaf or done.
+/// Searches for the rays of a batch: rays start when walks are idle, and in each round all walks
+/// make a step.
 #[inline(always)]
 fn run<L: Lanes8, G: Goal>(
     token: L::Token,
@@ -133,176 +135,118 @@ fn run<L: Lanes8, G: Goal>(
     start: impl Fn(&RayOf<G>) -> G,
     mut answers: impl Answers<G>,
 ) {
-    let tree = &forest.trees[0];
-    let prefetch = forest.memory_bytes() > FETCHED_BYTES;
-    let mut below = [const { MaybeUninit::<Entry>::uninit() }; SMALL_STACK];
-    let slots = Slots::<G>::new(SLOTS.min(batch.len()), forest.stack_size());
-    let mut items: [Items<*mut Slot<G>>; 3] =
-        [const { [const { MaybeUninit::uninit() }; SLOTS + 1] }; 3];
-    let [nodes, rest, mut idle] = items.each_mut().map(|items| Queue { items, count: 0 });
-    let mut hopeful_items: Items<(*mut Slot<G>, u32, u32)> =
-        [const { MaybeUninit::uninit() }; SLOTS + 1];
-    let mut hopeful = Queue { items: &mut hopeful_items, count: 0 };
-    // The state that a step leaves for the next.
-    let (mut enters, mut found) = ([Enters([0.0; 8]); SLOTS], [0; SLOTS]);
-    let mut queues = Queues { nodes, rest };
-    let mut other_slots: Items<*mut Slot<G>> = [const { MaybeUninit::uninit() }; SLOTS + 1];
-    let (mut leaf_slots, mut return_slots, mut object_slots) =
-        (other_slots, other_slots, other_slots);
-    for i in 0..slots.len() {
-        // SAFETY: there are no more slots than items.
-        unsafe { idle.put(slots.get(i), true) };
+    let mut slots = Slots::<G>::new(SLOTS.min(batch.len()), forest);
+    let count = slots.len();
+    let (mut idle, mut nodes, mut rest) = (items(), items(), items());
+    let mut idle = Queue::new(&mut idle);
+    for walk in slots.walks() {
+        idle.push(walk);
     }
-    let from = if batch.unresolved.is_some() { tree.rest } else { tree.root };
-    let (mut number, mut trial) = (0, Trial::default());
+    let prefetch = forest.memory_bytes() > FETCHED_BYTES;
+    let mut round = Round { nodes: Queue::new(&mut nodes), rest: Queue::new(&mut rest), prefetch };
+    let mut pending = Pending { forest, wide, batch, next: 0, trial: Trial::default() };
+    // What the first half of a visit leaves for the second, and the stack of groups that are walked
+    // outside of slots.
+    let (mut enters, mut hits) = ([Enters::UNSET; SLOTS], [Mask::NONE; SLOTS]);
+    let mut below = [const { MaybeUninit::uninit() }; SMALL_STACK];
     loop {
-        // Rays that start, some at a time.
-        while number < batch.len()
-            && idle.count >= SHARED_RAYS.min(batch.len() - number).min(slots.len())
-        {
-            let mut started: [*mut Slot<G>; SHARED_RAYS] = [std::ptr::null_mut(); SHARED_RAYS];
-            let mut count = 0;
-            while count < SHARED_RAYS && number < batch.len() && idle.count > 0 {
-                let (ray, unresolved) = batch.get(number, &answers);
-                number += 1;
-                let query = batch.rays.get(ray);
-                let search = || {
-                    let mut goal = start(query.ray);
-                    if let Some(hit) = unresolved.and_then(|unresolved| unresolved.hit) {
-                        goal.take(hit);
-                    }
-                    Search::new(query, batch.context, goal)
-                };
-                // SAFETY: slots that are idle are in no other queue.
-                unsafe {
-                    let slot = idle.get(idle.count - 1);
-                    if (*slot).start::<L>(tree, from, ray, batch.context.data, search, query.ray) {
-                        idle.count -= 1;
-                        started[count] = slot;
-                        count += 1;
-                    } else {
-                        answers.put(ray, search_alone(forest, wide, search()));
-                    }
-                }
-            }
-            let started = &started[..count];
-            if let Some(wide) = wide
-                && G::WANTS_ONE
-                && count != 0
-                && trial.is_on()
-            {
-                // SAFETY: they have just started.
-                trial.count(count, unsafe { shared_start(wide, started) });
-            }
-            for &slot in started {
-                // SAFETY: slots that have started are in no queue.
-                unsafe {
-                    if prefetch {
-                        (*slot).fetch_ahead();
-                    }
-                    queues.put(slot, (*slot).current);
-                }
-            }
+        while pending.len() > 0 && idle.len() >= SHARED_RAYS.min(pending.len()).min(count) {
+            pending.start::<L, G>(&mut idle, &mut round, &start, &mut answers);
         }
-        if queues.is_empty() || batch.context.is_cancelled() {
+        if round.is_empty() || batch.context.is_cancelled() {
             break;
         }
-        // SAFETY: the queues hold slots, each at most once, which have a search, and are at what
-        // their queue says; a walk holds at most 7 entries per level and `is_suitable` has counted
-        // them.
-        unsafe {
-            // Leaves apart from the others.
-            let (mut leaves, mut others) = (0, 0);
-            for i in 0..queues.rest.take() {
-                let slot = queues.rest.get(i);
-                let is_leaf = (*slot).current.is_triangles();
-                leaf_slots.get_unchecked_mut(leaves).write(slot);
-                leaves += usize::from(is_leaf);
-                if !prefetch {
-                    (*slot).fetch_leaf();
-                }
-                other_slots.get_unchecked_mut(others).write(slot);
-                others += usize::from(!is_leaf);
-            }
-            let count = queues.nodes.take();
-            for i in 0..count {
-                *found.get_unchecked_mut(i) =
-                    (*queues.nodes.get(i)).boxes_step::<L>(token, enters.get_unchecked_mut(i));
-            }
-            for i in 0..count {
-                let slot = queues.nodes.get(i);
-                Slot::push_step::<L>(slot, token, *found.get_unchecked(i), enters.get_unchecked(i));
-                if prefetch {
-                    (*slot).fetch_ahead();
-                }
-                queues.put(slot, (*slot).current);
-            }
-            for i in 0..leaves {
-                *found.get_unchecked_mut(i) =
-                    (*leaf_slots.get_unchecked(i).assume_init()).leaf_step::<L>(token);
-            }
-            for i in 0..leaves {
-                let (slot, lanes) =
-                    (leaf_slots.get_unchecked(i).assume_init(), *found.get_unchecked(i));
-                let block = Slot::leave_leaf(slot);
-                if prefetch {
-                    (*slot).fetch_ahead();
-                    (*slot).fetch_triangles(forest, lanes, block);
-                }
-                let (is_hopeful, is_node) = (lanes != 0, (*slot).current.is_node());
-                hopeful.put((slot, lanes, block), is_hopeful);
-                queues.nodes.put(slot, is_node & !is_hopeful);
-                queues.rest.put(slot, !is_node & !is_hopeful);
-            }
-            for i in 0..hopeful.take() {
-                let (slot, lanes, block) = hopeful.get(i);
-                Slot::triangles_step(slot, forest, lanes, block);
-                queues.put(slot, (*slot).current);
-            }
-            // Those at an end to the front, the others apart again.
-            let (mut ends, mut returns, mut objects) = (0, 0, 0);
-            for i in 0..others {
-                let slot = other_slots.get_unchecked(i).assume_init();
-                let (is_object, is_return) =
-                    ((*slot).current.is_object(), (*slot).current == ChildRef::RETURN);
-                other_slots.get_unchecked_mut(ends).write(slot);
-                ends += usize::from(!is_object & !is_return);
-                return_slots.get_unchecked_mut(returns).write(slot);
-                returns += usize::from(is_return);
-                object_slots.get_unchecked_mut(objects).write(slot);
-                objects += usize::from(is_object);
-            }
-            for i in 0..returns {
-                let slot = return_slots.get_unchecked(i).assume_init();
-                Slot::leave_instance(slot);
-                if prefetch {
-                    (*slot).fetch_ahead();
-                }
-                queues.put(slot, (*slot).current);
-            }
-            for i in 0..objects {
-                (*object_slots.get_unchecked(i).assume_init()).fetch_object(forest);
-            }
-            for i in 0..objects {
-                let slot = object_slots.get_unchecked(i).assume_init();
-                Slot::object_step::<L>(slot, token, forest, &mut below);
-                if prefetch {
-                    (*slot).fetch_ahead();
-                }
-                queues.put(slot, (*slot).current);
-            }
-            for i in 0..ends {
-                let slot = other_slots.get_unchecked(i).assume_init();
-                if let Some(search) = (*slot).search.take() {
-                    answers.put((*slot).number, search.goal);
-                }
-                idle.put(slot, true);
-            }
-        }
+        let (mut leaves, mut others) = (items(), items());
+        let (mut leaves, mut others) = (Queue::new(&mut leaves), Queue::new(&mut others));
+        round.split_rest(&mut leaves, &mut others);
+        round.visit_nodes::<L>(token, &mut enters, &mut hits);
+        round.visit_leaves::<L>(token, &mut leaves, &mut hits);
+        round.visit_others::<L>(token, &mut others, &mut below, |walk| {
+            idle.push(walk.finish(|number, goal| answers.put(number, goal)));
+        });
     }
 }
 
-/// A ray that is not ordinary.
+/// The rays of a batch that are still to start.
+struct Pending<'b, 'a, P: Facts> {
+    forest: &'b Forest,
+    wide: Option<Wide>,
+    batch: &'b Batch<'a, P>,
+    /// The place in the batch of the next ray to start.
+    next: usize,
+    trial: Trial,
+}
+
+impl<'a, P: Facts> Pending<'_, 'a, P> {
+    /// The number of rays that are still to start.
+    #[inline(always)]
+    fn len(&self) -> usize {
+        self.batch.len() - self.next
+    }
+
+    /// Starts up to [`SHARED_RAYS`] rays with idle walks, which then take part in the round.
+    #[inline(always)]
+    fn start<'s, L: Lanes8, G: Goal<Precision = P>>(
+        &mut self,
+        idle: &mut Queue<Walk<'s, 'a, G, Idle>>,
+        round: &mut Round<'_, 's, 'a, G>,
+        start: &impl Fn(&RayOf<G>) -> G,
+        answers: &mut impl Answers<G>,
+    ) {
+        let mut started = items();
+        let mut started = Queue::new(&mut started);
+        while started.len() < SHARED_RAYS
+            && self.len() > 0
+            && let Some(walk) = idle.pop()
+        {
+            match self.start_next::<L, G>(walk, start, answers) {
+                Ok(walk) => started.push(walk),
+                Err(walk) => idle.push(walk),
+            }
+        }
+        if let Some(wide) = self.wide
+            && G::WANTS_ONE
+            && started.len() != 0
+            && self.trial.is_on()
+        {
+            // SAFETY: these are at most `SHARED_RAYS`, and all have just started at one reference.
+            let visits = unsafe { shared_start(wide, started.as_mut_slice()) };
+            self.trial.count(started.len(), visits);
+        }
+        for walk in started.drain() {
+            round.put(walk);
+        }
+    }
+
+    /// Starts the next ray with an idle walk. A ray that is not ordinary is searched for at once,
+    /// and its walk returned as it was.
+    #[inline(always)]
+    fn start_next<'s, L: Lanes8, G: Goal<Precision = P>>(
+        &mut self,
+        walk: Walk<'s, 'a, G, Idle>,
+        start: &impl Fn(&RayOf<G>) -> G,
+        answers: &mut impl Answers<G>,
+    ) -> Result<Walk<'s, 'a, G>, Walk<'s, 'a, G, Idle>> {
+        let Batch { rays, context, unresolved: all, .. } = self.batch;
+        let (number, unresolved) = self.batch.get(self.next, answers);
+        self.next += 1;
+        let query = rays.get(number);
+        let search = || {
+            let mut goal = start(query.ray);
+            if let Some(hit) = unresolved.and_then(|unresolved| unresolved.hit) {
+                goal.take(hit);
+            }
+            Search::new(query, context, goal)
+        };
+        let walk = walk.start::<L>(all.is_some(), number, context.data, search, query.ray);
+        if walk.is_err() {
+            answers.put(number, search_alone(self.forest, self.wide, search()));
+        }
+        walk
+    }
+}
+
+/// Searches for a ray that is not ordinary.
 #[cold]
 #[inline(never)]
 fn search_alone<G: Goal>(forest: &Forest, wide: Option<Wide>, mut search: Search<G>) -> G {
@@ -310,65 +254,148 @@ fn search_alone<G: Goal>(forest: &Forest, wide: Option<Wide>, mut search: Search
     search.goal
 }
 
-/// The memory of a queue: all slots and one more.
-type Items<T> = [MaybeUninit<T>; SLOTS + 1];
-
-/// Slots in order of arrival; read and rewritten in one pass. (Items and count are apart, so that
-/// the count stays in a register.)
-struct Queue<'a, T> {
-    items: &'a mut Items<T>,
-    count: usize,
+/// The walks that take part in the next round; those that are at a node have a queue of their own.
+struct Round<'q, 's, 'a, G: Goal> {
+    nodes: Queue<'q, Walk<'s, 'a, G, Node>>,
+    /// Walks that are not at a node.
+    rest: Queue<'q, Walk<'s, 'a, G>>,
+    /// True if walks prefetch what they visit next as soon as they know it.
+    prefetch: bool,
 }
 
-impl<T: Copy> Queue<'_, T> {
-    /// Writes an item, and counts it or not: no branch on data.
-    ///
-    /// # Safety
-    /// The queue must have at most as many items as there are [`SLOTS`].
+impl<'s, 'a, G: Goal> Round<'_, 's, 'a, G> {
     #[inline(always)]
-    unsafe fn put(&mut self, item: T, counts: bool) {
-        // SAFETY: as promised by the caller.
-        unsafe { self.items.get_unchecked_mut(self.count).write(item) };
-        self.count += usize::from(counts);
+    fn is_empty(&self) -> bool {
+        self.nodes.len() + self.rest.len() == 0
     }
 
-    /// Empties the queue and returns the number of its items; they can be read until that many are
-    /// put.
+    /// Lets a walk take part, after a prefetch of what it visits next if that is wanted.
     #[inline(always)]
-    fn take(&mut self) -> usize {
-        std::mem::take(&mut self.count)
+    fn put(&mut self, walk: Walk<'s, 'a, G>) {
+        if self.prefetch {
+            walk.fetch_ahead();
+        }
+        self.put_fetched(walk);
     }
 
-    /// # Safety
-    /// `i` must be less than what [`Self::take`] gave, and at most `i` items put since.
+    /// Lets a walk take part. (This is done without a branch on what the walk is at.)
     #[inline(always)]
-    unsafe fn get(&self, i: usize) -> T {
-        // SAFETY: as promised by the caller.
-        unsafe { self.items.get_unchecked(i).assume_init() }
-    }
-}
-
-/// The slots by what they do next.
-struct Queues<'a, T> {
-    nodes: Queue<'a, T>,
-    rest: Queue<'a, T>,
-}
-
-impl<T: Copy> Queues<'_, T> {
-    /// Puts a slot where it belongs.
-    ///
-    /// # Safety
-    /// There must be fewer items in all than there are [`SLOTS`].
-    #[inline(always)]
-    unsafe fn put(&mut self, item: T, current: ChildRef) {
-        // SAFETY: as promised by the caller.
+    fn put_fetched(&mut self, walk: Walk<'s, 'a, G>) {
+        let is_node = walk.current().is_node();
+        // SAFETY: one of the two queues counts the walk, that of nodes only if it is at one. A walk
+        // is counted in one queue only, so no queue has more than `SLOTS`.
         unsafe {
-            self.nodes.put(item, current.is_node());
-            self.rest.put(item, !current.is_node());
+            self.nodes.put(walk.copied_as(), is_node);
+            self.rest.put(walk, !is_node);
         }
     }
 
-    fn is_empty(&self) -> bool {
-        self.nodes.count + self.rest.count == 0
+    /// Moves all walks that are not at a node to `leaves` and `others`, without a branch.
+    #[inline(always)]
+    fn split_rest(
+        &mut self,
+        leaves: &mut Queue<Walk<'s, 'a, G, Leaf>>,
+        others: &mut Queue<Walk<'s, 'a, G>>,
+    ) {
+        for walk in self.rest.drain() {
+            if !self.prefetch {
+                walk.fetch_leaf();
+            }
+            let is_leaf = walk.current().is_triangles();
+            // SAFETY: one of the two queues counts the walk, that of leaves only if it is at one. A
+            // walk is counted in one queue only, so no queue has more than `SLOTS`.
+            unsafe {
+                leaves.put(walk.copied_as(), is_leaf);
+                others.put(walk, !is_leaf);
+            }
+        }
+    }
+
+    /// Visits the nodes that walks are at: first the boxes for all walks, then the stacks.
+    #[inline(always)]
+    fn visit_nodes<L: Lanes8>(
+        &mut self,
+        token: L::Token,
+        enters: &mut [Enters; SLOTS],
+        hits: &mut [Mask; SLOTS],
+    ) {
+        let nodes = self.nodes.as_mut_slice().iter_mut();
+        for (walk, (enters, hit)) in nodes.zip(enters.iter_mut().zip(hits.iter_mut())) {
+            *hit = walk.test_boxes::<L>(token, enters);
+        }
+        for (i, (enters, hit)) in (0..self.nodes.clear()).zip(enters.iter().zip(hits)) {
+            // SAFETY: the queue had this walk before it was cleared. Of each walk that was read
+            // before this one, at most one was put back.
+            let walk = unsafe { self.nodes.read(i) };
+            self.put(walk.push_boxes::<L>(token, *hit, enters));
+        }
+    }
+
+    /// Visits the blocks of triangles that walks are at: first the filters for all walks, then the
+    /// exact tests for those that need them.
+    #[inline(always)]
+    fn visit_leaves<L: Lanes8>(
+        &mut self,
+        token: L::Token,
+        leaves: &mut Queue<Walk<'s, 'a, G, Leaf>>,
+        hits: &mut [Mask; SLOTS],
+    ) {
+        let mut candidates = items();
+        let mut candidates: Queue<Candidates<'s, 'a, G>> = Queue::new(&mut candidates);
+        for (walk, hit) in leaves.as_mut_slice().iter_mut().zip(hits.iter_mut()) {
+            *hit = walk.test_lines::<L>(token);
+        }
+        for (walk, hit) in leaves.drain().zip(hits) {
+            let mut left = walk.leave(*hit);
+            if self.prefetch {
+                left.fetch();
+            }
+            let (is_empty, is_node) = (left.is_empty(), left.walk.current().is_node());
+            // SAFETY: one of the three queues counts the walk, that of nodes only if it is at one.
+            // A walk is counted in one queue only, so no queue has more than `SLOTS`.
+            unsafe {
+                self.nodes.put(left.walk.copied_as(), is_empty & is_node);
+                self.rest.put(left.walk.copied_as(), is_empty & !is_node);
+                candidates.put(left, !is_empty);
+            }
+        }
+        for left in candidates.drain() {
+            self.put_fetched(left.test());
+        }
+    }
+
+    /// Leaves instances, visits objects, and passes walks that have ended to `end`.
+    #[inline(always)]
+    fn visit_others<L: Lanes8>(
+        &mut self,
+        token: L::Token,
+        others: &mut Queue<Walk<'s, 'a, G>>,
+        below: &mut Stack,
+        end: impl FnMut(Walk<'s, 'a, G>),
+    ) {
+        let (mut returns, mut objects, mut ends) = (items(), items(), items());
+        let (mut returns, mut objects) = (Queue::new(&mut returns), Queue::new(&mut objects));
+        let mut ends = Queue::new(&mut ends);
+        for walk in others.drain() {
+            let (is_object, is_return) =
+                (walk.current().is_object(), walk.current() == ChildRef::RETURN);
+            // SAFETY: one of the three queues counts the walk, by its current reference. A walk is
+            // counted in one queue only, so no queue has more than `SLOTS`.
+            unsafe {
+                returns.put(walk.copied_as::<Return>(), is_return);
+                objects.put(walk.copied_as::<Object>(), is_object);
+                ends.put(walk, !is_object & !is_return);
+            }
+        }
+        for walk in returns.drain() {
+            self.put(walk.leave_instance());
+        }
+        for walk in objects.as_mut_slice() {
+            walk.fetch();
+        }
+        for walk in objects.drain() {
+            self.put(walk.visit::<L>(token, below));
+        }
+        ends.drain().for_each(end);
     }
 }

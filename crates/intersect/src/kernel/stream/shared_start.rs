@@ -15,7 +15,7 @@
 #[cfg(test)]
 mod tests;
 
-use super::slot::Slot;
+use super::slot::Walk;
 use crate::exact::prepared::FAR_FACTOR;
 use crate::kernel::Goal;
 use crate::kernel::columns::columns;
@@ -26,55 +26,56 @@ use snell_math::simd::{Lanes8, Lanes16, Token, Wide, WideLanes};
 use std::array::from_fn;
 use std::mem::MaybeUninit;
 
-/// Rays that start together at most.
+/// The largest number of rays that start together.
 pub(super) const SHARED_RAYS: usize = 2 * ROW;
 
-/// Rays that are tested with a box at once.
+/// The number of rays that are tested with a box at once.
 const ROW: usize = 16;
 
-/// A node is visited together if at least this many rays start in it, or at least this many hit it.
+/// A node is visited together if at least this number of rays start in it and hit it.
 const MIN_INSIDE: u32 = 8;
+/// A node is also visited together if at least this number of rays hit it.
 const MIN_MET: u32 = 16;
 
 /// The largest number of nodes and leaves that are left to the rays of a packet, limited by the
 /// tags.
 const MAX_LEFT: usize = 32;
 
-/// Nodes and leaves that are left to one ray at most. (A ray that has more starts alone.)
+/// The largest number of nodes and leaves that are left to one ray. (A ray with more starts alone.)
 const MAX_OWN: usize = 8;
 
-/// Distances are not below this, so that tags never make numbers that are not normal.
+/// Smaller distances are replaced by this one, so that a distance with a tag is never subnormal.
 const LEAST: f32 = 1.0e-30;
 
-/// Rounds distances with a tag down to what they were without; relative: tags are below 32 units in
-/// the last place, the rest is for the rounding here.
+/// The relative amount by which a distance with a tag is reduced, so that it is not above the
+/// distance without the tag: tags are below 32 units in the last place, and the rest is for
+/// rounding errors of the reduction.
 const TAG_PADDING: f32 = 8.0e-6;
 
-/// Rays whose distances are less certain than this start alone: those that run along an axis.
+/// Rays whose distances may be off by this much or more start alone: those that run along an axis.
 const MAX_MARGIN: f32 = 1.0e20;
 
-/// Lets rays start: they must be in slots at the root of the same walk, and are left somewhere
-/// below. Returns how many visits of nodes were made together, of all rays. Slots that it cannot
-/// help stay at the root.
+/// Lets walks make their first steps together. Returns the number of visits of nodes, summed over
+/// the rays. Walks of rays that do not take part stay where they are.
 ///
 /// # Safety
-/// There must be one to [`SHARED_RAYS`] slots, each with a search that [was started](Slot::start)
-/// at the same node and has not gone on.
+/// There must be one to [`SHARED_RAYS`] walks, which have [started](Walk::start) at the same
+/// reference and made no step.
 #[cfg_attr(not(target_arch = "x86_64"), allow(unused_variables))]
 #[inline(always)]
-pub(super) unsafe fn shared_start<G: Goal>(wide: Wide, slots: &[*mut Slot<'_, G>]) -> u32 {
+pub(super) unsafe fn shared_start<G: Goal>(wide: Wide, walks: &mut [Walk<G>]) -> u32 {
     match wide {
         #[cfg(target_arch = "x86_64")]
         Wide::Avx2(token) => token.run(
             #[inline(always)]
-            // SAFETY: as promised by the caller.
-            move || unsafe { shared_start_with::<Pair<Avx8>, G>(token, slots) },
+            // SAFETY: these are the walks of the caller, who promises the same of them.
+            move || unsafe { shared_start_with::<Pair<Avx8>, G>(token, walks) },
         ),
         #[cfg(target_arch = "x86_64")]
         Wide::Avx512(token) => token.run(
             #[inline(always)]
-            // SAFETY: as promised by the caller.
-            move || unsafe { shared_start_with::<Avx16, G>(token, slots) },
+            // SAFETY: these are the walks of the caller, who promises the same of them.
+            move || unsafe { shared_start_with::<Avx16, G>(token, walks) },
         ),
     }
 }
@@ -84,73 +85,80 @@ pub(super) unsafe fn shared_start<G: Goal>(wide: Wide, slots: &[*mut Slot<'_, G>
 /// # Safety
 /// As [`shared_start`].
 #[inline(always)]
-unsafe fn shared_start_with<W: Lanes16, G: Goal>(
-    token: W::Token,
-    slots: &[*mut Slot<'_, G>],
-) -> u32 {
-    debug_assert!((1..=SHARED_RAYS).contains(&slots.len()));
-    // SAFETY: as promised by the caller.
+unsafe fn shared_start_with<W: Lanes16, G: Goal>(token: W::Token, walks: &mut [Walk<G>]) -> u32 {
+    debug_assert!((1..=SHARED_RAYS).contains(&walks.len()));
+    // SAFETY: there are one to 32 walks by the caller's promise, so a second row begins after the
+    // sixteenth if there are more, and no row is empty.
     unsafe {
-        if slots.len() > ROW {
-            let (first, second) = slots.split_at_unchecked(ROW);
-            start_rows(token, slots, [Row::<W>::new(token, first), Row::new(token, second)])
+        if walks.len() > ROW {
+            let (first, second) = walks.split_at_unchecked(ROW);
+            let rows = [Row::<W>::new(token, first), Row::new(token, second)];
+            start_rows(token, walks, rows)
         } else {
-            start_rows(token, slots, [Row::<W>::new(token, slots)])
+            let rows = [Row::<W>::new(token, walks)];
+            start_rows(token, walks, rows)
         }
     }
 }
 
+/// [`shared_start`] with the walks' rays in rows of sixteen.
+///
 /// # Safety
-/// As [`shared_start`]; the rows must be those of the slots.
+/// As [`shared_start`]; the rows must be those of the walks.
 #[inline(always)]
 unsafe fn start_rows<W: Lanes16, G: Goal, const N: usize>(
     token: W::Token,
-    slots: &[*mut Slot<'_, G>],
+    walks: &mut [Walk<G>],
     rows: [Row<W>; N],
 ) -> u32 {
     let mut left = Left::NONE;
-    // SAFETY: as promised by the caller; the slots of a row are its lanes.
+    // SAFETY: there is a first walk by the caller's promise, and it has made no step. All of a row
+    // but the last has sixteen walks, so that `ROW * i` is within them, and those from there on
+    // are the lanes of the row. What is left are references below the node where all of them start.
     unsafe {
-        let visits = visit(&**slots.get_unchecked(0), &rows, &mut left);
+        let visits = visit(walks.get_unchecked(0), &rows, &mut left);
         if visits != 0 {
             for (i, row) in rows.iter().enumerate() {
-                hand_out(token, slots.get_unchecked(ROW * i..), row, &left, i);
+                hand_out(token, walks.get_unchecked_mut(ROW * i..), row, &left, i);
             }
         }
         visits
     }
 }
 
-/// A number per lane.
+/// A number for each lane.
 #[derive(Clone, Copy)]
 #[repr(C, align(64))]
 struct PerLane([f32; ROW]);
 
-/// Sixteen rays and what it takes to test boxes.
+/// Sixteen rays, prepared for tests with boxes.
 struct Row<W> {
     inverse: [W; 3],
-    /// As [`crate::exact::prepared::PreparedRay::near`] and `far`, but rounded to neither side.
+    /// The offsets of [`crate::exact::prepared::PreparedRay::near`] and `far`, but rounded to
+    /// neither side.
     offset: [W; 3],
     t_min: W,
-    /// The padded limits, and `margin`.
+    /// The padded limits of the searches, plus `margin`.
     cull: W,
-    /// By how much distances may be wrong for not being rounded.
+    /// A bound on the error of the distances, which are not rounded to the safe side.
     margin: W,
-    /// Which lanes are rays that can start together.
+    /// The lanes whose rays take part: a bit each.
     rays: u32,
 }
 
 impl<W: Lanes16> Row<W> {
+    /// The rays of the first sixteen walks.
+    ///
     /// # Safety
-    /// As [`shared_start`], of up to sixteen slots.
+    /// There must be a walk.
     #[inline(always)]
-    unsafe fn new<G: Goal>(token: W::Token, slots: &[*mut Slot<'_, G>]) -> Self {
+    unsafe fn new<G: Goal>(token: W::Token, walks: &[Walk<G>]) -> Self {
         let mut slabs = [[&[0.0; 8]; 2]; ROW];
         for (lane, slabs) in slabs.iter_mut().enumerate() {
             // (Lanes without a ray have the first one.)
-            // SAFETY: there is at least one slot.
-            let slot = unsafe { &**slots.get_unchecked(if lane < slots.len() { lane } else { 0 }) };
-            *slabs = slot.rows();
+            // SAFETY: the number is below that of the walks, or 0, and the caller promises a walk.
+            let walk = unsafe { walks.get_unchecked(if lane < walks.len() { lane } else { 0 }) };
+            *slabs = walk.rows();
         }
         let rows = |side: usize, from: usize| from_fn(|i| slabs[from + i][side]);
         let [t_min, cull, _, _, _, _, i, j] = columns::<W>(token, rows(0, 0), rows(0, 8));
@@ -162,14 +170,14 @@ impl<W: Lanes16> Row<W> {
             near[1].add(far[1]).mul(half),
             near[2].add(far[2]).mul(half),
         ];
-        // (Twice of what it must be.)
+        // The margin is twice as large as it must be.
         let mut margin = W::splat(token, 0.0);
         for axis in 0..3 {
             let side = far[axis].sub(near[axis]).abs();
             margin = margin.max(if Self::FUSED { side } else { side.mul(inverse[axis].abs()) });
         }
         let rays =
-            margin.lt(W::splat(token, MAX_MARGIN)) & (0xffff >> (ROW - slots.len().min(ROW)));
+            margin.lt(W::splat(token, MAX_MARGIN)) & (0xffff >> (ROW - walks.len().min(ROW)));
         let t_min = t_min.max(W::splat(token, LEAST));
         Self { inverse, offset, t_min, cull: cull.add(margin), margin, rays }
     }
@@ -190,7 +198,7 @@ impl<W: Lanes16> Row<W> {
         (enter, enter.le(leave))
     }
 
-    /// The distances of one of eight planes on each axis.
+    /// The distances at which the rays cross one of eight planes on each axis.
     #[inline(always)]
     fn crossings(&self, [x, y, z]: &[[f32; 8]; 3], slot: usize) -> [W; 3] {
         let (token, slot) = (self.t_min.token(), slot & 7);
@@ -205,12 +213,13 @@ impl<W: Lanes16> Row<W> {
     }
 }
 
-/// Nodes and leaves that are left to the rays.
+/// The nodes and leaves that a shared start leaves to the rays.
 struct Left<const N: usize> {
     count: usize,
     children: Aligned<[u32; MAX_LEFT]>,
-    /// The entry distances of rays, and the rays that enter: sixteen bits a row.
+    /// For each child, the distances at which the rays enter its box.
     enters: [MaybeUninit<[PerLane; N]>; MAX_LEFT],
+    /// For each child, the rays that enter its box: sixteen bits a row.
     masks: [MaybeUninit<u32>; MAX_LEFT],
 }
 
@@ -226,33 +235,34 @@ impl<const N: usize> Left<N> {
     };
 }
 
-/// Visits the root and all nodes below it that have enough rays, in no particular order, and notes
-/// what is left. Returns how many visits these are, of all rays.
+/// Visits the root and all nodes below it that have enough rays, in no particular order, and writes
+/// the children that are left to `left`. Returns the number of visits, summed over the rays.
 ///
 /// # Safety
-/// As [`shared_start`], of the first slot.
+/// The walk must have made no step.
 #[inline(always)]
 unsafe fn visit<W: Lanes16, G: Goal, const N: usize>(
-    slot: &Slot<'_, G>,
+    walk: &Walk<G>,
     rows: &[Row<W>; N],
     left: &mut Left<N>,
 ) -> u32 {
     let rays = rows.iter().enumerate().fold(0, |rays, (i, row)| rays | row.rays << (ROW * i));
-    let (root, nodes) = (slot.current, slot.place.nodes());
+    let (root, nodes) = (walk.current(), &*walk.tree().nodes);
     if !root.is_node() || rays.count_ones() < MIN_INSIDE {
         return 0;
     }
-    // (A ring: by `has_room` there are never more in it.)
+    // The queue is a ring: because of `has_room` it never holds more nodes than this.
     const QUEUE: usize = MAX_LEFT / 8;
     let mut queue = [const { MaybeUninit::<(u32, u32)>::uninit() }; QUEUE];
     queue[0].write((root.0, rays));
     let (mut next, mut end, mut count, mut visits) = (0, 1, 0, 0);
     while next < end {
-        // SAFETY: items before `end` are written, with nodes that exist; there is room for eight
-        // more children of each (see `has_room`).
+        // SAFETY: items before `end` are written. They are the root, which is a node, and children
+        // that are nodes, so the tree has them. `has_room` keeps eight places of `left` for the
+        // children of this node, and of each node that is queued: `count` stays below `MAX_LEFT`.
         unsafe {
             let (node, those) = queue[next % QUEUE].assume_init();
-            let node = &*nodes.add(node as usize);
+            let node = nodes.get_unchecked(node as usize);
             visits += those.count_ones();
             for (number, &child) in node.children.iter().enumerate() {
                 let (mut met, mut inside) = (0, 0);
@@ -286,17 +296,20 @@ unsafe fn visit<W: Lanes16, G: Goal, const N: usize>(
 /// Gives each ray of a row what is left to it, the nearest last.
 ///
 /// # Safety
-/// As [`shared_start`]; the slots from the first on must be those of the row, which is the
-/// `number`-th.
+/// Each lane of [`Row::rays`] must have a walk, which has made no step. Row `number` of `left` must
+/// be what is left to the rays of the row: references below the node where the walks have started,
+/// none below another.
 #[inline(always)]
 unsafe fn hand_out<W: Lanes16, G: Goal, const N: usize>(
     token: W::Token,
-    slots: &[*mut Slot<'_, G>],
+    walks: &mut [Walk<G>],
     row: &Row<W>,
     left: &Left<N>,
     number: usize,
 ) {
-    // SAFETY: passed on to the caller; entries below `count` are written.
+    // SAFETY: `visit` writes distances and masks below `count`, for all rows. Bits of `row.rays`
+    // are lanes with a walk that has made no step, and tags are numbers of references in `left`,
+    // all by the caller's promise.
     unsafe {
         // By lane: distances in falling order, each with its number as a tag; below zero where
         // there is none.
@@ -330,12 +343,7 @@ unsafe fn hand_out<W: Lanes16, G: Goal, const N: usize>(
             let margin = W::Half::splat(half_token, margins.0[lane] + 2.0 * LEAST);
             let scale = W::Half::splat(half_token, 1.0 - TAG_PADDING);
             let distances = entries[lane].mul(scale).sub(margin);
-            Slot::go_on_with(
-                *slots.get_unchecked(lane),
-                entries[lane],
-                distances,
-                &left.children.0,
-            );
+            walks.get_unchecked_mut(lane).go_on_with(entries[lane], distances, &left.children.0);
         }
     }
 }
@@ -352,7 +360,8 @@ impl Trial {
     /// The number of packets to skip after one for which it did not pay.
     const REST: u32 = 3;
 
-    /// Visits that a ray must have together: they take as long as two or three visits alone.
+    /// The least number of shared visits per ray for which a shared start pays: they take as long
+    /// as two or three visits of a ray alone.
     const MIN_VISITS: u32 = 3;
 
     /// True if the next packet should start together.

@@ -1,36 +1,59 @@
-//! One walk of the interleaved kernel: a ray in flight, with the memory of its way.
+//! The memory of the rays in flight: a slot with a stack for each, and the handles by which the
+//! loop of [`super::interleave`] moves them from step to step.
+//!
+//! # Why the unsafe code here is sound
+//!
+//! `SAFETY` comments in this module and in [`steps`] refer to these facts by their names:
+//!
+//! * **one handle**: [`Slots::walks`] makes one [`Walk`] for each slot, and a `Walk` is moved,
+//!   never cloned. ([`Walk::copied_as`] makes a copy of which its caller must drop one.) Therefore
+//!   nothing else refers to the slot or its stack while a `Walk` is used.
+//! * **search**: the slot of every walk that is not [`Idle`] has a search. [`Walk::start`] sets it,
+//!   and only [`Walk::finish`] takes it, which returns an idle walk.
+//! * **place**: `place` describes a ray in a group of `forest`, and its addresses are those of the
+//!   group's tree ([`Place::see`] sets them together). `current` is a reference of that tree, or
+//!   [`ChildRef::NONE`] or [`ChildRef::RETURN`]. References of a tree lead to nodes, blocks and
+//!   objects that the tree has. The slot borrows the forest, so the tree outlives it.
+//! * **state**: a `Walk<Node>`, `Walk<Leaf>`, `Walk<Object>` or `Walk<Return>` is made only where
+//!   `current` was just seen to be of that kind, and its steps consume it.
+//! * **stack**: entries below `top` are written. The lowest is [`ChildRef::NONE`], and it is the
+//!   last to be popped; so `top` is at least 1 until `current` is `NONE`. A group of depth `d`
+//!   leaves at most 7 entries a level and needs at most 8 at the bottom, which is what
+//!   [`Forest::stack_size`] adds up along the deepest path through groups; [`Slots::new`] makes
+//!   room for that many and 16 more, since steps write eight at a time.
+
+mod steps;
+#[cfg(test)]
+mod tests;
+
+pub(super) use steps::{Candidates, Enters, Mask};
 
 use crate::exact::TriangleTest;
 use crate::exact::prepared::PreparedRay;
-use crate::group::{Object, ObjectRef, offer_triangle};
 use crate::kernel::Goal;
-use crate::kernel::single::boxes::prepared_distances;
-use crate::kernel::single::filter::BlockFilter;
-use crate::kernel::single::traverse::{Stack, test_object};
 use crate::precision::Facts;
-use crate::prefetch::fetch_lines;
 use crate::search::{DataOf, RayOf, Search};
-use crate::tree::block::TriangleBlock;
 use crate::tree::compact::BlocksAt;
-use crate::tree::node::ChildRef;
-use crate::tree::node::WideNode;
+use crate::tree::node::{ChildRef, WideNode};
 use crate::tree::{Forest, GroupTree};
 use snell_math::simd::{Lanes8, WideLanes};
 use snell_math::{DRay, DVec3};
-use std::cell::UnsafeCell;
 use std::marker::PhantomData;
 use std::mem::{MaybeUninit, offset_of};
+use std::ptr::NonNull;
 
-/// The position of a ray in the scene: its group and coordinates.
+/// The position of a ray in the scene: its group, and the ray in the coordinates of the group.
 #[derive(Clone, Copy)]
 #[repr(C)]
-pub(super) struct Place {
+struct Place {
     nodes: *const WideNode,
     ray: PreparedRay,
-    /// The group, and the occurrence number of it.
+    /// The number of the group.
     group: u32,
+    /// The number of this occurrence of the group.
     instance: u32,
-    /// As [`BlocksAt::parts`] gives it. (Together they would take a line more.)
+    /// The stride of [`BlocksAt::parts`]. (Kept apart from `blocks`: together with it, padding
+    /// would make the slot a cache line larger.)
     stride: u32,
     blocks: *const u8,
     origin: DVec3,
@@ -49,16 +72,7 @@ impl Place {
         instance: 0,
     };
 
-    #[cfg(test)]
-    pub fn ray(&self) -> &PreparedRay {
-        &self.ray
-    }
-
-    #[inline(always)]
-    pub fn nodes(&self) -> *const WideNode {
-        self.nodes
-    }
-
+    /// Takes the addresses of the nodes and blocks of a tree.
     #[inline(always)]
     fn see(&mut self, tree: &GroupTree) {
         self.nodes = tree.nodes.as_ptr();
@@ -70,201 +84,287 @@ impl Place {
         BlocksAt::new(self.blocks, self.stride)
     }
 
-    /// The ray here; without an interval.
+    /// The ray in double precision, without its interval.
     fn exact(&self) -> DRay {
         DRay::new(self.origin, self.direction)
     }
 }
 
-/// Where boxes begin; aligned, so that it is in one line of the cache.
-#[derive(Clone, Copy)]
-#[repr(align(32))]
-pub(super) struct Enters(pub [f32; 8]);
-
-/// A ray in flight. (What boxes need is in the first line of the cache. What one step leaves for
-/// the next is elsewhere, side by side for all rays: with dozens of them in flight, each line
-/// counts.)
+/// A ray in flight. The fields that box tests need fill the first cache line. What one step leaves
+/// for the next is stored elsewhere, side by side for all rays: with dozens of rays in flight,
+/// every cache line of a slot counts.
 #[repr(C, align(64))]
-pub(super) struct Slot<'a, G: Goal> {
+struct Slot<'a, G: Goal> {
     t_min: f32,
-    /// Padded limit of the search.
+    /// The padded limit of the search.
     cull: f32,
-    /// The entry to visit next.
-    pub current: ChildRef,
-    /// Entries on the stack; the lowest one ends the walk.
+    /// The reference to visit next.
+    current: ChildRef,
+    /// The number of entries on the stack.
     top: u32,
-    /// Where it is.
-    pub place: Place,
-    /// `None` before the first ray and after the last.
-    pub search: Option<Search<'a, G>>,
-    /// Which ray this is.
-    pub number: usize,
-    /// The places to return to.
+    place: Place,
+    /// The search for the ray; `None` before the first ray and after the last.
+    search: Option<Search<'a, G>>,
+    /// The number of the ray.
+    number: usize,
+    /// The positions of the ray in the groups outside of the current one, outermost first.
     outside: Vec<Place>,
+    forest: &'a Forest,
 }
 
-/// Bytes that are in the cache together.
-#[repr(align(64))]
-struct Line(#[expect(dead_code, reason = "slots lie in it")] UnsafeCell<MaybeUninit<[u8; 64]>>);
+impl<'a, G: Goal> Slot<'a, G> {
+    /// # Safety
+    /// There must be a search.
+    #[inline(always)]
+    unsafe fn search(&mut self) -> &mut Search<'a, G> {
+        // SAFETY: the caller promises a search.
+        unsafe { self.search.as_mut().unwrap_unchecked() }
+    }
 
-/// Slots, each with its stack behind it.
+    /// The tree of the group that the ray is in.
+    #[inline(always)]
+    fn tree(&self) -> &'a GroupTree {
+        &self.forest.trees[self.place.group as usize]
+    }
+}
+
+/// A cache line.
+#[repr(align(64))]
+struct Line(#[expect(dead_code, reason = "slots and stacks lie in it")] MaybeUninit<[u8; 64]>);
+
+/// The memory of several slots, each followed by its stack.
 pub(super) struct Slots<'a, G: Goal> {
     memory: Box<[Line]>,
-    /// PacketRays of each.
+    /// The number of cache lines of one slot and its stack.
     lines: usize,
     slots: PhantomData<Slot<'a, G>>,
 }
 
 impl<'a, G: Goal> Slots<'a, G> {
-    /// Idle slots, for stacks of at most this many entries.
-    pub fn new(count: usize, entries: usize) -> Self {
-        // (Eight are written at a time.)
-        let stack = (entries + 16) * Slot::<G>::ENTRY * size_of::<u32>();
-        // An odd number: so they do not compete for the same places in the cache.
+    /// Makes `count` idle slots for walks through a forest.
+    pub fn new(count: usize, forest: &'a Forest) -> Self {
+        let stack = (forest.stack_size() + 16) * Slot::<G>::ENTRY * size_of::<u32>();
+        // The number is odd, so that slots do not compete for the same sets of the cache.
         let lines = (size_of::<Slot<G>>() + stack).div_ceil(size_of::<Line>()) | 1;
-        let memory =
-            (0..count * lines).map(|_| Line(UnsafeCell::new(MaybeUninit::uninit()))).collect();
-        let slots = Self { memory, lines, slots: PhantomData };
-        for i in 0..count {
-            let slot = slots.get(i);
-            // SAFETY: the memory is there, and aligned; there is no other reference to it.
+        let memory = (0..count * lines).map(|_| Line(MaybeUninit::uninit())).collect();
+        let mut slots = Self { memory, lines, slots: PhantomData };
+        for walk in slots.handles() {
+            let slot = Slot {
+                t_min: 0.0,
+                cull: 0.0,
+                current: ChildRef::NONE,
+                top: 1,
+                place: Place::UNSET,
+                search: None,
+                number: 0,
+                outside: Vec::new(),
+                forest,
+            };
+            // SAFETY: `lines` cache lines, aligned as a slot is, hold a slot and at least 16
+            // entries of a stack. Nothing else refers to them ("one handle").
             unsafe {
-                slot.write(Slot {
-                    t_min: 0.0,
-                    cull: 0.0,
-                    current: ChildRef::NONE,
-                    top: 1,
-                    place: Place::UNSET,
-                    search: None,
-                    number: 0,
-                    outside: Vec::new(),
-                });
-                Slot::entry(slot, 0).write(ChildRef::NONE.0);
+                walk.slot.write(slot);
+                walk.entry(0).write(ChildRef::NONE.0);
             }
         }
         slots
     }
 
-    /// How many there are.
+    /// The number of slots.
     pub fn len(&self) -> usize {
         self.memory.len() / self.lines
     }
 
-    /// One of them.
-    pub fn get(&self, i: usize) -> *mut Slot<'a, G> {
-        let lines = &raw const self.memory[i * self.lines..][..self.lines];
-        // (All of it is in cells.)
-        lines.cast::<Slot<'a, G>>().cast_mut()
+    /// The handles of all slots, which are idle.
+    pub fn walks(&mut self) -> impl Iterator<Item = Walk<'_, 'a, G, Idle>> {
+        self.handles()
+    }
+
+    /// One handle for each slot, whether the slot is written yet or not.
+    fn handles(&mut self) -> impl Iterator<Item = Walk<'_, 'a, G, Idle>> {
+        let slots = self.memory.chunks_exact_mut(self.lines);
+        slots.map(|lines| Walk { slot: NonNull::from_mut(lines).cast(), state: PhantomData })
     }
 }
 
 impl<G: Goal> Drop for Slots<'_, G> {
     fn drop(&mut self) {
-        for i in 0..self.len() {
-            // SAFETY: they were made in `new`.
-            unsafe { self.get(i).drop_in_place() };
+        for walk in self.handles() {
+            // SAFETY: `new` wrote all slots, and handles of before borrowed `self`, so they are
+            // gone.
+            unsafe { walk.slot.drop_in_place() };
         }
     }
 }
 
-impl<'a, G: Goal> Slot<'a, G> {
-    /// Begins the walk of a ray through the root's tree, or from there on. False, and nothing done,
-    /// if the ray is not ordinary.
+/// The state of a walk before its ray starts, and after it has ended.
+pub(super) enum Idle {}
+/// The state of a walk whose `current` may be anything.
+pub(super) enum Started {}
+/// The state of a walk that visits a node next.
+pub(super) enum Node {}
+/// The state of a walk that visits a block of triangles next.
+pub(super) enum Leaf {}
+/// The state of a walk that visits a shape or an instance next.
+pub(super) enum Object {}
+/// The state of a walk that leaves an instance next.
+pub(super) enum Return {}
+
+/// The only handle of a slot, which has a ray in flight; `At` is the state of the walk, such as
+/// [`Idle`]. The handle is a pointer, so that queues of walks need neither an address computation
+/// nor a bounds check to get to a slot.
+#[repr(transparent)]
+pub(super) struct Walk<'s, 'a, G: Goal, At = Started> {
+    slot: NonNull<Slot<'a, G>>,
+    state: PhantomData<(&'s mut Slot<'a, G>, At)>,
+}
+
+impl<'s, 'a, G: Goal, At> Walk<'s, 'a, G, At> {
+    #[inline(always)]
+    fn slot(&self) -> &Slot<'a, G> {
+        // SAFETY: `Slots::new` wrote the slot, and the walk borrows its memory for `'s`; "one
+        // handle".
+        unsafe { self.slot.as_ref() }
+    }
+
+    #[inline(always)]
+    fn slot_mut(&mut self) -> &mut Slot<'a, G> {
+        // SAFETY: `Slots::new` wrote the slot, and the walk borrows its memory for `'s`; "one
+        // handle".
+        unsafe { self.slot.as_mut() }
+    }
+
+    /// The address of an entry of the stack, which follows the slot.
+    #[inline(always)]
+    fn entry(&self, i: usize) -> *mut u32 {
+        let stack = self.slot.as_ptr().wrapping_add(1).cast::<u32>();
+        stack.wrapping_add(Slot::<G>::ENTRY * i)
+    }
+
+    /// The same walk in another state.
+    ///
+    /// # Safety
+    /// The walk must be in that state, by the facts in the [documentation of the module](self).
+    #[inline(always)]
+    unsafe fn into_state<To>(self) -> Walk<'s, 'a, G, To> {
+        Walk { slot: self.slot, state: PhantomData }
+    }
+
+    /// A second handle of the slot, in another state: for loops that write a walk to several queues
+    /// and count it in one of them, without a branch.
+    ///
+    /// # Safety
+    /// At most one of the two may be used; the copy only if the walk is in that state.
+    #[inline(always)]
+    pub unsafe fn copied_as<To>(&self) -> Walk<'s, 'a, G, To> {
+        Walk { slot: self.slot, state: PhantomData }
+    }
+
+    /// Moves to the entry on top of the stack.
+    ///
+    /// # Safety
+    /// `top` must not be 0.
+    #[inline(always)]
+    unsafe fn pop(mut self) -> Walk<'s, 'a, G> {
+        let slot = self.slot_mut();
+        slot.top -= 1;
+        let top = slot.top as usize;
+        // SAFETY: `top` was at least 1 by the caller's promise, so this entry is written ("stack").
+        // A walk that has popped an entry may be at anything.
+        unsafe {
+            let current = ChildRef(self.entry(top).read());
+            self.slot_mut().current = current;
+            self.into_state()
+        }
+    }
+
+    /// Takes the new limit after hits, and removes the entries beyond it from the stack.
+    ///
+    /// # Safety
+    /// There must be a search, and `current` must have been popped last.
+    #[inline(always)]
+    unsafe fn tightened(mut self) -> Walk<'s, 'a, G> {
+        if G::NARROWS {
+            let slot = self.slot_mut();
+            // SAFETY: there is a search by the caller's promise.
+            let cull = unsafe { slot.search() }.cull();
+            if cull < slot.cull {
+                slot.cull = cull;
+                let (mut kept, top) = (1, slot.top as usize);
+                for i in 1..=top {
+                    // SAFETY: entries below `top` are written, and that at `top` still is, since
+                    // nothing was pushed since it was popped. `kept` is at most `i`.
+                    unsafe {
+                        let entry = self.entry(i).cast::<[u32; 2]>().read();
+                        self.entry(kept).cast::<[u32; 2]>().write(entry);
+                        kept += usize::from(f32::from_bits(entry[1]) <= cull);
+                    }
+                }
+                self.slot_mut().top = kept as u32;
+                // SAFETY: `kept` is at least 1.
+                return unsafe { self.pop() };
+            }
+        }
+        // SAFETY: the walk has a search, so it has started.
+        unsafe { self.into_state() }
+    }
+}
+
+impl<G: Goal> Slot<'_, G> {
+    /// The count of 32-bit numbers of an entry of the stack: its reference, and the bits of the
+    /// distance of its box if the goal narrows.
+    const ENTRY: usize = if G::NARROWS { 2 } else { 1 };
+}
+
+impl<'s, 'a, G: Goal> Walk<'s, 'a, G, Idle> {
+    /// Starts the walk of a ray at the root of the forest, or at [`GroupTree::rest`] of the root's
+    /// tree. Returns the walk unchanged if the ray is not [ordinary](PreparedRay).
     #[inline(always)]
     pub fn start<L: Lanes8>(
-        &mut self,
-        tree: &GroupTree,
-        from: ChildRef,
+        mut self,
+        starts_at_rest: bool,
         number: usize,
         data: &DataOf<G>,
         search: impl FnOnce() -> Search<'a, G>,
         ray: &RayOf<G>,
-    ) -> bool {
-        let place = &mut self.place;
+    ) -> Result<Walk<'s, 'a, G>, Self> {
+        let slot = self.slot_mut();
+        let place = &mut slot.place;
         if !G::Precision::prepare_root::<L>(data, &mut place.ray, ray) {
-            return false;
+            return Err(self);
         }
+        let tree = &*slot.forest.trees[0];
         place.see(tree);
         let exact = G::Precision::exact(ray);
         (place.origin, place.direction) = (exact.origin, exact.direction);
         (place.group, place.instance) = (0, 0);
-        // (A search that was over in an instance has not returned.)
-        self.outside.clear();
-        let search = self.search.insert(search());
-        (self.t_min, self.cull) = (search.start, search.cull());
-        (self.current, self.top, self.number) = (from, 1, number);
-        true
+        // A search that ended inside an instance has left its positions here.
+        slot.outside.clear();
+        let search = slot.search.insert(search());
+        (slot.t_min, slot.cull) = (search.start, search.cull());
+        let from = if starts_at_rest { tree.rest } else { tree.root };
+        (slot.current, slot.top, slot.number) = (from, 1, number);
+        // SAFETY: there is a search now, and place, `current` and stack are those of the root.
+        Ok(unsafe { self.into_state() })
     }
+}
 
-    /// # Safety
-    /// There must be a search.
+impl<'s, 'a, G: Goal> Walk<'s, 'a, G> {
+    /// The reference to visit next; [`ChildRef::NONE`] at the end of the walk.
     #[inline(always)]
-    pub unsafe fn search(&mut self) -> &mut Search<'a, G> {
-        // SAFETY: as promised by the caller.
-        unsafe { self.search.as_mut().unwrap_unchecked() }
+    pub fn current(&self) -> ChildRef {
+        self.slot().current
     }
 
-    /// Numbers of an entry of the stack: what it leads to, and the bits of where its box begins, if
-    /// the goal narrows.
-    const ENTRY: usize = if G::NARROWS { 2 } else { 1 };
-
-    /// An entry of the stack, which is behind the slot.
-    ///
-    /// # Safety
-    /// It must be a slot of [`Slots`], and have this entry.
+    /// The tree of the group that the ray is in.
     #[inline(always)]
-    unsafe fn entry(this: *mut Self, i: usize) -> *mut u32 {
-        // SAFETY: as promised by the caller.
-        unsafe { this.add(1).cast::<u32>().add(Self::ENTRY * i) }
+    pub fn tree(&self) -> &'a GroupTree {
+        self.slot().tree()
     }
 
-    /// # Safety
-    /// It must be a slot of [`Slots`]; `top` must not be 0: the entry that ends the walk is still
-    /// there.
-    #[inline(always)]
-    pub unsafe fn pop(this: *mut Self) {
-        // SAFETY: `top` was between 1 and the size of the stack, and all entries below it are
-        // written.
-        unsafe {
-            (*this).top -= 1;
-            (*this).current = ChildRef(Self::entry(this, (*this).top as usize).read());
-        }
-    }
-
-    /// The stack of entries to visit, with the distances of their boxes.
-    #[cfg(test)]
-    pub unsafe fn entries(this: *mut Self) -> Vec<(f32, ChildRef)> {
-        // SAFETY: entries below the top are written, and what was popped last is still there.
-        unsafe {
-            let (current, top) = ((*this).current, (*this).top as usize);
-            if current == ChildRef::NONE {
-                return vec![];
-            }
-            // The current one was popped last, or is the root.
-            let at = |i: usize| {
-                (
-                    f32::from_bits(Self::entry(this, i).add(1).read()),
-                    ChildRef(Self::entry(this, i).read()),
-                )
-            };
-            let mut entries: Vec<_> = (1..top).map(at).collect();
-            entries.push(if entries.is_empty() && current.is_node() {
-                ((*this).t_min, current)
-            } else {
-                at(top)
-            });
-            entries
-        }
-    }
-
-    /// The start of the search, and its padded limit.
-    #[cfg(test)]
-    pub fn interval(&self) -> [f32; 2] {
-        [self.t_min, self.cull]
-    }
-
-    /// Its first sixteen numbers: where the search begins, its padded limit, four that mean
-    /// nothing, then `inverse`, `near` and `far` of the ray, and one that means nothing.
+    /// The first sixteen numbers of the slot: where the search begins, its padded limit, four
+    /// unused ones, then `inverse`, `near` and `far` of the [ray](PreparedRay), and one unused
+    /// number.
     #[inline(always)]
     pub fn rows(&self) -> [&[f32; 8]; 2] {
         const {
@@ -272,30 +372,31 @@ impl<'a, G: Goal> Slot<'a, G> {
             assert!(offset_of!(Place, ray) == 8);
             assert!(offset_of!(PreparedRay, near) == 12 && offset_of!(PreparedRay, far) == 24);
         }
-        let first: *const Self = self;
-        // SAFETY: these are the first 64 bytes, all of plain numbers and a pointer, and any bits
-        // are an `f32`.
+        let first: *const Slot<'a, G> = self.slot();
+        // SAFETY: by the offsets above, the first 64 bytes of a slot are numbers and a pointer,
+        // without padding, and any bits are an `f32`.
         unsafe { [&*first.cast(), &*first.cast::<[f32; 8]>().add(1)] }
     }
 
-    /// Starts with some of `children` instead of the root: those in the tags
-    /// ([`WideLanes::look_up`]) of the entries that are not negative, which must come first; the
-    /// last of them is visited at once. Their boxes start at these distances or farther.
+    /// Replaces the root by some of `children`: those in the tags ([`WideLanes::look_up`]) of the
+    /// `entries` that are not negative, which must come first. The walk goes on at the last of
+    /// them; `distances` are lower bounds of the distances of their boxes.
     ///
     /// # Safety
-    /// It must be a slot of [`Slots`]. The children must be of the same group, and no more than
-    /// what the root would have left on the stack.
+    /// The walk must have started and made no step. The children in tags must be references of the
+    /// same tree, from below its root, and none an ancestor of another.
     #[inline(always)]
     pub unsafe fn go_on_with<L: WideLanes>(
-        this: *mut Self,
+        &mut self,
         entries: L,
         distances: L,
         children: &[u32; 32],
     ) {
-        // SAFETY: as promised by the caller. References are plain `u32`, and the lowest entry
-        // stays.
+        let first = self.entry(1);
+        // SAFETY: the stack has room for eight entries above the lowest, and the walk then holds
+        // no more than the root would have left: at most eight, of which one is popped. They are
+        // references of the tree by the caller's promise.
         unsafe {
-            let first = Self::entry(this, 1);
             if G::NARROWS {
                 let mut own = [0; 8];
                 entries.look_up(children, &mut own);
@@ -303,391 +404,8 @@ impl<'a, G: Goal> Slot<'a, G> {
             } else {
                 entries.look_up(children, &mut *first.cast());
             }
-            (*this).top = 1 + (!entries.signs() & 0xff).count_ones();
-            Self::pop(this);
-        }
-    }
-
-    /// Tests the boxes of the current node. Returns the children that are hit, in order, and writes
-    /// their distances, if the goal narrows. (The step is in two parts with the other slots between
-    /// them, which hides latency.)
-    ///
-    /// # Safety
-    /// There must be a search; the current reference must be a node of the group.
-    #[inline(always)]
-    pub unsafe fn boxes_step<L: Lanes8>(&mut self, token: L::Token, enters: &mut Enters) -> u32 {
-        // SAFETY: as promised by the caller.
-        unsafe {
-            self.search().goal.count_node();
-            let node = &*self.place.nodes.add(self.current.node_index());
-            let (enter, limit) =
-                prepared_distances::<L>(token, node, &self.place.ray, self.t_min, self.cull);
-            if G::NARROWS {
-                enter.store(&mut enters.0);
-            }
-            enter.le_in_order(limit, node.order[self.place.ray.octant()])
-        }
-    }
-
-    /// Goes on to the nearest box that was met, and notes the others.
-    ///
-    /// # Safety
-    /// It must be a slot of [`Slots`]. As [`Self::boxes_step`], which must have given `met` and
-    /// `enters`; the stack must have room for eight more entries.
-    #[inline(always)]
-    pub unsafe fn push_step<L: Lanes8>(
-        this: *mut Self,
-        token: L::Token,
-        met: u32,
-        enters: &Enters,
-    ) {
-        // SAFETY: as promised by the caller. References are plain `u32`, and `top` is at least 1.
-        unsafe {
-            let (Place { nodes, ray, .. }, top) = (&(*this).place, (*this).top as usize);
-            let node = &*nodes.add((*this).current.node_index());
-            let payload = &*node.children.as_ptr().cast::<[u32; 8]>();
-            let order = node.order[ray.octant()];
-            let to = Self::entry(this, top);
-            if G::NARROWS {
-                L::load(token, &enters.0).compress(met, order, payload, &mut *to.cast());
-            } else {
-                L::compress_payload(token, met, order, payload, &mut *to.cast());
-            }
-            (*this).top += met.count_ones();
-            Self::pop(this);
-        }
-    }
-
-    /// Returns the triangles of the current leaf that the ray's line may hit.
-    ///
-    /// # Safety
-    /// There must be a search; the current reference must be a block of the group.
-    #[inline(always)]
-    pub unsafe fn leaf_step<L: Lanes8>(&mut self, token: L::Token) -> u32 {
-        // SAFETY: as promised by the caller.
-        unsafe {
-            let (mut room, count) = (MaybeUninit::uninit(), self.current.count());
-            let block = self.place.blocks().block::<L>(token, self.current.block(), &mut room);
-            self.search().goal.count_primitives(count);
-            G::Precision::lines_through::<L>(token, block, &self.place.ray)
-                & ((2 << (count - 1)) - 1)
-        }
-    }
-
-    /// Goes on after a leaf. Returns the number of its block.
-    ///
-    /// # Safety
-    /// It must be a slot of [`Slots`]. The current entry must be a leaf.
-    #[inline(always)]
-    pub unsafe fn leave_leaf(this: *mut Self) -> u32 {
-        // SAFETY: the entry that ends the walk is below that of a leaf.
-        unsafe {
-            let block = (*this).current.block() as u32;
-            Self::pop(this);
-            block
-        }
-    }
-
-    /// Tests triangles exactly that [`Self::leaf_step`] has found.
-    ///
-    /// # Safety
-    /// It must be a slot of [`Slots`]. There must be a search; `lanes` must be what the last leaf
-    /// step has found in this block.
-    #[inline(always)]
-    pub unsafe fn triangles_step(this: *mut Self, forest: &Forest, mut lanes: u32, block: u32) {
-        // SAFETY: as promised by the caller.
-        unsafe {
-            let slot = &mut *this;
-            let (blocks, block) = (slot.place.blocks(), block as usize);
-            while lanes != 0 {
-                let lane = lanes.trailing_zeros() as usize & 7;
-                lanes &= lanes - 1;
-                let Place { ray, origin, direction, group, instance, .. } = &slot.place;
-                let ids = || {
-                    let (geometry, primitive) = forest
-                        .trees
-                        .get_unchecked(*group as usize)
-                        .triangle(blocks.id(block, lane));
-                    [*instance, geometry, primitive]
-                };
-                let search = slot.search.as_ref().unwrap_unchecked();
-                let corners = blocks.corners(block, lane);
-                let found =
-                    G::Precision::hit_on_line(search, ray, origin, direction, &corners, ids);
-                if offer_triangle(slot.search(), found) {
-                    slot.current = ChildRef::NONE;
-                    return;
-                }
-            }
-            Self::tighten(this);
-        }
-    }
-
-    /// After hits: a new limit, and the stack without what lies beyond it. The current entry must
-    /// have been popped last.
-    ///
-    /// # Safety
-    /// It must be a slot of [`Slots`], with a search.
-    #[inline(always)]
-    pub unsafe fn tighten(this: *mut Self) {
-        if !G::NARROWS {
-            return;
-        }
-        // SAFETY: as promised by the caller; all entries up to the one popped last are written, and
-        // the lowest stays.
-        unsafe {
-            let cull = (*this).search().cull();
-            if cull < (*this).cull {
-                (*this).cull = cull;
-                let mut kept = 1;
-                for i in 1..=(*this).top as usize {
-                    let entry = Self::entry(this, i).cast::<[u32; 2]>().read();
-                    Self::entry(this, kept).cast::<[u32; 2]>().write(entry);
-                    kept += usize::from(f32::from_bits(entry[1]) <= cull);
-                }
-                (*this).top = kept as u32;
-                Self::pop(this);
-            }
-        }
-    }
-
-    /// Asks for the memory of the current object.
-    ///
-    /// # Safety
-    /// The current reference must be an object of the group.
-    #[inline(always)]
-    pub unsafe fn fetch_object(&self, forest: &Forest) {
-        // SAFETY: as promised by the caller.
-        let tree = unsafe { forest.trees.get_unchecked(self.place.group as usize) };
-        tree.objects.fetch(self.current.index());
-    }
-
-    /// Tests the shape that is the current object and moves to the next entry, or enters an
-    /// instance.
-    ///
-    /// # Safety
-    /// It must be a slot of [`Slots`]. There must be a search; the current reference must be an
-    /// object of the group; the stack must have room for one more entry.
-    #[inline(always)]
-    pub unsafe fn object_step<L: Lanes8>(
-        this: *mut Self,
-        token: L::Token,
-        forest: &Forest,
-        below: &mut Stack,
-    ) {
-        // SAFETY: as promised by the caller.
-        unsafe {
-            let slot = &mut *this;
-            let object = slot.current.index();
-            let tree = forest.trees.get_unchecked(slot.place.group as usize);
-            if let Some(root) = slot.enter_instance::<L>(forest, tree.objects.get(object)) {
-                let entry = Self::entry(this, slot.top as usize);
-                entry.write(ChildRef::RETURN.0);
-                if G::NARROWS {
-                    // Nearer than any limit.
-                    entry.add(1).write(f32::NEG_INFINITY.to_bits());
-                }
-                (*this).top += 1;
-                (*this).current = root;
-                return;
-            }
-            Self::pop(this);
-            let slot = &mut *this;
-            let (exact, instance) = (slot.place.exact(), slot.place.instance);
-            let search = slot.search();
-            if test_object::<L, G>(token, forest, tree, object, &exact, instance, search, below) {
-                slot.current = ChildRef::NONE;
-            } else {
-                Self::tighten(this);
-            }
-        }
-    }
-
-    /// Goes into an instance, if the object is one that can be walked in this slot.
-    ///
-    /// # Safety
-    /// There must be a search; the stack must have room for one more entry.
-    #[inline(always)]
-    unsafe fn enter_instance<L: Lanes8>(
-        &mut self,
-        forest: &Forest,
-        object: ObjectRef,
-    ) -> Option<ChildRef> {
-        let ObjectRef::Placed(Object::Instance { child, offset, child_from_group, mask }) = object
-        else {
-            return None;
-        };
-        let tree = &forest.trees[*child];
-        // SAFETY: as promised by the caller.
-        let (visible, time, data) =
-            unsafe { (self.search().mask, self.search().time, self.search().context.data) };
-        if mask & visible == 0 || tree.root == ChildRef::NONE || !tree.unbounded.is_empty() {
-            return None;
-        }
-        // (If it overflows, it is not ordinary.)
-        let ray = child_from_group.mapped(&self.place.exact(), time)?;
-        self.outside.push(self.place);
-        let place = &mut self.place;
-        if !G::Precision::prepare::<L>(data, *child, &mut place.ray, &ray) {
-            self.return_outside();
-            return None;
-        }
-        place.see(tree);
-        (place.origin, place.direction) = (ray.origin, ray.direction);
-        (place.group, place.instance) = (*child as u32, place.instance + offset);
-        Some(tree.root)
-    }
-
-    #[inline(always)]
-    fn return_outside(&mut self) {
-        if let Some(place) = self.outside.pop() {
-            self.place = place;
-        }
-    }
-
-    /// Returns from an instance and continues in its parent.
-    ///
-    /// # Safety
-    /// It must be a slot of [`Slots`]. The current entry must be [`ChildRef::RETURN`].
-    #[inline(always)]
-    pub unsafe fn leave_instance(this: *mut Self) {
-        // SAFETY: the entry that ends the walk is below that of the instance.
-        unsafe {
-            (*this).return_outside();
-            Self::pop(this);
-        }
-    }
-
-    /// Asks for the memory of the triangles that [`Self::leaf_step`] has found, if they are not in
-    /// the block.
-    ///
-    /// # Safety
-    /// As [`Self::triangles_step`].
-    #[inline(always)]
-    pub unsafe fn fetch_triangles(&mut self, forest: &Forest, mut lanes: u32, block: u32) {
-        if <G::Precision as TriangleTest>::TRIANGLES_ELSEWHERE {
-            while lanes != 0 {
-                let lane = lanes.trailing_zeros() as usize & 7;
-                lanes &= lanes - 1;
-                // SAFETY: as promised by the caller.
-                unsafe {
-                    let tree = forest.trees.get_unchecked(self.place.group as usize);
-                    let (geometry, triangle) =
-                        tree.triangle(self.place.blocks().id(block as usize, lane));
-                    G::Precision::fetch_triangle(self.search().context.data, geometry, triangle);
-                }
-            }
-        }
-    }
-
-    /// Asks for the memory of what is current if it is a leaf. (Without a branch, too.)
-    #[inline(always)]
-    pub fn fetch_leaf(&self) {
-        let block = self.place.blocks().address(self.current.block());
-        let this = (&raw const *self).cast::<u8>();
-        fetch_lines(std::hint::select_unpredictable(self.current.is_triangles(), block, this), 5);
-    }
-
-    /// Asks for the memory of what is current. (Without a branch: whether it is a node or a leaf is
-    /// as good as random.)
-    #[inline(always)]
-    pub fn fetch_ahead(&self) {
-        let node = self.place.nodes.wrapping_add(self.current.index()).cast::<u8>();
-        let block = self.place.blocks().address(self.current.block());
-        let is_node = self.current.is_node();
-        let at = std::hint::select_unpredictable(is_node, node, block);
-        const {
-            assert!(
-                size_of::<WideNode>() == 4 * size_of::<Line>()
-                    && size_of::<TriangleBlock>() == 5 * size_of::<Line>()
-            )
-        };
-        fetch_lines(at, 4);
-        // (Of a node, the fourth again.)
-        fetch_lines(at.wrapping_add((4 - usize::from(is_node)) * size_of::<Line>()), 1);
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::precision::Single;
-    use crate::search::AcceptAll;
-    use crate::search::{Any, Context};
-    use crate::tree::SMALL_STACK;
-    use crate::world::AcceleratorKind;
-    use crate::world::tests::{Random, build, dust};
-    use crate::world::{Structure, WorldBuilder};
-    use snell_math::simd::{Level, Portable, Portable8};
-    use snell_math::{DVec3, Ray, Transform};
-    use std::sync::Arc;
-
-    /// Dozens are in flight, and the first cache is small.
-    #[test]
-    #[cfg(target_pointer_width = "64")]
-    fn a_slot_of_rays_of_single_precision_has_four_lines() {
-        assert_eq!(size_of::<Slot<crate::search::Closest<Single>>>(), 4 * size_of::<Line>());
-    }
-
-    /// A search that is over in an instance does not return from it, so the next one has to forget
-    /// where it was.
-    #[test]
-    fn searches_that_end_in_instances_leave_nothing_behind() {
-        let mut random = Random(3);
-        let mut builder = WorldBuilder::default();
-        let [outer, inner] = [builder.add_group(), builder.add_group()];
-        builder.add_mesh(inner, Arc::new(dust(&mut random, 3000)));
-        for (group, child) in [(outer, inner), (WorldBuilder::ROOT, outer)] {
-            for x in [-0.1, 0.0, 0.2] {
-                builder.add_instance(group, child, Transform::translation(DVec3::splat(x)));
-            }
-        }
-        let world = build(builder, AcceleratorKind::Bvh, Level::Scalar);
-        let Structure::Bvh(forest) = &world.structure else {
-            panic!("the product's own structure")
-        };
-        let tree = &forest.trees[0];
-        let context =
-            Context { filter: &AcceptAll, options: &world.options, data: &(), cancel: None };
-        let rays: Vec<Ray> =
-            (0..200).map(|_| Ray::new(random.point(0.5), random.direction())).collect();
-        let mut below = [const { MaybeUninit::uninit() }; SMALL_STACK];
-        let slots = Slots::<Any<Single>>::new(1, forest.stack_size());
-        // SAFETY: the steps follow from what is current; a forest of three levels needs fewer
-        // entries than there are.
-        unsafe {
-            let slot = slots.get(0);
-            let mut found = 0;
-            for (i, ray) in rays.iter().enumerate() {
-                let search = || Search::new(ray.into(), &context, Any::new(ray));
-                assert!((*slot).start::<Portable8>(tree, tree.root, i, &(), search, ray));
-                assert_eq!(((*slot).outside.len(), (*slot).place.group), (0, 0));
-                while (*slot).current != ChildRef::NONE {
-                    if (*slot).current.is_node() {
-                        let mut enters = Enters([0.0; 8]);
-                        let met = (*slot).boxes_step::<Portable8>(Portable, &mut enters);
-                        Slot::push_step::<Portable8>(slot, Portable, met, &enters);
-                    } else if (*slot).current.is_triangles() {
-                        let (lanes, block) =
-                            ((*slot).leaf_step::<Portable8>(Portable), Slot::leave_leaf(slot));
-                        if lanes != 0 {
-                            Slot::triangles_step(slot, forest, lanes, block);
-                        }
-                    } else if (*slot).current == ChildRef::RETURN {
-                        Slot::leave_instance(slot);
-                    } else {
-                        Slot::object_step::<Portable8>(slot, Portable, forest, &mut below);
-                    }
-                }
-                let is_found = (*slot).search().goal.found;
-                assert_eq!(
-                    (*slot).outside.is_empty(),
-                    !is_found,
-                    "what is found is two instances deep"
-                );
-                found += usize::from(is_found);
-            }
-            assert!((20..180).contains(&found), "{found}");
+            self.slot_mut().top = 1 + (!entries.signs() & 0xff).count_ones();
+            *self = self.copied_as::<Started>().pop();
         }
     }
 }

@@ -23,8 +23,9 @@ const TEST_COST: f64 = 2.0;
 /// The largest number of references in all nodes and leaves, relative to the number of primitives.
 const GROWTH: usize = 8;
 
-/// The number of polygons whose planes are tried, and of polygons on which they are tried.
+/// The number of polygons whose planes are tried.
 const CANDIDATES: usize = 3;
+/// The number of polygons on which each plane is tried.
 const SAMPLE: usize = 24;
 
 /// The factor by which a plane that cuts off empty space is cheaper.

@@ -7,21 +7,24 @@ use crate::lecture::primitives::{Item, PARALLEL, Primitives, bounds_of};
 use rayon::prelude::*;
 use snell_math::{Bounds3d, DVec3};
 
-/// The number of cells per primitive, of the outermost grid and of inner grids.
+/// The number of cells per primitive of the outermost grid.
 const DENSITY: f64 = 3.0;
+/// The number of cells per primitive of inner grids.
 const INNER_DENSITY: f64 = 1.0;
 
-/// The largest number of cells along an axis, and of a whole grid.
+/// The largest number of cells along an axis.
 const MAX_CELLS: u32 = 1024;
+/// The largest number of cells of a whole grid.
 const MAX_VOLUME: u64 = 1 << 26;
 
 /// The largest number of primitives in a cell that does not become a grid.
 const CROWDED: usize = 24;
 
-/// The largest number of references in a grid, relative to the number of its primitives. An inner
-/// grid that would need more separates too little and is not made; the outermost grid gets fewer
-/// cells.
+/// The largest number of references in an inner grid, relative to the number of its primitives. A
+/// grid that would need more separates too little and is not made.
 const GROWTH: usize = 6;
+/// The largest number of references in the outermost grid, relative to the number of its
+/// primitives. A grid that would need more gets fewer cells.
 const OUTER_GROWTH: u64 = 16;
 
 /// Builds the grids.

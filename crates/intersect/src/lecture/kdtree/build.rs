@@ -182,9 +182,9 @@ fn with(mut v: snell_math::Vec3, axis: usize, x: f32) -> snell_math::Vec3 {
 /// position of the plane.
 struct Areas {
     inverse: f64,
-    /// Area of the sides perpendicular to the axis, and of the other sides per length along the
-    /// axis.
+    /// Area of a side perpendicular to the axis.
     across: f64,
+    /// Growth of half of the part's area per length along the axis.
     around: f64,
     low: f64,
     high: f64,

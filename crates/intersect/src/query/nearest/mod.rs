@@ -206,7 +206,7 @@ struct Search<'a> {
     point: DVec3,
     mask: u32,
     options: &'a [GeometryOptions],
-    /// The meshes of a world in double precision, if it is one.
+    /// The meshes of a world in double precision; `None` for a world in single precision.
     data: Option<&'a DoubleData>,
     best: Best,
     stack: &'a mut Vec<Entry>,
@@ -371,7 +371,8 @@ impl Search<'_> {
         let point = shape_from_group.transform_point3(place.point);
         let metric = place.metric_in_child(shape_from_group);
         if let Some(found) = shape.nearest_point(point, &metric) {
-            // Clamped to the box, because the shape is skipped if that box is too far away.
+            // The point is clamped to the box, because the shape is skipped if that box is too far
+            // away.
             let bounds = shape.bounds();
             let position = found.position.max(bounds.min).min(bounds.max);
             self.offer(position - point, DVec2::ZERO, &metric, [instance, geometry, found.face]);

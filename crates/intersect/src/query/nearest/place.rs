@@ -16,8 +16,9 @@ pub(super) struct Place {
     pub point: DVec3,
     /// The metric by which differences in the group have their length in world space.
     pub metric: Metric,
-    /// The coordinates of the point rounded down (`low`) and up (`high`).
+    /// The coordinates of the point, rounded down.
     low: [f32; 3],
+    /// The coordinates of the point, rounded up.
     high: [f32; 3],
     /// [`Metric::axis_weights`], rounded down.
     weights: [f32; 3],

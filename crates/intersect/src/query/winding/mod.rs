@@ -145,8 +145,8 @@ impl DWorld {
 
 impl<'a> Space<'a> {
     fn winding(&self) -> &'a Winding {
-        // Not built while the cell is locked: a thread that waits for parallel work may start
-        // another query meanwhile, which would then deadlock.
+        // The tree is not built while the cell is locked: a thread that waits for parallel work may
+        // start another query meanwhile, which would then deadlock.
         if self.world.winding.get().is_none() {
             // Another thread may have stored its result first.
             let _ = self.world.winding.set(Winding::of(self.world, self.double));

@@ -74,8 +74,8 @@ fn compare(shape: &AnyShape, ray: &DRay) -> Result<(), String> {
         }
     }
     let Verdict::Crossings(expected) = oracle::crossings(shape, ray) else { return Ok(()) };
-    // The same crossing: close in space, or everything between both lies on the surface (a grazing
-    // line).
+    // True for the same crossing: the points are close in space, or everything between them lies on
+    // the surface (a grazing line).
     let same = |s: f64, hit: &ShapeHit| {
         let found = hit.t * length;
         let middle = ray.origin + ray.direction / length * (0.5 * (s + found));

@@ -17,9 +17,9 @@ use snell_math::{Bounds3, DVec3, Vec3};
 /// The largest number of triangles in a list.
 pub(crate) const MAX_TRIANGLES: usize = 64;
 
-/// The largest number of shapes in a list, and the least number of triangles per shape that is not
-/// tested in lanes.
+/// The largest number of shapes in a list.
 pub(crate) const MAX_OBJECTS: usize = 8;
+/// The least number of triangles for each shape of a list that is not tested in lanes.
 const TRIANGLES_PER_OBJECT: usize = 2;
 
 /// The first index in [`List::triangles`] that belongs to an object.

@@ -1,4 +1,4 @@
-//! The outliers of a group, as a list to be tested beside its tree.
+//! The outliers of a group, as a list that is tested beside the tree of the group.
 
 use super::{List, ListObject};
 use crate::tree::GroupTree;

@@ -66,7 +66,7 @@ impl ListShape {
         })
     }
 
-    /// True if it lies in a plane.
+    /// True if the shape lies in a plane.
     #[inline(always)]
     pub fn is_flat(&self) -> bool {
         matches!(self.kind, Kind::Flat(_))

@@ -43,8 +43,9 @@ struct Spare(Mutex<Vec<Piece>>);
 
 static SPARE: Spare = Spare(Mutex::new(Vec::new()));
 
-/// The largest amount of memory kept, in bytes and in pieces (a fast build uses four pieces).
+/// The largest amount of memory kept, in bytes.
 const MOST_BYTES: usize = 64 << 20;
+/// The largest number of pieces kept. (A fast build uses four.)
 const MOST_PIECES: usize = 8;
 
 impl Spare {
@@ -71,7 +72,8 @@ impl Spare {
         }
         let dropped: Vec<Piece> = pieces.drain(..old).collect();
         drop(pieces);
-        // Freed without the lock: the system call is slow, and no other thread should wait for it.
+        // The memory is freed without the lock: the system call is slow, and no other thread should
+        // wait for it.
         drop(dropped);
     }
 }

@@ -274,7 +274,7 @@ fn an_older_world_of_another_structure_is_no_hindrance() {
     let rays = rays(5, 100);
     assert_eq!(closest(&plain, &rays), closest(&bvh, &rays));
     assert_eq!(closest(&again, &rays), closest(&bvh, &rays));
-    // And the same with a world of an unrelated builder.
+    // The old world may also be that of an unrelated builder.
     let other = nested_scene(1).build(&BuildOptions::default()).expect("a world");
     let again = world.edit().rebuild(&BuildOptions::default(), &other).expect("a world");
     assert_eq!(closest(&again, &rays), closest(&bvh, &rays));

@@ -41,8 +41,8 @@ fn every_structure_and_level_gives_the_same_hits_bit_for_bit() {
     assert!(hits > 600, "{hits}");
 }
 
-/// A closed latitude-longitude sphere around `center`, normals outward. The lecture keeps the last
-/// hit in the node to test it first: a data race, and answers that depend on who asked before.
+/// The lecture keeps the last hit in the node, to test that primitive first. This is a data race,
+/// and results depend on earlier rays.
 #[test]
 fn errata_e8_a_world_keeps_nothing_between_rays_and_is_shared_by_threads() {
     let world = default_world(nested_scene(8));

@@ -13,8 +13,8 @@ use snell_math::{DAffine3, DMat3, DVec3, Transform};
 use std::sync::Arc;
 use tree::{Moments, Tree, View};
 
-/// A patch is approximated at distances greater than this many times its radius. (The paper uses 2,
-/// with one more term of the expansion.)
+/// A patch is approximated at distances greater than this many times its radius. (Barill et al.
+/// 2018 use 2, with one more term of the expansion.)
 pub(crate) const ACCURACY: f64 = 3.0;
 
 /// Assumed bound on the error of the approximation: if the result differs from a half by less than

@@ -125,8 +125,9 @@ struct Node {
     moments: Moments,
     /// The largest distance from the centroid of the patch to a point of its bounds.
     radius: f64,
-    /// The range of the node's items in [`Tree::order`]: its first index and its length.
+    /// The index of the node's first item in [`Tree::order`].
     first: u32,
+    /// The number of the node's items in [`Tree::order`].
     count: u32,
     /// The index of the second child; 0 for a leaf.
     second: u32,
@@ -161,8 +162,8 @@ impl Tree {
     }
 
     /// The winding number of all items around a point. Nodes farther away than `accuracy` times
-    /// their radius are approximated by their moments; `exact` gives the number of each item of the
-    /// others.
+    /// their radius are approximated by their moments; `exact` gives the winding number of each
+    /// item in the other nodes.
     pub fn winding_number(
         &self,
         view: &View,

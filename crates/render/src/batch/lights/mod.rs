@@ -32,9 +32,10 @@ use std::f32::consts::FRAC_1_PI;
 pub struct LightSamples {
     /// The light that each lane has chosen.
     pub chosen: ChosenLights,
-    /// The light, and part of a light, whose data a lane holds already. The next vertex often
-    /// chooses the same again.
+    /// The number of the light whose data a lane holds already. The next vertex often chooses the
+    /// same light and part again.
     light: [u32; LANES],
+    /// The part of that light.
     part: [u32; LANES],
     /// How each lane samples its light: [`DARK`] to [`ALONE`].
     pub how: [u32; LANES],
@@ -49,9 +50,9 @@ pub struct LightSamples {
     spectra: Vec<LightSpectrum>,
     corner: HitVectors,
     edges: [HitVectors; 2],
-    /// The surface normal, and the error bound of points on the surface. For spheres, those at the
-    /// sampled point.
+    /// Unit normal of the surface; for spheres, the normal at the sampled point.
     normal: HitVectors,
+    /// Error bound of points on the surface; for spheres, of the sampled point.
     error: HitVectors,
     middle: HitVectors,
     /// The squared distance from `middle` beyond which the part counts as far; infinite if it is

@@ -20,9 +20,9 @@ pub struct BsdfBatch<'a> {
     is_any: bool,
     /// 1 for lanes that were added, 0 for others.
     has: [u32; LANES],
-    /// The normal of the plane above which light is reflected and below which it is refracted, and
-    /// the cosine between that normal and the outgoing direction.
+    /// The normal of the plane above which light is reflected and below which it is refracted.
     horizon: HitVectors,
+    /// The cosine between `horizon` and the outgoing direction.
     side: HitLanes,
     /// The columns of [`BatchPoint`].
     spectra: LobeSpectra<HitColors>,

@@ -40,13 +40,13 @@ pub struct GeneralShader<'a> {
     plain: Vec<Option<PlainSurface<'a>>>,
     /// Lanes whose vertex is on a plain surface, with that surface.
     on_plain: Vec<(usize, PlainSurface<'a>)>,
-    /// The scatterers of lanes that are shaded one by one, and the index of each lane's scatterer;
-    /// [`NONE`] where a lane has none.
+    /// The scatterers of lanes that are shaded one by one.
     scatterers: Vec<Scatterer<'a>>,
+    /// The index of each lane's scatterer; [`NONE`] where a lane has none.
     scatterer_of: [u32; LANES],
-    /// Lanes whose BSDFs are evaluated in batches, and the frames of lanes where these were
-    /// computed one by one.
+    /// The BSDFs of the lanes that are evaluated in batches.
     bsdfs: BsdfBatch<'a>,
+    /// The lanes whose shading frames were computed one by one, with these frames.
     turned: Vec<(usize, Frame)>,
     /// True if the frames of some lanes are to be computed together.
     turns: bool,

@@ -7,7 +7,8 @@ use crate::guiding::density::coordinates;
 use crate::guiding::directional::{direction_from_square, square_from_direction};
 use crate::guiding::parallax::{Parallax, from_anchor, to_place};
 use crate::guiding::{Field, Known};
-use crate::integrator::guided::{expected_survival, mixed_pdf};
+use crate::integrator::guided::mixed_pdf;
+use crate::integrator::roulette::expected_survival;
 use crate::lanes::{HitColors, LANES, ZERO, at, put};
 use crate::light_sampler::Receivers;
 use snell_intersect::triangles::{HitLanes, HitVectors};
@@ -24,16 +25,19 @@ pub struct GuidedLanes {
     /// The probability of sampling the BSDF instead of the field; 1 where the region is not
     /// trained.
     share: HitLanes,
-    /// The coordinates of the points in the field, and the orientations of the surfaces.
+    /// The coordinates of the points in the field.
     places: [[u32; LANES]; 3],
+    /// The orientations of the surfaces; see [`Field::place`].
     faces: [u32; LANES],
-    /// The parallax of the regions, stored as an anchor and a nearness, and the shift of directions
-    /// that the parallax gives at each point.
+    /// The parallax of each region, as the result of
+    /// [`Parallax::parts`](crate::guiding::parallax::Parallax::parts).
     anchor: HitVectors,
     nearness: HitLanes,
+    /// The shift of directions that the parallax gives at each point.
     shift: HitVectors,
-    /// The points of the unit square that stand for directions, and their coordinates in the field.
+    /// The points of the unit square that stand for directions.
     square: [HitLanes; 2],
+    /// The coordinates of those points in the field.
     coordinates: [[u32; LANES]; 2],
     /// 1 for directions that were sampled from the field, 0 for those of the BSDF.
     is_drawn: [u32; LANES],

@@ -28,8 +28,9 @@ use std::rc::Rc;
 pub struct MatteShader<'a> {
     vertices: MatteVertices<'a>,
     color: ColorModel,
-    /// Shading normals, and the same normals on the side of the paths.
+    /// Shading normals.
     normal: HitVectors,
+    /// Shading normals on the side of the paths.
     facing: HitVectors,
     bounces: Bounces,
     /// The data of the guiding field, if the render has one.

@@ -168,7 +168,7 @@ impl<'a> MatteVertices<'a> {
         self.lanes.gather_triangles(from, |hit| surfaces.plain(hit).map(|surface| &surface.mesh));
     }
 
-    /// Puts a vertex into its lane that is on none of the plain surfaces.
+    /// Puts a vertex that is on none of the plain surfaces into its lane.
     #[inline(never)]
     fn gather_other(&mut self, context: &Context, lane: usize, ray: &Ray, hit: &Hit) {
         let scene = context.scene;

@@ -8,7 +8,7 @@ use crate::batch::vertices::{
 };
 use crate::batch::{Batch, BatchShader, Shaded};
 use crate::integrator::carried::Marks;
-use crate::integrator::guided::unknown_survival;
+use crate::integrator::roulette::unknown_survival;
 use crate::integrator::{Context, dimension};
 use crate::lanes::{
     BLACK, ENDLESS, HitColors, LANES, NOUGHTS, ZERO, at, at_level_by_color, put_color,
@@ -42,9 +42,9 @@ pub struct SpecularShader<'a> {
 struct Lobes {
     /// Index of refraction inside divided by that outside.
     ior: HitLanes,
-    /// By channel, the factors on light that crosses the surface, and on light that arrives from
-    /// inside.
+    /// By channel, the factor on light that crosses the surface.
     tint: HitColors,
+    /// By channel, the factor on light that arrives from inside.
     arriving: HitColors,
     /// By channel, the factor on reflected light at surfaces without refraction.
     reflectance: HitColors,
@@ -410,7 +410,7 @@ mod tests {
                 .skip(1);
             for (material, kind) in materials.step_by(2).zip(kinds().into_iter().cycle()) {
                 material.normal_map = matches!(kind, MaterialKind::Conductor(_))
-                    .then_some(NormalMap { texture, scale: 0.3 });
+                    .then_some(NormalMap::new(texture, 0.3));
                 material.kind = kind;
             }
             let ways = [

@@ -26,14 +26,14 @@ pub(crate) const AOV: Integrator =
 /// How the samples of a pixel are combined.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AovKind {
-    /// By the mean of the samples.
+    /// The value is the mean of the samples.
     Averaged,
-    /// By the first sample's value, for ids, whose mean would be meaningless.
+    /// The value is that of the first sample, for ids, whose mean would be meaningless.
     First,
     /// The film computes the value; samples have none.
     OfFilm,
-    /// By the fraction of samples with each value; see [`crate::Film::coverage`]. The AOV is not a
-    /// layer by itself.
+    /// Each value is kept with the fraction of the samples that have it; see
+    /// [`crate::Film::coverage`]. The AOV is not a layer by itself.
     Coverage,
 }
 

@@ -29,7 +29,8 @@ pub const MOTION: Declared = Declared {
 const FAR: f64 = 1e5;
 
 /// The motion vector from the opening to the closing of the shutter in pixels, to the right and
-/// down. It is zero where nothing moves, and where one end is outside of the camera's view.
+/// down. It is zero where nothing moves, and where the point is outside of the camera's view at
+/// either time.
 fn on_the_picture(context: &Context, camera: &Camera, first: &FirstHit) -> [f32; 2] {
     if !is_any(context) {
         return [0.0; 2];
@@ -49,7 +50,7 @@ fn on_the_picture(context: &Context, camera: &Camera, first: &FirstHit) -> [f32;
     way().filter(|w| w.is_finite()).map_or([0.0; 2], |w| w.as_vec2().to_array())
 }
 
-/// True if the camera or any visible geometry moves.
+/// True if the camera or the scene may move while the shutter is open.
 pub fn is_any(context: &Context) -> bool {
     context.scene.moves || !context.settings.later_cameras.is_empty()
 }

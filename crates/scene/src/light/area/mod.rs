@@ -224,9 +224,10 @@ impl AreaLight {
     }
 
     /// Measures the emission of each part, so that parts are chosen by power and not only by area.
-    /// `radiance` gives the luminance at a point of the surface, averaged over about this width; it
-    /// is called for `points^2` points of each part (1 is enough where the parts are uniform).
-    /// Every part keeps a positive probability.
+    /// `radiance` gives the luminance at a point of the surface, averaged over about this width (0:
+    /// at the point alone, as paths find it); it is called for `points^2` points of each part (1 is
+    /// enough where the parts are uniform). Where all of these are dark, means over the cells
+    /// between them find a bright spot. Every part keeps a positive probability.
     pub fn measured(
         mut self,
         points: u32,
@@ -236,12 +237,15 @@ impl AreaLight {
         let (count, points) = (self.part_count(), points.max(1));
         let mean_of = |part: u32| {
             let width = (self.part_area(part).sqrt() / f64::from(points)) as f32;
-            let grid = (0..points * points)
-                .map(|k| (UVec2::new(k % points, k / points).as_vec2() + 0.5) / points as f32);
-            let sum: f32 = grid
-                .filter_map(|u| self.part_surface(part, u))
-                .map(|s| finite(radiance(&s, width)))
-                .sum();
+            let sum_over = |width: f32| -> f32 {
+                (0..points * points)
+                    .map(|k| (UVec2::new(k % points, k / points).as_vec2() + 0.5) / points as f32)
+                    .filter_map(|u| self.part_surface(part, u))
+                    .map(|s| finite(radiance(&s, width)))
+                    .sum()
+            };
+            let at_points = sum_over(0.0);
+            let sum = if at_points > 0.0 { at_points } else { sum_over(width) };
             finite(sum / (points * points) as f32)
         };
         self.radiance = (0..count).map(mean_of).collect();

@@ -28,8 +28,9 @@ pub struct MovingAreaLight {
 }
 
 impl MovingAreaLight {
-    /// The moving surface. `first` is the surface when the shutter opens, `carrier_from_geometry`
-    /// its place in the innermost of the instances that hold it (outermost first).
+    /// The moving surface. `first` is the surface when the shutter opens; `carriers` are the
+    /// instances that hold it, outermost first; `carrier_from_geometry` is its place in the
+    /// innermost.
     pub fn new(
         first: AreaLight,
         carriers: Vec<Instance>,

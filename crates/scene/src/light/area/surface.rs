@@ -7,7 +7,7 @@ use snell_intersect::{Shape, SurfaceInteraction, TriangleMesh};
 use snell_math::robust::gamma;
 use snell_math::{DVec3, Vec2, Vec3, sampling};
 
-/// A position on a part of an emissive surface.
+/// A position on one part (a triangle, or the whole shape) of an emissive surface.
 pub(super) enum Place {
     /// Barycentric coordinates in a triangle.
     Triangle(Vec2),
@@ -16,7 +16,7 @@ pub(super) enum Place {
 }
 
 impl AreaLight {
-    /// Samples a position on a part, uniform by area. For a shape, the area is that in the shape's
+    /// Samples a [`Place`] on a part, uniform by area. For a shape, the area is that in the shape's
     /// own coordinates.
     pub(super) fn place(&self, part: u32, u: Vec2) -> Option<Place> {
         match (&self.geometry, &self.table) {
@@ -32,8 +32,8 @@ impl AreaLight {
         }
     }
 
-    /// The position on a part of a point in the world, which must be on the part within rounding;
-    /// `None` if it is not on the part.
+    /// The [`Place`] on a part of `p`, a point in the world that must lie on the surface within
+    /// rounding. `None` if `p` is not on the shape; for a triangle this is not checked.
     pub(super) fn place_at(&self, part: u32, p: DVec3) -> Option<Place> {
         match &self.table {
             Table::Mesh { placed, .. } => {
@@ -48,7 +48,8 @@ impl AreaLight {
         }
     }
 
-    /// The point of a part at a position.
+    /// The point in the world, with error bound and normal, at `place` on a part. `None` if the
+    /// place does not fit the geometry, or the point has no normal.
     pub(super) fn point(&self, part: u32, place: &Place) -> Option<AreaPoint> {
         match (place, &self.geometry, &self.table) {
             (Place::Triangle(b), _, Table::Mesh { placed, .. }) => {
@@ -77,7 +78,7 @@ impl AreaLight {
         })
     }
 
-    /// The full surface interaction at a position, and the point there.
+    /// The full surface interaction at `place` on a part; `point` is the result of [`Self::point`].
     pub(super) fn surface(
         &self,
         part: u32,

@@ -279,8 +279,8 @@ pub fn place_of(world_from_environment: &Mat3, direction: Vec3) -> Vec2 {
     Vec2::new(number(0.5 + phi * (0.5 * FRAC_1_PI)), number(theta * FRAC_1_PI))
 }
 
-/// The nearest rotation (or rotation with mirroring) that keeps the direction of the first axis;
-/// the identity if there is none.
+/// The rotation (or rotation with mirroring) that keeps the direction of the map's y axis and the
+/// half-plane of its y and z axes; the identity if these axes do not determine one.
 fn rotation(m: DMat3) -> Mat3 {
     let unit = |v: DVec3| v.try_normalize().filter(|v| v.is_finite());
     let orthonormal = || {

@@ -10,8 +10,9 @@ const TABLES: &[u8] = include_bytes!("hosek_wilkie.bin");
 const COEFFICIENTS: usize = 9;
 const CONTROL_POINTS: usize = 6;
 const TURBIDITIES: usize = 10;
-/// The number of values of one channel before its mean radiances, and in all.
+/// The number of coefficients of one channel.
 const SHAPES: usize = 2 * TURBIDITIES * CONTROL_POINTS * COEFFICIENTS;
+/// The number of values of one channel: its coefficients, then its mean radiances.
 const CHANNEL: usize = SHAPES + 2 * TURBIDITIES * CONTROL_POINTS;
 
 /// The model for one position of the sun.

@@ -53,9 +53,9 @@ pub struct SkyError {
 }
 
 const SIZE: [u32; 2] = [2048, 1024];
-/// Candela per square metre in a unit of the model's luminance, and in a unit of the environment's
-/// luminance.
+/// The model's unit of luminance, in cd / m^2.
 const MODEL_UNIT: f64 = 683.0;
+/// The environment's unit of luminance, in cd / m^2.
 const UNIT: f64 = 1e5 / PI;
 
 impl Sky {
@@ -195,7 +195,7 @@ mod tests {
     use crate::light::environment::EnvironmentLight;
     use snell_math::ColorMode;
 
-    /// Illuminance in lx on level ground: the whole, and that without the sun.
+    /// Illuminance in lx of level ground under this sky.
     fn illuminance(sky: Sky) -> f64 {
         let image = sky.picture();
         let [w, h] = SIZE;

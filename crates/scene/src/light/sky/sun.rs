@@ -6,9 +6,9 @@ const SOLAR_CONSTANT: f64 = 133_100.0;
 /// The colour of the sun outside of the atmosphere, with luminance 1, in linear Rec. 709. The
 /// chromaticity (0.323, 0.333) is that of the extraterrestrial spectrum (ASTM E-490).
 const COLOR: [f64; 3] = [1.091, 0.979, 0.942];
-/// Representative wavelengths of the channels in micrometres, and the absorption coefficient of
-/// ozone there per cm.
+/// Representative wavelengths of the channels, in micrometres.
 const WAVELENGTHS: [f64; 3] = [0.612, 0.549, 0.465];
+/// Absorption coefficient of ozone at these wavelengths, per cm.
 const OZONE: [f64; 3] = [0.118, 0.084, 0.0075];
 /// Thickness of the ozone layer, cm at normal pressure.
 const OZONE_LAYER: f64 = 0.35;

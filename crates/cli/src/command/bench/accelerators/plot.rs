@@ -10,9 +10,11 @@ use snell_intersect::AcceleratorKind;
 
 const SIZE: [f64; 2] = [1600.0, 900.0];
 
-/// Left edge of the names beside the lines, and of the second panel, in pixels.
+/// Left edge of the names beside the lines, in pixels.
 const NAMES: f64 = 774.0;
+/// Font size of those names, in pixels.
 const NAME_SIZE: f64 = 21.0;
+/// Left edge of the second panel, in pixels.
 const SWEEP: f64 = 1190.0;
 
 /// Colour and dashes of a structure.

@@ -19,9 +19,10 @@ pub enum Way {
     Batches,
     /// Packets of 16 rays that share the tests of boxes.
     Bundles,
-    /// Beams: the visible pieces of regions of the picture.
+    /// Beams: for each region of the picture, the pieces of triangles that are visible in it.
     Beams,
-    /// Pencils: an axial ray and a matrix, where these are certainly right.
+    /// Pencils: an axial ray and a matrix, where both are proven to be accurate enough; the other
+    /// rays are traced one by one.
     Pencils,
     /// A cone for each ray.
     Cones,

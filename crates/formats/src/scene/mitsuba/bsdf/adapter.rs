@@ -7,6 +7,7 @@ use super::super::value;
 use super::Look;
 use crate::scene::fault::Fault;
 use crate::scene::layers::{self, MAX_LAYERS};
+use crate::scene::shapes::crossed;
 use snell_scene::Encoding;
 use snell_scene::material::{BumpMap, HeightUnit, NormalMap, ScalarParam};
 use std::rc::Rc;
@@ -47,6 +48,9 @@ impl Builder<'_> {
         let opacity = self.scalar(object, "opacity", 0.5)?;
         let (layers, is_exact) = layers::mask(look.layers, opacity);
         look.layers = layers;
+        if !look.back.is_empty() {
+            look.back = layers::mask(look.back, opacity).0;
+        }
         if !is_exact {
             self.note("mask of blend", object.at, || {
                 "a mask with a texture around a blend: the mask was put on the blend's last bsdf \
@@ -69,14 +73,21 @@ impl Builder<'_> {
         let [first, rest @ ..] = &sides[..] else {
             return Err(object.fault("there is no bsdf in it", "put one in, or a reference to one"));
         };
-        if !rest.is_empty() {
-            let owner = object.owner();
-            self.note("two sides", object.at, || {
-                format!("{owner} with another bsdf for its back; the first was used on both sides")
-            });
-            rest[0].properties.iter().for_each(|p| p.used.set(true));
+        object.bool_or("allow_transmission", false)?;
+        let mut look = self.bsdf(first)?;
+        let back = match rest.first() {
+            Some(second) => self.bsdf(second)?,
+            None => look.clone(),
+        };
+        // Both sides have one tangent frame, so green has the other handedness on the back.
+        let has_normal_map = back.layers.iter().any(|layer| layer.normal_map.is_some());
+        if !rest.is_empty() || has_normal_map {
+            look.back = back.layers;
+            look.uses_vertex_colors |= back.uses_vertex_colors;
+            let maps = look.back.iter_mut().filter_map(|layer| layer.normal_map.as_mut());
+            maps.for_each(|map| map.bitangent = map.bitangent.mirrored());
         }
-        self.bsdf(first)
+        Ok(look)
     }
 
     /// A blend of two BSDFs: `weight` is the share of the second. In version 0.6 it may also be a
@@ -86,7 +97,13 @@ impl Builder<'_> {
         for child in object.children_where(|c| c.name != "weight") {
             let part = self.resolve(child)?;
             if part.class == "bsdf" {
-                parts.push(self.bsdf(&part)?);
+                let look = self.bsdf(&part)?;
+                if !look.back.is_empty() {
+                    self.note("blended back", object.at, || {
+                        "a blend of bsdfs with two sides: the fronts were used on both".into()
+                    });
+                }
+                parts.push(Look { back: Vec::new(), ..look });
             } else {
                 child.used.set(false);
             }
@@ -137,9 +154,9 @@ impl Builder<'_> {
             // Directions are linear, whatever the image declares.
             texture.encoding = Encoding::Linear;
             let texture = self.scene.add_texture(texture);
-            look.layers
-                .iter_mut()
-                .for_each(|l| l.normal_map = Some(NormalMap { texture, scale: 1.0 }));
+            let bitangent = crossed(&self.world_from_file);
+            let map = NormalMap { bitangent, ..NormalMap::new(texture, 1.0) };
+            look.layers.iter_mut().for_each(|l| l.normal_map = Some(map));
         }
         Ok(look)
     }
@@ -162,5 +179,5 @@ impl Builder<'_> {
 fn on_each_other(top: Look, rest: Look, share: ScalarParam) -> Look {
     let uses_vertex_colors = top.uses_vertex_colors || rest.uses_vertex_colors;
     let layers = layers::blend(top.layers, rest.layers, share);
-    Look { layers, uses_vertex_colors }
+    Look { layers, back: Vec::new(), uses_vertex_colors }
 }

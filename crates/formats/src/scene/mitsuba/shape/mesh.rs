@@ -21,6 +21,8 @@ struct Reading {
     /// Edges sharper than this stay sharp, in degrees.
     crease: Option<f64>,
     is_flipped: bool,
+    /// True if its transform is a mirror.
+    is_mirrored: bool,
     keeps_colors: bool,
 }
 
@@ -38,6 +40,7 @@ impl Reading {
             is_flat: object.bool_or("face_normals", false)?,
             crease: object.float("max_smooth_angle")?,
             is_flipped: object.bool_or("flip_normals", false)?,
+            is_mirrored: object.transform("to_world")?.matrix3.determinant() < 0.0,
             keeps_colors,
         })
     }
@@ -55,6 +58,8 @@ impl Reading {
         if !self.keeps_colors {
             mesh.colors.clear();
         }
+        // Mitsuba computes normals of the triangles as they are placed: a mirror turns them over.
+        let has_normals = !is_flat && self.crease.is_none() && !mesh.normals.is_empty();
         if is_flat {
             mesh.normals.clear();
         } else if let Some(crease) = self.crease {
@@ -63,7 +68,7 @@ impl Reading {
             mesh.normals = mesh.computed_normals();
         }
         repair_normals(&mut mesh);
-        if self.is_flipped {
+        if self.is_flipped != (self.is_mirrored && !has_normals) {
             turn_over(&mut mesh);
         }
         Ok(if self.flips_v { flip_v(mesh) } else { mesh })

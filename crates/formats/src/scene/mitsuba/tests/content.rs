@@ -255,7 +255,7 @@ fn emitters_have_their_radiometry() {
         name=\"beam_width\" value=\"20\"/></emitter>\
         <emitter type=\"directional\"><vector name=\"direction\" x=\"0\" y=\"-2\" z=\"0\"/><float \
         name=\"irradiance\" value=\"5\"/></emitter>\
-        <emitter type=\"constant\"><spectrum name=\"radiance\" value=\"0.5\"/></emitter>\
+        <emitter type=\"constant\"><float name=\"radiance\" value=\"0.5\"/></emitter>\
         <shape type=\"rectangle\"><emitter type=\"area\"><rgb name=\"radiance\" value=\"17 12 \
         4\"/></emitter></shape>",
     );

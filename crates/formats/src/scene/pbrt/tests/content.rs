@@ -210,7 +210,7 @@ fn parts_of_quadrics_are_made_of_triangles() {
         ),
     ] {
         let found = area(text);
-        // A reversed sphere has its normals inside.
+        // The normals of a reversed sphere point inwards.
         assert!((found / expected - 1.0).abs() < 1e-3, "{text}: {found} instead of {expected}");
     }
 }
@@ -315,7 +315,7 @@ fn objects_are_stored_once() {
     let instances: Vec<_> = scene.nodes.iter().filter(|n| n.name == "instance").collect();
     assert_eq!(instances.len(), 2);
     assert_eq!(instances[0].children, instances[1].children);
-    // The default camera wants a mirrored world.
+    // With the default camera, the world is mirrored in x.
     let bounds = scene.bounds().expect("no cycles");
     assert!(
         bounds.min.abs_diff_eq(DVec3::new(-11.0, 0.0, -1.0), 1e-9)
@@ -348,7 +348,7 @@ fn brightness_means_what_it_means_in_pbrt() {
     else {
         panic!("no spot")
     };
-    // The default camera wants a mirrored world.
+    // With the default camera, the world is mirrored in x.
     assert_eq!((position, direction), (DVec3::NEG_X, DVec3::Z));
     assert!(
         (falloff.at(34f64.to_radians().cos()), falloff.at(41f64.to_radians().cos())) == (1.0, 0.0),
@@ -380,7 +380,7 @@ fn area_lights_emit_their_radiance_or_their_power() {
         emission(&format!("\"float power\" {power} \"bool twosided\" true"), "\"sphere\"");
     colors_are(color, [0.5; 3]);
     assert!(both);
-    // In a mesh, each triangle has the power.
+    // Each triangle of a mesh emits the power.
     let square =
         "\"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 1 1 0 0 1 0] \"integer indices\" [0 1 2 0 2 3]";
     colors_are(emission(&format!("\"float power\" {}", std::f32::consts::PI), square).0, [2.0; 3]);
@@ -407,8 +407,8 @@ fn materials_map_to_ours() {
     else {
         panic!("no metal")
     };
-    // In pbrt-v3 the width of the microfacets is the root of the roughness; in Snell it is the
-    // square.
+    // In pbrt the parameter alpha of the microfacets is the root of the roughness; in Snell alpha
+    // is the square of the roughness.
     assert!(
         close(metal.roughness.factor, 0.04f32.sqrt().sqrt())
             && matches!(metal.spectrum, ConductorSpectrum::Metal(_))

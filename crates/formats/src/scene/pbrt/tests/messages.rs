@@ -184,7 +184,6 @@ fn what_is_changed_is_told_once_of_each_kind() {
     test:1:1: Integrator "mlt": the integrator path was used instead (1x)
     test:2:1: Camera "realistic": a perspective camera was used instead (1x)
     test:2:20: "string lensfile" of Camera "realistic" was ignored: the camera has no lenses (1x)
-    test:3:12: "float cropwindow" of Film "rgb" was ignored: give --crop instead (1x)
     test:4:1: PixelFilter "gaussian" of radius 3: radius 1.5 was used, the only one of this filter (1x)
     test:5:18: "integer speed" of Sampler "halton" is not known; it was ignored (1x)
     test:7:19: there is no coordinate system "nowhere"; the transform was left as it is (1x)

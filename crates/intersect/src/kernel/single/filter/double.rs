@@ -7,8 +7,8 @@ use crate::tree::block::TriangleBlock;
 use snell_math::simd::Lanes8;
 
 /// Bound on the rounding error of an edge value of the shadow, relative to the largest projected
-/// |x| times the largest projected |y|: `2^-22`, and four times as much to cover the roundings of
-/// the projection that grow with |x| and |y|.
+/// |x| times the largest projected |y|: four times `2^-22`, to cover also the roundings of the
+/// projection that grow with |x| and |y|.
 const EDGE_ERROR: f32 = 1.0 / (1u32 << 20) as f32;
 
 /// Twice the error of a projected vertex per unit of its depth: the roundings of depth, shear and

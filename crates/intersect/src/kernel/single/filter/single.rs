@@ -57,10 +57,10 @@ pub(crate) fn candidates<L: Lanes8>(
     !(outside | beyond) & 0xff
 }
 
-/// How far before the nearest or beyond the farthest corner a hit may be. It is clamped by
-/// [`crate::exact::triangle::clamp_to_box`] to the box of the triangle, padded by a share of the
-/// box's size. That size is at most twice the sum of the projected size (`sides`) and the largest
-/// distance of a corner (`depth`).
+/// How far before the nearest or beyond the farthest corner a hit may be.
+/// [`crate::exact::triangle::clamp_to_box`] clamps a hit to the box of the triangle, padded by a
+/// share of the box's size. That size is at most twice the sum of the projected size (`sides`) and
+/// the largest distance of a corner (`depth`).
 #[inline(always)]
 pub(crate) fn place_margin<L: Lanes8>(token: L::Token, depth: L, sides: L, depth_scale: f32) -> L {
     sides.mul(L::splat(token, depth_scale.abs())).add(depth).mul(L::splat(token, 4e-6))

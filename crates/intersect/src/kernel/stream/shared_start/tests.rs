@@ -67,8 +67,8 @@ fn leaves<L: Lanes8>(
     found
 }
 
-/// Lets rays start, and looks at what is left to each. Returns how many are not at the root any
-/// more.
+/// Lets rays start, and compares what is left to each with its own search. Returns the number of
+/// rays that are not at the root any more.
 fn look<W: Lanes16>(token: W::Token, world: &World, rays: &[Ray]) -> usize {
     looked_at::<W, W::Half>(token, W::half_token(token), world, rays)
 }
@@ -82,31 +82,22 @@ fn looked_at<W: Lanes16, L: Lanes8>(
     let Structure::Bvh(forest) = &world.structure else { panic!("the product's own structure") };
     let tree = &forest.trees[0];
     let context = Context { filter: &AcceptAll, options: &world.options, data: &(), cancel: None };
-    let memory = Slots::<Closest<Single>>::new(rays.len(), forest.stack_size());
-    let mut slots: Vec<*mut Slot<_>> = Vec::new();
-    for (i, ray) in rays.iter().enumerate() {
-        let slot = memory.get(slots.len());
+    let mut slots = Slots::<Closest<Single>>::new(rays.len(), forest);
+    let mut walks: Vec<Walk<_>> = Vec::new();
+    for ((i, ray), walk) in rays.iter().enumerate().zip(slots.walks()) {
         let search = || Search::new(ray.into(), &context, Closest::new(ray));
-        // SAFETY: a slot that was made idle may start.
-        unsafe {
-            if (*slot).start::<L>(tree, tree.root, i, &(), search, ray) {
-                slots.push(slot);
-            }
-        }
+        walks.extend(walk.start::<L>(false, i, &(), search, ray).ok());
     }
-    // SAFETY: they have just started.
-    unsafe { shared_start_with::<W, _>(wide_token, &slots) };
+    // SAFETY: they have just started, and there are at most `SHARED_RAYS`.
+    unsafe { shared_start_with::<W, _>(wide_token, &mut walks) };
     let mut moved = 0;
-    for at in slots {
-        // SAFETY: it is still there.
-        let slot = unsafe { &*at };
-        // SAFETY: as above.
-        let entries = unsafe { Slot::entries(at) };
+    for walk in &walks {
+        let entries = walk.entries();
         if entries.len() == 1 && entries[0].1 == tree.root {
             continue;
         }
         moved += 1;
-        let (ray, interval) = (slot.place.ray(), slot.interval());
+        let (ray, interval) = (walk.ray(), walk.interval());
         assert!(
             entries.windows(2).all(|pair| pair[0].0 >= pair[1].0),
             "the nearest is last: {entries:?}"
@@ -116,7 +107,7 @@ fn looked_at<W: Lanes16, L: Lanes8>(
             let below = leaves::<L>(token, tree, child, ray, interval);
             for (_, leaf) in &below {
                 let place = expected.iter().position(|(_, other)| other == leaf);
-                // (Boxes are a little wider here.)
+                // The boxes of a shared start are a little wider.
                 if let Some(place) = place {
                     let (enter, _) = expected.swap_remove(place);
                     assert!(distance <= enter, "{distance} {enter}");
@@ -162,7 +153,7 @@ fn rays_along_an_axis_stay_at_the_root_and_few_rays_too() {
 }
 
 #[test]
-fn parties_find_what_single_rays_find() {
+fn shared_starts_find_what_single_rays_find() {
     let mut random = Random(7);
     for level in levels() {
         let world = world_of(dust(&mut random, 20_000), level);
@@ -185,7 +176,7 @@ fn parties_find_what_single_rays_find() {
 
 proptest! {
     #[test]
-    fn parties_agree_with_the_oracle_in_nested_scenes(seed in any::<u32>(), size in 0.0f32..0.3) {
+    fn nested_scenes_agree_with_the_oracle(seed in any::<u32>(), size in 0.0f32..0.3) {
         let oracle = build(nested_scene(seed), AcceleratorKind::None, Level::Scalar);
         let mut random = Random(seed ^ 99);
         let mut rays = Vec::new();

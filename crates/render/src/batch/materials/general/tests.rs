@@ -77,7 +77,7 @@ fn many_vertices_at_once_give_the_bits_of_one_at_a_time() {
                         (Some((texture, 2)), Some((texture, 1)));
                 }
                 let is_bent = number % 3 == 0;
-                material.normal_map = is_bent.then_some(NormalMap { texture, scale: 0.3 });
+                material.normal_map = is_bent.then_some(NormalMap::new(texture, 0.3));
                 material.alpha_mode =
                     if number % 5 == 0 { AlphaMode::Blend } else { AlphaMode::Opaque };
                 material.alpha = 0.7.into();
