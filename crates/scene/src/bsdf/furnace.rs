@@ -250,7 +250,7 @@ fn layers(i: u32, has_film: bool) -> (OpenPbr, String) {
     let share = |u: u32| {
         if is_corner { one_of([0.0f32, 1.0], u) } else { one_of([0.0, 0.3, 0.5, 0.8, 1.0], u) }
     };
-    let rare = |u: u32, v: u32| if v % 3 == 0 { share(u) } else { 0.0 };
+    let rare = |u: u32, v: u32| if v.is_multiple_of(3) { share(u) } else { 0.0 };
     let roughness = one_of(ROUGHNESSES, u());
     let (metal, clear, subsurface) = (rare(u(), u()), rare(u(), u()), rare(u(), u()));
     let (anisotropy, coat, fuzz) = (rare(u(), u()), rare(u(), u()), rare(u(), u()));
@@ -281,7 +281,7 @@ fn layers(i: u32, has_film: bool) -> (OpenPbr, String) {
         fuzz_weight: fuzz.into(),
         fuzz_roughness: fuzz_roughness.into(),
         thin_film_weight: if has_film { film } else { 0.0 }.into(),
-        fuzz_model: if i % 2 == 0 { FuzzModel::Flakes } else { FuzzModel::Charlie },
+        fuzz_model: if i.is_multiple_of(2) { FuzzModel::Flakes } else { FuzzModel::Charlie },
         geometry_thin_walled: is_thin,
         ..OpenPbr::default()
     };

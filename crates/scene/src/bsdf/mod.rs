@@ -278,6 +278,10 @@ macro_rules! bsdfs {
     ($(#[$doc:meta])* $name:ident, $(#[$seen_doc:meta])* $seen:ident,
         $($kind:ident => $type:ty, $known:ty;)*) => {
         $(#[$doc])*
+        #[allow(
+            clippy::large_enum_variant,
+            reason = "BSDFs are short-lived or prepared once, and their tables' places belong to them"
+        )]
         pub enum $name {
             $(#[doc = concat!("`", stringify!($type), "`.")] $kind($type),)*
         }
