@@ -299,7 +299,8 @@ impl BatchBsdf {
 
 /// Lobes for lanes that differ in their spectra.
 pub(super) trait BatchLobes: BranchlessLobes {
-    /// The spectra of this BSDF, over a body of this reflectance.
+    /// The BSDF's own spectra, where all lanes share them. `body` is the reflectance of the layer
+    /// below a gloss and of the metal in a mixture; other lobes ignore it.
     fn own_colors(&self, body: SampledSpectrum) -> Self::Colors;
 
     /// The spectra of a lane.
