@@ -144,8 +144,12 @@ enum Kind {
 }
 
 impl BatchBsdf {
-    /// `None` of kinds that have no batch form.
+    /// `None` of kinds that have no batch form. Anisotropic surfaces have none: their losses depend
+    /// on the azimuth of a direction, too.
     pub fn of(bsdf: &Bsdf) -> Option<Self> {
+        if bsdf.has_tangent() {
+            return None;
+        }
         if let Bsdf::Dielectric(glass) = bsdf {
             return BatchGlass::of(glass).map(|glass| Self(Kind::Glass(glass)));
         }
