@@ -321,7 +321,7 @@ pub fn is_kind(params: &Params, kind: &str) -> bool {
 fn crop(params: &Params, size: [i64; 2]) -> Result<Option<Crop>, Fault> {
     let bounds: Vec<i64> = params.floats("pixelbounds")?.iter().map(|x| *x as i64).collect();
     let window = params.floats("cropwindow")?;
-    let ends: [[i64; 2]; 2] = match (&window[..], &bounds[..]) {
+    let ends: [[i64; 2]; 2] = match (window, &bounds[..]) {
         (&[x0, x1, y0, y1], _) => {
             let end = |t: f64, i: usize| (t.clamp(0.0, 1.0) * size[i] as f64).ceil() as i64;
             let ends = |a: f64, b: f64, i: usize| [end(a.min(b), i), end(a.max(b), i)];
