@@ -177,7 +177,7 @@ mod tests {
         glowing.nodes[1].material = Some(lamp);
         let fire = Homogeneous { emission: Rgb::WHITE, ..Homogeneous::absorbing(Rgb::WHITE) };
         let mut burning = ball();
-        let fire_inside = burning.add_medium(fire);
+        let fire_inside = burning.add_medium(fire.clone());
         let hearth = burning.add_material(Material::interface("hearth", fire_inside));
         burning.nodes[1].material = Some(hearth);
         let mut in_fire = ball();

@@ -6,7 +6,6 @@ use super::state::Motion;
 use super::{Builder, camera};
 use crate::scene::fault::{Fault, Spot};
 use snell_scene::Material;
-use snell_scene::material::MaterialKind;
 
 /// The options of a scene as written.
 #[derive(Debug, Default)]
@@ -240,16 +239,15 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// Lifts the limit of bounces in scenes with subsurface scattering: pbrt passes from where light
-    /// enters to where it leaves in one bounce, and here each scattering on the way is a bounce.
+    /// Lifts the limit of bounces in scenes with subsurface scattering: in pbrt, the way from where
+    /// light enters to where it leaves is one bounce, and here each scattering on it is a bounce.
     fn give_room_below(&mut self, depth: i64, at: Spot) {
-        let is_below = |m: &Material| matches!(&m.kind, MaterialKind::OpenPbr(kind) if kind.subsurface_weight.factor > 0.0);
-        if depth > 0 && self.scene.materials.iter().any(is_below) {
+        if depth > 0 && self.scene.materials.iter().any(Material::has_own_medium) {
             self.scene.settings.max_depth = None;
             self.mention("depth of subsurface", at, || {
                 format!(
-                    "\"maxdepth\" {depth} was ignored, because each scattering below a surface is a \
-                    bounce here: paths end by Russian roulette"
+                    "\"maxdepth\" {depth} was ignored, because each scattering below a surface is \
+                    a bounce here: paths end by Russian roulette"
                 )
             });
         }

@@ -130,6 +130,7 @@ fn subsurface_scattering_lifts_the_limit_of_bounces() {
     assert!(warnings(&text(5, below)).contains("\"maxdepth\" 5 was ignored"));
     assert_eq!(depth(&text(0, below)), Some(0), "only what emits");
     assert_eq!(depth(&text(5, "\"diffuse\"")), Some(5));
+    assert_eq!(depth(&text(5, "\"diffusetransmission\"")), Some(5), "a thin sheet");
 }
 
 #[test]
