@@ -43,8 +43,8 @@ impl Default for FramingOptions {
 
 /// Adds the parts that a picture needs and the scene lacks: a camera that frames the finite
 /// surfaces, and the default sky if nothing emits light (no lights, no environment, no emissive
-/// material or medium in use). With the sky comes [`DEFAULT_BACKGROUND`], unless the scene has a background.
-/// A complete scene is unchanged.
+/// material or medium in use). With the sky comes [`DEFAULT_BACKGROUND`], unless the scene has a
+/// background. A complete scene is unchanged.
 pub fn prepare(scene: &mut Scene, options: &FramingOptions) -> Result<(), SceneError> {
     prepare_for(scene, &[], options)
 }
