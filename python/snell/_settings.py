@@ -17,8 +17,8 @@ class RenderSettings(TypedDict, total=False):
 
     noise: float | None
     """Stop each pixel when its 95 % confidence interval is this narrow on both sides, such as
-    0.02: relative to the light in bright regions, see the documents. The number of samples
-    and the time are upper limits.
+    0.02. In bright regions the value is relative to the light; see the documents. The
+    number of samples and the time are upper limits.
     """
 
     time: float | str | None
@@ -76,12 +76,14 @@ class RenderSettings(TypedDict, total=False):
     """
 
     clamp: float | None
-    """Clamp light after two or more bounces to this radiance: no fireflies, but the picture
-    becomes too dark. Default: off.
+    """Clamp light after two or more bounces to this radiance, which removes fireflies but
+    makes the picture too dark. Default: off.
     """
 
     ao_distance: float | None
-    """Range of `ao`, in scene units. Default: half of the scene's radius."""
+    """Distance within which `ao` counts occluders, in scene units. Default: half of the
+    scene's radius.
+    """
 
     accelerator: str | None
     """Acceleration structure, which never changes the picture: none, graph, spheres, bvh,

@@ -250,6 +250,7 @@ def test_cameras():
     for kind, parameters in {
         "fisheye": {"fov": 180},
         "panoramic": {},
+        "equal-area": {},
         "orthographic": {"half_size": (None, 2)},
     }.items():
         other = snell.Camera(kind, eye=(0, 0, 5), **parameters)

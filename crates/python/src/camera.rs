@@ -17,7 +17,7 @@ use snell_scene::Projection;
 /// ----------
 /// projection : str
 ///     One of :data:`PROJECTIONS`: `"perspective"`, `"intrinsics"` (a camera matrix),
-///     `"orthographic"`, `"panoramic"` or `"fisheye"`.
+///     `"orthographic"`, `"panoramic"`, `"equal-area"` or `"fisheye"`.
 /// eye : three numbers
 ///     Where the camera is.
 /// target : three numbers, optional

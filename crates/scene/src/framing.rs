@@ -10,8 +10,9 @@ pub use fit::frame;
 pub use sky::{default_sky, sky_seen_by};
 
 use crate::camera::Camera;
-use crate::graph::{Background, NodeId, Scene, SceneError};
+use crate::graph::{Background, MediumId, NodeId, Scene, SceneError};
 use crate::material::{Diffuse, Material};
+use crate::medium::Medium;
 use crate::motion::Pose;
 use snell_math::{Bounds3d, DVec3, Rgb, Transform};
 use std::collections::BTreeMap;
@@ -42,8 +43,8 @@ impl Default for FramingOptions {
 
 /// Adds the parts that a picture needs and the scene lacks: a camera that frames the finite
 /// surfaces, and the default sky if nothing emits light (no lights, no environment, no emissive
-/// material in use). With the sky comes [`DEFAULT_BACKGROUND`], unless the scene has a background.
-/// A complete scene is unchanged.
+/// material or medium in use). With the sky comes [`DEFAULT_BACKGROUND`], unless the scene has a
+/// background. A complete scene is unchanged.
 pub fn prepare(scene: &mut Scene, options: &FramingOptions) -> Result<(), SceneError> {
     prepare_for(scene, &[], options)
 }
@@ -114,13 +115,18 @@ fn placed(scene: &Scene, id: NodeId, own: &Bounds3d) -> Bounds3d {
     if bounds.is_finite() { bounds } else { Bounds3d::EMPTY }
 }
 
-/// True if any material in use emits light.
+/// True if any material in use emits light, or any medium around the scene or inside of a surface.
 fn uses_emission(scene: &Scene, order: &[NodeId]) -> bool {
+    let glows = |id: MediumId| scene.media.get(id.index()).is_some_and(Medium::is_emissive);
     order.iter().any(|id| {
         let node = &scene.nodes[id.index()];
         let of_surfaces = node.surfaces.iter().flat_map(|s| s.materials.iter().flatten());
-        of_surfaces.chain(&node.material).any(|m| scene.materials[m.index()].is_emissive())
-    })
+        of_surfaces.chain(&node.material).any(|m| {
+            let material = &scene.materials[m.index()];
+            let inside = material.interior.and_then(|interior| interior.medium);
+            material.is_emissive() || inside.is_some_and(glows)
+        })
+    }) || scene.medium.is_some_and(glows)
 }
 
 #[cfg(test)]
@@ -129,6 +135,7 @@ mod tests {
     use crate::camera::Projection;
     use crate::graph::{Environment, Geometry, Node, Surface};
     use crate::light::Directional;
+    use crate::medium::Homogeneous;
     use snell_intersect::TriangleMesh;
     use snell_intersect::shape::Sphere;
     use snell_math::{DAffine3, Vec3};
@@ -168,7 +175,14 @@ mod tests {
         let mut glowing = ball();
         let lamp = glowing.add_material(default_material().emitting(Rgb::WHITE));
         glowing.nodes[1].material = Some(lamp);
-        for mut scene in [lit, surrounded, glowing] {
+        let fire = Homogeneous { emission: Rgb::WHITE, ..Homogeneous::absorbing(Rgb::WHITE) };
+        let mut burning = ball();
+        let fire_inside = burning.add_medium(fire.clone());
+        let hearth = burning.add_material(Material::interface("hearth", fire_inside));
+        burning.nodes[1].material = Some(hearth);
+        let mut in_fire = ball();
+        in_fire.medium = Some(in_fire.add_medium(fire));
+        for mut scene in [lit, surrounded, glowing, burning, in_fire] {
             prepare(&mut scene, &FramingOptions::default()).expect("no cycle");
             assert!(!matches!(scene.environment, Some(Environment::Image { .. })));
             assert_eq!((scene.background, scene.cameras.len()), (Background::Environment, 1));

@@ -43,7 +43,7 @@ def load(
         Time code at which animated values are read. Default: the stage's default values, or else
         the values of the first time sample.
     allow_outside : bool, optional
-        Lets the stage name files outside of its folder.
+        Lets the stage refer to files outside of its folder.
     """
     import os
     import tempfile

@@ -26,7 +26,7 @@ pub struct Options {
     /// `ambient=[r,g,b]`; or NAME=VALUE, a parameter of a Mitsuba scene
     #[arg(short = 'D', long = "define", value_name = "key=value")]
     define: Vec<String>,
-    /// Let the scene name files outside of its folder
+    /// Let the scene refer to files outside of its folder
     #[arg(long)]
     allow_outside: bool,
 }

@@ -21,7 +21,7 @@ pub struct Options {
     /// Print JSON
     #[arg(long)]
     json: bool,
-    /// Let the scene name files outside of its folder
+    /// Let the scene refer to files outside of its folder
     #[arg(long)]
     allow_outside: bool,
 }

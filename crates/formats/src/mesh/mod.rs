@@ -64,6 +64,15 @@ pub fn read_mesh(input: &Input) -> Result<TriangleMesh, ReadError> {
     parse(input, &mut Notes::default())
 }
 
+/// Reads a mesh, and for a PLY file with other polygons than triangles the number of triangles that
+/// each of its faces became, in the order of the triangles.
+pub fn read_faces(input: &Input) -> Result<(TriangleMesh, Option<Vec<u32>>), ReadError> {
+    if (ply::READER.recognises)(&input.bytes) {
+        return ply::parse_faces(input, &mut Notes::default());
+    }
+    Ok((read_mesh(input)?, None))
+}
+
 /// Computes vertex normals: smooth, except across edges at which the faces meet at more than
 /// `crease_degrees`, where vertices are split. Existing normals are replaced.
 pub fn smooth_normals(mesh: &mut TriangleMesh, crease_degrees: f32) {

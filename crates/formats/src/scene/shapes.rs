@@ -1,7 +1,7 @@
 //! Stores equal shapes once, and places them by nodes.
 
 use snell_intersect::{AnyShape, TriangleMesh};
-use snell_math::{DAffine3, DMat3, DVec3, Vec2};
+use snell_math::{DAffine3, DMat3, DVec3, Vec2, Vec3};
 use snell_scene::material::Bitangent;
 use snell_scene::{Geometry, MaterialId, Node, NodeId, Scene, Surface};
 use std::collections::HashMap;
@@ -48,6 +48,22 @@ pub fn surface(geometry: Geometry, material: Option<MaterialId>) -> Surface {
         || Surface::new(geometry.clone()),
         |m| Surface::with_material(geometry.clone(), m),
     )
+}
+
+/// Reverses the triangles that face away from the normals of their vertices, and returns whether
+/// there were any: in pbrt and Mitsuba, the outer side is that of the normals.
+pub fn wind_by_normals(mesh: &mut TriangleMesh) -> bool {
+    let TriangleMesh { positions, indices, normals, .. } = mesh;
+    let mut found = false;
+    for t in indices {
+        let [a, b, c] = t.map(|i| positions[i as usize]);
+        let normal: Vec3 = t.iter().map(|&i| normals[i as usize]).sum();
+        if (b - a).cross(c - a).dot(normal) < 0.0 {
+            t.swap(1, 2);
+            found = true;
+        }
+    }
+    found
 }
 
 /// Number of pieces of a swept surface around a full turn.

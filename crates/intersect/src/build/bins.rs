@@ -8,8 +8,8 @@ use snell_math::simd::Wide;
 /// Sets of at least this many primitives are binned and partitioned by several threads. The result
 /// is the same, because minima, maxima and counts do not depend on the order.
 pub(super) const PARALLEL: usize = 1 << 15;
-pub(super) const CHUNK: usize = 1 << 13;
 /// The number of primitives that a thread takes at a time.
+pub(super) const CHUNK: usize = 1 << 13;
 
 /// Boxes around the primitives of a set, and around the doubled centres of the primitives.
 #[derive(Clone, Copy, Debug)]

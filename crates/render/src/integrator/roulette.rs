@@ -11,7 +11,7 @@ pub(crate) const EARLY: u32 = 1;
 pub(crate) const LATE: u32 = 4;
 
 /// From this depth on, paths that have lost nothing may end too.
-const LONG: u32 = 1000;
+const LONG: u32 = 4000;
 
 /// Paths undergo roulette if their weight is this many times less than the initial one.
 const WINDOW: f32 = 2.0;

@@ -75,7 +75,7 @@ impl Job<'_> {
         let lights =
             self.scene.light_sampler(LightSamplerKind::Power, self.settings.light_strategy);
         let sampler = Sampler::new(SamplerKind::Independent, seed, 1);
-        let roulette_depth = self.settings.roulette_depth.unwrap_or(roulette::EARLY);
+        let roulette_depth = self.settings.roulette_depth.unwrap_or(0);
         let batches = photons as usize / BATCH;
         let shoot = |batches: Range<usize>, maps: &ProjectionMaps| {
             let shots: Vec<Mutex<Shots>> = batches.clone().map(|_| Mutex::default()).collect();
@@ -274,8 +274,9 @@ fn bounced(
     let sample =
         shading.sample(from, vertex.number(dimension::LOBE), vertex.pair(dimension::BSDF))?;
     let flux = photon.flux * sample.weight;
-    let weight = roulette::unknown_survival(flux.max_element() / photon.first_flux);
-    let survival = most_survival.map_or(1.0, |most| weight.min(most));
+    // Those that survive have their initial flux again, so that all hits count alike.
+    let remaining = flux.max_element() / photon.first_flux;
+    let survival = most_survival.map_or(1.0, |most| remaining.min(most));
     if !flux.is_finite() || vertex.number(dimension::ROULETTE) >= survival {
         return None;
     }

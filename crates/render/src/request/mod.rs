@@ -102,7 +102,7 @@ settings! {
         /// Bounces after which `path` may end paths that have lost light, by Russian roulette.
         ///
         /// 0 is at the first hit; as many as `max_depth` switch it off. What conserves light, such
-        /// as a white cloud, has no noise by it, but for paths of more than 1000 bounces.
+        /// as a white cloud, has no noise by it, but for paths of more than 4000 bounces.
         #[setting(
             Light, "N", "int", default "1, or 4 where most light comes evenly from all directions";
             live

@@ -144,8 +144,12 @@ enum Kind {
 }
 
 impl BatchBsdf {
-    /// `None` of kinds that have no batch form.
+    /// `None` of kinds that have no batch form. Anisotropic surfaces have none: their losses depend
+    /// on the azimuth of a direction, too.
     pub fn of(bsdf: &Bsdf) -> Option<Self> {
+        if bsdf.has_tangent() {
+            return None;
+        }
         if let Bsdf::Dielectric(glass) = bsdf {
             return BatchGlass::of(glass).map(|glass| Self(Kind::Glass(glass)));
         }
@@ -295,7 +299,8 @@ impl BatchBsdf {
 
 /// Lobes for lanes that differ in their spectra.
 pub(super) trait BatchLobes: BranchlessLobes {
-    /// The spectra of this BSDF, over a body of this reflectance.
+    /// The BSDF's own spectra, where all lanes share them. `body` is the reflectance of the layer
+    /// below a gloss and of the metal in a mixture; other lobes ignore it.
     fn own_colors(&self, body: SampledSpectrum) -> Self::Colors;
 
     /// The spectra of a lane.

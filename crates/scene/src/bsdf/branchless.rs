@@ -10,7 +10,7 @@
 use super::{BsdfSample, Drawn};
 use snell_math::{SampledSpectrum, Vec2, Vec3};
 
-/// [`super::Lobes`] that compute every result, also one that a flag then discards.
+/// [`super::Lobes`] that always compute every result, even those that a flag then discards.
 pub(super) trait BranchlessLobes {
     /// The precomputed state for `wo`.
     type Seen;

@@ -28,6 +28,32 @@ pub struct Coat {
     pub base_roughness: f32,
 }
 
+impl Coat {
+    /// Share of light from below that passes it once, towards a direction of this cosine.
+    pub(crate) fn passed_once(&self, cos: f32) -> SampledSpectrum {
+        let ior = self.outer_ior();
+        let w = Vec3::new((1.0 - cos * cos).max(0.0).sqrt(), 0.0, cos);
+        let reflected = DielectricReflection::new(self.ggx.into(), ior).towards(w);
+        let left = transmitted(self.color, 0.5 * way(cos, ior));
+        SampledSpectrum::ONE.lerp(left * (1.0 - reflected), self.weight)
+    }
+
+    /// Its index of refraction, or the inverse if it is below 1.
+    fn outer_ior(&self) -> f32 {
+        if self.ior < 1.0 { 1.0 / self.ior } else { self.ior }
+    }
+}
+
+/// Path length through a coat of this index over its thickness, from a direction of this cosine.
+fn way(cos: f32, ior: f32) -> f32 {
+    1.0 / (1.0 - (1.0 - cos * cos).max(0.0) / (ior * ior)).max(1e-4).sqrt()
+}
+
+/// The transmittance of a coat over this many thicknesses, by that over one.
+fn transmitted(color: SampledSpectrum, thicknesses: f32) -> SampledSpectrum {
+    color.map(|c| if c >= 1.0 { 1.0 } else { c.max(0.0).powf(thicknesses) })
+}
+
 /// The upper side of a coat with this distribution of facets and albedo, without its colour and in
 /// its own frame.
 #[derive(Clone, Copy, Debug)]
@@ -111,7 +137,7 @@ impl CoatLobe {
     /// A coat over a base of this albedo at normal incidence.
     pub(super) fn new(coat: Coat, base_albedo: SampledSpectrum) -> Self {
         let Coat { weight, ggx, color, darkening, base_roughness, .. } = coat;
-        let ior = if coat.ior < 1.0 { 1.0 / coat.ior } else { coat.ior };
+        let ior = coat.outer_ior();
         let interface = CoatInterface {
             weight,
             ior,
@@ -156,8 +182,7 @@ impl CoatLobe {
 
     /// Path length through the coat over its thickness.
     fn way(&self, w: Vec3) -> f32 {
-        let (cos, ior) = (self.frame.z.dot(w), self.interface.ior);
-        1.0 / (1.0 - (1.0 - cos * cos).max(0.0) / (ior * ior)).max(1e-4).sqrt()
+        way(self.frame.z.dot(w), self.interface.ior)
     }
 
     pub(super) fn seen(&self, wo: Vec3) -> CoatSeen {
@@ -176,7 +201,7 @@ impl CoatLobe {
     pub(super) fn passed(&self, seen: &CoatSeen, wi: Vec3) -> SampledSpectrum {
         // Light that goes through the base crosses the coat once.
         let way = seen.way + if seen.wo.z * wi.z > 0.0 { self.way(wi) } else { 0.0 };
-        let left = self.color.map(|c| if c >= 1.0 { 1.0 } else { c.max(0.0).powf(0.5 * way) });
+        let left = transmitted(self.color, 0.5 * way);
         self.interface.passed(seen.reflected, left) * seen.darkened
     }
 

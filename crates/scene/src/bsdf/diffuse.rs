@@ -45,6 +45,12 @@ impl DiffuseBsdf {
         Self { reflectance, roughness, level, bounced }
     }
 
+    /// The same surface where it covers these fractions of a mixture. Unlike a darker colour, a
+    /// smaller fraction does not change what bounces between facets.
+    pub(crate) fn scaled(self, share: SampledSpectrum) -> Self {
+        Self { reflectance: self.reflectance * share, bounced: self.bounced * share, ..self }
+    }
+
     /// True if the surface reflects nothing.
     pub(super) fn is_black(&self) -> bool {
         self.reflectance.is_black()

@@ -1,12 +1,92 @@
 //! Fuzz: fibres on a surface, as on velvet, or dust.
 //!
-//! A volume of fibre-like flakes, fitted by linearly transformed cosines (Zeltner, Burley and
-//! Chiang, Practical Multiple-Scattering Sheen Using Linearly Transformed Cosines, SIGGRAPH 2022
-//! talks). `sheen.bin` is the table that its authors publish with the talk (repository
-//! tizian/ltc-sheen, Apache 2.0): for 32 roughnesses and 32 cosines the coefficients `a` and `b` of
-//! the inverse transform and the reflectance, as 32-bit numbers.
+//! [`FuzzModel::Flakes`] is a volume of fibre-like flakes, fitted by linearly transformed cosines
+//! (Zeltner, Burley and Chiang, Practical Multiple-Scattering Sheen Using Linearly Transformed
+//! Cosines, SIGGRAPH 2022 talks). `sheen.bin` is the table that its authors publish with the talk
+//! (repository tizian/ltc-sheen, Apache 2.0): for 32 roughnesses and 32 cosines the coefficients
+//! `a` and `b` of the inverse transform and the reflectance, as 32-bit numbers.
+//!
+//! [`FuzzModel::Charlie`] is in `charlie.rs`.
 
-use snell_math::{Frame, Vec2, Vec3, sampling};
+mod charlie;
+
+use charlie::CharlieLobe;
+use serde::{Deserialize, Serialize};
+use snell_math::{Frame, SampledSpectrum, Vec2, Vec3, sampling};
+
+snell_math::declare! {
+    /// Law by which fuzz reflects light.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub enum FuzzModel {
+        /// Flakes that scatter light many times, as in OpenPBR Surface 1.1.
+        "flakes" => #[default] Flakes,
+        /// Cylindrical fibres that reflect light once, as in glTF's `KHR_materials_sheen`.
+        "charlie" => Charlie,
+    }
+}
+
+/// Fibres on top.
+#[derive(Clone, Copy, Debug)]
+pub struct Fuzz {
+    /// Share of the surface that it covers, `[0, 1]`.
+    pub weight: f32,
+    /// Tint of its reflection.
+    pub color: SampledSpectrum,
+    /// 0 for straight fibres, 1 for dust.
+    pub roughness: f32,
+    /// Law of its reflection.
+    pub model: FuzzModel,
+}
+
+impl Fuzz {
+    /// Share of light that passes towards a direction of this cosine.
+    pub(crate) fn passed(&self, cos: f32) -> f32 {
+        let w = Vec3::new((1.0 - cos * cos).max(0.0).sqrt(), 0.0, cos);
+        1.0 - self.weight * FuzzLobe::new(self, w).reflectance()
+    }
+}
+
+/// White fuzz of one roughness, seen from one direction above.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum FuzzLobe {
+    Flakes(FlakesLobe),
+    Charlie(CharlieLobe),
+}
+
+impl FuzzLobe {
+    pub(super) fn new(fuzz: &Fuzz, wo: Vec3) -> Self {
+        match fuzz.model {
+            FuzzModel::Flakes => Self::Flakes(FlakesLobe::new(fuzz.roughness, wo)),
+            FuzzModel::Charlie => Self::Charlie(CharlieLobe::new(fuzz.roughness, wo)),
+        }
+    }
+
+    /// Share of light reflected; the rest reaches the layers below.
+    pub(super) fn reflectance(&self) -> f32 {
+        match self {
+            Self::Flakes(lobe) => lobe.reflectance,
+            Self::Charlie(lobe) => lobe.reflectance,
+        }
+    }
+
+    /// `f |cos(wi)|` for a direction above, and the density with which [`Self::sample`] draws it.
+    pub(super) fn value_and_pdf(&self, wi: Vec3) -> (f32, f32) {
+        match self {
+            Self::Flakes(lobe) => {
+                let pdf = lobe.pdf(wi);
+                (lobe.reflectance * pdf, pdf)
+            }
+            Self::Charlie(lobe) => (lobe.value(wi), CharlieLobe::PDF),
+        }
+    }
+
+    pub(super) fn sample(&self, u: Vec2) -> Vec3 {
+        match self {
+            Self::Flakes(lobe) => lobe.sample(u),
+            Self::Charlie(_) => CharlieLobe::sample(u),
+        }
+    }
+}
 
 const SIZE: usize = 32;
 static TABLE: &[u8] = include_bytes!("sheen.bin");
@@ -18,19 +98,19 @@ fn entry(row: usize, column: usize) -> [f32; 3] {
     })
 }
 
-/// White fuzz of one roughness, seen from one direction above.
+/// White flakes of one roughness, seen from one direction above.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct FuzzLobe {
+pub(super) struct FlakesLobe {
     /// The azimuth of the viewer is `x`.
     frame: Frame,
     a: f32,
     b: f32,
     /// Share of light reflected; the rest reaches the layers below.
-    pub(super) reflectance: f32,
+    reflectance: f32,
 }
 
-impl FuzzLobe {
-    pub(super) fn new(roughness: f32, wo: Vec3) -> Self {
+impl FlakesLobe {
+    fn new(roughness: f32, wo: Vec3) -> Self {
         // The rows of the lowest roughness are empty: such fibres are too straight to be visible.
         let (row, r) = super::energy::nodes(roughness.max(0.07), SIZE);
         let (column, c) = super::energy::nodes(wo.z, SIZE);
@@ -48,7 +128,7 @@ impl FuzzLobe {
     }
 
     /// Density per steradian with which light comes from `wi`, above.
-    pub(super) fn pdf(&self, wi: Vec3) -> f32 {
+    fn pdf(&self, wi: Vec3) -> f32 {
         let w = self.frame.to_local(wi);
         let original = Vec3::new(self.a * w.x + self.b * w.z, self.a * w.y, w.z);
         let length2 = original.length_squared();
@@ -56,7 +136,7 @@ impl FuzzLobe {
         sampling::cosine_hemisphere_pdf(w.z) * self.a * self.a / (length2 * length2)
     }
 
-    pub(super) fn sample(&self, u: Vec2) -> Vec3 {
+    fn sample(&self, u: Vec2) -> Vec3 {
         let o = sampling::cosine_hemisphere(u);
         let w = Vec3::new((o.x - o.z * self.b) / self.a, o.y / self.a, o.z);
         self.frame.from_local(w.normalize_or(Vec3::Z))

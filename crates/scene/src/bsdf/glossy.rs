@@ -17,7 +17,7 @@ use super::{
 };
 use snell_math::simd::select;
 use snell_math::{SampledSpectrum, Vec2, Vec3, sampling};
-use std::f32::consts::FRAC_1_PI;
+use std::f32::consts::{FRAC_1_PI, FRAC_1_SQRT_2};
 
 /// The interface on top.
 #[derive(Clone, Copy, Debug)]
@@ -118,7 +118,7 @@ impl<M: Facets, A: Directional, F: Into<Option<ThinFilm>> + Copy, B: Into<Body> 
     #[inline(always)]
     fn colors(&self, body: B, tint: SampledSpectrum) -> GlossColors<B> {
         let average = if self.film.into().is_some() {
-            NODES.iter().map(|&(cos, weight)| self.gloss_albedo(tint, along(cos)) * weight).sum()
+            NODES.iter().map(|&(cos, weight)| self.mean_albedo(tint, cos) * weight).sum()
         } else {
             tint * self.mean
         };
@@ -149,12 +149,48 @@ impl<M: Facets, A: Directional, F: Into<Option<ThinFilm>> + Copy, B: Into<Body> 
         };
         let film: Option<ThinFilm> = self.film.into();
         let Some(film) = film else { return tint * plain };
-        // The film changes the albedo by the same factor as the reflectance of a typical facet.
-        let cos = self.microfacets.get().widths().facet_cosine(w);
-        let f = fresnel::dielectric(cos, self.ior);
-        let ratio = if f > 0.0 { plain / f } else { 1.0 };
-        let filmed = film.reflectance(cos, self.f0(), SampledSpectrum::splat(f));
-        (filmed * ratio).clamp(0.0, 1.0) * tint
+        if self.microfacets.is_smooth() {
+            return self.fresnel(tint, w.z);
+        }
+        (tint * plain + self.added_by_film(film, tint, w)).clamp(0.0, 1.0)
+    }
+
+    /// What a film adds to the light that rough facets reflect towards a direction above, which may
+    /// be negative: a mean over some facets.
+    fn added_by_film(&self, film: ThinFilm, tint: SampledSpectrum, w: Vec3) -> SampledSpectrum {
+        const FACETS: u32 = 24;
+        let added = |i: u32| {
+            // A Fibonacci lattice.
+            let x = (i as f32 + 0.5) / FACETS as f32;
+            let u = Vec2::new((i as f32 * 0.618_034 + 0.5).fract(), x);
+            let (wi, is_above) = self.microfacets.get().drawn_reflection(w, u);
+            let (m, value, pdf, exists) = self.microfacets.get().reflected(w, wi);
+            if !(is_above && exists && pdf > 0.0) {
+                return SampledSpectrum::ZERO;
+            }
+            let cos = w.dot(m);
+            let plain = SampledSpectrum::splat(fresnel::dielectric(cos, self.ior));
+            (film.reflectance(cos, self.f0(), plain) - plain) * (value / pdf)
+        };
+        (0..FACETS).map(added).sum::<SampledSpectrum>() * tint * (1.0 / FACETS as f32)
+    }
+
+    /// Mean of [`Self::gloss_albedo`] over the azimuths of directions of this cosine.
+    #[inline(always)]
+    fn mean_albedo(&self, tint: SampledSpectrum, cos: f32) -> SampledSpectrum {
+        // Of an anisotropic gloss, by the midpoint rule over a quarter of the circle.
+        const AZIMUTHS: [(f32, f32); 3] = [
+            (0.965_925_8, 0.258_819_04),
+            (FRAC_1_SQRT_2, FRAC_1_SQRT_2),
+            (0.258_819_04, 0.965_925_8),
+        ];
+        let sin = (1.0 - cos * cos).sqrt();
+        let at = |&(x, y): &(f32, f32)| self.gloss_albedo(tint, Vec3::new(sin * x, sin * y, cos));
+        if self.microfacets.get().widths().has_tangent() {
+            AZIMUTHS.iter().map(at).sum::<SampledSpectrum>() * (1.0 / 3.0)
+        } else {
+            at(&(1.0, 0.0))
+        }
     }
 
     /// Share of light that reaches the body from a direction above.
@@ -172,8 +208,8 @@ impl<M: Facets, A: Directional, F: Into<Option<ThinFilm>> + Copy, B: Into<Body> 
             return colors.passed_average;
         }
         let difference = |&(cos, weight): &(f32, f32)| {
-            (self.passed(colors, along(cos)) - colors.passed_average)
-                * (weight * (diffuse.white_mean(cos_o, cos) - 1.0))
+            let passed = SampledSpectrum::ONE - self.mean_albedo(colors.tint, cos);
+            (passed - colors.passed_average) * (weight * (diffuse.white_mean(cos_o, cos) - 1.0))
         };
         colors.passed_average + NODES.iter().map(difference).sum::<SampledSpectrum>()
     }
@@ -217,11 +253,6 @@ const NODES: [(f32, f32); 8] = [
     (0.807_002_61, 0.322_433_49),
     (0.960_684_08, 0.190_635_53),
 ];
-
-/// A direction of this cosine.
-fn along(cos: f32) -> Vec3 {
-    Vec3::new((1.0 - cos * cos).sqrt(), 0.0, cos)
-}
 
 impl<M: Facets, A: Directional, F: Into<Option<ThinFilm>> + Copy, B: Into<Body> + Copy>
     BranchlessLobes for GlossLobe<M, A, F, B>

@@ -18,6 +18,8 @@ mod energy;
 mod facet_walk;
 mod film;
 pub mod fresnel;
+#[cfg(test)]
+mod furnace;
 mod fuzz;
 mod ggx;
 mod glossy;
@@ -39,12 +41,13 @@ pub use conductor::{ComplexIor, ConductorBsdf, ConductorSeen, F82, FacetReflecta
 pub use dielectric::{DielectricBsdf, DielectricSeen, Interface, Split};
 pub use diffuse::DiffuseBsdf;
 pub use film::ThinFilm;
+pub use fuzz::{Fuzz, FuzzModel};
 pub use ggx::Ggx;
 pub use glossy::{Body, Gloss, GlossyBsdf, GlossySeen};
 pub use hair::{HairBsdf, HairFiber, HairSeen};
 pub use microfacets::{MicrofacetShape, Microfacets};
 pub use mirror::MirrorBsdf;
-pub use open_pbr::{Fuzz, OpenPbrBsdf, OpenPbrSeen, Slabs, Translucent, TranslucentSeen};
+pub use open_pbr::{OpenPbrBsdf, OpenPbrSeen, Slabs, Translucent, TranslucentSeen};
 pub use phong::{PhongBsdf, PhongCoefficients};
 pub use sheet::{SheetBsdf, SheetSeen};
 pub use widths::Widths;
@@ -275,6 +278,10 @@ macro_rules! bsdfs {
     ($(#[$doc:meta])* $name:ident, $(#[$seen_doc:meta])* $seen:ident,
         $($kind:ident => $type:ty, $known:ty;)*) => {
         $(#[$doc])*
+        #[allow(
+            clippy::large_enum_variant,
+            reason = "BSDFs are short-lived or prepared once, and their tables' places belong to them"
+        )]
         pub enum $name {
             $(#[doc = concat!("`", stringify!($type), "`.")] $kind($type),)*
         }
@@ -362,6 +369,18 @@ bsdfs! {
 }
 
 impl Bsdf {
+    /// True if tangents matter.
+    pub(crate) fn has_tangent(&self) -> bool {
+        match self {
+            Self::Black(_) | Self::Diffuse(_) | Self::Phong(_) | Self::Mirror(_) => false,
+            Self::Dielectric(dielectric) => dielectric.has_tangent(),
+            Self::Conductor(conductor) => conductor.has_tangent(),
+            Self::Glossy(glossy) => glossy.has_tangent(),
+            Self::OpenPbr(layers) => layers.has_tangent(),
+            Self::Hair(_) => true,
+        }
+    }
+
     /// [`Lobes::albedo`], if it is the same from all directions.
     pub fn albedo_from_anywhere(&self) -> Option<SampledSpectrum> {
         match self {

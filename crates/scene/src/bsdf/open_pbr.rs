@@ -12,7 +12,7 @@ pub(super) use batch::BatchMixed;
 
 use super::batch::LobeSpectra;
 use super::coat::{Coat, CoatLobe, CoatSeen};
-use super::fuzz::FuzzLobe;
+use super::fuzz::{Fuzz, FuzzLobe};
 use super::{
     BsdfSample, Choice, ConductorBsdf, ConductorSeen, DielectricBsdf, DielectricSeen, Drawn,
     GlossyBsdf, GlossySeen, Lobes, SheetBsdf, SheetSeen, SpecularBranch, bsdfs, lift, lower_like,
@@ -40,17 +40,6 @@ pub struct Slabs {
     pub translucent: Option<(f32, Translucent)>,
     /// Share of the opaque dielectric that scatters in a medium inside, `[0, 1]`.
     pub subsurface: f32,
-}
-
-/// Fibres on top.
-#[derive(Clone, Copy, Debug)]
-pub struct Fuzz {
-    /// Share of the surface that it covers, `[0, 1]`.
-    pub weight: f32,
-    /// Tint of its reflection.
-    pub color: SampledSpectrum,
-    /// 0 for straight fibres, 1 for dust.
-    pub roughness: f32,
 }
 
 /// The parameters of one point. Make it with [`OpenPbrBsdf::new`].
@@ -210,14 +199,24 @@ impl OpenPbrBsdf {
         (clear / total, scattering / total)
     }
 
+    /// The square of the index of refraction of the interior, by which radiance is larger there.
+    /// Where clear and scattering parts share the interior, light crosses both with this factor:
+    /// it may enter by one and leave by the other.
+    fn compression(&self) -> f32 {
+        match &self.slabs.translucent {
+            Some((_, Translucent::Solid(solid))) => solid.crossing_scale(Vec3::Z),
+            _ => 1.0,
+        }
+    }
+
     /// Fuzz seen from a direction on the outside.
     fn fuzz_lobe(&self, wo: Vec3) -> Option<(Fuzz, FuzzLobe)> {
-        self.fuzz.map(|fuzz| (fuzz, FuzzLobe::new(fuzz.roughness, lift(wo))))
+        self.fuzz.map(|fuzz| (fuzz, FuzzLobe::new(&fuzz, lift(wo))))
     }
 
     /// Share of light that passes the fuzz towards `wo`.
     fn under_fuzz(fuzz: &Option<(Fuzz, FuzzLobe)>) -> f32 {
-        fuzz.as_ref().map_or(1.0, |(fuzz, lobe)| 1.0 - fuzz.weight * lobe.reflectance)
+        fuzz.as_ref().map_or(1.0, |(fuzz, lobe)| 1.0 - fuzz.weight * lobe.reflectance())
     }
 
     /// Factor on the base under the coat.
@@ -250,7 +249,7 @@ impl OpenPbrBsdf {
                 self.unit * (seen.reflected * coat.weight() * under_fuzz)
             });
         let f = fuzz.as_ref().map_or(SampledSpectrum::ZERO, |(fuzz, lobe)| {
-            fuzz.color * self.unit * (fuzz.weight * lobe.reflectance)
+            fuzz.color * self.unit * (fuzz.weight * lobe.reflectance())
         });
         let choice = Choice::new([m, o, t, c, f]);
         OpenPbrSeen { wo, metal, opaque, translucent, coat, fuzz, under_fuzz, slabs, choice }
@@ -299,7 +298,7 @@ impl OpenPbrBsdf {
         }
         if wi.z > 0.0 {
             if let Some((_, b)) = &self.slabs.opaque {
-                value += b.exit_value(wi) * scattering;
+                value += b.exit_value(wi) * (scattering * self.compression());
             }
             pdf += scattering * sampling::cosine_hemisphere_pdf(wi.z);
         }
@@ -371,9 +370,11 @@ impl Lobes for OpenPbrBsdf {
             value_and_pdf(&s.translucent, &seen.translucent, wi),
         ];
         let (mut base, mut pdf) = (SampledSpectrum::ZERO, 0.0);
-        for (slab, p) in slabs.into_iter().zip(p) {
+        let entering = if wo.z * wi.z < 0.0 { 1.0 / self.compression() } else { 1.0 };
+        for (i, (slab, p)) in slabs.into_iter().zip(p).enumerate() {
             let Some((share, value, density)) = slab else { continue };
-            base += value * share;
+            // (Glass has that factor itself.)
+            base += value * if i == OPAQUE { share * entering } else { share };
             pdf += if p > 0.0 { p * density } else { 0.0 };
         }
         let mut value = base * self.unit * self.under_coat(&seen.coat, wi);
@@ -386,8 +387,8 @@ impl Lobes for OpenPbrBsdf {
         if let Some((fuzz, lobe)) = &seen.fuzz
             && wo.z * wi.z > 0.0
         {
-            let density = lobe.pdf(lift(wi));
-            value += fuzz.color * self.unit * (fuzz.weight * lobe.reflectance * density);
+            let (reflected, density) = lobe.value_and_pdf(lift(wi));
+            value += fuzz.color * self.unit * (fuzz.weight * reflected);
             pdf += p[FUZZ] * density;
         }
         (value, pdf)
@@ -443,7 +444,7 @@ impl Lobes for OpenPbrBsdf {
         let top = seen
             .fuzz
             .as_ref()
-            .map_or(SampledSpectrum::ZERO, |(f, lobe)| f.color * (f.weight * lobe.reflectance));
+            .map_or(SampledSpectrum::ZERO, |(f, lobe)| f.color * (f.weight * lobe.reflectance()));
         coated * seen.under_fuzz + top * self.unit
     }
 

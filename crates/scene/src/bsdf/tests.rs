@@ -94,7 +94,7 @@ fn is_layered(kind: &MaterialKind) -> bool {
 }
 
 /// The first three dimensions of Sobol's sequence (direction numbers of Joe and Kuo, 2008).
-fn sobol(i: u32) -> [f32; 3] {
+pub(super) fn sobol(i: u32) -> [f32; 3] {
     let mut numbers = [[0u32; 32]; 3];
     for k in 0..32 {
         let shift = 31 - k;

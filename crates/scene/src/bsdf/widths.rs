@@ -93,12 +93,6 @@ impl Widths {
         let spread = self.spread(w);
         if w.z > 0.0 { w.z / (w.z + spread) } else { 0.0 }
     }
-
-    /// The cosine at which a typical facet that is visible from `w` is seen.
-    #[inline(always)]
-    pub(super) fn facet_cosine(self, w: Vec3) -> f32 {
-        if self.is_smooth() { w.z } else { self.root(w).min(1.0) }
-    }
 }
 
 #[cfg(test)]

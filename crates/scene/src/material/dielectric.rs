@@ -83,7 +83,7 @@ impl Dielectric {
             return SampledSpectrum::ONE;
         }
         mode.reflectance(
-            self.absorption.map(|sigma| bounded((-bounded(sigma, 1e6) * distance).exp(), 1.0)),
+            self.absorption.map(|sigma| bounded((-bounded(sigma, f32::MAX) * distance).exp(), 1.0)),
         )
     }
 

@@ -23,6 +23,7 @@ mod specular;
 #[cfg(test)]
 mod tests;
 
+pub use crate::bsdf::FuzzModel;
 pub use black::Black;
 pub use bump::{BumpMap, HeightUnit};
 pub use coated_conductor::CoatedConductor;
@@ -256,7 +257,7 @@ impl ShadingPoint<'_> {
 
     /// The lanes of a factor that may exceed 1. Negative values and NaN count as 0.
     pub fn coefficient(&self, color: impl Into<Color>) -> SampledSpectrum {
-        self.mode.reflectance(color.into().map(|x| bounded(x, 1e6)))
+        self.mode.reflectance(color.into().map(|x| bounded(x, 1e20)))
     }
 
     /// Vertex colour of the mesh, white where there is none.
@@ -553,7 +554,8 @@ impl Material {
     pub fn uniform_emission(&self) -> Option<Color> {
         let is_uniform = self.is_emissive()
             && self.emission.texture.is_none()
-            && !self.emission_takes_vertex_color;
+            && !self.emission_takes_vertex_color
+            && !self.has_layers_above_emission();
         let is_solid = self.alpha_mode == AlphaMode::Opaque && self.visible && !self.is_interface();
         let is_there = is_solid && (self.double_sided || !self.emits_on_both_sides);
         let ColorParam { factor: rgb, spectrum, .. } = self.emission;
@@ -568,7 +570,40 @@ impl Material {
             return SampledSpectrum::ZERO;
         }
         let tint = if self.emission_takes_vertex_color { point.vertex_color() } else { Rgb::WHITE };
-        point.mode.illuminant((self.emission.at(point) * tint).map(emitted_part))
+        let radiance = point.mode.illuminant((self.emission.at(point) * tint).map(emitted_part));
+        self.passed_by_layers(point, wo).map_or(radiance, |passed| radiance * passed)
+    }
+
+    /// True if a coat or fuzz may dim what the surface emits.
+    fn has_layers_above_emission(&self) -> bool {
+        match &self.kind {
+            MaterialKind::OpenPbr(surface) => {
+                surface.coat_weight.factor > 0.0 || surface.fuzz_weight.factor > 0.0
+            }
+            MaterialKind::MetallicRoughness(surface) => surface.clearcoat.factor > 0.0,
+            _ => false,
+        }
+    }
+
+    /// The share of emitted light that passes coat and fuzz towards `wo` (unit, world space);
+    /// `None` if there are none. The surface emits below them, as in OpenPBR Surface 1.1
+    /// ("Emission") and in `KHR_materials_clearcoat` and `KHR_materials_sheen`.
+    fn passed_by_layers(&self, point: &ShadingPoint, wo: Vec3) -> Option<SampledSpectrum> {
+        if !self.has_layers_above_emission() {
+            return None;
+        }
+        let cos = |normal: Vec3| wo.dot(normal).abs().min(1.0);
+        let base = cos(self.shading_normal(point));
+        let coat = self
+            .coat_map(point)
+            .map_or(base, |(map, _)| cos(normal::shading_frame(map.as_ref(), None, point).z));
+        match &self.kind {
+            MaterialKind::OpenPbr(surface) => Some(surface.passed_by_layers(point, base, coat)),
+            MaterialKind::MetallicRoughness(surface) => {
+                Some(surface.open_pbr().passed_by_layers(point, base, coat))
+            }
+            _ => None,
+        }
     }
 }
 

@@ -149,15 +149,7 @@ pub struct FrameNeeds {
 impl FrameNeeds {
     /// The needs of a BSDF.
     pub fn of(bsdf: &Bsdf) -> Self {
-        let has_tangent = match bsdf {
-            Bsdf::Black(_) | Bsdf::Diffuse(_) | Bsdf::Phong(_) | Bsdf::Mirror(_) => false,
-            Bsdf::Dielectric(dielectric) => dielectric.has_tangent(),
-            Bsdf::Conductor(conductor) => conductor.has_tangent(),
-            Bsdf::Glossy(glossy) => glossy.has_tangent(),
-            Bsdf::OpenPbr(layers) => layers.has_tangent(),
-            Bsdf::Hair(_) => true,
-        };
-        Self { mirrors: mirrors(bsdf), has_tangent }
+        Self { mirrors: mirrors(bsdf), has_tangent: bsdf.has_tangent() }
     }
 
     /// The valid frame for `wo` that is closest to the plain one. It has no branches, so that loops

@@ -4,8 +4,8 @@ use super::prepared::anywhere;
 use super::{ColorParam, FrameNeeds, Material, NormalMap, ScalarParam, ShadingPoint, positive_ior};
 use crate::bsdf::{
     BatchBsdf, BatchPoint, Body, Bsdf, Coat, ConductorBsdf, DielectricBsdf, DiffuseBsdf, F82,
-    FacetReflectance, Fuzz, Ggx, Gloss, GlossyBsdf, Interface, LobeSpectra, OpenPbrBsdf, SheetBsdf,
-    Slabs, ThinFilm, Translucent, Widths, bounded, fresnel,
+    FacetReflectance, Fuzz, FuzzModel, Ggx, Gloss, GlossyBsdf, Interface, LobeSpectra, OpenPbrBsdf,
+    SheetBsdf, Slabs, ThinFilm, Translucent, Widths, bounded, fresnel,
 };
 use crate::graph::TextureId;
 use crate::medium::{HenyeyGreenstein, MediumProperties};
@@ -91,7 +91,8 @@ snell_math::declare! {
         /// Colour that scattering under the surface gives, `[0, 1]`.
         #[range(Range::SHARE)]
         pub subsurface_color: ColorParam,
-        /// Mean free path there, in units of the scene.
+        /// Mean free path there, in units of the scene. For 0 light comes out where it went in: the
+        /// surface is matte.
         #[range(Range::AMOUNT)]
         #[unit("scene units")]
         pub subsurface_radius: ScalarParam,
@@ -129,6 +130,8 @@ snell_math::declare! {
         /// Roughness of the fuzz: 0 for thin straight fibres, 1 for dust.
         #[range(Range::SHARE)]
         pub fuzz_roughness: ScalarParam,
+        /// Law of the fuzz's reflection, in addition to what the specification has.
+        pub fuzz_model: FuzzModel,
         /// Share of the base that a thin film covers, `[0, 1]`.
         #[range(Range::SHARE)]
         pub thin_film_weight: ScalarParam,
@@ -225,6 +228,7 @@ impl Default for OpenPbr {
             fuzz_weight: none,
             fuzz_color: white,
             fuzz_roughness: 0.5.into(),
+            fuzz_model: FuzzModel::Flakes,
             thin_film_weight: none,
             thin_film_thickness: 0.5.into(),
             thin_film_ior: 1.4.into(),
@@ -329,6 +333,12 @@ impl OpenPbr {
                 ..plain()
             },
             Self { specular_weight: 0.0.into(), specular_roughness: 0.5.into(), ..plain() },
+            Self {
+                fuzz_weight: 0.8.into(),
+                fuzz_roughness: 0.4.into(),
+                fuzz_model: FuzzModel::Charlie,
+                ..plain()
+            },
         ]
     }
 
@@ -365,12 +375,7 @@ impl OpenPbr {
     pub(super) fn bsdf_like(&self, other: Option<&OpenPbrBsdf>, point: &ShadingPoint) -> Bsdf {
         let common = self.common(point);
         let coat = self.coat(point, &common);
-        let fuzz_weight = bounded(self.fuzz_weight.at(point), 1.0);
-        let fuzz = (fuzz_weight > 0.0).then(|| Fuzz {
-            weight: fuzz_weight,
-            color: point.reflectance(self.fuzz_color.at(point)),
-            roughness: bounded(self.fuzz_roughness.at(point), 1.0),
-        });
+        let fuzz = self.fuzz(point);
         let slabs = self.slabs(other, point, &common, coat.as_ref());
         // With dispersion, the hero wavelength represents all of them.
         let unit = if self.is_dispersive() { point.mode.hero_factor() } else { point.mode.unit() };
@@ -456,6 +461,30 @@ impl OpenPbr {
         }
     }
 
+    /// The share of light that passes the fuzz and the coat on the way out, towards a direction of
+    /// these cosines to the normals of base and coat.
+    pub(super) fn passed_by_layers(
+        &self,
+        point: &ShadingPoint,
+        cos_base: f32,
+        cos_coat: f32,
+    ) -> SampledSpectrum {
+        let coat = self.coat(point, &self.common(point));
+        let under_coat = coat.map_or(SampledSpectrum::ONE, |coat| coat.passed_once(cos_coat));
+        let under_fuzz = self.fuzz(point).map_or(1.0, |fuzz| fuzz.passed(cos_base));
+        under_coat * under_fuzz
+    }
+
+    fn fuzz(&self, point: &ShadingPoint) -> Option<Fuzz> {
+        let weight = bounded(self.fuzz_weight.at(point), 1.0);
+        (weight > 0.0).then(|| Fuzz {
+            weight,
+            color: point.reflectance(self.fuzz_color.at(point)),
+            roughness: bounded(self.fuzz_roughness.at(point), 1.0),
+            model: self.fuzz_model,
+        })
+    }
+
     /// Reflectance of the base at a point.
     pub(super) fn base(&self, point: &ShadingPoint) -> SampledSpectrum {
         let color = self.base_color.at(point) * point.vertex_color();
@@ -516,21 +545,27 @@ impl OpenPbr {
             return Body::matte(DiffuseBsdf::new(base, roughness));
         }
         let color = point.reflectance(self.subsurface_color.at(point) * point.vertex_color());
-        let (zero, rest) = (SampledSpectrum::ZERO, base * (1.0 - subsurface));
+        // The diffuse base and what scatters below are one matte lobe, of their mean colour.
+        let diffuse = |scattering: SampledSpectrum| {
+            let share = scattering + SampledSpectrum::splat(1.0 - subsurface);
+            let mean = (base * (1.0 - subsurface) + color * scattering)
+                .zip(share, |color, share| if share > 0.0 { color / share } else { 0.0 });
+            DiffuseBsdf::new(mean, roughness).scaled(share)
+        };
         if self.geometry_thin_walled {
             let forward = bounded(0.5 * (1.0 + self.subsurface_scatter_anisotropy.at(point)), 1.0);
-            let back = color * (subsurface * (1.0 - forward));
             return Body {
-                diffuse: DiffuseBsdf::new(rest + back, roughness),
+                diffuse: diffuse(SampledSpectrum::splat(subsurface * (1.0 - forward))),
                 through: color * (subsurface * forward),
-                walk: zero,
+                walk: SampledSpectrum::ZERO,
             };
         }
-        Body {
-            diffuse: DiffuseBsdf::new(rest, roughness),
-            through: zero,
-            walk: point.mode.unit() * subsurface,
-        }
+        // Channels without a walk are at its limit, a matte body of the same colour.
+        let walk = self
+            .subsurface_paths(point)
+            .zip(point.mode.unit(), |path, unit| if path > 0.0 { unit * subsurface } else { 0.0 });
+        let matte = walk.map(|walk| if walk > 0.0 { 0.0 } else { subsurface });
+        Body { diffuse: diffuse(matte), through: SampledSpectrum::ZERO, walk }
     }
 
     fn translucent(
@@ -643,12 +678,20 @@ impl OpenPbr {
         medium(sigma_a, sigma_s, bounded_cosine(self.transmission_scatter_anisotropy.at(point)))
     }
 
+    /// The mean free paths under the surface, in units of the scene.
+    fn subsurface_paths(&self, point: &ShadingPoint) -> SampledSpectrum {
+        let scale = point.coefficient(self.subsurface_radius_scale.at(point));
+        scale * bounded(self.subsurface_radius.at(point), f32::MAX)
+    }
+
     fn subsurface_medium(&self, point: &ShadingPoint) -> MediumProperties {
         let g = bounded_cosine(self.subsurface_scatter_anisotropy.at(point));
         let color = point.reflectance(self.subsurface_color.at(point) * point.vertex_color());
-        let radius = point.coefficient(self.subsurface_radius_scale.at(point))
-            * self.subsurface_radius.at(point).max(0.0);
-        let sigma_t = radius.map(|r| 1.0 / r.max(1e-6));
+        // Paths that are not longer than the error of the point at which they start could not be
+        // resolved: of this length they look the same.
+        let least = (16.0 * point.surface.position_error.max_element()).max(f32::MIN_POSITIVE);
+        let sigma_t = (self.subsurface_paths(point))
+            .map(|path| if path > 0.0 { 1.0 / path.max(least) } else { 0.0 });
         let albedo = color.map(|c| scattering_albedo(c, g));
         medium(sigma_t * (SampledSpectrum::ONE - albedo), sigma_t * albedo, g)
     }

@@ -393,6 +393,90 @@ fn emission_is_one_sided_unless_asked_and_never_nonsense() {
 }
 
 #[test]
+fn coat_and_fuzz_dim_emission_by_what_they_do_not_let_pass() {
+    let (s, textures) = (surface(), TextureSet::default());
+    let point = at(&s, &textures);
+    let glow = |kind: MaterialKind, cos: f32| {
+        let wo = Vec3::new((1.0 - cos * cos).sqrt(), 0.0, cos);
+        let lamp = Material::new("lamp", kind).emitting(Rgb::WHITE);
+        assert!(lamp.uniform_emission().is_none());
+        lamp.emitted(&point, wo)[0]
+    };
+    let coated = |weight: f32, color: f32| OpenPbr {
+        coat_weight: weight.into(),
+        coat_color: Rgb::splat(color).into(),
+        coat_ior: 1.5.into(),
+        ..OpenPbr::default()
+    };
+    for cos in [0.2f32, 0.6, 1.0] {
+        let fresnel = crate::bsdf::fresnel::dielectric(cos, 1.5);
+        let inside = (1.0 - (1.0 - cos * cos) / 2.25).sqrt();
+        for (weight, color) in [(1.0f32, 1.0f32), (0.5, 1.0), (1.0, 0.25), (0.7, 0.04)] {
+            // Once through half of what the colour stands for, along the refracted ray.
+            let passed = (1.0 - fresnel) * color.powf(0.5 / inside);
+            let expected = 1.0 - weight + weight * passed;
+            let found = glow(coated(weight, color).into(), cos);
+            assert!((found - expected).abs() < 1e-5, "{cos} {weight} {color}: {found} {expected}");
+        }
+        let clearcoat = MetallicRoughness { clearcoat: 1.0.into(), ..Default::default() };
+        assert!((glow(clearcoat.into(), cos) - (1.0 - fresnel)).abs() < 1e-5);
+    }
+    // At a cosine of 0.2 a clear coat lets 0.66 pass (0.65 by Schlick's law).
+    assert!((glow(coated(1.0, 1.0).into(), 0.2) - 0.66).abs() < 0.01);
+    for fuzz_model in [FuzzModel::Flakes, FuzzModel::Charlie] {
+        let fuzzy = OpenPbr { fuzz_weight: 0.5.into(), fuzz_model, ..OpenPbr::default() };
+        let [straight, grazing] = [1.0, 0.1].map(|cos| glow(fuzzy.clone().into(), cos));
+        assert!(grazing < straight && straight < 1.0 && grazing > 0.5, "{straight} {grazing}");
+    }
+    let bare = Material::new("lamp", OpenPbr::default()).emitting(Rgb::WHITE);
+    assert!(bare.uniform_emission().is_some());
+}
+
+#[test]
+fn subsurface_scattering_knows_no_unit() {
+    let textures = TextureSet::default();
+    let wax = |radius: f32| OpenPbr {
+        subsurface_weight: 1.0.into(),
+        subsurface_radius: radius.into(),
+        subsurface_radius_scale: Rgb::new(1.0, 0.5, 0.0).into(),
+        ..OpenPbr::default()
+    };
+    for scale in [1e-30f32, 1e-6, 1.0, 1e6, 1e30] {
+        let position = Vec3::splat(scale);
+        let s = SurfaceInteraction {
+            position_error: position * 2.0f32.powi(-22),
+            ..SurfaceInteraction::plain(position, Vec3::Z)
+        };
+        let medium = wax(0.3 * scale).medium(&at(&s, &textures)).expect("a medium");
+        let paths = (medium.sigma_a + medium.sigma_s).map(|sigma_t| 1.0 / sigma_t);
+        for (path, expected) in [(paths[0], 0.3 * scale), (paths[1], 0.15 * scale)] {
+            assert!((path / expected - 1.0).abs() < 1e-5, "{scale}: {paths:?}");
+        }
+        // What rays do not resolve is as long as they resolve.
+        let medium = wax(1e-12 * scale).medium(&at(&s, &textures)).expect("a medium");
+        let path = 1.0 / (medium.sigma_a[0] + medium.sigma_s[0]);
+        assert!(path > scale * 1e-6 && path < scale * 1e-5, "{scale}: {path}");
+    }
+    // Channels that do not scatter below are matte.
+    let s = surface();
+    let point = at(&s, &textures);
+    let (up, aside, below) = (Vec3::Z, Vec3::new(0.6, 0.0, 0.8), Vec3::new(0.6, 0.0, -0.8));
+    let wax = wax(1.0).bsdf(&point);
+    let [reflected, entering] = [aside, below].map(|wi| wax.eval(up, wi));
+    assert!(entering[0] > 0.1 && entering[1] == entering[0] && entering[2] == 0.0, "{entering:?}");
+    assert!(reflected[2] > 2.0 * reflected[0] && reflected[1] == reflected[0], "{reflected:?}");
+    let matte = OpenPbr {
+        subsurface_weight: 1.0.into(),
+        subsurface_radius: 0.0.into(),
+        subsurface_color: Rgb::new(0.8, 0.4, 0.2).into(),
+        ..OpenPbr::default()
+    };
+    let plain = OpenPbr { base_color: Rgb::new(0.8, 0.4, 0.2).into(), ..OpenPbr::default() };
+    assert_eq!(matte.bsdf(&point).eval(up, aside), plain.bsdf(&point).eval(up, aside));
+    assert!(matte.bsdf(&point).eval(up, below).is_black());
+}
+
+#[test]
 fn names_are_no_textures() {
     assert!(
         Material::new("TextureId(77)", Diffuse::new(snell_math::Rgb::WHITE)).textures().is_empty()

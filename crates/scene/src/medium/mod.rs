@@ -121,6 +121,15 @@ impl Medium {
     pub fn properties(&self, p: Vec3, mode: ColorMode) -> MediumProperties {
         match_medium!(self, medium => medium.properties(p, mode))
     }
+
+    /// True if the medium emits light.
+    pub fn is_emissive(&self) -> bool {
+        match self {
+            Self::Homogeneous(Homogeneous { emission, .. }) => !emission.is_black(),
+            Self::Grid(grid) => grid.temperature.is_some() || !grid.emission.is_black(),
+            Self::HeightFog(_) | Self::Cloud(_) => false,
+        }
+    }
 }
 
 #[cfg(test)]

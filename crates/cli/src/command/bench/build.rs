@@ -40,7 +40,7 @@ pub struct Options {
     /// Print JSON, a line for each measurement
     #[arg(long)]
     json: bool,
-    /// Let scenes name files outside of their folders
+    /// Let scenes refer to files outside of their folders
     #[arg(long)]
     allow_outside: bool,
 }

@@ -44,7 +44,7 @@ pub struct Options {
     /// Print JSON, a line for each scene
     #[arg(long)]
     json: bool,
-    /// Let scenes name files outside of their folders
+    /// Let scenes refer to files outside of their folders
     #[arg(long)]
     allow_outside: bool,
 }

@@ -174,7 +174,7 @@ pub struct Options {
     /// Write statistics as JSON
     #[arg(long, value_name = "FILE.json", help_heading = "Messages")]
     pub stats: Option<PathBuf>,
-    /// Let the scene name files outside of its folder
+    /// Let the scene refer to files outside of its folder
     #[arg(long, help_heading = "What is rendered")]
     pub allow_outside: bool,
     /// Style of the progress display

@@ -248,14 +248,15 @@ impl<const BIG: bool> Source for BinarySource<'_, BIG> {
     }
 }
 
-/// Reads all elements.
+/// Reads all elements. If any face is no triangle, the answer is the number of triangles that each
+/// face became.
 pub fn read(
     source: &mut impl Source,
     input: &Input,
     header: &Header,
     mesh: &mut TriangleMesh,
     notes: &mut Notes,
-) -> Result<(), ReadError> {
+) -> Result<Option<Vec<u32>>, ReadError> {
     let vertices = header.elements.iter().find(|e| e.name == "vertex").map_or(0, |e| e.count);
     let mut faces = Faces { vertices, ..Faces::default() };
     for element in &header.elements {
@@ -452,13 +453,21 @@ impl Faces {
         Err(source.error(problem, "the file is damaged; export it again"))
     }
 
-    fn triangulate(self, input: &Input, mesh: &mut TriangleMesh) -> Result<(), ReadError> {
+    /// Appends the triangles; answers how many each face became, if any became more than one.
+    fn triangulate(
+        self,
+        input: &Input,
+        mesh: &mut TriangleMesh,
+    ) -> Result<Option<Vec<u32>>, ReadError> {
         let mut triangulator = Triangulator::default();
         mesh.indices = self.triangles;
         mesh.indices.reserve(self.ends.len());
+        let lone = mesh.indices.len();
+        let mut counts = Vec::new();
         let mut start = 0;
         for end in self.ends {
             let place = || place_of(&input.bytes, self.declared);
+            let before = mesh.indices.len();
             crate::mesh::push_polygon(
                 input,
                 place,
@@ -466,9 +475,15 @@ impl Faces {
                 &self.corners[start..end],
                 &mut triangulator,
             )?;
+            counts.push((mesh.indices.len() - before) as u32);
             start = end;
         }
-        Ok(())
+        if counts.iter().all(|count| *count <= 1) {
+            return Ok(None);
+        }
+        let mut faces = vec![1; lone];
+        faces.append(&mut counts);
+        Ok(Some(faces))
     }
 }
 

@@ -37,35 +37,30 @@ pub const READER: SceneReader = SceneReader {
 
 /// Reads the mesh.
 pub(super) fn parse(input: &Input, notes: &mut Notes) -> Result<TriangleMesh, ReadError> {
+    Ok(parse_faces(input, notes)?.0)
+}
+
+/// Reads the mesh, and if any face is no triangle, the number of triangles that each became.
+pub(super) fn parse_faces(
+    input: &Input,
+    notes: &mut Notes,
+) -> Result<(TriangleMesh, Option<Vec<u32>>), ReadError> {
     let header = Header::read(input)?;
     let mut mesh = TriangleMesh::default();
-    match header.format {
-        Format::Ascii => body::read(
-            &mut body::AsciiSource::new(input, &header),
-            input,
-            &header,
-            &mut mesh,
-            notes,
-        )?,
+    let faces = match header.format {
+        Format::Ascii => {
+            let mut source = body::AsciiSource::new(input, &header);
+            body::read(&mut source, input, &header, &mut mesh, notes)?
+        }
         Format::LittleEndian => {
-            body::read(
-                &mut body::BinarySource::<false>::new(input, &header),
-                input,
-                &header,
-                &mut mesh,
-                notes,
-            )?;
+            let mut source = body::BinarySource::<false>::new(input, &header);
+            body::read(&mut source, input, &header, &mut mesh, notes)?
         }
         Format::BigEndian => {
-            body::read(
-                &mut body::BinarySource::<true>::new(input, &header),
-                input,
-                &header,
-                &mut mesh,
-                notes,
-            )?;
+            let mut source = body::BinarySource::<true>::new(input, &header);
+            body::read(&mut source, input, &header, &mut mesh, notes)?
         }
-    }
+    };
     super::repair_normals(&mut mesh, input, notes);
-    Ok(mesh)
+    Ok((mesh, faces))
 }

@@ -138,8 +138,8 @@ pub(super) fn read_ies(
     Ok(())
 }
 
-/// Adds the default sky to a scene that only its own emission would light, if no emission exceeds
-/// 1. Emission up to 1 (displays, small lamps, unlit surfaces) is meant to be visible, not to light
+/// Adds the default sky to a scene that only its own emission would light, if no emission is above
+/// one. Such emission (displays, small lamps, unlit surfaces) is meant to be visible, not to light
 /// the scene, which is made for viewers with their own lighting. Brighter emission needs
 /// `KHR_materials_emissive_strength`: then the surfaces are meant as lights, and no sky is added.
 pub(super) fn add_sky(scene: &mut Scene) {

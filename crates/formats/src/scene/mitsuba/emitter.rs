@@ -20,6 +20,15 @@ use std::sync::Arc;
 /// Texture coordinates as they are.
 const UNMOVED: [[f32; 3]; 2] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
 
+/// What a surface emits.
+#[derive(Clone, Copy, Debug)]
+pub struct Emission {
+    /// The radiance on the outer side.
+    pub radiance: ColorParam,
+    /// True if the colours of the vertices multiply it.
+    pub is_by_vertex: bool,
+}
+
 impl Builder<'_> {
     /// Reads light, in linear Rec. 709, that must be constant (not textured).
     fn light_color(&mut self, object: &Object, name: &str, default: f32) -> Result<Rgb, Fault> {
@@ -32,7 +41,7 @@ impl Builder<'_> {
     }
 
     /// The radiance of a surface that emits; `None` if its emitter is not supported.
-    pub(super) fn area_emitter(&mut self, object: &Object) -> Result<Option<ColorParam>, Fault> {
+    pub(super) fn area_emitter(&mut self, object: &Object) -> Result<Option<Emission>, Fault> {
         if object.class != "emitter" {
             return Err(object.fault("an emitter was expected here", "use an area emitter"));
         }
@@ -49,16 +58,21 @@ impl Builder<'_> {
             self.note(owner.clone(), object.at, || format!("{owner}: {what}"));
             return Ok(None);
         }
+        let mut is_by_vertex = false;
         let radiance = match object.get("radiance").map(|property| &property.value) {
             Some(Value::Color(hue)) => color::emission(*hue),
             _ => match self.pattern(object, "radiance")? {
-                Some(Pattern::Vertices) | None => Rgb::WHITE.into(),
+                Some(Pattern::Vertices(factor)) => {
+                    is_by_vertex = true;
+                    factor.into()
+                }
+                None => Rgb::WHITE.into(),
                 Some(pattern) => self.color_of(pattern),
             },
         };
         self.has_lamps = true;
         self.note_unused(object);
-        Ok(Some(radiance))
+        Ok(Some(Emission { radiance, is_by_vertex }))
     }
 
     pub(super) fn emitter(&mut self, object: &Object) -> Result<(), Fault> {
@@ -169,7 +183,7 @@ impl Builder<'_> {
                 (factor, self.scene.images[texture.image.index()].clone())
             }
             Some(Pattern::Constant(color)) => (color.factor, white()),
-            Some(Pattern::Vertices) | None => (Rgb::WHITE, white()),
+            Some(Pattern::Vertices(_)) | None => (Rgb::WHITE, white()),
         };
         let aspect = f64::from(image.width) / f64::from(image.height);
         let half = self.tan_half_fov_x(object, aspect)?;

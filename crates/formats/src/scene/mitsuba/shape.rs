@@ -6,6 +6,7 @@ mod primitive;
 
 use super::Builder;
 use super::bsdf::{GRAY, Look};
+use super::emitter::Emission;
 use super::object::Object;
 use crate::scene::fault::{Fault, Spot};
 use crate::scene::shapes::{ALONG, AROUND, ShapeTable, around_z, swept};
@@ -13,8 +14,8 @@ use mesh::{flip_v, turn_over};
 use primitive::{cube, disk, rectangle};
 use snell_intersect::shape::{Cylinder, Disk, Rectangle, Sphere};
 use snell_intersect::{AnyShape, Shape, StrandBasis, TriangleMesh};
-use snell_math::{DAffine3, DMat3, DVec2, DVec3, Transform};
-use snell_scene::material::{AlphaMode, ColorParam, Interface, Interior};
+use snell_math::{DAffine3, DMat3, DVec2, DVec3, Rgb, Transform};
+use snell_scene::material::{AlphaMode, Interface, Interior, MaterialKind, MetallicRoughness};
 use snell_scene::{Geometry, Material, MaterialId, Node, NodeId, Surface};
 use std::collections::HashMap;
 use std::path::PathBuf;
@@ -25,8 +26,8 @@ use std::sync::Arc;
 #[derive(Debug, Default)]
 pub struct Shapes {
     table: ShapeTable,
-    /// Meshes by path and reading options.
-    files: HashMap<(PathBuf, String), Arc<TriangleMesh>>,
+    /// Meshes by path and reading options, and whether their normals turned triangles over.
+    files: HashMap<(PathBuf, String), (Arc<TriangleMesh>, bool)>,
     groups: HashMap<*const Object, NodeId>,
     triangles: usize,
     /// Materials by the BSDF's object and the text of the finish.
@@ -36,7 +37,7 @@ pub struct Shapes {
 /// Properties that a shape adds to its materials.
 #[derive(Clone, Debug, Default)]
 struct Finish {
-    emission: Option<ColorParam>,
+    emission: Option<Emission>,
     interior: Option<Interior>,
     /// True for a surface that is seen from outside only.
     is_one_sided: bool,
@@ -118,8 +119,8 @@ impl Builder<'_> {
         let place = object.transform("to_world")?;
         let mut parts = self.parts(object)?;
         let is_textured = parts.look.layers.iter().any(|layer| !layer.textures().is_empty())
-            || parts.emission.is_some_and(|emission| emission.texture.is_some());
-        let plain = !is_textured && !object.bool_or("flip_normals", false)?;
+            || parts.emission.is_some_and(|emission| emission.radiance.texture.is_some());
+        let plain = !is_textured && !is_turned_over(object)?;
         let basis = match object.kind.as_str() {
             "bsplinecurve" => Some(StrandBasis::BSpline),
             "linearcurve" => Some(StrandBasis::Linear),
@@ -134,7 +135,7 @@ impl Builder<'_> {
                     DAffine3::IDENTITY,
                 )
             }
-            None => (self.geometry(object, (plain, parts.emission.is_some()), &parts.look)?, place),
+            None => (self.geometry(object, plain, &parts)?, place),
         };
         let Some((geometry, own)) = made else {
             return Ok(());
@@ -200,7 +201,7 @@ impl Builder<'_> {
         if !parts.has_bsdf && parts.interior.is_none() {
             // Emitters without a BSDF reflect nothing.
             let reflectance = if parts.emission.is_some() { 0.0 } else { GRAY };
-            let diffuse = snell_scene::material::Diffuse::new(snell_math::Rgb::splat(reflectance));
+            let diffuse = snell_scene::material::Diffuse::new(Rgb::splat(reflectance));
             parts.look.layers = vec![Material::new("default", diffuse)];
         }
         Ok(parts)
@@ -213,7 +214,7 @@ impl Builder<'_> {
         let is_open = matches!(object.kind.as_str(), "rectangle" | "disk" | "cylinder");
         let names = |layers: &[Material]| layers.iter().map(|l| l.kind.clone()).collect::<Vec<_>>();
         let differs = names(&layers) != names(&parts.look.layers);
-        let is_seen = differs || is_open || object.bool_or("flip_normals", false)?;
+        let is_seen = differs || is_open || is_turned_over(object)?;
         if layers.is_empty() || !is_seen || object.kind.ends_with("curve") {
             return Ok(None);
         }
@@ -230,7 +231,9 @@ impl Builder<'_> {
             return known.clone();
         }
         let mut layers = parts.look.layers;
-        if layers.is_empty() && (finish.interior.is_some() || finish.emission.is_some()) {
+        if layers.is_empty() && finish.emission.is_some() && finish.interior.is_none() {
+            layers.push(clear_sheet());
+        } else if layers.is_empty() && (finish.interior.is_some() || finish.emission.is_some()) {
             layers.push(Material::new("interface", Interface {}));
         }
         if finish.emission.is_some() && layers.len() > 1 {
@@ -240,13 +243,14 @@ impl Builder<'_> {
             layers.drain(..layers.len() - 1);
             layers.iter_mut().for_each(|l| l.alpha_mode = AlphaMode::Opaque);
         }
+        if let Some(emission) = finish.emission
+            && let Some(lamp) = layers.last_mut()
+        {
+            self.light_up(lamp, emission, object.at);
+        }
         let finished = layers.into_iter().map(|mut material| {
             material.interior = finish.interior.or(material.interior);
             material.double_sided &= !finish.is_one_sided;
-            if let Some(emission) = finish.emission {
-                material.emission = emission;
-                material.visible = !self.hides_emitters;
-            }
             material
         });
         let finished: Vec<_> = finished.collect();
@@ -255,13 +259,48 @@ impl Builder<'_> {
         ids
     }
 
+    /// Makes a material emit. A mask leaves Mitsuba's emission as it is; here it hides the lamp from
+    /// a part of the rays, and the others find more.
+    fn light_up(&mut self, material: &mut Material, emission: Emission, at: Spot) {
+        let Emission { mut radiance, is_by_vertex } = emission;
+        if material.is_interface() {
+            self.note("emitting interface", at, || {
+                "an emitter with a medium inside and no bsdf: it hides what is behind it".into()
+            });
+        }
+        if material.alpha_mode != AlphaMode::Opaque {
+            let opacity = material.alpha.factor;
+            if material.alpha.texture.is_some() {
+                self.note("emitting mask", at, || {
+                    "an emitter with a mask by a texture: its light is masked too".into()
+                });
+            } else if opacity > 0.0 {
+                radiance.factor = radiance.factor * (1.0 / opacity);
+            } else {
+                *material = Material { name: material.name.clone(), ..clear_sheet() };
+            }
+        }
+        let is_black = match &material.kind {
+            MaterialKind::Diffuse(diffuse) => diffuse.reflectance.factor.is_black(),
+            _ => false,
+        };
+        if is_by_vertex && !is_black {
+            self.mention("vertex colours of emitter", at, || {
+                "an emitter by vertex colours: they are those of its bsdf too".into()
+            });
+        }
+        material.emission = radiance;
+        material.emission_takes_vertex_color = is_by_vertex;
+        material.visible = !self.hides_emitters;
+    }
+
     /// The geometry of a shape. `plain` means that texture coordinates do not matter and the shape
     /// is not inverted.
     fn geometry(
         &mut self,
         object: &Object,
-        (plain, shines): (bool, bool),
-        look: &Look,
+        plain: bool,
+        parts: &Parts,
     ) -> Result<Option<Made>, Fault> {
         Ok(Some(match object.kind.as_str() {
             "sphere" => self.sphere(object, plain)?,
@@ -271,14 +310,24 @@ impl Builder<'_> {
             "disk" => self.made(object, disk())?,
             "cylinder" => self.cylinder(object, plain)?,
             // An emitter is sampled better as a whole; other shapes are traced faster as triangles.
-            "rectangle" if plain && shines => {
+            "rectangle" if plain && parts.emission.is_some() => {
                 self.analytic(Rectangle { half_size: DVec2::ONE }, DAffine3::IDENTITY)
             }
             "rectangle" => self.made(object, rectangle())?,
             "cube" => self.made(object, cube())?,
             "obj" | "ply" | "serialized" => {
-                let keeps_colors = look.uses_vertex_colors;
-                let Some(mesh) = self.mesh_file(object, keeps_colors)? else { return Ok(None) };
+                let by_vertex = parts.emission.is_some_and(|emission| emission.is_by_vertex);
+                let keeps_colors = parts.look.uses_vertex_colors || by_vertex;
+                let Some((mesh, is_turned)) = self.mesh_file(object, keeps_colors)? else {
+                    return Ok(None);
+                };
+                if is_turned && parts.interior.is_some() {
+                    self.note("winding around medium", object.at, || {
+                        "a medium in a mesh whose vertex normals oppose its winding: it is inside \
+                            by the normals, and outside in Mitsuba"
+                            .into()
+                    });
+                }
                 (Geometry::Mesh(mesh), DAffine3::IDENTITY)
             }
             _ => {
@@ -298,7 +347,7 @@ impl Builder<'_> {
 
     /// A mesh that was generated here, inverted if the shape requires it.
     fn made(&mut self, object: &Object, mut mesh: TriangleMesh) -> Result<Made, Fault> {
-        if object.bool_or("flip_normals", false)? {
+        if is_turned_over(object)? {
             turn_over(&mut mesh);
         }
         self.count_triangles(object.at, mesh.indices.len())?;
@@ -321,8 +370,7 @@ impl Builder<'_> {
     fn sphere(&mut self, object: &Object, plain: bool) -> Result<Made, Fault> {
         let radius = object.positive("radius", 1.0)?;
         let center = object.vector("center")?.unwrap_or(DVec3::ZERO);
-        let flipped = object.bool_or("flip_normals", false)?;
-        if plain || !flipped {
+        if plain || !is_turned_over(object)? {
             return Ok(self
                 .analytic(Sphere { radius }, DAffine3::from_mat3_translation(around_z(), center)));
         }
@@ -356,6 +404,25 @@ impl Builder<'_> {
     }
 }
 
+/// True if the shape emits and has its bsdf on the other side: with `flip_normals`, and for a
+/// sphere with a mirror in its transform (Sphere::update of Mitsuba), but not with both.
+fn is_turned_over(object: &Object) -> Result<bool, Fault> {
+    let is_mirrored =
+        object.kind == "sphere" && object.transform("to_world")?.matrix3.determinant() < 0.0;
+    Ok(object.bool_or("flip_normals", false)? != is_mirrored)
+}
+
+/// A surface that lets all light through, as `null`, and may emit.
+fn clear_sheet() -> Material {
+    let kind = MetallicRoughness {
+        ior: 1.0,
+        base_color: Rgb::WHITE.into(),
+        transmission: 1.0.into(),
+        ..MetallicRoughness::default()
+    };
+    Material::new("null", kind)
+}
+
 /// The triangles of a geometry, turned over; `None` for curves.
 fn turned(geometry: &Geometry) -> Option<TriangleMesh> {
     let mut mesh = match geometry {
@@ -373,6 +440,6 @@ struct Parts {
     look: Look,
     key: Option<*const Object>,
     has_bsdf: bool,
-    emission: Option<ColorParam>,
+    emission: Option<Emission>,
     interior: Option<Interior>,
 }

@@ -37,8 +37,8 @@ pub enum Pattern {
     Constant(ColorParam),
     /// An image with a factor.
     Picture(Rgb, ImageTexture),
-    /// The colours of the vertices.
-    Vertices,
+    /// The colours of the vertices, with a factor.
+    Vertices(Rgb),
 }
 
 impl Builder<'_> {
@@ -84,9 +84,9 @@ impl Builder<'_> {
             Pattern::Picture(factor, texture) => {
                 ColorParam::textured(factor, Some(self.texture_id(texture)))
             }
-            Pattern::Vertices => {
+            Pattern::Vertices(factor) => {
                 self.uses_vertex_colors = true;
-                Rgb::WHITE.into()
+                factor.into()
             }
         }
     }
@@ -118,7 +118,7 @@ impl Builder<'_> {
                 let id = self.texture_id(texture);
                 ScalarParam { factor: apply(factor.luminance()), texture: Some((id, 0)) }
             }
-            Some(Pattern::Vertices) => {
+            Some(Pattern::Vertices(_)) => {
                 self.note("vertex numbers", object.at, || {
                     "an attribute of vertices as a number: 1 was used instead".into()
                 });
@@ -132,7 +132,7 @@ impl Builder<'_> {
         match self.pattern(object, name)? {
             None => Ok(None),
             Some(Pattern::Constant(color)) => Ok(Some(rgb_of(color))),
-            Some(Pattern::Picture(..) | Pattern::Vertices) => {
+            Some(Pattern::Picture(..) | Pattern::Vertices(_)) => {
                 let owner = object.owner();
                 self.note(format!("{owner} textured {name}"), object.at, || {
                     format!("{owner}: a texture as \"{name}\"; its default was used instead")
@@ -210,9 +210,9 @@ impl Builder<'_> {
             "checkerboard" => self.checkerboard(object),
             "mesh_attribute" | "vertexcolors" => {
                 let name = object.string("name")?.map_or("vertex_color", |(name, _)| name);
-                object.get("scale");
+                let factor = object.float_or("scale", 1.0)? as f32;
                 if name == "vertex_color" || object.kind == "vertexcolors" {
-                    return Ok(Pattern::Vertices);
+                    return Ok(Pattern::Vertices(Rgb::splat(factor)));
                 }
                 let name = name.to_string();
                 Ok(self.plain_texture(object, Rgb::splat(0.5), format!("attribute \"{name}\"")))
@@ -225,7 +225,8 @@ impl Builder<'_> {
                     Some(Pattern::Constant(color)) => {
                         Pattern::Constant(ColorParam { factor: color.factor * factor, ..color })
                     }
-                    Some(Pattern::Vertices) | None => Pattern::Constant(factor.into()),
+                    Some(Pattern::Vertices(own)) => Pattern::Vertices(own * factor),
+                    None => Pattern::Constant(factor.into()),
                 })
             }
             "constant" | "uniform" | "srgb" => {

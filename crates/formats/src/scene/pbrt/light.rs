@@ -160,7 +160,10 @@ impl Builder<'_> {
     /// Adds a light whose intensity is a picture of directions, in which y and z are exchanged.
     fn goniometric_light(&mut self, params: &Params, map: DAffine3) -> Result<(), Fault> {
         let mut scale = self.light_color(params, "I")?;
-        let (image, is_old) = self.light_picture(params)?;
+        let (mut image, is_old) = self.light_picture(params)?;
+        if !is_old {
+            image = Arc::new(grey(&image));
+        }
         if let Some(power) = self.positive(params, "power")? {
             let pixels = f64::from(image.width) * f64::from(image.height);
             let all = (0..image.height).flat_map(|y| (0..image.width).map(move |x| (x, y)));
@@ -273,6 +276,16 @@ impl Builder<'_> {
         self.state.area_light = Some(self.shapes.area_lights.len() - 1);
         Ok(())
     }
+}
+
+/// The mean of red, green and blue of a picture, which is all that pbrt-v4 takes of it.
+fn grey(image: &Image) -> Image {
+    let all = (0..image.height).flat_map(|y| (0..image.width).map(move |x| (x, y)));
+    let mean = |(x, y)| {
+        let [r, g, b, _] = image.rgba(x, y);
+        (r + g + b) / 3.0
+    };
+    Image::from_f32(image.width, image.height, 1, all.map(mean).collect())
 }
 
 /// The normalised axes of a transform.

@@ -5,6 +5,7 @@ use super::params::Params;
 use super::state::Motion;
 use super::{Builder, camera};
 use crate::scene::fault::{Fault, Spot};
+use snell_scene::Material;
 
 /// The options of a scene as written.
 #[derive(Debug, Default)]
@@ -143,8 +144,16 @@ impl Builder<'_> {
         // The imaging ratio of pbrt-v4 (PixelSensor::Create): seconds that the shutter is open,
         // times the sensitivity over 100.
         let ratio = self.shutter_time()? * params.float_or("iso", 100.0)? / 100.0;
-        if ratio > 0.0 && ratio != 1.0 && !self.is_v3 {
+        // Films of pbrt-v3 have a factor instead.
+        let ratio = if self.is_v3 { params.float_or("scale", 1.0)? } else { ratio };
+        if ratio > 0.0 && ratio != 1.0 {
             self.scene.settings.exposure = Some(ratio.log2());
+            self.mention("exposure", params.at, || {
+                format!(
+                    "the film multiplies light by {ratio}: the exposure of PNG and other display \
+                    formats; EXR and PFM keep the radiance of the scene"
+                )
+            });
         }
         if params.string("sensor")?.is_some_and(|s| s != "cie1931")
             || params.float_or("whitebalance", 0.0)? != 0.0
@@ -154,12 +163,14 @@ impl Builder<'_> {
             self.note("sensor", params.at, || what.into());
         }
         self.options.crop = crop(params, size)?;
-        self.note_ignored(params, &["maxcomponentvalue"], "samples are not clamped");
+        self.note_ignored(
+            params,
+            &["maxcomponentvalue", "maxsampleluminance"],
+            "samples are not clamped",
+        );
         // File name and file format of the picture are set on the command line; the diagonal is for
         // the realistic camera.
-        for name in
-            ["filename", "diagonal", "savefp16", "scale", "maxsampleluminance", "coordinatesystem"]
-        {
+        for name in ["filename", "diagonal", "savefp16", "coordinatesystem"] {
             params.get(name);
         }
         self.note_unused(params);
@@ -228,6 +239,20 @@ impl Builder<'_> {
         Ok(())
     }
 
+    /// Lifts the limit of bounces in scenes with subsurface scattering: in pbrt, the way from where
+    /// light enters to where it leaves is one bounce, and here each scattering on it is a bounce.
+    fn give_room_below(&mut self, depth: i64, at: Spot) {
+        if depth > 0 && self.scene.materials.iter().any(Material::has_own_medium) {
+            self.scene.settings.max_depth = None;
+            self.mention("depth of subsurface", at, || {
+                format!(
+                    "\"maxdepth\" {depth} was ignored, because each scattering below a surface is \
+                    a bounce here: paths end by Russian roulette"
+                )
+            });
+        }
+    }
+
     fn integrator(&mut self, params: &Params) -> Result<(), Fault> {
         let depth = params.integer("maxdepth")?.unwrap_or(5);
         if !(0..=1 << 20).contains(&depth) {
@@ -236,6 +261,7 @@ impl Builder<'_> {
             );
         }
         self.scene.settings.max_depth = Some(depth as u32);
+        self.give_room_below(depth, params.at);
         let ours = if is_kind(params, "ambientocclusion") || is_kind(params, "ao") {
             "ao"
         } else if is_kind(params, "directlighting") {
@@ -293,7 +319,7 @@ pub fn is_kind(params: &Params, kind: &str) -> bool {
 fn crop(params: &Params, size: [i64; 2]) -> Result<Option<Crop>, Fault> {
     let bounds: Vec<i64> = params.floats("pixelbounds")?.iter().map(|x| *x as i64).collect();
     let window = params.floats("cropwindow")?;
-    let ends: [[i64; 2]; 2] = match (&window[..], &bounds[..]) {
+    let ends: [[i64; 2]; 2] = match (window, &bounds[..]) {
         (&[x0, x1, y0, y1], _) => {
             let end = |t: f64, i: usize| (t.clamp(0.0, 1.0) * size[i] as f64).ceil() as i64;
             let ends = |a: f64, b: f64, i: usize| [end(a.min(b), i), end(a.max(b), i)];

@@ -15,7 +15,7 @@ use super::material::Finish;
 use super::options::is_kind;
 use super::params::{Params, Type};
 use crate::scene::fault::Fault;
-use crate::scene::shapes::ShapeTable;
+use crate::scene::shapes::{ShapeTable, wind_by_normals};
 use snell_intersect::{AnyShape, Curves, Shape, StrandBasis, TriangleMesh};
 use snell_math::{DAffine3, Transform, Vec3, Vec4};
 use snell_scene::{Geometry, MaterialId, Node, NodeId, Surface};
@@ -30,7 +30,7 @@ pub struct Shapes {
     pub area_lights: Vec<AreaLight>,
     table: ShapeTable,
     /// Meshes read from files, by path and whether their orientation was reversed.
-    files: HashMap<(PathBuf, bool), Arc<TriangleMesh>>,
+    files: HashMap<(PathBuf, bool), (Arc<TriangleMesh>, Lamps)>,
     /// The last surface's parent node, its transform and its node. A further surface with the same
     /// transform joins it.
     last: Option<(NodeId, DAffine3, NodeId)>,
@@ -62,14 +62,25 @@ const MADE_BYTES: u64 = 100;
 
 /// The geometry made for a shape.
 pub enum Made {
-    /// Triangles.
-    Mesh(Arc<TriangleMesh>),
+    /// Triangles, and the lights that they are if they emit.
+    Mesh(Arc<TriangleMesh>, Lamps),
     /// An analytic shape and its place in object space.
     Shape(Box<AnyShape>, DAffine3),
     /// A strand of cubic Bézier segments, with radii.
     Strand(Vec<Vec4>),
     /// The shape is invisible.
     Nothing,
+}
+
+/// The area lights that a mesh is if it emits: in pbrt each of them has the whole `power`.
+#[derive(Clone, Debug)]
+pub enum Lamps {
+    /// Every triangle is a light.
+    Triangles,
+    /// Every run of so many triangles is a patch and a light.
+    Patches(Arc<[u32]>),
+    /// The mesh stands for one round shape of this area in its own space.
+    Whole(f64),
 }
 
 impl Made {
@@ -117,7 +128,7 @@ impl Builder<'_> {
         }
         let (geometry, object_from_geometry) = match made {
             Made::Nothing => return Ok(()),
-            Made::Mesh(mesh) => {
+            Made::Mesh(mesh, _) => {
                 self.count_triangles(&params, mesh.indices.len())?;
                 (Geometry::Mesh(mesh), DAffine3::IDENTITY)
             }
@@ -229,28 +240,35 @@ impl Builder<'_> {
         Some((light.radiance(area), light.both_sides))
     }
 
-    /// The area by which `power` is divided: in pbrt, `power` is that of each triangle (here, of
-    /// the mean one) or of a whole shape in its own space.
+    /// The area by which `power` is divided: in pbrt, `power` is that of each triangle or bilinear
+    /// patch (here, of the mean one), or of a whole round shape in its own space.
     fn piece_area(&mut self, params: &Params, made: &Made, place: DAffine3) -> f64 {
-        let mesh = match made {
+        let (mesh, lamps) = match made {
             Made::Shape(shape, _) => return shape.area(),
             Made::Nothing => return 0.0,
             Made::Strand(points) => return side_area(points, place),
-            Made::Mesh(mesh) => mesh,
+            Made::Mesh(_, Lamps::Whole(area)) => return *area,
+            Made::Mesh(mesh, lamps) => (mesh, lamps),
         };
         let area = |triangle: usize| {
             let [a, b, c] = mesh.corners(triangle).map(|p| place.transform_point3(p.as_dvec3()));
             0.5 * (b - a).cross(c - a).length()
         };
-        let count = mesh.indices.len();
-        let (sum, largest) =
-            (0..count).map(area).fold((0.0, 0.0f64), |(sum, most), a| (sum + a, most.max(a)));
-        let mean = sum / count.max(1) as f64;
-        if largest > mean * 1.01 {
-            self.note("power of triangles", params.at, || {
-                "\"power\" is that of each triangle, and these differ: all got the radiance \
-                    of the mean one"
-                    .into()
+        let mut triangles = (0..mesh.indices.len()).map(area);
+        let (piece, areas): (_, Vec<f64>) = match lamps {
+            Lamps::Patches(counts) => {
+                let patch = |&count: &u32| triangles.by_ref().take(count as usize).sum();
+                ("bilinear patch", counts.iter().map(patch).collect())
+            }
+            _ => ("triangle", triangles.collect()),
+        };
+        let mean = areas.iter().sum::<f64>() / areas.len().max(1) as f64;
+        if areas.iter().any(|area| *area > mean * 1.01) {
+            self.note(format!("power of each {piece}"), params.at, || {
+                format!(
+                    "\"power\" is that of each {piece}, and these differ: all got the radiance of \
+                    the mean one"
+                )
             });
         }
         mean
@@ -396,12 +414,5 @@ fn orient(mesh: &mut TriangleMesh, reversed: bool) {
     if reversed {
         mesh.normals.iter_mut().for_each(|n| *n = -*n);
     }
-    let TriangleMesh { positions, indices, normals, .. } = mesh;
-    for t in indices {
-        let [a, b, c] = t.map(|i| positions[i as usize]);
-        let normal: Vec3 = t.iter().map(|&i| normals[i as usize]).sum();
-        if (b - a).cross(c - a).dot(normal) < 0.0 {
-            t.swap(1, 2);
-        }
-    }
+    wind_by_normals(mesh);
 }

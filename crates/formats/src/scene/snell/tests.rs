@@ -181,6 +181,13 @@ fn errors_say_where_and_what() {
         ),
         (file("\"nodes\": [{\"surfaces\": [{}]}]"), "a surface is a mesh, a shape or curves"),
         (
+            file(
+                "\"nodes\": [{}], \"lights\": [{\"light\": \"directional\", \
+                 \"direction\": [0, 0, 0], \"irradiance\": [1, 1, 1]}]",
+            ),
+            "/lights/0: direction: expected a direction, not all zeros",
+        ),
+        (
             file("\"nodes\": [{\"surfaces\": [{\"curves\": 2}]}]"),
             "/nodes/0/surfaces/0: curves is 2, but there are 0",
         ),

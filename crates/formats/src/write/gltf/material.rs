@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use snell_math::Rgb;
 use snell_scene::Material;
 use snell_scene::material::{
-    AlphaMode, Bitangent, ColorParam, MaterialKind, NormalMap, OpenPbr, ScalarParam,
+    AlphaMode, Bitangent, ColorParam, FuzzModel, MaterialKind, NormalMap, OpenPbr, ScalarParam,
 };
 
 /// The JSON of a material.
@@ -225,6 +225,9 @@ impl Writer<'_, '_, '_> {
             self.color(&mut sheen, "sheenColor", &color);
             self.scalar(&mut sheen, "sheenRoughness", &surface.fuzz_roughness, 3);
             self.extension("KHR_materials_sheen", sheen);
+            if surface.fuzz_model != FuzzModel::Charlie {
+                self.lose("the fuzz reflects by another law in glTF");
+            }
         }
         if surface.thin_film_weight.factor > 0.0 {
             let mut film = json!({ "iridescenceIor": surface.thin_film_ior.factor });

@@ -1,5 +1,7 @@
 //! Integrates the tables of albedos, and checks values that are interpolated between their nodes.
 
+use super::anisotropic::{self, AZIMUTHS, CELL, RATIOS, WIDTHS};
+use super::anisotropic::{azimuth_position, four_nodes, ratio_at, width_at};
 use super::*;
 use crate::bsdf::fresnel;
 
@@ -27,7 +29,7 @@ struct Shares {
     out: f64,
 }
 
-/// [`Widths::facet_cosine`] of rough surfaces, also for widths that count as smooth.
+/// The cosine at which a typical visible facet is seen, also of surfaces that count as smooth.
 fn facet_cosine(widths: Widths, w: Vec3) -> f32 {
     (f64::from(widths.spread(w)).hypot(f64::from(w.z)) as f32).min(1.0)
 }
@@ -178,6 +180,152 @@ fn write_tables() {
         tables(shape, &mut bytes);
     }
     std::fs::write(concat!(env!("CARGO_MANIFEST_DIR"), "/src/bsdf/energy/tables.bin"), bytes)
+        .expect("writes the tables");
+}
+
+/// Index of refraction at a node of the anisotropic tables. For the first, which is close to 1, the
+/// quotient of reflectances is still defined.
+fn anisotropic_ior_at(node: usize) -> f64 {
+    let s = MOST_ROOT_F0 * (node as f64 / (anisotropic::INDICES - 1) as f64).powf(2.5);
+    (1.0 + s.max(2e-4)) / (1.0 - s.max(2e-4))
+}
+
+/// The cosine of the azimuth at a node: the inverse of the position along azimuths.
+fn azimuth_at(widths: Widths, node: usize) -> f64 {
+    let (mut low, mut high) = (0.0, 1.0);
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        let position = azimuth_position(widths, (middle * middle) as f32);
+        let reached = f64::from(position) < node as f64 / (AZIMUTHS - 1) as f64;
+        *(if reached { &mut low } else { &mut high }) = middle;
+    }
+    if node == 0 { 0.0 } else { high }
+}
+
+/// The direction of this cosine and of this cosine of the azimuth.
+fn direction_at(mu: f64, along: f64) -> Vec3 {
+    let sin = (1.0 - mu * mu).max(0.0).sqrt();
+    let across = (1.0 - along * along).max(0.0).sqrt();
+    Vec3::new((sin * along) as f32, (sin * across) as f32, mu as f32)
+}
+
+/// The direction of a node of the anisotropic tables.
+fn anisotropic_direction(widths: Widths, along: f64, node: usize) -> Vec3 {
+    let goal = node as f64 / (anisotropic::STEEPNESSES - 1) as f64;
+    let (mut low, mut high) = (0.0, 1.0);
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        let reached = f64::from(position(widths, direction_at(middle, along))) < goal;
+        *(if reached { &mut low } else { &mut high }) = middle;
+    }
+    // Along the surface widths are in the limit only.
+    direction_at(if node == 0 { 1e-5 } else { high }, along)
+}
+
+/// The mean over directions, weighted by the cosine, of a quantity that is interpolated between the
+/// nodes of a cell as [`anisotropic`] does, times a reference.
+fn mean_of_cell(widths: Widths, cell: &[f64], reference: impl Fn(Vec3) -> f64) -> f64 {
+    let (steps, turns) = (160, 96);
+    let mut sum = 0.0;
+    for i in 0..turns {
+        let along = ((f64::from(i) + 0.5) / f64::from(turns) * std::f64::consts::FRAC_PI_2).cos();
+        let position_along = azimuth_position(widths, (along * along) as f32);
+        let (first, by_azimuth) = four_nodes(position_along, AZIMUTHS);
+        for k in 0..steps {
+            let u = (f64::from(k) + 0.5) / f64::from(steps);
+            let (w, weight) = (direction_at(u * u * u, along), 6.0 * u.powi(5));
+            let (node, t) = nodes(position(widths, w), anisotropic::STEEPNESSES);
+            for (j, by_azimuth) in by_azimuth.into_iter().enumerate() {
+                let at = (first + j) * anisotropic::STEEPNESSES + node;
+                let number = cell[at] + (cell[at + 1] - cell[at]) * f64::from(t);
+                sum += weight * f64::from(by_azimuth) * number * reference(w);
+            }
+        }
+    }
+    sum / f64::from(steps * turns)
+}
+
+/// The cell of two widths, for each quantity of [`Shares`] and index of refraction.
+fn cells(shape: MicrofacetShape, widths: Widths, iors: &[f64]) -> Vec<[Vec<f64>; 4]> {
+    let mut cells = vec![<[Vec<f64>; 4]>::default(); iors.len()];
+    for azimuth in 0..AZIMUTHS {
+        let along = azimuth_at(widths, azimuth);
+        for node in 0..anisotropic::STEEPNESSES {
+            let wo = anisotropic_direction(widths, along, node);
+            for (cell, &ior) in cells.iter_mut().zip(iors) {
+                let s = shares(shape.of_widths(widths), wo, ior, 1 << 11);
+                let reference =
+                    f64::from(fresnel::dielectric(facet_cosine(widths, wo), ior as f32));
+                let ratio = s.outside / reference / f64::from(MOST);
+                let values =
+                    [1.0 - s.mirror, ratio, 1.0 - s.outside - s.into, 1.0 - s.inside - s.out];
+                for (cell, value) in cell.iter_mut().zip(values) {
+                    cell.push(value.clamp(0.0, 1.0));
+                }
+            }
+        }
+    }
+    for (cell, &ior) in cells.iter_mut().zip(iors) {
+        for (quantity, cell) in cell.iter_mut().enumerate() {
+            let reference = |w: Vec3| {
+                f64::from(MOST * fresnel::dielectric(facet_cosine(widths, w), ior as f32))
+            };
+            cell.push(if quantity == 1 {
+                mean_of_cell(widths, cell, reference)
+            } else {
+                mean_of_cell(widths, cell, |_| 1.0) / f64::from(mean_reference(widths.x.min(1.0)))
+            });
+        }
+    }
+    cells
+}
+
+/// The cells of all widths.
+fn all_cells(shape: MicrofacetShape, iors: &[f64]) -> Vec<Vec<[Vec<f64>; 4]>> {
+    let all: Vec<_> = (0..WIDTHS * RATIOS).collect();
+    std::thread::scope(|scope| {
+        let threads: Vec<_> = all
+            .chunks(all.len().div_ceil(4))
+            .map(|some| {
+                scope.spawn(move || -> Vec<_> {
+                    some.iter()
+                        .map(|at| {
+                            let (x, ratio) = (width_at(at / RATIOS), ratio_at(at % RATIOS));
+                            cells(shape, Widths { x, y: ratio * x }, iors)
+                        })
+                        .collect()
+                })
+            })
+            .collect();
+        threads.into_iter().flat_map(|t| t.join().expect("no panic")).collect()
+    })
+}
+
+#[test]
+#[ignore = "writes the tables"]
+fn write_anisotropic_tables() {
+    let iors: Vec<_> = (0..anisotropic::INDICES).map(anisotropic_ior_at).collect();
+    let ggx = all_cells(MicrofacetShape::Ggx, &iors);
+    let beckmann = all_cells(MicrofacetShape::Beckmann, &[1.5]);
+    let mut bytes = Vec::new();
+    let mut write = |table: &[Vec<[Vec<f64>; 4]>], quantity: usize, indices: usize| {
+        for cell in table {
+            for number in 0..CELL {
+                for plane in &cell[..indices] {
+                    let x = plane[quantity][number];
+                    let is_mean = number == CELL - 1;
+                    let x = if is_mean { x.ln() / f64::from(DEEPEST) } else { x };
+                    bytes.extend(((x.clamp(0.0, 1.0) * 65535.0).round() as u16).to_le_bytes());
+                }
+            }
+        }
+    };
+    write(&ggx, 0, 1);
+    write(&beckmann, 0, 1);
+    for quantity in 1..4 {
+        write(&ggx, quantity, anisotropic::INDICES);
+    }
+    std::fs::write(concat!(env!("CARGO_MANIFEST_DIR"), "/src/bsdf/energy/anisotropic.bin"), bytes)
         .expect("writes the tables");
 }
 

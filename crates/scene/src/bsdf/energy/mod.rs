@@ -7,15 +7,17 @@
 //! conserves energy. Layered materials use the same numbers for the fraction of light that reaches
 //! the layers below.
 //!
-//! The tables in `tables.bin` were integrated by `generate.rs`. Half of their nodes along the
-//! direction follow the cosine in units of the roughness ([`Widths::steepness`]), in which albedos
-//! are smooth even for nearly smooth surfaces at grazing angles, and half the cosine itself, for
-//! the critical angle.
+//! The tables in `tables.bin`, for isotropic surfaces, were integrated by `generate.rs`. Half of
+//! their nodes along the direction follow the cosine in units of the roughness
+//! ([`Widths::steepness`]), in which albedos are smooth even for nearly smooth surfaces at grazing
+//! angles, and half the cosine itself, for the critical angle.
 
+mod anisotropic;
 #[cfg(test)]
 mod generate;
 
 use super::{MicrofacetShape, Microfacets, Widths};
+use anisotropic::Anisotropic;
 use snell_math::{Vec2, Vec3, exponentials};
 use std::f32::consts::FRAC_1_PI;
 
@@ -90,8 +92,8 @@ fn four(at: usize) -> [f32; 4] {
 /// at grazing angles, and the ratio matters.
 const DEEPEST: f32 = -16.0;
 
-/// The largest ratio between the reflectance of a rough and of a smooth dielectric; see
-/// [`Widths::facet_cosine`].
+/// The largest ratio between the reflectance of a rough and of a smooth dielectric, both at the
+/// cosine at which a typical visible facet is seen ([`Widths::root`]).
 const MOST: f32 = 16.0;
 
 /// Factor on [`MOST`] for a distribution: at grazing angles, more of Beckmann's visible facets are
@@ -309,7 +311,8 @@ pub(super) struct BouncedLobe {
 
 impl BouncedLobe {
     pub(super) fn new(widths: Widths) -> Self {
-        let squared_width = (widths.alpha() * widths.alpha()).max(1e-6);
+        let width = widths.x.max(widths.y);
+        let squared_width = (width * width).max(1e-6);
         Self { squared_width, integral: (1.0 / squared_width).ln_1p() }
     }
 
@@ -336,21 +339,30 @@ impl BouncedLobe {
 pub(super) struct FacetLoss {
     widths: Widths,
     loss: Albedo,
+    anisotropic: Option<Anisotropic>,
 }
 
 impl Directional for FacetLoss {
     /// Share of light lost towards (equally: from) a direction above.
     fn towards(&self, w: Vec3) -> f32 {
-        if self.widths.is_smooth() { 0.0 } else { self.loss.directional(position(self.widths, w)) }
+        match &self.anisotropic {
+            _ if self.widths.is_smooth() => 0.0,
+            Some(anisotropic) => anisotropic.directional(w).min(1.0),
+            None => self.loss.directional(position(self.widths, w)),
+        }
     }
 }
 
 impl FacetLoss {
     pub(super) fn new(facets: Microfacets) -> Self {
-        Self { widths: facets.widths(), loss: Albedo::loss(facets, FACETS, NO_INDEX) }
+        Self {
+            widths: facets.widths(),
+            loss: Albedo::loss(facets, FACETS, NO_INDEX),
+            anisotropic: Anisotropic::loss(facets, FACETS, 1.0),
+        }
     }
 
-    /// The nodes of a rough surface, for many evaluations.
+    /// The nodes of a rough isotropic surface, for many evaluations.
     pub(super) fn line(&self) -> FacetLossBy<Line> {
         FacetLossBy { widths: self.widths, loss: self.loss.line() }
     }
@@ -363,7 +375,11 @@ impl FacetLoss {
 
     /// The fraction of diffuse light that is lost.
     pub(super) fn average(&self) -> f32 {
-        if self.widths.is_smooth() { 0.0 } else { self.loss.average() }
+        match &self.anisotropic {
+            _ if self.widths.is_smooth() => 0.0,
+            Some(anisotropic) => anisotropic.average(),
+            None => self.loss.average(),
+        }
     }
 }
 
@@ -398,14 +414,19 @@ pub(super) struct DielectricReflection {
     /// The indices of refraction around that of the surface, and their weights.
     indices: (usize, [f32; 4]),
     reflected: Albedo,
+    anisotropic: Option<Anisotropic>,
 }
 
 impl Directional for DielectricReflection {
     /// Share of light reflected once towards a direction above.
     fn towards(&self, w: Vec3) -> f32 {
-        match self.widths.is_smooth() {
-            true => super::fresnel::dielectric(w.z, self.ior),
-            false => reflected_towards(self.widths, self.ior, &self.reflected, w),
+        match &self.anisotropic {
+            _ if self.widths.is_smooth() => super::fresnel::dielectric(w.z, self.ior),
+            Some(anisotropic) => {
+                let reference = super::fresnel::dielectric(self.widths.root(w).min(1.0), self.ior);
+                (reference * anisotropic.directional(w)).min(1.0)
+            }
+            None => reflected_towards(self.widths, self.ior, &self.reflected, w),
         }
     }
 }
@@ -427,10 +448,11 @@ impl DielectricReflection {
             ior,
             indices,
             reflected: Albedo::reflected(facets, indices),
+            anisotropic: Anisotropic::reflected(facets, ior),
         }
     }
 
-    /// The nodes of a rough surface, for many evaluations.
+    /// The nodes of a rough isotropic surface, for many evaluations.
     pub(super) fn line(&self) -> DielectricReflectionBy<Line> {
         DielectricReflectionBy {
             widths: self.widths,
@@ -447,10 +469,10 @@ impl DielectricReflection {
 
     /// The fraction of diffuse light that is reflected in one bounce.
     pub(super) fn average(&self) -> f32 {
-        if self.widths.is_smooth() {
-            super::fresnel::dielectric_average(self.ior)
-        } else {
-            self.reflected.average()
+        match &self.anisotropic {
+            _ if self.widths.is_smooth() => super::fresnel::dielectric_average(self.ior),
+            Some(anisotropic) => anisotropic.average(),
+            None => self.reflected.average(),
         }
     }
 }
@@ -483,6 +505,7 @@ impl<N: Nodes> Directional for DielectricReflectionBy<N> {
 pub(super) struct DielectricLoss {
     widths: Widths,
     loss: Albedo,
+    anisotropic: Option<Anisotropic>,
 }
 
 impl DielectricLoss {
@@ -490,22 +513,32 @@ impl DielectricLoss {
     /// that of this side.
     pub(super) fn new(facets: Microfacets, eta: f32) -> Self {
         let (table, ior) = if eta >= 1.0 { (LOST[0], eta) } else { (LOST[1], 1.0 / eta) };
-        Self { widths: facets.widths(), loss: Albedo::loss(facets, table, indices(ior)) }
+        Self {
+            widths: facets.widths(),
+            loss: Albedo::loss(facets, table, indices(ior)),
+            anisotropic: Anisotropic::loss(facets, table, ior),
+        }
     }
 
     /// The fraction of light that is lost towards a direction above the surface, which equals that
     /// lost from it.
     pub(super) fn towards(&self, w: Vec3) -> f32 {
-        self.loss.directional(position(self.widths, w))
+        match &self.anisotropic {
+            Some(anisotropic) => anisotropic.directional(w).min(1.0),
+            None => self.loss.directional(position(self.widths, w)),
+        }
     }
 
     /// The fraction of diffuse light that is lost.
     pub(super) fn average(&self) -> f32 {
-        self.loss.average()
+        match &self.anisotropic {
+            Some(anisotropic) => anisotropic.average(),
+            None => self.loss.average(),
+        }
     }
 }
 
-/// [`DielectricLoss`] of a rough surface seen from its outer and its inner side, for many
+/// [`DielectricLoss`] of a rough isotropic surface seen from its outer and its inner side, for many
 /// evaluations.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct DielectricLossLines {

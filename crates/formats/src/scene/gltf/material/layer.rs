@@ -9,7 +9,7 @@ use crate::scene::gltf::texture::Use;
 use snell_math::Rgb;
 use snell_scene::TextureId;
 use snell_scene::material::{
-    ColorParam, OpenPbr, ScalarParam, TangentMap, reflectance_at_most_white,
+    ColorParam, FuzzModel, OpenPbr, ScalarParam, TangentMap, reflectance_at_most_white,
 };
 
 pub(super) fn read(
@@ -89,6 +89,7 @@ fn sheen(reader: &mut Reader, json: &Json, surface: &mut OpenPbr) -> Result<(), 
     }
     let factor = fraction(reader, &sheen, "sheenRoughnessFactor", 0.0)?;
     surface.fuzz_roughness = scalar(reader, &sheen, factor, "sheenRoughnessTexture", 3)?;
+    surface.fuzz_model = FuzzModel::Charlie;
     Ok(())
 }
 

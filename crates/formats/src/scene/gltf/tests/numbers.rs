@@ -4,7 +4,7 @@ use super::{data, meshes, open, read_text};
 use snell_intersect::TriangleMesh;
 use snell_math::{Bounds3, ColorMode, DVec3, Rgb, Vec2, Vec3};
 use snell_scene::light::{Directional, Point, Spot, SpotFalloff};
-use snell_scene::material::{AlphaMode, MaterialKind};
+use snell_scene::material::{AlphaMode, FuzzModel, MaterialKind};
 use snell_scene::texture::{Filtering, Wrap};
 use snell_scene::{Background, Encoding, Light, Projection, Scene};
 
@@ -377,6 +377,7 @@ fn extensions_of_materials_become_parameters_of_open_pbr_and_are_noted() {
         (m.fuzz_weight.factor, m.fuzz_color.factor, m.fuzz_roughness.factor),
         (0.5, Rgb::new(1.0, 0.5, 0.0), 0.3)
     );
+    assert_eq!(m.fuzz_model, FuzzModel::Charlie);
     assert_eq!(
         (m.thin_film_weight.factor, m.thin_film_ior.factor, m.thin_film_thickness.factor),
         (0.75, 1.8, 0.5)

@@ -6,6 +6,7 @@ use super::super::serialized;
 use super::super::value::shortened;
 use crate::Input;
 use crate::scene::fault::Fault;
+use crate::scene::shapes::wind_by_normals;
 use snell_intersect::TriangleMesh;
 use snell_math::Vec3;
 use std::sync::Arc;
@@ -45,7 +46,8 @@ impl Reading {
         })
     }
 
-    fn mesh(&self, input: &Input) -> Result<TriangleMesh, Fault> {
+    /// The mesh, and whether the normals of its vertices turned triangles over.
+    fn mesh(&self, input: &Input) -> Result<(TriangleMesh, bool), Fault> {
         let mut is_flat = self.is_flat;
         let mut mesh = if self.is_serialized {
             let read = serialized::read(input, self.index)?;
@@ -58,6 +60,7 @@ impl Reading {
         if !self.keeps_colors {
             mesh.colors.clear();
         }
+        let mut is_turned = false;
         // Mitsuba computes normals of the triangles as they are placed: a mirror turns them over.
         let has_normals = !is_flat && self.crease.is_none() && !mesh.normals.is_empty();
         if is_flat {
@@ -66,22 +69,25 @@ impl Reading {
             crate::mesh::smooth_normals(&mut mesh, crease as f32);
         } else if mesh.normals.is_empty() {
             mesh.normals = mesh.computed_normals();
+        } else {
+            is_turned = wind_by_normals(&mut mesh);
         }
         repair_normals(&mut mesh);
         if self.is_flipped != (self.is_mirrored && !has_normals) {
             turn_over(&mut mesh);
         }
-        Ok(if self.flips_v { flip_v(mesh) } else { mesh })
+        Ok((if self.flips_v { flip_v(mesh) } else { mesh }, is_turned))
     }
 }
 
 impl Builder<'_> {
-    /// The mesh of a file, read once; `None` if it has no triangles.
+    /// The mesh of a file, read once, and whether the normals of its vertices turned triangles
+    /// over; `None` if it has no triangles.
     pub(super) fn mesh_file(
         &mut self,
         object: &Object,
         keeps_colors: bool,
-    ) -> Result<Option<Arc<TriangleMesh>>, Fault> {
+    ) -> Result<Option<(Arc<TriangleMesh>, bool)>, Fault> {
         let (name, at) = object.file_name()?;
         let reading = Reading::of(object, keeps_colors)?;
         let path = self.main.resolve(name).map_err(|e| Fault::new(at, e.problem, e.remedy))?;
@@ -89,16 +95,16 @@ impl Builder<'_> {
         if let Some(known) = self.shapes.files.get(&key) {
             return Ok(Some(known.clone()));
         }
-        let mesh = reading.mesh(&self.open(name, at)?)?;
+        let (mesh, is_turned) = reading.mesh(&self.open(name, at)?)?;
         self.count_triangles(at, mesh.indices.len())?;
         if mesh.indices.is_empty() {
             let name = shortened(name);
             self.note("empty mesh", at, || format!("\"{name}\" has no triangles; it was left out"));
             return Ok(None);
         }
-        let mesh = Arc::new(mesh);
-        self.shapes.files.insert(key, mesh.clone());
-        Ok(Some(mesh))
+        let known = (Arc::new(mesh), is_turned);
+        self.shapes.files.insert(key, known.clone());
+        Ok(Some(known))
     }
 }
 

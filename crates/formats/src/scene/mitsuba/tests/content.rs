@@ -398,3 +398,112 @@ fn curves_are_strands_of_the_radii_in_the_file() {
     }
     assert!(read("bsplinecurve", "").expect("nothing").warnings[0].message.contains("no curves"));
 }
+
+#[test]
+fn the_outside_of_a_mesh_is_that_of_its_normals() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let obj = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 -1\nf 1//1 2//1 3//1\n";
+    std::fs::write(folder.path().join("a.obj"), obj).expect("written");
+    let read = |more: &str| {
+        let text = format!(
+            "<scene version=\"3.0.0\"><shape type=\"obj\"><string name=\"filename\" \
+                value=\"a.obj\"/>{more}</shape></scene>"
+        );
+        testing::read_in(&READER, folder.path(), &text).unwrap_or_else(|e| panic!("{e}"))
+    };
+    let outside = |more: &str| {
+        let mesh = meshes(&read(more)).remove(0);
+        let [a, b, c] = mesh.corners(0);
+        (b - a).cross(c - a).z
+    };
+    let flag = |name: &str| format!("<boolean name=\"{name}\" value=\"true\"/>");
+    assert_eq!(outside(""), -1.0);
+    assert_eq!(outside(&flag("flip_normals")), 1.0);
+    assert_eq!(outside(&flag("face_normals")), 1.0);
+    let medium = "<bsdf type=\"dielectric\"/><medium type=\"homogeneous\" name=\"interior\"/>";
+    let said = &read(medium).warnings;
+    assert!(said.iter().any(|w| w.message.contains("oppose its winding")), "{said:?}");
+    assert_eq!(read("<bsdf type=\"dielectric\"/>").warnings, []);
+}
+
+#[test]
+fn mirrored_spheres_are_turned_over() {
+    let outwards = |more: &str| {
+        let scene = clean(&format!("<shape type=\"sphere\">{more}</shape>"));
+        let [mesh] = &meshes(&scene)[..] else { return true };
+        let [a, b, c] = mesh.corners(7000);
+        (b - a).cross(c - a).dot(a) > 0.0
+    };
+    let mirror = "<transform name=\"to_world\"><scale x=\"-1\" y=\"1\" z=\"1\"/></transform>";
+    let flip = "<boolean name=\"flip_normals\" value=\"true\"/>";
+    assert!(outwards(""));
+    assert!(!outwards(mirror));
+    assert!(!outwards(flip));
+    assert!(outwards(&format!("{flip}{mirror}")));
+}
+
+#[test]
+fn masks_do_not_dim_emitters() {
+    let lamp = |bsdf: &str| {
+        let scene = clean(&format!(
+            "<shape type=\"sphere\">{bsdf}<emitter type=\"area\"><rgb name=\"radiance\" \
+                value=\"1 2 3\"/></emitter></shape>"
+        ));
+        scene.materials[0].clone()
+    };
+    let mask = |opacity: f32| {
+        format!(
+            "<bsdf type=\"mask\"><float name=\"opacity\" value=\"{opacity}\"/><bsdf \
+                type=\"diffuse\"/></bsdf>"
+        )
+    };
+    let masked = lamp(&mask(0.25));
+    assert_eq!((masked.alpha.factor, masked.emission.factor), (0.25, Rgb::new(4.0, 8.0, 12.0)));
+    // What is behind a lamp of nothing is seen through it.
+    for bsdf in [mask(0.0), "<bsdf type=\"null\"/>".into()] {
+        let clear = lamp(&bsdf);
+        let MaterialKind::MetallicRoughness(kind) = &clear.kind else { panic!("{clear:?}") };
+        assert_eq!((kind.ior, kind.transmission), (1.0, 1.0.into()));
+        assert_eq!(clear.emission.factor, Rgb::new(1.0, 2.0, 3.0));
+        assert_eq!(clear.alpha_mode, snell_scene::material::AlphaMode::Opaque);
+    }
+}
+
+#[test]
+fn colours_of_vertices_are_scaled_and_emitted() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let vertex = "0.2 0.5 1\n";
+    let ply = format!(
+        "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n\
+        property float z\nproperty float r\nproperty float g\nproperty float b\n\
+        element face 1\nproperty list uchar int vertex_indices\nend_header\n\
+        0 0 0 {vertex}1 0 0 {vertex}0 1 0 {vertex}3 0 1 2\n"
+    );
+    std::fs::write(folder.path().join("a.ply"), ply).expect("written");
+    let read = |parts: &str| {
+        let text = format!(
+            "<scene version=\"3.0.0\"><shape type=\"ply\"><string name=\"filename\" \
+                value=\"a.ply\"/>{parts}</shape></scene>"
+        );
+        let scene =
+            testing::read_in(&READER, folder.path(), &text).unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!(scene.warnings, [], "{parts}");
+        assert_eq!(meshes(&scene)[0].colors.len(), 3, "{parts}");
+        scene.materials[0].clone()
+    };
+    let attribute = |name: &str, scale: f32| {
+        format!(
+            "<texture name=\"{name}\" type=\"mesh_attribute\"><string name=\"name\" \
+                value=\"vertex_color\"/><float name=\"scale\" value=\"{scale}\"/></texture>"
+        )
+    };
+    let lamp = read(&format!("<emitter type=\"area\">{}</emitter>", attribute("radiance", 3.0)));
+    assert!(lamp.emission_takes_vertex_color);
+    assert_eq!(lamp.emission.factor, Rgb::splat(3.0));
+    let nested = "<texture type=\"scale\" name=\"reflectance\"><float name=\"scale\" \
+        value=\"0.5\"/><texture type=\"vertexcolors\"/></texture>";
+    for reflectance in [&attribute("reflectance", 0.5), nested] {
+        let matte = read(&format!("<bsdf type=\"diffuse\">{reflectance}</bsdf>"));
+        assert_eq!(matte.kind, Diffuse::new(Rgb::splat(0.5)).into());
+    }
+}

@@ -3,7 +3,7 @@
 use super::super::Builder;
 use super::super::lexer::quoted;
 use super::super::params::Params;
-use super::Made;
+use super::{Lamps, Made};
 use crate::scene::fault::Fault;
 use crate::strip::{Strip, pieces};
 use snell_intersect::TriangleMesh;
@@ -104,7 +104,7 @@ impl Builder<'_> {
                 Some(normal),
             );
         }
-        Ok(self.finish_mesh(mesh))
+        Ok(self.finish_mesh(mesh, Lamps::Triangles))
     }
 }
 

@@ -3,7 +3,7 @@
 
 use super::super::Builder;
 use super::super::params::Params;
-use super::Made;
+use super::{Lamps, Made};
 use crate::scene::fault::Fault;
 use snell_intersect::TriangleMesh;
 use snell_math::Vec3;
@@ -38,7 +38,7 @@ impl Builder<'_> {
             normals,
             ..TriangleMesh::default()
         };
-        Ok(self.finish_mesh(mesh))
+        Ok(self.finish_mesh(mesh, Lamps::Triangles))
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::super::params::Params;
 use super::super::{Builder, identity};
-use super::{Made, check_length, flip_v, orient};
+use super::{Lamps, Made, check_length, flip_v, orient};
 use crate::scene::fault::Fault;
 use snell_intersect::TriangleMesh;
 use snell_math::{Vec2, Vec3};
@@ -40,7 +40,7 @@ impl Builder<'_> {
             uvs: [uvs, Vec::new()],
             ..TriangleMesh::default()
         };
-        Ok(self.finish_mesh(mesh))
+        Ok(self.finish_mesh(mesh, Lamps::Triangles))
     }
 
     /// Texture coordinates, by the names of pbrt-v4 and pbrt-v3.
@@ -50,14 +50,14 @@ impl Builder<'_> {
     }
 
     /// Converts a mesh to the scene's conventions.
-    pub(super) fn finish_mesh(&mut self, mut mesh: TriangleMesh) -> Made {
+    pub(super) fn finish_mesh(&mut self, mut mesh: TriangleMesh, lamps: Lamps) -> Made {
         repair(&mut mesh);
         orient(&mut mesh, self.is_reversed());
         if mesh.uvs[0].is_empty() && self.is_textured() {
             separate_with_uvs(&mut mesh);
         }
         flip_v(&mut mesh);
-        if mesh.indices.is_empty() { Made::Nothing } else { Made::Mesh(Arc::new(mesh)) }
+        if mesh.indices.is_empty() { Made::Nothing } else { Made::Mesh(Arc::new(mesh), lamps) }
     }
 
     pub(super) fn ply_mesh(&mut self, params: &Params) -> Result<Made, Fault> {
@@ -68,16 +68,21 @@ impl Builder<'_> {
         let path =
             self.main.resolve(name).map_err(|error| Fault::new(at, error.problem, error.remedy))?;
         let key = (identity(&path), self.is_reversed());
-        if let Some(mesh) = self.shapes.files.get(&key) {
-            return Ok(Made::Mesh(mesh.clone()));
+        if let Some((mesh, lamps)) = self.shapes.files.get(&key) {
+            return Ok(Made::Mesh(mesh.clone(), lamps.clone()));
         }
         let input = self.open(name, at)?;
-        let mut mesh = crate::mesh::read_mesh(&input)?;
+        let (mut mesh, faces) = crate::mesh::read_faces(&input)?;
         mesh.colors.clear();
         mesh.material_slots.clear();
-        let made = self.finish_mesh(mesh);
-        if let Made::Mesh(mesh) = &made {
-            self.shapes.files.insert(key, mesh.clone());
+        // pbrt makes a bilinear patch of a quadrilateral.
+        let lamps = match faces {
+            Some(triangles) => Lamps::Patches(triangles.into()),
+            None => Lamps::Triangles,
+        };
+        let made = self.finish_mesh(mesh, lamps);
+        if let Made::Mesh(mesh, lamps) = &made {
+            self.shapes.files.insert(key, (mesh.clone(), lamps.clone()));
         }
         Ok(made)
     }

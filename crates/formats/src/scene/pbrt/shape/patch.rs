@@ -2,7 +2,7 @@
 
 use super::super::Builder;
 use super::super::params::Params;
-use super::{Made, check_length};
+use super::{Lamps, Made, check_length};
 use crate::scene::fault::Fault;
 use snell_intersect::TriangleMesh;
 use snell_math::{Vec2, Vec3};
@@ -41,6 +41,7 @@ impl Builder<'_> {
         }
         self.note_common(params);
         let mut mesh = TriangleMesh::default();
+        let mut counts = Vec::with_capacity(indices.len());
         for patch in &indices {
             let corners = patch.map(|i| i as usize);
             let p = corners.map(|i| points[i]);
@@ -52,6 +53,7 @@ impl Builder<'_> {
             };
             let pieces = if is_flat(&p) { 1 } else { PIECES };
             add_patch(&mut mesh, p, n, uv, pieces);
+            counts.push(2 * pieces * pieces);
         }
         if normals.is_empty() {
             // A mesh of flat patches needs no normals; if any patch is bent, smooth ones are
@@ -61,7 +63,7 @@ impl Builder<'_> {
                 mesh.normals = mesh.computed_normals();
             }
         }
-        Ok(self.finish_mesh(mesh))
+        Ok(self.finish_mesh(mesh, Lamps::Patches(counts.into())))
     }
 }
 

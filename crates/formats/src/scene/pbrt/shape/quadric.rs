@@ -3,7 +3,7 @@
 use super::super::Builder;
 use super::super::options::is_kind;
 use super::super::params::Params;
-use super::Made;
+use super::{Lamps, Made};
 use crate::scene::fault::Fault;
 use crate::scene::shapes::{ALONG, AROUND, around_z, swept};
 use snell_intersect::shape::{Cylinder, Disk, Sphere};
@@ -18,6 +18,7 @@ impl Builder<'_> {
             return Err(params.fault(format!("a radius of {radius}"), "give a positive number"));
         }
         self.note_common(params);
+        let arc = turn.to_radians();
         let is_whole = turn == 360.0 && !self.is_reversed();
         if is_kind(params, "sphere") {
             let (low, high) = (params.float_or("zmin", -radius)?, params.float_or("zmax", radius)?);
@@ -26,7 +27,8 @@ impl Builder<'_> {
             }
             let angle = |z: f64| (z / radius).clamp(-1.0, 1.0).acos();
             let (bottom, top) = (angle(low.min(high)), angle(high.max(low)));
-            return Ok(self.swept(params, turn, ALONG, |phi, v| {
+            let height = radius * (bottom.cos() - top.cos()).abs();
+            return Ok(self.swept(params, turn, arc * radius * height, ALONG, |phi, v| {
                 let (sin, cos) = (bottom + (top - bottom) * v).sin_cos();
                 let normal = DVec3::new(sin * phi.cos(), sin * phi.sin(), cos);
                 (normal * radius, normal)
@@ -48,7 +50,8 @@ impl Builder<'_> {
             let middle = DVec3::Z * ((low + high) * 0.5);
             return Ok(Made::shape(cylinder, DAffine3::from_mat3_translation(around_z(), middle)));
         }
-        Ok(self.swept(params, turn, 1, |phi, v| {
+        let area = arc * radius * (high - low);
+        Ok(self.swept(params, turn, area, 1, |phi, v| {
             let normal = DVec3::new(phi.cos(), phi.sin(), 0.0);
             (normal * radius + DVec3::Z * (low + (high - low) * v), normal)
         }))
@@ -72,7 +75,8 @@ impl Builder<'_> {
             let place = DAffine3::from_translation(DVec3::Z * height);
             return Ok(Made::shape(Disk { radius, inner_radius }, place));
         }
-        Ok(self.swept(params, turn, 1, |phi, v| {
+        let area = turn.to_radians() * 0.5 * (radius * radius - inner_radius * inner_radius);
+        Ok(self.swept(params, turn, area, 1, |phi, v| {
             let r = radius + (inner_radius - radius) * v;
             (DVec3::new(r * phi.cos(), r * phi.sin(), height), DVec3::Z)
         }))
@@ -82,14 +86,19 @@ impl Builder<'_> {
     fn old_quadric(&mut self, params: &Params, radius: f64, turn: f64) -> Result<Made, Fault> {
         if is_kind(params, "cone") {
             let height = params.float_or("height", 1.0)?;
-            return Ok(self.swept(params, turn, 1, |phi, v| {
+            let area = turn.to_radians() * 0.5 * radius * radius.hypot(height);
+            return Ok(self.swept(params, turn, area, 1, |phi, v| {
                 let around = DVec3::new(phi.cos(), phi.sin(), 0.0);
                 let normal = (around * height + DVec3::Z * radius).normalize_or(DVec3::Z);
                 (around * (radius * (1.0 - v)) + DVec3::Z * (height * v), normal)
             }));
         }
         let (low, high) = (params.float_or("zmin", 0.0)?, params.float_or("zmax", 1.0)?);
-        Ok(self.swept(params, turn, ALONG, |phi, v| {
+        // Paraboloid::Area of pbrt-v3.
+        let bound = |z: f64| (1.0 + 4.0 * high * z / (radius * radius)).powf(1.5);
+        let area = turn.to_radians() * radius.powi(4) / (12.0 * high * high)
+            * (bound(high) - bound(low)).abs();
+        Ok(self.swept(params, turn, area, ALONG, |phi, v| {
             let z = low + (high - low) * v;
             let (r, around) =
                 (radius * (z / high).max(0.0).sqrt(), DVec3::new(phi.cos(), phi.sin(), 0.0));
@@ -99,11 +108,12 @@ impl Builder<'_> {
     }
 
     /// Tessellates a surface of points and normals over longitude (radians) and v from 0 to 1, for
-    /// a turn in degrees.
+    /// a turn in degrees. `area` is that of the surface.
     fn swept(
         &mut self,
         params: &Params,
         turn: f64,
+        area: f64,
         along: u32,
         surface: impl Fn(f64, f64) -> (DVec3, DVec3),
     ) -> Made {
@@ -113,6 +123,6 @@ impl Builder<'_> {
         }
         let mesh = swept(turn, [around, along], surface);
         debug_assert!(turn <= 2.0 * PI.to_degrees());
-        self.finish_mesh(mesh)
+        self.finish_mesh(mesh, Lamps::Whole(area))
     }
 }

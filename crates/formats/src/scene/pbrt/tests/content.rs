@@ -102,9 +102,84 @@ fn options_become_settings() {
         (Some([320, 200]), Some(77), Some(9))
     );
     assert_eq!((settings.filter.as_deref(), settings.exposure), (Some("tent"), Some(2.0)));
-    assert_eq!(scene.warnings, []);
+    let said: Vec<_> = scene.warnings.iter().map(|w| w.message.as_str()).collect();
+    assert!(said.len() == 1 && said[0].contains("multiplies light by 4"), "{said:?}");
     assert_eq!(super::scene("WorldBegin").settings.size, Some([1280, 720]));
     assert_eq!(super::scene("Film \"image\" WorldBegin").settings.size, Some([640, 480]));
+}
+
+#[test]
+fn films_of_version_3_have_a_factor_and_no_clamp() {
+    let text = "Film \"image\" \"float scale\" 8 \"float maxsampleluminance\" 2\nWorldBegin";
+    assert_eq!(scene(text).settings.exposure, Some(3.0));
+    let said = warnings(text);
+    assert!(said.contains("maxsampleluminance") && said.contains("by 8"), "{said}");
+}
+
+#[test]
+fn subsurface_scattering_lifts_the_limit_of_bounces() {
+    let text = |depth: i32, material: &str| {
+        format!(
+            "Integrator \"volpath\" \"integer maxdepth\" {depth}\nWorldBegin Material {material} \
+            Shape \"sphere\""
+        )
+    };
+    let below = "\"subsurface\" \"rgb mfp\" [.02 .02 .02] \"rgb reflectance\" [.8 .8 .8]";
+    let depth = |text: &str| scene(text).settings.max_depth;
+    assert_eq!(depth(&text(5, below)), None);
+    assert!(warnings(&text(5, below)).contains("\"maxdepth\" 5 was ignored"));
+    assert_eq!(depth(&text(0, below)), Some(0), "only what emits");
+    assert_eq!(depth(&text(5, "\"diffuse\"")), Some(5));
+    assert_eq!(depth(&text(5, "\"diffusetransmission\"")), Some(5), "a thin sheet");
+}
+
+#[test]
+fn goniometric_lights_take_the_mean_of_their_colours() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let picture = b"PF\n1 1\n-1.0\n".iter().copied();
+    let texel = [6.0f32, 3.0, 0.0].map(f32::to_le_bytes).concat();
+    std::fs::write(folder.path().join("g.pfm"), picture.chain(texel).collect::<Vec<_>>())
+        .expect("written");
+    let intensity = |power: &str| {
+        let text =
+            format!("WorldBegin LightSource \"goniometric\" \"string filename\" \"g.pfm\" {power}");
+        let scene =
+            testing::read_in(&READER, folder.path(), &text).unwrap_or_else(|e| panic!("{e}"));
+        let Light::Profile(profile) = &scene.lights[0] else { panic!("{:?}", scene.lights) };
+        profile.table.at(DVec3::Z) * profile.scale
+    };
+    colors_are(intensity(""), [3.0; 3]);
+    let power = 4.0 * std::f32::consts::PI;
+    colors_are(intensity(&format!("\"float power\" {power}")), [1.0; 3]);
+}
+
+#[test]
+fn power_in_ply_files_is_that_of_each_face() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let ply = |faces: &str| {
+        format!(
+            "ply\nformat ascii 1.0\nelement vertex 5\nproperty float x\nproperty float y\n\
+            property float z\nelement face 2\nproperty list uchar int vertex_indices\nend_header\n\
+            0 0 0\n1 0 0\n1 1 0\n0 1 0\n2 0 0\n{faces}"
+        )
+    };
+    let radiance = |faces: &str| {
+        std::fs::write(folder.path().join("a.ply"), ply(faces)).expect("written");
+        let text = "WorldBegin AreaLightSource \"diffuse\" \"float power\" 1 \
+            Shape \"plymesh\" \"string filename\" \"a.ply\"";
+        let scene =
+            testing::read_in(&READER, folder.path(), text).unwrap_or_else(|e| panic!("{e}"));
+        let said: Vec<_> = scene.warnings.iter().map(|w| w.message.clone()).collect();
+        (scene.materials[0].emission.factor, said.join("\n"))
+    };
+    let of_mean = |area: f32| [1.0 / (std::f32::consts::PI * area); 3];
+    let (color, said) = radiance("3 0 1 2\n3 0 2 3\n");
+    colors_are(color, of_mean(0.5));
+    assert_eq!(said, "");
+    // A quadrilateral is one light.
+    let (color, said) = radiance("4 0 1 2 3\n3 1 4 2\n");
+    colors_are(color, of_mean(0.75));
+    assert!(said.contains("power\" is that of each bilinear patch"), "{said}");
 }
 
 #[test]
@@ -384,6 +459,37 @@ fn area_lights_emit_their_radiance_or_their_power() {
     let square =
         "\"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 1 1 0 0 1 0] \"integer indices\" [0 1 2 0 2 3]";
     colors_are(emission(&format!("\"float power\" {}", std::f32::consts::PI), square).0, [2.0; 3]);
+}
+
+#[test]
+fn power_is_that_of_a_whole_shape_or_of_each_patch() {
+    let radiance = |shape: &str| {
+        let scene = world(&format!("AreaLightSource \"diffuse\" \"float power\" 1 {shape}"));
+        material(&scene).emission.factor
+    };
+    let of_area = |area: f64| [1.0 / (std::f64::consts::PI * area) as f32; 3];
+    let turn = std::f64::consts::TAU;
+    let [low, half] = ["\"float zmin\" -0.25", "\"float phimax\" 180"];
+    for (shape, area) in [
+        (format!("Shape \"sphere\" \"float radius\" 0.5 {low}"), turn * 0.5 * 0.75),
+        (format!("Shape \"sphere\" {half}"), turn),
+        ("ReverseOrientation Shape \"sphere\"".into(), 2.0 * turn),
+        (format!("Shape \"disk\" \"float innerradius\" 0.5 {half}"), turn * 0.25 * 0.75),
+        ("ReverseOrientation Shape \"disk\"".into(), turn * 0.5),
+        (format!("Shape \"cylinder\" \"float radius\" 0.5 {half}"), turn * 0.5),
+        ("Shape \"cone\" \"float height\" 2".into(), turn * 0.5 * 5f64.sqrt()),
+        ("Shape \"paraboloid\"".into(), turn / 12.0 * (5f64.powf(1.5) - 1.0)),
+    ] {
+        colors_are(radiance(&shape), of_area(area));
+    }
+    // Each of two patches of the area 2 has the power; the bent one is of many triangles.
+    let patches = "Shape \"bilinearmesh\" \"point3 P\" [0 0 0 2 0 0 0 1 0 2 1 0 0 2 0 2 2 0] \
+        \"integer indices\" [0 1 2 3 2 3 4 5]";
+    colors_are(radiance(patches), of_area(2.0));
+    let text = "WorldBegin AreaLightSource \"diffuse\" \"float power\" 1 \
+        Shape \"bilinearmesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0 1 1 0 0 3 0 1 3 0] \
+        \"integer indices\" [0 1 2 3 2 3 4 5]";
+    assert!(warnings(text).contains("power\" is that of each bilinear patch"));
 }
 
 #[test]

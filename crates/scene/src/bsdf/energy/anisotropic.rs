@@ -1,0 +1,213 @@
+//! The albedos of anisotropic facets, by both widths and the azimuth of the direction.
+//!
+//! An isotropic table at one width for each direction would not do: at the width along the
+//! direction, or at that with the same loss of white facets, the share of light that glass loses
+//! is off by 0.1 and more. So these tables, integrated by `generate.rs` into `anisotropic.bin`,
+//! have all dimensions, on a coarser grid with cubics between the nodes: 1.7 MB, and some 500
+//! numbers for each direction. (The other published ways cost more here: walks over the facets,
+//! Heitz et al. 2016, have values that are random.) White metals keep light within 0.4 %, what
+//! else is off is in `furnace.rs`.
+//!
+//! Only [`super::super::Ggx`] has tables for dielectrics: no anisotropic dielectric has
+//! [`super::super::Beckmann`]'s facets.
+
+use super::{
+    DEEPEST, FACETS, LOST, MOST, REFLECTED, Table, cubic, mean_reference, nodes, position,
+};
+use super::{MOST_ROOT_F0, MicrofacetShape, Microfacets, Widths};
+use snell_math::Vec3;
+use std::f32::consts::SQRT_2;
+
+/// Nodes in the root of the larger width, which is at most [`SQRT_2`] in all materials.
+pub(super) const WIDTHS: usize = 11;
+/// Nodes in the root of the smaller width over the larger one.
+pub(super) const RATIOS: usize = 8;
+/// Nodes along the azimuth.
+pub(super) const AZIMUTHS: usize = 11;
+/// Nodes along the direction, as in [`super::STEEPNESSES`].
+pub(super) const STEEPNESSES: usize = 28;
+/// Nodes in the index of refraction.
+pub(super) const INDICES: usize = 10;
+/// Numbers for one pair of widths: albedos and their mean.
+pub(super) const CELL: usize = AZIMUTHS * STEEPNESSES + 1;
+/// The root of the larger width at its first node, over that at the last.
+const LEAST_ROOT: f32 = 0.03;
+/// The least ratio of the widths in the tables.
+const LEAST_RATIO: f32 = 5e-4;
+
+/// Numbers in a table for one index of refraction.
+const PLANE: usize = WIDTHS * RATIOS * CELL;
+
+/// Numbers of 16 bits, little-endian, as in [`super::NUMBERS`]: the loss of facets that reflect
+/// everything, of both distributions, and the three tables of dielectrics.
+static BYTES: &[u8; 2 * PLANE * (2 + 3 * INDICES)] = include_bytes!("anisotropic.bin");
+
+/// A number as a share.
+#[inline(always)]
+fn share(at: usize) -> f32 {
+    f32::from(u16::from_le_bytes([BYTES[2 * at], BYTES[2 * at + 1]])) * (1.0 / 65535.0)
+}
+
+/// The larger width at a node.
+#[cfg(test)]
+pub(super) fn width_at(node: usize) -> f32 {
+    let root = (node as f32 / (WIDTHS - 1) as f32).max(LEAST_ROOT);
+    SQRT_2 * root * root
+}
+
+/// The ratio of the widths at a node.
+#[cfg(test)]
+pub(super) fn ratio_at(node: usize) -> f32 {
+    let least = LEAST_RATIO.sqrt();
+    (least + (1.0 - least) * node as f32 / (RATIOS - 1) as f32).powi(2)
+}
+
+/// The position of an index of refraction on its nodes.
+fn index_position(ior: f32) -> f64 {
+    let s = f64::from((ior - 1.0) / (ior + 1.0));
+    (s / MOST_ROOT_F0).clamp(0.0, 1.0).powf(1.0 / 2.5) * (INDICES - 1) as f64
+}
+
+/// The position along the azimuths, by the square of the azimuth's cosine: 0 across the larger
+/// width, 1 along it. It is the root of the width along the direction, over its range: albedos
+/// change fast where that is small.
+#[inline(always)]
+pub(super) fn azimuth_position(widths: Widths, along2: f32) -> f32 {
+    let Widths { x, y } = widths;
+    let width = (x * x * along2 + y * y * (1.0 - along2)).max(0.0).sqrt();
+    ((x + y) * along2 / (width + y)).sqrt()
+}
+
+/// The position of the larger width of a surface on its nodes.
+fn width_position(width: f32) -> f32 {
+    let (root, step) = ((width / SQRT_2).sqrt(), 1.0 / (WIDTHS - 1) as f32);
+    // Its first node is not at 0.
+    if root < step { step * (root - LEAST_ROOT) / (step - LEAST_ROOT) } else { root }
+}
+
+/// The first of four nodes around a position, and their weights in a cubic.
+#[inline(always)]
+pub(super) fn four_nodes(x: f32, n: usize) -> (usize, [f32; 4]) {
+    let (node, t) = nodes(x, n);
+    let first = node.saturating_sub(1).min(n - 4);
+    (first, cubic((node - first) as f32 + t))
+}
+
+/// One quantity for one anisotropic surface: a function of direction.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Anisotropic {
+    /// The larger width along `x`.
+    widths: Widths,
+    /// True if the larger width is that along the bitangent.
+    is_across: bool,
+    /// The start of the first cell, and numbers for each index of refraction in it.
+    start: usize,
+    indices: usize,
+    /// Weights of the cells and of the indices, in a cubic.
+    by_width: [f32; 4],
+    by_ratio: [f32; 4],
+    by_index: [f32; 4],
+    /// As in [`super::Albedo`].
+    reference: f32,
+    /// Factor on all numbers.
+    scale: f32,
+}
+
+impl Anisotropic {
+    /// The start of a table, and numbers for each index of refraction in it.
+    fn place(table: Table, shape: MicrofacetShape) -> Option<(usize, usize)> {
+        let of_dielectric = |number: usize| (PLANE * (2 + number * INDICES), INDICES);
+        let is_table = |other: Table| table.start == other.start;
+        match shape {
+            MicrofacetShape::Ggx if is_table(FACETS) => Some((0, 1)),
+            MicrofacetShape::Beckmann if is_table(FACETS) => Some((PLANE, 1)),
+            MicrofacetShape::Beckmann => None,
+            MicrofacetShape::Ggx if is_table(REFLECTED) => Some(of_dielectric(0)),
+            MicrofacetShape::Ggx if is_table(LOST[0]) => Some(of_dielectric(1)),
+            MicrofacetShape::Ggx => Some(of_dielectric(2)),
+        }
+    }
+
+    fn new(facets: Microfacets, table: Table, ior: f32) -> Option<Self> {
+        let widths = facets.widths();
+        if !widths.has_tangent() {
+            return None;
+        }
+        let (start, indices) = Self::place(table, facets.shape())?;
+        let is_across = widths.y > widths.x;
+        let widths = if is_across { Widths { x: widths.y, y: widths.x } } else { widths };
+        let least = LEAST_RATIO.sqrt();
+        let ratio = ((widths.y / widths.x).sqrt() - least) / (1.0 - least);
+        let (width, by_width) = four_nodes(width_position(widths.x), WIDTHS);
+        let (ratio, by_ratio) = four_nodes(ratio, RATIOS);
+        let (index, by_index) = if indices == 1 {
+            (0, [1.0, 0.0, 0.0, 0.0])
+        } else {
+            let x = index_position(ior);
+            let first = (x as usize).saturating_sub(1).min(INDICES - 4);
+            (first, cubic((x - first as f64) as f32))
+        };
+        Some(Self {
+            widths,
+            is_across,
+            start: start + (width * RATIOS + ratio) * CELL * indices + index,
+            indices,
+            by_width,
+            by_ratio,
+            by_index,
+            reference: 1.0,
+            scale: 1.0,
+        })
+    }
+
+    /// A loss, as [`super::Albedo::loss`]; `None` for isotropic surfaces.
+    pub(super) fn loss(facets: Microfacets, table: Table, ior: f32) -> Option<Self> {
+        Self::new(facets, table, ior)
+            .map(|made| Self { reference: mean_reference(made.widths.x.min(1.0)), ..made })
+    }
+
+    /// An albedo, as [`super::Albedo::reflected`]; `None` for isotropic surfaces.
+    pub(super) fn reflected(facets: Microfacets, ior: f32) -> Option<Self> {
+        Self::new(facets, REFLECTED, ior).map(|made| Self { scale: MOST, ..made })
+    }
+
+    /// Applies the cubic through the cells and indices to a number of each cell, which a function
+    /// decodes.
+    #[inline(always)]
+    fn number(&self, number: usize, decode: impl Fn(f32) -> f32) -> f32 {
+        let at = self.start + number * self.indices;
+        let used = self.indices.min(4);
+        let mut sum = 0.0;
+        for (i, by_width) in self.by_width.iter().enumerate() {
+            for (k, by_ratio) in self.by_ratio.iter().enumerate() {
+                let at = at + (i * RATIOS + k) * CELL * self.indices;
+                let over_indices: f32 = (self.by_index[..used].iter().enumerate())
+                    .map(|(k, by_index)| by_index * decode(share(at + k)))
+                    .sum();
+                sum += by_width * by_ratio * over_indices;
+            }
+        }
+        sum.max(0.0)
+    }
+
+    /// The value for a direction above.
+    pub(super) fn directional(&self, w: Vec3) -> f32 {
+        let w = if self.is_across { Vec3::new(w.y, w.x, w.z) } else { w };
+        let length2 = w.x * w.x + w.y * w.y;
+        let along2 = if length2 > 0.0 { w.x * w.x / length2 } else { 0.5 };
+        let (azimuth, by_azimuth) = four_nodes(azimuth_position(self.widths, along2), AZIMUTHS);
+        let (node, t) = nodes(position(self.widths, w), STEEPNESSES);
+        let mut sum = 0.0;
+        for (i, weight) in by_azimuth.iter().enumerate() {
+            let at = (azimuth + i) * STEEPNESSES + node;
+            let [a, b] = [at, at + 1].map(|at| self.number(at, |x| x));
+            sum += weight * (a + (b - a) * t);
+        }
+        (self.scale * sum).max(0.0)
+    }
+
+    /// The mean over directions weighted by the cosine.
+    pub(super) fn average(&self) -> f32 {
+        self.reference * self.number(CELL - 1, |x| (x * DEEPEST).exp())
+    }
+}
