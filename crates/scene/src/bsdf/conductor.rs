@@ -175,7 +175,12 @@ where
         let (facets, film): (FacetReflectance, Option<ThinFilm>) =
             (colors.facets.into(), self.film.into());
         let plain = facets.at(cos);
-        colors.unit * film.map_or(plain, |film| film.reflectance(cos, facets.at(1.0), plain))
+        // `Option::map_or` would stay a call, and loops over batches would not become vector code.
+        let reflectance = match film {
+            None => plain,
+            Some(film) => film.reflectance(cos, facets.at(1.0), plain),
+        };
+        colors.unit * reflectance
     }
 }
 
@@ -223,7 +228,11 @@ where
     ) -> BranchlessDrawn {
         let wo = seen.wo;
         let (is_once, exists) = seen.choice.picks_first(u_lobe);
-        let (facet, is_above) = self.microfacets.get().drawn_reflection(lift(wo), u);
+        let (facet, is_above) = if M::IS_KNOWN || is_once {
+            self.microfacets.get().drawn_reflection(lift(wo), u)
+        } else {
+            (Vec3::Z, true)
+        };
         let wi = lower_like(select(is_once, facet, self.bounced_lobe.sample(u)), wo);
         let exists = exists & (is_above | !is_once) & (wo.z != 0.0);
         BranchlessDrawn::reflected(wi, exists, None)
@@ -289,7 +298,7 @@ impl Lobes for ConductorBsdf {
     }
 
     fn value_and_pdf_from(&self, seen: &ConductorSeen, wi: Vec3) -> (SampledSpectrum, f32) {
-        if self.is_delta() {
+        if self.is_delta() || seen.wo.z * wi.z <= 0.0 {
             return (SampledSpectrum::ZERO, 0.0);
         }
         self.lobe.value_and_pdf_from(&self.lobe.own, seen, wi)

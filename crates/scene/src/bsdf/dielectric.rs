@@ -297,7 +297,11 @@ impl<M: Facets, L: SideLosses, F: Into<Option<ThinFilm>> + Copy, C> BranchlessLo
             bounced.y,
             if u_lobe < lost * transmitted { -bounced.z } else { bounced.z },
         );
-        let m = self.microfacets.get().sample_visible_normal(up, u);
+        let m = if M::IS_KNOWN || !is_bounced {
+            self.microfacets.get().sample_visible_normal(up, u)
+        } else {
+            Vec3::Z
+        };
         let is_refracted = (u_lobe - lost) / (1.0 - lost) >= fresnel::dielectric(up.dot(m), eta);
         let (refracted, is_partial) = fresnel::refracted(up, m, eta);
         let facet = select(is_refracted, refracted, fresnel::reflect(up, m));

@@ -321,7 +321,11 @@ impl<M: Facets, A: Directional, F: Into<Option<ThinFilm>> + Copy, B: Into<Body> 
                 Some((is_gloss, delta)),
             );
         }
-        let (facet, is_above) = self.microfacets.get().drawn_reflection(lift(wo), u);
+        let (facet, is_above) = if M::IS_KNOWN || is_gloss {
+            self.microfacets.get().drawn_reflection(lift(wo), u)
+        } else {
+            (Vec3::Z, true)
+        };
         let wi = select(is_gloss, lower_like(facet, wo), body);
         BranchlessDrawn::reflected(wi, exists & (is_above | !is_gloss), None)
     }

@@ -58,6 +58,10 @@ macro_rules! ask {
 /// The facets of a [lobe without branches](super::branchless): any distribution, or one that is
 /// known when the program is compiled.
 pub(super) trait Facets: Copy {
+    /// True if the distribution is known when the program is compiled. Lobes then draw from it even
+    /// if another lobe was picked, without branches; else only if needed, as it may be expensive.
+    const IS_KNOWN: bool = true;
+
     /// The distribution.
     fn get(self) -> Microfacets;
 
@@ -91,6 +95,8 @@ impl From<Widths> for Rough {
 }
 
 impl Facets for Microfacets {
+    const IS_KNOWN: bool = false;
+
     #[inline(always)]
     fn get(self) -> Microfacets {
         self
