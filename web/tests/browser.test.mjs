@@ -69,7 +69,7 @@ async function open(url, prepare = () => {}) {
   return { page, faults };
 }
 
-/** The page shows the whole picture at rest, in the size of its stage: the server begins in another. */
+/** The page shows the picture at rest in the size of its stage; the server begins with another. */
 const isDone = (page) =>
   page.waitForFunction(() => {
     const canvas = document.querySelector("canvas.picture");

@@ -2,8 +2,8 @@
 //! [`BatchBsdf`](super::BatchBsdf) calls in loops that become vector code.
 //!
 //! A lobe is generic over what differs between the two. A single direction may meet any
-//! distribution of microfacets, any law of reflection and a film: the lobe then holds the enums. The
-//! lobe of a batch holds types that turn into one variant of these enums, such as
+//! distribution of microfacets, any law of reflection and a film: the lobe then holds the enums.
+//! The lobe of a batch holds types that turn into one variant of these enums, such as
 //! [`Rough`](super::microfacets::Rough) or [`NoFilm`](super::film::NoFilm), so that the compiler
 //! removes the choice among variants.
 
@@ -49,7 +49,8 @@ pub(super) struct BranchlessDrawn {
     /// The weight of a delta lobe.
     pub delta: SampledSpectrum,
     pub is_transmission: bool,
-    /// The value of [`super::Lobes::crossing_scale`] if the direction crosses the surface, 1 if not.
+    /// The value of [`super::Lobes::crossing_scale`] if the direction crosses the surface, 1 if
+    /// not.
     pub crossing: f32,
 }
 

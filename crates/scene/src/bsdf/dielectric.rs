@@ -504,8 +504,8 @@ impl Lobes for DielectricBsdf {
     }
 }
 
-/// A rough interface of [`super::Ggx`] without a film, to a medium that absorbs nothing, for batches
-/// of directions.
+/// A rough interface of [`super::Ggx`] without a film, to a medium that absorbs nothing, for
+/// batches of directions.
 pub(super) type BatchGlass = DielectricLobe<Rough, DielectricLossLines, NoFilm, DielectricColors>;
 
 impl BatchGlass {

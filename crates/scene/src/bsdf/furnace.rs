@@ -49,8 +49,8 @@ fn seen(bsdf: &Bsdf, wo: Vec3, bits: u32) -> f64 {
     POINTS[..n].iter().map(of).sum::<f64>() / n as f64
 }
 
-/// The tests look at one of this many materials of a grid. With `SNELL_FURNACE=all` every one is, which
-/// takes minutes.
+/// The tests look at one of this many materials of a grid. With `SNELL_FURNACE=all` every one is,
+/// which takes minutes.
 fn stride() -> u32 {
     if std::env::var("SNELL_FURNACE").is_ok_and(|which| which == "all") { 1 } else { 7 }
 }

@@ -474,8 +474,8 @@ impl Lobes for GlossyBsdf {
     }
 }
 
-/// A gloss of [`super::Ggx`] without a film, smooth or rough, over a Lambertian body, for batches of
-/// directions.
+/// A gloss of [`super::Ggx`] without a film, smooth or rough, over a Lambertian body, for batches
+/// of directions.
 pub(super) type BatchGloss<M, N = Line> =
     GlossLobe<M, DielectricReflectionBy<N>, NoFilm, Lambertian>;
 

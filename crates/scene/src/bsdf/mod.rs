@@ -280,7 +280,7 @@ macro_rules! bsdfs {
         $(#[$doc])*
         #[allow(
             clippy::large_enum_variant,
-            reason = "BSDFs are short-lived or prepared once, and their tables' places belong to them"
+            reason = "BSDFs are short-lived or prepared once, and hold places in tables"
         )]
         pub enum $name {
             $(#[doc = concat!("`", stringify!($type), "`.")] $kind($type),)*

@@ -13,8 +13,8 @@ snell_math::declare! {
         /// Centre of the rectangle.
         #[unit("scene units")]
         pub center: DVec3,
-        /// Directions along the sides, whose lengths have no meaning; the side that emits is that of
-        /// `axes[0] x axes[1]`.
+        /// Directions along the sides, whose lengths have no meaning; the side that emits is that
+        /// of `axes[0] x axes[1]`.
         #[range(Range::Direction)]
         pub axes: [DVec3; 2],
         /// Full lengths of the sides, at least 0.

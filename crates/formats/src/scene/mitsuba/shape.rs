@@ -259,8 +259,8 @@ impl Builder<'_> {
         ids
     }
 
-    /// Makes a material emit. A mask leaves Mitsuba's emission as it is; here it hides the lamp from
-    /// a part of the rays, and the others find more.
+    /// Makes a material emit. A mask leaves Mitsuba's emission as it is; here it hides the lamp
+    /// from a part of the rays, and the others find more.
     fn light_up(&mut self, material: &mut Material, emission: Emission, at: Spot) {
         let Emission { mut radiance, is_by_vertex } = emission;
         if material.is_interface() {

@@ -1,8 +1,8 @@
 //! A mixture of metal and a gloss over a matte body, whose shares and roughness vary over the
 //! surface, for batches of directions.
 //!
-//! The lobes are those of [`super::OpenPbrBsdf`]. Only their mixing is written again: there any part
-//! may be missing and is left out, here both are computed in all lanes.
+//! The lobes are those of [`super::OpenPbrBsdf`]. Only their mixing is written again: there any
+//! part may be missing and is left out, here both are computed in all lanes.
 //!
 //! Values that depend on the roughness only are looked up point by point, and only where needed;
 //! the rest is computed in lanes. So there are several passes over the lanes: a direction must be
