@@ -127,7 +127,7 @@ fn weighted(corners: [DVec3; 3], [a, b, c]: [f64; 3]) -> DVec3 {
 }
 
 /// The methods that have the same form in both precisions.
-macro_rules! alike {
+macro_rules! worlds {
     ($builder:ty, $world:ty, $hit:ty, $mesh:ty) => {
         type Builder = $builder;
         type World = $world;
@@ -222,7 +222,7 @@ macro_rules! alike {
 }
 
 impl Tested for Single {
-    alike!(WorldBuilder, World, Hit, TriangleMesh);
+    worlds!(WorldBuilder, World, Hit, TriangleMesh);
     const PLACES: &'static [DVec3] = &[DVec3::ZERO];
 
     fn mesh(mesh: &TriangleMesh, _: DVec3) -> Arc<TriangleMesh> {
@@ -269,7 +269,7 @@ impl Tested for Single {
 const FINE: f64 = 1.0 + 1e-9;
 
 impl Tested for Double {
-    alike!(DWorldBuilder, DWorld, DHit, DTriangleMesh);
+    worlds!(DWorldBuilder, DWorld, DHit, DTriangleMesh);
     /// The second place is in a city, in metres of UTM.
     const PLACES: &'static [DVec3] = &[DVec3::ZERO, DVec3::new(500_000.123, 4_649_776.22, 300.0)];
 

@@ -17,7 +17,7 @@ pub struct Duplicate {
     /// Number of the face that is copied.
     pub of: u32,
     /// True if both have the same winding; false if they are back to back.
-    pub is_wound_alike: bool,
+    pub has_same_winding: bool,
 }
 
 /// A connected component: triangles that share edges, directly or through others.
@@ -214,8 +214,8 @@ impl Topology {
         for group in keys.chunk_by(|a, b| a.0 == b.0).filter(|g| g.len() > 1) {
             let of = group[0].1;
             for &(_, face) in &group[1..] {
-                let is_wound_alike = rotated(faces[face as usize]) == rotated(faces[of as usize]);
-                self.duplicates.push(Duplicate { face, of, is_wound_alike });
+                let has_same_winding = rotated(faces[face as usize]) == rotated(faces[of as usize]);
+                self.duplicates.push(Duplicate { face, of, has_same_winding });
                 counts[face as usize] = false;
             }
         }
@@ -359,7 +359,7 @@ mod tests {
         let [a, b, c] = doubled.indices[7];
         doubled.indices.extend([[b, c, a], [a, c, b], [a, a, b]]);
         let topology = Topology::of(&doubled);
-        let duplicate = |face, is_wound_alike| Duplicate { face, of: 7, is_wound_alike };
+        let duplicate = |face, has_same_winding| Duplicate { face, of: 7, has_same_winding };
         assert_eq!(topology.duplicates, [duplicate(12, true), duplicate(13, false)]);
         assert_eq!((topology.degenerate, topology.boundary.len()), (vec![14], 0));
         let mut thin = cube();

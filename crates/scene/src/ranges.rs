@@ -49,20 +49,20 @@ impl Scene {
     /// Clamps light that is negative, or too bright to compute with ([`BRIGHTEST`]), and adds a
     /// warning for each. Readers call it for every scene.
     pub fn limit_light(&mut self) {
-        let mut told = Vec::new();
+        let mut problems = Vec::new();
         let mut limit = |what: &dyn Fn() -> String, light: &mut Rgb| {
             let before = *light;
             *light = light.map(|x| if x.is_nan() { x } else { x.clamp(0.0, BRIGHTEST) });
             let largest = before.r.max(before.g).max(before.b);
             if largest > BRIGHTEST {
-                told.push(format!(
+                problems.push(format!(
                     "{} is {largest:e}, and {BRIGHTEST:e} is the most that is computed with",
                     what()
                 ));
             }
             let smallest = before.r.min(before.g).min(before.b);
             if smallest < 0.0 {
-                told.push(format!("{} is below zero: {smallest}; it counts as 0", what()));
+                problems.push(format!("{} is below zero: {smallest}; it counts as 0", what()));
             }
         };
         for (i, Material { name, emission, .. }) in self.materials.iter_mut().enumerate() {
@@ -81,7 +81,7 @@ impl Scene {
             None => {}
         }
         limit(&|| "the ambient light".into(), &mut self.ambient);
-        for problem in told {
+        for problem in problems {
             self.warn_of(WarningKind::Changed, problem);
         }
     }
@@ -125,9 +125,9 @@ mod tests {
         assert_eq!(scene.materials[0].emission.factor, Rgb::new(BRIGHTEST, 0.0, 1.0));
         let Some(Environment::Constant(color)) = scene.environment else { panic!("no sky") };
         assert_eq!(color, Rgb::splat(BRIGHTEST));
-        let told: Vec<_> = scene.warnings.iter().map(|w| w.message.as_str()).collect();
-        assert_eq!(told.len(), 3, "{told:?}");
-        assert!(told[0].contains("material 0 (\"lamp\")"), "{told:?}");
+        let warnings: Vec<_> = scene.warnings.iter().map(|w| w.message.as_str()).collect();
+        assert_eq!(warnings.len(), 3, "{warnings:?}");
+        assert!(warnings[0].contains("material 0 (\"lamp\")"), "{warnings:?}");
     }
 
     #[test]

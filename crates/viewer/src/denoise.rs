@@ -172,11 +172,11 @@ impl Taps {
             // A small minimum keeps the weight of every pixel positive.
             let flat = if flat > 1e-6 { flat } else { 1e-6 };
             let near = if near > 1e-6 { near } else { 1e-6 };
-            let alike = if material.0[i] == material.1[i] { weight * flat * near } else { 0.0 };
-            to_r[i] += alike * r[i];
-            to_g[i] += alike * g[i];
-            to_b[i] += alike * b[i];
-            weights[i] += alike;
+            let share = if material.0[i] == material.1[i] { weight * flat * near } else { 0.0 };
+            to_r[i] += share * r[i];
+            to_g[i] += share * g[i];
+            to_b[i] += share * b[i];
+            weights[i] += share;
         }
     }
 }

@@ -63,7 +63,7 @@ mod tests {
             let Ok(listener) = TcpListener::bind(address) else { continue };
             let port = listener.local_addr().expect("it is bound").port();
             let client = TcpStream::connect(("127.0.0.1", port)).expect("it listens");
-            let (server, peer) = listener.accept().expect("somebody has connected");
+            let (server, peer) = listener.accept().expect("a client has connected");
             assert!(is_same_user(server.local_addr().expect("it is connected"), peer), "{address}");
             drop(client);
         }

@@ -179,18 +179,18 @@ impl Connection {
                 let Ok(_turn) = session.examining.clone().acquire_owned().await else {
                     return false;
                 };
-                let told =
+                let explained =
                     tokio::task::spawn_blocking(move || session.explain(&question, all)).await;
-                let report = match told.unwrap_or_else(|_| Err("a fault; please report it".into()))
-                {
-                    Ok(report) => Some(Box::new(report)),
-                    Err(message) => {
-                        if !send_error(socket, message).await {
-                            return false;
+                let report =
+                    match explained.unwrap_or_else(|_| Err("a fault; please report it".into())) {
+                        Ok(report) => Some(Box::new(report)),
+                        Err(message) => {
+                            if !send_error(socket, message).await {
+                                return false;
+                            }
+                            None
                         }
-                        None
-                    }
-                };
+                    };
                 send(socket, &ToPage::Explained { id, report }).await
             }
             other => {

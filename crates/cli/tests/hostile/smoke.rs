@@ -172,11 +172,11 @@ impl Plan {
         // The other file is often of the same kind, in which its words have a meaning.
         let other = random.choose(subjects);
         let subject = random.choose(subjects);
-        let alike: Vec<_> = subjects
+        let same_kind: Vec<_> = subjects
             .iter()
             .filter(|s| extension(&s.damaged) == extension(&subject.damaged))
             .collect();
-        let other = if random.below(3) > 0 { random.choose(&alike) } else { other };
+        let other = if random.below(3) > 0 { random.choose(&same_kind) } else { other };
         let is_render = match self.only {
             Only::All => random.below(2) == 0,
             only => only == Only::Render,

@@ -71,9 +71,9 @@ pub fn coplanar(subject: &Subject, report: &mut Report) {
         known.count += overlap.count;
     }
     // The same two objects may overlap in many pieces, of which at most three are reported.
-    let mut told: HashMap<(u32, u32), usize> = HashMap::new();
+    let mut reported: HashMap<(u32, u32), usize> = HashMap::new();
     for ((a, b), overlap) in all {
-        let seen = told.entry((a.0, b.0)).or_default();
+        let seen = reported.entry((a.0, b.0)).or_default();
         if *seen < 3 && tell(subject, a, b, &overlap, report) {
             *seen += 1;
         }

@@ -14,12 +14,12 @@ pub fn faces(subject: &Subject, report: &mut Report) {
             let remedy = "nothing; or remove them, which saves a little memory";
             report.add_at_face(Severity::Note, subject, body, (first, count), message, remedy);
         }
-        let (alike, back_to_back): (Vec<&Duplicate>, Vec<&Duplicate>) =
-            topology.duplicates.iter().partition(|d| d.is_wound_alike);
-        if let Some(first) = alike.first() {
+        let (same_side, back_to_back): (Vec<&Duplicate>, Vec<&Duplicate>) =
+            topology.duplicates.iter().partition(|d| d.has_same_winding);
+        if let Some(first) = same_side.first() {
             let message = format!(
                 "{} in the place of another face, such as face {} in that of face {}",
-                match alike.len() {
+                match same_side.len() {
                     1 => "1 face is".into(),
                     n => format!("{n} faces are"),
                 },
@@ -31,7 +31,7 @@ pub fn faces(subject: &Subject, report: &mut Report) {
                 Severity::Warning,
                 subject,
                 body,
-                (first.face, alike.len()),
+                (first.face, same_side.len()),
                 message,
                 remedy,
             );

@@ -51,7 +51,7 @@ fn precision(subject: &Subject, report: &mut Report) {
 
 /// Transforms that scale one direction a thousand times more than another.
 fn stretched(subject: &Subject, report: &mut Report) {
-    let mut told = std::collections::BTreeSet::new();
+    let mut reported = std::collections::BTreeSet::new();
     for (place, placed) in subject.placed.iter().enumerate() {
         let m = &placed.world_from_surface.matrix().matrix3;
         let lengths = [m.x_axis.length(), m.y_axis.length(), m.z_axis.length()];
@@ -59,7 +59,7 @@ fn stretched(subject: &Subject, report: &mut Report) {
             lengths.iter().fold((f64::INFINITY, 0.0f64), |(a, b), &x| (a.min(x), b.max(x)));
         // A flat object may be arbitrarily thin.
         let is_flat = placed.surface.geometry.bounds().size().to_array().iter().any(|&s| s <= 0.0);
-        if most > 1e5 * least && !is_flat && told.insert(placed.node) {
+        if most > 1e5 * least && !is_flat && reported.insert(placed.node) {
             let message = format!(
                 "its transform scales one direction {:.0e} times more than another",
                 most / least

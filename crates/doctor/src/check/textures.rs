@@ -33,7 +33,7 @@ pub fn textures(subject: &Subject, report: &mut Report) {
             );
         }
     }
-    let mut told = BTreeSet::new();
+    let mut reported = BTreeSet::new();
     for (place, placed) in subject.placed.iter().enumerate() {
         let Geometry::Mesh(mesh) = &placed.surface.geometry else { continue };
         for id in placed.slots().into_iter().filter_map(|(_, id)| id) {
@@ -49,7 +49,7 @@ pub fn textures(subject: &Subject, report: &mut Report) {
                         .is_none_or(|i| (i.width, i.height) == (1, 1));
                     !is_plain && mesh.uvs[(texture.uv_set as usize).min(1)].is_empty()
                 });
-            if lacking.is_some() && told.insert((std::sync::Arc::as_ptr(mesh), id)) {
+            if lacking.is_some() && reported.insert((std::sync::Arc::as_ptr(mesh), id)) {
                 let name = material_name(id.index(), &scene.materials[id.index()]);
                 let message = format!(
                     "{name} has textures, but the mesh has no texture coordinates: one texel shows \

@@ -197,7 +197,7 @@ mod tests {
         let mut writer =
             AnimatedWriter::new(format, &mut bytes, &frames[0], 24.0, frames.len() as u32)
                 .expect("begins");
-        frames.iter().for_each(|frame| writer.add(frame).expect("frames are alike"));
+        frames.iter().for_each(|frame| writer.add(frame).expect("all frames have one size"));
         writer.finish().expect("ends");
         bytes
     }

@@ -31,7 +31,7 @@ pub struct PencilTracer<'w> {
 }
 
 /// The common result of all rays of a pencil.
-enum Sure {
+enum Certain {
     Nothing,
     Triangle(Source),
 }
@@ -65,17 +65,17 @@ impl<'w> PencilTracer<'w> {
         assert_eq!(rays.len(), hits.len(), "one hit per ray");
         let (mut queries, others) = queries::from_apex(view, rays);
         let start = self.walk.start();
-        self.divide(view, &mut queries, &start, &mut |tracer, queries, sure| match sure {
+        self.divide(view, &mut queries, &start, &mut |tracer, queries, certain| match certain {
             None => {
                 queries.iter().for_each(|q| hits[q.index] = tracer.walk.closest(&rays[q.index]));
                 true
             }
-            Some(Sure::Nothing) => {
+            Some(Certain::Nothing) => {
                 tracer.linear += queries.len() as u64;
                 queries.iter().for_each(|q| hits[q.index] = Hit::MISS);
                 true
             }
-            Some(Sure::Triangle(source)) => tracer.follow(&source, queries, rays, hits),
+            Some(Certain::Triangle(source)) => tracer.follow(&source, queries, rays, hits),
         });
         others.into_iter().for_each(|i| hits[i] = self.walk.closest(&rays[i]));
     }
@@ -91,14 +91,14 @@ impl<'w> PencilTracer<'w> {
         let (sides, others) = queries::towards_point(point, rays);
         let start = self.walk.start();
         for (view, mut queries) in sides {
-            self.divide(&view, &mut queries, &start, &mut |tracer, queries, sure| {
-                match sure {
+            self.divide(&view, &mut queries, &start, &mut |tracer, queries, certain| {
+                match certain {
                     None => queries
                         .iter()
                         .for_each(|q| blocked[q.index] = tracer.walk.occluded(&rays[q.index])),
-                    Some(sure) => {
+                    Some(certain) => {
                         tracer.linear += queries.len() as u64;
-                        let is_blocked = matches!(sure, Sure::Triangle(_));
+                        let is_blocked = matches!(certain, Certain::Triangle(_));
                         queries.iter().for_each(|q| blocked[q.index] = is_blocked);
                     }
                 }
@@ -114,7 +114,7 @@ impl<'w> PencilTracer<'w> {
         view: &View,
         queries: &mut [Query],
         from: &[Entry],
-        take: &mut impl FnMut(&mut Self, &[Query], Option<Sure>) -> bool,
+        take: &mut impl FnMut(&mut Self, &[Query], Option<Certain>) -> bool,
     ) {
         if queries.is_empty() {
             return;
@@ -125,8 +125,8 @@ impl<'w> PencilTracer<'w> {
         }
         let mut inside = None;
         if queries.len() <= MANY_RAYS {
-            let (sure, left) = self.sure(view, &queries::window(queries), queries, from);
-            if sure.is_some() && take(self, queries, sure) {
+            let (certain, left) = self.certain(view, &queries::window(queries), queries, from);
+            if certain.is_some() && take(self, queries, certain) {
                 return;
             }
             inside = Some(left);
@@ -145,13 +145,13 @@ impl<'w> PencilTracer<'w> {
 
     /// The result that all rays of a window certainly share, or `None` if no common result is
     /// certain; and the entries at which traversals of parts of the window start.
-    fn sure(
+    fn certain(
         &mut self,
         view: &View,
         window: &Window,
         queries: &[Query],
         from: &[Entry],
-    ) -> (Option<Sure>, Vec<Entry>) {
+    ) -> (Option<Certain>, Vec<Entry>) {
         let region = ConvexPolygon::rectangle(window.low, window.high);
         let farthest_start = queries.iter().map(|q| q.floor).fold(f64::NEG_INFINITY, f64::max);
         let mut met: Vec<(Facet, Source, ConvexPolygon)> = Vec::new();
@@ -177,7 +177,7 @@ impl<'w> PencilTracer<'w> {
             return (None, entries);
         }
         if met.is_empty() {
-            return (Some(Sure::Nothing), entries);
+            return (Some(Certain::Nothing), entries);
         }
         let is_first = |(facet, source, _): &&(Facet, Source, ConvexPolygon)| {
             let is_before = |(other, of, common): &(Facet, Source, ConvexPolygon)| {
@@ -187,7 +187,7 @@ impl<'w> PencilTracer<'w> {
             let is_ahead = region.range(&facet.nearness).0 > farthest_start;
             covers(facet, &region) && is_ahead && met.iter().all(is_before)
         };
-        (met.iter().find(is_first).map(|(_, source, _)| Sure::Triangle(*source)), entries)
+        (met.iter().find(is_first).map(|(_, source, _)| Certain::Triangle(*source)), entries)
     }
 
     /// Derives the hits of rays that all hit one triangle from the hit of the axial ray. Returns

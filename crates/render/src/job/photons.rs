@@ -274,7 +274,7 @@ fn bounced(
     let sample =
         shading.sample(from, vertex.number(dimension::LOBE), vertex.pair(dimension::BSDF))?;
     let flux = photon.flux * sample.weight;
-    // Those that survive have their initial flux again, so that all hits count alike.
+    // Those that survive have their initial flux again, so that all hits have the same weight.
     let remaining = flux.max_element() / photon.first_flux;
     let survival = most_survival.map_or(1.0, |most| remaining.min(most));
     if !flux.is_finite() || vertex.number(dimension::ROULETTE) >= survival {

@@ -89,7 +89,7 @@ impl<T: CellValue> CellGrid<T> {
         self.corners(p).map_or(T::NOTHING, |corners| corners.interpolate(&self.values))
     }
 
-    /// True if the cells are the same ones, and are interpolated alike.
+    /// True if the cells are the same ones, and have the same interpolation.
     fn is_like(&self, other: &Self) -> bool {
         self.size == other.size && self.is_stepped == other.is_stepped
     }

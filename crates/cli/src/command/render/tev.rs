@@ -155,7 +155,7 @@ mod tests {
             bytes
         });
         let settings = Settings { size: [20, 18], ..Settings::default() };
-        let tev = Tev::open(&url, "box", &settings).expect("somebody listens");
+        let tev = Tev::open(&url, "box", &settings).expect("a listener");
         let film = snell_render::Film::new(snell_render::Crop::full(settings.size), &[]);
         tev.send(&film.tiles[0]);
         tev.finish(&film.tiles);

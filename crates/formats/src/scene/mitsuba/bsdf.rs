@@ -165,7 +165,7 @@ impl Builder<'_> {
                 self.note("distribution", at, || {
                     format!(
                         "{owner}: microfacets by Phong; Beckmann's of the same width were used, \
-                            which are much alike"
+                            which are similar"
                     )
                 });
             }

@@ -153,14 +153,14 @@ fn numbers_that_mean_nothing_are_told_and_light_is_brought_to_what_can_be() {
         .expect("it is whole");
     assert_eq!(scene.materials[0].emission.factor, Rgb::new(snell_scene::BRIGHTEST, 0.0, 5.0));
     assert_eq!((scene.cameras[0].towards, scene.cameras[0].up), (DVec3::Z, DVec3::Y));
-    let told: Vec<_> = scene.warnings.iter().map(|w| w.message.as_str()).collect();
+    let warnings: Vec<_> = scene.warnings.iter().map(|w| w.message.as_str()).collect();
     for part in [
         "\"lamp\") is 3e38",
         "below zero: -1",
         "alpha.factor: 7 is not",
         "camera 0 (\"c\"): focus_distance: -1",
     ] {
-        assert!(told.iter().any(|t| t.contains(part)), "{part}: {told:?}");
+        assert!(warnings.iter().any(|t| t.contains(part)), "{part}: {warnings:?}");
     }
     let map = snell_scene::material::NormalMap::new(snell_scene::TextureId(9), 1.0);
     let error = with(&|m| m.normal_map = Some(map)).expect_err("there are no textures");

@@ -92,8 +92,8 @@ fn compare(shape: &AnyShape, ray: &DRay) -> Result<(), String> {
     if let Some(extra) = hits.iter().find(|h| !expected.iter().any(|c| same(c.s, h))) {
         return Err(format!("{extra:?} is not there"));
     }
-    let sure = expected.iter().filter(|c| !c.doubtful).count();
-    if hits.len() < sure || hits.len() > expected.len() {
+    let certain = expected.iter().filter(|c| !c.doubtful).count();
+    if hits.len() < certain || hits.len() > expected.len() {
         return Err(format!("{} hits", hits.len()));
     }
     Ok(())

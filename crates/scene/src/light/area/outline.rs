@@ -41,7 +41,7 @@ impl Outline {
     pub(super) fn of(shape: &dyn Shape, place: &Transform) -> Self {
         let matrix = place.matrix().matrix3;
         let (x, y, z) = (matrix.x_axis, matrix.y_axis, matrix.z_axis);
-        let alike = |a: f64, b: f64| (a - b).abs() <= 1e-9 * a.abs().max(b.abs());
+        let nearly_equal = |a: f64, b: f64| (a - b).abs() <= 1e-9 * a.abs().max(b.abs());
         let square = |a: DVec3, b: DVec3| a.dot(b).abs() <= 1e-9 * a.length() * b.length();
         let center = place.point(DVec3::ZERO);
         let axes = [x.normalize_or_zero(), y.normalize_or_zero()];
@@ -54,7 +54,7 @@ impl Outline {
                 let half = r.half_size * DVec2::new(x.length(), y.length());
                 Self::Rectangle(NearRectangle { center, axes, half })
             }
-            Some(AnyShape::Disk(d)) if square(x, y) && alike(x.length(), y.length()) => {
+            Some(AnyShape::Disk(d)) if square(x, y) && nearly_equal(x.length(), y.length()) => {
                 Self::Disk {
                     center,
                     axes,
@@ -66,8 +66,8 @@ impl Outline {
                 if square(x, y)
                     && square(y, z)
                     && square(z, x)
-                    && alike(x.length(), y.length())
-                    && alike(x.length(), z.length()) =>
+                    && nearly_equal(x.length(), y.length())
+                    && nearly_equal(x.length(), z.length()) =>
             {
                 Self::Sphere(NearSphere { center, radius: s.radius * x.length() })
             }
