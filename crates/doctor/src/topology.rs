@@ -75,7 +75,8 @@ pub struct Topology {
     pub duplicates: Vec<Duplicate>,
     /// Edges of one face only.
     pub boundary: Vec<BoundaryEdge>,
-    /// First face of each edge with more than two faces that do not pair up.
+    /// The first face of each edge that more than two faces share, unless as many of them run along
+    /// it in one direction as in the other.
     pub non_manifold: Vec<u32>,
     /// A face of each edge whose two faces are wound differently.
     pub inconsistent: Vec<u32>,

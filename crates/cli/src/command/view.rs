@@ -58,8 +58,8 @@ pub struct Options {
     /// Threads. Default: one per core
     #[arg(short, long, value_name = "N", value_parser = threads::number())]
     threads: Option<u32>,
-    /// More options of `snell render`, after `--`: settings of the picture at rest, such as `--
-    /// --spp 256 --environment sky`
+    /// More options of `snell render`, after `--`: settings of the picture at rest, such as
+    /// `-- --spp 256 --environment sky`
     #[arg(last = true, value_name = "RENDER OPTIONS")]
     render: Vec<OsString>,
 }

@@ -3,9 +3,10 @@
 //! Friedrich and Dietrich, Spatial Splits in Bounding Volume Hierarchies, 2009). Rooms with long
 //! slanted triangles are traced two to three times as fast; scans do not benefit.
 //!
-//! Each set has room for some more pieces than it holds, which is divided between its two parts by
-//! the area of their boxes (as in Fuetterling et al., Parallel Spatial Splits in Bounding Volume
-//! Hierarchies, 2016). So memory and time are bounded, and parts are built in parallel in place.
+//! Each set has free room for further pieces. When it is divided, its two parts share this room in
+//! proportion to the summed areas of their primitives' boxes (as in Fuetterling et al., Parallel
+//! Spatial Splits in Bounding Volume Hierarchies, 2016). So memory and time are bounded, and parts
+//! are built in parallel in place.
 
 use super::binary::{Costs, PartBuilder, Tree};
 use super::binning::{Binning, Box8, Primitive};

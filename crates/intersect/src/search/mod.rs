@@ -345,9 +345,9 @@ impl<G: Goal> Goal for Counted<G> {
     }
 }
 
-/// Relative padding of the culling distance. It exceeds the largest error along the ray between a
-/// hit and the box of the part of its triangle that the ray hits
-/// ([`crate::exact::triangle::PLACE_TOLERANCE`]).
+/// Relative padding of the culling distance. After a spatial split, a hit may lie outside of the box
+/// of its piece of a triangle, along the ray, by up to
+/// [`crate::exact::triangle::PLACE_TOLERANCE`]; this padding is larger.
 pub(crate) const CULL_PADDING: f32 = 1.0e-4;
 
 /// An upper bound on distances, padded by [`CULL_PADDING`].

@@ -2,8 +2,8 @@
 //!
 //! Closed shapes here are convex, and a convex solid is the intersection of simpler ones (for a
 //! cylinder, a tube and a slab). Intersecting *intervals* instead of testing sides and caps one by
-//! one cannot leak: a ray that leaves the tube before the slab leaves by the side, otherwise by a
-//! cap, and no case is left at the rim.
+//! one cannot leak: if the span in the tube ends before that in the slab, the ray exits through the
+//! side, otherwise through a cap; nothing falls between the two at the rim.
 
 use super::ShapeHit;
 use snell_math::{DRay, DVec3, robust};

@@ -140,9 +140,9 @@ impl<'w> ConeTracer<'w> {
     }
 
     /// Finds the primitives in a cone between two distances along its axis, each with the share of
-    /// the cross-section that it covers. Shares are areas of parts of triangles in the unit disk,
-    /// as seen from the apex of the cone; each is hidden exactly by nearer ones. A cone without
-    /// interior (or not finite) hits nothing.
+    /// the cross-section that it covers. Triangles are projected to the cross-section as a unit
+    /// disk and clipped exactly by nearer ones; a share is the area that is left, over that of the
+    /// disk. A cone without interior (or not finite) hits nothing.
     pub fn trace(&mut self, cone: &Cone, [start, end]: [f64; 2]) -> ConeHits {
         let Some((view, before)) = cone.view() else { return ConeHits::default() };
         let floor = if view.apex().is_some() { 1.0 / (before + end) } else { -end };

@@ -53,7 +53,7 @@ pub const EDGE_ON: u32 = u32::MAX - 1;
 /// Errors of methods that do not support a world.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum VisibleError {
-    /// The rays do not start at one point.
+    /// The rays do not start at one point, or the picture is not flat.
     #[error("hidden surfaces are found for a pinhole camera with a flat picture")]
     NotPinhole,
     /// The world has geometry other than triangles, or moving geometry.

@@ -97,7 +97,7 @@ pub(super) fn run(screen: &Screen, with_cost: bool) -> Seen {
 }
 
 /// Insertion sort, which is fast for nearly sorted segments; if that takes too many moves, a full
-/// sort. Returns the number of places by which segments moved.
+/// sort. Returns a measure of the work: the number of moves.
 fn sort_from_left(segments: &mut [Segment]) -> u64 {
     let (mut moves, most) = (0, 16 * segments.len() as u64);
     for i in 1..segments.len() {

@@ -152,8 +152,8 @@ impl CompiledScene {
     /// Compiles `scene`, which differs from `before`, the scene that `self` was compiled from, in
     /// materials, lights, media and surroundings only. Nodes, geometries, textures and images must
     /// be the same. Only what has changed is built. Returns `None` if the world has to be built
-    /// anew, because a surface has become cut out, blended or an interface, or is no longer one of
-    /// these.
+    /// anew, because the number of materials has changed, or whether rays ask one of them if they
+    /// hit its surface (as cut-out, one-sided or invisible ones).
     pub fn changed(&self, before: &Scene, scene: &Scene) -> Result<Option<Self>, CompileError> {
         let materials = materials(scene);
         let is_alike = |(a, b): (&Material, &Material)| a.needs_filter() == b.needs_filter();

@@ -157,8 +157,8 @@ impl<'a> Walker<'a> {
         MediumVertex { position: ray.at(distance), phase, footprint }
     }
 
-    /// Moves a path to the surface that it hit, and returns the surface's material if the path
-    /// passes the surface. `None` if the path has ended or does not pass.
+    /// If a path goes through the surface that it hit, widens its cone up to there and returns the
+    /// surface's material. `None`, with nothing changed, if the path has ended or stops there.
     pub fn path_passes(
         &self,
         insides: &Insides,

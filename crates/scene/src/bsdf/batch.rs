@@ -80,9 +80,9 @@ pub struct BatchInputs<'a> {
 /// Parameters of a BSDF that may vary over a surface. A BSDF uses only those that it has.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BatchPoint {
-    /// The spectra. In [`snell_math::ColorMode::Rgb`] only `base` is used: the reflectance of a
-    /// body below a gloss, which is also that of the metal mixed with the gloss at normal
-    /// incidence. In spectral mode all three are used.
+    /// The spectra. In [`snell_math::ColorMode::Rgb`] only `base` is used: the reflectance of
+    /// the body below a gloss. If metal is mixed with the gloss, `base` is also the metal's
+    /// reflectance at normal incidence. In spectral mode all three are used.
     pub spectra: LobeSpectra,
     /// Width of the facet distribution of a mixture of metal and gloss, see [`super::Widths`].
     pub alpha: f32,

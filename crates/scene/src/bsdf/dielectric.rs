@@ -331,7 +331,7 @@ impl<M: Facets, L: SideLosses, F: Into<Option<ThinFilm>> + Copy, C> BranchlessLo
 type RoughLobe = DielectricLobe<Microfacets, [DielectricLoss; 2], Option<ThinFilm>, ()>;
 
 impl RoughLobe {
-    /// The lobe of a rough interface; `None` for a smooth one.
+    /// The lobe of a rough interface; `None` if it is smooth or the indices are equal.
     fn new(interface: &Interface) -> Option<Self> {
         let &Interface { ior, microfacets, film, .. } = interface;
         // With equal indices nothing is refracted at any roughness.

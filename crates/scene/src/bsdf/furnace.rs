@@ -6,7 +6,7 @@
 //! ones; rough anisotropic glass from inside (0.991 to 1.011), whose total reflection has an edge
 //! along the azimuth; Beckmann's glass of an index close to 1 from inside (1.0012); rough bodies
 //! under thin films (0.976 to 1.016), whose albedo is a mean over few facets; and rough glass under
-//! films (1.044 from inside), whose loss is that without a film.
+//! films (1.044 from inside), as the table of its energy loss knows no film.
 
 use super::tests::{bsdf, sobol};
 use super::{Bsdf, Lobes, MicrofacetShape};

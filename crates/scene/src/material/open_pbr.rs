@@ -81,8 +81,8 @@ snell_math::declare! {
         /// Abbe number of the clear dielectric, positive: 20 spreads colours widely, 60 is glass.
         #[range(Range::Positive)]
         pub transmission_dispersion_abbe_number: ScalarParam,
-        /// Further factor on light that goes through the surface, which the specification does not
-        /// have (glTF's base colour of glass).
+        /// Further factor on light that goes through the surface. It is not in the specification;
+        /// glTF's base colour of glass needs it.
         #[range(Range::SHARE)]
         pub transmission_tint: ColorParam,
         /// Fraction of the opaque dielectric that scatters light under the surface, `[0, 1]`.

@@ -244,8 +244,8 @@ impl Accessor<'_, '_> {
         self.json.error(problem)
     }
 
-    /// Returns the accessor with its integers read as fractions, normalized or not (for attributes
-    /// that are always fractions).
+    /// Returns the accessor with integers read as normalized, even if the file does not mark it so
+    /// (for attributes that must be, such as weights).
     pub fn into_fractions(mut self) -> Self {
         self.normalized = true;
         self

@@ -1,4 +1,4 @@
-//! The filter of triangles in single precision, conservative and in `f32`.
+//! The conservative filter of triangles with single-precision vertices, itself computed in `f32`.
 
 use crate::exact::prepared::PreparedRay;
 use crate::exact::ray::{Axes, LocalRay};
