@@ -345,8 +345,8 @@ impl<G: Goal> Goal for Counted<G> {
     }
 }
 
-/// Relative padding of the culling distance. After a spatial split, a hit may lie outside of the box
-/// of its piece of a triangle, along the ray, by up to
+/// Relative padding of the culling distance. After a spatial split, a hit may lie outside of the
+/// box of its piece of a triangle, along the ray, by up to
 /// [`crate::exact::triangle::PLACE_TOLERANCE`]; this padding is larger.
 pub(crate) const CULL_PADDING: f32 = 1.0e-4;
 

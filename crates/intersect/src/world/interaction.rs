@@ -58,10 +58,10 @@ impl World {
     /// The surface interaction at `hit`, which `ray` found; a ray with a time if anything moves.
     ///
     /// Positions are computed in `f64`, from the barycentrics of triangles or by moving the point
-    /// onto the shape. The error bound covers the transformation of the point to the world, and that
-    /// of the next ray's origin from the world back to the geometry's coordinates (the idea of
-    /// Wächter and Binder, A Fast and Robust Method for Avoiding Self-Intersection, Ray Tracing Gems
-    /// 2019; the bounds as in Pharr, Jakob and Humphreys, 4th edition, section 6.8).
+    /// onto the shape. The error bound covers the transformation of the point to the world, and
+    /// that of the next ray's origin from the world back to the geometry's coordinates (the idea of
+    /// Wächter and Binder, A Fast and Robust Method for Avoiding Self-Intersection, Ray Tracing
+    /// Gems 2019; the bounds as in Pharr, Jakob and Humphreys, 4th edition, section 6.8).
     ///
     /// # Panics
     /// If `hit` is a miss or does not belong to this world.
