@@ -54,8 +54,10 @@ const MAX_DEPTH: usize = 64;
 
 /// State while the scene is built.
 struct Builder<'a> {
-    /// The file that the user named; names in all files are relative to its folder.
+    /// The file that the user named; names in all files are relative to its folder, or to one of
+    /// those that are searched.
     main: &'a Input,
+    searched: Vec<Input>,
     scene: Scene,
     /// Version of the file, such as `0.6`.
     version: String,
@@ -91,6 +93,7 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
             let (files, parameters) = (std::mem::take(&mut loader.files), parameters(&loader));
             let mut builder = Builder {
                 main: input,
+                searched: loader.searched,
                 scene: Scene::new(""),
                 version: loader.version,
                 ids: HashMap::new(),
@@ -288,7 +291,7 @@ impl Builder<'_> {
                 "split it",
             ));
         }
-        self.main.open_relative(name).map_err(|error| {
+        self.home(name).open_relative(name).map_err(|error| {
             let is_own = error.file == self.main.name;
             let problem =
                 if is_own { error.problem } else { format!("{}: {}", error.file, error.problem) };
@@ -296,11 +299,16 @@ impl Builder<'_> {
         })
     }
 
+    /// The file from whose folder a name leads to a file.
+    fn home(&self, name: &str) -> &Input {
+        load::home(self.main, &self.searched, name)
+    }
+
     /// The id of an image, which is read only once.
     fn image(&mut self, name: &str, at: Spot) -> Result<ImageId, Fault> {
-        let main = self.main;
+        let home = load::home(self.main, &self.searched, name);
         self.images
-            .image(&mut self.scene, main, name)
+            .image(&mut self.scene, home, name)
             .map_err(|error| Fault::new(at, error.problem, error.remedy))
     }
 }

@@ -90,7 +90,8 @@ impl Builder<'_> {
     ) -> Result<Option<(Arc<TriangleMesh>, bool)>, Fault> {
         let (name, at) = object.file_name()?;
         let reading = Reading::of(object, keeps_colors)?;
-        let path = self.main.resolve(name).map_err(|e| Fault::new(at, e.problem, e.remedy))?;
+        let path =
+            self.home(name).resolve(name).map_err(|e| Fault::new(at, e.problem, e.remedy))?;
         let key = (path.canonicalize().unwrap_or(path), format!("{reading:?}"));
         if let Some(known) = self.shapes.files.get(&key) {
             return Ok(Some(known.clone()));

@@ -62,6 +62,45 @@ fn parameters_have_the_values_of_the_caller_or_their_defaults() {
 }
 
 #[test]
+fn a_parameter_without_a_value_leaves_the_default_and_a_warning() {
+    let text = "<sensor type=\"perspective\"><sampler type=\"independent\"><integer \
+        name=\"sample_count\" value=\"$spp\"/></sampler></sensor>";
+    assert_eq!(scene_of(text).settings.spp, Some(4));
+    assert!(warnings(text).contains("-D spp=VALUE"), "{}", warnings(text));
+}
+
+#[test]
+fn search_folders_are_relative_to_the_file_that_names_them() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let write = |name: &str, text: &str| {
+        let path = folder.path().join(name);
+        std::fs::create_dir_all(path.parent().expect("a folder")).expect("made");
+        std::fs::write(path, text).expect("written");
+    };
+    let triangle = |size: u32| format!("v 0 0 0\nv {size} 0 0\nv 0 {size} 0\nf 1 2 3\n");
+    write("meshes/a.obj", &triangle(1));
+    write("parts/common/meshes/a.obj", &triangle(2));
+    write("parts/common/more.xml", "<scene version='3.0.0'><shape type='sphere'/></scene>");
+    write(
+        "parts/part.xml",
+        "<scene version='3.0.0'><path value='common'/><include filename='more.xml'/></scene>",
+    );
+    let shape = "<shape type='obj'><string name='filename' value='meshes/a.obj'/></shape>";
+    let read = |first: &str| {
+        write("a.xml", &format!("<scene version='3.0.0'>{first}{shape}</scene>"));
+        read_scene(&folder.path().join("a.xml"), &ReadOptions::default()).expect("a scene")
+    };
+    let width = |scene: &Scene| scene.bounds().expect("no cycles").max.x;
+    assert_eq!(width(&read("")), 1.0);
+    let scene = read("<include filename='parts/part.xml'/>");
+    assert_eq!((width(&scene), meshes(&scene).len(), scene.warnings.len()), (2.0, 1, 0));
+    // A folder outside of the scene's own is not searched without the user's leave.
+    let outside = read("<path value='..'/>");
+    assert!(outside.warnings[0].message.contains("lies outside"), "{:?}", outside.warnings);
+    assert!(read("<path value='none'/>").warnings[0].message.contains("no folder \"none\""));
+}
+
+#[test]
 fn included_files_meshes_and_groups_are_parts_of_the_scene() {
     let folder = tempfile::tempdir().expect("a folder");
     let write = |name: &str, bytes: &[u8]| {
