@@ -69,8 +69,8 @@ struct Builder<'a> {
     images: textures::Textures,
     textures: Textures,
     looks: HashMap<*const Object, Look>,
-    /// True if the BSDF being built shows vertex colours.
-    uses_vertex_colors: bool,
+    /// The attributes of meshes that the BSDF being built shows.
+    attributes: texture::Attributes,
     shapes: Shapes,
     media: Media,
     around_camera: Option<MediumId>,
@@ -102,7 +102,7 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
                 images: textures::Textures::default(),
                 textures: Textures::default(),
                 looks: HashMap::new(),
-                uses_vertex_colors: false,
+                attributes: texture::Attributes::default(),
                 shapes: Shapes::default(),
                 media: Media::default(),
                 around_camera: None,
