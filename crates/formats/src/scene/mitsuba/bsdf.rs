@@ -2,6 +2,7 @@
 
 mod adapter;
 mod constants;
+mod facets;
 mod plastic;
 mod principled;
 
@@ -13,10 +14,10 @@ use super::value::Value;
 use crate::scene::fault::Fault;
 use crate::scene::metal::{Roughness, metal};
 use crate::scene::sheet::letting_through;
-use snell_math::Rgb;
 use snell_math::spectrum::Metal;
+use snell_math::{ColorMode, Rgb};
 use snell_scene::Material;
-use snell_scene::bsdf::MicrofacetShape;
+use snell_scene::bsdf::{MicrofacetShape, fresnel};
 use snell_scene::material::{
     AlphaMode, CoatedConductor, CoatedDiffuse, ColorParam, ConductorSpectrum, Dielectric, Diffuse,
     Hair, MaterialKind, MetallicRoughness, Mirror, OpenPbr, Phong, ScalarParam,
@@ -49,6 +50,22 @@ impl Look {
     pub fn with_solid_panes(mut self) -> Self {
         self.layers.iter_mut().chain(&mut self.back).for_each(solid_pane);
         self
+    }
+}
+
+/// The reflectance of a metal at normal incidence.
+fn straight_reflectance(spectrum: &ConductorSpectrum) -> f32 {
+    let of = |eta: Rgb, k: Rgb| {
+        let of_channel = |eta: f32, k: f32| fresnel::conductor(1.0, eta, k);
+        Rgb::new(of_channel(eta.r, k.r), of_channel(eta.g, k.g), of_channel(eta.b, k.b)).luminance()
+    };
+    match spectrum {
+        ConductorSpectrum::Metal(metal) => {
+            let [eta, k] = metal.indices(ColorMode::Rgb);
+            of(Rgb::new(eta[0], eta[1], eta[2]), Rgb::new(k[0], k[1], k[2]))
+        }
+        ConductorSpectrum::Measured { eta, k } => of(*eta, *k),
+        ConductorSpectrum::Color(color) => color.factor.luminance(),
     }
 }
 
@@ -336,16 +353,14 @@ impl Builder<'_> {
     fn conductor(&mut self, object: &Object) -> Result<Material, Fault> {
         let (roughness, microfacets) = (self.roughness(object)?, self.microfacets(object)?);
         let tint = self.color(object, "specular_reflectance", 1.0)?;
-        let Some(spectrum) = self.metal(object)? else {
-            return Ok(match roughness {
-                Roughness::Even(r) if r == 0.0.into() => {
-                    Material::new("", Mirror { reflectance: tint })
-                }
-                _ => {
-                    metal(ConductorSpectrum::Color(Rgb::WHITE.into()), tint, roughness, microfacets)
-                }
-            });
-        };
+        let spectrum = self.metal(object)?;
+        if spectrum.is_none() && roughness == Roughness::Even(0.0.into()) {
+            return Ok(Material::new("", Mirror { reflectance: tint }));
+        }
+        let spectrum = spectrum.unwrap_or(ConductorSpectrum::Color(Rgb::WHITE.into()));
+        let kept = facets::Layer::new(microfacets, roughness)
+            .map_or(1.0, |layer| layer.kept_by_metal(straight_reflectance(&spectrum)));
+        let tint = ColorParam { factor: tint.factor * kept, ..tint };
         Ok(metal(spectrum, tint, roughness, microfacets))
     }
 

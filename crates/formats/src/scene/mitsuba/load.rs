@@ -52,7 +52,7 @@ pub struct Loader<'a> {
     open: Vec<PathBuf>,
     /// Parameter values by name: those of the command line, and the defaults of files.
     pub parameters: HashMap<String, String>,
-    /// Names of the parameters that files declare, in order.
+    /// Names of the parameters that files declare or use, in order.
     pub declared: Vec<String>,
     /// Aliases of ids.
     pub aliases: HashMap<String, String>,
@@ -217,6 +217,10 @@ impl<'a> Loader<'a> {
             };
             filled.push_str(value);
             rest = &rest[name.len()..];
+            let name = name.clone();
+            if !self.declared.contains(&name) {
+                self.declared.push(name);
+            }
             if filled.len() > 1 << 20 {
                 return Err(Fault::new(
                     file.at(node),
@@ -326,13 +330,15 @@ impl<'a> Loader<'a> {
     }
 
     /// Adds a folder to those that are searched for files. The name is relative to the folder of
-    /// the file that names it.
+    /// the file that names it, or else to that of the main file.
     fn search(&mut self, file: &File, name: &str, at: Spot) -> Result<(), Fault> {
         if self.searched.len() >= MAX_SEARCHED {
             let problem = format!("more than {MAX_SEARCHED} <path> elements, the limit");
             return Err(Fault::new(at, problem, "put the files together"));
         }
-        match file.input.resolve(name) {
+        let is_folder = |input: &&Input| input.resolve(name).is_ok_and(|path| path.is_dir());
+        let home = [file.input, self.main].into_iter().find(is_folder).unwrap_or(file.input);
+        match home.resolve(name) {
             Ok(directory) if directory.is_dir() => {
                 let folder = self.main.part(&self.main.name, Vec::new());
                 self.searched.push(Input { directory, ..folder });

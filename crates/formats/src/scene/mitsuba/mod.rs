@@ -121,7 +121,7 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
     }
 }
 
-/// The parameters that the files declare, with their values.
+/// The parameters that the files declare or use, with their values.
 fn parameters(loader: &Loader) -> Vec<(String, String)> {
     let value = |name: &String| loader.parameters.get(name).cloned().unwrap_or_default();
     loader.declared.iter().map(|name| (name.clone(), value(name))).collect()

@@ -3,11 +3,13 @@
 use super::super::Builder;
 use super::super::object::Object;
 use super::super::texture::rgb_of;
+use super::facets::Layer;
 use super::{GRAY, POLYPROPYLENE};
 use crate::scene::fault::Fault;
-use snell_math::{Vec2, Vec3};
+use crate::scene::metal::Roughness;
+use snell_math::Vec3;
 use snell_scene::Material;
-use snell_scene::bsdf::{MicrofacetShape, Microfacets, fresnel};
+use snell_scene::bsdf::fresnel;
 use snell_scene::material::{CoatedDiffuse, ColorParam, Plastic};
 
 impl Builder<'_> {
@@ -16,16 +18,15 @@ impl Builder<'_> {
         let ior = self.relative_index(object, POLYPROPYLENE)?;
         let mut diffuse = self.color(object, "diffuse_reflectance", GRAY)?;
         let is_nonlinear = object.bool_or("nonlinear", false)?;
-        let layer = microfacets.of_roughness(roughness.factor);
-        let is_rough = !layer.is_smooth() && roughness.texture.is_none();
-        if is_nonlinear && (diffuse.texture.is_some() || !is_rough) {
+        let layer = Layer::new(microfacets, Roughness::Even(roughness));
+        if is_nonlinear && (diffuse.texture.is_some() || layer.is_none()) {
             self.expect_white(object, "specular_reflectance")?;
             return Ok(Material::new(
                 "",
                 CoatedDiffuse { reflectance: diffuse, ior, roughness, microfacets },
             ));
         }
-        if is_rough {
+        if let Some(layer) = layer {
             let Passage { scale, back } = Passage::of(layer, ior);
             if is_nonlinear {
                 diffuse = rgb_of(diffuse).map(|d| d * scale / (1.0 - d * back)).into();
@@ -50,57 +51,24 @@ struct Passage {
 }
 
 impl Passage {
-    fn of(layer: Microfacets, ior: f32) -> Self {
-        let reflected = |eta: f32, visible: &dyn Fn(Vec3, Vec3) -> f32| {
-            mean_over_facets(layer, |wo, facet| {
-                let wi = fresnel::reflect(wo, facet);
-                let share = fresnel::dielectric(wo.dot(facet), eta);
-                if wi.z > 0.0 { share * visible(wo, wi) } else { 0.0 }
-            })
-        };
-        let passed = mean_over_facets(layer, |wo, facet| {
-            let share = 1.0 - fresnel::dielectric(wo.dot(facet), ior);
+    fn of(layer: Layer, ior: f32) -> Self {
+        let fresnel_of =
+            |eta: f32| move |wo: Vec3, facet: Vec3| fresnel::dielectric(wo.dot(facet), eta);
+        let passed = layer.mean(|wo, facet| {
+            let share = 1.0 - fresnel_of(ior)(wo, facet);
             let through = fresnel::refract(wo, facet, ior).filter(|through| through.z < 0.0);
-            through.map_or(0.0, |through| share * masking(layer, -through))
+            through.map_or(0.0, |through| share * layer.masking(-through))
         });
-        let without_loss = 1.0 - reflected(ior, &|wo, wi| layer.shadowing(wo, wi));
-        let back = reflected(1.0 / ior, &|_, wi| masking(layer, wi));
-        Self { scale: passed * passed / (without_loss * ior * ior), back }
-    }
-}
-
-/// The mean of a function of a direction and a facet that is visible from it, for diffuse light.
-fn mean_over_facets(layer: Microfacets, function: impl Fn(Vec3, Vec3) -> f32) -> f32 {
-    const STEPS: usize = 24;
-    let middles = || (0..STEPS).map(|i| (i as f32 + 0.5) / STEPS as f32);
-    let mut sum = 0.0;
-    for cos in middles() {
-        let wo = Vec3::new((1.0 - cos * cos).sqrt(), 0.0, cos);
-        for (u, v) in middles().flat_map(|u| middles().map(move |v| (u, v))) {
-            sum += 2.0 * cos * function(wo, layer.sample_visible_normal(wo, Vec2::new(u, v)));
-        }
-    }
-    sum / (STEPS * STEPS * STEPS) as f32
-}
-
-/// Smith's masking of facets seen from a direction above; that of Beckmann's distribution by the
-/// fit of Walter et al., Microfacet Models for Refraction through Rough Surfaces, 2007.
-fn masking(layer: Microfacets, w: Vec3) -> f32 {
-    let tan = (1.0 - w.z * w.z).max(0.0).sqrt() / w.z;
-    let slope = layer.widths().alpha() * tan;
-    match layer.shape() {
-        MicrofacetShape::Ggx => 2.0 / (1.0 + (1.0 + slope * slope).sqrt()),
-        MicrofacetShape::Beckmann if slope < 0.625 => 1.0,
-        MicrofacetShape::Beckmann => {
-            let a = 1.0 / slope;
-            (3.535 * a + 2.181 * a * a) / (1.0 + 2.276 * a + 2.577 * a * a)
-        }
+        let reflected = layer.mean_reflected(fresnel_of(ior), |wo, wi| layer.shadowing(wo, wi));
+        let back = layer.mean_reflected(fresnel_of(1.0 / ior), |_, wi| layer.masking(wi));
+        Self { scale: passed * passed / ((1.0 - reflected) * ior * ior), back }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use snell_scene::bsdf::MicrofacetShape;
 
     #[test]
     fn rough_layers_reflect_as_in_mitsuba() {
@@ -115,7 +83,7 @@ mod tests {
             (Beckmann, 0.4, 0.498),
             (Beckmann, 1.0, 0.238),
         ] {
-            let layer = shape.of_roughness(f32::sqrt(alpha));
+            let layer = Layer::new(shape, Roughness::of_widths(alpha, alpha)).expect("rough");
             let found = Passage::of(layer, 1.5046 / 1.000_277);
             assert!((found.back - back).abs() < 0.004, "{shape:?} {alpha}: {}", found.back);
         }

@@ -21,11 +21,22 @@ fn mean_of(parameter: ScalarParam) -> f32 {
     (parameter.factor * texels).clamp(0.0, 1.0)
 }
 
-/// What the diffuse body of the principled model reflects of diffuse light, over what OpenPBR's
-/// body does under a gloss that reflects this share: Burley's body gets light that the gloss
-/// reflects, too, and gives some back towards the light, the more so the rougher it is.
-fn body_brightness(roughness: f32, gloss: f32) -> f32 {
-    (0.953 + 0.112 * roughness) / (1.0 - gloss)
+/// What the diffuse body of the principled model reflects over what OpenPBR's body does under a
+/// gloss of this index: the mean of this ratio for diffuse light and for light along the normal.
+/// Burley's body gets light that the gloss reflects, too, and gives some back towards the light, the
+/// more so the rougher it is.
+fn body_brightness(roughness: f32, ior: f32) -> f32 {
+    let diffuse = (0.953 + 0.112 * roughness) / (1.0 - fresnel::dielectric_average(ior));
+    let straight = (0.976 + 0.057 * roughness) / (1.0 - fresnel::f0_from_ior(ior));
+    0.5 * (diffuse + straight)
+}
+
+/// The index of a sheet whose faces together reflect along the normal what one face of this index
+/// does.
+fn index_of_one_face(ior: f32) -> f32 {
+    let f0 = fresnel::f0_from_ior(ior);
+    let root = (f0 / (2.0 - f0)).sqrt();
+    (1.0 + root) / (1.0 - root)
 }
 
 impl Builder<'_> {
@@ -52,9 +63,11 @@ impl Builder<'_> {
         let [roughness, anisotropy] = self.principled_roughness(object)?;
         let metalness = self.scalar(object, "metallic", 0.0)?;
         let sheen = self.scalar(object, "sheen", 0.0)?;
-        let gloss_of_body = if is_thin { 0.0 } else { fresnel::dielectric_average(ior.max(1.0)) };
-        let body = body_brightness(mean_of(roughness), gloss_of_body);
-        let body = 1.0 + (body - 1.0) * (1.0 - mean_of(metalness));
+        let body = body_brightness(mean_of(roughness), if is_thin { 1.0 } else { ior.max(1.0) });
+        // The colour is also that of the metal, which needs no change.
+        let metal =
+            if metalness.texture.is_none() { metalness.factor.clamp(0.0, 1.0) } else { 0.0 };
+        let body = 1.0 + (body - 1.0) * (1.0 - metal);
         let most = base_color.factor.max_element().max(1e-6);
         let base_color =
             ColorParam { factor: base_color.factor * body.min(1.0 / most).max(0.0), ..base_color };
@@ -89,8 +102,12 @@ impl Builder<'_> {
             subsurface_scatter_anisotropy: 1.0.into(),
             ..kind.clone()
         };
-        let clear =
-            OpenPbr { transmission_weight: 1.0.into(), fuzz_weight: 0.0.into(), ..kind.clone() };
+        let clear = OpenPbr {
+            specular_ior: index_of_one_face(ior).into(),
+            transmission_weight: 1.0.into(),
+            fuzz_weight: 0.0.into(),
+            ..kind.clone()
+        };
         let part = |kind: OpenPbr| vec![Material::new("", kind)];
         let layers = layers::blend(part(clear), part(matte), kind.transmission_weight);
         Ok(Look { layers, ..Look::default() })

@@ -102,6 +102,10 @@ impl<'a> Distances<'a> {
     fn triangle(&mut self, edges: [[usize; 2]; 3]) {
         let [a, mut b, mut c] = edges.map(|edge| self.vertex(edge));
         let at = |i: u32| self.mesh.positions[i as usize];
+        if at(a) == at(b) || at(b) == at(c) || at(c) == at(a) {
+            // The surface passes a corner of the grid.
+            return;
+        }
         let up: Vec3 = [a, b, c].iter().map(|i| self.mesh.normals[*i as usize]).sum();
         if (at(b) - at(a)).cross(at(c) - at(a)).dot(up) < 0.0 {
             std::mem::swap(&mut b, &mut c);

@@ -224,11 +224,13 @@ fn surfaces_are_what_they_say() {
     ) else {
         panic!("tinted")
     };
-    let is = (beckmann.roughness, beckmann.microfacets, beckmann.tint.factor);
     assert_eq!(
-        is,
-        (ScalarParam::constant(0.5), MicrofacetShape::Beckmann, Rgb::new(0.5, 0.25, 0.0))
+        (beckmann.roughness, beckmann.microfacets),
+        (ScalarParam::constant(0.5), MicrofacetShape::Beckmann)
     );
+    // As in Mitsuba, light that bounces between facets is lost.
+    let Rgb { r, g, b } = beckmann.tint.factor;
+    assert!((0.45..0.5).contains(&r) && g == 0.5 * r && b == 0.0, "{:?}", beckmann.tint);
     let MaterialKind::Conductor(brushed) = material(
         "<bsdf type=\"roughconductor\"><float name=\"alpha_u\" value=\"0.1\"/><float \
             name=\"alpha_v\" value=\"0.4\"/></bsdf>",
