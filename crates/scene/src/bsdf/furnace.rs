@@ -117,7 +117,7 @@ impl Furnace {
         let (dark, bright) =
             (count(&|share| share < 1.0 - LOSS), count(&|share| share > 1.0 + GAIN));
         eprintln!(
-            "{}: of {} points of {} materials {dark} lose more than {LOSS}, {bright} make more than \
+            "{}: {} points of {} materials, {dark} lose more than {LOSS}, {bright} make more than \
              {GAIN}",
             self.name,
             self.points,

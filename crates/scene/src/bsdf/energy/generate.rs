@@ -120,15 +120,15 @@ fn encode(planes: &[&Vec<Vec<f64>>], bytes: &mut Vec<u8>) {
 /// eighth of the second difference in the middle.
 fn balanced(row: &[f64]) -> Vec<f64> {
     let bend = |i: usize| row[i - 1] - 2.0 * row[i] + row[i + 1];
-    let mut moved = row.to_vec();
-    for i in 2..row.len() - 2 {
+    let moved = |(i, &value): (usize, &f64)| {
+        if i < 2 || i + 2 >= row.len() {
+            return value;
+        }
         let bends = [bend(i - 1), bend(i), bend(i + 1)];
         let least = bends.into_iter().min_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap_or(0.0);
-        if bends.iter().all(|bend| bend * least > 0.0) {
-            moved[i] -= least / 16.0;
-        }
-    }
-    moved
+        if bends.iter().all(|bend| bend * least > 0.0) { value - least / 16.0 } else { value }
+    };
+    row.iter().enumerate().map(moved).collect()
 }
 
 /// The four quantities for one index of refraction, as rows of albedos with their means.
