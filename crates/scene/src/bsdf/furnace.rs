@@ -183,6 +183,28 @@ fn clear_glass_of_any_index_and_roughness_keeps_all_light() {
 }
 
 #[test]
+fn clear_glass_under_a_film_keeps_all_light() {
+    let mut furnace = Furnace::new("glass under a thin film");
+    for (ior, thickness) in
+        [1.1, 1.5, 2.5].into_iter().flat_map(|i| [0.2, 0.5, 1.2].map(|t| (i, t)))
+    {
+        for r in ROUGHNESSES {
+            let kind = OpenPbr {
+                specular_roughness: r.into(),
+                specular_ior: ior.into(),
+                transmission_weight: 1.0.into(),
+                thin_film_weight: 1.0.into(),
+                thin_film_thickness: thickness.into(),
+                ..OpenPbr::default()
+            }
+            .into();
+            furnace.look(&kind, 2, || format!("index {ior} roughness {r} film {thickness}"));
+        }
+    }
+    furnace.check();
+}
+
+#[test]
 fn white_bodies_under_any_interface_keep_all_light() {
     let mut furnace = Furnace::new("plastic and coated diffuse");
     for (ior, r) in INDICES.into_iter().flat_map(|ior| ROUGHNESSES.map(|r| (ior, r))) {
