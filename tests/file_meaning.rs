@@ -2,7 +2,7 @@
 //! are written for, or a closed form, gives for them.
 
 use snell_formats::{ReadOptions, read_scene_bytes};
-use snell_render::{Filter, IntegratorKind, Settings};
+use snell_render::{Filter, IntegratorKind, Request, Settings};
 use snell_scene::Scene;
 use snell_tests::{colors, render};
 
@@ -397,6 +397,32 @@ fn cropped_films_show_a_part_of_the_picture() {
             assert_eq!(pbrt(crop, [9, 6]), expected, "pbrt, {kind}, {crop}");
         }
         assert!(expected.contains('r') && expected.contains('w'), "{kind}: {expected}");
+    }
+}
+
+#[test]
+fn films_of_pbrt_have_their_sensitivity_exposure_time_and_white_balance() {
+    // A light of 1, 0.5, 0.25 after 0.5 s at ISO 400, and 2 X adapted by Bradford's method from the
+    // white of a black body of 3201.8 K to D65, computed from the CIE's tables.
+    for (white, expected) in
+        [("", [2.0, 1.0, 0.5]), ("\"float whitebalance\" 3200", [1.19441, 1.15199, 1.46824])]
+    {
+        let text = format!(
+            "Camera \"perspective\" \"float shutterclose\" .5 Film \"rgb\" \"float iso\" 400 \
+            {white} WorldBegin LightSource \"infinite\" \"rgb L\" [1 .5 .25]"
+        );
+        let scene = read("a.pbrt", &text);
+        assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
+        let camera = &scene.cameras[0];
+        let request = Request { size: Some([1; 2]), spp: Some(1), ..Request::default() };
+        let settings = request.resolve(&scene, camera).expect("valid settings");
+        let film = render(&scene, camera, &settings);
+        let pixel = colors(&film.image())[0];
+        let off = (0..3).map(|c| (pixel[c] / expected[c] - 1.0).abs()).fold(0.0, f64::max);
+        assert!(off < 2e-3, "{pixel:?} is not {expected:?}");
+        let compiled = snell_render::CompiledScene::new(&scene, &settings.build).expect("valid");
+        let plain = snell_render::reference::ray_cast(&compiled, camera, &settings)[0];
+        assert!((f64::from(plain.g) - pixel[1]).abs() < 1e-5, "{plain:?} is not {pixel:?}");
     }
 }
 

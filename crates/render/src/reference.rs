@@ -33,8 +33,9 @@ pub fn ray_cast(scene: &CompiledScene, camera: &Camera, settings: &Settings) -> 
                 let (film, weight) = film_point(settings, &filter, [x, y], random.pair(FILM));
                 let (ray, state) = camera_path(&view, settings, scene.moves, &random, film);
                 let mut media = Media::new(&context, camera, state.mode);
-                let color =
+                let light =
                     state.mode.to_rgb(radiance(&context, &ray, &state, random, 0, &mut media));
+                let color = settings.sensor.map_or(light, |sensor| sensor.response(light));
                 plain = plain + color;
                 sum = sum + color * weight;
                 weights += weight;

@@ -462,13 +462,15 @@ impl<'a> PartRenderer<'a> {
 
     /// Adds the samples, with the light that they have collected, to a part.
     fn finish(&mut self, part: &mut FilmPart, statistics: &mut Statistics) {
+        let sensor = self.context.settings.sensor;
         part.values.extend(self.samples.iter().zip(&self.facts).map(|(sample, facts)| {
             let radiance = sample.collected();
             let finite = radiance.is_finite();
             statistics.invalid_samples += u64::from(!finite);
             let radiance = if finite { radiance } else { SampledSpectrum::ZERO };
+            let light = facts.mode.to_rgb(radiance);
             FilmSample {
-                color: facts.mode.to_rgb(radiance),
+                color: sensor.map_or(light, |sensor| sensor.response(light)),
                 alpha: facts.alpha,
                 weight: facts.weight,
             }

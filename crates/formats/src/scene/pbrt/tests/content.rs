@@ -101,9 +101,8 @@ fn options_become_settings() {
         (settings.size, settings.spp, settings.max_depth),
         (Some([320, 200]), Some(77), Some(9))
     );
-    assert_eq!((settings.filter.as_deref(), settings.exposure), (Some("tent"), Some(2.0)));
-    let said: Vec<_> = scene.warnings.iter().map(|w| w.message.as_str()).collect();
-    assert!(said.len() == 1 && said[0].contains("multiplies light by 4"), "{said:?}");
+    assert_eq!((settings.filter.as_deref(), settings.imaging_ratio), (Some("tent"), Some(4.0)));
+    assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
     assert_eq!(super::scene("WorldBegin").settings.size, Some([1280, 720]));
     assert_eq!(super::scene("Film \"image\" WorldBegin").settings.size, Some([640, 480]));
 }
@@ -111,9 +110,42 @@ fn options_become_settings() {
 #[test]
 fn films_of_version_3_have_a_factor_and_no_clamp() {
     let text = "Film \"image\" \"float scale\" 8 \"float maxsampleluminance\" 2\nWorldBegin";
-    assert_eq!(scene(text).settings.exposure, Some(3.0));
-    let said = warnings(text);
-    assert!(said.contains("maxsampleluminance") && said.contains("by 8"), "{said}");
+    assert_eq!(scene(text).settings.imaging_ratio, Some(8.0));
+    assert!(warnings(text).contains("maxsampleluminance"));
+}
+
+#[test]
+fn sensors_have_their_sensitivity_and_white_balance() {
+    let read = |film: &str| {
+        let text = format!("Film \"rgb\" {film}\nWorldBegin");
+        let settings = scene(&text).settings;
+        (settings.imaging_ratio, settings.white_balance, warnings(&text))
+    };
+    let silent = String::new;
+    assert_eq!(read("\"string sensor\" \"cie1931\""), (None, None, silent()));
+    assert_eq!(read("\"float whitebalance\" 3200"), (None, Some(3200.0), silent()));
+    let (ratio, white, said) = read("\"string sensor\" \"canon_eos_5d\" \"float iso\" 50");
+    assert_eq!((ratio, white), (Some(0.5), Some(6500.0)));
+    assert!(said.contains("the sensor \"canon_eos_5d\""), "{said}");
+    for (film, message) in [
+        ("\"float iso\" -100", "multiplies light by -1: the picture is black"),
+        ("\"float whitebalance\" 500", "the nearest temperature from 1000 to 25000 K"),
+    ] {
+        let said = read(film).2;
+        assert!(said.contains(message), "{said}");
+    }
+}
+
+#[test]
+fn power_that_is_not_positive_is_ignored_with_a_note() {
+    for light in [
+        "LightSource \"point\" \"float power\" -3",
+        "LightSource \"distant\" \"float illuminance\" -3",
+        "AreaLightSource \"diffuse\" \"float power\" -3 Shape \"sphere\"",
+    ] {
+        let said = warnings(&format!("WorldBegin {light}"));
+        assert!(said.contains("-3 of ") && said.contains("was ignored, as in pbrt"), "{said}");
+    }
 }
 
 #[test]
