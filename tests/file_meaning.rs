@@ -2,9 +2,9 @@
 //! are written for, or a closed form, gives for them.
 
 use snell_formats::{ReadOptions, read_scene_bytes};
-use snell_render::{Filter, IntegratorKind, Request, Settings};
+use snell_render::{CompiledScene, Filter, IntegratorKind, Request, Settings, reference};
 use snell_scene::Scene;
-use snell_tests::{colors, render};
+use snell_tests::{colors, render, settings};
 
 /// A scene file with pictures beside it: `quarters.pfm` is red, green, blue and white, and
 /// `green.pfm` a normal map that leans towards its green.
@@ -420,8 +420,8 @@ fn films_of_pbrt_have_their_sensitivity_exposure_time_and_white_balance() {
         let pixel = colors(&film.image())[0];
         let off = (0..3).map(|c| (pixel[c] / expected[c] - 1.0).abs()).fold(0.0, f64::max);
         assert!(off < 2e-3, "{pixel:?} is not {expected:?}");
-        let compiled = snell_render::CompiledScene::new(&scene, &settings.build).expect("valid");
-        let plain = snell_render::reference::ray_cast(&compiled, camera, &settings)[0];
+        let compiled = CompiledScene::new(&scene, &settings.build).expect("valid");
+        let plain = reference::ray_cast(&compiled, camera, &settings)[0];
         assert!((f64::from(plain.g) - pixel[1]).abs() < 1e-5, "{plain:?} is not {pixel:?}");
     }
 }
@@ -502,21 +502,31 @@ fn lamps_of_mitsuba_shine_on_the_side_that_mitsuba_means() {
 }
 
 #[test]
-fn hidden_emitters_of_mitsuba_light_and_are_not_seen() {
-    let lamp = "<shape type='sphere'><point name='center' value='0 0 2'/>\
-        <float name='radius' value='0.1'/><emitter type='area'><rgb name='radiance' \
-        value='100'/></emitter></shape><shape type='rectangle'><bsdf type='diffuse'>\
-        <rgb name='reflectance' value='1'/></bsdf></shape><emitter type='constant'>\
-        <rgb name='radiance' value='0.5'/></emitter>";
-    let hidden =
-        "<integrator type='path'><boolean name='hide_emitters' value='true'/></integrator>";
-    let [seen, unseen] = ["", hidden].map(|integrator| {
-        let scene = mitsuba(FOV, [9; 2], &format!("{integrator}{lamp}"));
-        picture(&scene, [9; 2], 256)
-    });
-    assert!(seen[40][0] > 50.0 && (seen[0][0] - 0.5).abs() < 1e-3);
-    // L pi r^2 / d^2 over pi, and the constant.
-    let expected = 100.0 * 0.01 / 4.0 + 0.5;
-    assert!((unseen[40][0] - expected).abs() < 0.02, "{} is not {expected}", unseen[40][0]);
-    assert_eq!(unseen[0], [0.0; 3]);
+fn hidden_emitters_of_mitsuba_are_seen_in_mirrors_only_and_cast_shadows() {
+    // The middle of the picture in Mitsuba 3.9.1, where a lamp stands before a mirror or a grey
+    // wall, and the corner, where the ray leaves the scene.
+    let mirror = "<bsdf type='conductor'><string name='material' value='none'/></bsdf>";
+    for (hides, wall, middle, corner) in [
+        (false, mirror, 10.0, 0.5),
+        (true, mirror, 10.0, 0.0),
+        (false, "<bsdf type='diffuse'/>", 10.0, 0.5),
+        (true, "<bsdf type='diffuse'/>", 0.357, 0.0),
+    ] {
+        let body = format!(
+            "<integrator type='path'><boolean name='hide_emitters' value='{hides}'/></integrator>\
+            <shape type='sphere'><point name='center' value='0 0 2'/><float name='radius' \
+            value='0.3'/><emitter type='area'><rgb name='radiance' value='10'/></emitter></shape>\
+            <shape type='rectangle'>{wall}</shape><emitter type='constant'><rgb name='radiance' \
+            value='0.5'/></emitter>"
+        );
+        let scene = mitsuba(FOV, [9; 2], &body);
+        assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
+        let (camera, how) = (&scene.cameras[0], Settings { size: [9; 2], ..settings(9, 1024) });
+        let pixels = colors(&render(&scene, camera, &how).image());
+        assert!((pixels[40][0] / middle - 1.0).abs() < 0.02, "{hides} {wall}: {}", pixels[40][0]);
+        assert!((pixels[0][0] - corner).abs() < 1e-6, "{hides} {wall}: {}", pixels[0][0]);
+        let compiled = CompiledScene::new(&scene, &how.build).expect("valid");
+        let plain = reference::ray_cast(&compiled, camera, &how)[40];
+        assert!((f64::from(plain.r) / middle - 1.0).abs() < 0.02, "{hides} {wall}: {plain:?}");
+    }
 }
