@@ -452,6 +452,24 @@ fn spherical_cameras_of_pbrt_show_an_equal_area_square() {
 }
 
 #[test]
+fn grids_of_pbrt_fade_over_the_outer_halves_of_their_cells() {
+    // SampledGrid::Lookup() of pbrt-v4 interpolates with 0 beyond the grid: the density is 0.5 at
+    // its faces and 1 between the middles of its cells, whose distance is 1.
+    let text = "LookAt 0 0 5  0 0 0  0 1 0 Camera \"orthographic\" \"float screenwindow\" \
+        [-.01 .01 -.01 .01] WorldBegin LightSource \"infinite\" \"rgb L\" [1 1 1] \
+        MakeNamedMedium \"m\" \"string type\" \"uniformgrid\" \"integer nx\" 2 \"integer ny\" 2 \
+        \"integer nz\" 2 \"float density\" [1 1 1 1 1 1 1 1] \"rgb sigma_a\" [1 1 1] \
+        \"rgb sigma_s\" [0 0 0] \"point3 p0\" [-1 -1 -1] \"point3 p1\" [1 1 1] \
+        MediumInterface \"m\" \"\" Material \"interface\" Shape \"sphere\" \"float radius\" 3";
+    let scene = read("a.pbrt", text);
+    assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
+    let pixels = picture(&scene, [16; 2], 64);
+    let mean = pixels.iter().map(|pixel| pixel[0]).sum::<f64>() / 256.0;
+    let expected = (-1.75f64).exp();
+    assert!((mean / expected - 1.0).abs() < 0.02, "{mean} is not {expected}");
+}
+
+#[test]
 fn both_sides_of_twosided_are_those_of_mitsuba() {
     // Directional light along the view: radiance is albedo / pi times the irradiance of 3.
     for (shape, flip) in [
