@@ -2,7 +2,9 @@
 //! are written for, or a closed form, gives for them.
 
 use snell_formats::{ReadOptions, read_scene_bytes};
-use snell_render::{CompiledScene, Filter, IntegratorKind, Request, Settings, reference};
+use snell_render::{
+    CompiledScene, Filter, IntegratorKind, LightStrategy, Request, Settings, reference,
+};
 use snell_scene::Scene;
 use snell_tests::{colors, render, settings};
 
@@ -467,6 +469,68 @@ fn grids_of_pbrt_fade_over_the_outer_halves_of_their_cells() {
     let mean = pixels.iter().map(|pixel| pixel[0]).sum::<f64>() / 256.0;
     let expected = (-1.75f64).exp();
     assert!((mean / expected - 1.0).abs() < 0.02, "{mean} is not {expected}");
+}
+
+/// A white floor of pbrt below infinite lights, seen from above.
+fn floor_below(lights: &str) -> Scene {
+    let text = format!(
+        "LookAt 0 0 5  0 0 0  0 1 0 Camera \"perspective\" \"float fov\" 1 WorldBegin {lights} \
+        Material \"diffuse\" \"rgb reflectance\" [1 1 1] Shape \"trianglemesh\" \"point3 P\" \
+        [-9 -9 0  9 -9 0  9 9 0 -9 9 0] \"integer indices\" [0 1 2 0 2 3]"
+    );
+    let scene = read("a.pbrt", &text);
+    assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
+    scene
+}
+
+#[test]
+fn portals_of_pbrt_show_the_light_behind_them_alone() {
+    let light = |what: &str, [x0, x1]: [f64; 2], [y0, y1]: [f64; 2]| {
+        format!(
+            "LightSource \"infinite\" {what} \"point3 portal\" [{x0} {y0} 2  {x0} {y1} 2  \
+            {x1} {y1} 2  {x1} {y0} 2] "
+        )
+    };
+    let (white, picture) = ("\"rgb L\" [1 1 1]", "\"string filename\" \"quarters.pfm\"");
+    let whole = |what: &str| light(what, [-1.0, 1.0], [-1.0, 1.0]);
+    let halves = |what: &str| {
+        light(what, [-1.0, 0.25], [-1.0, 1.0]) + &light(what, [0.25, 1.0], [-1.0, 1.0])
+    };
+    let mean = |lights: &str, light_strategy: LightStrategy| {
+        let scene = floor_below(lights);
+        let settings =
+            Settings { integrator: IntegratorKind::Direct, light_strategy, ..settings(8, 512) };
+        let pixels = colors(&render(&scene, &scene.cameras[0], &settings).image());
+        [0, 1, 2].map(|c| pixels.iter().map(|pixel| pixel[c]).sum::<f64>() / pixels.len() as f64)
+    };
+    // The form factor of a square of side 2 at distance 2 above its middle. In pbrt, light comes
+    // from the side of the cross product of the edges to the last and the second corner.
+    let corner = 0.5 / 1.25f64.sqrt();
+    let form_factor = 4.0 / std::f64::consts::PI * corner * corner.atan();
+    for strategy in LightStrategy::ALL {
+        for lights in [whole(white), halves(white)] {
+            let found = mean(&lights, strategy)[0];
+            assert!((found / form_factor - 1.0).abs() < 0.02, "{strategy:?}: {found}");
+        }
+        let backwards = light(white, [1.0, -1.0], [-1.0, 1.0]);
+        assert_eq!(mean(&backwards, strategy), [0.0; 3], "{strategy:?}");
+    }
+    // The picture as a whole has as much light in all of its estimates.
+    let [mis, light, bsdf] = LightStrategy::ALL.map(|strategy| mean(&whole(picture), strategy));
+    let halved = mean(&halves(picture), LightStrategy::Mis);
+    for c in 0..3 {
+        for other in [light[c], bsdf[c], halved[c]] {
+            assert!((mis[c] - other).abs() < 0.02 * form_factor, "{mis:?} {light:?} {bsdf:?}");
+        }
+    }
+    assert!(mis.iter().sum::<f64>() > 0.1, "{mis:?}");
+    // The textbook renderer sees the same.
+    let scene = floor_below(&halves(picture));
+    let how = Settings { integrator: IntegratorKind::Direct, ..settings(8, 512) };
+    let compiled = CompiledScene::new(&scene, &how.build).expect("valid");
+    let plain = reference::ray_cast(&compiled, &scene.cameras[0], &how);
+    let red = plain.iter().map(|c| f64::from(c.r)).sum::<f64>() / plain.len() as f64;
+    assert!((red - halved[0]).abs() < 1e-4, "{red} is not {}", halved[0]);
 }
 
 #[test]

@@ -145,7 +145,7 @@ impl CompiledScene {
             }
             None => (
                 Arc::new(TextureSet::new(&scene.textures, &scene.images)),
-                scene.environment.as_ref().map(|e| Arc::new(EnvironmentLight::new(e))),
+                EnvironmentLight::of_scene(scene).map(Arc::new),
             ),
         };
         let moves = !moving.later.is_empty();
@@ -168,8 +168,10 @@ impl CompiledScene {
         }
         scene.topological_order()?;
         let environment = match (&before.environment, &scene.environment) {
-            (Some(old), Some(new)) if is_same(old, new) => self.environment.clone(),
-            (_, new) => new.as_ref().map(|e| Arc::new(EnvironmentLight::new(e))),
+            (Some(old), Some(new)) if is_same(old, new) && before.portals == scene.portals => {
+                self.environment.clone()
+            }
+            _ => EnvironmentLight::of_scene(scene).map(Arc::new),
         };
         let (world, surfaces, textures) =
             (self.world.clone(), self.surfaces.clone(), self.textures.clone());

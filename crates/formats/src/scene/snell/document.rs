@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use snell_intersect::{AnyShape, Curves, Shape, StrandBasis, TriangleMesh};
 use snell_math::{DAffine3, DMat3, DVec3, Rgb, Vec2, Vec3, Vec4};
 use snell_scene::graph::MediumId;
+use snell_scene::light::environment::Portal;
 use snell_scene::medium::{CellGrid, CellValue, ColorGrid, Medium, ScalarGrid};
 use snell_scene::texture::Wrap;
 use snell_scene::{
@@ -36,6 +37,8 @@ pub struct Document {
     pub ambient: Rgb,
     #[serde(default)]
     pub environment: Option<EnvironmentForm>,
+    #[serde(default)]
+    pub portals: Vec<Portal>,
     #[serde(default)]
     pub cameras: Vec<Camera>,
     #[serde(default)]
@@ -269,6 +272,7 @@ impl Document {
             lights,
             cameras,
             environment,
+            portals,
             background,
             ambient,
             settings,
@@ -305,6 +309,7 @@ impl Document {
             background: *background,
             ambient: *ambient,
             environment: environment.as_ref().map(EnvironmentForm::of),
+            portals: portals.clone(),
             cameras: cameras.clone(),
             lights: lights.clone(),
             materials: materials.clone(),
@@ -378,6 +383,7 @@ impl Document {
             lights: self.lights,
             cameras: self.cameras,
             environment,
+            portals: self.portals,
             background: self.background,
             ambient: self.ambient,
             settings: self.settings,
