@@ -189,7 +189,9 @@ fn green_of_mitsuba_normal_maps_is_the_normal_times_u() {
     // The green axes of Mitsuba 3.9.1, found from its BSDF at the point that is seen: upright,
     // and mirrored in x. With flip_normals they are opposite.
     let (y, down) = ([0.0, 1.0, 0.0], [0.0, -1.0, 0.0]);
+    let (out, along) = ([0.3, 0.2, 0.932738], [-0.776085, -0.517390, 0.360555]);
     let cases = [
+        ("sphere", "", out, along, along),
         ("rectangle", "", [0.0, 0.0, 1.0], y, down),
         ("disk", "", [0.0, 0.0, 1.0], [-0.5547, 0.83205, 0.0], [-0.5547, 0.83205, 0.0]),
         ("cube", "", [0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]),
@@ -213,7 +215,7 @@ fn green_of_mitsuba_normal_maps_is_the_normal_times_u() {
         ] {
             let more = format!("{more}<boolean name='flip_normals' value='{flip}'/>");
             let (light, expected) = leaning(n, green);
-            let file = if ["rectangle", "disk", "cube", "cylinder"].contains(&kind) {
+            let file = if ["sphere", "rectangle", "disk", "cube", "cylinder"].contains(&kind) {
                 String::new()
             } else {
                 format!("<string name='filename' value='{kind}.obj'/>")
