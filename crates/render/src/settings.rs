@@ -1,6 +1,7 @@
 //! The settings of a render: everything except the scene.
 
 use crate::film::filter::Filter;
+use crate::film::sensor::Sensor;
 use crate::guiding::Guiding;
 use crate::integrator::IntegratorKind;
 use crate::integrator::aov::Aov;
@@ -160,6 +161,8 @@ pub struct Settings {
     /// If set, every sample of a pixel is taken at this position in the pixel, from (0, 0) to (1,
     /// 1), and the filter is not used.
     pub pixel_position: Option<[f64; 2]>,
+    /// The sensor of the camera; `None` if the picture is the light itself.
+    pub sensor: Option<Sensor>,
     /// The integrator that computes light.
     pub integrator: IntegratorKind,
     /// The representation of colour in light transport.
@@ -225,6 +228,7 @@ impl Default for Settings {
             later_cameras: Vec::new(),
             filter: Filter::default(),
             pixel_position: None,
+            sensor: None,
             integrator: IntegratorKind::default(),
             color: ColorModel::default(),
             max_depth: Self::MAX_DEPTH,

@@ -4,6 +4,7 @@
 
 pub mod filter;
 pub mod noise;
+pub mod sensor;
 
 use crate::integrator::aov::{Aov, AovKind, NOTHING};
 use crate::settings::{Crop, Settings};

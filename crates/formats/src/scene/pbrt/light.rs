@@ -73,8 +73,18 @@ impl Builder<'_> {
     }
 
     /// A positive number of a parameter; pbrt ignores other numbers.
-    fn positive(&self, params: &Params, name: &str) -> Result<Option<f64>, Fault> {
-        Ok(params.float(name)?.filter(|x| *x > 0.0))
+    fn positive(&mut self, params: &Params, name: &str) -> Result<Option<f64>, Fault> {
+        let value = params.float(name)?;
+        if let Some(ignored) = value.filter(|x| *x <= 0.0 || x.is_nan()) {
+            let owner = params.owner.clone();
+            self.mention(format!("{name} that is not positive"), params.at, || {
+                format!(
+                    "\"{name}\" {ignored} of {owner} was ignored, as in pbrt: the light has the \
+                    brightness of its other parameters"
+                )
+            });
+        }
+        Ok(value.filter(|x| *x > 0.0))
     }
 
     /// Reads `LightSource "point" ...`.
