@@ -38,7 +38,7 @@ impl Builder<'_> {
             "light comes from all directions, also beside the portal",
         );
         let is_latlong = params.has("mapname");
-        let Some((name, at)) =
+        let Some((name, _)) =
             self.file_name(params, if is_latlong { "mapname" } else { "filename" })?
         else {
             if let Some(illuminance) = illuminance {
@@ -56,7 +56,7 @@ impl Builder<'_> {
             }
             scale = scale * color;
         }
-        let image = self.image(name, at)?;
+        let image = self.image(name);
         let image = self.scene.images[image.index()].clone();
         if let Some(illuminance) = illuminance
             && !is_latlong
