@@ -35,7 +35,7 @@ impl Builder<'_> {
         let illuminance = params.float("illuminance")?.filter(|e| *e > 0.0);
         let portal = self.portal(params)?;
         let is_latlong = params.has("mapname");
-        let Some((name, at)) =
+        let Some((name, _)) =
             self.file_name(params, if is_latlong { "mapname" } else { "filename" })?
         else {
             let color = color.unwrap_or(Rgb::WHITE);
@@ -53,7 +53,7 @@ impl Builder<'_> {
             }
             scale = scale * color;
         }
-        let image = self.image(name, at)?;
+        let image = self.image(name);
         let image = self.scene.images[image.index()].clone();
         if let Some(illuminance) = illuminance
             && !is_latlong

@@ -158,12 +158,12 @@ impl Builder<'_> {
     /// The name of a light's picture, and true if it is given as in pbrt-v3.
     fn light_picture(&mut self, params: &Params) -> Result<(Arc<Image>, bool), Fault> {
         let is_old = params.has("mapname");
-        let Some((name, at)) =
+        let Some((name, _)) =
             self.file_name(params, if is_old { "mapname" } else { "filename" })?
         else {
             return Err(params.fault("there is no file name", "add \"string filename\""));
         };
-        let image = self.image(name, at)?;
+        let image = self.image(name);
         Ok((self.scene.images[image.index()].clone(), is_old))
     }
 
@@ -259,8 +259,8 @@ impl Builder<'_> {
         }
         let mut radiance: ColorParam = self.light_color(&params, "L")?.into();
         let mut mean = 1.0;
-        if let Some((name, at)) = self.file_name(&params, "filename")? {
-            let image = self.image(name, at)?;
+        if let Some((name, _)) = self.file_name(&params, "filename")? {
+            let image = self.image(name);
             let pixels = &self.scene.images[image.index()];
             let count = f64::from(pixels.width) * f64::from(pixels.height);
             let all = (0..pixels.height).flat_map(|y| (0..pixels.width).map(move |x| (x, y)));

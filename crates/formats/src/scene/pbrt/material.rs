@@ -597,8 +597,8 @@ impl Builder<'_> {
     }
 
     fn normal_map(&mut self, params: &Params) -> Result<Option<NormalMap>, Fault> {
-        let Some((name, at)) = self.file_name(params, "normalmap")? else { return Ok(None) };
-        let image = self.image(name, at)?;
+        let Some((name, _)) = self.file_name(params, "normalmap")? else { return Ok(None) };
+        let image = self.image(name);
         let texture = self.scene.add_texture(ImageTexture::new(image, Encoding::Linear));
         let bitangent = crossed(&self.world_from_file);
         Ok(Some(NormalMap { bitangent, ..NormalMap::new(texture, 1.0) }))
