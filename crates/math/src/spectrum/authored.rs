@@ -204,7 +204,7 @@ impl ColorMode {
 
 /// The serialised form of a [`Spectrum`].
 #[derive(Serialize, Deserialize)]
-#[serde(untagged)]
+#[serde(untagged, expecting = "expected a spectrum: a text, or a table of [wavelength, value]")]
 enum Written {
     Text(String),
     Table(Vec<[f32; 2]>),
