@@ -1,4 +1,4 @@
-//! All lengths of a scene may be multiplied by one number, and its picture stays the same: for every
+//! All lengths of a scene may be multiplied by one number, and its picture stays the same: for each
 //! kind of material, medium, light, pattern, shape and camera. A constant that is compared with a
 //! length would have a unit, and so would change the picture.
 //!

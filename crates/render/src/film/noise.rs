@@ -19,16 +19,16 @@
 //! grown by a quarter. It stops when its error is small enough, and would also be small enough with
 //! the mean deviation of the blocks of the 3 x 3 pixels around it, and with the mean variance of
 //! those of 9 x 9 pixels, in tone-mapped units: the few blocks of one pixel may agree by chance, or
-//! all miss rare light that the pixels around have seen. (That pixels decide together is the idea of
-//! Dammertz et al., A Hierarchical Automatic Stopping Condition for Monte Carlo Global
-//! Illumination, 2010.) Since variances are shared, not their maximum, a picture takes at most about
-//! twice the samples of one in which each pixel decides alone. Checking repeatedly whether an interval has shrunk to a given width is the
-//! sequential procedure of Chow and Robbins (On the asymptotic theory of fixed-width sequential
-//! confidence intervals, 1965). As the width goes to zero, the interval covers with the stated
-//! probability and the mean converges to the true value, for any finite variance. At a finite
-//! width, pixels whose blocks agree by chance stop first, so the deviation of a pixel alone is a
-//! little too small. The reported interval uses a deviation a quarter of the way from the pixel's
-//! own to the mean of the 3 x 3 pixels when it stopped.
+//! all miss rare light that the pixels around have seen. (That pixels decide together is the idea
+//! of Dammertz et al., A Hierarchical Automatic Stopping Condition for Monte Carlo Global
+//! Illumination, 2010.) Since variances are shared, not their maximum, a picture takes at most
+//! about twice the samples of one in which each pixel decides alone. Checking repeatedly whether an
+//! interval has shrunk to a given width is the sequential procedure of Chow and Robbins (On the
+//! asymptotic theory of fixed-width sequential confidence intervals, 1965). As the width goes to
+//! zero, the interval covers with the stated probability and the mean converges to the true value,
+//! for any finite variance. At a finite width, pixels whose blocks agree by chance stop first, so
+//! the deviation of a pixel alone is a little too small. The reported interval uses a deviation a
+//! quarter of the way from the pixel's own to the mean of the 3 x 3 pixels when it stopped.
 
 use super::{BLOCK, Film};
 use crate::settings::Crop;
@@ -39,9 +39,9 @@ pub const LEAST_SAMPLES: u32 = 8 * BLOCK;
 /// The distance in pixels to which the window reaches that shares its variance.
 const REACH: usize = 4;
 
-/// Where the deviation of the reported interval lies between that of the pixel alone (0) and the
-/// [`NoiseMap::cautious_deviation`] (1). The value was found by experiments on pixels of the Cornell box and on
-/// random numbers from normal to log-normal ones.
+/// Where the deviation of the reported interval lies between that of the pixel alone (0) and
+/// [`NoiseMap::cautious_deviation`] (1). The value was found by experiments on pixels of the
+/// Cornell box and on random numbers from normal to log-normal ones.
 const CAUTION: f64 = 0.25;
 
 /// The intensity of each pixel of a film, row by row, with its confidence interval.
