@@ -22,11 +22,12 @@
 //! all miss rare light that the pixels around have seen. (That pixels decide together is the idea
 //! of Dammertz et al., A Hierarchical Automatic Stopping Condition for Monte Carlo Global
 //! Illumination, 2010.) Since variances are shared, not their maximum, a picture takes at most
-//! about twice the samples of one in which each pixel decides alone. Checking repeatedly whether an
-//! interval has shrunk to a given width is the sequential procedure of Chow and Robbins (On the
-//! asymptotic theory of fixed-width sequential confidence intervals, 1965). As the width goes to
-//! zero, the interval covers with the stated probability and the mean converges to the true value,
-//! for any finite variance. At a finite width, pixels whose blocks agree by chance stop first, so
+//! about twice the samples that its pixels would need alone if their variances were known.
+//!
+//! Checking repeatedly whether an interval has shrunk to a given width is the sequential procedure
+//! of Chow and Robbins (On the asymptotic theory of fixed-width sequential confidence intervals,
+//! 1965). As the width goes to zero, the interval covers with the stated probability and the mean
+//! converges to the true value, for any finite variance. At a finite width, pixels whose blocks agree by chance stop first, so
 //! the deviation of a pixel alone is a little too small. The reported interval uses a deviation a
 //! quarter of the way from the pixel's own to the mean of the 3 x 3 pixels when it stopped.
 
