@@ -28,9 +28,9 @@
 //! of Chow and Robbins (On the asymptotic theory of fixed-width sequential confidence intervals,
 //! 1965). As the width goes to zero, the interval covers with the stated probability and the mean
 //! converges to the true value, for any finite variance. At a finite width, pixels whose blocks
-//! agree by chance stop first, so the deviation of a pixel alone is a little too small. The reported
-//! interval uses a deviation a quarter of the way from the pixel's own to the mean of the 3 x 3
-//! pixels when it stopped.
+//! agree by chance stop first, so the deviation of a pixel alone is a little too small. The
+//! reported interval uses a deviation a quarter of the way from the pixel's own to the mean of the
+//! 3 x 3 pixels when it stopped.
 
 use super::{BLOCK, Film};
 use crate::settings::Crop;
