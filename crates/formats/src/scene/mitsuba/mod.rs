@@ -297,11 +297,8 @@ impl Builder<'_> {
     }
 
     /// The id of an image, which is read only once.
-    fn image(&mut self, name: &str, at: Spot) -> Result<ImageId, Fault> {
-        let main = self.main;
-        self.images
-            .image(&mut self.scene, main, name)
-            .map_err(|error| Fault::new(at, error.problem, error.remedy))
+    fn image(&mut self, name: &str) -> ImageId {
+        self.images.image(&mut self.scene, self.main, name)
     }
 }
 
