@@ -171,7 +171,6 @@ class Snell:
             "--filter",
             "box",
             "-q",
-            "--allow-outside",
             *size,
         ]
         command = [self.command, "render", str(scene), "--spp", str(spp), "-o", str(out), *options]

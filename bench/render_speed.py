@@ -238,7 +238,6 @@ class Snell:
                 "--spp",
                 str(spp),
                 "-q",
-                "--allow-outside",
                 "--stats",
                 str(stats),
             ]

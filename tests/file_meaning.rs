@@ -2,9 +2,11 @@
 //! are written for, or a closed form, gives for them.
 
 use snell_formats::{ReadOptions, read_scene_bytes};
-use snell_render::{Filter, IntegratorKind, Settings};
+use snell_render::{
+    CompiledScene, Filter, IntegratorKind, LightStrategy, Request, Settings, reference,
+};
 use snell_scene::Scene;
-use snell_tests::{colors, render};
+use snell_tests::{colors, render, settings};
 
 /// A scene file with pictures beside it: `quarters.pfm` is red, green, blue and white, and
 /// `green.pfm` a normal map that leans towards its green.
@@ -187,7 +189,9 @@ fn green_of_mitsuba_normal_maps_is_the_normal_times_u() {
     // The green axes of Mitsuba 3.9.1, found from its BSDF at the point that is seen: upright,
     // and mirrored in x. With flip_normals they are opposite.
     let (y, down) = ([0.0, 1.0, 0.0], [0.0, -1.0, 0.0]);
+    let (out, along) = ([0.3, 0.2, 0.932738], [-0.776085, -0.517390, 0.360555]);
     let cases = [
+        ("sphere", "", out, along, along),
         ("rectangle", "", [0.0, 0.0, 1.0], y, down),
         ("disk", "", [0.0, 0.0, 1.0], [-0.5547, 0.83205, 0.0], [-0.5547, 0.83205, 0.0]),
         ("cube", "", [0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]),
@@ -211,7 +215,7 @@ fn green_of_mitsuba_normal_maps_is_the_normal_times_u() {
         ] {
             let more = format!("{more}<boolean name='flip_normals' value='{flip}'/>");
             let (light, expected) = leaning(n, green);
-            let file = if ["rectangle", "disk", "cube", "cylinder"].contains(&kind) {
+            let file = if ["sphere", "rectangle", "disk", "cube", "cylinder"].contains(&kind) {
                 String::new()
             } else {
                 format!("<string name='filename' value='{kind}.obj'/>")
@@ -230,7 +234,8 @@ fn green_of_mitsuba_normal_maps_is_the_normal_times_u() {
                 <rgb name='irradiance' value='3'/></emitter>"
             );
             let scene = mitsuba("<float name='fov' value='1e-3'/>", [1; 2], &body);
-            let scene = aimed(scene, if kind == "cylinder" { 0.01 } else { 0.3 });
+            // Along an edge of the cylinder's tessellation.
+            let scene = aimed(scene, if kind == "cylinder" { 0.0 } else { 0.3 });
             let found = picture(&scene, [1; 2], 1)[0][0];
             assert!(
                 (found - expected).abs() < 1e-3,
@@ -401,6 +406,32 @@ fn cropped_films_show_a_part_of_the_picture() {
 }
 
 #[test]
+fn films_of_pbrt_have_their_sensitivity_exposure_time_and_white_balance() {
+    // A light of 1, 0.5, 0.25 after 0.5 s at ISO 400, and 2 X adapted by Bradford's method from the
+    // white of a black body of 3201.8 K to D65, computed from the CIE's tables.
+    for (white, expected) in
+        [("", [2.0, 1.0, 0.5]), ("\"float whitebalance\" 3200", [1.19441, 1.15199, 1.46824])]
+    {
+        let text = format!(
+            "Camera \"perspective\" \"float shutterclose\" .5 Film \"rgb\" \"float iso\" 400 \
+            {white} WorldBegin LightSource \"infinite\" \"rgb L\" [1 .5 .25]"
+        );
+        let scene = read("a.pbrt", &text);
+        assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
+        let camera = &scene.cameras[0];
+        let request = Request { size: Some([1; 2]), spp: Some(1), ..Request::default() };
+        let settings = request.resolve(&scene, camera).expect("valid settings");
+        let film = render(&scene, camera, &settings);
+        let pixel = colors(&film.image())[0];
+        let off = (0..3).map(|c| (pixel[c] / expected[c] - 1.0).abs()).fold(0.0, f64::max);
+        assert!(off < 2e-3, "{pixel:?} is not {expected:?}");
+        let compiled = CompiledScene::new(&scene, &settings.build).expect("valid");
+        let plain = reference::ray_cast(&compiled, camera, &settings)[0];
+        assert!((f64::from(plain.g) - pixel[1]).abs() < 1e-5, "{plain:?} is not {pixel:?}");
+    }
+}
+
+#[test]
 fn spherical_cameras_of_pbrt_show_an_equal_area_square() {
     // SphericalCamera::GenerateRay: the middle of the picture is y, the right edge's x, the bottom
     // edge's z, and the corners are -y.
@@ -423,6 +454,86 @@ fn spherical_cameras_of_pbrt_show_an_equal_area_square() {
     let pixels = letters(&picture(&scene, [81; 2], 1));
     let at = |x: usize, y: usize| &pixels[y * 81 + x..][..1];
     assert_eq!([at(40, 40), at(79, 40), at(40, 79), at(1, 1), at(1, 40)].concat(), "wrgb.");
+}
+
+#[test]
+fn grids_of_pbrt_fade_over_the_outer_halves_of_their_cells() {
+    // SampledGrid::Lookup() of pbrt-v4 interpolates with 0 beyond the grid: the density is 0.5 at
+    // its faces and 1 between the middles of its cells, whose distance is 1.
+    let text = "LookAt 0 0 5  0 0 0  0 1 0 Camera \"orthographic\" \"float screenwindow\" \
+        [-.01 .01 -.01 .01] WorldBegin LightSource \"infinite\" \"rgb L\" [1 1 1] \
+        MakeNamedMedium \"m\" \"string type\" \"uniformgrid\" \"integer nx\" 2 \"integer ny\" 2 \
+        \"integer nz\" 2 \"float density\" [1 1 1 1 1 1 1 1] \"rgb sigma_a\" [1 1 1] \
+        \"rgb sigma_s\" [0 0 0] \"point3 p0\" [-1 -1 -1] \"point3 p1\" [1 1 1] \
+        MediumInterface \"m\" \"\" Material \"interface\" Shape \"sphere\" \"float radius\" 3";
+    let scene = read("a.pbrt", text);
+    assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
+    let pixels = picture(&scene, [16; 2], 64);
+    let mean = pixels.iter().map(|pixel| pixel[0]).sum::<f64>() / 256.0;
+    let expected = (-1.75f64).exp();
+    assert!((mean / expected - 1.0).abs() < 0.02, "{mean} is not {expected}");
+}
+
+/// A white floor of pbrt below infinite lights, seen from above.
+fn floor_below(lights: &str) -> Scene {
+    let text = format!(
+        "LookAt 0 0 5  0 0 0  0 1 0 Camera \"perspective\" \"float fov\" 1 WorldBegin {lights} \
+        Material \"diffuse\" \"rgb reflectance\" [1 1 1] Shape \"trianglemesh\" \"point3 P\" \
+        [-9 -9 0  9 -9 0  9 9 0 -9 9 0] \"integer indices\" [0 1 2 0 2 3]"
+    );
+    let scene = read("a.pbrt", &text);
+    assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
+    scene
+}
+
+#[test]
+fn portals_of_pbrt_show_the_light_behind_them_alone() {
+    let light = |what: &str, [x0, x1]: [f64; 2], [y0, y1]: [f64; 2]| {
+        format!(
+            "LightSource \"infinite\" {what} \"point3 portal\" [{x0} {y0} 2  {x0} {y1} 2  \
+            {x1} {y1} 2  {x1} {y0} 2] "
+        )
+    };
+    let (white, picture) = ("\"rgb L\" [1 1 1]", "\"string filename\" \"quarters.pfm\"");
+    let whole = |what: &str| light(what, [-1.0, 1.0], [-1.0, 1.0]);
+    let halves = |what: &str| {
+        light(what, [-1.0, 0.25], [-1.0, 1.0]) + &light(what, [0.25, 1.0], [-1.0, 1.0])
+    };
+    let mean = |lights: &str, light_strategy: LightStrategy| {
+        let scene = floor_below(lights);
+        let settings =
+            Settings { integrator: IntegratorKind::Direct, light_strategy, ..settings(8, 512) };
+        let pixels = colors(&render(&scene, &scene.cameras[0], &settings).image());
+        [0, 1, 2].map(|c| pixels.iter().map(|pixel| pixel[c]).sum::<f64>() / pixels.len() as f64)
+    };
+    // The form factor of a square of side 2 at distance 2 above its middle. In pbrt, light comes
+    // from the side of the cross product of the edges to the last and the second corner.
+    let corner = 0.5 / 1.25f64.sqrt();
+    let form_factor = 4.0 / std::f64::consts::PI * corner * corner.atan();
+    for strategy in LightStrategy::ALL {
+        for lights in [whole(white), halves(white)] {
+            let found = mean(&lights, strategy)[0];
+            assert!((found / form_factor - 1.0).abs() < 0.02, "{strategy:?}: {found}");
+        }
+        let backwards = light(white, [1.0, -1.0], [-1.0, 1.0]);
+        assert_eq!(mean(&backwards, strategy), [0.0; 3], "{strategy:?}");
+    }
+    // The picture as a whole has as much light in all of its estimates.
+    let [mis, light, bsdf] = LightStrategy::ALL.map(|strategy| mean(&whole(picture), strategy));
+    let halved = mean(&halves(picture), LightStrategy::Mis);
+    for c in 0..3 {
+        for other in [light[c], bsdf[c], halved[c]] {
+            assert!((mis[c] - other).abs() < 0.02 * form_factor, "{mis:?} {light:?} {bsdf:?}");
+        }
+    }
+    assert!(mis.iter().sum::<f64>() > 0.1, "{mis:?}");
+    // The textbook renderer sees the same.
+    let scene = floor_below(&halves(picture));
+    let how = Settings { integrator: IntegratorKind::Direct, ..settings(8, 512) };
+    let compiled = CompiledScene::new(&scene, &how.build).expect("valid");
+    let plain = reference::ray_cast(&compiled, &scene.cameras[0], &how);
+    let red = plain.iter().map(|c| f64::from(c.r)).sum::<f64>() / plain.len() as f64;
+    assert!((red - halved[0]).abs() < 1e-4, "{red} is not {}", halved[0]);
 }
 
 #[test]
@@ -476,21 +587,31 @@ fn lamps_of_mitsuba_shine_on_the_side_that_mitsuba_means() {
 }
 
 #[test]
-fn hidden_emitters_of_mitsuba_light_and_are_not_seen() {
-    let lamp = "<shape type='sphere'><point name='center' value='0 0 2'/>\
-        <float name='radius' value='0.1'/><emitter type='area'><rgb name='radiance' \
-        value='100'/></emitter></shape><shape type='rectangle'><bsdf type='diffuse'>\
-        <rgb name='reflectance' value='1'/></bsdf></shape><emitter type='constant'>\
-        <rgb name='radiance' value='0.5'/></emitter>";
-    let hidden =
-        "<integrator type='path'><boolean name='hide_emitters' value='true'/></integrator>";
-    let [seen, unseen] = ["", hidden].map(|integrator| {
-        let scene = mitsuba(FOV, [9; 2], &format!("{integrator}{lamp}"));
-        picture(&scene, [9; 2], 256)
-    });
-    assert!(seen[40][0] > 50.0 && (seen[0][0] - 0.5).abs() < 1e-3);
-    // L pi r^2 / d^2 over pi, and the constant.
-    let expected = 100.0 * 0.01 / 4.0 + 0.5;
-    assert!((unseen[40][0] - expected).abs() < 0.02, "{} is not {expected}", unseen[40][0]);
-    assert_eq!(unseen[0], [0.0; 3]);
+fn hidden_emitters_of_mitsuba_are_seen_in_mirrors_only_and_cast_shadows() {
+    // The middle of the picture in Mitsuba 3.9.1, where a lamp stands before a mirror or a grey
+    // wall, and the corner, where the ray leaves the scene.
+    let mirror = "<bsdf type='conductor'><string name='material' value='none'/></bsdf>";
+    for (hides, wall, middle, corner) in [
+        (false, mirror, 10.0, 0.5),
+        (true, mirror, 10.0, 0.0),
+        (false, "<bsdf type='diffuse'/>", 10.0, 0.5),
+        (true, "<bsdf type='diffuse'/>", 0.357, 0.0),
+    ] {
+        let body = format!(
+            "<integrator type='path'><boolean name='hide_emitters' value='{hides}'/></integrator>\
+            <shape type='sphere'><point name='center' value='0 0 2'/><float name='radius' \
+            value='0.3'/><emitter type='area'><rgb name='radiance' value='10'/></emitter></shape>\
+            <shape type='rectangle'>{wall}</shape><emitter type='constant'><rgb name='radiance' \
+            value='0.5'/></emitter>"
+        );
+        let scene = mitsuba(FOV, [9; 2], &body);
+        assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
+        let (camera, how) = (&scene.cameras[0], Settings { size: [9; 2], ..settings(9, 1024) });
+        let pixels = colors(&render(&scene, camera, &how).image());
+        assert!((pixels[40][0] / middle - 1.0).abs() < 0.02, "{hides} {wall}: {}", pixels[40][0]);
+        assert!((pixels[0][0] - corner).abs() < 1e-6, "{hides} {wall}: {}", pixels[0][0]);
+        let compiled = CompiledScene::new(&scene, &how.build).expect("valid");
+        let plain = reference::ray_cast(&compiled, camera, &how)[40];
+        assert!((f64::from(plain.r) / middle - 1.0).abs() < 0.02, "{hides} {wall}: {plain:?}");
+    }
 }

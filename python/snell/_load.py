@@ -9,7 +9,9 @@ from snell import _snell
 __all__ = ["load"]
 
 
-def load(path: str | os.PathLike[str], *, threads: int | None = None) -> _snell.Scene:
+def load(
+    path: str | os.PathLike[str], *, threads: int | None = None, confine: bool = False
+) -> _snell.Scene:
     """Read a scene or mesh file, or make a built-in scene.
 
     Parameters
@@ -22,6 +24,10 @@ def load(path: str | os.PathLike[str], *, threads: int | None = None) -> _snell.
     threads : int, optional
         Number of threads for the reading, except for USD, which has its own threads. Default: one
         per core.
+
+    confine : bool, optional
+        Refuse to open files outside of the folder of `path`. By default, the scene may name files
+        anywhere.
 
     Returns
     -------
@@ -40,6 +46,6 @@ def load(path: str | os.PathLike[str], *, threads: int | None = None) -> _snell.
     if name.lower().endswith((".usd", ".usda", ".usdc", ".usdz")) and os.path.exists(name):
         from snell import usd
 
-        scene: _snell.Scene = usd.load(name)
+        scene: _snell.Scene = usd.load(name, confine=confine)
         return scene
-    return _snell.load(path, threads=threads)
+    return _snell.load(path, threads=threads, confine=confine)

@@ -65,7 +65,9 @@ _Array = ArrayLike | Any
 _Color = float | Sequence[float] | str | Any
 _Floats = NDArray[np.float32] | NDArray[np.float64]
 
-def load(path: str | PathLike[str], *, threads: int | None = None) -> Scene: ...
+def load(
+    path: str | PathLike[str], *, threads: int | None = None, confine: bool = False
+) -> Scene: ...
 def _compare(reference: Any, test: Any) -> tuple[dict[str, Any], NDArray[np.float32]]: ...
 def _restore_image(
     picture: tuple[Any, ...],

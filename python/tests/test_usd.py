@@ -542,23 +542,23 @@ def test_a_file_outside_of_the_folder_of_a_stage_is_refused_before_it_is_opened(
     path.write_text("#usda 1.0\n" + text)
     with pytest.raises(
         ValueError,
-        match=r"out(side)? of the scene's folder; .*--allow-outside if you trust the scene",
+        match=r"out(side)? of the scene's folder; .*, or leave out --confine",
     ) as error:
-        snell.usd.convert(str(path))
+        snell.usd.convert(str(path), confine=True)
     assert str(error.value).startswith(f"{path}: ") and "\n" not in str(error.value)
-    with pytest.raises(ValueError, match="allow_outside=True"):
-        snell.load(path)
+    with pytest.raises(ValueError, match="leave out confine=True"):
+        snell.load(path, confine=True)
 
 
-def test_files_in_the_folder_and_trusted_ones_are_read(tmp_path: Path) -> None:
+def test_files_in_the_folder_and_outside_are_read_unless_the_stage_is_confined(tmp_path: Path) -> None:
     inside = folder_with_a_file_outside(tmp_path)
     (inside / "good.usda").symlink_to(inside / "ball.usda")
     path = inside / "stage.usda"
     for name in ("./ball.usda", "good.usda"):
         path.write_text(f'#usda 1.0\ndef "s" (references = @{name}@) {{\n}}\n')
-        assert snell.usd.convert(str(path))[1] == []
+        assert snell.usd.convert(str(path), confine=True)[1] == []
     path.write_text('#usda 1.0\ndef "s" (references = @../outside/ball.usda@) {\n}\n')
-    form, remarks = document(str(path), allow_outside=True)
+    form, remarks = document(str(path))
     assert remarks == [] and any(node.get("surfaces") for node in form["nodes"])
     path.write_text('#usda 1.0\ndef "s" (references = @./missing.usda@) {\n}\n')
     (remark,) = snell.usd.convert(str(path))[1]
@@ -573,16 +573,16 @@ def test_pipes_and_devices_are_not_opened(tmp_path: Path) -> None:
         snell.load(tmp_path / "pipe.usda")
     path = tmp_path / "stage.usda"
     path.write_text('#usda 1.0\ndef "s" (references = @./pipe.usda@) {\n}\n')
-    for trusted in (False, True):
+    for confine in (False, True):
         with pytest.raises(
             ValueError, match=r'at /s: it names "\./pipe\.usda": this is a pipe, not a file'
         ):
-            snell.usd.convert(str(path), allow_outside=trusted)
+            snell.usd.convert(str(path), confine=confine)
     for name in ("pipe.png", "/dev/zero"):
         path.write_text(
             f'#usda 1.0\ndef RectLight "panel" {{\n asset inputs:texture:file = @{name}@\n}}\n'
         )
-        (remark,) = snell.usd.convert(str(path), allow_outside=True)[1]
+        (remark,) = snell.usd.convert(str(path))[1]
         assert "not a file; a magenta checkerboard" in remark
 
 

@@ -6,6 +6,7 @@ use crate::expansion::{Compression, Expansion, unpack};
 use crate::json_place::line_and_column;
 use crate::limits::Limits;
 use crate::open::{self, NamedBy};
+use crate::search::Search;
 use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 
@@ -18,12 +19,14 @@ pub struct Input {
     pub bytes: Vec<u8>,
     /// The folder that relative names start from.
     pub directory: PathBuf,
-    /// No file outside of this folder is opened, unless the options allow it.
+    /// No file outside of this folder is opened if the options confine the scene.
     pub root: PathBuf,
     /// Options of reading.
     pub options: ReadOptions,
     /// The memory charged for the files of the scene.
     pub(crate) expansion: Arc<Expansion>,
+    /// The search for files whose names are not literally those of files.
+    pub(crate) search: Arc<Search>,
 }
 
 impl Input {
@@ -45,6 +48,7 @@ impl Input {
             directory,
             options: options.clone(),
             expansion,
+            search: Arc::default(),
         };
         input.charge(input.bytes.len() as u64, "its content")?;
         Ok(input)
@@ -61,6 +65,7 @@ impl Input {
             directory,
             options: options.clone(),
             expansion,
+            search: Arc::default(),
         }
     }
 
@@ -80,9 +85,15 @@ impl Input {
 
     /// An input from bytes embedded in this file.
     pub(crate) fn part(&self, name: &str, bytes: Vec<u8>) -> Self {
-        let (directory, root, expansion) =
-            (self.directory.clone(), self.root.clone(), self.expansion.clone());
-        Self { name: name.into(), bytes, directory, root, options: self.options.clone(), expansion }
+        Self {
+            name: name.into(),
+            bytes,
+            directory: self.directory.clone(),
+            root: self.root.clone(),
+            options: self.options.clone(),
+            expansion: self.expansion.clone(),
+            search: self.search.clone(),
+        }
     }
 
     /// Opens a file that this one names; see [`Self::resolve`].
@@ -99,22 +110,29 @@ impl Input {
     }
 
     /// Resolves the path of a file that this one names, relative to this one's folder. The file
-    /// need not exist. Absolute names, and names that lead out of the root folder, need
-    /// `--allow-outside`. Backslashes count as slashes where no file of the literal name exists.
+    /// need not exist. Where no file has the literal name, [`Search::find`] looks for the one that
+    /// it means, and the scene gets a note.
+    ///
+    /// # Errors
+    /// If the scene is confined and the file lies outside of the root folder.
     pub fn resolve(&self, name: &str) -> Result<PathBuf, ReadError> {
-        let literal = Path::new(name);
-        let mut path = self.directory.join(literal);
-        if !path.exists() && name.contains('\\') {
-            path = self.directory.join(name.replace('\\', "/"));
+        let literal = self.directory.join(name);
+        let is_allowed = |path: &Path| !self.options.confine || stays_inside(&self.root, path);
+        if !literal.exists() || !is_allowed(&literal) {
+            let folders = [&*self.directory, &self.root];
+            if let Some(path) = self.search.find(&folders, name, is_allowed) {
+                self.search.record(name, &path);
+                return Ok(path);
+            }
         }
-        if !self.options.allow_outside && !stays_inside(&self.root, &path) {
+        if !is_allowed(&literal) {
             return Err(self.error(
                 Place::Whole,
                 format!("it names the file \"{name}\", which lies outside of the scene's folder"),
-                "move the file into the folder, or give --allow-outside if you trust the scene",
+                CONFINED,
             ));
         }
-        Ok(path)
+        Ok(literal)
     }
 
     /// Adds line and column to an error at a JSON pointer, if it is about this file and this file
@@ -158,6 +176,9 @@ impl Input {
         Path::new(self.name.strip_suffix(".gz").unwrap_or(&self.name))
     }
 }
+
+/// The remedy for a confined scene that names a file outside of its folder.
+pub const CONFINED: &str = "move the file into the folder, or leave out --confine";
 
 /// The magic bytes of gzip.
 const GZIP: [u8; 3] = [0x1f, 0x8b, 8];

@@ -19,6 +19,7 @@ pub mod memory;
 pub mod mesh;
 pub mod open;
 pub mod scene;
+mod search;
 mod sources;
 mod strip;
 pub mod textures;
@@ -30,7 +31,7 @@ pub use limits::Limits;
 pub use sources::Sources;
 pub use write::{SceneWriter, Written, check_scene_path, write_scene, write_scene_as};
 
-use snell_scene::{Environment, Scene};
+use snell_scene::{Environment, Scene, WarningKind};
 use std::path::Path;
 
 /// A reader of scene or mesh files.
@@ -65,8 +66,8 @@ pub const SCENE_READERS: &[SceneReader] = &{
 /// Options of reading.
 #[derive(Clone, Debug, Default)]
 pub struct ReadOptions {
-    /// True if files named by the scene may lie outside of its folder.
-    pub allow_outside: bool,
+    /// True if no file outside of the scene's folder is opened, whatever the scene names.
+    pub confine: bool,
     /// Limits on sizes and counts.
     pub limits: Limits,
     /// The material variant to use, by name or number (from 0), in files with several. Formats
@@ -147,6 +148,14 @@ fn read_input(input: &Input) -> Result<Scene, ReadError> {
     }
     if scene.name.is_empty() {
         scene.name = input.stem();
+    }
+    for (name, path) in input.search.take_found() {
+        let message = format!(
+            "{}: there is no file \"{name}\"; {} was taken for it",
+            input.name,
+            path.display()
+        );
+        scene.warn_of(WarningKind::Choice, message);
     }
     scene.limit_light();
     Ok(scene)

@@ -65,6 +65,8 @@ fn message(name: &str, bytes: Vec<u8>) -> Option<String> {
     // or a path into JSON.
     let is_whole = error.problem.contains("gzip");
     assert!(is_whole || error.place != Place::Whole, "{error}");
+    // The names of our types mean nothing to a reader of the message.
+    assert!(!error.problem.contains("untagged"), "{error}");
     Some(error.to_string())
 }
 

@@ -32,6 +32,9 @@ use std::sync::Arc;
 ///     listed by `snell scenes`.
 /// threads : int, optional
 ///     Number of threads for the reading. Default: one per core.
+/// confine : bool, optional
+///     Refuses to open files outside of the folder of `path`. Default: the scene may name files
+///     anywhere.
 ///
 /// Examples
 /// --------
@@ -43,8 +46,13 @@ use std::sync::Arc;
 /// >>> scene.bounds.tolist()
 /// [[0.0, 0.0, 0.0], [1.0, 1.0, 0.0]]
 #[pyfunction]
-#[pyo3(signature = (path, *, threads=None))]
-pub fn load(py: Python<'_>, path: PathBuf, threads: Option<usize>) -> PyResult<Scene> {
+#[pyo3(signature = (path, *, threads=None, confine=false))]
+pub fn load(
+    py: Python<'_>,
+    path: PathBuf,
+    threads: Option<usize>,
+    confine: bool,
+) -> PyResult<Scene> {
     let built_in = if path.exists() { None } else { path.to_str().and_then(builtin) };
     if built_in.is_none() {
         check_there(&path)?;
@@ -52,7 +60,7 @@ pub fn load(py: Python<'_>, path: PathBuf, threads: Option<usize>) -> PyResult<S
     let scene = run_to_end_on(py, Threads::new(threads)?, move || {
         let scene = match built_in {
             Some(scene) => scene,
-            None => read_scene(&path, &ReadOptions::default())
+            None => read_scene(&path, &ReadOptions { confine, ..ReadOptions::default() })
                 .map_err(|e| PyValueError::new_err(e.to_string()))?,
         };
         check_memory(&scene)?;

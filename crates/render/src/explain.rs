@@ -7,6 +7,7 @@
 
 use crate::compile::CompiledScene;
 use crate::film::FilmPart;
+use crate::film::sensor::Sensor;
 use crate::integrator::light_part::{LightSource, Lobe, LobeShares};
 use crate::integrator::{PathState, SurfaceVertex};
 use crate::job::{Event, Job, Journal, Shaded};
@@ -56,6 +57,8 @@ pub struct PathTree {
     pub weight: f32,
     /// What the lanes of the tree's spectra stand for.
     pub mode: ColorMode,
+    /// The sensor of the camera, if it changes the light.
+    pub sensor: Option<Sensor>,
     /// The vertices, parents first. The first is where the camera ray ended.
     pub vertices: Vec<PathVertex>,
     /// All contributions, in the order in which they were added.
@@ -175,9 +178,10 @@ impl PathTree {
         of(false) + of(true)
     }
 
-    /// The colour of a contribution.
+    /// The colour of a contribution in the picture.
     pub fn color_of(&self, radiance: SampledSpectrum) -> Rgb {
-        self.mode.to_rgb(radiance)
+        let light = self.mode.to_rgb(radiance);
+        self.sensor.map_or(light, |sensor| sensor.response(light))
     }
 }
 
@@ -268,6 +272,7 @@ fn trees(job: &Job, part: &FilmPart, journal: &Journal) -> Vec<PathTree> {
         color: value.color,
         weight: value.weight,
         mode: ColorMode::Rgb,
+        sensor: job.settings().sensor,
         vertices: Vec::new(),
         additions: Vec::new(),
     };

@@ -4,7 +4,7 @@
 //! This renderer makes the same queries of the same scene with the same random numbers as the
 //! batched one, so its pictures must be the same up to rounding.
 
-use crate::compile::CompiledScene;
+use crate::compile::{CameraFilter, CompiledScene};
 use crate::film::filter::FilterSampler;
 use crate::integrator::camera_path::{FILM, camera_path, film_point};
 use crate::integrator::carried::Carried;
@@ -33,8 +33,9 @@ pub fn ray_cast(scene: &CompiledScene, camera: &Camera, settings: &Settings) -> 
                 let (film, weight) = film_point(settings, &filter, [x, y], random.pair(FILM));
                 let (ray, state) = camera_path(&view, settings, scene.moves, &random, film);
                 let mut media = Media::new(&context, camera, state.mode);
-                let color =
+                let light =
                     state.mode.to_rgb(radiance(&context, &ray, &state, random, 0, &mut media));
+                let color = settings.sensor.map_or(light, |sensor| sensor.response(light));
                 plain = plain + color;
                 sum = sum + color * weight;
                 weights += weight;
@@ -66,8 +67,11 @@ fn radiance(
     let numbers = random.at_vertex(state.stream, depth);
     let (mut ray, mut state, mut sum) = (*ray, *state, SampledSpectrum::ZERO);
     let (hit, medium) = match media {
-        Some(media) => media.travel(scene, &mut ray, &mut state, numbers, &mut sum),
-        None => (scene.world.closest_one(timed(&ray, state.time), scene), None),
+        Some(media) => media.travel(scene, depth, &mut ray, &mut state, numbers, &mut sum),
+        None => {
+            let filter = CameraFilter::new(scene, scene);
+            (scene.world.closest_one(timed(&ray, state.time), filter.at(depth)), None)
+        }
     };
     if state.throughput.is_black() {
         return sum;
@@ -140,6 +144,7 @@ impl<'a> Media<'a> {
     fn travel(
         &mut self,
         scene: &CompiledScene,
+        depth: u32,
         ray: &mut Ray,
         state: &mut PathState,
         random: Random,
@@ -148,7 +153,8 @@ impl<'a> Media<'a> {
         let (mut carried, rest) = Carried::of(state);
         let mut numbers = Numbers::of_path(random, 0);
         loop {
-            let hit = scene.world.closest_one(timed(ray, state.time), &self.walker);
+            let filter = CameraFilter::new(scene, &self.walker);
+            let hit = scene.world.closest_one(timed(ray, state.time), filter.at(depth));
             let insides = &mut self.insides;
             let path = (&mut carried, &rest);
             let step =

@@ -1,6 +1,7 @@
 //! The settings of a render: everything except the scene.
 
 use crate::film::filter::Filter;
+use crate::film::sensor::Sensor;
 use crate::guiding::Guiding;
 use crate::integrator::IntegratorKind;
 use crate::integrator::aov::Aov;
@@ -160,6 +161,8 @@ pub struct Settings {
     /// If set, every sample of a pixel is taken at this position in the pixel, from (0, 0) to (1,
     /// 1), and the filter is not used.
     pub pixel_position: Option<[f64; 2]>,
+    /// The sensor of the camera; `None` if the picture is the light itself.
+    pub sensor: Option<Sensor>,
     /// The integrator that computes light.
     pub integrator: IntegratorKind,
     /// The representation of colour in light transport.
@@ -202,8 +205,9 @@ pub struct Settings {
 
 impl Settings {
     /// The default limit of the path length. Russian roulette ends practically all paths long
-    /// before, unless they lose nothing.
-    pub const MAX_DEPTH: u32 = 1000;
+    /// before, unless they lose nothing: in a white cloud of optical radius 50, 2 % of the paths
+    /// scatter more than 1,000 times, and practically none more than 10,000 times.
+    pub const MAX_DEPTH: u32 = 10_000;
     /// The largest limit of the path length.
     pub const DEEPEST: u32 = 100_000;
     /// The default [`Settings::noise_floor`] for a picture whose white is 1: somewhat darker than
@@ -225,6 +229,7 @@ impl Default for Settings {
             later_cameras: Vec::new(),
             filter: Filter::default(),
             pixel_position: None,
+            sensor: None,
             integrator: IntegratorKind::default(),
             color: ColorModel::default(),
             max_depth: Self::MAX_DEPTH,

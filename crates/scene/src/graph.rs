@@ -6,6 +6,7 @@
 use crate::camera::Camera;
 use crate::image::Image;
 use crate::light::Light;
+use crate::light::environment::Portal;
 use crate::material::Material;
 use crate::medium::Medium;
 use crate::motion::Motion;
@@ -160,7 +161,7 @@ impl Node {
 }
 
 /// Light from all directions.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Environment {
     /// Constant radiance from all directions, W / (m^2 sr).
     Constant(Rgb),
@@ -279,6 +280,8 @@ pub struct Scene {
     pub cameras: Vec<Camera>,
     /// Light from all directions, if there is any.
     pub environment: Option<Environment>,
+    /// The portals through which alone points see the environment; empty if they see it everywhere.
+    pub portals: Vec<Portal>,
     /// The background, which camera rays that leave the scene show.
     pub background: Background,
     /// Ambient light of local illumination: the radiance of a surface with ambient reflectance 1.
@@ -372,6 +375,7 @@ impl Scene {
             lights: Vec::new(),
             cameras: Vec::new(),
             environment: None,
+            portals: Vec::new(),
             background: Background::default(),
             ambient: Rgb::BLACK,
             settings: SceneSettings::default(),

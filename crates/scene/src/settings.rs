@@ -24,6 +24,13 @@ pub struct SceneSettings {
     /// If set, every sample of a pixel is taken at exactly this position in the pixel (`[0, 0]` is
     /// its upper left corner), instead of being distributed by the filter.
     pub pixel_position: Option<[f64; 2]>,
+    /// Factor by which the film multiplies light, in pictures of all formats: in pbrt, the exposure
+    /// time in seconds times the ISO sensitivity / 100. Values count as at least 0 and at most
+    /// 1e10; the default is 1.
+    pub imaging_ratio: Option<f64>,
+    /// Temperature in kelvin of the daylight that is white in the picture. Values count as at least
+    /// 1000 and at most 25000; by default, D65 is white.
+    pub white_balance: Option<f64>,
     /// Name of the tone map.
     pub tonemap: Option<String>,
     /// Exposure in stops.

@@ -36,6 +36,7 @@ mod worker;
 pub use server::{Server, ServerOptions, serve};
 
 use snell_formats::image::Display;
+use snell_formats::input::CONFINED;
 use snell_formats::{ReadOptions, read_scene_bytes};
 use snell_render::{Request, Settings};
 use snell_scene::{Camera, Scene};
@@ -90,9 +91,9 @@ pub trait Source: Send + Sync {
 pub fn read_dropped(name: &str, bytes: Vec<u8>, options: &ReadOptions) -> Result<Scene, String> {
     // A folder that cannot exist, because its parent is not a folder.
     let nowhere = Path::new(if cfg!(windows) { "NUL\\dropped" } else { "/dev/null/dropped" });
-    let confined = ReadOptions { allow_outside: false, ..options.clone() };
+    let confined = ReadOptions { confine: true, ..options.clone() };
     read_scene_bytes(name, bytes, nowhere, &confined).map_err(|mut error| {
-        if error.remedy.contains("--allow-outside") {
+        if error.remedy == CONFINED {
             error.remedy =
                 "a dropped file can name no others: open it with `snell view FILE`".into();
         }
@@ -119,7 +120,7 @@ mod tests {
 
     #[test]
     fn a_dropped_file_names_no_other_file_whatever_is_allowed() {
-        let options = ReadOptions { allow_outside: true, ..ReadOptions::default() };
+        let options = ReadOptions::default();
         for name in ["/etc/passwd", "../../../../../../etc/passwd", "passwd", "./a/../../passwd"] {
             for (file, text) in [
                 ("a.obj", format!("mtllib {name}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")),
@@ -144,7 +145,7 @@ mod tests {
                     said.contains("passwd") && !said.contains("root:"),
                     "{file} {name}: {said}"
                 );
-                assert!(!said.contains("give --allow-outside"), "{file} {name}: {said}");
+                assert!(!said.contains("--confine"), "{file} {name}: {said}");
             }
         }
     }

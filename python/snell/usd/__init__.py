@@ -28,7 +28,7 @@ def load(
     *,
     variants: dict[str, str] | None = None,
     time: float | None = None,
-    allow_outside: bool = False,
+    confine: bool = False,
 ) -> Any:
     """Reads the scene of a USD stage, as `snell.load` does for other files.
 
@@ -42,8 +42,8 @@ def load(
     time : float, optional
         Time code at which animated values are read. Default: the stage's default values, or else
         the values of the first time sample.
-    allow_outside : bool, optional
-        Lets the stage refer to files outside of its folder.
+    confine : bool, optional
+        Refuses to open files outside of the stage's folder.
     """
     import os
     import tempfile
@@ -54,11 +54,11 @@ def load(
 
     path = os.fspath(path)
     try:
-        text, remarks = convert(path, variants=variants, time=time, allow_outside=allow_outside)
+        text, remarks = convert(path, variants=variants, time=time, confine=confine)
     except ValueError as error:
         raise ValueError(
             str(error).replace(
-                "give --allow-outside", "call snell.usd.load with allow_outside=True"
+                "leave out --confine", "leave out confine=True"
             )
         ) from error
     for remark in remarks:
@@ -75,7 +75,7 @@ def convert(
     *,
     variants: dict[str, str] | None = None,
     time: float | None = None,
-    allow_outside: bool = False,
+    confine: bool = False,
     name: str | None = None,
     most_layers: int = 10_000,
 ) -> tuple[str, list[str]]:
@@ -98,7 +98,7 @@ def convert(
     # USD's own reports become remarks, instead of lines on standard error.
     diagnostics = UsdUtils.CoalescingDiagnosticDelegate()
     try:
-        files = Files(path, allow_outside=allow_outside, most=most_layers)
+        files = Files(path, confine=confine, most=most_layers)
         # The list keeps the checked layers open, so that the stage uses them.
         layers = files.layers()
         stage = Usd.Stage.Open(path)

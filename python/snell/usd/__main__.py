@@ -1,4 +1,4 @@
-"""The program ``python3 -m snell.usd [--allow-outside] IN OUT.snell``. The command ``snell`` runs
+"""The program ``python3 -m snell.usd [--confine] IN OUT.snell``. The command ``snell`` runs
 this module, too.
 """
 
@@ -18,18 +18,18 @@ def main(arguments: list[str], name: str | None = None) -> int:
     """Runs the program and returns its exit code: 0 success, 1 failure, 2 wrong usage, 3 if the
     package ``usd-core`` is missing. `name` is the name of the stage in messages.
     """
-    trusted = arguments[:1] == ["--allow-outside"]
-    arguments = arguments[trusted:]
+    confine = arguments[:1] == ["--confine"]
+    arguments = arguments[confine:]
     if len(arguments) != 2:
         print(
-            "usage: python3 -m snell.usd [--allow-outside] IN OUT.snell (OUT may be - for "
+            "usage: python3 -m snell.usd [--confine] IN OUT.snell (OUT may be - for "
             "standard "
             "output)",
             file=sys.stderr,
         )
         return 2
     try:
-        text, remarks = convert(arguments[0], name=name, allow_outside=trusted)
+        text, remarks = convert(arguments[0], name=name, confine=confine)
     except (ImportError, MemoryError, ValueError) as error:
         problem = (
             f"{name or arguments[0]}: it needs more memory than there is"

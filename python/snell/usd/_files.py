@@ -1,5 +1,5 @@
-"""The files of a stage. Only regular files in the stage's folder are allowed, unless the user
-trusts the stage. They are checked before USD opens any of them.
+"""The files of a stage. Only regular files are allowed, and only those in the stage's folder if
+the stage is confined. They are checked before USD opens any of them.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ __all__ = ["Files", "StageError", "cause"]
 
 #: Formats of layers that name files only in USD's own ways.
 _LAYERS = (".usd", ".usda", ".usdc", ".usdz")
-_TRUST = "or give --allow-outside if you trust the scene"
+_TRUST = "or leave out --confine"
 
 
 class StageError(ValueError):
@@ -39,8 +39,8 @@ def cause(error: Exception) -> str:
 class Files:
     """The files that the stage at `path` may open; at most `most` layers."""
 
-    def __init__(self, path: str, *, allow_outside: bool, most: int) -> None:
-        self.path, self.allow_outside, self.most = path, allow_outside, most
+    def __init__(self, path: str, *, confine: bool, most: int) -> None:
+        self.path, self.confine, self.most = path, confine, most
         self.folder = os.path.realpath(os.path.dirname(path) or ".")
 
     def layers(self) -> list[Any]:
@@ -82,7 +82,7 @@ class Files:
 
     def check(self, file: str, name: str, layer: Any = None, place: str = "") -> None:
         """An error for a file outside of the folder. `layer` and `place` name the reference."""
-        if self.allow_outside or (
+        if not self.confine or (
             os.path.commonpath([self.folder, os.path.realpath(file)]) == self.folder
             and not _is_address(file)
         ):
@@ -113,7 +113,7 @@ class Files:
         """The identifier of a layer that another layer names. Raises an error unless the layer is a
         file that may be opened.
         """
-        if not self.allow_outside and Sdf.VariableExpression.IsExpression(name):
+        if self.confine and Sdf.VariableExpression.IsExpression(name):
             problem = (
                 f"it names a file by the expression {name}, which may lead out of the scene's "
                 "folder"
@@ -135,7 +135,7 @@ class Files:
                     "name an ordinary file",
                 )
         kind = os.path.splitext(path.rstrip("]"))[1].lower()
-        if not self.allow_outside and kind not in _LAYERS and os.path.exists(file):
+        if self.confine and kind not in _LAYERS and os.path.exists(file):
             problem = (
                 f'it names the layer "{name}", of a kind that may read files outside of the '
                 "scene's folder"

@@ -26,16 +26,16 @@ pub struct Options {
     /// `ambient=[r,g,b]`; or NAME=VALUE, a parameter of a Mitsuba scene
     #[arg(short = 'D', long = "define", value_name = "key=value")]
     define: Vec<String>,
-    /// Let the scene refer to files outside of its folder
+    /// Refuse to open files outside of the scene's folder
     #[arg(long)]
-    allow_outside: bool,
+    confine: bool,
 }
 
 /// Reads a scene, writes it, and reports what was lost.
 pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     check_scene_path(&options.output, options.force)?;
     let read = ReadOptions {
-        allow_outside: options.allow_outside,
+        confine: options.confine,
         parameters: scene_source::parameters(&options.define),
         ..ReadOptions::default()
     };

@@ -21,15 +21,15 @@ pub struct Options {
     /// Print JSON
     #[arg(long)]
     json: bool,
-    /// Let the scene refer to files outside of its folder
+    /// Refuse to open files outside of the scene's folder
     #[arg(long)]
-    allow_outside: bool,
+    confine: bool,
 }
 
 /// Prints the findings. The exit code is 1 if there are errors or warnings, or if the scene cannot
 /// be read; notes are not counted.
 pub fn run(options: &Options) -> Result<ExitCode, Failure> {
-    let read = ReadOptions { allow_outside: options.allow_outside, ..ReadOptions::default() };
+    let read = ReadOptions { confine: options.confine, ..ReadOptions::default() };
     let shown = options.scene.display().to_string();
     let findings = match scene_source::load(&options.scene, &read) {
         Ok(scene) => {

@@ -34,9 +34,9 @@ pub struct Options {
     /// `ambient=[r,g,b]`; or NAME=VALUE, a parameter of a Mitsuba scene
     #[arg(short = 'D', long = "define", value_name = "key=value")]
     define: Vec<String>,
-    /// Let the scene refer to files outside of its folder
+    /// Refuse to open files outside of the scene's folder
     #[arg(long)]
-    allow_outside: bool,
+    confine: bool,
 }
 
 /// Prints the contents of the scene.
@@ -48,7 +48,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     }
     let path = options.scene.as_deref().expect("there is a scene where there is no kind");
     let read = ReadOptions {
-        allow_outside: options.allow_outside,
+        confine: options.confine,
         parameters: scene_source::parameters(&options.define),
         ..ReadOptions::default()
     };

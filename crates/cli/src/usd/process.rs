@@ -108,8 +108,8 @@ fn command(python: &Path, scene: &Path, options: &ReadOptions, length: usize) ->
         .args(["-I", "-B", "-X", "utf8", "-c", converter::BOOT])
         .arg(length.to_string())
         .arg(scene);
-    if options.allow_outside {
-        command.arg("--allow-outside");
+    if options.confine {
+        command.arg("--confine");
     }
     command.arg(&path).arg("-").stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
     // Nothing is loaded from the current folder, libraries included.

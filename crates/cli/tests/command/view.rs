@@ -60,10 +60,10 @@ fn view(place: &Place, words: &str) -> Command {
 }
 
 #[test]
-fn a_dropped_file_names_no_file_even_with_allow_outside() {
+fn a_dropped_file_names_no_other_file() {
     let place = Place::new();
     place.write("secret.mtl", "newmtl secret\nKd 1 0 0\n");
-    let viewer = Viewer::of(view(&place, "cornell-box -- --allow-outside --size 16x12 --spp 1"));
+    let viewer = Viewer::of(view(&place, "cornell-box -- --size 16x12 --spp 1"));
     let named = place.path("secret.mtl");
     let names =
         [named.display().to_string(), "/etc/passwd".into(), "../../../../etc/passwd".into()];

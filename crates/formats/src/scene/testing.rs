@@ -14,8 +14,8 @@ pub fn read_text(reader: &SceneReader, text: &str) -> Result<Scene, ReadError> {
 
 /// Reads text as a file called `test` in a folder.
 pub fn read_in(reader: &SceneReader, folder: &Path, text: &str) -> Result<Scene, ReadError> {
-    let input =
-        Input::from_bytes("test", text.as_bytes().to_vec(), folder, &ReadOptions::default());
+    let options = ReadOptions { confine: true, ..ReadOptions::default() };
+    let input = Input::from_bytes("test", text.as_bytes().to_vec(), folder, &options);
     (reader.read)(&input)
 }
 

@@ -113,6 +113,9 @@ impl Output {
         if !scene.ambient.is_black() {
             self.lose("the ambient light of local illumination is left out");
         }
+        if !scene.portals.is_empty() {
+            self.lose("the environment is seen everywhere, not through portals alone");
+        }
         if matches!(
             scene.background,
             snell_scene::Background::Color(_) | snell_scene::Background::Transparent

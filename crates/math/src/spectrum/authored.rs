@@ -143,7 +143,7 @@ fn luminance(radiance: impl Fn(f32) -> f64) -> f64 {
 
 /// Planck's law up to a factor: spectral radiance at a wavelength in nm and a temperature in
 /// kelvin.
-fn planck(lambda: f64, kelvin: f64) -> f64 {
+pub(super) fn planck(lambda: f64, kelvin: f64) -> f64 {
     // The values are relative to 560 nm, so that neither factor overflows.
     let x = |lambda: f64| SECOND_CONSTANT / (lambda * kelvin);
     let ratio = (560.0 / lambda).powi(5);
@@ -204,7 +204,7 @@ impl ColorMode {
 
 /// The serialised form of a [`Spectrum`].
 #[derive(Serialize, Deserialize)]
-#[serde(untagged)]
+#[serde(untagged, expecting = "expected a spectrum: a text, or a table of [wavelength, value]")]
 enum Written {
     Text(String),
     Table(Vec<[f32; 2]>),

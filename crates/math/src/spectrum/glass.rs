@@ -85,7 +85,10 @@ impl From<f32> for RefractiveIndex {
 
 /// The serialised form of an index of refraction.
 #[derive(Serialize, Deserialize)]
-#[serde(untagged)]
+#[serde(
+    untagged,
+    expecting = "expected an index of refraction: a number, or a text such as glass:NAME"
+)]
 enum Written {
     Number(f32),
     Text(String),

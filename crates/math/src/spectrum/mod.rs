@@ -15,6 +15,7 @@ mod rgb;
 mod table;
 pub mod uplift;
 mod wavelengths;
+mod white_balance;
 
 pub use authored::{Color, Spectrum};
 pub use glass::{Glass, LINE_D, RefractiveIndex};
@@ -23,6 +24,7 @@ pub use mode::{ColorMode, ColorModel};
 pub use rgb::{Rgb, linear_to_srgb, srgb_to_linear};
 pub use uplift::RgbSpectrum;
 pub use wavelengths::SampledWavelengths;
+pub use white_balance::{WHITE_TEMPERATURES, adaptation, white_balance};
 
 use std::ops::{Add, AddAssign, Div, Index, Mul, MulAssign, Sub};
 

@@ -72,9 +72,8 @@ impl<'a> BatchShader<'a> for EscapedShader {
             } else if let Some(sky) = plain {
                 carried.throughput * sky.radiance_at(place, mode())
             } else {
-                let direction = batch.paths.rays[path].direction;
-                let state = batch.paths.state(path);
-                escaped_to(context, batch.depth, direction, &state, |_| place).0
+                let (ray, state) = (&batch.paths.rays[path], batch.paths.state(path));
+                escaped_to(context, batch.depth, ray, &state, |_| place).0
             };
             self.found.push((number, radiance));
         }

@@ -6,10 +6,12 @@
 //! own, which is stored once at any depth. So does a mesh that several surfaces share. A node that
 //! moves becomes a group too, so that the frames of an animation share most structures.
 
+mod camera_filter;
 mod lights;
 mod surfaces;
 mod volumes;
 
+pub(crate) use camera_filter::CameraFilter;
 pub use lights::{BareLight, CompiledLight, LightSpectrum, PlainEmission};
 use volumes::EquiangularLights;
 pub(crate) use volumes::{Boundary, VolumeTable};
@@ -89,6 +91,8 @@ pub struct CompiledScene {
     pub(crate) volumes: Option<VolumeTable>,
     /// True if rays need times, because something moves while the shutter is open.
     pub moves: bool,
+    /// True if camera rays pass through some surfaces that other rays hit.
+    pub hides_from_camera: bool,
     surfaces: Arc<SurfaceTable>,
     lights: LightTable,
     /// The light samplers that were built so far.
@@ -141,7 +145,7 @@ impl CompiledScene {
             }
             None => (
                 Arc::new(TextureSet::new(&scene.textures, &scene.images)),
-                scene.environment.as_ref().map(|e| Arc::new(EnvironmentLight::new(e))),
+                EnvironmentLight::of_scene(scene).map(Arc::new),
             ),
         };
         let moves = !moving.later.is_empty();
@@ -164,8 +168,10 @@ impl CompiledScene {
         }
         scene.topological_order()?;
         let environment = match (&before.environment, &scene.environment) {
-            (Some(old), Some(new)) if is_same(old, new) => self.environment.clone(),
-            (_, new) => new.as_ref().map(|e| Arc::new(EnvironmentLight::new(e))),
+            (Some(old), Some(new)) if is_same(old, new) && before.portals == scene.portals => {
+                self.environment.clone()
+            }
+            _ => EnvironmentLight::of_scene(scene).map(Arc::new),
         };
         let (world, surfaces, textures) =
             (self.world.clone(), self.surfaces.clone(), self.textures.clone());
@@ -210,6 +216,7 @@ impl CompiledScene {
         let radius = bounds.radius() as f32;
         Ok(Self {
             prepared: materials.iter().map(Prepared::of).collect(),
+            hides_from_camera: materials.iter().any(|material| !material.visible_to_camera),
             materials,
             textures,
             environment,

@@ -20,9 +20,11 @@ pub(crate) const SHADOW_END: f32 = 1.0 - 1e-4;
 
 /// The environment's radiance along the ray of a vertex; black without an environment.
 pub fn environment(context: &Context, vertex: &Vertex) -> SampledSpectrum {
+    let Ray { origin, direction, .. } = *vertex.ray;
     let environment = context.scene.environment.as_ref();
     environment
-        .map_or(SampledSpectrum::ZERO, |e| e.radiance(vertex.ray.direction, vertex.state.mode))
+        .filter(|sky| sky.is_seen(origin, direction))
+        .map_or(SampledSpectrum::ZERO, |sky| sky.radiance(direction, vertex.state.mode))
 }
 
 /// The background along a ray that leaves the scene, or `None` if the ray carries the environment's
@@ -148,7 +150,12 @@ pub fn sample_whole_light(
             sample_light(context, at, &ChosenLight { light, part: None, probability: 1.0 }, u)
         }
         CompiledLight::Environment => {
-            from_environment(context, at, &context.scene.environment.as_ref()?.sample(u))
+            let sky = context.scene.environment.as_ref()?;
+            let sample = match sky.has_portals() {
+                true => sky.sample_from(at.position, u)?,
+                false => sky.sample(u),
+            };
+            from_environment(context, at, &sample)
         }
         CompiledLight::Medium(..) => None,
         CompiledLight::Area(area) => from_area(context, at, area.sample(u)?),
@@ -220,7 +227,7 @@ pub fn sample_light(
         }
         CompiledLight::Medium(medium, glow) => from_glow(at, *medium, glow, u),
         CompiledLight::Environment => {
-            from_environment(context, at, &environment_direction(context, u)?)
+            from_environment(context, at, &environment_direction(context, at.position, u)?)
         }
     }
 }
@@ -237,10 +244,11 @@ fn part_of_choice(light: &AreaLight, chosen: &ChosenLight, u: Vec2) -> (u32, f32
     }
 }
 
-/// Samples a direction to the environment.
-pub(crate) fn environment_direction(context: &Context, u: Vec2) -> Option<SkySample> {
+/// Samples a direction to the environment from a point.
+pub(crate) fn environment_direction(context: &Context, from: Vec3, u: Vec2) -> Option<SkySample> {
     let sky = context.scene.environment.as_ref()?;
     match context.settings.light_strategy {
+        _ if sky.has_portals() => sky.sample_from(from, u),
         LightStrategy::Mis => sky.sample_compensated(u),
         LightStrategy::Light | LightStrategy::Bsdf => Some(sky.sample(u)),
     }
@@ -254,6 +262,9 @@ pub(crate) fn from_environment(
 ) -> Option<IncidentLight> {
     let sky = context.scene.environment.as_ref()?;
     let &SkySample { direction, pdf, place } = sample;
+    if !sky.is_seen(at.position, direction) {
+        return None;
+    }
     let radiance = sky.radiance_at(place, at.mode);
     let shadow_ray = Ray::new(at.ray_origin(direction), direction);
     let arrives = !radiance.is_black() && pdf > 0.0;

@@ -74,7 +74,9 @@ impl DrawnLight {
     #[inline]
     pub fn of(context: &Context, at: &Arrival, chosen: &ChosenLight, u: Vec2) -> Option<Self> {
         match &context.scene.lights()[chosen.light] {
-            CompiledLight::Environment => environment_direction(context, u).map(Self::Environment),
+            CompiledLight::Environment => {
+                environment_direction(context, at.position, u).map(Self::Environment)
+            }
             _ => sample_light(context, at, chosen, u).map(Self::Other),
         }
     }

@@ -90,8 +90,8 @@ pub(crate) fn shining(
 /// The environment's radiance for a path that leaves the scene, multiplied by throughput and
 /// weight, and the MIS weight.
 pub(crate) fn escaped(context: &Context, vertex: &Vertex) -> (SampledSpectrum, f32) {
-    let direction = vertex.ray.direction;
-    escaped_to(context, vertex.depth, direction, vertex.state, |sky| sky.place(direction))
+    let place = |sky: &EnvironmentLight| sky.place(vertex.ray.direction);
+    escaped_to(context, vertex.depth, vertex.ray, vertex.state, place)
 }
 
 /// Adds a light ray towards a light sample, and returns the direction of the sample. `scattering`
@@ -215,17 +215,17 @@ pub(crate) fn plain_sky<'a>(context: &Context<'a>, depth: u32) -> Option<&'a Env
     let (scene, strategy) = (context.scene, context.settings.light_strategy);
     let shows_background = depth == 0 && !matches!(scene.background, Background::Environment);
     let is_sampled = strategy == LightStrategy::Light || scene.samples_environment(strategy);
-    scene.environment.as_deref().filter(|_| !shows_background && !is_sampled)
+    let is_plain = |sky: &&EnvironmentLight| !shows_background && !is_sampled && !sky.has_portals();
+    scene.environment.as_deref().filter(is_plain)
 }
 
-/// What [`escaped`] returns for a path in this state that leaves the scene at this depth in this
-/// direction; `place` computes the [place](EnvironmentLight::place) of the direction in the
-/// environment.
+/// What [`escaped`] returns for a path in this state that leaves the scene at this depth along a
+/// ray; `place` computes the [place](EnvironmentLight::place) of its direction in the environment.
 #[inline]
 pub(crate) fn escaped_to(
     context: &Context,
     depth: u32,
-    direction: Vec3,
+    ray: &Ray,
     state: &PathState,
     place: impl FnOnce(&EnvironmentLight) -> Vec2,
 ) -> (SampledSpectrum, f32) {
@@ -233,7 +233,10 @@ pub(crate) fn escaped_to(
         return (state.throughput * background, 1.0);
     }
     let Some(sky) = &context.scene.environment else { return (SampledSpectrum::ZERO, 1.0) };
-    let strategy = context.settings.light_strategy;
+    let (direction, strategy) = (ray.direction, context.settings.light_strategy);
+    if !sky.is_seen(ray.origin, direction) {
+        return (SampledSpectrum::ZERO, 1.0);
+    }
     let is_sampled = strategy == LightStrategy::Mis && context.scene.samples_environment(strategy);
     let place = place(sky);
     let radiance = sky.radiance_at(place, state.mode);
@@ -241,6 +244,12 @@ pub(crate) fn escaped_to(
         return (SampledSpectrum::ZERO, 1.0);
     }
     let weight = match strategy {
+        LightStrategy::Mis | LightStrategy::Light if sky.has_portals() => {
+            weight_of_found_light(strategy, state.bsdf_pdf, || {
+                let pdf = sky.pdf_from(state.receiver.position, direction);
+                environment_choice(context, &state.receiver, pdf)
+            })
+        }
         LightStrategy::Mis if !is_sampled => 1.0,
         LightStrategy::Mis => weight_of_found_light(strategy, state.bsdf_pdf, || {
             environment_choice(context, &state.receiver, sky.pdf_compensated_at(place))

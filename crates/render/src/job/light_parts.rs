@@ -2,6 +2,7 @@
 //! to them.
 
 use crate::compile::CompiledScene;
+use crate::film::sensor::Sensor;
 use crate::integrator::aov::Aov;
 use crate::integrator::light_part::{LightPart, LightSource, LightTag};
 use crate::settings::{LightGroup, Settings};
@@ -14,6 +15,8 @@ pub struct LightParts {
     parts: Vec<(usize, LightPart)>,
     /// The number of values of all layers in a sample.
     channels: usize,
+    /// The sensor of the camera, if it changes the light.
+    sensor: Option<Sensor>,
     /// The light group of each light.
     of_light: Vec<u8>,
     /// The light group of each material.
@@ -44,7 +47,8 @@ impl LightParts {
             .map(|i| group(groups, LightSource::Light(i)))
             .collect();
         let of_media = group(groups, LightSource::Medium);
-        Self { parts, channels, of_light, of_material, of_environment, of_media }
+        let sensor = settings.sensor;
+        Self { parts, channels, sensor, of_light, of_material, of_environment, of_media }
     }
 
     /// True if no parts are requested.
@@ -81,7 +85,8 @@ impl LightParts {
         }
         let values = &mut values[sample as usize * self.channels..][..self.channels];
         for (offset, part) in &self.parts {
-            let rgb = mode.to_rgb(light * part.share(tag)).to_array();
+            let rgb = mode.to_rgb(light * part.share(tag));
+            let rgb = self.sensor.map_or(rgb, |sensor| sensor.response(rgb)).to_array();
             values[*offset..][..3].iter_mut().zip(rgb).for_each(|(value, c)| *value += c);
         }
     }

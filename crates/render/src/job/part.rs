@@ -16,6 +16,7 @@ use crate::batch::materials::matte_surfaces::MatteSurfaces;
 use crate::batch::order::Order;
 use crate::batch::paths::{LightRays, Paths};
 use crate::batch::{self, Batch, BatchShader};
+use crate::compile::CameraFilter;
 use crate::film::filter::FilterSampler;
 use crate::film::noise::positions;
 use crate::film::{FilmPart, FilmSample};
@@ -252,7 +253,9 @@ impl<'a> PartRenderer<'a> {
             self.journal.iter_mut().for_each(|journal| journal.events.push(Event::Depth));
             let needs_first_hits = depth == 0 && self.needs_first_hits();
             if needs_first_hits || !self.volumes.as_ref().is_some_and(VolumeBatch::sees_more) {
-                self.tracer.closest(
+                let filter = self.tracer.filter();
+                self.tracer.closest_by(
+                    CameraFilter::new(self.context.scene, filter).at(depth),
                     &self.paths.rays,
                     &self.paths.times,
                     grouping,
@@ -266,6 +269,9 @@ impl<'a> PartRenderer<'a> {
                 self.note_first_hits();
             }
             self.travel(depth, grouping);
+            if depth == self.context.settings.max_depth {
+                statistics.cut_paths += self.unfinished();
+            }
             self.next.clear();
             self.shade_batch(depth, statistics);
             std::mem::swap(&mut self.paths, &mut self.next);
@@ -274,6 +280,18 @@ impl<'a> PartRenderer<'a> {
             depth += 1;
             grouping = Grouping::None;
         }
+    }
+
+    /// The number of paths that have met a surface or have been scattered by a medium, for the
+    /// integrator `path`; 0 for the others, which are short by design.
+    fn unfinished(&self) -> u64 {
+        if self.context.settings.integrator != IntegratorKind::Path {
+            return 0;
+        }
+        let scattered = self.volumes.as_ref().map_or(&[][..], |volumes| &volumes.scattered[..]);
+        let is_scattered = |path: usize| scattered.get(path).is_some_and(Option::is_some);
+        let hits = self.paths.hits.iter().enumerate();
+        hits.filter(|&(path, hit)| hit.is_hit() || is_scattered(path)).count() as u64
     }
 
     /// Passes the light that each path has collected so far to the recorder, if there is one.
@@ -462,13 +480,15 @@ impl<'a> PartRenderer<'a> {
 
     /// Adds the samples, with the light that they have collected, to a part.
     fn finish(&mut self, part: &mut FilmPart, statistics: &mut Statistics) {
+        let sensor = self.context.settings.sensor;
         part.values.extend(self.samples.iter().zip(&self.facts).map(|(sample, facts)| {
             let radiance = sample.collected();
             let finite = radiance.is_finite();
             statistics.invalid_samples += u64::from(!finite);
             let radiance = if finite { radiance } else { SampledSpectrum::ZERO };
+            let light = facts.mode.to_rgb(radiance);
             FilmSample {
-                color: facts.mode.to_rgb(radiance),
+                color: sensor.map_or(light, |sensor| sensor.response(light)),
                 alpha: facts.alpha,
                 weight: facts.weight,
             }

@@ -208,8 +208,12 @@ fn emitted(
         CompiledLight::Environment => {
             let environment = scene.environment.as_ref()?;
             let SkySample { direction, pdf, place } = environment.sample(u);
-            let area = PI * scene.radius * scene.radius;
-            (from_afar(scene, direction, v), environment.radiance_at(place, COLOR) * (area / pdf))
+            let (ray, area) = (from_afar(scene, direction, v), PI * scene.radius * scene.radius);
+            // The portals are seen from the far end of the ray.
+            let end = ray.at(4.0 * scene.radius);
+            let radiance = environment.radiance_at(place, COLOR);
+            let is_seen = environment.is_seen(end, direction);
+            (ray, radiance * if is_seen { area / pdf } else { 0.0 })
         }
     };
     let flux = flux * (scale / chosen.probability);

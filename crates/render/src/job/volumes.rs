@@ -187,9 +187,10 @@ impl<'a> VolumeBatch<'a> {
         mut emitted: impl FnMut(&Paths, usize, SampledSpectrum),
     ) {
         let (walker, count) = (self.walker, paths.len());
+        let filter = walker.camera_filter();
         if walker.has_passable() {
             tracer.closest_by(
-                walker.filter(),
+                filter.at(depth),
                 &paths.rays,
                 &paths.times,
                 grouping,
@@ -228,7 +229,7 @@ impl<'a> VolumeBatch<'a> {
             }
             way.cross(&walker, known, insides, |path| paths.rest(path).mode);
             tracer.closest_by(
-                walker.filter(),
+                filter.at(depth),
                 &way.rays,
                 &way.times,
                 Grouping::None,

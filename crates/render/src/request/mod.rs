@@ -11,6 +11,7 @@ pub use setting::{Form, Heading, Problem, Setting};
 pub use wish::Wish;
 
 use crate::film::filter::Filter;
+use crate::film::sensor::Sensor;
 use crate::guiding::Guiding;
 use crate::integrator::IntegratorKind;
 use crate::integrator::aov::Aov;
@@ -312,6 +313,7 @@ impl Request {
             sampler,
             filter,
             pixel_position: hints.pixel_position.filter(|_| self.leaves_pixel_position()),
+            sensor: Sensor::new(hints).filter(|_| integrator != IntegratorKind::Aov),
             integrator,
             color: self.color.unwrap_or_default(),
             max_depth: max_depth.unwrap_or(integrator.default_max_depth()).min(Settings::DEEPEST),
@@ -472,7 +474,7 @@ mod tests {
     #[test]
     fn defaults_are_those_of_the_manual() {
         let settings = resolved(Request::default(), |_| {});
-        assert_eq!((settings.size, settings.spp, settings.max_depth), ([960, 720], 64, 1000));
+        assert_eq!((settings.size, settings.spp, settings.max_depth), ([960, 720], 64, 10_000));
         assert_eq!((settings.crop, settings.noise, settings.guiding), (None, None, None));
         assert_eq!(settings.integrator, IntegratorKind::Path);
         assert_eq!(settings.build.quality, Quality::Medium);

@@ -4,7 +4,7 @@ use super::insides::{Filling, Inside};
 use super::interface_crossings::InterfaceCrossing;
 use super::known::{Crossed, KnownInsides};
 use super::{Insides, Numbers, OwnMedia};
-use crate::compile::{Boundary, CompiledLight, CompiledScene, VolumeTable};
+use crate::compile::{Boundary, CameraFilter, CompiledLight, CompiledScene, VolumeTable};
 use crate::integrator::carried::{Carried, Rest};
 use crate::integrator::estimators::light_pdf_of_glow;
 use crate::integrator::path::weight_of_found_light;
@@ -91,6 +91,11 @@ impl<'a> Walker<'a> {
     /// occlusion first.
     pub fn follows_light_rays(&self) -> bool {
         self.has_passable() && self.table.is_in_closed_form()
+    }
+
+    /// The filter of hits of camera rays, and of those at later depths.
+    pub fn camera_filter(&self) -> CameraFilter<'_> {
+        CameraFilter::new(self.scene, self.filter())
     }
 
     /// The filter of hits, which accepts every hit if the scene allows it.

@@ -371,6 +371,10 @@ snell_math::declare! {
         /// remains: only light samples find it.
         #[serde(default = "defaults::yes")]
         pub visible: bool,
+        /// False for a surface that camera rays pass through. It is seen in mirrors and through glass,
+        /// casts shadows and shines.
+        #[serde(default = "defaults::yes")]
+        pub visible_to_camera: bool,
         /// The use of `alpha`.
         #[serde(default)]
         pub alpha_mode: AlphaMode,
@@ -437,6 +441,7 @@ impl Material {
             emits_on_both_sides: false,
             illuminates: true,
             visible: true,
+            visible_to_camera: true,
             alpha_mode: AlphaMode::Opaque,
             alpha: ScalarParam::constant(1.0),
             double_sided: true,
@@ -514,6 +519,7 @@ impl Material {
         self.alpha_mode != AlphaMode::Opaque
             || !self.double_sided
             || !self.visible
+            || !self.visible_to_camera
             || self.is_interface()
     }
 

@@ -2,6 +2,7 @@
 
 use super::{MediumProperties, blackbody, coefficient, sane};
 use crate::ranges::LIGHT;
+use crate::texture::Wrap;
 use serde::{Deserialize, Serialize};
 use snell_math::parameters::{Kind, Range, Value, Visitor};
 use snell_math::{ColorMode, DAffine3, Rgb, SampledSpectrum, Vec3};
@@ -42,6 +43,7 @@ pub struct CellGrid<T> {
     size: [usize; 3],
     values: Vec<T>,
     is_stepped: bool,
+    wrap: Wrap,
 }
 
 /// Numbers on a regular grid.
@@ -60,12 +62,23 @@ impl<T: CellValue> CellGrid<T> {
             return None;
         }
         values.iter_mut().for_each(|x| *x = x.sane());
-        Some(Self { size, values, is_stepped: false })
+        Some(Self { size, values, is_stepped: false, wrap: Wrap::Clamp })
     }
 
     /// The grid with values that are the same within each cell, or interpolated between cells.
     pub fn stepped(self, is_stepped: bool) -> Self {
         Self { is_stepped, ..self }
+    }
+
+    /// The grid with values beyond its outermost cells, with which those in the outer halves of
+    /// these cells are interpolated. By default, these cells continue.
+    pub fn wrapped(self, wrap: Wrap) -> Self {
+        Self { wrap, ..self }
+    }
+
+    /// What is beyond the outermost cells.
+    pub fn wrap(&self) -> Wrap {
+        self.wrap
     }
 
     /// True if values are the same within each cell.
@@ -91,14 +104,15 @@ impl<T: CellValue> CellGrid<T> {
 
     /// True if the cells are the same ones, and have the same interpolation.
     fn is_like(&self, other: &Self) -> bool {
-        self.size == other.size && self.is_stepped == other.is_stepped
+        (self.size, self.is_stepped, self.wrap) == (other.size, other.is_stepped, other.wrap)
     }
 
     #[inline(always)]
     fn corners(&self, p: Vec3) -> Option<Corners> {
-        let mut corners = Corners::of(self.size, p)?;
+        let mut corners = Corners::of(self.size, self.wrap, p)?;
         if self.is_stepped {
             corners.f = corners.f.map(|f| f32::from(f >= 0.5));
+            corners.inside = 1.0;
         }
         Some(corners)
     }
@@ -123,17 +137,19 @@ struct Corners {
     /// Offsets, in the list of values, of the two cells along each axis.
     steps: [[usize; 2]; 3],
     f: [f32; 3],
+    /// The share of the interpolated value that is not that of the nothing around the grid.
+    inside: f32,
 }
 
 impl Corners {
     /// The cells around `p`; `None` outside of the cube, or if there are no cells.
     #[inline(always)]
-    fn of(size: [usize; 3], p: Vec3) -> Option<Self> {
+    fn of(size: [usize; 3], wrap: Wrap, p: Vec3) -> Option<Self> {
         if size.contains(&0) || !(p.cmpge(Vec3::ZERO).all() && p.cmple(Vec3::ONE).all()) {
             return None;
         }
         let (mut steps, mut f) = ([[0; 2]; 3], [0.0; 3]);
-        let mut stride = 1;
+        let (mut stride, mut inside) = (1, 1.0);
         for axis in 0..3 {
             let n = size[axis];
             let scaled = p[axis] * n as f32 - 0.5;
@@ -141,12 +157,21 @@ impl Corners {
             let truncated = scaled as i64;
             let low = truncated - i64::from(scaled < truncated as f32);
             f[axis] = scaled - low as f32;
-            // Beyond the outermost centres, values are those at the centres.
-            let cell = |i: i64| i.clamp(0, n as i64 - 1) as usize * stride;
-            steps[axis] = [cell(low), cell(low + 1)];
+            let [near, far] = [low, low + 1].map(|i| match wrap {
+                Wrap::Clamp => Some(i.clamp(0, n as i64 - 1) as usize),
+                _ => wrap.index(i as i32, n as u32).map(|cell| cell as usize),
+            });
+            // At most one of the two is outside, where there is nothing.
+            inside *= match (near, far) {
+                (None, _) => f[axis],
+                (_, None) => 1.0 - f[axis],
+                _ => 1.0,
+            };
+            let [near, far] = [near.or(far), far.or(near)].map(Option::unwrap_or_default);
+            steps[axis] = [near * stride, far * stride];
             stride *= n;
         }
-        Some(Self { steps, f })
+        Some(Self { steps, f, inside })
     }
 
     #[inline(always)]
@@ -155,7 +180,7 @@ impl Corners {
         let row = |start: usize| lerp(values[start + x], values[start + next_x], self.f[0]);
         let near = lerp(row(z + y), row(z + next_y), self.f[1]);
         let far = lerp(row(next_z + y), row(next_z + next_y), self.f[1]);
-        lerp(near, far, self.f[2])
+        lerp(near, far, self.f[2]) * self.inside
     }
 }
 
@@ -358,6 +383,25 @@ mod tests {
         assert_eq!([at(0.25, 1.0 / 6.0), at(0.75, 0.5), at(0.5, 5.0 / 6.0)], [0.0, 3.0, 4.5]);
         assert_eq!([at(0.0, 0.0), at(1.0, 1.0)], [0.0, 5.0], "beyond the last middles as there");
         assert_eq!([at(-0.001, 0.5), at(f32::NAN, 0.5)], [0.0; 2], "nothing outside");
+    }
+
+    #[test]
+    fn beyond_the_outermost_cells_are_others_or_nothing() {
+        let grid =
+            |wrap| ScalarGrid::new([2, 1, 1], vec![1.0, 3.0]).expect("two values").wrapped(wrap);
+        for (wrap, [start, quarter, end]) in [
+            (Wrap::Clamp, [1.0, 1.0, 3.0]),
+            (Wrap::Mirror, [1.0, 1.0, 3.0]),
+            (Wrap::Repeat, [2.0, 1.5, 2.0]),
+            (Wrap::Black, [0.5, 0.75, 1.5]),
+        ] {
+            let at = |x| grid(wrap).lookup(Vec3::new(x, 0.5, 0.5));
+            assert_eq!([at(0.0), at(0.125), at(1.0)], [start, quarter, end], "{wrap:?}");
+        }
+        let corner = grid(Wrap::Black).lookup(Vec3::ZERO);
+        assert_eq!(corner, 0.125);
+        let stepped = grid(Wrap::Black).stepped(true);
+        assert_eq!(stepped.lookup(Vec3::ZERO), 1.0);
     }
 
     #[test]

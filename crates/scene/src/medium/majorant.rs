@@ -1,6 +1,8 @@
 //! Upper bounds (majorants) of a density, and the walk of a ray through them.
 
-use super::ScalarGrid;
+use super::grid::CellValue;
+use super::{CellGrid, ScalarGrid};
+use crate::texture::Wrap;
 use snell_math::Vec3;
 
 /// Number of cells of the density grid per cell of the bounds, along each axis.
@@ -25,16 +27,17 @@ pub struct BoundedPart {
 impl MajorantGrid {
     /// The bounds of a grid, on `size` cells. [`Self::size_for`] gives a suitable size.
     pub fn new(grid: &ScalarGrid, size: [usize; 3]) -> Self {
-        Self::of(grid.size(), grid.values().iter().copied(), size)
+        Self::of(grid, grid.values().iter().copied(), size)
     }
 
-    /// The bounds of values in the cells of a grid, which has this many cells along each axis; x
-    /// changes fastest.
-    pub fn of(
-        [nx, ny, nz]: [usize; 3],
+    /// The bounds of values in the cells of a grid, which are derived from the grid's own; x changes
+    /// fastest.
+    pub fn of<T: CellValue>(
+        grid: &CellGrid<T>,
         mut values: impl Iterator<Item = f32>,
         size: [usize; 3],
     ) -> Self {
+        let [nx, ny, nz] = grid.size();
         let mut bounds = vec![0.0f32; size.iter().product()];
         // For each cell, the bounds that it affects. They extend one cell farther on each side than
         // interpolation needs, because of rounding.
@@ -60,7 +63,22 @@ impl MajorantGrid {
                 }
             }
         }
-        Self { size, bounds }
+        let bounds = Self { size, bounds };
+        if grid.wrap() == Wrap::Repeat { bounds.joined() } else { bounds }
+    }
+
+    /// The bounds where the values at opposite sides of the cube are interpolated.
+    fn joined(mut self) -> Self {
+        let mut stride = 1;
+        for n in self.size {
+            let span = (n - 1) * stride;
+            for first in (0..self.bounds.len()).filter(|i| i / stride % n == 0) {
+                let joined = self.bounds[first].max(self.bounds[first + span]);
+                (self.bounds[first], self.bounds[first + span]) = (joined, joined);
+            }
+            stride *= n;
+        }
+        self
     }
 
     /// Bounds on `size` cells, each computed from the cell's number.
@@ -172,7 +190,8 @@ mod tests {
     #[test]
     fn bounds_hold_along_random_rays_and_parts_join() {
         for (key, size) in [[9, 4, 17], [1, 1, 1], [5, 30, 2], [8, 8, 8]].into_iter().enumerate() {
-            let grid = random_grid(size, key as u32);
+            let wrap = [Wrap::Clamp, Wrap::Repeat, Wrap::Black, Wrap::Repeat][key];
+            let grid = random_grid(size, key as u32).wrapped(wrap);
             let majorants = MajorantGrid::new(&grid, MajorantGrid::size_for(grid.size()));
             for i in 0..300 {
                 let r = |k| rng::uniform2([i, key as u32, k, 9]);

@@ -282,7 +282,7 @@ fn survives(weight: &mut SampledSpectrum, start: f32, numbers: &mut dyn FnMut() 
 /// Upper bounds of a colour grid, for red, green and blue.
 fn bounds_by_channel(grid: &ColorGrid, size: [usize; 3]) -> [MajorantGrid; 3] {
     [|c: &Rgb| c.r, |c: &Rgb| c.g, |c: &Rgb| c.b].map(|channel: fn(&Rgb) -> f32| {
-        MajorantGrid::of(grid.size(), grid.values().iter().map(channel), size)
+        MajorantGrid::of(grid, grid.values().iter().map(channel), size)
     })
 }
 

@@ -31,7 +31,7 @@ impl Wrap {
     /// Index of the texel that is shown at position `i` of a row of `n` texels; `None` stands for
     /// black.
     #[inline]
-    pub(super) fn index(self, i: i32, n: u32) -> Option<u32> {
+    pub(crate) fn index(self, i: i32, n: u32) -> Option<u32> {
         // Most positions are inside, and divisions are slow.
         if (0..i64::from(n)).contains(&i64::from(i)) {
             Some(i as u32)

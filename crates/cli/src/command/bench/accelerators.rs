@@ -52,9 +52,9 @@ pub struct Options {
     /// Print JSON, a line for each measurement
     #[arg(long)]
     json: bool,
-    /// Let the scene refer to files outside of its folder
+    /// Refuse to open files outside of the scene's folder
     #[arg(long)]
-    allow_outside: bool,
+    confine: bool,
 }
 
 /// Measures and prints.
@@ -67,7 +67,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
         |name: &String| choice("accelerator", name, &AcceleratorKind::ALL, AcceleratorKind::name);
     let kinds: Vec<AcceleratorKind> =
         options.accelerator.iter().map(named).collect::<Result<_, _>>()?;
-    let read = ReadOptions { allow_outside: options.allow_outside, ..ReadOptions::default() };
+    let read = ReadOptions { confine: options.confine, ..ReadOptions::default() };
     let bench = scenes::load(&options.scene, &read)?;
     let report = Report { options };
     let measurer =

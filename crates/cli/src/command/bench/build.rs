@@ -40,16 +40,16 @@ pub struct Options {
     /// Print JSON, a line for each measurement
     #[arg(long)]
     json: bool,
-    /// Let scenes refer to files outside of their folders
+    /// Refuse to open files outside of the scenes' folders
     #[arg(long)]
-    allow_outside: bool,
+    confine: bool,
 }
 
 /// Measures and prints.
 pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     options.scenes.iter().try_for_each(|name| scenes::check(name))?;
     let variants = options.variants.variants()?;
-    let read = ReadOptions { allow_outside: options.allow_outside, ..ReadOptions::default() };
+    let read = ReadOptions { confine: options.confine, ..ReadOptions::default() };
     let embree = options.peer.as_ref().map(PeerPath::load).transpose()?;
     for (i, name) in options.scenes.iter().enumerate() {
         let bench = scenes::load(name, &read)?;

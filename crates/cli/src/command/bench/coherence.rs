@@ -49,9 +49,9 @@ pub struct Options {
     /// Print JSON, a line for each measurement
     #[arg(long)]
     json: bool,
-    /// Let the scene refer to files outside of its folder
+    /// Refuse to open files outside of the scene's folder
     #[arg(long)]
-    allow_outside: bool,
+    confine: bool,
 }
 
 fn parse_tolerance(text: &str) -> Result<f64, String> {
@@ -80,7 +80,7 @@ pub struct Case<'a> {
 /// Measures and prints.
 pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     scenes::check(&options.scene)?;
-    let read = ReadOptions { allow_outside: options.allow_outside, ..ReadOptions::default() };
+    let read = ReadOptions { confine: options.confine, ..ReadOptions::default() };
     let bench = scenes::load(&options.scene, &read)?;
     let fail = |e: &dyn std::fmt::Display| Failure::Scene(format!("{}: {e}", bench.name));
     let world = variants::rebuilt(&bench.world, &BuildOptions::default()).map_err(|e| fail(&e))?;

@@ -44,9 +44,9 @@ pub struct Options {
     /// Print JSON, a line for each scene
     #[arg(long)]
     json: bool,
-    /// Let scenes refer to files outside of their folders
+    /// Refuse to open files outside of the scenes' folders
     #[arg(long)]
-    allow_outside: bool,
+    confine: bool,
 }
 
 fn parse_seconds(text: &str) -> Result<f64, String> {
@@ -56,7 +56,7 @@ fn parse_seconds(text: &str) -> Result<f64, String> {
 
 /// Measures and prints.
 pub fn run(options: &Options) -> Result<ExitCode, Failure> {
-    let read = ReadOptions { allow_outside: options.allow_outside, ..ReadOptions::default() };
+    let read = ReadOptions { confine: options.confine, ..ReadOptions::default() };
     if let Some(folder) = &options.keep {
         make_folder(folder)?;
     }

@@ -54,9 +54,9 @@ pub struct Options {
     /// Print JSON, a line for each method
     #[arg(long)]
     json: bool,
-    /// Let the scene refer to files outside of its folder
+    /// Refuse to open files outside of the scene's folder
     #[arg(long)]
-    allow_outside: bool,
+    confine: bool,
 }
 
 /// An algorithm for surfaces, or for lines.
@@ -127,7 +127,7 @@ struct Measured {
 pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     let kinds = methods(&options.method)?;
     scenes::check(&options.scene)?;
-    let read = ReadOptions { allow_outside: options.allow_outside, ..ReadOptions::default() };
+    let read = ReadOptions { confine: options.confine, ..ReadOptions::default() };
     let bench = scenes::load(&options.scene, &read)?;
     let fail = |e: &dyn std::fmt::Display| Failure::Scene(format!("{}: {e}", bench.name));
     let view = kinds::view(&bench.camera, options.side)

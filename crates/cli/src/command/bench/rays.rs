@@ -64,9 +64,9 @@ pub struct Options {
     /// Print JSON, a line for each measurement
     #[arg(long)]
     json: bool,
-    /// Let scenes refer to files outside of their folders
+    /// Refuse to open files outside of the scenes' folders
     #[arg(long)]
-    allow_outside: bool,
+    confine: bool,
 }
 
 /// The measurements to make on every scene.
@@ -96,7 +96,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
             .map(|path| Peer::new(&path.load()?, threads::cores()))
             .transpose()?,
     };
-    let read = ReadOptions { allow_outside: options.allow_outside, ..ReadOptions::default() };
+    let read = ReadOptions { confine: options.confine, ..ReadOptions::default() };
     for (i, name) in options.scenes.iter().enumerate() {
         let scene = scenes::load(name, &read)?;
         if i == 0 && !options.json {

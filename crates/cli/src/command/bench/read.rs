@@ -33,14 +33,14 @@ pub struct Options {
     /// Print JSON, a line for each file
     #[arg(long)]
     json: bool,
-    /// Let scenes refer to files outside of their folders
+    /// Refuse to open files outside of the scenes' folders
     #[arg(long)]
-    allow_outside: bool,
+    confine: bool,
 }
 
 /// Measures and prints.
 pub fn run(options: &Options) -> Result<ExitCode, Failure> {
-    let read = ReadOptions { allow_outside: options.allow_outside, ..ReadOptions::default() };
+    let read = ReadOptions { confine: options.confine, ..ReadOptions::default() };
     for (number, path) in options.files.iter().enumerate() {
         let value = measure(path, &read, options)?;
         let heading = if number == 0 { heading() } else { String::new() };

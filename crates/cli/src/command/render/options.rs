@@ -174,9 +174,9 @@ pub struct Options {
     /// Write statistics as JSON
     #[arg(long, value_name = "FILE.json", help_heading = "Messages")]
     pub stats: Option<PathBuf>,
-    /// Let the scene refer to files outside of its folder
+    /// Refuse to open files outside of the scene's folder
     #[arg(long, help_heading = "What is rendered")]
-    pub allow_outside: bool,
+    pub confine: bool,
     /// Style of the progress display
     #[arg(long, value_name = "STYLE", default_value = "auto", help_heading = "Messages")]
     pub progress: ProgressStyleOption,
@@ -195,7 +195,7 @@ impl Options {
     /// The options for reading the scene file.
     pub fn read_options(&self) -> ReadOptions {
         ReadOptions {
-            allow_outside: self.allow_outside,
+            confine: self.confine,
             limits: Limits::default(),
             parameters: scene_source::parameters(&self.define),
             variant: self.variant.clone(),

@@ -192,7 +192,7 @@ impl Stage {
                 *world_from_environment = turned;
             }
             shot.compiled.environment =
-                Some(std::sync::Arc::new(EnvironmentLight::new(environment)));
+                EnvironmentLight::of_scene(&self.scene).map(std::sync::Arc::new);
         }
     }
 }

@@ -2,6 +2,8 @@
 
 use exr::math::Vec2;
 use exr::meta::attribute::Chromaticities;
+use snell_math::DVec3;
+use snell_math::spectrum::adaptation;
 
 type Matrix = [[f64; 3]; 3];
 
@@ -25,7 +27,8 @@ pub fn rec709_from(file: [[f64; 2]; 4]) -> Option<[[f32; 3]; 3]> {
     }
     let to_xyz = xyz_from_rgb(&file)?;
     let from_xyz = inverse(&xyz_from_rgb(&REC709)?)?;
-    let adapt = adaptation(xyz_of(file[3])?, xyz_of(REC709[3])?)?;
+    let [from, to] = [xyz_of(file[3])?, xyz_of(REC709[3])?].map(DVec3::from);
+    let adapt = adaptation(from, to).transpose().to_cols_array_2d();
     let matrix = product(&product(&from_xyz, &adapt), &to_xyz).map(|row| row.map(|v| v as f32));
     matrix.iter().flatten().all(|v| v.is_finite() && v.abs() < 1e3).then_some(matrix)
 }
@@ -45,16 +48,6 @@ fn xyz_from_rgb(points: &[[f64; 2]; 4]) -> Option<Matrix> {
     let primaries: Matrix = std::array::from_fn(|row| std::array::from_fn(|c| columns[c][row]));
     let scale = multiply(&inverse(&primaries)?, xyz_of(points[3])?);
     Some(primaries.map(|row| std::array::from_fn(|c| row[c] * scale[c])))
-}
-
-/// The matrix in XYZ that adapts colours from one white to another by the Bradford method
-/// (Lindbloom, "Chromatic Adaptation").
-fn adaptation(from: [f64; 3], to: [f64; 3]) -> Option<Matrix> {
-    const CONES: Matrix =
-        [[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]];
-    let (from, to) = (multiply(&CONES, from), multiply(&CONES, to));
-    let scaled: Matrix = std::array::from_fn(|i| CONES[i].map(|v| v * to[i] / from[i]));
-    Some(product(&inverse(&CONES)?, &scaled))
 }
 
 fn multiply(m: &Matrix, v: [f64; 3]) -> [f64; 3] {

@@ -56,7 +56,7 @@ pub fn materials(
             materials.push(None);
             continue;
         };
-        let material = maker.material(name, mtl)?;
+        let material = maker.material(name, mtl);
         materials.push(Some(maker.scene.add_material(material)));
     }
     Ok(materials)
@@ -81,18 +81,18 @@ struct Maker<'a> {
 }
 
 impl Maker<'_> {
-    fn material(&mut self, name: &str, mtl: &Mtl) -> Result<Material, ReadError> {
-        let mut material = Material::new(name, self.kind(mtl)?);
+    fn material(&mut self, name: &str, mtl: &Mtl) -> Material {
+        let mut material = Material::new(name, self.kind(mtl));
         let emission = mtl.emission.filter(|e| !e.is_black());
         if emission.is_some() || mtl.emission_map.is_some() {
-            material.emission = self.color(emission, Rgb::WHITE, &mtl.emission_map, mtl)?;
+            material.emission = self.color(emission, Rgb::WHITE, &mtl.emission_map, mtl);
         }
         if let Some(map) = &mtl.normal_map {
-            let texture = self.texture(map, Encoding::Linear, mtl)?;
+            let texture = self.texture(map, Encoding::Linear, mtl);
             material.normal_map = Some(NormalMap::new(texture, map.strength));
         }
         if let Some(map) = &mtl.bump_map {
-            let texture = self.texture(map, Encoding::Linear, mtl)?;
+            let texture = self.texture(map, Encoding::Linear, mtl);
             // Many programs write their normal maps as bump maps.
             if self.shows_normals(texture) {
                 material.normal_map.get_or_insert(NormalMap::new(texture, map.strength));
@@ -104,22 +104,22 @@ impl Maker<'_> {
         }
         // The transmission of glass is not opacity.
         if !matches!(material.kind, MaterialKind::Dielectric(_)) {
-            self.alpha(name, mtl, &mut material)?;
+            self.alpha(name, mtl, &mut material);
         }
-        Ok(material)
+        material
     }
 
-    fn kind(&mut self, mtl: &Mtl) -> Result<MaterialKind, ReadError> {
+    fn kind(&mut self, mtl: &Mtl) -> MaterialKind {
         let is_pbr = mtl.roughness.is_some() || mtl.metallic.is_some();
         if is_pbr || mtl.roughness_map.is_some() || mtl.metallic_map.is_some() {
-            return Ok(MetallicRoughness {
-                base_color: self.diffuse(mtl)?,
-                metallic: self.scalar(mtl.metallic, 0.0, &mtl.metallic_map, mtl)?,
-                roughness: self.scalar(mtl.roughness, 0.5, &mtl.roughness_map, mtl)?,
+            return MetallicRoughness {
+                base_color: self.diffuse(mtl),
+                metallic: self.scalar(mtl.metallic, 0.0, &mtl.metallic_map, mtl),
+                roughness: self.scalar(mtl.roughness, 0.5, &mtl.roughness_map, mtl),
                 ior: mtl.ior.filter(|n| (1.0..10.0).contains(n)).unwrap_or(1.5),
                 ..MetallicRoughness::default()
             }
-            .into());
+            .into();
         }
         if is_glass(mtl) {
             let ior = mtl.ior.filter(|&n| n > 0.0).unwrap_or(1.5);
@@ -129,24 +129,24 @@ impl Maker<'_> {
                 .filter(|c| !c.is_black())
                 .unwrap_or(Rgb::WHITE)
                 .map(|x| x.min(1.0));
-            return Ok(Dielectric { tint: tint.into(), ..Dielectric::smooth(ior) }.into());
+            return Dielectric { tint: tint.into(), ..Dielectric::smooth(ior) }.into();
         }
-        let diffuse = self.diffuse(mtl)?;
+        let diffuse = self.diffuse(mtl);
         let is_glossy =
             mtl.specular.is_some_and(|c| !c.is_black()) && !matches!(mtl.illum, Some(0 | 1));
         let mirrors = matches!(mtl.illum, Some(3 | 5 | 8));
         let shininess = mtl.shininess.unwrap_or(DEFAULT_SHININESS).max(0.0);
         // An exponent of 0 would not be a highlight but a veil over everything.
         if !is_glossy || (shininess == 0.0 && !mirrors) {
-            return Ok(Diffuse { reflectance: diffuse }.into());
+            return Diffuse { reflectance: diffuse }.into();
         }
         let specular = self.color(
             mtl.specular.map(|c| c.map(|x| x.min(1.0))),
             Rgb::BLACK,
             &mtl.specular_map,
             mtl,
-        )?;
-        Ok(Phong {
+        );
+        Phong {
             ambient: mtl.ambient.unwrap_or(Rgb::BLACK).into(),
             diffuse,
             specular,
@@ -154,7 +154,7 @@ impl Maker<'_> {
             shininess,
             ..Phong::default()
         }
-        .into())
+        .into()
     }
 
     fn scalar(
@@ -163,17 +163,17 @@ impl Maker<'_> {
         default: f32,
         map: &Option<Map>,
         mtl: &Mtl,
-    ) -> Result<ScalarParam, ReadError> {
+    ) -> ScalarParam {
         let Some(map) = map else {
-            return Ok(ScalarParam::constant(factor.unwrap_or(default).clamp(0.0, 1.0)));
+            return ScalarParam::constant(factor.unwrap_or(default).clamp(0.0, 1.0));
         };
-        let texture = self.texture(map, Encoding::Linear, mtl)?;
+        let texture = self.texture(map, Encoding::Linear, mtl);
         // A factor of 0 beside a map means that only the map counts.
         let factor = factor.filter(|&f| f > 0.0).unwrap_or(1.0).min(1.0);
-        Ok(ScalarParam { factor, texture: Some((texture, 0)) })
+        ScalarParam { factor, texture: Some((texture, 0)) }
     }
 
-    fn diffuse(&mut self, mtl: &Mtl) -> Result<ColorParam, ReadError> {
+    fn diffuse(&mut self, mtl: &Mtl) -> ColorParam {
         // Exporters write black where only the texture is meant to count.
         let factor = mtl.diffuse.filter(|c| mtl.diffuse_map.is_none() || !c.is_black());
         let default = if mtl.diffuse_map.is_some() { Rgb::WHITE } else { DEFAULT_DIFFUSE };
@@ -181,7 +181,7 @@ impl Maker<'_> {
     }
 
     /// Sets the opacity: `d`, or one minus `Tr`, times the map.
-    fn alpha(&mut self, name: &str, mtl: &Mtl, material: &mut Material) -> Result<(), ReadError> {
+    fn alpha(&mut self, name: &str, mtl: &Mtl, material: &mut Material) {
         let mut alpha =
             mtl.dissolve.or(mtl.transparency.map(|t| 1.0 - t)).unwrap_or(1.0).clamp(0.0, 1.0);
         if alpha == 0.0 && mtl.dissolve.is_none() {
@@ -196,7 +196,7 @@ impl Maker<'_> {
         }
         material.alpha = ScalarParam::constant(alpha);
         if let Some(map) = &mtl.alpha_map {
-            let texture = self.texture(map, Encoding::Linear, mtl)?;
+            let texture = self.texture(map, Encoding::Linear, mtl);
             let picture = self.scene.textures[texture.index()].as_image();
             let image = picture.and_then(|picture| self.scene.images.get(picture.image.index()));
             // If the image has an alpha channel, alpha is the opacity; otherwise the brightness is.
@@ -207,7 +207,6 @@ impl Maker<'_> {
         if alpha < 1.0 || material.alpha.texture.is_some() {
             material.alpha_mode = AlphaMode::Blend;
         }
-        Ok(())
     }
 
     fn color(
@@ -216,9 +215,9 @@ impl Maker<'_> {
         default: Rgb,
         map: &Option<Map>,
         mtl: &Mtl,
-    ) -> Result<ColorParam, ReadError> {
-        let texture = map.as_ref().map(|map| self.texture(map, Encoding::Srgb, mtl)).transpose()?;
-        Ok(ColorParam::textured(factor.unwrap_or(default), texture))
+    ) -> ColorParam {
+        let texture = map.as_ref().map(|map| self.texture(map, Encoding::Srgb, mtl));
+        ColorParam::textured(factor.unwrap_or(default), texture)
     }
 
     /// True if the image has the light blue of normal maps.
@@ -241,14 +240,9 @@ impl Maker<'_> {
         image.channels >= 3 && (r - 0.5).abs() < 0.15 && (g - 0.5).abs() < 0.15 && b > 0.7
     }
 
-    fn texture(
-        &mut self,
-        map: &Map,
-        encoding: Encoding,
-        mtl: &Mtl,
-    ) -> Result<TextureId, ReadError> {
+    fn texture(&mut self, map: &Map, encoding: Encoding, mtl: &Mtl) -> TextureId {
         let input = &self.library.inputs[mtl.library];
-        let mut texture = self.textures.texture(self.scene, input, &map.file, encoding)?;
+        let mut texture = self.textures.texture(self.scene, input, &map.file, encoding);
         // v' = 1 - (scale v + offset).
         let ([su, sv], [ou, ov]) = (map.scale, map.offset);
         texture.uv_transform = [[su, 0.0, ou], [0.0, -sv, 1.0 - ov]];
@@ -257,8 +251,8 @@ impl Maker<'_> {
         }
         if let Some(known) = self.scene.textures.iter().position(|t| t.as_image() == Some(&texture))
         {
-            return Ok(TextureId(known as u32));
+            return TextureId(known as u32);
         }
-        Ok(self.scene.add_texture(texture))
+        self.scene.add_texture(texture)
     }
 }

@@ -114,7 +114,7 @@ fn bumps_are_heights_unless_their_picture_shows_normals() {
 #[test]
 fn a_library_outside_of_the_folder_is_an_error() {
     let error = read("a.obj", "mtllib ../../etc/passwd\nv 0 0 0\n").expect_err("outside");
-    assert!(error.to_string().contains("--allow-outside"), "{error}");
+    assert!(error.to_string().contains("--confine"), "{error}");
 }
 
 #[test]

@@ -13,7 +13,8 @@ const DATA: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data");
 const MESHES: [&str; 5] = ["ply", "off", "stl", "ray", "obj"];
 
 fn read(name: &str, content: impl Into<Vec<u8>>) -> Result<Scene, ReadError> {
-    read_scene_bytes(name, content.into(), Path::new("/nonexistent"), &ReadOptions::default())
+    let options = ReadOptions { confine: true, ..ReadOptions::default() };
+    read_scene_bytes(name, content.into(), Path::new("/nonexistent"), &options)
 }
 
 /// All mesh files below a folder, or none if the folder is absent.

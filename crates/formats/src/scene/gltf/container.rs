@@ -264,17 +264,17 @@ pub(super) fn fetch_uri(input: &Input, uri: &Json) -> Result<Vec<u8>, ReadError>
     if let Some(data) = text.strip_prefix("data:") {
         return decode_data_uri(data).map_err(|problem| uri.error(problem));
     }
-    if text.contains("://") {
-        return Err(uri.error_with(
-            format!("\"{text}\" is not a file next to the scene"),
-            "download it, and name the local file instead",
-        ));
-    }
     if text.is_empty() {
         return Err(uri.error("the name of the file is empty"));
     }
     let decoded =
         percent_encoding::percent_decode_str(text).decode_utf8().unwrap_or(Cow::Borrowed(text));
+    if text.contains("://") && !input.resolve(&decoded).is_ok_and(|path| path.exists()) {
+        return Err(uri.error_with(
+            format!("\"{text}\" is not a file next to the scene"),
+            "download it, and put it beside the scene",
+        ));
+    }
     let opened = match input.open_relative(&decoded) {
         // Some exporters do not encode: "50%25.bin" may be the literal name.
         Err(first) if decoded != text => input.open_relative(text).map_err(|_| first),

@@ -47,7 +47,8 @@ fn open(path: &Path) -> Result<Scene, ReadError> {
 
 /// Reads a scene from JSON text.
 fn read_text(json: &str) -> Result<Scene, ReadError> {
-    read_scene_bytes("test.gltf", json.as_bytes().to_vec(), Path::new("."), &ReadOptions::default())
+    let options = ReadOptions { confine: true, ..ReadOptions::default() };
+    read_scene_bytes("test.gltf", json.as_bytes().to_vec(), Path::new("."), &options)
 }
 
 /// All meshes of the scene's nodes, in the order of the nodes.

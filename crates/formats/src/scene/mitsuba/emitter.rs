@@ -251,8 +251,8 @@ impl Builder<'_> {
             object.get(name);
         }
         let image = if object.has("filename") {
-            let (name, at) = object.file_name()?;
-            self.image(name, at)?
+            let (name, _) = object.file_name()?;
+            self.image(name)
         } else {
             match self.pattern_of_child(object)? {
                 Some(Pattern::Picture(_, texture)) => texture.image,

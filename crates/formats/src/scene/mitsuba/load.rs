@@ -71,7 +71,8 @@ const MAX_SEARCHED: usize = 64;
 /// The file from whose folder a name leads to a file: one of the search folders, the last first,
 /// or else the main file.
 pub fn home<'a>(main: &'a Input, searched: &'a [Input], name: &str) -> &'a Input {
-    let has = |folder: &&Input| folder.resolve(name).is_ok_and(|path| path.exists());
+    let has =
+        |folder: &&Input| folder.directory.join(name).exists() && folder.resolve(name).is_ok();
     searched.iter().rev().find(has).unwrap_or(main)
 }
 
@@ -336,7 +337,7 @@ impl<'a> Loader<'a> {
             let problem = format!("more than {MAX_SEARCHED} <path> elements, the limit");
             return Err(Fault::new(at, problem, "put the files together"));
         }
-        let is_folder = |input: &&Input| input.resolve(name).is_ok_and(|path| path.is_dir());
+        let is_folder = |input: &&Input| input.directory.join(name).is_dir();
         let home = [file.input, self.main].into_iter().find(is_folder).unwrap_or(file.input);
         match home.resolve(name) {
             Ok(directory) if directory.is_dir() => {

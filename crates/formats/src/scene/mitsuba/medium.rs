@@ -10,6 +10,7 @@ use crate::{Input, Place, ReadError};
 use snell_math::{DAffine3, DVec3, Rgb};
 use snell_scene::MediumId;
 use snell_scene::medium::{ColorGrid, Grid, Homogeneous, ScalarGrid};
+use snell_scene::texture::Wrap;
 use std::collections::HashMap;
 use std::rc::Rc;
 use std::sync::Arc;
@@ -63,6 +64,8 @@ pub struct VolumeFile {
     values: Vec<f32>,
     /// True if values are not interpolated between cells.
     is_stepped: bool,
+    /// What the outermost cells are interpolated with.
+    wrap: Wrap,
 }
 
 impl Builder<'_> {
@@ -306,12 +309,18 @@ impl Builder<'_> {
             volume.get(name);
         }
         file.is_stepped = volume.string("filter_type")?.is_some_and(|(text, _)| text == "nearest");
-        if let Some((text, at)) = volume.string("wrap_mode")?.filter(|(text, _)| *text != "clamp") {
-            let text = shortened(text);
-            self.note("wrap_mode of gridvolume", at, || {
-                format!("a wrap_mode of \"{text}\": the grid is empty outside of its box")
-            });
-        }
+        // Media have no part outside of the box, so only its outermost half cells are wrapped.
+        let wrap = volume.string("wrap_mode")?;
+        file.wrap = match wrap.map_or("clamp", |(text, _)| text) {
+            "clamp" => Wrap::Clamp,
+            "repeat" => Wrap::Repeat,
+            "mirror" => Wrap::Mirror,
+            other => {
+                let at = wrap.map_or(volume.at, |(_, at)| at);
+                let problem = format!("the wrap_mode \"{}\"", shortened(other));
+                return Err(Fault::new(at, problem, "write clamp, repeat or mirror"));
+            }
+        };
         let mut world_from_grid = self.world_from_file * volume.transform("to_world")?;
         if volume.bool_or("use_grid_bbox", self.version.starts_with("0."))? {
             let [low, high] = file.bounds;
@@ -336,7 +345,8 @@ impl VolumeFile {
     /// A grid of numbers in the unit cube.
     #[cfg(test)]
     pub fn of_numbers(size: [usize; 3], values: Vec<f32>) -> Self {
-        Self { size, channels: 1, bounds: [DVec3::ZERO, DVec3::ONE], values, is_stepped: false }
+        let bounds = [DVec3::ZERO, DVec3::ONE];
+        Self { size, channels: 1, bounds, values, is_stepped: false, wrap: Wrap::Clamp }
     }
 
     fn mean(&self) -> Rgb {
@@ -368,14 +378,14 @@ impl VolumeFile {
     fn colors(&self, change: impl Fn(usize, Rgb) -> Rgb) -> Option<Arc<ColorGrid>> {
         let cells = self.values.len() / self.channels;
         ColorGrid::new(self.size, (0..cells).map(|cell| change(cell, self.color(cell))).collect())
-            .map(|grid| Arc::new(grid.stepped(self.is_stepped)))
+            .map(|grid| Arc::new(grid.stepped(self.is_stepped).wrapped(self.wrap)))
     }
 
     /// A number for each cell: the mean of the channels.
     fn scalar(&self) -> Option<ScalarGrid> {
         let mean = |cell: &[f32]| cell.iter().sum::<f32>() / self.channels as f32;
         ScalarGrid::new(self.size, self.values.chunks_exact(self.channels).map(mean).collect())
-            .map(|grid| grid.stepped(self.is_stepped))
+            .map(|grid| grid.stepped(self.is_stepped).wrapped(self.wrap))
     }
 }
 
@@ -418,7 +428,7 @@ pub fn read_volume(input: &Input) -> Result<VolumeFile, ReadError> {
     let numbers = bytes[HEADER..].chunks_exact(4).take(total.unwrap_or(0));
     let values = numbers.map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
     let (size, bounds) = ([x, y, z], [corner(24), corner(36)]);
-    Ok(VolumeFile { size, channels, bounds, values, is_stepped: false })
+    Ok(VolumeFile { size, channels, bounds, values, is_stepped: false, wrap: Wrap::Clamp })
 }
 
 #[cfg(test)]
@@ -445,15 +455,15 @@ mod tests {
     }
 
     #[test]
-    fn the_filter_of_a_grid_is_kept_and_another_way_to_wrap_is_reported() {
+    fn the_filter_of_a_grid_and_its_way_to_wrap_are_kept() {
         use snell_scene::medium::Medium;
         let folder = tempfile::tempdir().expect("a temporary folder");
         let bytes = colored([2, 1, 1], 1, &[2.0, 4.0]);
         std::fs::write(folder.path().join("density"), bytes).expect("the folder is writable");
-        for (filter, wrap, is_stepped, warnings) in [
-            ("trilinear", "clamp", false, 0),
-            ("nearest", "clamp", true, 0),
-            ("nearest", "repeat", true, 1),
+        for (filter, wrap, is_stepped, expected) in [
+            ("trilinear", "clamp", false, Wrap::Clamp),
+            ("nearest", "mirror", true, Wrap::Mirror),
+            ("trilinear", "repeat", false, Wrap::Repeat),
         ] {
             let text = format!(
                 "<scene version='3.0.0'><shape type='cube'><medium type='heterogeneous' \
@@ -467,7 +477,9 @@ mod tests {
             let scene =
                 crate::read_scene(&path, &ReadOptions::default()).expect("nothing is wrong");
             let [Medium::Grid(grid)] = &scene.media[..] else { panic!("one grid") };
-            assert_eq!((grid.density.is_stepped(), scene.warnings.len()), (is_stepped, warnings));
+            let density = &grid.density;
+            assert_eq!((density.is_stepped(), density.wrap()), (is_stepped, expected));
+            assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
         }
     }
 

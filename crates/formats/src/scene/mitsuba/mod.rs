@@ -305,11 +305,9 @@ impl Builder<'_> {
     }
 
     /// The id of an image, which is read only once.
-    fn image(&mut self, name: &str, at: Spot) -> Result<ImageId, Fault> {
+    fn image(&mut self, name: &str) -> ImageId {
         let home = load::home(self.main, &self.searched, name);
-        self.images
-            .image(&mut self.scene, home, name)
-            .map_err(|error| Fault::new(at, error.problem, error.remedy))
+        self.images.image(&mut self.scene, home, name)
     }
 }
 

@@ -309,11 +309,6 @@ impl Builder<'_> {
         if object.bool_or("hide_emitters", false)? {
             self.scene.background = Background::Transparent;
             self.hides_emitters = true;
-            self.note("hide_emitters", object.at, || {
-                "hide_emitters: surfaces that emit are not seen in mirrors either, and cast no \
-                    shadows"
-                    .into()
-            });
         }
         // These parameters affect only the noise.
         for name in [

@@ -321,7 +321,7 @@ impl Builder<'_> {
         }
         material.emission = radiance;
         material.emission_takes_vertex_color = attribute.is_some();
-        material.visible = !self.hides_emitters;
+        material.visible_to_camera = !self.hides_emitters;
     }
 
     /// The geometry of a shape. `plain` means that texture coordinates do not matter and the shape

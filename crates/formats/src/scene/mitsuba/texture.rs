@@ -380,8 +380,8 @@ impl Builder<'_> {
     }
 
     fn bitmap(&mut self, object: &Object) -> Result<Pattern, Fault> {
-        let (name, at) = object.file_name()?;
-        let image = self.image(name, at)?;
+        let (name, _) = object.file_name()?;
+        let image = self.image(name);
         let stored = self.scene.images[image.index()].encoding;
         let gamma = object.float("gamma")?;
         let is_raw = object.bool_or("raw", false)? || gamma == Some(1.0);

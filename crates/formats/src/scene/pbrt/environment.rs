@@ -9,6 +9,7 @@ use super::spectrum::Role;
 use crate::scene::fault::Fault;
 use snell_math::{DAffine3, DMat3, DVec2, DVec3, Rgb};
 use snell_scene::camera::{equal_area_direction, equal_area_place};
+use snell_scene::light::environment::Portal;
 use snell_scene::{Environment, Image};
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
@@ -32,22 +33,18 @@ impl Builder<'_> {
             None => Rgb::WHITE,
         };
         let illuminance = params.float("illuminance")?.filter(|e| *e > 0.0);
-        self.note_ignored(
-            params,
-            &["portal"],
-            "light comes from all directions, also beside the portal",
-        );
+        let portal = self.portal(params)?;
         let is_latlong = params.has("mapname");
-        let Some((name, at)) =
+        let Some((name, _)) =
             self.file_name(params, if is_latlong { "mapname" } else { "filename" })?
         else {
+            let color = color.unwrap_or(Rgb::WHITE);
             if let Some(illuminance) = illuminance {
-                scale = scale * (illuminance / PI) as f32;
+                // Behind a portal, pbrt makes the light a picture.
+                let own = portal.map_or(PI, |_| TAU * f64::from(color.luminance()));
+                scale = scale * if own > 0.0 { (illuminance / own) as f32 } else { 0.0 };
             }
-            self.set_environment(
-                params,
-                Environment::Constant(color.unwrap_or(Rgb::WHITE) * scale),
-            );
+            self.set_environment(params, Environment::Constant(color * scale), portal);
             return Ok(());
         };
         if let Some(color) = color {
@@ -56,7 +53,7 @@ impl Builder<'_> {
             }
             scale = scale * color;
         }
-        let image = self.image(name, at)?;
+        let image = self.image(name);
         let image = self.scene.images[image.index()].clone();
         if let Some(illuminance) = illuminance
             && !is_latlong
@@ -84,13 +81,59 @@ impl Builder<'_> {
         };
         let world_from_environment =
             DAffine3::from_mat3(world_from_light.matrix3 * light_from_environment);
-        self.set_environment(params, Environment::Image { image, scale, world_from_environment });
+        let environment = Environment::Image { image, scale, world_from_environment };
+        self.set_environment(params, environment, portal);
         Ok(())
     }
 
-    fn set_environment(&mut self, params: &Params, environment: Environment) {
+    /// The portal of the light, whose corners are in the file's world (`PortalImageInfiniteLight`
+    /// of pbrt-v4).
+    fn portal(&mut self, params: &Params) -> Result<Option<Portal>, Fault> {
+        let points: Vec<DVec3> = params.points("portal")?.iter().map(|p| p.as_dvec3()).collect();
+        let &[corner, b, opposite, d] = &points[..] else {
+            return match points.len() {
+                0 => Ok(None),
+                found => Err(params.fault(
+                    format!("a portal of {found} corners"),
+                    "give four, those of a rectangle, in order around it",
+                )),
+            };
+        };
+        let edges = [d - corner, b - corner];
+        let size = edges[0].length() + edges[1].length();
+        let is_rectangle = (corner + edges[0] + edges[1] - opposite).length() <= 1e-3 * size
+            && edges[0].dot(edges[1]).abs() <= 1e-3 * edges[0].length() * edges[1].length();
+        if !is_rectangle {
+            self.note("portal shape", params.at, || {
+                "a portal that is not a rectangle: the parallelogram of its first, second and \
+                    fourth corners was used"
+                    .into()
+            });
+        }
+        let world_from_file = self.world_from_file;
+        let [a, b] = edges.map(|edge| world_from_file.transform_vector3(edge));
+        // A mirror turns the cross product over.
+        let is_mirrored = world_from_file.matrix3.determinant() < 0.0;
+        let edges = if is_mirrored { [b, a] } else { [a, b] };
+        Ok(Some(Portal { corner: world_from_file.transform_point3(corner), edges }))
+    }
+
+    fn set_environment(
+        &mut self,
+        params: &Params,
+        environment: Environment,
+        portal: Option<Portal>,
+    ) {
+        let had_portals = !self.scene.portals.is_empty();
         match (&self.scene.environment, &environment) {
-            (Some(Environment::Constant(a)), Environment::Constant(b)) => {
+            // The same light through another window.
+            (Some(known), new) if had_portals && portal.is_some() && known == new => {
+                self.scene.portals.extend(portal);
+                return;
+            }
+            (Some(Environment::Constant(a)), Environment::Constant(b))
+                if !had_portals && portal.is_none() =>
+            {
                 self.scene.environment = Some(Environment::Constant(*a + *b));
                 return;
             }
@@ -100,6 +143,7 @@ impl Builder<'_> {
             (None, _) => {}
         }
         self.scene.environment = Some(environment);
+        self.scene.portals = portal.into_iter().collect();
     }
 }
 

@@ -73,8 +73,18 @@ impl Builder<'_> {
     }
 
     /// A positive number of a parameter; pbrt ignores other numbers.
-    fn positive(&self, params: &Params, name: &str) -> Result<Option<f64>, Fault> {
-        Ok(params.float(name)?.filter(|x| *x > 0.0))
+    fn positive(&mut self, params: &Params, name: &str) -> Result<Option<f64>, Fault> {
+        let value = params.float(name)?;
+        if let Some(ignored) = value.filter(|x| *x <= 0.0 || x.is_nan()) {
+            let owner = params.owner.clone();
+            self.mention(format!("{name} that is not positive"), params.at, || {
+                format!(
+                    "\"{name}\" {ignored} of {owner} was ignored, as in pbrt: the light has the \
+                    brightness of its other parameters"
+                )
+            });
+        }
+        Ok(value.filter(|x| *x > 0.0))
     }
 
     /// Reads `LightSource "point" ...`.
@@ -148,12 +158,12 @@ impl Builder<'_> {
     /// The name of a light's picture, and true if it is given as in pbrt-v3.
     fn light_picture(&mut self, params: &Params) -> Result<(Arc<Image>, bool), Fault> {
         let is_old = params.has("mapname");
-        let Some((name, at)) =
+        let Some((name, _)) =
             self.file_name(params, if is_old { "mapname" } else { "filename" })?
         else {
             return Err(params.fault("there is no file name", "add \"string filename\""));
         };
-        let image = self.image(name, at)?;
+        let image = self.image(name);
         Ok((self.scene.images[image.index()].clone(), is_old))
     }
 
@@ -249,8 +259,8 @@ impl Builder<'_> {
         }
         let mut radiance: ColorParam = self.light_color(&params, "L")?.into();
         let mut mean = 1.0;
-        if let Some((name, at)) = self.file_name(&params, "filename")? {
-            let image = self.image(name, at)?;
+        if let Some((name, _)) = self.file_name(&params, "filename")? {
+            let image = self.image(name);
             let pixels = &self.scene.images[image.index()];
             let count = f64::from(pixels.width) * f64::from(pixels.height);
             let all = (0..pixels.height).flat_map(|y| (0..pixels.width).map(move |x| (x, y)));

@@ -11,8 +11,10 @@ use snell_math::{DAffine3, DVec3, Rgb};
 use snell_scene::graph::MediumId;
 use snell_scene::material::Interior;
 use snell_scene::medium::{
-    Cloud, ColorGrid, Grid, Homogeneous, Medium, ScalarGrid, blackbody_luminance,
+    CellGrid, CellValue, Cloud, ColorGrid, Grid, Homogeneous, Medium, ScalarGrid,
+    blackbody_luminance,
 };
+use snell_scene::texture::Wrap;
 use std::collections::HashMap;
 use std::rc::Rc;
 use std::sync::Arc;
@@ -108,7 +110,7 @@ impl Builder<'_> {
         let size = cells(params)?;
         let density: Vec<f32> = params.floats("density")?.iter().map(|d| *d as f32).collect();
         let found = density.len();
-        let Some(density) = ScalarGrid::new(size, density) else {
+        let Some(density) = fading(ScalarGrid::new(size, density)) else {
             let problem =
                 format!("{found} densities for a grid of {} x {} x {}", size[0], size[1], size[2]);
             return Err(params.fault(problem, "give one for each cell in \"float density\""));
@@ -122,7 +124,7 @@ impl Builder<'_> {
             let glow = (scales.len() > 1)
                 .then(|| grid.density.values().iter().zip(&scales).map(|(d, l)| d * l).collect());
             let emission_scale =
-                glow.and_then(|glow: Vec<f32>| ScalarGrid::new(size, glow)).map(Arc::new);
+                glow.and_then(|glow: Vec<f32>| fading(ScalarGrid::new(size, glow))).map(Arc::new);
             return Ok(Grid { emission_scale, ..grid });
         }
         let found = kelvin.len();
@@ -194,9 +196,8 @@ impl Builder<'_> {
             let largest = values.iter().map(|c| c.r.max(c.g).max(c.b)).fold(0.0, f32::max);
             let share = if largest > 0.0 && largest.is_finite() { largest } else { 1.0 };
             let found = values.len();
-            let Some(grid) =
-                ColorGrid::new(size, values.into_iter().map(|c| c * (1.0 / share)).collect())
-            else {
+            let shares = values.into_iter().map(|c| c * (1.0 / share)).collect();
+            let Some(grid) = fading(ColorGrid::new(size, shares)) else {
                 let problem = format!(
                     "{found} colours for a grid of {} x {} x {}",
                     size[0], size[1], size[2]
@@ -308,6 +309,12 @@ impl Builder<'_> {
     }
 }
 
+/// A grid that fades to nothing over the outer halves of its outermost cells, as pbrt's
+/// `SampledGrid` does.
+fn fading<T: CellValue>(grid: Option<CellGrid<T>>) -> Option<CellGrid<T>> {
+    grid.map(|grid| grid.wrapped(Wrap::Black))
+}
+
 /// A grid that emits by its temperatures. Hot cells emit in proportion to absorption, as a black
 /// body whose maximum radiance is 1, times a scale.
 fn hot(
@@ -329,7 +336,10 @@ fn hot(
         density * scale(cell) * blackbody_luminance(*kelvin)
     };
     let glow: Vec<f32> = grid.density.values().iter().zip(&kelvin).enumerate().map(glow).collect();
-    let of = |values| ScalarGrid::new(grid.density.size(), values).map(Arc::new);
+    let density = &grid.density;
+    let of = |values| {
+        ScalarGrid::new(density.size(), values).map(|made| Arc::new(made.wrapped(density.wrap())))
+    };
     Ok(Grid { emission: grid.sigma_a, emission_scale: of(glow), temperature: of(kelvin), ..grid })
 }
 

@@ -5,6 +5,7 @@ use super::params::Params;
 use super::state::Motion;
 use super::{Builder, camera};
 use crate::scene::fault::{Fault, Spot};
+use snell_math::spectrum::WHITE_TEMPERATURES;
 use snell_scene::Material;
 
 /// The options of a scene as written.
@@ -141,27 +142,7 @@ impl Builder<'_> {
             return Err(params.fault(problem, "give sizes from 1 to 65536"));
         }
         self.set_size(size);
-        // The imaging ratio of pbrt-v4 (PixelSensor::Create): seconds that the shutter is open,
-        // times the sensitivity over 100.
-        let ratio = self.shutter_time()? * params.float_or("iso", 100.0)? / 100.0;
-        // Films of pbrt-v3 have a factor instead.
-        let ratio = if self.is_v3 { params.float_or("scale", 1.0)? } else { ratio };
-        if ratio > 0.0 && ratio != 1.0 {
-            self.scene.settings.exposure = Some(ratio.log2());
-            self.mention("exposure", params.at, || {
-                format!(
-                    "the film multiplies light by {ratio}: the exposure of PNG and other display \
-                    formats; EXR and PFM keep the radiance of the scene"
-                )
-            });
-        }
-        if params.string("sensor")?.is_some_and(|s| s != "cie1931")
-            || params.float_or("whitebalance", 0.0)? != 0.0
-        {
-            let what = "a sensor of a real camera, or a white balance: colours are those of the \
-                CIE observer instead";
-            self.note("sensor", params.at, || what.into());
-        }
+        self.sensor(params)?;
         self.options.crop = crop(params, size)?;
         self.note_ignored(
             params,
@@ -174,6 +155,45 @@ impl Builder<'_> {
             params.get(name);
         }
         self.note_unused(params);
+        Ok(())
+    }
+
+    /// Reads the sensor (`PixelSensor::Create` of pbrt-v4).
+    fn sensor(&mut self, params: &Params) -> Result<(), Fault> {
+        // Films of pbrt-v3 have a factor instead of a sensitivity.
+        let ratio = match self.is_v3 {
+            true => params.float_or("scale", 1.0)?,
+            false => self.shutter_time()? * params.float_or("iso", 100.0)? / 100.0,
+        };
+        if ratio < 0.0 {
+            self.note("imaging ratio", params.at, || {
+                format!("the film multiplies light by {ratio}: the picture is black")
+            });
+        }
+        let sensor = params.string("sensor")?.unwrap_or("cie1931");
+        let mut white = params.float_or("whitebalance", 0.0)?;
+        if sensor != "cie1931" {
+            let sensor = quoted(sensor.as_bytes());
+            self.note("sensor", params.at, || {
+                format!(
+                    "the sensor {sensor}: colours are those of the CIE observer with its white \
+                    balance instead"
+                )
+            });
+            // Sensors of real cameras have a white balance by default.
+            white = if white == 0.0 { 6500.0 } else { white };
+        }
+        if white != 0.0 && !WHITE_TEMPERATURES.contains(&white) {
+            let (coldest, hottest) = WHITE_TEMPERATURES.into_inner();
+            self.note("whitebalance", params.at, || {
+                format!(
+                    "a white balance of {white} K: the nearest temperature from {coldest} to \
+                    {hottest} K was used"
+                )
+            });
+        }
+        self.scene.settings.imaging_ratio = Some(ratio).filter(|ratio| *ratio != 1.0);
+        self.scene.settings.white_balance = Some(white).filter(|white| *white != 0.0);
         Ok(())
     }
 

@@ -359,10 +359,10 @@ impl Builder<'_> {
     }
 
     fn picture(&mut self, params: &Params, is_color: bool) -> Result<Rc<Pattern>, Fault> {
-        let Some((name, at)) = self.file_name(params, "filename")? else {
+        let Some((name, _)) = self.file_name(params, "filename")? else {
             return Err(params.fault("there is no file name", "add \"string filename\""));
         };
-        let image = self.image(name, at)?;
+        let image = self.image(name);
         let stored = self.scene.images[image.index()].encoding;
         let (encoding, gamma) = encoding(params, stored, is_color, self.is_v3)?;
         let wrap = match params.string("wrap")?.unwrap_or("repeat") {
@@ -402,11 +402,8 @@ impl Builder<'_> {
     }
 
     /// The id of an image, which is read only once.
-    pub(super) fn image(&mut self, name: &str, at: Spot) -> Result<ImageId, Fault> {
-        let main = self.main;
-        self.images
-            .image(&mut self.scene, main, name)
-            .map_err(|error| Fault::new(at, error.problem, error.remedy))
+    pub(super) fn image(&mut self, name: &str) -> ImageId {
+        self.images.image(&mut self.scene, self.main, name)
     }
 
     /// A parameter that may be a texture, a number or a colour.

@@ -9,7 +9,9 @@ use serde::{Deserialize, Serialize};
 use snell_intersect::{AnyShape, Curves, Shape, StrandBasis, TriangleMesh};
 use snell_math::{DAffine3, DMat3, DVec3, Rgb, Vec2, Vec3, Vec4};
 use snell_scene::graph::MediumId;
+use snell_scene::light::environment::Portal;
 use snell_scene::medium::{CellGrid, CellValue, ColorGrid, Medium, ScalarGrid};
+use snell_scene::texture::Wrap;
 use snell_scene::{
     Background, Camera, Encoding, Environment, Geometry, Image, Light, Material, MaterialId, Node,
     NodeId, Pixels, Scene, SceneSettings, Surface, Texture,
@@ -35,6 +37,8 @@ pub struct Document {
     pub ambient: Rgb,
     #[serde(default)]
     pub environment: Option<EnvironmentForm>,
+    #[serde(default)]
+    pub portals: Vec<Portal>,
     #[serde(default)]
     pub cameras: Vec<Camera>,
     #[serde(default)]
@@ -72,6 +76,17 @@ pub struct GridForm {
     /// True if values are not interpolated between cells.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     stepped: bool,
+    /// What the values in the outer halves of the outermost cells are interpolated with.
+    #[serde(default = "clamp", skip_serializing_if = "is_clamp")]
+    wrap: Wrap,
+}
+
+fn clamp() -> Wrap {
+    Wrap::Clamp
+}
+
+fn is_clamp(wrap: &Wrap) -> bool {
+    *wrap == Wrap::Clamp
 }
 
 /// The grids of a medium.
@@ -257,6 +272,7 @@ impl Document {
             lights,
             cameras,
             environment,
+            portals,
             background,
             ambient,
             settings,
@@ -293,6 +309,7 @@ impl Document {
             background: *background,
             ambient: *ambient,
             environment: environment.as_ref().map(EnvironmentForm::of),
+            portals: portals.clone(),
             cameras: cameras.clone(),
             lights: lights.clone(),
             materials: materials.clone(),
@@ -366,6 +383,7 @@ impl Document {
             lights: self.lights,
             cameras: self.cameras,
             environment,
+            portals: self.portals,
             background: self.background,
             ambient: self.ambient,
             settings: self.settings,
@@ -401,8 +419,8 @@ struct Grids {
 
 impl Grids {
     fn add<T: CellValue>(forms: &mut Vec<GridForm>, grid: &CellGrid<T>, values: Vec<f32>) -> u32 {
-        let (size, stepped) = (grid.size(), grid.is_stepped());
-        forms.push(GridForm { size, values: Numbers(values), stepped });
+        let (size, stepped, wrap) = (grid.size(), grid.is_stepped(), grid.wrap());
+        forms.push(GridForm { size, values: Numbers(values), stepped, wrap });
         forms.len() as u32 - 1
     }
 
@@ -450,7 +468,7 @@ fn add_grids(
     limits: &Limits,
 ) -> Result<(), Flaw> {
     let mut grids = Vec::with_capacity(forms.len());
-    for (i, GridForm { size, values, stepped }) in forms.into_iter().enumerate() {
+    for (i, GridForm { size, values, stepped, wrap }) in forms.into_iter().enumerate() {
         let found = values.0.len();
         let flaw = |text: String| (format!("/grids/{i}"), text);
         if found > limits.elements {
@@ -460,7 +478,7 @@ fn add_grids(
         let grid = grid.ok_or_else(|| {
             flaw(format!("{found} values for {} x {} x {} cells", size[0], size[1], size[2]))
         })?;
-        grids.push(Arc::new(grid.stepped(stepped)));
+        grids.push(Arc::new(grid.stepped(stepped).wrapped(wrap)));
     }
     for (i, used) in uses.into_iter().enumerate() {
         let medium = used.medium;
@@ -483,7 +501,7 @@ fn add_grids(
                 .map(|((r, g), b)| Rgb::new(*r, *g, *b));
             let are_alike = g.size() == r.size() && b.size() == r.size();
             let grid = are_alike.then(|| ColorGrid::new(r.size(), colors.collect())).flatten();
-            grid.map(|grid| Arc::new(grid.stepped(r.is_stepped())))
+            grid.map(|grid| Arc::new(grid.stepped(r.is_stepped()).wrapped(r.wrap())))
                 .ok_or_else(|| flaw("the grids of a tint are not of the same size".into()))
         };
         owner.density = get(used.density)?;

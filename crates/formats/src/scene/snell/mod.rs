@@ -98,6 +98,9 @@ pub fn text(scene: &Scene) -> Result<String, String> {
     out.field("background", &document.background);
     out.field("ambient", &document.ambient);
     out.field("environment", &document.environment);
+    if !document.portals.is_empty() {
+        out.table("portals", &document.portals);
+    }
     out.table("cameras", &document.cameras);
     out.table("lights", &document.lights);
     out.table("materials", &document.materials);

@@ -5,6 +5,7 @@ use super::{File, rgb, transform};
 use crate::write::picture::encoded;
 use rayon::prelude::*;
 use snell_math::{DAffine3, DMat3, DVec3};
+use snell_scene::light::environment::Portal;
 use snell_scene::{Environment, Image};
 use std::f64::consts::{FRAC_PI_4, PI, TAU};
 
@@ -16,7 +17,10 @@ impl File<'_, '_> {
         match &self.scene.environment {
             None => {}
             Some(Environment::Constant(color)) => {
-                self.line(format!("LightSource \"infinite\" \"rgb L\" {}", rgb(*color)));
+                let color = rgb(*color);
+                for portal in self.portals() {
+                    self.line(format!("LightSource \"infinite\" \"rgb L\" {color}{portal}"));
+                }
             }
             Some(Environment::Image { image, scale, world_from_environment }) => {
                 self.output.lose(
@@ -34,11 +38,28 @@ impl File<'_, '_> {
                 let name = self.output.file("environment.exr", encoded(&square).0);
                 let axes = world_from_environment.matrix3 * LIGHT_FROM_ENVIRONMENT.inverse();
                 let place = transform(&DAffine3::from_mat3(axes));
-                self.line(format!(
-                    "AttributeBegin\n  {place}\n  LightSource \"infinite\" \"string filename\" [ \
-                        \"{name}\" ]\nAttributeEnd"
-                ));
+                for portal in self.portals() {
+                    self.line(format!(
+                        "AttributeBegin\n  {place}\n  LightSource \"infinite\" \"string \
+                            filename\" [ \"{name}\" ]{portal}\nAttributeEnd"
+                    ));
+                }
             }
+        }
+    }
+
+    /// The parameter of each portal, whose light is one of its own in pbrt; an empty one if there
+    /// are no portals.
+    fn portals(&self) -> Vec<String> {
+        let bare = |p: DVec3| format!("{} {} {}", p.x, p.y, p.z);
+        let text = |portal: &Portal| {
+            let (p, [a, b]) = (portal.corner, portal.edges);
+            let corners = [p, p + b, p + a + b, p + a].map(bare).join("  ");
+            format!(" \"point3 portal\" [ {corners} ]")
+        };
+        match &self.scene.portals[..] {
+            [] => vec![String::new()],
+            portals => portals.iter().map(text).collect(),
         }
     }
 }

@@ -171,6 +171,9 @@ impl File<'_, '_> {
     }
 
     fn add_alpha(&mut self, made: &mut Made, material: &Material, who: &str) {
+        if !material.visible_to_camera {
+            self.output.lose(format!("{who}: the camera sees it"));
+        }
         if !material.visible {
             // Of a lamp with this alpha, pbrt keeps the light.
             made.shape_parameters += " \"float alpha\" [ 0 ]";

@@ -4,6 +4,7 @@ use super::{rgb, transform};
 use crate::write::Output;
 use snell_math::{ColorMode, DVec3, Rgb};
 use snell_scene::medium::{Grid, Medium};
+use snell_scene::texture::Wrap;
 
 /// Density of cells that only emit, relative to the highest density.
 const THIN: f32 = 1e-3;
@@ -62,6 +63,7 @@ pub fn medium(output: &mut Output, number: usize, medium: &Medium) -> Option<Str
             if grid.density.is_stepped() {
                 output.lose(format!("medium {number}: it is interpolated between its cells"));
             }
+            note_border(output, number, grid.density.wrap());
             let [nx, ny, nz] = grid.density.size();
             let (densities, is_changed) = densities(grid);
             if is_changed {
@@ -97,8 +99,18 @@ pub fn medium(output: &mut Output, number: usize, medium: &Medium) -> Option<Str
     }
 }
 
+/// Notes a loss unless the grid fades over the outer halves of its outermost cells, as all of
+/// pbrt's do.
+fn note_border(output: &mut Output, number: usize, wrap: Wrap) {
+    if wrap != Wrap::Black {
+        output.lose(format!("medium {number}: its grid fades in the outer halves of its cells"));
+    }
+}
+
 /// A grid whose colours differ between cells.
 fn colors(output: &mut Output, number: usize, grid: &Grid) -> String {
+    let tints = [&grid.sigma_a_tint, &grid.sigma_s_tint].into_iter().flatten();
+    tints.for_each(|tint| note_border(output, number, tint.wrap()));
     let size = grid.size();
     let plain = Grid { temperature: None, ..grid.clone() };
     let middle = |i: usize, n: usize| (i as f64 + 0.5) / n as f64;

@@ -25,17 +25,20 @@ impl File<'_, '_> {
         if scene.cameras.len() > 1 {
             self.output.lose("all cameras but the first are left out");
         }
-        let iso = scene
-            .settings
-            .exposure
-            .map(|stops| format!(" \"float iso\" [ {} ]", 100.0 * stops.exp2()));
+        let settings = &scene.settings;
+        let ratio = settings.imaging_ratio.unwrap_or(1.0) * settings.exposure.unwrap_or(0.0).exp2();
+        let number = |name: &str, value: f64| format!(" \"float {name}\" [ {value} ]");
+        let iso =
+            Some(ratio).filter(|ratio| *ratio != 1.0).map(|ratio| number("iso", 100.0 * ratio));
+        let white = settings.white_balance.map(|kelvin| number("whitebalance", kelvin));
         let picture = quoted(&format!("{}.exr", self.output.stem));
         self.line(format!(
             "Film \"rgb\" \"integer xresolution\" [ {} ] \"integer yresolution\" [ {} ] \"string \
-                filename\" [ {picture} ]{}",
+                filename\" [ {picture} ]{}{}",
             size[0],
             size[1],
-            iso.unwrap_or_default()
+            iso.unwrap_or_default(),
+            white.unwrap_or_default()
         ));
         let is_known = |name: &&str| ["independent", "stratified"].contains(name);
         let sampler = scene.settings.sampler.as_deref().filter(is_known).unwrap_or("zsobol");

@@ -286,7 +286,10 @@ impl<'a> Held<'a> {
     fn of(scene: &'a CompiledScene, light: u32, part: u32) -> Option<Self> {
         match scene.lights().get(light as usize)? {
             CompiledLight::Area(_) => LightPart::of(scene, light, part).map(Self::Part),
-            CompiledLight::Environment => Some(Self::Sky),
+            CompiledLight::Environment => {
+                let has_portals = scene.environment.as_ref().is_some_and(|sky| sky.has_portals());
+                (!has_portals).then_some(Self::Sky)
+            }
             CompiledLight::Light(light) => Some(Self::Bare(light)),
             CompiledLight::Moving(_) | CompiledLight::Medium(..) => None,
         }

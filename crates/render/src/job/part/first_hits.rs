@@ -1,6 +1,7 @@
 //! Alpha and AOVs of the first hits of camera rays.
 
 use super::PartRenderer;
+use crate::compile::CameraFilter;
 use crate::integrator::aov::{Aov, AovKind, FirstHit};
 use crate::integrator::first_surface::FirstSurface;
 use crate::lanes::LANES;
@@ -38,7 +39,7 @@ impl PartRenderer<'_> {
         let coverages: Vec<Aov> =
             aovs.iter().filter(|a| a.kind() == AovKind::Coverage).copied().collect();
         let counted = aovs.iter().any(|a| a.needs_counters());
-        let filter = self.tracer.filter();
+        let filter = CameraFilter::new(scene, self.tracer.filter());
         for i in 0..self.paths.len() {
             let lane = i % LANES;
             if let Some(surfaces) = self.first_surfaces.as_mut().filter(|_| lane == 0) {
@@ -48,8 +49,9 @@ impl PartRenderer<'_> {
             let (ray, hit, time) =
                 (&self.paths.rays[i], &self.paths.hits[i], self.paths.rest(i).time);
             let counters = if counted {
-                let (_, counters) =
-                    scene.world.closest_counted(RayQuery { time, ..RayQuery::from(ray) }, filter);
+                let (_, counters) = scene
+                    .world
+                    .closest_counted(RayQuery { time, ..RayQuery::from(ray) }, filter.at(0));
                 [counters.nodes_visited, counters.primitives_tested]
             } else {
                 [0; 2]

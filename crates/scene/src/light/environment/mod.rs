@@ -11,12 +11,14 @@
 //! and Křivánek, MIS Compensation: Optimizing Sampling Techniques in Multiple Importance Sampling,
 //! 2019). A constant environment then needs no light samples.
 
+mod portal;
 mod table;
 #[cfg(test)]
 mod tests;
 
-use crate::graph::Environment;
+use crate::graph::{Environment, Scene};
 use crate::image::Image;
+use portal::PortalSampler;
 use snell_math::{
     ColorMode, DMat3, DVec3, Mat3, Rgb, SampledSpectrum, Vec2, Vec3, angles, sampling,
 };
@@ -24,6 +26,7 @@ use std::f32::consts::FRAC_1_PI;
 use std::sync::Arc;
 use table::{Cells, DirectionTable, Rows};
 
+pub use portal::Portal;
 pub use table::DrawnDirection;
 
 /// An environment prepared for look-ups and sampling.
@@ -31,6 +34,8 @@ pub use table::DrawnDirection;
 pub struct EnvironmentLight {
     kind: Kind,
     mean_luminance: f64,
+    /// The portals through which alone the environment is seen; empty if it is seen everywhere.
+    portals: Vec<PortalSampler>,
 }
 
 /// A sampled direction from which light comes.
@@ -74,13 +79,62 @@ impl EnvironmentLight {
         match environment {
             Environment::Constant(color) => {
                 let color = color.map(sane);
-                Self { kind: Kind::Constant(color), mean_luminance: color.luminance().into() }
+                let mean_luminance = color.luminance().into();
+                Self { kind: Kind::Constant(color), mean_luminance, portals: Vec::new() }
             }
             Environment::Image { image, scale, world_from_environment } => {
                 let light = ImageLight::new(image, scale.map(sane), world_from_environment.matrix3);
-                Self { mean_luminance: light.1, kind: Kind::Image(Box::new(light.0)) }
+                let (light, mean_luminance) = (Kind::Image(Box::new(light.0)), light.1);
+                Self { kind: light, mean_luminance, portals: Vec::new() }
             }
         }
+    }
+
+    /// Prepares the environment of a scene with its portals; `None` if there is none.
+    pub fn of_scene(scene: &Scene) -> Option<Self> {
+        let portals = scene.portals.iter().filter_map(PortalSampler::new).collect();
+        Some(Self { portals, ..Self::new(scene.environment.as_ref()?) })
+    }
+
+    /// True if the environment is seen through portals alone. [`Self::sample_from`] then takes the
+    /// place of the samples that do not depend on the point.
+    pub fn has_portals(&self) -> bool {
+        !self.portals.is_empty()
+    }
+
+    /// True if the environment is seen from this point in this unit direction.
+    pub fn is_seen(&self, from: Vec3, direction: Vec3) -> bool {
+        self.portals.is_empty()
+            || self.portals.iter().any(|portal| portal.pdf(from, direction) > 0.0)
+    }
+
+    /// Samples a direction from which light may arrive at a point through the portals: one of
+    /// [`Self::sample`], or one through a uniform point of a portal.
+    pub fn sample_from(&self, from: Vec3, u: Vec2) -> Option<SkySample> {
+        let share = self.share_of_image();
+        let direction = if u.x < share {
+            self.sample(Vec2::new(u.x / share, u.y)).direction
+        } else {
+            let scaled = (u.x - share) / (1.0 - share) * self.portals.len() as f32;
+            let number = (scaled as usize).min(self.portals.len().checked_sub(1)?);
+            let rest = (scaled - number as f32).clamp(0.0, 1.0);
+            self.portals[number].sample(from, Vec2::new(rest, u.y))?
+        };
+        let pdf = self.pdf_from(from, direction);
+        Some(SkySample { direction, pdf, place: self.place(direction) })
+    }
+
+    /// Density per steradian with which [`Self::sample_from`] samples this unit direction.
+    pub fn pdf_from(&self, from: Vec3, direction: Vec3) -> f32 {
+        let share = self.share_of_image();
+        let through: f32 = self.portals.iter().map(|portal| portal.pdf(from, direction)).sum();
+        let through = through / self.portals.len() as f32 * (1.0 - share);
+        if share > 0.0 { self.pdf(direction) * share + through } else { through }
+    }
+
+    /// The share of the samples of [`Self::sample_from`] that follow the image.
+    fn share_of_image(&self) -> f32 {
+        if self.constant().is_some() { 0.0 } else { 0.5 }
     }
 
     /// The radiance that arrives along a ray that leaves the scene in this unit direction.
@@ -183,9 +237,11 @@ impl EnvironmentLight {
     }
 
     /// The fraction of the light that exceeds the mean, in `[0, 1]`, which
-    /// [`Self::sample_compensated`] samples; 0 if that returns `None`.
+    /// [`Self::sample_compensated`] samples; 0 if that returns `None`. All of it counts if there are
+    /// portals.
     pub fn excess(&self) -> f64 {
         match &self.kind {
+            _ if self.has_portals() => 1.0,
             Kind::Image(light) if light.compensated.is_some() => light.excess,
             _ => 0.0,
         }

@@ -96,8 +96,10 @@ fn search_folders_are_relative_to_the_file_that_names_them() {
     assert_eq!(width(&read("")), 1.0);
     let scene = read("<include filename='parts/part.xml'/>");
     assert_eq!((width(&scene), scene.nodes.len(), scene.warnings.len()), (2.0, 3, 0));
-    // A folder outside of the scene's own is not searched without the user's leave.
-    let outside = read("<path value='..'/>");
+    // Of a confined scene, no folder outside of its own is searched.
+    write("parts/a.xml", "<scene version='3.0.0'><path value='..'/></scene>");
+    let options = ReadOptions { confine: true, ..ReadOptions::default() };
+    let outside = read_scene(&folder.path().join("parts/a.xml"), &options).expect("a scene");
     assert!(outside.warnings[0].message.contains("lies outside"), "{:?}", outside.warnings);
     assert!(read("<path value='none'/>").warnings[0].message.contains("no folder \"none\""));
 }

@@ -1,0 +1,187 @@
+//! The search for a file whose name in a scene is not that of a file here.
+//!
+//! A scene often comes from another machine: its folders are missing, its file system did not tell
+//! the case of letters apart, or its program wrote names in a way of its own. Each such name still
+//! leads to one file.
+
+use std::collections::{BTreeMap, HashMap};
+use std::path::{Component, Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// Maximum number of entries of a folder that are looked at.
+const MAX_ENTRIES: usize = 100_000;
+
+/// What the search has seen and found. All files of a scene share it.
+#[derive(Debug, Default)]
+pub(crate) struct Search(Mutex<Seen>);
+
+#[derive(Debug, Default)]
+struct Seen {
+    /// The names in each folder, by their lower case.
+    folders: HashMap<PathBuf, HashMap<String, PathBuf>>,
+    /// The names that are not those of files, with the files that were opened for them.
+    found: BTreeMap<String, PathBuf>,
+}
+
+impl Search {
+    fn seen(&self) -> MutexGuard<'_, Seen> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Finds the file that `name` means: first in the folders that it leads to, without regard to
+    /// the case of letters; then, without the folders in the name, in each of `folders`.
+    /// `is_allowed` tells whether a file may be opened.
+    pub fn find(
+        &self,
+        folders: &[&Path],
+        name: &str,
+        is_allowed: impl Fn(&Path) -> bool,
+    ) -> Option<PathBuf> {
+        let first = folders.first()?;
+        let spellings = spellings(name);
+        let whole = spellings.iter().map(|spelling| (*first, spelling.as_str()));
+        let last = spellings.last().and_then(|spelling| spelling.rsplit('/').next());
+        let bare = folders.iter().filter_map(|&folder| Some((folder, last?)));
+        whole
+            .chain(bare)
+            .find_map(|(folder, spelling)| self.in_any_case(folder, spelling, &is_allowed))
+    }
+
+    /// Records that `path` was opened in place of `name`.
+    pub fn record(&self, name: &str, path: &Path) {
+        self.seen().found.insert(name.into(), path.into());
+    }
+
+    /// Returns all names and files that were recorded, in alphabetical order, and forgets them.
+    pub fn take_found(&self) -> BTreeMap<String, PathBuf> {
+        std::mem::take(&mut self.seen().found)
+    }
+
+    /// The file of a name relative to `folder`, whatever the case of the letters is. Only folders
+    /// that may be opened are searched.
+    fn in_any_case(
+        &self,
+        folder: &Path,
+        name: &str,
+        is_allowed: &impl Fn(&Path) -> bool,
+    ) -> Option<PathBuf> {
+        let mut path = folder.to_path_buf();
+        for component in Path::new(name).components() {
+            match component {
+                Component::Normal(part) if !path.join(part).exists() => {
+                    if !is_allowed(&path) {
+                        return None;
+                    }
+                    let actual = self.entry(&path, &part.to_str()?.to_lowercase())?;
+                    path.push(actual);
+                }
+                // An absolute name starts from the root.
+                _ => path.push(component),
+            }
+        }
+        (!name.is_empty() && path.exists() && is_allowed(&path)).then_some(path)
+    }
+
+    /// The entry of a folder whose name in lower case is `lower`; the first in alphabetical order,
+    /// if there are several.
+    fn entry(&self, folder: &Path, lower: &str) -> Option<PathBuf> {
+        let mut seen = self.seen();
+        let names = seen.folders.entry(folder.into()).or_insert_with(|| entries(folder));
+        names.get(lower).cloned()
+    }
+}
+
+/// The names in a folder, by their lower case.
+fn entries(folder: &Path) -> HashMap<String, PathBuf> {
+    let mut names = HashMap::new();
+    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten().take(MAX_ENTRIES) {
+        let Ok(name) = entry.file_name().into_string() else { continue };
+        let kept = names.entry(name.to_lowercase()).or_insert_with(|| PathBuf::from(&name));
+        if Path::new(&name) < kept.as_path() {
+            *kept = name.into();
+        }
+    }
+    names
+}
+
+/// Other ways to write a name, the closest first: with slashes for backslashes and without a drive;
+/// without quotes and blanks around it, and the scheme `file:`; without the query or fragment of an
+/// address.
+fn spellings(name: &str) -> Vec<String> {
+    let slashes = name.replace('\\', "/");
+    let plain = slashes.trim_matches(|c: char| c.is_whitespace() || matches!(c, '"' | '\''));
+    let plain = plain.strip_prefix("file://").unwrap_or(plain);
+    let plain = match plain.as_bytes() {
+        [letter, b':', ..] if letter.is_ascii_alphabetic() => &plain[2..],
+        _ => plain,
+    };
+    let plain = plain.trim_end_matches('/');
+    let mut all = vec![slashes.clone(), plain.into()];
+    if let Some((path, _)) = plain.split_once(['?', '#']) {
+        all.push(path.into());
+    }
+    all.dedup();
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::{Input, ReadOptions};
+
+    /// Resolves a name in a scene `scene/a.obj` of a folder with these files.
+    fn resolved(files: &[&str], name: &str, confine: bool) -> Option<String> {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        for file in files {
+            let path = folder.path().join(file);
+            std::fs::create_dir_all(path.parent().expect("it is in a folder")).expect("writable");
+            std::fs::write(path, "x").expect("it is writable");
+        }
+        let name = name.replace("HERE", &folder.path().display().to_string());
+        let options = ReadOptions { confine, ..ReadOptions::default() };
+        let input = Input::from_bytes("a.obj", Vec::new(), &folder.path().join("scene"), &options);
+        let path = input.resolve(&name).ok()?.canonicalize().ok()?;
+        let root = folder.path().canonicalize().expect("it exists");
+        Some(path.strip_prefix(root).expect("it is one of the files").display().to_string())
+    }
+
+    #[test]
+    fn a_name_leads_to_the_file_that_it_means() {
+        for (name, file) in [
+            ("a.png", "scene/a.png"),
+            ("A.PNG", "scene/a.png"),
+            ("maps/A.png", "scene/Maps/a.png"),
+            ("maps\\b.png", "scene/Maps/b.png"),
+            ("C:\\Users\\me\\maps\\c.png", "scene/c.png"),
+            ("/home/me/c.png", "scene/c.png"),
+            ("\"c.png\"", "scene/c.png"),
+            ("c.png?v=3", "scene/c.png"),
+            ("C.PNG#x", "scene/c.png"),
+            ("odd?v=3", "scene/odd?v=3"),
+            ("https://example.org/c.png?size=2", "scene/c.png"),
+            ("../wood.png", "wood.png"),
+            ("../Wood.png", "wood.png"),
+            ("HERE/other/far.png", "other/far.png"),
+            ("file://HERE/other/far.png", "other/far.png"),
+        ] {
+            let files =
+                ["scene/a.png", "scene/Maps/a.png", "scene/Maps/b.png", "scene/c.png", "wood.png"];
+            let files = [&files[..], &["scene/odd?v=3", "other/far.png"]].concat();
+            assert_eq!(resolved(&files, name, false).as_deref(), Some(file), "{name}");
+        }
+    }
+
+    #[test]
+    fn a_confined_scene_finds_nothing_outside_of_its_folder() {
+        let files = ["scene/Maps/b.png", "scene/near.png", "wood.png", "near.png"];
+        for (name, file) in [
+            ("../wood.png", None),
+            ("../WOOD.png", None),
+            ("HERE/wood.png", None),
+            ("file://HERE/wood.png", None),
+            ("maps/B.png", Some("scene/Maps/b.png")),
+            ("../near.png", Some("scene/near.png")),
+        ] {
+            assert_eq!(resolved(&files, name, true).as_deref(), file, "{name}");
+        }
+    }
+}
