@@ -407,14 +407,14 @@ fn skip_list(source: &mut impl Source, length: Type, item: Type) -> Result<(), R
     source.skip(item, count)
 }
 
-fn skip_property(source: &mut impl Source, property: &Property) -> Result<(), ReadError> {
+pub fn skip_property(source: &mut impl Source, property: &Property) -> Result<(), ReadError> {
     match property.length {
         Some(length) => skip_list(source, length, property.value),
         None => source.skip(property.value, 1),
     }
 }
 
-fn skip_element(source: &mut impl Source, element: &Element) -> Result<(), ReadError> {
+pub fn skip_element(source: &mut impl Source, element: &Element) -> Result<(), ReadError> {
     // Elements without properties take no space and are not iterated, whatever their count.
     if !element.properties.is_empty() {
         for _ in 0..element.count {

@@ -4,11 +4,13 @@
 //! z`, `nx ny nz`, texture coordinates `u v`, `s t` or `texture_u texture_v`, colours `red green
 //! blue alpha`), `face` with a list `vertex_indices` or `vertex_index`, and `tristrips` with a list
 //! of one of these names. Colours of integer types are sRGB (as scanners and editors write them),
-//! those of floating-point types linear. Colours and normals of faces are ignored.
+//! those of floating-point types linear. Colours and normals of faces are ignored, but scene formats
+//! may ask for any attribute (`attribute.rs`).
 //!
 //! `header.rs` reads the declarations, `body.rs` the values, and `uniform.rs` the values of common
 //! binary files on all cores.
 
+mod attribute;
 mod body;
 mod header;
 mod uniform;
@@ -16,6 +18,7 @@ mod uniform;
 use super::normals;
 use super::notes::Notes;
 use crate::{Input, ReadError, SceneReader};
+pub use attribute::{Attribute, attribute};
 use header::{Format, Header};
 use snell_intersect::TriangleMesh;
 
