@@ -22,6 +22,9 @@ pub fn read(input: &Input) -> Result<Image, ReadError> {
             REMEDY,
         )
     };
+    if !input.bytes.starts_with(IDENTIFIER) {
+        return Err(damaged());
+    }
     let word = |at: usize| {
         let bytes = input.bytes.get(at..at + 4)?;
         Some(u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]))
