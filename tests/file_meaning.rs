@@ -234,7 +234,8 @@ fn green_of_mitsuba_normal_maps_is_the_normal_times_u() {
                 <rgb name='irradiance' value='3'/></emitter>"
             );
             let scene = mitsuba("<float name='fov' value='1e-3'/>", [1; 2], &body);
-            let scene = aimed(scene, if kind == "cylinder" { 0.01 } else { 0.3 });
+            // Along an edge of the cylinder's tessellation.
+            let scene = aimed(scene, if kind == "cylinder" { 0.0 } else { 0.3 });
             let found = picture(&scene, [1; 2], 1)[0][0];
             assert!(
                 (found - expected).abs() < 1e-3,

@@ -20,6 +20,7 @@ mod noise;
 mod pbrt_references;
 mod physics;
 mod references;
+mod scales;
 mod shading_normals;
 mod small_scenes;
 mod spectral;

@@ -27,7 +27,7 @@ class RenderSettings(TypedDict, total=False):
     """
 
     max_depth: int | None
-    """Maximum number of bounces after the first hit. Default: 8 for whitted, 1000 for path,
+    """Maximum number of bounces after the first hit. Default: 8 for whitted, 10000 for path,
     else 1.
     """
 

@@ -306,6 +306,7 @@ fn facts(py: Python<'_>, plan: &Plan, partial: &PartialRender) -> PyResult<Py<Py
     facts.set_item("seconds", seconds)?;
     facts.set_item("rays", statistics.rays.total())?;
     facts.set_item("invalid_samples", statistics.invalid_samples)?;
+    facts.set_item("cut_paths", statistics.cut_paths)?;
     let estimate = memory::estimate(&plan.task, plan.threads.count());
     facts.set_item("estimated_memory_bytes", estimate.bytes())?;
     facts.set_item("is_complete", statistics.is_complete)?;

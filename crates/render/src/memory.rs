@@ -98,7 +98,7 @@ pub fn of_picture(settings: &Settings, uses: &Uses) -> Estimate {
     let layers = 4 * picture_channels(settings);
     let is_signed = FilterSampler::new(settings.filter).mean_weight() < 1.0;
     let film = film_bytes(settings, sampled, covers, is_signed);
-    let noise_map = if settings.noise.is_some() || aovs.contains(&Aov::Noise) { 48 } else { 0 };
+    let noise_map = if settings.noise.is_some() || aovs.contains(&Aov::Noise) { 80 } else { 0 };
     // Bytes of the names and fractions of what covers a pixel, and of the layers that hold them.
     let coverage = covers * (24 + 56 + 80);
     let variance = if uses.variance { 4 + layers } else { 0 };

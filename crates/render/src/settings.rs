@@ -205,8 +205,9 @@ pub struct Settings {
 
 impl Settings {
     /// The default limit of the path length. Russian roulette ends practically all paths long
-    /// before, unless they lose nothing.
-    pub const MAX_DEPTH: u32 = 1000;
+    /// before, unless they lose nothing: in a white cloud of optical radius 50, 2 % of the paths
+    /// scatter more than 1,000 times, and practically none more than 10,000 times.
+    pub const MAX_DEPTH: u32 = 10_000;
     /// The largest limit of the path length.
     pub const DEEPEST: u32 = 100_000;
     /// The default [`Settings::noise_floor`] for a picture whose white is 1: somewhat darker than

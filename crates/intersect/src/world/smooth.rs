@@ -36,7 +36,8 @@ const BENT: [f32; 2] = [0.6, 0.8];
 /// The offset from a point of a triangle to the smooth surface, on the side of `wo`.
 #[inline(always)]
 fn lift(corners: [Vec3; 3], normals: [Vec3; 3], [b1, b2]: [f32; 2], flat: Vec3, wo: Vec3) -> Vec3 {
-    let b = [1.0 - b1 - b2, b1, b2];
+    // Rounding takes hits on an edge a little beyond it, where the lift would have the wrong side.
+    let b = [1.0 - b1 - b2, b1, b2].map(|b| max(b, 0.0));
     let edges = [corners[1] - corners[0], corners[2] - corners[0]];
     let first = edges[0] * b1 + edges[1] * b2;
     let from_corners = [first, first - edges[0], first - edges[1]];
@@ -235,6 +236,21 @@ mod tests {
             primitive: t,
         };
         (0..TRIANGLE_HITS as u32).map(hit).collect()
+    }
+
+    #[test]
+    fn rounding_beyond_an_edge_does_not_lift_to_the_other_side() {
+        let mesh = pieces_of_a_sphere(0.2);
+        for &[i, j, k] in &mesh.indices {
+            let corners = [i, j, k].map(|i| mesh.positions[i as usize]);
+            let flat = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize();
+            for uv in [[0.5, 0.500_000_06], [-6e-8, 0.5], [0.5, -6e-8]] {
+                for wo in [flat, -flat] {
+                    let lift = lift(corners, corners, uv, flat, wo);
+                    assert!(lift.dot(wo) >= 0.0, "{lift} at {uv:?} from {wo}");
+                }
+            }
+        }
     }
 
     #[test]

@@ -207,8 +207,8 @@ pub struct FilmTile {
     /// For each pixel, the sum of the intensities of its whole blocks, and the sum of their
     /// squares; empty before the first whole block.
     blocks: Vec<[f64; 2]>,
-    /// For each pixel that has stopped, the standard deviation of the intensities of blocks on
-    /// which the decision was based; empty if none has stopped.
+    /// For each pixel that has stopped, the standard deviation of the intensities of blocks around
+    /// it at that moment; empty if none has stopped.
     decided: Vec<Option<f64>>,
     channels: usize,
     /// Expected weight of a sample; see [`filter::FilterSampler::mean_weight`].

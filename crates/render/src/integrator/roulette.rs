@@ -2,6 +2,13 @@
 //! nothing goes on, so that what conserves light is free of noise (Arvo and Kirk, Particle
 //! Transport and Image Synthesis, 1990; the weights of guided paths are those of Vorba and
 //! Křivánek, Adjoint-driven Russian roulette and splitting in light transport simulation, 2016).
+//!
+//! The contribution of a path is known only where a guiding field is trained, before the first
+//! sample. Roulette by what is learnt during the render, from the variance and cost of earlier
+//! samples (Rath et al., EARS: Efficiency-aware Russian roulette and splitting, 2022) or from the
+//! pixel's value so far, would make a path depend on other samples: the picture would change with
+//! threads, tiles, and where a render is resumed or split. So would a first pass over the picture,
+//! unless each part of a split render repeats it.
 
 use snell_math::simd::{max, min};
 
@@ -96,7 +103,7 @@ mod tests {
     #[test]
     fn a_thick_white_cloud_in_a_white_furnace_is_not_seen_and_has_no_noise() {
         let mut scene = ball(1.0, Material::interface("cloud", MediumId(0)));
-        scene.add_medium(Homogeneous::scattering(Rgb::BLACK, Rgb::splat(12.0), 0.0));
+        scene.add_medium(Homogeneous::scattering(Rgb::splat(12.0), Rgb::WHITE, 0.0));
         scene.environment = Some(Environment::Constant(Rgb::WHITE));
         for roulette_depth in [None, Some(0)] {
             let settings = Settings { roulette_depth, ..settings(4) };
@@ -104,6 +111,26 @@ mod tests {
                 assert!((pixel - 1.0).abs() < 1e-3, "{pixel}");
             }
         }
+    }
+
+    #[test]
+    fn paths_that_are_cut_short_are_counted() {
+        let mut scene = ball(1.0, Material::interface("cloud", MediumId(0)));
+        scene.add_medium(Homogeneous::scattering(Rgb::splat(12.0), Rgb::WHITE, 0.0));
+        scene.environment = Some(Environment::Constant(Rgb::WHITE));
+        let compiled = CompiledScene::new(&scene, &BuildOptions::default()).expect("a valid scene");
+        let camera = Camera::look_at(Vec3::new(0.0, 0.0, 5.0), Vec3::ZERO, Vec3::Y, 0.15);
+        let cut = |max_depth| {
+            let settings = Settings { max_depth, ..settings(16) };
+            let (film, statistics) = Job::new(&compiled, &camera, &settings).run(2, &|_| true);
+            let image = film.image();
+            let values = image.layers[0].values.chunks(4).map(|pixel| f64::from(pixel[0]));
+            let missing = 1.0 - values.sum::<f64>() / 36.0;
+            (statistics.cut_paths as f64 / statistics.samples as f64, missing)
+        };
+        let (share, missing) = cut(20);
+        assert!(share > 0.2 && (missing - share).abs() < 1e-3, "{share} {missing}");
+        assert_eq!(cut(Settings::MAX_DEPTH).0, 0.0);
     }
 
     #[test]

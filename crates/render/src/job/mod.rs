@@ -78,6 +78,9 @@ pub struct Statistics {
     /// The number of samples that were not finite and counted as black. It is always 0 unless a
     /// material or light has an error.
     pub invalid_samples: u64,
+    /// The number of paths of the integrator `path` that still met something after the largest
+    /// number of bounces, so that light may be missing. It is 0 if no path is cut short.
+    pub cut_paths: u64,
     /// Time that threads spent in ray queries, summed over all threads. Not reproducible.
     pub tracing: Duration,
     /// The number of complete training passes of path guiding.
@@ -434,6 +437,7 @@ impl<'a> Job<'a> {
         all.rays += mine.rays;
         all.samples += mine.samples;
         all.invalid_samples += mine.invalid_samples;
+        all.cut_paths += mine.cut_paths;
         all.tracing += renderer.tracer.spent;
         lock(&tally.recording).append(renderer.tracer.recording.unwrap_or_default());
     }

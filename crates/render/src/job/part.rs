@@ -269,6 +269,9 @@ impl<'a> PartRenderer<'a> {
                 self.note_first_hits();
             }
             self.travel(depth, grouping);
+            if depth == self.context.settings.max_depth {
+                statistics.cut_paths += self.unfinished();
+            }
             self.next.clear();
             self.shade_batch(depth, statistics);
             std::mem::swap(&mut self.paths, &mut self.next);
@@ -277,6 +280,18 @@ impl<'a> PartRenderer<'a> {
             depth += 1;
             grouping = Grouping::None;
         }
+    }
+
+    /// The number of paths that have met a surface or have been scattered by a medium, for the
+    /// integrator `path`; 0 for the others, which are short by design.
+    fn unfinished(&self) -> u64 {
+        if self.context.settings.integrator != IntegratorKind::Path {
+            return 0;
+        }
+        let scattered = self.volumes.as_ref().map_or(&[][..], |volumes| &volumes.scattered[..]);
+        let is_scattered = |path: usize| scattered.get(path).is_some_and(Option::is_some);
+        let hits = self.paths.hits.iter().enumerate();
+        hits.filter(|&(path, hit)| hit.is_hit() || is_scattered(path)).count() as u64
     }
 
     /// Passes the light that each path has collected so far to the recorder, if there is one.

@@ -474,7 +474,7 @@ mod tests {
     #[test]
     fn defaults_are_those_of_the_manual() {
         let settings = resolved(Request::default(), |_| {});
-        assert_eq!((settings.size, settings.spp, settings.max_depth), ([960, 720], 64, 1000));
+        assert_eq!((settings.size, settings.spp, settings.max_depth), ([960, 720], 64, 10_000));
         assert_eq!((settings.crop, settings.noise, settings.guiding), (None, None, None));
         assert_eq!(settings.integrator, IntegratorKind::Path);
         assert_eq!(settings.build.quality, Quality::Medium);

@@ -31,6 +31,7 @@ pub use projector::{Projector, Slide};
 pub use rectangle::Rectangle;
 pub use spot::{Spot, SpotFalloff};
 
+use crate::ranges::FARTHEST;
 use punctual::{PunctualLight, PunctualSample};
 use serde::{Deserialize, Serialize};
 use snell_math::parameters::{Kind, Range, Value, Visitor, problem_at};
@@ -250,7 +251,7 @@ impl Light {
     /// through a sphere of the scene's radius.
     pub fn power(&self, scene_radius: f64) -> f64 {
         let is_usable = scene_radius > 0.0 && scene_radius.is_finite();
-        let radius = if is_usable { scene_radius.min(1e9) } else { 1.0 };
+        let radius = if is_usable { scene_radius.min(FARTHEST) } else { 1.0 };
         let power = match_light!(self, light => light.power(radius));
         if power.is_nan() { 0.0 } else { power.clamp(0.0, f64::MAX) }
     }

@@ -1,6 +1,6 @@
 //! Metals by their measured index of refraction, or by their colour.
 
-use super::{ColorParam, ScalarParam, ShadingPoint};
+use super::{ColorParam, ScalarParam, ShadingPoint, bounded};
 use crate::bsdf::{
     Bsdf, ComplexIor, ConductorBsdf, F82, FacetReflectance, LobeSpectra, MicrofacetShape, Widths,
 };
@@ -9,7 +9,7 @@ use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 use snell_math::parameters::Range;
 use snell_math::spectrum::Metal;
-use snell_math::{Rgb, SampledSpectrum};
+use snell_math::{ColorMode, Rgb, SampledSpectrum};
 
 snell_math::declare! {
     /// The spectrum of a metal. A named metal may also be written as text: `"metal:Au"`.
@@ -185,10 +185,10 @@ impl Conductor {
                 let [eta, k] = metal.indices(point.mode);
                 FacetReflectance::Complex(ComplexIor { eta: eta * over, k: k * over })
             }
-            ConductorSpectrum::Measured { eta, k } => FacetReflectance::Complex(ComplexIor {
-                eta: point.coefficient(eta) * over,
-                k: point.coefficient(k) * over,
-            }),
+            ConductorSpectrum::Measured { eta, k } => {
+                let ComplexIor { eta, k } = measured_ior(eta, k, point.mode);
+                FacetReflectance::Complex(ComplexIor { eta: eta * over, k: k * over })
+            }
             ConductorSpectrum::Color(color) => FacetReflectance::F82(F82 {
                 f0: point.reflectance(color.at(point)),
                 edge: SampledSpectrum::ONE,
@@ -201,5 +201,68 @@ impl Conductor {
         let unit = point.mode.unit();
         let is_white = self.tint == Rgb::WHITE.into();
         if is_white { unit } else { unit * point.reflectance(self.tint.at(point)) }
+    }
+}
+
+/// Reflectances nearer to 1 would need an infinite absorption.
+const MOST_REFLECTANCE: f32 = 0.999_9;
+
+/// The lanes of a complex index of refraction that is given as colours. As a spectrum it has the
+/// colour at normal incidence that it has in RGB mode: its real part is a smooth spectrum, and its
+/// imaginary part follows from a smooth spectrum of that reflectance. (The reflectance of smooth
+/// spectra of both parts has another colour, since it is not linear in them.)
+fn measured_ior(eta: Rgb, k: Rgb, mode: ColorMode) -> ComplexIor {
+    let [eta, k] = [eta, k].map(|part| part.map(|x| bounded(x, 1e20)));
+    let is_grey = |c: Rgb| c == Rgb::splat(c.r);
+    let n = mode.reflectance(eta);
+    if mode == ColorMode::Rgb || (is_grey(eta) && is_grey(k)) {
+        return ComplexIor { eta: n, k: mode.reflectance(k) };
+    }
+    let of = |n: f32, k: f32| normal_reflectance(n, k).min(MOST_REFLECTANCE);
+    let color = Rgb::new(of(eta.r, k.r), of(eta.g, k.g), of(eta.b, k.b));
+    ComplexIor { eta: n, k: n.zip(mode.reflectance(color), absorption_for) }
+}
+
+/// The reflectance at normal incidence for the index `n + i k`.
+fn normal_reflectance(n: f32, k: f32) -> f32 {
+    ((n - 1.0).powi(2) + k * k) / ((n + 1.0).powi(2) + k * k)
+}
+
+/// The absorption with which an index with the real part `n` has this reflectance at normal
+/// incidence; 0 if the reflectance is higher without any.
+fn absorption_for(n: f32, reflectance: f32) -> f32 {
+    let r = reflectance.min(MOST_REFLECTANCE);
+    ((r * (n + 1.0).powi(2) - (n - 1.0).powi(2)) / (1.0 - r)).max(0.0).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use snell_math::SampledWavelengths;
+
+    #[test]
+    fn metals_by_rgb_indices_have_the_same_colour_at_normal_incidence_in_both_modes() {
+        let nickel = Conductor::measured(Rgb::new(2.0, 1.8, 1.6), Rgb::new(3.8, 3.3, 2.6), 0.0);
+        let glass = Conductor::measured(Rgb::new(1.4, 1.5, 1.6), Rgb::BLACK, 0.0);
+        let extreme = Conductor::measured(Rgb::new(1.0, 0.5, 0.0), Rgb::new(0.0, 9.0, 1e9), 0.0);
+        for metal in [Conductor::gold(0.0), Conductor::copper(0.0), nickel, glass, extreme] {
+            let ConductorSpectrum::Measured { eta, k } = metal.spectrum else { unreachable!() };
+            const COUNT: u16 = 256;
+            let seen = |i: u16| {
+                let u = (f32::from(i) + 0.5) / f32::from(COUNT) / 4.0;
+                let mode = ColorMode::Spectral(SampledWavelengths::sample(u));
+                let ior = measured_ior(eta, k, mode);
+                let reflected = ior.eta.zip(ior.k, normal_reflectance);
+                assert!(reflected.0.iter().all(|r| (0.0..=1.0).contains(r)), "{reflected:?}");
+                mode.to_rgb(reflected * mode.illuminant(Rgb::WHITE))
+            };
+            let mean = (0..COUNT).map(seen).fold(Rgb::BLACK, |a, b| a + b * (1.0 / 256.0));
+            for (found, (n, k)) in
+                mean.to_array().into_iter().zip(eta.to_array().into_iter().zip(k.to_array()))
+            {
+                let expected = normal_reflectance(n, k);
+                assert!((found - expected).abs() < 4e-3, "{n} {k}: {found}, not {expected}");
+            }
+        }
     }
 }

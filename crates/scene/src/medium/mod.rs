@@ -34,8 +34,9 @@ pub use tracking::TrackedGrid;
 
 use snell_math::{ColorMode, Rgb, SampledSpectrum, Vec3};
 
-/// Maximum coefficient per scene unit. A medium with a larger one is effectively opaque.
-const MAX_COEFFICIENT: f32 = 1e9;
+/// Maximum coefficient per scene unit. Scenes may be as small as they like, so this is only what
+/// keeps products of two coefficients finite.
+const MAX_COEFFICIENT: f32 = 1e18;
 
 /// The properties of a medium at one point.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -359,7 +359,8 @@ impl TextureSet {
         footprint: f32,
     ) -> f32 {
         let (width, height) = self.pyramids[*pyramid].size();
-        let world_per_uv = at.dpdu.cross(at.dpdv).length();
+        // The square of an area overflows single precision from lengths of 4e9 on.
+        let world_per_uv = at.dpdu.cross(at.dpdv).as_dvec3().length() as f32;
         let texels_per_world = texture.area_scale() * width as f32 * height as f32 / world_per_uv;
         // Half the logarithm of the area is the logarithm of the width. Infinity and NaN become a
         // defined level in `filtered`.

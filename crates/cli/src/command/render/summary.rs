@@ -11,6 +11,9 @@ use snell_render::{CompiledScene, Film, Settings, Statistics};
 use snell_scene::{Scene, Warning};
 use std::path::Path;
 
+/// The share of paths that may be cut short without a warning.
+const CUT_SHARE: f64 = 1e-3;
+
 /// The facts of a finished render.
 pub struct Summary<'a> {
     pub scene: &'a Scene,
@@ -86,6 +89,7 @@ impl Summary<'_> {
             "converged": self.converged(),
             "complete": self.statistics.is_complete,
             "invalid_samples": self.statistics.invalid_samples,
+            "cut_paths": self.statistics.cut_paths,
             "warnings": messages::as_json(&self.warnings),
             "peak_memory_bytes": peak_memory_bytes(),
             "estimated_memory_bytes": self.estimated_memory_bytes,
@@ -172,6 +176,16 @@ impl Summary<'_> {
                     sizes of the scene may be too large",
                 options.scene.display(),
                 self.statistics.invalid_samples
+            );
+        }
+        let cut_share = self.statistics.cut_paths as f64 / self.statistics.samples.max(1) as f64;
+        if self.settings.max_depth >= Settings::MAX_DEPTH && cut_share > CUT_SHARE {
+            eprintln!(
+                "warning: {}: {:.1} % of the paths were cut short after {} bounces, so light may \
+                    be missing; use a larger --max-depth",
+                options.scene.display(),
+                cut_share * 100.0,
+                self.settings.max_depth
             );
         }
         if options.scene == Path::new("cornell-box") && options.output.is_none() {

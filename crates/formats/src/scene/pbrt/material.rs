@@ -359,13 +359,13 @@ impl Builder<'_> {
         } else {
             let Coefficients { sigma_a, sigma_s } = self.coefficients_below(params)?;
             let (sigma_a, sigma_s) = (sigma_a * scale, sigma_s * scale);
-            let channel = |a: f32, s: f32| color_of_albedo(s / (a + s).max(1e-12), g);
+            let channel = |a: f32, s: f32| color_of_albedo(s / (a + s).max(f32::MIN_POSITIVE), g);
             let color = Rgb::new(
                 channel(sigma_a.r, sigma_s.r),
                 channel(sigma_a.g, sigma_s.g),
                 channel(sigma_a.b, sigma_s.b),
             );
-            (color.into(), (sigma_a + sigma_s).map(|t| 1.0 / t.max(1e-6)))
+            (color.into(), mean_free_paths(sigma_a + sigma_s))
         };
         let ior = if params.has("eta") { self.index(params, "eta")? } else { 1.33 };
         let roughness = self.roughness(params, "", 0.0)?;
@@ -622,6 +622,13 @@ fn named_metal(params: &Params, prefix: &str) -> Option<Metal> {
     if eta == k { Metal::named(&eta?) } else { None }
 }
 
+/// The mean free paths for these extinctions. Of a channel without extinction it is long beside the
+/// others, which any finite number in scene units need not be.
+fn mean_free_paths(sigma_t: Rgb) -> Rgb {
+    let least = (sigma_t.max_element() * 1e-12).max(1e-18);
+    sigma_t.map(|sigma| 1.0 / sigma.max(least))
+}
+
 /// A surface with subsurface scattering, from its diffuse reflectance `color`, the mean free path
 /// `radius` of each channel and the mean cosine `g` of scattering.
 pub(super) fn lit_below(
@@ -631,7 +638,7 @@ pub(super) fn lit_below(
     ior: f32,
     roughness: ScalarParam,
 ) -> Material {
-    let longest = radius.max_element().max(1e-9);
+    let longest = radius.max_element().max(f32::MIN_POSITIVE);
     let kind = OpenPbr {
         subsurface_weight: 1.0.into(),
         subsurface_color: color,

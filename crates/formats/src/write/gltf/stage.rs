@@ -9,6 +9,7 @@ use snell_scene::{Camera, Light, Projection};
 /// Adds the nodes of all cameras; returns the table of cameras.
 pub fn cameras(document: &mut Document, top: &mut Vec<usize>) -> Vec<Value> {
     let scene = document.scene;
+    let bounds = scene.bounds().ok().filter(|b| !b.is_empty() && b.is_finite());
     let mut table = Vec::new();
     for (i, camera) in scene.cameras.iter().enumerate() {
         let who = if camera.name.is_empty() {
@@ -18,7 +19,10 @@ pub fn cameras(document: &mut Document, top: &mut Vec<usize>) -> Vec<Value> {
         };
         let size = camera.resolution.or(scene.settings.size).unwrap_or([4, 3]);
         let aspect = f64::from(size[0].max(1)) / f64::from(size[1].max(1));
-        let Some(mut value) = projection(document, camera, aspect, &who) else {
+        // Programs that draw triangles need depths that fit the scene; Snell ignores them.
+        let depth = bounds.map(|b| b.center().distance(camera.eye) + b.radius());
+        let depth = depth.filter(|depth| *depth > 0.0).unwrap_or(DEPTH);
+        let Some(mut value) = projection(document, camera, [aspect, depth], &who) else {
             let kind = match camera.projection {
                 Projection::Panoramic => "panoramic",
                 Projection::EqualArea => "equal-area",
@@ -49,8 +53,18 @@ pub fn cameras(document: &mut Document, top: &mut Vec<usize>) -> Vec<Value> {
     table
 }
 
-fn projection(document: &mut Document, camera: &Camera, aspect: f64, who: &str) -> Option<Value> {
-    let near = 1e-3;
+/// The depth of scenes whose extent is unknown.
+const DEPTH: f64 = 1e3;
+
+/// The projection of a camera, for this aspect ratio of the picture and depth of the scene; `None`
+/// if glTF has none like it.
+fn projection(
+    document: &mut Document,
+    camera: &Camera,
+    [aspect, depth]: [f64; 2],
+    who: &str,
+) -> Option<Value> {
+    let near = 1e-5 * depth;
     match &camera.projection {
         Projection::Perspective { tan_half_fov } => {
             let y = match *tan_half_fov {
@@ -78,7 +92,7 @@ fn projection(document: &mut Document, camera: &Camera, aspect: f64, who: &str) 
                 [None, Some(y)] => (y * aspect, y),
                 [None, None] => (aspect, 1.0),
             };
-            let orthographic = json!({ "xmag": x, "ymag": y, "znear": 0.0, "zfar": 1e6 });
+            let orthographic = json!({ "xmag": x, "ymag": y, "znear": 0.0, "zfar": 2.0 * depth });
             Some(json!({ "type": "orthographic", "orthographic": orthographic }))
         }
         Projection::Panoramic | Projection::EqualArea | Projection::Fisheye { .. } => None,
