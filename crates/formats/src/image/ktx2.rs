@@ -10,6 +10,13 @@ use snell_scene::{Encoding, Image, Pixels};
 /// The first bytes of every KTX2 file.
 pub const IDENTIFIER: &[u8] = b"\xabKTX 20\xbb\r\n\x1a\n";
 
+/// Bytes of a pixel of four display values.
+const DISPLAY_BYTES: u64 = 4;
+
+/// Bytes of a pixel of four linear values: those that the decoder makes, of 16 bits, and those that
+/// are returned.
+const LINEAR_BYTES: u64 = 8 + 16;
+
 /// Remedy for files that are not what glTF allows.
 const REMEDY: &str = "save it as PNG, or as KTX2 with Basis Universal compression";
 
@@ -31,8 +38,9 @@ pub fn read(input: &Input) -> Result<Image, ReadError> {
     };
     let header = || -> Option<[u32; 3]> { Some([word(12)?, word(20)?, word(24)?]) };
     let [vulkan_format, width, height] = header().ok_or_else(damaged)?;
-    check_size(input, width.into(), height.into(), 8)?;
-    if !fits_picture(input, word, u64::from(width) * u64::from(height)) {
+    check_size(input, width.into(), height.into(), DISPLAY_BYTES)?;
+    let pixels = u64::from(width) * u64::from(height);
+    if !fits_picture(input, word, pixels) {
         return Err(damaged());
     }
     let transcoder = Transcoder::new(&input.bytes).map_err(|_| match vulkan_format {
@@ -50,6 +58,7 @@ pub fn read(input: &Input) -> Result<Image, ReadError> {
     use SourceFormat::{AstcHdr6x6, UastcHdr4x4, UastcHdr6x6};
     match transcoder.source_format() {
         UastcHdr4x4 | AstcHdr6x6 | UastcHdr6x6 => {
+            input.charge(pixels * (LINEAR_BYTES - DISPLAY_BYTES), "a KTX2 picture")?;
             let values = transcode(TargetFormat::RgbaHalf)?;
             let values = values.as_chunks::<2>().0.iter().map(|b| f16::from_le_bytes(*b).to_f32());
             let pixels = Pixels::F32(values.collect());

@@ -118,8 +118,12 @@ pub(super) fn check(root: &Json, scene: &mut Scene) -> Result<(), ReadError> {
     }
     for used in root.items_of("extensionsUsed")? {
         let name = used.string()?;
-        let is_known = UNDERSTOOD.contains(&name) || WITHOUT_EFFECT.contains(&name);
-        if !is_known && name != RELATIVE_TO_CENTER && !required_names.contains(&name) {
+        if WITHOUT_EFFECT.contains(&name) {
+            scene.note(format!("{name}: not read, because it does not change the picture"));
+            continue;
+        }
+        let is_known = UNDERSTOOD.contains(&name) || name == RELATIVE_TO_CENTER;
+        if !is_known && !required_names.contains(&name) {
             scene.warn(format!(
                 "the extension {name} is not supported; the scene is shown without it"
             ));
