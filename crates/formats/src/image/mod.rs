@@ -10,6 +10,7 @@ mod animated;
 pub mod compare;
 pub mod cryptomatte;
 mod flip;
+mod ktx2;
 mod openexr;
 mod pfm;
 mod picture;
@@ -183,6 +184,38 @@ pub const IMAGE_FORMATS: &[ImageFormat] = &[
         description: "WebP: sRGB display values of 8 bits",
         recognises: |b| b.starts_with(b"RIFF") && b.get(8..12) == Some(b"WEBP"),
         read: Some(|input| raster::read(input, ::image::ImageFormat::WebP)),
+        write: None,
+    },
+    ImageFormat {
+        name: "gif",
+        extensions: &["gif"],
+        description: "GIF: sRGB display values of 8 bits; the first frame",
+        recognises: |b| b.starts_with(b"GIF8"),
+        read: Some(|input| raster::read(input, ::image::ImageFormat::Gif)),
+        write: None,
+    },
+    ImageFormat {
+        name: "tiff",
+        extensions: &["tif", "tiff"],
+        description: "TIFF: sRGB display values of 8 or 16 bits, or linear float; the first page",
+        recognises: |b| b.starts_with(b"II*\0") || b.starts_with(b"MM\0*"),
+        read: Some(|input| raster::read(input, ::image::ImageFormat::Tiff)),
+        write: None,
+    },
+    ImageFormat {
+        name: "dds",
+        extensions: &["dds"],
+        description: "DirectDraw surface: sRGB display values compressed as DXT1, DXT3 or DXT5",
+        recognises: |b| b.starts_with(b"DDS "),
+        read: Some(|input| raster::read(input, ::image::ImageFormat::Dds)),
+        write: None,
+    },
+    ImageFormat {
+        name: "ktx2",
+        extensions: &["ktx2"],
+        description: "KTX2 with Basis Universal compression (ETC1S, UASTC); the largest level",
+        recognises: |b| b.starts_with(ktx2::IDENTIFIER),
+        read: Some(ktx2::read),
         write: None,
     },
     ImageFormat {

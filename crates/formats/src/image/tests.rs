@@ -322,8 +322,8 @@ fn unknown_extensions_are_errors_that_list_the_known_ones() {
             .to_string();
         assert!(message.contains(".exr .png .jpg .hdr .pfm .ppm"), "{message}");
     }
-    let message = read_image(&input("a.gif", b"GIF89a".to_vec())).unwrap_err().to_string();
-    assert!(message.contains("47 49 46") && message.contains("openexr"), "{message}");
+    let message = read_image(&input("a.xcf", b"gimp xcf".to_vec())).unwrap_err().to_string();
+    assert!(message.contains("67 69 6d") && message.contains("openexr"), "{message}");
 }
 
 #[test]
@@ -547,4 +547,107 @@ fn a_small_file_cannot_declare_a_picture_that_fills_the_memory() {
     assert!(check(&small, 8_192, 8_192, 4).is_ok());
     let large = input("a.png", vec![0; 20 << 20]);
     assert!(check(&large, 16_000, 16_000, 8).is_ok());
+}
+
+/// The only pixel of a picture of one format, and its encoding.
+fn first_pixel(name: &str, bytes: Vec<u8>) -> ([f32; 4], Encoding) {
+    let image = read_image(&input(name, bytes)).unwrap_or_else(|e| panic!("{e}"));
+    (image.rgba_as(0, 0, Encoding::Linear), image.encoding)
+}
+
+/// A GIF of two frames of one pixel: red, then green.
+fn two_frames() -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let mut encoder = gif::Encoder::new(&mut bytes, 1, 1, &[255, 0, 0, 0, 255, 0]).unwrap();
+    for color in 0..2 {
+        let frame =
+            gif::Frame { width: 1, height: 1, buffer: vec![color].into(), ..Default::default() };
+        encoder.write_frame(&frame).unwrap();
+    }
+    drop(encoder);
+    bytes
+}
+
+/// A TIFF of one grey pixel of 8 bits.
+fn tiff(grey: u8) -> Vec<u8> {
+    let mut bytes = b"II*\0\x08\0\0\0".to_vec();
+    let entries: [(u16, u32); 8] =
+        [(256, 1), (257, 1), (258, 8), (259, 1), (262, 1), (273, 110), (278, 1), (279, 1)];
+    bytes.extend((entries.len() as u16).to_le_bytes());
+    for (tag, value) in entries {
+        bytes.extend(tag.to_le_bytes());
+        bytes.extend(4u16.to_le_bytes());
+        bytes.extend([1, value].map(u32::to_le_bytes).concat());
+    }
+    bytes.extend([0; 4]);
+    assert_eq!(bytes.len(), 110);
+    bytes.push(grey);
+    bytes
+}
+
+/// A DDS of one block of DXT1 in this colour (RGB 565).
+fn dds(color: u16) -> Vec<u8> {
+    let mut words = [0u32; 32];
+    words[0] = u32::from_le_bytes(*b"DDS ");
+    (words[1], words[2], words[3], words[4]) = (124, 0x1007, 4, 4);
+    (words[19], words[20], words[21]) = (32, 4, u32::from_le_bytes(*b"DXT1"));
+    words[27] = 0x1000;
+    let mut bytes: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
+    bytes.extend([color, color].map(u16::to_le_bytes).concat());
+    bytes.extend([0; 4]);
+    bytes
+}
+
+/// A KTX2 of one block of UASTC that has one colour (mode 8 of its specification).
+fn ktx2(color: [u8; 4]) -> Vec<u8> {
+    let mut words =
+        vec![0, 1, 4, 4, 0, 0, 1, 1, 0, 104, 44, 0, 0, 0, 0, 0, 0, 148, 0, 16, 0, 16, 0];
+    // The data format: UASTC with the primaries and the curve of sRGB, 4 x 4 pixels, RGBA.
+    words.extend([44, 0, 2 | 40 << 16, 166 | 1 << 8 | 2 << 16, 0x0303, 16, 0]);
+    words.extend([127 << 16 | 3 << 24, 0, 0, u32::MAX]);
+    let mut bytes = ktx2::IDENTIFIER.to_vec();
+    bytes.extend(words.iter().flat_map(|word: &u32| word.to_le_bytes()));
+    assert_eq!(bytes.len(), 148);
+    let bits = u128::from(u32::from_le_bytes(color)) << 5 | 0b10111;
+    bytes.extend(bits.to_le_bytes());
+    bytes
+}
+
+#[test]
+fn textures_of_games_and_archives_are_read() {
+    assert_eq!(first_pixel("a.gif", two_frames()), ([1.0, 0.0, 0.0, 1.0], Encoding::Srgb));
+    assert_eq!(first_pixel("a.tif", tiff(51)), ([0.2, 0.2, 0.2, 1.0], Encoding::Srgb));
+    assert_eq!(first_pixel("a.dds", dds(0x07e0)).0[..3], [0.0, 1.0, 0.0]);
+    let color = [255, 51, 0, 102];
+    assert_eq!(first_pixel("a.ktx2", ktx2(color)), ([1.0, 0.2, 0.0, 0.4], Encoding::Srgb));
+}
+
+#[test]
+fn damaged_textures_of_games_and_archives_are_errors_or_pictures() {
+    let limits = Limits { image_pixels: 1 << 12, ..Limits::default() };
+    let options = ReadOptions { limits, ..ReadOptions::default() };
+    let read = |name, bytes| read_image(&Input::from_bytes(name, bytes, Path::new("."), &options));
+    for (name, bytes) in
+        [("a.gif", two_frames()), ("a.tif", tiff(1)), ("a.dds", dds(1)), ("a.ktx2", ktx2([9; 4]))]
+    {
+        for at in 0..bytes.len() {
+            let _ = read(name, bytes[..at].to_vec());
+            for value in [0, 1, 0x7f, 0xff] {
+                let mut damaged = bytes.clone();
+                damaged[at] = value;
+                if let Ok(image) = read(name, damaged) {
+                    assert!(image.width > 0 && image.height > 0);
+                }
+            }
+        }
+    }
+    // An exabyte of decompressed data, and a format that is not Basis Universal.
+    let mut huge = ktx2([9; 4]);
+    huge[44] = 2;
+    huge[103] = 0x10;
+    assert!(read("a.ktx2", huge).is_err());
+    let mut other = ktx2([9; 4]);
+    other[12] = 37;
+    let error = read("a.ktx2", other).expect_err("a format of Vulkan");
+    assert!(error.problem.contains("the Vulkan format 37"), "{error}");
 }

@@ -54,16 +54,28 @@ impl Component {
     /// The value of `bytes`, which has [`Self::bytes`] elements.
     fn number(self, bytes: &[u8], normalized: bool) -> f32 {
         let [a, b, c, d] = [0, 1, 2, 3].map(|i| bytes.get(i).copied().unwrap_or(0));
-        let scaled =
-            |value: f32, max: f32| if normalized { (value / max).max(-1.0) } else { value };
-        match self {
-            Self::I8 => scaled(f32::from(a as i8), 127.0),
-            Self::U8 => scaled(f32::from(a), 255.0),
-            Self::I16 => scaled(f32::from(i16::from_le_bytes([a, b])), 32767.0),
-            Self::U16 => scaled(f32::from(u16::from_le_bytes([a, b])), 65535.0),
-            Self::U32 => scaled(u32::from_le_bytes([a, b, c, d]) as f32, u32::MAX as f32),
+        let value = match self {
+            Self::I8 => f32::from(a as i8),
+            Self::U8 => f32::from(a),
+            Self::I16 => f32::from(i16::from_le_bytes([a, b])),
+            Self::U16 => f32::from(u16::from_le_bytes([a, b])),
+            Self::U32 => u32::from_le_bytes([a, b, c, d]) as f32,
             Self::F32 => f32::from_le_bytes([a, b, c, d]),
-        }
+        };
+        if normalized { self.fraction(value) } else { value }
+    }
+
+    /// The fraction that an integer represents. Floating-point values represent themselves.
+    fn fraction(self, value: f32) -> f32 {
+        let most = match self {
+            Self::I8 => 127.0,
+            Self::U8 => 255.0,
+            Self::I16 => 32767.0,
+            Self::U16 => 65535.0,
+            Self::U32 => u32::MAX as f32,
+            Self::F32 => return value,
+        };
+        (value / most).max(-1.0)
     }
 
     /// The value of `bytes` as an index; `None` for types other than unsigned integers.
@@ -103,6 +115,8 @@ pub(super) struct Accessor<'s, 'a> {
     /// Location of the elements; `None` if all are zero.
     part: Option<Part>,
     stride: usize,
+    /// Components of all elements, if they are decoded already.
+    unpacked: Option<Vec<f32>>,
 }
 
 impl<'a> Accessors<'a> {
@@ -123,8 +137,34 @@ impl<'a> Accessors<'a> {
         &self.buffers
     }
 
-    /// The accessor that `index` refers to.
+    /// The accessor that `index` refers to, to be read.
     pub fn get(&self, index: &Json) -> Result<Accessor<'_, 'a>, ReadError> {
+        let accessor = self.describe(index)?;
+        let count = accessor.count;
+        if accessor.part.is_none() && count > MAX_ZEROS {
+            return Err(accessor.error(format!(
+                "the accessor declares {count} elements without any data; at most {MAX_ZEROS} \
+                    are possible so"
+            )));
+        }
+        Ok(accessor)
+    }
+
+    /// The accessor that `index` refers to, with `values` as the components of its elements: they
+    /// were decoded elsewhere, from numbers of the type `component`.
+    pub fn unpacked(
+        &self,
+        index: &Json,
+        values: Vec<f32>,
+        component: Component,
+    ) -> Result<Accessor<'_, 'a>, ReadError> {
+        let accessor = self.describe(index)?;
+        let count = values.len() / accessor.width;
+        Ok(Accessor { count, component, unpacked: Some(values), ..accessor })
+    }
+
+    /// The accessor that `index` refers to, whose elements may be stored elsewhere.
+    pub fn describe(&self, index: &Json) -> Result<Accessor<'_, 'a>, ReadError> {
         let i = index.size()?;
         let json = self.table.get(i).ok_or_else(|| {
             index.error(format!(
@@ -159,14 +199,9 @@ impl<'a> Accessors<'a> {
             width,
             part,
             stride,
+            unpacked: None,
         };
         let Some(view) = json.get("bufferView")? else {
-            if count > MAX_ZEROS {
-                return Err(json.error(format!(
-                    "the accessor declares {count} elements without any data; at most {MAX_ZEROS} \
-                        are possible so"
-                )));
-            }
             return Ok(accessor(None, size));
         };
         let view = self.buffers.view(&view)?;
@@ -257,6 +292,10 @@ impl Accessor<'_, '_> {
             return Err(
                 self.error(format!("its elements have {} components, expected {N}", self.width))
             );
+        }
+        if let Some(values) = &self.unpacked {
+            let scaled = |x| if self.normalized { self.component.fraction(x) } else { x };
+            return Ok(values.as_chunks::<N>().0.iter().map(|v| v.map(scaled)).collect());
         }
         let step = self.component.bytes();
         let decode = |element: &[u8]| {

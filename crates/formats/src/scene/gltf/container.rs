@@ -8,7 +8,7 @@ use base64::Engine;
 use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
 use serde_json::Value;
 use std::borrow::Cow;
-use std::cell::OnceCell;
+use std::cell::{OnceCell, RefCell};
 
 /// Magic bytes of a binary glTF file.
 pub(super) const GLB_MAGIC: &[u8] = b"glTF";
@@ -127,7 +127,13 @@ pub(super) struct Buffers<'a> {
     loaded: Vec<OnceCell<Cow<'a, [u8]>>>,
     /// Decoded contents of compressed views.
     decoded: Vec<OnceCell<Vec<u8>>>,
+    /// Warnings about what was loaded.
+    warnings: RefCell<Vec<String>>,
 }
+
+/// Buffers may lack this many bytes at their end: some writers declare a length that is rounded up,
+/// or count a last element that they do not write.
+const MAX_MISSING_BYTES: usize = 15;
 
 impl<'a> Buffers<'a> {
     /// Prepares the buffers; nothing is read yet.
@@ -140,7 +146,13 @@ impl<'a> Buffers<'a> {
         let views = root.items_of("bufferViews")?;
         let loaded = declared.iter().map(|_| OnceCell::new()).collect();
         let decoded = views.iter().map(|_| OnceCell::new()).collect();
-        Ok(Self { input, binary, declared, views, loaded, decoded })
+        let warnings = RefCell::default();
+        Ok(Self { input, binary, declared, views, loaded, decoded, warnings })
+    }
+
+    /// Warnings about the buffers that have been loaded.
+    pub fn take_warnings(&self) -> Vec<String> {
+        self.warnings.take()
     }
 
     /// The glTF file.
@@ -224,11 +236,24 @@ impl<'a> Buffers<'a> {
         self.bytes(&self.view(index)?)
     }
 
-    /// Loads a buffer, with at least as many bytes as it declares.
+    /// Loads a buffer, with at least as many bytes as it declares. A few bytes that are missing at
+    /// its end become zeros, with a warning.
     fn load(&self, buffer: &Json<'a>, is_first: bool) -> Result<Cow<'a, [u8]>, ReadError> {
         let bytes = self.fetch(buffer, is_first)?;
         let length = buffer.require("byteLength")?.size()?;
-        if bytes.len() < length {
+        let missing = length.saturating_sub(bytes.len());
+        if missing > 0 && missing <= MAX_MISSING_BYTES.min(length / 2) {
+            self.warnings.borrow_mut().push(format!(
+                "the buffer at {} should have {length} bytes, but has {}; the missing ones are \
+                    taken as 0",
+                buffer.path(),
+                bytes.len()
+            ));
+            let mut bytes = bytes.into_owned();
+            bytes.resize(length, 0);
+            return Ok(Cow::Owned(bytes));
+        }
+        if missing > 0 {
             return Err(buffer.error_with(
                 format!("the buffer should have {length} bytes, but has only {}", bytes.len()),
                 "the file with the buffer is cut off or not the right one: copy or export it again",

@@ -1,5 +1,5 @@
-//! Checks extensions: a required extension that is not supported is an error, an optional one
-//! leaves a warning.
+//! Checks extensions: whatever is not supported leaves a warning, and is an error only if the file
+//! requires it to store its geometry.
 
 use super::json::Json;
 use crate::ReadError;
@@ -12,6 +12,7 @@ const UNDERSTOOD: &[&str] = &[
     "EXT_meshopt_compression",
     "EXT_texture_webp",
     "KHR_animation_pointer",
+    "KHR_draco_mesh_compression",
     "KHR_lights_punctual",
     "KHR_materials_anisotropy",
     "KHR_materials_clearcoat",
@@ -30,52 +31,123 @@ const UNDERSTOOD: &[&str] = &[
     "KHR_mesh_quantization",
     "KHR_meshopt_compression",
     "KHR_node_visibility",
+    "KHR_texture_basisu",
     "KHR_texture_transform",
+    "MSFT_texture_dds",
 ];
 
-/// Extensions that do not affect a still picture.
-const WITHOUT_EFFECT: &[&str] = &["FB_ngon_encoding", "KHR_xmp", "KHR_xmp_json_ld"];
+/// Extensions that do not affect a still picture: what things are, how they behave, and other
+/// levels of detail.
+const WITHOUT_EFFECT: &[&str] = &[
+    "AGI_articulations",
+    "AGI_stk_metadata",
+    "CESIUM_primitive_outline",
+    "EXT_feature_metadata",
+    "EXT_instance_features",
+    "EXT_mesh_features",
+    "EXT_mesh_manifold",
+    "EXT_structural_metadata",
+    "FB_ngon_encoding",
+    "GODOT_single_root",
+    "KHR_audio",
+    "KHR_audio_emitter",
+    "KHR_implicit_shapes",
+    "KHR_interactivity",
+    "KHR_node_hoverability",
+    "KHR_node_selectability",
+    "KHR_physics_rigid_bodies",
+    "KHR_xmp",
+    "KHR_xmp_json_ld",
+    "MSFT_lod",
+    "OMI_collider",
+    "OMI_link",
+    "OMI_physics_body",
+    "OMI_physics_shape",
+    "OMI_seat",
+    "OMI_spawn_point",
+    "VRM",
+    "VRMC_node_constraint",
+    "VRMC_springBone",
+    "VRMC_vrm",
+];
 
-/// Refuses required extensions that are not supported, and warns of optional ones.
+/// Moves the whole file to a place on the globe.
+const RELATIVE_TO_CENTER: &str = "CESIUM_RTC";
+
+/// Objects that store geometry, as paths; `*` stands for every element.
+const GEOMETRY: &[&[&str]] = &[
+    &["buffers", "*"],
+    &["bufferViews", "*"],
+    &["accessors", "*"],
+    &["meshes", "*"],
+    &["meshes", "*", "primitives", "*"],
+];
+
+/// Refuses a file that stores geometry with a required extension that is not supported, and warns
+/// of every other unsupported extension.
 pub(super) fn check(root: &Json, scene: &mut Scene) -> Result<(), ReadError> {
-    let known = |name: &str| UNDERSTOOD.contains(&name) || WITHOUT_EFFECT.contains(&name);
+    let mut required_names = Vec::new();
     for required in root.items_of("extensionsRequired")? {
         let name = required.string()?;
-        if !known(name) {
-            return Err(required.error_with(
-                format!("the file requires the extension {name}, which Snell does not support"),
-                remedy(name),
-            ));
+        required_names.push(name);
+        if UNDERSTOOD.contains(&name) || name == RELATIVE_TO_CENTER {
+            continue;
         }
+        if WITHOUT_EFFECT.contains(&name) {
+            scene.warn(format!(
+                "the file requires the extension {name}, which is not read; it does not change \
+                    the picture"
+            ));
+            continue;
+        }
+        for path in GEOMETRY {
+            if has_extension(root, path, name)? {
+                return Err(required.error_with(
+                    format!(
+                        "the file requires the extension {name} for its geometry, and Snell does \
+                            not support it"
+                    ),
+                    "export the file again without this extension, or as optional",
+                ));
+            }
+        }
+        scene.warn(format!(
+            "the file requires the extension {name}, which is not supported; the scene is shown \
+                without it, and may look different"
+        ));
     }
     for used in root.items_of("extensionsUsed")? {
         let name = used.string()?;
-        if !known(name) {
+        if WITHOUT_EFFECT.contains(&name) {
+            scene.note(format!("{name}: not read, because it does not change the picture"));
+            continue;
+        }
+        let is_known = UNDERSTOOD.contains(&name) || name == RELATIVE_TO_CENTER;
+        if !is_known && !required_names.contains(&name) {
             scene.warn(format!(
                 "the extension {name} is not supported; the scene is shown without it"
             ));
         }
     }
+    if let Some(extension) = root.extension(RELATIVE_TO_CENTER)? {
+        let [x, y, z] = extension.require("center")?.numbers::<3>()?;
+        scene.warn(format!(
+            "{RELATIVE_TO_CENTER} would move the whole file by ({x} {y} {z}) m; the picture is the \
+                same, so it stays where it is"
+        ));
+    }
     Ok(())
 }
 
-fn remedy(name: &str) -> &'static str {
-    match name {
-        "KHR_draco_mesh_compression" => {
-            "unpack it first with `gltf-transform copy in.glb out.glb` (npm install --global \
-                @gltf-transform/cli), or export it without compression"
+/// True if an object that `path` leads to from `at` has the extension `name`.
+fn has_extension(at: &Json, path: &[&str], name: &str) -> Result<bool, ReadError> {
+    let [key, rest @ ..] = path else { return Ok(at.extension(name)?.is_some()) };
+    let next = if *key == "*" { at.items()?.collect() } else { at.get(key)?.into_iter().collect() };
+    let next: Vec<Json> = next;
+    for value in next {
+        if has_extension(&value, rest, name)? {
+            return Ok(true);
         }
-        "KHR_texture_basisu" => {
-            "unpack its KTX2 textures first with `gltf-transform ktxdecompress in.glb out.glb` \
-                (npm install --global @gltf-transform/cli), or export it with PNG or JPEG textures"
-        }
-        "MSFT_texture_dds" | "EXT_texture_avif" => {
-            "convert its textures to PNG or JPEG first, or export it with such textures"
-        }
-        "KHR_techniques_webgl" | "KHR_materials_common" => {
-            "convert its materials to metallic-roughness, for example by loading it in Blender and \
-                exporting it again"
-        }
-        _ => "export the file again without this extension, or as optional",
     }
+    Ok(false)
 }

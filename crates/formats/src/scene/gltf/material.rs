@@ -2,6 +2,7 @@
 
 mod layer;
 mod note;
+mod specular_glossiness;
 pub(super) mod variant;
 mod volume;
 
@@ -9,12 +10,13 @@ use super::Reader;
 use super::json::Json;
 use super::texture::{self, Use};
 use crate::ReadError;
+use serde_json::Value;
 use snell_math::Rgb;
 use snell_scene::material::{
     AlphaMode, Black, ColorParam, MaterialKind, NormalMap, OpenPbr, ScalarParam,
-    reflectance_at_most_white,
 };
 use snell_scene::{Material, MaterialId};
+use std::collections::BTreeSet;
 
 /// Reads all materials, in file order: number `i` there is material `i` of the scene.
 pub(super) fn read_all(reader: &mut Reader) -> Result<(), ReadError> {
@@ -37,6 +39,32 @@ pub(super) fn default_material(reader: &mut Reader) -> MaterialId {
     let id = reader.scene.add_material(material);
     reader.default_material = Some(id);
     id
+}
+
+/// The sets of texture coordinates that meshes store for materials that use no others.
+pub(super) const FIRST_UV_SETS: [usize; 2] = [0, 1];
+
+/// The sets of texture coordinates that a material's meshes store: the first two that its textures
+/// use.
+pub(super) fn uv_sets(material: &Json) -> [usize; 2] {
+    fn collect(value: &Value, sets: &mut BTreeSet<usize>) {
+        let Some(map) = value.as_object() else { return };
+        let number = |value: Option<&Value>| value.and_then(Value::as_f64).map(|x| x as usize);
+        if map.contains_key("index") {
+            let transformed = value.pointer("/extensions/KHR_texture_transform/texCoord");
+            sets.insert(number(transformed).or_else(|| number(map.get("texCoord"))).unwrap_or(0));
+        } else {
+            map.iter().filter(|(key, _)| *key != "extras").for_each(|(_, v)| collect(v, sets));
+        }
+    }
+    let mut sets = BTreeSet::new();
+    collect(material.value(), &mut sets);
+    let mut used = sets.into_iter();
+    match (used.next(), used.next()) {
+        (Some(first), Some(second)) if second > 1 => [first, second],
+        (Some(first), None) if first > 1 => [first, 0],
+        _ => FIRST_UV_SETS,
+    }
 }
 
 /// Reflection and transmission, in glTF's terms.
@@ -68,8 +96,9 @@ impl Default for Pbr {
 /// Reads one material.
 pub(super) fn read(reader: &mut Reader, json: &Json) -> Result<Material, ReadError> {
     note::add(reader, json)?;
+    reader.uv_sets = uv_sets(json);
     let pbr = match json.extension("KHR_materials_pbrSpecularGlossiness")? {
-        Some(extension) => specular_glossiness(reader, &extension)?,
+        Some(extension) => specular_glossiness::read(reader, &extension)?,
         None => metallic_roughness(reader, json)?,
     };
     let alpha = pbr.alpha;
@@ -110,55 +139,6 @@ fn metallic_roughness(reader: &mut Reader, json: &Json) -> Result<Pbr, ReadError
     layer::read(reader, json, &mut pbr.surface)?;
     volume::read(reader, json, &mut pbr.surface, &mut pbr.is_boundary)?;
     Ok(pbr)
-}
-
-/// Converts the specular-glossiness model: its diffuse colour is the base colour of a dielectric
-/// with the given reflectance at normal incidence, unless only metals have such a reflectance.
-fn specular_glossiness(reader: &mut Reader, extension: &Json) -> Result<Pbr, ReadError> {
-    /// Reflectance of a dielectric with an index of refraction of 1.5.
-    const DIELECTRIC: f32 = 0.04;
-    let (base_color, alpha) =
-        color_with_alpha(reader, extension, "diffuseFactor", "diffuseTexture")?;
-    let glossiness = fraction(reader, extension, "glossinessFactor", 1.0)?;
-    let specular = rgb(extension.numbers_or("specularFactor", [1.0; 3])?);
-    if extension.get("specularGlossinessTexture")?.is_some() {
-        reader.scene.warn(
-            "specular-glossiness maps are not supported; a surface of medium \
-            roughness is shown instead",
-        );
-        return Ok(dielectric(base_color, alpha, 0.5, ColorParam::from(Rgb::WHITE)));
-    }
-    let diffuse = if base_color.texture.is_some() { 1.0 } else { base_color.factor.max_element() };
-    let roughness = 1.0 - glossiness;
-    if specular.max_element() > 0.2 && diffuse < specular.max_element() {
-        let surface = OpenPbr {
-            base_color: specular.into(),
-            specular_roughness: roughness.into(),
-            ..Pbr::default().surface
-        };
-        return Ok(Pbr { surface, alpha, ..Pbr::default() });
-    }
-    let specular_color = ColorParam::constant(specular * (1.0 / DIELECTRIC));
-    Ok(dielectric(base_color, alpha, roughness, specular_color))
-}
-
-/// A dielectric of index 1.5 whose reflectance at normal incidence is tinted, and may be brighter.
-fn dielectric(
-    base_color: ColorParam,
-    alpha: ScalarParam,
-    roughness: f32,
-    specular_color: ColorParam,
-) -> Pbr {
-    let (ior, specular_color) = reflectance_at_most_white(1.5, specular_color);
-    let surface = OpenPbr {
-        base_color,
-        base_metalness: 0.0.into(),
-        specular_roughness: roughness.into(),
-        specular_color,
-        specular_ior: ior.into(),
-        ..Pbr::default().surface
-    };
-    Pbr { surface, alpha, is_boundary: false }
 }
 
 /// A colour of four numbers with its texture, separated into colour and alpha.

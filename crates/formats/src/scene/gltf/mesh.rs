@@ -1,8 +1,9 @@
 //! Primitives: converts vertex attributes and indices to a triangle mesh.
 
 use super::accessor::{Accessor, Component};
+use super::draco::Unpacked;
 use super::json::Json;
-use super::material::variant;
+use super::material::{FIRST_UV_SETS, uv_sets, variant};
 use super::topology::Topology;
 use super::{Reader, morph, skin};
 use crate::ReadError;
@@ -57,49 +58,87 @@ fn read_primitive(
         reader.scene.warn("a primitive without positions is not shown");
         return Ok(None);
     };
-    let accessor = reader.accessors.get(&positions)?;
-    let vertices = accessor.count;
+    let attributes =
+        Attributes { unpacked: Unpacked::of(reader, json, &attributes)?, json: attributes };
+    let vertices = match &attributes.unpacked {
+        Some(unpacked) => unpacked.vertices(),
+        None => reader.accessors.get(&positions)?.count,
+    };
     reader.vertices += vertices;
     if reader.vertices > reader.input.options.limits.elements {
         let limit = reader.input.options.limits.elements;
         return Err(positions
             .error_with(format!("the scene has more than {limit} vertices"), "split the scene"));
     }
-    let mut mesh = TriangleMesh {
-        positions: vectors(&accessor, Vec3::from_array)?,
-        ..TriangleMesh::default()
+    let material = variant::material(reader, json)?;
+    let uv_sets = match material {
+        Some(index) => uv_sets(&reader.root.at(&format!("/materials/{index}"))?),
+        None => FIRST_UV_SETS,
     };
-    read_attributes(reader, &attributes, &mut mesh)?;
+    let mut mesh = TriangleMesh::default();
+    if let Some(accessor) = attributes.get(reader, "POSITION", vertices)? {
+        mesh.positions = vectors(&accessor, Vec3::from_array)?;
+    }
+    read_attributes(reader, &attributes, uv_sets, &mut mesh)?;
     let influences = skin::influences(reader, &attributes, vertices)?;
     let targets = morph::targets(reader, json, weights, all_targets, &mesh)?;
-    mesh.indices = topology.triangles(&read_indices(reader, json, vertices)?);
+    mesh.indices = match &attributes.unpacked {
+        Some(unpacked) => unpacked.triangles(),
+        None => topology.triangles(&read_indices(reader, json, vertices)?),
+    };
     if targets.is_empty() {
         make_usable(&mut mesh);
     }
-    let material = variant::material(reader, json)?;
     Ok(Some(Primitive { mesh, targets, influences, material }))
 }
 
-/// All attributes but positions.
+/// The attributes of a primitive.
+pub(super) struct Attributes<'a> {
+    /// Their accessors, by name.
+    json: Json<'a>,
+    /// Their values, if they are compressed.
+    unpacked: Option<Unpacked>,
+}
+
+impl Attributes<'_> {
+    /// The accessor of an attribute, with one element per vertex.
+    pub fn get<'s, 'a>(
+        &self,
+        reader: &'s Reader<'a>,
+        name: &str,
+        vertices: usize,
+    ) -> Result<Option<Accessor<'s, 'a>>, ReadError> {
+        if let (Some(unpacked), Some(index)) = (&self.unpacked, self.json.get(name)?) {
+            let width = reader.accessors.describe(&index)?.width;
+            if let Some((values, component)) = unpacked.values(name, width) {
+                return reader.accessors.unpacked(&index, values, component).map(Some);
+            }
+        }
+        attribute(reader, &self.json, name, vertices)
+    }
+}
+
+/// All attributes but positions. The mesh gets the texture coordinates of `uv_sets`.
 fn read_attributes(
     reader: &Reader,
-    attributes: &Json,
+    attributes: &Attributes,
+    uv_sets: [usize; 2],
     mesh: &mut TriangleMesh,
 ) -> Result<(), ReadError> {
     let vertices = mesh.positions.len();
-    if let Some(accessor) = attribute(reader, attributes, "NORMAL", vertices)? {
+    if let Some(accessor) = attributes.get(reader, "NORMAL", vertices)? {
         mesh.normals = vectors(&accessor, Vec3::from_array)?;
         // Without normals the standard requires flat shading, and tangents are ignored.
-        if let Some(accessor) = attribute(reader, attributes, "TANGENT", vertices)? {
+        if let Some(accessor) = attributes.get(reader, "TANGENT", vertices)? {
             mesh.tangents = vectors(&accessor, Vec4::from_array)?;
         }
     }
-    for (set, name) in ["TEXCOORD_0", "TEXCOORD_1"].into_iter().enumerate() {
-        if let Some(accessor) = attribute(reader, attributes, name, vertices)? {
-            mesh.uvs[set] = vectors(&accessor, Vec2::from_array)?;
+    for (place, set) in uv_sets.into_iter().enumerate() {
+        if let Some(accessor) = attributes.get(reader, &format!("TEXCOORD_{set}"), vertices)? {
+            mesh.uvs[place] = vectors(&accessor, Vec2::from_array)?;
         }
     }
-    if let Some(accessor) = attribute(reader, attributes, "COLOR_0", vertices)? {
+    if let Some(accessor) = attributes.get(reader, "COLOR_0", vertices)? {
         let accessor = accessor.into_fractions();
         mesh.colors = match accessor.width {
             3 => vectors(&accessor, |[r, g, b]| [r, g, b, 1.0])?,

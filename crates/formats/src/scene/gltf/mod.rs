@@ -23,6 +23,7 @@ mod accessor;
 mod animation;
 mod camera;
 mod container;
+mod draco;
 mod extension;
 mod instancing;
 mod json;
@@ -32,6 +33,7 @@ mod mesh;
 mod meshopt;
 mod morph;
 mod node;
+mod none;
 mod pointer;
 mod reference;
 mod skin;
@@ -93,6 +95,9 @@ struct Reader<'a> {
     default_material: Option<MaterialId>,
     /// The selected material variant.
     variant: Option<usize>,
+    /// Sets of texture coordinates that the material being read uses, in the order in which its
+    /// meshes store them.
+    uv_sets: [usize; 2],
     /// Vertices read so far, counted against the limit.
     vertices: usize,
     /// Properties that animations name by JSON pointer.
@@ -104,10 +109,11 @@ struct Reader<'a> {
 }
 
 fn read(input: &Input) -> Result<Scene, ReadError> {
-    let Container { json, binary } = Container::open(input)?;
-    let root = Json::root(input, &json);
-    check_version(&root)?;
+    let Container { mut json, binary } = Container::open(input)?;
     let mut scene = Scene::new(input.stem());
+    none::remove(&mut json).into_iter().for_each(|warning| scene.warn(warning));
+    let root = Json::root(input, &json);
+    check_version(&root, &mut scene)?;
     extension::check(&root, &mut scene)?;
     reference::check(&root)?;
 
@@ -123,6 +129,7 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
         scene,
         default_material: None,
         variant: None,
+        uv_sets: material::FIRST_UV_SETS,
         vertices: 0,
         pointers: Vec::new(),
         moving_textures: BTreeMap::new(),
@@ -132,6 +139,9 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
     reader.pointers = pointer::read_all(&mut reader)?;
     material::read_all(&mut reader)?;
     node::read_scene(&mut reader)?;
+    for warning in reader.accessors.buffers().take_warnings() {
+        reader.scene.warn(warning);
+    }
     light::add_sky(&mut reader.scene);
     if reader.has_lamps_off {
         keep_dark(&mut reader.scene);
@@ -139,16 +149,23 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
     Ok(reader.scene)
 }
 
-/// Refuses versions other than glTF 2.
-fn check_version(root: &Json) -> Result<(), ReadError> {
+/// Refuses versions other than glTF 2. A version that is a number instead of text is a warning.
+fn check_version(root: &Json, scene: &mut Scene) -> Result<(), ReadError> {
     let asset = root.require("asset")?;
     let version = asset.require("version")?;
-    let text = version.string()?;
+    let text = match version.value().as_f64() {
+        Some(number) => {
+            scene.warn(format!("the version of glTF is the number {number}, not text"));
+            number.to_string()
+        }
+        None => version.string()?.to_owned(),
+    };
     let remedy = "convert it to glTF 2.0, for example with gltf-pipeline or Blender";
     if text.split('.').next() != Some("2") {
         return Err(version.error_with(format!("this is glTF \"{text}\", expected 2.0"), remedy));
     }
     if let Some(minimum) = asset.get("minVersion")?
+        && minimum.value().as_f64() != Some(2.0)
         && minimum.string()? != "2.0"
     {
         let found = minimum.string()?;

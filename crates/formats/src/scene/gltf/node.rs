@@ -48,6 +48,17 @@ impl<'a> Hierarchy<'a> {
         Ok(this)
     }
 
+    /// Takes nodes away from their parents, so that they are roots.
+    fn detach(&mut self, detached: &[usize], max_depth: usize) -> Result<(), ReadError> {
+        for &node in detached {
+            self.is_root[node] = true;
+            self.world[node] = self.local[node].matrix();
+        }
+        let is_root = &self.is_root;
+        self.children.iter_mut().for_each(|below| below.retain(|&child| !is_root[child]));
+        self.place(max_depth)
+    }
+
     /// Computes the world transforms, level by level. Nodes that are never reached lie on cycles,
     /// because every node has at most one parent.
     fn place(&mut self, max_depth: usize) -> Result<(), ReadError> {
@@ -109,7 +120,10 @@ impl<'a> Hierarchy<'a> {
 
     /// The root nodes of the scene to be shown: the requested one, or the default scene, or the
     /// first, or else all nodes without a parent.
-    fn shown_roots(&self, reader: &mut Reader<'a>) -> Result<Vec<usize>, ReadError> {
+    ///
+    /// A root may not be a child of another node, but in some files it is. Such a node is shown
+    /// once: below its parent if a root leads there, otherwise at the top, without its parent.
+    fn shown_roots(&mut self, reader: &mut Reader<'a>) -> Result<Vec<usize>, ReadError> {
         let scenes = reader.root.items_of("scenes")?;
         reader.scene.scenes = scenes.iter().map(Json::name).collect();
         let usual = reader.root.get("scene")?.map(|s| s.size()).transpose()?;
@@ -138,13 +152,33 @@ impl<'a> Hierarchy<'a> {
             let i = node.size()?;
             if std::mem::replace(&mut listed[i], true) {
                 reader.scene.warn("a node is listed twice in its scene; it is shown once");
-            } else if self.is_root[i] {
-                roots.push(i);
             } else {
-                return Err(node.error(format!(
-                    "node {i} is at the top of a scene, but is a child of another node"
-                )));
+                roots.push(i);
             }
+        }
+        let mut parent = vec![None; self.nodes.len()];
+        for (i, below) in self.children.iter().enumerate() {
+            below.iter().for_each(|&child| parent[child] = Some(i));
+        }
+        let mut detached = Vec::new();
+        roots.retain(|&root| {
+            let Some(first) = parent[root] else { return true };
+            let mut above = std::iter::successors(Some(first), |&i| parent[i]);
+            let is_below_shown = above.any(|i| listed[i]);
+            reader.scene.warn(if is_below_shown {
+                "a node at the top of the scene is also a child of another; it is shown once, as \
+                    that child"
+            } else {
+                "a node at the top of the scene is a child of another, which is not shown; it is \
+                    shown without it"
+            });
+            if !is_below_shown {
+                detached.push(root);
+            }
+            !is_below_shown
+        });
+        if !detached.is_empty() {
+            self.detach(&detached, reader.input.options.limits.depth)?;
         }
         Ok(roots)
     }
@@ -216,13 +250,13 @@ struct Waiting {
 
 /// Reads the scene to be shown into the scene graph.
 pub(super) fn read_scene(reader: &mut Reader) -> Result<(), ReadError> {
-    let hierarchy = Hierarchy::read(reader)?;
+    let mut hierarchy = Hierarchy::read(reader)?;
+    let roots = hierarchy.shown_roots(reader)?.into_iter();
     let light_scale = light::scale(reader)?;
     let mut rig = animation::Rig::read(reader, &hierarchy)?;
     let mut meshes = MeshNodes::default();
     let root = reader.scene.root;
     let mut placed = Placed { light_scale, ..Placed::default() };
-    let roots = hierarchy.shown_roots(reader)?.into_iter();
     let mut queue: VecDeque<Waiting> = roots
         .map(|node| Waiting { node, parent: root, is_visible: true, switches: Vec::new() })
         .collect();

@@ -140,7 +140,7 @@ fn tracks_of(
     if pointers[0].path.contains(TEXTURE_TRANSFORM) {
         let Some(&id) = reader.moving_textures.get(object) else { return Ok(Vec::new()) };
         let baked = Baked::new(object, &json, pointers, |json| {
-            let (_, map) = texture::placement(reader, json)?;
+            let (_, map) = texture::placement(json)?;
             Ok(Value::from(map.as_flattened()))
         })?;
         return Ok(baked.tracks(Owner::Texture(id.index()), |_| "uv_transform".into()));

@@ -2,7 +2,7 @@
 
 use super::Reader;
 use super::json::Json;
-use super::mesh::attribute;
+use super::mesh::Attributes;
 use super::node::Hierarchy;
 use crate::ReadError;
 use snell_math::{DAffine3, DMat3, DVec3};
@@ -12,13 +12,13 @@ use snell_scene::motion::{InfluenceSet, Skin};
 /// primitive cannot be skinned.
 pub(super) fn influences(
     reader: &Reader,
-    attributes: &Json,
+    attributes: &Attributes,
     vertices: usize,
 ) -> Result<Vec<InfluenceSet>, ReadError> {
     let mut sets = Vec::new();
     for set in 0.. {
-        let joints = attribute(reader, attributes, &format!("JOINTS_{set}"), vertices)?;
-        let weights = attribute(reader, attributes, &format!("WEIGHTS_{set}"), vertices)?;
+        let joints = attributes.get(reader, &format!("JOINTS_{set}"), vertices)?;
+        let weights = attributes.get(reader, &format!("WEIGHTS_{set}"), vertices)?;
         let (Some(joints), Some(weights)) = (joints, weights) else { break };
         let joints: Vec<[f32; 4]> = joints.vectors()?;
         let joints =

@@ -34,20 +34,22 @@ pub(super) struct Textures {
     /// Images in the scene, by number in the file.
     placed: BTreeMap<usize, ImageId>,
     missing: Option<ImageId>,
+    /// Textures made of the maps of specular-glossiness materials, by the path of the extension.
+    pub converted: BTreeMap<String, [TextureId; 2]>,
     // Never iterated, so order does not matter.
     known: HashMap<Key, TextureId>,
 }
 
 /// Number of the image that a texture shows.
 fn source(texture: &Json) -> Result<Option<usize>, ReadError> {
-    let webp = match texture.extension("EXT_texture_webp")? {
-        Some(extension) => extension.get("source")?,
-        None => None,
-    };
-    match webp {
-        Some(source) => source.size().map(Some),
-        None => texture.get("source")?.map(|s| s.size()).transpose(),
+    for name in ["KHR_texture_basisu", "EXT_texture_webp", "MSFT_texture_dds"] {
+        if let Some(extension) = texture.extension(name)?
+            && let Some(source) = extension.get("source")?
+        {
+            return source.size().map(Some);
+        }
     }
+    texture.get("source")?.map(|s| s.size()).transpose()
 }
 
 /// Decodes the images that textures name, in parallel. Failures are recorded, not returned.
@@ -140,7 +142,15 @@ pub(super) fn read(
 ) -> Result<Option<TextureId>, ReadError> {
     let index = info.require("index")?;
     let texture = &reader.root.entry("textures", &index)?;
-    let (uv_set, uv_transform) = placement(reader, info)?;
+    let (set, uv_transform) = placement(info)?;
+    let uv_set = reader.uv_sets.iter().position(|&stored| stored == set).unwrap_or_else(|| {
+        let first = reader.uv_sets[0];
+        reader.scene.warn(format!(
+            "a material uses more than two sets of texture coordinates; set {first} is used \
+                instead of set {set}"
+        ));
+        0
+    }) as u32;
     let key = (
         index.size()?,
         used_for,
@@ -236,10 +246,7 @@ fn sampler(reader: &mut Reader, texture: &Json) -> Result<([Wrap; 2], Filtering)
 }
 
 /// Reads the coordinate set of a texture and its coordinate transform (`KHR_texture_transform`).
-pub(super) fn placement(
-    reader: &mut Reader,
-    info: &Json,
-) -> Result<(u32, [[f32; 3]; 2]), ReadError> {
+pub(super) fn placement(info: &Json) -> Result<(usize, [[f32; 3]; 2]), ReadError> {
     let mut set = info.size_or("texCoord", 0)?;
     let mut map = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
     if let Some(transform) = info.extension("KHR_texture_transform")? {
@@ -256,11 +263,5 @@ pub(super) fn placement(
             return Err(transform.error("the transform is too large to be computed"));
         }
     }
-    if set > 1 {
-        reader
-            .scene
-            .warn(format!("texture coordinate set {set} is not supported; set 0 is used instead"));
-        set = 0;
-    }
-    Ok((set as u32, map))
+    Ok((set, map))
 }

@@ -28,7 +28,8 @@ const MAPPED: &[(&str, &str)] = &[
     ("KHR_materials_iridescence", "thin_film_weight, thin_film_thickness, thin_film_ior"),
     (
         "KHR_materials_pbrSpecularGlossiness",
-        "base_color, specular_color, specular_roughness (its map is not read)",
+        "base_color, specular_color, specular_roughness (a map becomes base_color, base_metalness \
+            and specular_roughness)",
     ),
     ("KHR_materials_sheen", "fuzz_weight, fuzz_color, fuzz_roughness, with fuzz_model charlie"),
     (

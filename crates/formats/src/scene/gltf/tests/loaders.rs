@@ -1,0 +1,267 @@
+//! Files that the standard does not allow, but that loaders take; and what the standard allows and
+//! few files use.
+
+use super::{assert_sound, meshes, read_text};
+use base64::Engine;
+use snell_math::{Rgb, Vec2};
+use snell_scene::{Scene, texture::missing_texture_image};
+use std::path::Path;
+
+fn base64(bytes: &[u8]) -> String {
+    base64::engine::general_purpose::STANDARD.encode(bytes)
+}
+
+/// A triangle with three sets of texture coordinates (the number of the set is `u`) and these
+/// properties; `mesh` is added to the primitive, `short` bytes are missing at the end of the buffer.
+fn triangle(mesh: &str, properties: &str, short: usize) -> String {
+    let mut bytes: Vec<u8> = [0.0f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0]
+        .iter()
+        .flat_map(|x| x.to_le_bytes())
+        .collect();
+    for set in 0..3u8 {
+        bytes.extend([f32::from(set), 0.5].repeat(3).iter().flat_map(|x| x.to_le_bytes()));
+    }
+    let length = bytes.len();
+    bytes.truncate(length - short);
+    let views: Vec<String> = [(0, 36), (36, 24), (60, 24), (84, 24)]
+        .map(|(at, n)| format!(r#"{{"buffer": 0, "byteOffset": {at}, "byteLength": {n}}}"#))
+        .to_vec();
+    let accessor = |view: usize, kind: &str| {
+        format!(r#"{{"bufferView": {view}, "componentType": 5126, "count": 3, "type": "{kind}"}}"#)
+    };
+    let accessors =
+        [accessor(0, "VEC3"), accessor(1, "VEC2"), accessor(2, "VEC2"), accessor(3, "VEC2")];
+    format!(
+        r#"{{"asset": {{"version": "2.0"}}, {properties}
+        "meshes": [{{"primitives": [{{"attributes": {{"POSITION": 0, "TEXCOORD_0": 1,
+            "TEXCOORD_1": 2, "TEXCOORD_2": 3}}{mesh}}}]}}],
+        "accessors": [{}], "bufferViews": [{}],
+        "buffers": [{{"byteLength": {length}, "uri": "data:;base64,{}"}}]}}"#,
+        accessors.join(","),
+        views.join(","),
+        base64(&bytes)
+    )
+}
+
+/// The scene, and its only warning.
+fn with_warning(json: &str) -> (Scene, String) {
+    let scene = read_text(json).unwrap_or_else(|e| panic!("{e}"));
+    assert_sound(&scene, Path::new(json));
+    assert_eq!(scene.warnings.len(), 1, "{:?}", scene.warnings);
+    let said = scene.warnings[0].message.clone();
+    (scene, said)
+}
+
+/// The places of the meshes in a scene of a few nodes.
+fn places(scene: &Scene) -> Vec<f64> {
+    let mut found = Vec::new();
+    let mut waiting = vec![(scene.root, 0.0)];
+    while let Some((id, x)) = waiting.pop() {
+        let node = &scene.nodes[id.index()];
+        let x = x + node.transform.translation.x;
+        found.extend(node.surfaces.iter().map(|_| x));
+        waiting.extend(node.children.iter().map(|&child| (child, x)));
+    }
+    found
+}
+
+#[test]
+fn a_root_that_is_a_child_is_shown_once() {
+    let nodes = r#""nodes": [{"children": [1], "translation": [10, 0, 0]},
+        {"mesh": 0, "translation": [1, 0, 0]}],"#;
+    let (scene, said) =
+        with_warning(&triangle("", &format!(r#"{nodes} "scenes": [{{"nodes": [1]}}],"#), 0));
+    assert_eq!(places(&scene), [1.0]);
+    assert!(said.contains("which is not shown"), "{said}");
+    for roots in ["[0, 1]", "[1, 0]"] {
+        let scenes = format!(r#"{nodes} "scenes": [{{"nodes": {roots}}}],"#);
+        let (scene, said) = with_warning(&triangle("", &scenes, 0));
+        assert_eq!(places(&scene), [11.0]);
+        assert!(said.contains("as that child"), "{said}");
+    }
+}
+
+#[test]
+fn null_and_minus_one_are_none() {
+    let nodes = r#""nodes": [{"mesh": 0, "camera": null, "skin": -1}, {"mesh": -1}],"#;
+    let (scene, said) = with_warning(&triangle(r#", "material": -1"#, nodes, 0));
+    assert_eq!(places(&scene).len(), 1);
+    assert!(said.contains("and 3 more"), "{said}");
+    let material = r#""nodes": [{"mesh": 0}], "materials": [{"extras": {"a": null, "mesh": -1},
+        "pbrMetallicRoughness": {"baseColorTexture": {"index": -1}}}],"#;
+    let (scene, said) = with_warning(&triangle(r#", "material": 0"#, material, 0));
+    assert!(scene.images.is_empty());
+    let place = "/materials/0/pbrMetallicRoughness/baseColorTexture; it is taken";
+    assert!(said.contains(place), "{said}");
+}
+
+#[test]
+fn a_version_may_be_a_number() {
+    let json = r#"{"asset": {"version": 2.0, "minVersion": 2}}"#;
+    assert!(read_text(json).expect("glTF 2.0").warnings[0].message.contains("the number 2"));
+    let error = read_text(r#"{"asset": {"version": 1}}"#).expect_err("glTF 1.0");
+    assert!(error.problem.contains("this is glTF \"1\""), "{error}");
+}
+
+#[test]
+fn a_buffer_may_lack_a_few_bytes() {
+    let nodes = r#""nodes": [{"mesh": 0}],"#;
+    let (scene, said) = with_warning(&triangle("", nodes, 3));
+    // The last set of coordinates is not read, because nothing uses it.
+    assert_eq!((places(&scene).len(), meshes(&scene)[0].indices.len()), (1, 1));
+    assert!(said.contains("should have 108 bytes, but has 105"), "{said}");
+    assert!(read_text(&triangle("", nodes, 16)).is_err());
+}
+
+#[test]
+fn required_extensions_are_a_warning_unless_geometry_would_be_missing() {
+    for (name, expected) in [
+        ("EXT_mesh_features", "does not change the picture"),
+        ("MSFT_lod", "does not change the picture"),
+        ("ACME_wonder", "may look different"),
+    ] {
+        let properties = format!(
+            r#""extensionsRequired": ["{name}"], "extensionsUsed": ["{name}"], "nodes": [{{"mesh": 0}}],"#
+        );
+        let (scene, said) = with_warning(&triangle("", &properties, 0));
+        assert!(
+            places(&scene).len() == 1 && said.contains(name) && said.contains(expected),
+            "{said}"
+        );
+    }
+    let center = r#""extensionsRequired": ["CESIUM_RTC"], "nodes": [{"mesh": 0}],
+        "extensions": {"CESIUM_RTC": {"center": [1e6, 2, 3]}},"#;
+    let (scene, said) = with_warning(&triangle("", center, 0));
+    assert!(places(&scene) == [0.0] && said.contains("(1000000 2 3) m"), "{said}");
+}
+
+/// Materials of a file, with textures of one image of one pixel: red, half transparent.
+fn textured(material: &str) -> Scene {
+    let mut targa = vec![0u8; 18];
+    (targa[2], targa[12], targa[14], targa[16], targa[17]) = (2, 1, 1, 32, 8);
+    targa.extend([0, 0, 255, 128]);
+    targa.extend(b"\0\0\0\0\0\0\0\0TRUEVISION-XFILE.\0");
+    let properties = format!(
+        r#""nodes": [{{"mesh": 0}}], "materials": [{material}], "textures": [{{"source": 0}}],
+        "images": [{{"uri": "data:;base64,{}"}}],"#,
+        base64(&targa)
+    );
+    let scene = read_text(&triangle(r#", "material": 0"#, &properties, 0))
+        .unwrap_or_else(|e| panic!("{e}"));
+    assert!(scene.images.iter().all(|image| **image != missing_texture_image()));
+    scene
+}
+
+#[test]
+fn a_material_may_use_any_two_sets_of_texture_coordinates() {
+    let texture = |set: usize| format!(r#"{{"index": 0, "texCoord": {set}}}"#);
+    let of = |first: usize, second: usize| {
+        textured(&format!(
+            r#"{{"pbrMetallicRoughness": {{"baseColorTexture": {}}}, "emissiveTexture": {}}}"#,
+            texture(first),
+            texture(second)
+        ))
+    };
+    for (first, second, stored) in [(2, 2, [2.0, 0.0]), (0, 2, [0.0, 2.0]), (2, 1, [1.0, 2.0])] {
+        let scene = of(first, second);
+        let mesh = meshes(&scene)[0];
+        assert_eq!(mesh.uvs.each_ref().map(|uvs| uvs[0]), stored.map(|u| Vec2::new(u, 0.5)));
+        let used = scene.textures.iter().map(|t| t.as_image().expect("an image").uv_set);
+        let used: Vec<f32> = used.map(|set| stored[set as usize]).collect();
+        assert!(used.contains(&(first as f32)) && used.contains(&(second as f32)), "{used:?}");
+        assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
+    }
+    let third = textured(&format!(
+        r#"{{"pbrMetallicRoughness": {{"baseColorTexture": {}}}, "emissiveTexture": {},
+        "occlusionTexture": {}, "normalTexture": {}}}"#,
+        texture(0),
+        texture(1),
+        texture(2),
+        texture(2)
+    ));
+    assert!(third.warnings[0].message.contains("more than two sets"), "{:?}", third.warnings);
+}
+
+#[test]
+fn maps_of_specular_glossiness_become_metal_where_they_reflect_as_metal() {
+    let scene = textured(
+        r#"{"extensions": {"KHR_materials_pbrSpecularGlossiness": {"diffuseFactor": [0, 0, 0, 1],
+        "specularGlossinessTexture": {"index": 0}, "glossinessFactor": 0.5}}}"#,
+    );
+    assert_eq!(scene.images.len(), 3);
+    let pixel = |i: usize| scene.images[i].rgba_as(0, 0, scene.images[i].encoding);
+    let [r, g, b, _] = pixel(1);
+    assert!(Rgb::new(r, g, b).max_element() > 0.99 && g < 0.01, "{r} {g} {b}");
+    let [_, roughness, metalness, _] = pixel(2);
+    assert!((roughness - 0.75).abs() < 0.01 && metalness > 0.9, "{roughness} {metalness}");
+    assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
+}
+
+/// A pyramid of four triangles, as Draco's encoder wrote it: by edgebreaker at its best level, and
+/// one triangle after the other.
+const PYRAMIDS: [&str; 2] = [
+    "RFJBQ08CAgEBAAAABQQABAAAAm8B/wERAf8AAQEACQMAAAIBAQEADwfNDCs1MwPy34L///8fAPz//r8AgPj/AIAAAAD4/wIA\
+     AAAAAP8/AAAAAAAAAAAAAAAAAAAAAIA/Dg==",
+    "RFJBQ08CAgEAAAAEBQEAAQQBAgQCAwQDAAQBAQAJAwAAAgABAQAPA2kmzQwrzQwDBfWdiIT/v/8PAAAAAAAA/z8AAAAAAAAA\
+     AAAAAAAAAAAAgD8O",
+];
+
+/// A file of one Draco stream.
+fn draco(stream: &[u8]) -> String {
+    format!(
+        r#"{{"asset": {{"version": "2.0"}}, "extensionsUsed": ["KHR_draco_mesh_compression"],
+        "extensionsRequired": ["KHR_draco_mesh_compression"], "nodes": [{{"mesh": 0}}],
+        "meshes": [{{"primitives": [{{"attributes": {{"POSITION": 0}}, "indices": 1,
+            "extensions": {{"KHR_draco_mesh_compression":
+                {{"bufferView": 0, "attributes": {{"POSITION": 0}}}}}}}}]}}],
+        "accessors": [{{"componentType": 5126, "count": 5, "type": "VEC3"}},
+            {{"componentType": 5123, "count": 12, "type": "SCALAR"}}],
+        "bufferViews": [{{"buffer": 0, "byteLength": {0}}}],
+        "buffers": [{{"byteLength": {0}, "uri": "data:;base64,{1}"}}]}}"#,
+        stream.len(),
+        base64(stream)
+    )
+}
+
+#[test]
+fn draco_meshes_are_decoded() {
+    for text in PYRAMIDS {
+        let stream = base64::engine::general_purpose::STANDARD.decode(text).expect("valid base64");
+        let scene = read_text(&draco(&stream)).unwrap_or_else(|e| panic!("{e}"));
+        assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
+        let mesh = meshes(&scene)[0];
+        assert_eq!((mesh.positions.len(), mesh.indices.len()), (5, 4));
+        // Every triangle has the apex (0.5, 0.5, 1), and two neighbours of the base.
+        for triangle in &mesh.indices {
+            let corners = triangle.map(|i| mesh.positions[i as usize]);
+            let sum = corners[0] + corners[1] + corners[2];
+            assert!((sum.z - 1.0).abs() < 1e-3, "{corners:?}");
+            let area = (corners[1] - corners[0]).cross(corners[2] - corners[0]).length() / 2.0;
+            assert!((area - 1.25f32.sqrt() / 2.0).abs() < 1e-3, "{area}");
+        }
+    }
+}
+
+#[test]
+fn damaged_draco_data_is_an_error_or_a_mesh() {
+    for text in PYRAMIDS {
+        let stream = base64::engine::general_purpose::STANDARD.decode(text).expect("valid base64");
+        for length in 0..stream.len() {
+            if let Ok(scene) = read_text(&draco(&stream[..length])) {
+                assert_sound(&scene, Path::new("cut.gltf"));
+            }
+        }
+        for at in 0..stream.len() {
+            for value in [0, 1, 0x7f, 0xff] {
+                let mut damaged = stream.clone();
+                damaged[at] = value;
+                if let Ok(scene) = read_text(&draco(&damaged)) {
+                    assert_sound(&scene, Path::new("damaged.gltf"));
+                }
+            }
+        }
+    }
+    let many = draco(&[0; 8]).replace("\"count\": 5", "\"count\": 400000000");
+    let error = read_text(&many).expect_err("4.8 GB from 8 bytes");
+    assert!(error.problem.contains("a Draco mesh would take"), "{error}");
+}
