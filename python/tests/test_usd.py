@@ -601,3 +601,58 @@ def refused(path: Path) -> None:
         "says",
     ):
         snell.load(path)
+
+
+def test_a_layer_of_no_rate_ends_with_a_remark(tmp_path: Path) -> None:
+    moving = """
+    def Xform "World" {
+        double3 xformOp:translate.timeSamples = { 1: (0, 0, 0), 10: (1, 0, 0), }
+        uniform token[] xformOpOrder = ["xformOp:translate"]
+        def Cube "box" { }
+    }
+"""
+    layer = Path(stage(tmp_path, moving, "moving.usda"))
+    layer.write_text(layer.read_text().replace('upAxis = "Y"', "timeCodesPerSecond = 0", 1))
+    path = stage(tmp_path, 'def "World" (references = @./moving.usda@</World>) { }')
+    form, remarks = document(path)
+    assert remarks == ["moving.usda: 0 time codes per second are no rate; 24 were used"]
+    keys = form["motion"]["clips"][0]["channels"][0]["track"]["transform"]
+    assert [keys[0][0], keys[-1][0]] == [1 / 24, 10 / 24]
+
+
+def test_a_mixture_with_black_is_a_factor_of_the_picture(tmp_path: Path) -> None:
+    (tmp_path / "a.ppm").write_text("P3 1 1 255 9 9 9")
+    mixed = """
+    def Xform "World" {
+        def Mesh "sheet" (prepend apiSchemas = ["MaterialBindingAPI"]) {
+            int[] faceVertexCounts = [3]
+            int[] faceVertexIndices = [0, 1, 2]
+            point3f[] points = [(0, 0, 0), (2, 0, 0), (2, 1, 0)]
+            uniform token subdivisionScheme = "none"
+            rel material:binding = </World/paint>
+        }
+        def Material "paint" {
+            token outputs:mtlx:surface.connect = </World/paint/surface.outputs:out>
+            def Shader "picture" {
+                uniform token info:id = "ND_image_color3"
+                asset inputs:file = @a.ppm@
+                color3f outputs:out
+            }
+            def Shader "mix" {
+                uniform token info:id = "ND_mix_color3"
+                color3f inputs:fg.connect = </World/paint/picture.outputs:out>
+                color3f inputs:bg = (0, 0, 0)
+                float inputs:mix = 0.5
+                color3f outputs:out
+            }
+            def Shader "surface" {
+                uniform token info:id = "ND_standard_surface_surfaceshader"
+                color3f inputs:base_color.connect = </World/paint/mix.outputs:out>
+                token outputs:out
+            }
+        }
+    }
+"""
+    form, remarks = document(stage(tmp_path, mixed))
+    color = form["materials"][-1]["kind"]["base_color"]
+    assert (color["factor"], color["texture"], remarks) == ([0.5, 0.5, 0.5], 0, [])

@@ -161,6 +161,10 @@ class Network:
             )
             if product is not None:
                 return product
+        if kind.startswith("ND_mix"):
+            mixed = self._mixed(shader, depth)
+            if mixed is not None:
+                return mixed
         if kind.startswith("ND_extract"):
             source = self._resolve(shader.GetInput("in"), depth)
             index = int(self._value_of(shader, "index", 0))
@@ -191,6 +195,30 @@ class Network:
         self.context.remark(f"{shader.GetPath()}: a primvar as input of a surface is left out")
         given = shader.GetInput("fallback") or shader.GetInput("default")
         return _Source(given.Get() if given else None)
+
+    def _mixed(self, shader: Any, depth: int) -> _Source | None:
+        """The mixture of a foreground and a background by a constant share. None if it is more than
+        a constant times an image.
+        """
+        share = self._value_of(shader, "mix", 0.0)
+        sides = []
+        for name, weight in (("fg", share), ("bg", 1 - np.asarray(share))):
+            given = shader.GetInput(name)
+            source = self._resolve(given, depth) if given else _Source(0.0)
+            is_known = source.picture is not None or source.value is not None
+            sides.append(self._product([source, _Source(weight)]) if is_known else None)
+        if not self._is_constant(shader.GetInput("mix"), depth) or None in sides:
+            return None
+        lit = [side for side in sides if side.picture is not None or np.any(side.value)]
+        if len(lit) == 1:
+            return lit[0]
+        if any(side.picture is not None for side in lit):
+            return None
+        return _Source(sum(np.asarray(side.value) for side in sides))
+
+    def _is_constant(self, given: Any, depth: int) -> bool:
+        source = self._resolve(given, depth) if given else _Source()
+        return source.picture is None and not source.primvar
 
     @staticmethod
     def _product(sides: list[_Source]) -> _Source | None:
