@@ -178,12 +178,41 @@ pub struct DielectricSeen {
     is_inside: bool,
     /// Index of refraction behind the surface over the index on the side of the direction.
     eta: f32,
-    /// The loss of a rough interface for the direction, and the share of it that is transmitted.
+    /// The loss of a rough interface for the direction, in the lane with the largest one, and the
+    /// share of it that is transmitted.
     lost: f32,
     transmitted: f32,
+    /// The loss of each lane over the largest one; not used without a film.
+    lost_by_lane: SampledSpectrum,
 }
 
 impl<M: Facets, L: SideLosses, F: Into<Option<ThinFilm>> + Copy, C> DielectricLobe<M, L, F, C> {
+    /// The loss of the interface under a film for a direction above, from which the relative index
+    /// is `eta`: in the lane with the largest one, and that of each lane over it. `plain` is the
+    /// loss without the film, which changes how much each facet reflects instead of transmitting,
+    /// and thereby what other facets shadow.
+    ///
+    /// The lost light leaves the surface as if there was no film. So all of it is seen from any
+    /// direction, but the lobe is reciprocal only up to what the film changes of the loss.
+    fn lost_under(&self, film: ThinFilm, wo: Vec3, eta: f32, plain: f32) -> (f32, SampledSpectrum) {
+        let facets = self.microfacets.get();
+        let kept = facets.mean_over_facets::<96>(wo, |wo, u| {
+            let m = facets.sample_visible_normal(wo, u);
+            let cos = wo.dot(m);
+            let (without, with) = reflectance(Some(film), self.eta[0], cos, eta);
+            if without >= 1.0 {
+                return SampledSpectrum::ZERO;
+            }
+            let shadowing = |wi: Vec3| if wi.z > 0.0 { facets.shadowing(wo, wi) } else { 0.0 };
+            let (refracted, _) = fresnel::refracted(wo, m, eta);
+            let more = shadowing(fresnel::reflect(wo, m)) - shadowing(-refracted);
+            (with - SampledSpectrum::splat(without)) * more
+        });
+        let lost = (SampledSpectrum::splat(plain) - kept).clamp(0.0, 1.0);
+        let largest = lost.max_element();
+        (largest, if largest > 0.0 { lost * (1.0 / largest) } else { SampledSpectrum::ONE })
+    }
+
     /// Value and density of the facet that takes `wi` to `wo` by reflection or refraction; `wo`
     /// above and `wi` mirrored likewise.
     #[inline(always)]
@@ -239,14 +268,14 @@ impl<M: Facets, L: SideLosses, F: Into<Option<ThinFilm>> + Copy, C> BranchlessLo
     fn seen(&self, _colors: &DielectricColors, wo: Vec3) -> DielectricSeen {
         let is_inside = wo.z <= 0.0;
         let pick = |[outer, inner]: [f32; 2]| if is_inside { inner } else { outer };
-        let lost = self.losses.towards(is_inside, lift(wo));
-        DielectricSeen {
-            wo,
-            is_inside,
-            eta: pick(self.eta),
-            lost,
-            transmitted: pick(self.transmitted),
-        }
+        let (up, eta) = (lift(wo), pick(self.eta));
+        let plain = self.losses.towards(is_inside, up);
+        let (lost, lost_by_lane) = match self.film.into() {
+            None => (plain, SampledSpectrum::ONE),
+            Some(film) => self.lost_under(film, up, eta, plain),
+        };
+        let transmitted = pick(self.transmitted);
+        DielectricSeen { wo, is_inside, eta, lost, transmitted, lost_by_lane }
     }
 
     #[inline(always)]
@@ -270,6 +299,8 @@ impl<M: Facets, L: SideLosses, F: Into<Option<ThinFilm>> + Copy, C> BranchlessLo
         let tint = mirror_tint
             .zip(crossing, |mirror, crossing| if is_transmission { crossing } else { mirror });
         let bounced = tint * (diffuse * side);
+        let film: Option<ThinFilm> = self.film.into();
+        let bounced = if film.is_some() { bounced * seen.lost_by_lane } else { bounced };
         let has_bounced = average > 0.0;
         let value = facets.zip(bounced, |facets, bounced| {
             let value = if has_bounced { facets + bounced } else { facets };
@@ -457,6 +488,7 @@ impl Lobes for DielectricBsdf {
                 eta: relative_ior(wo, self.interface.ior),
                 lost: 0.0,
                 transmitted: 0.0,
+                lost_by_lane: SampledSpectrum::ONE,
             },
         }
     }

@@ -82,7 +82,6 @@ impl ThinFilm {
             }
             sum
         };
-        let channels = Rgb::from(std::array::from_fn(|i| rgb_of(series(f0[i]))[i]));
         let at = |nm: f32, base_f0: f32| -> f32 {
             let total: f32 = series(base_f0)
                 .iter()
@@ -90,10 +89,17 @@ impl ThinFilm {
                 .sum();
             0.5 * total
         };
-        // Each lane has a base of its own, so the wavelengths are evaluated one by one.
-        let lanes: [SampledSpectrum; 4] =
-            std::array::from_fn(|i| self.mode.lanes(channels, |nm| at(nm, f0[i])));
-        SampledSpectrum(std::array::from_fn(|i| lanes[i][i])).clamp(0.0, 1.0)
+        let over = |f0: f32| {
+            let channels = match self.mode {
+                ColorMode::Rgb => Rgb::from(rgb_of(series(f0))),
+                ColorMode::Spectral(_) => Rgb::BLACK,
+            };
+            self.mode.lanes(channels, |nm| at(nm, f0))
+        };
+        // A metal may reflect differently in each lane; a dielectric does not.
+        let first = over(f0[0]);
+        let of_lane = |i: usize| if f0[i] == f0[0] { first[i] } else { over(f0[i])[i] };
+        SampledSpectrum(std::array::from_fn(of_lane)).clamp(0.0, 1.0)
     }
 }
 

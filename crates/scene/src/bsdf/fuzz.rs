@@ -20,7 +20,8 @@ snell_math::declare! {
     pub enum FuzzModel {
         /// Flakes that scatter light many times, as in OpenPBR Surface 1.1.
         "flakes" => #[default] Flakes,
-        /// Cylindrical fibres that reflect light once, as in glTF's `KHR_materials_sheen`.
+        /// Cylindrical fibres that reflect light once, as in glTF's `KHR_materials_sheen`; a coat
+        /// covers them.
         "charlie" => Charlie,
     }
 }
@@ -39,6 +40,12 @@ pub struct Fuzz {
 }
 
 impl Fuzz {
+    /// True if a clear coat lies above the fuzz: that of glTF is a part of the base that a clear
+    /// coat covers (`KHR_materials_clearcoat`, section "Layering"), that of OpenPBR the top layer.
+    pub(super) fn is_under_coat(&self) -> bool {
+        self.model == FuzzModel::Charlie
+    }
+
     /// Share of light that passes towards a direction of this cosine.
     pub(crate) fn passed(&self, cos: f32) -> f32 {
         let w = Vec3::new((1.0 - cos * cos).max(0.0).sqrt(), 0.0, cos);

@@ -156,23 +156,20 @@ impl<M: Facets, A: Directional, F: Into<Option<ThinFilm>> + Copy, B: Into<Body> 
     }
 
     /// What a film adds to the light that rough facets reflect towards a direction above, which may
-    /// be negative: a mean over some facets.
+    /// be negative.
     fn added_by_film(&self, film: ThinFilm, tint: SampledSpectrum, w: Vec3) -> SampledSpectrum {
-        const FACETS: u32 = 24;
-        let added = |i: u32| {
-            // A Fibonacci lattice.
-            let x = (i as f32 + 0.5) / FACETS as f32;
-            let u = Vec2::new((i as f32 * 0.618_034 + 0.5).fract(), x);
-            let (wi, is_above) = self.microfacets.get().drawn_reflection(w, u);
-            let (m, value, pdf, exists) = self.microfacets.get().reflected(w, wi);
+        let facets = self.microfacets.get();
+        let added = facets.mean_over_facets::<64>(w, |w, u| {
+            let (wi, is_above) = facets.drawn_reflection(w, u);
+            let (m, value, pdf, exists) = facets.reflected(w, wi);
             if !(is_above && exists && pdf > 0.0) {
                 return SampledSpectrum::ZERO;
             }
             let cos = w.dot(m);
             let plain = SampledSpectrum::splat(fresnel::dielectric(cos, self.ior));
             (film.reflectance(cos, self.f0(), plain) - plain) * (value / pdf)
-        };
-        (0..FACETS).map(added).sum::<SampledSpectrum>() * tint * (1.0 / FACETS as f32)
+        });
+        added * tint
     }
 
     /// Mean of [`Self::gloss_albedo`] over the azimuths of directions of this cosine.

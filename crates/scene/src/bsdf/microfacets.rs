@@ -2,7 +2,7 @@
 
 use super::{Beckmann, Ggx, Widths};
 use serde::{Deserialize, Serialize};
-use snell_math::{Vec2, Vec3};
+use snell_math::{SampledSpectrum, Vec2, Vec3};
 
 snell_math::declare! {
     /// Shape of a distribution of microfacets.
@@ -179,6 +179,29 @@ impl Microfacets {
     #[inline(always)]
     pub fn sample_visible_normal(self, wo: Vec3, u: Vec2) -> Vec3 {
         ask!(self, known => known.sample_visible_normal(wo, u))
+    }
+
+    /// The mean of a function of a direction like `w` and of numbers by which facets visible from
+    /// it are drawn, over a Fibonacci lattice of `POINTS`. The direction is `w`, or for isotropic
+    /// facets of [`Ggx`], whose halves left and right of it are alike, `w` turned to the azimuth of
+    /// x.
+    pub(super) fn mean_over_facets<const POINTS: u32>(
+        self,
+        w: Vec3,
+        of: impl Fn(Vec3, Vec2) -> SampledSpectrum,
+    ) -> SampledSpectrum {
+        let has_halves = matches!(self, Self::Ggx(_)) && !self.has_tangent();
+        let (w, turns) = if has_halves {
+            (Vec3::new((1.0 - w.z * w.z).max(0.0).sqrt(), 0.0, w.z), 0.5)
+        } else {
+            (w, 1.0)
+        };
+        let share = 1.0 / POINTS as f32;
+        let at = |i: u32| {
+            let turn = (i as f32 * 0.618_034 + 0.5).fract();
+            of(w, Vec2::new(turns * turn, (i as f32 + 0.5) * share))
+        };
+        (0..POINTS).map(at).sum::<SampledSpectrum>() * share
     }
 
     /// See [`Ggx::density`].

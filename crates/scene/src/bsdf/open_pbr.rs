@@ -4,7 +4,7 @@
 //! Layers are combined as the specification proposes ("Reduction to a mixture of lobes"): the
 //! layers below get the share that a layer does not reflect towards the viewer. This conserves
 //! energy but is not reciprocal: with the directions exchanged, the share would follow from the
-//! other direction.
+//! other direction. The fuzz of glTF lies under the coat ([`Fuzz::is_under_coat`]).
 
 mod batch;
 
@@ -62,8 +62,9 @@ pub struct OpenPbrSeen {
     translucent: Option<TranslucentSeen>,
     coat: Option<CoatSeen>,
     fuzz: Option<(Fuzz, FuzzLobe)>,
-    /// Share of light that passes the fuzz.
+    /// Share of light that passes the fuzz, and of that what passes it above the coat.
     under_fuzz: f32,
+    above_coat: f32,
     /// Reflection and transmission of each slab, times its share.
     slabs: [SampledSpectrum; 3],
     choice: Choice<5>,
@@ -219,6 +220,20 @@ impl OpenPbrBsdf {
         fuzz.as_ref().map_or(1.0, |(fuzz, lobe)| 1.0 - fuzz.weight * lobe.reflectance())
     }
 
+    /// Share of light that passes what is above the coat, where the share `under_fuzz` passes the
+    /// fuzz.
+    fn above_coat(&self, under_fuzz: f32) -> f32 {
+        if self.fuzz.is_some_and(|fuzz| fuzz.is_under_coat()) { 1.0 } else { under_fuzz }
+    }
+
+    /// Factor on the reflection of the fuzz.
+    fn above_fuzz(&self, coat: &Option<CoatSeen>, wi: Vec3) -> SampledSpectrum {
+        match self.fuzz {
+            Some(fuzz) if fuzz.is_under_coat() => self.under_coat(coat, wi),
+            _ => SampledSpectrum::ONE,
+        }
+    }
+
     /// Factor on the base under the coat.
     fn under_coat(&self, coat: &Option<CoatSeen>, wi: Vec3) -> SampledSpectrum {
         self.coat
@@ -234,6 +249,7 @@ impl OpenPbrBsdf {
     fn seen_from_outside(&self, wo: Vec3) -> OpenPbrSeen {
         let (fuzz, coat) = (self.fuzz_lobe(wo), self.coat_seen(wo));
         let under_fuzz = Self::under_fuzz(&fuzz);
+        let above_coat = self.above_coat(under_fuzz);
         let s = &self.slabs;
         let (metal, opaque, translucent) =
             (seen(&s.metal, wo), seen(&s.opaque, wo), seen(&s.translucent, wo));
@@ -246,13 +262,25 @@ impl OpenPbrBsdf {
         let [m, o, t] = slabs.map(|albedo| albedo * base);
         let c =
             self.coat.as_ref().zip(coat.as_ref()).map_or(SampledSpectrum::ZERO, |(coat, seen)| {
-                self.unit * (seen.reflected * coat.weight() * under_fuzz)
+                self.unit * (seen.reflected * coat.weight() * above_coat)
             });
         let f = fuzz.as_ref().map_or(SampledSpectrum::ZERO, |(fuzz, lobe)| {
-            fuzz.color * self.unit * (fuzz.weight * lobe.reflectance())
+            let above = self.above_fuzz(&coat, mirrored(wo));
+            fuzz.color * self.unit * above * (fuzz.weight * lobe.reflectance())
         });
         let choice = Choice::new([m, o, t, c, f]);
-        OpenPbrSeen { wo, metal, opaque, translucent, coat, fuzz, under_fuzz, slabs, choice }
+        OpenPbrSeen {
+            wo,
+            metal,
+            opaque,
+            translucent,
+            coat,
+            fuzz,
+            under_fuzz,
+            above_coat,
+            slabs,
+            choice,
+        }
     }
 
     fn seen_from_inside(&self, wo: Vec3) -> OpenPbrSeen {
@@ -265,6 +293,7 @@ impl OpenPbrBsdf {
             coat: None,
             fuzz: None,
             under_fuzz: 1.0,
+            above_coat: 1.0,
             slabs: [none; 3],
             choice: Choice::new([none; 5]),
         }
@@ -377,18 +406,18 @@ impl Lobes for OpenPbrBsdf {
             base += value * if i == OPAQUE { share * entering } else { share };
             pdf += if p > 0.0 { p * density } else { 0.0 };
         }
-        let mut value = base * self.unit * self.under_coat(&seen.coat, wi);
+        let mut value = base * self.unit * self.under_coat(&seen.coat, wi) * seen.under_fuzz;
         if let Some((coat, known)) = self.coat.as_ref().zip(seen.coat.as_ref()) {
             let (reflected, density) = coat.value_and_pdf(known, wi);
-            value += self.unit * (reflected * coat.weight());
+            value += self.unit * (reflected * coat.weight() * seen.above_coat);
             pdf += p[COAT] * density;
         }
-        value *= seen.under_fuzz;
         if let Some((fuzz, lobe)) = &seen.fuzz
             && wo.z * wi.z > 0.0
         {
             let (reflected, density) = lobe.value_and_pdf(lift(wi));
-            value += fuzz.color * self.unit * (fuzz.weight * reflected);
+            let above = self.above_fuzz(&seen.coat, wi);
+            value += fuzz.color * self.unit * above * (fuzz.weight * reflected);
             pdf += p[FUZZ] * density;
         }
         (value, pdf)
@@ -413,7 +442,8 @@ impl Lobes for OpenPbrBsdf {
                 let (coat, known) = self.coat.as_ref().zip(seen.coat.as_ref())?;
                 return match coat.branch(wo, self.unit) {
                     Some(branch) => {
-                        Some(SpecularBranch { weight: branch.weight * under, ..branch }.drawn(p))
+                        let weight = branch.weight * seen.above_coat;
+                        Some(SpecularBranch { weight, ..branch }.drawn(p))
                     }
                     None => reflected(coat.sample(known, u)?),
                 };
@@ -440,12 +470,14 @@ impl Lobes for OpenPbrBsdf {
             .as_ref()
             .zip(seen.coat.as_ref())
             .map_or(0.0, |(c, seen)| seen.reflected * c.weight());
-        let coated = base * self.under_coat(&seen.coat, mirrored(seen.wo)) + self.unit * coat;
-        let top = seen
+        let mirror = mirrored(seen.wo);
+        let base = base * self.under_coat(&seen.coat, mirror) * seen.under_fuzz;
+        let fuzz = seen
             .fuzz
             .as_ref()
             .map_or(SampledSpectrum::ZERO, |(f, lobe)| f.color * (f.weight * lobe.reflectance()));
-        coated * seen.under_fuzz + top * self.unit
+        let fuzz = fuzz * self.above_fuzz(&seen.coat, mirror);
+        base + self.unit * (fuzz + SampledSpectrum::splat(coat * seen.above_coat))
     }
 
     fn is_delta(&self) -> bool {
@@ -497,7 +529,8 @@ impl Lobes for OpenPbrBsdf {
         let (under, s) = (Self::under_fuzz(&self.fuzz_lobe(wo)), &self.slabs);
         let mut found: [Option<SpecularBranch>; 2] = [None, None];
         let seen = self.coat_seen(wo);
-        let coat = self.coat.as_ref().and_then(|coat| coat.branch(wo, self.unit * under));
+        let above_coat = self.unit * self.above_coat(under);
+        let coat = self.coat.as_ref().and_then(|coat| coat.branch(wo, above_coat));
         let slabs = [
             s.metal.as_ref().map(|(share, b)| (*share, b.specular_branches(wo))),
             s.opaque.as_ref().map(|(share, b)| (*share, b.specular_branches(wo))),

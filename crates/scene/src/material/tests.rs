@@ -433,6 +433,37 @@ fn coat_and_fuzz_dim_emission_by_what_they_do_not_let_pass() {
 }
 
 #[test]
+fn a_coat_covers_the_sheen_of_gltf_and_lies_under_the_fuzz_of_open_pbr() {
+    let (s, textures) = (surface(), TextureSet::default());
+    let point = at(&s, &textures);
+    let (wo, wi) = (Vec3::new(0.8, 0.0, 0.6), Vec3::new(-0.6, 0.48, 0.64));
+    let value = |fuzz_model, coat: f32, fuzz: f32| {
+        let cloth = OpenPbr {
+            base_color: Rgb::BLACK.into(),
+            specular_weight: 0.0.into(),
+            fuzz_weight: fuzz.into(),
+            fuzz_roughness: 0.5.into(),
+            fuzz_model,
+            coat_weight: coat.into(),
+            coat_ior: 1.5.into(),
+            coat_roughness: 0.4.into(),
+            coat_darkening: 0.0.into(),
+            ..OpenPbr::default()
+        };
+        cloth.bsdf(&point).eval(wo, wi)[0]
+    };
+    for (model, is_under) in [(FuzzModel::Charlie, true), (FuzzModel::Flakes, false)] {
+        let (fuzz, coat, both) =
+            (value(model, 0.0, 1.0), value(model, 1.0, 0.0), value(model, 1.0, 1.0));
+        assert!(fuzz > 1e-3 && coat > 1e-3, "{fuzz} {coat}");
+        // The layer on top is seen as if it was alone, and dims the other.
+        let (top, below) = if is_under { (coat, fuzz) } else { (fuzz, coat) };
+        let share = (both - top) / below;
+        assert!((0.5..0.99).contains(&share), "{model:?}: {fuzz} {coat} {both}");
+    }
+}
+
+#[test]
 fn subsurface_scattering_knows_no_unit() {
     let textures = TextureSet::default();
     let wax = |radius: f32| OpenPbr {

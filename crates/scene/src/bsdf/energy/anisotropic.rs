@@ -3,7 +3,7 @@
 //! An isotropic table at one width for each direction would not do: at the width along the
 //! direction, or at that with the same loss of white facets, the share of light that glass loses
 //! is off by 0.1 and more. So these tables, integrated by `generate.rs` into `anisotropic.bin`,
-//! have all dimensions, on a coarser grid with cubics between the nodes: 1.7 MB, and some 500
+//! have all dimensions, on a coarser grid with cubics between the nodes: 2.6 MB, and some 1000
 //! numbers for each direction. (The other published ways cost more here: walks over the facets,
 //! Heitz et al. 2016, have values that are random.) White metals keep light within 0.4 %, what
 //! else is off is in `furnace.rs`.
@@ -12,14 +12,15 @@
 //! [`super::super::Beckmann`]'s facets.
 
 use super::{
-    DEEPEST, FACETS, LOST, MOST, REFLECTED, Table, cubic, mean_reference, nodes, position,
+    DEEPEST, FACETS, LOST, MOST, REFLECTED, Table, cubic, cubic_through, mean_reference, nodes,
+    position,
 };
 use super::{MOST_ROOT_F0, MicrofacetShape, Microfacets, Widths};
 use snell_math::Vec3;
 use std::f32::consts::SQRT_2;
 
 /// Nodes in the root of the larger width, which is at most [`SQRT_2`] in all materials.
-pub(super) const WIDTHS: usize = 11;
+pub(super) const WIDTHS: usize = 13;
 /// Nodes in the root of the smaller width over the larger one.
 pub(super) const RATIOS: usize = 8;
 /// Nodes along the azimuth.
@@ -27,11 +28,12 @@ pub(super) const AZIMUTHS: usize = 11;
 /// Nodes along the direction, as in [`super::STEEPNESSES`].
 pub(super) const STEEPNESSES: usize = 28;
 /// Nodes in the index of refraction.
-pub(super) const INDICES: usize = 10;
+pub(super) const INDICES: usize = 13;
 /// Numbers for one pair of widths: albedos and their mean.
 pub(super) const CELL: usize = AZIMUTHS * STEEPNESSES + 1;
-/// The root of the larger width at its first node, over that at the last.
-const LEAST_ROOT: f32 = 0.03;
+/// The root of the larger width at the nodes, over that at the last. They are denser for narrow
+/// lobes, whose mean losses grow with the square of the width.
+const ROOTS: [f32; WIDTHS] = [0.03, 0.06, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0];
 /// The least ratio of the widths in the tables.
 const LEAST_RATIO: f32 = 5e-4;
 
@@ -51,8 +53,7 @@ fn share(at: usize) -> f32 {
 /// The larger width at a node.
 #[cfg(test)]
 pub(super) fn width_at(node: usize) -> f32 {
-    let root = (node as f32 / (WIDTHS - 1) as f32).max(LEAST_ROOT);
-    SQRT_2 * root * root
+    SQRT_2 * ROOTS[node] * ROOTS[node]
 }
 
 /// The ratio of the widths at a node.
@@ -76,13 +77,6 @@ pub(super) fn azimuth_position(widths: Widths, along2: f32) -> f32 {
     let Widths { x, y } = widths;
     let width = (x * x * along2 + y * y * (1.0 - along2)).max(0.0).sqrt();
     ((x + y) * along2 / (width + y)).sqrt()
-}
-
-/// The position of the larger width of a surface on its nodes.
-fn width_position(width: f32) -> f32 {
-    let (root, step) = ((width / SQRT_2).sqrt(), 1.0 / (WIDTHS - 1) as f32);
-    // Its first node is not at 0.
-    if root < step { step * (root - LEAST_ROOT) / (step - LEAST_ROOT) } else { root }
 }
 
 /// The first of four nodes around a position, and their weights in a cubic.
@@ -138,7 +132,9 @@ impl Anisotropic {
         let widths = if is_across { Widths { x: widths.y, y: widths.x } } else { widths };
         let least = LEAST_RATIO.sqrt();
         let ratio = ((widths.y / widths.x).sqrt() - least) / (1.0 - least);
-        let (width, by_width) = four_nodes(width_position(widths.x), WIDTHS);
+        let root = (widths.x / SQRT_2).sqrt().min(1.0);
+        let width = ROOTS.partition_point(|&node| node <= root).saturating_sub(2).min(WIDTHS - 4);
+        let by_width = cubic_through(std::array::from_fn(|i| ROOTS[width + i]), root);
         let (ratio, by_ratio) = four_nodes(ratio, RATIOS);
         let (index, by_index) = if indices == 1 {
             (0, [1.0, 0.0, 0.0, 0.0])
@@ -163,7 +159,7 @@ impl Anisotropic {
     /// A loss, as [`super::Albedo::loss`]; `None` for isotropic surfaces.
     pub(super) fn loss(facets: Microfacets, table: Table, ior: f32) -> Option<Self> {
         Self::new(facets, table, ior)
-            .map(|made| Self { reference: mean_reference(made.widths.x.min(1.0)), ..made })
+            .map(|made| Self { reference: mean_reference(made.widths.x), ..made })
     }
 
     /// An albedo, as [`super::Albedo::reflected`]; `None` for isotropic surfaces.
@@ -196,12 +192,13 @@ impl Anisotropic {
         let length2 = w.x * w.x + w.y * w.y;
         let along2 = if length2 > 0.0 { w.x * w.x / length2 } else { 0.5 };
         let (azimuth, by_azimuth) = four_nodes(azimuth_position(self.widths, along2), AZIMUTHS);
-        let (node, t) = nodes(position(self.widths, w), STEEPNESSES);
+        let (node, by_steepness) = four_nodes(position(self.widths, w), STEEPNESSES);
         let mut sum = 0.0;
-        for (i, weight) in by_azimuth.iter().enumerate() {
-            let at = (azimuth + i) * STEEPNESSES + node;
-            let [a, b] = [at, at + 1].map(|at| self.number(at, |x| x));
-            sum += weight * (a + (b - a) * t);
+        for (i, by_azimuth) in by_azimuth.iter().enumerate() {
+            for (k, by_steepness) in by_steepness.iter().enumerate() {
+                let at = (azimuth + i) * STEEPNESSES + node + k;
+                sum += by_azimuth * by_steepness * self.number(at, |x| x);
+            }
         }
         (self.scale * sum).max(0.0)
     }

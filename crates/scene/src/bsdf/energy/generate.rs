@@ -13,7 +13,7 @@ fn ior_at(node: usize) -> f64 {
 
 /// The roughness of a row; that of the first is close to 0.
 fn row_roughness(row: usize) -> f32 {
-    (row as f32 / (ROUGHNESSES - 1) as f32).max(0.0141)
+    (row as f32 / (ROUGHNESSES - 1) as f32).max(LEAST_ROUGHNESS)
 }
 
 /// Fractions of light for one direction.
@@ -115,6 +115,22 @@ fn encode(planes: &[&Vec<Vec<f64>>], bytes: &mut Vec<u8>) {
     }
 }
 
+/// The values at the nodes moved so that straight lines between them deviate from a curve equally
+/// to both sides, where it bends evenly: the line between values of the curve itself is off by an
+/// eighth of the second difference in the middle.
+fn balanced(row: &[f64]) -> Vec<f64> {
+    let bend = |i: usize| row[i - 1] - 2.0 * row[i] + row[i + 1];
+    let moved = |(i, &value): (usize, &f64)| {
+        if i < 2 || i + 2 >= row.len() {
+            return value;
+        }
+        let bends = [bend(i - 1), bend(i), bend(i + 1)];
+        let least = bends.into_iter().min_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap_or(0.0);
+        if bends.iter().all(|bend| bend * least > 0.0) { value - least / 16.0 } else { value }
+    };
+    row.iter().enumerate().map(moved).collect()
+}
+
 /// The four quantities for one index of refraction, as rows of albedos with their means.
 fn integrate(shape: MicrofacetShape, ior: f64) -> [Vec<Vec<f64>>; 4] {
     let mut planes: [Vec<Vec<f64>>; 4] = Default::default();
@@ -141,7 +157,8 @@ fn integrate(shape: MicrofacetShape, ior: f64) -> [Vec<Vec<f64>>; 4] {
             let wo = Vec3::new((1.0 - mu * mu).sqrt() as f32, 0.0, mu as f32);
             f64::from(most * fresnel::dielectric(facet_cosine(widths, wo), ior as f32))
         };
-        for (i, (plane, mut row)) in planes.iter_mut().zip(rows).enumerate() {
+        for (i, (plane, row)) in planes.iter_mut().zip(rows).enumerate() {
+            let mut row = balanced(&row);
             row.push(if i == 1 {
                 average(alpha, &row, reference)
             } else {
@@ -234,11 +251,13 @@ fn mean_of_cell(widths: Widths, cell: &[f64], reference: impl Fn(Vec3) -> f64) -
         for k in 0..steps {
             let u = (f64::from(k) + 0.5) / f64::from(steps);
             let (w, weight) = (direction_at(u * u * u, along), 6.0 * u.powi(5));
-            let (node, t) = nodes(position(widths, w), anisotropic::STEEPNESSES);
+            let (node, by_steepness) = four_nodes(position(widths, w), anisotropic::STEEPNESSES);
             for (j, by_azimuth) in by_azimuth.into_iter().enumerate() {
-                let at = (first + j) * anisotropic::STEEPNESSES + node;
-                let number = cell[at] + (cell[at + 1] - cell[at]) * f64::from(t);
-                sum += weight * f64::from(by_azimuth) * number * reference(w);
+                for (l, by_steepness) in by_steepness.into_iter().enumerate() {
+                    let at = (first + j) * anisotropic::STEEPNESSES + node + l;
+                    let weight = weight * f64::from(by_azimuth * by_steepness);
+                    sum += weight * cell[at] * reference(w);
+                }
             }
         }
     }
@@ -273,7 +292,7 @@ fn cells(shape: MicrofacetShape, widths: Widths, iors: &[f64]) -> Vec<[Vec<f64>;
             cell.push(if quantity == 1 {
                 mean_of_cell(widths, cell, reference)
             } else {
-                mean_of_cell(widths, cell, |_| 1.0) / f64::from(mean_reference(widths.x.min(1.0)))
+                mean_of_cell(widths, cell, |_| 1.0) / f64::from(mean_reference(widths.x))
             });
         }
     }

@@ -25,6 +25,8 @@ use std::f32::consts::FRAC_1_PI;
 const STEEPNESSES: usize = 48;
 /// Number of nodes in roughness, which is the square root of `alpha`.
 const ROUGHNESSES: usize = 28;
+/// The roughness of the first node, which is not 0.
+const LEAST_ROUGHNESS: f32 = 0.0141;
 /// Number of nodes in the index of refraction.
 const INDICES: usize = 32;
 /// Number of values in a row: the albedos and their mean.
@@ -155,13 +157,25 @@ fn cubic(x: f32) -> [f32; 4] {
     [b * c * d * (-1.0 / 6.0), a * c * d * 0.5, a * b * d * -0.5, a * b * c * (1.0 / 6.0)]
 }
 
+/// Weights of the values at four places for the cubic through them, at `x`.
+fn cubic_through(places: [f32; 4], x: f32) -> [f32; 4] {
+    std::array::from_fn(|i| {
+        let others = (0..4).filter(|&k| k != i);
+        others.map(|k| (x - places[k]) / (places[i] - places[k])).product()
+    })
+}
+
 impl Albedo {
     fn new(facets: Microfacets, table: Table, (index, planes): (usize, [f32; 4])) -> Self {
-        let (row, weight) = nodes(facets.widths().alpha().sqrt(), ROUGHNESSES);
-        let first = row.saturating_sub(1).min(ROUGHNESSES - 4);
+        let steps = (ROUGHNESSES - 1) as f32;
+        let row = facets.widths().alpha().sqrt().min(1.0) * steps;
+        let first = (row as usize).saturating_sub(1).min(ROUGHNESSES - 4);
+        let rows = match first {
+            0 => cubic_through([LEAST_ROUGHNESS * steps, 1.0, 2.0, 3.0], row),
+            _ => cubic(row - first as f32),
+        };
         let start = table.of(facets.shape()) + first * ROW * table.indices + index;
-        let (rows, is_round) =
-            (cubic((row - first) as f32 + weight), facets.shape() == MicrofacetShape::Beckmann);
+        let is_round = facets.shape() == MicrofacetShape::Beckmann;
         Self { start, indices: table.indices, rows, planes, reference: 1.0, is_round }
     }
 

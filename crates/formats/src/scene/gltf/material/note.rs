@@ -30,11 +30,7 @@ const MAPPED: &[(&str, &str)] = &[
         "KHR_materials_pbrSpecularGlossiness",
         "base_color, specular_color, specular_roughness (its map is not read)",
     ),
-    (
-        "KHR_materials_sheen",
-        "fuzz_weight, fuzz_color, fuzz_roughness, with fuzz_model charlie (below a clear coat in \
-            glTF, above it here)",
-    ),
+    ("KHR_materials_sheen", "fuzz_weight, fuzz_color, fuzz_roughness, with fuzz_model charlie"),
     (
         "KHR_materials_specular",
         "specular_weight, specular_color (at grazing angles too, unlike in glTF)",
