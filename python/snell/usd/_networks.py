@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from pxr import UsdShade
+from pxr import UsdGeom, UsdShade
 
 from ._context import Context, color_form, scalar_form
 
-__all__ = ["Network", "kind_of"]
+__all__ = ["Network", "constant_primvar", "kind_of"]
 
 #: Maximum length of a chain of nodes.
 _MAX_DEPTH = 32
@@ -63,11 +63,22 @@ class _Source:
     primvar: str | None = None
 
 
-class Network:
-    """The inputs of a surface."""
+def constant_primvar(context: Context, prim: Any, name: str) -> float | None:
+    """The number that a constant primvar of a prim or an ancestor is; `None` if there is none."""
+    primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(name)
+    if not primvar or not primvar.HasValue() or primvar.GetInterpolation() != "constant":
+        return None
+    value = np.array(context.value(primvar.GetAttr())).reshape(-1)
+    return float(value[0]) if len(value) and value.dtype.kind in "bfiu" else None
 
-    def __init__(self, context: Context, shader: Any) -> None:
-        self.context, self.shader = context, shader
+
+class Network:
+    """The inputs of a surface, as the prim `user` shows it."""
+
+    def __init__(self, context: Context, shader: Any, user: Any) -> None:
+        self.context, self.shader, self.user = context, shader, user
+        #: The primvars that are asked for as constants of the prim.
+        self.constants: set[str] = set()
         #: The primvar that is the colour of the base, for the vertices of meshes.
         self.primvar: str | None = None
 
@@ -192,6 +203,11 @@ class Network:
         name = self._value_of(shader, "varname", self._value_of(shader, "geomprop", None))
         if name and ("float3" in kind or "vector" in kind or "color3" in kind):
             return _Source(primvar=str(name))
+        if name:
+            self.constants.add(str(name))
+            value = constant_primvar(self.context, self.user, str(name))
+            if value is not None:
+                return _Source(value)
         self.context.remark(f"{shader.GetPath()}: a primvar as input of a surface is left out")
         given = shader.GetInput("fallback") or shader.GetInput("default")
         return _Source(given.Get() if given else None)
