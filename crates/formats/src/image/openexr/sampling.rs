@@ -6,9 +6,11 @@
 
 use super::attributes::{attribute, is_multipart};
 use exr::block::chunk::{Chunk, CompressedBlock};
+use exr::compression::Compression;
 use exr::math::Vec2;
 use exr::meta::MetaData;
-use exr::meta::attribute::{ChannelDescription, IntegerBounds};
+use exr::meta::attribute::{ChannelDescription, IntegerBounds, SampleType};
+use exr::meta::header::Header;
 use std::borrow::Cow;
 
 /// Distance between samples in x and y, by part and channel.
@@ -88,14 +90,63 @@ pub fn decompress(
         return Err(format!("{size} bytes for {pixels} pixels"));
     }
     header.channels.bytes_per_pixel = size / pixels;
-    let data = header.compression.decompress_image_section_from_le(
-        &header,
-        block.compressed_pixels_le,
-        bounds,
-        false,
-    );
-    let data = data.map_err(|e| e.to_string())?;
+    let compressed = block.compressed_pixels_le;
+    let is_b44 = matches!(header.compression, Compression::B44 | Compression::B44A);
+    let data = if is_b44 && compressed.len() != size {
+        b44(&header, &compressed, bounds)?
+    } else {
+        let method = header.compression;
+        method
+            .decompress_image_section_from_le(&header, compressed, bounds, false)
+            .map_err(|e| e.to_string())?
+    };
     if data.len() != size { Err("a block of the wrong size".into()) } else { Ok((bounds, data)) }
+}
+
+/// Decompresses B44, whose decoder in the crate is wrong for such channels: each channel, which is
+/// compressed by itself, is given to it as a whole one.
+fn b44(header: &Header, compressed: &[u8], bounds: IntegerBounds) -> Result<Vec<u8>, String> {
+    let mut rest = compressed;
+    let mut channels = Vec::new();
+    for channel in &header.channels.list {
+        let size = channel.subsampled_resolution(bounds.size);
+        let bytes = size.area() * channel.sample_type.bytes_per_sample();
+        let length = match channel.sample_type {
+            SampleType::F16 => b44_length(rest, size).ok_or("a block is cut off")?,
+            SampleType::F32 | SampleType::U32 => bytes,
+        };
+        let (own, others) = rest.split_at_checked(length).ok_or("a block is cut off")?;
+        rest = others;
+        let mut single = header.clone();
+        single.channels.list = std::iter::once(channel.clone()).collect();
+        single.channels.list[0].sampling = Vec2(1, 1);
+        single.channels.bytes_per_pixel = channel.sample_type.bytes_per_sample();
+        let place = IntegerBounds::new(Vec2(0, 0), size);
+        let data = header
+            .compression
+            .decompress_image_section_from_le(&single, own.to_vec(), place, false)
+            .map_err(|e| e.to_string())?;
+        channels.push((size.0 * channel.sample_type.bytes_per_sample(), data, 0));
+    }
+    let mut lines = Vec::new();
+    let top = bounds.position.1.max(0) as usize;
+    for y in top..top + bounds.size.1 {
+        for (channel, (line, data, at)) in header.channels.list.iter().zip(&mut channels) {
+            if has_line(channel, y) {
+                let end = *at + *line;
+                lines.extend_from_slice(data.get(*at..end).ok_or("a block of the wrong size")?);
+                *at = end;
+            }
+        }
+    }
+    Ok(lines)
+}
+
+/// The number of bytes of a channel of half floats in B44: squares of 4 x 4 samples take 14 bytes,
+/// or 3 if all samples are equal, which a large shift in the third byte says.
+fn b44_length(bytes: &[u8], size: Vec2<usize>) -> Option<usize> {
+    let squares = size.0.div_ceil(4) * size.1.div_ceil(4);
+    (0..squares).try_fold(0, |at, _| Some(at + if *bytes.get(at + 2)? >= 13 << 2 { 3 } else { 14 }))
 }
 
 /// True if a channel has samples on a line of its part.
