@@ -584,6 +584,14 @@ fn luminance_and_chroma_of_openexr_become_colours() {
 }
 
 #[test]
+fn deep_openexr_files_are_refused_with_a_remedy() {
+    let mut bytes = sampled_openexr([2, 2], &[("Y", [1, 1])], |_, _, _| 1.0);
+    bytes[5] |= 0x08;
+    let message = read_image(&input("a.exr", bytes)).unwrap_err().to_string();
+    assert!(message.contains("deep data") && message.contains("--flatten"), "{message}");
+}
+
+#[test]
 fn channels_of_openexr_with_few_samples_are_interpolated() {
     let bytes = sampled_openexr([4, 4], &[("A", [2, 2]), ("Y", [1, 1])], |c, x, y| match c {
         0 => (x + y) as f32 * 0.125,

@@ -59,6 +59,11 @@ pub fn attribute(bytes: &[u8], at: &mut usize) -> Option<(String, Range<usize>)>
     Some((name, start..end.min(bytes.len())))
 }
 
+/// True if a part of the file has several samples at a pixel, each with its depth.
+pub fn is_deep(bytes: &[u8]) -> bool {
+    bytes.get(5).is_some_and(|flags| flags & 0x08 != 0)
+}
+
 /// True if the file may have several parts, each with a header.
 pub fn is_multipart(bytes: &[u8]) -> bool {
     bytes.get(5).is_some_and(|flags| flags & 0x10 != 0)

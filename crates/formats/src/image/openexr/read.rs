@@ -6,6 +6,7 @@
 //! becomes an error of the file.
 
 use super::super::picture::check_size;
+use super::attributes::is_deep;
 use super::chromaticities::{luminance_weights, to_rec709};
 use super::sampling::{self, Plane, Sampling};
 use crate::guard::guarded;
@@ -91,6 +92,13 @@ fn damaged(input: &Input, problem: impl std::fmt::Display) -> ReadError {
 }
 
 fn read(input: &Input, only_picture: bool) -> Result<LayeredImage, ReadError> {
+    if is_deep(&input.bytes) {
+        return Err(input.error(
+            Place::Whole,
+            "this OpenEXR file holds deep data, which is not supported",
+            "flatten it (for example with `oiiotool --flatten`)",
+        ));
+    }
     let (bytes, sampling) = sampling::as_whole(&input.bytes);
     let reader = exr::block::read(Cursor::new(&bytes[..]), false).map_err(|e| damaged(input, e))?;
     let meta = reader.meta_data().clone();
@@ -397,13 +405,6 @@ fn copy_samples<'a>(
 
 /// Refuses unsupported parts, before anything is allocated.
 fn check_part(input: &Input, header: &Header) -> Result<(), ReadError> {
-    if header.deep {
-        return Err(input.error(
-            Place::Whole,
-            "this OpenEXR file holds deep data, which is not supported",
-            "flatten it (for example with `oiiotool --flatten`)",
-        ));
-    }
     if header.channels.list.is_empty() {
         return Err(damaged(input, "a part has no channels"));
     }

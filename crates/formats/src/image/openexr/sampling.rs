@@ -231,3 +231,38 @@ pub fn to_rgb(channels: &[String], values: &mut [f32], weights: [f32; 3]) -> Opt
     let colours = ["R", "G", "B"].map(String::from);
     Some(colours.into_iter().chain(others.iter().map(|c| channels[*c].clone())).collect())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use exr::meta::BlockDescription;
+    use exr::prelude::{LineOrder, Text};
+    use half::f16;
+
+    #[test]
+    fn channels_of_b44_are_decompressed_one_by_one() {
+        let channel = |name, step| ChannelDescription {
+            sampling: Vec2(step, step),
+            ..ChannelDescription::named(Text::from(name), SampleType::F16)
+        };
+        let channels = [channel("BY", 2), channel("Y", 1)].into_iter().collect();
+        let header = Header::new(Text::from(""), Vec2(4, 4), channels).with_encoding(
+            Compression::B44,
+            BlockDescription::ScanLines,
+            LineOrder::Increasing,
+        );
+        // A square of equal samples: the bits of the number with its sign turned, and 0xfc.
+        let square = |value: f32| {
+            let [high, low] = (f16::from_f32(value).to_bits() | 0x8000).to_be_bytes();
+            [high, low, 0xfc]
+        };
+        let compressed = [square(0.25), square(3.0)].concat();
+        let bounds = IntegerBounds::new(Vec2(0, 0), Vec2(4, 4));
+        let data = b44(&header, &compressed, bounds).unwrap();
+        let values: Vec<f32> =
+            data.chunks_exact(2).map(|b| f16::from_ne_bytes([b[0], b[1]]).to_f32()).collect();
+        let line = [[0.25; 2].as_slice(), &[3.0; 4], &[3.0; 4]].concat();
+        assert_eq!(values, [line.clone(), line].concat());
+        assert!(b44(&header, &compressed[..5], bounds).is_err());
+    }
+}
