@@ -26,6 +26,7 @@ pub mod stl;
 
 use crate::{Input, ReadError, SceneReader};
 use notes::Notes;
+pub use ply::Attribute;
 use snell_intersect::TriangleMesh;
 use snell_math::Vec3;
 use snell_scene::{Geometry, Node, Scene, Surface, WarningKind};
@@ -71,6 +72,19 @@ pub fn read_faces(input: &Input) -> Result<(TriangleMesh, Option<Vec<u32>>), Rea
         return ply::parse_faces(input, &mut Notes::default());
     }
     Ok((read_mesh(input)?, None))
+}
+
+/// Reads an attribute of the vertices or faces (`element`) of a PLY file; `None` if it has none of
+/// this name, or is no PLY file.
+pub fn ply_attribute(
+    input: &Input,
+    element: &str,
+    name: &str,
+) -> Result<Option<Attribute>, ReadError> {
+    match (ply::READER.recognises)(&input.bytes) {
+        true => ply::attribute(input, element, name),
+        false => Ok(None),
+    }
 }
 
 /// Computes vertex normals: smooth, except across edges at which the faces meet at more than

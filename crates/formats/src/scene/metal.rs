@@ -11,7 +11,7 @@ pub enum Roughness {
     Even(ScalarParam),
     /// A surface stretched along the tangent, or along the bitangent if `anisotropy` is negative
     /// ([`Conductor::anisotropy`]).
-    Stretched { roughness: f32, anisotropy: f32 },
+    Stretched { roughness: ScalarParam, anisotropy: ScalarParam },
 }
 
 impl Roughness {
@@ -24,15 +24,18 @@ impl Roughness {
         // OpenPBR: the widths are r² sqrt(2 / (1 + (1 - a)²)), and (1 - a) times that.
         let ratio = least / most;
         let roughness = (most * ((1.0 + ratio * ratio) / 2.0).sqrt()).sqrt();
-        Self::Stretched { roughness, anisotropy: if v > u { ratio - 1.0 } else { 1.0 - ratio } }
+        let anisotropy = if v > u { ratio - 1.0 } else { 1.0 - ratio };
+        Self::Stretched { roughness: roughness.into(), anisotropy: anisotropy.into() }
     }
 
-    /// One roughness for isotropic models, from the geometric mean of the widths.
+    /// One roughness for isotropic models, from the geometric mean of the widths where they are the
+    /// same everywhere.
     pub fn mean(self) -> ScalarParam {
         match self {
             Self::Even(roughness) => roughness,
+            Self::Stretched { roughness, .. } if roughness.texture.is_some() => roughness,
             Self::Stretched { roughness, anisotropy } => {
-                let ratio = 1.0 - anisotropy.abs();
+                let (roughness, ratio) = (roughness.factor, 1.0 - anisotropy.factor.abs());
                 let most = roughness * roughness * (2.0 / (1.0 + ratio * ratio)).sqrt();
                 (most * ratio.sqrt()).sqrt().into()
             }
@@ -48,10 +51,9 @@ pub fn metal(
     microfacets: MicrofacetShape,
 ) -> Material {
     let (roughness, anisotropy) = match roughness {
-        Roughness::Even(roughness) => (roughness, 0.0),
-        Roughness::Stretched { roughness, anisotropy } => (roughness.into(), anisotropy),
+        Roughness::Even(roughness) => (roughness, 0.0.into()),
+        Roughness::Stretched { roughness, anisotropy } => (roughness, anisotropy),
     };
-    let anisotropy = anisotropy.into();
     Material::new(
         "",
         Conductor { microfacets, anisotropy, tint, ..Conductor::new(spectrum, roughness) },
@@ -68,6 +70,7 @@ mod tests {
             let Roughness::Stretched { roughness, anisotropy } = Roughness::of_widths(u, v) else {
                 panic!("{u} and {v} differ")
             };
+            let (roughness, anisotropy) = (roughness.factor, anisotropy.factor);
             let ratio = 1.0 - anisotropy.abs();
             let along = roughness * roughness * (2.0 / (1.0 + ratio * ratio)).sqrt();
             let found =

@@ -7,7 +7,8 @@ use snell_math::spectrum::Spectrum;
 use snell_scene::Material;
 use snell_scene::bsdf::MicrofacetShape;
 use snell_scene::material::{
-    ColorParam, ConductorSpectrum, MaterialKind, OpenPbr, ScalarParam, TangentMap,
+    AlphaMode, ColorParam, ConductorSpectrum, MaterialKind, MetallicRoughness, OpenPbr,
+    ScalarParam, TangentMap,
 };
 use std::f32::consts::FRAC_PI_2;
 
@@ -87,6 +88,11 @@ pub fn open_pbr(material: &Material, who: &str, output: &mut Output) -> OpenPbr 
         specular_weight: 0.0.into(),
         ..OpenPbr::default()
     };
+    if let AlphaMode::Sheet(ior) = material.alpha_mode {
+        let pane =
+            MetallicRoughness { ior, transmission: 1.0.into(), ..MetallicRoughness::default() };
+        return pane.open_pbr();
+    }
     match &material.kind {
         MaterialKind::Black(_) => matte(Rgb::BLACK.into()),
         MaterialKind::Diffuse(diffuse) => matte(diffuse.reflectance),

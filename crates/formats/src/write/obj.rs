@@ -151,6 +151,9 @@ impl Library<'_, '_> {
         }
         match material.alpha_mode {
             AlphaMode::Opaque => {}
+            AlphaMode::Sheet(_) => {
+                self.output.lose(format!("{shown}: the light that it lets through is left out"));
+            }
             mode => {
                 if matches!(mode, AlphaMode::Mask(_)) {
                     self.output.lose(format!("{shown}: the cut-off of its opacity is left out"));

@@ -44,7 +44,7 @@ pub use prepared::Prepared;
 pub use shading::ShadingBsdf;
 pub use specular::Specular;
 
-use crate::bsdf::{Bsdf, bounded};
+use crate::bsdf::{Bsdf, bounded, fresnel};
 use crate::graph::{MediumId, TextureId};
 use crate::ranges::LIGHT;
 use crate::texture::TextureSet;
@@ -287,6 +287,10 @@ snell_math::declare! {
         "mask" => Mask(cutoff: f32),
         /// The surface is present with probability alpha.
         "blend" => Blend,
+        /// The surface is present with the probability with which a thin clear sheet of this index
+        /// of refraction reflects, times alpha; else light goes straight on. A mirror that is
+        /// present so is a pane of glass through which lights are sampled.
+        "sheet" => Sheet(ior: f32),
     }
 }
 
@@ -525,8 +529,17 @@ impl Material {
         match self.alpha_mode {
             AlphaMode::Opaque => 1.0,
             AlphaMode::Mask(cutoff) => f32::from(alpha() >= cutoff),
-            AlphaMode::Blend => bounded(alpha(), 1.0),
+            AlphaMode::Blend | AlphaMode::Sheet(_) => bounded(alpha(), 1.0),
         }
+    }
+
+    /// The fraction of light that a sheet reflects, all bounces between its faces included; 1 for
+    /// other surfaces.
+    fn sheet_reflectance(&self, ray_direction: Vec3, point: &ShadingPoint) -> f32 {
+        let AlphaMode::Sheet(ior) = self.alpha_mode else { return 1.0 };
+        let cos = ray_direction.normalize_or_zero().dot(point.surface.shading_normal).abs();
+        let of_one_face = fresnel::dielectric(cos.min(1.0), positive_ior(ior));
+        2.0 * of_one_face / (1.0 + of_one_face)
     }
 
     /// True if a ray hits the surface at a point. `u` in `[0, 1)` is a hash of the hit; it must be
@@ -542,7 +555,7 @@ impl Material {
             return 0.0;
         }
         if self.double_sided || point.surface.is_front_facing(ray_direction) {
-            self.opacity(point)
+            self.opacity(point) * self.sheet_reflectance(ray_direction, point)
         } else {
             0.0
         }

@@ -320,6 +320,10 @@ fn presence_follows_side_mask_and_alpha() {
     );
     assert!(alpha(AlphaMode::Mask(0.5)).is_present(down, &at(&s, &textures), 0.99));
     assert!(!alpha(AlphaMode::Mask(0.51)).is_present(down, &at(&s, &textures), 0.0));
+    // Glass of index 1.5 reflects 4 % at each face, and 2 r / (1 + r) of both.
+    let pane = Material { alpha: 1.0.into(), ..alpha(AlphaMode::Sheet(1.5)) };
+    assert!((pane.presence(down, &at(&s, &textures)) - 0.08 / 1.04).abs() < 1e-6);
+    assert!(pane.presence(Vec3::new(1.0, 0.0, -0.1), &at(&s, &textures)) > 0.6);
     let faded = SurfaceInteraction { color: [1.0, 1.0, 1.0, 0.5], ..s };
     assert!(!alpha(AlphaMode::Mask(0.5)).is_present(down, &at(&faded, &textures), 0.0));
 }

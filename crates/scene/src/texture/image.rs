@@ -12,6 +12,8 @@ snell_math::declare! {
     pub enum Filtering {
         /// The nearest texel of the full image, without filtering.
         "nearest" => Nearest,
+        /// Bilinear filtering of the full image, which keeps details that are smaller than a pixel.
+        "bilinear" => Bilinear,
         /// Bilinear filtering in the two nearest mip levels.
         "trilinear" => #[default] Trilinear,
     }

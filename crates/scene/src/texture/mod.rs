@@ -341,6 +341,7 @@ impl TextureSet {
             return pyramid.nearest(uv, texture.wrap);
         }
         let uv = Vec2::new(texture.wrap[0].reduce(uv.x), texture.wrap[1].reduce(uv.y));
+        let level = if texture.filtering == Filtering::Bilinear { 0.0 } else { level };
         let level = crate::bsdf::bounded(level, (pyramid.level_count() - 1) as f32);
         let fine = level as usize;
         let t = level - fine as f32;

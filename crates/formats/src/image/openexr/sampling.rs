@@ -209,8 +209,8 @@ fn mix(a: f32, b: f32, share: f32) -> f32 {
     if share == 0.0 { a } else { a + (b - a) * share }
 }
 
-/// Converts a layer of luminance `Y` and chroma `RY` and `BY` to `R G B`, in place: red is `(RY +
-/// 1) Y`, blue is `(BY + 1) Y`, and green follows from the weights of the luminance (OpenEXR,
+/// Converts a layer of luminance `Y` and chroma `RY` and `BY` to `R G B`, in place: red is
+/// `(RY + 1) Y`, blue is `(BY + 1) Y`, and green follows from the weights of the luminance (OpenEXR,
 /// "Technical Introduction", "Luminance/Chroma Images"). Returns the channels of the layer after
 /// the conversion; the first three are the colours.
 pub fn to_rgb(channels: &[String], values: &mut [f32], weights: [f32; 3]) -> Option<Vec<String>> {

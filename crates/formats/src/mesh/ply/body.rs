@@ -264,7 +264,7 @@ pub fn read(
             }
             "face" => {
                 faces.declared = element.start;
-                read_faces(source, input, element, header.textures.len(), &mut faces, notes)?;
+                read_faces(source, input, header, element, &mut faces, notes)?;
             }
             "tristrips" => {
                 faces.declared = element.start;
@@ -408,14 +408,14 @@ fn skip_list(source: &mut impl Source, length: Type, item: Type) -> Result<(), R
     source.skip(item, count)
 }
 
-fn skip_property(source: &mut impl Source, property: &Property) -> Result<(), ReadError> {
+pub fn skip_property(source: &mut impl Source, property: &Property) -> Result<(), ReadError> {
     match property.length {
         Some(length) => skip_list(source, length, property.value),
         None => source.skip(property.value, 1),
     }
 }
 
-fn skip_element(source: &mut impl Source, element: &Element) -> Result<(), ReadError> {
+pub fn skip_element(source: &mut impl Source, element: &Element) -> Result<(), ReadError> {
     // Elements without properties take no space and are not iterated, whatever their count.
     if !element.properties.is_empty() {
         for _ in 0..element.count {
@@ -544,8 +544,8 @@ impl Faces {
 fn read_faces(
     source: &mut impl Source,
     input: &Input,
+    header: &Header,
     element: &Element,
-    pictures: usize,
     faces: &mut Faces,
     notes: &mut Notes,
 ) -> Result<(), ReadError> {
@@ -563,8 +563,10 @@ fn read_faces(
         property.name.eq_ignore_ascii_case(name) && property.length.is_some() == is_list
     };
     let uvs_at = element.properties.iter().position(|p| is(p, "texcoord", true));
+    let uvs_at = uvs_at.filter(|_| header.reads_corners);
+    let pictures = header.textures.len();
     let picture_at = element.properties.iter().position(|p| is(p, "texnumber", false));
-    let picture_at = picture_at.filter(|_| pictures > 1);
+    let picture_at = picture_at.filter(|_| header.reads_corners && pictures > 1);
     if faces.triangles.is_empty()
         && faces.ends.is_empty()
         && picture_at.is_none()

@@ -5,12 +5,14 @@
 //! blue alpha`), `face` with a list `vertex_indices` or `vertex_index`, and `tristrips` with a list
 //! of one of these names. A list `texcoord` of a face has the texture coordinates of its corners;
 //! `comment TextureFile` names a picture, and `texnumber` of a face chooses one of several. The
-//! words of the header may be in any case. Colours of integer types are sRGB (as scanners and editors write them),
-//! those of floating-point types linear. Colours and normals of faces are ignored.
+//! words of the header may be in any case. Colours of integer types are sRGB (as scanners and
+//! editors write them), those of floating-point types linear. Colours and normals of faces are
+//! ignored, but scene formats may ask for any attribute (`attribute.rs`).
 //!
 //! `header.rs` reads the declarations, `body.rs` the values, and `uniform.rs` the values of common
 //! binary files on all cores.
 
+mod attribute;
 mod body;
 mod header;
 mod uniform;
@@ -19,6 +21,7 @@ use super::normals;
 use super::notes::Notes;
 use crate::textures::Textures;
 use crate::{Input, ReadError, SceneReader};
+pub use attribute::{Attribute, attribute};
 use header::{Format, Header};
 use snell_intersect::TriangleMesh;
 use snell_math::Rgb;
@@ -36,7 +39,8 @@ pub const READER: SceneReader = SceneReader {
     },
     read: |input| {
         let mut notes = Notes::default();
-        let header = Header::read(input, &mut notes)?;
+        let mut header = Header::read(input, &mut notes)?;
+        header.reads_corners = true;
         let (mut mesh, _) = parse_body(input, &header, &mut notes)?;
         if mesh.normals.is_empty() {
             normals::smooth(&mut mesh, normals::CREASE_ANGLE, &[]);

@@ -1,23 +1,26 @@
 //! BSDFs: their conversion, and several of them on one surface.
 
 mod adapter;
+mod constants;
+mod facets;
+mod plastic;
 mod principled;
 
 use super::Builder;
 use super::color::{self, index_named};
 use super::object::Object;
-use super::texture::{Pattern, rgb_of};
+use super::texture::{Attributes, Pattern, rgb_of};
 use super::value::Value;
 use crate::scene::fault::Fault;
 use crate::scene::metal::{Roughness, metal};
 use crate::scene::sheet::letting_through;
-use snell_math::Rgb;
 use snell_math::spectrum::Metal;
+use snell_math::{ColorMode, Rgb};
 use snell_scene::Material;
-use snell_scene::bsdf::MicrofacetShape;
+use snell_scene::bsdf::{MicrofacetShape, fresnel};
 use snell_scene::material::{
-    CoatedConductor, CoatedDiffuse, ColorParam, ConductorSpectrum, Dielectric, Diffuse, Hair,
-    MaterialKind, MetallicRoughness, Mirror, OpenPbr, Phong, Plastic, ScalarParam,
+    AlphaMode, CoatedConductor, CoatedDiffuse, ColorParam, ConductorSpectrum, Dielectric, Diffuse,
+    Hair, MaterialKind, MetallicRoughness, Mirror, OpenPbr, Phong, ScalarParam,
 };
 use std::rc::Rc;
 
@@ -31,13 +34,62 @@ pub struct Look {
     /// The layers of the back, seen on a surface that is turned over; empty if it looks like the
     /// front.
     pub back: Vec<Material>,
-    /// True if vertex colours are visible.
-    pub uses_vertex_colors: bool,
+    /// True if the back is black.
+    pub is_one_sided: bool,
+    /// The attributes of the mesh that it shows.
+    pub attributes: Attributes,
 }
 
 impl Look {
     fn of(material: Material) -> Self {
         Self { layers: vec![material], ..Self::default() }
+    }
+
+    /// The same with panes of glass as surfaces that are always there, which can be a part of a
+    /// blend and can emit.
+    pub fn with_solid_panes(mut self) -> Self {
+        self.layers.iter_mut().chain(&mut self.back).for_each(solid_pane);
+        self
+    }
+}
+
+/// The reflectance of a metal at normal incidence.
+fn straight_reflectance(spectrum: &ConductorSpectrum) -> f32 {
+    let of = |eta: Rgb, k: Rgb| {
+        let of_channel = |eta: f32, k: f32| fresnel::conductor(1.0, eta, k);
+        Rgb::new(of_channel(eta.r, k.r), of_channel(eta.g, k.g), of_channel(eta.b, k.b)).luminance()
+    };
+    match spectrum {
+        ConductorSpectrum::Metal(metal) => {
+            let [eta, k] = metal.indices(ColorMode::Rgb);
+            of(Rgb::new(eta[0], eta[1], eta[2]), Rgb::new(k[0], k[1], k[2]))
+        }
+        ConductorSpectrum::Measured { eta, k } => of(*eta, *k),
+        ConductorSpectrum::Color(color) => color.factor.luminance(),
+    }
+}
+
+/// True for bsdfs that reflect on the front only.
+fn is_one_sided(object: &Object) -> bool {
+    const KINDS: [&str; 7] = [
+        "diffuse",
+        "roughdiffuse",
+        "conductor",
+        "roughconductor",
+        "plastic",
+        "roughplastic",
+        "phong",
+    ];
+    let kind = object.kind.as_str();
+    KINDS.contains(&kind) || (kind == "principled" && !object.has("spec_trans"))
+}
+
+/// Makes a pane of glass a surface that is always there.
+fn solid_pane(material: &mut Material) {
+    if let AlphaMode::Sheet(ior) = material.alpha_mode {
+        let pane =
+            MetallicRoughness { ior, transmission: 1.0.into(), ..MetallicRoughness::default() };
+        (material.kind, material.alpha_mode) = (pane.into(), AlphaMode::Opaque);
     }
 }
 
@@ -63,10 +115,11 @@ impl Builder<'_> {
             return Err(object.fault("a bsdf was expected here", "refer to a bsdf"));
         }
         self.enter(object)?;
-        let outer = std::mem::take(&mut self.uses_vertex_colors);
+        let outer = std::mem::take(&mut self.attributes);
         let mut look = self.new_look(object)?;
-        look.uses_vertex_colors |= self.uses_vertex_colors;
-        self.uses_vertex_colors |= outer;
+        look.is_one_sided |= is_one_sided(object);
+        look.attributes.add(&self.attributes);
+        self.attributes = outer;
         self.leave();
         self.note_unused(object);
         if let (Some(id), [only]) = (&object.id, &mut look.layers[..])
@@ -85,7 +138,7 @@ impl Builder<'_> {
             "thindielectric" => self.thin_dielectric(object)?,
             "conductor" | "roughconductor" => self.conductor(object)?,
             "plastic" | "roughplastic" => self.plastic(object)?,
-            "principled" | "principledthin" => self.principled(object)?,
+            "principled" | "principledthin" => return self.principled(object),
             "phong" => self.phong(object)?,
             "difftrans" => self.difftrans(object)?,
             "hair" => self.hair(object)?,
@@ -194,10 +247,34 @@ impl Builder<'_> {
         if !object.has("alpha_u") && !object.has("alpha_v") {
             return Ok(Roughness::Even(self.mapped(object, "alpha", 0.1, Some(root))?));
         }
-        let mut width = |name: &str| -> Result<f32, Fault> {
-            Ok(self.constant(object, name)?.map_or(0.1, |c| c.luminance()).clamp(0.0, 1.0))
-        };
-        Ok(Roughness::of_widths(width("alpha_u")?, width("alpha_v")?))
+        let widths =
+            [self.number_pattern(object, "alpha_u")?, self.number_pattern(object, "alpha_v")?];
+        let [u, v] = widths.map(|width| width.unwrap_or(Pattern::Constant(Rgb::splat(0.1).into())));
+        if let (Pattern::Constant(u), Pattern::Constant(v)) = (&u, &v) {
+            let [u, v] = [u, v].map(|width| rgb_of(*width).luminance().clamp(0.0, 1.0));
+            return Ok(Roughness::of_widths(u, v));
+        }
+        match self.numbers_of_both(&u, &v, |u, v| {
+            let widths = [u, v].map(|width| width.clamp(0.0, 1.0));
+            match Roughness::of_widths(widths[0], widths[1]) {
+                Roughness::Even(roughness) => [roughness.factor, 0.0],
+                Roughness::Stretched { roughness, anisotropy } => {
+                    [roughness.factor, anisotropy.factor]
+                }
+            }
+        }) {
+            Some([roughness, anisotropy]) => Ok(Roughness::Stretched { roughness, anisotropy }),
+            None => {
+                let owner = object.owner();
+                self.note(format!("{owner} widths"), object.at, || {
+                    format!(
+                        "{owner}: textures as \"alpha_u\" and \"alpha_v\" that do not fit on each \
+                            other; a width of 0.1 was used instead"
+                    )
+                });
+                Ok(Roughness::of_widths(0.1, 0.1))
+            }
+        }
     }
 
     /// Warns if a width of the distribution is out of range.
@@ -244,6 +321,12 @@ impl Builder<'_> {
     fn thin_dielectric(&mut self, object: &Object) -> Result<Material, Fault> {
         let ior = self.relative_index(object, GLASS)?;
         let base_color = self.color(object, "specular_transmittance", 1.0)?;
+        if base_color == Rgb::WHITE.into() {
+            // A mirror that is there as often as a pane reflects: lights are sampled through it.
+            let reflectance = self.color(object, "specular_reflectance", 1.0)?;
+            let alpha_mode = AlphaMode::Sheet(ior);
+            return Ok(Material { alpha_mode, ..Material::new("", Mirror { reflectance }) });
+        }
         self.expect_white(object, "specular_reflectance")?;
         let kind = MetallicRoughness {
             ior,
@@ -270,16 +353,14 @@ impl Builder<'_> {
     fn conductor(&mut self, object: &Object) -> Result<Material, Fault> {
         let (roughness, microfacets) = (self.roughness(object)?, self.microfacets(object)?);
         let tint = self.color(object, "specular_reflectance", 1.0)?;
-        let Some(spectrum) = self.metal(object)? else {
-            return Ok(match roughness {
-                Roughness::Even(r) if r == 0.0.into() => {
-                    Material::new("", Mirror { reflectance: tint })
-                }
-                _ => {
-                    metal(ConductorSpectrum::Color(Rgb::WHITE.into()), tint, roughness, microfacets)
-                }
-            });
-        };
+        let spectrum = self.metal(object)?;
+        if spectrum.is_none() && roughness == Roughness::Even(0.0.into()) {
+            return Ok(Material::new("", Mirror { reflectance: tint }));
+        }
+        let spectrum = spectrum.unwrap_or(ConductorSpectrum::Color(Rgb::WHITE.into()));
+        let kept = facets::Layer::new(microfacets, roughness)
+            .map_or(1.0, |layer| layer.kept_by_metal(straight_reflectance(&spectrum)));
+        let tint = ColorParam { factor: tint.factor * kept, ..tint };
         Ok(metal(spectrum, tint, roughness, microfacets))
     }
 
@@ -298,7 +379,10 @@ impl Builder<'_> {
         if name.eq_ignore_ascii_case("none") {
             return Ok(None);
         }
-        let known = Metal::named(name);
+        if let Some([eta, k]) = constants::constants(name) {
+            return Ok(Some(ConductorSpectrum::Measured { eta: eta * over, k: k * over }));
+        }
+        let known = Metal::named(name.strip_suffix("_palik").unwrap_or(name));
         if known.is_none() {
             let name = super::value::shortened(name);
             self.note(format!("metal {name}"), at, || {
@@ -314,21 +398,6 @@ impl Builder<'_> {
             Value::String(name) => index_named(name).unwrap_or(1.0) as f32,
             _ => object.float_within("ext_eta", 1.0, [1e-3, 1e3])? as f32,
         })
-    }
-
-    fn plastic(&mut self, object: &Object) -> Result<Material, Fault> {
-        let (roughness, microfacets) = (self.even_roughness(object)?, self.microfacets(object)?);
-        let ior = self.relative_index(object, POLYPROPYLENE)?;
-        let diffuse = self.color(object, "diffuse_reflectance", GRAY)?;
-        if object.bool_or("nonlinear", false)? {
-            self.expect_white(object, "specular_reflectance")?;
-            return Ok(Material::new(
-                "",
-                CoatedDiffuse { reflectance: diffuse, ior, roughness, microfacets },
-            ));
-        }
-        let specular = self.color(object, "specular_reflectance", 1.0)?;
-        Ok(Material::new("", Plastic { diffuse, specular, ior, roughness, microfacets }))
     }
 
     fn phong(&mut self, object: &Object) -> Result<Material, Fault> {

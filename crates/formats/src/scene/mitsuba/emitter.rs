@@ -3,30 +3,34 @@
 use super::Builder;
 use super::color;
 use super::object::Object;
-use super::texture::Pattern;
+use super::texture::{Pattern, rgb_of};
 use super::value::Value;
 use crate::scene::fault::Fault;
 use snell_math::{DAffine3, DMat3, DVec2, DVec3, Rgb};
-use snell_scene::graph::Environment;
+use snell_scene::graph::{Environment, ImageId};
 use snell_scene::light::sky::Sky;
 use snell_scene::light::{
     Attenuation, Directional, IntensityTable, Point, Profile, Projector, Slide,
 };
 use snell_scene::material::ColorParam;
-use snell_scene::texture::Filtering;
-use snell_scene::{Image, MediumId};
+use snell_scene::texture::{Filtering, TextureSet};
+use snell_scene::{Image, ImageTexture, MediumId, TextureId};
 use std::sync::Arc;
+
+/// The cut-off angle in degrees from which on a picture on a spot light is ignored: its square
+/// would be too wide.
+const MOST_CUTOFF: f64 = 85.0;
 
 /// Texture coordinates as they are.
 const UNMOVED: [[f32; 3]; 2] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
 
 /// What a surface emits.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Emission {
     /// The radiance on the outer side.
     pub radiance: ColorParam,
-    /// True if the colours of the vertices multiply it.
-    pub is_by_vertex: bool,
+    /// The attribute of the mesh that multiplies it.
+    pub attribute: Option<String>,
 }
 
 impl Builder<'_> {
@@ -58,12 +62,12 @@ impl Builder<'_> {
             self.note(owner.clone(), object.at, || format!("{owner}: {what}"));
             return Ok(None);
         }
-        let mut is_by_vertex = false;
+        let mut attribute = None;
         let radiance = match object.get("radiance").map(|property| &property.value) {
             Some(Value::Color(hue)) => color::emission(*hue),
             _ => match self.pattern(object, "radiance")? {
-                Some(Pattern::Vertices(factor)) => {
-                    is_by_vertex = true;
+                Some(Pattern::Attribute(name, factor)) => {
+                    attribute = Some(name);
                     factor.into()
                 }
                 None => Rgb::WHITE.into(),
@@ -72,7 +76,7 @@ impl Builder<'_> {
         };
         self.has_lamps = true;
         self.note_unused(object);
-        Ok(Some(Emission { radiance, is_by_vertex }))
+        Ok(Some(Emission { radiance, attribute }))
     }
 
     pub(super) fn emitter(&mut self, object: &Object) -> Result<(), Fault> {
@@ -120,16 +124,38 @@ impl Builder<'_> {
     }
 
     /// Reads a spot light. Its intensity falls linearly with the angle from the beam's edge to the
-    /// cut-off.
+    /// cut-off; a picture multiplies it.
     fn spot(&mut self, object: &Object, place: DAffine3) -> Result<(), Fault> {
         let scale = self.light_color(object, "intensity", 1.0)?;
         let cutoff = object.float_within("cutoff_angle", 20.0, [0.0, 180.0])?.max(1e-3);
         let beam = object.float_or("beam_width", cutoff * 0.75)?.clamp(0.0, cutoff);
-        if let Some(texture) = self.child_named(object, "texture")? {
-            self.ignore_all(&texture);
-            self.note("spot texture", object.at, || {
-                "a spot light with a texture: it shines evenly instead".into()
-            });
+        let Some(axes) = unit_axes(place) else { return Ok(()) };
+        let mut scale = scale;
+        match self.pattern(object, "texture")? {
+            Some(Pattern::Picture(factor, texture)) if cutoff < MOST_CUTOFF => {
+                let slide = self.spot_slide(&texture, beam.to_radians(), cutoff.to_radians());
+                if let Some(slide) = slide {
+                    let (position, scale) = (place.translation, scale * factor);
+                    let world_from_light =
+                        axes * DMat3::from_cols(DVec3::NEG_X, DVec3::Y, DVec3::Z);
+                    let even = false;
+                    self.scene.add_light(Projector {
+                        position,
+                        world_from_light,
+                        scale,
+                        even,
+                        slide,
+                    });
+                }
+                return Ok(());
+            }
+            Some(Pattern::Constant(color)) => scale = scale * rgb_of(color),
+            Some(_) => self.note("spot texture", object.at, || {
+                "a spot light with a texture that is no picture, or wider than 85 degrees: it \
+                    shines evenly instead"
+                    .into()
+            }),
+            None => {}
         }
         let mut polar = vec![0.0, beam.to_radians(), cutoff.to_radians()];
         let mut values = vec![Rgb::WHITE, Rgb::WHITE, Rgb::BLACK];
@@ -139,7 +165,6 @@ impl Builder<'_> {
         } else if beam >= cutoff {
             polar[1] = polar[2] * (1.0 - 1e-6);
         }
-        let Some(axes) = unit_axes(place) else { return Ok(()) };
         if let Some(table) = IntensityTable::new(polar, vec![0.0], values) {
             self.scene.add_light(Profile {
                 position: place.translation,
@@ -149,6 +174,26 @@ impl Builder<'_> {
             });
         }
         Ok(())
+    }
+
+    /// The intensities of a spot light with a picture, which fills the square around the cut-off
+    /// (`SpotLight::direction_to_uv` of Mitsuba).
+    fn spot_slide(&self, texture: &ImageTexture, beam: f64, cutoff: f64) -> Option<Slide> {
+        let picture = self.scene.images[texture.image.index()].clone();
+        let texture = ImageTexture { image: ImageId(0), ..texture.clone() };
+        let textures = TextureSet::new(&[texture.into()], std::slice::from_ref(&picture));
+        let side = picture.width.max(picture.height).clamp(256, 1024);
+        let half = cutoff.tan();
+        let place = |i: u32| 1.0 - 2.0 * (f64::from(i) + 0.5) / f64::from(side);
+        let mut values = Vec::with_capacity((side * side * 3) as usize);
+        for (left, up) in (0..side).flat_map(|y| (0..side).map(move |x| (place(x), place(y)))) {
+            let angle = (half * left.hypot(up)).atan();
+            let fall = if angle <= beam { 1.0 } else { (cutoff - angle) / (cutoff - beam) };
+            let uv = (DVec2::new(left, up) * 0.5 + 0.5).as_vec2();
+            let [r, g, b, _] = textures.lookup_at(TextureId(0), uv, 0.0);
+            values.extend([r, g, b].map(|c| c * fall.max(0.0) as f32));
+        }
+        Slide::new(&Image::from_f32(side, side, 3, values), DVec2::splat(half))
     }
 
     fn directional(&mut self, object: &Object, place: DAffine3) -> Result<(), Fault> {
@@ -183,7 +228,7 @@ impl Builder<'_> {
                 (factor, self.scene.images[texture.image.index()].clone())
             }
             Some(Pattern::Constant(color)) => (color.factor, white()),
-            Some(Pattern::Vertices(_)) | None => (Rgb::WHITE, white()),
+            Some(Pattern::Attribute(..)) | None => (Rgb::WHITE, white()),
         };
         let aspect = f64::from(image.width) / f64::from(image.height);
         let half = self.tan_half_fov_x(object, aspect)?;

@@ -52,15 +52,28 @@ pub struct Loader<'a> {
     open: Vec<PathBuf>,
     /// Parameter values by name: those of the command line, and the defaults of files.
     pub parameters: HashMap<String, String>,
-    /// Names of the parameters that files declare, in order.
+    /// Names of the parameters that files declare or use, in order.
     pub declared: Vec<String>,
     /// Aliases of ids.
     pub aliases: HashMap<String, String>,
     /// Version of the main file, such as `0.6`.
     pub version: String,
     pub notes: Notes,
+    /// The folders that `<path>` elements name, each as a file without content in that folder.
+    pub searched: Vec<Input>,
     /// The nesting depth of the object being read.
     depth: usize,
+}
+
+/// Maximum number of `<path>` elements: each is asked for every file that is named.
+const MAX_SEARCHED: usize = 64;
+
+/// The file from whose folder a name leads to a file: one of the search folders, the last first,
+/// or else the main file.
+pub fn home<'a>(main: &'a Input, searched: &'a [Input], name: &str) -> &'a Input {
+    let has =
+        |folder: &&Input| folder.directory.join(name).exists() && folder.resolve(name).is_ok();
+    searched.iter().rev().find(has).unwrap_or(main)
 }
 
 /// A file while it is being read.
@@ -91,6 +104,11 @@ impl File<'_> {
     }
 }
 
+/// The name of a parameter that a text begins with, as far as it can be told.
+fn parameter_name(text: &str) -> String {
+    text.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect()
+}
+
 impl<'a> Loader<'a> {
     pub fn new(main: &'a Input) -> Self {
         Self {
@@ -102,6 +120,7 @@ impl<'a> Loader<'a> {
             aliases: HashMap::new(),
             version: String::new(),
             notes: Notes::default(),
+            searched: Vec::new(),
             depth: 0,
         }
     }
@@ -185,15 +204,8 @@ impl<'a> Loader<'a> {
         while let Some(start) = rest.find('$') {
             filled.push_str(&rest[..start]);
             rest = &rest[start + 1..];
-            // The longest matching name is taken: `$spp2` is not `$spp` followed by 2 if both are
-            // known.
-            let known = self
-                .parameters
-                .iter()
-                .filter(|(name, _)| !name.is_empty() && rest.starts_with(name.as_str()));
-            let Some((name, value)) = known.max_by_key(|(name, _)| name.len()) else {
-                let name: String =
-                    rest.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect();
+            let Some((name, value)) = self.parameter_at(rest) else {
+                let name = parameter_name(rest);
                 let at = file.spot(attribute.range().start);
                 let remedy = format!(
                     "give -D {name}=VALUE, or add <default name=\"{name}\" value=\"…\"/> above"
@@ -206,6 +218,10 @@ impl<'a> Loader<'a> {
             };
             filled.push_str(value);
             rest = &rest[name.len()..];
+            let name = name.clone();
+            if !self.declared.contains(&name) {
+                self.declared.push(name);
+            }
             if filled.len() > 1 << 20 {
                 return Err(Fault::new(
                     file.at(node),
@@ -216,6 +232,19 @@ impl<'a> Loader<'a> {
         }
         filled.push_str(rest);
         Ok(Some(filled))
+    }
+
+    /// The parameter whose name a text begins with, and its value. The longest name is taken:
+    /// `$spp2` is not `$spp` followed by 2 if both are known.
+    fn parameter_at(&self, text: &str) -> Option<(&String, &String)> {
+        let is_known = |(name, _): &(&String, &String)| !name.is_empty() && text.starts_with(*name);
+        self.parameters.iter().filter(is_known).max_by_key(|(name, _)| name.len())
+    }
+
+    /// The name of a parameter without a value in the `value` of an element.
+    fn unset_parameter(&self, node: &Node) -> Option<String> {
+        let places = node.attribute("value")?.split('$').skip(1);
+        places.filter(|rest| self.parameter_at(rest).is_none()).map(parameter_name).next()
     }
 
     fn required(&mut self, file: &File, node: &Node, name: &str) -> Result<String, Fault> {
@@ -274,11 +303,10 @@ impl<'a> Loader<'a> {
                     (self.required(file, node, "id")?, self.required(file, node, "as")?);
                 self.aliases.insert(alias, id);
             }
-            "path" => self.note("path", at, || {
-                "<path>: files are looked for beside the scene and beside the file that names them \
-                    only"
-                    .into()
-            }),
+            "path" => {
+                let value = self.required(file, node, "value")?;
+                self.search(file, &value, at)?;
+            }
             "ref" => {
                 let id = self.required(file, node, "id")?;
                 let name =
@@ -302,8 +330,38 @@ impl<'a> Loader<'a> {
         Ok(())
     }
 
-    /// Opens a file that another one names. The name is relative to the main file's folder, or else
-    /// to the folder of the file that names it.
+    /// Adds a folder to those that are searched for files. The name is relative to the folder of
+    /// the file that names it, or else to that of the main file.
+    fn search(&mut self, file: &File, name: &str, at: Spot) -> Result<(), Fault> {
+        if self.searched.len() >= MAX_SEARCHED {
+            let problem = format!("more than {MAX_SEARCHED} <path> elements, the limit");
+            return Err(Fault::new(at, problem, "put the files together"));
+        }
+        let is_folder = |input: &&Input| input.directory.join(name).is_dir();
+        let home = [file.input, self.main].into_iter().find(is_folder).unwrap_or(file.input);
+        match home.resolve(name) {
+            Ok(directory) if directory.is_dir() => {
+                let folder = self.main.part(&self.main.name, Vec::new());
+                self.searched.push(Input { directory, ..folder });
+            }
+            Ok(_) => {
+                let name = shortened(name);
+                self.note(format!("path {name}"), at, || {
+                    format!("<path>: there is no folder \"{name}\"; it was not searched for files")
+                });
+            }
+            Err(refusal) => {
+                let name = shortened(name);
+                self.note(format!("path {name}"), at, || {
+                    format!("<path>: {}; it was not searched for files", refusal.problem)
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// Opens a file that another one names. The name is relative to a search folder or the main
+    /// file's folder, or else to the folder of the file that names it.
     fn open_file(&self, file: &File, name: &str, at: Spot) -> Result<Input, Fault> {
         let beside = |input: &Input| {
             input.open_relative(name).map_err(|error| {
@@ -316,12 +374,24 @@ impl<'a> Loader<'a> {
                 Fault::new(at, problem, error.remedy)
             })
         };
-        beside(self.main)
+        beside(home(self.main, &self.searched, name))
             .or_else(|fault| if file.number == 0 { Err(fault) } else { beside(file.input) })
     }
 
     fn property(&mut self, file: &File, node: &Node, object: &mut Object) -> Result<(), Fault> {
         let (at, tag) = (file.at(node), node.tag_name().name());
+        if let Some(parameter) = self.unset_parameter(node) {
+            let name = self.required(file, node, "name")?;
+            let owner = object.owner();
+            self.note(format!("parameter {parameter}"), at, || {
+                format!(
+                    "the parameter \"${parameter}\" has no value: \"{}\" of {owner} has its \
+                        default; give -D {parameter}=VALUE",
+                    shortened(&name)
+                )
+            });
+            return Ok(());
+        }
         let Some(value) = self.value(file, node, tag)? else {
             let problem = format!("<{}>", shortened(tag));
             self.note(format!("element {tag}"), at, || {

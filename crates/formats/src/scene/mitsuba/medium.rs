@@ -178,15 +178,26 @@ impl Builder<'_> {
         let extinction = self.volume(object, name)?.unwrap_or(Volume::Constant(Rgb::WHITE));
         let albedo = self.volume(object, "albedo")?.unwrap_or(Volume::Constant(Rgb::splat(0.75)));
         let emission = self.volume(object, "emission")?.unwrap_or(Volume::Constant(Rgb::BLACK));
-        if let (Volume::Constant(sigma_t), Volume::Constant(albedo), Volume::Constant(emission)) =
-            (&extinction, &albedo, &emission)
+        let mut boxes: Vec<DAffine3> = [&extinction, &albedo, &emission]
+            .into_iter()
+            .filter_map(Volume::place)
+            .copied()
+            .collect();
+        let is_old = self.version.starts_with("0.");
+        if let (
+            Volume::Constant(sigma_t),
+            Volume::Constant(albedo),
+            Volume::Constant(emission),
+            true,
+        ) = (&extinction, &albedo, &emission, is_old)
         {
             let plain = Homogeneous::scattering(*sigma_t * scale, *albedo, g);
             return Ok(Some(self.scene.add_medium(Homogeneous { emission: *emission, ..plain })));
         }
+        if boxes.is_empty() {
+            boxes.push(self.box_of_constant(object, name)?);
+        }
         // All volumes use the box of the first grid; usually all have the same box.
-        let boxes = [&extinction, &albedo, &emission].into_iter().filter_map(Volume::place);
-        let boxes: Vec<DAffine3> = boxes.copied().collect();
         let Some(&place) = boxes.first() else { return Ok(None) };
         if boxes.iter().any(|other| {
             !other.abs_diff_eq(place, 1e-9 * place.matrix3.x_axis.length().max(1e-300))
@@ -241,6 +252,24 @@ impl Builder<'_> {
         Ok(Some(self.scene.add_medium(grid)))
     }
 
+    /// The transform from the unit cube to the box that a heterogeneous medium of constant
+    /// extinction fills (`Volume::update_bbox` of Mitsuba).
+    fn box_of_constant(&self, object: &Object, name: &str) -> Result<DAffine3, Fault> {
+        let place = match self.child_named(object, name)? {
+            Some(volume) => volume.transform("to_world")?,
+            None => DAffine3::IDENTITY,
+        };
+        let place = self.world_from_file * place;
+        let corners = (0..8).map(|i| {
+            let [x, y, z] = [1, 2, 4].map(|bit| f64::from(u8::from(i & bit != 0)));
+            place.transform_point3(DVec3::new(x, y, z))
+        });
+        let (low, high) = corners.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| {
+            (low.min(p), high.max(p))
+        });
+        Ok(DAffine3::from_translation(low) * DAffine3::from_scale(high - low))
+    }
+
     fn volume(&mut self, object: &Object, name: &str) -> Result<Option<Volume>, Fault> {
         if let Some(property) = object.get(name) {
             return match property.value {
@@ -254,6 +283,8 @@ impl Builder<'_> {
         let Some(volume) = self.child_named(object, name)? else { return Ok(None) };
         let read = match volume.kind.as_str() {
             "constvolume" => {
+                // It bounds a heterogeneous medium whose extinction it is.
+                volume.get("to_world");
                 let value = if volume.has("value") { "value" } else { "color" };
                 Volume::Constant(self.constant(&volume, value)?.unwrap_or(Rgb::WHITE))
             }
@@ -306,6 +337,18 @@ impl Builder<'_> {
 }
 
 impl VolumeFile {
+    /// The size of the grid and its values, if it holds one number for each cell.
+    pub fn numbers(&self) -> Option<([usize; 3], &[f32])> {
+        (self.channels == 1).then_some((self.size, &self.values[..]))
+    }
+
+    /// A grid of numbers in the unit cube.
+    #[cfg(test)]
+    pub fn of_numbers(size: [usize; 3], values: Vec<f32>) -> Self {
+        let bounds = [DVec3::ZERO, DVec3::ONE];
+        Self { size, channels: 1, bounds, values, is_stepped: false, wrap: Wrap::Clamp }
+    }
+
     fn mean(&self) -> Rgb {
         let cells = (self.values.len() / self.channels).max(1) as f64;
         let channel = |c: usize| {
@@ -347,7 +390,7 @@ impl VolumeFile {
 }
 
 /// Reads a volume: `VOL`, version 3, single-precision numbers on a grid, x first.
-fn read_volume(input: &Input) -> Result<VolumeFile, ReadError> {
+pub fn read_volume(input: &Input) -> Result<VolumeFile, ReadError> {
     const HEADER: usize = 48;
     let bytes = &input.bytes;
     let error = |at: usize, problem: String| {

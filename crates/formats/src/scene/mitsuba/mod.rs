@@ -54,8 +54,10 @@ const MAX_DEPTH: usize = 64;
 
 /// State while the scene is built.
 struct Builder<'a> {
-    /// The file that the user named; names in all files are relative to its folder.
+    /// The file that the user named; names in all files are relative to its folder, or to one of
+    /// those that are searched.
     main: &'a Input,
+    searched: Vec<Input>,
     scene: Scene,
     /// Version of the file, such as `0.6`.
     version: String,
@@ -67,8 +69,8 @@ struct Builder<'a> {
     images: textures::Textures,
     textures: Textures,
     looks: HashMap<*const Object, Look>,
-    /// True if the BSDF being built shows vertex colours.
-    uses_vertex_colors: bool,
+    /// The attributes of meshes that the BSDF being built shows.
+    attributes: texture::Attributes,
     shapes: Shapes,
     media: Media,
     around_camera: Option<MediumId>,
@@ -91,6 +93,7 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
             let (files, parameters) = (std::mem::take(&mut loader.files), parameters(&loader));
             let mut builder = Builder {
                 main: input,
+                searched: loader.searched,
                 scene: Scene::new(""),
                 version: loader.version,
                 ids: HashMap::new(),
@@ -99,7 +102,7 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
                 images: textures::Textures::default(),
                 textures: Textures::default(),
                 looks: HashMap::new(),
-                uses_vertex_colors: false,
+                attributes: texture::Attributes::default(),
                 shapes: Shapes::default(),
                 media: Media::default(),
                 around_camera: None,
@@ -118,7 +121,7 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
     }
 }
 
-/// The parameters that the files declare, with their values.
+/// The parameters that the files declare or use, with their values.
 fn parameters(loader: &Loader) -> Vec<(String, String)> {
     let value = |name: &String| loader.parameters.get(name).cloned().unwrap_or_default();
     loader.declared.iter().map(|name| (name.clone(), value(name))).collect()
@@ -288,7 +291,7 @@ impl Builder<'_> {
                 "split it",
             ));
         }
-        self.main.open_relative(name).map_err(|error| {
+        self.home(name).open_relative(name).map_err(|error| {
             let is_own = error.file == self.main.name;
             let problem =
                 if is_own { error.problem } else { format!("{}: {}", error.file, error.problem) };
@@ -296,9 +299,15 @@ impl Builder<'_> {
         })
     }
 
+    /// The file from whose folder a name leads to a file.
+    fn home(&self, name: &str) -> &Input {
+        load::home(self.main, &self.searched, name)
+    }
+
     /// The id of an image, which is read only once.
     fn image(&mut self, name: &str) -> ImageId {
-        self.images.image(&mut self.scene, self.main, name)
+        let home = load::home(self.main, &self.searched, name);
+        self.images.image(&mut self.scene, home, name)
     }
 }
 

@@ -1,6 +1,8 @@
 //! Shapes: their geometry, transform, materials and emission.
 
+mod attribute;
 mod curve;
+mod distances;
 mod mesh;
 mod primitive;
 
@@ -14,8 +16,10 @@ use mesh::{flip_v, turn_over};
 use primitive::{cube, disk, rectangle};
 use snell_intersect::shape::{Cylinder, Disk, Rectangle, Sphere};
 use snell_intersect::{AnyShape, Shape, StrandBasis, TriangleMesh};
-use snell_math::{DAffine3, DMat3, DVec2, DVec3, Rgb, Transform};
-use snell_scene::material::{AlphaMode, Interface, Interior, MaterialKind, MetallicRoughness};
+use snell_math::{DAffine3, DMat3, DVec2, DVec3, Rgb, Transform, Vec3};
+use snell_scene::material::{
+    AlphaMode, Diffuse, Interface, Interior, MaterialKind, MetallicRoughness,
+};
 use snell_scene::{Geometry, Material, MaterialId, Node, NodeId, Surface};
 use std::collections::HashMap;
 use std::path::PathBuf;
@@ -119,7 +123,7 @@ impl Builder<'_> {
         let place = object.transform("to_world")?;
         let mut parts = self.parts(object)?;
         let is_textured = parts.look.layers.iter().any(|layer| !layer.textures().is_empty())
-            || parts.emission.is_some_and(|emission| emission.radiance.texture.is_some());
+            || parts.emission.as_ref().is_some_and(|e| e.radiance.texture.is_some());
         let plain = !is_textured && !is_turned_over(object)?;
         let basis = match object.kind.as_str() {
             "bsplinecurve" => Some(StrandBasis::BSpline),
@@ -143,9 +147,10 @@ impl Builder<'_> {
         if self.is_singular(place * own, object) {
             return Ok(());
         }
-        let back = self.back(object, &mut parts)?;
+        let back = self.back(object, &mut parts, &geometry)?;
         let is_one_sided = back.is_some();
-        let finish = Finish { emission: parts.emission, interior: parts.interior, is_one_sided };
+        let finish =
+            Finish { emission: parts.emission.clone(), interior: parts.interior, is_one_sided };
         let materials = self.materials(object, parts, &finish);
         if materials.is_empty() {
             self.mention("no surface", object.at, || {
@@ -201,20 +206,36 @@ impl Builder<'_> {
         if !parts.has_bsdf && parts.interior.is_none() {
             // Emitters without a BSDF reflect nothing.
             let reflectance = if parts.emission.is_some() { 0.0 } else { GRAY };
-            let diffuse = snell_scene::material::Diffuse::new(Rgb::splat(reflectance));
+            let diffuse = Diffuse::new(Rgb::splat(reflectance));
             parts.look.layers = vec![Material::new("default", diffuse)];
+            parts.look.is_one_sided = true;
         }
         Ok(parts)
     }
 
     /// The materials of the back, if it differs and can be seen. Bodies with the same bsdf on both
-    /// sides are seen from outside only, unless they are turned over.
-    fn back(&self, object: &Object, parts: &mut Parts) -> Result<Option<Parts>, Fault> {
-        let layers = std::mem::take(&mut parts.look.back);
-        let is_open = matches!(object.kind.as_str(), "rectangle" | "disk" | "cylinder");
+    /// sides, or with a black back, are seen from outside only, unless they are turned over.
+    fn back(
+        &self,
+        object: &Object,
+        parts: &mut Parts,
+        geometry: &Geometry,
+    ) -> Result<Option<Parts>, Fault> {
+        let mut layers = std::mem::take(&mut parts.look.back);
+        if layers.is_empty() && parts.look.is_one_sided && parts.interior.is_none() {
+            layers = blackened(&parts.look.layers);
+            let is_closed = match geometry {
+                Geometry::Mesh(mesh) => is_closed(mesh),
+                Geometry::Shape(_) | Geometry::Curves(_) => true,
+            };
+            let is_black = layers.iter().zip(&parts.look.layers).all(|(a, b)| a.kind == b.kind);
+            if is_black || (is_closed && !is_open(object) && !is_turned_over(object)?) {
+                return Ok(None);
+            }
+        }
         let names = |layers: &[Material]| layers.iter().map(|l| l.kind.clone()).collect::<Vec<_>>();
         let differs = names(&layers) != names(&parts.look.layers);
-        let is_seen = differs || is_open || is_turned_over(object)?;
+        let is_seen = differs || is_open(object) || is_turned_over(object)?;
         if layers.is_empty() || !is_seen || object.kind.ends_with("curve") {
             return Ok(None);
         }
@@ -230,7 +251,14 @@ impl Builder<'_> {
         if let Some(known) = self.shapes.materials.get(&key) {
             return known.clone();
         }
-        let mut layers = parts.look.layers;
+        let is_lamp = finish.emission.is_some();
+        let look = if is_lamp { parts.look.with_solid_panes() } else { parts.look };
+        let mut layers = look.layers;
+        let is_pane = |m: &Material| matches!(m.alpha_mode, AlphaMode::Sheet(_));
+        if finish.interior.is_some() && layers.last().is_some_and(is_pane) {
+            // What goes through the pane enters the medium.
+            layers.push(Material::new("interface", Interface {}));
+        }
         if layers.is_empty() && finish.emission.is_some() && finish.interior.is_none() {
             layers.push(clear_sheet());
         } else if layers.is_empty() && (finish.interior.is_some() || finish.emission.is_some()) {
@@ -243,13 +271,15 @@ impl Builder<'_> {
             layers.drain(..layers.len() - 1);
             layers.iter_mut().for_each(|l| l.alpha_mode = AlphaMode::Opaque);
         }
-        if let Some(emission) = finish.emission
+        if let Some(emission) = finish.emission.clone()
             && let Some(lamp) = layers.last_mut()
         {
             self.light_up(lamp, emission, object.at);
         }
         let finished = layers.into_iter().map(|mut material| {
-            material.interior = finish.interior.or(material.interior);
+            if !is_pane(&material) {
+                material.interior = finish.interior.or(material.interior);
+            }
             material.double_sided &= !finish.is_one_sided;
             material
         });
@@ -262,7 +292,7 @@ impl Builder<'_> {
     /// Makes a material emit. A mask leaves Mitsuba's emission as it is; here it hides the lamp
     /// from a part of the rays, and the others find more.
     fn light_up(&mut self, material: &mut Material, emission: Emission, at: Spot) {
-        let Emission { mut radiance, is_by_vertex } = emission;
+        let Emission { mut radiance, attribute } = emission;
         if material.is_interface() {
             self.note("emitting interface", at, || {
                 "an emitter with a medium inside and no bsdf: it hides what is behind it".into()
@@ -284,13 +314,13 @@ impl Builder<'_> {
             MaterialKind::Diffuse(diffuse) => diffuse.reflectance.factor.is_black(),
             _ => false,
         };
-        if is_by_vertex && !is_black {
+        if attribute.is_some() && !is_black {
             self.mention("vertex colours of emitter", at, || {
                 "an emitter by vertex colours: they are those of its bsdf too".into()
             });
         }
         material.emission = radiance;
-        material.emission_takes_vertex_color = is_by_vertex;
+        material.emission_takes_vertex_color = attribute.is_some();
         material.visible_to_camera = !self.hides_emitters;
     }
 
@@ -315,10 +345,19 @@ impl Builder<'_> {
             }
             "rectangle" => self.made(object, rectangle())?,
             "cube" => self.made(object, cube())?,
+            "sdfgrid" => return self.distances(object),
             "obj" | "ply" | "serialized" => {
-                let by_vertex = parts.emission.is_some_and(|emission| emission.is_by_vertex);
-                let keeps_colors = parts.look.uses_vertex_colors || by_vertex;
-                let Some((mesh, is_turned)) = self.mesh_file(object, keeps_colors)? else {
+                let mut shown = parts.look.attributes.clone();
+                let emitted = parts.emission.as_ref().and_then(|e| e.attribute.as_ref());
+                emitted.into_iter().for_each(|name| shown.add_color(name));
+                if shown.is_crowded {
+                    self.note("crowded attributes", object.at, || {
+                        "several attributes of a mesh for colours, or for numbers: the first of \
+                            each was used for all"
+                            .into()
+                    });
+                }
+                let Some((mesh, is_turned)) = self.mesh_file(object, shown)? else {
                     return Ok(None);
                 };
                 if is_turned && parts.interior.is_some() {
@@ -410,6 +449,40 @@ fn is_turned_over(object: &Object) -> Result<bool, Fault> {
     let is_mirrored =
         object.kind == "sphere" && object.transform("to_world")?.matrix3.determinant() < 0.0;
     Ok(object.bool_or("flip_normals", false)? != is_mirrored)
+}
+
+/// True for shapes whose both sides can be seen from outside.
+fn is_open(object: &Object) -> bool {
+    matches!(object.kind.as_str(), "rectangle" | "disk" | "cylinder")
+}
+
+/// True if every edge of a mesh joins triangles that face the same way. The edges are compared by
+/// sums of their hashes, of which those with opposite directions cancel.
+fn is_closed(mesh: &TriangleMesh) -> bool {
+    let hash = |p: Vec3| {
+        // Zeros of both signs are the same place.
+        let [x, y, z] = (p + Vec3::ZERO).to_array().map(|x| u64::from(x.to_bits()));
+        let mixed = (x ^ y.rotate_left(21) ^ z.rotate_left(42)).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        (mixed ^ mixed >> 29).wrapping_mul(0xbf58_476d_1ce4_e5b9)
+    };
+    let sum = mesh.indices.iter().fold(0u64, |sum, triangle| {
+        let [a, b, c] = triangle.map(|i| hash(mesh.positions[i as usize]));
+        let edge = |a: u64, b: u64| a.wrapping_mul(b.rotate_left(17) | 1);
+        let along = [(a, b), (b, c), (c, a)];
+        along.iter().fold(sum, |sum, &(a, b)| sum.wrapping_add(edge(a, b)).wrapping_sub(edge(b, a)))
+    });
+    sum == 0
+}
+
+/// The layers with the same shares of the surface, in black.
+fn blackened(layers: &[Material]) -> Vec<Material> {
+    let black = |layer: &Material| Material {
+        kind: Diffuse::new(Rgb::BLACK).into(),
+        normal_map: None,
+        bump_map: None,
+        ..layer.clone()
+    };
+    layers.iter().map(black).collect()
 }
 
 /// A surface that lets all light through, as `null`, and may emit.

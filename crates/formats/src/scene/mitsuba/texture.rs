@@ -13,7 +13,7 @@ use snell_scene::graph::ImageId;
 use snell_scene::material::{ColorParam, ScalarParam};
 use snell_scene::texture::{Filtering, Wrap};
 use snell_scene::{Encoding, Image, ImageTexture, TextureId};
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::rc::Rc;
 use std::sync::Arc;
 
@@ -25,6 +25,8 @@ pub type Function = fn(f32) -> f32;
 pub struct Textures {
     /// Patterns by the address of their object, which lives until the scene is built.
     known: HashMap<*const Object, Pattern>,
+    /// Images of checkerboards.
+    checkers: HashSet<ImageId>,
     /// Textures in the scene, by their debug text.
     ids: HashMap<String, TextureId>,
     /// Scalar images derived from others, by image, encoding and function.
@@ -37,8 +39,38 @@ pub enum Pattern {
     Constant(ColorParam),
     /// An image with a factor.
     Picture(Rgb, ImageTexture),
-    /// The colours of the vertices, with a factor.
-    Vertices(Rgb),
+    /// An attribute of the mesh by its name, such as `vertex_color`, with a factor.
+    Attribute(String, Rgb),
+}
+
+/// The attributes of the mesh that a surface shows, by name. A mesh has room for one of each.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Attributes {
+    /// The attribute that the vertex colours hold.
+    pub color: Option<String>,
+    /// The attribute that the second set of texture coordinates holds, for numbers.
+    pub number: Option<String>,
+    /// True if another attribute is shown for which there is no room.
+    pub is_crowded: bool,
+}
+
+impl Attributes {
+    /// Adds those of another part of the surface, where there is room.
+    pub fn add(&mut self, other: &Self) {
+        self.is_crowded |= other.is_crowded;
+        other.color.iter().for_each(|name| self.add_color(name));
+        other.number.iter().for_each(|name| self.add_number(name));
+    }
+
+    /// Adds an attribute that is shown as a colour.
+    pub fn add_color(&mut self, name: &str) {
+        self.is_crowded |= self.color.get_or_insert_with(|| name.into()) != name;
+    }
+
+    /// Adds an attribute that is shown as a number.
+    fn add_number(&mut self, name: &str) {
+        self.is_crowded |= self.number.get_or_insert_with(|| name.into()) != name;
+    }
 }
 
 impl Builder<'_> {
@@ -65,6 +97,22 @@ impl Builder<'_> {
         }
     }
 
+    /// The pattern of a property or inner texture of this name, if it is used as a number: Mitsuba
+    /// swaps the squares of its checkerboards then (`Checkerboard::eval_1`).
+    pub(super) fn number_pattern(
+        &mut self,
+        object: &Object,
+        name: &str,
+    ) -> Result<Option<Pattern>, Fault> {
+        let mut pattern = self.pattern(object, name)?;
+        if let Some(Pattern::Picture(_, texture)) = &mut pattern
+            && self.textures.checkers.contains(&texture.image)
+        {
+            texture.uv_transform[0][2] += 0.5;
+        }
+        Ok(pattern)
+    }
+
     /// The colour parameter for a property, or for its default.
     pub(super) fn color(
         &mut self,
@@ -84,8 +132,8 @@ impl Builder<'_> {
             Pattern::Picture(factor, texture) => {
                 ColorParam::textured(factor, Some(self.texture_id(texture)))
             }
-            Pattern::Vertices(factor) => {
-                self.uses_vertex_colors = true;
+            Pattern::Attribute(name, factor) => {
+                self.attributes.add_color(&name);
                 factor.into()
             }
         }
@@ -110,7 +158,7 @@ impl Builder<'_> {
         function: Option<Function>,
     ) -> Result<ScalarParam, Fault> {
         let apply = |x: f32| function.map_or(x, |f| f(x));
-        Ok(match self.pattern(object, name)? {
+        Ok(match self.number_pattern(object, name)? {
             None => apply(default).into(),
             Some(Pattern::Constant(color)) => apply(gray(color)).into(),
             Some(Pattern::Picture(factor, texture)) => {
@@ -118,13 +166,32 @@ impl Builder<'_> {
                 let id = self.texture_id(texture);
                 ScalarParam { factor: apply(factor.luminance()), texture: Some((id, 0)) }
             }
-            Some(Pattern::Vertices(_)) => {
-                self.note("vertex numbers", object.at, || {
-                    "an attribute of vertices as a number: 1 was used instead".into()
-                });
-                1.0.into()
+            Some(Pattern::Attribute(name, factor)) => {
+                self.attributes.add_number(&name);
+                self.ramp(factor.luminance(), function)
             }
         })
+    }
+
+    /// A function of the attribute that is the first of the second texture coordinates, from 0 to
+    /// 1.
+    fn ramp(&mut self, scale: f32, function: Option<Function>) -> ScalarParam {
+        // A straight line needs two texels; their middles are the ends of the range.
+        let count = if function.is_some() { 256 } else { 2 };
+        let value = |i: u32| {
+            let x = scale * i as f32 / (count - 1) as f32;
+            function.map_or(x, |f| f(x))
+        };
+        let image = Image::from_f32(count, 1, 1, (0..count).map(value).collect());
+        let image = self.scene.add_image(Arc::new(image));
+        let of_texels = |texels: f32| texels / count as f32;
+        let texture = ImageTexture {
+            wrap: [Wrap::Clamp; 2],
+            uv_set: 1,
+            uv_transform: [[of_texels((count - 1) as f32), 0.0, of_texels(0.5)], [0.0, 0.0, 0.5]],
+            ..ImageTexture::new(image, Encoding::Linear)
+        };
+        ScalarParam { factor: 1.0, texture: Some((self.texture_id(texture), 0)) }
     }
 
     /// The colour of a property that must be constant (not textured).
@@ -132,7 +199,7 @@ impl Builder<'_> {
         match self.pattern(object, name)? {
             None => Ok(None),
             Some(Pattern::Constant(color)) => Ok(Some(rgb_of(color))),
-            Some(Pattern::Picture(..) | Pattern::Vertices(_)) => {
+            Some(Pattern::Picture(..) | Pattern::Attribute(..)) => {
                 let owner = object.owner();
                 self.note(format!("{owner} textured {name}"), object.at, || {
                     format!("{owner}: a texture as \"{name}\"; its default was used instead")
@@ -188,6 +255,51 @@ impl Builder<'_> {
         ImageTexture { image: id, encoding: Encoding::Linear, ..texture.clone() }
     }
 
+    /// Two scalar parameters that are functions of two patterns: constants, pictures with the same
+    /// texels and place, or one picture and a constant. `None` for other pairs.
+    pub(super) fn numbers_of_both(
+        &mut self,
+        a: &Pattern,
+        b: &Pattern,
+        function: impl Fn(f32, f32) -> [f32; 2],
+    ) -> Option<[ScalarParam; 2]> {
+        let texture = match (a, b) {
+            (Pattern::Picture(_, a), Pattern::Picture(_, b)) => {
+                let [a_image, b_image] = [a, b].map(|t| &self.scene.images[t.image.index()]);
+                let size = |image: &Image| [image.width, image.height];
+                let of_a = ImageTexture { image: a.image, encoding: a.encoding, ..b.clone() };
+                let fits = size(a_image) == size(b_image) && of_a == *a;
+                Some(a).filter(|_| fits)?
+            }
+            (Pattern::Picture(_, texture), Pattern::Constant(_))
+            | (Pattern::Constant(_), Pattern::Picture(_, texture)) => texture,
+            (Pattern::Constant(a), Pattern::Constant(b)) => {
+                return Some(function(gray(*a), gray(*b)).map(ScalarParam::constant));
+            }
+            _ => return None,
+        };
+        let image = self.scene.images[texture.image.index()].clone();
+        let value = |pattern: &Pattern, x: u32, y: u32| match pattern {
+            Pattern::Picture(factor, texture) => {
+                let image = &self.scene.images[texture.image.index()];
+                let [r, g, b, _] = image.rgba_as(x, y, texture.encoding);
+                (*factor * Rgb::new(r, g, b)).luminance()
+            }
+            Pattern::Constant(color) => gray(*color),
+            Pattern::Attribute(..) => 0.0,
+        };
+        let pixels = (0..image.height).flat_map(|y| (0..image.width).map(move |x| (x, y)));
+        let values: Vec<[f32; 2]> =
+            pixels.map(|(x, y)| function(value(a, x, y), value(b, x, y))).collect();
+        Some([0, 1].map(|i| {
+            let values = values.iter().map(|both| both[i]).collect();
+            let image = Image::from_f32(image.width, image.height, 1, values);
+            let image = self.scene.add_image(Arc::new(image));
+            let texture = ImageTexture { image, encoding: Encoding::Linear, ..texture.clone() };
+            ScalarParam { factor: 1.0, texture: Some((self.texture_id(texture), 0)) }
+        }))
+    }
+
     pub(super) fn texture(&mut self, object: &Rc<Object>) -> Result<Pattern, Fault> {
         let key = Rc::as_ptr(object);
         if let Some(known) = self.textures.known.get(&key) {
@@ -210,12 +322,10 @@ impl Builder<'_> {
             "checkerboard" => self.checkerboard(object),
             "mesh_attribute" | "vertexcolors" => {
                 let name = object.string("name")?.map_or("vertex_color", |(name, _)| name);
+                let is_named = name.starts_with("vertex_") || name.starts_with("face_");
+                let name = if is_named { name } else { "vertex_color" };
                 let factor = object.float_or("scale", 1.0)? as f32;
-                if name == "vertex_color" || object.kind == "vertexcolors" {
-                    return Ok(Pattern::Vertices(Rgb::splat(factor)));
-                }
-                let name = name.to_string();
-                Ok(self.plain_texture(object, Rgb::splat(0.5), format!("attribute \"{name}\"")))
+                Ok(Pattern::Attribute(name.to_string(), Rgb::splat(factor)))
             }
             "scale" => {
                 let factor = self.constant(object, "scale")?.unwrap_or(Rgb::WHITE);
@@ -225,11 +335,15 @@ impl Builder<'_> {
                     Some(Pattern::Constant(color)) => {
                         Pattern::Constant(ColorParam { factor: color.factor * factor, ..color })
                     }
-                    Some(Pattern::Vertices(own)) => Pattern::Vertices(own * factor),
+                    Some(Pattern::Attribute(name, own)) => Pattern::Attribute(name, own * factor),
                     None => Pattern::Constant(factor.into()),
                 })
             }
-            "constant" | "uniform" | "srgb" => {
+            "rawconstant" if object.has("value") && object.vector("value").is_ok() => {
+                let value = object.vector("value")?.unwrap_or_default().as_vec3();
+                Ok(Pattern::Constant(Rgb::new(value.x, value.y, value.z).into()))
+            }
+            "constant" | "rawconstant" | "uniform" | "srgb" => {
                 let name = if object.kind == "srgb" { "color" } else { "value" };
                 Ok(Pattern::Constant(self.color(object, name, 1.0)?))
             }
@@ -314,6 +428,7 @@ impl Builder<'_> {
         // The first colour is used where both coordinates are in the same half of a period.
         let values = [a, b, b, a].iter().flat_map(|c| c.to_array()).collect();
         let image = self.scene.add_image(Arc::new(Image::from_f32(2, 2, 3, values)));
+        self.textures.checkers.insert(image);
         let mut texture = ImageTexture::new(image, Encoding::Linear);
         texture.filtering = Filtering::Nearest;
         texture.uv_transform = self.uv_transform(object)?;

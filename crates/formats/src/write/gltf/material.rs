@@ -37,6 +37,8 @@ pub fn value(document: &mut Document, index: usize, material: &Material) -> Valu
     }
     match material.alpha_mode {
         AlphaMode::Opaque => {}
+        // A sheet lets light through by transmission.
+        AlphaMode::Sheet(_) => {}
         AlphaMode::Blend => value["alphaMode"] = "BLEND".into(),
         AlphaMode::Mask(cutoff) => {
             value["alphaMode"] = "MASK".into();

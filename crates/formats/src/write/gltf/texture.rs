@@ -93,8 +93,11 @@ impl Document<'_, '_> {
                 33071
             }
         });
-        let [min, mag] =
-            if texture.filtering == Filtering::Nearest { [9728; 2] } else { [9987, 9729] };
+        let [min, mag] = match texture.filtering {
+            Filtering::Nearest => [9728; 2],
+            Filtering::Bilinear => [9729; 2],
+            Filtering::Trilinear => [9987, 9729],
+        };
         let sampler =
             json!({ "wrapS": wrap[0], "wrapT": wrap[1], "minFilter": min, "magFilter": mag });
         number_of(&mut self.textures.samplers, sampler)

@@ -60,7 +60,13 @@ impl File<'_, '_> {
             if material.name.is_empty() { "" } else { " " }
         ));
         let mut made = Made::default();
-        let body = self.body(material, &who);
+        let body = match material.alpha_mode {
+            AlphaMode::Sheet(ior) => {
+                let kind = "\"string type\" [ \"thindielectric\" ]";
+                Body::new(format!("{kind} \"float eta\" [ {ior} ]"))
+            }
+            _ => self.body(material, &who),
+        };
         let normal_map = self.normal_map(material, &who);
         let bump_map = self.bump_map(material, &who);
         self.line(format!("MakeNamedMaterial {name} {}{normal_map}{bump_map}", body.text));
@@ -174,7 +180,7 @@ impl File<'_, '_> {
             return;
         }
         let cutoff = match material.alpha_mode {
-            AlphaMode::Opaque => return,
+            AlphaMode::Opaque | AlphaMode::Sheet(_) => return,
             AlphaMode::Blend => None,
             AlphaMode::Mask(cutoff) => Some(cutoff),
         };

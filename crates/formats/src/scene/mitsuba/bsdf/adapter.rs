@@ -2,15 +2,18 @@
 
 use super::super::Builder;
 use super::super::object::Object;
-use super::super::texture::Pattern;
+use super::super::texture::{Pattern, rgb_of};
 use super::super::value;
 use super::Look;
 use crate::scene::fault::Fault;
 use crate::scene::layers::{self, MAX_LAYERS};
 use crate::scene::shapes::crossed;
-use snell_scene::Encoding;
+use snell_math::Rgb;
 use snell_scene::material::{BumpMap, HeightUnit, NormalMap, ScalarParam};
+use snell_scene::texture::Filtering;
+use snell_scene::{Encoding, Image, ImageTexture};
 use std::rc::Rc;
+use std::sync::Arc;
 
 impl Builder<'_> {
     /// Converts a BSDF that contains other BSDFs.
@@ -44,7 +47,7 @@ impl Builder<'_> {
     }
 
     fn mask(&mut self, object: &Object) -> Result<Look, Fault> {
-        let mut look = self.inner_bsdf(object)?;
+        let mut look = self.inner_bsdf(object)?.with_solid_panes();
         let opacity = self.scalar(object, "opacity", 0.5)?;
         let (layers, is_exact) = layers::mask(look.layers, opacity);
         look.layers = layers;
@@ -74,7 +77,7 @@ impl Builder<'_> {
             return Err(object.fault("there is no bsdf in it", "put one in, or a reference to one"));
         };
         object.bool_or("allow_transmission", false)?;
-        let mut look = self.bsdf(first)?;
+        let mut look = Look { is_one_sided: false, ..self.bsdf(first)? };
         let back = match rest.first() {
             Some(second) => self.bsdf(second)?,
             None => look.clone(),
@@ -83,7 +86,7 @@ impl Builder<'_> {
         let has_normal_map = back.layers.iter().any(|layer| layer.normal_map.is_some());
         if !rest.is_empty() || has_normal_map {
             look.back = back.layers;
-            look.uses_vertex_colors |= back.uses_vertex_colors;
+            look.attributes.add(&back.attributes);
             let maps = look.back.iter_mut().filter_map(|layer| layer.normal_map.as_mut());
             maps.for_each(|map| map.bitangent = map.bitangent.mirrored());
         }
@@ -97,7 +100,7 @@ impl Builder<'_> {
         for child in object.children_where(|c| c.name != "weight") {
             let part = self.resolve(child)?;
             if part.class == "bsdf" {
-                let look = self.bsdf(&part)?;
+                let look = self.bsdf(&part)?.with_solid_panes();
                 if !look.back.is_empty() {
                     self.note("blended back", object.at, || {
                         "a blend of bsdfs with two sides: the fronts were used on both".into()
@@ -150,9 +153,19 @@ impl Builder<'_> {
         let map = self.inner_texture(object, "normalmap")?;
         object.get("flip_invalid_normals");
         object.get("use_shadowing_function");
-        if let Pattern::Picture(_, mut texture) = self.texture(&map)? {
+        let pattern = match self.texture(&map)? {
+            // One direction everywhere that is not the normal itself.
+            Pattern::Constant(color) if rgb_of(color) != Rgb::new(0.5, 0.5, 1.0) => {
+                let values = rgb_of(color).to_array().to_vec();
+                let image = self.scene.add_image(Arc::new(Image::from_f32(1, 1, 3, values)));
+                Pattern::Picture(Rgb::WHITE, ImageTexture::new(image, Encoding::Linear))
+            }
+            pattern => pattern,
+        };
+        if let Pattern::Picture(_, mut texture) = pattern {
             // Directions are linear, whatever the image declares.
             texture.encoding = Encoding::Linear;
+            keep_details(&mut texture);
             let texture = self.scene.add_texture(texture);
             let bitangent = crossed(&self.world_from_file);
             let map = NormalMap { bitangent, ..NormalMap::new(texture, 1.0) };
@@ -165,7 +178,8 @@ impl Builder<'_> {
         let mut look = self.inner_bsdf(object)?;
         let map = self.inner_texture(object, "arbitrary")?;
         let scale = object.float_or("scale", 1.0)? as f32;
-        if let Pattern::Picture(factor, texture) = self.texture(&map)? {
+        if let Pattern::Picture(factor, mut texture) = self.texture(&map)? {
+            keep_details(&mut texture);
             let height = factor.luminance() * scale;
             let texture = self.scene.add_texture(texture);
             let map = BumpMap { texture, channel: None, height, unit: HeightUnit::Scene };
@@ -175,9 +189,18 @@ impl Builder<'_> {
     }
 }
 
+/// Switches mip maps off, which Mitsuba lacks: the mean of a bump is flat.
+fn keep_details(texture: &mut ImageTexture) {
+    if texture.filtering == Filtering::Trilinear {
+        texture.filtering = Filtering::Bilinear;
+    }
+}
+
 /// Puts `top` on `share` of the surface and `rest` on the remainder.
 fn on_each_other(top: Look, rest: Look, share: ScalarParam) -> Look {
-    let uses_vertex_colors = top.uses_vertex_colors || rest.uses_vertex_colors;
+    let mut attributes = top.attributes;
+    attributes.add(&rest.attributes);
     let layers = layers::blend(top.layers, rest.layers, share);
-    Look { layers, back: Vec::new(), uses_vertex_colors }
+    let is_one_sided = top.is_one_sided && rest.is_one_sided;
+    Look { layers, back: Vec::new(), is_one_sided, attributes }
 }

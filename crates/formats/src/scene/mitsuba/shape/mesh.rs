@@ -3,13 +3,24 @@
 use super::super::Builder;
 use super::super::object::Object;
 use super::super::serialized;
+use super::super::texture::Attributes;
 use super::super::value::shortened;
+use super::attribute::{self, Shown, Use};
 use crate::Input;
 use crate::scene::fault::Fault;
 use crate::scene::shapes::wind_by_normals;
 use snell_intersect::TriangleMesh;
 use snell_math::Vec3;
 use std::sync::Arc;
+
+/// A mesh that was read.
+struct MeshRead {
+    mesh: TriangleMesh,
+    /// True if the normals of its vertices turned triangles over.
+    is_turned: bool,
+    /// The attributes that are shown and that the mesh lacks.
+    missing: Vec<String>,
+}
 
 /// Options for reading a mesh from its file.
 #[derive(Debug)]
@@ -24,11 +35,12 @@ struct Reading {
     is_flipped: bool,
     /// True if its transform is a mirror.
     is_mirrored: bool,
-    keeps_colors: bool,
+    /// The attributes that the mesh keeps.
+    shown: Attributes,
 }
 
 impl Reading {
-    fn of(object: &Object, keeps_colors: bool) -> Result<Self, Fault> {
+    fn of(object: &Object, shown: Attributes) -> Result<Self, Fault> {
         for name in ["srgb", "collapse"] {
             object.get(name);
         }
@@ -42,22 +54,36 @@ impl Reading {
             crease: object.float("max_smooth_angle")?,
             is_flipped: object.bool_or("flip_normals", false)?,
             is_mirrored: object.transform("to_world")?.matrix3.determinant() < 0.0,
-            keeps_colors,
+            shown,
         })
     }
 
-    /// The mesh, and whether the normals of its vertices turned triangles over.
-    fn mesh(&self, input: &Input) -> Result<(TriangleMesh, bool), Fault> {
+    /// Reads the mesh.
+    fn mesh(&self, input: &Input) -> Result<MeshRead, Fault> {
         let mut is_flat = self.is_flat;
+        let mut faces = None;
         let mut mesh = if self.is_serialized {
             let read = serialized::read(input, self.index)?;
             is_flat |= read.is_flat;
             read.mesh
         } else {
-            crate::mesh::read_mesh(input)?
+            let (mesh, counts) = crate::mesh::read_faces(input)?;
+            faces = counts;
+            mesh
         };
         mesh.material_slots.clear();
-        if !self.keeps_colors {
+        let mut on_triangles = Vec::new();
+        let mut missing = Vec::new();
+        let shown = [(&self.shown.number, Use::Number), (&self.shown.color, Use::Color)];
+        for (name, use_as) in shown {
+            let Some(name) = name else { continue };
+            match attribute::show(input, &mut mesh, faces.as_deref(), name, use_as)? {
+                Shown::OnVertices => {}
+                Shown::OnTriangles(values) => on_triangles.push(values),
+                Shown::Missing => missing.push(name.clone()),
+            }
+        }
+        if self.shown.color.as_ref().is_none_or(|name| missing.contains(name)) {
             mesh.colors.clear();
         }
         let mut is_turned = false;
@@ -76,7 +102,11 @@ impl Reading {
         if self.is_flipped != (self.is_mirrored && !has_normals) {
             turn_over(&mut mesh);
         }
-        Ok((if self.flips_v { flip_v(mesh) } else { mesh }, is_turned))
+        if self.flips_v {
+            mesh = flip_v(mesh);
+        }
+        on_triangles.iter().for_each(|values| values.put(&mut mesh));
+        Ok(MeshRead { mesh, is_turned, missing })
     }
 }
 
@@ -86,16 +116,23 @@ impl Builder<'_> {
     pub(super) fn mesh_file(
         &mut self,
         object: &Object,
-        keeps_colors: bool,
+        shown: Attributes,
     ) -> Result<Option<(Arc<TriangleMesh>, bool)>, Fault> {
         let (name, at) = object.file_name()?;
-        let reading = Reading::of(object, keeps_colors)?;
-        let path = self.main.resolve(name).map_err(|e| Fault::new(at, e.problem, e.remedy))?;
+        let reading = Reading::of(object, shown)?;
+        let path =
+            self.home(name).resolve(name).map_err(|e| Fault::new(at, e.problem, e.remedy))?;
         let key = (path.canonicalize().unwrap_or(path), format!("{reading:?}"));
         if let Some(known) = self.shapes.files.get(&key) {
             return Ok(Some(known.clone()));
         }
-        let (mesh, is_turned) = reading.mesh(&self.open(name, at)?)?;
+        let MeshRead { mesh, is_turned, missing } = reading.mesh(&self.open(name, at)?)?;
+        for attribute in missing {
+            let name = shortened(name);
+            self.note(format!("no {attribute}"), at, || {
+                format!("\"{name}\" has no attribute \"{attribute}\"; 1 was used instead")
+            });
+        }
         self.count_triangles(at, mesh.indices.len())?;
         if mesh.indices.is_empty() {
             let name = shortened(name);

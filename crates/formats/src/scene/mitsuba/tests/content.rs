@@ -5,8 +5,10 @@ use crate::{ReadOptions, read_scene};
 use snell_math::{DVec3, Rgb};
 use snell_scene::bsdf::MicrofacetShape;
 use snell_scene::light::{Directional, Point, Profile};
-use snell_scene::material::{ConductorSpectrum, Diffuse, HeightUnit, MaterialKind, ScalarParam};
-use snell_scene::{Environment, Light, Medium, Projection};
+use snell_scene::material::{
+    AlphaMode, ConductorSpectrum, Diffuse, HeightUnit, MaterialKind, ScalarParam,
+};
+use snell_scene::{Environment, Light, Material, Medium, Projection};
 use std::io::Write;
 
 /// The material of a sphere with this bsdf.
@@ -62,6 +64,47 @@ fn parameters_have_the_values_of_the_caller_or_their_defaults() {
 }
 
 #[test]
+fn a_parameter_without_a_value_leaves_the_default_and_a_warning() {
+    let text = "<sensor type=\"perspective\"><sampler type=\"independent\"><integer \
+        name=\"sample_count\" value=\"$spp\"/></sampler></sensor>";
+    assert_eq!(scene_of(text).settings.spp, Some(4));
+    assert!(warnings(text).contains("-D spp=VALUE"), "{}", warnings(text));
+}
+
+#[test]
+fn search_folders_are_relative_to_the_file_that_names_them() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let write = |name: &str, text: &str| {
+        let path = folder.path().join(name);
+        std::fs::create_dir_all(path.parent().expect("a folder")).expect("made");
+        std::fs::write(path, text).expect("written");
+    };
+    let triangle = |size: u32| format!("v 0 0 0\nv {size} 0 0\nv 0 {size} 0\nf 1 2 3\n");
+    write("meshes/a.obj", &triangle(1));
+    write("parts/common/meshes/a.obj", &triangle(2));
+    write("parts/common/more.xml", "<scene version='3.0.0'><shape type='sphere'/></scene>");
+    write(
+        "parts/part.xml",
+        "<scene version='3.0.0'><path value='common'/><include filename='more.xml'/></scene>",
+    );
+    let shape = "<shape type='obj'><string name='filename' value='meshes/a.obj'/></shape>";
+    let read = |first: &str| {
+        write("a.xml", &format!("<scene version='3.0.0'>{first}{shape}</scene>"));
+        read_scene(&folder.path().join("a.xml"), &ReadOptions::default()).expect("a scene")
+    };
+    let width = |scene: &Scene| scene.bounds().expect("no cycles").max.x;
+    assert_eq!(width(&read("")), 1.0);
+    let scene = read("<include filename='parts/part.xml'/>");
+    assert_eq!((width(&scene), scene.nodes.len(), scene.warnings.len()), (2.0, 3, 0));
+    // Of a confined scene, no folder outside of its own is searched.
+    write("parts/a.xml", "<scene version='3.0.0'><path value='..'/></scene>");
+    let options = ReadOptions { confine: true, ..ReadOptions::default() };
+    let outside = read_scene(&folder.path().join("parts/a.xml"), &options).expect("a scene");
+    assert!(outside.warnings[0].message.contains("lies outside"), "{:?}", outside.warnings);
+    assert!(read("<path value='none'/>").warnings[0].message.contains("no folder \"none\""));
+}
+
+#[test]
 fn included_files_meshes_and_groups_are_parts_of_the_scene() {
     let folder = tempfile::tempdir().expect("a folder");
     let write = |name: &str, bytes: &[u8]| {
@@ -86,7 +129,8 @@ fn included_files_meshes_and_groups_are_parts_of_the_scene() {
         .unwrap_or_else(|e| panic!("{e}"));
     assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
     let meshes = meshes(&scene);
-    assert_eq!(meshes.len(), 2);
+    // Two open meshes have black backs.
+    assert_eq!(meshes.len(), 4);
     let obj = meshes.iter().find(|m| !m.uvs[0].is_empty()).expect("the one with coordinates");
     assert_eq!(obj.uvs[0][0].y, 0.75, "coordinates of OBJ files are turned");
     assert_eq!(
@@ -182,11 +226,13 @@ fn surfaces_are_what_they_say() {
     ) else {
         panic!("tinted")
     };
-    let is = (beckmann.roughness, beckmann.microfacets, beckmann.tint.factor);
     assert_eq!(
-        is,
-        (ScalarParam::constant(0.5), MicrofacetShape::Beckmann, Rgb::new(0.5, 0.25, 0.0))
+        (beckmann.roughness, beckmann.microfacets),
+        (ScalarParam::constant(0.5), MicrofacetShape::Beckmann)
     );
+    // As in Mitsuba, light that bounces between facets is lost.
+    let Rgb { r, g, b } = beckmann.tint.factor;
+    assert!((0.45..0.5).contains(&r) && g == 0.5 * r && b == 0.0, "{:?}", beckmann.tint);
     let MaterialKind::Conductor(brushed) = material(
         "<bsdf type=\"roughconductor\"><float name=\"alpha_u\" value=\"0.1\"/><float \
             name=\"alpha_v\" value=\"0.4\"/></bsdf>",
@@ -212,7 +258,10 @@ fn surfaces_are_what_they_say() {
     ));
     assert!(matches!(material("<bsdf type=\"plastic\"/>"), MaterialKind::Plastic(_)));
     assert!(matches!(
-        material("<bsdf type=\"thindielectric\"/>"),
+        material(
+            "<bsdf type=\"thindielectric\"><rgb name=\"specular_transmittance\" value=\"1 0 \
+                0\"/></bsdf>"
+        ),
         MaterialKind::MetallicRoughness(_)
     ));
     assert!(matches!(
@@ -229,6 +278,177 @@ fn surfaces_are_what_they_say() {
         (principled.specular_ior.factor - 1.5).abs() < 1e-5
             && principled.base_metalness.factor == 0.5
     );
+}
+
+#[test]
+fn panes_are_mirrors_that_are_there_as_often_as_they_reflect() {
+    let pane = "<bsdf type='thindielectric'><float name='int_ior' value='1.5'/><float \
+        name='ext_ior' value='1'/></bsdf>";
+    let kinds = |text: &str| {
+        let of = |m: &Material| (m.kind.name(), m.alpha_mode, m.interior.is_some());
+        clean(text).materials.iter().map(of).collect::<Vec<_>>()
+    };
+    let glass = ("mirror", AlphaMode::Sheet(1.5), false);
+    assert_eq!(kinds(&format!("<shape type='sphere'>{pane}</shape>")), [glass]);
+    // What goes through a pane enters the medium behind it.
+    assert_eq!(
+        kinds(&format!(
+            "<shape type='sphere'>{pane}<medium type='homogeneous' name='interior'/></shape>"
+        )),
+        [glass, ("interface", AlphaMode::Opaque, true)]
+    );
+    let solid = ("metallic-roughness", AlphaMode::Blend, false);
+    assert_eq!(
+        kinds(&format!("<shape type='sphere'><bsdf type='mask'>{pane}</bsdf></shape>")),
+        [solid]
+    );
+}
+
+#[test]
+fn the_backs_of_one_sided_bsdfs_are_black_where_they_are_seen() {
+    let kinds = |shape: &str, bsdf: &str| {
+        let scene = clean(&format!("<shape type='{shape}'>{bsdf}</shape>"));
+        let of = |m: &Material| (m.kind.name(), m.double_sided, m.alpha_mode);
+        scene.materials.iter().map(of).collect::<Vec<_>>()
+    };
+    let (metal, opaque) = ("<bsdf type='conductor'/>", AlphaMode::Opaque);
+    let both = [("mirror", false, opaque), ("diffuse", false, opaque)];
+    assert_eq!(kinds("rectangle", metal), both);
+    // The inside of a closed body is not seen.
+    assert_eq!(kinds("cube", metal), [("mirror", true, opaque)]);
+    assert_eq!(kinds("sphere", metal), [("mirror", true, opaque)]);
+    for two_sided in [
+        "<bsdf type='twosided'><bsdf type='conductor'/></bsdf>",
+        "<bsdf type='dielectric'/>",
+        "<bsdf type='blendbsdf'><bsdf type='dielectric'/><bsdf type='diffuse'/></bsdf>",
+    ] {
+        assert!(kinds("rectangle", two_sided).iter().all(|(_, both, _)| *both), "{two_sided}");
+    }
+    // Where a mask is empty there is no back either.
+    let leaf = kinds("disk", &format!("<bsdf type='mask'>{metal}</bsdf>"));
+    assert_eq!(leaf[1], ("diffuse", false, AlphaMode::Blend));
+    // Lamps without a bsdf are black anyway.
+    assert_eq!(kinds("rectangle", "<emitter type='area'/>"), [("diffuse", true, opaque)]);
+}
+
+#[test]
+fn a_heterogeneous_medium_of_constant_extinction_fills_the_box_of_its_volume() {
+    let scene = clean(
+        "<shape type='cube'><medium type='heterogeneous' name='interior'><volume \
+            type='constvolume' name='sigma_t'><rgb name='value' value='0.5 1 2'/><transform \
+            name='to_world'><scale value='2'/><translate x='-1'/></transform></volume><rgb \
+            name='albedo' value='0'/></medium></shape>",
+    );
+    let [Medium::Grid(grid)] = &scene.media[..] else { panic!("one grid") };
+    let corner = |p: DVec3| grid.world_from_grid.transform_point3(p);
+    assert_eq!(corner(DVec3::ZERO), DVec3::new(-1.0, 0.0, 0.0));
+    assert_eq!(corner(DVec3::ONE), DVec3::new(1.0, 2.0, 2.0));
+    assert_eq!(grid.sigma_a, Rgb::new(0.5, 1.0, 2.0));
+}
+
+#[test]
+fn numbers_of_two_textures_are_combined_texel_by_texel() {
+    let checker = |name: &str, a: f32, b: f32| {
+        format!(
+            "<texture name='{name}' type='checkerboard'><float name='color0' value='{a}'/><float \
+                name='color1' value='{b}'/></texture>"
+        )
+    };
+    let scene = clean(&format!(
+        "<shape type='sphere'><bsdf type='roughconductor'>{}{}</bsdf></shape>",
+        checker("alpha_u", 0.1, 0.4),
+        checker("alpha_v", 0.4, 0.1)
+    ));
+    let MaterialKind::Conductor(metal) = &scene.materials[0].kind else { panic!("a metal") };
+    let texels = |parameter: ScalarParam| {
+        let texture = &scene.textures[parameter.texture.expect("a texture").0.index()];
+        let texture = texture.as_image().expect("a picture");
+        let image = &scene.images[texture.image.index()];
+        ([0, 1].map(|x| image.value(x, 0, 0)), texture.uv_transform[0][2])
+    };
+    // The squares of a checkerboard that is a number are swapped, by half of a period.
+    let (anisotropy, offset) = texels(metal.anisotropy);
+    assert!((anisotropy[0] + 0.75).abs() < 1e-6 && (anisotropy[1] - 0.75).abs() < 1e-6);
+    assert_eq!(offset, 0.5);
+    let (roughness, _) = texels(metal.roughness);
+    assert_eq!(roughness[0], roughness[1]);
+}
+
+#[test]
+fn thin_principled_surfaces_have_gloss_where_they_are_clear() {
+    let scene = clean(
+        "<shape type='rectangle'><bsdf type='principledthin'><float name='spec_trans' \
+            value='0.25'/><float name='diff_trans' value='0.5'/></bsdf></shape>",
+    );
+    let [clear, matte] = &scene.materials[..] else { panic!("two layers") };
+    assert_eq!((clear.alpha.factor, matte.alpha_mode), (0.25, AlphaMode::Opaque));
+    let MaterialKind::OpenPbr(matte) = &matte.kind else { panic!("OpenPBR") };
+    assert_eq!((matte.specular_weight.factor, matte.subsurface_weight.factor), (0.0, 0.25));
+}
+
+#[test]
+fn attributes_of_faces_are_on_all_their_corners() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let ply = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\n\
+        property float z\nproperty float heat_0\nelement face 1\n\
+        property list uchar int vertex_indices\nproperty float tint_r\nproperty float tint_g\n\
+        property float tint_b\nend_header\n\
+        0 0 0 0\n1 0 0 0.25\n1 1 0 1\n0 1 0 0.5\n4 0 1 2 3 0.2 0.5 1\n";
+    std::fs::write(folder.path().join("a.ply"), ply).expect("written");
+    let read = |bsdf: &str| {
+        let text = format!(
+            "<scene version='3.0.0'><shape type='ply'><string name='filename' value='a.ply'/>\
+                {bsdf}</shape></scene>"
+        );
+        testing::read_in(&READER, folder.path(), &text).unwrap_or_else(|e| panic!("{e}"))
+    };
+    let attribute = |parameter: &str, name: &str| {
+        format!(
+            "<texture name='{parameter}' type='mesh_attribute'><string name='name' \
+                value='{name}'/></texture>"
+        )
+    };
+    let scene =
+        read(&format!("<bsdf type='diffuse'>{}</bsdf>", attribute("reflectance", "face_tint")));
+    let mesh = &meshes(&scene)[0];
+    assert_eq!((mesh.indices.len(), mesh.positions.len(), scene.warnings.len()), (2, 6, 0));
+    assert!(mesh.colors.iter().all(|color| *color == [0.2, 0.5, 1.0, 1.0]));
+    let scene = read(&format!(
+        "<bsdf type='blendbsdf'>{}<bsdf type='diffuse'/><bsdf type='conductor'/></bsdf>",
+        attribute("weight", "vertex_heat")
+    ));
+    let mesh = &meshes(&scene)[0];
+    let heat: Vec<f32> = mesh.uvs[1].iter().map(|uv| uv.x).collect();
+    assert_eq!((heat, mesh.colors.len()), (vec![0.0, 0.25, 1.0, 0.5], 0));
+    let weight = scene.materials[0].alpha.texture.expect("a texture").0;
+    let texture = scene.textures[weight.index()].as_image().expect("a picture");
+    // The ends of the range are the middles of the two texels.
+    assert_eq!((texture.uv_set, texture.uv_transform[0]), (1, [0.5, 0.0, 0.25]));
+    let missing =
+        read(&format!("<bsdf type='diffuse'>{}</bsdf>", attribute("reflectance", "face_x")));
+    assert!(missing.warnings[0].message.contains("no attribute \"face_x\""));
+}
+
+#[test]
+fn a_picture_on_a_spot_light_fills_the_square_around_its_cone() {
+    let scene = clean(
+        "<emitter type='spot'><rgb name='intensity' value='3'/><float name='cutoff_angle' \
+            value='45'/><float name='beam_width' value='40'/><texture name='texture' \
+            type='checkerboard'><float name='color0' value='1'/><float name='color1' \
+            value='0'/></texture><transform name='to_world'><lookat origin='0 0 0' \
+            target='0 0 1' up='0 1 0'/></transform></emitter>",
+    );
+    let [Light::Projector(light)] = &scene.lights[..] else { panic!("one projector") };
+    assert!(!light.even && light.scale == Rgb::splat(3.0));
+    // The light looks along +z with +x to the left; u and v grow with x and y.
+    let at =
+        |x: f64, y: f64| light.slide.at(light.world_from_light.transpose() * DVec3::new(x, y, 1.0));
+    assert_eq!([at(0.3, 0.3), at(-0.3, 0.3)], [Rgb::WHITE, Rgb::BLACK]);
+    let edge = at(0.5, 0.5);
+    assert!((edge.r - 1.0).abs() < 1e-3, "{edge:?}");
+    let fading = at(0.65, 0.65).r;
+    let angle = (0.65 * 2f64.sqrt()).atan().to_degrees();
+    assert!((f64::from(fading) - (45.0 - angle) / 5.0).abs() < 0.02, "{fading}");
 }
 
 #[test]
@@ -430,7 +650,7 @@ fn the_outside_of_a_mesh_is_that_of_its_normals() {
 fn mirrored_spheres_are_turned_over() {
     let outwards = |more: &str| {
         let scene = clean(&format!("<shape type=\"sphere\">{more}</shape>"));
-        let [mesh] = &meshes(&scene)[..] else { return true };
+        let [mesh, ..] = &meshes(&scene)[..] else { return true };
         let [a, b, c] = mesh.corners(7000);
         (b - a).cross(c - a).dot(a) > 0.0
     };

@@ -182,7 +182,7 @@ fn what_is_changed_is_told_once_of_each_kind() {
     let text = "<mode type=\"final\"/>\n<path value=\"a\"/>\n<integrator type=\"ptracer\"/>\n\
         <sensor type=\"fluencemeter\"><film type=\"hdrfilm\"><integer name=\"crop_width\" \
         value=\"3\"/><rfilter type=\"catmullrom\"/></film></sensor>\n\
-        <shape type=\"sdfgrid\"/><shape type=\"sdfgrid\"/>\n\
+        <shape type=\"heightfield\"/><shape type=\"heightfield\"/>\n\
         <shape type=\"sphere\"><float name=\"raduis\" value=\"3\"/><bsdf \
         type=\"measured\"/></shape>\n\
         <shape type=\"sphere\"><bsdf type=\"roughdielectric\"><float name=\"alpha_u\" \
@@ -193,7 +193,7 @@ fn what_is_changed_is_told_once_of_each_kind() {
         <shape type=\"sphere\"><bsdf type=\"roughconductor\"><float name=\"alpha_u\" \
         value=\"-3\"/><float name=\"alpha_v\" value=\"1e30\"/></bsdf></shape>\n\
         <shape type=\"sphere\"><bsdf type=\"conductor\"><string name=\"material\" \
-        value=\"CsI\"/></bsdf></shape>\n\
+        value=\"Unobtainium\"/></bsdf></shape>\n\
         <shape type=\"sphere\"><bsdf type=\"null\"/></shape>\n\
         <shape type=\"sphere\"><transform name=\"to_world\"><scale x=\"0\"/></transform></shape>\n\
         <shape type=\"sphere\"><bsdf type=\"diffuse\"><texture name=\"reflectance\" \
