@@ -550,7 +550,9 @@ def test_a_file_outside_of_the_folder_of_a_stage_is_refused_before_it_is_opened(
         snell.load(path, confine=True)
 
 
-def test_files_in_the_folder_and_outside_are_read_unless_the_stage_is_confined(tmp_path: Path) -> None:
+def test_files_in_the_folder_and_outside_are_read_unless_the_stage_is_confined(
+    tmp_path: Path,
+) -> None:
     inside = folder_with_a_file_outside(tmp_path)
     (inside / "good.usda").symlink_to(inside / "ball.usda")
     path = inside / "stage.usda"
@@ -672,7 +674,8 @@ CUBE = """
 def test_a_cube_of_subdivision_becomes_a_ball_unless_its_edges_are_sharp(tmp_path: Path) -> None:
     faces = [[0, 1, 3, 2], [2, 3, 7, 6], [6, 7, 5, 4], [4, 5, 1, 0], [2, 6, 4, 0], [7, 3, 1, 5]]
     rims = [[*face, face[0]] for face in faces]
-    sharp = f"int[] creaseIndices = {[point for rim in rims for point in rim]}\nint[] creaseLengths = {[5] * 6}\n"
+    chain = [point for rim in rims for point in rim]
+    sharp = f"int[] creaseIndices = {chain}\nint[] creaseLengths = {[5] * 6}\n"
     for more, nearest, farthest in (
         ("", 0.84, 0.88),
         (sharp + f"float[] creaseSharpnesses = {[10] * 6}", 1.0, 3**0.5),

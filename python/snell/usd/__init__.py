@@ -57,9 +57,7 @@ def load(
         text, remarks = convert(path, variants=variants, time=time, confine=confine)
     except ValueError as error:
         raise ValueError(
-            str(error).replace(
-                "leave out --confine", "leave out confine=True"
-            )
+            str(error).replace("leave out --confine", "leave out confine=True")
         ) from error
     for remark in remarks:
         warnings.warn(remark, snell.SceneWarning, stacklevel=2)
