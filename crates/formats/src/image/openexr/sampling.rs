@@ -243,6 +243,7 @@ mod tests {
     fn channels_of_b44_are_decompressed_one_by_one() {
         let channel = |name, step| ChannelDescription {
             sampling: Vec2(step, step),
+            quantize_linearly: false,
             ..ChannelDescription::named(Text::from(name), SampleType::F16)
         };
         let channels = [channel("BY", 2), channel("Y", 1)].into_iter().collect();
