@@ -84,7 +84,11 @@ fn document(bytes: &[u8]) -> Result<Document, serde_json::Error> {
     }
     let mut tree: Value = serde_json::from_slice(bytes)?;
     complete::complete(&mut tree);
-    serde_json::from_value(tree).map_err(|_| error)
+    // What is wrong in the completed document is the fault, unless a field is missing there too:
+    // then the first error has the place of such a field.
+    serde_json::from_value(tree).map_err(|other: serde_json::Error| {
+        if other.to_string().contains("missing field") { error } else { other }
+    })
 }
 
 /// Converts a scene to text; fails if the format cannot express it.

@@ -82,14 +82,21 @@ const ROUNDNESS: f64 = 4e-9;
 /// Bound of the error of a point on a sphere, relative to coordinates: the rounding of double
 /// precision.
 const ROUNDING: f64 = 1e-14;
+/// Bound of the error of a viewpoint on a surface, relative to its distance from the origin: some
+/// roundings of single precision.
+const ROUNDED: f64 = 4e-7;
 
 impl NearSphere {
-    /// True if the visible part of a sphere can be sampled: not from inside, and not from so near
-    /// that the cone around the sphere is nearly a hemisphere.
+    /// True if the visible part of a sphere can be sampled from this point, which is rounded to
+    /// single precision: not from inside, not from the surface, and not from so near that the cone
+    /// around the sphere is nearly a hemisphere.
     #[inline(always)]
-    pub(super) fn has_near_side(radius_squared: f64, distance_squared: f64) -> bool {
-        (radius_squared < distance_squared * (1.0 - 1e-7))
-            & (radius_squared > distance_squared * 1e-30)
+    pub(super) fn has_near_side(&self, from: DVec3) -> bool {
+        let (d2, r2) = ((self.center - from).length_squared(), self.radius * self.radius);
+        // A bound of d² - r² for points of the surface.
+        let margin_squared = 4.0 * r2 * from.length_squared() * ROUNDED * ROUNDED;
+        let above = d2 * (1.0 - 1e-7) - r2;
+        (above > 0.0) & (above * above > margin_squared) & (r2 > d2 * 1e-30)
     }
 
     /// Samples a point uniformly by solid angle on the visible side, or uniformly by area where
@@ -98,7 +105,7 @@ impl NearSphere {
     pub fn sample(&self, from: Vec3, u: Vec2) -> RoundSample {
         let (center, u) = (self.center - from.as_dvec3(), u.as_dvec2());
         let (d2, r2) = (center.length_squared(), self.radius * self.radius);
-        let has_near_side = Self::has_near_side(r2, d2);
+        let has_near_side = self.has_near_side(from.as_dvec3());
         let towards = center * (-1.0 / d2.sqrt());
         // Seen from the centre, any axis will do.
         let one = |x: f64, other: f64| if d2 > 0.0 { x } else { other };
@@ -247,4 +254,26 @@ pub(super) fn barycentrics(offset: DVec3, [e1, e2]: [DVec3; 2]) -> Vec2 {
     let (x, y) = (one(x), one(y));
     let sum = max(x + y, 1.0);
     Vec2::new((x / sum) as f32, (y / sum) as f32)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use snell_math::{rng, sampling};
+
+    #[test]
+    fn points_of_a_sphere_do_not_see_it_from_outside() {
+        // A point on the inner side would be lit by the outer side where it is.
+        for (center, radius) in [([2.0, 0.0, 2.0], 1.0), ([0.0; 3], 3e-7), ([5e4, 1.0, -9.0], 0.3)]
+        {
+            let sphere = NearSphere { center: DVec3::from_array(center), radius };
+            for i in 0..2000 {
+                let normal = sampling::uniform_sphere(rng::uniform2([i, 0, 0, 0])).as_dvec3();
+                let point = (sphere.center + normal * radius).as_vec3();
+                assert!(!sphere.has_near_side(point.as_dvec3()), "{center:?} {point}");
+            }
+        }
+        let near = NearSphere { center: DVec3::new(2.0, 0.0, 2.0), radius: 1.0 };
+        assert!(near.has_near_side(DVec3::new(2.0, 0.0, 0.999_99)));
+    }
 }

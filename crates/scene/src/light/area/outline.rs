@@ -96,9 +96,7 @@ impl Outline {
                 let square = NearRectangle { center, axes, half: DVec2::splat(radius) };
                 (Seen::rectangle(&square, from), LEAST_OF_DISK)
             }
-            Self::Sphere(NearSphere { center, radius }) => {
-                return Seen::sphere(center - from, radius);
-            }
+            Self::Sphere(sphere) => return Seen::sphere(&sphere, from),
             Self::Other => return None,
         };
         (seen.solid_angle > least && seen.solid_angle < MOST).then_some(seen)
@@ -131,13 +129,12 @@ impl Seen {
         Self { solid_angle: seen.solid_angle, kind }
     }
 
-    /// Prepares a sphere. `None` if the viewpoint is inside, or so near that the cone around the
-    /// sphere is nearly a hemisphere.
-    fn sphere(center: DVec3, radius: f64) -> Option<Self> {
-        let (r2, d2) = (radius * radius, center.length_squared());
-        let usable = NearSphere::has_near_side(r2, d2);
-        let solid_angle = spherical::sphere_solid_angle(r2, d2);
-        usable.then_some(Self { solid_angle, kind: SeenKind::Sphere { center, radius } })
+    /// Prepares a sphere. `None` unless [`NearSphere::has_near_side`].
+    fn sphere(sphere: &NearSphere, from: DVec3) -> Option<Self> {
+        let (center, radius) = (sphere.center - from, sphere.radius);
+        let solid_angle = spherical::sphere_solid_angle(radius * radius, center.length_squared());
+        let kind = SeenKind::Sphere { center, radius };
+        sphere.has_near_side(from).then_some(Self { solid_angle, kind })
     }
 
     pub(super) fn is_sphere(&self) -> bool {

@@ -151,8 +151,11 @@ impl Builder<'_> {
     fn normal_map(&mut self, object: &Object) -> Result<Look, Fault> {
         let mut look = self.inner_bsdf(object)?;
         let map = self.inner_texture(object, "normalmap")?;
-        object.get("flip_invalid_normals");
-        object.get("use_shadowing_function");
+        for name in ["flip_invalid_normals", "use_shadowing_function"] {
+            if object.bool_or(name, false)? {
+                self.note(name, object.at, || format!("\"{name}\" is not done"));
+            }
+        }
         let pattern = match self.texture(&map)? {
             // One direction everywhere that is not the normal itself.
             Pattern::Constant(color) if rgb_of(color) != Rgb::new(0.5, 0.5, 1.0) => {
