@@ -550,7 +550,9 @@ def test_a_file_outside_of_the_folder_of_a_stage_is_refused_before_it_is_opened(
         snell.load(path, confine=True)
 
 
-def test_files_in_the_folder_and_outside_are_read_unless_the_stage_is_confined(tmp_path: Path) -> None:
+def test_files_in_the_folder_and_outside_are_read_unless_the_stage_is_confined(
+    tmp_path: Path,
+) -> None:
     inside = folder_with_a_file_outside(tmp_path)
     (inside / "good.usda").symlink_to(inside / "ball.usda")
     path = inside / "stage.usda"
@@ -601,3 +603,165 @@ def refused(path: Path) -> None:
         "says",
     ):
         snell.load(path)
+
+
+def test_a_layer_of_no_rate_ends_with_a_remark(tmp_path: Path) -> None:
+    moving = """
+    def Xform "World" {
+        double3 xformOp:translate.timeSamples = { 1: (0, 0, 0), 10: (1, 0, 0), }
+        uniform token[] xformOpOrder = ["xformOp:translate"]
+        def Cube "box" { }
+    }
+"""
+    layer = Path(stage(tmp_path, moving, "moving.usda"))
+    layer.write_text(layer.read_text().replace('upAxis = "Y"', "timeCodesPerSecond = 0", 1))
+    path = stage(tmp_path, 'def "World" (references = @./moving.usda@</World>) { }')
+    form, remarks = document(path)
+    assert remarks == ["moving.usda: 0 time codes per second are no rate; 24 were used"]
+    keys = form["motion"]["clips"][0]["channels"][0]["track"]["transform"]
+    assert [keys[0][0], keys[-1][0]] == [1 / 24, 10 / 24]
+
+
+def test_a_mixture_with_black_is_a_factor_of_the_picture(tmp_path: Path) -> None:
+    (tmp_path / "a.ppm").write_text("P3 1 1 255 9 9 9")
+    mixed = """
+    def Xform "World" {
+        def Mesh "sheet" (prepend apiSchemas = ["MaterialBindingAPI"]) {
+            int[] faceVertexCounts = [3]
+            int[] faceVertexIndices = [0, 1, 2]
+            point3f[] points = [(0, 0, 0), (2, 0, 0), (2, 1, 0)]
+            uniform token subdivisionScheme = "none"
+            rel material:binding = </World/paint>
+        }
+        def Material "paint" {
+            token outputs:mtlx:surface.connect = </World/paint/surface.outputs:out>
+            def Shader "picture" {
+                uniform token info:id = "ND_image_color3"
+                asset inputs:file = @a.ppm@
+                color3f outputs:out
+            }
+            def Shader "mix" {
+                uniform token info:id = "ND_mix_color3"
+                color3f inputs:fg.connect = </World/paint/picture.outputs:out>
+                color3f inputs:bg = (0, 0, 0)
+                float inputs:mix = 0.5
+                color3f outputs:out
+            }
+            def Shader "surface" {
+                uniform token info:id = "ND_standard_surface_surfaceshader"
+                color3f inputs:base_color.connect = </World/paint/mix.outputs:out>
+                token outputs:out
+            }
+        }
+    }
+"""
+    form, remarks = document(stage(tmp_path, mixed))
+    color = form["materials"][-1]["kind"]["base_color"]
+    assert (color["factor"], color["texture"], remarks) == ([0.5, 0.5, 0.5], 0, [])
+
+
+CUBE = """
+    def Mesh "cube" {
+        int[] faceVertexCounts = [4, 4, 4, 4, 4, 4]
+        int[] faceVertexIndices = [0,1,3,2, 2,3,7,6, 6,7,5,4, 4,5,1,0, 2,6,4,0, 7,3,1,5]
+        point3f[] points = [(-1,-1,1),(1,-1,1),(-1,1,1),(1,1,1),
+            (-1,-1,-1),(1,-1,-1),(-1,1,-1),(1,1,-1)]
+        MORE
+    }
+"""
+
+
+def test_a_cube_of_subdivision_becomes_a_ball_unless_its_edges_are_sharp(tmp_path: Path) -> None:
+    faces = [[0, 1, 3, 2], [2, 3, 7, 6], [6, 7, 5, 4], [4, 5, 1, 0], [2, 6, 4, 0], [7, 3, 1, 5]]
+    rims = [[*face, face[0]] for face in faces]
+    chain = [point for rim in rims for point in rim]
+    sharp = f"int[] creaseIndices = {chain}\nint[] creaseLengths = {[5] * 6}\n"
+    for more, nearest, farthest in (
+        ("", 0.84, 0.88),
+        (sharp + f"float[] creaseSharpnesses = {[10] * 6}", 1.0, 3**0.5),
+    ):
+        form, remarks = document(stage(tmp_path, CUBE.replace("MORE", more)))
+        assert remarks == []
+        data = form["meshes"][0]["positions"]
+        points = np.frombuffer(base64.b64decode(data), np.float32).reshape(-1, 3)
+        distances = np.linalg.norm(points, axis=1)
+        assert len(points) == 6 * 8 * 8 + 2
+        assert distances.min() >= nearest - 1e-6
+        assert distances.max() <= farthest + 1e-6
+        assert more == "" or distances.max() > farthest - 1e-6
+
+
+def test_the_first_level_of_a_cube_has_the_published_points() -> None:
+    from snell.usd._subdivision import Topology
+
+    faces = [0, 1, 3, 2, 2, 3, 7, 6, 6, 7, 5, 4, 4, 5, 1, 0, 2, 6, 4, 0, 7, 3, 1, 5]
+    none = np.zeros((0, 2), dtype=np.int64), np.zeros(0)
+    level = Topology(
+        8, np.full(6, 4), np.array(faces), *none, np.zeros(0, dtype=np.int64), none[1], True
+    )
+    z = [1, 1, 1, 1, -1, -1, -1, -1]
+    points = np.array([[2 * (i & 1) - 1, (i & 2) - 1, z[i]] for i in range(8)], dtype=float)
+    divided = level.smooth(points)
+    assert np.allclose(np.abs(divided[:8]), 5 / 9)
+    assert np.allclose(np.sort(np.abs(divided[8:20]), axis=1), [0, 0.75, 0.75])
+    assert np.allclose(np.sort(np.abs(divided[20:]), axis=1), [0, 0, 1])
+    # Each part is inside of its face, so its corners turn the same way.
+    parts = level.divided()
+    assert (len(parts.counts), parts.points) == (24, 26)
+
+
+def test_a_flat_sheet_of_subdivision_stays_flat_and_keeps_its_corners(tmp_path: Path) -> None:
+    sheet = """
+    def Mesh "sheet" {
+        int[] faceVertexCounts = [4]
+        int[] faceVertexIndices = [0, 1, 2, 3]
+        point3f[] points = [(0, 0, 0), (2, 0, 0), (2, 2, 0), (0, 2, 0)]
+        texCoord2f[] primvars:st = [(0, 0), (1, 0), (1, 1), (0, 1)] (interpolation = "faceVarying")
+    }
+"""
+    form, _ = document(stage(tmp_path, sheet))
+    points, uvs = (
+        np.frombuffer(base64.b64decode(form["meshes"][0][name]), np.float32)
+        for name in ("positions", "uvs")
+    )
+    points, uvs = points.reshape(-1, 3), uvs.reshape(-1, 2)
+    assert (len(points), points.min(), points.max()) == (81, 0.0, 2.0)
+    corner = points[np.argmax(points.sum(axis=1))]
+    assert corner.tolist() == [2.0, 2.0, 0.0]
+    assert uvs[np.argmax(points.sum(axis=1))].tolist() == [1.0, 1.0]
+
+
+def test_a_material_takes_the_constant_primvars_of_each_prim(tmp_path: Path) -> None:
+    glass = """
+    def Xform "World" {
+        def Material "paint" {
+            token outputs:surface.connect = </World/paint/surface.outputs:surface>
+            def Shader "surface" {
+                uniform token info:id = "UsdPreviewSurface"
+                float inputs:opacity.connect = </World/paint/reader.outputs:result>
+                token outputs:surface
+            }
+            def Shader "reader" {
+                uniform token info:id = "UsdPrimvarReader_float"
+                string inputs:varname = "fade"
+                float inputs:fallback = 0.75
+                float outputs:result
+            }
+        }
+        BALLS
+    }
+"""
+    ball = """
+        def Sphere "ball%d" (prepend apiSchemas = ["MaterialBindingAPI"]) {
+            %s
+            rel material:binding = </World/paint>
+        }
+"""
+    quarter = "float primvars:fade = 0.25"
+    fades = [quarter, "float[] primvars:fade = [0.5]", "", quarter]
+    balls = "".join(ball % pair for pair in enumerate(fades))
+    form, remarks = document(stage(tmp_path, glass.replace("BALLS", balls)))
+    assert [m["alpha"]["factor"] for m in form["materials"]] == [0.25, 0.5, 0.75]
+    used = [n["surfaces"][0]["materials"][0] for n in form["nodes"] if n.get("surfaces")]
+    assert used == [0, 1, 2, 0]
+    assert len(remarks) == 1

@@ -57,9 +57,7 @@ def load(
         text, remarks = convert(path, variants=variants, time=time, confine=confine)
     except ValueError as error:
         raise ValueError(
-            str(error).replace(
-                "leave out --confine", "leave out confine=True"
-            )
+            str(error).replace("leave out --confine", "leave out confine=True")
         ) from error
     for remark in remarks:
         warnings.warn(remark, snell.SceneWarning, stacklevel=2)
@@ -91,7 +89,7 @@ def convert(
             "install usd-core numpy"
         ) from error
     from ._context import Context
-    from ._files import Files, StageError, cause
+    from ._files import Files, StageError, cause, mend_rates
     from ._tree import document
 
     name = path if name is None else name
@@ -101,9 +99,12 @@ def convert(
         files = Files(path, confine=confine, most=most_layers)
         # The list keeps the checked layers open, so that the stage uses them.
         layers = files.layers()
+        remarks_on_rates = mend_rates(layers)
         stage = Usd.Stage.Open(path)
         _choose_variants(stage, variants or {})
         context = Context(stage, time, files)
+        for remark in remarks_on_rates:
+            context.remark(remark)
         text = document(context, name)
         files.check_opened(stage)
         del layers

@@ -23,7 +23,7 @@ def material_of(context: Context, prim: Any) -> int:
     """The number of the bound material, or of one that shows the display colour."""
     found, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()
     if found:
-        return material(context, found.GetPrim())
+        return material(context, found.GetPrim(), prim)
     colors = display_color(context, prim)
     if colors is None or len(colors) == 0:
         return display_material(context, (0.18, 0.18, 0.18))

@@ -52,26 +52,37 @@ def curves(context: Context, prim: Any) -> list[Any]:
     colors = display_color(context, prim)
     if colors is not None and len(colors) > 1:
         columns.append(_for_points(colors, counts, kind, wrap))
-    lines = np.split(np.concatenate(columns, axis=1), np.cumsum(counts)[:-1]) if len(counts) else []
-    sampled = [
-        line for line in (_sampled(control, kind, wrap) for control in lines) if len(line) > 1
-    ]
-    if not sampled:
+    lines, lengths = _all_sampled(np.concatenate(columns, axis=1), counts, kind, wrap)
+    if not len(lengths):
         return []
-    tubes = [_tube(line[:, :3], line[:, 3] / 2) for line in sampled]
-    bases = np.cumsum([0, *(len(tube[0]) for tube in tubes)])
-    attributes = {"normals": ("vertex", np.concatenate([tube[1] for tube in tubes]))}
+    positions, normals, triangles = _tubes(lines[:, :3], lines[:, 3] / 2, lengths)
+    attributes = {"normals": ("vertex", normals)}
     if len(columns) > 2:
-        colors = np.repeat(np.concatenate([line[:, 4:7] for line in sampled]), _SIDES, axis=0)
+        colors = np.repeat(lines[:, 4:7], _SIDES, axis=0)
         attributes["colors"] = (
             "vertex",
             np.concatenate([colors, np.ones((len(colors), 1))], axis=1),
         )
-    triangles = np.concatenate(
-        [tube[2] + base for tube, base in zip(tubes, bases[:-1], strict=True)]
-    )
-    number = context.add_mesh(np.concatenate([tube[0] for tube in tubes]), triangles, attributes)
+    number = context.add_mesh(positions, triangles, attributes)
     return [{"mesh": number, "materials": [material_of(context, prim)]}]
+
+
+def _all_sampled(
+    control: np.ndarray, counts: np.ndarray, kind: str, wrap: str
+) -> tuple[np.ndarray, np.ndarray]:
+    """Points of all curves, and the number of points of each curve. Curves of equal length are
+    computed together; curves that are only a point are left out.
+    """
+    starts = np.cumsum(counts) - counts
+    sampled: list[np.ndarray] = [np.zeros((0, control.shape[1]))] * len(counts)
+    for count in np.unique(counts):
+        chosen = np.flatnonzero(counts == count)
+        together = _sampled(control[starts[chosen][:, None] + np.arange(count)], kind, wrap)
+        for at, line in zip(chosen, together, strict=True):
+            sampled[at] = line
+    sampled = [line for line in sampled if len(line) > 1]
+    lengths = np.array([len(line) for line in sampled], dtype=np.int64)
+    return np.concatenate(sampled) if sampled else control[:0], lengths
 
 
 def _for_points(values: np.ndarray, counts: np.ndarray, kind: str, wrap: str) -> np.ndarray:
@@ -111,46 +122,74 @@ def _ends(count: int, kind: str, wrap: str) -> int:
 
 
 def _sampled(control: np.ndarray, kind: str, wrap: str) -> np.ndarray:
-    """Points of a curve, with their other attributes in further columns."""
+    """Points of curves that have equally many control points, with their other attributes in
+    further columns. The axes of `control` are the curve, the point, and the column.
+    """
+    count = control.shape[1]
     if (
         kind == "linear"
         or kind not in _BASES
-        or len(control) < (2 if wrap == "pinned" and kind != "bezier" else 4)
+        or count < (2 if wrap == "pinned" and kind != "bezier" else 4)
     ):
         return (
-            np.concatenate([control, control[:1]])
-            if wrap == "periodic" and len(control) > 2
+            np.concatenate([control, control[:, :1]], axis=1)
+            if wrap == "periodic" and count > 2
             else control
         )
     step = 3 if kind == "bezier" else 1
     if wrap == "periodic":
-        control = np.concatenate([control, control[: 4 - step]])
+        control = np.concatenate([control, control[:, : 4 - step]], axis=1)
     elif wrap == "pinned" and kind != "bezier":
-        control = np.concatenate(
-            [2 * control[:1] - control[1:2], control, 2 * control[-1:] - control[-2:-1]]
-        )
+        first = 2 * control[:, :1] - control[:, 1:2]
+        last = 2 * control[:, -1:] - control[:, -2:-1]
+        control = np.concatenate([first, control, last], axis=1)
     t = np.linspace(0, 1, _PIECES, endpoint=False)
     powers = np.stack([t**3, t**2, t, np.ones_like(t)], axis=1) @ _BASES[kind]
-    pieces = [powers @ control[i : i + 4] for i in range(0, len(control) - 3, step)]
-    last = np.ones((1, 4)) @ _BASES[kind] @ control[(len(control) - 4) // step * step :][:4]
-    return np.concatenate([*pieces, last])
+    begins = np.arange(0, control.shape[1] - 3, step)
+    segments = control[:, begins[:, None] + np.arange(4)]
+    pieces = (powers @ segments).reshape(len(control), -1, control.shape[2])
+    last = np.ones((1, 4)) @ _BASES[kind] @ segments[:, -1]
+    return np.concatenate([pieces, last], axis=1)
 
 
-def _tube(line: np.ndarray, radii: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Vertices, normals and triangles around a line; frames are carried along without twist."""
-    tangents = np.gradient(line, axis=0)
+def _tubes(
+    points: np.ndarray, radii: np.ndarray, lengths: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Vertices, normals and triangles around lines of the given numbers of points; frames are
+    carried along without twist.
+    """
+    ends = np.cumsum(lengths)
+    first = np.repeat(ends - lengths, lengths)
+    last = np.repeat(ends - 1, lengths)
+    at = np.arange(len(points))
+    tangents = points[np.minimum(at + 1, last)] - points[np.maximum(at - 1, first)]
     tangents /= np.maximum(np.linalg.norm(tangents, axis=1, keepdims=True), 1e-300)
-    x = np.cross(tangents[0], [1.0, 0, 0] if abs(tangents[0, 0]) < 0.9 else [0, 1.0, 0])
-    angles = np.arange(_SIDES) * (2 * math.pi / _SIDES)
-    normals = np.zeros((len(line), _SIDES, 3))
-    for i, tangent in enumerate(tangents):
-        x = x - tangent * tangent.dot(x)
-        x = x / max(np.linalg.norm(x), 1e-300)
-        normals[i] = np.outer(np.cos(angles), x) + np.outer(np.sin(angles), np.cross(tangent, x))
-    vertices = line[:, None] + normals * radii[:, None, None]
-    a = (np.arange(len(line) - 1)[:, None] * _SIDES + np.arange(_SIDES)).reshape(-1)
-    b = (np.arange(len(line) - 1)[:, None] * _SIDES + (np.arange(_SIDES) + 1) % _SIDES).reshape(-1)
+    x = _carried(tangents, at == first)
+    y = np.cross(tangents, x)
+    angles = (np.arange(_SIDES) * (2 * math.pi / _SIDES))[:, None]
+    normals = np.cos(angles) * x[:, None] + np.sin(angles) * y[:, None]
+    vertices = points[:, None] + normals * radii[:, None, None]
+    ring = at[at != last][:, None] * _SIDES
+    a = (ring + np.arange(_SIDES)).reshape(-1)
+    b = (ring + (np.arange(_SIDES) + 1) % _SIDES).reshape(-1)
     triangles = np.concatenate(
         [np.stack([a, b, b + _SIDES], axis=1), np.stack([a, b + _SIDES, a + _SIDES], axis=1)]
     )
     return vertices.reshape(-1, 3), normals.reshape(-1, 3), triangles
+
+
+def _carried(tangents: np.ndarray, starts: np.ndarray) -> np.ndarray:
+    """A unit vector across each tangent: the one before, made perpendicular. Each follows from the
+    last, and for single vectors plain numbers are many times faster than arrays.
+    """
+    found = []
+    x = y = z = 0.0
+    for (a, b, c), begins in zip(tangents.tolist(), starts.tolist(), strict=True):
+        if begins:
+            x, y, z = (0.0, c, -b) if abs(a) < 0.9 else (-c, 0.0, a)
+        along = a * x + b * y + c * z
+        x, y, z = x - a * along, y - b * along, z - c * along
+        length = max(math.sqrt(x * x + y * y + z * z), 1e-300)
+        x, y, z = x / length, y / length, z / length
+        found.append((x, y, z))
+    return np.array(found)

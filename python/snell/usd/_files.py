@@ -13,7 +13,7 @@ from typing import Any
 
 from pxr import Ar, Sdf, Tf
 
-__all__ = ["Files", "StageError", "cause"]
+__all__ = ["Files", "StageError", "cause", "mend_rates"]
 
 #: Formats of layers that name files only in USD's own ways.
 _LAYERS = (".usd", ".usda", ".usdc", ".usdz")
@@ -34,6 +34,24 @@ def cause(error: Exception) -> str:
         .strip()
         .rstrip("'")
     )
+
+
+def mend_rates(layers: list[Any]) -> list[str]:
+    """Gives the layers whose time codes per second are 0 or no usable number 24 of them, in memory
+    only, and returns a remark on each. Between layers USD scales times by the ratio of their rates,
+    and with an infinite ratio it never finds the samples of an attribute.
+    """
+    remarks = []
+    for layer in layers:
+        rate = layer.timeCodesPerSecond
+        if not 1e-6 < rate < 1e9:
+            layer.SetPermissionToEdit(True)
+            layer.timeCodesPerSecond = 24.0
+            remarks.append(
+                f"{os.path.basename(layer.identifier)}: {rate:g} time codes per second are no "
+                "rate; 24 were used"
+            )
+    return remarks
 
 
 class Files:

@@ -10,16 +10,21 @@ from typing import Any
 from pxr import UsdShade
 
 from ._context import Context, color_form, scalar_form
-from ._networks import Network, kind_of
+from ._networks import Network, constant_primvar, kind_of
 
 __all__ = ["material"]
 
 
-def material(context: Context, prim: Any) -> int:
-    """The number of a material."""
-    key = ("material", context.source(prim))
-    if key in context.known:
-        return int(context.known[key])
+def material(context: Context, prim: Any, user: Any) -> int:
+    """The number of a material as the prim `user` shows it: constant primvars that the material
+    reads are those of the prim.
+    """
+    source = context.source(prim)
+    names = context.known.get(("primvars", source))
+    if names is not None:
+        known = context.known.get(("material", source, _values(context, user, names)))
+        if known is not None:
+            return int(known)
     given = UsdShade.Material(prim)
     found = None
     for render_context in ("", "mtlx"):
@@ -34,13 +39,20 @@ def material(context: Context, prim: Any) -> int:
         number = context.add_material(
             {"base_color": color_form((0.18, 0.18, 0.18))}, prim.GetName()
         )
+        names = ()
     else:
-        net = Network(context, found)
+        net = Network(context, found, user)
         number = _READERS[kind_of(found)](context, net, prim.GetName())
         if net.primvar:
             context.vertex_colors[number] = net.primvar
-    context.known[key] = number
+        names = tuple(sorted(net.constants))
+    context.known["primvars", source] = names
+    context.known["material", source, _values(context, user, names)] = number
     return number
+
+
+def _values(context: Context, user: Any, names: tuple[str, ...]) -> tuple[float | None, ...]:
+    return tuple(constant_primvar(context, user, name) for name in names)
 
 
 def _preview_surface(context: Context, net: Network, name: str) -> int:

@@ -4,7 +4,7 @@ materials of their parts.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from pxr import UsdGeom, UsdShade
 from ._bindings import material_of
 from ._context import Context
 from ._polygons import triangulated
+from ._subdivision import Topology, levels_for
 
 __all__ = ["mesh", "triangles_of"]
 
@@ -29,8 +30,10 @@ class _Polygons:
     indices: np.ndarray
     #: For each triangle, the positions of its corners in `indices`.
     corners: np.ndarray
-    #: The face of each triangle.
+    #: The face of each triangle; of a subdivided mesh, the face before the subdivision.
     faces: np.ndarray
+    #: The levels of the subdivision, the coarsest first.
+    levels: list[Topology] = field(default_factory=list)
 
     @property
     def triangles(self) -> np.ndarray:
@@ -38,6 +41,13 @@ class _Polygons:
 
     def interpolated(self, values: np.ndarray, interpolation: str) -> Any:
         """Values in the form that `Context.add_mesh` takes; `None` if their number is wrong."""
+        for level in self.levels:
+            if interpolation == "vertex" and len(values) == level.points:
+                values = level.smooth(values)
+            elif interpolation == "varying" and len(values) == level.points:
+                values = level.linear(values)
+            elif interpolation == "faceVarying" and len(values) == len(level.indices):
+                values = level.of_corners(values)
         if interpolation in ("vertex", "varying") and len(values) == len(self.points):
             return ("vertex", values)
         if interpolation == "faceVarying" and len(values) == len(self.indices):
@@ -105,10 +115,64 @@ def _polygons(context: Context, prim: Any) -> _Polygons | None:
         )
         return None
     holes = np.array(context.value(given.GetHoleIndicesAttr(), []), dtype=np.int64)
+    levels = _levels(context, given, len(points), counts, indices)
+    parents = np.arange(len(counts))
+    for level in levels:
+        points, parents = level.smooth(points), parents[level.face]
+    if levels:
+        finest = levels[-1].divided()
+        counts, indices, points = finest.counts, finest.indices, points.astype(np.float32)
+        holes = np.flatnonzero(np.isin(parents, holes))
     corners, faces = triangulated(points, counts, indices, holes)
+    faces = parents[faces]
     if context.value(given.GetOrientationAttr()) == "leftHanded":
         corners = corners[:, ::-1]
-    return _Polygons(points, indices, corners, faces)
+    return _Polygons(points, indices, corners, faces, levels)
+
+
+def _levels(
+    context: Context, given: Any, points: int, counts: np.ndarray, indices: np.ndarray
+) -> list[Topology]:
+    """The levels of the subdivision of a mesh; none if it has none, or is large already."""
+    if str(context.value(given.GetSubdivisionSchemeAttr())) != "catmullClark" or counts.min() < 3:
+        return []
+    number = levels_for(len(indices))
+    if number == 0:
+        return []
+    edges, sharpness = _creases(context, given, points)
+    pins = np.array(context.value(given.GetCornerIndicesAttr(), []), dtype=np.int64)
+    pinned = context.array(given.GetCornerSharpnessesAttr(), 1)[:, 0]
+    if len(pins) != len(pinned) or pins.min(initial=0) < 0 or pins.max(initial=-1) >= points:
+        pins, pinned = np.zeros(0, dtype=np.int64), np.zeros(0)
+    border = str(context.value(given.GetInterpolateBoundaryAttr()))
+    level = Topology(
+        points, counts, indices, edges, sharpness, pins, pinned, border == "edgeAndCorner"
+    )
+    levels = [level]
+    while len(levels) < number:
+        levels.append(levels[-1].divided())
+    return levels
+
+
+def _creases(context: Context, given: Any, points: int) -> tuple[np.ndarray, np.ndarray]:
+    """The sharp edges of a mesh as rows of two points, and their sharpness. The file has chains of
+    points; a chain has one sharpness, or one for each of its edges.
+    """
+    lengths = np.array(context.value(given.GetCreaseLengthsAttr(), []), dtype=np.int64)
+    chain = np.array(context.value(given.GetCreaseIndicesAttr(), []), dtype=np.int64)
+    sharpness = context.array(given.GetCreaseSharpnessesAttr(), 1)[:, 0]
+    none = np.zeros((0, 2), dtype=np.int64), np.zeros(0)
+    if len(lengths) == 0:
+        return none
+    if lengths.min() >= 2 and lengths.sum() == len(chain):
+        links = np.delete(np.arange(len(chain)), np.cumsum(lengths) - 1)
+        edges = np.stack([chain[links], chain[links + 1]], axis=1)
+        if len(sharpness) == len(lengths):
+            sharpness = np.repeat(sharpness, lengths - 1)
+        if len(sharpness) == len(edges) and chain.min() >= 0 and chain.max() < points:
+            return edges, sharpness
+    context.remark(f"{given.GetPath()}: creases that do not fit the mesh are left out")
+    return none
 
 
 def _made(context: Context, prim: Any, subsets: list[Any], colors: str | None) -> int | None:
@@ -172,9 +236,11 @@ def _normals(context: Context, prim: Any, polygons: _Polygons) -> Any:
                 np.array(values, dtype=np.float32).reshape(-1, 3), given.GetNormalsInterpolation()
             )
         return found
-    context.remark(
-        f"{prim.GetPath()}: the mesh is not subdivided; its polygons are shown with smooth normals"
-    )
+    if not polygons.levels:
+        context.remark(
+            f"{prim.GetPath()}: the mesh is not subdivided; its polygons are shown with smooth "
+            "normals"
+        )
     return ("vertex", _smooth(polygons))
 
 

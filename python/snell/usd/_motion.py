@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from pxr import Usd, UsdGeom
@@ -16,9 +17,9 @@ class Motion:
     """A joint for each node of the tree, and a channel for each whose transform changes."""
 
     def __init__(self, stage: Any) -> None:
-        rate = stage.GetTimeCodesPerSecond()
+        rate = float(stage.GetTimeCodesPerSecond())
         #: Time codes per second.
-        self.rate = float(rate) if rate > 0 else 24.0
+        self.rate = rate if rate > 0 and math.isfinite(rate) else 24.0
         self.joints: list[dict[str, Any]] = []
         self.channels: list[dict[str, Any]] = []
         #: Pairs of a camera or light and its joint.

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from pxr import UsdShade
+from pxr import UsdGeom, UsdShade
 
 from ._context import Context, color_form, scalar_form
 
-__all__ = ["Network", "kind_of"]
+__all__ = ["Network", "constant_primvar", "kind_of"]
 
 #: Maximum length of a chain of nodes.
 _MAX_DEPTH = 32
@@ -63,11 +63,22 @@ class _Source:
     primvar: str | None = None
 
 
-class Network:
-    """The inputs of a surface."""
+def constant_primvar(context: Context, prim: Any, name: str) -> float | None:
+    """The number that a constant primvar of a prim or an ancestor is; `None` if there is none."""
+    primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(name)
+    if not primvar or not primvar.HasValue() or primvar.GetInterpolation() != "constant":
+        return None
+    value = np.array(context.value(primvar.GetAttr())).reshape(-1)
+    return float(value[0]) if len(value) and value.dtype.kind in "bfiu" else None
 
-    def __init__(self, context: Context, shader: Any) -> None:
-        self.context, self.shader = context, shader
+
+class Network:
+    """The inputs of a surface, as the prim `user` shows it."""
+
+    def __init__(self, context: Context, shader: Any, user: Any) -> None:
+        self.context, self.shader, self.user = context, shader, user
+        #: The primvars that are asked for as constants of the prim.
+        self.constants: set[str] = set()
         #: The primvar that is the colour of the base, for the vertices of meshes.
         self.primvar: str | None = None
 
@@ -161,6 +172,10 @@ class Network:
             )
             if product is not None:
                 return product
+        if kind.startswith("ND_mix"):
+            mixed = self._mixed(shader, depth)
+            if mixed is not None:
+                return mixed
         if kind.startswith("ND_extract"):
             source = self._resolve(shader.GetInput("in"), depth)
             index = int(self._value_of(shader, "index", 0))
@@ -188,9 +203,38 @@ class Network:
         name = self._value_of(shader, "varname", self._value_of(shader, "geomprop", None))
         if name and ("float3" in kind or "vector" in kind or "color3" in kind):
             return _Source(primvar=str(name))
+        if name:
+            self.constants.add(str(name))
+            value = constant_primvar(self.context, self.user, str(name))
+            if value is not None:
+                return _Source(value)
         self.context.remark(f"{shader.GetPath()}: a primvar as input of a surface is left out")
         given = shader.GetInput("fallback") or shader.GetInput("default")
         return _Source(given.Get() if given else None)
+
+    def _mixed(self, shader: Any, depth: int) -> _Source | None:
+        """The mixture of a foreground and a background by a constant share. None if it is more than
+        a constant times an image.
+        """
+        share = self._value_of(shader, "mix", 0.0)
+        sides = []
+        for name, weight in (("fg", share), ("bg", 1 - np.asarray(share))):
+            given = shader.GetInput(name)
+            source = self._resolve(given, depth) if given else _Source(0.0)
+            is_known = source.picture is not None or source.value is not None
+            sides.append(self._product([source, _Source(weight)]) if is_known else None)
+        if not self._is_constant(shader.GetInput("mix"), depth) or None in sides:
+            return None
+        lit = [side for side in sides if side.picture is not None or np.any(side.value)]
+        if len(lit) == 1:
+            return lit[0]
+        if any(side.picture is not None for side in lit):
+            return None
+        return _Source(sum(np.asarray(side.value) for side in sides))
+
+    def _is_constant(self, given: Any, depth: int) -> bool:
+        source = self._resolve(given, depth) if given else _Source()
+        return source.picture is None and not source.primvar
 
     @staticmethod
     def _product(sides: list[_Source]) -> _Source | None:

@@ -7,12 +7,13 @@ macro_rules! modules {
     };
 }
 /// The modules of the converter; the first is the package itself.
-const MODULES: [(&str, &str); 15] = modules![
+const MODULES: [(&str, &str); 16] = modules![
     "__init__",
     "_files",
     "_motion",
     "_context",
     "_polygons",
+    "_subdivision",
     "_networks",
     "_materials",
     "_bindings",

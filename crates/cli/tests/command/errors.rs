@@ -143,7 +143,7 @@ fn a_broken_file_names_place_problem_and_remedy() {
         ("required.gltf", br#"{"asset": {"version": "2.0"}, "extensionsRequired": ["EXT_unheard_of"], "extensionsUsed": ["EXT_unheard_of"], "meshes": [{"extensions": {"EXT_unheard_of": {}}}]}"#),
         ("buffer.gltf", br#"{"asset": {"version": "2.0"}, "buffers": [{"byteLength": 4, "uri": "missing.bin"}], "bufferViews": [{"buffer": 0, "byteLength": 4}], "accessors": [{"bufferView": 0, "componentType": 5126, "count": 1, "type": "VEC3"}], "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}], "nodes": [{"mesh": 0}], "scenes": [{"nodes": [0]}], "scene": 0}"#),
         ("cut.glb", b"glTF\x02\0\0\0\xff\0\0\0"),
-        ("index.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n"),
+        ("index.off", b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 9\n"),
         ("number.obj", b"v 0 0 zero\n"),
         ("count.ply", b"ply\nformat ascii 1.0\nelement vertex 99999999999\nproperty float \
             x\nproperty float y\nproperty float z\nend_header\n"),
@@ -171,7 +171,7 @@ fn a_broken_file_names_place_problem_and_remedy() {
     1 error: required.gltf:1:54: at /extensionsRequired/0: the file requires the extension EXT_unheard_of for its geometry, and Snell does not support it; export the file again without this extension, or as optional
     1 error: buffer.gltf:1:148: at /accessors/0: 1 elements of 12 bytes, 12 bytes apart, from byte 0 do not fit into the 4 bytes of the buffer view; export the file again, or check it with the glTF validator
     1 error: cut.glb: at byte 8: the header promises 255 bytes, but the file has 12; the file is cut off: copy or export it again
-    1 error: index.obj:4:7: index 9 into the v lines, but the file has 3; correct the face, or export the file again
+    1 error: index.off:6:7: vertex 9 of a face, but there are 3 vertices; vertices count from 0; export the file again
     1 error: number.obj:1:7: found "zero", expected a coordinate of a vertex; write a decimal number
     1 error: count.ply:3:9: more than 500000000 vertices, the limit; split the file
     1 error: short.ply:9:1: the file ends where another value is expected; the file seems cut off; export or copy it again

@@ -513,6 +513,97 @@ fn other_primaries_are_converted_to_rec709() {
     );
 }
 
+/// An OpenEXR file of uncompressed scan lines: channels of floats with their name and their step in
+/// x and y, in alphabetical order, and the values of each line and channel.
+fn sampled_openexr(
+    size: [i32; 2],
+    channels: &[(&str, [i32; 2])],
+    value: impl Fn(usize, i32, i32) -> f32,
+) -> Vec<u8> {
+    let mut bytes = vec![0x76, 0x2f, 0x31, 0x01, 2, 0, 0, 0];
+    let mut attribute = |name: &str, kind: &str, value: Vec<u8>| {
+        bytes.extend([name.as_bytes(), &[0], kind.as_bytes(), &[0]].concat());
+        bytes.extend((value.len() as i32).to_le_bytes());
+        bytes.extend(value);
+    };
+    let ints = |values: &[i32]| values.iter().flat_map(|i| i.to_le_bytes()).collect::<Vec<u8>>();
+    let mut list = Vec::new();
+    for (name, [x, y]) in channels {
+        list.extend([name.as_bytes(), &[0], &ints(&[2, 0, *x, *y])].concat());
+    }
+    list.push(0);
+    attribute("channels", "chlist", list);
+    attribute("compression", "compression", vec![0]);
+    let window = ints(&[0, 0, size[0] - 1, size[1] - 1]);
+    attribute("dataWindow", "box2i", window.clone());
+    attribute("displayWindow", "box2i", window);
+    attribute("lineOrder", "lineOrder", vec![0]);
+    attribute("pixelAspectRatio", "float", 1f32.to_le_bytes().to_vec());
+    attribute("screenWindowCenter", "v2f", vec![0; 8]);
+    attribute("screenWindowWidth", "float", 1f32.to_le_bytes().to_vec());
+    bytes.push(0);
+    let mut chunks = Vec::new();
+    for y in 0..size[1] {
+        bytes.extend(
+            ((bytes.len() + (size[1] - y) as usize * 8 + chunks.len()) as u64).to_le_bytes(),
+        );
+        let mut line = Vec::new();
+        for (c, (_, step)) in channels.iter().enumerate().filter(|(_, (_, step))| y % step[1] == 0)
+        {
+            let samples = (0..size[0]).step_by(step[0] as usize);
+            line.extend(samples.flat_map(|x| value(c, x, y).to_le_bytes()));
+        }
+        chunks.extend([ints(&[y, line.len() as i32]), line].concat());
+    }
+    bytes.extend(chunks);
+    bytes
+}
+
+#[test]
+fn luminance_and_chroma_of_openexr_become_colours() {
+    let colour = [0.8f32, 0.4, 0.2];
+    let luminance = 0.2126 * colour[0] + 0.7152 * colour[1] + 0.0722 * colour[2];
+    let scale = |x: i32, y: i32| 1.0 + x as f32 + 10.0 * y as f32;
+    for step in [[1, 1], [2, 2], [2, 1], [4, 2]] {
+        let channels = [("BY", step), ("RY", step), ("Y", [1, 1])];
+        let bytes = sampled_openexr([8, 4], &channels, |c, x, y| match c {
+            0 => colour[2] / luminance - 1.0,
+            1 => colour[0] / luminance - 1.0,
+            _ => luminance * scale(x, y),
+        });
+        let image = read_image(&input("a.exr", bytes.clone())).unwrap();
+        assert_eq!((image.width, image.height, image.channels), (8, 4, 3));
+        let expected =
+            (0..4).flat_map(|y| (0..8).flat_map(move |x| colour.map(|c| c * scale(x, y))));
+        for (found, expected) in float_values(&image).iter().zip(expected) {
+            assert!((found / expected - 1.0).abs() < 1e-5, "{step:?}: {found} {expected}");
+        }
+        let layers = read_layers(&input("a.exr", bytes)).unwrap().layers;
+        assert_eq!(layers[0].channels, ["R", "G", "B"]);
+    }
+}
+
+#[test]
+fn deep_openexr_files_are_refused_with_a_remedy() {
+    let mut bytes = sampled_openexr([2, 2], &[("Y", [1, 1])], |_, _, _| 1.0);
+    bytes[5] |= 0x08;
+    let message = read_image(&input("a.exr", bytes)).unwrap_err().to_string();
+    assert!(message.contains("deep data") && message.contains("--flatten"), "{message}");
+}
+
+#[test]
+fn channels_of_openexr_with_few_samples_are_interpolated() {
+    let bytes = sampled_openexr([4, 4], &[("A", [2, 2]), ("Y", [1, 1])], |c, x, y| match c {
+        0 => (x + y) as f32 * 0.125,
+        _ => 1.0,
+    });
+    let layers = read_layers(&input("a.exr", bytes)).unwrap().layers;
+    assert_eq!(layers[0].channels, ["Y", "A"]);
+    let alpha = |x: usize, y: usize| layers[0].values[(y * 4 + x) * 2 + 1];
+    let found = [(0, 0), (1, 0), (2, 0), (3, 0), (1, 1), (2, 2), (3, 3)].map(|(x, y)| alpha(x, y));
+    assert_eq!(found, [0.0, 0.125, 0.25, 0.25, 0.25, 0.5, 0.5]);
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(300))]
 

@@ -30,6 +30,17 @@ impl Notes {
         }
     }
 
+    /// Counts several warnings of a kind at once; see [`Self::add`].
+    pub fn add_times(&mut self, count: u64, kind: &'static str, message: impl FnOnce() -> String) {
+        match self.kinds.iter_mut().find(|(k, _)| *k == kind) {
+            Some((_, warning)) => warning.count += count,
+            None => {
+                let (message, about) = (message(), WarningKind::Changed);
+                self.kinds.push((kind, Warning { message, count, kind: about }));
+            }
+        }
+    }
+
     /// Adds a warning of a rare kind; equal messages are counted.
     pub fn say(&mut self, about: WarningKind, message: String) {
         match self.kinds.iter_mut().find(|(_, w)| w.message == message) {

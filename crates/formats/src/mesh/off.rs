@@ -54,7 +54,7 @@ impl<'a> Header<'a> {
 pub(super) fn parse(input: &Input, notes: &mut Notes) -> Result<TriangleMesh, ReadError> {
     let bytes = decoded(&input.bytes);
     let text = Text::new(&bytes, 0).with_comments(b'#');
-    let mut reader = Reader { input, bytes: &bytes, text };
+    let mut reader = Reader::new(input, &bytes, text);
     let has_normals = skip_header(&mut reader)?;
     let vertices = reader.count("the number of vertices", true)?;
     let faces = reader.count("the number of faces", true)?;
@@ -63,6 +63,7 @@ pub(super) fn parse(input: &Input, notes: &mut Notes) -> Result<TriangleMesh, Re
     let mut mesh = TriangleMesh::default();
     read_vertices(&mut reader, vertices, has_normals, &mut mesh)?;
     read_faces(&mut reader, faces, &mut mesh, notes)?;
+    reader.note_commas(notes);
     super::repair_normals(&mut mesh, input, notes);
     Ok(mesh)
 }
@@ -113,6 +114,10 @@ fn read_vertices(
             *x = match reader.text.word_on_any_line() {
                 Some(word) => match super::text::number(word.bytes) {
                     super::text::Number::Exact(value) => value,
+                    super::text::Number::Comma(value) => {
+                        reader.found_comma(word.start);
+                        value
+                    }
                     _ => return Err(reader.not_a_number(word, &what())),
                 },
                 None => return Err(reader.missing(&what())),

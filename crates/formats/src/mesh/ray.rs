@@ -25,7 +25,7 @@ pub const READER: SceneReader = SceneReader {
 /// Reads the mesh.
 pub(super) fn parse(input: &Input, notes: &mut Notes) -> Result<TriangleMesh, ReadError> {
     let bytes = decoded(&input.bytes);
-    let mut reader = Reader { input, bytes: &bytes, text: Text::new(&bytes, 0) };
+    let mut reader = Reader::new(input, &bytes, Text::new(&bytes, 0));
     let mut mesh = TriangleMesh::default();
     let mut triangulator = Triangulator::default();
     while let Some(word) = reader.text.word_on_any_line() {
@@ -43,6 +43,7 @@ pub(super) fn parse(input: &Input, notes: &mut Notes) -> Result<TriangleMesh, Re
             _ => {}
         }
     }
+    reader.note_commas(notes);
     super::repair_normals(&mut mesh, input, notes);
     Ok(mesh)
 }

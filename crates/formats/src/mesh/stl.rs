@@ -1,7 +1,8 @@
 //! STL, text and binary.
 //!
 //! Binary files are recognised by their size: 84 bytes plus 50 per facet, whatever the first word
-//! is (many begin with `solid`). Facet normals and attribute bytes are ignored; equal positions
+//! is (many begin with `solid`). Programs that write a stream may leave the count of facets at 0 or
+//! at its largest value; where the rest of the file is a whole number of facets, that is the count. Facet normals and attribute bytes are ignored; equal positions
 //! become one vertex.
 
 use super::normals;
@@ -68,7 +69,7 @@ pub(super) fn parse(input: &Input, notes: &mut Notes) -> Result<TriangleMesh, Re
     if !has_binary_size(bytes)
         && (looks_like_text(bytes) || (starts_as_text && !bytes.contains(&0)))
     {
-        return parse_text(input);
+        return parse_text(input, notes);
     }
     parse_binary(input, notes)
 }
@@ -102,15 +103,28 @@ fn parse_binary(input: &Input, notes: &mut Notes) -> Result<TriangleMesh, ReadEr
             "this is not an STL file, or it is cut off; export or copy it again",
         ));
     };
-    let there = ((bytes.len() - HEADER) / FACET) as u64;
-    if declared > there {
+    let rest = bytes.len() - HEADER;
+    let there = (rest / FACET) as u64;
+    let is_whole = rest.is_multiple_of(FACET);
+    if declared > there && !is_whole {
         return Err(input.error(
             Place::Byte(bytes.len() as u64),
             format!("the file ends after {there} of {declared} facets of {FACET} bytes"),
             "the file seems cut off; export or copy it again",
         ));
     }
-    let extra = bytes.len() as u64 - HEADER as u64 - declared * FACET as u64;
+    let counted = if is_whole { there } else { declared };
+    if counted != declared {
+        notes.add("count", || {
+            format!(
+                "{}: its header counts {declared} facets, but by its size it has {counted}; all of \
+                them were read",
+                input.name
+            )
+        });
+    }
+    let declared = counted;
+    let extra = rest as u64 - declared * FACET as u64;
     if extra > 0 {
         notes.add("extra", || {
             format!("{}: {extra} bytes after the last facet were ignored", input.name)
@@ -132,9 +146,9 @@ fn parse_binary(input: &Input, notes: &mut Notes) -> Result<TriangleMesh, ReadEr
     Ok(builder.mesh)
 }
 
-fn parse_text(input: &Input) -> Result<TriangleMesh, ReadError> {
+fn parse_text(input: &Input, notes: &mut Notes) -> Result<TriangleMesh, ReadError> {
     let bytes = decoded(&input.bytes);
-    let mut reader = Reader { input, bytes: &bytes, text: Text::new(&bytes, 0) };
+    let mut reader = Reader::new(input, &bytes, Text::new(&bytes, 0));
     let mut builder = Builder::default();
     let mut triangulator = Triangulator::default();
     let mut loop_vertices: Vec<u32> = Vec::new();
@@ -182,5 +196,6 @@ fn parse_text(input: &Input) -> Result<TriangleMesh, ReadError> {
     if !loop_vertices.is_empty() {
         return Err(reader.missing("endloop"));
     }
+    reader.note_commas(notes);
     Ok(builder.mesh)
 }

@@ -3,8 +3,10 @@
 //! [`Text`] keeps only a position. Lines and columns are counted when a message needs them, so the
 //! common path has no cost. Line ends are `\n`, `\r\n` or `\r`.
 
+use super::notes::Notes;
 use crate::{Input, Place, ReadError};
 use std::borrow::Cow;
+use std::cell::Cell;
 
 /// A run of characters without white space.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -183,6 +185,8 @@ pub fn place_of(bytes: &[u8], offset: usize) -> Place {
 pub enum Number {
     /// A number, which may be infinite or NaN if the word is.
     Exact(f32),
+    /// A number with a comma for the point, such as `1,5`.
+    Comma(f32),
     /// A number followed by something else, such as `3.1+e2`.
     Prefix(f32),
     /// The word does not begin with a number.
@@ -207,9 +211,26 @@ pub fn number(word: &[u8]) -> Number {
         let sign = if word[0] == b'-' { -1.0 } else { 1.0 };
         return Number::Exact(if infinite { sign * f32::INFINITY } else { f32::NAN });
     }
+    if let Some(value) = with_point(word).and_then(|word| word.parse().ok()) {
+        return Number::Comma(value);
+    }
     let numeric =
         word.iter().take(64).take_while(|b| b.is_ascii_digit() || b"+-.eE".contains(b)).count();
     (1..=numeric).rev().find_map(|n| parse(&word[..n])).map_or(Number::None, Number::Prefix)
+}
+
+/// The word with a point for its comma, if it has one comma with digits on both sides and no point.
+fn with_point(word: &[u8]) -> Option<String> {
+    let at = word.iter().position(|&b| b == b',')?;
+    let is_digit = |b: Option<&u8>| b.is_some_and(u8::is_ascii_digit);
+    let has_digits = is_digit(word.get(at.checked_sub(1)?)) && is_digit(word.get(at + 1));
+    if !has_digits || word[at + 1..].iter().any(|b| b",.".contains(b)) || word[..at].contains(&b'.')
+    {
+        return None;
+    }
+    let mut word = word.to_vec();
+    word[at] = b'.';
+    String::from_utf8(word).ok()
 }
 
 /// Fast path for common numbers: up to about seven digits without exponent are a quotient of two
@@ -267,9 +288,33 @@ pub struct Reader<'a> {
     pub bytes: &'a [u8],
     /// The words.
     pub text: Text<'a>,
+    /// The offset of the first number that has a comma for the point.
+    comma: Cell<Option<usize>>,
 }
 
 impl<'a> Reader<'a> {
+    /// A reader of the words of `text`, which are those of `bytes`.
+    pub fn new(input: &'a Input, bytes: &'a [u8], text: Text<'a>) -> Self {
+        Self { input, bytes, text, comma: Cell::default() }
+    }
+
+    /// Remembers that the number at an offset has a comma for the point.
+    pub fn found_comma(&self, offset: usize) {
+        self.comma.set(Some(self.comma.get().unwrap_or(offset)));
+    }
+
+    /// Adds the warning about decimal commas, if there were any.
+    pub fn note_commas(&self, notes: &mut Notes) {
+        let Some(first) = self.comma.get() else { return };
+        notes.add("decimal comma", || {
+            format!(
+                "{}: a number has a comma in place of the decimal point; such numbers were read \
+                as decimal numbers",
+                self.location(first)
+            )
+        });
+    }
+
     /// An error at an offset.
     pub fn error(
         &self,
@@ -306,6 +351,10 @@ impl<'a> Reader<'a> {
     pub fn number_in(&self, word: Word<'_>, what: &str) -> Result<f32, ReadError> {
         match number(word.bytes) {
             Number::Exact(value) => Ok(value),
+            Number::Comma(value) => {
+                self.found_comma(word.start);
+                Ok(value)
+            }
             _ => Err(self.not_a_number(word, what)),
         }
     }
@@ -409,6 +458,10 @@ mod tests {
             assert!(!matches!(number(word.as_bytes()), Number::Exact(_)), "{word}");
         }
         assert_eq!(number(b"3.1+e2"), Number::Prefix(3.1));
+        assert_eq!(number(b"-1,5e1"), Number::Comma(-15.0));
+        for word in ["1,2,3", "1.5,2", "1,", ",5", "1,x"] {
+            assert!(!matches!(number(word.as_bytes()), Number::Comma(_)), "{word}");
+        }
         assert_eq!(number(b"-1.#INF"), Number::Exact(f32::NEG_INFINITY));
         assert!(matches!(number(b"1.#QNAN"), Number::Exact(x) if x.is_nan()));
         assert_eq!(number(b"x"), Number::None);

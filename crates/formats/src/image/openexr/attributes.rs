@@ -5,6 +5,8 @@
 //! header here: attributes are a plain list that ends with a zero byte, and the table of chunk
 //! offsets follows (OpenEXR, "File Layout").
 
+use std::ops::Range;
+
 /// Flag in the version field: names may have up to 255 bytes instead of 31.
 const LONG_NAMES: u8 = 0x04;
 
@@ -41,12 +43,30 @@ fn header_end(bytes: &[u8]) -> Option<(usize, Vec<String>)> {
     let mut at = 8;
     let mut names = Vec::new();
     while *bytes.get(at)? != 0 {
-        names.push(text(bytes, &mut at)?);
-        text(bytes, &mut at)?;
-        let size = i32::from_le_bytes(bytes.get(at..at + 4)?.try_into().ok()?);
-        at += 4 + usize::try_from(size).ok()?;
+        names.push(attribute(bytes, &mut at)?.0);
     }
     Some((at, names))
+}
+
+/// Reads an attribute and moves past it: its name, and where the bytes of its value are.
+pub fn attribute(bytes: &[u8], at: &mut usize) -> Option<(String, Range<usize>)> {
+    let name = text(bytes, at)?;
+    text(bytes, at)?;
+    let size = i32::from_le_bytes(*bytes.get(*at..)?.first_chunk()?);
+    let start = *at + 4;
+    let end = start.checked_add(usize::try_from(size).ok()?)?;
+    *at = end;
+    Some((name, start..end.min(bytes.len())))
+}
+
+/// True if a part of the file has several samples at a pixel, each with its depth.
+pub fn is_deep(bytes: &[u8]) -> bool {
+    bytes.get(5).is_some_and(|flags| flags & 0x08 != 0)
+}
+
+/// True if the file may have several parts, each with a header.
+pub fn is_multipart(bytes: &[u8]) -> bool {
+    bytes.get(5).is_some_and(|flags| flags & 0x10 != 0)
 }
 
 /// Reads text up to a zero byte, and moves past it.

@@ -18,6 +18,20 @@ pub fn to_rec709(chromaticities: &Chromaticities) -> Option<[[f32; 3]; 3]> {
     rec709_from([red, green, blue, white].map(point))
 }
 
+/// The weights of red, green and blue in the luminance of colours with these primaries; those of
+/// Rec. 709 if there are none or they are invalid.
+pub fn luminance_weights(chromaticities: Option<&Chromaticities>) -> [f32; 3] {
+    let named = chromaticities.and_then(|c| {
+        let point = |v: Vec2<f32>| [f64::from(v.0), f64::from(v.1)];
+        xyz_from_rgb(&[c.red, c.green, c.blue, c.white].map(point))
+    });
+    let weights = named.map(|matrix| matrix[1].map(|w| w as f32));
+    weights.filter(|w| w[1] > 1e-3 && w.iter().all(|w| w.is_finite())).unwrap_or(REC709_WEIGHTS)
+}
+
+/// Weights of the luminance in Rec. 709.
+const REC709_WEIGHTS: [f32; 3] = [0.2126, 0.7152, 0.0722];
+
 /// Like [`to_rec709`], for the chromaticities of red, green, blue and white.
 pub fn rec709_from(file: [[f64; 2]; 4]) -> Option<[[f32; 3]; 3]> {
     let same =

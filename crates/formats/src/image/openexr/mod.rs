@@ -3,6 +3,7 @@
 mod attributes;
 mod chromaticities;
 mod read;
+mod sampling;
 mod write;
 
 pub use chromaticities::rec709_from;

@@ -6,17 +6,21 @@
 //! becomes an error of the file.
 
 use super::super::picture::check_size;
-use super::chromaticities::to_rec709;
+use super::attributes::is_deep;
+use super::chromaticities::{luminance_weights, to_rec709};
+use super::sampling::{self, Plane, Sampling};
 use crate::guard::guarded;
 use crate::{Input, Place, ReadError};
 use exr::block::UncompressedBlock;
 use exr::block::chunk::Chunk;
+use exr::math::Vec2;
 use exr::meta::MetaData;
-use exr::meta::attribute::{AttributeValue, SampleType, Text};
+use exr::meta::attribute::{AttributeValue, ChannelDescription, IntegerBounds, SampleType, Text};
 use exr::meta::header::Header;
 use half::f16;
 use rayon::prelude::*;
 use snell_scene::{Image, Layer, LayeredImage};
+use std::collections::BTreeMap;
 use std::io::Cursor;
 
 /// Chunks decompressed at a time: enough for all cores, few enough to bound the memory.
@@ -28,7 +32,7 @@ pub fn read_layers(input: &Input) -> Result<LayeredImage, ReadError> {
     read(input, false)
 }
 
-/// Reads the picture: `R G B` or `Y` with or without `A`, otherwise the first channels. Alpha is
+/// Reads the picture: `R G B`, `Y RY BY` or `Y` with or without `A`, otherwise the first channels. Alpha is
 /// divided out.
 pub fn read_image(input: &Input) -> Result<Image, ReadError> {
     let LayeredImage { width, height, mut layers, .. } = read(input, true)?;
@@ -88,10 +92,17 @@ fn damaged(input: &Input, problem: impl std::fmt::Display) -> ReadError {
 }
 
 fn read(input: &Input, only_picture: bool) -> Result<LayeredImage, ReadError> {
-    let reader = exr::block::read(Cursor::new(input.bytes.as_slice()), false)
-        .map_err(|e| damaged(input, e))?;
+    if is_deep(&input.bytes) {
+        return Err(input.error(
+            Place::Whole,
+            "this OpenEXR file holds deep data, which is not supported",
+            "flatten it (for example with `oiiotool --flatten`)",
+        ));
+    }
+    let (bytes, sampling) = sampling::as_whole(&input.bytes);
+    let reader = exr::block::read(Cursor::new(&bytes[..]), false).map_err(|e| damaged(input, e))?;
     let meta = reader.meta_data().clone();
-    let mut target = Target::plan(input, &meta, only_picture)?;
+    let mut target = Target::plan(input, &meta, &sampling, only_picture)?;
     let mut chunks = reader.all_chunks(false).map_err(|e| damaged(input, e))?;
     loop {
         let batch = chunks.by_ref().take(BATCH).collect::<exr::error::Result<Vec<Chunk>>>();
@@ -99,11 +110,17 @@ fn read(input: &Input, only_picture: bool) -> Result<LayeredImage, ReadError> {
         if batch.is_empty() {
             break;
         }
-        let blocks: Vec<_> = batch.into_par_iter().map(|chunk| decompress(chunk, &meta)).collect();
+        let decompress = |chunk| target.decompress(chunk, &meta);
+        let blocks: Vec<_> = batch.into_par_iter().map(decompress).collect();
         for block in blocks {
-            target.place(&meta, &block.map_err(|e| damaged(input, e))?);
+            match block.map_err(|e| damaged(input, e))? {
+                Block::Whole(block) => target.place(&meta, &block),
+                Block::Sampled(part, bounds, data) => target.place_sampled(part, bounds, &data),
+            }
         }
     }
+    target.fill(&meta);
+    convert_chroma(&meta, &mut target.image);
     convert_colours(&meta, &mut target.image);
     Ok(target.image)
 }
@@ -125,11 +142,23 @@ fn convert_colours(meta: &MetaData, image: &mut LayeredImage) {
     }
 }
 
-fn decompress(chunk: Chunk, meta: &MetaData) -> Result<UncompressedBlock, String> {
-    match guarded(|| UncompressedBlock::decompress_chunk(chunk, meta, false)) {
-        Some(block) => block.map_err(|e| e.to_string()),
-        None => Err("its decoder failed".into()),
+/// Converts luminance and chroma to colours, in layers of `Y RY BY`.
+fn convert_chroma(meta: &MetaData, image: &mut LayeredImage) {
+    let named = meta.headers.first().and_then(|h| h.shared_attributes.chromaticities.as_ref());
+    let weights = luminance_weights(named);
+    for layer in &mut image.layers {
+        if let Some(names) = sampling::to_rgb(&layer.channels, &mut layer.values, weights) {
+            layer.channels = names;
+        }
     }
+}
+
+/// A decompressed block.
+enum Block {
+    Whole(UncompressedBlock),
+    /// Lines of a part with channels that have fewer samples than pixels: the part, the bounds in
+    /// its pixels, and the samples.
+    Sampled(usize, IntegerBounds, Vec<u8>),
 }
 
 /// The picture being decoded.
@@ -139,6 +168,18 @@ struct Target {
     slots: Vec<Vec<Option<Slot>>>,
     /// Top left of the display window.
     origin: [i64; 2],
+    /// The parts with channels that have fewer samples than pixels, by number.
+    sampled: BTreeMap<usize, Sampled>,
+}
+
+/// A part with channels that have fewer samples than pixels.
+struct Sampled {
+    steps: Vec<Vec2<usize>>,
+    channels: Vec<ChannelDescription>,
+    /// The samples of each such channel that fills one of the picture.
+    planes: BTreeMap<usize, Plane>,
+    /// Top left of the part.
+    position: [i64; 2],
 }
 
 #[derive(Clone, Copy)]
@@ -149,7 +190,12 @@ struct Slot {
 
 impl Target {
     /// Checks all sizes, names the layers and allocates.
-    fn plan(input: &Input, meta: &MetaData, only_picture: bool) -> Result<Self, ReadError> {
+    fn plan(
+        input: &Input,
+        meta: &MetaData,
+        sampling: &Sampling,
+        only_picture: bool,
+    ) -> Result<Self, ReadError> {
         let first = meta.headers.first().ok_or_else(|| damaged(input, "it has no parts"))?;
         let mut window = first.shared_attributes.display_window;
         if window.size.0 == 0 || window.size.1 == 0 {
@@ -178,7 +224,9 @@ impl Target {
         let fill = |l: Layer| Layer { values: vec![0.0; pixels * l.channels.len()], ..l };
         let layers = layers.into_iter().map(fill).collect();
         let metadata = text_attributes(first);
+        let sampled = sampled_parts(input, meta, sampling, &slots)?;
         Ok(Self {
+            sampled,
             image: LayeredImage { width: width as u32, height: height as u32, layers, metadata },
             slots,
             origin: [window.position.0.into(), window.position.1.into()],
@@ -192,29 +240,138 @@ impl Target {
         }
         let header = &meta.headers[block.index.layer];
         let position = header.own_attributes.layer_position;
-        let (width, height) = (i64::from(self.image.width), i64::from(self.image.height));
         for line in block.lines(&header.channels) {
             let Some(slot) = self.slots[block.index.layer][line.location.channel] else { continue };
             let x = line.location.position.0 as i64 + i64::from(position.0) - self.origin[0];
             let y = line.location.position.1 as i64 + i64::from(position.1) - self.origin[1];
-            let begin = (-x).max(0);
-            let end = (width - x).min(line.location.sample_count as i64);
-            if y < 0 || y >= height || begin >= end {
-                continue;
-            }
-            let layer = &mut self.image.layers[slot.layer];
-            let stride = layer.channels.len();
-            let start = ((y * width + x + begin) as usize) * stride + slot.channel;
-            let values = layer.values[start..].iter_mut().step_by(stride);
-            let samples = begin as usize..end as usize;
-            copy_samples(
-                header.channels.list[line.location.channel].sample_type,
-                line.value,
-                samples,
-                values,
-            );
+            let kind = header.channels.list[line.location.channel].sample_type;
+            self.place_line(slot, [x, y], line.location.sample_count, kind, line.value);
         }
     }
+
+    /// Copies the samples of a line that begins at a pixel of the picture or beside it.
+    fn place_line(
+        &mut self,
+        slot: Slot,
+        [x, y]: [i64; 2],
+        count: usize,
+        kind: SampleType,
+        bytes: &[u8],
+    ) {
+        let (width, height) = (i64::from(self.image.width), i64::from(self.image.height));
+        let begin = (-x).max(0);
+        let end = (width - x).min(count as i64);
+        if y < 0 || y >= height || begin >= end {
+            return;
+        }
+        let layer = &mut self.image.layers[slot.layer];
+        let stride = layer.channels.len();
+        let start = ((y * width + x + begin) as usize) * stride + slot.channel;
+        let values = layer.values[start..].iter_mut().step_by(stride);
+        copy_samples(kind, bytes, begin as usize..end as usize, values);
+    }
+
+    fn decompress(&self, chunk: Chunk, meta: &MetaData) -> Result<Block, String> {
+        let part = chunk.layer_index;
+        let block = guarded(|| match self.sampled.get(&part) {
+            Some(sampled) => sampling::decompress(chunk, meta, &sampled.steps)
+                .map(|(bounds, data)| Block::Sampled(part, bounds, data)),
+            None => UncompressedBlock::decompress_chunk(chunk, meta, false)
+                .map(Block::Whole)
+                .map_err(|e| e.to_string()),
+        });
+        block.unwrap_or_else(|| Err("its decoder failed".into()))
+    }
+
+    /// Copies the samples of a block: those of whole channels to the picture, the others to their
+    /// planes.
+    fn place_sampled(&mut self, part: usize, bounds: IntegerBounds, mut data: &[u8]) {
+        let Some(mut sampled) = self.sampled.remove(&part) else { return };
+        let top = bounds.position.1.max(0) as usize;
+        for y in top..top + bounds.size.1 {
+            for (index, channel) in sampled.channels.iter().enumerate() {
+                if !sampling::has_line(channel, y) {
+                    continue;
+                }
+                let count = bounds.size.0 / channel.sampling.0;
+                let kind = channel.sample_type;
+                let (line, rest) = data.split_at(count * kind.bytes_per_sample());
+                data = rest;
+                if let Some(plane) = sampled.planes.get_mut(&index) {
+                    copy_samples(kind, line, 0..count, plane.row(y).iter_mut());
+                } else if let Some(slot) = self.slots[part][index] {
+                    let [left, above] = sampled.position;
+                    let at = [left - self.origin[0], above + y as i64 - self.origin[1]];
+                    self.place_line(slot, at, count, kind, line);
+                }
+            }
+        }
+        self.sampled.insert(part, sampled);
+    }
+
+    /// Interpolates the channels that have fewer samples than pixels.
+    fn fill(&mut self, meta: &MetaData) {
+        for (part, sampled) in &self.sampled {
+            let size = meta.headers[*part].layer_size;
+            let [left, above] = [0, 1].map(|axis| sampled.position[axis] - self.origin[axis]);
+            for (channel, plane) in &sampled.planes {
+                let Some(slot) = self.slots[*part][*channel] else { continue };
+                let layer = &mut self.image.layers[slot.layer];
+                let stride = layer.channels.len();
+                let width = self.image.width as usize;
+                let lines = layer.values.par_chunks_exact_mut(width * stride);
+                lines.enumerate().for_each(|(y, line)| {
+                    let y = y as i64 - above;
+                    if !(0..size.1 as i64).contains(&y) {
+                        return;
+                    }
+                    let values = line.iter_mut().skip(slot.channel).step_by(stride);
+                    for (x, value) in values.enumerate() {
+                        let x = x as i64 - left;
+                        if (0..size.0 as i64).contains(&x) {
+                            *value = plane.at(x as usize, y as usize);
+                        }
+                    }
+                });
+            }
+        }
+    }
+}
+
+/// The parts with channels that have fewer samples than pixels, with room for the samples.
+fn sampled_parts(
+    input: &Input,
+    meta: &MetaData,
+    sampling: &Sampling,
+    slots: &[Vec<Option<Slot>>],
+) -> Result<BTreeMap<usize, Sampled>, ReadError> {
+    let mut parts = BTreeMap::new();
+    for (part, (header, steps)) in meta.headers.iter().zip(sampling).enumerate() {
+        if steps.iter().all(|step| *step == Vec2(1, 1)) {
+            continue;
+        }
+        let (size, position) = (header.layer_size, header.own_attributes.layer_position);
+        let fits = |step: &Vec2<usize>| {
+            size.0.is_multiple_of(step.0)
+                && size.1.is_multiple_of(step.1)
+                && i64::from(position.0).rem_euclid(step.0 as i64) == 0
+                && i64::from(position.1).rem_euclid(step.1 as i64) == 0
+        };
+        if steps.len() != header.channels.list.len() || !steps.iter().all(fits) {
+            return Err(damaged(input, "the samples of a channel do not fit its pixels"));
+        }
+        let mut channels = header.channels.list.to_vec();
+        let mut planes = BTreeMap::new();
+        for (index, (channel, step)) in channels.iter_mut().zip(steps).enumerate() {
+            channel.sampling = *step;
+            if *step != Vec2(1, 1) && slots[part][index].is_some() {
+                planes.insert(index, Plane::new(size, *step));
+            }
+        }
+        let position = [position.0.into(), position.1.into()];
+        parts.insert(part, Sampled { steps: steps.clone(), channels, planes, position });
+    }
+    Ok(parts)
 }
 
 /// Converts samples to floats. The crate returns samples in native byte order.
@@ -248,28 +405,8 @@ fn copy_samples<'a>(
 
 /// Refuses unsupported parts, before anything is allocated.
 fn check_part(input: &Input, header: &Header) -> Result<(), ReadError> {
-    if header.deep {
-        return Err(input.error(
-            Place::Whole,
-            "this OpenEXR file holds deep data, which is not supported",
-            "flatten it (for example with `oiiotool --flatten`)",
-        ));
-    }
     if header.channels.list.is_empty() {
         return Err(damaged(input, "a part has no channels"));
-    }
-    if let Some(channel) =
-        header.channels.list.iter().find(|c| c.sampling.0 != 1 || c.sampling.1 != 1)
-    {
-        return Err(input.error(
-            Place::Whole,
-            format!(
-                "channel \"{}\" has fewer samples than pixels (luminance and chroma), which is not \
-                    supported",
-                text(&channel.name)
-            ),
-            "save the file with full R, G and B channels",
-        ));
     }
     let size = header.layer_size;
     check_size(input, size.0 as u64, size.1 as u64, header.channels.bytes_per_pixel as u64)
@@ -300,8 +437,10 @@ fn name_layers(headers: &[Header], only_picture: bool) -> (Vec<Layer>, Vec<Vec<O
     for group in &mut groups {
         group.members.sort_by_key(|(_, name)| channel_rank(name));
     }
-    let is_rgb =
-        |g: &Group| ["R", "G", "B"].iter().all(|c| g.members.iter().any(|(_, name)| name == c));
+    let has = |g: &Group, names: [&str; 3]| {
+        names.iter().all(|c| g.members.iter().any(|(_, name)| name == c))
+    };
+    let is_rgb = |g: &Group| has(g, ["R", "G", "B"]) || has(g, ["Y", "RY", "BY"]);
     let is_plain = |g: &Group| g.prefix.is_empty();
     // The sort is stable, so parts of equal rank keep the order of the file.
     groups.sort_by_key(|g| match (is_rgb(g), is_plain(g)) {

@@ -7,7 +7,7 @@
 
 use super::parse::{self, Piece};
 use crate::mesh::notes::Notes;
-use crate::mesh::text::{Reader, Text, decoded};
+use crate::mesh::text::{Reader, Text, Word, decoded};
 use crate::mesh::too_many;
 use crate::{Input, ReadError};
 use rayon::prelude::*;
@@ -17,6 +17,9 @@ use std::ops::Range;
 
 /// Marks a missing index.
 pub const NONE: u32 = u32::MAX;
+
+/// Stands for the index of a line that no file has.
+pub const DANGLING: u32 = NONE - 1;
 
 /// The approximate size of a piece in bytes. Tests cut small files too.
 const PIECE: usize = if cfg!(test) { 48 } else { 1 << 20 };
@@ -149,6 +152,24 @@ impl Faces {
         ];
         lists.into_iter().flatten().min()
     }
+
+    /// The faces without those for which `is_bad` holds, and their runs.
+    fn without(&self, runs: &[Run], is_bad: impl Fn(Corner) -> bool) -> (Self, Vec<Run>) {
+        let (mut kept, mut kept_runs) = (Self::starting_at(self.start), Vec::new());
+        let mut ranges = self.ranges();
+        for run in runs {
+            for range in ranges.by_ref().take(run.faces) {
+                if range.clone().any(|at| is_bad(self.corner(at))) {
+                    continue;
+                }
+                let corners = range.len();
+                range.for_each(|at| kept.push_corner(self.corner(at)));
+                kept.end_face(corners);
+                Run::add_face(&mut kept_runs, run.state);
+            }
+        }
+        (kept, kept_runs)
+    }
 }
 
 /// The contents of an OBJ file.
@@ -176,7 +197,7 @@ pub fn parse(input: &Input, notes: &mut Notes) -> Result<ObjFile, ReadError> {
     let text = |range: &Range<usize>| {
         Text::new(&bytes[..range.end], range.start).with_continuations().with_comments(b'#')
     };
-    let reader = |range: &Range<usize>| Reader { input, bytes: &bytes, text: text(range) };
+    let reader = |range: &Range<usize>| Reader::new(input, &bytes, text(range));
     let counts: Vec<Counts> = if ranges.len() == 1 {
         vec![Counts::default()]
     } else {
@@ -212,7 +233,7 @@ pub fn parse(input: &Input, notes: &mut Notes) -> Result<ObjFile, ReadError> {
         }
     }
     drop_indices_into_nothing(input, &mut file, notes);
-    check_corners(&file, &reader(&(0..bytes.len())))?;
+    drop_dangling_faces(&mut file, &reader(&(0..bytes.len())), notes);
     Ok(file)
 }
 
@@ -352,48 +373,53 @@ fn drop_indices_into_nothing(input: &Input, file: &mut ObjFile, notes: &mut Note
     }
 }
 
-/// Checks that the indices of the faces are in range.
-fn check_corners(file: &ObjFile, reader: &Reader) -> Result<(), ReadError> {
+/// Drops the faces that name vertices, texture coordinates or normals that the file lacks.
+fn drop_dangling_faces(file: &mut ObjFile, reader: &Reader, notes: &mut Notes) {
     let counts = Counts {
         positions: file.positions.len(),
         uvs: file.uvs.len(),
         normals: file.normals.len(),
     };
-    let found =
-        file.pieces.iter().find_map(|(faces, _)| Some((faces, faces.first_dangling(counts)?)));
-    let Some((faces, at)) = found else { return Ok(()) };
-    let corner = faces.corner(at);
-    let good = |index: u32, count: usize| index == NONE || (index as usize) < count;
-    let (list, index, count) = if corner.position as usize >= counts.positions {
-        ("v", corner.position, counts.positions)
-    } else if !good(corner.uv, counts.uvs) {
-        ("vt", corner.uv, counts.uvs)
-    } else {
-        ("vn", corner.normal, counts.normals)
+    let is_bad = |corner: Corner| {
+        let dangles = |index: u32, count: usize| index != NONE && index as usize >= count;
+        dangles(corner.position, counts.positions)
+            || dangles(corner.uv, counts.uvs)
+            || dangles(corner.normal, counts.normals)
     };
-    let problem =
-        format!("index {} into the {list} lines, but the file has {count}", u64::from(index) + 1);
-    let offset = offset_of_corner(reader, faces.start, at);
-    Err(reader.error(offset, problem, "correct the face, or export the file again"))
+    for (faces, runs) in &mut file.pieces {
+        let Some(at) = faces.first_dangling(counts) else { continue };
+        let (kept, kept_runs) = faces.without(runs, is_bad);
+        let dropped = faces.ranges().count() - kept.ranges().count();
+        let message = || {
+            let (place, word) = corner_in_text(reader, faces.start, at);
+            let Counts { positions, uvs, normals } = counts;
+            format!(
+                "{place}: {word} is not a corner of this file, which has {positions} v, {uvs} vt \
+                and {normals} vn lines; such faces were skipped"
+            )
+        };
+        notes.add_times(dropped as u64, "dangling", message);
+        (*faces, *runs) = (kept, kept_runs);
+    }
 }
 
-/// Finds the offset of a piece's corner in the text, by reading the piece again.
-fn offset_of_corner(reader: &Reader, start: usize, at: usize) -> usize {
+/// The place of a piece's corner in the text and its word in quotes, found by reading the piece
+/// again.
+fn corner_in_text(reader: &Reader, start: usize, at: usize) -> (String, String) {
     let mut text = Text::new(reader.bytes, start).with_continuations().with_comments(b'#');
     let mut before = 0;
     while let Some(keyword) = text.word_on_any_line() {
         if matches!(keyword.bytes, b"f" | b"fo") {
-            let corners: Vec<usize> =
-                std::iter::from_fn(|| text.word().map(|word| word.start)).collect();
+            let corners: Vec<Word> = std::iter::from_fn(|| text.word()).collect();
             // Faces with fewer corners were skipped.
             if corners.len() >= 3 {
-                if let Some(&offset) = corners.get(at - before) {
-                    return offset;
+                if let Some(word) = corners.get(at - before) {
+                    return (reader.location(word.start), word.quoted());
                 }
                 before += corners.len();
             }
         }
         text.next_line();
     }
-    start
+    (reader.location(start), "a word".into())
 }

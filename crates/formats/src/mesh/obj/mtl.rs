@@ -8,6 +8,7 @@ use crate::mesh::notes::Notes;
 use crate::mesh::text::{Number, Reader, Text, Word, decoded, number};
 use crate::{Input, ReadError};
 use snell_math::Rgb;
+use snell_math::spectrum::response::RGB_FROM_XYZ;
 use std::collections::BTreeMap;
 
 /// A material as its file states it; a field is `None` if the file lacks its statement. See
@@ -107,7 +108,7 @@ pub fn read(input: &Input, file: &ObjFile, notes: &mut Notes) -> Result<Library,
 fn parse(input: &Input, library: usize, materials: &mut BTreeMap<String, Mtl>, notes: &mut Notes) {
     let bytes = decoded(&input.bytes);
     let text = Text::new(&bytes, 0).with_continuations().with_comments(b'#');
-    let mut statements = Statements { reader: Reader { input, bytes: &bytes, text }, notes };
+    let mut statements = Statements { reader: Reader::new(input, &bytes, text), notes };
     let mut current: Option<(String, Mtl)> = None;
     while let Some(keyword) = statements.reader.text.word_on_any_line() {
         if keyword.bytes.eq_ignore_ascii_case(b"newmtl") {
@@ -185,7 +186,9 @@ impl Statements<'_, '_> {
         while count < 3 {
             let before = self.reader.text.clone();
             match self.reader.text.word().map(|w| number(w.bytes)) {
-                Some(Number::Exact(value)) if value.is_finite() => values[count] = value,
+                Some(Number::Exact(value) | Number::Comma(value)) if value.is_finite() => {
+                    values[count] = value;
+                }
                 _ => {
                     self.reader.text = before;
                     break;
@@ -204,8 +207,23 @@ impl Statements<'_, '_> {
         (count > 0).then_some(value)
     }
 
-    /// Reads a colour; a single number is a grey.
+    /// Reads a colour: red, green and blue, or after the word `xyz` a CIE XYZ colour. A single
+    /// number is all three.
     fn color(&mut self, keyword: Word) -> Option<Rgb> {
+        let before = self.reader.text.clone();
+        let form = self.reader.text.word().map(|word| word.bytes.to_ascii_lowercase());
+        if form.as_deref() == Some(b"spectral") {
+            self.warn(
+                "spectral",
+                keyword,
+                "curves of reflectance (spectral) are not supported; the statement was skipped",
+            );
+            return None;
+        }
+        let is_xyz = form.as_deref() == Some(b"xyz");
+        if !is_xyz {
+            self.reader.text = before;
+        }
         let ([r, g, b], count) = self.numbers();
         let color = match count {
             0 => {
@@ -218,6 +236,14 @@ impl Statements<'_, '_> {
             }
             3 => Rgb::new(r, g, b),
             _ => Rgb::splat(r),
+        };
+        let color = if is_xyz {
+            let xyz = color.to_array().map(f64::from);
+            let row = |row: [f64; 3]| (0..3).map(|k| row[k] * xyz[k]).sum::<f64>() as f32;
+            let [r, g, b] = RGB_FROM_XYZ.map(row);
+            Rgb::new(r, g, b)
+        } else {
+            color
         };
         Some(color.map(|x| x.max(0.0)))
     }

@@ -1,6 +1,6 @@
 //! The statements of a piece of an OBJ file.
 
-use super::file::{Corner, Counts, Faces, NONE, Run, State};
+use super::file::{Corner, Counts, DANGLING, Faces, NONE, Run, State};
 use crate::ReadError;
 use crate::mesh::notes::Notes;
 use crate::mesh::text::{Number, Reader, Text, Word, decoded, number};
@@ -71,6 +71,7 @@ pub fn parse(reader: Reader, before: Counts) -> Result<Piece, ReadError> {
         parser.statement(keyword)?;
         parser.reader.text.next_line();
     }
+    parser.reader.note_commas(&mut parser.piece.notes);
     Ok(Piece { end: parser.state, ..parser.piece })
 }
 
@@ -200,6 +201,10 @@ impl Parser<'_> {
             let Some(word) = self.reader.text.word() else { break };
             values[count] = match number(word.bytes) {
                 Number::Exact(value) => value,
+                Number::Comma(value) => {
+                    self.reader.found_comma(word.start);
+                    value
+                }
                 Number::Prefix(value) if !word.bytes.contains(&b',') => {
                     let reader = &self.reader;
                     self.piece.notes.add("odd number", || {
@@ -289,8 +294,7 @@ impl Parser<'_> {
         let counts = self.counts();
         let start = self.piece.faces.corner_count();
         while let Some(word) = self.reader.text.word() {
-            let corner = self.corner(word, counts)?;
-            self.piece.faces.push_corner(corner);
+            self.piece.faces.push_corner(corner(word.bytes, counts));
         }
         let corners = self.piece.faces.corner_count() - start;
         if corners < 3 {
@@ -309,63 +313,23 @@ impl Parser<'_> {
         Run::add_face(&mut self.piece.runs, self.state);
         Ok(())
     }
+}
 
-    fn corner(&self, word: Word, counts: Counts) -> Result<Corner, ReadError> {
-        let bad = || {
-            let problem = format!(
-                "found {}, expected vertex numbers such as 1, 1/2, 1//3 or 1/2/3",
-                word.quoted()
-            );
-            self.reader.error(word.start, problem, "correct the face, or export the file again")
-        };
-        let mut parts = word.bytes.split(|&b| b == b'/');
-        let mut index = |list, count| self.index(parts.next().unwrap_or(b""), word, list, count);
-        let position = index("v", counts.positions)?.ok_or_else(bad)?;
-        let uv = index("vt", counts.uvs)?.unwrap_or(NONE);
-        let normal = index("vn", counts.normals)?.unwrap_or(NONE);
-        if parts.next().is_some() { Err(bad()) } else { Ok(Corner { position, uv, normal }) }
-    }
-
-    /// An index from 0. Positive indices are checked at the end, because they may refer to later
-    /// lines.
-    fn index(
-        &self,
-        digits: &[u8],
-        word: Word,
-        list: &str,
-        count: usize,
-    ) -> Result<Option<u32>, ReadError> {
-        let Some(value) = small_integer(digits) else {
-            if digits.is_empty() {
-                return Ok(None);
-            }
-            let problem = format!(
-                "found {}, expected vertex numbers such as 1, 1/2, 1//3 or 1/2/3",
-                word.quoted()
-            );
-            return Err(self.reader.error(
-                word.start,
-                problem,
-                "correct the face, or export the file again",
-            ));
-        };
-        let index = if value > 0 { value - 1 } else { count as i64 + value };
-        if value == 0 || index < 0 {
-            let reason = if value == 0 {
-                format!("index 0 into the {list} lines, but they count from 1")
-            } else {
-                format!(
-                    "index {value} goes back before the first of the {count} {list} lines so far"
-                )
-            };
-            return Err(self.reader.error(
-                word.start,
-                reason,
-                "correct the face, or export the file again",
-            ));
-        }
-        Ok(Some(index.min(i64::from(NONE - 1)) as u32))
-    }
+/// The corner that a word names. What it does not name by a number of a line before is
+/// [`DANGLING`]; numbers beyond the lines so far may name later ones, and are checked at the end.
+fn corner(word: &[u8], counts: Counts) -> Corner {
+    let mut parts = word.split(|&b| b == b'/');
+    let mut index = |count| match parts.next().unwrap_or(b"") {
+        b"" => NONE,
+        digits => small_integer(digits).map_or(DANGLING, |value| {
+            let index = if value > 0 { value - 1 } else { count as i64 + value };
+            if value == 0 || index < 0 { DANGLING } else { index.min(i64::from(DANGLING)) as u32 }
+        }),
+    };
+    let (position, uv, normal) =
+        (index(counts.positions), index(counts.uvs), index(counts.normals));
+    let is_good = position != NONE && parts.next().is_none();
+    Corner { position: if is_good { position } else { DANGLING }, uv, normal }
 }
 
 /// A whole number of up to 18 digits with an optional sign.

@@ -2,6 +2,7 @@
 
 use super::body::{AsciiSource, BinarySource, Source, skip_element, skip_property};
 use super::header::{Element, Format, Header, Property};
+use crate::mesh::notes::Notes;
 use crate::{Input, ReadError};
 
 /// An attribute of the vertices or faces of a mesh.
@@ -19,7 +20,7 @@ pub struct Attribute {
 /// Properties with the same name before `_x`, `_y` …, `_r`, `_g` … or `_0`, `_1` … are one
 /// attribute, and `r`, `g`, `b` or `red`, `green`, `blue` are the attribute `color`, as in Mitsuba.
 pub fn attribute(input: &Input, element: &str, name: &str) -> Result<Option<Attribute>, ReadError> {
-    let header = Header::read(input)?;
+    let header = Header::read(input, &mut Notes::default())?;
     match header.format {
         Format::Ascii => find(&mut AsciiSource::new(input, &header), &header, element, name),
         Format::LittleEndian => {

@@ -10,6 +10,7 @@ use crate::{Input, Place, ReadError};
 use snell_intersect::TriangleMesh;
 use snell_math::spectrum::srgb_to_linear;
 use snell_math::{Vec2, Vec3};
+use std::collections::HashMap;
 
 /// A source of values: text, or binary of either byte order. Every value fits `f64` exactly.
 pub trait Source {
@@ -53,11 +54,7 @@ impl<'a> AsciiSource<'a> {
     /// A source of the values that follow the header.
     pub fn new(input: &'a Input, header: &Header) -> Self {
         let text = Text::new(&input.bytes, header.end);
-        Self {
-            reader: Reader { input, bytes: &input.bytes, text },
-            last: header.end,
-            surplus: None,
-        }
+        Self { reader: Reader::new(input, &input.bytes, text), last: header.end, surplus: None }
     }
 }
 
@@ -101,6 +98,7 @@ impl Source for AsciiSource<'_> {
     }
 
     fn finish(&self, notes: &mut Notes) {
+        self.reader.note_commas(notes);
         let Some((lines, first)) = self.surplus else { return };
         let place = self.reader.location(first);
         notes.add("surplus", || {
@@ -266,7 +264,7 @@ pub fn read(
             }
             "face" => {
                 faces.declared = element.start;
-                read_faces(source, input, element, &mut faces, notes)?;
+                read_faces(source, input, header, element, &mut faces, notes)?;
             }
             "tristrips" => {
                 faces.declared = element.start;
@@ -276,6 +274,9 @@ pub fn read(
         }
     }
     source.finish(notes);
+    if !faces.uvs.is_empty() {
+        faces.uvs.resize(faces.corners.len(), Vec2::ZERO);
+    }
     faces.triangulate(input, mesh)
 }
 
@@ -294,7 +295,7 @@ impl Role {
         if property.length.is_some() {
             return Self::Skip;
         }
-        match property.name.as_str() {
+        match property.name.to_ascii_lowercase().as_str() {
             "x" => Self::Position(0),
             "y" => Self::Position(1),
             "z" => Self::Position(2),
@@ -439,6 +440,10 @@ struct Faces {
     corners: Vec<u32>,
     /// For each polygon, the end of its corners.
     ends: Vec<usize>,
+    /// Texture coordinates of each corner; empty if the file has none, else as long as `corners`.
+    uvs: Vec<Vec2>,
+    /// The number of the picture of each polygon; empty if the file has no such numbers.
+    pictures: Vec<u16>,
 }
 
 impl Faces {
@@ -453,13 +458,55 @@ impl Faces {
         Err(source.error(problem, "the file is damaged; export it again"))
     }
 
+    /// Gives a vertex to each pair of a vertex and texture coordinates that occurs at a corner.
+    fn split(&mut self, mesh: &mut TriangleMesh) {
+        if self.uvs.is_empty() {
+            return;
+        }
+        mesh.uvs[0] = vec![Vec2::ZERO; mesh.positions.len()];
+        let mut is_used = vec![false; mesh.positions.len()];
+        let mut known: HashMap<(u32, [u32; 2]), u32> = HashMap::new();
+        for (corner, &uv) in self.corners.iter_mut().zip(&self.uvs) {
+            let vertex = *corner;
+            *corner =
+                *known.entry((vertex, uv.to_array().map(f32::to_bits))).or_insert_with(|| {
+                    let at = vertex as usize;
+                    if !std::mem::replace(&mut is_used[at], true) {
+                        mesh.uvs[0][at] = uv;
+                        return vertex;
+                    }
+                    mesh.uvs[0].push(uv);
+                    mesh.positions.push(mesh.positions[at]);
+                    if !mesh.normals.is_empty() {
+                        mesh.normals.push(mesh.normals[at]);
+                    }
+                    if !mesh.colors.is_empty() {
+                        mesh.colors.push(mesh.colors[at]);
+                    }
+                    mesh.positions.len() as u32 - 1
+                });
+        }
+    }
+
+    /// Stores a face's texture coordinates, pairs of u and v, beside its corners.
+    fn add_uvs(&mut self, values: &[f32], corners: usize) {
+        if values.is_empty() && self.uvs.is_empty() {
+            return;
+        }
+        self.uvs.resize(self.corners.len() - corners, Vec2::ZERO);
+        let (pairs, _) = values.as_chunks::<2>();
+        self.uvs.extend(pairs.iter().take(corners).map(|&uv| Vec2::from_array(uv)));
+        self.uvs.resize(self.corners.len(), Vec2::ZERO);
+    }
+
     /// Appends the triangles; answers how many each face became, if any became more than one.
     fn triangulate(
-        self,
+        mut self,
         input: &Input,
         mesh: &mut TriangleMesh,
     ) -> Result<Option<Vec<u32>>, ReadError> {
         let mut triangulator = Triangulator::default();
+        self.split(mesh);
         mesh.indices = self.triangles;
         mesh.indices.reserve(self.ends.len());
         let lone = mesh.indices.len();
@@ -478,6 +525,13 @@ impl Faces {
             counts.push((mesh.indices.len() - before) as u32);
             start = end;
         }
+        if !self.pictures.is_empty() {
+            mesh.material_slots.resize(lone, 0);
+            for (&count, &picture) in counts.iter().zip(&self.pictures) {
+                mesh.material_slots.extend(std::iter::repeat_n(picture, count as usize));
+            }
+            mesh.material_slots.resize(mesh.indices.len(), 0);
+        }
         if counts.iter().all(|count| *count <= 1) {
             return Ok(None);
         }
@@ -490,6 +544,7 @@ impl Faces {
 fn read_faces(
     source: &mut impl Source,
     input: &Input,
+    header: &Header,
     element: &Element,
     faces: &mut Faces,
     notes: &mut Notes,
@@ -504,30 +559,44 @@ fn read_faces(
         }
         return skip_element(source, element);
     };
-    if element.properties.iter().any(|p| p.name == "texcoord" && p.length.is_some())
-        && element.count > 0
-    {
-        notes.add("texcoord", || {
-            format!(
-                "{}: texture coordinates of faces (texcoord) are not supported and were skipped",
-                input.name
-            )
-        });
-    }
+    let is = |property: &Property, name: &str, is_list: bool| {
+        property.name.eq_ignore_ascii_case(name) && property.length.is_some() == is_list
+    };
+    let uvs_at = element.properties.iter().position(|p| is(p, "texcoord", true));
+    let uvs_at = uvs_at.filter(|_| header.reads_corners);
+    let pictures = header.textures.len();
+    let picture_at = element.properties.iter().position(|p| is(p, "texnumber", false));
+    let picture_at = picture_at.filter(|_| header.reads_corners && pictures > 1);
     if faces.triangles.is_empty()
         && faces.ends.is_empty()
+        && picture_at.is_none()
         && let Some(triangles) = source.all_triangles(element, at, faces.vertices)
     {
         faces.triangles = triangles;
         return Ok(());
     }
+    let mut uvs: Vec<f32> = Vec::new();
     for _ in 0..element.count {
+        let start = faces.corners.len();
         for (i, property) in element.properties.iter().enumerate() {
-            let Some(length) = property.length.filter(|_| i == at) else {
+            if Some(i) == picture_at {
+                let value = source.value(property.value)?;
+                faces.pictures.resize(faces.ends.len(), 0);
+                faces.pictures.push(value.clamp(0.0, pictures as f64 - 1.0) as u16);
+                continue;
+            }
+            let Some(length) = property.length.filter(|_| i == at || Some(i) == uvs_at) else {
                 skip_property(source, property)?;
                 continue;
             };
             let corners = list_length(source, length, property.value)?;
+            if i != at {
+                uvs.clear();
+                for _ in 0..corners {
+                    uvs.push(source.value(property.value)? as f32);
+                }
+                continue;
+            }
             for _ in 0..corners {
                 let value = source.value(property.value)?;
                 let index = faces.checked(source, value)?;
@@ -538,8 +607,10 @@ fn read_faces(
                     format!("{}: a face has fewer than 3 corners and was skipped", input.name)
                 });
             }
-            faces.ends.push(faces.corners.len());
         }
+        faces.ends.push(faces.corners.len());
+        faces.add_uvs(&uvs, faces.corners.len() - start);
+        uvs.clear();
         source.end_element();
     }
     Ok(())

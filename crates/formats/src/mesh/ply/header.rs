@@ -1,5 +1,6 @@
 //! The header: the elements and their properties.
 
+use crate::mesh::notes::Notes;
 use crate::mesh::text::{Reader, Text, Word};
 use crate::{Input, ReadError};
 
@@ -26,7 +27,7 @@ pub enum Type {
 
 impl Type {
     fn of(name: &[u8]) -> Option<Self> {
-        Some(match name {
+        Some(match name.to_ascii_lowercase().as_slice() {
             b"char" | b"int8" => Self::I8,
             b"uchar" | b"uint8" => Self::U8,
             b"short" | b"int16" => Self::I16,
@@ -99,16 +100,21 @@ impl Element {
 pub struct Header {
     pub format: Format,
     pub elements: Vec<Element>,
+    /// The names of pictures in `comment TextureFile` lines, which MeshLab and others write.
+    pub textures: Vec<String>,
+    /// True to read texture coordinates of corners, for which vertices are split. Scene formats
+    /// that name PLY files do not, and match attributes to the vertices of the file.
+    pub reads_corners: bool,
     /// Offset of the first byte after the header.
     pub end: usize,
 }
 
 impl Header {
-    /// Reads the header.
-    pub fn read(input: &Input) -> Result<Self, ReadError> {
+    /// Reads the header. Lines of unknown words are skipped with a warning.
+    pub fn read(input: &Input, notes: &mut Notes) -> Result<Self, ReadError> {
         let bytes = &input.bytes[..];
-        let mut reader = Reader { input, bytes, text: Text::new(bytes, 0) };
-        if reader.text.word().is_none_or(|w| w.bytes != b"ply") {
+        let mut reader = Reader::new(input, bytes, Text::new(bytes, 0));
+        if reader.text.word().is_none_or(|w| !w.bytes.eq_ignore_ascii_case(b"ply")) {
             return Err(reader.error(
                 0,
                 "the file does not begin with \"ply\"",
@@ -118,6 +124,7 @@ impl Header {
         reader.text.next_line();
         let mut format = None;
         let mut elements: Vec<Element> = Vec::new();
+        let mut textures = Vec::new();
         loop {
             let Some(word) = reader.text.word() else {
                 if reader.text.is_at_end() {
@@ -126,8 +133,12 @@ impl Header {
                 reader.text.next_line();
                 continue;
             };
-            match word.bytes {
+            match word.bytes.to_ascii_lowercase().as_slice() {
                 b"comment" | b"obj_info" => {
+                    if reader.text.word().is_some_and(|w| w.bytes.eq_ignore_ascii_case(TEXTURE)) {
+                        let name = reader.text.rest_of_line().bytes;
+                        textures.push(String::from_utf8_lossy(name).into_owned());
+                    }
                     reader.text.next_line();
                     continue;
                 }
@@ -158,12 +169,16 @@ impl Header {
                 },
                 b"end_header" => break,
                 _ => {
-                    let problem = format!(
-                        "found {}, expected format, comment, obj_info, element, property or \
-                            end_header",
-                        word.quoted()
-                    );
-                    return Err(reader.error(word.start, problem, EXPORT_AGAIN));
+                    notes.add("header", || {
+                        format!(
+                            "{}: {} is no word of a header (format, comment, obj_info, element, \
+                            property or end_header); such lines were skipped",
+                            reader.location(word.start),
+                            word.quoted()
+                        )
+                    });
+                    reader.text.next_line();
+                    continue;
                 }
             }
             expect_line_end(&mut reader)?;
@@ -173,16 +188,20 @@ impl Header {
         let Some(format) = format else {
             return Err(reader.error(0, "the header has no line \"format\"", EXPORT_AGAIN));
         };
-        Ok(Self { format, elements, end })
+        Ok(Self { format, elements, textures, reads_corners: false, end })
     }
 }
+
+/// The word after `comment` before the name of a picture.
+const TEXTURE: &[u8] = b"TextureFile";
 
 const EXPORT_AGAIN: &str = "correct the header, or export the file again";
 
 /// Skips exactly one line end of the kind that the first line has, because a binary body may itself
 /// begin with a line feed.
 fn body_start(bytes: &[u8], at: usize) -> usize {
-    let lone_return = bytes.get(3) == Some(&b'\r') && bytes.get(4) != Some(&b'\n');
+    let first = bytes.iter().position(|b| b"\r\n".contains(b)).unwrap_or(0);
+    let lone_return = bytes.get(first) == Some(&b'\r') && bytes.get(first + 1) != Some(&b'\n');
     match bytes.get(at..) {
         Some([b'\r', b'\n', ..]) if !lone_return => at + 2,
         Some([_, ..]) => at + 1,
@@ -208,7 +227,7 @@ fn next<'a>(reader: &mut Reader<'a>, what: &str) -> Result<Word<'a>, ReadError> 
 fn read_format(reader: &mut Reader) -> Result<Format, ReadError> {
     let expected = "ascii, binary_little_endian or binary_big_endian";
     let word = next(reader, expected)?;
-    let format = match word.bytes {
+    let format = match word.bytes.to_ascii_lowercase().as_slice() {
         b"ascii" => Format::Ascii,
         b"binary_little_endian" => Format::LittleEndian,
         b"binary_big_endian" => Format::BigEndian,
@@ -227,14 +246,15 @@ fn read_format(reader: &mut Reader) -> Result<Format, ReadError> {
 
 fn read_element(reader: &mut Reader) -> Result<Element, ReadError> {
     let name = next(reader, "the name of an element")?;
-    let (start, name) = (name.start, String::from_utf8_lossy(name.bytes).into_owned());
+    let start = name.start;
+    let name = String::from_utf8_lossy(name.bytes).to_ascii_lowercase();
     let count = reader.count("the number of elements", false)?;
     Ok(Element { start, name, count, properties: Vec::new() })
 }
 
 fn read_property(reader: &mut Reader) -> Result<Property, ReadError> {
     let word = next(reader, "a type")?;
-    let (value, length) = if word.bytes == b"list" {
+    let (value, length) = if word.bytes.eq_ignore_ascii_case(b"list") {
         let word = next(reader, "the type of a list's length")?;
         let length = type_of(reader, word)?;
         if !length.is_integer() {
@@ -260,7 +280,7 @@ fn read_property(reader: &mut Reader) -> Result<Property, ReadError> {
 
 /// True for the names of the list that makes a face.
 pub fn is_index_list(name: &str) -> bool {
-    name == "vertex_indices" || name == "vertex_index"
+    name.eq_ignore_ascii_case("vertex_indices") || name.eq_ignore_ascii_case("vertex_index")
 }
 
 fn type_of(reader: &Reader, word: Word) -> Result<Type, ReadError> {

@@ -181,3 +181,61 @@ fn a_vertex_with_a_hundred_thousand_attributes_is_quick() {
     (1..100_000).for_each(|i| text += &format!("f 1/{i}/1 2/{i}/1 3/{i}/1\n"));
     assert_eq!(only_mesh("a.obj", &text).positions.len(), 299_997);
 }
+
+#[test]
+fn the_size_of_a_binary_stl_file_decides_how_many_facets_it_has() {
+    for (declared, expected) in [(0, 2), (1, 2), (2, 2), (3, 2), (u32::MAX, 2)] {
+        let mut bytes = vec![0; 80];
+        bytes.extend(u32::to_le_bytes(declared));
+        for facet in [[0.0f32, 1.0, 2.0], [5.0, 6.0, 7.0]] {
+            let corners = facet.map(|x| [x, x * x, 0.0]);
+            let floats = [[0.0; 3], corners[0], corners[1], corners[2]].concat();
+            bytes.extend(floats.iter().flat_map(|x| x.to_le_bytes()));
+            bytes.extend([0; 2]);
+        }
+        let scene = read("a.stl", bytes).unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!(triangles(&scene), expected, "{declared}");
+        assert_eq!(scene.warnings.len(), usize::from(declared != 2), "{:?}", scene.warnings);
+    }
+}
+
+#[test]
+fn the_words_of_a_ply_header_may_be_in_any_case_and_unknown_lines_are_skipped() {
+    let plain = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float \
+        y\nproperty float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n";
+    let body = "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
+    let expected = only_mesh("a.ply", &format!("{plain}{body}"));
+    assert_eq!(only_mesh("a.ply", &format!("{}{body}", plain.to_uppercase())), expected);
+    let odd = plain.replacen("element", "Created by hand\nelement", 1);
+    let scene = read("a.ply", format!("{odd}{body}")).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(meshes(&scene), [&expected]);
+    assert!(scene.warnings[0].message.contains("a.ply:3:1"), "{:?}", scene.warnings);
+}
+
+#[test]
+fn ply_faces_may_have_texture_coordinates_and_pictures() {
+    let folder = tempfile::tempdir().expect("a folder for the test");
+    for (name, grey) in [("a.pgm", 0), ("b.pgm", 255)] {
+        std::fs::write(folder.path().join(name), format!("P2 1 1 255 {grey}")).expect("writable");
+    }
+    let text = "ply\nformat ascii 1.0\ncomment TextureFile a.pgm\ncomment TextureFile b.pgm\n\
+        element vertex 4\nproperty float x\nproperty float y\nproperty float z\nelement face 3\n\
+        property list uchar int vertex_indices\nproperty list uchar float texcoord\n\
+        property int texnumber\nend_header\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n\
+        4 0 1 2 3 8 0 0 1 0 1 1 0 1 0\n3 0 1 2 6 0 0 1 0 0.5 0.5 1\n3 2 1 0 0 1\n";
+    let scene = read_scene_bytes("a.ply", text.into(), folder.path(), &ReadOptions::default())
+        .unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(scene.warnings, []);
+    assert_eq!((scene.materials.len(), scene.images.len()), (2, 2));
+    let mesh = meshes(&scene)[0];
+    assert_eq!(mesh.material_slots, [0, 0, 1, 1]);
+    let uv = |t: usize, k: usize| mesh.uvs[0][mesh.indices[t][k] as usize];
+    assert_eq!([uv(2, 0), uv(2, 1), uv(2, 2)], [Vec2::ZERO, Vec2::X, Vec2::splat(0.5)]);
+    assert_eq!(mesh.corners(2)[2], Vec3::new(1.0, 1.0, 0.0));
+    let corners: Vec<Vec2> = mesh.indices[..2]
+        .iter()
+        .flatten()
+        .map(|&i| mesh.positions[i as usize].truncate() - mesh.uvs[0][i as usize])
+        .collect();
+    assert_eq!(corners, [Vec2::ZERO; 6]);
+}

@@ -30,6 +30,16 @@ fn a_material_without_highlight_is_diffuse() {
 }
 
 #[test]
+fn a_colour_may_be_cie_xyz() {
+    let white = "newmtl m\nKd xyz 0.9505 1 1.089\n";
+    let MaterialKind::Diffuse(diffuse) = material(white).kind else { panic!("not diffuse") };
+    let apart = diffuse.reflectance.factor.map(|x| (x - 1.0).abs());
+    assert!(apart.max_element() < 1e-3, "{apart:?}");
+    let warnings = scene_with("newmtl m\nKd spectral red.rfl 1\n").warnings;
+    assert!(warnings[0].message.contains(".mtl:2:1"), "{warnings:?}");
+}
+
+#[test]
 fn a_material_with_highlight_is_phong_and_mirrors_by_illum_3() {
     for (illum, reflection) in [(2, 0.0), (3, 0.5)] {
         let mtl = format!("newmtl m\nKd 0.4 0.4 0.4\nKs 0.5 0.5 0.5\nNs 20\nillum {illum}\n");

@@ -43,7 +43,7 @@ impl Builder<'_> {
 /// The points of a file, and the number of points of each strand.
 fn read(input: &Input, basis: StrandBasis) -> Result<(Vec<Vec4>, Vec<u32>), ReadError> {
     let bytes = decoded(&input.bytes);
-    let mut reader = Reader { input, bytes: &bytes, text: Text::new(&bytes, 0) };
+    let mut reader = Reader::new(input, &bytes, Text::new(&bytes, 0));
     let (mut points, mut strands) = (Vec::new(), Vec::new());
     let mut start = 0;
     loop {

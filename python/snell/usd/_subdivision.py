@@ -1,0 +1,132 @@
+"""Subdivision surfaces of Catmull and Clark (Recursively generated B-spline surfaces on arbitrary
+topological meshes, 1978), with sharp edges and corners (DeRose and others, Subdivision surfaces in
+character animation, 1998).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+__all__ = ["Topology", "levels_for"]
+
+#: Maximum number of corners of a mesh after its subdivision, and of levels.
+_MOST_CORNERS, _MOST_LEVELS = 200_000, 3
+
+
+def levels_for(corners: int) -> int:
+    """The number of times that a mesh of these corners is divided."""
+    return sum(corners * 4**level <= _MOST_CORNERS for level in range(1, _MOST_LEVELS + 1))
+
+
+@dataclass
+class Topology:
+    """The faces of a mesh, and how values of points and corners become those of its parts: each
+    corner of a face becomes a face of four corners. The points of the parts are the points before,
+    then one for each edge, then one for each face.
+    """
+
+    #: Number of points.
+    points: int
+    #: Number of corners of each face; at least 1.
+    counts: np.ndarray
+    #: The point of each corner; one face after the other.
+    indices: np.ndarray
+    #: Sharp edges as rows of two points, and their sharpness: the number of levels they stay sharp.
+    creases: np.ndarray
+    sharpness: np.ndarray
+    #: Points that stay where they are, and their sharpness.
+    pins: np.ndarray
+    pin_sharpness: np.ndarray
+    #: Whether a point of one face only, at the border, stays where it is.
+    keeps_corners: bool
+
+    def __post_init__(self) -> None:
+        self.starts = np.cumsum(self.counts) - self.counts
+        self.face = np.repeat(np.arange(len(self.counts)), self.counts)
+        last = self.starts[self.face] + self.counts[self.face] - 1
+        at = np.arange(len(self.indices))
+        #: The next and the previous corner of the same face.
+        self.after = np.where(at == last, self.starts[self.face], at + 1)
+        self.before = np.empty_like(self.after)
+        self.before[self.after] = at
+        ends = np.sort(np.stack([self.indices, self.indices[self.after]], axis=1), axis=1)
+        keys, self.edge = np.unique(ends[:, 0] * self.points + ends[:, 1], return_inverse=True)
+        self.edge = self.edge.reshape(-1)
+        #: The two points of each edge.
+        self.ends = np.stack([keys // self.points, keys % self.points], axis=1)
+        given = np.sort(self.creases, axis=1)
+        wanted = given[:, 0] * self.points + given[:, 1]
+        place = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
+        found = keys[place] == wanted
+        self.crease = np.zeros(len(keys))
+        self.crease[place[found]] = self.sharpness[found]
+        #: True for edges across which the surface is not smooth.
+        self.is_sharp = (np.bincount(self.edge, minlength=len(keys)) != 2) | (self.crease >= 0.5)
+
+    def _sum(self, at: np.ndarray, values: np.ndarray, size: int) -> np.ndarray:
+        """Sums of rows by number."""
+        columns = [np.bincount(at, column, minlength=size) for column in values.T]
+        return np.stack(columns, axis=1)
+
+    def centres(self, corners: np.ndarray) -> np.ndarray:
+        """The mean of the values at the corners of each face."""
+        return self._sum(self.face, corners, len(self.counts)) / self.counts[:, None]
+
+    def smooth(self, values: np.ndarray) -> np.ndarray:
+        """Values of the points of the parts, by the rules of the surface."""
+        centres = self.centres(values[self.indices])
+        middles = (values[self.ends[:, 0]] + values[self.ends[:, 1]]) / 2
+        around = self._sum(self.edge, centres[self.face], len(self.ends)) / 2
+        edges = np.where(self.is_sharp[:, None], middles, (middles + around) / 2)
+        valence = np.maximum(np.bincount(self.indices, minlength=self.points), 1)[:, None]
+        faces = self._sum(self.indices, centres[self.face], self.points) / valence
+        flat = self.ends.reshape(-1)
+        degree = np.maximum(np.bincount(flat, minlength=self.points), 1)[:, None]
+        rays = self._sum(flat, np.repeat(middles, 2, axis=0), self.points) / degree
+        points = (faces + 2 * rays + (valence - 3) * values) / valence
+        sharp = self.ends[self.is_sharp]
+        sharp_degree = np.bincount(sharp.reshape(-1), minlength=self.points)
+        others = self._sum(sharp.reshape(-1), values[sharp[:, ::-1].reshape(-1)], self.points)
+        points = np.where((sharp_degree == 2)[:, None], (6 * values + others) / 8, points)
+        stays = sharp_degree > 2
+        stays[self.pins[self.pin_sharpness >= 0.5]] = True
+        stays |= np.bincount(self.indices, minlength=self.points) == 0
+        if self.keeps_corners:
+            stays |= (valence[:, 0] == 1) & (sharp_degree == 2)
+        return np.concatenate([np.where(stays[:, None], values, points), edges, centres])
+
+    def linear(self, values: np.ndarray) -> np.ndarray:
+        """Values of the points of the parts, linear on edges."""
+        middles = (values[self.ends[:, 0]] + values[self.ends[:, 1]]) / 2
+        return np.concatenate([values, middles, self.centres(values[self.indices])])
+
+    def of_corners(self, values: np.ndarray) -> np.ndarray:
+        """Values of the corners of the parts, linear on each face."""
+        parts = [
+            values,
+            (values + values[self.after]) / 2,
+            self.centres(values)[self.face],
+            (values + values[self.before]) / 2,
+        ]
+        return np.stack(parts, axis=1).reshape(-1, values.shape[1])
+
+    def divided(self) -> Topology:
+        """The parts; part i is of face `face[i]`."""
+        edge = self.points + self.edge
+        centre = self.points + len(self.ends) + self.face
+        quads = np.stack([self.indices, edge, centre, edge[self.before]], axis=1)
+        creased = np.flatnonzero(self.crease > 1)
+        middle = self.points + creased
+        halves = [np.stack([self.ends[creased, k], middle], axis=1) for k in (0, 1)]
+        return Topology(
+            self.points + len(self.ends) + len(self.counts),
+            np.full(len(quads), 4, dtype=np.int64),
+            quads.reshape(-1),
+            np.concatenate(halves),
+            np.tile(self.crease[creased] - 1, 2),
+            self.pins,
+            self.pin_sharpness - 1,
+            self.keeps_corners,
+        )
