@@ -415,8 +415,7 @@ fn cameras_see_the_same_at_all_scales() {
             let mut stage = Stage::lit(scale);
             stage.put_samples(&Material::new("grey", Diffuse::new(Rgb::splat(0.5))));
             let eye = DVec3::new(1.5, 1.5, 4.0);
-            let camera =
-                Camera::from_target(eye, DVec3::new(0.5, 0.4, 0.5), DVec3::Y, projection.clone());
+            let camera = Camera::from_target(eye, DVec3::new(0.5, 0.4, 0.5), DVec3::Y, projection);
             stage.camera = grown(&camera.with_lens(0.05, 3.0), scale);
             stage
         });

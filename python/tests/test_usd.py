@@ -550,7 +550,7 @@ def test_a_file_outside_of_the_folder_of_a_stage_is_refused_before_it_is_opened(
         snell.load(path, confine=True)
 
 
-def test_files_in_the_folder_and_outside_are_read_unless_the_stage_is_confined(
+def test_a_stage_names_files_anywhere_unless_it_is_confined(
     tmp_path: Path,
 ) -> None:
     inside = folder_with_a_file_outside(tmp_path)

@@ -2,8 +2,8 @@
 //!
 //! Binary files are recognised by their size: 84 bytes plus 50 per facet, whatever the first word
 //! is (many begin with `solid`). Programs that write a stream may leave the count of facets at 0 or
-//! at its largest value; where the rest of the file is a whole number of facets, that is the count. Facet normals and attribute bytes are ignored; equal positions
-//! become one vertex.
+//! at its largest value; where the rest of the file is a whole number of facets, that is the count.
+//! Facet normals and attribute bytes are ignored; equal positions become one vertex.
 
 use super::normals;
 use super::notes::Notes;

@@ -371,8 +371,8 @@ snell_math::declare! {
         /// remains: only light samples find it.
         #[serde(default = "defaults::yes")]
         pub visible: bool,
-        /// False for a surface that camera rays pass through. It is seen in mirrors and through glass,
-        /// casts shadows and shines.
+        /// False for a surface that camera rays pass through. It is seen in mirrors and through
+        /// glass, casts shadows and shines.
         #[serde(default = "defaults::yes")]
         pub visible_to_camera: bool,
         /// The use of `alpha`.

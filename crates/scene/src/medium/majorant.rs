@@ -30,8 +30,8 @@ impl MajorantGrid {
         Self::of(grid, grid.values().iter().copied(), size)
     }
 
-    /// The bounds of values in the cells of a grid, which are derived from the grid's own; x changes
-    /// fastest.
+    /// The bounds of values in the cells of a grid, which are derived from the grid's own; x
+    /// changes fastest.
     pub fn of<T: CellValue>(
         grid: &CellGrid<T>,
         mut values: impl Iterator<Item = f32>,

@@ -32,8 +32,8 @@ pub fn read_layers(input: &Input) -> Result<LayeredImage, ReadError> {
     read(input, false)
 }
 
-/// Reads the picture: `R G B`, `Y RY BY` or `Y` with or without `A`, otherwise the first channels. Alpha is
-/// divided out.
+/// Reads the picture: `R G B`, `Y RY BY` or `Y` with or without `A`, otherwise the first channels.
+/// Alpha is divided out.
 pub fn read_image(input: &Input) -> Result<Image, ReadError> {
     let LayeredImage { width, height, mut layers, .. } = read(input, true)?;
     let layer = layers.swap_remove(0);

@@ -210,9 +210,9 @@ fn mix(a: f32, b: f32, share: f32) -> f32 {
 }
 
 /// Converts a layer of luminance `Y` and chroma `RY` and `BY` to `R G B`, in place: red is
-/// `(RY + 1) Y`, blue is `(BY + 1) Y`, and green follows from the weights of the luminance (OpenEXR,
-/// "Technical Introduction", "Luminance/Chroma Images"). Returns the channels of the layer after
-/// the conversion; the first three are the colours.
+/// `(RY + 1) Y`, blue is `(BY + 1) Y`, and green follows from the weights of the luminance
+/// (OpenEXR, "Technical Introduction", "Luminance/Chroma Images"). Returns the channels of the
+/// layer after the conversion; the first three are the colours.
 pub fn to_rgb(channels: &[String], values: &mut [f32], weights: [f32; 3]) -> Option<Vec<String>> {
     let find = |name: &str| channels.iter().position(|c| c == name);
     let (y, ry, by) = (find("Y")?, find("RY")?, find("BY")?);

@@ -237,8 +237,8 @@ impl EnvironmentLight {
     }
 
     /// The fraction of the light that exceeds the mean, in `[0, 1]`, which
-    /// [`Self::sample_compensated`] samples; 0 if that returns `None`. All of it counts if there are
-    /// portals.
+    /// [`Self::sample_compensated`] samples; 0 if that returns `None`. All of it counts if there
+    /// are portals.
     pub fn excess(&self) -> f64 {
         match &self.kind {
             _ if self.has_portals() => 1.0,

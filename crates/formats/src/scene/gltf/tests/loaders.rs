@@ -12,7 +12,8 @@ fn base64(bytes: &[u8]) -> String {
 }
 
 /// A triangle with three sets of texture coordinates (the number of the set is `u`) and these
-/// properties; `mesh` is added to the primitive, `short` bytes are missing at the end of the buffer.
+/// properties; `mesh` is added to the primitive, `short` bytes are missing at the end of the
+/// buffer.
 fn triangle(mesh: &str, properties: &str, short: usize) -> String {
     let mut bytes: Vec<u8> = [0.0f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0]
         .iter()
@@ -200,9 +201,11 @@ fn maps_of_specular_glossiness_become_metal_where_they_reflect_as_metal() {
 /// A pyramid of four triangles, as Draco's encoder wrote it: by edgebreaker at its best level, and
 /// one triangle after the other.
 const PYRAMIDS: [&str; 2] = [
-    "RFJBQ08CAgEBAAAABQQABAAAAm8B/wERAf8AAQEACQMAAAIBAQEADwfNDCs1MwPy34L///8fAPz//r8AgPj/AIAAAAD4/wIA\
+    "RFJBQ08CAgEBAAAABQQABAAAAm8B/wERAf8AAQEACQMAAAIBAQEADwfNDCs1MwPy34L///8fAPz//r8AgPj/AIAAAA\
+    D4/wIA\
      AAAAAP8/AAAAAAAAAAAAAAAAAAAAAIA/Dg==",
-    "RFJBQ08CAgEAAAAEBQEAAQQBAgQCAwQDAAQBAQAJAwAAAgABAQAPA2kmzQwrzQwDBfWdiIT/v/8PAAAAAAAA/z8AAAAAAAAA\
+    "RFJBQ08CAgEAAAAEBQEAAQQBAgQCAwQDAAQBAQAJAwAAAgABAQAPA2kmzQwrzQwDBfWdiIT/v/8PAAAAAAAA/z8AAA\
+    AAAAAA\
      AAAAAAAAAAAAgD8O",
 ];
 

@@ -31,8 +31,8 @@ impl Layer {
         (!facets.is_smooth()).then_some(Self { facets, widths })
     }
 
-    /// The share of diffuse light that Mitsuba's rough metal of this reflectance reflects, over what
-    /// ours does, in which light that bounces between facets is not lost.
+    /// The share of diffuse light that Mitsuba's rough metal of this reflectance reflects, over
+    /// what ours does, in which light that bounces between facets is not lost.
     pub fn kept_by_metal(&self, reflectance: f32) -> f32 {
         let kept = self.mean_reflected(|_, _| 1.0, |_, wi| self.masking(wi));
         let straight = self.mean_reflected(|_, _| 1.0, |wo, wi| self.facets.shadowing(wo, wi));

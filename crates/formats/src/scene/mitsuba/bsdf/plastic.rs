@@ -41,9 +41,9 @@ impl Builder<'_> {
 }
 
 /// What the body under a rough layer gets and gives in Mitsuba's `roughplastic`, which loses the
-/// light that bounces between facets. In diffuse light, its body reflects `scale * d / (1 - d *
-/// back)` times what the body of [`Plastic`] does, with `d` its reflectance, or 1 in the denominator
-/// if it is linear.
+/// light that bounces between facets. In diffuse light, its body reflects
+/// `scale * d / (1 - d * back)` times what the body of [`Plastic`] does, with `d` its reflectance,
+/// or 1 in the denominator if it is linear.
 struct Passage {
     scale: f32,
     /// Share of diffuse light that the inner side of the layer reflects, without bounces.

@@ -23,8 +23,8 @@ fn mean_of(parameter: ScalarParam) -> f32 {
 
 /// What the diffuse body of the principled model reflects over what OpenPBR's body does under a
 /// gloss of this index: the mean of this ratio for diffuse light and for light along the normal.
-/// Burley's body gets light that the gloss reflects, too, and gives some back towards the light, the
-/// more so the rougher it is.
+/// Burley's body gets light that the gloss reflects, too, and gives some back towards the light,
+/// the more so the rougher it is.
 fn body_brightness(roughness: f32, ior: f32) -> f32 {
     let diffuse = (0.953 + 0.112 * roughness) / (1.0 - fresnel::dielectric_average(ior));
     let straight = (0.976 + 0.057 * roughness) / (1.0 - fresnel::f0_from_ior(ior));
