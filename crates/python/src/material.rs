@@ -22,8 +22,8 @@ declared_class! {
     /// **parameters
     ///     The parameters of the kind, and those of all kinds: `name`, `emission` (radiance, W /
     ///     (m^2 sr)), `alpha`, `alpha_mode` (`"opaque"`, `"blend"`, `{"mask": cutoff}` or
-    ///     `{"sheet": ior}`), `double_sided`, `normal_map` (a texture) and others. Emission, opacity
-    ///     and normals of an `"open-pbr"` take precedence over the common parameters.
+    ///     `{"sheet": ior}`), `double_sided`, `normal_map` (a texture) and others. Emission,
+    ///     opacity and normals of an `"open-pbr"` take precedence over the common parameters.
     ///
     /// Examples
     /// --------
