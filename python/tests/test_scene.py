@@ -292,7 +292,7 @@ def test_files_are_loaded_with_their_names(tmp_path):
         assert hits.t_hit.tolist() == [1, 1]
     with pytest.raises(FileNotFoundError):
         snell.load(tmp_path / "none.obj")
-    (tmp_path / "bad.obj").write_text("v 0 0 0\nf 1 2 3\n")
+    (tmp_path / "bad.obj").write_text("v 0 0 zero\nf 1 1 1\n")
     with pytest.raises(ValueError, match=r"bad\.obj"):
         snell.load(tmp_path / "bad.obj")
 

@@ -567,6 +567,38 @@ def test_a_stage_names_files_anywhere_unless_it_is_confined(
     assert "Could not open asset" in remark and "missing.usda" in remark and "0x" not in remark
 
 
+def test_nodes_that_are_named_many_times_are_looked_at_once(tmp_path: Path) -> None:
+    """Each node mixes the one before with itself: 2^40 ways lead to the first."""
+    pytest.importorskip("pxr")
+    shader = """def Shader "n{0}" {{
+        uniform token info:id = "ND_mix_color3"
+        color3f inputs:fg.connect = </m/n{1}.outputs:out>
+        color3f inputs:bg.connect = </m/n{1}.outputs:out>
+        float inputs:mix.connect = </m/n{0}.outputs:out>
+        color3f outputs:out
+    }}"""
+    nodes = "\n".join(shader.format(i, i - 1) for i in range(1, 41))
+    path = tmp_path / "stage.usda"
+    path.write_text(
+        f"""#usda 1.0
+def Material "m" {{
+    token outputs:surface.connect = </m/s.outputs:surface>
+    def Shader "s" {{
+        uniform token info:id = "UsdPreviewSurface"
+        color3f inputs:diffuseColor.connect = </m/n40.outputs:out>
+        token outputs:surface
+    }}
+    {nodes}
+}}
+def Sphere "ball" (prepend apiSchemas = ["MaterialBindingAPI"]) {{
+    rel material:binding = </m>
+}}
+"""
+    )
+    form, _ = document(str(path))
+    assert form["materials"]
+
+
 def test_pipes_and_devices_are_not_opened(tmp_path: Path) -> None:
     pytest.importorskip("pxr")
     os.mkfifo(tmp_path / "pipe.usda")

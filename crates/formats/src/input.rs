@@ -118,7 +118,7 @@ impl Input {
     pub fn resolve(&self, name: &str) -> Result<PathBuf, ReadError> {
         let literal = self.directory.join(name);
         let is_allowed = |path: &Path| !self.options.confine || stays_inside(&self.root, path);
-        if !literal.exists() || !is_allowed(&literal) {
+        if !is_allowed(&literal) || !literal.exists() {
             let folders = [&*self.directory, &self.root];
             if let Some(path) = self.search.find(&folders, name, is_allowed) {
                 self.search.record(name, &path);

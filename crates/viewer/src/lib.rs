@@ -92,14 +92,17 @@ pub fn read_dropped(name: &str, bytes: Vec<u8>, options: &ReadOptions) -> Result
     // A folder that cannot exist, because its parent is not a folder.
     let nowhere = Path::new(if cfg!(windows) { "NUL\\dropped" } else { "/dev/null/dropped" });
     let confined = ReadOptions { confine: true, ..options.clone() };
-    read_scene_bytes(name, bytes, nowhere, &confined).map_err(|mut error| {
-        if error.remedy == CONFINED {
-            error.remedy =
-                "a dropped file can name no others: open it with `snell view FILE`".into();
-        }
-        error.to_string()
-    })
+    let told = |message: String| message.replace(CONFINED, DROPPED);
+    let mut scene = read_scene_bytes(name, bytes, nowhere, &confined)
+        .map_err(|error| told(error.to_string()))?;
+    for warning in &mut scene.warnings {
+        warning.message = told(std::mem::take(&mut warning.message));
+    }
+    Ok(scene)
 }
+
+/// The remedy for a dropped file that names others.
+const DROPPED: &str = "a dropped file can name no others: open it with `snell view FILE`";
 
 /// The element of this name. The error is a message for the user.
 fn by_name<T: Copy>(
@@ -124,6 +127,13 @@ mod tests {
         for name in ["/etc/passwd", "../../../../../../etc/passwd", "passwd", "./a/../../passwd"] {
             for (file, text) in [
                 ("a.obj", format!("mtllib {name}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")),
+                (
+                    "b.pbrt",
+                    format!(
+                        "WorldBegin\nTexture \"t\" \"spectrum\" \"imagemap\" \"string filename\" \
+                            \"{name}\"\nMaterial \"diffuse\" \"texture reflectance\" \"t\"\n"
+                    ),
+                ),
                 ("a.pbrt", format!("WorldBegin\nInclude \"{name}\"\n")),
                 (
                     "a.xml",

@@ -66,6 +66,8 @@ class Context:
         self.motion = Motion(stage)
         #: Objects already created, by a key that identifies them.
         self.known: dict[Any, Any] = {}
+        #: The number of corners that subdivided meshes may still have.
+        self.corners_left = 20_000_000
         #: Names of primvars with vertex colours, by the number of the material that uses them.
         self.vertex_colors: dict[int, str] = {}
         scale = UsdGeom.GetStageMetersPerUnit(stage)

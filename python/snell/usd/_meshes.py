@@ -136,9 +136,10 @@ def _levels(
     """The levels of the subdivision of a mesh; none if it has none, or is large already."""
     if str(context.value(given.GetSubdivisionSchemeAttr())) != "catmullClark" or counts.min() < 3:
         return []
-    number = levels_for(len(indices))
+    number = levels_for(len(indices), context.corners_left)
     if number == 0:
         return []
+    context.corners_left -= len(indices) * 4**number
     edges, sharpness = _creases(context, given, points)
     pins = np.array(context.value(given.GetCornerIndicesAttr(), []), dtype=np.int64)
     pinned = context.array(given.GetCornerSharpnessesAttr(), 1)[:, 0]

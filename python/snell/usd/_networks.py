@@ -77,6 +77,8 @@ class Network:
 
     def __init__(self, context: Context, shader: Any, user: Any) -> None:
         self.context, self.shader, self.user = context, shader, user
+        #: What the outputs of nodes are; nothing while a node is being looked at.
+        self.sources: dict[str, _Source] = {}
         #: The primvars that are asked for as constants of the prim.
         self.constants: set[str] = set()
         #: The primvar that is the colour of the base, for the vertices of meshes.
@@ -151,7 +153,13 @@ class Network:
         attribute = attributes[0]
         if not UsdShade.Output.IsOutput(attribute):
             return _Source(self.context.value(attribute))
-        return self._node(UsdShade.Shader(attribute.GetPrim()), attribute.GetName(), depth + 1)
+        # A node may be named many times, by itself too.
+        key = str(attribute.GetPath())
+        if key not in self.sources:
+            self.sources[key] = _Source()
+            prim = UsdShade.Shader(attribute.GetPrim())
+            self.sources[key] = self._node(prim, attribute.GetName(), depth + 1)
+        return self.sources[key]
 
     def _node(self, shader: Any, output: str, depth: int) -> _Source:
         kind = kind_of(shader)
@@ -217,6 +225,8 @@ class Network:
         a constant times an image.
         """
         share = self._value_of(shader, "mix", 0.0)
+        if isinstance(share, str):
+            return None
         sides = []
         for name, weight in (("fg", share), ("bg", 1 - np.asarray(share))):
             given = shader.GetInput(name)

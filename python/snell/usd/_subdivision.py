@@ -15,9 +15,10 @@ __all__ = ["Topology", "levels_for"]
 _MOST_CORNERS, _MOST_LEVELS = 200_000, 3
 
 
-def levels_for(corners: int) -> int:
-    """The number of times that a mesh of these corners is divided."""
-    return sum(corners * 4**level <= _MOST_CORNERS for level in range(1, _MOST_LEVELS + 1))
+def levels_for(corners: int, most: int) -> int:
+    """The number of times that a mesh of these corners is divided, if it may have `most` then."""
+    most = min(most, _MOST_CORNERS)
+    return sum(corners * 4**level <= most for level in range(1, _MOST_LEVELS + 1))
 
 
 @dataclass

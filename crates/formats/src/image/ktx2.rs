@@ -51,12 +51,18 @@ pub fn read(input: &Input) -> Result<Image, ReadError> {
             REMEDY,
         ),
     })?;
+    use SourceFormat::{AstcHdr6x6, Etc1s, UastcHdr4x4, UastcHdr6x6, UastcLdr};
+    let format = transcoder.source_format();
+    // Other formats unpack to sizes that the file's header does not tell.
+    if !matches!(format, Etc1s | UastcLdr | UastcHdr4x4 | UastcHdr6x6 | AstcHdr6x6) {
+        let problem = "the KTX2 picture is neither ETC1S nor UASTC";
+        return Err(input.error(Place::Whole, problem, REMEDY));
+    }
     let transcode = |target| {
         let bytes = transcoder.transcode_image(0, 0, 0, target, DecodeFlags::NONE);
         bytes.map_err(|_| damaged())
     };
-    use SourceFormat::{AstcHdr6x6, UastcHdr4x4, UastcHdr6x6};
-    match transcoder.source_format() {
+    match format {
         UastcHdr4x4 | AstcHdr6x6 | UastcHdr6x6 => {
             input.charge(pixels * (LINEAR_BYTES - DISPLAY_BYTES), "a KTX2 picture")?;
             let values = transcode(TargetFormat::RgbaHalf)?;

@@ -40,7 +40,7 @@ fn patched(bytes: &[u8]) -> Option<(Vec<u8>, Sampling)> {
             // x and in y; after the last, a zero byte.
             let mut channel = value.start;
             while *bytes.get(channel)? != 0 {
-                let name = bytes[channel..value.end].iter().position(|b| *b == 0)?;
+                let name = bytes.get(channel..value.end)?.iter().position(|b| *b == 0)?;
                 let steps = channel + name + 9;
                 let step = |at: usize| {
                     let step = i32::from_le_bytes(*bytes.get(at..)?.first_chunk()?);

@@ -80,7 +80,14 @@ impl<'a> Json<'a> {
 
     /// The property `key`, which is required.
     pub fn require(&self, key: &str) -> Result<Self, ReadError> {
-        self.get(key)?.ok_or_else(|| self.error(format!("the property \"{key}\" is missing")))
+        let missing = || {
+            let error = self.error(format!("the property \"{key}\" is missing"));
+            // The top has no place of its own.
+            let is_top = error.place == Place::Whole;
+            let place = if is_top { Place::Json(format!("/{key}")) } else { error.place.clone() };
+            ReadError { place, ..error }
+        };
+        self.get(key)?.ok_or_else(missing)
     }
 
     /// An extension object, or `None` if it is absent.

@@ -183,6 +183,7 @@ impl Builder<'_> {
         let texture = ImageTexture { image: ImageId(0), ..texture.clone() };
         let textures = TextureSet::new(&[texture.into()], std::slice::from_ref(&picture));
         let side = picture.width.max(picture.height).clamp(256, 1024);
+        self.main.charge(36 * u64::from(side).pow(2), "the picture of a spot light").ok()?;
         let half = cutoff.tan();
         let place = |i: u32| 1.0 - 2.0 * (f64::from(i) + 0.5) / f64::from(side);
         let mut values = Vec::with_capacity((side * side * 3) as usize);

@@ -374,7 +374,13 @@ impl<'a> Loader<'a> {
                 Fault::new(at, problem, error.remedy)
             })
         };
-        beside(home(self.main, &self.searched, name))
+        let first = home(self.main, &self.searched, name);
+        let has = |input: &Input| input.directory.join(name).is_file();
+        // A file of this name is meant rather than one that the search finds.
+        if file.number != 0 && !has(first) && has(file.input) {
+            return beside(file.input);
+        }
+        beside(first)
             .or_else(|fault| if file.number == 0 { Err(fault) } else { beside(file.input) })
     }
 

@@ -279,6 +279,8 @@ impl Builder<'_> {
             _ => return None,
         };
         let image = self.scene.images[texture.image.index()].clone();
+        let bytes = 16 * u64::from(image.width) * u64::from(image.height);
+        self.main.charge(bytes, "two numbers of a picture").ok()?;
         let value = |pattern: &Pattern, x: u32, y: u32| match pattern {
             Pattern::Picture(factor, texture) => {
                 let image = &self.scene.images[texture.image.index()];

@@ -92,7 +92,11 @@ impl EnvironmentLight {
 
     /// Prepares the environment of a scene with its portals; `None` if there is none.
     pub fn of_scene(scene: &Scene) -> Option<Self> {
-        let portals = scene.portals.iter().filter_map(PortalSampler::new).collect();
+        let portals: Vec<_> = scene.portals.iter().filter_map(PortalSampler::new).collect();
+        // Nothing is seen through portals without area.
+        if portals.is_empty() && !scene.portals.is_empty() {
+            return None;
+        }
         Some(Self { portals, ..Self::new(scene.environment.as_ref()?) })
     }
 

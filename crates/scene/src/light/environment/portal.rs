@@ -1,16 +1,16 @@
-//! Portals: rectangles through which alone the environment is seen, such as the windows of a room
-//! (Bitterli, Novák and Jarosz, Portal-Masked Environment Map Sampling, EGSR 2015).
+//! Portals: parallelograms through which alone the environment is seen, such as the windows of a
+//! room (Bitterli, Novák and Jarosz, Portal-Masked Environment Map Sampling, EGSR 2015).
 
 use serde::{Deserialize, Serialize};
 use snell_math::{DVec3, Vec2, Vec3};
 
-/// A rectangle through which points on its inner side see the environment.
+/// A parallelogram through which points on its inner side see the environment.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Portal {
     /// One of the corners in the world.
     pub corner: DVec3,
-    /// The perpendicular edges from this corner. Their cross product points to the environment.
+    /// The edges from this corner. Their cross product points to the environment.
     pub edges: [DVec3; 2],
 }
 
@@ -19,6 +19,8 @@ pub struct Portal {
 pub(super) struct PortalSampler {
     corner: Vec3,
     edges: [Vec3; 2],
+    /// Vectors whose products with an offset from the corner are its coordinates by the edges.
+    duals: [Vec3; 2],
     /// Unit vector towards the environment.
     normal: Vec3,
     area: f32,
@@ -34,6 +36,11 @@ impl PortalSampler {
         let prepared = Self {
             corner: portal.corner.as_vec3(),
             edges,
+            duals: [
+                b.cross(normal) / a.dot(b.cross(normal)),
+                normal.cross(a) / b.dot(normal.cross(a)),
+            ]
+            .map(|dual| dual.as_vec3()),
             normal: normal.as_vec3(),
             area: area as f32,
         };
@@ -49,8 +56,8 @@ impl PortalSampler {
         }
         let distance = height / cosine;
         let place = from + direction * distance - self.corner;
-        let is_inside = |edge: &Vec3| (0.0..=edge.length_squared()).contains(&place.dot(*edge));
-        if !self.edges.iter().all(is_inside) {
+        let is_inside = |dual: &Vec3| (0.0..=1.0).contains(&place.dot(*dual));
+        if !self.duals.iter().all(is_inside) {
             return 0.0;
         }
         distance * distance / (cosine * self.area)
