@@ -227,20 +227,24 @@ class Network:
         share = self._value_of(shader, "mix", 0.0)
         if isinstance(share, str):
             return None
-        sides = []
+        sides: list[_Source] = []
         for name, weight in (("fg", share), ("bg", 1 - np.asarray(share))):
             given = shader.GetInput(name)
             source = self._resolve(given, depth) if given else _Source(0.0)
-            is_known = source.picture is not None or source.value is not None
-            sides.append(self._product([source, _Source(weight)]) if is_known else None)
-        if not self._is_constant(shader.GetInput("mix"), depth) or None in sides:
+            if source.picture is None and source.value is None:
+                return None
+            side = self._product([source, _Source(weight)])
+            if side is None:
+                return None
+            sides.append(side)
+        if not self._is_constant(shader.GetInput("mix"), depth):
             return None
         lit = [side for side in sides if side.picture is not None or np.any(side.value)]
         if len(lit) == 1:
             return lit[0]
         if any(side.picture is not None for side in lit):
             return None
-        return _Source(sum(np.asarray(side.value) for side in sides))
+        return _Source(np.sum([np.asarray(side.value) for side in sides], axis=0))
 
     def _is_constant(self, given: Any, depth: int) -> bool:
         source = self._resolve(given, depth) if given else _Source()
