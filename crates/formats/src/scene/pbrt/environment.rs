@@ -101,6 +101,12 @@ impl Builder<'_> {
         };
         let edges = [d - corner, b - corner];
         let size = edges[0].length() + edges[1].length();
+        let area = edges[0].cross(edges[1]).length();
+        if area.is_nan() || area <= 0.0 {
+            self.note("portal area", params.at, || {
+                "a portal without area: the environment is not seen through it".into()
+            });
+        }
         let is_rectangle = (corner + edges[0] + edges[1] - opposite).length() <= 1e-3 * size
             && edges[0].dot(edges[1]).abs() <= 1e-3 * edges[0].length() * edges[1].length();
         if !is_rectangle {
