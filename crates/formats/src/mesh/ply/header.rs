@@ -102,8 +102,9 @@ pub struct Header {
     pub elements: Vec<Element>,
     /// The names of pictures in `comment TextureFile` lines, which MeshLab and others write.
     pub textures: Vec<String>,
-    /// True to read texture coordinates of corners, for which vertices are split. Scene formats
-    /// that name PLY files do not, and match attributes to the vertices of the file.
+    /// True to read texture coordinates of corners and colours of faces, for which vertices are
+    /// split. Scene formats that name PLY files do not, and match attributes to the vertices of the
+    /// file.
     pub reads_corners: bool,
     /// Offset of the first byte after the header.
     pub end: usize,
