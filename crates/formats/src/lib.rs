@@ -21,6 +21,7 @@ pub mod open;
 pub mod scene;
 mod search;
 mod sources;
+mod stranger;
 mod strip;
 pub mod textures;
 pub mod write;
@@ -128,9 +129,13 @@ fn check_memory(input: &Input) -> Result<(), ReadError> {
 
 fn read_input(mut input: Input) -> Result<Scene, ReadError> {
     let extension = input.extension();
-    let reader = SCENE_READERS
-        .iter()
-        .find(|r| (r.recognises)(&input.bytes))
+    let recognised = SCENE_READERS.iter().find(|r| (r.recognises)(&input.bytes));
+    if recognised.is_none()
+        && let Some((problem, remedy)) = stranger::known_kind(&input.bytes, &extension)
+    {
+        return Err(input.error(Place::Whole, problem, remedy));
+    }
+    let reader = recognised
         .or_else(|| SCENE_READERS.iter().find(|r| r.extensions.contains(&extension.as_str())));
     let Some(reader) = reader else {
         let known: Vec<_> = SCENE_READERS.iter().map(|r| r.name).collect();

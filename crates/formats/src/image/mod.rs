@@ -265,6 +265,11 @@ fn is_openexr(bytes: &[u8]) -> bool {
 fn reader_of(input: &Input) -> Result<fn(&Input) -> Result<Image, ReadError>, ReadError> {
     let extension = input.extension();
     let by_content = IMAGE_FORMATS.iter().find(|f| (f.recognises)(&input.bytes));
+    if by_content.is_none()
+        && let Some((problem, remedy)) = crate::stranger::known_kind(&input.bytes, "")
+    {
+        return Err(input.error(Place::Whole, problem, remedy));
+    }
     let format = by_content
         .or_else(|| IMAGE_FORMATS.iter().find(|f| f.extensions.contains(&extension.as_str())));
     format.and_then(|f| f.read).ok_or_else(|| {

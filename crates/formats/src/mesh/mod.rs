@@ -52,6 +52,11 @@ pub(crate) const FORMATS: &[(SceneReader, Parse)] = &[
 pub fn read_mesh(input: &Input) -> Result<TriangleMesh, ReadError> {
     let extension = input.extension();
     let by_content = FORMATS.iter().find(|(reader, _)| (reader.recognises)(&input.bytes));
+    if by_content.is_none()
+        && let Some((problem, remedy)) = crate::stranger::known_kind(&input.bytes, &extension)
+    {
+        return Err(input.error(crate::Place::Whole, problem, remedy));
+    }
     let by_extension =
         || FORMATS.iter().find(|(reader, _)| reader.extensions.contains(&extension.as_str()));
     let Some((_, parse)) = by_content.or_else(by_extension) else {
