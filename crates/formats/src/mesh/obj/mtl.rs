@@ -6,6 +6,7 @@
 use super::file::ObjFile;
 use crate::mesh::notes::Notes;
 use crate::mesh::text::{Number, Reader, Text, Word, decoded, number};
+use crate::search::text_of;
 use crate::{Input, ReadError};
 use snell_math::Rgb;
 use snell_math::spectrum::response::RGB_FROM_XYZ;
@@ -112,8 +113,7 @@ fn parse(input: &Input, library: usize, materials: &mut BTreeMap<String, Mtl>, n
     let mut current: Option<(String, Mtl)> = None;
     while let Some(keyword) = statements.reader.text.word_on_any_line() {
         if keyword.bytes.eq_ignore_ascii_case(b"newmtl") {
-            let name =
-                String::from_utf8_lossy(statements.reader.text.rest_of_line().bytes).into_owned();
+            let name = text_of(statements.reader.text.rest_of_line().bytes);
             if let Some((name, mtl)) = current.replace((name, Mtl { library, ..Mtl::default() })) {
                 materials.entry(name).or_insert(mtl);
             }
@@ -290,7 +290,7 @@ impl Statements<'_, '_> {
                 _ => {
                     self.reader.text = before;
                     let name = self.reader.text.rest_of_line();
-                    map.file = String::from_utf8_lossy(name.bytes).trim_matches('"').to_owned();
+                    map.file = text_of(name.bytes).trim_matches('"').to_owned();
                     break;
                 }
             }

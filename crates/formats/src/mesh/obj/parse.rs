@@ -6,6 +6,7 @@ use crate::mesh::colors;
 use crate::mesh::notes::Notes;
 use crate::mesh::text::{Number, Reader, Text, Word, decoded, number, number_from};
 use crate::mesh::too_many;
+use crate::search::text_of;
 use snell_math::{DVec3, Vec2, Vec3};
 use snell_scene::WarningKind;
 use std::collections::HashMap;
@@ -181,7 +182,7 @@ impl Parser<'_> {
     }
 
     fn name(&mut self) -> String {
-        String::from_utf8_lossy(self.reader.text.rest_of_line().bytes).into_owned()
+        text_of(self.reader.text.rest_of_line().bytes)
     }
 
     fn material_number(&mut self, offset: usize) -> u32 {

@@ -2,6 +2,7 @@
 
 use crate::mesh::notes::Notes;
 use crate::mesh::text::{Reader, Text, Word};
+use crate::search::text_of;
 use crate::{Input, ReadError};
 
 /// The encoding of values.
@@ -138,7 +139,7 @@ impl Header {
                 b"comment" | b"obj_info" => {
                     if reader.text.word().is_some_and(|w| w.bytes.eq_ignore_ascii_case(TEXTURE)) {
                         let name = reader.text.rest_of_line().bytes;
-                        textures.push(String::from_utf8_lossy(name).into_owned());
+                        textures.push(text_of(name));
                     }
                     reader.text.next_line();
                     continue;

@@ -145,3 +145,18 @@ fn meshes_far_from_zero_keep_their_shape() {
     let near = scene("a.obj", "v 5 0 0\nv 6 0 0\nv 6 1 0\nf 1 2 3\n");
     assert_eq!(meshes(&near)[0].positions[0], Vec3::new(5.0, 0.0, 0.0));
 }
+
+#[test]
+fn materials_in_windows_1252_name_files_in_utf_8() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = |name: &str| folder.path().join(name);
+    std::fs::write(path("gr\u{fc}n.mtl"), b"newmtl wei\xdf\nmap_Kd gr\xfcn.pbm\n")
+        .expect("writable");
+    std::fs::write(path("gr\u{fc}n.pbm"), "P1 1 1 0").expect("writable");
+    let obj = b"mtllib gr\xfcn.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nvt 0 0\nusemtl wei\xdf\n\
+        f 1/1 2/1 3/1\n";
+    let scene = read_scene_bytes("a.obj", obj.to_vec(), folder.path(), &ReadOptions::default())
+        .unwrap_or_else(|e| panic!("{e}"));
+    assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
+    assert_eq!((scene.materials[0].name.as_str(), scene.images.len()), ("wei\u{df}", 1));
+}
