@@ -83,6 +83,22 @@ pub fn read(input: &Input, file: &ObjFile, notes: &mut Notes) -> Result<Library,
         }
     }
     names.truncate(input.options.limits.files);
+    // Whoever renames a mesh and its materials leaves the old name in the mesh.
+    let renamed = format!("{}.mtl", input.stem());
+    for name in &mut names {
+        let is_missing = |name: &str| !input.resolve(name).is_ok_and(|path| path.is_file());
+        if !name.is_empty() && is_missing(name) && !is_missing(&renamed) {
+            notes.say(
+                snell_scene::WarningKind::Choice,
+                format!(
+                    "{}: its material library \"{name}\" does not exist; \"{renamed}\" was taken \
+                    for it",
+                    input.name
+                ),
+            );
+            *name = &renamed;
+        }
+    }
     for (i, name) in names.iter().enumerate() {
         if names[..i].contains(name) {
             continue;

@@ -160,3 +160,14 @@ fn materials_in_windows_1252_name_files_in_utf_8() {
     assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
     assert_eq!((scene.materials[0].name.as_str(), scene.images.len()), ("wei\u{df}", 1));
 }
+
+#[test]
+fn the_library_of_a_renamed_mesh_is_found() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    std::fs::write(folder.path().join("b.mtl"), "newmtl red\nKd 1 0 0\n").expect("writable");
+    let obj = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nusemtl red\nf 1 2 3\n";
+    let scene = read_scene_bytes("b.obj", obj.into(), folder.path(), &ReadOptions::default())
+        .unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(scene.materials.len(), 1);
+    assert!(scene.warnings[0].message.ends_with("does not exist; \"b.mtl\" was taken for it"));
+}
