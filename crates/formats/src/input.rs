@@ -3,12 +3,13 @@
 use crate::ReadOptions;
 use crate::error::{Place, ReadError};
 use crate::expansion::{Compression, Expansion, unpack};
+use crate::fence::Fence;
 use crate::json_place::line_and_column;
 use crate::limits::Limits;
 use crate::open::{self, NamedBy};
-use crate::search::Search;
+use crate::search::{Found, Search, Sought};
 use snell_math::{DVec3, Vec3};
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// A file being read.
@@ -123,23 +124,64 @@ impl Input {
     /// # Errors
     /// If the scene is confined and the file lies outside of the root folder.
     pub fn resolve(&self, name: &str) -> Result<PathBuf, ReadError> {
-        let literal = self.directory.join(name);
-        let is_allowed = |path: &Path| !self.options.confine || stays_inside(&self.root, path);
-        if !is_allowed(&literal) || !literal.exists() {
-            let folders = [&*self.directory, &self.root];
-            if let Some(path) = self.search.find(&folders, name, is_allowed) {
-                self.search.record(name, &path);
-                return Ok(path);
-            }
+        self.resolve_as(name, Sought::File)
+    }
+
+    /// As [`Self::resolve`], for a folder.
+    pub(crate) fn resolve_folder(&self, name: &str) -> Result<PathBuf, ReadError> {
+        self.resolve_as(name, Sought::Folder)
+    }
+
+    /// True if there is a file of literally this name that may be opened.
+    pub(crate) fn has_file(&self, name: &str) -> bool {
+        self.has(name, Sought::File)
+    }
+
+    /// True if there is a folder of literally this name that may be looked into.
+    pub(crate) fn has_folder(&self, name: &str) -> bool {
+        self.has(name, Sought::Folder)
+    }
+
+    fn has(&self, name: &str, sought: Sought) -> bool {
+        let literal = self.literal(name, self.fence().as_ref());
+        literal.is_some_and(|path| sought.is_at(&path))
+    }
+
+    fn resolve_as(&self, name: &str, sought: Sought) -> Result<PathBuf, ReadError> {
+        let fence = self.fence();
+        let literal = self.literal(name, fence.as_ref());
+        if let Some(path) = &literal
+            && sought.is_at(path)
+        {
+            return Ok(path.clone());
         }
-        if !is_allowed(&literal) {
-            return Err(self.error(
+        let folders = [&*self.directory, &self.root];
+        if let Some(path) = self.search.find(&folders, name, sought, fence.as_ref()) {
+            let found = Found { path: path.clone(), was_refused: literal.is_none() };
+            self.search.record(name, found);
+            return Ok(path);
+        }
+        literal.ok_or_else(|| {
+            self.error(
                 Place::Whole,
                 format!("it names the file \"{name}\", which lies outside of the scene's folder"),
                 CONFINED,
-            ));
-        }
-        Ok(literal)
+            )
+        })
+    }
+
+    /// The limits of a confined scene.
+    fn fence(&self) -> Option<Fence> {
+        self.options.confine.then(|| Fence::around(&self.root))
+    }
+
+    /// The path of literally this name; `None` if it may not be opened. The system is asked about
+    /// nothing outside of the folder of a confined scene.
+    fn literal(&self, name: &str, fence: Option<&Fence>) -> Option<PathBuf> {
+        let path = self.directory.join(name);
+        let Some(fence) = fence else { return Some(path) };
+        let path = fence.root().join(fence.rest(&path)?);
+        fence.holds(&path).then_some(path)
     }
 
     /// Adds line and column to an error at a JSON pointer, if it is about this file and this file
@@ -193,7 +235,7 @@ impl Input {
 }
 
 /// The remedy for a confined scene that names a file outside of its folder.
-pub const CONFINED: &str = "move the file into the folder, or leave out --confine";
+pub const CONFINED: &str = "move the file into the folder, or leave out --confine (confine=True)";
 
 /// The magic bytes of gzip.
 const GZIP: [u8; 3] = [0x1f, 0x8b, 8];
@@ -208,28 +250,6 @@ fn unpacked(bytes: Vec<u8>, name: &str, limits: &Limits) -> Result<Vec<u8>, Read
         problem,
         remedy: remedy.into(),
     })
-}
-
-/// True if `path`, with its existing links followed, lies in `root`.
-fn stays_inside(root: &Path, path: &Path) -> bool {
-    if let (Ok(root), Ok(path)) = (root.canonicalize(), path.canonicalize()) {
-        return path.starts_with(root);
-    }
-    // The file does not exist: judge by the names alone.
-    let Ok(rest) = path.strip_prefix(root) else { return false };
-    let mut depth = 0i64;
-    for component in rest.components() {
-        match component {
-            Component::ParentDir => depth -= 1,
-            Component::Normal(_) => depth += 1,
-            Component::CurDir => {}
-            Component::RootDir | Component::Prefix(_) => return false,
-        }
-        if depth < 0 {
-            return false;
-        }
-    }
-    true
 }
 
 fn read_limited(

@@ -9,6 +9,7 @@
 pub mod atomic;
 pub mod error;
 mod expansion;
+mod fence;
 mod guard;
 pub mod ies;
 pub mod image;
@@ -157,13 +158,17 @@ fn read_input(mut input: Input) -> Result<Scene, ReadError> {
     if scene.name.is_empty() {
         scene.name = input.stem();
     }
-    for (name, path) in input.search.take_found() {
-        let message = format!(
-            "{}: there is no file \"{name}\"; {} was taken for it",
-            input.name,
-            path.display()
+    for (name, found) in input.search.take_found() {
+        let reason = if found.was_refused {
+            format!("\"{name}\" lies outside of the scene's folder (--confine, confine=True)")
+        } else {
+            format!("there is no file \"{name}\"")
+        };
+        let path = found.path.display();
+        scene.warn_of(
+            WarningKind::Choice,
+            format!("{}: {reason}; {path} was taken for it", input.name),
         );
-        scene.warn_of(WarningKind::Choice, message);
     }
     scene.limit_light();
     Ok(scene)

@@ -4,6 +4,7 @@
 //! the case of letters apart, or its program wrote names in a way of its own. Each such name still
 //! leads to one file.
 
+use crate::fence::Fence;
 use std::collections::{BTreeMap, HashMap};
 use std::path::{Component, Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -12,16 +13,48 @@ use unicode_normalization::UnicodeNormalization;
 /// Maximum number of entries of a folder that are looked at.
 const MAX_ENTRIES: usize = 100_000;
 
+/// Maximum number of names that are remembered, of all folders together. Beyond it the names of
+/// other folders are forgotten, and read again where they are needed.
+const MAX_NAMES: usize = 4 * MAX_ENTRIES;
+
+/// Maximum number of files that are recorded: more notes than that are not shown.
+const MAX_FOUND: usize = 2000;
+
 /// What the search has seen and found. All files of a scene share it.
 #[derive(Debug, Default)]
 pub(crate) struct Search(Mutex<Seen>);
 
 #[derive(Debug, Default)]
 struct Seen {
-    /// The names in each folder, by their [`fold`]ed form.
+    /// The names in each folder, by their [`folded`] form.
     folders: HashMap<PathBuf, HashMap<String, PathBuf>>,
     /// The names that are not those of files, with the files that were opened for them.
-    found: BTreeMap<String, PathBuf>,
+    found: BTreeMap<String, Found>,
+}
+
+/// A file that was opened for a name.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Found {
+    pub path: PathBuf,
+    /// True if the name leads out of the folder of a confined scene, where nothing is looked at.
+    pub was_refused: bool,
+}
+
+/// What a name may lead to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Sought {
+    File,
+    Folder,
+}
+
+impl Sought {
+    /// True if there is one at this path.
+    pub fn is_at(self, path: &Path) -> bool {
+        match self {
+            Self::File => path.is_file(),
+            Self::Folder => path.is_dir(),
+        }
+    }
 }
 
 impl Search {
@@ -29,72 +62,97 @@ impl Search {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Finds the file that `name` means: first in the folders that it leads to, without regard to
-    /// the case of letters; then, without the folders in the name, in each of `folders`.
-    /// `is_allowed` tells whether a file may be opened.
+    /// Finds what `name` means: first in the folders that it leads to, without regard to the case
+    /// of letters and to how their accents are written; then, without the folders in the name, in
+    /// each of `folders`. Nothing outside of `fence` is looked at.
     pub fn find(
         &self,
         folders: &[&Path],
         name: &str,
-        is_allowed: impl Fn(&Path) -> bool,
+        sought: Sought,
+        fence: Option<&Fence>,
     ) -> Option<PathBuf> {
         let first = folders.first()?;
-        let spellings = spellings(name);
+        let mut spellings = spellings(name);
+        let plain = spellings.len();
+        for i in 0..plain {
+            if let Some(decoded) = decoded(&spellings[i]) {
+                spellings.push(decoded);
+            }
+        }
         let whole = spellings.iter().map(|spelling| (*first, spelling.as_str()));
-        let last = spellings.last().and_then(|spelling| spelling.rsplit('/').next());
-        let bare = folders.iter().filter_map(|&folder| Some((folder, last?)));
-        whole
-            .chain(bare)
-            .find_map(|(folder, spelling)| self.in_any_case(folder, spelling, &is_allowed))
+        let last = |of: &str| of.rsplit('/').next().map(String::from);
+        let mut bare: Vec<String> =
+            [plain, spellings.len()].iter().filter_map(|&n| last(&spellings[n - 1])).collect();
+        bare.dedup();
+        let bare = folders.iter().flat_map(|&folder| bare.iter().map(move |b| (folder, &b[..])));
+        whole.chain(bare).find_map(|(folder, name)| self.in_any_case(folder, name, sought, fence))
     }
 
-    /// Records that `path` was opened in place of `name`.
-    pub fn record(&self, name: &str, path: &Path) {
-        self.seen().found.insert(name.into(), path.into());
+    /// Records that a file was opened in place of `name`.
+    pub fn record(&self, name: &str, found: Found) {
+        let mut seen = self.seen();
+        if seen.found.len() < MAX_FOUND {
+            seen.found.insert(name.into(), found);
+        }
     }
 
     /// Returns all names and files that were recorded, in alphabetical order, and forgets them.
-    pub fn take_found(&self) -> BTreeMap<String, PathBuf> {
+    pub fn take_found(&self) -> BTreeMap<String, Found> {
         std::mem::take(&mut self.seen().found)
     }
 
-    /// The file of a name relative to `folder`, whatever the case of the letters is. Only folders
-    /// that may be opened are searched.
+    /// The file of a name relative to `folder`, whatever the case of the letters is.
     fn in_any_case(
         &self,
         folder: &Path,
         name: &str,
-        is_allowed: &impl Fn(&Path) -> bool,
+        sought: Sought,
+        fence: Option<&Fence>,
     ) -> Option<PathBuf> {
-        let mut path = folder.to_path_buf();
-        for component in Path::new(name).components() {
+        if name.is_empty() {
+            return None;
+        }
+        let (mut path, rest) = match fence {
+            Some(fence) => (fence.root().to_path_buf(), fence.rest(&folder.join(name))?),
+            None => (folder.to_path_buf(), PathBuf::from(name)),
+        };
+        let may_look_at = |path: &Path| fence.is_none_or(|fence| fence.holds(path));
+        for component in rest.components() {
             match component {
                 Component::Normal(part) if !path.join(part).exists() => {
-                    if !is_allowed(&path) {
+                    if !may_look_at(&path) {
                         return None;
                     }
-                    let actual = self.entry(&path, &fold(part.to_str()?))?;
+                    let actual = self.entry(&path, &folded(part.to_str()?))?;
                     path.push(actual);
                 }
                 // An absolute name starts from the root.
                 _ => path.push(component),
             }
         }
-        (!name.is_empty() && path.exists() && is_allowed(&path)).then_some(path)
+        (may_look_at(&path) && sought.is_at(&path)).then_some(path)
     }
 
-    /// The entry of a folder whose name in its folded form is `folded`; the first in alphabetical
-    /// order, if there are several.
+    /// The entry of a folder whose name has this [`folded`] form; the first in alphabetical order,
+    /// if there are several.
     fn entry(&self, folder: &Path, folded: &str) -> Option<PathBuf> {
         let mut seen = self.seen();
-        let names = seen.folders.entry(folder.into()).or_insert_with(|| entries(folder));
-        names.get(folded).cloned()
+        if !seen.folders.contains_key(folder) {
+            let names = entries(folder);
+            let known: usize = seen.folders.values().map(HashMap::len).sum();
+            if known + names.len() + seen.folders.len() > MAX_NAMES {
+                seen.folders.clear();
+            }
+            seen.folders.insert(folder.into(), names);
+        }
+        seen.folders.get(folder)?.get(folded).cloned()
     }
 }
 
 /// A name in lower case, with each accented letter as one character: file systems of macOS store
 /// letter and accent one after the other, and archives made there keep them so.
-fn fold(name: &str) -> String {
+fn folded(name: &str) -> String {
     name.nfc().collect::<String>().to_lowercase()
 }
 
@@ -119,13 +177,19 @@ fn entries(folder: &Path) -> HashMap<String, PathBuf> {
     let mut names = HashMap::new();
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten().take(MAX_ENTRIES) {
         let name = PathBuf::from(entry.file_name());
-        let folded = fold(&text_of(name.as_os_str().as_encoded_bytes()));
+        let folded = folded(&text_of(name.as_os_str().as_encoded_bytes()));
         let kept = names.entry(folded).or_insert_with(|| name.clone());
         if name < *kept {
             *kept = name;
         }
     }
     names
+}
+
+/// A name in which characters are written as in an address, `%20` for a blank; `None` if none is.
+fn decoded(name: &str) -> Option<String> {
+    let plain = percent_encoding::percent_decode_str(name).decode_utf8().ok()?;
+    (plain != name && !plain.contains('\0')).then(|| plain.into_owned())
 }
 
 /// Other ways to write a name, the closest first: with slashes for backslashes and without a drive;
@@ -182,6 +246,12 @@ mod tests {
             ("C.PNG#x", "scene/c.png"),
             ("odd?v=3", "scene/odd?v=3"),
             ("https://example.org/c.png?size=2", "scene/c.png"),
+            ("my%20tex.png", "scene/my tex.png"),
+            ("C:\\maps\\My%20Tex.png?v=1", "scene/my tex.png"),
+            ("odd%20name.png", "scene/odd%20name.png"),
+            ("/home/me/odd%20name.png", "scene/odd%20name.png"),
+            // A folder of that name is not meant.
+            ("inner/wood", "scene/wood"),
             ("../wood.png", "wood.png"),
             ("../Wood.png", "wood.png"),
             ("HERE/other/far.png", "other/far.png"),
@@ -193,7 +263,10 @@ mod tests {
             let files =
                 ["scene/a.png", "scene/Maps/a.png", "scene/Maps/b.png", "scene/c.png", "wood.png"];
             let accented = ["scene/ba\u{308}ume.png", "scene/\u{f6}l.png"];
+            let encoded = ["scene/my tex.png", "scene/odd%20name.png"];
+            let folders = ["scene/inner/wood/x.png", "scene/wood"];
             let files = [&files[..], &["scene/odd?v=3", "other/far.png"], &accented].concat();
+            let files = [&files[..], &encoded, &folders].concat();
             assert_eq!(resolved(&files, name, false).as_deref(), Some(file), "{name}");
         }
     }
@@ -214,6 +287,11 @@ mod tests {
             ("file://HERE/wood.png", None),
             ("maps/B.png", Some("scene/Maps/b.png")),
             ("../near.png", Some("scene/near.png")),
+            ("../scene/near.png", Some("scene/near.png")),
+            ("\\\\host\\share\\near.png", Some("scene/near.png")),
+            ("//host/share/NEAR.png", Some("scene/near.png")),
+            ("//host/share/wood.png", None),
+            ("HERE/scene/Near.png", Some("scene/near.png")),
         ] {
             assert_eq!(resolved(&files, name, true).as_deref(), file, "{name}");
         }

@@ -26,13 +26,13 @@ fn size_of(subject: &Subject, width: u32, most: f64) -> [u32; 2] {
 /// number of visited nodes and cells, and the number of tested primitives.
 fn costs(subject: &Subject, size: [u32; 2]) -> Vec<[u32; 2]> {
     let Subject { compiled, camera, settings, .. } = subject;
-    let filter = snell_render::job::hit_filter(compiled);
+    let filter = snell_render::job::camera_filter(compiled);
     let share = [0, 1].map(|axis| f64::from(settings.size[axis]) / f64::from(size[axis]));
     let cost = |i: u32| {
         let [x, y] = [i % size[0], i / size[0]].map(|p| f64::from(p) + 0.5);
         let film = DVec2::new(x * share[0], y * share[1]);
         let ray = camera.ray(&CameraSample { film, lens: Vec2::splat(0.5) }, settings.size).ray;
-        let (_, counters) = compiled.world.closest_counted(&ray, filter);
+        let (_, counters) = compiled.world.closest_counted(&ray, filter.at(0));
         [counters.nodes_visited.saturating_add(counters.cells_stepped), counters.primitives_tested]
     };
     (0..size[0] * size[1]).into_par_iter().map(cost).collect()

@@ -16,7 +16,8 @@ pub fn pick(snapshot: &Snapshot, compiled: &CompiledScene, pixel: [f64; 2]) -> O
     }
     let sample = CameraSample { film, lens: Vec2::splat(0.5) };
     let ray = snapshot.camera.ray(&sample, snapshot.settings.size).ray;
-    let hit = compiled.world.closest_one(&ray, snell_render::job::hit_filter(compiled));
+    let filter = snell_render::job::camera_filter(compiled);
+    let hit = compiled.world.closest_one(&ray, filter.at(0));
     if !hit.is_hit() {
         return None;
     }
@@ -36,4 +37,40 @@ pub fn pick(snapshot: &Snapshot, compiled: &CompiledScene, pixel: [f64; 2]) -> O
         material_name: compiled.material(material).name.clone(),
         primitive: hit.primitive,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use snell_formats::image::Display;
+    use snell_intersect::BuildOptions;
+    use snell_render::Settings;
+    use snell_scene::Scene;
+    use std::sync::Arc;
+    use std::time::Instant;
+
+    #[test]
+    fn what_is_hidden_from_the_camera_is_not_picked() {
+        let mut scene = snell_scene::builtin::builtin("cornell-box").expect("it is built in");
+        let picked = |scene: &Scene| {
+            let compiled = CompiledScene::new(scene, &BuildOptions::default()).expect("valid");
+            let snapshot = Snapshot {
+                version: 0,
+                generation: 0,
+                geometry: 0,
+                scene: Arc::new(scene.clone()),
+                camera: scene.cameras[0].clone(),
+                seq: 0,
+                settings: Settings { size: [8, 6], ..Settings::default() },
+                display: Display::default(),
+                moved: Instant::now(),
+            };
+            pick(&snapshot, &compiled, [4.0, 3.0])
+        };
+        let first = picked(&scene).expect("a surface");
+        let material = first.material.expect("it has a material");
+        scene.materials[material as usize].visible_to_camera = false;
+        let next = picked(&scene);
+        assert!(next.is_none_or(|next| next.material != Some(material)));
+    }
 }

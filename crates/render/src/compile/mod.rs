@@ -11,7 +11,7 @@ mod lights;
 mod surfaces;
 mod volumes;
 
-pub(crate) use camera_filter::CameraFilter;
+pub use camera_filter::CameraFilter;
 pub use lights::{BareLight, CompiledLight, LightSpectrum, PlainEmission};
 use volumes::EquiangularLights;
 pub(crate) use volumes::{Boundary, VolumeTable};

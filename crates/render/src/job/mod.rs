@@ -18,7 +18,7 @@ mod volumes;
 
 pub(crate) use journal::{Event, Journal, Shaded};
 pub use patience::with_patience;
-pub use tracer::{Recording, hit_filter};
+pub use tracer::{Recording, camera_filter, hit_filter};
 pub use underway::Underway;
 
 use crate::compile::CompiledScene;

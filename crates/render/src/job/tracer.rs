@@ -1,7 +1,7 @@
 //! The renderer's ray queries. Every batch of rays is traced and timed here, and recorded if
 //! requested.
 
-use crate::compile::CompiledScene;
+use crate::compile::{CameraFilter, CompiledScene};
 use snell_intersect::{AcceptAll, Grouping, Hit, HitFilter, Rays};
 use snell_math::Ray;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -104,6 +104,11 @@ impl<'a> Tracer<'a> {
         self.scene.world.occluded(self.timed(rays, times), Grouping::None, self.filter(), blocked);
         self.spent += start.elapsed();
     }
+}
+
+/// The filter of camera rays of a scene, at depth 0: what is hidden from the camera is not hit.
+pub fn camera_filter(scene: &CompiledScene) -> CameraFilter<'_> {
+    CameraFilter::new(scene, hit_filter(scene))
 }
 
 /// The filter that decides about hits on cut-out and blended surfaces of a scene. Scenes without

@@ -179,7 +179,7 @@ fn bounds(compiled: &CompiledScene) -> [[f32; 3]; 2] {
 
 /// Some points of surfaces that the camera sees, as a sketch of the scene.
 fn cloud(compiled: &CompiledScene, camera: &Camera, settings: &Settings) -> Vec<[f32; 3]> {
-    let filter = snell_render::job::hit_filter(compiled);
+    let filter = snell_render::job::camera_filter(compiled);
     let at = |i: u32| {
         let [x, y] = [i % CLOUD[0], i / CLOUD[0]];
         let place =
@@ -187,15 +187,15 @@ fn cloud(compiled: &CompiledScene, camera: &Camera, settings: &Settings) -> Vec<
         let film =
             DVec2::new(place(x, CLOUD[0], settings.size[0]), place(y, CLOUD[1], settings.size[1]));
         let ray = camera.ray(&CameraSample { film, lens: Vec2::splat(0.5) }, settings.size).ray;
-        let hit = compiled.world.closest_one(&ray, filter);
+        let hit = compiled.world.closest_one(&ray, filter.at(0));
         hit.is_hit().then(|| (ray.origin + ray.direction * hit.t).to_array())
     };
     (0..CLOUD[0] * CLOUD[1]).filter_map(at).filter(|p| p.iter().all(|x| x.is_finite())).collect()
 }
 
 fn trace_report(kind: AcceleratorKind, compiled: &CompiledScene, ray: &Ray) -> TraceReport {
-    let TraversalTrace { steps, left_out, hit, counters } =
-        compiled.world.trace(ray, snell_render::job::hit_filter(compiled));
+    let filter = snell_render::job::camera_filter(compiled);
+    let TraversalTrace { steps, left_out, hit, counters } = compiled.world.trace(ray, filter.at(0));
     let statistics = compiled.world.stats();
     TraceReport {
         accelerator: kind.name().into(),

@@ -7,6 +7,7 @@ use super::object::{Child, Content, Object, Property};
 use super::value::{self, Hue, Value, shortened};
 use super::xml;
 use crate::Input;
+use crate::input::CONFINED;
 use crate::scene::fault::{Fault, Spot};
 use crate::scene::notes::Notes;
 use roxmltree::Node;
@@ -61,6 +62,10 @@ pub struct Loader<'a> {
     pub notes: Notes,
     /// The folders that `<path>` elements name, each as a file without content in that folder.
     pub searched: Vec<Input>,
+    /// The names of `<path>` elements that lead out of the folder of a confined scene.
+    pub refused: Vec<String>,
+    /// The other folders of included files, each as a file without content.
+    pub included: Vec<Input>,
     /// The nesting depth of the object being read.
     depth: usize,
 }
@@ -71,9 +76,35 @@ const MAX_SEARCHED: usize = 64;
 /// The file from whose folder a name leads to a file: one of the search folders, the last first,
 /// or else the main file.
 pub fn home<'a>(main: &'a Input, searched: &'a [Input], name: &str) -> &'a Input {
-    let has =
-        |folder: &&Input| folder.directory.join(name).exists() && folder.resolve(name).is_ok();
-    searched.iter().rev().find(has).unwrap_or(main)
+    searched.iter().rev().find(|folder| folder.has_file(name)).unwrap_or(main)
+}
+
+/// As [`home`], or else one of the folders of included files if it has a file of this name.
+pub fn home_among<'a>(
+    main: &'a Input,
+    searched: &'a [Input],
+    included: &'a [Input],
+    name: &str,
+) -> &'a Input {
+    let first = home(main, searched, name);
+    if first.has_file(name) {
+        return first;
+    }
+    included.iter().find(|folder| folder.has_file(name)).unwrap_or(first)
+}
+
+/// The error for a file that cannot be opened. It may lie in one of the folders of `<path>` elements
+/// that were refused.
+pub fn missing(at: Spot, problem: String, remedy: String, refused: &[String]) -> Fault {
+    if refused.is_empty() || remedy == CONFINED {
+        return Fault::new(at, problem, remedy);
+    }
+    let names: Vec<_> = refused.iter().map(|name| format!("\"{name}\"")).collect();
+    let problem = format!(
+        "{problem}; <path> {} was refused, because it lies outside of the scene's folder",
+        names.join(", ")
+    );
+    Fault::new(at, problem, CONFINED)
 }
 
 /// A file while it is being read.
@@ -121,6 +152,8 @@ impl<'a> Loader<'a> {
             version: String::new(),
             notes: Notes::default(),
             searched: Vec::new(),
+            refused: Vec::new(),
+            included: Vec::new(),
             depth: 0,
         }
     }
@@ -144,6 +177,11 @@ impl<'a> Loader<'a> {
         }
         let number = self.files.len() as u32;
         self.files.push(input.name.clone());
+        let is_same = |other: &Input| other.directory == input.directory;
+        if !is_same(self.main) && !self.included.iter().any(is_same) {
+            let folder = self.main.part(&self.main.name, Vec::new());
+            self.included.push(Input { directory: input.directory.clone(), ..folder });
+        }
         let text = std::str::from_utf8(&input.bytes).map_err(|error| {
             let before = &input.bytes[..error.valid_up_to()];
             let line = before.iter().filter(|b| **b == b'\n').count() as u32 + 1;
@@ -337,9 +375,9 @@ impl<'a> Loader<'a> {
             let problem = format!("more than {MAX_SEARCHED} <path> elements, the limit");
             return Err(Fault::new(at, problem, "put the files together"));
         }
-        let is_folder = |input: &&Input| input.directory.join(name).is_dir();
-        let home = [file.input, self.main].into_iter().find(is_folder).unwrap_or(file.input);
-        match home.resolve(name) {
+        let homes = [file.input, self.main];
+        let home = homes.into_iter().find(|input| input.has_folder(name)).unwrap_or(file.input);
+        match home.resolve_folder(name) {
             Ok(directory) if directory.is_dir() => {
                 let folder = self.main.part(&self.main.name, Vec::new());
                 self.searched.push(Input { directory, ..folder });
@@ -352,6 +390,7 @@ impl<'a> Loader<'a> {
             }
             Err(refusal) => {
                 let name = shortened(name);
+                self.refused.push(name.to_string());
                 self.note(format!("path {name}"), at, || {
                     format!("<path>: {}; it was not searched for files", refusal.problem)
                 });
@@ -371,13 +410,12 @@ impl<'a> Loader<'a> {
                 } else {
                     format!("{}: {}", error.file, error.problem)
                 };
-                Fault::new(at, problem, error.remedy)
+                missing(at, problem, error.remedy, &self.refused)
             })
         };
         let first = home(self.main, &self.searched, name);
-        let has = |input: &Input| input.directory.join(name).is_file();
         // A file of this name is meant rather than one that the search finds.
-        if file.number != 0 && !has(first) && has(file.input) {
+        if file.number != 0 && !first.has_file(name) && file.input.has_file(name) {
             return beside(file.input);
         }
         beside(first)

@@ -38,6 +38,16 @@ impl Volume {
         }
     }
 
+    /// The same volume with a grid in this box, of this size if one is given.
+    fn in_box(self, place: DAffine3, size: Option<[usize; 3]>) -> Self {
+        match self {
+            Self::Grid(file, own) if !is_same_box(&own, &place) => {
+                Self::Grid(file.resampled(own.inverse() * place, size), place)
+            }
+            other => other,
+        }
+    }
+
     /// True if the values are per cell of a grid.
     fn has_cells_of(&self, file: &VolumeFile) -> bool {
         match self {
@@ -54,6 +64,17 @@ impl Volume {
         }
     }
 }
+
+/// True if two boxes are the same but for rounding.
+fn is_same_box(a: &DAffine3, b: &DAffine3) -> bool {
+    a.abs_diff_eq(*b, 1e-9 * a.matrix3.x_axis.length().max(1e-300))
+}
+
+/// How many cells of a resampled grid a cell becomes along each axis, up to this many cells.
+const FINER: f64 = 4.0;
+const FINE_CELLS: f64 = 96.0;
+/// Maximum number of cells of a resampled grid along each axis.
+const MAX_CELLS: f64 = 256.0;
 
 /// The content of a volume file.
 #[derive(Debug, PartialEq)]
@@ -178,11 +199,6 @@ impl Builder<'_> {
         let extinction = self.volume(object, name)?.unwrap_or(Volume::Constant(Rgb::WHITE));
         let albedo = self.volume(object, "albedo")?.unwrap_or(Volume::Constant(Rgb::splat(0.75)));
         let emission = self.volume(object, "emission")?.unwrap_or(Volume::Constant(Rgb::BLACK));
-        let mut boxes: Vec<DAffine3> = [&extinction, &albedo, &emission]
-            .into_iter()
-            .filter_map(Volume::place)
-            .copied()
-            .collect();
         let is_old = self.version.starts_with("0.");
         if let (
             Volume::Constant(sigma_t),
@@ -194,21 +210,19 @@ impl Builder<'_> {
             let plain = Homogeneous::scattering(*sigma_t * scale, *albedo, g);
             return Ok(Some(self.scene.add_medium(Homogeneous { emission: *emission, ..plain })));
         }
-        if boxes.is_empty() {
-            boxes.push(self.box_of_constant(object, name)?);
-        }
-        // All volumes use the box of the first grid; usually all have the same box.
-        let Some(&place) = boxes.first() else { return Ok(None) };
-        if boxes.iter().any(|other| {
-            !other.abs_diff_eq(place, 1e-9 * place.matrix3.x_axis.length().max(1e-300))
-        }) {
-            let owner = object.owner();
-            self.note(format!("{owner} boxes"), object.at, || {
-                format!(
-                    "{owner}: its grids have different boxes; all were put into that of the first"
-                )
-            });
-        }
+        // The medium fills the box of its extinction, which is that of a constant too, except in
+        // version 0.6.
+        let first = [&extinction, &albedo, &emission].into_iter().find_map(Volume::place);
+        let place = match (extinction.place(), first) {
+            (Some(place), _) => *place,
+            (None, Some(place)) if is_old => *place,
+            _ => self.box_of_constant(object, name)?,
+        };
+        let cells = match &extinction {
+            Volume::Grid(file, _) if file.is_colored() => Some(file.size),
+            _ => None,
+        };
+        let (albedo, emission) = (albedo.in_box(place, cells), emission.in_box(place, cells));
         let scattering = |a: f32| a.clamp(0.0, 1.0);
         let absorption = |a: f32| 1.0 - a.clamp(0.0, 1.0);
         let whole = ScalarGrid::new([1; 3], vec![1.0]);
@@ -381,6 +395,67 @@ impl VolumeFile {
             .map(|grid| Arc::new(grid.stepped(self.is_stepped).wrapped(self.wrap)))
     }
 
+    /// The grid in another box, given the transform from its unit cube to that of this one. Its
+    /// cells are finer, so that what was interpolated stays so.
+    fn resampled(&self, own_from_box: DAffine3, size: Option<[usize; 3]>) -> Self {
+        let cells = DVec3::from(self.size.map(|n| n as f64));
+        let size = size.unwrap_or_else(|| {
+            [0, 1, 2].map(|axis| {
+                let crossed = (own_from_box.matrix3.col(axis).abs() * cells).element_sum();
+                let finer = (FINER * crossed).min(FINE_CELLS).max(crossed);
+                // (A singular transform gives a number that is none, which becomes 1.)
+                finer.ceil().clamp(1.0, MAX_CELLS) as usize
+            })
+        });
+        let [x, y, z] = size;
+        let mut values = Vec::with_capacity(x * y * z * self.channels);
+        for cell in 0..x * y * z {
+            let cell = [cell % x, cell / x % y, cell / (x * y)];
+            let middle = [0, 1, 2].map(|axis| (cell[axis] as f64 + 0.5) / size[axis] as f64);
+            self.lookup(own_from_box.transform_point3(middle.into()), &mut values);
+        }
+        Self { size, values, wrap: Wrap::Clamp, ..*self }
+    }
+
+    /// Adds the channels at a point, of which the unit cube is filled by the grid.
+    fn lookup(&self, point: DVec3, values: &mut Vec<f32>) {
+        let shift = if self.is_stepped { 0.0 } else { 0.5 };
+        let place = [0, 1, 2].map(|axis| point[axis] * self.size[axis] as f64 - shift);
+        let first = place.map(f64::floor);
+        // Of both cells along each axis: the index and the weight.
+        let taps = [0, 1, 2].map(|axis| {
+            let along = if self.is_stepped { 0.0 } else { place[axis] - first[axis] };
+            [(0, 1.0 - along), (1, along)].map(|(next, weight)| {
+                (self.wrapped(first[axis] as i64 + next, self.size[axis] as i64), weight)
+            })
+        });
+        for channel in 0..self.channels {
+            let mut sum = 0.0;
+            for corner in 0..8 {
+                let [x, y, z] = [0, 1, 2].map(|axis| taps[axis][corner >> axis & 1]);
+                let weight = x.1 * y.1 * z.1;
+                if weight > 0.0 {
+                    let cell = x.0 + self.size[0] * (y.0 + self.size[1] * z.0);
+                    sum += weight * f64::from(self.values[cell * self.channels + channel]);
+                }
+            }
+            values.push(sum as f32);
+        }
+    }
+
+    /// The cell that one along an axis stands for, of `count`.
+    fn wrapped(&self, index: i64, count: i64) -> usize {
+        let inside = match self.wrap {
+            Wrap::Repeat => index.rem_euclid(count),
+            Wrap::Mirror => {
+                let there = index.rem_euclid(2 * count);
+                there.min(2 * count - 1 - there)
+            }
+            _ => index.clamp(0, count - 1),
+        };
+        inside as usize
+    }
+
     /// A number for each cell: the mean of the channels.
     fn scalar(&self) -> Option<ScalarGrid> {
         let mean = |cell: &[f32]| cell.iter().sum::<f32>() / self.channels as f32;
@@ -481,6 +556,38 @@ mod tests {
             assert_eq!((density.is_stepped(), density.wrap()), (is_stepped, expected));
             assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
         }
+    }
+
+    #[test]
+    fn a_medium_fills_the_box_of_its_extinction() {
+        use snell_math::ColorMode;
+        use snell_scene::medium::Medium;
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let file = colored([2, 1, 1], 1, &[0.25, 0.75]);
+        std::fs::write(folder.path().join("albedo"), file).expect("the folder is writable");
+        let read = |version: &str| {
+            let text = format!(
+                "<scene version='{version}'><shape type='cube'><medium type='heterogeneous' \
+                    name='interior'><float name='sigma_t' value='2'/><volume type='gridvolume' \
+                    name='albedo'><string name='filename' value='albedo'/><boolean \
+                    name='use_grid_bbox' value='false'/><transform name='to_world'>\
+                    <translate x='-.5'/><scale x='2' y='1' z='1'/></transform></volume></medium>\
+                    </shape></scene>"
+            );
+            let path = folder.path().join("a.xml");
+            std::fs::write(&path, text).expect("the folder is writable");
+            let scene =
+                crate::read_scene(&path, &ReadOptions::default()).expect("nothing is wrong");
+            assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
+            let [Medium::Grid(grid)] = &scene.media[..] else { panic!("one grid") };
+            let scattered = [-0.9f32, 0.125, 0.25, 0.375, 0.75].map(|x| {
+                grid.properties(snell_math::Vec3::new(x, 0.5, 0.5), ColorMode::Rgb).sigma_s[0]
+            });
+            scattered.map(|s| (s * 1000.0).round() / 1000.0)
+        };
+        // The albedo is 0.25 at -0.5 and 0.75 at 0.5.
+        assert_eq!(read("3.0.0"), [0.0, 1.125, 1.25, 1.375, 1.5]);
+        assert_eq!(read("0.6.0")[0], 0.5);
     }
 
     #[test]

@@ -58,6 +58,10 @@ struct Builder<'a> {
     /// those that are searched.
     main: &'a Input,
     searched: Vec<Input>,
+    /// The folders of included files.
+    included: Vec<Input>,
+    /// The folders that may not be searched, because the scene is confined.
+    refused: Vec<String>,
     scene: Scene,
     /// Version of the file, such as `0.6`.
     version: String,
@@ -74,6 +78,9 @@ struct Builder<'a> {
     shapes: Shapes,
     media: Media,
     around_camera: Option<MediumId>,
+    /// The integrator, if it is one that ignores media in Mitsuba.
+    without_media: Option<(String, Spot)>,
+    clips: Vec<sensor::Clip>,
     /// Objects that are being built, the innermost last.
     building: Vec<*const Object>,
     /// The number of files opened besides the main one.
@@ -94,6 +101,8 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
             let mut builder = Builder {
                 main: input,
                 searched: loader.searched,
+                included: loader.included,
+                refused: loader.refused,
                 scene: Scene::new(""),
                 version: loader.version,
                 ids: HashMap::new(),
@@ -106,6 +115,8 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
                 shapes: Shapes::default(),
                 media: Media::default(),
                 around_camera: None,
+                without_media: None,
+                clips: Vec::new(),
                 building: Vec::new(),
                 opened: 0,
                 notes: loader.notes,
@@ -162,6 +173,17 @@ impl Builder<'_> {
         }
         self.camera_medium(self.around_camera);
         self.scene.nodes[self.scene.root.index()].transform = self.world_from_file;
+        self.note_clips();
+        if let Some((owner, at)) = self.without_media.take()
+            && !self.scene.media.is_empty()
+        {
+            self.note("media", at, || {
+                format!(
+                    "{owner} ignores media in Mitsuba; here they are seen, as with \"volpath\": \
+                    remove them for the same picture"
+                )
+            });
+        }
         Ok(())
     }
 
@@ -295,18 +317,18 @@ impl Builder<'_> {
             let is_own = error.file == self.main.name;
             let problem =
                 if is_own { error.problem } else { format!("{}: {}", error.file, error.problem) };
-            Fault::new(at, problem, error.remedy)
+            load::missing(at, problem, error.remedy, &self.refused)
         })
     }
 
     /// The file from whose folder a name leads to a file.
     fn home(&self, name: &str) -> &Input {
-        load::home(self.main, &self.searched, name)
+        load::home_among(self.main, &self.searched, &self.included, name)
     }
 
     /// The id of an image, which is read only once.
     fn image(&mut self, name: &str) -> ImageId {
-        let home = load::home(self.main, &self.searched, name);
+        let home = load::home_among(self.main, &self.searched, &self.included, name);
         self.images.image(&mut self.scene, home, name)
     }
 }

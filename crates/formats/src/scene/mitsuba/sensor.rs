@@ -2,7 +2,7 @@
 
 use super::Builder;
 use super::object::Object;
-use crate::scene::fault::Fault;
+use crate::scene::fault::{Fault, Spot};
 use snell_math::{DAffine3, DVec3};
 use snell_scene::camera::Intrinsics;
 use snell_scene::{Background, Camera, Projection};
@@ -28,20 +28,112 @@ impl Film {
     }
 }
 
+/// The clipping planes of a camera, by its number: the distances along the view.
+#[derive(Clone, Copy, Debug)]
+pub struct Clip {
+    camera: usize,
+    range: [f64; 2],
+    at: Spot,
+}
+
+/// Sensors with a view of their own.
+const KNOWN: [&str; 3] = ["perspective", "thinlens", "orthographic"];
+
+/// Tangent of half of the angle that a sensor of one ray sees.
+const ONE_RAY: f64 = 1e-4;
+
+/// Distance of a near plane that hides something of a scene around the camera, relative to the
+/// size of the scene.
+const MANY_THINGS: f64 = 0.02;
+
 /// Number of bounces that means no limit.
 const UNLIMITED: i64 = 1 << 20;
 
 impl Builder<'_> {
-    /// Adds a camera. The film and sampler of the first one are those of the scene, and its
-    /// handedness decides whether the world is mirrored.
+    /// Adds a camera, or the cameras of a batch. The film and sampler of the first one are those of
+    /// the scene, and its handedness decides whether the world is mirrored.
     pub(super) fn sensor(&mut self, object: &Object) -> Result<(), Fault> {
+        match object.kind.as_str() {
+            "batch" => self.batch(object),
+            _ => self.view(object, None),
+        }
+    }
+
+    /// Adds the cameras of sensors that share a film side by side.
+    fn batch(&mut self, object: &Object) -> Result<(), Fault> {
         let is_first = self.scene.cameras.is_empty();
-        let film = self.inner(object, |o| o.class == "film")?;
-        let film = match &film {
-            Some(film) => self.film(film, is_first)?,
+        let mut sensors = Vec::new();
+        for child in &object.children {
+            let inner = self.resolve(child)?;
+            if inner.class == "sensor" {
+                child.used.set(true);
+                sensors.push((child.name.clone(), inner));
+            }
+        }
+        let count = sensors.len() as u32;
+        if count == 0 {
+            return Err(object.fault("there is no sensor in it", "put one in"));
+        }
+        let film = match self.inner(object, |o| o.class == "film")? {
+            Some(film) => self.film(&film, is_first)?,
             None => Film::whole(SIZE.map(|s| s as u32)),
         };
         if let Some(sampler) = self.inner(object, |o| o.class == "sampler")? {
+            self.sampler(&sampler, is_first)?;
+        }
+        let part = Film::whole([(film.size[0] / count).max(1), film.size[1]]);
+        for name in ["shutter_open", "shutter_close"] {
+            object.get(name);
+        }
+        let before = self.scene.cameras.len();
+        for (number, (name, sensor)) in (1..).zip(&sensors) {
+            if sensor.kind == "batch" {
+                return Err(
+                    sensor.fault("a batch in a batch", "put its sensors into the outer one")
+                );
+            }
+            let known = self.scene.cameras.len();
+            self.view(sensor, Some(part))?;
+            if let Some(camera) = self.scene.cameras.get_mut(known)
+                && camera.name.is_empty()
+            {
+                let batch = object.id.as_deref().unwrap_or("batch");
+                camera.name =
+                    if name.is_empty() { format!("{batch}-{number}") } else { name.clone() };
+            }
+        }
+        if is_first {
+            self.scene.settings.size = Some(part.size);
+        }
+        if let [_, others @ ..] = &self.scene.cameras[before..]
+            && !others.is_empty()
+        {
+            let others: Vec<_> = others.iter().map(|c| format!("\"{}\"", c.name)).collect();
+            let owner = object.owner();
+            self.mention(owner.clone(), object.at, || {
+                format!(
+                    "{owner}: its sensors became cameras of their own, of which one is shown; \
+                    --camera shows the others: {}",
+                    others.join(", ")
+                )
+            });
+        }
+        self.note_unused(object);
+        Ok(())
+    }
+
+    /// Adds the camera of a sensor, with its own film or a part of one that others share.
+    fn view(&mut self, object: &Object, shared: Option<Film>) -> Result<(), Fault> {
+        let is_first = self.scene.cameras.is_empty();
+        let own = self.inner(object, |o| o.class == "film")?;
+        let film = match (shared, &own) {
+            (Some(film), _) => film,
+            (None, Some(film)) => self.film(film, is_first)?,
+            (None, None) => Film::whole(SIZE.map(|s| s as u32)),
+        };
+        if let Some(sampler) = self.inner(object, |o| o.class == "sampler")?
+            && shared.is_none()
+        {
             self.sampler(&sampler, is_first)?;
         }
         if let Some(medium) = self.inner(object, |o| o.class == "medium")? {
@@ -50,16 +142,34 @@ impl Builder<'_> {
                 self.around_camera = medium;
             }
         }
-        let place = object.transform("to_world")?;
+        let is_placed = object.has("to_world");
+        let place = match object.kind.as_str() {
+            "radiancemeter" => self.meter(object)?,
+            kind if KNOWN.contains(&kind) || is_placed => object.transform("to_world")?,
+            _ => {
+                let owner = object.owner();
+                self.ignore_all(object);
+                self.note(owner.clone(), object.at, || {
+                    format!("{owner} is not supported; a camera that sees the whole scene was used")
+                });
+                return Ok(());
+            }
+        };
         if is_first && place.matrix3.determinant() < 0.0 {
             self.world_from_file = DAffine3::from_scale(DVec3::new(-1.0, 1.0, 1.0));
         }
         let mut camera = self.camera(object, self.world_from_file * place, film)?;
         camera.name = object.id.clone().unwrap_or_default();
         camera.resolution = Some(film.crop_size);
-        for name in ["near_clip", "far_clip"] {
-            // Clipping planes are ignored: cameras see everything.
-            object.get(name);
+        let near = object.float_or("near_clip", 0.0)?;
+        let far = object.float_or("far_clip", f64::INFINITY)?;
+        let clip = object.properties.iter().find(|p| p.name == "far_clip" || p.name == "near_clip");
+        if let Some(clip) = clip {
+            self.clips.push(Clip {
+                camera: self.scene.cameras.len(),
+                range: [near, far],
+                at: clip.at,
+            });
         }
         for name in ["shutter_open", "shutter_close"] {
             object.get(name);
@@ -67,6 +177,64 @@ impl Builder<'_> {
         self.scene.cameras.push(camera);
         self.note_unused(object);
         Ok(())
+    }
+
+    /// The place of a sensor that sees along one ray.
+    fn meter(&mut self, object: &Object) -> Result<DAffine3, Fault> {
+        let (origin, direction) = (object.vector("origin")?, object.vector("direction")?);
+        let owner = object.owner();
+        self.mention(owner.clone(), object.at, || {
+            format!("{owner} became a camera with a very narrow view: all pixels show one ray")
+        });
+        if object.has("to_world") {
+            return object.transform("to_world");
+        }
+        let (Some(origin), Some(direction)) = (origin, direction) else {
+            if origin.is_some() || direction.is_some() {
+                let problem = "its origin or its direction is missing";
+                return Err(object.fault(problem, "give both, or to_world"));
+            }
+            return Ok(DAffine3::IDENTITY);
+        };
+        let Some(z) = direction.try_normalize() else {
+            return Err(object.fault("its direction has no length", "correct it"));
+        };
+        let (x, y) = z.any_orthonormal_pair();
+        Ok(DAffine3::from_cols(x, y, z, origin))
+    }
+
+    /// Notes clipping planes that cut something off: cameras see all of a scene.
+    pub(super) fn note_clips(&mut self) {
+        if self.clips.is_empty() {
+            return;
+        }
+        let Ok(bounds) = self.scene.bounds() else { return };
+        if bounds.is_empty() || !bounds.is_finite() {
+            return;
+        }
+        let diagonal = (bounds.max - bounds.min).length();
+        for Clip { camera, range: [near, far], at } in std::mem::take(&mut self.clips) {
+            let Some(camera) = self.scene.cameras.get(camera) else { continue };
+            let depths = (0..8).map(|i| {
+                let corner = DVec3::new(
+                    if i & 1 == 0 { bounds.min.x } else { bounds.max.x },
+                    if i & 2 == 0 { bounds.min.y } else { bounds.max.y },
+                    if i & 4 == 0 { bounds.min.z } else { bounds.max.z },
+                );
+                (corner - camera.eye).dot(camera.towards)
+            });
+            let [low, high] =
+                depths.fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], d| [l.min(d), h.max(d)]);
+            // A camera in the midst of a scene often has a near plane that cuts nothing.
+            let is_cut_near = near > if low > 0.0 { low } else { MANY_THINGS * diagonal };
+            if is_cut_near || far < high {
+                self.note("clipping planes", at, || {
+                    "\"near_clip\" and \"far_clip\" do not clip: the camera also sees what they \
+                    hide in Mitsuba"
+                        .into()
+                });
+            }
+        }
     }
 
     fn camera(&mut self, object: &Object, place: DAffine3, film: Film) -> Result<Camera, Fault> {
@@ -92,6 +260,7 @@ impl Builder<'_> {
                 Projection::Orthographic { half_size: [0, 1].map(|i| Some(half[i] * part(i).1)) }
             }
             "perspective" | "thinlens" => self.perspective(object, film)?,
+            "radiancemeter" => Projection::Perspective { tan_half_fov: [Some(ONE_RAY), None] },
             _ => {
                 let owner = object.owner();
                 self.ignore_all(object);
@@ -152,7 +321,13 @@ impl Builder<'_> {
         let of_diagonal = |tan: f64| tan * aspect / (1.0 + aspect * aspect).sqrt();
         let focal_length = object.string("focal_length")?;
         if focal_length.is_some() || !object.has("fov") {
-            object.get("fov");
+            if let (Some(fov), true) = (object.get("fov"), focal_length.is_some()) {
+                self.note("fov and focal_length", fov.at, || {
+                    "\"fov\" beside \"focal_length\": the focal length was used; Mitsuba refuses \
+                    both"
+                        .into()
+                });
+            }
             let (text, at) = focal_length.unwrap_or(("50mm", object.at));
             let length = super::value::number(text.trim().trim_end_matches("mm"));
             let length = length.ok().filter(|l| *l > 0.0);
@@ -279,6 +454,15 @@ impl Builder<'_> {
         // Mitsuba counts path edges: 1 shows emitters, 2 their light on surfaces.
         let edges = object.integer_within("max_depth", [-1, UNLIMITED])?.unwrap_or(-1);
         let bounces = if edges < 0 { UNLIMITED } else { (edges - 1).max(0) };
+        if edges == 0 {
+            self.note("max_depth 0", object.at, || {
+                "\"max_depth\" of 0: nothing is seen in Mitsuba; here emitters are, as with 1"
+                    .into()
+            });
+        }
+        // Those that see media have it in their name.
+        self.without_media = (object.kind != "ao" && !object.kind.contains("vol"))
+            .then(|| (object.owner(), object.at));
         self.scene.settings.max_depth = Some(bounces as u32);
         let ours = match object.kind.as_str() {
             "direct" => {

@@ -418,6 +418,12 @@ impl Builder<'_> {
     fn sphere(&mut self, object: &Object, plain: bool) -> Result<Made, Fault> {
         let radius = object.positive("radius", 1.0)?;
         let center = object.vector("center")?.unwrap_or(DVec3::ZERO);
+        if !is_similarity(object.transform("to_world")?.matrix3) {
+            self.note("stretched sphere", object.at, || {
+                "a sphere that \"to_world\" stretches became an ellipsoid; Mitsuba draws a sphere"
+                    .into()
+            });
+        }
         if plain || !is_turned_over(object)? {
             return Ok(self
                 .analytic(Sphere { radius }, DAffine3::from_mat3_translation(around_z(), center)));
@@ -458,6 +464,16 @@ fn is_turned_over(object: &Object) -> Result<bool, Fault> {
     let is_mirrored =
         object.kind == "sphere" && object.transform("to_world")?.matrix3.determinant() < 0.0;
     Ok(object.bool_or("flip_normals", false)? != is_mirrored)
+}
+
+/// True if a transform keeps the ratios of all lengths, or leaves nothing to see.
+fn is_similarity(matrix: DMat3) -> bool {
+    if matrix.determinant() == 0.0 {
+        return true;
+    }
+    let gram = matrix.transpose() * matrix;
+    let scale = (gram.x_axis.x + gram.y_axis.y + gram.z_axis.z) / 3.0;
+    gram.abs_diff_eq(DMat3::from_diagonal(DVec3::splat(scale)), 1e-4 * scale)
 }
 
 /// True for shapes whose both sides can be seen from outside.

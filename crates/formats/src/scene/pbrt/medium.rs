@@ -30,6 +30,10 @@ pub struct Media {
     inside: Vec<Rc<str>>,
 }
 
+/// Absorption and scattering of media of version 3 by default.
+const MEDIUM_OF_VERSION_3: (Rgb, Rgb) =
+    (Rgb::new(0.0011, 0.0024, 0.014), Rgb::new(2.55, 3.21, 3.77));
+
 /// The coefficients of a medium, without its density.
 struct Coefficients {
     sigma_a: Rgb,
@@ -55,7 +59,16 @@ impl Builder<'_> {
                     self.coefficients(&params, preset)?;
                 Some(Homogeneous { sigma_a, sigma_s, emission, g }.into())
             }
-            "uniformgrid" => Some(self.grid(&params)?.into()),
+            "uniformgrid" => Some(self.grid(&params, (Rgb::WHITE, Rgb::WHITE))?.into()),
+            // The name of version 3, where colours are those of a preset.
+            "heterogeneous" => {
+                self.is_v3 = true;
+                let preset = match params.get("preset") {
+                    Some(_) => self.preset(&params)?,
+                    None => MEDIUM_OF_VERSION_3,
+                };
+                Some(self.grid(&params, preset)?.into())
+            }
             "rgbgrid" => Some(self.rgb_grid(&params)?.into()),
             "nanovdb" => Some(self.nanovdb(&params)?.into()),
             "cloud" => Some(self.cloud(&params)?.into()),
@@ -104,9 +117,10 @@ impl Builder<'_> {
         Ok(Coefficients { sigma_a, sigma_s: sigma_s * scale, emission: sigma_a * le * le_scale, g })
     }
 
-    fn grid(&mut self, params: &Params) -> Result<Grid, Fault> {
-        let Coefficients { sigma_a, sigma_s, emission, g } =
-            self.coefficients(params, (Rgb::WHITE, Rgb::WHITE))?;
+    /// A grid of densities, for these coefficients of absorption and scattering where the file has
+    /// none.
+    fn grid(&mut self, params: &Params, default: (Rgb, Rgb)) -> Result<Grid, Fault> {
+        let Coefficients { sigma_a, sigma_s, emission, g } = self.coefficients(params, default)?;
         let size = cells(params)?;
         let density: Vec<f32> = params.floats("density")?.iter().map(|d| *d as f32).collect();
         let found = density.len();

@@ -124,6 +124,7 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
 impl Builder<'_> {
     fn read_scene(&mut self) -> Result<(), Fault> {
         self.read_file(self.main, Spot::default())?;
+        self.note_world();
         self.finish_options()?;
         self.finish_media();
         self.finish_curves();
@@ -134,6 +135,23 @@ impl Builder<'_> {
         }
         self.notes.finish(&mut self.scene, &self.files);
         Ok(())
+    }
+
+    /// Notes a file that pbrt refuses, because no world begins in it.
+    fn note_world(&mut self) {
+        let start = Spot { file: 0, line: 1, column: 1 };
+        if self.directives == 0 {
+            self.note("nothing", start, || {
+                "there is nothing to show: the file has no directive; export it again".into()
+            });
+        } else if !self.in_world {
+            self.note("no world", start, || {
+                "there is no WorldBegin, without which pbrt stops: everything in the file was taken as \
+                the world, and its places are relative to the camera; write WorldBegin after the \
+                options"
+                    .into()
+            });
+        }
     }
 
     /// Adds a warning: what was found, and what was done instead. Only the first of each kind is

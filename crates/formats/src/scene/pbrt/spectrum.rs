@@ -3,6 +3,7 @@
 use super::Builder;
 use super::lexer::quoted;
 use super::params::{Param, Type, Values};
+use crate::input::CONFINED;
 use crate::scene::fault::{Fault, Spot};
 use snell_math::Rgb;
 use snell_math::spectrum::cie::{LAMBDA_MIN, OBSERVER_1931};
@@ -115,16 +116,13 @@ impl Builder<'_> {
             return Ok(Rgb::WHITE);
         }
         let input = self.open(name, at).map_err(|fault| match fault {
-            Fault::Here { at, problem, .. } => {
+            Fault::Here { at, problem, remedy } => {
                 let problem = format!(
                     "{} is not the name of a spectrum, and as a file: {problem}",
                     quoted(name.as_bytes())
                 );
-                Fault::new(
-                    at,
-                    problem,
-                    "use a name such as metal-Cu-eta, or a file of wavelengths and values",
-                )
+                let other = "use a name such as metal-Cu-eta, or a file of wavelengths and values";
+                Fault::new(at, problem, if remedy == CONFINED { CONFINED } else { other })
             }
             other => other,
         })?;

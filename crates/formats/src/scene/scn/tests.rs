@@ -476,7 +476,7 @@ fn errors_name_the_place_and_the_way_out() {
     test:1:26: the axes of the light are parallel and span no rectangle; use perpendicular axes
     test:1:9: ./no-such-file.off: cannot open: No such file or directory (os error 2); check the name and that you may read it
     test:1:9: ./no-such-file.scn: cannot open: No such file or directory (os error 2); check the name and that you may read it
-    test:1:9: it names the file "../../../../etc/passwd", which lies outside of the scene's folder; move the file into the folder, or leave out --confine
+    test:1:9: it names the file "../../../../etc/passwd", which lies outside of the scene's folder; move the file into the folder, or leave out --confine (confine=True)
     "##);
 }
 

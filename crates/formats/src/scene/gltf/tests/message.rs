@@ -78,7 +78,7 @@ fn buffers() {
     let expected = "test.gltf:2:186: at /buffers/0/uri: the file \"no such.bin\" cannot be used: \
         cannot open: ";
     assert!(missing.starts_with(expected), "{missing}");
-    assert_snapshot!(with(r#"{"byteLength": 36, "uri": "../../../../etc/passwd"}"#), @r#"test.gltf:2:186: at /buffers/0/uri: the file "../../../../etc/passwd" cannot be used: it names the file "../../../../etc/passwd", which lies outside of the scene's folder; move the file into the folder, or leave out --confine"#);
+    assert_snapshot!(with(r#"{"byteLength": 36, "uri": "../../../../etc/passwd"}"#), @r#"test.gltf:2:186: at /buffers/0/uri: the file "../../../../etc/passwd" cannot be used: it names the file "../../../../etc/passwd", which lies outside of the scene's folder; move the file into the folder, or leave out --confine (confine=True)"#);
     assert_snapshot!(with(r#"{"byteLength": 36, "uri": "https://example.org/a.bin"}"#), @r#"test.gltf:2:186: at /buffers/0/uri: "https://example.org/a.bin" is not a file next to the scene; download it, and put it beside the scene"#);
 }
 

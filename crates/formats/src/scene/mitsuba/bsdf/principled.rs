@@ -15,6 +15,9 @@ use snell_scene::material::{ColorParam, OpenPbr, ScalarParam};
 /// Weight of OpenPBR's fuzz that reflects as much diffuse light as a sheen of 1, which is 1.2 %.
 const SHEEN: f32 = 0.06;
 
+/// A share of the surface that is too small to be seen.
+const ALMOST_NOTHING: f32 = 1e-6;
+
 /// The mean of a scalar parameter, roughly if it has a texture.
 fn mean_of(parameter: ScalarParam) -> f32 {
     let texels = if parameter.texture.is_some() { 0.5 } else { 1.0 };
@@ -37,6 +40,31 @@ fn index_of_one_face(ior: f32) -> f32 {
     let f0 = fresnel::f0_from_ior(ior);
     let root = (f0 / (2.0 - f0)).sqrt();
     (1.0 + root) / (1.0 - root)
+}
+
+/// A surface that is clear in part. From inside, the principled model lets through only this part
+/// of the light, and absorbs the rest; OpenPBR lets through all. So the clear part is a layer of its
+/// own on one that is black from inside: it lets almost nothing in, but has an inside.
+fn partly_clear(kind: OpenPbr) -> Look {
+    let (clear, metal) = (kind.transmission_weight, kind.base_metalness);
+    let is_part = clear.texture.is_some() || (clear.factor > 0.0 && clear.factor < 1.0);
+    let metal_share = metal.factor.clamp(0.0, 1.0);
+    if !is_part || (metal_share > 0.0 && (metal.texture.is_some() || clear.texture.is_some())) {
+        return Look::of(Material::new("", kind));
+    }
+    let share = ScalarParam { factor: clear.factor * (1.0 - metal_share), ..clear };
+    let metal_of_rest =
+        if share.texture.is_some() { 0.0 } else { metal_share / (1.0 - share.factor) };
+    let top =
+        OpenPbr { base_metalness: 0.0.into(), transmission_weight: 1.0.into(), ..kind.clone() };
+    let rest = OpenPbr {
+        base_metalness: metal_of_rest.min(1.0).into(),
+        transmission_weight: ALMOST_NOTHING.into(),
+        transmission_color: Rgb::BLACK.into(),
+        ..kind
+    };
+    let part = |kind: OpenPbr| vec![Material::new("", kind)];
+    Look { layers: layers::blend(part(top), part(rest), share), ..Look::default() }
 }
 
 impl Builder<'_> {
@@ -89,7 +117,7 @@ impl Builder<'_> {
         };
         self.note_approximations(object)?;
         if !is_thin {
-            return Ok(Look::of(Material::new("", kind)));
+            return Ok(partly_clear(kind));
         }
         // The diffuse part of a thin surface has no gloss. The transmitted share of its light is
         // half of it for a value of 1.

@@ -96,11 +96,25 @@ fn search_folders_are_relative_to_the_file_that_names_them() {
     assert_eq!(width(&read("")), 1.0);
     let scene = read("<include filename='parts/part.xml'/>");
     assert_eq!((width(&scene), scene.nodes.len(), scene.warnings.len()), (2.0, 3, 0));
+    // A name in an included file may be relative to it.
+    write("other/b.obj", &triangle(3));
+    write(
+        "other/part.xml",
+        "<scene version='3.0.0'><shape type='obj'><string name='filename' value='b.obj'/></shape>\
+            </scene>",
+    );
+    assert_eq!(width(&read("<include filename='other/part.xml'/>")), 3.0);
     // Of a confined scene, no folder outside of its own is searched.
     write("parts/a.xml", "<scene version='3.0.0'><path value='..'/></scene>");
     let options = ReadOptions { confine: true, ..ReadOptions::default() };
     let outside = read_scene(&folder.path().join("parts/a.xml"), &options).expect("a scene");
     assert!(outside.warnings[0].message.contains("lies outside"), "{:?}", outside.warnings);
+    write(
+        "parts/a.xml",
+        &format!("<scene version='3.0.0'><path value='../none'/>{}</scene>", shape),
+    );
+    let error = read_scene(&folder.path().join("parts/a.xml"), &options).expect_err("refused");
+    assert!(error.to_string().contains("<path> \"../none\" was refused"), "{error}");
     assert!(read("<path value='none'/>").warnings[0].message.contains("no folder \"none\""));
 }
 
@@ -277,6 +291,121 @@ fn surfaces_are_what_they_say() {
     assert!(
         (principled.specular_ior.factor - 1.5).abs() < 1e-5
             && principled.base_metalness.factor == 0.5
+    );
+}
+
+#[test]
+fn sensors_of_a_batch_are_cameras_and_a_meter_is_one_of_one_ray() {
+    let sensor = |x: u32, name: &str| {
+        format!(
+            "<sensor type='perspective' {name}><float name='fov' value='90'/><transform \
+                name='to_world'><lookat origin='{x},0,5' target='{x},0,0' up='0,1,0'/></transform>\
+                <film type='hdrfilm'/></sensor>"
+        )
+    };
+    let batch = |inner: &str| {
+        format!(
+            "<sensor type='batch'>{inner}<film type='hdrfilm'><integer name='width' value='192'/>\
+                <integer name='height' value='72'/><rfilter type='box'/></film><sampler \
+                type='independent'><integer name='sample_count' value='9'/></sampler></sensor>"
+        )
+    };
+    let two = batch(&(sensor(1, "name='left'") + &sensor(2, "")));
+    let scene = scene_of(&two);
+    let cameras: Vec<_> =
+        scene.cameras.iter().map(|c| (c.name.as_str(), c.eye.x, c.resolution)).collect();
+    assert_eq!(cameras, [("left", 1.0, Some([96, 72])), ("batch-2", 2.0, Some([96, 72]))]);
+    assert_eq!((scene.settings.size, scene.settings.spp), (Some([96, 72]), Some(9)));
+    let [note] = &scene.warnings[..] else { panic!("{:?}", scene.warnings) };
+    assert!(note.message.contains("--camera shows the others: \"batch-2\""), "{note}");
+    assert!(
+        testing::error_of(&READER, &format!("<scene version='3.0.0'>{}</scene>", batch("")))
+            .contains("there is no sensor in it")
+    );
+
+    let meter = |place: &str| scene_of(&format!("<sensor type='radiancemeter'>{place}</sensor>"));
+    let placed = "<point name='origin' value='0,0,4'/><vector name='direction' value='0,0,-2'/>";
+    for place in [
+        placed,
+        "<transform name='to_world'><lookat origin='0,0,4' target='0,0,0' up='0,1,0'/></transform>",
+    ] {
+        let scene = meter(place);
+        let camera = &scene.cameras[0];
+        assert_eq!((camera.eye, camera.towards), (DVec3::Z * 4.0, DVec3::NEG_Z), "{place}");
+        let Projection::Perspective { tan_half_fov: [Some(tan), _] } = camera.projection else {
+            panic!("{camera:?}")
+        };
+        assert!(tan < 1e-3 && scene.warnings.len() == 1, "{:?}", scene.warnings);
+    }
+    // A sensor that is not known and has no place leaves the scene without a camera.
+    let distant = "<sensor type='distant'><vector name='direction' value='0,0,-1'/></sensor>";
+    assert!(scene_of(distant).cameras.is_empty());
+    assert!(warnings(distant).contains("a camera that sees the whole scene was used"));
+}
+
+#[test]
+fn what_differs_from_the_picture_of_mitsuba_is_told() {
+    let sensor = |inside: &str| {
+        format!(
+            "<shape type='sphere'/><sensor type='perspective'>{inside}<transform \
+                name='to_world'><lookat origin='0,0,5' target='0,0,0' up='0,1,0'/></transform>\
+                </sensor>"
+        )
+    };
+    let medium = "<shape type='sphere'><bsdf type='null'/><medium type='homogeneous' \
+        name='interior'/></shape>";
+    let integrator = |kind: &str, depth: i32| {
+        format!(
+            "<integrator type='{kind}'><integer name='max_depth' value='{depth}'/></integrator>"
+        )
+    };
+    let stretched = |scale: &str| {
+        format!(
+            "<shape type='sphere'><transform name='to_world'><scale {scale}/></transform></shape>"
+        )
+    };
+    for (text, told) in [
+        (sensor("<float name='near_clip' value='4.5'/>"), "\"near_clip\""),
+        (sensor("<float name='far_clip' value='5.5'/>"), "\"far_clip\""),
+        (sensor("<float name='near_clip' value='3.9'/><float name='far_clip' value='6.1'/>"), ""),
+        (
+            sensor("<float name='fov' value='40'/><string name='focal_length' value='35mm'/>"),
+            "the focal length was used",
+        ),
+        (integrator("path", 4) + medium, "ignores media"),
+        (integrator("volpath", 4) + medium, ""),
+        (integrator("path", 0), "nothing is seen in Mitsuba"),
+        (stretched("x='2' y='1' z='1'"), "an ellipsoid"),
+        (stretched("value='2'"), ""),
+    ] {
+        let said = warnings(&text);
+        assert!(said.contains(told) && said.is_empty() == told.is_empty(), "{text}: {said}");
+    }
+}
+
+#[test]
+fn what_is_partly_clear_lets_the_same_part_out() {
+    let kinds = |clear: &str| {
+        let scene = clean(&format!(
+            "<shape type='sphere'><bsdf type='principled'><rgb name='base_color' \
+                value='.81 .25 .25'/>{clear}</bsdf></shape>"
+        ));
+        let of = |m: &Material| {
+            let MaterialKind::OpenPbr(kind) = &m.kind else { panic!("OpenPBR") };
+            let clear = (kind.transmission_weight.factor, kind.transmission_color.factor.r);
+            (m.alpha.factor, clear, kind.base_metalness.factor)
+        };
+        scene.materials.iter().map(of).collect::<Vec<_>>()
+    };
+    let clear = |share: f32| format!("<float name='spec_trans' value='{share}'/>");
+    assert_eq!(kinds(&clear(1.0)), [(1.0, (1.0, 0.9), 0.0)]);
+    assert_eq!(kinds(&clear(0.0)).len(), 1);
+    // The rest is clear to so small a part that only its inside counts, which is black.
+    assert_eq!(kinds(&clear(0.75)), [(0.75, (1.0, 0.9), 0.0), (1.0, (1e-6, 0.0), 0.0)]);
+    let metal = "<float name='metallic' value='0.5'/>";
+    assert_eq!(
+        kinds(&(clear(0.5) + metal)),
+        [(0.25, (1.0, 0.9), 0.0), (1.0, (1e-6, 0.0), 0.5 / 0.75)]
     );
 }
 

@@ -78,3 +78,24 @@ fn media_on_grids_have_the_colours_of_their_cells() {
         "{error}"
     );
 }
+
+#[test]
+fn grids_of_version_3_are_grids() {
+    use snell_scene::medium::Medium;
+    let grid = |text: &str| {
+        let scene = world(&format!(
+            "MakeNamedMedium \"m\" \"string type\" \"heterogeneous\" \"integer nx\" 2 \
+                \"point p1\" [ 4 1 1 ] \"float density\" [ 1 3 ] {text}\n\
+             MediumInterface \"m\" \"\"\nMaterial \"interface\" Shape \"sphere\""
+        ));
+        let [Medium::Grid(grid)] = &scene.media[..] else { panic!("one grid") };
+        grid.clone()
+    };
+    let plain = grid("");
+    assert_eq!(plain.world_from_grid.matrix3.x_axis.length(), 4.0);
+    assert_eq!((plain.sigma_a, plain.sigma_s.r), (Rgb::new(0.0011, 0.0024, 0.014), 2.55));
+    assert_eq!(
+        grid("\"rgb sigma_s\" [ 1 2 3 ] \"float scale\" 2").sigma_s.to_array(),
+        [2.0, 4.0, 6.0]
+    );
+}

@@ -126,6 +126,19 @@ fn broken_files_are_errors_with_file_line_and_column() {
 }
 
 #[test]
+fn a_file_without_a_world_is_told() {
+    for (text, told) in [
+        ("# pbrt", "there is nothing to show"),
+        ("Shape \"sphere\"", "there is no WorldBegin"),
+        ("Camera \"perspective\"", "there is no WorldBegin"),
+        ("WorldBegin Shape \"sphere\"", ""),
+    ] {
+        let said = warnings(text);
+        assert!(said.contains(told) && said.is_empty() == told.is_empty(), "{text}: {said}");
+    }
+}
+
+#[test]
 fn bytes_that_are_not_text_are_errors() {
     for (bytes, expected) in [
         (
