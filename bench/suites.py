@@ -434,15 +434,20 @@ def reasons(said: list[tuple[str, Row]], what: str) -> None:
 
 
 def sheets(rows: list[Row], folder: Path, suites: dict[str, Path]) -> None:
-    """Contact sheets of each suite: ours, and what there is to see beside."""
+    """Contact sheets of each suite: ours, and what there is to see beside. Files of equal pictures
+    are shown once.
+    """
     for suite, place in suites.items():
         sheet = Sheet(TILE, COLUMNS)
-        for row in rows:
-            if row.suite != suite or (row.damaged and not row.picture):
-                continue
+        mine = [r for r in rows if r.suite == suite and (r.picture or not r.damaged)]
+        looks = {r.file: look(r, folder / "pictures") for r in mine}
+        times = Counter(looks.values())
+        first = {looks[r.file]: r for r in reversed(mine)}
+        for row in reversed(first.values()):
+            notes = f" x{n}" if (n := times[looks[row.file]]) > 1 else ""
+            notes += f" [{len(row.warnings)}!]" if row.warnings else ""
+            used = extensions(place / row.file) if row.file.endswith((".gltf", ".glb")) else ""
             if row.picture:
-                used = extensions(place / row.file) if row.file.endswith((".gltf", ".glb")) else ""
-                notes = f" [{len(row.warnings)}!]" if row.warnings else ""
                 sheet.add(f"{short(row.file)}{notes} {used}", folder / "pictures" / row.picture)
             else:
                 sheet.add(f"{short(row.file)}: {row.state}", None)
@@ -451,6 +456,13 @@ def sheets(rows: list[Row], folder: Path, suites: dict[str, Path]) -> None:
                 beside = open_picture(Path(row.shown))
                 sheet.add((matched if row.compared else "") + Path(row.shown).name, beside)
         sheet.save(folder / f"{suite}.png", ROWS)
+
+
+def look(row: Row, pictures: Path) -> tuple[str, str | None]:
+    """What is equal for files that look the same and have the same picture beside them."""
+    if row.picture is None:
+        return row.file, None
+    return hashlib.sha256((pictures / row.picture).read_bytes()).hexdigest(), row.shown
 
 
 def short(file: str) -> str:
