@@ -27,6 +27,10 @@ class Sheet:
             image = picture if isinstance(picture, Image.Image) else Image.open(picture)
             image = image.convert("RGBA")
             image.thumbnail(self.tile)
+            if (larger := min(self.tile[0] // image.width, self.tile[1] // image.height)) > 1:
+                image = image.resize(
+                    (image.width * larger, image.height * larger), Image.Resampling.NEAREST
+                )
             place = (self.tile[0] - image.width) // 2, (self.tile[1] - image.height) // 2
             tile.paste(image, place, image)
         self.tiles.append((caption[: self.tile[0] // LETTER], tile))

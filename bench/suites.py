@@ -77,6 +77,8 @@ TILE, COLUMNS, ROWS = (256, 192), 6, 7
 MEAN, ERROR, EPSILON, STANDARD_ERRORS = 0.02, 0.01, 0.01, 3
 # More of a text is not searched for names of parts.
 SEARCHED = 32 << 20
+# Mitsuba's folders to search.
+PATH = re.compile(r'<path\s+value="([^"]+)"')
 # References of more pixels on a side are not compared: they would take too long.
 LARGEST = 1024
 
@@ -131,10 +133,14 @@ def find(folder: Path, suffixes: set[str]) -> tuple[list[Path], dict[Path, Path]
             text = opened.read(SEARCHED)
         if text.startswith((b"PXR-USDC", b"PK")):
             continue
-        for quoted, alone in named.findall(text.decode("utf-8", "replace")):
-            part = known.get((file.parent / (quoted or alone)).resolve())
-            if part and part != file:
-                parts[part] = file
+        said = text.decode("utf-8", "replace")
+        # Mitsuba looks from the file that includes, and in its paths.
+        places = [file.parent, file.parent.parent, *(file.parent / p for p in PATH.findall(said))]
+        for quoted, alone in named.findall(said):
+            for place in places:
+                part = known.get((place / (quoted or alone)).resolve())
+                if part and part != file:
+                    parts[part] = file
     # Of files that name each other one would be opened: the first.
     for part in sorted(parts):
         if parts.get(parts[part]) == part:
