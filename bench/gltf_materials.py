@@ -44,8 +44,15 @@ def extensions(file: Path) -> str:
 
 def has_materials_alone(file: Path) -> bool:
     """Whether a glTF text file has materials, and no mesh that they are on."""
-    data = file.read_bytes()
-    return file.suffix == ".gltf" and b'"materials"' in data and b'"primitives"' not in data
+    if file.suffix != ".gltf":
+        return False
+    try:
+        scene = json.loads(file.read_bytes())
+        materials = scene.get("materials")
+    except (ValueError, AttributeError):
+        return False
+    sound = isinstance(materials, list) and all(isinstance(m, dict) for m in materials)
+    return bool(materials) and sound and "meshes" not in scene
 
 
 # How finely a ball is divided, around and from pole to pole.

@@ -324,7 +324,8 @@ class Renderer:
         if reference:
             self.against(file, reference, row, picture)
         else:
-            scene = on_balls(file, self.scratch) if has_materials_alone(file) else file
+            bare = not row.damaged and has_materials_alone(file)
+            scene = on_balls(file, self.scratch) if bare else file
             keep(row, self.run(scene, picture, size_like(shown)))
         if row.state == "drawn":
             row.picture = picture.name
