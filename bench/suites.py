@@ -387,8 +387,9 @@ def size_like(picture: Path | None) -> tuple[int, int]:
     return max(1, round(width * scale)), max(1, round(height * scale))
 
 
-def grouped(text: str) -> str:
+def grouped(text: str, row: Row) -> str:
     """A message without names, numbers and advice, so that those of a kind are equal."""
+    text = re.sub(rf"/\S[^:]*/{re.escape(row.file)}(:\d+)*: ", "", text)
     text = re.sub(r"^\S*/\S+?(:\d+)*: ", "", text)
     text = re.sub(r"^/\S*: |^[^:]*: (?=/)", "", text)
     text = text.split("; ")[0]
@@ -434,8 +435,8 @@ def report(rows: list[Row], slow: float) -> None:
 
 def reasons(said: list[tuple[str, Row]], what: str) -> None:
     """The kinds of messages, how often, and a file of each."""
-    counts = Counter(grouped(message) for message, _ in said)
-    first = {grouped(message): row for message, row in reversed(said)}
+    counts = Counter(grouped(message, row) for message, row in said)
+    first = {grouped(message, row): row for message, row in reversed(said)}
     for kind, count in counts.most_common():
         print(f"{what} {count:5} {kind} ({first[kind].suite}/{first[kind].file})")
 
