@@ -77,7 +77,11 @@ def ball() -> tuple[bytes, bytes, bytes]:
         for column in range(AROUND):
             here = row * (AROUND + 1) + column
             below = here + AROUND + 1
-            indices += struct.pack("<6H", here, below, here + 1, here + 1, below, below + 1)
+            # At the poles one of the two has no area.
+            if row > 0:
+                indices += struct.pack("<3H", here, below, here + 1)
+            if row < DOWN - 1:
+                indices += struct.pack("<3H", here + 1, below, below + 1)
     return bytes(positions), bytes(places), bytes(indices)
 
 
@@ -110,7 +114,12 @@ def on_balls(file: Path, folder: Path) -> Path:
             "max": [1, 1, 1],
         },
         {"bufferView": 1, "componentType": 5126, "count": points, "type": "VEC2"},
-        {"bufferView": 2, "componentType": 5123, "count": 6 * AROUND * DOWN, "type": "SCALAR"},
+        {
+            "bufferView": 2,
+            "componentType": 5123,
+            "count": 6 * AROUND * (DOWN - 1),
+            "type": "SCALAR",
+        },
     ]
     attributes = {"POSITION": 0, "NORMAL": 0} | {f"TEXCOORD_{set}": 1 for set in range(TEXCOORDS)}
     count = len(scene["materials"])
