@@ -29,7 +29,7 @@ each with three standard errors more, which the differences between a and b give
 are compared as far as they show: up to 1.
 
 Other pictures are for looking at, and are shown beside ours in the contact sheets in the output
-folder: `screenshot.*` and pictures of the file's name in folders called screenshot, thumbnails,
+folder: `screenshot.*`, `thumbnail.*` and pictures of the file's name in folders called screenshot, thumbnails,
 SampleImages or baseline. A glTF file that has materials but no meshes is shown on balls.
 
 In `suites.json` there is a row a file. A file whose row is there and whose content and neighbours
@@ -198,7 +198,7 @@ def shown_of(file: Path) -> Path | None:
                 return next(iter(pictures.values()))
     for folder in above[:2]:
         for stem, picture in pictures_in(folder).items():
-            if "screenshot" in stem.lower():
+            if "screenshot" in stem.lower() or stem.lower() == "thumbnail":
                 return picture
     return None
 
