@@ -29,8 +29,9 @@ each with three standard errors more, which the differences between a and b give
 are compared as far as they show: up to 1.
 
 Other pictures are for looking at, and are shown beside ours in the contact sheets in the output
-folder: `screenshot.*`, `thumbnail.*` and pictures of the file's name in folders called screenshot, thumbnails,
-SampleImages or baseline. A glTF file that has materials but no meshes is shown on balls.
+folder: `screenshot.*`, `thumbnail.*` and pictures of the file's name in folders called screenshot,
+thumbnails, SampleImages or baseline. A glTF file that has materials but no meshes is shown on
+balls.
 
 In `suites.json` there is a row a file. A file whose row is there and whose content and neighbours
 are the same is not rendered again; --again is for another `snell`, for all files or those whose row
