@@ -3,15 +3,19 @@
 mod air;
 mod emission;
 mod extent;
+mod far;
 mod fit;
 mod sky;
 
 pub use air::fill_with_fog;
+pub use far::{bring_near, far_origin};
 pub use fit::frame;
 pub use sky::{default_sky, sky_seen_by};
 
 use crate::camera::Camera;
-use crate::graph::{Background, MediumId, NodeId, Scene, SceneError, ShadowCatcher};
+use crate::graph::{
+    Background, MediumId, NodeId, Scene, SceneError, ShadowCatcher, WarningKind,
+};
 use crate::material::{Diffuse, Material};
 use crate::medium::Medium;
 use crate::motion::Pose;
@@ -35,18 +39,23 @@ pub struct FramingOptions {
     pub up: DVec3,
     /// Size of the picture in pixels, unless the scene's settings have one.
     pub size: [u32; 2],
+    /// True if a scene far from zero may be moved near it. The caller must then have no positions in
+    /// the world but those of the scene.
+    pub may_move: bool,
 }
 
 impl Default for FramingOptions {
     fn default() -> Self {
-        Self { up: DVec3::Y, size: [640, 480] }
+        Self { up: DVec3::Y, size: [640, 480], may_move: false }
     }
 }
 
 /// Adds the parts that a picture needs and the scene lacks: a camera that frames the finite
 /// surfaces, and the default sky if nothing emits light (no lights, no environment, no emissive
 /// material or medium in use). With the sky comes a background of [`DEFAULT_BACKGROUND`] that shows
-/// the scene's shadow on a floor, unless the scene has a background. A complete scene is unchanged.
+/// the scene's shadow on a floor, unless the scene has a background. A scene far from zero is moved
+/// near it ([`bring_near`]) with a warning, if the options allow it. Any other complete scene is
+/// unchanged.
 pub fn prepare(scene: &mut Scene, options: &FramingOptions) -> Result<(), SceneError> {
     prepare_for(scene, &[], options)
 }
@@ -59,6 +68,16 @@ pub fn prepare_for(
     options: &FramingOptions,
 ) -> Result<(), SceneError> {
     let order = scene.topological_order()?;
+    if options.may_move
+        && let Some(by) = bring_near(scene)?
+    {
+        let message = format!(
+            "the scene is far from zero for its size, where single precision holds no details: it \
+            is shown moved by {} {} {}",
+            by.x, by.y, by.z
+        );
+        scene.warn_of(WarningKind::Choice, message);
+    }
     let up = scene.settings.up.unwrap_or(options.up);
     if scene.cameras.is_empty() {
         let [w, h] = scene.settings.size.unwrap_or(options.size).map(|s| f64::from(s.max(1)));

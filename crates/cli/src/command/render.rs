@@ -311,7 +311,9 @@ pub(super) fn prepare_scene(scene: Scene, options: &Options) -> Result<Scene, Fa
 fn prepare_for(scene: &mut Scene, poses: &[Pose], options: &Options) -> Result<(), Failure> {
     options.apply_environment(scene)?;
     let size = options.request.size.unwrap_or(Request::DEFAULT_SIZE);
-    let framing = snell_scene::framing::FramingOptions { size, ..Default::default() };
+    // Definitions of `-D` may name positions in the world of the file.
+    let may_move = options.define.is_empty();
+    let framing = snell_scene::framing::FramingOptions { size, may_move, ..Default::default() };
     let prepared = snell_scene::framing::prepare_for(scene, poses, &framing);
     let failed =
         |e: &dyn std::fmt::Display| Failure::Scene(format!("{}: {e}", options.scene.display()));

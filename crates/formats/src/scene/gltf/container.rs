@@ -100,7 +100,9 @@ fn open_glb(input: &Input) -> Result<Container<'_>, ReadError> {
     let Some(json) = json else {
         return Err(input.error(Place::Byte(12), "this binary glTF has no JSON chunk", REPAIR));
     };
-    Ok(Container { json: parse_json(input, json)?, binary })
+    // The standard pads with blanks; some programs pad with zeros.
+    let end = json.iter().rposition(|b| *b != 0).map_or(0, |last| last + 1);
+    Ok(Container { json: parse_json(input, &json[..end])?, binary })
 }
 
 /// A part of a buffer, which lies within the buffer's declared length.
