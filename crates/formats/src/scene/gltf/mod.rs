@@ -39,6 +39,7 @@ mod reference;
 mod skin;
 mod texture;
 mod topology;
+mod tree;
 
 #[cfg(test)]
 mod tests;
@@ -112,6 +113,7 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
     let Container { mut json, binary } = Container::open(input)?;
     let mut scene = Scene::new(input.stem());
     none::remove(&mut json).into_iter().for_each(|warning| scene.warn(warning));
+    tree::untangle(input, &mut json)?.into_iter().for_each(|warning| scene.warn(warning));
     let root = Json::root(input, &json);
     check_version(&root, &mut scene)?;
     extension::check(&root, &mut scene)?;

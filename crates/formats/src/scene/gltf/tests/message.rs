@@ -54,7 +54,6 @@ fn dangling_references() {
 #[test]
 fn hierarchies_that_are_no_trees() {
     assert_snapshot!(message(r#""nodes": [{"children": [1]}, {"children": [0]}]"#), @"test.gltf:1:41: at /nodes/0: the node is its own descendant; nodes must form trees; export the file again, or check it with the glTF validator");
-    assert_snapshot!(message(r#""nodes": [{"children": [2]}, {"children": [2]}, {}]"#), @"test.gltf:1:74: at /nodes/1/children/0: node 2 is a child already; a node has one parent at most; export the file again, or check it with the glTF validator");
 }
 
 #[test]
