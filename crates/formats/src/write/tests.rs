@@ -8,10 +8,10 @@ use snell_scene::builtin::BUILTINS;
 use snell_scene::framing::{FramingOptions, prepare};
 use snell_scene::light::{Attenuation, IntensityTable, Point, Profile, Projector, Slide};
 use snell_scene::material::{
-    BumpMap, ColorParam, Conductor, ConductorSpectrum, Diffuse, HeightUnit, MaterialKind,
-    MetallicRoughness,
+    BumpMap, ColorParam, Conductor, ConductorSpectrum, Diffuse, HeightUnit, Interface, Interior,
+    MaterialKind, MetallicRoughness,
 };
-use snell_scene::medium::{Grid, Medium};
+use snell_scene::medium::{Grid, Homogeneous, Medium};
 use snell_scene::{
     Encoding, Geometry, Image, ImageTexture, Light, Material, Node, Pixels, Surface,
 };
@@ -357,6 +357,33 @@ fn lights_that_do_not_fade_are_as_bright_in_the_middle_of_a_pbrt_scene() {
     let middle = ((low + high) * 0.5).as_dvec3();
     let [a, b] = [&scene, &read].map(|scene| irradiance(&scene.lights[0], middle));
     assert!((a.r - b.r).abs() < 0.05 * a.r, "{a:?} {b:?}");
+}
+
+#[test]
+fn bodies_within_others_name_the_medium_around_them_in_pbrt() {
+    let mut scene = Scene::new("nested");
+    let mut part = |half: f64, at: f64| {
+        let fog = Homogeneous::absorbing(Rgb::splat(half as f32));
+        let medium = Some(scene.add_medium(fog));
+        let interior = Some(Interior { medium, ..Interior::default() });
+        let material = Material { interior, ..Material::new("", Interface {}) };
+        let id = scene.add_material(material);
+        let shape = BoxShape { min: DVec3::splat(-half), max: DVec3::splat(half) };
+        let transform = DAffine3::from_translation(DVec3::X * at);
+        let surfaces = vec![Surface::shape(shape, id)];
+        scene.add_child(scene.root, Node { transform, surfaces, ..Node::default() });
+    };
+    part(4.0, 0.0);
+    part(1.0, 0.5);
+    part(2.0, 0.0);
+    part(1.0, 9.0);
+    let mut output = Output::new(Path::new("x.pbrt"), Available::UNKNOWN);
+    (pbrt::WRITER.write)(&scene, &mut output).expect("it can be written");
+    let text = String::from_utf8(output.main).expect("text");
+    for (inside, outside) in [(0, ""), (1, "medium-2"), (2, "medium-0"), (3, "")] {
+        let line = format!("MediumInterface \"medium-{inside}\" \"{outside}\"\n");
+        assert!(text.contains(&line), "{line} is not in {text}");
+    }
 }
 
 #[test]

@@ -18,6 +18,9 @@ use snell_scene::{Encoding, Material, MaterialId};
 pub struct Made {
     /// Directives to be written before the shape.
     pub attributes: Vec<String>,
+    /// The names of the media inside and outside, to be written before the shape; empty ones for
+    /// none.
+    pub interface: Option<[String; 2]>,
     /// Parameters to be written after those of the shape itself.
     pub shape_parameters: String,
 }
@@ -35,6 +38,15 @@ struct Body {
 impl Body {
     fn new(text: String) -> Self {
         Self { text, absorption: Rgb::BLACK }
+    }
+}
+
+impl Made {
+    /// The directives before a shape, each in a line.
+    pub fn directives(&self) -> String {
+        let interface = self.interface.as_ref();
+        let interface = interface.map(|[a, b]| format!("MediumInterface \"{a}\" \"{b}\""));
+        self.attributes.iter().chain(&interface).map(|line| format!("  {line}\n")).collect()
     }
 }
 
@@ -146,7 +158,7 @@ impl File<'_, '_> {
         };
         if inside.is_some() || (!outside.is_empty() && material.bounded_interior().is_some()) {
             let inside = inside.unwrap_or_default();
-            made.attributes.push(format!("MediumInterface \"{inside}\" \"{outside}\""));
+            made.interface = Some([inside, outside]);
         }
     }
 

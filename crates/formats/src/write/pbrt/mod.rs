@@ -7,6 +7,7 @@ mod environment;
 mod light;
 mod material;
 mod medium;
+mod nesting;
 mod shape;
 mod texture;
 mod view;
@@ -71,13 +72,19 @@ fn write(scene: &Scene, output: &mut Output) -> Result<(), String> {
             *uses.entry(shared).or_default() += 1;
         }
     }
+    let exteriors = file.exteriors(&surfaces);
     for (i, surface) in surfaces.iter().enumerate() {
         if i > 0 && surfaces[i - 1].node == surface.node && file.is_black_back(surface) {
             file.output.lose("black back sides are left out: both sides look like the front");
             continue;
         }
         let is_shared = shared(surface).is_some_and(|shared| uses[&shared] > 1);
-        if is_shared && !file.emits(surface) { file.instance(surface) } else { file.place(surface) }
+        let exterior = exteriors[i].as_deref();
+        if is_shared && !file.emits(surface) && exterior.is_none() {
+            file.instance(surface);
+        } else {
+            file.place(surface, exterior);
+        }
     }
     let text = std::mem::take(&mut file.text);
     output.main = text.into_bytes();
@@ -209,10 +216,17 @@ impl File<'_, '_> {
         surface.slots().into_iter().all(is_black)
     }
 
-    /// Writes one surface in place.
-    fn place(&mut self, surface: &Placed) {
+    /// Writes one surface in place. `exterior` is the name of the medium around it, if it lies
+    /// within another body.
+    fn place(&mut self, surface: &Placed, exterior: Option<&str>) {
         let slots = surface.slots();
-        let made: Vec<_> = slots.iter().map(|&(slot, id)| (slot, self.material(id))).collect();
+        let mut made: Vec<_> = slots.iter().map(|&(slot, id)| (slot, self.material(id))).collect();
+        if let Some(exterior) = exterior {
+            for (_, made) in &mut made {
+                let [inside, _] = made.interface.take().unwrap_or_default();
+                made.interface = Some([inside, exterior.into()]);
+            }
+        }
         if let Some(parts) = self.parts(surface, &made) {
             self.line("AttributeBegin");
             let map = surface.world_from_surface.matrix();
