@@ -83,6 +83,68 @@ fn a_root_that_is_a_child_is_shown_once() {
 }
 
 #[test]
+fn a_node_below_two_parents_is_shown_below_each() {
+    let nodes = r#""nodes": [{"children": [1, 2], "translation": [10, 0, 0]},
+        {"children": [3], "translation": [1, 0, 0]}, {"children": [3, 3], "translation": [2, 0, 0]},
+        {"children": [4]}, {"mesh": 0, "translation": [0.5, 0, 0]}],"#;
+    let scene = read_text(&triangle("", nodes, 0)).unwrap_or_else(|e| panic!("{e}"));
+    let mut found = places(&scene);
+    found.sort_by(f64::total_cmp);
+    assert_eq!(found, [11.5, 12.5]);
+    let said: Vec<&str> = scene.warnings.iter().map(|w| w.message.as_str()).collect();
+    assert!(said.len() == 2 && said[0].contains("/nodes/3 is named more than once"), "{said:?}");
+    assert!(said[1].contains("/nodes/3 has more than one parent"), "{said:?}");
+}
+
+#[test]
+fn copies_of_a_moving_node_move() {
+    let animation = r#""nodes": [{"children": [2]}, {"children": [2], "translation": [5, 0, 0]},
+        {"mesh": 0}], "animations": [{"samplers": [{"input": 4, "output": 5}],
+        "channels": [{"sampler": 0, "target": {"node": 2, "path": "translation"}}]}],"#;
+    // The numbers of the positions are times and places, too.
+    let accessor = |at: usize, kind: &str| {
+        format!(
+            r#", {{"bufferView": 0, "byteOffset": {at}, "componentType": 5126, "count": 2,
+            "type": "{kind}"}}"#
+        )
+    };
+    let text = triangle("", animation, 0);
+    let end = text.find(r#"], "bufferViews""#).expect("the end of the accessors");
+    let more = [accessor(8, "SCALAR"), accessor(0, "VEC3")].concat();
+    let text = format!("{}{more}{}", &text[..end], &text[end..]);
+    let (scene, said) = with_warning(&text);
+    assert!(said.contains("/nodes/2 has more than one parent"), "{said}");
+    let clip = &scene.motion.as_ref().expect("it moves").clips[0];
+    let joints: Vec<u32> = clip.channels.iter().map(|channel| channel.joint).collect();
+    assert!(joints.len() == 2 && joints[0] != joints[1], "{joints:?}");
+}
+
+#[test]
+fn a_node_below_itself_is_cut_and_doubling_is_bounded() {
+    let cycle = r#""nodes": [{"children": [1]}, {"children": [2], "translation": [1, 0, 0]},
+        {"mesh": 0, "children": [1]}],"#;
+    let (scene, said) = with_warning(&triangle("", cycle, 0));
+    assert_eq!(places(&scene), [1.0]);
+    assert!(said.contains("/nodes/1 is below itself"), "{said}");
+    // Each of 60 levels shows the next one twice.
+    let mut nodes = Vec::new();
+    for level in 0..60 {
+        let next = 3 * level + 3;
+        nodes.push(format!(r#"{{"children": [{}, {}]}}"#, next - 2, next - 1));
+        nodes.extend([(); 2].map(|()| format!(r#"{{"children": [{next}]}}"#)));
+    }
+    let text = format!(r#""nodes": [{}, {{"mesh": 0}}],"#, nodes.join(","));
+    let error = read_text(&triangle("", &text, 0)).expect_err("too many copies");
+    assert!(error.problem.contains("a node with more than one parent would take"), "{error}");
+}
+
+#[test]
+fn a_default_scene_that_is_not_there_is_reported_with_the_file() {
+    let (_, said) = with_warning(&triangle("", r#""scene": 0, "nodes": [{"mesh": 0}],"#, 0));
+    assert!(said.starts_with("test.gltf: \"scene\" asks for scene number 0, but there"), "{said}");
+}
+
+#[test]
 fn null_and_minus_one_are_none() {
     let nodes = r#""nodes": [{"mesh": 0, "camera": null, "skin": -1}, {"mesh": -1}],"#;
     let (scene, said) = with_warning(&triangle(r#", "material": -1"#, nodes, 0));
@@ -100,8 +162,8 @@ fn null_and_minus_one_are_none() {
 fn a_version_may_be_a_number() {
     let json = r#"{"asset": {"version": 2.0, "minVersion": 2}}"#;
     assert!(read_text(json).expect("glTF 2.0").warnings[0].message.contains("the number 2"));
-    let error = read_text(r#"{"asset": {"version": 1}}"#).expect_err("glTF 1.0");
-    assert!(error.problem.contains("this is glTF \"1\""), "{error}");
+    let error = read_text(r#"{"asset": {"version": 0.8}}"#).expect_err("glTF 0.8");
+    assert!(error.problem.contains("this is glTF \"0.8\""), "{error}");
 }
 
 #[test]
@@ -181,6 +243,44 @@ fn a_material_may_use_any_two_sets_of_texture_coordinates() {
         texture(2)
     ));
     assert!(third.warnings[0].message.contains("more than two sets"), "{:?}", third.warnings);
+}
+
+#[test]
+fn a_texture_shows_the_first_of_its_images_that_can_be_read() {
+    let mut targa = vec![0u8; 18];
+    (targa[2], targa[12], targa[14], targa[16], targa[17]) = (2, 1, 1, 32, 8);
+    targa.extend([0, 0, 255, 128]);
+    targa.extend(b"\0\0\0\0\0\0\0\0TRUEVISION-XFILE.\0");
+    let read = |texture: &str| {
+        let properties = format!(
+            r#""nodes": [{{"mesh": 0}}], "extensionsUsed": ["ACME_texture_good"], "materials":
+            [{{"pbrMetallicRoughness": {{"baseColorTexture": {{"index": 0}}}}}}],
+            "textures": [{texture}], "images": [{{"uri": "data:;base64,{}"}},
+            {{"uri": "data:;base64,AAAA"}}],"#,
+            base64(&targa)
+        );
+        read_text(&triangle(r#", "material": 0"#, &properties, 0)).unwrap_or_else(|e| panic!("{e}"))
+    };
+    for (texture, is_shown, said) in [
+        (r#"{"source": 1, "extensions": {"EXT_texture_webp": {"source": 0}}}"#, true, None),
+        (
+            r#"{"source": 0, "extensions": {"EXT_texture_webp": {"source": 1}}}"#,
+            true,
+            Some("another image of the texture at /textures/0 is shown instead"),
+        ),
+        (r#"{"source": 0, "extensions": {"ACME_texture_good": {"source": 1}}}"#, true, None),
+        (r#"{"extensions": {"ACME_texture_good": {"source": 0}}}"#, true, None),
+        (r#"{"extensions": {"ACME_texture_good": {"source": 9}}}"#, false, Some("names no image")),
+        (r#"{"extensions": {"ACME_texture_good": 7}}"#, false, Some("names no image")),
+    ] {
+        let scene = read(texture);
+        assert_eq!(*scene.images[0] != missing_texture_image(), is_shown, "{texture}");
+        let warnings: Vec<_> = scene.warnings.iter().map(|w| w.message.as_str()).collect();
+        let has_images = warnings[0].contains("only where a texture has no other");
+        assert_eq!(has_images, texture.contains("ACME"), "{texture}: {warnings:?}");
+        assert!(said.is_none_or(|said| warnings.last().is_some_and(|w| w.contains(said))));
+        assert_eq!(warnings.len(), 1 + usize::from(said.is_some()), "{texture}: {warnings:?}");
+    }
 }
 
 #[test]
