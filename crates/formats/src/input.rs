@@ -7,8 +7,9 @@ use crate::json_place::line_and_column;
 use crate::limits::Limits;
 use crate::open::{self, NamedBy};
 use crate::search::Search;
+use std::collections::BTreeSet;
 use std::path::{Component, Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// A file being read.
 #[derive(Clone, Debug)]
@@ -27,6 +28,9 @@ pub struct Input {
     pub(crate) expansion: Arc<Expansion>,
     /// The search for files whose names are not literally those of files.
     pub(crate) search: Arc<Search>,
+    /// What was noted about the files of the scene: in the order of the alphabet, because files are
+    /// read in parallel.
+    pub(crate) notes: Arc<Mutex<BTreeSet<String>>>,
 }
 
 impl Input {
@@ -49,6 +53,7 @@ impl Input {
             options: options.clone(),
             expansion,
             search: Arc::default(),
+            notes: Arc::default(),
         };
         input.charge(input.bytes.len() as u64, "its content")?;
         Ok(input)
@@ -66,6 +71,7 @@ impl Input {
             options: options.clone(),
             expansion,
             search: Arc::default(),
+            notes: Arc::default(),
         }
     }
 
@@ -93,6 +99,7 @@ impl Input {
             options: self.options.clone(),
             expansion: self.expansion.clone(),
             search: self.search.clone(),
+            notes: self.notes.clone(),
         }
     }
 
@@ -156,6 +163,18 @@ impl Input {
         remedy: impl Into<String>,
     ) -> ReadError {
         ReadError { file: self.name.clone(), place, problem: problem.into(), remedy: remedy.into() }
+    }
+
+    /// Notes something about a file that its user should know. A note is kept once. Readers of
+    /// scenes make warnings of notes.
+    pub(crate) fn note(&self, text: String) {
+        self.notes.lock().unwrap_or_else(PoisonError::into_inner).insert(text);
+    }
+
+    /// All that was noted about this file and those that it names, and forgets it.
+    pub fn take_notes(&self) -> Vec<String> {
+        let mut notes = self.notes.lock().unwrap_or_else(PoisonError::into_inner);
+        std::mem::take(&mut *notes).into_iter().collect()
     }
 
     /// The extension in lower case, without the dot: `ply` for `a.ply.gz`.

@@ -157,6 +157,9 @@ fn read_input(input: &Input) -> Result<Scene, ReadError> {
         );
         scene.warn_of(WarningKind::Choice, message);
     }
+    for note in input.take_notes() {
+        scene.warn_of(WarningKind::Choice, note);
+    }
     scene.limit_light();
     Ok(scene)
 }
