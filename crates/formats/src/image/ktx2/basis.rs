@@ -22,7 +22,14 @@ pub fn read(input: &Input, header: &Header) -> Result<Image, ReadError> {
     let pixels = u64::from(width) * u64::from(height);
     check_level(input, header, pixels)?;
     let transcoder = Transcoder::new(&input.bytes).map_err(|_| match header.format {
-        0 => damaged(input, "it is not compressed by Basis Universal as its header says"),
+        0 => {
+            let problem = format!(
+                "the KTX2 picture is damaged, or has a newer compression by Basis Universal, which \
+                is not supported (colour model {}, supercompression {})",
+                header.model, header.supercompression
+            );
+            input.error(Place::Whole, problem, REMEDY)
+        }
         format => input.error(
             Place::Whole,
             format!("the KTX2 picture has the Vulkan format {format}, which is not supported"),

@@ -71,6 +71,8 @@ struct Header {
     level: Range<usize>,
     /// Bytes of the largest level without supercompression, of all pictures together.
     level_bytes: u64,
+    /// The colour model of the Khronos data format, which names kinds of compression.
+    model: u8,
     /// True if the values are display values.
     is_srgb: bool,
     is_premultiplied: bool,
@@ -88,9 +90,9 @@ impl Header {
         };
         let facts = range(word(56)?.into(), word(60)?.into())?;
         let level = range(long(80)?, long(88)?)?;
-        // The basic descriptor: its transfer function and flags follow model and primaries.
+        // The basic descriptor: colour model, primaries, transfer function and flags.
         let descriptor = word(48)? as usize;
-        let [.., transfer, flags] =
+        let [model, _, transfer, flags] =
             word(descriptor.checked_add(12)?).unwrap_or_default().to_le_bytes();
         Some(Self {
             format: word(12)?,
@@ -102,6 +104,7 @@ impl Header {
             facts,
             level,
             level_bytes: long(96)?,
+            model,
             is_srgb: transfer == 2,
             is_premultiplied: flags & 1 != 0,
         })

@@ -97,7 +97,7 @@ pub fn format(number: u32) -> Option<(Layout, Option<Encoding>)> {
     let is_srgb = match number {
         15 | 22 | 29 | 36 | 43 | 50 | 57 => true,
         132 | 134 | 136 | 138 | 146 | 148 | 150 | 152 => true,
-        157..=184 => number % 2 == 0,
+        157..=184 => number.is_multiple_of(2),
         _ => false,
     };
     let encoding = match (is_srgb, layout.is_linear() || layout.has_two_channels()) {

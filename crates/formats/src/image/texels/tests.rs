@@ -153,7 +153,7 @@ fn blocks_of_colours_are_decoded() {
     }
     let [r, g, b, _] = pixels(Layout::Bc6(false), [1, 1], &bits.to_le_bytes())[0];
     let half = |value: u32| {
-        f32::from(half::f16::from_bits((((value << 16 | 0x8000) >> 10) * 31 >> 6) as u16))
+        f32::from(half::f16::from_bits(((((value << 16 | 0x8000) >> 10) * 31) >> 6) as u16))
     };
     assert_eq!([r, g, b], [half(496), 0.0, half(256)]);
 }
