@@ -589,6 +589,23 @@ fn luminance_and_chroma_of_openexr_become_colours() {
 }
 
 #[test]
+fn cube_maps_of_openexr_are_noted() {
+    use exr::prelude as e;
+    let channel = e::AnyChannel::new("Y", e::FlatSamples::F32(vec![1.0; 6]));
+    let attributes = e::LayerAttributes {
+        environment_map: Some(exr::meta::attribute::EnvironmentMap::Cube),
+        ..Default::default()
+    };
+    let channels = e::AnyChannels::sort(std::iter::once(channel).collect());
+    let layer = e::Layer::new((1, 6), attributes, e::Encoding::UNCOMPRESSED, channels);
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    e::WritableImage::write(&e::Image::from_layer(layer)).to_buffered(&mut bytes).unwrap();
+    let input = input("a.exr", bytes.into_inner());
+    read_image(&input).unwrap();
+    assert!(input.take_notes()[0].contains("is a cube map, six faces one below the other"));
+}
+
+#[test]
 fn channels_of_openexr_with_few_samples_are_interpolated() {
     let bytes = sampled_openexr([4, 4], &[("A", [2, 2]), ("Y", [1, 1])], |c, x, y| match c {
         0 => (x + y) as f32 * 0.125,

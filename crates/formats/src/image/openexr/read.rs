@@ -16,7 +16,9 @@ use exr::block::UncompressedBlock;
 use exr::block::chunk::Chunk;
 use exr::math::Vec2;
 use exr::meta::MetaData;
-use exr::meta::attribute::{AttributeValue, ChannelDescription, IntegerBounds, SampleType, Text};
+use exr::meta::attribute::{
+    AttributeValue, ChannelDescription, EnvironmentMap, IntegerBounds, SampleType, Text,
+};
 use exr::meta::header::Header;
 use half::f16;
 use rayon::prelude::*;
@@ -336,6 +338,14 @@ impl Target {
     fn finish(mut self, input: &Input, meta: &MetaData) -> LayeredImage {
         if let Some(note) = &self.note {
             input.note(format!("{}: {note}", input.name));
+        }
+        let is_cube =
+            |header: &Header| header.own_attributes.environment_map == Some(EnvironmentMap::Cube);
+        if meta.headers.iter().any(is_cube) {
+            input.note(format!(
+                "{}: the picture is a cube map, six faces one below the other; it is taken as it is",
+                input.name
+            ));
         }
         convert_chroma(meta, &mut self.image);
         convert_colours(meta, &mut self.image);
