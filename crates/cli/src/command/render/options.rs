@@ -301,8 +301,12 @@ impl Options {
                 }
                 None => {
                     let input = snell_formats::Input::open(Path::new(value), &self.read_options())?;
+                    let image = snell_formats::image::read_environment(&input)?;
+                    for note in input.take_notes() {
+                        scene.warn(note);
+                    }
                     Some(Environment::Image {
-                        image: Arc::new(snell_formats::image::read_environment(&input)?),
+                        image: Arc::new(image),
                         scale: Rgb::WHITE,
                         world_from_environment: snell_math::DAffine3::IDENTITY,
                     })
