@@ -5,7 +5,9 @@ and remarks on what could not be read.
 from __future__ import annotations
 
 import base64
+import json
 import math
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,7 +16,7 @@ from pxr import Usd, UsdGeom
 from ._files import Files
 from ._motion import Motion
 
-__all__ = ["Context", "color_form", "direction", "numbers", "rows", "scalar_form"]
+__all__ = ["Context", "Needs", "color_form", "direction", "numbers", "rows", "scalar_form"]
 
 
 def numbers(array: Any, kind: Any) -> str:
@@ -44,6 +46,20 @@ def scalar_form(factor: float, texture: tuple[int, int] | None = None) -> dict[s
     return {"factor": float(factor), "texture": list(texture) if texture else None}
 
 
+@dataclass(frozen=True)
+class Needs:
+    """What a material reads from the surfaces that it is on."""
+
+    #: The primvars that multiply its base colour and its opacity.
+    color: str | None = None
+    opacity: str | None = None
+    #: Names of texture coordinates, and the number of the set of each.
+    coordinates: tuple[tuple[str, int], ...] = ()
+    #: The set of texture coordinates that selects the tile of its pictures, and the rows of their
+    #: map to those of the tiles.
+    tiles: tuple[int, tuple[tuple[float, ...], ...]] | None = None
+
+
 class Context:
     """A stage at one time, and the document that is made from it."""
 
@@ -68,8 +84,12 @@ class Context:
         self.known: dict[Any, Any] = {}
         #: The number of corners that subdivided meshes may still have.
         self.corners_left = 20_000_000
-        #: Names of primvars with vertex colours, by the number of the material that uses them.
-        self.vertex_colors: dict[int, str] = {}
+        #: What materials read from surfaces, by the number of the material.
+        self.needs: dict[int, Needs] = {}
+        #: Values that take the place of primvars, such as those of one instance.
+        self.overrides: dict[str, np.ndarray] = {}
+        #: The sets of texture coordinates, by name.
+        self.uv_sets: dict[str, int] = {}
         scale = UsdGeom.GetStageMetersPerUnit(stage)
         #: Metres per unit of the stage.
         self.scale = float(scale) if scale > 0 and math.isfinite(scale) else 1.0
@@ -197,7 +217,13 @@ class Context:
         return int(self.known[key])
 
     def texture(
-        self, image: int, *, is_srgb: bool, wrap: list[str], uv_transform: np.ndarray
+        self,
+        image: int,
+        *,
+        is_srgb: bool,
+        wrap: list[str],
+        uv_transform: np.ndarray,
+        uv_set: int = 0,
     ) -> int:
         """The number of a texture; equal ones share it."""
         texture = {
@@ -205,9 +231,33 @@ class Context:
             "encoding": "srgb" if is_srgb else "linear",
             "wrap": wrap,
             "filtering": "trilinear",
-            "uv_set": 0,
+            "uv_set": uv_set,
             "uv_transform": [[float(x) for x in row] for row in uv_transform[:2]],
         }
-        if texture not in self.textures:
+        return self._stored(texture)
+
+    def pattern(self, kind: str, **parameters: Any) -> int:
+        """The number of a texture that is computed from others; equal ones share it."""
+        return self._stored({"pattern": kind, **parameters})
+
+    def _stored(self, texture: dict[str, Any]) -> int:
+        key = ("texture", json.dumps(texture))
+        if key not in self.known:
             self.textures.append(texture)
-        return self.textures.index(texture)
+            self.known[key] = len(self.textures) - 1
+        return int(self.known[key])
+
+    def uv_set(self, name: str, used: dict[str, int]) -> int:
+        """The number of the set of texture coordinates of this name, of a material that uses these
+        already. Surfaces have two sets, and names share them.
+        """
+        if name not in self.uv_sets:
+            self.uv_sets[name] = 1 if 0 in used.values() and 1 not in used.values() else 0
+        number = self.uv_sets[name]
+        if any(other != name and taken == number for other, taken in used.items()):
+            self.remark(
+                f"the texture coordinates {name} are left out: a material has more than two sets, "
+                "or one that other materials share"
+            )
+        used[name] = number
+        return number

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 from pxr import UsdGeom
 
-from ._bindings import display_color, material_of
-from ._context import Context
+from ._bindings import material_of
+from ._context import Context, Needs
+from ._primvars import first_row, is_varying, primvar_rows
 
 __all__ = ["curves"]
 
@@ -47,24 +48,50 @@ def curves(context: Context, prim: Any) -> list[Any]:
         else str(context.value(given.GetBasisAttr(), "bezier"))
     )
     wrap = str(context.value(given.GetWrapAttr()))
-    widths = _for_points(context.array(given.GetWidthsAttr(), 1, [1.0]), counts, kind, wrap)
+    widths = _for_points(_widths(context, prim, given), counts, kind, wrap)
     columns = [points[: counts.sum()], widths]
-    colors = display_color(context, prim)
-    if colors is not None and len(colors) > 1:
-        columns.append(_for_points(colors, counts, kind, wrap))
+    material = material_of(context, prim, is_mesh=True)
+    needs = context.needs.get(material, Needs())
+    attributes = [(name, _varying(context, prim, name)) for name in (needs.color, needs.opacity)]
+    columns += [_for_points(rows, counts, kind, wrap) for _, rows in attributes if rows is not None]
     lines, lengths = _all_sampled(np.concatenate(columns, axis=1), counts, kind, wrap)
     if not len(lengths):
         return []
     positions, normals, triangles = _tubes(lines[:, :3], lines[:, 3] / 2, lengths)
-    attributes = {"normals": ("vertex", normals)}
+    found: dict[str, Any] = {"normals": ("vertex", normals)}
     if len(columns) > 2:
-        colors = np.repeat(lines[:, 4:7], _SIDES, axis=0)
-        attributes["colors"] = (
-            "vertex",
-            np.concatenate([colors, np.ones((len(colors), 1))], axis=1),
+        colors = np.ones((len(lines), 4))
+        at = 4
+        for place, (_, rows) in zip((slice(0, 3), slice(3, 4)), attributes, strict=True):
+            if rows is not None:
+                colors[:, place] = lines[:, at : at + rows.shape[1]]
+                at += rows.shape[1]
+        found["colors"] = ("vertex", np.repeat(colors, _SIDES, axis=0))
+    number = context.add_mesh(positions, triangles, found)
+    return [{"mesh": number, "materials": [material]}]
+
+
+def _widths(context: Context, prim: Any, given: Any) -> np.ndarray:
+    """The widths as rows; those on the screen, in pixels, are left out."""
+    if first_row(primvar_rows(context, prim, "screenSpaceWidths"), 1) == (1.0,):
+        context.remark(
+            f"{prim.GetPath()}: widths on the screen are left out; the curves are as thick as a "
+            "hundredth of their extent"
         )
-    number = context.add_mesh(positions, triangles, attributes)
-    return [{"mesh": number, "materials": [material_of(context, prim)]}]
+        points = context.array(given.GetPointsAttr(), 3)
+        return np.array([[np.ptp(points, axis=0).max() / 100 if len(points) else 1.0]])
+    found = primvar_rows(context, prim, "widths")
+    if found is not None and len(found[0]):
+        return found[0][:, :1]
+    return context.array(given.GetWidthsAttr(), 1, [1.0])
+
+
+def _varying(context: Context, prim: Any, name: str | None) -> np.ndarray | None:
+    """The rows of a primvar that varies: three columns for a colour, one for an opacity."""
+    found = primvar_rows(context, prim, name) if name else None
+    if found is None or not is_varying(found):
+        return None
+    return found[0][:, : 3 if found[0].shape[1] >= 3 else 1]
 
 
 def _all_sampled(

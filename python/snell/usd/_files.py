@@ -17,6 +17,14 @@ __all__ = ["Files", "StageError", "cause", "mend_rates"]
 
 #: Formats of layers that name files only in USD's own ways.
 _LAYERS = (".usd", ".usda", ".usdc", ".usdz")
+#: The first bytes of pictures: PNG, JPEG, OpenEXR, Radiance, PFM and PNM, BMP, WebP, GIF, TIFF,
+#: DDS, KTX2; and the last ones of Targa.
+_PICTURES = (
+    *(b"\x89PNG", b"\xff\xd8\xff", b"\x76\x2f\x31\x01", b"#?", b"PF", b"Pf", b"BM", b"RIFF"),
+    *(b"GIF8", b"II*\0", b"MM\0*", b"DDS ", b"\xabKTX 20\xbb"),
+    *(b"P%d" % number for number in range(1, 8)),
+)
+_TARGA = b"TRUEVISION-XFILE.\0"
 _TRUST = "or leave out --confine"
 
 
@@ -112,20 +120,31 @@ class Files:
     def picture(self, asset: Any, attribute: Any) -> tuple[bytes | None, str]:
         """The content of an image that an attribute names, or the reason why there is none."""
         path = asset.resolvedPath or asset.path
-        layer = next(
-            (
-                spec.layer
-                for spec in attribute.GetPropertyStack()
-                if spec.HasDefaultValue() or spec.HasInfo("timeSamples")
-            ),
-            None,
-        )
+        layer = _layer_of(attribute)
         file = self._beside(layer, path)
         self.check(file, asset.path, layer, str(attribute.GetPrim().GetPath()))
         if problem := _not_a_file(file):
             return None, problem
         found = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(path)) if asset.resolvedPath else None
-        return (bytes(found.GetBuffer()), "") if found else (None, "cannot be opened")
+        if not found:
+            return None, "cannot be opened"
+        content = bytes(found.GetBuffer())
+        is_known = content.startswith(_PICTURES) or content.endswith(_TARGA)
+        if not is_known and content[4:8] != b"ftyp":
+            return None, f"starts with {content[:8].hex(' ')}, which is no picture that Snell knows"
+        return content, ""
+
+    def tile(self, asset: Any, attribute: Any, number: int) -> Any:
+        """The file of a tile of a picture whose name has `<UDIM>` in place of the tile's number;
+        `None` if there is none.
+        """
+        layer = _layer_of(attribute)
+        path = asset.resolvedPath or asset.path
+        if layer and not asset.resolvedPath:
+            path = Sdf.ComputeAssetPathRelativeToLayer(layer, path)
+        path, name = (text.replace("<UDIM>", str(number)) for text in (path, asset.path))
+        resolved = str(Ar.GetResolver().Resolve(path))
+        return Sdf.AssetPath(name, resolved) if resolved else None
 
     def _vetted(self, layer: Any, name: str, place: str = "") -> str:
         """The identifier of a layer that another layer names. Raises an error unless the layer is a
@@ -177,6 +196,18 @@ class Files:
         if other and os.path.realpath(other) != os.path.realpath(self.path):
             where = f"{os.path.relpath(os.path.realpath(other), self.folder)}: {where}"
         return StageError(f"{where}{problem}; {remedy}")
+
+
+def _layer_of(attribute: Any) -> Any:
+    """The layer that gives an attribute its value."""
+    return next(
+        (
+            spec.layer
+            for spec in attribute.GetPropertyStack()
+            if spec.HasDefaultValue() or spec.HasInfo("timeSamples")
+        ),
+        None,
+    )
 
 
 def _opened(identifier: str) -> Any:

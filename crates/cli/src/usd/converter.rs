@@ -7,11 +7,12 @@ macro_rules! modules {
     };
 }
 /// The modules of the converter; the first is the package itself.
-const MODULES: [(&str, &str); 16] = modules![
+const MODULES: [(&str, &str); 17] = modules![
     "__init__",
     "_files",
     "_motion",
     "_context",
+    "_primvars",
     "_polygons",
     "_subdivision",
     "_networks",
