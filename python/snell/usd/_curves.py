@@ -1,4 +1,4 @@
-"""Curves as tubes."""
+"""Curves as tubes: cubic and linear ones, those of Hermite, and NURBS."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from pxr import UsdGeom
 
 from ._bindings import material_of
 from ._context import Context, Needs
+from ._nurbs import curve_points
 from ._primvars import first_row, is_varying, primvar_rows
 
 __all__ = ["curves"]
@@ -34,7 +35,7 @@ _BASES = {
 
 def curves(context: Context, prim: Any) -> list[Any]:
     """The surfaces of a curves prim: one mesh for all of its curves."""
-    given = UsdGeom.BasisCurves(prim)
+    given = UsdGeom.Curves(prim)
     points = context.array(given.GetPointsAttr(), 3)
     counts = np.array(context.value(given.GetCurveVertexCountsAttr(), []), dtype=np.int64)
     if counts.min(initial=0) < 0 or counts.sum() > len(points):
@@ -42,19 +43,23 @@ def curves(context: Context, prim: Any) -> list[Any]:
             f"{prim.GetPath()}: curves whose counts and points do not fit together are left out"
         )
         return []
-    kind = (
-        "linear"
-        if context.value(given.GetTypeAttr()) == "linear"
-        else str(context.value(given.GetBasisAttr(), "bezier"))
-    )
-    wrap = str(context.value(given.GetWrapAttr()))
+    name = str(prim.GetPrimTypeInfo().GetSchemaTypeName())
+    kind, wrap = _kind_of(context, prim, name)
     widths = _for_points(_widths(context, prim, given), counts, kind, wrap)
     columns = [points[: counts.sum()], widths]
     material = material_of(context, prim, is_mesh=True)
     needs = context.needs.get(material, Needs())
     attributes = [(name, _varying(context, prim, name)) for name in (needs.color, needs.opacity)]
     columns += [_for_points(rows, counts, kind, wrap) for _, rows in attributes if rows is not None]
-    lines, lengths = _all_sampled(np.concatenate(columns, axis=1), counts, kind, wrap)
+    control = np.concatenate(columns, axis=1)
+    if name == "NurbsCurves":
+        lines, lengths = curve_points(context, prim, control, counts)
+    else:
+        if name == "HermiteCurves":
+            tangents = context.array(UsdGeom.HermiteCurves(prim).GetTangentsAttr(), 3)
+            control, counts = _as_bezier(control, tangents, counts)
+            kind = "bezier"
+        lines, lengths = _all_sampled(control, counts, kind, wrap)
     if not len(lengths):
         return []
     positions, normals, triangles = _tubes(lines[:, :3], lines[:, 3] / 2, lengths)
@@ -69,6 +74,35 @@ def curves(context: Context, prim: Any) -> list[Any]:
         found["colors"] = ("vertex", np.repeat(colors, _SIDES, axis=0))
     number = context.add_mesh(positions, triangles, found)
     return [{"mesh": number, "materials": [material]}]
+
+
+def _kind_of(context: Context, prim: Any, name: str) -> tuple[str, str]:
+    """The basis of curves and how they end; those without a basis count as linear."""
+    given = UsdGeom.BasisCurves(prim)
+    if name != "BasisCurves" or str(context.value(given.GetTypeAttr())) == "linear":
+        wrap = str(context.value(given.GetWrapAttr())) if name == "BasisCurves" else "nonperiodic"
+        return "linear", wrap
+    return str(context.value(given.GetBasisAttr(), "bezier")), str(
+        context.value(given.GetWrapAttr())
+    )
+
+
+def _as_bezier(
+    control: np.ndarray, tangents: np.ndarray, counts: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Curves of Hermite as curves of Bezier; columns after the third are interpolated linearly."""
+    if len(tangents) < len(control):
+        tangents = np.resize(tangents if len(tangents) else np.zeros((1, 3)), (len(control), 3))
+    before = np.delete(np.arange(len(control)), np.cumsum(counts[counts > 0]) - 1)
+    p, q = control[before], control[before + 1]
+    inner = [p + (q - p) / 3, q - (q - p) / 3]
+    inner[0][:, :3] = p[:, :3] + tangents[before] / 3
+    inner[1][:, :3] = q[:, :3] - tangents[before + 1] / 3
+    made = np.full((len(control), 3, control.shape[1]), np.nan)
+    made[:, 0] = control
+    made[before, 1], made[before, 2] = inner
+    rows = made.reshape(-1, control.shape[1])
+    return rows[~np.isnan(rows[:, 0])], np.where(counts > 0, 3 * counts - 2, 0)
 
 
 def _widths(context: Context, prim: Any, given: Any) -> np.ndarray:

@@ -12,6 +12,7 @@ from pxr import UsdGeom, UsdShade
 
 from ._bindings import material_of
 from ._context import Context, Needs
+from ._nurbs import patch
 from ._polygons import triangulated
 from ._primvars import primvar_rows
 from ._subdivision import LoopTopology, Topology, levels_for
@@ -36,6 +37,8 @@ class _Polygons:
     faces: np.ndarray
     #: The levels of the subdivision, the coarsest first.
     levels: list[Topology] = field(default_factory=list)
+    #: Of a patch, the shares of the control points for each of its points.
+    shares: np.ndarray | None = None
 
     @property
     def triangles(self) -> np.ndarray:
@@ -43,6 +46,8 @@ class _Polygons:
 
     def interpolated(self, values: np.ndarray, interpolation: str) -> Any:
         """Values in the form that `Context.add_mesh` takes; `None` if their number is wrong."""
+        if self.shares is not None and len(values) == self.shares.shape[1]:
+            return ("vertex", self.shares @ values)
         for level in self.levels:
             if interpolation == "vertex" and len(values) == level.points:
                 values = level.smooth(values)
@@ -94,6 +99,12 @@ def triangles_of(context: Context, prim: Any) -> np.ndarray:
 
 
 def _polygons(context: Context, prim: Any) -> _Polygons | None:
+    if prim.IsA(UsdGeom.TetMesh):
+        return _outside(context, prim)
+    if prim.IsA(UsdGeom.NurbsPatch):
+        return _patch(context, prim)
+    if prim.IsA(UsdGeom.Cube):
+        return _cube(context, prim)
     given = UsdGeom.Mesh(prim)
     points = context.array(given.GetPointsAttr(), 3).astype(np.float32)
     counts = np.array(context.value(given.GetFaceVertexCountsAttr(), []), dtype=np.int64)
@@ -125,6 +136,51 @@ def _polygons(context: Context, prim: Any) -> _Polygons | None:
     if context.value(given.GetOrientationAttr()) == "leftHanded":
         corners = corners[:, ::-1]
     return _Polygons(points, indices, corners, faces, levels)
+
+
+def _outside(context: Context, prim: Any) -> _Polygons | None:
+    """The surface of a mesh of tetrahedra."""
+    given = UsdGeom.TetMesh(prim)
+    points = context.array(given.GetPointsAttr(), 3).astype(np.float32)
+    faces = context.value(given.GetSurfaceFaceVertexIndicesAttr(), [])
+    if not len(faces):
+        faces = UsdGeom.TetMesh.ComputeSurfaceFaces(given, context.time)
+    indices = np.array(faces, dtype=np.int64).reshape(-1)
+    if not len(indices) or indices.min() < 0 or indices.max() >= len(points):
+        context.remark(f"{prim.GetPath()}: tetrahedra that do not fit their points are left out")
+        return None
+    corners = np.arange(len(indices)).reshape(-1, 3)
+    if context.value(given.GetOrientationAttr()) == "leftHanded":
+        corners = corners[:, ::-1]
+    return _Polygons(points, indices, corners, np.arange(len(corners)))
+
+
+def _patch(context: Context, prim: Any) -> _Polygons | None:
+    """The quadrilaterals of a patch of B-splines; values of control points become those of its
+    points.
+    """
+    found = patch(context, prim)
+    if found is None:
+        return None
+    points, quads, shares = found
+    indices = quads.reshape(-1)
+    counts = np.full(len(quads), 4)
+    corners, faces = triangulated(points, counts, indices, np.zeros(0, dtype=np.int64))
+    if str(context.value(UsdGeom.Gprim(prim).GetOrientationAttr())) == "leftHanded":
+        corners = corners[:, ::-1]
+    return _Polygons(points.astype(np.float32), indices, corners, faces * 0, shares=shares)
+
+
+def _cube(context: Context, prim: Any) -> _Polygons:
+    """The six faces of a cube, in the order of USD."""
+    half = float(context.value(UsdGeom.Cube(prim).GetSizeAttr(), 2.0)) / 2
+    signs = [(1, 1, 1), (-1, 1, 1), (-1, -1, 1), (1, -1, 1)]
+    signs += [(-1, -1, -1), (-1, 1, -1), (1, 1, -1), (1, -1, -1)]
+    indices = [0, 1, 2, 3, 4, 5, 6, 7, 0, 6, 5, 1, 4, 7, 3, 2, 0, 3, 7, 6, 4, 2, 1, 5]
+    points = np.array(signs, dtype=np.float32) * half
+    halves = np.array([[0, 1, 2], [0, 2, 3]])
+    corners = (np.arange(6)[:, None, None] * 4 + halves).reshape(-1, 3)
+    return _Polygons(points, np.array(indices), corners, np.repeat(np.arange(6), 2))
 
 
 def _levels(
@@ -316,8 +372,12 @@ def _normals(context: Context, prim: Any, polygons: _Polygons) -> Any:
     """The normals of the file for polygons, and smooth ones for surfaces of subdivision, for which
     those of the file do not count. Polygons without normals are flat.
     """
-    given = UsdGeom.Mesh(prim)
-    scheme = str(context.value(given.GetSubdivisionSchemeAttr(), "none"))
+    given = UsdGeom.PointBased(prim)
+    if not given:
+        return None
+    if polygons.shares is not None:
+        return ("vertex", _smooth(polygons))
+    scheme = str(context.value(prim.GetAttribute("subdivisionScheme"), "none"))
     if polygons.levels or (scheme == "catmullClark" and len(polygons.faces)):
         if not polygons.levels:
             context.remark(

@@ -19,7 +19,7 @@ _MAX_POINTS = 100_000
 
 def shape(context: Context, prim: Any) -> list[int]:
     """The nodes of a shape."""
-    kind = str(prim.GetTypeName())
+    kind = str(prim.GetPrimTypeInfo().GetSchemaTypeName())
     get = lambda name, default: float(context.value(prim.GetAttribute(name), default))  # noqa: E731
     axis = str(context.value(prim.GetAttribute("axis"), "Z"))
     if kind == "Sphere":

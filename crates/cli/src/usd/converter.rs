@@ -7,7 +7,7 @@ macro_rules! modules {
     };
 }
 /// The modules of the converter; the first is the package itself.
-const MODULES: [(&str, &str); 17] = modules![
+const MODULES: [(&str, &str); 18] = modules![
     "__init__",
     "_files",
     "_motion",
@@ -20,6 +20,7 @@ const MODULES: [(&str, &str); 17] = modules![
     "_bindings",
     "_meshes",
     "_shapes",
+    "_nurbs",
     "_curves",
     "_cameras",
     "_lights",
