@@ -113,7 +113,13 @@ def _samples_around(context: Context) -> Any:
 
 
 def _children(context: Context, prim: Any, world: np.ndarray, joint: int) -> list[int]:
-    below = prim.GetFilteredChildren(Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate))
+    # Prototypes may lie in classes, or below prims that nothing defines.
+    predicate = Usd.PrimIsActive & Usd.PrimIsLoaded
+    if prim.IsPseudoRoot() or prim.IsDefined():
+        predicate &= Usd.PrimIsDefined
+    if not prim.IsAbstract():
+        predicate &= ~Usd.PrimIsAbstract
+    below = prim.GetFilteredChildren(Usd.TraverseInstanceProxies(predicate))
     found = [_node(context, child, world, joint) for child in below]
     return [number for number in found if number is not None]
 

@@ -7,8 +7,9 @@ macro_rules! modules {
     };
 }
 /// The modules of the converter; the first is the package itself.
-const MODULES: [(&str, &str); 18] = modules![
+const MODULES: [(&str, &str); 19] = modules![
     "__init__",
+    "_materialx",
     "_files",
     "_motion",
     "_context",
