@@ -46,6 +46,21 @@ def scalar_form(factor: float, texture: tuple[int, int] | None = None) -> dict[s
     return {"factor": float(factor), "texture": list(texture) if texture else None}
 
 
+def _distinct(table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The first of each of the rows that differ, and for each row the number of that one. Numbers
+    made from the rows are sorted many times faster than the rows.
+    """
+    # Minus 0 becomes 0.
+    bits = (np.ascontiguousarray(table) + 0.0).view(np.uint64)
+    factors = np.random.default_rng(1).integers(1, 1 << 63, bits.shape[1], dtype=np.uint64) | 1
+    mixed = (bits ^ (bits >> np.uint64(29))) * factors
+    keys = (mixed ^ (mixed >> np.uint64(32))).sum(axis=1, dtype=np.uint64)
+    _, first, inverse = np.unique(keys, return_index=True, return_inverse=True)
+    if not np.array_equal(bits[first][inverse.reshape(-1)], bits):
+        _, first, inverse = np.unique(bits, axis=0, return_index=True, return_inverse=True)
+    return first, inverse.reshape(-1)
+
+
 @dataclass(frozen=True)
 class Needs:
     """What a material reads from the surfaces that it is on."""
@@ -150,9 +165,7 @@ class Context:
                 attributes[name] = ("vertex", values)
                 parts.append(values.astype(np.float64))
             # Corners with equal attributes are one vertex.
-            _, first, inverse = np.unique(
-                np.concatenate(parts, axis=1), axis=0, return_index=True, return_inverse=True
-            )
+            first, inverse = _distinct(np.concatenate(parts, axis=1))
             points, triangles = points[flat[first]], inverse.reshape(-1, 3)
             attributes = {
                 name: ("vertex", values[first]) for name, (_, values) in attributes.items()

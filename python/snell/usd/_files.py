@@ -126,12 +126,9 @@ class Files:
             while todo:
                 layer = todo.pop()
                 # A reference to its own layer has no name.
-                names = [
-                    (name, "") for name in filter(None, layer.GetCompositionAssetDependencies())
-                ]
-                for name, place in [*names, *_clips(layer)]:
-                    identifier = self._vetted(layer, name, place)
-                    if _is_materialx(identifier) and not place:
+                for name in filter(None, layer.GetCompositionAssetDependencies()):
+                    identifier = self._vetted(layer, name)
+                    if _is_materialx(identifier):
                         self._read_materialx(layer, name, identifier, mended, made)
                         continue
                     if identifier in known:
@@ -142,6 +139,9 @@ class Files:
                     if further := _opened(identifier):
                         found.append(further)
                         todo.append(further)
+                # The rates of clips play no part, and nothing that they name is used.
+                for name, place in _clips(layer):
+                    self._vetted(layer, name, place)
         return found
 
     def _read_materialx(

@@ -166,7 +166,7 @@ def _node_of(context: Context, prim: Any, parent: np.ndarray, joint: int) -> int
             prim, joint, lambda matrix: rows(np.array(matrix, dtype=np.float64).reshape(4, 4).T)
         )
     cameras, lights = len(context.cameras), len(context.lights)
-    surfaces, below = _content(context, prim, world, joint)
+    surfaces, below = _usable_content(context, prim, world, joint)
     context.motion.cameras += [(i, joint) for i in range(cameras, len(context.cameras))]
     context.motion.lights += [(i, joint) for i in range(lights, len(context.lights))]
     _check_finite(context, before)
@@ -250,6 +250,22 @@ def _placed_in_the_world(context: Context) -> tuple[int, int, bool]:
     All of these are in world space, so they are created for every instance.
     """
     return len(context.lights), len(context.cameras), context.environment is None
+
+
+def _usable_content(
+    context: Context, prim: Any, world: np.ndarray, joint: int
+) -> tuple[list[Any], list[int]]:
+    """What a prim shows. A prim with values of another type than the schema's shows nothing."""
+    try:
+        return _content(context, prim, world, joint)
+    except StageError:
+        raise
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+        context.remark(
+            f"at {prim.GetPath()}: its values cannot be used: {error}; it is left out; write them "
+            "as the schema says"
+        )
+        return [], []
 
 
 def _content(
