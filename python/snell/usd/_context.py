@@ -103,6 +103,8 @@ class Context:
         self.needs: dict[int, Needs] = {}
         #: Values that take the place of primvars, such as those of one instance.
         self.overrides: dict[str, np.ndarray] = {}
+        #: The names of the primvars that were looked for.
+        self.asked: set[str] = set()
         #: The sets of texture coordinates, by name.
         self.uv_sets: dict[str, int] = {}
         scale = UsdGeom.GetStageMetersPerUnit(stage)

@@ -211,10 +211,11 @@ class Files:
         `None` if there is none.
         """
         layer = _layer_of(attribute)
-        path = asset.resolvedPath or asset.path
-        if layer and not asset.resolvedPath:
-            path = Sdf.ComputeAssetPathRelativeToLayer(layer, path)
-        path, name = (text.replace("<UDIM>", str(number)) for text in (path, asset.path))
+        path, name = (
+            text.replace("<UDIM>", str(number)) for text in (asset.resolvedPath, asset.path)
+        )
+        if not path:
+            path = Sdf.ComputeAssetPathRelativeToLayer(layer, name) if layer else name
         resolved = str(Ar.GetResolver().Resolve(path))
         return Sdf.AssetPath(name, resolved) if resolved else None
 

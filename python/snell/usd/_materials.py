@@ -16,7 +16,7 @@ from ._primvars import State, primvar_state
 __all__ = ["material"]
 
 #: Inputs of surfaces that change nothing here, or have a remark of their own.
-_NOT_NEEDED = {"occlusion", "displacement", "opacityMode"}
+_NOT_NEEDED = {"occlusion", "displacement", "opacityMode", "specularColor"}
 
 
 def material(context: Context, prim: Any, user: Any, tile: int | None = None) -> int | None:
@@ -44,7 +44,7 @@ def material(context: Context, prim: Any, user: Any, tile: int | None = None) ->
     if found is None:
         context.remark(
             f"{prim.GetPath()}: no surface of a kind that is known"
-            + (f" ({', '.join(others)})" if others else "")
+            + (f" ({', '.join(dict.fromkeys(others))})" if others else "")
             + "; the display colour is shown instead"
         )
     else:

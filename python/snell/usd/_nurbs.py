@@ -31,16 +31,23 @@ def _basis(order: int, knots: np.ndarray, count: int, at: np.ndarray) -> np.ndar
     return shares[:, :count]
 
 
-def _parameters(
-    order: int, knots: np.ndarray, count: int, ends: Any, pieces: int
-) -> np.ndarray | None:
-    """Parameters at which a curve is computed; `None` if its knots do not fit."""
+def _shares(
+    context: Context, prim: Any, order: int, knots: np.ndarray, count: int, ends: Any
+) -> np.ndarray:
+    """The shares of the control points, in rows for the points of a curve. Without knots that fit
+    it is the polygon of its control points.
+    """
     if order < 2 or count < order or len(knots) != count + order or np.any(np.diff(knots) < 0):
-        return None
+        context.remark(
+            f"{prim.GetPath()}: the knots do not fit; straight lines between the control points "
+            "are shown"
+        )
+        return np.eye(count)
     low, high = knots[order - 1], knots[count]
     if ends is not None and low <= ends[0] < ends[1] <= high:
         low, high = ends
-    return np.linspace(low, high, min((count - order + 1) * pieces, _MOST_PIECES) + 1)
+    pieces = min((count - order + 1) * _PIECES, _MOST_PIECES)
+    return _basis(order, knots, count, np.linspace(low, high, pieces + 1))
 
 
 def curve_points(
@@ -58,13 +65,8 @@ def curve_points(
     lines, start, first = [], 0, 0
     for number, (order, count) in enumerate(zip(orders, counts, strict=True)):
         own = knots[first : first + count + order]
-        at = _parameters(
-            int(order), own, int(count), ends[number] if number < len(ends) else None, _PIECES
-        )
-        if at is None:
-            context.remark(f"{prim.GetPath()}: curves whose knots do not fit are left out")
-            break
-        shares = _basis(int(order), own, int(count), at)
+        end = ends[number] if number < len(ends) else None
+        shares = _shares(context, prim, int(order), own, int(count), end)
         shares *= weights[start : start + count] if len(weights) == len(control) else 1.0
         shares /= np.maximum(shares.sum(axis=1, keepdims=True), 1e-300)
         lines.append(shares @ control[start : start + count])
@@ -96,11 +98,7 @@ def patch(context: Context, prim: Any) -> tuple[np.ndarray, np.ndarray, np.ndarr
     ):
         size, degree = int(context.value(count, 0)), int(context.value(order, 4))
         values = context.array(knots, 1)[:, 0]
-        at = _parameters(degree, values, size, context.value(ends), _PIECES)
-        if at is None:
-            context.remark(f"{prim.GetPath()}: a patch whose knots do not fit is left out")
-            return None
-        sides.append(_basis(degree, values, size, at))
+        sides.append(_shares(context, prim, degree, values, size, context.value(ends)))
     u, v = sides
     if u.shape[1] * v.shape[1] != len(points):
         context.remark(f"{prim.GetPath()}: a patch whose points do not fit is left out")

@@ -18,6 +18,7 @@ State = tuple[float, ...] | None
 
 def primvar_rows(context: Context, prim: Any, name: str) -> tuple[np.ndarray, str] | None:
     """The values of a primvar of a prim or an ancestor as rows, and their interpolation."""
+    context.asked.add(name)
     if name in context.overrides:
         return context.overrides[name], "constant"
     primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(name)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import functools
 import json
-from typing import Any
+from collections.abc import Callable
+from typing import Any, TypeVar
 
 import numpy as np
 from pxr import Gf, Usd, UsdGeom, UsdLux, UsdRender, UsdShade, UsdSkel
@@ -19,6 +21,7 @@ from ._shapes import points, shape
 
 __all__ = ["document"]
 
+_T = TypeVar("_T")
 #: Maximum number of different values of a primvar that the instances of one prim have.
 _MOST_VALUES = 1000
 
@@ -215,11 +218,21 @@ def _shared_children(context: Context, prim: Any, world: np.ndarray, joint: int)
     key = ("prototype", str(prim.GetPrototype().GetPath()), _inherited(context, prim))
     if key not in context.known:
         before = _placed_in_the_world(context)
-        below = _children(context, prim, world, joint)
+        below, asked = _with_names(context, lambda: _children(context, prim, world, joint))
         if before != _placed_in_the_world(context):
             return below
-        context.known[key] = below
-    return list(context.known[key])
+        context.known[key] = below, asked
+    below, asked = context.known[key]
+    context.asked |= asked
+    return list(below)
+
+
+def _with_names(context: Context, make: Callable[[], _T]) -> tuple[_T, set[str]]:
+    """What a function makes, and the names of the primvars that it looks for."""
+    before, context.asked = context.asked, set()
+    made, asked = make(), context.asked
+    context.asked = before | asked
+    return made, asked
 
 
 def _inherited(context: Context, prim: Any) -> tuple[Any, ...]:
@@ -322,17 +335,22 @@ def _point_instancer(context: Context, prim: Any, world: np.ndarray, joint: int)
     if len(mask) == len(indices):
         numbers = [number for number in numbers if mask[number]]
     values = _values_of_instances(context, prim, len(indices))
+    names: dict[int, list[str]] = {}
     made: dict[Any, int | None] = {}
     found = []
     for number, matrix in zip(numbers, transforms, strict=False):
         index = indices[number]
         if not 0 <= index < len(targets) or not targets[index]:
             continue
-        own = {name: value[number : number + 1] for name, value in values.items()}
+        make = functools.partial(_node, context, targets[index], world, joint)
+        if index not in names:
+            made[index,], asked = _with_names(context, make)
+            names[index] = sorted(asked & set(values))
+        own = {name: values[name][number : number + 1] for name in names[index]}
         key = (index, *(value.tobytes() for value in own.values()))
         if key not in made:
             before, context.overrides = context.overrides, {**context.overrides, **own}
-            made[key] = _node(context, targets[index], world, joint)
+            made[key] = make()
             context.overrides = before
         if (prototype := made[key]) is not None:
             place = np.array(matrix, dtype=np.float64).reshape(4, 4).T
