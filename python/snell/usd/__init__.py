@@ -6,11 +6,12 @@ runs the modules of this package whenever it is given a ``.usd``, ``.usda``, ``.
 so they use nothing else of Snell.
 
 What is read: the composed stage (references, payloads, variants as they are chosen), instances and
-point instancers, meshes (polygons; those of subdivision schemes with smooth normals), spheres,
-cubes, cylinders, cones, capsules and planes, curves as tubes, points as balls, cameras, the lights
-of UsdLux, and materials: UsdPreviewSurface, and OpenPBR and standard surface as MaterialX networks.
-Units become metres, and the up axis is that of the stage. Transforms that change over time are the
-scene's motion. A remark names everything that is left out.
+point instancers, meshes (polygons, and the subdivision surfaces of Catmull and Clark and of Loop),
+tetrahedra, patches, spheres, cubes, cylinders, cones, capsules and planes, curves as tubes, points
+as balls, cameras, the lights of UsdLux, and materials: UsdPreviewSurface, and OpenPBR and standard
+surface as MaterialX networks, also from files of MaterialX. Units become metres, and the up axis is
+that of the stage. Transforms that change over time are the scene's motion. A remark names
+everything that is left out.
 """
 
 from __future__ import annotations

@@ -202,13 +202,19 @@ class Context:
             self.known[key] = len(self.materials) - 1
         return len(self.materials) - 1
 
-    def picture(self, asset: Any, attribute: Any) -> dict[str, Any] | None:
-        """The content of the image file that `attribute` names."""
+    def picture(
+        self,
+        asset: Any,
+        attribute: Any,
+        instead: str = "a magenta checkerboard stands in for this texture",
+    ) -> dict[str, Any] | None:
+        """The content of the image file that `attribute` names. Without it, a remark says what is
+        shown instead.
+        """
         content, problem = self.files.picture(asset, attribute)
         if content is None:
             self.remark(
-                f"{attribute.GetPrim().GetPath()}: the picture {asset.path!r}: {problem}; a "
-                "magenta checkerboard stands in for this texture"
+                f"{attribute.GetPrim().GetPath()}: the picture {asset.path!r}: {problem}; {instead}"
             )
             return None
         return {"encoded": base64.b64encode(content).decode("ascii")}

@@ -243,9 +243,6 @@ def _point(
 
 
 def _dome(context: Context, prim: Any, world: np.ndarray, color: np.ndarray) -> None:
-    if context.environment is not None:
-        context.remark(f"{prim.GetPath()}: a second dome light is left out")
-        return
     file = prim.GetAttribute("inputs:texture:file")
     asset = context.value(file)
     layout = str(context.value(prim.GetAttribute("inputs:texture:format"), "automatic"))
@@ -254,9 +251,15 @@ def _dome(context: Context, prim: Any, world: np.ndarray, color: np.ndarray) -> 
             f"{prim.GetPath()}: the layout {layout} of the picture of a dome is not supported; it "
             "is taken for latlong"
         )
-    picture = context.picture(asset, file) if asset and asset.path else None
-    if picture is None:
-        context.environment = {"constant": [float(x) for x in color]}
+    instead = "the light has the same colour everywhere"
+    picture = context.picture(asset, file, instead) if asset and asset.path else None
+    before = context.environment or {"constant": [0.0, 0.0, 0.0]}
+    if picture is None and "constant" in before:
+        context.environment = {"constant": [float(x) for x in color + before["constant"]]}
+        return
+    if picture is None or "image" in before or any(before["constant"]):
+        context.remark(f"{prim.GetPath()}: of several dome lights, one with a picture is shown")
+    if picture is None or "image" in before:
         return
     # The middle of the image is +z, and right of it is -x (OpenEXR); Snell has -z and +x.
     turn = np.diag([-1.0, 1.0, -1.0])

@@ -26,6 +26,8 @@ def primvar_rows(context: Context, prim: Any, name: str) -> tuple[np.ndarray, st
         return None
     flat = primvar.ComputeFlattened(context.time)
     flat = primvar.ComputeFlattened() if flat is None else flat
+    if flat is None and context.value(primvar.GetAttr()) is None:
+        return None
     if flat is None:
         context.remark(f"{prim.GetPath()}: the indices of the primvar {name} do not fit its values")
         return None

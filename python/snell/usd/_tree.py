@@ -239,7 +239,7 @@ def _inherited(context: Context, prim: Any) -> tuple[Any, ...]:
     """What the inside of an instance takes from the instance and from above it: the material, the
     purpose, and primvars.
     """
-    bound, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()
+    bound, binding = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()
     primvars = UsdGeom.PrimvarsAPI(prim).FindPrimvarsWithInheritance()
     above = prim
     while above and not above.IsPseudoRoot():
@@ -253,7 +253,8 @@ def _inherited(context: Context, prim: Any) -> tuple[Any, ...]:
         if primvar.GetInterpolation() == "constant"
     ]
     overrides = [(name, rows.tobytes()) for name, rows in context.overrides.items()]
-    material = str(bound.GetPath()) if bound else ""
+    strength = UsdShade.MaterialBindingAPI.GetMaterialBindingStrength(binding) if bound else ""
+    material = (str(bound.GetPath()), str(strength)) if bound else ()
     purpose = str(UsdGeom.Imageable(prim).ComputePurpose()) if UsdGeom.Imageable(prim) else ""
     return (material, purpose, tuple(sorted(values)), tuple(sorted(overrides)))
 
