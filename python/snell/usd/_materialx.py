@@ -113,6 +113,9 @@ class _Document:
     def anchored(self, name: str, element: Any) -> str:
         """A name of a file as seen from the file of an element."""
         anchor = Ar.ResolvedPath(self.file[element])
+        if not re.match(r"/|\.|[A-Za-z][A-Za-z0-9+.-]*:", name):
+            # A name without a dot might lie on a search path.
+            name = f"./{name}"
         return str(Ar.GetResolver().CreateIdentifier(name, anchor))
 
     def inherited(self, element: Any, name: str) -> str:
