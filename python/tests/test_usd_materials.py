@@ -348,10 +348,7 @@ def test_a_material_without_a_known_surface_shows_the_display_colour(tmp_path: P
     color = "color3f[] primvars:displayColor = [(0, 0.5, 0)]"
     text = painted("", "", color).replace("UsdPreviewSurface", "SomeSurface")
     form, remarks = document(stage(tmp_path, text))
-    assert remarks == [
-        "/paint: no surface of a kind that is known (SomeSurface); the display colour is shown "
-        "instead"
-    ]
+    assert remarks == ["/paint: no surface of a kind that is known (SomeSurface); it is left out"]
     assert form["materials"][0]["kind"]["base_color"]["factor"] == [0, 0.5, 0]
 
 
@@ -368,3 +365,17 @@ def test_inputs_and_pictures_that_are_left_out_are_named(tmp_path: Path) -> None
     _, remarks = document(path)
     assert "which is no picture that Snell knows; a magenta checkerboard" in remarks[0]
     assert remarks[1] == "/paint/surface: left out: glitter"
+
+
+def test_materials_for_final_pictures_count_before_those_for_previews(tmp_path: Path) -> None:
+    def paint(name: str, kind: str, red: float) -> str:
+        text = painted(f"color3f inputs:diffuseColor = ({red}, 0, 0)").partition("def Material")[2]
+        return "def Material" + text.replace("paint", name).replace("UsdPreviewSurface", kind)
+
+    sheet = painted("").partition("def Material")[0]
+    bindings = "rel material:binding:full = </final>\nrel material:binding:preview = </rough>\n"
+    sheet = sheet.replace("rel material:binding = </paint>", bindings)
+    for kind, red in (("UsdPreviewSurface", 0.25), ("SomeSurface", 0.75)):
+        text = sheet + paint("final", kind, 0.25) + paint("rough", "UsdPreviewSurface", 0.75)
+        form, _ = document(stage(tmp_path, text))
+        assert form["materials"][0]["kind"]["base_color"]["factor"][0] == red

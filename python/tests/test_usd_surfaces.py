@@ -57,6 +57,22 @@ def test_the_first_level_of_a_tetrahedron_has_the_points_of_loop() -> None:
     ]
 
 
+def test_smooth_triangles_pull_at_their_edges() -> None:
+    pytest.importorskip("pxr")
+    from snell.usd._subdivision import Topology
+
+    none = np.zeros((0, 2), dtype=np.int64), np.zeros(0)
+    pins = np.zeros(0, dtype=np.int64), np.zeros(0)
+    corners = np.array([0, 1, 2, 0, 3, 1, 1, 3, 2, 2, 3, 0])
+    points = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]], dtype=np.float64)
+    for is_smooth, middle in ((False, 0.25), (True, 0.47)):
+        level = Topology(4, np.full(4, 3), corners, *none, *pins, True, is_smooth)
+        ends = points[level.ends].sum(axis=1)
+        # The middles of the two triangles sum to a third of the ends, with these ends.
+        edges = ends * (0.5 - middle) + middle * ends / 3
+        assert level.smooth(points)[4:10] == pytest.approx(edges)
+
+
 def test_schemes_for_other_faces_and_corners_that_do_not_fit_are_told(tmp_path: Path) -> None:
     text = f"""
     def Mesh "loop" {{ {SHEET.replace('"none"', '"loop"')} }}

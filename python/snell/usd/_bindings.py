@@ -10,16 +10,22 @@ from ._context import Context, Needs, color_form, scalar_form
 from ._materials import material
 from ._primvars import first_row, is_varying, primvar_rows
 
-__all__ = ["display_material", "is_bound", "material_of"]
+__all__ = ["bound_materials", "display_material", "material_of"]
 
 #: The colour of surfaces that have none.
 _GREY = (0.18, 0.18, 0.18)
 
 
-def is_bound(prim: Any) -> bool:
-    """True if a material is bound to a prim or an ancestor."""
-    found, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()
-    return bool(found)
+def bound_materials(prim: Any) -> list[tuple[Any, Any]]:
+    """The materials that are bound to a prim or an ancestor, and their bindings: that for final
+    pictures, and that for previews if it is another one.
+    """
+    found: list[tuple[Any, Any]] = []
+    for purpose in (UsdShade.Tokens.full, UsdShade.Tokens.preview):
+        material, binding = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial(purpose)
+        if material and all(material.GetPath() != other.GetPath() for other, _ in found):
+            found.append((material, binding))
+    return found
 
 
 def material_of(
@@ -29,8 +35,7 @@ def material_of(
     the picture of a set that is named by tiles. Colours that vary are those of the first value,
     unless `is_mesh`.
     """
-    found, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()
-    if found:
+    for found, _ in bound_materials(prim):
         number = material(context, found.GetPrim(), prim, tile)
         if number is not None:
             return number

@@ -45,7 +45,7 @@ def material(context: Context, prim: Any, user: Any, tile: int | None = None) ->
         context.remark(
             f"{prim.GetPath()}: no surface of a kind that is known"
             + (f" ({', '.join(dict.fromkeys(others))})" if others else "")
-            + "; the display colour is shown instead"
+            + "; it is left out"
         )
     else:
         net = Network(context, found, user, tile)

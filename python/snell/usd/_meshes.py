@@ -206,8 +206,17 @@ def _levels(
         context.remark(f"{given.GetPath()}: corners that do not fit the mesh are left out")
         pins, pinned = np.zeros(0, dtype=np.int64), np.zeros(0)
     border = str(context.value(given.GetInterpolateBoundaryAttr()))
+    rule = str(context.value(given.GetTriangleSubdivisionRuleAttr()))
     level = _SCHEMES[scheme](
-        points, counts, indices, edges, sharpness, pins, pinned, border == "edgeAndCorner"
+        points,
+        counts,
+        indices,
+        edges,
+        sharpness,
+        pins,
+        pinned,
+        border == "edgeAndCorner",
+        rule == "smooth",
     )
     levels = [level]
     while len(levels) < number:

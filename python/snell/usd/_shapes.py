@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from pxr import UsdGeom
 
-from ._bindings import display_material, is_bound, material_of
+from ._bindings import bound_materials, display_material, material_of
 from ._context import Context, rows
 from ._primvars import first_row, is_varying, primvar_rows
 
@@ -101,7 +101,7 @@ def _balls(context: Context, prim: Any, count: int) -> list[int]:
             varies = True
         elif (one := first_row(found, width)) is not None:
             shown[:, place] = one
-    if is_bound(prim) or not varies:
+    if bound_materials(prim) or not varies:
         return [context.add_shape(form, material_of(context, prim))] * count
     distinct, which = np.unique(shown, axis=0, return_inverse=True)
     made = [

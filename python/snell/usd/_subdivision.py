@@ -14,6 +14,9 @@ __all__ = ["LoopTopology", "Topology", "levels_for"]
 
 #: Maximum number of corners of a mesh after its subdivision, and of levels.
 _MOST_CORNERS, _MOST_LEVELS = 200_000, 3
+#: The weight of the middle of a triangle at an edge, where those of other faces have a quarter
+#: (OpenSubdiv, rule "smooth" for triangles).
+_TRIANGLE = 0.47
 
 
 def levels_for(corners: int, most: int) -> int:
@@ -43,6 +46,8 @@ class Topology:
     pin_sharpness: np.ndarray
     #: Whether a point of one face only, at the border, stays where it is.
     keeps_corners: bool
+    #: Whether edges of triangles take more from the triangles, which look smoother then.
+    smooths_triangles: bool = False
 
     def __post_init__(self) -> None:
         self.starts = np.cumsum(self.counts) - self.counts
@@ -86,7 +91,9 @@ class Topology:
         centres = self.centres(values[self.indices])
         middles = (values[self.ends[:, 0]] + values[self.ends[:, 1]]) / 2
         around = self._sum(self.edge, centres[self.face], len(self.ends)) / 2
-        edges = np.where(self.is_sharp[:, None], middles, (middles + around) / 2)
+        weights = np.where((self.counts == 3) & self.smooths_triangles, _TRIANGLE, 0.25)
+        share = self._sum(self.edge, weights[self.face, None], len(self.ends))
+        edges = np.where(self.is_sharp[:, None], middles, middles + share * (around - middles))
         valence = np.maximum(np.bincount(self.indices, minlength=self.points), 1)[:, None]
         faces = self._sum(self.indices, centres[self.face], self.points) / valence
         flat = self.ends.reshape(-1)

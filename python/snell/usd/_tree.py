@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 from pxr import Gf, Usd, UsdGeom, UsdLux, UsdRender, UsdShade, UsdSkel
 
+from ._bindings import bound_materials
 from ._cameras import camera
 from ._context import Context, rows
 from ._curves import curves
@@ -239,11 +240,10 @@ def _inherited(context: Context, prim: Any) -> tuple[Any, ...]:
     """What the inside of an instance takes from the instance and from above it: the material, the
     purpose, and primvars.
     """
-    bound, binding = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()
     primvars = UsdGeom.PrimvarsAPI(prim).FindPrimvarsWithInheritance()
     above = prim
     while above and not above.IsPseudoRoot():
-        if UsdShade.MaterialBindingAPI(above).GetCollectionBindingRels():
+        if _has_collections(above):
             # Such a binding names the parts inside by their paths, which differ by instance.
             return (str(prim.GetPath()),)
         above = above.GetParent()
@@ -253,10 +253,27 @@ def _inherited(context: Context, prim: Any) -> tuple[Any, ...]:
         if primvar.GetInterpolation() == "constant"
     ]
     overrides = [(name, rows.tobytes()) for name, rows in context.overrides.items()]
-    strength = UsdShade.MaterialBindingAPI.GetMaterialBindingStrength(binding) if bound else ""
-    material = (str(bound.GetPath()), str(strength)) if bound else ()
+    materials = tuple(
+        (
+            str(material.GetPath()),
+            str(UsdShade.MaterialBindingAPI.GetMaterialBindingStrength(binding)),
+        )
+        for material, binding in bound_materials(prim)
+    )
     purpose = str(UsdGeom.Imageable(prim).ComputePurpose()) if UsdGeom.Imageable(prim) else ""
-    return (material, purpose, tuple(sorted(values)), tuple(sorted(overrides)))
+    return (materials, purpose, tuple(sorted(values)), tuple(sorted(overrides)))
+
+
+def _has_collections(prim: Any) -> bool:
+    """True if a prim binds materials to collections."""
+    return any(
+        UsdShade.MaterialBindingAPI(prim).GetCollectionBindingRels(purpose)
+        for purpose in (
+            UsdShade.Tokens.allPurpose,
+            UsdShade.Tokens.full,
+            UsdShade.Tokens.preview,
+        )
+    )
 
 
 def _placed_in_the_world(context: Context) -> tuple[int, int, bool]:
