@@ -630,12 +630,15 @@ def test_values_that_the_schema_does_not_know_leave_their_prim_out(tmp_path: Pat
         def Mesh "sheet" {
             int points = 1
         }
+        def Mesh "wide" {
+            float4[] points = [(0, 0, 0, 1), (1, 0, 0, 1), (0, 1, 0, 1)]
+        }
         def Cube "box" { }
         """,
     )
     form, remarks = document(path)
     assert [surface["shape"]["shape"] for surface in surfaces(form)] == ["box"]
-    for remark, path in zip(remarks, ("/ball", "/sheet"), strict=True):
+    for remark, path in zip(remarks, ("/ball", "/sheet", "/wide"), strict=True):
         assert remark.startswith(f"at {path}: its values cannot be used: ")
 
 

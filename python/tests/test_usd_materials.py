@@ -82,6 +82,11 @@ def test_tiles_of_pictures_are_slots_of_the_mesh(tmp_path: Path) -> None:
     # The tile begins at (1, 1); v grows downwards.
     assert images[2]["uv_transform"] == [[1, 0, -1], [0, -1, 2]]
     snell.load(path)
+    # What is on a tile that is missing is black.
+    (tmp_path / "wood.1012.ppm").unlink()
+    form, _ = document(path)
+    last = form["materials"][surface["materials"][2]]["kind"]["base_color"]
+    assert last == {"factor": [0, 0, 0], "texture": None, "spectrum": None}
 
 
 def test_texture_coordinates_are_found_by_name(tmp_path: Path) -> None:

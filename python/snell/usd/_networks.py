@@ -238,7 +238,12 @@ class Network:
         kind = kind_of(shader)
         channel = _CHANNELS.get(output.split(":")[-1], 0)
         if kind == "UsdUVTexture" or kind.startswith(_PICTURES):
-            return _Source(None, self._texture(shader, kind), channel=channel)
+            picture = self._texture(shader, kind)
+            return (
+                _Source(None, picture, channel=channel)
+                if picture
+                else self._fallback(shader, output, channel)
+            )
         if kind.startswith(_PRIMVARS):
             return self._primvar(shader, kind, depth)
         if kind.startswith("ND_constant"):
@@ -500,6 +505,20 @@ class Network:
             number, asset = tile
             st, wraps = _moved([-(number % 10), -(number // 10)]) @ st, ["clamp", "clamp"]
         return _Picture(self.context.image(asset, attribute), space, wraps, scale, bias, st, uv_set)
+
+    def _fallback(self, shader: Any, output: str, channel: int) -> _Source:
+        """What the output of a picture is where there is none: the fallback of the file, black for
+        a tile that is missing, and else the default of the surface.
+        """
+        given = shader.GetInput("fallback") or shader.GetInput("default")
+        value = self._resolve(given).value if given else None
+        if value is None and self.tiles is not None and self.tile is not None:
+            value = (0.0, 0.0, 0.0, 1.0)
+        if value is None:
+            return _Source()
+        numbers = _numbers(value)
+        is_one = output.split(":")[-1] in _CHANNELS
+        return _Source(numbers[min(channel, len(numbers) - 1)] if is_one else numbers[:3])
 
     def _tile(self, asset: Any, attribute: Any) -> tuple[int, Any] | None:
         """The number of a tile, counted from 0, and its picture."""
