@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from test_usd import document, floats, stage, surfaces
 
+import snell
+
 SHEET = """
         int[] faceVertexCounts = [4, 4]
         int[] faceVertexIndices = [0, 1, 4, 3, 1, 2, 5, 4]
@@ -244,11 +246,51 @@ def test_splines_with_knots_are_computed(tmp_path: Path) -> None:
     """
     form, remarks = document(stage(tmp_path, text))
     assert remarks == []
-    quarter, arch, barrel = (floats(mesh["positions"]).reshape(-1, 3) for mesh in form["meshes"])
+    quarter, barrel = (floats(mesh["positions"]).reshape(-1, 3) for mesh in form["meshes"])
     assert np.linalg.norm(quarter, axis=1) == pytest.approx(1, abs=2e-3)
-    assert arch[:, 1].max() == pytest.approx(0.5, abs=2e-3)
+    arch = floats(form["curves"][0]["points"]).reshape(-1, 4)
+    rise = 2 / 3
+    assert arch.tolist() == pytest.approx(
+        np.array([[0, 0, 0, 1e-3], [0, rise, 0, 1e-3], [1, rise, 0, 1e-3], [1, 0, 0, 1e-3]])
+    )
     assert np.linalg.norm(barrel[:, :2], axis=1) == pytest.approx(1, abs=1e-5)
     assert barrel[:, 2].max() == pytest.approx(5)
+
+
+@pytest.mark.parametrize(
+    ("basis", "wrap", "points", "ends"),
+    [
+        ("bspline", "pinned", 4, [0.01, 2.99]),
+        ("catmullRom", "pinned", 4, [0.01, 2.99]),
+        ("catmullRom", "nonperiodic", 4, [1.01, 1.99]),
+        ("bezier", "nonperiodic", 4, [0.01, 2.99]),
+        ("bspline", "periodic", 5, [0.8, 3.0]),
+        ("bezier", "periodic", 6, [0.01, 2.99]),
+        ("linear", "nonperiodic", 4, [0.01, 2.99]),
+        ("bspline", "pinned", 2, [0.01, 0.99]),
+    ],
+)
+def test_curves_reach_as_far_as_their_basis_says(
+    tmp_path: Path, basis: str, wrap: str, points: int, ends: list[float]
+) -> None:
+    kind = "linear" if basis == "linear" else "cubic"
+    basis = "" if kind == "linear" else f'uniform token basis = "{basis}"'
+    text = f"""
+    def BasisCurves "line" {{
+        point3f[] points = {[(i, 0, 0) for i in range(points)]}
+        int[] curveVertexCounts = [{points}]
+        uniform token type = "{kind}"
+        {basis}
+        uniform token wrap = "{wrap}"
+        float[] widths = [0.25] (interpolation = "constant")
+    }}
+    """
+    path = stage(tmp_path, text)
+    form, remarks = document(path)
+    assert remarks == []
+    assert len(form["curves"]) == 1
+    rays = np.array([[x, 0, 5, 0, 0, -1] for x in ends], dtype=np.float32)
+    assert snell.load(path).cast_rays(rays).t_hit == pytest.approx(4.875, abs=1e-4)
 
 
 def test_tetrahedra_have_an_outside(tmp_path: Path) -> None:

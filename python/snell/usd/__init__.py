@@ -7,7 +7,7 @@ so they use nothing else of Snell.
 
 What is read: the composed stage (references, payloads, variants as they are chosen), instances and
 point instancers, meshes (polygons, and the subdivision surfaces of Catmull and Clark and of Loop),
-tetrahedra, patches, spheres, cubes, cylinders, cones, capsules and planes, curves as tubes, points
+tetrahedra, patches, spheres, cubes, cylinders, cones, capsules and planes, curves, points
 as balls, cameras, the lights of UsdLux, and materials: UsdPreviewSurface, and OpenPBR and standard
 surface as MaterialX networks, also from files of MaterialX. Units become metres, and the up axis is
 that of the stage. Transforms that change over time are the scene's motion. A remark names

@@ -88,6 +88,7 @@ class Context:
         self.remarks: dict[str, int] = {}
         self.nodes: list[dict[str, Any]] = [{"name": "stage"}]
         self.meshes: list[dict[str, Any]] = []
+        self.curves: list[dict[str, Any]] = []
         self.materials: list[dict[str, Any]] = []
         self.textures: list[dict[str, Any]] = []
         self.images: list[dict[str, Any]] = []

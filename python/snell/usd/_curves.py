@@ -1,15 +1,18 @@
-"""Curves as tubes: cubic and linear ones, those of Hermite, and NURBS."""
+"""Curves: linear ones, cubic ones and those of Hermite as strands; NURBS, and those with colours of
+their own, as tubes.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from pxr import UsdGeom
 
 from ._bindings import material_of
-from ._context import Context, Needs
+from ._context import Context, Needs, numbers
 from ._nurbs import curve_points
 from ._primvars import first_row, is_varying, primvar_rows
 
@@ -18,6 +21,13 @@ __all__ = ["curves"]
 #: Number of sides of the tubes, and of pieces of each segment of a curve.
 _SIDES, _PIECES = 6, 6
 
+#: Names of the bases of strands.
+_STRANDS = {
+    "linear": "linear",
+    "bezier": "bezier",
+    "bspline": "b-spline",
+    "catmullRom": "catmull-rom",
+}
 _BASES = {
     "bezier": np.array(
         [[-1, 3, -3, 1], [3, -6, 3, 0], [-3, 3, 0, 0], [1, 0, 0, 0]], dtype=np.float64
@@ -45,6 +55,10 @@ def curves(context: Context, prim: Any) -> list[Any]:
         return []
     name = str(prim.GetPrimTypeInfo().GetSchemaTypeName())
     kind, wrap = _kind_of(context, prim, name)
+    if len(context.value(given.GetNormalsAttr(), [])):
+        context.remark(
+            f"{prim.GetPath()}: the normals of ribbons are left out; the curves are round"
+        )
     widths = _for_points(_widths(context, prim, given), counts, kind, wrap)
     columns = [points[: counts.sum()], widths]
     material = material_of(context, prim, is_mesh=True)
@@ -59,7 +73,13 @@ def curves(context: Context, prim: Any) -> list[Any]:
             tangents = context.array(UsdGeom.HermiteCurves(prim).GetTangentsAttr(), 3)
             control, counts = _as_bezier(control, tangents, counts)
             kind = "bezier"
-        lines, lengths = _all_sampled(control, counts, kind, wrap)
+        strands = _strands(control, counts, kind, wrap) if len(columns) == 2 else None
+        if strands is not None:
+            if not strands["strands"]:
+                return []
+            context.curves.append(strands)
+            return [{"curves": len(context.curves) - 1, "materials": [material]}]
+        lines, lengths = _by_count(control, counts, lambda rows: _sampled(rows, kind, wrap))
     if not len(lengths):
         return []
     positions, normals, triangles = _tubes(lines[:, :3], lines[:, 3] / 2, lengths)
@@ -128,22 +148,47 @@ def _varying(context: Context, prim: Any, name: str | None) -> np.ndarray | None
     return found[0][:, : 3 if found[0].shape[1] >= 3 else 1]
 
 
-def _all_sampled(
-    control: np.ndarray, counts: np.ndarray, kind: str, wrap: str
+def _by_count(
+    control: np.ndarray, counts: np.ndarray, make: Callable[[np.ndarray], np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Points of all curves, and the number of points of each curve. Curves of equal length are
-    computed together; curves that are only a point are left out.
+    """The rows that a function makes of each curve, and the number of rows of each curve. Curves of
+    equal length are computed together; curves that are only a point are left out.
     """
     starts = np.cumsum(counts) - counts
-    sampled: list[np.ndarray] = [np.zeros((0, control.shape[1]))] * len(counts)
+    made: list[np.ndarray] = [np.zeros((0, control.shape[1]))] * len(counts)
     for count in np.unique(counts):
         chosen = np.flatnonzero(counts == count)
-        together = _sampled(control[starts[chosen][:, None] + np.arange(count)], kind, wrap)
+        together = make(control[starts[chosen][:, None] + np.arange(count)])
         for at, line in zip(chosen, together, strict=True):
-            sampled[at] = line
-    sampled = [line for line in sampled if len(line) > 1]
-    lengths = np.array([len(line) for line in sampled], dtype=np.int64)
-    return np.concatenate(sampled) if sampled else control[:0], lengths
+            made[at] = line
+    made = [line for line in made if len(line) > 1]
+    lengths = np.array([len(line) for line in made], dtype=np.int64)
+    return np.concatenate(made) if made else control[:0], lengths
+
+
+def _strands(
+    control: np.ndarray, counts: np.ndarray, kind: str, wrap: str
+) -> dict[str, Any] | None:
+    """Curves without colours of their own, as exact strands; `None` if some are too short for their
+    basis.
+    """
+    if kind not in _STRANDS or any(
+        _is_short(int(count), kind, wrap) for count in np.unique(counts)
+    ):
+        return None
+    step = 3 if kind == "bezier" else 1
+
+    def whole(control: np.ndarray) -> np.ndarray:
+        control = _extended(control, kind, wrap)
+        return control[:, : control.shape[1] - (control.shape[1] - 1) % step]
+
+    points, lengths = _by_count(control, counts, whole)
+    points[:, 3] = np.maximum(points[:, 3] / 2, 0)
+    return {
+        "basis": _STRANDS[kind],
+        "points": numbers(points[:, :4], np.float32),
+        "strands": numbers(lengths, np.uint32),
+    }
 
 
 def _for_points(values: np.ndarray, counts: np.ndarray, kind: str, wrap: str) -> np.ndarray:
@@ -182,28 +227,33 @@ def _ends(count: int, kind: str, wrap: str) -> int:
     return max(inner, 0)
 
 
+def _is_short(count: int, kind: str, wrap: str) -> bool:
+    """True for cubic curves with too few points for a segment, which count as linear."""
+    return kind != "linear" and count < (2 if wrap == "pinned" and kind != "bezier" else 4)
+
+
+def _extended(control: np.ndarray, kind: str, wrap: str) -> np.ndarray:
+    """The control points of curves with those that close them, or pin them to their ends. The axes
+    are the curve, the point, and the column.
+    """
+    if wrap == "periodic" and control.shape[1] > 2:
+        more = 1 if kind in ("linear", "bezier") else 3
+        return np.concatenate([control, control[:, :more]], axis=1)
+    if wrap == "pinned" and kind in ("bspline", "catmullRom"):
+        first = 2 * control[:, :1] - control[:, 1:2]
+        last = 2 * control[:, -1:] - control[:, -2:-1]
+        return np.concatenate([first, control, last], axis=1)
+    return control
+
+
 def _sampled(control: np.ndarray, kind: str, wrap: str) -> np.ndarray:
     """Points of curves that have equally many control points, with their other attributes in
     further columns. The axes of `control` are the curve, the point, and the column.
     """
-    count = control.shape[1]
-    if (
-        kind == "linear"
-        or kind not in _BASES
-        or count < (2 if wrap == "pinned" and kind != "bezier" else 4)
-    ):
-        return (
-            np.concatenate([control, control[:, :1]], axis=1)
-            if wrap == "periodic" and count > 2
-            else control
-        )
+    if kind not in _BASES or _is_short(control.shape[1], kind, wrap):
+        return _extended(control, "linear", wrap)
     step = 3 if kind == "bezier" else 1
-    if wrap == "periodic":
-        control = np.concatenate([control, control[:, : 4 - step]], axis=1)
-    elif wrap == "pinned" and kind != "bezier":
-        first = 2 * control[:, :1] - control[:, 1:2]
-        last = 2 * control[:, -1:] - control[:, -2:-1]
-        control = np.concatenate([first, control, last], axis=1)
+    control = _extended(control, kind, wrap)
     t = np.linspace(0, 1, _PIECES, endpoint=False)
     powers = np.stack([t**3, t**2, t, np.ones_like(t)], axis=1) @ _BASES[kind]
     begins = np.arange(0, control.shape[1] - 3, step)

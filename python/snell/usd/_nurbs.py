@@ -98,6 +98,9 @@ def patch(context: Context, prim: Any) -> tuple[np.ndarray, np.ndarray, np.ndarr
     ):
         size, degree = int(context.value(count, 0)), int(context.value(order, 4))
         values = context.array(knots, 1)[:, 0]
+        if size < 2:
+            context.remark(f"{prim.GetPath()}: a patch without points is left out")
+            return None
         sides.append(_shares(context, prim, degree, values, size, context.value(ends)))
     u, v = sides
     if u.shape[1] * v.shape[1] != len(points):

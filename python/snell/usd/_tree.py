@@ -50,6 +50,7 @@ def document(context: Context, name: str) -> str:
         "root": 0,
         "nodes": context.nodes,
         "meshes": context.meshes,
+        "curves": context.curves,
         **context.motion.form(),
     }
     try:
