@@ -274,9 +274,8 @@ class Run:
 class Renderer:
     """`snell render` with limits of time and of memory."""
 
-    def __init__(self, options: argparse.Namespace) -> None:
-        self.options = options
-        self.scratch = Path(tempfile.mkdtemp(prefix="suites-"))
+    def __init__(self, options: argparse.Namespace, scratch: Path) -> None:
+        self.options, self.scratch = options, scratch
 
     def run(self, scene: Path, picture: Path, size: tuple[int, int] | None, *more: str) -> Run:
         stats = self.scratch / f"{threading.get_ident()}.json"
@@ -326,7 +325,7 @@ class Renderer:
             self.against(file, reference, row, picture)
         else:
             bare = not row.damaged and has_materials_alone(file)
-            scene = on_balls(file, self.scratch) if bare else file
+            scene = on_balls(file, Path(tempfile.mkdtemp(dir=self.scratch))) if bare else file
             keep(row, self.run(scene, picture, size_like(shown)))
         if row.state == "drawn":
             row.picture = picture.name
@@ -481,7 +480,9 @@ def short(file: str) -> str:
 
 def open_picture(path: Path) -> Image.Image | None:
     try:
-        return display(linear(path)[0]) if path.suffix == ".exr" else Image.open(path)
+        if path.suffix == ".exr":
+            return display(linear(path)[0])
+        return Image.open(path).convert("RGBA")
     except (OSError, RuntimeError):
         return None
 
@@ -534,7 +535,8 @@ def main() -> None:
         found += [(suite, f) for f in files if options.only in str(f)]
         parts |= {str(part): str(file) for part, file in inside.items()}
     book = Book(options.folder / "suites.json", parts)
-    renderer = Renderer(options)
+    scratch = tempfile.TemporaryDirectory(prefix="suites-")
+    renderer = Renderer(options, Path(scratch.name))
 
     def visit(suite: Path, file: Path) -> Row:
         hash = content(file)
@@ -555,6 +557,7 @@ def main() -> None:
                     print(f"\r{len(rows)} of {len(found)}", end="", file=sys.stderr)
     finally:
         book.save()
+        scratch.cleanup()
     sheets(rows, options.folder, suites)
     report(rows, options.slow)
 
