@@ -80,8 +80,8 @@ MEAN, ERROR, EPSILON, STANDARD_ERRORS = 0.02, 0.01, 0.01, 3
 SEARCHED = 32 << 20
 # Mitsuba's folders to search.
 PATH = re.compile(r'<path\s+value="([^"]+)"')
-# An XML file whose root is a scene.
-ROOT = re.compile(rb"(?:\xef\xbb\xbf)?(?:\s|<\?.*?\?>|<!--.*?-->)*<scene\b", re.DOTALL)
+# What may stand before the root of an XML file.
+PROLOG = re.compile(rb"\xef\xbb\xbf|<\?.*?\?>|<!--.*?-->", re.DOTALL)
 # References of more pixels on a side are not compared: they would take too long.
 LARGEST = 1024
 
@@ -155,7 +155,7 @@ def is_scene(file: Path) -> bool:
     if file.suffix == ".pbrt":
         return b"WorldBegin" in file.read_bytes()
     if file.suffix == ".xml":
-        return re.match(ROOT, file.read_bytes()) is not None
+        return PROLOG.sub(b"", file.read_bytes()).lstrip().startswith(b"<scene")
     return True
 
 
