@@ -12,7 +12,7 @@ from pxr import UsdGeom, UsdShade
 
 from ._bindings import material_of
 from ._context import Context, Needs
-from ._nurbs import patch
+from ._nurbs import Patch, patch
 from ._polygons import triangulated
 from ._primvars import primvar_rows
 from ._subdivision import LoopTopology, Topology, levels_for
@@ -37,8 +37,8 @@ class _Polygons:
     faces: np.ndarray
     #: The levels of the subdivision, the coarsest first.
     levels: list[Topology] = field(default_factory=list)
-    #: Of a patch, the shares of the control points for each of its points.
-    shares: np.ndarray | None = None
+    #: Of a patch, how values of control points become those of its points.
+    patch: Patch | None = None
 
     @property
     def triangles(self) -> np.ndarray:
@@ -46,8 +46,8 @@ class _Polygons:
 
     def interpolated(self, values: np.ndarray, interpolation: str) -> Any:
         """Values in the form that `Context.add_mesh` takes; `None` if their number is wrong."""
-        if self.shares is not None and len(values) == self.shares.shape[1]:
-            return ("vertex", self.shares @ values)
+        if self.patch is not None and len(values) == self.patch.weights.size:
+            return ("vertex", self.patch.of(values))
         for level in self.levels:
             if interpolation == "vertex" and len(values) == level.points:
                 values = level.smooth(values)
@@ -162,13 +162,16 @@ def _patch(context: Context, prim: Any) -> _Polygons | None:
     found = patch(context, prim)
     if found is None:
         return None
-    points, quads, shares = found
+    points, quads = (
+        found.of(context.array(UsdGeom.NurbsPatch(prim).GetPointsAttr(), 3)),
+        found.quads,
+    )
     indices = quads.reshape(-1)
     counts = np.full(len(quads), 4)
     corners, faces = triangulated(points, counts, indices, np.zeros(0, dtype=np.int64))
     if str(context.value(UsdGeom.Gprim(prim).GetOrientationAttr())) == "leftHanded":
         corners = corners[:, ::-1]
-    return _Polygons(points.astype(np.float32), indices, corners, faces * 0, shares=shares)
+    return _Polygons(points.astype(np.float32), indices, corners, faces * 0, patch=found)
 
 
 def _cube(context: Context, prim: Any) -> _Polygons:
@@ -384,7 +387,7 @@ def _normals(context: Context, prim: Any, polygons: _Polygons) -> Any:
     given = UsdGeom.PointBased(prim)
     if not given:
         return None
-    if polygons.shares is not None:
+    if polygons.patch is not None:
         return ("vertex", _smooth(polygons))
     scheme = str(context.value(prim.GetAttribute("subdivisionScheme"), "none"))
     if polygons.levels or (scheme == "catmullClark" and len(polygons.faces)):

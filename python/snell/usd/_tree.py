@@ -364,7 +364,11 @@ def _point_instancer(context: Context, prim: Any, world: np.ndarray, joint: int)
         make = functools.partial(_node, context, targets[index], world, joint)
         if index not in names:
             made[index,], asked = _with_names(context, make)
-            names[index] = sorted(asked & set(values))
+            names[index] = [
+                name
+                for name in sorted(asked & set(values))
+                if _has_few_values(context, prim, name, values[name])
+            ]
         own = {name: values[name][number : number + 1] for name in names[index]}
         key = (index, *(value.tobytes() for value in own.values()))
         if key not in made:
@@ -383,17 +387,20 @@ def _values_of_instances(context: Context, prim: Any, count: int) -> dict[str, n
     """
     found = {}
     for primvar in UsdGeom.PrimvarsAPI(prim).GetPrimvarsWithValues():
-        name = str(primvar.GetPrimvarName())
-        if primvar.GetInterpolation() == "constant":
-            continue
-        given = primvar_rows(context, prim, name)
-        if given is None or len(given[0]) < count:
-            continue
-        if len(np.unique(given[0][:count], axis=0)) > _MOST_VALUES:
-            context.remark(
-                f"{prim.GetPath()}: the primvar {name} has more than {_MOST_VALUES} values for "
-                "instances and is left out"
-            )
-            continue
-        found[name] = given[0]
+        if primvar.GetInterpolation() != "constant":
+            name = str(primvar.GetPrimvarName())
+            given = primvar_rows(context, prim, name)
+            if given is not None and len(given[0]) >= count:
+                found[name] = given[0]
     return found
+
+
+def _has_few_values(context: Context, prim: Any, name: str, rows: np.ndarray) -> bool:
+    """True unless a primvar of instances has so many values that each would be a prototype."""
+    if len(np.unique(rows, axis=0)) <= _MOST_VALUES:
+        return True
+    context.remark(
+        f"{prim.GetPath()}: the primvar {name} has more than {_MOST_VALUES} values for instances "
+        "and is left out"
+    )
+    return False
