@@ -384,3 +384,16 @@ def test_materials_for_final_pictures_count_before_those_for_previews(tmp_path: 
         text = sheet + paint("final", kind, 0.25) + paint("rough", "UsdPreviewSurface", 0.75)
         form, _ = document(stage(tmp_path, text))
         assert form["materials"][0]["kind"]["base_color"]["factor"][0] == red
+
+
+def test_the_specular_workflow_keeps_its_colour(tmp_path: Path) -> None:
+    inputs = (
+        "int inputs:useSpecularWorkflow = 1\ncolor3f inputs:diffuseColor = (0.5, 0.5, 0.5)\n"
+        "color3f inputs:specularColor = (0.16, 0.04, 0)"
+    )
+    form, remarks = document(stage(tmp_path, painted(inputs)))
+    assert remarks == []
+    surface = form["materials"][0]["kind"]
+    assert surface["specular_color"]["factor"] == pytest.approx([1, 0.25, 0])
+    # The reflectance of this index at normal incidence is 0.16.
+    assert surface["specular_ior"]["factor"] == pytest.approx(7 / 3)

@@ -335,6 +335,17 @@ def test_the_aperture_of_a_camera_has_an_offset_and_a_shape(tmp_path: Path) -> N
     assert plan["eye"] == pytest.approx([1, 0, 0])
 
 
+def test_the_exposure_of_the_first_camera_counts(tmp_path: Path) -> None:
+    text = """
+    def Camera "bright" { float exposure = 2 }
+    def Camera "plain" { }
+    """
+    path = stage(tmp_path, text.replace("{ float", "{\n float"))
+    form, remarks = document(path)
+    assert form["settings"]["imaging_ratio"] == 4
+    assert remarks == ["the exposures of the cameras differ; that of the first counts for all"]
+
+
 def test_changes_of_layers_in_memory_are_taken_back(tmp_path: Path) -> None:
     from pxr import Sdf
 

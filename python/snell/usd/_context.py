@@ -94,6 +94,8 @@ class Context:
         self.images: list[dict[str, Any]] = []
         self.lights: list[dict[str, Any]] = []
         self.cameras: list[dict[str, Any]] = []
+        #: The factor of each camera on the light.
+        self.exposures: list[float] = []
         self.environment: Any = None
         self.motion = Motion(stage)
         #: Objects already created, by a key that identifies them.

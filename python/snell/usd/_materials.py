@@ -113,6 +113,7 @@ def _preview_surface(context: Context, net: Network, name: str) -> int:
                 scalar_form((1 + root) / (1 - root)) if strength > 0 else scalar_form(1.5)
             )
             surface["specular_weight"] = scalar_form(1.0 if strength > 0 else 0.0)
+            surface["specular_color"] = _scaled(specular, 1 / strength if strength > 0 else 0.0)
             surface["base_metalness"] = scalar_form(0.0)
     alpha = net.scalar("opacity", 1.0, may_be_primvar=True)
     threshold = float(net.constant("opacityThreshold", 0.0))

@@ -70,8 +70,17 @@ def _settings(context: Context) -> dict[str, Any]:
         "up": [0.0, 0.0, 1.0] if UsdGeom.GetStageUpAxis(context.stage) == "Z" else [0.0, 1.0, 0.0]
     }
     asked = UsdRender.Settings.GetStageRenderSettings(context.stage)
-    if not asked:
-        return settings
+    if asked:
+        _follow_render_settings(context, asked, settings)
+    if context.exposures and context.exposures[0] != 1:
+        settings["imaging_ratio"] = context.exposures[0]
+    if len(set(context.exposures)) > 1:
+        context.remark("the exposures of the cameras differ; that of the first counts for all")
+    return settings
+
+
+def _follow_render_settings(context: Context, asked: Any, settings: dict[str, Any]) -> None:
+    """Takes the size of the picture and the first camera from the stage's render settings."""
     size = (
         context.value(asked.GetResolutionAttr())
         if asked.GetResolutionAttr().HasAuthoredValue()
@@ -82,11 +91,11 @@ def _settings(context: Context) -> dict[str, Any]:
     for path in asked.GetCameraRel().GetForwardedTargets()[:1]:
         if (number := context.known.get(("camera", str(path)))) is not None:
             context.cameras.insert(0, context.cameras.pop(number))
+            context.exposures.insert(0, context.exposures.pop(number))
             place = lambda i: 0 if i == number else i + (i < number)  # noqa: E731
             context.motion.cameras = [
                 (place(camera), joint) for camera, joint in context.motion.cameras
             ]
-    return settings
 
 
 def _pose(context: Context) -> None:
