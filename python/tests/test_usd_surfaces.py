@@ -191,6 +191,26 @@ def used(form: dict[str, Any]) -> list[Any]:
     return below(form["root"])
 
 
+def test_equal_meshes_are_stored_once(tmp_path: Path) -> None:
+    text = f"""
+    class Mesh "sheet" {{ {SHEET} }}
+    def Mesh "a" (inherits = </sheet>) {{ }}
+    def Mesh "b" (inherits = </sheet>) {{
+        double3 xformOp:translate = (3, 0, 0)
+        uniform token[] xformOpOrder = ["xformOp:translate"]
+    }}
+    def Mesh "c" (inherits = </sheet>) {{
+        uniform token orientation = "leftHanded"
+    }}
+    def Scope "tinted" {{
+        texCoord2f[] primvars:st = [(0, 1)] (interpolation = "constant")
+        def Mesh "d" (inherits = </sheet>) {{ }}
+    }}
+    """
+    form, _ = document(stage(tmp_path, text))
+    assert [surface["mesh"] for surface in surfaces(form)] == [0, 0, 1, 2]
+
+
 def test_prototypes_lie_anywhere(tmp_path: Path) -> None:
     text = """
     over "library" { def Sphere "ball" { } }

@@ -4,6 +4,7 @@ materials of their parts.
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -80,7 +81,11 @@ def mesh(context: Context, prim: Any) -> list[Any]:
     overrides = tuple(sorted((k, v.tobytes()) for k, v in context.overrides.items()))
     key = ("mesh", context.source(prim), needs, overrides)
     if key not in context.known:
-        context.known[key] = _made(context, prim, subsets, needs)
+        # Files that are referenced many times without being instances give equal meshes.
+        equal = ("equal mesh", _fingerprint(context, users), needs, overrides)
+        if equal not in context.known:
+            context.known[equal] = _made(context, prim, subsets, needs)
+        context.known[key] = context.known[equal]
     if context.known[key] is None:
         return []
     number, tiles = context.known[key]
@@ -88,6 +93,28 @@ def mesh(context: Context, prim: Any) -> list[Any]:
         material_of(context, users[slot], is_mesh=True, tile=tile) for slot, tile in tiles
     ]
     return [{"mesh": number, "materials": materials}]
+
+
+def _fingerprint(context: Context, prims: list[Any]) -> bytes:
+    """A hash of all values that the mesh of a prim and its subsets may depend on."""
+    found = hashlib.blake2b(digest_size=20)
+    inherited = UsdGeom.PrimvarsAPI(prims[0]).FindPrimvarsWithInheritance()
+    attributes = [primvar.GetAttr() for primvar in inherited]
+    attributes += [primvar.GetIndicesAttr() for primvar in inherited if primvar.IsIndexed()]
+    for prim in prims:
+        found.update(str(prim.GetPrimTypeInfo().GetSchemaTypeName()).encode())
+        attributes += [
+            attribute
+            for attribute in prim.GetAuthoredAttributes()
+            if not attribute.GetName().startswith(("xformOp", "primvars:"))
+        ]
+    for attribute in attributes:
+        value = context.value(attribute)
+        array = np.array(value)
+        interpolation = attribute.GetMetadata("interpolation")
+        found.update(f"{attribute.GetName()} {array.dtype} {array.shape} {interpolation} ".encode())
+        found.update(array.tobytes() if array.dtype.kind in "bfiu" else repr(value).encode())
+    return found.digest()
 
 
 def triangles_of(context: Context, prim: Any) -> np.ndarray:
