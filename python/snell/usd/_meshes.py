@@ -248,6 +248,10 @@ def _levels(
         border == "edgeAndCorner",
         rule == "smooth",
     )
+    if border == "none" and np.any(np.bincount(level.edge) != 2):
+        context.remark(
+            f"{given.GetPath()}: faces at the border, which its rule leaves out, are shown"
+        )
     levels = [level]
     while len(levels) < number:
         levels.append(levels[-1].divided())
