@@ -131,7 +131,7 @@ class Context:
     def array(self, attribute: Any, width: int, default: Any = ()) -> np.ndarray:
         """The value of an attribute as rows of numbers."""
         found = np.array(self.value(attribute, default), dtype=np.float64)
-        if found.size and width > 1 and found.shape[-1] != width:
+        if found.size and width > 1 and found.shape[-1:] != (width,):
             name = attribute.GetName()
             raise ValueError(f"{name} has rows of other than {width} numbers")
         return found.reshape(-1, width)
