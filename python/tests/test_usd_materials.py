@@ -441,3 +441,11 @@ def test_single_channels_are_chosen(tmp_path: Path) -> None:
     assert surface["specular_roughness"]["factor"] == 0.75
     assert surface["coat_weight"]["texture"][1] == 2
     assert material["alpha"]["texture"][1] == 2
+
+
+def test_names_with_backslashes_are_found(tmp_path: Path) -> None:
+    (tmp_path / "tex").mkdir()
+    picture(tmp_path / "tex", "a.ppm")
+    connected = "color3f inputs:diffuseColor.connect = </paint/a.outputs:rgb>"
+    path = stage(tmp_path, painted(connected, texture("a", ".\\tex\\a.ppm")))
+    assert document(path, confine=True)[1] == []

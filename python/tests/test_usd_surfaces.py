@@ -75,6 +75,39 @@ def test_smooth_triangles_pull_at_their_edges() -> None:
         assert level.smooth(points)[4:10] == pytest.approx(edges)
 
 
+def test_primvars_whose_indices_are_missing_are_told(tmp_path: Path) -> None:
+    text = f"""
+    def Mesh "sheet" {{
+        {SHEET}
+        texCoord2f[] primvars:st = [(0, 0), (1, 1)] (interpolation = "faceVarying")
+        int[] primvars:st:indices.timeSamples = {{ 5: [0, 1, 0, 1, 0, 1, 0, 1], }}
+        color3f[] primvars:displayColor = [(1, 0, 0)] (interpolation = "uniform")
+        int[] primvars:displayColor:indices = [7]
+    }}
+    """
+    form, remarks = document(stage(tmp_path, text))
+    assert len(surfaces(form)) == 1
+    assert all("do not fit" in remark or "primvar" in remark for remark in remarks)
+    assert remarks
+
+
+def test_values_of_the_first_time_stand_in_for_those_that_are_missing(tmp_path: Path) -> None:
+    text = """
+    def Sphere "ball" {
+        double radius.timeSamples = { 3: 5, 4: 6, }
+        color3f[] primvars:displayColor.timeSamples = { 7: [(0, 1, 0)], }
+        double3 xformOp:translate.timeSamples = { 3: (1, 2, 3), }
+        uniform token[] xformOpOrder = ["xformOp:translate"]
+    }
+    """
+    form, remarks = document(stage(tmp_path, text))
+    assert remarks == []
+    assert surfaces(form)[0]["shape"]["radius"] == 5
+    assert form["materials"][0]["kind"]["base_color"]["factor"] == [0, 1, 0]
+    places = [node["transform"] for node in form["nodes"][1:] if "transform" in node]
+    assert [[row[3] for row in place] for place in places] == [[1, 2, 3]]
+
+
 def test_schemes_for_other_faces_and_corners_that_do_not_fit_are_told(tmp_path: Path) -> None:
     text = f"""
     def Mesh "loop" {{ {SHEET.replace('"none"', '"loop"')} }}

@@ -15,8 +15,9 @@ from ._primvars import State, primvar_state
 
 __all__ = ["material"]
 
-#: Inputs of surfaces that change nothing here, or have a remark of their own.
-_NOT_NEEDED = {"occlusion", "displacement", "opacityMode", "specularColor"}
+#: Inputs of surfaces that change nothing here, have a remark of their own, or are written by common
+#: programs though no surface has them (`specular` of the preview surface).
+_NOT_NEEDED = {"occlusion", "displacement", "opacityMode", "specularColor", "specular"}
 
 
 def material(context: Context, prim: Any, user: Any, tile: int | None = None) -> int | None:

@@ -8,13 +8,13 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 import numpy as np
-from pxr import Gf, Usd, UsdGeom, UsdLux, UsdRender, UsdShade, UsdSkel
+from pxr import Gf, Tf, Usd, UsdGeom, UsdLux, UsdRender, UsdShade, UsdSkel
 
 from ._bindings import bound_materials
 from ._cameras import camera
 from ._context import Context, rows
 from ._curves import curves
-from ._files import StageError
+from ._files import StageError, cause
 from ._lights import light, mesh_light
 from ._meshes import mesh
 from ._primvars import is_varying, primvar_rows
@@ -164,6 +164,8 @@ def _node_of(context: Context, prim: Any, parent: np.ndarray, joint: int) -> int
     local, resets = np.eye(4), False
     if UsdGeom.Xformable(prim):
         matrix, resets = context.xforms.GetLocalTransformation(prim)
+        if context.time.IsDefault() and _has_samples_only(context, prim):
+            matrix = UsdGeom.Xformable(prim).GetLocalTransformation(Usd.TimeCode.EarliestTime())
         # USD has row vectors.
         local = np.array(matrix, dtype=np.float64).reshape(4, 4).T
         if resets:
@@ -191,6 +193,15 @@ def _node_of(context: Context, prim: Any, parent: np.ndarray, joint: int) -> int
     if below:
         node["children"] = below
     return number
+
+
+def _has_samples_only(context: Context, prim: Any) -> bool:
+    """True for a transform that has values at some times, and no default."""
+    return any(
+        context.time_of(operation.GetAttr()) != context.time
+        for operation in UsdGeom.Xformable(prim).GetOrderedXformOps()
+        if operation.GetAttr()
+    )
 
 
 def _tell_of_draw_modes(context: Context, prim: Any) -> None:
@@ -301,12 +312,15 @@ def _usable_content(
         return _content(context, prim, world, joint)
     except StageError:
         raise
+    except Tf.ErrorException as error:
+        problem = cause(error)
     except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
-        context.remark(
-            f"at {prim.GetPath()}: its values cannot be used: {error}; it is left out; write them "
-            "as the schema says"
-        )
-        return [], []
+        problem = str(error)
+    context.remark(
+        f"at {prim.GetPath()}: its values cannot be used: {problem}; it is left out; write them as "
+        "the schema says"
+    )
+    return [], []
 
 
 def _content(
