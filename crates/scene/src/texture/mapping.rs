@@ -2,6 +2,7 @@
 
 use crate::material::ShadingPoint;
 use serde::{Deserialize, Serialize};
+use snell_intersect::UV_SETS;
 use snell_math::{Vec2, Vec3};
 use std::f32::consts::PI;
 
@@ -155,7 +156,7 @@ fn on_surface(
     [[a, b, c], [d, e, f]]: &[[f32; 3]; 2],
 ) -> (Vec2, Vec2) {
     let surface = point.surface;
-    let uv = surface.uv[(uv_set as usize).min(1)];
+    let uv = surface.uv[(uv_set as usize).min(UV_SETS - 1)];
     let st = Vec2::new(a * uv.x + b * uv.y + c, d * uv.x + e * uv.y + f);
     if point.footprint == 0.0 {
         return (st, Vec2::ZERO);
