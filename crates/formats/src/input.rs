@@ -7,8 +7,10 @@ use crate::json_place::line_and_column;
 use crate::limits::Limits;
 use crate::open::{self, NamedBy};
 use crate::search::Search;
+use snell_math::{DVec3, Vec3};
+use std::collections::BTreeSet;
 use std::path::{Component, Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// A file being read.
 #[derive(Clone, Debug)]
@@ -23,10 +25,16 @@ pub struct Input {
     pub root: PathBuf,
     /// Options of reading.
     pub options: ReadOptions,
+    /// The point that readers of meshes subtract from positions, in double precision: not zero
+    /// only if a mesh lies so far from zero that single precision does not hold its shape.
+    pub(crate) origin: DVec3,
     /// The memory charged for the files of the scene.
     pub(crate) expansion: Arc<Expansion>,
     /// The search for files whose names are not literally those of files.
     pub(crate) search: Arc<Search>,
+    /// What was noted about the files of the scene: in the order of the alphabet, because files are
+    /// read in parallel.
+    pub(crate) notes: Arc<Mutex<BTreeSet<String>>>,
 }
 
 impl Input {
@@ -47,8 +55,10 @@ impl Input {
             root: directory.clone(),
             directory,
             options: options.clone(),
+            origin: DVec3::ZERO,
             expansion,
             search: Arc::default(),
+            notes: Arc::default(),
         };
         input.charge(input.bytes.len() as u64, "its content")?;
         Ok(input)
@@ -64,8 +74,10 @@ impl Input {
             root: directory.clone(),
             directory,
             options: options.clone(),
+            origin: DVec3::ZERO,
             expansion,
             search: Arc::default(),
+            notes: Arc::default(),
         }
     }
 
@@ -91,8 +103,10 @@ impl Input {
             directory: self.directory.clone(),
             root: self.root.clone(),
             options: self.options.clone(),
+            origin: DVec3::ZERO,
             expansion: self.expansion.clone(),
             search: self.search.clone(),
+            notes: self.notes.clone(),
         }
     }
 
@@ -156,6 +170,26 @@ impl Input {
         remedy: impl Into<String>,
     ) -> ReadError {
         ReadError { file: self.name.clone(), place, problem: problem.into(), remedy: remedy.into() }
+    }
+
+    /// A position of the file relative to the origin of its coordinates here.
+    pub(crate) fn near(&self, position: Vec3) -> Vec3 {
+        match self.origin == DVec3::ZERO {
+            true => position,
+            false => (position.as_dvec3() - self.origin).as_vec3(),
+        }
+    }
+
+    /// Notes something about a file that its user should know. A note is kept once. Readers of
+    /// scenes make warnings of notes.
+    pub(crate) fn note(&self, text: String) {
+        self.notes.lock().unwrap_or_else(PoisonError::into_inner).insert(text);
+    }
+
+    /// All that was noted about this file and those that it names, and forgets it.
+    pub fn take_notes(&self) -> Vec<String> {
+        let mut notes = self.notes.lock().unwrap_or_else(PoisonError::into_inner);
+        std::mem::take(&mut *notes).into_iter().collect()
     }
 
     /// The extension in lower case, without the dot: `ply` for `a.ply.gz`.
