@@ -53,7 +53,7 @@ snell_math::declare! {
     pub enum Mapping {
         /// Texture coordinates of the surface, after an affine map.
         "uv" => Uv {
-            /// Number of the set of texture coordinates: 0 or 1.
+            /// Number of the set of texture coordinates: 0 to 3.
             #[serde(default)]
             uv_set: u32,
             /// Rows of the affine map: `s = m[0] . (u, v, 1)`, and `t` likewise with `m[1]`. `v`
