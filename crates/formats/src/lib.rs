@@ -170,6 +170,9 @@ fn read_input(mut input: Input) -> Result<Scene, ReadError> {
             format!("{}: {reason}; {path} was taken for it", input.name),
         );
     }
+    for note in input.take_notes() {
+        scene.warn_of(WarningKind::Choice, note);
+    }
     scene.limit_light();
     Ok(scene)
 }

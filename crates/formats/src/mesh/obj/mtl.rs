@@ -138,6 +138,7 @@ fn parse(input: &Input, library: usize, materials: &mut BTreeMap<String, Mtl>, n
         }
         statements.reader.text.next_line();
     }
+    statements.reader.note_commas(statements.notes);
     if let Some((name, mtl)) = current {
         materials.entry(name).or_insert(mtl);
     }
@@ -201,8 +202,11 @@ impl Statements<'_, '_> {
         let mut count = 0;
         while count < 3 {
             let before = self.reader.text.clone();
-            match self.reader.text.word().map(|w| number(w.bytes)) {
-                Some(Number::Exact(value) | Number::Comma(value)) if value.is_finite() => {
+            let word = self.reader.text.word();
+            match word.map(|word| (word.start, number(word.bytes))) {
+                Some((_, Number::Exact(value))) if value.is_finite() => values[count] = value,
+                Some((start, Number::Comma(value))) if value.is_finite() => {
+                    self.reader.found_comma(start);
                     values[count] = value;
                 }
                 _ => {

@@ -11,6 +11,7 @@ use crate::{Input, Place, ReadError};
 use snell_intersect::TriangleMesh;
 use snell_math::spectrum::srgb_to_linear;
 use snell_math::{DVec3, Vec2, Vec3};
+use snell_scene::WarningKind;
 use std::collections::HashMap;
 
 /// A source of values: text, or binary of either byte order. Every value fits `f64` exactly.
@@ -615,6 +616,15 @@ fn read_faces(
         property.name.eq_ignore_ascii_case(name) && property.length.is_some() == is_list
     };
     let uvs_at = element.properties.iter().position(|p| is(p, "texcoord", true));
+    if uvs_at.is_some() && !header.reads_corners && element.count > 0 {
+        notes.add_of(WarningKind::Choice, "texcoord", || {
+            format!(
+                "{}: texture coordinates at the corners of faces (texcoord) are not read in meshes \
+                    that scenes name; those of the vertices are",
+                input.name
+            )
+        });
+    }
     let uvs_at = uvs_at.filter(|_| header.reads_corners);
     let pictures = header.textures.len();
     let picture_at = element.properties.iter().position(|p| is(p, "texnumber", false));

@@ -70,6 +70,26 @@ fn add_pictures(input: &Input, names: &[String], scene: &mut Scene) {
         ));
         return;
     }
+    let limit = input.options.limits.files;
+    if names.len() > limit {
+        let count = names.len();
+        scene.warn(format!(
+            "{}: it names {count} pictures; those after the first {limit} are not read",
+            input.name
+        ));
+    }
+    let chooses = match &scene.nodes[at].surfaces[0].geometry {
+        Geometry::Mesh(mesh) => !mesh.material_slots.is_empty(),
+        _ => false,
+    };
+    if let (false, [first, _, ..]) = (chooses, names) {
+        scene.warn(format!(
+            "{}: it names {} pictures, but no \"texnumber\" of the faces chooses one; \"{first}\" is \
+                shown on all",
+            input.name,
+            names.len()
+        ));
+    }
     let mut textures = Textures::default();
     let mut materials = Vec::new();
     for name in names.iter().take(input.options.limits.files) {

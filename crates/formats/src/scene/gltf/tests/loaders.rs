@@ -3,7 +3,7 @@
 
 use super::{assert_sound, meshes, read_text};
 use base64::Engine;
-use snell_math::{Rgb, Vec2};
+use snell_math::Rgb;
 use snell_scene::{Scene, texture::missing_texture_image};
 use std::path::Path;
 
@@ -83,6 +83,68 @@ fn a_root_that_is_a_child_is_shown_once() {
 }
 
 #[test]
+fn a_node_below_two_parents_is_shown_below_each() {
+    let nodes = r#""nodes": [{"children": [1, 2], "translation": [10, 0, 0]},
+        {"children": [3], "translation": [1, 0, 0]}, {"children": [3, 3], "translation": [2, 0, 0]},
+        {"children": [4]}, {"mesh": 0, "translation": [0.5, 0, 0]}],"#;
+    let scene = read_text(&triangle("", nodes, 0)).unwrap_or_else(|e| panic!("{e}"));
+    let mut found = places(&scene);
+    found.sort_by(f64::total_cmp);
+    assert_eq!(found, [11.5, 12.5]);
+    let said: Vec<&str> = scene.warnings.iter().map(|w| w.message.as_str()).collect();
+    assert!(said.len() == 2 && said[0].contains("/nodes/3 is named more than once"), "{said:?}");
+    assert!(said[1].contains("/nodes/3 has more than one parent"), "{said:?}");
+}
+
+#[test]
+fn copies_of_a_moving_node_move() {
+    let animation = r#""nodes": [{"children": [2]}, {"children": [2], "translation": [5, 0, 0]},
+        {"mesh": 0}], "animations": [{"samplers": [{"input": 4, "output": 5}],
+        "channels": [{"sampler": 0, "target": {"node": 2, "path": "translation"}}]}],"#;
+    // The numbers of the positions are times and places, too.
+    let accessor = |at: usize, kind: &str| {
+        format!(
+            r#", {{"bufferView": 0, "byteOffset": {at}, "componentType": 5126, "count": 2,
+            "type": "{kind}"}}"#
+        )
+    };
+    let text = triangle("", animation, 0);
+    let end = text.find(r#"], "bufferViews""#).expect("the end of the accessors");
+    let more = [accessor(8, "SCALAR"), accessor(0, "VEC3")].concat();
+    let text = format!("{}{more}{}", &text[..end], &text[end..]);
+    let (scene, said) = with_warning(&text);
+    assert!(said.contains("/nodes/2 has more than one parent"), "{said}");
+    let clip = &scene.motion.as_ref().expect("it moves").clips[0];
+    let joints: Vec<u32> = clip.channels.iter().map(|channel| channel.joint).collect();
+    assert!(joints.len() == 2 && joints[0] != joints[1], "{joints:?}");
+}
+
+#[test]
+fn a_node_below_itself_is_cut_and_doubling_is_bounded() {
+    let cycle = r#""nodes": [{"children": [1]}, {"children": [2], "translation": [1, 0, 0]},
+        {"mesh": 0, "children": [1]}],"#;
+    let (scene, said) = with_warning(&triangle("", cycle, 0));
+    assert_eq!(places(&scene), [1.0]);
+    assert!(said.contains("/nodes/1 is below itself"), "{said}");
+    // Each of 60 levels shows the next one twice.
+    let mut nodes = Vec::new();
+    for level in 0..60 {
+        let next = 3 * level + 3;
+        nodes.push(format!(r#"{{"children": [{}, {}]}}"#, next - 2, next - 1));
+        nodes.extend([(); 2].map(|()| format!(r#"{{"children": [{next}]}}"#)));
+    }
+    let text = format!(r#""nodes": [{}, {{"mesh": 0}}],"#, nodes.join(","));
+    let error = read_text(&triangle("", &text, 0)).expect_err("too many copies");
+    assert!(error.problem.contains("a node with more than one parent would take"), "{error}");
+}
+
+#[test]
+fn a_default_scene_that_is_not_there_is_reported_with_the_file() {
+    let (_, said) = with_warning(&triangle("", r#""scene": 0, "nodes": [{"mesh": 0}],"#, 0));
+    assert!(said.starts_with("test.gltf: \"scene\" asks for scene number 0, but there"), "{said}");
+}
+
+#[test]
 fn null_and_minus_one_are_none() {
     let nodes = r#""nodes": [{"mesh": 0, "camera": null, "skin": -1}, {"mesh": -1}],"#;
     let (scene, said) = with_warning(&triangle(r#", "material": -1"#, nodes, 0));
@@ -100,8 +162,8 @@ fn null_and_minus_one_are_none() {
 fn a_version_may_be_a_number() {
     let json = r#"{"asset": {"version": 2.0, "minVersion": 2}}"#;
     assert!(read_text(json).expect("glTF 2.0").warnings[0].message.contains("the number 2"));
-    let error = read_text(r#"{"asset": {"version": 1}}"#).expect_err("glTF 1.0");
-    assert!(error.problem.contains("this is glTF \"1\""), "{error}");
+    let error = read_text(r#"{"asset": {"version": 0.8}}"#).expect_err("glTF 0.8");
+    assert!(error.problem.contains("this is glTF \"0.8\""), "{error}");
 }
 
 #[test]
@@ -154,33 +216,78 @@ fn textured(material: &str) -> Scene {
 }
 
 #[test]
-fn a_material_may_use_any_two_sets_of_texture_coordinates() {
+fn a_material_may_use_any_four_sets_of_texture_coordinates() {
     let texture = |set: usize| format!(r#"{{"index": 0, "texCoord": {set}}}"#);
-    let of = |first: usize, second: usize| {
+    let of = |sets: [usize; 3]| {
+        let [first, second, third] = sets.map(texture);
         textured(&format!(
-            r#"{{"pbrMetallicRoughness": {{"baseColorTexture": {}}}, "emissiveTexture": {}}}"#,
-            texture(first),
-            texture(second)
+            r#"{{"pbrMetallicRoughness": {{"baseColorTexture": {first}}},
+            "emissiveTexture": {second}, "normalTexture": {third}}}"#
         ))
     };
-    for (first, second, stored) in [(2, 2, [2.0, 0.0]), (0, 2, [0.0, 2.0]), (2, 1, [1.0, 2.0])] {
-        let scene = of(first, second);
+    for sets in [[2, 2, 2], [0, 2, 1], [2, 1, 0]] {
+        let scene = of(sets);
         let mesh = meshes(&scene)[0];
-        assert_eq!(mesh.uvs.each_ref().map(|uvs| uvs[0]), stored.map(|u| Vec2::new(u, 0.5)));
-        let used = scene.textures.iter().map(|t| t.as_image().expect("an image").uv_set);
-        let used: Vec<f32> = used.map(|set| stored[set as usize]).collect();
-        assert!(used.contains(&(first as f32)) && used.contains(&(second as f32)), "{used:?}");
+        let used = scene.textures.iter().map(|t| t.as_image().expect("an image").uv_set as usize);
+        let used: Vec<f32> = used.map(|set| mesh.uvs[set][0].x).collect();
+        assert!(sets.iter().all(|&set| used.contains(&(set as f32))), "{used:?}");
         assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
     }
-    let third = textured(&format!(
-        r#"{{"pbrMetallicRoughness": {{"baseColorTexture": {}}}, "emissiveTexture": {},
-        "occlusionTexture": {}, "normalTexture": {}}}"#,
+    // Sets with high numbers are stored first, if they are used.
+    let scene = of([7, 0, 2]);
+    let mesh = meshes(&scene)[0];
+    let used: Vec<_> =
+        scene.textures.iter().map(|t| t.as_image().expect("an image").uv_set as usize).collect();
+    assert_eq!(used.iter().filter(|&&set| mesh.uvs[set].is_empty()).count(), 1);
+    let many = textured(&format!(
+        r#"{{"pbrMetallicRoughness": {{"baseColorTexture": {}, "metallicRoughnessTexture": {}}},
+        "emissiveTexture": {}, "normalTexture": {}, "extensions":
+        {{"KHR_materials_clearcoat": {{"clearcoatFactor": 1, "clearcoatTexture": {}}}}}}}"#,
         texture(0),
         texture(1),
         texture(2),
-        texture(2)
+        texture(3),
+        texture(4)
     ));
-    assert!(third.warnings[0].message.contains("more than two sets"), "{:?}", third.warnings);
+    assert!(many.warnings[0].message.contains("more than 4 sets"), "{:?}", many.warnings);
+}
+
+#[test]
+fn a_texture_shows_the_first_of_its_images_that_can_be_read() {
+    let mut targa = vec![0u8; 18];
+    (targa[2], targa[12], targa[14], targa[16], targa[17]) = (2, 1, 1, 32, 8);
+    targa.extend([0, 0, 255, 128]);
+    targa.extend(b"\0\0\0\0\0\0\0\0TRUEVISION-XFILE.\0");
+    let read = |texture: &str| {
+        let properties = format!(
+            r#""nodes": [{{"mesh": 0}}], "extensionsUsed": ["ACME_texture_good"], "materials":
+            [{{"pbrMetallicRoughness": {{"baseColorTexture": {{"index": 0}}}}}}],
+            "textures": [{texture}], "images": [{{"uri": "data:;base64,{}"}},
+            {{"uri": "data:;base64,AAAA"}}],"#,
+            base64(&targa)
+        );
+        read_text(&triangle(r#", "material": 0"#, &properties, 0)).unwrap_or_else(|e| panic!("{e}"))
+    };
+    for (texture, is_shown, said) in [
+        (r#"{"source": 1, "extensions": {"EXT_texture_webp": {"source": 0}}}"#, true, None),
+        (
+            r#"{"source": 0, "extensions": {"EXT_texture_webp": {"source": 1}}}"#,
+            true,
+            Some("another image of the texture at /textures/0 is shown instead"),
+        ),
+        (r#"{"source": 0, "extensions": {"ACME_texture_good": {"source": 1}}}"#, true, None),
+        (r#"{"extensions": {"ACME_texture_good": {"source": 0}}}"#, true, None),
+        (r#"{"extensions": {"ACME_texture_good": {"source": 9}}}"#, false, Some("names no image")),
+        (r#"{"extensions": {"ACME_texture_good": 7}}"#, false, Some("names no image")),
+    ] {
+        let scene = read(texture);
+        assert_eq!(*scene.images[0] != missing_texture_image(), is_shown, "{texture}");
+        let warnings: Vec<_> = scene.warnings.iter().map(|w| w.message.as_str()).collect();
+        let has_images = warnings[0].contains("only where a texture has no other");
+        assert_eq!(has_images, texture.contains("ACME"), "{texture}: {warnings:?}");
+        assert!(said.is_none_or(|said| warnings.last().is_some_and(|w| w.contains(said))));
+        assert_eq!(warnings.len(), 1 + usize::from(said.is_some()), "{texture}: {warnings:?}");
+    }
 }
 
 #[test]

@@ -3,8 +3,9 @@
 use super::super::params::Params;
 use super::super::{Builder, identity};
 use super::{Lamps, Made, check_length, flip_v, orient};
+use crate::mesh::{MeshRead, read_named_mesh};
 use crate::scene::fault::Fault;
-use snell_intersect::TriangleMesh;
+use snell_intersect::{TriangleMesh, first_uv_set};
 use snell_math::{Vec2, Vec3};
 use std::sync::Arc;
 
@@ -37,7 +38,7 @@ impl Builder<'_> {
             positions,
             indices,
             normals,
-            uvs: [uvs, Vec::new()],
+            uvs: first_uv_set(uvs),
             ..TriangleMesh::default()
         };
         Ok(self.finish_mesh(mesh, Lamps::Triangles))
@@ -72,7 +73,8 @@ impl Builder<'_> {
             return Ok(Made::Mesh(mesh.clone(), lamps.clone()));
         }
         let input = self.open(name, at)?;
-        let (mut mesh, faces) = crate::mesh::read_faces(&input)?;
+        let MeshRead { mut mesh, faces, warnings } = read_named_mesh(&input)?;
+        self.notes.add_of_mesh(at, warnings);
         mesh.colors.clear();
         mesh.material_slots.clear();
         // pbrt makes a bilinear patch of a quadrilateral.
