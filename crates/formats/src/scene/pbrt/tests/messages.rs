@@ -172,7 +172,7 @@ fn what_is_changed_is_told_once_of_each_kind() {
         CoordSysTransform \"nowhere\"\nMaterial \"measured\" \"string filename\" \
         \"a.bsdf\"\nMaterial \"diffuse\" \"float rougness\" 3\nMaterial \"diffuse\" \"float \
         rougness\" 3\n\
-        Shape \"nurbs\"\nShape \"nurbs\"\nTexture \"f\" \"float\" \"fbm\"\nLightSource \
+        Shape \"hyperboloid\"\nShape \"hyperboloid\"\nTexture \"f\" \"float\" \"fbm\"\nLightSource \
         \"laser\"\nOption \"bool disablepixeljitter\" true\n\
         ActiveTransform EndTime Translate 1 0 0 ActiveTransform All Shape \"sphere\"\nMaterial \
         \"interface\" Shape \"disk\"\n"), @r#"
@@ -184,7 +184,7 @@ fn what_is_changed_is_told_once_of_each_kind() {
     test:7:19: there is no coordinate system "nowhere"; the transform was left as it is (1x)
     test:8:1: Material "measured" is not supported; a grey diffuse surface was used instead (1x)
     test:9:20: "float rougness" of Material "diffuse" is not known; it was ignored (2x)
-    test:11:1: Shape "nurbs" is not a shape that is known; it was left out (2x)
+    test:11:1: Shape "hyperboloid" is not a shape that is known; it was left out (2x)
     test:14:1: LightSource "laser" is not known; it was left out (1x)
     test:15:8: "bool disablepixeljitter" of Option was ignored: it is an aid for debugging pbrt (1x)
     test:17:22: surfaces without a material that bound no medium are not seen, and were left out (1x)
