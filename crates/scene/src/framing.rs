@@ -13,9 +13,7 @@ pub use fit::frame;
 pub use sky::{default_sky, sky_seen_by};
 
 use crate::camera::Camera;
-use crate::graph::{
-    Background, MediumId, NodeId, Scene, SceneError, ShadowCatcher, WarningKind,
-};
+use crate::graph::{Background, MediumId, NodeId, Scene, SceneError, ShadowCatcher, WarningKind};
 use crate::material::{Diffuse, Material};
 use crate::medium::Medium;
 use crate::motion::Pose;
