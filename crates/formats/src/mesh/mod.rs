@@ -11,6 +11,7 @@
 //! Units are taken as they are, and so is the up axis. Vertices that are not finite stay, with a
 //! warning: their triangles are never hit.
 
+mod colors;
 mod corners;
 mod normals;
 mod notes;
@@ -28,8 +29,8 @@ use crate::{Input, ReadError, SceneReader};
 use notes::Notes;
 pub use ply::Attribute;
 use snell_intersect::TriangleMesh;
-use snell_math::Vec3;
-use snell_scene::{Geometry, Node, Scene, Surface, WarningKind};
+use snell_math::{Bounds3d, DAffine3, Vec3};
+use snell_scene::{Geometry, Node, Scene, Surface, Warning, WarningKind};
 use std::sync::Arc;
 
 /// A function that reads a mesh format.
@@ -49,8 +50,17 @@ pub(crate) const FORMATS: &[(SceneReader, Parse)] = &[
 /// format is chosen by content, then by extension. Normals are those of the file; a mesh without
 /// any is shaded flat ([`smooth_normals`] computes some).
 pub fn read_mesh(input: &Input) -> Result<TriangleMesh, ReadError> {
+    read_noted(input, &mut Notes::default())
+}
+
+fn read_noted(input: &Input, notes: &mut Notes) -> Result<TriangleMesh, ReadError> {
     let extension = input.extension();
     let by_content = FORMATS.iter().find(|(reader, _)| (reader.recognises)(&input.bytes));
+    if by_content.is_none()
+        && let Some((problem, remedy)) = crate::stranger::known_kind(&input.bytes, &extension)
+    {
+        return Err(input.error(crate::Place::Whole, problem, remedy));
+    }
     let by_extension =
         || FORMATS.iter().find(|(reader, _)| reader.extensions.contains(&extension.as_str()));
     let Some((_, parse)) = by_content.or_else(by_extension) else {
@@ -62,16 +72,45 @@ pub fn read_mesh(input: &Input) -> Result<TriangleMesh, ReadError> {
             format!("use one of: {}", names.join(", ")),
         ));
     };
-    parse(input, &mut Notes::default())
+    parse(input, notes)
 }
 
-/// Reads a mesh, and for a PLY file with other polygons than triangles the number of triangles that
-/// each of its faces became, in the order of the triangles.
-pub fn read_faces(input: &Input) -> Result<(TriangleMesh, Option<Vec<u32>>), ReadError> {
-    if (ply::READER.recognises)(&input.bytes) {
-        return ply::parse_faces(input, &mut Notes::default());
-    }
-    Ok((read_mesh(input)?, None))
+/// Reads a mesh again if it is far from zero for its size: then its coordinates are relative to a
+/// point near it, and the root of the scene moves it to its place. (Single precision holds no
+/// details of coordinates of millions.)
+pub(crate) fn read_again_if_far(
+    input: &mut Input,
+    reader: &SceneReader,
+    scene: &mut Scene,
+) -> Result<(), ReadError> {
+    let bounds = scene.bounds().unwrap_or(Bounds3d::EMPTY);
+    let Some(origin) = snell_scene::framing::far_origin(&bounds) else { return Ok(()) };
+    input.origin = origin;
+    *scene = (reader.read)(input)?;
+    let root = scene.root.index();
+    scene.nodes[root].transform = DAffine3::from_translation(origin);
+    Ok(())
+}
+
+/// A mesh that a scene file names.
+pub struct MeshRead {
+    /// The mesh, as [`read_mesh`] reads it.
+    pub mesh: TriangleMesh,
+    /// For a PLY file with other polygons than triangles, the number of triangles that each of its
+    /// faces became, in the order of the triangles.
+    pub faces: Option<Vec<u32>>,
+    /// Warnings about the file, which name it, with the names of their kinds.
+    pub warnings: Vec<(&'static str, Warning)>,
+}
+
+/// Reads a mesh that a scene file names.
+pub fn read_named_mesh(input: &Input) -> Result<MeshRead, ReadError> {
+    let mut notes = Notes::default();
+    let (mesh, faces) = match (ply::READER.recognises)(&input.bytes) {
+        true => ply::parse_faces(input, &mut notes)?,
+        false => (read_noted(input, &mut notes)?, None),
+    };
+    Ok(MeshRead { mesh, faces, warnings: notes.into_kinds() })
 }
 
 /// Reads an attribute of the vertices or faces (`element`) of a PLY file; `None` if it has none of

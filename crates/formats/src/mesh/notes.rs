@@ -63,6 +63,11 @@ impl Notes {
         }
     }
 
+    /// The warnings with the names of their kinds; a name may be empty.
+    pub fn into_kinds(self) -> Vec<(&'static str, Warning)> {
+        self.kinds
+    }
+
     /// Moves the warnings to a scene.
     pub fn finish(self, scene: &mut Scene) {
         scene.warnings.extend(self.kinds.into_iter().map(|(_, warning)| warning));

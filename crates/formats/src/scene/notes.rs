@@ -30,6 +30,17 @@ impl Notes {
         }
     }
 
+    /// Adds the warnings about a mesh that is named at a place.
+    pub fn add_of_mesh(&mut self, at: Spot, warnings: Vec<(&'static str, Warning)>) {
+        for (kind, Warning { message, count, kind: about }) in warnings {
+            let kind = if kind.is_empty() { &message } else { kind };
+            let key = format!("mesh: {kind}");
+            self.add(about, key.clone(), at, || message);
+            let position = self.positions[&key];
+            self.notes[position].1.count += count.saturating_sub(1);
+        }
+    }
+
     /// Moves the warnings to the scene, in the order of the text. `files` are the file names by
     /// number.
     pub fn finish(&mut self, scene: &mut Scene, files: &[String]) {

@@ -2,12 +2,16 @@ use super::*;
 use crate::{ReadOptions, read_scene};
 use snell_intersect::shape::BoxShape;
 use snell_intersect::{Curves, StrandBasis, TriangleMesh};
-use snell_math::{DAffine3, DVec3, Rgb, Vec2, Vec3, Vec4};
+use snell_math::spectrum::Metal;
+use snell_math::{ColorMode, DAffine3, DMat3, DVec2, DVec3, Rgb, Vec2, Vec3, Vec4};
 use snell_scene::builtin::BUILTINS;
+use snell_scene::framing::{FramingOptions, prepare};
+use snell_scene::light::{Attenuation, IntensityTable, Point, Profile, Projector, Slide};
 use snell_scene::material::{
-    BumpMap, ColorParam, Diffuse, HeightUnit, MaterialKind, MetallicRoughness,
+    BumpMap, ColorParam, Conductor, ConductorSpectrum, Diffuse, HeightUnit, Interface, Interior,
+    MaterialKind, MetallicRoughness,
 };
-use snell_scene::medium::{Grid, Medium};
+use snell_scene::medium::{Grid, Homogeneous, Medium};
 use snell_scene::{
     Encoding, Geometry, Image, ImageTexture, Light, Material, Node, Pixels, Surface,
 };
@@ -257,6 +261,158 @@ fn cameras_and_lights_survive_in_gltf_and_pbrt() {
         );
         assert_eq!(read.lights[0], scene.lights[0], "{extension}");
     }
+}
+
+/// The irradiance by a light at a place that faces it.
+fn irradiance(light: &Light, place: DVec3) -> Rgb {
+    let sample = light.sample(place.as_vec3(), Vec2::splat(0.5), ColorMode::Rgb);
+    sample.map_or(Rgb::BLACK, |s| Rgb::new(s.radiance.0[0], s.radiance.0[1], s.radiance.0[2]))
+}
+
+#[test]
+fn lights_with_tables_and_slides_shine_as_before_in_pbrt() {
+    let mut scene = scene();
+    let turned = DMat3::from_rotation_y(0.4) * DMat3::from_rotation_x(1.1);
+    let polar: Vec<f64> = (0..=18).map(|i| f64::from(i) * 10.0f64.to_radians()).collect();
+    let azimuth: Vec<f64> = (0..=8).map(|i| f64::from(i) * 45.0f64.to_radians()).collect();
+    let value = |theta: &f64, phi: &f64| 2.0 + theta.cos() + 0.5 * theta.sin() * phi.cos();
+    let pairs = azimuth.iter().flat_map(|phi| polar.iter().map(move |theta| (theta, phi)));
+    let values = pairs.map(|(theta, phi)| Rgb::splat(value(theta, phi) as f32)).collect();
+    let table = IntensityTable::new(polar.clone(), azimuth.clone(), values).expect("a table");
+    let profile = Profile {
+        position: DVec3::new(1.0, 2.0, 3.0),
+        world_from_light: turned,
+        scale: Rgb::new(1.0, 0.5, 2.0),
+        table,
+    };
+    let values = (0..8 * 4).flat_map(|i| [i as f32, 1.0, 40.0 - i as f32]).collect();
+    let slide = Slide::new(&Image::from_f32(8, 4, 3, values), DVec2::new(0.5, 0.25));
+    let projector = |even| Projector {
+        position: DVec3::new(-1.0, 2.0, 3.0),
+        world_from_light: turned,
+        scale: Rgb::new(1.0, 0.5, 2.0),
+        even,
+        slide: slide.clone().expect("a slide"),
+    };
+    scene.lights = vec![profile.into(), projector(false).into(), projector(true).into()];
+    let (_folder, output, read) = written("pbrt", &scene);
+    assert!(!output.losses.iter().any(|l| l.message.contains("light ")), "{:?}", output.losses);
+    assert_eq!(read.lights.len(), 3);
+    for (i, (a, b)) in scene.lights.iter().zip(&read.lights).enumerate() {
+        for (x, y) in (-4..=4).flat_map(|x| (-4..=4).map(move |y| (x, y))) {
+            let own = DVec3::new(f64::from(x) * 0.11, f64::from(y) * 0.055, 1.0);
+            let all =
+                if i == 0 { vec![own, -own, DVec3::new(own.z, own.x, own.y)] } else { vec![own] };
+            for own in all {
+                let position = match a {
+                    Light::Profile(profile) => profile.position,
+                    Light::Projector(projector) => projector.position,
+                    _ => panic!("another light"),
+                };
+                let place = position + turned * own * 2.0;
+                let [a, b] = [a, b].map(|light| irradiance(light, place));
+                let error = (a + b * -1.0).map(f32::abs).max_element();
+                assert!(
+                    error < 0.02 * a.max_element() + 1e-6,
+                    "light {i}, {own}: {a:?}, now {b:?}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn pbrt_files_have_the_view_and_the_light_that_a_scene_lacks() {
+    let mut scene = scene();
+    scene.cameras.clear();
+    scene.lights.clear();
+    let (_folder, output, read) = written("pbrt", &scene);
+    let mut framed = scene.clone();
+    let options = FramingOptions { size: [960, 720], ..FramingOptions::default() };
+    prepare(&mut framed, &options).expect("a scene");
+    let [a, b] = [&framed, &read].map(|scene| {
+        scene.cameras[0].project(DVec3::new(1.0, 0.5, 0.0), [960, 720]).expect("it is seen")
+    });
+    assert!((a - b).length() < 1e-3 && read.environment.is_some(), "{a} {b}");
+    for said in ["no camera: the one that Snell", "no light: the sky that Snell"] {
+        assert!(output.losses.iter().any(|l| l.message.contains(said)), "{:?}", output.losses);
+    }
+}
+
+#[test]
+fn lights_that_do_not_fade_are_as_bright_in_the_middle_of_a_pbrt_scene() {
+    let mut scene = scene();
+    let lamp = |attenuation| Point {
+        position: DVec3::new(1.0, 7.0, 2.0),
+        intensity: Rgb::new(3.0, 2.0, 1.0),
+        attenuation,
+        body_radius: 0.0,
+    };
+    scene.lights = vec![lamp(Attenuation::NONE).into()];
+    let (_folder, output, read) = written("pbrt", &scene);
+    assert!(output.losses.iter().any(|l| l.message.contains("as bright as before")));
+    let meshes = triangles(&scene);
+    let all = meshes.iter().flatten();
+    let (low, high) = all.fold((Vec3::MAX, Vec3::MIN), |(a, b), p| (a.min(*p), b.max(*p)));
+    let middle = ((low + high) * 0.5).as_dvec3();
+    let [a, b] = [&scene, &read].map(|scene| irradiance(&scene.lights[0], middle));
+    assert!((a.r - b.r).abs() < 0.05 * a.r, "{a:?} {b:?}");
+}
+
+#[test]
+fn bodies_within_others_name_the_medium_around_them_in_pbrt() {
+    let mut scene = Scene::new("nested");
+    let mut part = |half: f64, at: f64| {
+        let fog = Homogeneous::absorbing(Rgb::splat(half as f32));
+        let medium = Some(scene.add_medium(fog));
+        let interior = Some(Interior { medium, ..Interior::default() });
+        let material = Material { interior, ..Material::new("", Interface {}) };
+        let id = scene.add_material(material);
+        let shape = BoxShape { min: DVec3::splat(-half), max: DVec3::splat(half) };
+        let transform = DAffine3::from_translation(DVec3::X * at);
+        let surfaces = vec![Surface::shape(shape, id)];
+        scene.add_child(scene.root, Node { transform, surfaces, ..Node::default() });
+    };
+    part(4.0, 0.0);
+    part(1.0, 0.5);
+    part(2.0, 0.0);
+    part(1.0, 9.0);
+    let mut output = Output::new(Path::new("x.pbrt"), Available::UNKNOWN);
+    (pbrt::WRITER.write)(&scene, &mut output).expect("it can be written");
+    let text = String::from_utf8(output.main).expect("text");
+    for (inside, outside) in [(0, ""), (1, "medium-2"), (2, "medium-0"), (3, "")] {
+        let line = format!("MediumInterface \"medium-{inside}\" \"{outside}\"\n");
+        assert!(text.contains(&line), "{line} is not in {text}");
+    }
+}
+
+#[test]
+fn metals_keep_their_tint_and_their_direction_in_pbrt() {
+    let gold = Metal::named("Au").expect("gold");
+    let conductor = Conductor {
+        anisotropy: (-0.6f32).into(),
+        tint: Rgb::splat(0.3).into(),
+        ..Conductor::new(ConductorSpectrum::Metal(gold), 0.5)
+    };
+    let mut scene = scene();
+    let id = scene.add_material(Material::new("gold", conductor.clone()));
+    let shape = BoxShape { min: DVec3::ZERO, max: DVec3::splat(0.1) };
+    scene.nodes[1].surfaces.push(Surface::shape(shape, id));
+    // A black back of another surface.
+    let back = Material { double_sided: false, ..Material::new("back", Diffuse::new(Rgb::BLACK)) };
+    let id = scene.add_material(back);
+    scene.nodes[1].surfaces.push(Surface::shape(shape, id));
+    let (_folder, output, read) = written("pbrt", &scene);
+    let said = |text: &str| output.losses.iter().any(|l| l.message.contains(text));
+    assert!(said("the tint of the reflection became a part") && said("black back sides"));
+    assert!(!read.materials.iter().any(|m| m.name.contains("back")));
+    let found = read.materials.iter().find(|m| m.name.contains("gold")).expect("gold");
+    let MaterialKind::Conductor(found) = &found.kind else { panic!("{found:?}") };
+    let ConductorSpectrum::Color(color) = &found.spectrum else { panic!("{found:?}") };
+    let Rgb { r, g, b } = color.factor;
+    assert!((0.27..0.3).contains(&r) && g < r && b < g, "{color:?}");
+    assert!((found.roughness.factor - conductor.roughness.factor).abs() < 1e-3);
+    assert!((found.anisotropy.factor - conductor.anisotropy.factor).abs() < 1e-3);
 }
 
 #[test]
@@ -532,5 +688,26 @@ fn other_formats_say_which_patterns_they_lack() {
             "{losses:?}"
         );
         assert!(read.textures.iter().all(|texture| texture.as_image().is_some()));
+    }
+}
+
+#[test]
+fn a_mesh_far_from_zero_keeps_its_shape_in_every_format() {
+    let obj = "v 500000.25 4649776.5 100\nv 500000.55 4649776.5 100\nv 500000.55 4649776.8 100\n\
+        f 1 2 3\n";
+    let options = ReadOptions::default();
+    let scene = crate::read_scene_bytes("a.obj", obj.into(), Path::new("."), &options);
+    let scene = scene.unwrap_or_else(|e| panic!("{e}"));
+    for extension in ["snell", "glb", "pbrt", "obj", "ply", "stl", "off"] {
+        let (_folder, written, read) = written(extension, &scene);
+        let bounds = read.bounds().expect("no cycle");
+        let size = bounds.max - bounds.min;
+        assert!(
+            (size - snell_math::DVec3::new(0.3, 0.3, 0.0)).length() < 1e-5,
+            "{extension}: {size}"
+        );
+        let is_moved = bounds.min.abs().max_element() < 10.0;
+        let is_told = written.losses.iter().any(|loss| loss.message.contains("moved by -500000"));
+        assert_eq!(is_moved, is_told, "{extension}: {:?}", written.losses);
     }
 }

@@ -155,6 +155,16 @@ impl Slide {
         })
     }
 
+    /// Width and height in texels.
+    pub fn size(&self) -> [u32; 2] {
+        [self.width, self.height]
+    }
+
+    /// Half of the image's width and height at distance 1 from the light.
+    pub fn half_size(&self) -> DVec2 {
+        self.half_size
+    }
+
     /// The intensity in a unit direction of the light's coordinates.
     pub fn at(&self, direction: DVec3) -> Rgb {
         let place = direction.truncate() / direction.z / self.half_size;

@@ -238,4 +238,12 @@ fn ply_faces_may_have_texture_coordinates_and_pictures() {
         .map(|&i| mesh.positions[i as usize].truncate() - mesh.uvs[0][i as usize])
         .collect();
     assert_eq!(corners, [Vec2::ZERO; 6]);
+    // Without "texnumber" the first picture is shown.
+    let text = text.replace("property int texnumber\n", "").replace("3 2 1 0 0 1\n", "3 2 1 0 0\n");
+    let scene = read_scene_bytes("a.ply", text.into(), folder.path(), &ReadOptions::default())
+        .unwrap_or_else(|e| panic!("{e}"));
+    assert!(meshes(&scene)[0].material_slots.is_empty());
+    let said: Vec<_> = scene.warnings.iter().map(|w| w.message.as_str()).collect();
+    let is_said = |w: &&str| w.contains("names 2 pictures") && w.contains("\"a.pgm\" is shown");
+    assert!(said.iter().any(is_said), "{said:?}");
 }

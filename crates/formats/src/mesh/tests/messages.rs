@@ -63,6 +63,17 @@ fn decimal_commas_are_read_with_a_warning() {
 }
 
 #[test]
+fn decimal_commas_in_material_libraries_are_reported_too() {
+    let folder = tempfile::tempdir().expect("a folder");
+    std::fs::write(folder.path().join("a.mtl"), "newmtl a\nKd 0,5 0 0\n").expect("written");
+    let obj = "mtllib a.mtl\nusemtl a\nv 1 0 0\nv 2 0 0\nv 0 1 0\nf 1 2 3\n";
+    let scene = read_scene_bytes("a.obj", obj.into(), folder.path(), &ReadOptions::default())
+        .unwrap_or_else(|e| panic!("{e}"));
+    let said: Vec<_> = scene.warnings.iter().map(|w| w.message.as_str()).collect();
+    assert!(said.len() == 1 && said[0].contains("a.mtl:2:4: a number has a comma"), "{said:?}");
+}
+
+#[test]
 fn off_errors_name_what_was_expected() {
     assert_snapshot!(error("a.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 3\n"), @"a.off:6:7: vertex 3 of a face, but there are 3 vertices; vertices count from 0; export the file again");
     assert_snapshot!(error("a.off", "OFF\n99999999999 1 0\n0 0 0\n"), @"a.off:4:1: the file ends \

@@ -50,17 +50,16 @@ fn open_glb(input: &Input) -> Result<Container<'_>, ReadError> {
     let bytes = input.bytes.as_slice();
     let truncated = |at: usize, what: &str| {
         let place = Place::Byte(at as u64);
-        input.error(
-            place,
-            format!("the file ends inside of {what}"),
-            "the file is cut off: copy or export it again",
-        )
+        input.error(place, format!("the file ends inside of {what}"), CUT_OFF)
     };
     let word =
         |at: usize| bytes.get(at..at + 4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]));
     let (Some(version), Some(length)) = (word(4), word(8)) else {
         return Err(truncated(bytes.len(), "its header"));
     };
+    if version == 1 {
+        return open_glb_1(input);
+    }
     if version != 2 {
         return Err(input.error(
             Place::Byte(4),
@@ -72,7 +71,7 @@ fn open_glb(input: &Input) -> Result<Container<'_>, ReadError> {
         return Err(input.error(
             Place::Byte(8),
             format!("the header promises {length} bytes, but the file has {}", bytes.len()),
-            "the file is cut off: copy or export it again",
+            CUT_OFF,
         ));
     }
     let end = (length as usize).max(12);
@@ -100,8 +99,36 @@ fn open_glb(input: &Input) -> Result<Container<'_>, ReadError> {
     let Some(json) = json else {
         return Err(input.error(Place::Byte(12), "this binary glTF has no JSON chunk", REPAIR));
     };
-    Ok(Container { json: parse_json(input, json)?, binary })
+    // The standard pads with blanks; some programs pad with zeros.
+    let end = json.iter().rposition(|b| *b != 0).map_or(0, |last| last + 1);
+    Ok(Container { json: parse_json(input, &json[..end])?, binary })
 }
+
+/// Splits a binary file of glTF 1.0 (`KHR_binary_glTF`): after the lengths of the file and of the
+/// document comes the format of the document, 0 for JSON; the body is the rest.
+fn open_glb_1(input: &Input) -> Result<Container<'_>, ReadError> {
+    let bytes = input.bytes.as_slice();
+    let word =
+        |at: usize| bytes.get(at..at + 4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]));
+    let (Some(length), Some(format)) = (word(12), word(16)) else {
+        let place = Place::Byte(bytes.len() as u64);
+        return Err(input.error(place, "the file ends inside of its header", CUT_OFF));
+    };
+    if format != 0 {
+        let problem = format!("its document has format {format}, expected 0, which is JSON");
+        return Err(input.error(Place::Byte(16), problem, REPAIR));
+    }
+    let Some((text, body)) = bytes[20..].split_at_checked(length as usize) else {
+        let found = bytes.len() - 20;
+        let problem = format!("its document should have {length} bytes, but there are {found}");
+        return Err(input.error(Place::Byte(12), problem, CUT_OFF));
+    };
+    let text = text.trim_ascii_end();
+    Ok(Container { json: parse_json(input, text)?, binary: Some(body) })
+}
+
+/// Remedy for files that end too early.
+const CUT_OFF: &str = "the file is cut off: copy or export it again";
 
 /// A part of a buffer, which lies within the buffer's declared length.
 #[derive(Clone, Copy, Debug)]

@@ -10,6 +10,7 @@ const UNDERSTOOD: &[&str] = &[
     "EXT_lights_ies",
     "EXT_mesh_gpu_instancing",
     "EXT_meshopt_compression",
+    "EXT_texture_avif",
     "EXT_texture_webp",
     "KHR_animation_pointer",
     "KHR_draco_mesh_compression",
@@ -83,6 +84,13 @@ const GEOMETRY: &[&[&str]] = &[
     &["meshes", "*", "primitives", "*"],
 ];
 
+/// Objects with images, as a path like those of [`GEOMETRY`].
+const TEXTURES: &[&str] = &["textures", "*"];
+
+/// End of the warning about an unknown extension of textures.
+const OTHER_IMAGES: &str =
+    "its images are shown only where a texture has no other, and if their format is known";
+
 /// Refuses a file that stores geometry with a required extension that is not supported, and warns
 /// of every other unsupported extension.
 pub(super) fn check(root: &Json, scene: &mut Scene) -> Result<(), ReadError> {
@@ -111,9 +119,12 @@ pub(super) fn check(root: &Json, scene: &mut Scene) -> Result<(), ReadError> {
                 ));
             }
         }
+        let rest = match has_extension(root, TEXTURES, name)? {
+            true => OTHER_IMAGES,
+            false => "the scene is shown without it, and may look different",
+        };
         scene.warn(format!(
-            "the file requires the extension {name}, which is not supported; the scene is shown \
-                without it, and may look different"
+            "the file requires the extension {name}, which is not supported; {rest}"
         ));
     }
     for used in root.items_of("extensionsUsed")? {
@@ -124,9 +135,11 @@ pub(super) fn check(root: &Json, scene: &mut Scene) -> Result<(), ReadError> {
         }
         let is_known = UNDERSTOOD.contains(&name) || name == RELATIVE_TO_CENTER;
         if !is_known && !required_names.contains(&name) {
-            scene.warn(format!(
-                "the extension {name} is not supported; the scene is shown without it"
-            ));
+            let rest = match has_extension(root, TEXTURES, name)? {
+                true => OTHER_IMAGES,
+                false => "the scene is shown without it",
+            };
+            scene.warn(format!("the extension {name} is not supported; {rest}"));
         }
     }
     if let Some(extension) = root.extension(RELATIVE_TO_CENTER)? {

@@ -1,4 +1,5 @@
-//! glTF 2.0: `.gltf` (JSON beside its buffers and images) and `.glb` (all in one file).
+//! glTF 2.0: `.gltf` (JSON beside its buffers and images) and `.glb` (all in one file). Documents of
+//! glTF 1.0 are converted first (`version1.rs`).
 //!
 //! The document is read as plain JSON through `json::Json`, which knows its path and so can report
 //! where a file is wrong. A file that violates the standard in a way that would change the picture
@@ -39,6 +40,8 @@ mod reference;
 mod skin;
 mod texture;
 mod topology;
+mod tree;
+mod version1;
 
 #[cfg(test)]
 mod tests;
@@ -111,7 +114,14 @@ struct Reader<'a> {
 fn read(input: &Input) -> Result<Scene, ReadError> {
     let Container { mut json, binary } = Container::open(input)?;
     let mut scene = Scene::new(input.stem());
+    if version1::is(&json) {
+        scene
+            .note("glTF 1.0: converted to glTF 2.0; the values of materials are read, not shaders");
+        let warnings = version1::convert(&mut json, binary.map_or(0, <[u8]>::len));
+        warnings.into_iter().for_each(|warning| scene.warn(warning));
+    }
     none::remove(&mut json).into_iter().for_each(|warning| scene.warn(warning));
+    tree::untangle(input, &mut json)?.into_iter().for_each(|warning| scene.warn(warning));
     let root = Json::root(input, &json);
     check_version(&root, &mut scene)?;
     extension::check(&root, &mut scene)?;
@@ -142,7 +152,9 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
     for warning in reader.accessors.buffers().take_warnings() {
         reader.scene.warn(warning);
     }
-    light::add_sky(&mut reader.scene);
+    // Emission up to 1 is made for viewers with their own lighting: displays, unlit surfaces. Lamps
+    // need `KHR_materials_emissive_strength`.
+    snell_scene::framing::light_unless_lit(&mut reader.scene, snell_math::DVec3::Y, 1.0);
     if reader.has_lamps_off {
         keep_dark(&mut reader.scene);
     }

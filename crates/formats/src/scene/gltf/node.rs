@@ -130,11 +130,14 @@ impl<'a> Hierarchy<'a> {
         let wanted = wanted_scene(reader)?;
         let chosen = wanted.or(usual);
         if let Some(index) = chosen.filter(|&i| i >= scenes.len()) {
-            let count = scenes.len();
-            reader.scene.warn(format!(
-                "the default scene is number {index}, but there are {count}; the first, or else \
-                    every node, is shown"
-            ));
+            let name = &reader.input.name;
+            let rest = match scenes.len() {
+                0 => "there are none; every node is shown".into(),
+                count => format!("there are {count}; number 0 is shown"),
+            };
+            reader
+                .scene
+                .warn(format!("{name}: \"scene\" asks for scene number {index}, but {rest}"));
         }
         let index = chosen.filter(|&i| i < scenes.len()).unwrap_or(0);
         let Some(scene) = scenes.get(index) else {

@@ -31,6 +31,7 @@ const REFERENCES: &[(&str, &str)] = &[
     ("images/*/bufferView", "bufferViews"),
     ("textures/*/sampler", "samplers"),
     ("textures/*/source", "images"),
+    ("textures/*/extensions/EXT_texture_avif/source", "images"),
     ("textures/*/extensions/EXT_texture_webp/source", "images"),
     ("textures/*/extensions/KHR_texture_basisu/source", "images"),
     ("textures/*/extensions/MSFT_texture_dds/source", "images"),

@@ -4,6 +4,7 @@ use super::Reader;
 use super::json::Json;
 use super::mesh::Attributes;
 use super::node::Hierarchy;
+use super::version1;
 use crate::ReadError;
 use snell_math::{DAffine3, DMat3, DVec3};
 use snell_scene::motion::{InfluenceSet, Skin};
@@ -34,8 +35,17 @@ pub(super) fn read(reader: &Reader, skin: &Json) -> Result<Skin, ReadError> {
     for joint in skin.require("joints")?.items()? {
         joints.push(joint.size()? as u32);
     }
+    let matrix_of = |m: [f64; 16]| {
+        let column = |c: usize| DVec3::new(m[c], m[c + 1], m[c + 2]);
+        let linear = DMat3::from_cols(column(0), column(4), column(8));
+        DAffine3 { matrix3: linear, translation: column(12) }
+    };
+    let bind_shape = match skin.extension(version1::BIND_SHAPE)? {
+        Some(extension) => matrix_of(extension.require("matrix")?.numbers()?),
+        None => DAffine3::IDENTITY,
+    };
     let Some(index) = skin.get("inverseBindMatrices")? else {
-        let inverse_bind = vec![DAffine3::IDENTITY; joints.len()];
+        let inverse_bind = vec![bind_shape; joints.len()];
         return Ok(Skin { joints, inverse_bind });
     };
     let matrices = reader.accessors.get(&index)?.vectors::<16>()?;
@@ -46,14 +56,7 @@ pub(super) fn read(reader: &Reader, skin: &Json) -> Result<Skin, ReadError> {
             joints.len()
         )));
     }
-    let matrix = |m: [f32; 16]| {
-        let column =
-            |c: usize| DVec3::new(f64::from(m[c]), f64::from(m[c + 1]), f64::from(m[c + 2]));
-        DAffine3 {
-            matrix3: DMat3::from_cols(column(0), column(4), column(8)),
-            translation: column(12),
-        }
-    };
+    let matrix = |m: [f32; 16]| matrix_of(m.map(f64::from)) * bind_shape;
     let inverse_bind = matrices.into_iter().take(joints.len()).map(matrix).collect();
     Ok(Skin { joints, inverse_bind })
 }

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use snell_scene::graph::ImageId;
 use snell_scene::texture::{Filtering, Wrap, missing_texture_image};
 use snell_scene::{Encoding, Image, ImageTexture, TextureId, WarningKind};
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::sync::Arc;
 
 /// The use of a texture.
@@ -40,52 +40,72 @@ pub(super) struct Textures {
     known: HashMap<Key, TextureId>,
 }
 
-/// Number of the image that a texture shows.
-fn source(texture: &Json) -> Result<Option<usize>, ReadError> {
-    for name in ["KHR_texture_basisu", "EXT_texture_webp", "MSFT_texture_dds"] {
-        if let Some(extension) = texture.extension(name)?
-            && let Some(source) = extension.get("source")?
-        {
-            return source.size().map(Some);
-        }
+/// Numbers of the images that a texture may show, in the order in which they are tried: the
+/// compressed or smaller one of an extension, the one of the standard, and those of extensions that
+/// are not known.
+fn sources(texture: &Json) -> Result<Vec<usize>, ReadError> {
+    const KNOWN: [&str; 4] =
+        ["KHR_texture_basisu", "EXT_texture_webp", "EXT_texture_avif", "MSFT_texture_dds"];
+    let of_extension = |name: &str| -> Result<Option<usize>, ReadError> {
+        let Some(extension) = texture.extension(name)? else { return Ok(None) };
+        extension.get("source")?.map(|source| source.size()).transpose()
+    };
+    let mut sources = Vec::new();
+    for name in KNOWN {
+        sources.extend(of_extension(name)?);
     }
-    texture.get("source")?.map(|s| s.size()).transpose()
+    sources.extend(texture.get("source")?.map(|source| source.size()).transpose()?);
+    for name in texture.extension_names()?.iter().filter(|name| !KNOWN.contains(&name.as_str())) {
+        // Whatever it is, it may not be an object, or its source no number.
+        sources.extend(of_extension(name).ok().flatten());
+    }
+    Ok(sources)
 }
 
-/// Decodes the images that textures name, in parallel. Failures are recorded, not returned.
+/// Decodes the images that textures name, in parallel. Failures are recorded, not returned; for
+/// them the next image of the texture is decoded.
 pub(super) fn decode_images(reader: &Reader) -> Result<Textures, ReadError> {
     let images = reader.root.items_of("images")?;
-    let mut used = vec![false; images.len()];
-    for texture in reader.root.items_of("textures")? {
-        if let Some(slot) = source(&texture)?.and_then(|i| used.get_mut(i)) {
-            *slot = true;
+    let mut decoded: Vec<Option<Result<Arc<Image>, String>>> = vec![None; images.len()];
+    let textures = reader.root.items_of("textures")?;
+    let candidates: Vec<_> = textures.iter().map(sources).collect::<Result<_, _>>()?;
+    let mut count = 0;
+    // Images with the same content are decoded once.
+    let mut image_of: BTreeMap<String, usize> = BTreeMap::new();
+    loop {
+        let mut used = BTreeSet::new();
+        for sources in &candidates {
+            let is_open = |&&i: &&usize| !matches!(decoded.get(i), None | Some(Some(Err(_))));
+            used.extend(sources.iter().find(is_open).filter(|&&i| decoded[i].is_none()));
+        }
+        if used.is_empty() {
+            return Ok(Textures { decoded, ..Textures::default() });
+        }
+        let mut sources = Vec::new();
+        for &i in &used {
+            let first = *image_of.entry(source_name(&images[i])?).or_insert(i);
+            if first == i {
+                sources.push((i, Source::of(reader, &images[i])));
+            }
+        }
+        count += sources.len();
+        let limit = reader.input.options.limits.files;
+        if count > limit {
+            let problem = format!("the file has more than {limit} images");
+            return Err(reader.root.error_with(problem, "split the scene"));
+        }
+        let results: Vec<_> = sources
+            .into_par_iter()
+            .map(|(i, source)| {
+                let image = source.and_then(|s| s.decode(reader.input)).map(Arc::new);
+                (i, image.map_err(|e| e.to_string()))
+            })
+            .collect();
+        results.into_iter().for_each(|(i, result)| decoded[i] = Some(result));
+        for &i in &used {
+            decoded[i] = decoded[image_of[&source_name(&images[i])?]].clone();
         }
     }
-    // Images with the same content are decoded once.
-    let mut sources: Vec<Result<Source, ReadError>> = Vec::new();
-    let mut number_of: BTreeMap<String, usize> = BTreeMap::new();
-    let mut source_of = vec![None; images.len()];
-    for (i, image) in images.iter().enumerate().filter(|(i, _)| used[*i]) {
-        let number = *number_of.entry(source_name(image)?).or_insert_with(|| {
-            sources.push(Source::of(reader, image));
-            sources.len() - 1
-        });
-        source_of[i] = Some(number);
-    }
-    if sources.len() > reader.input.options.limits.files {
-        let limit = reader.input.options.limits.files;
-        return Err(reader
-            .root
-            .error_with(format!("the file has more than {limit} images"), "split the scene"));
-    }
-    let decoded: Vec<Result<Arc<Image>, String>> = sources
-        .into_par_iter()
-        .map(|source| {
-            source.and_then(|s| s.decode(reader.input)).map(Arc::new).map_err(|e| e.to_string())
-        })
-        .collect();
-    let decoded = source_of.into_iter().map(|number| number.map(|n| decoded[n].clone())).collect();
-    Ok(Textures { decoded, ..Textures::default() })
 }
 
 /// A key that is equal for images with the same content.
@@ -192,20 +212,32 @@ fn bits(values: [f32; 6]) -> [u32; 6] {
 
 /// The image of a texture in the scene.
 fn image(reader: &mut Reader, texture: &Json, used_for: Use) -> Result<Option<ImageId>, ReadError> {
-    let source = source(texture)?;
-    let decoded = source.and_then(|i| reader.textures.decoded.get(i).cloned().flatten());
-    let problem = match (source, decoded) {
-        (Some(i), Some(Ok(image))) => {
-            if let Some(&id) = reader.textures.placed.get(&i) {
+    let mut problems = Vec::new();
+    for i in sources(texture)? {
+        match reader.textures.decoded.get(i).cloned().flatten() {
+            Some(Ok(image)) => {
+                for problem in problems {
+                    reader.scene.warn_of(
+                        WarningKind::Missing,
+                        format!(
+                            "{problem}; another image of the texture at {} is shown instead",
+                            texture.path()
+                        ),
+                    );
+                }
+                if let Some(&id) = reader.textures.placed.get(&i) {
+                    return Ok(Some(id));
+                }
+                let id = reader.scene.add_image(image);
+                reader.textures.placed.insert(i, id);
                 return Ok(Some(id));
             }
-            let id = reader.scene.add_image(image);
-            reader.textures.placed.insert(i, id);
-            return Ok(Some(id));
+            Some(Err(problem)) => problems.push(problem),
+            None => {}
         }
-        (_, Some(Err(problem))) => problem,
-        _ => format!("the texture at {} names no image", texture.path()),
-    };
+    }
+    let nothing = || format!("the texture at {} names no image", texture.path());
+    let problem = problems.into_iter().next().unwrap_or_else(nothing);
     if used_for == Use::Data {
         reader.scene.warn_of(
             WarningKind::Missing,

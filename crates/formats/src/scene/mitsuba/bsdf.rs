@@ -2,7 +2,7 @@
 
 mod adapter;
 mod constants;
-mod facets;
+pub(super) mod facets;
 mod plastic;
 mod principled;
 
@@ -254,7 +254,7 @@ impl Builder<'_> {
             let [u, v] = [u, v].map(|width| rgb_of(*width).luminance().clamp(0.0, 1.0));
             return Ok(Roughness::of_widths(u, v));
         }
-        match self.numbers_of_both(&u, &v, |u, v| {
+        match self.numbers_of_both(object, [&u, &v], "widths", |u, v| {
             let widths = [u, v].map(|width| width.clamp(0.0, 1.0));
             match Roughness::of_widths(widths[0], widths[1]) {
                 Roughness::Even(roughness) => [roughness.factor, 0.0],
@@ -358,8 +358,9 @@ impl Builder<'_> {
             return Ok(Material::new("", Mirror { reflectance: tint }));
         }
         let spectrum = spectrum.unwrap_or(ConductorSpectrum::Color(Rgb::WHITE.into()));
-        let kept = facets::Layer::new(microfacets, roughness)
-            .map_or(1.0, |layer| layer.kept_by_metal(straight_reflectance(&spectrum)));
+        let kept = facets::Layer::new(microfacets, roughness).map_or(1.0, |layer| {
+            layer.kept_by_metal(straight_reflectance(&spectrum), &mut self.means)
+        });
         let tint = ColorParam { factor: tint.factor * kept, ..tint };
         Ok(metal(spectrum, tint, roughness, microfacets))
     }

@@ -133,7 +133,7 @@ impl Builder<'_> {
         let mut scale = scale;
         match self.pattern(object, "texture")? {
             Some(Pattern::Picture(factor, texture)) if cutoff < MOST_CUTOFF => {
-                let slide = self.spot_slide(&texture, beam.to_radians(), cutoff.to_radians());
+                let slide = self.spot_slide(object, &texture, [beam, cutoff].map(f64::to_radians));
                 if let Some(slide) = slide {
                     let (position, scale) = (place.translation, scale * factor);
                     let world_from_light =
@@ -178,12 +178,28 @@ impl Builder<'_> {
 
     /// The intensities of a spot light with a picture, which fills the square around the cut-off
     /// (`SpotLight::direction_to_uv` of Mitsuba).
-    fn spot_slide(&self, texture: &ImageTexture, beam: f64, cutoff: f64) -> Option<Slide> {
+    fn spot_slide(
+        &mut self,
+        object: &Object,
+        texture: &ImageTexture,
+        [beam, cutoff]: [f64; 2],
+    ) -> Option<Slide> {
+        let key = format!("{texture:?} {beam} {cutoff}");
         let picture = self.scene.images[texture.image.index()].clone();
         let texture = ImageTexture { image: ImageId(0), ..texture.clone() };
         let textures = TextureSet::new(&[texture.into()], std::slice::from_ref(&picture));
         let side = picture.width.max(picture.height).clamp(256, 1024);
-        self.main.charge(36 * u64::from(side).pow(2), "the picture of a spot light").ok()?;
+        // Each light has a copy, so this is charged for each.
+        let bytes = 36 * u64::from(side).pow(2);
+        if let Err(error) = self.main.charge(bytes, "the picture of a spot light") {
+            self.note("spot without memory", object.at, || {
+                format!("a spot light with a picture was left out: {}", error.problem)
+            });
+            return None;
+        }
+        if let Some(known) = self.slides.get(&key) {
+            return Some(known.clone());
+        }
         let half = cutoff.tan();
         let place = |i: u32| 1.0 - 2.0 * (f64::from(i) + 0.5) / f64::from(side);
         let mut values = Vec::with_capacity((side * side * 3) as usize);
@@ -194,7 +210,9 @@ impl Builder<'_> {
             let [r, g, b, _] = textures.lookup_at(TextureId(0), uv, 0.0);
             values.extend([r, g, b].map(|c| c * fall.max(0.0) as f32));
         }
-        Slide::new(&Image::from_f32(side, side, 3, values), DVec2::splat(half))
+        let slide = Slide::new(&Image::from_f32(side, side, 3, values), DVec2::splat(half))?;
+        self.slides.insert(key, slide.clone());
+        Some(slide)
     }
 
     fn directional(&mut self, object: &Object, place: DAffine3) -> Result<(), Fault> {

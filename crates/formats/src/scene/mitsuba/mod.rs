@@ -35,6 +35,7 @@ use object::{Child, Content, Object};
 use shape::Shapes;
 use snell_math::DAffine3;
 use snell_scene::graph::ImageId;
+use snell_scene::light::Slide;
 use snell_scene::{MediumId, Scene, WarningKind};
 use std::collections::HashMap;
 use std::rc::Rc;
@@ -69,6 +70,10 @@ struct Builder<'a> {
     images: textures::Textures,
     textures: Textures,
     looks: HashMap<*const Object, Look>,
+    /// The pictures of spot lights, by the debug text of what they are made of.
+    slides: HashMap<String, Slide>,
+    /// Means over layers of microfacets.
+    means: bsdf::facets::Means,
     /// The attributes of meshes that the BSDF being built shows.
     attributes: texture::Attributes,
     shapes: Shapes,
@@ -102,6 +107,8 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
                 images: textures::Textures::default(),
                 textures: Textures::default(),
                 looks: HashMap::new(),
+                slides: HashMap::new(),
+                means: bsdf::facets::Means::default(),
                 attributes: texture::Attributes::default(),
                 shapes: Shapes::default(),
                 media: Media::default(),

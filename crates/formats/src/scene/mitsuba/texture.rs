@@ -31,6 +31,9 @@ pub struct Textures {
     ids: HashMap<String, TextureId>,
     /// Scalar images derived from others, by image, encoding and function.
     scalars: HashMap<(ImageId, bool, Option<usize>), ImageId>,
+    /// Pairs of numbers that are functions of two patterns, by the debug text of the patterns and
+    /// the name of the function; `None` if there was no memory for them.
+    both: HashMap<String, Option<[ScalarParam; 2]>>,
 }
 
 /// The content of a texture.
@@ -256,11 +259,28 @@ impl Builder<'_> {
     }
 
     /// Two scalar parameters that are functions of two patterns: constants, pictures with the same
-    /// texels and place, or one picture and a constant. `None` for other pairs.
+    /// texels and place, or one picture and a constant. `None` for other pairs, and with a warning
+    /// if the scene may take no more memory. `name` is that of the function.
     pub(super) fn numbers_of_both(
         &mut self,
-        a: &Pattern,
-        b: &Pattern,
+        object: &Object,
+        [a, b]: [&Pattern; 2],
+        name: &str,
+        function: impl Fn(f32, f32) -> [f32; 2],
+    ) -> Option<[ScalarParam; 2]> {
+        let key = format!("{name} {a:?} {b:?}");
+        if let Some(known) = self.textures.both.get(&key) {
+            return *known;
+        }
+        let numbers = self.new_numbers_of_both(object, [a, b], function);
+        self.textures.both.insert(key, numbers);
+        numbers
+    }
+
+    fn new_numbers_of_both(
+        &mut self,
+        object: &Object,
+        [a, b]: [&Pattern; 2],
         function: impl Fn(f32, f32) -> [f32; 2],
     ) -> Option<[ScalarParam; 2]> {
         let texture = match (a, b) {
@@ -280,7 +300,13 @@ impl Builder<'_> {
         };
         let image = self.scene.images[texture.image.index()].clone();
         let bytes = 16 * u64::from(image.width) * u64::from(image.height);
-        self.main.charge(bytes, "two numbers of a picture").ok()?;
+        if let Err(error) = self.main.charge(bytes, "two numbers of a picture") {
+            let owner = object.owner();
+            self.note("two numbers without memory", object.at, || {
+                format!("{owner}: its textures are not shown: {}", error.problem)
+            });
+            return None;
+        }
         let value = |pattern: &Pattern, x: u32, y: u32| match pattern {
             Pattern::Picture(factor, texture) => {
                 let image = &self.scene.images[texture.image.index()];

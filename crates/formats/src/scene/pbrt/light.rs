@@ -170,7 +170,15 @@ impl Builder<'_> {
     /// Adds a light whose intensity is a picture of directions, in which y and z are exchanged.
     fn goniometric_light(&mut self, params: &Params, map: DAffine3) -> Result<(), Fault> {
         let mut scale = self.light_color(params, "I")?;
-        let (mut image, is_old) = self.light_picture(params)?;
+        let (mut image, is_old) = if params.has("mapname") || params.has("filename") {
+            self.light_picture(params)?
+        } else {
+            let owner = params.owner.clone();
+            self.mention(format!("{owner} without a picture"), params.at, || {
+                format!("{owner} has no \"string filename\": it shines evenly, as in pbrt")
+            });
+            (Arc::new(Image::from_f32(1, 1, 3, vec![1.0; 3])), false)
+        };
         if !is_old {
             image = Arc::new(grey(&image));
         }

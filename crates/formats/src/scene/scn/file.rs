@@ -1,12 +1,13 @@
 //! One `.scn` file: its own list of materials, its groups, and the files it names.
 
 use super::Builder;
+use crate::mesh::{MeshRead, read_named_mesh};
 use crate::scene::shapes::surface;
 use crate::scene::tokens::{Token, Tokens};
 use crate::{Input, Place, ReadError};
 use snell_intersect::{AnyShape, TriangleMesh};
 use snell_math::{DAffine3, DMat4, DVec3, Transform};
-use snell_scene::{Geometry, MaterialId, Node, NodeId};
+use snell_scene::{Geometry, MaterialId, Node, NodeId, Warning};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -244,7 +245,10 @@ impl Builder {
                 "convert the height field to a triangle mesh (.off, .ply)",
             ));
         }
-        let mut mesh = crate::mesh::read_mesh(&input)?;
+        let MeshRead { mut mesh, warnings, .. } = read_named_mesh(&input)?;
+        for (_, Warning { message, count, kind }) in warnings {
+            Warning::note_of(kind, &mut self.scene.warnings, message, count);
+        }
         // The command sets one material for the whole mesh.
         mesh.material_slots.clear();
         mesh.colors.clear();

@@ -91,7 +91,7 @@ fn square_of(image: &Image) -> Image {
 
 /// The unit direction for a point of the unit square, `+z` in its middle (Clarberg, Fast Equal-Area
 /// Mapping of the (Hemi)Sphere using SIMD, 2008).
-fn direction_of_square(u: f64, v: f64) -> DVec3 {
+pub(super) fn direction_of_square(u: f64, v: f64) -> DVec3 {
     let (u, v) = (2.0 * u - 1.0, 2.0 * v - 1.0);
     let distance = 1.0 - (u.abs() + v.abs());
     let radius = 1.0 - distance.abs();

@@ -6,9 +6,10 @@ use crate::write::material::{lose_shape, open_pbr, shown_name, without_spectrum}
 use crate::write::picture::Baked;
 use snell_math::spectrum::Metal;
 use snell_math::{ColorMode, Rgb};
+use snell_scene::bsdf::fresnel;
 use snell_scene::material::{
-    AlphaMode, ColorParam, ConductorSpectrum, Hair, HeightUnit, MaterialKind, MetallicRoughness,
-    OpenPbr, ScalarParam,
+    AlphaMode, ColorParam, Conductor, ConductorSpectrum, Hair, HeightUnit, MaterialKind,
+    MetallicRoughness, OpenPbr, ScalarParam,
 };
 use snell_scene::{Encoding, Material, MaterialId};
 
@@ -17,6 +18,9 @@ use snell_scene::{Encoding, Material, MaterialId};
 pub struct Made {
     /// Directives to be written before the shape.
     pub attributes: Vec<String>,
+    /// The names of the media inside and outside, to be written before the shape; empty ones for
+    /// none.
+    pub interface: Option<[String; 2]>,
     /// Parameters to be written after those of the shape itself.
     pub shape_parameters: String,
 }
@@ -34,6 +38,15 @@ struct Body {
 impl Body {
     fn new(text: String) -> Self {
         Self { text, absorption: Rgb::BLACK }
+    }
+}
+
+impl Made {
+    /// The directives before a shape, each in a line.
+    pub fn directives(&self) -> String {
+        let interface = self.interface.as_ref();
+        let interface = interface.map(|[a, b]| format!("MediumInterface \"{a}\" \"{b}\""));
+        self.attributes.iter().chain(&interface).map(|line| format!("  {line}\n")).collect()
     }
 }
 
@@ -145,7 +158,7 @@ impl File<'_, '_> {
         };
         if inside.is_some() || (!outside.is_empty() && material.bounded_interior().is_some()) {
             let inside = inside.unwrap_or_default();
-            made.attributes.push(format!("MediumInterface \"{inside}\" \"{outside}\""));
+            made.interface = Some([inside, outside]);
         }
     }
 
@@ -206,21 +219,65 @@ impl File<'_, '_> {
     /// Notes features that pbrt's metals and layers lack.
     fn lose_details(&mut self, material: &Material, who: &str) {
         lose_shape(&material.kind, who, self.output);
-        let (tint, anisotropy) = match &material.kind {
-            MaterialKind::Conductor(metal) => (metal.tint, metal.anisotropy.factor),
-            MaterialKind::CoatedConductor(coated) => {
-                (coated.conductor.tint, coated.conductor.anisotropy.factor)
-            }
-            MaterialKind::Plastic(plastic) => (plastic.specular, 0.0),
-            _ => return,
-        };
-        if anisotropy != 0.0 {
-            self.output
-                .lose(format!("{who}: roughness that differs by direction became isotropic"));
-        }
-        if tint != Rgb::WHITE.into() {
+        if let MaterialKind::Plastic(plastic) = &material.kind
+            && plastic.specular != Rgb::WHITE.into()
+        {
             self.output.lose(format!("{who}: the tint of the reflection is left out"));
         }
+    }
+
+    /// The metal and the roughness of a conductor, whose parameters begin with `prefix`. pbrt has no
+    /// tint of the reflection: with one the metal has a colour instead of its table.
+    fn conductor(&mut self, prefix: &str, conductor: &Conductor, who: &str) -> String {
+        let tint = conductor.tint;
+        let metal = if tint == Rgb::WHITE.into() {
+            self.metal(prefix, &conductor.spectrum, who)
+        } else {
+            self.output.lose(format!(
+                "{who}: the tint of the reflection became a part of the metal's colour"
+            ));
+            let own = straight_reflectance(&conductor.spectrum);
+            // A second texture has no place.
+            let (texture, is_lost) = match &conductor.spectrum {
+                ConductorSpectrum::Color(ColorParam { texture: Some(own), .. }) => {
+                    (Some(*own), tint.texture.is_some())
+                }
+                _ => (tint.texture, false),
+            };
+            if is_lost {
+                self.output.lose(format!("{who}: the texture of the tint is left out"));
+            }
+            let color = ColorParam { factor: own * tint.factor, texture, ..tint };
+            self.color("reflectance", color, who)
+        };
+        metal + &self.widths(prefix, conductor.roughness, conductor.anisotropy, who)
+    }
+
+    /// Roughness that may differ by direction, as the widths of the distribution.
+    fn widths(
+        &mut self,
+        prefix: &str,
+        roughness: ScalarParam,
+        anisotropy: ScalarParam,
+        who: &str,
+    ) -> String {
+        let is_even = anisotropy.factor == 0.0 && anisotropy.texture.is_none();
+        if is_even || roughness.texture.is_some() || anisotropy.texture.is_some() {
+            if !is_even {
+                self.output.lose(format!(
+                    "{who}: roughness that differs by direction, with a texture, became isotropic"
+                ));
+            }
+            return self.roughness(prefix, roughness, who);
+        }
+        let ratio = 1.0 - anisotropy.factor.abs().min(1.0);
+        let most = roughness.factor * roughness.factor * (2.0 / (1.0 + ratio * ratio)).sqrt();
+        let [u, v] =
+            if anisotropy.factor < 0.0 { [most * ratio, most] } else { [most, most * ratio] };
+        format!(
+            " \"float {prefix}uroughness\" [ {u} ] \"float {prefix}vroughness\" [ {v} ] \"bool \
+                remaproughness\" [ false ]"
+        )
     }
 
     fn body(&mut self, material: &Material, who: &str) -> Body {
@@ -242,15 +299,12 @@ impl File<'_, '_> {
             MaterialKind::Plastic(plastic) => {
                 self.coated(plastic.diffuse, plastic.ior, plastic.roughness, who)
             }
-            MaterialKind::Conductor(conductor) => Body::new(
-                kind("conductor")
-                    + &self.metal("", &conductor.spectrum, who)
-                    + &self.roughness("", conductor.roughness, who),
-            ),
+            MaterialKind::Conductor(conductor) => {
+                Body::new(kind("conductor") + &self.conductor("", conductor, who))
+            }
             MaterialKind::CoatedConductor(coated) => Body::new(
                 kind("coatedconductor")
-                    + &self.metal("conductor.", &coated.conductor.spectrum, who)
-                    + &self.roughness("conductor.", coated.conductor.roughness, who)
+                    + &self.conductor("conductor.", &coated.conductor, who)
                     + &self.roughness("interface.", coated.roughness, who)
                     + &format!(" \"float interface.eta\" [ {} ]", coated.ior),
             ),
@@ -489,6 +543,22 @@ impl File<'_, '_> {
         };
         let flag = if prefix == "interface." { "" } else { " \"bool remaproughness\" [ false ]" };
         format!(" {width}{flag}")
+    }
+}
+
+/// The reflectance of a metal at normal incidence, without its texture.
+fn straight_reflectance(spectrum: &ConductorSpectrum) -> Rgb {
+    let of = |eta: Rgb, k: Rgb| {
+        let of_channel = |eta: f32, k: f32| fresnel::conductor(1.0, eta, k);
+        Rgb::new(of_channel(eta.r, k.r), of_channel(eta.g, k.g), of_channel(eta.b, k.b))
+    };
+    match spectrum {
+        ConductorSpectrum::Metal(metal) => {
+            let [eta, k] = metal.indices(ColorMode::Rgb);
+            of(Rgb::new(eta[0], eta[1], eta[2]), Rgb::new(k[0], k[1], k[2]))
+        }
+        ConductorSpectrum::Measured { eta, k } => of(*eta, *k),
+        ConductorSpectrum::Color(color) => without_spectrum(*color, false).factor,
     }
 }
 

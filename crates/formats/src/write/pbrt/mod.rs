@@ -7,6 +7,7 @@ mod environment;
 mod light;
 mod material;
 mod medium;
+mod nesting;
 mod shape;
 mod texture;
 mod view;
@@ -15,7 +16,9 @@ use super::picture::Pictures;
 
 use super::{Output, SceneWriter};
 use snell_intersect::{AnyShape, TriangleMesh};
-use snell_math::{DAffine3, DVec3, Rgb};
+use snell_math::{Bounds3d, DAffine3, DVec3, Rgb};
+use snell_scene::framing::{self, FramingOptions};
+use snell_scene::material::{AlphaMode, MaterialKind};
 use snell_scene::placed::{Placed, placed};
 use snell_scene::{Geometry, MaterialId, Scene};
 use std::collections::HashMap;
@@ -30,6 +33,8 @@ pub const WRITER: SceneWriter =
 const BYTES_OF_SURFACE: u64 = 800;
 
 fn write(scene: &Scene, output: &mut Output) -> Result<(), String> {
+    let framed = framed(scene, output)?;
+    let scene = framed.as_ref().unwrap_or(scene);
     let surfaces = placed(scene)?;
     let (what, count) =
         (format!("the scene as {} surfaces", surfaces.len()), surfaces.len() as u64);
@@ -44,6 +49,7 @@ fn write(scene: &Scene, output: &mut Output) -> Result<(), String> {
     }
     let mut file = File {
         scene,
+        middle: middle(&surfaces),
         output,
         text: String::new(),
         pictures: Pictures::new(scene),
@@ -66,13 +72,49 @@ fn write(scene: &Scene, output: &mut Output) -> Result<(), String> {
             *uses.entry(shared).or_default() += 1;
         }
     }
-    for surface in &surfaces {
+    let exteriors = file.exteriors(&surfaces);
+    for (i, surface) in surfaces.iter().enumerate() {
+        if i > 0 && surfaces[i - 1].node == surface.node && file.is_black_back(surface) {
+            file.output.lose("black back sides are left out: both sides look like the front");
+            continue;
+        }
         let is_shared = shared(surface).is_some_and(|shared| uses[&shared] > 1);
-        if is_shared && !file.emits(surface) { file.instance(surface) } else { file.place(surface) }
+        let exterior = exteriors[i].as_deref();
+        if is_shared && !file.emits(surface) && exterior.is_none() {
+            file.instance(surface);
+        } else {
+            file.place(surface, exterior);
+        }
     }
     let text = std::mem::take(&mut file.text);
     output.main = text.into_bytes();
     Ok(())
+}
+
+/// The scene with the camera and the sky that Snell shows it with, if it lacks a camera or light.
+fn framed(scene: &Scene, output: &mut Output) -> Result<Option<Scene>, String> {
+    let mut framed = scene.clone();
+    let options = FramingOptions { size: view::SIZE, ..FramingOptions::default() };
+    framing::prepare(&mut framed, &options).map_err(|error| error.to_string())?;
+    let has_camera = !scene.cameras.is_empty();
+    let has_light = framed.environment.is_some() == scene.environment.is_some();
+    if !has_camera {
+        output.lose("the scene has no camera: the one that Snell looks through is written");
+    }
+    if !has_light {
+        output.lose("the scene has no light: the sky that Snell shows it under is written");
+    }
+    Ok((!has_camera || !has_light).then_some(framed))
+}
+
+/// The middle of all surfaces that are not infinite.
+fn middle(surfaces: &[Placed]) -> DVec3 {
+    let bounds = surfaces.iter().map(|surface| {
+        let own = surface.surface.geometry.bounds();
+        if own.is_finite() { surface.world_from_surface.bounds(&own) } else { Bounds3d::EMPTY }
+    });
+    let all = bounds.fold(Bounds3d::EMPTY, |a, b| a.union(&b));
+    if all.is_finite() { (all.min + all.max) * 0.5 } else { DVec3::ZERO }
 }
 
 /// The address of a surface's geometry, if it is large: geometry that several surfaces share is
@@ -91,6 +133,8 @@ type Slots = Vec<(u16, Option<MaterialId>)>;
 /// The growing file.
 struct File<'a, 'o> {
     scene: &'a Scene,
+    /// The middle of its surfaces.
+    middle: DVec3,
     output: &'o mut Output,
     text: String,
     pictures: Pictures<'a>,
@@ -155,10 +199,34 @@ impl File<'_, '_> {
         surface.slots().into_iter().filter_map(material).any(|m| m.is_emissive())
     }
 
-    /// Writes one surface in place.
-    fn place(&mut self, surface: &Placed) {
+    /// True for a surface that is black and seen from one side only: readers make such ones as the
+    /// backs of others.
+    fn is_black_back(&self, surface: &Placed) -> bool {
+        let is_black = |(_, id): (u16, Option<MaterialId>)| {
+            let material = id.and_then(|id| self.scene.materials.get(id.index()));
+            material.is_some_and(|m| {
+                let is_black = match &m.kind {
+                    MaterialKind::Diffuse(diffuse) => diffuse.reflectance.factor.is_black(),
+                    MaterialKind::Black(_) => true,
+                    _ => false,
+                };
+                is_black && !m.double_sided && !m.is_emissive() && m.alpha_mode == AlphaMode::Opaque
+            })
+        };
+        surface.slots().into_iter().all(is_black)
+    }
+
+    /// Writes one surface in place. `exterior` is the name of the medium around it, if it lies
+    /// within another body.
+    fn place(&mut self, surface: &Placed, exterior: Option<&str>) {
         let slots = surface.slots();
-        let made: Vec<_> = slots.iter().map(|&(slot, id)| (slot, self.material(id))).collect();
+        let mut made: Vec<_> = slots.iter().map(|&(slot, id)| (slot, self.material(id))).collect();
+        if let Some(exterior) = exterior {
+            for (_, made) in &mut made {
+                let [inside, _] = made.interface.take().unwrap_or_default();
+                made.interface = Some([inside, exterior.into()]);
+            }
+        }
         if let Some(parts) = self.parts(surface, &made) {
             self.line("AttributeBegin");
             let map = surface.world_from_surface.matrix();

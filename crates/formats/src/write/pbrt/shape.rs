@@ -48,9 +48,7 @@ impl File<'_, '_> {
 
     /// Writes one shape with everything that pbrt takes from the directives around it.
     fn part(&mut self, text: &mut String, made: &Made, shape: &str) {
-        for line in &made.attributes {
-            _ = writeln!(text, "  {line}");
-        }
+        text.push_str(&made.directives());
         _ = writeln!(text, "  Shape {shape}{}", made.shape_parameters);
     }
 
@@ -116,9 +114,7 @@ impl File<'_, '_> {
     /// Writes strands, one curve per segment: in pbrt the width of a curve varies linearly from one
     /// end to the other.
     fn curves(&mut self, text: &mut String, curves: &Curves, made: &Made) {
-        for line in &made.attributes {
-            _ = writeln!(text, "  {line}");
-        }
+        text.push_str(&made.directives());
         let mut uneven = 0;
         for controls in (0..curves.segment_count()).filter_map(|segment| curves.bezier(segment)) {
             let [a, b, c, d] = controls.map(|p| p.w);

@@ -5,7 +5,7 @@ use snell_math::{DAffine3, DMat3, DVec3, Transform};
 use snell_scene::{Camera, Projection};
 
 /// Default size of pictures.
-const SIZE: [u32; 2] = [960, 720];
+pub(super) const SIZE: [u32; 2] = [960, 720];
 
 impl File<'_, '_> {
     /// Writes everything before `WorldBegin` except media.
@@ -16,11 +16,8 @@ impl File<'_, '_> {
         if let Some(id) = scene.medium {
             self.line(format!("MediumInterface \"\" \"medium-{}\"", id.0));
         }
-        match camera {
-            Some(camera) => self.camera(camera, size),
-            None => {
-                self.output.lose("the scene has no camera, and pbrt's own stands at the origin")
-            }
+        if let Some(camera) = camera {
+            self.camera(camera, size);
         }
         if scene.cameras.len() > 1 {
             self.output.lose("all cameras but the first are left out");

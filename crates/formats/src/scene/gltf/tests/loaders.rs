@@ -83,6 +83,68 @@ fn a_root_that_is_a_child_is_shown_once() {
 }
 
 #[test]
+fn a_node_below_two_parents_is_shown_below_each() {
+    let nodes = r#""nodes": [{"children": [1, 2], "translation": [10, 0, 0]},
+        {"children": [3], "translation": [1, 0, 0]}, {"children": [3, 3], "translation": [2, 0, 0]},
+        {"children": [4]}, {"mesh": 0, "translation": [0.5, 0, 0]}],"#;
+    let scene = read_text(&triangle("", nodes, 0)).unwrap_or_else(|e| panic!("{e}"));
+    let mut found = places(&scene);
+    found.sort_by(f64::total_cmp);
+    assert_eq!(found, [11.5, 12.5]);
+    let said: Vec<&str> = scene.warnings.iter().map(|w| w.message.as_str()).collect();
+    assert!(said.len() == 2 && said[0].contains("/nodes/3 is named more than once"), "{said:?}");
+    assert!(said[1].contains("/nodes/3 has more than one parent"), "{said:?}");
+}
+
+#[test]
+fn copies_of_a_moving_node_move() {
+    let animation = r#""nodes": [{"children": [2]}, {"children": [2], "translation": [5, 0, 0]},
+        {"mesh": 0}], "animations": [{"samplers": [{"input": 4, "output": 5}],
+        "channels": [{"sampler": 0, "target": {"node": 2, "path": "translation"}}]}],"#;
+    // The numbers of the positions are times and places, too.
+    let accessor = |at: usize, kind: &str| {
+        format!(
+            r#", {{"bufferView": 0, "byteOffset": {at}, "componentType": 5126, "count": 2,
+            "type": "{kind}"}}"#
+        )
+    };
+    let text = triangle("", animation, 0);
+    let end = text.find(r#"], "bufferViews""#).expect("the end of the accessors");
+    let more = [accessor(8, "SCALAR"), accessor(0, "VEC3")].concat();
+    let text = format!("{}{more}{}", &text[..end], &text[end..]);
+    let (scene, said) = with_warning(&text);
+    assert!(said.contains("/nodes/2 has more than one parent"), "{said}");
+    let clip = &scene.motion.as_ref().expect("it moves").clips[0];
+    let joints: Vec<u32> = clip.channels.iter().map(|channel| channel.joint).collect();
+    assert!(joints.len() == 2 && joints[0] != joints[1], "{joints:?}");
+}
+
+#[test]
+fn a_node_below_itself_is_cut_and_doubling_is_bounded() {
+    let cycle = r#""nodes": [{"children": [1]}, {"children": [2], "translation": [1, 0, 0]},
+        {"mesh": 0, "children": [1]}],"#;
+    let (scene, said) = with_warning(&triangle("", cycle, 0));
+    assert_eq!(places(&scene), [1.0]);
+    assert!(said.contains("/nodes/1 is below itself"), "{said}");
+    // Each of 60 levels shows the next one twice.
+    let mut nodes = Vec::new();
+    for level in 0..60 {
+        let next = 3 * level + 3;
+        nodes.push(format!(r#"{{"children": [{}, {}]}}"#, next - 2, next - 1));
+        nodes.extend([(); 2].map(|()| format!(r#"{{"children": [{next}]}}"#)));
+    }
+    let text = format!(r#""nodes": [{}, {{"mesh": 0}}],"#, nodes.join(","));
+    let error = read_text(&triangle("", &text, 0)).expect_err("too many copies");
+    assert!(error.problem.contains("a node with more than one parent would take"), "{error}");
+}
+
+#[test]
+fn a_default_scene_that_is_not_there_is_reported_with_the_file() {
+    let (_, said) = with_warning(&triangle("", r#""scene": 0, "nodes": [{"mesh": 0}],"#, 0));
+    assert!(said.starts_with("test.gltf: \"scene\" asks for scene number 0, but there"), "{said}");
+}
+
+#[test]
 fn null_and_minus_one_are_none() {
     let nodes = r#""nodes": [{"mesh": 0, "camera": null, "skin": -1}, {"mesh": -1}],"#;
     let (scene, said) = with_warning(&triangle(r#", "material": -1"#, nodes, 0));
@@ -100,8 +162,8 @@ fn null_and_minus_one_are_none() {
 fn a_version_may_be_a_number() {
     let json = r#"{"asset": {"version": 2.0, "minVersion": 2}}"#;
     assert!(read_text(json).expect("glTF 2.0").warnings[0].message.contains("the number 2"));
-    let error = read_text(r#"{"asset": {"version": 1}}"#).expect_err("glTF 1.0");
-    assert!(error.problem.contains("this is glTF \"1\""), "{error}");
+    let error = read_text(r#"{"asset": {"version": 0.8}}"#).expect_err("glTF 0.8");
+    assert!(error.problem.contains("this is glTF \"0.8\""), "{error}");
 }
 
 #[test]
@@ -181,6 +243,44 @@ fn a_material_may_use_any_two_sets_of_texture_coordinates() {
         texture(2)
     ));
     assert!(third.warnings[0].message.contains("more than two sets"), "{:?}", third.warnings);
+}
+
+#[test]
+fn a_texture_shows_the_first_of_its_images_that_can_be_read() {
+    let mut targa = vec![0u8; 18];
+    (targa[2], targa[12], targa[14], targa[16], targa[17]) = (2, 1, 1, 32, 8);
+    targa.extend([0, 0, 255, 128]);
+    targa.extend(b"\0\0\0\0\0\0\0\0TRUEVISION-XFILE.\0");
+    let read = |texture: &str| {
+        let properties = format!(
+            r#""nodes": [{{"mesh": 0}}], "extensionsUsed": ["ACME_texture_good"], "materials":
+            [{{"pbrMetallicRoughness": {{"baseColorTexture": {{"index": 0}}}}}}],
+            "textures": [{texture}], "images": [{{"uri": "data:;base64,{}"}},
+            {{"uri": "data:;base64,AAAA"}}],"#,
+            base64(&targa)
+        );
+        read_text(&triangle(r#", "material": 0"#, &properties, 0)).unwrap_or_else(|e| panic!("{e}"))
+    };
+    for (texture, is_shown, said) in [
+        (r#"{"source": 1, "extensions": {"EXT_texture_webp": {"source": 0}}}"#, true, None),
+        (
+            r#"{"source": 0, "extensions": {"EXT_texture_webp": {"source": 1}}}"#,
+            true,
+            Some("another image of the texture at /textures/0 is shown instead"),
+        ),
+        (r#"{"source": 0, "extensions": {"ACME_texture_good": {"source": 1}}}"#, true, None),
+        (r#"{"extensions": {"ACME_texture_good": {"source": 0}}}"#, true, None),
+        (r#"{"extensions": {"ACME_texture_good": {"source": 9}}}"#, false, Some("names no image")),
+        (r#"{"extensions": {"ACME_texture_good": 7}}"#, false, Some("names no image")),
+    ] {
+        let scene = read(texture);
+        assert_eq!(*scene.images[0] != missing_texture_image(), is_shown, "{texture}");
+        let warnings: Vec<_> = scene.warnings.iter().map(|w| w.message.as_str()).collect();
+        let has_images = warnings[0].contains("only where a texture has no other");
+        assert_eq!(has_images, texture.contains("ACME"), "{texture}: {warnings:?}");
+        assert!(said.is_none_or(|said| warnings.last().is_some_and(|w| w.contains(said))));
+        assert_eq!(warnings.len(), 1 + usize::from(said.is_some()), "{texture}: {warnings:?}");
+    }
 }
 
 #[test]
@@ -267,4 +367,74 @@ fn damaged_draco_data_is_an_error_or_a_mesh() {
     let many = draco(&[0; 8]).replace("\"count\": 5", "\"count\": 400000000");
     let error = read_text(&many).expect_err("4.8 GB from 8 bytes");
     assert!(error.problem.contains("a Draco mesh would take"), "{error}");
+}
+
+#[test]
+fn a_stride_of_zero_is_none_and_zeros_may_pad_the_json() {
+    let json = triangle("", r#""nodes": [{"mesh": 0}],"#, 0);
+    let stride = json.replacen(r#""byteLength": 36"#, r#""byteLength": 36, "byteStride": 0"#, 1);
+    assert_ne!(stride, json);
+    let scene = read_text(&stride).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(meshes(&scene).len(), 1);
+    let mut glb = b"glTF\x02\0\0\0".to_vec();
+    let mut chunk = json.into_bytes();
+    chunk.resize(chunk.len().next_multiple_of(4) + 4, 0);
+    glb.extend((20 + chunk.len() as u32).to_le_bytes());
+    glb.extend((chunk.len() as u32).to_le_bytes());
+    glb.extend(b"JSON");
+    glb.extend(chunk);
+    let read = crate::read_scene_bytes("a.glb", glb, Path::new("."), &Default::default());
+    assert_eq!(meshes(&read.unwrap_or_else(|e| panic!("{e}"))).len(), 1);
+}
+
+#[test]
+fn an_angle_of_view_may_be_in_degrees() {
+    let camera = |angle: &str| {
+        let perspective = format!(r#"{{"yfov": {angle}, "znear": 0.1}}"#);
+        let camera = format!(r#"{{"type": "perspective", "perspective": {perspective}}}"#);
+        triangle(
+            "",
+            &format!(r#""nodes": [{{"camera": 0, "mesh": 0}}], "cameras": [{camera}],"#),
+            0,
+        )
+    };
+    let (scene, said) = with_warning(&camera("45"));
+    assert!(said.contains("45 radians") && said.contains("degrees"), "{said}");
+    let right = read_text(&camera("0.7853981633974483")).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(scene.cameras[0].projection, right.cameras[0].projection);
+}
+
+#[test]
+fn tangents_without_a_direction_are_those_of_the_texture_coordinates() {
+    let floats = |values: &[f32]| values.iter().flat_map(|x| x.to_le_bytes()).collect::<Vec<u8>>();
+    for (u, expected) in [([0.0f32, 1.0, 1.0], 1.0f32), ([1.0, 0.0, 0.0], -1.0)] {
+        let mut bytes = floats(&[-1.0, -1.0, 0.0, 1.0, -1.0, 0.0, 1.0, 1.0, 0.0]);
+        bytes.extend(floats(&[0.0, 0.0, 1.0].repeat(3)));
+        bytes.extend(floats(&[u[0], 1.0, u[1], 1.0, u[2], 0.0]));
+        bytes.extend(floats(&[0.0, 0.0, 0.0, 1.0, 0.6, 0.8, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0]));
+        let parts = [(0, 36, "VEC3"), (36, 36, "VEC3"), (72, 24, "VEC2"), (96, 48, "VEC4")];
+        let views = parts
+            .map(|(at, n, _)| format!(r#"{{"buffer": 0, "byteOffset": {at}, "byteLength": {n}}}"#));
+        let accessors = [0, 1, 2, 3].map(|i| {
+            let kind = parts[i].2;
+            format!(r#"{{"bufferView": {i}, "componentType": 5126, "count": 3, "type": "{kind}"}}"#)
+        });
+        let json = format!(
+            r#"{{"asset": {{"version": "2.0"}}, "nodes": [{{"mesh": 0}}], "meshes": [{{"primitives":
+            [{{"attributes": {{"POSITION": 0, "NORMAL": 1, "TEXCOORD_0": 2, "TANGENT": 3}}}}]}}],
+            "accessors": [{}], "bufferViews": [{}],
+            "buffers": [{{"byteLength": {}, "uri": "data:;base64,{}"}}]}}"#,
+            accessors.join(","),
+            views.join(","),
+            bytes.len(),
+            base64(&bytes)
+        );
+        let scene = read_text(&json).unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!((scene.warnings.len(), scene.warnings[0].count), (1, 2), "{:?}", scene.warnings);
+        let tangents = &meshes(&scene)[0].tangents;
+        assert_eq!(tangents[1].to_array(), [0.6, 0.8, 0.0, 1.0]);
+        for tangent in [tangents[0], tangents[2]] {
+            assert_eq!(tangent.to_array(), [expected, 0.0, 0.0, expected]);
+        }
+    }
 }

@@ -31,8 +31,8 @@ fn text_that_is_not_json() {
 
 #[test]
 fn versions() {
-    let error = read_text(r#"{"asset": {"version": "1.0"}}"#).expect_err("an old version");
-    assert_snapshot!(error, @r#"test.gltf:1:23: at /asset/version: this is glTF "1.0", expected 2.0; convert it to glTF 2.0, for example with gltf-pipeline or Blender"#);
+    let error = read_text(r#"{"asset": {"version": "0.8"}}"#).expect_err("an old version");
+    assert_snapshot!(error, @r#"test.gltf:1:23: at /asset/version: this is glTF "0.8", expected 2.0; convert it to glTF 2.0, for example with gltf-pipeline or Blender"#);
 }
 
 #[test]
@@ -54,7 +54,6 @@ fn dangling_references() {
 #[test]
 fn hierarchies_that_are_no_trees() {
     assert_snapshot!(message(r#""nodes": [{"children": [1]}, {"children": [0]}]"#), @"test.gltf:1:41: at /nodes/0: the node is its own descendant; nodes must form trees; export the file again, or check it with the glTF validator");
-    assert_snapshot!(message(r#""nodes": [{"children": [2]}, {"children": [2]}, {}]"#), @"test.gltf:1:74: at /nodes/1/children/0: node 2 is a child already; a node has one parent at most; export the file again, or check it with the glTF validator");
 }
 
 #[test]

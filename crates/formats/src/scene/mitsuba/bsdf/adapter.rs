@@ -151,11 +151,7 @@ impl Builder<'_> {
     fn normal_map(&mut self, object: &Object) -> Result<Look, Fault> {
         let mut look = self.inner_bsdf(object)?;
         let map = self.inner_texture(object, "normalmap")?;
-        for name in ["flip_invalid_normals", "use_shadowing_function"] {
-            if object.bool_or(name, false)? {
-                self.note(name, object.at, || format!("\"{name}\" is not done"));
-            }
-        }
+        self.note_flags_of_normals(object)?;
         let pattern = match self.texture(&map)? {
             // One direction everywhere that is not the normal itself.
             Pattern::Constant(color) if rgb_of(color) != Rgb::new(0.5, 0.5, 1.0) => {
@@ -177,8 +173,25 @@ impl Builder<'_> {
         Ok(look)
     }
 
+    /// Warns of what Mitsuba can do about bent normals, if the file asks for it.
+    fn note_flags_of_normals(&mut self, object: &Object) -> Result<(), Fault> {
+        for (name, what) in [
+            ("flip_invalid_normals", "normals that point away from the viewer are not turned"),
+            ("use_shadowing_function", "light near the edge of its shadow is not dimmed"),
+        ] {
+            if object.bool_or(name, false)? {
+                let owner = object.owner();
+                self.note(format!("{owner} {name}"), object.at, || {
+                    format!("{owner}: \"{name}\" is not done: {what}")
+                });
+            }
+        }
+        Ok(())
+    }
+
     fn bump_map(&mut self, object: &Object) -> Result<Look, Fault> {
         let mut look = self.inner_bsdf(object)?;
+        self.note_flags_of_normals(object)?;
         let map = self.inner_texture(object, "arbitrary")?;
         let scale = object.float_or("scale", 1.0)? as f32;
         if let Pattern::Picture(factor, mut texture) = self.texture(&map)? {

@@ -4,6 +4,7 @@
 use crate::scene::metal::Roughness;
 use snell_math::{Vec2, Vec3};
 use snell_scene::bsdf::{MicrofacetShape, Microfacets, Widths, fresnel};
+use std::collections::HashMap;
 
 /// The facets of a layer, with their widths along tangent and bitangent.
 #[derive(Clone, Copy, Debug)]
@@ -33,9 +34,13 @@ impl Layer {
 
     /// The share of diffuse light that Mitsuba's rough metal of this reflectance reflects, over
     /// what ours does, in which light that bounces between facets is not lost.
-    pub fn kept_by_metal(&self, reflectance: f32) -> f32 {
-        let kept = self.mean_reflected(|_, _| 1.0, |_, wi| self.masking(wi));
-        let straight = self.mean_reflected(|_, _| 1.0, |wo, wi| self.facets.shadowing(wo, wi));
+    pub fn kept_by_metal(&self, reflectance: f32, known: &mut Means) -> f32 {
+        let [kept, straight] = known.of(self, 0.0, || {
+            [
+                self.mean_reflected(|_, _| 1.0, |_, wi| self.masking(wi)),
+                self.mean_reflected(|_, _| 1.0, |wo, wi| self.facets.shadowing(wo, wi)),
+            ]
+        });
         kept / (1.0 - (1.0 - straight) * (1.0 - reflectance.clamp(0.0, 1.0)))
     }
 
@@ -92,6 +97,20 @@ impl Layer {
     }
 }
 
+/// Means over layers that were computed, each of which takes about a millisecond: many materials
+/// of a scene have the same layer.
+#[derive(Debug, Default)]
+pub struct Means(HashMap<(bool, [u32; 3]), [f32; 2]>);
+
+impl Means {
+    /// Two means for a layer over a body of this index of refraction; 0 for a metal.
+    pub fn of(&mut self, layer: &Layer, ior: f32, compute: impl FnOnce() -> [f32; 2]) -> [f32; 2] {
+        let is_ggx = layer.facets.shape() == MicrofacetShape::Ggx;
+        let numbers = [layer.widths[0], layer.widths[1], ior].map(f32::to_bits);
+        *self.0.entry((is_ggx, numbers)).or_insert_with(compute)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -100,7 +119,7 @@ mod tests {
     fn rough_metals_keep_the_light_that_mitsubas_keep() {
         let kept = |shape, u, v| {
             let layer = Layer::new(shape, Roughness::of_widths(u, v)).expect("rough");
-            layer.kept_by_metal(1.0)
+            layer.kept_by_metal(1.0, &mut Means::default())
         };
         // Mean albedos of white metals by the formulas of roughconductor.cpp.
         for (u, v, expected) in
@@ -110,5 +129,18 @@ mod tests {
             assert!((found - expected).abs() < 0.01, "{u} {v}: {found}");
         }
         assert!(Layer::new(MicrofacetShape::Ggx, Roughness::Even(0.0.into())).is_none());
+    }
+
+    #[test]
+    fn means_are_known_by_distribution_widths_and_index() {
+        let layer = |shape, u, v| Layer::new(shape, Roughness::of_widths(u, v)).expect("rough");
+        use MicrofacetShape::{Beckmann, Ggx};
+        let mut known = Means::default();
+        let keys = [(Ggx, 0.2, 0.3, 0.0), (Ggx, 0.3, 0.2, 0.0), (Beckmann, 0.2, 0.3, 0.0)];
+        for (i, (shape, u, v, ior)) in keys.into_iter().chain([(Ggx, 0.2, 0.3, 1.5)]).enumerate() {
+            let own = [i as f32; 2];
+            assert_eq!(known.of(&layer(shape, u, v), ior, || own), own);
+            assert_eq!(known.of(&layer(shape, u, v), ior, || panic!("computed twice")), own);
+        }
     }
 }

@@ -27,7 +27,10 @@ impl Builder<'_> {
             ));
         }
         if let Some(layer) = layer {
-            let Passage { scale, back } = Passage::of(layer, ior);
+            let [scale, back] = self.means.of(&layer, ior, || {
+                let Passage { scale, back } = Passage::of(layer, ior);
+                [scale, back]
+            });
             if is_nonlinear {
                 diffuse = rgb_of(diffuse).map(|d| d * scale / (1.0 - d * back)).into();
             } else {

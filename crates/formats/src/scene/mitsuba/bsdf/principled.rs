@@ -133,7 +133,9 @@ impl Builder<'_> {
         let Some(anisotropic) = anisotropic else {
             return Ok([self.scalar(object, "roughness", 0.5)?, 0.0.into()]);
         };
-        if let Some(both) = self.numbers_of_both(&roughness, &anisotropic, of_widths) {
+        if let Some(both) =
+            self.numbers_of_both(object, [&roughness, &anisotropic], "principled", of_widths)
+        {
             return Ok(both);
         }
         Ok([

@@ -30,6 +30,9 @@ pub enum Shown {
     OnTriangles(OnTriangles),
     /// The mesh has no such attribute.
     Missing,
+    /// The mesh has this number of values of the attribute, and another number of vertices or
+    /// triangles.
+    Misfit(usize),
 }
 
 /// Puts the attribute of this name, such as `face_color`, on a mesh that was just read. `faces` is
@@ -49,10 +52,14 @@ pub fn show(
                 Some(counts) => repeated(&values, counts),
                 None => values,
             };
+            if values.len() != mesh.indices.len() {
+                return Ok(Shown::Misfit(values.len()));
+            }
             return Ok(Shown::OnTriangles(OnTriangles { use_as, values }));
         }
-        put(mesh, use_as, values);
-        return Ok(Shown::OnVertices);
+        let count = values.len();
+        let fits = put(mesh, use_as, values);
+        return Ok(if fits { Shown::OnVertices } else { Shown::Misfit(count) });
     }
     if name == "vertex_color" && !mesh.colors.is_empty() {
         if use_as == Use::Number {
@@ -80,15 +87,16 @@ fn repeated(values: &[Rgb], counts: &[u32]) -> Vec<Rgb> {
     pairs.flat_map(|(value, count)| std::iter::repeat_n(*value, *count as usize)).collect()
 }
 
-/// Puts values on the vertices, if there is one for each.
-fn put(mesh: &mut TriangleMesh, use_as: Use, values: Vec<Rgb>) {
+/// Puts values on the vertices and returns true, if there is one for each.
+fn put(mesh: &mut TriangleMesh, use_as: Use, values: Vec<Rgb>) -> bool {
     if values.len() != mesh.positions.len() {
-        return;
+        return false;
     }
     match use_as {
         Use::Color => mesh.colors = values.iter().map(|c| [c.r, c.g, c.b, 1.0]).collect(),
         Use::Number => mesh.uvs[1] = values.iter().map(|c| Vec2::new(c.luminance(), 0.0)).collect(),
     }
+    true
 }
 
 impl OnTriangles {

@@ -11,6 +11,7 @@ use crate::scene::fault::Fault;
 use crate::scene::shapes::wind_by_normals;
 use snell_intersect::TriangleMesh;
 use snell_math::Vec3;
+use snell_scene::Warning;
 use std::sync::Arc;
 
 /// A mesh that was read.
@@ -20,6 +21,11 @@ struct MeshRead {
     is_turned: bool,
     /// The attributes that are shown and that the mesh lacks.
     missing: Vec<String>,
+    /// The attributes that are shown, but have another number of values than the mesh has vertices
+    /// or triangles, with this number.
+    misfits: Vec<(String, usize)>,
+    /// Warnings about the file.
+    warnings: Vec<(&'static str, Warning)>,
 }
 
 /// Options for reading a mesh from its file.
@@ -61,19 +67,19 @@ impl Reading {
     /// Reads the mesh.
     fn mesh(&self, input: &Input) -> Result<MeshRead, Fault> {
         let mut is_flat = self.is_flat;
-        let mut faces = None;
+        let (mut faces, mut warnings) = (None, Vec::new());
         let mut mesh = if self.is_serialized {
             let read = serialized::read(input, self.index)?;
             is_flat |= read.is_flat;
             read.mesh
         } else {
-            let (mesh, counts) = crate::mesh::read_faces(input)?;
-            faces = counts;
-            mesh
+            let read = crate::mesh::read_named_mesh(input)?;
+            (faces, warnings) = (read.faces, read.warnings);
+            read.mesh
         };
         mesh.material_slots.clear();
         let mut on_triangles = Vec::new();
-        let mut missing = Vec::new();
+        let (mut missing, mut misfits) = (Vec::new(), Vec::new());
         let shown = [(&self.shown.number, Use::Number), (&self.shown.color, Use::Color)];
         for (name, use_as) in shown {
             let Some(name) = name else { continue };
@@ -81,9 +87,12 @@ impl Reading {
                 Shown::OnVertices => {}
                 Shown::OnTriangles(values) => on_triangles.push(values),
                 Shown::Missing => missing.push(name.clone()),
+                Shown::Misfit(count) => misfits.push((name.clone(), count)),
             }
         }
-        if self.shown.color.as_ref().is_none_or(|name| missing.contains(name)) {
+        if self.shown.color.as_ref().is_none_or(|name| {
+            missing.contains(name) || misfits.iter().any(|(misfit, _)| misfit == name)
+        }) {
             mesh.colors.clear();
         }
         let mut is_turned = false;
@@ -106,7 +115,7 @@ impl Reading {
             mesh = flip_v(mesh);
         }
         on_triangles.iter().for_each(|values| values.put(&mut mesh));
-        Ok(MeshRead { mesh, is_turned, missing })
+        Ok(MeshRead { mesh, is_turned, missing, misfits, warnings })
     }
 }
 
@@ -126,7 +135,20 @@ impl Builder<'_> {
         if let Some(known) = self.shapes.files.get(&key) {
             return Ok(Some(known.clone()));
         }
-        let MeshRead { mesh, is_turned, missing } = reading.mesh(&self.open(name, at)?)?;
+        let MeshRead { mesh, is_turned, missing, misfits, warnings } =
+            reading.mesh(&self.open(name, at)?)?;
+        self.notes.add_of_mesh(at, warnings);
+        for (attribute, count) in misfits {
+            let name = shortened(name);
+            let is_face = attribute.starts_with("face_");
+            let what = if is_face { "triangles" } else { "vertices" };
+            self.note(format!("misfit {attribute}"), at, || {
+                format!(
+                    "\"{name}\" has {count} values of the attribute \"{attribute}\", which is not \
+                        the number of its {what}; 1 was used instead"
+                )
+            });
+        }
         for attribute in missing {
             let name = shortened(name);
             self.note(format!("no {attribute}"), at, || {

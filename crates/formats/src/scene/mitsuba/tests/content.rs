@@ -1,7 +1,7 @@
 //! The conversion of objects.
 
 use super::*;
-use crate::{ReadOptions, read_scene};
+use crate::{Limits, ReadOptions, read_scene};
 use snell_math::{DVec3, Rgb};
 use snell_scene::bsdf::MicrofacetShape;
 use snell_scene::light::{Directional, Point, Profile};
@@ -427,6 +427,80 @@ fn attributes_of_faces_are_on_all_their_corners() {
     let missing =
         read(&format!("<bsdf type='diffuse'>{}</bsdf>", attribute("reflectance", "face_x")));
     assert!(missing.warnings[0].message.contains("no attribute \"face_x\""));
+    // Triangles that strips add have no attribute of faces.
+    let strips = ply.replace(
+        "end_header",
+        "element tristrips 1\nproperty list uchar int \
+        vertex_indices\nproperty list uchar float texcoord\nend_header",
+    );
+    std::fs::write(folder.path().join("a.ply"), format!("{strips}3 0 1 2 0\n")).expect("written");
+    let misfit =
+        read(&format!("<bsdf type='diffuse'>{}</bsdf>", attribute("reflectance", "face_tint")));
+    assert!(meshes(&misfit)[0].colors.is_empty());
+    let said: Vec<_> = misfit.warnings.iter().map(|w| w.message.as_str()).collect();
+    assert!(said[0].contains("not the number of its triangles; 1 was used"), "{said:?}");
+}
+
+#[test]
+fn warnings_about_the_files_of_meshes_are_kept() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let ply = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n\
+        property float z\nelement face 2\nproperty list uchar int vertex_indices\n\
+        property list uchar float texcoord\nend_header\n0 0 0\n1 0 0\n1 1 0\n\
+        3 0 1 2 0\n2 0 1 0\n";
+    std::fs::write(folder.path().join("a.ply"), ply).expect("written");
+    let text = "<scene version='3.0.0'><shape type='ply'><string name='filename' value='a.ply'/>\
+        </shape></scene>";
+    let scene = testing::read_in(&READER, folder.path(), text).unwrap_or_else(|e| panic!("{e}"));
+    let said: Vec<_> = scene.warnings.iter().map(|w| w.message.as_str()).collect();
+    assert!(said.len() == 2 && said[0].contains("a.ply: texture coordinates at the"), "{said:?}");
+    assert!(said[0].starts_with("test:1:") && said[1].contains("fewer than 3 corners"), "{said:?}");
+}
+
+#[test]
+fn pictures_without_memory_are_warnings() {
+    let folder = tempfile::tempdir().expect("a folder");
+    std::fs::write(
+        folder.path().join("p.pgm"),
+        "P2\n64 64\n255\n".to_string() + &"9 ".repeat(4096),
+    )
+    .expect("written");
+    let picture = "<string name='filename' value='p.pgm'/></texture>";
+    let text = format!(
+        "<scene version='3.0.0'><emitter type='spot'><texture name='texture' type='bitmap'>\
+            {picture}</emitter><shape type='sphere'><bsdf type='principled'><texture \
+            name='roughness' type='bitmap'>{picture}<float name='anisotropic' value='0.5'/></bsdf>\
+            </shape></scene>"
+    );
+    let read = |memory_bytes: u64| {
+        let limits = Limits { memory_bytes, expansion: 0, ..Limits::default() };
+        let options = ReadOptions { limits, ..ReadOptions::default() };
+        let path = folder.path().join("a.xml");
+        std::fs::write(&path, &text).expect("written");
+        let scene = read_scene(&path, &options).unwrap_or_else(|e| panic!("{e}"));
+        let said = scene.warnings.iter().map(|w| w.message.clone()).collect::<Vec<_>>().join("\n");
+        (scene.lights.len(), said)
+    };
+    let (lights, said) = read(1 << 30);
+    assert!(lights == 1 && said.is_empty(), "{said}");
+    let (lights, said) = read(1 << 16);
+    assert!(lights == 0 && said.contains("a spot light with a picture was left out"), "{said}");
+    assert!(said.contains("its textures are not shown: two numbers of a picture would"), "{said}");
+}
+
+#[test]
+fn flags_of_bent_normals_are_reported_if_they_are_set() {
+    for kind in ["bumpmap", "normalmap"] {
+        let said = |value: bool| {
+            warnings(&format!(
+                "<shape type='rectangle'><bsdf type='{kind}'><boolean name='flip_invalid_normals' \
+                    value='{value}'/><boolean name='use_shadowing_function' value='{value}'/>\
+                    <texture type='checkerboard'/><bsdf type='diffuse'/></bsdf></shape>"
+            ))
+        };
+        assert_eq!(said(false), "");
+        assert_eq!(said(true).matches("is not done").count(), 2, "{}", said(true));
+    }
 }
 
 #[test]

@@ -3,6 +3,7 @@
 use super::super::params::Params;
 use super::super::{Builder, identity};
 use super::{Lamps, Made, check_length, flip_v, orient};
+use crate::mesh::{MeshRead, read_named_mesh};
 use crate::scene::fault::Fault;
 use snell_intersect::TriangleMesh;
 use snell_math::{Vec2, Vec3};
@@ -72,7 +73,8 @@ impl Builder<'_> {
             return Ok(Made::Mesh(mesh.clone(), lamps.clone()));
         }
         let input = self.open(name, at)?;
-        let (mut mesh, faces) = crate::mesh::read_faces(&input)?;
+        let MeshRead { mut mesh, faces, warnings } = read_named_mesh(&input)?;
+        self.notes.add_of_mesh(at, warnings);
         mesh.colors.clear();
         mesh.material_slots.clear();
         // pbrt makes a bilinear patch of a quadrilateral.

@@ -38,6 +38,17 @@ fn goniometric_lights_take_the_mean_of_their_colours() {
 }
 
 #[test]
+fn goniometric_lights_without_a_picture_shine_evenly() {
+    let text = "WorldBegin LightSource \"goniometric\" \"rgb I\" [ 1 2 3 ]";
+    let scene = testing::read_text(&READER, text).unwrap_or_else(|e| panic!("{e}"));
+    let Light::Profile(profile) = &scene.lights[0] else { panic!("{:?}", scene.lights) };
+    for direction in [DVec3::X, DVec3::Y, DVec3::NEG_Z] {
+        colors_are(profile.table.at(direction) * profile.scale, [1.0, 2.0, 3.0]);
+    }
+    assert!(scene.warnings[0].message.contains("it shines evenly"), "{:?}", scene.warnings);
+}
+
+#[test]
 fn power_in_ply_files_is_that_of_each_face() {
     let folder = tempfile::tempdir().expect("a folder");
     let ply = |faces: &str| {
