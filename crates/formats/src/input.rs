@@ -7,6 +7,7 @@ use crate::json_place::line_and_column;
 use crate::limits::Limits;
 use crate::open::{self, NamedBy};
 use crate::search::Search;
+use snell_math::{DVec3, Vec3};
 use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 
@@ -23,6 +24,9 @@ pub struct Input {
     pub root: PathBuf,
     /// Options of reading.
     pub options: ReadOptions,
+    /// The point that readers of meshes subtract from positions, in double precision: not zero
+    /// only if a mesh lies so far from zero that single precision does not hold its shape.
+    pub(crate) origin: DVec3,
     /// The memory charged for the files of the scene.
     pub(crate) expansion: Arc<Expansion>,
     /// The search for files whose names are not literally those of files.
@@ -47,6 +51,7 @@ impl Input {
             root: directory.clone(),
             directory,
             options: options.clone(),
+            origin: DVec3::ZERO,
             expansion,
             search: Arc::default(),
         };
@@ -64,6 +69,7 @@ impl Input {
             root: directory.clone(),
             directory,
             options: options.clone(),
+            origin: DVec3::ZERO,
             expansion,
             search: Arc::default(),
         }
@@ -91,6 +97,7 @@ impl Input {
             directory: self.directory.clone(),
             root: self.root.clone(),
             options: self.options.clone(),
+            origin: DVec3::ZERO,
             expansion: self.expansion.clone(),
             search: self.search.clone(),
         }
@@ -156,6 +163,14 @@ impl Input {
         remedy: impl Into<String>,
     ) -> ReadError {
         ReadError { file: self.name.clone(), place, problem: problem.into(), remedy: remedy.into() }
+    }
+
+    /// A position of the file relative to the origin of its coordinates here.
+    pub(crate) fn near(&self, position: Vec3) -> Vec3 {
+        match self.origin == DVec3::ZERO {
+            true => position,
+            false => (position.as_dvec3() - self.origin).as_vec3(),
+        }
     }
 
     /// The extension in lower case, without the dot: `ply` for `a.ply.gz`.

@@ -21,6 +21,7 @@ pub mod open;
 pub mod scene;
 mod search;
 mod sources;
+mod stranger;
 mod strip;
 pub mod textures;
 pub mod write;
@@ -95,7 +96,7 @@ impl ReadOptions {
 
 /// Reads a scene file.
 pub fn read_scene(path: &Path, options: &ReadOptions) -> Result<Scene, ReadError> {
-    read_input(&Input::open(path, options)?)
+    read_input(Input::open(path, options)?)
 }
 
 /// Reads a scene from bytes, such as standard input. `name` is for messages; files that the scene
@@ -108,7 +109,7 @@ pub fn read_scene_bytes(
 ) -> Result<Scene, ReadError> {
     let input = Input::from_packed(name, bytes, directory, options)?;
     options.record(Path::new(name), &input.bytes);
-    read_input(&input)
+    read_input(input)
 }
 
 /// Refuses a large file if there is too little memory to read it: numbers in text take several
@@ -126,11 +127,15 @@ fn check_memory(input: &Input) -> Result<(), ReadError> {
     })
 }
 
-fn read_input(input: &Input) -> Result<Scene, ReadError> {
+fn read_input(mut input: Input) -> Result<Scene, ReadError> {
     let extension = input.extension();
-    let reader = SCENE_READERS
-        .iter()
-        .find(|r| (r.recognises)(&input.bytes))
+    let recognised = SCENE_READERS.iter().find(|r| (r.recognises)(&input.bytes));
+    if recognised.is_none()
+        && let Some((problem, remedy)) = stranger::known_kind(&input.bytes, &extension)
+    {
+        return Err(input.error(Place::Whole, problem, remedy));
+    }
+    let reader = recognised
         .or_else(|| SCENE_READERS.iter().find(|r| r.extensions.contains(&extension.as_str())));
     let Some(reader) = reader else {
         let known: Vec<_> = SCENE_READERS.iter().map(|r| r.name).collect();
@@ -141,10 +146,13 @@ fn read_input(input: &Input) -> Result<Scene, ReadError> {
             format!("use one of: {} (`snell formats` says more)", known.join(", ")),
         ));
     };
-    check_memory(input)?;
-    let mut scene = (reader.read)(input).map_err(|error| input.located(error))?;
+    check_memory(&input)?;
+    let mut scene = (reader.read)(&input).map_err(|error| input.located(error))?;
+    if mesh::FORMATS.iter().any(|(format, _)| format.name == reader.name) {
+        mesh::read_again_if_far(&mut input, reader, &mut scene)?;
+    }
     if let Some(Environment::Image { image, .. }) = &scene.environment {
-        image::charge_environment(input, image)?;
+        image::charge_environment(&input, image)?;
     }
     if scene.name.is_empty() {
         scene.name = input.stem();

@@ -7,6 +7,7 @@
 use std::collections::{BTreeMap, HashMap};
 use std::path::{Component, Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
+use unicode_normalization::UnicodeNormalization;
 
 /// Maximum number of entries of a folder that are looked at.
 const MAX_ENTRIES: usize = 100_000;
@@ -17,7 +18,7 @@ pub(crate) struct Search(Mutex<Seen>);
 
 #[derive(Debug, Default)]
 struct Seen {
-    /// The names in each folder, by their lower case.
+    /// The names in each folder, by their [`fold`]ed form.
     folders: HashMap<PathBuf, HashMap<String, PathBuf>>,
     /// The names that are not those of files, with the files that were opened for them.
     found: BTreeMap<String, PathBuf>,
@@ -72,7 +73,7 @@ impl Search {
                     if !is_allowed(&path) {
                         return None;
                     }
-                    let actual = self.entry(&path, &part.to_str()?.to_lowercase())?;
+                    let actual = self.entry(&path, &fold(part.to_str()?))?;
                     path.push(actual);
                 }
                 // An absolute name starts from the root.
@@ -82,23 +83,46 @@ impl Search {
         (!name.is_empty() && path.exists() && is_allowed(&path)).then_some(path)
     }
 
-    /// The entry of a folder whose name in lower case is `lower`; the first in alphabetical order,
-    /// if there are several.
-    fn entry(&self, folder: &Path, lower: &str) -> Option<PathBuf> {
+    /// The entry of a folder whose name in its folded form is `folded`; the first in alphabetical
+    /// order, if there are several.
+    fn entry(&self, folder: &Path, folded: &str) -> Option<PathBuf> {
         let mut seen = self.seen();
         let names = seen.folders.entry(folder.into()).or_insert_with(|| entries(folder));
-        names.get(lower).cloned()
+        names.get(folded).cloned()
     }
 }
 
-/// The names in a folder, by their lower case.
+/// A name in lower case, with each accented letter as one character: file systems of macOS store
+/// letter and accent one after the other, and archives made there keep them so.
+fn fold(name: &str) -> String {
+    name.nfc().collect::<String>().to_lowercase()
+}
+
+/// Text that is UTF-8, or else Windows-1252, in which older programs write names.
+pub(crate) fn text_of(bytes: &[u8]) -> String {
+    // The characters from 0x80 to 0x9f; all others are those of Unicode.
+    const SPECIAL: &str = "€\u{81}‚ƒ„…†‡ˆ‰Š‹Œ\u{8d}Ž\u{8f}\u{90}‘’“”•–—˜™š›œ\u{9d}žŸ";
+    match std::str::from_utf8(bytes) {
+        Ok(text) => text.into(),
+        Err(_) => bytes
+            .iter()
+            .map(|&b| match b {
+                0x80..=0x9f => SPECIAL.chars().nth(usize::from(b) - 0x80).unwrap_or('?'),
+                _ => char::from(b),
+            })
+            .collect(),
+    }
+}
+
+/// The names in a folder, by their folded form.
 fn entries(folder: &Path) -> HashMap<String, PathBuf> {
     let mut names = HashMap::new();
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten().take(MAX_ENTRIES) {
-        let Ok(name) = entry.file_name().into_string() else { continue };
-        let kept = names.entry(name.to_lowercase()).or_insert_with(|| PathBuf::from(&name));
-        if Path::new(&name) < kept.as_path() {
-            *kept = name.into();
+        let name = PathBuf::from(entry.file_name());
+        let folded = fold(&text_of(name.as_os_str().as_encoded_bytes()));
+        let kept = names.entry(folded).or_insert_with(|| name.clone());
+        if name < *kept {
+            *kept = name;
         }
     }
     names
@@ -162,12 +186,22 @@ mod tests {
             ("../Wood.png", "wood.png"),
             ("HERE/other/far.png", "other/far.png"),
             ("file://HERE/other/far.png", "other/far.png"),
+            ("b\u{e4}ume.png", "scene/ba\u{308}ume.png"),
+            ("B\u{c4}UME.png", "scene/ba\u{308}ume.png"),
+            ("o\u{308}l.png", "scene/\u{f6}l.png"),
         ] {
             let files =
                 ["scene/a.png", "scene/Maps/a.png", "scene/Maps/b.png", "scene/c.png", "wood.png"];
-            let files = [&files[..], &["scene/odd?v=3", "other/far.png"]].concat();
+            let accented = ["scene/ba\u{308}ume.png", "scene/\u{f6}l.png"];
+            let files = [&files[..], &["scene/odd?v=3", "other/far.png"], &accented].concat();
             assert_eq!(resolved(&files, name, false).as_deref(), Some(file), "{name}");
         }
+    }
+
+    #[test]
+    fn names_that_are_not_utf_8_are_windows_1252() {
+        assert_eq!(super::text_of("gr\u{fc}n".as_bytes()), "gr\u{fc}n");
+        assert_eq!(super::text_of(b"gr\xfcn \x80 \x9f"), "gr\u{fc}n \u{20ac} \u{178}");
     }
 
     #[test]

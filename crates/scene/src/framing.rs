@@ -2,15 +2,17 @@
 
 mod air;
 mod extent;
+mod far;
 mod fit;
 mod sky;
 
 pub use air::fill_with_fog;
+pub use far::{bring_near, far_origin};
 pub use fit::frame;
 pub use sky::{default_sky, sky_seen_by};
 
 use crate::camera::Camera;
-use crate::graph::{Background, MediumId, NodeId, Scene, SceneError};
+use crate::graph::{Background, MediumId, NodeId, Scene, SceneError, WarningKind};
 use crate::material::{Diffuse, Material};
 use crate::medium::Medium;
 use crate::motion::Pose;
@@ -44,7 +46,8 @@ impl Default for FramingOptions {
 /// Adds the parts that a picture needs and the scene lacks: a camera that frames the finite
 /// surfaces, and the default sky if nothing emits light (no lights, no environment, no emissive
 /// material or medium in use). With the sky comes [`DEFAULT_BACKGROUND`], unless the scene has a
-/// background. A complete scene is unchanged.
+/// background. A scene far from zero is moved near it ([`bring_near`]), with a warning. Any other
+/// complete scene is unchanged.
 pub fn prepare(scene: &mut Scene, options: &FramingOptions) -> Result<(), SceneError> {
     prepare_for(scene, &[], options)
 }
@@ -57,6 +60,14 @@ pub fn prepare_for(
     options: &FramingOptions,
 ) -> Result<(), SceneError> {
     let order = scene.topological_order()?;
+    if let Some(by) = bring_near(scene)? {
+        let message = format!(
+            "the scene is far from zero for its size, where single precision holds no details: it \
+            is shown moved by {} {} {}",
+            by.x, by.y, by.z
+        );
+        scene.warn_of(WarningKind::Choice, message);
+    }
     let up = scene.settings.up.unwrap_or(options.up);
     if scene.cameras.is_empty() {
         let [w, h] = scene.settings.size.unwrap_or(options.size).map(|s| f64::from(s.max(1)));

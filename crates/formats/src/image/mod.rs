@@ -14,7 +14,9 @@ mod ktx2;
 mod openexr;
 mod pfm;
 mod picture;
+mod radiance;
 mod raster;
+mod tiff;
 mod tonemap;
 mod write;
 
@@ -151,7 +153,7 @@ pub const IMAGE_FORMATS: &[ImageFormat] = &[
         extensions: &["hdr", "pic"],
         description: "Radiance HDR (RGBE): scene-linear, shared exponent",
         recognises: |b| b.starts_with(b"#?"),
-        read: Some(raster::read_radiance),
+        read: Some(radiance::read),
         write: Some(write::radiance),
     },
     ImageFormat {
@@ -199,7 +201,7 @@ pub const IMAGE_FORMATS: &[ImageFormat] = &[
         extensions: &["tif", "tiff"],
         description: "TIFF: sRGB display values of 8 or 16 bits, or linear float; the first page",
         recognises: |b| b.starts_with(b"II*\0") || b.starts_with(b"MM\0*"),
-        read: Some(|input| raster::read(input, ::image::ImageFormat::Tiff)),
+        read: Some(tiff::read),
         write: None,
     },
     ImageFormat {
@@ -265,6 +267,11 @@ fn is_openexr(bytes: &[u8]) -> bool {
 fn reader_of(input: &Input) -> Result<fn(&Input) -> Result<Image, ReadError>, ReadError> {
     let extension = input.extension();
     let by_content = IMAGE_FORMATS.iter().find(|f| (f.recognises)(&input.bytes));
+    if by_content.is_none()
+        && let Some((problem, remedy)) = crate::stranger::known_kind(&input.bytes, "")
+    {
+        return Err(input.error(Place::Whole, problem, remedy));
+    }
     let format = by_content
         .or_else(|| IMAGE_FORMATS.iter().find(|f| f.extensions.contains(&extension.as_str())));
     format.and_then(|f| f.read).ok_or_else(|| {

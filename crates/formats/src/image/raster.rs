@@ -17,10 +17,11 @@ pub fn read(input: &Input, format: image::ImageFormat) -> Result<Image, ReadErro
     decode(input, decoder)
 }
 
-/// Decodes Radiance HDR, also with a missing or unusual signature.
-pub fn read_radiance(input: &Input) -> Result<Image, ReadError> {
-    let decoder = HdrDecoder::new_nonstrict(Cursor::new(input.bytes.as_slice()))
-        .map_err(|e| decode_error(input, &e))?;
+/// Decodes Radiance HDR of the usual order of pixels, also with a missing or unusual signature.
+/// `bytes` are those of the input with its header in the usual form.
+pub fn read_radiance(input: &Input, bytes: &[u8]) -> Result<Image, ReadError> {
+    let decoder =
+        HdrDecoder::new_nonstrict(Cursor::new(bytes)).map_err(|e| decode_error(input, &e))?;
     decode(input, decoder)
 }
 

@@ -11,6 +11,7 @@
 //! Units are taken as they are, and so is the up axis. Vertices that are not finite stay, with a
 //! warning: their triangles are never hit.
 
+mod colors;
 mod corners;
 mod normals;
 mod notes;
@@ -28,7 +29,7 @@ use crate::{Input, ReadError, SceneReader};
 use notes::Notes;
 pub use ply::Attribute;
 use snell_intersect::TriangleMesh;
-use snell_math::Vec3;
+use snell_math::{Bounds3d, DAffine3, Vec3};
 use snell_scene::{Geometry, Node, Scene, Surface, Warning, WarningKind};
 use std::sync::Arc;
 
@@ -55,6 +56,11 @@ pub fn read_mesh(input: &Input) -> Result<TriangleMesh, ReadError> {
 fn read_noted(input: &Input, notes: &mut Notes) -> Result<TriangleMesh, ReadError> {
     let extension = input.extension();
     let by_content = FORMATS.iter().find(|(reader, _)| (reader.recognises)(&input.bytes));
+    if by_content.is_none()
+        && let Some((problem, remedy)) = crate::stranger::known_kind(&input.bytes, &extension)
+    {
+        return Err(input.error(crate::Place::Whole, problem, remedy));
+    }
     let by_extension =
         || FORMATS.iter().find(|(reader, _)| reader.extensions.contains(&extension.as_str()));
     let Some((_, parse)) = by_content.or_else(by_extension) else {
@@ -67,6 +73,23 @@ fn read_noted(input: &Input, notes: &mut Notes) -> Result<TriangleMesh, ReadErro
         ));
     };
     parse(input, notes)
+}
+
+/// Reads a mesh again if it is far from zero for its size: then its coordinates are relative to a
+/// point near it, and the root of the scene moves it to its place. (Single precision holds no
+/// details of coordinates of millions.)
+pub(crate) fn read_again_if_far(
+    input: &mut Input,
+    reader: &SceneReader,
+    scene: &mut Scene,
+) -> Result<(), ReadError> {
+    let bounds = scene.bounds().unwrap_or(Bounds3d::EMPTY);
+    let Some(origin) = snell_scene::framing::far_origin(&bounds) else { return Ok(()) };
+    input.origin = origin;
+    *scene = (reader.read)(input)?;
+    let root = scene.root.index();
+    scene.nodes[root].transform = DAffine3::from_translation(origin);
+    Ok(())
 }
 
 /// A mesh that a scene file names.

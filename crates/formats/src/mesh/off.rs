@@ -2,16 +2,20 @@
 //!
 //! The header may be `OFF` with the prefixes `ST`, `C` and `N` in any order, may share a line with
 //! the counts, may even touch them (`OFF8 6 12`), or may be missing. There is one vertex or face
-//! per line; anything after the required numbers is ignored, including colours. Meshes have no
-//! normals unless the prefix `N` is present: they are shaded flat.
+//! per line. Vertices have colours after the prefix `C`, and a face has one where three or four
+//! numbers follow its corners: whole numbers from 0 to 255, or fractions from 0 to 1, both sRGB.
+//! Anything else after the required numbers is ignored. Meshes have no normals unless the prefix
+//! `N` is present: they are shaded flat.
 
+use super::colors;
 use super::notes::Notes;
 use super::polygon::Triangulator;
-use super::text::{Reader, Text, decoded};
+use super::text::{Number, Reader, Text, decoded, number, number_from};
 use super::too_many;
 use crate::{Input, ReadError, SceneReader};
 use snell_intersect::TriangleMesh;
 use snell_math::Vec3;
+use snell_math::spectrum::srgb_to_linear;
 
 /// The reader of OFF files.
 pub const READER: SceneReader = SceneReader {
@@ -25,14 +29,68 @@ pub const READER: SceneReader = SceneReader {
     },
     read: |input| {
         let mut notes = Notes::default();
-        let mesh = parse(input, &mut notes)?;
+        let (mut mesh, colors) = parse_colored(input, &mut notes)?;
+        if !colors.vertices.is_empty() {
+            mesh.colors = colors.vertices.into_linear();
+        } else if !colors.faces.is_empty() {
+            colors::paint(&mut mesh, &colors.faces.into_linear());
+        }
         Ok(super::scene_of(input, mesh, notes))
     },
 };
 
+/// The colours of a file.
+#[derive(Default)]
+struct Colors {
+    /// One of each vertex, or none.
+    vertices: Written,
+    /// One of each triangle, or none.
+    faces: Written,
+}
+
+/// Colours as they are written, each with whether it is in whole numbers; `None` for a face without
+/// one.
+#[derive(Default)]
+struct Written(Vec<Option<([f32; 4], bool)>>);
+
+impl Written {
+    fn is_empty(&self) -> bool {
+        self.0.iter().all(Option::is_none)
+    }
+
+    /// Linear colours. Whole numbers go to 255, unless all of them are 0 or 1.
+    fn into_linear(self) -> Vec<[f32; 4]> {
+        let mut whole = self.0.iter().flatten().filter(|(_, is_whole)| *is_whole);
+        let are_bytes = whole.any(|(c, _)| c[..3].iter().any(|c| *c > 1.0));
+        let linear = |(color, is_whole): ([f32; 4], bool)| {
+            let scale = if is_whole && are_bytes { 1.0 / 255.0 } else { 1.0 };
+            let [r, g, b, a] = color.map(|c| (c * scale).clamp(0.0, 1.0));
+            let [r, g, b] = [r, g, b].map(srgb_to_linear);
+            [r, g, b, a]
+        };
+        self.0.into_iter().map(|color| color.map_or([1.0; 4], linear)).collect()
+    }
+}
+
+/// The colour in the words up to the end of the line, of which there are three or four numbers.
+fn color(reader: &mut Reader) -> Option<([f32; 4], bool)> {
+    // Without its own value alpha is the largest.
+    let (mut color, mut count, mut is_whole) = ([f32::MAX; 4], 0, true);
+    while let Some(word) = reader.text.word() {
+        let Number::Exact(value) = number(word.bytes) else { break };
+        if let Some(channel) = color.get_mut(count) {
+            *channel = if value.is_finite() { value } else { 1.0 };
+            is_whole &= word.bytes.iter().all(|b| b.is_ascii_digit());
+        }
+        count += 1;
+    }
+    (3..=4).contains(&count).then_some((color, is_whole))
+}
+
 /// The parts of the first word.
 struct Header<'a> {
     normals: bool,
+    colors: bool,
     /// True if there are more than three dimensions, which is not supported.
     dimensions: bool,
     /// Text that touches the keyword.
@@ -46,37 +104,49 @@ impl<'a> Header<'a> {
         let known =
             prefix.iter().all(|b| b"STCN4n".contains(b)) && rest.iter().all(u8::is_ascii_digit);
         let dimensions = prefix.contains(&b'4') || prefix.contains(&b'n');
-        known.then(|| Self { normals: prefix.contains(&b'N'), dimensions, rest })
+        let (normals, colors) = (prefix.contains(&b'N'), prefix.contains(&b'C'));
+        known.then_some(Self { normals, colors, dimensions, rest })
     }
 }
 
-/// Reads the mesh.
+/// Reads the mesh without its colours.
 pub(super) fn parse(input: &Input, notes: &mut Notes) -> Result<TriangleMesh, ReadError> {
+    Ok(parse_colored(input, notes)?.0)
+}
+
+fn parse_colored(input: &Input, notes: &mut Notes) -> Result<(TriangleMesh, Colors), ReadError> {
     let bytes = decoded(&input.bytes);
     let text = Text::new(&bytes, 0).with_comments(b'#');
     let mut reader = Reader::new(input, &bytes, text);
-    let has_normals = skip_header(&mut reader)?;
+    let attributes = skip_header(&mut reader)?;
     let vertices = reader.count("the number of vertices", true)?;
     let faces = reader.count("the number of faces", true)?;
     // The number of edges is often missing or wrong, and it is not needed.
     reader.text.next_line();
-    let mut mesh = TriangleMesh::default();
-    read_vertices(&mut reader, vertices, has_normals, &mut mesh)?;
-    read_faces(&mut reader, faces, &mut mesh, notes)?;
+    let (mut mesh, mut colors) = (TriangleMesh::default(), Colors::default());
+    read_vertices(&mut reader, vertices, attributes, &mut mesh, &mut colors.vertices)?;
+    read_faces(&mut reader, faces, &mut mesh, &mut colors.faces, notes)?;
     reader.note_commas(notes);
     super::repair_normals(&mut mesh, input, notes);
-    Ok(mesh)
+    Ok((mesh, colors))
 }
 
-/// Reads the keyword, if there is one; true if vertices have normals.
-fn skip_header(reader: &mut Reader) -> Result<bool, ReadError> {
+/// The attributes that vertices have.
+#[derive(Clone, Copy, Default)]
+struct Attributes {
+    normals: bool,
+    colors: bool,
+}
+
+/// Reads the keyword, if there is one.
+fn skip_header(reader: &mut Reader) -> Result<Attributes, ReadError> {
     let mut ahead = reader.text.clone();
     let Some(word) = ahead.word_on_any_line() else {
         return Err(reader.error(0, "the file is empty, expected OFF", "export the file again"));
     };
     let Some(header) = Header::of(word.bytes) else {
         // Without a keyword the counts come first; invalid counts are reported when they are read.
-        return Ok(false);
+        return Ok(Attributes::default());
     };
     if header.dimensions {
         let problem = format!("{} is a mesh of more than three dimensions", word.quoted());
@@ -93,14 +163,15 @@ fn skip_header(reader: &mut Reader) -> Result<bool, ReadError> {
             "export it as text, or as PLY",
         ));
     }
-    Ok(header.normals)
+    Ok(Attributes { normals: header.normals, colors: header.colors })
 }
 
 fn read_vertices(
     reader: &mut Reader,
     count: u64,
-    has_normals: bool,
+    attributes: Attributes,
     mesh: &mut TriangleMesh,
+    colors: &mut Written,
 ) -> Result<(), ReadError> {
     // A vertex takes at least six bytes, so a false count cannot reserve much.
     mesh.positions.reserve(count.min(reader.text.remaining() as u64 / 6 + 1) as usize);
@@ -110,26 +181,29 @@ fn read_vertices(
         }
         let what = || format!("a coordinate of vertex {i} of {count}");
         let mut p = [0.0; 3];
-        for x in &mut p {
-            *x = match reader.text.word_on_any_line() {
-                Some(word) => match super::text::number(word.bytes) {
-                    super::text::Number::Exact(value) => value,
-                    super::text::Number::Comma(value) => {
-                        reader.found_comma(word.start);
-                        value
-                    }
-                    _ => return Err(reader.not_a_number(word, &what())),
-                },
-                None => return Err(reader.missing(&what())),
+        for (axis, x) in p.iter_mut().enumerate() {
+            let Some(word) = reader.text.word_on_any_line() else {
+                return Err(reader.missing(&what()));
+            };
+            *x = match number_from(word.bytes, reader.input.origin[axis]) {
+                Number::Exact(value) => value,
+                Number::Comma(value) => {
+                    reader.found_comma(word.start);
+                    value
+                }
+                _ => return Err(reader.not_a_number(word, &what())),
             };
         }
         mesh.positions.push(Vec3::from(p));
-        if has_normals {
+        if attributes.normals {
             let mut n = Vec3::ZERO;
             for k in 0..3 {
                 n[k] = reader.number("a coordinate of a normal", false)?;
             }
             mesh.normals.push(n);
+        }
+        if attributes.colors {
+            colors.0.push(color(reader));
         }
         reader.text.next_line();
     }
@@ -140,6 +214,7 @@ fn read_faces(
     reader: &mut Reader,
     count: u64,
     mesh: &mut TriangleMesh,
+    colors: &mut Written,
     notes: &mut Notes,
 ) -> Result<(), ReadError> {
     let mut triangulator = Triangulator::default();
@@ -173,6 +248,7 @@ fn read_faces(
             });
         }
         super::push_polygon(reader.input, || reader.here(), mesh, &face, &mut triangulator)?;
+        colors.0.resize(mesh.indices.len(), color(reader));
         reader.text.next_line();
     }
     Ok(())

@@ -56,7 +56,7 @@ fn read_vertex(reader: &mut Reader, mesh: &mut TriangleMesh) -> Result<(), ReadE
     for x in &mut v {
         *x = reader.number("one of the 8 numbers of a #vertex (position, normal, s, t)", true)?;
     }
-    mesh.positions.push(Vec3::new(v[0], v[1], v[2]));
+    mesh.positions.push(reader.input.near(Vec3::new(v[0], v[1], v[2])));
     mesh.normals.push(Vec3::new(v[3], v[4], v[5]));
     mesh.uvs[0].push(Vec2::new(v[6], v[7]));
     Ok(())

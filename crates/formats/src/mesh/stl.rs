@@ -3,8 +3,14 @@
 //! Binary files are recognised by their size: 84 bytes plus 50 per facet, whatever the first word
 //! is (many begin with `solid`). Programs that write a stream may leave the count of facets at 0 or
 //! at its largest value; where the rest of the file is a whole number of facets, that is the count.
-//! Facet normals and attribute bytes are ignored; equal positions become one vertex.
+//! Facet normals are ignored; equal positions become one vertex.
+//!
+//! Colours of binary files are in the attribute of each facet, five bits a channel. Magics writes
+//! `COLOR=` and a colour into the header; there the facet's own colour holds if bit 15 is 0, and red
+//! is in the lowest bits. VisCAM and SolidView set bit 15 of facets with a colour, and blue is in
+//! the lowest bits.
 
+use super::colors;
 use super::normals;
 use super::notes::Notes;
 use super::polygon::Triangulator;
@@ -25,6 +31,9 @@ pub const READER: SceneReader = SceneReader {
         let mut notes = Notes::default();
         let mut mesh = parse(input, &mut notes)?;
         normals::smooth(&mut mesh, normals::CREASE_ANGLE, &[]);
+        if let Some(colors) = facet_colors(&input.bytes, mesh.indices.len()) {
+            colors::paint(&mut mesh, &colors);
+        }
         let mut scene = super::scene_of(input, mesh, notes);
         // STL is written for machines that build in layers; programs that write it place objects on
         // the xy plane.
@@ -47,6 +56,37 @@ fn has_binary_size(bytes: &[u8]) -> bool {
     declared_facets(bytes).is_some_and(|n| bytes.len() as u64 == HEADER as u64 + n * FACET as u64)
 }
 
+/// The linear colour of each facet of a binary file, if it has any. Other programs leave other
+/// numbers in the attributes, so without the mark of Magics all must be colours or 0.
+fn facet_colors(bytes: &[u8], facets: usize) -> Option<Vec<[f32; 4]>> {
+    let body = bytes.get(HEADER..HEADER + facets.checked_mul(FACET)?)?;
+    if !is_binary(bytes) {
+        return None;
+    }
+    let attributes =
+        || body.chunks_exact(FACET).map(|f| u16::from_le_bytes([f[FACET - 2], f[FACET - 1]]));
+    let from_srgb = |c: f32| snell_math::spectrum::srgb_to_linear(c);
+    let five_bits = |bits: u16| from_srgb(f32::from(bits & 31) / 31.0);
+    if let Some(at) = bytes[..HEADER - 4].windows(6).position(|w| w == b"COLOR=") {
+        let [r, g, b, _] = bytes.get(at + 6..at + 10)?.try_into().ok()?;
+        let [r, g, b] = [r, g, b].map(|c: u8| from_srgb(f32::from(c) / 255.0));
+        let color = |a: u16| match a & 0x8000 {
+            0 => [five_bits(a), five_bits(a >> 5), five_bits(a >> 10), 1.0],
+            _ => [r, g, b, 1.0],
+        };
+        return Some(attributes().map(color).collect());
+    }
+    let are_colors = attributes().all(|a| a == 0 || a & 0x8000 != 0);
+    if !are_colors || attributes().all(|a| a == 0) {
+        return None;
+    }
+    let color = |a: u16| match a {
+        0 => [1.0; 4],
+        _ => [five_bits(a >> 10), five_bits(a >> 5), five_bits(a), 1.0],
+    };
+    Some(attributes().map(color).collect())
+}
+
 fn looks_like_text(bytes: &[u8]) -> bool {
     let start = decoded(&bytes[..bytes.len().min(4096)]);
     let mut text = Text::new(&start, 0);
@@ -61,17 +101,17 @@ fn looks_like_text(bytes: &[u8]) -> bool {
 
 /// Reads the mesh; the file's normals are ignored.
 pub(super) fn parse(input: &Input, notes: &mut Notes) -> Result<TriangleMesh, ReadError> {
-    let bytes = &input.bytes;
-    let starts_as_text = decoded(&bytes[..bytes.len().min(64)])
-        .trim_ascii_start()
-        .to_ascii_lowercase()
-        .starts_with(b"solid");
-    if !has_binary_size(bytes)
-        && (looks_like_text(bytes) || (starts_as_text && !bytes.contains(&0)))
-    {
-        return parse_text(input, notes);
-    }
-    parse_binary(input, notes)
+    if is_binary(&input.bytes) { parse_binary(input, notes) } else { parse_text(input, notes) }
+}
+
+fn is_binary(bytes: &[u8]) -> bool {
+    let starts_as_text = || {
+        decoded(&bytes[..bytes.len().min(64)])
+            .trim_ascii_start()
+            .to_ascii_lowercase()
+            .starts_with(b"solid")
+    };
+    has_binary_size(bytes) || !(looks_like_text(bytes) || (starts_as_text() && !bytes.contains(&0)))
 }
 
 /// Collects corners as welded vertices.
@@ -139,7 +179,7 @@ fn parse_binary(input: &Input, notes: &mut Notes) -> Result<TriangleMesh, ReadEr
     for facet in bytes[HEADER..HEADER + declared * FACET].chunks_exact(FACET) {
         let float =
             |i: usize| f32::from_le_bytes([facet[i], facet[i + 1], facet[i + 2], facet[i + 3]]);
-        let corner = |i: usize| Vec3::new(float(i), float(i + 4), float(i + 8));
+        let corner = |i: usize| input.near(Vec3::new(float(i), float(i + 4), float(i + 8)));
         let triangle = [12, 24, 36].map(|i| builder.vertex(corner(i)));
         builder.mesh.indices.push(triangle);
     }
@@ -157,7 +197,7 @@ fn parse_text(input: &Input, notes: &mut Notes) -> Result<TriangleMesh, ReadErro
             b"vertex" => {
                 let mut p = Vec3::ZERO;
                 for k in 0..3 {
-                    p[k] = reader.number("a coordinate of a vertex", false)?;
+                    p[k] = reader.coordinate(k, "a coordinate of a vertex")?;
                 }
                 loop_vertices.push(builder.vertex(p));
             }

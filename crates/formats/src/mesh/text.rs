@@ -194,7 +194,7 @@ pub enum Number {
 }
 
 /// Parses a number: everything that C's `strtod` and Rust's `parse` accept in decimal, and
-/// `1.#QNAN` and the like.
+/// `1.#QNAN`, `-nan(ind)` and the like.
 pub fn number(word: &[u8]) -> Number {
     if let Some(value) = short_decimal(word) {
         return Number::Exact(value);
@@ -211,12 +211,43 @@ pub fn number(word: &[u8]) -> Number {
         let sign = if word[0] == b'-' { -1.0 } else { 1.0 };
         return Number::Exact(if infinite { sign * f32::INFINITY } else { f32::NAN });
     }
+    if is_annotated_nan(word) {
+        return Number::Exact(f32::NAN);
+    }
     if let Some(value) = with_point(word).and_then(|word| word.parse().ok()) {
         return Number::Comma(value);
     }
     let numeric =
         word.iter().take(64).take_while(|b| b.is_ascii_digit() || b"+-.eE".contains(b)).count();
     (1..=numeric).rev().find_map(|n| parse(&word[..n])).map_or(Number::None, Number::Prefix)
+}
+
+/// Parses a number, and subtracts `origin` in double precision.
+pub fn number_from(word: &[u8], origin: f64) -> Number {
+    if origin == 0.0 {
+        return number(word);
+    }
+    let parse = |text: &str| text.parse::<f64>().ok().map(|value| (value - origin) as f32);
+    let moved = |value: f32| (f64::from(value) - origin) as f32;
+    if let Some(value) = std::str::from_utf8(word).ok().and_then(parse) {
+        return Number::Exact(value);
+    }
+    match number(word) {
+        Number::Exact(value) => Number::Exact(moved(value)),
+        Number::Comma(value) => {
+            let exact = with_point(word).and_then(|word| parse(&word));
+            Number::Comma(exact.unwrap_or_else(|| moved(value)))
+        }
+        Number::Prefix(value) => Number::Prefix(moved(value)),
+        Number::None => Number::None,
+    }
+}
+
+/// True for NaN as newer Microsoft libraries and C's `printf` write it: `nan(ind)`, `-nan(snan)`,
+/// `nan(0x8000)`.
+fn is_annotated_nan(word: &[u8]) -> bool {
+    let word = word.strip_prefix(b"-").or(word.strip_prefix(b"+")).unwrap_or(word);
+    word.len() >= 5 && word[..4].eq_ignore_ascii_case(b"nan(") && word.ends_with(b")")
 }
 
 /// The word with a point for its comma, if it has one comma with digits on both sides and no point.
@@ -335,6 +366,25 @@ impl<'a> Reader<'a> {
         match place_of(self.bytes, offset) {
             Place::Column(line, column) => format!("{}:{line}:{column}", self.input.name),
             _ => self.input.name.clone(),
+        }
+    }
+
+    /// The next word on this line as the coordinate of a position along an axis, relative to
+    /// [`Input::origin`].
+    pub fn coordinate(&mut self, axis: usize, what: &str) -> Result<f32, ReadError> {
+        let Some(word) = self.text.word() else { return Err(self.missing(what)) };
+        self.coordinate_in(word, axis, what)
+    }
+
+    /// Parses a word as the coordinate of a position along an axis, relative to [`Input::origin`].
+    pub fn coordinate_in(&self, word: Word<'_>, axis: usize, what: &str) -> Result<f32, ReadError> {
+        match number_from(word.bytes, self.input.origin[axis]) {
+            Number::Exact(value) => Ok(value),
+            Number::Comma(value) => {
+                self.found_comma(word.start);
+                Ok(value)
+            }
+            _ => Err(self.not_a_number(word, what)),
         }
     }
 
@@ -464,8 +514,14 @@ mod tests {
         }
         assert_eq!(number(b"-1.#INF"), Number::Exact(f32::NEG_INFINITY));
         assert!(matches!(number(b"1.#QNAN"), Number::Exact(x) if x.is_nan()));
+        for word in ["nan", "-nan", "nan(ind)", "-nan(ind)", "NaN(snan)", "-1.#IND00"] {
+            assert!(matches!(number(word.as_bytes()), Number::Exact(x) if x.is_nan()), "{word}");
+        }
+        assert_eq!(number(b"nana"), Number::None);
         assert_eq!(number(b"x"), Number::None);
         assert_eq!(number(b""), Number::None);
+        assert_eq!(number_from(b"4649776.25", 4_649_776.0), Number::Exact(0.25));
+        assert_eq!(number_from(b"4649776,25", 4_649_776.0), Number::Comma(0.25));
     }
 
     #[test]

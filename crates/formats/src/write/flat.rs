@@ -3,8 +3,9 @@
 use super::{AROUND, BYTES_OF_TRIANGLE, Expansion, Output};
 use crate::strip;
 use snell_intersect::{AnyShape, Curves, Shape, TriangleMesh};
+use snell_math::{DAffine3, DVec3, Transform};
 use snell_scene::placed::{Placed, placed, total};
-use snell_scene::{Geometry, Node, Scene, Surface};
+use snell_scene::{Geometry, Node, Scene, Surface, framing};
 use std::borrow::Cow;
 
 /// Maximum number of triangles whose corners 32-bit numbers can count.
@@ -45,7 +46,9 @@ pub fn world_meshes<'a>(
 ) -> Result<Vec<(Placed<'a>, TriangleMesh)>, String> {
     check_expansion(scene, output)?;
     let mut meshes = Vec::new();
-    for placed in placed(scene)? {
+    let all = placed(scene)?;
+    let by = moved_by(scene, &all, output);
+    for placed in all {
         let mesh = match &placed.surface.geometry {
             Geometry::Mesh(mesh) => Some(Cow::Borrowed(&**mesh)),
             Geometry::Shape(shape) => {
@@ -55,13 +58,36 @@ pub fn world_meshes<'a>(
             Geometry::Curves(curves) => tubes_of(curves, output).map(Cow::Owned),
         };
         let Some(mesh) = mesh else { continue };
-        let mesh = match placed.world_from_surface.is_identity() {
+        let written_from_surface = by(&placed.world_from_surface);
+        let mesh = match written_from_surface.is_identity() {
             true => mesh.into_owned(),
-            false => mesh.transformed(&placed.world_from_surface),
+            false => mesh.transformed(&written_from_surface),
         };
         meshes.push((placed, mesh));
     }
     Ok(meshes)
+}
+
+/// Where surfaces are written: moved near zero, with a note, if transforms place them so far away
+/// that single precision does not hold their shape; otherwise where they are.
+fn moved_by(
+    scene: &Scene,
+    placed: &[Placed],
+    output: &mut Output,
+) -> impl Fn(&Transform) -> Transform + use<> {
+    let is_placed = placed.iter().any(|p| !p.world_from_surface.is_identity());
+    let bounds = scene.bounds().ok().filter(|_| is_placed);
+    let origin = bounds.and_then(|bounds| framing::far_origin(&bounds));
+    if let Some(DVec3 { x, y, z }) = origin.map(|origin| -origin) {
+        output.lose(format!(
+            "the coordinates are too far from zero to hold the shape: all are moved by {x} {y} {z}"
+        ));
+    }
+    let by = origin.map(|origin| DAffine3::from_translation(-origin));
+    move |transform| match by {
+        Some(by) => Transform::new(by * *transform.matrix()).unwrap_or(*transform),
+        None => *transform,
+    }
 }
 
 /// Tessellates strands for formats without curves, and notes it.

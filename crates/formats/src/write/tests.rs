@@ -690,3 +690,24 @@ fn other_formats_say_which_patterns_they_lack() {
         assert!(read.textures.iter().all(|texture| texture.as_image().is_some()));
     }
 }
+
+#[test]
+fn a_mesh_far_from_zero_keeps_its_shape_in_every_format() {
+    let obj = "v 500000.25 4649776.5 100\nv 500000.55 4649776.5 100\nv 500000.55 4649776.8 100\n\
+        f 1 2 3\n";
+    let options = ReadOptions::default();
+    let scene = crate::read_scene_bytes("a.obj", obj.into(), Path::new("."), &options);
+    let scene = scene.unwrap_or_else(|e| panic!("{e}"));
+    for extension in ["snell", "glb", "pbrt", "obj", "ply", "stl", "off"] {
+        let (_folder, written, read) = written(extension, &scene);
+        let bounds = read.bounds().expect("no cycle");
+        let size = bounds.max - bounds.min;
+        assert!(
+            (size - snell_math::DVec3::new(0.3, 0.3, 0.0)).length() < 1e-5,
+            "{extension}: {size}"
+        );
+        let is_moved = bounds.min.abs().max_element() < 10.0;
+        let is_told = written.losses.iter().any(|loss| loss.message.contains("moved by -500000"));
+        assert_eq!(is_moved, is_told, "{extension}: {:?}", written.losses);
+    }
+}

@@ -66,9 +66,12 @@ fn unpremultiply(pixel: &mut [f32]) {
 
 /// The indices of the channels of a layer that make an image of 1 to 4 channels.
 fn image_channels(names: &[String]) -> Vec<usize> {
-    let find = |name: &str| names.iter().position(|n| n.eq_ignore_ascii_case(name));
-    let alpha = find("A");
-    let colours = match (find("R"), find("G"), find("B"), find("Y")) {
+    let find_one = |name: &str| names.iter().position(|n| n.eq_ignore_ascii_case(name));
+    let find = |name: &str, word: &str| find_one(name).or_else(|| find_one(word));
+    let alpha = find("A", "alpha");
+    let [red, green, blue] =
+        [("R", "red"), ("G", "green"), ("B", "blue")].map(|(name, word)| find(name, word));
+    let colours = match (red, green, blue, find_one("Y")) {
         (Some(r), Some(g), Some(b), _) => vec![r, g, b],
         (_, _, _, Some(y)) => vec![y],
         _ => {
@@ -511,4 +514,23 @@ fn text_attributes(header: &Header) -> Vec<(String, String)> {
     let mut all: Vec<_> = standard.chain(others).collect();
     all.sort();
     all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::image_channels;
+
+    #[test]
+    fn colours_may_have_their_names_in_full_or_in_lower_case() {
+        for (names, expected) in [
+            (&["A", "B", "G", "R"][..], &[3, 2, 1, 0][..]),
+            (&["b", "g", "r"], &[2, 1, 0]),
+            (&["blue", "green", "red"], &[2, 1, 0]),
+            (&["Alpha", "Blue", "Depth", "Green", "Red"], &[4, 3, 1, 0]),
+            (&["Z"], &[0]),
+        ] {
+            let names: Vec<String> = names.iter().map(|name| (*name).into()).collect();
+            assert_eq!(image_channels(&names), expected, "{names:?}");
+        }
+    }
 }

@@ -6,6 +6,7 @@
 //! face may refer to later lines, so indices are checked at the end.
 
 use super::parse::{self, Piece};
+use crate::mesh::colors;
 use crate::mesh::notes::Notes;
 use crate::mesh::text::{Reader, Text, Word, decoded};
 use crate::mesh::too_many;
@@ -219,6 +220,7 @@ pub fn parse(input: &Input, notes: &mut Notes) -> Result<ObjFile, ReadError> {
         return Err(reader(&(0..bytes.len())).error(offset, problem, "this is not an OBJ file"));
     }
     let mut file = joiner.file;
+    colors::to_linear(&mut file.colors);
     let elements = input.options.limits.elements;
     for (count, what) in [
         (file.positions.len(), "vertices"),
@@ -310,9 +312,9 @@ impl Joiner {
     fn join(&mut self, piece: Piece, notes: &mut Notes) {
         let file = &mut self.file;
         if !piece.colors.is_empty() || !file.colors.is_empty() {
-            file.colors.resize(file.positions.len(), [1.0; 4]);
+            file.colors.resize(file.positions.len(), colors::MISSING);
             file.colors.extend(&piece.colors);
-            file.colors.resize(file.positions.len() + piece.positions.len(), [1.0; 4]);
+            file.colors.resize(file.positions.len() + piece.positions.len(), colors::MISSING);
         }
         file.positions.extend(piece.positions);
         file.uvs.extend(piece.uvs);

@@ -2,11 +2,12 @@
 
 use super::file::{Corner, Counts, DANGLING, Faces, NONE, Run, State};
 use crate::ReadError;
+use crate::mesh::colors;
 use crate::mesh::notes::Notes;
-use crate::mesh::text::{Number, Reader, Text, Word, decoded, number};
+use crate::mesh::text::{Number, Reader, Text, Word, decoded, number, number_from};
 use crate::mesh::too_many;
-use snell_math::spectrum::srgb_to_linear;
-use snell_math::{Vec2, Vec3};
+use crate::search::text_of;
+use snell_math::{DVec3, Vec2, Vec3};
 use snell_scene::WarningKind;
 use std::collections::HashMap;
 
@@ -39,7 +40,7 @@ pub fn recognises(bytes: &[u8]) -> bool {
 #[derive(Debug, Default)]
 pub struct Piece {
     pub positions: Vec<Vec3>,
-    /// Linear vertex colours: empty, or as many as positions.
+    /// Vertex colours as they are written, finite: empty, or as many as positions.
     pub colors: Vec<[f32; 4]>,
     pub uvs: Vec<Vec2>,
     pub normals: Vec<Vec3>,
@@ -181,7 +182,7 @@ impl Parser<'_> {
     }
 
     fn name(&mut self) -> String {
-        String::from_utf8_lossy(self.reader.text.rest_of_line().bytes).into_owned()
+        text_of(self.reader.text.rest_of_line().bytes)
     }
 
     fn material_number(&mut self, offset: usize) -> u32 {
@@ -193,13 +194,21 @@ impl Parser<'_> {
         })
     }
 
-    /// The numbers up to the end of the line, at most eight, and their count.
-    fn numbers(&mut self, least: usize, what: &str) -> Result<([f32; 8], usize), ReadError> {
+    /// The numbers up to the end of the line, at most eight, and their count. `origin` is subtracted
+    /// from the first three.
+    fn numbers(
+        &mut self,
+        least: usize,
+        origin: DVec3,
+        what: &str,
+    ) -> Result<([f32; 8], usize), ReadError> {
+        let origin = origin.to_array();
         let mut values = [0.0; 8];
         let mut count = 0;
         while count < values.len() {
             let Some(word) = self.reader.text.word() else { break };
-            values[count] = match number(word.bytes) {
+            let subtracted = origin.get(count).copied().unwrap_or(0.0);
+            values[count] = match number_from(word.bytes, subtracted) {
                 Number::Exact(value) => value,
                 Number::Comma(value) => {
                     self.reader.found_comma(word.start);
@@ -233,7 +242,8 @@ impl Parser<'_> {
 
     fn position(&mut self, start: usize) -> Result<(), ReadError> {
         self.check_room(self.counts().positions, "vertices")?;
-        let ([x, y, z, a, b, c, d, _], count) = self.numbers(3, "a coordinate of a vertex")?;
+        let ([x, y, z, a, b, c, d, _], count) =
+            self.numbers(3, self.reader.input.origin, "a coordinate of a vertex")?;
         let position = Vec3::new(x, y, z);
         if !position.is_finite() {
             let reader = &self.reader;
@@ -251,7 +261,7 @@ impl Parser<'_> {
             let alpha = if count >= 7 { d } else { 1.0 };
             self.color([a, b, c, alpha]);
         } else if !self.piece.colors.is_empty() {
-            self.piece.colors.push([1.0; 4]);
+            self.piece.colors.push(colors::MISSING);
         }
         self.piece.positions.push(position);
         Ok(())
@@ -259,32 +269,30 @@ impl Parser<'_> {
 
     /// Stores the colour of the vertex about to be added.
     fn color(&mut self, color: [f32; 4]) {
-        let linear = if color.iter().all(|c| c.is_finite()) {
-            let [r, g, b, a] = color.map(|c| c.clamp(0.0, 1.0));
-            let [r, g, b] = [r, g, b].map(srgb_to_linear);
-            [r, g, b, a]
+        let color = if color.iter().all(|c| c.is_finite()) {
+            color
         } else {
             let reader = &self.reader;
             self.piece.notes.add("bad color", || {
                 let place = reader.location(reader.text.position());
                 format!("{place}: a vertex colour is not finite; white was used")
             });
-            [1.0; 4]
+            colors::MISSING
         };
-        self.piece.colors.resize(self.piece.positions.len(), [1.0; 4]);
-        self.piece.colors.push(linear);
+        self.piece.colors.resize(self.piece.positions.len(), colors::MISSING);
+        self.piece.colors.push(color);
     }
 
     fn uv(&mut self) -> Result<(), ReadError> {
         self.check_room(self.counts().uvs, "texture coordinates")?;
-        let ([u, v, ..], _) = self.numbers(1, "a texture coordinate")?;
+        let ([u, v, ..], _) = self.numbers(1, DVec3::ZERO, "a texture coordinate")?;
         self.piece.uvs.push(Vec2::new(u, v));
         Ok(())
     }
 
     fn normal(&mut self) -> Result<(), ReadError> {
         self.check_room(self.counts().normals, "normals")?;
-        let ([x, y, z, ..], _) = self.numbers(3, "a coordinate of a normal")?;
+        let ([x, y, z, ..], _) = self.numbers(3, DVec3::ZERO, "a coordinate of a normal")?;
         self.piece.normals.push(Vec3::new(x, y, z));
         Ok(())
     }

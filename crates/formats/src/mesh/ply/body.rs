@@ -2,6 +2,7 @@
 
 use super::header::{Element, Header, Property, Type, is_index_list};
 use super::uniform;
+use crate::mesh::colors;
 use crate::mesh::notes::Notes;
 use crate::mesh::polygon::Triangulator;
 use crate::mesh::text::{Reader, Text, place_of};
@@ -9,7 +10,7 @@ use crate::mesh::too_many;
 use crate::{Input, Place, ReadError};
 use snell_intersect::TriangleMesh;
 use snell_math::spectrum::srgb_to_linear;
-use snell_math::{Vec2, Vec3};
+use snell_math::{DVec3, Vec2, Vec3};
 use snell_scene::WarningKind;
 use std::collections::HashMap;
 
@@ -202,15 +203,18 @@ impl<const BIG: bool> Source for BinarySource<'_, BIG> {
         let value = |field: Option<(uniform::Field, Type)>, vertex: &[u8]| {
             field.map_or(0.0, |(field, _)| field.value::<BIG>(vertex) as f32)
         };
-        let vector = |role: fn(usize) -> Role| {
+        let vector = |role: fn(usize) -> Role, origin: DVec3| {
             let fields: [_; 3] = std::array::from_fn(|k| field(role(k)));
             uniform::each(bytes, size, move |vertex| {
-                Vec3::from_array(fields.map(|f| value(f, vertex)))
+                let exact = |k: usize| {
+                    fields[k].map_or(0.0, |(field, _)| field.value::<BIG>(vertex)) - origin[k]
+                };
+                Vec3::from_array(std::array::from_fn(|k| exact(k) as f32))
             })
         };
-        mesh.positions = vector(Role::Position);
+        mesh.positions = vector(Role::Position, self.input.origin);
         if has_all(roles, Role::Normal, 3) {
-            mesh.normals = vector(Role::Normal);
+            mesh.normals = vector(Role::Normal, DVec3::ZERO);
         }
         if has_all(roles, Role::Uv, 2) {
             let fields: [_; 2] = std::array::from_fn(|k| field(Role::Uv(k)));
@@ -247,15 +251,14 @@ impl<const BIG: bool> Source for BinarySource<'_, BIG> {
     }
 }
 
-/// Reads all elements. If any face is no triangle, the answer is the number of triangles that each
-/// face became.
+/// Reads all elements.
 pub fn read(
     source: &mut impl Source,
     input: &Input,
     header: &Header,
     mesh: &mut TriangleMesh,
     notes: &mut Notes,
-) -> Result<Option<Vec<u32>>, ReadError> {
+) -> Result<Triangulated, ReadError> {
     let vertices = header.elements.iter().find(|e| e.name == "vertex").map_or(0, |e| e.count);
     let mut faces = Faces { vertices, ..Faces::default() };
     for element in &header.elements {
@@ -275,10 +278,39 @@ pub fn read(
         }
     }
     source.finish(notes);
+    if has_float_colors(header) && colors::are_bytes(&mesh.colors) {
+        colors::to_linear(&mut mesh.colors);
+        notes.add("float bytes", || {
+            format!(
+                "{}: colours of a floating-point type go to 255; they were taken as sRGB bytes",
+                input.name
+            )
+        });
+    }
     if !faces.uvs.is_empty() {
         faces.uvs.resize(faces.corners.len(), Vec2::ZERO);
     }
     faces.triangulate(input, mesh)
+}
+
+impl Header {
+    /// True if vertices have colours.
+    fn has_vertex_colors(&self) -> bool {
+        self.elements.iter().any(|e| {
+            let roles: Vec<Role> = e.properties.iter().map(Role::of).collect();
+            e.name == "vertex" && has_all(&roles, Role::Color, 3)
+        })
+    }
+}
+
+/// True if the colours of vertices have a floating-point type.
+fn has_float_colors(header: &Header) -> bool {
+    header
+        .elements
+        .iter()
+        .filter(|e| e.name == "vertex")
+        .flat_map(|e| &e.properties)
+        .any(|p| matches!(Role::of(p), Role::Color(0..=2)) && !p.value.is_integer())
 }
 
 /// The role of a vertex property.
@@ -356,10 +388,11 @@ fn read_vertices(
                 skip_list(source, length, property.value)?;
                 continue;
             }
-            let value = source.value(property.value)? as f32;
+            let exact = source.value(property.value)?;
+            let value = exact as f32;
             match *role {
                 Role::Skip => {}
-                Role::Position(k) => position[k] = value,
+                Role::Position(k) => position[k] = (exact - input.origin[k]) as f32,
                 Role::Normal(k) => normal[k] = value,
                 Role::Uv(k) => uv[k] = value,
                 Role::Color(k) => color[k] = linear_color(value, property.value, k),
@@ -445,6 +478,17 @@ struct Faces {
     uvs: Vec<Vec2>,
     /// The number of the picture of each polygon; empty if the file has no such numbers.
     pictures: Vec<u16>,
+    /// The linear colour of each polygon; empty if the file has none.
+    colors: Vec<[f32; 4]>,
+}
+
+/// What the faces of a file became.
+#[derive(Default)]
+pub struct Triangulated {
+    /// The number of triangles of each face, if any became more than one.
+    pub counts: Option<Vec<u32>>,
+    /// The linear colour of each triangle, if the faces have colours.
+    pub colors: Vec<[f32; 4]>,
 }
 
 impl Faces {
@@ -500,12 +544,12 @@ impl Faces {
         self.uvs.resize(self.corners.len(), Vec2::ZERO);
     }
 
-    /// Appends the triangles; answers how many each face became, if any became more than one.
+    /// Appends the triangles.
     fn triangulate(
         mut self,
         input: &Input,
         mesh: &mut TriangleMesh,
-    ) -> Result<Option<Vec<u32>>, ReadError> {
+    ) -> Result<Triangulated, ReadError> {
         let mut triangulator = Triangulator::default();
         self.split(mesh);
         mesh.indices = self.triangles;
@@ -533,12 +577,20 @@ impl Faces {
             }
             mesh.material_slots.resize(mesh.indices.len(), 0);
         }
+        let mut colors = Vec::new();
+        if !self.colors.is_empty() {
+            colors.resize(lone, [1.0; 4]);
+            for (&count, &color) in counts.iter().zip(&self.colors) {
+                colors.extend(std::iter::repeat_n(color, count as usize));
+            }
+            colors.resize(mesh.indices.len(), [1.0; 4]);
+        }
         if counts.iter().all(|count| *count <= 1) {
-            return Ok(None);
+            return Ok(Triangulated { counts: None, colors });
         }
         let mut faces = vec![1; lone];
         faces.append(&mut counts);
-        Ok(Some(faces))
+        Ok(Triangulated { counts: Some(faces), colors })
     }
 }
 
@@ -577,9 +629,14 @@ fn read_faces(
     let pictures = header.textures.len();
     let picture_at = element.properties.iter().position(|p| is(p, "texnumber", false));
     let picture_at = picture_at.filter(|_| header.reads_corners && pictures > 1);
+    // Colours of vertices hold where there are both.
+    let roles: Vec<Role> = element.properties.iter().map(Role::of).collect();
+    let is_colored =
+        header.reads_corners && has_all(&roles, Role::Color, 3) && !header.has_vertex_colors();
     if faces.triangles.is_empty()
         && faces.ends.is_empty()
         && picture_at.is_none()
+        && !is_colored
         && let Some(triangles) = source.all_triangles(element, at, faces.vertices)
     {
         faces.triangles = triangles;
@@ -588,7 +645,13 @@ fn read_faces(
     let mut uvs: Vec<f32> = Vec::new();
     for _ in 0..element.count {
         let start = faces.corners.len();
+        let mut color = [1.0; 4];
         for (i, property) in element.properties.iter().enumerate() {
+            if let (true, Role::Color(k)) = (is_colored, roles[i]) {
+                let value = source.value(property.value)? as f32;
+                color[k] = linear_color(value, property.value, k);
+                continue;
+            }
             if Some(i) == picture_at {
                 let value = source.value(property.value)?;
                 faces.pictures.resize(faces.ends.len(), 0);
@@ -617,6 +680,10 @@ fn read_faces(
                     format!("{}: a face has fewer than 3 corners and was skipped", input.name)
                 });
             }
+        }
+        if is_colored {
+            faces.colors.resize(faces.ends.len(), [1.0; 4]);
+            faces.colors.push(color);
         }
         faces.ends.push(faces.corners.len());
         faces.add_uvs(&uvs, faces.corners.len() - start);

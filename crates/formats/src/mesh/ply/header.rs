@@ -2,6 +2,7 @@
 
 use crate::mesh::notes::Notes;
 use crate::mesh::text::{Reader, Text, Word};
+use crate::search::text_of;
 use crate::{Input, ReadError};
 
 /// The encoding of values.
@@ -102,8 +103,9 @@ pub struct Header {
     pub elements: Vec<Element>,
     /// The names of pictures in `comment TextureFile` lines, which MeshLab and others write.
     pub textures: Vec<String>,
-    /// True to read texture coordinates of corners, for which vertices are split. Scene formats
-    /// that name PLY files do not, and match attributes to the vertices of the file.
+    /// True to read texture coordinates of corners and colours of faces, for which vertices are
+    /// split. Scene formats that name PLY files do not, and match attributes to the vertices of the
+    /// file.
     pub reads_corners: bool,
     /// Offset of the first byte after the header.
     pub end: usize,
@@ -137,7 +139,7 @@ impl Header {
                 b"comment" | b"obj_info" => {
                     if reader.text.word().is_some_and(|w| w.bytes.eq_ignore_ascii_case(TEXTURE)) {
                         let name = reader.text.rest_of_line().bytes;
-                        textures.push(String::from_utf8_lossy(name).into_owned());
+                        textures.push(text_of(name));
                     }
                     reader.text.next_line();
                     continue;

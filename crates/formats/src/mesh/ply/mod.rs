@@ -6,8 +6,9 @@
 //! of one of these names. A list `texcoord` of a face has the texture coordinates of its corners;
 //! `comment TextureFile` names a picture, and `texnumber` of a face chooses one of several. The
 //! words of the header may be in any case. Colours of integer types are sRGB (as scanners and
-//! editors write them), those of floating-point types linear. Colours and normals of faces are
-//! ignored, but scene formats may ask for any attribute (`attribute.rs`).
+//! editors write them), those of floating-point types linear unless they go to 255. Colours of faces
+//! are read where vertices have none; normals of faces are ignored, but scene formats may ask for
+//! any attribute (`attribute.rs`).
 //!
 //! `header.rs` reads the declarations, `body.rs` the values, and `uniform.rs` the values of common
 //! binary files on all cores.
@@ -17,6 +18,7 @@ mod body;
 mod header;
 mod uniform;
 
+use super::colors;
 use super::normals;
 use super::notes::Notes;
 use crate::textures::Textures;
@@ -41,9 +43,12 @@ pub const READER: SceneReader = SceneReader {
         let mut notes = Notes::default();
         let mut header = Header::read(input, &mut notes)?;
         header.reads_corners = true;
-        let (mut mesh, _) = parse_body(input, &header, &mut notes)?;
+        let (mut mesh, faces) = parse_body(input, &header, &mut notes)?;
         if mesh.normals.is_empty() {
             normals::smooth(&mut mesh, normals::CREASE_ANGLE, &[]);
+        }
+        if !faces.colors.is_empty() {
+            colors::paint(&mut mesh, &faces.colors);
         }
         let mut scene = super::scene_of(input, mesh, notes);
         add_pictures(input, &header.textures, &mut scene);
@@ -108,14 +113,15 @@ pub(super) fn parse_faces(
     notes: &mut Notes,
 ) -> Result<(TriangleMesh, Option<Vec<u32>>), ReadError> {
     let header = Header::read(input, notes)?;
-    parse_body(input, &header, notes)
+    let (mesh, faces) = parse_body(input, &header, notes)?;
+    Ok((mesh, faces.counts))
 }
 
 fn parse_body(
     input: &Input,
     header: &Header,
     notes: &mut Notes,
-) -> Result<(TriangleMesh, Option<Vec<u32>>), ReadError> {
+) -> Result<(TriangleMesh, body::Triangulated), ReadError> {
     let mut mesh = TriangleMesh::default();
     let faces = match header.format {
         Format::Ascii => {

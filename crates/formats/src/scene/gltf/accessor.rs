@@ -205,7 +205,8 @@ impl<'a> Accessors<'a> {
             return Ok(accessor(None, size));
         };
         let view = self.buffers.view(&view)?;
-        let stride = view.stride.unwrap_or(size);
+        // Some programs write 0 for elements without gaps, which the standard forbids.
+        let stride = view.stride.filter(|stride| *stride != 0).unwrap_or(size);
         if stride < size {
             return Err(json.error(format!(
                 "its buffer view has {stride} bytes between elements, but an element has {size} \

@@ -17,6 +17,16 @@ pub(super) fn read(
     let Some(index) = node.get("camera")? else { return Ok(None) };
     let camera = reader.root.entry("cameras", &index)?;
     let projection = projection(&camera)?;
+    if let Some(perspective) = camera.get("perspective")?
+        && let Some(angle) = perspective.get("yfov")?
+        && is_in_degrees(angle.number()?)
+    {
+        reader.scene.warn(format!(
+            "the angle of view at {} is {} radians, more than half a turn; it was taken as degrees",
+            angle.path(),
+            angle.number()?
+        ));
+    }
     // Cameras ignore scale (section 3.10.2): `from_direction` keeps only the directions.
     let axes = &world_from_node.matrix3;
     let name = [node.name(), camera.name()].into_iter().find(|n| !n.is_empty()).unwrap_or_default();
@@ -24,6 +34,12 @@ pub(super) fn read(
         Camera::from_direction(world_from_node.translation, -axes.z_axis, axes.y_axis, projection);
     reader.scene.cameras.push(Camera { name, ..camera });
     index.size().map(Some)
+}
+
+/// True for an angle of view that radians cannot be, and degrees can. Of 4 to 9 degrees, which few
+/// cameras have, a mistake of another kind is as likely.
+fn is_in_degrees(angle: f64) -> bool {
+    (10.0..180.0).contains(&angle)
 }
 
 /// The projection of a camera. The vertical extent is kept; the horizontal one follows from the
@@ -34,10 +50,11 @@ pub(super) fn projection(camera: &Json) -> Result<Projection, ReadError> {
     match kind.string()? {
         "perspective" => {
             let angle = camera.require("perspective")?.require("yfov")?;
-            let y = angle.number()?;
+            let given = angle.number()?;
+            let y = if is_in_degrees(given) { given.to_radians() } else { given };
             if !(y > 0.0 && y < PI) {
                 return Err(angle.error(format!(
-                    "the angle of view is {y} radians, expected more than 0 and less than pi"
+                    "the angle of view is {given} radians, expected more than 0 and less than pi"
                 )));
             }
             Ok(Projection::Perspective { tan_half_fov: [None, Some((y / 2.0).tan())] })

@@ -99,7 +99,9 @@ fn open_glb(input: &Input) -> Result<Container<'_>, ReadError> {
     let Some(json) = json else {
         return Err(input.error(Place::Byte(12), "this binary glTF has no JSON chunk", REPAIR));
     };
-    Ok(Container { json: parse_json(input, json)?, binary })
+    // The standard pads with blanks; some programs pad with zeros.
+    let end = json.iter().rposition(|b| *b != 0).map_or(0, |last| last + 1);
+    Ok(Container { json: parse_json(input, &json[..end])?, binary })
 }
 
 /// Splits a binary file of glTF 1.0 (`KHR_binary_glTF`): after the lengths of the file and of the

@@ -9,8 +9,8 @@ use super::{Reader, morph, skin};
 use crate::ReadError;
 use snell_intersect::TriangleMesh;
 use snell_math::{Vec2, Vec3, Vec4};
-use snell_scene::WarningKind;
 use snell_scene::motion::{InfluenceSet, MorphTarget, make_usable};
+use snell_scene::{Warning, WarningKind};
 
 /// A primitive and everything needed to show it.
 pub(super) struct Primitive {
@@ -86,10 +86,50 @@ fn read_primitive(
         Some(unpacked) => unpacked.triangles(),
         None => topology.triangles(&read_indices(reader, json, vertices)?),
     };
+    repair_tangents(reader, &mut mesh);
     if targets.is_empty() {
         make_usable(&mut mesh);
     }
     Ok(Some(Primitive { mesh, targets, influences, material }))
+}
+
+/// Gives tangents along the texture coordinates to vertices whose own have no direction, which
+/// exporters write where they found none.
+fn repair_tangents(reader: &mut Reader, mesh: &mut TriangleMesh) {
+    let is_bad = |t: &Vec4| !t.is_finite() || t.truncate().length_squared() < 1e-12;
+    let bad = mesh.tangents.iter().filter(|t| is_bad(t)).count() as u64;
+    if bad == 0 {
+        return;
+    }
+    if mesh.uvs[0].is_empty() {
+        mesh.tangents.clear();
+        return;
+    }
+    let mut along = vec![Vec3::ZERO; mesh.positions.len()];
+    let mut mirrored = vec![0.0f32; mesh.positions.len()];
+    for triangle in &mesh.indices {
+        let [a, b, c] = triangle.map(|i| mesh.positions[i as usize]);
+        let [s, t, u] = triangle.map(|i| mesh.uvs[0][i as usize]);
+        let (ts, us) = (t - s, u - s);
+        let area = ts.perp_dot(us);
+        let tangent = ((b - a) * us.y - (c - a) * ts.y) * area.signum();
+        if tangent.is_finite() && area != 0.0 {
+            for &i in triangle {
+                along[i as usize] += tangent;
+                mirrored[i as usize] += area;
+            }
+        }
+    }
+    for (i, tangent) in mesh.tangents.iter_mut().enumerate().filter(|(_, t)| is_bad(t)) {
+        let normal = mesh.normals[i].normalize_or_zero();
+        let flat = along[i] - normal * normal.dot(along[i]);
+        let direction = flat.try_normalize().unwrap_or_else(|| normal.any_orthogonal_vector());
+        // `v` of glTF grows downwards, and the bitangent is along the rows of the picture upwards.
+        let sign = if mirrored[i] > 0.0 { -1.0 } else { 1.0 };
+        *tangent = direction.try_normalize().unwrap_or(Vec3::X).extend(sign);
+    }
+    let message = "tangents have no direction; those of the texture coordinates were taken";
+    Warning::note(&mut reader.scene.warnings, message.into(), bad);
 }
 
 /// The attributes of a primitive.

@@ -185,6 +185,15 @@ impl Builder<'_> {
             child.used.set(known);
             match inner.class.as_str() {
                 "bsdf" => {
+                    if parts.has_bsdf {
+                        // Mitsuba 0.6 gives each to the faces of the material of its name; later
+                        // versions refuse the scene.
+                        self.note("several bsdfs", child.at, || {
+                            "a shape with several bsdfs: the last is that of all its faces, whatever \
+                            materials (usemtl) they name; split the mesh to have them all"
+                                .into()
+                        });
+                    }
                     parts.look = self.bsdf(&inner)?;
                     parts.key = Some(Rc::as_ptr(&inner));
                     parts.has_bsdf = true;

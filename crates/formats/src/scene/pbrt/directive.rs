@@ -357,12 +357,14 @@ impl Builder<'_> {
     fn place_object(&mut self, lexer: &mut Lexer, at: Spot) -> Result<(), Fault> {
         let (name, named_at) = lexer.expect_string("the name of an object")?;
         let Some(&object) = self.objects.get(name) else {
-            let problem = format!("there is no object {} so far", quoted(name.as_bytes()));
-            return Err(Fault::new(
-                named_at,
-                problem,
-                "define it above with ObjectBegin and ObjectEnd",
-            ));
+            let name = quoted(name.as_bytes());
+            self.note(format!("no object {name}"), named_at, || {
+                format!(
+                    "there is no object {name} so far; its instances were left out: define it \
+                    above with ObjectBegin and ObjectEnd"
+                )
+            });
+            return Ok(());
         };
         let [transform, _] = self.state.transform.0;
         if Transform::new(transform).is_none() {

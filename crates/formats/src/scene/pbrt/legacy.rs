@@ -198,6 +198,6 @@ fn v3_mix(builder: &mut Builder, params: &Params) -> Result<Option<Known>, Fault
         builder.pattern_param(params, "amount", true)?.unwrap_or_else(|| Pattern::constant(0.5));
     // In pbrt-v4's order, the amount is the share of the second material.
     let [first, second] =
-        [builder.find_material(first, params.at)?, builder.find_material(second, params.at)?];
+        [builder.find_material(first, params.at), builder.find_material(second, params.at)];
     Ok(Some(builder.mixed([second, first], &amount, params, params.at)))
 }

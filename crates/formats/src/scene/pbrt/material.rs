@@ -92,16 +92,24 @@ impl Builder<'_> {
     /// Reads `NamedMaterial "name"`.
     pub(super) fn named_material(&mut self, lexer: &mut Lexer) -> Result<(), Fault> {
         let (name, at) = lexer.expect_string("the name of a material")?;
-        self.state.material = Some(self.find_material(name, at)?);
+        self.state.material = Some(self.find_material(name, at));
         Ok(())
     }
 
-    /// The index of the material with this name.
-    pub(super) fn find_material(&self, name: &str, at: Spot) -> Result<usize, Fault> {
-        self.materials.named.get(name).copied().ok_or_else(|| {
-            let problem = format!("there is no material {} so far", quoted(name.as_bytes()));
-            Fault::new(at, problem, "define it above with MakeNamedMaterial")
-        })
+    /// The index of the material with this name. As in pbrt-v3, which some of whose own scenes rely
+    /// on it, a name that is not defined is the default material.
+    pub(super) fn find_material(&mut self, name: &str, at: Spot) -> usize {
+        if let Some(position) = self.materials.named.get(name) {
+            return *position;
+        }
+        let name = quoted(name.as_bytes());
+        self.note(format!("no material {name}"), at, || {
+            format!(
+                "there is no material {name} so far; the default material was used: define it \
+                above with MakeNamedMaterial"
+            )
+        });
+        self.default_material()
     }
 
     fn keep(&mut self, known: Known) -> usize {
@@ -111,9 +119,14 @@ impl Builder<'_> {
 
     /// The index of the current material.
     fn current_material(&mut self) -> usize {
-        if let Some(position) = self.state.material {
-            return position;
+        match self.state.material {
+            Some(position) => position,
+            None => self.default_material(),
         }
+    }
+
+    /// The index of the default material.
+    fn default_material(&mut self) -> usize {
         if let Some(position) = self.materials.default {
             return position;
         }
@@ -460,7 +473,7 @@ impl Builder<'_> {
             return Err(param.fault("not two names", "name two materials"));
         };
         let (a, b, at) =
-            (self.find_material(a, param.at)?, self.find_material(b, param.at)?, param.at);
+            (self.find_material(a, param.at), self.find_material(b, param.at), param.at);
         let amount =
             self.pattern_param(params, "amount", false)?.unwrap_or_else(|| Pattern::constant(0.5));
         Ok(self.mixed([a, b], &amount, params, at))

@@ -272,18 +272,24 @@ impl Builder<'_> {
         } else {
             (inside, at)
         };
-        self.check_medium(inside, at)?;
-        self.check_medium(outside, outside_at)?;
+        self.check_medium(inside, at);
+        self.check_medium(outside, outside_at);
         self.state.media = [inside.into(), outside.into()];
         Ok(())
     }
 
-    fn check_medium(&self, name: &str, at: Spot) -> Result<(), Fault> {
+    /// Warns of a medium that is not defined; it is a vacuum.
+    fn check_medium(&mut self, name: &str, at: Spot) {
         if name.is_empty() || self.media.named.contains_key(name) {
-            return Ok(());
+            return;
         }
-        let problem = format!("there is no medium {} so far", quoted(name.as_bytes()));
-        Err(Fault::new(at, problem, "define it above with MakeNamedMedium"))
+        let name = quoted(name.as_bytes());
+        self.note(format!("no medium {name}"), at, || {
+            format!(
+                "there is no medium {name} so far; it is empty: define it above with \
+                MakeNamedMedium"
+            )
+        });
     }
 
     /// The interior of a surface in the current media; `None` if it bounds no medium.

@@ -429,9 +429,17 @@ impl Builder<'_> {
         if let Some(pattern) = table.get(texture) {
             return Ok(Some(pattern.clone()));
         }
+        // As in pbrt-v3, the parameter has its default then.
         let kind = if is_color { "spectrum" } else { "float" };
-        let problem = format!("there is no {kind} texture {} so far", quoted(texture.as_bytes()));
-        Err(param.fault(problem, "define it above its first use"))
+        let texture = quoted(texture.as_bytes());
+        let what = format!("\"{} {}\"", param.kind.name(), param.name);
+        self.note(format!("no {kind} texture {texture}"), param.at, || {
+            format!(
+                "{what}: there is no {kind} texture {texture} so far; its default was used: define \
+                it above its first use"
+            )
+        });
+        Ok(None)
     }
 
     /// A pattern as a colour parameter of a material.

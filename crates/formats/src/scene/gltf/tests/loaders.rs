@@ -368,3 +368,73 @@ fn damaged_draco_data_is_an_error_or_a_mesh() {
     let error = read_text(&many).expect_err("4.8 GB from 8 bytes");
     assert!(error.problem.contains("a Draco mesh would take"), "{error}");
 }
+
+#[test]
+fn a_stride_of_zero_is_none_and_zeros_may_pad_the_json() {
+    let json = triangle("", r#""nodes": [{"mesh": 0}],"#, 0);
+    let stride = json.replacen(r#""byteLength": 36"#, r#""byteLength": 36, "byteStride": 0"#, 1);
+    assert_ne!(stride, json);
+    let scene = read_text(&stride).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(meshes(&scene).len(), 1);
+    let mut glb = b"glTF\x02\0\0\0".to_vec();
+    let mut chunk = json.into_bytes();
+    chunk.resize(chunk.len().next_multiple_of(4) + 4, 0);
+    glb.extend((20 + chunk.len() as u32).to_le_bytes());
+    glb.extend((chunk.len() as u32).to_le_bytes());
+    glb.extend(b"JSON");
+    glb.extend(chunk);
+    let read = crate::read_scene_bytes("a.glb", glb, Path::new("."), &Default::default());
+    assert_eq!(meshes(&read.unwrap_or_else(|e| panic!("{e}"))).len(), 1);
+}
+
+#[test]
+fn an_angle_of_view_may_be_in_degrees() {
+    let camera = |angle: &str| {
+        let perspective = format!(r#"{{"yfov": {angle}, "znear": 0.1}}"#);
+        let camera = format!(r#"{{"type": "perspective", "perspective": {perspective}}}"#);
+        triangle(
+            "",
+            &format!(r#""nodes": [{{"camera": 0, "mesh": 0}}], "cameras": [{camera}],"#),
+            0,
+        )
+    };
+    let (scene, said) = with_warning(&camera("45"));
+    assert!(said.contains("45 radians") && said.contains("degrees"), "{said}");
+    let right = read_text(&camera("0.7853981633974483")).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(scene.cameras[0].projection, right.cameras[0].projection);
+}
+
+#[test]
+fn tangents_without_a_direction_are_those_of_the_texture_coordinates() {
+    let floats = |values: &[f32]| values.iter().flat_map(|x| x.to_le_bytes()).collect::<Vec<u8>>();
+    for (u, expected) in [([0.0f32, 1.0, 1.0], 1.0f32), ([1.0, 0.0, 0.0], -1.0)] {
+        let mut bytes = floats(&[-1.0, -1.0, 0.0, 1.0, -1.0, 0.0, 1.0, 1.0, 0.0]);
+        bytes.extend(floats(&[0.0, 0.0, 1.0].repeat(3)));
+        bytes.extend(floats(&[u[0], 1.0, u[1], 1.0, u[2], 0.0]));
+        bytes.extend(floats(&[0.0, 0.0, 0.0, 1.0, 0.6, 0.8, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0]));
+        let parts = [(0, 36, "VEC3"), (36, 36, "VEC3"), (72, 24, "VEC2"), (96, 48, "VEC4")];
+        let views = parts
+            .map(|(at, n, _)| format!(r#"{{"buffer": 0, "byteOffset": {at}, "byteLength": {n}}}"#));
+        let accessors = [0, 1, 2, 3].map(|i| {
+            let kind = parts[i].2;
+            format!(r#"{{"bufferView": {i}, "componentType": 5126, "count": 3, "type": "{kind}"}}"#)
+        });
+        let json = format!(
+            r#"{{"asset": {{"version": "2.0"}}, "nodes": [{{"mesh": 0}}], "meshes": [{{"primitives":
+            [{{"attributes": {{"POSITION": 0, "NORMAL": 1, "TEXCOORD_0": 2, "TANGENT": 3}}}}]}}],
+            "accessors": [{}], "bufferViews": [{}],
+            "buffers": [{{"byteLength": {}, "uri": "data:;base64,{}"}}]}}"#,
+            accessors.join(","),
+            views.join(","),
+            bytes.len(),
+            base64(&bytes)
+        );
+        let scene = read_text(&json).unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!((scene.warnings.len(), scene.warnings[0].count), (1, 2), "{:?}", scene.warnings);
+        let tangents = &meshes(&scene)[0].tangents;
+        assert_eq!(tangents[1].to_array(), [0.6, 0.8, 0.0, 1.0]);
+        for tangent in [tangents[0], tangents[2]] {
+            assert_eq!(tangent.to_array(), [expected, 0.0, 0.0, expected]);
+        }
+    }
+}

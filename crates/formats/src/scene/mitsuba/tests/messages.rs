@@ -207,6 +207,15 @@ fn what_is_changed_is_told_once_of_each_kind() {
 }
 
 #[test]
+fn several_bsdfs_of_one_shape_are_told() {
+    let two = warnings(
+        "<shape type=\"sphere\"><bsdf type=\"diffuse\" name=\"wood\"/><bsdf type=\"diffuse\" \
+        name=\"metal\"/></shape>",
+    );
+    assert!(two.contains("several bsdfs: the last is that of all"), "{two}");
+}
+
+#[test]
 fn broken_versions_of_a_scene_never_panic() {
     const SEED: &str = "<scene version=\"3.0.0\"><default name=\"spp\" value=\"4\"/><integrator \
         type=\"path\"><integer name=\"max_depth\" value=\"8\"/></integrator>\

@@ -208,3 +208,15 @@ fn hair_has_its_absorption_its_colour_or_its_pigments() {
         (Rgb::new(0.5, 1.0, 4.0), 0.0.into(), 1)
     );
 }
+
+#[test]
+fn what_is_named_and_not_defined_is_left_out_with_a_warning() {
+    let said = warnings(
+        "WorldBegin\nMaterial \"diffuse\" \"texture reflectance\" \"none\"\nShape \"sphere\"\n\
+            NamedMaterial \"none\"\nShape \"sphere\"\nMediumInterface \"none\" \"\"\n\
+            Shape \"sphere\"\nObjectInstance \"none\"\n",
+    );
+    for what in ["spectrum texture", "material", "medium", "object"] {
+        assert!(said.contains(&format!("there is no {what} \"none\" so far; ")), "{what}: {said}");
+    }
+}

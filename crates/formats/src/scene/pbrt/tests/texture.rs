@@ -124,8 +124,6 @@ fn what_is_wrong_with_a_pattern_is_an_error_with_its_place() {
             "v1 is not one vector",
         ),
         ("\"directionmix\" \"vector dir\" [0 0 0]", "dir has no direction"),
-        ("\"mix\" \"texture amount\" \"t\"", "there is no float texture \"t\" so far"),
-        ("\"scale\" \"texture tex\" \"none\"", "there is no spectrum texture \"none\" so far"),
     ] {
         let error = fault(&format!("WorldBegin\nTexture \"t\" \"spectrum\" {text}\n"));
         assert!(error.contains(":2:") && error.contains(said), "{text}: {error}");
