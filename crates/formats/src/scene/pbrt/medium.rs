@@ -24,6 +24,11 @@ use std::sync::Arc;
 pub struct Media {
     /// Media by name; `None` for one that became clear air.
     named: HashMap<String, Option<MediumId>>,
+    /// Names in the order of their first use by a surface before they are defined. Until the end
+    /// of the file, the surfaces have [`awaited_id`] in place of the medium.
+    awaited: Vec<Rc<str>>,
+    /// Where `MediumInterface` names a medium that is not defined so far.
+    unknown: Vec<(Rc<str>, Spot)>,
     /// The medium around the camera.
     pub around_camera: Option<Rc<str>>,
     /// Names of media that are the interior of some shape.
@@ -264,7 +269,7 @@ impl Builder<'_> {
         })
     }
 
-    /// Reads `MediumInterface "inside" "outside"`.
+    /// Reads `MediumInterface "inside" "outside"`. As in pbrt-v4, the media may be defined later.
     pub(super) fn medium_interface(&mut self, lexer: &mut Lexer) -> Result<(), Fault> {
         let (inside, at) = lexer.expect_string("the name of the medium inside")?;
         let (outside, outside_at) = if lexer.string_follows() {
@@ -272,24 +277,13 @@ impl Builder<'_> {
         } else {
             (inside, at)
         };
-        self.check_medium(inside, at);
-        self.check_medium(outside, outside_at);
         self.state.media = [inside.into(), outside.into()];
-        Ok(())
-    }
-
-    /// Warns of a medium that is not defined; it is a vacuum.
-    fn check_medium(&mut self, name: &str, at: Spot) {
-        if name.is_empty() || self.media.named.contains_key(name) {
-            return;
+        for (name, at) in self.state.media.iter().zip([at, outside_at]) {
+            if !name.is_empty() && !self.media.named.contains_key(&**name) {
+                self.media.unknown.push((name.clone(), at));
+            }
         }
-        let name = quoted(name.as_bytes());
-        self.note(format!("no medium {name}"), at, || {
-            format!(
-                "there is no medium {name} so far; it is empty: define it above with \
-                MakeNamedMedium"
-            )
-        });
+        Ok(())
     }
 
     /// The interior of a surface in the current media; `None` if it bounds no medium.
@@ -298,21 +292,68 @@ impl Builder<'_> {
         if inside == outside {
             return None;
         }
-        let medium = self.media.named.get(&**inside).copied().flatten();
-        if medium.is_some() && !self.media.inside.contains(inside) {
+        if !inside.is_empty() && !self.media.inside.contains(inside) {
             self.media.inside.push(inside.clone());
         }
+        let medium = match self.media.named.get(&**inside) {
+            Some(medium) => *medium,
+            None if inside.is_empty() => None,
+            None => Some(self.media.await_definition(inside)),
+        };
         Some(Interior { medium, ..Interior::default() })
     }
 
-    /// Makes the medium around the camera that of the whole scene, unless the medium is also an
-    /// interior: then the renderer determines where the camera is.
+    /// Gives surfaces the media that were defined after them, warns of media that are not defined
+    /// at all, and makes the medium around the camera that of the whole scene, unless the medium is
+    /// also an interior: then the renderer determines where the camera is.
     pub(super) fn finish_media(&mut self) {
-        let Some(name) = &self.media.around_camera else { return };
-        if !self.media.inside.contains(name) {
-            self.scene.medium = self.media.named.get(&**name).copied().flatten();
+        for (name, at) in std::mem::take(&mut self.media.unknown) {
+            if self.media.named.contains_key(&*name) {
+                continue;
+            }
+            let name = quoted(name.as_bytes());
+            self.note(format!("no medium {name}"), at, || {
+                format!(
+                    "there is no medium {name} in the scene; it is empty: define it with \
+                    MakeNamedMedium"
+                )
+            });
+        }
+        let named = |name: &Rc<str>| self.media.named.get(&**name).copied().flatten();
+        for interior in self.scene.materials.iter_mut().filter_map(|m| m.interior.as_mut()) {
+            let number = interior.medium.and_then(awaited_number);
+            if let Some(name) = number.and_then(|number| self.media.awaited.get(number)) {
+                interior.medium = named(name);
+            }
+        }
+        if let Some(name) = &self.media.around_camera
+            && !self.media.inside.contains(name)
+        {
+            self.scene.medium = named(name);
         }
     }
+}
+
+impl Media {
+    /// The id that stands for a medium until it is defined.
+    fn await_definition(&mut self, name: &Rc<str>) -> MediumId {
+        let known = self.awaited.iter().position(|awaited| awaited == name);
+        let number = known.unwrap_or_else(|| {
+            self.awaited.push(name.clone());
+            self.awaited.len() - 1
+        });
+        awaited_id(number)
+    }
+}
+
+/// The id in place of the awaited medium of a number; ids of media in the scene are far below.
+fn awaited_id(number: usize) -> MediumId {
+    MediumId(u32::MAX - number as u32)
+}
+
+/// The inverse of [`awaited_id`]; for ids of media in the scene, a number beyond all awaited ones.
+fn awaited_number(id: MediumId) -> Option<usize> {
+    usize::try_from(u32::MAX - id.0).ok()
 }
 
 /// A grid that fades to nothing over the outer halves of its outermost cells, as pbrt's

@@ -1,4 +1,5 @@
-//! Spheres, cylinders and disks: whole ones become analytic shapes, parts of them triangles.
+//! Quadrics: whole spheres, cylinders and disks become analytic shapes, parts of them and the others
+//! triangles.
 
 use super::super::Builder;
 use super::super::options::is_kind;
@@ -7,7 +8,7 @@ use super::{Lamps, Made};
 use crate::scene::fault::Fault;
 use crate::scene::shapes::{ALONG, AROUND, around_z, swept};
 use snell_intersect::shape::{Cylinder, Disk, Sphere};
-use snell_math::{DAffine3, DVec3};
+use snell_math::{DAffine3, DMat3, DVec3};
 use std::f64::consts::PI;
 
 impl Builder<'_> {
@@ -104,6 +105,39 @@ impl Builder<'_> {
                 (radius * (z / high).max(0.0).sqrt(), DVec3::new(phi.cos(), phi.sin(), 0.0));
             let slope = radius * radius / (2.0 * high);
             (around * r + DVec3::Z * z, (around * r - DVec3::Z * slope).normalize_or(DVec3::NEG_Z))
+        }))
+    }
+
+    /// The surface that a segment sweeps around the z axis (`Hyperboloid` of pbrt-v3).
+    pub(super) fn hyperboloid(&mut self, params: &Params) -> Result<Made, Fault> {
+        /// Pieces of the segment over which its area is integrated.
+        const AREA_STEPS: u32 = 256;
+        let turn = params.float_or("phimax", 360.0)?.clamp(0.0, 360.0);
+        let mut ends =
+            [params.point("p1")?.unwrap_or(DVec3::ZERO), params.point("p2")?.unwrap_or(DVec3::ONE)];
+        self.note_common(params);
+        // As in pbrt; v and the outer side follow the order.
+        if ends[1].z == 0.0 {
+            ends.swap(0, 1);
+        }
+        let [start, end] = ends;
+        let along = end - start;
+        // The tangents of the circles; their length is the radius.
+        let around = |p: DVec3| DVec3::new(-p.y, p.x, 0.0);
+        let at = |v: f64| start.lerp(end, v);
+        let middles = (0..AREA_STEPS).map(|i| (f64::from(i) + 0.5) / f64::from(AREA_STEPS));
+        let area = middles.map(|v| around(at(v)).cross(along).length()).sum::<f64>()
+            * turn.to_radians()
+            / f64::from(AREA_STEPS);
+        // A segment in one plane with the axis makes a cone, which is straight.
+        let is_cone = start.truncate().perp_dot(end.truncate()) == 0.0;
+        let pieces = if is_cone && start.truncate().dot(end.truncate()) >= 0.0 { 1 } else { ALONG };
+        Ok(self.swept(params, turn, area, pieces, |phi, v| {
+            let turned = DMat3::from_rotation_z(phi);
+            // At the tip of a cone the circle has no tangent: the one of the middle is used.
+            let [here, middle] = [v, 0.5].map(|v| around(at(v)).cross(along).try_normalize());
+            let normal = here.or(middle).unwrap_or(DVec3::Z);
+            (turned * at(v), turned * normal)
         }))
     }
 
