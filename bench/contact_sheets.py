@@ -1,32 +1,23 @@
 """Contact sheets of materials, to be looked at: every parameter of OpenPBR swept, every metal by
-name, glTF files of a folder.
+name.
 
-    python bench/contact_sheets.py OUTPUT-FOLDER [--gltf FOLDER] [--snell target/release/snell]
-        [--spp 64] [--only WORD]
+    python bench/contact_sheets.py OUTPUT-FOLDER [--snell target/release/snell] [--spp 64]
+        [--only WORD]
 
-Needs Pillow. A glTF file whose name with `screenshot` before a suffix of a picture lies in its
-folder or beside it is shown beside that. Where a file has materials and nothing that they are on,
-they are shown on balls, in the order of the file: with a checked picture in place of any that is
-not there, and as red plastic where the file is silent (by glTF that is rough metal, on which most
-extensions show nothing).
+Needs Pillow. The files of a folder are shown by `suites.py`.
 """
 
 from __future__ import annotations
 
 import argparse
-import base64
 import json
-import math
-import struct
 import subprocess
 import tempfile
 from pathlib import Path
 
-from PIL import Image, ImageDraw
+from sheet import Sheet
 
 TILE = (400, 225)
-CAPTION = 14
-COLUMNS = 4
 
 RED, GOLD = [0.7, 0.08, 0.05], [0.9, 0.65, 0.3]
 WHITE, GREY, BLACK = [1, 1, 1], [0.5, 0.5, 0.5], [0, 0, 0]
@@ -120,33 +111,6 @@ METALS = ["Ag", "Al", "Au", "Cr", "Cu", "Fe", "Ni", "Pt", "Ti", "W"]
 BALLS = ["gold", "glass", "red plastic"]
 
 
-class Sheet:
-    """Pictures in rows, each under its caption."""
-
-    def __init__(self) -> None:
-        self.tiles: list[tuple[str, Image.Image]] = []
-
-    def add(self, caption: str, picture: Path | Image.Image) -> None:
-        image = picture if isinstance(picture, Image.Image) else Image.open(picture)
-        tile = Image.new("RGB", TILE, "white")
-        image = image.convert("RGB")
-        image.thumbnail(TILE)
-        tile.paste(image, ((TILE[0] - image.width) // 2, (TILE[1] - image.height) // 2))
-        self.tiles.append((caption, tile))
-
-    def save(self, path: Path) -> None:
-        width, height = TILE[0], TILE[1] + CAPTION
-        rows = -(-len(self.tiles) // COLUMNS)
-        sheet = Image.new("RGB", (COLUMNS * width, rows * height), "white")
-        draw = ImageDraw.Draw(sheet)
-        for number, (caption, tile) in enumerate(self.tiles):
-            x, y = number % COLUMNS * width, number // COLUMNS * height
-            draw.text((x + 3, y + 1), caption, fill="black")
-            sheet.paste(tile, (x, y + CAPTION))
-        sheet.save(path)
-        print(f"{path}: {len(self.tiles)} pictures")
-
-
 class Renderer:
     """`snell render` into a temporary folder."""
 
@@ -182,7 +146,7 @@ def authored(value: object) -> object:
 
 
 def open_pbr(render: Renderer, only: str) -> Sheet:
-    sheet = Sheet()
+    sheet = Sheet(TILE)
     for name, others, values in SWEEPS:
         if only not in f"openpbr {name}":
             continue
@@ -229,7 +193,7 @@ def kind_of(others: dict) -> str:
 
 
 def metals(render: Renderer, only: str) -> Sheet:
-    sheet = Sheet()
+    sheet = Sheet(TILE)
     for color in ("rgb", "spectral"):
         for metal in METALS:
             if only not in f"metals {metal}":
@@ -247,156 +211,9 @@ def metals(render: Renderer, only: str) -> Sheet:
     return sheet
 
 
-def extensions(file: Path) -> str:
-    data = file.read_bytes()
-    names = {n for n in EXTENSIONS if n.encode() in data}
-    return ", ".join(sorted(n.removeprefix("KHR_materials_") for n in names))
-
-
-EXTENSIONS = [
-    f"KHR_materials_{name}"
-    for name in [
-        "anisotropy",
-        "clearcoat",
-        "diffuse_transmission",
-        "dispersion",
-        "emissive_strength",
-        "ior",
-        "iridescence",
-        "pbrSpecularGlossiness",
-        "sheen",
-        "specular",
-        "transmission",
-        "unlit",
-        "variants",
-        "volume",
-    ]
-]
-
-
-def screenshot_of(file: Path) -> Path | None:
-    for folder in (file.parent, file.parent.parent, file.parent.parent / "screenshot"):
-        for picture in sorted(folder.glob("*")):
-            if "screenshot" in picture.stem.lower() and picture.suffix.lower() in (
-                ".png",
-                ".jpg",
-                ".jpeg",
-            ):
-                return picture
-    return None
-
-
-def gltf(render: Renderer, folder: Path, only: str) -> Sheet:
-    sheet = Sheet()
-    for file in sorted([*folder.rglob("*.gltf"), *folder.rglob("*.glb")]):
-        used = extensions(file)
-        if not used or only not in f"gltf {file.stem}":
-            continue
-        bare = b'"primitives"' not in file.read_bytes()
-        if picture := render(
-            on_balls(file, render.folder) if bare else file, "--environment", "sky"
-        ):
-            sheet.add(f"{file.stem}: {used}{', on balls' if bare else ''}", picture)
-            if reference := screenshot_of(file):
-                sheet.add(f"{file.stem}: its screenshot", reference)
-    return sheet
-
-
-# How finely a ball is divided, around and from pole to pole.
-AROUND, DOWN = 48, 24
-TEXCOORDS = 8
-
-
-def ball() -> tuple[bytes, bytes, bytes]:
-    """Positions (its normals, too), texture coordinates and indices of a ball of radius 1."""
-    positions, places, indices = bytearray(), bytearray(), bytearray()
-    for row in range(DOWN + 1):
-        for column in range(AROUND + 1):
-            theta, phi = math.pi * row / DOWN, 2 * math.pi * column / AROUND
-            positions += struct.pack(
-                "<3f",
-                math.sin(theta) * math.sin(phi),
-                math.cos(theta),
-                math.sin(theta) * math.cos(phi),
-            )
-            places += struct.pack("<2f", column / AROUND * 2, row / DOWN)
-    for row in range(DOWN):
-        for column in range(AROUND):
-            here = row * (AROUND + 1) + column
-            below = here + AROUND + 1
-            indices += struct.pack("<6H", here, below, here + 1, here + 1, below, below + 1)
-    return bytes(positions), bytes(places), bytes(indices)
-
-
-def on_balls(file: Path, folder: Path) -> Path:
-    """A copy in `folder` of a glTF text file without meshes, in which each of its materials is on a
-    ball.
-    """
-    scene = json.loads(file.read_bytes())
-    parts = ball()
-    offsets = [sum(map(len, parts[:n])) for n in range(3)]
-    data = b"".join(parts)
-    scene["buffers"] = [
-        {
-            "byteLength": len(data),
-            "uri": "data:application/octet-stream;base64," + base64.b64encode(data).decode(),
-        }
-    ]
-    scene["bufferViews"] = [
-        {"buffer": 0, "byteOffset": at, "byteLength": len(part)}
-        for at, part in zip(offsets, parts, strict=True)
-    ]
-    points = (AROUND + 1) * (DOWN + 1)
-    scene["accessors"] = [
-        {
-            "bufferView": 0,
-            "componentType": 5126,
-            "count": points,
-            "type": "VEC3",
-            "min": [-1, -1, -1],
-            "max": [1, 1, 1],
-        },
-        {"bufferView": 1, "componentType": 5126, "count": points, "type": "VEC2"},
-        {"bufferView": 2, "componentType": 5123, "count": 6 * AROUND * DOWN, "type": "SCALAR"},
-    ]
-    attributes = {"POSITION": 0, "NORMAL": 0} | {f"TEXCOORD_{set}": 1 for set in range(TEXCOORDS)}
-    count = len(scene["materials"])
-    scene["meshes"] = [
-        {"primitives": [{"attributes": attributes, "indices": 2, "material": number}]}
-        for number in range(count)
-    ]
-    row = min(count, 4)
-    scene["nodes"] = [
-        {"mesh": n, "translation": [2.3 * (n % row), -2.3 * (n // row), 0]} for n in range(count)
-    ]
-    scene["scenes"], scene["scene"] = [{"nodes": list(range(count))}], 0
-    checks = folder / "checks.png"
-    picture = Image.new("RGB", (64, 64))
-    picture.putdata(
-        [
-            (230, 120, 60) if (x // 8 + y // 8) % 2 else (60, 160, 200)
-            for y in range(64)
-            for x in range(64)
-        ]
-    )
-    picture.save(checks)
-    for material in scene["materials"]:
-        material.setdefault(
-            "pbrMetallicRoughness",
-            {"metallicFactor": 0, "roughnessFactor": 0.3, "baseColorFactor": [*RED, 1]},
-        )
-    for image in scene.get("images", []):
-        named = file.parent / image.get("uri", "")
-        image["uri"] = str(named.resolve()) if named.is_file() else checks.name
-    copy = folder / file.name
-    copy.write_text(json.dumps(scene))
-    return copy
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path, help="where the sheets go")
-    parser.add_argument("--gltf", type=Path, help="folder with glTF files that use KHR_materials_*")
     parser.add_argument("--snell", default="snell", help="the command")
     parser.add_argument("--spp", type=int, default=64)
     parser.add_argument("--only", default="", help="only what has this in its name")
@@ -408,8 +225,6 @@ def main() -> None:
             "open-pbr": open_pbr(render, options.only),
             "metals": metals(render, options.only),
         }
-        if options.gltf:
-            sheets["gltf"] = gltf(render, options.gltf, options.only)
     for name, sheet in sheets.items():
         if sheet.tiles:
             sheet.save(options.folder / f"{name}.png")

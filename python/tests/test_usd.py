@@ -620,21 +620,43 @@ def test_pipes_and_devices_are_not_opened(tmp_path: Path) -> None:
         assert "not a file; a magenta checkerboard" in remark
 
 
-def test_values_that_the_schema_does_not_know_are_errors_with_their_prim(tmp_path: Path) -> None:
+def test_values_that_the_schema_does_not_know_leave_their_prim_out(tmp_path: Path) -> None:
+    path = stage(
+        tmp_path,
+        """
+        def Sphere "ball" {
+            string radius = "wide"
+        }
+        def Mesh "sheet" {
+            int points = 1
+        }
+        def Mesh "wide" {
+            float4[] points = [(0, 0, 0, 1), (1, 0, 0, 1), (0, 1, 0, 1)]
+        }
+        def Cube "box" { }
+        """,
+    )
+    form, remarks = document(path)
+    assert [surface["shape"]["shape"] for surface in surfaces(form)] == ["box"]
+    for remark, path in zip(remarks, ("/ball", "/sheet", "/wide"), strict=True):
+        assert remark.startswith(f"at {path}: its values cannot be used: ")
+
+
+def surfaces(form: dict[str, Any]) -> list[Any]:
+    return [surface for node in form["nodes"] for surface in node.get("surfaces", [])]
+
+
+def test_numbers_that_are_not_finite_are_errors_with_their_prim(tmp_path: Path) -> None:
     pytest.importorskip("pxr")
     path = tmp_path / "stage.usda"
-    for radius in ('string radius = "wide"', "double radius = nan", "double radius = inf"):
+    for radius in ("double radius = nan", "double radius = inf"):
         path.write_text(f'#usda 1.0\ndef Sphere "ball"\n{{\n    {radius}\n}}\n')
-        refused(path)
-
-
-def refused(path: Path) -> None:
-    with pytest.raises(
-        ValueError,
-        match=r"stage\.usda: at /ball: its values cannot be used: .*; write them as the schema "
-        "says",
-    ):
-        snell.load(path)
+        with pytest.raises(
+            ValueError,
+            match=r"stage\.usda: at /ball: its values cannot be used: .*; write them as the "
+            "schema says",
+        ):
+            snell.load(path)
 
 
 def test_a_layer_of_no_rate_ends_with_a_remark(tmp_path: Path) -> None:

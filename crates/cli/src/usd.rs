@@ -11,6 +11,7 @@ use crate::failure::Failure;
 use process::{Answer, End};
 use snell_formats::open::{self, NamedBy};
 use snell_formats::{Place, ReadError, ReadOptions, read_scene_bytes};
+use snell_math::DVec3;
 use snell_scene::Scene;
 use std::path::Path;
 
@@ -91,6 +92,8 @@ fn scene(path: &Path, answer: Answer, options: &ReadOptions) -> Result<Scene, Fa
     for remark in answer.said.lines().filter_map(|line| line.strip_prefix("warning: ")) {
         scene.warn(format!("{shown}: {remark}"));
     }
+    // Stages are made for viewers with their own lighting.
+    snell_scene::framing::light_unless_lit(&mut scene, DVec3::Y, 1.0);
     Ok(scene)
 }
 

@@ -8,8 +8,9 @@ use crate::limits::Limits;
 use crate::open::{self, NamedBy};
 use crate::search::Search;
 use snell_math::{DVec3, Vec3};
+use std::collections::BTreeSet;
 use std::path::{Component, Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// A file being read.
 #[derive(Clone, Debug)]
@@ -31,6 +32,9 @@ pub struct Input {
     pub(crate) expansion: Arc<Expansion>,
     /// The search for files whose names are not literally those of files.
     pub(crate) search: Arc<Search>,
+    /// What was noted about the files of the scene: in the order of the alphabet, because files are
+    /// read in parallel.
+    pub(crate) notes: Arc<Mutex<BTreeSet<String>>>,
 }
 
 impl Input {
@@ -54,6 +58,7 @@ impl Input {
             origin: DVec3::ZERO,
             expansion,
             search: Arc::default(),
+            notes: Arc::default(),
         };
         input.charge(input.bytes.len() as u64, "its content")?;
         Ok(input)
@@ -72,6 +77,7 @@ impl Input {
             origin: DVec3::ZERO,
             expansion,
             search: Arc::default(),
+            notes: Arc::default(),
         }
     }
 
@@ -100,6 +106,7 @@ impl Input {
             origin: DVec3::ZERO,
             expansion: self.expansion.clone(),
             search: self.search.clone(),
+            notes: self.notes.clone(),
         }
     }
 
@@ -171,6 +178,18 @@ impl Input {
             true => position,
             false => (position.as_dvec3() - self.origin).as_vec3(),
         }
+    }
+
+    /// Notes something about a file that its user should know. A note is kept once. Readers of
+    /// scenes make warnings of notes.
+    pub(crate) fn note(&self, text: String) {
+        self.notes.lock().unwrap_or_else(PoisonError::into_inner).insert(text);
+    }
+
+    /// All that was noted about this file and those that it names, and forgets it.
+    pub fn take_notes(&self) -> Vec<String> {
+        let mut notes = self.notes.lock().unwrap_or_else(PoisonError::into_inner);
+        std::mem::take(&mut *notes).into_iter().collect()
     }
 
     /// The extension in lower case, without the dot: `ply` for `a.ply.gz`.

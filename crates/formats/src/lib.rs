@@ -165,6 +165,9 @@ fn read_input(mut input: Input) -> Result<Scene, ReadError> {
         );
         scene.warn_of(WarningKind::Choice, message);
     }
+    for note in input.take_notes() {
+        scene.warn_of(WarningKind::Choice, note);
+    }
     scene.limit_light();
     Ok(scene)
 }

@@ -20,7 +20,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyList, PyString};
 use snell_formats::WriteError;
 use snell_math::parameters::Kind;
-use snell_math::{DAffine3, Rgb};
+use snell_math::{DAffine3, DVec3, Rgb};
 use snell_scene::graph::{ImageId, MediumId};
 use snell_scene::medium::Medium;
 use snell_scene::{Background, Environment, MaterialId, Scene as Graph, TextureId};
@@ -447,13 +447,15 @@ impl Scene {
         })
     }
 
-    /// The background behind the scene: `"environment"`, `"transparent"`, or a colour (linear),
-    /// which lights nothing. Can be assigned.
+    /// The background behind the scene: `"environment"`, `"transparent"`, a colour (linear), which
+    /// lights nothing, or `"studio"`: a grey that shows the scene's shadow on a floor under its
+    /// lowest point at the time of the assignment. Can be assigned.
     #[getter]
     fn background<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         match self.0.contents(py).stage.background {
             Background::Environment => Ok(PyString::new(py, "environment").into_any()),
             Background::Transparent => Ok(PyString::new(py, "transparent").into_any()),
+            Background::ShadowCatcher(_) => Ok(PyString::new(py, "studio").into_any()),
             Background::Color(color) => color_tuple(py, color),
         }
     }
@@ -463,6 +465,10 @@ impl Scene {
         let background = match value.extract::<String>().as_deref() {
             Ok("environment") => Background::Environment,
             Ok("transparent") => Background::Transparent,
+            Ok("studio") => {
+                let scene = graph(&self.0.contents(value.py())).map_err(PyValueError::new_err)?;
+                snell_scene::framing::studio_background(&scene, DVec3::Y)
+            }
             _ => Background::Color(color(value, "background")?),
         };
         self.0.edit(value.py(), |contents| {

@@ -8,7 +8,7 @@ use crate::schema::{References, make, read_all, show};
 use crate::value::Value;
 use crate::work::run_to_end;
 use numpy::{PyUntypedArray, PyUntypedArrayMethods};
-use pyo3::exceptions::{PyTypeError, PyValueError};
+use pyo3::exceptions::{PyTypeError, PyUserWarning, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use serde_json::{Map, Value as Json};
@@ -16,6 +16,7 @@ use snell_formats::{Input, ReadOptions, image::read_image};
 use snell_math::parameters::Declared as _;
 use snell_scene::graph::ImageId;
 use snell_scene::{Encoding, Image, ImageTexture as Declared, LayeredImage, Pixels};
+use std::ffi::CString;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -161,9 +162,15 @@ pub fn image(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Arc<Image>> {
         && let Ok(path) = value.extract::<PathBuf>()
     {
         check_there(&path)?;
-        let image =
-            run_to_end(py, move || read_image(&Input::open(&path, &ReadOptions::default())?))?;
-        return image.map(Arc::new).map_err(|e| PyValueError::new_err(e.to_string()));
+        let read = run_to_end(py, move || {
+            let input = Input::open(&path, &ReadOptions::default())?;
+            read_image(&input).map(|image| (image, input.take_notes()))
+        })?;
+        let (image, notes) = read.map_err(|e| PyValueError::new_err(e.to_string()))?;
+        for note in notes.into_iter().filter_map(|note| CString::new(note).ok()) {
+            PyErr::warn(py, &py.get_type::<PyUserWarning>(), &note, 1)?;
+        }
+        return Ok(Arc::new(image));
     }
     let array = array(value, name)?;
     let (height, width, channels) = match *array.shape() {

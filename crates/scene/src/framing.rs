@@ -1,6 +1,7 @@
 //! Adds a camera and a sky to scenes that have none, so that a bare mesh gives a good picture.
 
 mod air;
+mod emission;
 mod extent;
 mod far;
 mod fit;
@@ -12,7 +13,7 @@ pub use fit::frame;
 pub use sky::{default_sky, sky_seen_by};
 
 use crate::camera::Camera;
-use crate::graph::{Background, MediumId, NodeId, Scene, SceneError, WarningKind};
+use crate::graph::{Background, MediumId, NodeId, Scene, SceneError, ShadowCatcher, WarningKind};
 use crate::material::{Diffuse, Material};
 use crate::medium::Medium;
 use crate::motion::Pose;
@@ -24,8 +25,9 @@ pub fn default_material() -> Material {
     Material::new("default", Diffuse::new(Rgb::splat(0.55)))
 }
 
-/// The background of the default sky: a light grey, from which objects stand out.
-pub const DEFAULT_BACKGROUND: Rgb = Rgb::splat(0.82);
+/// The colour of the default background: a dark grey, from which white objects stand out, and on
+/// which shadows are visible.
+pub const DEFAULT_BACKGROUND: Rgb = Rgb::splat(0.2);
 
 /// Defaults that [`prepare`] uses.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -35,19 +37,23 @@ pub struct FramingOptions {
     pub up: DVec3,
     /// Size of the picture in pixels, unless the scene's settings have one.
     pub size: [u32; 2],
+    /// True if a scene far from zero may be moved near it. The caller must then have no positions in
+    /// the world but those of the scene.
+    pub may_move: bool,
 }
 
 impl Default for FramingOptions {
     fn default() -> Self {
-        Self { up: DVec3::Y, size: [640, 480] }
+        Self { up: DVec3::Y, size: [640, 480], may_move: false }
     }
 }
 
 /// Adds the parts that a picture needs and the scene lacks: a camera that frames the finite
 /// surfaces, and the default sky if nothing emits light (no lights, no environment, no emissive
-/// material or medium in use). With the sky comes [`DEFAULT_BACKGROUND`], unless the scene has a
-/// background. A scene far from zero is moved near it ([`bring_near`]), with a warning. Any other
-/// complete scene is unchanged.
+/// material or medium in use). With the sky comes a background of [`DEFAULT_BACKGROUND`] that shows
+/// the scene's shadow on a floor, unless the scene has a background. A scene far from zero is moved
+/// near it ([`bring_near`]) with a warning, if the options allow it. Any other complete scene is
+/// unchanged.
 pub fn prepare(scene: &mut Scene, options: &FramingOptions) -> Result<(), SceneError> {
     prepare_for(scene, &[], options)
 }
@@ -60,7 +66,9 @@ pub fn prepare_for(
     options: &FramingOptions,
 ) -> Result<(), SceneError> {
     let order = scene.topological_order()?;
-    if let Some(by) = bring_near(scene)? {
+    if options.may_move
+        && let Some(by) = bring_near(scene)?
+    {
         let message = format!(
             "the scene is far from zero for its size, where single precision holds no details: it \
             is shown moved by {} {} {}",
@@ -71,18 +79,68 @@ pub fn prepare_for(
     let up = scene.settings.up.unwrap_or(options.up);
     if scene.cameras.is_empty() {
         let [w, h] = scene.settings.size.unwrap_or(options.size).map(|s| f64::from(s.max(1)));
-        let posed: Vec<Scene> = poses.iter().map(|pose| posed(scene, pose)).collect();
-        let shown: Vec<&Scene> =
-            if posed.is_empty() { vec![&*scene] } else { posed.iter().collect() };
-        scene.cameras.push(camera_for(&shown, &order, up, w / h));
+        let camera = of_poses(scene, poses, |scenes| camera_for(scenes, &order, up, w / h));
+        scene.cameras.push(camera);
     }
     if scene.lights.is_empty() && scene.environment.is_none() && !uses_emission(scene, &order) {
-        scene.environment = Some(sky_seen_by(&scene.cameras[0], up));
-        if scene.background == Background::Environment {
-            scene.background = Background::Color(DEFAULT_BACKGROUND);
-        }
+        add_studio(scene, poses, &order, up);
     }
     Ok(())
+}
+
+/// Adds the default sky and background to a scene that only its own emission would light, if its
+/// emission is too weak to see other surfaces by. It is for formats whose files are made for
+/// programs with lighting of their own; `least` is the radiance from which on a surface counts as a
+/// lamp. A scene without emission stays as it is, because [`prepare`] lights it.
+pub fn light_unless_lit(scene: &mut Scene, up: DVec3, least: f32) {
+    let Ok(order) = scene.topological_order() else { return };
+    let up = scene.settings.up.unwrap_or(up);
+    let is_lit = !scene.lights.is_empty() || scene.environment.is_some();
+    if is_lit || !uses_emission(scene, &order) {
+        return;
+    }
+    if !emission::lights_scene(scene, &finite_bounds(scene, &order), least) {
+        add_studio(scene, &[], &order, up);
+    }
+}
+
+/// The background of scenes without light: [`DEFAULT_BACKGROUND`], with a floor under the lowest
+/// point of the scene that shows the scene's shadow. A graph with a cycle has no lowest point, and
+/// its floor goes through the origin.
+pub fn studio_background(scene: &Scene, up: DVec3) -> Background {
+    let up = scene.settings.up.unwrap_or(up);
+    let order = scene.topological_order().unwrap_or_default();
+    floor_under(&[scene], &order, up)
+}
+
+/// Lights a scene with the default sky, as the first camera sees it. Unless the scene has a
+/// background, it gets one with a floor under the lowest point in all of these poses.
+fn add_studio(scene: &mut Scene, poses: &[Pose], order: &[NodeId], up: DVec3) {
+    let seen = |camera| sky_seen_by(camera, up);
+    scene.environment = Some(scene.cameras.first().map_or_else(default_sky, seen));
+    if scene.background == Background::Environment {
+        scene.background = of_poses(scene, poses, |scenes| floor_under(scenes, order, up));
+    }
+}
+
+/// Calls `f` with the scene in each of these poses, or as it is if there are none.
+fn of_poses<T>(scene: &Scene, poses: &[Pose], f: impl FnOnce(&[&Scene]) -> T) -> T {
+    let posed: Vec<Scene> = poses.iter().map(|pose| posed(scene, pose)).collect();
+    let shown: Vec<&Scene> = if posed.is_empty() { vec![scene] } else { posed.iter().collect() };
+    f(&shown)
+}
+
+/// A background with a floor under the lowest point of all of these scenes, which have the same
+/// nodes. Without any point the floor goes through the origin.
+fn floor_under(scenes: &[&Scene], order: &[NodeId], up: DVec3) -> Background {
+    let up = up.try_normalize().filter(|u| u.is_finite()).unwrap_or(DVec3::Y);
+    let depths = scenes.iter().filter(|_| !order.is_empty()).map(|scene| {
+        let bounds = finite_bounds(scene, order);
+        extent::extent_of_scene(scene, &bounds, &[-up; 4]).reach[0]
+    });
+    let height = -depths.fold(f64::NEG_INFINITY, f64::max);
+    let height = if height.is_finite() { height } else { 0.0 };
+    Background::ShadowCatcher(ShadowCatcher { color: DEFAULT_BACKGROUND, up, height })
 }
 
 /// A scene that has the nodes of `scene` in a pose, and nothing else.
@@ -171,7 +229,8 @@ mod tests {
         let center = camera.project(DVec3::new(5.0, 0.0, 0.0), [640, 480]).expect("in view");
         assert!((center - snell_math::DVec2::new(320.0, 240.0)).length() < 30.0, "{center}");
         assert!(matches!(scene.environment, Some(Environment::Image { .. })));
-        assert_eq!(scene.background, Background::Color(DEFAULT_BACKGROUND));
+        let floor = ShadowCatcher { color: DEFAULT_BACKGROUND, up: DVec3::Y, height: -2.0 };
+        assert_eq!(scene.background, Background::ShadowCatcher(floor));
         let again = scene.clone();
         prepare(&mut scene, &FramingOptions::default()).expect("no cycle");
         assert_eq!(scene.cameras, again.cameras);
@@ -206,6 +265,37 @@ mod tests {
         scene.add_material(default_material().emitting(Rgb::WHITE));
         prepare(&mut scene, &FramingOptions::default()).expect("no cycle");
         assert!(scene.environment.is_some());
+    }
+
+    #[test]
+    fn weak_emission_is_seen_in_the_studio_and_strong_emission_alone() {
+        let with_lamp = |radius: f64, emission: f32| {
+            let mut scene = ball();
+            let lamp = scene.add_material(default_material().emitting(Rgb::splat(emission)));
+            let sphere = Geometry::Shape(Arc::new(Sphere { radius }.into()));
+            let surfaces = vec![Surface::with_material(sphere, lamp)];
+            scene.add_child(scene.root, Node { surfaces, ..Node::default() });
+            light_unless_lit(&mut scene, DVec3::Y, 1.0);
+            scene.environment.is_none()
+        };
+        assert!(with_lamp(0.5, 20.0), "a lamp");
+        assert!(!with_lamp(0.5, 1.0), "a display");
+        assert!(!with_lamp(0.01, 20.0), "a filament");
+        let mut dark = ball();
+        light_unless_lit(&mut dark, DVec3::Y, 1.0);
+        assert!(dark.environment.is_none(), "a scene without emission is left to `prepare`");
+    }
+
+    #[test]
+    fn the_floor_lies_under_the_lowest_point_of_all_poses() {
+        let mut scene = ball();
+        let lower = DAffine3::from_translation(DVec3::new(5.0, -7.0, 0.0));
+        let transforms = BTreeMap::from([(NodeId(1), lower)]);
+        let pose = Pose { transforms, ..Pose::default() };
+        prepare_for(&mut scene, &[Pose::default(), pose], &FramingOptions::default())
+            .expect("no cycle");
+        let Background::ShadowCatcher(floor) = scene.background else { panic!("a floor") };
+        assert_eq!(floor.height, -9.0);
     }
 
     #[test]

@@ -14,7 +14,7 @@ use crate::settings::SceneSettings;
 use crate::texture::Texture;
 use snell_intersect::{AnyShape, Curves, Shape, TriangleMesh};
 use snell_math::parameters::{Kind, Value, Visitor};
-use snell_math::{Bounds3d, DAffine3, Rgb, Transform};
+use snell_math::{Bounds3d, DAffine3, DVec3, Rgb, Transform};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -189,6 +189,24 @@ pub enum Background {
     Color(Rgb),
     /// No background: the pixel has alpha 0.
     Transparent,
+    /// A colour that the scene casts its shadow on.
+    ShadowCatcher(ShadowCatcher),
+}
+
+/// A background of one colour that shows the scene's shadow on a floor, in the light of the
+/// environment. Only camera rays see it, so it lights nothing, and mirrors do not show it.
+///
+/// The colour is that of the floor where the whole sky over it is unoccluded, so that no horizon is
+/// visible. Without an environment there is no shadow.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub struct ShadowCatcher {
+    /// The linear colour.
+    pub color: Rgb,
+    /// The direction away from the floor, of any length.
+    pub up: DVec3,
+    /// The distance from the origin to the floor, along `up`.
+    pub height: f64,
 }
 
 /// The cause of a warning.

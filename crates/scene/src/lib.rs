@@ -29,7 +29,7 @@ pub mod written;
 pub use camera::{Camera, CameraRay, CameraRays, CameraSample, CameraView, Projection};
 pub use graph::{
     Background, Environment, Geometry, MaterialId, MediumId, Node, NodeId, Scene, SceneError,
-    Surface, TextureId, Warning, WarningKind,
+    ShadowCatcher, Surface, TextureId, Warning, WarningKind,
 };
 pub use image::{Encoding, Image, Layer, LayeredImage, Pixels};
 pub use light::Light;

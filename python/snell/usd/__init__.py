@@ -6,11 +6,12 @@ runs the modules of this package whenever it is given a ``.usd``, ``.usda``, ``.
 so they use nothing else of Snell.
 
 What is read: the composed stage (references, payloads, variants as they are chosen), instances and
-point instancers, meshes (polygons; those of subdivision schemes with smooth normals), spheres,
-cubes, cylinders, cones, capsules and planes, curves as tubes, points as balls, cameras, the lights
-of UsdLux, and materials: UsdPreviewSurface, and OpenPBR and standard surface as MaterialX networks.
-Units become metres, and the up axis is that of the stage. Transforms that change over time are the
-scene's motion. A remark names everything that is left out.
+point instancers, meshes (polygons, and the subdivision surfaces of Catmull and Clark and of Loop),
+tetrahedra, patches, spheres, cubes, cylinders, cones, capsules and planes, curves, points
+as balls, cameras, the lights of UsdLux, and materials: UsdPreviewSurface, and OpenPBR and standard
+surface as MaterialX networks, also from files of MaterialX. Units become metres, and the up axis is
+that of the stage. Transforms that change over time are the scene's motion. A remark names
+everything that is left out.
 """
 
 from __future__ import annotations
@@ -89,25 +90,27 @@ def convert(
             "install usd-core numpy"
         ) from error
     from ._context import Context
-    from ._files import Files, StageError, cause, mend_rates
+    from ._files import Files, Mended, StageError, cause
     from ._tree import document
 
     name = path if name is None else name
     # USD's own reports become remarks, instead of lines on standard error.
     diagnostics = UsdUtils.CoalescingDiagnosticDelegate()
+    mended = Mended()
+    stage = context = layers = None
     try:
         files = Files(path, confine=confine, most=most_layers)
         # The list keeps the checked layers open, so that the stage uses them.
-        layers = files.layers()
-        remarks_on_rates = mend_rates(layers)
+        layers = files.layers(mended)
+        mended.rates(layers)
         stage = Usd.Stage.Open(path)
         _choose_variants(stage, variants or {})
         context = Context(stage, time, files)
-        for remark in remarks_on_rates:
+        for remark in mended.remarks:
             context.remark(remark)
         text = document(context, name)
         files.check_opened(stage)
-        del layers
+        found = context.remarks
     except Tf.ErrorException as error:
         raise ValueError(
             f"{name}: not a USD stage that can be opened: {cause(error)}; check the file"
@@ -118,11 +121,15 @@ def convert(
         raise ValueError(f"{name}: prims lie too deep in one another; flatten the stage") from error
     finally:
         reported = [_reported(said.commentary) for said in diagnostics.TakeUncoalescedDiagnostics()]
+        # Without the stage, the changes are undone at no cost, and without reports.
+        stage = context = None
+        mended.undo()
+        del layers
+        diagnostics.TakeUncoalescedDiagnostics()
     for remark in reported:
-        context.remark(remark)
+        found[remark] = found.get(remark, 0) + 1
     remarks = [
-        remark if count == 1 else f"{remark} ({count} times)"
-        for remark, count in context.remarks.items()
+        remark if count == 1 else f"{remark} ({count} times)" for remark, count in found.items()
     ]
     return text, remarks
 

@@ -4,51 +4,70 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-from pxr import UsdGeom, UsdShade
+from pxr import UsdShade
 
-from ._context import Context, color_form
+from ._context import Context, Needs, color_form, scalar_form
 from ._materials import material
+from ._primvars import first_row, is_varying, primvar_rows
 
-__all__ = ["display_color", "display_material", "is_bound", "material_of"]
+__all__ = ["bound_materials", "display_material", "material_of"]
 
-
-def is_bound(prim: Any) -> bool:
-    """True if a material is bound to a prim or an ancestor."""
-    found, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()
-    return bool(found)
+#: The colour of surfaces that have none.
+_GREY = (0.18, 0.18, 0.18)
 
 
-def material_of(context: Context, prim: Any) -> int:
-    """The number of the bound material, or of one that shows the display colour."""
-    found, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()
-    if found:
-        return material(context, found.GetPrim(), prim)
-    colors = display_color(context, prim)
-    if colors is None or len(colors) == 0:
-        return display_material(context, (0.18, 0.18, 0.18))
-    if len(colors) == 1:
-        return display_material(context, colors[0])
+def bound_materials(prim: Any) -> list[tuple[Any, Any]]:
+    """The materials that are bound to a prim or an ancestor, and their bindings: that for final
+    pictures, and that for previews if it is another one.
+    """
+    found: list[tuple[Any, Any]] = []
+    for purpose in (UsdShade.Tokens.full, UsdShade.Tokens.preview):
+        material, binding = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial(purpose)
+        if material and all(material.GetPath() != other.GetPath() for other, _ in found):
+            found.append((material, binding))
+    return found
+
+
+def material_of(
+    context: Context, prim: Any, *, tile: int | None = None, is_mesh: bool = False
+) -> int:
+    """The number of the bound material, or of one that shows the display colour. `tile` selects
+    the picture of a set that is named by tiles. Colours that vary are those of the first value,
+    unless `is_mesh`.
+    """
+    for found, _ in bound_materials(prim):
+        number = material(context, found.GetPrim(), prim, tile)
+        if number is not None:
+            return number
+    color = primvar_rows(context, prim, "displayColor")
+    opacity = primvar_rows(context, prim, "displayOpacity")
+    varies = is_mesh and is_varying(color), is_mesh and is_varying(opacity)
+    factor = None if varies[0] else first_row(color, 3)
+    alpha = None if varies[1] else first_row(opacity, 1)
+    return display_material(
+        context,
+        (1.0, 1.0, 1.0) if varies[0] else factor or _GREY,
+        alpha[0] if alpha else 1.0,
+        varies,
+    )
+
+
+def display_material(
+    context: Context, color: Any, alpha: float, varies: tuple[bool, bool] = (False, False)
+) -> int:
+    """The number of a material of one colour and opacity. `varies` says which of them is
+    multiplied by that of the vertices.
+    """
+    factor, alpha = tuple(float(x) for x in color), min(max(float(alpha), 0.0), 1.0)
     number = context.add_material(
-        {"base_color": color_form((1, 1, 1))}, "displayColor", key=("display", "vertices")
+        {"base_color": color_form(factor)},
+        "displayColor",
+        key=("display", factor, alpha, varies),
+        alpha=scalar_form(alpha),
+        alpha_mode="blend" if alpha < 1 or varies[1] else "opaque",
     )
-    context.vertex_colors[number] = "displayColor"
+    if any(varies):
+        context.needs[number] = Needs(
+            "displayColor" if varies[0] else None, "displayOpacity" if varies[1] else None
+        )
     return number
-
-
-def display_material(context: Context, color: Any) -> int:
-    """The number of a material of one colour."""
-    factor = tuple(float(x) for x in color)
-    return context.add_material(
-        {"base_color": color_form(factor)}, "displayColor", key=("display", factor)
-    )
-
-
-def display_color(context: Context, prim: Any) -> np.ndarray | None:
-    """The display colours of a prim."""
-    primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance("displayColor")
-    if not primvar or not primvar.HasValue():
-        return None
-    value = primvar.ComputeFlattened(context.time)
-    value = primvar.ComputeFlattened() if value is None else value
-    return None if value is None else np.array(value, dtype=np.float64).reshape(-1, 3)

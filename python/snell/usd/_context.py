@@ -5,7 +5,9 @@ and remarks on what could not be read.
 from __future__ import annotations
 
 import base64
+import json
 import math
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,7 +16,7 @@ from pxr import Usd, UsdGeom
 from ._files import Files
 from ._motion import Motion
 
-__all__ = ["Context", "color_form", "direction", "numbers", "rows", "scalar_form"]
+__all__ = ["Context", "Needs", "color_form", "direction", "numbers", "rows", "scalar_form"]
 
 
 def numbers(array: Any, kind: Any) -> str:
@@ -44,6 +46,35 @@ def scalar_form(factor: float, texture: tuple[int, int] | None = None) -> dict[s
     return {"factor": float(factor), "texture": list(texture) if texture else None}
 
 
+def _distinct(table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The first of each of the rows that differ, and for each row the number of that one. Numbers
+    made from the rows are sorted many times faster than the rows.
+    """
+    # Minus 0 becomes 0.
+    bits = (np.ascontiguousarray(table) + 0.0).view(np.uint64)
+    factors = np.random.default_rng(1).integers(1, 1 << 63, bits.shape[1], dtype=np.uint64) | 1
+    mixed = (bits ^ (bits >> np.uint64(29))) * factors
+    keys = (mixed ^ (mixed >> np.uint64(32))).sum(axis=1, dtype=np.uint64)
+    _, first, inverse = np.unique(keys, return_index=True, return_inverse=True)
+    if not np.array_equal(bits[first][inverse.reshape(-1)], bits):
+        _, first, inverse = np.unique(bits, axis=0, return_index=True, return_inverse=True)
+    return first, inverse.reshape(-1)
+
+
+@dataclass(frozen=True)
+class Needs:
+    """What a material reads from the surfaces that it is on."""
+
+    #: The primvars that multiply its base colour and its opacity.
+    color: str | None = None
+    opacity: str | None = None
+    #: Names of texture coordinates, and the number of the set of each.
+    coordinates: tuple[tuple[str, int], ...] = ()
+    #: The set of texture coordinates that selects the tile of its pictures, and the rows of their
+    #: map to those of the tiles.
+    tiles: tuple[int, tuple[tuple[float, ...], ...]] | None = None
+
+
 class Context:
     """A stage at one time, and the document that is made from it."""
 
@@ -57,6 +88,7 @@ class Context:
         self.remarks: dict[str, int] = {}
         self.nodes: list[dict[str, Any]] = [{"name": "stage"}]
         self.meshes: list[dict[str, Any]] = []
+        self.curves: list[dict[str, Any]] = []
         self.materials: list[dict[str, Any]] = []
         self.textures: list[dict[str, Any]] = []
         self.images: list[dict[str, Any]] = []
@@ -68,8 +100,14 @@ class Context:
         self.known: dict[Any, Any] = {}
         #: The number of corners that subdivided meshes may still have.
         self.corners_left = 20_000_000
-        #: Names of primvars with vertex colours, by the number of the material that uses them.
-        self.vertex_colors: dict[int, str] = {}
+        #: What materials read from surfaces, by the number of the material.
+        self.needs: dict[int, Needs] = {}
+        #: Values that take the place of primvars, such as those of one instance.
+        self.overrides: dict[str, np.ndarray] = {}
+        #: The names of the primvars that were looked for.
+        self.asked: set[str] = set()
+        #: The sets of texture coordinates, by name.
+        self.uv_sets: dict[str, int] = {}
         scale = UsdGeom.GetStageMetersPerUnit(stage)
         #: Metres per unit of the stage.
         self.scale = float(scale) if scale > 0 and math.isfinite(scale) else 1.0
@@ -90,7 +128,11 @@ class Context:
 
     def array(self, attribute: Any, width: int, default: Any = ()) -> np.ndarray:
         """The value of an attribute as rows of numbers."""
-        return np.array(self.value(attribute, default), dtype=np.float64).reshape(-1, width)
+        found = np.array(self.value(attribute, default), dtype=np.float64)
+        if found.size and width > 1 and found.shape[-1] != width:
+            name = attribute.GetName()
+            raise ValueError(f"{name} has rows of other than {width} numbers")
+        return found.reshape(-1, width)
 
     def source(self, prim: Any) -> str:
         """The path of the prim that all instances of a prototype share."""
@@ -130,9 +172,7 @@ class Context:
                 attributes[name] = ("vertex", values)
                 parts.append(values.astype(np.float64))
             # Corners with equal attributes are one vertex.
-            _, first, inverse = np.unique(
-                np.concatenate(parts, axis=1), axis=0, return_index=True, return_inverse=True
-            )
+            first, inverse = _distinct(np.concatenate(parts, axis=1))
             points, triangles = points[flat[first]], inverse.reshape(-1, 3)
             attributes = {
                 name: ("vertex", values[first]) for name, (_, values) in attributes.items()
@@ -167,13 +207,19 @@ class Context:
             self.known[key] = len(self.materials) - 1
         return len(self.materials) - 1
 
-    def picture(self, asset: Any, attribute: Any) -> dict[str, Any] | None:
-        """The content of the image file that `attribute` names."""
+    def picture(
+        self,
+        asset: Any,
+        attribute: Any,
+        instead: str = "a magenta checkerboard stands in for this texture",
+    ) -> dict[str, Any] | None:
+        """The content of the image file that `attribute` names. Without it, a remark says what is
+        shown instead.
+        """
         content, problem = self.files.picture(asset, attribute)
         if content is None:
             self.remark(
-                f"{attribute.GetPrim().GetPath()}: the picture {asset.path!r}: {problem}; a "
-                "magenta checkerboard stands in for this texture"
+                f"{attribute.GetPrim().GetPath()}: the picture {asset.path!r}: {problem}; {instead}"
             )
             return None
         return {"encoded": base64.b64encode(content).decode("ascii")}
@@ -197,7 +243,13 @@ class Context:
         return int(self.known[key])
 
     def texture(
-        self, image: int, *, is_srgb: bool, wrap: list[str], uv_transform: np.ndarray
+        self,
+        image: int,
+        *,
+        is_srgb: bool,
+        wrap: list[str],
+        uv_transform: np.ndarray,
+        uv_set: int = 0,
     ) -> int:
         """The number of a texture; equal ones share it."""
         texture = {
@@ -205,9 +257,33 @@ class Context:
             "encoding": "srgb" if is_srgb else "linear",
             "wrap": wrap,
             "filtering": "trilinear",
-            "uv_set": 0,
+            "uv_set": uv_set,
             "uv_transform": [[float(x) for x in row] for row in uv_transform[:2]],
         }
-        if texture not in self.textures:
+        return self._stored(texture)
+
+    def pattern(self, kind: str, **parameters: Any) -> int:
+        """The number of a texture that is computed from others; equal ones share it."""
+        return self._stored({"pattern": kind, **parameters})
+
+    def _stored(self, texture: dict[str, Any]) -> int:
+        key = ("texture", json.dumps(texture))
+        if key not in self.known:
             self.textures.append(texture)
-        return self.textures.index(texture)
+            self.known[key] = len(self.textures) - 1
+        return int(self.known[key])
+
+    def uv_set(self, name: str, used: dict[str, int]) -> int:
+        """The number of the set of texture coordinates of this name, of a material that uses these
+        already. Surfaces have two sets, and names share them.
+        """
+        if name not in self.uv_sets:
+            self.uv_sets[name] = 1 if 0 in used.values() and 1 not in used.values() else 0
+        number = self.uv_sets[name]
+        if any(other != name and taken == number for other, taken in used.items()):
+            self.remark(
+                f"the texture coordinates {name} are left out: a material has more than two sets, "
+                "or one that other materials share"
+            )
+        used[name] = number
+        return number

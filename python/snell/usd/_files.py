@@ -13,10 +13,20 @@ from typing import Any
 
 from pxr import Ar, Sdf, Tf
 
-__all__ = ["Files", "StageError", "cause", "mend_rates"]
+from ._materialx import layer_of
+
+__all__ = ["Files", "Mended", "StageError", "cause"]
 
 #: Formats of layers that name files only in USD's own ways.
 _LAYERS = (".usd", ".usda", ".usdc", ".usdz")
+#: The first bytes of pictures: PNG, JPEG, OpenEXR, Radiance, PFM and PNM, BMP, WebP, GIF, TIFF,
+#: DDS, KTX2; and the last ones of Targa.
+_PICTURES = (
+    *(b"\x89PNG", b"\xff\xd8\xff", b"\x76\x2f\x31\x01", b"#?", b"PF", b"Pf", b"BM", b"RIFF"),
+    *(b"GIF8", b"II*\0", b"MM\0*", b"DDS ", b"\xabKTX 20\xbb"),
+    *(b"P%d" % number for number in range(1, 8)),
+)
+_TARGA = b"TRUEVISION-XFILE.\0"
 _TRUST = "or leave out --confine"
 
 
@@ -36,22 +46,61 @@ def cause(error: Exception) -> str:
     )
 
 
-def mend_rates(layers: list[Any]) -> list[str]:
-    """Gives the layers whose time codes per second are 0 or no usable number 24 of them, in memory
-    only, and returns a remark on each. Between layers USD scales times by the ratio of their rates,
-    and with an infinite ratio it never finds the samples of an attribute.
+class Mended:
+    """Changes of layers in memory, which last until they are undone: the layers may be shared with
+    other stages of this process.
     """
-    remarks = []
-    for layer in layers:
-        rate = layer.timeCodesPerSecond
-        if not 1e-6 < rate < 1e9:
-            layer.SetPermissionToEdit(True)
-            layer.timeCodesPerSecond = 24.0
-            remarks.append(
-                f"{os.path.basename(layer.identifier)}: {rate:g} time codes per second are no "
-                "rate; 24 were used"
-            )
-    return remarks
+
+    def __init__(self) -> None:
+        self.remarks: list[str] = []
+        self._undo: list[Any] = []
+        #: Layers that exist only while the changes do.
+        self._kept: list[Any] = []
+
+    def rates(self, layers: list[Any]) -> None:
+        """Gives the layers whose time codes per second are 0 or no usable number 24 of them, with a
+        remark on each. Between layers USD scales times by the ratio of their rates, and with an
+        infinite ratio it never finds the samples of an attribute.
+        """
+        for layer in layers:
+            rate = layer.timeCodesPerSecond
+            if not 1e-6 < rate < 1e9:
+                before = layer.timeCodesPerSecond if layer.HasTimeCodesPerSecond() else None
+                self._edit(layer, lambda layer: setattr(layer, "timeCodesPerSecond", 24.0))
+                self._undo.append((layer, lambda layer, before=before: _set_rate(layer, before)))
+                self.remarks.append(
+                    f"{os.path.basename(layer.identifier)}: {rate:g} time codes per second are no "
+                    "rate; 24 were used"
+                )
+
+    def replaced(self, layer: Any, name: str, other: Any) -> None:
+        """Lets a layer name another one in place of a file."""
+        self._kept.append(other)
+        identifier = other.identifier
+        self._edit(layer, lambda layer: layer.UpdateCompositionAssetDependency(name, identifier))
+        self._undo.append(
+            (layer, lambda layer: layer.UpdateCompositionAssetDependency(identifier, name))
+        )
+
+    def undo(self) -> None:
+        """Takes all changes back, the last first."""
+        while self._undo:
+            self._edit(*self._undo.pop())
+        self._kept.clear()
+
+    @staticmethod
+    def _edit(layer: Any, change: Any) -> None:
+        may_edit = layer.permissionToEdit
+        layer.SetPermissionToEdit(True)
+        change(layer)
+        layer.SetPermissionToEdit(may_edit)
+
+
+def _set_rate(layer: Any, rate: float | None) -> None:
+    if rate is None:
+        layer.ClearTimeCodesPerSecond()
+    else:
+        layer.timeCodesPerSecond = rate
 
 
 class Files:
@@ -61,8 +110,10 @@ class Files:
         self.path, self.confine, self.most = path, confine, most
         self.folder = os.path.realpath(os.path.dirname(path) or ".")
 
-    def layers(self) -> list[Any]:
-        """Opens the layers of the stage one after the other, and checks the name of each before."""
+    def layers(self, mended: Mended) -> list[Any]:
+        """Opens the layers of the stage one after the other, and checks the name of each before.
+        Files of MaterialX become layers in memory.
+        """
         if problem := _not_a_file(self.path):
             raise StageError(f"{problem}; name an ordinary file")
         resolver = Ar.GetResolver()
@@ -70,12 +121,16 @@ class Files:
         if not root:
             raise StageError("this is not a USD stage that can be opened; check the file")
         found, known, todo = [root], {root.identifier}, [root]
+        made: dict[str, Any] = {}
         with Ar.ResolverContextBinder(resolver.CreateDefaultContextForAsset(self.path)):
             while todo:
                 layer = todo.pop()
                 # A reference to its own layer has no name.
                 for name in filter(None, layer.GetCompositionAssetDependencies()):
                     identifier = self._vetted(layer, name)
+                    if _is_materialx(identifier):
+                        self._read_materialx(layer, name, identifier, mended, made)
+                        continue
                     if identifier in known:
                         continue
                     known.add(identifier)
@@ -84,9 +139,34 @@ class Files:
                     if further := _opened(identifier):
                         found.append(further)
                         todo.append(further)
+                # The rates of clips play no part, and nothing that they name is used.
                 for name, place in _clips(layer):
                     self._vetted(layer, name, place)
         return found
+
+    def _read_materialx(
+        self, layer: Any, name: str, identifier: str, mended: Mended, made: dict[str, Any]
+    ) -> None:
+        """Puts a layer in memory in place of a file of MaterialX."""
+        identifier = Sdf.Layer.SplitIdentifier(identifier)[0]
+        if identifier not in made:
+            try:
+                made[identifier] = layer_of(
+                    identifier, lambda file: self._check_include(file, identifier, layer, name)
+                )
+            except ValueError as error:
+                if isinstance(error, StageError):
+                    raise
+                made[identifier] = None
+                mended.remarks.append(f"{os.path.basename(identifier)} is left out: {error}")
+        if made[identifier]:
+            mended.replaced(layer, name, made[identifier])
+
+    def _check_include(self, path: str, name: str, layer: Any, place: str) -> None:
+        """An error for a file that one of MaterialX includes and that may not be opened."""
+        self.check(_file(path), os.path.basename(path), layer, _place(layer, place))
+        if problem := _not_a_file(_file(path)):
+            raise ValueError(problem)
 
     def check_opened(self, stage: Any) -> None:
         """An error for a stage that used a layer which was not checked before."""
@@ -112,20 +192,32 @@ class Files:
     def picture(self, asset: Any, attribute: Any) -> tuple[bytes | None, str]:
         """The content of an image that an attribute names, or the reason why there is none."""
         path = asset.resolvedPath or asset.path
-        layer = next(
-            (
-                spec.layer
-                for spec in attribute.GetPropertyStack()
-                if spec.HasDefaultValue() or spec.HasInfo("timeSamples")
-            ),
-            None,
-        )
+        layer = _layer_of(attribute)
         file = self._beside(layer, path)
         self.check(file, asset.path, layer, str(attribute.GetPrim().GetPath()))
         if problem := _not_a_file(file):
             return None, problem
         found = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(path)) if asset.resolvedPath else None
-        return (bytes(found.GetBuffer()), "") if found else (None, "cannot be opened")
+        if not found:
+            return None, "cannot be opened"
+        content = bytes(found.GetBuffer())
+        is_known = content.startswith(_PICTURES) or content.endswith(_TARGA)
+        if not is_known and content[4:8] != b"ftyp":
+            return None, f"starts with {content[:8].hex(' ')}, which is no picture that Snell knows"
+        return content, ""
+
+    def tile(self, asset: Any, attribute: Any, number: int) -> Any:
+        """The file of a tile of a picture whose name has `<UDIM>` in place of the tile's number;
+        `None` if there is none.
+        """
+        layer = _layer_of(attribute)
+        path, name = (
+            text.replace("<UDIM>", str(number)) for text in (asset.resolvedPath, asset.path)
+        )
+        if not path:
+            path = Sdf.ComputeAssetPathRelativeToLayer(layer, name) if layer else name
+        resolved = str(Ar.GetResolver().Resolve(path))
+        return Sdf.AssetPath(name, resolved) if resolved else None
 
     def _vetted(self, layer: Any, name: str, place: str = "") -> str:
         """The identifier of a layer that another layer names. Raises an error unless the layer is a
@@ -153,7 +245,7 @@ class Files:
                     "name an ordinary file",
                 )
         kind = os.path.splitext(path.rstrip("]"))[1].lower()
-        if self.confine and kind not in _LAYERS and os.path.exists(file):
+        if self.confine and kind not in (*_LAYERS, ".mtlx") and os.path.exists(file):
             problem = (
                 f'it names the layer "{name}", of a kind that may read files outside of the '
                 "scene's folder"
@@ -177,6 +269,24 @@ class Files:
         if other and os.path.realpath(other) != os.path.realpath(self.path):
             where = f"{os.path.relpath(os.path.realpath(other), self.folder)}: {where}"
         return StageError(f"{where}{problem}; {remedy}")
+
+
+def _is_materialx(identifier: str) -> bool:
+    """True for a file of MaterialX, unless USD itself reads it."""
+    path = Sdf.Layer.SplitIdentifier(identifier)[0].rstrip("]")
+    return path.lower().endswith(".mtlx") and not Sdf.FileFormat.FindByExtension("mtlx")
+
+
+def _layer_of(attribute: Any) -> Any:
+    """The layer that gives an attribute its value."""
+    return next(
+        (
+            spec.layer
+            for spec in attribute.GetPropertyStack()
+            if spec.HasDefaultValue() or spec.HasInfo("timeSamples")
+        ),
+        None,
+    )
 
 
 def _opened(identifier: str) -> Any:

@@ -20,7 +20,7 @@ _TURNED = np.diag([-1.0, 1.0, -1.0, 1.0])
 
 def light(context: Context, prim: Any, world: np.ndarray) -> list[int]:
     """Adds a light. A light with an area becomes a node, whose number is returned."""
-    kind = str(prim.GetTypeName())
+    kind = str(prim.GetPrimTypeInfo().GetSchemaTypeName())
     color = _color(context, prim)
     _tell_what_is_left_out(context, prim)
     if kind.startswith("DomeLight"):
@@ -46,10 +46,17 @@ def light(context: Context, prim: Any, world: np.ndarray) -> list[int]:
     shape, transform, area = found
     if cone is not None and cone < 90:
         context.remark(f"{prim.GetPath()}: the cone of a light with an area is left out")
+    if float(context.value(prim.GetAttribute("inputs:shaping:focus"), 0.0)) != 0.0:
+        context.remark(f"{prim.GetPath()}: the focus of a light with an area is left out")
     radiance = color / area if _is_normalized(context, prim) and area > 0 else color
     emission = color_form(radiance, _picture(context, prim))
     material = context.add_material(
-        {}, prim.GetName(), kind={"material": "black"}, emission=emission, emits_on_both_sides=False
+        {},
+        prim.GetName(),
+        kind={"material": "black"},
+        emission=emission,
+        emits_on_both_sides=False,
+        double_sided=False,
     )
     return [context.add_shape(shape, material, transform)]
 
@@ -115,8 +122,28 @@ def _tell_what_is_left_out(context: Context, prim: Any) -> None:
             )
     if context.value(prim.GetAttribute("inputs:shaping:ies:file")):
         context.remark(f"{prim.GetPath()}: the IES profile of the light is left out")
-    if float(context.value(prim.GetAttribute("inputs:shaping:focus"), 0.0)) != 0.0:
-        context.remark(f"{prim.GetPath()}: the focus of the light is left out")
+    if context.value(prim.GetAttribute("inputs:shadow:enable"), True) is False:
+        context.remark(f"{prim.GetPath()}: the light casts shadows, which the file switches off")
+    given = UsdLux.LightAPI(prim)
+    for what, collection in (
+        ("light", given.GetLightLinkCollectionAPI()),
+        ("shadow", given.GetShadowLinkCollectionAPI()),
+    ):
+        if _selects(context, collection):
+            context.remark(
+                f"{prim.GetPath()}: the {what} linking is left out; the light counts for everything"
+            )
+    if prim.HasRelationship("light:filters") and prim.GetRelationship("light:filters").GetTargets():
+        context.remark(f"{prim.GetPath()}: the filters of the light are left out")
+
+
+def _selects(context: Context, collection: Any) -> bool:
+    """True for a collection other than all prims."""
+    return (
+        context.value(collection.GetIncludeRootAttr(), True) is False
+        or len(collection.GetIncludesRel().GetTargets()) > 0
+        or len(collection.GetExcludesRel().GetTargets()) > 0
+    )
 
 
 def _distant(context: Context, prim: Any, world: np.ndarray, color: np.ndarray) -> None:
@@ -194,8 +221,16 @@ def _point(
         "position": [float(x) for x in world[:3, 3]],
         "intensity": [float(x) for x in intensity],
     }
-    if cone is not None and cone < 180:
-        soft = float(context.value(prim.GetAttribute("inputs:shaping:cone:softness"), 0.0))
+    focus = float(context.value(prim.GetAttribute("inputs:shaping:focus"), 0.0))
+    soft = float(context.value(prim.GetAttribute("inputs:shaping:cone:softness"), 0.0))
+    if focus > 0:
+        outer = math.radians(min(float(cone if cone is not None else 90), 90))
+        form["light"] = "spot"
+        form["direction"] = direction(-world[:3, 2])
+        form["falloff"] = {"falloff": "power", "cutoff": outer, "exponent": focus}
+        if soft > 0:
+            context.remark(f"{prim.GetPath()}: the soft edge of a light with a focus is left out")
+    elif cone is not None and cone < 180:
         outer = math.radians(float(cone))
         form["light"] = "spot"
         form["direction"] = direction(-world[:3, 2])
@@ -208,9 +243,6 @@ def _point(
 
 
 def _dome(context: Context, prim: Any, world: np.ndarray, color: np.ndarray) -> None:
-    if context.environment is not None:
-        context.remark(f"{prim.GetPath()}: a second dome light is left out")
-        return
     file = prim.GetAttribute("inputs:texture:file")
     asset = context.value(file)
     layout = str(context.value(prim.GetAttribute("inputs:texture:format"), "automatic"))
@@ -219,9 +251,15 @@ def _dome(context: Context, prim: Any, world: np.ndarray, color: np.ndarray) -> 
             f"{prim.GetPath()}: the layout {layout} of the picture of a dome is not supported; it "
             "is taken for latlong"
         )
-    picture = context.picture(asset, file) if asset and asset.path else None
-    if picture is None:
-        context.environment = {"constant": [float(x) for x in color]}
+    instead = "the light has the same colour everywhere"
+    picture = context.picture(asset, file, instead) if asset and asset.path else None
+    before = context.environment or {"constant": [0.0, 0.0, 0.0]}
+    if picture is None and "constant" in before:
+        context.environment = {"constant": [float(x) for x in color + before["constant"]]}
+        return
+    if picture is None or "image" in before or any(before["constant"]):
+        context.remark(f"{prim.GetPath()}: of several dome lights, one with a picture is shown")
+    if picture is None or "image" in before:
         return
     # The middle of the image is +z, and right of it is -x (OpenEXR); Snell has -z and +x.
     turn = np.diag([-1.0, 1.0, -1.0])

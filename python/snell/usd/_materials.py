@@ -9,50 +9,81 @@ from typing import Any
 
 from pxr import UsdShade
 
-from ._context import Context, color_form, scalar_form
-from ._networks import Network, constant_primvar, kind_of
+from ._context import Context, scalar_form
+from ._networks import Network, kind_of
+from ._primvars import State, primvar_state
 
 __all__ = ["material"]
 
+#: Inputs of surfaces that change nothing here, or have a remark of their own.
+_NOT_NEEDED = {"occlusion", "displacement", "opacityMode", "specularColor"}
 
-def material(context: Context, prim: Any, user: Any) -> int:
+
+def material(context: Context, prim: Any, user: Any, tile: int | None = None) -> int | None:
     """The number of a material as the prim `user` shows it: constant primvars that the material
-    reads are those of the prim.
+    reads are those of the prim. `tile` is the tile of its pictures, counted from 0. `None` for a
+    material without a surface that is known.
     """
     source = context.source(prim)
     names = context.known.get(("primvars", source))
     if names is not None:
-        known = context.known.get(("material", source, _values(context, user, names)))
-        if known is not None:
-            return int(known)
+        known = ("material", source, _states(context, user, names), tile)
+        if known in context.known:
+            return _number(context.known[known])
     given = UsdShade.Material(prim)
-    found = None
+    found, others = None, []
     for render_context in ("", "mtlx"):
         shader, _, _ = given.ComputeSurfaceSource(render_context)
         if shader and kind_of(shader) in _READERS:
             found = shader
             break
+        if shader:
+            others.append(kind_of(shader) or "one of its own code")
+    number = None
+    names = ()
     if found is None:
         context.remark(
-            f"{prim.GetPath()}: no surface of a kind that is known; a grey one was used instead"
+            f"{prim.GetPath()}: no surface of a kind that is known"
+            + (f" ({', '.join(dict.fromkeys(others))})" if others else "")
+            + "; it is left out"
         )
-        number = context.add_material(
-            {"base_color": color_form((0.18, 0.18, 0.18))}, prim.GetName()
-        )
-        names = ()
     else:
-        net = Network(context, found, user)
+        net = Network(context, found, user, tile)
         number = _READERS[kind_of(found)](context, net, prim.GetName())
-        if net.primvar:
-            context.vertex_colors[number] = net.primvar
-        names = tuple(sorted(net.constants))
+        context.needs[number] = net.needs
+        names = tuple(sorted(net.primvars))
+        _tell_what_is_left_out(context, given)
+        if missed := sorted(set(net.left_out()) - _NOT_NEEDED):
+            context.remark(f"{found.GetPath()}: left out: {', '.join(missed)}")
     context.known["primvars", source] = names
-    context.known["material", source, _values(context, user, names)] = number
+    context.known["material", source, _states(context, user, names), tile] = number
     return number
 
 
-def _values(context: Context, user: Any, names: tuple[str, ...]) -> tuple[float | None, ...]:
-    return tuple(constant_primvar(context, user, name) for name in names)
+def _number(known: Any) -> int | None:
+    return None if known is None else int(known)
+
+
+def _states(context: Context, user: Any, names: tuple[str, ...]) -> tuple[State, ...]:
+    return tuple(primvar_state(context, user, name) for name in names)
+
+
+def _tell_what_is_left_out(context: Context, given: Any) -> None:
+    for what in ("displacement", "volume"):
+        compute = given.ComputeDisplacementSource, given.ComputeVolumeSource
+        for render_context in ("", "mtlx"):
+            shader, _, _ = compute[what == "volume"](render_context)
+            # The usual surface has an output of displacement, which is nothing without its input.
+            if shader and not (
+                kind_of(shader).endswith("UsdPreviewSurface") and not _is_connected(shader)
+            ):
+                context.remark(f"{given.GetPath()}: the {what} of the material is left out")
+                return
+
+
+def _is_connected(shader: Any) -> bool:
+    given = shader.GetInput("displacement")
+    return bool(given) and (given.HasConnectedSource() or bool(given.Get()))
 
 
 def _preview_surface(context: Context, net: Network, name: str) -> int:
@@ -83,20 +114,27 @@ def _preview_surface(context: Context, net: Network, name: str) -> int:
             )
             surface["specular_weight"] = scalar_form(1.0 if strength > 0 else 0.0)
             surface["base_metalness"] = scalar_form(0.0)
-    alpha, threshold = net.scalar("opacity", 1.0), float(net.constant("opacityThreshold", 0.0))
+    alpha = net.scalar("opacity", 1.0, may_be_primvar=True)
+    threshold = float(net.constant("opacityThreshold", 0.0))
     more: dict[str, Any] = {"alpha": alpha, "normal_map": net.normal_map("normal")}
     if threshold > 0:
         more["alpha_mode"] = {"mask": threshold}
-    elif alpha["texture"] is not None or alpha["factor"] < 1:
+    elif alpha["texture"] is not None or alpha["factor"] < 1 or net.opacity_primvar:
         more["alpha_mode"] = "blend"
-    if (
-        net.shader.GetInput("displacement")
-        and net.shader.GetInput("displacement").HasConnectedSource()
-    ):
-        context.remark(f"{net.shader.GetPath()}: displacement is left out")
-    return context.add_material(
-        surface, name, emission=net.color("emissiveColor", (0, 0, 0)), **more
-    )
+    return context.add_material(surface, name, **more, **_emission(net, "emissiveColor", surface))
+
+
+def _emission(net: Network, name: str, surface: dict[str, Any]) -> dict[str, Any]:
+    """The emission of a surface. It may be a primvar that varies if that is the base colour too, or
+    the base is black.
+    """
+    primvar = net.varying(name)
+    is_black = not any(surface["base_color"]["factor"]) and net.color_primvar is None
+    may_be_primvar = primvar is not None and (primvar == net.color_primvar or is_black)
+    return {
+        "emission": net.color(name, (0, 0, 0), may_be_primvar=may_be_primvar),
+        "emission_takes_vertex_color": may_be_primvar,
+    }
 
 
 def _finish(
@@ -113,7 +151,7 @@ def _finish(
         "alpha": opacity,
         "normal_map": net.normal_map(normal),
     }
-    if opacity["texture"] is not None or opacity["factor"] < 1:
+    if opacity["texture"] is not None or opacity["factor"] < 1 or net.opacity_primvar:
         more["alpha_mode"] = "blend"
     return context.add_material(surface, name, **more)
 

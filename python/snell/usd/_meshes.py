@@ -11,14 +11,17 @@ import numpy as np
 from pxr import UsdGeom, UsdShade
 
 from ._bindings import material_of
-from ._context import Context
+from ._context import Context, Needs
+from ._nurbs import patch
 from ._polygons import triangulated
-from ._subdivision import Topology, levels_for
+from ._primvars import primvar_rows
+from ._subdivision import LoopTopology, Topology, levels_for
 
 __all__ = ["mesh", "triangles_of"]
 
 #: Names of texture coordinates, the most common first.
 _COORDINATES = ("st", "UVMap", "st0", "map1", "uv")
+_SCHEMES = {"catmullClark": Topology, "loop": LoopTopology}
 
 
 @dataclass
@@ -34,6 +37,8 @@ class _Polygons:
     faces: np.ndarray
     #: The levels of the subdivision, the coarsest first.
     levels: list[Topology] = field(default_factory=list)
+    #: Of a patch, the shares of the control points for each of its points.
+    shares: np.ndarray | None = None
 
     @property
     def triangles(self) -> np.ndarray:
@@ -41,6 +46,8 @@ class _Polygons:
 
     def interpolated(self, values: np.ndarray, interpolation: str) -> Any:
         """Values in the form that `Context.add_mesh` takes; `None` if their number is wrong."""
+        if self.shares is not None and len(values) == self.shares.shape[1]:
+            return ("vertex", self.shares @ values)
         for level in self.levels:
             if interpolation == "vertex" and len(values) == level.points:
                 values = level.smooth(values)
@@ -54,24 +61,33 @@ class _Polygons:
             return ("corner", values[self.corners.reshape(-1)])
         if interpolation == "uniform" and len(values) > self.faces.max(initial=-1):
             return ("corner", np.repeat(values[self.faces], 3, axis=0))
-        if interpolation == "constant" and len(values) == 1:
-            return ("vertex", np.repeat(values, len(self.points), axis=0))
+        if interpolation == "constant" and len(values) > 0:
+            return ("vertex", np.repeat(values[:1], len(self.points), axis=0))
         return None
+
+    def of_corners(self, found: Any) -> np.ndarray:
+        """Values in the form of `interpolated` as rows, one for each corner of each triangle."""
+        where, values = found
+        return np.asarray(values[self.triangles.reshape(-1)] if where == "vertex" else values)
 
 
 def mesh(context: Context, prim: Any) -> list[Any]:
     """The surface of a mesh; instances share it."""
     subsets = UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets()
-    materials = [
-        material_of(context, prim),
-        *(material_of(context, subset.GetPrim()) for subset in subsets),
-    ]
-    colors = _color_primvar(context, prim, materials)
-    key = ("mesh", context.source(prim), colors)
+    users = [prim, *(subset.GetPrim() for subset in subsets)]
+    materials = [material_of(context, user, is_mesh=True) for user in users]
+    needs = tuple(context.needs.get(number, Needs()) for number in materials)
+    overrides = tuple(sorted((k, v.tobytes()) for k, v in context.overrides.items()))
+    key = ("mesh", context.source(prim), needs, overrides)
     if key not in context.known:
-        context.known[key] = _made(context, prim, subsets, colors)
-    number = context.known[key]
-    return [] if number is None else [{"mesh": number, "materials": materials}]
+        context.known[key] = _made(context, prim, subsets, needs)
+    if context.known[key] is None:
+        return []
+    number, tiles = context.known[key]
+    materials += [
+        material_of(context, users[slot], is_mesh=True, tile=tile) for slot, tile in tiles
+    ]
+    return [{"mesh": number, "materials": materials}]
 
 
 def triangles_of(context: Context, prim: Any) -> np.ndarray:
@@ -82,21 +98,13 @@ def triangles_of(context: Context, prim: Any) -> np.ndarray:
     )
 
 
-def _color_primvar(context: Context, prim: Any, materials: list[int]) -> str | None:
-    """The primvar that is the colour of the vertices."""
-    names = [context.vertex_colors.get(number) for number in materials]
-    wanted = {name for name in names if name is not None}
-    if not wanted:
-        return None
-    if len(wanted) > 1 or None in names[1:]:
-        context.remark(
-            f"{prim.GetPath()}: colours of vertices count for the whole mesh, and not for some of "
-            "its materials only"
-        )
-    return next(name for name in names if name is not None)
-
-
 def _polygons(context: Context, prim: Any) -> _Polygons | None:
+    if prim.IsA(UsdGeom.TetMesh):
+        return _outside(context, prim)
+    if prim.IsA(UsdGeom.NurbsPatch):
+        return _patch(context, prim)
+    if prim.IsA(UsdGeom.Cube):
+        return _cube(context, prim)
     given = UsdGeom.Mesh(prim)
     points = context.array(given.GetPointsAttr(), 3).astype(np.float32)
     counts = np.array(context.value(given.GetFaceVertexCountsAttr(), []), dtype=np.int64)
@@ -118,7 +126,7 @@ def _polygons(context: Context, prim: Any) -> _Polygons | None:
     levels = _levels(context, given, len(points), counts, indices)
     parents = np.arange(len(counts))
     for level in levels:
-        points, parents = level.smooth(points), parents[level.face]
+        points, parents = level.smooth(points), parents[level.parents]
     if levels:
         finest = levels[-1].divided()
         counts, indices, points = finest.counts, finest.indices, points.astype(np.float32)
@@ -130,11 +138,62 @@ def _polygons(context: Context, prim: Any) -> _Polygons | None:
     return _Polygons(points, indices, corners, faces, levels)
 
 
+def _outside(context: Context, prim: Any) -> _Polygons | None:
+    """The surface of a mesh of tetrahedra."""
+    given = UsdGeom.TetMesh(prim)
+    points = context.array(given.GetPointsAttr(), 3).astype(np.float32)
+    faces = context.value(given.GetSurfaceFaceVertexIndicesAttr(), [])
+    if not len(faces):
+        faces = UsdGeom.TetMesh.ComputeSurfaceFaces(given, context.time)
+    indices = np.array(faces, dtype=np.int64).reshape(-1)
+    if not len(indices) or indices.min() < 0 or indices.max() >= len(points):
+        context.remark(f"{prim.GetPath()}: tetrahedra that do not fit their points are left out")
+        return None
+    corners = np.arange(len(indices)).reshape(-1, 3)
+    if context.value(given.GetOrientationAttr()) == "leftHanded":
+        corners = corners[:, ::-1]
+    return _Polygons(points, indices, corners, np.arange(len(corners)))
+
+
+def _patch(context: Context, prim: Any) -> _Polygons | None:
+    """The quadrilaterals of a patch of B-splines; values of control points become those of its
+    points.
+    """
+    found = patch(context, prim)
+    if found is None:
+        return None
+    points, quads, shares = found
+    indices = quads.reshape(-1)
+    counts = np.full(len(quads), 4)
+    corners, faces = triangulated(points, counts, indices, np.zeros(0, dtype=np.int64))
+    if str(context.value(UsdGeom.Gprim(prim).GetOrientationAttr())) == "leftHanded":
+        corners = corners[:, ::-1]
+    return _Polygons(points.astype(np.float32), indices, corners, faces * 0, shares=shares)
+
+
+def _cube(context: Context, prim: Any) -> _Polygons:
+    """The six faces of a cube, in the order of USD."""
+    half = float(context.value(UsdGeom.Cube(prim).GetSizeAttr(), 2.0)) / 2
+    signs = [(1, 1, 1), (-1, 1, 1), (-1, -1, 1), (1, -1, 1)]
+    signs += [(-1, -1, -1), (-1, 1, -1), (1, 1, -1), (1, -1, -1)]
+    indices = [0, 1, 2, 3, 4, 5, 6, 7, 0, 6, 5, 1, 4, 7, 3, 2, 0, 3, 7, 6, 4, 2, 1, 5]
+    points = np.array(signs, dtype=np.float32) * half
+    halves = np.array([[0, 1, 2], [0, 2, 3]])
+    corners = (np.arange(6)[:, None, None] * 4 + halves).reshape(-1, 3)
+    return _Polygons(points, np.array(indices), corners, np.repeat(np.arange(6), 2))
+
+
 def _levels(
     context: Context, given: Any, points: int, counts: np.ndarray, indices: np.ndarray
 ) -> list[Topology]:
     """The levels of the subdivision of a mesh; none if it has none, or is large already."""
-    if str(context.value(given.GetSubdivisionSchemeAttr())) != "catmullClark" or counts.min() < 3:
+    scheme = str(context.value(given.GetSubdivisionSchemeAttr()))
+    if scheme not in _SCHEMES or counts.min() < 3:
+        return []
+    if scheme == "loop" and counts.max() > 3:
+        context.remark(
+            f"{given.GetPath()}: the scheme loop is for triangles; the polygons are shown instead"
+        )
         return []
     number = levels_for(len(indices), context.corners_left)
     if number == 0:
@@ -144,10 +203,20 @@ def _levels(
     pins = np.array(context.value(given.GetCornerIndicesAttr(), []), dtype=np.int64)
     pinned = context.array(given.GetCornerSharpnessesAttr(), 1)[:, 0]
     if len(pins) != len(pinned) or pins.min(initial=0) < 0 or pins.max(initial=-1) >= points:
+        context.remark(f"{given.GetPath()}: corners that do not fit the mesh are left out")
         pins, pinned = np.zeros(0, dtype=np.int64), np.zeros(0)
     border = str(context.value(given.GetInterpolateBoundaryAttr()))
-    level = Topology(
-        points, counts, indices, edges, sharpness, pins, pinned, border == "edgeAndCorner"
+    rule = str(context.value(given.GetTriangleSubdivisionRuleAttr()))
+    level = _SCHEMES[scheme](
+        points,
+        counts,
+        indices,
+        edges,
+        sharpness,
+        pins,
+        pinned,
+        border == "edgeAndCorner",
+        rule == "smooth",
     )
     levels = [level]
     while len(levels) < number:
@@ -176,73 +245,166 @@ def _creases(context: Context, given: Any, points: int) -> tuple[np.ndarray, np.
     return none
 
 
-def _made(context: Context, prim: Any, subsets: list[Any], colors: str | None) -> int | None:
+def _made(
+    context: Context, prim: Any, subsets: list[Any], needs: tuple[Needs, ...]
+) -> tuple[int, list[tuple[int, int]]] | None:
+    """The number of a mesh, and the slots and tiles of further materials. Materials with pictures
+    in tiles have one slot for each tile that is seen.
+    """
     polygons = _polygons(context, prim)
     if polygons is None:
         return None
-    attributes = {
-        "normals": _normals(context, prim, polygons),
-        "uvs": _primvar(context, prim, _COORDINATES, 2, polygons),
-        "colors": _colors(context, prim, colors, polygons) if colors else None,
-    }
     slots = np.zeros(len(polygons.faces), dtype=np.uint16)
     for slot, subset in enumerate(subsets, start=1):
+        if str(context.value(subset.GetElementTypeAttr(), "face")) != "face":
+            context.remark(
+                f"{subset.GetPath()}: a subset of something other than faces is left out"
+            )
+            continue
         members = np.array(context.value(subset.GetIndicesAttr(), []), dtype=np.int64)
         slots[np.isin(polygons.faces, members)] = slot
-    return context.add_mesh(
-        polygons.points, polygons.triangles, attributes, slots if subsets else None
+    sets = [_coordinates(context, prim, polygons, needs, number) for number in (0, 1)]
+    attributes = {
+        "normals": _normals(context, prim, polygons),
+        "uvs": sets[0],
+        "second_uvs": sets[1],
+        "colors": _colors(context, prim, needs, slots, polygons),
+    }
+    tiles: list[tuple[int, int]] = []
+    for slot, need in enumerate(needs):
+        if need.tiles is not None and sets[need.tiles[0]] is not None:
+            to_tiles, coordinates = need.tiles[1], sets[need.tiles[0]]
+            _split_by_tile(polygons, slots, slot, len(needs), to_tiles, coordinates, tiles)
+    number = context.add_mesh(
+        polygons.points, polygons.triangles, attributes, slots if subsets or tiles else None
     )
+    return number, tiles
+
+
+def _split_by_tile(
+    polygons: _Polygons,
+    slots: np.ndarray,
+    slot: int,
+    first: int,
+    to_tiles: Any,
+    coordinates: Any,
+    tiles: list[tuple[int, int]],
+) -> None:
+    """Gives the triangles of a slot the slots of their tiles, which are added to `tiles`. A
+    triangle is in the tile of its middle; there are ten tiles in a row. The slots of tiles are
+    those from `first`.
+    """
+    members = np.flatnonzero(slots == slot)
+    middles = polygons.of_corners(coordinates).reshape(-1, 3, 2)[members].mean(axis=1)
+    rows = np.array(to_tiles)
+    u, v = np.floor(rows[:, :2] @ middles.T + rows[:, 2:]).astype(np.int64)
+    number = np.clip(u, 0, 9) + 10 * np.clip(v, 0, 9)
+    for tile in np.unique(number):
+        slots[members[number == tile]] = first + len(tiles)
+        tiles.append((slot, int(tile)))
+
+
+def _coordinates(
+    context: Context, prim: Any, polygons: _Polygons, needs: tuple[Needs, ...], number: int
+) -> Any:
+    """The set of texture coordinates of this number."""
+    names = [name for need in needs for name, place in need.coordinates if place == number]
+    return _primvar(context, prim, (*names, *(_COORDINATES if number == 0 else ())), 2, polygons)
 
 
 def _primvar(
     context: Context, prim: Any, names: tuple[str, ...], width: int, polygons: _Polygons
 ) -> Any:
     """The first primvar of these names."""
-    primvars = UsdGeom.PrimvarsAPI(prim)
     for name in names:
-        primvar = primvars.FindPrimvarWithInheritance(name)
-        if primvar and primvar.HasValue():
-            flat = primvar.ComputeFlattened(context.time)
-            flat = primvar.ComputeFlattened() if flat is None else flat
-            values = np.array(flat, dtype=np.float32)
-            values = values.reshape(len(values), -1)[:, :width]
-            found = (
-                polygons.interpolated(values, primvar.GetInterpolation())
-                if values.shape[1] == width
-                else None
+        found = primvar_rows(context, prim, name)
+        if found is None:
+            continue
+        rows, interpolation = found
+        values = (
+            polygons.interpolated(rows[:, :width].astype(np.float32), interpolation)
+            if rows.shape[1] >= width
+            else None
+        )
+        if values is None:
+            context.remark(
+                f"{prim.GetPath()}: the primvar {name} does not fit the mesh and is left out"
             )
-            if found is None:
-                context.remark(
-                    f"{prim.GetPath()}: the primvar {name} does not fit the mesh and is left out"
-                )
-            return found
+        return values
     return None
 
 
-def _colors(context: Context, prim: Any, name: str, polygons: _Polygons) -> Any:
-    found = _primvar(context, prim, (name,), 3, polygons)
-    if found is None:
+def _colors(
+    context: Context, prim: Any, needs: tuple[Needs, ...], slots: np.ndarray, polygons: _Polygons
+) -> Any:
+    """The colours and opacities of the vertices, white where the material of a triangle reads
+    none.
+    """
+    wanted = [(need.color, need.opacity) for need in needs]
+    if not any(color or opacity for color, opacity in wanted):
         return None
-    where, values = found
-    return (where, np.concatenate([values, np.ones((len(values), 1), dtype=np.float32)], axis=1))
+    if len(set(wanted)) == 1:
+        return _colors_of(context, prim, wanted[0], polygons)
+    made = np.ones((len(polygons.triangles), 3, 4), dtype=np.float32)
+    for slot, names in enumerate(wanted):
+        found = _colors_of(context, prim, names, polygons)
+        if found is not None:
+            made[slots == slot] = polygons.of_corners(found).reshape(-1, 3, 4)[slots == slot]
+    return ("corner", made.reshape(-1, 4))
+
+
+def _colors_of(
+    context: Context, prim: Any, names: tuple[str | None, str | None], polygons: _Polygons
+) -> Any:
+    """The primvars of these names as colours and opacities."""
+    color = _primvar(context, prim, (names[0],), 3, polygons) if names[0] else None
+    opacity = _primvar(context, prim, (names[1],), 1, polygons) if names[1] else None
+    if color is None and opacity is None:
+        return None
+    one: Any = opacity if color is None else color
+    if color is None or opacity is None or color[0] == opacity[0]:
+        where, size = one[0], len(one[1])
+    else:
+        where, size = "corner", polygons.triangles.size
+        color, opacity = (
+            ("corner", polygons.of_corners(found)) if found else None for found in (color, opacity)
+        )
+    made = np.ones((size, 4), dtype=np.float32)
+    if color is not None:
+        made[:, :3] = color[1]
+    if opacity is not None:
+        made[:, 3] = opacity[1][:, 0]
+    return (where, made)
 
 
 def _normals(context: Context, prim: Any, polygons: _Polygons) -> Any:
-    given = UsdGeom.Mesh(prim)
-    if context.value(given.GetSubdivisionSchemeAttr()) in (None, "none"):
-        found = _primvar(context, prim, ("normals",), 3, polygons)
-        values = context.value(given.GetNormalsAttr())
-        if found is None and values is not None and len(values) > 0:
-            found = polygons.interpolated(
-                np.array(values, dtype=np.float32).reshape(-1, 3), given.GetNormalsInterpolation()
+    """The normals of the file for polygons, and smooth ones for surfaces of subdivision, for which
+    those of the file do not count. Polygons without normals are flat.
+    """
+    given = UsdGeom.PointBased(prim)
+    if not given:
+        return None
+    if polygons.shares is not None:
+        return ("vertex", _smooth(polygons))
+    scheme = str(context.value(prim.GetAttribute("subdivisionScheme"), "none"))
+    if polygons.levels or (scheme == "catmullClark" and len(polygons.faces)):
+        if not polygons.levels:
+            context.remark(
+                f"{prim.GetPath()}: the mesh is not subdivided; its polygons are shown with smooth "
+                "normals"
             )
-        return found
-    if not polygons.levels:
-        context.remark(
-            f"{prim.GetPath()}: the mesh is not subdivided; its polygons are shown with smooth "
-            "normals"
+        return ("vertex", _smooth(polygons))
+    if scheme == "bilinear":
+        return None
+    found = _primvar(context, prim, ("normals",), 3, polygons)
+    values = context.value(given.GetNormalsAttr())
+    if found is None and values is not None and len(values) > 0:
+        found = polygons.interpolated(
+            np.array(values, dtype=np.float32).reshape(-1, 3), given.GetNormalsInterpolation()
         )
-    return ("vertex", _smooth(polygons))
+        if found is None:
+            context.remark(f"{prim.GetPath()}: the normals do not fit the mesh and are left out")
+    return found
 
 
 def _smooth(polygons: _Polygons) -> np.ndarray:

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 from pxr import UsdGeom
 
-from ._bindings import display_color, display_material, is_bound, material_of
+from ._bindings import bound_materials, display_material, material_of
 from ._context import Context, rows
+from ._primvars import first_row, is_varying, primvar_rows
 
 __all__ = ["from_y", "points", "shape"]
 
@@ -18,7 +19,7 @@ _MAX_POINTS = 100_000
 
 def shape(context: Context, prim: Any) -> list[int]:
     """The nodes of a shape."""
-    kind = str(prim.GetTypeName())
+    kind = str(prim.GetPrimTypeInfo().GetSchemaTypeName())
     get = lambda name, default: float(context.value(prim.GetAttribute(name), default))  # noqa: E731
     axis = str(context.value(prim.GetAttribute("axis"), "Z"))
     if kind == "Sphere":
@@ -89,13 +90,24 @@ def points(context: Context, prim: Any) -> list[int]:
 
 
 def _balls(context: Context, prim: Any, count: int) -> list[int]:
-    """The node of each point's sphere; points of one colour share a node."""
+    """The node of each point's sphere; points of one colour and opacity share a node."""
     form = {"shape": "sphere", "radius": 0.5}
-    colors = None if is_bound(prim) else display_color(context, prim)
-    if colors is None or len(colors) < max(count, 2):
+    shown = np.array([[0.18, 0.18, 0.18, 1.0]] * count).reshape(count, 4)
+    varies = False
+    for name, place in (("displayColor", slice(0, 3)), ("displayOpacity", slice(3, 4))):
+        found, width = primvar_rows(context, prim, name), place.stop - place.start
+        if found is not None and is_varying(found) and len(found[0]) >= count:
+            shown[:, place] = found[0][:count, :width]
+            varies = True
+        elif (one := first_row(found, width)) is not None:
+            shown[:, place] = one
+    if bound_materials(prim) or not varies:
         return [context.add_shape(form, material_of(context, prim))] * count
-    distinct, which = np.unique(colors[:count], axis=0, return_inverse=True)
-    made = [context.add_shape(form, display_material(context, color)) for color in distinct]
+    distinct, which = np.unique(shown, axis=0, return_inverse=True)
+    made = [
+        context.add_shape(form, display_material(context, color[:3], float(color[3])))
+        for color in distinct
+    ]
     return [made[i] for i in which.reshape(-1)]
 
 

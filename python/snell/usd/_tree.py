@@ -2,21 +2,29 @@
 
 from __future__ import annotations
 
+import functools
 import json
-from typing import Any
+from collections.abc import Callable
+from typing import Any, TypeVar
 
 import numpy as np
-from pxr import Gf, Usd, UsdGeom, UsdLux, UsdRender, UsdSkel
+from pxr import Gf, Usd, UsdGeom, UsdLux, UsdRender, UsdShade, UsdSkel
 
+from ._bindings import bound_materials
 from ._cameras import camera
 from ._context import Context, rows
 from ._curves import curves
 from ._files import StageError
 from ._lights import light, mesh_light
 from ._meshes import mesh
+from ._primvars import is_varying, primvar_rows
 from ._shapes import points, shape
 
 __all__ = ["document"]
+
+_T = TypeVar("_T")
+#: Maximum number of different values of a primvar that the instances of one prim have.
+_MOST_VALUES = 1000
 
 
 def document(context: Context, name: str) -> str:
@@ -42,6 +50,7 @@ def document(context: Context, name: str) -> str:
         "root": 0,
         "nodes": context.nodes,
         "meshes": context.meshes,
+        "curves": context.curves,
         **context.motion.form(),
     }
     try:
@@ -109,7 +118,13 @@ def _samples_around(context: Context) -> Any:
 
 
 def _children(context: Context, prim: Any, world: np.ndarray, joint: int) -> list[int]:
-    below = prim.GetFilteredChildren(Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate))
+    # Prototypes may lie in classes, or below prims that nothing defines.
+    predicate = Usd.PrimIsActive & Usd.PrimIsLoaded
+    if prim.IsPseudoRoot() or prim.IsDefined():
+        predicate &= Usd.PrimIsDefined
+    if not prim.IsAbstract():
+        predicate &= ~Usd.PrimIsAbstract
+    below = prim.GetFilteredChildren(Usd.TraverseInstanceProxies(predicate))
     found = [_node(context, child, world, joint) for child in below]
     return [number for number in found if number is not None]
 
@@ -136,6 +151,7 @@ def _node_of(context: Context, prim: Any, parent: np.ndarray, joint: int) -> int
             return None
         if imageable.ComputePurpose() in (UsdGeom.Tokens.proxy, UsdGeom.Tokens.guide):
             return None
+    _tell_of_draw_modes(context, prim)
     local, resets = np.eye(4), False
     if UsdGeom.Xformable(prim):
         matrix, resets = context.xforms.GetLocalTransformation(prim)
@@ -155,7 +171,7 @@ def _node_of(context: Context, prim: Any, parent: np.ndarray, joint: int) -> int
             prim, joint, lambda matrix: rows(np.array(matrix, dtype=np.float64).reshape(4, 4).T)
         )
     cameras, lights = len(context.cameras), len(context.lights)
-    surfaces, below = _content(context, prim, world, joint)
+    surfaces, below = _usable_content(context, prim, world, joint)
     context.motion.cameras += [(i, joint) for i in range(cameras, len(context.cameras))]
     context.motion.lights += [(i, joint) for i in range(lights, len(context.lights))]
     _check_finite(context, before)
@@ -166,6 +182,16 @@ def _node_of(context: Context, prim: Any, parent: np.ndarray, joint: int) -> int
     if below:
         node["children"] = below
     return number
+
+
+def _tell_of_draw_modes(context: Context, prim: Any) -> None:
+    """A remark on a model that is to be drawn as cards, or as its bounds."""
+    if not prim.IsModel():
+        return
+    model = UsdGeom.ModelAPI(prim)
+    mode = str(context.value(model.GetModelDrawModeAttr(), "inherited"))
+    if mode not in ("inherited", "default"):
+        context.remark(f"{prim.GetPath()}: the draw mode {mode} is left out; the model is shown")
 
 
 def _sizes(context: Context) -> list[tuple[list[Any], int]]:
@@ -191,14 +217,64 @@ def _shared_children(context: Context, prim: Any, world: np.ndarray, joint: int)
     """The nodes below a prim. The nodes of a prototype are created once for all instances."""
     if not prim.IsInstance():
         return _children(context, prim, world, joint)
-    key = ("prototype", str(prim.GetPrototype().GetPath()))
+    key = ("prototype", str(prim.GetPrototype().GetPath()), _inherited(context, prim))
     if key not in context.known:
         before = _placed_in_the_world(context)
-        below = _children(context, prim, world, joint)
+        below, asked = _with_names(context, lambda: _children(context, prim, world, joint))
         if before != _placed_in_the_world(context):
             return below
-        context.known[key] = below
-    return list(context.known[key])
+        context.known[key] = below, asked
+    below, asked = context.known[key]
+    context.asked |= asked
+    return list(below)
+
+
+def _with_names(context: Context, make: Callable[[], _T]) -> tuple[_T, set[str]]:
+    """What a function makes, and the names of the primvars that it looks for."""
+    before, context.asked = context.asked, set()
+    made, asked = make(), context.asked
+    context.asked = before | asked
+    return made, asked
+
+
+def _inherited(context: Context, prim: Any) -> tuple[Any, ...]:
+    """What the inside of an instance takes from the instance and from above it: the material, the
+    purpose, and primvars.
+    """
+    primvars = UsdGeom.PrimvarsAPI(prim).FindPrimvarsWithInheritance()
+    above = prim
+    while above and not above.IsPseudoRoot():
+        if _has_collections(above):
+            # Such a binding names the parts inside by their paths, which differ by instance.
+            return (str(prim.GetPath()),)
+        above = above.GetParent()
+    values = [
+        (str(primvar.GetPrimvarName()), str(context.value(primvar.GetAttr())))
+        for primvar in primvars
+        if primvar.GetInterpolation() == "constant"
+    ]
+    overrides = [(name, rows.tobytes()) for name, rows in context.overrides.items()]
+    materials = tuple(
+        (
+            str(material.GetPath()),
+            str(UsdShade.MaterialBindingAPI.GetMaterialBindingStrength(binding)),
+        )
+        for material, binding in bound_materials(prim)
+    )
+    purpose = str(UsdGeom.Imageable(prim).ComputePurpose()) if UsdGeom.Imageable(prim) else ""
+    return (materials, purpose, tuple(sorted(values)), tuple(sorted(overrides)))
+
+
+def _has_collections(prim: Any) -> bool:
+    """True if a prim binds materials to collections."""
+    return any(
+        UsdShade.MaterialBindingAPI(prim).GetCollectionBindingRels(purpose)
+        for purpose in (
+            UsdShade.Tokens.allPurpose,
+            UsdShade.Tokens.full,
+            UsdShade.Tokens.preview,
+        )
+    )
 
 
 def _placed_in_the_world(context: Context) -> tuple[int, int, bool]:
@@ -208,6 +284,22 @@ def _placed_in_the_world(context: Context) -> tuple[int, int, bool]:
     return len(context.lights), len(context.cameras), context.environment is None
 
 
+def _usable_content(
+    context: Context, prim: Any, world: np.ndarray, joint: int
+) -> tuple[list[Any], list[int]]:
+    """What a prim shows. A prim with values of another type than the schema's shows nothing."""
+    try:
+        return _content(context, prim, world, joint)
+    except StageError:
+        raise
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+        context.remark(
+            f"at {prim.GetPath()}: its values cannot be used: {error}; it is left out; write them "
+            "as the schema says"
+        )
+        return [], []
+
+
 def _content(
     context: Context, prim: Any, world: np.ndarray, joint: int
 ) -> tuple[list[Any], list[int]]:
@@ -215,9 +307,13 @@ def _content(
     is_light = prim.HasAPI(UsdLux.LightAPI)
     if prim.IsA(UsdGeom.Mesh):
         return mesh_light(context, prim, world) if is_light else mesh(context, prim), []
+    if prim.IsA(UsdGeom.TetMesh) or prim.IsA(UsdGeom.NurbsPatch):
+        return mesh(context, prim), []
+    if prim.IsA(UsdGeom.Cube) and _varies(context, prim):
+        return mesh(context, prim), []
     if prim.IsA(UsdGeom.PointInstancer):
         return [], _point_instancer(context, prim, world, joint)
-    if prim.IsA(UsdGeom.BasisCurves):
+    if prim.IsA(UsdGeom.Curves):
         return curves(context, prim), []
     if prim.IsA(UsdGeom.Points):
         return [], points(context, prim)
@@ -225,16 +321,27 @@ def _content(
         camera(context, prim, world)
         return [], []
     if prim.IsA(UsdGeom.Gprim):
+        if _varies(context, prim):
+            context.remark(
+                f"{prim.GetPath()}: its colour or opacity varies; the first value is shown"
+            )
         return [], shape(context, prim)
     return [], light(context, prim, world) if is_light else []
 
 
+def _varies(context: Context, prim: Any) -> bool:
+    """True if the colour or the opacity of a shape is not the same everywhere."""
+    return any(
+        is_varying(primvar_rows(context, prim, name)) for name in ("displayColor", "displayOpacity")
+    )
+
+
 def _point_instancer(context: Context, prim: Any, world: np.ndarray, joint: int) -> list[int]:
     instancer = UsdGeom.PointInstancer(prim)
-    prototypes = []
-    for path in instancer.GetPrototypesRel().GetForwardedTargets():
-        target = context.stage.GetPrimAtPath(path)
-        prototypes.append(_node(context, target, world, joint) if target else None)
+    targets = [
+        context.stage.GetPrimAtPath(path)
+        for path in instancer.GetPrototypesRel().GetForwardedTargets()
+    ]
     indices = context.value(instancer.GetProtoIndicesAttr(), [])
     transforms = instancer.ComputeInstanceTransformsAtTime(
         context.time, context.time, instancer.ExcludeProtoXform
@@ -243,13 +350,50 @@ def _point_instancer(context: Context, prim: Any, world: np.ndarray, joint: int)
         context.remark(f"{prim.GetPath()}: the instances could not be placed and are left out")
     # Masked instances are left out of the transforms, but not of the indices.
     mask = instancer.ComputeMaskAtTime(context.time)
+    numbers = list(range(len(indices)))
     if len(mask) == len(indices):
-        indices = [index for index, keep in zip(indices, mask, strict=True) if keep]
+        numbers = [number for number in numbers if mask[number]]
+    values = _values_of_instances(context, prim, len(indices))
+    names: dict[int, list[str]] = {}
+    made: dict[Any, int | None] = {}
     found = []
-    for index, matrix in zip(indices, transforms, strict=False):
-        if 0 <= index < len(prototypes) and prototypes[index] is not None:
+    for number, matrix in zip(numbers, transforms, strict=False):
+        index = indices[number]
+        if not 0 <= index < len(targets) or not targets[index]:
+            continue
+        make = functools.partial(_node, context, targets[index], world, joint)
+        if index not in names:
+            made[index,], asked = _with_names(context, make)
+            names[index] = sorted(asked & set(values))
+        own = {name: values[name][number : number + 1] for name in names[index]}
+        key = (index, *(value.tobytes() for value in own.values()))
+        if key not in made:
+            before, context.overrides = context.overrides, {**context.overrides, **own}
+            made[key] = make()
+            context.overrides = before
+        if (prototype := made[key]) is not None:
             place = np.array(matrix, dtype=np.float64).reshape(4, 4).T
-            found.append(
-                context.add_node({"transform": rows(place), "children": [prototypes[index]]})
+            found.append(context.add_node({"transform": rows(place), "children": [prototype]}))
+    return found
+
+
+def _values_of_instances(context: Context, prim: Any, count: int) -> dict[str, np.ndarray]:
+    """The primvars of a point instancer that have a value for each instance. They count instead of
+    those of the prototypes.
+    """
+    found = {}
+    for primvar in UsdGeom.PrimvarsAPI(prim).GetPrimvarsWithValues():
+        name = str(primvar.GetPrimvarName())
+        if primvar.GetInterpolation() == "constant":
+            continue
+        given = primvar_rows(context, prim, name)
+        if given is None or len(given[0]) < count:
+            continue
+        if len(np.unique(given[0][:count], axis=0)) > _MOST_VALUES:
+            context.remark(
+                f"{prim.GetPath()}: the primvar {name} has more than {_MOST_VALUES} values for "
+                "instances and is left out"
             )
+            continue
+        found[name] = given[0]
     return found

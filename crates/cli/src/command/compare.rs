@@ -2,6 +2,7 @@
 
 use crate::failure::Failure;
 use crate::standard_output;
+use snell_formats::error::one_line;
 use snell_formats::image::compare::{
     BYTES_PER_PIXEL, CompareOptions, Comparison, LinearImage, compare, difference_picture,
 };
@@ -94,7 +95,11 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
 }
 
 fn read(path: &Path) -> Result<LinearImage, Failure> {
-    let image = read_image(&Input::open(path, &ReadOptions::default())?)?;
+    let input = Input::open(path, &ReadOptions::default())?;
+    let image = read_image(&input)?;
+    for note in input.take_notes() {
+        eprintln!("warning: {}", one_line(&note));
+    }
     let needed = u64::from(image.width) * u64::from(image.height) * size_of::<[f32; 3]>() as u64;
     let admitted = Available::now().admit(&format!("{}: the picture", path.display()), needed);
     admitted.map_err(|problem| Failure::Other(format!("{problem}; scale it down")))?;

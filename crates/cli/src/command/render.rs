@@ -1,6 +1,7 @@
 //! `snell render`: renders a scene file to a picture.
 
 mod denoise;
+mod exposure_hint;
 mod frames;
 mod layers;
 mod memory;
@@ -19,13 +20,14 @@ use crate::messages::counted;
 use crate::progress::Reporter;
 use crate::{interrupt, scene_source};
 use denoise::Denoised;
+use exposure_hint::exposure_hint;
 use output::Target;
 use snell_formats::image::Tonemap;
 use snell_math::simd::Level;
 use snell_render::{
     CompiledScene, FilmTile, IntegratorKind, Job, Request, Settings, Statistics, with_patience,
 };
-use snell_scene::{Camera, Pose, Scene, Warning};
+use snell_scene::{Camera, Pose, Scene, Warning, WarningKind};
 use stage::{Shot, Stage};
 use std::ffi::OsString;
 use std::path::Path;
@@ -180,7 +182,7 @@ impl Session<'_> {
         let Shot { camera, later_cameras, compiled, build_seconds, .. } = shot;
         let settings = Settings { later_cameras, ..options.settings(scene, &camera, self.simd)? };
         let is_first = !std::mem::replace(&mut self.has_begun, true);
-        let warnings = warnings(options, scene, &compiled, &settings);
+        let mut warnings = warnings(options, scene, &compiled, &settings);
         if is_first && !options.quiet {
             for warning in &warnings {
                 eprintln!("warning: {}", counted(warning));
@@ -211,6 +213,15 @@ impl Session<'_> {
         }
 
         let mut picture = snell_render::picture(&film, &settings, &compiled);
+        if settings.integrator.is_path() && !is_cut && !options.has_frames() {
+            let hint = exposure_hint(&picture.layers[0], options.exposure(scene));
+            if let Some(hint) = hint.map(|hint| format!("{}: {hint}", options.scene.display())) {
+                if !options.quiet {
+                    eprintln!("warning: {hint}");
+                }
+                Warning::note_of(WarningKind::Choice, &mut warnings, hint, 1);
+            }
+        }
         let summary = Summary {
             scene,
             compiled: &compiled,
@@ -311,7 +322,9 @@ pub(super) fn prepare_scene(scene: Scene, options: &Options) -> Result<Scene, Fa
 fn prepare_for(scene: &mut Scene, poses: &[Pose], options: &Options) -> Result<(), Failure> {
     options.apply_environment(scene)?;
     let size = options.request.size.unwrap_or(Request::DEFAULT_SIZE);
-    let framing = snell_scene::framing::FramingOptions { size, ..Default::default() };
+    // Definitions of `-D` may name positions in the world of the file.
+    let may_move = options.define.is_empty();
+    let framing = snell_scene::framing::FramingOptions { size, may_move, ..Default::default() };
     let prepared = snell_scene::framing::prepare_for(scene, poses, &framing);
     let failed =
         |e: &dyn std::fmt::Display| Failure::Scene(format!("{}: {e}", options.scene.display()));

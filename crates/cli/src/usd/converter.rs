@@ -7,11 +7,13 @@ macro_rules! modules {
     };
 }
 /// The modules of the converter; the first is the package itself.
-const MODULES: [(&str, &str); 16] = modules![
+const MODULES: [(&str, &str); 19] = modules![
     "__init__",
+    "_materialx",
     "_files",
     "_motion",
     "_context",
+    "_primvars",
     "_polygons",
     "_subdivision",
     "_networks",
@@ -19,6 +21,7 @@ const MODULES: [(&str, &str); 16] = modules![
     "_bindings",
     "_meshes",
     "_shapes",
+    "_nurbs",
     "_curves",
     "_cameras",
     "_lights",

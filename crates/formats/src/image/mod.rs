@@ -9,6 +9,7 @@
 mod animated;
 pub mod compare;
 pub mod cryptomatte;
+mod dds;
 mod flip;
 mod ktx2;
 mod openexr;
@@ -16,6 +17,7 @@ mod pfm;
 mod picture;
 mod radiance;
 mod raster;
+mod texels;
 mod tiff;
 mod tonemap;
 mod write;
@@ -207,15 +209,15 @@ pub const IMAGE_FORMATS: &[ImageFormat] = &[
     ImageFormat {
         name: "dds",
         extensions: &["dds"],
-        description: "DirectDraw surface: sRGB display values compressed as DXT1, DXT3 or DXT5",
-        recognises: |b| b.starts_with(b"DDS "),
-        read: Some(|input| raster::read(input, ::image::ImageFormat::Dds)),
+        description: "DirectDraw surface: display or linear values, plain or compressed (BC1 to BC7)",
+        recognises: |b| b.starts_with(dds::IDENTIFIER),
+        read: Some(dds::read),
         write: None,
     },
     ImageFormat {
         name: "ktx2",
         extensions: &["ktx2"],
-        description: "KTX2 with Basis Universal compression (ETC1S, UASTC); the largest level",
+        description: "KTX2: plain, BC1 to BC7, ETC2, EAC, ASTC or Basis Universal; the largest level",
         recognises: |b| b.starts_with(ktx2::IDENTIFIER),
         read: Some(ktx2::read),
         write: None,
@@ -275,14 +277,44 @@ fn reader_of(input: &Input) -> Result<fn(&Input) -> Result<Image, ReadError>, Re
     let format = by_content
         .or_else(|| IMAGE_FORMATS.iter().find(|f| f.extensions.contains(&extension.as_str())));
     format.and_then(|f| f.read).ok_or_else(|| {
-        input.error(
-            Place::Whole,
-            format!(
-                "this is not an image that Snell knows: it starts with {}",
-                picture::first_bytes(&input.bytes)
+        let start = picture::first_bytes(&input.bytes);
+        let (problem, remedy) = match unreadable(&input.bytes) {
+            Some((name, remedy)) => (format!("{name} is not supported"), remedy.into()),
+            None => (
+                format!("this is not an image that Snell knows: it starts with {start}"),
+                format!("convert it to one of: {}", names(ImageFormat::reads)),
             ),
-            format!("convert it to one of: {}", names(ImageFormat::reads)),
-        )
+        };
+        input.error(Place::Whole, problem, remedy)
+    })
+}
+
+/// The name of a format that is known, but not read, and a remedy. (Decoders of AVIF, HEIC and JPEG
+/// XL are in C, or not safe to use, or under licences that bind their users.)
+fn unreadable(bytes: &[u8]) -> Option<(&'static str, &'static str)> {
+    const BY_MAGICK: &str = "convert it to PNG, for example with `magick FILE picture.png`";
+    let is_brand = |brands: &[&[u8; 4]]| {
+        bytes.get(4..8) == Some(b"ftyp")
+            && bytes.get(8..12).is_some_and(|brand| brands.iter().any(|known| brand == *known))
+    };
+    let starts = |start: &[u8]| bytes.starts_with(start);
+    Some(match () {
+        () if is_brand(&[b"avif", b"avis"]) => {
+            let remedy = "convert it to PNG, for example with `avifdec FILE picture.png`";
+            ("AVIF", remedy)
+        }
+        () if is_brand(&[b"heic", b"heix", b"hevc", b"mif1", b"msf1"]) => ("HEIF", BY_MAGICK),
+        () if starts(b"\0\0\0\x0cJXL ") || starts(&[0xff, 0x0a]) => {
+            ("JPEG XL", "convert it to PNG, for example with `djxl FILE picture.png`")
+        }
+        () if starts(b"\0\0\0\x0cjP  ") || starts(&[0xff, 0x4f, 0xff, 0x51]) => {
+            ("JPEG 2000", BY_MAGICK)
+        }
+        () if starts(b"\xabKTX 11\xbb") => {
+            ("KTX of version 1", "convert it to KTX2 with `ktx2ktx2 FILE`")
+        }
+        () if starts(b"8BPS") => ("Photoshop's format", "save it as PNG"),
+        () => return None,
     })
 }
 

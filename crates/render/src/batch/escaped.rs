@@ -33,7 +33,8 @@ impl EscapedShader {
 
 impl<'a> BatchShader<'a> for EscapedShader {
     fn accepts(&self, batch: &Batch<'_, 'a>, paths: &[u32]) -> usize {
-        if !batch.is_simple() {
+        let may_catch_shadows = batch.depth == 0 && batch.context.scene.floor.is_some();
+        if !batch.is_simple() || may_catch_shadows {
             return 0;
         }
         let has_left = |path: &&u32| {

@@ -6,9 +6,10 @@ use crate::integrator::aov::Aov;
 use crate::integrator::light_part::{LightPart, LightSource};
 use crate::settings::LightGroup;
 use crate::{IntegratorKind, Settings};
-use snell_math::{ColorModel, Rgb};
+use snell_math::{ColorModel, DVec3, Rgb};
 use snell_scene::MaterialId;
 use snell_scene::builtin::builtin;
+use snell_scene::framing::studio_background;
 use snell_scene::material::Diffuse;
 use snell_scene::medium::Homogeneous;
 
@@ -68,5 +69,18 @@ fn lamps_that_are_not_visible_and_any_roulette_give_the_bits_of_one_at_a_time() 
             let picture = assert_same_at_every_level(&scene, &Moving::default(), &settings);
             assert!(picture.iter().step_by(4).any(|&x| x > 0.1));
         }
+    }
+}
+
+#[test]
+fn a_background_that_catches_shadows_gives_the_bits_of_one_at_a_time() {
+    let mut scene = builtin("teapot").expect("the scene is built in");
+    scene.background = studio_background(&scene, DVec3::Y);
+    let groups = vec![LightGroup { name: "sky".into(), sources: vec![LightSource::Environment] }];
+    for color in ColorModel::ALL {
+        let how = Settings { size: [32, 24], spp: 4, color, ..Settings::default() };
+        let aovs = vec![Aov::Light(LightPart::default()), Aov::Albedo];
+        let settings = Settings { aovs, light_groups: groups.clone(), ..how };
+        assert_same_at_every_level(&scene, &Moving::default(), &settings);
     }
 }

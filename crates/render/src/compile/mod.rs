@@ -7,6 +7,7 @@
 //! moves becomes a group too, so that the frames of an animation share most structures.
 
 mod camera_filter;
+mod floor;
 mod lights;
 mod surfaces;
 mod volumes;
@@ -18,6 +19,7 @@ pub(crate) use volumes::{Boundary, VolumeTable};
 
 use crate::light_sampler::{LightSampler, LightSamplerKind};
 use crate::settings::LightStrategy;
+use floor::Floor;
 use lights::LightTable;
 use snell_intersect::{
     BuildOptions, GeometryId, Hit, HitFilter, RayQuery, SurfaceInteraction, World, WorldError,
@@ -27,7 +29,7 @@ use snell_scene::light::environment::EnvironmentLight;
 use snell_scene::material::{AlphaMode, Prepared, ShadingPoint};
 use snell_scene::{
     Background, Environment, Material, MaterialId, MediumId, NodeId, Pose, Scene, SceneError,
-    TextureSet, Warning,
+    ShadowCatcher, TextureSet, Warning,
 };
 use std::collections::BTreeSet;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -79,6 +81,8 @@ pub struct CompiledScene {
     pub environment: Option<Arc<EnvironmentLight>>,
     /// The background for camera rays that leave the scene.
     pub background: Background,
+    /// The floor of a background that catches shadows, if there is light to cast them.
+    pub(crate) floor: Option<Floor>,
     /// Ambient light, for the integrators of local illumination only.
     pub ambient: Rgb,
     /// Centre of the scene's finite part.
@@ -214,6 +218,7 @@ impl CompiledScene {
             Warning::note(&mut warnings, message.into(), 1);
         }
         let radius = bounds.radius() as f32;
+        let floor = Floor::of(scene, &bounds);
         Ok(Self {
             prepared: materials.iter().map(Prepared::of).collect(),
             hides_from_camera: materials.iter().any(|material| !material.visible_to_camera),
@@ -222,8 +227,13 @@ impl CompiledScene {
             environment,
             background: match scene.background {
                 Background::Color(color) => Background::Color(color.map(finite)),
+                Background::ShadowCatcher(catcher) => Background::ShadowCatcher(ShadowCatcher {
+                    color: catcher.color.map(finite),
+                    ..catcher
+                }),
                 other => other,
             },
+            floor,
             ambient: scene.ambient.map(finite),
             center: if bounds.is_empty() { Vec3::ZERO } else { bounds.center().as_vec3() },
             radius: if radius > 0.0 { radius } else { 1.0 },
@@ -303,8 +313,12 @@ impl CompiledScene {
 
     /// True if rays that leave the scene see black in every direction.
     pub fn is_dark_outside(&self) -> bool {
-        let shows_color = matches!(self.background, Background::Color(color) if !color.is_black());
-        self.environment.is_none() && !shows_color
+        let shown = match self.background {
+            Background::Color(color) => color,
+            Background::ShadowCatcher(catcher) => catcher.color,
+            Background::Environment | Background::Transparent => Rgb::BLACK,
+        };
+        self.environment.is_none() && shown.is_black()
     }
 
     /// True if most light comes uniformly from all directions, so that paths that leave the scene

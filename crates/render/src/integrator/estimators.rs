@@ -13,7 +13,7 @@ use snell_scene::light::area::{AreaLight, AreaSample, DirectedPoint, DirectedSam
 use snell_scene::light::environment::SkySample;
 use snell_scene::material::ShadingBsdf;
 use snell_scene::medium::Glow;
-use snell_scene::{Background, Material, MediumId};
+use snell_scene::{Background, Material, MediumId, ShadowCatcher};
 
 /// A shadow ray to a point ends at this fraction of the distance, just short of the light itself.
 pub(crate) const SHADOW_END: f32 = 1.0 - 1e-4;
@@ -35,7 +35,11 @@ pub fn environment(context: &Context, vertex: &Vertex) -> SampledSpectrum {
 pub fn background(context: &Context, depth: u32, state: &PathState) -> Option<SampledSpectrum> {
     let shows = depth == 0 || (state.is_specular && context.scene.environment.is_none());
     match context.scene.background {
-        Background::Color(color) if shows => Some(state.mode.illuminant(color)),
+        Background::Color(color) | Background::ShadowCatcher(ShadowCatcher { color, .. })
+            if shows =>
+        {
+            Some(state.mode.illuminant(color))
+        }
         Background::Transparent if depth == 0 => Some(SampledSpectrum::ZERO),
         _ => None,
     }

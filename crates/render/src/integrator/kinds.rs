@@ -86,7 +86,7 @@ impl IntegratorKind {
     }
 
     /// True for `path` and `direct`, which support media and parts of the light as layers.
-    pub(crate) fn is_path(self) -> bool {
+    pub fn is_path(self) -> bool {
         self.declared().family == Family::Path
     }
 

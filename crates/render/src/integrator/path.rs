@@ -3,7 +3,7 @@
 
 use super::estimators::{Arrival, background, continued, environment_choice, light_pdf_of_hit};
 use super::guided::GuidedBsdf;
-use super::light_part::LobeShares;
+use super::light_part::{LightSource, LobeShares};
 use super::light_sample::weighted_light;
 use super::scattering::scatter;
 use super::{
@@ -42,6 +42,9 @@ pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
         return;
     }
     let Some(surface) = &vertex.surface else {
+        if catch_shadow(context, vertex, out) {
+            return;
+        }
         (out.radiance, out.weights.found) = escaped(context, vertex);
         return;
     };
@@ -62,6 +65,23 @@ pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
         }
     }
     add_bounce(context, vertex, surface, &at, &receiver, &guided, out);
+}
+
+/// Adds light rays from the floor of the background, if the camera ray meets one. Together they
+/// carry the background's radiance, because their directions are sampled in proportion to the light
+/// that the floor receives: the fraction of the rays that arrive is the brightness of the shadow.
+fn catch_shadow(context: &Context, vertex: &Vertex, out: &mut Outputs) -> bool {
+    let floor = context.scene.floor.as_ref().filter(|_| vertex.depth == 0);
+    let u = || vertex.random.pair(dimension::LIGHT);
+    let Some((floor, rays)) = floor.and_then(|f| Some((f, f.light_rays(vertex.ray, u())?))) else {
+        return false;
+    };
+    let state = vertex.state;
+    let value = state.throughput * state.mode.illuminant(floor.color) / rays.len() as f32;
+    out.light_rays.extend(rays.map(|ray| (ray, value)));
+    out.light_source = Some(LightSource::Environment);
+    out.light_lobe = LobeShares::of_matte(SampledSpectrum::ONE);
+    true
 }
 
 /// The emission of the surface that the path hit, multiplied by throughput and weight, and the MIS

@@ -3,7 +3,7 @@
 //! Single precision has 24 bits. Of coordinates of some millions of metres those below half a metre
 //! are lost, and with them the shape of anything small. Such scenes are shown moved near zero.
 
-use crate::graph::{Scene, SceneError};
+use crate::graph::{Background, Scene, SceneError};
 use crate::medium::Medium;
 use crate::texture::Texture;
 use snell_math::{Bounds3d, DAffine3, DVec3};
@@ -46,6 +46,9 @@ pub fn bring_near(scene: &mut Scene) -> Result<Option<DVec3>, SceneError> {
     }
     for light in &mut scene.lights {
         *light = light.moved(&by);
+    }
+    if let Background::ShadowCatcher(floor) = &mut scene.background {
+        floor.height -= floor.up.try_normalize().map_or(0.0, |up| up.dot(origin));
     }
     Ok(Some(-origin))
 }

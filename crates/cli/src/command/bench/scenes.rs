@@ -12,7 +12,7 @@ use snell_intersect::{BuildOptions, Geometry, GroupId, TriangleMesh, World, Worl
 use snell_math::{Bounds3d, DAffine3, DMat3, DVec3, Transform, Vec3, rng};
 use snell_render::CompiledScene;
 use snell_scene::framing::{self, FramingOptions};
-use snell_scene::{Camera, Node, Scene, Surface};
+use snell_scene::{Background, Camera, Node, Scene, Surface};
 use std::collections::HashMap;
 use std::sync::Arc;
 
@@ -84,6 +84,10 @@ pub fn load_scene(name: &str, read: &ReadOptions) -> Result<(Scene, Option<Vec3>
     }
     let framing = FramingOptions { size: [1024; 2], ..FramingOptions::default() };
     framing::prepare(&mut scene, &framing).map_err(|e| Failure::Scene(format!("{name}: {e}")))?;
+    // Other programs draw no shadow outside of the scene.
+    if matches!(scene.background, Background::ShadowCatcher(_)) {
+        scene.background = Background::Color(framing::DEFAULT_BACKGROUND);
+    }
     Ok((scene, light))
 }
 

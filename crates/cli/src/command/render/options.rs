@@ -8,8 +8,8 @@ use crate::progress::ProgressStyleOption;
 use crate::{scene_source, threads};
 use snell_formats::image::Tonemap;
 use snell_formats::{Limits, ReadOptions, Sources};
-use snell_math::Rgb;
 use snell_math::simd::Level;
+use snell_math::{DVec3, Rgb};
 use snell_render::{Request, RequestError, Settings};
 use snell_scene::light::sky::Sky;
 use snell_scene::{Background, Camera, Environment, Scene};
@@ -301,8 +301,12 @@ impl Options {
                 }
                 None => {
                     let input = snell_formats::Input::open(Path::new(value), &self.read_options())?;
+                    let image = snell_formats::image::read_environment(&input)?;
+                    for note in input.take_notes() {
+                        scene.warn(note);
+                    }
                     Some(Environment::Image {
-                        image: Arc::new(snell_formats::image::read_environment(&input)?),
+                        image: Arc::new(image),
                         scale: Rgb::WHITE,
                         world_from_environment: snell_math::DAffine3::IDENTITY,
                     })
@@ -319,12 +323,13 @@ impl Options {
         scene.background = match name.as_str() {
             "environment" => Background::Environment,
             "transparent" | "none" => Background::Transparent,
+            "studio" => snell_scene::framing::studio_background(scene, DVec3::Y),
             _ => match parse_color(name) {
                 Some(color) => Background::Color(color),
                 None => {
                     return Err(Failure::Usage(format!(
-                        "--background {name}: expected environment, transparent (or none), white, \
-                            black, #rrggbb or r,g,b"
+                        "--background {name}: expected environment, studio, transparent (or none), \
+                            white, black, #rrggbb or r,g,b"
                     )));
                 }
             },

@@ -2,6 +2,7 @@
 
 mod attributes;
 mod chromaticities;
+mod deep;
 mod read;
 mod sampling;
 mod write;

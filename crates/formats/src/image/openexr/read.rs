@@ -8,6 +8,7 @@
 use super::super::picture::check_size;
 use super::attributes::is_deep;
 use super::chromaticities::{luminance_weights, to_rec709};
+use super::deep::{self, Stored};
 use super::sampling::{self, Plane, Sampling};
 use crate::guard::guarded;
 use crate::{Input, Place, ReadError};
@@ -15,7 +16,9 @@ use exr::block::UncompressedBlock;
 use exr::block::chunk::Chunk;
 use exr::math::Vec2;
 use exr::meta::MetaData;
-use exr::meta::attribute::{AttributeValue, ChannelDescription, IntegerBounds, SampleType, Text};
+use exr::meta::attribute::{
+    AttributeValue, ChannelDescription, EnvironmentMap, IntegerBounds, SampleType, Text,
+};
 use exr::meta::header::Header;
 use half::f16;
 use rayon::prelude::*;
@@ -96,11 +99,7 @@ fn damaged(input: &Input, problem: impl std::fmt::Display) -> ReadError {
 
 fn read(input: &Input, only_picture: bool) -> Result<LayeredImage, ReadError> {
     if is_deep(&input.bytes) {
-        return Err(input.error(
-            Place::Whole,
-            "this OpenEXR file holds deep data, which is not supported",
-            "flatten it (for example with `oiiotool --flatten`)",
-        ));
+        return read_deep(input, only_picture);
     }
     let (bytes, sampling) = sampling::as_whole(&input.bytes);
     let reader = exr::block::read(Cursor::new(&bytes[..]), false).map_err(|e| damaged(input, e))?;
@@ -123,9 +122,65 @@ fn read(input: &Input, only_picture: bool) -> Result<LayeredImage, ReadError> {
         }
     }
     target.fill(&meta);
-    convert_chroma(&meta, &mut target.image);
-    convert_colours(&meta, &mut target.image);
-    Ok(target.image)
+    Ok(target.finish(input, &meta))
+}
+
+/// Reads a file with deep parts, and flattens these.
+fn read_deep(input: &Input, only_picture: bool) -> Result<LayeredImage, ReadError> {
+    let meta = guarded(|| MetaData::read_from_buffered(Cursor::new(&input.bytes[..]), false));
+    let meta = meta.ok_or_else(|| damaged(input, "its header"))?.map_err(|e| damaged(input, e))?;
+    let is_whole = |channel: &ChannelDescription| channel.sampling == Vec2(1, 1);
+    if !meta.headers.iter().all(|header| header.channels.list.iter().all(is_whole)) {
+        return Err(damaged(input, "channels with fewer samples than pixels beside deep data"));
+    }
+    let mut target = Target::plan(input, &meta, &Sampling::new(), only_picture)?;
+    let is_wanted = |part: usize| target.slots[part].iter().any(Option::is_some);
+    let chunks = deep::chunks(&input.bytes, &meta, is_wanted).map_err(|e| damaged(input, e))?;
+    let (mut charged, mut overlaps) = (0, false);
+    for batch in chunks.chunks(BATCH) {
+        let needed = batch.iter().map(|chunk| match chunk {
+            // The bytes, and the values made of them.
+            Stored::Deep(deep) => 3 * deep.unpacked_bytes as u64,
+            Stored::Flat(_) => 0,
+        });
+        let needed = needed.fold(0, u64::saturating_add);
+        input.charge(needed.saturating_sub(charged), "the deep samples of the picture")?;
+        charged = charged.max(needed);
+        let flatten = |stored: &Stored| match stored {
+            Stored::Flat(chunk) => target.decompress(chunk.clone(), &meta).map(Flattened::Block),
+            Stored::Deep(deep) => {
+                let slots = &target.slots[deep.part];
+                let header = &meta.headers[deep.part];
+                let flat = deep::flatten(deep, header, |channel| slots[channel].is_some());
+                flat.map(|flat| Flattened::Deep(deep.part, deep.bounds, flat))
+            }
+        };
+        let blocks: Vec<_> = batch.par_iter().map(flatten).collect();
+        for block in blocks {
+            match block.map_err(|e| damaged(input, e))? {
+                Flattened::Block(Block::Whole(block)) => target.place(&meta, &block),
+                Flattened::Block(Block::Sampled(..)) => {}
+                Flattened::Deep(part, bounds, flat) => {
+                    overlaps |= flat.overlaps;
+                    target.place_flat(&meta.headers[part], part, bounds, &flat.channels);
+                }
+            }
+        }
+    }
+    if overlaps {
+        input.note(format!(
+            "{}: its deep samples overlap in depth; they are composited in the order of their \
+            nearest points",
+            input.name
+        ));
+    }
+    Ok(target.finish(input, &meta))
+}
+
+/// A block of a file with deep parts.
+enum Flattened {
+    Block(Block),
+    Deep(usize, IntegerBounds, deep::Flat),
 }
 
 /// Converts to Rec. 709 primaries, in layers of `R G B`.
@@ -173,6 +228,8 @@ struct Target {
     origin: [i64; 2],
     /// The parts with channels that have fewer samples than pixels, by number.
     sampled: BTreeMap<usize, Sampled>,
+    /// Which of several parts or layers is the picture, if only that is read.
+    note: Option<String>,
 }
 
 /// A part with channels that have fewer samples than pixels.
@@ -208,7 +265,13 @@ impl Target {
         for header in &meta.headers {
             check_part(input, header)?;
         }
-        let (layers, slots) = name_layers(&meta.headers, only_picture);
+        let (mut layers, mut slots, picture) = name_layers(&meta.headers);
+        let mut note = None;
+        if only_picture {
+            note = choice(&picture, &layers, meta.headers.len());
+            layers.truncate(1);
+            slots.iter_mut().flatten().for_each(|slot| *slot = slot.filter(|s| s.layer == 0));
+        }
         let values_per_pixel: usize = layers.iter().map(|l| l.channels.len()).sum();
         check_size(input, width, height, values_per_pixel as u64 * 4)?;
         let pixels = (width * height) as usize;
@@ -230,6 +293,7 @@ impl Target {
         let sampled = sampled_parts(input, meta, sampling, &slots)?;
         Ok(Self {
             sampled,
+            note,
             image: LayeredImage { width: width as u32, height: height as u32, layers, metadata },
             slots,
             origin: [window.position.0.into(), window.position.1.into()],
@@ -250,6 +314,45 @@ impl Target {
             let kind = header.channels.list[line.location.channel].sample_type;
             self.place_line(slot, [x, y], line.location.sample_count, kind, line.value);
         }
+    }
+
+    /// Copies a flattened block, which is at `bounds` of its part.
+    fn place_flat(
+        &mut self,
+        header: &Header,
+        part: usize,
+        bounds: IntegerBounds,
+        channels: &[Option<Vec<f32>>],
+    ) {
+        let position = header.own_attributes.layer_position;
+        for (channel, values) in channels.iter().enumerate() {
+            let (Some(slot), Some(values)) = (self.slots[part][channel], values) else { continue };
+            for (line, values) in values.chunks_exact(bounds.size.0).enumerate() {
+                let x = i64::from(bounds.position.0) + i64::from(position.0) - self.origin[0];
+                let y = i64::from(bounds.position.1) + i64::from(position.1) - self.origin[1];
+                let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_ne_bytes()).collect();
+                let at = [x, y + line as i64];
+                self.place_line(slot, at, bounds.size.0, SampleType::F32, &bytes);
+            }
+        }
+    }
+
+    /// The picture, with colours as all readers return them.
+    fn finish(mut self, input: &Input, meta: &MetaData) -> LayeredImage {
+        if let Some(note) = &self.note {
+            input.note(format!("{}: {note}", input.name));
+        }
+        let is_cube =
+            |header: &Header| header.own_attributes.environment_map == Some(EnvironmentMap::Cube);
+        if meta.headers.iter().any(is_cube) {
+            input.note(format!(
+                "{}: the picture is a cube map, six faces one below the other; it is taken as it is",
+                input.name
+            ));
+        }
+        convert_chroma(meta, &mut self.image);
+        convert_colours(meta, &mut self.image);
+        self.image
     }
 
     /// Copies the samples of a line that begins at a pixel of the picture or beside it.
@@ -417,7 +520,9 @@ fn check_part(input: &Input, header: &Header) -> Result<(), ReadError> {
 
 /// Groups the channels of all parts into layers by part name and by the prefix before the last dot
 /// of the channel name, and puts the picture first.
-fn name_layers(headers: &[Header], only_picture: bool) -> (Vec<Layer>, Vec<Vec<Option<Slot>>>) {
+/// Returns what each channel of each part fills, and the name of the picture, which as a layer has
+/// none.
+fn name_layers(headers: &[Header]) -> (Vec<Layer>, Vec<Vec<Option<Slot>>>, String) {
     /// Part, prefix, and the indices of the channels in the part.
     struct Group {
         part: usize,
@@ -454,32 +559,53 @@ fn name_layers(headers: &[Header], only_picture: bool) -> (Vec<Layer>, Vec<Vec<O
     });
     // Only the first group is the picture; the other groups keep the order of the file.
     groups[1..].sort_by_key(|g| g.part);
-    if only_picture {
-        groups.truncate(1);
-    }
 
     let mut slots: Vec<Vec<Option<Slot>>> =
         headers.iter().map(|h| vec![None; h.channels.list.len()]).collect();
-    let mut layers = Vec::new();
+    let (mut layers, mut picture) = (Vec::new(), String::new());
     for (layer, group) in groups.into_iter().enumerate() {
         for (channel, (index, _)) in group.members.iter().enumerate() {
             slots[group.part][*index] = Some(Slot { layer, channel });
         }
         let part_name = headers[group.part].own_attributes.layer_name.as_ref().map(text);
         let part_name = part_name.filter(|_| headers.len() > 1).unwrap_or_default();
-        let name = match (layer, part_name.is_empty(), group.prefix.is_empty()) {
-            (0, ..) => String::new(),
-            (_, true, _) => group.prefix,
-            (_, false, true) => part_name,
-            (_, false, false) => format!("{part_name}.{}", group.prefix),
+        let mut name = match (part_name.is_empty(), group.prefix.is_empty()) {
+            (true, _) => group.prefix,
+            (false, true) => part_name,
+            (false, false) => format!("{part_name}.{}", group.prefix),
         };
+        if layer == 0 {
+            picture = std::mem::take(&mut name);
+        }
         layers.push(Layer {
             name,
             channels: group.members.into_iter().map(|m| m.1).collect(),
             values: Vec::new(),
         });
     }
-    (layers, slots)
+    (layers, slots, picture)
+}
+
+/// The most names of layers that a note has.
+const MOST_NAMES: usize = 12;
+
+/// Which of several parts or layers is the picture, in words, if that is a choice: the layer without
+/// a name of a file with one part is the picture by custom.
+fn choice(picture: &str, layers: &[Layer], parts: usize) -> Option<String> {
+    let others = &layers[1..];
+    if others.is_empty() || (picture.is_empty() && parts == 1) {
+        return None;
+    }
+    let quoted = |name: &str| match name {
+        "" => "one without a name".to_string(),
+        name => format!("\"{name}\""),
+    };
+    let mut names: Vec<_> = others.iter().take(MOST_NAMES).map(|l| quoted(&l.name)).collect();
+    if others.len() > MOST_NAMES {
+        names.push(format!("{} more", others.len() - MOST_NAMES));
+    }
+    let kind = if parts > 1 { "part" } else { "layer" };
+    Some(format!("the {kind} {} is the picture; not shown: {}", quoted(picture), names.join(", ")))
 }
 
 /// Sort key of a channel name: files list channels alphabetically, but readers expect `R G B A`.

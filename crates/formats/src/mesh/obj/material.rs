@@ -86,6 +86,8 @@ impl Maker<'_> {
         let emission = mtl.emission.filter(|e| !e.is_black());
         if emission.is_some() || mtl.emission_map.is_some() {
             material.emission = self.color(emission, Rgb::WHITE, &mtl.emission_map, mtl);
+            // MTL knows no sides, and faces wind either way.
+            material.emits_on_both_sides = true;
         }
         if let Some(map) = &mtl.normal_map {
             let texture = self.texture(map, Encoding::Linear, mtl);

@@ -20,8 +20,12 @@ pub use material::HEIGHT_OF_BUMPS;
 use super::notes::Notes;
 use crate::{Input, ReadError, SceneReader};
 use snell_intersect::TriangleMesh;
+use snell_math::DVec3;
 use snell_scene::{Geometry, Node, Scene, Surface};
 use std::sync::Arc;
+
+/// The emission `Ke` from which on a surface is a lamp. Some files have `Ke 1 1 1` for these.
+const LEAST_LAMP: f32 = 0.99;
 
 /// The reader of OBJ files. OBJ has no reliable signature, so it must be tried last.
 pub const READER: SceneReader = SceneReader {
@@ -63,6 +67,7 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
         scene.add_child(parent, Node { surfaces: vec![surface], ..Node::named(name) });
     }
     notes.finish(&mut scene);
+    snell_scene::framing::light_unless_lit(&mut scene, DVec3::Y, LEAST_LAMP);
     Ok(scene)
 }
 

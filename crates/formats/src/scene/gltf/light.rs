@@ -7,9 +7,8 @@ use super::json::Json;
 use crate::ReadError;
 use crate::ies::read_ies as read_ies_file;
 use snell_math::{DAffine3, DMat3, DVec3, Rgb};
-use snell_scene::framing::{DEFAULT_BACKGROUND, default_sky, sky_seen_by};
 use snell_scene::light::{Attenuation, Directional, Point, Profile, Spot, SpotFalloff};
-use snell_scene::{Background, Light, Material, Scene, WarningKind};
+use snell_scene::{Light, WarningKind};
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 
 /// Lumens per watt by which Blender multiplies exported intensities (its standard lighting mode).
@@ -136,24 +135,6 @@ pub(super) fn read_ies(
         Err(error) => reader.scene.warn(format!("{error}; the light is left out")),
     }
     Ok(())
-}
-
-/// Adds the default sky to a scene that only its own emission would light, if no emission is above
-/// one. Such emission (displays, small lamps, unlit surfaces) is meant to be visible, not to light
-/// the scene, which is made for viewers with their own lighting. Brighter emission needs
-/// `KHR_materials_emissive_strength`: then the surfaces are meant as lights, and no sky is added.
-pub(super) fn add_sky(scene: &mut Scene) {
-    let is_lamp = |m: &Material| m.illuminates && m.emission.factor.max_element() > 1.0;
-    let has_light = !scene.lights.is_empty()
-        || scene.environment.is_some()
-        || scene.materials.iter().any(is_lamp);
-    if has_light || !scene.materials.iter().any(Material::is_emissive) {
-        return;
-    }
-    scene.environment = Some(
-        scene.cameras.first().map_or_else(default_sky, |camera| sky_seen_by(camera, DVec3::Y)),
-    );
-    scene.background = Background::Color(DEFAULT_BACKGROUND);
 }
 
 fn intensity(light: &Json, scale: f64) -> Result<Rgb, ReadError> {

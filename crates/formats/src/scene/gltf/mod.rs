@@ -152,7 +152,9 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
     for warning in reader.accessors.buffers().take_warnings() {
         reader.scene.warn(warning);
     }
-    light::add_sky(&mut reader.scene);
+    // Emission up to 1 is made for viewers with their own lighting: displays, unlit surfaces. Lamps
+    // need `KHR_materials_emissive_strength`.
+    snell_scene::framing::light_unless_lit(&mut reader.scene, snell_math::DVec3::Y, 1.0);
     if reader.has_lamps_off {
         keep_dark(&mut reader.scene);
     }

@@ -415,7 +415,9 @@ fn what_only_glows_is_lit_by_the_sky_and_lamps_are_not() {
     let unlit = scene(r#"{"extensions": {"KHR_materials_unlit": {}}}"#);
     let display = scene(r#"{"emissiveFactor": [1, 1, 1]}"#);
     for lit in [&unlit, &display] {
-        assert!(lit.environment.is_some() && matches!(lit.background, Background::Color(_)));
+        assert!(
+            lit.environment.is_some() && matches!(lit.background, Background::ShadowCatcher(_))
+        );
     }
     assert!(!unlit.materials[0].illuminates && unlit.materials[0].emission_takes_vertex_color);
     assert!(display.materials[0].illuminates && !display.materials[0].emission_takes_vertex_color);
