@@ -29,8 +29,9 @@ each with three standard errors more, which the differences between a and b give
 are compared as far as they show: up to 1.
 
 Other pictures are for looking at, and are shown beside ours in the contact sheets in the output
-folder: `screenshot.*` and pictures of the file's name in folders called screenshot, thumbnails,
-SampleImages or baseline. A glTF file that has materials but no meshes is shown on balls.
+folder: `screenshot.*`, `thumbnail.*` and pictures of the file's name in folders called screenshot,
+thumbnails, SampleImages or baseline. A glTF file that has materials but no meshes is shown on
+balls.
 
 In `suites.json` there is a row a file. A file whose row is there and whose content and neighbours
 are the same is not rendered again; --again is for another `snell`, for all files or those whose row
@@ -79,6 +80,8 @@ MEAN, ERROR, EPSILON, STANDARD_ERRORS = 0.02, 0.01, 0.01, 3
 SEARCHED = 32 << 20
 # Mitsuba's folders to search.
 PATH = re.compile(r'<path\s+value="([^"]+)"')
+# What may stand before the root of an XML file.
+PROLOG = re.compile(rb"\xef\xbb\xbf|<\?.*?\?>|<!--.*?-->", re.DOTALL)
 # References of more pixels on a side are not compared: they would take too long.
 LARGEST = 1024
 
@@ -152,7 +155,7 @@ def is_scene(file: Path) -> bool:
     if file.suffix == ".pbrt":
         return b"WorldBegin" in file.read_bytes()
     if file.suffix == ".xml":
-        return re.search(rb"<scene\b", file.read_bytes()) is not None
+        return PROLOG.sub(b"", file.read_bytes()).lstrip().startswith(b"<scene")
     return True
 
 
@@ -198,7 +201,7 @@ def shown_of(file: Path) -> Path | None:
                 return next(iter(pictures.values()))
     for folder in above[:2]:
         for stem, picture in pictures_in(folder).items():
-            if "screenshot" in stem.lower():
+            if "screenshot" in stem.lower() or stem.lower() == "thumbnail":
                 return picture
     return None
 
@@ -273,9 +276,8 @@ class Run:
 class Renderer:
     """`snell render` with limits of time and of memory."""
 
-    def __init__(self, options: argparse.Namespace) -> None:
-        self.options = options
-        self.scratch = Path(tempfile.mkdtemp(prefix="suites-"))
+    def __init__(self, options: argparse.Namespace, scratch: Path) -> None:
+        self.options, self.scratch = options, scratch
 
     def run(self, scene: Path, picture: Path, size: tuple[int, int] | None, *more: str) -> Run:
         stats = self.scratch / f"{threading.get_ident()}.json"
@@ -325,7 +327,7 @@ class Renderer:
             self.against(file, reference, row, picture)
         else:
             bare = not row.damaged and has_materials_alone(file)
-            scene = on_balls(file, self.scratch) if bare else file
+            scene = on_balls(file, Path(tempfile.mkdtemp(dir=self.scratch))) if bare else file
             keep(row, self.run(scene, picture, size_like(shown)))
         if row.state == "drawn":
             row.picture = picture.name
@@ -480,7 +482,9 @@ def short(file: str) -> str:
 
 def open_picture(path: Path) -> Image.Image | None:
     try:
-        return display(linear(path)[0]) if path.suffix == ".exr" else Image.open(path)
+        if path.suffix == ".exr":
+            return display(linear(path)[0])
+        return Image.open(path).convert("RGBA")
     except (OSError, RuntimeError):
         return None
 
@@ -533,7 +537,8 @@ def main() -> None:
         found += [(suite, f) for f in files if options.only in str(f)]
         parts |= {str(part): str(file) for part, file in inside.items()}
     book = Book(options.folder / "suites.json", parts)
-    renderer = Renderer(options)
+    scratch = tempfile.TemporaryDirectory(prefix="suites-")
+    renderer = Renderer(options, Path(scratch.name))
 
     def visit(suite: Path, file: Path) -> Row:
         hash = content(file)
@@ -554,6 +559,7 @@ def main() -> None:
                     print(f"\r{len(rows)} of {len(found)}", end="", file=sys.stderr)
     finally:
         book.save()
+        scratch.cleanup()
     sheets(rows, options.folder, suites)
     report(rows, options.slow)
 

@@ -219,7 +219,9 @@ pub fn quad() -> TriangleMesh {
         positions: corners.map(|(x, y)| Vec3::new(x, y, 0.0)).to_vec(),
         indices: vec![[0, 1, 2], [0, 2, 3]],
         normals: vec![Vec3::Z; 4],
-        uvs: [corners.map(|(x, y)| Vec2::new(x + 0.5, 0.5 - y)).to_vec(), Vec::new()],
+        uvs: snell_intersect::first_uv_set(
+            corners.map(|(x, y)| Vec2::new(x + 0.5, 0.5 - y)).to_vec(),
+        ),
         ..TriangleMesh::default()
     }
 }

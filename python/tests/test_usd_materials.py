@@ -186,6 +186,12 @@ def node(name: str, kind: str, inputs: str, output: str = "color3f") -> str:
             "float inputs:mix = 0.5",
             0.5,
         ),
+        (
+            "swizzle_color3_color3",
+            'color3f inputs:in = (1, 1, 0.5)\nstring inputs:channels = "bgr"',
+            0.5,
+        ),
+        ("convert_vector3_color3", "color3f inputs:in = (0.5, 1, 1)", 0.5),
         ("invert_color3", "color3f inputs:in = (0.75, 1, 1)", 0.25),
         ("power_color3", "color3f inputs:in1 = (0.5, 1, 1)\nfloat inputs:in2 = 2", 0.25),
         ("clamp_color3", "color3f inputs:in = (3, 1, 1)", 1),
@@ -384,3 +390,62 @@ def test_materials_for_final_pictures_count_before_those_for_previews(tmp_path: 
         text = sheet + paint("final", kind, 0.25) + paint("rough", "UsdPreviewSurface", 0.75)
         form, _ = document(stage(tmp_path, text))
         assert form["materials"][0]["kind"]["base_color"]["factor"][0] == red
+
+
+def test_the_specular_workflow_keeps_its_colour(tmp_path: Path) -> None:
+    inputs = (
+        "int inputs:useSpecularWorkflow = 1\ncolor3f inputs:diffuseColor = (0.5, 0.5, 0.5)\n"
+        "color3f inputs:specularColor = (0.16, 0.04, 0)"
+    )
+    form, remarks = document(stage(tmp_path, painted(inputs)))
+    assert remarks == []
+    surface = form["materials"][0]["kind"]
+    assert surface["specular_color"]["factor"] == pytest.approx([1, 0.25, 0])
+    # The reflectance of this index at normal incidence is 0.16.
+    assert surface["specular_ior"]["factor"] == pytest.approx(7 / 3)
+
+
+def test_single_channels_are_chosen(tmp_path: Path) -> None:
+    picture(tmp_path, "a.ppm")
+    connections = "\n".join(
+        f"float inputs:{name}.connect = </paint/{node}.outputs:{output}>"
+        for name, node, output in (
+            ("metallic", "apart", "outg"),
+            ("roughness", "third", "out"),
+            ("clearcoat", "blue", "out"),
+            ("opacity", "a", "b"),
+        )
+    )
+    color = "color3f inputs:in = (0.25, 0.5, 0.75)"
+    from_picture = "color3f inputs:in.connect = </paint/a.outputs:rgb>"
+    path = stage(
+        tmp_path,
+        painted(
+            connections,
+            texture("a", "./a.ppm", "float outputs:b")
+            + node("apart", "ND_separate3_color3", color + "\nfloat outputs:outg")
+            + node("third", "ND_extract_color3", color + "\nint inputs:index = 2", "float")
+            + node(
+                "blue",
+                "ND_swizzle_color3_float",
+                from_picture + '\nstring inputs:channels = "b"',
+                "float",
+            ),
+        ),
+    )
+    form, remarks = document(path)
+    assert remarks == []
+    (material,) = form["materials"]
+    surface = material["kind"]
+    assert surface["base_metalness"]["factor"] == 0.5
+    assert surface["specular_roughness"]["factor"] == 0.75
+    assert surface["coat_weight"]["texture"][1] == 2
+    assert material["alpha"]["texture"][1] == 2
+
+
+def test_names_with_backslashes_are_found(tmp_path: Path) -> None:
+    (tmp_path / "tex").mkdir()
+    picture(tmp_path / "tex", "a.ppm")
+    connected = "color3f inputs:diffuseColor.connect = </paint/a.outputs:rgb>"
+    path = stage(tmp_path, painted(connected, texture("a", ".\\tex\\a.ppm")))
+    assert document(path, confine=True)[1] == []

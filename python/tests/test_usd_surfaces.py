@@ -75,6 +75,39 @@ def test_smooth_triangles_pull_at_their_edges() -> None:
         assert level.smooth(points)[4:10] == pytest.approx(edges)
 
 
+def test_primvars_whose_indices_are_missing_are_told(tmp_path: Path) -> None:
+    text = f"""
+    def Mesh "sheet" {{
+        {SHEET}
+        texCoord2f[] primvars:st = [(0, 0), (1, 1)] (interpolation = "faceVarying")
+        int[] primvars:st:indices.timeSamples = {{ 5: [0, 1, 0, 1, 0, 1, 0, 1], }}
+        color3f[] primvars:displayColor = [(1, 0, 0)] (interpolation = "uniform")
+        int[] primvars:displayColor:indices = [7]
+    }}
+    """
+    form, remarks = document(stage(tmp_path, text))
+    assert len(surfaces(form)) == 1
+    assert all("do not fit" in remark or "primvar" in remark for remark in remarks)
+    assert remarks
+
+
+def test_values_of_the_first_time_stand_in_for_those_that_are_missing(tmp_path: Path) -> None:
+    text = """
+    def Sphere "ball" {
+        double radius.timeSamples = { 3: 5, 4: 6, }
+        color3f[] primvars:displayColor.timeSamples = { 7: [(0, 1, 0)], }
+        double3 xformOp:translate.timeSamples = { 3: (1, 2, 3), }
+        uniform token[] xformOpOrder = ["xformOp:translate"]
+    }
+    """
+    form, remarks = document(stage(tmp_path, text))
+    assert remarks == []
+    assert surfaces(form)[0]["shape"]["radius"] == 5
+    assert form["materials"][0]["kind"]["base_color"]["factor"] == [0, 1, 0]
+    places = [node["transform"] for node in form["nodes"][1:] if "transform" in node]
+    assert [[row[3] for row in place] for place in places] == [[1, 2, 3]]
+
+
 def test_schemes_for_other_faces_and_corners_that_do_not_fit_are_told(tmp_path: Path) -> None:
     text = f"""
     def Mesh "loop" {{ {SHEET.replace('"none"', '"loop"')} }}
@@ -189,6 +222,26 @@ def used(form: dict[str, Any]) -> list[Any]:
         return sum(inner, list(node.get("surfaces", [])))
 
     return below(form["root"])
+
+
+def test_equal_meshes_are_stored_once(tmp_path: Path) -> None:
+    text = f"""
+    class Mesh "sheet" {{ {SHEET} }}
+    def Mesh "a" (inherits = </sheet>) {{ }}
+    def Mesh "b" (inherits = </sheet>) {{
+        double3 xformOp:translate = (3, 0, 0)
+        uniform token[] xformOpOrder = ["xformOp:translate"]
+    }}
+    def Mesh "c" (inherits = </sheet>) {{
+        uniform token orientation = "leftHanded"
+    }}
+    def Scope "tinted" {{
+        texCoord2f[] primvars:st = [(0, 1)] (interpolation = "constant")
+        def Mesh "d" (inherits = </sheet>) {{ }}
+    }}
+    """
+    form, _ = document(stage(tmp_path, text))
+    assert [surface["mesh"] for surface in surfaces(form)] == [0, 0, 1, 2]
 
 
 def test_prototypes_lie_anywhere(tmp_path: Path) -> None:
@@ -333,6 +386,17 @@ def test_the_aperture_of_a_camera_has_an_offset_and_a_shape(tmp_path: Path) -> N
     }
     assert plan["resolution"] == [960, 960]
     assert plan["eye"] == pytest.approx([1, 0, 0])
+
+
+def test_the_exposure_of_the_first_camera_counts(tmp_path: Path) -> None:
+    text = """
+    def Camera "bright" { float exposure = 2 }
+    def Camera "plain" { }
+    """
+    path = stage(tmp_path, text.replace("{ float", "{\n float"))
+    form, remarks = document(path)
+    assert form["settings"]["imaging_ratio"] == 4
+    assert remarks == ["the exposures of the cameras differ; that of the first counts for all"]
 
 
 def test_changes_of_layers_in_memory_are_taken_back(tmp_path: Path) -> None:

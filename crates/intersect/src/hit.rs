@@ -1,6 +1,7 @@
 //! The results of ray queries: the compact [`Hit`], and the [`SurfaceInteraction`] computed from
 //! it.
 
+use crate::mesh::UV_SETS;
 use snell_math::{DVec2, DVec3, Vec2, Vec3, robust};
 
 /// The result of a closest-hit query for one ray. 24 bytes, plain data.
@@ -112,8 +113,8 @@ pub struct SurfaceInteraction {
     /// Unit shading normal (interpolated vertex normals where a mesh has them), on the same side as
     /// the geometric normal.
     pub shading_normal: Vec3,
-    /// Texture coordinates of the first two sets; zero where the geometry has none.
-    pub uv: [Vec2; 2],
+    /// Texture coordinates of all sets; zero where the geometry has none.
+    pub uv: [Vec2; UV_SETS],
     /// Derivative of the position by the first coordinate of `uv[0]`: a tangent, neither normalised
     /// nor exactly perpendicular to the shading normal. Never zero: without texture coordinates,
     /// `dpdu` and `dpdv` are tangents of an arbitrary frame.
@@ -190,7 +191,7 @@ impl SurfaceInteraction {
             position_error: Vec3::ZERO,
             geometric_normal: normal,
             shading_normal: normal,
-            uv: [Vec2::ZERO; 2],
+            uv: [Vec2::ZERO; UV_SETS],
             dpdu: Vec3::X,
             dpdv: Vec3::Y,
             tangent: None,

@@ -51,7 +51,7 @@ pub use geometry::{
 };
 pub use hit::{DHit, DNearestPoint, Hit, NearestPoint, SurfaceInteraction, SurfacePoint};
 pub use lecture::AcceleratorOptions;
-pub use mesh::{DTriangleMesh, TriangleMesh};
+pub use mesh::{DTriangleMesh, TriangleMesh, UV_SETS, first_uv_set};
 pub use precision::{Double, Precision, Single};
 pub use query::all::AllHits;
 pub use query::parallel::{Cancelled, Parallel};

@@ -3,6 +3,16 @@
 use rayon::prelude::*;
 use snell_math::{Bounds3, Bounds3d, DVec3, Transform, Vec2, Vec3, Vec4};
 
+/// Number of sets of texture coordinates that a mesh may have.
+pub const UV_SETS: usize = 4;
+
+/// A set of texture coordinates as the first one of a mesh, which has no others.
+pub fn first_uv_set(uvs: Vec<Vec2>) -> [Vec<Vec2>; UV_SETS] {
+    let mut sets: [Vec<Vec2>; UV_SETS] = Default::default();
+    sets[0] = uvs;
+    sets
+}
+
 /// A triangle mesh. Attributes are per vertex; absent ones are empty.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TriangleMesh {
@@ -16,7 +26,7 @@ pub struct TriangleMesh {
     pub tangents: Vec<Vec4>,
     /// Texture coordinate sets, each empty or one entry per vertex. Whether `v` grows upwards
     /// depends on the texture.
-    pub uvs: [Vec<Vec2>; 2],
+    pub uvs: [Vec<Vec2>; UV_SETS],
     /// Linear RGB and alpha per vertex, or empty.
     pub colors: Vec<[f32; 4]>,
     /// Material slot per triangle, or empty: then every triangle has slot 0.
@@ -145,8 +155,9 @@ impl TriangleMesh {
         };
         check("normals", self.normals.len(), vertices, "vertex")?;
         check("tangents", self.tangents.len(), vertices, "vertex")?;
-        check("uvs[0]", self.uvs[0].len(), vertices, "vertex")?;
-        check("uvs[1]", self.uvs[1].len(), vertices, "vertex")?;
+        for (uvs, name) in self.uvs.iter().zip(["uvs[0]", "uvs[1]", "uvs[2]", "uvs[3]"]) {
+            check(name, uvs.len(), vertices, "vertex")?;
+        }
         check("colors", self.colors.len(), vertices, "vertex")?;
         check("material_slots", self.material_slots.len(), self.indices.len(), "triangle")
     }

@@ -1,7 +1,7 @@
 //! Meshes of a scene in the precision in which they were given, with their attributes for
 //! rendering.
 
-use snell_intersect::{DTriangleMesh, TriangleMesh};
+use snell_intersect::{DTriangleMesh, TriangleMesh, UV_SETS, first_uv_set};
 use snell_math::{DVec3, Transform, Vec2, Vec3};
 use std::sync::{Arc, OnceLock};
 
@@ -31,8 +31,8 @@ pub struct Attributes {
     pub normals: Vec<Vec3>,
     /// Texture coordinates per vertex.
     pub uvs: Vec<Vec2>,
-    /// A second set of texture coordinates.
-    pub second_uvs: Vec<Vec2>,
+    /// The further sets of texture coordinates.
+    pub more_uvs: [Vec<Vec2>; UV_SETS - 1],
     /// Linear RGB and alpha per vertex.
     pub colors: Vec<[f32; 4]>,
     /// Material slot per triangle.
@@ -106,7 +106,7 @@ impl Mesh {
         let mut attributes = Attributes {
             normals: source.normals.clone(),
             uvs: source.uvs[0].clone(),
-            second_uvs: source.uvs[1].clone(),
+            more_uvs: std::array::from_fn(|i| source.uvs[i + 1].clone()),
             colors: source.colors.clone(),
             material_slots: source.material_slots.clone(),
         };
@@ -168,7 +168,7 @@ impl Mesh {
     /// of this mesh.
     pub fn rendered(&self) -> (Arc<TriangleMesh>, Transform) {
         let Rendered { mesh, placed } = self.rendered.get_or_init(|| {
-            let Attributes { normals, uvs, second_uvs, colors, material_slots } =
+            let Attributes { normals, uvs, more_uvs, colors, material_slots } =
                 self.attributes.clone();
             let bare = self.centered();
             let is_bare = normals.is_empty()
@@ -180,7 +180,11 @@ impl Mesh {
             } else {
                 Arc::new(TriangleMesh {
                     normals,
-                    uvs: [uvs, second_uvs],
+                    uvs: {
+                        let mut sets = first_uv_set(uvs);
+                        sets[1..].clone_from_slice(&more_uvs);
+                        sets
+                    },
                     colors,
                     material_slots,
                     ..TriangleMesh::clone(bare)

@@ -33,7 +33,7 @@ use std::sync::Arc;
 /// **parameters
 ///     `encoding`: `"srgb"` (colours of integers, as most files have them) or `"linear"` (data such
 ///     as roughness and normals). `wrap`: two of `"repeat"`, `"mirror"`, `"clamp"`, `"black"`.
-///     `filtering`: `"trilinear"` or `"nearest"`. `uv_set`: 0 or 1. `uv_transform`: two rows of
+///     `filtering`: `"trilinear"` or `"nearest"`. `uv_set`: 0 to 3. `uv_transform`: two rows of
 ///     three numbers; texel (0, 0) is the upper left one and `v` grows downwards.
 ///
 /// Examples

@@ -69,6 +69,9 @@ def camera(context: Context, prim: Any, world: np.ndarray) -> None:
         projection = {"projection": "perspective", "tan_half_fov": [None, size[1] / (2 * focal)]}
     stop, focus = get(given.GetFStopAttr(), 0), get(given.GetFocusDistanceAttr(), 0)
     context.known["camera", str(prim.GetPath())] = len(context.cameras)
+    # Versions of USD before 25.2 have no exposure but stops.
+    scale = getattr(given, "ComputeLinearExposureScale", None)
+    context.exposures.append(float(scale(context.time)) if scale else 1.0)
     context.cameras.append(
         {
             "name": prim.GetName(),

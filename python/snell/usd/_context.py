@@ -94,6 +94,8 @@ class Context:
         self.images: list[dict[str, Any]] = []
         self.lights: list[dict[str, Any]] = []
         self.cameras: list[dict[str, Any]] = []
+        #: The factor of each camera on the light.
+        self.exposures: list[float] = []
         self.environment: Any = None
         self.motion = Motion(stage)
         #: Objects already created, by a key that identifies them.
@@ -108,9 +110,11 @@ class Context:
         self.asked: set[str] = set()
         #: The sets of texture coordinates, by name.
         self.uv_sets: dict[str, int] = {}
-        scale = UsdGeom.GetStageMetersPerUnit(stage)
+        # Old exporters write a number of another type, which USD's own function does not take.
+        written = stage.HasAuthoredMetadata("metersPerUnit")
+        scale = stage.GetMetadata("metersPerUnit") if written else 0.01
         #: Metres per unit of the stage.
-        self.scale = float(scale) if scale > 0 and math.isfinite(scale) else 1.0
+        self.scale = float(scale) if scale and scale > 0 and math.isfinite(scale) else 1.0
         self.world = np.diag([self.scale, self.scale, self.scale, 1.0])
 
     def remark(self, text: str) -> None:
@@ -121,15 +125,24 @@ class Context:
         """The value of an attribute at the time of this reading."""
         if not attribute:
             return default
-        value = attribute.Get(self.time)
-        if value is None:
-            value = attribute.Get()
+        value = attribute.Get(self.time_of(attribute))
+        value = attribute.Get() if value is None else value
         return default if value is None else value
+
+    def time_of(self, attribute: Any) -> Any:
+        """The time of this reading, or the earliest one for an attribute that has values at some
+        times but no default.
+        """
+        if not self.time.IsDefault() or attribute.GetNumTimeSamples() == 0:
+            return self.time
+        source = attribute.GetResolveInfo(self.time).GetSource()
+        is_set = source not in (Usd.ResolveInfoSourceNone, Usd.ResolveInfoSourceFallback)
+        return self.time if is_set else Usd.TimeCode.EarliestTime()
 
     def array(self, attribute: Any, width: int, default: Any = ()) -> np.ndarray:
         """The value of an attribute as rows of numbers."""
         found = np.array(self.value(attribute, default), dtype=np.float64)
-        if found.size and width > 1 and found.shape[-1] != width:
+        if found.size and width > 1 and found.shape[-1:] != (width,):
             name = attribute.GetName()
             raise ValueError(f"{name} has rows of other than {width} numbers")
         return found.reshape(-1, width)

@@ -191,8 +191,13 @@ class Files:
 
     def picture(self, asset: Any, attribute: Any) -> tuple[bytes | None, str]:
         """The content of an image that an attribute names, or the reason why there is none."""
-        path = asset.resolvedPath or asset.path
         layer = _layer_of(attribute)
+        if not asset.resolvedPath and "\\" in asset.path:
+            # Programs on Windows write names with backslashes.
+            name = asset.path.replace("\\", "/")
+            anchored = Sdf.ComputeAssetPathRelativeToLayer(layer, name) if layer else name
+            asset = Sdf.AssetPath(asset.path, str(Ar.GetResolver().Resolve(anchored)))
+        path = asset.resolvedPath or asset.path
         file = self._beside(layer, path)
         self.check(file, asset.path, layer, str(attribute.GetPrim().GetPath()))
         if problem := _not_a_file(file):

@@ -15,8 +15,9 @@ from ._primvars import State, primvar_state
 
 __all__ = ["material"]
 
-#: Inputs of surfaces that change nothing here, or have a remark of their own.
-_NOT_NEEDED = {"occlusion", "displacement", "opacityMode", "specularColor"}
+#: Inputs of surfaces that change nothing here, have a remark of their own, or are written by common
+#: programs though no surface has them (`specular` of the preview surface).
+_NOT_NEEDED = {"occlusion", "displacement", "opacityMode", "specularColor", "specular"}
 
 
 def material(context: Context, prim: Any, user: Any, tile: int | None = None) -> int | None:
@@ -113,6 +114,7 @@ def _preview_surface(context: Context, net: Network, name: str) -> int:
                 scalar_form((1 + root) / (1 - root)) if strength > 0 else scalar_form(1.5)
             )
             surface["specular_weight"] = scalar_form(1.0 if strength > 0 else 0.0)
+            surface["specular_color"] = _scaled(specular, 1 / strength if strength > 0 else 0.0)
             surface["base_metalness"] = scalar_form(0.0)
     alpha = net.scalar("opacity", 1.0, may_be_primvar=True)
     threshold = float(net.constant("opacityThreshold", 0.0))

@@ -72,6 +72,9 @@ class _Document:
         #: For each element, the element around it and the file.
         self.around: dict[Any, Any] = {}
         self.file: dict[Any, str] = {}
+        #: The elements below an element by name, or the outermost ones below `None`.
+        self.named: dict[Any, dict[str, Any]] = {}
+        self.graphs: dict[str, Any] | None = None
         self.prims = 0
 
     def add(self, identifier: str) -> None:
@@ -126,19 +129,24 @@ class _Document:
             element = self.around.get(element)
         return ""
 
-    def root(self, name: str, tag: str | None = None) -> Any:
-        """The outermost element of this name."""
-        return next((r for r in self.roots if r.get("name") == name and tag in (None, r.tag)), None)
+    def node(self, name: str, graph: Any) -> Any:
+        """The element of this name in a graph, or the outermost one if there is no graph."""
+        if graph not in self.named:
+            elements = self.roots if graph is None else graph
+            # The first of a name counts.
+            self.named[graph] = {element.get("name", ""): element for element in elements[::-1]}
+        return self.named[graph].get(name)
 
     def graph_of(self, node: Any) -> Any:
         """The graph that a node of a kind of the file's own stands for."""
-        for definition in self.roots:
-            if definition.tag == "nodedef" and definition.get("node") == node.tag:
-                name = definition.get("name")
-                for graph in self.roots:
-                    if graph.tag == "nodegraph" and graph.get("nodedef") == name:
-                        return graph
-        return None
+        if self.graphs is None:
+            made = {graph.get("nodedef"): graph for graph in self.roots if graph.tag == "nodegraph"}
+            self.graphs = {
+                definition.get("node", ""): made[definition.get("name")]
+                for definition in self.roots
+                if definition.tag == "nodedef" and definition.get("name") in made
+            }
+        return self.graphs.get(node.tag)
 
 
 class _Material:
@@ -166,11 +174,12 @@ class _Material:
         """The output that an input or an output of a graph is connected to; `None` if it is not."""
         output = given.get("output", "out")
         if name := given.get("nodegraph"):
-            found = self.document.root(name, "nodegraph")
-            return None if found is None else self._graph(found, None, self.path, output, depth + 1)
+            found = self.document.node(name, None)
+            if found is None or found.tag != "nodegraph":
+                return None
+            return self._graph(found, None, self.path, output, depth + 1)
         if name := given.get("nodename"):
-            nodes = self.document.roots if graph is None else list(graph)
-            node = next((n for n in nodes if n.get("name") == name), None)
+            node = self.document.node(name, graph)
             return None if node is None else self._node(node, scope, graph, output, depth + 1)
         return None
 

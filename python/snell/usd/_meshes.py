@@ -4,6 +4,7 @@ materials of their parts.
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -12,7 +13,7 @@ from pxr import UsdGeom, UsdShade
 
 from ._bindings import material_of
 from ._context import Context, Needs
-from ._nurbs import patch
+from ._nurbs import Patch, patch
 from ._polygons import triangulated
 from ._primvars import primvar_rows
 from ._subdivision import LoopTopology, Topology, levels_for
@@ -37,8 +38,8 @@ class _Polygons:
     faces: np.ndarray
     #: The levels of the subdivision, the coarsest first.
     levels: list[Topology] = field(default_factory=list)
-    #: Of a patch, the shares of the control points for each of its points.
-    shares: np.ndarray | None = None
+    #: Of a patch, how values of control points become those of its points.
+    patch: Patch | None = None
 
     @property
     def triangles(self) -> np.ndarray:
@@ -46,8 +47,8 @@ class _Polygons:
 
     def interpolated(self, values: np.ndarray, interpolation: str) -> Any:
         """Values in the form that `Context.add_mesh` takes; `None` if their number is wrong."""
-        if self.shares is not None and len(values) == self.shares.shape[1]:
-            return ("vertex", self.shares @ values)
+        if self.patch is not None and len(values) == self.patch.weights.size:
+            return ("vertex", self.patch.of(values))
         for level in self.levels:
             if interpolation == "vertex" and len(values) == level.points:
                 values = level.smooth(values)
@@ -80,7 +81,11 @@ def mesh(context: Context, prim: Any) -> list[Any]:
     overrides = tuple(sorted((k, v.tobytes()) for k, v in context.overrides.items()))
     key = ("mesh", context.source(prim), needs, overrides)
     if key not in context.known:
-        context.known[key] = _made(context, prim, subsets, needs)
+        # Files that are referenced many times without being instances give equal meshes.
+        equal = ("equal mesh", _fingerprint(context, users), needs, overrides)
+        if equal not in context.known:
+            context.known[equal] = _made(context, prim, subsets, needs)
+        context.known[key] = context.known[equal]
     if context.known[key] is None:
         return []
     number, tiles = context.known[key]
@@ -88,6 +93,28 @@ def mesh(context: Context, prim: Any) -> list[Any]:
         material_of(context, users[slot], is_mesh=True, tile=tile) for slot, tile in tiles
     ]
     return [{"mesh": number, "materials": materials}]
+
+
+def _fingerprint(context: Context, prims: list[Any]) -> bytes:
+    """A hash of all values that the mesh of a prim and its subsets may depend on."""
+    found = hashlib.blake2b(digest_size=20)
+    inherited = UsdGeom.PrimvarsAPI(prims[0]).FindPrimvarsWithInheritance()
+    attributes = [primvar.GetAttr() for primvar in inherited]
+    attributes += [primvar.GetIndicesAttr() for primvar in inherited if primvar.IsIndexed()]
+    for prim in prims:
+        found.update(str(prim.GetPrimTypeInfo().GetSchemaTypeName()).encode())
+        attributes += [
+            attribute
+            for attribute in prim.GetAuthoredAttributes()
+            if not attribute.GetName().startswith(("xformOp", "primvars:"))
+        ]
+    for attribute in attributes:
+        value = context.value(attribute)
+        array = np.array(value)
+        interpolation = attribute.GetMetadata("interpolation")
+        found.update(f"{attribute.GetName()} {array.dtype} {array.shape} {interpolation} ".encode())
+        found.update(array.tobytes() if array.dtype.kind in "bfiu" else repr(value).encode())
+    return found.digest()
 
 
 def triangles_of(context: Context, prim: Any) -> np.ndarray:
@@ -162,13 +189,16 @@ def _patch(context: Context, prim: Any) -> _Polygons | None:
     found = patch(context, prim)
     if found is None:
         return None
-    points, quads, shares = found
+    points, quads = (
+        found.of(context.array(UsdGeom.NurbsPatch(prim).GetPointsAttr(), 3)),
+        found.quads,
+    )
     indices = quads.reshape(-1)
     counts = np.full(len(quads), 4)
     corners, faces = triangulated(points, counts, indices, np.zeros(0, dtype=np.int64))
     if str(context.value(UsdGeom.Gprim(prim).GetOrientationAttr())) == "leftHanded":
         corners = corners[:, ::-1]
-    return _Polygons(points.astype(np.float32), indices, corners, faces * 0, shares=shares)
+    return _Polygons(points.astype(np.float32), indices, corners, faces * 0, patch=found)
 
 
 def _cube(context: Context, prim: Any) -> _Polygons:
@@ -218,6 +248,10 @@ def _levels(
         border == "edgeAndCorner",
         rule == "smooth",
     )
+    if border == "none" and np.any(np.bincount(level.edge) != 2):
+        context.remark(
+            f"{given.GetPath()}: faces at the border, which its rule leaves out, are shown"
+        )
     levels = [level]
     while len(levels) < number:
         levels.append(levels[-1].divided())
@@ -384,7 +418,7 @@ def _normals(context: Context, prim: Any, polygons: _Polygons) -> Any:
     given = UsdGeom.PointBased(prim)
     if not given:
         return None
-    if polygons.shares is not None:
+    if polygons.patch is not None:
         return ("vertex", _smooth(polygons))
     scheme = str(context.value(prim.GetAttribute("subdivisionScheme"), "none"))
     if polygons.levels or (scheme == "catmullClark" and len(polygons.faces)):

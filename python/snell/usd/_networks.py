@@ -35,7 +35,7 @@ _PICTURES = (
 )
 _PRIMVARS = ("UsdPrimvarReader", "ND_geompropvalue", "ND_UsdPrimvarReader", "ND_geomcolor")
 #: Nodes whose value is that of their first input.
-_PASSED = ("ND_normalmap", "ND_convert", "ND_swizzle", "ND_dot_", "ND_separate")
+_PASSED = ("ND_normalmap", "ND_convert", "ND_dot_")
 
 
 def kind_of(shader: Any) -> str:
@@ -252,11 +252,12 @@ class Network:
         if computed is not None:
             return computed
         if kind.startswith("ND_extract"):
-            source = self._input(shader, "in", depth)
             index = int(self._value_of(shader, "index", 0))
-            if source.is_constant and source.value is not None:
-                return _Source(_numbers(source.value)[min(index, len(_numbers(source.value)) - 1)])
-            return replace(source, channel=index)
+            return _channel_of(self._input(shader, "in", depth), index)
+        if "separate" in kind:
+            return _channel_of(self._input(shader, "in", depth), channel)
+        if kind.startswith("ND_swizzle"):
+            return self._swizzled(shader, depth)
         for name in ("in", "in1", "input", "base", "fg"):
             if shader.GetInput(name):
                 if not kind.startswith(_PASSED):
@@ -264,11 +265,29 @@ class Network:
                 source = self._input(shader, name, depth)
                 if kind.startswith("ND_normalmap") and source.picture is not None:
                     return replace(source, value=self._value_of(shader, "scale", 1.0))
-                return replace(source, channel=channel) if "separate" in kind else source
+                return source
         self.context.remark(
             f"{shader.GetPath()}: a node of kind {kind} is not supported and was left out"
         )
         return _Source()
+
+    def _swizzled(self, shader: Any, depth: int) -> _Source:
+        """An input with its channels in another order."""
+        source = self._input(shader, "in", depth)
+        names = str(self._value_of(shader, "channels", ""))
+        places = [_CHANNELS.get(name, 0) for name in names]
+        if source.is_constant and source.value is not None and places:
+            values = _numbers(source.value)
+            chosen = [
+                float(name) if name in "01" else values[min(place, len(values) - 1)]
+                for name, place in zip(names, places, strict=True)
+            ]
+            return _Source(chosen if len(chosen) > 1 else chosen[0])
+        if len(places) == 1:
+            return replace(source, channel=places[0])
+        if places != list(range(len(places))):
+            self.context.remark(f"{shader.GetPath()}: the order {names} of channels is left out")
+        return source
 
     def _input(self, shader: Any, name: str, depth: int, default: Any = None) -> _Source:
         given = shader.GetInput(name)
@@ -625,6 +644,16 @@ def _times(a: Any, b: Any) -> np.ndarray:
         size = min(len(a), len(b))
         a, b = a[:size], b[:size]
     return np.asarray(a * b)
+
+
+def _channel_of(source: _Source, index: int) -> _Source:
+    """One number of a source."""
+    if not source.is_constant:
+        return replace(source, channel=index)
+    if source.value is None:
+        return source
+    values = _numbers(source.value)
+    return _Source(values[min(index, len(values) - 1)])
 
 
 def _is_numeric(*sources: _Source) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from pxr import UsdGeom
+from pxr import Tf, Usd, UsdGeom
 
 from ._context import Context
 
@@ -24,8 +24,9 @@ def primvar_rows(context: Context, prim: Any, name: str) -> tuple[np.ndarray, st
     primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(name)
     if not primvar or not primvar.HasValue():
         return None
-    flat = primvar.ComputeFlattened(context.time)
-    flat = primvar.ComputeFlattened() if flat is None else flat
+    flat = _flattened(primvar, context.time_of(primvar.GetAttr()))
+    for other in (Usd.TimeCode.Default(), Usd.TimeCode.EarliestTime()):
+        flat = _flattened(primvar, other) if flat is None else flat
     if flat is None and context.value(primvar.GetAttr()) is None:
         return None
     if flat is None:
@@ -37,6 +38,14 @@ def primvar_rows(context: Context, prim: Any, name: str) -> tuple[np.ndarray, st
     rows = rows.astype(np.float64)
     count = len(flat) if primvar.GetTypeName().isArray else 1
     return rows.reshape(count, -1 if rows.size else 1), str(primvar.GetInterpolation())
+
+
+def _flattened(primvar: Any, time: Any) -> Any:
+    """The values of a primvar; `None` if they or their indices are missing."""
+    try:
+        return primvar.ComputeFlattened(time)
+    except Tf.ErrorException:
+        return None
 
 
 def is_varying(found: tuple[np.ndarray, str] | None) -> bool:

@@ -8,13 +8,13 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 import numpy as np
-from pxr import Gf, Usd, UsdGeom, UsdLux, UsdRender, UsdShade, UsdSkel
+from pxr import Gf, Tf, Usd, UsdGeom, UsdLux, UsdRender, UsdShade, UsdSkel
 
 from ._bindings import bound_materials
 from ._cameras import camera
 from ._context import Context, rows
 from ._curves import curves
-from ._files import StageError
+from ._files import StageError, cause
 from ._lights import light, mesh_light
 from ._meshes import mesh
 from ._primvars import is_varying, primvar_rows
@@ -70,8 +70,17 @@ def _settings(context: Context) -> dict[str, Any]:
         "up": [0.0, 0.0, 1.0] if UsdGeom.GetStageUpAxis(context.stage) == "Z" else [0.0, 1.0, 0.0]
     }
     asked = UsdRender.Settings.GetStageRenderSettings(context.stage)
-    if not asked:
-        return settings
+    if asked:
+        _follow_render_settings(context, asked, settings)
+    if context.exposures and context.exposures[0] != 1:
+        settings["imaging_ratio"] = context.exposures[0]
+    if len(set(context.exposures)) > 1:
+        context.remark("the exposures of the cameras differ; that of the first counts for all")
+    return settings
+
+
+def _follow_render_settings(context: Context, asked: Any, settings: dict[str, Any]) -> None:
+    """Takes the size of the picture and the first camera from the stage's render settings."""
     size = (
         context.value(asked.GetResolutionAttr())
         if asked.GetResolutionAttr().HasAuthoredValue()
@@ -82,11 +91,11 @@ def _settings(context: Context) -> dict[str, Any]:
     for path in asked.GetCameraRel().GetForwardedTargets()[:1]:
         if (number := context.known.get(("camera", str(path)))) is not None:
             context.cameras.insert(0, context.cameras.pop(number))
+            context.exposures.insert(0, context.exposures.pop(number))
             place = lambda i: 0 if i == number else i + (i < number)  # noqa: E731
             context.motion.cameras = [
                 (place(camera), joint) for camera, joint in context.motion.cameras
             ]
-    return settings
 
 
 def _pose(context: Context) -> None:
@@ -155,6 +164,8 @@ def _node_of(context: Context, prim: Any, parent: np.ndarray, joint: int) -> int
     local, resets = np.eye(4), False
     if UsdGeom.Xformable(prim):
         matrix, resets = context.xforms.GetLocalTransformation(prim)
+        if context.time.IsDefault() and _has_samples_only(context, prim):
+            matrix = UsdGeom.Xformable(prim).GetLocalTransformation(Usd.TimeCode.EarliestTime())
         # USD has row vectors.
         local = np.array(matrix, dtype=np.float64).reshape(4, 4).T
         if resets:
@@ -182,6 +193,15 @@ def _node_of(context: Context, prim: Any, parent: np.ndarray, joint: int) -> int
     if below:
         node["children"] = below
     return number
+
+
+def _has_samples_only(context: Context, prim: Any) -> bool:
+    """True for a transform that has values at some times, and no default."""
+    return any(
+        context.time_of(operation.GetAttr()) != context.time
+        for operation in UsdGeom.Xformable(prim).GetOrderedXformOps()
+        if operation.GetAttr()
+    )
 
 
 def _tell_of_draw_modes(context: Context, prim: Any) -> None:
@@ -292,12 +312,15 @@ def _usable_content(
         return _content(context, prim, world, joint)
     except StageError:
         raise
+    except Tf.ErrorException as error:
+        problem = cause(error)
     except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
-        context.remark(
-            f"at {prim.GetPath()}: its values cannot be used: {error}; it is left out; write them "
-            "as the schema says"
-        )
-        return [], []
+        problem = str(error)
+    context.remark(
+        f"at {prim.GetPath()}: its values cannot be used: {problem}; it is left out; write them as "
+        "the schema says"
+    )
+    return [], []
 
 
 def _content(
@@ -364,7 +387,11 @@ def _point_instancer(context: Context, prim: Any, world: np.ndarray, joint: int)
         make = functools.partial(_node, context, targets[index], world, joint)
         if index not in names:
             made[index,], asked = _with_names(context, make)
-            names[index] = sorted(asked & set(values))
+            names[index] = [
+                name
+                for name in sorted(asked & set(values))
+                if _has_few_values(context, prim, name, values[name])
+            ]
         own = {name: values[name][number : number + 1] for name in names[index]}
         key = (index, *(value.tobytes() for value in own.values()))
         if key not in made:
@@ -383,17 +410,20 @@ def _values_of_instances(context: Context, prim: Any, count: int) -> dict[str, n
     """
     found = {}
     for primvar in UsdGeom.PrimvarsAPI(prim).GetPrimvarsWithValues():
-        name = str(primvar.GetPrimvarName())
-        if primvar.GetInterpolation() == "constant":
-            continue
-        given = primvar_rows(context, prim, name)
-        if given is None or len(given[0]) < count:
-            continue
-        if len(np.unique(given[0][:count], axis=0)) > _MOST_VALUES:
-            context.remark(
-                f"{prim.GetPath()}: the primvar {name} has more than {_MOST_VALUES} values for "
-                "instances and is left out"
-            )
-            continue
-        found[name] = given[0]
+        if primvar.GetInterpolation() != "constant":
+            name = str(primvar.GetPrimvarName())
+            given = primvar_rows(context, prim, name)
+            if given is not None and len(given[0]) >= count:
+                found[name] = given[0]
     return found
+
+
+def _has_few_values(context: Context, prim: Any, name: str, rows: np.ndarray) -> bool:
+    """True unless a primvar of instances has so many values that each would be a prototype."""
+    if len(np.unique(rows, axis=0)) <= _MOST_VALUES:
+        return True
+    context.remark(
+        f"{prim.GetPath()}: the primvar {name} has more than {_MOST_VALUES} values for instances "
+        "and is left out"
+    )
+    return False

@@ -63,7 +63,7 @@ fn meshes(subject: &Subject, report: &mut Report) {
             (finding.face, finding.count) = (Some(first), faces.len() as u64);
         }
         let mesh = body.mesh;
-        let kinds: [(&str, Option<usize>); 5] = [
+        let kinds: [(&str, Option<usize>); 7] = [
             (
                 "normal",
                 mesh.normals.iter().position(|n| !n.is_finite() || n.length_squared() == 0.0),
@@ -71,6 +71,8 @@ fn meshes(subject: &Subject, report: &mut Report) {
             ("tangent", mesh.tangents.iter().position(|t| !t.is_finite())),
             ("texture coordinate", mesh.uvs[0].iter().position(|uv| !uv.is_finite())),
             ("second texture coordinate", mesh.uvs[1].iter().position(|uv| !uv.is_finite())),
+            ("third texture coordinate", mesh.uvs[2].iter().position(|uv| !uv.is_finite())),
+            ("fourth texture coordinate", mesh.uvs[3].iter().position(|uv| !uv.is_finite())),
             ("vertex colour", mesh.colors.iter().position(|c| !c.iter().all(|x| x.is_finite()))),
         ];
         for (what, at) in kinds.into_iter().filter_map(|(what, at)| Some((what, at?))) {

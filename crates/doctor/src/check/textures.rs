@@ -2,6 +2,7 @@
 
 use super::material_name;
 use crate::{Report, Severity, Subject};
+use snell_intersect::UV_SETS;
 use snell_scene::texture::TextureError;
 use snell_scene::{Geometry, Material, TextureId};
 use std::collections::BTreeSet;
@@ -47,7 +48,7 @@ pub fn textures(subject: &Subject, report: &mut Report) {
                         .images
                         .get(texture.image.index())
                         .is_none_or(|i| (i.width, i.height) == (1, 1));
-                    !is_plain && mesh.uvs[(texture.uv_set as usize).min(1)].is_empty()
+                    !is_plain && mesh.uvs[(texture.uv_set as usize).min(UV_SETS - 1)].is_empty()
                 });
             if lacking.is_some() && reported.insert((std::sync::Arc::as_ptr(mesh), id)) {
                 let name = material_name(id.index(), &scene.materials[id.index()]);

@@ -62,7 +62,7 @@ fn write(scene: &Scene, output: &mut Output) -> Result<(), String> {
         base[0] += mesh.positions.len();
         base[1] += mesh.uvs[0].len();
         base[2] += mesh.normals.len();
-        if !mesh.uvs[1].is_empty() || !mesh.tangents.is_empty() {
+        if mesh.uvs[1..].iter().any(|set| !set.is_empty()) || !mesh.tangents.is_empty() {
             output.lose("tangents and second texture coordinates are left out");
         }
     }

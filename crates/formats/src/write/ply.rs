@@ -23,7 +23,7 @@ fn write(scene: &Scene, output: &mut Output) -> Result<(), String> {
     if mesh.normals.is_empty() && !mesh.indices.is_empty() {
         output.lose("flat shading cannot be expressed: programs that read the file may smooth it");
     }
-    if !mesh.uvs[1].is_empty() || !mesh.tangents.is_empty() {
+    if mesh.uvs[1..].iter().any(|set| !set.is_empty()) || !mesh.tangents.is_empty() {
         output.lose("tangents and second texture coordinates are left out");
     }
     output.main = encoded(&mesh);

@@ -1,7 +1,7 @@
 use super::*;
 use crate::{ReadOptions, read_scene};
 use snell_intersect::shape::BoxShape;
-use snell_intersect::{Curves, StrandBasis, TriangleMesh};
+use snell_intersect::{Curves, StrandBasis, TriangleMesh, first_uv_set};
 use snell_math::spectrum::Metal;
 use snell_math::{ColorMode, DAffine3, DMat3, DVec2, DVec3, Rgb, Vec2, Vec3, Vec4};
 use snell_scene::builtin::BUILTINS;
@@ -35,7 +35,7 @@ fn scene() -> Scene {
         positions: vec![Vec3::ZERO, Vec3::X, Vec3::new(1.0, 1.0, 0.5), Vec3::Y],
         indices: vec![[0, 1, 2], [0, 2, 3]],
         normals: vec![Vec3::Z; 4],
-        uvs: [vec![Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y], Vec::new()],
+        uvs: first_uv_set(vec![Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y]),
         material_slots: vec![0, 1],
         ..TriangleMesh::default()
     };

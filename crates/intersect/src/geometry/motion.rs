@@ -199,7 +199,7 @@ impl MovingMesh {
                 Vec::new()
             },
             tangents: part(&mesh.tangents, indices),
-            uvs: [part(&mesh.uvs[0], indices), part(&mesh.uvs[1], indices)],
+            uvs: mesh.uvs.each_ref().map(|set| part(set, indices)),
             colors: part(&mesh.colors, indices),
             material_slots: Vec::new(),
         }

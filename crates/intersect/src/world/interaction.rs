@@ -2,7 +2,7 @@
 
 use super::{Geometry, GeometryId, GroupId, World, abs_matrix};
 use crate::hit::{Hit, SurfaceInteraction, SurfacePoint};
-use crate::mesh::TriangleMesh;
+use crate::mesh::{TriangleMesh, UV_SETS};
 use crate::search::rays::{RayQuery, clamped_time};
 use crate::shape::ShapeSurface;
 use snell_math::{DRay, DVec2, DVec3, Frame, Ray, Transform, Vec2, Vec3};
@@ -23,7 +23,7 @@ struct LocalSurface {
     dpdu: DVec3,
     dpdv: DVec3,
     tangent: Option<(DVec3, f32)>,
-    uv: [Vec2; 2],
+    uv: [Vec2; UV_SETS],
     color: [f32; 4],
     on_curve: bool,
 }
@@ -217,7 +217,7 @@ fn shape_surface(surface: ShapeSurface) -> LocalSurface {
         dpdu: surface.dpdu,
         dpdv: surface.dpdv,
         tangent: None,
-        uv: [uv; 2],
+        uv: [uv; UV_SETS],
         color: [1.0; 4],
         on_curve: false,
     }
@@ -265,7 +265,7 @@ fn triangle_surface(mesh: &TriangleMesh, direction: &DVec3, hit: &Hit) -> LocalS
         dpdu,
         dpdv,
         tangent: (!mesh.tangents.is_empty()).then(tangent),
-        uv: [present(&mesh.uvs[0]), present(&mesh.uvs[1])],
+        uv: mesh.uvs.each_ref().map(|set| present(set)),
         color: if mesh.colors.is_empty() { [1.0; 4] } else { color() },
         on_curve: false,
     }

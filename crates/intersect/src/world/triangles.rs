@@ -95,7 +95,7 @@ impl World {
     pub fn plain_mesh(&self, geometry: GeometryId) -> Option<PlainMesh<'_>> {
         match self.geometry(geometry) {
             Geometry::Mesh(mesh) if mesh.colors.is_empty() => {
-                let TriangleMesh { positions, normals, uvs: [uvs, _], indices, .. } = &**mesh;
+                let TriangleMesh { positions, normals, uvs: [uvs, ..], indices, .. } = &**mesh;
                 Some(PlainMesh { positions, normals, uvs, indices })
             }
             _ => None,
@@ -307,8 +307,8 @@ mod tests {
                 (0..TRIANGLE_HITS as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
             // Every seventh triangle has the same coordinates at all corners.
             let uv = |i: u32| vector(if (i / 3).is_multiple_of(7) { 0 } else { i }, 2).truncate();
-            let uvs =
-                [(0..3 * TRIANGLE_HITS as u32).map(uv).filter(|_| with_uvs).collect(), Vec::new()];
+            let uvs = (0..3 * TRIANGLE_HITS as u32).map(uv).filter(|_| with_uvs).collect();
+            let uvs = crate::first_uv_set(uvs);
             let mesh = TriangleMesh { positions, normals, uvs, indices, ..TriangleMesh::default() };
             let mut builder = WorldBuilder::default();
             builder.add_mesh(WorldBuilder::ROOT, mesh.into());

@@ -13,7 +13,7 @@ use snell_math::{ColorMode, Rgb, SampledSpectrum};
 use std::f32::consts::PI;
 
 /// A thin film on a surface.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ThinFilm {
     /// Fraction of the surface that the film covers, in `[0, 1]`.
     pub weight: f32,
@@ -72,11 +72,11 @@ impl ThinFilm {
         let series = |base_f0: f32| polarisations(cos, cos_film, ior, base_f0);
         let rgb_of = |series: [Series; 2]| {
             let mut sum = [series[0].constant + series[1].constant; 3].map(|c| 0.5 * c);
-            for s in series {
-                let mut amplitude = s.amplitude;
-                for m in 1..=2 {
-                    amplitude *= s.ratio;
-                    let average = channel_cosines(m as f32 * way, m as f32 * s.phase);
+            for m in 1..=2 {
+                let waves = ChannelWaves::new(m as f32 * way);
+                for s in &series {
+                    let amplitude = s.amplitude * s.ratio.powi(m);
+                    let average = waves.cosines(m as f32 * s.phase);
                     sum.iter_mut().zip(average).for_each(|(sum, a)| *sum += amplitude * a);
                 }
             }
@@ -140,30 +140,41 @@ fn polarisations(cos: f32, cos_film: f32, ior: f32, base_f0: f32) -> [Series; 2]
     })
 }
 
-/// Mean of `cos(2 pi way / lambda + phase)` over the sensitivity of red, green and blue. It is the
-/// Fourier transform of the colour-matching functions, fitted by Gaussians in the wave number
-/// (Belcour and Barla, supplemental material), in linear Rec. 709 and scaled to the same white in
-/// each channel.
-fn channel_cosines(way: f32, phase: f32) -> [f32; 3] {
-    // Height, position and variance of the Gaussians, in metres.
-    const X: [(f32, f32, f32); 2] =
-        [(5.4856e-13, 1.6810e6, 4.3278e9), (9.7470e-14, 2.2399e6, 4.5282e9)];
-    const Y: (f32, f32, f32) = (4.4201e-13, 1.7953e6, 9.3046e9);
-    const Z: (f32, f32, f32) = (5.2481e-13, 2.2084e6, 6.6121e9);
-    const SCALE: f32 = 1.0 / 1.0685e-7;
-    let k = 2.0 * PI * way * 1e-9;
-    let gauss = |(height, position, variance): (f32, f32, f32)| {
-        height
-            * (2.0 * PI * variance).sqrt()
-            * (position * k + phase).cos()
-            * (-variance * k * k).exp()
-            * SCALE
-    };
-    let [x, y, z] = [gauss(X[0]) + gauss(X[1]), gauss(Y), gauss(Z)];
-    const RGB: [[f32; 3]; 3] = [
-        [3.240_454, -1.537_138_5, -0.498_531_4],
-        [-0.969_266, 1.876_010_8, 0.041_556],
-        [0.055_643_4, -0.204_025_9, 1.057_225_2],
-    ];
-    RGB.map(|[a, b, c]| (a * x + b * y + c * z) / (a + b + c))
+/// The mean of `cos(2 pi way / lambda + phase)` over the sensitivity of red, green and blue, for one
+/// way. It is the Fourier transform of the colour-matching functions, fitted by Gaussians in the
+/// wave number (Belcour and Barla, supplemental material), in linear Rec. 709 and scaled to the same
+/// white in each channel.
+struct ChannelWaves {
+    /// Height and angle of the Gaussians, two of X, then those of Y and Z.
+    gaussians: [(f32, f32); 4],
+}
+
+impl ChannelWaves {
+    fn new(way: f32) -> Self {
+        // Height, position and variance of the Gaussians, in metres.
+        const GAUSSIANS: [(f32, f32, f32); 4] = [
+            (5.4856e-13, 1.6810e6, 4.3278e9),
+            (9.7470e-14, 2.2399e6, 4.5282e9),
+            (4.4201e-13, 1.7953e6, 9.3046e9),
+            (5.2481e-13, 2.2084e6, 6.6121e9),
+        ];
+        const SCALE: f32 = 1.0 / 1.0685e-7;
+        let k = 2.0 * PI * way * 1e-9;
+        let gaussians = GAUSSIANS.map(|(height, position, variance)| {
+            let height = height * (2.0 * PI * variance).sqrt() * (-variance * k * k).exp() * SCALE;
+            (height, position * k)
+        });
+        Self { gaussians }
+    }
+
+    fn cosines(&self, phase: f32) -> [f32; 3] {
+        let [x1, x2, y, z] = self.gaussians.map(|(height, angle)| height * (angle + phase).cos());
+        let x = x1 + x2;
+        const RGB: [[f32; 3]; 3] = [
+            [3.240_454, -1.537_138_5, -0.498_531_4],
+            [-0.969_266, 1.876_010_8, 0.041_556],
+            [0.055_643_4, -0.204_025_9, 1.057_225_2],
+        ];
+        RGB.map(|[a, b, c]| (a * x + b * y + c * z) / (a + b + c))
+    }
 }

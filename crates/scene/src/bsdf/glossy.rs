@@ -142,6 +142,16 @@ impl<M: Facets, A: Directional, F: Into<Option<ThinFilm>> + Copy, B: Into<Body> 
     /// Share of light that the gloss reflects towards a direction above.
     #[inline(always)]
     fn gloss_albedo(&self, tint: SampledSpectrum, w: Vec3) -> SampledSpectrum {
+        self.gloss_albedo_by::<16>(tint, w)
+    }
+
+    /// Does what [`Self::gloss_albedo`] does, with a film on this number of facets.
+    #[inline(always)]
+    fn gloss_albedo_by<const FACETS: u32>(
+        &self,
+        tint: SampledSpectrum,
+        w: Vec3,
+    ) -> SampledSpectrum {
         let plain = if self.microfacets.is_smooth() {
             fresnel::dielectric(w.z, self.ior)
         } else {
@@ -152,14 +162,19 @@ impl<M: Facets, A: Directional, F: Into<Option<ThinFilm>> + Copy, B: Into<Body> 
         if self.microfacets.is_smooth() {
             return self.fresnel(tint, w.z);
         }
-        (tint * plain + self.added_by_film(film, tint, w)).clamp(0.0, 1.0)
+        (tint * plain + self.added_by_film::<FACETS>(film, tint, w)).clamp(0.0, 1.0)
     }
 
     /// What a film adds to the light that rough facets reflect towards a direction above, which may
     /// be negative.
-    fn added_by_film(&self, film: ThinFilm, tint: SampledSpectrum, w: Vec3) -> SampledSpectrum {
+    fn added_by_film<const FACETS: u32>(
+        &self,
+        film: ThinFilm,
+        tint: SampledSpectrum,
+        w: Vec3,
+    ) -> SampledSpectrum {
         let facets = self.microfacets.get();
-        let added = facets.mean_over_facets::<64>(w, |w, u| {
+        let added = facets.mean_over_facets::<FACETS>(w, |w, u| {
             let (wi, is_above) = facets.drawn_reflection(w, u);
             let (m, value, pdf, exists) = facets.reflected(w, wi);
             if !(is_above && exists && pdf > 0.0) {
@@ -182,7 +197,10 @@ impl<M: Facets, A: Directional, F: Into<Option<ThinFilm>> + Copy, B: Into<Body> 
             (0.258_819_04, 0.965_925_8),
         ];
         let sin = (1.0 - cos * cos).sqrt();
-        let at = |&(x, y): &(f32, f32)| self.gloss_albedo(tint, Vec3::new(sin * x, sin * y, cos));
+        // The mean is over many directions, so that few facets of each are enough.
+        let at = |&(x, y): &(f32, f32)| {
+            self.gloss_albedo_by::<8>(tint, Vec3::new(sin * x, sin * y, cos))
+        };
         if self.microfacets.get().widths().has_tangent() {
             AZIMUTHS.iter().map(at).sum::<SampledSpectrum>() * (1.0 / 3.0)
         } else {
@@ -352,8 +370,8 @@ impl GlossyBsdf {
         let Gloss { ior, tint, microfacets, film } = gloss;
         let ior = if ior < 1.0 { 1.0 / ior } else { ior };
         if let Some(Self { lobe }) = other
-            && [lobe.film, film].iter().all(Option::is_none)
             && (lobe.ior, lobe.own.tint, lobe.microfacets) == (ior, tint, microfacets)
+            && lobe.film == film
         {
             return Self { lobe: GlossLobe { own: GlossColors { body, ..lobe.own }, ..*lobe } };
         }

@@ -3,13 +3,13 @@
 use super::{Bsdf, Lobes, MicrofacetShape, fresnel};
 use crate::material::{MaterialKind, ShadingPoint};
 use crate::texture::TextureSet;
-use snell_intersect::SurfaceInteraction;
+use snell_intersect::{SurfaceInteraction, UV_SETS};
 use snell_math::statistics::{HemisphereCells, chi_squared_deviation, sidak_deviation};
 use snell_math::{ColorMode, Rgb, SampledSpectrum, Vec2, Vec3, rng};
 
 fn surface() -> SurfaceInteraction {
     SurfaceInteraction {
-        uv: [Vec2::splat(0.3); 2],
+        uv: [Vec2::splat(0.3); UV_SETS],
         t: 1.0,
         ..SurfaceInteraction::plain(Vec3::ZERO, Vec3::Z)
     }

@@ -2,7 +2,7 @@
 
 use crate::graph::MaterialId;
 use crate::graph::{Geometry, Surface};
-use snell_intersect::TriangleMesh;
+use snell_intersect::{TriangleMesh, first_uv_set};
 use snell_math::{Vec2, Vec3};
 use std::sync::Arc;
 
@@ -17,10 +17,9 @@ pub fn quads(corners: &[[[f32; 3]; 4]], material: MaterialId) -> Surface {
                 [[first(i), first(i) + 1, first(i) + 2], [first(i), first(i) + 2, first(i) + 3]]
             })
             .collect(),
-        uvs: [
+        uvs: first_uv_set(
             corners.iter().flat_map(|_| [Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y]).collect(),
-            Vec::new(),
-        ],
+        ),
         ..TriangleMesh::default()
     };
     Surface::with_material(Geometry::Mesh(Arc::new(mesh)), material)

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 pub(super) fn surface() -> SurfaceInteraction {
     SurfaceInteraction {
-        uv: [Vec2::splat(0.5); 2],
+        uv: [Vec2::splat(0.5); snell_intersect::UV_SETS],
         dpdu: Vec3::X * 3.0,
         dpdv: Vec3::Y * 2.0,
         t: 1.0,
@@ -164,7 +164,7 @@ fn bumps_bend_the_normal_as_the_moved_surface_would_have_it() {
         // The picture is smaller, too.
         (Vec3::X, Vec3::Y, [[0.5, 0.0, 0.25], [0.0, 3.0, 0.0]], Vec3::X / 2.0),
     ] {
-        let s = SurfaceInteraction { dpdu, dpdv, uv: [uv; 2], ..surface() };
+        let s = SurfaceInteraction { dpdu, dpdv, uv: [uv; snell_intersect::UV_SETS], ..surface() };
         let textures = ramp(uv_transform);
         for (height, footprint) in [(0.7, 0.0), (-0.3, 1e-3), (2.0, 0.01)] {
             let point = ShadingPoint { footprint, ..at(&s, &textures) };
@@ -180,7 +180,7 @@ fn heights_by_the_width_of_the_picture_look_alike_on_things_of_any_size() {
         let s = SurfaceInteraction {
             dpdu: Vec3::X * size,
             dpdv: Vec3::Y * size,
-            uv: [Vec2::splat(0.5); 2],
+            uv: [Vec2::splat(0.5); snell_intersect::UV_SETS],
             ..surface()
         };
         let textures = ramp([[2.0, 0.0, -0.5], [0.0, 2.0, 0.0]]);

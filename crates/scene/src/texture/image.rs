@@ -32,7 +32,7 @@ snell_math::declare! {
         pub wrap: [Wrap; 2],
         /// How texels are filtered.
         pub filtering: Filtering,
-        /// Number of the set of texture coordinates: 0 or 1.
+        /// Number of the set of texture coordinates: 0 to 3.
         pub uv_set: u32,
         /// Rows of the affine map of texture coordinates: `u' = m[0] . (u, v, 1)`, and `v'`
         /// likewise with `m[1]`. Texel `(0, 0)` is the upper left one and `v'` grows downwards, as

@@ -2,6 +2,7 @@
 
 use crate::material::ShadingPoint;
 use serde::{Deserialize, Serialize};
+use snell_intersect::UV_SETS;
 use snell_math::{Vec2, Vec3};
 use std::f32::consts::PI;
 
@@ -52,7 +53,7 @@ snell_math::declare! {
     pub enum Mapping {
         /// Texture coordinates of the surface, after an affine map.
         "uv" => Uv {
-            /// Number of the set of texture coordinates: 0 or 1.
+            /// Number of the set of texture coordinates: 0 to 3.
             #[serde(default)]
             uv_set: u32,
             /// Rows of the affine map: `s = m[0] . (u, v, 1)`, and `t` likewise with `m[1]`. `v`
@@ -155,7 +156,7 @@ fn on_surface(
     [[a, b, c], [d, e, f]]: &[[f32; 3]; 2],
 ) -> (Vec2, Vec2) {
     let surface = point.surface;
-    let uv = surface.uv[(uv_set as usize).min(1)];
+    let uv = surface.uv[(uv_set as usize).min(UV_SETS - 1)];
     let st = Vec2::new(a * uv.x + b * uv.y + c, d * uv.x + e * uv.y + f);
     if point.footprint == 0.0 {
         return (st, Vec2::ZERO);

@@ -23,7 +23,7 @@ use pyramid::Pyramid;
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::Value;
-use snell_intersect::SurfaceInteraction;
+use snell_intersect::{SurfaceInteraction, UV_SETS};
 use snell_math::{ColorMode, Vec2, Vec3};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -175,7 +175,11 @@ const MISSING: [f32; 4] = [1.0, 0.0, 1.0, 1.0];
 /// A point of a surface with what textures need: its position in the world, its unit normal, and
 /// both sets of texture coordinates, which grow by 1 per unit of the world.
 pub fn surface_at(position: Vec3, normal: Vec3, uv: Vec2) -> SurfaceInteraction {
-    SurfaceInteraction { uv: [uv; 2], dpdv: Vec3::Z, ..SurfaceInteraction::plain(position, normal) }
+    SurfaceInteraction {
+        uv: [uv; UV_SETS],
+        dpdv: Vec3::Z,
+        ..SurfaceInteraction::plain(position, normal)
+    }
 }
 
 impl TextureSet {
@@ -285,7 +289,7 @@ impl TextureSet {
                 if let Some(value) = prepared.constant {
                     return value;
                 }
-                let uv = at.uv[(prepared.texture.uv_set as usize).min(1)];
+                let uv = at.uv[(prepared.texture.uv_set as usize).min(UV_SETS - 1)];
                 let level = if footprint > 0.0 { self.level(prepared, at, footprint) } else { 0.0 };
                 self.filtered(prepared, uv, level)
             }

@@ -5,7 +5,7 @@ use snell_math::Vec3;
 
 fn at(uv: Vec2, world_per_uv: f32) -> SurfaceInteraction {
     SurfaceInteraction {
-        uv: [uv, Vec2::new(uv.y, uv.x)],
+        uv: [uv, Vec2::new(uv.y, uv.x), Vec2::ZERO, Vec2::ONE - uv],
         dpdu: Vec3::X * world_per_uv,
         dpdv: Vec3::Y * world_per_uv,
         t: 1.0,
@@ -147,12 +147,14 @@ fn the_transform_counts_in_place_and_level() {
 }
 
 #[test]
-fn the_second_set_of_coordinates_is_used_when_asked_for() {
+fn another_set_of_coordinates_is_used_when_asked_for() {
     let point = at(Vec2::new(0.25, 0.75), 1.0);
     let first = set(linear(), four()).lookup(TextureId(0), &point, 0.0)[0];
     let second =
         set(ImageTexture { uv_set: 1, ..linear() }, four()).lookup(TextureId(0), &point, 0.0)[0];
-    assert_eq!((first, second), (2.0, 1.0));
+    let fourth =
+        set(ImageTexture { uv_set: 3, ..linear() }, four()).lookup(TextureId(0), &point, 0.0)[0];
+    assert_eq!((first, second, fourth), (2.0, 1.0, 1.0));
 }
 
 #[test]

@@ -11,6 +11,7 @@ use super::json::Json;
 use super::texture::{self, Use};
 use crate::ReadError;
 use serde_json::Value;
+use snell_intersect::UV_SETS;
 use snell_math::Rgb;
 use snell_scene::material::{
     AlphaMode, Black, ColorParam, MaterialKind, NormalMap, OpenPbr, ScalarParam,
@@ -42,11 +43,11 @@ pub(super) fn default_material(reader: &mut Reader) -> MaterialId {
 }
 
 /// The sets of texture coordinates that meshes store for materials that use no others.
-pub(super) const FIRST_UV_SETS: [usize; 2] = [0, 1];
+pub(super) const FIRST_UV_SETS: [usize; UV_SETS] = [0, 1, 2, 3];
 
-/// The sets of texture coordinates that a material's meshes store: the first two that its textures
-/// use.
-pub(super) fn uv_sets(material: &Json) -> [usize; 2] {
+/// The sets of texture coordinates that a material's meshes store: the first ones that its textures
+/// use, and others where there is room.
+pub(super) fn uv_sets(material: &Json) -> [usize; UV_SETS] {
     fn collect(value: &Value, sets: &mut BTreeSet<usize>) {
         let Some(map) = value.as_object() else { return };
         let number = |value: Option<&Value>| value.and_then(Value::as_f64).map(|x| x as usize);
@@ -59,12 +60,12 @@ pub(super) fn uv_sets(material: &Json) -> [usize; 2] {
     }
     let mut sets = BTreeSet::new();
     collect(material.value(), &mut sets);
-    let mut used = sets.into_iter();
-    match (used.next(), used.next()) {
-        (Some(first), Some(second)) if second > 1 => [first, second],
-        (Some(first), None) if first > 1 => [first, 0],
-        _ => FIRST_UV_SETS,
+    if sets.last().is_none_or(|&last| last < UV_SETS) {
+        return FIRST_UV_SETS;
     }
+    let rest: Vec<usize> = (0..UV_SETS).filter(|set| !sets.contains(set)).collect();
+    let mut all = sets.into_iter().chain(rest);
+    FIRST_UV_SETS.map(|_| all.next().unwrap_or(0))
 }
 
 /// Reflection and transmission, in glTF's terms.

@@ -7,7 +7,7 @@ use super::material::{FIRST_UV_SETS, uv_sets, variant};
 use super::topology::Topology;
 use super::{Reader, morph, skin};
 use crate::ReadError;
-use snell_intersect::TriangleMesh;
+use snell_intersect::{TriangleMesh, UV_SETS};
 use snell_math::{Vec2, Vec3, Vec4};
 use snell_scene::motion::{InfluenceSet, MorphTarget, make_usable};
 use snell_scene::{Warning, WarningKind};
@@ -162,7 +162,7 @@ impl Attributes<'_> {
 fn read_attributes(
     reader: &Reader,
     attributes: &Attributes,
-    uv_sets: [usize; 2],
+    uv_sets: [usize; UV_SETS],
     mesh: &mut TriangleMesh,
 ) -> Result<(), ReadError> {
     let vertices = mesh.positions.len();

@@ -51,6 +51,7 @@ use crate::{Input, ReadError, SceneReader};
 use accessor::Accessors;
 use container::{Buffers, Container, GLB_MAGIC};
 use json::Json;
+use snell_intersect::UV_SETS;
 use snell_scene::{MaterialId, Scene, TextureId};
 use std::collections::BTreeMap;
 use texture::Textures;
@@ -100,7 +101,7 @@ struct Reader<'a> {
     variant: Option<usize>,
     /// Sets of texture coordinates that the material being read uses, in the order in which its
     /// meshes store them.
-    uv_sets: [usize; 2],
+    uv_sets: [usize; UV_SETS],
     /// Vertices read so far, counted against the limit.
     vertices: usize,
     /// Properties that animations name by JSON pointer.

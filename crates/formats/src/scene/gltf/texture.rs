@@ -6,6 +6,7 @@ use super::{REPLACED_BY_CHECKER, Reader};
 use crate::image::read_image;
 use crate::{Input, ReadError};
 use rayon::prelude::*;
+use snell_intersect::UV_SETS;
 use snell_scene::graph::ImageId;
 use snell_scene::texture::{Filtering, Wrap, missing_texture_image};
 use snell_scene::{Encoding, Image, ImageTexture, TextureId, WarningKind};
@@ -166,7 +167,7 @@ pub(super) fn read(
     let uv_set = reader.uv_sets.iter().position(|&stored| stored == set).unwrap_or_else(|| {
         let first = reader.uv_sets[0];
         reader.scene.warn(format!(
-            "a material uses more than two sets of texture coordinates; set {first} is used \
+            "a material uses more than {UV_SETS} sets of texture coordinates; set {first} is used \
                 instead of set {set}"
         ));
         0

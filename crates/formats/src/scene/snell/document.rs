@@ -201,6 +201,10 @@ pub struct MeshForm {
     #[serde(default, skip_serializing_if = "Numbers::is_empty")]
     second_uvs: Numbers<f32>,
     #[serde(default, skip_serializing_if = "Numbers::is_empty")]
+    third_uvs: Numbers<f32>,
+    #[serde(default, skip_serializing_if = "Numbers::is_empty")]
+    fourth_uvs: Numbers<f32>,
+    #[serde(default, skip_serializing_if = "Numbers::is_empty")]
     colors: Numbers<f32>,
     #[serde(default, skip_serializing_if = "Numbers::is_empty")]
     material_slots: Numbers<u16>,
@@ -654,6 +658,8 @@ impl MeshForm {
             tangents: flat(tangents, |t: Vec4| t.to_array()),
             uvs: flat(&uvs[0], |uv: Vec2| uv.to_array()),
             second_uvs: flat(&uvs[1], |uv: Vec2| uv.to_array()),
+            third_uvs: flat(&uvs[2], |uv: Vec2| uv.to_array()),
+            fourth_uvs: flat(&uvs[3], |uv: Vec2| uv.to_array()),
             colors: flat(colors, |c: [f32; 4]| c),
             material_slots: Numbers(material_slots.clone()),
         }
@@ -682,6 +688,8 @@ impl MeshForm {
             uvs: [
                 vectors("uvs", self.uvs, Vec2::from_array)?,
                 vectors("second_uvs", self.second_uvs, Vec2::from_array)?,
+                vectors("third_uvs", self.third_uvs, Vec2::from_array)?,
+                vectors("fourth_uvs", self.fourth_uvs, Vec2::from_array)?,
             ],
             colors: vectors("colors", self.colors, |c| c)?,
             material_slots: self.material_slots.0,

@@ -5,7 +5,7 @@ use super::{File, transform};
 use crate::write::AROUND;
 use crate::write::flat::note_shape;
 use crate::write::ply;
-use snell_intersect::{AnyShape, Curves, Shape, TriangleMesh};
+use snell_intersect::{AnyShape, Curves, Shape, TriangleMesh, first_uv_set};
 use snell_math::{DAffine3, DMat3, DVec3, Vec2};
 use snell_scene::Geometry;
 use snell_scene::placed::Placed;
@@ -158,7 +158,7 @@ impl File<'_, '_> {
         }
         // In pbrt v points up.
         let uvs = part.uvs[0].iter().map(|uv| Vec2::new(uv.x, 1.0 - uv.y)).collect();
-        let part = TriangleMesh { uvs: [uvs, Vec::new()], colors: Vec::new(), ..part };
+        let part = TriangleMesh { uvs: first_uv_set(uvs), colors: Vec::new(), ..part };
         let name = self.output.file(&format!("mesh-{}.ply", self.mesh_count), ply::encoded(&part));
         self.mesh_count += 1;
         self.meshes.insert(key, name.clone());

@@ -188,7 +188,12 @@ fn attributes_are_interpolated() {
         indices: vec![[0, 1, 2]],
         normals: vec![Vec3::Z, Vec3::new(1.0, 0.0, 1.0), Vec3::Z],
         tangents: vec![Vec3::X.extend(-1.0); 3],
-        uvs: [vec![Vec2::ZERO, Vec2::X, Vec2::Y], vec![Vec2::ONE, Vec2::ONE * 3.0, Vec2::ONE]],
+        uvs: [
+            vec![Vec2::ZERO, Vec2::X, Vec2::Y],
+            vec![Vec2::ONE, Vec2::ONE * 3.0, Vec2::ONE],
+            Vec::new(),
+            vec![Vec2::Y, Vec2::Y, Vec2::X],
+        ],
         colors: vec![[0.0, 0.0, 0.0, 1.0], [1.0, 0.0, 0.0, 1.0], [0.0, 2.0, 0.0, 0.0]],
         material_slots: Vec::new(),
     };
@@ -199,7 +204,7 @@ fn attributes_are_interpolated() {
     let s = world.interaction(&ray, &hit);
     assert_eq!((s.position, s.geometric_normal), (Vec3::new(0.5, 1.0, 0.0), Vec3::Z));
     assert!((s.shading_normal - Vec3::new(0.25, 0.0, 1.0).normalize()).length() < 1e-6);
-    assert_eq!(s.uv, [Vec2::splat(0.25), Vec2::splat(1.5)]);
+    assert_eq!(s.uv, [Vec2::splat(0.25), Vec2::splat(1.5), Vec2::ZERO, Vec2::new(0.25, 0.75)]);
     assert_eq!((s.dpdu, s.dpdv), (Vec3::X * 2.0, Vec3::Y * 4.0));
     assert_eq!(s.tangent, Some((Vec3::X, -1.0)));
     assert_eq!(s.color, [0.25, 0.5, 0.0, 0.75]);

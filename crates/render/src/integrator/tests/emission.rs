@@ -167,7 +167,7 @@ fn square(uv: [Vec2; 2]) -> TriangleMesh {
     TriangleMesh {
         positions: vec![corner(-1., -1.), corner(1., -1.), corner(1., 1.), corner(-1., 1.)],
         indices: vec![[0, 1, 2], [0, 2, 3]],
-        uvs: [vec![a, Vec2::new(b.x, a.y), b, Vec2::new(a.x, b.y)], Vec::new()],
+        uvs: snell_intersect::first_uv_set(vec![a, Vec2::new(b.x, a.y), b, Vec2::new(a.x, b.y)]),
         colors: [1.0, 0.2, 0.0, 0.5].map(|c| [c, c, c, 1.0]).to_vec(),
         ..TriangleMesh::default()
     }

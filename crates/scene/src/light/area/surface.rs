@@ -104,7 +104,7 @@ impl AreaLight {
             (&Place::Shape { position, face }, EmissiveGeometry::Shape(shape), _) => {
                 let (place, surface) = (&self.world_from_geometry, shape.surface(position, face));
                 SurfaceInteraction {
-                    uv: [surface.uv.as_vec2(); 2],
+                    uv: [surface.uv.as_vec2(); snell_intersect::UV_SETS],
                     dpdu: place.vector(surface.dpdu).as_vec3(),
                     dpdv: place.vector(surface.dpdv).as_vec3(),
                     primitive: face,
@@ -137,7 +137,7 @@ impl AreaLight {
         };
         SurfaceInteraction {
             shading_normal: self.shading_normal(mesh, indices, weights, plain.geometric_normal),
-            uv: [uv_of(0), uv_of(1)],
+            uv: std::array::from_fn(uv_of),
             dpdu: placed.tangents[0],
             dpdv: placed.tangents[1],
             tangent: self.tangent(mesh, indices, weights),

@@ -1,6 +1,6 @@
 use super::*;
-use snell_intersect::AnyShape;
 use snell_intersect::shape::{BoxShape, Disk, Rectangle, Sphere, Triangle};
+use snell_intersect::{AnyShape, first_uv_set};
 use snell_math::rng::uniform2;
 use snell_math::statistics::{chi_squared_deviation, sidak_deviation};
 use snell_math::{DAffine3, DMat3};
@@ -13,7 +13,7 @@ fn mesh() -> Arc<TriangleMesh> {
         positions: p.map(Vec3::from).to_vec(),
         indices: vec![[0, 1, 2], [0, 1, 1], [0, 1, 5], [3, 4, 5]],
         normals: vec![Vec3::new(0.6, 0.0, -0.8); 6],
-        uvs: [p.map(|[x, y, z]| Vec2::new(x, y + z)).to_vec(), vec![]],
+        uvs: first_uv_set(p.map(|[x, y, z]| Vec2::new(x, y + z)).to_vec()),
         colors: (0..6).map(|i| [i as f32, 0.0, 0.0, 1.0]).collect(),
         ..TriangleMesh::default()
     })

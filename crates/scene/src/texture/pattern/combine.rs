@@ -226,7 +226,7 @@ impl Projected {
         let long =
             |axis: Vec3, width: f32| axis * if width > 0.0 { point.footprint / width } else { 1.0 };
         let surface = SurfaceInteraction {
-            uv: [at.st.with_y(1.0 - at.st.y); 2],
+            uv: [at.st.with_y(1.0 - at.st.y); snell_intersect::UV_SETS],
             dpdu: long(Vec3::X, at.width.x),
             dpdv: long(Vec3::Y, at.width.y),
             ..*point.surface

@@ -14,7 +14,8 @@ fn on_sphere(p: Vec3) -> SurfaceInteraction {
     let across = n.truncate().length();
     let around = Vec3::new(-n.y, n.x, 0.0).normalize_or(Vec3::X);
     SurfaceInteraction {
-        uv: [Vec2::new(n.y.atan2(n.x) / TAU, n.z.clamp(-1.0, 1.0).acos() / PI); 2],
+        uv: [Vec2::new(n.y.atan2(n.x) / TAU, n.z.clamp(-1.0, 1.0).acos() / PI);
+            snell_intersect::UV_SETS],
         dpdu: around * (TAU * across).max(1e-3),
         dpdv: n.cross(around) * PI,
         ..crate::texture::surface_at(p, n, Vec2::ZERO)

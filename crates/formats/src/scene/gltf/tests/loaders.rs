@@ -3,7 +3,7 @@
 
 use super::{assert_sound, meshes, read_text};
 use base64::Engine;
-use snell_math::{Rgb, Vec2};
+use snell_math::Rgb;
 use snell_scene::{Scene, texture::missing_texture_image};
 use std::path::Path;
 
@@ -216,33 +216,40 @@ fn textured(material: &str) -> Scene {
 }
 
 #[test]
-fn a_material_may_use_any_two_sets_of_texture_coordinates() {
+fn a_material_may_use_any_four_sets_of_texture_coordinates() {
     let texture = |set: usize| format!(r#"{{"index": 0, "texCoord": {set}}}"#);
-    let of = |first: usize, second: usize| {
+    let of = |sets: [usize; 3]| {
+        let [first, second, third] = sets.map(texture);
         textured(&format!(
-            r#"{{"pbrMetallicRoughness": {{"baseColorTexture": {}}}, "emissiveTexture": {}}}"#,
-            texture(first),
-            texture(second)
+            r#"{{"pbrMetallicRoughness": {{"baseColorTexture": {first}}},
+            "emissiveTexture": {second}, "normalTexture": {third}}}"#
         ))
     };
-    for (first, second, stored) in [(2, 2, [2.0, 0.0]), (0, 2, [0.0, 2.0]), (2, 1, [1.0, 2.0])] {
-        let scene = of(first, second);
+    for sets in [[2, 2, 2], [0, 2, 1], [2, 1, 0]] {
+        let scene = of(sets);
         let mesh = meshes(&scene)[0];
-        assert_eq!(mesh.uvs.each_ref().map(|uvs| uvs[0]), stored.map(|u| Vec2::new(u, 0.5)));
-        let used = scene.textures.iter().map(|t| t.as_image().expect("an image").uv_set);
-        let used: Vec<f32> = used.map(|set| stored[set as usize]).collect();
-        assert!(used.contains(&(first as f32)) && used.contains(&(second as f32)), "{used:?}");
+        let used = scene.textures.iter().map(|t| t.as_image().expect("an image").uv_set as usize);
+        let used: Vec<f32> = used.map(|set| mesh.uvs[set][0].x).collect();
+        assert!(sets.iter().all(|&set| used.contains(&(set as f32))), "{used:?}");
         assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
     }
-    let third = textured(&format!(
-        r#"{{"pbrMetallicRoughness": {{"baseColorTexture": {}}}, "emissiveTexture": {},
-        "occlusionTexture": {}, "normalTexture": {}}}"#,
+    // Sets with high numbers are stored first, if they are used.
+    let scene = of([7, 0, 2]);
+    let mesh = meshes(&scene)[0];
+    let used: Vec<_> =
+        scene.textures.iter().map(|t| t.as_image().expect("an image").uv_set as usize).collect();
+    assert_eq!(used.iter().filter(|&&set| mesh.uvs[set].is_empty()).count(), 1);
+    let many = textured(&format!(
+        r#"{{"pbrMetallicRoughness": {{"baseColorTexture": {}, "metallicRoughnessTexture": {}}},
+        "emissiveTexture": {}, "normalTexture": {}, "extensions":
+        {{"KHR_materials_clearcoat": {{"clearcoatFactor": 1, "clearcoatTexture": {}}}}}}}"#,
         texture(0),
         texture(1),
         texture(2),
-        texture(2)
+        texture(3),
+        texture(4)
     ));
-    assert!(third.warnings[0].message.contains("more than two sets"), "{:?}", third.warnings);
+    assert!(many.warnings[0].message.contains("more than 4 sets"), "{:?}", many.warnings);
 }
 
 #[test]

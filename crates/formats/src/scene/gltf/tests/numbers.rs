@@ -409,8 +409,11 @@ fn extensions_of_materials_become_parameters_of_open_pbr_and_are_noted() {
 #[test]
 fn what_only_glows_is_lit_by_the_sky_and_lamps_are_not() {
     let scene = |material: &str| {
-        read_text(&format!(r#"{{"asset": {{"version": "2.0"}}, "materials": [{material}]}}"#))
-            .expect("sound")
+        let with = |key: &str, value: &str| format!("{value}, {key}");
+        let text = square(4, &[0, 1, 2])
+            .replace(r#""nodes""#, &with(r#""nodes""#, &format!(r#""materials": [{material}]"#)))
+            .replace(r#""attributes""#, &with(r#""attributes""#, r#""material": 0"#));
+        read_text(&text).expect("sound")
     };
     let unlit = scene(r#"{"extensions": {"KHR_materials_unlit": {}}}"#);
     let display = scene(r#"{"emissiveFactor": [1, 1, 1]}"#);

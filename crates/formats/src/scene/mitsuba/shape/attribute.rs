@@ -121,7 +121,7 @@ fn part_triangles(mesh: &mut TriangleMesh) {
     mesh.positions = parted(&mesh.positions, &indices);
     mesh.normals = parted(&mesh.normals, &indices);
     mesh.tangents = parted(&mesh.tangents, &indices);
-    mesh.uvs = [0, 1].map(|set| parted(&mesh.uvs[set], &indices));
+    mesh.uvs = mesh.uvs.each_ref().map(|set| parted(set, &indices));
     mesh.colors = parted(&mesh.colors, &indices);
     mesh.indices = (0..indices.len() as u32).map(|t| [0, 1, 2].map(|k| 3 * t + k)).collect();
 }

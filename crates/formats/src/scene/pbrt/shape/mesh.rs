@@ -5,7 +5,7 @@ use super::super::{Builder, identity};
 use super::{Lamps, Made, check_length, flip_v, orient};
 use crate::mesh::{MeshRead, read_named_mesh};
 use crate::scene::fault::Fault;
-use snell_intersect::TriangleMesh;
+use snell_intersect::{TriangleMesh, first_uv_set};
 use snell_math::{Vec2, Vec3};
 use std::sync::Arc;
 
@@ -38,7 +38,7 @@ impl Builder<'_> {
             positions,
             indices,
             normals,
-            uvs: [uvs, Vec::new()],
+            uvs: first_uv_set(uvs),
             ..TriangleMesh::default()
         };
         Ok(self.finish_mesh(mesh, Lamps::Triangles))
