@@ -15,7 +15,7 @@ use snell_scene::medium::{
     blackbody_luminance,
 };
 use snell_scene::texture::Wrap;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::rc::Rc;
 use std::sync::Arc;
 
@@ -24,15 +24,15 @@ use std::sync::Arc;
 pub struct Media {
     /// Media by name; `None` for one that became clear air.
     named: HashMap<String, Option<MediumId>>,
-    /// Names in the order of their first use by a surface before they are defined. Until the end
-    /// of the file, the surfaces have [`awaited_id`] in place of the medium.
-    awaited: Vec<Rc<str>>,
+    /// Media that surfaces name before they are defined, with the ids that surfaces have in their
+    /// place until the end of the file: from the largest downwards.
+    awaited: HashMap<Rc<str>, MediumId>,
     /// Where `MediumInterface` names a medium that is not defined so far.
     unknown: Vec<(Rc<str>, Spot)>,
     /// The medium around the camera.
     pub around_camera: Option<Rc<str>>,
     /// Names of media that are the interior of some shape.
-    inside: Vec<Rc<str>>,
+    inside: HashSet<Rc<str>>,
 }
 
 /// The coefficients of a medium, without its density.
@@ -292,14 +292,16 @@ impl Builder<'_> {
         if inside == outside {
             return None;
         }
-        if !inside.is_empty() && !self.media.inside.contains(inside) {
-            self.media.inside.push(inside.clone());
+        if inside.is_empty() {
+            return Some(Interior::default());
         }
-        let medium = match self.media.named.get(&**inside) {
-            Some(medium) => *medium,
-            None if inside.is_empty() => None,
-            None => Some(self.media.await_definition(inside)),
-        };
+        if !self.media.inside.contains(inside) {
+            self.media.inside.insert(inside.clone());
+        }
+        let medium = self.media.named.get(&**inside).copied().unwrap_or_else(|| {
+            let next = MediumId(u32::MAX - self.media.awaited.len() as u32);
+            Some(*self.media.awaited.entry(inside.clone()).or_insert(next))
+        });
         Some(Interior { medium, ..Interior::default() })
     }
 
@@ -320,10 +322,11 @@ impl Builder<'_> {
             });
         }
         let named = |name: &Rc<str>| self.media.named.get(&**name).copied().flatten();
+        let defined: HashMap<MediumId, Option<MediumId>> =
+            self.media.awaited.iter().map(|(name, id)| (*id, named(name))).collect();
         for interior in self.scene.materials.iter_mut().filter_map(|m| m.interior.as_mut()) {
-            let number = interior.medium.and_then(awaited_number);
-            if let Some(name) = number.and_then(|number| self.media.awaited.get(number)) {
-                interior.medium = named(name);
+            if let Some(medium) = interior.medium.and_then(|id| defined.get(&id)) {
+                interior.medium = *medium;
             }
         }
         if let Some(name) = &self.media.around_camera
@@ -332,28 +335,6 @@ impl Builder<'_> {
             self.scene.medium = named(name);
         }
     }
-}
-
-impl Media {
-    /// The id that stands for a medium until it is defined.
-    fn await_definition(&mut self, name: &Rc<str>) -> MediumId {
-        let known = self.awaited.iter().position(|awaited| awaited == name);
-        let number = known.unwrap_or_else(|| {
-            self.awaited.push(name.clone());
-            self.awaited.len() - 1
-        });
-        awaited_id(number)
-    }
-}
-
-/// The id in place of the awaited medium of a number; ids of media in the scene are far below.
-fn awaited_id(number: usize) -> MediumId {
-    MediumId(u32::MAX - number as u32)
-}
-
-/// The inverse of [`awaited_id`]; for ids of media in the scene, a number beyond all awaited ones.
-fn awaited_number(id: MediumId) -> Option<usize> {
-    usize::try_from(u32::MAX - id.0).ok()
 }
 
 /// A grid that fades to nothing over the outer halves of its outermost cells, as pbrt's
