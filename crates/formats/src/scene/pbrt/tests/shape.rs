@@ -91,6 +91,11 @@ fn a_hyperboloid_is_what_a_segment_sweeps_around_the_z_axis() {
     // Where the segment starts, u and v (upwards) are 0.
     let start = waist.uvs[0].iter().position(|uv| *uv == Vec2::Y).expect("the first corner");
     assert!((waist.positions[start] - Vec3::splat(0.6)).length() < 1e-6);
+    // pbrt's surface has its waist at z = 0, wherever that of the segment is.
+    let high = mesh("\"point p1\" [-3.2 0.8 0.4] \"point p2\" [-1 -0.5 -1.25]");
+    for p in &high.positions {
+        assert!((2.1399 * radius(p).powi(2) - 1.0719 * p.z * p.z - 1.0).abs() < 1e-3, "{p}");
+    }
     // A quarter, and a cone whose normals point outwards at its tip too.
     let quarter = mesh("\"point p1\" [1 0 0] \"point p2\" [1 0 1] \"float phimax\" 90");
     assert!(quarter.positions.iter().all(|p| p.x > -1e-6 && p.y > -1e-6));
