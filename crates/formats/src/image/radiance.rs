@@ -52,7 +52,7 @@ fn usual_form(bytes: &[u8]) -> Option<(Cow<'_, [u8]>, Order)> {
         let line = bytes[at..at + length].strip_suffix(b"\r").unwrap_or(&bytes[at..at + length]);
         at += length + 1;
         match header.last() {
-            Some(last) if last.is_empty() => break line,
+            Some([]) => break line,
             _ => header.push(line),
         }
     };

@@ -588,6 +588,39 @@ fn luminance_and_chroma_of_openexr_become_colours() {
     }
 }
 
+/// Found by a fuzzer: the decoder allocated four terabytes, and the process ended.
+#[test]
+fn a_block_of_dwa_that_declares_more_than_its_pixels_is_refused() {
+    use exr::prelude as e;
+    let values: Vec<half::f16> =
+        (0..256).map(|i| half::f16::from_f32((i * 37 % 101) as f32)).collect();
+    let channel = |n| e::AnyChannel::new(n, e::FlatSamples::F16(values.clone()));
+    let channels = ["R", "G", "B"].map(channel);
+    let encoding = e::Encoding {
+        compression: e::Compression::DWAA(Some(45.0)),
+        blocks: e::Blocks::ScanLines,
+        line_order: e::LineOrder::Increasing,
+    };
+    let channels = e::AnyChannels::sort(channels.into_iter().collect());
+    let layer = e::Layer::new((16, 16), e::LayerAttributes::default(), encoding, channels);
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    e::WritableImage::write(&e::Image::from_layer(layer)).to_buffered(&mut bytes).unwrap();
+    let bytes = bytes.into_inner();
+    read_image(&input("a.exr", bytes.clone())).unwrap();
+    // The only block: its line, its length, and the version of its kind.
+    let is_start = |at: &usize| {
+        let length = (bytes.len() - at - 8) as u32;
+        bytes[*at..*at + 8] == [[0; 4], length.to_le_bytes()].concat() && bytes[at + 8] == 2
+    };
+    let start = (0..bytes.len() - 16).find(is_start).expect("one block") + 8;
+    for word in [1, 6, 7, 8, 9] {
+        let mut damaged = bytes.clone();
+        damaged[start + word * 8 + 5] = 2;
+        let error = read_image(&input("a.exr", damaged)).expect_err("terabytes");
+        assert!(error.problem.contains("declares more data than its pixels"), "{error}");
+    }
+}
+
 #[test]
 fn cube_maps_of_openexr_are_noted() {
     use exr::prelude as e;

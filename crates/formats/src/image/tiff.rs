@@ -22,7 +22,7 @@ pub fn read(input: &Input) -> Result<Image, ReadError> {
 /// Decodes the samples of a picture of a kind that is known here; `None` for other pictures.
 fn read_samples(input: &Input) -> Option<Result<Image, ReadError>> {
     let palette = Palette::of(&input.bytes);
-    let bytes = palette.as_ref().map_or(Cow::Borrowed(&input.bytes), Palette::indices);
+    let bytes = palette.as_ref().map_or(Cow::Borrowed(&input.bytes[..]), Palette::indices);
     let mut decoder = Decoder::new(Cursor::new(&bytes[..])).ok()?;
     let (width, height) = decoder.dimensions().ok()?;
     let channels: u32 = match decoder.colortype().ok()? {
@@ -107,7 +107,7 @@ impl<'a> Palette<'a> {
     }
 
     /// The file with its indices as shades of grey.
-    fn indices(&self) -> Cow<'a, Vec<u8>> {
+    fn indices(&self) -> Cow<'a, [u8]> {
         let mut bytes = self.bytes.to_vec();
         let one = if self.is_big_endian { [0, 1] } else { [1, 0] };
         bytes[self.interpretation..self.interpretation + 2].copy_from_slice(&one);

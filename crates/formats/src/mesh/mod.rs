@@ -113,6 +113,12 @@ pub fn read_named_mesh(input: &Input) -> Result<MeshRead, ReadError> {
     Ok(MeshRead { mesh, faces, warnings: notes.into_kinds() })
 }
 
+/// The name of the material of each triangle of the mesh that [`read_named_mesh`] reads from an OBJ
+/// file; empty for none.
+pub fn triangle_materials(input: &Input) -> Result<Vec<String>, ReadError> {
+    obj::triangle_materials(input)
+}
+
 /// Reads an attribute of the vertices or faces (`element`) of a PLY file; `None` if it has none of
 /// this name, or is no PLY file.
 pub fn ply_attribute(

@@ -49,9 +49,9 @@ pub fn lights_scene(scene: &Scene, bounds: &BTreeMap<NodeId, Bounds3d>, least: f
         budget -= node.children.len() + 1;
         open.extend(node.children.iter().map(|&child| (child, world, material)));
     }
-    let irradiance = power / (4.0 * PI * radius * radius);
-    // Also true for scenes without extent, whose emission is all that there is to see.
-    !(0.5 * irradiance / PI < DIM)
+    let seen = 0.5 * power / (4.0 * PI * radius * radius) / PI;
+    // The emission of a scene without extent is all that there is to see.
+    seen >= DIM || seen.is_nan()
 }
 
 /// The integral of the brightness of the surface's slots over its area in the world.

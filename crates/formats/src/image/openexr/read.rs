@@ -13,7 +13,8 @@ use super::sampling::{self, Plane, Sampling};
 use crate::guard::guarded;
 use crate::{Input, Place, ReadError};
 use exr::block::UncompressedBlock;
-use exr::block::chunk::Chunk;
+use exr::block::chunk::{Chunk, CompressedBlock};
+use exr::compression::Compression;
 use exr::math::Vec2;
 use exr::meta::MetaData;
 use exr::meta::attribute::{
@@ -379,6 +380,7 @@ impl Target {
 
     fn decompress(&self, chunk: Chunk, meta: &MetaData) -> Result<Block, String> {
         let part = chunk.layer_index;
+        check_dwa(&chunk, meta)?;
         let block = guarded(|| match self.sampled.get(&part) {
             Some(sampled) => sampling::decompress(chunk, meta, &sampled.steps)
                 .map(|(bounds, data)| Block::Sampled(part, bounds, data)),
@@ -441,6 +443,36 @@ impl Target {
                 });
             }
         }
+    }
+}
+
+/// Refuses a block of DWA that declares more data than its pixels can have: its decoder allocates
+/// what the block declares, and a process without that memory ends.
+fn check_dwa(chunk: &Chunk, meta: &MetaData) -> Result<(), String> {
+    /// The 64-bit numbers before the data that are lengths of unpacked data; those of the last two
+    /// count halves (OpenEXR, `internal_dwa.h`).
+    const LENGTHS: [(usize, u64); 5] = [(1, 1), (6, 1), (7, 1), (8, 2), (9, 2)];
+    let header = meta.headers.get(chunk.layer_index).ok_or("a block of no part")?;
+    let bytes = match &chunk.compressed_block {
+        CompressedBlock::ScanLine(block) => &block.compressed_pixels_le,
+        CompressedBlock::Tile(block) => &block.compressed_pixels_le,
+        CompressedBlock::DeepScanLine(_) | CompressedBlock::DeepTile(_) => return Ok(()),
+    };
+    if !matches!(header.compression, Compression::DWAA(_) | Compression::DWAB(_)) {
+        return Ok(());
+    }
+    // Blocks of 8 x 8 pixels reach beyond the edges.
+    let (most, own) = (header.max_block_pixel_size(), header.layer_size);
+    let sides = [most.0.min(own.0), most.1.min(own.1)].map(|side| side as u64 + 8);
+    let pixel = header.channels.bytes_per_pixel as u64 * 4;
+    let limit = sides[0].saturating_mul(sides[1]).saturating_mul(pixel);
+    let fits = |(index, each): (usize, u64)| {
+        let word = bytes.get(index * 8..).and_then(|rest| rest.first_chunk());
+        word.is_none_or(|word| u64::from_le_bytes(*word).saturating_mul(each) <= limit)
+    };
+    match LENGTHS.into_iter().all(fits) {
+        true => Ok(()),
+        false => Err("a block declares more data than its pixels can have".into()),
     }
 }
 

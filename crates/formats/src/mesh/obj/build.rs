@@ -65,6 +65,17 @@ pub fn one_mesh(
     file: &mut ObjFile,
     notes: &mut Notes,
 ) -> Result<TriangleMesh, ReadError> {
+    let mut mesh = one_object(input, file, notes)?.mesh;
+    mesh.material_slots = Vec::new();
+    Ok(mesh)
+}
+
+/// Makes one object of all faces, and consumes them.
+pub fn one_object(
+    input: &Input,
+    file: &mut ObjFile,
+    notes: &mut Notes,
+) -> Result<Object, ReadError> {
     let mut builder = Builder::new(file);
     let mut object = builder.start(file, State::default());
     for (faces, runs) in std::mem::take(&mut file.pieces) {
@@ -75,12 +86,10 @@ pub fn one_mesh(
         }
     }
     builder.finish(file, &mut object);
-    let mut mesh = object.mesh;
-    if !mesh.normals.is_empty() {
-        finish_normals(input, &mut mesh, &builder.missing_normals, &[], notes);
+    if !object.mesh.normals.is_empty() {
+        finish_normals(input, &mut object.mesh, &builder.missing_normals, &[], notes);
     }
-    mesh.material_slots = Vec::new();
-    Ok(mesh)
+    Ok(object)
 }
 
 /// Computes normals where the file has none, and replaces invalid ones.

@@ -71,6 +71,22 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
     Ok(scene)
 }
 
+/// The name of the material of each triangle of the mesh that [`parse_mesh`] makes; empty for none.
+pub(super) fn triangle_materials(input: &Input) -> Result<Vec<String>, ReadError> {
+    let mut notes = Notes::default();
+    let mut file = file::parse(input, &mut notes)?;
+    let object = build::one_object(input, &mut file, &mut notes)?;
+    let names: Vec<&str> = object
+        .materials
+        .iter()
+        .map(|&number| file.materials.get(number as usize).map_or("", |(name, _)| name))
+        .collect();
+    let slots = &object.mesh.material_slots;
+    let slot = |triangle: usize| slots.get(triangle).map_or(0, |&slot| usize::from(slot));
+    let name = |triangle| names.get(slot(triangle)).copied().unwrap_or_default().to_owned();
+    Ok((0..object.mesh.indices.len()).map(name).collect())
+}
+
 /// Reads all objects as one mesh without materials and without computed normals.
 pub(super) fn parse_mesh(input: &Input, notes: &mut Notes) -> Result<TriangleMesh, ReadError> {
     let mut file = file::parse(input, notes)?;

@@ -163,11 +163,9 @@ impl<'a> Converter<'a> {
     /// Converts an object of a table.
     fn object(&mut self, table: &str, id: &str, object: &mut Object, body: usize) {
         match table {
-            "buffers" => {
-                if BODY.contains(&id) && body > 0 {
-                    object.remove("uri");
-                    object.insert("byteLength".into(), body.into());
-                }
+            "buffers" if BODY.contains(&id) && body > 0 => {
+                object.remove("uri");
+                object.insert("byteLength".into(), body.into());
             }
             "bufferViews" => {
                 self.refer(object, "buffer", "buffers");

@@ -9,7 +9,7 @@ mod primitive;
 use super::Builder;
 use super::bsdf::{GRAY, Look};
 use super::emitter::Emission;
-use super::object::Object;
+use super::object::{Child, Object};
 use crate::scene::fault::{Fault, Spot};
 use crate::scene::shapes::{ALONG, AROUND, ShapeTable, around_z, swept};
 use mesh::{flip_v, turn_over};
@@ -34,8 +34,34 @@ pub struct Shapes {
     files: HashMap<(PathBuf, String), (Arc<TriangleMesh>, bool)>,
     groups: HashMap<*const Object, NodeId>,
     triangles: usize,
+    /// The part of a mesh that is being read; see [`Part`].
+    part: Part,
     /// Materials by the BSDF's object and the text of the finish.
     materials: HashMap<(Option<*const Object>, String), Vec<MaterialId>>,
+}
+
+/// The faces of a mesh that have one of several BSDFs. Mitsuba 0.6 gives each BSDF of an OBJ mesh to
+/// the faces whose material (`usemtl`) has its name.
+#[derive(Clone, Debug, Default, PartialEq)]
+enum Part {
+    /// All faces: the usual case.
+    #[default]
+    All,
+    /// The faces of a material, and the BSDF of its name.
+    Named(String),
+    /// The faces of all other materials, and no BSDF.
+    Others(Vec<String>),
+}
+
+impl Part {
+    /// True if a face with this material belongs to the part.
+    fn has(&self, material: &str) -> bool {
+        match self {
+            Self::All => true,
+            Self::Named(name) => name == material,
+            Self::Others(names) => !names.iter().any(|name| name == material),
+        }
+    }
 }
 
 /// Properties that a shape adds to its materials.
@@ -60,6 +86,7 @@ impl Builder<'_> {
             }
             "instance" => self.instance(object, parent)?,
             "merge" => self.shapes_in(object, parent)?,
+            "obj" => self.obj_shape(object, parent)?,
             _ => self.plain_shape(object, parent)?,
         }
         self.leave();
@@ -117,6 +144,28 @@ impl Builder<'_> {
             });
         }
         is_singular
+    }
+
+    /// Adds a shape of an OBJ file: in parts, if it has several BSDFs, each with a name.
+    fn obj_shape(&mut self, object: &Rc<Object>, parent: NodeId) -> Result<(), Fault> {
+        let mut names = Vec::new();
+        for child in &object.children {
+            let inner = self.resolve(child)?;
+            if inner.class == "bsdf" {
+                names.push(name_of(child, &inner).to_owned());
+            }
+        }
+        if names.len() < 2 || names.iter().any(String::is_empty) {
+            return self.plain_shape(object, parent);
+        }
+        let named = names.iter().cloned().map(Part::Named).collect::<Vec<_>>();
+        for part in named.into_iter().chain([Part::Others(names)]) {
+            self.shapes.part = part;
+            let added = self.plain_shape(object, parent);
+            self.shapes.part = Part::All;
+            added?;
+        }
+        Ok(())
     }
 
     fn plain_shape(&mut self, object: &Rc<Object>, parent: NodeId) -> Result<(), Fault> {
@@ -185,14 +234,13 @@ impl Builder<'_> {
             child.used.set(known);
             match inner.class.as_str() {
                 "bsdf" => {
-                    if parts.has_bsdf {
-                        // Mitsuba 0.6 gives each to the faces of the material of its name; later
-                        // versions refuse the scene.
-                        self.note("several bsdfs", child.at, || {
-                            "a shape with several bsdfs: the last is that of all its faces, whatever \
-                            materials (usemtl) they name; split the mesh to have them all"
-                                .into()
-                        });
+                    match &self.shapes.part {
+                        Part::Named(name) if *name == name_of(child, &inner) => {}
+                        Part::Named(_) | Part::Others(_) => continue,
+                        Part::All if !parts.has_bsdf => {}
+                        Part::All => self.note("several bsdfs", child.at, || {
+                            "a shape with several bsdfs: the last is that of all its faces".into()
+                        }),
                     }
                     parts.look = self.bsdf(&inner)?;
                     parts.key = Some(Rc::as_ptr(&inner));
@@ -450,6 +498,11 @@ impl Builder<'_> {
         });
         self.made(object, mesh)
     }
+}
+
+/// The name of a nested object.
+fn name_of<'a>(child: &'a Child, inner: &'a Object) -> &'a str {
+    if child.name.is_empty() { &inner.name } else { &child.name }
 }
 
 /// True if the shape emits and has its bsdf on the other side: with `flip_normals`, and for a

@@ -5,6 +5,7 @@ use super::super::object::Object;
 use super::super::serialized;
 use super::super::texture::Attributes;
 use super::super::value::shortened;
+use super::Part;
 use super::attribute::{self, Shown, Use};
 use crate::Input;
 use crate::scene::fault::Fault;
@@ -43,10 +44,12 @@ struct Reading {
     is_mirrored: bool,
     /// The attributes that the mesh keeps.
     shown: Attributes,
+    /// The faces that are read.
+    part: Part,
 }
 
 impl Reading {
-    fn of(object: &Object, shown: Attributes) -> Result<Self, Fault> {
+    fn of(object: &Object, shown: Attributes, part: &Part) -> Result<Self, Fault> {
         for name in ["srgb", "collapse"] {
             object.get(name);
         }
@@ -61,6 +64,7 @@ impl Reading {
             is_flipped: object.bool_or("flip_normals", false)?,
             is_mirrored: object.transform("to_world")?.matrix3.determinant() < 0.0,
             shown,
+            part: part.clone(),
         })
     }
 
@@ -115,6 +119,10 @@ impl Reading {
             mesh = flip_v(mesh);
         }
         on_triangles.iter().for_each(|values| values.put(&mut mesh));
+        if self.part != Part::All {
+            let mut materials = crate::mesh::triangle_materials(input)?.into_iter();
+            mesh.indices.retain(|_| self.part.has(&materials.next().unwrap_or_default()));
+        }
         Ok(MeshRead { mesh, is_turned, missing, misfits, warnings })
     }
 }
@@ -128,7 +136,7 @@ impl Builder<'_> {
         shown: Attributes,
     ) -> Result<Option<(Arc<TriangleMesh>, bool)>, Fault> {
         let (name, at) = object.file_name()?;
-        let reading = Reading::of(object, shown)?;
+        let reading = Reading::of(object, shown, &self.shapes.part)?;
         let path =
             self.home(name).resolve(name).map_err(|e| Fault::new(at, e.problem, e.remedy))?;
         let key = (path.canonicalize().unwrap_or(path), format!("{reading:?}"));
@@ -157,6 +165,9 @@ impl Builder<'_> {
         }
         self.count_triangles(at, mesh.indices.len())?;
         if mesh.indices.is_empty() {
+            if self.shapes.part != Part::All {
+                return Ok(None);
+            }
             let name = shortened(name);
             self.note("empty mesh", at, || format!("\"{name}\" has no triangles; it was left out"));
             return Ok(None);

@@ -4,6 +4,7 @@ use super::*;
 use crate::{Limits, ReadOptions, read_scene};
 use insta::assert_snapshot;
 use std::fmt::Write;
+use snell_scene::Geometry;
 use std::path::Path;
 
 /// Contents of the scene element of broken files. Each is written to `a.xml` in a folder with some
@@ -213,6 +214,36 @@ fn several_bsdfs_of_one_shape_are_told() {
         name=\"metal\"/></shape>",
     );
     assert!(two.contains("several bsdfs: the last is that of all"), "{two}");
+}
+
+#[test]
+fn bsdfs_of_an_obj_mesh_are_those_of_the_faces_of_their_names() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let corners = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";
+    let faces = "usemtl wood\nf 1 2 3\nusemtl metal\nf 1 3 4\nf 1 2 4\nusemtl glass\nf 2 3 4\n";
+    std::fs::write(folder.path().join("a.obj"), corners.to_owned() + faces).expect("written");
+    let text = "<scene version=\"0.6.0\"><bsdf type=\"diffuse\" id=\"x\"/><shape type=\"obj\"><string \
+        name=\"filename\" value=\"a.obj\"/><bsdf type=\"twosided\" name=\"wood\"><bsdf \
+        type=\"plastic\"/></bsdf><ref name=\"metal\" id=\"x\"/></shape></scene>";
+    let scene = crate::read_scene_bytes(
+        "a.xml",
+        text.into(),
+        folder.path(),
+        &crate::ReadOptions::default(),
+    )
+    .unwrap_or_else(|e| panic!("{e}"));
+    assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
+    let mut counts: Vec<(String, usize)> = Vec::new();
+    for node in &scene.nodes {
+        if let Some(surface) = node.surfaces.first()
+            && let Geometry::Mesh(mesh) = &surface.geometry
+        {
+            let material = &scene.materials[surface.materials[0].expect("it has one").index()];
+            counts.push((material.kind.name().into(), mesh.indices.len()));
+        }
+    }
+    let counts: Vec<_> = counts.iter().map(|(kind, count)| (kind.as_str(), *count)).collect();
+    assert_eq!(counts, [("plastic", 1), ("diffuse", 2), ("diffuse", 1)]);
 }
 
 #[test]
