@@ -17,6 +17,8 @@ pub struct SceneSettings {
     pub spp: Option<u32>,
     /// Maximum number of bounces after the camera ray's hit.
     pub max_depth: Option<u32>,
+    /// Name of the shadows of `raycast` and `whitted`.
+    pub shadows: Option<String>,
     /// Name of the sampler.
     pub sampler: Option<String>,
     /// Name of the reconstruction filter.

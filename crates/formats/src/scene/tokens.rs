@@ -108,6 +108,12 @@ impl<'a> Tokens<'a> {
         Some(Token { bytes, start, line: self.line, line_start: self.line_start })
     }
 
+    /// The next word without taking it; `None` if it is on another line than the last one taken.
+    pub fn peek_on_line(&mut self) -> Option<Token<'a>> {
+        let line = self.line;
+        self.peek().filter(|token| token.line == line)
+    }
+
     /// Skips the rest of the current line.
     pub fn skip_line(&mut self) {
         let rest = &self.bytes[self.next..];

@@ -131,6 +131,8 @@ settings! {
         #[setting(Light, "NAME", "str"; live)]
         pub filter: Filter,
         /// Shadows of `raycast` and `whitted`.
+        ///
+        /// The scene's own comes before the default.
         #[setting(Light, "NAME", "str"; live)]
         pub shadows: Shadows,
         /// Shadow terminator on coarse meshes with smooth normals.
@@ -293,6 +295,8 @@ impl Request {
         let sampler = chosen(self.sampler, ("sampler", &hints.sampler), samplers)?;
         let filters = (&Filter::ALL, Filter::name);
         let filter = chosen(self.filter, ("filter", &hints.filter), filters)?;
+        let shadows =
+            chosen(self.shadows, ("shadows", &hints.shadows), (&Shadows::ALL, Shadows::name))?;
         let size = self.size.or(hints.size).or(camera.resolution).unwrap_or(Self::DEFAULT_SIZE);
         let crop = self.crop_within(size)?;
         check_pixels(crop.unwrap_or(Crop::full(size)).size())?;
@@ -318,7 +322,7 @@ impl Request {
             color: self.color.unwrap_or_default(),
             max_depth: max_depth.unwrap_or(integrator.default_max_depth()).min(Settings::DEEPEST),
             roulette_depth: self.roulette_depth,
-            shadows: self.shadows.unwrap_or_default(),
+            shadows,
             terminator: self.terminator.unwrap_or_default(),
             light_strategy: self.light_samples.unwrap_or_default(),
             light_sampler: self.light_sampler.unwrap_or_default(),
@@ -496,6 +500,7 @@ mod tests {
         hints.spp = Some(5);
         hints.max_depth = Some(3);
         hints.sampler = Some("sobol".into());
+        hints.shadows = Some("soft".into());
         hints.filter = Some("tent".into());
         hints.exposure = Some(1.0);
         hints.pixel_position = Some([0.0, 0.0]);
@@ -507,6 +512,7 @@ mod tests {
         assert_eq!((settings.size, settings.spp, settings.max_depth), ([100, 50], 5, 3));
         assert_eq!(settings.integrator, IntegratorKind::Whitted);
         assert_eq!((settings.sampler, settings.filter), (SamplerKind::Sobol, Filter::Tent));
+        assert_eq!(settings.shadows, Shadows::Soft);
         assert_eq!(settings.noise_floor, Settings::NOISE_FLOOR / 2.0);
         assert_eq!(settings.pixel_position, Some([0.0, 0.0]));
         let huge = resolved(Request::default(), |hints| {

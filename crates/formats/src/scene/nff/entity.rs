@@ -6,7 +6,7 @@ use crate::scene::tokens::{Token, Tokens};
 use snell_math::{DVec3, Rgb};
 use snell_scene::light::{Attenuation, Point};
 use snell_scene::material::Phong;
-use snell_scene::{Background, Camera, Material, MaterialId, Projection};
+use snell_scene::{Background, Camera, Material, MaterialId, Projection, WarningKind};
 use std::f32::consts::PI;
 
 /// Pictures with a side longer than this are refused, because they could not be rendered.
@@ -28,6 +28,25 @@ impl Builder {
             "s" => self.read_sphere(tokens),
             "p" => self.read_polygon(tokens, keyword, false),
             "pp" => self.read_polygon(tokens, keyword, true),
+            // Assimp's writers and readers know these: solids, polygons with texture coordinates,
+            // the fineness of spheres and the name of a picture.
+            solid @ ("tet" | "oct" | "hex" | "dod" | "tpp") => {
+                self.scene.warn(format!("`{solid}` of Assimp is left out"));
+                skip_numbers(tokens);
+                Ok(())
+            }
+            "tess" => {
+                let message = "`tess` of Assimp was ignored: spheres and cones are exact";
+                self.scene.warn_of(WarningKind::Choice, message);
+                skip_numbers(tokens);
+                Ok(())
+            }
+            "shader" => {
+                tokens.set_usage("shader picture");
+                let picture = tokens.expect("the name of a picture")?.quoted();
+                self.warn_of_picture(&picture);
+                Ok(())
+            }
             _ => {
                 let problem = format!("unknown entity {}", keyword.quoted());
                 let remedy = "check the number of values of the entity before it; the entities are \
@@ -124,6 +143,9 @@ impl Builder {
     fn read_fill(&mut self, tokens: &mut Tokens) -> Result<(), ReadError> {
         tokens.set_usage("f red green blue Kd Ks shine T index_of_refraction");
         let values = tokens.numbers::<8>("a value of the fill")?;
+        if let Some(picture) = picture_name(tokens) {
+            self.warn_of_picture(&picture.quoted());
+        }
         let scene = &mut self.scene;
         let id = *self.fills.entry(values.map(f64::to_bits)).or_insert_with(|| {
             let name = format!("fill {}", scene.materials.len());
@@ -131,6 +153,12 @@ impl Builder {
         });
         self.fill = Some(id);
         Ok(())
+    }
+
+    fn warn_of_picture(&mut self, picture: &str) {
+        self.scene.warn(format!(
+            "the picture {picture} of a fill is left out: the fill has its colour alone"
+        ));
     }
 
     /// The current material; matte white before the first fill.
@@ -142,6 +170,21 @@ impl Builder {
                 fill([1.0, 1.0, 1.0, 1.0, 0.0, 1.0, 0.0, 1.0]),
             ))
         })
+    }
+}
+
+/// Takes the name of a picture that Assimp's files have after the values of a fill, on its line.
+fn picture_name<'a>(tokens: &mut Tokens<'a>) -> Option<Token<'a>> {
+    let token = tokens.peek_on_line()?;
+    let text = token.text();
+    let is_entity = ["v", "b", "l", "f", "c", "s", "p", "pp"].contains(&&*text);
+    let is_name = !is_entity && text.contains(|c: char| c.is_ascii_alphabetic());
+    if is_name && !tokens.number_follows() { tokens.take() } else { None }
+}
+
+fn skip_numbers(tokens: &mut Tokens) {
+    while tokens.number_follows() {
+        tokens.take();
     }
 }
 

@@ -12,6 +12,9 @@
 //! * Highlights and mirror reflection are `Ks` times the fill colour; transmission is `T` for all
 //!   channels.
 //! * Surfaces are double-sided.
+//!
+//! Assimp's own entities (`tet`, `oct`, `hex`, `dod`, `tpp`, `tess`, `shader`) and the name of a
+//! picture after a fill are left out with a warning.
 
 mod entity;
 mod surface;

@@ -146,6 +146,28 @@ fn patches_keep_their_normals_and_zero_ones_become_the_face_normal() {
 }
 
 #[test]
+fn what_assimp_adds_is_left_out_with_a_warning() {
+    let scene = scene(
+        "tess 4\nf 1 .5 .25 .5 .25 30 0 1 earth.jpg\ns 0 0 0 1\nf 1 .5 .25 .5 .25 30 0 1 s 1 0 0 \
+            1\ndod 0 0 0 5\nhex 0 0 0 5 10 20\nshader moon.png\ns 2 0 0 1\n",
+    );
+    assert_eq!((geometries(&scene).len(), scene.materials.len()), (3, 1));
+    let said: Vec<_> = scene.warnings.iter().map(|w| w.message.as_str()).collect();
+    assert_eq!(
+        said,
+        [
+            "`tess` of Assimp was ignored: spheres and cones are exact",
+            "the picture \"earth.jpg\" of a fill is left out: the fill has its colour alone",
+            "`dod` of Assimp is left out",
+            "`hex` of Assimp is left out",
+            "the picture \"moon.png\" of a fill is left out: the fill has its colour alone",
+        ]
+    );
+    let error = error_of(&READER, "f 1 1 1 1 0 1 0 0\nearth.jpg");
+    assert!(error.contains("unknown entity \"earth.jpg\""), "{error}");
+}
+
+#[test]
 fn comments_may_stand_anywhere() {
     let scene = scene("# all\nb .1 # red\n.2 .3#blue\ns 0 0 0 1");
     assert_eq!(scene.background, Background::Color(Rgb::new(0.1, 0.2, 0.3)));

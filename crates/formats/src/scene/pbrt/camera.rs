@@ -92,6 +92,7 @@ pub fn build(
     }
     let crop = crop.filter(|_| !sees_all_around);
     let screen = crop.map_or(whole, |crop| whole.cropped(crop, size));
+    let film = size.map(f64::from);
     let size = crop.map_or(size, |crop| crop.size);
     let mut own = Axes { right: DVec3::X, up: DVec3::Y, towards: DVec3::Z, shift: DVec3::ZERO };
     let scale = file_from_camera.transform_vector3(DVec3::Z).length();
@@ -109,7 +110,11 @@ pub fn build(
             Projection::EqualArea
         }
     } else {
-        perspective(builder, params, &screen, size)?
+        let behind_lenses = match is_kind(params, "realistic") {
+            true => builder.tan_behind_lenses(params, film)?,
+            false => None,
+        };
+        perspective(builder, params, &screen, size, behind_lenses)?
     };
     let lens = params.float_or("lensradius", 0.0)?;
     let focus = params.float_or("focaldistance", 1e6)?;
@@ -121,20 +126,22 @@ pub fn build(
     Ok(built)
 }
 
+/// `behind_lenses` is the tangent of half of the field of view, in place of that of `fov`.
 fn perspective(
     builder: &mut Builder,
     params: &Params,
     screen: &Screen,
     size: [u32; 2],
+    behind_lenses: Option<f64>,
 ) -> Result<Projection, Fault> {
-    if !is_kind(params, "perspective") && params.owner.starts_with("Camera") {
+    if is_kind(params, "realistic") {
+        let names = ["aperturediameter", "aperture", "simpleweighting"];
+        builder.note_ignored(params, &names, "the camera has no lenses");
+    } else if !is_kind(params, "perspective") && params.owner.starts_with("Camera") {
         let owner = params.owner.clone();
         builder.note(owner.clone(), params.at, || {
             format!("{owner}: a perspective camera was used instead")
         });
-        let names =
-            ["lensfile", "aperturediameter", "focusdistance", "aperture", "simpleweighting"];
-        builder.note_ignored(params, &names, "the camera has no lenses");
     }
     let half = params.float("halffov")?.map(|h| 2.0 * h);
     let fov = params.float("fov")?.or(half).unwrap_or(90.0);
@@ -143,7 +150,7 @@ fn perspective(
             params.fault(format!("a field of view of {fov} degrees"), "give one between 0 and 180")
         );
     }
-    let tan = (fov * 0.5).to_radians().tan();
+    let tan = behind_lenses.unwrap_or_else(|| (fov * 0.5).to_radians().tan());
     if screen.is_centred() {
         return Ok(Projection::Perspective { tan_half_fov: screen.half_extents(tan, size) });
     }

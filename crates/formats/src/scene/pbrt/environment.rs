@@ -53,8 +53,7 @@ impl Builder<'_> {
             }
             scale = scale * color;
         }
-        let image = self.image(name);
-        let image = self.scene.images[image.index()].clone();
+        let image = self.picture_of_light(name, is_latlong);
         if let Some(illuminance) = illuminance
             && !is_latlong
         {

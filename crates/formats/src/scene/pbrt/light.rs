@@ -17,7 +17,7 @@ use snell_scene::light::{
 };
 use snell_scene::material::ColorParam;
 use snell_scene::texture::Wrap;
-use snell_scene::{Image, ImageTexture};
+use snell_scene::{Encoding, Image, ImageTexture};
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
@@ -163,8 +163,19 @@ impl Builder<'_> {
         else {
             return Err(params.fault("there is no file name", "add \"string filename\""));
         };
+        Ok((self.picture_of_light(name, is_old), is_old))
+    }
+
+    /// The picture of a light. pbrt-v3 takes the stored values of all pictures for linear ones.
+    pub(super) fn picture_of_light(&mut self, name: &str, is_old: bool) -> Arc<Image> {
         let image = self.image(name);
-        Ok((self.scene.images[image.index()].clone(), is_old))
+        let image = self.scene.images[image.index()].clone();
+        match image.encoding {
+            Encoding::Srgb if is_old => {
+                Arc::new(Image { encoding: Encoding::Linear, ..Arc::unwrap_or_clone(image) })
+            }
+            _ => image,
+        }
     }
 
     /// Adds a light whose intensity is a picture of directions, in which y and z are exchanged.

@@ -15,7 +15,7 @@ use snell_scene::medium::{
     blackbody_luminance,
 };
 use snell_scene::texture::Wrap;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::rc::Rc;
 use std::sync::Arc;
 
@@ -24,10 +24,15 @@ use std::sync::Arc;
 pub struct Media {
     /// Media by name; `None` for one that became clear air.
     named: HashMap<String, Option<MediumId>>,
+    /// Media that surfaces name before they are defined, with the ids that surfaces have in their
+    /// place until the end of the file: from the largest downwards.
+    awaited: HashMap<Rc<str>, MediumId>,
+    /// Where `MediumInterface` names a medium that is not defined so far.
+    unknown: Vec<(Rc<str>, Spot)>,
     /// The medium around the camera.
     pub around_camera: Option<Rc<str>>,
     /// Names of media that are the interior of some shape.
-    inside: Vec<Rc<str>>,
+    inside: HashSet<Rc<str>>,
 }
 
 /// Absorption and scattering of media of version 3 by default.
@@ -278,7 +283,7 @@ impl Builder<'_> {
         })
     }
 
-    /// Reads `MediumInterface "inside" "outside"`.
+    /// Reads `MediumInterface "inside" "outside"`. As in pbrt-v4, the media may be defined later.
     pub(super) fn medium_interface(&mut self, lexer: &mut Lexer) -> Result<(), Fault> {
         let (inside, at) = lexer.expect_string("the name of the medium inside")?;
         let (outside, outside_at) = if lexer.string_follows() {
@@ -286,24 +291,13 @@ impl Builder<'_> {
         } else {
             (inside, at)
         };
-        self.check_medium(inside, at);
-        self.check_medium(outside, outside_at);
         self.state.media = [inside.into(), outside.into()];
-        Ok(())
-    }
-
-    /// Warns of a medium that is not defined; it is a vacuum.
-    fn check_medium(&mut self, name: &str, at: Spot) {
-        if name.is_empty() || self.media.named.contains_key(name) {
-            return;
+        for (name, at) in self.state.media.iter().zip([at, outside_at]) {
+            if !name.is_empty() && !self.media.named.contains_key(&**name) {
+                self.media.unknown.push((name.clone(), at));
+            }
         }
-        let name = quoted(name.as_bytes());
-        self.note(format!("no medium {name}"), at, || {
-            format!(
-                "there is no medium {name} so far; it is empty: define it above with \
-                MakeNamedMedium"
-            )
-        });
+        Ok(())
     }
 
     /// The interior of a surface in the current media; `None` if it bounds no medium.
@@ -312,19 +306,47 @@ impl Builder<'_> {
         if inside == outside {
             return None;
         }
-        let medium = self.media.named.get(&**inside).copied().flatten();
-        if medium.is_some() && !self.media.inside.contains(inside) {
-            self.media.inside.push(inside.clone());
+        if inside.is_empty() {
+            return Some(Interior::default());
         }
+        if !self.media.inside.contains(inside) {
+            self.media.inside.insert(inside.clone());
+        }
+        let medium = self.media.named.get(&**inside).copied().unwrap_or_else(|| {
+            let next = MediumId(u32::MAX - self.media.awaited.len() as u32);
+            Some(*self.media.awaited.entry(inside.clone()).or_insert(next))
+        });
         Some(Interior { medium, ..Interior::default() })
     }
 
-    /// Makes the medium around the camera that of the whole scene, unless the medium is also an
-    /// interior: then the renderer determines where the camera is.
+    /// Gives surfaces the media that were defined after them, warns of media that are not defined
+    /// at all, and makes the medium around the camera that of the whole scene, unless the medium is
+    /// also an interior: then the renderer determines where the camera is.
     pub(super) fn finish_media(&mut self) {
-        let Some(name) = &self.media.around_camera else { return };
-        if !self.media.inside.contains(name) {
-            self.scene.medium = self.media.named.get(&**name).copied().flatten();
+        for (name, at) in std::mem::take(&mut self.media.unknown) {
+            if self.media.named.contains_key(&*name) {
+                continue;
+            }
+            let name = quoted(name.as_bytes());
+            self.note(format!("no medium {name}"), at, || {
+                format!(
+                    "there is no medium {name} in the scene; it is empty: define it with \
+                    MakeNamedMedium"
+                )
+            });
+        }
+        let named = |name: &Rc<str>| self.media.named.get(&**name).copied().flatten();
+        let defined: HashMap<MediumId, Option<MediumId>> =
+            self.media.awaited.iter().map(|(name, id)| (*id, named(name))).collect();
+        for interior in self.scene.materials.iter_mut().filter_map(|m| m.interior.as_mut()) {
+            if let Some(medium) = interior.medium.and_then(|id| defined.get(&id)) {
+                interior.medium = *medium;
+            }
+        }
+        if let Some(name) = &self.media.around_camera
+            && !self.media.inside.contains(name)
+        {
+            self.scene.medium = named(name);
         }
     }
 }

@@ -13,6 +13,7 @@ mod camera;
 mod directive;
 mod environment;
 mod legacy;
+mod lens;
 mod lexer;
 mod light;
 mod material;

@@ -19,6 +19,8 @@ pub struct RenderOptions {
     integrator: Option<Params>,
     /// The part of the film that is shown, if it is not all.
     crop: Option<Crop>,
+    /// The diagonal of the film in mm, if it is given.
+    pub diagonal: Option<f64>,
 }
 
 /// A part of the film in pixels: left, top, width and height.
@@ -149,9 +151,9 @@ impl Builder<'_> {
             &["maxcomponentvalue", "maxsampleluminance"],
             "samples are not clamped",
         );
-        // File name and file format of the picture are set on the command line; the diagonal is for
-        // the realistic camera.
-        for name in ["filename", "diagonal", "savefp16", "coordinatesystem"] {
+        self.options.diagonal = params.float("diagonal")?;
+        // File name and file format of the picture are set on the command line.
+        for name in ["filename", "savefp16", "coordinatesystem"] {
             params.get(name);
         }
         self.note_unused(params);
@@ -281,8 +283,13 @@ impl Builder<'_> {
             );
         }
         self.scene.settings.max_depth = Some(depth as u32);
-        self.give_room_below(depth, params.at);
-        let ours = if is_kind(params, "ambientocclusion") || is_kind(params, "ao") {
+        let ours = if is_kind(params, "whitted") {
+            // Mirrors and glass, and a random point of each light at every hit. The first hit
+            // counts in pbrt-v3, and bounces are counted here.
+            self.scene.settings.max_depth = Some((depth as u32).saturating_sub(1));
+            self.scene.settings.shadows = Some("soft".into());
+            "whitted"
+        } else if is_kind(params, "ambientocclusion") || is_kind(params, "ao") {
             "ao"
         } else if is_kind(params, "directlighting") {
             "direct"
@@ -290,7 +297,11 @@ impl Builder<'_> {
             "path"
         };
         self.scene.settings.integrator = Some(ours.into());
+        if ours != "whitted" {
+            self.give_room_below(depth, params.at);
+        }
         let exact = [
+            "whitted",
             "path",
             "volpath",
             "simplepath",

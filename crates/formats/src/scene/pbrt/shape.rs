@@ -207,6 +207,8 @@ impl Builder<'_> {
             || kind("paraboloid")
         {
             self.quadric(params)
+        } else if kind("hyperboloid") {
+            self.hyperboloid(params)
         } else {
             let owner = params.owner.clone();
             self.note(owner.clone(), params.at, || {

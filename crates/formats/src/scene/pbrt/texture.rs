@@ -78,6 +78,8 @@ pub struct Patterns {
     copies: HashMap<(ImageId, bool, Option<u32>, bool, Option<(usize, [u32; 3])>), ImageId>,
     /// Total number of pixels of all copies.
     copied: usize,
+    /// The picture of the coordinates of a surface.
+    coordinates: Option<ImageId>,
 }
 
 /// Maximum number of pixels of all copies.
@@ -234,10 +236,14 @@ impl Builder<'_> {
             whole(pattern::Bilerp { v00, v01, v10, v11, mapping })
         } else if kind("dots") {
             let mapping = self.mapping(params)?;
+            // In pbrt-v3 and v4 the constructor takes the value outside first, and is given that of
+            // "inside" first: all their pictures show "inside" between the dots.
             Rc::new(Pattern::Dots(
-                [child(self, "inside", 1.0)?, child(self, "outside", 0.0)?],
+                [child(self, "outside", 0.0)?, child(self, "inside", 1.0)?],
                 mapping,
             ))
+        } else if kind("uv") && is_color {
+            self.coordinates(params)?
         } else if kind("directionmix") {
             let axis = match params.directions("dir")?[..] {
                 [] => Vec3::Y,
@@ -281,6 +287,33 @@ impl Builder<'_> {
                 Pattern::constant(0.5)
             }
         })
+    }
+
+    /// The coordinates (s, t) as red and green, repeated (`UVTexture` of pbrt-v3): a picture of them
+    /// that is interpolated.
+    fn coordinates(&mut self, params: &Params) -> Result<Rc<Pattern>, Fault> {
+        const SIDE: u32 = 256;
+        let at = |texel: u32| (texel as f32 + 0.5) / SIDE as f32;
+        let image = match self.patterns.coordinates {
+            Some(image) => image,
+            None => {
+                let rows = (0..SIDE).rev();
+                let values = rows.flat_map(|y| (0..SIDE).flat_map(move |x| [at(x), at(y), 0.0]));
+                let image = Image::from_f32(SIDE, SIDE, 3, values.collect());
+                self.scene.add_image(Arc::new(image))
+            }
+        };
+        self.patterns.coordinates = Some(image);
+        Ok(Rc::new(Pattern::Picture(Picture {
+            image,
+            encoding: Encoding::Linear,
+            gamma: None,
+            scale: 1.0,
+            invert: false,
+            wrap: Wrap::Repeat,
+            filtering: Filtering::Trilinear,
+            mapping: self.mapping(params)?,
+        })))
     }
 
     /// A per-face texture, which is not supported.

@@ -119,11 +119,12 @@ impl File<'_, '_> {
                 )
             }
             Pattern::Dots(p) => {
+                // pbrt shows "inside" between the dots; see the reader.
                 let parts = self.inputs(
                     kind,
                     factor,
                     who,
-                    [("inside", &p.inside), ("outside", &p.outside)],
+                    [("inside", &p.outside), ("outside", &p.inside)],
                 );
                 self.class(kind, "dots", &parts, Some(&p.mapping), who)
             }

@@ -1,4 +1,5 @@
-//! Spheres, cylinders and disks: whole ones become analytic shapes, parts of them triangles.
+//! Quadrics: whole spheres, cylinders and disks become analytic shapes, parts of them and the others
+//! triangles.
 
 use super::super::Builder;
 use super::super::options::is_kind;
@@ -7,7 +8,7 @@ use super::{Lamps, Made};
 use crate::scene::fault::Fault;
 use crate::scene::shapes::{ALONG, AROUND, around_z, swept};
 use snell_intersect::shape::{Cylinder, Disk, Sphere};
-use snell_math::{DAffine3, DVec3};
+use snell_math::{DAffine3, DMat3, DVec2, DVec3};
 use std::f64::consts::PI;
 
 impl Builder<'_> {
@@ -107,6 +108,50 @@ impl Builder<'_> {
         }))
     }
 
+    /// The surface that a segment sweeps around the z axis (`Hyperboloid` of pbrt-v3).
+    pub(super) fn hyperboloid(&mut self, params: &Params) -> Result<Made, Fault> {
+        let turn = params.float_or("phimax", 360.0)?.clamp(0.0, 360.0);
+        let mut ends =
+            [params.point("p1")?.unwrap_or(DVec3::ZERO), params.point("p2")?.unwrap_or(DVec3::ONE)];
+        self.note_common(params);
+        // As in pbrt; v and the outer side follow the order.
+        if ends[1].z == 0.0 {
+            ends.swap(0, 1);
+        }
+        let [start, end] = ends;
+        let along = end - start;
+        let at = |v: f64| start.lerp(end, v);
+        let as_in_pbrt = hyperboloid_of_pbrt(start, end);
+        // The radius, and the radius times its change along v.
+        let radius = |v: f64| match as_in_pbrt {
+            Some([a, c]) => {
+                let z = at(v).z;
+                [((1.0 + c * z * z) / a).sqrt(), c / a * z * along.z]
+            }
+            None => {
+                let across = at(v).truncate();
+                [across.length(), across.dot(along.truncate())]
+            }
+        };
+        let normal = |v: f64| {
+            let [radius, change] = radius(v);
+            let outwards = at(v).truncate().normalize_or(DVec2::X) * radius * along.z;
+            outwards.extend(-change).try_normalize()
+        };
+        let heights: Vec<f64> =
+            (0..=ALONG).map(|i| radius(f64::from(i) / f64::from(ALONG))[0]).collect();
+        let step = along.z / f64::from(ALONG);
+        let strip = |ends: &[f64]| 0.5 * (ends[0] + ends[1]) * (ends[1] - ends[0]).hypot(step);
+        let area = turn.to_radians() * heights.windows(2).map(strip).sum::<f64>();
+        Ok(self.swept(params, turn, area, ALONG, |phi, v| {
+            let turned = DMat3::from_rotation_z(phi);
+            let outwards = at(v).truncate().normalize_or(DVec2::X) * radius(v)[0];
+            // The tip of a cone has no normal: the one of the middle is used.
+            let normal = normal(v).or_else(|| normal(0.5)).unwrap_or(DVec3::Z);
+            (turned * outwards.extend(at(v).z), turned * normal)
+        }))
+    }
+
     /// Tessellates a surface of points and normals over longitude (radians) and v from 0 to 1, for
     /// a turn in degrees. `area` is that of the surface.
     fn swept(
@@ -125,4 +170,28 @@ impl Builder<'_> {
         debug_assert!(turn <= 2.0 * PI.to_degrees());
         self.finish_mesh(mesh, Lamps::Whole(area))
     }
+}
+
+/// The factors of pbrt-v3's equation a (x^2 + y^2) - c z^2 = 1 for the segment. The surface goes
+/// through the end, and is that of the segment only if its waist is at z = 0; nevertheless it is
+/// what pbrt draws, between the heights of the ends. `None` if it is not there at these heights.
+fn hyperboloid_of_pbrt(start: DVec3, end: DVec3) -> Option<[f64; 2]> {
+    let mut beyond = start;
+    for _ in 0..8 {
+        beyond += 2.0 * (end - start);
+        let [far, near] = [beyond, end].map(|p| p.truncate().length_squared());
+        let ratio = (beyond.z / end.z).powi(2) / far;
+        let a = (1.0 / far - ratio) / (1.0 - near * ratio);
+        let c = (a * near - 1.0) / (end.z * end.z);
+        if a.is_finite() {
+            let is_there = |z: f64| {
+                let square = (1.0 + c * z * z) / a;
+                square > 0.0 && square.is_finite()
+            };
+            // Between the ends the quotient is least at one of them or at z = 0.
+            let lowest = start.z.min(end.z).max(0.0f64.min(start.z.max(end.z)));
+            return [start.z, end.z, lowest].into_iter().all(is_there).then_some([a, c]);
+        }
+    }
+    None
 }

@@ -38,6 +38,31 @@ fn goniometric_lights_take_the_mean_of_their_colours() {
 }
 
 #[test]
+fn pictures_of_the_lights_of_version_3_are_stored_values() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let grey = ::image::RgbImage::from_pixel(2, 1, ::image::Rgb([128; 3]));
+    grey.save(folder.path().join("a.png")).expect("written");
+    let read = |text: &str| {
+        let text = format!("WorldBegin LightSource {text} \"a.png\"");
+        testing::read_in(&READER, folder.path(), &text).unwrap_or_else(|e| panic!("{e}"))
+    };
+    let [stored, decoded] = [128.0 / 255.0, 0.2158605];
+    for (name, expected) in [("mapname", stored), ("filename", decoded)] {
+        let scene = read(&format!("\"goniometric\" \"string {name}\""));
+        let Light::Profile(profile) = &scene.lights[0] else { panic!("{:?}", scene.lights) };
+        colors_are(profile.table.at(DVec3::Z) * profile.scale, [expected; 3]);
+        let scene = read(&format!("\"projection\" \"string {name}\""));
+        let Light::Projector(projector) = &scene.lights[0] else { panic!("{:?}", scene.lights) };
+        colors_are(projector.slide.at(DVec3::Z), [expected; 3]);
+    }
+    let scene = read("\"infinite\" \"string mapname\"");
+    let Some(Environment::Image { image, .. }) = &scene.environment else {
+        panic!("{:?}", scene.environment)
+    };
+    assert!(close(image.rgba(0, 0)[0], stored));
+}
+
+#[test]
 fn goniometric_lights_without_a_picture_shine_evenly() {
     let text = "WorldBegin LightSource \"goniometric\" \"rgb I\" [ 1 2 3 ]";
     let scene = testing::read_text(&READER, text).unwrap_or_else(|e| panic!("{e}"));

@@ -27,6 +27,40 @@ fn media_fill_what_their_interface_says() {
 }
 
 #[test]
+fn media_may_be_named_before_they_are_defined() {
+    let insides = |scene: &Scene| -> Vec<Option<u32>> {
+        let medium = |m: &Material| m.interior.map(|i| i.medium.map(|m| m.0));
+        scene.materials.iter().filter_map(medium).collect()
+    };
+    let [fog, smoke] = ["fog", "smoke"]
+        .map(|name| format!("MakeNamedMedium \"{name}\" \"string type\" \"homogeneous\"\n"));
+    let ball =
+        |media: &str| format!("MediumInterface {media} Material \"dielectric\" Shape \"sphere\"\n");
+    // The interface, surfaces and the camera before the media.
+    let scene = world(&format!(
+        "{}{}{}{smoke}{fog}{}",
+        ball("\"fog\" \"\""),
+        ball("\"smoke\" \"fog\""),
+        ball("\"\" \"fog\""),
+        ball("\"fog\" \"\"")
+    ));
+    assert_eq!(insides(&scene), [Some(1), Some(0), None, Some(1)]);
+    let scene = super::scene(&format!(
+        "MediumInterface \"\" \"fog\" {fog} Camera \"perspective\"\nWorldBegin"
+    ));
+    assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
+    assert_eq!(scene.medium.map(|m| m.0), Some(0));
+    // A medium that is never defined is empty, with a warning.
+    let text = format!("WorldBegin\n{}{fog}", ball("\"mist\" \"fog\""));
+    assert_eq!(insides(&super::scene(&text)), [None]);
+    assert_eq!(
+        warnings(&text),
+        "test:2:17: there is no medium \"mist\" in the scene; it is empty: define it with \
+            MakeNamedMedium (1x)\n"
+    );
+}
+
+#[test]
 fn media_on_grids_have_the_colours_of_their_cells() {
     use snell_math::ColorMode;
     use snell_scene::medium::Medium;

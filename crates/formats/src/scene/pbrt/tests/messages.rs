@@ -185,19 +185,18 @@ fn what_is_changed_is_told_once_of_each_kind() {
         CoordSysTransform \"nowhere\"\nMaterial \"measured\" \"string filename\" \
         \"a.bsdf\"\nMaterial \"diffuse\" \"float rougness\" 3\nMaterial \"diffuse\" \"float \
         rougness\" 3\n\
-        Shape \"hyperboloid\"\nShape \"hyperboloid\"\nTexture \"f\" \"float\" \"fbm\"\nLightSource \
+        Shape \"nurbs\"\nShape \"nurbs\"\nTexture \"f\" \"float\" \"fbm\"\nLightSource \
         \"laser\"\nOption \"bool disablepixeljitter\" true\n\
         ActiveTransform EndTime Translate 1 0 0 ActiveTransform All Shape \"sphere\"\nMaterial \
         \"interface\" Shape \"disk\"\n"), @r#"
     test:1:1: Integrator "mlt": the integrator path was used instead (1x)
-    test:2:1: Camera "realistic": a perspective camera was used instead (1x)
-    test:2:20: "string lensfile" of Camera "realistic" was ignored: the camera has no lenses (1x)
+    test:2:1: Camera "realistic": its lenses cannot be read; a perspective camera was used instead (1x)
     test:4:1: PixelFilter "gaussian" of radius 3: radius 1.5 was used, the only one of this filter (1x)
     test:5:18: "integer speed" of Sampler "halton" is not known; it was ignored (1x)
     test:7:19: there is no coordinate system "nowhere"; the transform was left as it is (1x)
     test:8:1: Material "measured" is not supported; a grey diffuse surface was used instead (1x)
     test:9:20: "float rougness" of Material "diffuse" is not known; it was ignored (2x)
-    test:11:1: Shape "hyperboloid" is not a shape that is known; it was left out (2x)
+    test:11:1: Shape "nurbs" is not a shape that is known; it was left out (2x)
     test:14:1: LightSource "laser" is not known; it was left out (1x)
     test:15:8: "bool disablepixeljitter" of Option was ignored: it is an aid for debugging pbrt (1x)
     test:17:22: surfaces without a material that bound no medium are not seen, and were left out (1x)

@@ -71,6 +71,43 @@ fn parts_of_quadrics_are_made_of_triangles() {
 }
 
 #[test]
+fn a_hyperboloid_is_what_a_segment_sweeps_around_the_z_axis() {
+    let mesh = |text: &str| meshes(&world(&format!("Shape \"hyperboloid\" {text}")))[0].clone();
+    let radius = |p: &Vec3| p.truncate().length();
+    // A twisted segment, whose surface is narrow in the middle.
+    let waist = mesh("\"point p1\" [0.6 0.6 0.6] \"point p2\" [0.6 -0.6 -0.6]");
+    for (p, n) in waist.positions.iter().zip(&waist.normals) {
+        // On x^2 + y^2 - z^2 = 0.36, the normal is along the gradient.
+        assert!((radius(p).powi(2) - p.z * p.z - 0.36).abs() < 1e-5, "{p}");
+        let gradient = Vec3::new(p.x, p.y, -p.z).normalize();
+        assert!((n.dot(gradient).abs() - 1.0).abs() < 1e-5, "{p}: {n}, not {gradient}");
+    }
+    let reach = |mesh: &snell_intersect::TriangleMesh| {
+        let radii: Vec<f32> = mesh.positions.iter().map(radius).collect();
+        [radii.iter().copied().fold(f32::MAX, f32::min), radii.iter().copied().fold(0.0, f32::max)]
+    };
+    let [least, most] = reach(&waist);
+    assert!((least - 0.6).abs() < 1e-4 && (most - 0.72f32.sqrt()).abs() < 1e-5, "{least} {most}");
+    // Where the segment starts, u and v (upwards) are 0.
+    let start = waist.uvs[0].iter().position(|uv| *uv == Vec2::Y).expect("the first corner");
+    assert!((waist.positions[start] - Vec3::splat(0.6)).length() < 1e-6);
+    // pbrt's surface has its waist at z = 0, wherever that of the segment is.
+    let high = mesh("\"point p1\" [-3.2 0.8 0.4] \"point p2\" [-1 -0.5 -1.25]");
+    for p in &high.positions {
+        assert!((2.1399 * radius(p).powi(2) - 1.0719 * p.z * p.z - 1.0).abs() < 1e-3, "{p}");
+    }
+    // A quarter, and a cone whose normals point outwards at its tip too.
+    let quarter = mesh("\"point p1\" [1 0 0] \"point p2\" [1 0 1] \"float phimax\" 90");
+    assert!(quarter.positions.iter().all(|p| p.x > -1e-6 && p.y > -1e-6));
+    assert!((0..quarter.indices.len()).all(|t| {
+        let [a, b, c] = quarter.corners(t);
+        (b - a).cross(c - a).dot((a + b + c) * Vec3::new(1.0, 1.0, 0.0)) > 0.0
+    }));
+    let cone = mesh("\"point p1\" [1 0 -1] \"point p2\" [0 0 1]");
+    assert!(cone.normals.iter().all(|n| n.z > 0.1), "{:?}", cone.normals.last());
+}
+
+#[test]
 fn a_bilinear_patch_is_two_triangles_if_flat_and_more_if_not() {
     let patch =
         |z: f32| world(&format!("Shape \"bilinearmesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0 1 1 {z}]"));

@@ -58,6 +58,46 @@ fn patterns_in_space_lie_where_their_transform_puts_them() {
 }
 
 #[test]
+fn the_inside_of_dots_is_between_them_as_in_pbrt() {
+    let scene = world(
+        "Texture \"t\" \"spectrum\" \"dots\" \"rgb inside\" [1 0 0] \"rgb outside\" [0 0 1]\n\
+            Material \"diffuse\" \"texture reflectance\" \"t\" Shape \"sphere\"",
+    );
+    let Some(snell_scene::texture::Pattern::Dots(dots)) = scene.textures[0].as_pattern() else {
+        panic!("{:?}", scene.textures)
+    };
+    assert_eq!([dots.inside.factor, dots.outside.factor].map(|c| c.r), [0.0, 1.0]);
+}
+
+#[test]
+fn coordinates_are_a_texture() {
+    let at = |text: &str, u: f32, v: f32| {
+        let scene = world(&format!(
+            "Texture \"t\" \"color\" \"uv\" {text}\n\
+                Material \"diffuse\" \"texture reflectance\" \"t\" Shape \"sphere\""
+        ));
+        assert_eq!((scene.images.len(), scene.textures.len()), (1, 1));
+        let set = snell_scene::TextureSet::new(&scene.textures, &scene.images);
+        // Coordinates of the scene have v downwards.
+        let [r, g, b, _] = set.lookup_at(snell_scene::TextureId(0), Vec2::new(u, 1.0 - v), 0.0);
+        [r, g, b]
+    };
+    for (text, u, v, expected) in [
+        ("", 0.25, 0.75, [0.25, 0.75, 0.0]),
+        ("", 0.7, 0.01, [0.7, 0.01, 0.0]),
+        ("\"float uscale\" 4 \"float vdelta\" 0.5", 0.3, 0.75, [0.2, 0.25, 0.0]),
+        ("\"float uscale\" -1", 0.25, 0.5, [0.75, 0.5, 0.0]),
+    ] {
+        let found = at(text, u, v);
+        assert!((0..3).all(|c| (found[c] - expected[c]).abs() < 1e-4), "{text}: {found:?}");
+    }
+    // Two textures share the picture; there is none of numbers.
+    let two = "Texture \"a\" \"color\" \"uv\" Texture \"b\" \"color\" \"uv\" \"float uscale\" 2\n";
+    assert_eq!(world(two).images.len(), 1);
+    assert!(warnings(&format!("{two} Texture \"c\" \"float\" \"uv\"")).contains("is not known"));
+}
+
+#[test]
 fn every_pattern_and_mapping_of_pbrt_is_read() {
     use snell_scene::texture::{Mapping, Pattern};
     let one = |kind: &str, text: &str| {

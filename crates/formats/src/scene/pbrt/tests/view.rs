@@ -65,6 +65,33 @@ fn an_orthographic_camera_is_scaled_by_its_transform() {
 }
 
 #[test]
+fn realistic_cameras_have_the_view_of_their_focal_length() {
+    let folder = tempfile::tempdir().expect("a folder");
+    // A thin lens with the focal length 50 mm.
+    std::fs::write(folder.path().join("a.dat"), "50 0 1.5 20\n-50 50 1 20\n").expect("written");
+    let tan = |film: &str, camera: &str| {
+        let text = format!(
+            "Film \"rgb\" \"integer xresolution\" 400 \"integer yresolution\" 300 {film}\nCamera \
+                \"realistic\" \"string lensfile\" \"a.dat\" {camera}\nWorldBegin"
+        );
+        let scene =
+            testing::read_in(&READER, folder.path(), &text).unwrap_or_else(|e| panic!("{e}"));
+        assert!(scene.warnings[0].message.contains("50.0 mm"), "{:?}", scene.warnings);
+        match scene.cameras[0].projection {
+            Projection::Perspective { tan_half_fov: [None, Some(tan)] } => tan,
+            ref other => panic!("{other:?}"),
+        }
+    };
+    // The film's sides are 0.8 and 0.6 of its diagonal.
+    let far = "\"float focusdistance\" 1e9";
+    assert!((tan("", far) / (0.5 * 35.0 * 0.6 / 50.0) - 1.0).abs() < 1e-6);
+    assert!((tan("\"float diagonal\" 50", far) / 0.3 - 1.0).abs() < 1e-6);
+    // Sharp at twice the focal length, the film is there too.
+    let near = "\"float focusdistance\" 0.1";
+    assert!((tan("\"float diagonal\" 50", near) / 0.15 - 1.0).abs() < 1e-6);
+}
+
+#[test]
 fn options_become_settings() {
     let scene = scene(
         "Film \"rgb\" \"integer xresolution\" 320 \"integer yresolution\" 200 \"float iso\" \
@@ -127,6 +154,15 @@ fn subsurface_scattering_lifts_the_limit_of_bounces() {
     assert_eq!(depth(&text(0, below)), Some(0), "only what emits");
     assert_eq!(depth(&text(5, "\"diffuse\"")), Some(5));
     assert_eq!(depth(&text(5, "\"diffusetransmission\"")), Some(5), "a thin sheet");
+}
+
+#[test]
+fn the_recursive_integrator_of_version_3_has_soft_shadows() {
+    let text = "Integrator \"whitted\" \"integer maxdepth\" 4\nWorldBegin";
+    let settings = scene(text).settings;
+    assert_eq!(settings.integrator.as_deref(), Some("whitted"));
+    assert_eq!((settings.max_depth, settings.shadows.as_deref()), (Some(3), Some("soft")));
+    assert_eq!(warnings(text), "");
 }
 
 #[test]
