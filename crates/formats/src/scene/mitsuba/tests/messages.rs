@@ -3,8 +3,8 @@
 use super::*;
 use crate::{Limits, ReadOptions, read_scene};
 use insta::assert_snapshot;
-use std::fmt::Write;
 use snell_scene::Geometry;
+use std::fmt::Write;
 use std::path::Path;
 
 /// Contents of the scene element of broken files. Each is written to `a.xml` in a folder with some
