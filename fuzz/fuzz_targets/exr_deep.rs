@@ -1,6 +1,6 @@
 //! Whatever the bytes are, reading them as the chunks of an OpenEXR picture with deep samples ends
-//! in finite pixels or in an error. Headers and tables are always whole; the first bytes choose what
-//! they say.
+//! in finite pixels or in an error. Headers and tables are always whole; the first bytes choose
+//! what they say.
 
 #![no_main]
 

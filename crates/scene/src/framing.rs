@@ -37,8 +37,8 @@ pub struct FramingOptions {
     pub up: DVec3,
     /// Size of the picture in pixels, unless the scene's settings have one.
     pub size: [u32; 2],
-    /// True if a scene far from zero may be moved near it. The caller must then have no positions in
-    /// the world but those of the scene.
+    /// True if a scene far from zero may be moved near it. The caller must then have no positions
+    /// in the world but those of the scene.
     pub may_move: bool,
 }
 

@@ -209,7 +209,7 @@ pub const IMAGE_FORMATS: &[ImageFormat] = &[
     ImageFormat {
         name: "dds",
         extensions: &["dds"],
-        description: "DirectDraw surface: display or linear values, plain or compressed (BC1 to BC7)",
+        description: "DirectDraw surface: display or linear, plain or in blocks (BC1 to BC7)",
         recognises: |b| b.starts_with(dds::IDENTIFIER),
         read: Some(dds::read),
         write: None,
@@ -217,7 +217,7 @@ pub const IMAGE_FORMATS: &[ImageFormat] = &[
     ImageFormat {
         name: "ktx2",
         extensions: &["ktx2"],
-        description: "KTX2: plain, BC1 to BC7, ETC2, EAC, ASTC or Basis Universal; the largest level",
+        description: "KTX2: plain, BC1 to BC7, ETC2, EAC, ASTC, Basis Universal; the largest level",
         recognises: |b| b.starts_with(ktx2::IDENTIFIER),
         read: Some(ktx2::read),
         write: None,

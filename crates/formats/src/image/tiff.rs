@@ -1,6 +1,6 @@
 //! TIFF pictures that the crate `image` does not know: with a palette, of one channel of floats, of
-//! half floats, and of whole numbers of 32 bits. The crate `tiff`, on which `image` is built, decodes
-//! their samples.
+//! half floats, and of whole numbers of 32 bits. The crate `tiff`, on which `image` is built,
+//! decodes their samples.
 
 use super::picture::check_size;
 use super::raster;

@@ -6,9 +6,9 @@
 //! Facet normals are ignored; equal positions become one vertex.
 //!
 //! Colours of binary files are in the attribute of each facet, five bits a channel. Magics writes
-//! `COLOR=` and a colour into the header; there the facet's own colour holds if bit 15 is 0, and red
-//! is in the lowest bits. VisCAM and SolidView set bit 15 of facets with a colour, and blue is in
-//! the lowest bits.
+//! `COLOR=` and a colour into the header; there the facet's own colour holds if bit 15 is 0, and
+//! red is in the lowest bits. VisCAM and SolidView set bit 15 of facets with a colour, and blue is
+//! in the lowest bits.
 
 use super::colors;
 use super::normals;

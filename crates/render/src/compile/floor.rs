@@ -47,9 +47,9 @@ impl Floor {
         })
     }
 
-    /// Rays from the point where a camera ray meets the floor towards the environment, in directions
-    /// sampled in proportion to the light that the floor receives. `None` if the camera ray does
-    /// not meet the floor from above, or only far from the scene.
+    /// Rays from the point where a camera ray meets the floor towards the environment, in
+    /// directions sampled in proportion to the light that the floor receives. `None` if the camera
+    /// ray does not meet the floor from above, or only far from the scene.
     pub fn light_rays(&self, ray: &Ray, u: Vec2) -> Option<[Ray; LIGHT_RAYS]> {
         let (above, slope) = (ray.origin.dot(self.up) - self.height, ray.direction.dot(self.up));
         if above <= 0.0 || slope >= 0.0 {
@@ -146,8 +146,8 @@ mod tests {
             assert!((found / full - (1.0 - blocked)).abs() < 0.01, "{shadow:?}, {blocked}");
         }
         assert!(shadow[3] == 1.0 && depth == 0.0, "the floor is no surface: {depth}");
-        // Where nothing is in the way of the light there is no noise, and above the horizon there is
-        // no floor.
+        // Where nothing is in the way of the light there is no noise, and above the horizon there
+        // is no floor.
         for point in [Vec3::new(-300.0, 0.0, 0.0), Vec3::new(0.0, 50.0, 0.0)] {
             let (lit, _) = seen(&scene, eye, point);
             let is_full = lit.iter().zip([0.2, 0.4, 0.8]).all(|(a, b)| (a - b).abs() < 1e-5);

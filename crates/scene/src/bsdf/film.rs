@@ -140,10 +140,10 @@ fn polarisations(cos: f32, cos_film: f32, ior: f32, base_f0: f32) -> [Series; 2]
     })
 }
 
-/// The mean of `cos(2 pi way / lambda + phase)` over the sensitivity of red, green and blue, for one
-/// way. It is the Fourier transform of the colour-matching functions, fitted by Gaussians in the
-/// wave number (Belcour and Barla, supplemental material), in linear Rec. 709 and scaled to the same
-/// white in each channel.
+/// The mean of `cos(2 pi way / lambda + phase)` over the sensitivity of red, green and blue, for
+/// one way. It is the Fourier transform of the colour-matching functions, fitted by Gaussians in
+/// the wave number (Belcour and Barla, supplemental material), in linear Rec. 709 and scaled to the
+/// same white in each channel.
 struct ChannelWaves {
     /// Height and angle of the Gaussians, two of X, then those of Y and Z.
     gaussians: [(f32, f32); 4],

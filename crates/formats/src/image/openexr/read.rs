@@ -347,7 +347,8 @@ impl Target {
             |header: &Header| header.own_attributes.environment_map == Some(EnvironmentMap::Cube);
         if meta.headers.iter().any(is_cube) {
             input.note(format!(
-                "{}: the picture is a cube map, six faces one below the other; it is taken as it is",
+                "{}: the picture is a cube map, six faces one below the other; it is taken as \
+                    it is",
                 input.name
             ));
         }
@@ -621,8 +622,8 @@ fn name_layers(headers: &[Header]) -> (Vec<Layer>, Vec<Vec<Option<Slot>>>, Strin
 /// The most names of layers that a note has.
 const MOST_NAMES: usize = 12;
 
-/// Which of several parts or layers is the picture, in words, if that is a choice: the layer without
-/// a name of a file with one part is the picture by custom.
+/// Which of several parts or layers is the picture, in words, if that is a choice: the layer
+/// without a name of a file with one part is the picture by custom.
 fn choice(picture: &str, layers: &[Layer], parts: usize) -> Option<String> {
     let others = &layers[1..];
     if others.is_empty() || (picture.is_empty() && parts == 1) {

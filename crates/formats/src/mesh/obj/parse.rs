@@ -194,8 +194,8 @@ impl Parser<'_> {
         })
     }
 
-    /// The numbers up to the end of the line, at most eight, and their count. `origin` is subtracted
-    /// from the first three.
+    /// The numbers up to the end of the line, at most eight, and their count. `origin` is
+    /// subtracted from the first three.
     fn numbers(
         &mut self,
         least: usize,

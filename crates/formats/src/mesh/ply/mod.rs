@@ -1,14 +1,14 @@
 //! Stanford PLY, text and binary of both byte orders.
 //!
-//! Elements and properties may come in any order; unknown ones are skipped. Used are `vertex` (`x y
-//! z`, `nx ny nz`, texture coordinates `u v`, `s t` or `texture_u texture_v`, colours `red green
-//! blue alpha`), `face` with a list `vertex_indices` or `vertex_index`, and `tristrips` with a list
-//! of one of these names. A list `texcoord` of a face has the texture coordinates of its corners;
-//! `comment TextureFile` names a picture, and `texnumber` of a face chooses one of several. The
-//! words of the header may be in any case. Colours of integer types are sRGB (as scanners and
-//! editors write them), those of floating-point types linear unless they go to 255. Colours of faces
-//! are read where vertices have none; normals of faces are ignored, but scene formats may ask for
-//! any attribute (`attribute.rs`).
+//! Elements and properties may come in any order; unknown ones are skipped. Used are `vertex`
+//! (`x y z`, `nx ny nz`, texture coordinates `u v`, `s t` or `texture_u texture_v`, colours
+//! `red green blue alpha`), `face` with a list `vertex_indices` or `vertex_index`, and `tristrips`
+//! with a list of one of these names. A list `texcoord` of a face has the texture coordinates of
+//! its corners; `comment TextureFile` names a picture, and `texnumber` of a face chooses one of
+//! several. The words of the header may be in any case. Colours of integer types are sRGB (as
+//! scanners and editors write them), those of floating-point types linear unless they go to 255.
+//! Colours of faces are read where vertices have none; normals of faces are ignored, but scene
+//! formats may ask for any attribute (`attribute.rs`).
 //!
 //! `header.rs` reads the declarations, `body.rs` the values, and `uniform.rs` the values of common
 //! binary files on all cores.
@@ -84,8 +84,8 @@ fn add_pictures(input: &Input, names: &[String], scene: &mut Scene) {
     };
     if let (false, [first, _, ..]) = (chooses, names) {
         scene.warn(format!(
-            "{}: it names {} pictures, but no \"texnumber\" of the faces chooses one; \"{first}\" is \
-                shown on all",
+            "{}: it names {} pictures, but no \"texnumber\" of the faces chooses one; \"{first}\" \
+                is shown on all",
             input.name,
             names.len()
         ));

@@ -43,7 +43,8 @@ fn ply_files_have_colours_of_faces_where_vertices_have_none() {
         format!(
             "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty \
              float z\n{vertex}element face 2\nproperty list uchar int vertex_indices\nproperty \
-             {value} red\nproperty {value} green\nproperty {value} blue\nend_header\n{corners}{faces}"
+             {value} red\nproperty {value} green\nproperty {value} \
+                 blue\nend_header\n{corners}{faces}"
         )
     };
     let faces = "3 0 1 2 255 0 0\n3 0 2 3 0 0 255\n";

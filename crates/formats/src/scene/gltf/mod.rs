@@ -1,5 +1,5 @@
-//! glTF 2.0: `.gltf` (JSON beside its buffers and images) and `.glb` (all in one file). Documents of
-//! glTF 1.0 are converted first (`version1.rs`).
+//! glTF 2.0: `.gltf` (JSON beside its buffers and images) and `.glb` (all in one file). Documents
+//! of glTF 1.0 are converted first (`version1.rs`).
 //!
 //! The document is read as plain JSON through `json::Json`, which knows its path and so can report
 //! where a file is wrong. A file that violates the standard in a way that would change the picture

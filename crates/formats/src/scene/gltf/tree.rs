@@ -135,7 +135,8 @@ impl Trees<'_> {
                 add(
                     &mut self.warnings,
                     format!(
-                        "/nodes/{child} is below itself; it is not shown again below /nodes/{parent}"
+                        "/nodes/{child} is below itself; it is not shown again below \
+                            /nodes/{parent}"
                     ),
                 );
                 continue;

@@ -93,8 +93,8 @@ pub fn home_among<'a>(
     included.iter().find(|folder| folder.has_file(name)).unwrap_or(first)
 }
 
-/// The error for a file that cannot be opened. It may lie in one of the folders of `<path>` elements
-/// that were refused.
+/// The error for a file that cannot be opened. It may lie in one of the folders of `<path>`
+/// elements that were refused.
 pub fn missing(at: Spot, problem: String, remedy: String, refused: &[String]) -> Fault {
     if refused.is_empty() || remedy == CONFINED {
         return Fault::new(at, problem, remedy);

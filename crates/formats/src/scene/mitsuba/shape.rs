@@ -40,8 +40,8 @@ pub struct Shapes {
     materials: HashMap<(Option<*const Object>, String), Vec<MaterialId>>,
 }
 
-/// The faces of a mesh that have one of several BSDFs. Mitsuba 0.6 gives each BSDF of an OBJ mesh to
-/// the faces whose material (`usemtl`) has its name.
+/// The faces of a mesh that have one of several BSDFs. Mitsuba 0.6 gives each BSDF of an OBJ mesh
+/// to the faces whose material (`usemtl`) has its name.
 #[derive(Clone, Debug, Default, PartialEq)]
 enum Part {
     /// All faces: the usual case.

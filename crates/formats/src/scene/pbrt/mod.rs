@@ -147,9 +147,9 @@ impl Builder<'_> {
             });
         } else if !self.in_world {
             self.note("no world", start, || {
-                "there is no WorldBegin, without which pbrt stops: everything in the file was taken as \
-                the world, and its places are relative to the camera; write WorldBegin after the \
-                options"
+                "there is no WorldBegin, without which pbrt stops: everything in the file was \
+                taken as the world, and its places are relative to the camera; write WorldBegin \
+                after the options"
                     .into()
             });
         }

@@ -289,8 +289,8 @@ impl Builder<'_> {
         })
     }
 
-    /// The coordinates (s, t) as red and green, repeated (`UVTexture` of pbrt-v3): a picture of them
-    /// that is interpolated.
+    /// The coordinates (s, t) as red and green, repeated (`UVTexture` of pbrt-v3): a picture of
+    /// them that is interpolated.
     fn coordinates(&mut self, params: &Params) -> Result<Rc<Pattern>, Fault> {
         const SIDE: u32 = 256;
         let at = |texel: u32| (texel as f32 + 0.5) / SIDE as f32;

@@ -226,8 +226,8 @@ impl File<'_, '_> {
         }
     }
 
-    /// The metal and the roughness of a conductor, whose parameters begin with `prefix`. pbrt has no
-    /// tint of the reflection: with one the metal has a colour instead of its table.
+    /// The metal and the roughness of a conductor, whose parameters begin with `prefix`. pbrt has
+    /// no tint of the reflection: with one the metal has a colour instead of its table.
     fn conductor(&mut self, prefix: &str, conductor: &Conductor, who: &str) -> String {
         let tint = conductor.tint;
         let metal = if tint == Rgb::WHITE.into() {

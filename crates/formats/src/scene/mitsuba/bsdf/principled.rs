@@ -43,8 +43,8 @@ fn index_of_one_face(ior: f32) -> f32 {
 }
 
 /// A surface that is clear in part. From inside, the principled model lets through only this part
-/// of the light, and absorbs the rest; OpenPBR lets through all. So the clear part is a layer of its
-/// own on one that is black from inside: it lets almost nothing in, but has an inside.
+/// of the light, and absorbs the rest; OpenPBR lets through all. So the clear part is a layer of
+/// its own on one that is black from inside: it lets almost nothing in, but has an inside.
 fn partly_clear(kind: OpenPbr) -> Look {
     let (clear, metal) = (kind.transmission_weight, kind.base_metalness);
     let is_part = clear.texture.is_some() || (clear.factor > 0.0 && clear.factor < 1.0);

@@ -222,8 +222,9 @@ fn bsdfs_of_an_obj_mesh_are_those_of_the_faces_of_their_names() {
     let corners = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";
     let faces = "usemtl wood\nf 1 2 3\nusemtl metal\nf 1 3 4\nf 1 2 4\nusemtl glass\nf 2 3 4\n";
     std::fs::write(folder.path().join("a.obj"), corners.to_owned() + faces).expect("written");
-    let text = "<scene version=\"0.6.0\"><bsdf type=\"diffuse\" id=\"x\"/><shape type=\"obj\"><string \
-        name=\"filename\" value=\"a.obj\"/><bsdf type=\"twosided\" name=\"wood\"><bsdf \
+    let text = "<scene version=\"0.6.0\"><bsdf type=\"diffuse\" id=\"x\"/><shape \
+        type=\"obj\"><string name=\"filename\" value=\"a.obj\"/>\
+        <bsdf type=\"twosided\" name=\"wood\"><bsdf \
         type=\"plastic\"/></bsdf><ref name=\"metal\" id=\"x\"/></shape></scene>";
     let scene = crate::read_scene_bytes(
         "a.xml",

@@ -1,5 +1,5 @@
-//! Quadrics: whole spheres, cylinders and disks become analytic shapes, parts of them and the others
-//! triangles.
+//! Quadrics: whole spheres, cylinders and disks become analytic shapes, parts of them and the
+//! others triangles.
 
 use super::super::Builder;
 use super::super::options::is_kind;
