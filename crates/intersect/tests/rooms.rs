@@ -9,7 +9,7 @@ const ROOMS: [(&str, &str); 15] = [
     ("prefetch", ""),
     ("mesh", ""),
     ("shape", "mesh"),
-    ("hit", ""),
+    ("hit", "mesh"),
     ("geometry", "prefetch shape mesh hit"),
     ("precision", "prefetch mesh hit geometry"),
     ("search", "prefetch hit precision"),

@@ -94,8 +94,8 @@ fn a_wrong_value_says_what_is_expected() {
     ");
     insta::assert_snapshot!(failure(&place, "render --background blue"), @"
     2
-    error: --background blue: expected environment, transparent (or none), white, black, #rrggbb \
-    or r,g,b
+    error: --background blue: expected environment, studio, transparent (or none), white, \
+    black, #rrggbb or r,g,b
     ");
     insta::assert_snapshot!(failure(&place, "render --environment nan,0,0"), @"
     2
@@ -139,7 +139,7 @@ fn a_broken_file_names_place_problem_and_remedy() {
     let files: [(&str, &[u8]); 17] = [
         ("syntax.gltf", br#"{"asset": {"version": "2.0"}, "#),
         ("range.gltf", br#"{"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [7]}]}"#),
-        ("version.gltf", br#"{"asset": {"version": "1.0"}}"#),
+        ("version.gltf", br#"{"asset": {"version": "3.0"}}"#),
         ("required.gltf", br#"{"asset": {"version": "2.0"}, "extensionsRequired": ["EXT_unheard_of"], "extensionsUsed": ["EXT_unheard_of"], "meshes": [{"extensions": {"EXT_unheard_of": {}}}]}"#),
         ("buffer.gltf", br#"{"asset": {"version": "2.0"}, "buffers": [{"byteLength": 4, "uri": "missing.bin"}], "bufferViews": [{"buffer": 0, "byteLength": 4}], "accessors": [{"bufferView": 0, "componentType": 5126, "count": 1, "type": "VEC3"}], "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}], "nodes": [{"mesh": 0}], "scenes": [{"nodes": [0]}], "scene": 0}"#),
         ("cut.glb", b"glTF\x02\0\0\0\xff\0\0\0"),
@@ -167,7 +167,7 @@ fn a_broken_file_names_place_problem_and_remedy() {
     insta::assert_snapshot!(found, @r#"
     1 error: syntax.gltf:1:30: not valid JSON: EOF while parsing a value; export the file again, or check it with the glTF validator
     1 error: range.gltf:1:65: at /scenes/0/nodes/0: it refers to number 7 of "nodes", but there are 0; export the file again, or check it with the glTF validator
-    1 error: version.gltf:1:23: at /asset/version: this is glTF "1.0", expected 2.0; convert it to glTF 2.0, for example with gltf-pipeline or Blender
+    1 error: version.gltf:1:23: at /asset/version: this is glTF "3.0", expected 2.0; convert it to glTF 2.0, for example with gltf-pipeline or Blender
     1 error: required.gltf:1:54: at /extensionsRequired/0: the file requires the extension EXT_unheard_of for its geometry, and Snell does not support it; export the file again without this extension, or as optional
     1 error: buffer.gltf:1:148: at /accessors/0: 1 elements of 12 bytes, 12 bytes apart, from byte 0 do not fit into the 4 bytes of the buffer view; export the file again, or check it with the glTF validator
     1 error: cut.glb: at byte 8: the header promises 255 bytes, but the file has 12; the file is cut off: copy or export it again

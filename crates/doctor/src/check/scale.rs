@@ -1,6 +1,7 @@
 //! Implausible sizes.
 
 use crate::{Report, Severity, Subject};
+use snell_math::Bounds3d;
 use snell_scene::Projection;
 
 /// Single precision has about this many steps per unit of size that a surface needs to look smooth.
@@ -25,28 +26,41 @@ pub fn scale(subject: &Subject, report: &mut Report) {
     views(subject, size, report);
 }
 
-/// Meshes so far from their own origin that their coordinates are imprecise.
+/// Surfaces so far from zero that coordinates in single precision do not hold their shape: meshes
+/// from their own origin, and all in the world, where rays are.
 fn precision(subject: &Subject, report: &mut Report) {
+    let is_coarse = |bounds: &Bounds3d| {
+        let (size, far) = (bounds.size().max_element(), distance(bounds));
+        bounds.is_finite() && size > 0.0 && far * f64::from(f32::EPSILON) * STEPS > size
+    };
     for body in &subject.bodies {
-        let bounds = body.mesh.bounds();
-        if bounds.is_empty() {
-            continue;
-        }
-        let size = f64::from(bounds.size().max_element());
-        let far = f64::from(bounds.min.abs().max(bounds.max.abs()).max_element());
-        if size > 0.0 && far * f64::from(f32::EPSILON) * STEPS > size {
+        let bounds = Bounds3d::from(body.mesh.bounds());
+        if !bounds.is_empty() && is_coarse(&bounds) {
             let message = format!(
-                "a mesh of {size:.2e} units at {far:.2e} units from its origin: its coordinates \
-                    have less than {STEPS} steps"
+                "a mesh of {:.2e} units at {:.2e} units from its origin: its coordinates have less \
+                    than {STEPS} steps",
+                bounds.size().max_element(),
+                distance(&bounds)
             );
-            report.add(
-                Severity::Warning,
-                subject.body_name(body),
-                message,
-                "move the mesh to the origin and place it by a transform",
-            );
+            let remedy = "move the mesh to the origin and place it by a transform";
+            report.add(Severity::Warning, subject.body_name(body), message, remedy);
         }
     }
+    let scene = subject.finite_bounds();
+    if is_coarse(&scene) {
+        let message = format!(
+            "a scene of {:.2e} units at {:.2e} units from zero: the coordinates of rays have less \
+                than {STEPS} steps",
+            scene.size().max_element(),
+            distance(&scene)
+        );
+        report.add(Severity::Warning, "", message, "move the scene near zero");
+    }
+}
+
+/// The largest coordinate of a box.
+fn distance(bounds: &Bounds3d) -> f64 {
+    bounds.min.abs().max(bounds.max.abs()).max_element()
 }
 
 /// Transforms that scale one direction a thousand times more than another.

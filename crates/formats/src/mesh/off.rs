@@ -72,8 +72,9 @@ impl Written {
     }
 }
 
-/// The colour in the words up to the end of the line, of which there are three or four numbers.
-fn color(reader: &mut Reader) -> Option<([f32; 4], bool)> {
+/// The colour in the words up to the end of the line, of which there are three or four numbers,
+/// and after them `followers` numbers of something else.
+fn color(reader: &mut Reader, followers: usize) -> Option<([f32; 4], bool)> {
     // Without its own value alpha is the largest.
     let (mut color, mut count, mut is_whole) = ([f32::MAX; 4], 0, true);
     while let Some(word) = reader.text.word() {
@@ -84,6 +85,8 @@ fn color(reader: &mut Reader) -> Option<([f32; 4], bool)> {
         }
         count += 1;
     }
+    let count = count.checked_sub(followers)?;
+    color.iter_mut().skip(count).for_each(|channel| *channel = f32::MAX);
     (3..=4).contains(&count).then_some((color, is_whole))
 }
 
@@ -91,6 +94,8 @@ fn color(reader: &mut Reader) -> Option<([f32; 4], bool)> {
 struct Header<'a> {
     normals: bool,
     colors: bool,
+    /// True if lines of vertices end with two texture coordinates.
+    coordinates: bool,
     /// True if there are more than three dimensions, which is not supported.
     dimensions: bool,
     /// Text that touches the keyword.
@@ -105,7 +110,8 @@ impl<'a> Header<'a> {
             prefix.iter().all(|b| b"STCN4n".contains(b)) && rest.iter().all(u8::is_ascii_digit);
         let dimensions = prefix.contains(&b'4') || prefix.contains(&b'n');
         let (normals, colors) = (prefix.contains(&b'N'), prefix.contains(&b'C'));
-        known.then_some(Self { normals, colors, dimensions, rest })
+        let coordinates = prefix.starts_with(b"ST");
+        known.then_some(Self { normals, colors, coordinates, dimensions, rest })
     }
 }
 
@@ -136,6 +142,7 @@ fn parse_colored(input: &Input, notes: &mut Notes) -> Result<(TriangleMesh, Colo
 struct Attributes {
     normals: bool,
     colors: bool,
+    coordinates: bool,
 }
 
 /// Reads the keyword, if there is one.
@@ -163,7 +170,8 @@ fn skip_header(reader: &mut Reader) -> Result<Attributes, ReadError> {
             "export it as text, or as PLY",
         ));
     }
-    Ok(Attributes { normals: header.normals, colors: header.colors })
+    let Header { normals, colors, coordinates, .. } = header;
+    Ok(Attributes { normals, colors, coordinates })
 }
 
 fn read_vertices(
@@ -203,7 +211,7 @@ fn read_vertices(
             mesh.normals.push(n);
         }
         if attributes.colors {
-            colors.0.push(color(reader));
+            colors.0.push(color(reader, if attributes.coordinates { 2 } else { 0 }));
         }
         reader.text.next_line();
     }
@@ -248,7 +256,7 @@ fn read_faces(
             });
         }
         super::push_polygon(reader.input, || reader.here(), mesh, &face, &mut triangulator)?;
-        colors.0.resize(mesh.indices.len(), color(reader));
+        colors.0.resize(mesh.indices.len(), color(reader, 0));
         reader.text.next_line();
     }
     Ok(())

@@ -9,6 +9,9 @@ use std::sync::Arc;
 /// The size of the picture that stands for the light of a constant environment.
 const CONSTANT_SIZE: [u32; 2] = [128, 64];
 
+/// The largest picture of the light on a floor; that of the environment may be larger.
+const MOST_SIZE: [u32; 2] = [1024, 512];
+
 /// The number of light rays of a sample: few scenes cost more per ray, and shadows are less noisy
 /// than surfaces then.
 pub(crate) const LIGHT_RAYS: usize = 4;
@@ -74,17 +77,30 @@ fn received(environment: &Environment, up: DVec3) -> Environment {
             (Some(image), *scale, world_from_environment.matrix3)
         }
     };
-    let [width, height] = picture.map_or(CONSTANT_SIZE, |picture| [picture.width, picture.height]);
+    let [columns, rows] = picture.map_or(CONSTANT_SIZE, |picture| [picture.width, picture.height]);
+    let [width, height] = [columns.min(MOST_SIZE[0]), rows.min(MOST_SIZE[1])];
+    let along = |i: u32, cells: u32, pixels: u32| {
+        let at = |i: u32| (u64::from(i) * u64::from(pixels) / u64::from(cells)) as u32;
+        at(i)..at(i + 1)
+    };
     let mut values = Vec::with_capacity(width as usize * height as usize * 3);
-    for y in 0..height {
-        let (sin, cos) = (PI * (f64::from(y) + 0.5) / f64::from(height)).sin_cos();
-        for x in 0..width {
-            let (s, c) = ((f64::from(x) + 0.5) / f64::from(width) * 2.0 * PI - PI).sin_cos();
-            let direction = placement * DVec3::new(sin * s, cos, -sin * c);
-            let cosine = direction.normalize_or_zero().dot(up).max(0.0) as f32;
-            let [r, g, b, _] = picture.map_or([1.0; 4], |picture| picture.rgba(x, y));
-            values.extend([r, g, b].map(|value| value * cosine));
+    for (row, column) in (0..height).flat_map(|row| (0..width).map(move |column| (row, column))) {
+        // The mean over the pixels of a cell, with the cosine of each.
+        let (mut sum, mut count) = ([0.0; 3], 0.0);
+        for y in along(row, height, rows) {
+            let (sin, cos) = (PI * (f64::from(y) + 0.5) / f64::from(rows)).sin_cos();
+            for x in along(column, width, columns) {
+                let (s, c) = ((f64::from(x) + 0.5) / f64::from(columns) * 2.0 * PI - PI).sin_cos();
+                let direction = placement * DVec3::new(sin * s, cos, -sin * c);
+                let cosine = direction.normalize_or_zero().dot(up).max(0.0) as f32;
+                let [r, g, b, _] = picture.map_or([1.0; 4], |picture| picture.rgba(x, y));
+                for (sum, value) in sum.iter_mut().zip([r, g, b]) {
+                    *sum += value * cosine;
+                }
+                count += 1.0;
+            }
         }
+        values.extend(sum.map(|sum| sum / count));
     }
     Environment::Image {
         image: Arc::new(Image::from_f32(width, height, 3, values)),

@@ -32,10 +32,11 @@ pub fn exposure_hint(picture: &Layer, exposure: f64) -> Option<String> {
             something; `snell doctor` may say why, and --environment sky adds light";
         return Some(hint.into());
     }
-    if most_are(dark) {
+    let helps = |up: bool| stops.is_finite() && (stops > exposure) == up && stops != exposure;
+    if most_are(dark) && helps(true) {
         return Some(format!("nearly all of the picture is black; --exposure {stops} shows more"));
     }
-    let is_white = most_are(bright) && stops < exposure;
+    let is_white = most_are(bright) && helps(false);
     is_white.then(|| format!("nearly all of the picture is white; --exposure {stops} shows more"))
 }
 
@@ -57,6 +58,9 @@ mod tests {
         assert_eq!(hint(&[1e-3, 0.0, 0.0, 0.0, 0.0, 0.0], 3, 9.0), "");
         assert!(hint(&[50.0; 12], 3, 0.0).contains("white; --exposure -7 "));
         assert_eq!(hint(&[1.0; 12], 3, 0.0), "", "a furnace");
+        let mut spark = vec![0.0; 3_000_000];
+        spark[0] = 1e7;
+        assert_eq!(hint(&spark, 3, 0.0), "", "less light would not show more");
         assert_eq!(hint(&[0.0; 8], 4, 0.0), "", "nothing in front of nothing");
         assert_eq!(hint(&[0.4, 0.4, 0.4, 1.0, 0.0, 0.0, 0.0, 0.0], 4, 0.0), "");
     }

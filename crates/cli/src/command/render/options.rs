@@ -146,8 +146,8 @@ pub struct Options {
     /// 16-bit instead of 32-bit channels in OpenEXR
     #[arg(long, help_heading = "The picture")]
     pub half: bool,
-    /// Background seen by the camera: environment, transparent (or none), white, black, #rrggbb or
-    /// r,g,b
+    /// Background seen by the camera: environment, studio (grey, with a shadow on a floor),
+    /// transparent (or none), white, black, #rrggbb or r,g,b
     #[arg(long, value_name = "COLOR", help_heading = "What is rendered")]
     pub background: Option<String>,
     /// Light from all around: a latitude-longitude picture (.hdr, .exr), sky (a studio),

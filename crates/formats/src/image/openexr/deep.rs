@@ -48,6 +48,8 @@ pub fn chunks<'a>(
 ) -> Result<Vec<Stored<'a>>, String> {
     let mut at = tables(bytes).ok_or("its header is cut off")?;
     let mut chunks = Vec::new();
+    // Chunks that share their bytes must not be copied any number of times.
+    let mut left = bytes.len();
     for (part, header) in meta.headers.iter().enumerate() {
         let table = (header.chunk_count.checked_mul(8))
             .and_then(|length| bytes.get(at..at.checked_add(length)?))
@@ -60,8 +62,8 @@ pub fn chunks<'a>(
             let Some(bounds) = bounds(header, index) else { break };
             let rest = usize::try_from(u64::from_le_bytes(*offset)).ok();
             let rest = rest.and_then(|offset| bytes.get(offset..)).filter(|rest| !rest.is_empty());
-            let chunk =
-                rest.and_then(|rest| chunk(rest, is_multipart(bytes), part, header, bounds));
+            let chunk = rest
+                .and_then(|rest| chunk(rest, &mut left, is_multipart(bytes), part, header, bounds));
             chunks.push(chunk.ok_or("a chunk is cut off or not where it should be")?);
         }
     }
@@ -107,9 +109,10 @@ fn bounds(header: &Header, index: usize) -> Option<IntegerBounds> {
     (size.1 > 0).then_some(IntegerBounds { position, size })
 }
 
-/// Reads a chunk, which must be that of these pixels.
+/// Reads a chunk, which must be that of these pixels. Bytes that are copied are taken off `left`.
 fn chunk<'a>(
     bytes: &'a [u8],
+    left: &mut usize,
     has_part: bool,
     part: usize,
     header: &Header,
@@ -138,6 +141,7 @@ fn chunk<'a>(
     };
     if !header.deep {
         let length = usize::try_from(word()?).ok()?;
+        *left = left.checked_sub(length)?;
         let compressed_pixels_le = rest.get(..length)?.to_vec();
         let compressed_block = match place {
             None => CompressedBlock::ScanLine(CompressedScanLineBlock {

@@ -278,8 +278,14 @@ pub fn read(
         }
     }
     source.finish(notes);
-    if has_float_colors(header) && colors::are_bytes(&mesh.colors) {
-        colors::to_linear(&mut mesh.colors);
+    let mut are_bytes = false;
+    for (element, colors) in [("vertex", &mut mesh.colors), ("face", &mut faces.colors)] {
+        if has_float_colors(header, element) && colors::are_bytes(colors) {
+            colors::to_linear(colors);
+            are_bytes = true;
+        }
+    }
+    if are_bytes {
         notes.add("float bytes", || {
             format!(
                 "{}: colours of a floating-point type go to 255; they were taken as sRGB bytes",
@@ -304,11 +310,11 @@ impl Header {
 }
 
 /// True if the colours of vertices have a floating-point type.
-fn has_float_colors(header: &Header) -> bool {
+fn has_float_colors(header: &Header, element: &str) -> bool {
     header
         .elements
         .iter()
-        .filter(|e| e.name == "vertex")
+        .filter(|e| e.name == element)
         .flat_map(|e| &e.properties)
         .any(|p| matches!(Role::of(p), Role::Color(0..=2)) && !p.value.is_integer())
 }

@@ -25,6 +25,7 @@ fn off_files_have_colours_of_vertices_and_faces() {
     for file in [
         "COFF\n3 1 0\n0 0 0 255 0 0 255\n1 0 0 255 0 0 255\n1 1 0 255 0 0 255\n3 0 1 2\n",
         "COFF 3 1 0\n0 0 0 1.0 0 0\n1 0 0 1.0 0 0 # red\n1 1 0 1 0 0 1\n3 0 1 2\n",
+        "STCOFF 3 1 0\n0 0 0 255 0 0 .5 1\n1 0 0 255 0 0 0 0\n1 1 0 255 0 0 1 1\n3 0 1 2\n",
         "NCOFF 3 1 0\n0 0 0 0 0 1 255 0 0\n1 0 0 0 0 1 255 0 0\n1 1 0 0 0 1 255 0 0\n3 0 1 2\n",
     ] {
         assert_eq!(painted(&scene("a.off", file)), [[RED; 3]], "{file}");
@@ -49,6 +50,7 @@ fn ply_files_have_colours_of_faces_where_vertices_have_none() {
     };
     let faces = "3 0 1 2 255 0 0\n3 0 2 3 0 0 255\n";
     assert_eq!(painted(&scene("a.ply", file("", CORNERS, "uchar", faces))), [[RED; 3], [BLUE; 3]]);
+    assert_eq!(painted(&scene("a.ply", file("", CORNERS, "float", faces))), [[RED; 3], [BLUE; 3]]);
     let quads = "4 0 1 2 3 255 0 0\n3 0 2 3 0 0 255\n";
     let quads = scene("a.ply", file("", CORNERS, "uchar", quads));
     assert_eq!(painted(&quads), [[RED; 3], [RED; 3], [BLUE; 3]]);

@@ -200,11 +200,13 @@ impl<'a> Converter<'a> {
         let stride = accessor.remove("byteStride").as_ref().and_then(Value::as_u64).unwrap_or(0);
         let view = size(accessor, "bufferView").and_then(|i| self.views.get(i as usize));
         let Some(Value::Object(view)) = view.filter(|_| stride > 0) else { return };
-        let (mut view, start) = (view.clone(), size(accessor, "byteOffset").unwrap_or(0));
-        let offset = size(&view, "byteOffset").unwrap_or(0);
-        let Some(length) = size(&view, "byteLength").and_then(|l| l.checked_sub(start)) else {
+        let (start, offset) = (size(accessor, "byteOffset"), size(view, "byteOffset"));
+        let (start, offset) = (start.unwrap_or(0), offset.unwrap_or(0));
+        let Some(length) = size(view, "byteLength").and_then(|l| l.checked_sub(start)) else {
             return;
         };
+        let buffer = view.get("buffer").filter(|buffer| buffer.is_u64()).cloned();
+        let mut view: Object = buffer.map(|buffer| ("buffer".into(), buffer)).into_iter().collect();
         view.insert("byteOffset".into(), offset.saturating_add(start).into());
         view.insert("byteLength".into(), length.into());
         view.insert("byteStride".into(), stride.into());

@@ -186,8 +186,6 @@ impl Builder<'_> {
     ) -> Option<Slide> {
         let key = format!("{texture:?} {beam} {cutoff}");
         let picture = self.scene.images[texture.image.index()].clone();
-        let texture = ImageTexture { image: ImageId(0), ..texture.clone() };
-        let textures = TextureSet::new(&[texture.into()], std::slice::from_ref(&picture));
         let side = picture.width.max(picture.height).clamp(256, 1024);
         // Each light has a copy, so this is charged for each.
         let bytes = 36 * u64::from(side).pow(2);
@@ -200,6 +198,8 @@ impl Builder<'_> {
         if let Some(known) = self.slides.get(&key) {
             return Some(known.clone());
         }
+        let texture = ImageTexture { image: ImageId(0), ..texture.clone() };
+        let textures = TextureSet::new(&[texture.into()], std::slice::from_ref(&picture));
         let half = cutoff.tan();
         let place = |i: u32| 1.0 - 2.0 * (f64::from(i) + 0.5) / f64::from(side);
         let mut values = Vec::with_capacity((side * side * 3) as usize);

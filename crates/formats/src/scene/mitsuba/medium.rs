@@ -48,6 +48,14 @@ impl Volume {
         }
     }
 
+    /// The memory of the values and of the grid that is made of them.
+    fn bytes(&self) -> u64 {
+        match self {
+            Self::Constant(_) => 0,
+            Self::Grid(file, _) => 8 * file.values.len() as u64,
+        }
+    }
+
     /// True if the values are per cell of a grid.
     fn has_cells_of(&self, file: &VolumeFile) -> bool {
         match self {
@@ -223,6 +231,9 @@ impl Builder<'_> {
             _ => None,
         };
         let (albedo, emission) = (albedo.in_box(place, cells), emission.in_box(place, cells));
+        for volume in [&albedo, &emission] {
+            self.main.charge(volume.bytes(), "the grids of a medium")?;
+        }
         let scattering = |a: f32| a.clamp(0.0, 1.0);
         let absorption = |a: f32| 1.0 - a.clamp(0.0, 1.0);
         let whole = ScalarGrid::new([1; 3], vec![1.0]);
@@ -426,7 +437,10 @@ impl VolumeFile {
         let taps = [0, 1, 2].map(|axis| {
             let along = if self.is_stepped { 0.0 } else { place[axis] - first[axis] };
             [(0, 1.0 - along), (1, along)].map(|(next, weight)| {
-                (self.wrapped(first[axis] as i64 + next, self.size[axis] as i64), weight)
+                (
+                    self.wrapped((first[axis] as i64).saturating_add(next), self.size[axis] as i64),
+                    weight,
+                )
             })
         });
         for channel in 0..self.channels {

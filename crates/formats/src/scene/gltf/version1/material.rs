@@ -57,6 +57,9 @@ impl Converter<'_> {
         let (mut factor, texture) = self.color(base.copied());
         factor[3] *= transparency.clamp(0.0, 1.0);
         let (specular, specular_texture) = self.color(values.get("specular").copied());
+        // The strength of a highlight, where glTF 2.0 has the reflectance at normal incidence. That
+        // of plastics and paints is a twenty-fifth.
+        let specular = specular.map(|c| 0.04 * c);
         let has_specular = values.contains_key("specular");
         let shininess = values.get("shininess").and_then(|v| single(v).as_f64()).unwrap_or(0.0);
         // The width of a lobe of microfacets that is as wide as Blinn's is the square of this.
