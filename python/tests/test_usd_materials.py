@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 from pathlib import Path
 from typing import Any
 
@@ -449,3 +450,33 @@ def test_names_with_backslashes_are_found(tmp_path: Path) -> None:
     connected = "color3f inputs:diffuseColor.connect = </paint/a.outputs:rgb>"
     path = stage(tmp_path, painted(connected, texture("a", ".\\tex\\a.ppm")))
     assert document(path, confine=True)[1] == []
+
+
+def test_triangles_over_several_tiles_are_cut(tmp_path: Path) -> None:
+    picture(tmp_path, "wood.1001.ppm", "255 0 0")
+    picture(tmp_path, "wood.1002.ppm", "0 255 0")
+    path = stage(
+        tmp_path,
+        painted(
+            "color3f inputs:diffuseColor.connect = </paint/wood.outputs:rgb>",
+            texture("wood", "./wood.<UDIM>.ppm"),
+            "texCoord2f[] primvars:st = [(0, 0), (1.5, 0), (1.5, 1), (0, 1), "
+            "(0, 0), (0.5, 0), (0.5, 1), (0, 1)] (interpolation = 'faceVarying')",
+        ),
+    )
+    form, remarks = document(path)
+    assert remarks == []
+    (mesh,) = form["meshes"]
+    uvs, found = floats(mesh["uvs"]).reshape(-1, 2), np.array(slots(mesh))
+    indices = np.frombuffer(base64.b64decode(mesh["indices"]), dtype="<u4")
+    triangles = indices.reshape(-1, 3)
+    sides = uvs[triangles][:, :, 0]
+    assert (sides[found == 1] <= 1 + 1e-6).all() and (sides[found == 2] >= 1 - 1e-6).all()
+    # The area in texture coordinates is as before: 1.5 and 0.5.
+    a, b, c = np.moveaxis(uvs[triangles], 1, 0)
+    areas = np.abs(np.linalg.det(np.stack([b - a, c - a], axis=1))) / 2
+    assert areas[found == 1].sum() == pytest.approx(1.5)
+    assert areas[found == 2].sum() == pytest.approx(0.5)
+    # The positions are cut where the coordinates are.
+    points = floats(mesh["positions"]).reshape(-1, 3)
+    assert len(points) == len(uvs) and np.isfinite(points).all()

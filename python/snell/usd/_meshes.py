@@ -17,6 +17,7 @@ from ._nurbs import Patch, patch
 from ._polygons import triangulated
 from ._primvars import primvar_rows
 from ._subdivision import LoopTopology, Topology, levels_for
+from ._tiles import cut_at_borders, tiles_of
 
 __all__ = ["mesh", "triangles_of"]
 
@@ -307,35 +308,53 @@ def _made(
     tiles: list[tuple[int, int]] = []
     for slot, need in enumerate(needs):
         if need.tiles is not None and sets[need.tiles[0]] is not None:
-            to_tiles, coordinates = need.tiles[1], sets[need.tiles[0]]
-            _split_by_tile(polygons, slots, slot, len(needs), to_tiles, coordinates, tiles)
+            name = ("uvs", "second_uvs")[need.tiles[0]]
+            rows = np.array(need.tiles[1])
+            polygons, slots, attributes = _cut(polygons, slots, slot, attributes, name, rows)
+            members = np.flatnonzero(slots == slot)
+            found = tiles_of(_places(polygons, attributes[name], rows)[members].mean(axis=1))
+            for tile in np.unique(found):
+                slots[members[found == tile]] = len(needs) + len(tiles)
+                tiles.append((slot, int(tile)))
     number = context.add_mesh(
         polygons.points, polygons.triangles, attributes, slots if subsets or tiles else None
     )
     return number, tiles
 
 
-def _split_by_tile(
+def _places(polygons: _Polygons, coordinates: Any, rows: np.ndarray) -> np.ndarray:
+    """For each corner of each triangle, the coordinates in which tiles are unit squares."""
+    own = polygons.of_corners(coordinates).reshape(-1, 3, 2)
+    return np.asarray(own @ rows[:, :2].T + rows[:, 2])
+
+
+def _cut(
     polygons: _Polygons,
     slots: np.ndarray,
     slot: int,
-    first: int,
-    to_tiles: Any,
-    coordinates: Any,
-    tiles: list[tuple[int, int]],
-) -> None:
-    """Gives the triangles of a slot the slots of their tiles, which are added to `tiles`. A
-    triangle is in the tile of its middle; there are ten tiles in a row. The slots of tiles are
-    those from `first`.
+    attributes: dict[str, Any],
+    name: str,
+    rows: np.ndarray,
+) -> tuple[_Polygons, np.ndarray, dict[str, Any]]:
+    """The mesh with the triangles of a slot cut at the borders of the tiles that they reach over,
+    by the attribute of this name.
     """
-    members = np.flatnonzero(slots == slot)
-    middles = polygons.of_corners(coordinates).reshape(-1, 3, 2)[members].mean(axis=1)
-    rows = np.array(to_tiles)
-    u, v = np.floor(rows[:, :2] @ middles.T + rows[:, 2:]).astype(np.int64)
-    number = np.clip(u, 0, 9) + 10 * np.clip(v, 0, 9)
-    for tile in np.unique(number):
-        slots[members[number == tile]] = first + len(tiles)
-        tiles.append((slot, int(tile)))
+    present = {name: value for name, value in attributes.items() if value is not None}
+    columns = [polygons.points[polygons.triangles.reshape(-1)]]
+    columns += [polygons.of_corners(value) for value in present.values()]
+    columns = [values.reshape(len(columns[0]), -1).astype(np.float64) for values in columns]
+    corners = np.concatenate(columns, axis=1).reshape(len(polygons.triangles), 3, -1)
+    places = _places(polygons, attributes[name], rows)
+    found = cut_at_borders(corners, places, np.flatnonzero(slots == slot))
+    if found is None:
+        return polygons, slots, attributes
+    made, origins = found
+    widths = np.cumsum([values.shape[1] for values in columns])[:-1]
+    points, *values = np.split(made.reshape(-1, made.shape[2]), widths, axis=1)
+    every = np.arange(len(points))
+    polygons = _Polygons(points, every, every.reshape(-1, 3), polygons.faces[origins])
+    attributes = {name: ("vertex", own) for name, own in zip(present, values, strict=True)}
+    return polygons, slots[origins], attributes
 
 
 def _coordinates(

@@ -16,6 +16,7 @@ const MODULES: [(&str, &str); 19] = modules![
     "_primvars",
     "_polygons",
     "_subdivision",
+    "_tiles",
     "_networks",
     "_materials",
     "_bindings",
