@@ -76,18 +76,20 @@ impl Written {
 /// and after them `followers` numbers of something else.
 fn color(reader: &mut Reader, followers: usize) -> Option<([f32; 4], bool)> {
     // Without its own value alpha is the largest.
-    let (mut color, mut count, mut is_whole) = ([f32::MAX; 4], 0, true);
+    let (mut color, mut whole, mut count) = ([f32::MAX; 4], [true; 4], 0);
     while let Some(word) = reader.text.word() {
         let Number::Exact(value) = number(word.bytes) else { break };
         if let Some(channel) = color.get_mut(count) {
             *channel = if value.is_finite() { value } else { 1.0 };
-            is_whole &= word.bytes.iter().all(|b| b.is_ascii_digit());
+            whole[count] = word.bytes.iter().all(|b| b.is_ascii_digit());
         }
         count += 1;
     }
     let count = count.checked_sub(followers)?;
+    let whole = whole.get(..count)?.iter().all(|whole| *whole);
+    // What follows three channels is no alpha.
     color.iter_mut().skip(count).for_each(|channel| *channel = f32::MAX);
-    (3..=4).contains(&count).then_some((color, is_whole))
+    (count >= 3).then_some((color, whole))
 }
 
 /// The parts of the first word.

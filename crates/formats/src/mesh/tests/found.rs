@@ -30,6 +30,11 @@ fn off_files_have_colours_of_vertices_and_faces() {
     ] {
         assert_eq!(painted(&scene("a.off", file)), [[RED; 3]], "{file}");
     }
+    // The coordinates that follow are no colours, whole or not.
+    let grey = srgb_to_linear(128.0 / 255.0);
+    let file = "STCOFF 3 1 0\n0 0 0 255 0 0 .5 1\n1 0 0 128 128 128 0 0\n1 1 0 0 0 255 1 .5\n\
+        3 0 1 2\n";
+    assert_eq!(painted(&scene("a.off", file)), [[RED, [grey, grey, grey, 1.0], BLUE]]);
     let faces = format!("OFF\n4 2 0\n{CORNERS}3 0 1 2 255 0 0\n3 0 2 3 0.0 0.0 1.0\n");
     assert_eq!(painted(&scene("a.off", faces)), [[RED; 3], [BLUE; 3]]);
     let quad = format!("OFF\n4 1 0\n{CORNERS}4 0 1 2 3  0 0 255\n");
@@ -173,4 +178,30 @@ fn the_library_of_a_renamed_mesh_is_found() {
         .unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(scene.materials.len(), 1);
     assert!(scene.warnings[0].message.ends_with("does not exist; \"b.mtl\" was taken for it"));
+}
+
+#[test]
+fn what_mtl_says_and_is_not_done_is_told() {
+    let warnings = |mtl: &str| {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        std::fs::write(folder.path().join("a.mtl"), mtl).expect("it is writable");
+        let obj = "mtllib a.mtl\nusemtl a\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+        std::fs::write(folder.path().join("a.obj"), obj).expect("it is writable");
+        let path = folder.path().join("a.obj");
+        let scene = crate::read_scene(&path, &crate::ReadOptions::default()).expect("sound");
+        scene.warnings.iter().map(|w| w.message.clone()).collect::<Vec<_>>().join("\n")
+    };
+    assert_eq!(warnings("newmtl a\nPs 0\nPc 0.0\naniso 0\n"), "");
+    assert!(warnings("newmtl a\nPc 1\n").contains("clear coat"));
+    let ranged = |range: &str| warnings(&format!("newmtl a\nmap_Kd -mm {range} nope.png\n"));
+    assert!(ranged("0.2 0.8").contains("the range of a map"));
+    assert!(!ranged("0 1").contains("the range of a map"));
+}
+
+#[test]
+fn packed_splats_are_named() {
+    let file = "ply\nformat ascii 1.0\nelement vertex 1\nproperty uint packed_position\n\
+        end_header\n7\n";
+    let error = read("a.ply", file).expect_err("no positions");
+    assert!(error.to_string().contains("Gaussian splats"), "{error}");
 }
