@@ -181,8 +181,18 @@ impl Statements<'_, '_> {
             }
             // No warning for statements with little visible effect: sharpness of reflections, maps
             // of ambient light, anti-aliasing, and so on.
-            b"map_ka" | b"sharpness" | b"map_aat" | b"km" | b"ps" | b"pc" | b"pcr" | b"aniso"
-            | b"anisor" => {}
+            b"map_ka" | b"sharpness" | b"map_aat" | b"km" | b"pcr" | b"anisor" => {}
+            // Exporters write these also where they are 0.
+            b"ps" | b"pc" | b"aniso" => {
+                if self.scalar(keyword).is_some_and(|amount| amount != 0.0) {
+                    self.warn(
+                        "other lobes",
+                        keyword,
+                        "sheen, clear coat and anisotropy are not supported in MTL; use glTF for \
+                            them",
+                    );
+                }
+            }
             _ => self.warn(
                 "unsupported",
                 keyword,
@@ -298,7 +308,16 @@ impl Statements<'_, '_> {
                     let ([u, v, _], _) = self.numbers();
                     map.offset = [u, v];
                 }
-                b"-t" | b"-mm" | b"-texres" | b"-boost" => _ = self.numbers(),
+                b"-mm" => {
+                    if !matches!(self.numbers(), ([0.0, 1.0, _], 2)) {
+                        self.warn(
+                            "range of a map",
+                            option,
+                            "the range of a map is not supported; the picture is shown as it is",
+                        );
+                    }
+                }
+                b"-t" | b"-texres" | b"-boost" => _ = self.numbers(),
                 b"-bm" => {
                     let ([strength, ..], count) = self.numbers();
                     map.strength = if count > 0 { strength } else { 1.0 };

@@ -368,7 +368,12 @@ fn read_vertices(
     if !has_all(&roles, Role::Position, 3) {
         let problem = "the element \"vertex\" lacks one of the properties x, y and z";
         let place = place_of(&input.bytes, element.start);
-        return Err(input.error(place, problem, "export the file again with positions"));
+        let is_packed = element.properties.iter().any(|p| p.name == "packed_position");
+        let remedy = match is_packed {
+            true => "these are packed Gaussian splats, which are not supported; show a mesh",
+            false => "export the file again with positions",
+        };
+        return Err(input.error(place, problem, remedy));
     }
     if element.count > input.options.limits.elements as u64 {
         return Err(too_many(input, place_of(&input.bytes, element.start), "vertices"));
