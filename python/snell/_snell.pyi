@@ -442,6 +442,31 @@ class Camera:
         name: str | None = None,
         **parameters: Any,
     ) -> Camera: ...
+    @staticmethod
+    def from_opencv(
+        K: _Array,
+        T_world_cam: _Array | None = None,
+        *,
+        distortion: _Array | None = None,
+        size: Sequence[int] | None = None,
+        T_cam_world: _Array | None = None,
+        rvec: _Array | None = None,
+        tvec: _Array | None = None,
+        fisheye: _Array | None = None,
+        name: str | None = None,
+    ) -> Camera: ...
+    @staticmethod
+    def from_matrix(
+        T_world_cam: _Array,
+        axes: str,
+        *,
+        projection: str = "perspective",
+        fov: float | None = None,
+        resolution: Sequence[int] | None = None,
+        name: str | None = None,
+        **parameters: Any,
+    ) -> Camera: ...
+    def matrix(self, axes: str) -> NDArray[np.float64]: ...
     @property
     def kind(self) -> str: ...
     @property

@@ -31,7 +31,8 @@ pub mod transform;
 pub use bounds::{Bounds3, Bounds3d};
 pub use frame::Frame;
 pub use glam::{
-    self, DAffine3, DMat3, DMat4, DVec2, DVec3, DVec4, IVec2, Mat3, Mat4, UVec2, Vec2, Vec3, Vec4,
+    self, DAffine3, DMat2, DMat3, DMat4, DVec2, DVec3, DVec4, IVec2, Mat3, Mat4, UVec2, Vec2, Vec3,
+    Vec4,
 };
 pub use ray::{DRay, Ray};
 pub use spectrum::{ColorMode, ColorModel, Rgb, SampledSpectrum, SampledWavelengths};

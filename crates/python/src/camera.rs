@@ -71,7 +71,7 @@ fn at_least(value: f64, low: f64, name: &str) -> PyResult<f64> {
 }
 
 /// Makes a projection from its parameters.
-fn projection(
+pub fn projection(
     kind: &str,
     fov: Option<f64>,
     parameters: Option<&Bound<'_, PyDict>>,
@@ -209,7 +209,9 @@ impl Camera {
     }
 
     /// The projections of points in a picture of some size, in pixels from its upper left corner:
-    /// an array `(..., 2)`, NaN for points that are not visible.
+    /// an array `(..., 2)`, NaN for points that are not visible. The centre of the first pixel is
+    /// `(0.5, 0.5)`, for a camera of :meth:`from_opencv` it is `(0, 0)`. Points outside of the
+    /// picture have places outside of it, and nothing hides any.
     ///
     /// Examples
     /// --------
@@ -225,8 +227,13 @@ impl Camera {
         let array = crate::arrays::array(points, "points")?;
         let points = crate::arrays::PointArray::<f64>::new(&array, "points")?;
         let values = crate::arrays::slice(&points.values)?.as_chunks::<3>().0;
+        let first = match &self.0.projection {
+            Projection::Intrinsics(k) => k.pixel_center - 0.5,
+            _ => 0.0,
+        };
         let seen = |p: &[f64; 3]| {
-            self.0.project(DVec3::from_array(*p), size).map_or([f64::NAN; 2], |p| p.to_array())
+            let seen = self.0.project(DVec3::from_array(*p), size);
+            seen.map_or([f64::NAN; 2], |p| (p + first).to_array())
         };
         let pixels = values.iter().flat_map(seen).collect();
         crate::arrays::from_vec(py, pixels, &[&points.shape[..], &[2]].concat())

@@ -11,6 +11,7 @@ mod answers;
 mod arrays;
 mod assemble;
 mod camera;
+mod camera_poses;
 mod cameras;
 mod columns;
 mod contents;

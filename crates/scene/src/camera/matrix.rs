@@ -10,6 +10,9 @@ pub enum CameraAxes {
     OpenCv,
     /// `x` right, `y` up, `-z` forward, as in OpenGL, glTF and Blender.
     OpenGl,
+    /// `x` forward, `y` left, `z` up: the body of a robot in ROS (REP 103). Its optical frames are
+    /// [`Self::OpenCv`].
+    Ros,
 }
 
 /// The reason why a matrix is not the pose of a camera.
@@ -51,6 +54,7 @@ impl Camera {
         let (up, towards) = match axes {
             CameraAxes::OpenCv => (-column(1), column(2)),
             CameraAxes::OpenGl => (column(1), -column(2)),
+            CameraAxes::Ros => (column(2), column(0)),
         };
         Ok(Self::from_direction(column(3), towards, up, projection))
     }
@@ -78,15 +82,11 @@ impl Camera {
 
     /// The pose as a matrix: `world_from_camera` with unit axes of this convention.
     pub fn matrix(&self, axes: CameraAxes) -> DMat4 {
-        let (y, z) = match axes {
-            CameraAxes::OpenCv => (-self.up, self.towards),
-            CameraAxes::OpenGl => (self.up, -self.towards),
+        let [x, y, z] = match axes {
+            CameraAxes::OpenCv => [self.right(), -self.up, self.towards],
+            CameraAxes::OpenGl => [self.right(), self.up, -self.towards],
+            CameraAxes::Ros => [self.towards, -self.right(), self.up],
         };
-        DMat4::from_cols(
-            self.right().extend(0.0),
-            y.extend(0.0),
-            z.extend(0.0),
-            self.eye.extend(1.0),
-        )
+        DMat4::from_cols(x.extend(0.0), y.extend(0.0), z.extend(0.0), self.eye.extend(1.0))
     }
 }

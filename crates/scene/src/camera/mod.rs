@@ -1,5 +1,6 @@
 //! Cameras: the map from a point on the film to a ray in the world, and back.
 
+mod distortion;
 mod matrix;
 mod pinhole;
 mod projection;
@@ -161,10 +162,11 @@ impl Camera {
 
     /// True if the projection has a lens that can be out of focus.
     pub fn has_lens(&self) -> bool {
-        let flat = !matches!(
-            self.projection,
-            Projection::Panoramic | Projection::EqualArea | Projection::Fisheye { .. }
-        );
+        let flat = match &self.projection {
+            Projection::Panoramic | Projection::EqualArea | Projection::Fisheye { .. } => false,
+            Projection::Intrinsics(k) => k.fisheye.is_none(),
+            _ => true,
+        };
         flat && self.aperture_radius > 0.0 && self.focus_distance > 0.0
     }
 
@@ -176,7 +178,9 @@ impl Camera {
 
     /// The camera prepared for a picture of `size` pixels.
     pub fn view(&self, size: [u32; 2]) -> CameraView<'_> {
-        let (right, pinhole) = (self.right(), Pinhole::of(&self.projection, size));
+        let right = self.right();
+        let is_straight = self.projection.lens().is_none();
+        let pinhole = Pinhole::of(&self.projection, size).filter(|_| is_straight);
         let lens = self.has_lens().then_some(Lens {
             eye: self.eye,
             axes: [right, self.up, self.towards],
@@ -197,8 +201,12 @@ impl Camera {
         let p = DVec2::new(film.x / w * 2.0 - 1.0, 1.0 - film.y / h * 2.0);
         match &self.projection {
             Projection::Perspective { .. } | Projection::Intrinsics(_) => {
-                Pinhole::of(&self.projection, size)
-                    .map_or(directed(DVec3::Z, 0.0), |pinhole| pinhole.local_ray(film))
+                let hidden = LocalRay { weight: 0.0, ..directed(DVec3::Z, 0.0) };
+                let Some(pinhole) = Pinhole::of(&self.projection, size) else { return hidden };
+                match self.projection.lens() {
+                    Some(lens) => pinhole.distorted_ray(film, &lens).unwrap_or(hidden),
+                    None => pinhole.local_ray(film),
+                }
             }
             Projection::Orthographic { half_size } => {
                 let [x, y] = resolve(*half_size, [w, h]);
@@ -242,7 +250,8 @@ impl Camera {
     /// The position at which a point in the world is seen, through the centre of the lens, in a
     /// picture of `size` pixels. It has the coordinates of [`CameraSample::film`] and may lie
     /// outside of the picture; the map is the inverse of [`Self::ray`]. `None` for points that are
-    /// not in front of a flat view, or not in a fisheye's circle.
+    /// not in front of a flat view, not in a fisheye's circle, or beyond the rim of a distorting
+    /// lens.
     pub fn project(&self, point: DVec3, size: [u32; 2]) -> Option<DVec2> {
         let [w, h] = size.map(|s| f64::from(s.max(1)));
         let d = point - self.eye;
@@ -253,13 +262,19 @@ impl Camera {
                 let [x, y] = resolve(*tan_half_fov, [w, h]);
                 (d.z > 0.0).then(|| film(d.x / d.z / x, d.y / d.z / y))
             }
-            Projection::Intrinsics(k) => (d.z > 0.0).then(|| {
-                let (x, y) = (d.x / d.z, -d.y / d.z);
-                let p = DVec2::new(k.focal_length[0] * x + k.skew * y, k.focal_length[1] * y);
-                let scale =
-                    DVec2::new(w / f64::from(k.size[0].max(1)), h / f64::from(k.size[1].max(1)));
-                (p + DVec2::from(k.principal_point)) * scale
-            }),
+            Projection::Intrinsics(k) => {
+                let d = DVec3::new(d.x, -d.y, d.z);
+                let place = match k.lens() {
+                    Some(lens) => lens.place(d),
+                    None => (d.z > 0.0).then(|| d.truncate() / d.z),
+                };
+                place.map(|DVec2 { x, y }| {
+                    let p = DVec2::new(k.focal_length[0] * x + k.skew * y, k.focal_length[1] * y);
+                    let own = k.size.map(|side| f64::from(side.max(1)));
+                    let scale = DVec2::new(w, h) / DVec2::from(own);
+                    (p + DVec2::from(k.principal_point_on_film())) * scale
+                })
+            }
             Projection::Orthographic { half_size } => {
                 let [x, y] = resolve(*half_size, [w, h]);
                 (d.z > 0.0).then(|| film(d.x / x, d.y / y))

@@ -1,6 +1,7 @@
 //! Flat views through a pinhole or a thin lens, in which the rays of a point on the film pass
 //! through one plane in front of the eye.
 
+use super::distortion::Distortion;
 use super::projection::resolve;
 use super::{CameraRay, LocalRay, Projection, directed};
 use snell_math::{DVec2, DVec3, Ray, Vec2, Vec3, sampling};
@@ -27,7 +28,7 @@ impl Pinhole {
                 (DVec3::new(2.0 * x / w, 0.0, -x), DVec3::new(0.0, -2.0 * y / h, y))
             }
             Projection::Intrinsics(k) => {
-                let ([fx, fy], [cx, cy]) = (k.focal_length, k.principal_point);
+                let ([fx, fy], [cx, cy]) = (k.focal_length, k.principal_point_on_film());
                 let scale =
                     DVec2::new(f64::from(k.size[0].max(1)) / w, f64::from(k.size[1].max(1)) / h);
                 let down = DVec3::new(0.0, scale.y / fy, -cy / fy);
@@ -54,6 +55,14 @@ impl Pinhole {
     pub fn local_ray(&self, film: DVec2) -> LocalRay {
         let direction = self.point(film).extend(1.0);
         directed(direction, self.spread(1.0 / direction.length()))
+    }
+
+    /// The ray that a distorting lens sends to a point of the film, if there is one.
+    pub fn distorted_ray(&self, film: DVec2, lens: &Distortion) -> Option<LocalRay> {
+        let place = self.point(film);
+        let found = lens.direction(DVec2::new(place.x, -place.y))?;
+        let DVec3 { x, y, z } = found.direction;
+        Some(directed(DVec3::new(x, -y, z), self.pixel * found.solid_angle.sqrt()))
     }
 }
 

@@ -1,5 +1,6 @@
 //! Projections: the maps from directions to positions on the film.
 
+use super::distortion::Distortion;
 use serde::{Deserialize, Serialize};
 use snell_math::parameters::Range;
 use snell_math::{DVec2, DVec3};
@@ -54,9 +55,8 @@ snell_math::declare! {
         /// Focal lengths `fx` and `fy`, not 0.
         #[unit("pixels")]
         pub focal_length: [f64; 2],
-        /// Principal point `cx` and `cy`, where the centre of the first pixel is `(0.5, 0.5)`, as
-        /// in [`super::CameraSample::film`]. If the centre of the first pixel is `(0, 0)`, add one
-        /// half.
+        /// Principal point `cx` and `cy`. The centre of the first pixel is at `pixel_center` in x
+        /// and in y.
         #[unit("pixels")]
         pub principal_point: [f64; 2],
         /// Skew `s`; 0 for most cameras.
@@ -66,6 +66,49 @@ snell_math::declare! {
         #[range(Range::Positive)]
         #[unit("pixels")]
         pub size: [u32; 2],
+        /// Coordinate of the centre of the first pixel: 0.5 as in this library, Open3D and pbrt,
+        /// or 0 as in OpenCV and ROS.
+        #[range(Range::Within(0.0, 0.5))]
+        #[unit("pixels")]
+        #[serde(default = "half")]
+        pub pixel_center: f64,
+        /// Distortion of the lens as in OpenCV: `k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4`.
+        #[serde(default)]
+        pub distortion: [f64; 12],
+        /// Coefficients `k1` to `k4` of OpenCV's fisheye model, in place of `distortion`.
+        #[serde(default)]
+        pub fisheye: Option<[f64; 4]>,
+    }
+}
+
+fn half() -> f64 {
+    0.5
+}
+
+impl Intrinsics {
+    /// A camera without skew and distortion for pictures of `size` pixels; the centre of the first
+    /// pixel is `(0.5, 0.5)`.
+    pub fn new(focal_length: [f64; 2], principal_point: [f64; 2], size: [u32; 2]) -> Self {
+        let [skew, pixel_center] = [0.0, half()];
+        let (distortion, fisheye) = ([0.0; 12], None);
+        Self { focal_length, principal_point, skew, size, pixel_center, distortion, fisheye }
+    }
+
+    /// The principal point in the coordinates of [`super::CameraSample::film`].
+    pub fn principal_point_on_film(&self) -> [f64; 2] {
+        self.principal_point.map(|c| c + half() - self.pixel_center)
+    }
+
+    /// True if straight lines may be seen as bent.
+    pub fn is_distorted(&self) -> bool {
+        self.lens().is_some()
+    }
+
+    /// The lens, if it distorts.
+    pub(super) fn lens(&self) -> Option<Distortion> {
+        let is_flat = self.distortion.iter().all(|&k| k == 0.0);
+        let flat = (!is_flat).then_some(Distortion::Flat(self.distortion));
+        self.fisheye.map(Distortion::Fisheye).or(flat)
     }
 }
 
@@ -124,17 +167,18 @@ impl Projection {
         let focal_length = [900.0, 900.0];
         vec![
             Self::Perspective { tan_half_fov: [Some(0.6), Some(0.4)] },
-            Self::Intrinsics(Intrinsics {
-                focal_length,
-                principal_point: [640.0, 360.0],
-                skew: 0.0,
-                size: [1280, 720],
-            }),
+            Self::Intrinsics(Intrinsics::new(focal_length, [640.0, 360.0], [1280, 720])),
             Self::Orthographic { half_size: [Some(1.6), Some(0.9)] },
             Self::Panoramic,
             Self::EqualArea,
             Self::Fisheye { max_angle: std::f64::consts::PI },
         ]
+    }
+
+    /// The lens, if it distorts.
+    pub(super) fn lens(&self) -> Option<Distortion> {
+        let Self::Intrinsics(intrinsics) = self else { return None };
+        intrinsics.lens()
     }
 
     /// A perspective view whose horizontal angle is twice `half_angle` (radians), the Θ of the view

@@ -26,18 +26,22 @@ fn with(projection: Projection) -> Camera {
     )
 }
 
+const BARREL: [f64; 12] = [-0.2, 0.03, 1e-3, -5e-4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+
 fn examples() -> Vec<Camera> {
-    let intrinsics = Intrinsics {
-        focal_length: [500.0, 510.0],
-        principal_point: [300.0, 200.0],
-        skew: 3.0,
-        size: [640, 360],
-    };
+    let intrinsics =
+        Intrinsics { skew: 3.0, ..Intrinsics::new([500.0, 510.0], [300.0, 200.0], [640, 360]) };
     vec![
         with(Projection::Perspective { tan_half_fov: [Some(0.5), None] }),
         with(Projection::Perspective { tan_half_fov: [None, Some(0.7)] }),
         with(Projection::Perspective { tan_half_fov: [Some(0.5), Some(0.5)] }),
         with(Projection::Intrinsics(intrinsics)),
+        with(Projection::Intrinsics(Intrinsics { distortion: BARREL, ..intrinsics })),
+        with(Projection::Intrinsics(Intrinsics {
+            fisheye: Some([0.02, -0.005, 0.001, 0.0]),
+            pixel_center: 0.0,
+            ..intrinsics
+        })),
         with(Projection::Orthographic { half_size: [Some(3.0), None] }),
         with(Projection::Panoramic),
         with(Projection::EqualArea),
@@ -128,17 +132,13 @@ fn pixels_are_square_unless_both_angles_are_given() {
 fn camera_matrices_project_known_points_to_known_pixels() {
     // With fx = 100 and the centre (50, 40), the point (0.1, 0.2, 1), measured to the right, down
     // and in front, appears at (60, 60).
-    let intrinsics = Intrinsics {
-        focal_length: [100.0; 2],
-        principal_point: [50.0, 40.0],
-        skew: 0.0,
-        size: [100, 80],
-    };
+    let intrinsics = Intrinsics::new([100.0; 2], [50.0, 40.0], [100, 80]);
     let projection = Projection::Intrinsics(intrinsics);
     let pose = DMat4::from_rotation_y(0.7) * DMat4::from_translation(DVec3::new(1.0, -2.0, 5.0));
     for (axes, local) in [
         (CameraAxes::OpenCv, DVec3::new(0.1, 0.2, 1.0)),
         (CameraAxes::OpenGl, DVec3::new(0.1, -0.2, -1.0)),
+        (CameraAxes::Ros, DVec3::new(1.0, -0.1, -0.2)),
     ] {
         let point = pose.transform_point3(local);
         for camera in [
@@ -156,13 +156,30 @@ fn camera_matrices_project_known_points_to_known_pixels() {
 }
 
 #[test]
-fn skew_moves_points_sideways_by_height() {
+fn a_distorting_lens_shows_what_opencv_computes() {
+    // cv2.projectPoints([[0.4, -0.3, 2], [-1, 0.8, 3]], 0, 0, K, BARREL[:5]) of OpenCV 4.
     let intrinsics = Intrinsics {
-        focal_length: [100.0; 2],
-        principal_point: [50.0, 40.0],
-        skew: 10.0,
-        size: [100, 80],
+        pixel_center: 0.0,
+        distortion: BARREL,
+        ..Intrinsics::new([500.0, 510.0], [300.0, 200.0], [640, 360])
     };
+    let pose = DMat4::IDENTITY;
+    let camera = Camera::from_matrix(pose, CameraAxes::OpenCv, Projection::Intrinsics(intrinsics))
+        .expect("a pose");
+    for (point, expected) in [
+        ([0.4, -0.3, 2.0], [398.69609375, 124.51741015625001]),
+        ([-1.0, 0.8, 3.0], [139.0513827160494, 331.38983170370375]),
+    ] {
+        let seen = camera.project(DVec3::from_array(point), [640, 360]).expect("in front");
+        let expected = DVec2::from(expected) + 0.5;
+        assert!((seen - expected).length() < 1e-9, "{seen} {expected}");
+    }
+}
+
+#[test]
+fn skew_moves_points_sideways_by_height() {
+    let intrinsics =
+        Intrinsics { skew: 10.0, ..Intrinsics::new([100.0; 2], [50.0, 40.0], [100, 80]) };
     let camera = Camera::from_matrix(
         DMat4::IDENTITY,
         CameraAxes::OpenCv,
@@ -243,12 +260,7 @@ fn all_rays_through_the_lens_meet_in_the_plane_of_focus() {
     for projection in [
         Projection::from_half_angle_y(0.4),
         Projection::Orthographic { half_size: [None, Some(2.0)] },
-        Projection::Intrinsics(Intrinsics {
-            focal_length: [300.0; 2],
-            principal_point: [320.0, 180.0],
-            skew: 0.0,
-            size: SIZE,
-        }),
+        Projection::Intrinsics(Intrinsics::new([300.0; 2], [320.0, 180.0], SIZE)),
     ] {
         let pinhole = with(projection);
         let camera = pinhole.clone().with_lens(0.3, 5.0);
@@ -353,10 +365,11 @@ fn many_rays_are_those_of_single_points_at_every_level() {
         for level in snell_math::simd::Level::ALL {
             let mut rays = CameraRays::default();
             let is_known = view.many_rays(&film, &lens, level.wide(), &mut rays);
-            let is_flat = matches!(
-                camera.projection,
-                Projection::Perspective { .. } | Projection::Intrinsics(_)
-            );
+            let is_flat = match camera.projection {
+                Projection::Perspective { .. } => true,
+                Projection::Intrinsics(k) => !k.is_distorted(),
+                _ => false,
+            };
             assert_eq!(is_known, is_flat);
             for (i, (&x, &y)) in film[0].iter().zip(&film[1]).enumerate().filter(|_| is_known) {
                 let lens = Vec2::new(lens[0][i], lens[1][i]);

@@ -302,12 +302,7 @@ impl Builder<'_> {
         // moves what is seen to the left and up.
         let [left, top] = film.crop_offset.map(f64::from);
         let principal_point = [w * (0.5 - offset[0]) - left, h * (0.5 - offset[1]) - top];
-        Ok(Projection::Intrinsics(Intrinsics {
-            focal_length: [focal; 2],
-            principal_point,
-            skew: 0.0,
-            size: film.crop_size,
-        }))
+        Ok(Projection::Intrinsics(Intrinsics::new([focal; 2], principal_point, film.crop_size)))
     }
 
     /// Half of the width seen at distance 1, for a picture of this aspect ratio.

@@ -155,12 +155,11 @@ fn perspective(
         return Ok(Projection::Perspective { tan_half_fov: screen.half_extents(tan, size) });
     }
     let ([x0, x1], [y0, y1], [w, h]) = (screen.x, screen.y, size.map(f64::from));
-    Ok(Projection::Intrinsics(Intrinsics {
-        focal_length: [w / ((x1 - x0) * tan), h / ((y1 - y0) * tan)],
-        principal_point: [-x0 * w / (x1 - x0), y1 * h / (y1 - y0)],
-        skew: 0.0,
+    Ok(Projection::Intrinsics(Intrinsics::new(
+        [w / ((x1 - x0) * tan), h / ((y1 - y0) * tan)],
+        [-x0 * w / (x1 - x0), y1 * h / (y1 - y0)],
         size,
-    }))
+    )))
 }
 
 /// The axes of a picture in camera space.

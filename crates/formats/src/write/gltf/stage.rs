@@ -81,6 +81,9 @@ fn projection(
         }
         Projection::Intrinsics(k) => {
             document.output.lose(format!("{who}: a camera matrix became an angle of view"));
+            if k.is_distorted() {
+                document.output.lose(format!("{who}: the distortion of its lens is left out"));
+            }
             let y = f64::from(k.size[1]) / (2.0 * k.focal_length[1].abs());
             let perspective = json!({ "yfov": 2.0 * y.atan(), "znear": near });
             Some(json!({ "type": "perspective", "perspective": perspective }))

@@ -95,7 +95,10 @@ impl File<'_, '_> {
                 if k.skew != 0.0 {
                     self.output.lose("the skew of the camera matrix is left out");
                 }
-                let ([fx, fy], [cx, cy]) = (k.focal_length, k.principal_point);
+                if k.is_distorted() {
+                    self.output.lose("the distortion of the camera's lens is left out");
+                }
+                let ([fx, fy], [cx, cy]) = (k.focal_length, k.principal_point_on_film());
                 let [kw, kh] = k.size.map(f64::from);
                 let (x, y) = ([-cx / fx, (kw - cx) / fx], [(cy - kh) / fy, cy / fy]);
                 format!("\"perspective\" \"float fov\" [ 90 ] {}", window(x, y))
