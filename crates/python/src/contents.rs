@@ -38,7 +38,7 @@ pub struct Object {
     /// was never moved.
     pub transform: Option<Transform>,
     /// A name for users.
-    pub name: Option<String>,
+    pub name: Option<Arc<str>>,
     /// The mask: only rays whose mask shares a bit with it hit the object.
     pub mask: u32,
     /// Materials of the stage by slot of a mesh; other objects have one slot. The material of an
@@ -49,6 +49,7 @@ pub struct Object {
 impl Object {
     /// An object that every ray can hit, without a material of its own.
     pub fn new(kind: Kind, transform: Option<Transform>, name: Option<String>) -> Self {
+        let name = name.map(Into::into);
         Self { kind, transform, name, mask: u32::MAX, materials: Vec::new() }
     }
 }

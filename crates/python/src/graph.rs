@@ -45,7 +45,7 @@ impl Writer {
             object.materials.iter().map(|m| m.map(|m| MaterialId(m.0 + first))).collect()
         };
         for (_, object) in contents.objects() {
-            let mut node = Node::named(object.name.clone().unwrap_or_default());
+            let mut node = Node::named(object.name.as_deref().unwrap_or_default());
             let placed = object.transform.unwrap_or(Transform::IDENTITY);
             node.transform = *placed.matrix();
             match &object.kind {

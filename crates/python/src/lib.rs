@@ -15,6 +15,7 @@ mod cameras;
 mod columns;
 mod contents;
 mod declared;
+mod encoding;
 mod graph;
 mod image;
 mod light;

@@ -50,7 +50,7 @@ use std::sync::Arc;
 pub fn load(
     py: Python<'_>,
     path: PathBuf,
-    threads: Option<usize>,
+    threads: Option<i64>,
     confine: bool,
 ) -> PyResult<Scene> {
     let built_in = if path.exists() { None } else { path.to_str().and_then(builtin) };

@@ -502,7 +502,7 @@ impl Scene {
     /// ...     snell.load(path).materials
     /// [Material("diffuse", reflectance=(0.5, 0.5, 0.5))]
     #[pyo3(signature = (path, *, threads=None))]
-    fn save(&self, py: Python<'_>, path: PathBuf, threads: Option<usize>) -> PyResult<()> {
+    fn save(&self, py: Python<'_>, path: PathBuf, threads: Option<i64>) -> PyResult<()> {
         let contents = self.0.contents(py);
         let written = run_to_end_on(py, Threads::new(threads)?, move || {
             let scene = graph(&contents).map_err(Err)?;

@@ -432,7 +432,7 @@ impl Scene {
     fn names<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let names = PyDict::new(py);
         for (id, object) in self.0.contents(py).objects() {
-            if let Some(name) = &object.name {
+            if let Some(name) = object.name.as_deref() {
                 names.set_item(id, name)?;
             }
         }

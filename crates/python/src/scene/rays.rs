@@ -222,7 +222,7 @@ macro_rules! queries {
                 t_min: Option<&Bound<'py, PyAny>>,
                 t_max: Option<&Bound<'py, PyAny>>,
                 mask: Option<&Bound<'py, PyAny>>,
-                threads: Option<usize>,
+                threads: Option<i64>,
                 warn_invalid: bool,
             ) -> PyResult<$answer> {
                 let rays = RayArgument::new(rays)?;
