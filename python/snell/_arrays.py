@@ -17,9 +17,10 @@ def array_of(value: Any, name: str) -> np.ndarray:
     """
     if isinstance(value, np.ndarray):
         if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
+            masked = int(np.ma.getmaskarray(value).sum())
             raise ValueError(
-                f"{name}: {np.ma.count_masked(value)} of {value.size} numbers are masked, and a "
-                "mask does not count here; leave their rows out, or give filled(…)"
+                f"{name}: {masked} of {value.size} numbers are masked, and a mask does not count "
+                "here; leave their rows out, or give filled(…)"
             )
         return np.asarray(value)
     _check_tensor(value, name)

@@ -10,8 +10,8 @@ Examples
 >>> import snell.open3d
 >>> scene = snell.open3d.RaycastingScene()
 >>> id = scene.add_triangles(np.eye(3, dtype=np.float32), np.array([[0, 1, 2]], dtype=np.uint32))
->>> scene.cast_rays(np.array([[0, 0, 0, 1, 1, 1]], dtype=np.float32))["t_hit"].round(3)
-Array([0.333], dtype=float32)
+>>> scene.cast_rays(np.array([[0, 0, 0, 1, 1, 1]], dtype=np.float32))["t_hit"].round(3).tolist()
+[0.3330000042915344]
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class Array(np.ndarray):
         return np.asarray(self)
 
     def cpu(self) -> Array:
-        """The array itself."""
+        """The array itself, which is in main memory."""
         return self
 
 
@@ -96,10 +96,6 @@ class RaycastingScene:
             raise ValueError(f"device is {device}, expected the CPU: rays are traced there")
         self._scene = Scene()
 
-    @overload
-    def add_triangles(self, vertex_positions: Any, triangle_indices: Any) -> int: ...
-    @overload
-    def add_triangles(self, mesh: Any) -> int: ...
     def add_triangles(
         self, vertex_positions: Any = None, triangle_indices: Any = None, *, mesh: Any = None
     ) -> int:
@@ -132,7 +128,9 @@ class RaycastingScene:
         self, rays: Any, tnear: float = 0.0, tfar: float = np.inf, nthreads: int = 0
     ) -> Any:
         """Whether each ray ``(..., 6)`` hits anything from ``tnear`` to ``tfar``: bool."""
-        ends = np.nextafter(np.float32([tnear, tfar]), np.float32([-np.inf, np.inf]))
+        ends = np.nextafter(
+            np.array([tnear, tfar], np.float32), np.array([-np.inf, np.inf], np.float32)
+        )
         found = self._scene.test_occlusions(
             _single(rays, "rays"), t_min=ends[0], t_max=ends[1], threads=_threads(nthreads)
         )

@@ -243,5 +243,5 @@ def _arrays(mesh: Any) -> tuple[np.ndarray, np.ndarray]:
 
 def _hash(mesh: Any) -> int | None:
     """The hash of a mesh's contents; None if its hash is that of the object or there is none."""
-    own = type(mesh).__hash__
-    return None if own is None or own is object.__hash__ else hash(mesh)
+    own: Any = type(mesh).__hash__
+    return None if own in (None, object.__hash__) else hash(mesh)

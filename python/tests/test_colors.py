@@ -55,7 +55,7 @@ def test_ply_has_the_bytes_that_were_given(tmp_path):
     colors = np.arange(12, dtype=np.uint8).reshape(4, 3) * 20
     scene = snell.Scene()
     scene.add_mesh(np.float32(QUAD), FACES, colors=colors)
-    with pytest.warns(UserWarning):
+    with pytest.warns(snell.SceneWarning, match="flat shading"):
         scene.save(tmp_path / "quad.ply")
     header, _, body = (tmp_path / "quad.ply").read_bytes().partition(b"end_header\n")
     for name in ("red", "green", "blue", "alpha"):

@@ -234,7 +234,10 @@ def test_meshes_of_other_libraries_are_recognised():
     meshes = [
         SimpleNamespace(vertices=vertices, faces=faces),
         SimpleNamespace(vertices=vertices, triangles=faces),
-        SimpleNamespace(vertex=SimpleNamespace(positions=Tensor(vertices)), triangle=SimpleNamespace(indices=Tensor(faces))),
+        SimpleNamespace(
+            vertex=SimpleNamespace(positions=Tensor(vertices)),
+            triangle=SimpleNamespace(indices=Tensor(faces)),
+        ),
         SimpleNamespace(points=vertices, cells_dict={"triangle": faces}),
         quads,
     ]

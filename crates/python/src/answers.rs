@@ -77,6 +77,11 @@ impl<P: Precision, F: Form> Answers for Live<P, F> {
                 })
             }
             "names" => self.labels(py, &hits),
+            "material_ids" => self.pieces(py, 1, |first, places| {
+                for (i, place) in (first..).zip(places) {
+                    *place = names.material(hits.occurrence[i], hits.geometry[i], hits.primitive[i]);
+                }
+            }),
             "is_entering" if matches!(self.asked, Asked::Rays(..)) => {
                 let normals = self.surfaces(py, &hits, 1, |local, ray| {
                     [local.geometric_normal.dot(ray.direction)]
@@ -394,6 +399,12 @@ macro_rules! answers {
                 Ok(Bound::new(slf.py(), Self(part))?.into_any())
             }
 
+            fn __setattr__(&self, name: &str, _value: &Bound<'_, PyAny>) -> PyResult<()> {
+                Err(PyAttributeError::new_err(format!(
+                    "{name}: answers never change; change a copy of the array"
+                )))
+            }
+
             fn __len__(&self) -> usize {
                 Self::NAMES.len()
             }
@@ -594,6 +605,10 @@ further! {
         /// `(...)`, bool: whether the ray comes from the outer side of the surface, against
         /// `primitive_normals`; False for a miss.
         is_entering,
+        /// `(...)`, uint32: number of the material in :attr:`Scene.materials`, of the scene that
+        /// holds the object; if the object has none, of the scene that holds the innermost instance
+        /// with a material; :data:`INVALID_ID` for the default material and for a miss.
+        material_ids,
         /// `(...)`, text: the name of the object, empty without one and for a miss. In instances,
         /// the names of these come first, as in `"car/wheel/tyre"`; what has no name there is
         /// called by its id.
@@ -605,6 +620,8 @@ further! {
     Intersections {
         /// `(n,)`, bool: whether the ray enters the surface, as in :class:`Hits`.
         is_entering,
+        /// `(n,)`, uint32: numbers of the materials, as in :class:`Hits`.
+        material_ids,
         /// `(n,)`, text: names of the objects, as in :class:`Hits`.
         names,
     }
@@ -612,6 +629,8 @@ further! {
 
 further! {
     ClosestPoints {
+        /// `(...)`, uint32: numbers of the materials, as in :class:`Hits`.
+        material_ids,
         /// `(...)`, text: names of the objects, as in :class:`Hits`.
         names,
     }

@@ -12,6 +12,7 @@ use snell_intersect::{
     WorldError,
 };
 use snell_math::Transform;
+use snell_scene::MaterialId;
 use std::collections::HashMap;
 use std::sync::Arc;
 
@@ -37,6 +38,8 @@ pub struct Names {
     objects: Vec<u32>,
     /// The name of each geometry's object.
     labels: Vec<Option<Arc<str>>>,
+    /// The materials of each geometry by slot, in the scene that holds the object.
+    materials: Vec<Vec<Option<MaterialId>>>,
     /// Surfaces by geometry of the world.
     pub surfaces: Vec<Surface>,
     /// The instances in each scene, the root's first, ascending by occurrence.
@@ -52,6 +55,8 @@ struct Step {
     id: u32,
     /// The name of the instance.
     label: Option<Arc<str>>,
+    /// The material of the instance for objects that have none.
+    material: Option<MaterialId>,
     /// The position of the instanced scene in [`Names::scenes`].
     scene: Option<usize>,
 }
@@ -87,6 +92,19 @@ impl Names {
     /// scene that holds it.
     pub fn path(&self, occurrence: u32) -> impl Iterator<Item = u32> {
         self.steps(occurrence).map(|step| step.id)
+    }
+
+    /// The number of the material of a hit, in the scene that holds the object, or that holds the
+    /// innermost instance with a material; [`Hit::NONE`] without a material.
+    pub fn material(&self, occurrence: u32, geometry: u32, primitive: u32) -> u32 {
+        let Some(slots) = self.materials.get(geometry as usize) else { return Hit::NONE };
+        let slot = match &self.surfaces[geometry as usize] {
+            Surface::Mesh(mesh) => mesh.attributes().material_slots.get(primitive as usize),
+            _ => None,
+        };
+        let own = slots.get(slot.map_or(0, |&slot| usize::from(slot))).copied().flatten();
+        let handed = || self.steps(occurrence).filter_map(|step| step.material).last();
+        own.or_else(handed).map_or(Hit::NONE, |id| id.0)
     }
 
     /// Maximum number of instances within each other.
@@ -236,7 +254,8 @@ impl<F: Form> Assembler<F> {
             // number is never used.
             let first = occurrences.min(u32::MAX.into()) as u32;
             let label = scene.and(object.name.clone());
-            steps.push(Step { first, id: instance, label, scene });
+            let material = scene.and(object.materials.first().copied().flatten());
+            steps.push(Step { first, id: instance, label, material, scene });
             occurrences = occurrences.saturating_add(below);
         }
         (occurrences, steps)
@@ -273,12 +292,13 @@ impl<F: Form> Assembler<F> {
             Kind::Instance(_) => return,
         };
         self.builder.set_mask(id, object.mask);
-        self.name(number, object.name.clone(), surface);
+        self.name(number, Some(object), surface);
     }
 
-    fn name(&mut self, number: u32, label: Option<Arc<str>>, surface: Surface) {
+    fn name(&mut self, number: u32, object: Option<&Object>, surface: Surface) {
         self.names.objects.push(number);
-        self.names.labels.push(label);
+        self.names.labels.push(object.and_then(|object| object.name.clone()));
+        self.names.materials.push(object.map_or(Vec::new(), |object| object.materials.clone()));
         self.names.surfaces.push(surface);
     }
 }

@@ -3,6 +3,7 @@
 //! scene graph that is rendered.
 
 use crate::mesh::Mesh;
+use crate::origins::Origins;
 use pyo3::PyResult;
 use pyo3::exceptions::{PyIndexError, PyTypeError, PyValueError};
 use snell_intersect::{AnyShape, Curves, PrimitiveSet, Shape, Spheres};
@@ -71,6 +72,8 @@ pub struct Nodes {
     pub nodes: Vec<Node>,
     /// The root of the file.
     pub root: NodeId,
+    /// The objects that the nodes became.
+    pub origins: Origins,
 }
 
 /// All objects of a scene. The numbers of removed objects stay unused.

@@ -23,8 +23,8 @@ pub fn levels(array: &Bound<'_, PyUntypedArray>, name: &str) -> PyResult<Option<
                 return Ok(None);
             }
             Err(PyValueError::new_err(format!(
-                "{name}: dtype is {}, from {low} to {high}; expected uint8 (sRGB, 0 to 255), uint16 \
-                    or floats (linear, 0 to 1)",
+                "{name}: dtype is {}, from {low} to {high}; expected uint8 (sRGB, 0 to 255), \
+                    uint16 or floats (linear, 0 to 1)",
                 array.dtype()
             )))
         }
@@ -38,8 +38,12 @@ pub fn linear(color: [f32; 4], levels: f32) -> [f32; 4] {
     [srgb_to_linear(r), srgb_to_linear(g), srgb_to_linear(b), a]
 }
 
-/// Warns of floats that are 8-bit values: whole numbers up to 255.
-pub fn warn_of_bytes(py: Python<'_>, values: &[f32], name: &str) -> PyResult<()> {
+/// How 8-bit values are given in arrays.
+pub const AS_UINT8: &str = "8-bit sRGB is given as uint8";
+
+/// Warns of floats that are 8-bit values: whole numbers up to 255. `remedy` says how these are
+/// given.
+pub fn warn_of_bytes(py: Python<'_>, values: &[f32], name: &str, remedy: &str) -> PyResult<()> {
     let most = values.iter().copied().fold(0.0f32, f32::max);
     let is_like_bytes = (3.0..=255.0).contains(&most)
         && values.iter().all(|x| *x >= 0.0 && x.fract() == 0.0);
@@ -49,8 +53,7 @@ pub fn warn_of_bytes(py: Python<'_>, values: &[f32], name: &str) -> PyResult<()>
     warn(
         py,
         format!(
-            "{name}: whole numbers up to {most}, which are linear light far above 1; 8-bit sRGB is \
-                given as uint8"
+            "{name}: whole numbers up to {most}, which are linear light far above 1; {remedy}"
         ),
     )
 }

@@ -196,7 +196,7 @@ fn read_pixels(value: &Bound<'_, PyAny>, name: &str) -> PyResult<LayeredImage> {
     let values = slice(&values)?;
     let decoded = levels.map(|levels| decoded(values, channels, levels));
     if decoded.is_none() {
-        encoding::warn_of_bytes(value.py(), values, name)?;
+        encoding::warn_of_bytes(value.py(), values, name, encoding::AS_UINT8)?;
     }
     let values = decoded.as_deref().unwrap_or(values);
     let (values, names): (Vec<f32>, &[&str]) = match channels {

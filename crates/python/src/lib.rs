@@ -27,6 +27,7 @@ mod mesh;
 mod names;
 mod nearest;
 mod objects;
+mod origins;
 mod pickle;
 mod precision;
 mod prepare;

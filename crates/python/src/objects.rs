@@ -1,6 +1,7 @@
 //! Arguments that become objects of a scene: vertices, faces, transforms, shapes.
 
 use crate::arrays::{array, check_unsigned, contiguous, is_double, numpy, shown, slice};
+use crate::encoding::{AS_UINT8, warn_of_bytes};
 use crate::mesh::{Attributes, Mesh, Positions};
 use crate::schema::{References, family, kind_of, make, read_all};
 use numpy::{Element, PyUntypedArray, PyUntypedArrayMethods};
@@ -183,7 +184,7 @@ fn colors(value: &Bound<'_, PyAny>, vertices: usize) -> PyResult<Vec<[f32; 4]>> 
         opaque.into_iter().map(|[r, g, b]| [r, g, b, alpha]).collect()
     };
     let Some(levels) = levels else {
-        crate::encoding::warn_of_bytes(value.py(), read.as_flattened(), "colors")?;
+        warn_of_bytes(value.py(), read.as_flattened(), "colors", AS_UINT8)?;
         return Ok(read);
     };
     Ok(read.into_iter().map(|color| crate::encoding::linear(color, levels)).collect())

@@ -2,6 +2,7 @@
 
 use crate::arrays::{array, contiguous, shown, slice};
 use crate::declared::{Schema, declared_class};
+use crate::encoding::{AS_UINT8, warn_of_bytes};
 use crate::image::Image as Picture;
 use crate::load::check_there;
 use crate::schema::{References, make, read_all, show};
@@ -32,7 +33,8 @@ use std::sync::Arc;
 ///     for 0 to 1, floats for themselves. Or an image, or its file.
 /// **parameters
 ///     `encoding`: `"srgb"` (colours of integers, as most files have them) or `"linear"` (data such
-///     as roughness and normals). `wrap`: one or two of `"repeat"`, `"mirror"`, `"clamp"`, `"black"`.
+///     as roughness and normals). `wrap`: one or two of `"repeat"`, `"mirror"`, `"clamp"` and
+///     `"black"`.
 ///     `filtering`: `"trilinear"` or `"nearest"`. `uv_set`: 0 to 3. `uv_transform`: two rows of
 ///     three numbers; texel (0, 0) is the upper left one and `v` grows downwards.
 ///
@@ -209,7 +211,7 @@ pub fn image(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Arc<Image>> {
         )));
     }
     if let Pixels::F32(values) = &pixels {
-        crate::encoding::warn_of_bytes(py, values, name)?;
+        warn_of_bytes(py, values, name, AS_UINT8)?;
     }
     Ok(Arc::new(Image {
         width: width as u32,
