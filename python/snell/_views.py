@@ -5,6 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NoReturn
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     import numpy as np
 
     from snell._snell import Scene
@@ -132,8 +134,8 @@ class Names(dict):  # type: ignore[type-arg]
         return (dict, (dict(self),))
 
 
-class Mesh(tuple):  # type: ignore[type-arg]
-    """A mesh of a scene, in its own coordinates: the pair of its `vertices` and `faces`.
+class Mesh:
+    """A mesh of a scene, in its own coordinates. It unpacks as the pair of its `vertices` and `faces`.
 
     Attributes
     ----------
@@ -158,10 +160,17 @@ class Mesh(tuple):  # type: ignore[type-arg]
     material_ids: np.ndarray | None
     materials: list[Any]
 
-    def __new__(cls, **parts: Any) -> Mesh:
-        made = super().__new__(cls, (parts["vertices"], parts["faces"]))
-        made.__dict__.update(parts)
-        return made
+    def __init__(self, **parts: Any) -> None:
+        self.__dict__.update(parts)
+
+    def __iter__(self) -> Iterator[np.ndarray]:
+        return iter((self.vertices, self.faces))
+
+    def __len__(self) -> int:
+        return 2
+
+    def __getitem__(self, index: Any) -> Any:
+        return (self.vertices, self.faces)[index]
 
     def __setattr__(self, name: str, value: Any) -> NoReturn:
         raise AttributeError(

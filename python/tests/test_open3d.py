@@ -246,3 +246,22 @@ def test_meshes_of_other_libraries_are_recognised():
         scene.add_mesh(mesh)
         assert scene.cast_rays([0.3, 0.2, -5, 0, 0, 1]).geometry_ids == 0
     assert scene.statistics()["triangles"] == 2
+
+
+def test_cells_that_are_no_surface_are_refused():
+    points = np.eye(4)[:, :3]
+    solid = SimpleNamespace(points=points, cells_dict={"tetra": np.array([[0, 1, 2, 3]])})
+    with pytest.raises(TypeError, match="cells of the kind tetra, expected triangle and quad"):
+        snell.Scene().add_mesh(solid)
+    wire = SimpleNamespace(points=points, cells_dict={"line": [[0, 1]], "triangle": [[0, 1, 2]]})
+    with pytest.warns(UserWarning, match="kind line are left out"):
+        snell.Scene().add_mesh(wire)
+
+
+def test_polygons_of_pyvista():
+    points = np.float32([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+    for faces in ([4, 0, 1, 2, 3], [3, 0, 1, 2, 3, 0, 2, 3], [3, 0, 1, 2, 4, 0, 1, 2, 3]):
+        scene = snell.Scene()
+        scene.add_mesh(SimpleNamespace(points=points, faces=np.array(faces)))
+        assert scene.test_occlusions([0.7, 0.4, 1, 0, 0, -1])
+    assert scene.statistics()["triangles"] == 3

@@ -79,7 +79,8 @@ impl<P: Precision, F: Form> Answers for Live<P, F> {
             "names" => self.labels(py, &hits),
             "material_ids" => self.pieces(py, 1, |first, places| {
                 for (i, place) in (first..).zip(places) {
-                    *place = names.material(hits.occurrence[i], hits.geometry[i], hits.primitive[i]);
+                    *place =
+                        names.material(hits.occurrence[i], hits.geometry[i], hits.primitive[i]);
                 }
             }),
             "is_entering" if matches!(self.asked, Asked::Rays(..)) => {
@@ -342,7 +343,11 @@ impl Named {
     }
 
     /// The arrays that pickling stores: those of these names, and what else was computed.
-    pub fn stored_form<'py>(&self, py: Python<'py>, names: &[&str]) -> PyResult<Bound<'py, PyDict>> {
+    pub fn stored_form<'py>(
+        &self,
+        py: Python<'py>,
+        names: &[&str],
+    ) -> PyResult<Bound<'py, PyDict>> {
         self.all(py, names)?;
         self.made.get_or_init(py, || PyDict::new(py).unbind()).bind(py).copy()
     }

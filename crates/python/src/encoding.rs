@@ -45,16 +45,14 @@ pub const AS_UINT8: &str = "8-bit sRGB is given as uint8";
 /// given.
 pub fn warn_of_bytes(py: Python<'_>, values: &[f32], name: &str, remedy: &str) -> PyResult<()> {
     let most = values.iter().copied().fold(0.0f32, f32::max);
-    let is_like_bytes = (3.0..=255.0).contains(&most)
-        && values.iter().all(|x| *x >= 0.0 && x.fract() == 0.0);
+    let is_like_bytes =
+        (3.0..=255.0).contains(&most) && values.iter().all(|x| *x >= 0.0 && x.fract() == 0.0);
     if !is_like_bytes {
         return Ok(());
     }
     warn(
         py,
-        format!(
-            "{name}: whole numbers up to {most}, which are linear light far above 1; {remedy}"
-        ),
+        format!("{name}: whole numbers up to {most}, which are linear light far above 1; {remedy}"),
     )
 }
 

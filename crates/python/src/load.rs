@@ -48,12 +48,7 @@ use std::sync::Arc;
 /// [[0.0, 0.0, 0.0], [1.0, 1.0, 0.0]]
 #[pyfunction]
 #[pyo3(signature = (path, *, threads=None, confine=false))]
-pub fn load(
-    py: Python<'_>,
-    path: PathBuf,
-    threads: Option<i64>,
-    confine: bool,
-) -> PyResult<Scene> {
+pub fn load(py: Python<'_>, path: PathBuf, threads: Option<i64>, confine: bool) -> PyResult<Scene> {
     let built_in = if path.exists() { None } else { path.to_str().and_then(builtin) };
     if built_in.is_none() {
         check_there(&path)?;
@@ -227,8 +222,11 @@ impl<'a> Folder<'a> {
                 let placed = placed.compose(&node_from_child);
                 match self.nodes.get(&child) {
                     Some(shared) => {
-                        let object =
-                            add(named(Kind::Instance(shared.clone()), Some(placed), vec![material]))?;
+                        let object = add(named(
+                            Kind::Instance(shared.clone()),
+                            Some(placed),
+                            vec![material],
+                        ))?;
                         self.origins.steps.insert((id, child), object);
                     }
                     None => stack.push((child, placed, material)),

@@ -249,8 +249,7 @@ pub fn named_transform(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Transfo
     rows[..values.len()].copy_from_slice(values);
     if rows[12..] != [0.0, 0.0, 0.0, 1.0] {
         let is_transposed = rows[3] == 0.0 && rows[7] == 0.0 && rows[11] == 0.0 && rows[15] == 1.0;
-        let remedy =
-            if is_transposed { "; it is made for row vectors: transpose it" } else { "" };
+        let remedy = if is_transposed { "; it is made for row vectors: transpose it" } else { "" };
         return Err(PyValueError::new_err(format!(
             "{name}[3] is {:?}, expected [0, 0, 0, 1]{remedy}",
             &rows[12..]

@@ -6,8 +6,8 @@ mod rays;
 
 use crate::arrays::from_vec;
 use crate::contents::{Contents, Kind, Object};
-use crate::objects;
 use crate::names::suggestion;
+use crate::objects;
 use crate::stage::{add_materials, listed, materials_of, warn_without_uvs};
 use crate::state::Shared;
 use crate::value::Value;
@@ -74,7 +74,7 @@ impl Scene {
     ///
     /// Parameters
     /// ----------
-    /// vertices : array (n, 3), or a mesh of trimesh, Open3D or meshio
+    /// vertices : array (n, 3), or a mesh of trimesh, Open3D, meshio or PyVista
     ///     Finite positions. `float32` is kept as it is; all else is kept in double precision.
     /// faces : array (m, 3) of integers
     ///     Vertex numbers; seen from the outer side they go around counterclockwise. Left out for a
@@ -441,9 +441,7 @@ impl Scene {
     /// {'shape': 'sphere', 'radius': 2.0}
     fn shape<'py>(&self, py: Python<'py>, id: i64) -> PyResult<Bound<'py, PyAny>> {
         match &self.0.contents(py).get(id)?.kind {
-            Kind::Shape(shape) => {
-                Value::of(&**shape).map_err(PyTypeError::new_err)?.plain(py)
-            }
+            Kind::Shape(shape) => Value::of(&**shape).map_err(PyTypeError::new_err)?.plain(py),
             _ => Err(PyTypeError::new_err(format!("id {id} is not a shape"))),
         }
     }
