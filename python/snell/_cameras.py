@@ -6,25 +6,35 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from snell._arrays import array_of
+
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 
 def _vector(value: ArrayLike, name: str) -> NDArray[np.float64]:
-    vector = np.asarray(value, dtype=np.float64)
+    vector = array_of(value, name).astype(np.float64)
     if vector.shape != (3,) or not np.isfinite(vector).all():
         raise ValueError(f"{name} is {value!r}, expected three finite numbers")
     return vector
 
 
 def _matrix(value: ArrayLike, side: int, name: str) -> NDArray[np.float64]:
-    matrix = np.asarray(value, dtype=np.float64)
+    matrix = array_of(value, name).astype(np.float64)
     if matrix.shape != (side, side):
         raise ValueError(f"{name}: shape is {matrix.shape}, expected ({side}, {side})")
     if not np.isfinite(matrix).all():
         first = np.argwhere(~np.isfinite(matrix))[0]
         raise ValueError(
             f"{name}[{first[0]}, {first[1]}] is {matrix[tuple(first)]}, expected a finite number"
+        )
+    last = np.eye(side)[-1]
+    if not np.allclose(matrix[-1], last, rtol=0, atol=1e-6):
+        remedy = f"; if it is made for row vectors, give {name}.T"
+        if not matrix[-1, :-1].any():
+            remedy = f"; divide it by {name}[{side - 1}, {side - 1}]"
+        raise ValueError(
+            f"{name}[{side - 1}] is {matrix[-1].tolist()}, expected {last.tolist()}{remedy}"
         )
     return matrix
 
@@ -69,7 +79,8 @@ def create_rays_pinhole(
     eye : array (3,)
         The position of the camera.
     up : array (3,)
-        The direction that points up in the picture.
+        The direction in which the rows of pixels follow each other, as in Open3D, whose pictures
+        are therefore upside down: the opposite of what is up in the scene gives an upright picture.
     dtype : numpy.float32 or numpy.float64
         The dtype of the rays.
 
@@ -86,7 +97,7 @@ def create_rays_pinhole(
     ...     fov_deg=90, center=[0, 0, 0], eye=[0, 0, -5], up=[0, 1, 0], width_px=4, height_px=2
     ... )
     >>> rays.shape, rays[0, 0].tolist()
-    ((2, 4, 6), [0.0, 0.0, -5.0, 0.75, 0.25, 1.0])
+    ((2, 4, 6), [0.0, 0.0, -5.0, -0.75, -0.25, 1.0])
     """
     width, height = _size(width_px, "width_px"), _size(height_px, "height_px")
     kind = np.dtype(dtype)
@@ -106,7 +117,7 @@ def create_rays_pinhole(
             raise ValueError(f"fov_deg is {fov_deg!r}, expected a number between 0 and 180")
         position = _vector(eye, "eye")
         forward = _vector(center, "center") - position
-        right = np.cross(forward, _vector(up, "up"))
+        right = np.cross(_vector(up, "up"), forward)
         if not np.linalg.norm(forward) > 0:
             raise ValueError("center is where eye is: there is no direction to look in")
         if not np.linalg.norm(right) > 1e-12 * np.linalg.norm(forward):

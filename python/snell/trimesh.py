@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from snell._arrays import array_of
 from snell._snell import Scene
 
 if TYPE_CHECKING:
@@ -29,8 +30,15 @@ if TYPE_CHECKING:
 __all__ = ["RayMeshIntersector"]
 
 
+# How far behind its origin a ray still hits, relative to the size of the coordinates: a point that
+# was computed on a surface is on it but for roundings of this size.
+_AT_ORIGIN = 1e-12
+
+
 def _vectors(value: ArrayLike, name: str) -> NDArray[np.float64]:
-    vectors = np.asarray(value, dtype=np.float64)
+    vectors = array_of(value, name).astype(np.float64, copy=False)
+    if vectors.shape == (0,):
+        return vectors.reshape(0, 3)
     if vectors.ndim != 2 or vectors.shape[1] != 3:
         raise ValueError(f"{name}: shape is {vectors.shape}, expected (n, 3)")
     return vectors
@@ -39,15 +47,16 @@ def _vectors(value: ArrayLike, name: str) -> NDArray[np.float64]:
 class RayMeshIntersector:
     """Casts rays at one mesh, in double precision.
 
-    Hits lie ahead of the origin, at ``t > 0``. Unlike with trimesh's own engines, a ray through an
-    edge or vertex of a closed mesh counts each crossing exactly once, because no ray is restarted
-    a little behind a hit.
+    The mesh is read when it is first asked about, and again after it has changed.
+
+    Hits lie ahead of the origin or at it: the surface on which a ray starts counts, as with
+    trimesh's own engines. Unlike with these, a ray through an edge or vertex of a closed mesh
+    counts each crossing exactly once, because no ray is restarted a little behind a hit.
 
     Parameters
     ----------
     geometry : trimesh.Trimesh
-        A mesh, or any object with ``vertices`` and ``faces``. After a change of the mesh, a new
-        intersector is needed.
+        A mesh, or any object with ``vertices`` and ``faces``.
     **kwargs
         Options of other engines, such as ``scale_to_box``; they are ignored.
 
@@ -66,14 +75,33 @@ class RayMeshIntersector:
 
     def __init__(self, geometry: Any, **kwargs: Any) -> None:
         self.mesh = geometry
-        self._scene = Scene()
-        self._scene.add_mesh(
-            np.asarray(geometry.vertices, dtype=np.float64), np.asarray(geometry.faces)
-        )
+        self._read: _Read | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {"mesh": self.mesh}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__init__(state["mesh"])  # type: ignore[misc]
+
+    def __copy__(self) -> RayMeshIntersector:
+        return RayMeshIntersector(self.mesh)
+
+    def __deepcopy__(self, memo: Any) -> RayMeshIntersector:
+        # As in trimesh: a copied mesh makes an intersector of its own.
+        return RayMeshIntersector(self.mesh)
+
+    @property
+    def _scene(self) -> Scene:
+        """The scene of the mesh as it is now."""
+        read = self._read
+        if read is None or not read.is_of(self.mesh):
+            self._read = read = _Read(self.mesh)
+        return read.scene
 
     def _rays(
         self, ray_origins: ArrayLike, ray_directions: ArrayLike
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    ) -> tuple[tuple[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]:
+        """The rays, and the parameter at which each starts."""
         origins, directions = (
             _vectors(ray_origins, "ray_origins"),
             _vectors(ray_directions, "ray_directions"),
@@ -83,7 +111,14 @@ class RayMeshIntersector:
                 f"ray_origins: shape is {origins.shape}, but that of ray_directions is "
                 f"{directions.shape}"
             )
-        return origins, directions
+        size = np.abs(origins).max(axis=1, initial=0)
+        bounds = self._scene.bounds
+        if np.isfinite(bounds).all():
+            size = np.maximum(size, np.abs(bounds).max())
+        length = np.sqrt((directions**2).sum(axis=1))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            behind = np.nan_to_num(-_AT_ORIGIN * size / length, nan=0.0, neginf=0.0)
+        return (origins, directions), behind
 
     def intersects_location(
         self,
@@ -140,17 +175,17 @@ class RayMeshIntersector:
         locations : (h, 3) float64
             Only with ``return_locations``.
         """
-        rays = self._rays(ray_origins, ray_directions)
+        rays, t_min = self._rays(ray_origins, ray_directions)
         found: Any
         if multiple_hits:
-            found = self._scene.list_intersections(rays)
+            found = self._scene.list_intersections(rays, t_min=t_min)
             keep = np.ones(len(found.ray_ids), dtype=bool)
             if max_hits is not None:
                 rank = np.arange(len(found.ray_ids)) - found.ray_splits[found.ray_ids]
                 keep = rank < max_hits
             index_ray = found.ray_ids[keep]
         else:
-            found = self._scene.cast_rays(rays)
+            found = self._scene.cast_rays(rays, t_min=t_min)
             keep = np.isfinite(found.t_hit)
             index_ray = np.flatnonzero(keep)
         index_tri = found.primitive_ids[keep].astype(np.int64)
@@ -162,17 +197,51 @@ class RayMeshIntersector:
         self, ray_origins: ArrayLike, ray_directions: ArrayLike, **kwargs: Any
     ) -> NDArray[np.int64]:
         """The first triangle that each ray hits, -1 for a miss: an array ``(n,)`` of int64."""
-        found = self._scene.cast_rays(self._rays(ray_origins, ray_directions))
+        rays, t_min = self._rays(ray_origins, ray_directions)
+        found = self._scene.cast_rays(rays, t_min=t_min)
         return np.where(np.isfinite(found.t_hit), found.primitive_ids.astype(np.int64), -1)
 
     def intersects_any(
         self, ray_origins: ArrayLike, ray_directions: ArrayLike, **kwargs: Any
     ) -> NDArray[np.bool_]:
         """Whether each ray hits the mesh: an array ``(n,)`` of bool."""
-        return self._scene.test_occlusions(self._rays(ray_origins, ray_directions))
+        rays, t_min = self._rays(ray_origins, ray_directions)
+        return self._scene.test_occlusions(rays, t_min=t_min)
 
     def contains_points(self, points: ArrayLike) -> NDArray[np.bool_]:
         """Whether each point ``(n, 3)`` is inside the mesh: an array ``(n,)`` of bool. For open
         meshes, a point is inside where the generalised winding number exceeds 0.5.
         """
         return self._scene.occupancy(_vectors(points, "points"))
+
+
+class _Read:
+    """A mesh as it was read: its scene, and what shows that the mesh has changed since."""
+
+    def __init__(self, mesh: Any) -> None:
+        self.hash = _hash(mesh)
+        vertices, faces = _arrays(mesh)
+        # A mesh without a hash of its contents is compared with what was read.
+        self.arrays = None if self.hash is not None else (vertices.copy(), faces.copy())
+        self.scene = Scene()
+        self.scene.add_mesh(vertices, faces)
+
+    def is_of(self, mesh: Any) -> bool:
+        """True if the mesh is as it was read."""
+        if self.arrays is None:
+            return self.hash == _hash(mesh)
+        return all(np.array_equal(a, b) for a, b in zip(self.arrays, _arrays(mesh), strict=True))
+
+
+def _arrays(mesh: Any) -> tuple[np.ndarray, np.ndarray]:
+    faces = array_of(mesh.faces, "faces")
+    return (
+        array_of(mesh.vertices, "vertices").astype(np.float64, copy=False),
+        faces if faces.size else np.empty((0, 3), dtype=np.int64),
+    )
+
+
+def _hash(mesh: Any) -> int | None:
+    """The hash of a mesh's contents; None if its hash is that of the object or there is none."""
+    own: Any = type(mesh).__hash__
+    return None if own in (None, object.__hash__) else hash(mesh)

@@ -88,7 +88,11 @@ BAD = [
         r"transform\[3\] is .*, expected \[0, 0, 0, 1\]",
     ),
     (lambda s: s.add_mesh(V, F, np.full((4, 4), NAN)), ValueError, r"transform\[0, 0\] is NaN"),
-    (lambda s: s.add_mesh(V, F, mask=-1), ValueError, "mask is -1, expected 0 to 4294967295"),
+    (
+        lambda s: s.add_mesh(V, F, mask=-1),
+        ValueError,
+        "mask is -1, expected 32 bits: 0 to 4294967295",
+    ),
     (
         lambda s: s.add_shape("spere", radius=1),
         ValueError,

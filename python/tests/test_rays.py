@@ -31,6 +31,7 @@ def test_results_keep_the_leading_shape_and_the_dtype(triangle, dtype, shape):
         "t_hit": (shape, dtype),
         "geometry_ids": (shape, np.uint32),
         "instance_ids": (shape, np.uint32),
+        "instance_paths": ((*shape, 0), np.uint32),
         "primitive_ids": (shape, np.uint32),
         "primitive_uvs": ((*shape, 2), dtype),
         "primitive_normals": ((*shape, 3), dtype),
@@ -38,7 +39,7 @@ def test_results_keep_the_leading_shape_and_the_dtype(triangle, dtype, shape):
         "normals": ((*shape, 3), dtype),
         "uvs": ((*shape, 2), dtype),
     }
-    assert list(hits) == list(expected) == hits.keys() and len(hits) == 9
+    assert list(hits) == list(expected) == hits.keys() and len(hits) == 10
     for name, array in hits.items():
         assert (array.shape, array.dtype) == expected[name], name
         assert array is hits[name] is getattr(hits, name)
@@ -243,7 +244,7 @@ def test_pinhole_rays_meet_what_projects_to_their_pixels():
         fov_deg=np.degrees(2 * np.arctan(32 / 50)),
         center=[0, 0, 0],
         eye=[0, 0, -5],
-        up=[0, -1, 0],
+        up=[0, 1, 0],
         width_px=64,
         height_px=48,
         dtype=np.float64,

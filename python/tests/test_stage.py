@@ -558,7 +558,7 @@ BAD = [
     (lambda: snell.Camera("fish", eye=(0, 0, 0)), ValueError, 'there is no projection "fish"'),
     (lambda: snell.Texture(np.zeros((2, 2, 5))), ValueError, r"image: shape is \(2, 2, 5\)"),
     (lambda: snell.Texture(np.zeros((2, 2), dtype=complex)), TypeError, "dtype is complex128"),
-    (lambda: snell.Texture(checks(), wrap="repeat"), TypeError, "wrap is 'repeat', expected"),
+    (lambda: snell.Texture(checks(), wrap=3), TypeError, "wrap is 3, expected"),
     (
         lambda: snell.Texture(checks(), filter=1),
         TypeError,

@@ -7,6 +7,8 @@ from __future__ import annotations
 import ast
 import inspect
 import pathlib
+import pickle
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -100,6 +102,46 @@ def test_it_takes_the_place_of_a_meshs_ray(meshes):
     mesh = meshes[0].copy()
     mesh.ray = RayMeshIntersector(mesh)
     assert mesh.ray.intersects_any([[0, 0, -5]], [[0, 0, 1]]).tolist() == [True]
+
+
+def test_the_mesh_is_read_when_it_is_asked(meshes):
+    mesh = meshes[2].copy()
+    ours = RayMeshIntersector(mesh)
+    assert ours.intersects_any([[0, 0, 5]], [[0, 0, -1]]).tolist() == [True]
+    mesh.apply_translation([10, 0, 0])
+    down = [[0, 0, 5], [10, 0, 5]], [[0, 0, -1], [0, 0, -1]]
+    assert ours.intersects_any(*down).tolist() == [False, True]
+    assert ours.contains_points([[0, 0, 0], [10, 0, 0]]).tolist() == [False, True]
+    # Plain arrays have no hash, and are compared.
+    plain = SimpleNamespace(vertices=np.eye(3), faces=np.array([[0, 1, 2]]))
+    ours = RayMeshIntersector(plain)
+    assert ours.intersects_first([[0, 0, 0]], [[1, 1, 1]]).tolist() == [0]
+    plain.vertices += 5
+    assert ours.intersects_first([[0, 0, 0]], [[1, 0.1, 0.1]]).tolist() == [-1]
+
+
+def test_primitives_work_and_may_change():
+    ball = trimesh.primitives.Sphere(radius=1)
+    ours = RayMeshIntersector(ball)
+    top = lambda: ours.intersects_location([[0, 0, 5]], [[0, 0, -1]])[0][:, 2].max()  # noqa: E731
+    assert abs(top() - 1) < 1e-9
+    ball.primitive.radius = 0.25
+    assert abs(top() - 0.25) < 1e-9
+    assert abs(pickle.loads(pickle.dumps(ours)).mesh.volume - ball.volume) < 1e-12
+
+
+def test_the_surface_on_which_a_ray_starts_counts(meshes):
+    box = meshes[2]
+    points, faces = trimesh.sample.sample_surface(box, 500, seed=1)
+    normals = box.face_normals[faces]
+    for engine in (RayMeshIntersector(box), ray_triangle.RayMeshIntersector(box)):
+        assert engine.intersects_any(points, normals).all()
+        np.testing.assert_array_equal(engine.intersects_first(points, normals), faces)
+        _, index_ray, _ = engine.intersects_location(points, -normals)
+        np.testing.assert_array_equal(np.bincount(index_ray), np.full(500, 2))
+    above = points + 1e-9 * normals
+    assert not RayMeshIntersector(box).intersects_any(above, normals).any()
+    assert len(RayMeshIntersector(box).intersects_id([], [])[0]) == 0
 
 
 def test_max_hits_keeps_the_first(meshes):

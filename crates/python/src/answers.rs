@@ -1,6 +1,6 @@
 //! Answers of queries in Python: named arrays, each of which is created when it is first accessed.
 
-use crate::arrays::{filled, from_vec};
+use crate::arrays::{filled, from_vec, numpy};
 use crate::assemble::{Form, Snapshot};
 use crate::columns::{Columns, View};
 use crate::precision::Precision;
@@ -15,6 +15,7 @@ use pyo3::types::{PyDict, PyList, PyTuple};
 use rayon::prelude::*;
 use snell_intersect::Hit;
 use snell_math::{DRay, DVec3};
+use std::collections::HashMap;
 use std::sync::Arc;
 
 /// Number of answers that a thread processes at a time.
@@ -67,17 +68,38 @@ impl<P: Precision, F: Form> Answers for Live<P, F> {
             "primitive_ids" => self.copied(py, 1, hits.primitive),
             "geometry_ids" => self.mapped(py, hits.geometry, |id| names.object(id)),
             "instance_ids" => self.mapped(py, hits.occurrence, |id| names.instance(id)),
+            "instance_paths" => {
+                let depth = names.depth();
+                self.rows(py, depth, |i, row| {
+                    row.fill(Hit::NONE);
+                    let path = names.path(hits.occurrence[i]);
+                    row.iter_mut().zip(path).for_each(|(place, id)| *place = id);
+                })
+            }
+            "names" => self.labels(py, &hits),
+            "material_ids" => self.pieces(py, 1, |first, places| {
+                for (i, place) in (first..).zip(places) {
+                    *place =
+                        names.material(hits.occurrence[i], hits.geometry[i], hits.primitive[i]);
+                }
+            }),
+            "is_entering" if matches!(self.asked, Asked::Rays(..)) => {
+                let normals = self.surfaces(py, &hits, 1, |local, ray| {
+                    [local.geometric_normal.dot(ray.direction)]
+                })?;
+                normals.call_method1("__lt__", (0,))
+            }
             "primitive_uvs" => self.copied(py, 2, hits.uv),
             "points" if let Asked::Positions(positions) = &self.asked => {
                 let values = positions.as_flattened().to_vec();
                 from_vec(py, values, &[&self.shape[..], &[3]].concat())
             }
-            "points" => self.surfaces(py, &hits, 3, |local| local.position.to_array()),
+            "points" => self.surfaces(py, &hits, 3, |local, _| local.position.to_array()),
             "primitive_normals" => {
-                self.surfaces(py, &hits, 3, |local| local.geometric_normal.to_array())
+                self.surfaces(py, &hits, 3, |local, _| local.geometric_normal.to_array())
             }
-            "normals" => self.surfaces(py, &hits, 3, |local| local.normal.to_array()),
-            "uvs" => self.surfaces(py, &hits, 2, |local| local.uv.to_array()),
+            "normals" => self.surfaces(py, &hits, 3, |local, _| local.normal.to_array()),
+            "uvs" => self.surfaces(py, &hits, 2, |local, _| local.uv.to_array()),
             "ray_ids" => match &self.asked {
                 Asked::Rays(_, Some(ids)) => {
                     from_vec(py, ids.iter().map(|&i| i64::from(i)).collect(), &self.shape)
@@ -123,21 +145,62 @@ impl<P: Precision, F: Form> Live<P, F> {
         })
     }
 
+    /// An array of rows of `width` ids, which `write` fills by the index of the answer.
+    fn rows<'py>(
+        &self,
+        py: Python<'py>,
+        width: usize,
+        write: impl Fn(usize, &mut [u32]) + Sync,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let shape = [&self.shape[..], &[width]].concat();
+        if width == 0 {
+            return from_vec(py, Vec::<u32>::new(), &shape);
+        }
+        let made = self.pieces(py, width, |first, places| {
+            for (i, row) in places.chunks_exact_mut(width).enumerate() {
+                write(first + i, row);
+            }
+        })?;
+        made.call_method1("reshape", (shape,))
+    }
+
+    /// An array of the names of the objects, as text.
+    fn labels<'py>(&self, py: Python<'py>, hits: &View<'_, P>) -> PyResult<Bound<'py, PyAny>> {
+        let mut known: HashMap<(u32, u32), i64> = HashMap::new();
+        let mut labels: Vec<String> = Vec::new();
+        let pairs = hits.occurrence.iter().zip(hits.geometry);
+        let numbers: Vec<i64> = pairs
+            .map(|(&occurrence, &geometry)| {
+                *known.entry((occurrence, geometry)).or_insert_with(|| {
+                    labels.push(self.snapshot.names.label(occurrence, geometry));
+                    labels.len() as i64 - 1
+                })
+            })
+            .collect();
+        if labels.is_empty() {
+            labels.push(String::new());
+        }
+        let numbers = from_vec(py, numbers, &self.shape)?;
+        numpy(py, "array")?.call1((labels,))?.get_item(numbers)
+    }
+
     /// An array of a property of the surfaces.
     fn surfaces<'py, const N: usize>(
         &self,
         py: Python<'py>,
         hits: &View<'_, P>,
         width: usize,
-        wanted: impl Fn(&Local) -> [f64; N] + Sync,
+        wanted: impl Fn(&Local, &DRay) -> [f64; N] + Sync,
     ) -> PyResult<Bound<'py, PyAny>> {
         let write = |first: usize, places: &mut [P], ray: &(dyn Fn(usize) -> DRay + Sync)| {
             let mut surfaces = Surfaces::new(&self.snapshot);
             for (i, place) in places.chunks_exact_mut(width).enumerate() {
                 let found = hits.get(first + i);
                 let is_hit = found.geometry != Hit::NONE;
-                let local = if is_hit { surfaces.at(&ray(first + i), &found) } else { Local::NONE };
-                place.iter_mut().zip(wanted(&local)).for_each(|(place, x)| *place = P::round(x));
+                let ray = ray(first + i);
+                let local = if is_hit { surfaces.at(&ray, &found) } else { Local::NONE };
+                let values = wanted(&local, &ray);
+                place.iter_mut().zip(values).for_each(|(place, x)| *place = P::round(x));
             }
         };
         match &self.asked {
@@ -185,6 +248,25 @@ impl<P: Precision, F: Form> Live<P, F> {
     }
 }
 
+/// Some of the answers of a query, selected by an index.
+struct Part {
+    whole: Py<PyAny>,
+    /// The numbers of the selected answers.
+    numbers: Py<PyAny>,
+    shape: Vec<usize>,
+}
+
+impl Answers for Part {
+    fn array<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Option<Bound<'py, PyAny>>> {
+        let part = py.import("snell._answers")?.getattr("part_of")?;
+        part.call1((&self.whole, name, &self.numbers)).map(Some)
+    }
+
+    fn shape(&self) -> &[usize] {
+        &self.shape
+    }
+}
+
 /// The arrays of a query by name. An array is computed from the answers when it is first accessed.
 pub struct Named {
     live: Option<Box<dyn Answers>>,
@@ -195,6 +277,14 @@ impl Named {
     /// The arrays of a query's answers, none of them computed yet.
     pub fn new(live: impl Answers + 'static) -> Self {
         Self { live: Some(Box::new(live)), made: PyOnceLock::new() }
+    }
+
+    /// The part of some answers that an index selects.
+    pub fn part(whole: &Bound<'_, PyAny>, key: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let select = whole.py().import("snell._answers")?.getattr("numbers_of")?;
+        let numbers = select.call1((whole, key))?;
+        let shape = numbers.getattr("shape")?.extract()?;
+        Ok(Self::new(Part { whole: whole.clone().unbind(), numbers: numbers.unbind(), shape }))
     }
 
     /// Arrays that were stored by pickling. Fails if one of `names` is missing.
@@ -252,6 +342,16 @@ impl Named {
         Ok(all)
     }
 
+    /// The arrays that pickling stores: those of these names, and what else was computed.
+    pub fn stored_form<'py>(
+        &self,
+        py: Python<'py>,
+        names: &[&str],
+    ) -> PyResult<Bound<'py, PyDict>> {
+        self.all(py, names)?;
+        self.made.get_or_init(py, || PyDict::new(py).unbind()).bind(py).copy()
+    }
+
     /// The leading shape of the arrays: the shape of `scalar`, which has one number per answer.
     pub fn shape<'py>(&self, py: Python<'py>, scalar: &str) -> PyResult<Bound<'py, PyTuple>> {
         match &self.live {
@@ -293,8 +393,21 @@ macro_rules! answers {
                 self.0.shape(py, stringify!($scalar))
             }
 
-            fn __getitem__<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
-                self.0.item(py, Self::NAMES, name)
+            fn __getitem__<'py>(
+                slf: &Bound<'py, Self>,
+                key: &Bound<'py, PyAny>,
+            ) -> PyResult<Bound<'py, PyAny>> {
+                if let Ok(name) = key.extract::<String>() {
+                    return slf.get().0.item(slf.py(), Self::NAMES, &name);
+                }
+                let part = Named::part(slf.as_any(), key)?;
+                Ok(Bound::new(slf.py(), Self(part))?.into_any())
+            }
+
+            fn __setattr__(&self, name: &str, _value: &Bound<'_, PyAny>) -> PyResult<()> {
+                Err(PyAttributeError::new_err(format!(
+                    "{name}: answers never change; change a copy of the array"
+                )))
             }
 
             fn __len__(&self) -> usize {
@@ -327,7 +440,7 @@ macro_rules! answers {
             fn __reduce__<'py>(
                 slf: &Bound<'py, Self>,
             ) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyDict>,))> {
-                Ok((slf.get_type().into_any(), (slf.get().0.all(slf.py(), Self::NAMES)?,)))
+                Ok((slf.get_type().into_any(), (slf.get().0.stored_form(slf.py(), Self::NAMES)?,)))
             }
 
             fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
@@ -343,7 +456,8 @@ answers! {
     /// shape of the rays.
     ///
     /// Arrays are attributes and, by name, items of a mapping. Each is computed on first access;
-    /// real numbers have the dtype of the query. A miss has `t_hit` infinite, all ids
+    /// real numbers have the dtype of the query. Any other index selects some of the answers:
+    /// `hits[0]`, `hits[mask]`. A miss has `t_hit` infinite, all ids
     /// :data:`INVALID_ID`, `points` NaN, and all other numbers 0.
     ///
     /// Examples
@@ -358,6 +472,8 @@ answers! {
     /// True
     /// >>> hits.points[0].tolist()
     /// [0.0, 0.0, -1.0]
+    /// >>> hits[hits.is_hit].t_hit.tolist()
+    /// [4.0]
     Hits by t_hit {
         /// `(...)`: ray parameter, in units of the direction's length; infinite for a miss.
         t_hit,
@@ -367,6 +483,10 @@ answers! {
         /// `(...)`, uint32: the id that :meth:`Scene.add_instance` gave; :data:`INVALID_ID` for
         /// objects in no instance.
         instance_ids,
+        /// `(..., depth)`, uint32: the ids of all instances around the object, the outermost first,
+        /// each in the scene that holds it; :data:`INVALID_ID` after the last. `depth` is the
+        /// number of instances within each other in the scene.
+        instance_paths,
         /// `(...)`, uint32: number of the triangle of a mesh, of the face of a shape, or of the
         /// sphere of a set; :data:`INVALID_ID` for a miss.
         primitive_ids,
@@ -414,6 +534,8 @@ answers! {
         geometry_ids,
         /// `(n,)`, uint32: ids of the instances, as in :class:`Hits`.
         instance_ids,
+        /// `(n, depth)`, uint32: ids of all instances, as in :class:`Hits`.
+        instance_paths,
         /// `(n,)`, uint32: triangles, faces or spheres, as in :class:`Hits`.
         primitive_ids,
         /// `(n, 2)`: barycentric coordinates, as in :class:`Hits`.
@@ -453,6 +575,8 @@ answers! {
         geometry_ids,
         /// `(...)`, uint32: ids of the instances, as in :class:`Hits`.
         instance_ids,
+        /// `(..., depth)`, uint32: ids of all instances, as in :class:`Hits`.
+        instance_paths,
         /// `(...)`, uint32: triangles, faces or spheres, as in :class:`Hits`.
         primitive_ids,
         /// `(..., 2)`: barycentric coordinates, as in :class:`Hits`.
@@ -463,5 +587,65 @@ answers! {
         normals,
         /// `(..., 2)`: texture coordinates, as in :class:`Hits`.
         uvs,
+    }
+}
+
+/// Declares further arrays of answers. They are attributes, but no items, and pickled only if they
+/// were computed before.
+macro_rules! further {
+    ($class:ident { $($(#[doc = $about:expr])* $name:ident,)* }) => {
+        #[pymethods]
+        impl $class {
+            $($(#[doc = $about])*
+            #[getter]
+            fn $name<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+                self.0.get(py, stringify!($name))
+            })*
+        }
+    };
+}
+
+further! {
+    Hits {
+        /// `(...)`, bool: whether the ray comes from the outer side of the surface, against
+        /// `primitive_normals`; False for a miss.
+        is_entering,
+        /// `(...)`, uint32: number of the material in :attr:`Scene.materials`, of the scene that
+        /// holds the object; if the object has none, of the scene that holds the innermost instance
+        /// with a material; :data:`INVALID_ID` for the default material and for a miss.
+        material_ids,
+        /// `(...)`, text: the name of the object, empty without one and for a miss. In instances,
+        /// the names of these come first, as in `"car/wheel/tyre"`; what has no name there is
+        /// called by its id.
+        names,
+    }
+}
+
+further! {
+    Intersections {
+        /// `(n,)`, bool: whether the ray enters the surface, as in :class:`Hits`.
+        is_entering,
+        /// `(n,)`, uint32: numbers of the materials, as in :class:`Hits`.
+        material_ids,
+        /// `(n,)`, text: names of the objects, as in :class:`Hits`.
+        names,
+    }
+}
+
+further! {
+    ClosestPoints {
+        /// `(...)`, uint32: numbers of the materials, as in :class:`Hits`.
+        material_ids,
+        /// `(...)`, text: names of the objects, as in :class:`Hits`.
+        names,
+    }
+}
+
+#[pymethods]
+impl Hits {
+    /// `(...)`, bool: whether the ray hits anything.
+    #[getter]
+    fn is_hit<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        numpy(py, "isfinite")?.call1((self.0.get(py, "t_hit")?,))
     }
 }

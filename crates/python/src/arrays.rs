@@ -13,7 +13,7 @@ use numpy::{
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
-use pyo3::types::{PyDict, PyTuple};
+use pyo3::types::{PyDict, PyInt, PyTuple};
 
 /// The function of NumPy with this name.
 pub fn numpy<'py>(py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
@@ -22,27 +22,15 @@ pub fn numpy<'py>(py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
     module.bind(py).getattr(name)
 }
 
-/// Anything as an array: NumPy's own, `__array_interface__`, `__array__`, DLPack, or nested
-/// sequences.
+/// Anything as an array: NumPy's own, tensors in main memory, `__array_interface__`, `__array__`,
+/// DLPack, or nested sequences.
 pub fn array<'py>(value: &Bound<'py, PyAny>, name: &str) -> PyResult<Bound<'py, PyUntypedArray>> {
     let py = value.py();
-    if let Ok(array) = value.cast::<PyUntypedArray>() {
-        return Ok(array.clone());
+    if value.get_type().is(py.get_type::<PyUntypedArray>()) {
+        return Ok(value.cast::<PyUntypedArray>()?.clone());
     }
-    let is_dlpack = !value.hasattr("__array__")?
-        && !value.hasattr("__array_interface__")?
-        && value.hasattr("__dlpack__")?;
-    let made = numpy(py, if is_dlpack { "from_dlpack" } else { "asarray" })?.call1((value,));
-    let made = made.map_err(|e| {
-        caused(py, PyTypeError::new_err(format!("{name}: this does not convert to an array")), e)
-    })?;
+    let made = py.import("snell._arrays")?.getattr("array_of")?.call1((value, name))?;
     Ok(made.cast_into::<PyUntypedArray>()?)
-}
-
-/// Returns `error` with `cause` as its `__cause__`.
-pub fn caused(py: Python<'_>, error: PyErr, cause: PyErr) -> PyErr {
-    error.set_cause(py, Some(cause));
-    error
 }
 
 /// The code of an array's numbers in NumPy: `f`, `i`, `u`, `b`, …
@@ -272,9 +260,10 @@ pub fn mask_column<'py>(
     shape: &[usize],
 ) -> PyResult<Column<'py, u32>> {
     let Some(value) = value else { return Ok(Column::All(u32::MAX)) };
-    if !value.is_instance_of::<PyUntypedArray>()
-        && let Ok(mask) = value.extract::<u32>()
-    {
+    if value.is_instance_of::<PyInt>() {
+        let mask = value.extract::<u32>().map_err(|_| {
+            PyValueError::new_err(format!("mask is {value}, expected 32 bits: 0 to {}", u32::MAX))
+        })?;
         return Ok(Column::All(mask));
     }
     let array = array(value, "mask")?;

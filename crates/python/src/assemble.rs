@@ -12,6 +12,7 @@ use snell_intersect::{
     WorldError,
 };
 use snell_math::Transform;
+use snell_scene::MaterialId;
 use std::collections::HashMap;
 use std::sync::Arc;
 
@@ -35,11 +36,29 @@ pub enum Surface {
 pub struct Names {
     /// For each geometry of the world, the number of its object in the scene that holds the object.
     objects: Vec<u32>,
+    /// The name of each geometry's object.
+    labels: Vec<Option<Arc<str>>>,
+    /// The materials of each geometry by slot, in the scene that holds the object.
+    materials: Vec<Vec<Option<MaterialId>>>,
     /// Surfaces by geometry of the world.
     pub surfaces: Vec<Surface>,
-    /// For each instance in the root group, its first occurrence, ascending, and its number in the
-    /// scene ([`Hit::NONE`] for an instance that only moves an object).
-    instances: Vec<(u32, u32)>,
+    /// The instances in each scene, the root's first, ascending by occurrence.
+    scenes: Vec<Vec<Step>>,
+}
+
+/// An instance in a scene, or a moved object of it.
+#[derive(Debug)]
+struct Step {
+    /// Its first occurrence, counted from that of the scene that holds it.
+    first: u32,
+    /// The number of the instance; [`Hit::NONE`] for an object that only is moved.
+    id: u32,
+    /// The name of the instance.
+    label: Option<Arc<str>>,
+    /// The material of the instance for objects that have none.
+    material: Option<MaterialId>,
+    /// The position of the instanced scene in [`Names::scenes`].
+    scene: Option<usize>,
 }
 
 impl Names {
@@ -53,8 +72,69 @@ impl Names {
     /// of all instances.
     #[inline]
     pub fn instance(&self, occurrence: u32) -> u32 {
-        let at = self.instances.partition_point(|&(first, _)| first <= occurrence);
-        if occurrence == Hit::NONE || at == 0 { Hit::NONE } else { self.instances[at - 1].1 }
+        self.steps(occurrence).next().map_or(Hit::NONE, |step| step.id)
+    }
+
+    /// The instances that an occurrence is in, the outermost first.
+    fn steps(&self, occurrence: u32) -> impl Iterator<Item = &Step> {
+        let (mut scene, mut rest) = ((occurrence != Hit::NONE).then_some(0), occurrence);
+        let steps = std::iter::from_fn(move || {
+            let all: &[Step] = self.scenes.get(scene?)?;
+            let at = all.partition_point(|step| step.first <= rest).checked_sub(1)?;
+            rest -= all[at].first;
+            scene = all[at].scene;
+            Some(&all[at])
+        });
+        steps.filter(|step| step.id != Hit::NONE)
+    }
+
+    /// The numbers of the instances that an occurrence is in, the outermost first; each in the
+    /// scene that holds it.
+    pub fn path(&self, occurrence: u32) -> impl Iterator<Item = u32> {
+        self.steps(occurrence).map(|step| step.id)
+    }
+
+    /// The number of the material of a hit, in the scene that holds the object, or that holds the
+    /// innermost instance with a material; [`Hit::NONE`] without a material.
+    pub fn material(&self, occurrence: u32, geometry: u32, primitive: u32) -> u32 {
+        let Some(slots) = self.materials.get(geometry as usize) else { return Hit::NONE };
+        let slot = match &self.surfaces[geometry as usize] {
+            Surface::Mesh(mesh) => mesh.attributes().material_slots.get(primitive as usize),
+            _ => None,
+        };
+        let own = slots.get(slot.map_or(0, |&slot| usize::from(slot))).copied().flatten();
+        let handed = || self.steps(occurrence).filter_map(|step| step.material).last();
+        own.or_else(handed).map_or(Hit::NONE, |id| id.0)
+    }
+
+    /// Maximum number of instances within each other.
+    pub fn depth(&self) -> usize {
+        // Scenes come before those that instance them, but for the root, which is the first.
+        let mut depths = vec![0; self.scenes.len()];
+        for scene in (1..self.scenes.len()).chain([0]) {
+            let below = |step: &Step| step.scene.map_or(0, |below| depths[below] + 1);
+            let depth = self.scenes.get(scene).into_iter().flatten().map(below).max();
+            if let Some(place) = depths.get_mut(scene) {
+                *place = depth.unwrap_or(0);
+            }
+        }
+        depths.first().copied().unwrap_or(0)
+    }
+
+    /// The name of the object of a hit: the names of the instances around it and its own, with
+    /// slashes between them. What has no name is called by its number; an object in no instance
+    /// that has none, by nothing.
+    pub fn label(&self, occurrence: u32, geometry: u32) -> String {
+        let Some(own) = self.labels.get(geometry as usize) else { return String::new() };
+        let called = |label: &Option<Arc<str>>, id: u32| {
+            label.as_deref().map_or_else(|| id.to_string(), str::to_string)
+        };
+        let around: Vec<_> =
+            self.steps(occurrence).map(|step| called(&step.label, step.id)).collect();
+        if around.is_empty() {
+            return own.as_deref().unwrap_or_default().to_string();
+        }
+        around.join("/") + "/" + &called(own, self.object(geometry))
     }
 
     /// True if surfaces can be computed without the ray that hit them.
@@ -114,9 +194,9 @@ pub trait Builder: Default {
 struct Assembler<F: Form> {
     builder: F::Builder,
     names: Names,
-    /// The group of each instanced scene, and its number of occurrences. The scene is kept alive,
-    /// so that no other scene gets its address.
-    scenes: HashMap<*const Contents, (GroupId, u64)>,
+    /// The group of each instanced scene, its number of occurrences, and its position in
+    /// [`Names::scenes`]. The scene is kept alive, so that no other scene gets its address.
+    scenes: HashMap<*const Contents, (GroupId, u64, usize)>,
 }
 
 /// Builds the world of a scene, sharing unchanged parts with `previous`.
@@ -130,35 +210,37 @@ pub fn assemble<F: Form>(
         names: Names::default(),
         scenes: HashMap::new(),
     };
-    assembler.fill(WorldBuilder::ROOT, contents);
+    assembler.names.scenes.push(Vec::new());
+    let (_, steps) = assembler.fill(WorldBuilder::ROOT, contents);
+    assembler.names.scenes[0] = steps;
     let Assembler { builder, names, .. } = assembler;
     Ok(Snapshot { world: Arc::new(F::build(builder, options, previous)?), names: Arc::new(names) })
 }
 
 impl<F: Form> Assembler<F> {
-    /// Adds the objects of a scene to the scene's group. Returns the number of occurrences: the
-    /// group and everything below it.
-    fn fill(&mut self, group: GroupId, contents: &Contents) -> u64 {
-        let mut occurrences = 1u64;
+    /// Adds the objects of a scene to the scene's group. Returns the number of occurrences (the
+    /// group and everything below it) and the scene's instances.
+    fn fill(&mut self, group: GroupId, contents: &Contents) -> (u64, Vec<Step>) {
+        let (mut occurrences, mut steps) = (1u64, Vec::new());
         for (number, slot) in contents.slots.iter().enumerate() {
             let Slot::Here(object) = slot else {
                 self.builder.add_gap();
-                self.name(Hit::NONE, Surface::Gone);
+                self.name(Hit::NONE, None, Surface::Gone);
                 if let Slot::Gone(true) = slot {
                     self.builder.add_group();
                 }
                 continue;
             };
             let number = number as u32;
-            let (child, below, instance) = match (&object.kind, object.transform) {
+            let (child, below, instance, scene) = match (&object.kind, object.transform) {
                 (Kind::Instance(scene), _) => {
-                    let (child, below) = self.scene(scene);
-                    (child, below, number)
+                    let (child, below, scene) = self.scene(scene);
+                    (child, below, number, Some(scene))
                 }
                 (Kind::Mesh(_) | Kind::Spheres(_) | Kind::Curves(_), Some(_)) => {
                     let own = self.builder.add_group();
                     self.geometry(own, number, object);
-                    (own, 1, Hit::NONE)
+                    (own, 1, Hit::NONE, None)
                 }
                 _ => {
                     self.geometry(group, number, object);
@@ -168,23 +250,27 @@ impl<F: Form> Assembler<F> {
             let mask = if instance == Hit::NONE { u32::MAX } else { object.mask };
             let placed = object.transform.unwrap_or(Transform::IDENTITY);
             self.builder.add(group, Instance { mask, ..Instance::new(child, placed) });
-            if group == WorldBuilder::ROOT {
-                // A world with more occurrences than numbers is refused when it is built, so a
-                // clamped number is never used.
-                self.names.instances.push((occurrences.min(u32::MAX.into()) as u32, instance));
-            }
+            // A world with more occurrences than numbers is refused when it is built, so a clamped
+            // number is never used.
+            let first = occurrences.min(u32::MAX.into()) as u32;
+            let label = scene.and(object.name.clone());
+            let material = scene.and(object.materials.first().copied().flatten());
+            steps.push(Step { first, id: instance, label, material, scene });
             occurrences = occurrences.saturating_add(below);
         }
-        occurrences
+        (occurrences, steps)
     }
 
-    /// The group of an instanced scene, and its number of occurrences.
-    fn scene(&mut self, scene: &Arc<Contents>) -> (GroupId, u64) {
+    /// The group of an instanced scene, its number of occurrences, and its position in
+    /// [`Names::scenes`].
+    fn scene(&mut self, scene: &Arc<Contents>) -> (GroupId, u64, usize) {
         if let Some(&known) = self.scenes.get(&Arc::as_ptr(scene)) {
             return known;
         }
         let group = self.builder.add_group();
-        let made = (group, self.fill(group, scene));
+        let (occurrences, steps) = self.fill(group, scene);
+        self.names.scenes.push(steps);
+        let made = (group, occurrences, self.names.scenes.len() - 1);
         self.scenes.insert(Arc::as_ptr(scene), made);
         made
     }
@@ -206,11 +292,13 @@ impl<F: Form> Assembler<F> {
             Kind::Instance(_) => return,
         };
         self.builder.set_mask(id, object.mask);
-        self.name(number, surface);
+        self.name(number, Some(object), surface);
     }
 
-    fn name(&mut self, number: u32, surface: Surface) {
+    fn name(&mut self, number: u32, object: Option<&Object>, surface: Surface) {
         self.names.objects.push(number);
+        self.names.labels.push(object.and_then(|object| object.name.clone()));
+        self.names.materials.push(object.map_or(Vec::new(), |object| object.materials.clone()));
         self.names.surfaces.push(surface);
     }
 }

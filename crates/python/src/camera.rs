@@ -72,6 +72,7 @@ fn at_least(value: f64, low: f64, name: &str) -> PyResult<f64> {
 
 /// Makes a projection from its parameters.
 pub fn projection(
+    py: Python<'_>,
     kind: &str,
     fov: Option<f64>,
     parameters: Option<&Bound<'_, PyDict>>,
@@ -88,6 +89,18 @@ pub fn projection(
         }
         Err(PyValueError::new_err(format!("fov is {degrees}, expected degrees from 0 to {limit}")))
     };
+    if let (Some(degrees), Some(value)) = (fov.filter(|fov| fov.fract() != 0.0), fov)
+        && degrees > 0.0
+        && degrees <= std::f64::consts::PI
+    {
+        crate::encoding::warn(
+            py,
+            format!(
+                "fov is {value} degrees; of radians, give math.degrees({value}) = {:.4}",
+                value.to_degrees()
+            ),
+        )?;
+    }
     match (kind, fov, given.is_empty()) {
         ("perspective", fov, true) => {
             Ok(Projection::from_half_angle_y(angle(fov.unwrap_or(45.0), 179.9)? / 2.0))
@@ -129,7 +142,7 @@ impl Camera {
         name: Option<String>,
         parameters: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
-        let projection = self::projection(projection, fov, parameters)?;
+        let projection = self::projection(eye.py(), projection, fov, parameters)?;
         let eye = vector(eye, "eye")?;
         let up = up.map_or(Ok(DVec3::Y), |up| vector(up, "up"))?;
         let mut camera = match (target, towards) {
@@ -237,6 +250,12 @@ impl Camera {
         };
         let pixels = values.iter().flat_map(seen).collect();
         crate::arrays::from_vec(py, pixels, &[&points.shape[..], &[2]].concat())
+    }
+
+    fn __setattr__(&self, name: &str, _value: &Bound<'_, PyAny>) -> PyResult<()> {
+        Err(pyo3::exceptions::PyAttributeError::new_err(format!(
+            "{name}: a camera never changes; make another one"
+        )))
     }
 
     fn __getattr__<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {

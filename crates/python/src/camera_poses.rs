@@ -226,6 +226,7 @@ impl Camera {
     ))]
     #[allow(non_snake_case)]
     fn from_matrix(
+        py: Python<'_>,
         T_world_cam: &Bound<'_, PyAny>,
         axes: &str,
         projection: &str,
@@ -234,7 +235,7 @@ impl Camera {
         name: Option<String>,
         parameters: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
-        let projection = self::projection(projection, fov, parameters)?;
+        let projection = self::projection(py, projection, fov, parameters)?;
         let pose = matrix4(T_world_cam, "T_world_cam")?;
         let mut camera = snell_scene::Camera::from_matrix(pose, self::axes(axes)?, projection)
             .map_err(|error| PyValueError::new_err(error.to_string()))?;

@@ -8,7 +8,7 @@ use pyo3::exceptions::{PyIndexError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use rayon::prelude::*;
 use snell_math::{DVec2, Vec2};
-use snell_scene::{Camera, CameraSample};
+use snell_scene::{Camera, CameraSample, Projection};
 
 /// The requested camera: one of `cameras` by number or name, or a camera itself. By default the
 /// first of `cameras`.
@@ -54,8 +54,11 @@ pub fn rays_of<'py>(
     camera: &Camera,
     size: [Option<u32>; 2],
 ) -> PyResult<Bound<'py, PyAny>> {
-    let side = |given: Option<u32>, own: usize, name: &str| match given
-        .or(camera.resolution.map(|size| size[own]))
+    let own = camera.resolution.or(match &camera.projection {
+        Projection::Intrinsics(matrix) => Some(matrix.size),
+        _ => None,
+    });
+    let side = |given: Option<u32>, at: usize, name: &str| match given.or(own.map(|size| size[at]))
     {
         Some(0) => {
             Err(PyValueError::new_err(format!("{name} is 0, expected a whole number from 1")))

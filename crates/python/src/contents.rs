@@ -3,6 +3,7 @@
 //! scene graph that is rendered.
 
 use crate::mesh::Mesh;
+use crate::origins::Origins;
 use pyo3::PyResult;
 use pyo3::exceptions::{PyIndexError, PyTypeError, PyValueError};
 use snell_intersect::{AnyShape, Curves, PrimitiveSet, Shape, Spheres};
@@ -38,7 +39,7 @@ pub struct Object {
     /// was never moved.
     pub transform: Option<Transform>,
     /// A name for users.
-    pub name: Option<String>,
+    pub name: Option<Arc<str>>,
     /// The mask: only rays whose mask shares a bit with it hit the object.
     pub mask: u32,
     /// Materials of the stage by slot of a mesh; other objects have one slot. The material of an
@@ -49,6 +50,7 @@ pub struct Object {
 impl Object {
     /// An object that every ray can hit, without a material of its own.
     pub fn new(kind: Kind, transform: Option<Transform>, name: Option<String>) -> Self {
+        let name = name.map(Into::into);
         Self { kind, transform, name, mask: u32::MAX, materials: Vec::new() }
     }
 }
@@ -70,6 +72,8 @@ pub struct Nodes {
     pub nodes: Vec<Node>,
     /// The root of the file.
     pub root: NodeId,
+    /// The objects that the nodes became.
+    pub origins: Origins,
 }
 
 /// All objects of a scene. The numbers of removed objects stay unused.

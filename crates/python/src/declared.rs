@@ -340,6 +340,13 @@ macro_rules! declared_class {
                 self.0.attribute(py, stringify!($class), name)
             }
 
+            fn __setattr__(&self, name: &str, _value: &Bound<'_, PyAny>) -> PyResult<()> {
+                Err(pyo3::exceptions::PyAttributeError::new_err(format!(
+                    "{name}: a {} never changes; replace({name}=…) makes another one",
+                    stringify!($class)
+                )))
+            }
+
             fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
                 self.0.shown(py, stringify!($class))
             }

@@ -5,6 +5,7 @@
 //! instanced scenes are appended to those of the scene that holds them.
 
 use crate::contents::{Contents, Kind, Nodes, Object};
+use crate::origins::Origins;
 use crate::value;
 use snell_intersect::shape::Sphere;
 use snell_intersect::{AnyShape, Spheres};
@@ -15,22 +16,33 @@ use std::sync::Arc;
 
 /// The scene graph of a scene.
 pub fn graph(contents: &Contents) -> Result<Scene, String> {
+    graph_with_origins(contents).map(|(scene, _)| scene)
+}
+
+/// The scene graph of a scene, and the objects that its nodes stand for.
+pub fn graph_with_origins(contents: &Contents) -> Result<(Scene, Origins), String> {
     let mut scene = Scene::clone(&contents.stage);
     if let Some(nodes) = contents.nodes() {
-        let Nodes { nodes, root } = &**nodes;
+        let Nodes { nodes, root, origins } = &**nodes;
         (scene.nodes, scene.root) = (nodes.clone(), *root);
-        return Ok(scene);
+        return Ok((scene, origins.clone()));
     }
     (scene.nodes, scene.root) = (vec![Node::named("root")], NodeId(0));
-    let mut writer = Writer { scene, stages: HashMap::new(), children: HashMap::new() };
+    let mut writer = Writer {
+        scene,
+        origins: Origins::default(),
+        stages: HashMap::new(),
+        children: HashMap::new(),
+    };
     writer.stages.insert(Arc::as_ptr(&contents.stage), 0);
     let root = writer.scene.root;
     writer.fill(root, contents)?;
-    Ok(writer.scene)
+    Ok((writer.scene, writer.origins))
 }
 
 struct Writer {
     scene: Scene,
+    origins: Origins,
     /// The id of the first material of each stage.
     stages: HashMap<*const Scene, u32>,
     /// The node of each scene that is instanced.
@@ -44,8 +56,9 @@ impl Writer {
         let materials = |object: &Object| -> Vec<Option<MaterialId>> {
             object.materials.iter().map(|m| m.map(|m| MaterialId(m.0 + first))).collect()
         };
-        for (_, object) in contents.objects() {
-            let mut node = Node::named(object.name.clone().unwrap_or_default());
+        for (id, object) in contents.objects() {
+            let (mut inner, mut below) = (None, None);
+            let mut node = Node::named(object.name.as_deref().unwrap_or_default());
             let placed = object.transform.unwrap_or(Transform::IDENTITY);
             node.transform = *placed.matrix();
             match &object.kind {
@@ -67,23 +80,27 @@ impl Writer {
                 }
                 Kind::Spheres(spheres) => {
                     node.material = materials(object).first().copied().flatten();
-                    node.children = self.spheres(spheres);
+                    node.children = self.spheres(spheres, id);
                 }
                 Kind::Instance(child) => {
                     node.material = materials(object).first().copied().flatten();
-                    self.instance(&mut node, child)?;
+                    inner = self.instance(&mut node, child)?;
+                    below = node.children.first().copied();
                 }
             }
-            self.scene.add_child(parent, node);
+            let node = self.scene.add_child(parent, node);
+            self.origins.first.insert(node, id);
+            inner.map(|inner| self.origins.inner.insert((node, 0), inner));
+            below.map(|below| self.origins.steps.insert((node, below), id));
         }
         Ok(())
     }
 
     /// Adds an instanced scene to a node. A scene of a single mesh is added as a surface of the
-    /// node, because a mesh may be used several times.
-    fn instance(&mut self, node: &mut Node, child: &Arc<Contents>) -> Result<(), String> {
+    /// node, because a mesh may be used several times; returns the id of this mesh.
+    fn instance(&mut self, node: &mut Node, child: &Arc<Contents>) -> Result<Option<u32>, String> {
         let mut objects = child.objects();
-        if let (Some((_, only)), None) = (objects.next(), objects.next())
+        if let (Some((id, only)), None) = (objects.next(), objects.next())
             && let Object { kind: Kind::Mesh(mesh), transform: None, materials, .. } = only
             && let (mesh, own) = mesh.rendered()
             && own.is_identity()
@@ -91,7 +108,7 @@ impl Writer {
             let first = self.stage(&child.stage)?;
             let materials = materials.iter().map(|m| m.map(|m| MaterialId(m.0 + first))).collect();
             node.surfaces.push(Surface { geometry: Geometry::Mesh(mesh), materials });
-            return Ok(());
+            return Ok(Some(id));
         }
         let below = match self.children.get(&Arc::as_ptr(child)) {
             Some(&known) => known,
@@ -103,20 +120,23 @@ impl Writer {
             }
         };
         node.children.push(below);
-        Ok(())
+        Ok(None)
     }
 
-    /// A node for each sphere; spheres of one radius share their shape.
-    fn spheres(&mut self, spheres: &Spheres) -> Vec<NodeId> {
+    /// A node for each sphere of an object; spheres of one radius share their shape.
+    fn spheres(&mut self, spheres: &Spheres, id: u32) -> Vec<NodeId> {
         let mut shapes: BTreeMap<u32, Arc<AnyShape>> = BTreeMap::new();
-        let each = spheres.spheres.iter().map(|s| {
+        let each = spheres.spheres.iter().enumerate().map(|(number, s)| {
             let shape = shapes
                 .entry(s.w.to_bits())
                 .or_insert_with(|| Arc::new(Sphere { radius: f64::from(s.w) }.into()));
             let transform =
                 DAffine3::from_translation(DVec3::from(s.truncate().to_array().map(f64::from)));
             let surfaces = vec![Surface::new(Geometry::Shape(shape.clone()))];
-            self.scene.add_node(Node { transform, surfaces, ..Node::default() })
+            let node = self.scene.add_node(Node { transform, surfaces, ..Node::default() });
+            self.origins.first.insert(node, id);
+            self.origins.primitives.insert(node, number as u32);
+            node
         });
         each.collect()
     }

@@ -1,6 +1,7 @@
 //! The class `Image`: a picture in linear light, with its layers.
 
 use crate::arrays::{array, contiguous, from_vec, is_double, shown, slice};
+use crate::encoding;
 use crate::load::check_there;
 use crate::memory::{admit, admit_all};
 use crate::names::choice;
@@ -63,8 +64,8 @@ impl Look {
 /// Parameters
 /// ----------
 /// pixels : array (height, width), (height, width, 3) or (height, width, 4)
-///     Real numbers: linear light, not display values. Integers are taken as they are: 8-bit values
-///     need a division by 255 and the inverse sRGB curve first.
+///     Floats are linear light. uint8 and uint16 are sRGB display values, as in most programs, and
+///     their alpha is not premultiplied.
 ///
 /// Examples
 /// --------
@@ -74,6 +75,8 @@ impl Look {
 /// (3, 2)
 /// >>> np.asarray(image).dtype
 /// dtype('float32')
+/// >>> snell.Image(np.full((2, 3, 3), 128, dtype=np.uint8)).to_uint8()[0, 0].tolist()
+/// [128, 128, 128]
 #[pyclass(frozen, module = "snell")]
 pub struct Image {
     picture: Arc<LayeredImage>,
@@ -156,6 +159,20 @@ impl Image {
     }
 }
 
+/// Pixels of sRGB integers as linear light, with premultiplied alpha.
+fn decoded(values: &[f32], channels: usize, levels: f32) -> Vec<f32> {
+    let pixel = |p: &[f32]| match *p {
+        [r, g, b, a] => {
+            let [r, g, b, a] = encoding::linear([r, g, b, a], levels);
+            [r * a, g * a, b * a, a]
+        }
+        [r, g, b] => encoding::linear([r, g, b, levels], levels),
+        [y, ..] => encoding::linear([y, y, y, levels], levels),
+        [] => [0.0; 4],
+    };
+    values.chunks(channels).flat_map(|p| pixel(p).into_iter().take(channels)).collect()
+}
+
 /// Reads pixels from an array.
 fn read_pixels(value: &Bound<'_, PyAny>, name: &str) -> PyResult<LayeredImage> {
     let array = array(value, name)?;
@@ -174,8 +191,14 @@ fn read_pixels(value: &Bound<'_, PyAny>, name: &str) -> PyResult<LayeredImage> {
         )));
     }
     admit_all("the picture", height * width * channels.max(3), 2 * size_of::<f32>())?;
+    let levels = encoding::levels(&array, name)?;
     let values = contiguous::<f32>(&array)?;
     let values = slice(&values)?;
+    let decoded = levels.map(|levels| decoded(values, channels, levels));
+    if decoded.is_none() {
+        encoding::warn_of_bytes(value.py(), values, name, encoding::AS_UINT8)?;
+    }
+    let values = decoded.as_deref().unwrap_or(values);
     let (values, names): (Vec<f32>, &[&str]) = match channels {
         1 => (values.iter().flat_map(|&y| [y; 3]).collect(), &["R", "G", "B"]),
         3 => (values.to_vec(), &["R", "G", "B"]),
@@ -391,7 +414,7 @@ impl Image {
         bits: i64,
         half: bool,
         variance: bool,
-        threads: Option<usize>,
+        threads: Option<i64>,
     ) -> PyResult<()> {
         let threads = Threads::new(threads)?;
         let png_bits = match bits {

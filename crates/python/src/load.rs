@@ -7,6 +7,7 @@
 use crate::contents::{Contents, Kind, Nodes, Object, Slot};
 use crate::memory::admit_all;
 use crate::mesh::Mesh;
+use crate::origins::Origins;
 use crate::scene::Scene;
 use crate::work::{Threads, run_to_end_on};
 use pyo3::exceptions::{PyFileNotFoundError, PyOSError, PyValueError};
@@ -47,12 +48,7 @@ use std::sync::Arc;
 /// [[0.0, 0.0, 0.0], [1.0, 1.0, 0.0]]
 #[pyfunction]
 #[pyo3(signature = (path, *, threads=None, confine=false))]
-pub fn load(
-    py: Python<'_>,
-    path: PathBuf,
-    threads: Option<usize>,
-    confine: bool,
-) -> PyResult<Scene> {
+pub fn load(py: Python<'_>, path: PathBuf, threads: Option<i64>, confine: bool) -> PyResult<Scene> {
     let built_in = if path.exists() { None } else { path.to_str().and_then(builtin) };
     if built_in.is_none() {
         check_there(&path)?;
@@ -96,8 +92,8 @@ pub fn fold(mut scene: Graph) -> Result<Contents, String> {
     let nodes = std::mem::take(&mut scene.nodes);
     let stage = Arc::new(scene.clone());
     scene.nodes = nodes;
-    let mut contents = Folder::fold(&scene, stage)?;
-    contents.set_nodes(Nodes { nodes: scene.nodes, root: scene.root });
+    let (mut contents, origins) = Folder::fold(&scene, stage)?;
+    contents.set_nodes(Nodes { nodes: scene.nodes, root: scene.root, origins });
     Ok(contents)
 }
 
@@ -112,6 +108,7 @@ struct Folder<'a> {
     meshes: HashMap<MeshUse, Arc<Contents>>,
     /// The materials, lights and cameras that all scenes share.
     stage: Arc<Graph>,
+    origins: Origins,
 }
 
 /// A mesh, and the materials of one of its uses.
@@ -130,7 +127,7 @@ fn slots(surface: &Surface, inherited: Option<MaterialId>) -> Vec<Option<Materia
 }
 
 impl<'a> Folder<'a> {
-    fn fold(scene: &'a Graph, stage: Arc<Graph>) -> Result<Contents, String> {
+    fn fold(scene: &'a Graph, stage: Arc<Graph>) -> Result<(Contents, Origins), String> {
         let order = scene.topological_order().map_err(|e| e.to_string())?;
         let (mut parents, mut uses) = (vec![0; scene.nodes.len()], HashMap::new());
         for id in &order {
@@ -143,8 +140,15 @@ impl<'a> Folder<'a> {
                 }
             }
         }
-        let mut folder =
-            Self { scene, parents, uses, nodes: HashMap::new(), meshes: HashMap::new(), stage };
+        let mut folder = Self {
+            scene,
+            parents,
+            uses,
+            nodes: HashMap::new(),
+            meshes: HashMap::new(),
+            stage,
+            origins: Origins::default(),
+        };
         // Children are converted before their parents.
         for id in order.into_iter().filter(|&id| id != scene.root) {
             if folder.parents[id.index()] > 1 {
@@ -152,10 +156,11 @@ impl<'a> Folder<'a> {
                 folder.nodes.insert(id, Arc::new(contents));
             }
         }
-        match Transform::new(scene.nodes[scene.root.index()].transform) {
-            Some(placed) => folder.contents(scene.root, placed),
-            None => Ok(folder.empty()),
-        }
+        let contents = match Transform::new(scene.nodes[scene.root.index()].transform) {
+            Some(placed) => folder.contents(scene.root, placed)?,
+            None => folder.empty(),
+        };
+        Ok((contents, folder.origins))
     }
 
     fn empty(&self) -> Contents {
@@ -178,9 +183,9 @@ impl<'a> Folder<'a> {
             let mut add = |object| {
                 contents.add(object).map_err(|_| "the file is nested too deep".to_string())
             };
-            for surface in &node.surfaces {
+            for (number, surface) in node.surfaces.iter().enumerate() {
                 let materials = slots(surface, material);
-                match &surface.geometry {
+                let object = match &surface.geometry {
                     Geometry::Shape(shape) => {
                         add(named(Kind::Shape(shape.clone()), transform, materials))?
                     }
@@ -196,6 +201,7 @@ impl<'a> Folder<'a> {
                             let _ = alone.add(named(kind, None, materials));
                             Arc::new(alone)
                         });
+                        self.origins.inner.insert((id, number as u32), 0);
                         add(named(Kind::Instance(shared.clone()), transform, vec![material]))?
                     }
                     Geometry::Mesh(mesh) => add(named(
@@ -204,6 +210,7 @@ impl<'a> Folder<'a> {
                         materials,
                     ))?,
                 };
+                self.origins.first.entry(id).or_insert(object);
             }
             // The children are pushed in reverse, so that the first child is folded first.
             for &child in node.children.iter().rev() {
@@ -215,7 +222,12 @@ impl<'a> Folder<'a> {
                 let placed = placed.compose(&node_from_child);
                 match self.nodes.get(&child) {
                     Some(shared) => {
-                        add(named(Kind::Instance(shared.clone()), Some(placed), vec![material]))?;
+                        let object = add(named(
+                            Kind::Instance(shared.clone()),
+                            Some(placed),
+                            vec![material],
+                        ))?;
+                        self.origins.steps.insert((id, child), object);
                     }
                     None => stack.push((child, placed, material)),
                 }

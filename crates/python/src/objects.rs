@@ -1,6 +1,7 @@
 //! Arguments that become objects of a scene: vertices, faces, transforms, shapes.
 
 use crate::arrays::{array, check_unsigned, contiguous, is_double, numpy, shown, slice};
+use crate::encoding::{AS_UINT8, warn_of_bytes};
 use crate::mesh::{Attributes, Mesh, Positions};
 use crate::schema::{References, family, kind_of, make, read_all};
 use numpy::{Element, PyUntypedArray, PyUntypedArrayMethods};
@@ -171,13 +172,22 @@ impl Given<'_, '_> {
     }
 }
 
-/// Colours of vertices, with alpha or without.
+/// Colours of vertices, with alpha or without: linear floats, or 8-bit or 16-bit sRGB.
 fn colors(value: &Bound<'_, PyAny>, vertices: usize) -> PyResult<Vec<[f32; 4]>> {
-    if array(value, "colors")?.shape().last() == Some(&4) {
-        return attribute::<4>(value, Some(vertices), "colors");
-    }
-    let opaque = attribute::<3>(value, Some(vertices), "colors")?;
-    Ok(opaque.into_iter().map(|[r, g, b]| [r, g, b, 1.0]).collect())
+    let array = array(value, "colors")?;
+    let levels = crate::encoding::levels(&array, "colors")?;
+    let read: Vec<[f32; 4]> = if array.shape().last() == Some(&4) {
+        attribute::<4>(array.as_any(), Some(vertices), "colors")?
+    } else {
+        let opaque = attribute::<3>(array.as_any(), Some(vertices), "colors")?;
+        let alpha = levels.unwrap_or(1.0);
+        opaque.into_iter().map(|[r, g, b]| [r, g, b, alpha]).collect()
+    };
+    let Some(levels) = levels else {
+        warn_of_bytes(value.py(), read.as_flattened(), "colors", AS_UINT8)?;
+        return Ok(read);
+    };
+    Ok(read.into_iter().map(|color| crate::encoding::linear(color, levels)).collect())
 }
 
 /// Reads material slots of faces.
@@ -238,8 +248,10 @@ pub fn named_transform(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Transfo
     let mut rows = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
     rows[..values.len()].copy_from_slice(values);
     if rows[12..] != [0.0, 0.0, 0.0, 1.0] {
+        let is_transposed = rows[3] == 0.0 && rows[7] == 0.0 && rows[11] == 0.0 && rows[15] == 1.0;
+        let remedy = if is_transposed { "; it is made for row vectors: transpose it" } else { "" };
         return Err(PyValueError::new_err(format!(
-            "{name}[3] is {:?}, expected [0, 0, 0, 1]",
+            "{name}[3] is {:?}, expected [0, 0, 0, 1]{remedy}",
             &rows[12..]
         )));
     }
@@ -258,8 +270,9 @@ pub fn matrix<'py>(py: Python<'py>, map: &Transform) -> PyResult<Bound<'py, PyAn
 /// Reads a mask of 32 bits.
 pub fn mask(value: Option<i64>) -> PyResult<u32> {
     let Some(value) = value else { return Ok(u32::MAX) };
-    u32::try_from(value)
-        .map_err(|_| PyValueError::new_err(format!("mask is {value}, expected 0 to {}", u32::MAX)))
+    u32::try_from(value).map_err(|_| {
+        PyValueError::new_err(format!("mask is {value}, expected 32 bits: 0 to {}", u32::MAX))
+    })
 }
 
 /// One number for each of `count` points; a single number stands for all.
@@ -333,9 +346,27 @@ pub fn curves(
         .map_err(|error| PyValueError::new_err(error.to_string()))
 }
 
+/// What other programs call shapes, and their names here.
+const SHAPES_ELSEWHERE: &[(&str, &str)] = &[
+    ("cube", "box"),
+    ("cuboid", "box"),
+    ("ball", "sphere"),
+    ("quad", "rectangle"),
+    ("square", "rectangle"),
+    ("ground", "plane"),
+    ("floor", "plane"),
+    ("circle", "disk"),
+    ("tube", "cylinder"),
+];
+
 /// An analytic shape from its name and parameters.
 pub fn shape(kind: &str, parameters: Option<&Bound<'_, PyDict>>) -> PyResult<AnyShape> {
     let family = family("shape")?;
+    if let Some((_, ours)) = SHAPES_ELSEWHERE.iter().find(|(name, _)| *name == kind) {
+        return Err(PyValueError::new_err(format!(
+            "there is no shape {kind:?}; it is called {ours:?}"
+        )));
+    }
     let known = kind_of(family, kind)?.fields();
     let given = match parameters {
         Some(given) => read_all(kind, known, given, &mut References::default())?,

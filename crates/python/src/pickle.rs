@@ -117,7 +117,7 @@ fn stored<'py>(
         }
     }
     all.set_item("transform", object.transform.map(|map| objects::matrix(py, &map)).transpose()?)?;
-    all.set_item("name", &object.name)?;
+    all.set_item("name", object.name.as_deref())?;
     all.set_item("mask", object.mask)?;
     let materials: Vec<Option<u32>> = object.materials.iter().map(|m| m.map(|m| m.0)).collect();
     all.set_item("materials", materials)?;

@@ -2,8 +2,9 @@
 //! is kept between renders.
 
 use crate::contents::Contents;
-use crate::graph::graph;
+use crate::graph::graph_with_origins;
 use crate::memory::admit;
+use crate::origins::Origins;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use snell_intersect::BuildOptions;
@@ -35,6 +36,8 @@ pub struct Prepared {
     /// The scene graph that was compiled, with at least one camera. (Its meshes and textures are
     /// not copied, but shared with the Python scene.)
     pub scene: Scene,
+    /// The objects that the nodes of the scene graph stand for.
+    pub origins: Origins,
     /// The warnings of the reader and the compiler.
     pub warnings: Vec<String>,
 }
@@ -43,7 +46,7 @@ impl Prepared {
     /// Prepares the contents of a scene.
     pub fn new(contents: &Contents, request: &Request) -> PyResult<Self> {
         let failed = |error: &dyn std::fmt::Display| PyValueError::new_err(error.to_string());
-        let mut scene = graph(contents).map_err(PyValueError::new_err)?;
+        let (mut scene, origins) = graph_with_origins(contents).map_err(PyValueError::new_err)?;
         scene.limit_light();
         let framing = FramingOptions { size: request.size, ..FramingOptions::default() };
         prepare(&mut scene, &framing).map_err(|e| failed(&e))?;
@@ -51,6 +54,6 @@ impl Prepared {
         let compiled = CompiledScene::new(&scene, &request.build).map_err(|e| failed(&e))?;
         let warnings = scene.warnings.iter().chain(&compiled.warnings);
         let warnings = warnings.map(snell_scene::Warning::to_string).collect();
-        Ok(Self { compiled, scene, warnings })
+        Ok(Self { compiled, scene, origins, warnings })
     }
 }

@@ -6,9 +6,9 @@ use crate::arrays::{
 };
 use crate::precision::Precision;
 use numpy::{Element, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods};
-use pyo3::exceptions::PyValueError;
+use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::PyTuple;
+use pyo3::types::{PyList, PyTuple};
 
 /// The argument `rays`. Its shape is known, but its numbers are not read yet.
 #[derive(Debug)]
@@ -31,8 +31,17 @@ impl<'py> RayArgument<'py> {
     pub fn new(rays: &Bound<'py, PyAny>) -> PyResult<Self> {
         let pair = rays.cast::<PyTuple>().ok().filter(|pair| pair.len() == 2);
         let Some(pair) = pair else {
-            let rows = array(rays, "rays")?;
-            let shape = leading(&rows, 6, "rays")?;
+            let is_list_of_two = rays.cast::<PyList>().is_ok_and(|list| list.len() == 2);
+            let hint = |error: PyErr, is_pair: bool| match is_pair {
+                true => PyTypeError::new_err(format!(
+                    "{}; origins and directions are a tuple: (origins, directions)",
+                    error.value(rays.py())
+                )),
+                false => error,
+            };
+            let rows = array(rays, "rays").map_err(|e| hint(e, is_list_of_two))?;
+            let is_pair = matches!(rows.shape(), [2, .., 3]);
+            let shape = leading(&rows, 6, "rays").map_err(|e| hint(e, is_pair))?;
             let is_double = are_double(&[(rays, &rows, "rays")])?;
             return Ok(Self { arrays: Arrays::Rows(rows), shape, is_double });
         };

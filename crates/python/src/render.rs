@@ -4,6 +4,7 @@
 use crate::cameras;
 use crate::image::{Image, Look};
 use crate::memory;
+use crate::origins::{self, ID_AOVS};
 use crate::prepare::{Prepared, Request as Preparation};
 use crate::scene::Scene;
 use crate::settings::{self, Keywords, denoise_error, request_error};
@@ -27,6 +28,8 @@ struct Plan {
     task: Task,
     threads: Threads,
     look: Look,
+    /// Layers that only are needed for others, and are not returned.
+    hidden: Vec<&'static str>,
 }
 
 /// The state of a render so far.
@@ -118,13 +121,21 @@ impl _Render {
         options: &Bound<'py, PyDict>,
     ) -> PyResult<Self> {
         let keywords = Keywords(options);
-        let task = Task::new(py, scene, &keywords)?;
+        let mut task = Task::new(py, scene, &keywords)?;
+        let mut hidden = Vec::new();
+        let aovs = &mut task.settings.aovs;
+        if ID_AOVS.iter().any(|aov| aovs.contains(aov)) {
+            hidden.extend(ID_AOVS.into_iter().filter(|aov| !aovs.contains(aov)).map(Aov::name));
+            let missing: Vec<_> =
+                ID_AOVS.into_iter().filter(|aov| hidden.contains(&aov.name())).collect();
+            aovs.extend(missing);
+        }
         let exposure = task.request.exposure;
         let tonemap: Option<String> = keywords.get("tonemap", "a name")?;
         let look = Look::of(&task.prepared.scene.settings, task.settings.integrator)?;
         let look = look.with(exposure, tonemap.as_deref())?;
         let threads = Threads::new(keywords.get("threads", "a whole number")?)?;
-        let plan = Plan { task, threads, look };
+        let plan = Plan { task, threads, look, hidden };
         Ok(Self { plan: Arc::new(plan), partial: Mutex::new(None) })
     }
 
@@ -232,6 +243,8 @@ impl Plan {
         let is_done = !job.go_on(&mut underway, until, threads, &keep_going);
         let film = &underway.film;
         let mut picture = snell_render::picture(film, settings, compiled);
+        origins::rename(&mut picture, prepared);
+        picture.layers.retain(|layer| !self.hidden.contains(&layer.name.as_str()));
         name_groups(&mut picture, film, &settings.light_groups);
         self.add_cryptomatte(&mut picture, film);
         if let Some(denoiser) = denoiser {

@@ -2,8 +2,9 @@
 
 use crate::arrays::from_vec;
 use crate::camera::Camera;
-use crate::contents::Contents;
+use crate::contents::{Contents, Kind as Content, Object};
 use crate::declared::Declared;
+use crate::encoding::{warn, warn_of_bytes};
 use crate::graph::graph;
 use crate::image::Image;
 use crate::light::Light;
@@ -24,6 +25,7 @@ use snell_math::{DAffine3, DVec3, Rgb};
 use snell_scene::graph::{ImageId, MediumId};
 use snell_scene::medium::Medium;
 use snell_scene::{Background, Environment, MaterialId, Scene as Graph, TextureId};
+use std::collections::HashSet;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -149,6 +151,20 @@ fn taken<T: serde::Serialize + serde::de::DeserializeOwned>(
     })
 }
 
+/// The materials of an object by slot; None for the default.
+pub fn materials_of(
+    py: Python<'_>,
+    contents: &Contents,
+    object: &Object,
+) -> PyResult<Vec<Option<Material>>> {
+    let stage = &contents.stage;
+    let material = |id: &Option<MaterialId>| {
+        let material = id.and_then(|id| stage.materials.get(id.index()));
+        material.map(|material| taken(py, stage, material).map(Material)).transpose()
+    };
+    object.materials.iter().map(material).collect()
+}
+
 /// A colour: a number, three numbers, or `#rrggbb`.
 fn color(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Rgb> {
     match read(value, Kind::Color, name, &mut References::default())? {
@@ -204,16 +220,19 @@ impl Scene {
 
     /// The warnings of the file's reader, and the parts of the file that could not be kept.
     #[getter]
-    fn warnings(&self, py: Python<'_>) -> Vec<String> {
-        self.0.contents(py).stage.warnings.iter().map(|warning| warning.message.clone()).collect()
+    fn warnings<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        let stage = slf.get().0.contents(slf.py()).stage.clone();
+        let all: Vec<_> = stage.warnings.iter().map(|warning| warning.message.clone()).collect();
+        listed(slf, "warnings", all)
     }
 
     /// The materials, as a list of :class:`Material`: those of the file, and those that objects
-    /// were given.
+    /// were given. An assignment to an element is :meth:`replace_material`.
     #[getter]
-    fn materials(&self, py: Python<'_>) -> PyResult<Vec<Material>> {
-        let stage = self.0.contents(py).stage.clone();
-        stage.materials.iter().map(|material| taken(py, &stage, material).map(Material)).collect()
+    fn materials<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        let (py, stage) = (slf.py(), slf.get().0.contents(slf.py()).stage.clone());
+        let all = stage.materials.iter().map(|material| taken(py, &stage, material).map(Material));
+        listed(slf, "materials", all.collect::<PyResult<Vec<_>>>()?)
     }
 
     /// Puts another material in the place of one, on every surface that has it.
@@ -290,15 +309,16 @@ impl Scene {
             contents.get(id)?;
             let materials = add_materials(contents, Some(material))?;
             contents.get_mut(id)?.materials = materials;
-            Ok(())
+            warn_without_uvs(py, contents, contents.get(id)?)
         })
     }
 
-    /// The lights that are not surfaces, as a list of :class:`Light`. Can be assigned.
+    /// The lights that are not surfaces, as a list of :class:`Light`. Can be assigned and changed.
     #[getter]
-    fn lights(&self, py: Python<'_>) -> PyResult<Vec<Light>> {
-        let stage = self.0.contents(py).stage.clone();
-        stage.lights.iter().map(|light| taken(py, &stage, light).map(Light)).collect()
+    fn lights<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        let (py, stage) = (slf.py(), slf.get().0.contents(slf.py()).stage.clone());
+        let all = stage.lights.iter().map(|light| taken(py, &stage, light).map(Light));
+        listed(slf, "lights", all.collect::<PyResult<Vec<_>>>()?)
     }
 
     #[setter]
@@ -331,10 +351,11 @@ impl Scene {
     }
 
     /// The cameras, as a list of :class:`Camera`; the first is used unless another is asked for.
-    /// Can be assigned.
+    /// Can be assigned and changed.
     #[getter]
-    fn cameras(&self, py: Python<'_>) -> Vec<Camera> {
-        self.0.contents(py).stage.cameras.iter().cloned().map(Camera).collect()
+    fn cameras<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        let stage = slf.get().0.contents(slf.py()).stage.clone();
+        listed(slf, "cameras", stage.cameras.iter().cloned().map(Camera).collect::<Vec<_>>())
     }
 
     #[setter]
@@ -402,7 +423,7 @@ impl Scene {
     /// value
     ///     Any value that can be assigned to :attr:`environment`.
     /// scale : colour, optional
-    ///     Factor on the radiance of a picture.
+    ///     Factor on the radiance.
     /// transform : array (4, 4) or (3, 4), optional
     ///     Map from the environment's coordinates, in which +y is the zenith, to the scene's; it
     ///     turns the picture.
@@ -469,7 +490,12 @@ impl Scene {
                 let scene = graph(&self.0.contents(value.py())).map_err(PyValueError::new_err)?;
                 snell_scene::framing::studio_background(&scene, DVec3::Y)
             }
-            _ => Background::Color(color(value, "background")?),
+            _ => {
+                let color = color(value, "background")?;
+                let remedy = "8-bit sRGB is given as \"#rrggbb\"";
+                warn_of_bytes(value.py(), &color.to_array(), "background", remedy)?;
+                Background::Color(color)
+            }
         };
         self.0.edit(value.py(), |contents| {
             contents.stage_mut().background = background;
@@ -478,10 +504,11 @@ impl Scene {
     }
 
     /// Writes the scene as a `.snell` file, which :func:`load` and `snell render` read: the same
-    /// picture to the bit.
+    /// picture to the bit. Or as glTF, pbrt, OBJ, PLY, STL or OFF, by the extension.
     ///
-    /// Vertices are written as they are rendered: those given as float64 in float32, around the
-    /// centre of their mesh. Masks are not written. To keep all of it, pickle the scene.
+    /// A :class:`SceneWarning` names each thing that the format cannot hold, such as lights in OBJ,
+    /// and masks in any. Vertices are written as they are rendered: those given as float64 in
+    /// float32, around the centre of their mesh. To keep all of it, pickle the scene.
     ///
     /// Parameters
     /// ----------
@@ -502,18 +529,80 @@ impl Scene {
     /// ...     snell.load(path).materials
     /// [Material("diffuse", reflectance=(0.5, 0.5, 0.5))]
     #[pyo3(signature = (path, *, threads=None))]
-    fn save(&self, py: Python<'_>, path: PathBuf, threads: Option<usize>) -> PyResult<()> {
+    fn save(&self, py: Python<'_>, path: PathBuf, threads: Option<i64>) -> PyResult<()> {
         let contents = self.0.contents(py);
+        let is_masked = has_masks(&contents);
         let written = run_to_end_on(py, Threads::new(threads)?, move || {
             let scene = graph(&contents).map_err(Err)?;
-            snell_formats::write_scene(&path, &scene).map_err(Ok)
+            snell_formats::write_scene_as(&path, &scene, true).map_err(Ok)
         })?;
-        written.map_err(|error: Result<WriteError, String>| match error {
+        let written = written.map_err(|error: Result<WriteError, String>| match error {
             Ok(error @ WriteError::Io { .. }) => PyOSError::new_err(error.to_string()),
             Ok(error) => PyValueError::new_err(error.to_string()),
             Err(message) => PyValueError::new_err(message),
-        })
+        })?;
+        let losses = written.losses.iter().map(snell_scene::Warning::to_string);
+        let masks = is_masked.then(|| "masks are left out".to_string());
+        let warn = py.import("warnings")?.getattr("warn")?;
+        let category = py.import("snell._render")?.getattr("SceneWarning")?;
+        for message in losses.chain(masks) {
+            warn.call1((message, &category))?;
+        }
+        Ok(())
     }
+}
+
+/// True if some object, also in instances, has a mask.
+fn has_masks(contents: &Contents) -> bool {
+    let (mut known, mut stack) = (HashSet::new(), vec![contents]);
+    while let Some(contents) = stack.pop() {
+        for (_, object) in contents.objects() {
+            if object.mask != u32::MAX {
+                return true;
+            }
+            if let Content::Instance(child) = &object.kind
+                && known.insert(Arc::as_ptr(child))
+            {
+                stack.push(child);
+            }
+        }
+    }
+    false
+}
+
+/// Warns if a mesh has no coordinates for the textures of its materials.
+pub fn warn_without_uvs(py: Python<'_>, contents: &Contents, object: &Object) -> PyResult<()> {
+    let Content::Mesh(mesh) = &object.kind else { return Ok(()) };
+    let (stage, attributes) = (&contents.stage, mesh.attributes());
+    let lacks = |id: TextureId| {
+        let image = stage.textures.get(id.index()).and_then(snell_scene::Texture::as_image);
+        image.is_some_and(|texture| match texture.uv_set {
+            0 => attributes.uvs.is_empty(),
+            set => attributes.more_uvs.get(set as usize - 1).is_none_or(Vec::is_empty),
+        })
+    };
+    let materials = object.materials.iter().flatten();
+    let mut materials = materials.filter_map(|id| stage.materials.get(id.index()));
+    match materials.any(|material| material.textures().into_iter().any(lacks)) {
+        true => warn(
+            py,
+            "uvs: the material has a texture, but the mesh has no texture coordinates: one texel \
+                shows all over"
+                .into(),
+        ),
+        false => Ok(()),
+    }
+}
+
+/// A list of a scene, whose changes are changes of the scene.
+pub fn listed<'py, T: for<'a> IntoPyObject<'a>>(
+    scene: &Bound<'py, Scene>,
+    name: &str,
+    items: Vec<T>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let py = scene.py();
+    let items = PyList::new(py, items)?;
+    py.import("snell._views")?.getattr("Listed")?.call1((scene, name, items))
 }
 
 /// Reads light from all directions in any of the forms that :attr:`environment` accepts.
@@ -527,13 +616,22 @@ fn read_environment(
     }
     let text = value.extract::<String>();
     if text.as_ref().is_ok_and(|text| text == "sky") {
-        return Ok(Some(snell_scene::framing::default_sky()));
+        return Ok(Some(match snell_scene::framing::default_sky() {
+            Environment::Image { image, scale: own, world_from_environment } => {
+                Environment::Image {
+                    image,
+                    scale: own * scale,
+                    world_from_environment: placed * world_from_environment,
+                }
+            }
+            Environment::Constant(color) => Environment::Constant(color * scale),
+        }));
     }
     let is_hex = text.is_ok_and(|text| text.starts_with('#'));
     let is_number = value.extract::<f64>().is_ok()
         || value.len().is_ok_and(|n| n == 3) && value.get_item(0)?.extract::<f64>().is_ok();
     if is_hex || is_number {
-        return Ok(Some(Environment::Constant(color(value, "environment")?)));
+        return Ok(Some(Environment::Constant(color(value, "environment")? * scale)));
     }
     let image = image(value, "environment")?;
     Ok(Some(Environment::Image { image, scale, world_from_environment: placed }))

@@ -2,6 +2,7 @@
 
 use crate::arrays::{array, contiguous, shown, slice};
 use crate::declared::{Schema, declared_class};
+use crate::encoding::{AS_UINT8, warn_of_bytes};
 use crate::image::Image as Picture;
 use crate::load::check_there;
 use crate::schema::{References, make, read_all, show};
@@ -10,7 +11,7 @@ use crate::work::run_to_end;
 use numpy::{PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyTypeError, PyUserWarning, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyTuple};
+use pyo3::types::{PyDict, PyString, PyTuple};
 use serde_json::{Map, Value as Json};
 use snell_formats::{Input, ReadOptions, image::read_image};
 use snell_math::parameters::Declared as _;
@@ -32,7 +33,8 @@ use std::sync::Arc;
 ///     for 0 to 1, floats for themselves. Or an image, or its file.
 /// **parameters
 ///     `encoding`: `"srgb"` (colours of integers, as most files have them) or `"linear"` (data such
-///     as roughness and normals). `wrap`: two of `"repeat"`, `"mirror"`, `"clamp"`, `"black"`.
+///     as roughness and normals). `wrap`: one or two of `"repeat"`, `"mirror"`, `"clamp"` and
+///     `"black"`.
 ///     `filtering`: `"trilinear"` or `"nearest"`. `uv_set`: 0 to 3. `uv_transform`: two rows of
 ///     three numbers; texel (0, 0) is the upper left one and `v` grows downwards.
 ///
@@ -208,6 +210,9 @@ pub fn image(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Arc<Image>> {
             "{name}[{y}, {x}, {channel}] is {value}, expected a finite number"
         )));
     }
+    if let Pixels::F32(values) = &pixels {
+        warn_of_bytes(py, values, name, AS_UINT8)?;
+    }
     Ok(Arc::new(Image {
         width: width as u32,
         height: height as u32,
@@ -246,7 +251,15 @@ impl Texture {
         // The first parameter is the image.
         let known = &Declared::PARAMETERS[1..];
         let given = match parameters {
-            Some(given) => read_all("Texture", known, given, &mut References::default())?,
+            Some(given) => {
+                // One word stands for both directions.
+                if let Some(word) = given.get_item("wrap")?
+                    && word.is_instance_of::<PyString>()
+                {
+                    given.set_item("wrap", (word.clone(), word))?;
+                }
+                read_all("Texture", known, given, &mut References::default())?
+            }
             None => Vec::new(),
         };
         let whole = |given: Map<String, Json>| {

@@ -43,12 +43,12 @@ pub struct Threads(usize);
 
 impl Threads {
     /// Checks the argument `threads`.
-    pub fn new(threads: Option<usize>) -> PyResult<Self> {
-        match threads {
-            None => Ok(Self(*CORES.get_or_init(threads::cores))),
-            Some(n) if (1..=threads::MAX).contains(&n) => Ok(Self(n)),
-            Some(n) => Err(PyValueError::new_err(format!(
-                "threads is {n}, expected 1 to {}, or None for all cores",
+    pub fn new(threads: Option<i64>) -> PyResult<Self> {
+        let Some(given) = threads else { return Ok(Self(*CORES.get_or_init(threads::cores))) };
+        match usize::try_from(given) {
+            Ok(n) if (1..=threads::MAX).contains(&n) => Ok(Self(n)),
+            _ => Err(PyValueError::new_err(format!(
+                "threads is {given}, expected 1 to {}, or None for all cores",
                 threads::MAX
             ))),
         }

@@ -3,6 +3,7 @@
 use super::flat::world_meshes;
 use super::{Output, SceneWriter};
 use snell_intersect::TriangleMesh;
+use snell_math::spectrum::linear_to_srgb;
 use snell_scene::Scene;
 
 /// The writer of PLY files.
@@ -25,6 +26,9 @@ fn write(scene: &Scene, output: &mut Output) -> Result<(), String> {
     }
     if mesh.uvs[1..].iter().any(|set| !set.is_empty()) || !mesh.tangents.is_empty() {
         output.lose("tangents and second texture coordinates are left out");
+    }
+    if mesh.colors.iter().flatten().any(|&x| x > 1.0) {
+        output.lose("vertex colours above 1 become 1");
     }
     output.main = encoded(&mesh);
     Ok(())
@@ -64,38 +68,43 @@ pub fn joined(meshes: &[TriangleMesh], output: &mut Output) -> Result<TriangleMe
     Ok(all)
 }
 
-/// A binary file of a mesh with the attributes it has.
+/// A binary file of a mesh with the attributes it has. Colours become 8-bit sRGB.
 pub fn encoded(mesh: &TriangleMesh) -> Vec<u8> {
     let mut header =
         format!("ply\nformat binary_little_endian 1.0\nelement vertex {}\n", mesh.positions.len());
-    let mut properties =
-        |names: &[&str]| names.iter().for_each(|n| header += &format!("property float {n}\n"));
-    properties(&["x", "y", "z"]);
+    let mut properties = |kind: &str, names: &[&str]| {
+        names.iter().for_each(|n| header += &format!("property {kind} {n}\n"));
+    };
+    properties("float", &["x", "y", "z"]);
     if !mesh.normals.is_empty() {
-        properties(&["nx", "ny", "nz"]);
+        properties("float", &["nx", "ny", "nz"]);
     }
     if !mesh.uvs[0].is_empty() {
-        properties(&["u", "v"]);
+        properties("float", &["u", "v"]);
     }
     if !mesh.colors.is_empty() {
-        properties(&["red", "green", "blue", "alpha"]);
+        // Most programs take colours for 0 to 255, whatever their type in the file.
+        properties("uchar", &["red", "green", "blue", "alpha"]);
     }
     header += &format!(
         "element face {}\nproperty list uchar int vertex_indices\nend_header\n",
         mesh.indices.len()
     );
     let mut bytes = header.into_bytes();
-    let mut put = |numbers: &[f32]| numbers.iter().for_each(|x| bytes.extend(x.to_le_bytes()));
+    let put = |bytes: &mut Vec<u8>, numbers: &[f32]| {
+        numbers.iter().for_each(|x| bytes.extend(x.to_le_bytes()));
+    };
     for i in 0..mesh.positions.len() {
-        put(&mesh.positions[i].to_array());
+        put(&mut bytes, &mesh.positions[i].to_array());
         if let Some(normal) = mesh.normals.get(i) {
-            put(&normal.to_array());
+            put(&mut bytes, &normal.to_array());
         }
         if let Some(uv) = mesh.uvs[0].get(i) {
-            put(&uv.to_array());
+            put(&mut bytes, &uv.to_array());
         }
-        if let Some(color) = mesh.colors.get(i) {
-            put(color);
+        if let Some(&[r, g, b, a]) = mesh.colors.get(i) {
+            let levels = [linear_to_srgb(r), linear_to_srgb(g), linear_to_srgb(b), a];
+            bytes.extend(levels.map(|x| (x.clamp(0.0, 1.0) * 255.0 + 0.5) as u8));
         }
     }
     for triangle in &mesh.indices {

@@ -6,11 +6,13 @@ mod rays;
 
 use crate::arrays::from_vec;
 use crate::contents::{Contents, Kind, Object};
+use crate::names::suggestion;
 use crate::objects;
-use crate::stage::add_materials;
+use crate::stage::{add_materials, listed, materials_of, warn_without_uvs};
 use crate::state::Shared;
+use crate::value::Value;
 use crate::work::run_to_end;
-use pyo3::exceptions::PyValueError;
+use pyo3::exceptions::{PyKeyError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use snell_math::Transform;
@@ -37,7 +39,7 @@ use std::sync::Arc;
 /// >>> hits = scene.cast_rays(np.array([[0.25, 0.5, -2, 0, 0, 1]], dtype=np.float32))
 /// >>> hits.t_hit, hits.primitive_uvs
 /// (array([2.], dtype=float32), array([[0.25, 0.5 ]], dtype=float32))
-#[pyclass(frozen, module = "snell")]
+#[pyclass(frozen, mapping, module = "snell")]
 #[derive(Debug, Default)]
 pub struct Scene(pub Shared);
 
@@ -54,7 +56,9 @@ impl Scene {
         let (transform, mask) = (objects::transform(transform)?, objects::mask(mask)?);
         self.0.edit(py, |contents| {
             let materials = add_materials(contents, material)?;
-            contents.add(Object { mask, materials, ..Object::new(kind, transform, name) })
+            let object = Object { mask, materials, ..Object::new(kind, transform, name) };
+            warn_without_uvs(py, contents, &object)?;
+            contents.add(object)
         })
     }
 }
@@ -70,7 +74,7 @@ impl Scene {
     ///
     /// Parameters
     /// ----------
-    /// vertices : array (n, 3), or a mesh of trimesh, Open3D or meshio
+    /// vertices : array (n, 3), or a mesh of trimesh, Open3D, meshio or PyVista
     ///     Finite positions. `float32` is kept as it is; all else is kept in double precision.
     /// faces : array (m, 3) of integers
     ///     Vertex numbers; seen from the outer side they go around counterclockwise. Left out for a
@@ -88,7 +92,8 @@ impl Scene {
     ///     Texture coordinates at the vertices, for :attr:`Hits.uvs` and textures. (0, 0) is the
     ///     upper left corner of an image.
     /// colors : array (n, 3) or (n, 4), optional
-    ///     Linear colours at the vertices, which the material's colour is multiplied by.
+    ///     Colours at the vertices, which the material's colour is multiplied by: floats are
+    ///     linear, from 0 to 1; uint8 and uint16 are sRGB.
     /// material : Material or list of Material, optional
     ///     For rendering; grey if left out. For a list, `material_ids` selects the material of each
     ///     face.
@@ -376,7 +381,9 @@ impl Scene {
         self.0.edit(py, |contents| contents.remove(id))
     }
 
-    /// The vertices `(n, 3)` and faces `(m, 3)` of a mesh, in its own coordinates, as new arrays.
+    /// The vertices `(n, 3)` and faces `(m, 3)` of a mesh, in its own coordinates, as new arrays: a
+    /// pair, which has `normals`, `uvs`, `colors`, `material_ids` (None for what was not given) and
+    /// `materials` as attributes.
     ///
     /// Examples
     /// --------
@@ -386,11 +393,9 @@ impl Scene {
     /// >>> vertices, faces = scene.mesh(id)
     /// >>> vertices.shape, faces.tolist()
     /// ((3, 3), [[0, 1, 2]])
-    fn mesh<'py>(
-        &self,
-        py: Python<'py>,
-        id: i64,
-    ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+    /// >>> scene.mesh(id).uvs is None
+    /// True
+    fn mesh<'py>(&self, py: Python<'py>, id: i64) -> PyResult<Bound<'py, PyAny>> {
         let contents = self.0.contents(py);
         let mesh = contents.mesh(id)?;
         let faces =
@@ -405,7 +410,99 @@ impl Scene {
                 mesh.single().positions.iter().flat_map(|p| p.to_array()).collect::<Vec<f32>>();
             from_vec(py, values, &shape)?
         };
-        Ok((vertices, faces))
+        let parts = PyDict::new(py);
+        parts.set_item("vertices", vertices)?;
+        parts.set_item("faces", faces)?;
+        let attributes = mesh.attributes();
+        let floats = |values: Vec<f32>, width: usize| {
+            let rows = values.len() / width;
+            (rows > 0).then(|| from_vec(py, values, &[rows, width])).transpose()
+        };
+        let normals = attributes.normals.iter().flat_map(|n| n.to_array()).collect();
+        parts.set_item("normals", floats(normals, 3)?)?;
+        let uvs = attributes.uvs.iter().flat_map(|uv| uv.to_array()).collect();
+        parts.set_item("uvs", floats(uvs, 2)?)?;
+        parts.set_item("colors", floats(attributes.colors.as_flattened().to_vec(), 4)?)?;
+        let slots = &attributes.material_slots;
+        let slots = (!slots.is_empty()).then(|| from_vec(py, slots.clone(), &[slots.len()]));
+        parts.set_item("material_ids", slots.transpose()?)?;
+        parts.set_item("materials", materials_of(py, &contents, contents.get(id)?)?)?;
+        py.import("snell._views")?.getattr("Mesh")?.call((), Some(&parts))
+    }
+
+    /// The shape with this id as a dictionary: its name as `"shape"`, and its parameters. With it,
+    /// `add_shape(**scene.shape(id))` adds another.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import snell
+    /// >>> scene = snell.Scene()
+    /// >>> scene.shape(scene.add_shape("sphere", radius=2))
+    /// {'shape': 'sphere', 'radius': 2.0}
+    fn shape<'py>(&self, py: Python<'py>, id: i64) -> PyResult<Bound<'py, PyAny>> {
+        match &self.0.contents(py).get(id)?.kind {
+            Kind::Shape(shape) => Value::of(&**shape).map_err(PyTypeError::new_err)?.plain(py),
+            _ => Err(PyTypeError::new_err(format!("id {id} is not a shape"))),
+        }
+    }
+
+    /// The scene that the instance with this id shows, as a copy.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import snell
+    /// >>> ball, scene = snell.Scene(), snell.Scene()
+    /// >>> id = ball.add_shape("sphere", radius=2)
+    /// >>> scene.instance(scene.add_instance(ball)).shape(id)["radius"]
+    /// 2.0
+    fn instance(&self, py: Python<'_>, id: i64) -> PyResult<Self> {
+        match &self.0.contents(py).get(id)?.kind {
+            Kind::Instance(child) => Ok(Self(Shared::new(child.clone()))),
+            _ => Err(PyTypeError::new_err(format!("id {id} is not an instance"))),
+        }
+    }
+
+    /// The id of the object with a name.
+    fn __getitem__(&self, py: Python<'_>, name: &Bound<'_, PyAny>) -> PyResult<u32> {
+        let Ok(name) = name.extract::<String>() else {
+            return Err(PyTypeError::new_err(
+                "a scene is indexed by the names of its objects; of ids there are mesh(id), \
+                    shape(id), instance(id) and transform(id)",
+            ));
+        };
+        let contents = self.0.contents(py);
+        let named = |object: &Object| object.name.as_deref() == Some(&*name);
+        let found: Vec<u32> =
+            contents.objects().filter(|(_, object)| named(object)).map(|(id, _)| id).collect();
+        match found[..] {
+            [id] => Ok(id),
+            [] => {
+                let names: Vec<&str> =
+                    contents.objects().filter_map(|(_, object)| object.name.as_deref()).collect();
+                let hint = suggestion(&name, &names);
+                Err(PyKeyError::new_err(format!("there is no object {name:?}{hint}")))
+            }
+            _ => Err(PyKeyError::new_err(format!(
+                "{} objects are called {name:?}: {found:?}",
+                found.len()
+            ))),
+        }
+    }
+
+    /// Names an object, or takes its name away (None).
+    ///
+    /// Examples
+    /// --------
+    /// >>> import snell
+    /// >>> scene = snell.Scene()
+    /// >>> scene.update_name(scene.add_shape("sphere", radius=1), "ball")
+    /// >>> scene["ball"]
+    /// 0
+    fn update_name(&self, py: Python<'_>, id: i64, name: Option<String>) -> PyResult<()> {
+        self.0.edit(py, |contents| {
+            contents.get_mut(id)?.name = name.map(Into::into);
+            Ok(())
+        })
     }
 
     /// The map `(4, 4)` from an object's coordinates to the scene's, as a new array.
@@ -423,20 +520,22 @@ impl Scene {
 
     /// The ids of all objects, ascending.
     #[getter]
-    fn ids(&self, py: Python<'_>) -> Vec<u32> {
-        self.0.contents(py).objects().map(|(id, _)| id).collect()
+    fn ids<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        let contents = slf.get().0.contents(slf.py());
+        listed(slf, "ids", contents.objects().map(|(id, _)| id).collect::<Vec<_>>())
     }
 
-    /// The names of the objects that have one, by id.
+    /// The names of the objects that have one, by id. Changes of this dictionary name objects, as
+    /// :meth:`update_name` does.
     #[getter]
-    fn names<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let names = PyDict::new(py);
-        for (id, object) in self.0.contents(py).objects() {
-            if let Some(name) = &object.name {
+    fn names<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        let (py, names) = (slf.py(), PyDict::new(slf.py()));
+        for (id, object) in slf.get().0.contents(py).objects() {
+            if let Some(name) = object.name.as_deref() {
                 names.set_item(id, name)?;
             }
         }
-        Ok(names)
+        py.import("snell._views")?.getattr("Names")?.call1((slf, names))
     }
 
     fn __len__(&self, py: Python<'_>) -> usize {

@@ -104,7 +104,7 @@ impl Scene {
         points: &Bound<'py, PyAny>,
         max_distance: Option<&Bound<'py, PyAny>>,
         mask: Option<i64>,
-        threads: Option<usize>,
+        threads: Option<i64>,
         signed: bool,
     ) -> PyResult<Bound<'py, PyAny>> {
         let array = array(points, "points")?;
@@ -160,7 +160,7 @@ impl Scene {
     fn around<'py, T: numpy::Element + Default + Copy + Send>(
         &self,
         points: &Bound<'py, PyAny>,
-        threads: Option<usize>,
+        threads: Option<i64>,
         single: impl Fn(&World, [f32; 3]) -> T + Sync,
         double: impl Fn(&DWorld, [f64; 3]) -> T + Sync,
     ) -> PyResult<Bound<'py, PyAny>> {
@@ -223,7 +223,7 @@ impl Scene {
         points: &Bound<'py, PyAny>,
         max_distance: Option<&Bound<'py, PyAny>>,
         mask: Option<i64>,
-        threads: Option<usize>,
+        threads: Option<i64>,
     ) -> PyResult<ClosestPoints> {
         let array = array(points, "points")?;
         let (mask, threads) = (objects::mask(mask)?, Threads::new(threads)?);
@@ -250,7 +250,7 @@ impl Scene {
         points: &Bound<'py, PyAny>,
         max_distance: Option<&Bound<'py, PyAny>>,
         mask: Option<i64>,
-        threads: Option<usize>,
+        threads: Option<i64>,
     ) -> PyResult<Bound<'py, PyAny>> {
         self.distances(points, max_distance, mask, threads, false)
     }
@@ -273,7 +273,7 @@ impl Scene {
         points: &Bound<'py, PyAny>,
         max_distance: Option<&Bound<'py, PyAny>>,
         mask: Option<i64>,
-        threads: Option<usize>,
+        threads: Option<i64>,
     ) -> PyResult<Bound<'py, PyAny>> {
         self.distances(points, max_distance, mask, threads, true)
     }
@@ -295,7 +295,7 @@ impl Scene {
     fn occupancy<'py>(
         &self,
         points: &Bound<'py, PyAny>,
-        threads: Option<usize>,
+        threads: Option<i64>,
     ) -> PyResult<Bound<'py, PyAny>> {
         self.around(points, threads, f32::is_inside, f64::is_inside)
     }
@@ -315,7 +315,7 @@ impl Scene {
     fn winding_number<'py>(
         &self,
         points: &Bound<'py, PyAny>,
-        threads: Option<usize>,
+        threads: Option<i64>,
     ) -> PyResult<Bound<'py, PyAny>> {
         self.around(points, threads, f32::winding_number, f64::winding_number)
     }

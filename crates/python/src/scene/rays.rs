@@ -12,8 +12,9 @@ use crate::rays::{Limits, RayArgument, RayArrays};
 use crate::state::Kept;
 use crate::work::{Threads, run};
 use numpy::PyArrayMethods;
-use pyo3::exceptions::{PyMemoryError, PyRuntimeWarning, PyValueError};
+use pyo3::exceptions::{PyMemoryError, PyRuntimeWarning, PyTypeError, PyValueError};
 use pyo3::prelude::*;
+use pyo3::types::PyTuple;
 use snell_formats::memory::Available;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
@@ -212,19 +213,33 @@ macro_rules! queries {
         #[pymethods]
         impl Scene {
             $($(#[doc = $doc])*
-            #[pyo3(signature = (
-                rays, *, t_min=None, t_max=None, mask=None, threads=None, warn_invalid=false,
-            ))]
+            #[pyo3(
+                signature = (
+                    rays, *more, t_min=None, t_max=None, mask=None, threads=None,
+                    warn_invalid=false,
+                ),
+                text_signature = "($self, rays, *, t_min=None, t_max=None, mask=None, \
+                    threads=None, warn_invalid=False)"
+            )]
             fn $name<'py>(
                 &self,
                 py: Python<'py>,
                 rays: &Bound<'py, PyAny>,
+                more: &Bound<'py, PyTuple>,
                 t_min: Option<&Bound<'py, PyAny>>,
                 t_max: Option<&Bound<'py, PyAny>>,
                 mask: Option<&Bound<'py, PyAny>>,
-                threads: Option<usize>,
+                threads: Option<i64>,
                 warn_invalid: bool,
             ) -> PyResult<$answer> {
+                if !more.is_empty() {
+                    return Err(PyTypeError::new_err(concat!(
+                        stringify!($name),
+                        ": origins and directions are one tuple, ",
+                        stringify!($name),
+                        "((origins, directions)); what follows has its name: t_min=…"
+                    )));
+                }
                 let rays = RayArgument::new(rays)?;
                 let zero = 0.0f64.into_pyobject(py)?.into_any();
                 let infinity = f64::INFINITY.into_pyobject(py)?.into_any();

@@ -263,6 +263,11 @@ impl CompiledScene {
         self.surfaces.node_path(&self.world, hit.instance, hit.geometry)
     }
 
+    /// The number of the surface of a hit among the surfaces of the node that holds it.
+    pub fn surface_number(&self, hit: &Hit) -> u32 {
+        self.surfaces.surface_number(&self.world, hit.instance, hit.geometry)
+    }
+
     /// The point at a hit of a ray with a time from 0 to 1, and the surface's properties there.
     #[inline]
     pub fn interaction(&self, ray: &Ray, time: f32, hit: &Hit) -> SurfaceInteraction {

@@ -18,12 +18,21 @@ pub struct SurfaceTable {
     geometries: Vec<GeometryMaterials>,
     /// For each group, what each of its instances passes on to the contents.
     instances: Vec<Vec<Handed>>,
-    /// Nodes as they were folded into groups, each with the position of the one above it in the
-    /// same group.
-    visits: Vec<(NodeId, Option<u32>)>,
+    /// Nodes as they were folded into groups, once for each surface of a node.
+    visits: Vec<Visit>,
     default: MaterialId,
     /// True if any geometry needs the hit filter.
     pub any_filtered: bool,
+}
+
+/// A node that was folded into a group.
+#[derive(Clone, Copy, Debug)]
+struct Visit {
+    node: NodeId,
+    /// The position in [`SurfaceTable::visits`] of the node above it in the same group.
+    above: Option<u32>,
+    /// The number of the surface of the node.
+    surface: u32,
 }
 
 /// What an instance passes on to the group inside.
@@ -113,11 +122,21 @@ impl SurfaceTable {
         path
     }
 
+    /// The number of a surface in the node that holds it.
+    pub fn surface_number(&self, world: &World, instance: u32, geometry: u32) -> u32 {
+        // A mesh in a group of its own is held by the node with its instance.
+        let visit = self.geometries[geometry as usize].visit.or_else(|| {
+            let &(group, step) = world.instance_path(instance).last()?;
+            Some(self.instances[group.0 as usize][step].visit)
+        });
+        visit.map_or(0, |visit| self.visits[visit as usize].surface)
+    }
+
     fn extend_path(&self, path: &mut Vec<NodeId>, visit: u32) {
         let start = path.len();
         let mut next = Some(visit);
         while let Some(visit) = next {
-            let (node, above) = self.visits[visit as usize];
+            let Visit { node, above, .. } = self.visits[visit as usize];
             path.push(node);
             next = above;
         }
@@ -267,10 +286,15 @@ impl Compiler<'_> {
         while let Some((id, group_from_node, inherited, above)) = stack.pop() {
             let node = &scene.nodes[id.index()];
             let visit = self.table.visits.len() as u32;
-            self.table.visits.push((id, above));
+            self.table.visits.push(Visit { node: id, above, surface: 0 });
             let material = node.material.or(inherited);
             for (number, surface) in node.surfaces.iter().enumerate() {
                 let later = self.later_meshes(id, number, surface);
+                let mut visit = visit;
+                if number > 0 {
+                    visit = self.table.visits.len() as u32;
+                    self.table.visits.push(Visit { node: id, above, surface: number as u32 });
+                }
                 self.add_surface(
                     surface,
                     &later,
