@@ -333,6 +333,11 @@ pub fn curves(
         .map_err(|error| PyValueError::new_err(error.to_string()))
 }
 
+/// Colours of the points of curves, linear RGB and alpha.
+pub fn point_colors(colors: &Bound<'_, PyAny>) -> PyResult<Vec<[f32; 4]>> {
+    attribute::<4>(colors, None, "colors")
+}
+
 /// An analytic shape from its name and parameters.
 pub fn shape(kind: &str, parameters: Option<&Bound<'_, PyDict>>) -> PyResult<AnyShape> {
     let family = family("shape")?;
