@@ -126,10 +126,13 @@ impl Radii {
         let diagonal = size.length();
         let away = bounds.min.abs().max(bounds.max.abs()).max_element();
         let least = (away * f64::from(f32::EPSILON) * STEPS).max(f64::from(f32::MIN_POSITIVE));
-        // A point alone has no size to go by.
-        let largest = if diagonal > 0.0 { diagonal * LARGEST_BALL } else { 0.01 };
+        if diagonal == 0.0 {
+            // A point alone has no size to go by.
+            let radius = f64::max(0.01, least) as f32;
+            return Self { ball: radius, tube: radius };
+        }
         points.retain(|at| at.is_finite());
-        let ball = (spacing(&points) * OF_SPACING).min(largest);
+        let ball = (spacing(&points) * OF_SPACING).min(diagonal * LARGEST_BALL);
         let area = 2.0 * (size.x * size.y + size.y * size.z + size.z * size.x);
         let gap = if length > 0.0 { area / length } else { 0.0 };
         let tube = (gap * OF_GAP).clamp(diagonal * THIN_TUBE, diagonal * THICK_TUBE);
