@@ -159,9 +159,27 @@ def is_scene(file: Path) -> bool:
     return True
 
 
-def content(file: Path) -> str:
-    """A hash of a file, and of the names and sizes of what lies in its folder."""
+def by_name(folders: list[Path]) -> dict[str, Path]:
+    """The folders by their names, with as much of the path as tells them apart."""
+    found = list(dict.fromkeys(folder.resolve() for folder in folders))
+    named: dict[str, Path] = {}
+    for folder in found:
+        others = [other.parts for other in found if other != folder]
+        depths = range(1, len(folder.parts) + 1)
+        ends = (folder.parts[-depth:] for depth in depths)
+        end = next(e for e in ends if all(o[-len(e) :] != e for o in others))
+        named["_".join(end)] = folder
+    return named
+
+
+def content(file: Path, reference: Path | None, spp: int) -> str:
+    """A hash of a file, of the picture that it is compared with, of the samples, and of the names
+    and sizes of what lies in its folder.
+    """
     digest = hashlib.sha256(file.read_bytes())
+    if reference is not None:
+        digest.update(reference.read_bytes())
+    digest.update(f"{spp} samples\n".encode())
     for name, size in beside(file.parent):
         digest.update(f"{name} {size}\n".encode())
     return digest.hexdigest()[:16]
@@ -318,9 +336,9 @@ class Renderer:
             return Run("memory", reason, warnings, seconds, 0)
         return Run("refused", reason, warnings, seconds, 0)
 
-    def row(self, file: Path, suite: Path, hash: str, picture: Path) -> Row:
+    def row(self, file: Path, name: str, suite: Path, hash: str, picture: Path) -> Row:
         """Renders a file to `picture`, compares it if there is a reference, and reports."""
-        row = Row(suite.name, str(file.relative_to(suite)), hash, "")
+        row = Row(name, str(file.relative_to(suite)), hash, "")
         row.damaged = is_damaged(file)
         reference, shown = reference_of(file, suite), shown_of(file)
         if reference:
@@ -529,25 +547,26 @@ def main() -> None:
     pictures = options.folder / "pictures"
     pictures.mkdir(parents=True, exist_ok=True)
     suffixes = scene_suffixes(options.snell)
-    suites = {folder.resolve().name: folder.resolve() for folder in options.suites}
-    found: list[tuple[Path, Path]] = []
+    suites = by_name(options.suites)
+    found: list[tuple[str, Path]] = []
     parts: dict[str, str] = {}
-    for suite in suites.values():
+    for name, suite in suites.items():
         files, inside = find(suite, suffixes)
-        found += [(suite, f) for f in files if options.only in str(f)]
+        found += [(name, f) for f in files if options.only in str(f)]
         parts |= {str(part): str(file) for part, file in inside.items()}
     book = Book(options.folder / "suites.json", parts)
     scratch = tempfile.TemporaryDirectory(prefix="suites-")
     renderer = Renderer(options, Path(scratch.name))
 
-    def visit(suite: Path, file: Path) -> Row:
-        hash = content(file)
-        row = book.rows.get((suite.name, str(file.relative_to(suite))))
+    def visit(name: str, file: Path) -> Row:
+        suite = suites[name]
+        hash = content(file, reference_of(file, suite), options.spp)
+        row = book.rows.get((name, str(file.relative_to(suite))))
         kept = row is not None and row.hash == hash
         if kept and (options.again is None or options.again not in json.dumps(asdict(row))):
             return row
-        name = hashlib.sha256(str(file).encode()).hexdigest()[:16]
-        return renderer.row(file, suite, hash, pictures / f"{name}.png")
+        picture = pictures / f"{hashlib.sha256(str(file).encode()).hexdigest()[:16]}.png"
+        return renderer.row(file, name, suite, hash, picture)
 
     rows = []
     try:

@@ -24,6 +24,7 @@ mod search;
 mod sources;
 mod stranger;
 mod strip;
+mod strokes;
 pub mod textures;
 pub mod write;
 

@@ -1,7 +1,7 @@
 //! Tessellates curves: into ribbons, and into tubes where a format has no curves.
 
 use snell_intersect::{Curves, TriangleMesh};
-use snell_math::{DVec4, Vec2, Vec3};
+use snell_math::{DVec4, Vec2, Vec3, Vec4};
 
 /// Maximum number of pieces of a segment along a curve.
 const ALONG: usize = 8;
@@ -25,7 +25,14 @@ pub fn pieces(segments: usize, tangent: impl Fn(usize, f32) -> Vec3) -> usize {
 /// texture coordinates.
 pub fn tubes(curves: &Curves) -> TriangleMesh {
     let mut mesh = TriangleMesh::default();
-    for strand in 0..curves.strands().len() {
+    for (strand, points) in curves.strand_points().enumerate() {
+        if points.windows(2).all(|p| p[0] == p[1]) {
+            if curves.segments_of(strand).any(|i| curves.bezier(i).is_some()) {
+                add_ball(&mut mesh, points[0]);
+            }
+            color_rest(&mut mesh, curves, strand);
+            continue;
+        }
         // A degenerate segment is left out, and a new tube begins after it.
         let segments: Vec<Option<[DVec4; 4]>> =
             curves.segments_of(strand).map(|i| curves.bezier(i)).collect();
@@ -55,8 +62,34 @@ pub fn tubes(curves: &Curves) -> TriangleMesh {
                 );
             }
         }
+        color_rest(&mut mesh, curves, strand);
     }
     mesh
+}
+
+/// Adds a ball as an octahedron with smooth normals.
+fn add_ball(mesh: &mut TriangleMesh, ball: Vec4) {
+    let first = mesh.positions.len() as u32;
+    for axis in Vec3::AXES {
+        for normal in [axis, -axis] {
+            mesh.positions.push(ball.truncate() + normal * ball.w);
+            mesh.normals.push(normal);
+            mesh.uvs[0].push(Vec2::ZERO);
+        }
+    }
+    for corner in 0..8u32 {
+        let sides = [corner & 1, corner >> 1 & 1, corner >> 2 & 1];
+        let [x, y, z] = [0, 2, 4].map(|axis| first + axis + sides[axis as usize / 2]);
+        mesh.indices.push(if corner.count_ones() % 2 == 0 { [x, y, z] } else { [x, z, y] });
+    }
+}
+
+/// Gives the last vertices, which are those of a strand, its colours.
+fn color_rest(mesh: &mut TriangleMesh, curves: &Curves, strand: usize) {
+    if !curves.colors().is_empty() {
+        let along = &mesh.uvs[0][mesh.colors.len()..];
+        mesh.colors.extend(along.iter().map(|uv| curves.color_of_strand(strand, uv.x)));
+    }
 }
 
 /// Rings of vertices along a curve, joined by triangles.
@@ -124,7 +157,6 @@ pub fn most_triangles(curves: &Curves) -> usize {
 mod tests {
     use super::*;
     use snell_intersect::StrandBasis;
-    use snell_math::Vec4;
 
     #[test]
     fn tubes_have_about_the_area_of_their_strands_and_skip_what_is_never_hit() {
@@ -150,5 +182,22 @@ mod tests {
         let broken = Curves::new(StrandBasis::Linear, points, vec![3, 4]).expect("two strands");
         assert_eq!(tubes(&broken).indices.len(), 3 * 10);
         assert!(most_triangles(&straight) >= 50);
+    }
+
+    #[test]
+    fn a_ball_looks_outwards_and_has_its_colour() {
+        let red = [1.0, 0.0, 0.0, 1.0];
+        let ball =
+            Curves::new(StrandBasis::Linear, vec![Vec4::new(1.0, 2.0, 3.0, 0.5); 2], vec![2])
+                .and_then(|ball| ball.with_colors(vec![red; 2]))
+                .expect("a ball");
+        let mesh = tubes(&ball);
+        mesh.validate().expect("a sound mesh");
+        assert_eq!((mesh.indices.len(), &mesh.colors), (8, &vec![red; 6]));
+        for t in 0..8 {
+            let [a, b, c] = mesh.corners(t);
+            let middle = (a + b + c) / 3.0 - Vec3::new(1.0, 2.0, 3.0);
+            assert!((b - a).cross(c - a).dot(middle) > 0.0, "{t}");
+        }
     }
 }

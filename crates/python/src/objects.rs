@@ -359,6 +359,11 @@ const SHAPES_ELSEWHERE: &[(&str, &str)] = &[
     ("tube", "cylinder"),
 ];
 
+/// Colours of the points of curves, linear RGB and alpha.
+pub fn point_colors(colors: &Bound<'_, PyAny>) -> PyResult<Vec<[f32; 4]>> {
+    attribute::<4>(colors, None, "colors")
+}
+
 /// An analytic shape from its name and parameters.
 pub fn shape(kind: &str, parameters: Option<&Bound<'_, PyDict>>) -> PyResult<AnyShape> {
     let family = family("shape")?;

@@ -98,6 +98,10 @@ fn stored<'py>(
             all.set_item("points", from_vec(py, numbers, &[curves.points().len(), 3])?)?;
             let radii: Vec<_> = curves.points().iter().map(|p| p.w).collect();
             all.set_item("radii", from_vec(py, radii, &[curves.points().len()])?)?;
+            if !curves.colors().is_empty() {
+                let colors = curves.colors().iter().flatten().copied().collect();
+                all.set_item("colors", from_vec(py, colors, &[curves.points().len(), 4])?)?;
+            }
             let strands = curves.strands();
             all.set_item("strands", from_vec(py, strands.to_vec(), &[strands.len()])?)?;
             let basis = serde_json::to_string(&curves.basis())
@@ -170,12 +174,11 @@ pub fn _restore(
             Kind::Shape(Arc::new(shape.map_err(|e| PyValueError::new_err(format!("shape: {e}")))?))
         } else if let Some(points) = get("points")? {
             let basis: String = need("basis")?.extract()?;
-            Kind::Curves(Arc::new(objects::curves(
-                &points,
-                &need("radii")?,
-                Some(&need("strands")?),
-                &basis,
-            )?))
+            let curves =
+                objects::curves(&points, &need("radii")?, Some(&need("strands")?), &basis)?;
+            let colors = get("colors")?.map(|colors| objects::point_colors(&colors)).transpose()?;
+            let curves = curves.with_colors(colors.unwrap_or_default());
+            Kind::Curves(Arc::new(curves.map_err(|e| PyValueError::new_err(e.to_string()))?))
         } else if let Some(centers) = get("centers")? {
             Kind::Spheres(Arc::new(objects::spheres(&centers, &need("radii")?)?))
         } else {

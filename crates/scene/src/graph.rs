@@ -93,7 +93,13 @@ impl Geometry {
         match self {
             Self::Shape(shape) => shape.name().to_string(),
             Self::Mesh(mesh) => format!("mesh of {} triangles", mesh.indices.len()),
-            Self::Curves(curves) => format!("curves of {} strands", curves.strands().len()),
+            Self::Curves(curves) => match (curves.ball_count(), curves.strands().len()) {
+                (0, strands) => format!("curves of {strands} strands"),
+                (balls, strands) if balls == strands => format!("{balls} balls"),
+                (balls, strands) => {
+                    format!("{balls} balls and curves of {} strands", strands - balls)
+                }
+            },
         }
     }
 }

@@ -25,10 +25,11 @@ pub mod ply;
 pub mod ray;
 pub mod stl;
 
+use crate::strokes::{Radii, Strokes};
 use crate::{Input, ReadError, SceneReader};
 use notes::Notes;
 pub use ply::Attribute;
-use snell_intersect::TriangleMesh;
+use snell_intersect::{Curves, TriangleMesh};
 use snell_math::{Bounds3d, DAffine3, Vec3};
 use snell_scene::{Geometry, Node, Scene, Surface, Warning, WarningKind};
 use std::sync::Arc;
@@ -142,8 +143,12 @@ pub fn smooth_normals(mesh: &mut TriangleMesh, crease_degrees: f32) {
 fn scene_of(input: &Input, mesh: TriangleMesh, mut notes: Notes) -> Scene {
     let mut scene = Scene::new(input.stem());
     note_oddities(input, &mesh, &mut notes);
-    if !mesh.indices.is_empty() {
-        let surface = Surface::new(Geometry::Mesh(Arc::new(mesh)));
+    let geometry = match mesh.indices.is_empty() {
+        true => cloud(input, &mesh, &mut notes).map(|curves| Geometry::Curves(Arc::new(curves))),
+        false => Some(Geometry::Mesh(Arc::new(mesh))),
+    };
+    if let Some(geometry) = geometry {
+        let surface = Surface::new(geometry);
         let node = Node { surfaces: vec![surface], ..Node::named(input.stem()) };
         scene.add_child(scene.root, node);
     }
@@ -151,9 +156,22 @@ fn scene_of(input: &Input, mesh: TriangleMesh, mut notes: Notes) -> Scene {
     scene
 }
 
+/// The vertices of a file without faces, as balls of their colours.
+fn cloud(input: &Input, mesh: &TriangleMesh, notes: &mut Notes) -> Option<Curves> {
+    let count = u32::try_from(mesh.positions.len()).ok()?;
+    let points = Strokes::points((0..count).collect());
+    let radii = Radii::of(&[&points], &mesh.positions, Bounds3d::EMPTY);
+    let curves = points.curves(&mesh.positions, &mesh.colors, radii)?;
+    let said = radii.describe(&[&points]);
+    notes.add_of(WarningKind::Choice, "points", || {
+        format!("{}: there are no faces; {said}", input.name)
+    });
+    Some(curves)
+}
+
 /// Warns if a mesh is empty or has vertices that are not finite.
 fn note_oddities(input: &Input, mesh: &TriangleMesh, notes: &mut Notes) {
-    if mesh.indices.is_empty() {
+    if mesh.indices.is_empty() && mesh.positions.is_empty() {
         let name = &input.name;
         notes.add("nothing to show", || {
             format!("{name}: there are no triangles to show; export it again with its faces")

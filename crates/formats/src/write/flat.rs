@@ -96,7 +96,13 @@ pub fn tubes_of(curves: &Curves, output: &mut Output) -> Option<TriangleMesh> {
         output.lose("strands of more segments than can become triangles are left out");
         return None;
     }
-    output.lose("strands became tubes of triangles with five sides");
+    let balls = curves.ball_count();
+    if balls > 0 {
+        output.lose("balls became octahedra");
+    }
+    if balls < curves.strands().len() {
+        output.lose("strands became tubes of triangles with five sides");
+    }
     Some(strip::tubes(curves))
 }
 

@@ -56,6 +56,14 @@ pub enum StrandError {
         /// The basis of the strand.
         basis: StrandBasis,
     },
+    /// There are colours, but not one for each point.
+    #[error("there are {colors} colours, but {points} points: give one for each point, or none")]
+    Colors {
+        /// The number of colours given.
+        colors: usize,
+        /// The number of points.
+        points: usize,
+    },
     /// The strands together do not have as many points as were given.
     #[error("the strands have {strands} points together, but there are {points}")]
     Total {
@@ -103,6 +111,8 @@ pub struct Curves {
     halvings: u32,
     /// A bounding capsule of each piece of cubic segments.
     capsules: Vec<Capsule>,
+    /// Linear RGB and alpha of each point; empty if all are white.
+    colors: Vec<[f32; 4]>,
 }
 
 /// A capsule: all points within a distance of a line segment. It bounds a piece, so that most rays
@@ -212,8 +222,15 @@ impl Curves {
             StrandBasis::BSpline => cubic(CurveBasis::BSpline, points, starts),
             StrandBasis::CatmullRom => cubic(CurveBasis::CatmullRom, points, starts),
         };
-        let mut curves =
-            Self { basis, segments, strands, first_segments, halvings: 0, capsules: Vec::new() };
+        let mut curves = Self {
+            basis,
+            segments,
+            strands,
+            first_segments,
+            halvings: 0,
+            capsules: Vec::new(),
+            colors: Vec::new(),
+        };
         curves.halvings = curves.best_halvings();
         if curves.segment_count() << curves.halvings > u32::MAX as usize {
             curves.halvings = 0;
@@ -225,6 +242,49 @@ impl Curves {
             curves.capsules = (0..curves.len()).map(capsule).collect();
         }
         Ok(curves)
+    }
+
+    /// The same curves with a colour for each point, linear RGB and alpha. Between points, colours
+    /// change evenly with the texture coordinate `u`. No colours are white.
+    pub fn with_colors(self, colors: Vec<[f32; 4]>) -> Result<Self, StrandError> {
+        let points = self.points().len();
+        if !colors.is_empty() && colors.len() != points {
+            return Err(StrandError::Colors { colors: colors.len(), points });
+        }
+        Ok(Self { colors, ..self })
+    }
+
+    /// Linear RGB and alpha of each point; empty if all are white.
+    pub fn colors(&self) -> &[[f32; 4]] {
+        &self.colors
+    }
+
+    /// The colour of a strand at the texture coordinate `u`, from 0 at its root to 1 at its tip.
+    pub fn color_of_strand(&self, strand: usize, u: f32) -> [f32; 4] {
+        if self.colors.is_empty() {
+            return [1.0; 4];
+        }
+        let (count, segments) = (self.strands[strand] as usize, self.segments_of(strand));
+        let Some(first) = self.first_point(segments.start) else { return [1.0; 4] };
+        let at = u.clamp(0.0, 1.0) * (count - 1) as f32;
+        let before = (at as usize).min(count.saturating_sub(2));
+        let (a, b) =
+            (self.colors[first + before], self.colors[first + (before + 1).min(count - 1)]);
+        std::array::from_fn(|k| a[k] + (b[k] - a[k]) * (at - before as f32))
+    }
+
+    /// The index of the first point of a segment.
+    fn first_point(&self, segment: usize) -> Option<usize> {
+        let segments = match &self.segments {
+            Segments::Linear(curves) => &curves.segments,
+            Segments::Cubic(curves) => &curves.segments,
+        };
+        segments.get(segment).map(|&first| first as usize)
+    }
+
+    /// The number of strands that are balls: all their points are one.
+    pub fn ball_count(&self) -> usize {
+        self.strand_points().filter(|points| points.windows(2).all(|p| p[0] == p[1])).count()
     }
 
     /// How often to halve cubic segments so that pieces have at most [`SLENDER`] times their width
@@ -406,6 +466,16 @@ impl PrimitiveSet for Curves {
         true
     }
 
+    fn color(&self, piece: usize, uv: Vec2) -> [f32; 4] {
+        if self.colors.is_empty() {
+            return [1.0; 4];
+        }
+        let segment = piece >> self.halvings;
+        let strand = self.first_segments.partition_point(|&first| first as usize <= segment) - 1;
+        let [first, after] = self.strand_of(piece);
+        self.color_of_strand(strand, ((piece - first) as f32 + uv.x) / (after - first) as f32)
+    }
+
     fn nearest_point(&self, piece: usize, point: DVec3, metric: &Metric) -> Option<(DVec3, Vec2)> {
         match &self.segments {
             Segments::Linear(curves) => curves.nearest_point(piece, point, metric),
@@ -467,6 +537,27 @@ mod tests {
         let none =
             Curves::new(StrandBasis::BSpline, Vec::new(), Vec::new()).expect("nothing is fine");
         assert!(none.is_empty() && none.bounds_of_all().is_empty());
+    }
+
+    #[test]
+    fn colours_of_points_change_along_a_strand_and_a_ball_has_one() {
+        let points = [0.0, 1.0, 2.0, 9.0, 9.0].map(|x| Vec4::new(x, 0.0, 0.0, 0.25)).to_vec();
+        let curves = Curves::new(StrandBasis::Linear, points, vec![3, 2]).expect("two strands");
+        assert_eq!(curves.ball_count(), 1);
+        let grey = |value: f32| [value, value, value, 1.0];
+        let few = curves.clone().with_colors(vec![grey(0.0); 4]).expect_err("five points");
+        assert!(few.to_string().contains("4 colours, but 5 points"), "{few}");
+        let colors = [0.0, 1.0, 0.0, 0.5, 0.5].map(grey).to_vec();
+        let curves = curves.with_colors(colors).expect("one for each");
+        let seen = |x: f64| {
+            let ray = DRay::new(DVec3::new(x, 0.0, 5.0), DVec3::NEG_Z);
+            (0..curves.len())
+                .find_map(|i| curves.closest(i, &ray, 0.0).map(|hit| curves.color(i, hit.uv)[0]))
+                .expect("a hit")
+        };
+        for (x, expected) in [(0.25, 0.25), (0.75, 0.75), (1.75, 0.25), (9.1, 0.5)] {
+            assert!((seen(x) - expected).abs() < 1e-6, "{x}: {}", seen(x));
+        }
     }
 
     #[test]

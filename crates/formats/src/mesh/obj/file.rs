@@ -5,7 +5,7 @@
 //! are set by earlier statements, so they stay open until the pieces are joined in order. And a
 //! face may refer to later lines, so indices are checked at the end.
 
-use super::parse::{self, Piece};
+use super::parse::{self, Piece, Stroke};
 use crate::mesh::colors;
 use crate::mesh::notes::Notes;
 use crate::mesh::text::{Reader, Text, Word, decoded};
@@ -183,6 +183,8 @@ pub struct ObjFile {
     pub normals: Vec<Vec3>,
     /// The faces and their states. Every face has an object number.
     pub pieces: Vec<(Faces, Vec<Run>)>,
+    /// Points and lines, whose vertices exist.
+    pub strokes: Vec<Stroke>,
     /// Object names in order of appearance; the first is that of faces before any `o`.
     pub objects: Vec<String>,
     /// Material names in order of appearance, each with the offset of its first use.
@@ -236,6 +238,7 @@ pub fn parse(input: &Input, notes: &mut Notes) -> Result<ObjFile, ReadError> {
     }
     drop_indices_into_nothing(input, &mut file, notes);
     drop_dangling_faces(&mut file, &reader(&(0..bytes.len())), notes);
+    drop_dangling_strokes(&mut file, &reader(&(0..bytes.len())), notes);
     Ok(file)
 }
 
@@ -344,6 +347,10 @@ impl Joiner {
             .map(|run| Run { faces: run.faces, state: said(run.state) })
             .collect();
         file.pieces.push((piece.faces, runs));
+        file.strokes.extend(piece.strokes.into_iter().map(|stroke| Stroke {
+            material: stroke.material.map(|m| materials[m as usize]).or(before.material),
+            ..stroke
+        }));
         self.state = said(piece.end);
         self.known += piece.known;
         self.unknown = self.unknown.or(piece.unknown);
@@ -403,6 +410,25 @@ fn drop_dangling_faces(file: &mut ObjFile, reader: &Reader, notes: &mut Notes) {
         notes.add_times(dropped as u64, "dangling", message);
         (*faces, *runs) = (kept, kept_runs);
     }
+}
+
+/// Drops the points and lines that name vertices that the file lacks, and lines of one vertex.
+fn drop_dangling_strokes(file: &mut ObjFile, reader: &Reader, notes: &mut Notes) {
+    let count = file.positions.len();
+    file.strokes.retain(|stroke| {
+        let is_good =
+            !stroke.vertices.is_empty() && stroke.vertices.iter().all(|&i| (i as usize) < count);
+        if !is_good {
+            notes.add("dangling stroke", || {
+                format!(
+                    "{}: a point or line of vertices that the file lacks, which has {count} v \
+                    lines; such points and lines were skipped",
+                    reader.location(stroke.start)
+                )
+            });
+        }
+        is_good
+    });
 }
 
 /// The place of a piece's corner in the text and its word in quotes, found by reading the piece

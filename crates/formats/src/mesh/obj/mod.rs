@@ -3,7 +3,8 @@
 //! `parse.rs` turns a piece of the text into lists of vertices and faces as they stand in the file,
 //! and `file.rs` joins the pieces; `build.rs` makes indexed meshes of them, one per object (`o`);
 //! `mtl.rs` reads the materials, and `material.rs` converts them. Polygons of any size are
-//! triangulated; lines, points and free-form surfaces are skipped with a warning.
+//! triangulated; points and lines become balls and tubes (`strokes.rs`); free-form surfaces are
+//! skipped with a warning.
 //!
 //! Normals: those of the file (`vn`). Faces without any: smoothed within their smoothing group (`s
 //! 1`), flat after `s off`, and by angle (40°) in files without `s`. Vertex colours (`v x y z r g
@@ -18,10 +19,12 @@ mod parse;
 pub use material::HEIGHT_OF_BUMPS;
 
 use super::notes::Notes;
+use crate::strokes::{Radii, Strokes};
 use crate::{Input, ReadError, SceneReader};
 use snell_intersect::TriangleMesh;
-use snell_math::DVec3;
-use snell_scene::{Geometry, Node, Scene, Surface};
+use snell_math::{Bounds3d, DVec3};
+use snell_scene::{Geometry, MaterialId, Node, Scene, Surface, WarningKind};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// The emission `Ke` from which on a surface is a lamp. Some files have `Ke 1 1 1` for these.
@@ -46,7 +49,8 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
         0 | 1 => scene.root,
         _ => scene.add_child(scene.root, Node::named(input.stem())),
     };
-    if objects.is_empty() {
+    let strokes = stroke_surfaces(input, &file, &materials, &mut notes);
+    if objects.is_empty() && strokes.is_empty() {
         notes.add("nothing to show", || {
             format!(
                 "{}: there are no triangles to show; export it again with its faces",
@@ -66,9 +70,41 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
         };
         scene.add_child(parent, Node { surfaces: vec![surface], ..Node::named(name) });
     }
+    if !strokes.is_empty() {
+        let name = format!("{} (points and lines)", input.stem());
+        scene.add_child(scene.root, Node { surfaces: strokes, ..Node::named(name) });
+    }
     notes.finish(&mut scene);
     snell_scene::framing::light_unless_lit(&mut scene, DVec3::Y, LEAST_LAMP);
     Ok(scene)
+}
+
+/// Points and lines as balls and tubes, one surface for each material.
+fn stroke_surfaces(
+    input: &Input,
+    file: &file::ObjFile,
+    materials: &[Option<MaterialId>],
+    notes: &mut Notes,
+) -> Vec<Surface> {
+    let mut by_material: BTreeMap<Option<u32>, Strokes> = BTreeMap::new();
+    for stroke in &file.strokes {
+        by_material.entry(stroke.material).or_default().push(stroke.vertices.iter().copied());
+    }
+    let all: Vec<&Strokes> = by_material.values().collect();
+    if all.is_empty() {
+        return Vec::new();
+    }
+    let finite = file.positions.iter().map(|p| p.as_dvec3()).filter(|p| p.is_finite());
+    let around = finite.fold(Bounds3d::EMPTY, |all, at| all.union(&Bounds3d { min: at, max: at }));
+    let radii = Radii::of(&all, &file.positions, around);
+    let said = radii.describe(&all);
+    notes.add_of(WarningKind::Choice, "lines", || format!("{}: {said}", input.name));
+    let surface = |(material, strokes): (&Option<u32>, &Strokes)| {
+        let curves = strokes.curves(&file.positions, &file.colors, radii)?;
+        let material = material.and_then(|m| materials.get(m as usize).copied().flatten());
+        Some(Surface { geometry: Geometry::Curves(Arc::new(curves)), materials: vec![material] })
+    };
+    by_material.iter().filter_map(surface).collect()
 }
 
 /// The name of the material of each triangle of the mesh that [`parse_mesh`] makes; empty for none.
@@ -90,5 +126,10 @@ pub(super) fn triangle_materials(input: &Input) -> Result<Vec<String>, ReadError
 /// Reads all objects as one mesh without materials and without computed normals.
 pub(super) fn parse_mesh(input: &Input, notes: &mut Notes) -> Result<TriangleMesh, ReadError> {
     let mut file = file::parse(input, notes)?;
+    if !file.strokes.is_empty() {
+        notes.add_times(file.strokes.len() as u64, "strokes", || {
+            format!("{}: points and lines are left out of a mesh that a scene names", input.name)
+        });
+    }
     build::one_mesh(input, &mut file, notes)
 }

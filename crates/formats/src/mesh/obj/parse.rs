@@ -36,6 +36,15 @@ pub fn recognises(bytes: &[u8]) -> bool {
     has_vertices
 }
 
+/// A point or line, as its vertices, and the number of its material, if any.
+#[derive(Debug)]
+pub struct Stroke {
+    /// Offset of its statement.
+    pub start: usize,
+    pub vertices: Vec<u32>,
+    pub material: Option<u32>,
+}
+
 /// The contents of a piece.
 #[derive(Debug, Default)]
 pub struct Piece {
@@ -45,6 +54,8 @@ pub struct Piece {
     pub uvs: Vec<Vec2>,
     pub normals: Vec<Vec3>,
     pub faces: Faces,
+    /// Points and lines: their vertices.
+    pub strokes: Vec<Stroke>,
     /// Runs of faces; numbers of materials and objects count those of this piece.
     pub runs: Vec<Run>,
     /// The state after the last statement.
@@ -130,15 +141,7 @@ impl Parser<'_> {
                 Ok(())
             }
             b"g" => Ok(()),
-            b"l" | b"p" => {
-                self.skipped(
-                    WarningKind::Choice,
-                    "lines",
-                    keyword,
-                    "lines and points are not surfaces; they were skipped",
-                );
-                Ok(())
-            }
+            b"l" | b"p" => self.strokes(keyword),
             b"vp" | b"deg" | b"cstype" | b"curv" | b"curv2" | b"surf" | b"parm" | b"trim"
             | b"hole" | b"scrv" | b"sp" | b"end" | b"con" | b"bmat" | b"step" | b"mg"
             | b"ctech" | b"stech" => {
@@ -319,6 +322,26 @@ impl Parser<'_> {
         }
         self.piece.faces.end_face(corners);
         Run::add_face(&mut self.piece.runs, self.state);
+        Ok(())
+    }
+}
+
+impl Parser<'_> {
+    /// Reads a statement `p`, each vertex of which is a point, or `l`, a line through all.
+    fn strokes(&mut self, keyword: Word) -> Result<(), ReadError> {
+        self.check_room(self.piece.strokes.len(), "points and lines")?;
+        let counts = self.counts();
+        let (start, material) = (keyword.start, self.state.material);
+        let words = std::iter::from_fn(|| self.reader.text.word());
+        let vertices: Vec<u32> = words.map(|word| corner(word.bytes, counts).position).collect();
+        match keyword.bytes {
+            b"l" => self.piece.strokes.push(Stroke { start, vertices, material }),
+            _ => self.piece.strokes.extend(vertices.into_iter().map(|i| Stroke {
+                start,
+                vertices: vec![i],
+                material,
+            })),
+        }
         Ok(())
     }
 }

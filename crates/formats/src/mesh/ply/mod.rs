@@ -44,7 +44,7 @@ pub const READER: SceneReader = SceneReader {
         let mut header = Header::read(input, &mut notes)?;
         header.reads_corners = true;
         let (mut mesh, faces) = parse_body(input, &header, &mut notes)?;
-        if mesh.normals.is_empty() {
+        if mesh.normals.is_empty() && !mesh.indices.is_empty() {
             normals::smooth(&mut mesh, normals::CREASE_ANGLE, &[]);
         }
         if !faces.colors.is_empty() {

@@ -26,9 +26,9 @@ fn obj_warnings_are_counted() {
     assert_snapshot!(warnings("a.obj", "v 0 0 0\nv nan 0 0\nv 1e39 inf 0\nl 1 2\nl 2 1\nf 1 \
         2\nfoo\nf 1 2 2\n"), @r#"
 a.obj:2:1: a vertex is not finite; triangles that use such vertices are never hit: give it finite coordinates (2x)
-a.obj:4:1: "l": lines and points are not surfaces; they were skipped (2x)
 a.obj:6:1: a face of 2 corners, expected 3 or more; such faces were skipped (1x)
 a.obj:7:1: "foo": not a statement of OBJ files; lines like this were skipped (1x)
+a.obj: 2 lines are drawn as tubes of radius 0.01 (1x)
 "#);
     assert_snapshot!(warnings("a.obj", "mtllib a.mtl b.mtl\nusemtl x\n"), @r#"
 a.obj: its material library "a.mtl b.mtl" does not exist; the default material was used (1x)

@@ -5,6 +5,7 @@ mod found;
 mod materials;
 mod messages;
 mod mutation;
+mod strokes;
 
 use super::*;
 use crate::{ReadOptions, SCENE_READERS, read_scene_bytes};
@@ -44,9 +45,21 @@ fn files_below(folder: &str) -> Vec<PathBuf> {
 fn meshes(scene: &Scene) -> Vec<&TriangleMesh> {
     let surfaces = scene.nodes.iter().flat_map(|n| &n.surfaces);
     surfaces
-        .map(|s| match &s.geometry {
-            Geometry::Mesh(mesh) => &**mesh,
-            Geometry::Shape(_) | Geometry::Curves(_) => panic!("mesh files have triangles only"),
+        .filter_map(|s| match &s.geometry {
+            Geometry::Mesh(mesh) => Some(&**mesh),
+            Geometry::Curves(_) => None,
+            Geometry::Shape(_) => panic!("mesh files have no shapes"),
+        })
+        .collect()
+}
+
+/// The points and lines of a scene.
+fn strokes(scene: &Scene) -> Vec<&Curves> {
+    let surfaces = scene.nodes.iter().flat_map(|n| &n.surfaces);
+    surfaces
+        .filter_map(|s| match &s.geometry {
+            Geometry::Curves(curves) => Some(&**curves),
+            _ => None,
         })
         .collect()
 }
@@ -68,7 +81,7 @@ fn check(scene: &Scene, what: &str) {
             "{what}: a colour that is not finite"
         );
     }
-    let shown = triangles(scene) > 0;
+    let shown = triangles(scene) > 0 || !strokes(scene).is_empty();
     assert_eq!(shown, !scene.warnings.iter().any(|w| w.message.contains("no triangles")), "{what}");
 }
 

@@ -47,6 +47,13 @@ impl<'a> Json<'a> {
         &self.path
     }
 
+    /// The file and the path of this value, with its name if it has one, for a warning.
+    pub fn place(&self) -> String {
+        let name = self.name();
+        let name = if name.is_empty() { name } else { format!(" \"{name}\"") };
+        format!("{}: at {}{name}", self.input.name, self.path)
+    }
+
     /// An error at this place.
     pub fn error(&self, problem: impl Into<String>) -> ReadError {
         self.error_with(problem, REPAIR)

@@ -7,10 +7,11 @@ use super::material::{FIRST_UV_SETS, uv_sets, variant};
 use super::topology::Topology;
 use super::{Reader, morph, skin};
 use crate::ReadError;
+use crate::strokes::Strokes;
 use snell_intersect::{TriangleMesh, UV_SETS};
 use snell_math::{Vec2, Vec3, Vec4};
+use snell_scene::Warning;
 use snell_scene::motion::{InfluenceSet, MorphTarget, make_usable};
-use snell_scene::{Warning, WarningKind};
 
 /// A primitive and everything needed to show it.
 pub(super) struct Primitive {
@@ -20,6 +21,8 @@ pub(super) struct Primitive {
     pub targets: Vec<MorphTarget>,
     /// Joints that move the vertices; empty if the primitive cannot be skinned.
     pub influences: Vec<InfluenceSet>,
+    /// The points and lines of the vertices, of a primitive without triangles.
+    pub strokes: Option<Strokes>,
     /// Index in the table of materials.
     pub material: Option<usize>,
 }
@@ -34,12 +37,7 @@ pub(super) fn read_primitives(
 ) -> Result<Vec<Primitive>, ReadError> {
     let mut primitives = Vec::new();
     for json in mesh.require("primitives")?.items()? {
-        let Some(topology) = Topology::of(&json)? else {
-            reader
-                .scene
-                .warn_of(WarningKind::Choice, "points and lines have no surface and are not shown");
-            continue;
-        };
+        let topology = Topology::of(&json)?;
         primitives.extend(read_primitive(reader, &json, topology, weights, all_targets)?);
     }
     Ok(primitives)
@@ -55,7 +53,8 @@ fn read_primitive(
     let attributes = json.get("attributes")?;
     let positions = attributes.as_ref().map_or(Ok(None), |a| a.get("POSITION"))?;
     let (Some(attributes), Some(positions)) = (attributes, positions) else {
-        reader.scene.warn("a primitive without positions is not shown");
+        let place = json.place();
+        reader.scene.warn(format!("{place}: a primitive without positions is not shown"));
         return Ok(None);
     };
     let attributes =
@@ -82,15 +81,20 @@ fn read_primitive(
     read_attributes(reader, &attributes, uv_sets, &mut mesh)?;
     let influences = skin::influences(reader, &attributes, vertices)?;
     let targets = morph::targets(reader, json, weights, all_targets, &mesh)?;
+    let mut strokes = None;
     mesh.indices = match &attributes.unpacked {
         Some(unpacked) => unpacked.triangles(),
-        None => topology.triangles(&read_indices(reader, json, vertices)?),
+        None => {
+            let indices = read_indices(reader, json, vertices)?;
+            strokes = topology.strokes(&indices);
+            topology.triangles(&indices)
+        }
     };
     repair_tangents(reader, &mut mesh);
     if targets.is_empty() {
         make_usable(&mut mesh);
     }
-    Ok(Some(Primitive { mesh, targets, influences, material }))
+    Ok(Some(Primitive { mesh, targets, influences, strokes, material }))
 }
 
 /// Gives tangents along the texture coordinates to vertices whose own have no direction, which
@@ -240,6 +244,9 @@ fn read_indices(reader: &Reader, json: &Json, vertices: usize) -> Result<Vec<u32
 /// primitives share one large array.
 pub(super) fn drop_unused(primitive: &mut Primitive) {
     const UNUSED: u32 = u32::MAX;
+    if primitive.strokes.is_some() {
+        return;
+    }
     let mesh = &mut primitive.mesh;
     let mut new_number = vec![UNUSED; mesh.positions.len()];
     for &i in mesh.indices.iter().flatten() {

@@ -52,7 +52,7 @@ use accessor::Accessors;
 use container::{Buffers, Container, GLB_MAGIC};
 use json::Json;
 use snell_intersect::UV_SETS;
-use snell_scene::{MaterialId, Scene, TextureId};
+use snell_scene::{MaterialId, Scene, TextureId, WarningKind};
 use std::collections::BTreeMap;
 use texture::Textures;
 
@@ -110,6 +110,9 @@ struct Reader<'a> {
     moving_textures: BTreeMap<String, TextureId>,
     /// True if a material emits with a strength of 0: a lamp that is off.
     has_lamps_off: bool,
+    /// The message about the first primitive of points or lines that was drawn, and the number of
+    /// all.
+    drawn: Option<(String, u64)>,
 }
 
 fn read(input: &Input) -> Result<Scene, ReadError> {
@@ -145,11 +148,20 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
         pointers: Vec::new(),
         moving_textures: BTreeMap::new(),
         has_lamps_off: false,
+        drawn: None,
     };
     reader.textures = texture::decode_images(&reader)?;
     reader.pointers = pointer::read_all(&mut reader)?;
     material::read_all(&mut reader)?;
     node::read_scene(&mut reader)?;
+    if let Some((message, count)) = reader.drawn.take() {
+        let others = match count - 1 {
+            0 => String::new(),
+            1 => "; and 1 more primitive likewise".into(),
+            more => format!("; and {more} more primitives likewise"),
+        };
+        reader.scene.warn_of(WarningKind::Choice, message + &others);
+    }
     for warning in reader.accessors.buffers().take_warnings() {
         reader.scene.warn(warning);
     }
@@ -159,7 +171,17 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
     if reader.has_lamps_off {
         keep_dark(&mut reader.scene);
     }
+    name_file(input, &mut reader.scene);
     Ok(reader.scene)
+}
+
+/// Begins every warning with the name of the file, unless it has it already.
+fn name_file(input: &Input, scene: &mut Scene) {
+    for warning in &mut scene.warnings {
+        if !warning.message.contains(&input.name) {
+            warning.message = format!("{}: {}", input.name, warning.message);
+        }
+    }
 }
 
 /// Refuses versions other than glTF 2. A version that is a number instead of text is a warning.

@@ -5,9 +5,10 @@ use super::json::Json;
 use super::mesh::Primitive;
 use super::{Reader, animation, camera, instancing, light, mesh, morph, skin};
 use crate::ReadError;
+use crate::strokes::{Radii, Strokes};
 use snell_intersect::TriangleMesh;
 use snell_math::glam::DQuat;
-use snell_math::{DAffine3, DMat3, DVec3};
+use snell_math::{Bounds3d, DAffine3, DMat3, DVec3};
 use snell_scene::motion::{Deformed, Morph, Placement, Skin, Switched, morph_mesh};
 use snell_scene::{Geometry, MaterialId, Node, NodeId, Surface, WarningKind};
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
@@ -415,7 +416,11 @@ fn still_surfaces(
             morph_mesh(&mut primitive.mesh, &primitive.targets, weights);
         }
         mesh::drop_unused(&mut primitive);
-        surfaces.push(surface(reader, primitive.mesh, primitive.material));
+        let Primitive { mesh: shown, strokes, material, .. } = primitive;
+        match strokes {
+            None => surfaces.push(surface(reader, shown, material)),
+            Some(strokes) => surfaces.extend(drawn(reader, mesh, &shown, &strokes, material)),
+        }
     }
     Ok(surfaces)
 }
@@ -435,7 +440,7 @@ fn bent_mesh(
     let skin = Arc::new(rig.with_joints(skin));
     for mut primitive in mesh::read_primitives(reader, mesh, weights, rig.has_weights(bearer))? {
         mesh::drop_unused(&mut primitive);
-        let Primitive { mesh: rest, targets, influences, material } = primitive;
+        let Primitive { mesh: rest, targets, influences, strokes, material } = primitive;
         let (weights, joint) = (weights.to_vec(), rig.joint(bearer));
         let deformed = Deformed {
             node: shown,
@@ -455,6 +460,17 @@ fn bent_mesh(
                 matrices.len()
             ))
         })?;
+        if let Some(strokes) = strokes {
+            let surface = drawn(reader, mesh, &now, &strokes, material);
+            reader.scene.nodes[shown.index()].surfaces.extend(surface);
+            if rig.has_weights(bearer) || deformed.skin.is_some() {
+                let place = mesh.place();
+                reader.scene.warn(format!(
+                    "{place}: points and lines do not bend in motion; they keep their first shape"
+                ));
+            }
+            continue;
+        }
         let surface = surface(reader, now, material);
         reader.scene.nodes[shown.index()].surfaces.push(surface);
         rig.bends(deformed);
@@ -462,10 +478,30 @@ fn bent_mesh(
     Ok(())
 }
 
+/// Points and lines of the vertices of a mesh, as balls and tubes; the first are named in a warning.
+fn drawn(
+    reader: &mut Reader,
+    json: &Json,
+    mesh: &TriangleMesh,
+    strokes: &Strokes,
+    material: Option<usize>,
+) -> Option<Surface> {
+    let radii = Radii::of(&[strokes], &mesh.positions, Bounds3d::EMPTY);
+    let curves = strokes.curves(&mesh.positions, &mesh.colors, radii)?;
+    let said = radii.describe(&[strokes]);
+    reader.drawn.get_or_insert_with(|| (format!("{}: {said}", json.place()), 0)).1 += 1;
+    let material = material_id(reader, material);
+    Some(Surface::with_material(Geometry::Curves(Arc::new(curves)), material))
+}
+
 fn surface(reader: &mut Reader, mesh: TriangleMesh, material: Option<usize>) -> Surface {
-    let material = match material {
+    let material = material_id(reader, material);
+    Surface::with_material(Geometry::Mesh(Arc::new(mesh)), material)
+}
+
+fn material_id(reader: &mut Reader, material: Option<usize>) -> MaterialId {
+    match material {
         Some(index) => MaterialId(index as u32),
         None => super::material::default_material(reader),
-    };
-    Surface::with_material(Geometry::Mesh(Arc::new(mesh)), material)
+    }
 }

@@ -219,6 +219,9 @@ pub struct CurvesForm {
     points: Numbers<f32>,
     /// Number of points of each strand.
     strands: Numbers<u32>,
+    /// Linear RGB and alpha of each point; empty if all are white.
+    #[serde(default, skip_serializing_if = "Numbers::is_empty")]
+    colors: Numbers<f32>,
 }
 
 /// A place in the file (a JSON pointer), and the problem there.
@@ -550,6 +553,7 @@ impl CurvesTable {
                 basis: curves.basis(),
                 points: flat(curves.points(), |p: Vec4| p.to_array()),
                 strands: Numbers(curves.strands().to_vec()),
+                colors: flat(curves.colors(), |c| c),
             });
             self.forms.len() as u32 - 1
         })
@@ -562,8 +566,11 @@ impl CurvesForm {
             return Err(("points", format!("more elements than the limit of {}", limits.elements)));
         }
         let points = vectors("points", self.points, Vec4::from_array)?;
+        let colors = vectors("colors", self.colors, |color| color)?;
         Curves::new(self.basis, points, self.strands.0)
-            .map_err(|error| ("strands", error.to_string()))
+            .map_err(|error| ("strands", error.to_string()))?
+            .with_colors(colors)
+            .map_err(|error| ("colors", error.to_string()))
     }
 }
 

@@ -116,8 +116,21 @@ impl File<'_, '_> {
     fn curves(&mut self, text: &mut String, curves: &Curves, made: &Made) {
         text.push_str(&made.directives());
         let mut uneven = 0;
+        if !curves.colors().is_empty() {
+            self.output.lose("colours of points and lines are left out");
+        }
         for controls in (0..curves.segment_count()).filter_map(|segment| curves.bezier(segment)) {
             let [a, b, c, d] = controls.map(|p| p.w);
+            if controls.iter().all(|control| *control == controls[0]) {
+                let at = controls[0].truncate().as_vec3();
+                _ = writeln!(
+                    text,
+                    "  AttributeBegin\n  Translate {} {} {}\n  Shape \"sphere\" \"float radius\" \
+                        [ {} ]{}\n  AttributeEnd",
+                    at.x, at.y, at.z, a as f32, made.shape_parameters
+                );
+                continue;
+            }
             let off = (b - (a + (d - a) / 3.0)).abs().max((c - (d + (a - d) / 3.0)).abs());
             uneven += u64::from(off > 1e-3 * a.max(d));
             let numbers: Vec<_> = controls.iter().map(|p| p.truncate().as_vec3()).collect();

@@ -6,7 +6,7 @@ use snell_math::{Bounds3, ColorMode, DVec3, Rgb, Vec2, Vec3};
 use snell_scene::light::{Directional, Point, Spot, SpotFalloff};
 use snell_scene::material::{AlphaMode, FuzzModel, MaterialKind};
 use snell_scene::texture::{Filtering, Wrap};
-use snell_scene::{Background, Encoding, Light, Projection, Scene};
+use snell_scene::{Background, Encoding, Geometry, Light, Projection, Scene};
 
 /// A file of the collection.
 fn scene(file: &str) -> Option<Scene> {
@@ -436,4 +436,23 @@ fn meshes_without_nodes_are_shown_and_have_two_sides() {
     let bounds = scene.bounds().expect("the scene is sound");
     assert_eq!(scene.warnings.len(), 1, "{:?}", scene.warnings);
     assert!(bounds.is_finite() && scene.materials.iter().all(|m| m.double_sided));
+}
+
+#[test]
+fn points_and_lines_are_balls_and_tubes_and_the_message_names_their_place() {
+    let scene = read_text(&square(0, &[0, 1, 2])).expect("points");
+    let strokes = |scene: &Scene| -> Vec<Vec<u32>> {
+        let surfaces = scene.nodes.iter().flat_map(|n| &n.surfaces);
+        surfaces
+            .filter_map(|s| match &s.geometry {
+                Geometry::Curves(curves) => Some(curves.strands().to_vec()),
+                _ => None,
+            })
+            .collect()
+    };
+    assert_eq!(strokes(&scene), [[2, 2, 2]]);
+    let said = &scene.warnings[0].message;
+    assert!(said.starts_with("test.gltf: at /meshes/0: 3 points are drawn as balls"), "{said}");
+    let closed = read_text(&square(2, &[0, 1, 2])).expect("a loop");
+    assert_eq!(strokes(&closed), [[4]]);
 }
