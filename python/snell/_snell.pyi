@@ -267,12 +267,20 @@ class Scene:
         points: _Array,
         *,
         max_distance: _Array | None = None,
+        method: Literal["auto", "parity", "winding"] = "auto",
         mask: int | None = None,
         threads: int | None = None,
     ) -> Any: ...
-    def occupancy(self, points: _Array, *, threads: int | None = None) -> NDArray[np.bool_]: ...
+    def occupancy(
+        self,
+        points: _Array,
+        *,
+        method: Literal["auto", "parity", "winding"] = "auto",
+        mask: int | None = None,
+        threads: int | None = None,
+    ) -> NDArray[np.bool_]: ...
     def winding_number(
-        self, points: _Array, *, threads: int | None = None
+        self, points: _Array, *, mask: int | None = None, threads: int | None = None
     ) -> NDArray[np.float64]: ...
     def create_rays_camera(
         self,

@@ -21,6 +21,7 @@ use crate::tree::block::TriangleBlock;
 use crate::tree::node::ChildRef;
 use crate::tree::{Forest, GroupTree};
 use crate::world::double::DWorld;
+use crate::world::winding::sign::is_on;
 use crate::world::{Structure, World};
 use place::Place;
 use snell_math::{DAffine3, DVec2, DVec3, Vec3};
@@ -100,7 +101,8 @@ pub(super) struct Space<'a> {
 }
 
 impl Space<'_> {
-    fn nearest(
+    /// The nearest point within the limit.
+    pub fn nearest(
         &self,
         point: DVec3,
         limit: f64,
@@ -198,7 +200,7 @@ fn above(x: f64) -> f32 {
 }
 
 /// A deferred child, and a lower bound on its squared distance from the point.
-type Entry = (f32, ChildRef);
+pub(super) type Entry = (f32, ChildRef);
 
 /// The search for one point.
 struct Search<'a> {
@@ -324,7 +326,10 @@ impl Search<'_> {
                 None => corners().map(|p| p.as_dvec3()),
             };
             let (position, uv) = on_triangle(&place.metric, place.point, &corners);
-            self.offer(position - place.point, uv, &place.metric, ids);
+            // A point that is exactly on the triangle is at distance zero, without rounding.
+            let is_on = is_on(&corners, place.point);
+            let offset = if is_on { DVec3::ZERO } else { position - place.point };
+            self.offer(offset, uv, &place.metric, ids);
         }
     }
 
