@@ -126,8 +126,8 @@ class RaycastingScene:
         self, query_points: ArrayLike, nthreads: int = 0, nsamples: int = 1
     ) -> NDArray[np.float32]:
         """The distance of each point ``(..., 3)`` to the nearest surface, negative inside. The sign
-        follows from winding numbers, so ``nsamples`` (the number of rays that vote in Open3D) has
-        no effect.
+        follows from the bodies of the scene (see ``snell.Scene.occupancy``), so ``nsamples`` (the
+        number of rays that vote in Open3D) has no effect.
         """
         distance: NDArray[np.float32] = self._scene.signed_distance(
             _single(query_points), threads=_threads(nthreads)

@@ -20,8 +20,8 @@ const LARGE: f64 = 1e75;
 #[derive(Debug, Default)]
 pub struct Crossings {
     boxes: Boxes,
-    /// The triangles in the order of the items of the tree, each with its body.
-    triangles: Vec<(u32, u32)>,
+    /// The vertices of the triangles in the order of the items of the tree, and the body of each.
+    triangles: Vec<([u32; 3], u32)>,
     bodies: Vec<Body>,
     /// A power of two by which coordinates are multiplied.
     scale: f64,
@@ -83,7 +83,11 @@ impl Crossings {
             parts.triangles.par_iter().map(|t| Bounds3d::of(mesh.corners(t.0 as usize))).collect();
         let all = bounds.iter().fold(Bounds3d::EMPTY, |all, b| all.union(b));
         let (boxes, order) = Boxes::build(&bounds);
-        let triangles = order.iter().map(|&i| parts.triangles[i as usize]).collect();
+        let triangle = |&i: &u32| {
+            let (triangle, body) = parts.triangles[i as usize];
+            (mesh.indices()[triangle as usize], body)
+        };
+        let triangles = order.iter().map(triangle).collect();
         let largest = all.min.abs().max(all.max.abs()).max_element();
         let ordinary = parts.triangles.is_empty() || (1.0 / LARGE..LARGE).contains(&largest);
         let scale = if ordinary { 1.0 } else { power_of_two_near(1.0 / largest) };
@@ -155,20 +159,20 @@ impl Crossings {
     /// The crossings of a ray from a point.
     fn tally(&self, mesh: &Triangles, point: DVec3) -> Tally {
         match mesh {
-            Triangles::Single(mesh) => self.cross(point, |i| mesh.corners(i).map(|c| c.as_dvec3())),
-            Triangles::Double(mesh) => self.cross(point, |i| mesh.corners(i)),
+            Triangles::Single(mesh) => self.cross(point, |i| mesh.positions[i as usize].as_dvec3()),
+            Triangles::Double(mesh) => self.cross(point, |i| mesh.positions[i as usize]),
         }
     }
 
     #[inline(always)]
-    fn cross(&self, point: DVec3, corners: impl Fn(usize) -> [DVec3; 3]) -> Tally {
+    fn cross(&self, point: DVec3, position: impl Fn(u32) -> DVec3) -> Tally {
         let mut tally = Tally { first: Count::default(), others: Vec::new(), is_on_surface: false };
         let [u, v, w] = self.boxes.axes();
         let p = point * self.scale;
         let flat = |x: DVec3| [x[u], x[v]];
         self.boxes.above(point, |item| {
             let (triangle, body) = self.triangles[item as usize];
-            let corners = corners(triangle as usize).map(|c| c * self.scale);
+            let corners = triangle.map(|i| position(i) * self.scale);
             let [a, b, c] = corners;
             let (low, high) = (a.min(b).min(c), a.max(b).max(c));
             let misses = (p[u] < low[u])

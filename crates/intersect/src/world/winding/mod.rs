@@ -28,7 +28,7 @@ pub(crate) const ACCURACY: f64 = 3.0;
 /// For decisions whether a winding number is more than a half: accuracies, each with an assumed
 /// bound on the error of the approximation. If the number differs from a half by less, the next
 /// accuracy decides.
-pub(crate) const ACCURACIES: [(f64, f64); 3] = [(ACCURACY, 0.05), (8.0, 0.004), (20.0, 0.0)];
+pub(crate) const ACCURACIES: [(f64, f64); 2] = [(ACCURACY, 0.02), (9.0, 0.0)];
 
 /// Where a point is with respect to everything that has an inside.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
