@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from os import PathLike
-from typing import Any, final, overload, type_check_only
+from typing import Any, Literal, final, overload, type_check_only
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
@@ -273,12 +273,20 @@ class Scene:
         points: _Array,
         *,
         max_distance: _Array | None = None,
+        method: Literal["auto", "parity", "winding"] = "auto",
         mask: int | None = None,
         threads: int | None = None,
     ) -> Any: ...
-    def occupancy(self, points: _Array, *, threads: int | None = None) -> NDArray[np.bool_]: ...
+    def occupancy(
+        self,
+        points: _Array,
+        *,
+        method: Literal["auto", "parity", "winding"] = "auto",
+        mask: int | None = None,
+        threads: int | None = None,
+    ) -> NDArray[np.bool_]: ...
     def winding_number(
-        self, points: _Array, *, threads: int | None = None
+        self, points: _Array, *, mask: int | None = None, threads: int | None = None
     ) -> NDArray[np.float64]: ...
     def create_rays_camera(
         self,

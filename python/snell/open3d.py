@@ -175,7 +175,8 @@ class RaycastingScene:
         self, query_points: Any, nthreads: int = 0, nsamples: int = 1
     ) -> Any:
         """The distance of each point ``(..., 3)`` to the nearest surface, negative inside. The sign
-        is exact, so ``nsamples`` (the odd number of rays that vote in Open3D) has no effect.
+        follows from the bodies of the scene (see ``snell.Scene.occupancy``), so ``nsamples`` (the
+        number of rays that vote in Open3D) has no effect.
         """
         _check_odd(nsamples)
         points = _single(query_points, "query_points")

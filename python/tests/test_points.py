@@ -125,7 +125,116 @@ def test_masks_choose_what_counts():
     scene = snell.Scene()
     scene.add_shape("sphere", mask=1, radius=1)
     scene.add_shape("sphere", mask=2, radius=2)
-    assert [float(scene.distance([0, 0, 5], mask=m)) for m in (1, 2, 3, 4)] == [4, 3, 3, np.inf]
+    masks = (1, 2, 3, 4)
+    assert [float(scene.distance([0, 0, 5], mask=m)) for m in masks] == [4, 3, 3, np.inf]
+    between = [0, 0, 1.5]
+    assert [bool(scene.occupancy(between, mask=m)) for m in masks] == [False, True, True, False]
+    signed = [float(scene.signed_distance(between, mask=m)) for m in masks]
+    assert signed == [0.5, -0.5, -0.5, np.inf]
+    assert [float(scene.winding_number([0, 0, 0], mask=m)) for m in masks] == [1, 1, 2, 0]
+    with pytest.raises(ValueError, match="method is 'votes'|method is \"votes\""):
+        scene.occupancy(between, method="votes")
+
+
+def cube(low, high):
+    """A closed cube whose faces look outwards."""
+    corners = [[x, y, z] for x in (low, high) for y in (low, high) for z in (low, high)]
+    faces = [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1]]
+    faces += [[2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]]
+    return np.array(corners, dtype=float), np.array(faces)
+
+
+def sheet(z):
+    return np.array([[-50, -50, z], [50, -50, z], [50, 50, z], [-50, 50, z]]), [[0, 1, 2], [0, 2, 3]]
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("turn", [1, -1])
+def test_a_closed_body_is_inside_whatever_it_stands_on_and_however_it_is_turned(dtype, turn):
+    vertices, faces = cube(0, 1)
+    points = np.array([[0.5, 0.5, 0.5], [0.5, 0.5, 0], [0.5, 0.5, -0.15], [0.5, 0.5, 2]], dtype)
+    for ground in ("plane", "sheets", "one mesh"):
+        scene = snell.Scene()
+        if ground == "one mesh":
+            (a, f), (b, g) = sheet(-0.2), sheet(-0.1)
+            many = [faces[:, ::turn], np.add(f, 8), np.add(g, 12)]
+            scene.add_mesh(np.concatenate([vertices, a, b]), np.concatenate(many))
+        else:
+            scene.add_mesh(vertices, faces[:, ::turn])
+        if ground == "plane":
+            scene.add_shape("plane")
+        if ground == "sheets":
+            scene.add_mesh(*sheet(-0.2))
+            scene.add_mesh(*sheet(-0.1))
+        inside = scene.occupancy(points)
+        assert inside.tolist() == [True, True, False, False], ground
+        assert (scene.signed_distance(points) <= 0).tolist() == [True, True, False, False], ground
+        assert scene.signed_distance(points[0]) == -0.5
+    assert scene.winding_number([0.5, 0.5, 0.5]) < turn
+
+
+def test_cavities_unions_and_parity():
+    (outer, f), (inner, g) = cube(0, 3), cube(1, 2)
+    points = [[1.5, 1.5, 1.5], [0.5, 0.5, 0.5], [4, 1, 1]]
+
+    def occupied(faces, **options):
+        scene = snell.Scene()
+        scene.add_mesh(np.concatenate([outer, inner]), np.concatenate(faces))
+        return scene.occupancy(points, **options).tolist()
+
+    assert occupied([f, g[:, ::-1] + 8]) == [False, True, False]
+    assert occupied([f[:, ::-1], g + 8]) == [False, True, False]
+    assert occupied([f, g + 8]) == [True, True, False]
+    assert occupied([f, g + 8], method="parity") == [False, True, False]
+    assert occupied([f[:, ::-1], g + 8], method="winding") == [False, False, False]
+
+
+def test_points_on_a_surface_are_inside_at_distance_zero():
+    """In meshes and shapes, by every method."""
+    steps = np.linspace(0, 0.3, 31)
+    grid = np.stack(np.meshgrid(steps, steps, [0, 0.3], indexing="ij"), -1).reshape(-1, 3)
+    mesh, shape = snell.Scene(), snell.Scene()
+    mesh.add_mesh(*cube(0, 0.3))
+    shape.add_shape("box", min=[0, 0, 0], max=[0.3, 0.3, 0.3])
+    for scene in (mesh, shape):
+        for axis in range(3):
+            points = np.roll(grid, axis, axis=1)
+            for method in ("auto", "parity", "winding"):
+                assert scene.occupancy(points, method=method).all(), method
+                assert (scene.signed_distance(points, method=method) == 0).all(), method
+
+
+def test_insides_and_distances_hold_at_any_size():
+    for size in (1e-110, 1e-30, 1e30, 1e155):
+        corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]]) * size
+        scene = snell.Scene()
+        scene.add_mesh(corners, [[0, 2, 1], [0, 3, 2], [0, 1, 3], [1, 2, 3]])
+        assert scene.occupancy(corners.mean(0)) and not scene.occupancy(np.full(3, size))
+        assert scene.distance(np.full(3, 2 * size)) / size == pytest.approx(5 / 3**0.5)
+
+
+def test_sheets_have_no_inside_below():
+    x = np.linspace(-1, 1, 60)
+    grid = np.stack(np.meshgrid(x, x, indexing="ij"), -1)
+    z = 0.05 * np.sin(9 * grid[..., :1]) * np.cos(7 * grid[..., 1:])
+    vertices = np.concatenate([grid, z], -1).reshape(-1, 3)
+    a = (np.arange(59)[:, None] * 60 + np.arange(59)).ravel()
+    faces = np.concatenate([np.stack([a, a + 60, a + 61], 1), np.stack([a, a + 61, a + 1], 1)])
+    scene = snell.Scene()
+    scene.add_mesh(vertices, faces)
+    points = [[0, 0, -0.1], [0.5, 0.5, -0.5], [0, 0, -0.001], [0, 0, 1]]
+    assert not scene.occupancy(points).any()
+    assert (scene.signed_distance(points) > 0).all()
+    assert scene.occupancy(points, method="parity").tolist() == [True, True, True, False]
+    assert scene.winding_number([0, 0, -0.1]) > 0.4
+
+
+def test_flat_triangles_have_the_distance_of_their_line():
+    for face in ([0, 1, 1], [0, 0, 1], [0, 1, 0], [0, 1, 2]):
+        for dtype in (np.float32, np.float64):
+            scene = snell.Scene()
+            scene.add_mesh([[0, 0, 0], [1, 0, 0], [0.5, 0, 0.0]], [face])
+            assert scene.distance(np.array([0.5, 1, 0], dtype)) == 1
 
 
 def test_double_precision_tells_sides_of_a_millimetre_in_a_city(rng):

@@ -57,7 +57,7 @@ pub use query::all::AllHits;
 pub use query::parallel::{Cancelled, Parallel};
 pub use query::queries::Queries;
 pub use query::trace::{TraceStep, TraversalTrace};
-pub use search::points::Points;
+pub use search::points::{InsideMethod, Points};
 pub use search::rays::{InvalidRays, RayQuery, Rays};
 pub use search::region::{Region, RegionKind};
 pub use search::{

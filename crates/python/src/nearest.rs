@@ -2,7 +2,9 @@
 
 use crate::precision::Found;
 use numpy::Element;
-use snell_intersect::{DNearestPoint, DWorld, NearestPoint, Points, World};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use snell_intersect::{DNearestPoint, DWorld, InsideMethod, NearestPoint, Points, World};
 use snell_math::{DVec3, Vec3};
 
 /// A nearest point.
@@ -14,16 +16,42 @@ pub struct Nearest<P> {
     pub position: [P; 3],
 }
 
+/// What decides whether a point is inside.
+#[derive(Clone, Copy, Debug)]
+pub struct Inside {
+    /// The rule.
+    pub method: InsideMethod,
+    /// Only objects whose mask shares a bit with it count.
+    pub mask: u32,
+}
+
+impl Inside {
+    /// Makes the rule from its name.
+    pub fn new(method: &str, mask: u32) -> PyResult<Self> {
+        let method = match method {
+            "auto" => InsideMethod::Auto,
+            "parity" => InsideMethod::Parity,
+            "winding" => InsideMethod::Winding,
+            other => {
+                return Err(PyValueError::new_err(format!(
+                    "method is {other:?}, expected \"auto\", \"parity\" or \"winding\""
+                )));
+            }
+        };
+        Ok(Self { method, mask })
+    }
+}
+
 /// The precision of points: `f32` or `f64`.
 pub trait PointPrecision: crate::precision::Precision + Element {
     /// The nearest point of a surface within the distance `limit`.
     fn nearest(world: &Self::World, point: [Self; 3], limit: Self, mask: u32) -> Nearest<Self>;
 
-    /// True if a point is inside: its winding number exceeds 0.5.
-    fn is_inside(world: &Self::World, point: [Self; 3]) -> bool;
+    /// For each point, whether it is inside.
+    fn occupancy(world: &Self::World, points: &[[Self; 3]], about: Inside, inside: &mut [bool]);
 
-    /// The winding number around a point.
-    fn winding_number(world: &Self::World, point: [Self; 3]) -> f64;
+    /// The winding number around each point.
+    fn winding_number(world: &Self::World, points: &[[Self; 3]], mask: u32, numbers: &mut [f64]);
 
     /// Prepares the world for winding numbers.
     fn prepare(world: &Self::World);
@@ -43,20 +71,19 @@ impl PointPrecision for f32 {
         Nearest { found, position: position.to_array() }
     }
 
-    fn is_inside(world: &World, point: [f32; 3]) -> bool {
-        let mut inside = [false];
-        world.occupancy(&[Vec3::from_array(point)], &mut inside);
-        inside[0]
+    fn occupancy(world: &World, points: &[[f32; 3]], about: Inside, inside: &mut [bool]) {
+        let points: Vec<Vec3> = points.iter().map(|&p| Vec3::from_array(p)).collect();
+        let Inside { method, mask } = about;
+        world.occupancy(Points { method, mask, ..Points::new(&points) }, inside);
     }
 
-    fn winding_number(world: &World, point: [f32; 3]) -> f64 {
-        let mut number = [0.0];
-        world.winding_number(&[Vec3::from_array(point)], &mut number);
-        number[0]
+    fn winding_number(world: &World, points: &[[f32; 3]], mask: u32, numbers: &mut [f64]) {
+        let points: Vec<Vec3> = points.iter().map(|&p| Vec3::from_array(p)).collect();
+        world.winding_number(Points { mask, ..Points::new(&points) }, numbers);
     }
 
     fn prepare(world: &World) {
-        world.winding_number(&[], &mut []);
+        world.winding_number(Points::new(&[]), &mut []);
     }
 }
 
@@ -74,19 +101,18 @@ impl PointPrecision for f64 {
         Nearest { found, position: position.to_array() }
     }
 
-    fn is_inside(world: &DWorld, point: [f64; 3]) -> bool {
-        let mut inside = [false];
-        world.occupancy(&[DVec3::from_array(point)], &mut inside);
-        inside[0]
+    fn occupancy(world: &DWorld, points: &[[f64; 3]], about: Inside, inside: &mut [bool]) {
+        let points: Vec<DVec3> = points.iter().map(|&p| DVec3::from_array(p)).collect();
+        let Inside { method, mask } = about;
+        world.occupancy(Points { method, mask, ..Points::of_doubles(&points) }, inside);
     }
 
-    fn winding_number(world: &DWorld, point: [f64; 3]) -> f64 {
-        let mut number = [0.0];
-        world.winding_number(&[DVec3::from_array(point)], &mut number);
-        number[0]
+    fn winding_number(world: &DWorld, points: &[[f64; 3]], mask: u32, numbers: &mut [f64]) {
+        let points: Vec<DVec3> = points.iter().map(|&p| DVec3::from_array(p)).collect();
+        world.winding_number(Points { mask, ..Points::of_doubles(&points) }, numbers);
     }
 
     fn prepare(world: &DWorld) {
-        world.winding_number(&[], &mut []);
+        world.winding_number(Points::of_doubles(&[]), &mut []);
     }
 }

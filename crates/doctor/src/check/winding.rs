@@ -66,8 +66,13 @@ fn inside_out(subject: &Subject, body: &Body, report: &mut Report) {
             "turn its faces over, or make the material two-sided",
         )
     } else {
-        // The body is a room or a sky, or the orientation does not matter.
-        return;
+        (
+            Severity::Note,
+            "the body is inside out: its faces look inwards, as those of a room or a sky do; \
+                pictures are the same, but programs that take inside and outside from the faces \
+                have them the wrong way round",
+            "if it is not a room or a sky, turn its faces over",
+        )
     };
     report.add_at_face(severity, subject, body, (first.first_face, turned.len()), message, remedy);
 }

@@ -149,7 +149,7 @@ impl Tube {
     }
 
     pub fn contains(&self, point: DVec3) -> bool {
-        on_sweep(&Metric::EUCLIDEAN, point, SAMPLES, |u| self.ball(u)).1 < 0.0
+        on_sweep(&Metric::EUCLIDEAN, point, SAMPLES, |u| self.ball(u)).1 <= 0.0
     }
 }
 

@@ -99,7 +99,7 @@ impl PrimitiveSet for LinearCurves {
 
     fn contains(&self, segment: usize, point: DVec3) -> bool {
         let inside = |[a, b]: [Ball; 2]| {
-            on_sweep(&Metric::EUCLIDEAN, point, SAMPLES, |u| a.lerp(&b, u)).1 < 0.0
+            on_sweep(&Metric::EUCLIDEAN, point, SAMPLES, |u| a.lerp(&b, u)).1 <= 0.0
         };
         self.balls(segment).is_some_and(inside)
     }

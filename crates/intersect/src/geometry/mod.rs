@@ -92,7 +92,7 @@ pub trait PrimitiveSet: Send + Sync + std::fmt::Debug {
         None
     }
 
-    /// True if `point` is inside a solid primitive at time 0. False by default.
+    /// True if `point` is inside a solid primitive at time 0 or on its surface. False by default.
     fn contains(&self, _primitive: usize, _point: DVec3) -> bool {
         false
     }

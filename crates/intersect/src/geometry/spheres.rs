@@ -69,6 +69,6 @@ impl PrimitiveSet for Spheres {
     }
 
     fn contains(&self, primitive: usize, point: DVec3) -> bool {
-        self.ball(primitive).is_some_and(|ball| point.distance(ball.center) < ball.radius)
+        self.ball(primitive).is_some_and(|ball| point.distance(ball.center) <= ball.radius)
     }
 }

@@ -63,7 +63,6 @@ impl DWorld {
 /// The precision of a world; the types of its rays and results follow.
 type Of<W> = <W as Queries>::Precision;
 type HitOf<W> = <Of<W> as Precision>::Hit;
-type PointOf<W> = <Of<W> as Precision>::Point;
 type DistanceOf<W> = <Of<W> as Precision>::Distance;
 type NearestOf<W> = <Of<W> as Precision>::Nearest;
 
@@ -202,13 +201,14 @@ impl<'a, W: Queries> Parallel<'a, W> {
     ///
     /// # Panics
     /// If the slices differ in length.
-    pub fn winding_number(
+    pub fn winding_number<'p>(
         &self,
-        points: &[PointOf<W>],
+        points: impl Into<Points<'p, Of<W>>>,
         numbers: &mut [f64],
     ) -> Result<(), Cancelled> {
+        let points = points.into();
         self.write(points.len(), RUN, numbers, |range, numbers| {
-            self.world.winding_number(&points[range], numbers)
+            self.world.winding_number(points.slice(range), numbers)
         })
     }
 
@@ -219,9 +219,14 @@ impl<'a, W: Queries> Parallel<'a, W> {
     ///
     /// # Panics
     /// If the slices differ in length.
-    pub fn occupancy(&self, points: &[PointOf<W>], inside: &mut [bool]) -> Result<(), Cancelled> {
+    pub fn occupancy<'p>(
+        &self,
+        points: impl Into<Points<'p, Of<W>>>,
+        inside: &mut [bool],
+    ) -> Result<(), Cancelled> {
+        let points = points.into();
         self.write(points.len(), RUN, inside, |range, inside| {
-            self.world.occupancy(&points[range], inside)
+            self.world.occupancy(points.slice(range), inside)
         })
     }
 

@@ -56,7 +56,6 @@ type RaysOf<'a, W> = Rays<'a, <W as Queries>::Precision>;
 type PointsOf<'a, W> = Points<'a, <W as Queries>::Precision>;
 type FilterOf<'a, W> = &'a dyn HitFilter<<W as Queries>::Precision>;
 type HitOf<W> = <<W as Queries>::Precision as Precision>::Hit;
-type PointOf<W> = <<W as Queries>::Precision as Precision>::Point;
 type NearestOf<W> = <<W as Queries>::Precision as Precision>::Nearest;
 type DistanceOf<W> = <<W as Queries>::Precision as Precision>::Distance;
 
@@ -87,7 +86,7 @@ queries! {
     /// [`World::signed_distance`].
     fn signed_distance(&self, points: PointsOf<'_, Self>, distances: &mut [DistanceOf<Self>]);
     /// The winding number around each point; see [`World::winding_number`].
-    fn winding_number(&self, points: &[PointOf<Self>], numbers: &mut [f64]);
+    fn winding_number(&self, points: PointsOf<'_, Self>, numbers: &mut [f64]);
     /// For each point, whether it is inside; see [`World::occupancy`].
-    fn occupancy(&self, points: &[PointOf<Self>], inside: &mut [bool]);
+    fn occupancy(&self, points: PointsOf<'_, Self>, inside: &mut [bool]);
 }

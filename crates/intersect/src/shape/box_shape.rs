@@ -211,6 +211,10 @@ impl Shape for BoxShape {
         f64::from(point.cmpgt(self.min).all() && point.cmplt(self.max).all())
     }
 
+    fn contains(&self, point: DVec3) -> bool {
+        point.cmpge(self.min).all() && point.cmple(self.max).all()
+    }
+
     fn area(&self) -> f64 {
         self.face_areas().iter().sum()
     }

@@ -303,6 +303,15 @@ impl Shape for Frustum {
             - winding::of_disk(metric, point, 1, top, self.top_radius)
     }
 
+    fn contains(&self, point: DVec3) -> bool {
+        let [bottom, top] = self.ends();
+        // Exactly the radius of a cylinder, and zero at the tip of a cone.
+        let s = (point.y - bottom) / self.height;
+        let radius = self.bottom_radius + (self.top_radius - self.bottom_radius) * s;
+        let is_between = bottom <= point.y && point.y <= top;
+        self.caps && is_between && DVec2::new(point.x, point.z).length() <= radius
+    }
+
     fn area(&self) -> f64 {
         self.areas().iter().sum()
     }
@@ -398,6 +407,9 @@ macro_rules! shape_as_frustum {
             }
             fn winding_number(&self, point: DVec3, metric: &Metric) -> f64 {
                 self.as_frustum().winding_number(point, metric)
+            }
+            fn contains(&self, point: DVec3) -> bool {
+                self.as_frustum().contains(point)
             }
             fn area(&self) -> f64 {
                 self.as_frustum().area()

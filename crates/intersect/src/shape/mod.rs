@@ -187,6 +187,11 @@ pub trait Shape: Send + Sync + std::fmt::Debug {
     /// fraction, and 0 in the plane of a flat one.
     fn winding_number(&self, point: DVec3, metric: &Metric) -> f64;
 
+    /// True if a point is inside a closed shape or on its surface; false for open shapes.
+    fn contains(&self, point: DVec3) -> bool {
+        self.is_closed() && self.winding_number(point, &Metric::EUCLIDEAN) > 0.5
+    }
+
     /// Area of the surface; infinite for unbounded shapes, which cannot be sampled.
     fn area(&self) -> f64;
 
@@ -276,6 +281,10 @@ impl Shape for AnyShape {
 
     fn winding_number(&self, point: DVec3, metric: &Metric) -> f64 {
         match_shape!(self, shape => shape.winding_number(point, metric))
+    }
+
+    fn contains(&self, point: DVec3) -> bool {
+        match_shape!(self, shape => shape.contains(point))
     }
 
     fn area(&self) -> f64 {

@@ -130,6 +130,10 @@ impl Shape for Sphere {
         f64::from(point.length() < self.radius)
     }
 
+    fn contains(&self, point: DVec3) -> bool {
+        point.length() <= self.radius
+    }
+
     fn area(&self) -> f64 {
         4.0 * PI * self.radius * self.radius
     }

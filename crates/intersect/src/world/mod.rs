@@ -36,6 +36,7 @@ use crate::group::{BulkContents, GroupList, Object, Placement};
 use crate::lecture::AcceleratorOptions;
 use crate::lecture::walk::Structures;
 use crate::mesh::TriangleMesh;
+use crate::query::nearest::loose::Loose;
 use crate::search::GeometryOptions;
 use crate::shape::Shape;
 use crate::tree::{CacheUse, Forest};
@@ -354,6 +355,7 @@ impl WorldBuilder {
             wide,
             stats,
             winding: OnceLock::new(),
+            loose: OnceLock::new(),
             repeats: OnceLock::new(),
         }
     }
@@ -617,6 +619,8 @@ pub struct World {
     stats: BuildStats,
     /// The data for winding numbers, computed at first use.
     pub(crate) winding: OnceLock<Winding>,
+    /// The triangles that have a distance but are never hit; found at first use.
+    pub(crate) loose: OnceLock<Vec<Loose>>,
     /// True if the structure may report a hit several times; computed at first use.
     pub(crate) repeats: OnceLock<bool>,
 }

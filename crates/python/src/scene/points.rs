@@ -6,7 +6,7 @@ use crate::arrays::{Column, PointArray, array, from_vec, is_double, leading, sli
 use crate::assemble::Snapshot;
 use crate::columns::Columns;
 use crate::memory::admit_all;
-use crate::nearest::{Nearest, PointPrecision};
+use crate::nearest::{Inside, Nearest, PointPrecision};
 use crate::objects;
 use crate::precision::Precision;
 use crate::state::Kept;
@@ -69,12 +69,13 @@ impl Scene {
         })))
     }
 
-    /// An array with one answer per point, computed by `answer` from a point's index and position.
+    /// An array with one answer per point, computed by `answer` from some points and the index of
+    /// the first.
     fn of_points<'py, P: PointPrecision, T: numpy::Element + Default + Copy + Send>(
         &self,
         points: &Bound<'py, PyUntypedArray>,
         threads: Threads,
-        answer: impl Fn(usize, [P; 3]) -> T + Sync,
+        answer: impl Fn(usize, &[[P; 3]], &mut [T]) + Sync,
     ) -> PyResult<Bound<'py, PyAny>> {
         let (py, points) = (points.py(), PointArray::<P>::new(points, "points")?);
         let values = slice(&points.values)?.as_chunks::<3>().0;
@@ -83,9 +84,8 @@ impl Scene {
             let mut answers = vec![T::default(); values.len()];
             let each = |(i, places): (usize, &mut [T])| -> Result<(), Stopped> {
                 cancel.check()?;
-                for (k, place) in places.iter_mut().enumerate() {
-                    *place = answer(i * POINTS + k, values[i * POINTS + k]);
-                }
+                let first = i * POINTS;
+                answer(first, &values[first..first + places.len()], places);
                 Ok(())
             };
             if values.len() <= POINTS {
@@ -98,21 +98,23 @@ impl Scene {
         from_vec(py, answers, &points.shape)
     }
 
-    /// An array of the distances of points, in the points' precision; negative inside if `signed`.
+    /// An array of the distances of points, in the points' precision; negative inside, as `inside`
+    /// has it.
     fn distances<'py>(
         &self,
         points: &Bound<'py, PyAny>,
         max_distance: Option<&Bound<'py, PyAny>>,
         mask: Option<i64>,
         threads: Option<i64>,
-        signed: bool,
+        method: Option<&str>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let array = array(points, "points")?;
         let (mask, threads) = (objects::mask(mask)?, Threads::new(threads)?);
+        let inside = method.map(|method| Inside::new(method, mask)).transpose()?;
         if is_double(&array, "points")? {
-            self.distances_in::<f64>(&array, max_distance, mask, threads, signed)
+            self.distances_in::<f64>(&array, max_distance, mask, threads, inside)
         } else {
-            self.distances_in::<f32>(&array, max_distance, mask, threads, signed)
+            self.distances_in::<f32>(&array, max_distance, mask, threads, inside)
         }
     }
 
@@ -122,27 +124,32 @@ impl Scene {
         max_distance: Option<&Bound<'py, PyAny>>,
         mask: u32,
         threads: Threads,
-        signed: bool,
+        inside: Option<Inside>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let snapshot = self.0.snapshot::<P>(points.py())?;
-        if signed {
+        if inside.is_some() {
             self.prepare(points.py(), &snapshot)?;
         }
-        let limit = limit::<P>(max_distance, &leading(points, 3, "points")?)?;
-        let limit = limit.values()?;
+        let limits = limit::<P>(max_distance, &leading(points, 3, "points")?)?;
+        let limits = limits.values()?;
         let world = &*snapshot.world;
-        self.of_points::<P, P>(points, threads, |i, point| {
-            let (limit, zero) = (limit.get(i), P::round(0.0));
-            let found = P::nearest(world, point, limit, mask).found;
-            if !signed {
-                return found.t;
+        self.of_points::<P, P>(points, threads, |first, points, distances| {
+            let zero = P::round(0.0);
+            for (k, (distance, point)) in distances.iter_mut().zip(points).enumerate() {
+                *distance = P::nearest(world, *point, limits.get(first + k), mask).found.t;
             }
-            let is_limit = limit.into() >= 0.0 && point.iter().all(|&x| x.into().is_finite());
-            let distance = if found.t.into().is_infinite() && is_limit { limit } else { found.t };
-            if distance != zero && P::is_inside(world, point) {
-                P::round(-distance.into())
-            } else {
-                distance
+            let Some(about) = inside else { return };
+            let mut is_inside = vec![false; points.len()];
+            P::occupancy(world, points, about, &mut is_inside);
+            for (k, (distance, point)) in distances.iter_mut().zip(points).enumerate() {
+                let limit = limits.get(first + k);
+                let is_limit = limit.into() >= 0.0 && point.iter().all(|&x| x.into().is_finite());
+                if (*distance).into().is_infinite() && is_limit {
+                    *distance = limit;
+                }
+                if is_inside[k] && *distance != zero {
+                    *distance = P::round(-(*distance).into());
+                }
             }
         })
     }
@@ -155,14 +162,14 @@ impl Scene {
         self.0.prepare_winding(py, snapshot)
     }
 
-    /// An array with one number per point, computed by `single` or `double` from the world and the
-    /// point.
+    /// An array with one number per point, computed by `single` or `double` from the world and some
+    /// points.
     fn around<'py, T: numpy::Element + Default + Copy + Send>(
         &self,
         points: &Bound<'py, PyAny>,
         threads: Option<i64>,
-        single: impl Fn(&World, [f32; 3]) -> T + Sync,
-        double: impl Fn(&DWorld, [f64; 3]) -> T + Sync,
+        single: impl Fn(&World, &[[f32; 3]], &mut [T]) + Sync,
+        double: impl Fn(&DWorld, &[[f64; 3]], &mut [T]) + Sync,
     ) -> PyResult<Bound<'py, PyAny>> {
         let (py, array, threads) = (points.py(), array(points, "points")?, Threads::new(threads)?);
         let is_double = is_double(&array, "points")?;
@@ -170,11 +177,11 @@ impl Scene {
         if is_double {
             let snapshot = self.0.snapshot::<f64>(py)?;
             self.prepare(py, &snapshot)?;
-            self.of_points::<f64, T>(&array, threads, |_, p| double(&snapshot.world, p))
+            self.of_points::<f64, T>(&array, threads, |_, p, out| double(&snapshot.world, p, out))
         } else {
             let snapshot = self.0.snapshot::<f32>(py)?;
             self.prepare(py, &snapshot)?;
-            self.of_points::<f32, T>(&array, threads, |_, p| single(&snapshot.world, p))
+            self.of_points::<f32, T>(&array, threads, |_, p, out| single(&snapshot.world, p, out))
         }
     }
 }
@@ -252,13 +259,21 @@ impl Scene {
         mask: Option<i64>,
         threads: Option<i64>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        self.distances(points, max_distance, mask, threads, false)
+        self.distances(points, max_distance, mask, threads, None)
     }
 
-    /// The distance of each point to the nearest surface, negative inside (see :meth:`occupancy`):
-    /// an array `(...)`. Where no surface is within `max_distance`, it is `max_distance`,
-    /// negative inside. Parameters are those of :meth:`closest_points`; the mask does not affect
-    /// the sign.
+    /// The distance of each point to the nearest surface, negative inside (see :meth:`occupancy`)
+    /// and 0 on a surface: an array `(...)`. Where no surface is within `max_distance`, it is
+    /// `max_distance`, negative inside.
+    ///
+    /// Parameters
+    /// ----------
+    /// points, max_distance, threads
+    ///     As for :meth:`closest_points`.
+    /// method : {"auto", "parity", "winding"}
+    ///     What decides about inside; see :meth:`occupancy`.
+    /// mask : int, optional
+    ///     Only objects whose mask shares a bit with it count, for the distance and for the sign.
     ///
     /// Examples
     /// --------
@@ -267,42 +282,87 @@ impl Scene {
     /// >>> ball = scene.add_shape("sphere", radius=1)
     /// >>> scene.signed_distance([[0, 0, -5], [0, 0.25, 0]]).tolist()
     /// [4.0, -0.75]
-    #[pyo3(signature = (points, *, max_distance=None, mask=None, threads=None))]
+    #[pyo3(signature = (points, *, max_distance=None, method="auto", mask=None, threads=None))]
     fn signed_distance<'py>(
         &self,
         points: &Bound<'py, PyAny>,
         max_distance: Option<&Bound<'py, PyAny>>,
+        method: &str,
         mask: Option<i64>,
         threads: Option<i64>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        self.distances(points, max_distance, mask, threads, true)
+        self.distances(points, max_distance, mask, threads, Some(method))
     }
 
-    /// Whether each point is inside the surfaces of the scene: an array `(...)` of bool.
+    /// Whether each point is inside of something: an array `(...)` of bool.
     ///
-    /// Inside is where the generalised winding number of all surfaces exceeds 0.5: exact for closed
-    /// meshes, and robust for open ones, triangle soups and overlaps. Masks do not matter. Points
-    /// that are not finite are outside.
+    /// By default, each body is asked by itself, and a point is inside if it is inside any of them.
+    /// The triangles of a mesh that are joined at edges are a body (corners at equal positions are
+    /// joined).
+    ///
+    /// - A closed body is decided exactly, by the crossings of a ray with it, in whichever
+    ///   orientation it is. A body inside another one of the same mesh that is turned the other way
+    ///   is a cavity.
+    /// - An open body, such as a scan with holes, is decided by its winding number: inside is more
+    ///   than a half, within the body's box. So are all open surfaces of a mesh together, such as
+    ///   the faces of a solid that are not joined.
+    /// - Sheets (terrains, floors, planes, discs) have no inside, and take none from others. They
+    ///   are open surfaces whose area vectors add up to more than 0.7 of their area.
+    /// - Solid shapes, spheres and curves are bodies.
+    ///
+    /// A point exactly on the surface of a body is inside. Points that are not finite are outside.
+    ///
+    /// Parameters
+    /// ----------
+    /// points : array (..., 3)
+    ///     As for :meth:`closest_points`.
+    /// method : {"auto", "parity", "winding"}
+    ///     `"auto"` is the rule above. `"parity"` counts the hits of a ray from the point with
+    ///     everything, as Open3D does: inside is an odd number. `"winding"` is a
+    ///     :meth:`winding_number` of more than a half, the sum over everything.
+    /// mask : int, optional
+    ///     Only objects whose mask shares a bit with it count.
+    /// threads : int, optional
+    ///     As for :meth:`cast_rays`.
     ///
     /// Examples
     /// --------
     /// >>> import snell
     /// >>> scene = snell.Scene()
     /// >>> ball = scene.add_shape("sphere", radius=1)
-    /// >>> scene.occupancy([[0, 0, -5], [0, 0.25, 0]]).tolist()
-    /// [False, True]
-    #[pyo3(signature = (points, *, threads=None))]
+    /// >>> floor = scene.add_shape("plane")
+    /// >>> scene.occupancy([[0, 0, -5], [0, 0.25, 0], [0, 1, 0]]).tolist()
+    /// [False, True, True]
+    #[pyo3(signature = (points, *, method="auto", mask=None, threads=None))]
     fn occupancy<'py>(
         &self,
         points: &Bound<'py, PyAny>,
+        method: &str,
+        mask: Option<i64>,
         threads: Option<i64>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        self.around(points, threads, f32::is_inside, f64::is_inside)
+        let about = Inside::new(method, objects::mask(mask)?)?;
+        self.around(
+            points,
+            threads,
+            |world, points, inside| f32::occupancy(world, points, about, inside),
+            |world, points, inside| f64::occupancy(world, points, about, inside),
+        )
     }
 
     /// The generalised winding number of all surfaces around each point: an array `(...)` of
-    /// float64. It is 1 inside a closed surface and 0 outside; near open surfaces it has other
-    /// values (accurate to some hundredths next to large ones).
+    /// float64. It is the sum over everything: 1 inside a closed surface and 0 outside, 2 inside
+    /// two, -1 inside one that is inside out; near open surfaces it has other values (accurate to
+    /// some hundredths next to large ones).
+    ///
+    /// Parameters
+    /// ----------
+    /// points : array (..., 3)
+    ///     As for :meth:`closest_points`.
+    /// mask : int, optional
+    ///     Only objects whose mask shares a bit with it count.
+    /// threads : int, optional
+    ///     As for :meth:`cast_rays`.
     ///
     /// Examples
     /// --------
@@ -311,12 +371,19 @@ impl Scene {
     /// >>> ball = scene.add_shape("sphere", radius=1)
     /// >>> scene.winding_number([[0, 0, -5], [0, 0.25, 0]]).tolist()
     /// [0.0, 1.0]
-    #[pyo3(signature = (points, *, threads=None))]
+    #[pyo3(signature = (points, *, mask=None, threads=None))]
     fn winding_number<'py>(
         &self,
         points: &Bound<'py, PyAny>,
+        mask: Option<i64>,
         threads: Option<i64>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        self.around(points, threads, f32::winding_number, f64::winding_number)
+        let mask = objects::mask(mask)?;
+        self.around(
+            points,
+            threads,
+            |world, points, numbers| f32::winding_number(world, points, mask, numbers),
+            |world, points, numbers| f64::winding_number(world, points, mask, numbers),
+        )
     }
 }

@@ -5,6 +5,7 @@
 //! distances the lowest (instance, geometry, primitive) wins. So every structure gives the same
 //! bits. Moving geometry is taken at time 0.
 
+pub(crate) mod loose;
 mod place;
 #[cfg(test)]
 mod tests;
@@ -21,7 +22,9 @@ use crate::tree::block::TriangleBlock;
 use crate::tree::node::ChildRef;
 use crate::tree::{Forest, GroupTree};
 use crate::world::double::DWorld;
+use crate::world::winding::sign::is_on;
 use crate::world::{Structure, World};
+use loose::Loose;
 use place::Place;
 use snell_math::{DAffine3, DVec2, DVec3, Vec3};
 use std::mem::MaybeUninit;
@@ -100,7 +103,8 @@ pub(super) struct Space<'a> {
 }
 
 impl Space<'_> {
-    fn nearest(
+    /// The nearest point within the limit.
+    pub fn nearest(
         &self,
         point: DVec3,
         limit: f64,
@@ -110,10 +114,42 @@ impl Space<'_> {
         if !is_answered(point, limit) {
             return DNearestPoint::NONE;
         }
+        let mut scale = 1.0;
+        let mut best = self.search(point, limit, mask, scale, stack);
+        // Where squares (and products of four lengths) leave the range of `f64`, the search is
+        // repeated with all lengths scaled.
+        for _ in 0..3 {
+            let distance = best.squared.sqrt() / scale;
+            let is_ordinary = (1e-140..1e140).contains(&best.squared) || best.squared == 0.0;
+            if is_ordinary || !best.is_found() {
+                break;
+            }
+            let wanted = if best.squared < 1.0 { 1e-40 } else { 1.0 };
+            let next = wanted / distance.min(1e200);
+            if next == scale {
+                break;
+            }
+            scale = next;
+            best = self.search(point, limit, mask, scale, stack);
+        }
+        best.result(&self.world.options, scale)
+    }
+
+    /// Searches with lengths multiplied by `scale`.
+    fn search(
+        &self,
+        point: DVec3,
+        limit: f64,
+        mask: u32,
+        scale: f64,
+        stack: &mut Vec<Entry>,
+    ) -> Best {
         stack.clear();
         let (options, data) = (&*self.world.options, self.double.map(|world| &world.data));
-        let mut search = Search { point, mask, options, data, best: Best::within(limit), stack };
-        let place = Place::world(point);
+        let loose = self.world.loose.get_or_init(|| Loose::of(self));
+        let best = Best::within(limit * scale);
+        let mut search = Search { point, mask, options, data, loose, scale, best, stack };
+        let place = Place::world(point, scale);
         match &self.world.structure {
             Structure::None(lists) => search.list(&|group| &lists[group], 0, &place, 0),
             Structure::Walked(structures) => {
@@ -121,7 +157,7 @@ impl Space<'_> {
             }
             Structure::Bvh(forest) => search.tree(forest, 0, &place, 0),
         }
-        search.best.result(options)
+        search.best
     }
 }
 
@@ -159,15 +195,20 @@ impl Best {
         squared < self.squared || (squared == self.squared && ids < self.ids)
     }
 
-    fn result(&self, options: &[GeometryOptions]) -> DNearestPoint {
+    fn is_found(&self) -> bool {
+        self.ids[1] != Hit::NONE
+    }
+
+    /// The result of a search with lengths multiplied by `scale`.
+    fn result(&self, options: &[GeometryOptions], scale: f64) -> DNearestPoint {
         let [instance, geometry, primitive] = self.ids;
-        if geometry == Hit::NONE {
+        if !self.is_found() {
             return DNearestPoint::NONE;
         }
         let found = DHit { t: 0.0, uv: self.uv, instance, geometry, primitive };
         let DHit { uv, primitive, .. } =
             if options[geometry as usize].quads { Double::quad_hit(&found) } else { found };
-        let distance = self.squared.sqrt().min(f64::MAX);
+        let distance = (self.squared.sqrt() / scale).min(f64::MAX);
         DNearestPoint { distance, position: self.position, uv, instance, geometry, primitive }
     }
 }
@@ -198,7 +239,7 @@ fn above(x: f64) -> f32 {
 }
 
 /// A deferred child, and a lower bound on its squared distance from the point.
-type Entry = (f32, ChildRef);
+pub(super) type Entry = (f32, ChildRef);
 
 /// The search for one point.
 struct Search<'a> {
@@ -208,6 +249,10 @@ struct Search<'a> {
     options: &'a [GeometryOptions],
     /// The meshes of a world in double precision; `None` for a world in single precision.
     data: Option<&'a DoubleData>,
+    /// The triangles of each group that are not in its tree.
+    loose: &'a [Loose],
+    /// The factor by which the metric of the world lengthens.
+    scale: f64,
     best: Best,
     stack: &'a mut Vec<Entry>,
 }
@@ -216,6 +261,7 @@ impl Search<'_> {
     /// Searches the tree of a group for nearer points, nearest boxes first.
     fn tree(&mut self, forest: &Forest, group: usize, place: &Place, instance: u32) {
         let tree: &GroupTree = &forest.trees[group];
+        self.loose(group, place, instance);
         for &object in &tree.unbounded {
             self.object(
                 &tree.objects,
@@ -274,6 +320,7 @@ impl Search<'_> {
         instance: u32,
     ) {
         let list = lists(group);
+        self.loose(group, place, instance);
         for (geometry, mesh) in &list.meshes {
             for triangle in (0..mesh.indices.len()).filter(|&i| !mesh.is_degenerate(i)) {
                 let ids = [instance, *geometry, triangle as u32];
@@ -323,9 +370,24 @@ impl Search<'_> {
                 Some(data) => *data.corners(ids[1], ids[2]),
                 None => corners().map(|p| p.as_dvec3()),
             };
-            let (position, uv) = on_triangle(&place.metric, place.point, &corners);
-            self.offer(position - place.point, uv, &place.metric, ids);
+            self.offer_triangle(&corners, place, ids);
         }
+    }
+
+    /// Tests a triangle with these corners.
+    fn triangle_at(&mut self, corners: &[DVec3; 3], place: &Place, ids: [u32; 3]) {
+        if self.admits(ids[1]) {
+            self.offer_triangle(corners, place, ids);
+        }
+    }
+
+    #[inline]
+    fn offer_triangle(&mut self, corners: &[DVec3; 3], place: &Place, ids: [u32; 3]) {
+        let (position, uv) = on_triangle(&place.metric, place.point, corners);
+        // A point that is exactly on the triangle is at distance zero, without rounding.
+        let is_on = is_on(corners, place.point);
+        let offset = if is_on { DVec3::ZERO } else { position - place.point };
+        self.offer(offset, uv, &place.metric, ids);
     }
 
     /// Tests a shape or a primitive of a set, or enters an instance.
@@ -418,7 +480,7 @@ impl Search<'_> {
         let in_world = *metric.linear() * offset;
         let squared = in_world.length_squared();
         if self.best.is_improved_by(squared, ids) {
-            let position = self.point + in_world;
+            let position = self.point + in_world / self.scale;
             self.best = Best { squared, limit: above(squared), ids, position, uv };
         }
     }

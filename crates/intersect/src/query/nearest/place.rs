@@ -41,9 +41,14 @@ fn farther(x: f32, by: f32) -> f32 {
 }
 
 impl Place {
-    /// The point in world space.
-    pub fn world(point: DVec3) -> Self {
-        Self::new(point, Metric::EUCLIDEAN, 0.0)
+    /// The point in world space, where lengths are multiplied by `scale`.
+    pub fn world(point: DVec3, scale: f64) -> Self {
+        let metric = if scale == 1.0 {
+            Metric::EUCLIDEAN
+        } else {
+            Metric::new(DMat3::from_diagonal(DVec3::splat(scale)))
+        };
+        Self::new(point, metric, 0.0)
     }
 
     /// The point in the coordinates of a frame in which the boxes of the group are stored.

@@ -1,10 +1,11 @@
 use super::*;
+use crate::mesh::TriangleMesh;
 use crate::search::AcceptAll;
 use crate::shape::{AnyShape, Plane, Sphere};
 use crate::world::tests::{
     Random, build, default_world, mesh_world, nested_scene, scaling, sphere_mesh,
 };
-use crate::world::{AcceleratorKind, Geometry, GeometryId, WorldBuilder};
+use crate::world::{AcceleratorKind, BuildOptions, Geometry, GeometryId, WorldBuilder};
 use proptest::prelude::*;
 use snell_math::simd::Level;
 use snell_math::{DMat3, Ray, Transform};
@@ -304,5 +305,62 @@ fn points_in_double_precision_find_what_rounded_ones_do_and_are_not_rounded() {
     assert_eq!(world.winding_number_at(point - DVec3::X * 2e-3), 1.0);
     for (point, limit) in [(point, 0.5e-3), (point, -1.0), (point, f64::NAN), (DVec3::NAN, 1.0)] {
         assert_eq!(world.nearest_point_at(point, limit, u32::MAX), DNearestPoint::NONE);
+    }
+}
+
+#[test]
+fn triangles_with_equal_corners_have_the_distance_of_their_line() {
+    let mesh = |indices: Vec<[u32; 3]>| TriangleMesh {
+        positions: vec![Vec3::ZERO, Vec3::X, Vec3::X * 0.5, Vec3::new(0.0, 0.0, -9.0)],
+        indices,
+        ..TriangleMesh::default()
+    };
+    let point = Vec3::new(0.5, 1.0, 0.0);
+    for indices in [vec![[0, 1, 1]], vec![[1, 1, 0]], vec![[0, 1, 0]], vec![[0, 1, 2]]] {
+        let near = mesh_world(mesh(indices.clone())).nearest_point_one(point);
+        assert_eq!((near.distance, near.primitive), (1.0, 0), "{indices:?}");
+        assert_eq!(near.position, Vec3::X * 0.5);
+        let mut builder = crate::DWorldBuilder::default();
+        builder.add_mesh(WorldBuilder::ROOT, Arc::new((&mesh(indices)).into()));
+        let world = builder.build(&BuildOptions::default()).unwrap();
+        assert_eq!(world.nearest_point_one(point.as_dvec3()).distance, 1.0);
+    }
+    let dot = mesh_world(mesh(vec![[2, 2, 2]])).nearest_point_one(point);
+    assert_eq!((dot.distance, dot.primitive), (1.0, 0));
+    // A sound triangle with the same edge stands for the flat one.
+    let both = mesh_world(mesh(vec![[1, 0, 0], [0, 1, 3]])).nearest_point_one(point);
+    assert_eq!((both.distance, both.primitive), (1.0, 1));
+    let mut many = mesh((0..300).map(|i| [i, i + 1, i + 1]).collect());
+    many.positions = (0..301).map(|i| Vec3::new(i as f32, (i % 2) as f32, 0.0)).collect();
+    let world = mesh_world(many.clone());
+    let mut random = Random(4);
+    for _ in 0..100 {
+        let point = random.point(50.0) + Vec3::X * 150.0;
+        let least = (0..300)
+            .map(|i| {
+                let (a, b) = (many.positions[i], many.positions[i + 1]);
+                let s = ((point - a).dot(b - a) / (b - a).length_squared()).clamp(0.0, 1.0);
+                point.distance(a.lerp(b, s))
+            })
+            .fold(f32::INFINITY, f32::min);
+        let found = world.nearest_point_one(point).distance;
+        assert!((found - least).abs() < 1e-4, "{point} {found} {least}");
+    }
+}
+
+#[test]
+fn distances_are_right_at_any_size() {
+    for size in [1e-110, 1e-60, 1.0, 1e60, 1e155, 1e250] {
+        let mesh = crate::DTriangleMesh {
+            positions: [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z].map(|c| c * size).to_vec(),
+            indices: vec![[0, 2, 1], [0, 3, 2], [0, 1, 3], [1, 2, 3]],
+        };
+        let mut builder = crate::DWorldBuilder::default();
+        builder.add_mesh(WorldBuilder::ROOT, Arc::new(mesh));
+        let world = builder.build(&BuildOptions::default()).unwrap();
+        // The nearest point is the middle of the sloping face.
+        let near = world.nearest_point_one(DVec3::splat(2.0 * size));
+        assert!((near.distance / size - 5.0 / 3f64.sqrt()).abs() < 1e-9, "{size:e} {near:?}");
+        assert!((near.position / size - 1.0 / 3.0).length() < 1e-9, "{size:e} {near:?}");
     }
 }

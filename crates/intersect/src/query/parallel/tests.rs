@@ -1,4 +1,5 @@
 use super::*;
+use crate::InsideMethod;
 use crate::hit::Hit;
 use crate::search::AcceptAll;
 use crate::world::BuildOptions;
@@ -10,7 +11,7 @@ use std::sync::Arc;
 /// Compares the results of different pieces and numbers of threads with those of the world's own
 /// queries.
 fn check<W: Queries>(world: &W, rays: Rays<Of<W>>, limited: Points<Of<W>>, zero: DistanceOf<W>) {
-    let (n, m, points) = (rays.len(), limited.len(), limited.points);
+    let (n, m) = (rays.len(), limited.len());
     let (mut hits, mut blocked, mut counts) =
         (vec![HitOf::<W>::default(); n], vec![false; n], vec![0; n]);
     world.closest(rays, Grouping::None, &AcceptAll, &mut hits);
@@ -21,8 +22,8 @@ fn check<W: Queries>(world: &W, rays: Rays<Of<W>>, limited: Points<Of<W>>, zero:
     world.nearest_point(limited, &mut nearest);
     world.signed_distance(limited, &mut distances);
     let (mut numbers, mut inside) = (vec![0.0; m], vec![false; m]);
-    world.winding_number(points, &mut numbers);
-    world.occupancy(points, &mut inside);
+    world.winding_number(limited, &mut numbers);
+    world.occupancy(limited, &mut inside);
     let is_mixed = |answers: &[bool]| answers.iter().any(|&it| it) && answers.iter().any(|&it| !it);
     assert!(is_mixed(&blocked) && is_mixed(&inside) && counts.iter().any(|&count| count > 1));
 
@@ -46,8 +47,8 @@ fn check<W: Queries>(world: &W, rays: Rays<Of<W>>, limited: Points<Of<W>>, zero:
                 parallel.nearest_point(limited, &mut p)?;
                 parallel.signed_distance(limited, &mut d)?;
                 let (mut w, mut o) = (vec![0.0; m], vec![false; m]);
-                parallel.winding_number(points, &mut w)?;
-                parallel.occupancy(points, &mut o)?;
+                parallel.winding_number(limited, &mut w)?;
+                parallel.occupancy(limited, &mut o)?;
                 assert!(
                     p == nearest && d == distances && w == numbers && o == inside,
                     "{threads} {piece}"
@@ -67,7 +68,8 @@ fn answers_do_not_depend_on_threads_or_pieces() {
     let masks: Vec<u32> = (0..1000).map(|i| if i % 3 == 0 { 1 } else { u32::MAX }).collect();
     let points: Vec<Vec3> = (0..60).map(|_| random.point(3.0)).collect();
     let limits: Vec<f32> = (0..60).map(|i| 0.05 * i as f32).collect();
-    let limited = Points { max_distances: &limits, ..Points::new(&points) };
+    let method = InsideMethod::Winding;
+    let limited = Points { max_distances: &limits, method, ..Points::new(&points) };
     check(&default_world(nested_scene(2)), Rays::new(&rays).with_masks(&masks), limited, 0.0);
 
     // A ball of radius a millimetre in a city, and a larger one around it.

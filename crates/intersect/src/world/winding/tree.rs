@@ -96,6 +96,8 @@ pub(crate) struct View {
     area: DMat3,
     /// -1 if the map is a reflection, otherwise 1.
     pub orientation: f64,
+    /// The factor by which the map enlarges volumes.
+    volume: f64,
     /// The largest factor by which the map lengthens differences.
     stretch: f64,
 }
@@ -114,8 +116,15 @@ impl View {
             linear,
             area,
             orientation: if determinant < 0.0 { -1.0 } else { 1.0 },
+            volume: determinant.abs(),
             stretch,
         }
+    }
+
+    /// A point in world space.
+    pub fn world(point: DVec3) -> Self {
+        let (linear, area) = (DMat3::IDENTITY, DMat3::IDENTITY);
+        Self { point, linear, area, orientation: 1.0, volume: 1.0, stretch: 1.0 }
     }
 }
 
@@ -131,6 +140,8 @@ struct Node {
     count: u32,
     /// The index of the second child; 0 for a leaf.
     second: u32,
+    /// The bits that the masks of all items have in common.
+    mask: u32,
 }
 
 /// The tree of a group.
@@ -148,10 +159,10 @@ const LEAF: usize = 8;
 const PARALLEL: usize = 4096;
 
 impl Tree {
-    /// Builds the tree over items with these moments.
-    pub fn build(items: &[(u32, Moments)]) -> Self {
+    /// Builds the tree over items with these moments and masks.
+    pub fn build(items: &[(u32, Moments)], mask: impl Fn(u32) -> u32 + Sync) -> Self {
         let mut order: Vec<u32> = (0..items.len() as u32).collect();
-        let nodes = if items.is_empty() { Vec::new() } else { build(items, &mut order, 0) };
+        let nodes = if items.is_empty() { Vec::new() } else { build(items, &mask, &mut order, 0) };
         order.par_iter_mut().for_each(|i| *i = items[*i as usize].0);
         Self { nodes, order }
     }
@@ -162,12 +173,13 @@ impl Tree {
     }
 
     /// The winding number of all items around a point. Nodes farther away than `accuracy` times
-    /// their radius are approximated by their moments; `exact` gives the winding number of each
-    /// item in the other nodes.
+    /// their radius are approximated by their moments, if `mask` certainly has a bit in common with
+    /// all their items; `exact` gives the winding number of each item in the other nodes.
     pub fn winding_number(
         &self,
         view: &View,
         accuracy: f64,
+        mask: u32,
         exact: &mut impl FnMut(u32) -> f64,
     ) -> f64 {
         let mut sum = 0.0;
@@ -180,7 +192,7 @@ impl Tree {
             let node = &self.nodes[index as usize];
             let r = view.linear * (node.moments.center - view.point);
             let distance = r.length();
-            if distance > accuracy * node.radius * view.stretch {
+            if distance > accuracy * node.radius * view.stretch && node.mask & mask != 0 {
                 sum += from_afar(&node.moments, view, r, distance);
             } else if node.second == 0 {
                 let items = &self.order[node.first as usize..(node.first + node.count) as usize];
@@ -200,16 +212,23 @@ impl Tree {
 fn from_afar(moments: &Moments, view: &View, r: DVec3, distance: f64) -> f64 {
     let inverse = 1.0 / distance;
     let direction = r * inverse;
-    let dipole = (view.area * moments.area_vector).dot(direction);
-    let gradient = view.area * moments.gradient * view.linear.transpose();
-    let trace = gradient.x_axis.x + gradient.y_axis.y + gradient.z_axis.z;
-    let along = direction.dot(gradient * direction);
+    // The maps are applied to the direction instead of the moments.
+    let across = view.area.transpose() * direction;
+    let dipole = across.dot(moments.area_vector);
+    let gradient = &moments.gradient;
+    let trace = (gradient.x_axis.x + gradient.y_axis.y + gradient.z_axis.z) * view.volume;
+    let along = across.dot(*gradient * (view.linear.transpose() * direction));
     (dipole + (trace - 3.0 * along) * inverse) * inverse * inverse / (4.0 * std::f64::consts::PI)
 }
 
 /// Builds the nodes of a part of the order, divided at the median of centres along the longest
 /// axis. `first` is the index in the whole order at which the part begins.
-fn build(items: &[(u32, Moments)], order: &mut [u32], first: u32) -> Vec<Node> {
+fn build(
+    items: &[(u32, Moments)],
+    mask: &(impl Fn(u32) -> u32 + Sync),
+    order: &mut [u32],
+    first: u32,
+) -> Vec<Node> {
     let of = |i: &u32| &items[*i as usize].1;
     let mut nodes = Vec::new();
     let mut second = 0;
@@ -221,6 +240,7 @@ fn build(items: &[(u32, Moments)], order: &mut [u32], first: u32) -> Vec<Node> {
             first,
             count: order.len() as u32,
             second: 0,
+            mask: order.iter().fold(u32::MAX, |all, &i| all & mask(items[i as usize].0)),
         });
         nodes[0].moments
     } else {
@@ -232,9 +252,12 @@ fn build(items: &[(u32, Moments)], order: &mut [u32], first: u32) -> Vec<Node> {
         order.select_nth_unstable_by(middle, by_center);
         let (low, high) = order.split_at_mut(middle);
         let (left, right) = if low.len() > PARALLEL {
-            rayon::join(|| build(items, low, first), || build(items, high, first + middle as u32))
+            rayon::join(
+                || build(items, mask, low, first),
+                || build(items, mask, high, first + middle as u32),
+            )
         } else {
-            (build(items, low, first), build(items, high, first + middle as u32))
+            (build(items, mask, low, first), build(items, mask, high, first + middle as u32))
         };
         let moments = Moments::sum([left[0].moments, right[0].moments].iter());
         let moved = |by: u32| {
@@ -247,6 +270,7 @@ fn build(items: &[(u32, Moments)], order: &mut [u32], first: u32) -> Vec<Node> {
             first,
             count: (low.len() + high.len()) as u32,
             second,
+            mask: left[0].mask & right[0].mask,
         });
         nodes.extend(left.into_iter().map(moved(1)));
         nodes.extend(right.into_iter().map(moved(second)));
