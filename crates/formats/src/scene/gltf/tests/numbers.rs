@@ -313,6 +313,7 @@ fn vertices_that_no_triangle_uses_are_left_out_and_nothing_moves() {
         mesh,
         targets: Vec::new(),
         influences: Vec::new(),
+        strokes: None,
         material: None,
     };
     super::super::mesh::drop_unused(&mut primitive);
