@@ -135,7 +135,7 @@ class Names(dict):  # type: ignore[type-arg]
 
 
 class Mesh:
-    """A mesh of a scene, in its own coordinates. It unpacks as the pair of its `vertices` and `faces`.
+    """A mesh of a scene, in its own coordinates. It unpacks as its `vertices` and `faces`.
 
     Attributes
     ----------

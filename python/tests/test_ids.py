@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from conftest import sphere_mesh
 
 import snell
 
-SIZE = (24, 16)
+SIZE = (48, 32)
 
 
 def moved(x: float) -> np.ndarray:
@@ -71,3 +72,17 @@ def test_ids_of_files_are_those_of_queries(tmp_path):
     check(scene, names)
     scene.remove(scene.ids[0])
     check(scene, names)
+
+
+def test_surfaces_of_one_node_are_objects_of_their_own(tmp_path):
+    """A node of glTF has one surface for each material of a mesh."""
+    vertices, faces = sphere_mesh(8, 16, 2.0)
+    materials = [snell.Material("diffuse", reflectance=x) for x in (0.2, 0.5, 0.8)]
+    scene = snell.Scene()
+    for x in (-2, 4):
+        slots = np.arange(len(faces)) % 3
+        scene.add_mesh(vertices + [x, 0, 0], faces, material=materials, material_ids=slots)
+    scene.save(tmp_path / "balls.glb")
+    loaded = snell.load(tmp_path / "balls.glb")
+    assert len(loaded) == 6
+    check(loaded, ["geometry-id", "primitive-id"])

@@ -305,3 +305,9 @@ def test_answers_belong_to_the_caller():
         hits[name][...] = 12345
     for name in ("normals", "points", "primitive_normals"):
         np.testing.assert_array_equal(hits[name], expected[name])
+
+
+def test_no_rays_have_no_hits(triangle):
+    for rays in ([], ([], []), np.empty((0, 6)), ([], [0, 0, 1])):
+        assert triangle.cast_rays(rays).t_hit.shape == (0,)
+    assert triangle.distance([]).shape == (0,)

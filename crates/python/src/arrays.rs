@@ -183,6 +183,8 @@ impl<'py, P: Precision> PointArray<'py, P> {
 pub fn leading(array: &Bound<'_, PyUntypedArray>, last: usize, name: &str) -> PyResult<Vec<usize>> {
     match array.shape().split_last() {
         Some((&n, rest)) if n == last => Ok(rest.to_vec()),
+        // An empty array, as `[]` is.
+        Some((0, [])) => Ok(vec![0]),
         _ => Err(PyValueError::new_err(format!(
             "{name}: shape is {}, expected (..., {last})",
             shown(array.shape())

@@ -94,6 +94,9 @@ impl<'py, P: Precision> Vectors<'py, P> {
         if array.len() == 3 {
             return Ok(Self { array: contiguous(array)?, stride: 0, offset: 0 });
         }
+        if array.len() == 0 {
+            return Ok(Self { array: contiguous(array)?, stride: 3, offset: 0 });
+        }
         let full: Vec<usize> = shape.iter().copied().chain([3]).collect();
         Ok(Self { array: broadcast(array, &full)?, stride: 3, offset: 0 })
     }
