@@ -3,15 +3,17 @@
 use super::lights::sky::{NO_PLACES, places_of};
 use super::{Batch, BatchShader, Shaded};
 use crate::integrator::Context;
-use crate::integrator::path::{escaped_to, plain_sky};
+use crate::integrator::dimension::LIGHT;
+use crate::integrator::path::{caught_shadow, escaped_to, plain_sky};
 use crate::lanes::LANES;
 use snell_math::spectrum::RgbSpectrum;
-use snell_math::{ColorMode, ColorModel, SampledSpectrum, Vec2};
+use snell_math::{ColorMode, ColorModel, Ray, SampledSpectrum, Vec2};
 use snell_scene::light::environment::EnvironmentLight;
 
 /// Shades paths that hit nothing.
 pub struct EscapedShader {
     found: Vec<(u32, SampledSpectrum)>,
+    shadow_rays: Vec<(u32, Ray, SampledSpectrum)>,
     /// The radiance of a constant environment in RGB mode.
     constant: Option<SampledSpectrum>,
     /// The spectrum of that radiance, in spectral mode.
@@ -25,6 +27,7 @@ impl EscapedShader {
         let color = context.scene.environment.as_deref().and_then(EnvironmentLight::constant);
         context.settings.integrator.is_path().then(|| Self {
             found: Vec::with_capacity(LANES),
+            shadow_rays: Vec::new(),
             constant: color.map(|color| ColorMode::Rgb.rgb_illuminant(color)),
             spectrum: color.filter(|_| is_spectral).map(RgbSpectrum::of_light),
         })
@@ -34,7 +37,7 @@ impl EscapedShader {
 impl<'a> BatchShader<'a> for EscapedShader {
     fn accepts(&self, batch: &Batch<'_, 'a>, paths: &[u32]) -> usize {
         let may_catch_shadows = batch.depth == 0 && batch.context.scene.floor.is_some();
-        if !batch.is_simple() || may_catch_shadows {
+        if !batch.is_simple() || may_catch_shadows && batch.media.is_some() {
             return 0;
         }
         let has_left = |path: &&u32| {
@@ -47,10 +50,12 @@ impl<'a> BatchShader<'a> for EscapedShader {
 
     fn shade(&mut self, batch: &Batch<'_, 'a>, paths: &[u32]) {
         self.found.clear();
+        self.shadow_rays.clear();
         let (context, scene) = (batch.context, batch.context.scene);
         if scene.is_dark_outside() {
             return;
         }
+        let may_catch_shadows = batch.depth == 0 && scene.floor.is_some();
         let plain = plain_sky(context, batch.depth);
         let constant = self.constant.filter(|_| plain.is_some() && batch.paths.is_plain());
         let spectrum = self.spectrum.as_ref().filter(|_| plain.is_some());
@@ -64,6 +69,17 @@ impl<'a> BatchShader<'a> for EscapedShader {
             let place = Vec2::new(places[0][lane], places[1][lane]);
             let carried = &batch.paths.carried[path];
             let mode = || batch.paths.rest(path).mode;
+            if may_catch_shadows {
+                let (ray, u) = (&batch.paths.rays[path], || batch.random(path).pair(LIGHT));
+                let caught = caught_shadow(context, 0, ray, carried.throughput, mode(), u);
+                if let Some((received, light)) = caught {
+                    let [part, certain] = received.parts(light);
+                    self.found.push((number, certain));
+                    let rays = received.uncertain().iter();
+                    self.shadow_rays.extend(rays.map(|&ray| (number, ray, part)));
+                    continue;
+                }
+            }
             let radiance = if carried.throughput.is_black() {
                 continue;
             } else if let Some(radiance) = constant {
@@ -81,6 +97,6 @@ impl<'a> BatchShader<'a> for EscapedShader {
     }
 
     fn shaded(&self) -> Shaded<'_> {
-        Shaded { found: &self.found, ..Shaded::NONE }
+        Shaded { found: &self.found, shadow_rays: &self.shadow_rays, ..Shaded::NONE }
     }
 }

@@ -39,7 +39,7 @@ use materials::matte_surfaces::MatteSurfaces;
 use materials::specular::SpecularShader;
 use media::MediumShader;
 use paths::Paths;
-use snell_math::SampledSpectrum;
+use snell_math::{Ray, SampledSpectrum};
 use std::rc::Rc;
 use vertices::{CarriedColumns, RayColumns, UNMARKED};
 
@@ -161,6 +161,9 @@ impl Batch<'_, '_> {
 pub struct Shaded<'s> {
     /// Numbers of paths, with the light that each has found at its vertex.
     pub found: &'s [(u32, SampledSpectrum)],
+    /// Light rays from the floor of the background, with the numbers of their paths and what each
+    /// brings.
+    pub shadow_rays: &'s [(u32, Ray, SampledSpectrum)],
     /// Numbers of the paths of the lanes in use.
     pub paths: &'s [u32],
     /// 1 for lanes that were shaded, 0 where the vertex function must shade the vertex after all.
@@ -179,6 +182,7 @@ impl Shaded<'_> {
     /// The output for no paths.
     pub const NONE: Self = Self {
         found: &[],
+        shadow_rays: &[],
         paths: &[],
         is_sound: &[1; LANES],
         light: None,

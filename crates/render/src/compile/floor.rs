@@ -1,6 +1,6 @@
 //! The floor of a background that catches shadows.
 
-use snell_math::{Bounds3d, DMat3, DVec3, Ray, Rgb, Vec2, Vec3};
+use snell_math::{Bounds3, Bounds3d, DMat3, DVec3, Ray, Rgb, SampledSpectrum, Vec2, Vec3};
 use snell_scene::light::environment::EnvironmentLight;
 use snell_scene::{Background, Environment, Image, Scene};
 use std::f64::consts::PI;
@@ -14,7 +14,11 @@ const MOST_SIZE: [u32; 2] = [1024, 512];
 
 /// The number of light rays of a sample: few scenes cost more per ray, and shadows are less noisy
 /// than surfaces then.
-pub(crate) const LIGHT_RAYS: usize = 4;
+const LIGHT_RAYS: usize = 4;
+
+/// The number of directions to the light along each axis of the square of random numbers. All have
+/// the same weight, so that a shadow is the sum of as many shadows as there are directions.
+const DIRECTIONS: usize = 64;
 
 /// Shadows are looked for up to this distance from the scene, in radii of the scene.
 const REACH: f32 = 50.0;
@@ -28,16 +32,48 @@ pub(crate) struct Floor {
     height: f32,
     center: Vec3,
     reach: f32,
-    /// The environment's radiance multiplied by the cosine to `up`.
-    light: EnvironmentLight,
+    /// Directions to the light, in proportion to the light that the floor receives.
+    directions: Vec<Vec3>,
+    /// What may be in the way of the light.
+    occluders: Bounds3,
+}
+
+/// What a point of the floor receives of the light of the background.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Received {
+    /// The light rays, of which each carries an equal part of the light.
+    rays: [Ray; LIGHT_RAYS],
+    /// The number of rays at the front that may be occluded; the others cannot.
+    count: usize,
+}
+
+impl Received {
+    /// The rays that may be occluded.
+    pub fn uncertain(&self) -> &[Ray] {
+        &self.rays[..self.count]
+    }
+
+    /// Divides the light of the background into that of each light ray, and that which arrives in
+    /// any case.
+    pub fn parts(&self, light: SampledSpectrum) -> [SampledSpectrum; 2] {
+        let part = light / LIGHT_RAYS as f32;
+        [part, part * (LIGHT_RAYS - self.count) as f32]
+    }
 }
 
 impl Floor {
     /// The floor of the scene's background; `None` if it has none or no environment lights it.
-    pub fn of(scene: &Scene, bounds: &Bounds3d) -> Option<Self> {
+    ///
+    /// `bounds` are those of the scene without its infinite parts, `occluders` those of all of it.
+    pub fn of(scene: &Scene, bounds: &Bounds3d, occluders: &Bounds3d) -> Option<Self> {
         let Background::ShadowCatcher(catcher) = scene.background else { return None };
         let up = catcher.up.try_normalize().filter(|up| up.is_finite())?;
         let light = EnvironmentLight::new(&received(scene.environment.as_ref()?, up));
+        let cells = (0..DIRECTIONS * DIRECTIONS).map(|i| [i % DIRECTIONS, i / DIRECTIONS]);
+        let direction = |[x, y]: [usize; 2]| {
+            let u = Vec2::new(x as f32 + 0.5, y as f32 + 0.5) / DIRECTIONS as f32;
+            light.sample(u).direction
+        };
         let height = catcher.height as f32;
         let lights = light.mean_luminance() > 0.0 && height.is_finite() && !bounds.is_empty();
         lights.then(|| Self {
@@ -46,14 +82,15 @@ impl Floor {
             height,
             center: bounds.center().as_vec3(),
             reach: REACH * bounds.radius() as f32,
-            light,
+            directions: cells.map(direction).collect(),
+            occluders: padded(occluders),
         })
     }
 
     /// Rays from the point where a camera ray meets the floor towards the environment, in
     /// directions sampled in proportion to the light that the floor receives. `None` if the camera
     /// ray does not meet the floor from above, or only far from the scene.
-    pub fn light_rays(&self, ray: &Ray, u: Vec2) -> Option<[Ray; LIGHT_RAYS]> {
+    pub fn received(&self, ray: &Ray, u: impl FnOnce() -> Vec2) -> Option<Received> {
         let (above, slope) = (ray.origin.dot(self.up) - self.height, ray.direction.dot(self.up));
         if above <= 0.0 || slope >= 0.0 {
             return None;
@@ -61,12 +98,37 @@ impl Floor {
         let point = ray.origin - ray.direction * (above / slope);
         let is_near = (point - self.center).length() <= self.reach;
         is_near.then(|| {
-            std::array::from_fn(|i| {
+            let u = u();
+            let cell = |u: f32| ((u * DIRECTIONS as f32) as usize).min(DIRECTIONS - 1);
+            let mut received = Received { rays: [Ray::new(point, self.up); LIGHT_RAYS], count: 0 };
+            for i in 0..LIGHT_RAYS {
                 let part = (u.x + i as f32) / LIGHT_RAYS as f32;
-                Ray::new(point, self.light.sample(Vec2::new(part, u.y)).direction)
-            })
+                let direction = self.directions[cell(u.y) * DIRECTIONS + cell(part)];
+                if meets(&self.occluders, point, direction) {
+                    received.rays[received.count].direction = direction;
+                    received.count += 1;
+                }
+            }
+            received
         })
     }
+}
+
+/// The bounds, larger by what rounding could matter.
+fn padded(bounds: &Bounds3d) -> Bounds3 {
+    let Bounds3 { min, max } = bounds.outward_f32();
+    let pad = 1e-5 * (min.abs().max(max.abs()) + (max - min));
+    Bounds3 { min: min - pad, max: max + pad }
+}
+
+/// True if a ray that starts at this point may meet the box (Kay and Kajiya, Ray Tracing Complex
+/// Scenes, 1986).
+fn meets(bounds: &Bounds3, origin: Vec3, direction: Vec3) -> bool {
+    let inverse = direction.recip();
+    let (a, b) = ((bounds.min - origin) * inverse, (bounds.max - origin) * inverse);
+    let (near, far) = (a.min(b).max_element().max(0.0), a.max(b).min_element());
+    // A number that is not one may be anything.
+    !(near > far)
 }
 
 /// The irradiance that a surface with this normal receives from each direction, per solid angle.
@@ -171,6 +233,27 @@ mod tests {
         }
         let (below, _) = seen(&scene, Vec3::new(20.0, -3.0, 0.0), Vec3::new(0.0, -0.5, 0.0));
         assert!((below[0] - 0.2).abs() < 1e-5, "seen from below: {below:?}");
+    }
+
+    #[test]
+    fn the_batched_renderer_agrees_with_the_textbook_on_shadows() {
+        let scene = plate(snell_scene::framing::default_sky());
+        let camera = Camera::look_at(Vec3::new(9.0, 5.0, 1.0), Vec3::ZERO, Vec3::Y, 0.6);
+        for color in snell_math::ColorModel::ALL {
+            let settings = Settings { size: [24, 18], spp: 5, color, ..Settings::default() };
+            let compiled = CompiledScene::new(&scene, &settings.build).expect("a valid scene");
+            let image = Job::new(&compiled, &camera, &settings).run(2, &|_| true).0.image();
+            let expected = crate::reference::ray_cast(&compiled, &camera, &settings);
+            let mut shadowed = 0;
+            for (i, expected) in expected.iter().map(|color| color.to_array()).enumerate() {
+                let found = &image.layers[0].values[i * 4..][..3];
+                let is_equal =
+                    found.iter().zip(expected).all(|(a, b)| (a - b).abs() <= 1e-5 * b.max(1.0));
+                assert!(is_equal, "{color:?} pixel {i}: {found:?} {expected:?}");
+                shadowed += usize::from(found[2] < 0.75 && found[0] < 0.19);
+            }
+            assert!(shadowed > 10, "{shadowed}");
+        }
     }
 
     #[test]

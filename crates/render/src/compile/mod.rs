@@ -7,7 +7,7 @@
 //! moves becomes a group too, so that the frames of an animation share most structures.
 
 mod camera_filter;
-mod floor;
+pub(crate) mod floor;
 mod lights;
 mod surfaces;
 mod volumes;
@@ -218,7 +218,7 @@ impl CompiledScene {
             Warning::note(&mut warnings, message.into(), 1);
         }
         let radius = bounds.radius() as f32;
-        let floor = Floor::of(scene, &bounds);
+        let floor = Floor::of(scene, &bounds, &scene_bounds(&world));
         Ok(Self {
             prepared: materials.iter().map(Prepared::of).collect(),
             hides_from_camera: materials.iter().any(|material| !material.visible_to_camera),

@@ -86,6 +86,8 @@ pub struct LobeShares {
 impl LobeShares {
     /// The value before any scattering.
     pub const UNKNOWN: Self = Self { diffuse: SampledSpectrum::ZERO, rest: Lobe::Specular };
+    /// Diffuse reflection of all wavelengths.
+    pub const MATTE: Self = Self { diffuse: SampledSpectrum::ONE, rest: Lobe::Specular };
     /// Scattering in a medium.
     pub const VOLUME: Self = Self { diffuse: SampledSpectrum::ZERO, rest: Lobe::Volume };
 

@@ -9,9 +9,10 @@ use super::scattering::scatter;
 use super::{
     Context, Family, Integrator, Outputs, PathState, SurfaceVertex, Vertex, dimension, outgoing,
 };
+use crate::compile::floor::Received;
 use crate::light_sampler::Receiver;
 use crate::settings::{LightStrategy, Settings};
-use snell_math::{Ray, SampledSpectrum, Vec2, Vec3, sampling};
+use snell_math::{ColorMode, Ray, SampledSpectrum, Vec2, Vec3, sampling};
 use snell_scene::Background;
 use snell_scene::light::environment::EnvironmentLight;
 use snell_scene::material::{Prepared, ShadingBsdf, ShadingPoint};
@@ -67,20 +68,35 @@ pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
     add_bounce(context, vertex, surface, &at, &receiver, &guided, out);
 }
 
-/// Adds light rays from the floor of the background, if the camera ray meets one. Together they
-/// carry the background's radiance, because their directions are sampled in proportion to the light
-/// that the floor receives: the fraction of the rays that arrive is the brightness of the shadow.
+/// What the floor of the background receives where the camera ray meets it, if it meets one, and
+/// the light of the background. Light rays together carry the background's radiance, because their
+/// directions are sampled in proportion to the light that the floor receives: the fraction of the
+/// rays that arrive is the brightness of the shadow.
+#[inline]
+pub(crate) fn caught_shadow(
+    context: &Context,
+    depth: u32,
+    ray: &Ray,
+    throughput: SampledSpectrum,
+    mode: ColorMode,
+    u: impl FnOnce() -> Vec2,
+) -> Option<(Received, SampledSpectrum)> {
+    let floor = context.scene.floor.as_ref().filter(|_| depth == 0)?;
+    let received = floor.received(ray, u)?;
+    Some((received, throughput * mode.illuminant(floor.color)))
+}
+
+/// Adds what the floor of the background receives, if the camera ray meets one.
 fn catch_shadow(context: &Context, vertex: &Vertex, out: &mut Outputs) -> bool {
-    let floor = context.scene.floor.as_ref().filter(|_| vertex.depth == 0);
     let u = || vertex.random.pair(dimension::LIGHT);
-    let Some((floor, rays)) = floor.and_then(|f| Some((f, f.light_rays(vertex.ray, u())?))) else {
-        return false;
-    };
-    let state = vertex.state;
-    let value = state.throughput * state.mode.illuminant(floor.color) / rays.len() as f32;
-    out.light_rays.extend(rays.map(|ray| (ray, value)));
+    let PathState { throughput, mode, .. } = *vertex.state;
+    let caught = caught_shadow(context, vertex.depth, vertex.ray, throughput, mode, u);
+    let Some((received, light)) = caught else { return false };
+    let [part, certain] = received.parts(light);
+    out.radiance = certain;
+    out.light_rays.extend(received.uncertain().iter().map(|&ray| (ray, part)));
     out.light_source = Some(LightSource::Environment);
-    out.light_lobe = LobeShares::of_matte(SampledSpectrum::ONE);
+    out.light_lobe = LobeShares::MATTE;
     true
 }
 

@@ -482,6 +482,7 @@ impl<'a> BatchShader<'a> for GeneralShader<'a> {
     fn shaded(&self) -> Shaded<'_> {
         let Self { lanes, direct, bounces, facing, .. } = self;
         Shaded {
+            shadow_rays: &[],
             found: &self.found,
             paths: lanes.paths(),
             is_sound: &lanes.points.is_sound,

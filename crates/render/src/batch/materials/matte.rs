@@ -210,6 +210,7 @@ impl<'a> BatchShader<'a> for MatteShader<'a> {
     fn shaded(&self) -> Shaded<'_> {
         let Self { vertices: MatteVertices { lanes, .. }, bounces, facing, direct, .. } = self;
         Shaded {
+            shadow_rays: &[],
             found: &[],
             paths: lanes.paths(),
             is_sound: &lanes.points.is_sound,

@@ -4,6 +4,7 @@
 use super::PartRenderer;
 use crate::batch::{BatchShader, Shaded};
 use crate::integrator::carried::Rest;
+use crate::integrator::light_part::{LightSource, LobeShares};
 use crate::lanes::LANES;
 use snell_intersect::RayQuery;
 use snell_math::{Ray, SampledSpectrum, Vec3};
@@ -16,6 +17,9 @@ impl<'a> PartRenderer<'a> {
         let shaded = shader.shaded();
         for &(path, radiance) in shaded.found {
             self.take_found(path as usize, depth, radiance);
+        }
+        for &(path, ray, value) in shaded.shadow_rays {
+            self.take_shadow_ray(path as usize, depth, ray, value);
         }
         if shader.is_lane_by_lane(&self.batch(depth)) {
             return self.collect_lanes(depth, shader);
@@ -34,6 +38,16 @@ impl<'a> PartRenderer<'a> {
                 self.note_media(depth, shader, &shaded, self.lanes[i] as usize);
             }
         }
+    }
+
+    /// Collects a light ray from the floor of the background.
+    fn take_shadow_ray(&mut self, path: usize, depth: u32, ray: Ray, value: SampledSpectrum) {
+        if !self.light_parts.is_empty() {
+            let tag = self.tag(LobeShares::MATTE, depth + 1, LightSource::Environment);
+            self.light_rays.tags.push(tag);
+        }
+        let (time, sample) = (self.paths.rest(path).time, self.paths.samples[path]);
+        self.light_rays.push(ray, time, value, sample);
     }
 
     /// Collects the output of a shader lane by lane, in order.
