@@ -145,7 +145,8 @@ def cube(low, high):
 
 
 def sheet(z):
-    return np.array([[-50, -50, z], [50, -50, z], [50, 50, z], [-50, 50, z]]), [[0, 1, 2], [0, 2, 3]]
+    corners = np.array([[-50, -50, z], [50, -50, z], [50, 50, z], [-50, 50, z]])
+    return corners, [[0, 1, 2], [0, 2, 3]]
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])

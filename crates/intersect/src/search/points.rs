@@ -12,13 +12,13 @@ pub enum InsideMethod {
     /// The triangles of a mesh that are joined at edges, after corners at equal positions are taken
     /// for one, are a body.
     ///
-    /// - A *closed* body is decided exactly, by the crossings of a ray with it: a point is inside if
-    ///   they differ in number outwards and inwards, in whichever orientation the body is (and by
-    ///   parity if its triangles are not oriented alike). A body inside another one of the same mesh
-    ///   that is turned the other way is a cavity.
-    /// - An *open* body (with a border) is decided by its winding number, within its box: a point is
-    ///   inside if the number is more than a half, in either orientation. So are all open surfaces
-    ///   of a mesh together, such as the faces of a solid that are not joined at their edges.
+    /// - A *closed* body is decided exactly, by the crossings of a ray with it: a point is inside
+    ///   if they differ in number outwards and inwards, in whichever orientation the body is (and
+    ///   by parity if its triangles are not oriented alike). A body inside another one of the same
+    ///   mesh that is turned the other way is a cavity.
+    /// - An *open* body (with a border) is decided by its winding number, within its box: a point
+    ///   is inside if the number is more than a half, in either orientation. So are all open
+    ///   surfaces of a mesh together, such as the faces of a solid that are not joined at edges.
     /// - Sheets such as terrains, floors and planes bound nothing. These are open surfaces whose
     ///   area vectors add up to more than 0.7 of their area.
     /// - Solid shapes, spheres and segments of curves are bodies.

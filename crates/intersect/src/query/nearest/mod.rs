@@ -5,7 +5,6 @@
 //! distances the lowest (instance, geometry, primitive) wins. So every structure gives the same
 //! bits. Moving geometry is taken at time 0.
 
-pub(crate) mod loose;
 mod place;
 #[cfg(test)]
 mod tests;
@@ -22,11 +21,11 @@ use crate::tree::block::TriangleBlock;
 use crate::tree::node::ChildRef;
 use crate::tree::{Forest, GroupTree};
 use crate::world::double::DWorld;
+use crate::world::loose::Loose;
 use crate::world::winding::sign::is_on;
 use crate::world::{Structure, World};
-use loose::Loose;
 use place::Place;
-use snell_math::{DAffine3, DVec2, DVec3, Vec3};
+use snell_math::{Bounds3d, DAffine3, DVec2, DVec3, Vec3};
 use std::mem::MaybeUninit;
 
 impl World {
@@ -146,7 +145,7 @@ impl Space<'_> {
     ) -> Best {
         stack.clear();
         let (options, data) = (&*self.world.options, self.double.map(|world| &world.data));
-        let loose = self.world.loose.get_or_init(|| Loose::of(self));
+        let loose = self.world.loose.get_or_init(|| Loose::of(self.world, self.double));
         let best = Best::within(limit * scale);
         let mut search = Search { point, mask, options, data, loose, scale, best, stack };
         let place = Place::world(point, scale);
@@ -309,6 +308,21 @@ impl Search<'_> {
                 );
             }
         }
+    }
+
+    /// Tests the triangles of a group that are not in its tree.
+    fn loose(&mut self, group: usize, place: &Place, instance: u32) {
+        let Some(loose) = self.loose.get(group) else { return };
+        let weights = place.metric.axis_weights();
+        let wants = |search: &Self, bounds: &Bounds3d| {
+            let offset = (bounds.min - place.point).max(place.point - bounds.max).max(DVec3::ZERO);
+            // The bound is lowered by more than its rounding.
+            (offset * offset * weights).element_sum() * (1.0 - 1e-9) <= search.best.squared
+        };
+        loose.visit(self, wants, |search, triangle| {
+            let ids = [instance, triangle.geometry, triangle.number];
+            search.triangle_at(&triangle.corners, place, ids);
+        });
     }
 
     /// Tests everything in a group; `lists` has the contents of each group.

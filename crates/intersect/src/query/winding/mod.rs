@@ -2,9 +2,9 @@
 //! triangle soups.
 //!
 //! What is inside follows from the bodies of the world, one by one ([`InsideMethod`]). The
-//! generalised winding number around a point (Jacobson, Kavan and Sorkine-Hornung 2013) is instead a
-//! sum: the signed solid angle of all surfaces seen from the point, over `4 pi`. It is 1 inside a
-//! closed surface, 0 outside, 2 inside two of them, and -1 inside one that is inside out. Around
+//! generalised winding number around a point (Jacobson, Kavan and Sorkine-Hornung 2013) is a sum
+//! instead: the signed solid angle of all surfaces seen from the point, over `4 pi`. It is 1 inside
+//! a closed surface, 0 outside, 2 inside two of them, and -1 inside one that is inside out. Around
 //! open surfaces it varies smoothly, and a half is the natural boundary. The outer side is that of
 //! the normal (right-hand rule for triangles), also in mirrored instances.
 

@@ -1,7 +1,7 @@
 //! Takes a mesh apart into bodies: triangles that are joined at edges.
 //!
 //! Corners at equal positions are one. First, triangles with an edge that no other triangle has are
-//! taken off, again and again: they are open. A floor that shares edges with a box that stands on it
+//! taken off, again and again: they are open. A floor that shares edges with a box standing on it
 //! is so separated from it, and a surface with a hole is taken off altogether. What is left is
 //! closed, except for bodies with an edge of an odd number of triangles (a box with a wall inside).
 

@@ -64,8 +64,8 @@ impl Boxes {
         (this, order)
     }
 
-    /// The axes of the tree: two across, and the one along which boxes above a point are found. They
-    /// are in cyclic order.
+    /// The axes of the tree, in cyclic order: two across, and the one along which boxes above a
+    /// point are found.
     pub fn axes(&self) -> [usize; 3] {
         self.axes
     }

@@ -2,8 +2,8 @@
 //! ray with the bodies.
 //!
 //! The ray runs along an axis, so that a triangle is crossed if the point is in its projection, and
-//! every sign is exact. The difference of the crossings outwards and inwards is the winding number of
-//! the body around the point (Hormann and Agathos, The Point in Polygon Problem for Arbitrary
+//! every sign is exact. The difference of the crossings outwards and inwards is the winding number
+//! of the body around the point (Hormann and Agathos, The Point in Polygon Problem for Arbitrary
 //! Polygons, 2001, a dimension higher).
 
 use super::bodies::{Bodies, ClosedBody};
@@ -105,7 +105,7 @@ impl Crossings {
         self.bodies.is_empty()
     }
 
-    /// A body that is directly in a solid of the same mesh, turned the other way, is a cavity of it.
+    /// Makes a cavity of each body that is directly in a solid and turned the other way.
     fn find_cavities(&mut self, mesh: &Triangles, closed: &[ClosedBody]) {
         let size = |i: u32| closed[i as usize].volume.abs();
         // For each body, the smallest one around it.

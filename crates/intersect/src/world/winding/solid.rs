@@ -124,7 +124,8 @@ impl Solid {
             };
             let sum = self.open.winding_number(&view, accuracy, u32::MAX, &mut |part| {
                 let part = &self.parts[part as usize];
-                if part.side.is_nan() || (self.side == 0.0 && !part.bounds.contains(point)) {
+                let decides = part.side != 0.0 && part.bounds.contains(point);
+                if part.side.is_nan() || (self.side == 0.0 && !decides) {
                     return 0.0;
                 }
                 let bounds_something = self.side != 0.0 || part.side != 0.0;
@@ -135,7 +136,7 @@ impl Solid {
                     }
                     of_triangle(corners.map(|c| c - point))
                 });
-                if part.side != 0.0 && part.bounds.contains(point) {
+                if decides {
                     decide(number * part.side);
                 }
                 number

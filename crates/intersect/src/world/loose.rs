@@ -4,8 +4,8 @@
 //! Nearly all of them lie on an edge of a sound triangle of their mesh, which has the same distance
 //! and stands for them. The others are found here, in a tree that is built at the first query.
 
-use super::{Search, Space};
-use crate::world::{Geometry, GroupId};
+use super::double::DWorld;
+use super::{Geometry, GroupId, World};
 use snell_math::{Bounds3d, DVec3};
 use std::collections::HashSet;
 
@@ -20,11 +20,15 @@ pub(crate) struct Loose {
     nodes: Vec<Node>,
 }
 
+/// A loose triangle.
 #[derive(Clone, Copy, Debug)]
-struct Triangle {
-    geometry: u32,
-    number: u32,
-    corners: [DVec3; 3],
+pub(crate) struct Triangle {
+    /// The number of its mesh.
+    pub geometry: u32,
+    /// Its number in the mesh.
+    pub number: u32,
+    /// Its corners in the coordinates of the group.
+    pub corners: [DVec3; 3],
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -57,9 +61,9 @@ fn line([a, b, c]: [DVec3; 3]) -> Edge {
 }
 
 impl Loose {
-    /// The loose triangles of each group; empty if no triangle was skipped in the build.
-    pub(super) fn of(space: &Space) -> Vec<Self> {
-        let world = space.world;
+    /// The loose triangles of each group, with the meshes of `double` if it is given; empty if no
+    /// triangle was skipped in the build.
+    pub fn of(world: &World, double: Option<&DWorld>) -> Vec<Self> {
         if world.stats().skipped_triangles == 0 {
             return Vec::new();
         }
@@ -74,7 +78,7 @@ impl Loose {
                     Geometry::Quads(quads) => quads.triangles(),
                     _ => continue,
                 };
-                match space.double.and_then(|world| world.mesh(id)) {
+                match double.and_then(|world| world.mesh(id)) {
                     Some(mesh) => add(mesh.indices.len(), &|i| mesh.corners(i)),
                     None => add(single.indices.len(), &|i| single.corners(i).map(|c| c.as_dvec3())),
                 }
@@ -86,6 +90,28 @@ impl Loose {
             this
         };
         (0..world.group_count()).map(of_group).collect()
+    }
+
+    /// Calls `each` for the triangles in boxes for which `wants` is true.
+    pub fn visit<S>(
+        &self,
+        state: &mut S,
+        wants: impl Fn(&S, &Bounds3d) -> bool,
+        each: impl Fn(&mut S, &Triangle),
+    ) {
+        let mut stack: Vec<u32> = (0..self.nodes.len().min(1) as u32).collect();
+        while let Some(index) = stack.pop() {
+            let node = &self.nodes[index as usize];
+            if !wants(state, &node.bounds) {
+                continue;
+            }
+            if node.second != 0 {
+                stack.extend([node.second, index + 1]);
+                continue;
+            }
+            let (first, end) = (node.first as usize, (node.first + node.count) as usize);
+            self.triangles[first..end].iter().for_each(|triangle| each(state, triangle));
+        }
     }
 
     /// Builds the nodes of a range of triangles.
@@ -134,29 +160,4 @@ fn add_loose(
     }
     let loose = flat.into_iter().filter(|&i| lines.contains(&line(corners(i))));
     triangles.extend(loose.map(|i| Triangle { geometry, number: i as u32, corners: corners(i) }));
-}
-
-impl Search<'_> {
-    /// Tests the loose triangles of a group.
-    pub(super) fn loose(&mut self, group: usize, place: &super::Place, instance: u32) {
-        let Some(loose) = self.loose.get(group).filter(|l| !l.nodes.is_empty()) else { return };
-        let weights = place.metric.axis_weights();
-        let mut stack = vec![0u32];
-        while let Some(index) = stack.pop() {
-            let node = &loose.nodes[index as usize];
-            let (low, high) = (node.bounds.min - place.point, place.point - node.bounds.max);
-            let offset = low.max(high).max(DVec3::ZERO);
-            // The bound is lowered by more than its rounding.
-            if (offset * offset * weights).element_sum() * (1.0 - 1e-9) > self.best.squared {
-                continue;
-            }
-            if node.second != 0 {
-                stack.extend([node.second, index + 1]);
-                continue;
-            }
-            for t in &loose.triangles[node.first as usize..(node.first + node.count) as usize] {
-                self.triangle_at(&t.corners, place, [instance, t.geometry, t.number]);
-            }
-        }
-    }
 }
