@@ -53,6 +53,15 @@ def test_what_cannot_be_changed_says_what_can(scene):
         old.append(snell.Camera(eye=(0, 0, 5)))
     with pytest.raises(IndexError, match="id 7 is not in the scene"):
         scene.names[7] = "nothing"
+    scene.names = {0: "ball"}
+    assert scene["ball"] == 0
+    for name, remedy in {
+        "ids": r"remove\(id\)",
+        "bounds": "update_transform",
+        "materials": "replace_material",
+    }.items():
+        with pytest.raises(AttributeError, match=remedy):
+            setattr(scene, name, [])
     light = snell.Light("point", position=(0, 3, 0), intensity=1)
     for thing, name, remedy in [
         (scene.cameras[0], "fov", "make another"),

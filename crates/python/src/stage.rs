@@ -16,7 +16,7 @@ use crate::schema::{References, read};
 use crate::texture::{AnyTexture, Pattern, Texture, image};
 use crate::value::{Value, with_ids};
 use crate::work::{Threads, run_to_end_on};
-use pyo3::exceptions::{PyIndexError, PyOSError, PyTypeError, PyValueError};
+use pyo3::exceptions::{PyAttributeError, PyIndexError, PyOSError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyList, PyString};
 use snell_formats::WriteError;
@@ -233,6 +233,14 @@ impl Scene {
         let (py, stage) = (slf.py(), slf.get().0.contents(slf.py()).stage.clone());
         let all = stage.materials.iter().map(|material| taken(py, &stage, material).map(Material));
         listed(slf, "materials", all.collect::<PyResult<Vec<_>>>()?)
+    }
+
+    #[setter(materials)]
+    fn refuse_materials(&self, _value: &Bound<'_, PyAny>) -> PyResult<()> {
+        Err(PyAttributeError::new_err(
+            "materials: objects bring them: add_mesh(…, material=…), update_material(id, …); \
+                replace_material(number, …) changes one everywhere",
+        ))
     }
 
     /// Puts another material in the place of one, on every surface that has it.

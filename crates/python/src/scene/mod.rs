@@ -12,7 +12,7 @@ use crate::stage::{add_materials, listed, materials_of, warn_without_uvs};
 use crate::state::Shared;
 use crate::value::Value;
 use crate::work::run_to_end;
-use pyo3::exceptions::{PyKeyError, PyTypeError, PyValueError};
+use pyo3::exceptions::{PyAttributeError, PyKeyError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use snell_math::Transform;
@@ -536,6 +536,39 @@ impl Scene {
             }
         }
         py.import("snell._views")?.getattr("Names")?.call1((slf, names))
+    }
+
+    #[setter(names)]
+    fn set_names(&self, names: &Bound<'_, PyDict>) -> PyResult<()> {
+        let given: Vec<(i64, String)> = names
+            .iter()
+            .map(|(id, name)| Ok((id.extract()?, name.extract()?)))
+            .collect::<PyResult<_>>()?;
+        self.0.edit(names.py(), |contents| {
+            given.iter().try_for_each(|(id, _)| contents.get(*id).map(drop))?;
+            let ids: Vec<u32> = contents.objects().map(|(id, _)| id).collect();
+            for id in ids {
+                contents.get_mut(id.into())?.name = None;
+            }
+            for (id, name) in given {
+                contents.get_mut(id)?.name = Some(name.into());
+            }
+            Ok(())
+        })
+    }
+
+    #[setter(ids)]
+    fn refuse_ids(&self, _value: &Bound<'_, PyAny>) -> PyResult<()> {
+        Err(PyAttributeError::new_err(
+            "ids: the scene gives them; add_mesh(…) and its like add objects, remove(id) removes one",
+        ))
+    }
+
+    #[setter(bounds)]
+    fn refuse_bounds(&self, _value: &Bound<'_, PyAny>) -> PyResult<()> {
+        Err(PyAttributeError::new_err(
+            "bounds: they follow from the objects; update_transform(id, …) moves one",
+        ))
     }
 
     fn __len__(&self, py: Python<'_>) -> usize {
