@@ -1,18 +1,17 @@
-//! The class `Scene` and its objects. Queries are in [`rays`] and [`points`], materials, lights and
-//! cameras in [`crate::stage`].
+//! The class `Scene` and its objects. What it tells of them is in [`reading`]; queries are in
+//! [`rays`] and [`points`], materials, lights and cameras in [`crate::stage`].
 
 mod points;
 mod rays;
+mod reading;
 
 use crate::arrays::from_vec;
 use crate::contents::{Contents, Kind, Object};
-use crate::names::suggestion;
 use crate::objects;
-use crate::stage::{add_materials, listed, materials_of, warn_without_uvs};
+use crate::stage::{add_materials, warn_without_uvs};
 use crate::state::Shared;
-use crate::value::Value;
 use crate::work::run_to_end;
-use pyo3::exceptions::{PyAttributeError, PyKeyError, PyTypeError, PyValueError};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use snell_math::Transform;
@@ -379,196 +378,6 @@ impl Scene {
     /// 0
     fn remove(&self, py: Python<'_>, id: i64) -> PyResult<()> {
         self.0.edit(py, |contents| contents.remove(id))
-    }
-
-    /// The vertices `(n, 3)` and faces `(m, 3)` of a mesh, in its own coordinates, as new arrays: a
-    /// pair, which has `normals`, `uvs`, `colors`, `material_ids` (None for what was not given) and
-    /// `materials` as attributes.
-    ///
-    /// Examples
-    /// --------
-    /// >>> import snell
-    /// >>> scene = snell.Scene()
-    /// >>> id = scene.add_mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
-    /// >>> vertices, faces = scene.mesh(id)
-    /// >>> vertices.shape, faces.tolist()
-    /// ((3, 3), [[0, 1, 2]])
-    /// >>> scene.mesh(id).uvs is None
-    /// True
-    fn mesh<'py>(&self, py: Python<'py>, id: i64) -> PyResult<Bound<'py, PyAny>> {
-        let contents = self.0.contents(py);
-        let mesh = contents.mesh(id)?;
-        let faces =
-            from_vec(py, mesh.indices().as_flattened().to_vec(), &[mesh.indices().len(), 3])?;
-        let shape = [mesh.vertex_count(), 3];
-        let vertices = if mesh.is_double() {
-            let values =
-                mesh.double().positions.iter().flat_map(|p| p.to_array()).collect::<Vec<f64>>();
-            from_vec(py, values, &shape)?
-        } else {
-            let values =
-                mesh.single().positions.iter().flat_map(|p| p.to_array()).collect::<Vec<f32>>();
-            from_vec(py, values, &shape)?
-        };
-        let parts = PyDict::new(py);
-        parts.set_item("vertices", vertices)?;
-        parts.set_item("faces", faces)?;
-        let attributes = mesh.attributes();
-        let floats = |values: Vec<f32>, width: usize| {
-            let rows = values.len() / width;
-            (rows > 0).then(|| from_vec(py, values, &[rows, width])).transpose()
-        };
-        let normals = attributes.normals.iter().flat_map(|n| n.to_array()).collect();
-        parts.set_item("normals", floats(normals, 3)?)?;
-        let uvs = attributes.uvs.iter().flat_map(|uv| uv.to_array()).collect();
-        parts.set_item("uvs", floats(uvs, 2)?)?;
-        parts.set_item("colors", floats(attributes.colors.as_flattened().to_vec(), 4)?)?;
-        let slots = &attributes.material_slots;
-        let slots = (!slots.is_empty()).then(|| from_vec(py, slots.clone(), &[slots.len()]));
-        parts.set_item("material_ids", slots.transpose()?)?;
-        parts.set_item("materials", materials_of(py, &contents, contents.get(id)?)?)?;
-        py.import("snell._views")?.getattr("Mesh")?.call((), Some(&parts))
-    }
-
-    /// The shape with this id as a dictionary: its name as `"shape"`, and its parameters. With it,
-    /// `add_shape(**scene.shape(id))` adds another.
-    ///
-    /// Examples
-    /// --------
-    /// >>> import snell
-    /// >>> scene = snell.Scene()
-    /// >>> scene.shape(scene.add_shape("sphere", radius=2))
-    /// {'shape': 'sphere', 'radius': 2.0}
-    fn shape<'py>(&self, py: Python<'py>, id: i64) -> PyResult<Bound<'py, PyAny>> {
-        match &self.0.contents(py).get(id)?.kind {
-            Kind::Shape(shape) => Value::of(&**shape).map_err(PyTypeError::new_err)?.plain(py),
-            _ => Err(PyTypeError::new_err(format!("id {id} is not a shape"))),
-        }
-    }
-
-    /// The scene that the instance with this id shows, as a copy.
-    ///
-    /// Examples
-    /// --------
-    /// >>> import snell
-    /// >>> ball, scene = snell.Scene(), snell.Scene()
-    /// >>> id = ball.add_shape("sphere", radius=2)
-    /// >>> scene.instance(scene.add_instance(ball)).shape(id)["radius"]
-    /// 2.0
-    fn instance(&self, py: Python<'_>, id: i64) -> PyResult<Self> {
-        match &self.0.contents(py).get(id)?.kind {
-            Kind::Instance(child) => Ok(Self(Shared::new(child.clone()))),
-            _ => Err(PyTypeError::new_err(format!("id {id} is not an instance"))),
-        }
-    }
-
-    /// The id of the object with a name.
-    fn __getitem__(&self, py: Python<'_>, name: &Bound<'_, PyAny>) -> PyResult<u32> {
-        let Ok(name) = name.extract::<String>() else {
-            return Err(PyTypeError::new_err(
-                "a scene is indexed by the names of its objects; of ids there are mesh(id), \
-                    shape(id), instance(id) and transform(id)",
-            ));
-        };
-        let contents = self.0.contents(py);
-        let named = |object: &Object| object.name.as_deref() == Some(&*name);
-        let found: Vec<u32> =
-            contents.objects().filter(|(_, object)| named(object)).map(|(id, _)| id).collect();
-        match found[..] {
-            [id] => Ok(id),
-            [] => {
-                let names: Vec<&str> =
-                    contents.objects().filter_map(|(_, object)| object.name.as_deref()).collect();
-                let hint = suggestion(&name, &names);
-                Err(PyKeyError::new_err(format!("there is no object {name:?}{hint}")))
-            }
-            _ => Err(PyKeyError::new_err(format!(
-                "{} objects are called {name:?}: {found:?}",
-                found.len()
-            ))),
-        }
-    }
-
-    /// Names an object, or takes its name away (None).
-    ///
-    /// Examples
-    /// --------
-    /// >>> import snell
-    /// >>> scene = snell.Scene()
-    /// >>> scene.update_name(scene.add_shape("sphere", radius=1), "ball")
-    /// >>> scene["ball"]
-    /// 0
-    fn update_name(&self, py: Python<'_>, id: i64, name: Option<String>) -> PyResult<()> {
-        self.0.edit(py, |contents| {
-            contents.get_mut(id)?.name = name.map(Into::into);
-            Ok(())
-        })
-    }
-
-    /// The map `(4, 4)` from an object's coordinates to the scene's, as a new array.
-    ///
-    /// Examples
-    /// --------
-    /// >>> import snell
-    /// >>> scene = snell.Scene()
-    /// >>> scene.transform(scene.add_shape("sphere", radius=1)).tolist()[0]
-    /// [1.0, 0.0, 0.0, 0.0]
-    fn transform<'py>(&self, py: Python<'py>, id: i64) -> PyResult<Bound<'py, PyAny>> {
-        let contents = self.0.contents(py);
-        objects::matrix(py, &contents.get(id)?.transform.unwrap_or(Transform::IDENTITY))
-    }
-
-    /// The ids of all objects, ascending.
-    #[getter]
-    fn ids<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
-        let contents = slf.get().0.contents(slf.py());
-        listed(slf, "ids", contents.objects().map(|(id, _)| id).collect::<Vec<_>>())
-    }
-
-    /// The names of the objects that have one, by id. Changes of this dictionary name objects, as
-    /// :meth:`update_name` does.
-    #[getter]
-    fn names<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
-        let (py, names) = (slf.py(), PyDict::new(slf.py()));
-        for (id, object) in slf.get().0.contents(py).objects() {
-            if let Some(name) = object.name.as_deref() {
-                names.set_item(id, name)?;
-            }
-        }
-        py.import("snell._views")?.getattr("Names")?.call1((slf, names))
-    }
-
-    #[setter(names)]
-    fn set_names(&self, names: &Bound<'_, PyDict>) -> PyResult<()> {
-        let given: Vec<(i64, String)> = names
-            .iter()
-            .map(|(id, name)| Ok((id.extract()?, name.extract()?)))
-            .collect::<PyResult<_>>()?;
-        self.0.edit(names.py(), |contents| {
-            given.iter().try_for_each(|(id, _)| contents.get(*id).map(drop))?;
-            let ids: Vec<u32> = contents.objects().map(|(id, _)| id).collect();
-            for id in ids {
-                contents.get_mut(id.into())?.name = None;
-            }
-            for (id, name) in given {
-                contents.get_mut(id)?.name = Some(name.into());
-            }
-            Ok(())
-        })
-    }
-
-    #[setter(ids)]
-    fn refuse_ids(&self, _value: &Bound<'_, PyAny>) -> PyResult<()> {
-        Err(PyAttributeError::new_err(
-            "ids: the scene gives them; add_mesh(…) and its like add objects, remove(id) removes one",
-        ))
-    }
-
-    #[setter(bounds)]
-    fn refuse_bounds(&self, _value: &Bound<'_, PyAny>) -> PyResult<()> {
-        Err(PyAttributeError::new_err(
-            "bounds: they follow from the objects; update_transform(id, …) moves one",
-        ))
     }
 
     fn __len__(&self, py: Python<'_>) -> usize {
