@@ -60,8 +60,10 @@ pub fn load(
     let scene = run_to_end_on(py, Threads::new(threads)?, move || {
         let scene = match built_in {
             Some(scene) => scene,
-            None => read_scene(&path, &ReadOptions { confine, ..ReadOptions::default() })
-                .map_err(|e| PyValueError::new_err(e.to_string()))?,
+            None => {
+                read_scene(&path, &ReadOptions { confine, exact: true, ..ReadOptions::default() })
+                    .map_err(|e| PyValueError::new_err(e.to_string()))?
+            }
         };
         check_memory(&scene)?;
         fold(scene).map_err(PyValueError::new_err)

@@ -4,7 +4,7 @@ use crate::arrays::from_vec;
 use crate::camera::Camera;
 use crate::contents::Contents;
 use crate::declared::Declared;
-use crate::graph::graph;
+use crate::graph::{Purpose, graph};
 use crate::image::Image;
 use crate::light::Light;
 use crate::material::Material;
@@ -466,7 +466,8 @@ impl Scene {
             Ok("environment") => Background::Environment,
             Ok("transparent") => Background::Transparent,
             Ok("studio") => {
-                let scene = graph(&self.0.contents(value.py())).map_err(PyValueError::new_err)?;
+                let scene = graph(&self.0.contents(value.py()), Purpose::Picture)
+                    .map_err(PyValueError::new_err)?;
                 snell_scene::framing::studio_background(&scene, DVec3::Y)
             }
             _ => Background::Color(color(value, "background")?),
@@ -480,8 +481,8 @@ impl Scene {
     /// Writes the scene as a `.snell` file, which :func:`load` and `snell render` read: the same
     /// picture to the bit.
     ///
-    /// Vertices are written as they are rendered: those given as float64 in float32, around the
-    /// centre of their mesh. Masks are not written. To keep all of it, pickle the scene.
+    /// Vertices given as float64 are written so, beside the float32 ones around the centre of their
+    /// mesh that pictures use. Masks are not written. To keep all of it, pickle the scene.
     ///
     /// Parameters
     /// ----------
@@ -505,7 +506,7 @@ impl Scene {
     fn save(&self, py: Python<'_>, path: PathBuf, threads: Option<usize>) -> PyResult<()> {
         let contents = self.0.contents(py);
         let written = run_to_end_on(py, Threads::new(threads)?, move || {
-            let scene = graph(&contents).map_err(Err)?;
+            let scene = graph(&contents, Purpose::File).map_err(Err)?;
             snell_formats::write_scene(&path, &scene).map_err(Ok)
         })?;
         written.map_err(|error: Result<WriteError, String>| match error {

@@ -1,6 +1,6 @@
 //! Writes PLY: one binary mesh of the whole scene.
 
-use super::flat::world_meshes;
+use super::flat::{Digits, world_meshes};
 use super::{Output, SceneWriter};
 use snell_intersect::TriangleMesh;
 use snell_scene::Scene;
@@ -11,7 +11,7 @@ pub const WRITER: SceneWriter =
 
 fn write(scene: &Scene, output: &mut Output) -> Result<(), String> {
     let mut meshes: Vec<TriangleMesh> =
-        world_meshes(scene, output)?.into_iter().map(|(_, mesh)| mesh).collect();
+        world_meshes(scene, output, Digits::Any)?.into_iter().map(|(_, mesh)| mesh).collect();
     output.lose_all_but_surfaces(scene);
     if !scene.materials.is_empty() {
         output.lose("materials are left out");
@@ -43,6 +43,9 @@ pub fn joined(meshes: &[TriangleMesh], output: &mut Output) -> Result<TriangleMe
         some(|m| !m.uvs[0].is_empty()),
         some(|m| !m.colors.is_empty()),
     );
+    if some(|m| !m.exact.is_empty()) {
+        all.exact = meshes.iter().flat_map(|m| m.exact_positions().into_owned()).collect();
+    }
     for mesh in meshes {
         let (base, count) = (all.positions.len() as u32, mesh.positions.len());
         all.positions.extend(&mesh.positions);
@@ -68,9 +71,12 @@ pub fn joined(meshes: &[TriangleMesh], output: &mut Output) -> Result<TriangleMe
 pub fn encoded(mesh: &TriangleMesh) -> Vec<u8> {
     let mut header =
         format!("ply\nformat binary_little_endian 1.0\nelement vertex {}\n", mesh.positions.len());
+    let kind = if mesh.exact.is_empty() { "float" } else { "double" };
+    for axis in ["x", "y", "z"] {
+        header += &format!("property {kind} {axis}\n");
+    }
     let mut properties =
         |names: &[&str]| names.iter().for_each(|n| header += &format!("property float {n}\n"));
-    properties(&["x", "y", "z"]);
     if !mesh.normals.is_empty() {
         properties(&["nx", "ny", "nz"]);
     }
@@ -85,9 +91,15 @@ pub fn encoded(mesh: &TriangleMesh) -> Vec<u8> {
         mesh.indices.len()
     );
     let mut bytes = header.into_bytes();
-    let mut put = |numbers: &[f32]| numbers.iter().for_each(|x| bytes.extend(x.to_le_bytes()));
     for i in 0..mesh.positions.len() {
-        put(&mesh.positions[i].to_array());
+        match mesh.exact.get(i) {
+            Some(exact) => exact.to_array().iter().for_each(|x| bytes.extend(x.to_le_bytes())),
+            None => {
+                let position = mesh.positions[i].to_array();
+                position.iter().for_each(|x| bytes.extend(x.to_le_bytes()));
+            }
+        }
+        let mut put = |numbers: &[f32]| numbers.iter().for_each(|x| bytes.extend(x.to_le_bytes()));
         if let Some(normal) = mesh.normals.get(i) {
             put(&normal.to_array());
         }
