@@ -200,7 +200,7 @@ impl<'a> Source<'a> {
             if self.below(3) > 0 {
                 let count = 1 + 40 * self.below(2);
                 let spheres = self.balls(count);
-                all.add_set(group, Arc::new(Spheres { spheres, colors: Vec::new() }));
+                all.add_set(group, Arc::new(Spheres { spheres, ..Spheres::default() }));
             }
             if self.below(3) > 0 {
                 let points = self.balls(12);
@@ -216,7 +216,10 @@ impl<'a> Source<'a> {
                 let basis = bases[self.below(4)];
                 let (points, tangents) = (self.balls(12), self.balls(12));
                 let segments = (0..9).map(|_| self.below(12) as u32).collect();
-                all.add_set(group, Arc::new(CubicCurves { basis, points, tangents, segments }));
+                all.add_set(
+                    group,
+                    Arc::new(CubicCurves { basis, points, tangents, segments, exact: Vec::new() }),
+                );
             }
             if self.below(3) > 0 {
                 let mesh = self.mesh();

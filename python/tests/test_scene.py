@@ -155,7 +155,7 @@ def test_spheres_in_bulk_are_as_single_ones(rng):
     centers, radii = rng.normal(size=(200, 3)) * 4, rng.uniform(0.1, 0.5, size=200)
     bulk, single = snell.Scene(), snell.Scene()
     bulk.add_spheres(centers, radii)
-    for center, radius in zip(centers.astype(np.float32), radii.astype(np.float32), strict=True):
+    for center, radius in zip(centers, radii, strict=True):
         single.add_shape("sphere", translation(*center), radius=float(radius))
     rays = np.concatenate([rng.normal(size=(2000, 3)) * 8, rng.normal(size=(2000, 3))], axis=1)
     found, expected = bulk.cast_rays(rays), single.cast_rays(rays)

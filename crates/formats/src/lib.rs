@@ -82,6 +82,9 @@ pub struct ReadOptions {
     /// Values of the file's parameters, by name: `$name` in Mitsuba scenes. Other names are
     /// ignored.
     pub parameters: Vec<(String, String)>,
+    /// True if meshes keep their vertices in double precision, where single precision does not hold
+    /// all digits of the file: for queries and for writing. Pictures need them not.
+    pub exact: bool,
     /// Records the files that are read, with hashes of their contents. `None` saves the time for
     /// hashing.
     pub sources: Option<Sources>,

@@ -93,19 +93,24 @@ fn main() {
         let spheres: Vec<_> =
             (0..n).map(|i| point(i, 0).extend(radius(n) * (0.3 + 0.4 * random(i, 3)))).collect();
         let bytes = size_of_val(spheres.as_slice());
-        report_set("spheres", Spheres { spheres, colors: Vec::new() }, bytes);
+        report_set("spheres", Spheres { spheres, ..Spheres::default() }, bytes);
     }
     let strands = 20_000;
     let points: Vec<_> = (0..strands).flat_map(|i| strand(i, 16, 0.02, 0.001)).collect();
     let segments: Vec<u32> = (0..strands).flat_map(|i| (0..15).map(move |k| 16 * i + k)).collect();
     let bytes = size_of_val(points.as_slice()) + size_of_val(segments.as_slice());
-    report_set("linear curves", LinearCurves { points: points.clone(), segments }, bytes);
+    report_set(
+        "linear curves",
+        LinearCurves { points: points.clone(), segments, exact: Vec::new() },
+        bytes,
+    );
     let segments: Vec<u32> = (0..strands).flat_map(|i| (0..13).map(move |k| 16 * i + k)).collect();
     let curves = CubicCurves {
         basis: CurveBasis::BSpline,
         points: points.clone(),
         tangents: Vec::new(),
         segments,
+        exact: Vec::new(),
     };
     report_set("b-splines", curves, bytes);
     for (name, basis) in

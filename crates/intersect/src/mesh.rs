@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 use snell_math::{Bounds3, Bounds3d, DVec3, Transform, Vec2, Vec3, Vec4};
+use std::borrow::Cow;
 
 /// Number of sets of texture coordinates that a mesh may have.
 pub const UV_SETS: usize = 4;
@@ -31,6 +32,9 @@ pub struct TriangleMesh {
     pub colors: Vec<[f32; 4]>,
     /// Material slot per triangle, or empty: then every triangle has slot 0.
     pub material_slots: Vec<u16>,
+    /// The vertex positions in double precision, of which `positions` are rounded copies. Empty if
+    /// those are all that is known.
+    pub exact: Vec<DVec3>,
 }
 
 /// Errors of an invalid mesh.
@@ -102,10 +106,7 @@ impl DTriangleMesh {
 
 impl From<&TriangleMesh> for DTriangleMesh {
     fn from(mesh: &TriangleMesh) -> Self {
-        Self {
-            positions: mesh.positions.iter().map(|p| p.as_dvec3()).collect(),
-            indices: mesh.indices.clone(),
-        }
+        Self { positions: mesh.exact_positions().into_owned(), indices: mesh.indices.clone() }
     }
 }
 
@@ -159,6 +160,7 @@ impl TriangleMesh {
             check(name, uvs.len(), vertices, "vertex")?;
         }
         check("colors", self.colors.len(), vertices, "vertex")?;
+        check("exact", self.exact.len(), vertices, "vertex")?;
         check("material_slots", self.material_slots.len(), self.indices.len(), "triangle")
     }
 
@@ -221,6 +223,23 @@ impl TriangleMesh {
         are_degenerate(&self.corners(triangle))
     }
 
+    /// The vertex positions in the best precision that is known.
+    pub fn exact_positions(&self) -> Cow<'_, [DVec3]> {
+        match self.exact.is_empty() {
+            true => self.positions.iter().map(|p| p.as_dvec3()).collect::<Vec<_>>().into(),
+            false => Cow::Borrowed(&self.exact),
+        }
+    }
+
+    /// Drops the positions in double precision if they are those in single precision.
+    pub fn drop_needless_exact(&mut self) {
+        // Numbers that are not finite have no digits to lose.
+        let same = |(p, exact): (&Vec3, &DVec3)| p.as_dvec3() == *exact || !exact.is_finite();
+        if self.positions.iter().zip(&self.exact).all(same) {
+            self.exact = Vec::new();
+        }
+    }
+
     /// The mesh transformed by `transform`. Positions are computed in double precision and rounded
     /// once, normals by the inverse transpose, and tangents as vectors. A mirroring transform also
     /// reverses the vertex order of the triangles, so that their outer side stays outside.
@@ -228,6 +247,10 @@ impl TriangleMesh {
         let mut mesh = self.clone();
         for p in &mut mesh.positions {
             *p = transform.point(p.as_dvec3()).as_vec3();
+        }
+        for (exact, p) in mesh.exact.iter_mut().zip(&mut mesh.positions) {
+            *exact = transform.point(*exact);
+            *p = exact.as_vec3();
         }
         for n in &mut mesh.normals {
             *n = transform.normal(n.as_dvec3()).normalize_or_zero().as_vec3();

@@ -200,25 +200,35 @@ impl Camera {
         Ok(all)
     }
 
-    /// One ray through the centre of each pixel: an array `(height_px, width_px, 6)` of float32,
-    /// for :meth:`Scene.cast_rays`.
+    /// One ray through the centre of each pixel: an array `(height_px, width_px, 6)`, for
+    /// :meth:`Scene.cast_rays`.
     ///
     /// Directions have unit length, so `t_hit` is the distance; where a projection shows nothing
     /// (outside of a fisheye's circle) they are 0.
+    ///
+    /// Parameters
+    /// ----------
+    /// width_px, height_px : int, optional
+    ///     Size of the picture; the camera's if left out.
+    /// dtype : float32 or float64
+    ///     The precision of the rays, float32 if left out. Rays are computed in double precision;
+    ///     `np.float64` keeps it, which a camera far from zero needs: near 5,000,000 float32 has
+    ///     steps of 0.5.
     ///
     /// Examples
     /// --------
     /// >>> import snell
     /// >>> snell.Camera(eye=(0, 0, 5)).rays(4, 3).shape
     /// (3, 4, 6)
-    #[pyo3(signature = (width_px=None, height_px=None))]
+    #[pyo3(signature = (width_px=None, height_px=None, dtype=None))]
     fn rays<'py>(
         &self,
         py: Python<'py>,
         width_px: Option<u32>,
         height_px: Option<u32>,
+        dtype: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        rays_of(py, &self.0, [width_px, height_px])
+        rays_of(py, &self.0, [width_px, height_px], dtype)
     }
 
     /// The projections of points in a picture of some size, in pixels from its upper left corner:

@@ -3,6 +3,7 @@
 use crate::arrays::from_vec;
 use crate::contents::Contents;
 use crate::names::suggestion;
+use crate::scene::precision;
 use crate::work::{Threads, run};
 use pyo3::exceptions::{PyIndexError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
@@ -44,8 +45,9 @@ pub fn rays<'py>(
     contents: &Contents,
     camera: Option<&Bound<'py, PyAny>>,
     size: [Option<u32>; 2],
+    dtype: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    rays_of(py, &choose(&contents.stage.cameras, camera)?, size)
+    rays_of(py, &choose(&contents.stage.cameras, camera)?, size, dtype)
 }
 
 /// One ray through the centre of each pixel: an array `(height, width, 6)`.
@@ -53,7 +55,9 @@ pub fn rays_of<'py>(
     py: Python<'py>,
     camera: &Camera,
     size: [Option<u32>; 2],
+    dtype: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyAny>> {
+    let is_double = precision(py, dtype)?;
     let own = camera.resolution.or(match &camera.projection {
         Projection::Intrinsics(matrix) => Some(matrix.size),
         _ => None,
@@ -74,20 +78,36 @@ pub fn rays_of<'py>(
             "width_px and height_px are {size:?}, expected at most 65536"
         )));
     }
+    // Outside the projection a ray has no direction, so it misses.
+    if is_double {
+        return each_pixel(py, size, |film| match camera.central_ray(film, size) {
+            Some(ray) => [ray.origin.to_array(), ray.direction.to_array()],
+            None => [camera.eye.to_array(), [0.0; 3]],
+        });
+    }
+    each_pixel(py, size, |film| {
+        let found = camera.ray(&CameraSample { film, lens: Vec2::splat(0.5) }, size);
+        let is_there = found.weight > 0.0;
+        let direction = if is_there { found.ray.direction.to_array() } else { [0.0; 3] };
+        [found.ray.origin.to_array(), direction]
+    })
+}
+
+/// An array of the origins and directions of the rays of all pixels.
+fn each_pixel<T: numpy::Element + Copy + Default + Send + Sync>(
+    py: Python<'_>,
+    size: [u32; 2],
+    ray: impl Fn(DVec2) -> [[T; 3]; 2] + Sync,
+) -> PyResult<Bound<'_, PyAny>> {
     let [width, height] = size.map(|side| side as usize);
-    crate::memory::admit_all("the rays", width * height, 6 * size_of::<f32>())?;
+    crate::memory::admit_all("the rays", width * height, 6 * size_of::<T>())?;
     let rows = run(py, Threads::new(None)?, false, |cancel| {
-        let mut rays = vec![0.0f32; width * height * 6];
+        let mut rays = vec![T::default(); width * height * 6];
         rays.par_chunks_mut(width * 6).enumerate().try_for_each(|(y, row)| {
             cancel.check()?;
             for (x, place) in row.as_chunks_mut::<6>().0.iter_mut().enumerate() {
-                let film = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
-                let found = camera.ray(&CameraSample { film, lens: Vec2::splat(0.5) }, size);
-                place[..3].copy_from_slice(&found.ray.origin.to_array());
-                // Outside the projection a ray has no direction, so it misses.
-                if found.weight > 0.0 {
-                    place[3..].copy_from_slice(&found.ray.direction.to_array());
-                }
+                let found = ray(DVec2::new(x as f64 + 0.5, y as f64 + 0.5));
+                place.copy_from_slice(found.as_flattened());
             }
             Ok(())
         })?;

@@ -5,22 +5,35 @@
 //! instanced scenes are appended to those of the scene that holds them.
 
 use crate::contents::{Contents, Kind, Nodes, Object};
+use crate::mesh::Mesh;
 use crate::origins::Origins;
 use crate::value;
 use snell_intersect::shape::Sphere;
-use snell_intersect::{AnyShape, Spheres};
-use snell_math::{DAffine3, DVec3, Transform};
+use snell_intersect::{AnyShape, Curves, Spheres, TriangleMesh};
+use snell_math::{Bounds3d, DAffine3, Transform};
 use snell_scene::{Geometry, MaterialId, Node, NodeId, Scene, Surface};
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 
+/// What a scene graph is for.
+#[derive(Clone, Copy, PartialEq)]
+pub enum Purpose {
+    /// Pictures, for which meshes are in single precision.
+    Picture,
+    /// A file, for which they keep what is known in double precision.
+    File,
+}
+
 /// The scene graph of a scene.
-pub fn graph(contents: &Contents) -> Result<Scene, String> {
-    graph_with_origins(contents).map(|(scene, _)| scene)
+pub fn graph(contents: &Contents, purpose: Purpose) -> Result<Scene, String> {
+    graph_with_origins(contents, purpose).map(|(scene, _)| scene)
 }
 
 /// The scene graph of a scene, and the objects that its nodes stand for.
-pub fn graph_with_origins(contents: &Contents) -> Result<(Scene, Origins), String> {
+pub fn graph_with_origins(
+    contents: &Contents,
+    purpose: Purpose,
+) -> Result<(Scene, Origins), String> {
     let mut scene = Scene::clone(&contents.stage);
     if let Some(nodes) = contents.nodes() {
         let Nodes { nodes, root, origins } = &**nodes;
@@ -30,6 +43,7 @@ pub fn graph_with_origins(contents: &Contents) -> Result<(Scene, Origins), Strin
     (scene.nodes, scene.root) = (vec![Node::named("root")], NodeId(0));
     let mut writer = Writer {
         scene,
+        purpose,
         origins: Origins::default(),
         stages: HashMap::new(),
         children: HashMap::new(),
@@ -40,9 +54,27 @@ pub fn graph_with_origins(contents: &Contents) -> Result<(Scene, Origins), Strin
     Ok((writer.scene, writer.origins))
 }
 
+/// Strands that are known in double precision relative to a point among them, and the map back;
+/// others as they are.
+fn centered(curves: &Arc<Curves>) -> (Arc<Curves>, Transform) {
+    let exact = curves.exact_points();
+    let bounds = Bounds3d::of(exact.iter().map(|p| p.truncate()));
+    if bounds.is_empty() {
+        return (curves.clone(), Transform::IDENTITY);
+    }
+    // The centre is rounded, so that subtracting it from nearby points is exact.
+    let center = bounds.center().as_vec3().as_dvec3();
+    let near = exact.iter().map(|p| *p - center.extend(0.0)).collect();
+    match Curves::exact(curves.basis(), near, curves.strands().to_vec()) {
+        Ok(near) => (Arc::new(near), Transform::translation(center)),
+        Err(_) => (curves.clone(), Transform::IDENTITY),
+    }
+}
+
 struct Writer {
     scene: Scene,
     origins: Origins,
+    purpose: Purpose,
     /// The id of the first material of each stage.
     stages: HashMap<*const Scene, u32>,
     /// The node of each scene that is instanced.
@@ -63,7 +95,7 @@ impl Writer {
             node.transform = *placed.matrix();
             match &object.kind {
                 Kind::Mesh(mesh) => {
-                    let (mesh, own) = mesh.rendered();
+                    let (mesh, own) = self.mesh(mesh);
                     node.transform = *placed.compose(&own).matrix();
                     node.surfaces.push(Surface {
                         geometry: Geometry::Mesh(mesh),
@@ -75,7 +107,9 @@ impl Writer {
                     node.surfaces.push(Surface { geometry, materials: materials(object) });
                 }
                 Kind::Curves(curves) => {
-                    let geometry = Geometry::Curves(curves.clone());
+                    let (curves, own) = centered(curves);
+                    node.transform = *placed.compose(&own).matrix();
+                    let geometry = Geometry::Curves(curves);
                     node.surfaces.push(Surface { geometry, materials: materials(object) });
                 }
                 Kind::Spheres(spheres) => {
@@ -102,7 +136,7 @@ impl Writer {
         let mut objects = child.objects();
         if let (Some((id, only)), None) = (objects.next(), objects.next())
             && let Object { kind: Kind::Mesh(mesh), transform: None, materials, .. } = only
-            && let (mesh, own) = mesh.rendered()
+            && let (mesh, own) = self.mesh(mesh)
             && own.is_identity()
         {
             let first = self.stage(&child.stage)?;
@@ -123,15 +157,23 @@ impl Writer {
         Ok(None)
     }
 
+    /// A mesh, and the map from its coordinates.
+    fn mesh(&self, mesh: &Mesh) -> (Arc<TriangleMesh>, Transform) {
+        match self.purpose {
+            Purpose::Picture => mesh.rendered(),
+            Purpose::File => mesh.written(),
+        }
+    }
+
     /// A node for each sphere of an object; spheres of one radius share their shape.
     fn spheres(&mut self, spheres: &Spheres, id: u32) -> Vec<NodeId> {
-        let mut shapes: BTreeMap<u32, Arc<AnyShape>> = BTreeMap::new();
-        let each = spheres.spheres.iter().enumerate().map(|(number, s)| {
+        let mut shapes: BTreeMap<u64, Arc<AnyShape>> = BTreeMap::new();
+        let each = (0..spheres.spheres.len()).map(|number| {
+            let ball = spheres.exact_sphere(number);
             let shape = shapes
-                .entry(s.w.to_bits())
-                .or_insert_with(|| Arc::new(Sphere { radius: f64::from(s.w) }.into()));
-            let transform =
-                DAffine3::from_translation(DVec3::from(s.truncate().to_array().map(f64::from)));
+                .entry(ball.w.to_bits())
+                .or_insert_with(|| Arc::new(Sphere { radius: ball.w }.into()));
+            let transform = DAffine3::from_translation(ball.truncate());
             let surfaces = vec![Surface::new(Geometry::Shape(shape.clone()))];
             let node = self.scene.add_node(Node { transform, surfaces, ..Node::default() });
             self.origins.first.insert(node, id);

@@ -56,8 +56,10 @@ pub fn load(py: Python<'_>, path: PathBuf, threads: Option<i64>, confine: bool) 
     let scene = run_to_end_on(py, Threads::new(threads)?, move || {
         let scene = match built_in {
             Some(scene) => scene,
-            None => read_scene(&path, &ReadOptions { confine, ..ReadOptions::default() })
-                .map_err(|e| PyValueError::new_err(e.to_string()))?,
+            None => {
+                read_scene(&path, &ReadOptions { confine, exact: true, ..ReadOptions::default() })
+                    .map_err(|e| PyValueError::new_err(e.to_string()))?
+            }
         };
         check_memory(&scene)?;
         fold(scene).map_err(PyValueError::new_err)

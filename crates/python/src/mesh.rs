@@ -58,6 +58,7 @@ pub struct Mesh {
     centered: OnceLock<Arc<TriangleMesh>>,
     attributes: Attributes,
     rendered: OnceLock<Rendered>,
+    written: OnceLock<Arc<TriangleMesh>>,
 }
 
 impl Mesh {
@@ -71,6 +72,7 @@ impl Mesh {
             centered: OnceLock::new(),
             attributes,
             rendered: OnceLock::new(),
+            written: OnceLock::new(),
         };
         match positions {
             Positions::Single(positions) => {
@@ -113,9 +115,14 @@ impl Mesh {
         let mesh = if placed.is_identity() {
             let mut mesh = Self::new(Positions::Single(Vec::new()), Vec::new(), attributes);
             mesh.single = OnceLock::from(source.clone());
+            if !source.exact.is_empty() {
+                mesh.is_double = true;
+                mesh.double = OnceLock::from(Arc::new(DTriangleMesh::from(&**source)));
+            }
             mesh
         } else {
-            let positions = source.positions.iter().map(|p| placed.point(p.as_dvec3())).collect();
+            let exact = source.exact_positions();
+            let positions = exact.iter().map(|p| placed.point(*p)).collect();
             for n in &mut attributes.normals {
                 *n = placed.normal(n.as_dvec3()).normalize_or_zero().as_vec3();
             }
@@ -162,6 +169,21 @@ impl Mesh {
     /// The mesh in double precision.
     pub fn double(&self) -> &Arc<DTriangleMesh> {
         self.double.get_or_init(|| Arc::new(DTriangleMesh::from(&**self.single())))
+    }
+
+    /// [`Self::rendered`], with the positions in double precision if this mesh has them.
+    pub fn written(&self) -> (Arc<TriangleMesh>, Transform) {
+        let (rendered, placed) = self.rendered();
+        let is_exact = !self.is_double || !rendered.exact.is_empty();
+        let written = self.written.get_or_init(|| match is_exact {
+            true => rendered,
+            false => {
+                let exact = |p: &DVec3| placed.inverse().point(*p);
+                let exact = self.double().positions.iter().map(exact).collect();
+                Arc::new(TriangleMesh { exact, ..TriangleMesh::clone(&rendered) })
+            }
+        });
+        (written.clone(), placed)
     }
 
     /// The mesh as it is rendered, with all attributes, and the map from its coordinates to those

@@ -10,7 +10,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use serde_json::{Map, Value as Json};
 use snell_intersect::{AnyShape, Curves, Shape, Spheres, StrandBasis};
-use snell_math::{DMat4, DVec3, Transform, Vec2, Vec3, Vec4};
+use snell_math::{DMat4, DVec3, DVec4, Transform, Vec2, Vec3, Vec4};
 
 /// The shape of an array `(n, width)`, or an error that names the shape found.
 fn rows(array: &Bound<'_, PyUntypedArray>, width: usize, name: &str) -> PyResult<usize> {
@@ -275,8 +275,37 @@ pub fn mask(value: Option<i64>) -> PyResult<u32> {
     })
 }
 
+/// Positions with one number more for each: `radii`, of which a single one stands for all.
+enum Balls {
+    /// In single precision: as it was given.
+    Single(Vec<Vec4>),
+    /// In double precision.
+    Double(Vec<DVec4>),
+}
+
+/// Reads positions and the radii of balls there. They are kept in double precision unless the
+/// positions are `float32`.
+fn balls(
+    points: &Bound<'_, PyAny>,
+    name: &str,
+    radii: &Bound<'_, PyAny>,
+    least: impl Fn(usize, f64) -> PyResult<()>,
+) -> PyResult<Balls> {
+    let positions = positions(points, name)?;
+    let radii = of_each(radii, "radii", positions.len())?;
+    radii.iter().enumerate().try_for_each(|(at, &radius)| least(at, radius))?;
+    Ok(match positions {
+        Positions::Single(all) => {
+            Balls::Single(all.iter().zip(radii).map(|(p, r)| p.extend(r as f32)).collect())
+        }
+        Positions::Double(all) => {
+            Balls::Double(all.iter().zip(radii).map(|(p, r)| p.extend(r)).collect())
+        }
+    })
+}
+
 /// One number for each of `count` points; a single number stands for all.
-fn of_each(values: &Bound<'_, PyAny>, what: &str, count: usize) -> PyResult<Vec<f32>> {
+fn of_each(values: &Bound<'_, PyAny>, what: &str, count: usize) -> PyResult<Vec<f64>> {
     let py = values.py();
     let values = array(values, what)?;
     is_double(&values, what)?;
@@ -286,7 +315,7 @@ fn of_each(values: &Bound<'_, PyAny>, what: &str, count: usize) -> PyResult<Vec<
             "{what}: shape is {found}, expected ({count},) or one number"
         )));
     }
-    let values = contiguous::<f32>(
+    let values = contiguous::<f64>(
         &numpy(py, "atleast_1d")?.call1((values,))?.cast_into::<PyUntypedArray>()?,
     )?;
     let values = slice(&values)?;
@@ -294,22 +323,23 @@ fn of_each(values: &Bound<'_, PyAny>, what: &str, count: usize) -> PyResult<Vec<
     Ok(if values.len() == 1 { vec![values[0]; count] } else { values.to_vec() })
 }
 
-/// Spheres as positions and radii.
-fn balls(positions: &[[f32; 3]], radii: &[f32]) -> Vec<Vec4> {
-    positions.iter().zip(radii).map(|(&[x, y, z], &r)| Vec4::new(x, y, z, r)).collect()
-}
-
 /// Spheres in bulk.
 pub fn spheres(centers: &Bound<'_, PyAny>, radii: &Bound<'_, PyAny>) -> PyResult<Spheres> {
-    let centers = attribute::<3>(centers, None, "centers")?;
-    let radii = of_each(radii, "radii", centers.len())?;
-    if let Some(at) = radii.iter().position(|&r| r <= 0.0) {
-        return Err(PyValueError::new_err(format!(
-            "radii[{at}] is {}, expected a positive number",
-            radii[at]
-        )));
-    }
-    Ok(Spheres { spheres: balls(&centers, &radii), colors: Vec::new() })
+    let balls = balls(centers, "centers", radii, |at, radius| {
+        if radius > 0.0 {
+            return Ok(());
+        }
+        let message = format!("radii[{at}] is {radius}, expected a positive number");
+        Err(PyValueError::new_err(message))
+    })?;
+    Ok(match balls {
+        Balls::Single(spheres) => Spheres { spheres, ..Spheres::default() },
+        Balls::Double(exact) => Spheres {
+            spheres: exact.iter().map(|ball| ball.as_vec4()).collect(),
+            exact,
+            ..Spheres::default()
+        },
+    })
 }
 
 /// Strands of round curves. `strands` has the number of points of each; without it, all points are
@@ -320,21 +350,23 @@ pub fn curves(
     strands: Option<&Bound<'_, PyAny>>,
     basis: &str,
 ) -> PyResult<Curves> {
-    let points = attribute::<3>(points, None, "points")?;
-    let radii = of_each(radii, "radii", points.len())?;
-    if let Some(at) = radii.iter().position(|&r| r < 0.0) {
-        return Err(PyValueError::new_err(format!(
-            "radii[{at}] is {}, expected 0 or more",
-            radii[at]
-        )));
-    }
+    let balls = balls(points, "points", radii, |at, radius| {
+        if radius >= 0.0 {
+            return Ok(());
+        }
+        Err(PyValueError::new_err(format!("radii[{at}] is {radius}, expected 0 or more")))
+    })?;
+    let count = match &balls {
+        Balls::Single(all) => all.len(),
+        Balls::Double(all) => all.len(),
+    };
     let strands: Vec<u32> = match strands {
         Some(counts) => counts.extract().map_err(|_| {
             PyValueError::new_err(
                 "strands: expected a sequence of whole numbers, of points of each strand",
             )
         })?,
-        None => vec![points.len() as u32],
+        None => vec![count as u32],
     };
     let named = serde_json::from_value::<StrandBasis>(basis.into());
     let basis = named.map_err(|_| {
@@ -342,8 +374,11 @@ pub fn curves(
             "basis is {basis:?}, expected \"bezier\", \"b-spline\", \"catmull-rom\" or \"linear\""
         ))
     })?;
-    Curves::new(basis, balls(&points, &radii), strands)
-        .map_err(|error| PyValueError::new_err(error.to_string()))
+    let curves = match balls {
+        Balls::Single(points) => Curves::new(basis, points, strands),
+        Balls::Double(points) => Curves::exact(basis, points, strands),
+    };
+    curves.map_err(|error| PyValueError::new_err(error.to_string()))
 }
 
 /// What other programs call shapes, and their names here.

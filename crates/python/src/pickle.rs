@@ -9,6 +9,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList, PyTuple};
 use snell_formats::scene::snell::text;
 use snell_formats::{Limits, ReadOptions, read_scene_bytes};
+use snell_math::{DVec4, Vec4};
 use snell_scene::{MaterialId, Node, NodeId, Scene as Graph, Warning};
 use std::collections::HashMap;
 use std::path::Path;
@@ -86,18 +87,10 @@ fn stored<'py>(
             all.set_item("shape", json)?;
         }
         Kind::Spheres(spheres) => {
-            let numbers: Vec<_> =
-                spheres.spheres.iter().flat_map(|s| s.truncate().to_array()).collect();
-            all.set_item("centers", from_vec(py, numbers, &[spheres.spheres.len(), 3])?)?;
-            let radii: Vec<_> = spheres.spheres.iter().map(|s| s.w).collect();
-            all.set_item("radii", from_vec(py, radii, &[spheres.spheres.len()])?)?;
+            balls(&all, "centers", &spheres.spheres, &spheres.exact)?;
         }
         Kind::Curves(curves) => {
-            let numbers: Vec<_> =
-                curves.points().iter().flat_map(|p| p.truncate().to_array()).collect();
-            all.set_item("points", from_vec(py, numbers, &[curves.points().len(), 3])?)?;
-            let radii: Vec<_> = curves.points().iter().map(|p| p.w).collect();
-            all.set_item("radii", from_vec(py, radii, &[curves.points().len()])?)?;
+            balls(&all, "points", curves.points(), curves.exact_points())?;
             if !curves.colors().is_empty() {
                 let colors = curves.colors().iter().flatten().copied().collect();
                 all.set_item("colors", from_vec(py, colors, &[curves.points().len(), 4])?)?;
@@ -126,6 +119,27 @@ fn stored<'py>(
     let materials: Vec<Option<u32>> = object.materials.iter().map(|m| m.map(|m| m.0)).collect();
     all.set_item("materials", materials)?;
     Ok(all)
+}
+
+/// Stores balls as positions and radii, in double precision if they are known so.
+fn balls(
+    all: &Bound<'_, PyDict>,
+    positions: &str,
+    single: &[Vec4],
+    exact: &[DVec4],
+) -> PyResult<()> {
+    let (py, count) = (all.py(), single.len());
+    let (places, radii) = if exact.is_empty() {
+        let places = single.iter().flat_map(|p| p.truncate().to_array()).collect();
+        let radii = single.iter().map(|p| p.w).collect();
+        (from_vec::<f32>(py, places, &[count, 3])?, from_vec::<f32>(py, radii, &[count])?)
+    } else {
+        let places = exact.iter().flat_map(|p| p.truncate().to_array()).collect();
+        let radii = exact.iter().map(|p| p.w).collect();
+        (from_vec::<f64>(py, places, &[count, 3])?, from_vec::<f64>(py, radii, &[count])?)
+    };
+    all.set_item(positions, places)?;
+    all.set_item("radii", radii)
 }
 
 /// Restores a stored scene.

@@ -2,15 +2,16 @@
 //! is kept between renders.
 
 use crate::contents::Contents;
-use crate::graph::graph_with_origins;
+use crate::graph::{Purpose, graph_with_origins};
 use crate::memory::admit;
 use crate::origins::Origins;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use snell_intersect::BuildOptions;
+use snell_math::DVec3;
 use snell_render::CompiledScene;
 use snell_scene::Scene;
-use snell_scene::framing::{FramingOptions, prepare};
+use snell_scene::framing::{FramingOptions, bring_near, prepare};
 
 /// The options that decide, together with the scene, what is prepared.
 #[derive(Clone, Debug)]
@@ -38,6 +39,8 @@ pub struct Prepared {
     pub scene: Scene,
     /// The objects that the nodes of the scene graph stand for.
     pub origins: Origins,
+    /// By how much the scene was moved, because it is far from zero for its size.
+    pub moved_by: DVec3,
     /// The warnings of the reader and the compiler.
     pub warnings: Vec<String>,
 }
@@ -46,14 +49,17 @@ impl Prepared {
     /// Prepares the contents of a scene.
     pub fn new(contents: &Contents, request: &Request) -> PyResult<Self> {
         let failed = |error: &dyn std::fmt::Display| PyValueError::new_err(error.to_string());
-        let (mut scene, origins) = graph_with_origins(contents).map_err(PyValueError::new_err)?;
+        let (mut scene, origins) =
+            graph_with_origins(contents, Purpose::Picture).map_err(PyValueError::new_err)?;
         scene.limit_light();
+        // Positions from Python are moved when they come, and those of pictures are moved back.
+        let moved_by = bring_near(&mut scene).map_err(|e| failed(&e))?.unwrap_or_default();
         let framing = FramingOptions { size: request.size, ..FramingOptions::default() };
         prepare(&mut scene, &framing).map_err(|e| failed(&e))?;
         admit("the scene ready to be rendered", snell_render::memory::of_scene(&scene))?;
         let compiled = CompiledScene::new(&scene, &request.build).map_err(|e| failed(&e))?;
         let warnings = scene.warnings.iter().chain(&compiled.warnings);
         let warnings = warnings.map(snell_scene::Warning::to_string).collect();
-        Ok(Self { compiled, scene, origins, warnings })
+        Ok(Self { compiled, scene, origins, moved_by, warnings })
     }
 }

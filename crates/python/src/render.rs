@@ -12,6 +12,7 @@ use crate::work::{Cancel, Threads, begin_alone};
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict};
 use snell_formats::image::cryptomatte;
+use snell_math::DVec3;
 use snell_oidn::{DenoiseError, Denoiser};
 use snell_render::layers::{Coverage, name_groups};
 use snell_render::{Aov, Film, Job, Progress, Request, Settings, Underway, with_patience};
@@ -103,7 +104,11 @@ impl Task {
         build.compact |= scene.get().0.contents(py).compact;
         let size = request.size.unwrap_or(Request::DEFAULT_SIZE);
         let prepared = scene.get().0.prepared(py, &Preparation { build, size }, threads)?;
-        let camera = cameras::choose(&prepared.scene.cameras, keywords.any("camera")?.as_ref())?;
+        let wanted = keywords.any("camera")?;
+        let mut camera = cameras::choose(&prepared.scene.cameras, wanted.as_ref())?;
+        if wanted.is_some_and(|wanted| wanted.is_instance_of::<crate::camera::Camera>()) {
+            camera.eye += prepared.moved_by;
+        }
         let settings = request.resolve(&prepared.scene, &camera).map_err(request_error)?;
         let denoiser = settings::denoiser(&request)?;
         memory::check_picture(&settings, threads.count(), denoiser.is_some())?;
@@ -245,6 +250,7 @@ impl Plan {
         let mut picture = snell_render::picture(film, settings, compiled);
         origins::rename(&mut picture, prepared);
         picture.layers.retain(|layer| !self.hidden.contains(&layer.name.as_str()));
+        place_back(&mut picture, prepared.moved_by);
         name_groups(&mut picture, film, &settings.light_groups);
         self.add_cryptomatte(&mut picture, film);
         if let Some(denoiser) = denoiser {
@@ -271,6 +277,16 @@ impl Plan {
                 picture.metadata.extend(matte.metadata);
             }
         }
+    }
+}
+
+/// Moves positions in a picture of a scene that was moved by `by` back to their places. Pixels that
+/// show nothing have the position 0 and keep it.
+fn place_back(picture: &mut LayeredImage, by: DVec3) {
+    let layer = picture.layers.iter_mut().find(|layer| layer.name == Aov::Position.name());
+    let Some(layer) = layer.filter(|_| by != DVec3::ZERO) else { return };
+    for position in layer.values.as_chunks_mut::<3>().0.iter_mut().filter(|p| **p != [0.0; 3]) {
+        *position = (DVec3::from(position.map(f64::from)) - by).as_vec3().to_array();
     }
 }
 

@@ -5,7 +5,7 @@ use crate::camera::Camera;
 use crate::contents::{Contents, Kind as Content, Object};
 use crate::declared::Declared;
 use crate::encoding::{warn, warn_of_bytes};
-use crate::graph::graph;
+use crate::graph::{Purpose, graph};
 use crate::image::Image;
 use crate::light::Light;
 use crate::material::Material;
@@ -495,7 +495,8 @@ impl Scene {
             Ok("environment") => Background::Environment,
             Ok("transparent") => Background::Transparent,
             Ok("studio") => {
-                let scene = graph(&self.0.contents(value.py())).map_err(PyValueError::new_err)?;
+                let scene = graph(&self.0.contents(value.py()), Purpose::Picture)
+                    .map_err(PyValueError::new_err)?;
                 snell_scene::framing::studio_background(&scene, DVec3::Y)
             }
             _ => {
@@ -515,8 +516,8 @@ impl Scene {
     /// picture to the bit. Or as glTF, pbrt, OBJ, PLY, STL or OFF, by the extension.
     ///
     /// A :class:`SceneWarning` names each thing that the format cannot hold, such as lights in OBJ,
-    /// and masks in any. Vertices are written as they are rendered: those given as float64 in
-    /// float32, around the centre of their mesh. To keep all of it, pickle the scene.
+    /// and masks in any. Vertices given as float64 are written so, beside the float32 ones around
+    /// the centre of their mesh that pictures use. To keep all of it, pickle the scene.
     ///
     /// Parameters
     /// ----------
@@ -541,7 +542,7 @@ impl Scene {
         let contents = self.0.contents(py);
         let is_masked = has_masks(&contents);
         let written = run_to_end_on(py, Threads::new(threads)?, move || {
-            let scene = graph(&contents).map_err(Err)?;
+            let scene = graph(&contents, Purpose::File).map_err(Err)?;
             snell_formats::write_scene_as(&path, &scene, true).map_err(Ok)
         })?;
         let written = written.map_err(|error: Result<WriteError, String>| match error {

@@ -36,6 +36,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     check_scene_path(&options.output, options.force)?;
     let read = ReadOptions {
         confine: options.confine,
+        exact: true,
         parameters: scene_source::parameters(&options.define),
         ..ReadOptions::default()
     };

@@ -58,6 +58,7 @@ pub fn paint(mesh: &mut TriangleMesh, colors: &[[f32; 4]]) {
         }
     }
     extend(&mut mesh.positions, &copied);
+    extend(&mut mesh.exact, &copied);
     extend(&mut mesh.normals, &copied);
     extend(&mut mesh.tangents, &copied);
     mesh.uvs.iter_mut().for_each(|uvs| extend(uvs, &copied));

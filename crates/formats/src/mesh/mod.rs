@@ -111,6 +111,15 @@ pub fn read_named_mesh(input: &Input) -> Result<MeshRead, ReadError> {
         true => ply::parse_faces(input, &mut notes)?,
         false => (read_noted(input, &mut notes)?, None),
     };
+    if snell_scene::framing::far_origin(&mesh.bounds().into()).is_some() {
+        let name = &input.name;
+        notes.add("far", || {
+            format!(
+                "{name}: the mesh is far from zero for its size, where single precision does not \
+                hold its shape; move it near zero and place it by a transform"
+            )
+        });
+    }
     Ok(MeshRead { mesh, faces, warnings: notes.into_kinds() })
 }
 

@@ -213,6 +213,7 @@ impl Split {
         let first = mesh.positions.len() as u32;
         let sources = || self.added.iter().map(|(source, _)| *source);
         extend(&mut mesh.positions, sources());
+        extend(&mut mesh.exact, sources());
         extend(&mut mesh.colors, sources());
         extend(&mut mesh.tangents, sources());
         mesh.uvs.iter_mut().for_each(|uvs| extend(uvs, sources()));

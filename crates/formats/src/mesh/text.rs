@@ -243,6 +243,20 @@ pub fn number_from(word: &[u8], origin: f64) -> Number {
     }
 }
 
+/// Parses a number in double precision, and subtracts `origin`. NaN unless [`number_from`] finds a
+/// number in the word.
+pub fn exact_from(word: &[u8], origin: f64) -> f64 {
+    let parse = |text: &str| text.parse::<f64>().ok().map(|value| value - origin);
+    let plain = std::str::from_utf8(word).ok().and_then(parse);
+    let exact = plain.or_else(|| with_point(word).and_then(|word| parse(&word)));
+    exact.unwrap_or_else(|| match number(word) {
+        Number::Exact(value) | Number::Comma(value) | Number::Prefix(value) => {
+            f64::from(value) - origin
+        }
+        Number::None => f64::NAN,
+    })
+}
+
 /// True for NaN as newer Microsoft libraries and C's `printf` write it: `nan(ind)`, `-nan(snan)`,
 /// `nan(0x8000)`.
 fn is_annotated_nan(word: &[u8]) -> bool {

@@ -3,7 +3,7 @@
 use super::{AROUND, BYTES_OF_TRIANGLE, Expansion, Output};
 use crate::strip;
 use snell_intersect::{AnyShape, Curves, Shape, TriangleMesh};
-use snell_math::{DAffine3, DVec3, Transform};
+use snell_math::{Bounds3d, DAffine3, DVec3, Transform};
 use snell_scene::placed::{Placed, placed, total};
 use snell_scene::{Geometry, Node, Scene, Surface, framing};
 use std::borrow::Cow;
@@ -39,15 +39,25 @@ fn check_expansion(scene: &Scene, output: &Output) -> Result<(), String> {
     expansion.check(output)
 }
 
+/// The precision of the numbers of a format.
+#[derive(Clone, Copy, PartialEq)]
+pub enum Digits {
+    /// Any number of digits: meshes that need them get positions in double precision.
+    Any,
+    /// Those of single precision.
+    Single,
+}
+
 /// The world-space mesh of every surface. Other geometry is tessellated, which is noted.
 pub fn world_meshes<'a>(
     scene: &'a Scene,
     output: &mut Output,
+    digits: Digits,
 ) -> Result<Vec<(Placed<'a>, TriangleMesh)>, String> {
     check_expansion(scene, output)?;
     let mut meshes = Vec::new();
     let all = placed(scene)?;
-    let by = moved_by(scene, &all, output);
+    let by = moved_by(scene, &all, output, digits);
     for placed in all {
         let mesh = match &placed.surface.geometry {
             Geometry::Mesh(mesh) => Some(Cow::Borrowed(&**mesh)),
@@ -59,23 +69,42 @@ pub fn world_meshes<'a>(
         };
         let Some(mesh) = mesh else { continue };
         let written_from_surface = by(&placed.world_from_surface);
-        let mesh = match written_from_surface.is_identity() {
-            true => mesh.into_owned(),
-            false => mesh.transformed(&written_from_surface),
-        };
+        let mut mesh = mesh.into_owned();
+        if !written_from_surface.is_identity() {
+            if digits == Digits::Any && mesh.exact.is_empty() {
+                mesh.exact = mesh.exact_positions().into_owned();
+            }
+            mesh = mesh.transformed(&written_from_surface);
+        }
+        if digits == Digits::Single || !needs_doubles(&mesh) {
+            mesh.exact = Vec::new();
+        }
         meshes.push((placed, mesh));
     }
     Ok(meshes)
 }
 
+/// How many times its size a mesh may be away from zero before it is written with more digits than
+/// single precision has.
+const AWAY: f64 = 2.0;
+
+/// True if single precision holds fewer digits of the mesh where it is than it does near zero.
+fn needs_doubles(mesh: &TriangleMesh) -> bool {
+    let bounds = Bounds3d::of(mesh.exact.iter().copied().filter(|p| p.is_finite()));
+    let away = bounds.min.abs().max(bounds.max.abs()).max_element();
+    !bounds.is_empty() && away > AWAY * (bounds.max - bounds.min).max_element()
+}
+
 /// Where surfaces are written: moved near zero, with a note, if transforms place them so far away
-/// that single precision does not hold their shape; otherwise where they are.
+/// that the format does not hold their shape; otherwise where they are.
 fn moved_by(
     scene: &Scene,
     placed: &[Placed],
     output: &mut Output,
+    digits: Digits,
 ) -> impl Fn(&Transform) -> Transform + use<> {
-    let is_placed = placed.iter().any(|p| !p.world_from_surface.is_identity());
+    let is_placed =
+        digits == Digits::Single && placed.iter().any(|p| !p.world_from_surface.is_identity());
     let bounds = scene.bounds().ok().filter(|_| is_placed);
     let origin = bounds.and_then(|bounds| framing::far_origin(&bounds));
     if let Some(DVec3 { x, y, z }) = origin.map(|origin| -origin) {

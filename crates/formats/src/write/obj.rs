@@ -1,6 +1,6 @@
 //! Writes OBJ, with MTL and pictures beside it.
 
-use super::flat::world_meshes;
+use super::flat::{Digits, world_meshes};
 use super::material::{metal_color, shown_name, without_spectrum};
 use super::picture::Pictures;
 use super::{Output, SceneWriter, plain_name};
@@ -20,7 +20,7 @@ pub const WRITER: SceneWriter =
     SceneWriter { name: "obj", extensions: &["obj"], knows: |_| false, write };
 
 fn write(scene: &Scene, output: &mut Output) -> Result<(), String> {
-    let meshes = world_meshes(scene, output)?;
+    let meshes = world_meshes(scene, output, Digits::Any)?;
     output.lose_all_but_surfaces(scene);
     let names = material_names(scene);
     let mut text = String::from("# OBJ with linear colours; see the MTL for the materials\n");
@@ -72,7 +72,10 @@ fn write(scene: &Scene, output: &mut Output) -> Result<(), String> {
 
 fn vertices(mesh: &TriangleMesh, text: &mut String) {
     for (i, p) in mesh.positions.iter().enumerate() {
-        _ = write!(text, "v {} {} {}", p.x, p.y, p.z);
+        _ = match mesh.exact.get(i) {
+            Some(p) => write!(text, "v {} {} {}", p.x, p.y, p.z),
+            None => write!(text, "v {} {} {}", p.x, p.y, p.z),
+        };
         if let Some(&[r, g, b, a]) = mesh.colors.get(i) {
             let [r, g, b] = [r, g, b].map(snell_math::spectrum::linear_to_srgb);
             _ = write!(text, " {r} {g} {b} {a}");

@@ -1,6 +1,6 @@
 //! Writes OFF: text.
 
-use super::flat::world_meshes;
+use super::flat::{Digits, world_meshes};
 use super::{Output, SceneWriter, ply};
 use snell_intersect::TriangleMesh;
 use snell_scene::Scene;
@@ -12,7 +12,7 @@ pub const WRITER: SceneWriter =
 
 fn write(scene: &Scene, output: &mut Output) -> Result<(), String> {
     let meshes: Vec<TriangleMesh> =
-        world_meshes(scene, output)?.into_iter().map(|(_, mesh)| mesh).collect();
+        world_meshes(scene, output, Digits::Any)?.into_iter().map(|(_, mesh)| mesh).collect();
     output.lose_all_but_surfaces(scene);
     if !scene.materials.is_empty() {
         output.lose("materials are left out");
@@ -31,7 +31,10 @@ fn write(scene: &Scene, output: &mut Output) -> Result<(), String> {
         mesh.indices.len()
     );
     for (i, p) in mesh.positions.iter().enumerate() {
-        _ = write!(text, "{} {} {}", p.x, p.y, p.z);
+        _ = match mesh.exact.get(i) {
+            Some(p) => write!(text, "{} {} {}", p.x, p.y, p.z),
+            None => write!(text, "{} {} {}", p.x, p.y, p.z),
+        };
         if let Some(n) = mesh.normals.get(i) {
             _ = write!(text, " {} {} {}", n.x, n.y, n.z);
         }

@@ -1,6 +1,6 @@
 //! Writes PLY: one binary mesh of the whole scene.
 
-use super::flat::world_meshes;
+use super::flat::{Digits, world_meshes};
 use super::{Output, SceneWriter};
 use snell_intersect::TriangleMesh;
 use snell_math::spectrum::linear_to_srgb;
@@ -12,7 +12,7 @@ pub const WRITER: SceneWriter =
 
 fn write(scene: &Scene, output: &mut Output) -> Result<(), String> {
     let mut meshes: Vec<TriangleMesh> =
-        world_meshes(scene, output)?.into_iter().map(|(_, mesh)| mesh).collect();
+        world_meshes(scene, output, Digits::Any)?.into_iter().map(|(_, mesh)| mesh).collect();
     output.lose_all_but_surfaces(scene);
     if !scene.materials.is_empty() {
         output.lose("materials are left out");
@@ -47,6 +47,9 @@ pub fn joined(meshes: &[TriangleMesh], output: &mut Output) -> Result<TriangleMe
         some(|m| !m.uvs[0].is_empty()),
         some(|m| !m.colors.is_empty()),
     );
+    if some(|m| !m.exact.is_empty()) {
+        all.exact = meshes.iter().flat_map(|m| m.exact_positions().into_owned()).collect();
+    }
     for mesh in meshes {
         let (base, count) = (all.positions.len() as u32, mesh.positions.len());
         all.positions.extend(&mesh.positions);
@@ -75,7 +78,8 @@ pub fn encoded(mesh: &TriangleMesh) -> Vec<u8> {
     let mut properties = |kind: &str, names: &[&str]| {
         names.iter().for_each(|n| header += &format!("property {kind} {n}\n"));
     };
-    properties("float", &["x", "y", "z"]);
+    let kind = if mesh.exact.is_empty() { "float" } else { "double" };
+    properties(kind, &["x", "y", "z"]);
     if !mesh.normals.is_empty() {
         properties("float", &["nx", "ny", "nz"]);
     }
@@ -95,7 +99,10 @@ pub fn encoded(mesh: &TriangleMesh) -> Vec<u8> {
         numbers.iter().for_each(|x| bytes.extend(x.to_le_bytes()));
     };
     for i in 0..mesh.positions.len() {
-        put(&mut bytes, &mesh.positions[i].to_array());
+        match mesh.exact.get(i) {
+            Some(exact) => exact.to_array().iter().for_each(|x| bytes.extend(x.to_le_bytes())),
+            None => put(&mut bytes, &mesh.positions[i].to_array()),
+        }
         if let Some(normal) = mesh.normals.get(i) {
             put(&mut bytes, &normal.to_array());
         }

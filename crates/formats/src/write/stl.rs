@@ -1,6 +1,6 @@
 //! Writes STL: the binary form.
 
-use super::flat::world_meshes;
+use super::flat::{Digits, world_meshes};
 use super::{Output, SceneWriter};
 use snell_scene::Scene;
 
@@ -9,7 +9,7 @@ pub const WRITER: SceneWriter =
     SceneWriter { name: "stl", extensions: &["stl"], knows: |_| true, write };
 
 fn write(scene: &Scene, output: &mut Output) -> Result<(), String> {
-    let meshes = world_meshes(scene, output)?;
+    let meshes = world_meshes(scene, output, Digits::Single)?;
     output.lose_all_but_surfaces(scene);
     if !scene.materials.is_empty() {
         output.lose("materials are left out");

@@ -53,6 +53,9 @@ pub struct CubicCurves {
     pub tangents: Vec<Vec4>,
     /// For each segment the index of its first point.
     pub segments: Vec<u32>,
+    /// Positions and radii in double precision, of which `points` are rounded copies; empty if
+    /// those are all that is known.
+    pub exact: Vec<DVec4>,
 }
 
 impl CubicCurves {
@@ -60,27 +63,25 @@ impl CubicCurves {
     /// never hit.
     pub fn bezier(&self, segment: usize) -> Option<[DVec4; 4]> {
         let first = self.segments[segment] as usize;
-        let wide = |v: Vec4| v.as_dvec4();
-        let get = |all: &[Vec4], i: usize| all.get(first.checked_add(i)?).copied();
+        let get = |all: &[Vec4], i: usize| all.get(first.checked_add(i)?).map(|v| v.as_dvec4());
+        let point = |i: usize| match self.exact.get(first.checked_add(i)?) {
+            Some(exact) => Some(*exact),
+            None => get(&self.points, i),
+        };
         let mut controls = if self.basis == CurveBasis::Hermite {
-            let ends = [get(&self.points, 0)?, get(&self.points, 1)?];
-            let [a, b] = ends.map(wide);
-            let (da, db) = (wide(get(&self.tangents, 0)?), wide(get(&self.tangents, 1)?));
+            let ends = [point(0)?, point(1)?];
+            let [a, b] = ends;
+            let (da, db) = (get(&self.tangents, 0)?, get(&self.tangents, 1)?);
             if ends.iter().any(|p| p.w < 0.0) {
                 return None;
             }
             [a, a + da / 3.0, b - db / 3.0, b]
         } else {
-            let points = [
-                get(&self.points, 0)?,
-                get(&self.points, 1)?,
-                get(&self.points, 2)?,
-                get(&self.points, 3)?,
-            ];
+            let points = [point(0)?, point(1)?, point(2)?, point(3)?];
             if points.iter().any(|p| p.w < 0.0) {
                 return None;
             }
-            let [a, b, c, d] = points.map(wide);
+            let [a, b, c, d] = points;
             match self.basis {
                 CurveBasis::BSpline => {
                     let third = 1.0 / 3.0;
@@ -204,8 +205,13 @@ mod tests {
     #[test]
     fn segments_that_follow_each_other_meet_in_the_same_ball() {
         for basis in [CurveBasis::BSpline, CurveBasis::CatmullRom, CurveBasis::Hermite] {
-            let curves =
-                CubicCurves { basis, points: points(), tangents: points(), segments: vec![0, 1] };
+            let curves = CubicCurves {
+                basis,
+                points: points(),
+                tangents: points(),
+                segments: vec![0, 1],
+                exact: Vec::new(),
+            };
             let [a, b] = [0, 1].map(|s| curves.bezier(s).expect("a curve"));
             assert_eq!(a[3], b[0], "{basis:?}");
         }
@@ -214,9 +220,15 @@ mod tests {
     #[test]
     fn the_bases_do_what_they_are_known_for() {
         let curve = |basis| {
-            CubicCurves { basis, points: points(), tangents: points(), segments: vec![0] }
-                .bezier(0)
-                .expect("a curve")
+            CubicCurves {
+                basis,
+                points: points(),
+                tangents: points(),
+                segments: vec![0],
+                exact: Vec::new(),
+            }
+            .bezier(0)
+            .expect("a curve")
         };
         let p = points().iter().map(|p| p.as_dvec4()).collect::<Vec<_>>();
         let near = |a: DVec4, b: DVec4| (a - b).abs().max_element() < 1e-6;

@@ -194,6 +194,25 @@ impl Curves {
         points: Vec<Vec4>,
         strands: Vec<u32>,
     ) -> Result<Self, StrandError> {
+        Self::made_of(basis, points, Vec::new(), strands)
+    }
+
+    /// Makes strands like [`Self::new`], of points in double precision.
+    pub fn exact(
+        basis: StrandBasis,
+        points: Vec<DVec4>,
+        strands: Vec<u32>,
+    ) -> Result<Self, StrandError> {
+        let rounded = points.iter().map(|p| p.as_vec4()).collect();
+        Self::made_of(basis, rounded, points, strands)
+    }
+
+    fn made_of(
+        basis: StrandBasis,
+        points: Vec<Vec4>,
+        exact: Vec<DVec4>,
+        strands: Vec<u32>,
+    ) -> Result<Self, StrandError> {
         let total = strands.iter().map(|&n| u64::from(n)).sum();
         if total != points.len() as u64 {
             return Err(StrandError::Total { strands: total, points: points.len() });
@@ -214,10 +233,13 @@ impl Curves {
         }
         first_segments.push(starts.len() as u32);
         let cubic = |basis, points, segments| {
-            Segments::Cubic(CubicCurves { basis, points, tangents: Vec::new(), segments })
+            let (tangents, exact) = (Vec::new(), exact.clone());
+            Segments::Cubic(CubicCurves { basis, points, tangents, segments, exact })
         };
         let segments = match basis {
-            StrandBasis::Linear => Segments::Linear(LinearCurves { points, segments: starts }),
+            StrandBasis::Linear => {
+                Segments::Linear(LinearCurves { points, segments: starts, exact })
+            }
             StrandBasis::Bezier => cubic(CurveBasis::Bezier, points, starts),
             StrandBasis::BSpline => cubic(CurveBasis::BSpline, points, starts),
             StrandBasis::CatmullRom => cubic(CurveBasis::CatmullRom, points, starts),
@@ -328,6 +350,14 @@ impl Curves {
         match &self.segments {
             Segments::Linear(curves) => &curves.points,
             Segments::Cubic(curves) => &curves.points,
+        }
+    }
+
+    /// All points in double precision, if they were given so; else none.
+    pub fn exact_points(&self) -> &[DVec4] {
+        match &self.segments {
+            Segments::Linear(curves) => &curves.exact,
+            Segments::Cubic(curves) => &curves.exact,
         }
     }
 

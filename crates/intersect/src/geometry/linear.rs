@@ -23,13 +23,16 @@ pub struct LinearCurves {
     pub points: Vec<Vec4>,
     /// For each segment the index of its first point; the next point is its second.
     pub segments: Vec<u32>,
+    /// Positions and radii in double precision, of which `points` are rounded copies; empty if
+    /// those are all that is known.
+    pub exact: Vec<DVec4>,
 }
 
 impl LinearCurves {
     /// A single chain of segments through all points.
     pub fn chain(points: Vec<Vec4>) -> Self {
         let segments = (1..points.len() as u32).map(|i| i - 1).collect();
-        Self { points, segments }
+        Self { points, segments, exact: Vec::new() }
     }
 
     /// Both points of a segment, with the radius in `w`; `None` if the segment is never hit.
@@ -50,8 +53,12 @@ impl LinearCurves {
 
     fn balls(&self, segment: usize) -> Option<[Ball; 2]> {
         let first = self.segments[segment] as usize;
-        let &[a, b] = self.points.get(first..first.checked_add(2)?)? else { return None };
-        let balls = [Ball::new(a)?, Ball::new(b)?];
+        let range = first..first.checked_add(2)?;
+        let balls = match (self.exact.get(range.clone()), self.points.get(range)?) {
+            (Some(&[a, b]), _) => [Ball::exact(a)?, Ball::exact(b)?],
+            (_, &[a, b]) => [Ball::new(a)?, Ball::new(b)?],
+            _ => return None,
+        };
         balls.iter().any(|b| b.radius > 0.0).then_some(balls)
     }
 }

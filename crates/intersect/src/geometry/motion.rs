@@ -202,6 +202,7 @@ impl MovingMesh {
             uvs: mesh.uvs.each_ref().map(|set| part(set, indices)),
             colors: part(&mesh.colors, indices),
             material_slots: Vec::new(),
+            exact: Vec::new(),
         }
     }
 }

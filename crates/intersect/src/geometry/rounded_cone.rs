@@ -6,7 +6,7 @@
 //! tangent to the spheres. So there is no seam between sphere and cone that a ray could slip
 //! through.
 
-use snell_math::{Bounds3d, DRay, DVec3, Vec4, robust};
+use snell_math::{Bounds3d, DRay, DVec3, DVec4, Vec4, robust};
 
 /// A ball.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,6 +21,13 @@ impl Ball {
     #[inline]
     pub fn new(v: Vec4) -> Option<Self> {
         let ball = Self { center: v.truncate().as_dvec3(), radius: v.w.into() };
+        (v.is_finite() && v.w >= 0.0).then_some(ball)
+    }
+
+    /// Like [`Self::new`], in double precision.
+    #[inline]
+    pub fn exact(v: DVec4) -> Option<Self> {
+        let ball = Self { center: v.truncate(), radius: v.w };
         (v.is_finite() && v.w >= 0.0).then_some(ball)
     }
 

@@ -5,12 +5,12 @@ use super::rounded_cone::{Ball, UnitRay};
 use super::{PrimitiveHit, PrimitiveSet};
 use crate::prefetch::fetch;
 use crate::shape::{Metric, Shape, ShapeSurface, Sphere};
-use snell_math::{Bounds3d, DRay, DVec3, Vec2, Vec4};
+use snell_math::{Bounds3d, DRay, DVec3, DVec4, Vec2, Vec4};
 
 /// Many spheres, 16 bytes each. A sphere whose centre is not finite or whose radius is not positive
 /// and finite is never hit.
 ///
-/// Hits are decided in double precision on the single-precision centres and radii. A ray that only
+/// Hits are decided in double precision. A ray that only
 /// touches a sphere misses it. Texture coordinates are those of [`Sphere`], with y up;
 /// [`crate::Hit::uv`] is zero.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -19,11 +19,23 @@ pub struct Spheres {
     pub spheres: Vec<Vec4>,
     /// Linear RGB and alpha, one per sphere; missing ones are white.
     pub colors: Vec<[f32; 4]>,
+    /// Centre and radius in double precision, of which `spheres` are rounded copies; empty if those
+    /// are all that is known.
+    pub exact: Vec<DVec4>,
 }
 
 impl Spheres {
     fn ball(&self, primitive: usize) -> Option<Ball> {
-        Ball::new(self.spheres[primitive]).filter(|ball| ball.radius > 0.0)
+        let ball = match self.exact.get(primitive) {
+            Some(exact) => Ball::exact(*exact),
+            None => Ball::new(self.spheres[primitive]),
+        };
+        ball.filter(|ball| ball.radius > 0.0)
+    }
+
+    /// Centre and radius of a sphere in the best precision that is known.
+    pub fn exact_sphere(&self, primitive: usize) -> DVec4 {
+        self.exact.get(primitive).copied().unwrap_or_else(|| self.spheres[primitive].as_dvec4())
     }
 }
 
@@ -49,8 +61,8 @@ impl PrimitiveSet for Spheres {
     }
 
     fn surface(&self, primitive: usize, position: DVec3, _uv: Vec2, _time: f32) -> ShapeSurface {
-        let center = self.spheres[primitive].truncate().as_dvec3();
-        let sphere = Sphere { radius: self.spheres[primitive].w.into() };
+        let exact = self.exact_sphere(primitive);
+        let (center, sphere) = (exact.truncate(), Sphere { radius: exact.w });
         let surface = sphere.surface(position - center, 0);
         ShapeSurface { position: center + surface.position, ..surface }
     }

@@ -172,7 +172,7 @@ impl Scene {
     /// Parameters
     /// ----------
     /// centers : array (n, 3)
-    ///     Finite positions, kept in single precision.
+    ///     Finite positions. `float32` is kept as it is; all else is kept in double precision.
     /// radii : array (n,) or float
     ///     Positive radii.
     /// transform, name, mask, material
@@ -205,8 +205,8 @@ impl Scene {
     /// Parameters
     /// ----------
     /// points : array (n, 3)
-    ///     Finite positions of the points of all strands, one strand after the other; kept in
-    ///     single precision.
+    ///     Finite positions of the points of all strands, one strand after the other. `float32` is
+    ///     kept as it is; all else is kept in double precision.
     /// radii : array (n,) or float
     ///     Radius at each point, 0 or more.
     /// strands : sequence of int, optional
@@ -523,7 +523,7 @@ impl Scene {
 }
 
 /// True for the dtype `float64`, false for `float32` or no dtype.
-fn precision(py: Python<'_>, dtype: Option<&Bound<'_, PyAny>>) -> PyResult<bool> {
+pub fn precision(py: Python<'_>, dtype: Option<&Bound<'_, PyAny>>) -> PyResult<bool> {
     let Some(dtype) = dtype else { return Ok(false) };
     let dtype = crate::arrays::numpy(py, "dtype")?.call1((dtype,))?;
     let name: String = dtype.getattr("name")?.extract()?;

@@ -334,7 +334,7 @@ queries! {
 #[pymethods]
 impl Scene {
     /// Rays of one of :attr:`cameras`, one through the centre of each pixel: an array
-    /// `(height_px, width_px, 6)` of float32.
+    /// `(height_px, width_px, 6)`.
     ///
     /// Directions have unit length, so `t_hit` is the distance; where a projection shows nothing
     /// (outside of a fisheye's circle) they are 0.
@@ -345,20 +345,23 @@ impl Scene {
     ///     Number or name, or a camera. The first if left out.
     /// width_px, height_px : int, optional
     ///     Size of the picture; the camera's if left out.
+    /// dtype : float32 or float64
+    ///     The precision of the rays, float32 if left out; see :meth:`Camera.rays`.
     ///
     /// Examples
     /// --------
     /// >>> import snell
     /// >>> snell.load("cornell-box").create_rays_camera(0, 4, 4).shape
     /// (4, 4, 6)
-    #[pyo3(signature = (camera=None, width_px=None, height_px=None))]
+    #[pyo3(signature = (camera=None, width_px=None, height_px=None, dtype=None))]
     fn create_rays_camera<'py>(
         &self,
         py: Python<'py>,
         camera: Option<&Bound<'py, PyAny>>,
         width_px: Option<u32>,
         height_px: Option<u32>,
+        dtype: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        crate::cameras::rays(py, &self.0.contents(py), camera, [width_px, height_px])
+        crate::cameras::rays(py, &self.0.contents(py), camera, [width_px, height_px], dtype)
     }
 }

@@ -17,7 +17,7 @@ use projection::resolve;
 use serde::{Deserialize, Serialize};
 use snell_math::parameters::Range;
 use snell_math::simd::Wide;
-use snell_math::{DVec2, DVec3, Ray, Vec2, Vec3, at_level, sampling};
+use snell_math::{DRay, DVec2, DVec3, Ray, Vec2, Vec3, at_level, sampling};
 use std::f64::consts::{PI, TAU};
 
 /// The position on the film and on the lens that determines a camera ray.
@@ -193,6 +193,17 @@ impl Camera {
     /// The ray through a point of a picture of `size` pixels.
     pub fn ray(&self, sample: &CameraSample, size: [u32; 2]) -> CameraRay {
         self.view(size).ray(sample)
+    }
+
+    /// The ray through a point of a picture of `size` pixels and the centre of the lens, with a unit
+    /// direction, in double precision; `None` where the projection has no ray.
+    pub fn central_ray(&self, film: DVec2, size: [u32; 2]) -> Option<DRay> {
+        let LocalRay { origin, direction, weight, .. } = self.local_ray(film, size);
+        let (right, up) = (self.right(), self.up);
+        let direction = right * direction.x + up * direction.y + self.towards * direction.z;
+        let direction = unit(direction).unwrap_or(self.towards);
+        let origin = self.eye + right * origin.x + up * origin.y;
+        (weight > 0.0).then(|| DRay::new(origin, direction))
     }
 
     fn local_ray(&self, film: DVec2, size: [u32; 2]) -> LocalRay {

@@ -51,6 +51,24 @@ fn examples() -> Vec<Camera> {
 }
 
 #[test]
+fn central_rays_keep_double_precision_far_from_zero() {
+    for mut camera in examples() {
+        camera.eye += DVec3::new(448_262.125, 5_411_932.625, 120.0);
+        for i in 0..200 {
+            let film = uniform2([i, 0, 0, 0]).as_dvec2() * DVec2::new(640.0, 360.0);
+            let Some(central) = camera.central_ray(film, SIZE) else {
+                assert_eq!(ray(&camera, film, SIZE).weight, 0.0);
+                continue;
+            };
+            assert!((central.direction.length() - 1.0).abs() < 1e-12);
+            assert!(close(central.direction, ray(&camera, film, SIZE).ray.direction.as_dvec3()));
+            let back = camera.project(central.at(7.0), SIZE).expect("it is seen");
+            assert!((back - film).length() < 1e-4, "{camera:?} {film} {back}");
+        }
+    }
+}
+
+#[test]
 fn rays_pass_through_the_points_that_project_to_their_pixel() {
     for camera in examples() {
         for i in 0..200 {

@@ -8,9 +8,9 @@ use crate::medium::Medium;
 use crate::texture::Texture;
 use snell_math::{Bounds3d, DAffine3, DVec3};
 
-/// Over this many times its size away from zero, something has fewer than 32,768 steps of single
+/// Over this many times its size away from zero, something has fewer than 131,072 steps of single
 /// precision across.
-const FAR: f64 = 256.0;
+const FAR: f64 = 64.0;
 
 /// A round point in something with these bounds, if it is far from zero for its size.
 pub fn far_origin(bounds: &Bounds3d) -> Option<DVec3> {

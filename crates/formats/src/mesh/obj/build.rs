@@ -187,6 +187,7 @@ impl Builder {
                 let vertex = self.vertex(corner);
                 if vertex as usize == mesh.positions.len() {
                     mesh.positions.push(file.positions[corner.position as usize]);
+                    mesh.exact.extend(file.exact.get(corner.position as usize));
                 }
                 self.face.push(vertex);
             }
@@ -209,6 +210,7 @@ impl Builder {
         if object.materials.len() <= 1 {
             object.mesh.material_slots = Vec::new();
         }
+        object.mesh.drop_needless_exact();
         self.attributes(file, &mut object.mesh);
     }
 

@@ -12,7 +12,7 @@ use crate::mesh::text::{Reader, Text, Word, decoded};
 use crate::mesh::too_many;
 use crate::{Input, ReadError};
 use rayon::prelude::*;
-use snell_math::{Vec2, Vec3};
+use snell_math::{DVec3, Vec2, Vec3};
 use std::collections::HashMap;
 use std::ops::Range;
 
@@ -177,6 +177,8 @@ impl Faces {
 #[derive(Debug, Default)]
 pub struct ObjFile {
     pub positions: Vec<Vec3>,
+    /// The positions in double precision, if the options ask for them.
+    pub exact: Vec<DVec3>,
     /// Linear vertex colours: empty, or as many as positions.
     pub colors: Vec<[f32; 4]>,
     pub uvs: Vec<Vec2>,
@@ -320,6 +322,7 @@ impl Joiner {
             file.colors.resize(file.positions.len() + piece.positions.len(), colors::MISSING);
         }
         file.positions.extend(piece.positions);
+        file.exact.extend(piece.exact);
         file.uvs.extend(piece.uvs);
         file.normals.extend(piece.normals);
         file.libraries.extend(piece.libraries);

@@ -4,7 +4,7 @@ use super::file::{Corner, Counts, DANGLING, Faces, NONE, Run, State};
 use crate::ReadError;
 use crate::mesh::colors;
 use crate::mesh::notes::Notes;
-use crate::mesh::text::{Number, Reader, Text, Word, decoded, number, number_from};
+use crate::mesh::text::{Number, Reader, Text, Word, decoded, exact_from, number, number_from};
 use crate::mesh::too_many;
 use crate::search::text_of;
 use snell_math::{DVec3, Vec2, Vec3};
@@ -49,6 +49,8 @@ pub struct Stroke {
 #[derive(Debug, Default)]
 pub struct Piece {
     pub positions: Vec<Vec3>,
+    /// The positions in double precision, if the options ask for them.
+    pub exact: Vec<DVec3>,
     /// Vertex colours as they are written, finite: empty, or as many as positions.
     pub colors: Vec<[f32; 4]>,
     pub uvs: Vec<Vec2>,
@@ -245,6 +247,13 @@ impl Parser<'_> {
 
     fn position(&mut self, start: usize) -> Result<(), ReadError> {
         self.check_room(self.counts().positions, "vertices")?;
+        if self.reader.input.options.exact {
+            let (mut text, origin) = (self.reader.text.clone(), self.reader.input.origin);
+            let mut next = |axis: usize| {
+                text.word().map_or(f64::NAN, |word| exact_from(word.bytes, origin[axis]))
+            };
+            self.piece.exact.push(DVec3::new(next(0), next(1), next(2)));
+        }
         let ([x, y, z, a, b, c, d, _], count) =
             self.numbers(3, self.reader.input.origin, "a coordinate of a vertex")?;
         let position = Vec3::new(x, y, z);

@@ -203,16 +203,23 @@ impl<const BIG: bool> Source for BinarySource<'_, BIG> {
         let value = |field: Option<(uniform::Field, Type)>, vertex: &[u8]| {
             field.map_or(0.0, |(field, _)| field.value::<BIG>(vertex) as f32)
         };
-        let vector = |role: fn(usize) -> Role, origin: DVec3| {
+        let exact = |role: fn(usize) -> Role, origin: DVec3| {
             let fields: [_; 3] = std::array::from_fn(|k| field(role(k)));
-            uniform::each(bytes, size, move |vertex| {
+            move |vertex: &[u8]| {
                 let exact = |k: usize| {
                     fields[k].map_or(0.0, |(field, _)| field.value::<BIG>(vertex)) - origin[k]
                 };
-                Vec3::from_array(std::array::from_fn(|k| exact(k) as f32))
-            })
+                DVec3::new(exact(0), exact(1), exact(2))
+            }
+        };
+        let vector = |role: fn(usize) -> Role, origin: DVec3| {
+            let exact = exact(role, origin);
+            uniform::each(bytes, size, move |vertex| exact(vertex).as_vec3())
         };
         mesh.positions = vector(Role::Position, self.input.origin);
+        if self.input.options.exact {
+            mesh.exact = uniform::each(bytes, size, exact(Role::Position, self.input.origin));
+        }
         if has_all(roles, Role::Normal, 3) {
             mesh.normals = vector(Role::Normal, DVec3::ZERO);
         }
@@ -264,7 +271,8 @@ pub fn read(
     for element in &header.elements {
         match element.name.as_str() {
             "vertex" if mesh.positions.is_empty() => {
-                read_vertices(source, input, header, element, mesh)?
+                read_vertices(source, input, header, element, mesh)?;
+                mesh.drop_needless_exact();
             }
             "face" => {
                 faces.declared = element.start;
@@ -393,7 +401,7 @@ fn read_vertices(
     mesh.colors.reserve(if has_colors { count } else { 0 });
     for _ in 0..element.count {
         let (mut position, mut normal, mut uv, mut color) =
-            (Vec3::ZERO, Vec3::ZERO, Vec2::ZERO, [1.0; 4]);
+            (DVec3::ZERO, Vec3::ZERO, Vec2::ZERO, [1.0; 4]);
         for (property, role) in element.properties.iter().zip(&roles) {
             if let Some(length) = property.length {
                 skip_list(source, length, property.value)?;
@@ -403,14 +411,17 @@ fn read_vertices(
             let value = exact as f32;
             match *role {
                 Role::Skip => {}
-                Role::Position(k) => position[k] = (exact - input.origin[k]) as f32,
+                Role::Position(k) => position[k] = exact - input.origin[k],
                 Role::Normal(k) => normal[k] = value,
                 Role::Uv(k) => uv[k] = value,
                 Role::Color(k) => color[k] = linear_color(value, property.value, k),
             }
         }
         source.end_element();
-        mesh.positions.push(position);
+        mesh.positions.push(position.as_vec3());
+        if input.options.exact {
+            mesh.exact.push(position);
+        }
         if has_normals {
             mesh.normals.push(normal);
         }
@@ -533,6 +544,9 @@ impl Faces {
                     }
                     mesh.uvs[0].push(uv);
                     mesh.positions.push(mesh.positions[at]);
+                    if !mesh.exact.is_empty() {
+                        mesh.exact.push(mesh.exact[at]);
+                    }
                     if !mesh.normals.is_empty() {
                         mesh.normals.push(mesh.normals[at]);
                     }

@@ -7,7 +7,7 @@ use crate::{Input, Limits};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use snell_intersect::{AnyShape, Curves, Shape, StrandBasis, TriangleMesh};
-use snell_math::{DAffine3, DMat3, DVec3, Rgb, Vec2, Vec3, Vec4};
+use snell_math::{DAffine3, DMat3, DVec3, DVec4, Rgb, Vec2, Vec3, Vec4};
 use snell_scene::graph::MediumId;
 use snell_scene::light::environment::Portal;
 use snell_scene::medium::{CellGrid, CellValue, ColorGrid, Medium, ScalarGrid};
@@ -208,6 +208,9 @@ pub struct MeshForm {
     colors: Numbers<f32>,
     #[serde(default, skip_serializing_if = "Numbers::is_empty")]
     material_slots: Numbers<u16>,
+    /// The positions in double precision, of a mesh that has them.
+    #[serde(default, skip_serializing_if = "Numbers::is_empty")]
+    exact: Numbers<f64>,
 }
 
 /// Strands, as a flat list of four numbers per point: position and radius.
@@ -222,6 +225,9 @@ pub struct CurvesForm {
     /// Linear RGB and alpha of each point; empty if all are white.
     #[serde(default, skip_serializing_if = "Numbers::is_empty")]
     colors: Numbers<f32>,
+    /// The points in double precision, of strands that have them.
+    #[serde(default, skip_serializing_if = "Numbers::is_empty")]
+    exact: Numbers<f64>,
 }
 
 /// A place in the file (a JSON pointer), and the problem there.
@@ -554,6 +560,7 @@ impl CurvesTable {
                 points: flat(curves.points(), |p: Vec4| p.to_array()),
                 strands: Numbers(curves.strands().to_vec()),
                 colors: flat(curves.colors(), |c| c),
+                exact: Numbers(curves.exact_points().iter().flat_map(|p| p.to_array()).collect()),
             });
             self.forms.len() as u32 - 1
         })
@@ -567,8 +574,14 @@ impl CurvesForm {
         }
         let points = vectors("points", self.points, Vec4::from_array)?;
         let colors = vectors("colors", self.colors, |color| color)?;
-        Curves::new(self.basis, points, self.strands.0)
-            .map_err(|error| ("strands", error.to_string()))?
+        let made = match self.exact.0.as_chunks::<4>().0 {
+            [] => Curves::new(self.basis, points, self.strands.0),
+            exact => {
+                let exact = exact.iter().map(|&p| DVec4::from_array(p)).collect();
+                Curves::exact(self.basis, exact, self.strands.0)
+            }
+        };
+        made.map_err(|error| ("strands", error.to_string()))?
             .with_colors(colors)
             .map_err(|error| ("colors", error.to_string()))
     }
@@ -656,8 +669,16 @@ pub(super) fn flat<const N: usize, T: Copy>(
 
 impl MeshForm {
     fn of(mesh: &TriangleMesh) -> Self {
-        let TriangleMesh { positions, indices, normals, tangents, uvs, colors, material_slots } =
-            mesh;
+        let TriangleMesh {
+            positions,
+            indices,
+            normals,
+            tangents,
+            uvs,
+            colors,
+            material_slots,
+            exact,
+        } = mesh;
         Self {
             positions: flat(positions, |p: Vec3| p.to_array()),
             indices: Numbers(indices.as_flattened().to_vec()),
@@ -669,6 +690,7 @@ impl MeshForm {
             fourth_uvs: flat(&uvs[3], |uv: Vec2| uv.to_array()),
             colors: flat(colors, |c: [f32; 4]| c),
             material_slots: Numbers(material_slots.clone()),
+            exact: Numbers(exact.iter().flat_map(|p| p.to_array()).collect()),
         }
     }
 
@@ -700,6 +722,7 @@ impl MeshForm {
             ],
             colors: vectors("colors", self.colors, |c| c)?,
             material_slots: self.material_slots.0,
+            exact: self.exact.0.as_chunks::<3>().0.iter().map(|&p| p.into()).collect(),
         };
         mesh.validate().map_err(|error| ("", error.to_string()))?;
         Ok(mesh)

@@ -33,7 +33,7 @@ fn examples() -> Vec<Example> {
     let copy = spheres.clone();
     all.push(Example {
         name: "spheres",
-        set: Arc::new(Spheres { spheres, colors: Vec::new() }),
+        set: Arc::new(Spheres { spheres, ..Spheres::default() }),
         ball: Box::new(move |i, _| parts(copy[i])),
         accuracy: [1e-12; 2],
     });
@@ -66,7 +66,7 @@ fn examples() -> Vec<Example> {
         let (p, t) = (points.clone(), tangents.clone());
         all.push(Example {
             name,
-            set: Arc::new(CubicCurves { basis, points, tangents, segments }),
+            set: Arc::new(CubicCurves { basis, points, tangents, segments, exact: Vec::new() }),
             // The polynomials as textbooks write them.
             ball: Box::new(move |i, u| {
                 let at = i * step as usize;
@@ -465,10 +465,14 @@ fn primitives_that_make_no_sense_are_skipped_and_counted() {
             points,
             tangents: Vec::new(),
             segments: vec![0, 4, 5, 9, 10, u32::MAX],
+            exact: Vec::new(),
         }
     };
     let mut builder = WorldBuilder::default();
-    builder.add_set(WorldBuilder::ROOT, Arc::new(Spheres { spheres, colors: vec![[0.5; 4]] }));
+    builder.add_set(
+        WorldBuilder::ROOT,
+        Arc::new(Spheres { spheres, colors: vec![[0.5; 4]], exact: Vec::new() }),
+    );
     builder.add_set(WorldBuilder::ROOT, Arc::new(linear));
     builder.add_set(WorldBuilder::ROOT, Arc::new(cubic(CurveBasis::Bezier)));
     // Without tangents no segment of a Hermite set can be hit.
@@ -499,10 +503,14 @@ fn extreme_rays_and_primitives_end_in_an_answer() {
     let segments: Vec<u32> = (0..290).collect();
     let worlds = worlds(|builder| {
         let root = WorldBuilder::ROOT;
-        builder.add_set(root, Arc::new(Spheres { spheres: points.clone(), colors: Vec::new() }));
+        builder.add_set(root, Arc::new(Spheres { spheres: points.clone(), ..Spheres::default() }));
         builder.add_set(
             root,
-            Arc::new(LinearCurves { points: points.clone(), segments: segments.clone() }),
+            Arc::new(LinearCurves {
+                points: points.clone(),
+                segments: segments.clone(),
+                exact: Vec::new(),
+            }),
         );
         for basis in
             [CurveBasis::Bezier, CurveBasis::BSpline, CurveBasis::CatmullRom, CurveBasis::Hermite]
@@ -510,7 +518,13 @@ fn extreme_rays_and_primitives_end_in_an_answer() {
             let (points, tangents) = (points.clone(), points.clone());
             builder.add_set(
                 root,
-                Arc::new(CubicCurves { basis, points, tangents, segments: segments.clone() }),
+                Arc::new(CubicCurves {
+                    basis,
+                    points,
+                    tangents,
+                    segments: segments.clone(),
+                    exact: Vec::new(),
+                }),
             );
         }
     });

@@ -170,8 +170,9 @@ impl<W: Lanes16> Row<W> {
             near[1].add(far[1]).mul(half),
             near[2].add(far[2]).mul(half),
         ];
-        // The margin is twice as large as it must be.
-        let mut margin = W::splat(token, 0.0);
+        // The margin is twice as large as it must be, and boxes that are left before the least
+        // distance are met, too.
+        let mut margin = W::splat(token, LEAST);
         for axis in 0..3 {
             let side = far[axis].sub(near[axis]).abs();
             margin = margin.max(if Self::FUSED { side } else { side.mul(inverse[axis].abs()) });

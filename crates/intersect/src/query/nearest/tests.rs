@@ -224,7 +224,7 @@ fn spheres_and_curves_in_bulk_are_found_as_without_a_tree_and_hold_what_is_insid
     let mut random = Random(31);
     let point = |random: &mut Random| random.point(2.0).extend(random.range(0.05, 0.2));
     let spheres =
-        Spheres { spheres: (0..30).map(|_| point(&mut random)).collect(), colors: vec![] };
+        Spheres { spheres: (0..30).map(|_| point(&mut random)).collect(), ..Spheres::default() };
     let chain = LinearCurves::chain((0..30).map(|_| point(&mut random)).collect::<Vec<Vec4>>());
     let points: Vec<Vec4> = (0..24).map(|_| point(&mut random)).collect();
     let curves = CubicCurves {
@@ -232,6 +232,7 @@ fn spheres_and_curves_in_bulk_are_found_as_without_a_tree_and_hold_what_is_insid
         points,
         tangents: vec![],
         segments: (0..21).collect(),
+        exact: vec![],
     };
     let mut builder = WorldBuilder::default();
     let child = builder.add_group();

@@ -196,6 +196,7 @@ fn attributes_are_interpolated() {
         ],
         colors: vec![[0.0, 0.0, 0.0, 1.0], [1.0, 0.0, 0.0, 1.0], [0.0, 2.0, 0.0, 0.0]],
         material_slots: Vec::new(),
+        exact: Vec::new(),
     };
     let world = mesh_world(mesh);
     let ray = Ray::new(Vec3::new(0.5, 1.0, 5.0), -Vec3::Z);

@@ -119,6 +119,7 @@ fn part_triangles(mesh: &mut TriangleMesh) {
     }
     let indices = std::mem::take(&mut mesh.indices);
     mesh.positions = parted(&mesh.positions, &indices);
+    mesh.exact = parted(&mesh.exact, &indices);
     mesh.normals = parted(&mesh.normals, &indices);
     mesh.tangents = parted(&mesh.tangents, &indices);
     mesh.uvs = mesh.uvs.each_ref().map(|set| parted(set, &indices));

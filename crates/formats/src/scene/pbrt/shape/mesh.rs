@@ -112,6 +112,9 @@ fn repair(mesh: &mut TriangleMesh) {
 fn separate_with_uvs(mesh: &mut TriangleMesh) {
     let corners: Vec<usize> = mesh.indices.iter().flatten().map(|&i| i as usize).collect();
     mesh.positions = corners.iter().map(|&i| mesh.positions[i]).collect();
+    if !mesh.exact.is_empty() {
+        mesh.exact = corners.iter().map(|&i| mesh.exact[i]).collect();
+    }
     if !mesh.normals.is_empty() {
         mesh.normals = corners.iter().map(|&i| mesh.normals[i]).collect();
     }

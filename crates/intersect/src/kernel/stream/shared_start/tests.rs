@@ -175,6 +175,37 @@ fn shared_starts_find_what_single_rays_find() {
 }
 
 proptest! {
+    #![proptest_config(ProptestConfig::with_cases(40))]
+
+    #[test]
+    fn batches_find_what_single_rays_find_at_any_scale(
+        seed in any::<u32>(),
+        count in 1usize..70,
+        exponent in -37f32..33.0,
+        width in 0.0f32..0.3,
+    ) {
+        let (mut random, scale) = (Random(seed), 10f32.powf(exponent));
+        let mut mesh = dust(&mut random, 400);
+        mesh.positions.iter_mut().for_each(|p| *p *= scale);
+        let mut rays = packet(&mut random, count, width);
+        for ray in &mut rays {
+            ray.origin *= scale;
+            (ray.t_min, ray.t_max) = (ray.t_min * scale, ray.t_max * scale);
+        }
+        for level in levels() {
+            let world = world_of(mesh.clone(), level);
+            for grouping in [Grouping::None, Grouping::Coherent] {
+                let mut hits = vec![Hit::MISS; rays.len()];
+                world.closest(&rays, grouping, &AcceptAll, &mut hits);
+                for (ray, hit) in rays.iter().zip(&hits) {
+                    prop_assert_eq!(world.closest_one(ray, &AcceptAll), *hit, "{} {:?}", level, ray);
+                }
+            }
+        }
+    }
+}
+
+proptest! {
     #[test]
     fn nested_scenes_agree_with_the_oracle(seed in any::<u32>(), size in 0.0f32..0.3) {
         let oracle = build(nested_scene(seed), AcceleratorKind::None, Level::Scalar);
