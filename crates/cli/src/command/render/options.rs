@@ -196,6 +196,7 @@ impl Options {
     pub fn read_options(&self) -> ReadOptions {
         ReadOptions {
             confine: self.confine,
+            exact: false,
             limits: Limits::default(),
             parameters: scene_source::parameters(&self.define),
             variant: self.variant.clone(),
