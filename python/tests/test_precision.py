@@ -181,3 +181,17 @@ def test_pictures_of_far_scenes_are_those_of_near_ones() -> None:
     position = pictures[2].aovs["position"]
     seen = near.aovs["depth"] > 0
     assert np.abs(position - near.aovs["position"] - FAR)[seen].max() < 1
+
+
+@pytest.mark.parametrize("exponent", [-38, -34, -31, -29, -20, 0, 20, 33])
+def test_batches_find_what_single_rays_find_at_any_scale(exponent: int) -> None:
+    rng, scale = np.random.default_rng(1), 10.0**exponent
+    triangles = rng.uniform(-1, 1, (400, 1, 3)) + rng.uniform(-0.2, 0.2, (400, 3, 3))
+    scene = snell.Scene()
+    vertices = (triangles.reshape(-1, 3) * scale).astype(np.float32)
+    scene.add_mesh(vertices, np.arange(1200).reshape(-1, 3))
+    for count in (16, 20, 32, 33):
+        origins = (rng.uniform(-0.02, 0.02, (count, 3)) * scale).astype(np.float32)
+        rays = np.concatenate([origins, rng.normal(size=(count, 3)).astype(np.float32)], axis=1)
+        alone = [scene.cast_rays(ray[None]).primitive_ids[0] for ray in rays]
+        assert scene.cast_rays(rays).primitive_ids.tolist() == alone

@@ -69,7 +69,7 @@ fn written(extension: &str, scene: &Scene) -> (tempfile::TempDir, Written, Scene
 
 fn triangles(scene: &Scene) -> Vec<[Vec3; 3]> {
     let mut output = Output::new(Path::new("x.ply"), Available::UNKNOWN);
-    let meshes = flat::world_meshes(scene, &mut output).expect("a small scene");
+    let meshes = flat::world_meshes(scene, &mut output, flat::Digits::Any).expect("a small scene");
     meshes
         .iter()
         .flat_map(|(_, mesh)| (0..mesh.indices.len()).map(|i| mesh.corners(i)).collect::<Vec<_>>())
