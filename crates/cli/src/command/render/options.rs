@@ -201,7 +201,6 @@ impl Options {
             parameters: scene_source::parameters(&self.define),
             variant: self.variant.clone(),
             scene: self.scene_of_file.clone(),
-            exact: false,
             sources: self.sources.clone(),
         }
     }
