@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 import snell
 
 K = np.array([[800.0, 0, 321.5], [0, 790, 242.25], [0, 0, 1]])
@@ -81,8 +82,7 @@ def test_a_picture_through_a_lens_shows_what_it_projects():
     depth = snell.render(scene, "aov", **options).aovs["depth"]
     rows, columns = np.nonzero(np.isfinite(depth) & (depth > 0) & (depth < 10))
     (x, y), straight = (
-        c.project([centre], SIZE)[0]
-        for c in (camera, snell.Camera.from_opencv(K, size=SIZE))
+        c.project([centre], SIZE)[0] for c in (camera, snell.Camera.from_opencv(K, size=SIZE))
     )
     assert abs(columns.mean() - x) < 0.3 and abs(rows.mean() - y) < 0.3
     assert abs(straight[0] - x) > 5

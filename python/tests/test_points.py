@@ -132,7 +132,7 @@ def test_masks_choose_what_counts():
     signed = [float(scene.signed_distance(between, mask=m)) for m in masks]
     assert signed == [0.5, -0.5, -0.5, np.inf]
     assert [float(scene.winding_number([0, 0, 0], mask=m)) for m in masks] == [1, 1, 2, 0]
-    with pytest.raises(ValueError, match="method is 'votes'|method is \"votes\""):
+    with pytest.raises(ValueError, match="votes"):
         scene.occupancy(between, method="votes")
 
 

@@ -30,11 +30,11 @@ def houses(place: np.ndarray) -> list[np.ndarray]:
 def text(kind: str, boxes: list[np.ndarray]) -> bytes:
     points = np.concatenate(boxes)
     faces = np.concatenate([FACES + 8 * i for i in range(len(boxes))])
-    rows = "".join("%.17g %.17g %.17g\n" % tuple(p) for p in points)
-    lists = "".join("3 %d %d %d\n" % tuple(f) for f in faces)
+    rows = "".join("{:.17g} {:.17g} {:.17g}\n".format(*p) for p in points)
+    lists = "".join("3 {} {} {}\n".format(*f) for f in faces)
     if kind == "obj":
         rows = "".join("v " + row + "\n" for row in rows.splitlines())
-        return (rows + "".join("f %d %d %d\n" % tuple(f + 1) for f in faces)).encode()
+        return (rows + "".join("f {} {} {}\n".format(*(f + 1)) for f in faces)).encode()
     if kind == "off":
         return f"OFF\n{len(points)} {len(faces)} 0\n{rows}{lists}".encode()
     form = "ascii" if kind == "text.ply" else "binary_little_endian"
@@ -86,9 +86,7 @@ def test_files_keep_the_digits_of_their_corners(tmp_path: pathlib.Path, kind: st
 
 
 @pytest.mark.parametrize("kind", ["obj", "off", "ply", "snell"])
-def test_files_are_written_with_the_digits_of_the_scene(
-    tmp_path: pathlib.Path, kind: str
-) -> None:
+def test_files_are_written_with_the_digits_of_the_scene(tmp_path: pathlib.Path, kind: str) -> None:
     scene = snell.Scene()
     for box in houses(FAR):
         scene.add_mesh(box, FACES)
@@ -107,14 +105,14 @@ def test_small_things_far_away_are_hit() -> None:
     scene.add_curves([FAR + [0, 5, 0], FAR + [0, 5, 3]], 0.05, basis="linear")
     curve = [FAR + [0, 10, z] for z in range(4)]
     scene.add_curves(curve, 0.05)
-    for scene in (scene, pickle.loads(pickle.dumps(scene))):
+    for same in (scene, pickle.loads(pickle.dumps(scene))):
         origins = FAR + [[-4, 0, 0], [-4, 5, 1.5], [-4, 10, 1.5]]
-        hits = scene.cast_rays((origins, [1, 0, 0.0]))
+        hits = same.cast_rays((origins, [1, 0, 0.0]))
         assert hits.geometry_ids.tolist() == [0, 1, 2]
         assert np.abs(hits.t_hit - 3.95).max() < 1e-6
         assert np.abs(hits.points - (origins + [3.95, 0, 0])).max() < 1e-6
         assert np.abs(hits.normals - [-1, 0, 0]).max() < 1e-6
-        assert np.abs(scene.distance(origins) - 3.95).max() < 1e-6
+        assert np.abs(same.distance(origins) - 3.95).max() < 1e-6
 
 
 def view(place: np.ndarray) -> snell.Camera:

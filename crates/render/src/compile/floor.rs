@@ -127,8 +127,7 @@ fn meets(bounds: &Bounds3, origin: Vec3, direction: Vec3) -> bool {
     let inverse = direction.recip();
     let (a, b) = ((bounds.min - origin) * inverse, (bounds.max - origin) * inverse);
     let (near, far) = (a.min(b).max_element().max(0.0), a.max(b).min_element());
-    // A number that is not one may be anything.
-    !(near > far)
+    near <= far || near.is_nan() || far.is_nan()
 }
 
 /// The irradiance that a surface with this normal receives from each direction, per solid angle.

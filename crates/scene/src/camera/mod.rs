@@ -195,8 +195,8 @@ impl Camera {
         self.view(size).ray(sample)
     }
 
-    /// The ray through a point of a picture of `size` pixels and the centre of the lens, with a unit
-    /// direction, in double precision; `None` where the projection has no ray.
+    /// The ray through a point of a picture of `size` pixels and the centre of the lens, with a
+    /// unit direction, in double precision; `None` where the projection has no ray.
     pub fn central_ray(&self, film: DVec2, size: [u32; 2]) -> Option<DRay> {
         let LocalRay { origin, direction, weight, .. } = self.local_ray(film, size);
         let (right, up) = (self.right(), self.up);

@@ -478,7 +478,8 @@ fn bent_mesh(
     Ok(())
 }
 
-/// Points and lines of the vertices of a mesh, as balls and tubes; the first are named in a warning.
+/// Points and lines of the vertices of a mesh, as balls and tubes; the first are named in a
+/// warning.
 fn drawn(
     reader: &mut Reader,
     json: &Json,

@@ -53,9 +53,9 @@ impl Topology {
         Some(strokes)
     }
 
-    /// Separate triangles (none for points and lines), with the winding of glTF 2.0 (section 3.7.2.1). Triangles that use a
-    /// vertex twice, as strips do to jump, are left out; so are one or two surplus vertices at the
-    /// end.
+    /// Separate triangles (none for points and lines), with the winding of glTF 2.0 (section
+    /// 3.7.2.1). Triangles that use a vertex twice, as strips do to jump, are left out; so are one
+    /// or two surplus vertices at the end.
     pub fn triangles(self, indices: &[u32]) -> Vec<[u32; 3]> {
         let proper = |t: &[u32; 3]| t[0] != t[1] && t[1] != t[2] && t[2] != t[0];
         match self {

@@ -261,7 +261,7 @@ fn bodies_in_one_mesh_make_cavities_and_unions() {
     let places = [0.0, 1.5, 3.0];
     let at = |meshes: &[TriangleMesh]| places.map(|x| inside_at(meshes, x));
     let hollow = joined(&[ball(0.0, 2.0), turned(ball(0.0, 1.0))]);
-    assert_eq!(at(&[hollow.clone()]), [false, true, false]);
+    assert_eq!(at(std::slice::from_ref(&hollow)), [false, true, false]);
     assert_eq!(at(&[turned(hollow.clone())]), [false, true, false], "inside out");
     let filled = joined(&[hollow, turned(ball(0.0, 0.5))]);
     assert_eq!(at(&[filled]), [true, true, false], "a ball in the cavity, inside out");

@@ -142,7 +142,8 @@ fn best_axis(boxes: &[Bounds3d], all: &Bounds3d) -> usize {
 /// Builds the nodes of a part of the order, which begins at the item `first`; the first of them is
 /// the root.
 fn build(tree: &Boxes, boxes: &[Bounds3d], order: &mut [u32], first: u32) -> Vec<Node> {
-    let mut parts = vec![0..order.len()];
+    let whole = 0..order.len();
+    let mut parts = vec![whole];
     // The largest part is divided until there are eight.
     while parts.len() < 8 {
         let largest = (0..parts.len()).max_by_key(|&i| parts[i].len()).unwrap_or(0);
