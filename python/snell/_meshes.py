@@ -8,17 +8,108 @@ from typing import Any
 
 import numpy as np
 
+from ._snell import Material, Texture
+
 
 def arrays_of(mesh: Any) -> tuple[np.ndarray, np.ndarray]:
-    """The vertices ``(n, 3)`` and faces ``(m, 3)`` of a mesh of trimesh, Open3D (both kinds),
-    meshio or PyVista.
+    """The vertices ``(n, 3)`` and faces ``(m, 3)`` of what :func:`parts_of` takes."""
+    parts = parts_of(mesh)
+    return parts["vertices"], parts["faces"]
+
+
+def parts_of(mesh: Any) -> dict[str, Any]:
+    """The arguments of ``Scene.add_mesh`` for a mesh of trimesh (or a scene of trimesh), Open3D
+    (both kinds), meshio or PyVista, or for a list of such meshes: ``vertices`` and ``faces``, and
+    as far as the mesh has them ``colors``, ``uvs`` and ``material``.
     """
+    if isinstance(mesh, (list, tuple)) and mesh and not np.isscalar(mesh[0]):
+        return _joined([parts_of(part) for part in mesh])
+    if hasattr(mesh, "geometry") and hasattr(mesh, "dump"):  # trimesh.Scene
+        return _joined([parts_of(part) for part in mesh.dump()])
     if hasattr(mesh, "vertices") and hasattr(mesh, "faces"):  # trimesh
-        return np.asarray(mesh.vertices), np.asarray(mesh.faces)
+        return _of_trimesh(mesh)
     if hasattr(mesh, "vertices") and hasattr(mesh, "triangles"):  # open3d.geometry.TriangleMesh
-        return np.asarray(mesh.vertices), np.asarray(mesh.triangles)
+        parts = {"vertices": np.asarray(mesh.vertices), "faces": np.asarray(mesh.triangles)}
+        colors = np.asarray(getattr(mesh, "vertex_colors", ()))
+        return parts | ({"colors": _encoded(colors)} if len(colors) else {})
     if hasattr(mesh, "vertex") and hasattr(mesh, "triangle"):  # open3d.t.geometry.TriangleMesh
-        return mesh.vertex.positions.numpy(), mesh.triangle.indices.numpy()
+        parts = {
+            "vertices": mesh.vertex.positions.numpy(),
+            "faces": mesh.triangle.indices.numpy(),
+        }
+        try:
+            return parts | {"colors": _encoded(mesh.vertex.colors.numpy())}
+        except (AttributeError, IndexError, KeyError, RuntimeError):  # It has none.
+            return parts
+    vertices, faces = _surface_of(mesh)
+    return {"vertices": vertices, "faces": faces}
+
+
+def _encoded(colors: np.ndarray) -> np.ndarray:
+    """Colours as they are shown, floats up to 1 or 8-bit, as 16-bit or 8-bit sRGB."""
+    if colors.dtype == np.uint8:
+        return colors
+    return (np.clip(colors, 0, 1) * 65535 + 0.5).astype(np.uint16)
+
+
+def _of_trimesh(mesh: Any) -> dict[str, Any]:
+    vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+    parts: dict[str, Any] = {"vertices": vertices, "faces": faces}
+    visual = getattr(mesh, "visual", None)
+    kind = getattr(visual, "kind", None)
+    if kind == "vertex":
+        parts["colors"] = np.asarray(visual.vertex_colors)
+    elif kind == "face":
+        # Corners are not shared by faces of two colours.
+        parts["vertices"] = vertices[faces].reshape(-1, 3)
+        parts["faces"] = np.arange(faces.size).reshape(-1, 3)
+        parts["colors"] = np.repeat(np.asarray(visual.face_colors), 3, axis=0)
+    elif kind == "texture" and getattr(visual, "uv", None) is not None:
+        parts["uvs"] = np.asarray(visual.uv) * [1, -1] + [0, 1]
+        material = visual.material
+        image = getattr(material, "image", None) or getattr(material, "baseColorTexture", None)
+        if image is not None:
+            texture = Texture(np.asarray(image.convert("RGB")))
+            parts["material"] = Material("diffuse", reflectance=texture)
+    return parts
+
+
+def _joined(parts: list[dict[str, Any]]) -> dict[str, Any]:
+    """Several meshes as one, in order. Colours are kept, white where a mesh has none; textures are
+    not, with a warning.
+    """
+    if len(parts) == 1:
+        return parts[0]
+    sizes = [len(part["vertices"]) for part in parts]
+    starts = np.cumsum([0, *sizes[:-1]])
+    joined: dict[str, Any] = {
+        "vertices": np.concatenate([part["vertices"] for part in parts]),
+        "faces": np.concatenate(
+            [np.asarray(part["faces"], np.int64) + s for part, s in zip(parts, starts, strict=True)]
+        ),
+    }
+    if any("colors" in part for part in parts):
+        joined["colors"] = np.concatenate(
+            [_bytes(part.get("colors"), n) for part, n in zip(parts, sizes, strict=True)]
+        )
+    if any("material" in part for part in parts):
+        warnings.warn(
+            "vertices: the textures of several meshes are left out; add the meshes one by one",
+            stacklevel=2,
+        )
+    return joined
+
+
+def _bytes(colors: np.ndarray | None, count: int) -> np.ndarray:
+    """Colours ``(count, 4)`` as 8-bit sRGB; white for ``None``."""
+    found = np.full((count, 4), 255, np.uint8)
+    if colors is not None:
+        wide = colors.astype(np.float64) / (257 if colors.dtype == np.uint16 else 1)
+        found[:, : colors.shape[1]] = np.round(wide)
+    return found
+
+
+def _surface_of(mesh: Any) -> tuple[np.ndarray, np.ndarray]:
     if hasattr(mesh, "points") and hasattr(mesh, "cells_dict"):  # meshio.Mesh
         _check_cells(mesh.cells_dict)
         quads = np.asarray(mesh.cells_dict.get("quad", np.empty((0, 4), dtype=np.int64)))

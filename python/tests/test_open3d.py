@@ -248,6 +248,62 @@ def test_meshes_of_other_libraries_are_recognised():
     assert scene.statistics()["triangles"] == 2
 
 
+def colored(colors, kind):
+    """A square of trimesh with colours of vertices or of faces."""
+    square = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0.0]])
+    names = {"vertex": "vertex_colors", "face": "face_colors"}
+    visual = SimpleNamespace(kind=kind, **{names[kind]: np.array(colors, np.uint8)})
+    faces = np.array([[0, 1, 2], [0, 2, 3]])
+    return SimpleNamespace(vertices=square, faces=faces, visual=visual)
+
+
+def seen(scene, x, y):
+    camera = snell.Camera(eye=(x, y, 1), target=(x, y, 0), fov=1)
+    options = {"camera": camera, "spp": 1, "size": (1, 1), "progress": False}
+    return snell.render(scene, "flat", **options).pixels[0, 0]
+
+
+def test_meshes_bring_their_colours():
+    red, green = [255, 0, 0, 255], [0, 255, 0, 255]
+    scene = snell.Scene()
+    scene.add_mesh(colored([red] * 4, "vertex"))
+    assert seen(scene, 0.1, 0.2)[0] > 0.1 and seen(scene, 0.1, 0.2)[1] == 0
+    scene = snell.Scene()
+    scene.add_mesh(colored([red, green], "face"))
+    assert seen(scene, 0.5, -0.5)[1] == 0 and seen(scene, -0.5, 0.5)[0] == 0
+    given = snell.Scene()
+    given.add_mesh(colored([red] * 4, "vertex"), colors=[[0, 0, 1.0]] * 4)
+    assert seen(given, 0.1, 0.2)[0] == 0
+
+
+def test_a_mesh_of_trimesh_brings_its_texture():
+    image = np.zeros((2, 2, 3), np.uint8)
+    image[0, 0] = 255  # The upper left corner.
+    visual = SimpleNamespace(
+        kind="texture",
+        uv=np.array([[0, 0], [1, 0], [1, 1], [0, 1.0]]),  # v grows upwards.
+        material=SimpleNamespace(image=SimpleNamespace(convert=lambda mode: image)),
+    )
+    mesh = colored([[0] * 4] * 4, "vertex")
+    mesh.visual = visual
+    scene = snell.Scene()
+    scene.add_mesh(mesh)
+    assert seen(scene, -0.8, 0.8)[0] > 0.1 > seen(scene, -0.8, -0.8)[0]
+
+
+def test_several_meshes_become_one():
+    first, second = colored([[255, 0, 0, 255]] * 4, "vertex"), colored([[0] * 4] * 2, "face")
+    del second.visual
+    second.vertices = second.vertices + [3, 0, 0]
+    whole = SimpleNamespace(geometry={}, dump=lambda: [first, second])
+    for meshes in ([first, second], whole):
+        scene = snell.Scene()
+        assert scene.add_mesh(meshes) == 0
+        hits = scene.cast_rays(([[0, 0.5, 1], [3, -0.5, 1]], [0, 0, -1.0]))
+        assert hits.primitive_ids.tolist() == [1, 2]
+        assert seen(scene, 0, 0.2)[1] == 0 < seen(scene, 3, 0.2)[1]
+
+
 def test_cells_that_are_no_surface_are_refused():
     points = np.eye(4)[:, :3]
     solid = SimpleNamespace(points=points, cells_dict={"tetra": np.array([[0, 1, 2, 3]])})

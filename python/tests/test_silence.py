@@ -134,6 +134,10 @@ def test_a_camera_matrix_has_its_size():
         size=(64, 48),
     )
     assert camera.rays().shape == (48, 64, 6)
+    scene = snell.Scene()
+    scene.add_shape("sphere", radius=1)
+    picture = snell.render(scene, "flat", camera=camera, spp=1, progress=False)
+    assert picture.pixels.shape[:2] == (48, 64)
 
 
 def test_what_was_put_in_can_be_read_back(scene):

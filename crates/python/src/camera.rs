@@ -173,7 +173,11 @@ impl Camera {
                 "resolution is {size:?}, expected numbers from 1"
             )));
         }
-        camera.resolution = resolution;
+        // A camera matrix is for pictures of its own size.
+        camera.resolution = resolution.or(match &camera.projection {
+            Projection::Intrinsics(matrix) => Some(matrix.size),
+            _ => None,
+        });
         camera.name = name.unwrap_or_default();
         Ok(Self(camera))
     }

@@ -9,7 +9,7 @@ use pyo3::exceptions::{PyIndexError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use rayon::prelude::*;
 use snell_math::{DVec2, Vec2};
-use snell_scene::{Camera, CameraSample, Projection};
+use snell_scene::{Camera, CameraSample};
 
 /// The requested camera: one of `cameras` by number or name, or a camera itself. By default the
 /// first of `cameras`.
@@ -58,10 +58,7 @@ pub fn rays_of<'py>(
     dtype: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let is_double = precision(py, dtype)?;
-    let own = camera.resolution.or(match &camera.projection {
-        Projection::Intrinsics(matrix) => Some(matrix.size),
-        _ => None,
-    });
+    let own = camera.resolution;
     let side = |given: Option<u32>, at: usize, name: &str| match given.or(own.map(|size| size[at]))
     {
         Some(0) => {

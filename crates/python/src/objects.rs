@@ -203,6 +203,12 @@ fn slots(value: &Bound<'_, PyAny>, faces: usize) -> PyResult<Vec<u16>> {
     Ok(slice(&contiguous::<u16>(&array)?)?.to_vec())
 }
 
+/// The arguments of `Scene.add_mesh` for a mesh of another library, or a list of such meshes.
+pub fn parts<'py>(mesh: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyDict>> {
+    let module = mesh.py().import("snell._meshes")?;
+    Ok(module.getattr("parts_of")?.call1((mesh,))?.cast_into::<PyDict>()?)
+}
+
 /// A mesh from its arrays, or from a mesh of another library.
 pub fn mesh<'py>(
     vertices: &Bound<'py, PyAny>,

@@ -11,7 +11,7 @@ use crate::objects;
 use crate::stage::{add_materials, warn_without_uvs};
 use crate::state::Shared;
 use crate::work::run_to_end;
-use pyo3::exceptions::PyValueError;
+use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use snell_math::Transform;
@@ -74,7 +74,9 @@ impl Scene {
     /// Parameters
     /// ----------
     /// vertices : array (n, 3), or a mesh of trimesh, Open3D, meshio or PyVista
-    ///     Finite positions. `float32` is kept as it is; all else is kept in double precision.
+    ///     Finite positions. `float32` is kept as it is; all else is kept in double precision. A
+    ///     mesh brings its colours, and one of trimesh its texture, unless others are given; a
+    ///     `trimesh.Scene` or a list of meshes becomes one mesh.
     /// faces : array (m, 3) of integers
     ///     Vertex numbers; seen from the outer side they go around counterclockwise. Left out for a
     ///     mesh of another library.
@@ -109,22 +111,37 @@ impl Scene {
         vertices, faces=None, transform=None, name=None, *, mask=None, normals=None, uvs=None,
         colors=None, material=None, material_ids=None,
     ))]
-    fn add_mesh(
+    fn add_mesh<'py>(
         &self,
-        vertices: &Bound<'_, PyAny>,
-        faces: Option<&Bound<'_, PyAny>>,
-        transform: Option<&Bound<'_, PyAny>>,
+        vertices: &Bound<'py, PyAny>,
+        faces: Option<&Bound<'py, PyAny>>,
+        transform: Option<&Bound<'py, PyAny>>,
         name: Option<String>,
         mask: Option<i64>,
-        normals: Option<&Bound<'_, PyAny>>,
-        uvs: Option<&Bound<'_, PyAny>>,
-        colors: Option<&Bound<'_, PyAny>>,
-        material: Option<&Bound<'_, PyAny>>,
-        material_ids: Option<&Bound<'_, PyAny>>,
+        normals: Option<&Bound<'py, PyAny>>,
+        uvs: Option<&Bound<'py, PyAny>>,
+        colors: Option<&Bound<'py, PyAny>>,
+        material: Option<&Bound<'py, PyAny>>,
+        material_ids: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<u32> {
-        let given = objects::Given { normals, uvs, colors, material_ids };
-        let mesh = objects::mesh(vertices, faces, &given)?;
-        self.add(vertices.py(), Kind::Mesh(Arc::new(mesh)), transform, name, mask, material)
+        let parts = faces.is_none().then(|| objects::parts(vertices)).transpose()?;
+        let own = |given: Option<&Bound<'py, PyAny>>, name: &str| match (given, &parts) {
+            (None, Some(parts)) => parts.get_item(name),
+            (given, _) => Ok(given.cloned()),
+        };
+        let [vertices, faces] = [own(faces.and(Some(vertices)), "vertices")?, own(faces, "faces")?];
+        let (uvs, colors) = (own(uvs, "uvs")?, own(colors, "colors")?);
+        let material = own(material, "material")?;
+        let given = objects::Given {
+            normals,
+            uvs: uvs.as_ref(),
+            colors: colors.as_ref(),
+            material_ids,
+        };
+        let vertices = vertices.ok_or_else(|| PyTypeError::new_err("vertices are left out"))?;
+        let mesh = objects::mesh(&vertices, faces.as_ref(), &given)?;
+        let kind = Kind::Mesh(Arc::new(mesh));
+        self.add(vertices.py(), kind, transform, name, mask, material.as_ref())
     }
 
     /// Adds an analytic shape and returns its id. :data:`SHAPES` lists the shapes and their
