@@ -12,6 +12,7 @@ array(4.)
 <snell.Image: 64 x 48 pixels, 1 samples each>
 """
 
+from snell._bake import Baked, bake
 from snell._cameras import create_rays_pinhole
 from snell._images import Comparison, compare
 from snell._load import load
@@ -50,6 +51,7 @@ __all__ = [
     "PATTERNS",
     "PROJECTIONS",
     "SHAPES",
+    "Baked",
     "Camera",
     "Channel",
     "ClosestPoints",
@@ -66,6 +68,7 @@ __all__ = [
     "Texture",
     "View",
     "__version__",
+    "bake",
     "compare",
     "create_rays_pinhole",
     "describe",

@@ -55,7 +55,7 @@ def _encoded(colors: np.ndarray) -> np.ndarray:
 def _of_trimesh(mesh: Any) -> dict[str, Any]:
     vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
     parts: dict[str, Any] = {"vertices": vertices, "faces": faces}
-    visual = getattr(mesh, "visual", None)
+    visual: Any = getattr(mesh, "visual", None)
     kind = getattr(visual, "kind", None)
     if kind == "vertex":
         parts["colors"] = np.asarray(visual.vertex_colors)
