@@ -49,7 +49,8 @@ def _encoded(colors: np.ndarray) -> np.ndarray:
     """Colours as they are shown, floats up to 1 or 8-bit, as 16-bit or 8-bit sRGB."""
     if colors.dtype == np.uint8:
         return colors
-    return (np.clip(colors, 0, 1) * 65535 + 0.5).astype(np.uint16)
+    encoded: np.ndarray = (np.clip(colors, 0, 1) * 65535 + 0.5).astype(np.uint16)
+    return encoded
 
 
 def _of_trimesh(mesh: Any) -> dict[str, Any]:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
+import warnings
 import webbrowser
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from snell._render import _scene
+from snell._render import _scene, render
 from snell._snell import View, _explain, _view
 
 if TYPE_CHECKING:
@@ -16,6 +17,18 @@ if TYPE_CHECKING:
     from snell._snell import Scene
 
 __all__ = ["View", "explain", "view"]
+
+
+def preview(scene: Scene) -> bytes | None:
+    """A picture of a scene as PNG, made within about two seconds; ``None`` for a scene in which
+    there is nothing to see.
+    """
+    if len(scene) == 0:
+        return None
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        image = render(scene, size=(320, 240), spp=16, time=2, progress=False)
+    return bytes(image._repr_png_())
 
 
 def explain(

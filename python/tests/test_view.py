@@ -12,6 +12,13 @@ import pytest
 import snell
 
 
+def test_a_scene_has_a_picture_in_notebooks():
+    scene = snell.Scene()
+    assert scene._repr_png_() is None
+    scene.add_shape("sphere", radius=1)
+    assert scene._repr_png_()[:4] == b"\x89PNG"
+
+
 def test_a_pixel_is_the_mean_of_its_samples_and_these_the_sums_of_their_paths() -> None:
     options = {"spp": 9, "size": (24, 18)}
     image = np.asarray(snell.render("cornell-box", progress=False, **options))

@@ -416,6 +416,21 @@ impl Scene {
         )
     }
 
+    /// Opens the scene in the viewer; the same as :func:`view`, with its options. In a notebook
+    /// the viewer is shown in the cell.
+    #[pyo3(signature = (**options))]
+    fn show<'py>(
+        slf: Bound<'py, Self>,
+        options: Option<&Bound<'py, PyDict>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        slf.py().import("snell._view")?.getattr("view")?.call((slf,), options)
+    }
+
+    /// A small picture of the scene, which notebooks show; `None` for a scene that has none.
+    fn _repr_png_<'py>(slf: Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        slf.py().import("snell._view")?.getattr("preview")?.call1((slf,))
+    }
+
     /// Builds the acceleration structures that the next query would build first.
     ///
     /// Parameters
