@@ -77,7 +77,9 @@ def test_a_picture_through_a_lens_shows_what_it_projects():
     camera = snell.Camera.from_opencv(K, distortion=[-0.3, 0.1, 0, 0], size=SIZE)
     scene = snell.Scene()
     centre = [0.55, 0.35, 2.0]
-    scene.add_shape("sphere", center=centre, radius=0.02)
+    place = np.eye(4)
+    place[:3, 3] = centre
+    scene.add_shape("sphere", place, radius=0.02)
     options = {"camera": camera, "size": SIZE, "spp": 1, "aovs": ["depth"], "progress": False}
     depth = snell.render(scene, "aov", **options).aovs["depth"]
     rows, columns = np.nonzero(np.isfinite(depth) & (depth > 0) & (depth < 10))

@@ -132,12 +132,8 @@ impl Scene {
         let [vertices, faces] = [own(faces.and(Some(vertices)), "vertices")?, own(faces, "faces")?];
         let (uvs, colors) = (own(uvs, "uvs")?, own(colors, "colors")?);
         let material = own(material, "material")?;
-        let given = objects::Given {
-            normals,
-            uvs: uvs.as_ref(),
-            colors: colors.as_ref(),
-            material_ids,
-        };
+        let given =
+            objects::Given { normals, uvs: uvs.as_ref(), colors: colors.as_ref(), material_ids };
         let vertices = vertices.ok_or_else(|| PyTypeError::new_err("vertices are left out"))?;
         let mesh = objects::mesh(&vertices, faces.as_ref(), &given)?;
         let kind = Kind::Mesh(Arc::new(mesh));
@@ -418,6 +414,15 @@ impl Scene {
 
     /// Opens the scene in the viewer; the same as :func:`view`, with its options. In a notebook
     /// the viewer is shown in the cell.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import snell
+    /// >>> scene = snell.Scene()
+    /// >>> ball = scene.add_shape("sphere", radius=1)
+    /// >>> with scene.show(open=False) as view:
+    /// ...     view.url.startswith("http")
+    /// True
     #[pyo3(signature = (**options))]
     fn show<'py>(
         slf: Bound<'py, Self>,
