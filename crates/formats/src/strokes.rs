@@ -6,6 +6,7 @@
 use rayon::prelude::*;
 use snell_intersect::{Curves, StrandBasis};
 use snell_math::{Bounds3d, DVec3, Vec3};
+use std::collections::HashSet;
 
 /// The radius of a ball, as a fraction of the distance between neighbours: most balls of a surface
 /// touch, and its holes are small.
@@ -27,12 +28,14 @@ pub struct Strokes {
     vertices: Vec<u32>,
     /// The number of vertices of each stroke: 1 for a point.
     sizes: Vec<u32>,
+    /// The number of points, and that of lines, that [`Self::keep_visible`] has left out.
+    left_out: [usize; 2],
 }
 
 impl Strokes {
     /// A point at each of the vertices.
     pub fn points(vertices: Vec<u32>) -> Self {
-        Self { sizes: vec![1; vertices.len()], vertices }
+        Self { sizes: vec![1; vertices.len()], vertices, left_out: [0; 2] }
     }
 
     /// Adds a point, or a line through several vertices.
@@ -42,6 +45,34 @@ impl Strokes {
         if self.vertices.len() > before {
             self.sizes.push((self.vertices.len() - before) as u32);
         }
+    }
+
+    /// Leaves out points where one is already, because rays that meet thousands of equal balls are
+    /// slow (depth cameras put all pixels without an answer at zero), and points that are not
+    /// finite. Lines end before vertices that are not finite, and begin again after them.
+    pub fn keep_visible(&mut self, positions: &[Vec3]) {
+        let mut kept = Self::default();
+        let mut places = HashSet::new();
+        for stroke in self.iter() {
+            let is_finite = |i: &u32| positions[*i as usize].is_finite();
+            match *stroke {
+                [alone] => {
+                    // Both signs of zero are one place.
+                    let place = (positions[alone as usize] + 0.0).to_array().map(f32::to_bits);
+                    match is_finite(&alone) && places.insert(place) {
+                        true => kept.push([alone]),
+                        false => kept.left_out[0] += 1,
+                    }
+                }
+                _ => {
+                    let before = kept.sizes.len();
+                    let parts = stroke.split(|i| !is_finite(i)).filter(|part| part.len() > 1);
+                    parts.for_each(|part| kept.push(part.iter().copied()));
+                    kept.left_out[1] += usize::from(kept.sizes.len() == before);
+                }
+            }
+        }
+        *self = kept;
     }
 
     /// True if there is nothing to draw.
@@ -139,23 +170,39 @@ impl Radii {
         Self { ball: ball.max(least) as f32, tube: tube.max(least) as f32 }
     }
 
-    /// What was drawn, for a message: "3 points are drawn as balls of radius 0.1".
+    /// What was drawn and what was not, for a message: "3 points are drawn as balls of radius 0.1".
     pub fn describe(self, strokes: &[&Strokes]) -> String {
-        let counts =
-            strokes.iter().map(|s| s.counts()).fold([0; 2], |[a, b], [c, d]| [a + c, b + d]);
-        let part = |count: usize, one: &str, many: &str, radius: f32| {
-            let radius = format!("{radius:.2e}").parse().unwrap_or(radius);
-            match count {
-                0 => None,
-                1 => Some(format!("1 {one} of radius {radius}")),
-                _ => Some(format!("{count} {many} of radius {radius}")),
-            }
+        let sum = |of: fn(&Strokes) -> [usize; 2]| {
+            strokes.iter().map(|s| of(s)).fold([0; 2], |[a, b], [c, d]| [a + c, b + d])
         };
-        let balls =
-            part(counts[0], "point is drawn as a ball", "points are drawn as balls", self.ball);
-        let tubes =
-            part(counts[1], "line is drawn as a tube", "lines are drawn as tubes", self.tube);
-        [balls, tubes].into_iter().flatten().collect::<Vec<_>>().join(", and ")
+        let part = |count: usize, one: &str, many: &str| match count {
+            0 => None,
+            1 => Some(format!("1 {one}")),
+            _ => Some(format!("{count} {many}")),
+        };
+        let of_radius = |said: Option<String>, radius: f32| {
+            let radius = format!("{radius:.2e}").parse().unwrap_or(radius);
+            said.map(|said| format!("{said} of radius {radius}"))
+        };
+        let ([points, lines], [no_points, no_lines]) = (sum(Strokes::counts), sum(|s| s.left_out));
+        let balls = part(points, "point is drawn as a ball", "points are drawn as balls");
+        let tubes = part(lines, "line is drawn as a tube", "lines are drawn as tubes");
+        let drawn = [of_radius(balls, self.ball), of_radius(tubes, self.tube)];
+        let drawn = drawn.into_iter().flatten().collect::<Vec<_>>().join(", and ");
+        let left_out = [
+            part(
+                no_points,
+                "point at the place of another, or that is not finite, is left out",
+                "points at the places of others, or that are not finite, are left out",
+            ),
+            part(
+                no_lines,
+                "line of vertices that are not finite is left out",
+                "lines of vertices that are not finite are left out",
+            ),
+        ];
+        let drawn = Some(drawn).filter(|drawn| !drawn.is_empty());
+        drawn.into_iter().chain(left_out.into_iter().flatten()).collect::<Vec<_>>().join("; ")
     }
 }
 
@@ -221,6 +268,25 @@ mod tests {
         assert_eq!(radii(&[Vec3::ONE]).ball, 0.01);
         assert!(radii(&[Vec3::splat(1e7); 3]).ball >= 8.0, "single precision sees it");
         assert!(radii(&[Vec3::NAN]).ball > 0.0);
+    }
+
+    #[test]
+    fn equal_points_are_one_and_gaps_divide_lines() {
+        let gap = Vec3::new(0.0, f32::NAN, 0.0);
+        let positions = [Vec3::X, Vec3::ZERO, -Vec3::ZERO, gap, Vec3::Y, Vec3::Z];
+        let mut strokes = Strokes::points(vec![0, 1, 2, 1, 3]);
+        strokes.push([0, 1, 3, 4, 5, 3, 0]);
+        strokes.keep_visible(&positions);
+        let kept: Vec<_> = strokes.iter().collect();
+        assert_eq!(kept, [&[0][..], &[1], &[0, 1], &[4, 5]]);
+        let said = Radii { ball: 0.25, tube: 0.125 }.describe(&[&strokes]);
+        let left_out = "; 3 points at the places of others, or that are not finite, are left out";
+        assert!(said.ends_with(left_out), "{said}");
+        let mut nothing = Strokes::default();
+        nothing.push([3, 0]);
+        nothing.keep_visible(&positions);
+        let said = Radii::default().describe(&[&nothing]);
+        assert_eq!(said, "1 line of vertices that are not finite is left out");
     }
 
     #[test]

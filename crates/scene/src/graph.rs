@@ -97,7 +97,7 @@ impl Geometry {
                 (0, strands) => format!("curves of {strands} strands"),
                 (balls, strands) if balls == strands => format!("{balls} balls"),
                 (balls, strands) => {
-                    format!("{balls} balls and curves of {} strands", strands - balls)
+                    format!("{balls} balls and {} curves", strands - balls)
                 }
             },
         }

@@ -168,14 +168,17 @@ fn scene_of(input: &Input, mesh: TriangleMesh, mut notes: Notes) -> Scene {
 /// The vertices of a file without faces, as balls of their colours.
 fn cloud(input: &Input, mesh: &TriangleMesh, notes: &mut Notes) -> Option<Curves> {
     let count = u32::try_from(mesh.positions.len()).ok()?;
-    let points = Strokes::points((0..count).collect());
+    let mut points = Strokes::points((0..count).collect());
+    points.keep_visible(&mesh.positions);
     let radii = Radii::of(&[&points], &mesh.positions, Bounds3d::EMPTY);
-    let curves = points.curves(&mesh.positions, &mesh.colors, radii)?;
+    if count == 0 {
+        return None;
+    }
     let said = radii.describe(&[&points]);
     notes.add_of(WarningKind::Choice, "points", || {
         format!("{}: there are no faces; {said}", input.name)
     });
-    Some(curves)
+    points.curves(&mesh.positions, &mesh.colors, radii)
 }
 
 /// Warns if a mesh is empty or has vertices that are not finite.
@@ -185,6 +188,9 @@ fn note_oddities(input: &Input, mesh: &TriangleMesh, notes: &mut Notes) {
         notes.add("nothing to show", || {
             format!("{name}: there are no triangles to show; export it again with its faces")
         });
+    }
+    if mesh.indices.is_empty() {
+        return;
     }
     for (i, _) in mesh.positions.iter().enumerate().filter(|(_, p)| !p.is_finite()) {
         let name = &input.name;

@@ -90,6 +90,7 @@ fn stroke_surfaces(
     for stroke in &file.strokes {
         by_material.entry(stroke.material).or_default().push(stroke.vertices.iter().copied());
     }
+    by_material.values_mut().for_each(|strokes| strokes.keep_visible(&file.positions));
     let all: Vec<&Strokes> = by_material.values().collect();
     if all.is_empty() {
         return Vec::new();

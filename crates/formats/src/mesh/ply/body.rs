@@ -360,6 +360,13 @@ impl Role {
     }
 }
 
+/// The names of the vertex properties that are not read.
+pub fn unread(header: &Header) -> Vec<&str> {
+    let vertices = header.elements.iter().filter(|element| element.name == "vertex");
+    let properties = vertices.flat_map(|element| &element.properties);
+    properties.filter(|p| Role::of(p) == Role::Skip).map(|p| p.name.as_str()).collect()
+}
+
 /// True if all parts of an attribute are present.
 fn has_all(roles: &[Role], role: fn(usize) -> Role, parts: usize) -> bool {
     (0..parts).all(|k| roles.contains(&role(k)))

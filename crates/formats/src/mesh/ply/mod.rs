@@ -28,7 +28,7 @@ use header::{Format, Header};
 use snell_intersect::TriangleMesh;
 use snell_math::Rgb;
 use snell_scene::material::{ColorParam, Diffuse};
-use snell_scene::{Encoding, Geometry, Material, Scene};
+use snell_scene::{Encoding, Geometry, Material, Scene, WarningKind};
 
 /// The reader of PLY files.
 pub const READER: SceneReader = SceneReader {
@@ -49,6 +49,13 @@ pub const READER: SceneReader = SceneReader {
         }
         if !faces.colors.is_empty() {
             colors::paint(&mut mesh, &faces.colors);
+        }
+        let unread = body::unread(&header);
+        if mesh.indices.is_empty() && !unread.is_empty() {
+            notes.add_of(WarningKind::Choice, "properties", || {
+                let names = unread.join(", ");
+                format!("{}: these properties of the points are not shown: {names}", input.name)
+            });
         }
         let mut scene = super::scene_of(input, mesh, notes);
         add_pictures(input, &header.textures, &mut scene);

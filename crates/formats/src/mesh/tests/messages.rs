@@ -28,7 +28,7 @@ fn obj_warnings_are_counted() {
 a.obj:2:1: a vertex is not finite; triangles that use such vertices are never hit: give it finite coordinates (2x)
 a.obj:6:1: a face of 2 corners, expected 3 or more; such faces were skipped (1x)
 a.obj:7:1: "foo": not a statement of OBJ files; lines like this were skipped (1x)
-a.obj: 2 lines are drawn as tubes of radius 0.01 (1x)
+a.obj: 2 lines of vertices that are not finite are left out (1x)
 "#);
     assert_snapshot!(warnings("a.obj", "mtllib a.mtl b.mtl\nusemtl x\n"), @r#"
 a.obj: its material library "a.mtl b.mtl" does not exist; the default material was used (1x)

@@ -23,6 +23,20 @@ fn a_ply_without_faces_is_balls_of_its_colours() {
 }
 
 #[test]
+fn clouds_of_sensors_are_drawn_without_their_gaps() {
+    let ply = "ply\nformat ascii 1.0\nelement vertex 6\nproperty float x\nproperty float y\n\
+        property float z\nproperty float intensity\nelement face 0\nend_header\n0 0 0 0\n\
+        0 0 0 0\n8 0 0 1\n0 0 0 0\nnan nan nan 0\n0 6 0 9\n";
+    let scene = read("scan.ply", ply).expect("a cloud");
+    check(&scene, "scan");
+    assert_eq!(strokes(&scene)[0].ball_count(), 3);
+    let said: Vec<_> = scene.warnings.iter().map(|w| w.message.as_str()).collect();
+    let [properties, points] = said[..] else { panic!("{said:?}") };
+    assert!(properties.ends_with("properties of the points are not shown: intensity"));
+    assert!(points.contains("3 points are drawn") && points.contains("; 3 points at the places"));
+}
+
+#[test]
 fn points_and_lines_of_obj_are_drawn_beside_faces_with_their_materials() {
     let obj = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nusemtl a\nl 1 2/1 -1\nusemtl b\np 1 2\n\
         l 1 9\n";

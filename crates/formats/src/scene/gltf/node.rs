@@ -419,7 +419,9 @@ fn still_surfaces(
         let Primitive { mesh: shown, strokes, material, .. } = primitive;
         match strokes {
             None => surfaces.push(surface(reader, shown, material)),
-            Some(strokes) => surfaces.extend(drawn(reader, mesh, &shown, &strokes, material)),
+            Some(mut strokes) => {
+                surfaces.extend(drawn(reader, mesh, &shown, &mut strokes, material));
+            }
         }
     }
     Ok(surfaces)
@@ -460,8 +462,8 @@ fn bent_mesh(
                 matrices.len()
             ))
         })?;
-        if let Some(strokes) = strokes {
-            let surface = drawn(reader, mesh, &now, &strokes, material);
+        if let Some(mut strokes) = strokes {
+            let surface = drawn(reader, mesh, &now, &mut strokes, material);
             reader.scene.nodes[shown.index()].surfaces.extend(surface);
             if rig.has_weights(bearer) || deformed.skin.is_some() {
                 let place = mesh.place();
@@ -484,13 +486,14 @@ fn drawn(
     reader: &mut Reader,
     json: &Json,
     mesh: &TriangleMesh,
-    strokes: &Strokes,
+    strokes: &mut Strokes,
     material: Option<usize>,
 ) -> Option<Surface> {
+    strokes.keep_visible(&mesh.positions);
     let radii = Radii::of(&[strokes], &mesh.positions, Bounds3d::EMPTY);
-    let curves = strokes.curves(&mesh.positions, &mesh.colors, radii)?;
     let said = radii.describe(&[strokes]);
     reader.drawn.get_or_insert_with(|| (format!("{}: {said}", json.place()), 0)).1 += 1;
+    let curves = strokes.curves(&mesh.positions, &mesh.colors, radii)?;
     let material = material_id(reader, material);
     Some(Surface::with_material(Geometry::Curves(Arc::new(curves)), material))
 }
