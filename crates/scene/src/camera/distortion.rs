@@ -4,6 +4,7 @@
 //! down, as in the documentation of OpenCV's module `calib3d`.
 
 use snell_math::{DMat2, DVec2, DVec3};
+use std::f64::consts::PI;
 
 /// How often a step towards the undistorted point is taken at most.
 const MOST_STEPS: usize = 60;
@@ -170,22 +171,42 @@ fn slope(k: &[f64; 4], theta: f64, place: usize) -> f64 {
     polynomial_slope(k, theta * place as f64 / PLACES as f64)
 }
 
-/// The angle from 0 to pi at a distance from the middle, by halving: the polynomial grows up to it.
+/// The angle from 0 to pi at a distance from the middle, by Newton's method within an interval in
+/// which the polynomial grows, that is halved where a step leads out of it.
 fn solve_angle(k: &[f64; 4], radius: f64) -> Option<f64> {
-    let mut limit = 0.0;
-    let step = std::f64::consts::PI / 64.0;
-    while limit < std::f64::consts::PI && polynomial_slope(k, limit + step) > 0.0 {
-        limit += step;
+    let (mut low, mut high) = (0.0, 0.0);
+    while angular(k, high) < radius {
+        (low, high) = (high, high + PI / 64.0);
+        if polynomial_slope(k, high) <= 0.0 {
+            high = rim(k, low, high);
+            break;
+        }
+        if high > PI {
+            return None;
+        }
     }
-    let (mut low, mut high) = (0.0, limit);
-    if !(0.0..=angular(k, limit)).contains(&radius) {
-        return None;
+    let mut theta = 0.5 * (low + high);
+    for _ in 0..MOST_STEPS {
+        let over = angular(k, theta) - radius;
+        *(if over < 0.0 { &mut low } else { &mut high }) = theta;
+        let next = theta - over / polynomial_slope(k, theta);
+        let next = if next > low && next < high { next } else { 0.5 * (low + high) };
+        if (next - theta).abs() <= TOLERANCE * theta {
+            break;
+        }
+        theta = next;
     }
-    for _ in 0..100 {
+    let is_found = (angular(k, theta) - radius).abs() <= 1e-11 * (1.0 + radius);
+    is_found.then_some(theta)
+}
+
+/// The angle between two others at which the polynomial turns back.
+fn rim(k: &[f64; 4], mut low: f64, mut high: f64) -> f64 {
+    for _ in 0..MOST_STEPS {
         let middle = 0.5 * (low + high);
-        if angular(k, middle) < radius { low = middle } else { high = middle }
+        *(if polynomial_slope(k, middle) > 0.0 { &mut low } else { &mut high }) = middle;
     }
-    Some(0.5 * (low + high))
+    low
 }
 
 #[cfg(test)]
@@ -243,6 +264,11 @@ mod tests {
         assert!(lens.place(DVec3::new(rim * 1.01, 0.0, 1.0)).is_none());
         assert!(lens.direction(DVec2::new(rim * 2.0 / 3.0 * 1.001, 0.0)).is_none());
         assert!(lens.place(DVec3::new(0.1, 0.1, -1.0)).is_none());
+        // theta - theta^3 / 3 grows to 2 / 3, at an angle of 1.
+        let lens = Distortion::Fisheye([-1.0 / 3.0, 0.0, 0.0, 0.0]);
+        assert!(lens.direction(DVec2::new(2.0 / 3.0 - 1e-6, 0.0)).is_some());
+        assert!(lens.direction(DVec2::new(2.0 / 3.0 + 1e-6, 0.0)).is_none());
+        assert!(Distortion::Fisheye([1e300; 4]).direction(DVec2::new(0.2, 0.1)).is_none());
         // A fisheye sees what is behind its plane.
         assert!(LENSES[3].place(DVec3::new(1.0, 0.0, -0.5)).is_some());
     }
