@@ -7,7 +7,7 @@
 use rayon::prelude::*;
 use snell_intersect::TriangleMesh;
 use snell_math::glam::Vec3Swizzles;
-use snell_math::{Bounds3, DVec3, Vec3};
+use snell_math::{Bounds3, DVec3, DisjointSets, Vec3};
 
 /// A face that is the copy of another.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -129,25 +129,6 @@ fn rotated([a, b, c]: [u32; 3]) -> [u32; 3] {
     }
 }
 
-/// A union-find structure.
-struct Sets(Vec<u32>);
-
-impl Sets {
-    fn root(&mut self, mut i: u32) -> u32 {
-        while self.0[i as usize] != i {
-            self.0[i as usize] = self.0[self.0[i as usize] as usize];
-            i = self.0[i as usize];
-        }
-        i
-    }
-
-    fn join(&mut self, a: u32, b: u32) {
-        let (a, b) = (self.root(a), self.root(b));
-        // The lower root wins, so that the result does not depend on the order.
-        self.0[a.max(b) as usize] = a.min(b);
-    }
-}
-
 impl Topology {
     /// The topology of a valid mesh with fewer than 2³¹ triangles.
     pub fn of(mesh: &TriangleMesh) -> Self {
@@ -157,7 +138,7 @@ impl Topology {
             mesh.indices.par_iter().map(|t| t.map(|i| numbers[i as usize])).collect();
         let mut counts = this.sort_out(mesh, &faces);
         this.find_duplicates(&faces, &mut counts);
-        let mut sets = Sets((0..faces.len() as u32).collect());
+        let mut sets = DisjointSets::new(faces.len());
         let (boundary, inconsistent) = this.find_edges(mesh, &faces, &counts, &mut sets);
         this.find_components(mesh, &counts, sets);
         for face in boundary {
@@ -230,7 +211,7 @@ impl Topology {
         mesh: &TriangleMesh,
         faces: &[[u32; 3]],
         counts: &[bool],
-        sets: &mut Sets,
+        sets: &mut DisjointSets,
     ) -> (Vec<u32>, Vec<u32>) {
         let edge = |i: u32, k: usize| {
             let t = faces[i as usize];
@@ -267,7 +248,7 @@ impl Topology {
         (boundary, inconsistent)
     }
 
-    fn find_components(&mut self, mesh: &TriangleMesh, counts: &[bool], mut sets: Sets) {
+    fn find_components(&mut self, mesh: &TriangleMesh, counts: &[bool], mut sets: DisjointSets) {
         let mut number_of_root = vec![NONE; counts.len()];
         self.component_of = vec![NONE; counts.len()];
         let mut origins: Vec<DVec3> = Vec::new();

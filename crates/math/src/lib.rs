@@ -11,6 +11,7 @@
 
 pub mod angles;
 pub mod bounds;
+mod disjoint_sets;
 pub mod distribution;
 pub mod exact;
 pub mod exponentials;
@@ -29,6 +30,7 @@ pub mod statistics;
 pub mod transform;
 
 pub use bounds::{Bounds3, Bounds3d};
+pub use disjoint_sets::DisjointSets;
 pub use frame::Frame;
 pub use glam::{
     self, DAffine3, DMat2, DMat3, DMat4, DVec2, DVec3, DVec4, IVec2, Mat3, Mat4, UVec2, Vec2, Vec3,

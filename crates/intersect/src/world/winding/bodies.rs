@@ -7,7 +7,7 @@
 
 use super::Triangles;
 use rayon::prelude::*;
-use snell_math::{Bounds3d, DVec3};
+use snell_math::{Bounds3d, DVec3, DisjointSets};
 
 /// Surfaces whose area vectors add up to more than this share of their area are sheets, which bound
 /// nothing: the share is 0 for a closed surface, a half for half a sphere and 1 for a flat one.
@@ -97,7 +97,7 @@ impl Bodies {
     pub fn of(mesh: &Triangles, bounds: &Bounds3d) -> Self {
         let edges = Edges::of(mesh);
         let is_open = edges.take_off();
-        let mut sets = Sets((0..mesh.len() as u32).collect());
+        let mut sets = DisjointSets::new(mesh.len());
         for group in edges.groups() {
             let mut last = [NONE; 2];
             for triangle in group.iter().map(|e| e.triangle()) {
@@ -280,23 +280,4 @@ fn welded(mesh: &Triangles) -> Vec<u32> {
         }
     }
     numbers
-}
-
-/// A union-find structure.
-struct Sets(Vec<u32>);
-
-impl Sets {
-    fn root(&mut self, mut i: u32) -> u32 {
-        while self.0[i as usize] != i {
-            self.0[i as usize] = self.0[self.0[i as usize] as usize];
-            i = self.0[i as usize];
-        }
-        i
-    }
-
-    fn join(&mut self, a: u32, b: u32) {
-        let (a, b) = (self.root(a), self.root(b));
-        // The lower root wins, so that the result does not depend on the order.
-        self.0[a.max(b) as usize] = a.min(b);
-    }
 }
