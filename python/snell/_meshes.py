@@ -25,7 +25,10 @@ def parts_of(mesh: Any) -> dict[str, Any]:
     if isinstance(mesh, (list, tuple)) and mesh and not np.isscalar(mesh[0]):
         return _joined([parts_of(part) for part in mesh])
     if hasattr(mesh, "geometry") and hasattr(mesh, "dump"):  # trimesh.Scene
-        return _joined([parts_of(part) for part in mesh.dump()])
+        parts = mesh.dump()
+        if not len(parts):
+            raise ValueError("vertices: the scene of trimesh is empty, expected a mesh in it")
+        return _joined([parts_of(part) for part in parts])
     if hasattr(mesh, "vertices") and hasattr(mesh, "faces"):  # trimesh
         return _of_trimesh(mesh)
     if hasattr(mesh, "vertices") and hasattr(mesh, "triangles"):  # open3d.geometry.TriangleMesh
@@ -41,6 +44,11 @@ def parts_of(mesh: Any) -> dict[str, Any]:
             return parts | {"colors": _encoded(mesh.vertex.colors.numpy())}
         except (AttributeError, IndexError, KeyError, RuntimeError):  # It has none.
             return parts
+    if hasattr(mesh, "vertices"):  # trimesh.PointCloud, trimesh.path.Path3D
+        raise TypeError(
+            f"vertices: {type(mesh).__name__} has no faces; points are added by "
+            "add_spheres(points, radius), lines by add_curves(points, radius)"
+        )
     vertices, faces = _surface_of(mesh)
     return {"vertices": vertices, "faces": faces}
 
@@ -65,13 +73,17 @@ def _of_trimesh(mesh: Any) -> dict[str, Any]:
         parts["vertices"] = vertices[faces].reshape(-1, 3)
         parts["faces"] = np.arange(faces.size).reshape(-1, 3)
         parts["colors"] = np.repeat(np.asarray(visual.face_colors), 3, axis=0)
-    elif kind == "texture" and getattr(visual, "uv", None) is not None:
-        parts["uvs"] = np.asarray(visual.uv) * [1, -1] + [0, 1]
-        material = visual.material
+    elif kind == "texture":
+        material, uv = visual.material, getattr(visual, "uv", None)
         image = getattr(material, "image", None) or getattr(material, "baseColorTexture", None)
-        if image is not None:
+        if uv is not None:
+            parts["uvs"] = np.asarray(uv) * [1, -1] + [0, 1]
+        if uv is not None and image is not None:
             texture = Texture(np.asarray(image.convert("RGB")))
             parts["material"] = Material("diffuse", reflectance=texture)
+        elif getattr(material, "main_color", None) is not None:
+            color = np.asarray(material.main_color, np.uint8)
+            parts["colors"] = np.tile(color, (len(vertices), 1))
     return parts
 
 

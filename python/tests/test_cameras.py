@@ -102,6 +102,8 @@ def test_poses_are_given_in_the_axes_of_each_field():
         camera = snell.Camera.from_matrix(pose, axes, fov=50)
         assert (camera.eye, camera.towards, camera.up) == ((1, 2, 3), towards, up)
         assert np.allclose(camera.matrix(axes), pose)
+    with pytest.raises(ValueError, match="resolution is"):
+        snell.Camera.from_matrix(pose, "ros", resolution=(0, 480))
     extrinsic = np.linalg.inv(pose)
     ways = [{"T_world_cam": pose}, {"T_cam_world": extrinsic[:3]}]
     eyes = [snell.Camera.from_opencv(K, **way, size=SIZE).eye for way in ways]

@@ -291,6 +291,25 @@ def test_a_mesh_of_trimesh_brings_its_texture():
     assert seen(scene, -0.5, 0.5)[0] > 0.1 > seen(scene, -0.5, -0.5)[0]
 
 
+def test_a_mesh_of_trimesh_without_a_picture_brings_its_colour():
+    mesh = colored([[0] * 4] * 4, "vertex")
+    material = SimpleNamespace(main_color=np.array([0, 255, 0, 255], np.uint8))
+    mesh.visual = SimpleNamespace(kind="texture", uv=None, material=material)
+    scene = snell.Scene()
+    scene.add_mesh(mesh)
+    assert seen(scene, 0.1, 0.2)[0] == 0 < seen(scene, 0.1, 0.2)[1]
+
+
+def test_what_is_no_mesh_is_refused_with_the_way():
+    empty = SimpleNamespace(geometry={}, dump=list)
+    with pytest.raises(ValueError, match="the scene of trimesh is empty"):
+        snell.Scene().add_mesh(empty)
+    cloud = SimpleNamespace(vertices=np.eye(3))
+    for given in (cloud, [cloud, cloud]):
+        with pytest.raises(TypeError, match="points are added by add_spheres"):
+            snell.Scene().add_mesh(given)
+
+
 def test_several_meshes_become_one():
     first, second = colored([[255, 0, 0, 255]] * 4, "vertex"), colored([[0] * 4] * 2, "face")
     del second.visual

@@ -70,6 +70,21 @@ fn at_least(value: f64, low: f64, name: &str) -> PyResult<f64> {
     Err(PyValueError::new_err(format!("{name} is {value}, expected a number from {low}")))
 }
 
+/// The size of the pictures that a camera is made for: the given one, or that of its matrix.
+pub fn made_for(
+    resolution: Option<[u32; 2]>,
+    projection: &Projection,
+) -> PyResult<Option<[u32; 2]>> {
+    if let Some(size) = resolution.filter(|size| size.contains(&0)) {
+        let message = format!("resolution is {size:?}, expected numbers from 1");
+        return Err(PyValueError::new_err(message));
+    }
+    Ok(resolution.or(match projection {
+        Projection::Intrinsics(matrix) => Some(matrix.size),
+        _ => None,
+    }))
+}
+
 /// Makes a projection from its parameters.
 pub fn projection(
     py: Python<'_>,
@@ -168,16 +183,7 @@ impl Camera {
         if let Some(distance) = focus_distance {
             camera.focus_distance = at_least(distance, f64::MIN_POSITIVE, "focus_distance")?;
         }
-        if let Some(size) = resolution.filter(|size| size.contains(&0)) {
-            return Err(PyValueError::new_err(format!(
-                "resolution is {size:?}, expected numbers from 1"
-            )));
-        }
-        // A camera matrix is for pictures of its own size.
-        camera.resolution = resolution.or(match &camera.projection {
-            Projection::Intrinsics(matrix) => Some(matrix.size),
-            _ => None,
-        });
+        camera.resolution = made_for(resolution, &camera.projection)?;
         camera.name = name.unwrap_or_default();
         Ok(Self(camera))
     }

@@ -1,7 +1,7 @@
 //! Cameras from the matrices of other fields, and back.
 
 use crate::arrays::{array, contiguous, from_vec, shown, slice};
-use crate::camera::{Camera, projection};
+use crate::camera::{Camera, made_for, projection};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -239,7 +239,7 @@ impl Camera {
         let pose = matrix4(T_world_cam, "T_world_cam")?;
         let mut camera = snell_scene::Camera::from_matrix(pose, self::axes(axes)?, projection)
             .map_err(|error| PyValueError::new_err(error.to_string()))?;
-        camera.resolution = resolution.filter(|size| !size.contains(&0));
+        camera.resolution = made_for(resolution, &camera.projection)?;
         camera.name = name.unwrap_or_default();
         Ok(Self(camera))
     }
