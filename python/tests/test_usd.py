@@ -144,6 +144,35 @@ def Xform "World"
     assert form["environment"]["constant"] == pytest.approx([0.2, 0.4, 0.6])
 
 
+def test_instancers_of_instancers_are_made_once(tmp_path: Path) -> None:
+    """Two instancers on each of 30 levels show both of the next level: 2^31 balls in all."""
+    depth = 30
+    levels = [
+        f"""
+    def PointInstancer "{name}{i}" {{
+        rel prototypes = [</World/P/A{i + 1}>, </World/P/B{i + 1}>]
+        int[] protoIndices = [0, 1]
+        point3f[] positions = [({x}, 0, 0), (0, {x}, 0)] }}
+"""
+        for i, x in ((i, 2.0**i) for i in range(depth))
+        for name in "AB"
+    ]
+    text = f"""
+def Xform "World" {{
+    class "P" {{
+        {"".join(levels)}
+        def Sphere "A{depth}" {{ double radius = 0.2 }}
+        def Sphere "B{depth}" {{ double radius = 0.2 }} }}
+    def PointInstancer "top" {{
+        rel prototypes = </World/P/A0>
+        int[] protoIndices = [0]
+        point3f[] positions = [(0, 0, 0)] }} }}
+"""
+    form, remarks = document(stage(tmp_path, text))
+    assert not remarks
+    assert len(form["nodes"]) < 8 * depth
+
+
 @pytest.mark.parametrize(("emission", "is_lit"), [(0.5, True), (50.0, False)])
 def test_weak_emission_does_not_put_the_sky_out(
     tmp_path: Path, emission: float, is_lit: bool

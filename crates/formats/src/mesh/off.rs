@@ -14,8 +14,8 @@ use super::text::{Number, Reader, Text, decoded, number};
 use super::too_many;
 use crate::{Input, ReadError, SceneReader};
 use snell_intersect::TriangleMesh;
+use snell_math::Vec3;
 use snell_math::spectrum::srgb_to_linear;
-use snell_math::{DVec3, Vec3};
 
 /// The reader of OFF files.
 pub const READER: SceneReader = SceneReader {

@@ -86,8 +86,8 @@ impl Reading {
         let mut is_flat = self.is_flat;
         let (mut faces, mut materials, mut warnings) = (None, Vec::new(), Vec::new());
         let mut mesh = if self.is_serialized {
-            let mesh = |read: &Serialized| &read.mesh;
-            let read = read_near(&mut input, mesh, |input| serialized::read(input, self.index))?;
+            let read = |input: &Input| serialized::read(input, self.index);
+            let read = read_near(&mut input, |read: &Serialized| &read.mesh, read)?;
             is_flat |= read.is_flat;
             read.mesh
         } else {
