@@ -1,9 +1,7 @@
 //! Meshes of a scene in the precision in which they were given, with their attributes for
 //! rendering.
 
-use snell_intersect::{
-    DTriangleMesh, PairError, PairMesh, TriangleMesh, UV_SETS, first_uv_set,
-};
+use snell_intersect::{DTriangleMesh, PairError, PairMesh, TriangleMesh, UV_SETS, first_uv_set};
 use snell_math::{DVec3, Transform, Vec2, Vec3};
 use std::sync::{Arc, OnceLock};
 

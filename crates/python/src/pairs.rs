@@ -11,15 +11,16 @@ use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use rayon::prelude::*;
 use snell_intersect::{
-    Cancelled, ClosestPair, Hit, Motion, PairMesh, PairQuery, PairScene, Pose, closest_pair,
-    collides, time_of_impact,
+    AnyShape, Cancelled, ClosestPair, Hit, Motion, PairMesh, PairQuery, PairScene, Pose,
+    closest_pair, collides, time_of_impact,
 };
 use snell_math::{DAffine3, DMat4, DVec3, Transform};
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// Instances that a scene may have in all, here; each takes about 400 bytes.
-const MOST_PARTS: usize = 10_000_000;
+/// Objects that a scene may have in all, instances counted as often as they occur; each takes about
+/// 400 bytes.
+const MOST_OBJECTS: usize = 2_000_000;
 
 /// Pairs of boxes that a single question looks at before it is given to threads that Ctrl-C can
 /// stop: some milliseconds.
@@ -39,7 +40,9 @@ pub struct Pairs {
 struct Collector {
     parts: Vec<(Arc<PairMesh>, DAffine3)>,
     names: Vec<[u32; 2]>,
-    shapes: HashMap<*const snell_intersect::AnyShape, Arc<PairMesh>>,
+    shapes: HashMap<*const AnyShape, Arc<PairMesh>>,
+    /// The number of objects so far.
+    count: usize,
 }
 
 impl Pairs {
@@ -73,8 +76,15 @@ impl Collector {
         instance: Option<u32>,
     ) -> Result<(), String> {
         for (number, object) in contents.objects() {
+            self.count += 1;
+            if self.count > MOST_OBJECTS {
+                return Err(format!(
+                    "the scene has more than {MOST_OBJECTS} objects, those in instances counted; \
+                     ask about parts of it"
+                ));
+            }
             let map = match &object.transform {
-                Some(own) => *placed * *own,
+                Some(own) => placed.compose(own),
                 None => *placed,
             };
             let mesh = match &object.kind {
@@ -96,9 +106,6 @@ impl Collector {
                 Kind::Spheres(_) => return Err(refused("set of spheres", number)),
                 Kind::Curves(_) => return Err(refused("set of curves", number)),
             };
-            if self.parts.len() >= MOST_PARTS {
-                return Err(format!("the scene has more than {MOST_PARTS} meshes and instances"));
-            }
             self.parts.push((mesh, *map.matrix()));
             self.names.push([number, instance.unwrap_or(Hit::NONE)]);
         }

@@ -84,11 +84,7 @@ impl OrientedBox {
         let gap = near.length_squared().max(far.length_squared()).sqrt();
         let d = other.center - self.center;
         let length = d.length();
-        if length > 0.0 {
-            gap.max(length - (self.width(d) + other.width(d)) / length)
-        } else {
-            gap
-        }
+        if length > 0.0 { gap.max(length - (self.width(d) + other.width(d)) / length) } else { gap }
     }
 
     /// Half the width along a direction, times its length.
@@ -110,25 +106,25 @@ impl OrientedBox {
         let r = a.map(|a| b.map(|b| a.dot(b)));
         let size = r.map(|row| row.map(f64::abs));
         let (ours, theirs) = (self.half.to_array(), other.half.to_array());
-        for i in 0..3 {
-            let s = size[i];
-            let width = theirs[0] * s[0] + theirs[1] * s[1] + theirs[2] * s[2];
-            if t[i].abs() > ours[i] + width + margin {
-                return true;
-            }
-        }
-        for j in 0..3 {
+        let is_apart_along_ours = |i: usize| {
+            let width = theirs[0] * size[i][0] + theirs[1] * size[i][1] + theirs[2] * size[i][2];
+            t[i].abs() > ours[i] + width + margin
+        };
+        let is_apart_along_theirs = |j: usize| {
             let width = ours[0] * size[0][j] + ours[1] * size[1][j] + ours[2] * size[2][j];
-            if b[j].dot(d).abs() > theirs[j] + width + margin {
-                return true;
-            }
+            b[j].dot(d).abs() > theirs[j] + width + margin
+        };
+        if (0..3).any(is_apart_along_ours) || (0..3).any(is_apart_along_theirs) {
+            return true;
         }
         for i in 0..3 {
             let (k, l) = ((i + 1) % 3, (i + 2) % 3);
             for j in 0..3 {
                 let (m, n) = ((j + 1) % 3, (j + 2) % 3);
-                let width = ours[k] * size[l][j] + ours[l] * size[k][j]
-                    + theirs[m] * size[i][n] + theirs[n] * size[i][m];
+                let width = ours[k] * size[l][j]
+                    + ours[l] * size[k][j]
+                    + theirs[m] * size[i][n]
+                    + theirs[n] * size[i][m];
                 // The length of the product of both axes is at most 1.
                 if (t[l] * r[k][j] - t[k] * r[l][j]).abs() > width + margin {
                     return true;
@@ -159,7 +155,8 @@ impl OrientedBox {
 fn frame<const N: usize>(corners: &[DVec3; N]) -> Option<DMat3> {
     let (a, b, c) = (corners[0], corners[1], corners[2]);
     let edges = [b - a, c - b, a - c];
-    let long = edges.into_iter().max_by(|u, v| u.length_squared().total_cmp(&v.length_squared()))?;
+    let long =
+        edges.into_iter().max_by(|u, v| u.length_squared().total_cmp(&v.length_squared()))?;
     let (x, z) = (long.try_normalize()?, edges[0].cross(edges[2]).try_normalize()?);
     let y = z.cross(x).try_normalize()?;
     Some(DMat3::from_cols(x, y, x.cross(y)))

@@ -88,8 +88,7 @@ pub fn time_of_impact(
     let near = [whereabouts(a, &begin), whereabouts(b.0, b.1), whereabouts(a, &end)];
     let [Some(first), Some(other), Some(last)] = near else { return Ok(f64::INFINITY) };
     let (reference, extent) = reference(&[first, other, last], 1);
-    let sides =
-        [Side::new(a, &motion.start, DVec3::ZERO), Side::new(b.0, b.1, reference)];
+    let sides = [Side::new(a, &motion.start, DVec3::ZERO), Side::new(b.0, b.1, reference)];
     let rounding = rounding(extent);
     let mut search = Impact {
         motion,
@@ -165,10 +164,10 @@ impl Impact<'_> {
         let d = b.center - a.center;
         let mut longest: f64 = 0.0;
         for (gaps, axes) in a.gaps(b).into_iter().zip([&a.axes, &b.axes]) {
-            for i in 0..3 {
-                let gap = gaps[i] - self.rounding;
+            let axes = [axes.x_axis, axes.y_axis, axes.z_axis];
+            for (gap, axis) in gaps.to_array().into_iter().zip(axes) {
+                let gap = gap - self.rounding;
                 if gap > 0.0 {
-                    let axis = axes.col(i);
                     let along = if axis.dot(d) < 0.0 { -axis } else { axis };
                     longest = longest.max(time(gap, self.motion.speed(along, radius)));
                 }
@@ -262,12 +261,7 @@ impl Impact<'_> {
     }
 
     /// Advances two triangles until they are within the tolerance.
-    fn triangles(
-        &mut self,
-        p: &[DVec3; 3],
-        q: &[DVec3; 3],
-        mut t: f64,
-    ) -> Result<(), Cancelled> {
+    fn triangles(&mut self, p: &[DVec3; 3], q: &[DVec3; 3], mut t: f64) -> Result<(), Cancelled> {
         let from_axis = p.map(|corner| self.motion.axis.cross(corner).length());
         let radius = from_axis.into_iter().fold(0.0, f64::max);
         while !self.is_over(t) {

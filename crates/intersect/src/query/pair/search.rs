@@ -200,10 +200,8 @@ pub(super) fn search(
     if search.bound([&root_a, &root_b]).is_some() {
         search.descend([&root_a, &root_b])?;
     }
-    let absolute = |pair: ClosestPair| ClosestPair {
-        points: pair.points.map(|p| p + reference),
-        ..pair
-    };
+    let absolute =
+        |pair: ClosestPair| ClosestPair { points: pair.points.map(|p| p + reference), ..pair };
     Ok(search.best.map(absolute))
 }
 
@@ -323,7 +321,8 @@ impl Search<'_> {
         } else if triangles::gap_along(p, q, self.along) > self.cut.max(self.rounding) {
             None
         } else {
-            triangles::nearest(p, q, self.limit, self.rounding)
+            // What is rounded leaves out no pair at the limit itself.
+            triangles::nearest(p, q, self.limit + self.rounding, self.rounding)
         }
     }
 }

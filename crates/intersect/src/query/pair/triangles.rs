@@ -82,10 +82,9 @@ pub fn nearest(p: &[DVec3; 3], q: &[DVec3; 3], limit: f64, contact: f64) -> Opti
     }
     let distance = best.squared.sqrt();
     // The distance of triangles that do not meet is never 0, whatever is rounded.
-    distance.is_finite().then(|| Nearest {
-        distance: distance.max(f64::MIN_POSITIVE),
-        points: best.points,
-    })
+    distance
+        .is_finite()
+        .then(|| Nearest { distance: distance.max(f64::MIN_POSITIVE), points: best.points })
 }
 
 /// How far the second triangle begins behind the end of the first along a direction of length 1.

@@ -93,14 +93,11 @@ fn far_from_zero_distances_keep_their_digits() {
     let step = f64::from(f32::EPSILON);
     let round = |p: DVec3| (p / step).round() * step;
     let near_zero: Vec<Triangle> = ball(12).into_iter().map(|t| t.map(round)).collect();
-    let shifted = |by: DVec3| -> Vec<Triangle> {
-        near_zero.iter().map(|t| t.map(|p| p + by)).collect()
-    };
+    let shifted =
+        |by: DVec3| -> Vec<Triangle> { near_zero.iter().map(|t| t.map(|p| p + by)).collect() };
     let gap = DVec3::new(2.0, 0.5, 0.25);
-    let here = nearest(
-        (&scene(&near_zero), &Pose::IDENTITY),
-        (&scene(&shifted(gap)), &Pose::IDENTITY),
-    );
+    let here =
+        nearest((&scene(&near_zero), &Pose::IDENTITY), (&scene(&shifted(gap)), &Pose::IDENTITY));
     let there = nearest(
         (&scene(&shifted(far)), &Pose::IDENTITY),
         (&scene(&shifted(far + gap)), &Pose::IDENTITY),
