@@ -16,6 +16,7 @@ from snell._bake import Baked, bake
 from snell._cameras import create_rays_pinhole
 from snell._images import Comparison, compare
 from snell._load import load
+from snell._pairs import ClosestPair, closest_pair, collides, time_of_impact
 from snell._render import SceneWarning, render, render_iter
 from snell._snell import (
     INVALID_ID,
@@ -54,6 +55,7 @@ __all__ = [
     "Baked",
     "Camera",
     "Channel",
+    "ClosestPair",
     "ClosestPoints",
     "Comparison",
     "Hits",
@@ -69,6 +71,8 @@ __all__ = [
     "View",
     "__version__",
     "bake",
+    "closest_pair",
+    "collides",
     "compare",
     "create_rays_pinhole",
     "describe",
@@ -76,5 +80,6 @@ __all__ = [
     "load",
     "render",
     "render_iter",
+    "time_of_impact",
     "view",
 ]

@@ -33,6 +33,9 @@ __all__ = [
     "View",
     "_Render",
     "__version__",
+    "_body_points",
+    "_closest_pair",
+    "_collides",
     "_compare",
     "_explain",
     "_load_stage",
@@ -45,6 +48,7 @@ __all__ = [
     "_restore_medium",
     "_restore_pattern",
     "_restore_texture",
+    "_time_of_impact",
     "_view",
     "describe",
     "load",
@@ -88,6 +92,36 @@ def _explain(
     followed: list[str],
 ) -> str: ...
 def _view(scene: Scene, options: dict[str, Any], port: int, frames_per_second: float) -> View: ...
+def _body_points(scene: Scene, name: str) -> NDArray[np.float64]: ...
+def _closest_pair(
+    a: Scene,
+    b: Scene,
+    transform_a: _Array | None,
+    transform_b: _Array | None,
+    max_distance: float | None,
+    threads: int | None,
+) -> tuple[
+    NDArray[np.float64],
+    NDArray[np.float64],
+    NDArray[np.uint32],
+    NDArray[np.uint32],
+    NDArray[np.uint32],
+]: ...
+def _collides(
+    a: Scene,
+    b: Scene,
+    transform_a: _Array | None,
+    transform_b: _Array | None,
+    threads: int | None,
+) -> NDArray[np.bool_]: ...
+def _time_of_impact(
+    a: Scene,
+    b: Scene,
+    motion: _Array,
+    transform_b: _Array | None,
+    tolerance: float,
+    threads: int | None,
+) -> NDArray[np.float64]: ...
 def _restore_camera(json: str) -> Camera: ...
 def _restore_light(
     json: str,

@@ -2,7 +2,7 @@
 //!
 //! One exposed concept per file. [`scene`] is the class with the queries; [`contents`] is its data,
 //! [`state`] the worlds that [`assemble`] builds from it; [`rays`] and [`arrays`] read arguments,
-//! [`query`] and [`nearest`] run queries, [`answers`] returns the answers; [`work`] has the
+//! [`query`], [`nearest`] and [`pairs`] run queries, [`answers`] returns the answers; [`work`] has the
 //! threads. The Python half is in `python/snell`.
 
 #![forbid(unsafe_code)]
@@ -29,6 +29,7 @@ mod names;
 mod nearest;
 mod objects;
 mod origins;
+mod pairs;
 mod pickle;
 mod precision;
 mod prepare;
@@ -78,6 +79,10 @@ fn _snell(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(settings::_render_settings, module)?)?;
     module.add_function(wrap_pyfunction!(view::_explain, module)?)?;
     module.add_function(wrap_pyfunction!(view::_view, module)?)?;
+    module.add_function(wrap_pyfunction!(pairs::_closest_pair, module)?)?;
+    module.add_function(wrap_pyfunction!(pairs::_collides, module)?)?;
+    module.add_function(wrap_pyfunction!(pairs::_time_of_impact, module)?)?;
+    module.add_function(wrap_pyfunction!(pairs::_body_points, module)?)?;
     module.add_class::<render::_Render>()?;
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add("INVALID_ID", snell_intersect::Hit::NONE)?;

@@ -1,7 +1,7 @@
 //! Meshes of a scene in the precision in which they were given, with their attributes for
 //! rendering.
 
-use snell_intersect::{DTriangleMesh, TriangleMesh, UV_SETS, first_uv_set};
+use snell_intersect::{DTriangleMesh, PairError, PairMesh, TriangleMesh, UV_SETS, first_uv_set};
 use snell_math::{DVec3, Transform, Vec2, Vec3};
 use std::sync::{Arc, OnceLock};
 
@@ -59,6 +59,7 @@ pub struct Mesh {
     attributes: Attributes,
     rendered: OnceLock<Rendered>,
     written: OnceLock<Arc<TriangleMesh>>,
+    paired: OnceLock<Arc<PairMesh>>,
 }
 
 impl Mesh {
@@ -73,6 +74,7 @@ impl Mesh {
             attributes,
             rendered: OnceLock::new(),
             written: OnceLock::new(),
+            paired: OnceLock::new(),
         };
         match positions {
             Positions::Single(positions) => {
@@ -239,6 +241,23 @@ impl Mesh {
         } else {
             self.single().corners(triangle).map(|p| p.as_dvec3())
         }
+    }
+
+    /// The mesh for questions about pairs, if it is prepared.
+    pub fn paired(&self) -> Option<&Arc<PairMesh>> {
+        self.paired.get()
+    }
+
+    /// Prepares the mesh for questions about pairs. It is kept, wherever the mesh is moved to.
+    pub fn prepare_pairs(&self) -> Result<Arc<PairMesh>, PairError> {
+        if let Some(paired) = self.paired.get() {
+            return Ok(paired.clone());
+        }
+        // The cell is not locked meanwhile: a thread that waits for parallel work might do other
+        // work that waits for the cell.
+        let triangles: Vec<_> = (0..self.indices().len()).map(|i| self.corners(i)).collect();
+        let made = Arc::new(PairMesh::new(&triangles)?);
+        Ok(self.paired.get_or_init(|| made).clone())
     }
 
     /// Attributes of vertices and triangles.

@@ -7,8 +7,9 @@
 use crate::assemble::{Form, Snapshot, assemble};
 use crate::contents::Contents;
 use crate::nearest::PointPrecision;
+use crate::pairs::Pairs;
 use crate::prepare::{Prepared, Request};
-use crate::work::{Job, Threads, begin, run_to_end_on};
+use crate::work::{Job, Threads, begin, run_to_end, run_to_end_on};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use snell_intersect::{BuildOptions, WorldError};
@@ -50,6 +51,7 @@ pub struct State {
     single: Worlds<f32>,
     double: Worlds<f64>,
     prepared: Option<(u64, Request, Arc<Prepared>)>,
+    pairs: Option<(u64, Arc<Pairs>)>,
 }
 
 /// A kind of world, kept in a field of [`State`].
@@ -204,5 +206,24 @@ impl Shared {
         let prepared = Arc::new(made?);
         self.lock(py).prepared = Some((version, request.clone(), prepared.clone()));
         Ok(prepared)
+    }
+
+    /// The triangles of the scene for questions about pairs, prepared if needed.
+    pub fn pairs(&self, py: Python<'_>) -> PyResult<Arc<Pairs>> {
+        let (version, contents) = {
+            let state = self.lock(py);
+            match &state.pairs {
+                Some((version, pairs)) if *version == state.version => return Ok(pairs.clone()),
+                _ => (state.version, state.contents.clone()),
+            }
+        };
+        let made = if Pairs::is_quick(&contents) {
+            py.detach(|| Pairs::new(&contents))
+        } else {
+            run_to_end(py, move || Pairs::new(&contents))?
+        };
+        let pairs = Arc::new(made.map_err(PyValueError::new_err)?);
+        self.lock(py).pairs = Some((version, pairs.clone()));
+        Ok(pairs)
     }
 }

@@ -96,6 +96,11 @@ impl Cancel {
         if self.0.load(Ordering::Relaxed) { Err(Stopped) } else { Ok(()) }
     }
 
+    /// The flag itself, which is true once work should stop.
+    pub fn flag(&self) -> &AtomicBool {
+        &self.0
+    }
+
     /// Makes the work stop at its next check.
     pub fn stop(&self) {
         self.0.store(true, Ordering::Relaxed);

@@ -5,6 +5,7 @@ pub mod all;
 mod double;
 pub mod nearest;
 mod order;
+pub mod pair;
 pub mod parallel;
 pub mod queries;
 pub(crate) mod searcher;

@@ -72,6 +72,24 @@ impl BoxShape {
         .to_vec()
     }
 
+    /// The two triangles of each face, in the order of the faces; seen from outside they run
+    /// anticlockwise.
+    pub(crate) fn triangles(&self) -> [[DVec3; 3]; 12] {
+        std::array::from_fn(|i| {
+            let (axis, is_upper, is_second) = (i / 4, i / 2 % 2 == 1, i % 2 == 1);
+            let (y, z) = ((axis + 1) % 3, (axis + 2) % 3);
+            let corner = |in_y: bool, in_z: bool| {
+                let mut p = if is_upper { self.max } else { self.min };
+                p[y] = if in_y { self.max[y] } else { self.min[y] };
+                p[z] = if in_z { self.max[z] } else { self.min[z] };
+                p
+            };
+            let [a, b] = [corner(false, false), corner(true, true)];
+            let c = corner(!is_second, is_second);
+            if is_second == is_upper { [a, b, c] } else { [a, c, b] }
+        })
+    }
+
     /// The intersection of the three slabs along a line, for finite numbers.
     fn span(&self, o: DVec3, d: DVec3) -> Option<Span> {
         let (mut enter, mut exit, mut faces) = (f64::NEG_INFINITY, f64::INFINITY, [0, 1]);

@@ -314,7 +314,7 @@ fn on_round<const N: usize>(g: [f64; N], q: [f64; N], radius: f64) -> [f64; N] {
 }
 
 /// Eigenvalues and unit eigenvectors (columns) of a symmetric matrix, by Jacobi rotations.
-fn eigen(matrix: &DMat3) -> ([f64; 3], DMat3) {
+pub(crate) fn eigen(matrix: &DMat3) -> ([f64; 3], DMat3) {
     let mut a = matrix.to_cols_array_2d();
     let mut v = DMat3::IDENTITY.to_cols_array_2d();
     for _ in 0..16 {

@@ -33,7 +33,7 @@ impl Rectangle {
     }
 
     /// The two triangles that make up the rectangle.
-    fn triangles(&self) -> [[DVec3; 3]; 2] {
+    pub(crate) fn triangles(&self) -> [[DVec3; 3]; 2] {
         let h = self.half_size;
         let corner = |x: f64, y: f64| DVec3::new(x * h.x, y * h.y, 0.0);
         let (a, b, c, d) =
