@@ -137,6 +137,8 @@ pub struct Heightfield {
     cell_size: f64,
     /// The largest change of a coordinate over a unit of height.
     height_scale: f64,
+    /// The box of the surface.
+    bounds: Bounds3d,
     /// The largest magnitude of a coordinate.
     largest: f64,
     /// True if rows and columns run such that triangles from node to node go around clockwise.
@@ -200,6 +202,7 @@ impl Heightfield {
                 + grid_from_group.z_axis.abs(),
             cell_size: (map.x_axis.abs() + map.y_axis.abs()).max_element(),
             height_scale: map.z_axis.abs().max_element(),
+            bounds: Bounds3d::EMPTY,
             largest: 0.0,
             is_mirrored: map.determinant() < 0.0,
             ranges: Vec::new(),
@@ -228,7 +231,8 @@ impl Heightfield {
         }
         self.cells = measured.iter().map(|block| block.1 as usize).sum();
         self.ranges = measured.into_iter().map(|block| block.0).collect();
-        let bounds = self.bounds();
+        self.bounds = self.compute_bounds();
+        let bounds = self.bounds;
         if !bounds.is_empty() {
             self.largest = bounds.min.abs().max(bounds.max.abs()).max_element();
         }
@@ -476,7 +480,7 @@ impl Heightfield {
     /// The box of a block, padded like the boxes of triangles, around its nodes in double precision
     /// and rounded to single precision. Empty if all cells are holes.
     pub(crate) fn block_bounds(&self, block: usize) -> Bounds3d {
-        let exact = self.exact_bounds(block);
+        let exact = self.bounds_around(block);
         if exact.is_empty() {
             return exact;
         }
@@ -491,8 +495,8 @@ impl Heightfield {
         }
     }
 
-    /// The box around the nodes of a block; empty if all its cells are holes.
-    fn exact_bounds(&self, block: usize) -> Bounds3d {
+    /// A box around the nodes of a block; empty if all its cells are holes.
+    fn bounds_around(&self, block: usize) -> Bounds3d {
         let [low, high] = self.ranges[block].map(f64::from);
         if low > high {
             return Bounds3d::EMPTY;
@@ -506,14 +510,27 @@ impl Heightfield {
         Bounds3d::of(corners.map(|(row, column, z)| self.place(row, column, z)))
     }
 
-    /// The box of the surface, to within the rounding of heights to single precision. Empty if all
-    /// cells are holes.
+    /// The box of the surface. Empty if all cells are holes.
     pub fn bounds(&self) -> Bounds3d {
-        (0..self.block_count())
-            .into_par_iter()
-            .with_min_len(1024)
-            .map(|block| self.exact_bounds(block))
-            .reduce(|| Bounds3d::EMPTY, |a, b| a.union(&b))
+        self.bounds
+    }
+
+    /// Computes [`Self::bounds`]. The nodes of a block are looked at only if the box around its
+    /// corners and range is not inside what is known.
+    fn compute_bounds(&self) -> Bounds3d {
+        (0..self.block_count()).fold(Bounds3d::EMPTY, |mut all, block| {
+            let around = self.bounds_around(block);
+            if !around.is_empty() && all.union(&around) != all {
+                let [rows, columns] = self.cells_of(block);
+                let cells = rows.flat_map(|r| columns.clone().map(move |c| (r, c)));
+                for (row, column) in cells {
+                    if let Some(z) = self.cell_heights(row, column) {
+                        all = all.union(&Bounds3d::of(self.cell_nodes(row, column, &z)));
+                    }
+                }
+            }
+            all
+        })
     }
 }
 
