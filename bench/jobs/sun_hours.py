@@ -1,4 +1,8 @@
-"""The hours of sun on a terrain, 90,000 places by 16 times. Beside trimesh with Embree."""
+"""The hours of sun on a terrain, 90,000 places by 16 times: the raster itself, beside its triangles
+in trimesh with Embree.
+"""
+
+import math
 
 import numpy as np
 import trimesh
@@ -9,7 +13,8 @@ import snell
 
 def ours(vertices, faces, places, sun):
     scene = snell.Scene()
-    scene.add_mesh(vertices, faces)
+    side = math.isqrt(len(vertices))
+    scene.add_heightfield(vertices[:, 2].reshape(side, side), [[0, 10, -5], [10, 0, -5]])
     return (~scene.test_occlusions((places[:, None], sun))).sum(axis=1)
 
 

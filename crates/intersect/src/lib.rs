@@ -46,8 +46,9 @@ pub mod world;
 
 pub use build::Quality;
 pub use geometry::{
-    CubicCurves, CurveBasis, Curves, LinearCurves, MeshKey, MovingMesh, PrimitiveHit, PrimitiveSet,
-    QuadMesh, Spheres, StrandBasis, StrandError,
+    CubicCurves, CurveBasis, Curves, Heightfield, HeightfieldError, HeightfieldMesh, Heights,
+    LinearCurves, MeshKey, MovingMesh, PrimitiveHit, PrimitiveSet, QuadMesh, Spheres, StrandBasis,
+    StrandError,
 };
 pub use hit::{DHit, DNearestPoint, Hit, NearestPoint, SurfaceInteraction, SurfacePoint};
 pub use lecture::AcceleratorOptions;

@@ -6,10 +6,11 @@
 //! the next world shares what did not change.
 
 use crate::contents::{Contents, Kind, Object, Slot};
+use crate::heightfield::Field;
 use crate::mesh::Mesh;
 use snell_intersect::{
-    AnyShape, BuildOptions, Curves, GeometryId, GroupId, Hit, Instance, Spheres, WorldBuilder,
-    WorldError,
+    AnyShape, BuildOptions, Curves, GeometryId, GroupId, Heightfield, Hit, Instance, Spheres,
+    WorldBuilder, WorldError,
 };
 use snell_math::Transform;
 use snell_scene::MaterialId;
@@ -27,6 +28,8 @@ pub enum Surface {
     Spheres(Arc<Spheres>),
     /// Strands, in the coordinates of the group.
     Curves(Arc<Curves>),
+    /// Heights on a grid, in the coordinates of the group.
+    Heightfield(Arc<Field>),
     /// A removed geometry.
     Gone,
 }
@@ -139,7 +142,9 @@ impl Names {
 
     /// True if surfaces can be computed without the ray that hit them.
     pub fn are_all_meshes(&self) -> bool {
-        self.surfaces.iter().all(|s| matches!(s, Surface::Mesh(_) | Surface::Gone))
+        self.surfaces
+            .iter()
+            .all(|s| matches!(s, Surface::Mesh(_) | Surface::Heightfield(_) | Surface::Gone))
     }
 }
 
@@ -183,6 +188,8 @@ pub trait Builder: Default {
     fn add_spheres(&mut self, group: GroupId, spheres: &Arc<Spheres>) -> GeometryId;
     /// Adds strands to a group.
     fn add_curves(&mut self, group: GroupId, curves: &Arc<Curves>) -> GeometryId;
+    /// Adds a heightfield to a group.
+    fn add_heightfield(&mut self, group: GroupId, field: &Arc<Heightfield>) -> GeometryId;
     /// Reserves an unused number for a geometry.
     fn add_gap(&mut self);
     /// Adds an instance of a group to a group.
@@ -237,7 +244,10 @@ impl<F: Form> Assembler<F> {
                     let (child, below, scene) = self.scene(scene);
                     (child, below, number, Some(scene))
                 }
-                (Kind::Mesh(_) | Kind::Spheres(_) | Kind::Curves(_), Some(_)) => {
+                (
+                    Kind::Mesh(_) | Kind::Spheres(_) | Kind::Curves(_) | Kind::Heightfield(_),
+                    Some(_),
+                ) => {
                     let own = self.builder.add_group();
                     self.geometry(own, number, object);
                     (own, 1, Hit::NONE, None)
@@ -289,6 +299,10 @@ impl<F: Form> Assembler<F> {
             Kind::Curves(curves) => {
                 (self.builder.add_curves(group, curves), Surface::Curves(curves.clone()))
             }
+            Kind::Heightfield(field) => (
+                self.builder.add_heightfield(group, &field.grid),
+                Surface::Heightfield(field.clone()),
+            ),
             Kind::Instance(_) => return,
         };
         self.builder.set_mask(id, object.mask);

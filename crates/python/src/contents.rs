@@ -2,6 +2,7 @@
 //! lights, cameras). [`crate::assemble`] builds worlds from the contents, and [`crate::graph`] the
 //! scene graph that is rendered.
 
+use crate::heightfield::Field;
 use crate::mesh::Mesh;
 use crate::origins::Origins;
 use pyo3::PyResult;
@@ -26,6 +27,8 @@ pub enum Kind {
     Spheres(Arc<Spheres>),
     /// Strands.
     Curves(Arc<Curves>),
+    /// Heights on a grid.
+    Heightfield(Arc<Field>),
     /// An instance: the contents that another scene had when it was added.
     Instance(Arc<Contents>),
 }
@@ -165,8 +168,26 @@ impl Contents {
     pub fn mesh(&self, id: i64) -> PyResult<&Arc<Mesh>> {
         match &self.get(id)?.kind {
             Kind::Mesh(mesh) => Ok(mesh),
+            Kind::Heightfield(_) => Err(PyTypeError::new_err(format!(
+                "id {id} is a heightfield, not a mesh; update_heights(id, z) changes it"
+            ))),
             _ => Err(PyTypeError::new_err(format!("id {id} is not a mesh"))),
         }
+    }
+
+    /// The heightfield with this number.
+    pub fn heightfield(&self, id: i64) -> PyResult<&Arc<Field>> {
+        match &self.get(id)?.kind {
+            Kind::Heightfield(field) => Ok(field),
+            _ => Err(PyTypeError::new_err(format!("id {id} is not a heightfield"))),
+        }
+    }
+
+    /// Replaces a heightfield.
+    pub fn set_heightfield(&mut self, id: i64, field: Arc<Field>) -> PyResult<()> {
+        self.heightfield(id)?;
+        self.get_mut(id)?.kind = Kind::Heightfield(field);
+        Ok(())
     }
 
     /// Sets the nodes that the objects were read from.
@@ -201,6 +222,7 @@ impl Contents {
                     (0..spheres.len()).fold(Bounds3d::EMPTY, |all, i| all.union(&spheres.bounds(i)))
                 }
                 Kind::Curves(curves) => curves.bounds_of_all(),
+                Kind::Heightfield(field) => field.grid.bounds(),
                 Kind::Instance(child) => match known.get(&Arc::as_ptr(child)) {
                     Some(bounds) => *bounds,
                     None => {

@@ -89,7 +89,7 @@ impl Writer {
             object.materials.iter().map(|m| m.map(|m| MaterialId(m.0 + first))).collect()
         };
         for (id, object) in contents.objects() {
-            let (mut inner, mut below) = (None, None);
+            let (mut inner, mut below, mut numbers) = (None, None, None);
             let mut node = Node::named(object.name.as_deref().unwrap_or_default());
             let placed = object.transform.unwrap_or(Transform::IDENTITY);
             node.transform = *placed.matrix();
@@ -97,6 +97,16 @@ impl Writer {
                 Kind::Mesh(mesh) => {
                     let (mesh, own) = self.mesh(mesh);
                     node.transform = *placed.compose(&own).matrix();
+                    node.surfaces.push(Surface {
+                        geometry: Geometry::Mesh(mesh),
+                        materials: materials(object),
+                    });
+                }
+                Kind::Heightfield(field) => {
+                    let triangles = field.triangles();
+                    let (mesh, own) = self.mesh(&triangles.mesh);
+                    node.transform = *placed.compose(&own).matrix();
+                    numbers.clone_from(&triangles.numbers);
                     node.surfaces.push(Surface {
                         geometry: Geometry::Mesh(mesh),
                         materials: materials(object),
@@ -124,6 +134,7 @@ impl Writer {
             }
             let node = self.scene.add_child(parent, node);
             self.origins.first.insert(node, id);
+            numbers.map(|numbers| self.origins.triangles.insert(node, numbers));
             inner.map(|inner| self.origins.inner.insert((node, 0), inner));
             below.map(|below| self.origins.steps.insert((node, below), id));
         }

@@ -18,6 +18,7 @@ mod contents;
 mod declared;
 mod encoding;
 mod graph;
+mod heightfield;
 mod image;
 mod light;
 mod load;

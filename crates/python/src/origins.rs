@@ -6,6 +6,7 @@ use snell_intersect::Hit;
 use snell_render::Aov;
 use snell_scene::{LayeredImage, NodeId};
 use std::collections::HashMap;
+use std::sync::Arc;
 
 /// The AOVs whose values are ids of objects. All are needed to find one.
 pub const ID_AOVS: [Aov; 3] = [Aov::InstanceId, Aov::GeometryId, Aov::PrimitiveId];
@@ -21,6 +22,8 @@ pub struct Origins {
     pub inner: HashMap<(NodeId, u32), u32>,
     /// The primitive that a node is, for sets that became a node each.
     pub primitives: HashMap<NodeId, u32>,
+    /// The numbers of the triangles of a node, for surfaces that leave some out.
+    pub triangles: HashMap<NodeId, Arc<[u32]>>,
 }
 
 /// The ids of an object as queries give them.
@@ -29,6 +32,7 @@ struct Ids {
     instance: u32,
     geometry: u32,
     primitive: Option<u32>,
+    node: NodeId,
 }
 
 impl Origins {
@@ -43,6 +47,7 @@ impl Origins {
             instance: instances.next().or(inner.map(|_| object)).unwrap_or(Hit::NONE),
             geometry: inner.copied().unwrap_or(object),
             primitive: self.primitives.get(&node).copied(),
+            node,
         })
     }
 }
@@ -71,6 +76,9 @@ pub fn rename(picture: &mut LayeredImage, prepared: &Prepared) {
         picture.layers[geometries].values[pixel] = number(ids.geometry);
         if let Some(primitive) = ids.primitive {
             picture.layers[primitives].values[pixel] = number(primitive);
+        } else if let Some(numbers) = prepared.origins.triangles.get(&ids.node) {
+            let triangle = &mut picture.layers[primitives].values[pixel];
+            *triangle = numbers.get(*triangle as usize).map_or(-1.0, |&n| number(n));
         }
     }
 }

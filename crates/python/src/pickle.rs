@@ -101,6 +101,11 @@ fn stored<'py>(
                 .map_err(|e| PyValueError::new_err(e.to_string()))?;
             all.set_item("basis", basis.trim_matches('"'))?;
         }
+        Kind::Heightfield(field) => {
+            all.set_item("heights", field.heights(py)?)?;
+            all.set_item("grid", objects::matrix(py, &field.placed())?)?;
+            all.set_item("smooth", field.is_smooth)?;
+        }
         Kind::Instance(child) => {
             let scene = match children.get(&Arc::as_ptr(child)) {
                 Some(scene) => scene.clone_ref(py),
@@ -193,6 +198,10 @@ pub fn _restore(
             let colors = get("colors")?.map(|colors| objects::point_colors(&colors)).transpose()?;
             let curves = curves.with_colors(colors.unwrap_or_default());
             Kind::Curves(Arc::new(curves.map_err(|e| PyValueError::new_err(e.to_string()))?))
+        } else if let Some(heights) = get("heights")? {
+            let smooth: bool = need("smooth")?.extract()?;
+            let field = crate::heightfield::field(&heights, Some(&need("grid")?), smooth)?;
+            Kind::Heightfield(Arc::new(field))
         } else if let Some(centers) = get("centers")? {
             Kind::Spheres(Arc::new(objects::spheres(&centers, &need("radii")?)?))
         } else {

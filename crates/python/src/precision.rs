@@ -6,8 +6,8 @@ use numpy::Element;
 use snell_intersect::BuildStats;
 use snell_intersect::{
     AcceptAll, AllHits, AnyShape, BuildOptions, Curves, DHit, DWorld, DWorldBuilder, Double,
-    GeometryId, GroupId, Grouping, Hit, Instance, Rays, Single, Spheres, World, WorldBuilder,
-    WorldError,
+    GeometryId, GroupId, Grouping, Heightfield, Hit, Instance, Rays, Single, Spheres, World,
+    WorldBuilder, WorldError,
 };
 use snell_math::{DRay, DVec3, Ray, Transform, Vec3};
 use std::sync::Arc;
@@ -254,6 +254,10 @@ impl Builder for WorldBuilder {
         self.add_set(group, curves.clone())
     }
 
+    fn add_heightfield(&mut self, group: GroupId, field: &Arc<Heightfield>) -> GeometryId {
+        self.add_heightfield(group, field.clone())
+    }
+
     fn add_gap(&mut self) {
         let gap = self.add_mesh(Self::ROOT, Arc::default());
         self.remove(gap);
@@ -292,6 +296,10 @@ impl Builder for DWorldBuilder {
 
     fn add_curves(&mut self, group: GroupId, curves: &Arc<Curves>) -> GeometryId {
         self.add_set(group, curves.clone())
+    }
+
+    fn add_heightfield(&mut self, group: GroupId, field: &Arc<Heightfield>) -> GeometryId {
+        self.add_heightfield(group, field.clone())
     }
 
     fn add_gap(&mut self) {

@@ -2,6 +2,7 @@
 //! hit is in single precision.
 
 use crate::assemble::{Form, Snapshot, Surface};
+use crate::heightfield::Field;
 use crate::mesh::Mesh;
 use crate::precision::{Found, Precision};
 use snell_intersect::{PrimitiveSet, Shape};
@@ -60,6 +61,9 @@ impl<'a, F: Form> Surfaces<'a, F> {
             Surface::Mesh(mesh) => {
                 on_mesh(mesh, &placed.inverse().vector(ray.direction), found).placed(placed)
             }
+            Surface::Heightfield(field) => {
+                on_heightfield(field, &placed.inverse().vector(ray.direction), found).placed(placed)
+            }
             Surface::Shape(shape, group_from_shape) => {
                 let position = group_from_shape.inverse().point(position());
                 let surface = shape.surface(position, found.primitive);
@@ -88,6 +92,12 @@ impl Local {
         Self { position, geometric_normal: normal, normal, uv }
     }
 
+    /// Sets the normal for shading, given in any length and on either side.
+    fn shade(&mut self, blend: DVec3) {
+        let blend = blend.normalize_or(self.geometric_normal);
+        self.normal = if blend.dot(self.geometric_normal) < 0.0 { -blend } else { blend };
+    }
+
     fn placed(self, map: &Transform) -> Self {
         if map.is_identity() {
             return self;
@@ -98,24 +108,44 @@ impl Local {
     }
 }
 
-/// The surface of a mesh, in its coordinates.
-fn on_mesh<P: Precision>(mesh: &Mesh, direction: &DVec3, found: &Found<P>) -> Local {
-    let p = mesh.corners(found.primitive as usize);
+/// A triangle, and the barycentrics of the hit.
+fn on_triangle<P: Precision>(
+    p: &[DVec3; 3],
+    direction: &DVec3,
+    found: &Found<P>,
+) -> (Local, [f64; 3]) {
     let [b1, b2] = found.uv.map(Into::into);
     let b = [1.0 - b1 - b2, b1, b2];
-    let indices = mesh.indices()[found.primitive as usize].map(|i| i as usize);
     let position = p[0] * b[0] + p[1] * b[1] + p[2] * b[2];
     let normal = (p[1] - p[0])
         .cross(p[2] - p[0])
         .try_normalize()
-        .unwrap_or_else(|| line_normal(&p, direction));
-    let mut local = Local::of(position, normal, DVec2::ZERO);
+        .unwrap_or_else(|| line_normal(p, direction));
+    (Local::of(position, normal, DVec2::ZERO), b)
+}
+
+/// The surface of a heightfield, in its coordinates.
+fn on_heightfield<P: Precision>(field: &Field, direction: &DVec3, found: &Found<P>) -> Local {
+    let triangle = found.primitive as usize;
+    let Some(corners) = field.grid.corners(triangle) else { return Local::NONE };
+    let (mut local, b) = on_triangle(&corners, direction, found);
+    let (uv, smooth) = field.attributes(triangle, b);
+    local.uv = uv;
+    if let Some(normal) = smooth {
+        local.shade(normal);
+    }
+    local
+}
+
+/// The surface of a mesh, in its coordinates.
+fn on_mesh<P: Precision>(mesh: &Mesh, direction: &DVec3, found: &Found<P>) -> Local {
+    let (mut local, b) = on_triangle(&mesh.corners(found.primitive as usize), direction, found);
+    let indices = mesh.indices()[found.primitive as usize].map(|i| i as usize);
     let attributes = mesh.attributes();
     if !attributes.normals.is_empty() {
         let blend: DVec3 =
             indices.iter().zip(b).map(|(&i, b)| attributes.normals[i].as_dvec3() * b).sum();
-        let blend = blend.normalize_or(normal);
-        local.normal = if blend.dot(normal) < 0.0 { -blend } else { blend };
+        local.shade(blend);
     }
     if !attributes.uvs.is_empty() {
         local.uv = indices.iter().zip(b).map(|(&i, b)| attributes.uvs[i].as_dvec2() * b).sum();

@@ -25,6 +25,25 @@ pub(crate) trait TriangleTest: Frames {
     /// Prepares a ray in the coordinates of a group for the general kernels.
     fn local_ray(data: &Self::Data, group: usize, ray: &DRay) -> LocalRay;
 
+    /// The relative rounding of the coordinates of vertices and of their projections.
+    const EPSILON: f64;
+
+    /// A ray prepared for [`Self::hit_at`].
+    type Line: Copy;
+
+    /// Prepares a ray in the coordinates of a group for [`Self::hit_at`].
+    fn line(ray: &DRay) -> Self::Line;
+
+    /// The hit on a triangle that is in no tree, given its corners in `f64`: the same as on a
+    /// triangle of a mesh with these vertices. `None` unless the hit is after the start of the ray
+    /// and not beyond the limit of the goal.
+    fn hit_at<G: Goal<Precision = Self>>(
+        search: &Search<'_, G>,
+        line: &Self::Line,
+        corners: &[DVec3; 3],
+        ids: [u32; 3],
+    ) -> Option<Self::Hit>;
+
     /// The hit on a triangle, given its corners as the tree stores them; `None` unless the hit is
     /// after the start of the ray and not beyond the limit of the goal.
     fn triangle_hit<G: Goal<Precision = Self>>(

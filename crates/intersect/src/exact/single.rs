@@ -5,6 +5,7 @@ use super::prepared::PreparedRay;
 use super::ray::LocalRay;
 use super::triangle::{exact_hit, height_and_speed, hit_in_plane, is_behind};
 use crate::hit::Hit;
+use crate::mesh::are_degenerate;
 use crate::precision::Single;
 use crate::search::{Goal, Search};
 use snell_math::simd::Lanes8;
@@ -29,6 +30,29 @@ impl TriangleTest for Single {
         ids: impl FnOnce() -> [u32; 3],
     ) -> Option<Hit> {
         single_hit(search, exact_hit(ray, corners, search.start.into()), ids)
+    }
+
+    const EPSILON: f64 = f32::EPSILON as f64;
+
+    type Line = LocalRay;
+
+    #[inline(always)]
+    fn line(ray: &DRay) -> LocalRay {
+        LocalRay::new(ray)
+    }
+
+    #[inline(always)]
+    fn hit_at<G: Goal<Precision = Self>>(
+        search: &Search<'_, G>,
+        line: &LocalRay,
+        corners: &[DVec3; 3],
+        ids: [u32; 3],
+    ) -> Option<Hit> {
+        let corners = corners.map(|p| p.as_vec3());
+        if are_degenerate(&corners) {
+            return None;
+        }
+        Self::triangle_hit(search, line, &corners.map(|p| p.to_array()), || ids)
     }
 
     #[inline(always)]

@@ -1,5 +1,5 @@
 //! Geometries other than meshes and shapes: sets of spheres and curves, user-defined sets
-//! ([`PrimitiveSet`]), quads, and moving geometry.
+//! ([`PrimitiveSet`]), quads, heightfields, and moving geometry.
 //!
 //! A set gives the bounds of each of its primitives and its nearest intersection with a ray. All
 //! else is common to every set: each primitive is an object in the tree of its group, at a few
@@ -7,6 +7,7 @@
 
 pub mod cubic;
 pub mod curves;
+pub mod heightfield;
 pub mod linear;
 pub mod motion;
 mod nearest;
@@ -19,6 +20,7 @@ mod tests;
 
 pub use cubic::{CubicCurves, CurveBasis};
 pub use curves::{Curves, StrandBasis, StrandError};
+pub use heightfield::{Heightfield, HeightfieldError, HeightfieldMesh, Heights};
 pub use linear::LinearCurves;
 pub use motion::{MeshKey, MovingMesh};
 pub use quads::QuadMesh;

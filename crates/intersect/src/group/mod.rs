@@ -1,11 +1,13 @@
 //! The contents of groups, prepared for intersection, and the tests of single primitives that all
 //! structures share.
 
+mod heightfield;
+
 use crate::exact::TriangleTest;
 use crate::exact::ray::LocalRay;
 use crate::exact::triangle::exact_hit;
 use crate::geometry::motion::transform_at;
-use crate::geometry::{MovingMesh, PrimitiveSet, within_bounds};
+use crate::geometry::{Heightfield, MovingMesh, PrimitiveSet, within_bounds};
 use crate::mesh::{TriangleMesh, are_degenerate};
 use crate::precision::{Facts, Real};
 use crate::search::{Goal, HitOf, Search, Verdict};
@@ -97,14 +99,17 @@ pub(crate) enum BulkContents {
     Set(Arc<dyn PrimitiveSet>),
     /// Triangles of a mesh whose vertices move.
     MovingMesh(Arc<MovingMesh>),
+    /// Blocks of cells of a heightfield.
+    Heightfield(Arc<Heightfield>),
 }
 
 impl BulkContents {
-    /// The number of primitives.
+    /// The number of primitives; of a heightfield, the number of blocks.
     pub fn len(&self) -> usize {
         match self {
             Self::Set(set) => set.len(),
             Self::MovingMesh(mesh) => mesh.len(),
+            Self::Heightfield(field) => field.block_count(),
         }
     }
 
@@ -113,6 +118,7 @@ impl BulkContents {
         let b = match self {
             Self::Set(set) => set.bounds(primitive),
             Self::MovingMesh(mesh) => mesh.bounds(primitive).unwrap_or(Bounds3d::EMPTY),
+            Self::Heightfield(field) => field.block_bounds(primitive),
         };
         if b.is_empty() { Bounds3d::EMPTY } else { b }
     }
@@ -223,7 +229,7 @@ pub(crate) struct GroupList {
 /// `enter` searches the instanced group: it gets the number of the group, the ray in its
 /// coordinates and its occurrence number. Returns true if the search is over.
 #[inline(always)]
-pub(crate) fn test_object<G: Goal>(
+pub(crate) fn test_object<G: Goal<Precision: TriangleTest>>(
     objects: &Objects,
     number: usize,
     ray: &DRay,
@@ -250,6 +256,9 @@ pub(crate) fn test_object<G: Goal>(
             match &bulk.contents {
                 BulkContents::Set(set) => test_primitive(search, set.as_ref(), ids, ray),
                 BulkContents::MovingMesh(mesh) => test_moving_triangle(search, mesh, ids, ray),
+                BulkContents::Heightfield(field) => {
+                    heightfield::test_block(search, field, ids, ray)
+                }
             }
         }
     }

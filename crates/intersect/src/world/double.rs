@@ -12,7 +12,7 @@ use super::{
     BuildOptions, BuildStats, EditError, Geometry, GeometryId, GroupBounds, GroupId, Instance,
     InstanceId, World, WorldBuilder, WorldError,
 };
-use crate::geometry::PrimitiveSet;
+use crate::geometry::{Heightfield, PrimitiveSet};
 use crate::mesh::DTriangleMesh;
 use crate::precision::DoubleData;
 use crate::precision::frame::Frame;
@@ -63,6 +63,13 @@ impl DWorldBuilder {
     pub fn add_set(&mut self, group: GroupId, set: Arc<dyn PrimitiveSet>) -> GeometryId {
         self.meshes.push(Arc::default());
         self.builder.add_set(group, set)
+    }
+
+    /// Puts a heightfield into a group; see [`WorldBuilder::add_heightfield`]. Its triangles are
+    /// hit in double precision.
+    pub fn add_heightfield(&mut self, group: GroupId, field: Arc<Heightfield>) -> GeometryId {
+        self.meshes.push(Arc::default());
+        self.builder.add_heightfield(group, field)
     }
 
     /// Places `child` in `group`; see [`WorldBuilder::add_instance`].

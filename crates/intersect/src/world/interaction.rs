@@ -144,6 +144,10 @@ impl World {
                 let alone = mesh.triangle_at(hit.primitive as usize, time);
                 triangle_surface(&alone, &ray.direction, &Hit { primitive: 0, ..*hit })
             }
+            Geometry::Heightfield(field) => {
+                let alone = field.triangle_alone(hit.primitive as usize);
+                triangle_surface(&alone, &ray.direction, &Hit { primitive: 0, ..*hit })
+            }
             Geometry::Shape(shape, placed) => {
                 let position = placed.inverse().ray(ray).at(hit.t.into());
                 shape_surface(shape.surface(position, hit.primitive)).mapped(placed)

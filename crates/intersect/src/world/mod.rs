@@ -32,7 +32,7 @@ pub use reuse::Reuse;
 
 use crate::build::Quality;
 use crate::geometry::motion::transform_at;
-use crate::geometry::{MovingMesh, PrimitiveSet, QuadMesh};
+use crate::geometry::{Heightfield, MovingMesh, PrimitiveSet, QuadMesh};
 use crate::group::{BulkContents, GroupList, Object, Placement};
 use crate::lecture::AcceleratorOptions;
 use crate::lecture::walk::Structures;
@@ -120,6 +120,8 @@ pub enum Geometry {
     Quads(Arc<QuadMesh>),
     /// A mesh whose vertices move, in the coordinates of its group.
     MovingMesh(Arc<MovingMesh>),
+    /// Heights on a grid, in the coordinates of their group.
+    Heightfield(Arc<Heightfield>),
     /// A shape and the transformation from its own coordinates to those of its group.
     Shape(Arc<dyn Shape>, Transform),
     /// Many primitives in the coordinates of their group.
@@ -186,6 +188,7 @@ impl BulkContents {
         match geometry {
             Geometry::Set(set) => Some(Self::Set(set.clone())),
             Geometry::MovingMesh(mesh) => Some(Self::MovingMesh(mesh.clone())),
+            Geometry::Heightfield(field) => Some(Self::Heightfield(field.clone())),
             Geometry::Mesh(_) | Geometry::Quads(_) | Geometry::Shape(..) => None,
         }
     }
@@ -266,6 +269,12 @@ impl WorldBuilder {
     /// user-defined set.
     pub fn add_set(&mut self, group: GroupId, set: Arc<dyn PrimitiveSet>) -> GeometryId {
         self.add_geometry(group, Geometry::Set(set))
+    }
+
+    /// Puts a heightfield into a group, in the group's coordinates. Its triangles are hit as those
+    /// of a mesh, but no tree is built over them.
+    pub fn add_heightfield(&mut self, group: GroupId, field: Arc<Heightfield>) -> GeometryId {
+        self.add_geometry(group, Geometry::Heightfield(field))
     }
 
     fn add_geometry(&mut self, group: GroupId, geometry: Geometry) -> GeometryId {
@@ -374,7 +383,7 @@ impl WorldBuilder {
                         geometry: id.0,
                         shape_from_group: *placed.inverse_matrix(),
                     }),
-                    Geometry::Set(_) | Geometry::MovingMesh(_) => {}
+                    Geometry::Set(_) | Geometry::MovingMesh(_) | Geometry::Heightfield(_) => {}
                 }
             }
             for (instance, &offset) in contents.instances.iter().zip(&occurrences.offsets[group]) {
@@ -415,7 +424,10 @@ impl WorldBuilder {
         let mut stats = BuildStats { reuse: inventory.reuse, ..BuildStats::default() };
         for (geometry, summary) in self.geometries.iter().zip(&inventory.summaries) {
             match geometry {
-                Geometry::Mesh(_) | Geometry::Quads(_) | Geometry::MovingMesh(_) => {
+                Geometry::Mesh(_)
+                | Geometry::Quads(_)
+                | Geometry::MovingMesh(_)
+                | Geometry::Heightfield(_) => {
                     stats.triangles += summary.count;
                     stats.skipped_triangles += summary.skipped;
                 }
@@ -433,6 +445,7 @@ impl WorldBuilder {
                 Geometry::Mesh(mesh) => mesh.indices.len() as u64,
                 Geometry::Quads(quads) => 2 * quads.len() as u64,
                 Geometry::MovingMesh(mesh) => mesh.len() as u64,
+                Geometry::Heightfield(field) => field.triangle_count() as u64,
                 Geometry::Shape(..) | Geometry::Set(_) => 0,
             });
             let placed = contents.instances.iter().map(|i| below[i.child.0 as usize]);
@@ -499,7 +512,7 @@ impl GroupBounds {
                     exact = exact.union(&placed.bounds(&b));
                     objects.push(grown_bounds(placed, &b));
                 }
-                Geometry::Set(_) | Geometry::MovingMesh(_) => {}
+                Geometry::Set(_) | Geometry::MovingMesh(_) | Geometry::Heightfield(_) => {}
             }
         }
         for instance in &contents.instances {

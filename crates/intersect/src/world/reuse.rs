@@ -78,6 +78,12 @@ impl Summary {
                     .count() as u64,
                 cover: None,
             },
+            Geometry::Heightfield(field) => Self {
+                bounds: Bounds3d::EMPTY,
+                count: field.triangle_count() as u64,
+                skipped: 0,
+                cover: None,
+            },
             Geometry::Shape(shape, _) => {
                 Self { bounds: shape.bounds(), count: 1, skipped: 0, cover: None }
             }
@@ -108,7 +114,10 @@ impl Summary {
         let mesh = match geometry {
             Geometry::Mesh(mesh) => mesh,
             Geometry::Quads(quads) => quads.triangles(),
-            Geometry::Shape(..) | Geometry::Set(_) | Geometry::MovingMesh(_) => return self,
+            Geometry::Shape(..)
+            | Geometry::Set(_)
+            | Geometry::MovingMesh(_)
+            | Geometry::Heightfield(_) => return self,
         };
         self.cover.get_or_insert_with(|| cover::of_mesh(mesh));
         self
@@ -123,6 +132,7 @@ fn is_same(a: &Geometry, b: &Geometry) -> bool {
         (Geometry::Quads(a), Geometry::Quads(b)) => Arc::ptr_eq(a, b),
         (Geometry::MovingMesh(a), Geometry::MovingMesh(b)) => Arc::ptr_eq(a, b),
         (Geometry::Set(a), Geometry::Set(b)) => Arc::ptr_eq(a, b),
+        (Geometry::Heightfield(a), Geometry::Heightfield(b)) => Arc::ptr_eq(a, b),
         _ => false,
     }
 }

@@ -95,7 +95,7 @@ impl World {
             Geometry::Mesh(mesh) => !mesh.normals.is_empty(),
             Geometry::Quads(quads) => !quads.triangles().normals.is_empty(),
             Geometry::MovingMesh(mesh) => !mesh.first().normals.is_empty(),
-            Geometry::Shape(..) | Geometry::Set(_) => false,
+            Geometry::Shape(..) | Geometry::Set(_) | Geometry::Heightfield(_) => false,
         };
         if !is_smooth {
             return Vec3::ZERO;
@@ -133,7 +133,7 @@ impl World {
                 let alone = mesh.triangle_at(hit.primitive as usize, time);
                 lift_in_mesh(&alone, wo, &Hit { primitive: 0, ..*hit })
             }
-            Geometry::Shape(..) | Geometry::Set(_) => DVec3::ZERO,
+            Geometry::Shape(..) | Geometry::Set(_) | Geometry::Heightfield(_) => DVec3::ZERO,
         }
     }
 }

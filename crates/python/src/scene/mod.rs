@@ -1,6 +1,7 @@
 //! The class `Scene` and its objects. What it tells of them is in [`reading`]; queries are in
 //! [`rays`] and [`points`], materials, lights and cameras in [`crate::stage`].
 
+mod heightfields;
 mod points;
 mod rays;
 mod reading;
@@ -404,11 +405,13 @@ impl Scene {
         };
         let meshes = count(|kind| matches!(kind, Kind::Mesh(_)));
         let instances = count(|kind| matches!(kind, Kind::Instance(_)));
+        let fields = count(|kind| matches!(kind, Kind::Heightfield(_)));
         let others =
             count(|kind| matches!(kind, Kind::Shape(_) | Kind::Spheres(_) | Kind::Curves(_)));
+        let fields = if fields > 0 { format!("{fields} heightfields, ") } else { String::new() };
         format!(
-            "<snell.Scene: {meshes} meshes, {others} shapes and sets of spheres, {instances} \
-                instances>"
+            "<snell.Scene: {meshes} meshes, {fields}{others} shapes and sets of spheres, \
+                {instances} instances>"
         )
     }
 

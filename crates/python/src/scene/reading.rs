@@ -15,7 +15,8 @@ use snell_math::Transform;
 
 #[pymethods]
 impl Scene {
-    /// The vertices `(n, 3)` and faces `(m, 3)` of a mesh, in its own coordinates, as new arrays: a
+    /// The vertices `(n, 3)` and faces `(m, 3)` of a mesh, in its own coordinates, as new arrays; of
+    /// a heightfield, its triangles (those in holes are left out) and the nodes that they use. A
     /// pair, which has `normals`, `uvs`, `colors`, `material_ids` (None for what was not given) and
     /// `materials` as attributes.
     ///
@@ -31,7 +32,14 @@ impl Scene {
     /// True
     fn mesh<'py>(&self, py: Python<'py>, id: i64) -> PyResult<Bound<'py, PyAny>> {
         let contents = self.0.contents(py);
-        let mesh = contents.mesh(id)?;
+        let triangles;
+        let mesh = match &contents.get(id)?.kind {
+            Kind::Heightfield(field) => {
+                triangles = py.detach(|| field.to_triangles());
+                &triangles.mesh
+            }
+            _ => contents.mesh(id)?,
+        };
         let faces =
             from_vec(py, mesh.indices().as_flattened().to_vec(), &[mesh.indices().len(), 3])?;
         let shape = [mesh.vertex_count(), 3];

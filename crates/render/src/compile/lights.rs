@@ -326,9 +326,9 @@ impl LightTable {
                 self.has_glowing_curves |= is_light(material(0));
                 return;
             }
-            // Quads, and meshes that deform while the shutter is open, emit when they are hit, but
-            // are not sampled.
-            Geometry::Quads(_) | Geometry::MovingMesh(_) => return,
+            // Quads, heightfields, and meshes that deform while the shutter is open, emit when they
+            // are hit, but are not sampled.
+            Geometry::Quads(_) | Geometry::MovingMesh(_) | Geometry::Heightfield(_) => return,
         };
         if !emitting.any {
             return;

@@ -4,7 +4,6 @@
 //! are lost, and with them the shape of anything small. Such scenes are shown moved near zero.
 
 use crate::graph::{Background, Scene, SceneError};
-use crate::medium::Medium;
 use crate::texture::Texture;
 use snell_math::{Bounds3d, DAffine3, DVec3};
 
@@ -29,14 +28,10 @@ pub fn far_origin(bounds: &Bounds3d) -> Option<DVec3> {
     origin.is_finite().then_some(origin)
 }
 
-/// Moves a scene near zero if it is far away, cameras and lights too, and answers by how much. A
-/// scene whose parts are placed in the world in other ways stays: one with motion, media or
-/// patterns.
+/// Moves a scene near zero if it is far away, with its cameras, lights, media, portals and patterns,
+/// and answers by how much. A scene with motion stays.
 pub fn bring_near(scene: &mut Scene) -> Result<Option<DVec3>, SceneError> {
-    let is_still = scene.motion.is_none()
-        && scene.media.iter().all(|medium| matches!(medium, Medium::Homogeneous(_)))
-        && scene.portals.is_empty()
-        && scene.textures.iter().all(|texture| matches!(texture, Texture::Image(_)));
+    let is_still = scene.motion.is_none();
     let Some(origin) = far_origin(&scene.bounds()?).filter(|_| is_still) else { return Ok(None) };
     let by = DAffine3::from_translation(-origin);
     let root = &mut scene.nodes[scene.root.index()];
@@ -46,6 +41,17 @@ pub fn bring_near(scene: &mut Scene) -> Result<Option<DVec3>, SceneError> {
     }
     for light in &mut scene.lights {
         *light = light.moved(&by);
+    }
+    for medium in &mut scene.media {
+        medium.translate(-origin);
+    }
+    for portal in &mut scene.portals {
+        portal.corner -= origin;
+    }
+    for texture in &mut scene.textures {
+        if let Texture::Pattern(pattern) = texture {
+            pattern.translate(-origin);
+        }
     }
     if let Background::ShadowCatcher(floor) = &mut scene.background {
         floor.height -= floor.up.try_normalize().map_or(0.0, |up| up.dot(origin));

@@ -32,7 +32,7 @@ pub use prepared::PreparedMedium;
 pub use segment::{Scattering, Segment, Travel};
 pub use tracking::TrackedGrid;
 
-use snell_math::{ColorMode, Rgb, SampledSpectrum, Vec3};
+use snell_math::{ColorMode, DVec3, Rgb, SampledSpectrum, Vec3};
 
 /// Maximum coefficient per scene unit. Scenes may be as small as they like, so this is only what
 /// keeps products of two coefficients finite.
@@ -96,6 +96,16 @@ impl Medium {
             grid.sigma_a_tint = other.sigma_a_tint.clone();
             grid.sigma_s_tint = other.sigma_s_tint.clone();
             grid.emission_tint = other.emission_tint.clone();
+        }
+    }
+
+    /// Moves the medium by a vector in the world.
+    pub fn translate(&mut self, by: DVec3) {
+        match self {
+            Self::Homogeneous(_) => {}
+            Self::HeightFog(fog) => fog.base += by,
+            Self::Grid(grid) => grid.world_from_grid.translation += by,
+            Self::Cloud(cloud) => cloud.world_from_cloud.translation += by,
         }
     }
 

@@ -3,7 +3,7 @@
 use crate::material::ShadingPoint;
 use serde::{Deserialize, Serialize};
 use snell_intersect::UV_SETS;
-use snell_math::{Vec2, Vec3};
+use snell_math::{DVec3, Vec2, Vec3};
 use std::f32::consts::PI;
 
 /// Rows of an affine map of points in space: `x' = m[0] . (x, y, z, 1)`, and so on.
@@ -11,6 +11,13 @@ pub type Rows = [[f64; 4]; 3];
 
 /// The identity map.
 pub const IDENTITY: Rows = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
+
+/// Moves what an affine map of points in the world shows by a vector; given are rows of the map.
+pub fn translate(rows: &mut [[f64; 4]], by: DVec3) {
+    for [a, b, c, d] in rows {
+        *d -= DVec3::new(*a, *b, *c).dot(by);
+    }
+}
 
 /// A point in the space of a three-dimensional pattern.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -97,6 +104,17 @@ impl Mapping {
     /// True if the mapping depends on the texture coordinates of the surface only.
     pub fn is_on_surface(&self) -> bool {
         matches!(self, Self::Uv { .. })
+    }
+
+    /// Moves what is mapped by a vector in the world.
+    pub fn translate(&mut self, by: DVec3) {
+        match self {
+            Self::Uv { .. } => {}
+            Self::Spherical { texture_from_world } | Self::Cylindrical { texture_from_world } => {
+                translate(texture_from_world, by);
+            }
+            Self::Planar { st_from_world } => translate(st_from_world, by),
+        }
     }
 
     /// Mappings for tests.

@@ -105,6 +105,7 @@ pub fn builder_of(world: &World) -> WorldBuilder {
             Geometry::Set(set) => builder.add_set(group, set.clone()),
             Geometry::Quads(quads) => builder.add_quads(group, quads.clone()),
             Geometry::MovingMesh(mesh) => builder.add_moving_mesh(group, mesh.clone()),
+            Geometry::Heightfield(field) => builder.add_heightfield(group, field.clone()),
         };
     }
     for group in groups() {

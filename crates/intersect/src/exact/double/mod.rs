@@ -83,6 +83,25 @@ impl TriangleTest for Double {
         double_hit(search, &ray.exact, ids())
     }
 
+    const EPSILON: f64 = f64::EPSILON;
+
+    type Line = DRay;
+
+    #[inline(always)]
+    fn line(ray: &DRay) -> DRay {
+        *ray
+    }
+
+    #[inline(always)]
+    fn hit_at<G: Goal<Precision = Self>>(
+        search: &Search<'_, G>,
+        line: &DRay,
+        corners: &[DVec3; 3],
+        ids: [u32; 3],
+    ) -> Option<DHit> {
+        hit_on(search, line, corners, ids)
+    }
+
     #[inline(always)]
     fn prepare_root<L: Lanes8>(data: &DoubleData, prepared: &mut PreparedRay, ray: &DRay) -> bool {
         (ray.t_min >= 0.0) & (ray.t_min < ray.t_max) && Self::prepare::<L>(data, 0, prepared, ray)
@@ -117,9 +136,19 @@ impl TriangleTest for Double {
 fn double_hit<G: Goal<Precision = Double>>(
     search: &Search<'_, G>,
     ray: &DRay,
+    ids: [u32; 3],
+) -> Option<DHit> {
+    hit_on(search, ray, search.context.data.corners(ids[1], ids[2]), ids)
+}
+
+/// The hit on a triangle with these corners; see [`double_hit`].
+#[inline(always)]
+fn hit_on<G: Goal<Precision = Double>>(
+    search: &Search<'_, G>,
+    ray: &DRay,
+    corners: &[DVec3; 3],
     [instance, geometry, primitive]: [u32; 3],
 ) -> Option<DHit> {
-    let corners = search.context.data.corners(geometry, primitive);
     let (t, uv) = triangle::exact_hit(ray, corners, search.ray.t_min)?;
     // Adding 0 turns -0 into +0.
     let t = t + 0.0;

@@ -1,6 +1,7 @@
 //! Tests of sets, quads and moving geometry, against oracles and in worlds, where all structures
 //! must agree.
 
+mod heightfields;
 mod motion;
 mod quads;
 mod sets;

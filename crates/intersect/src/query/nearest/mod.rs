@@ -9,6 +9,7 @@ mod place;
 #[cfg(test)]
 mod tests;
 
+use crate::geometry::Heightfield;
 use crate::group::{Bulk, BulkContents, GroupList, Object, ObjectRef, Objects};
 use crate::hit::{DHit, DNearestPoint, Hit, NearestPoint};
 use crate::mesh::are_degenerate;
@@ -158,6 +159,13 @@ impl Space<'_> {
         }
         search.best
     }
+}
+
+/// True if something in a box may be nearer than the best point so far.
+fn is_near(search: &Search<'_>, place: &Place, weights: DVec3, bounds: &Bounds3d) -> bool {
+    let offset = (bounds.min - place.point).max(place.point - bounds.max).max(DVec3::ZERO);
+    // The bound is lowered by more than its rounding.
+    (offset * offset * weights).element_sum() * (1.0 - 1e-9) <= search.best.squared
 }
 
 /// False for points that are not finite, and limits that are negative or NaN.
@@ -314,11 +322,7 @@ impl Search<'_> {
     fn loose(&mut self, group: usize, place: &Place, instance: u32) {
         let Some(loose) = self.loose.get(group) else { return };
         let weights = place.metric.axis_weights();
-        let wants = |search: &Self, bounds: &Bounds3d| {
-            let offset = (bounds.min - place.point).max(place.point - bounds.max).max(DVec3::ZERO);
-            // The bound is lowered by more than its rounding.
-            (offset * offset * weights).element_sum() * (1.0 - 1e-9) <= search.best.squared
-        };
+        let wants = |search: &Self, bounds: &Bounds3d| is_near(search, place, weights, bounds);
         loose.visit(self, wants, |search, triangle| {
             let ids = [instance, triangle.geometry, triangle.number];
             search.triangle_at(&triangle.corners, place, ids);
@@ -460,8 +464,12 @@ impl Search<'_> {
             return;
         }
         let number = primitive as usize;
+        if let BulkContents::Heightfield(field) = &bulk.contents {
+            return self.block(field, number, place, [instance, bulk.geometry]);
+        }
         let bounds = bulk.contents.bounds(number);
         let found = match &bulk.contents {
+            BulkContents::Heightfield(_) => None,
             BulkContents::Set(set) => set.nearest_point(number, place.point, &place.metric),
             BulkContents::MovingMesh(mesh) => {
                 let corners = mesh.first().corners(number);
@@ -482,6 +490,23 @@ impl Search<'_> {
                 [instance, bulk.geometry, primitive],
             );
         }
+    }
+
+    /// Tests the triangles of a block of a heightfield.
+    fn block(
+        &mut self,
+        field: &Heightfield,
+        block: usize,
+        place: &Place,
+        [instance, geometry]: [u32; 2],
+    ) {
+        let weights = place.metric.axis_weights();
+        let is_single = self.data.is_none();
+        let wants = |search: &Self, bounds: &Bounds3d| is_near(search, place, weights, bounds);
+        let rounded = |p: DVec3| if is_single { p.as_vec3().as_dvec3() } else { p };
+        field.visit_block(block, self, rounded, wants, |search, number, corners| {
+            search.offer_triangle(&corners, place, [instance, geometry, number]);
+        });
     }
 
     fn admits(&self, geometry: u32) -> bool {

@@ -301,6 +301,8 @@ impl Group {
                 Geometry::Shape(shape, placed) => {
                     entries.push(Entry::of_shape(id.0, shape.clone(), placed, mask));
                 }
+                // A sheet has no inside.
+                Geometry::Heightfield(_) => {}
                 Geometry::Set(set) => {
                     let primitive = |i: usize| Entry::of_primitive(id.0, set, i, mask);
                     entries.par_extend((0..set.len()).into_par_iter().filter_map(primitive));

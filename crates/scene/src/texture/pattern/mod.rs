@@ -17,8 +17,9 @@ pub use fractal::{Fbm, Marble, Windy, Wrinkled};
 
 use crate::TextureId;
 use crate::material::{ColorParam, ShadingPoint};
-use snell_math::Rgb;
+use crate::texture::mapping;
 use snell_math::parameters::references;
+use snell_math::{DVec3, Rgb};
 
 /// The value of a pattern's colour parameter at a point, as RGB.
 fn rgb_at(param: &ColorParam, point: &ShadingPoint) -> Rgb {
@@ -56,6 +57,28 @@ impl Pattern {
     /// textures that it combines. It can then be baked into an image.
     pub fn is_on_surface(&self) -> bool {
         match_pattern!(self, pattern => pattern.is_on_surface())
+    }
+
+    /// Moves the pattern by a vector in the world, if it is fixed there.
+    pub fn translate(&mut self, by: DVec3) {
+        match self {
+            Self::Checkerboard(pattern) => pattern.mapping.translate(by),
+            Self::Dots(pattern) => pattern.mapping.translate(by),
+            Self::Bilerp(pattern) => pattern.mapping.translate(by),
+            Self::Projected(pattern) => pattern.mapping.translate(by),
+            Self::SolidCheckerboard(pattern) => {
+                mapping::translate(&mut pattern.texture_from_world, by);
+            }
+            Self::Fbm(pattern) => mapping::translate(&mut pattern.texture_from_world, by),
+            Self::Wrinkled(pattern) => mapping::translate(&mut pattern.texture_from_world, by),
+            Self::Windy(pattern) => mapping::translate(&mut pattern.texture_from_world, by),
+            Self::Marble(pattern) => mapping::translate(&mut pattern.texture_from_world, by),
+            Self::Scale(_)
+            | Self::Mix(_)
+            | Self::DirectionMix(_)
+            | Self::Power(_)
+            | Self::Ramp(_) => {}
+        }
     }
 
     /// Linear RGB of the pattern at a point, which may be non-finite.
