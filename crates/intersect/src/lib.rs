@@ -49,11 +49,14 @@ pub use geometry::{
     CubicCurves, CurveBasis, Curves, LinearCurves, MeshKey, MovingMesh, PrimitiveHit, PrimitiveSet,
     QuadMesh, Spheres, StrandBasis, StrandError,
 };
-pub use hit::{DHit, DNearestPoint, Hit, NearestPoint, SurfaceInteraction, SurfacePoint};
+pub use hit::{
+    DHit, DNearestPoint, DSurfacePoint, Hit, NearestPoint, SurfaceInteraction, SurfacePoint,
+};
 pub use lecture::AcceleratorOptions;
 pub use mesh::{DTriangleMesh, TriangleMesh, UV_SETS, first_uv_set};
 pub use precision::{Double, Precision, Single};
 pub use query::all::AllHits;
+pub use query::culling::{Both, Culled, Side};
 pub use query::parallel::{Cancelled, Parallel};
 pub use query::queries::Queries;
 pub use query::trace::{TraceStep, TraversalTrace};
@@ -71,6 +74,7 @@ pub use world::triangles::{self, TriangleHits, TrianglePoints};
 pub use world::{
     AcceleratorKind, BuildOptions, BuildStats, DynamicWorld, EditError, Geometry, GeometryId,
     GroupId, Instance, InstanceId, Reuse, Snapshots, World, WorldBuilder, WorldError,
+    interaction_on,
 };
 
 /// Runs the examples of the README as tests.

@@ -273,11 +273,11 @@ pub fn matrix<'py>(py: Python<'py>, map: &Transform) -> PyResult<Bound<'py, PyAn
     crate::arrays::from_vec(py, rows.to_vec(), &[4, 4])
 }
 
-/// Reads a mask of 32 bits.
-pub fn mask(value: Option<i64>) -> PyResult<u32> {
-    let Some(value) = value else { return Ok(u32::MAX) };
-    u32::try_from(value).map_err(|_| {
-        PyValueError::new_err(format!("mask is {value}, expected 32 bits: 0 to {}", u32::MAX))
+/// Reads a mask of 64 bits.
+pub fn mask(value: Option<i128>) -> PyResult<u64> {
+    let Some(value) = value else { return Ok(u64::MAX) };
+    u64::try_from(value).map_err(|_| {
+        PyValueError::new_err(format!("mask is {value}, expected 64 bits: 0 to {}", u64::MAX))
     })
 }
 

@@ -19,6 +19,7 @@
 
 #![forbid(unsafe_code)]
 
+mod albedo;
 mod batch;
 pub mod compile;
 pub mod explain;
@@ -40,6 +41,7 @@ pub mod settings;
 pub mod threads;
 mod volume;
 
+pub use albedo::Albedos;
 pub use compile::{CompileError, CompiledScene, Moving};
 pub use film::{Film, FilmTile, filter::Filter};
 pub use guiding::Guiding;

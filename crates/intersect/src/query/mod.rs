@@ -2,12 +2,14 @@
 //! that ray, never on other rays of the batch.
 
 pub mod all;
+pub mod culling;
 mod double;
 pub mod nearest;
 mod order;
 pub mod parallel;
 pub mod queries;
 pub(crate) mod searcher;
+mod spawn;
 pub mod trace;
 pub mod winding;
 
@@ -99,7 +101,8 @@ impl World {
 
     #[inline]
     pub(crate) fn searcher<'a>(&'a self, filter: &'a dyn HitFilter) -> Searcher<'a> {
-        let context = Context { filter, options: &self.options, data: &(), cancel: None };
+        let options = self.options_for(filter.decides_everywhere());
+        let context = Context { filter, options, data: &(), cancel: None };
         Searcher { world: self, context }
     }
 }

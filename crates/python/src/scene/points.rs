@@ -4,6 +4,7 @@ use super::Scene;
 use crate::answers::{Asked, ClosestPoints, Live, Named};
 use crate::arrays::{Column, PointArray, array, from_vec, is_double, leading, slice};
 use crate::assemble::Snapshot;
+use crate::choice::Choice;
 use crate::columns::Columns;
 use crate::memory::admit_all;
 use crate::nearest::{Inside, Nearest, PointPrecision};
@@ -25,7 +26,7 @@ impl Scene {
         &self,
         points: &Bound<'py, PyUntypedArray>,
         max_distance: Option<&Bound<'py, PyAny>>,
-        mask: u32,
+        mask: u64,
         threads: Threads,
     ) -> PyResult<ClosestPoints> {
         let (py, snapshot) = (points.py(), self.0.snapshot::<P>(points.py())?);
@@ -63,6 +64,7 @@ impl Scene {
             snapshot,
             hits: Columns::of(py, &found)?,
             asked: Asked::Positions(positions),
+            choice: Choice::default(),
             rays: 0,
             shape: points.shape,
             splits: None,
@@ -104,7 +106,7 @@ impl Scene {
         &self,
         points: &Bound<'py, PyAny>,
         max_distance: Option<&Bound<'py, PyAny>>,
-        mask: Option<i64>,
+        mask: Option<i128>,
         threads: Option<i64>,
         method: Option<&str>,
     ) -> PyResult<Bound<'py, PyAny>> {
@@ -122,7 +124,7 @@ impl Scene {
         &self,
         points: &Bound<'py, PyUntypedArray>,
         max_distance: Option<&Bound<'py, PyAny>>,
-        mask: u32,
+        mask: u64,
         threads: Threads,
         inside: Option<Inside>,
     ) -> PyResult<Bound<'py, PyAny>> {
@@ -229,7 +231,7 @@ impl Scene {
         &self,
         points: &Bound<'py, PyAny>,
         max_distance: Option<&Bound<'py, PyAny>>,
-        mask: Option<i64>,
+        mask: Option<i128>,
         threads: Option<i64>,
     ) -> PyResult<ClosestPoints> {
         let array = array(points, "points")?;
@@ -256,7 +258,7 @@ impl Scene {
         &self,
         points: &Bound<'py, PyAny>,
         max_distance: Option<&Bound<'py, PyAny>>,
-        mask: Option<i64>,
+        mask: Option<i128>,
         threads: Option<i64>,
     ) -> PyResult<Bound<'py, PyAny>> {
         self.distances(points, max_distance, mask, threads, None)
@@ -288,7 +290,7 @@ impl Scene {
         points: &Bound<'py, PyAny>,
         max_distance: Option<&Bound<'py, PyAny>>,
         method: &str,
-        mask: Option<i64>,
+        mask: Option<i128>,
         threads: Option<i64>,
     ) -> PyResult<Bound<'py, PyAny>> {
         self.distances(points, max_distance, mask, threads, Some(method))
@@ -338,7 +340,7 @@ impl Scene {
         &self,
         points: &Bound<'py, PyAny>,
         method: &str,
-        mask: Option<i64>,
+        mask: Option<i128>,
         threads: Option<i64>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let about = Inside::new(method, objects::mask(mask)?)?;
@@ -375,7 +377,7 @@ impl Scene {
     fn winding_number<'py>(
         &self,
         points: &Bound<'py, PyAny>,
-        mask: Option<i64>,
+        mask: Option<i128>,
         threads: Option<i64>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let mask = objects::mask(mask)?;
