@@ -20,7 +20,9 @@ def ball_of_triangles(center, radius, rings=50, around=52):
     theta = np.pi * np.arange(1, rings)[:, None] / rings
     phi = 2 * np.pi * np.arange(around) / around
     ring = np.stack(
-        np.broadcast_arrays(np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)),
+        np.broadcast_arrays(
+            np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)
+        ),
         axis=-1,
     )
     points = np.concatenate([[[0, 0, 1]], ring.reshape(-1, 3), [[0, 0, -1]]])
@@ -62,7 +64,9 @@ def bounce(scene, rays, bounces, rng, *, diffuse, flat=True):
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 @pytest.mark.parametrize("diffuse", [False, True])
-@pytest.mark.parametrize(("size", "center"), [(1e-6, 0 * FAR), (1, 0 * FAR), (1e6, 0 * FAR), (1e3, FAR)])
+@pytest.mark.parametrize(
+    ("size", "center"), [(1e-6, 0 * FAR), (1, 0 * FAR), (1e6, 0 * FAR), (1e3, FAR)]
+)
 def test_reflected_rays_stay_in_a_room(dtype, diffuse, size, center):
     rng = np.random.default_rng(0)
     half = np.array([3.5, 2.5, 1.5]) * size
@@ -89,7 +93,11 @@ def test_walls_of_several_objects_and_instances():
     rng = np.random.default_rng(2)
     wall, room = snell.Scene(), snell.Scene()
     wall.add_shape("rectangle", half_size=[1, 1], name="wall")
-    turns = [np.eye(3), np.array([[0, 0, 1], [1, 0, 0], [0, 1, 0]]), np.array([[0, 1, 0], [0, 0, 1], [1, 0, 0]])]
+    turns = [
+        np.eye(3),
+        np.array([[0, 0, 1], [1, 0, 0], [0, 1, 0]]),
+        np.array([[0, 1, 0], [0, 0, 1], [1, 0, 0]]),
+    ]
     for turn in turns:
         for side in (-1, 1):
             pose = np.eye(4)

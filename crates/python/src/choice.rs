@@ -71,9 +71,8 @@ impl Choice {
     ) -> T {
         let culled = self.cull.map(|side| P::culled(&snapshot.world, side));
         let is_selective = self.only.is_some() || self.exclude.is_some();
-        let selected = is_selective.then(|| {
-            P::selected(Selected { names: &snapshot.names, choice: self })
-        });
+        let selected =
+            is_selective.then(|| P::selected(Selected { names: &snapshot.names, choice: self }));
         match (culled, selected) {
             (None, None) => ask(&AcceptAll),
             (Some(culled), None) => ask(&*culled),
@@ -156,9 +155,9 @@ impl Selection {
                 value.repr()?
             )));
         };
-        contents
-            .get(id)
-            .map_err(|error| PyValueError::new_err(format!("{argument}: {}", error.value(value.py()))))?;
+        contents.get(id).map_err(|error| {
+            PyValueError::new_err(format!("{argument}: {}", error.value(value.py())))
+        })?;
         self.own.insert(id as u32);
         Ok(())
     }

@@ -72,9 +72,9 @@ impl<'a, F: Form> Colors<'a, F> {
         }
         if !matches!(self.last, Some((o, g, ..)) if (o, g) == (occurrence, geometry)) {
             let placed = F::placed(&self.snapshot.world, occurrence);
-            self.last = self.painted(geometry).map(|(surface, own)| {
-                (occurrence, geometry, surface, placed.compose(&own))
-            });
+            self.last = self
+                .painted(geometry)
+                .map(|(surface, own)| (occurrence, geometry, surface, placed.compose(&own)));
         }
         let Some((_, _, surface, placed)) = &self.last else { return Rgb::BLACK };
         let mut uv = Vec2::from(uv.map(|x| Into::<f64>::into(x) as f32));

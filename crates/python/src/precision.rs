@@ -228,12 +228,7 @@ impl Precision for f32 {
         }
     }
 
-    fn all(
-        world: &World,
-        rays: Rays,
-        filter: &dyn HitFilter,
-        most: Option<u32>,
-    ) -> AllHits {
+    fn all(world: &World, rays: Rays, filter: &dyn HitFilter, most: Option<u32>) -> AllHits {
         match most {
             Some(most) => world.first(rays, filter, most as usize),
             None => world.all(rays, filter),

@@ -101,7 +101,10 @@ impl DWorld {
     }
 
     #[inline]
-    pub(super) fn searcher<'a>(&'a self, filter: &'a dyn HitFilter<Double>) -> Searcher<'a, Double> {
+    pub(super) fn searcher<'a>(
+        &'a self,
+        filter: &'a dyn HitFilter<Double>,
+    ) -> Searcher<'a, Double> {
         let world = &self.world;
         let options = world.options_for(filter.decides_everywhere());
         let context = Context { filter, options, data: &self.data, cancel: None };

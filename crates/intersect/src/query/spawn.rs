@@ -73,11 +73,7 @@ impl Spawning for World {
 }
 
 impl Spawning for DWorld {
-    fn site(
-        &self,
-        ray: RayQuery<crate::precision::Double>,
-        hit: &DHit,
-    ) -> DSurfacePoint {
+    fn site(&self, ray: RayQuery<crate::precision::Double>, hit: &DHit) -> DSurfacePoint {
         self.point(ray, hit)
     }
 

@@ -145,11 +145,7 @@ impl DWorld {
     ///
     /// # Panics
     /// If `hit` is a miss or does not belong to this world.
-    pub fn point<'a>(
-        &self,
-        ray: impl Into<RayQuery<'a, Double>>,
-        hit: &DHit,
-    ) -> DSurfacePoint {
+    pub fn point<'a>(&self, ray: impl Into<RayQuery<'a, Double>>, hit: &DHit) -> DSurfacePoint {
         let RayQuery { ray, time, .. } = ray.into();
         let LocalSurface { position, error, normal, .. } =
             self.point_in_group(GroupId(0), hit.instance, ray, clamped_time(time), hit);

@@ -97,11 +97,8 @@ pub(crate) fn turning(direction: &DVec3, corners: &[DVec3; 3]) -> f64 {
     let (e1, e2, d) = (b - a, c - a, *direction);
     let product = e1.cross(e2).dot(d);
     let (e1, e2, d) = (e1.abs(), e2.abs(), d.abs());
-    let sizes = DVec3::new(
-        e1.y * e2.z + e1.z * e2.y,
-        e1.z * e2.x + e1.x * e2.z,
-        e1.x * e2.y + e1.y * e2.x,
-    );
+    let sizes =
+        DVec3::new(e1.y * e2.z + e1.z * e2.y, e1.z * e2.x + e1.x * e2.z, e1.x * e2.y + e1.y * e2.x);
     let size = sizes.dot(d);
     if size > TINY && size < LARGE && product.abs() > size * ROUGH {
         product

@@ -162,9 +162,7 @@ impl<P: Facts> Goal for First<'_, P> {
     #[inline(always)]
     fn wants(&self, hit: &P::Hit) -> bool {
         P::t(hit) < self.limit
-            && self
-                .last
-                .is_none_or(|last| key::<P>(hit, self.geometries).compare(&last).is_lt())
+            && self.last.is_none_or(|last| key::<P>(hit, self.geometries).compare(&last).is_lt())
     }
 
     fn take(&mut self, hit: P::Hit) -> bool {

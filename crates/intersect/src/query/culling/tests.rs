@@ -1,8 +1,8 @@
 use super::*;
 use crate::search::{AcceptAll, Grouping};
-use crate::world::tests::{Random, default_world, double_sphere, nested_scene, sphere_mesh};
 use crate::world::WorldBuilder;
 use crate::world::double::DWorldBuilder;
+use crate::world::tests::{Random, default_world, double_sphere, nested_scene, sphere_mesh};
 use snell_math::{DVec3, Vec3};
 use std::sync::Arc;
 

@@ -4,9 +4,9 @@ use super::*;
 use crate::mesh::DTriangleMesh;
 use crate::search::AcceptAll;
 use crate::shape::{AnyShape, BoxShape, Sphere};
+use crate::world::double::DWorldBuilder;
 use crate::world::tests::{Random, double_sphere};
 use crate::world::{BuildOptions, WorldBuilder};
-use crate::world::double::DWorldBuilder;
 use snell_math::Transform;
 use std::sync::Arc;
 
@@ -28,7 +28,8 @@ enum Kind {
 fn box_mesh(center: DVec3, half: DVec3) -> DTriangleMesh {
     let sign = |i: u32, bit: u32| if i >> bit & 1 == 1 { 1.0 } else { -1.0 };
     let corner = |i: u32| center + half * DVec3::new(sign(i, 0), sign(i, 1), sign(i, 2));
-    let faces = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]];
+    let faces =
+        [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]];
     let indices = faces.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
     DTriangleMesh { positions: (0..8).map(corner).collect(), indices }
 }
@@ -64,7 +65,9 @@ fn placed(room: &Room) -> Transform {
 fn single(room: &Room) -> World {
     let mut builder = WorldBuilder::default();
     match &room.kind {
-        Kind::Shape(shape) => _ = builder.add_shape(WorldBuilder::ROOT, shape.clone(), placed(room)),
+        Kind::Shape(shape) => {
+            _ = builder.add_shape(WorldBuilder::ROOT, shape.clone(), placed(room))
+        }
         Kind::Mesh(mesh) => {
             let positions = mesh.positions.iter().map(|p| p.as_vec3()).collect();
             let indices = mesh.indices.clone();
@@ -78,7 +81,9 @@ fn single(room: &Room) -> World {
 fn double(room: &Room) -> DWorld {
     let mut builder = DWorldBuilder::default();
     match &room.kind {
-        Kind::Shape(shape) => _ = builder.add_shape(WorldBuilder::ROOT, shape.clone(), placed(room)),
+        Kind::Shape(shape) => {
+            _ = builder.add_shape(WorldBuilder::ROOT, shape.clone(), placed(room))
+        }
         Kind::Mesh(mesh) => _ = builder.add_mesh(WorldBuilder::ROOT, Arc::new(mesh.clone())),
     }
     builder.build(&BuildOptions::default()).expect("a world")
@@ -86,7 +91,8 @@ fn double(room: &Room) -> DWorld {
 
 /// Directions from the centre: some exactly into edges and corners, others anywhere.
 fn directions(room: &Room, random: &mut Random, count: usize) -> Vec<DVec3> {
-    let aimed = (0..27).map(|i| DVec3::new(f64::from(i % 3 - 1), f64::from(i / 3 % 3 - 1), f64::from(i / 9 - 1)));
+    let aimed = (0..27)
+        .map(|i| DVec3::new(f64::from(i % 3 - 1), f64::from(i / 3 % 3 - 1), f64::from(i / 9 - 1)));
     let aimed = aimed.filter(|d| *d != DVec3::ZERO).map(|d| d * room.half);
     aimed.chain((0..count).map(|_| random.direction().as_dvec3())).collect()
 }
@@ -154,16 +160,22 @@ fn origins_are_beside_the_hit_on_the_side_of_the_direction() {
     (hits[2], dhits[2]) = (Hit::MISS, DHit::MISS);
     let directions = [DVec3::NEG_X, DVec3::X, DVec3::X];
     for (found, margin) in [
-        ({
-            let mut origins = [DVec3::ZERO; 3];
-            single.spawn(&rays, &AcceptAll, &hits, &directions, &mut origins);
-            origins
-        }, 2e-5),
-        ({
-            let mut origins = [DVec3::ZERO; 3];
-            double.spawn(&exact, &AcceptAll, &dhits, &directions, &mut origins);
-            origins
-        }, 1e-12),
+        (
+            {
+                let mut origins = [DVec3::ZERO; 3];
+                single.spawn(&rays, &AcceptAll, &hits, &directions, &mut origins);
+                origins
+            },
+            2e-5,
+        ),
+        (
+            {
+                let mut origins = [DVec3::ZERO; 3];
+                double.spawn(&exact, &AcceptAll, &dhits, &directions, &mut origins);
+                origins
+            },
+            1e-12,
+        ),
     ] {
         let wall = room.center.x + room.half.x;
         assert!(found[0].x < wall && found[0].x > wall - margin, "{}", found[0]);
