@@ -256,6 +256,17 @@ impl<T: Copy> Values<'_, T> {
     }
 }
 
+/// A whole number; `None` for anything else.
+pub fn whole(value: &Bound<'_, PyAny>) -> Option<i128> {
+    value.call_method0("__index__").ok()?.extract().ok()
+}
+
+/// The error for an argument that is not a whole number. `range` ends the message.
+pub fn named(value: &Bound<'_, PyAny>, name: &str, range: &str) -> PyErr {
+    let shown = value.repr().map(|shown| shown.to_string()).unwrap_or_default();
+    PyTypeError::new_err(format!("{name} is {shown}, expected a whole number: {range}"))
+}
+
 /// A mask of 64 bits, one for all or one per ray.
 pub fn mask_column<'py>(
     value: Option<&Bound<'py, PyAny>>,

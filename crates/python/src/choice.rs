@@ -1,5 +1,6 @@
 //! What a query about rays takes into account: the side of surfaces, and objects by id and name.
 
+use crate::arrays::{named, whole};
 use crate::assemble::{Names, Snapshot};
 use crate::contents::{Contents, Kind};
 use crate::names::{choice, suggestion};
@@ -236,14 +237,11 @@ impl HitFilter<Double> for Selected<'_> {
 /// Reads the argument `max_hits`: a positive number.
 pub fn max_hits(value: Option<&Bound<'_, PyAny>>) -> PyResult<Option<u32>> {
     let Some(value) = value else { return Ok(None) };
-    let given = || value.repr().map(|r| r.to_string()).unwrap_or_default();
-    let wrong = || format!("max_hits is {}, expected a whole number from 1, or None", given());
-    if value.is_instance_of::<PyBool>() {
-        return Err(PyTypeError::new_err(wrong()));
-    }
-    let index = value.call_method0("__index__").map_err(|_| PyTypeError::new_err(wrong()))?;
-    match index.extract::<i128>() {
-        Ok(n) if n >= 1 => Ok(Some(u32::try_from(n).unwrap_or(u32::MAX))),
-        _ => Err(PyValueError::new_err(wrong())),
+    match whole(value).filter(|_| !value.is_instance_of::<PyBool>()) {
+        Some(n) if n >= 1 => Ok(Some(u32::try_from(n).unwrap_or(u32::MAX))),
+        Some(n) => {
+            Err(PyValueError::new_err(format!("max_hits is {n}, expected a whole number from 1")))
+        }
+        None => Err(named(value, "max_hits", "1 or more, or None for all")),
     }
 }

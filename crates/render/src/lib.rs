@@ -19,7 +19,6 @@
 
 #![forbid(unsafe_code)]
 
-mod albedo;
 mod batch;
 pub mod compile;
 pub mod explain;
@@ -41,11 +40,10 @@ pub mod settings;
 pub mod threads;
 mod volume;
 
-pub use albedo::Albedos;
 pub use compile::{CompileError, CompiledScene, Moving};
 pub use film::{Film, FilmTile, filter::Filter};
 pub use guiding::Guiding;
-pub use integrator::{IntegratorKind, aov::Aov};
+pub use integrator::{IntegratorKind, albedos::Albedos, aov::Aov};
 pub use job::{Job, Progress, Recording, Statistics, Training, Underway, with_patience};
 pub use light_sampler::LightSamplerKind;
 pub use picture::picture;

@@ -49,7 +49,7 @@ impl Scene {
         kind: Kind,
         transform: Option<&Bound<'_, PyAny>>,
         name: Option<String>,
-        mask: Option<i128>,
+        mask: Option<impl Into<i128>>,
         material: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<u32> {
         let (transform, mask) = (objects::transform(transform)?, objects::mask(mask)?);
@@ -117,7 +117,7 @@ impl Scene {
         faces: Option<&Bound<'py, PyAny>>,
         transform: Option<&Bound<'py, PyAny>>,
         name: Option<String>,
-        mask: Option<i128>,
+        mask: Option<objects::Mask>,
         normals: Option<&Bound<'py, PyAny>>,
         uvs: Option<&Bound<'py, PyAny>>,
         colors: Option<&Bound<'py, PyAny>>,
@@ -172,7 +172,7 @@ impl Scene {
         shape: &str,
         transform: Option<&Bound<'_, PyAny>>,
         name: Option<String>,
-        mask: Option<i128>,
+        mask: Option<objects::Mask>,
         material: Option<&Bound<'_, PyAny>>,
         parameters: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<u32> {
@@ -205,7 +205,7 @@ impl Scene {
         radii: &Bound<'_, PyAny>,
         transform: Option<&Bound<'_, PyAny>>,
         name: Option<String>,
-        mask: Option<i128>,
+        mask: Option<objects::Mask>,
         material: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<u32> {
         let spheres = objects::spheres(centers, radii)?;
@@ -252,7 +252,7 @@ impl Scene {
         basis: &str,
         transform: Option<&Bound<'_, PyAny>>,
         name: Option<String>,
-        mask: Option<i128>,
+        mask: Option<objects::Mask>,
         material: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<u32> {
         let curves = objects::curves(points, radii, strands, basis)?;
@@ -296,7 +296,7 @@ impl Scene {
         scene: &Self,
         transform: Option<&Bound<'_, PyAny>>,
         name: Option<String>,
-        mask: Option<i128>,
+        mask: Option<objects::Mask>,
         material: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<u32> {
         self.add(py, Kind::Instance(scene.0.contents(py)), transform, name, mask, material)
@@ -371,7 +371,7 @@ impl Scene {
     /// >>> scene.update_mask(ball, 0b10)
     /// >>> scene.test_occlusions([0, 0, -5, 0, 0, 1], mask=0b01)
     /// array(False)
-    fn update_mask(&self, py: Python<'_>, id: i64, mask: i128) -> PyResult<()> {
+    fn update_mask(&self, py: Python<'_>, id: i64, mask: objects::Mask) -> PyResult<()> {
         let mask = objects::mask(Some(mask))?;
         self.0.edit(py, |contents| {
             contents.get_mut(id)?.mask = mask;

@@ -11,7 +11,7 @@ use crate::precision::Precision;
 use crate::query::{FEW, Question, coherent_angle, piece_size};
 use crate::rays::{Limits, RayArgument, RayArrays};
 use crate::state::Kept;
-use crate::work::{Threads, run};
+use crate::work::{Count, Threads, run};
 use numpy::PyArrayMethods;
 use pyo3::exceptions::{PyMemoryError, PyRuntimeWarning, PyTypeError, PyValueError};
 use pyo3::prelude::*;
@@ -225,7 +225,7 @@ impl Scene {
 macro_rules! queries {
     ($(
         $(#[doc = $doc:expr])*
-        $name:ident $(limited by $most:ident)? ($signature:literal) -> $answer:ty = $method:ident;
+        $name:ident $(limited by $most:ident)? ($signature:tt) -> $answer:ty = $method:ident;
     )*) => {
         #[pymethods]
         impl Scene {
@@ -249,7 +249,7 @@ macro_rules! queries {
                 only: Option<&Bound<'py, PyAny>>,
                 exclude: Option<&Bound<'py, PyAny>>,
                 $($most: Option<&Bound<'py, PyAny>>,)?
-                threads: Option<i64>,
+                threads: Option<Count>,
                 warn_invalid: bool,
             ) -> PyResult<$answer> {
                 if !more.is_empty() {
@@ -267,7 +267,7 @@ macro_rules! queries {
                 let limits = Limits { t_min, t_max, mask };
                 let chosen = Chosen { cull, only, exclude };
                 let options = Options {
-                    threads: Threads::new(threads)?,
+                    threads: Threads::given(threads)?,
                     choice: Choice::new(chosen, || self.0.contents(py))?,
                     max_hits: max_hits(None $(.or($most))?)?,
                     warn_invalid,

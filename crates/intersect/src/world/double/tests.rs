@@ -105,7 +105,7 @@ fn every_structure_and_level_gives_the_same_hits_bit_for_bit() {
         let mut random = Random(seed);
         let rays = rays_into(&mut random, center, size, 300);
         let masks: Vec<u64> =
-            (0..rays.len() as u32).map(|i| [u32::MAX, 2, 4, 8][i as usize % 4]).collect();
+            (0..rays.len() as u32).map(|i| [u64::MAX, 2, 4, 8][i as usize % 4]).collect();
         let batch = Rays::<Double>::new(&rays).with_masks(&masks);
         let oracle = build(nested_scene(seed, center, size), AcceleratorKind::None, Level::Scalar);
         let mut expected = vec![DHit::MISS; rays.len()];
