@@ -182,7 +182,7 @@ impl<'a> Source<'a> {
             for _ in 0..1 + self.below(3) {
                 let group = GroupId(self.below(child) as u32);
                 let group_from_child = self.transform();
-                let mask = if self.below(8) == 0 { 1 << self.below(3) } else { u32::MAX };
+                let mask = if self.below(8) == 0 { 1 << self.below(3) } else { u64::MAX };
                 all.add(
                     group,
                     Instance { mask, ..Instance::new(GroupId(child as u32), group_from_child) },
@@ -353,8 +353,8 @@ impl<'a> Source<'a> {
     }
 
     /// A random mask, mostly with all bits set.
-    pub fn mask(&mut self) -> u32 {
-        if self.below(4) == 0 { self.byte().into() } else { u32::MAX }
+    pub fn mask(&mut self) -> u64 {
+        if self.below(4) == 0 { self.byte().into() } else { u64::MAX }
     }
 }
 

@@ -68,6 +68,7 @@ __version__: str
 
 # Anything that converts to an array: also what has ``__array_interface__`` or ``__dlpack__``.
 _Array = ArrayLike | Any
+_Objects = int | str | Sequence[int | str] | NDArray[Any]
 # A number, three numbers (linear), "#rrggbb" (sRGB), or what is like them.
 _Color = float | Sequence[float] | str | Any
 _Floats = NDArray[np.float32] | NDArray[np.float64]
@@ -270,6 +271,9 @@ class Scene:
         t_min: _Array | None = None,
         t_max: _Array | None = None,
         mask: _Array | None = None,
+        cull: Literal["back", "front"] | None = None,
+        only: _Objects | None = None,
+        exclude: _Objects | None = None,
         threads: int | None = None,
         warn_invalid: bool = False,
     ) -> Hits: ...
@@ -280,6 +284,9 @@ class Scene:
         t_min: _Array | None = None,
         t_max: _Array | None = None,
         mask: _Array | None = None,
+        cull: Literal["back", "front"] | None = None,
+        only: _Objects | None = None,
+        exclude: _Objects | None = None,
         threads: int | None = None,
         warn_invalid: bool = False,
     ) -> NDArray[np.bool_]: ...
@@ -290,6 +297,10 @@ class Scene:
         t_min: _Array | None = None,
         t_max: _Array | None = None,
         mask: _Array | None = None,
+        cull: Literal["back", "front"] | None = None,
+        only: _Objects | None = None,
+        exclude: _Objects | None = None,
+        max_hits: int | None = None,
         threads: int | None = None,
         warn_invalid: bool = False,
     ) -> NDArray[np.uint32]: ...
@@ -300,6 +311,10 @@ class Scene:
         t_min: _Array | None = None,
         t_max: _Array | None = None,
         mask: _Array | None = None,
+        cull: Literal["back", "front"] | None = None,
+        only: _Objects | None = None,
+        exclude: _Objects | None = None,
+        max_hits: int | None = None,
         threads: int | None = None,
         warn_invalid: bool = False,
     ) -> Intersections: ...
@@ -390,6 +405,8 @@ class Scene:
 @type_check_only
 class _Answers:
     @property
+    def albedo(self) -> _Floats: ...
+    @property
     def geometry_ids(self) -> NDArray[np.uint32]: ...
     @property
     def instance_ids(self) -> NDArray[np.uint32]: ...
@@ -434,6 +451,7 @@ class Hits(_Answers):
     def is_entering(self) -> NDArray[np.bool_]: ...
     @property
     def t_hit(self) -> _Floats: ...
+    def spawn_rays(self, directions: _Array) -> _Floats: ...
 
 @final
 class Intersections(_Answers):

@@ -91,7 +91,7 @@ BAD = [
     (
         lambda s: s.add_mesh(V, F, mask=-1),
         ValueError,
-        "mask is -1, expected 32 bits: 0 to 4294967295",
+        "mask is -1, expected 64 bits: 0 to 18446744073709551615",
     ),
     (
         lambda s: s.add_shape("spere", radius=1),
@@ -171,10 +171,21 @@ BAD = [
     (
         lambda s: s.cast_rays([RAY] * 3, mask=[1, -2, 3]),
         ValueError,
-        r"mask\[1\] is -2, expected 0 to 4294967295",
+        r"mask\[1\] is -2, expected 0 to 18446744073709551615",
     ),
     (lambda s: s.cast_rays(RAY, mask=0.5), TypeError, "mask: dtype is float64, expected integers"),
     (lambda s: s.cast_rays(RAY, threads=0), ValueError, "threads is 0, expected 1 to 4096"),
+    (
+        lambda s: s.cast_rays(RAY, threads=1.5),
+        TypeError,
+        "threads is 1.5, expected a whole number: 1 to 4096, or None for all cores",
+    ),
+    (lambda s: s.distance(V, mask=1.5), TypeError, "mask is 1.5, expected a whole number: 64 bits"),
+    (
+        lambda s: snell.Camera.from_opencv(np.eye(3), size=(640.0, 480.0)),
+        TypeError,
+        r"size is \(640.0, 480.0\), expected the width and height in pixels",
+    ),
     (
         lambda s: s.distance([[1, 2]]),
         ValueError,

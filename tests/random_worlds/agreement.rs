@@ -144,7 +144,7 @@ fn ways(simd: Level, is_crowded: bool) -> Vec<(String, BuildOptions)> {
 /// Rays with masks and times.
 struct Asked<P: Tested> {
     rays: Vec<P::Ray>,
-    masks: Vec<u32>,
+    masks: Vec<u64>,
     times: Vec<f32>,
 }
 

@@ -76,7 +76,7 @@ pub trait Tested: Precision {
     fn add(builder: &mut Self::Builder, group: GroupId, instance: Instance) -> InstanceId;
 
     /// [`WorldBuilder::set_mask`].
-    fn set_mask(builder: &mut Self::Builder, id: GeometryId, mask: u32);
+    fn set_mask(builder: &mut Self::Builder, id: GeometryId, mask: u64);
 
     /// [`WorldBuilder::remove`].
     fn remove(builder: &mut Self::Builder, id: GeometryId) -> bool;
@@ -163,7 +163,7 @@ macro_rules! worlds {
             builder.add(group, instance)
         }
 
-        fn set_mask(builder: &mut $builder, id: GeometryId, mask: u32) {
+        fn set_mask(builder: &mut $builder, id: GeometryId, mask: u64) {
             builder.set_mask(id, mask);
         }
 

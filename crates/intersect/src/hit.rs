@@ -154,6 +154,27 @@ pub struct SurfacePoint {
     pub on_curve: bool,
 }
 
+/// A [`SurfacePoint`] in double precision.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DSurfacePoint {
+    /// The point on the surface, in world space.
+    pub position: DVec3,
+    /// Bound on the absolute error of each coordinate of `position`, including all transformations.
+    pub position_error: DVec3,
+    /// Unit geometric normal, on the outer side of the shape.
+    pub geometric_normal: DVec3,
+}
+
+impl From<&SurfacePoint> for DSurfacePoint {
+    fn from(point: &SurfacePoint) -> Self {
+        Self {
+            position: point.position.as_dvec3(),
+            position_error: point.position_error.as_dvec3(),
+            geometric_normal: point.geometric_normal.as_dvec3(),
+        }
+    }
+}
+
 impl From<&SurfaceInteraction> for SurfacePoint {
     #[inline(always)]
     fn from(surface: &SurfaceInteraction) -> Self {

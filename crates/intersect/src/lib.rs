@@ -50,7 +50,9 @@ pub use geometry::{
     LinearCurves, MeshKey, MovingMesh, PrimitiveHit, PrimitiveSet, QuadMesh, Spheres, StrandBasis,
     StrandError,
 };
-pub use hit::{DHit, DNearestPoint, Hit, NearestPoint, SurfaceInteraction, SurfacePoint};
+pub use hit::{
+    DHit, DNearestPoint, DSurfacePoint, Hit, NearestPoint, SurfaceInteraction, SurfacePoint,
+};
 pub use lecture::AcceleratorOptions;
 pub use mesh::{DTriangleMesh, TriangleMesh, UV_SETS, first_uv_set};
 pub use precision::{Double, Precision, Single};
@@ -59,6 +61,7 @@ pub use query::pair::{
     ClosestPair, Motion, PairError, PairMesh, PairQuery, PairScene, Pose, closest_pair, collides,
     time_of_impact,
 };
+pub use query::culling::{Both, Culled, Side};
 pub use query::parallel::{Cancelled, Parallel};
 pub use query::queries::Queries;
 pub use query::trace::{TraceStep, TraversalTrace};
@@ -76,6 +79,7 @@ pub use world::triangles::{self, TriangleHits, TrianglePoints};
 pub use world::{
     AcceleratorKind, BuildOptions, BuildStats, DynamicWorld, EditError, Geometry, GeometryId,
     GroupId, Instance, InstanceId, Reuse, Snapshots, World, WorldBuilder, WorldError,
+    interaction_on,
 };
 
 /// Runs the examples of the README as tests.

@@ -2,13 +2,15 @@
 
 use crate::arrays::{filled, from_vec, numpy};
 use crate::assemble::{Form, Snapshot};
+use crate::choice::Choice;
 use crate::columns::{Columns, View};
+use crate::palette::Colors;
 use crate::precision::Precision;
 use crate::rays::KeptRays;
 use crate::surface::{Local, Surfaces};
 use crate::work::{Threads, run};
 use numpy::Element;
-use pyo3::exceptions::{PyAttributeError, PyKeyError, PyTypeError};
+use pyo3::exceptions::{PyAttributeError, PyKeyError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyDict, PyList, PyTuple};
@@ -28,6 +30,14 @@ pub trait Answers: Send + Sync {
 
     /// The leading shape of the arrays.
     fn shape(&self) -> &[usize];
+
+    /// The rays `(..., 6)` that leave the answers with these numbers (all if none are given) in
+    /// `directions`; an error for answers that no rays found.
+    fn spawned<'py>(
+        &self,
+        directions: &Bound<'py, PyAny>,
+        numbers: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>>;
 }
 
 /// The query's inputs, from which surfaces are computed.
@@ -35,7 +45,7 @@ pub trait Answers: Send + Sync {
 pub enum Asked<P> {
     /// Rays: an answer belongs to the ray with its own index or, if a list is given, to the ray
     /// listed at that index.
-    Rays(KeptRays, Option<Vec<u32>>),
+    Rays(KeptRays<P>, Option<Vec<u32>>),
     /// Points whose nearest points were searched.
     Positions(Vec<[P; 3]>),
 }
@@ -49,6 +59,8 @@ pub struct Live<P: Precision, F: Form> {
     pub hits: Columns<P>,
     /// The rays or points that were asked about.
     pub asked: Asked<P>,
+    /// What the query took into account.
+    pub choice: Choice,
     /// Number of rays.
     pub rays: usize,
     /// Shape of the answers.
@@ -58,7 +70,7 @@ pub struct Live<P: Precision, F: Form> {
     pub splits: Option<Vec<i64>>,
 }
 
-impl<P: Precision, F: Form> Answers for Live<P, F> {
+impl<P: Precision> Answers for Live<P, P> {
     fn array<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Option<Bound<'py, PyAny>>> {
         let names = &self.snapshot.names;
         let hits = self.hits.readable(py)?;
@@ -100,6 +112,7 @@ impl<P: Precision, F: Form> Answers for Live<P, F> {
             }
             "normals" => self.surfaces(py, &hits, 3, |local, _| local.normal.to_array()),
             "uvs" => self.surfaces(py, &hits, 2, |local, _| local.uv.to_array()),
+            "albedo" => self.albedo(py, &hits),
             "ray_ids" => match &self.asked {
                 Asked::Rays(_, Some(ids)) => {
                     from_vec(py, ids.iter().map(|&i| i64::from(i)).collect(), &self.shape)
@@ -117,6 +130,14 @@ impl<P: Precision, F: Form> Answers for Live<P, F> {
 
     fn shape(&self) -> &[usize] {
         &self.shape
+    }
+
+    fn spawned<'py>(
+        &self,
+        directions: &Bound<'py, PyAny>,
+        numbers: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        crate::spawn::rays(self, directions, numbers)
     }
 }
 
@@ -203,6 +224,31 @@ impl<P: Precision, F: Form> Live<P, F> {
                 place.iter_mut().zip(values).for_each(|(place, x)| *place = P::round(x));
             }
         };
+        self.by_ray(py, width, write)
+    }
+
+    /// An array of the colours of the surfaces.
+    fn albedo<'py>(&self, py: Python<'py>, hits: &View<'_, P>) -> PyResult<Bound<'py, PyAny>> {
+        let albedos = self.snapshot.names.palette.albedos();
+        let write = |first: usize, places: &mut [P], ray: &(dyn Fn(usize) -> DRay + Sync)| {
+            let mut colors = Colors::new(&self.snapshot, albedos);
+            for (i, place) in places.as_chunks_mut::<3>().0.iter_mut().enumerate() {
+                let found = hits.get(first + i);
+                let color = colors.at(&ray(first + i), &found);
+                *place = color.to_array().map(|x| P::round(x.into()));
+            }
+        };
+        self.by_ray(py, 3, write)
+    }
+
+    /// An array with `width` numbers per answer, which `write` fills from the index of the first
+    /// answer on, asking for the ray of each.
+    fn by_ray<'py>(
+        &self,
+        py: Python<'py>,
+        width: usize,
+        write: impl Fn(usize, &mut [P], &(dyn Fn(usize) -> DRay + Sync)) + Sync,
+    ) -> PyResult<Bound<'py, PyAny>> {
         match &self.asked {
             Asked::Positions(positions) => {
                 let ray = |i: usize| {
@@ -265,6 +311,27 @@ impl Answers for Part {
     fn shape(&self) -> &[usize] {
         &self.shape
     }
+
+    fn spawned<'py>(
+        &self,
+        directions: &Bound<'py, PyAny>,
+        numbers: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let own = self.numbers.bind(directions.py());
+        let numbers = numbers.map_or_else(
+            || Ok(own.clone()),
+            |numbers| own.call_method0("ravel")?.get_item(numbers),
+        )?;
+        let whole = self.whole.bind(directions.py());
+        match whole.cast::<Hits>() {
+            Ok(hits) => hits.get().0.spawned(directions, Some(&numbers)),
+            Err(_) => Err(no_rays()),
+        }
+    }
+}
+
+fn no_rays() -> PyErr {
+    PyTypeError::new_err("spawn_rays: only hits of rays have it")
 }
 
 /// The arrays of a query by name. An array is computed from the answers when it is first accessed.
@@ -350,6 +417,20 @@ impl Named {
     ) -> PyResult<Bound<'py, PyDict>> {
         self.all(py, names)?;
         self.made.get_or_init(py, || PyDict::new(py).unbind()).bind(py).copy()
+    }
+
+    /// The rays that leave answers; see [`Answers::spawned`].
+    pub fn spawned<'py>(
+        &self,
+        directions: &Bound<'py, PyAny>,
+        numbers: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        match &self.live {
+            Some(live) => live.spawned(directions, numbers),
+            None => Err(PyValueError::new_err(
+                "spawn_rays: these hits were unpickled, and have no scene; cast the rays again",
+            )),
+        }
     }
 
     /// The leading shape of the arrays: the shape of `scalar`, which has one number per answer.
@@ -607,6 +688,10 @@ macro_rules! further {
 
 further! {
     Hits {
+        /// `(..., 3)`: the colour of the surface, in linear RGB: the fraction of white light that it
+        /// reflects or transmits towards the ray's origin, from its material with textures, patterns
+        /// and vertex colours, as the layer `albedo` of a picture has it; 0 for a miss.
+        albedo,
         /// `(...)`, bool: whether the ray comes from the outer side of the surface, against
         /// `primitive_normals`; False for a miss.
         is_entering,
@@ -623,6 +708,8 @@ further! {
 
 further! {
     Intersections {
+        /// `(n, 3)`: colours of the surfaces, as in :class:`Hits`.
+        albedo,
         /// `(n,)`, bool: whether the ray enters the surface, as in :class:`Hits`.
         is_entering,
         /// `(n,)`, uint32: numbers of the materials, as in :class:`Hits`.
@@ -634,6 +721,8 @@ further! {
 
 further! {
     ClosestPoints {
+        /// `(..., 3)`: colours of the surfaces, as in :class:`Hits`, seen along the normal.
+        albedo,
         /// `(...)`, uint32: numbers of the materials, as in :class:`Hits`.
         material_ids,
         /// `(...)`, text: names of the objects, as in :class:`Hits`.
@@ -647,5 +736,36 @@ impl Hits {
     #[getter]
     fn is_hit<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         numpy(py, "isfinite")?.call1((self.0.get(py, "t_hit")?,))
+    }
+
+    /// Rays that leave the surfaces at the hits: an array `(..., 6)` in the precision of the query.
+    ///
+    /// Their origins are beside `points`, on the side to which the directions point, by a few steps
+    /// of rounding: as near as is certain. So they need no `t_min`: a ray does not hit the flat
+    /// surface that it starts on, and reflected rays do not leave a closed room, through edges and
+    /// corners neither. Where nothing was hit, the origin is NaN, and the ray hits nothing.
+    ///
+    /// In a scene of meshes alone the rays that were cast are not copied: leave their arrays as
+    /// they are until then, or a reflected ray may leave the room through an edge.
+    ///
+    /// Parameters
+    /// ----------
+    /// directions : array (..., 3)
+    ///     Directions of any length, one for each hit or one for all. They point away from the
+    ///     surface for reflection, and through it for transmission.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import snell
+    /// >>> room = snell.Scene()
+    /// >>> walls = room.add_shape("box", min=[0, 0, 0], max=[7, 5, 3])
+    /// >>> hits = room.cast_rays([[2, 2, 1, 1, 0, 0]])
+    /// >>> rays = hits.spawn_rays([[-1, 0, 0]])
+    /// >>> bool(0 < 7 - rays[0, 0] < 1e-12)
+    /// True
+    /// >>> room.cast_rays(rays).points[0].tolist()
+    /// [0.0, 2.0, 1.0]
+    fn spawn_rays<'py>(&self, directions: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+        self.0.spawned(directions, None)
     }
 }

@@ -256,20 +256,31 @@ impl<T: Copy> Values<'_, T> {
     }
 }
 
-/// A mask of 32 bits, one for all or one per ray.
+/// A whole number; `None` for anything else.
+pub fn whole(value: &Bound<'_, PyAny>) -> Option<i128> {
+    value.call_method0("__index__").ok()?.extract().ok()
+}
+
+/// The error for an argument that is not a whole number. `range` ends the message.
+pub fn named(value: &Bound<'_, PyAny>, name: &str, range: &str) -> PyErr {
+    let shown = value.repr().map(|shown| shown.to_string()).unwrap_or_default();
+    PyTypeError::new_err(format!("{name} is {shown}, expected a whole number: {range}"))
+}
+
+/// A mask of 64 bits, one for all or one per ray.
 pub fn mask_column<'py>(
     value: Option<&Bound<'py, PyAny>>,
     shape: &[usize],
-) -> PyResult<Column<'py, u32>> {
-    let Some(value) = value else { return Ok(Column::All(u32::MAX)) };
+) -> PyResult<Column<'py, u64>> {
+    let Some(value) = value else { return Ok(Column::All(u64::MAX)) };
     if value.is_instance_of::<PyInt>() {
-        let mask = value.extract::<u32>().map_err(|_| {
-            PyValueError::new_err(format!("mask is {value}, expected 32 bits: 0 to {}", u32::MAX))
+        let mask = value.extract::<u64>().map_err(|_| {
+            PyValueError::new_err(format!("mask is {value}, expected 64 bits: 0 to {}", u64::MAX))
         })?;
         return Ok(Column::All(mask));
     }
     let array = array(value, "mask")?;
-    check_unsigned(&array, u32::MAX.into(), "mask")?;
+    check_unsigned(&array, u64::MAX, "mask")?;
     Column::each(&array, shape, "mask")
 }
 

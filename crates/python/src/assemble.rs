@@ -8,6 +8,7 @@
 use crate::contents::{Contents, Kind, Object, Slot};
 use crate::heightfield::Field;
 use crate::mesh::Mesh;
+use crate::palette::Palette;
 use snell_intersect::{
     AnyShape, BuildOptions, Curves, GeometryId, GroupId, Heightfield, Hit, Instance, Spheres,
     WorldBuilder, WorldError,
@@ -43,6 +44,10 @@ pub struct Names {
     labels: Vec<Option<Arc<str>>>,
     /// The materials of each geometry by slot, in the scene that holds the object.
     materials: Vec<Vec<Option<MaterialId>>>,
+    /// The stage of the scene that holds each geometry, as a position in `palette`.
+    stages: Vec<u32>,
+    /// The materials of all scenes.
+    pub palette: Palette,
     /// Surfaces by geometry of the world.
     pub surfaces: Vec<Surface>,
     /// The instances in each scene, the root's first, ascending by occurrence.
@@ -58,8 +63,8 @@ struct Step {
     id: u32,
     /// The name of the instance.
     label: Option<Arc<str>>,
-    /// The material of the instance for objects that have none.
-    material: Option<MaterialId>,
+    /// The material of the instance for objects that have none, and its stage.
+    material: Option<(MaterialId, u32)>,
     /// The position of the instanced scene in [`Names::scenes`].
     scene: Option<usize>,
 }
@@ -100,14 +105,25 @@ impl Names {
     /// The number of the material of a hit, in the scene that holds the object, or that holds the
     /// innermost instance with a material; [`Hit::NONE`] without a material.
     pub fn material(&self, occurrence: u32, geometry: u32, primitive: u32) -> u32 {
-        let Some(slots) = self.materials.get(geometry as usize) else { return Hit::NONE };
+        self.material_of(occurrence, geometry, primitive).map_or(Hit::NONE, |(id, _)| id.0)
+    }
+
+    /// The material of a hit and the number of its stage in the palette; `None` for the default
+    /// material and for a miss.
+    pub fn material_of(
+        &self,
+        occurrence: u32,
+        geometry: u32,
+        primitive: u32,
+    ) -> Option<(MaterialId, u32)> {
+        let slots = self.materials.get(geometry as usize)?;
         let slot = match &self.surfaces[geometry as usize] {
             Surface::Mesh(mesh) => mesh.attributes().material_slots.get(primitive as usize),
             _ => None,
         };
         let own = slots.get(slot.map_or(0, |&slot| usize::from(slot))).copied().flatten();
         let handed = || self.steps(occurrence).filter_map(|step| step.material).last();
-        own.or_else(handed).map_or(Hit::NONE, |id| id.0)
+        own.map(|id| (id, self.stages[geometry as usize])).or_else(handed)
     }
 
     /// Maximum number of instances within each other.
@@ -195,7 +211,7 @@ pub trait Builder: Default {
     /// Adds an instance of a group to a group.
     fn add(&mut self, group: GroupId, instance: Instance);
     /// Sets the mask of a geometry.
-    fn set_mask(&mut self, geometry: GeometryId, mask: u32);
+    fn set_mask(&mut self, geometry: GeometryId, mask: u64);
 }
 
 struct Assembler<F: Form> {
@@ -229,10 +245,11 @@ impl<F: Form> Assembler<F> {
     /// group and everything below it) and the scene's instances.
     fn fill(&mut self, group: GroupId, contents: &Contents) -> (u64, Vec<Step>) {
         let (mut occurrences, mut steps) = (1u64, Vec::new());
+        let stage = self.names.palette.add(&contents.stage);
         for (number, slot) in contents.slots.iter().enumerate() {
             let Slot::Here(object) = slot else {
                 self.builder.add_gap();
-                self.name(Hit::NONE, None, Surface::Gone);
+                self.name(Hit::NONE, None, 0, Surface::Gone);
                 if let Slot::Gone(true) = slot {
                     self.builder.add_group();
                 }
@@ -249,15 +266,15 @@ impl<F: Form> Assembler<F> {
                     Some(_),
                 ) => {
                     let own = self.builder.add_group();
-                    self.geometry(own, number, object);
+                    self.geometry(own, number, stage, object);
                     (own, 1, Hit::NONE, None)
                 }
                 _ => {
-                    self.geometry(group, number, object);
+                    self.geometry(group, number, stage, object);
                     continue;
                 }
             };
-            let mask = if instance == Hit::NONE { u32::MAX } else { object.mask };
+            let mask = if instance == Hit::NONE { u64::MAX } else { object.mask };
             let placed = object.transform.unwrap_or(Transform::IDENTITY);
             self.builder.add(group, Instance { mask, ..Instance::new(child, placed) });
             // A world with more occurrences than numbers is refused when it is built, so a clamped
@@ -265,6 +282,7 @@ impl<F: Form> Assembler<F> {
             let first = occurrences.min(u32::MAX.into()) as u32;
             let label = scene.and(object.name.clone());
             let material = scene.and(object.materials.first().copied().flatten());
+            let material = material.map(|material| (material, stage));
             steps.push(Step { first, id: instance, label, material, scene });
             occurrences = occurrences.saturating_add(below);
         }
@@ -285,7 +303,7 @@ impl<F: Form> Assembler<F> {
         made
     }
 
-    fn geometry(&mut self, group: GroupId, number: u32, object: &Object) {
+    fn geometry(&mut self, group: GroupId, number: u32, stage: u32, object: &Object) {
         let placed = object.transform.unwrap_or(Transform::IDENTITY);
         let (id, surface) = match &object.kind {
             Kind::Mesh(mesh) => (self.builder.add_mesh(group, mesh), Surface::Mesh(mesh.clone())),
@@ -306,13 +324,14 @@ impl<F: Form> Assembler<F> {
             Kind::Instance(_) => return,
         };
         self.builder.set_mask(id, object.mask);
-        self.name(number, Some(object), surface);
+        self.name(number, Some(object), stage, surface);
     }
 
-    fn name(&mut self, number: u32, object: Option<&Object>, surface: Surface) {
+    fn name(&mut self, number: u32, object: Option<&Object>, stage: u32, surface: Surface) {
         self.names.objects.push(number);
         self.names.labels.push(object.and_then(|object| object.name.clone()));
         self.names.materials.push(object.map_or(Vec::new(), |object| object.materials.clone()));
+        self.names.stages.push(stage);
         self.names.surfaces.push(surface);
     }
 }

@@ -1,6 +1,6 @@
 //! Cameras from the matrices of other fields, and back.
 
-use crate::arrays::{array, contiguous, from_vec, shown, slice};
+use crate::arrays::{array, contiguous, from_vec, shown, slice, whole};
 use crate::camera::{Camera, made_for, projection};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
@@ -23,6 +23,13 @@ fn axes(name: &str) -> PyResult<CameraAxes> {
         let known: Vec<String> = AXES.iter().map(|(known, _)| format!("{known:?}")).collect();
         PyValueError::new_err(format!("axes is {name:?}, expected {}", known.join(", ")))
     })
+}
+
+/// Reads the size of a picture: two whole numbers from 1.
+fn pixels(size: &Bound<'_, PyAny>) -> Option<[u32; 2]> {
+    let [width, height] = size.extract::<[Bound<'_, PyAny>; 2]>().ok()?;
+    let side = |value| u32::try_from(whole(&value)?).ok().filter(|&side| side > 0);
+    Some([side(width)?, side(height)?])
 }
 
 /// Reads numbers of one of these shapes.
@@ -132,7 +139,7 @@ impl Camera {
         K: &Bound<'_, PyAny>,
         T_world_cam: Option<&Bound<'_, PyAny>>,
         distortion: Option<&Bound<'_, PyAny>>,
-        size: Option<[u32; 2]>,
+        size: Option<&Bound<'_, PyAny>>,
         T_cam_world: Option<&Bound<'_, PyAny>>,
         rvec: Option<&Bound<'_, PyAny>>,
         tvec: Option<&Bound<'_, PyAny>>,
@@ -146,8 +153,13 @@ impl Camera {
                  (transpose it if cx and cy are in the last row)",
             ));
         }
-        let size = size.filter(|size| !size.contains(&0)).ok_or_else(|| {
-            PyTypeError::new_err("size: expected the width and height in pixels that K belongs to")
+        let size = size.and_then(pixels).ok_or_else(|| {
+            let given = size.and_then(|size| size.repr().ok());
+            let found = given.map_or(String::from("size:"), |given| format!("size is {given},"));
+            PyTypeError::new_err(format!(
+                "{found} expected the width and height in pixels that K belongs to: two whole \
+                    numbers from 1"
+            ))
         })?;
         if distortion.is_some() && fisheye.is_some() {
             return Err(PyTypeError::new_err("a lens takes distortion or fisheye, not both"));

@@ -44,7 +44,7 @@ pub struct Object {
     /// A name for users.
     pub name: Option<Arc<str>>,
     /// The mask: only rays whose mask shares a bit with it hit the object.
-    pub mask: u32,
+    pub mask: u64,
     /// Materials of the stage by slot of a mesh; other objects have one slot. The material of an
     /// instance is for the objects in it that have no material of their own.
     pub materials: Vec<Option<MaterialId>>,
@@ -54,7 +54,7 @@ impl Object {
     /// An object that every ray can hit, without a material of its own.
     pub fn new(kind: Kind, transform: Option<Transform>, name: Option<String>) -> Self {
         let name = name.map(Into::into);
-        Self { kind, transform, name, mask: u32::MAX, materials: Vec::new() }
+        Self { kind, transform, name, mask: u64::MAX, materials: Vec::new() }
     }
 }
 

@@ -22,12 +22,12 @@ pub struct Inside {
     /// The rule.
     pub method: InsideMethod,
     /// Only objects whose mask shares a bit with it count.
-    pub mask: u32,
+    pub mask: u64,
 }
 
 impl Inside {
     /// Makes the rule from its name.
-    pub fn new(method: &str, mask: u32) -> PyResult<Self> {
+    pub fn new(method: &str, mask: u64) -> PyResult<Self> {
         let method = match method {
             "auto" => InsideMethod::Auto,
             "parity" => InsideMethod::Parity,
@@ -45,20 +45,20 @@ impl Inside {
 /// The precision of points: `f32` or `f64`.
 pub trait PointPrecision: crate::precision::Precision + Element {
     /// The nearest point of a surface within the distance `limit`.
-    fn nearest(world: &Self::World, point: [Self; 3], limit: Self, mask: u32) -> Nearest<Self>;
+    fn nearest(world: &Self::World, point: [Self; 3], limit: Self, mask: u64) -> Nearest<Self>;
 
     /// For each point, whether it is inside.
     fn occupancy(world: &Self::World, points: &[[Self; 3]], about: Inside, inside: &mut [bool]);
 
     /// The winding number around each point.
-    fn winding_number(world: &Self::World, points: &[[Self; 3]], mask: u32, numbers: &mut [f64]);
+    fn winding_number(world: &Self::World, points: &[[Self; 3]], mask: u64, numbers: &mut [f64]);
 
     /// Prepares the world for winding numbers.
     fn prepare(world: &Self::World);
 }
 
 impl PointPrecision for f32 {
-    fn nearest(world: &World, point: [f32; 3], limit: f32, mask: u32) -> Nearest<f32> {
+    fn nearest(world: &World, point: [f32; 3], limit: f32, mask: u64) -> Nearest<f32> {
         let (point, mut nearest) = ([Vec3::from_array(point)], [NearestPoint::NONE]);
         world.nearest_point(
             Points { max_distance: limit, mask, ..Points::new(&point) },
@@ -77,7 +77,7 @@ impl PointPrecision for f32 {
         world.occupancy(Points { method, mask, ..Points::new(&points) }, inside);
     }
 
-    fn winding_number(world: &World, points: &[[f32; 3]], mask: u32, numbers: &mut [f64]) {
+    fn winding_number(world: &World, points: &[[f32; 3]], mask: u64, numbers: &mut [f64]) {
         let points: Vec<Vec3> = points.iter().map(|&p| Vec3::from_array(p)).collect();
         world.winding_number(Points { mask, ..Points::new(&points) }, numbers);
     }
@@ -88,7 +88,7 @@ impl PointPrecision for f32 {
 }
 
 impl PointPrecision for f64 {
-    fn nearest(world: &DWorld, point: [f64; 3], limit: f64, mask: u32) -> Nearest<f64> {
+    fn nearest(world: &DWorld, point: [f64; 3], limit: f64, mask: u64) -> Nearest<f64> {
         let (point, mut nearest) = ([DVec3::from_array(point)], [DNearestPoint::NONE]);
         world.nearest_point(
             Points { max_distance: limit, mask, ..Points::of_doubles(&point) },
@@ -107,7 +107,7 @@ impl PointPrecision for f64 {
         world.occupancy(Points { method, mask, ..Points::of_doubles(&points) }, inside);
     }
 
-    fn winding_number(world: &DWorld, points: &[[f64; 3]], mask: u32, numbers: &mut [f64]) {
+    fn winding_number(world: &DWorld, points: &[[f64; 3]], mask: u64, numbers: &mut [f64]) {
         let points: Vec<DVec3> = points.iter().map(|&p| DVec3::from_array(p)).collect();
         world.winding_number(Points { mask, ..Points::of_doubles(&points) }, numbers);
     }

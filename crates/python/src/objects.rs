@@ -1,6 +1,8 @@
 //! Arguments that become objects of a scene: vertices, faces, transforms, shapes.
 
-use crate::arrays::{array, check_unsigned, contiguous, is_double, numpy, shown, slice};
+use crate::arrays::{
+    array, check_unsigned, contiguous, is_double, named, numpy, shown, slice, whole,
+};
 use crate::encoding::{AS_UINT8, warn_of_bytes};
 use crate::mesh::{Attributes, Mesh, Positions};
 use crate::schema::{References, family, kind_of, make, read_all};
@@ -273,11 +275,30 @@ pub fn matrix<'py>(py: Python<'py>, map: &Transform) -> PyResult<Bound<'py, PyAn
     crate::arrays::from_vec(py, rows.to_vec(), &[4, 4])
 }
 
-/// Reads a mask of 32 bits.
-pub fn mask(value: Option<i64>) -> PyResult<u32> {
-    let Some(value) = value else { return Ok(u32::MAX) };
-    u32::try_from(value).map_err(|_| {
-        PyValueError::new_err(format!("mask is {value}, expected 32 bits: 0 to {}", u32::MAX))
+/// The argument `mask` if it is given: a whole number.
+#[derive(Clone, Copy, Debug)]
+pub struct Mask(i128);
+
+impl From<Mask> for i128 {
+    fn from(mask: Mask) -> Self {
+        mask.0
+    }
+}
+
+impl<'a, 'py> FromPyObject<'a, 'py> for Mask {
+    type Error = PyErr;
+
+    fn extract(value: Borrowed<'a, 'py, PyAny>) -> PyResult<Self> {
+        let wrong = || named(&value, "mask", &format!("64 bits, 0 to {}", u64::MAX));
+        whole(&value).map(Self).ok_or_else(wrong)
+    }
+}
+
+/// Reads a mask of 64 bits.
+pub fn mask(value: Option<impl Into<i128>>) -> PyResult<u64> {
+    let Some(value) = value.map(Into::<i128>::into) else { return Ok(u64::MAX) };
+    u64::try_from(value).map_err(|_| {
+        PyValueError::new_err(format!("mask is {value}, expected 64 bits: 0 to {}", u64::MAX))
     })
 }
 

@@ -209,7 +209,7 @@ pub fn _restore(
         };
         let transform = objects::transform(get("transform")?.as_ref())?;
         let name = get("name")?.map(|name| name.extract()).transpose()?;
-        let mask = objects::mask(get("mask")?.map(|mask| mask.extract()).transpose()?)?;
+        let mask = objects::mask(get("mask")?.map(|mask| mask.extract::<u64>()).transpose()?)?;
         let materials: Vec<Option<u32>> = need("materials")?.extract()?;
         let count = contents.stage.materials.len();
         if materials.iter().flatten().any(|&m| m as usize >= count) {

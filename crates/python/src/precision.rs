@@ -1,12 +1,13 @@
 //! Operations for both `float32` and `float64`: one trait, implemented by the two number types.
 
 use crate::assemble::{Builder, Form};
+use crate::choice::Selected;
 use crate::mesh::Mesh;
 use numpy::Element;
 use snell_intersect::BuildStats;
 use snell_intersect::{
-    AcceptAll, AllHits, AnyShape, BuildOptions, Curves, DHit, DWorld, DWorldBuilder, Double,
-    GeometryId, GroupId, Grouping, Heightfield, Hit, Instance, Rays, Single, Spheres, World,
+    AllHits, AnyShape, BuildOptions, Culled, Curves, DHit, DWorld, DWorldBuilder, Double,
+    GeometryId, GroupId, Grouping, Heightfield, Hit, HitFilter, Instance, Rays, Side, Single, Spheres, World,
     WorldBuilder, WorldError,
 };
 use snell_math::{DRay, DVec3, Ray, Transform, Vec3};
@@ -57,11 +58,15 @@ pub trait Precision:
     /// Statistics of the acceleration structures.
     fn stats(world: &Self::World) -> &BuildStats;
 
+    /// The hit with these data.
+    fn hit(found: &Found<Self>) -> Self::Hit;
+
     /// Finds the nearest hit of each ray.
     fn closest(
         world: &Self::World,
         rays: Rays<Self::Tag>,
         grouping: Grouping,
+        filter: &dyn HitFilter<Self::Tag>,
         hits: &mut [Self::Hit],
     );
 
@@ -70,14 +75,42 @@ pub trait Precision:
         world: &Self::World,
         rays: Rays<Self::Tag>,
         grouping: Grouping,
+        filter: &dyn HitFilter<Self::Tag>,
         blocked: &mut [bool],
     );
 
-    /// Counts the hits of each ray.
-    fn count(world: &Self::World, rays: Rays<Self::Tag>, counts: &mut [u32]);
+    /// Counts the hits of each ray, up to `most` if it is given.
+    fn count(
+        world: &Self::World,
+        rays: Rays<Self::Tag>,
+        filter: &dyn HitFilter<Self::Tag>,
+        most: Option<u32>,
+        counts: &mut [u32],
+    );
 
-    /// Finds all hits of each ray.
-    fn all(world: &Self::World, rays: Rays<Self::Tag>) -> AllHits<Self::Tag>;
+    /// Finds all hits of each ray, or the first `most` of them.
+    fn all(
+        world: &Self::World,
+        rays: Rays<Self::Tag>,
+        filter: &dyn HitFilter<Self::Tag>,
+        most: Option<u32>,
+    ) -> AllHits<Self::Tag>;
+
+    /// The origins of rays that leave the hits in these directions; see [`World::spawn`].
+    fn spawn(
+        world: &Self::World,
+        rays: Rays<Self::Tag>,
+        filter: &dyn HitFilter<Self::Tag>,
+        hits: &[Self::Hit],
+        directions: &[DVec3],
+        origins: &mut [DVec3],
+    );
+
+    /// The filter that ignores hits on one side of surfaces.
+    fn culled(world: &Self::World, side: Side) -> Box<dyn HitFilter<Self::Tag> + '_>;
+
+    /// The filter of a choice of objects.
+    fn selected(selected: Selected<'_>) -> Box<dyn HitFilter<Self::Tag> + '_>;
 }
 
 impl Form for f32 {
@@ -157,20 +190,68 @@ impl Precision for f32 {
         world.stats()
     }
 
-    fn closest(world: &World, rays: Rays, grouping: Grouping, hits: &mut [Hit]) {
-        world.closest(rays, grouping, &AcceptAll, hits);
+    fn hit(found: &Found<f32>) -> Hit {
+        let &Found { t, uv, occurrence, geometry, primitive } = found;
+        Hit { t, uv: uv.into(), instance: occurrence, geometry, primitive }
     }
 
-    fn occluded(world: &World, rays: Rays, grouping: Grouping, blocked: &mut [bool]) {
-        world.occluded(rays, grouping, &AcceptAll, blocked);
+    fn closest(
+        world: &World,
+        rays: Rays,
+        grouping: Grouping,
+        filter: &dyn HitFilter,
+        hits: &mut [Hit],
+    ) {
+        world.closest(rays, grouping, filter, hits);
     }
 
-    fn count(world: &World, rays: Rays, counts: &mut [u32]) {
-        world.count(rays, &AcceptAll, counts);
+    fn occluded(
+        world: &World,
+        rays: Rays,
+        grouping: Grouping,
+        filter: &dyn HitFilter,
+        blocked: &mut [bool],
+    ) {
+        world.occluded(rays, grouping, filter, blocked);
     }
 
-    fn all(world: &World, rays: Rays) -> AllHits {
-        world.all(rays, &AcceptAll)
+    fn count(
+        world: &World,
+        rays: Rays,
+        filter: &dyn HitFilter,
+        most: Option<u32>,
+        counts: &mut [u32],
+    ) {
+        match most {
+            Some(most) => world.count_to(rays, filter, most, counts),
+            None => world.count(rays, filter, counts),
+        }
+    }
+
+    fn all(world: &World, rays: Rays, filter: &dyn HitFilter, most: Option<u32>) -> AllHits {
+        match most {
+            Some(most) => world.first(rays, filter, most as usize),
+            None => world.all(rays, filter),
+        }
+    }
+
+    fn spawn(
+        world: &World,
+        rays: Rays,
+        filter: &dyn HitFilter,
+        hits: &[Hit],
+        directions: &[DVec3],
+        origins: &mut [DVec3],
+    ) {
+        world.spawn(rays, filter, hits, directions, origins);
+    }
+
+    fn culled(world: &World, side: Side) -> Box<dyn HitFilter + '_> {
+        Box::new(Culled::new(world, side))
+    }
+
+    fn selected(selected: Selected<'_>) -> Box<dyn HitFilter + '_> {
+        Box::new(selected)
     }
 }
 
@@ -211,20 +292,73 @@ impl Precision for f64 {
         world.stats()
     }
 
-    fn closest(world: &DWorld, rays: Rays<Double>, grouping: Grouping, hits: &mut [DHit]) {
-        world.closest(rays, grouping, &AcceptAll, hits);
+    fn hit(found: &Found<f64>) -> DHit {
+        let &Found { t, uv, occurrence, geometry, primitive } = found;
+        DHit { t, uv: uv.into(), instance: occurrence, geometry, primitive }
     }
 
-    fn occluded(world: &DWorld, rays: Rays<Double>, grouping: Grouping, blocked: &mut [bool]) {
-        world.occluded(rays, grouping, &AcceptAll, blocked);
+    fn closest(
+        world: &DWorld,
+        rays: Rays<Double>,
+        grouping: Grouping,
+        filter: &dyn HitFilter<Double>,
+        hits: &mut [DHit],
+    ) {
+        world.closest(rays, grouping, filter, hits);
     }
 
-    fn count(world: &DWorld, rays: Rays<Double>, counts: &mut [u32]) {
-        world.count(rays, &AcceptAll, counts);
+    fn occluded(
+        world: &DWorld,
+        rays: Rays<Double>,
+        grouping: Grouping,
+        filter: &dyn HitFilter<Double>,
+        blocked: &mut [bool],
+    ) {
+        world.occluded(rays, grouping, filter, blocked);
     }
 
-    fn all(world: &DWorld, rays: Rays<Double>) -> AllHits<Double> {
-        world.all(rays, &AcceptAll)
+    fn count(
+        world: &DWorld,
+        rays: Rays<Double>,
+        filter: &dyn HitFilter<Double>,
+        most: Option<u32>,
+        counts: &mut [u32],
+    ) {
+        match most {
+            Some(most) => world.count_to(rays, filter, most, counts),
+            None => world.count(rays, filter, counts),
+        }
+    }
+
+    fn all(
+        world: &DWorld,
+        rays: Rays<Double>,
+        filter: &dyn HitFilter<Double>,
+        most: Option<u32>,
+    ) -> AllHits<Double> {
+        match most {
+            Some(most) => world.first(rays, filter, most as usize),
+            None => world.all(rays, filter),
+        }
+    }
+
+    fn spawn(
+        world: &DWorld,
+        rays: Rays<Double>,
+        filter: &dyn HitFilter<Double>,
+        hits: &[DHit],
+        directions: &[DVec3],
+        origins: &mut [DVec3],
+    ) {
+        world.spawn(rays, filter, hits, directions, origins);
+    }
+
+    fn culled(world: &DWorld, side: Side) -> Box<dyn HitFilter<Double> + '_> {
+        Box::new(Culled::new(world, side))
+    }
+
+    fn selected(selected: Selected<'_>) -> Box<dyn HitFilter<Double> + '_> {
+        Box::new(selected)
     }
 }
 
@@ -267,7 +401,7 @@ impl Builder for WorldBuilder {
         self.add(group, instance);
     }
 
-    fn set_mask(&mut self, geometry: GeometryId, mask: u32) {
+    fn set_mask(&mut self, geometry: GeometryId, mask: u64) {
         self.set_mask(geometry, mask);
     }
 }
@@ -311,7 +445,7 @@ impl Builder for DWorldBuilder {
         self.add(group, instance);
     }
 
-    fn set_mask(&mut self, geometry: GeometryId, mask: u32) {
+    fn set_mask(&mut self, geometry: GeometryId, mask: u64) {
         self.set_mask(geometry, mask);
     }
 }

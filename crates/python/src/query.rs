@@ -50,7 +50,7 @@ pub struct Question<'a, P: Precision> {
 /// Scratch space of a thread.
 struct Scratch<P: Precision> {
     rays: Vec<P::Ray>,
-    masks: Vec<u32>,
+    masks: Vec<u64>,
     hits: Vec<P::Hit>,
 }
 

@@ -129,7 +129,7 @@ pub struct RayArrays<'py, P: Precision> {
     directions: Vectors<'py, P>,
     t_min: Column<'py, P>,
     t_max: Column<'py, P>,
-    mask: Column<'py, u32>,
+    mask: Column<'py, u64>,
     len: usize,
 }
 
@@ -170,7 +170,7 @@ impl<'py, P: Precision> RayArrays<'py, P> {
 
     /// The rays that are needed later to compute the surfaces at hits. With `copy`, they do not
     /// change when the caller's arrays do.
-    pub fn keep(&self, copy: bool) -> PyResult<KeptRays> {
+    pub fn keep(&self, copy: bool) -> PyResult<KeptRays<P>> {
         fn kept<T: Element>(
             array: &PyReadonlyArrayDyn<'_, T>,
             copy: bool,
@@ -182,25 +182,53 @@ impl<'py, P: Precision> RayArrays<'py, P> {
             let copied = numpy(array.py(), "array")?.call1((array,))?;
             Ok(copied.cast_into::<PyUntypedArray>()?.unbind())
         }
+        fn column<T: Element + Copy>(
+            column: &Column<'_, T>,
+            copy: bool,
+        ) -> PyResult<KeptColumn<T>> {
+            Ok(match column {
+                Column::All(value) => KeptColumn::All(*value),
+                Column::Each(array) => KeptColumn::Each(kept(array, copy)?),
+            })
+        }
         let part = |v: &Vectors<'_, P>| Ok::<_, PyErr>((kept(&v.array, copy)?, v.stride, v.offset));
-        Ok(KeptRays { origins: part(&self.origins)?, directions: part(&self.directions)? })
+        Ok(KeptRays {
+            origins: part(&self.origins)?,
+            directions: part(&self.directions)?,
+            t_min: column(&self.t_min, copy)?,
+            mask: column(&self.mask, copy)?,
+        })
     }
 }
 
-/// Origins and directions of the rays of a query.
+/// A number for all rays of a query, or one for each.
 #[derive(Debug)]
-pub struct KeptRays {
-    origins: (Py<PyUntypedArray>, usize, usize),
-    directions: (Py<PyUntypedArray>, usize, usize),
+enum KeptColumn<T> {
+    All(T),
+    Each(Py<PyUntypedArray>),
 }
 
-impl KeptRays {
+impl<T: Element + Copy> KeptColumn<T> {
+    fn column<'py>(&self, py: Python<'py>) -> PyResult<Column<'py, T>> {
+        Ok(match self {
+            Self::All(value) => Column::All(*value),
+            Self::Each(array) => Column::Each(contiguous(array.bind(py))?),
+        })
+    }
+}
+
+/// Rays of a query, without the ends of their intervals.
+#[derive(Debug)]
+pub struct KeptRays<P> {
+    origins: (Py<PyUntypedArray>, usize, usize),
+    directions: (Py<PyUntypedArray>, usize, usize),
+    t_min: KeptColumn<P>,
+    mask: KeptColumn<u64>,
+}
+
+impl<P: Precision> KeptRays<P> {
     /// The rays that the arrays hold now.
-    pub fn rays<'py, P: Precision>(
-        &self,
-        py: Python<'py>,
-        len: usize,
-    ) -> PyResult<RayArrays<'py, P>> {
+    pub fn rays<'py>(&self, py: Python<'py>, len: usize) -> PyResult<RayArrays<'py, P>> {
         let part = |(array, stride, offset): &(Py<PyUntypedArray>, usize, usize)| {
             Ok::<_, PyErr>(Vectors {
                 array: contiguous(array.bind(py))?,
@@ -208,14 +236,12 @@ impl KeptRays {
                 offset: *offset,
             })
         };
-        let (t_min, t_max) = (Column::All(P::round(0.0)), Column::All(P::round(f64::INFINITY)));
-        let mask = Column::All(u32::MAX);
         Ok(RayArrays {
             origins: part(&self.origins)?,
             directions: part(&self.directions)?,
-            t_min,
-            t_max,
-            mask,
+            t_min: self.t_min.column(py)?,
+            t_max: Column::All(P::round(f64::INFINITY)),
+            mask: self.mask.column(py)?,
             len,
         })
     }
@@ -228,7 +254,7 @@ pub struct RayView<'a, P> {
     directions: VectorView<'a, P>,
     t_min: Values<'a, P>,
     t_max: Values<'a, P>,
-    mask: Values<'a, u32>,
+    mask: Values<'a, u64>,
     len: usize,
 }
 
@@ -251,12 +277,22 @@ impl<P: Precision> RayView<'_, P> {
         is_rows.then(|| &self.origins.values.as_chunks::<6>().0[range])
     }
 
+    /// True if some bits of masks are not set.
+    pub fn has_masks(&self) -> bool {
+        !matches!(self.mask, Values::All(u64::MAX))
+    }
+
+    /// The mask of the ray with index `i`.
+    pub fn mask(&self, i: usize) -> u64 {
+        self.mask.get(i)
+    }
+
     /// Reads the rays of a range, and their masks (none if all bits are set).
     pub fn read(
         &self,
         range: std::ops::Range<usize>,
         rays: &mut Vec<P::Ray>,
-        masks: &mut Vec<u32>,
+        masks: &mut Vec<u64>,
     ) {
         rays.clear();
         match (self.rows(range.clone()), self.t_min, self.t_max) {
@@ -269,7 +305,7 @@ impl<P: Precision> RayView<'_, P> {
             _ => rays.extend(range.clone().map(|i| self.get(i))),
         }
         masks.clear();
-        if !matches!(self.mask, Values::All(u32::MAX)) {
+        if self.has_masks() {
             masks.extend(range.map(|i| self.mask.get(i)));
         }
     }

@@ -566,7 +566,7 @@ fn has_masks(contents: &Contents) -> bool {
     let (mut known, mut stack) = (HashSet::new(), vec![contents]);
     while let Some(contents) = stack.pop() {
         for (_, object) in contents.objects() {
-            if object.mask != u32::MAX {
+            if object.mask != u64::MAX {
                 return true;
             }
             if let Content::Instance(child) = &object.kind

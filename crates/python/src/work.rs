@@ -5,6 +5,7 @@
 //! are taken only by threads that hold the interpreter's lock, so a fork never finds them locked.
 
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
+use crate::arrays::{named, whole};
 use pyo3::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use snell_render::threads;
@@ -37,6 +38,23 @@ static POOLS: Mutex<Pools> = Mutex::new(Pools { pid: 0, by_threads: BTreeMap::ne
 /// The number of cores, kept because asking the system takes longer than a short query.
 static CORES: OnceLock<usize> = OnceLock::new();
 
+/// The argument `threads` if it is given: a whole number.
+#[derive(Clone, Copy, Debug)]
+pub struct Count(i64);
+
+impl<'a, 'py> FromPyObject<'a, 'py> for Count {
+    type Error = PyErr;
+
+    fn extract(value: Borrowed<'a, 'py, PyAny>) -> PyResult<Self> {
+        let wrong = || {
+            let most = threads::MAX;
+            named(&value, "threads", &format!("1 to {most}, or None for all cores"))
+        };
+        let number = whole(&value).ok_or_else(wrong)?;
+        Ok(Self(number.clamp(i64::MIN.into(), i64::MAX.into()) as i64))
+    }
+}
+
 /// Number of threads of a call: `None` means all cores.
 #[derive(Clone, Copy, Debug)]
 pub struct Threads(usize);
@@ -52,6 +70,11 @@ impl Threads {
                 threads::MAX
             ))),
         }
+    }
+
+    /// Checks the argument `threads`.
+    pub fn given(threads: Option<Count>) -> PyResult<Self> {
+        Self::new(threads.map(|Count(threads)| threads))
     }
 
     /// Number of threads.

@@ -43,7 +43,7 @@ mod volume;
 pub use compile::{CompileError, CompiledScene, Moving};
 pub use film::{Film, FilmTile, filter::Filter};
 pub use guiding::Guiding;
-pub use integrator::{IntegratorKind, aov::Aov};
+pub use integrator::{IntegratorKind, albedos::Albedos, aov::Aov};
 pub use job::{Job, Progress, Recording, Statistics, Training, Underway, with_patience};
 pub use light_sampler::LightSamplerKind;
 pub use picture::picture;

@@ -36,7 +36,7 @@ pub(crate) enum Object {
         /// The map from the group to the child.
         child_from_group: Placement,
         /// Only rays whose mask has a bit in common with this one enter the instance.
-        mask: u32,
+        mask: u64,
     },
 }
 

@@ -5,6 +5,7 @@
 //! (instance, geometry, primitive), `t` and `uv` are one hit. A shape is held once, and two
 //! different hits on it may be equal in single precision.
 
+mod first;
 #[cfg(test)]
 mod tests;
 
@@ -40,6 +41,17 @@ impl<P: Precision> AllHits<P> {
     /// The number of rays.
     pub fn ray_count(&self) -> usize {
         self.ray_splits.len().saturating_sub(1)
+    }
+
+    /// The result with these hits of each ray.
+    fn concatenated_rows(rows: Vec<Vec<P::Hit>>) -> Self {
+        let total = rows.iter().map(Vec::len).sum();
+        let mut all = Self { ray_splits: vec![0], hits: Vec::with_capacity(total) };
+        for row in rows {
+            all.hits.extend(row);
+            all.ray_splits.push(all.hits.len());
+        }
+        all
     }
 
     /// The results of several batches, one after the other.
@@ -109,15 +121,7 @@ impl<P: Kernels> Searcher<'_, P> {
             rows[i] = goal.hits;
             self.sort_and_deduplicate(&mut rows[i]);
         });
-        let mut all = AllHits {
-            ray_splits: vec![0],
-            hits: Vec::with_capacity(rows.iter().map(Vec::len).sum()),
-        };
-        for row in rows {
-            all.hits.extend(row);
-            all.ray_splits.push(all.hits.len());
-        }
-        all
+        AllHits::concatenated_rows(rows)
     }
 
     /// Every hit of one ray; the search behind [`World::all_one`].
@@ -140,7 +144,8 @@ impl<P: Kernels> Searcher<'_, P> {
         if self.world.may_repeat() {
             self.count_distinct(rays, BUFFER, counts);
         } else {
-            self.search_all(rays, Grouping::None, Tally::new, |i, goal| counts[i] = goal.count);
+            let start = |ray: &P::Ray| Tally::new(ray, u32::MAX);
+            self.search_all(rays, Grouping::None, start, |i, goal| counts[i] = goal.count);
         }
     }
 
@@ -165,11 +170,13 @@ impl<P: Kernels> Searcher<'_, P> {
 struct Tally<P: Facts> {
     limit: P::Real,
     count: u32,
+    /// The number at which counting stops.
+    most: u32,
 }
 
 impl<P: Facts> Tally<P> {
-    fn new(ray: &P::Ray) -> Self {
-        Self { limit: P::interval(ray)[1], count: 0 }
+    fn new(ray: &P::Ray, most: u32) -> Self {
+        Self { limit: P::interval(ray)[1], count: 0, most }
     }
 }
 
@@ -190,7 +197,7 @@ impl<P: Facts> Goal for Tally<P> {
     #[inline(always)]
     fn take(&mut self, _: P::Hit) -> bool {
         self.count = self.count.saturating_add(1);
-        false
+        self.count >= self.most
     }
 }
 

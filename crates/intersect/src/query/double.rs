@@ -101,9 +101,13 @@ impl DWorld {
     }
 
     #[inline]
-    fn searcher<'a>(&'a self, filter: &'a dyn HitFilter<Double>) -> Searcher<'a, Double> {
+    pub(super) fn searcher<'a>(
+        &'a self,
+        filter: &'a dyn HitFilter<Double>,
+    ) -> Searcher<'a, Double> {
         let world = &self.world;
-        let context = Context { filter, options: &world.options, data: &self.data, cancel: None };
+        let options = world.options_for(filter.decides_everywhere());
+        let context = Context { filter, options, data: &self.data, cancel: None };
         Searcher { world, context }
     }
 }

@@ -2,6 +2,7 @@
 //! that ray, never on other rays of the batch.
 
 pub mod all;
+pub mod culling;
 mod double;
 pub mod nearest;
 mod order;
@@ -9,6 +10,7 @@ pub mod pair;
 pub mod parallel;
 pub mod queries;
 pub(crate) mod searcher;
+mod spawn;
 pub mod trace;
 pub mod winding;
 
@@ -100,7 +102,8 @@ impl World {
 
     #[inline]
     pub(crate) fn searcher<'a>(&'a self, filter: &'a dyn HitFilter) -> Searcher<'a> {
-        let context = Context { filter, options: &self.options, data: &(), cancel: None };
+        let options = self.options_for(filter.decides_everywhere());
+        let context = Context { filter, options, data: &(), cancel: None };
         Searcher { world: self, context }
     }
 }

@@ -29,6 +29,12 @@ pub trait HitFilter<P: Precision = Single>: Sync {
         let _ = time;
         self.accept(ray, hit)
     }
+
+    /// True if the filter decides about hits on all geometries, not only on marked ones. False by
+    /// default.
+    fn decides_everywhere(&self) -> bool {
+        false
+    }
 }
 
 /// The filter that keeps every hit.
@@ -45,7 +51,7 @@ impl<P: Precision> HitFilter<P> for AcceptAll {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct GeometryOptions {
     /// Only rays whose mask has a bit in common with this mask hit the geometry.
-    pub mask: u32,
+    pub mask: u64,
     /// True if the query's [`crate::HitFilter`] may reject hits.
     pub filtered: bool,
     /// True if the triangles of the geometry are halves of quads.
@@ -54,6 +60,6 @@ pub struct GeometryOptions {
 
 impl Default for GeometryOptions {
     fn default() -> Self {
-        Self { mask: u32::MAX, filtered: false, quads: false }
+        Self { mask: u64::MAX, filtered: false, quads: false }
     }
 }

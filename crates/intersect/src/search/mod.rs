@@ -116,7 +116,7 @@ pub(crate) struct Search<'a, G: Goal> {
     /// The start of the ray's interval, rounded down to `f32`.
     pub start: f32,
     /// The mask of the ray: [`RayQuery::mask`].
-    pub mask: u32,
+    pub mask: u64,
     /// The time of the ray, from 0 to 1.
     pub time: f32,
     /// The shared data.

@@ -43,7 +43,7 @@ pub struct Points<'a, P: Precision = Single> {
     /// applies.
     pub max_distances: &'a [P::Distance],
     /// Only geometries and instances whose mask has a bit in common with this one count.
-    pub mask: u32,
+    pub mask: u64,
     /// What decides whether a point is inside, for queries that ask for it.
     pub method: InsideMethod,
 }
@@ -55,7 +55,7 @@ impl<'a> Points<'a> {
             points,
             max_distance: f32::INFINITY,
             max_distances: &[],
-            mask: u32::MAX,
+            mask: u64::MAX,
             method: InsideMethod::Auto,
         }
     }
@@ -68,7 +68,7 @@ impl<'a> Points<'a, Double> {
             points,
             max_distance: f64::INFINITY,
             max_distances: &[],
-            mask: u32::MAX,
+            mask: u64::MAX,
             method: InsideMethod::Auto,
         }
     }

@@ -12,7 +12,7 @@ pub struct RayQuery<'a, P: Precision = Single> {
     pub ray: &'a P::Ray,
     /// The ray hits a geometry or enters an instance only if their masks have a bit in common with
     /// this one.
-    pub mask: u32,
+    pub mask: u64,
     /// Time from 0 (start of the motion) to 1 (its end). Only moving geometry depends on it.
     pub time: f32,
 }
@@ -20,14 +20,14 @@ pub struct RayQuery<'a, P: Precision = Single> {
 impl<'a> From<&'a Ray> for RayQuery<'a> {
     #[inline(always)]
     fn from(ray: &'a Ray) -> Self {
-        Self { ray, mask: u32::MAX, time: 0.0 }
+        Self { ray, mask: u64::MAX, time: 0.0 }
     }
 }
 
 impl<'a> From<&'a DRay> for RayQuery<'a, Double> {
     #[inline(always)]
     fn from(ray: &'a DRay) -> Self {
-        Self { ray, mask: u32::MAX, time: 0.0 }
+        Self { ray, mask: u64::MAX, time: 0.0 }
     }
 }
 
@@ -42,7 +42,7 @@ pub(crate) fn clamped_time(time: f32) -> f32 {
 pub struct Rays<'a, P: Precision = Single> {
     rays: &'a [P::Ray],
     /// Masks, one per ray, or empty.
-    masks: &'a [u32],
+    masks: &'a [u64],
     /// Times, one per ray, or empty.
     times: &'a [f32],
     /// Ends the search early when it is set.
@@ -59,7 +59,7 @@ impl<'a, P: Precision> Rays<'a, P> {
     ///
     /// # Panics
     /// If there are not as many masks as rays.
-    pub fn with_masks(self, masks: &'a [u32]) -> Self {
+    pub fn with_masks(self, masks: &'a [u64]) -> Self {
         assert_eq!(masks.len(), self.rays.len(), "one mask per ray");
         Self { masks, ..self }
     }
@@ -105,13 +105,18 @@ impl<'a, P: Precision> Rays<'a, P> {
         !self.masks.is_empty()
     }
 
+    /// True if rays have times of their own.
+    pub(crate) fn has_times(&self) -> bool {
+        !self.times.is_empty()
+    }
+
     /// The ray with this index, its mask and its time.
     ///
     /// # Panics
     /// If the index is out of range.
     #[inline(always)]
     pub fn get(&self, index: usize) -> RayQuery<'a, P> {
-        let mask = if self.masks.is_empty() { u32::MAX } else { self.masks[index] };
+        let mask = if self.masks.is_empty() { u64::MAX } else { self.masks[index] };
         let time = if self.times.is_empty() { 0.0 } else { self.times[index] };
         RayQuery { ray: &self.rays[index], mask, time }
     }
@@ -121,11 +126,11 @@ impl<'a, P: Precision> Rays<'a, P> {
     /// # Panics
     /// If the range reaches beyond the batch.
     #[inline(always)]
-    pub(crate) fn common_mask(&self, range: std::ops::Range<usize>) -> u32 {
+    pub(crate) fn common_mask(&self, range: std::ops::Range<usize>) -> u64 {
         if self.masks.is_empty() {
-            u32::MAX
+            u64::MAX
         } else {
-            self.masks[range].iter().fold(u32::MAX, |all, mask| all & mask)
+            self.masks[range].iter().fold(u64::MAX, |all, mask| all & mask)
         }
     }
 

@@ -88,7 +88,7 @@ impl DWorldBuilder {
     }
 
     /// Sets the mask of a geometry; see [`WorldBuilder::set_mask`].
-    pub fn set_mask(&mut self, geometry: GeometryId, mask: u32) {
+    pub fn set_mask(&mut self, geometry: GeometryId, mask: u64) {
         self.builder.set_mask(geometry, mask);
     }
 

@@ -1,8 +1,10 @@
 //! Computes the surface interaction of a hit.
 
+use super::double::DWorld;
 use super::{Geometry, GeometryId, GroupId, World, abs_matrix};
-use crate::hit::{Hit, SurfaceInteraction, SurfacePoint};
+use crate::hit::{DHit, DSurfacePoint, Hit, SurfaceInteraction, SurfacePoint};
 use crate::mesh::{TriangleMesh, UV_SETS};
+use crate::precision::Double;
 use crate::search::rays::{RayQuery, clamped_time};
 use crate::shape::ShapeSurface;
 use snell_math::{DRay, DVec2, DVec3, Frame, Ray, Transform, Vec2, Vec3};
@@ -92,9 +94,7 @@ impl World {
         };
         let position = placed.inverse().ray(&DRay::from(ray)).at(hit.t.into());
         let (position, normal) = shape.normal(position, hit.primitive);
-        let nothing = DVec3::ZERO;
-        let local =
-            ShapeSurface { position, normal, uv: DVec2::ZERO, dpdu: nothing, dpdv: nothing };
+        let local = ShapeSurface { position, normal, ..ShapeSurface::bare() };
         Some(SurfacePoint::from(&in_world(shape_surface(local).mapped(placed), hit)))
     }
 
@@ -135,30 +135,112 @@ impl World {
                 .surface_in_group(instance.child, left, &map.inverse().ray(ray), time, hit)
                 .mapped(&map);
         }
-        match self.geometry(GeometryId(hit.geometry)) {
-            Geometry::Mesh(mesh) => triangle_surface(mesh, &ray.direction, hit),
-            Geometry::Quads(quads) => {
-                triangle_surface(quads.triangles(), &ray.direction, &quads.triangle_hit(hit))
-            }
-            Geometry::MovingMesh(mesh) => {
-                let alone = mesh.triangle_at(hit.primitive as usize, time);
-                triangle_surface(&alone, &ray.direction, &Hit { primitive: 0, ..*hit })
+        geometry_surface(self.geometry(GeometryId(hit.geometry)), ray, time, hit)
+    }
+}
+
+impl DWorld {
+    /// The point at `hit`, which `ray` found, with what is needed to spawn rays; see
+    /// [`World::point`].
+    ///
+    /// # Panics
+    /// If `hit` is a miss or does not belong to this world.
+    pub fn point<'a>(&self, ray: impl Into<RayQuery<'a, Double>>, hit: &DHit) -> DSurfacePoint {
+        let RayQuery { ray, time, .. } = ray.into();
+        let LocalSurface { position, error, normal, .. } =
+            self.point_in_group(GroupId(0), hit.instance, ray, clamped_time(time), hit);
+        DSurfacePoint { position, position_error: error, geometric_normal: normal }
+    }
+
+    /// The point in the coordinates of `group`; see [`World::surface_in_group`].
+    fn point_in_group(
+        &self,
+        group: GroupId,
+        rest: u32,
+        ray: &DRay,
+        time: f32,
+        hit: &DHit,
+    ) -> LocalSurface {
+        if let Some((step, left)) = self.world.step(group, rest) {
+            let instance = &self.world.group(group).instances[step];
+            let map = instance.at(time);
+            return self
+                .point_in_group(instance.child, left, &map.inverse().ray(ray), time, hit)
+                .mapped(&map);
+        }
+        let place = ray.at(hit.t);
+        match self.world.geometry(GeometryId(hit.geometry)) {
+            Geometry::Mesh(_) => {
+                let corners = self.data.corners(hit.geometry, hit.primitive);
+                let weights = [1.0 - hit.uv.x - hit.uv.y, hit.uv.x, hit.uv.y];
+                let (position, error, normal) = on_triangle(corners, weights, &ray.direction);
+                let flat = ShapeSurface { position, normal, ..ShapeSurface::bare() };
+                LocalSurface { error, ..shape_surface(flat) }
             }
             Geometry::Heightfield(field) => {
                 let alone = field.triangle_alone(hit.primitive as usize);
                 triangle_surface(&alone, &ray.direction, &Hit { primitive: 0, ..*hit })
             }
             Geometry::Shape(shape, placed) => {
-                let position = placed.inverse().ray(ray).at(hit.t.into());
-                shape_surface(shape.surface(position, hit.primitive)).mapped(placed)
+                let position = placed.inverse().ray(ray).at(hit.t);
+                let (position, normal) = shape.normal(position, hit.primitive);
+                shape_surface(ShapeSurface { position, normal, ..ShapeSurface::bare() })
+                    .mapped(placed)
             }
             Geometry::Set(set) => {
-                let (primitive, position) = (hit.primitive as usize, ray.at(hit.t.into()));
-                LocalSurface {
-                    color: set.color(primitive, hit.uv),
-                    on_curve: set.is_curve(),
-                    ..shape_surface(set.surface(primitive, position, hit.uv, time))
-                }
+                shape_surface(set.surface(hit.primitive as usize, place, hit.uv.as_vec2(), time))
+            }
+            other => {
+                let &DHit { t, uv, instance, geometry, primitive } = hit;
+                let hit = Hit { t: t as f32, uv: uv.as_vec2(), instance, geometry, primitive };
+                geometry_surface(other, ray, time, &hit)
+            }
+        }
+    }
+}
+
+impl ShapeSurface {
+    /// A surface without texture coordinates and tangents, to be filled.
+    const fn bare() -> Self {
+        let nothing = DVec3::ZERO;
+        Self { position: nothing, normal: nothing, uv: DVec2::ZERO, dpdu: nothing, dpdv: nothing }
+    }
+}
+
+/// The surface interaction on a geometry at a hit of a ray; the ray and the interaction are in the
+/// world. For callers that keep geometries of their own, such as meshes with more attributes than
+/// those of the world that was queried.
+pub fn interaction_on(
+    geometry: &Geometry,
+    world_from_group: &Transform,
+    ray: &DRay,
+    hit: &Hit,
+) -> SurfaceInteraction {
+    let inside = world_from_group.inverse().ray(ray);
+    in_world(geometry_surface(geometry, &inside, 0.0, hit).mapped(world_from_group), hit)
+}
+
+/// The surface of a geometry in the coordinates of its group; `ray` is in the same coordinates.
+fn geometry_surface(geometry: &Geometry, ray: &DRay, time: f32, hit: &Hit) -> LocalSurface {
+    match geometry {
+        Geometry::Mesh(mesh) => triangle_surface(mesh, &ray.direction, hit),
+        Geometry::Quads(quads) => {
+            triangle_surface(quads.triangles(), &ray.direction, &quads.triangle_hit(hit))
+        }
+        Geometry::MovingMesh(mesh) => {
+            let alone = mesh.triangle_at(hit.primitive as usize, time);
+            triangle_surface(&alone, &ray.direction, &Hit { primitive: 0, ..*hit })
+        }
+        Geometry::Shape(shape, placed) => {
+            let position = placed.inverse().ray(ray).at(hit.t.into());
+            shape_surface(shape.surface(position, hit.primitive)).mapped(placed)
+        }
+        Geometry::Set(set) => {
+            let (primitive, position) = (hit.primitive as usize, ray.at(hit.t.into()));
+            LocalSurface {
+                color: set.color(primitive, hit.uv),
+                on_curve: set.is_curve(),
+                ..shape_surface(set.surface(primitive, position, hit.uv, time))
             }
         }
     }
@@ -235,10 +317,7 @@ fn triangle_surface(mesh: &TriangleMesh, direction: &DVec3, hit: &Hit) -> LocalS
     let (b1, b2) = (f64::from(hit.uv.x), f64::from(hit.uv.y));
     let b = [1.0 - b1 - b2, b1, b2];
     let single = b.map(|x| x as f32);
-    let normal = (p[1] - p[0])
-        .cross(p[2] - p[0])
-        .try_normalize()
-        .unwrap_or_else(|| line_normal(&p, direction));
+    let (position, error, normal) = on_triangle(&p, b, direction);
     let blend =
         |v: &[Vec3]| indices.iter().zip(b).map(|(&i, b)| v[i].as_dvec3() * b).sum::<DVec3>();
     let uv = |v: &[Vec2]| indices.iter().zip(single).map(|(&i, b)| v[i] * b).sum::<Vec2>();
@@ -259,11 +338,8 @@ fn triangle_surface(mesh: &TriangleMesh, direction: &DVec3, hit: &Hit) -> LocalS
         })
     };
     LocalSurface {
-        position: p[0] * b[0] + p[1] * b[1] + p[2] * b[2],
-        // The next ray's distance to the plane is found in `f64` from these corners.
-        error: DVec3::splat(
-            p.iter().map(|p| p.abs().max_element()).fold(0.0, f64::max) * 4.0 * MAP_ERROR,
-        ),
+        position,
+        error,
         normal,
         shading_normal: if mesh.normals.is_empty() { normal } else { blend(&mesh.normals) },
         dpdu,
@@ -273,6 +349,18 @@ fn triangle_surface(mesh: &TriangleMesh, direction: &DVec3, hit: &Hit) -> LocalS
         color: if mesh.colors.is_empty() { [1.0; 4] } else { color() },
         on_curve: false,
     }
+}
+
+/// The point of a triangle with these barycentrics, a bound on its error, and the unit normal.
+#[inline(always)]
+fn on_triangle(p: &[DVec3; 3], b: [f64; 3], direction: &DVec3) -> (DVec3, DVec3, DVec3) {
+    let normal = (p[1] - p[0])
+        .cross(p[2] - p[0])
+        .try_normalize()
+        .unwrap_or_else(|| line_normal(p, direction));
+    // The next ray's distance to the plane is found in `f64` from these corners.
+    let size = p.iter().map(|p| p.abs().max_element()).fold(0.0, f64::max);
+    (p[0] * b[0] + p[1] * b[1] + p[2] * b[2], DVec3::splat(size * 4.0 * MAP_ERROR), normal)
 }
 
 /// A substitute for the normal of three collinear vertices: perpendicular to their line, on the

@@ -15,6 +15,7 @@ mod cover;
 pub(crate) mod double;
 pub mod dynamic;
 mod edit;
+mod facing;
 mod interaction;
 pub(crate) mod loose;
 mod occurrence;
@@ -28,6 +29,7 @@ pub(crate) mod winding;
 pub use accelerator::AcceleratorKind;
 pub use dynamic::{DynamicWorld, Snapshots};
 pub use edit::{EditError, InstanceId};
+pub use interaction::interaction_on;
 pub use reuse::Reuse;
 
 use crate::build::Quality;
@@ -136,7 +138,7 @@ pub struct Instance {
     /// The map from the child's coordinates to those of the group that holds the instance.
     pub group_from_child: Transform,
     /// Only rays whose mask has a bit in common with this one enter the instance.
-    pub mask: u32,
+    pub mask: u64,
     /// The map of a moving instance at its later keys, which are evenly spaced in time up to 1;
     /// `group_from_child` is the map at time 0. Between keys the matrices are interpolated
     /// linearly. Empty for a static instance.
@@ -146,7 +148,7 @@ pub struct Instance {
 impl Instance {
     /// An instance that all rays may enter and that does not move.
     pub fn new(child: GroupId, group_from_child: Transform) -> Self {
-        Self { child, group_from_child, mask: u32::MAX, later: Vec::new() }
+        Self { child, group_from_child, mask: u64::MAX, later: Vec::new() }
     }
 
     /// The map at every key, starting at time 0.
@@ -309,7 +311,7 @@ impl WorldBuilder {
 
     /// Sets the mask of a geometry: only rays whose mask has a bit in common with it hit the
     /// geometry ([`crate::search::rays::RayQuery::mask`]). All bits are set by default.
-    pub fn set_mask(&mut self, geometry: GeometryId, mask: u32) {
+    pub fn set_mask(&mut self, geometry: GeometryId, mask: u64) {
         self.options[geometry.0 as usize].mask = mask;
     }
 
@@ -367,6 +369,7 @@ impl WorldBuilder {
             winding: OnceLock::new(),
             loose: OnceLock::new(),
             repeats: OnceLock::new(),
+            all_filtered: OnceLock::new(),
         }
     }
 
@@ -637,6 +640,8 @@ pub struct World {
     pub(crate) loose: OnceLock<Vec<Loose>>,
     /// True if the structure may report a hit several times; computed at first use.
     pub(crate) repeats: OnceLock<bool>,
+    /// The options of all geometries with hits filtered, for filters that decide about every hit.
+    all_filtered: OnceLock<Vec<GeometryOptions>>,
 }
 
 /// Statistics of a build.
@@ -698,6 +703,17 @@ impl World {
     pub fn instance_id(&self, occurrence: u32) -> Option<InstanceId> {
         let (group, at) = self.instance_path(occurrence).pop()?;
         Some(self.group(group).instance_ids[at])
+    }
+
+    /// The options of all geometries for a query with this filter.
+    #[inline]
+    pub(crate) fn options_for(&self, filters_all: bool) -> &[GeometryOptions] {
+        if !filters_all {
+            return &self.options;
+        }
+        self.all_filtered.get_or_init(|| {
+            self.options.iter().map(|o| GeometryOptions { filtered: true, ..*o }).collect()
+        })
     }
 
     /// A world without contents.

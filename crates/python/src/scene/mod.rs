@@ -50,7 +50,7 @@ impl Scene {
         kind: Kind,
         transform: Option<&Bound<'_, PyAny>>,
         name: Option<String>,
-        mask: Option<i64>,
+        mask: Option<impl Into<i128>>,
         material: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<u32> {
         let (transform, mask) = (objects::transform(transform)?, objects::mask(mask)?);
@@ -87,7 +87,7 @@ impl Scene {
     /// name : str, optional
     ///     A name for users; see :attr:`names`.
     /// mask : int, optional
-    ///     32 bits: only rays whose mask shares a bit with it hit the mesh. All bits if left out.
+    ///     64 bits: only rays whose mask shares a bit with it hit the mesh. All bits if left out.
     /// normals : array (n, 3), optional
     ///     Normals at the vertices, of any length, for :attr:`Hits.normals`.
     /// uvs : array (n, 2), optional
@@ -118,7 +118,7 @@ impl Scene {
         faces: Option<&Bound<'py, PyAny>>,
         transform: Option<&Bound<'py, PyAny>>,
         name: Option<String>,
-        mask: Option<i64>,
+        mask: Option<objects::Mask>,
         normals: Option<&Bound<'py, PyAny>>,
         uvs: Option<&Bound<'py, PyAny>>,
         colors: Option<&Bound<'py, PyAny>>,
@@ -173,7 +173,7 @@ impl Scene {
         shape: &str,
         transform: Option<&Bound<'_, PyAny>>,
         name: Option<String>,
-        mask: Option<i64>,
+        mask: Option<objects::Mask>,
         material: Option<&Bound<'_, PyAny>>,
         parameters: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<u32> {
@@ -206,7 +206,7 @@ impl Scene {
         radii: &Bound<'_, PyAny>,
         transform: Option<&Bound<'_, PyAny>>,
         name: Option<String>,
-        mask: Option<i64>,
+        mask: Option<objects::Mask>,
         material: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<u32> {
         let spheres = objects::spheres(centers, radii)?;
@@ -253,7 +253,7 @@ impl Scene {
         basis: &str,
         transform: Option<&Bound<'_, PyAny>>,
         name: Option<String>,
-        mask: Option<i64>,
+        mask: Option<objects::Mask>,
         material: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<u32> {
         let curves = objects::curves(points, radii, strands, basis)?;
@@ -297,7 +297,7 @@ impl Scene {
         scene: &Self,
         transform: Option<&Bound<'_, PyAny>>,
         name: Option<String>,
-        mask: Option<i64>,
+        mask: Option<objects::Mask>,
         material: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<u32> {
         self.add(py, Kind::Instance(scene.0.contents(py)), transform, name, mask, material)
@@ -372,7 +372,7 @@ impl Scene {
     /// >>> scene.update_mask(ball, 0b10)
     /// >>> scene.test_occlusions([0, 0, -5, 0, 0, 1], mask=0b01)
     /// array(False)
-    fn update_mask(&self, py: Python<'_>, id: i64, mask: i64) -> PyResult<()> {
+    fn update_mask(&self, py: Python<'_>, id: i64, mask: objects::Mask) -> PyResult<()> {
         let mask = objects::mask(Some(mask))?;
         self.0.edit(py, |contents| {
             contents.get_mut(id)?.mask = mask;

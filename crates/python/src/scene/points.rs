@@ -4,13 +4,14 @@ use super::Scene;
 use crate::answers::{Asked, ClosestPoints, Live, Named};
 use crate::arrays::{Column, PointArray, array, from_vec, is_double, leading, slice};
 use crate::assemble::Snapshot;
+use crate::choice::Choice;
 use crate::columns::Columns;
 use crate::memory::admit_all;
 use crate::nearest::{Inside, Nearest, PointPrecision};
 use crate::objects;
 use crate::precision::Precision;
 use crate::state::Kept;
-use crate::work::{Stopped, Threads, run};
+use crate::work::{Count, Stopped, Threads, run};
 use numpy::PyUntypedArray;
 use pyo3::prelude::*;
 use rayon::prelude::*;
@@ -25,7 +26,7 @@ impl Scene {
         &self,
         points: &Bound<'py, PyUntypedArray>,
         max_distance: Option<&Bound<'py, PyAny>>,
-        mask: u32,
+        mask: u64,
         threads: Threads,
     ) -> PyResult<ClosestPoints> {
         let (py, snapshot) = (points.py(), self.0.snapshot::<P>(points.py())?);
@@ -63,6 +64,7 @@ impl Scene {
             snapshot,
             hits: Columns::of(py, &found)?,
             asked: Asked::Positions(positions),
+            choice: Choice::default(),
             rays: 0,
             shape: points.shape,
             splits: None,
@@ -104,12 +106,12 @@ impl Scene {
         &self,
         points: &Bound<'py, PyAny>,
         max_distance: Option<&Bound<'py, PyAny>>,
-        mask: Option<i64>,
-        threads: Option<i64>,
+        mask: Option<objects::Mask>,
+        threads: Option<Count>,
         method: Option<&str>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let array = array(points, "points")?;
-        let (mask, threads) = (objects::mask(mask)?, Threads::new(threads)?);
+        let (mask, threads) = (objects::mask(mask)?, Threads::given(threads)?);
         let inside = method.map(|method| Inside::new(method, mask)).transpose()?;
         if is_double(&array, "points")? {
             self.distances_in::<f64>(&array, max_distance, mask, threads, inside)
@@ -122,7 +124,7 @@ impl Scene {
         &self,
         points: &Bound<'py, PyUntypedArray>,
         max_distance: Option<&Bound<'py, PyAny>>,
-        mask: u32,
+        mask: u64,
         threads: Threads,
         inside: Option<Inside>,
     ) -> PyResult<Bound<'py, PyAny>> {
@@ -167,11 +169,11 @@ impl Scene {
     fn around<'py, T: numpy::Element + Default + Copy + Send>(
         &self,
         points: &Bound<'py, PyAny>,
-        threads: Option<i64>,
+        threads: Option<Count>,
         single: impl Fn(&World, &[[f32; 3]], &mut [T]) + Sync,
         double: impl Fn(&DWorld, &[[f64; 3]], &mut [T]) + Sync,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let (py, array, threads) = (points.py(), array(points, "points")?, Threads::new(threads)?);
+        let (py, array, threads) = (points.py(), array(points, "points")?, Threads::given(threads)?);
         let is_double = is_double(&array, "points")?;
         leading(&array, 3, "points")?;
         if is_double {
@@ -229,11 +231,11 @@ impl Scene {
         &self,
         points: &Bound<'py, PyAny>,
         max_distance: Option<&Bound<'py, PyAny>>,
-        mask: Option<i64>,
-        threads: Option<i64>,
+        mask: Option<objects::Mask>,
+        threads: Option<Count>,
     ) -> PyResult<ClosestPoints> {
         let array = array(points, "points")?;
-        let (mask, threads) = (objects::mask(mask)?, Threads::new(threads)?);
+        let (mask, threads) = (objects::mask(mask)?, Threads::given(threads)?);
         if is_double(&array, "points")? {
             self.closest::<f64>(&array, max_distance, mask, threads)
         } else {
@@ -256,8 +258,8 @@ impl Scene {
         &self,
         points: &Bound<'py, PyAny>,
         max_distance: Option<&Bound<'py, PyAny>>,
-        mask: Option<i64>,
-        threads: Option<i64>,
+        mask: Option<objects::Mask>,
+        threads: Option<Count>,
     ) -> PyResult<Bound<'py, PyAny>> {
         self.distances(points, max_distance, mask, threads, None)
     }
@@ -288,8 +290,8 @@ impl Scene {
         points: &Bound<'py, PyAny>,
         max_distance: Option<&Bound<'py, PyAny>>,
         method: &str,
-        mask: Option<i64>,
-        threads: Option<i64>,
+        mask: Option<objects::Mask>,
+        threads: Option<Count>,
     ) -> PyResult<Bound<'py, PyAny>> {
         self.distances(points, max_distance, mask, threads, Some(method))
     }
@@ -338,8 +340,8 @@ impl Scene {
         &self,
         points: &Bound<'py, PyAny>,
         method: &str,
-        mask: Option<i64>,
-        threads: Option<i64>,
+        mask: Option<objects::Mask>,
+        threads: Option<Count>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let about = Inside::new(method, objects::mask(mask)?)?;
         self.around(
@@ -375,8 +377,8 @@ impl Scene {
     fn winding_number<'py>(
         &self,
         points: &Bound<'py, PyAny>,
-        mask: Option<i64>,
-        threads: Option<i64>,
+        mask: Option<objects::Mask>,
+        threads: Option<Count>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let mask = objects::mask(mask)?;
         self.around(

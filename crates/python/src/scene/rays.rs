@@ -4,13 +4,14 @@ use super::Scene;
 use crate::answers::{Asked, Hits, Intersections, Live, Named};
 use crate::arrays::{filled, from_vec};
 use crate::assemble::Snapshot;
+use crate::choice::{Choice, Chosen, max_hits};
 use crate::columns::Columns;
 use crate::memory::admit_all;
 use crate::precision::Precision;
 use crate::query::{FEW, Question, coherent_angle, piece_size};
 use crate::rays::{Limits, RayArgument, RayArrays};
 use crate::state::Kept;
-use crate::work::{Threads, run};
+use crate::work::{Count, Threads, run};
 use numpy::PyArrayMethods;
 use pyo3::exceptions::{PyMemoryError, PyRuntimeWarning, PyTypeError, PyValueError};
 use pyo3::prelude::*;
@@ -24,9 +25,12 @@ use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 const BYTES_OF_LISTED: u64 = 200;
 
 /// Options of a query over rays.
-#[derive(Clone, Copy, Debug)]
+#[derive(Debug)]
 struct Options {
     threads: Threads,
+    choice: Choice,
+    /// Maximum number of hits of a ray.
+    max_hits: Option<u32>,
     warn_invalid: bool,
 }
 
@@ -36,7 +40,7 @@ impl Scene {
         &self,
         rays: &RayArgument<'py>,
         limits: &Limits<'_, 'py>,
-        options: Options,
+        options: &Options,
         answer: impl FnOnce(&Arc<Snapshot<P>>, &RayArrays<'py, P>, &Question<'_, P>) -> PyResult<T>,
     ) -> PyResult<T> {
         let py = limits.t_min.py();
@@ -72,7 +76,7 @@ impl Scene {
         &self,
         rays: &RayArgument<'py>,
         limits: &Limits<'_, 'py>,
-        options: Options,
+        options: &Options,
     ) -> PyResult<Hits> {
         let (py, count) = (limits.t_min.py(), rays.len());
         self.ask::<P, _>(rays, limits, options, |snapshot, arrays, question| {
@@ -80,8 +84,10 @@ impl Scene {
             let (mut hits, mut writable) = Columns::new(py, count)?;
             let places = writable.places()?;
             run(py, options.threads, count <= FEW, |cancel| {
-                question.hits(cancel, places, |rays, grouping, hits| {
-                    P::closest(world, rays, grouping, hits)
+                options.choice.with_filter(snapshot, |filter| {
+                    question.hits(cancel, places, |rays, grouping, hits| {
+                        P::closest(world, rays, grouping, filter, hits)
+                    })
                 })
             })?;
             drop(writable);
@@ -93,6 +99,7 @@ impl Scene {
                 snapshot: snapshot.clone(),
                 hits,
                 asked: Asked::Rays(arrays.keep(is_distance_needed)?, None),
+                choice: options.choice.clone(),
                 rays: count,
                 shape: rays.shape.clone(),
                 splits: None,
@@ -108,7 +115,7 @@ impl Scene {
         &self,
         rays: &RayArgument<'py>,
         limits: &Limits<'_, 'py>,
-        options: Options,
+        options: &Options,
     ) -> PyResult<Bound<'py, PyAny>> {
         let (py, count) = (limits.t_min.py(), rays.len());
         self.ask::<P, _>(rays, limits, options, |snapshot, _, question| {
@@ -116,8 +123,10 @@ impl Scene {
             admit_all("the answers", count, size_of::<bool>())?;
             let blocked = run(py, options.threads, count <= FEW, |cancel| {
                 let mut blocked = vec![false; count];
-                question.answer(cancel, &mut blocked, |rays, grouping, blocked| {
-                    P::occluded(world, rays, grouping, blocked);
+                options.choice.with_filter(snapshot, |filter| {
+                    question.answer(cancel, &mut blocked, |rays, grouping, blocked| {
+                        P::occluded(world, rays, grouping, filter, blocked);
+                    })
                 })?;
                 Ok(blocked)
             })?;
@@ -129,14 +138,18 @@ impl Scene {
         &self,
         rays: &RayArgument<'py>,
         limits: &Limits<'_, 'py>,
-        options: Options,
+        options: &Options,
     ) -> PyResult<Bound<'py, PyAny>> {
         let (py, count) = (limits.t_min.py(), rays.len());
         self.ask::<P, _>(rays, limits, options, |snapshot, _, question| {
             let world = &*snapshot.world;
             filled(py, &rays.shape, |counts: &mut [u32]| {
                 run(py, options.threads, count <= FEW, |cancel| {
-                    question.answer(cancel, counts, |rays, _, counts| P::count(world, rays, counts))
+                    options.choice.with_filter(snapshot, |filter| {
+                        question.answer(cancel, counts, |rays, _, counts| {
+                            P::count(world, rays, filter, options.max_hits, counts);
+                        })
+                    })
                 })
             })
         })
@@ -146,7 +159,7 @@ impl Scene {
         &self,
         rays: &RayArgument<'py>,
         limits: &Limits<'_, 'py>,
-        options: Options,
+        options: &Options,
     ) -> PyResult<Intersections> {
         let (py, count) = (limits.t_min.py(), rays.len());
         if u32::try_from(rays.len()).is_err() {
@@ -160,15 +173,15 @@ impl Scene {
             let world = &*snapshot.world;
             let (most, found) = (Available::now().bytes / BYTES_OF_LISTED, AtomicU64::new(0));
             let listed = run(py, options.threads, count <= FEW, |cancel| {
-                let pieces = question.all(cancel, |rays| {
-                    let all = P::all(world, rays);
-                    if found.fetch_add(all.hits.len() as u64, Ordering::Relaxed)
-                        + all.hits.len() as u64
-                        > most
-                    {
-                        cancel.stop();
-                    }
-                    all
+                let pieces = options.choice.with_filter(snapshot, |filter| {
+                    question.all(cancel, |rays| {
+                        let all = P::all(world, rays, filter, options.max_hits);
+                        let count = all.hits.len() as u64;
+                        if found.fetch_add(count, Ordering::Relaxed) + count > most {
+                            cancel.stop();
+                        }
+                        all
+                    })
                 })?;
                 cancel.check()?;
                 let total = pieces.iter().map(|piece| piece.hits.len()).sum();
@@ -200,6 +213,7 @@ impl Scene {
                 shape: vec![hits.len()],
                 hits: Columns::of(py, &hits)?,
                 asked: Asked::Rays(kept, Some(ids)),
+                choice: options.choice.clone(),
                 rays: count,
                 splits: Some(splits),
             })))
@@ -209,17 +223,19 @@ impl Scene {
 
 /// Declares queries, which share their arguments and run in the precision of the rays.
 macro_rules! queries {
-    ($($(#[doc = $doc:expr])* $name:ident -> $answer:ty = $method:ident;)*) => {
+    ($(
+        $(#[doc = $doc:expr])*
+        $name:ident $(limited by $most:ident)? ($signature:tt) -> $answer:ty = $method:ident;
+    )*) => {
         #[pymethods]
         impl Scene {
             $($(#[doc = $doc])*
             #[pyo3(
                 signature = (
-                    rays, *more, t_min=None, t_max=None, mask=None, threads=None,
-                    warn_invalid=false,
+                    rays, *more, t_min=None, t_max=None, mask=None, cull=None, only=None,
+                    exclude=None, $($most=None,)? threads=None, warn_invalid=false,
                 ),
-                text_signature = "($self, rays, *, t_min=None, t_max=None, mask=None, \
-                    threads=None, warn_invalid=False)"
+                text_signature = $signature
             )]
             fn $name<'py>(
                 &self,
@@ -229,7 +245,11 @@ macro_rules! queries {
                 t_min: Option<&Bound<'py, PyAny>>,
                 t_max: Option<&Bound<'py, PyAny>>,
                 mask: Option<&Bound<'py, PyAny>>,
-                threads: Option<i64>,
+                cull: Option<&Bound<'py, PyAny>>,
+                only: Option<&Bound<'py, PyAny>>,
+                exclude: Option<&Bound<'py, PyAny>>,
+                $($most: Option<&Bound<'py, PyAny>>,)?
+                threads: Option<Count>,
                 warn_invalid: bool,
             ) -> PyResult<$answer> {
                 if !more.is_empty() {
@@ -245,11 +265,17 @@ macro_rules! queries {
                 let infinity = f64::INFINITY.into_pyobject(py)?.into_any();
                 let (t_min, t_max) = (t_min.unwrap_or(&zero), t_max.unwrap_or(&infinity));
                 let limits = Limits { t_min, t_max, mask };
-                let options = Options { threads: Threads::new(threads)?, warn_invalid };
+                let chosen = Chosen { cull, only, exclude };
+                let options = Options {
+                    threads: Threads::given(threads)?,
+                    choice: Choice::new(chosen, || self.0.contents(py))?,
+                    max_hits: max_hits(None $(.or($most))?)?,
+                    warn_invalid,
+                };
                 if rays.is_double {
-                    self.$method::<f64>(&rays, &limits, options)
+                    self.$method::<f64>(&rays, &limits, &options)
                 } else {
-                    self.$method::<f32>(&rays, &limits, options)
+                    self.$method::<f32>(&rays, &limits, &options)
                 }
             })*
         }
@@ -267,7 +293,15 @@ queries! {
     /// t_min, t_max : float or array (...), optional
     ///     Only hits between them count, ends excluded. 0 and infinity if left out.
     /// mask : int or array (...) of integers, optional
-    ///     Only objects whose mask shares a bit with it are hit.
+    ///     64 bits: only objects whose mask shares a bit with it are hit.
+    /// cull : "back" or "front", optional
+    ///     Rays pass through surfaces that they meet from this side: from behind, along
+    ///     `primitive_normals`, or from the front, against them (for triangles, the side from which
+    ///     their vertices go round counterclockwise). All other hits stay as they are.
+    /// only, exclude : int, str, or a list of these, optional
+    ///     Objects by id or name: the only ones that are hit, and ones that are not hit. All that
+    ///     is in an instance goes with it; a name such as `"taxi/rear"`, as in :attr:`Hits.names`,
+    ///     is an object within an instance. A name stands for all objects that have it.
     /// threads : int, optional
     ///     Number of threads. All cores if left out. The result does not depend on it.
     /// warn_invalid : bool
@@ -286,7 +320,14 @@ queries! {
     /// >>> ball = scene.add_shape("sphere", radius=1)
     /// >>> scene.cast_rays(([0, 0, -5], [[0, 0, 1], [0, 0, 2], [0, 1, 0]])).t_hit.tolist()
     /// [4.0, 2.0, inf]
-    cast_rays -> Hits = cast;
+    /// >>> scene.cast_rays([0, 0, -5, 0, 0, 1], cull="front").t_hit.tolist()
+    /// 6.0
+    /// >>> scene.cast_rays([0, 0, -5, 0, 0, 1], exclude=[ball]).t_hit.tolist()
+    /// inf
+    cast_rays (
+        "($self, rays, *, t_min=None, t_max=None, mask=None, cull=None, only=None, \
+        exclude=None, threads=None, warn_invalid=False)"
+    ) -> Hits = cast;
 
     /// Whether each ray hits anything: an array `(...)` of bool. Faster than :meth:`cast_rays`.
     /// Parameters as for :meth:`cast_rays`.
@@ -298,10 +339,13 @@ queries! {
     /// >>> ball = scene.add_shape("sphere", radius=1)
     /// >>> scene.test_occlusions(([0, 0, -5], [[0, 0, 1], [0, 1, 0]])).tolist()
     /// [True, False]
-    test_occlusions -> Bound<'py, PyAny> = occlusions;
+    test_occlusions (
+        "($self, rays, *, t_min=None, t_max=None, mask=None, cull=None, only=None, \
+        exclude=None, threads=None, warn_invalid=False)"
+    ) -> Bound<'py, PyAny> = occlusions;
 
     /// The number of hits of each ray: an array `(...)` of uint32. Parameters as for
-    /// :meth:`cast_rays`.
+    /// :meth:`cast_rays`, and `max_hits`: counting stops at this number.
     ///
     /// The number is exact: a ray through an edge or vertex of a closed mesh counts each crossing
     /// once.
@@ -313,9 +357,13 @@ queries! {
     /// >>> ball = scene.add_shape("sphere", radius=1)
     /// >>> scene.count_intersections(([[0, 0, -5], [0, 0, 0]], [0, 0, 1])).tolist()
     /// [2, 1]
-    count_intersections -> Bound<'py, PyAny> = count;
+    count_intersections limited by max_hits (
+        "($self, rays, *, t_min=None, t_max=None, mask=None, cull=None, only=None, \
+        exclude=None, max_hits=None, threads=None, warn_invalid=False)"
+    ) -> Bound<'py, PyAny> = count;
 
-    /// Every hit of each ray, sorted. Parameters as for :meth:`cast_rays`.
+    /// Every hit of each ray, sorted. Parameters as for :meth:`cast_rays`, and `max_hits`: only the
+    /// first hits of each ray, so many at most; what lies behind them is not searched.
     ///
     /// Returns
     /// -------
@@ -328,7 +376,12 @@ queries! {
     /// >>> ball = scene.add_shape("sphere", radius=1)
     /// >>> scene.list_intersections([0, 0, -5, 0, 0, 1]).t_hit.tolist()
     /// [4.0, 6.0]
-    list_intersections -> Intersections = list;
+    /// >>> scene.list_intersections([0, 0, -5, 0, 0, 1], max_hits=1).t_hit.tolist()
+    /// [4.0]
+    list_intersections limited by max_hits (
+        "($self, rays, *, t_min=None, t_max=None, mask=None, cull=None, only=None, \
+        exclude=None, max_hits=None, threads=None, warn_invalid=False)"
+    ) -> Intersections = list;
 }
 
 #[pymethods]

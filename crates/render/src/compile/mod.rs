@@ -133,7 +133,7 @@ impl CompiledScene {
         if previous.is_none() {
             scene.check_textures()?;
         }
-        let materials = materials(scene);
+        let materials = materials_of(scene);
         let default_material = MaterialId(scene.materials.len() as u32);
         let before = previous.as_ref().map(|p| &*p.surfaces);
         let (builder, surfaces) =
@@ -163,7 +163,7 @@ impl CompiledScene {
     /// anew, because the number of materials has changed, or whether rays ask one of them if they
     /// hit its surface (as cut-out, one-sided or invisible ones).
     pub fn changed(&self, before: &Scene, scene: &Scene) -> Result<Option<Self>, CompileError> {
-        let materials = materials(scene);
+        let materials = materials_of(scene);
         let is_alike = |(a, b): (&Material, &Material)| a.needs_filter() == b.needs_filter();
         if materials.len() != self.materials.len()
             || !self.materials.iter().zip(&materials).all(is_alike)
@@ -421,7 +421,7 @@ impl HitFilter for CompiledScene {
 }
 
 /// The materials of the scene, followed by the default material.
-fn materials(scene: &Scene) -> Vec<Material> {
+pub(crate) fn materials_of(scene: &Scene) -> Vec<Material> {
     let mut materials = scene.materials.clone();
     materials.push(snell_scene::framing::default_material());
     materials

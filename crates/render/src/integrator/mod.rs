@@ -3,6 +3,7 @@
 //! function contains no loop over bounces, no recursion and no queue, and does not see the other
 //! paths of its batch. The driver ([`crate::job`]) owns batches, tracing, order and film.
 
+pub mod albedos;
 mod ao;
 pub mod aov;
 pub(crate) mod camera_path;

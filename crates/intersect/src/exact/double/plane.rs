@@ -15,6 +15,10 @@ use snell_math::{DRay, DVec3};
 /// the third factor 5, two sums 6), so above this ratio the relative error is at most `2^-55`.
 pub(crate) const CERTAIN: f64 = 1.0 / (1u64 << 46) as f64;
 
+/// [`CERTAIN`] times this is the least ratio for which double-double numbers have the right sign:
+/// their error is below `2^-101` of the sum.
+const SURE_SIGN: f64 = 1.0 / (1u64 << 54) as f64;
+
 /// Sums of the magnitudes of products up to this may have lost their last bits to underflow, even
 /// if no factor is beyond [`LARGE`].
 pub(crate) const TINY: f64 = 1e-150;
@@ -64,21 +68,43 @@ impl Estimate {
 
     /// The ray parameter at which the line of the ray crosses the plane. Infinite or NaN if both
     /// are parallel, or if it is out of the range of `f64`.
+    ///
+    /// A distance before `t_min` has the right sign, and may be less accurate.
     #[inline(always)]
-    pub fn distance(self, ray: &DRay, corners: &[DVec3; 3]) -> f64 {
-        precise_distance(ray, corners, self.least_height, self.least_speed)
+    pub fn distance(self, ray: &DRay, corners: &[DVec3; 3], t_min: f64) -> f64 {
+        let Self { least_height, least_speed } = self;
+        let corners_by_axis = [corners[0].to_array(), corners[1].to_array(), corners[2].to_array()];
+        let (height, speed) =
+            determinants(&corners_by_axis, &ray.origin.to_array(), &ray.direction.to_array());
+        let t = height.divided_by(speed);
+        let is_fast = speed.high.abs() > least_speed;
+        if is_fast && height.high.abs() > least_height {
+            return t;
+        }
+        // A ray that starts on the triangle, and leaves it, as most rays there do.
+        let is_behind = t < 0.0 && t_min >= 0.0;
+        if is_fast && is_behind && height.high.abs() > least_height * SURE_SIGN {
+            return t;
+        }
+        exact_plane_distance(ray, corners)
     }
 }
 
-/// The distance, from double-double numbers if these give determinants above the given bounds,
-/// otherwise from exact arithmetic.
-#[inline(always)]
-fn precise_distance(ray: &DRay, corners: &[DVec3; 3], least_height: f64, least_speed: f64) -> f64 {
-    let corners_by_axis = [corners[0].to_array(), corners[1].to_array(), corners[2].to_array()];
-    let (height, speed) =
-        determinants(&corners_by_axis, &ray.origin.to_array(), &ray.direction.to_array());
-    let certain = height.high.abs() > least_height && speed.high.abs() > least_speed;
-    if certain { height.divided_by(speed) } else { exact_plane_distance(ray, corners) }
+/// The product of a direction and the normal of a triangle by the right-hand rule, of any length
+/// but with the exact sign.
+pub(crate) fn turning(direction: &DVec3, corners: &[DVec3; 3]) -> f64 {
+    let [a, b, c] = *corners;
+    let (e1, e2, d) = (b - a, c - a, *direction);
+    let product = e1.cross(e2).dot(d);
+    let (e1, e2, d) = (e1.abs(), e2.abs(), d.abs());
+    let sizes =
+        DVec3::new(e1.y * e2.z + e1.z * e2.y, e1.z * e2.x + e1.x * e2.z, e1.x * e2.y + e1.y * e2.x);
+    let size = sizes.dot(d);
+    if size > TINY && size < LARGE && product.abs() > size * ROUGH {
+        product
+    } else {
+        exact_determinants(&DRay::new(a, *direction), corners).1.high
+    }
 }
 
 /// The two determinants in double-double numbers, for one ray and triangle or for several in lanes.
@@ -118,12 +144,21 @@ fn differences<T: Number>(p: &[T; 3], q: &[T; 3]) -> [DoubleDouble<T>; 3] {
 }
 
 /// Computes [`Estimate::distance`] without rounding before the quotient.
+#[cold]
+#[inline(never)]
+pub(super) fn exact_plane_distance(ray: &DRay, corners: &[DVec3; 3]) -> f64 {
+    let (height, speed, exponent) = exact_determinants(ray, corners);
+    scaled(height.divided_by(speed), exponent)
+}
+
+/// The two determinants of a ray and a triangle, computed without rounding and then rounded, and
+/// the exponent of the power of two that their quotient lacks.
 ///
 /// Positions and the direction are first scaled to near 1 by powers of two, so that nothing
 /// overflows, and only negligible numbers underflow.
 #[cold]
 #[inline(never)]
-pub(super) fn exact_plane_distance(ray: &DRay, corners: &[DVec3; 3]) -> f64 {
+fn exact_determinants(ray: &DRay, corners: &[DVec3; 3]) -> (DoubleDouble, DoubleDouble, i32) {
     let largest = corners.iter().fold(ray.origin.abs(), |m, v| m.max(v.abs())).max_element();
     let (place, pace) = (exponent(largest), exponent(ray.direction.abs().max_element()));
     let [a, b, c] = corners.map(|v| v.to_array().map(|x| scaled(x, -place)));
@@ -142,7 +177,7 @@ pub(super) fn exact_plane_distance(ray: &DRay, corners: &[DVec3; 3]) -> f64 {
         height = height.plus(&normal.times(&Expansion::difference(a[k], o[k])));
         speed = speed.plus(&normal.times(&Expansion::difference(d[k], 0.0)));
     }
-    scaled(height.rounded().divided_by(speed.rounded()), place - pace)
+    (height.rounded(), speed.rounded(), place - pace)
 }
 
 /// The power of two at or below `x`; 0 for 0.

@@ -102,7 +102,7 @@ pub(crate) fn exact_hit(ray: &DRay, corners: &[DVec3; 3], t_min: f64) -> Option<
         DVec2::splat(1.0 / 3.0)
     };
     let relative = corners.map(|v| v - ray.origin);
-    let plane = estimate.distance(ray, corners);
+    let plane = estimate.distance(ray, corners, t_min);
     let t = if plane.is_finite() {
         plane
     } else {

@@ -126,7 +126,7 @@ struct Scene<'a> {
 fn is_plain(list: &List, batch: &Batch<Single>) -> bool {
     let accepts = |geometry: u32| {
         let options = batch.context.options[geometry as usize];
-        options.mask == u32::MAX && !options.filtered && !options.quads
+        options.mask == u64::MAX && !options.filtered && !options.quads
     };
     !batch.rays.has_masks() && list.geometries().all(accepts)
 }

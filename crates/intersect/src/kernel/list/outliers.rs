@@ -205,8 +205,8 @@ mod tests {
                 build(builder, accelerator, simd)
             };
             let rays = rays_around(seed, 200, level, scale);
-            let mask = |i: usize| [u32::MAX, 1, 2, 0][i / 3 % 4];
-            let masks: Vec<u32> = (0..rays.len()).map(mask).collect();
+            let mask = |i: usize| [u64::MAX, 1, 2, 0][i / 3 % 4];
+            let masks: Vec<u64> = (0..rays.len()).map(mask).collect();
             let oracle = make(AcceleratorKind::None, Level::Scalar);
             for simd in levels() {
                 let world = make(AcceleratorKind::Bvh, simd);

@@ -117,8 +117,8 @@ proptest! {
                 _ => Ray { t_min: 0.25, ..Ray::new(from, to - from) },
             }
         }).collect();
-        let mask = |i: usize| [u32::MAX, 1, 2, 0][i / 3 % 4];
-        let masks: Vec<u32> = (0..rays.len()).map(mask).collect();
+        let mask = |i: usize| [u64::MAX, 1, 2, 0][i / 3 % 4];
+        let masks: Vec<u64> = (0..rays.len()).map(mask).collect();
         let oracle = make(AcceleratorKind::None, Level::Scalar);
         for level in levels() {
             let world = make(AcceleratorKind::Bvh, level);

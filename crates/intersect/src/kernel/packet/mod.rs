@@ -223,7 +223,7 @@ fn fetch_ahead<G: Goal>(next: &[RayOf<G>], run: Range<usize>, answers: &impl Ans
 impl<'w, G: Goal> Walker<'w, '_, G> {
     /// Prepares the walker for a run; `first` is the number of its first ray.
     #[inline(always)]
-    fn start_run(&mut self, rays: &'w [RayOf<G>], first: usize, masks: u32) {
+    fn start_run(&mut self, rays: &'w [RayOf<G>], first: usize, masks: u64) {
         (self.rays, self.first, self.masks) = (rays, first, masks);
         self.alive = u32::MAX >> (32 - rays.len());
         (self.deferred.rays, self.certain, self.hit, self.unresolved) = (0, 0, 0, 0);

@@ -76,7 +76,7 @@ impl<G: Goal> Walker<'_, '_, G> {
 
     /// The rays of a subset that may hit an object with this mask.
     #[inline(always)]
-    fn visible(&mut self, mut rays: u32, mask: u32) -> u32 {
+    fn visible(&mut self, mut rays: u32, mask: u64) -> u32 {
         if self.masks & mask == 0 {
             for lane in 0..RAYS {
                 if rays >> lane & 1 == 1 && self.search(lane).mask & mask == 0 {

@@ -515,7 +515,7 @@ fn packets_agree_with_the_oracle_on_nested_instances_with_masks_and_rejections()
     for seed in 0..60 {
         let kind = [Kind::FromPoint, Kind::ToPoint, Kind::Parallel][seed as usize % 3];
         let rays = rays(kind, seed, 50, vector(seed, 100) * 6.0, vector(seed, 101), 0.3);
-        let masks: Vec<u32> = (0..50).map(|i| 1 + (i / 5) % 3).collect();
+        let masks: Vec<u64> = (0..50).map(|i| 1 + (i / 5) % 3).collect();
         for world in &worlds {
             check(world, &oracle, Rays::new(&rays).with_masks(&masks), &Sieve)
                 .expect("the same hits");

@@ -94,7 +94,7 @@ pub(super) struct Walker<'w, 's, G: Goal> {
     /// Ends all searches early when it is set.
     pub(super) cancel: Option<&'w AtomicBool>,
     /// The mask bits that all rays of the run have in common.
-    pub(super) masks: u32,
+    pub(super) masks: u64,
     /// The rays of the run.
     pub(super) rays: &'w [RayOf<G>],
     /// The number of the first ray of the run in the batch.

@@ -69,6 +69,37 @@ fn all_count_closest_and_occluded_agree() {
 }
 
 #[test]
+fn the_first_hits_are_the_start_of_all_and_counting_stops() {
+    for (seed, accelerator) in [
+        (0, AcceleratorKind::Bvh),
+        (1, AcceleratorKind::Bvh),
+        (2, AcceleratorKind::None),
+        (3, AcceleratorKind::Bvh),
+    ] {
+        let mut builder = nested_scene(seed);
+        (0..builder.geometries.len() as u32)
+            .step_by(3)
+            .for_each(|g| builder.set_filtered(GeometryId(g)));
+        let world = build(builder, accelerator, Level::best());
+        let rays = rays(seed, 500);
+        for filter in [&AcceptAll as &dyn HitFilter, &Odd] {
+            let all = world.all(&rays, filter);
+            for most in [0, 1, 2, 3, 7, 50, 5000] {
+                let first = world.first(&rays, filter, most);
+                let mut counts = vec![9; rays.len()];
+                world.count_to(&rays, filter, most as u32, &mut counts);
+                for i in 0..rays.len() {
+                    let row = all.of_ray(i);
+                    let row = &row[..row.len().min(most)];
+                    assert_eq!(first.of_ray(i), row, "{seed} {most} {i}");
+                    assert_eq!(counts[i] as usize, row.len(), "{seed} {most} {i}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
 fn a_hit_that_is_offered_again_counts_once_unless_it_is_a_shape() {
     let mut builder = WorldBuilder::default();
     builder.add_mesh(WorldBuilder::ROOT, Arc::new(sphere_mesh(Vec3::ZERO, 1.0, 4, 4)));

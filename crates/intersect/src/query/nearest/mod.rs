@@ -48,14 +48,14 @@ impl World {
 
     /// The nearest point of any surface to one point.
     pub fn nearest_point_one(&self, point: Vec3) -> NearestPoint {
-        self.space().nearest(point.as_dvec3(), f64::INFINITY, u32::MAX, &mut Vec::new()).into()
+        self.space().nearest(point.as_dvec3(), f64::INFINITY, u64::MAX, &mut Vec::new()).into()
     }
 
     /// The nearest point of any surface to a point in double precision, within `max_distance` and
     /// among geometries and instances with a bit in common with `mask`. Neither the point nor the
     /// result is rounded. (The vertices of meshes are in single precision, except in a
     /// [`crate::DWorld`].)
-    pub fn nearest_point_at(&self, point: DVec3, max_distance: f64, mask: u32) -> DNearestPoint {
+    pub fn nearest_point_at(&self, point: DVec3, max_distance: f64, mask: u64) -> DNearestPoint {
         self.space().nearest(point, max_distance, mask, &mut Vec::new())
     }
 
@@ -86,7 +86,7 @@ impl DWorld {
 
     /// The nearest point of any surface to one point.
     pub fn nearest_point_one(&self, point: DVec3) -> DNearestPoint {
-        self.space().nearest(point, f64::INFINITY, u32::MAX, &mut Vec::new())
+        self.space().nearest(point, f64::INFINITY, u64::MAX, &mut Vec::new())
     }
 
     pub(super) fn space(&self) -> Space<'_> {
@@ -108,7 +108,7 @@ impl Space<'_> {
         &self,
         point: DVec3,
         limit: f64,
-        mask: u32,
+        mask: u64,
         stack: &mut Vec<Entry>,
     ) -> DNearestPoint {
         if !is_answered(point, limit) {
@@ -140,7 +140,7 @@ impl Space<'_> {
         &self,
         point: DVec3,
         limit: f64,
-        mask: u32,
+        mask: u64,
         scale: f64,
         stack: &mut Vec<Entry>,
     ) -> Best {
@@ -252,7 +252,7 @@ pub(super) type Entry = (f32, ChildRef);
 struct Search<'a> {
     /// The point in world space.
     point: DVec3,
-    mask: u32,
+    mask: u64,
     options: &'a [GeometryOptions],
     /// The meshes of a world in double precision; `None` for a world in single precision.
     data: Option<&'a DoubleData>,

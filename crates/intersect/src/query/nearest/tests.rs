@@ -268,7 +268,7 @@ fn points_in_double_precision_find_what_rounded_ones_do_and_are_not_rounded() {
     for point in points(31, 200) {
         let (single, double) = (
             world.nearest_point_one(point),
-            world.nearest_point_at(point.as_dvec3(), 1e9, u32::MAX),
+            world.nearest_point_at(point.as_dvec3(), 1e9, u64::MAX),
         );
         assert_eq!(
             (
@@ -300,12 +300,12 @@ fn points_in_double_precision_find_what_rounded_ones_do_and_are_not_rounded() {
     ball(&mut builder);
     let world = default_world(builder);
     let point = DVec3::splat(1e6) + DVec3::new(1.0 + 1e-3, 0.0, 0.0);
-    let near = world.nearest_point_at(point, f64::INFINITY, u32::MAX);
+    let near = world.nearest_point_at(point, f64::INFINITY, u64::MAX);
     assert!((near.distance - 1e-3).abs() < 1e-9 && near.is_found(), "{near:?}");
     assert!(!world.is_inside(point) && world.is_inside(point - DVec3::X * 2e-3));
     assert_eq!(world.winding_number_at(point - DVec3::X * 2e-3), 1.0);
     for (point, limit) in [(point, 0.5e-3), (point, -1.0), (point, f64::NAN), (DVec3::NAN, 1.0)] {
-        assert_eq!(world.nearest_point_at(point, limit, u32::MAX), DNearestPoint::NONE);
+        assert_eq!(world.nearest_point_at(point, limit, u64::MAX), DNearestPoint::NONE);
     }
 }
 

@@ -65,7 +65,7 @@ fn answers_do_not_depend_on_threads_or_pieces() {
     let mut random = Random(5);
     let rays: Vec<Ray> =
         (0..1000).map(|_| Ray::new(random.point(3.0), random.direction())).collect();
-    let masks: Vec<u32> = (0..1000).map(|i| if i % 3 == 0 { 1 } else { u32::MAX }).collect();
+    let masks: Vec<u64> = (0..1000).map(|i| if i % 3 == 0 { 1 } else { u64::MAX }).collect();
     let points: Vec<Vec3> = (0..60).map(|_| random.point(3.0)).collect();
     let limits: Vec<f32> = (0..60).map(|i| 0.05 * i as f32).collect();
     let method = InsideMethod::Winding;

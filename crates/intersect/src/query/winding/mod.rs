@@ -46,20 +46,20 @@ impl World {
 
     /// Computes [`Self::winding_number`] around a point in double precision, which is not rounded.
     pub fn winding_number_at(&self, point: DVec3) -> f64 {
-        self.space().winding().around(&self.options, point, u32::MAX, ACCURACY)
+        self.space().winding().around(&self.options, point, u64::MAX, ACCURACY)
     }
 
     /// True if a point in double precision, which is not rounded, is inside; see
     /// [`Self::occupancy`].
     pub fn is_inside(&self, point: DVec3) -> bool {
-        self.space().winding().side(&self.options, point, u32::MAX) != Side::Outside
+        self.space().winding().side(&self.options, point, u64::MAX) != Side::Outside
     }
 
     /// The generalised winding number without approximation, exact up to rounding. It takes time
     /// proportional to the number of triangles of open meshes.
     pub fn winding_number_exact(&self, point: Vec3) -> f64 {
         let winding = self.space().winding();
-        winding.around(&self.options, point.as_dvec3(), u32::MAX, f64::INFINITY)
+        winding.around(&self.options, point.as_dvec3(), u64::MAX, f64::INFINITY)
     }
 
     /// For each point, whether it is inside, as [`Points::method`] has it, among geometries and
@@ -113,7 +113,7 @@ impl DWorld {
     /// The generalised winding number without approximation; see [`World::winding_number_exact`].
     pub fn winding_number_exact(&self, point: DVec3) -> f64 {
         let winding = self.space().winding();
-        winding.around(&self.world.options, point, u32::MAX, f64::INFINITY)
+        winding.around(&self.world.options, point, u64::MAX, f64::INFINITY)
     }
 
     /// For each point, whether it is inside; see [`World::occupancy`].
@@ -195,7 +195,7 @@ impl<'a> Space<'a> {
     }
 
     /// True if a point is on a surface, at distance zero.
-    fn touches(&self, point: DVec3, mask: u32) -> bool {
+    fn touches(&self, point: DVec3, mask: u64) -> bool {
         self.nearest(point, 0.0, mask, &mut Vec::new()).is_found()
     }
 }

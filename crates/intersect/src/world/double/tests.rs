@@ -64,7 +64,7 @@ fn nested_scene(seed: u32, center: DVec3, size: f64) -> DWorldBuilder {
             for i in 0..3 {
                 let placed = Transform::translation(middle).compose(&random.transform(2.0));
                 let group_from_child = placed.compose(&Transform::translation(-other));
-                let mask = if i == 0 { 3 } else { u32::MAX };
+                let mask = if i == 0 { 3 } else { u64::MAX };
                 builder.add(group, Instance { child, group_from_child, mask, later: Vec::new() });
             }
             (group, middle) = (child, other);
@@ -104,8 +104,8 @@ fn every_structure_and_level_gives_the_same_hits_bit_for_bit() {
     ] {
         let mut random = Random(seed);
         let rays = rays_into(&mut random, center, size, 300);
-        let masks: Vec<u32> =
-            (0..rays.len() as u32).map(|i| [u32::MAX, 2, 4, 8][i as usize % 4]).collect();
+        let masks: Vec<u64> =
+            (0..rays.len() as u32).map(|i| [u64::MAX, 2, 4, 8][i as usize % 4]).collect();
         let batch = Rays::<Double>::new(&rays).with_masks(&masks);
         let oracle = build(nested_scene(seed, center, size), AcceleratorKind::None, Level::Scalar);
         let mut expected = vec![DHit::MISS; rays.len()];
@@ -358,7 +358,7 @@ fn nearest_points_are_those_of_looking_at_everything_bit_for_bit() {
             .map(|i| center + random.point([0.5, 3.0, 50.0][i % 3]).as_dvec3() * size)
             .collect();
         let limits: Vec<f64> = (0..100).map(|i| [f64::INFINITY, 0.3, 2.0][i % 3] * size).collect();
-        for mask in [u32::MAX, 2] {
+        for mask in [u64::MAX, 2] {
             let query = Points { max_distances: &limits, mask, ..Points::of_doubles(&points) };
             let (mut near, mut expected) =
                 (vec![DNearestPoint::NONE; 100], vec![DNearestPoint::NONE; 100]);

@@ -104,7 +104,7 @@ fn edit(builder: &mut WorldBuilder, contents: &mut Contents, random: &mut Random
         (7, _, Some(id)) => {
             builder.remove_instance(id);
         }
-        (8, Some(id), _) => builder.set_mask(id, if random.unit() < 0.3 { 0 } else { u32::MAX }),
+        (8, Some(id), _) => builder.set_mask(id, if random.unit() < 0.3 { 0 } else { u64::MAX }),
         (_, _, Some(id)) => {
             builder.move_instance(id, random.transform(2.0));
         }

@@ -106,7 +106,7 @@ fn masks_of_rays_choose_geometries_and_instances() {
         );
         let world = build(builder, accelerator, Level::best());
         let rays = vec![Ray::new(Vec3::ZERO, Vec3::Z); 40];
-        let masks: Vec<u32> = (0..40).map(|i| [u32::MAX, 0b001, 0b010, 0b100, 0][i % 5]).collect();
+        let masks: Vec<u64> = (0..40).map(|i| [u64::MAX, 0b001, 0b010, 0b100, 0][i % 5]).collect();
         let expected = [1.0, 1.0, 2.0, 5.0, f32::INFINITY];
         let queries = Rays::new(&rays).with_masks(&masks);
         let mut hits = vec![Hit::MISS; 40];

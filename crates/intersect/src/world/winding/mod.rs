@@ -54,7 +54,7 @@ struct Group {
     always: Vec<u32>,
     tree: Tree,
     /// The bits that the masks of all objects have in common.
-    mask: u32,
+    mask: u64,
     /// Bounds of everything that a point can be inside.
     inside: Bounds3d,
     /// The boxes of objects that have an inside, and the number of each object.
@@ -107,13 +107,13 @@ enum Object {
     Shape(u32, Arc<dyn Shape>, DAffine3),
     Primitive(u32, Arc<dyn PrimitiveSet>, u32),
     /// An instance of a group, with its mask.
-    Instance(usize, DAffine3, u32),
+    Instance(usize, DAffine3, u64),
 }
 
 /// What is asked about a point.
 struct Question<'a> {
     options: &'a [GeometryOptions],
-    mask: u32,
+    mask: u64,
     accuracy: f64,
     /// Set if the point is found to be on a surface.
     is_on_surface: Cell<bool>,
@@ -137,7 +137,7 @@ impl Winding {
 
     /// Where a point is among the geometries and instances that share a bit with the mask; outside
     /// if it is not finite. Each geometry is asked by itself.
-    pub fn side(&self, options: &[GeometryOptions], point: DVec3, mask: u32) -> Side {
+    pub fn side(&self, options: &[GeometryOptions], point: DVec3, mask: u64) -> Side {
         if !point.is_finite() {
             return Side::Outside;
         }
@@ -180,7 +180,7 @@ impl Winding {
 
     /// True if the winding number of all surfaces around a point is more than a half, or the point
     /// is on one of them. Where the approximation is near a half, a better one decides.
-    pub fn exceeds_half(&self, options: &[GeometryOptions], point: DVec3, mask: u32) -> bool {
+    pub fn exceeds_half(&self, options: &[GeometryOptions], point: DVec3, mask: u64) -> bool {
         for (accuracy, doubt) in ACCURACIES {
             let (number, is_on_surface) = self.winding(options, point, mask, accuracy);
             if is_on_surface {
@@ -199,7 +199,7 @@ impl Winding {
         &self,
         options: &[GeometryOptions],
         point: DVec3,
-        mask: u32,
+        mask: u64,
         accuracy: f64,
     ) -> f64 {
         self.winding(options, point, mask, accuracy).0
@@ -210,7 +210,7 @@ impl Winding {
         &self,
         options: &[GeometryOptions],
         point: DVec3,
-        mask: u32,
+        mask: u64,
         accuracy: f64,
     ) -> (f64, bool) {
         if !point.is_finite() {
@@ -275,7 +275,7 @@ struct Entry {
     /// The bounds of what a point can be inside.
     inside: Bounds3d,
     /// The bits that the masks of all that is in the object have in common.
-    mask: u32,
+    mask: u64,
 }
 
 impl Group {
@@ -332,7 +332,7 @@ impl Group {
         let items: Vec<(u32, Moments)> =
             numbered().filter_map(|(i, e)| Some((i, e.moments?))).collect();
         group.tree = Tree::build(&items, |i| entries[i as usize].mask);
-        group.mask = entries.iter().fold(u32::MAX, |all, e| all & e.mask);
+        group.mask = entries.iter().fold(u64::MAX, |all, e| all & e.mask);
         let (inside, boxes): (Vec<u32>, Vec<Bounds3d>) =
             numbered().filter(|(_, e)| !e.inside.is_empty()).map(|(i, e)| (i, e.inside)).unzip();
         group.inside = boxes.iter().fold(Bounds3d::EMPTY, |all, b| all.union(b));
@@ -351,7 +351,7 @@ fn grown(bounds: &Bounds3d) -> Bounds3d {
 }
 
 impl Entry {
-    fn of_mesh(geometry: u32, mesh: Triangles, mask: u32) -> Option<Self> {
+    fn of_mesh(geometry: u32, mesh: Triangles, mask: u64) -> Option<Self> {
         if mesh.len() == 0 {
             return None;
         }
@@ -360,7 +360,7 @@ impl Entry {
         Some(Self { object: Object::Mesh(geometry, Arc::new(solid)), moments, inside, mask })
     }
 
-    fn of_shape(geometry: u32, shape: Arc<dyn Shape>, placed: &Transform, mask: u32) -> Self {
+    fn of_shape(geometry: u32, shape: Arc<dyn Shape>, placed: &Transform, mask: u64) -> Self {
         let bounds = shape.bounds();
         let in_group = placed.bounds(&bounds);
         let is_solid = shape.is_closed();
@@ -375,7 +375,7 @@ impl Entry {
         geometry: u32,
         set: &Arc<dyn PrimitiveSet>,
         primitive: usize,
-        mask: u32,
+        mask: u64,
     ) -> Option<Self> {
         let bounds = set.bounds(primitive);
         (!bounds.is_empty()).then(|| Self {

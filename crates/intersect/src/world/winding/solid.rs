@@ -78,7 +78,7 @@ impl Solid {
         }
         let items: Vec<(u32, Moments)> =
             (0..).zip(&parts).filter_map(|(i, part)| Some((i, *part.tree.moments()?))).collect();
-        let open = Tree::build(&items, |_| u32::MAX);
+        let open = Tree::build(&items, |_| u64::MAX);
         Self { mesh, bounds, inside, closed, parts, open, side }
     }
 
@@ -122,14 +122,14 @@ impl Solid {
                 is_inside.set(is_inside.get() || number > 0.5);
                 is_doubtful.set(is_doubtful.get() || (number - 0.5).abs() < doubt);
             };
-            let sum = self.open.winding_number(&view, accuracy, u32::MAX, &mut |part| {
+            let sum = self.open.winding_number(&view, accuracy, u64::MAX, &mut |part| {
                 let part = &self.parts[part as usize];
                 let decides = part.side != 0.0 && part.bounds.contains(point);
                 if part.side.is_nan() || (self.side == 0.0 && !decides) {
                     return 0.0;
                 }
                 let bounds_something = self.side != 0.0 || part.side != 0.0;
-                let number = part.tree.winding_number(&view, accuracy, u32::MAX, &mut |triangle| {
+                let number = part.tree.winding_number(&view, accuracy, u64::MAX, &mut |triangle| {
                     let corners = self.mesh.corners(triangle as usize);
                     if bounds_something && is_on(&corners, point) {
                         is_on_surface.set(true);
@@ -163,9 +163,9 @@ impl Solid {
             is_on_surface.set(is_on_surface.get() || is_on);
         }
         f64::from(closed)
-            + self.open.winding_number(view, accuracy, u32::MAX, &mut |part| {
+            + self.open.winding_number(view, accuracy, u64::MAX, &mut |part| {
                 let tree = &self.parts[part as usize].tree;
-                tree.winding_number(view, accuracy, u32::MAX, &mut |triangle| {
+                tree.winding_number(view, accuracy, u64::MAX, &mut |triangle| {
                     let corners = self.mesh.corners(triangle as usize);
                     if is_on(&corners, view.point) {
                         is_on_surface.set(true);
@@ -185,6 +185,6 @@ impl Part {
             .filter(|(_, m)| m.area > 0.0 && m.area.is_finite())
             .collect();
         let bounds = items.iter().fold(Bounds3d::EMPTY, |all, (_, m)| all.union(&m.bounds));
-        Self { tree: Tree::build(&items, |_| u32::MAX), bounds, side: part.extent.side() }
+        Self { tree: Tree::build(&items, |_| u64::MAX), bounds, side: part.extent.side() }
     }
 }

@@ -141,7 +141,7 @@ struct Node {
     /// The index of the second child; 0 for a leaf.
     second: u32,
     /// The bits that the masks of all items have in common.
-    mask: u32,
+    mask: u64,
 }
 
 /// The tree of a group.
@@ -160,7 +160,7 @@ const PARALLEL: usize = 4096;
 
 impl Tree {
     /// Builds the tree over items with these moments and masks.
-    pub fn build(items: &[(u32, Moments)], mask: impl Fn(u32) -> u32 + Sync) -> Self {
+    pub fn build(items: &[(u32, Moments)], mask: impl Fn(u32) -> u64 + Sync) -> Self {
         let mut order: Vec<u32> = (0..items.len() as u32).collect();
         let nodes = if items.is_empty() { Vec::new() } else { build(items, &mask, &mut order, 0) };
         order.par_iter_mut().for_each(|i| *i = items[*i as usize].0);
@@ -179,7 +179,7 @@ impl Tree {
         &self,
         view: &View,
         accuracy: f64,
-        mask: u32,
+        mask: u64,
         exact: &mut impl FnMut(u32) -> f64,
     ) -> f64 {
         let mut sum = 0.0;
@@ -225,7 +225,7 @@ fn from_afar(moments: &Moments, view: &View, r: DVec3, distance: f64) -> f64 {
 /// axis. `first` is the index in the whole order at which the part begins.
 fn build(
     items: &[(u32, Moments)],
-    mask: &(impl Fn(u32) -> u32 + Sync),
+    mask: &(impl Fn(u32) -> u64 + Sync),
     order: &mut [u32],
     first: u32,
 ) -> Vec<Node> {
@@ -240,7 +240,7 @@ fn build(
             first,
             count: order.len() as u32,
             second: 0,
-            mask: order.iter().fold(u32::MAX, |all, &i| all & mask(items[i as usize].0)),
+            mask: order.iter().fold(u64::MAX, |all, &i| all & mask(items[i as usize].0)),
         });
         nodes[0].moments
     } else {
