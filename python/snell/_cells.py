@@ -13,8 +13,12 @@ import numpy as np
 
 from snell.usd._polygons import triangulated
 
-# Cells of each kind: a name as in meshio, and the corners of each node (rows, as in meshio and VTK).
+# Cells by kind, with a name as in meshio: the nodes of each cell, in the order of meshio and VTK.
 Blocks = list[tuple[str, Any]]
+
+# Faces of one number of corners: the corners `(m, k)`, and the loops of nodes around them, which
+# are the same, or `(m, 2 k)` with the middles of edges.
+_Faces = tuple[np.ndarray, np.ndarray]
 
 # The faces of solid cells, by the numbers of their corners.
 _FACES: dict[str, tuple[tuple[int, ...], ...]] = {
@@ -142,11 +146,13 @@ def surface(points: np.ndarray, blocks: Blocks, library: str) -> np.ndarray:
     """The triangles `(m, 3)` of the surface of cells.
 
     Surface cells are taken as they are, solid cells by the faces that only one of them has, outer
-    side outwards. A surface cell on such a face is left out. Polygons are divided into triangles, and
-    cells of second order those between corners and middles of edges. Lines and points are left out,
-    with a warning; if there is nothing else, that is an error.
+    side outwards. A surface cell on such a face is left out. Polygons are divided into triangles;
+    cells of second order have those between corners and middles of edges. Lines and points are left
+    out, with a warning; if there is nothing else, that is an error.
     """
-    flat, solid, others = [], [], []
+    flat: list[_Faces] = []
+    solid: list[_Faces] = []
+    others: list[str] = []
     for kind, cells in blocks:
         if len(cells) == 0:
             continue
@@ -165,13 +171,13 @@ def surface(points: np.ndarray, blocks: Blocks, library: str) -> np.ndarray:
             flat.append((rows[:, corners], _loops(base, rows, corners, base != kind)))
         else:
             raise TypeError(
-                f"vertices: the mesh of {library} has cells of the kind {kind}, which Snell does not "
-                "know; give it the triangles of its surface"
+                f"vertices: the mesh of {library} has cells of the kind {kind}, which Snell does "
+                "not know; give it the triangles of its surface"
             )
     if others and not flat and not solid:
         raise TypeError(
-            f"vertices: the mesh of {library} has only cells of the kind {', '.join(others)}; points "
-            "are added by add_spheres(points, radius), lines by add_curves(points, radius)"
+            f"vertices: the mesh of {library} has only cells of the kind {', '.join(others)}; "
+            "points are added by add_spheres(points, radius), lines by add_curves(points, radius)"
         )
     if others:
         warnings.warn(
@@ -179,11 +185,6 @@ def surface(points: np.ndarray, blocks: Blocks, library: str) -> np.ndarray:
         )
     triangles = [_triangles(points, *faces) for faces in _boundary(solid, flat)]
     return np.concatenate([np.empty((0, 3), np.int64), *triangles])
-
-
-# Faces of one number of corners: the corners `(m, k)`, and the loops of nodes around them, which are
-# the same, or `(m, 2 k)` with the middles of edges.
-_Faces = tuple[np.ndarray, np.ndarray]
 
 
 def _loops(kind: str, cells: np.ndarray, corners: Sequence[int], is_curved: bool) -> np.ndarray:
@@ -241,7 +242,7 @@ def _polygons(cells: Any) -> Iterable[_Faces]:
 
 
 def _boundary(solid: list[_Faces], flat: list[_Faces]) -> list[_Faces]:
-    """The faces of solid cells that only one cell has, and the flat cells that are not among them."""
+    """The faces of solid cells that only one cell has, and the flat cells not among them."""
     if not solid:
         return flat
     kept: list[_Faces] = []
@@ -263,9 +264,7 @@ def _triangles(points: np.ndarray, corners: np.ndarray, loops: np.ndarray) -> np
     """The triangles of faces."""
     count, size = loops.shape
     if corners.shape[1] == size:
-        places = triangulated(
-            points, np.full(count, size), loops.ravel(), np.empty(0, np.int64)
-        )[0]
+        places = triangulated(points, np.full(count, size), loops.ravel(), np.empty(0, np.int64))[0]
         return loops.ravel()[places]
     # Of second order: the corners are cut off at the middles of edges.
     cut = [(i, i + 1, (i - 1) % size) for i in range(0, size, 2)]

@@ -139,8 +139,9 @@ def _surface_of(mesh: Any) -> tuple[np.ndarray, np.ndarray]:
     if not hasattr(mesh, "celltypes") and hasattr(mesh, "cast_to_unstructured_grid"):
         mesh = mesh.cast_to_unstructured_grid()  # pyvista.ImageData, StructuredGrid and others
     if hasattr(mesh, "points") and hasattr(mesh, "celltypes"):  # pyvista.UnstructuredGrid
-        points, offsets = np.asarray(mesh.points), np.asarray(mesh.offset)
-        nodes = np.asarray(mesh.cell_connectivity)
+        points, nodes = np.asarray(mesh.points), np.asarray(mesh.cell_connectivity)
+        # The older name of the newer one.
+        offsets = np.asarray(mesh.cell_offsets if hasattr(mesh, "cell_offsets") else mesh.offset)
         blocks = blocks_of_vtk(np.asarray(mesh.celltypes), offsets, nodes)
         return points, surface(points, blocks, "PyVista")
     raise TypeError(

@@ -58,16 +58,16 @@ def save_points(
     """Writes a cloud of points as PLY or PCD, in binary (little endian).
 
     All numbers are written as they are: `float64` points as doubles, `float32` ones as floats,
-    integers as integers. The file appears whole or not at all; one that is there stays if the
-    writing fails.
+    integers as integers. (PCL, and the older reader of Open3D, know no doubles in PCD: give them
+    `float32`.) The file appears whole or not at all; one that is there stays if the writing fails.
 
     Parameters
     ----------
     path : str or os.PathLike
         A name that ends in ``.ply`` or ``.pcd``.
     points : array (..., 3)
-        Finite positions: of the hits of a scan, those whose `t_hit` is finite. In PCD, a scan of the
-        shape ``(h, w, 3)`` keeps its rows, and NaN is a point that is missing.
+        Finite positions: of the hits of a scan, those whose `t_hit` is finite. In PCD, a scan of
+        the shape ``(h, w, 3)`` keeps its rows, and NaN is a point that is missing.
     colors : array (..., 3) or (..., 4), optional
         Colours: `uint8` is written as it is (sRGB), `uint16` is sRGB too, floats are linear, from
         0 to 1. They become 8 bits for each channel.
@@ -116,7 +116,8 @@ def save_points(
     parts["rest"] = {name: _column(values, name, shape) for name, values in rest.items()}
     fields, header = writer(**parts)
     records = np.empty(
-        places.size // 3, [(name, values.dtype.newbyteorder("<")) for name, values in fields.items()]
+        places.size // 3,
+        [(name, values.dtype.newbyteorder("<")) for name, values in fields.items()],
     )
     for name, values in fields.items():
         records[name] = values

@@ -1,5 +1,5 @@
-"""Shows the progress of a render or a query: by tqdm or rich if the program has imported one of them, else as
-a line of text.
+"""Shows the progress of a render or a query: by tqdm or rich if the program has imported one of
+them, else as a line of text.
 """
 
 from __future__ import annotations

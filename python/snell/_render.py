@@ -107,8 +107,8 @@ def render(
     1.0
     """
     options = {"integrator": integrator, "spp": spp, "size": size, "camera": camera}
-    options |= {"threads": threads, "tonemap": tonemap, **_known("render", settings)}
-    options["shutter"] = shutter
+    options |= {"threads": threads, "tonemap": tonemap, "shutter": shutter}  # type: ignore[dict-item]
+    options |= _known("render", settings)
     with reporter(progress) as report:
         image = _Render(_scene(scene), options).render(report=report)
     _warn(image)

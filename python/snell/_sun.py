@@ -75,7 +75,9 @@ def sun_direction(
     if refraction:
         elevation = elevation + _refraction(elevation)
     scale = np.cos(elevation) / np.maximum(level, 1e-300)
-    parts = zip((to_east * scale, to_north * scale, np.sin(elevation)), (east, north, up), strict=True)
+    parts = zip(
+        (to_east * scale, to_north * scale, np.sin(elevation)), (east, north, up), strict=True
+    )
     towards: np.ndarray = sum(np.multiply.outer(part, axis) for part, axis in parts)  # type: ignore[assignment]
     return towards
 

@@ -204,6 +204,12 @@ class Node:
     (0, 'shape', 'ball', 1.0)
     """
 
+    _scene: Scene
+    _id: int
+    _kind: str
+    _name: str | None
+    _mask: int
+
     def __init__(self, scene: Scene, id: int, kind: str, name: str | None, mask: int) -> None:
         self.__dict__.update(_scene=scene, _id=id, _kind=kind, _name=name, _mask=mask)
 
@@ -265,7 +271,9 @@ class Node:
 
 def walk(scene: Scene) -> Iterator[tuple[tuple[int, ...], Node, np.ndarray]]:
     """Yields all objects of a scene, those in instances too; see :meth:`Scene.walk`."""
-    rest = [((), node, node.transform) for node in reversed(scene.children)]
+    rest: list[tuple[tuple[int, ...], Node, np.ndarray]] = [
+        ((), node, node.transform) for node in reversed(scene.children)
+    ]
     while rest:
         path, node, placed = rest.pop()
         yield path, node, placed

@@ -105,10 +105,19 @@ def test_inner_faces_are_left_out_and_surface_cells_are_not_doubled():
 def test_polygons_and_polyhedra():
     points = np.array([[0, 0, 0], [4, 0, 0], [4, 4, 0], [1, 1, 0], [0, 4, 0]], float)
     faces = surface(points, [("polygon", [[0, 1, 2, 3, 4], [0, 1, 2]])], "meshio")
-    area = np.cross(points[faces[:, 1]] - points[faces[:, 0]], points[faces[:, 2]] - points[faces[:, 0]])
-    assert len(faces) == 4 and (area[:, 2] > 0).all() and area[:, 2].sum() / 2 == 9 + 8
+    area = np.cross(
+        points[faces[:, 1]] - points[faces[:, 0]], points[faces[:, 2]] - points[faces[:, 0]]
+    )
+    assert len(faces) == 4 and (area[:, 2] > 0).all() and area[:, 2].sum() / 2 == 10 + 8
     cube = np.array(CUBE, float)
-    polyhedron = [[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [0, 4, 7, 3]]
+    polyhedron = [
+        [0, 3, 2, 1],
+        [4, 5, 6, 7],
+        [0, 1, 5, 4],
+        [1, 2, 6, 5],
+        [2, 3, 7, 6],
+        [0, 4, 7, 3],
+    ]
     turned = [polyhedron[0][::-1], *polyhedron[1:]]
     faces = surface(cube, [("polyhedron8", [turned])], "meshio")
     assert is_closed(faces) and volume(cube, faces) == 1
@@ -124,9 +133,11 @@ def test_cells_of_vtk_have_their_order():
     assert volume(points, surface(points, blocks, "PyVista")) == 1
     blocks = blocks_of_vtk(kinds[1:], np.array([0, 4, 8]), nodes[8:])
     faces = surface(points, blocks, "PyVista")
-    normals = np.cross(points[faces[:, 1]] - points[faces[:, 0]], points[faces[:, 2]] - points[faces[:, 0]])
+    normals = np.cross(
+        points[faces[:, 1]] - points[faces[:, 0]], points[faces[:, 2]] - points[faces[:, 0]]
+    )
     assert len(faces) == 4 and (normals[:, 2] == 1).all()
-    with pytest.raises(TypeError, match="VTK's kind 68.*extract_surface"):
+    with pytest.raises(TypeError, match=r"VTK's kind 68.*extract_surface"):
         blocks_of_vtk(np.array([68]), np.array([0, 3]), np.arange(3))
 
 

@@ -86,7 +86,9 @@ def test_times_do_not_depend_on_the_batch_or_the_threads(rng):
     rays, times = rays_at(rng, 3000, np.float32), rng.uniform(-1, 5, 3000)
     all_at_once = scene.cast_rays(rays, times=times)
     alone = scene.cast_rays(rays, times=times, threads=1)
-    one_by_one = [scene.cast_rays(ray, times=time).t_hit for ray, time in zip(rays, times)]
+    one_by_one = [
+        scene.cast_rays(ray, times=time).t_hit for ray, time in zip(rays, times, strict=True)
+    ]
     assert (all_at_once.t_hit == alone.t_hit).all()
     assert (all_at_once.t_hit == np.array(one_by_one)).all()
     grid = scene.cast_rays(rays.reshape(50, 60, 6), times=times.reshape(50, 60))
@@ -134,7 +136,7 @@ def test_things_rest_before_and_after_their_keys_and_without_times():
 
 
 def test_motion_is_read_back_copied_pickled_and_ended():
-    scene, (still, car, *others) = street()
+    scene, (still, car, *_) = street()
     transforms, times = scene.motion(car)
     assert times.tolist() == [0, 1, 4] and transforms.shape == (3, 4, 4)
     assert (scene.transform(car) == transforms[0]).all() and scene.motion(still) is None
@@ -143,7 +145,9 @@ def test_motion_is_read_back_copied_pickled_and_ended():
     expected = scene.cast_rays(ray, times=2).t_hit
     assert again.cast_rays(ray, times=2).t_hit == expected
     rays = np.tile(np.array(ray, float), (40, 1))
-    assert (again.cast_rays(rays, times=when).t_hit == scene.cast_rays(rays, times=when).t_hit).all()
+    assert (
+        again.cast_rays(rays, times=when).t_hit == scene.cast_rays(rays, times=when).t_hit
+    ).all()
     again.update_transform(car, transforms[1])
     assert again.motion(car) is None
     assert again.cast_rays(ray, times=2).t_hit == again.cast_rays(ray, times=3).t_hit
@@ -228,8 +232,14 @@ def test_bad_arguments_change_nothing():
         (lambda: scene.add_instances(ball, good, ["a"]), "1 names and 3 transforms"),
         (lambda: scene.add_instances(ball, np.eye(4)), r"shape is \(4, 4\), expected \(n, 4, 4\)"),
         (lambda: scene.add_instances(ball, good, times=[0, 1, 2]), r"expected \(n, k, 4, 4\)"),
-        (lambda: scene.update_transform(0, good, times=[0, 1]), r"shape is \(2,\), expected \(3,\)"),
-        (lambda: scene.update_transform(0, good, times=[0, 2, 1]), r"times\[2\] is 1, expected more"),
+        (
+            lambda: scene.update_transform(0, good, times=[0, 1]),
+            r"shape is \(2,\), expected \(3,\)",
+        ),
+        (
+            lambda: scene.update_transform(0, good, times=[0, 2, 1]),
+            r"times\[2\] is 1, expected more",
+        ),
         (lambda: scene.update_transform(0, good, times=[0, np.inf, 1]), r"times\[1\] is inf"),
         (lambda: scene.update_transform(0, good[:0]), "there are no keys"),
         (lambda: scene.update_transform(0, np.eye(4), times=[0]), r"expected \(k, 4, 4\)"),
@@ -257,7 +267,9 @@ def test_removed_movers_leave_the_others_as_they_are():
     scene.remove(moving[2])
     fresh, ids = street()
     fresh.remove(ids[3])
-    assert (fresh.cast_rays(rays, times=times).t_hit == scene.cast_rays(rays, times=times).t_hit).all()
+    assert (
+        fresh.cast_rays(rays, times=times).t_hit == scene.cast_rays(rays, times=times).t_hit
+    ).all()
     assert scene.cast_rays([0.2, 0.2, -9, 0, 0, 1]).geometry_ids == still
 
 

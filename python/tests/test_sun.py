@@ -52,7 +52,9 @@ def test_axes_times_and_shapes():
     east, north, above = z_up
     assert east < 0 and north < 0 and above > 0  # An afternoon in the north.
     assert np.allclose(snell.sun_direction(48.8, 2.3, when), [east, above, -north])
-    assert np.allclose(snell.sun_direction(48.8, 2.3, when, up="z", north="x"), [north, -east, above])
+    assert np.allclose(
+        snell.sun_direction(48.8, 2.3, when, up="z", north="x"), [north, -east, above]
+    )
     assert np.allclose(snell.sun_direction(48.8, 2.3, when, up=(0, 0, 9)), z_up)
     zone = datetime.timezone(datetime.timedelta(hours=2))
     assert np.allclose(snell.sun_direction(48.8, 2.3, when.astimezone(zone), up="z"), z_up)

@@ -25,7 +25,9 @@ def thing(turn: np.ndarray, up: str) -> snell.Scene:
 
 
 def picture(scene: snell.Scene, **options) -> np.ndarray:
-    return np.asarray(snell.render(scene, "direct", spp=16, size=(48, 36), progress=False, **options))
+    return np.asarray(
+        snell.render(scene, "direct", spp=16, size=(48, 36), progress=False, **options)
+    )
 
 
 def test_the_default_camera_light_and_floor_follow_up():

@@ -77,7 +77,7 @@ def test_a_walk_finds_each_object_where_rays_hit_it():
         if node.kind != "instance":
             center = transform @ [0, 0, 1.5 if node.name == "body" else 0, 1]
             found[path, node.id] = center[:3]
-    assert len(found) == 6 and list(found)[0] == ((0, 0), 0)
+    assert len(found) == 6 and next(iter(found)) == ((0, 0), 0)
     centers = np.array(list(found.values()))
     hits = street.cast_rays((centers - [0, 0, 30], [0, 0, 1.0]))
     for (path, id), hit in zip(found, range(6), strict=True):

@@ -74,7 +74,8 @@ impl Scene {
             stage.settings.up = Some(up);
             stage.environment = stage.environment.take().map(|light| turned(light, &turn));
             if let Background::ShadowCatcher(_) = stage.background {
-                stage.background = studio(contents)?;
+                let floor = studio(contents)?;
+                contents.stage_mut().background = floor;
             }
             Ok(())
         })

@@ -59,6 +59,11 @@ impl Scene {
     ) -> PyResult<T> {
         let py = limits.t_min.py();
         let snapshot = self.0.snapshot::<P>(py)?;
+        if limits.times.is_some() && self.0.contents(py).stage.motion.is_some() {
+            let message = "times: queries do not see the animation of the file, but only what \
+                update_transform(id, transforms, times) moves";
+            crate::encoding::warn(py, message.into())?;
+        }
         let arrays = RayArrays::<P>::new(rays, limits, snapshot.axis)?;
         let invalid = AtomicUsize::new(0);
         let invalid_wanted = options.warn_invalid.then_some(&invalid);

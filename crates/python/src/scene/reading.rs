@@ -164,9 +164,10 @@ impl Scene {
             .objects()
             .map(|(id, object)| {
                 let name = object.name.as_deref();
-                node.call1((&copy, id, object.kind.name(), name, object.mask))
+                let node = node.call1((&copy, id, object.kind.name(), name, object.mask))?;
+                Ok(node.unbind())
             })
-            .collect::<PyResult<Vec<_>>>()?;
+            .collect::<PyResult<Vec<Py<PyAny>>>>()?;
         listed(slf, "children", nodes)
     }
 
