@@ -17,6 +17,7 @@ from snell._cameras import create_rays_pinhole
 from snell._images import Comparison, compare
 from snell._load import load
 from snell._pairs import ClosestPair, closest_pair, collides, time_of_impact
+from snell._points import save_points
 from snell._render import SceneWarning, render, render_iter
 from snell._snell import (
     INVALID_ID,
@@ -42,7 +43,9 @@ from snell._snell import (
     __version__,
     describe,
 )
+from snell._sun import sun_direction
 from snell._view import explain, view
+from snell._views import Node
 
 __all__ = [
     "INVALID_ID",
@@ -64,6 +67,7 @@ __all__ = [
     "Light",
     "Material",
     "Medium",
+    "Node",
     "Pattern",
     "Scene",
     "SceneWarning",
@@ -80,6 +84,8 @@ __all__ = [
     "load",
     "render",
     "render_iter",
+    "save_points",
+    "sun_direction",
     "time_of_impact",
     "view",
 ]

@@ -60,7 +60,7 @@ impl Scene {
         transform: Option<&Bound<'_, PyAny>>,
         name: Option<String>,
         smooth: bool,
-        mask: Option<i64>,
+        mask: Option<objects::Mask>,
         material: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<u32> {
         let field = heightfield::field(z, transform, smooth)?;

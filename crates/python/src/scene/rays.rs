@@ -8,10 +8,11 @@ use crate::choice::{Choice, Chosen, max_hits};
 use crate::columns::Columns;
 use crate::memory::admit_all;
 use crate::precision::Precision;
+use crate::progress::Report;
 use crate::query::{FEW, Question, coherent_angle, piece_size};
 use crate::rays::{Limits, RayArgument, RayArrays};
 use crate::state::Kept;
-use crate::work::{Count, Threads, run};
+use crate::work::{Cancel, Count, Stopped, Threads, run_with};
 use numpy::PyArrayMethods;
 use pyo3::exceptions::{PyMemoryError, PyRuntimeWarning, PyTypeError, PyValueError};
 use pyo3::prelude::*;
@@ -26,12 +27,29 @@ const BYTES_OF_LISTED: u64 = 200;
 
 /// Options of a query over rays.
 #[derive(Debug)]
-struct Options {
+struct Options<'a> {
     threads: Threads,
     choice: Choice,
     /// Maximum number of hits of a ray.
     max_hits: Option<u32>,
     warn_invalid: bool,
+    report: Option<&'a Report>,
+}
+
+impl Options<'_> {
+    /// Runs a query, and reports its progress.
+    fn run<T: Send>(
+        &self,
+        py: Python<'_>,
+        is_small: bool,
+        work: impl FnOnce(&Cancel) -> Result<T, Stopped> + Send,
+    ) -> PyResult<T> {
+        let look = |py: Python<'_>| self.report.map_or(Ok(()), |report| report.tell(py));
+        let result = run_with(py, self.threads, is_small, look, work);
+        let Some(report) = self.report else { return result };
+        let ended = report.end(py, result.is_ok());
+        result.and_then(|result| ended.map(|()| result))
+    }
 }
 
 impl Scene {
@@ -40,12 +58,17 @@ impl Scene {
         &self,
         rays: &RayArgument<'py>,
         limits: &Limits<'_, 'py>,
-        options: &Options,
+        options: &Options<'_>,
         answer: impl FnOnce(&Arc<Snapshot<P>>, &RayArrays<'py, P>, &Question<'_, P>) -> PyResult<T>,
     ) -> PyResult<T> {
         let py = limits.t_min.py();
         let snapshot = self.0.snapshot::<P>(py)?;
-        let arrays = RayArrays::<P>::new(rays, limits)?;
+        if limits.times.is_some() && self.0.contents(py).stage.motion.is_some() {
+            let message = "times: queries do not see the animation of the file, but only what \
+                update_transform(id, transforms, times) moves";
+            crate::encoding::warn(py, message.into())?;
+        }
+        let arrays = RayArrays::<P>::new(rays, limits, snapshot.axis)?;
         let invalid = AtomicUsize::new(0);
         let invalid_wanted = options.warn_invalid.then_some(&invalid);
         let stats = P::stats(&snapshot.world);
@@ -55,6 +78,7 @@ impl Scene {
             piece,
             coherent_angle: coherent_angle(stats),
             invalid: invalid_wanted,
+            done: options.report.map(|report| &report.done),
         };
         let result = answer(&snapshot, &arrays, &question)?;
         match invalid.into_inner() {
@@ -76,14 +100,14 @@ impl Scene {
         &self,
         rays: &RayArgument<'py>,
         limits: &Limits<'_, 'py>,
-        options: &Options,
+        options: &Options<'_>,
     ) -> PyResult<Hits> {
         let (py, count) = (limits.t_min.py(), rays.len());
         self.ask::<P, _>(rays, limits, options, |snapshot, arrays, question| {
             let world = &*snapshot.world;
             let (mut hits, mut writable) = Columns::new(py, count)?;
             let places = writable.places()?;
-            run(py, options.threads, count <= FEW, |cancel| {
+            options.run(py, count <= FEW, |cancel| {
                 options.choice.with_filter(snapshot, |filter| {
                     question.hits(cancel, places, |rays, grouping, hits| {
                         P::closest(world, rays, grouping, filter, hits)
@@ -115,13 +139,13 @@ impl Scene {
         &self,
         rays: &RayArgument<'py>,
         limits: &Limits<'_, 'py>,
-        options: &Options,
+        options: &Options<'_>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let (py, count) = (limits.t_min.py(), rays.len());
         self.ask::<P, _>(rays, limits, options, |snapshot, _, question| {
             let world = &*snapshot.world;
             admit_all("the answers", count, size_of::<bool>())?;
-            let blocked = run(py, options.threads, count <= FEW, |cancel| {
+            let blocked = options.run(py, count <= FEW, |cancel| {
                 let mut blocked = vec![false; count];
                 options.choice.with_filter(snapshot, |filter| {
                     question.answer(cancel, &mut blocked, |rays, grouping, blocked| {
@@ -138,13 +162,13 @@ impl Scene {
         &self,
         rays: &RayArgument<'py>,
         limits: &Limits<'_, 'py>,
-        options: &Options,
+        options: &Options<'_>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let (py, count) = (limits.t_min.py(), rays.len());
         self.ask::<P, _>(rays, limits, options, |snapshot, _, question| {
             let world = &*snapshot.world;
             filled(py, &rays.shape, |counts: &mut [u32]| {
-                run(py, options.threads, count <= FEW, |cancel| {
+                options.run(py, count <= FEW, |cancel| {
                     options.choice.with_filter(snapshot, |filter| {
                         question.answer(cancel, counts, |rays, _, counts| {
                             P::count(world, rays, filter, options.max_hits, counts);
@@ -159,7 +183,7 @@ impl Scene {
         &self,
         rays: &RayArgument<'py>,
         limits: &Limits<'_, 'py>,
-        options: &Options,
+        options: &Options<'_>,
     ) -> PyResult<Intersections> {
         let (py, count) = (limits.t_min.py(), rays.len());
         if u32::try_from(rays.len()).is_err() {
@@ -172,7 +196,7 @@ impl Scene {
         self.ask::<P, _>(rays, limits, options, |snapshot, arrays, question| {
             let world = &*snapshot.world;
             let (most, found) = (Available::now().bytes / BYTES_OF_LISTED, AtomicU64::new(0));
-            let listed = run(py, options.threads, count <= FEW, |cancel| {
+            let listed = options.run(py, count <= FEW, |cancel| {
                 let pieces = options.choice.with_filter(snapshot, |filter| {
                     question.all(cancel, |rays| {
                         let all = P::all(world, rays, filter, options.max_hits);
@@ -232,8 +256,9 @@ macro_rules! queries {
             $($(#[doc = $doc])*
             #[pyo3(
                 signature = (
-                    rays, *more, t_min=None, t_max=None, mask=None, cull=None, only=None,
-                    exclude=None, $($most=None,)? threads=None, warn_invalid=false,
+                    rays, *more, t_min=None, t_max=None, mask=None, times=None, cull=None,
+                    only=None, exclude=None, $($most=None,)? threads=None, progress=None,
+                    warn_invalid=false,
                 ),
                 text_signature = $signature
             )]
@@ -245,11 +270,13 @@ macro_rules! queries {
                 t_min: Option<&Bound<'py, PyAny>>,
                 t_max: Option<&Bound<'py, PyAny>>,
                 mask: Option<&Bound<'py, PyAny>>,
+                times: Option<&Bound<'py, PyAny>>,
                 cull: Option<&Bound<'py, PyAny>>,
                 only: Option<&Bound<'py, PyAny>>,
                 exclude: Option<&Bound<'py, PyAny>>,
                 $($most: Option<&Bound<'py, PyAny>>,)?
                 threads: Option<Count>,
+                progress: Option<&Bound<'py, PyAny>>,
                 warn_invalid: bool,
             ) -> PyResult<$answer> {
                 if !more.is_empty() {
@@ -264,13 +291,15 @@ macro_rules! queries {
                 let zero = 0.0f64.into_pyobject(py)?.into_any();
                 let infinity = f64::INFINITY.into_pyobject(py)?.into_any();
                 let (t_min, t_max) = (t_min.unwrap_or(&zero), t_max.unwrap_or(&infinity));
-                let limits = Limits { t_min, t_max, mask };
+                let limits = Limits { t_min, t_max, mask, times };
                 let chosen = Chosen { cull, only, exclude };
+                let report = Report::new(progress, rays.len())?;
                 let options = Options {
                     threads: Threads::given(threads)?,
                     choice: Choice::new(chosen, || self.0.contents(py))?,
                     max_hits: max_hits(None $(.or($most))?)?,
                     warn_invalid,
+                    report: report.as_ref(),
                 };
                 if rays.is_double {
                     self.$method::<f64>(&rays, &limits, &options)
@@ -294,6 +323,9 @@ queries! {
     ///     Only hits between them count, ends excluded. 0 and infinity if left out.
     /// mask : int or array (...) of integers, optional
     ///     64 bits: only objects whose mask shares a bit with it are hit.
+    /// times : float or array (...), optional
+    ///     The time of each ray, for things that move (:meth:`update_transform`): each ray sees
+    ///     them where they are at its time. The time of the first of all keys if left out.
     /// cull : "back" or "front", optional
     ///     Rays pass through surfaces that they meet from this side: from behind, along
     ///     `primitive_normals`, or from the front, against them (for triangles, the side from which
@@ -304,6 +336,11 @@ queries! {
     ///     is an object within an instance. A name stands for all objects that have it.
     /// threads : int, optional
     ///     Number of threads. All cores if left out. The result does not depend on it.
+    /// progress : bool or callable, optional
+    ///     True shows a bar after a second, by tqdm or rich if the program has imported one of them,
+    ///     else as a line of text on a terminal. A callable is given the number of rays that are
+    ///     answered and that of all, ten times a second and at the end; its exceptions end the
+    ///     query.
     /// warn_invalid : bool
     ///     Warn (RuntimeWarning) about rays that can hit nothing: not finite, direction 0, or
     ///     `t_min >= t_max`. They miss.
@@ -325,8 +362,8 @@ queries! {
     /// >>> scene.cast_rays([0, 0, -5, 0, 0, 1], exclude=[ball]).t_hit.tolist()
     /// inf
     cast_rays (
-        "($self, rays, *, t_min=None, t_max=None, mask=None, cull=None, only=None, \
-        exclude=None, threads=None, warn_invalid=False)"
+        "($self, rays, *, t_min=None, t_max=None, mask=None, times=None, cull=None, only=None, \
+        exclude=None, threads=None, progress=None, warn_invalid=False)"
     ) -> Hits = cast;
 
     /// Whether each ray hits anything: an array `(...)` of bool. Faster than :meth:`cast_rays`.
@@ -340,8 +377,8 @@ queries! {
     /// >>> scene.test_occlusions(([0, 0, -5], [[0, 0, 1], [0, 1, 0]])).tolist()
     /// [True, False]
     test_occlusions (
-        "($self, rays, *, t_min=None, t_max=None, mask=None, cull=None, only=None, \
-        exclude=None, threads=None, warn_invalid=False)"
+        "($self, rays, *, t_min=None, t_max=None, mask=None, times=None, cull=None, only=None, \
+        exclude=None, threads=None, progress=None, warn_invalid=False)"
     ) -> Bound<'py, PyAny> = occlusions;
 
     /// The number of hits of each ray: an array `(...)` of uint32. Parameters as for
@@ -358,8 +395,8 @@ queries! {
     /// >>> scene.count_intersections(([[0, 0, -5], [0, 0, 0]], [0, 0, 1])).tolist()
     /// [2, 1]
     count_intersections limited by max_hits (
-        "($self, rays, *, t_min=None, t_max=None, mask=None, cull=None, only=None, \
-        exclude=None, max_hits=None, threads=None, warn_invalid=False)"
+        "($self, rays, *, t_min=None, t_max=None, mask=None, times=None, cull=None, only=None, \
+        exclude=None, max_hits=None, threads=None, progress=None, warn_invalid=False)"
     ) -> Bound<'py, PyAny> = count;
 
     /// Every hit of each ray, sorted. Parameters as for :meth:`cast_rays`, and `max_hits`: only the
@@ -379,8 +416,8 @@ queries! {
     /// >>> scene.list_intersections([0, 0, -5, 0, 0, 1], max_hits=1).t_hit.tolist()
     /// [4.0]
     list_intersections limited by max_hits (
-        "($self, rays, *, t_min=None, t_max=None, mask=None, cull=None, only=None, \
-        exclude=None, max_hits=None, threads=None, warn_invalid=False)"
+        "($self, rays, *, t_min=None, t_max=None, mask=None, times=None, cull=None, only=None, \
+        exclude=None, max_hits=None, threads=None, progress=None, warn_invalid=False)"
     ) -> Intersections = list;
 }
 
