@@ -150,13 +150,14 @@ def test_colours_are_those_of_the_layer():
         "sphere",
         [[1, 0, 0, 0], [0, 1, 0, 1.6], [0, 0, 1, 0]],
         radius=0.5,
-        material=snell.Material("conductor"),
+        material=snell.Material("metallic-roughness", base_color=(0.9, 0.5, 0.2), metallic=1),
     )
     scene.add_instance(
         inner,
         [[1, 0, 0, 0], [0, 1, 0, -2.5], [0, 0, 1, 0]],
         material=snell.Material("diffuse", reflectance=(0.1, 0.2, 0.3)),
     )
+    ball_material = scene.cast_rays([0, 1.6, 5, 0, 0, -1]).material_ids
     camera = snell.Camera(
         "orthographic", eye=(0, 0, 5), target=(0, 0, 0), up=(0, 1, 0), half_size=(4, 4)
     )
@@ -177,9 +178,10 @@ def test_colours_are_those_of_the_layer():
     assert ((high - low).max(axis=-1) < 1e-6)[hits.is_hit].mean() > 0.2
     texels = {tuple(c) for c in albedo[hits.instance_ids == 0].round(4).tolist()}
     assert len(texels) > 3
-    near = scene.closest_points(hits.points[hits.is_hit] + [0, 0, 0.01])
-    assert near.albedo == pytest.approx(hits.albedo[hits.is_hit], abs=1e-5)
-    listed = scene.list_intersections(camera.rays(64, 64))
-    assert listed.albedo[listed.ray_splits[:-1][hits.is_hit.ravel()]] == pytest.approx(
-        hits.albedo[hits.is_hit], abs=1e-4
-    )
+    # Metal looks different along its normal, and borders of texels are between two colours.
+    plain = ((high - low).max(axis=-1) < 1e-6) & hits.is_hit & (hits.material_ids != ball_material)
+    near = scene.closest_points(hits.points[plain] + [0, 0, 0.01])
+    assert near.albedo == pytest.approx(albedo[plain], abs=1e-5)
+    listed = scene.list_intersections(camera.rays(96, 96, dtype=np.float64))
+    first = listed.ray_splits[:-1][hits.is_hit.ravel()]
+    assert listed.albedo[first] == pytest.approx(albedo[hits.is_hit])

@@ -259,7 +259,7 @@ impl<P: Precision, F: Form> Live<P, F> {
                 self.pieces(py, width, |first, places| write(first, places, &ray))
             }
             Asked::Rays(kept, ids) => {
-                let arrays = kept.rays::<P>(py, self.rays)?;
+                let arrays = kept.rays(py, self.rays)?;
                 let view = arrays.view()?;
                 let number = |i: usize| ids.as_ref().map_or(i, |ids| ids[i] as usize);
                 let ray = |i: usize| (P::exact(&view.get(number(i))), view.time(number(i)));

@@ -4,7 +4,7 @@ use crate::answers::{Asked, Live};
 use crate::arrays::{array, broadcast, common_shape, filled, leading, numpy, shown, slice};
 use crate::precision::Precision;
 use crate::work::{Threads, run};
-use numpy::{PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods};
+use numpy::{PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use rayon::prelude::*;
@@ -56,7 +56,8 @@ pub fn rays<'py, P: Precision>(
     let asked = arrays.view()?;
     let choice = live.choice.reversed();
     let write = |first: usize, places: &mut [P]| {
-        let (rows, range) = (places.as_chunks_mut::<6>().0, first..first + places.len() / 6);
+        let rows = places.as_chunks_mut::<6>().0;
+        let range = first..first + rows.len();
         let found: Vec<P::Hit> = range.clone().map(|i| P::hit(&hits.get(number(i)))).collect();
         let ray = |i: usize| ids.as_ref().map_or(number(i), |ids| ids[number(i)] as usize);
         let rays: Vec<P::Ray> = range.clone().map(|i| asked.get(ray(i))).collect();

@@ -5,7 +5,8 @@
 //! the right side of the surface that was hit, but a step of rounding beside an edge may still put
 //! it on the wrong side of the next wall. So a reflected ray's origin is accepted only if nothing
 //! is between it and the origin of the ray that found the hit; otherwise it moves back along that
-//! ray, which came through free space. Rays of a closed room therefore stay in it.
+//! ray, which came through free space, as far as its origin. Rays of a closed room therefore stay
+//! in it.
 
 #[cfg(test)]
 mod tests;
@@ -26,6 +27,10 @@ const BACKWARDS: [f64; 6] = [0.0, 1.0, 4.0, 32.0, 512.0, 32768.0];
 /// The way back to the origin of the earlier ray is free if nothing is on this part of it. The rest
 /// is left out, because the direction of the way is rounded.
 const WAY_BACK: f64 = 1.0 - 1.0 / (1 << 18) as f64;
+
+/// Hits at most so many times their error from the origin of their ray lie deep in a corner. If no
+/// other origin is free, the new ray starts there too.
+const DEEP: f64 = 256.0;
 
 /// The largest distance of a hit from its ray, relative to its distance from the origin. Beyond it
 /// the ray is not the one that found the hit.
@@ -129,18 +134,30 @@ struct Open {
     normal: DVec3,
     /// The unit direction back along the ray that found the hit.
     back: DVec3,
+    /// The origin of that ray.
+    from: DVec3,
 }
 
 impl Open {
+    /// A bound on the error of the position, with a step of rounding, so that the next number is on
+    /// the same side.
+    fn error<W: Spawning>(&self) -> DVec3 {
+        let step = |x: f64| (W::beyond(x.abs(), 1.0) - x.abs()).abs();
+        self.site.position_error + DVec3::from_array(self.site.position.to_array().map(step))
+    }
+
     /// The origin that is tried in a round.
     fn origin<W: Spawning>(&self, backwards: f64) -> DVec3 {
-        let DSurfacePoint { position, position_error, .. } = self.site;
-        // The step of rounding is counted too, so that the next number is on the same side.
-        let step = |x: f64| (W::beyond(x.abs(), 1.0) - x.abs()).abs();
-        let error = position_error + DVec3::from_array(position.to_array().map(step));
-        let along = |v: DVec3| v * v.abs().dot(error);
-        let offset = along(self.normal) + along(self.back) * backwards;
+        let (position, error) = (self.site.position, self.error::<W>());
+        let half_way = 0.5 * self.from.distance(position);
+        let aside = self.normal * self.normal.abs().dot(error);
+        let offset = aside + self.back * (self.back.abs().dot(error) * backwards).min(half_way);
         stepped::<W>(position + offset, offset)
+    }
+
+    /// True if the earlier ray started beside the hit.
+    fn is_deep<W: Spawning>(&self) -> bool {
+        (self.from - self.site.position).abs().cmple(self.error::<W>() * DEEP).all()
     }
 }
 
@@ -180,10 +197,11 @@ fn spawn_all<W: Spawning>(
         let normal = if is_outside { front } else { -front };
         let is_reflected = is_outside == (arrives <= 0.0);
         let back = -ray.direction.normalize_or_zero();
-        let next = Open { number: i, site, normal, back };
+        let next = Open { number: i, site, normal, back, from: ray.origin };
         origins[i] = next.origin::<W>(0.0);
         let way = ray.origin - site.position;
-        if is_reflected && way.reject_from(back).length() <= OFF_THE_RAY * way.length() {
+        let reach = OFF_THE_RAY * way.length() + 4.0 * next.error::<W>().length();
+        if is_reflected && (way - back * way.dot(back)).length() <= reach {
             open.push(next);
         }
     }
@@ -204,6 +222,9 @@ fn spawn_all<W: Spawning>(
     }
     // What is still open keeps its first origin: something that the earlier ray did not meet, such
     // as what lies before its `t_min`, is between.
+    for hit in open.iter().filter(|hit| hit.is_deep::<W>()) {
+        origins[hit.number] = hit.from;
+    }
 }
 
 /// For each hit, whether something is between the origin tried and that of the earlier ray.
