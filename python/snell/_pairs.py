@@ -72,8 +72,9 @@ def closest_pair(
     whether they meet is decided exactly. Scenes may hold meshes, boxes, rectangles, triangles and
     instances of scenes of these; other shapes, spheres and curves are refused.
 
-    The trees of meshes are built by the first query and kept. They do not depend on transforms: move
-    a scene with `transform_a` or `transform_b`, or its parts with :meth:`Scene.update_transform`.
+    The trees of meshes are built by the first query and kept. They do not depend on transforms:
+    move a scene with `transform_a` or `transform_b`, or its parts with
+    :meth:`Scene.update_transform`.
 
     Parameters
     ----------
