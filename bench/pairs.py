@@ -103,7 +103,9 @@ def measure(triangles: int, count: int) -> None:
     built = time.perf_counter() - start
     start = time.perf_counter()
     x, y = model(va, fa), model(vb, fb)
-    print(f"| {len(fa)} triangles, build in s | {built:.3g} | {time.perf_counter() - start:.3g} |||")
+    print(
+        f"| {len(fa)} triangles, build in s | {built:.3g} | {time.perf_counter() - start:.3g} |||"
+    )
     for name, gap in [("far", 4.0), ("near", 0.02), ("meeting", -0.15), ("deep", -1.0)]:
         matrices = poses(count, gap, 2)
         placed = [fcl.Transform(m[:3, :3], m[:3, 3]) for m in matrices]

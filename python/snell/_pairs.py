@@ -72,8 +72,9 @@ def closest_pair(
     whether they meet is decided exactly. Scenes may hold meshes, boxes, rectangles, triangles and
     instances of scenes of these; other shapes, spheres and curves are refused.
 
-    The trees of meshes are built by the first query and kept. They do not depend on transforms: move
-    a scene with `transform_a` or `transform_b`, or its parts with :meth:`Scene.update_transform`.
+    The trees of meshes are built by the first query and kept. They do not depend on transforms:
+    move a scene with `transform_a` or `transform_b`, or its parts with
+    :meth:`Scene.update_transform`.
 
     Parameters
     ----------
@@ -204,7 +205,7 @@ def time_of_impact(
     transform_b : array (4, 4), optional
         Where `b` is.
     tolerance : float, optional
-        The distance that counts as contact: a millionth of the diagonal of the box around `a` if
+        The distance that counts as contact: a millionth of the diagonal of a box around `a` if
         left out. A smaller one takes more time.
     threads : int, optional
         As for :meth:`Scene.cast_rays`.
@@ -214,16 +215,11 @@ def time_of_impact(
     >>> import numpy as np, snell
     >>> door, wall = snell.Scene(), snell.Scene()
     >>> leaf = door.add_shape("box", min=[0, -0.001, 0], max=[1, 0.001, 2])
-    >>> side = wall.add_shape("rectangle", [[0, 0, 1, 0], [0, 1, 0, 0.5], [-1, 0, 0, 1]],
-    ...                       half_size=[5, 0.4])
+    >>> pillar = wall.add_shape("box", min=[0.5, 0.5, 0], max=[1, 1, 2])
     >>> quarter = np.array([[0.0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
     >>> t = snell.time_of_impact(door, wall, [np.eye(4), quarter])
     >>> round(t * 90)  # Degrees.
-    6
+    30
     """
-    if tolerance is None:
-        low, high = a.bounds if isinstance(a, Scene) and len(a) else np.zeros((2, 3))
-        size = float(np.linalg.norm(high - low))
-        tolerance = 1e-6 * size if np.isfinite(size) else 0.0
     found = _snell._time_of_impact(a, b, motion, transform_b, tolerance, threads)
     return found if np.ndim(found) else cast("float", float(found))

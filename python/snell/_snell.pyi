@@ -122,7 +122,7 @@ def _time_of_impact(
     b: Scene,
     motion: _Array,
     transform_b: _Array | None,
-    tolerance: float,
+    tolerance: float | None,
     threads: int | None,
 ) -> NDArray[np.float64]: ...
 def _upright(up: str | _Array, name: str = "up") -> NDArray[np.float64]: ...

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import itertools
+import os
+import signal
+import threading
 from fractions import Fraction
 
 import numpy as np
@@ -175,7 +178,9 @@ def test_far_from_zero_distances_keep_their_digits(rng, sphere):
     near_zero = sphere[0].astype(np.float32).astype(np.float64)
     far = np.array([5e6, -4e6, 1000.0])
     shift = np.array([2.25, 0.5, 0.125])
-    here = snell.closest_pair(scene_of(near_zero, sphere[1]), scene_of(near_zero + shift, sphere[1]))
+    here = snell.closest_pair(
+        scene_of(near_zero, sphere[1]), scene_of(near_zero + shift, sphere[1])
+    )
     there = snell.closest_pair(
         scene_of(near_zero + far, sphere[1]), scene_of(near_zero + far + shift, sphere[1])
     )
@@ -223,7 +228,10 @@ def test_what_has_no_triangles_is_refused_with_the_way():
     ("options", "message"),
     [
         ({"transform_a": np.diag([1, 1, 2, 1])}, "transform_a: the pose is not a rotation"),
-        ({"transform_a": np.tile(np.diag([1, 1, 0, 1.0]), (2, 1, 1))}, r"transform_a\[0\]: the pos"),
+        (
+            {"transform_a": np.tile(np.diag([1, 1, 0, 1.0]), (2, 1, 1))},
+            r"transform_a\[0\]: the pos",
+        ),
         ({"transform_b": np.eye(3)}, r"transform_b: shape is \(3, 3\)"),
         ({"transform_b": np.eye(4) * 2}, "the last row is"),
         ({"transform_b": np.eye(4) * np.nan}, "transform_b holds NaN"),
@@ -321,3 +329,20 @@ def test_every_pair_of_kinds_of_vertices(sphere):
     for p, q in itertools.product(kinds, kinds):
         near = snell.closest_pair(scene_of(p, sphere[1]), scene_of(q + [0, 2.5, 0], sphere[1]))
         assert abs(near.distance - 0.5) < 1e-6
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals are those of Unix")
+@pytest.mark.parametrize("count", [1, 3000])
+def test_ctrl_c_interrupts(rng, count):
+    vertices, faces = sphere_mesh(100, 200)
+    # A shell just inside a shell: much is near to much.
+    a, b = scene_of(vertices, faces), scene_of(vertices * 0.999, faces)
+    poses = np.tile(np.eye(4), (count, 1, 1))
+    snell.collides(a, b)
+    timer = threading.Timer(0.2, signal.raise_signal, [signal.SIGINT])
+    timer.start()
+    with pytest.raises(KeyboardInterrupt):
+        while True:
+            snell.closest_pair(a, b, transform_a=poses if count > 1 else None)
+    timer.join()
+    assert snell.closest_pair(a, b, transform_a=at(3, 0, 0)).distance > 0.9

@@ -26,6 +26,9 @@ const MOST_OBJECTS: usize = 2_000_000;
 /// stop: some milliseconds.
 const QUICK_STEPS: u64 = 100_000;
 
+/// The distance that counts as contact, as a share of the size of what moves.
+const TOLERANCE: f64 = 1e-6;
+
 /// The triangles of a scene for questions about pairs.
 #[derive(Debug)]
 pub struct Pairs {
@@ -364,10 +367,10 @@ pub fn _time_of_impact<'py>(
     b: &Bound<'py, PyAny>,
     motion: &Bound<'py, PyAny>,
     transform_b: Option<&Bound<'py, PyAny>>,
-    tolerance: f64,
+    tolerance: Option<f64>,
     threads: Option<i64>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let tolerance = length(Some(tolerance), 0.0, "tolerance")?;
+    let tolerance = tolerance.map(|given| length(Some(given), 0.0, "tolerance")).transpose()?;
     let (maps, shape) = matrices(motion, "motion")?;
     let shape = match &*shape {
         [2] => Vec::new(),
@@ -385,6 +388,7 @@ pub fn _time_of_impact<'py>(
     }
     let threads = Threads::new(threads)?;
     let (a, b) = (pairs(py, a, "a")?, pairs(py, b, "b")?);
+    let tolerance = tolerance.unwrap_or(TOLERANCE * a.scene.size());
     let found = answers(py, motions.len(), threads, |i, query| {
         time_of_impact(&a.scene, &motions[i], (&b.scene, pose.get(0)), tolerance, query)
     })?;

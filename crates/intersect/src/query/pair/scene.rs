@@ -201,6 +201,11 @@ impl PairScene {
         self.parts.is_empty()
     }
 
+    /// The diagonal of a box around everything; 0 if there is nothing.
+    pub fn size(&self) -> f64 {
+        self.bounds().map_or(0.0, |bounds| 2.0 * bounds.radius())
+    }
+
     /// The part at a place of the tree.
     pub(super) fn part(&self, place: usize) -> &Part {
         &self.parts[self.order[place] as usize]
@@ -271,6 +276,8 @@ pub(super) struct Place {
     rotation: DMat3,
     /// By how much lengths grow, with what the map is not exact in added.
     growth: f64,
+    /// False if axes stay as they are, as those of a scene at rest do.
+    is_turned: bool,
     pub offset: DVec3,
 }
 
@@ -278,7 +285,9 @@ impl Place {
     pub fn new(linear: DMat3, scale: &Scale, offset: DVec3) -> Self {
         let is_exact = scale.factor == 1.0;
         let rotation = if is_exact { linear } else { linear * (1.0 / scale.factor) };
-        Self { linear, rotation, growth: scale.factor * (1.0 + 4.0 * scale.error), offset }
+        let (growth, is_turned) =
+            (scale.factor * (1.0 + 4.0 * scale.error), rotation != DMat3::IDENTITY);
+        Self { linear, rotation, growth, is_turned, offset }
     }
 
     #[inline(always)]
@@ -290,7 +299,7 @@ impl Place {
     pub fn bounds(&self, bounds: &OrientedBox) -> OrientedBox {
         OrientedBox {
             center: self.point(bounds.center),
-            axes: self.rotation * bounds.axes,
+            axes: if self.is_turned { self.rotation * bounds.axes } else { bounds.axes },
             half: bounds.half * self.growth,
         }
     }

@@ -26,7 +26,7 @@ fn vector(rng: &mut Rng) -> DVec3 {
 fn soup(rng: &mut Rng, count: usize, size: f64) -> Vec<Triangle> {
     let mut triangle = |i: usize| {
         let center = vector(rng) * 2.0;
-        let size = size * if i % 5 == 0 { 3.0 } else { 1.0 };
+        let size = size * if i.is_multiple_of(5) { 3.0 } else { 1.0 };
         let [a, b, c] = [0; 3].map(|_| center + vector(rng) * size);
         match i % 17 {
             5 => [a, b, b],

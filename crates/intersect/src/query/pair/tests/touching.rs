@@ -53,7 +53,7 @@ fn small() -> impl Strategy<Value = [Whole; 3]> {
     prop::array::uniform3(prop::array::uniform3(-2i128..=2))
 }
 
-/// Corners of a lattice, of which no product is exact in plain numbers.
+/// The triangle in plain numbers.
 fn placed(t: &[Whole; 3]) -> Triangle {
     t.map(|p| DVec3::from_array(p.map(|x| x as f64)))
 }
