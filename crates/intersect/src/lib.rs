@@ -57,11 +57,11 @@ pub use lecture::AcceleratorOptions;
 pub use mesh::{DTriangleMesh, TriangleMesh, UV_SETS, first_uv_set};
 pub use precision::{Double, Precision, Single};
 pub use query::all::AllHits;
+pub use query::culling::{Both, Culled, Side};
 pub use query::pair::{
     ClosestPair, Motion, PairError, PairMesh, PairQuery, PairScene, Pose, closest_pair, collides,
     time_of_impact,
 };
-pub use query::culling::{Both, Culled, Side};
 pub use query::parallel::{Cancelled, Parallel};
 pub use query::queries::Queries;
 pub use query::trace::{TraceStep, TraversalTrace};

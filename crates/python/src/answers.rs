@@ -213,8 +213,7 @@ impl<P: Precision, F: Form> Live<P, F> {
         width: usize,
         wanted: impl Fn(&Local, &DRay) -> [f64; N] + Sync,
     ) -> PyResult<Bound<'py, PyAny>> {
-        type Ray<'a> = &'a (dyn Fn(usize) -> (DRay, f32) + Sync);
-        let write = |first: usize, places: &mut [P], ray: Ray<'_>| {
+        let write = |first: usize, places: &mut [P], ray: RayOf<'_>| {
             let mut surfaces = Surfaces::new(&self.snapshot);
             for (i, place) in places.chunks_exact_mut(width).enumerate() {
                 let found = hits.get(first + i);
@@ -231,11 +230,12 @@ impl<P: Precision, F: Form> Live<P, F> {
     /// An array of the colours of the surfaces.
     fn albedo<'py>(&self, py: Python<'py>, hits: &View<'_, P>) -> PyResult<Bound<'py, PyAny>> {
         let albedos = self.snapshot.names.palette.albedos();
-        let write = |first: usize, places: &mut [P], ray: &(dyn Fn(usize) -> DRay + Sync)| {
+        let write = |first: usize, places: &mut [P], ray: RayOf<'_>| {
             let mut colors = Colors::new(&self.snapshot, albedos);
             for (i, place) in places.as_chunks_mut::<3>().0.iter_mut().enumerate() {
                 let found = hits.get(first + i);
-                let color = colors.at(&ray(first + i), &found);
+                let (ray, time) = ray(first + i);
+                let color = colors.at(&ray, time, &found);
                 *place = color.to_array().map(|x| P::round(x.into()));
             }
         };
@@ -248,7 +248,7 @@ impl<P: Precision, F: Form> Live<P, F> {
         &self,
         py: Python<'py>,
         width: usize,
-        write: impl Fn(usize, &mut [P], &(dyn Fn(usize) -> DRay + Sync)) + Sync,
+        write: impl Fn(usize, &mut [P], RayOf<'_>) + Sync,
     ) -> PyResult<Bound<'py, PyAny>> {
         match &self.asked {
             Asked::Positions(positions) => {
@@ -295,6 +295,9 @@ impl<P: Precision, F: Form> Live<P, F> {
         })
     }
 }
+
+/// The ray of an answer, and its time in the world.
+type RayOf<'a> = &'a (dyn Fn(usize) -> (DRay, f32) + Sync);
 
 /// Some of the answers of a query, selected by an index.
 struct Part {

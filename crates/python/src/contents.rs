@@ -44,6 +44,7 @@ impl Kind {
             Self::Shape(_) => "shape",
             Self::Spheres(_) => "spheres",
             Self::Curves(_) => "curves",
+            Self::Heightfield(_) => "heightfield",
             Self::Instance(_) => "instance",
         }
     }

@@ -2,7 +2,7 @@
 
 use crate::arrays::{contiguous, from_vec, shown, slice};
 use crate::mesh::{Attributes, Mesh, Positions};
-use crate::objects::named_transform;
+use crate::place::named_transform;
 use numpy::{PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;

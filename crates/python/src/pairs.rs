@@ -108,6 +108,13 @@ impl Collector {
                 },
                 Kind::Spheres(_) => return Err(refused("set of spheres", number)),
                 Kind::Curves(_) => return Err(refused("set of curves", number)),
+                Kind::Heightfield(field) => {
+                    let triangles = field.triangles();
+                    if triangles.numbers.is_some() {
+                        return Err(refused("heightfield with holes", number));
+                    }
+                    triangles.mesh.prepare_pairs().map_err(|e| e.to_string())?
+                }
             };
             self.parts.push((mesh, *map.matrix()));
             self.names.push([number, instance.unwrap_or(Hit::NONE)]);
@@ -120,12 +127,12 @@ impl Collector {
 fn refused(kind: &str, number: u32) -> String {
     let instead = match kind {
         "plane" => "add a rectangle that is large enough",
-        "polygon" => "add its triangles as a mesh",
+        "polygon" | "heightfield with holes" => "add its triangles as a mesh",
         _ => "add a mesh of it, as fine as you need",
     };
     format!(
-        "object {number} is a {kind}, but pairs are found of meshes, boxes, rectangles and \
-         triangles only; {instead}"
+        "object {number} is a {kind}, but pairs are found of meshes, boxes, rectangles, \
+         triangles and heightfields without holes only; {instead}"
     )
 }
 

@@ -54,7 +54,8 @@ impl Palette {
 pub struct Colors<'a, F: Form> {
     snapshot: &'a Snapshot<F>,
     albedos: &'a [Arc<Albedos>],
-    last: Option<(u32, u32, Geometry, Transform)>,
+    /// Occurrence, geometry and time, with the surface and its place.
+    last: Option<((u32, u32, f32), Geometry, Transform)>,
 }
 
 impl<'a, F: Form> Colors<'a, F> {
@@ -63,20 +64,20 @@ impl<'a, F: Form> Colors<'a, F> {
         Self { snapshot, albedos, last: None }
     }
 
-    /// The albedo at the hit `found` of `ray`; black for a miss. From a ray without direction the
-    /// surface is seen along its normal.
-    pub fn at<P: Precision>(&mut self, ray: &DRay, found: &Found<P>) -> Rgb {
+    /// The albedo at the hit `found` of `ray`, which has this time of the world; black for a miss.
+    /// From a ray without direction the surface is seen along its normal.
+    pub fn at<P: Precision>(&mut self, ray: &DRay, time: f32, found: &Found<P>) -> Rgb {
         let &Found { t, uv, occurrence, geometry, primitive } = found;
         if geometry == Hit::NONE {
             return Rgb::BLACK;
         }
-        if !matches!(self.last, Some((o, g, ..)) if (o, g) == (occurrence, geometry)) {
-            let placed = F::placed(&self.snapshot.world, occurrence);
-            self.last = self
-                .painted(geometry)
-                .map(|(surface, own)| (occurrence, geometry, surface, placed.compose(&own)));
+        let key = (occurrence, geometry, time);
+        if !matches!(self.last, Some((last, ..)) if last == key) {
+            let placed = F::placed(&self.snapshot.world, occurrence, time);
+            self.last =
+                self.painted(geometry).map(|(surface, own)| (key, surface, placed.compose(&own)));
         }
-        let Some((_, _, surface, placed)) = &self.last else { return Rgb::BLACK };
+        let Some((_, surface, placed)) = &self.last else { return Rgb::BLACK };
         let mut uv = Vec2::from(uv.map(|x| Into::<f64>::into(x) as f32));
         // Mirrored meshes are queried with their second and third corner exchanged.
         if matches!(surface, Geometry::Mesh(_)) && self.is_turned(geometry) {
@@ -106,6 +107,7 @@ impl<'a, F: Form> Colors<'a, F> {
             Surface::Shape(shape, placed) => (Geometry::Shape(shape.clone(), *placed), own),
             Surface::Spheres(spheres) => (Geometry::Set(spheres.clone()), own),
             Surface::Curves(curves) => (Geometry::Set(curves.clone()), own),
+            Surface::Heightfield(field) => (Geometry::Heightfield(field.grid.clone()), own),
             Surface::Gone => return None,
         })
     }

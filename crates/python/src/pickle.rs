@@ -96,7 +96,7 @@ fn stored<'py>(
         }
         Kind::Heightfield(field) => {
             all.set_item("heights", field.heights(py)?)?;
-            all.set_item("grid", objects::matrix(py, &field.placed())?)?;
+            all.set_item("grid", crate::place::matrix(py, &field.placed())?)?;
             all.set_item("smooth", field.is_smooth)?;
         }
         Kind::Instance(child) => {

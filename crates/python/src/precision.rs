@@ -7,8 +7,8 @@ use numpy::Element;
 use snell_intersect::BuildStats;
 use snell_intersect::{
     AllHits, AnyShape, BuildOptions, Culled, Curves, DHit, DWorld, DWorldBuilder, Double,
-    GeometryId, GroupId, Grouping, Heightfield, Hit, HitFilter, Instance, Rays, Side, Single, Spheres, World,
-    WorldBuilder, WorldError,
+    GeometryId, GroupId, Grouping, Heightfield, Hit, HitFilter, Instance, Rays, Side, Single,
+    Spheres, World, WorldBuilder, WorldError,
 };
 use snell_math::{DRay, DVec3, Ray, Transform, Vec3};
 use std::sync::Arc;

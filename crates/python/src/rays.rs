@@ -278,6 +278,7 @@ pub struct KeptRays<P> {
     directions: (Py<PyUntypedArray>, usize, usize),
     t_min: KeptColumn<P>,
     mask: KeptColumn<u64>,
+    times: Times,
 }
 
 impl<P: Precision> KeptRays<P> {

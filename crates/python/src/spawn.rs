@@ -65,13 +65,14 @@ pub fn rays<'py, P: Precision>(
             true => range.clone().map(|i| asked.mask(ray(i))).collect(),
             false => Vec::new(),
         };
+        let times: Vec<f32> = range.clone().map(|i| asked.time(ray(i))).collect();
         let directions = &directions[range];
         // In the precision of the new rays, so that the side is that of the rounded direction.
         let rounded = |d: &[f64; 3]| DVec3::from_array(d.map(|x| P::round(x).into()));
         let directions: Vec<DVec3> = directions.iter().map(rounded).collect();
         let mut origins = vec![DVec3::NAN; rows.len()];
         choice.with_filter(&live.snapshot, |filter| {
-            let batch = Rays::new(&rays);
+            let batch = Rays::new(&rays).with_times(&times);
             let rays = if masks.is_empty() { batch } else { batch.with_masks(&masks) };
             P::spawn(&live.snapshot.world, rays, filter, &found, &directions, &mut origins);
         });

@@ -119,7 +119,8 @@ fn read_layer(input: &Input, name: &str) -> Result<LinearImage, Failure> {
     if let Some(layer) = image.layers.iter().find(|layer| layer.name == name) {
         return Ok(LinearImage::from_layer(&image, layer));
     }
-    let names = image.layers.iter().map(|layer| layer.name.as_str()).filter(|name| !name.is_empty());
+    let names =
+        image.layers.iter().map(|layer| layer.name.as_str()).filter(|name| !name.is_empty());
     let names: Vec<_> = names.collect();
     let known = if names.is_empty() { "none".into() } else { names.join(", ") };
     Err(Failure::Other(format!(

@@ -52,7 +52,8 @@ fn comparing_tells_how_far_pictures_are_apart() {
     place.run("render cornell-box --size 16x12 --spp 2 -t 1 -q -o b.exr --seed 1").done();
     place.run("render cornell-box --size 12x12 --spp 1 -t 1 -q -o small.exr").done();
     for (file, kinds) in [("c.exr", "albedo"), ("d.exr", "albedo,normal")] {
-        let words = format!("render cornell-box --size 16x12 --spp 2 -t 1 -q --aov {kinds} -o {file}");
+        let words =
+            format!("render cornell-box --size 16x12 --spp 2 -t 1 -q --aov {kinds} -o {file}");
         place.run(&words).done();
     }
     place.run("compare c.exr d.exr --layer albedo --max-relmse 0").done();

@@ -36,13 +36,17 @@ impl World {
         };
         let corners = || match self.geometry(place.geometry) {
             Geometry::Mesh(mesh) => mesh.corners(place.primitive).map(|p| p.as_dvec3()),
+            // Queries in single precision round the corners.
+            Geometry::Heightfield(field) => {
+                field.corners(place.primitive).unwrap_or_default().map(|p| p.as_vec3().as_dvec3())
+            }
             _ => [DVec3::ZERO; 3],
         };
         self.against_normal(&place, &DRay::from(ray), corners) < 0.0
     }
 
     /// The product of direction and normal at a hit, with the right sign but of any length.
-    /// `corners` has those of a triangle of a [`Geometry::Mesh`].
+    /// `corners` has those of a triangle of a mesh or heightfield.
     fn against_normal(
         &self,
         place: &Place,
@@ -57,7 +61,7 @@ impl World {
             (group, rest) = (instance.child, left);
         }
         match self.geometry(place.geometry) {
-            Geometry::Mesh(_) => turning(&ray.direction, &corners()),
+            Geometry::Mesh(_) | Geometry::Heightfield(_) => turning(&ray.direction, &corners()),
             Geometry::Quads(quads) => {
                 let hit = Hit {
                     t: place.t as f32,
@@ -102,7 +106,10 @@ impl DWorld {
             primitive: hit.primitive as usize,
             time: clamped_time(time),
         };
-        let corners = || *self.data.corners(hit.geometry, hit.primitive);
+        let corners = || match self.world.geometry(place.geometry) {
+            Geometry::Heightfield(field) => field.corners(place.primitive).unwrap_or_default(),
+            _ => *self.data.corners(hit.geometry, hit.primitive),
+        };
         self.world.against_normal(&place, ray, corners) < 0.0
     }
 }

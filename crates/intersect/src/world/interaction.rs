@@ -170,16 +170,19 @@ impl DWorld {
         }
         let place = ray.at(hit.t);
         match self.world.geometry(GeometryId(hit.geometry)) {
+            Geometry::Heightfield(field) => {
+                let corners = field.corners(hit.primitive as usize).unwrap_or_default();
+                let weights = [1.0 - hit.uv.x - hit.uv.y, hit.uv.x, hit.uv.y];
+                let (position, error, normal) = on_triangle(&corners, weights, &ray.direction);
+                let flat = ShapeSurface { position, normal, ..ShapeSurface::bare() };
+                LocalSurface { error, ..shape_surface(flat) }
+            }
             Geometry::Mesh(_) => {
                 let corners = self.data.corners(hit.geometry, hit.primitive);
                 let weights = [1.0 - hit.uv.x - hit.uv.y, hit.uv.x, hit.uv.y];
                 let (position, error, normal) = on_triangle(corners, weights, &ray.direction);
                 let flat = ShapeSurface { position, normal, ..ShapeSurface::bare() };
                 LocalSurface { error, ..shape_surface(flat) }
-            }
-            Geometry::Heightfield(field) => {
-                let alone = field.triangle_alone(hit.primitive as usize);
-                triangle_surface(&alone, &ray.direction, &Hit { primitive: 0, ..*hit })
             }
             Geometry::Shape(shape, placed) => {
                 let position = placed.inverse().ray(ray).at(hit.t);
@@ -229,6 +232,10 @@ fn geometry_surface(geometry: &Geometry, ray: &DRay, time: f32, hit: &Hit) -> Lo
         }
         Geometry::MovingMesh(mesh) => {
             let alone = mesh.triangle_at(hit.primitive as usize, time);
+            triangle_surface(&alone, &ray.direction, &Hit { primitive: 0, ..*hit })
+        }
+        Geometry::Heightfield(field) => {
+            let alone = field.triangle_alone(hit.primitive as usize);
             triangle_surface(&alone, &ray.direction, &Hit { primitive: 0, ..*hit })
         }
         Geometry::Shape(shape, placed) => {

@@ -3,6 +3,7 @@
 use super::Scene;
 use crate::contents::Kind;
 use crate::heightfield;
+use crate::objects;
 use pyo3::prelude::*;
 use std::sync::Arc;
 
