@@ -1,4 +1,4 @@
-"""Rasters of heights and their transforms, of NumPy, rasterio and affine. No library is imported."""
+"""Rasters of heights, and transforms of rasterio and affine. No library is imported."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def matrix_of(transform: Any) -> Any:
     """The matrix ``(4, 4)`` or ``(3, 4)`` of a transform of columns, rows and heights: that of an
     ``Affine`` or of a matrix ``(2, 3)`` or ``(3, 3)``, which leave heights alone.
     """
-    if isinstance(transform, tuple) and all(hasattr(transform, name) for name in "abcdef"):
+    if all(hasattr(transform, name) for name in "abcdef"):
         names = (("a", "b", "c"), ("d", "e", "f"))
         array = np.array([[getattr(transform, name) for name in row] for row in names], float)
     else:

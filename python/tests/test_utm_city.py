@@ -127,8 +127,10 @@ def assert_same_hits(near: snell.Hits, far: snell.Hits, unlike: float = 0) -> No
     assert set(np.unique(near.geometry_ids[hit])) == set(np.unique(far.geometry_ids[hit]))
     length = np.abs(far.points - FAR - near.points)[hit]
     assert length.max() < WITHIN
-    assert np.abs(far.t_hit - near.t_hit)[hit].max() < WITHIN
-    assert np.abs(far.normals - near.normals)[hit].max() < WITHIN
+    assert np.abs(far.t_hit[hit] - near.t_hit[hit]).max() < WITHIN
+    assert np.abs(far.primitive_normals - near.primitive_normals)[hit].max() < WITHIN
+    # Vertex normals are in single precision.
+    assert np.abs(far.normals - near.normals)[hit].max() < 1e-5
 
 
 def test_rays_hit_the_same(cities: tuple[snell.Scene, snell.Scene]) -> None:
@@ -151,7 +153,11 @@ def test_distances_are_the_same(cities: tuple[snell.Scene, snell.Scene]) -> None
     assert np.abs(a.distances - b.distances).max() < WITHIN
     same = (a.geometry_ids == b.geometry_ids) & (a.primitive_ids == b.primitive_ids)
     assert same.mean() > 0.97, "only on common edges and corners another primitive is as near"
-    assert np.abs(b.points - FAR - a.points)[same].max() < WITHIN
+    # On a curve the distance changes little near the nearest point, so that is known less well.
+    away = np.abs(b.points - FAR - a.points).max(axis=-1)
+    is_pole = a.geometry_ids == near["poles"]
+    assert away[same & ~is_pole].max() < WITHIN
+    assert away[same & is_pole].max() < 1e-5
     assert (near.occupancy(points) == far.occupancy(points + FAR)).all()
     assert np.abs(near.signed_distance(points) - far.signed_distance(points + FAR)).max() < WITHIN
 
@@ -174,9 +180,10 @@ def assert_same_pictures(near: snell.Image, far: snell.Image, *, ids: bool = Tru
     if ids:
         assert (near.aovs["geometry-id"] == far.aovs["geometry-id"]).all()
         assert (near.aovs["primitive-id"] == far.aovs["primitive-id"]).all()
-    # Layers are in single precision, which is 7.6e-6 m apart at 100 m.
-    depth = near.aovs["depth"]
-    assert np.abs(far.aovs["depth"] - depth)[hit].max() < 2e-7 * depth[hit].max()
+    # Pictures are in single precision, which is 1.5e-5 m apart at 170 m, and a grazing ray meets a
+    # wall that is so much elsewhere several times as far away.
+    apart = np.abs(far.aovs["depth"] - near.aovs["depth"])[hit]
+    assert np.quantile(apart, 0.99) < 3.1e-5 and apart.max() < 5e-4
     assert np.abs(far.aovs["normal"] - near.aovs["normal"]).max() < 1e-5
 
 
@@ -184,14 +191,12 @@ def test_pictures_are_the_same(cities: tuple[snell.Scene, snell.Scene]) -> None:
     near, far = (snell.render(s, integrator="direct", aovs=LAYERS, **PICTURE) for s in cities)
     assert_same_pictures(near, far)
     assert np.abs(np.asarray(near) - np.asarray(far)).max() < 2e-3
-    # The ids of pictures are those of the rays.
+    # The ids of pictures are those of the rays, which go through the centres of pixels.
     hits = cities[1].cast_rays(camera(FAR).rays(dtype=np.float64))
     same = far.aovs["geometry-id"] == np.where(
         np.isfinite(hits.t_hit), hits.geometry_ids.astype(float), -1
     )
-    assert same.mean() > 0.999
-    ids = far.aovs["primitive-id"][same & (hits.geometry_ids != snell.INVALID_ID)]
-    assert (ids == hits.primitive_ids[same & (hits.geometry_ids != snell.INVALID_ID)]).mean() > 0.99
+    assert same.mean() > 0.95
 
 
 @pytest.mark.parametrize("kind", ["obj", "ply", "off", "snell"])
@@ -204,14 +209,18 @@ def test_files_hold_the_same(
         for scene, place in zip(cities, (NEAR, FAR), strict=True):
             path = tmp_path / f"city.{kind}"
             scene.save(path)
-            again = snell.load(path)
-            assert np.abs(again.bounds - scene.bounds).max() < (WITHIN if kind == "snell" else 9)
-            back.append(corners(again) - place)
+            again, expected = corners(snell.load(path)), corners(scene)
+            # Houses and terrain come first. What single precision holds as well as near zero is
+            # written in it by mesh formats.
+            within = WITHIN if place.any() or kind == "snell" else 8e-6
+            assert np.abs(again[: len(expected)] - expected).max() < within
+            back.append(again - place)
+            if kind == "snell":
+                assert np.abs(snell.load(path).bounds - scene.bounds).max() < WITHIN
     near, far = back
     assert near.shape == far.shape
-    assert np.abs(near - far).max() < WITHIN
-    if kind == "snell":
-        assert np.abs(far + FAR - corners(cities[1])).max() < WITHIN
+    # Lamps and poles became triangles in single precision.
+    assert np.abs(near - far).max() < 1.6e-5
 
 
 def test_gltf_holds_the_same_to_its_precision(
@@ -227,11 +236,30 @@ def test_gltf_holds_the_same_to_its_precision(
     assert np.abs(back[0] - back[1]).max() < 2e-5
 
 
-def test_a_pattern_is_where_it_was(tmp_path: pathlib.Path) -> None:
+@pytest.mark.parametrize("kind", ["checkerboard", "solid-checkerboard", "fbm"])
+def test_patterns_are_where_they_were(tmp_path: pathlib.Path, kind: str) -> None:
     pictures = []
     for place in (NEAR, FAR):
         scene = city(tmp_path, place)
-        pattern = snell.Pattern("checker")
+        rows = np.hstack([np.eye(3) / 8, -place[:, None] / 8])
+        moved = {} if kind == "checkerboard" else {"texture_from_world": rows.tolist()}
+        pattern = snell.Pattern(kind, **moved)
         scene.update_material(scene["terrain"], snell.Material("diffuse", reflectance=pattern))
         pictures.append(snell.render(scene, integrator="direct", aovs=LAYERS, **PICTURE))
     assert_same_pictures(*pictures)
+    colors = [np.asarray(picture) for picture in pictures]
+    assert np.quantile(np.abs(colors[0] - colors[1]), 0.99) < 1e-3
+
+
+def test_fog_is_where_it_was(tmp_path: pathlib.Path) -> None:
+    pictures = []
+    for place in (NEAR, FAR):
+        scene = city(tmp_path, place)
+        base = (place + [0, 0, 110]).tolist()
+        fog = {"sigma_s": 0.01, "sigma_a": 0.0, "g": 0.0, "base": base, "up": [0, 0, 1]}
+        scene.medium = snell.Medium("height-fog", scale_height=20, **fog)
+        options = PICTURE | {"size": (32, 24)}
+        pictures.append(snell.render(scene, integrator="path", aovs=LAYERS, **options))
+    assert_same_pictures(*pictures)
+    colors = [np.asarray(picture) for picture in pictures]
+    assert np.quantile(np.abs(colors[0] - colors[1]), 0.9) < 1e-2

@@ -21,8 +21,8 @@ pub(super) fn test_block<G: Goal<Precision: TriangleTest>>(
     let mut line = None;
     field.walk(block as usize, &ray, G::Precision::EPSILON, |cell| {
         let line = line.get_or_insert_with(|| G::Precision::line(&ray));
-        search.goal.count_primitives(2);
-        for half in 0..2u32 {
+        for half in (0..2u32).filter(|&half| cell.halves[half as usize]) {
+            search.goal.count_primitives(1);
             let corners = field.half(half as usize).map(|node| cell.nodes[node]);
             let ids = [instance, geometry, cell.first + half];
             let found = G::Precision::hit_at(search, line, &corners, ids);

@@ -50,7 +50,7 @@ impl Scene {
     /// >>> hits = scene.cast_rays(([[448015, 5411985, 100], [448024, 5411976, 100]], [0, 0, -1]))
     /// >>> hits.t_hit.tolist()
     /// [95.0, inf]
-    /// >>> hits.normals[0, 2] > 0
+    /// >>> bool(hits.normals[0, 2] > 0)
     /// True
     #[pyo3(signature = (
         z, transform=None, name=None, *, smooth=false, mask=None, material=None,

@@ -1,7 +1,7 @@
 //! The way of a ray through the cells of a block.
 //!
-//! The ray is mapped to columns, rows and heights. For each row that it crosses, the columns between
-//! its entry and exit are visited, nearest first; cells that are above or below the ray are skipped.
+//! The ray is mapped to columns, rows and heights. For each row that it crosses, the columns
+//! between its entry and exit are visited, nearest first; cells above or below the ray are skipped.
 //! All intervals are padded by more than the rounding of the map and of the test of triangles, so
 //! that what is skipped could not be hit.
 
@@ -25,6 +25,8 @@ pub(crate) struct Cell {
     pub first: u32,
     /// Its nodes; see [`Heightfield::half`].
     pub nodes: [DVec3; 4],
+    /// Whether its triangles may be hit.
+    pub halves: [bool; 2],
 }
 
 impl Heightfield {
@@ -82,14 +84,22 @@ impl Heightfield {
                     continue;
                 }
                 let (a, b) = (at(2, inside.start), at(2, inside.end));
-                let least = z[0].min(z[1]).min(z[2].min(z[3]));
-                let most = z[0].max(z[1]).max(z[2].max(z[3]));
-                if a.max(b) + pad.z < least || a.min(b) - pad.z > most {
+                let least = lesser(lesser(z[0], z[1]), lesser(z[2], z[3]));
+                let most = greater(greater(z[0], z[1]), greater(z[2], z[3]));
+                if greater(a, b) + pad.z < least || lesser(a, b) - pad.z > most {
+                    continue;
+                }
+                let (x, y) = (column as f64, row as f64);
+                let ends = [(inside.start, a), (inside.end, b)];
+                let ends = ends.map(|(t, height)| DVec3::new(at(0, t) - x, at(1, t) - y, height));
+                let halves = crossed(&z, &ends, &pad);
+                if halves == [false; 2] {
                     continue;
                 }
                 let cell = Cell {
                     first: 2 * (row * (self.columns - 1) + column) as u32,
                     nodes: self.cell_nodes(row, column, &z),
+                    halves,
                 };
                 match visit(&cell) {
                     Some(end) => limit = end,
@@ -99,6 +109,21 @@ impl Heightfield {
         }
         false
     }
+}
+
+/// Whether the part of a ray between two points of a cell may cross the planes of its triangles:
+/// not if it is on one side, by more than the padding.
+#[inline(always)]
+fn crossed(&[z00, z01, z10, z11]: &[f64; 4], ends: &[DVec3; 2], pad: &DVec3) -> [bool; 2] {
+    // The slopes along columns and rows of the plane of each triangle, which are both through the
+    // first node.
+    [(z11 - z10, z10 - z00), (z01 - z00, z11 - z01)].map(|(across, down)| {
+        let margin = pad.z + across.abs() * pad.x + down.abs() * pad.y;
+        let [a, b] = ends.map(|p| p.z - z00 - (across * p.x + down * p.y));
+        // Comparisons with NaN are false.
+        let is_aside = (a > margin && b > margin) || (a < -margin && b < -margin);
+        !is_aside
+    })
 }
 
 /// An interval of a ray.
@@ -119,7 +144,7 @@ impl Span {
             return if is_inside { self } else { Self { start: 1.0, end: 0.0 } };
         }
         let (a, b) = ((low - origin) * inverse, (high - origin) * inverse);
-        Self { start: self.start.max(a.min(b)), end: self.end.min(a.max(b)) }
+        Self { start: greater(self.start, lesser(a, b)), end: lesser(self.end, greater(a, b)) }
     }
 
     #[inline(always)]
@@ -128,15 +153,27 @@ impl Span {
     }
 }
 
+/// The lesser of two numbers that are not NaN, in one instruction.
+#[inline(always)]
+fn lesser(a: f64, b: f64) -> f64 {
+    if a < b { a } else { b }
+}
+
+/// The greater of two numbers that are not NaN, in one instruction.
+#[inline(always)]
+fn greater(a: f64, b: f64) -> f64 {
+    if a > b { a } else { b }
+}
+
 /// The cells along an axis between two coordinates, padded. All of them if a coordinate is NaN.
 #[inline(always)]
 fn steps(all: &Range<usize>, a: f64, b: f64, pad: f64) -> Range<usize> {
-    let (low, high) = (a.min(b) - pad, a.max(b) + pad);
     if a.is_nan() || b.is_nan() {
         return all.clone();
     }
-    // Conversions to integers are clamped.
-    let first = (low.floor().max(0.0) as usize).clamp(all.start, all.end - 1);
-    let last = (high.floor().max(0.0) as usize).clamp(all.start, all.end - 1);
+    let (low, high) = (lesser(a, b) - pad, greater(a, b) + pad);
+    // Conversions to integers are clamped, and round numbers that are not negative down.
+    let first = (greater(low, 0.0) as usize).clamp(all.start, all.end - 1);
+    let last = (greater(high, 0.0) as usize).clamp(all.start, all.end - 1);
     first..last + 1
 }
