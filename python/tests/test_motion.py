@@ -156,6 +156,7 @@ def test_motion_is_read_back_copied_pickled_and_ended():
     assert posed.instance(car).motion(1) is None and scene.instance(car).motion(1) is not None
 
 
+@pytest.mark.filterwarnings("ignore::snell.SceneWarning")
 def test_a_file_keeps_the_motion_and_pictures_show_it(tmp_path):
     scene = snell.Scene()
     keys = np.stack([placed(-1.5), placed(1.5)])
