@@ -71,6 +71,7 @@ def test_up_is_read_kept_and_checked(tmp_path):
             scene.up = bad
 
 
+@pytest.mark.filterwarnings("ignore::snell.SceneWarning")
 def test_gltf_is_turned_and_other_formats_say_what_is_lost(tmp_path):
     scene = thing(TURN, "z")
     scene.add_camera(snell.Camera(eye=(3, -5, 1.5), target=(0, 0, 0.5), up=(0, 0, 1), fov=50))

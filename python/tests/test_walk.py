@@ -26,7 +26,7 @@ def test_children_tell_everything_of_the_objects():
     assert [node.kind for node in nodes] == ["mesh", "spheres", "curves", "instance"]
     assert [node.name for node in nodes] == ["triangle", None, None, "copy"]
     assert nodes[0].mask == 6 and (nodes[0].transform == place).all()
-    assert nodes[0].materials == [red] and nodes[1].materials == []
+    assert repr(nodes[0].materials) == repr([red]) and nodes[1].materials == []
     vertices, faces = nodes[0].content
     assert (vertices == np.eye(3)).all() and faces.tolist() == [[0, 1, 2]]
     assert nodes[1].content["centers"].dtype == np.float32

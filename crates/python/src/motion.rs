@@ -63,12 +63,7 @@ impl Motion {
         &self.maps
     }
 
-    /// The motion for renderers and files.
-    pub fn smooth(&self) -> &AnimatedTransform {
-        &self.smooth
-    }
-
-    /// The keys of the motion in coordinates of the object that `own` maps to the object's.
+    /// The motion for renderers and files, of something that `own` maps to the object's coordinates.
     pub fn composed(&self, own: &Transform) -> AnimatedTransform {
         if own.is_identity() {
             return self.smooth.clone();
