@@ -113,6 +113,7 @@ fn spot_light_on_a_plane() {
         SpotFalloff::Power { cutoff: 0.3, exponent: 20.0 },
         SpotFalloff::Smooth { inner, outer },
         SpotFalloff::Step { inner, outer },
+        SpotFalloff::Fourth { inner, outer },
     ];
     for falloff in falloffs {
         let mut scene = scene();
@@ -129,6 +130,7 @@ fn spot_light_on_a_plane() {
             }
             SpotFalloff::Smooth { .. } => ramp(cos).powi(2),
             SpotFalloff::Step { .. } => ramp(cos).powi(2) * (3.0 - 2.0 * ramp(cos)),
+            SpotFalloff::Fourth { .. } => ramp(cos).powi(4),
         };
         check("spot light", &scene, &over_ground(0.0, 0.0), 4, |p| {
             let to_light = position - p;

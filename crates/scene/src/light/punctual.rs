@@ -33,8 +33,9 @@ pub struct Cone {
     pub outer: f64,
     /// Cosine of the inner half-angle.
     pub inner: f64,
-    /// True for a cubic step between the two cosines, false for the square of a linear ramp.
-    pub is_step: bool,
+    /// The factor between the two cosines, as a polynomial of a linear ramp `x` from 0 to 1: the
+    /// coefficients `a`, `b` and `c` of `x² (a + b x + c x²)`.
+    pub edge: [f64; 3],
 }
 
 /// The light that arrives at a point from a punctual light.
@@ -52,14 +53,23 @@ pub struct PunctualSample {
 
 impl Cone {
     /// The cone of all directions.
-    pub const ALL: Self = Self { outer: -2.0, inner: -2.0, is_step: false };
+    pub const ALL: Self = Self { outer: -2.0, inner: -2.0, edge: Self::SQUARE };
+
+    /// The edge that is the square of the ramp.
+    pub const SQUARE: [f64; 3] = [1.0, 0.0, 0.0];
+
+    /// The edge that is a cubic step, `3 x² - 2 x³`.
+    pub const STEP: [f64; 3] = [3.0, -2.0, 0.0];
+
+    /// The edge that is the fourth power of the ramp.
+    pub const FOURTH: [f64; 3] = [0.0, 0.0, 1.0];
 
     /// The factor at this cosine; 0 for NaN.
     #[inline(always)]
     pub fn at(&self, cos_angle: f64) -> f64 {
-        let Self { outer, inner, is_step } = *self;
+        let Self { outer, inner, edge: [a, b, c] } = *self;
         let ramp = (cos_angle - outer) / (inner - outer);
-        let between = if is_step { ramp * ramp * (3.0 - 2.0 * ramp) } else { ramp * ramp };
+        let between = ramp * ramp * (a + ramp * (b + c * ramp));
         // NaN is in no cone.
         let factor = if cos_angle >= inner { 1.0 } else { between };
         if cos_angle > outer { factor } else { 0.0 }

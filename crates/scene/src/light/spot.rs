@@ -47,6 +47,7 @@ impl Spot {
         vec![
             spot(SpotFalloff::Power { cutoff: 0.6, exponent: 4.0 }),
             spot(SpotFalloff::Smooth { inner: 0.3, outer: 0.5 }),
+            spot(SpotFalloff::Fourth { inner: 0.1, outer: 0.6 }),
         ]
     }
 }
@@ -142,6 +143,19 @@ snell_math::declare! {
             #[unit("radians")]
             outer: f64,
         },
+        /// 1 inside the inner cone, 0 outside the outer one, and between them the fourth power of a
+        /// linear ramp in the cosine: the spot light of pbrt-v3 and pbrt-v2.
+        "fourth" => Fourth {
+            /// Half-angle up to which the intensity is full.
+            #[range(Range::Within(0.0, PI))]
+            #[unit("radians")]
+            inner: f64,
+            /// Half-angle from which the intensity is 0; at least `inner` (equal angles make a hard
+            /// edge).
+            #[range(Range::Within(0.0, PI))]
+            #[unit("radians")]
+            outer: f64,
+        },
     }
 }
 
@@ -159,7 +173,7 @@ impl SpotFalloff {
                 }
             }
             Self::Power { .. } => 0.0,
-            Self::Smooth { .. } | Self::Step { .. } => {
+            Self::Smooth { .. } | Self::Step { .. } | Self::Fourth { .. } => {
                 self.cone().map_or(0.0, |cone| cone.at(cos_angle))
             }
         };
@@ -168,19 +182,22 @@ impl SpotFalloff {
 
     /// The falloff as a function of cosines, if it has that form.
     fn cone(&self) -> Option<Cone> {
-        let (inner, outer, is_step) = match *self {
+        let (inner, outer, edge) = match *self {
             Self::Power { .. } => return None,
-            Self::Smooth { inner, outer } => (inner, outer, false),
-            Self::Step { inner, outer } => (inner, outer, true),
+            Self::Smooth { inner, outer } => (inner, outer, Cone::SQUARE),
+            Self::Step { inner, outer } => (inner, outer, Cone::STEP),
+            Self::Fourth { inner, outer } => (inner, outer, Cone::FOURTH),
         };
-        Some(Cone { outer: outer.cos(), inner: inner.cos(), is_step })
+        Some(Cone { outer: outer.cos(), inner: inner.cos(), edge })
     }
 
     /// Half-angle of the cone that contains all of the light, in radians, in `[0, pi]`.
     pub fn widest(&self) -> f64 {
         let widest = match *self {
             Self::Power { cutoff, .. } => cutoff,
-            Self::Smooth { outer, .. } | Self::Step { outer, .. } => outer,
+            Self::Smooth { outer, .. } | Self::Step { outer, .. } | Self::Fourth { outer, .. } => {
+                outer
+            }
         };
         if widest.is_nan() { 0.0 } else { widest.clamp(0.0, PI) }
     }
@@ -229,6 +246,20 @@ mod tests {
         let spot = SpotFalloff::Step { inner, outer };
         assert_eq!((spot.at(1.0), spot.at(0.3f64.cos()), spot.at(0.5f64.cos())), (1.0, 1.0, 0.0));
         let closed_form = TAU * ((1.0 - inner.cos()) + (inner.cos() - outer.cos()) / 2.0);
+        assert!((spot.solid_angle() / closed_form - 1.0).abs() < 1e-4);
+    }
+
+    #[test]
+    fn the_fourth_power_is_that_of_pbrt_3() {
+        let (inner, outer) = (0.3f64, 0.5f64);
+        let spot = SpotFalloff::Fourth { inner, outer };
+        assert_eq!((spot.at(1.0), spot.at(0.3f64.cos()), spot.at(0.5f64.cos())), (1.0, 1.0, 0.0));
+        for angle in [0.31f64, 0.4, 0.49] {
+            let delta = (angle.cos() - outer.cos()) / (inner.cos() - outer.cos());
+            assert!((spot.at(angle.cos()) - (delta * delta) * (delta * delta)).abs() < 1e-15);
+        }
+        // The integral of the fourth power of a ramp is a fifth of its width.
+        let closed_form = TAU * ((1.0 - inner.cos()) + (inner.cos() - outer.cos()) / 5.0);
         assert!((spot.solid_angle() / closed_form - 1.0).abs() < 1e-4);
     }
 

@@ -149,7 +149,10 @@ impl Builder<'_> {
             intensity = intensity * if emitted > 0.0 { (power / emitted) as f32 } else { 0.0 };
         }
         let Some((position, direction)) = self.axis(params, map)? else { return Ok(()) };
-        let falloff = SpotFalloff::Step { inner, outer };
+        let falloff = match self.is_v3 {
+            false => SpotFalloff::Step { inner, outer },
+            true => SpotFalloff::Fourth { inner, outer },
+        };
         let attenuation = Attenuation::INVERSE_SQUARE;
         self.scene.add_light(Spot { position, direction, intensity, attenuation, falloff });
         Ok(())

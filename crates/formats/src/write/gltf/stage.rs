@@ -168,7 +168,7 @@ fn light_value(document: &mut Document, light: &Light, i: usize) -> Option<(Valu
             fades(attenuation);
             let (inner, outer) = match *falloff {
                 SpotFalloff::Smooth { inner, outer } => (inner, outer),
-                SpotFalloff::Step { inner, outer } => {
+                SpotFalloff::Step { inner, outer } | SpotFalloff::Fourth { inner, outer } => {
                     document.output.lose(format!("light {i}: its edge fades by another curve"));
                     (inner, outer)
                 }

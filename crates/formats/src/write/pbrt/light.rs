@@ -55,7 +55,7 @@ impl File<'_, '_> {
                 let intensity = *intensity * self.fading(i, *position, attenuation);
                 let (inner, outer) = match *falloff {
                     SpotFalloff::Step { inner, outer } => (inner, outer),
-                    SpotFalloff::Smooth { inner, outer } => {
+                    SpotFalloff::Smooth { inner, outer } | SpotFalloff::Fourth { inner, outer } => {
                         self.output.lose(format!("light {i}: its edge fades by another curve"));
                         (inner, outer)
                     }

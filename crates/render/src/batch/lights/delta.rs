@@ -40,8 +40,8 @@ struct PunctualLights {
     body_radius: Doubles,
     outer: Doubles,
     inner: Doubles,
+    edge: [Doubles; 3],
     /// 1 for true, 0 for false.
-    is_step: [u32; LANES],
     is_parallel: [u32; LANES],
 }
 
@@ -57,7 +57,7 @@ impl Default for DeltaSamples {
             body_radius: doubles,
             outer: doubles,
             inner: doubles,
-            is_step: mark,
+            edge: [doubles; 3],
             is_parallel: mark,
         };
         Self {
@@ -141,28 +141,25 @@ impl PunctualLights {
             self.position[axis][lane] = position[axis];
             self.direction[axis][lane] = direction[axis];
             self.attenuation[axis][lane] = attenuation.0[axis];
+            self.edge[axis][lane] = cone.edge[axis];
         }
         put(&mut self.color, lane, Vec3::new(color.r, color.g, color.b));
-        let Cone { outer, inner, is_step } = cone;
+        let Cone { outer, inner, .. } = cone;
         (self.body_radius[lane], self.outer[lane], self.inner[lane]) = (body_radius, outer, inner);
-        (self.is_step[lane], self.is_parallel[lane]) = (u32::from(is_step), u32::from(is_parallel));
+        self.is_parallel[lane] = u32::from(is_parallel);
     }
 
     #[inline(always)]
     fn get(&self, i: usize) -> PunctualLight {
         let vector = |v: &[Doubles; 3]| DVec3::new(v[0][i], v[1][i], v[2][i]);
-        let [c0, c1, c2] = &self.attenuation;
+        let ([c0, c1, c2], [e0, e1, e2]) = (&self.attenuation, &self.edge);
         PunctualLight {
             position: vector(&self.position),
             direction: vector(&self.direction),
             color: Rgb::new(self.color[0][i], self.color[1][i], self.color[2][i]),
             attenuation: Attenuation([c0[i], c1[i], c2[i]]),
             body_radius: self.body_radius[i],
-            cone: Cone {
-                outer: self.outer[i],
-                inner: self.inner[i],
-                is_step: self.is_step[i] != 0,
-            },
+            cone: Cone { outer: self.outer[i], inner: self.inner[i], edge: [e0[i], e1[i], e2[i]] },
             is_parallel: self.is_parallel[i] != 0,
         }
     }
@@ -234,12 +231,14 @@ mod tests {
     use snell_scene::material::{Diffuse, MaterialKind};
     use snell_scene::medium::Homogeneous;
 
-    /// One light of every kind, and a spot light with a cubic step.
+    /// One light of every kind, and spot lights with the edges of both versions of pbrt.
     fn lights() -> Vec<Light> {
         let mut lights = Light::examples();
-        let falloff = SpotFalloff::Step { inner: 0.2, outer: 0.6 };
-        let of_cosines = |spot| Light::from(Spot { falloff, ..spot });
-        lights.extend(Spot::examples().into_iter().take(1).map(of_cosines));
+        let (inner, outer) = (0.2, 0.6);
+        for falloff in [SpotFalloff::Step { inner, outer }, SpotFalloff::Fourth { inner, outer }] {
+            let of_cosines = |spot| Light::from(Spot { falloff, ..spot });
+            lights.extend(Spot::examples().into_iter().take(1).map(of_cosines));
+        }
         lights
     }
 

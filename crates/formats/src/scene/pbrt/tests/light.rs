@@ -134,6 +134,9 @@ fn brightness_means_what_it_means_in_pbrt() {
         "{falloff:?}"
     );
     assert!(matches!(falloff, SpotFalloff::Step { .. }));
+    let old = super::scene("Film \"image\"\nWorldBegin\nLightSource \"spot\"\nWorldEnd");
+    let Light::Spot(Spot { falloff, .. }) = &old.lights[0] else { panic!("no spot") };
+    assert!(matches!(falloff, SpotFalloff::Fourth { .. }), "{falloff:?}");
     // A black body has luminance 1 whatever its temperature.
     let Light::Point(Point { intensity, .. }) = light("\"point\" \"blackbody I\" 3000") else {
         panic!("no point")
