@@ -10,6 +10,12 @@ impl DisjointSets {
         Self((0..count as u32).collect())
     }
 
+    /// Parts all sets again, of so many numbers, and keeps the memory.
+    pub fn reset(&mut self, count: usize) {
+        self.0.clear();
+        self.0.extend(0..count as u32);
+    }
+
     /// The least number of the set that holds this one. It shortens the way of the next question
     /// (path halving; Tarjan and van Leeuwen, Worst-Case Analysis of Set Union Algorithms, 1984).
     ///
@@ -43,6 +49,8 @@ mod tests {
             (0..3).for_each(|i| sets.join(pairs[(i + turn) % 3].0, pairs[(i + turn) % 3].1));
             let roots: Vec<u32> = (0..7).map(|i| sets.root(i)).collect();
             assert_eq!(roots, [0, 1, 2, 1, 2, 1, 6]);
+            sets.reset(3);
+            assert_eq!([0, 1, 2].map(|i| sets.root(i)), [0, 1, 2]);
         }
     }
 }

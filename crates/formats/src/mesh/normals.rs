@@ -13,7 +13,7 @@ use super::corners::Corners;
 use super::weld;
 use rayon::prelude::*;
 use snell_intersect::TriangleMesh;
-use snell_math::Vec3;
+use snell_math::{DisjointSets, Vec3};
 
 /// Edges at which faces meet at more than this are sharp, in degrees.
 pub const CREASE_ANGLE: f32 = 40.0;
@@ -241,7 +241,8 @@ struct Around {
     /// For each edge, the point at its other end and the corner that has the edge, by the corner's
     /// place in `corners`.
     edges: Vec<(u32, u32)>,
-    parents: Vec<u32>,
+    /// Corners that are in the same group.
+    sets: DisjointSets,
     /// The group of each corner; filled by [`Self::number_groups`].
     group: Vec<u32>,
     /// Normals of the groups.
@@ -269,8 +270,7 @@ impl Around {
 
     fn join_across_edges(&mut self, facets: &Facets) {
         self.edges.clear();
-        self.parents.clear();
-        self.parents.extend(0..self.corners.len() as u32);
+        self.sets.reset(self.corners.len());
         for (i, corner) in self.corners.iter().enumerate() {
             self.edges.extend(facets.neighbours(corner).map(|point| (point, i as u32)));
         }
@@ -279,19 +279,9 @@ impl Around {
             let ((point, a), (other, b)) = (self.edges[e - 1], self.edges[e]);
             if point == other && facets.joins(&self.corners[a as usize], &self.corners[b as usize])
             {
-                let (a, b) = (self.root(a), self.root(b));
-                self.parents[a.max(b) as usize] = a.min(b);
+                self.sets.join(a, b);
             }
         }
-    }
-
-    fn root(&mut self, mut i: u32) -> u32 {
-        while self.parents[i as usize] != i {
-            let grandparent = self.parents[self.parents[i as usize] as usize];
-            self.parents[i as usize] = grandparent;
-            i = grandparent;
-        }
-        i
     }
 
     /// Numbers the groups in the order of their first corners, which are the roots of the groups.
@@ -299,7 +289,7 @@ impl Around {
         self.group.clear();
         self.means.clear();
         for i in 0..self.corners.len() {
-            let root = self.root(i as u32) as usize;
+            let root = self.sets.root(i as u32) as usize;
             if root == i {
                 self.group.push(self.means.len() as u32);
                 self.means.push(Vec3::ZERO);
