@@ -133,16 +133,15 @@ def test_texture_coordinates_may_be_a_colour(tmp_path: Path, node: str) -> None:
         }}
     """
     color = "color3f inputs:diffuseColor.connect = </paint/wide.outputs:out>"
-    coordinates = """texCoord2f[] primvars:st = [(0, 0), (1, 0), (1, 1), (0, 1)] (
-            interpolation = "vertex"
-        )"""
+    corners = [(x / 2, y) for y in range(2) for x in range(3)]
+    coordinates = f'texCoord2f[] primvars:st = {corners} (\ninterpolation = "vertex"\n)'
     path = stage(tmp_path, painted(color, nodes, coordinates))
     form, remarks = document(path)
     assert not remarks
     (pattern,) = form["textures"]
     assert form["materials"][0]["kind"]["base_color"]["texture"] == 0
-    corners = {key: value["factor"] for key, value in pattern.items() if key[0] == "v"}
-    assert corners == {"v00": [0, 0, 0], "v10": [1, 0, 0], "v01": [0, 1, 0], "v11": [1, 1, 0]}
+    values = {key: value["factor"] for key, value in pattern.items() if key[0] == "v"}
+    assert values == {"v00": [0, 0, 0], "v10": [1, 0, 0], "v01": [0, 1, 0], "v11": [1, 1, 0]}
     assert pattern["mapping"]["uv"]["uv_transform"] == [[1, 0, 0], [0, 1, 0]]
 
 

@@ -256,7 +256,7 @@ fn cameras_and_lights_survive_in_gltf_and_pbrt() {
             |scene: &Scene, name: &str| scene.lights.iter().filter(|l| l.name() == name).count();
         assert_eq!(
             (at(&read, "point"), at(&read, "spot"), at(&read, "directional")),
-            (2, 2, 1),
+            (2, 3, 1),
             "{extension}"
         );
         assert_eq!(read.lights[0], scene.lights[0], "{extension}");
