@@ -49,16 +49,6 @@ struct Collector {
 }
 
 impl Pairs {
-    /// True if preparing takes no longer than a question.
-    pub fn is_quick(contents: &Contents) -> bool {
-        contents.slots.len() < 256
-            && contents.objects().all(|(_, object)| match &object.kind {
-                Kind::Mesh(mesh) => mesh.paired().is_some() || mesh.indices().len() < 512,
-                Kind::Instance(_) => false,
-                _ => true,
-            })
-    }
-
     /// Prepares a scene. Fails with what is wrong and what to do.
     pub fn new(contents: &Contents) -> Result<Self, String> {
         let mut collector = Collector::default();
