@@ -252,11 +252,12 @@ fn answers<T: Default + Clone + Send>(
     run(py, threads, false, |cancel: &Cancel| {
         let query = PairQuery { cancel: Some(cancel.flag()), ..PairQuery::default() };
         let mut all = vec![T::default(); count];
-        all.par_iter_mut().enumerate().try_for_each(|(i, place)| {
+        let each = |(i, place): (usize, &mut T)| -> Result<(), Stopped> {
             cancel.check()?;
             *place = answer(i, &query).map_err(|Cancelled| Stopped)?;
             Ok(())
-        })?;
+        };
+        all.par_iter_mut().enumerate().try_for_each(each)?;
         Ok(all)
     })
 }
