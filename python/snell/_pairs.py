@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -99,8 +99,11 @@ def closest_pair(
     >>> snell.closest_pair(cup, table, transform_a=poses).distance.tolist()
     [0.5, 0.25, 0.0]
     """
-    distance, *others = _snell._closest_pair(a, b, transform_a, transform_b, max_distance, threads)
-    return ClosestPair(distance if distance.ndim else float(distance), *others)
+    distance, points, geometries, primitives, instances = _snell._closest_pair(
+        a, b, transform_a, transform_b, max_distance, threads
+    )
+    alone = distance if distance.ndim else float(distance)
+    return ClosestPair(alone, points, geometries, primitives, instances)
 
 
 def collides(
@@ -222,4 +225,4 @@ def time_of_impact(
     30
     """
     found = _snell._time_of_impact(a, b, motion, transform_b, tolerance, threads)
-    return found if np.ndim(found) else cast("float", float(found))
+    return found if np.ndim(found) else float(found)

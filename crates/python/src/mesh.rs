@@ -243,11 +243,6 @@ impl Mesh {
         }
     }
 
-    /// The mesh for questions about pairs, if it is prepared.
-    pub fn paired(&self) -> Option<&Arc<PairMesh>> {
-        self.paired.get()
-    }
-
     /// Prepares the mesh for questions about pairs. It is kept, wherever the mesh is moved to.
     pub fn prepare_pairs(&self) -> Result<Arc<PairMesh>, PairError> {
         if let Some(paired) = self.paired.get() {

@@ -49,16 +49,6 @@ struct Collector {
 }
 
 impl Pairs {
-    /// True if preparing takes no longer than a question.
-    pub fn is_quick(contents: &Contents) -> bool {
-        contents.slots.len() < 256
-            && contents.objects().all(|(_, object)| match &object.kind {
-                Kind::Mesh(mesh) => mesh.paired().is_some() || mesh.indices().len() < 512,
-                Kind::Instance(_) => false,
-                _ => true,
-            })
-    }
-
     /// Prepares a scene. Fails with what is wrong and what to do.
     pub fn new(contents: &Contents) -> Result<Self, String> {
         let mut collector = Collector::default();
@@ -269,11 +259,12 @@ fn answers<T: Default + Clone + Send>(
     run(py, threads, false, |cancel: &Cancel| {
         let query = PairQuery { cancel: Some(cancel.flag()), ..PairQuery::default() };
         let mut all = vec![T::default(); count];
-        all.par_iter_mut().enumerate().try_for_each(|(i, place)| {
+        let each = |(i, place): (usize, &mut T)| -> Result<(), Stopped> {
             cancel.check()?;
             *place = answer(i, &query).map_err(|Cancelled| Stopped)?;
             Ok(())
-        })?;
+        };
+        all.par_iter_mut().enumerate().try_for_each(each)?;
         Ok(all)
     })
 }

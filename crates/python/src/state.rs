@@ -217,11 +217,7 @@ impl Shared {
                 _ => (state.version, state.contents.clone()),
             }
         };
-        let made = if Pairs::is_quick(&contents) {
-            py.detach(|| Pairs::new(&contents))
-        } else {
-            run_to_end(py, move || Pairs::new(&contents))?
-        };
+        let made = run_to_end(py, move || Pairs::new(&contents))?;
         let pairs = Arc::new(made.map_err(PyValueError::new_err)?);
         self.lock(py).pairs = Some((version, pairs.clone()));
         Ok(pairs)
