@@ -4,8 +4,8 @@
 //! child creates its own pool, because it does not have the threads of its parent. All locks here
 //! are taken only by threads that hold the interpreter's lock, so a fork never finds them locked.
 
-use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use crate::arrays::{named, whole};
+use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use snell_render::threads;

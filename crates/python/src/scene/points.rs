@@ -173,7 +173,8 @@ impl Scene {
         single: impl Fn(&World, &[[f32; 3]], &mut [T]) + Sync,
         double: impl Fn(&DWorld, &[[f64; 3]], &mut [T]) + Sync,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let (py, array, threads) = (points.py(), array(points, "points")?, Threads::given(threads)?);
+        let (py, array, threads) =
+            (points.py(), array(points, "points")?, Threads::given(threads)?);
         let is_double = is_double(&array, "points")?;
         leading(&array, 3, "points")?;
         if is_double {

@@ -1,7 +1,7 @@
 //! The albedos of surfaces, without a picture: the values of the layer `albedo`.
 
-use crate::compile::materials_of;
 use super::first_surface::in_white_light;
+use crate::compile::materials_of;
 use snell_intersect::SurfaceInteraction;
 use snell_math::{ColorMode, Rgb, Vec3};
 use snell_scene::material::{Prepared, ShadingPoint};

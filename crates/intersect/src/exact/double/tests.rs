@@ -139,9 +139,11 @@ fn distances_are_within_two_units_in_the_last_place_of_exact_arithmetic() {
             grazed += 1;
             continue;
         }
-        let plane = Estimate::of(&ray, &corners, f64::NEG_INFINITY)
-            .expect("a distance")
-            .distance(&ray, &corners, f64::NEG_INFINITY);
+        let plane = Estimate::of(&ray, &corners, f64::NEG_INFINITY).expect("a distance").distance(
+            &ray,
+            &corners,
+            f64::NEG_INFINITY,
+        );
         let off = error(plane, &height, &speed);
         assert!(off <= 8, "{off} quarters of a unit: {ray:?} {corners:?}");
         if (hits + grazed) % 16 < 8 {
