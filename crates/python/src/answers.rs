@@ -693,9 +693,9 @@ macro_rules! further {
 
 further! {
     Hits {
-        /// `(..., 3)`: the colour of the surface, in linear RGB: the fraction of white light that it
-        /// reflects or transmits towards the ray's origin, from its material with textures, patterns
-        /// and vertex colours, as the layer `albedo` of a picture has it; 0 for a miss.
+        /// `(..., 3)`: the colour of the surface, in linear RGB: the fraction of white light that
+        /// it reflects or transmits towards the ray's origin, from its material with textures,
+        /// patterns and vertex colours, as the layer `albedo` of a picture has it; 0 for a miss.
         albedo,
         /// `(...)`, bool: whether the ray comes from the outer side of the surface, against
         /// `primitive_normals`; False for a miss.

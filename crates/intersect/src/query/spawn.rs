@@ -140,17 +140,21 @@ struct Open {
 
 impl Open {
     /// A bound on the error of the position, with a step of rounding, so that the next number is on
-    /// the same side.
+    /// the same side. It is not 0 at the origin either, where there are numbers of any size.
     fn error<W: Spawning>(&self) -> DVec3 {
         let step = |x: f64| (W::beyond(x.abs(), 1.0) - x.abs()).abs();
-        self.site.position_error + DVec3::from_array(self.site.position.to_array().map(step))
+        let least = self.from.distance(self.site.position) * f64::EPSILON;
+        self.site.position_error
+            + DVec3::from_array(self.site.position.to_array().map(step))
+            + least
     }
 
     /// The origin that is tried in a round.
     fn origin<W: Spawning>(&self, backwards: f64) -> DVec3 {
         let (position, error) = (self.site.position, self.error::<W>());
         let half_way = 0.5 * self.from.distance(position);
-        let aside = self.normal * self.normal.abs().dot(error);
+        // Half of it is left when the way back starts closer to the surface.
+        let aside = self.normal * (2.0 * self.normal.abs().dot(error));
         let offset = aside + self.back * (self.back.abs().dot(error) * backwards).min(half_way);
         stepped::<W>(position + offset, offset)
     }
@@ -159,6 +163,11 @@ impl Open {
     fn is_deep<W: Spawning>(&self) -> bool {
         (self.from - self.site.position).abs().cmple(self.error::<W>() * DEEP).all()
     }
+}
+
+/// The sign of each coordinate; 0 for 0.
+fn signs(v: DVec3) -> DVec3 {
+    DVec3::from_array(v.to_array().map(|x| if x == 0.0 { 0.0 } else { x.signum() }))
 }
 
 /// The point with each coordinate moved to the next number in the direction of `towards`.
@@ -240,8 +249,9 @@ fn ways_back<W: Spawning>(
         .zip(tried)
         .map(|(hit, origin)| {
             let ray = W::Precision::exact(rays.get(hit.number).ray);
-            // The way starts one step farther, so that an origin on a surface is not taken.
-            let start = stepped::<W>(*origin, *origin - ray.origin);
+            // The way starts a little farther, so that an origin on a surface is not taken.
+            let away = *origin - ray.origin;
+            let start = stepped::<W>(*origin + hit.error::<W>() * 0.5 * signs(away), away);
             let direction = ray.origin - start;
             // What lies before the start of the earlier ray's interval does not count.
             let skipped = ray.direction.length() * ray.t_min / direction.length();

@@ -81,18 +81,18 @@ fn the_first_hits_are_the_start_of_all_and_counting_stops() {
             .step_by(3)
             .for_each(|g| builder.set_filtered(GeometryId(g)));
         let world = build(builder, accelerator, Level::best());
-        let rays = rays(seed, 500);
+        let rays = rays(seed, 150);
         for filter in [&AcceptAll as &dyn HitFilter, &Odd] {
             let all = world.all(&rays, filter);
-            for most in [0, 1, 2, 3, 7, 50, 5000] {
+            for most in [0, 1, 2, 7, 50, 5000] {
                 let first = world.first(&rays, filter, most);
                 let mut counts = vec![9; rays.len()];
                 world.count_to(&rays, filter, most as u32, &mut counts);
-                for i in 0..rays.len() {
+                for (i, &count) in counts.iter().enumerate() {
                     let row = all.of_ray(i);
                     let row = &row[..row.len().min(most)];
                     assert_eq!(first.of_ray(i), row, "{seed} {most} {i}");
-                    assert_eq!(counts[i] as usize, row.len(), "{seed} {most} {i}");
+                    assert_eq!(count as usize, row.len(), "{seed} {most} {i}");
                 }
             }
         }

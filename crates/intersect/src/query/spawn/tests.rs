@@ -140,7 +140,7 @@ fn reflected_rays_stay_in_a_closed_room_and_leave_their_wall() {
         for (number, room) in rooms(size, center).iter().enumerate() {
             for is_diffuse in [false, true] {
                 let name = format!("room {number} of {size} at {center}, diffuse {is_diffuse}");
-                let bounces = 300;
+                let bounces = 150;
                 stay_inside(&single(room), room, is_diffuse, bounces, &format!("f32 {name}"));
                 stay_inside(&double(room), room, is_diffuse, bounces, &format!("f64 {name}"));
             }
