@@ -21,6 +21,10 @@ mod tokens;
 
 use snell_math::Rgb;
 
+/// The radiance from which on a surface is a lamp, in formats made for viewers with lighting of
+/// their own: emission up to it is that of displays and unlit surfaces.
+pub(crate) const LEAST_LAMP: f32 = 1.0;
+
 /// Makes a scene dark whose file has lamps that are all off; otherwise it would be taken for one
 /// without light, and be lit by the default sky.
 fn keep_dark(scene: &mut ::snell_scene::Scene) {

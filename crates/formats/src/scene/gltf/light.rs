@@ -24,8 +24,7 @@ fn table<'a>(reader: &Reader<'a>) -> Result<Vec<Json<'a>>, ReadError> {
 /// The factor on the file's intensities: 1, except for photometric values from Blender (see the
 /// module `gltf`).
 pub(super) fn scale(reader: &mut Reader) -> Result<f64, ReadError> {
-    let generator = reader.root.require("asset")?.get("generator")?;
-    if !generator.is_some_and(|g| g.string().is_ok_and(|name| name.contains("Blender"))) {
+    if !is_written_by(reader, "Blender")? {
         return Ok(1.0);
     }
     let mut is_photometric = false;
@@ -44,6 +43,32 @@ pub(super) fn scale(reader: &mut Reader) -> Result<f64, ReadError> {
         );
     }
     Ok(if is_photometric { 1.0 / BLENDER_LUMENS_PER_WATT } else { 1.0 })
+}
+
+/// Says that lights of the file are all of its light, because viewers of glTF add light from all
+/// around, which the format cannot hold. Scenes that Snell wrote are as they should be.
+pub(super) fn tell_of_black_surroundings(reader: &mut Reader) -> Result<(), ReadError> {
+    let scene = &reader.scene;
+    let count = scene.lights.len();
+    let emits = scene.materials.iter().any(snell_scene::Material::is_emissive);
+    if count == 0 || emits || scene.environment.is_some() || is_written_by(reader, "Snell ")? {
+        return Ok(());
+    }
+    let lights = if count == 1 { "light of the file is" } else { "lights of the file are" };
+    reader.scene.warn_of(
+        WarningKind::Choice,
+        format!(
+            "the {lights} all there is, and what they do not reach is black; viewers of glTF add \
+             light from all around, and so does --environment sky, or a picture in place of sky"
+        ),
+    );
+    Ok(())
+}
+
+/// True if the file names a generator with these words.
+fn is_written_by(reader: &Reader, words: &str) -> Result<bool, ReadError> {
+    let generator = reader.root.require("asset")?.get("generator")?;
+    Ok(generator.is_some_and(|g| g.string().is_ok_and(|name| name.contains(words))))
 }
 
 /// Adds the light of a node, if it has one, and returns its index in the file. The light shines

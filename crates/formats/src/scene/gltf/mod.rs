@@ -46,7 +46,7 @@ mod version1;
 #[cfg(test)]
 mod tests;
 
-use crate::scene::keep_dark;
+use crate::scene::{LEAST_LAMP, keep_dark};
 use crate::{Input, ReadError, SceneReader};
 use accessor::Accessors;
 use container::{Buffers, Container, GLB_MAGIC};
@@ -165,12 +165,12 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
     for warning in reader.accessors.buffers().take_warnings() {
         reader.scene.warn(warning);
     }
-    // Emission up to 1 is made for viewers with their own lighting: displays, unlit surfaces. Lamps
-    // need `KHR_materials_emissive_strength`.
-    snell_scene::framing::light_unless_lit(&mut reader.scene, snell_math::DVec3::Y, 1.0);
+    // Lamps need `KHR_materials_emissive_strength`.
+    snell_scene::framing::light_unless_lit(&mut reader.scene, snell_math::DVec3::Y, LEAST_LAMP);
     if reader.has_lamps_off {
         keep_dark(&mut reader.scene);
     }
+    light::tell_of_black_surroundings(&mut reader)?;
     name_file(input, &mut reader.scene);
     Ok(reader.scene)
 }

@@ -342,7 +342,9 @@ fn check_unseen(reader: &mut Reader, seen: &BTreeSet<usize>) -> Result<(), ReadE
     }
     // Warnings about meshes that are not shown are dropped.
     reader.scene.warnings = warnings;
-    if seen.is_empty() && !reader.root.items_of("meshes")?.is_empty() {
+    if reader.root.items_of("meshes")?.is_empty() {
+        reader.scene.warn("the file has no meshes, so that nothing is visible");
+    } else if seen.is_empty() {
         reader.scene.warn("the file has meshes, but no node of the scene shows one");
     }
     Ok(())

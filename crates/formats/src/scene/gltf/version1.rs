@@ -7,7 +7,7 @@
 mod material;
 
 use serde_json::{Map, Value, json};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 type Object = Map<String, Value>;
@@ -102,27 +102,53 @@ pub(super) fn convert(document: &mut Value, body: usize) -> Vec<String> {
     converter.warnings
 }
 
+/// The ids of the lights of `KHR_materials_common`, in the order of their numbers.
+fn common_lights(document: &Object) -> impl Iterator<Item = &String> {
+    let extension = document.get("extensions").and_then(|e| e.get(CONVERTED[1]));
+    let lights = extension.and_then(|e| e.get("lights")).and_then(Value::as_object);
+    lights.into_iter().flat_map(Object::keys)
+}
+
 struct Converter<'a> {
     old: &'a Object,
     /// The number of each object, by table and id.
     numbers: BTreeMap<&'static str, BTreeMap<String, usize>>,
+    /// The number of each light of `KHR_materials_common`, by id.
+    lights: BTreeMap<&'a str, usize>,
+    /// The number of the first node with each name of a joint.
+    joints: BTreeMap<&'a str, usize>,
     /// The converted views, with one more for each accessor with a stride.
     views: Vec<Value>,
     /// Nodes for the further meshes of nodes with several.
     more_nodes: Vec<Value>,
     warnings: Vec<String>,
+    /// The warnings once more.
+    said: BTreeSet<String>,
 }
 
 impl<'a> Converter<'a> {
     fn new(old: &'a Object) -> Self {
-        let (views, more_nodes, warnings) = (Vec::new(), Vec::new(), Vec::new());
-        let mut this = Self { old, numbers: BTreeMap::new(), views, more_nodes, warnings };
+        let mut this = Self {
+            old,
+            numbers: BTreeMap::new(),
+            lights: common_lights(old).map(String::as_str).zip(0..).collect(),
+            joints: BTreeMap::new(),
+            views: Vec::new(),
+            more_nodes: Vec::new(),
+            warnings: Vec::new(),
+            said: BTreeSet::new(),
+        };
         for table in TABLES {
             let objects = old.get(table).and_then(Value::as_object);
             let mut ids: Vec<_> = objects.into_iter().flat_map(Object::keys).cloned().collect();
             // The body of a binary file is buffer 0 in glTF 2.
             ids.sort_by_key(|id| !(table == "buffers" && BODY.contains(&id.as_str())));
             this.numbers.insert(table, ids.into_iter().zip(0..).collect());
+        }
+        for (id, node) in old.get("nodes").and_then(Value::as_object).into_iter().flatten() {
+            if let Some(joint) = node.get("jointName").and_then(Value::as_str) {
+                this.joints.entry(joint).or_insert(this.numbers["nodes"][id]);
+            }
         }
         this
     }
@@ -142,7 +168,7 @@ impl<'a> Converter<'a> {
 
     fn warn(&mut self, warning: impl Into<String>) {
         let warning = warning.into();
-        if !self.warnings.contains(&warning) {
+        if self.said.insert(warning.clone()) {
             self.warnings.push(warning);
         }
     }
@@ -237,16 +263,9 @@ impl<'a> Converter<'a> {
 
     fn skin(&mut self, skin: &mut Object) {
         self.refer(skin, "inverseBindMatrices", "accessors");
-        let mut by_joint = BTreeMap::new();
-        let nodes = self.old.get("nodes").and_then(Value::as_object);
-        for (id, node) in nodes.into_iter().flatten() {
-            if let Some(joint) = node.get("jointName").and_then(Value::as_str) {
-                by_joint.entry(joint).or_insert(self.numbers["nodes"][id]);
-            }
-        }
         let names = skin.remove("jointNames").unwrap_or_default();
         let joint = |name: &Value| {
-            let number = name.as_str().and_then(|name| by_joint.get(name));
+            let number = name.as_str().and_then(|name| self.joints.get(name));
             number.map_or_else(|| self.number("nodes", name), |&number| number.into())
         };
         let joints: Vec<Value> = names.as_array().into_iter().flatten().map(joint).collect();
@@ -262,7 +281,7 @@ impl<'a> Converter<'a> {
         self.refer(node, "skin", "skins");
         let light = node.get("extensions").and_then(|e| e.get(CONVERTED[1]));
         if let Some(light) = light.and_then(|common| common.get("light")).and_then(Value::as_str)
-            && let Some(number) = self.light_ids().position(|id| id == light)
+            && let Some(&number) = self.lights.get(light)
         {
             node["extensions"]["KHR_lights_punctual"] = json!({ "light": number });
         }
@@ -288,7 +307,8 @@ impl<'a> Converter<'a> {
         let parameters = animation.remove("parameters").unwrap_or_default();
         let samplers = animation.remove("samplers").unwrap_or_default();
         let samplers = samplers.as_object().cloned().unwrap_or_default();
-        let place = |id: &Value| samplers.keys().position(|key| *id == key.as_str());
+        let places: BTreeMap<&str, usize> = samplers.keys().map(String::as_str).zip(0..).collect();
+        let place = |id: &Value| id.as_str().and_then(|id| places.get(id)).copied();
         for channel in
             animation.get_mut("channels").and_then(Value::as_array_mut).into_iter().flatten()
         {
@@ -313,17 +333,11 @@ impl<'a> Converter<'a> {
         animation.insert("samplers".into(), converted.collect());
     }
 
-    fn light_ids(&self) -> impl Iterator<Item = &'a String> + use<'a> {
-        let extension = self.old.get("extensions").and_then(|e| e.get(CONVERTED[1]));
-        let lights = extension.and_then(|e| e.get("lights")).and_then(Value::as_object);
-        lights.into_iter().flat_map(Object::keys)
-    }
-
     /// The lights of `KHR_materials_common`. A white surface under a directional one shows its
     /// colour.
     fn lights(&mut self) -> Vec<Value> {
         let mut lights = Vec::new();
-        for id in self.light_ids() {
+        for id in common_lights(self.old) {
             let light = &self.old["extensions"][CONVERTED[1]]["lights"][id];
             let kind = light.get("type").and_then(Value::as_str).unwrap_or("point");
             let values = light.get(kind).cloned().unwrap_or_default();

@@ -128,3 +128,35 @@ fn cameras_and_lights() {
     let lights = r#"{"KHR_lights_punctual": {"lights": [{"type": "spot"}]}}"#;
     assert_snapshot!(message(&format!(r#""nodes": [{node}], "extensions": {lights}"#)), @r#"test.gltf:1:147: at /extensions/KHR_lights_punctual/lights/0: the property "spot" is missing; export the file again, or check it with the glTF validator"#);
 }
+
+/// The warnings about a document with these properties, whose generator has this name.
+fn warnings(generator: &str, properties: &str) -> Vec<String> {
+    let json = format!(
+        "{{\"asset\": {{\"version\": \"2.0\", \"generator\": \"{generator}\"}}, {properties}}}"
+    );
+    let scene = read_text(&json).expect("the document is sound");
+    scene.warnings.into_iter().map(|w| w.message).collect()
+}
+
+#[test]
+fn lights_that_are_all_there_is_are_told() {
+    let lit = |emission: &str| {
+        format!(
+            r#""extensions": {{"KHR_lights_punctual": {{"lights": [{{"type": "point"}}]}}}},
+            "materials": [{{"emissiveFactor": {emission}}}], "meshes": [{{"primitives": []}}],
+            "nodes": [{{"mesh": 0, "extensions": {{"KHR_lights_punctual": {{"light": 0}}}}}}]"#
+        )
+    };
+    let said = warnings("x", &lit("[0, 0, 0]"));
+    assert_eq!(said.len(), 1, "{said:?}");
+    assert!(said[0].contains("light of the file is all there is") && said[0].contains("sky"));
+    // Snell's own files hold all that there was, and a lamp is light beside the lights.
+    assert_eq!(warnings("Snell 0.1.0", &lit("[0, 0, 0]")), [""; 0]);
+    assert_eq!(warnings("x", &lit("[1, 1, 1]")), [""; 0]);
+}
+
+#[test]
+fn a_file_without_meshes_is_told() {
+    let said = warnings("x", r#""nodes": [{"name": "empty"}]"#);
+    assert_eq!(said, ["test.gltf: the file has no meshes, so that nothing is visible"]);
+}
