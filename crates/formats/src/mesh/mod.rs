@@ -30,7 +30,7 @@ use crate::{Input, ReadError, SceneReader};
 use notes::Notes;
 pub use ply::Attribute;
 use snell_intersect::{Curves, TriangleMesh};
-use snell_math::{Bounds3d, DAffine3, Vec3};
+use snell_math::{Bounds3d, DAffine3, DVec3, Vec3};
 use snell_scene::{Geometry, Node, Scene, Surface, Warning, WarningKind};
 use std::sync::Arc;
 
@@ -55,6 +55,12 @@ pub fn read_mesh(input: &Input) -> Result<TriangleMesh, ReadError> {
 }
 
 fn read_noted(input: &Input, notes: &mut Notes) -> Result<TriangleMesh, ReadError> {
+    let (_, parse) = format_of(input)?;
+    parse(input, notes)
+}
+
+/// The format of a mesh file, by its content, then by its extension.
+fn format_of(input: &Input) -> Result<&'static (SceneReader, Parse), ReadError> {
     let extension = input.extension();
     let by_content = FORMATS.iter().find(|(reader, _)| (reader.recognises)(&input.bytes));
     if by_content.is_none()
@@ -64,16 +70,15 @@ fn read_noted(input: &Input, notes: &mut Notes) -> Result<TriangleMesh, ReadErro
     }
     let by_extension =
         || FORMATS.iter().find(|(reader, _)| reader.extensions.contains(&extension.as_str()));
-    let Some((_, parse)) = by_content.or_else(by_extension) else {
+    by_content.or_else(by_extension).ok_or_else(|| {
         let names: Vec<_> = FORMATS.iter().map(|(reader, _)| reader.name).collect();
-        return Err(input.error(
+        input.error(
             crate::Place::Whole,
             "this is not a mesh format that Snell knows, neither by its content nor by its \
                 extension",
             format!("use one of: {}", names.join(", ")),
-        ));
-    };
-    parse(input, notes)
+        )
+    })
 }
 
 /// Reads a mesh again if it is far from zero for its size: then its coordinates are relative to a
@@ -95,8 +100,14 @@ pub(crate) fn read_again_if_far(
 
 /// A mesh that a scene file names.
 pub struct MeshRead {
-    /// The mesh, as [`read_mesh`] reads it.
+    /// The mesh, as [`read_mesh`] reads it, relative to [`Self::origin`]. That of an OBJ file has
+    /// the slots of its materials.
     pub mesh: TriangleMesh,
+    /// The point of the file that is zero in the mesh: not zero only if the mesh is far from zero
+    /// for its size, where single precision does not hold its shape.
+    pub origin: DVec3,
+    /// The names of the materials of an OBJ file by slot; empty for none.
+    pub materials: Vec<String>,
     /// For a PLY file with other polygons than triangles, the number of triangles that each of its
     /// faces became, in the order of the triangles.
     pub faces: Option<Vec<u32>>,
@@ -105,28 +116,84 @@ pub struct MeshRead {
 }
 
 /// Reads a mesh that a scene file names.
-pub fn read_named_mesh(input: &Input) -> Result<MeshRead, ReadError> {
-    let mut notes = Notes::default();
-    let (mesh, faces) = match (ply::READER.recognises)(&input.bytes) {
-        true => ply::parse_faces(input, &mut notes)?,
-        false => (read_noted(input, &mut notes)?, None),
-    };
-    if snell_scene::framing::far_origin(&mesh.bounds().into()).is_some() {
-        let name = &input.name;
-        notes.add("far", || {
-            format!(
-                "{name}: the mesh is far from zero for its size, where single precision does not \
-                hold its shape; move it near zero and place it by a transform"
-            )
-        });
-    }
-    Ok(MeshRead { mesh, faces, warnings: notes.into_kinds() })
+pub fn read_named_mesh(input: &mut Input) -> Result<MeshRead, ReadError> {
+    read_near(
+        input,
+        |read: &MeshRead| &read.mesh,
+        |input| {
+            let mut notes = Notes::default();
+            let (mut faces, mut materials) = (None, Vec::new());
+            let (reader, parse) = format_of(input)?;
+            let mesh = match reader.name {
+                "ply" => {
+                    let (mesh, counts) = ply::parse_faces(input, &mut notes)?;
+                    faces = counts;
+                    mesh
+                }
+                "obj" => {
+                    let (mesh, names) = obj::parse_with_materials(input, &mut notes)?;
+                    materials = names;
+                    mesh
+                }
+                _ => parse(input, &mut notes)?,
+            };
+            let warnings = notes.into_kinds();
+            Ok(MeshRead { mesh, origin: input.origin, materials, faces, warnings })
+        },
+    )
 }
 
-/// The name of the material of each triangle of the mesh that [`read_named_mesh`] reads from an OBJ
-/// file; empty for none.
-pub fn triangle_materials(input: &Input) -> Result<Vec<String>, ReadError> {
-    obj::triangle_materials(input)
+/// Reads a mesh, and if it is far from zero for its size, reads it again relative to a point near
+/// it, which becomes the origin of the input.
+pub fn read_near<T>(
+    input: &mut Input,
+    mesh: impl Fn(&T) -> &TriangleMesh,
+    read: impl Fn(&Input) -> Result<T, ReadError>,
+) -> Result<T, ReadError> {
+    let first = read(input)?;
+    let Some(origin) = snell_scene::framing::far_origin(&mesh(&first).bounds().into()) else {
+        return Ok(first);
+    };
+    input.origin = origin;
+    read(input)
+}
+
+/// The attributes of the vertices at these places, in this order, without triangles.
+pub fn vertices_at(mesh: &TriangleMesh, places: &[u32]) -> TriangleMesh {
+    fn at<T: Copy>(values: &[T], places: &[u32]) -> Vec<T> {
+        match values.is_empty() {
+            true => Vec::new(),
+            false => places.iter().map(|&i| values[i as usize]).collect(),
+        }
+    }
+    TriangleMesh {
+        positions: at(&mesh.positions, places),
+        exact: at(&mesh.exact, places),
+        normals: at(&mesh.normals, places),
+        tangents: at(&mesh.tangents, places),
+        uvs: mesh.uvs.each_ref().map(|set| at(set, places)),
+        colors: at(&mesh.colors, places),
+        ..TriangleMesh::default()
+    }
+}
+
+/// The triangles of a mesh that are kept, by their numbers, with the vertices that they use. The
+/// slots of materials are left out.
+pub fn part_of(mesh: &TriangleMesh, keeps: impl Fn(usize) -> bool) -> TriangleMesh {
+    const UNUSED: u32 = u32::MAX;
+    let (mut numbers, mut places) = (vec![UNUSED; mesh.positions.len()], Vec::new());
+    let mut indices = Vec::new();
+    for (_, triangle) in mesh.indices.iter().enumerate().filter(|&(number, _)| keeps(number)) {
+        indices.push(triangle.map(|vertex| {
+            let number = &mut numbers[vertex as usize];
+            if *number == UNUSED {
+                *number = places.len() as u32;
+                places.push(vertex);
+            }
+            *number
+        }));
+    }
+    TriangleMesh { indices, ..vertices_at(mesh, &places) }
 }
 
 /// Reads an attribute of the vertices or faces (`element`) of a PLY file; `None` if it has none of

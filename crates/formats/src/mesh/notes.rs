@@ -4,6 +4,17 @@
 
 use snell_scene::{Scene, Warning, WarningKind};
 
+/// Names in quotes for a message: the first ones, and how many there are besides.
+pub fn listed(names: &[&str]) -> String {
+    const SHOWN: usize = 4;
+    let shown = names.iter().take(SHOWN).map(|name| format!("\"{name}\""));
+    let shown = shown.collect::<Vec<_>>().join(", ");
+    match names.len().saturating_sub(SHOWN) {
+        0 => shown,
+        more => format!("{shown} and {more} more"),
+    }
+}
+
 /// The warnings of one file.
 #[derive(Clone, Debug, Default)]
 pub struct Notes {

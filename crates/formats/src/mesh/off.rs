@@ -10,12 +10,12 @@
 use super::colors;
 use super::notes::Notes;
 use super::polygon::Triangulator;
-use super::text::{Number, Reader, Text, decoded, exact_from, number, number_from};
+use super::text::{Number, Reader, Text, decoded, number};
 use super::too_many;
 use crate::{Input, ReadError, SceneReader};
 use snell_intersect::TriangleMesh;
+use snell_math::Vec3;
 use snell_math::spectrum::srgb_to_linear;
-use snell_math::{DVec3, Vec3};
 
 /// The reader of OFF files.
 pub const READER: SceneReader = SceneReader {
@@ -191,27 +191,9 @@ fn read_vertices(
             return Err(too_many(reader.input, reader.here(), "vertices"));
         }
         let what = || format!("a coordinate of vertex {i} of {count}");
-        let (mut p, mut exact) = ([0.0; 3], DVec3::ZERO);
-        for (axis, x) in p.iter_mut().enumerate() {
-            let Some(word) = reader.text.word_on_any_line() else {
-                return Err(reader.missing(&what()));
-            };
-            if reader.input.options.exact {
-                exact[axis] = exact_from(word.bytes, reader.input.origin[axis]);
-            }
-            *x = match number_from(word.bytes, reader.input.origin[axis]) {
-                Number::Exact(value) => value,
-                Number::Comma(value) => {
-                    reader.found_comma(word.start);
-                    value
-                }
-                _ => return Err(reader.not_a_number(word, &what())),
-            };
-        }
-        mesh.positions.push(Vec3::from(p));
-        if reader.input.options.exact {
-            mesh.exact.push(exact);
-        }
+        let (position, exact) = reader.position(&what, true)?;
+        mesh.positions.push(position);
+        mesh.exact.extend(exact);
         if attributes.normals {
             let mut n = Vec3::ZERO;
             for k in 0..3 {

@@ -44,6 +44,7 @@ pub(super) fn parse(input: &Input, notes: &mut Notes) -> Result<TriangleMesh, Re
         }
     }
     reader.note_commas(notes);
+    mesh.drop_needless_exact();
     super::repair_normals(&mut mesh, input, notes);
     Ok(mesh)
 }
@@ -52,13 +53,16 @@ fn read_vertex(reader: &mut Reader, mesh: &mut TriangleMesh) -> Result<(), ReadE
     if mesh.positions.len() >= reader.input.options.limits.elements {
         return Err(too_many(reader.input, reader.here(), "vertices"));
     }
-    let mut v = [0.0; 8];
-    for x in &mut v {
-        *x = reader.number("one of the 8 numbers of a #vertex (position, normal, s, t)", true)?;
+    const WHAT: &str = "one of the 8 numbers of a #vertex (position, normal, s, t)";
+    let (position, exact) = reader.position(&|| WHAT.into(), true)?;
+    let mut rest = [0.0; 5];
+    for x in &mut rest {
+        *x = reader.number(WHAT, true)?;
     }
-    mesh.positions.push(reader.input.near(Vec3::new(v[0], v[1], v[2])));
-    mesh.normals.push(Vec3::new(v[3], v[4], v[5]));
-    mesh.uvs[0].push(Vec2::new(v[6], v[7]));
+    mesh.positions.push(position);
+    mesh.exact.extend(exact);
+    mesh.normals.push(Vec3::new(rest[0], rest[1], rest[2]));
+    mesh.uvs[0].push(Vec2::new(rest[3], rest[4]));
     Ok(())
 }
 

@@ -16,7 +16,7 @@ use super::notes::Notes;
 use super::polygon::Triangulator;
 use super::text::{Reader, Text, decoded};
 use super::too_many;
-use super::weld::Welder;
+use super::weld::{Welder, exact_key, key};
 use crate::{Input, Place, ReadError, SceneReader};
 use snell_intersect::TriangleMesh;
 use snell_math::{DVec3, Vec3};
@@ -118,14 +118,20 @@ fn is_binary(bytes: &[u8]) -> bool {
 #[derive(Default)]
 struct Builder {
     mesh: TriangleMesh,
-    welder: Welder,
+    welder: Welder<[u32; 3]>,
+    exact_welder: Welder<[u64; 3]>,
 }
 
 impl Builder {
-    fn vertex(&mut self, position: Vec3) -> u32 {
-        let number = self.welder.weld(position);
+    /// The vertex at a position, given in double precision too if all are.
+    fn vertex(&mut self, position: Vec3, exact: Option<DVec3>) -> u32 {
+        let number = match exact {
+            Some(exact) => self.exact_welder.weld(exact_key(exact)),
+            None => self.welder.weld(key(position)),
+        };
         if number as usize == self.mesh.positions.len() {
             self.mesh.positions.push(position + Vec3::ZERO);
+            self.mesh.exact.extend(exact.map(|exact| exact + DVec3::ZERO));
         }
         number
     }
@@ -180,7 +186,7 @@ fn parse_binary(input: &Input, notes: &mut Notes) -> Result<TriangleMesh, ReadEr
         let float =
             |i: usize| f32::from_le_bytes([facet[i], facet[i + 1], facet[i + 2], facet[i + 3]]);
         let corner = |i: usize| input.near(Vec3::new(float(i), float(i + 4), float(i + 8)));
-        let triangle = [12, 24, 36].map(|i| builder.vertex(corner(i)));
+        let triangle = [12, 24, 36].map(|i| builder.vertex(corner(i), None));
         builder.mesh.indices.push(triangle);
     }
     Ok(builder.mesh)
@@ -195,11 +201,9 @@ fn parse_text(input: &Input, notes: &mut Notes) -> Result<TriangleMesh, ReadErro
     while let Some(word) = reader.text.word_on_any_line() {
         match word.bytes.to_ascii_lowercase().as_slice() {
             b"vertex" => {
-                let mut p = Vec3::ZERO;
-                for k in 0..3 {
-                    p[k] = reader.coordinate(k, "a coordinate of a vertex")?;
-                }
-                loop_vertices.push(builder.vertex(p));
+                let (position, exact) =
+                    reader.position(&|| "a coordinate of a vertex".into(), false)?;
+                loop_vertices.push(builder.vertex(position, exact));
             }
             b"outer" => {
                 loop_vertices.clear();
@@ -237,5 +241,6 @@ fn parse_text(input: &Input, notes: &mut Notes) -> Result<TriangleMesh, ReadErro
         return Err(reader.missing("endloop"));
     }
     reader.note_commas(notes);
+    builder.mesh.drop_needless_exact();
     Ok(builder.mesh)
 }

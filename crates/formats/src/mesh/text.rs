@@ -5,6 +5,7 @@
 
 use super::notes::Notes;
 use crate::{Input, Place, ReadError};
+use snell_math::{DVec3, Vec3};
 use std::borrow::Cow;
 use std::cell::Cell;
 
@@ -383,23 +384,32 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// The next word on this line as the coordinate of a position along an axis, relative to
-    /// [`Input::origin`].
-    pub fn coordinate(&mut self, axis: usize, what: &str) -> Result<f32, ReadError> {
-        let Some(word) = self.text.word() else { return Err(self.missing(what)) };
-        self.coordinate_in(word, axis, what)
-    }
-
-    /// Parses a word as the coordinate of a position along an axis, relative to [`Input::origin`].
-    pub fn coordinate_in(&self, word: Word<'_>, axis: usize, what: &str) -> Result<f32, ReadError> {
-        match number_from(word.bytes, self.input.origin[axis]) {
-            Number::Exact(value) => Ok(value),
-            Number::Comma(value) => {
-                self.found_comma(word.start);
-                Ok(value)
+    /// The next three words, on this line or on any line, as a position relative to
+    /// [`Input::origin`]; and in double precision, if the options ask for it. `what` names one of
+    /// its coordinates.
+    pub fn position(
+        &mut self,
+        what: &dyn Fn() -> String,
+        any_line: bool,
+    ) -> Result<(Vec3, Option<DVec3>), ReadError> {
+        let (mut near, mut exact) = (Vec3::ZERO, DVec3::ZERO);
+        for axis in 0..3 {
+            let word = if any_line { self.text.word_on_any_line() } else { self.text.word() };
+            let Some(word) = word else { return Err(self.missing(&what())) };
+            let origin = self.input.origin[axis];
+            near[axis] = match number_from(word.bytes, origin) {
+                Number::Exact(value) => value,
+                Number::Comma(value) => {
+                    self.found_comma(word.start);
+                    value
+                }
+                _ => return Err(self.not_a_number(word, &what())),
+            };
+            if self.input.options.exact {
+                exact[axis] = exact_from(word.bytes, origin);
             }
-            _ => Err(self.not_a_number(word, what)),
         }
+        Ok((near, self.input.options.exact.then_some(exact)))
     }
 
     /// The next word as a number on this line, or on any line.

@@ -1,14 +1,19 @@
 //! Welds vertices at equal positions.
 
 use rayon::prelude::*;
-use snell_math::Vec3;
+use snell_math::{DVec3, Vec3};
 use std::collections::HashMap;
-use std::hash::{BuildHasher, RandomState};
+use std::hash::{BuildHasher, Hash, RandomState};
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
 /// The key for comparison: adding zero turns -0 into +0.
-fn key(position: Vec3) -> [u32; 3] {
+pub fn key(position: Vec3) -> [u32; 3] {
     (position + Vec3::ZERO).to_array().map(f32::to_bits)
+}
+
+/// The key of a position in double precision.
+pub fn exact_key(position: DVec3) -> [u64; 3] {
+    (position + DVec3::ZERO).to_array().map(f64::to_bits)
 }
 
 /// No vertex.
@@ -80,20 +85,20 @@ fn mixed(mut x: u32) -> u32 {
     x ^ (x >> 16)
 }
 
-/// Numbers positions; equal ones get the same number. The two zeros are equal, and so are NaNs of
-/// the same bits.
+/// Numbers positions, given by their [`key`] or [`exact_key`]; equal ones get the same number. The
+/// two zeros are equal, and so are NaNs of the same bits.
 #[derive(Clone, Debug, Default)]
-pub struct Welder {
+pub struct Welder<Key> {
     // The table is never iterated, so its order does not matter. Its hash is keyed, so a file
     // cannot make it slow.
-    numbers: HashMap<[u32; 3], u32>,
+    numbers: HashMap<Key, u32>,
 }
 
-impl Welder {
+impl<Key: Eq + Hash> Welder<Key> {
     /// The number of a position. A new position gets the next free number.
-    pub fn weld(&mut self, position: Vec3) -> u32 {
+    pub fn weld(&mut self, key: Key) -> u32 {
         let next = self.numbers.len() as u32;
-        *self.numbers.entry(key(position)).or_insert(next)
+        *self.numbers.entry(key).or_insert(next)
     }
 }
 
@@ -116,7 +121,7 @@ mod tests {
         let expected: Vec<u32> = (0..)
             .zip(&positions)
             .map(|(i, &p)| {
-                let point = welder.weld(p) as usize;
+                let point = welder.weld(key(p)) as usize;
                 first.resize(first.len().max(point + 1), i);
                 first[point]
             })

@@ -59,17 +59,6 @@ pub fn objects(
     Ok(objects)
 }
 
-/// Makes one mesh of all faces, and consumes them.
-pub fn one_mesh(
-    input: &Input,
-    file: &mut ObjFile,
-    notes: &mut Notes,
-) -> Result<TriangleMesh, ReadError> {
-    let mut mesh = one_object(input, file, notes)?.mesh;
-    mesh.material_slots = Vec::new();
-    Ok(mesh)
-}
-
 /// Makes one object of all faces, and consumes them.
 pub fn one_object(
     input: &Input,

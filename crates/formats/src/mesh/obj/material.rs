@@ -14,7 +14,7 @@
 
 use super::file::ObjFile;
 use super::mtl::{self, Library, Map, Mtl};
-use crate::mesh::notes::Notes;
+use crate::mesh::notes::{Notes, listed};
 use crate::textures::Textures;
 use crate::{Input, ReadError};
 use snell_math::Rgb;
@@ -40,24 +40,36 @@ pub fn materials(
     notes: &mut Notes,
 ) -> Result<Vec<Option<MaterialId>>, ReadError> {
     let library = mtl::read(input, file, notes)?;
-    let mut maker = Maker { library: &library, scene, notes, textures: Textures::default() };
+    let (textures, made_opaque) = (Textures::default(), Vec::new());
+    let mut maker = Maker { library: &library, scene, textures, made_opaque };
     let mut materials = Vec::with_capacity(file.materials.len());
+    let mut undefined: Vec<&str> = Vec::new();
     for (name, _) in &file.materials {
         let Some(mtl) = library.materials.get(name) else {
-            // Without any library, a warning was given already or there was no `mtllib`.
-            if !library.inputs.is_empty() {
-                maker.notes.add("undefined material", || {
-                    format!(
-                        "{}: the material \"{name}\" is not defined; the default material was used",
-                        input.name
-                    )
-                });
-            }
+            undefined.push(name);
             materials.push(None);
             continue;
         };
         let material = maker.material(name, mtl);
         materials.push(Some(maker.scene.add_material(material)));
+    }
+    let made_opaque = maker.made_opaque;
+    // Without any library, a warning was given already or there was no `mtllib`.
+    if !undefined.is_empty() && !library.inputs.is_empty() {
+        let message = format!(
+            "{}: the default material was used for materials that are not defined: {}",
+            input.name,
+            listed(&undefined)
+        );
+        notes.say(WarningKind::Changed, message);
+    }
+    if !made_opaque.is_empty() {
+        let message = format!(
+            "{}: Tr 1 without d would make materials invisible; they were taken as opaque: {}",
+            input.name,
+            listed(&made_opaque)
+        );
+        notes.say(WarningKind::Choice, message);
     }
     Ok(materials)
 }
@@ -76,12 +88,13 @@ fn is_glass(mtl: &Mtl) -> bool {
 struct Maker<'a> {
     library: &'a Library,
     scene: &'a mut Scene,
-    notes: &'a mut Notes,
     textures: Textures,
+    /// The names of the materials that are opaque although the file makes them invisible.
+    made_opaque: Vec<&'a str>,
 }
 
-impl Maker<'_> {
-    fn material(&mut self, name: &str, mtl: &Mtl) -> Material {
+impl<'a> Maker<'a> {
+    fn material(&mut self, name: &'a str, mtl: &Mtl) -> Material {
         let mut material = Material::new(name, self.kind(mtl));
         let emission = mtl.emission.filter(|e| !e.is_black());
         if emission.is_some() || mtl.emission_map.is_some() {
@@ -183,17 +196,12 @@ impl Maker<'_> {
     }
 
     /// Sets the opacity: `d`, or one minus `Tr`, times the map.
-    fn alpha(&mut self, name: &str, mtl: &Mtl, material: &mut Material) {
+    fn alpha(&mut self, name: &'a str, mtl: &Mtl, material: &mut Material) {
         let mut alpha =
             mtl.dissolve.or(mtl.transparency.map(|t| 1.0 - t)).unwrap_or(1.0).clamp(0.0, 1.0);
         if alpha == 0.0 && mtl.dissolve.is_none() {
             // Some programs write Tr where they mean d.
-            self.notes.add_of(WarningKind::Choice, "Tr 1", || {
-                format!(
-                    "material \"{name}\": Tr 1 without d would make it invisible; it was taken \
-                    as opaque"
-                )
-            });
+            self.made_opaque.push(name);
             alpha = 1.0;
         }
         material.alpha = ScalarParam::constant(alpha);

@@ -108,29 +108,26 @@ fn stroke_surfaces(
     by_material.iter().filter_map(surface).collect()
 }
 
-/// The name of the material of each triangle of the mesh that [`parse_mesh`] makes; empty for none.
-pub(super) fn triangle_materials(input: &Input) -> Result<Vec<String>, ReadError> {
-    let mut notes = Notes::default();
-    let mut file = file::parse(input, &mut notes)?;
-    let object = build::one_object(input, &mut file, &mut notes)?;
-    let names: Vec<&str> = object
-        .materials
-        .iter()
-        .map(|&number| file.materials.get(number as usize).map_or("", |(name, _)| name))
-        .collect();
-    let slots = &object.mesh.material_slots;
-    let slot = |triangle: usize| slots.get(triangle).map_or(0, |&slot| usize::from(slot));
-    let name = |triangle| names.get(slot(triangle)).copied().unwrap_or_default().to_owned();
-    Ok((0..object.mesh.indices.len()).map(name).collect())
-}
-
 /// Reads all objects as one mesh without materials and without computed normals.
 pub(super) fn parse_mesh(input: &Input, notes: &mut Notes) -> Result<TriangleMesh, ReadError> {
+    let (mut mesh, _) = parse_with_materials(input, notes)?;
+    mesh.material_slots = Vec::new();
+    Ok(mesh)
+}
+
+/// Reads all objects as one mesh without computed normals, and the names of its materials by slot;
+/// empty for none.
+pub(super) fn parse_with_materials(
+    input: &Input,
+    notes: &mut Notes,
+) -> Result<(TriangleMesh, Vec<String>), ReadError> {
     let mut file = file::parse(input, notes)?;
     if !file.strokes.is_empty() {
         notes.add_times(file.strokes.len() as u64, "strokes", || {
             format!("{}: points and lines are left out of a mesh that a scene names", input.name)
         });
     }
-    build::one_mesh(input, &mut file, notes)
+    let build::Object { mesh, materials, .. } = build::one_object(input, &mut file, notes)?;
+    let name = |number: u32| file.materials.get(number as usize).map(|(name, _)| name.clone());
+    Ok((mesh, materials.into_iter().map(|number| name(number).unwrap_or_default()).collect()))
 }

@@ -4,13 +4,13 @@
 //! none.
 
 use super::file::ObjFile;
-use crate::mesh::notes::Notes;
+use crate::mesh::notes::{Notes, listed};
 use crate::mesh::text::{Number, Reader, Text, Word, decoded, number};
 use crate::search::text_of;
 use crate::{Input, ReadError};
 use snell_math::Rgb;
 use snell_math::spectrum::response::RGB_FROM_XYZ;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// A material as its file states it; a field is `None` if the file lacks its statement. See
 /// Bourke's page on MTL, and Exocortex' "PBR extension to MTL" for `Pr`, `Pm` and `norm`.
@@ -116,22 +116,33 @@ pub fn read(input: &Input, file: &ObjFile, notes: &mut Notes) -> Result<Library,
             continue;
         }
         let opened = input.open_relative(name)?;
-        parse(&opened, library.inputs.len(), &mut library.materials, notes);
+        // Libraries are searched in the order in which they are named.
+        for (name, mtl) in parse(&opened, library.inputs.len(), notes) {
+            library.materials.entry(name).or_insert(mtl);
+        }
         library.inputs.push(opened);
     }
     Ok(library)
 }
 
-fn parse(input: &Input, library: usize, materials: &mut BTreeMap<String, Mtl>, notes: &mut Notes) {
+/// The materials of one library, by name. Of several of one name the last is taken, as in Blender
+/// and three.js.
+fn parse(input: &Input, library: usize, notes: &mut Notes) -> BTreeMap<String, Mtl> {
     let bytes = decoded(&input.bytes);
     let text = Text::new(&bytes, 0).with_continuations().with_comments(b'#');
     let mut statements = Statements { reader: Reader::new(input, &bytes, text), notes };
+    let mut materials = BTreeMap::new();
+    let mut repeated = BTreeSet::new();
     let mut current: Option<(String, Mtl)> = None;
     while let Some(keyword) = statements.reader.text.word_on_any_line() {
         if keyword.bytes.eq_ignore_ascii_case(b"newmtl") {
             let name = text_of(statements.reader.text.rest_of_line().bytes);
-            if let Some((name, mtl)) = current.replace((name, Mtl { library, ..Mtl::default() })) {
-                materials.entry(name).or_insert(mtl);
+            let mtl = Mtl { library, ..Mtl::default() };
+            if let Some((name, mtl)) = current.replace((name.clone(), mtl)) {
+                materials.insert(name, mtl);
+            }
+            if materials.contains_key(&name) {
+                repeated.insert(name);
             }
         } else if let Some((_, mtl)) = &mut current {
             statements.statement(keyword, mtl);
@@ -139,9 +150,17 @@ fn parse(input: &Input, library: usize, materials: &mut BTreeMap<String, Mtl>, n
         statements.reader.text.next_line();
     }
     statements.reader.note_commas(statements.notes);
-    if let Some((name, mtl)) = current {
-        materials.entry(name).or_insert(mtl);
+    materials.extend(current);
+    if !repeated.is_empty() {
+        let names: Vec<&str> = repeated.iter().map(String::as_str).collect();
+        let message = format!(
+            "{}: of several materials of one name the last was taken: {}",
+            input.name,
+            listed(&names)
+        );
+        notes.say(snell_scene::WarningKind::Changed, message);
     }
+    materials
 }
 
 struct Statements<'a, 'n> {

@@ -687,7 +687,18 @@ fn read_faces(
             if Some(i) == picture_at {
                 let value = source.value(property.value)?;
                 faces.pictures.resize(faces.ends.len(), 0);
-                faces.pictures.push(value.clamp(0.0, pictures as f64 - 1.0) as u16);
+                let picture = value.clamp(0.0, pictures as f64 - 1.0);
+                if picture != value {
+                    notes.add("texnumber", || {
+                        format!(
+                            "{}: the texnumber {value} of a face, but the pictures have the \
+                            numbers 0 to {}; the nearest one is shown on such faces",
+                            input.name,
+                            pictures - 1
+                        )
+                    });
+                }
+                faces.pictures.push(picture as u16);
                 continue;
             }
             let Some(length) = property.length.filter(|_| i == at || Some(i) == uvs_at) else {

@@ -238,6 +238,11 @@ fn ply_faces_may_have_texture_coordinates_and_pictures() {
         .map(|&i| mesh.positions[i as usize].truncate() - mesh.uvs[0][i as usize])
         .collect();
     assert_eq!(corners, [Vec2::ZERO; 6]);
+    let beyond = text.replace("3 2 1 0 0 1\n", "3 2 1 0 0 7\n");
+    let scene = read_scene_bytes("a.ply", beyond.into(), folder.path(), &ReadOptions::default())
+        .unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(meshes(&scene)[0].material_slots, [0, 0, 1, 1]);
+    assert!(scene.warnings[0].message.contains("texnumber 7"), "{:?}", scene.warnings);
     // Without "texnumber" the first picture is shown.
     let text = text.replace("property int texnumber\n", "").replace("3 2 1 0 0 1\n", "3 2 1 0 0\n");
     let scene = read_scene_bytes("a.ply", text.into(), folder.path(), &ReadOptions::default())

@@ -136,3 +136,29 @@ fn statements_that_make_no_sense_are_warnings_with_their_line() {
     assert!(messages[0].contains(".mtl:2:1"), "{messages:?}");
     assert!(messages[1].contains(".mtl:3:1"), "{messages:?}");
 }
+
+#[test]
+fn warnings_about_materials_name_them() {
+    let folder = tempfile::tempdir().expect("a folder for the test");
+    let write = |name: &str, content: &str| {
+        std::fs::write(folder.path().join(name), content).expect("it is writable")
+    };
+    write("m.mtl", "newmtl a\nKd 1 0 0\nnewmtl b\nTr 1\nnewmtl c\nTr 1\nnewmtl a\nKd 0 1 0\n");
+    write("n.mtl", "newmtl a\nKd 0 0 1\n");
+    let uses = ["a", "b", "c", "d", "e"].map(|name| format!("usemtl {name}\nf 1 2 3\n")).concat();
+    let obj = format!("v 0 0 0\nv 1 0 0\nv 0 1 0\nmtllib m.mtl\nmtllib n.mtl\n{uses}");
+    let scene = read_scene_bytes("a.obj", obj.into_bytes(), folder.path(), &ReadOptions::default())
+        .expect("it is whole");
+    let said: Vec<_> = scene.warnings.iter().map(|w| (w.message.as_str(), w.count)).collect();
+    assert_eq!(said.len(), 3, "{said:?}");
+    assert!(
+        said[0].0.ends_with("m.mtl: of several materials of one name the last was taken: \"a\"")
+    );
+    assert!(
+        said[1].0.ends_with("that are not defined: \"d\", \"e\"") && said[1].1 == 1,
+        "{said:?}"
+    );
+    assert!(said[2].0.ends_with("taken as opaque: \"b\", \"c\"") && said[2].1 == 1, "{said:?}");
+    let MaterialKind::Diffuse(last) = &scene.materials[0].kind else { panic!("not diffuse") };
+    assert_eq!(last.reflectance.factor, Rgb::new(0.0, 1.0, 0.0));
+}

@@ -1,6 +1,7 @@
 //! Real and broken files: requirements on every reader.
 
 mod content;
+mod digits;
 mod found;
 mod materials;
 mod messages;

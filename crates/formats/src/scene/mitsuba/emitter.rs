@@ -57,7 +57,7 @@ impl Builder<'_> {
             self.ignore_all(object);
             let what = match object.kind.as_str() {
                 "directionalarea" => "light along the normal only is not supported; it became dark",
-                _ => "it belongs to no shape; it was ignored",
+                _ => "a shape cannot emit this (only area); it was ignored",
             };
             self.note(owner.clone(), object.at, || format!("{owner}: {what}"));
             return Ok(None);
@@ -95,12 +95,16 @@ impl Builder<'_> {
             }
             "envmap" => self.envmap(object, place)?,
             "sunsky" | "sky" | "sun" => self.sky(object, place)?,
-            _ => {
+            kind => {
                 let owner = object.owner();
                 self.ignore_all(object);
-                self.note(owner.clone(), object.at, || {
-                    format!("{owner} is not supported; it was left out")
-                });
+                let what = match kind {
+                    "area" | "directionalarea" => {
+                        "belongs to no shape; put it inside of the shape that emits"
+                    }
+                    _ => "is not supported",
+                };
+                self.note(owner.clone(), object.at, || format!("{owner} {what}; it was left out"));
                 return Ok(());
             }
         }

@@ -3,7 +3,7 @@
 use crate::expansion::Compression;
 use crate::{Input, Place, ReadError};
 use snell_intersect::TriangleMesh;
-use snell_math::{Vec2, Vec3};
+use snell_math::{DVec3, Vec2, Vec3};
 use std::io::Read;
 
 const MAGIC: u16 = 0x041C;
@@ -43,7 +43,7 @@ pub fn read(input: &Input, index: usize) -> Result<Serialized, ReadError> {
     let damaged =
         |problem: String| input.error(Place::Byte(start as u64), problem, "export the file again");
     let content = input.unpack(content, Compression::Zlib, Place::Byte(start as u64))?;
-    let mut body = Body { from: content.as_slice() };
+    let mut body = Body { from: content.as_slice(), input };
     body.mesh(version, limit).map_err(damaged)
 }
 
@@ -71,11 +71,12 @@ fn start_of(bytes: &[u8], version: u16, index: usize) -> Option<usize> {
     (start.checked_add(4)? <= end).then_some(start)
 }
 
-struct Body<R> {
+struct Body<'a, R> {
     from: R,
+    input: &'a Input,
 }
 
-impl<R: Read> Body<R> {
+impl<R: Read> Body<'_, R> {
     fn bytes<const N: usize>(&mut self) -> Result<[u8; N], String> {
         let mut bytes = [0; N];
         self.from
@@ -92,24 +93,34 @@ impl<R: Read> Body<R> {
         Ok(u32::from_le_bytes(self.bytes()?))
     }
 
-    fn number(&mut self, is_double: bool) -> Result<f32, String> {
+    fn number(&mut self, is_double: bool) -> Result<f64, String> {
         if is_double {
-            Ok(f64::from_le_bytes(self.bytes()?) as f32)
+            Ok(f64::from_le_bytes(self.bytes()?))
         } else {
-            Ok(f32::from_le_bytes(self.bytes()?))
+            Ok(f32::from_le_bytes(self.bytes()?).into())
         }
     }
 
+    fn vector(&mut self, is_double: bool) -> Result<DVec3, String> {
+        Ok(DVec3::new(self.number(is_double)?, self.number(is_double)?, self.number(is_double)?))
+    }
+
     fn vectors(&mut self, count: u64, is_double: bool) -> Result<Vec<Vec3>, String> {
-        let mut vectors = Vec::new();
+        (0..count).map(|_| Ok(self.vector(is_double)?.as_vec3())).collect()
+    }
+
+    /// Reads the positions, relative to the origin.
+    fn positions(&mut self, count: u64, is_double: bool) -> Result<TriangleMesh, String> {
+        let mut mesh = TriangleMesh::default();
         for _ in 0..count {
-            vectors.push(Vec3::new(
-                self.number(is_double)?,
-                self.number(is_double)?,
-                self.number(is_double)?,
-            ));
+            let position = self.vector(is_double)? - self.input.origin;
+            mesh.positions.push(position.as_vec3());
+            if self.input.options.exact {
+                mesh.exact.push(position);
+            }
         }
-        Ok(vectors)
+        mesh.drop_needless_exact();
+        Ok(mesh)
     }
 
     fn mesh(&mut self, version: u16, limit: u64) -> Result<Serialized, String> {
@@ -128,16 +139,14 @@ impl<R: Read> Body<R> {
                 "{vertices} vertices and {triangles} triangles: more than {limit}, the limit"
             ));
         }
-        let mut mesh = TriangleMesh {
-            positions: self.vectors(vertices, is_double)?,
-            ..TriangleMesh::default()
-        };
+        let mut mesh = self.positions(vertices, is_double)?;
         if flags & NORMALS != 0 {
             mesh.normals = self.vectors(vertices, is_double)?;
         }
         if flags & UVS != 0 {
             for _ in 0..vertices {
-                mesh.uvs[0].push(Vec2::new(self.number(is_double)?, self.number(is_double)?));
+                let uv = [self.number(is_double)?, self.number(is_double)?];
+                mesh.uvs[0].push(Vec2::from(uv.map(|x| x as f32)));
             }
         }
         if flags & COLORS != 0 {

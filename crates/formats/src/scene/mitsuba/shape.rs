@@ -12,7 +12,7 @@ use super::emitter::Emission;
 use super::object::{Child, Object};
 use crate::scene::fault::{Fault, Spot};
 use crate::scene::shapes::{ALONG, AROUND, ShapeTable, around_z, swept};
-use mesh::{flip_v, turn_over};
+use mesh::{KnownMesh, flip_v, turn_over};
 use primitive::{cube, disk, rectangle};
 use snell_intersect::shape::{Cylinder, Disk, Rectangle, Sphere};
 use snell_intersect::{AnyShape, Shape, StrandBasis, TriangleMesh};
@@ -30,8 +30,8 @@ use std::sync::Arc;
 #[derive(Debug, Default)]
 pub struct Shapes {
     table: ShapeTable,
-    /// Meshes by path and reading options, and whether their normals turned triangles over.
-    files: HashMap<(PathBuf, String), (Arc<TriangleMesh>, bool)>,
+    /// Meshes by path and reading options.
+    files: HashMap<(PathBuf, String), KnownMesh>,
     groups: HashMap<*const Object, NodeId>,
     triangles: usize,
     /// The part of a mesh that is being read; see [`Part`].
@@ -414,7 +414,9 @@ impl Builder<'_> {
                             .into()
                     });
                 }
-                let Some((mesh, is_turned)) = self.mesh_file(object, shown)? else {
+                let Some(KnownMesh { mesh, origin, is_turned, .. }) =
+                    self.mesh_file(object, shown)?
+                else {
                     return Ok(None);
                 };
                 if is_turned && parts.interior.is_some() {
@@ -424,7 +426,7 @@ impl Builder<'_> {
                             .into()
                     });
                 }
-                (Geometry::Mesh(mesh), DAffine3::IDENTITY)
+                (Geometry::Mesh(mesh), DAffine3::from_translation(origin))
             }
             _ => {
                 let owner = object.owner();

@@ -17,7 +17,7 @@ use super::params::{Params, Type};
 use crate::scene::fault::Fault;
 use crate::scene::shapes::{ShapeTable, wind_by_normals};
 use snell_intersect::{AnyShape, Curves, Shape, StrandBasis, TriangleMesh};
-use snell_math::{DAffine3, Transform, Vec3, Vec4};
+use snell_math::{DAffine3, DVec3, Transform, Vec3, Vec4};
 use snell_scene::{Geometry, MaterialId, Node, NodeId, Surface};
 use std::collections::HashMap;
 use std::path::PathBuf;
@@ -30,7 +30,7 @@ pub struct Shapes {
     pub area_lights: Vec<AreaLight>,
     table: ShapeTable,
     /// Meshes read from files, by path and whether their orientation was reversed.
-    files: HashMap<(PathBuf, bool), (Arc<TriangleMesh>, Lamps)>,
+    files: HashMap<(PathBuf, bool), (Arc<TriangleMesh>, DVec3, Lamps)>,
     /// The last surface's parent node, its transform and its node. A further surface with the same
     /// transform joins it.
     last: Option<(NodeId, DAffine3, NodeId)>,
@@ -62,8 +62,9 @@ const MADE_BYTES: u64 = 100;
 
 /// The geometry made for a shape.
 pub enum Made {
-    /// Triangles, and the lights that they are if they emit.
-    Mesh(Arc<TriangleMesh>, Lamps),
+    /// Triangles, the place of their zero in object space, and the lights that they are if they
+    /// emit.
+    Mesh(Arc<TriangleMesh>, DVec3, Lamps),
     /// An analytic shape and its place in object space.
     Shape(Box<AnyShape>, DAffine3),
     /// A strand of cubic Bézier segments, with radii.
@@ -128,9 +129,9 @@ impl Builder<'_> {
         }
         let (geometry, object_from_geometry) = match made {
             Made::Nothing => return Ok(()),
-            Made::Mesh(mesh, _) => {
+            Made::Mesh(mesh, origin, _) => {
                 self.count_triangles(&params, mesh.indices.len())?;
-                (Geometry::Mesh(mesh), DAffine3::IDENTITY)
+                (Geometry::Mesh(mesh), DAffine3::from_translation(origin))
             }
             Made::Shape(shape, object_from_shape) => {
                 (self.shapes.table.shared(*shape), object_from_shape)
@@ -249,8 +250,8 @@ impl Builder<'_> {
             Made::Shape(shape, _) => return shape.area(),
             Made::Nothing => return 0.0,
             Made::Strand(points) => return side_area(points, place),
-            Made::Mesh(_, Lamps::Whole(area)) => return *area,
-            Made::Mesh(mesh, lamps) => (mesh, lamps),
+            Made::Mesh(_, _, Lamps::Whole(area)) => return *area,
+            Made::Mesh(mesh, _, lamps) => (mesh, lamps),
         };
         let area = |triangle: usize| {
             let [a, b, c] = mesh.corners(triangle).map(|p| place.transform_point3(p.as_dvec3()));

@@ -105,8 +105,8 @@ impl Builder {
                 return Ok(());
             }
             "mesh" => {
-                let mesh = self.mesh(file)?;
-                self.add_surface(file, Geometry::Mesh(mesh), material);
+                let (mesh, origin) = self.mesh(file)?;
+                self.add_placed_surface(file, origin, Geometry::Mesh(mesh), material);
                 return Ok(());
             }
             "box" => {

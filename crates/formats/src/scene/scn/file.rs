@@ -198,6 +198,22 @@ impl Builder {
         self.scene.nodes[file.group.node.index()].surfaces.push(surface(geometry, material));
     }
 
+    /// Adds geometry whose zero is at a place in the coordinates of the innermost group.
+    pub fn add_placed_surface(
+        &mut self,
+        file: &File,
+        origin: DVec3,
+        geometry: Geometry,
+        material: Option<MaterialId>,
+    ) {
+        if origin == DVec3::ZERO {
+            return self.add_surface(file, geometry, material);
+        }
+        let (transform, surfaces) =
+            (DAffine3::from_translation(origin), vec![surface(geometry, material)]);
+        self.scene.add_child(file.group.node, Node { transform, surfaces, ..Node::default() });
+    }
+
     /// Adds a triangle in the coordinates of the innermost group.
     pub fn add_triangle(
         &mut self,
@@ -226,14 +242,15 @@ impl Builder {
         Ok(())
     }
 
-    /// Reads `mesh`: the triangles of a file, which is read once for all its uses.
-    pub fn mesh(&mut self, file: &mut File) -> Result<Arc<TriangleMesh>, ReadError> {
+    /// Reads `mesh`: the triangles of a file, which is read once for all its uses, and the place of
+    /// their zero.
+    pub fn mesh(&mut self, file: &mut File) -> Result<(Arc<TriangleMesh>, DVec3), ReadError> {
         let name = file.tokens.expect("the name of a mesh file")?;
         let path = named_path(file, &name)?;
         if let Some(mesh) = self.meshes.get(&path) {
             return Ok(mesh.clone());
         }
-        let (input, _) = self.open(file, &name)?;
+        let (mut input, _) = self.open(file, &name)?;
         if ["jpg", "jpeg", "bmp", "ppm", "png"].contains(&input.extension().as_str()) {
             let problem = format!(
                 "{} is a picture; height fields are not supported as meshes",
@@ -245,7 +262,7 @@ impl Builder {
                 "convert the height field to a triangle mesh (.off, .ply)",
             ));
         }
-        let MeshRead { mut mesh, warnings, .. } = read_named_mesh(&input)?;
+        let MeshRead { mut mesh, origin, warnings, .. } = read_named_mesh(&mut input)?;
         for (_, Warning { message, count, kind }) in warnings {
             Warning::note_of(kind, &mut self.scene.warnings, message, count);
         }
@@ -257,9 +274,9 @@ impl Builder {
         for uv in &mut mesh.uvs[0] {
             uv.y = 1.0 - uv.y;
         }
-        let mesh = Arc::new(mesh);
-        self.meshes.insert(path, mesh.clone());
-        Ok(mesh)
+        let read = (Arc::new(mesh), origin);
+        self.meshes.insert(path, read.clone());
+        Ok(read)
     }
 
     /// Opens a file that this one names. Also returns its canonical path, which is the same for

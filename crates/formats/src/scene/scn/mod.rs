@@ -22,7 +22,7 @@ use crate::scene::shapes::ShapeTable;
 use crate::scene::tokens::{Token, Tokens};
 use crate::{Input, ReadError, SceneReader};
 use snell_intersect::TriangleMesh;
-use snell_math::Bounds3d;
+use snell_math::{Bounds3d, DVec3};
 use snell_scene::{Camera, Material, MaterialId, Scene, TextureId};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -41,8 +41,8 @@ pub const READER: SceneReader = SceneReader {
 struct Builder {
     scene: Scene,
     shapes: ShapeTable,
-    /// Meshes by the path they were read from.
-    meshes: BTreeMap<PathBuf, Arc<TriangleMesh>>,
+    /// Meshes by the path they were read from, and the places of their zeros.
+    meshes: BTreeMap<PathBuf, (Arc<TriangleMesh>, DVec3)>,
     /// Textures by the path of their image.
     textures: BTreeMap<PathBuf, TextureId>,
     default_material: Option<MaterialId>,

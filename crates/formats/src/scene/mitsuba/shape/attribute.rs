@@ -2,7 +2,7 @@
 
 use crate::Input;
 use crate::ReadError;
-use crate::mesh::{Attribute, ply_attribute};
+use crate::mesh::{Attribute, ply_attribute, vertices_at};
 use snell_intersect::TriangleMesh;
 use snell_math::{Rgb, Vec2};
 
@@ -111,18 +111,6 @@ impl OnTriangles {
 
 /// Gives each triangle vertices of its own.
 fn part_triangles(mesh: &mut TriangleMesh) {
-    fn parted<T: Copy>(values: &[T], indices: &[[u32; 3]]) -> Vec<T> {
-        if values.is_empty() {
-            return Vec::new();
-        }
-        indices.iter().flatten().map(|i| values[*i as usize]).collect()
-    }
-    let indices = std::mem::take(&mut mesh.indices);
-    mesh.positions = parted(&mesh.positions, &indices);
-    mesh.exact = parted(&mesh.exact, &indices);
-    mesh.normals = parted(&mesh.normals, &indices);
-    mesh.tangents = parted(&mesh.tangents, &indices);
-    mesh.uvs = mesh.uvs.each_ref().map(|set| parted(set, &indices));
-    mesh.colors = parted(&mesh.colors, &indices);
-    mesh.indices = (0..indices.len() as u32).map(|t| [0, 1, 2].map(|k| 3 * t + k)).collect();
+    let indices = (0..mesh.indices.len() as u32).map(|t| [0, 1, 2].map(|k| 3 * t + k)).collect();
+    *mesh = TriangleMesh { indices, ..vertices_at(mesh, mesh.indices.as_flattened()) };
 }

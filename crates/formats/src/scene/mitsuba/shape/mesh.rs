@@ -2,22 +2,38 @@
 
 use super::super::Builder;
 use super::super::object::Object;
-use super::super::serialized;
+use super::super::serialized::{self, Serialized};
 use super::super::texture::Attributes;
 use super::super::value::shortened;
 use super::Part;
 use super::attribute::{self, Shown, Use};
 use crate::Input;
+use crate::mesh::{part_of, read_near};
 use crate::scene::fault::Fault;
 use crate::scene::shapes::wind_by_normals;
 use snell_intersect::TriangleMesh;
-use snell_math::Vec3;
+use snell_math::{DVec3, Vec3};
 use snell_scene::Warning;
 use std::sync::Arc;
+
+/// A mesh of a file.
+#[derive(Clone, Debug)]
+pub struct KnownMesh {
+    pub mesh: Arc<TriangleMesh>,
+    /// The place of the mesh's zero in the file.
+    pub origin: DVec3,
+    /// True if the normals of its vertices turned triangles over.
+    pub is_turned: bool,
+    /// The name of the material of each triangle in an OBJ file; empty without materials.
+    materials: Arc<[Arc<str>]>,
+}
 
 /// A mesh that was read.
 struct MeshRead {
     mesh: TriangleMesh,
+    origin: DVec3,
+    /// The name of the material of each triangle in an OBJ file; empty without materials.
+    materials: Vec<Arc<str>>,
     /// True if the normals of its vertices turned triangles over.
     is_turned: bool,
     /// The attributes that are shown and that the mesh lacks.
@@ -44,12 +60,10 @@ struct Reading {
     is_mirrored: bool,
     /// The attributes that the mesh keeps.
     shown: Attributes,
-    /// The faces that are read.
-    part: Part,
 }
 
 impl Reading {
-    fn of(object: &Object, shown: Attributes, part: &Part) -> Result<Self, Fault> {
+    fn of(object: &Object, shown: Attributes) -> Result<Self, Fault> {
         for name in ["srgb", "collapse"] {
             object.get(name);
         }
@@ -64,23 +78,25 @@ impl Reading {
             is_flipped: object.bool_or("flip_normals", false)?,
             is_mirrored: object.transform("to_world")?.matrix3.determinant() < 0.0,
             shown,
-            part: part.clone(),
         })
     }
 
     /// Reads the mesh.
-    fn mesh(&self, input: &Input) -> Result<MeshRead, Fault> {
+    fn mesh(&self, mut input: Input) -> Result<MeshRead, Fault> {
         let mut is_flat = self.is_flat;
-        let (mut faces, mut warnings) = (None, Vec::new());
+        let (mut faces, mut materials, mut warnings) = (None, Vec::new(), Vec::new());
         let mut mesh = if self.is_serialized {
-            let read = serialized::read(input, self.index)?;
+            let read = |input: &Input| serialized::read(input, self.index);
+            let read = read_near(&mut input, |read: &Serialized| &read.mesh, read)?;
             is_flat |= read.is_flat;
             read.mesh
         } else {
-            let read = crate::mesh::read_named_mesh(input)?;
+            let read = crate::mesh::read_named_mesh(&mut input)?;
             (faces, warnings) = (read.faces, read.warnings);
+            materials = of_triangles(&read.mesh, read.materials);
             read.mesh
         };
+        let (input, origin) = (&input, input.origin);
         mesh.material_slots.clear();
         let mut on_triangles = Vec::new();
         let (mut missing, mut misfits) = (Vec::new(), Vec::new());
@@ -119,32 +135,47 @@ impl Reading {
             mesh = flip_v(mesh);
         }
         on_triangles.iter().for_each(|values| values.put(&mut mesh));
-        if self.part != Part::All {
-            let mut materials = crate::mesh::triangle_materials(input)?.into_iter();
-            mesh.indices.retain(|_| self.part.has(&materials.next().unwrap_or_default()));
-        }
-        Ok(MeshRead { mesh, is_turned, missing, misfits, warnings })
+        Ok(MeshRead { mesh, origin, materials, is_turned, missing, misfits, warnings })
     }
 }
 
 impl Builder<'_> {
-    /// The mesh of a file, read once, and whether the normals of its vertices turned triangles
-    /// over; `None` if it has no triangles.
+    /// The mesh of a file, or the part of it that is being read; `None` if it has no triangles.
     pub(super) fn mesh_file(
         &mut self,
         object: &Object,
         shown: Attributes,
-    ) -> Result<Option<(Arc<TriangleMesh>, bool)>, Fault> {
+    ) -> Result<Option<KnownMesh>, Fault> {
+        let (_, at) = object.file_name()?;
+        let Some(whole) = self.whole_mesh(object, shown)? else { return Ok(None) };
+        if self.shapes.part == Part::All {
+            return Ok(Some(whole));
+        }
+        let name = |triangle: usize| whole.materials.get(triangle).map_or("", |name| name);
+        let mesh = part_of(&whole.mesh, |triangle| self.shapes.part.has(name(triangle)));
+        if mesh.indices.is_empty() {
+            return Ok(None);
+        }
+        self.count_triangles(at, mesh.indices.len())?;
+        Ok(Some(KnownMesh { mesh: Arc::new(mesh), ..whole }))
+    }
+
+    /// The whole mesh of a file, read once; `None` if it has no triangles.
+    fn whole_mesh(
+        &mut self,
+        object: &Object,
+        shown: Attributes,
+    ) -> Result<Option<KnownMesh>, Fault> {
         let (name, at) = object.file_name()?;
-        let reading = Reading::of(object, shown, &self.shapes.part)?;
+        let reading = Reading::of(object, shown)?;
         let path =
             self.home(name).resolve(name).map_err(|e| Fault::new(at, e.problem, e.remedy))?;
         let key = (path.canonicalize().unwrap_or(path), format!("{reading:?}"));
         if let Some(known) = self.shapes.files.get(&key) {
             return Ok(Some(known.clone()));
         }
-        let MeshRead { mesh, is_turned, missing, misfits, warnings } =
-            reading.mesh(&self.open(name, at)?)?;
+        let MeshRead { mesh, origin, materials, is_turned, missing, misfits, warnings } =
+            reading.mesh(self.open(name, at)?)?;
         self.notes.add_of_mesh(at, warnings);
         for (attribute, count) in misfits {
             let name = shortened(name);
@@ -165,17 +196,24 @@ impl Builder<'_> {
         }
         self.count_triangles(at, mesh.indices.len())?;
         if mesh.indices.is_empty() {
-            if self.shapes.part != Part::All {
-                return Ok(None);
-            }
             let name = shortened(name);
             self.note("empty mesh", at, || format!("\"{name}\" has no triangles; it was left out"));
             return Ok(None);
         }
-        let known = (Arc::new(mesh), is_turned);
+        let (mesh, materials) = (Arc::new(mesh), materials.into());
+        let known = KnownMesh { mesh, origin, is_turned, materials };
         self.shapes.files.insert(key, known.clone());
         Ok(Some(known))
     }
+}
+
+/// The name of the material of each triangle, from the names by slot.
+fn of_triangles(mesh: &TriangleMesh, names: Vec<String>) -> Vec<Arc<str>> {
+    let names: Vec<Arc<str>> = names.into_iter().map(Arc::from).collect();
+    let slot = |triangle: usize| mesh.material_slots.get(triangle).map_or(0, |slot| (*slot).into());
+    (0..mesh.indices.len())
+        .map_while(|triangle| names.get::<usize>(slot(triangle)).cloned())
+        .collect()
 }
 
 /// Reverses the orientation of a mesh.

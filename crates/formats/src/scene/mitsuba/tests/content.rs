@@ -8,7 +8,7 @@ use snell_scene::light::{Directional, Point, Profile};
 use snell_scene::material::{
     AlphaMode, ConductorSpectrum, Diffuse, HeightUnit, MaterialKind, ScalarParam,
 };
-use snell_scene::{Environment, Light, Material, Medium, Projection};
+use snell_scene::{Environment, Geometry, Light, Material, Medium, Projection};
 use std::io::Write;
 
 /// The material of a sphere with this bsdf.
@@ -928,5 +928,53 @@ fn colours_of_vertices_are_scaled_and_emitted() {
     for reflectance in [&attribute("reflectance", 0.5), nested] {
         let matte = read(&format!("<bsdf type=\"diffuse\">{reflectance}</bsdf>"));
         assert_eq!(matte.kind, Diffuse::new(Rgb::splat(0.5)).into());
+    }
+}
+
+#[test]
+fn an_area_emitter_outside_of_a_shape_is_told_so() {
+    for kind in ["area", "directionalarea"] {
+        let said = warnings(&format!("<emitter type=\"{kind}\"/><shape type=\"sphere\"/>"));
+        assert!(said.contains(" belongs to no shape; put it inside"), "{said}");
+    }
+    let said = warnings("<shape type=\"sphere\"><emitter type=\"point\"/></shape>");
+    assert!(said.contains("a shape cannot emit this (only area)"), "{said}");
+}
+
+#[test]
+fn an_obj_file_of_many_materials_is_read_once_and_shared_out() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let count = 200;
+    let faces: String = (0..count)
+        .map(|i| format!("v {i} 0 0\nv {i} 1 0\nv {i} 0 1\nusemtl m{i}\nf -3 -2 -1\n"))
+        .collect();
+    std::fs::write(folder.path().join("a.obj"), faces + "usemtl x\nf 1 2 4\n").expect("written");
+    let bsdfs: String = (0..count)
+        .map(|i| {
+            format!(
+                "<bsdf type='diffuse' name='m{i}'><rgb name='reflectance' value='{} 0 0'/></bsdf>",
+                f64::from(i) / f64::from(count)
+            )
+        })
+        .collect();
+    let text = format!(
+        "<scene version='0.6.0'><shape type='obj'><string name='filename' value='a.obj'/>{bsdfs}\
+        </shape></scene>"
+    );
+    let scene = testing::read_in(&READER, folder.path(), &text).unwrap_or_else(|e| panic!("{e}"));
+    let shown: Vec<_> = scene.nodes.iter().filter(|node| !node.surfaces.is_empty()).collect();
+    assert_eq!(shown.len(), count as usize + 1);
+    for (i, node) in shown.iter().take(count as usize).enumerate() {
+        let surface = &node.surfaces[0];
+        let Geometry::Mesh(mesh) = &surface.geometry else { panic!("a mesh") };
+        assert_eq!((mesh.positions.len(), mesh.indices.len()), (3, 1));
+        assert_eq!(mesh.positions[0].x, i as f32);
+        let material = surface.materials[0].expect("its material");
+        let MaterialKind::Diffuse(diffuse) = &scene.materials[material.index()].kind else {
+            panic!("diffuse")
+        };
+        assert!(
+            (f64::from(diffuse.reflectance.factor.r) - i as f64 / f64::from(count)).abs() < 1e-6
+        );
     }
 }

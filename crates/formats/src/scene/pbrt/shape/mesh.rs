@@ -3,10 +3,10 @@
 use super::super::params::Params;
 use super::super::{Builder, identity};
 use super::{Lamps, Made, check_length, flip_v, orient};
-use crate::mesh::{MeshRead, read_named_mesh};
+use crate::mesh::{MeshRead, read_named_mesh, vertices_at};
 use crate::scene::fault::Fault;
 use snell_intersect::{TriangleMesh, first_uv_set};
-use snell_math::{Vec2, Vec3};
+use snell_math::{DVec3, Vec2, Vec3};
 use std::sync::Arc;
 
 impl Builder<'_> {
@@ -58,7 +58,10 @@ impl Builder<'_> {
             separate_with_uvs(&mut mesh);
         }
         flip_v(&mut mesh);
-        if mesh.indices.is_empty() { Made::Nothing } else { Made::Mesh(Arc::new(mesh), lamps) }
+        match mesh.indices.is_empty() {
+            true => Made::Nothing,
+            false => Made::Mesh(Arc::new(mesh), DVec3::ZERO, lamps),
+        }
     }
 
     pub(super) fn ply_mesh(&mut self, params: &Params) -> Result<Made, Fault> {
@@ -69,11 +72,11 @@ impl Builder<'_> {
         let path =
             self.main.resolve(name).map_err(|error| Fault::new(at, error.problem, error.remedy))?;
         let key = (identity(&path), self.is_reversed());
-        if let Some((mesh, lamps)) = self.shapes.files.get(&key) {
-            return Ok(Made::Mesh(mesh.clone(), lamps.clone()));
+        if let Some((mesh, origin, lamps)) = self.shapes.files.get(&key) {
+            return Ok(Made::Mesh(mesh.clone(), *origin, lamps.clone()));
         }
-        let input = self.open(name, at)?;
-        let MeshRead { mut mesh, faces, warnings } = read_named_mesh(&input)?;
+        let mut input = self.open(name, at)?;
+        let MeshRead { mut mesh, origin, faces, warnings, .. } = read_named_mesh(&mut input)?;
         self.notes.add_of_mesh(at, warnings);
         mesh.colors.clear();
         mesh.material_slots.clear();
@@ -82,9 +85,10 @@ impl Builder<'_> {
             Some(triangles) => Lamps::Patches(triangles.into()),
             None => Lamps::Triangles,
         };
-        let made = self.finish_mesh(mesh, lamps);
-        if let Made::Mesh(mesh, lamps) = &made {
-            self.shapes.files.insert(key, (mesh.clone(), lamps.clone()));
+        let mut made = self.finish_mesh(mesh, lamps);
+        if let Made::Mesh(mesh, at, lamps) = &mut made {
+            *at = origin;
+            self.shapes.files.insert(key, (mesh.clone(), origin, lamps.clone()));
         }
         Ok(made)
     }
@@ -110,15 +114,8 @@ fn repair(mesh: &mut TriangleMesh) {
 
 /// Gives each triangle its own vertices, with pbrt's default texture coordinates.
 fn separate_with_uvs(mesh: &mut TriangleMesh) {
-    let corners: Vec<usize> = mesh.indices.iter().flatten().map(|&i| i as usize).collect();
-    mesh.positions = corners.iter().map(|&i| mesh.positions[i]).collect();
-    if !mesh.exact.is_empty() {
-        mesh.exact = corners.iter().map(|&i| mesh.exact[i]).collect();
-    }
-    if !mesh.normals.is_empty() {
-        mesh.normals = corners.iter().map(|&i| mesh.normals[i]).collect();
-    }
+    let indices = (0..mesh.indices.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+    *mesh = TriangleMesh { indices, ..vertices_at(mesh, mesh.indices.as_flattened()) };
     let triangle = [Vec2::ZERO, Vec2::X, Vec2::ONE];
-    mesh.uvs[0] = (0..corners.len()).map(|i| triangle[i % 3]).collect();
-    mesh.indices = (0..mesh.indices.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+    mesh.uvs[0] = (0..mesh.positions.len()).map(|i| triangle[i % 3]).collect();
 }
