@@ -35,6 +35,7 @@ __all__ = [
     "__version__",
     "_compare",
     "_explain",
+    "_load_stage",
     "_render_settings",
     "_restore",
     "_restore_camera",
@@ -70,6 +71,7 @@ _Floats = NDArray[np.float32] | NDArray[np.float64]
 def load(
     path: str | PathLike[str], *, threads: int | None = None, confine: bool = False
 ) -> Scene: ...
+def _load_stage(name: str, text: str) -> Scene: ...
 def _compare(reference: Any, test: Any) -> tuple[dict[str, Any], NDArray[np.float32]]: ...
 def _restore_image(
     picture: tuple[Any, ...],

@@ -144,6 +144,107 @@ def Xform "World"
     assert form["environment"]["constant"] == pytest.approx([0.2, 0.4, 0.6])
 
 
+def test_instancers_of_instancers_are_made_once(tmp_path: Path) -> None:
+    """Two instancers on each of 30 levels show both of the next level: 2^31 balls in all."""
+    depth = 30
+    levels = [
+        f"""
+    def PointInstancer "{name}{i}" {{
+        rel prototypes = [</World/P/A{i + 1}>, </World/P/B{i + 1}>]
+        int[] protoIndices = [0, 1]
+        point3f[] positions = [({x}, 0, 0), (0, {x}, 0)] }}
+"""
+        for i, x in ((i, 2.0**i) for i in range(depth))
+        for name in "AB"
+    ]
+    text = f"""
+def Xform "World" {{
+    class "P" {{
+        {"".join(levels)}
+        def Sphere "A{depth}" {{ double radius = 0.2 }}
+        def Sphere "B{depth}" {{ double radius = 0.2 }} }}
+    def PointInstancer "top" {{
+        rel prototypes = </World/P/A0>
+        int[] protoIndices = [0]
+        point3f[] positions = [(0, 0, 0)] }} }}
+"""
+    form, remarks = document(stage(tmp_path, text))
+    assert not remarks
+    assert len(form["nodes"]) < 8 * depth
+
+
+@pytest.mark.parametrize(("emission", "is_lit"), [(0.5, True), (50.0, False)])
+def test_weak_emission_does_not_put_the_sky_out(
+    tmp_path: Path, emission: float, is_lit: bool
+) -> None:
+    text = f"""
+def Sphere "display" (prepend apiSchemas = ["MaterialBindingAPI"])
+{{
+    rel material:binding = </World/glow>
+}}
+def Xform "World" {{
+    def Sphere "beside" {{ double3 xformOp:translate = (3, 0, 0)
+        uniform token[] xformOpOrder = ["xformOp:translate"] }}
+    def Material "glow" {{
+        token outputs:surface.connect = </World/glow/surface.outputs:surface>
+        def Shader "surface" {{
+            uniform token info:id = "UsdPreviewSurface"
+            color3f inputs:emissiveColor = ({emission}, {emission}, {emission})
+            token outputs:surface }} }} }}
+"""
+    scene = snell.load(stage(tmp_path, text))
+    assert (scene.environment is not None) == is_lit
+
+
+def test_lights_of_older_versions_of_usd_have_names_without_a_prefix(tmp_path: Path) -> None:
+    text = """
+def RectLight "panel"
+{
+    float width = 2; float height = 3; color3f color = (1, 0.5, 0.25)
+    float intensity = 12; bool normalize = 1
+}
+def DistantLight "sun" { float intensity = 2; bool normalize = 1 }
+"""
+    form, remarks = document(stage(tmp_path, text))
+    assert not remarks
+    assert form["lights"][0]["irradiance"] == [2, 2, 2]
+    (panel,) = form["materials"]
+    assert panel["emission"]["factor"] == [2, 1, 0.5]
+
+
+@pytest.mark.parametrize("normalize", ["", "; bool inputs:normalize = 1"])
+def test_lights_of_blender_have_its_power(tmp_path: Path, normalize: str) -> None:
+    """A lamp of 1000 W, a panel of 30 W and a sun of 3 W/m², as Blender 3 and 4 write them."""
+    pytest.importorskip("pxr")
+    lamp, panel, sun = (1000 / np.pi, 30 / np.pi, 3 / 4) if normalize else (10, 0.3, 3)
+    path = tmp_path / "a.usda"
+    path.write_text(
+        f"""#usda 1.0
+( doc = "Blender v3.6.0"; metersPerUnit = 1; upAxis = "Z" )
+def SphereLight "lamp"
+{{
+    float inputs:radius = 0.1; bool treatAsPoint = 1; float inputs:intensity = {lamp}{normalize}
+}}
+def RectLight "panel"
+{{
+    float inputs:width = 2; float inputs:height = 3; float inputs:intensity = {panel}{normalize}
+}}
+def DistantLight "sun"
+{{
+    float inputs:intensity = {sun}{normalize}
+}}
+"""
+    )
+    form, remarks = document(str(path))
+    point, distant = form["lights"]
+    assert point["intensity"] == pytest.approx([1000 / (4 * np.pi)] * 3)
+    assert distant["irradiance"] == pytest.approx([3] * 3)
+    (panel,) = form["materials"]
+    assert panel["emission"]["factor"] == pytest.approx([30 / (np.pi * 6)] * 3)
+    assert any("a sun of Blender" in remark for remark in remarks)
+    assert any("taken as 100 W" in remark for remark in remarks) == (not normalize)
+
+
 def test_materialx_surfaces_are_read(tmp_path: Path) -> None:
     text = """
 def Xform "World"

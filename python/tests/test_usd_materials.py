@@ -113,6 +113,38 @@ def test_texture_coordinates_are_found_by_name(tmp_path: Path) -> None:
     assert len(floats(form["meshes"][0]["uvs"])) == len(floats(form["meshes"][0]["second_uvs"]))
 
 
+@pytest.mark.parametrize(
+    "node",
+    [
+        'uniform token info:id = "ND_texcoord_vector2"',
+        'uniform token info:id = "ND_geompropvalue_vector2"\nstring inputs:geomprop = "st"',
+    ],
+)
+def test_texture_coordinates_may_be_a_colour(tmp_path: Path, node: str) -> None:
+    nodes = f"""
+        def Shader "wide" {{
+            uniform token info:id = "ND_convert_vector2_vector3"
+            float2 inputs:in.connect = </paint/uv.outputs:out>
+            float3 outputs:out
+        }}
+        def Shader "uv" {{
+            {node}
+            float2 outputs:out
+        }}
+    """
+    color = "color3f inputs:diffuseColor.connect = </paint/wide.outputs:out>"
+    corners = [(x / 2, y) for y in range(2) for x in range(3)]
+    coordinates = f'texCoord2f[] primvars:st = {corners} (\ninterpolation = "vertex"\n)'
+    path = stage(tmp_path, painted(color, nodes, coordinates))
+    form, remarks = document(path)
+    assert not remarks
+    (pattern,) = form["textures"]
+    assert form["materials"][0]["kind"]["base_color"]["texture"] == 0
+    values = {key: value["factor"] for key, value in pattern.items() if key[0] == "v"}
+    assert values == {"v00": [0, 0, 0], "v10": [1, 0, 0], "v01": [0, 1, 0], "v11": [1, 1, 0]}
+    assert pattern["mapping"]["uv"]["uv_transform"] == [[1, 0, 0], [0, 1, 0]]
+
+
 def test_opacity_and_colour_may_be_primvars(tmp_path: Path) -> None:
     inputs = (
         "color3f inputs:diffuseColor.connect = </paint/tint.outputs:result>\n"

@@ -10,8 +10,7 @@ mod process;
 use crate::failure::Failure;
 use process::{Answer, End};
 use snell_formats::open::{self, NamedBy};
-use snell_formats::{Place, ReadError, ReadOptions, read_scene_bytes};
-use snell_math::DVec3;
+use snell_formats::{Place, ReadError, ReadOptions, read_stage};
 use snell_scene::Scene;
 use std::path::Path;
 
@@ -88,12 +87,10 @@ pub fn load(path: &Path, options: &ReadOptions) -> Result<Scene, Failure> {
 fn scene(path: &Path, answer: Answer, options: &ReadOptions) -> Result<Scene, Failure> {
     let shown = path.display().to_string();
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut scene = read_scene_bytes(&shown, answer.scene, folder, options)?;
+    let mut scene = read_stage(&shown, answer.scene, folder, options)?;
     for remark in answer.said.lines().filter_map(|line| line.strip_prefix("warning: ")) {
         scene.warn(format!("{shown}: {remark}"));
     }
-    // Stages are made for viewers with their own lighting.
-    snell_scene::framing::light_unless_lit(&mut scene, DVec3::Y, 1.0);
     Ok(scene)
 }
 

@@ -117,6 +117,20 @@ pub fn read_scene_bytes(
     read_input(input)
 }
 
+/// Reads a USD stage that the Python modules `snell.usd` converted to Snell's own format. `name` is
+/// the name of the stage. Stages are made for viewers with lighting of their own, so a scene that
+/// only its own weak emission would light gets the default sky.
+pub fn read_stage(
+    name: &str,
+    bytes: Vec<u8>,
+    directory: &Path,
+    options: &ReadOptions,
+) -> Result<Scene, ReadError> {
+    let mut scene = read_scene_bytes(name, bytes, directory, options)?;
+    snell_scene::framing::light_unless_lit(&mut scene, snell_math::DVec3::Y, scene::LEAST_LAMP);
+    Ok(scene)
+}
+
 /// Refuses a large file if there is too little memory to read it: numbers in text take several
 /// times their size while they are read. The factors were measured on meshes.
 fn check_memory(input: &Input) -> Result<(), ReadError> {

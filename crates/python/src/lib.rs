@@ -64,6 +64,7 @@ fn _snell(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<texture::Channel>()?;
     module.add_class::<texture::Pattern>()?;
     module.add_function(wrap_pyfunction!(load::load, module)?)?;
+    module.add_function(wrap_pyfunction!(load::load_stage, module)?)?;
     module.add_function(wrap_pyfunction!(pickle::_restore, module)?)?;
     module.add_function(wrap_pyfunction!(image::_restore_image, module)?)?;
     module.add_function(wrap_pyfunction!(image::_compare, module)?)?;

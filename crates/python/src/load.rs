@@ -12,7 +12,7 @@ use crate::scene::Scene;
 use crate::work::{Threads, run_to_end_on};
 use pyo3::exceptions::{PyFileNotFoundError, PyOSError, PyValueError};
 use pyo3::prelude::*;
-use snell_formats::{ReadOptions, read_scene};
+use snell_formats::{ReadError, ReadOptions, read_scene, read_stage};
 use snell_intersect::TriangleMesh;
 use snell_math::Transform;
 use snell_scene::builtin::builtin;
@@ -53,14 +53,30 @@ pub fn load(py: Python<'_>, path: PathBuf, threads: Option<i64>, confine: bool) 
     if built_in.is_none() {
         check_there(&path)?;
     }
+    let options = ReadOptions { confine, exact: true, ..ReadOptions::default() };
+    folded(py, threads, move || match built_in {
+        Some(scene) => Ok(scene),
+        None => read_scene(&path, &options),
+    })
+}
+
+/// Reads a USD stage from the text that `snell.usd.convert` made of it; `name` is the name of the
+/// stage.
+#[pyfunction]
+#[pyo3(name = "_load_stage")]
+pub fn load_stage(py: Python<'_>, name: String, text: String) -> PyResult<Scene> {
+    let options = ReadOptions { exact: true, ..ReadOptions::default() };
+    folded(py, None, move || read_stage(&name, text.into_bytes(), Path::new("."), &options))
+}
+
+/// A scene from what a reader reads.
+fn folded(
+    py: Python<'_>,
+    threads: Option<i64>,
+    read: impl FnOnce() -> Result<Graph, ReadError> + Send + 'static,
+) -> PyResult<Scene> {
     let scene = run_to_end_on(py, Threads::new(threads)?, move || {
-        let scene = match built_in {
-            Some(scene) => scene,
-            None => {
-                read_scene(&path, &ReadOptions { confine, exact: true, ..ReadOptions::default() })
-                    .map_err(|e| PyValueError::new_err(e.to_string()))?
-            }
-        };
+        let scene = read().map_err(|e| PyValueError::new_err(e.to_string()))?;
         check_memory(&scene)?;
         fold(scene).map_err(PyValueError::new_err)
     })?;

@@ -47,7 +47,6 @@ def load(
         Refuses to open files outside of the stage's folder.
     """
     import os
-    import tempfile
     import warnings
 
     import snell
@@ -62,11 +61,7 @@ def load(
         ) from error
     for remark in remarks:
         warnings.warn(remark, snell.SceneWarning, stacklevel=2)
-    with tempfile.TemporaryDirectory() as folder:
-        bridge = os.path.join(folder, "stage.snell")
-        with open(bridge, "w", encoding="utf-8") as file:
-            file.write(text)
-        return _snell.load(bridge)
+    return _snell._load_stage(path, text)
 
 
 def convert(

@@ -21,21 +21,23 @@ _TURNED = np.diag([-1.0, 1.0, -1.0, 1.0])
 def light(context: Context, prim: Any, world: np.ndarray) -> list[int]:
     """Adds a light. A light with an area becomes a node, whose number is returned."""
     kind = str(prim.GetPrimTypeInfo().GetSchemaTypeName())
-    color = _color(context, prim)
+    color, is_normalized = _color(context, prim), _is_normalized(context, prim)
+    if _is_of_blender(prim):
+        color, is_normalized = _as_blender(context, prim, kind, color, is_normalized)
     _tell_what_is_left_out(context, prim)
     if kind.startswith("DomeLight"):
         _dome(context, prim, world, color)
         return []
     if kind == "DistantLight":
-        _distant(context, prim, world, color)
+        _distant(context, prim, world, color, is_normalized)
         return []
-    cone = context.value(prim.GetAttribute("inputs:shaping:cone:angle"), None)
+    cone = context.value(_attribute(prim, "shaping:cone:angle"), None)
     if kind == "SphereLight" and (
         _radius(context, prim) <= 0
         or context.value(prim.GetAttribute("treatAsPoint"), False)
         or cone is not None
     ):
-        _point(context, prim, world, color, cone)
+        _point(context, prim, world, color, is_normalized, cone)
         return []
     found = _area_light(
         context, prim, kind, [float(np.linalg.norm(world[:3, i])) / context.scale for i in range(3)]
@@ -46,9 +48,9 @@ def light(context: Context, prim: Any, world: np.ndarray) -> list[int]:
     shape, transform, area = found
     if cone is not None and cone < 90:
         context.remark(f"{prim.GetPath()}: the cone of a light with an area is left out")
-    if float(context.value(prim.GetAttribute("inputs:shaping:focus"), 0.0)) != 0.0:
+    if float(context.value(_attribute(prim, "shaping:focus"), 0.0)) != 0.0:
         context.remark(f"{prim.GetPath()}: the focus of a light with an area is left out")
-    radiance = color / area if _is_normalized(context, prim) and area > 0 else color
+    radiance = color / area if is_normalized and area > 0 else color
     emission = color_form(radiance, _picture(context, prim))
     material = context.add_material(
         {},
@@ -94,35 +96,65 @@ def mesh_light(context: Context, prim: Any, world: np.ndarray) -> list[Any]:
 
 def _color(context: Context, prim: Any) -> np.ndarray:
     """The colour of a light times its intensity, exposure and colour temperature."""
-    given = UsdLux.LightAPI(prim)
-    strength = float(context.value(given.GetIntensityAttr(), 1.0)) * 2.0 ** float(
-        context.value(given.GetExposureAttr(), 0.0)
-    )
-    color = np.array(context.value(given.GetColorAttr(), (1, 1, 1)), dtype=np.float64) * strength
-    if context.value(given.GetEnableColorTemperatureAttr(), False):
-        kelvin = float(context.value(given.GetColorTemperatureAttr(), 6500.0))
+    given = lambda name, default: context.value(_attribute(prim, name), default)  # noqa: E731
+    strength = float(given("intensity", 1.0)) * 2.0 ** float(given("exposure", 0.0))
+    color = np.array(given("color", (1, 1, 1)), dtype=np.float64) * strength
+    if given("enableColorTemperature", False):
+        kelvin = float(given("colorTemperature", 6500.0))
         # The colour of a black body, scaled to luminance 1.
         color = color * np.array(UsdLux.BlackbodyTemperatureAsRgb(kelvin), dtype=np.float64)
     return color
 
 
 def _is_normalized(context: Context, prim: Any) -> bool:
-    return bool(context.value(UsdLux.LightAPI(prim).GetNormalizeAttr(), False))
+    return bool(context.value(_attribute(prim, "normalize"), False))
+
+
+def _attribute(prim: Any, name: str) -> Any:
+    """An input of a light. Before version 21.02 of USD its name had no prefix."""
+    given, old = prim.GetAttribute(f"inputs:{name}"), prim.GetAttribute(name)
+    is_given = bool(given) and given.HasAuthoredValue()
+    return old if not is_given and old and old.HasAuthoredValue() else given
+
+
+def _is_of_blender(prim: Any) -> bool:
+    """True for a light in a layer that Blender wrote."""
+    layers = [spec.layer for spec in prim.GetPrimStack()]
+    return bool(layers) and str(layers[-1].documentation).startswith("Blender v")
+
+
+def _as_blender(
+    context: Context, prim: Any, kind: str, color: np.ndarray, is_normalized: bool
+) -> tuple[np.ndarray, bool]:
+    """The colour of a light with the power that it has in Blender, and whether it is to be divided
+    by the area, from `usd_writer_light.cc` there.
+    """
+    if kind == "DistantLight":
+        if is_normalized:
+            context.remark("a sun of Blender: its file has a quarter of the power, which is undone")
+            return color * 4, True
+        context.remark("a sun of Blender 3 or older: its intensity is taken as W/m²")
+        return color, True
+    if kind in ("SphereLight", "RectLight", "DiskLight") and not is_normalized:
+        # Blender 3 wrote a hundredth of the power in watts, and later ones write normalized lights.
+        context.remark("a light of Blender 3 or older: its intensity is taken as 100 W")
+        return color * (100 / math.pi), True
+    return color, is_normalized
 
 
 def _radius(context: Context, prim: Any) -> float:
-    return float(context.value(prim.GetAttribute("inputs:radius"), 0.5))
+    return float(context.value(_attribute(prim, "radius"), 0.5))
 
 
 def _tell_what_is_left_out(context: Context, prim: Any) -> None:
     for name in ("diffuse", "specular"):
-        if float(context.value(prim.GetAttribute(f"inputs:{name}"), 1.0)) != 1.0:
+        if float(context.value(_attribute(prim, name), 1.0)) != 1.0:
             context.remark(
                 f"{prim.GetPath()}: the factor of a light for {name} surfaces is left out"
             )
-    if context.value(prim.GetAttribute("inputs:shaping:ies:file")):
+    if context.value(_attribute(prim, "shaping:ies:file")):
         context.remark(f"{prim.GetPath()}: the IES profile of the light is left out")
-    if context.value(prim.GetAttribute("inputs:shadow:enable"), True) is False:
+    if context.value(_attribute(prim, "shadow:enable"), True) is False:
         context.remark(f"{prim.GetPath()}: the light casts shadows, which the file switches off")
     given = UsdLux.LightAPI(prim)
     for what, collection in (
@@ -146,10 +178,12 @@ def _selects(context: Context, collection: Any) -> bool:
     )
 
 
-def _distant(context: Context, prim: Any, world: np.ndarray, color: np.ndarray) -> None:
-    angle = math.radians(float(context.value(prim.GetAttribute("inputs:angle"), 0.53)))
+def _distant(
+    context: Context, prim: Any, world: np.ndarray, color: np.ndarray, is_normalized: bool
+) -> None:
+    angle = math.radians(float(context.value(_attribute(prim, "angle"), 0.53)))
     solid = math.pi * math.sin(min(angle, math.pi) / 2) ** 2
-    irradiance = color if _is_normalized(context, prim) or solid <= 0 else color * solid
+    irradiance = color if is_normalized or solid <= 0 else color * solid
     form = {
         "light": "directional",
         "direction": direction(-world[:3, 2]),
@@ -162,7 +196,7 @@ def _area_light(
     context: Context, prim: Any, kind: str, scale: list[float]
 ) -> tuple[dict[str, Any], Any, float] | None:
     """The shape of a light, its rotation, and its area in the world, in units of the stage."""
-    get = lambda name: float(context.value(prim.GetAttribute(f"inputs:{name}"), 1.0))  # noqa: E731
+    get = lambda name: float(context.value(_attribute(prim, name), 1.0))  # noqa: E731
     radius = _radius(context, prim)
     if kind == "SphereLight":
         return {"shape": "sphere", "radius": radius}, None, 4 * math.pi * (radius * scale[0]) ** 2
@@ -190,7 +224,7 @@ def _picture(context: Context, prim: Any) -> int | None:
     """The texture of a rectangular light: its first row is at +y, and it is upright as seen from
     the emitting side.
     """
-    file = prim.GetAttribute("inputs:texture:file")
+    file = _attribute(prim, "texture:file")
     asset = context.value(file)
     if prim.GetTypeName() != "RectLight" or not asset or not asset.path:
         return None
@@ -200,13 +234,18 @@ def _picture(context: Context, prim: Any) -> int | None:
 
 
 def _point(
-    context: Context, prim: Any, world: np.ndarray, color: np.ndarray, cone: float | None
+    context: Context,
+    prim: Any,
+    world: np.ndarray,
+    color: np.ndarray,
+    is_normalized: bool,
+    cone: float | None,
 ) -> None:
     """Adds a point or spot light in place of a sphere light. Its intensity is the radiance times
     the area of the visible disk.
     """
     radius = _radius(context, prim) * float(np.linalg.norm(world[:3, 0]))
-    if _is_normalized(context, prim):
+    if is_normalized:
         # The radiance is the colour divided by the area of the sphere (in units of the stage),
         # which is four times that of the visible disk.
         intensity = color * context.scale**2 / 4
@@ -221,8 +260,8 @@ def _point(
         "position": [float(x) for x in world[:3, 3]],
         "intensity": [float(x) for x in intensity],
     }
-    focus = float(context.value(prim.GetAttribute("inputs:shaping:focus"), 0.0))
-    soft = float(context.value(prim.GetAttribute("inputs:shaping:cone:softness"), 0.0))
+    focus = float(context.value(_attribute(prim, "shaping:focus"), 0.0))
+    soft = float(context.value(_attribute(prim, "shaping:cone:softness"), 0.0))
     if focus > 0:
         outer = math.radians(min(float(cone if cone is not None else 90), 90))
         form["light"] = "spot"
@@ -243,9 +282,9 @@ def _point(
 
 
 def _dome(context: Context, prim: Any, world: np.ndarray, color: np.ndarray) -> None:
-    file = prim.GetAttribute("inputs:texture:file")
+    file = _attribute(prim, "texture:file")
     asset = context.value(file)
-    layout = str(context.value(prim.GetAttribute("inputs:texture:format"), "automatic"))
+    layout = str(context.value(_attribute(prim, "texture:format"), "automatic"))
     if layout not in ("automatic", "latlong"):
         context.remark(
             f"{prim.GetPath()}: the layout {layout} of the picture of a dome is not supported; it "

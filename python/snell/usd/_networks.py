@@ -245,7 +245,10 @@ class Network:
                 else self._fallback(shader, output, channel)
             )
         if kind.startswith(_PRIMVARS):
-            return self._primvar(shader, kind, depth)
+            return self._primvar(shader, kind, depth, channel)
+        if kind.startswith("ND_texcoord"):
+            index = int(self._value_of(shader, "index", 0))
+            return self._coordinates(f"st{index}" if index else None, channel)
         if kind.startswith("ND_constant"):
             return self._input(shader, "value", depth)
         computed = self._computed(shader, kind, depth)
@@ -456,7 +459,17 @@ class Network:
         )
         return _Source(pattern=ramp, channel=source.channel)
 
-    def _primvar(self, shader: Any, kind: str, depth: int) -> _Source:
+    def _coordinates(self, name: str | None, channel: int) -> _Source:
+        """Texture coordinates as red and green."""
+        uv_set = self.context.uv_set(name, self.coordinates) if name else 0
+        pattern = self.context.pattern(
+            "bilerp",
+            **{f"v{s}{t}": color_form((s, t, 0)) for s in (0, 1) for t in (0, 1)},
+            mapping={"uv": {"uv_set": uv_set, "uv_transform": [[1, 0, 0], [0, 1, 0]]}},
+        )
+        return _Source(pattern=pattern, channel=channel)
+
+    def _primvar(self, shader: Any, kind: str, depth: int, channel: int) -> _Source:
         name = self._value_of(shader, "varname", self._value_of(shader, "geomprop", None))
         if kind.startswith("ND_geomcolor"):
             name = "displayColor"
@@ -468,6 +481,8 @@ class Network:
         if name not in self.primvars:
             self.primvars[name] = primvar_state(self.context, self.user, name)
         state = self.primvars[name]
+        if state == () and kind.endswith(("vector2", "float2")):
+            return self._coordinates(name, channel)
         if state == ():
             return _Source(primvar=name)
         if state is not None:

@@ -273,7 +273,6 @@ def _inherited(context: Context, prim: Any) -> tuple[Any, ...]:
         for primvar in primvars
         if primvar.GetInterpolation() == "constant"
     ]
-    overrides = [(name, rows.tobytes()) for name, rows in context.overrides.items()]
     materials = tuple(
         (
             str(material.GetPath()),
@@ -282,7 +281,7 @@ def _inherited(context: Context, prim: Any) -> tuple[Any, ...]:
         for material, binding in bound_materials(prim)
     )
     purpose = str(UsdGeom.Imageable(prim).ComputePurpose()) if UsdGeom.Imageable(prim) else ""
-    return (materials, purpose, tuple(sorted(values)), tuple(sorted(overrides)))
+    return (materials, purpose, tuple(sorted(values)), _overrides(context))
 
 
 def _has_collections(prim: Any) -> bool:
@@ -384,7 +383,7 @@ def _point_instancer(context: Context, prim: Any, world: np.ndarray, joint: int)
         index = indices[number]
         if not 0 <= index < len(targets) or not targets[index]:
             continue
-        make = functools.partial(_node, context, targets[index], world, joint)
+        make = functools.partial(_prototype, context, targets[index], world, joint)
         if index not in names:
             made[index,], asked = _with_names(context, make)
             names[index] = [
@@ -402,6 +401,36 @@ def _point_instancer(context: Context, prim: Any, world: np.ndarray, joint: int)
             place = np.array(matrix, dtype=np.float64).reshape(4, 4).T
             found.append(context.add_node({"transform": rows(place), "children": [prototype]}))
     return found
+
+
+def _prototype(context: Context, prim: Any, world: np.ndarray, joint: int) -> int | None:
+    """The node of a prototype of a point instancer. It is made once for all instancers that show it
+    with the same primvars of their instances.
+    """
+    path = str(prim.GetPath())
+    key = lambda asked: ("instanced", path, _overrides(context, asked))  # noqa: E731
+    asked = context.known.get(("asked", path))
+    if asked is not None and key(asked) in context.known:
+        context.asked |= asked
+        known: int | None = context.known[key(asked)]
+        return known
+    before = _placed_in_the_world(context)
+    node, asked = _with_names(context, lambda: _node(context, prim, world, joint))
+    if before == _placed_in_the_world(context):
+        context.known["asked", path] = asked
+        context.known[key(asked)] = node
+    return node
+
+
+def _overrides(context: Context, names: set[str] | None = None) -> tuple[tuple[str, bytes], ...]:
+    """The values of one instance that take the place of primvars, all or those of these names."""
+    return tuple(
+        sorted(
+            (name, rows.tobytes())
+            for name, rows in context.overrides.items()
+            if names is None or name in names
+        )
+    )
 
 
 def _values_of_instances(context: Context, prim: Any, count: int) -> dict[str, np.ndarray]:
