@@ -6,7 +6,7 @@ use snell_formats::error::one_line;
 use snell_formats::image::compare::{
     BYTES_PER_PIXEL, CompareOptions, Comparison, LinearImage, compare, difference_picture,
 };
-use snell_formats::image::{WriteOptions, read_image, write_image};
+use snell_formats::image::{WriteOptions, read_image, read_layers, write_image};
 use snell_formats::memory::Available;
 use snell_formats::{Input, ReadOptions};
 use std::path::{Path, PathBuf};
@@ -19,6 +19,9 @@ pub struct Options {
     reference: PathBuf,
     /// The other picture
     test: PathBuf,
+    /// Compare the layers (or parts) of this name in two OpenEXR files, instead of the pictures
+    #[arg(long, value_name = "NAME")]
+    layer: Option<String>,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -49,7 +52,8 @@ fn parse_limit(text: &str) -> Result<f64, String> {
 
 /// Compares and prints.
 pub fn run(options: &Options) -> Result<ExitCode, Failure> {
-    let (reference, test) = (read(&options.reference)?, read(&options.test)?);
+    let layer = options.layer.as_deref();
+    let (reference, test) = (read(&options.reference, layer)?, read(&options.test, layer)?);
     let needed = reference.pixels.len() as u64 * BYTES_PER_PIXEL as u64;
     let what = format!("comparing pictures of {}x{} pixels", reference.width, reference.height);
     let admitted = Available::now().admit(&what, needed);
@@ -94,8 +98,11 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     Ok(if within { ExitCode::SUCCESS } else { ExitCode::from(1) })
 }
 
-fn read(path: &Path) -> Result<LinearImage, Failure> {
+fn read(path: &Path, layer: Option<&str>) -> Result<LinearImage, Failure> {
     let input = Input::open(path, &ReadOptions::default())?;
+    if let Some(name) = layer {
+        return read_layer(&input, name);
+    }
     let image = read_image(&input)?;
     for note in input.take_notes() {
         eprintln!("warning: {}", one_line(&note));
@@ -104,6 +111,22 @@ fn read(path: &Path) -> Result<LinearImage, Failure> {
     let admitted = Available::now().admit(&format!("{}: the picture", path.display()), needed);
     admitted.map_err(|problem| Failure::Other(format!("{problem}; scale it down")))?;
     Ok(LinearImage::from_image(&image))
+}
+
+/// The layer of a file that has this name.
+fn read_layer(input: &Input, name: &str) -> Result<LinearImage, Failure> {
+    let image = read_layers(input)?;
+    if let Some(layer) = image.layers.iter().find(|layer| layer.name == name) {
+        return Ok(LinearImage::from_layer(&image, layer));
+    }
+    let names =
+        image.layers.iter().map(|layer| layer.name.as_str()).filter(|name| !name.is_empty());
+    let names: Vec<_> = names.collect();
+    let known = if names.is_empty() { "none".into() } else { names.join(", ") };
+    Err(Failure::Other(format!(
+        "{}: there is no layer \"{name}\" beside the picture; the others are: {known}",
+        input.name
+    )))
 }
 
 fn table(c: &Comparison) -> String {

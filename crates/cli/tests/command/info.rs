@@ -51,6 +51,15 @@ fn comparing_tells_how_far_pictures_are_apart() {
     place.run("render cornell-box --size 16x12 --spp 2 -t 1 -q -o a.exr").done();
     place.run("render cornell-box --size 16x12 --spp 2 -t 1 -q -o b.exr --seed 1").done();
     place.run("render cornell-box --size 12x12 --spp 1 -t 1 -q -o small.exr").done();
+    for (file, kinds) in [("c.exr", "albedo"), ("d.exr", "albedo,normal")] {
+        let words =
+            format!("render cornell-box --size 16x12 --spp 2 -t 1 -q --aov {kinds} -o {file}");
+        place.run(&words).done();
+    }
+    place.run("compare c.exr d.exr --layer albedo --max-relmse 0").done();
+    let run = place.run("compare c.exr d.exr --layer normal");
+    assert_eq!(run.code, 1);
+    insta::assert_snapshot!(run.err, @r#"error: c.exr: there is no layer "normal" beside the picture; the others are: albedo"#);
     let run = place.run("compare a.exr a.exr --max-relmse 0 --max-flip 0 --max-different 0").done();
     assert!(run.text().contains("PSNR             equal\n"), "{}", run.text());
     let run = place.run("compare a.exr b.exr --max-relmse 0.000001 -o d.png --json");
