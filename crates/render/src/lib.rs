@@ -45,7 +45,7 @@ pub use film::{Film, FilmTile, filter::Filter};
 pub use guiding::Guiding;
 pub use integrator::{IntegratorKind, aov::Aov};
 pub use job::{
-    Fact, Header, Job, Progress, Recording, SavedError, Statistics, Training, Underway, facts,
+    Fact, Header, Job, Progress, Recording, SavedError, Statistics, Training, Underway, fact, facts,
     with_patience,
 };
 pub use light_sampler::LightSamplerKind;

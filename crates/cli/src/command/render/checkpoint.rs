@@ -6,7 +6,7 @@ use crate::failure::Failure;
 use crate::spectrum_file;
 use snell_formats::error::one_line;
 use snell_formats::{Sources, atomic};
-use snell_render::{Fact, Film, Job, Progress, SavedError, Settings, Statistics, Underway, facts};
+use snell_render::{Fact, Film, Job, Progress, SavedError, Settings, Statistics, Underway, fact, facts};
 use std::fs::File;
 use std::io::{BufReader, ErrorKind};
 use std::path::{Path, PathBuf};
@@ -207,9 +207,7 @@ fn all_facts(options: &Options, settings: &Settings, picture: &Path) -> Result<V
         .iter()
         .map(|definition| spectrum_file::resolve(definition))
         .collect::<Result<_, _>>()?;
-    let mut add = |name: &str, value: &dyn std::fmt::Debug| {
-        all.push((name.into(), format!("{value:?}")));
-    };
+    let mut add = |name: &str, value: &dyn std::fmt::Debug| all.extend(fact(name, value));
     add("the frame", &picture.file_name().filter(|_| options.has_frames()));
     add("--at", &options.at);
     add("--camera", &options.camera);
