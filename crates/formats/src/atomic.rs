@@ -48,6 +48,42 @@ pub fn write_new(path: &Path, fill: impl FnOnce(&mut dyn Write) -> Result<()>) -
     file.rename(|file| file.persist_noclobber(path).map(drop).map_err(|e| e.error))
 }
 
+/// Like [`write_with()`], but what was at `path` is then at `before`. The file has its content on
+/// disk before it gets its name, and at every moment one of the two names leads to a whole file,
+/// whatever ends the program or the system. The temporary file has a fixed name, so that programs
+/// that are killed leave no more than one.
+pub fn write_keeping(
+    path: &Path,
+    before: &Path,
+    fill: impl FnOnce(&mut dyn Write) -> Result<()>,
+) -> std::result::Result<(), WriteError> {
+    let mut name = path.as_os_str().to_owned();
+    name.push(".new");
+    let new = PathBuf::from(name);
+    let write = || {
+        let mut out = std::io::BufWriter::new(std::fs::File::create(&new)?);
+        fill(&mut out)?;
+        out.into_inner().map_err(std::io::IntoInnerError::into_error)?.sync_all()?;
+        match std::fs::rename(path, before) {
+            Err(error) if error.kind() != ErrorKind::NotFound => return Err(error),
+            _ => {}
+        }
+        std::fs::rename(&new, path)?;
+        sync_folder(folder_of(path))
+    };
+    write().map_err(io_error(path)).inspect_err(|_| drop(std::fs::remove_file(&new)))
+}
+
+/// Makes the names in a folder lasting.
+fn sync_folder(folder: &Path) -> Result<()> {
+    // Other systems than Unix cannot open a folder, and do this by themselves.
+    #[cfg(unix)]
+    std::fs::File::open(folder)?.sync_all()?;
+    #[cfg(not(unix))]
+    let _ = folder;
+    Ok(())
+}
+
 /// Writes several files as [`write()`] does. All of them are written under temporary names before
 /// the first is renamed; the renames follow the order of `files`.
 pub fn write_all(files: &[(PathBuf, Vec<u8>)]) -> std::result::Result<(), WriteError> {
@@ -161,7 +197,10 @@ impl Staged {
     fn place(self) -> Result<()> {
         match self {
             Self::File { temporary, place } => {
-                temporary.rename(|file| file.persist(&place).map(drop).map_err(|e| e.error))
+                temporary.rename(|file| file.persist(&place).map(drop).map_err(|e| e.error))?;
+                // A folder that cannot be opened has the file nevertheless.
+                let _ = sync_folder(folder_of(&place));
+                Ok(())
             }
             Self::Done => Ok(()),
         }

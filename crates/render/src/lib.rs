@@ -44,11 +44,15 @@ pub use compile::{CompileError, CompiledScene, Moving};
 pub use film::{Film, FilmTile, filter::Filter};
 pub use guiding::Guiding;
 pub use integrator::{IntegratorKind, albedos::Albedos, aov::Aov};
-pub use job::{Job, Progress, Recording, Statistics, Training, Underway, with_patience};
+pub use job::{
+    Fact, Header, Job, Progress, Recording, SavedError, Statistics, Training, Underway, fact, facts,
+    with_patience,
+};
 pub use light_sampler::LightSamplerKind;
 pub use picture::picture;
 pub use request::{
     Denoise, Form, GuidingPasses, Heading, Problem, Request, RequestError, Setting, Wish,
+    seconds_of,
 };
 pub use sampler::SamplerKind;
 pub use settings::{Crop, LightGroup, LightStrategy, Settings, Shadows, Terminator, TileOrder};

@@ -6,6 +6,7 @@
 //! that is available.
 
 use crate::film::filter::FilterSampler;
+use crate::film::tile::most_runs;
 use crate::film::{BLOCK, FilmSample, TILE};
 use crate::integrator::aov::{Aov, AovKind};
 use crate::settings::{Crop, Settings};
@@ -138,20 +139,12 @@ pub fn picture_channels(settings: &Settings) -> u64 {
 /// The film's bytes per pixel.
 fn film_bytes(settings: &Settings, sampled: u64, covers: u64, is_signed: bool) -> u64 {
     let channels = 4 + sampled;
-    let sums = 8 * (channels * if is_signed { 3 } else { 2 } + 1);
-    // The film has sums of whole blocks, and sums of the block that is being filled.
-    let blocks = u64::from(settings.spp >= BLOCK);
-    let partial = u64::from(settings.spp < BLOCK || !settings.spp.is_multiple_of(BLOCK));
     let decided = if settings.noise.is_some() { 16 + 2 * 4 } else { 0 };
     // The list of a pixel that few things cover, with its heap overhead.
     let cover = 24 + 80;
-    sums * (blocks + partial)
-        + 4
-        + 16 * blocks
-        + decided
-        + 4 * sampled
-        + cover * covers
-        + TILE_BYTES
+    let sums = 8 * if is_signed { 3 * channels + 1 } else { 2 * channels };
+    let run = sums + 4 + 16 + cover * covers;
+    run * u64::from(most_runs(settings.spp)) + decided + 4 * sampled + TILE_BYTES
 }
 
 /// Bytes of the guiding field and of the records of a batch. They grow with the square root of the

@@ -90,7 +90,7 @@ impl Terminator {
 }
 
 /// A rectangle of pixels, right and lower border exclusive.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Crop {
     /// Left and upper border (inclusive).
     pub min: [u32; 2],

@@ -1,5 +1,6 @@
-//! `snell info`: the contents of a scene file.
+//! `snell info`: the contents of a scene file, or of a checkpoint.
 
+mod checkpoint;
 mod text;
 
 use crate::failure::Failure;
@@ -17,7 +18,8 @@ use std::process::ExitCode;
 /// Options of `snell info`.
 #[derive(Debug, clap::Args)]
 pub struct Options {
-    /// Scene or mesh file, `-` for standard input, or the name of a built-in scene
+    /// Scene or mesh file, `-` for standard input, the name of a built-in scene, or a checkpoint of
+    /// `snell render`
     #[arg(required_unless_present = "kind")]
     scene: Option<PathBuf>,
     /// Show the parameters of a kind of material, light, medium, pattern, shape or camera, such as
@@ -47,6 +49,10 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
         return Ok(ExitCode::SUCCESS);
     }
     let path = options.scene.as_deref().expect("there is a scene where there is no kind");
+    if let Some(text) = checkpoint::described(path, options.json)? {
+        standard_output::write(text.as_bytes())?;
+        return Ok(ExitCode::SUCCESS);
+    }
     let read = ReadOptions {
         confine: options.confine,
         parameters: scene_source::parameters(&options.define),

@@ -1,5 +1,6 @@
 //! `snell render`: renders a scene file to a picture.
 
+mod checkpoint;
 mod denoise;
 mod exposure_hint;
 mod frames;
@@ -19,13 +20,15 @@ use crate::failure::Failure;
 use crate::messages::counted;
 use crate::progress::Reporter;
 use crate::{interrupt, scene_source};
+use checkpoint::Checkpoint;
 use denoise::Denoised;
 use exposure_hint::exposure_hint;
 use output::Target;
 use snell_formats::image::Tonemap;
 use snell_math::simd::Level;
 use snell_render::{
-    CompiledScene, FilmTile, IntegratorKind, Job, Request, Settings, Statistics, with_patience,
+    CompiledScene, FilmTile, IntegratorKind, Job, Progress, Request, Settings, Statistics,
+    with_patience,
 };
 use snell_scene::{Camera, Pose, Scene, Warning, WarningKind};
 use stage::{Shot, Stage};
@@ -43,6 +46,7 @@ const NOTHING_YET: &str = "interrupted before anything was rendered: no picture 
 /// Renders a scene and writes the picture, or the frames of an animation.
 pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     interrupt::end_at_once(NOTHING_YET);
+    checkpoint::check(options)?;
     let options = &options.clone().recording_sources();
     let simd = Level::from_env().map_err(Failure::Usage)?;
     // Errors of the output are found before the work, not after it.
@@ -87,6 +91,9 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     }
     if interrupt::is_requested() {
         say_what_is_there(&outcome, &path, settings.spp);
+        if let Some(farewell) = &outcome.farewell {
+            eprintln!("{farewell}");
+        }
     }
     Ok(match (is_in_place, interrupt::is_requested()) {
         (false, _) => ExitCode::from(1),
@@ -157,6 +164,8 @@ struct Outcome {
     least_samples: u32,
     render_seconds: f64,
     statistics: serde_json::Value,
+    /// How to go on with the render, if it is kept on its way.
+    farewell: Option<String>,
 }
 
 /// Whether and where a picture was written.
@@ -193,13 +202,14 @@ impl Session<'_> {
         let start = Instant::now();
         let watcher = |tile: &FilmTile| tev.iter().for_each(|tev| tev.send(tile));
         interrupt::save_first();
+        let mut checkpoint = Checkpoint::new(options, &settings, target.path())?;
         let (film, statistics) = with_patience(interrupt::is_requested, |cancel| {
             let mut job = Job::new(&compiled, &camera, &settings).with_cancel(cancel);
             if tev.is_some() {
                 job = job.watched(&watcher);
             }
-            render(&job, options, threads, &scene.name)
-        });
+            render(&job, options, threads, &scene.name, checkpoint.as_mut())
+        })?;
         let render_seconds = start.elapsed().as_secs_f64();
         if let Some(tev) = tev {
             tev.finish(&film.tiles);
@@ -272,7 +282,8 @@ impl Session<'_> {
         }
         // The statistics come last, because the denoiser or the encoder may take the most memory.
         let (least_samples, statistics) = (film.least_samples(), summary.json());
-        Ok(Outcome { compiled, fate, least_samples, render_seconds, statistics })
+        let farewell = checkpoint.map(|checkpoint| checkpoint.farewell());
+        Ok(Outcome { compiled, fate, least_samples, render_seconds, statistics, farewell })
     }
 }
 
@@ -362,11 +373,12 @@ fn render(
     options: &Options,
     threads: usize,
     name: &str,
-) -> (snell_render::Film, Statistics) {
+    checkpoint: Option<&mut Checkpoint>,
+) -> Result<(snell_render::Film, Statistics), Failure> {
     let reporter = Reporter::new(options.progress, options.quiet, name);
     let limit: Option<Duration> = options.request.time;
     let start = Instant::now();
-    let result = job.run(threads, &|progress| {
+    let keep_going = |progress: &Progress| {
         match &progress.training {
             Some(training) => reporter.update_training(training),
             None => reporter.update(progress, limit),
@@ -375,7 +387,11 @@ fn render(
         // repeat.
         let is_training_timed = options.request.is_training_timed();
         !progress.is_late(start.elapsed(), limit, is_training_timed) && !interrupt::is_requested()
-    });
+    };
+    let result = match checkpoint {
+        Some(checkpoint) => checkpoint.run(job, threads, &keep_going),
+        None => Ok(job.run(threads, &keep_going)),
+    };
     reporter.finish();
     result
 }

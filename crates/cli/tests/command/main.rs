@@ -1,6 +1,7 @@
 //! The real command in fresh folders: options, files, messages, exit codes.
 
 mod bench;
+mod checkpoint;
 mod errors;
 mod info;
 mod interrupt;

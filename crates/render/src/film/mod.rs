@@ -1,12 +1,16 @@
-//! The film: running sums for every pixel and AOV. They are kept per fixed block of samples and
-//! added in order, so that the bits of the picture do not depend on threads, tile order or
-//! splitting. Memory does not grow with the number of samples.
+//! The film: sums for every pixel and AOV. Blocks of samples are added in a fixed tree (see
+//! [`tile`]), so that the bits of the picture do not depend on threads, tile order, or how the
+//! samples are split over runs and machines. Memory does not grow with the number of samples.
 
 pub mod filter;
 pub mod noise;
 pub mod sensor;
+mod sums;
+pub mod tile;
 
-use crate::integrator::aov::{Aov, AovKind, NOTHING};
+pub use tile::FilmTile;
+
+use crate::integrator::aov::{Aov, AovKind};
 use crate::settings::{Crop, Settings};
 use noise::NoiseMap;
 use rayon::prelude::*;
@@ -40,143 +44,6 @@ const MANY_TILES: usize = 64;
 /// consists of parts of the same tiles.
 pub const TILE: u32 = 16;
 
-/// Sums of one channel group of a tile, pixel by pixel.
-#[derive(Clone, Debug, PartialEq)]
-struct Sums {
-    /// Weighted sums: for each pixel colour, alpha, then the AOV channels.
-    sum: Vec<f64>,
-    /// Sums of the squares of the weighted values.
-    square: Vec<f64>,
-    /// Sum of the weights, per pixel.
-    weight: Vec<f64>,
-    /// Sums of the values without weights; empty if all weights are 1.
-    plain: Vec<f64>,
-    channels: usize,
-}
-
-impl Sums {
-    fn new(pixels: usize, channels: usize, is_signed: bool) -> Self {
-        let zeros = || vec![0.0; pixels * channels];
-        let plain = if is_signed { zeros() } else { Vec::new() };
-        Self { sum: zeros(), square: zeros(), weight: vec![0.0; pixels], plain, channels }
-    }
-
-    /// Adds samples of a pixel that have colour and alpha only. Without unweighted sums, all
-    /// weights must be 1.
-    fn add_plain(&mut self, pixel: usize, samples: &[FilmSample]) {
-        let range = 4 * pixel..4 * pixel + 4;
-        let (Some(sum), Some(square)) =
-            (self.sum[range.clone()].first_chunk_mut(), self.square[range].first_chunk_mut())
-        else {
-            return;
-        };
-        // The sums are kept in registers, and have the same order as those of `add`.
-        let (mut sums, mut squares): ([f64; 4], [f64; 4]) = (*sum, *square);
-        for sample in samples {
-            let Rgb { r, g, b } = sample.color;
-            let values = [r, g, b, sample.alpha];
-            for channel in 0..4 {
-                let value = f64::from(values[channel]);
-                sums[channel] += value;
-                squares[channel] += value * value;
-            }
-        }
-        (*sum, *square) = (sums, squares);
-        self.weight[pixel] += samples.len() as f64;
-    }
-
-    fn add(&mut self, pixel: usize, values: &[f32], weight: f32) {
-        let range = pixel * values.len()..(pixel + 1) * values.len();
-        if !self.plain.is_empty() {
-            for (plain, &value) in self.plain[range.clone()].iter_mut().zip(values) {
-                *plain += f64::from(value);
-            }
-        }
-        for ((sum, square), &value) in
-            self.sum[range.clone()].iter_mut().zip(&mut self.square[range]).zip(values)
-        {
-            let value = f64::from(value * weight);
-            *sum += value;
-            *square += value * value;
-        }
-        self.weight[pixel] += f64::from(weight);
-    }
-
-    /// The sums of one channel of one pixel.
-    fn channel(&self, pixel: usize, channel: usize) -> ChannelSums {
-        let i = pixel * self.channels + channel;
-        let [sum, square, weight] = [self.sum[i], self.square[i], self.weight[pixel]];
-        ChannelSums { sum, square, weight, plain: self.plain.get(i).copied() }
-    }
-
-    fn add_all(&mut self, other: &Self) {
-        let mine = self
-            .sum
-            .iter_mut()
-            .chain(&mut self.square)
-            .chain(&mut self.weight)
-            .chain(&mut self.plain);
-        for (a, b) in
-            mine.zip(other.sum.iter().chain(&other.square).chain(&other.weight).chain(&other.plain))
-        {
-            *a += b;
-        }
-    }
-}
-
-/// The sums of one channel of one pixel.
-#[derive(Clone, Copy)]
-struct ChannelSums {
-    sum: f64,
-    square: f64,
-    weight: f64,
-    plain: Option<f64>,
-}
-
-impl ChannelSums {
-    /// Empty sums; `is_signed` says that samples may have weights other than 1.
-    fn nothing(is_signed: bool) -> Self {
-        Self { sum: 0.0, square: 0.0, weight: 0.0, plain: is_signed.then_some(0.0) }
-    }
-
-    fn plus(self, other: Self) -> Self {
-        Self {
-            sum: self.sum + other.sum,
-            square: self.square + other.square,
-            weight: self.weight + other.weight,
-            plain: self.plain.zip(other.plain).map(|(a, b)| a + b),
-        }
-    }
-
-    /// The unweighted mean over `n` samples, and the sum of the weighted differences from it.
-    ///
-    /// The sum of the weights of few samples may be 0 or have the wrong sign where the filter is
-    /// partly negative, so it is no divisor. Only the differences from the unweighted mean are
-    /// weighted, and they are divided by the expected weight.
-    fn plain_mean(&self, n: f64) -> (f64, f64) {
-        match self.plain {
-            None => (self.sum / n, 0.0),
-            Some(plain) => (plain / n, self.sum - plain / n * self.weight),
-        }
-    }
-
-    /// The mean over `n` samples, an estimate of the pixel's value.
-    fn mean(&self, n: f64, mean_weight: f64) -> f64 {
-        let (mean, difference) = self.plain_mean(n);
-        if difference == 0.0 { mean } else { mean + difference / (n * mean_weight) }
-    }
-
-    /// The variance of [`Self::mean`] over `n` samples.
-    fn variance(&self, n: f64, mean_weight: f64) -> f64 {
-        let (mean, difference) = self.plain_mean(n);
-        // The variance of the weighted differences from the unweighted mean. All weights are 1 or
-        // -1.
-        let spread = (self.square - mean * mean * n - difference * difference / n).max(0.0);
-        let divisor = n * mean_weight;
-        if n > 1.0 { spread / (divisor * divisor) * (n / (n - 1.0)) } else { 0.0 }
-    }
-}
-
 /// The samples of one tile in one range of sample numbers, ordered by pixel, then by sample.
 #[derive(Clone, Debug)]
 pub struct FilmPart {
@@ -193,165 +60,6 @@ pub struct FilmPart {
     /// For each AOV of kind [`AovKind::Coverage`], the key that covers each sample, in the order of
     /// `values`.
     pub keys: Vec<u64>,
-}
-
-/// One tile of the film.
-#[derive(Clone, Debug)]
-pub struct FilmTile {
-    /// The pixels of the tile, in coordinates of the whole picture.
-    pub area: Crop,
-    /// The largest number of samples of a pixel.
-    pub samples: u32,
-    /// The number of samples of each pixel.
-    taken: Vec<u32>,
-    /// For each pixel, the sum of the intensities of its whole blocks, and the sum of their
-    /// squares; empty before the first whole block.
-    blocks: Vec<[f64; 2]>,
-    /// For each pixel that has stopped, the standard deviation of the intensities of blocks around
-    /// it at that moment; empty if none has stopped.
-    decided: Vec<Option<f64>>,
-    channels: usize,
-    /// Expected weight of a sample; see [`filter::FilterSampler::mean_weight`].
-    mean_weight: f64,
-    /// Sums over all whole blocks; `None` before the first.
-    total: Option<Sums>,
-    /// Sums over the incomplete block; `None` if there is none.
-    partial: Option<Sums>,
-    /// Values of AOVs that cannot be averaged: those of the first sample.
-    first: Vec<f32>,
-    /// For each AOV of kind [`AovKind::Coverage`] and each pixel, the keys that cover it, with the
-    /// number of samples of each.
-    coverage: Vec<Vec<(u64, u32)>>,
-}
-
-impl FilmTile {
-    fn new(area: Crop, aov_channels: usize, coverages: usize, mean_weight: f64) -> Self {
-        let pixels = area.size().iter().product::<u32>() as usize;
-        let channels = 4 + aov_channels;
-        Self {
-            area,
-            samples: 0,
-            taken: vec![0; pixels],
-            blocks: Vec::new(),
-            decided: Vec::new(),
-            channels,
-            mean_weight,
-            total: None,
-            partial: None,
-            first: vec![0.0; pixels * aov_channels],
-            coverage: vec![Vec::new(); pixels * coverages],
-        }
-    }
-
-    /// Adds a part of this tile.
-    ///
-    /// # Panics
-    /// If the part does not continue where the tile's samples end.
-    pub fn fold(&mut self, part: &FilmPart) {
-        assert_eq!(part.samples[0], self.samples, "parts of a tile are added in order");
-        let count = self.taken.len();
-        let samples = (part.samples[1] - part.samples[0]) as usize;
-        let aov_channels = self.channels - 4;
-        let pixels: Vec<usize> = match &part.pixels {
-            Some(pixels) => pixels.iter().map(|&p| p as usize).collect(),
-            None => (0..count).collect(),
-        };
-        let mut values = vec![0.0; self.channels];
-        let mut done = 0;
-        while done < samples {
-            // The number of samples up to the end of the block or of the part.
-            let run = ((BLOCK - self.samples % BLOCK) as usize).min(samples - done);
-            let partial = self
-                .partial
-                .get_or_insert_with(|| Sums::new(count, self.channels, self.mean_weight < 1.0));
-            for (number, &pixel) in pixels.iter().enumerate() {
-                let begin = number * samples + done;
-                if self.samples == 0 {
-                    let aovs = &part.aovs[begin * aov_channels..][..aov_channels];
-                    self.first[pixel * aov_channels..][..aov_channels].copy_from_slice(aovs);
-                }
-                if aov_channels == 0 && partial.plain.is_empty() {
-                    partial.add_plain(pixel, &part.values[begin..begin + run]);
-                    continue;
-                }
-                for i in begin..begin + run {
-                    let sample = &part.values[i];
-                    values[..3].copy_from_slice(&sample.color.to_array());
-                    values[3] = sample.alpha;
-                    values[4..].copy_from_slice(&part.aovs[i * aov_channels..][..aov_channels]);
-                    partial.add(pixel, &values, sample.weight);
-                }
-            }
-            done += run;
-            self.samples += run as u32;
-            if self.samples.is_multiple_of(BLOCK) {
-                self.end_block(&pixels);
-            }
-        }
-        pixels.iter().for_each(|&pixel| self.taken[pixel] = self.samples);
-        self.cover(part, &pixels);
-    }
-
-    fn cover(&mut self, part: &FilmPart, pixels: &[usize]) {
-        let kinds = self.coverage.len() / self.taken.len().max(1);
-        if kinds == 0 {
-            return;
-        }
-        let samples = part.keys.len() / kinds / pixels.len().max(1);
-        for (keys, &pixel) in part.keys.chunks(samples * kinds).zip(pixels) {
-            for (i, &key) in keys.iter().enumerate().filter(|k| *k.1 != NOTHING) {
-                let list = &mut self.coverage[pixel * kinds + i % kinds];
-                match list.iter_mut().find(|entry| entry.0 == key) {
-                    Some(entry) => entry.1 += 1,
-                    None => list.push((key, 1)),
-                }
-            }
-        }
-    }
-
-    /// The picture of this tile so far, row by row: red, green, blue (linear Rec. 709) and alpha
-    /// (premultiplied) of each pixel.
-    pub fn colors(&self) -> Vec<f32> {
-        let value = |i: usize| self.mean(i / 4, i % 4) as f32;
-        (0..self.taken.len() * 4).map(value).collect()
-    }
-
-    fn end_block(&mut self, pixels: &[usize]) {
-        let Some(partial) = self.partial.take() else { return };
-        self.blocks.resize(self.taken.len(), [0.0; 2]);
-        for &pixel in pixels {
-            let mean =
-                |channel| partial.channel(pixel, channel).mean(f64::from(BLOCK), self.mean_weight);
-            let intensity = (mean(0) + mean(1) + mean(2)) / 3.0;
-            self.blocks[pixel][0] += intensity;
-            self.blocks[pixel][1] += intensity * intensity;
-        }
-        match &mut self.total {
-            Some(total) => total.add_all(&partial),
-            None => self.total = Some(partial),
-        }
-    }
-
-    fn sums(&self, pixel: usize, channel: usize) -> ChannelSums {
-        let nothing = ChannelSums::nothing(self.mean_weight < 1.0);
-        let parts = [&self.total, &self.partial].into_iter().flatten();
-        parts.fold(nothing, |sums, part| sums.plus(part.channel(pixel, channel)))
-    }
-
-    /// The sum of the intensities of a pixel's whole blocks, and the sum of their squares.
-    fn blocks_of(&self, pixel: usize) -> [f64; 2] {
-        self.blocks.get(pixel).copied().unwrap_or_default()
-    }
-
-    /// The mean of one channel of a pixel.
-    fn mean(&self, pixel: usize, channel: usize) -> f64 {
-        self.sums(pixel, channel).mean(f64::from(self.taken[pixel].max(1)), self.mean_weight)
-    }
-
-    /// The variance of the mean of one channel of a pixel.
-    fn variance(&self, pixel: usize, channel: usize) -> f64 {
-        self.sums(pixel, channel).variance(f64::from(self.taken[pixel].max(1)), self.mean_weight)
-    }
 }
 
 /// The film of one render.
@@ -410,7 +118,7 @@ impl Film {
     }
 
     fn taken(&self) -> impl Iterator<Item = u32> {
-        self.tiles.iter().flat_map(|t| t.taken.iter().copied())
+        self.tiles.iter().flat_map(FilmTile::all_taken)
     }
 
     /// The picture in linear Rec. 709: first the layer of colour and alpha (premultiplied), then
@@ -422,18 +130,16 @@ impl Film {
     /// For each pixel, row by row, the keys of [`Aov::key`] that cover it, with the number of
     /// samples of each, and the number of all samples of the pixel. Empty if the AOV was not
     /// requested.
-    pub fn coverage(&self, aov: Aov) -> Vec<(&[(u64, u32)], u32)> {
+    pub fn coverage(&self, aov: Aov) -> Vec<(Vec<(u64, u32)>, u32)> {
         let mut kinds = self.aovs.iter().filter(|a| a.kind() == AovKind::Coverage);
-        let count = kinds.clone().count();
         let Some(kind) = kinds.position(|&a| a == aov) else { return Vec::new() };
         let [width, height] = self.crop.size().map(|s| s as usize);
-        let mut pixels: Vec<(&[(u64, u32)], u32)> = vec![(&[], 0); width * height];
+        let mut pixels = vec![(Vec::new(), 0); width * height];
         for tile in &self.tiles {
             for (number, [x, y]) in noise::positions(&tile.area).enumerate() {
                 let [column, row] =
                     [x - self.crop.min[0], y - self.crop.min[1]].map(|p| p as usize);
-                pixels[row * width + column] =
-                    (&tile.coverage[number * count + kind], tile.taken[number]);
+                pixels[row * width + column] = (tile.coverage(number, kind), tile.taken(number));
             }
         }
         pixels
@@ -471,15 +177,13 @@ impl Film {
                 }
                 _ if variance => 0.0,
                 AovKind::Coverage => 0.0,
-                AovKind::First => {
-                    tile.first[pixel * (tile.channels - 4) + first_channel + channel - 4]
-                }
+                AovKind::First => tile.first(pixel, first_channel + channel - 4),
                 AovKind::OfFilm => match &map {
                     Some(map) if aov == Some(&Aov::Noise) => {
                         map.error(row * width as usize + column, self.noise_floor).min(UNKNOWN)
                             as f32
                     }
-                    _ => tile.taken[pixel] as f32,
+                    _ => tile.taken(pixel) as f32,
                 },
             };
             let count = channels.len();

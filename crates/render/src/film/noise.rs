@@ -89,7 +89,7 @@ impl NoiseMap {
                 let [column, row] =
                     [x - film.crop.min[0], y - film.crop.min[1]].map(|p| p as usize);
                 let intensity = (0..3).map(|channel| tile.mean(number, channel)).sum::<f64>() / 3.0;
-                let blocks = tile.taken[number] / BLOCK;
+                let blocks = tile.taken(number) / BLOCK;
                 let (n, [sum, square]) = (f64::from(blocks.max(2)), tile.blocks_of(number));
                 let deviation = ((square - sum * sum / n).max(0.0) / (n - 1.0)).sqrt();
                 let decided = tile.decided.get(number).copied().flatten();
@@ -182,7 +182,7 @@ pub fn unconverged(
             let around = map.cautious_deviation(pixel);
             let deviation = around.max(of_window);
             if own.relative(own.half_width(deviation), floor) <= noise {
-                tile.decided.resize(tile.taken.len(), None);
+                tile.decided.resize(tile.pixels(), None);
                 tile.decided[number as usize] = Some(around);
             } else {
                 pixels.push(number);

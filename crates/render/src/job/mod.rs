@@ -11,6 +11,7 @@ mod parts;
 mod patience;
 mod photons;
 mod projection_maps;
+mod saved;
 mod tracer;
 mod training;
 mod underway;
@@ -18,6 +19,7 @@ mod volumes;
 
 pub(crate) use journal::{Event, Journal, Shaded};
 pub use patience::with_patience;
+pub use saved::{Fact, Header, SavedError, fact, facts};
 pub use tracer::{Recording, camera_filter, hit_filter};
 pub use underway::Underway;
 
@@ -33,6 +35,7 @@ use crate::threads::on_threads;
 use light_parts::LightParts;
 use part::PartRenderer;
 use parts::{Parts, Ranges};
+use serde::{Deserialize, Serialize};
 use snell_math::rng;
 use snell_scene::Camera;
 use std::collections::BTreeMap;
@@ -43,7 +46,7 @@ use std::time::{Duration, Instant};
 use tracer::Tracer;
 
 /// Numbers of rays traced, by kind.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RayCounts {
     /// Camera rays.
     pub camera: u64,
@@ -69,7 +72,7 @@ impl AddAssign for RayCounts {
 }
 
 /// Statistics of a render.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Statistics {
     /// Numbers of rays traced.
     pub rays: RayCounts,
@@ -295,7 +298,7 @@ impl<'a> Job<'a> {
         threads: usize,
         see: &mut dyn FnMut(&FilmPart, &Journal),
     ) {
-        let (trained, _) = self.trained(threads, &|_| true);
+        let (trained, _) = self.trained(None, threads, &|_| true);
         let (wants_lobes, field) = (self.light_parts.want_lobes(), trained.as_ref());
         let context = Context {
             scene: self.scene,
@@ -327,15 +330,16 @@ impl<'a> Job<'a> {
         Film::with_mean_weight(area_of(pixel), &self.settings.aovs, self.filter.mean_weight())
     }
 
-    /// Trains the guiding field, if the settings request guiding.
+    /// Trains the guiding field, if the settings request guiding, in at most this many passes.
     fn trained(
         &self,
+        passes: Option<u32>,
         threads: usize,
         keep_going: &(dyn Fn(&Progress) -> bool + Sync),
     ) -> (Option<Field>, Statistics) {
         let mut statistics = Statistics::default();
         let begin = Instant::now();
-        let field = self.train(threads, keep_going, &mut statistics);
+        let field = self.train(passes, threads, keep_going, &mut statistics);
         statistics.training = if field.is_some() { begin.elapsed() } else { Duration::ZERO };
         (field, statistics)
     }
@@ -446,7 +450,7 @@ impl<'a> Job<'a> {
 impl SharedTile {
     fn accept(&mut self, part: FilmPart) {
         self.waiting.insert(part.samples[0], part);
-        while let Some(part) = self.waiting.remove(&self.tile.samples) {
+        while let Some(part) = self.waiting.remove(&self.tile.samples()) {
             self.tile.fold(&part);
         }
     }

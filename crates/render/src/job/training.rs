@@ -62,6 +62,7 @@ impl Job<'_> {
     /// interrupts is discarded. The number of complete passes is written to `statistics`.
     pub(super) fn train(
         &self,
+        passes: Option<u32>,
         threads: usize,
         keep_going: &(dyn Fn(&Progress) -> bool + Sync),
         statistics: &mut Statistics,
@@ -81,7 +82,8 @@ impl Job<'_> {
                 threads,
             );
         }
-        for pass in 0..guiding.passes.min(Guiding::MAX_PASSES) {
+        let passes = passes.unwrap_or(Guiding::MAX_PASSES).min(guiding.passes);
+        for pass in 0..passes.min(Guiding::MAX_PASSES) {
             let seed = rng::hash_combine(rng::hash_combine(self.settings.seed, SEED), pass);
             let plan = Pass::new(&tiles, pass, seed);
             if !self.train_pass(&mut field, pass, seed, &plan, threads, keep_going, statistics) {

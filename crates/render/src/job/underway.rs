@@ -5,7 +5,7 @@ use super::{Job, Progress, Recording, Statistics, Tally, into_inner, pixels};
 use crate::film::{Film, FilmTile, noise};
 use crate::guiding::Field;
 use std::sync::Mutex;
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// A render between two steps: its film and its guiding field.
 pub struct Underway {
@@ -14,13 +14,13 @@ pub struct Underway {
     /// Statistics of these samples, complete if the last step was not interrupted.
     pub statistics: Statistics,
     /// The guiding field, if paths are guided.
-    field: Option<Field>,
+    pub(super) field: Option<Field>,
     /// The active pixels of each tile, which take more samples; `None` if all are active.
-    active: Vec<Option<Vec<u32>>>,
+    pub(super) active: Vec<Option<Vec<u32>>>,
     /// The number of samples that the active pixels have.
-    samples: u32,
+    pub(super) samples: u32,
     /// The number of samples at which the active pixels are checked next.
-    look: u32,
+    pub(super) look: u32,
 }
 
 impl Underway {
@@ -48,8 +48,10 @@ impl Underway {
 
     /// Lends the state to the threads of a step.
     fn tally(&mut self, record: bool) -> Tally {
+        let done = AtomicU64::new(self.statistics.samples);
+        let rays = AtomicU64::new(self.statistics.rays.total());
         let statistics = Mutex::new(self.statistics);
-        Tally { field: self.field.take(), statistics, record, ..Tally::default() }
+        Tally { field: self.field.take(), done, rays, statistics, record, ..Tally::default() }
     }
 
     fn take_back(&mut self, tally: Tally) -> Recording {
@@ -74,7 +76,7 @@ impl Job<'_> {
         threads: usize,
         keep_going: &(dyn Fn(&Progress) -> bool + Sync),
     ) -> Underway {
-        let (field, statistics) = self.trained(threads, keep_going);
+        let (field, statistics) = self.trained(None, threads, keep_going);
         Underway::new(film, field, statistics)
     }
 
@@ -109,11 +111,12 @@ impl Job<'_> {
         let tally = underway.tally(record);
         let film = &mut underway.film;
         let missing =
-            |tile: &FilmTile| pixels(&tile.area) * u64::from(until.saturating_sub(tile.samples));
-        tally.total.store(film.tiles.iter().map(missing).sum(), Ordering::Relaxed);
+            |tile: &FilmTile| pixels(&tile.area) * u64::from(until.saturating_sub(tile.samples()));
+        let total = underway.statistics.samples + film.tiles.iter().map(missing).sum::<u64>();
+        tally.total.store(total, Ordering::Relaxed);
         // Only samples that the film does not have yet are rendered.
         let parts = self.parts(film, |tile| Ranges::Blocks {
-            start: film.tiles[tile].samples,
+            start: film.tiles[tile].samples(),
             end: until,
             is_progressive,
         });
@@ -145,7 +148,7 @@ impl Job<'_> {
             let parts = self.parts(&underway.film, |tile| {
                 // After an interrupted round, some tiles have more samples than others.
                 Ranges::of_round(
-                    [underway.film.tiles[tile].samples.max(start), end],
+                    [underway.film.tiles[tile].samples().max(start), end],
                     underway.count(tile),
                 )
             });
@@ -160,14 +163,13 @@ impl Job<'_> {
                 keep_going,
             );
             let is_stopped = tally.stopped.load(Ordering::Relaxed);
-            if !is_stopped {
-                underway.samples = end;
-            }
-            if is_stopped || end == underway.look.min(self.settings.spp) {
-                underway.active = noise::unconverged(film, active, noise, floor);
-            }
+            // Pixels are not judged by what an interrupted round has given some of them.
             if is_stopped {
                 break;
+            }
+            underway.samples = end;
+            if end == underway.look.min(self.settings.spp) {
+                underway.active = noise::unconverged(film, active, noise, floor);
             }
             if end == underway.look {
                 underway.look = noise::next_look(end);
@@ -217,8 +219,6 @@ mod tests {
         assert!(job.go_on(&mut underway, 64, 2, &|_| asked.fetch_add(1, Ordering::Relaxed) < 3));
         assert!(!underway.statistics.is_complete);
         job.go_on(&mut underway, 300, 2, &|_| true);
-        let [stopped, whole] =
-            [underway.film, job.run(2, &|_| true).0].map(|film| film.mean_samples());
-        assert!((stopped / whole - 1.0).abs() < 0.2, "{stopped} {whole}");
+        assert_eq!(underway.film.image(), job.run(2, &|_| true).0.image());
     }
 }

@@ -8,7 +8,7 @@ mod wish;
 
 pub use reference::{page, python_types};
 pub use setting::{Form, Heading, Problem, Setting};
-pub use wish::Wish;
+pub use wish::{Wish, seconds_of};
 
 use crate::film::filter::Filter;
 use crate::film::sensor::Sensor;

@@ -187,7 +187,7 @@ impl Wished for Duration {
 }
 
 /// The number of seconds in a text such as `90`, `30s`, `5m` or `1h30m`.
-fn seconds_of(text: &str) -> Option<f64> {
+pub fn seconds_of(text: &str) -> Option<f64> {
     if let Ok(seconds) = text.trim().parse() {
         return Some(seconds);
     }

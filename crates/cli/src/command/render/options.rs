@@ -17,6 +17,7 @@ use snell_scene::{Background, Camera, Environment, Scene};
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::Duration;
 
 /// The value of `--display`.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -25,6 +26,13 @@ pub enum DisplayOption {
     Encoding(DisplayEncoding),
     /// Address of a tev viewer.
     Tev(String),
+}
+
+fn parse_duration(text: &str) -> Result<Duration, String> {
+    snell_render::seconds_of(text)
+        .and_then(|seconds| Duration::try_from_secs_f64(seconds).ok())
+        .filter(|duration| *duration > Duration::ZERO)
+        .ok_or_else(|| "expected seconds, or a duration such as 30s, 5m or 1h".into())
 }
 
 fn parse_display(text: &str) -> Result<DisplayOption, String> {
@@ -112,8 +120,21 @@ pub struct Options {
         help_heading = "Motion",
     )]
     pub shutter: Option<[f64; 2]>,
-    /// Continue interrupted frames: only the missing ones are rendered
-    #[arg(long, help_heading = "Motion")]
+    /// Save the render on its way in this file, every 30 seconds and when it is interrupted, so
+    /// that --resume goes on with it
+    #[arg(long, value_name = "FILE", help_heading = "The picture")]
+    pub checkpoint: Option<PathBuf>,
+    /// Time between two savings, such as 30s or 5m
+    #[arg(
+        long,
+        value_name = "TIME",
+        value_parser = parse_duration,
+        help_heading = "The picture",
+    )]
+    pub checkpoint_interval: Option<Duration>,
+    /// Go on with what was interrupted: with the render that --checkpoint has saved, with the
+    /// missing frames of an animation
+    #[arg(long, help_heading = "The picture")]
     pub resume: bool,
     /// Show this set of materials, in glTF files with several
     #[arg(long, value_name = "NAME|INDEX", help_heading = "What is rendered")]
@@ -207,9 +228,9 @@ impl Options {
     }
 
     /// Returns the options with a record of the files that are read, if several frames are
-    /// rendered: `--resume` compares the record.
+    /// rendered or the render is saved on its way: `--resume` compares the record.
     pub fn recording_sources(mut self) -> Self {
-        self.sources = self.has_frames().then(Sources::default);
+        self.sources = (self.has_frames() || self.checkpoint.is_some()).then(Sources::default);
         self
     }
 

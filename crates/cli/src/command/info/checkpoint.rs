@@ -1,0 +1,80 @@
+//! What a checkpoint of `snell render` holds.
+
+use crate::failure::Failure;
+use crate::progress::duration;
+use serde_json::json;
+use snell_formats::error::one_line;
+use snell_render::{Header, SavedError};
+use std::fs::File;
+use std::io::BufReader;
+use std::path::Path;
+
+/// The description of a checkpoint; `None` if the file is none.
+pub fn described(path: &Path, as_json: bool) -> Result<Option<String>, Failure> {
+    // A pipe can be read only once, and what cannot be opened is reported by the reader of scenes.
+    if !path.is_file() {
+        return Ok(None);
+    }
+    let Ok(file) = File::open(path) else { return Ok(None) };
+    match Header::read(&mut BufReader::new(file)) {
+        Ok(header) if as_json => Ok(Some(format!("{:#}\n", as_value(&header)))),
+        Ok(header) => Ok(Some(text(&header))),
+        Err(error @ (SavedError::Version(_) | SavedError::Damaged(_))) if has_mark(path) => {
+            let shown = one_line(&path.display().to_string());
+            Err(Failure::Other(format!("{shown}: {error}")))
+        }
+        Err(_) => Ok(None),
+    }
+}
+
+/// True if the file begins as a checkpoint does.
+fn has_mark(path: &Path) -> bool {
+    use std::io::Read;
+    let mut start = Vec::new();
+    let read = File::open(path).and_then(|file| file.take(6).read_to_end(&mut start));
+    read.is_ok() && start == b"snellR"
+}
+
+fn as_value(header: &Header) -> serde_json::Value {
+    let [width, height] = header.size;
+    json!({
+        "kind": "checkpoint",
+        "version": header.program,
+        "width": width,
+        "height": height,
+        "crop": [header.crop.min[0], header.crop.min[1], header.crop.max[0], header.crop.max[1]],
+        "spp": header.spp,
+        "samples_of_each_pixel": header.samples,
+        "samples": header.statistics.samples,
+        "rays": header.statistics.rays.total(),
+        "layers": header.layers,
+        "depends_on": header.facts.iter().cloned().collect::<std::collections::BTreeMap<_, _>>(),
+    })
+}
+
+fn text(header: &Header) -> String {
+    let [width, height] = header.size;
+    let statistics = &header.statistics;
+    let mut text = format!(
+        "checkpoint of a render of {width}x{height} pixels, by Snell {}\n\
+         {} of {} samples in each pixel, {} samples and {:.1} million rays in all, {} of ray queries\n",
+        header.program,
+        header.samples,
+        header.spp,
+        statistics.samples,
+        statistics.rays.total() as f64 * 1e-6,
+        duration(statistics.tracing.as_secs_f64()),
+    );
+    if header.crop.size() != header.size {
+        let [min, max] = [header.crop.min, header.crop.max];
+        text += &format!("only the pixels {},{} to {},{}\n", min[0], min[1], max[0], max[1]);
+    }
+    if !header.layers.is_empty() {
+        text += &format!("layers: {}\n", header.layers.join(", "));
+    }
+    text += "it depends on\n";
+    for (name, value) in &header.facts {
+        text += &format!("  {}: {}\n", one_line(name), one_line(value));
+    }
+    text
+}

@@ -1,0 +1,145 @@
+//! Renders that are saved on their way and gone on with.
+
+use super::support::{Place, Run};
+use std::time::Duration;
+
+/// A render whose every part of a second counts. The picture has layers, so that all sums are saved.
+const RENDER: &str = "render cornell-box --size 64x48 --spp 512 --aov depth,crypto-object -q -o";
+
+fn hash(place: &Place, name: &str) -> Vec<u8> {
+    std::fs::read(place.path(name)).expect("the picture was written")
+}
+
+/// Kills the command after a time, as a power cut would end it. Returns true if it was running.
+#[cfg(unix)]
+fn killed(place: &Place, words: &str, time: Duration) -> bool {
+    let mut child = place.command(words).spawn().expect("the command exists");
+    std::thread::sleep(time);
+    let is_running = child.try_wait().expect("the command was started").is_none();
+    // If it has just ended, nothing is left to be killed.
+    let _ = child.kill();
+    child.wait().expect("the command was started");
+    is_running
+}
+
+#[cfg(unix)]
+#[test]
+fn a_render_that_is_killed_again_and_again_ends_with_the_same_bits() {
+    let place = Place::new();
+    place.run(&format!("{RENDER} whole.exr -t 2")).done();
+    let words = |threads: usize| {
+        format!(
+            "{RENDER} a.exr -t {threads} --checkpoint a.snellr --checkpoint-interval 0.02 --resume"
+        )
+    };
+    let kills = (1..=12u64)
+        .filter(|&n| killed(&place, &words(1 + n as usize % 2), Duration::from_millis(70 * n)))
+        .count();
+    assert!(kills > 2, "the render is too short to be killed");
+    let last = place.run(&words(2)).done();
+    assert!(!last.err.contains("no checkpoint"), "{}", last.err);
+    assert!(hash(&place, "a.exr") == hash(&place, "whole.exr"), "the bits differ");
+}
+
+#[test]
+fn a_checkpoint_serves_more_samples_and_refuses_another_picture() {
+    let place = Place::new();
+    let run = |more: &str, spp: u32, output: &str| -> Run {
+        place.run(&format!(
+            "render cornell-box --size 32x24 --spp {spp} {more} --checkpoint a.snellr -o {output}"
+        ))
+    };
+    run("", 40, "a.exr").done();
+    let again = run("", 64, "b.exr");
+    assert_eq!(again.code, 2, "{}", again.err);
+    assert!(again.err.contains("a.snellr is there; add --resume"), "{}", again.err);
+    run("--resume", 64, "b.exr").done();
+    place.run("render cornell-box --size 32x24 --spp 64 -q -o whole.exr").done();
+    assert!(hash(&place, "b.exr") == hash(&place, "whole.exr"), "the bits differ");
+    let kept = hash(&place, "a.snellr");
+    for (more, what) in
+        [("--resume --seed 3", "--seed"), ("--resume -D light.0.scale=2", "--define")]
+    {
+        let other = run(more, 64, "c.exr");
+        assert_eq!(other.code, 1, "{}", other.err);
+        assert!(
+            other.err.contains("of another picture") && other.err.contains(what),
+            "{}",
+            other.err
+        );
+    }
+    assert!(hash(&place, "a.snellr") == kept && !place.path("c.exr").exists());
+}
+
+#[test]
+fn a_changed_file_of_the_scene_is_named() {
+    let place = Place::new();
+    let scene = |more: &str| format!("v 0 0 0\nv 1 0 0\nv 0 1 0\n{more}f 1 2 3\n");
+    place.write("a.obj", scene(""));
+    let words = "render a.obj --size 16x12 --spp 4 --checkpoint a.snellr --resume -o a.png";
+    place.run(words).done();
+    place.write("a.obj", scene("# changed\n"));
+    let run = place.run(words);
+    assert_eq!(run.code, 1, "{}", run.err);
+    assert!(run.err.contains("the file a.obj has changed"), "{}", run.err);
+}
+
+#[test]
+fn a_torn_checkpoint_gives_way_to_the_one_before_it() {
+    let place = Place::new();
+    let words = |spp: u32| {
+        format!(
+            "render cornell-box --size 32x24 --spp {spp} -t 1 --checkpoint a.snellr --resume \
+                -o a.exr"
+        )
+    };
+    place.run(&words(40)).done();
+    place.run(&words(48)).done();
+    place.run("render cornell-box --size 32x24 --spp 64 -q -o whole.exr").done();
+    let whole = hash(&place, "a.snellr");
+    for torn in [&whole[..whole.len() / 2], &[]] {
+        place.write("a.snellr", torn);
+        let run = place.run(&words(64)).done();
+        assert!(run.err.contains("it ends early") && run.err.contains(".before"), "{}", run.err);
+        assert!(hash(&place, "a.exr") == hash(&place, "whole.exr"), "the bits differ");
+    }
+    place.write("a.snellr", "a letter to somebody").write("a.snellr.before", "");
+    let run = place.run(&words(64));
+    assert_eq!(run.code, 1, "{}", run.err);
+    assert!(run.err.contains("this is no checkpoint of Snell"), "{}", run.err);
+}
+
+#[test]
+fn checkpoints_that_make_no_sense_are_refused() {
+    let place = Place::new();
+    for (words, what) in [
+        ("--resume", "--checkpoint FILE"),
+        ("--checkpoint-interval 5s", "--checkpoint FILE"),
+        ("--checkpoint a.png", "same file"),
+    ] {
+        let run = place.run(&format!("render cornell-box --size 8x6 {words} -o a.png"));
+        assert_eq!(run.code, 2, "{words}: {}", run.err);
+        assert!(run.err.contains(what), "{words}: {}", run.err);
+    }
+    let run = place.run("render cornell-box --size 8x6 --checkpoint no/a.snellr -o a.png");
+    assert_eq!(run.code, 1, "{}", run.err);
+}
+
+#[cfg(unix)]
+#[test]
+fn frames_go_on_within_a_frame() {
+    let place = Place::new();
+    let words = |name: &str, more: &str| {
+        format!("render spheres --turntable 3 --size 40x30 --spp 256 -t 2 -q -o {name}.png {more}")
+    };
+    place.run(&words("whole", "")).done();
+    let kept = words("a", "--checkpoint a.snellr --checkpoint-interval 0.02 --resume");
+    for n in 1..=6 {
+        killed(&place, &kept, Duration::from_millis(120 * n));
+    }
+    place.run(&kept).done();
+    for number in 0..3 {
+        let [a, whole] = ["a", "whole"].map(|name| place.image(&format!("{name}.000{number}.png")));
+        assert!(a == whole, "frame {number} differs");
+    }
+}

@@ -1,0 +1,509 @@
+//! A render on its way, as a file: what is needed to go on to the same bits.
+//!
+//! A file is a mark followed by chunks. A chunk is the length of its content, the length and the
+//! CRC-32 of what follows, and the content in the form of [postcard](https://postcard.jamesmunns.com)
+//! compressed with LZ4. The first chunk is the [`Header`]; the others are the rows of tiles from the
+//! top. A file that ends early or has changed is told from a whole one.
+//!
+//! A guiding field is not stored. Its training is repeated with as many passes as it had, which
+//! gives the same field.
+
+use super::{Job, Progress, Statistics, Underway};
+use crate::film::tile::TileState;
+use crate::film::{Film, FilmTile, noise};
+use crate::sampler::SamplerKind;
+use crate::settings::{Crop, Settings};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize, de::DeserializeOwned};
+use std::io::{ErrorKind, Read, Write};
+use std::sync::atomic::Ordering;
+
+/// The first bytes of every file. The last two are the version of the format.
+const MARK: [u8; 8] = *b"snellR01";
+
+/// The largest length of a chunk, compressed or not.
+const LONGEST: u32 = 1 << 30;
+
+/// The most by which LZ4 makes anything shorter.
+const MOST_EXPANSION: u32 = 255;
+
+/// The number of rows of tiles that are compressed at a time.
+const ROWS_AT_ONCE: usize = 16;
+
+/// One thing on which the picture depends: what it is, such as `--seed`, and its value.
+pub type Fact = (String, String);
+
+/// A fact with the value that a type shows; `None` if the value is absent or an empty list.
+pub fn fact(name: &str, value: &dyn std::fmt::Debug) -> Option<Fact> {
+    let text = format!("{value:?}");
+    let text = text.strip_prefix("Some(").and_then(|rest| rest.strip_suffix(')')).unwrap_or(&text);
+    (!["None", "[]"].contains(&text)).then(|| (name.into(), text.into()))
+}
+
+/// What a file of a render on its way tells of it.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Header {
+    /// The version of Snell that wrote the file.
+    pub program: String,
+    /// All on which the picture depends. Files with the same facts belong to the same picture.
+    pub facts: Vec<Fact>,
+    /// Width and height of the whole picture in pixels.
+    pub size: [u32; 2],
+    /// The part of the picture that is rendered.
+    pub crop: Crop,
+    /// The names of the layers.
+    pub layers: Vec<String>,
+    /// Samples that each pixel gets; the upper limit if pixels stop by their error.
+    pub spp: u32,
+    /// The number of samples that the active pixels have.
+    pub samples: u32,
+    /// The number of samples at which the active pixels are checked next.
+    look: u32,
+    /// Statistics of the samples so far.
+    pub statistics: Statistics,
+    rows: u32,
+}
+
+/// The reason why a file cannot be gone on with.
+#[derive(Debug, thiserror::Error)]
+pub enum SavedError {
+    /// The file was not written by Snell as a checkpoint.
+    #[error("this is no checkpoint of Snell")]
+    Foreign,
+    /// The file is of another version of the format.
+    #[error(
+        "this checkpoint has the format of another version of Snell ({0}); go on with that version"
+    )]
+    Version(String),
+    /// The file ends early or was changed.
+    #[error("this checkpoint is damaged: {0}")]
+    Damaged(&'static str),
+    /// The file belongs to another picture.
+    #[error("this checkpoint is of another picture: {0}")]
+    Other(String),
+    /// The file could not be read.
+    #[error(transparent)]
+    Io(#[from] std::io::Error),
+}
+
+/// Everything in the settings on which the bits of the picture depend, with the names of the
+/// command's options.
+pub fn facts(settings: &Settings) -> Vec<Fact> {
+    // Every field is named here, so that a new one is not forgotten.
+    let Settings {
+        size,
+        crop,
+        spp,
+        noise,
+        noise_floor,
+        progressive: _,
+        seed,
+        sampler,
+        later_cameras,
+        filter,
+        pixel_position,
+        sensor,
+        integrator,
+        color,
+        max_depth,
+        roulette_depth,
+        shadows,
+        terminator,
+        light_strategy,
+        light_sampler,
+        guiding,
+        fill,
+        ao_distance,
+        clamp,
+        light_groups,
+        aovs,
+        tile_order: _,
+        build: _,
+    } = settings;
+    let mut facts = Vec::new();
+    let mut add = |name: &str, value: &dyn std::fmt::Debug| facts.extend(fact(name, value));
+    add("--size", size);
+    add("--crop", crop);
+    // Points of a set depend on the size of the set; blocks of pixels that stop by their error have
+    // one size.
+    match (noise, sampler) {
+        (None, SamplerKind::Stratified) => add("--spp", spp),
+        (None, SamplerKind::Sobol | SamplerKind::ZSobol) => {
+            add("--spp, rounded up to a power of two,", &spp.next_power_of_two());
+        }
+        _ => {}
+    }
+    add("--noise", noise);
+    add("--noise with its floor of the error", noise_floor);
+    add("--seed", seed);
+    add("--sampler", sampler);
+    add("the motion of the camera", later_cameras);
+    add("--filter", filter);
+    add("the position in the pixel", pixel_position);
+    add("the sensor", sensor);
+    add("--integrator", integrator);
+    add("--color", color);
+    add("--max-depth", max_depth);
+    add("--roulette-depth", roulette_depth);
+    add("--shadows", shadows);
+    add("--terminator", terminator);
+    add("--light-samples", light_strategy);
+    add("--light-sampler", light_sampler);
+    add("--guiding", guiding);
+    add("the light from everywhere", fill);
+    add("--ao-distance", ao_distance);
+    add("--clamp", clamp);
+    add("--light-group", light_groups);
+    add("--aovs", aovs);
+    facts
+}
+
+#[derive(Serialize, Deserialize)]
+struct SavedTile {
+    state: TileState,
+    /// The active pixels of the tile; `None` if all are active.
+    active: Option<Vec<u32>>,
+}
+
+impl Underway {
+    /// Writes the state of the render. `facts` are all on which its picture depends.
+    ///
+    /// # Errors
+    /// If `out` fails, or if one row of tiles takes more than a gigabyte.
+    pub fn save(
+        &self,
+        settings: &Settings,
+        facts: &[Fact],
+        out: &mut dyn Write,
+    ) -> std::io::Result<()> {
+        let rows: Vec<&[FilmTile]> = rows(&self.film).collect();
+        let header = Header {
+            program: env!("CARGO_PKG_VERSION").into(),
+            facts: facts.to_vec(),
+            size: settings.size,
+            crop: self.film.crop,
+            layers: self.film.aovs().iter().map(|aov| aov.name().into()).collect(),
+            spp: settings.spp,
+            samples: self.samples,
+            look: self.look,
+            statistics: self.statistics,
+            rows: rows.len() as u32,
+        };
+        out.write_all(&MARK)?;
+        out.write_all(&chunk(&header)?)?;
+        let mut active = self.active.as_slice();
+        for rows in rows.chunks(ROWS_AT_ONCE) {
+            let mut together = Vec::with_capacity(rows.len());
+            for row in rows {
+                let (of_row, rest) = active.split_at(row.len());
+                together.push((*row, of_row));
+                active = rest;
+            }
+            let packed = |&(row, active): &(&[FilmTile], &[Option<Vec<u32>>])| {
+                let tile = |(tile, active): (&FilmTile, &Option<Vec<u32>>)| SavedTile {
+                    state: tile.state(),
+                    active: active.clone(),
+                };
+                chunk(&row.iter().zip(active).map(tile).collect::<Vec<_>>())
+            };
+            let chunks: Vec<_> = together.par_iter().map(packed).collect();
+            for chunk in chunks {
+                out.write_all(&chunk?)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The tiles of a film, row by row.
+fn rows(film: &Film) -> impl Iterator<Item = &[FilmTile]> {
+    film.tiles.chunk_by(|a, b| a.area.min[1] == b.area.min[1])
+}
+
+fn chunk(content: &impl Serialize) -> std::io::Result<Vec<u8>> {
+    let plain = postcard::to_stdvec(content).map_err(std::io::Error::other)?;
+    let packed = lz4_flex::block::compress(&plain);
+    if plain.len().max(packed.len()) > LONGEST as usize {
+        return Err(std::io::Error::other("a row of the picture takes more than a gigabyte"));
+    }
+    let head = [plain.len() as u32, packed.len() as u32, crc32fast::hash(&packed)];
+    let mut bytes: Vec<u8> = head.into_iter().flat_map(u32::to_le_bytes).collect();
+    bytes.extend(packed);
+    Ok(bytes)
+}
+
+fn damaged<T>(problem: &'static str) -> Result<T, SavedError> {
+    Err(SavedError::Damaged(problem))
+}
+
+fn read_chunk<T: DeserializeOwned>(input: &mut dyn Read) -> Result<T, SavedError> {
+    let cut = |error: std::io::Error| match error.kind() {
+        ErrorKind::UnexpectedEof => SavedError::Damaged("it ends early"),
+        _ => error.into(),
+    };
+    let mut head = [[0; 4]; 3];
+    input.read_exact(head.as_flattened_mut()).map_err(cut)?;
+    let [plain, packed, crc] = head.map(u32::from_le_bytes);
+    if packed > LONGEST || plain > LONGEST || plain / MOST_EXPANSION > packed {
+        return damaged("a length is impossible");
+    }
+    // The buffer grows with what is read, because the length may be wrong.
+    let mut bytes = Vec::new();
+    input.take(u64::from(packed)).read_to_end(&mut bytes)?;
+    if bytes.len() < packed as usize {
+        return damaged("it ends early");
+    }
+    if crc32fast::hash(&bytes) != crc {
+        return damaged("its content does not fit its checksum");
+    }
+    let Ok(content) = lz4_flex::block::decompress(&bytes, plain as usize) else {
+        return damaged("its content cannot be unpacked");
+    };
+    if content.len() != plain as usize {
+        return damaged("a length is wrong");
+    }
+    postcard::from_bytes(&content).or(damaged("its content is not what it should be"))
+}
+
+impl Header {
+    /// Reads the start of a file, up to the first row of tiles.
+    pub fn read(input: &mut dyn Read) -> Result<Self, SavedError> {
+        let mut mark = [0; MARK.len()];
+        match input.read_exact(&mut mark) {
+            Err(error) if error.kind() == ErrorKind::UnexpectedEof => {
+                return damaged("it ends early");
+            }
+            read => read?,
+        }
+        let (name, version) = MARK.split_at(MARK.len() - 2);
+        if !mark.starts_with(name) {
+            return Err(SavedError::Foreign);
+        }
+        if !mark.ends_with(version) {
+            let version = String::from_utf8_lossy(&mark[name.len()..]).into_owned();
+            return Err(SavedError::Version(version));
+        }
+        read_chunk(input)
+    }
+
+    /// Says in which way a picture with other facts differs from this one.
+    fn difference(&self, facts: &[Fact]) -> Option<String> {
+        let find = |facts: &[Fact], name: &str| {
+            facts.iter().find(|fact| fact.0 == name).map(|fact| fact.1.clone())
+        };
+        let names = self.facts.iter().chain(facts).map(|fact| &fact.0);
+        let mut different = names.filter_map(|name| {
+            let [then, now] = [find(&self.facts, name), find(facts, name)];
+            (then != now).then(|| match (then, now) {
+                (Some(then), Some(now)) if then.len() + now.len() < 100 => {
+                    format!("{name} was {then} and is {now} now")
+                }
+                (Some(_), Some(_)) => format!("{name} has changed"),
+                (Some(then), None) => format!("{name} was {then} and is not given now"),
+                (None, now) => {
+                    format!("{name} was not given and is {} now", now.unwrap_or_default())
+                }
+            })
+        });
+        different.next()
+    }
+}
+
+impl Job<'_> {
+    /// Reads the state of a render that [`Underway::save`] has written, and goes on with it. Path
+    /// guiding is trained again, with as many passes as before.
+    ///
+    /// # Errors
+    /// If the input is no such state, is damaged, or is of another picture: one with other `facts`,
+    /// another size or other layers.
+    pub fn restore(
+        &self,
+        input: &mut dyn Read,
+        facts: &[Fact],
+        threads: usize,
+        keep_going: &(dyn Fn(&Progress) -> bool + Sync),
+    ) -> Result<Underway, SavedError> {
+        let header = Header::read(input)?;
+        if let Some(difference) = header.difference(facts) {
+            return Err(SavedError::Other(difference));
+        }
+        let mut film = self.empty_film();
+        let layers = film.aovs().iter().map(|aov| aov.name());
+        if header.crop != film.crop
+            || header.size != self.settings.size
+            || !layers.eq(header.layers.iter().map(String::as_str))
+        {
+            return Err(SavedError::Other("its size or layers differ".into()));
+        }
+        let mut active = Vec::with_capacity(film.tiles.len());
+        let mut tiles = Vec::with_capacity(film.tiles.len());
+        for row in rows(&film) {
+            let saved: Vec<SavedTile> = read_chunk(input)?;
+            if saved.len() != row.len() {
+                return damaged("a row has another number of tiles");
+            }
+            for (tile, saved) in row.iter().zip(saved) {
+                let count = tile.pixels() as u32;
+                let is_valid = saved.active.as_ref().is_none_or(|pixels| {
+                    pixels.is_sorted_by(|a, b| a < b) && pixels.last().is_none_or(|&p| p < count)
+                });
+                match tile.with_state(saved.state).filter(|_| is_valid) {
+                    Some(tile) => tiles.push(tile),
+                    None => return damaged("a tile is not of this picture"),
+                }
+                active.push(saved.active);
+            }
+        }
+        film.tiles = tiles;
+        let passes = header.statistics.training_passes;
+        // Training ends early only if the render does; a time limit may not change the field.
+        let is_cancelled = || self.cancel.is_some_and(|cancel| cancel.load(Ordering::Relaxed));
+        let goes_on = |progress: &Progress| keep_going(progress) || !is_cancelled();
+        let (field, training) = self.trained(Some(passes), threads, &goes_on);
+        let statistics = Statistics { training: training.training, ..header.statistics };
+        let (samples, look) = (header.samples, header.look);
+        let mut looks =
+            std::iter::successors(Some(noise::next_look(0)), |&n| Some(noise::next_look(n)));
+        let has_samples = |(tile, active): (&FilmTile, &Option<Vec<u32>>)| {
+            active.as_ref().is_some_and(Vec::is_empty) || tile.samples() >= samples
+        };
+        if samples > look
+            || looks.find(|&known| known >= look) != Some(look)
+            || !film.tiles.iter().zip(&active).all(has_samples)
+        {
+            return damaged("its numbers of samples do not fit");
+        }
+        Ok(Underway { film, statistics, field, active, samples, look })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::compile::CompiledScene;
+    use crate::film::filter::Filter;
+    use crate::guiding::Guiding;
+    use crate::integrator::aov::Aov;
+    use std::sync::atomic::AtomicUsize;
+
+    fn with_job<T>(settings: &Settings, test: impl FnOnce(&Job) -> T) -> T {
+        let scene = snell_scene::builtin::builtin("cornell-box").expect("the scene is built in");
+        let compiled = CompiledScene::new(&scene, &snell_intersect::BuildOptions::default())
+            .expect("a valid scene");
+        test(&Job::new(&compiled, &scene.cameras[0], settings))
+    }
+
+    fn settings() -> Settings {
+        Settings { size: [20, 36], spp: 40, max_depth: 3, ..Settings::default() }
+    }
+
+    fn saved(job: &Job, underway: &Underway, facts: &[Fact]) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        underway.save(job.settings(), facts, &mut bytes).expect("memory takes everything");
+        bytes
+    }
+
+    /// Renders until `keep_going` was asked so many times.
+    fn part_of(job: &Job, asks: usize) -> Underway {
+        let mut underway = job.begin(2, &|_| true);
+        let asked = AtomicUsize::new(0);
+        let goes_on = |_: &Progress| asked.fetch_add(1, Ordering::Relaxed) < asks;
+        job.go_on(&mut underway, u32::MAX, 2, &goes_on);
+        underway
+    }
+
+    #[test]
+    fn a_render_that_is_saved_anywhere_goes_on_to_the_same_bits() {
+        let guiding = Some(Guiding::with_passes(2));
+        let aovs = vec![Aov::Depth, Aov::CryptoObject, Aov::Samples];
+        let filter = Filter::Mitchell;
+        for settings in [
+            settings(),
+            Settings { aovs, filter, ..settings() },
+            Settings { noise: Some(0.1), spp: 300, ..settings() },
+            Settings { guiding, ..settings() },
+        ] {
+            with_job(&settings, |job| {
+                let facts = facts(&settings);
+                let (whole, statistics) = job.run(2, &|_| true);
+                for asks in [0, 1, 7, 30] {
+                    let bytes = saved(job, &part_of(job, asks), &facts);
+                    let mut underway = job
+                        .restore(&mut bytes.as_slice(), &facts, 1, &|_| true)
+                        .unwrap_or_else(|e| panic!("{e}"));
+                    assert!(!job.go_on(&mut underway, u32::MAX, 1, &|_| true));
+                    assert_eq!(underway.film.image(), whole.image(), "{asks} {settings:?}");
+                    assert_eq!(underway.film.variance(), whole.variance(), "{asks} {settings:?}");
+                    assert_eq!(underway.statistics.samples, statistics.samples);
+                    assert_eq!(underway.statistics.rays, statistics.rays);
+                    let covered = |film: &Film| {
+                        let lists = film.coverage(Aov::CryptoObject);
+                        lists.iter().map(|(list, n)| (list.to_vec(), *n)).collect::<Vec<_>>()
+                    };
+                    assert_eq!(covered(&underway.film), covered(&whole));
+                }
+            });
+        }
+    }
+
+    #[test]
+    fn a_render_goes_on_with_more_samples_where_they_do_not_depend_on_their_number() {
+        let more = Settings { spp: 64, ..settings() };
+        let bytes = with_job(&settings(), |job| {
+            saved(job, &part_of(job, usize::MAX), &facts(job.settings()))
+        });
+        with_job(&more, |job| {
+            let mut underway = job
+                .restore(&mut bytes.as_slice(), &facts(&more), 1, &|_| true)
+                .expect("both numbers have points of sets of 64");
+            job.go_on(&mut underway, u32::MAX, 1, &|_| true);
+            assert_eq!(underway.film.image(), job.run(1, &|_| true).0.image());
+        });
+        let too_many = Settings { spp: 65, ..settings() };
+        with_job(&too_many, |job| {
+            let error = job.restore(&mut bytes.as_slice(), &facts(&too_many), 1, &|_| true);
+            let error = error.err().expect("other points").to_string();
+            assert!(error.contains("--spp") && error.contains("was 64 and is 128"), "{error}");
+        });
+    }
+
+    #[test]
+    fn what_is_cut_or_changed_is_told_from_what_is_whole() {
+        let settings = Settings { size: [20, 20], spp: 20, noise: Some(0.1), ..settings() };
+        with_job(&settings, |job| {
+            let facts = facts(&settings);
+            let bytes = saved(job, &part_of(job, usize::MAX), &facts);
+            let read = |bytes: &[u8]| job.restore(&mut &*bytes, &facts, 1, &|_| true).map(drop);
+            read(&bytes).expect("it is whole");
+            for length in (0..bytes.len()).step_by(7) {
+                let error = read(&bytes[..length]).expect_err("it is cut");
+                assert!(matches!(error, SavedError::Damaged(_)), "{length}: {error}");
+            }
+            for place in (0..bytes.len()).step_by(5) {
+                let mut bytes = bytes.clone();
+                bytes[place] ^= 1 << (place % 8);
+                read(&bytes).expect_err("a bit is wrong");
+            }
+            assert!(matches!(read(b"a picture or something else"), Err(SavedError::Foreign)));
+            let older = [b"snellR00", &bytes[8..]].concat();
+            assert!(matches!(read(&older), Err(SavedError::Version(_))));
+        });
+    }
+
+    #[test]
+    fn a_checkpoint_of_another_picture_is_refused_by_what_differs() {
+        let bytes =
+            with_job(&settings(), |job| saved(job, &part_of(job, 3), &facts(job.settings())));
+        for (other, what) in [
+            (Settings { seed: 5, ..settings() }, "--seed was 0 and is 5 now"),
+            (Settings { max_depth: 4, ..settings() }, "--max-depth was 3 and is 4 now"),
+            (Settings { size: [20, 37], ..settings() }, "--size was [20, 36] and is [20, 37] now"),
+        ] {
+            with_job(&other, |job| {
+                let error = job.restore(&mut bytes.as_slice(), &facts(&other), 1, &|_| true);
+                let error = error.err().expect("it differs").to_string();
+                assert!(error.contains(what), "{error}");
+            });
+        }
+    }
+}
