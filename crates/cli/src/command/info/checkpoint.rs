@@ -20,7 +20,7 @@ pub fn described(path: &Path, as_json: bool) -> Result<Option<String>, Failure> 
         Ok(header) if as_json => Ok(Some(format!("{:#}\n", as_value(&header)))),
         Ok(header) => Ok(Some(text(&header))),
         Err(error @ (SavedError::Version(_) | SavedError::Damaged(_))) if has_mark(path) => {
-            let shown = one_line(&path.display().to_string());
+            let shown = one_line(&path.display().to_string()).into_owned();
             Err(Failure::Other(format!("{shown}: {error}")))
         }
         Err(_) => Ok(None),

@@ -82,7 +82,7 @@ impl<'a> Checkpoint<'a> {
             let restored = File::open(&path).map_err(SavedError::Io).and_then(|file| {
                 job.restore(&mut BufReader::new(file), &self.facts, threads, keep_going)
             });
-            let shown = one_line(&path.display().to_string());
+            let shown = one_line(&path.display().to_string()).into_owned();
             let problem = match restored {
                 Ok(underway) => {
                     if let Some(problem) = first_problem {
@@ -110,7 +110,7 @@ impl<'a> Checkpoint<'a> {
             }
             None => {
                 if !self.options.has_frames() {
-                    let shown = one_line(&self.path.display().to_string());
+                    let shown = one_line(&self.path.display().to_string()).into_owned();
                     self.warn(format!(
                         "{shown}: there is no checkpoint yet; the render begins anew"
                     ));
@@ -139,7 +139,7 @@ impl<'a> Checkpoint<'a> {
 
     /// What to do to go on with an interrupted render.
     pub fn farewell(&self) -> String {
-        let shown = one_line(&self.path.display().to_string());
+        let shown = one_line(&self.path.display().to_string()).into_owned();
         match self.has_failed {
             true => format!("the render could not be saved in {shown}"),
             false => format!("the same command with --resume goes on from {shown}"),
@@ -174,7 +174,7 @@ pub fn check(options: &Options) -> Result<(), Failure> {
     let known = [path.clone(), before(path)];
     let known = known.iter().find(|path| path.symlink_metadata().is_ok());
     if let (Some(known), false) = (known, options.resume) {
-        let shown = one_line(&known.display().to_string());
+        let shown = one_line(&known.display().to_string()).into_owned();
         return Err(Failure::Usage(format!(
             "{shown} is there; add --resume to go on with it, or remove it to begin anew"
         )));
