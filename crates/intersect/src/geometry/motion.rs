@@ -1,4 +1,4 @@
-//! Linear motion between keys that are evenly spaced in time from 0 to 1.
+//! Linear motion between keys, which are evenly spaced in time from 0 to 1 or have times of their own.
 
 use crate::mesh::{MeshError, TriangleMesh};
 use snell_math::{Bounds3d, DAffine3, DVec3, Transform, Vec3};
@@ -16,6 +16,21 @@ pub(crate) fn between_keys(time: f32, keys: usize) -> (usize, f32) {
     (key, x - key as f32)
 }
 
+/// Where a time lies between keys at these times, which are ascending: the key before it, and the
+/// fraction of the way to the next key. Before the first key it is the first, after the last the
+/// last.
+#[inline(always)]
+fn between_times(time: f32, times: &[f32]) -> (usize, f32) {
+    match times.partition_point(|&key| key <= time) {
+        0 => (0, 0.0),
+        after if after == times.len() => (after - 1, 0.0),
+        after => {
+            let (a, b) = (times[after - 1], times[after]);
+            (after - 1, (time - a) / (b - a))
+        }
+    }
+}
+
 /// Linear interpolation from `a` to `b` by `s`. The result is never outside the box of both points,
 /// and exact where they are equal.
 #[inline(always)]
@@ -29,14 +44,27 @@ pub(crate) fn lerp(a: Vec3, b: Vec3, s: f32) -> Vec3 {
 /// most this, or if the length of a column is at most this fraction of its length at the keys.
 const FLAT: f64 = 1e-9;
 
-/// The transform at a time. Matrices are interpolated entry by entry (as in Embree), so every point
-/// moves on straight lines between keys; a rotation between two keys is not rigid and needs several
-/// keys. `None` while the interpolated matrix is singular in double precision (as halfway through a
-/// rotation by 180 degrees between two keys); the instance is not hit then.
-pub(crate) fn transform_at(keys: &[Transform], time: f32) -> Option<Transform> {
-    let (key, s) = between_keys(time, keys.len());
-    let (first, s) = (keys.get(key)?, f64::from(s));
-    let second = keys.get(key + 1).unwrap_or(first);
+/// The transform at a time, from that at the first key and those at the later ones. `times` are the
+/// times of all keys, ascending; evenly spaced from 0 to 1 if it is empty. Matrices are interpolated
+/// entry by entry (as in Embree), so every point moves on straight lines between keys; a rotation
+/// between two keys is not rigid and needs several keys. `None` while the interpolated matrix is
+/// singular in double precision (as halfway through a rotation by 180 degrees between two keys); the
+/// instance is not hit then.
+pub(crate) fn transform_at(
+    first: &Transform,
+    later: &[Transform],
+    times: &[f32],
+    time: f32,
+) -> Option<Transform> {
+    let (key, s) = match times {
+        [] => between_keys(time, later.len() + 1),
+        times => between_times(time, times),
+    };
+    let s = f64::from(s);
+    let (first, second) = match key.checked_sub(1) {
+        None => (first, later.first().unwrap_or(first)),
+        Some(before) => (later.get(before)?, later.get(key).or(later.last())?),
+    };
     if s == 0.0 || first == second {
         return Some(*first);
     }
@@ -238,12 +266,18 @@ mod tests {
             Transform::new(DAffine3::from_mat3(DMat3::from_rotation_z(std::f64::consts::PI)));
         let keys =
             [Transform::IDENTITY, half_turn.expect("invertible"), Transform::translation(DVec3::X)];
+        let at = |times: &[f32], time| transform_at(&keys[0], &keys[1..], times, time);
         for (time, key) in [(0.0, 0), (0.5, 1), (1.0, 2)] {
-            assert_eq!(transform_at(&keys, time), Some(keys[key]));
+            assert_eq!(at(&[], time), Some(keys[key]));
         }
-        assert_eq!(transform_at(&keys, 0.25), None, "all points are on the axis");
-        let quarter = transform_at(&keys, 0.125).expect("shrunk but not flat");
+        assert_eq!(at(&[], 0.25), None, "all points are on the axis");
+        let quarter = at(&[], 0.125).expect("shrunk but not flat");
         assert!((quarter.point(DVec3::X) - DVec3::X * 0.5).length() < 1e-12);
+        let times = [0.25, 0.75, 0.875];
+        for (time, key) in [(0.0, 0), (0.25, 0), (0.75, 1), (0.875, 2), (1.0, 2)] {
+            assert_eq!(at(&times, time), Some(keys[key]), "at {time}");
+        }
+        assert_eq!(at(&times, 0.375), Some(quarter));
     }
 
     #[test]

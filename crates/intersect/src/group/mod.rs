@@ -43,8 +43,9 @@ pub(crate) enum Object {
 pub(crate) enum Placement {
     /// A map that is the same at all times.
     Still(DAffine3),
-    /// A moving map, given by keys of its inverse, from the child to the group.
-    Moving(Arc<[Transform]>),
+    /// A moving map, given by keys of its inverse, from the child to the group, and their times;
+    /// see [`transform_at`].
+    Moving(Arc<[Transform]>, Arc<[f32]>),
 }
 
 impl Placement {
@@ -52,7 +53,7 @@ impl Placement {
     pub fn at_first(&self) -> &DAffine3 {
         match self {
             Self::Still(map) => map,
-            Self::Moving(keys) => keys[0].inverse_matrix(),
+            Self::Moving(keys, _) => keys[0].inverse_matrix(),
         }
     }
 
@@ -64,8 +65,8 @@ impl Placement {
         }
         match self {
             Self::Still(map) => search.goal.enter(map),
-            Self::Moving(keys) => {
-                let map = transform_at(keys, search.time)
+            Self::Moving(keys, times) => {
+                let map = transform_at(&keys[0], &keys[1..], times, search.time)
                     .map_or(DAffine3::IDENTITY, |t| *t.inverse_matrix());
                 search.goal.enter(&map);
             }
@@ -85,7 +86,10 @@ impl Placement {
     pub fn mapped(&self, ray: &DRay, time: f32) -> Option<DRay> {
         match self {
             Self::Still(map) => Some(mapped(map, ray)),
-            Self::Moving(keys) => Some(mapped(transform_at(keys, time)?.inverse_matrix(), ray)),
+            Self::Moving(keys, times) => {
+                let map = transform_at(&keys[0], &keys[1..], times, time)?;
+                Some(mapped(map.inverse_matrix(), ray))
+            }
         }
     }
 }

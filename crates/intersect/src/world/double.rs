@@ -272,6 +272,11 @@ impl DWorld {
     pub fn world_from_instance(&self, instance: u32) -> Transform {
         self.world.world_from_instance(instance)
     }
+
+    /// That map at a time from 0 to 1; see [`World::world_from_instance_at`].
+    pub fn world_from_instance_at(&self, instance: u32, time: f32) -> Transform {
+        self.world.world_from_instance_at(instance, time)
+    }
 }
 
 #[cfg(test)]

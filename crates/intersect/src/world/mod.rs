@@ -135,25 +135,28 @@ pub struct Instance {
     pub group_from_child: Transform,
     /// Only rays whose mask has a bit in common with this one enter the instance.
     pub mask: u32,
-    /// The map of a moving instance at its later keys, which are evenly spaced in time up to 1;
-    /// `group_from_child` is the map at time 0. Between keys the matrices are interpolated
-    /// linearly. Empty for a static instance.
+    /// The map of a moving instance at its later keys; `group_from_child` is the map at the first.
+    /// Between keys the matrices are interpolated linearly. Empty for a static instance.
     pub later: Vec<Transform>,
+    /// The times of all keys, the first and the later ones: ascending, each from 0 to 1. The
+    /// instance rests before the first and after the last. Empty if keys are evenly spaced in time
+    /// from 0 to 1.
+    pub times: Vec<f32>,
 }
 
 impl Instance {
     /// An instance that all rays may enter and that does not move.
     pub fn new(child: GroupId, group_from_child: Transform) -> Self {
-        Self { child, group_from_child, mask: u32::MAX, later: Vec::new() }
+        Self { child, group_from_child, mask: u32::MAX, later: Vec::new(), times: Vec::new() }
     }
 
-    /// The map at every key, starting at time 0.
+    /// The map at every key, starting at the first.
     pub(crate) fn keys(&self) -> impl Iterator<Item = &Transform> {
         std::iter::once(&self.group_from_child).chain(&self.later)
     }
 
     /// The map at a time from 0 to 1. At times when the map is singular, so that the instance is
-    /// not hit, the map at time 0.
+    /// not hit, the map at the first key.
     pub(crate) fn at(&self, time: f32) -> Transform {
         self.at_time(time).unwrap_or(self.group_from_child)
     }
@@ -164,8 +167,7 @@ impl Instance {
         if self.later.is_empty() {
             return Some(self.group_from_child);
         }
-        let keys: Vec<_> = self.keys().copied().collect();
-        transform_at(&keys, time)
+        transform_at(&self.group_from_child, &self.later, &self.times, time)
     }
 }
 
@@ -175,7 +177,7 @@ impl Placement {
         if instance.later.is_empty() {
             Self::Still(*instance.group_from_child.inverse_matrix())
         } else {
-            Self::Moving(instance.keys().copied().collect())
+            Self::Moving(instance.keys().copied().collect(), instance.times.clone().into())
         }
     }
 }

@@ -175,6 +175,7 @@ impl WorldBuilder {
                     && a.group_from_child == b.group_from_child
                     && a.mask == b.mask
                     && a.later == b.later
+                    && a.times == b.times
                     && same_boxes(a.child.0 as usize)
             })
     }

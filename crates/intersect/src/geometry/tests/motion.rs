@@ -110,15 +110,27 @@ fn keys() -> Vec<Transform> {
     ]
 }
 
+/// The map of an instance with [`keys`] at these times.
+fn map_at(times: &[f32], time: f32) -> Transform {
+    transform_at(&keys()[0], &keys()[1..], times, time).expect("not flat")
+}
+
 #[test]
 fn a_moving_instance_is_hit_where_it_is_at_that_time() {
+    for times in [&[][..], &[0.2, 0.3, 0.9]] {
+        check_moving_instance(times);
+    }
+}
+
+fn check_moving_instance(times: &[f32]) {
     let mesh = Arc::new(sphere_mesh(Vec3::ZERO, 1.0, 12, 24));
     let place = |keys: &[Transform], b: &mut WorldBuilder| {
         let child = b.add_group();
         b.add_mesh(child, mesh.clone());
+        let times = if keys.len() > 1 { times.to_vec() } else { Vec::new() };
         b.add(
             WorldBuilder::ROOT,
-            Instance { later: keys[1..].to_vec(), ..Instance::new(child, keys[0]) },
+            Instance { later: keys[1..].to_vec(), times, ..Instance::new(child, keys[0]) },
         );
     };
     let moving = world(|b| place(&keys(), b));
@@ -126,7 +138,7 @@ fn a_moving_instance_is_hit_where_it_is_at_that_time() {
     let mut hits = 0;
     for _ in 0..60 {
         let time = random.unit();
-        let now = transform_at(&keys(), time).expect("not flat");
+        let now = map_at(times, time);
         let still = world(|b| place(&[now], b));
         let moved = world(|b| {
             b.add_mesh(WorldBuilder::ROOT, Arc::new(mesh.transformed(&now)));
@@ -151,7 +163,7 @@ fn a_moving_instance_is_hit_where_it_is_at_that_time() {
         }
     }
     assert_eq!(hits, 2400);
-    assert_eq!(moving.world_from_instance_at(1, 0.5), keys()[1]);
+    assert_eq!(moving.world_from_instance_at(1, times.get(1).copied().unwrap_or(0.5)), keys()[1]);
     assert_eq!(moving.world_from_instance(1), keys()[0]);
 }
 
@@ -171,7 +183,7 @@ fn bounds_hold_everything_at_all_times() {
     let outer = Bounds3d { min: bounds.min - 1e-9, max: bounds.max + 1e-9 };
     for _ in 0..30 {
         let time = random.unit();
-        let now = transform_at(&keys(), time).expect("not flat");
+        let now = map_at(&[], time);
         assert!(mesh.at(time).positions.iter().all(|p| outer.contains(now.point(p.as_dvec3()))));
     }
 }

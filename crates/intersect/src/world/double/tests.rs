@@ -65,7 +65,7 @@ fn nested_scene(seed: u32, center: DVec3, size: f64) -> DWorldBuilder {
                 let placed = Transform::translation(middle).compose(&random.transform(2.0));
                 let group_from_child = placed.compose(&Transform::translation(-other));
                 let mask = if i == 0 { 3 } else { u32::MAX };
-                builder.add(group, Instance { child, group_from_child, mask, later: Vec::new() });
+                builder.add(group, Instance { mask, ..Instance::new(child, group_from_child) });
             }
             (group, middle) = (child, other);
         }
@@ -481,4 +481,71 @@ fn what_did_not_change_is_kept_what_moved_is_refitted_and_hits_are_those_of_a_ne
     assert!(builder.remove(moving) && builder.remove_instance(placed));
     let empty = builder.rebuild(&options, &world).expect("a world");
     assert!(rays.iter().all(|ray| !empty.closest_one(ray, &AcceptAll).is_hit()));
+}
+
+#[test]
+fn moving_instances_are_hit_where_they_are_at_that_time() {
+    let mut random = Random(11);
+    let mesh = Arc::new(double_soup(&mut random, 60, DVec3::ZERO, 1.0));
+    let keys: Vec<Transform> = (0..3)
+        .map(|i| Transform::translation(CITY + DVec3::X * f64::from(i)))
+        .map(|there| there.compose(&random.transform(0.5)))
+        .collect();
+    for times in [vec![], vec![0.1, 0.3, 0.8]] {
+        let place = |at: Option<f32>| {
+            let mut builder = DWorldBuilder::default();
+            let child = builder.add_group();
+            builder.add_mesh(child, mesh.clone());
+            let moving = Instance {
+                later: keys[1..].to_vec(),
+                times: times.clone(),
+                ..Instance::new(child, keys[0])
+            };
+            let placed = at.map(|time| moving.at_time(time).expect("not singular"));
+            builder.add(
+                DWorldBuilder::ROOT,
+                placed.map_or(moving, |placed| Instance::new(child, placed)),
+            );
+            builder
+        };
+        let rays = rays_into(&mut random, CITY, 1.0, 300);
+        let shared: Vec<f32> = (0..6).map(|_| random.range(-0.1, 1.1)).collect();
+        let of_ray: Vec<f32> = (0..rays.len()).map(|i| shared[i % shared.len()]).collect();
+        let expected: Vec<DHit> = {
+            let still: Vec<DWorld> = shared
+                .iter()
+                .map(|&time| {
+                    let builder = place(Some(time.clamp(0.0, 1.0)));
+                    build(builder, AcceleratorKind::None, Level::Scalar)
+                })
+                .collect();
+            let ask = |(i, ray): (usize, &DRay)| {
+                let mut hit = [DHit::MISS];
+                let rays = [*ray];
+                still[i % shared.len()].closest(
+                    Rays::<Double>::new(&rays),
+                    Grouping::None,
+                    &AcceptAll,
+                    &mut hit,
+                );
+                hit[0]
+            };
+            rays.iter().enumerate().map(ask).collect()
+        };
+        assert!(expected.iter().filter(|hit| hit.is_hit()).count() > 50);
+        let others = AcceleratorKind::ALL.into_iter().map(|kind| (kind, Level::best()));
+        for (kind, level) in levels().map(|level| (AcceleratorKind::Bvh, level)).chain(others) {
+            let world = build(place(None), kind, level);
+            for grouping in [Grouping::None, Grouping::Coherent] {
+                let mut found = vec![DHit::MISS; rays.len()];
+                let batch = Rays::<Double>::new(&rays).with_times(&of_ray);
+                world.closest(batch, grouping, &AcceptAll, &mut found);
+                for (a, b) in found.iter().zip(&expected) {
+                    assert_eq!(bits(a), bits(b), "{kind:?} at {level:?}");
+                }
+            }
+            let there = world.world_from_instance_at(1, times.get(1).copied().unwrap_or(0.5));
+            assert_eq!(there, keys[1]);
+        }
+    }
 }
