@@ -6,11 +6,13 @@ mod extent;
 mod far;
 mod fit;
 mod sky;
+mod upright;
 
 pub use air::fill_with_fog;
 pub use far::{bring_near, far_origin};
 pub use fit::frame;
 pub use sky::{default_sky, sky_seen_by};
+pub use upright::{stand_up, turned, upright};
 
 use crate::camera::Camera;
 use crate::graph::{Background, MediumId, NodeId, Scene, SceneError, ShadowCatcher, WarningKind};

@@ -22,9 +22,10 @@ mod tests;
 use crate::error::WriteError;
 use crate::memory::Available;
 use crate::{atomic, scene};
+use snell_math::DVec3;
 use snell_scene::placed::distinct_triangles;
 use snell_scene::texture::Pattern;
-use snell_scene::{Scene, Warning};
+use snell_scene::{Scene, SceneSettings, Warning};
 use std::path::{Path, PathBuf};
 
 /// Pieces around a circle, where shapes become triangles.
@@ -122,7 +123,15 @@ impl Output {
         ) {
             self.lose("the background is left out");
         }
-        if scene.settings != snell_scene::SceneSettings::default() {
+        let up = scene.settings.up.filter(|up| up.normalize_or_zero() != DVec3::Y);
+        // Programs take the z axis of STL for up.
+        if let Some(up) =
+            up.filter(|up| self.extension != "stl" || up.normalize_or_zero() != DVec3::Z)
+        {
+            self.lose(format!("that {} {} {} is up is left out", up.x, up.y, up.z));
+        }
+        let others = SceneSettings { up: None, ..scene.settings.clone() };
+        if others != SceneSettings::default() {
             self.lose(
                 "what the scene asks of the renderer (size, samples, integrator, …) is left out",
             );

@@ -11,6 +11,7 @@ use snell_formats::{Limits, ReadOptions, Sources};
 use snell_math::simd::Level;
 use snell_math::{DVec3, Rgb};
 use snell_render::{Request, RequestError, Settings};
+use snell_scene::framing::{turned, upright};
 use snell_scene::light::sky::Sky;
 use snell_scene::{Background, Camera, Environment, Scene};
 use std::ffi::OsString;
@@ -314,6 +315,9 @@ impl Options {
                 }
             },
         };
+        // Environments have their zenith at +y.
+        let turn = upright(scene.settings.up.unwrap_or(DVec3::Y));
+        scene.environment = scene.environment.take().map(|environment| turned(environment, &turn));
         scene.background = Background::Environment;
         Ok(())
     }

@@ -45,6 +45,10 @@ struct Document<'a, 'o> {
 type SurfaceKey = (*const TriangleMesh, Vec<Option<MaterialId>>, Option<MaterialId>);
 
 fn write(scene: &Scene, output: &mut Output) -> Result<(), String> {
+    // In glTF +y is up.
+    let mut upright = scene.clone();
+    snell_scene::framing::stand_up(&mut upright);
+    let scene = &upright;
     check_expansion(scene, output)?;
     output.lose_settings(scene);
     let is_binary = output.extension == "glb";
