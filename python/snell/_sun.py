@@ -53,7 +53,7 @@ def sun_direction(
     >>> import datetime, snell
     >>> noon = datetime.datetime(2024, 6, 20, 12, 2, tzinfo=datetime.timezone.utc)
     >>> snell.sun_direction(51.4779, 0, noon, up="z").round(3).tolist()  # Greenwich
-    [0.0, -0.469, 0.883]
+    [-0.001, -0.47, 0.883]
     """
     east, north, up = _frame(up, north)
     latitude, longitude = (

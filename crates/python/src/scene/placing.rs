@@ -92,7 +92,6 @@ impl Scene {
     #[pyo3(signature = (
         scene, transform=None, name=None, *, mask=None, material=None, times=None,
     ))]
-    #[expect(clippy::too_many_arguments, reason = "these are the arguments of Python")]
     fn add_instance(
         &self,
         py: Python<'_>,
@@ -141,7 +140,6 @@ impl Scene {
     /// >>> forest.cast_rays([400.3, 9, 0.1, 0, -1, 0]).instance_ids == ids[100]
     /// np.True_
     #[pyo3(signature = (scene, transforms, names=None, *, mask=None, material=None, times=None))]
-    #[expect(clippy::too_many_arguments, reason = "these are the arguments of Python")]
     fn add_instances<'py>(
         &self,
         py: Python<'py>,
@@ -195,8 +193,8 @@ impl Scene {
     /// >>> keys = np.tile(np.eye(4), (2, 1, 1))
     /// >>> keys[1, 2, 3] = 100
     /// >>> scene.update_transform(ball, keys, times=[0, 10])
-    /// >>> scene.cast_rays(([0, 0, -5], [0, 0, 1]), times=[0, 1, 9.5]).t_hit.tolist()
-    /// [4.0, 14.0, 99.0]
+    /// >>> scene.cast_rays(([[0, 0, -5]] * 3, [0, 0, 1]), times=[0, 2.5, 5]).t_hit.tolist()
+    /// [4.0, 29.0, 54.0]
     #[pyo3(signature = (id, transform, times=None))]
     fn update_transform(
         &self,
