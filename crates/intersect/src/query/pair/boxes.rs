@@ -1,5 +1,5 @@
-//! Boxes in any orientation, and trees of them (Gottschalk, Lin and Manocha, OBBTree: A Hierarchical
-//! Structure for Rapid Interference Detection, 1996).
+//! Boxes in any orientation, and trees of them (Gottschalk, Lin and Manocha, OBBTree: A
+//! Hierarchical Structure for Rapid Interference Detection, 1996).
 //!
 //! Boxes that lie along a surface are as thin as it is flat, so that two surfaces that lie close
 //! together are told apart by few of them. (The boxes of the trees for rays lie along the axes of

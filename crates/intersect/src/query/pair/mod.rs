@@ -92,9 +92,9 @@ pub struct ClosestPair {
     pub triangles: [u32; 2],
 }
 
-/// The nearest points of the surfaces of two scenes, each with a pose; `None` if none are within the
-/// largest distance, or a scene is empty. If surfaces meet at several places, or several pairs are
-/// equally near, which one is found depends on the meshes alone.
+/// The nearest points of the surfaces of two scenes, each with a pose; `None` if none are within
+/// the largest distance, or a scene is empty. If surfaces meet at several places, or several pairs
+/// are equally near, which one is found depends on the meshes alone.
 ///
 /// # Errors
 /// If the query is stopped.

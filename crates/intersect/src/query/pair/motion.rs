@@ -3,8 +3,8 @@
 //! Each pair of boxes, and then of triangles, is advanced by itself as far as it certainly stays
 //! apart: by its distance along a direction, over the largest speed of its points along that
 //! direction (conservative advancement; Tang, Kim and Manocha, C²A: Controlled Conservative
-//! Advancement for Continuous Collision Detection of Polygonal Models, 2009). Pairs that do not meet
-//! before the best moment so far are left out.
+//! Advancement for Continuous Collision Detection of Polygonal Models, 2009). Pairs that do not
+//! meet before the best moment so far are left out.
 
 use super::boxes::{Below, OrientedBox};
 use super::scene::{PairScene, Scale};

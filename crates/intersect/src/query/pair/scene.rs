@@ -28,8 +28,8 @@ pub enum PairError {
     OutOfRange(f64),
     /// A pose shears or scales along one axis more than along others.
     #[error(
-        "the pose is not a rotation, a mirroring and a uniform scale: its lengths differ by {0:.2e}, \
-         expected at most 1e-6; apply it to the vertices instead"
+        "the pose is not a rotation, a mirroring and a uniform scale: its lengths differ by \
+         {0:.2e}, expected at most 1e-6; apply it to the vertices instead"
     )]
     NotRigid(f64),
     /// The poses at both ends of a motion differ in scale, or one of them mirrors.
@@ -101,8 +101,8 @@ impl PairMesh {
         Ok(mesh)
     }
 
-    /// A shape that has flat faces: a box, a rectangle or a triangle; `None` for others. The numbers
-    /// of triangles are those of the faces.
+    /// A shape that has flat faces: a box, a rectangle or a triangle; `None` for others. The
+    /// numbers of triangles are those of the faces.
     ///
     /// # Errors
     /// As for [`Self::new`].
@@ -152,8 +152,8 @@ pub struct PairScene {
 
 impl PairScene {
     /// A scene of meshes, each with the map from its coordinates to those of the scene. Maps may be
-    /// any affine ones; for a map that is not a rotation and a uniform scale, the mesh is mapped and
-    /// its tree is built again.
+    /// any affine ones; for a map that is not a rotation and a uniform scale, the mesh is mapped
+    /// and its tree is built again.
     ///
     /// # Errors
     /// If a coordinate leaves the range (see [`PairMesh::new`]).

@@ -227,8 +227,8 @@ impl Search<'_> {
         self.wants(gap).then_some(gap)
     }
 
-    /// True if two nodes lie farther apart along the direction of the best pair than that pair. This
-    /// is quick to find, and leaves out most nodes where scenes are far apart.
+    /// True if two nodes lie farther apart along the direction of the best pair than that pair.
+    /// This is quick to find, and leaves out most nodes where scenes are far apart.
     #[inline]
     fn is_beyond(&self, spots: [&Spot; 2]) -> bool {
         let [a, b] = spots.map(|spot| &spot.bounds);

@@ -1,8 +1,8 @@
 //! The distance of two triangles.
 //!
 //! Two triangles that do not meet are nearest at two edges, or at a corner and a face (Larsen,
-//! Gottschalk, Lin and Manocha, Fast Proximity Queries with Swept Sphere Volumes, 1999). Whether they
-//! meet is decided exactly, by [`super::meeting`].
+//! Gottschalk, Lin and Manocha, Fast Proximity Queries with Swept Sphere Volumes, 1999). Whether
+//! they meet is decided exactly, by [`super::meeting`].
 
 use super::meeting;
 use snell_math::DVec3;

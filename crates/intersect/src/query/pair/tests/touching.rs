@@ -68,8 +68,8 @@ proptest! {
         prop_assert_eq!(common_point(&placed(&q), &placed(&p), DVec3::ZERO).is_some(), found);
     }
 
-    /// The second triangle has a corner or a point of an edge on the plane of the first, and is then
-    /// moved by one step of a lattice with 2^40 steps.
+    /// The second triangle has a corner or a point of an edge on the plane of the first, and is
+    /// then moved by one step of a lattice with 2^40 steps.
     #[test]
     fn one_step_decides(
         p in small(), q in small(), at in 0usize..3, step in prop::array::uniform3(-1i128..=1),
