@@ -16,6 +16,7 @@ from snell._bake import Baked, bake
 from snell._cameras import create_rays_pinhole
 from snell._images import Comparison, compare
 from snell._load import load
+from snell._points import save_points
 from snell._render import SceneWarning, render, render_iter
 from snell._snell import (
     INVALID_ID,
@@ -41,7 +42,9 @@ from snell._snell import (
     __version__,
     describe,
 )
+from snell._sun import sun_direction
 from snell._view import explain, view
+from snell._views import Node
 
 __all__ = [
     "INVALID_ID",
@@ -62,6 +65,7 @@ __all__ = [
     "Light",
     "Material",
     "Medium",
+    "Node",
     "Pattern",
     "Scene",
     "SceneWarning",
@@ -76,5 +80,7 @@ __all__ = [
     "load",
     "render",
     "render_iter",
+    "save_points",
+    "sun_direction",
     "view",
 ]

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import itertools
 import warnings
 from typing import Any
 
 import numpy as np
 
+from ._cells import Blocks, blocks_of_vtk, surface
 from ._snell import Material, Texture
 
 
@@ -28,6 +28,11 @@ def parts_of(mesh: Any) -> dict[str, Any]:
         parts = mesh.dump()
         if not len(parts):
             raise ValueError("vertices: the scene of trimesh is empty, expected a mesh in it")
+        return _joined([parts_of(part) for part in parts])
+    if hasattr(mesh, "n_blocks") and hasattr(mesh, "recursive_iterator"):  # pyvista.MultiBlock
+        parts = [part for part in mesh.recursive_iterator() if part is not None]
+        if not parts:
+            raise ValueError("vertices: the MultiBlock of PyVista is empty, expected a mesh in it")
         return _joined([parts_of(part) for part in parts])
     if hasattr(mesh, "vertices") and hasattr(mesh, "faces"):  # trimesh
         return _of_trimesh(mesh)
@@ -123,44 +128,53 @@ def _bytes(colors: np.ndarray | None, count: int) -> np.ndarray:
 
 
 def _surface_of(mesh: Any) -> tuple[np.ndarray, np.ndarray]:
-    if hasattr(mesh, "points") and hasattr(mesh, "cells_dict"):  # meshio.Mesh
-        _check_cells(mesh.cells_dict)
-        quads = np.asarray(mesh.cells_dict.get("quad", np.empty((0, 4), dtype=np.int64)))
-        triangles = np.asarray(mesh.cells_dict.get("triangle", np.empty((0, 3), dtype=np.int64)))
-        return np.asarray(mesh.points), np.concatenate(
-            [triangles, quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]
+    has_cells = hasattr(mesh, "points") and hasattr(mesh, "cells_dict")
+    if has_cells and not hasattr(mesh, "celltypes"):  # meshio.Mesh
+        points = _in_space(np.asarray(mesh.points))
+        blocks = list(mesh.cells_dict.items())
+        if hasattr(mesh, "cells"):
+            blocks = [(block.type, block.data) for block in mesh.cells]
+        return points, surface(points, blocks, "meshio")
+    if hasattr(mesh, "points") and hasattr(mesh, "faces") and not hasattr(mesh, "celltypes"):
+        return np.asarray(mesh.points), surface(  # pyvista.PolyData
+            np.asarray(mesh.points), _blocks_of_polydata(mesh), "PyVista"
         )
-    if hasattr(mesh, "points") and hasattr(mesh, "faces"):  # pyvista.PolyData
-        return np.asarray(mesh.points), _fans(np.asarray(mesh.faces).ravel())
+    if not hasattr(mesh, "celltypes") and hasattr(mesh, "cast_to_unstructured_grid"):
+        mesh = mesh.cast_to_unstructured_grid()  # pyvista.ImageData, StructuredGrid and others
+    if hasattr(mesh, "points") and hasattr(mesh, "celltypes"):  # pyvista.UnstructuredGrid
+        points, nodes = np.asarray(mesh.points), np.asarray(mesh.cell_connectivity)
+        # The older name of the newer one.
+        offsets = np.asarray(mesh.cell_offsets if hasattr(mesh, "cell_offsets") else mesh.offset)
+        blocks = blocks_of_vtk(np.asarray(mesh.celltypes), offsets, nodes)
+        return points, surface(points, blocks, "PyVista")
     raise TypeError(
         f"faces is left out, and vertices is {type(mesh).__name__}, not a mesh of trimesh, Open3D, "
         "meshio or PyVista"
     )
 
 
-def _check_cells(cells: dict[str, Any]) -> None:
-    """Refuses cells of a meshio mesh that are no surface, and warns of points and lines."""
-    others = [kind for kind in cells if kind not in ("triangle", "quad") and len(cells[kind])]
-    left_out = [kind for kind in others if kind.startswith(("vertex", "line"))]
-    if others != left_out:
-        kinds = ", ".join(kind for kind in others if kind not in left_out)
-        raise TypeError(
-            f"vertices: the meshio mesh has cells of the kind {kinds}, expected triangle and quad; "
-            "give it the triangles of its surface"
-        )
-    if left_out:
-        warnings.warn(
-            f"vertices: the cells of the kind {', '.join(left_out)} are left out", stacklevel=2
-        )
+def _in_space(points: np.ndarray) -> np.ndarray:
+    """Points of the plane in space, at z = 0."""
+    if points.ndim == 2 and points.shape[1] == 2:
+        return np.column_stack([points, np.zeros(len(points), points.dtype)])
+    return points
 
 
-def _fans(faces: np.ndarray) -> np.ndarray:
-    """The triangles of polygons in the form of VTK: the number of corners, then the corners."""
-    found, at = [], 0
-    if len(faces) % 4 == 0 and (faces[::4] == 3).all():
-        return faces.reshape(-1, 4)[:, 1:]
-    while at < len(faces):
-        corners = faces[at + 1 : at + 1 + faces[at]]
-        found += [[corners[0], b, c] for b, c in itertools.pairwise(corners[1:])]
-        at += 1 + len(corners)
-    return np.array(found, dtype=np.int64).reshape(-1, 3)
+def _blocks_of_polydata(mesh: Any) -> Blocks:
+    """The cells of a surface of VTK: its lists have the number of corners, then the corners."""
+    blocks: Blocks = []
+    lists = {1: "verts", 3: "lines", 7: "faces", 6: "strips"}
+    for kind, name in lists.items():
+        nodes = np.asarray(getattr(mesh, name, ()), dtype=np.int64).ravel()
+        if kind == 7 and len(nodes) % 4 == 0 and (nodes[::4] == 3).all():
+            blocks.append(("triangle", nodes.reshape(-1, 4)[:, 1:]))
+            continue
+        starts, at = [], 0
+        while at < len(nodes):
+            starts.append(at)
+            at += 1 + int(nodes[at])
+        keep = np.ones(len(nodes), dtype=bool)
+        keep[starts] = False
+        offsets = np.concatenate([[0], np.cumsum(nodes[starts])]).astype(np.int64)
+        blocks += blocks_of_vtk(np.full(len(starts), kind), offsets, nodes[keep])
+    return blocks

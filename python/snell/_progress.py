@@ -1,5 +1,5 @@
-"""Shows the progress of a render: by tqdm or rich if the program has imported one of them, else as
-a line of text.
+"""Shows the progress of a render or a query: by tqdm or rich if the program has imported one of
+them, else as a line of text.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ _PATIENCE = 1.0
 
 
 class _Bar:
-    """A display of the finished share of a render. It opens after a delay, so short renders show
-    none.
+    """A display of the finished share of a render or a query. It opens after a delay, so short
+    ones show none.
     """
 
     def __init__(self) -> None:
@@ -67,7 +67,7 @@ class _Tqdm(_Bar):
 class _Rich(_Bar):
     def open(self) -> None:
         self._progress: Any = importlib.import_module("rich.progress").Progress(transient=True)
-        self._task = self._progress.add_task("rendering", total=1.0)
+        self._task = self._progress.add_task("", total=1.0)
         self._progress.start()
 
     def show(self, share: float, rate: str) -> None:
@@ -95,6 +95,25 @@ def _bar() -> _Bar | None:
     if "rich" in sys.modules:
         return _Rich()
     return _Line() if sys.stderr is not None and sys.stderr.isatty() else None
+
+
+class _QueryBar:
+    """A display that is told the number of answered rays and that of all."""
+
+    def __init__(self, bar: _Bar) -> None:
+        self._bar = bar
+
+    def __call__(self, done: int, total: int) -> None:
+        self._bar(done / max(total, 1), done)
+
+    def close(self) -> None:
+        self._bar.close()
+
+
+def query_bar() -> _QueryBar | None:
+    """A display for a query; None if there is nowhere to show it."""
+    bar = _bar()
+    return None if bar is None else _QueryBar(bar)
 
 
 @contextlib.contextmanager

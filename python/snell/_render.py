@@ -61,6 +61,7 @@ def render(
     camera: Camera | int | str | None = None,
     threads: int | None = None,
     tonemap: str | None = None,
+    shutter: tuple[float, float] | None = None,
     progress: bool | Callable[[float, int], object] = True,
     **settings: Unpack[RenderSettings],
 ) -> Image:
@@ -81,6 +82,10 @@ def render(
         Number of threads. Default: one per core.
     tonemap : str
         Tone map with which the picture is shown: ``"none"``, ``"aces"`` or ``"agx"``.
+    shutter : (float, float)
+        The times at which the shutter opens and closes. What moves between them
+        (:meth:`Scene.update_transform`, or an animation of the file) is blurred. Default: a picture
+        of the scene at the first of its times; :meth:`Scene.at` gives others.
     progress : bool or callable
         True shows the progress after a second, by tqdm or rich if the program has imported one of
         them, else as a line of text on a terminal. A callable is given the finished share, 0 to 1,
@@ -102,7 +107,8 @@ def render(
     1.0
     """
     options = {"integrator": integrator, "spp": spp, "size": size, "camera": camera}
-    options |= {"threads": threads, "tonemap": tonemap, **_known("render", settings)}
+    options |= {"threads": threads, "tonemap": tonemap, "shutter": shutter}  # type: ignore[dict-item]
+    options |= _known("render", settings)
     with reporter(progress) as report:
         image = _Render(_scene(scene), options).render(report=report)
     _warn(image)
@@ -125,7 +131,7 @@ def _known(function: str, settings: Mapping[str, Any]) -> dict[str, Any]:
 
 
 # Keywords beside the settings.
-_OTHERS = ("camera", "threads", "tonemap")
+_OTHERS = ("camera", "threads", "tonemap", "shutter")
 
 
 def _documented() -> str:

@@ -1,6 +1,6 @@
 """The compiled half of the package. Its docstrings are in the module itself."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from os import PathLike
 from typing import Any, Literal, final, overload, type_check_only
 
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 from typing_extensions import Self
 
-from snell._views import Mesh
+from snell._views import Mesh, Node
 
 __all__ = [
     "INVALID_ID",
@@ -44,7 +44,9 @@ __all__ = [
     "_restore_medium",
     "_restore_pattern",
     "_restore_texture",
+    "_upright",
     "_view",
+    "_write_file",
     "describe",
     "load",
 ]
@@ -86,6 +88,8 @@ def _explain(
     followed: list[str],
 ) -> str: ...
 def _view(scene: Scene, options: dict[str, Any], port: int, frames_per_second: float) -> View: ...
+def _upright(up: str | _Array, name: str = "up") -> NDArray[np.float64]: ...
+def _write_file(path: str | PathLike[str], header: bytes, data: NDArray[np.uint8]) -> None: ...
 def _restore_camera(json: str) -> Camera: ...
 def _restore_light(
     json: str,
@@ -188,17 +192,39 @@ class Scene:
         *,
         mask: int | None = None,
         material: Material | None = None,
+        times: _Array | None = None,
     ) -> int: ...
-    def update_transform(self, id: int, transform: _Array) -> None: ...
+    def add_instances(
+        self,
+        scene: Scene,
+        transforms: _Array,
+        names: Sequence[str | None] | None = None,
+        *,
+        mask: int | None = None,
+        material: Material | None = None,
+        times: _Array | None = None,
+    ) -> NDArray[np.uint32]: ...
+    def update_transform(self, id: int, transform: _Array, times: _Array | None = None) -> None: ...
+    def update_transforms(
+        self, ids: _Array, transforms: _Array, times: _Array | None = None
+    ) -> None: ...
+    def at(self, time: float) -> Scene: ...
     def update_vertices(self, id: int, vertices: _Array, normals: _Array | None = None) -> None: ...
     def update_mask(self, id: int, mask: int) -> None: ...
     def remove(self, id: int) -> None: ...
     def mesh(self, id: int) -> Mesh: ...
     def shape(self, id: int) -> dict[str, Any]: ...
+    def spheres(self, id: int) -> dict[str, Any]: ...
+    def curves(self, id: int) -> dict[str, Any]: ...
     def instance(self, id: int) -> Scene: ...
+    @property
+    def children(self) -> list[Node]: ...
+    def walk(self) -> Iterator[tuple[tuple[int, ...], Node, NDArray[np.float64]]]: ...
+    def _materials(self, id: int) -> list[Material | None]: ...
     def update_name(self, id: int, name: str | None) -> None: ...
     def __getitem__(self, name: str, /) -> int: ...
     def transform(self, id: int) -> NDArray[np.float64]: ...
+    def motion(self, id: int) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None: ...
     def show(self, **options: Any) -> View: ...
     def _repr_png_(self) -> bytes | None: ...
     @property
@@ -223,7 +249,9 @@ class Scene:
         t_min: _Array | None = None,
         t_max: _Array | None = None,
         mask: _Array | None = None,
+        times: _Array | None = None,
         threads: int | None = None,
+        progress: bool | Callable[[int, int], object] | None = None,
         warn_invalid: bool = False,
     ) -> Hits: ...
     def test_occlusions(
@@ -233,7 +261,9 @@ class Scene:
         t_min: _Array | None = None,
         t_max: _Array | None = None,
         mask: _Array | None = None,
+        times: _Array | None = None,
         threads: int | None = None,
+        progress: bool | Callable[[int, int], object] | None = None,
         warn_invalid: bool = False,
     ) -> NDArray[np.bool_]: ...
     def count_intersections(
@@ -243,7 +273,9 @@ class Scene:
         t_min: _Array | None = None,
         t_max: _Array | None = None,
         mask: _Array | None = None,
+        times: _Array | None = None,
         threads: int | None = None,
+        progress: bool | Callable[[int, int], object] | None = None,
         warn_invalid: bool = False,
     ) -> NDArray[np.uint32]: ...
     def list_intersections(
@@ -253,7 +285,9 @@ class Scene:
         t_min: _Array | None = None,
         t_max: _Array | None = None,
         mask: _Array | None = None,
+        times: _Array | None = None,
         threads: int | None = None,
+        progress: bool | Callable[[int, int], object] | None = None,
         warn_invalid: bool = False,
     ) -> Intersections: ...
     def closest_points(
@@ -320,11 +354,24 @@ class Scene:
     def cameras(self, cameras: Sequence[Camera]) -> None: ...
     def add_camera(self, camera: Camera) -> int: ...
     @property
+    def up(self) -> str | NDArray[np.float64]: ...
+    @up.setter
+    def up(self, value: str | _Array) -> None: ...
+    @property
     def environment(self) -> Any: ...
     @environment.setter
     def environment(self, value: Any) -> None: ...
     def set_environment(
         self, value: Any, *, scale: _Color | None = None, transform: _Array | None = None
+    ) -> None: ...
+    def set_sky(
+        self,
+        sun: _Array,
+        *,
+        turbidity: float = 3.0,
+        ground: float = 0.2,
+        size: float = 0.53,
+        scale: float = 1.0,
     ) -> None: ...
     @property
     def medium(self) -> Medium | None: ...

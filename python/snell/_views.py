@@ -1,4 +1,4 @@
-"""What a scene gives of its contents: lists that write through to the scene, and meshes."""
+"""What a scene gives of its contents: lists that write through to the scene, objects and meshes."""
 
 from __future__ import annotations
 
@@ -9,11 +9,12 @@ if TYPE_CHECKING:
 
     import numpy as np
 
-    from snell._snell import Scene
+    from snell._snell import Material, Scene
 
 # What to do instead of changing a list that a scene only reports.
 _REMEDIES = {
     "materials": "objects bring their materials: add_mesh(…, material=…), update_material(id, …)",
+    "children": "add_mesh(…) and its like add objects, and remove(id) removes them",
     "ids": "add_mesh(…) and its like add objects, and remove(id) removes them",
     "warnings": "they are those of the file",
 }
@@ -188,3 +189,93 @@ class Mesh:
 
 def _mesh(parts: dict[str, Any]) -> Mesh:
     return Mesh(**parts)
+
+
+class Node:
+    """An object of a scene, as it was when :attr:`Scene.children` was read.
+
+    Examples
+    --------
+    >>> import snell
+    >>> scene = snell.Scene()
+    >>> ball = scene.add_shape("sphere", radius=1, name="ball")
+    >>> node = scene.children[0]
+    >>> node.id, node.kind, node.name, node.content["radius"]
+    (0, 'shape', 'ball', 1.0)
+    """
+
+    _scene: Scene
+    _id: int
+    _kind: str
+    _name: str | None
+    _mask: int
+
+    def __init__(self, scene: Scene, id: int, kind: str, name: str | None, mask: int) -> None:
+        self.__dict__.update(_scene=scene, _id=id, _kind=kind, _name=name, _mask=mask)
+
+    @property
+    def id(self) -> int:
+        """The id of the object, in the scene that holds it."""
+        return self._id
+
+    @property
+    def kind(self) -> str:
+        """What it is: ``"mesh"``, ``"shape"``, ``"spheres"``, ``"curves"`` or ``"instance"``."""
+        return self._kind
+
+    @property
+    def name(self) -> str | None:
+        """The name of the object, or None."""
+        return self._name
+
+    @property
+    def mask(self) -> int:
+        """The mask: only rays whose mask shares a bit with it hit the object."""
+        return self._mask
+
+    @property
+    def transform(self) -> np.ndarray:
+        """The map `(4, 4)` to the scene's coordinates, as of :meth:`Scene.transform`."""
+        return self._scene.transform(self._id)
+
+    @property
+    def motion(self) -> tuple[np.ndarray, np.ndarray] | None:
+        """The transforms and times of an object that moves, as of :meth:`Scene.motion`."""
+        return self._scene.motion(self._id)
+
+    @property
+    def materials(self) -> list[Material | None]:
+        """The materials by slot, as a list; None for the default grey."""
+        return self._scene._materials(self._id)
+
+    @property
+    def content(self) -> Any:
+        """What :meth:`Scene.mesh`, `shape`, `spheres`, `curves` or `instance` gives of the id."""
+        return getattr(self._scene, self._kind)(self._id)
+
+    @property
+    def children(self) -> list[Node]:
+        """The objects of an instance's scene, a list; empty for all else."""
+        return self.content.children if self._kind == "instance" else []
+
+    def __setattr__(self, name: str, value: Any) -> NoReturn:
+        raise AttributeError(
+            f"{name}: this only tells of the object; update_transform({self._id}, …), update_name, "
+            "update_mask and update_material of the scene change it"
+        )
+
+    def __repr__(self) -> str:
+        name = "" if self._name is None else f" {self._name!r}"
+        return f"<snell.Node {self._id}: {self._kind}{name}>"
+
+
+def walk(scene: Scene) -> Iterator[tuple[tuple[int, ...], Node, np.ndarray]]:
+    """Yields all objects of a scene, those in instances too; see :meth:`Scene.walk`."""
+    rest: list[tuple[tuple[int, ...], Node, np.ndarray]] = [
+        ((), node, node.transform) for node in reversed(scene.children)
+    ]
+    while rest:
+        path, node, placed = rest.pop()
+        yield path, node, placed
+        within = (*path, node.id)
+        rest += [(within, child, placed @ child.transform) for child in reversed(node.children)]

@@ -192,13 +192,14 @@ impl<P: Precision, F: Form> Live<P, F> {
         width: usize,
         wanted: impl Fn(&Local, &DRay) -> [f64; N] + Sync,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let write = |first: usize, places: &mut [P], ray: &(dyn Fn(usize) -> DRay + Sync)| {
+        type Ray<'a> = &'a (dyn Fn(usize) -> (DRay, f32) + Sync);
+        let write = |first: usize, places: &mut [P], ray: Ray<'_>| {
             let mut surfaces = Surfaces::new(&self.snapshot);
             for (i, place) in places.chunks_exact_mut(width).enumerate() {
                 let found = hits.get(first + i);
                 let is_hit = found.geometry != Hit::NONE;
-                let ray = ray(first + i);
-                let local = if is_hit { surfaces.at(&ray, &found) } else { Local::NONE };
+                let (ray, time) = ray(first + i);
+                let local = if is_hit { surfaces.at(&ray, time, &found) } else { Local::NONE };
                 let values = wanted(&local, &ray);
                 place.iter_mut().zip(values).for_each(|(place, x)| *place = P::round(x));
             }
@@ -206,7 +207,8 @@ impl<P: Precision, F: Form> Live<P, F> {
         match &self.asked {
             Asked::Positions(positions) => {
                 let ray = |i: usize| {
-                    DRay::new(DVec3::from_array(positions[i].map(Into::into)), DVec3::ZERO)
+                    let point = DVec3::from_array(positions[i].map(Into::into));
+                    (DRay::new(point, DVec3::ZERO), 0.0)
                 };
                 self.pieces(py, width, |first, places| write(first, places, &ray))
             }
@@ -214,7 +216,7 @@ impl<P: Precision, F: Form> Live<P, F> {
                 let arrays = kept.rays::<P>(py, self.rays)?;
                 let view = arrays.view()?;
                 let number = |i: usize| ids.as_ref().map_or(i, |ids| ids[i] as usize);
-                let ray = |i: usize| P::exact(&view.get(number(i)));
+                let ray = |i: usize| (P::exact(&view.get(number(i))), view.time(number(i)));
                 self.pieces(py, width, |first, places| write(first, places, &ray))
             }
         }

@@ -153,6 +153,17 @@ pub fn shown(shape: &[usize]) -> String {
     }
 }
 
+/// The index of an element by its number in an array of this shape, as Python writes it.
+pub fn index_in(mut number: usize, shape: &[usize]) -> String {
+    let mut index: Vec<String> = Vec::with_capacity(shape.len());
+    for &side in shape.iter().rev() {
+        index.push((number % side.max(1)).to_string());
+        number /= side.max(1);
+    }
+    index.reverse();
+    index.join(", ")
+}
+
 /// An array of a shape that holds these numbers.
 pub fn from_vec<'py, T: Element>(
     py: Python<'py>,

@@ -7,6 +7,7 @@
 
 use crate::contents::{Contents, Kind, Object, Slot};
 use crate::mesh::Mesh;
+use crate::motion::Axis;
 use snell_intersect::{
     AnyShape, BuildOptions, Curves, GeometryId, GroupId, Hit, Instance, Spheres, WorldBuilder,
     WorldError,
@@ -150,6 +151,8 @@ pub struct Snapshot<F: Form> {
     pub world: Arc<F::World>,
     /// The meaning of the world's ids.
     pub names: Arc<Names>,
+    /// The times of the world; `None` if nothing moves.
+    pub axis: Option<Axis>,
 }
 
 /// A kind of world built from a scene.
@@ -166,8 +169,8 @@ pub trait Form: 'static {
         previous: Option<&Self::World>,
     ) -> Result<Self::World, WorldError>;
 
-    /// The transform of an occurrence.
-    fn placed(world: &Self::World, occurrence: u32) -> Transform;
+    /// The transform of an occurrence at a time of the world.
+    fn placed(world: &Self::World, occurrence: u32, time: f32) -> Transform;
 }
 
 /// A builder of groups and geometries.
@@ -194,6 +197,7 @@ pub trait Builder: Default {
 struct Assembler<F: Form> {
     builder: F::Builder,
     names: Names,
+    axis: Option<Axis>,
     /// The group of each instanced scene, its number of occurrences, and its position in
     /// [`Names::scenes`]. The scene is kept alive, so that no other scene gets its address.
     scenes: HashMap<*const Contents, (GroupId, u64, usize)>,
@@ -208,13 +212,15 @@ pub fn assemble<F: Form>(
     let mut assembler: Assembler<F> = Assembler {
         builder: F::Builder::default(),
         names: Names::default(),
+        axis: Axis::of(contents),
         scenes: HashMap::new(),
     };
     assembler.names.scenes.push(Vec::new());
     let (_, steps) = assembler.fill(WorldBuilder::ROOT, contents);
     assembler.names.scenes[0] = steps;
-    let Assembler { builder, names, .. } = assembler;
-    Ok(Snapshot { world: Arc::new(F::build(builder, options, previous)?), names: Arc::new(names) })
+    let Assembler { builder, names, axis, .. } = assembler;
+    let world = Arc::new(F::build(builder, options, previous)?);
+    Ok(Snapshot { world, names: Arc::new(names), axis })
 }
 
 impl<F: Form> Assembler<F> {
@@ -232,24 +238,30 @@ impl<F: Form> Assembler<F> {
                 continue;
             };
             let number = number as u32;
-            let (child, below, instance, scene) = match (&object.kind, object.transform) {
-                (Kind::Instance(scene), _) => {
+            let (child, below, instance, scene) = match &object.kind {
+                Kind::Instance(scene) => {
                     let (child, below, scene) = self.scene(scene);
                     (child, below, number, Some(scene))
                 }
-                (Kind::Mesh(_) | Kind::Spheres(_) | Kind::Curves(_), Some(_)) => {
+                _ if object.has_own_group() => {
                     let own = self.builder.add_group();
-                    self.geometry(own, number, object);
+                    self.geometry(own, Transform::IDENTITY, number, object);
                     (own, 1, Hit::NONE, None)
                 }
                 _ => {
-                    self.geometry(group, number, object);
+                    let placed = object.transform.unwrap_or(Transform::IDENTITY);
+                    self.geometry(group, placed, number, object);
                     continue;
                 }
             };
             let mask = if instance == Hit::NONE { u32::MAX } else { object.mask };
             let placed = object.transform.unwrap_or(Transform::IDENTITY);
-            self.builder.add(group, Instance { mask, ..Instance::new(child, placed) });
+            let instance_of_group = Instance { mask, ..Instance::new(child, placed) };
+            let instance_of_group = match (&object.motion, self.axis) {
+                (Some(motion), Some(axis)) => axis.moving(instance_of_group, motion),
+                _ => instance_of_group,
+            };
+            self.builder.add(group, instance_of_group);
             // A world with more occurrences than numbers is refused when it is built, so a clamped
             // number is never used.
             let first = occurrences.min(u32::MAX.into()) as u32;
@@ -275,8 +287,9 @@ impl<F: Form> Assembler<F> {
         made
     }
 
-    fn geometry(&mut self, group: GroupId, number: u32, object: &Object) {
-        let placed = object.transform.unwrap_or(Transform::IDENTITY);
+    /// Adds an object to a group, with the map from its coordinates to the group's, which must be
+    /// the identity for what is not a shape.
+    fn geometry(&mut self, group: GroupId, placed: Transform, number: u32, object: &Object) {
         let (id, surface) = match &object.kind {
             Kind::Mesh(mesh) => (self.builder.add_mesh(group, mesh), Surface::Mesh(mesh.clone())),
             Kind::Shape(shape) => (

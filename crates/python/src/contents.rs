@@ -3,13 +3,16 @@
 //! scene graph that is rendered.
 
 use crate::mesh::Mesh;
+use crate::motion::Motion;
 use crate::origins::Origins;
+use crate::place::Place;
 use pyo3::PyResult;
 use pyo3::exceptions::{PyIndexError, PyTypeError, PyValueError};
 use snell_intersect::{AnyShape, Curves, PrimitiveSet, Shape, Spheres};
 use snell_math::{Bounds3d, Transform};
 use snell_scene::{MaterialId, Node, NodeId, Scene};
 use std::collections::HashMap;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// Maximum nesting depth of instanced scenes.
@@ -30,14 +33,29 @@ pub enum Kind {
     Instance(Arc<Contents>),
 }
 
+impl Kind {
+    /// The name of the kind.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Mesh(_) => "mesh",
+            Self::Shape(_) => "shape",
+            Self::Spheres(_) => "spheres",
+            Self::Curves(_) => "curves",
+            Self::Instance(_) => "instance",
+        }
+    }
+}
+
 /// An object of a scene.
 #[derive(Clone, Debug)]
 pub struct Object {
     /// The kind of the object.
     pub kind: Kind,
-    /// The map from the object's coordinates to the scene's; `None` for the identity, if the object
-    /// was never moved.
+    /// The map from the object's coordinates to the scene's, at the first key if it moves; `None`
+    /// for the identity, if the object was never moved.
     pub transform: Option<Transform>,
+    /// The motion of the object; `None` if it rests.
+    pub motion: Option<Arc<Motion>>,
     /// A name for users.
     pub name: Option<Arc<str>>,
     /// The mask: only rays whose mask shares a bit with it hit the object.
@@ -51,7 +69,21 @@ impl Object {
     /// An object that every ray can hit, without a material of its own.
     pub fn new(kind: Kind, transform: Option<Transform>, name: Option<String>) -> Self {
         let name = name.map(Into::into);
-        Self { kind, transform, name, mask: u32::MAX, materials: Vec::new() }
+        Self { kind, transform, motion: None, name, mask: u32::MAX, materials: Vec::new() }
+    }
+
+    /// Puts the object in another place.
+    pub fn put(&mut self, place: Place) {
+        (self.transform, self.motion) = (place.transform, place.motion);
+    }
+
+    /// True if worlds have a group for the object alone, so that it costs little to move it.
+    pub fn has_own_group(&self) -> bool {
+        match self.kind {
+            Kind::Instance(_) => false,
+            Kind::Shape(_) => self.motion.is_some(),
+            Kind::Mesh(_) | Kind::Spheres(_) | Kind::Curves(_) => self.transform.is_some(),
+        }
     }
 }
 
@@ -61,7 +93,7 @@ impl Object {
 pub enum Slot {
     /// An object that is present.
     Here(Object),
-    /// An object that was removed; true if it had a transform.
+    /// An object that was removed; true if it had a group of its own.
     Gone(bool),
 }
 
@@ -118,6 +150,26 @@ impl Contents {
         Ok(number)
     }
 
+    /// Adds an object at each of these places, with these names. Returns their numbers.
+    pub fn add_many(
+        &mut self,
+        object: Object,
+        places: Vec<Place>,
+        names: Vec<Option<String>>,
+    ) -> PyResult<Range<u32>> {
+        let first = self.slots.len();
+        let all = places.into_iter().zip(names).map(|(place, name)| {
+            let mut object = Object { name: name.map(Into::into), ..object.clone() };
+            object.put(place);
+            object
+        });
+        let added = all.map(|object| self.add(object).map(drop)).collect::<PyResult<()>>();
+        if added.is_err() {
+            self.slots.truncate(first);
+        }
+        added.map(|()| first as u32..self.slots.len() as u32)
+    }
+
     /// Adds an unused number.
     pub fn add_gap(&mut self) {
         self.slots.push(Slot::Gone(false));
@@ -125,8 +177,8 @@ impl Contents {
 
     /// Removes an object.
     pub fn remove(&mut self, id: i64) -> PyResult<()> {
-        let was_placed = self.get_mut(id)?.transform.is_some();
-        self.slots[id as usize] = Slot::Gone(was_placed);
+        let had_own_group = self.get_mut(id)?.has_own_group();
+        self.slots[id as usize] = Slot::Gone(had_own_group);
         Ok(())
     }
 
@@ -184,7 +236,7 @@ impl Contents {
         Arc::make_mut(&mut self.stage)
     }
 
-    /// The box around all objects.
+    /// The box around all objects, at all times.
     pub fn bounds(&self) -> Bounds3d {
         self.bounds_with(&mut HashMap::new())
     }
@@ -210,7 +262,11 @@ impl Contents {
                     }
                 },
             };
-            all = all.union(&object.transform.map_or(own, |map| map.bounds(&own)));
+            let placed = match &object.motion {
+                Some(motion) => motion.bounds(&own),
+                None => object.transform.map_or(own, |map| map.bounds(&own)),
+            };
+            all = all.union(&placed);
         }
         all
     }

@@ -11,6 +11,7 @@ use crate::value;
 use snell_intersect::shape::Sphere;
 use snell_intersect::{AnyShape, Curves, Spheres, TriangleMesh};
 use snell_math::{Bounds3d, DAffine3, Transform};
+use snell_scene::motion::{AnimatedTransform, Channel, Clip, Joint, Placement, Track};
 use snell_scene::{Geometry, MaterialId, Node, NodeId, Scene, Surface};
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
@@ -40,10 +41,13 @@ pub fn graph_with_origins(
         (scene.nodes, scene.root) = (nodes.clone(), *root);
         return Ok((scene, origins.clone()));
     }
+    // A motion of the file is that of its nodes.
+    scene.motion = None;
     (scene.nodes, scene.root) = (vec![Node::named("root")], NodeId(0));
     let mut writer = Writer {
         scene,
         purpose,
+        moving: Vec::new(),
         origins: Origins::default(),
         stages: HashMap::new(),
         children: HashMap::new(),
@@ -51,7 +55,29 @@ pub fn graph_with_origins(
     writer.stages.insert(Arc::as_ptr(&contents.stage), 0);
     let root = writer.scene.root;
     writer.fill(root, contents)?;
+    writer.scene.motion = motion_of(writer.moving, &writer.scene.nodes);
     Ok((writer.scene, writer.origins))
+}
+
+/// The motion of these nodes.
+fn motion_of(
+    moving: Vec<(NodeId, AnimatedTransform)>,
+    nodes: &[Node],
+) -> Option<Arc<snell_scene::Motion>> {
+    let joint = |(node, _): &(NodeId, AnimatedTransform)| Joint {
+        name: nodes[node.index()].name.clone(),
+        rest: Placement::Matrix(nodes[node.index()].transform),
+        node: Some(*node),
+        ..Joint::default()
+    };
+    let joints: Vec<Joint> = moving.iter().map(joint).collect();
+    let channels = (0..)
+        .zip(moving)
+        .map(|(joint, (_, transform))| Channel { joint, track: Track::Transform(transform) });
+    let clip = Clip { name: "motion".into(), channels: channels.collect(), ..Clip::default() };
+    let motion =
+        snell_scene::Motion { joints, clips: vec![clip], ..snell_scene::Motion::default() };
+    (!motion.joints.is_empty()).then(|| Arc::new(motion))
 }
 
 /// Strands that are known in double precision relative to a point among them, and the map back;
@@ -75,6 +101,8 @@ struct Writer {
     scene: Scene,
     origins: Origins,
     purpose: Purpose,
+    /// The nodes that move.
+    moving: Vec<(NodeId, AnimatedTransform)>,
     /// The id of the first material of each stage.
     stages: HashMap<*const Scene, u32>,
     /// The node of each scene that is instanced.
@@ -90,12 +118,14 @@ impl Writer {
         };
         for (id, object) in contents.objects() {
             let (mut inner, mut below) = (None, None);
+            let mut own = Transform::IDENTITY;
             let mut node = Node::named(object.name.as_deref().unwrap_or_default());
             let placed = object.transform.unwrap_or(Transform::IDENTITY);
             node.transform = *placed.matrix();
             match &object.kind {
-                Kind::Mesh(mesh) => {
-                    let (mesh, own) = self.mesh(mesh);
+                Kind::Mesh(given) => {
+                    let mesh;
+                    (mesh, own) = self.mesh(given);
                     node.transform = *placed.compose(&own).matrix();
                     node.surfaces.push(Surface {
                         geometry: Geometry::Mesh(mesh),
@@ -106,8 +136,9 @@ impl Writer {
                     let geometry = Geometry::Shape(shape.clone());
                     node.surfaces.push(Surface { geometry, materials: materials(object) });
                 }
-                Kind::Curves(curves) => {
-                    let (curves, own) = centered(curves);
+                Kind::Curves(given) => {
+                    let curves;
+                    (curves, own) = centered(given);
                     node.transform = *placed.compose(&own).matrix();
                     let geometry = Geometry::Curves(curves);
                     node.surfaces.push(Surface { geometry, materials: materials(object) });
@@ -123,6 +154,7 @@ impl Writer {
                 }
             }
             let node = self.scene.add_child(parent, node);
+            self.moving.extend(object.motion.as_ref().map(|motion| (node, motion.composed(&own))));
             self.origins.first.insert(node, id);
             inner.map(|inner| self.origins.inner.insert((node, 0), inner));
             below.map(|below| self.origins.steps.insert((node, below), id));

@@ -2,7 +2,7 @@
 
 use crate::arrays::{array, contiguous, from_vec, is_double, shown, slice};
 use crate::declared::{Schema, declared_class};
-use crate::objects::{matrix, named_transform};
+use crate::place::{matrix, named_transform};
 use numpy::PyUntypedArrayMethods;
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;

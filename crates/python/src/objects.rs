@@ -1,4 +1,5 @@
-//! Arguments that become objects of a scene: vertices, faces, transforms, shapes.
+//! Arguments that become objects of a scene: vertices, faces, shapes. Their places are in
+//! [`crate::place`].
 
 use crate::arrays::{array, check_unsigned, contiguous, is_double, numpy, shown, slice};
 use crate::encoding::{AS_UINT8, warn_of_bytes};
@@ -10,7 +11,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use serde_json::{Map, Value as Json};
 use snell_intersect::{AnyShape, Curves, Shape, Spheres, StrandBasis};
-use snell_math::{DMat4, DVec3, DVec4, Transform, Vec2, Vec3, Vec4};
+use snell_math::{DVec3, DVec4, Vec2, Vec3, Vec4};
 
 /// The shape of an array `(n, width)`, or an error that names the shape found.
 fn rows(array: &Bound<'_, PyUntypedArray>, width: usize, name: &str) -> PyResult<usize> {
@@ -26,7 +27,7 @@ fn rows(array: &Bound<'_, PyUntypedArray>, width: usize, name: &str) -> PyResult
 }
 
 /// Refuses numbers that are not finite: names the first row that has one.
-fn check_finite<T: Element + Copy + Into<f64> + Sync>(
+pub fn check_finite<T: Element + Copy + Into<f64> + Sync>(
     values: &[T],
     width: usize,
     name: &str,
@@ -231,46 +232,6 @@ pub fn mesh<'py>(
     let indices = faces(&faces_given, n)?;
     let attributes = given.attributes(n, indices.len())?;
     Ok(py.detach(|| Mesh::new(positions, indices, attributes)))
-}
-
-/// A transform: a matrix `(4, 4)` whose last row is 0, 0, 0, 1, or its first three rows.
-pub fn transform(value: Option<&Bound<'_, PyAny>>) -> PyResult<Option<Transform>> {
-    value.map(|value| named_transform(value, "transform")).transpose()
-}
-
-/// Like [`transform`], for a required argument of another name.
-pub fn named_transform(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Transform> {
-    let array = array(value, name)?;
-    if !matches!(array.shape(), [3 | 4, 4]) {
-        let found = shown(array.shape());
-        return Err(PyValueError::new_err(format!(
-            "{name}: shape is {found}, expected (4, 4) or (3, 4)"
-        )));
-    }
-    is_double(&array, name)?;
-    let values = contiguous::<f64>(&array)?;
-    let values = slice(&values)?;
-    check_finite(values, 4, name)?;
-    let mut rows = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
-    rows[..values.len()].copy_from_slice(values);
-    if rows[12..] != [0.0, 0.0, 0.0, 1.0] {
-        let is_transposed = rows[3] == 0.0 && rows[7] == 0.0 && rows[11] == 0.0 && rows[15] == 1.0;
-        let remedy = if is_transposed { "; it is made for row vectors: transpose it" } else { "" };
-        return Err(PyValueError::new_err(format!(
-            "{name}[3] is {:?}, expected [0, 0, 0, 1]{remedy}",
-            &rows[12..]
-        )));
-    }
-    let map = Transform::from_matrix(DMat4::from_cols_array(&rows).transpose());
-    map.ok_or_else(|| {
-        PyValueError::new_err(format!("{name} is singular, expected one with an inverse"))
-    })
-}
-
-/// A transform as a matrix `(4, 4)`.
-pub fn matrix<'py>(py: Python<'py>, map: &Transform) -> PyResult<Bound<'py, PyAny>> {
-    let rows = DMat4::from(*map.matrix()).transpose().to_cols_array();
-    crate::arrays::from_vec(py, rows.to_vec(), &[4, 4])
 }
 
 /// Reads a mask of 32 bits.

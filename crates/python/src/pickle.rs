@@ -3,12 +3,14 @@
 use crate::arrays::from_vec;
 use crate::contents::{Contents, Kind, Object, Slot};
 use crate::objects;
+use crate::place::{Place, matrices, matrix, place};
 use crate::scene::Scene;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList, PyTuple};
 use snell_formats::scene::snell::text;
 use snell_formats::{Limits, ReadOptions, read_scene_bytes};
+use snell_intersect::{Curves, Spheres};
 use snell_math::{DVec4, Vec4};
 use snell_scene::{MaterialId, Node, NodeId, Scene as Graph, Warning};
 use std::collections::HashMap;
@@ -87,19 +89,10 @@ fn stored<'py>(
             all.set_item("shape", json)?;
         }
         Kind::Spheres(spheres) => {
-            balls(&all, "centers", &spheres.spheres, &spheres.exact)?;
+            store_spheres(&all, spheres)?;
         }
         Kind::Curves(curves) => {
-            balls(&all, "points", curves.points(), curves.exact_points())?;
-            if !curves.colors().is_empty() {
-                let colors = curves.colors().iter().flatten().copied().collect();
-                all.set_item("colors", from_vec(py, colors, &[curves.points().len(), 4])?)?;
-            }
-            let strands = curves.strands();
-            all.set_item("strands", from_vec(py, strands.to_vec(), &[strands.len()])?)?;
-            let basis = serde_json::to_string(&curves.basis())
-                .map_err(|e| PyValueError::new_err(e.to_string()))?;
-            all.set_item("basis", basis.trim_matches('"'))?;
+            store_curves(&all, curves)?;
         }
         Kind::Instance(child) => {
             let scene = match children.get(&Arc::as_ptr(child)) {
@@ -113,12 +106,39 @@ fn stored<'py>(
             all.set_item("scene", scene)?;
         }
     }
-    all.set_item("transform", object.transform.map(|map| objects::matrix(py, &map)).transpose()?)?;
+    let place = match &object.motion {
+        Some(motion) => Some(matrices(py, motion.maps())?),
+        None => object.transform.map(|map| matrix(py, &map)).transpose()?,
+    };
+    all.set_item("transform", place)?;
+    if let Some(motion) = &object.motion {
+        all.set_item("times", motion.times().to_vec())?;
+    }
     all.set_item("name", object.name.as_deref())?;
     all.set_item("mask", object.mask)?;
     let materials: Vec<Option<u32>> = object.materials.iter().map(|m| m.map(|m| m.0)).collect();
     all.set_item("materials", materials)?;
     Ok(all)
+}
+
+/// Stores spheres as the arguments of `Scene.add_spheres`.
+pub fn store_spheres(all: &Bound<'_, PyDict>, spheres: &Spheres) -> PyResult<()> {
+    balls(all, "centers", &spheres.spheres, &spheres.exact)
+}
+
+/// Stores curves as the arguments of `Scene.add_curves`, and their colours, if there are any.
+pub fn store_curves(all: &Bound<'_, PyDict>, curves: &Curves) -> PyResult<()> {
+    let py = all.py();
+    balls(all, "points", curves.points(), curves.exact_points())?;
+    if !curves.colors().is_empty() {
+        let colors = curves.colors().iter().flatten().copied().collect();
+        all.set_item("colors", from_vec(py, colors, &[curves.points().len(), 4])?)?;
+    }
+    let strands = curves.strands();
+    all.set_item("strands", from_vec(py, strands.to_vec(), &[strands.len()])?)?;
+    let basis =
+        serde_json::to_string(&curves.basis()).map_err(|e| PyValueError::new_err(e.to_string()))?;
+    all.set_item("basis", basis.trim_matches('"'))
 }
 
 /// Stores balls as positions and radii, in double precision if they are known so.
@@ -198,7 +218,8 @@ pub fn _restore(
         } else {
             Kind::Instance(need("scene")?.cast::<Scene>()?.get().0.contents(py))
         };
-        let transform = objects::transform(get("transform")?.as_ref())?;
+        let Place { transform, motion } =
+            place(get("transform")?.as_ref(), get("times")?.as_ref())?;
         let name = get("name")?.map(|name| name.extract()).transpose()?;
         let mask = objects::mask(get("mask")?.map(|mask| mask.extract()).transpose()?)?;
         let materials: Vec<Option<u32>> = need("materials")?.extract()?;
@@ -209,7 +230,7 @@ pub fn _restore(
             )));
         }
         let materials = materials.into_iter().map(|m| m.map(MaterialId)).collect();
-        contents.add(Object { mask, materials, ..Object::new(kind, transform, name) })?;
+        contents.add(Object { motion, mask, materials, ..Object::new(kind, transform, name) })?;
     }
     Ok(Scene::of(contents))
 }

@@ -95,8 +95,8 @@ impl Form for f32 {
         }
     }
 
-    fn placed(world: &World, occurrence: u32) -> Transform {
-        world.world_from_instance(occurrence)
+    fn placed(world: &World, occurrence: u32, time: f32) -> Transform {
+        world.world_from_instance_at(occurrence, time)
     }
 }
 
@@ -115,8 +115,8 @@ impl Form for f64 {
         }
     }
 
-    fn placed(world: &DWorld, occurrence: u32) -> Transform {
-        world.world_from_instance(occurrence)
+    fn placed(world: &DWorld, occurrence: u32, time: f32) -> Transform {
+        world.world_from_instance_at(occurrence, time)
     }
 }
 

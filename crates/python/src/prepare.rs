@@ -9,9 +9,9 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use snell_intersect::BuildOptions;
 use snell_math::DVec3;
-use snell_render::CompiledScene;
-use snell_scene::Scene;
+use snell_render::{CompiledScene, Moving};
 use snell_scene::framing::{FramingOptions, bring_near, prepare};
+use snell_scene::{Player, Scene};
 
 /// The options that decide, together with the scene, what is prepared.
 #[derive(Clone, Debug)]
@@ -20,11 +20,15 @@ pub struct Request {
     pub build: BuildOptions,
     /// Size of the picture, for a camera that frames the scene.
     pub size: [u32; 2],
+    /// The times at which the shutter opens and closes; `None` for a picture of the scene at rest.
+    pub shutter: Option<[f64; 2]>,
 }
 
 impl PartialEq for Request {
     fn eq(&self, other: &Self) -> bool {
-        let what = |r: &Self| (r.build.quality, r.build.accelerator, r.build.cache.clone(), r.size);
+        let what = |r: &Self| {
+            (r.build.quality, r.build.accelerator, r.build.cache.clone(), r.size, r.shutter)
+        };
         what(self) == what(other)
     }
 }
@@ -52,14 +56,38 @@ impl Prepared {
         let (mut scene, origins) =
             graph_with_origins(contents, Purpose::Picture).map_err(PyValueError::new_err)?;
         scene.limit_light();
+        let moving = match request.shutter {
+            None => {
+                scene.motion = None;
+                Moving::default()
+            }
+            Some(shutter) => open_shutter(&mut scene, shutter)?,
+        };
         // Positions from Python are moved when they come, and those of pictures are moved back.
         let moved_by = bring_near(&mut scene).map_err(|e| failed(&e))?.unwrap_or_default();
         let framing = FramingOptions { size: request.size, ..FramingOptions::default() };
         prepare(&mut scene, &framing).map_err(|e| failed(&e))?;
         admit("the scene ready to be rendered", snell_render::memory::of_scene(&scene))?;
-        let compiled = CompiledScene::new(&scene, &request.build).map_err(|e| failed(&e))?;
+        let compiled = CompiledScene::moving(&scene, &moving, &request.build, None);
+        let compiled = compiled.map_err(|e| failed(&e))?;
         let warnings = scene.warnings.iter().chain(&compiled.warnings);
         let warnings = warnings.map(snell_scene::Warning::to_string).collect();
         Ok(Self { compiled, scene, origins, moved_by, warnings })
     }
+}
+
+/// Poses a scene as it is when the shutter opens; returns how it moves until the shutter closes.
+fn open_shutter(scene: &mut Scene, [open, close]: [f64; 2]) -> PyResult<Moving> {
+    let Some(motion) = scene.motion.clone() else {
+        return Err(PyValueError::new_err(
+            "shutter: nothing in the scene moves; update_transform(id, transforms, times) lets an \
+                object move",
+        ));
+    };
+    let clips = motion.usual_clips();
+    let mut player = Player::new(motion, clips);
+    let mut poses = player.poses_between(open, close);
+    let later = poses.split_off(1);
+    poses.iter().for_each(|pose| scene.apply(pose));
+    Ok(Moving { nodes: player.moving_nodes(), later })
 }

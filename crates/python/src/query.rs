@@ -45,18 +45,21 @@ pub struct Question<'a, P: Precision> {
     pub coherent_angle: f64,
     /// The counter for rays that can hit nothing, if these are to be counted.
     pub invalid: Option<&'a AtomicUsize>,
+    /// The counter for rays that are answered, if these are to be counted.
+    pub done: Option<&'a AtomicUsize>,
 }
 
 /// Scratch space of a thread.
 struct Scratch<P: Precision> {
     rays: Vec<P::Ray>,
     masks: Vec<u32>,
+    times: Vec<f32>,
     hits: Vec<P::Hit>,
 }
 
 impl<P: Precision> Scratch<P> {
     fn new() -> Self {
-        Self { rays: Vec::new(), masks: Vec::new(), hits: Vec::new() }
+        Self { rays: Vec::new(), masks: Vec::new(), times: Vec::new(), hits: Vec::new() }
     }
 }
 
@@ -144,8 +147,9 @@ impl<P: Precision> Question<'_, P> {
         scratch: &mut Scratch<P>,
         query: impl FnOnce(Rays<P::Tag>, Grouping, &mut Vec<P::Hit>) -> T,
     ) -> T {
-        let Scratch { rays, masks, hits } = scratch;
-        self.rays.read(range, rays, masks);
+        let Scratch { rays, masks, times, hits } = scratch;
+        self.rays.read(range.clone(), rays, masks);
+        self.rays.read_times(range, times);
         if let Some(invalid) = self.invalid {
             invalid
                 .fetch_add(rays.iter().filter(|ray| !P::is_valid(ray)).count(), Ordering::Relaxed);
@@ -156,7 +160,13 @@ impl<P: Precision> Question<'_, P> {
             Grouping::None
         };
         let batch = Rays::new(rays);
-        query(if masks.is_empty() { batch } else { batch.with_masks(masks) }, grouping, hits)
+        let batch = if masks.is_empty() { batch } else { batch.with_masks(masks) };
+        let batch = if times.is_empty() { batch } else { batch.with_times(times) };
+        let answer = query(batch, grouping, hits);
+        if let Some(done) = self.done {
+            done.fetch_add(rays.len(), Ordering::Relaxed);
+        }
+        answer
     }
 }
 

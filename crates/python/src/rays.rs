@@ -1,14 +1,17 @@
 //! Rays from Python: `(..., 6)`, or a pair `(origins, directions)`.
 
 use crate::arrays::{
-    Column, Values, are_double, array, broadcast, common_shape, contiguous, leading, mask_column,
-    numpy, shown, slice,
+    Column, Values, are_double, array, broadcast, common_shape, contiguous, index_in, leading,
+    mask_column, numpy, shown, slice,
 };
+use crate::motion::Axis;
 use crate::precision::Precision;
 use numpy::{Element, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyList, PyTuple};
+use std::ops::Range;
+use std::sync::Arc;
 
 /// The argument `rays`. Its shape is known, but its numbers are not read yet.
 #[derive(Debug)]
@@ -78,6 +81,49 @@ pub struct Limits<'a, 'py> {
     pub t_max: &'a Bound<'py, PyAny>,
     /// The mask: only objects that share a bit with it are hit.
     pub mask: Option<&'a Bound<'py, PyAny>>,
+    /// The times of the rays; at the first of all keys if they are left out.
+    pub times: Option<&'a Bound<'py, PyAny>>,
+}
+
+/// The times of rays in a world.
+#[derive(Clone, Debug)]
+enum Times {
+    /// One time for all.
+    All(f32),
+    /// One time for each.
+    Each(Arc<[f32]>),
+}
+
+impl Times {
+    /// Reads the times of rays of a shape, which must be finite. Where nothing moves, they are all
+    /// the same.
+    fn new<'py>(
+        value: Option<&Bound<'py, PyAny>>,
+        shape: &[usize],
+        axis: Option<Axis>,
+    ) -> PyResult<Self> {
+        let Some(value) = value else { return Ok(Self::All(0.0)) };
+        let column: Column<'py, f64> = Column::new(value, shape, "times")?;
+        let values = column.values()?;
+        let bad = match values {
+            Values::All(time) => (!time.is_finite()).then_some((String::new(), time)),
+            Values::Each(all) => {
+                let at = all.iter().position(|time| !time.is_finite());
+                at.map(|at| (format!("[{}]", index_in(at, shape)), all[at]))
+            }
+        };
+        if let Some((place, time)) = bad {
+            let message = format!("times{place} is {time}, expected a finite number");
+            return Err(PyValueError::new_err(message));
+        }
+        Ok(match (values, axis) {
+            (_, None) => Self::All(0.0),
+            (Values::All(time), Some(axis)) => Self::All(axis.time(time)),
+            (Values::Each(all), Some(axis)) => {
+                Self::Each(value.py().detach(|| all.iter().map(|&time| axis.time(time)).collect()))
+            }
+        })
+    }
 }
 
 /// Vectors of three numbers, at regular places in an array.
@@ -130,12 +176,17 @@ pub struct RayArrays<'py, P: Precision> {
     t_min: Column<'py, P>,
     t_max: Column<'py, P>,
     mask: Column<'py, u32>,
+    times: Times,
     len: usize,
 }
 
 impl<'py, P: Precision> RayArrays<'py, P> {
-    /// Reads the numbers of the rays and their limits.
-    pub fn new(rays: &RayArgument<'py>, limits: &Limits<'_, 'py>) -> PyResult<Self> {
+    /// Reads the numbers of the rays and their limits. `axis` has the times of the world.
+    pub fn new(
+        rays: &RayArgument<'py>,
+        limits: &Limits<'_, 'py>,
+        axis: Option<Axis>,
+    ) -> PyResult<Self> {
         let shape = &rays.shape;
         let (origins, directions) = match &rays.arrays {
             Arrays::Rows(rows) => {
@@ -152,6 +203,7 @@ impl<'py, P: Precision> RayArrays<'py, P> {
             t_min: Column::new(limits.t_min, shape, "t_min")?,
             t_max: Column::new(limits.t_max, shape, "t_max")?,
             mask: mask_column(limits.mask, shape)?,
+            times: Times::new(limits.times, shape, axis)?,
             len: rays.len(),
         })
     }
@@ -164,6 +216,7 @@ impl<'py, P: Precision> RayArrays<'py, P> {
             t_min: self.t_min.values()?,
             t_max: self.t_max.values()?,
             mask: self.mask.values()?,
+            times: &self.times,
             len: self.len,
         })
     }
@@ -183,7 +236,8 @@ impl<'py, P: Precision> RayArrays<'py, P> {
             Ok(copied.cast_into::<PyUntypedArray>()?.unbind())
         }
         let part = |v: &Vectors<'_, P>| Ok::<_, PyErr>((kept(&v.array, copy)?, v.stride, v.offset));
-        Ok(KeptRays { origins: part(&self.origins)?, directions: part(&self.directions)? })
+        let (origins, directions) = (part(&self.origins)?, part(&self.directions)?);
+        Ok(KeptRays { origins, directions, times: self.times.clone() })
     }
 }
 
@@ -192,6 +246,7 @@ impl<'py, P: Precision> RayArrays<'py, P> {
 pub struct KeptRays {
     origins: (Py<PyUntypedArray>, usize, usize),
     directions: (Py<PyUntypedArray>, usize, usize),
+    times: Times,
 }
 
 impl KeptRays {
@@ -216,6 +271,7 @@ impl KeptRays {
             t_min,
             t_max,
             mask,
+            times: self.times.clone(),
             len,
         })
     }
@@ -229,6 +285,7 @@ pub struct RayView<'a, P> {
     t_min: Values<'a, P>,
     t_max: Values<'a, P>,
     mask: Values<'a, u32>,
+    times: &'a Times,
     len: usize,
 }
 
@@ -244,20 +301,34 @@ impl<P: Precision> RayView<'_, P> {
         P::ray(self.origins.get(i), self.directions.get(i), [self.t_min.get(i), self.t_max.get(i)])
     }
 
+    /// The time in the world of the ray with index `i`.
+    #[inline(always)]
+    pub fn time(&self, i: usize) -> f32 {
+        match self.times {
+            Times::All(time) => *time,
+            Times::Each(times) => times[i],
+        }
+    }
+
+    /// Reads the times of a range; none if all are 0.
+    pub fn read_times(&self, range: Range<usize>, times: &mut Vec<f32>) {
+        times.clear();
+        match self.times {
+            Times::All(0.0) => {}
+            Times::All(time) => times.resize(range.len(), *time),
+            Times::Each(all) => times.extend_from_slice(&all[range]),
+        }
+    }
+
     /// The rays of a range as rows of six numbers, if that is their form.
-    fn rows(&self, range: std::ops::Range<usize>) -> Option<&[[P; 6]]> {
+    fn rows(&self, range: Range<usize>) -> Option<&[[P; 6]]> {
         let is_rows =
             self.origins.stride == 6 && self.directions.stride == 6 && self.origins.offset == 0;
         is_rows.then(|| &self.origins.values.as_chunks::<6>().0[range])
     }
 
     /// Reads the rays of a range, and their masks (none if all bits are set).
-    pub fn read(
-        &self,
-        range: std::ops::Range<usize>,
-        rays: &mut Vec<P::Ray>,
-        masks: &mut Vec<u32>,
-    ) {
+    pub fn read(&self, range: Range<usize>, rays: &mut Vec<P::Ray>, masks: &mut Vec<u32>) {
         rays.clear();
         match (self.rows(range.clone()), self.t_min, self.t_max) {
             (Some(rows), Values::All(t_min), Values::All(t_max)) => {

@@ -9,6 +9,7 @@ use crate::prepare::{Prepared, Request as Preparation};
 use crate::scene::Scene;
 use crate::settings::{self, Keywords, denoise_error, request_error};
 use crate::work::{Cancel, Threads, begin_alone};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict};
 use snell_formats::image::cryptomatte;
@@ -103,7 +104,9 @@ impl Task {
         let mut build = request.build();
         build.compact |= scene.get().0.contents(py).compact;
         let size = request.size.unwrap_or(Request::DEFAULT_SIZE);
-        let prepared = scene.get().0.prepared(py, &Preparation { build, size }, threads)?;
+        let shutter = shutter(keywords)?;
+        let wanted = Preparation { build, size, shutter };
+        let prepared = scene.get().0.prepared(py, &wanted, threads)?;
         let wanted = keywords.any("camera")?;
         let mut camera = cameras::choose(&prepared.scene.cameras, wanted.as_ref())?;
         if wanted.is_some_and(|wanted| wanted.is_instance_of::<crate::camera::Camera>()) {
@@ -113,6 +116,19 @@ impl Task {
         let denoiser = settings::denoiser(&request)?;
         memory::check_picture(&settings, threads.count(), denoiser.is_some())?;
         Ok(Self { prepared, camera, request, settings, denoiser })
+    }
+}
+
+/// The times at which the shutter opens and closes.
+fn shutter(keywords: &Keywords<'_, '_>) -> PyResult<Option<[f64; 2]>> {
+    let shutter: Option<[f64; 2]> = keywords.get("shutter", "two times, (open, close)")?;
+    match shutter {
+        Some([open, close]) if !(open.is_finite() && close.is_finite() && open <= close) => {
+            Err(PyValueError::new_err(format!(
+                "shutter is ({open}, {close}), expected when it opens and when it closes, in order"
+            )))
+        }
+        shutter => Ok(shutter),
     }
 }
 

@@ -1,30 +1,28 @@
-//! The stage of a scene: its materials, lights, cameras and environment. Also saves scenes.
+//! The stage of a scene: its materials, lights, cameras and medium. Also saves scenes. What
+//! surrounds it all is in [`crate::surroundings`].
 
-use crate::arrays::from_vec;
 use crate::camera::Camera;
 use crate::contents::{Contents, Kind as Content, Object};
 use crate::declared::Declared;
-use crate::encoding::{warn, warn_of_bytes};
+use crate::encoding::warn;
+use crate::file::write_error;
 use crate::graph::{Purpose, graph};
-use crate::image::Image;
 use crate::light::Light;
 use crate::material::Material;
 use crate::medium::Medium as PyMedium;
 use crate::names::suggestion;
 use crate::scene::Scene;
-use crate::schema::{References, read};
-use crate::texture::{AnyTexture, Pattern, Texture, image};
-use crate::value::{Value, with_ids};
+use crate::schema::References;
+use crate::texture::{AnyTexture, Pattern, Texture};
+use crate::value::with_ids;
 use crate::work::{Threads, run_to_end_on};
-use pyo3::exceptions::{PyAttributeError, PyIndexError, PyOSError, PyTypeError, PyValueError};
+use pyo3::exceptions::{PyAttributeError, PyIndexError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::{PyList, PyString};
+use pyo3::types::PyList;
 use snell_formats::WriteError;
-use snell_math::parameters::Kind;
-use snell_math::{DAffine3, DVec3, Rgb};
 use snell_scene::graph::{ImageId, MediumId};
 use snell_scene::medium::Medium;
-use snell_scene::{Background, Environment, MaterialId, Scene as Graph, TextureId};
+use snell_scene::{MaterialId, Scene as Graph, TextureId};
 use std::collections::HashSet;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -163,26 +161,6 @@ pub fn materials_of(
         material.map(|material| taken(py, stage, material).map(Material)).transpose()
     };
     object.materials.iter().map(material).collect()
-}
-
-/// A colour: a number, three numbers, or `#rrggbb`.
-fn color(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Rgb> {
-    match read(value, Kind::Color, name, &mut References::default())? {
-        Value::List(items) => match items[..] {
-            [Value::Single(r), Value::Single(g), Value::Single(b)]
-                if r >= 0.0 && g >= 0.0 && b >= 0.0 =>
-            {
-                Ok(Rgb::new(r, g, b))
-            }
-            _ => Err(PyValueError::new_err(format!("{name}: a colour has no negative numbers"))),
-        },
-        _ => Err(PyTypeError::new_err(format!("{name}: expected a colour"))),
-    }
-}
-
-fn color_tuple(py: Python<'_>, color: Rgb) -> PyResult<Bound<'_, PyAny>> {
-    let form = Value::List(color.to_array().map(Value::Single).to_vec());
-    form.plain(py)
 }
 
 /// All elements of a list, which must be of one class.
@@ -394,70 +372,6 @@ impl Scene {
         })
     }
 
-    /// Light from all directions: None, a colour (radiance, W / (m^2 sr)), or a latitude-longitude
-    /// picture (row 0 is the zenith, its middle -z). Can be assigned: a colour, an array, an
-    /// :class:`Image`, its file, or `"sky"`. See :meth:`set_environment` to turn and scale a
-    /// picture.
-    #[getter]
-    fn environment<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        match &self.0.contents(py).stage.environment {
-            None => Ok(py.None().into_bound(py)),
-            Some(Environment::Constant(color)) => color_tuple(py, *color),
-            Some(Environment::Image { image, .. }) => {
-                let rgb =
-                    (0..image.height).flat_map(|y| (0..image.width).flat_map(move |x| [(x, y)]));
-                let values: Vec<f32> = rgb
-                    .flat_map(|(x, y)| {
-                        let [r, g, b, _] = image.rgba(x, y);
-                        [r, g, b]
-                    })
-                    .collect();
-                let pixels =
-                    from_vec(py, values, &[image.height as usize, image.width as usize, 3])?;
-                py.get_type::<Image>().call1((pixels,))
-            }
-        }
-    }
-
-    #[setter(environment)]
-    fn environment_simply(&self, value: &Bound<'_, PyAny>) -> PyResult<()> {
-        self.set_environment(value, None, None)
-    }
-
-    /// Surrounds the scene with light.
-    ///
-    /// Parameters
-    /// ----------
-    /// value
-    ///     Any value that can be assigned to :attr:`environment`.
-    /// scale : colour, optional
-    ///     Factor on the radiance.
-    /// transform : array (4, 4) or (3, 4), optional
-    ///     Map from the environment's coordinates, in which +y is the zenith, to the scene's; it
-    ///     turns the picture.
-    ///
-    /// Examples
-    /// --------
-    /// >>> import numpy as np, snell
-    /// >>> scene = snell.Scene()
-    /// >>> scene.set_environment(np.full((4, 8, 3), 0.5), scale=2)
-    #[pyo3(signature = (value, *, scale=None, transform=None))]
-    fn set_environment(
-        &self,
-        value: &Bound<'_, PyAny>,
-        scale: Option<&Bound<'_, PyAny>>,
-        transform: Option<&Bound<'_, PyAny>>,
-    ) -> PyResult<()> {
-        let scale = scale.map_or(Ok(Rgb::WHITE), |scale| color(scale, "scale"))?;
-        let placed = crate::objects::transform(transform)?;
-        let environment =
-            read_environment(value, scale, placed.map_or(DAffine3::IDENTITY, |map| *map.matrix()))?;
-        self.0.edit(value.py(), |contents| {
-            contents.stage_mut().environment = environment;
-            Ok(())
-        })
-    }
-
     /// The medium outside of all interiors of surfaces, such as fog: a :class:`Medium` or None. Can
     /// be assigned.
     #[getter]
@@ -472,42 +386,6 @@ impl Scene {
         self.0.edit(py, |contents| {
             let stage = contents.stage_mut();
             stage.medium = medium.map(|medium| add_medium(stage, &medium.get().0.value));
-            Ok(())
-        })
-    }
-
-    /// The background behind the scene: `"environment"`, `"transparent"`, a colour (linear), which
-    /// lights nothing, or `"studio"`: a grey that shows the scene's shadow on a floor under its
-    /// lowest point at the time of the assignment. Can be assigned.
-    #[getter]
-    fn background<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        match self.0.contents(py).stage.background {
-            Background::Environment => Ok(PyString::new(py, "environment").into_any()),
-            Background::Transparent => Ok(PyString::new(py, "transparent").into_any()),
-            Background::ShadowCatcher(_) => Ok(PyString::new(py, "studio").into_any()),
-            Background::Color(color) => color_tuple(py, color),
-        }
-    }
-
-    #[setter]
-    fn set_background(&self, value: &Bound<'_, PyAny>) -> PyResult<()> {
-        let background = match value.extract::<String>().as_deref() {
-            Ok("environment") => Background::Environment,
-            Ok("transparent") => Background::Transparent,
-            Ok("studio") => {
-                let scene = graph(&self.0.contents(value.py()), Purpose::Picture)
-                    .map_err(PyValueError::new_err)?;
-                snell_scene::framing::studio_background(&scene, DVec3::Y)
-            }
-            _ => {
-                let color = color(value, "background")?;
-                let remedy = "8-bit sRGB is given as \"#rrggbb\"";
-                warn_of_bytes(value.py(), &color.to_array(), "background", remedy)?;
-                Background::Color(color)
-            }
-        };
-        self.0.edit(value.py(), |contents| {
-            contents.stage_mut().background = background;
             Ok(())
         })
     }
@@ -546,8 +424,7 @@ impl Scene {
             snell_formats::write_scene_as(&path, &scene, true).map_err(Ok)
         })?;
         let written = written.map_err(|error: Result<WriteError, String>| match error {
-            Ok(error @ WriteError::Io { .. }) => PyOSError::new_err(error.to_string()),
-            Ok(error) => PyValueError::new_err(error.to_string()),
+            Ok(error) => write_error(&error),
             Err(message) => PyValueError::new_err(message),
         })?;
         let losses = written.losses.iter().map(snell_scene::Warning::to_string);
@@ -612,36 +489,4 @@ pub fn listed<'py, T: for<'a> IntoPyObject<'a>>(
     let py = scene.py();
     let items = PyList::new(py, items)?;
     py.import("snell._views")?.getattr("Listed")?.call1((scene, name, items))
-}
-
-/// Reads light from all directions in any of the forms that :attr:`environment` accepts.
-fn read_environment(
-    value: &Bound<'_, PyAny>,
-    scale: Rgb,
-    placed: DAffine3,
-) -> PyResult<Option<Environment>> {
-    if value.is_none() {
-        return Ok(None);
-    }
-    let text = value.extract::<String>();
-    if text.as_ref().is_ok_and(|text| text == "sky") {
-        return Ok(Some(match snell_scene::framing::default_sky() {
-            Environment::Image { image, scale: own, world_from_environment } => {
-                Environment::Image {
-                    image,
-                    scale: own * scale,
-                    world_from_environment: placed * world_from_environment,
-                }
-            }
-            Environment::Constant(color) => Environment::Constant(color * scale),
-        }));
-    }
-    let is_hex = text.is_ok_and(|text| text.starts_with('#'));
-    let is_number = value.extract::<f64>().is_ok()
-        || value.len().is_ok_and(|n| n == 3) && value.get_item(0)?.extract::<f64>().is_ok();
-    if is_hex || is_number {
-        return Ok(Some(Environment::Constant(color(value, "environment")? * scale)));
-    }
-    let image = image(value, "environment")?;
-    Ok(Some(Environment::Image { image, scale, world_from_environment: placed }))
 }

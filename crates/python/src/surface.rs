@@ -31,28 +31,29 @@ impl Local {
 }
 
 /// Computes surfaces at hits. It remembers the transform of the last occurrence, because
-/// consecutive hits are often in one occurrence.
+/// consecutive hits are often in one occurrence and at one time.
 #[derive(Debug)]
 pub struct Surfaces<'a, F: Form> {
     snapshot: &'a Snapshot<F>,
     occurrence: u32,
+    time: f32,
     placed: Transform,
 }
 
 impl<'a, F: Form> Surfaces<'a, F> {
     /// Starts with no occurrence remembered.
     pub fn new(snapshot: &'a Snapshot<F>) -> Self {
-        Self { snapshot, occurrence: 0, placed: Transform::IDENTITY }
+        Self { snapshot, occurrence: 0, time: 0.0, placed: Transform::IDENTITY }
     }
 
-    /// The surface at the hit `found` of `ray`.
-    pub fn at<P: Precision>(&mut self, ray: &DRay, found: &Found<P>) -> Local {
+    /// The surface at the hit `found` of `ray`, which has this time of the world.
+    pub fn at<P: Precision>(&mut self, ray: &DRay, time: f32, found: &Found<P>) -> Local {
         let Some(surface) = self.snapshot.names.surfaces.get(found.geometry as usize) else {
             return Local::NONE;
         };
-        if self.occurrence != found.occurrence {
-            (self.occurrence, self.placed) =
-                (found.occurrence, F::placed(&self.snapshot.world, found.occurrence));
+        if self.occurrence != found.occurrence || self.time != time {
+            (self.occurrence, self.time) = (found.occurrence, time);
+            self.placed = F::placed(&self.snapshot.world, found.occurrence, time);
         }
         let placed = &self.placed;
         let position = || placed.inverse().ray(ray).at(found.t.into());

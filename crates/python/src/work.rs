@@ -184,6 +184,18 @@ pub fn run<T: Send>(
     is_small: bool,
     work: impl FnOnce(&Cancel) -> Result<T, Stopped> + Send,
 ) -> PyResult<T> {
+    run_with(py, threads, is_small, |_| Ok(()), work)
+}
+
+/// Like [`run`], and calls `look` every few milliseconds while it waits. An error of it stops the
+/// work.
+pub fn run_with<T: Send>(
+    py: Python<'_>,
+    threads: Threads,
+    is_small: bool,
+    look: impl FnMut(Python<'_>) -> PyResult<()> + Send,
+    work: impl FnOnce(&Cancel) -> Result<T, Stopped> + Send,
+) -> PyResult<T> {
     let stopped = |_| PyRuntimeError::new_err("the query was stopped");
     let cancel = Cancel::default();
     if is_small {
@@ -194,7 +206,7 @@ pub fn run<T: Send>(
     let interrupted = py.detach(|| {
         pool.in_place_scope(|scope| {
             scope.spawn(|_| job.run(|| work(&cancel)));
-            let waited = job.wait_attentively();
+            let waited = job.wait_with(look);
             cancel.0.store(waited.is_err(), Ordering::Relaxed);
             waited
         })

@@ -1,6 +1,8 @@
-//! The class `Scene` and its objects. What it tells of them is in [`reading`]; queries are in
-//! [`rays`] and [`points`], materials, lights and cameras in [`crate::stage`].
+//! The class `Scene` and its objects. Instances and the places of objects are in [`placing`], what
+//! it tells of objects in [`reading`]; queries are in [`rays`] and [`points`], materials, lights and
+//! cameras in [`crate::stage`].
 
+mod placing;
 mod points;
 mod rays;
 mod reading;
@@ -8,13 +10,13 @@ mod reading;
 use crate::arrays::from_vec;
 use crate::contents::{Contents, Kind, Object};
 use crate::objects;
+use crate::place::{Place, place};
 use crate::stage::{add_materials, warn_without_uvs};
 use crate::state::Shared;
 use crate::work::run_to_end;
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
-use snell_math::Transform;
 use std::sync::Arc;
 
 /// Things to cast rays at: meshes, shapes and instances of other scenes.
@@ -52,10 +54,22 @@ impl Scene {
         mask: Option<i64>,
         material: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<u32> {
-        let (transform, mask) = (objects::transform(transform)?, objects::mask(mask)?);
+        let (place, mask) = (place(transform, None)?, objects::mask(mask)?);
+        self.add_placed(py, kind, place, name, mask, material)
+    }
+
+    fn add_placed(
+        &self,
+        py: Python<'_>,
+        kind: Kind,
+        Place { transform, motion }: Place,
+        name: Option<String>,
+        mask: u32,
+        material: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<u32> {
         self.0.edit(py, |contents| {
             let materials = add_materials(contents, material)?;
-            let object = Object { mask, materials, ..Object::new(kind, transform, name) };
+            let object = Object { motion, mask, materials, ..Object::new(kind, transform, name) };
             warn_without_uvs(py, contents, &object)?;
             contents.add(object)
         })
@@ -82,7 +96,8 @@ impl Scene {
     ///     mesh of another library.
     /// transform : array (4, 4) or (3, 4), optional
     ///     Map from the coordinates of the mesh to the scene's; column vectors, so the translation
-    ///     is the last column.
+    ///     is the last column. An array `(k, 4, 4)` makes the mesh move; see
+    ///     :meth:`update_transform`.
     /// name : str, optional
     ///     A name for users; see :attr:`names`.
     /// mask : int, optional
@@ -257,67 +272,6 @@ impl Scene {
     ) -> PyResult<u32> {
         let curves = objects::curves(points, radii, strands, basis)?;
         self.add(points.py(), Kind::Curves(Arc::new(curves)), transform, name, mask, material)
-    }
-
-    /// Adds the current contents of another scene as one object, and returns its id.
-    ///
-    /// The geometry of the other scene is stored and accelerated once, however often it is
-    /// instanced. Later changes of the other scene have no effect here.
-    ///
-    /// Parameters
-    /// ----------
-    /// scene : Scene
-    ///     The scene to instance. It may contain instances.
-    /// transform : array (4, 4) or (3, 4), optional
-    ///     Map from the other scene's coordinates to this scene's.
-    /// name : str, optional
-    ///     A name for users.
-    /// mask : int, optional
-    ///     Only rays whose mask shares a bit with this mask enter the instance.
-    /// material : Material, optional
-    ///     The material of the instanced objects that have no material of their own.
-    ///
-    /// Examples
-    /// --------
-    /// >>> import numpy as np, snell
-    /// >>> ball, scene = snell.Scene(), snell.Scene()
-    /// >>> ball.add_shape("sphere", radius=1)
-    /// 0
-    /// >>> for x in range(3):
-    /// ...     place = np.eye(4)
-    /// ...     place[0, 3] = 10 * x
-    /// ...     id = scene.add_instance(ball, place)
-    /// >>> scene.cast_rays([20, 0, -5, 0, 0, 1]).instance_ids
-    /// array(2, dtype=uint32)
-    #[pyo3(signature = (scene, transform=None, name=None, *, mask=None, material=None))]
-    fn add_instance(
-        &self,
-        py: Python<'_>,
-        scene: &Self,
-        transform: Option<&Bound<'_, PyAny>>,
-        name: Option<String>,
-        mask: Option<i64>,
-        material: Option<&Bound<'_, PyAny>>,
-    ) -> PyResult<u32> {
-        self.add(py, Kind::Instance(scene.0.contents(py)), transform, name, mask, material)
-    }
-
-    /// Moves an object: `transform` replaces its transform.
-    ///
-    /// Examples
-    /// --------
-    /// >>> import snell
-    /// >>> scene = snell.Scene()
-    /// >>> ball = scene.add_shape("sphere", radius=1)
-    /// >>> scene.update_transform(ball, [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 3]])
-    /// >>> float(scene.distance([0, 0, 0]))
-    /// 2.0
-    fn update_transform(&self, id: i64, transform: &Bound<'_, PyAny>) -> PyResult<()> {
-        let map = objects::transform(Some(transform))?.unwrap_or(Transform::IDENTITY);
-        self.0.edit(transform.py(), |contents| {
-            contents.get_mut(id)?.transform = Some(map);
-            Ok(())
-        })
     }
 
     /// Moves the vertices of a mesh. The faces stay, so the acceleration structure of a mesh in

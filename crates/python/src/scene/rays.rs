@@ -7,10 +7,11 @@ use crate::assemble::Snapshot;
 use crate::columns::Columns;
 use crate::memory::admit_all;
 use crate::precision::Precision;
+use crate::progress::Report;
 use crate::query::{FEW, Question, coherent_angle, piece_size};
 use crate::rays::{Limits, RayArgument, RayArrays};
 use crate::state::Kept;
-use crate::work::{Threads, run};
+use crate::work::{Cancel, Stopped, Threads, run_with};
 use numpy::PyArrayMethods;
 use pyo3::exceptions::{PyMemoryError, PyRuntimeWarning, PyTypeError, PyValueError};
 use pyo3::prelude::*;
@@ -25,9 +26,26 @@ const BYTES_OF_LISTED: u64 = 200;
 
 /// Options of a query over rays.
 #[derive(Clone, Copy, Debug)]
-struct Options {
+struct Options<'a> {
     threads: Threads,
     warn_invalid: bool,
+    report: Option<&'a Report>,
+}
+
+impl Options<'_> {
+    /// Runs a query, and reports its progress.
+    fn run<T: Send>(
+        self,
+        py: Python<'_>,
+        is_small: bool,
+        work: impl FnOnce(&Cancel) -> Result<T, Stopped> + Send,
+    ) -> PyResult<T> {
+        let look = |py: Python<'_>| self.report.map_or(Ok(()), |report| report.tell(py));
+        let result = run_with(py, self.threads, is_small, look, work);
+        let Some(report) = self.report else { return result };
+        let ended = report.end(py, result.is_ok());
+        result.and_then(|result| ended.map(|()| result))
+    }
 }
 
 impl Scene {
@@ -36,12 +54,17 @@ impl Scene {
         &self,
         rays: &RayArgument<'py>,
         limits: &Limits<'_, 'py>,
-        options: Options,
+        options: Options<'_>,
         answer: impl FnOnce(&Arc<Snapshot<P>>, &RayArrays<'py, P>, &Question<'_, P>) -> PyResult<T>,
     ) -> PyResult<T> {
         let py = limits.t_min.py();
         let snapshot = self.0.snapshot::<P>(py)?;
-        let arrays = RayArrays::<P>::new(rays, limits)?;
+        if limits.times.is_some() && self.0.contents(py).stage.motion.is_some() {
+            let message = "times: queries do not see the animation of the file, but only what \
+                update_transform(id, transforms, times) moves";
+            crate::encoding::warn(py, message.into())?;
+        }
+        let arrays = RayArrays::<P>::new(rays, limits, snapshot.axis)?;
         let invalid = AtomicUsize::new(0);
         let invalid_wanted = options.warn_invalid.then_some(&invalid);
         let stats = P::stats(&snapshot.world);
@@ -51,6 +74,7 @@ impl Scene {
             piece,
             coherent_angle: coherent_angle(stats),
             invalid: invalid_wanted,
+            done: options.report.map(|report| &report.done),
         };
         let result = answer(&snapshot, &arrays, &question)?;
         match invalid.into_inner() {
@@ -72,14 +96,14 @@ impl Scene {
         &self,
         rays: &RayArgument<'py>,
         limits: &Limits<'_, 'py>,
-        options: Options,
+        options: Options<'_>,
     ) -> PyResult<Hits> {
         let (py, count) = (limits.t_min.py(), rays.len());
         self.ask::<P, _>(rays, limits, options, |snapshot, arrays, question| {
             let world = &*snapshot.world;
             let (mut hits, mut writable) = Columns::new(py, count)?;
             let places = writable.places()?;
-            run(py, options.threads, count <= FEW, |cancel| {
+            options.run(py, count <= FEW, |cancel| {
                 question.hits(cancel, places, |rays, grouping, hits| {
                     P::closest(world, rays, grouping, hits)
                 })
@@ -108,13 +132,13 @@ impl Scene {
         &self,
         rays: &RayArgument<'py>,
         limits: &Limits<'_, 'py>,
-        options: Options,
+        options: Options<'_>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let (py, count) = (limits.t_min.py(), rays.len());
         self.ask::<P, _>(rays, limits, options, |snapshot, _, question| {
             let world = &*snapshot.world;
             admit_all("the answers", count, size_of::<bool>())?;
-            let blocked = run(py, options.threads, count <= FEW, |cancel| {
+            let blocked = options.run(py, count <= FEW, |cancel| {
                 let mut blocked = vec![false; count];
                 question.answer(cancel, &mut blocked, |rays, grouping, blocked| {
                     P::occluded(world, rays, grouping, blocked);
@@ -129,13 +153,13 @@ impl Scene {
         &self,
         rays: &RayArgument<'py>,
         limits: &Limits<'_, 'py>,
-        options: Options,
+        options: Options<'_>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let (py, count) = (limits.t_min.py(), rays.len());
         self.ask::<P, _>(rays, limits, options, |snapshot, _, question| {
             let world = &*snapshot.world;
             filled(py, &rays.shape, |counts: &mut [u32]| {
-                run(py, options.threads, count <= FEW, |cancel| {
+                options.run(py, count <= FEW, |cancel| {
                     question.answer(cancel, counts, |rays, _, counts| P::count(world, rays, counts))
                 })
             })
@@ -146,7 +170,7 @@ impl Scene {
         &self,
         rays: &RayArgument<'py>,
         limits: &Limits<'_, 'py>,
-        options: Options,
+        options: Options<'_>,
     ) -> PyResult<Intersections> {
         let (py, count) = (limits.t_min.py(), rays.len());
         if u32::try_from(rays.len()).is_err() {
@@ -159,7 +183,7 @@ impl Scene {
         self.ask::<P, _>(rays, limits, options, |snapshot, arrays, question| {
             let world = &*snapshot.world;
             let (most, found) = (Available::now().bytes / BYTES_OF_LISTED, AtomicU64::new(0));
-            let listed = run(py, options.threads, count <= FEW, |cancel| {
+            let listed = options.run(py, count <= FEW, |cancel| {
                 let pieces = question.all(cancel, |rays| {
                     let all = P::all(world, rays);
                     if found.fetch_add(all.hits.len() as u64, Ordering::Relaxed)
@@ -215,11 +239,11 @@ macro_rules! queries {
             $($(#[doc = $doc])*
             #[pyo3(
                 signature = (
-                    rays, *more, t_min=None, t_max=None, mask=None, threads=None,
-                    warn_invalid=false,
+                    rays, *more, t_min=None, t_max=None, mask=None, times=None, threads=None,
+                    progress=None, warn_invalid=false,
                 ),
                 text_signature = "($self, rays, *, t_min=None, t_max=None, mask=None, \
-                    threads=None, warn_invalid=False)"
+                    times=None, threads=None, progress=None, warn_invalid=False)"
             )]
             fn $name<'py>(
                 &self,
@@ -229,7 +253,9 @@ macro_rules! queries {
                 t_min: Option<&Bound<'py, PyAny>>,
                 t_max: Option<&Bound<'py, PyAny>>,
                 mask: Option<&Bound<'py, PyAny>>,
+                times: Option<&Bound<'py, PyAny>>,
                 threads: Option<i64>,
+                progress: Option<&Bound<'py, PyAny>>,
                 warn_invalid: bool,
             ) -> PyResult<$answer> {
                 if !more.is_empty() {
@@ -244,8 +270,9 @@ macro_rules! queries {
                 let zero = 0.0f64.into_pyobject(py)?.into_any();
                 let infinity = f64::INFINITY.into_pyobject(py)?.into_any();
                 let (t_min, t_max) = (t_min.unwrap_or(&zero), t_max.unwrap_or(&infinity));
-                let limits = Limits { t_min, t_max, mask };
-                let options = Options { threads: Threads::new(threads)?, warn_invalid };
+                let limits = Limits { t_min, t_max, mask, times };
+                let (threads, report) = (Threads::new(threads)?, Report::new(progress, rays.len())?);
+                let options = Options { threads, warn_invalid, report: report.as_ref() };
                 if rays.is_double {
                     self.$method::<f64>(&rays, &limits, options)
                 } else {
@@ -268,8 +295,16 @@ queries! {
     ///     Only hits between them count, ends excluded. 0 and infinity if left out.
     /// mask : int or array (...) of integers, optional
     ///     Only objects whose mask shares a bit with it are hit.
+    /// times : float or array (...), optional
+    ///     The time of each ray, for things that move (:meth:`update_transform`): each ray sees
+    ///     them where they are at its time. The time of the first of all keys if left out.
     /// threads : int, optional
     ///     Number of threads. All cores if left out. The result does not depend on it.
+    /// progress : bool or callable, optional
+    ///     True shows a bar after a second, by tqdm or rich if the program has imported one of them,
+    ///     else as a line of text on a terminal. A callable is given the number of rays that are
+    ///     answered and that of all, ten times a second and at the end; its exceptions end the
+    ///     query.
     /// warn_invalid : bool
     ///     Warn (RuntimeWarning) about rays that can hit nothing: not finite, direction 0, or
     ///     `t_min >= t_max`. They miss.

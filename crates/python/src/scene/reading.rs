@@ -3,8 +3,9 @@
 use super::Scene;
 use crate::arrays::from_vec;
 use crate::contents::{Kind, Object};
+use crate::material::Material;
 use crate::names::suggestion;
-use crate::objects;
+use crate::place::{matrices, matrix};
 use crate::stage::{listed, materials_of};
 use crate::state::Shared;
 use crate::value::Value;
@@ -80,6 +81,48 @@ impl Scene {
         }
     }
 
+    /// The spheres with this id as a dictionary of `centers` and `radii`, as new arrays. With it,
+    /// `add_spheres(**scene.spheres(id))` adds them again.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import snell
+    /// >>> scene = snell.Scene()
+    /// >>> cloud = scene.add_spheres([[0, 0, 0], [0, 0, 5]], 0.5)
+    /// >>> scene.spheres(cloud)["radii"].tolist()
+    /// [0.5, 0.5]
+    fn spheres<'py>(&self, py: Python<'py>, id: i64) -> PyResult<Bound<'py, PyDict>> {
+        match &self.0.contents(py).get(id)?.kind {
+            Kind::Spheres(spheres) => {
+                let all = PyDict::new(py);
+                crate::pickle::store_spheres(&all, spheres)?;
+                Ok(all)
+            }
+            _ => Err(PyTypeError::new_err(format!("id {id} is not a set of spheres"))),
+        }
+    }
+
+    /// The curves with this id as a dictionary of `points`, `radii`, `strands` and `basis`, as
+    /// :meth:`add_curves` takes them; those of a file may have `colors` too.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import snell
+    /// >>> scene = snell.Scene()
+    /// >>> wire = scene.add_curves([[0, 0, 0], [0, 1, 0], [1, 1, 0]], 0.25, basis="linear")
+    /// >>> scene.curves(wire)["strands"].tolist()
+    /// [3]
+    fn curves<'py>(&self, py: Python<'py>, id: i64) -> PyResult<Bound<'py, PyDict>> {
+        match &self.0.contents(py).get(id)?.kind {
+            Kind::Curves(curves) => {
+                let all = PyDict::new(py);
+                crate::pickle::store_curves(&all, curves)?;
+                Ok(all)
+            }
+            _ => Err(PyTypeError::new_err(format!("id {id} is not curves"))),
+        }
+    }
+
     /// The scene that the instance with this id shows, as a copy.
     ///
     /// Examples
@@ -94,6 +137,63 @@ impl Scene {
             Kind::Instance(child) => Ok(Self(Shared::new(child.clone()))),
             _ => Err(PyTypeError::new_err(format!("id {id} is not an instance"))),
         }
+    }
+
+    /// The objects as they are now, in the order of their ids: a list of :class:`Node`, each with
+    /// the `id`, `name`, `kind`, `mask`, `transform`, `motion`, `materials` and `content` of an
+    /// object, and the `children` of an instance.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import snell
+    /// >>> wheel, car = snell.Scene(), snell.Scene()
+    /// >>> tyre = wheel.add_shape("sphere", radius=0.3, name="tyre")
+    /// >>> id = car.add_instance(wheel, name="front")
+    /// >>> id = car.add_shape("box", min=[-2, 0, -1], max=[2, 1, 1])
+    /// >>> [(node.kind, node.name) for node in car.children]
+    /// [('instance', 'front'), ('shape', None)]
+    /// >>> car.children[0].children[0].content
+    /// {'shape': 'sphere', 'radius': 0.3}
+    #[getter]
+    fn children<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        let (py, contents) = (slf.py(), slf.get().0.contents(slf.py()));
+        let node = py.import("snell._views")?.getattr("Node")?;
+        // The nodes tell of the scene as it is now, whatever becomes of it.
+        let copy = Bound::new(py, Self(Shared::new(contents.clone())))?;
+        let nodes = contents
+            .objects()
+            .map(|(id, object)| {
+                let name = object.name.as_deref();
+                let node = node.call1((&copy, id, object.kind.name(), name, object.mask))?;
+                Ok(node.unbind())
+            })
+            .collect::<PyResult<Vec<Py<PyAny>>>>()?;
+        listed(slf, "children", nodes)
+    }
+
+    /// All objects, those in instances too, depth first: for each the ids of the instances that it
+    /// is in, itself as a :class:`Node`, and the map `(4, 4)` from its coordinates to the scene's.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import snell
+    /// >>> wheel, car = snell.Scene(), snell.Scene()
+    /// >>> tyre = wheel.add_shape("sphere", radius=0.3, name="tyre")
+    /// >>> for x in (-1, 1):
+    /// ...     id = car.add_instance(wheel, [[1, 0, 0, x], [0, 1, 0, 0], [0, 0, 1, 0]])
+    /// >>> for path, node, transform in car.walk():
+    /// ...     if node.kind != "instance":
+    /// ...         print(path, node.name, transform[0, 3])
+    /// (0,) tyre -1.0
+    /// (1,) tyre 1.0
+    fn walk<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        slf.py().import("snell._views")?.getattr("walk")?.call1((slf,))
+    }
+
+    /// The materials of an object by slot; None for the default.
+    fn _materials(&self, py: Python<'_>, id: i64) -> PyResult<Vec<Option<Material>>> {
+        let contents = self.0.contents(py);
+        materials_of(py, &contents, contents.get(id)?)
     }
 
     /// The id of the object with a name.
@@ -139,7 +239,8 @@ impl Scene {
         })
     }
 
-    /// The map `(4, 4)` from an object's coordinates to the scene's, as a new array.
+    /// The map `(4, 4)` from an object's coordinates to the scene's, as a new array; at the first
+    /// time of an object that moves.
     ///
     /// Examples
     /// --------
@@ -149,7 +250,32 @@ impl Scene {
     /// [1.0, 0.0, 0.0, 0.0]
     fn transform<'py>(&self, py: Python<'py>, id: i64) -> PyResult<Bound<'py, PyAny>> {
         let contents = self.0.contents(py);
-        objects::matrix(py, &contents.get(id)?.transform.unwrap_or(Transform::IDENTITY))
+        matrix(py, &contents.get(id)?.transform.unwrap_or(Transform::IDENTITY))
+    }
+
+    /// The transforms `(k, 4, 4)` of an object that moves and their times `(k,)`, as they were given
+    /// to :meth:`update_transform`; None for one that rests.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np, snell
+    /// >>> scene = snell.Scene()
+    /// >>> ball = scene.add_shape("sphere", radius=1)
+    /// >>> scene.motion(ball) is None
+    /// True
+    /// >>> scene.update_transform(ball, np.tile(np.eye(4), (3, 1, 1)))
+    /// >>> transforms, times = scene.motion(ball)
+    /// >>> transforms.shape, times.tolist()
+    /// ((3, 4, 4), [0.0, 0.5, 1.0])
+    fn motion<'py>(
+        &self,
+        py: Python<'py>,
+        id: i64,
+    ) -> PyResult<Option<(Bound<'py, PyAny>, Bound<'py, PyAny>)>> {
+        let contents = self.0.contents(py);
+        let Some(motion) = &contents.get(id)?.motion else { return Ok(None) };
+        let times = from_vec(py, motion.times().to_vec(), &[motion.times().len()])?;
+        Ok(Some((matrices(py, motion.maps())?, times)))
     }
 
     /// The ids of all objects, ascending.
@@ -195,6 +321,13 @@ impl Scene {
     fn refuse_ids(&self, _value: &Bound<'_, PyAny>) -> PyResult<()> {
         Err(PyAttributeError::new_err(
             "ids: add_mesh(…) and its like add objects, remove(id) removes one",
+        ))
+    }
+
+    #[setter(children)]
+    fn refuse_children(&self, _value: &Bound<'_, PyAny>) -> PyResult<()> {
+        Err(PyAttributeError::new_err(
+            "children: add_mesh(…) and its like add objects, remove(id) removes one",
         ))
     }
 
