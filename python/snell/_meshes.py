@@ -128,11 +128,14 @@ def _bytes(colors: np.ndarray | None, count: int) -> np.ndarray:
 
 
 def _surface_of(mesh: Any) -> tuple[np.ndarray, np.ndarray]:
-    if hasattr(mesh, "points") and hasattr(mesh, "cells_dict") and hasattr(mesh, "cell_data_dict"):
-        points = _in_space(np.asarray(mesh.points))  # meshio.Mesh
-        blocks = [(block.type, block.data) for block in mesh.cells]
+    has_cells = hasattr(mesh, "points") and hasattr(mesh, "cells_dict")
+    if has_cells and not hasattr(mesh, "celltypes"):  # meshio.Mesh
+        points = _in_space(np.asarray(mesh.points))
+        blocks = list(mesh.cells_dict.items())
+        if hasattr(mesh, "cells"):
+            blocks = [(block.type, block.data) for block in mesh.cells]
         return points, surface(points, blocks, "meshio")
-    if hasattr(mesh, "points") and hasattr(mesh, "faces") and hasattr(mesh, "strips"):
+    if hasattr(mesh, "points") and hasattr(mesh, "faces") and not hasattr(mesh, "celltypes"):
         return np.asarray(mesh.points), surface(  # pyvista.PolyData
             np.asarray(mesh.points), _blocks_of_polydata(mesh), "PyVista"
         )
@@ -160,9 +163,9 @@ def _in_space(points: np.ndarray) -> np.ndarray:
 def _blocks_of_polydata(mesh: Any) -> Blocks:
     """The cells of a surface of VTK: its lists have the number of corners, then the corners."""
     blocks: Blocks = []
-    lists = {1: mesh.verts, 3: mesh.lines, 7: mesh.faces, 6: mesh.strips}
-    for kind, flat in lists.items():
-        nodes = np.asarray(flat).ravel()
+    lists = {1: "verts", 3: "lines", 7: "faces", 6: "strips"}
+    for kind, name in lists.items():
+        nodes = np.asarray(getattr(mesh, name, ()), dtype=np.int64).ravel()
         if kind == 7 and len(nodes) % 4 == 0 and (nodes[::4] == 3).all():
             blocks.append(("triangle", nodes.reshape(-1, 4)[:, 1:]))
             continue

@@ -323,11 +323,12 @@ def test_several_meshes_become_one():
         assert seen(scene, 0, 0.2)[1] == 0 < seen(scene, 3, 0.2)[1]
 
 
-def test_cells_that_are_no_surface_are_refused():
+def test_of_solid_cells_there_is_the_boundary():
     points = np.eye(4)[:, :3]
     solid = SimpleNamespace(points=points, cells_dict={"tetra": np.array([[0, 1, 2, 3]])})
-    with pytest.raises(TypeError, match="cells of the kind tetra, expected triangle and quad"):
-        snell.Scene().add_mesh(solid)
+    scene = snell.Scene()
+    scene.add_mesh(solid)
+    assert len(scene.mesh(0).faces) == 4
     wire = SimpleNamespace(points=points, cells_dict={"line": [[0, 1]], "triangle": [[0, 1, 2]]})
     with pytest.warns(UserWarning, match="kind line are left out"):
         snell.Scene().add_mesh(wire)
