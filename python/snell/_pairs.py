@@ -69,8 +69,9 @@ def closest_pair(
 
     The distance is that of the triangles, edge to edge and corner to face, in double precision. Its
     error is below 1e-13 of the size of both scenes and the space between them, wherever they are;
-    whether they meet is decided exactly. Scenes may hold meshes, heightfields without holes, boxes, rectangles, triangles and
-    instances of scenes of these; other shapes, spheres and curves are refused.
+    whether they meet is decided exactly. Scenes may hold meshes, heightfields without holes, boxes,
+    rectangles, triangles and instances of scenes of these; other shapes, spheres and curves are
+    refused. Things that move are where they are at their first key; see :meth:`Scene.at`.
 
     The trees of meshes are built by the first query and kept. They do not depend on transforms:
     move a scene with `transform_a` or `transform_b`, or its parts with
