@@ -265,7 +265,8 @@ def _triangles(points: np.ndarray, corners: np.ndarray, loops: np.ndarray) -> np
     count, size = loops.shape
     if corners.shape[1] == size:
         places = triangulated(points, np.full(count, size), loops.ravel(), np.empty(0, np.int64))[0]
-        return loops.ravel()[places]
+        triangles: np.ndarray = loops.ravel()[places]
+        return triangles
     # Of second order: the corners are cut off at the middles of edges.
     cut = [(i, i + 1, (i - 1) % size) for i in range(0, size, 2)]
     inner = [(1, b, c) for b, c in itertools.pairwise(range(3, size, 2))]

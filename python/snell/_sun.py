@@ -75,11 +75,22 @@ def sun_direction(
     if refraction:
         elevation = elevation + _refraction(elevation)
     scale = np.cos(elevation) / np.maximum(level, 1e-300)
-    parts = zip(
-        (to_east * scale, to_north * scale, np.sin(elevation)), (east, north, up), strict=True
+    towards: np.ndarray = (
+        np.multiply.outer(to_east * scale, east)
+        + np.multiply.outer(to_north * scale, north)
+        + np.multiply.outer(np.sin(elevation), up)
     )
-    towards: np.ndarray = sum(np.multiply.outer(part, axis) for part, axis in parts)  # type: ignore[assignment]
     return towards
+
+
+def _sin(degrees: np.ndarray) -> np.ndarray:
+    sine: np.ndarray = np.sin(np.radians(degrees))
+    return sine
+
+
+def _cos(degrees: np.ndarray) -> np.ndarray:
+    cosine: np.ndarray = np.cos(np.radians(degrees))
+    return cosine
 
 
 def _apparent(days: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -87,28 +98,26 @@ def _apparent(days: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     Greenwich in degrees, for days since J2000 in universal time.
     """
     t = (days + _DELTA_T) / 36525
-    sin = lambda degrees: np.sin(np.radians(degrees))  # noqa: E731
-    cos = lambda degrees: np.cos(np.radians(degrees))  # noqa: E731
     # Chapter 25, the lower accuracy.
     mean_longitude = 280.46646 + t * (36000.76983 + t * 0.0003032)
     anomaly = 357.52911 + t * (35999.05029 - t * 0.0001537)
-    center = (1.914602 - t * (0.004817 + t * 0.000014)) * sin(anomaly)
-    center += (0.019993 - 0.000101 * t) * sin(2 * anomaly) + 0.000289 * sin(3 * anomaly)
+    center = (1.914602 - t * (0.004817 + t * 0.000014)) * _sin(anomaly)
+    center += (0.019993 - 0.000101 * t) * _sin(2 * anomaly) + 0.000289 * _sin(3 * anomaly)
     node = 125.04452 - 1934.136261 * t
     # The pull of Venus, Jupiter and the moon (Newcomb's largest terms; Meeus, Astronomical Formulae
     # for Calculators, 4th edition, chapter 18, which counts centuries from 1900).
     c = t + 1.0
-    pull = 0.00134 * cos(153.23 + 22518.7541 * c) + 0.00154 * cos(216.57 + 45037.5082 * c)
-    pull += 0.00200 * cos(312.69 + 32964.3577 * c) + 0.00179 * sin(350.74 + 445267.1142 * c)
-    pull += 0.00178 * sin(231.19 + 20.20 * c)
-    longitude = np.radians(mean_longitude + center + pull - 0.00569 - 0.00478 * sin(node))
+    pull = 0.00134 * _cos(153.23 + 22518.7541 * c) + 0.00154 * _cos(216.57 + 45037.5082 * c)
+    pull += 0.00200 * _cos(312.69 + 32964.3577 * c) + 0.00179 * _sin(350.74 + 445267.1142 * c)
+    pull += 0.00178 * _sin(231.19 + 20.20 * c)
+    longitude = np.radians(mean_longitude + center + pull - 0.00569 - 0.00478 * _sin(node))
     # Chapter 22: mean obliquity, and the large terms of nutation in degrees.
     moon = 218.3165 + 481267.8813 * t
     sun = 280.4665 + 36000.7698 * t
-    in_longitude = -17.20 * sin(node) - 1.32 * sin(2 * sun) - 0.23 * sin(2 * moon)
-    in_longitude = (in_longitude + 0.21 * sin(2 * node)) / 3600
-    in_obliquity = 9.20 * cos(node) + 0.57 * cos(2 * sun) + 0.10 * cos(2 * moon)
-    in_obliquity = (in_obliquity - 0.09 * cos(2 * node)) / 3600
+    in_longitude = -17.20 * _sin(node) - 1.32 * _sin(2 * sun) - 0.23 * _sin(2 * moon)
+    in_longitude = (in_longitude + 0.21 * _sin(2 * node)) / 3600
+    in_obliquity = 9.20 * _cos(node) + 0.57 * _cos(2 * sun) + 0.10 * _cos(2 * moon)
+    in_obliquity = (in_obliquity - 0.09 * _cos(2 * node)) / 3600
     mean_obliquity = 23 + 26 / 60 + (21.448 - t * (46.8150 + t * (0.00059 - t * 0.001813))) / 3600
     obliquity = np.radians(mean_obliquity + in_obliquity)
     right_ascension = np.arctan2(np.cos(obliquity) * np.sin(longitude), np.cos(longitude))
