@@ -164,12 +164,12 @@ impl Contents {
         names: Vec<Option<String>>,
     ) -> PyResult<Range<u32>> {
         let first = self.slots.len();
-        let all = places.into_iter().zip(names).map(|(place, name)| {
+        let mut all = places.into_iter().zip(names).map(|(place, name)| {
             let mut object = Object { name: name.map(Into::into), ..object.clone() };
             object.put(place);
             object
         });
-        let added = all.map(|object| self.add(object).map(drop)).collect::<PyResult<()>>();
+        let added = all.try_for_each(|object| self.add(object).map(drop));
         if added.is_err() {
             self.slots.truncate(first);
         }
