@@ -6,7 +6,9 @@ use crate::failure::Failure;
 use crate::spectrum_file;
 use snell_formats::error::one_line;
 use snell_formats::{Sources, atomic};
-use snell_render::{Fact, Film, Job, Progress, SavedError, Settings, Statistics, Underway, fact, facts};
+use snell_render::{
+    Fact, Film, Job, Progress, SavedError, Settings, Statistics, Underway, fact, facts,
+};
 use std::fs::File;
 use std::io::{BufReader, ErrorKind};
 use std::path::{Path, PathBuf};
