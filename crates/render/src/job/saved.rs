@@ -355,21 +355,26 @@ impl Job<'_> {
             }
         }
         film.tiles = tiles;
-        let passes = header.statistics.training_passes;
+        // Training that was interrupted before the first sample is done in full.
+        let has_samples = header.statistics.samples > 0;
+        let passes = has_samples.then_some(header.statistics.training_passes);
         // Training ends early only if the render does; a time limit may not change the field.
         let is_cancelled = || self.cancel.is_some_and(|cancel| cancel.load(Ordering::Relaxed));
         let goes_on = |progress: &Progress| keep_going(progress) || !is_cancelled();
-        let (field, training) = self.trained(Some(passes), threads, &goes_on);
-        let statistics = Statistics { training: training.training, ..header.statistics };
+        let (field, training) = self.trained(passes, threads, &goes_on);
+        let statistics = match has_samples {
+            true => Statistics { training: training.training, ..header.statistics },
+            false => training,
+        };
         let (samples, look) = (header.samples, header.look);
         let mut looks =
             std::iter::successors(Some(noise::next_look(0)), |&n| Some(noise::next_look(n)));
-        let has_samples = |(tile, active): (&FilmTile, &Option<Vec<u32>>)| {
+        let is_filled = |(tile, active): (&FilmTile, &Option<Vec<u32>>)| {
             active.as_ref().is_some_and(Vec::is_empty) || tile.samples() >= samples
         };
         if samples > look
             || looks.find(|&known| known >= look) != Some(look)
-            || !film.tiles.iter().zip(&active).all(has_samples)
+            || !film.tiles.iter().zip(&active).all(is_filled)
         {
             return damaged("its numbers of samples do not fit");
         }

@@ -79,6 +79,9 @@ impl<'a> Checkpoint<'a> {
         threads: usize,
         keep_going: &(dyn Fn(&Progress) -> bool + Sync),
     ) -> Result<Underway, Failure> {
+        if !self.options.resume {
+            return Ok(job.begin(threads, keep_going));
+        }
         let mut first_problem = None;
         for path in [self.path.to_path_buf(), before(self.path)] {
             let restored = File::open(&path).map_err(SavedError::Io).and_then(|file| {
