@@ -23,6 +23,7 @@ mod graph;
 mod heightfield;
 mod image;
 mod light;
+mod live;
 mod load;
 mod material;
 mod medium;

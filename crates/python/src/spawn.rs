@@ -1,7 +1,7 @@
 //! Rays that leave the surfaces at hits.
 
-use crate::answers::{Asked, Live};
 use crate::arrays::{array, broadcast, common_shape, filled, leading, numpy, shown, slice};
+use crate::live::{Asked, Live};
 use crate::precision::Precision;
 use crate::work::{Threads, run};
 use numpy::{PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods};

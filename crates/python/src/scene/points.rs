@@ -1,11 +1,12 @@
 //! Queries of a scene about points.
 
 use super::Scene;
-use crate::answers::{Asked, ClosestPoints, Live, Named};
+use crate::answers::{ClosestPoints, Named};
 use crate::arrays::{Column, PointArray, array, from_vec, is_double, leading, slice};
 use crate::assemble::Snapshot;
 use crate::choice::Choice;
 use crate::columns::Columns;
+use crate::live::{Asked, Live};
 use crate::memory::admit_all;
 use crate::nearest::{Inside, Nearest, PointPrecision};
 use crate::objects;

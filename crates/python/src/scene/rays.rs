@@ -1,11 +1,12 @@
 //! Queries of a scene about rays.
 
 use super::Scene;
-use crate::answers::{Asked, Hits, Intersections, Live, Named};
+use crate::answers::{Hits, Intersections, Named};
 use crate::arrays::{filled, from_vec};
 use crate::assemble::Snapshot;
 use crate::choice::{Choice, Chosen, max_hits};
 use crate::columns::Columns;
+use crate::live::{Asked, Live};
 use crate::memory::admit_all;
 use crate::precision::Precision;
 use crate::progress::Report;
