@@ -2,8 +2,8 @@
 //!
 //! One exposed concept per file. [`scene`] is the class with the queries; [`contents`] is its data,
 //! [`state`] the worlds that [`assemble`] builds from it; [`rays`] and [`arrays`] read arguments,
-//! [`query`], [`nearest`] and [`pairs`] run queries, [`answers`] returns the answers; [`work`] has the
-//! threads. The Python half is in `python/snell`.
+//! [`query`], [`nearest`] and [`pairs`] run queries, [`answers`] returns the answers; [`work`] has
+//! the threads. The Python half is in `python/snell`.
 
 #![forbid(unsafe_code)]
 

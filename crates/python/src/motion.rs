@@ -1,9 +1,9 @@
 //! The motion of objects: maps at times, in any unit of time, such as seconds.
 //!
 //! Between two keys translations are interpolated linearly, rotations spherically and the rest of
-//! the maps linearly ([`AnimatedTransform`], as animations of files are). An object rests before its
-//! first key and after its last. Worlds interpolate matrices entry by entry, so they get keys in
-//! between where something turns.
+//! the maps linearly ([`AnimatedTransform`], as animations of files are). An object rests before
+//! its first key and after its last. Worlds interpolate matrices entry by entry, so they get keys
+//! in between where something turns.
 
 use crate::contents::{Contents, Kind};
 use pyo3::PyResult;
@@ -63,7 +63,8 @@ impl Motion {
         &self.maps
     }
 
-    /// The motion for renderers and files, of something that `own` maps to the object's coordinates.
+    /// The motion for renderers and files, of something that `own` maps to the object's
+    /// coordinates.
     pub fn composed(&self, own: &Transform) -> AnimatedTransform {
         if own.is_identity() {
             return self.smooth.clone();

@@ -41,12 +41,13 @@ fn color_tuple(py: Python<'_>, color: Rgb) -> PyResult<Bound<'_, PyAny>> {
 
 #[pymethods]
 impl Scene {
-    /// The direction that is up: `"y"` unless the scene or its file says otherwise. Can be assigned:
+    /// The direction that is up: `"y"` unless the scene or its file says otherwise. Can be
+    /// assigned:
     /// `"x"`, `"y"`, `"z"`, one of these with a minus, or a vector `(3,)`.
     ///
-    /// Cameras and light that a picture gets because the scene has none, the viewer, and the floor of
-    /// the studio follow it, and environments have their zenith there: an assignment turns the one
-    /// that there is. `.snell` files keep it, and glTF files, where y is up, are turned.
+    /// Cameras and light that a picture gets because the scene has none, the viewer, and the floor
+    /// of the studio follow it, and environments have their zenith there: an assignment turns the
+    /// one that there is. `.snell` files keep it, and glTF files, where y is up, are turned.
     ///
     /// Examples
     /// --------
@@ -82,9 +83,9 @@ impl Scene {
     }
 
     /// Light from all directions: None, a colour (radiance, W / (m^2 sr)), or a latitude-longitude
-    /// picture (row 0 is the zenith, which is :attr:`up`; its middle is -z, or +y if z is up). Can be assigned: a colour, an array, an
-    /// :class:`Image`, its file, or `"sky"`. See :meth:`set_environment` to turn and scale a
-    /// picture.
+    /// picture (row 0 is the zenith, which is :attr:`up`; its middle is -z, or +y if z is up). Can
+    /// be assigned: a colour, an array, an :class:`Image`, its file, or `"sky"`. See
+    /// :meth:`set_environment` to turn and scale a picture.
     #[getter]
     fn environment<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         match &self.0.contents(py).stage.environment {
@@ -145,14 +146,14 @@ impl Scene {
         })
     }
 
-    /// Surrounds the scene with the sky of a clear day and its sun, of the model of Hosek and Wilkie
-    /// (2012).
+    /// Surrounds the scene with the sky of a clear day and its sun, of the model of Hosek and
+    /// Wilkie (2012).
     ///
     /// Parameters
     /// ----------
     /// sun : array (3,)
-    ///     Direction towards the sun, not below the horizon; such as :func:`sun_direction` gives for
-    ///     a place and a time.
+    ///     Direction towards the sun, not below the horizon; such as :func:`sun_direction` gives
+    ///     for a place and a time.
     /// turbidity : float
     ///     Haze of the air, 1 to 10: 2 is very clear, 3 a clear day, 6 and more hazy.
     /// ground : float

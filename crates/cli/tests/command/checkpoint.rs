@@ -3,7 +3,8 @@
 use super::support::{Place, Run};
 use std::time::Duration;
 
-/// A render whose every part of a second counts. The picture has layers, so that all sums are saved.
+/// A render whose every part of a second counts. The picture has layers, so that all sums are
+/// saved.
 const RENDER: &str = "render cornell-box --size 64x48 --spp 512 --aov depth,crypto-object -q -o";
 
 fn hash(place: &Place, name: &str) -> Vec<u8> {
@@ -58,7 +59,7 @@ fn a_checkpoint_serves_more_samples_and_refuses_another_picture() {
     assert!(hash(&place, "b.exr") == hash(&place, "whole.exr"), "the bits differ");
     let kept = hash(&place, "a.snellr");
     for (more, what) in
-        [("--resume --seed 3", "--seed"), ("--resume -D light.0.scale=2", "--define")]
+        [("--resume --seed 3", "--seed"), ("--resume -D ambient=[1,1,1]", "--define")]
     {
         let other = run(more, 64, "c.exr");
         assert_eq!(other.code, 1, "{}", other.err);

@@ -1,4 +1,5 @@
-//! Linear motion between keys, which are evenly spaced in time from 0 to 1 or have times of their own.
+//! Linear motion between keys, which are evenly spaced in time from 0 to 1 or have times of their
+//! own.
 
 use crate::mesh::{MeshError, TriangleMesh};
 use snell_math::{Bounds3d, DAffine3, DVec3, Transform, Vec3};
@@ -45,11 +46,11 @@ pub(crate) fn lerp(a: Vec3, b: Vec3, s: f32) -> Vec3 {
 const FLAT: f64 = 1e-9;
 
 /// The transform at a time, from that at the first key and those at the later ones. `times` are the
-/// times of all keys, ascending; evenly spaced from 0 to 1 if it is empty. Matrices are interpolated
-/// entry by entry (as in Embree), so every point moves on straight lines between keys; a rotation
-/// between two keys is not rigid and needs several keys. `None` while the interpolated matrix is
-/// singular in double precision (as halfway through a rotation by 180 degrees between two keys); the
-/// instance is not hit then.
+/// times of all keys, ascending; evenly spaced from 0 to 1 if it is empty. Matrices are
+/// interpolated entry by entry (as in Embree), so every point moves on straight lines between keys;
+/// a rotation between two keys is not rigid and needs several keys. `None` while the interpolated
+/// matrix is singular in double precision (as halfway through a rotation by 180 degrees between two
+/// keys); the instance is not hit then.
 pub(crate) fn transform_at(
     first: &Transform,
     later: &[Transform],

@@ -1,6 +1,6 @@
 //! The class `Scene` and its objects. Instances and the places of objects are in [`placing`], what
-//! it tells of objects in [`reading`]; queries are in [`rays`] and [`points`], materials, lights and
-//! cameras in [`crate::stage`].
+//! it tells of objects in [`reading`]; queries are in [`rays`] and [`points`], materials, lights
+//! and cameras in [`crate::stage`].
 
 mod heightfields;
 mod placing;

@@ -177,8 +177,8 @@ impl Scene {
     /// Queries find an object that moves where it is at the `times` of their rays. Between two
     /// transforms its translation is interpolated linearly, its rotation the short way around, and
     /// scale and shear linearly, as in animated files; rotations in steps of half a degree, which
-    /// are off by up to 1e-5 of the distance from the axis. Before the first time and after the last
-    /// it rests. Queries without times, queries of points and pictures show it as at its first
+    /// are off by up to 1e-5 of the distance from the axis. Before the first time and after the
+    /// last it rests. Queries without times, queries of points and pictures show it as at its first
     /// transform; :meth:`at` shows it at any time.
     ///
     /// Examples

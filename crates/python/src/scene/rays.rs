@@ -338,9 +338,9 @@ queries! {
     /// threads : int, optional
     ///     Number of threads. All cores if left out. The result does not depend on it.
     /// progress : bool or callable, optional
-    ///     True shows a bar after a second, by tqdm or rich if the program has imported one of them,
-    ///     else as a line of text on a terminal. A callable is given the number of rays that are
-    ///     answered and that of all, ten times a second and at the end; its exceptions end the
+    ///     True shows a bar after a second, by tqdm or rich if the program has imported one of
+    ///     them, else as a line of text on a terminal. A callable is given the number of rays that
+    ///     are answered and that of all, ten times a second and at the end; its exceptions end the
     ///     query.
     /// warn_invalid : bool
     ///     Warn (RuntimeWarning) about rays that can hit nothing: not finite, direction 0, or

@@ -16,8 +16,8 @@ use snell_math::Transform;
 
 #[pymethods]
 impl Scene {
-    /// The vertices `(n, 3)` and faces `(m, 3)` of a mesh, in its own coordinates, as new arrays; of
-    /// a heightfield, its triangles (those in holes are left out) and the nodes that they use. A
+    /// The vertices `(n, 3)` and faces `(m, 3)` of a mesh, in its own coordinates, as new arrays;
+    /// of a heightfield, its triangles (those in holes are left out) and the nodes that they use. A
     /// pair, which has `normals`, `uvs`, `colors`, `material_ids` (None for what was not given) and
     /// `materials` as attributes.
     ///
@@ -261,8 +261,8 @@ impl Scene {
         matrix(py, &contents.get(id)?.transform.unwrap_or(Transform::IDENTITY))
     }
 
-    /// The transforms `(k, 4, 4)` of an object that moves and their times `(k,)`, as they were given
-    /// to :meth:`update_transform`; None for one that rests.
+    /// The transforms `(k, 4, 4)` of an object that moves and their times `(k,)`, as they were
+    /// given to :meth:`update_transform`; None for one that rests.
     ///
     /// Examples
     /// --------

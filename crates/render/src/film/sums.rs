@@ -59,8 +59,8 @@ impl Sums {
         }
     }
 
-    /// Takes sums that were read from a file for those of a tile with this layout. Returns `None` if
-    /// they cannot be.
+    /// Takes sums that were read from a file for those of a tile with this layout. Returns `None`
+    /// if they cannot be.
     pub fn of_layout(self, layout: Layout) -> Option<Self> {
         let Layout { pixels, channels, coverages, is_signed } = layout;
         let signed = |count: usize| if is_signed { count } else { 0 };

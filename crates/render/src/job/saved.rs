@@ -1,9 +1,10 @@
 //! A render on its way, as a file: what is needed to go on to the same bits.
 //!
 //! A file is a mark followed by chunks. A chunk is the length of its content, the length and the
-//! CRC-32 of what follows, and the content in the form of [postcard](https://postcard.jamesmunns.com)
-//! compressed with LZ4. The first chunk is the [`Header`]; the others are the rows of tiles from the
-//! top. A file that ends early or has changed is told from a whole one.
+//! CRC-32 of what follows, and the content in the form of
+//! [postcard](https://postcard.jamesmunns.com) compressed with LZ4. The first chunk is the
+//! [`Header`]; the others are the rows of tiles from the top. A file that ends early or has changed
+//! is told from a whole one.
 //!
 //! A guiding field is not stored. Its training is repeated with as many passes as it had, which
 //! gives the same field.
@@ -372,7 +373,9 @@ impl Job<'_> {
         let is_filled = |(tile, active): (&FilmTile, &Option<Vec<u32>>)| {
             active.as_ref().is_some_and(Vec::is_empty) || tile.samples() >= samples
         };
-        if samples > look
+        // Only pixels that stop by their error are checked.
+        let is_checked = self.settings.noise.is_some();
+        if is_checked && samples > look
             || looks.find(|&known| known >= look) != Some(look)
             || !film.tiles.iter().zip(&active).all(is_filled)
         {

@@ -28,8 +28,8 @@ pub fn far_origin(bounds: &Bounds3d) -> Option<DVec3> {
     origin.is_finite().then_some(origin)
 }
 
-/// Moves a scene near zero if it is far away, with its cameras, lights, media, portals and patterns,
-/// and answers by how much. A scene with motion stays.
+/// Moves a scene near zero if it is far away, with its cameras, lights, media, portals and
+/// patterns, and answers by how much. A scene with motion stays.
 pub fn bring_near(scene: &mut Scene) -> Result<Option<DVec3>, SceneError> {
     let is_still = scene.motion.is_none();
     let Some(origin) = far_origin(&scene.bounds()?).filter(|_| is_still) else { return Ok(None) };

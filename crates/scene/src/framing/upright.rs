@@ -30,8 +30,8 @@ pub fn turned(environment: Environment, by: &DAffine3) -> Environment {
     }
 }
 
-/// Turns a scene so that `+y` is up, with its cameras, lights, environment and floor, for formats in
-/// which it is always so. Media, patterns and portals stay where they are.
+/// Turns a scene so that `+y` is up, with its cameras, lights, environment and floor, for formats
+/// in which it is always so. Media, patterns and portals stay where they are.
 pub fn stand_up(scene: &mut Scene) {
     let Some(up) = scene.settings.up.take() else { return };
     let by = upright(up).inverse();

@@ -57,7 +57,8 @@ fn text(header: &Header) -> String {
     let statistics = &header.statistics;
     let mut text = format!(
         "checkpoint of a render of {width}x{height} pixels, by Snell {}\n\
-         {} of {} samples in each pixel, {} samples and {:.1} million rays in all, {} of ray queries\n",
+         {} of {} samples in each pixel, {} samples and {:.1} million rays in all, {} of ray \
+         queries\n",
         header.program,
         header.samples,
         header.spp,

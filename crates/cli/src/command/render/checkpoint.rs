@@ -93,6 +93,11 @@ impl<'a> Checkpoint<'a> {
                     if let Some(problem) = first_problem {
                         self.warn(format!("{problem}; going on with {shown}, the one before it"));
                     }
+                    if path != self.path {
+                        // The next saving may not put a damaged file in the place of this one.
+                        std::fs::rename(&path, self.path)
+                            .map_err(|error| Failure::Other(format!("{shown}: {error}")))?;
+                    }
                     return Ok(underway);
                 }
                 Err(SavedError::Io(error)) if error.kind() == ErrorKind::NotFound => continue,
@@ -103,6 +108,9 @@ impl<'a> Checkpoint<'a> {
                         "{shown}: {error}; give the options and files of before, or another \
                             --checkpoint"
                     )));
+                }
+                Err(error @ SavedError::Foreign) => {
+                    return Err(Failure::Other(format!("{shown}: {error}; name another file")));
                 }
                 Err(error) => format!("{shown}: {error}"),
             };
