@@ -160,7 +160,7 @@ def test_snell_draws_them(rng, tmp_path):
 
 
 def test_open3d_reads_them(rng, tmp_path):
-    o3d = pytest.importorskip("open3d")
+    o3d = pytest.importorskip("open3d", exc_type=ImportError)
     points = cloud(rng)
     colors = rng.integers(0, 256, (200, 3)).astype(np.uint8)
     normals = rng.normal(size=(200, 3)).astype(np.float32)

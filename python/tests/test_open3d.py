@@ -193,7 +193,7 @@ def test_tensors_that_cannot_be_read_are_refused_with_a_remedy(scene):
 
 
 def test_tensors_of_open3d_come_back_as_such():
-    open3d = pytest.importorskip("open3d")
+    open3d = pytest.importorskip("open3d", exc_type=ImportError)
     tensor, theirs = open3d.core.Tensor, open3d.t.geometry.RaycastingScene
     box = open3d.t.geometry.TriangleMesh.create_box()
     rng = np.random.default_rng(3)

@@ -13,7 +13,7 @@ const ROOMS: [(&str, &str); 15] = [
     ("geometry", "prefetch shape mesh hit"),
     ("precision", "prefetch mesh hit geometry"),
     ("search", "prefetch hit precision"),
-    ("exact", "hit precision search"),
+    ("exact", "mesh hit precision search"),
     ("group", "shape mesh geometry precision search exact"),
     ("tree", "shape group exact"),
     ("build", "morton prefetch mesh exact group tree"),

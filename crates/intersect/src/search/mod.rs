@@ -119,6 +119,9 @@ pub(crate) struct Search<'a, G: Goal> {
     pub mask: u64,
     /// The time of the ray, from 0 to 1.
     pub time: f32,
+    /// The number of the ray in its batch, for kernels that trace many at once. It is here because
+    /// four bytes are free.
+    pub ray_number: u32,
     /// The shared data.
     pub context: &'a Context<'a, G::Precision>,
     /// The goal, with the result so far.
@@ -138,6 +141,7 @@ impl<'a, G: Goal> Search<'a, G> {
             start,
             mask: query.mask,
             time: clamped_time(query.time),
+            ray_number: 0,
             context,
             goal,
         }

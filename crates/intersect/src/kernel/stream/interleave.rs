@@ -97,7 +97,8 @@ pub(crate) fn pays_to_sort<G: Goal>(forest: &Forest, wide: Option<Wide>) -> bool
 /// interleave.
 pub(crate) fn is_suitable(forest: &Forest, rays: usize) -> bool {
     let tree = &forest.trees[0];
-    rays >= MIN_RAYS && tree.unbounded.is_empty() && may_search(forest)
+    let has_numbers = u32::try_from(rays).is_ok();
+    rays >= MIN_RAYS && has_numbers && tree.unbounded.is_empty() && may_search(forest)
 }
 
 /// Searches for every ray of a batch, and passes the number and the goal of each ray to `answers`,

@@ -105,8 +105,6 @@ struct Slot<'a, G: Goal> {
     place: Place,
     /// The search for the ray; `None` before the first ray and after the last.
     search: Option<Search<'a, G>>,
-    /// The number of the ray.
-    number: usize,
     /// The positions of the ray in the groups outside of the current one, outermost first.
     outside: Vec<Place>,
     forest: &'a Forest,
@@ -156,7 +154,6 @@ impl<'a, G: Goal> Slots<'a, G> {
                 top: 1,
                 place: Place::UNSET,
                 search: None,
-                number: 0,
                 outside: Vec::new(),
                 forest,
             };
@@ -343,7 +340,9 @@ impl<'s, 'a, G: Goal> Walk<'s, 'a, G, Idle> {
         let search = slot.search.insert(search());
         (slot.t_min, slot.cull) = (search.start, search.cull());
         let from = if starts_at_rest { tree.rest } else { tree.root };
-        (slot.current, slot.top, slot.number) = (from, 1, number);
+        // Batches of this kernel have at most `u32::MAX` rays.
+        search.ray_number = number as u32;
+        (slot.current, slot.top) = (from, 1);
         // SAFETY: there is a search now, and place, `current` and stack are those of the root.
         Ok(unsafe { self.into_state() })
     }

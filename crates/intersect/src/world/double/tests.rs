@@ -486,7 +486,7 @@ fn what_did_not_change_is_kept_what_moved_is_refitted_and_hits_are_those_of_a_ne
 #[test]
 fn moving_instances_are_hit_where_they_are_at_that_time() {
     let mut random = Random(11);
-    let mesh = Arc::new(double_soup(&mut random, 60, DVec3::ZERO, 1.0));
+    let mesh = Arc::new(double_soup(&mut random, 2000, DVec3::ZERO, 1.0));
     let keys: Vec<Transform> = (0..3)
         .map(|i| Transform::translation(CITY + DVec3::X * f64::from(i)))
         .map(|there| there.compose(&random.transform(0.5)))
@@ -532,7 +532,8 @@ fn moving_instances_are_hit_where_they_are_at_that_time() {
             };
             rays.iter().enumerate().map(ask).collect()
         };
-        assert!(expected.iter().filter(|hit| hit.is_hit()).count() > 50);
+        let met = expected.iter().filter(|hit| hit.is_hit()).count();
+        assert!(met > 20, "{met} rays hit");
         let others = AcceleratorKind::ALL.into_iter().map(|kind| (kind, Level::best()));
         for (kind, level) in levels().map(|level| (AcceleratorKind::Bvh, level)).chain(others) {
             let world = build(place(None), kind, level);

@@ -284,7 +284,7 @@ impl<'s, 'a, G: Goal> Walk<'s, 'a, G> {
     pub fn finish(mut self, put: impl FnOnce(usize, G)) -> Walk<'s, 'a, G, Idle> {
         let slot = self.slot_mut();
         if let Some(search) = slot.search.take() {
-            put(slot.number, search.goal);
+            put(search.ray_number as usize, search.goal);
         }
         // SAFETY: an idle walk needs no search.
         unsafe { self.into_state() }
