@@ -299,3 +299,23 @@ def test_an_exception_of_the_report_ends_the_query(rng):
 
     with pytest.raises(RuntimeError, match="enough: 3000000"):
         scene.count_intersections(rays, progress=stop, threads=1)
+
+
+def test_keys_too_close_for_the_span_of_all_are_warned_about():
+    scene = snell.Scene()
+    epoch = 1.7e9
+    scene.add_shape("sphere", radius=1)
+    ball = snell.Scene()
+    ball.add_shape("sphere", radius=1)
+    scene.add_instance(ball, np.stack([placed(20), placed(17)]), times=[epoch, epoch + 0.1])
+    ray = [0, 0, 0, 1, 0, 0]
+    assert np.isclose(scene.cast_rays(ray, t_min=2, times=epoch + 0.05).t_hit, 17.5)
+    scene.add_instance(ball, np.stack([placed(-90), placed(-91)]))
+    with pytest.warns(snell.SceneWarning, match="only 0.1.* apart; give all times from"):
+        scene.cast_rays(ray, t_min=2, times=epoch + 0.05)
+
+
+def test_a_mesh_takes_its_transform_by_name():
+    trimesh = pytest.importorskip("trimesh")
+    with pytest.raises(TypeError, match="transform="):
+        snell.Scene().add_mesh(trimesh.creation.box(), placed(1))

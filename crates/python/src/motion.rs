@@ -109,20 +109,39 @@ fn singular(key: usize) -> pyo3::PyErr {
     ))
 }
 
+/// The largest share of the time between two keys that may be lost to rounding.
+const LEAST_STEP: f64 = 1e-3;
+
 /// The time axis of a world: its times run from 0 at the first of all keys of a scene to 1 at the
 /// last.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Axis {
     start: f64,
     length: f64,
+    /// The shortest time between two keys of an object that follow each other.
+    shortest: f64,
 }
 
 impl Axis {
     /// The axis of a scene, of everything in instances too; `None` if nothing moves.
     pub fn of(contents: &Contents) -> Option<Self> {
-        let [start, end] = span(contents, &mut HashMap::new())?;
+        let [start, end, shortest] = span(contents, &mut HashMap::new())?;
         // At a single time, everything rests before and after it.
-        (end > start).then_some(Self { start, length: end - start })
+        (end > start).then_some(Self { start, length: end - start, shortest })
+    }
+
+    /// A warning if the times of a world, which are in single precision, are too coarse for the
+    /// keys of what moves fast.
+    pub fn problem(&self) -> Option<String> {
+        let step = self.length * f64::from(f32::EPSILON) / 2.0;
+        (step > self.shortest * LEAST_STEP).then(|| {
+            format!(
+                "times: the keys of all that moves span {:.6}, so times within {step:.1e} are one, \
+                 but some keys are only {:.6} apart; give all times from about the start of the \
+                 motion, and also to what moves by keys without times, which are from 0 to 1",
+                self.length, self.shortest
+            )
+        })
     }
 
     /// A time in the world.
@@ -142,17 +161,19 @@ impl Axis {
     }
 }
 
-/// The first and the last time of all keys; `None` if nothing moves.
+/// The first and the last time of all keys, and the shortest time between two keys of an object;
+/// `None` if nothing moves.
 fn span(
     contents: &Contents,
-    known: &mut HashMap<*const Contents, Option<[f64; 2]>>,
-) -> Option<[f64; 2]> {
-    let mut all: Option<[f64; 2]> = None;
+    known: &mut HashMap<*const Contents, Option<[f64; 3]>>,
+) -> Option<[f64; 3]> {
+    let mut all: Option<[f64; 3]> = None;
     for (_, object) in contents.objects() {
-        let own = object
-            .motion
-            .as_ref()
-            .map(|motion| [motion.times[0], *motion.times.last().unwrap_or(&0.0)]);
+        let own = object.motion.as_ref().map(|motion| {
+            let steps = motion.times.windows(2).map(|pair| pair[1] - pair[0]);
+            let shortest = steps.fold(f64::INFINITY, f64::min);
+            [motion.times[0], *motion.times.last().unwrap_or(&0.0), shortest]
+        });
         let inner = match &object.kind {
             Kind::Instance(child) => match known.get(&Arc::as_ptr(child)) {
                 Some(span) => *span,
@@ -164,8 +185,9 @@ fn span(
             },
             _ => None,
         };
-        for [start, end] in own.into_iter().chain(inner) {
-            all = Some(all.map_or([start, end], |[a, b]| [a.min(start), b.max(end)]));
+        for [start, end, shortest] in own.into_iter().chain(inner) {
+            let joined = |[a, b, c]: [f64; 3]| [a.min(start), b.max(end), c.min(shortest)];
+            all = Some(all.map_or([start, end, shortest], joined));
         }
     }
     all

@@ -140,6 +140,12 @@ impl Scene {
         material: Option<&Bound<'py, PyAny>>,
         material_ids: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<u32> {
+        if faces.is_some() && vertices.hasattr("vertices")? {
+            return Err(PyTypeError::new_err(
+                "add_mesh: a mesh has its own faces, so the second argument is not taken; give a \
+                 transform as transform=",
+            ));
+        }
         let parts = faces.is_none().then(|| objects::parts(vertices)).transpose()?;
         let own = |given: Option<&Bound<'py, PyAny>>, name: &str| match (given, &parts) {
             (None, Some(parts)) => parts.get_item(name),

@@ -279,6 +279,12 @@ impl Scene {
             let message = format!("time is {time}, expected a finite number");
             return Err(PyValueError::new_err(message));
         }
-        Ok(Self(Shared::new(still(&self.0.contents(py), time))))
+        let contents = self.0.contents(py);
+        if contents.stage.motion.is_some() {
+            let message = "at: the animation of the file stays as it is; only what \
+                update_transform(id, transforms, times) moves is posed";
+            crate::encoding::warn(py, message.into())?;
+        }
+        Ok(Self(Shared::new(still(&contents, time))))
     }
 }

@@ -69,6 +69,10 @@ impl Scene {
                 update_transform(id, transforms, times) moves";
             crate::encoding::warn(py, message.into())?;
         }
+        let coarse = snapshot.axis.filter(|_| limits.times.is_some()).and_then(|a| a.problem());
+        if let Some(problem) = coarse {
+            crate::encoding::warn(py, problem)?;
+        }
         let arrays = RayArrays::<P>::new(rays, limits, snapshot.axis)?;
         let invalid = AtomicUsize::new(0);
         let invalid_wanted = options.warn_invalid.then_some(&invalid);
