@@ -291,7 +291,8 @@ fn up_of(stage: &Graph) -> DVec3 {
 fn read_axis(value: &Bound<'_, PyAny>, name: &str) -> PyResult<DVec3> {
     let refused = || {
         PyValueError::new_err(format!(
-            "{name} is {}, expected \"x\", \"y\", \"z\", one of these with a minus, or a direction (3,)",
+            "{name} is {}, expected \"x\", \"y\", \"z\", one of these with a minus, or a \
+             direction (3,)",
             crate::settings::shown(value)
         ))
     };
