@@ -250,8 +250,11 @@ class Node:
 
     @property
     def content(self) -> Any:
-        """What :meth:`Scene.mesh`, `shape`, `spheres`, `curves` or `instance` gives of the id."""
-        return getattr(self._scene, self._kind)(self._id)
+        """What :meth:`Scene.mesh`, `shape`, `spheres`, `curves` or `instance` gives of the id; the
+        mesh of a heightfield.
+        """
+        kind = "mesh" if self._kind == "heightfield" else self._kind
+        return getattr(self._scene, kind)(self._id)
 
     @property
     def children(self) -> list[Node]:

@@ -84,3 +84,10 @@ def test_a_walk_finds_each_object_where_rays_hit_it():
         if id == 0:
             assert hits.instance_paths[hit].tolist() == list(path)
             assert hits.geometry_ids[hit] == id
+
+
+def test_a_heightfield_is_read_back_as_its_mesh():
+    scene = snell.Scene()
+    scene.add_heightfield(np.zeros((3, 4)))
+    vertices, faces = scene.children[0].content
+    assert vertices.shape == (12, 3) and faces.shape == (12, 3)

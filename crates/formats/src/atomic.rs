@@ -63,7 +63,12 @@ pub fn write_keeping(
     let write = || {
         let mut out = std::io::BufWriter::new(std::fs::File::create(&new)?);
         fill(&mut out)?;
-        out.into_inner().map_err(std::io::IntoInnerError::into_error)?.sync_all()?;
+        let file = out.into_inner().map_err(std::io::IntoInnerError::into_error)?;
+        #[cfg(unix)]
+        if let Ok(known) = std::fs::metadata(path) {
+            let _ = file.set_permissions(known.permissions());
+        }
+        file.sync_all()?;
         match std::fs::rename(path, before) {
             Err(error) if error.kind() != ErrorKind::NotFound => return Err(error),
             _ => {}

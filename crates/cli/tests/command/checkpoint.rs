@@ -111,12 +111,35 @@ fn a_torn_checkpoint_gives_way_to_the_one_before_it() {
 }
 
 #[test]
+fn nothing_beside_a_checkpoint_is_lost() {
+    let place = Place::new();
+    place.write("w.new", "a scene of the user");
+    let run = place.run("render cornell-box --size 8x6 --checkpoint w -o a.png");
+    assert_eq!(run.code, 2, "{}", run.err);
+    assert!(run.err.contains("w.new would be overwritten"), "{}", run.err);
+    assert_eq!(hash(&place, "w.new"), b"a scene of the user");
+    let words =
+        |spp| format!("render cornell-box --size 8x6 --spp {spp} --checkpoint b --resume -o a.png");
+    place.run(&words(32)).done();
+    let run = place.run(&words(20));
+    assert_eq!(run.code, 1, "{}", run.err);
+    assert!(run.err.contains("32 samples already, and --spp is 20 now"), "{}", run.err);
+    let whole = hash(&place, "b");
+    place.run("info b").done();
+    place.write("b", &whole[..whole.len() - 9]);
+    let run = place.run("info b");
+    assert!(run.code == 1 && run.err.contains("it ends early"), "{}", run.err);
+}
+
+#[test]
 fn checkpoints_that_make_no_sense_are_refused() {
     let place = Place::new();
     for (words, what) in [
         ("--resume", "--checkpoint FILE"),
         ("--checkpoint-interval 5s", "--checkpoint FILE"),
         ("--checkpoint a.png", "same file"),
+        ("--checkpoint ./a.png", "same file"),
+        ("--checkpoint s.json --stats s.json", "same file"),
     ] {
         let run = place.run(&format!("render cornell-box --size 8x6 {words} -o a.png"));
         assert_eq!(run.code, 2, "{words}: {}", run.err);

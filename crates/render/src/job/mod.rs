@@ -59,7 +59,7 @@ pub struct RayCounts {
 impl RayCounts {
     /// The number of rays of all kinds.
     pub fn total(&self) -> u64 {
-        self.camera + self.shadow + self.indirect
+        self.camera.saturating_add(self.shadow).saturating_add(self.indirect)
     }
 }
 

@@ -28,6 +28,9 @@ const LONGEST: u32 = 1 << 30;
 /// The most by which LZ4 makes anything shorter.
 const MOST_EXPANSION: u32 = 255;
 
+/// No pixel is checked more often before its samples are too many to be counted.
+const MOST_LOOKS: usize = 200;
+
 /// The number of rows of tiles that are compressed at a time.
 const ROWS_AT_ONCE: usize = 16;
 
@@ -125,17 +128,19 @@ pub fn facts(settings: &Settings) -> Vec<Fact> {
     let mut add = |name: &str, value: &dyn std::fmt::Debug| facts.extend(fact(name, value));
     add("--size", size);
     add("--crop", crop);
-    // Points of a set depend on the size of the set; blocks of pixels that stop by their error have
-    // one size.
+    // Points of a set depend on the size of the set, and pixels are judged by their error at the
+    // last sample too.
     match (noise, sampler) {
-        (None, SamplerKind::Stratified) => add("--spp", spp),
+        (Some(_), _) | (None, SamplerKind::Stratified) => add("--spp", spp),
         (None, SamplerKind::Sobol | SamplerKind::ZSobol) => {
-            add("--spp, rounded up to a power of two,", &spp.next_power_of_two());
+            add("--spp (as the next power of two)", &spp.next_power_of_two());
         }
-        _ => {}
+        (None, SamplerKind::Independent) => {}
     }
-    add("--noise", noise);
-    add("--noise with its floor of the error", noise_floor);
+    if noise.is_some() {
+        add("--noise", noise);
+        add("the floor of --noise by --exposure", noise_floor);
+    }
     add("--seed", seed);
     add("--sampler", sampler);
     add("the motion of the camera", later_cameras);
@@ -238,6 +243,10 @@ fn damaged<T>(problem: &'static str) -> Result<T, SavedError> {
 }
 
 fn read_chunk<T: DeserializeOwned>(input: &mut dyn Read) -> Result<T, SavedError> {
+    postcard::from_bytes(&read_content(input)?).or(damaged("its content is not what it should be"))
+}
+
+fn read_content(input: &mut dyn Read) -> Result<Vec<u8>, SavedError> {
     let cut = |error: std::io::Error| match error.kind() {
         ErrorKind::UnexpectedEof => SavedError::Damaged("it ends early"),
         _ => error.into(),
@@ -263,7 +272,7 @@ fn read_chunk<T: DeserializeOwned>(input: &mut dyn Read) -> Result<T, SavedError
     if content.len() != plain as usize {
         return damaged("a length is wrong");
     }
-    postcard::from_bytes(&content).or(damaged("its content is not what it should be"))
+    Ok(content)
 }
 
 impl Header {
@@ -285,6 +294,11 @@ impl Header {
             return Err(SavedError::Version(version));
         }
         read_chunk(input)
+    }
+
+    /// Reads the rest of a file after its start, to find out whether it is whole.
+    pub fn check_rest(&self, input: &mut dyn Read) -> Result<(), SavedError> {
+        (0..self.rows).try_for_each(|_| read_content(input).map(drop))
     }
 
     /// Says in which way a picture with other facts differs from this one.
@@ -356,6 +370,13 @@ impl Job<'_> {
             }
         }
         film.tiles = tiles;
+        let most = film.most_samples();
+        if most > self.settings.spp {
+            let spp = self.settings.spp;
+            return Err(SavedError::Other(format!(
+                "it has {most} samples already, and --spp is {spp} now"
+            )));
+        }
         // Training that was interrupted before the first sample is done in full.
         let has_samples = header.statistics.samples > 0;
         let passes = has_samples.then_some(header.statistics.training_passes);
@@ -376,7 +397,7 @@ impl Job<'_> {
         // Only pixels that stop by their error are checked.
         let is_checked = self.settings.noise.is_some();
         if is_checked && samples > look
-            || looks.find(|&known| known >= look) != Some(look)
+            || looks.by_ref().take(MOST_LOOKS).find(|&known| known >= look) != Some(look)
             || !film.tiles.iter().zip(&active).all(is_filled)
         {
             return damaged("its numbers of samples do not fit");
@@ -472,6 +493,12 @@ mod tests {
             let error = job.restore(&mut bytes.as_slice(), &facts(&too_many), 1, &|_| true);
             let error = error.err().expect("other points").to_string();
             assert!(error.contains("--spp") && error.contains("was 64 and is 128"), "{error}");
+        });
+        let too_few = Settings { spp: 33, ..settings() };
+        with_job(&too_few, |job| {
+            let error = job.restore(&mut bytes.as_slice(), &facts(&too_few), 1, &|_| true);
+            let error = error.err().expect("too few").to_string();
+            assert!(error.contains("40 samples already, and --spp is 33 now"), "{error}");
         });
     }
 

@@ -16,7 +16,12 @@ pub fn described(path: &Path, as_json: bool) -> Result<Option<String>, Failure> 
         return Ok(None);
     }
     let Ok(file) = File::open(path) else { return Ok(None) };
-    match Header::read(&mut BufReader::new(file)) {
+    let mut input = BufReader::new(file);
+    let read = Header::read(&mut input).and_then(|header| {
+        header.check_rest(&mut input)?;
+        Ok(header)
+    });
+    match read {
         Ok(header) if as_json => Ok(Some(format!("{:#}\n", as_value(&header)))),
         Ok(header) => Ok(Some(text(&header))),
         Err(error @ (SavedError::Version(_) | SavedError::Damaged(_))) if has_mark(path) => {

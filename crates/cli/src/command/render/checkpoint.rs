@@ -10,7 +10,7 @@ use snell_render::{
     Fact, Film, Job, Progress, SavedError, Settings, Statistics, Underway, fact, facts,
 };
 use std::fs::File;
-use std::io::{BufReader, ErrorKind};
+use std::io::{BufReader, ErrorKind, Read};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -181,15 +181,40 @@ pub fn check(options: &Options) -> Result<(), Failure> {
             _ => Ok(()),
         };
     };
-    if options.checkpoint.as_deref() == options.output.as_deref() {
-        return Err(Failure::Usage("--checkpoint and --output name the same file".into()));
+    let place = |path: &Path| {
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+        let folder = folder.unwrap_or(Path::new(".")).canonicalize().ok()?;
+        Some(folder.join(path.file_name()?))
+    };
+    let others = [("--output", &options.output), ("--stats", &options.stats)];
+    let is_same = |other: &&(&str, &Option<PathBuf>)| {
+        other.1.as_ref().is_some_and(|other| other == path || place(other) == place(path))
+    };
+    if let Some((name, _)) = others.iter().find(is_same) {
+        return Err(Failure::Usage(format!("--checkpoint and {name} name the same file")));
+    }
+    let shown = |path: &Path| one_line(&path.display().to_string()).into_owned();
+    if path.symlink_metadata().is_ok_and(|known| !known.is_file()) {
+        let path = shown(path);
+        return Err(Failure::Usage(format!(
+            "{path} is a link or no file; name a file that is in the folder itself"
+        )));
+    }
+    let new = extended(path, ".new");
+    let mut start = Vec::new();
+    let found = File::open(&new).and_then(|file| file.take(6).read_to_end(&mut start));
+    if found.is_ok() && !b"snellR".starts_with(&start) {
+        let new = shown(&new);
+        return Err(Failure::Usage(format!(
+            "{new} would be overwritten while the checkpoint is saved; give another --checkpoint"
+        )));
     }
     let known = [path.clone(), before(path)];
     let known = known.iter().find(|path| path.symlink_metadata().is_ok());
     if let (Some(known), false) = (known, options.resume) {
-        let shown = one_line(&known.display().to_string()).into_owned();
+        let known = shown(known);
         return Err(Failure::Usage(format!(
-            "{shown} is there; add --resume to go on with it, or remove it to begin anew"
+            "{known} is there; add --resume to go on with it, or remove it to begin anew"
         )));
     }
     Ok(atomic::check(path)?)
@@ -197,8 +222,12 @@ pub fn check(options: &Options) -> Result<(), Failure> {
 
 /// The name of the checkpoint before the last one.
 fn before(path: &Path) -> PathBuf {
+    extended(path, ".before")
+}
+
+fn extended(path: &Path, more: &str) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
-    name.push(".before");
+    name.push(more);
     name.into()
 }
 
