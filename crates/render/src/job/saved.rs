@@ -22,6 +22,9 @@ use std::sync::atomic::Ordering;
 /// The first bytes of every file. The last two are the version of the format.
 const MARK: [u8; 8] = *b"snellR01";
 
+/// The number of first bytes that are the same for all versions of the format.
+pub const MARK_BYTES: usize = MARK.len() - 2;
+
 /// The largest length of a chunk, compressed or not.
 const LONGEST: u32 = 1 << 30;
 
@@ -275,6 +278,13 @@ fn read_content(input: &mut dyn Read) -> Result<Vec<u8>, SavedError> {
     Ok(content)
 }
 
+/// True if these first bytes of a file may be those of a checkpoint, of any version of the format;
+/// [`MARK_BYTES`] of them decide.
+pub fn may_be_checkpoint(start: &[u8]) -> bool {
+    let name = &MARK[..MARK_BYTES];
+    start.starts_with(name) || name.starts_with(start)
+}
+
 impl Header {
     /// Reads the start of a file, up to the first row of tiles.
     pub fn read(input: &mut dyn Read) -> Result<Self, SavedError> {
@@ -285,7 +295,7 @@ impl Header {
             }
             read => read?,
         }
-        let (name, version) = MARK.split_at(MARK.len() - 2);
+        let (name, version) = MARK.split_at(MARK_BYTES);
         if !mark.starts_with(name) {
             return Err(SavedError::Foreign);
         }

@@ -4,7 +4,7 @@ use crate::failure::Failure;
 use crate::progress::duration;
 use serde_json::json;
 use snell_formats::error::one_line;
-use snell_render::{Header, SavedError};
+use snell_render::{Header, MARK_BYTES, SavedError, may_be_checkpoint};
 use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
@@ -36,8 +36,9 @@ pub fn described(path: &Path, as_json: bool) -> Result<Option<String>, Failure> 
 fn has_mark(path: &Path) -> bool {
     use std::io::Read;
     let mut start = Vec::new();
-    let read = File::open(path).and_then(|file| file.take(6).read_to_end(&mut start));
-    read.is_ok() && start == b"snellR"
+    let count = MARK_BYTES as u64;
+    let read = File::open(path).and_then(|file| file.take(count).read_to_end(&mut start));
+    read.is_ok() && start.len() == MARK_BYTES && may_be_checkpoint(&start)
 }
 
 fn as_value(header: &Header) -> serde_json::Value {

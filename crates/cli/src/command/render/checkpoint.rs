@@ -7,7 +7,8 @@ use crate::spectrum_file;
 use snell_formats::error::one_line;
 use snell_formats::{Sources, atomic};
 use snell_render::{
-    Fact, Film, Job, Progress, SavedError, Settings, Statistics, Underway, fact, facts,
+    Fact, Film, Job, MARK_BYTES, Progress, SavedError, Settings, Statistics, Underway, fact, facts,
+    may_be_checkpoint,
 };
 use std::fs::File;
 use std::io::{BufReader, ErrorKind, Read};
@@ -202,8 +203,9 @@ pub fn check(options: &Options) -> Result<(), Failure> {
     }
     let new = extended(path, ".new");
     let mut start = Vec::new();
-    let found = File::open(&new).and_then(|file| file.take(6).read_to_end(&mut start));
-    if found.is_ok() && !b"snellR".starts_with(&start) {
+    let found =
+        File::open(&new).and_then(|file| file.take(MARK_BYTES as u64).read_to_end(&mut start));
+    if found.is_ok() && !may_be_checkpoint(&start) {
         let new = shown(&new);
         return Err(Failure::Usage(format!(
             "{new} would be overwritten while the checkpoint is saved; give another --checkpoint"
