@@ -81,11 +81,18 @@ pub fn most_runs(samples: u32) -> u32 {
 }
 
 /// What a tile has gathered, as it is stored and sent.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TileState {
     runs: Vec<Run>,
     first: Vec<f32>,
     decided: Vec<Option<f64>>,
+}
+
+impl TileState {
+    /// True if all samples are among these.
+    pub fn is_within(&self, [start, end]: [u32; 2]) -> bool {
+        self.runs.iter().all(|run| start <= run.samples[0] && run.samples[1] <= end)
+    }
 }
 
 /// One tile of the film.

@@ -12,6 +12,7 @@ mod patience;
 mod photons;
 mod projection_maps;
 mod saved;
+mod task;
 mod tracer;
 mod training;
 mod underway;
@@ -19,7 +20,10 @@ mod volumes;
 
 pub(crate) use journal::{Event, Journal, Shaded};
 pub use patience::with_patience;
-pub use saved::{Fact, Header, MARK_BYTES, SavedError, fact, facts, may_be_checkpoint};
+pub use saved::{
+    Fact, Header, MARK_BYTES, Origin, SavedError, fact, facts, may_be_checkpoint,
+};
+pub use task::{Split, Task, TaskResult};
 pub use tracer::{Recording, camera_filter, hit_filter};
 pub use underway::Underway;
 
@@ -168,6 +172,8 @@ pub struct Job<'a> {
 /// A tile that several threads fill.
 struct SharedTile {
     tile: FilmTile,
+    /// The first sample of the part that is added next.
+    next: u32,
     /// The pixels of the tile that take samples; `None` if all do.
     pixels: Option<Vec<u32>>,
     /// Parts that were rendered before an earlier part of the tile was complete, by first sample.
@@ -361,8 +367,11 @@ impl<'a> Job<'a> {
     ) {
         let tiles = std::mem::take(&mut film.tiles).into_iter().zip(active);
         let tiles: Vec<_> = tiles
-            .map(|(tile, pixels)| {
-                Mutex::new(SharedTile { tile, pixels: pixels.clone(), waiting: BTreeMap::new() })
+            .enumerate()
+            .map(|(number, (tile, pixels))| {
+                let next = parts.first(number).unwrap_or(0);
+                let (pixels, waiting) = (pixels.clone(), BTreeMap::new());
+                Mutex::new(SharedTile { tile, next, pixels, waiting })
             })
             .collect();
         let shared =
@@ -450,8 +459,9 @@ impl<'a> Job<'a> {
 impl SharedTile {
     fn accept(&mut self, part: FilmPart) {
         self.waiting.insert(part.samples[0], part);
-        while let Some(part) = self.waiting.remove(&self.tile.samples()) {
+        while let Some(part) = self.waiting.remove(&self.next) {
             self.tile.fold(&part);
+            self.next = part.samples[1];
         }
     }
 }

@@ -100,6 +100,11 @@ impl Parts {
         self.order.len().saturating_mul(self.passes)
     }
 
+    /// The first sample of the first part of a tile; `None` if the tile has no parts.
+    pub fn first(&self, tile: usize) -> Option<u32> {
+        self.ranges[tile].get(0).map(|[start, _]| start)
+    }
+
     /// Tile and range of samples of the part with this number. `None` if the tile has fewer ranges
     /// than other tiles.
     pub fn get(&self, number: usize) -> Option<(usize, [u32; 2])> {

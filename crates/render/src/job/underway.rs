@@ -35,12 +35,12 @@ impl Underway {
     }
 
     /// True if some pixels are active.
-    fn is_active(&self) -> bool {
+    pub(super) fn is_active(&self) -> bool {
         self.active.iter().any(|pixels| pixels.as_ref().is_none_or(|p| !p.is_empty()))
     }
 
     /// The number of active pixels of a tile.
-    fn count(&self, tile: usize) -> u64 {
+    pub(super) fn count(&self, tile: usize) -> u64 {
         self.active[tile]
             .as_ref()
             .map_or_else(|| pixels(&self.film.tiles[tile].area), |p| p.len() as u64)
@@ -91,7 +91,7 @@ impl Job<'_> {
         keep_going: &(dyn Fn(&Progress) -> bool + Sync),
     ) -> bool {
         match self.settings.noise {
-            Some(noise) => self.go_on_by_error(underway, noise, until, threads, keep_going),
+            Some(_) => self.go_on_by_error(underway, until, threads, keep_going),
             None => _ = self.fill(underway, until, threads, keep_going, false),
         }
         underway.samples < self.settings.spp && underway.is_active()
@@ -133,12 +133,11 @@ impl Job<'_> {
     fn go_on_by_error(
         &self,
         underway: &mut Underway,
-        noise: f64,
         until: u32,
         threads: usize,
         keep_going: &(dyn Fn(&Progress) -> bool + Sync),
     ) {
-        let (until, floor) = (until.min(self.settings.spp), self.settings.noise_floor);
+        let until = until.min(self.settings.spp);
         let tally = underway.tally(false);
         while underway.samples < until && underway.is_active() {
             let [start, end] = [underway.samples, underway.look.min(until)];
@@ -167,20 +166,11 @@ impl Job<'_> {
             if is_stopped {
                 break;
             }
-            underway.samples = end;
-            if end == underway.look.min(self.settings.spp) {
-                underway.active = noise::unconverged(film, active, noise, floor);
-            }
-            if end == underway.look {
-                underway.look = noise::next_look(end);
-            }
+            self.judge(underway, end);
         }
         let is_complete = !tally.stopped.load(Ordering::Relaxed);
         underway.take_back(tally);
-        let all: u64 = underway.film.tiles.iter().map(|t| pixels(&t.area)).sum();
-        let left: usize = underway.active.iter().flatten().map(Vec::len).sum();
-        let is_known = underway.active.iter().all(Option::is_some);
-        underway.statistics.converged_pixels = if is_known { all - left as u64 } else { 0 };
+        underway.count_converged();
         underway.statistics.is_complete = is_complete;
     }
 }

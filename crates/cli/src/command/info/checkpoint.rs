@@ -24,7 +24,7 @@ pub fn described(path: &Path, as_json: bool) -> Result<Option<String>, Failure> 
     match read {
         Ok(header) if as_json => Ok(Some(format!("{:#}\n", as_value(&header)))),
         Ok(header) => Ok(Some(text(&header))),
-        Err(error @ (SavedError::Version(_) | SavedError::Damaged(_))) if has_mark(path) => {
+        Err(error @ (SavedError::Version(..) | SavedError::Damaged(_))) if has_mark(path) => {
             let shown = one_line(&path.display().to_string()).into_owned();
             Err(Failure::Other(format!("{shown}: {error}")))
         }

@@ -110,7 +110,7 @@ impl<'a> Checkpoint<'a> {
                             --checkpoint"
                     )));
                 }
-                Err(error @ SavedError::Foreign) => {
+                Err(error @ SavedError::Foreign(_)) => {
                     return Err(Failure::Other(format!("{shown}: {error}; name another file")));
                 }
                 Err(error) => format!("{shown}: {error}"),

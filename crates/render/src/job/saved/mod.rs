@@ -1,13 +1,16 @@
 //! A render on its way, as a file: what is needed to go on to the same bits.
 //!
-//! A file is a mark followed by chunks. A chunk is the length of its content, the length and the
-//! CRC-32 of what follows, and the content in the form of
-//! [postcard](https://postcard.jamesmunns.com) compressed with LZ4. The first chunk is the
-//! [`Header`]; the others are the rows of tiles from the top. A file that ends early or has changed
-//! is told from a whole one.
+//! A file is a mark followed by [chunks](chunk). The first chunk is the [`Header`]; the others are
+//! the rows of tiles from the top.
 //!
 //! A guiding field is not stored. Its training is repeated with as many passes as it had, which
 //! gives the same field.
+
+mod chunk;
+mod result;
+
+pub use chunk::SavedError;
+pub use result::Origin;
 
 use super::{Job, Progress, Statistics, Underway};
 use crate::film::tile::TileState;
@@ -15,21 +18,16 @@ use crate::film::{Film, FilmTile, noise};
 use crate::sampler::SamplerKind;
 use crate::settings::{Crop, Settings};
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize, de::DeserializeOwned};
-use std::io::{ErrorKind, Read, Write};
+use chunk::{Mark, damaged};
+use serde::{Deserialize, Serialize};
+use std::io::{Read, Write};
 use std::sync::atomic::Ordering;
 
-/// The first bytes of every file. The last two are the version of the format.
-const MARK: [u8; 8] = *b"snellR01";
+/// The mark of a checkpoint.
+const MARK: Mark = Mark { what: "checkpoint", bytes: *b"snellR01" };
 
 /// The number of first bytes that are the same for all versions of the format.
-pub const MARK_BYTES: usize = MARK.len() - 2;
-
-/// The largest length of a chunk, compressed or not.
-const LONGEST: u32 = 1 << 30;
-
-/// The most by which LZ4 makes anything shorter.
-const MOST_EXPANSION: u32 = 255;
+pub const MARK_BYTES: usize = 6;
 
 /// No pixel is checked more often before its samples are too many to be counted.
 const MOST_LOOKS: usize = 200;
@@ -69,28 +67,6 @@ pub struct Header {
     /// Statistics of the samples so far.
     pub statistics: Statistics,
     rows: u32,
-}
-
-/// The reason why a file cannot be gone on with.
-#[derive(Debug, thiserror::Error)]
-pub enum SavedError {
-    /// The file was not written by Snell as a checkpoint.
-    #[error("this is no checkpoint of Snell")]
-    Foreign,
-    /// The file is of another version of the format.
-    #[error(
-        "this checkpoint has the format of another version of Snell ({0}); go on with that version"
-    )]
-    Version(String),
-    /// The file ends early or was changed.
-    #[error("this checkpoint is damaged: {0}")]
-    Damaged(&'static str),
-    /// The file belongs to another picture.
-    #[error("this checkpoint is of another picture: {0}")]
-    Other(String),
-    /// The file could not be read.
-    #[error(transparent)]
-    Io(#[from] std::io::Error),
 }
 
 /// Everything in the settings on which the bits of the picture depend, with the names of the
@@ -198,8 +174,8 @@ impl Underway {
             statistics: self.statistics,
             rows: rows.len() as u32,
         };
-        out.write_all(&MARK)?;
-        out.write_all(&chunk(&header)?)?;
+        out.write_all(&MARK.bytes)?;
+        chunk::write(&header, out)?;
         let mut active = self.active.as_slice();
         for rows in rows.chunks(ROWS_AT_ONCE) {
             let mut together = Vec::with_capacity(rows.len());
@@ -213,7 +189,7 @@ impl Underway {
                     state: tile.state(),
                     active: active.clone(),
                 };
-                chunk(&row.iter().zip(active).map(tile).collect::<Vec<_>>())
+                chunk::pack(&row.iter().zip(active).map(tile).collect::<Vec<_>>())
             };
             let chunks: Vec<_> = together.par_iter().map(packed).collect();
             for chunk in chunks {
@@ -229,86 +205,22 @@ fn rows(film: &Film) -> impl Iterator<Item = &[FilmTile]> {
     film.tiles.chunk_by(|a, b| a.area.min[1] == b.area.min[1])
 }
 
-fn chunk(content: &impl Serialize) -> std::io::Result<Vec<u8>> {
-    let plain = postcard::to_stdvec(content).map_err(std::io::Error::other)?;
-    let packed = lz4_flex::block::compress(&plain);
-    if plain.len().max(packed.len()) > LONGEST as usize {
-        return Err(std::io::Error::other("a row of the picture takes more than a gigabyte"));
-    }
-    let head = [plain.len() as u32, packed.len() as u32, crc32fast::hash(&packed)];
-    let mut bytes: Vec<u8> = head.into_iter().flat_map(u32::to_le_bytes).collect();
-    bytes.extend(packed);
-    Ok(bytes)
-}
-
-fn damaged<T>(problem: &'static str) -> Result<T, SavedError> {
-    Err(SavedError::Damaged(problem))
-}
-
-fn read_chunk<T: DeserializeOwned>(input: &mut dyn Read) -> Result<T, SavedError> {
-    postcard::from_bytes(&read_content(input)?).or(damaged("its content is not what it should be"))
-}
-
-fn read_content(input: &mut dyn Read) -> Result<Vec<u8>, SavedError> {
-    let cut = |error: std::io::Error| match error.kind() {
-        ErrorKind::UnexpectedEof => SavedError::Damaged("it ends early"),
-        _ => error.into(),
-    };
-    let mut head = [[0; 4]; 3];
-    input.read_exact(head.as_flattened_mut()).map_err(cut)?;
-    let [plain, packed, crc] = head.map(u32::from_le_bytes);
-    if packed > LONGEST || plain > LONGEST || plain / MOST_EXPANSION > packed {
-        return damaged("a length is impossible");
-    }
-    // The buffer grows with what is read, because the length may be wrong.
-    let mut bytes = Vec::new();
-    input.take(u64::from(packed)).read_to_end(&mut bytes)?;
-    if bytes.len() < packed as usize {
-        return damaged("it ends early");
-    }
-    if crc32fast::hash(&bytes) != crc {
-        return damaged("its content does not fit its checksum");
-    }
-    let Ok(content) = lz4_flex::block::decompress(&bytes, plain as usize) else {
-        return damaged("its content cannot be unpacked");
-    };
-    if content.len() != plain as usize {
-        return damaged("a length is wrong");
-    }
-    Ok(content)
-}
-
 /// True if these first bytes of a file may be those of a checkpoint, of any version of the format;
 /// [`MARK_BYTES`] of them decide.
 pub fn may_be_checkpoint(start: &[u8]) -> bool {
-    let name = &MARK[..MARK_BYTES];
-    start.starts_with(name) || name.starts_with(start)
+    start.starts_with(MARK.name()) || MARK.name().starts_with(start)
 }
 
 impl Header {
     /// Reads the start of a file, up to the first row of tiles.
     pub fn read(input: &mut dyn Read) -> Result<Self, SavedError> {
-        let mut mark = [0; MARK.len()];
-        match input.read_exact(&mut mark) {
-            Err(error) if error.kind() == ErrorKind::UnexpectedEof => {
-                return damaged("it ends early");
-            }
-            read => read?,
-        }
-        let (name, version) = MARK.split_at(MARK_BYTES);
-        if !mark.starts_with(name) {
-            return Err(SavedError::Foreign);
-        }
-        if !mark.ends_with(version) {
-            let version = String::from_utf8_lossy(&mark[name.len()..]).into_owned();
-            return Err(SavedError::Version(version));
-        }
-        read_chunk(input)
+        MARK.read(input)?;
+        chunk::read(input)
     }
 
     /// Reads the rest of a file after its start, to find out whether it is whole.
     pub fn check_rest(&self, input: &mut dyn Read) -> Result<(), SavedError> {
-        (0..self.rows).try_for_each(|_| read_content(input).map(drop))
+        (0..self.rows).try_for_each(|_| chunk::read_content(input).map(drop))
     }
 
     /// Says in which way a picture with other facts differs from this one.
@@ -348,6 +260,46 @@ impl Job<'_> {
         threads: usize,
         keep_going: &(dyn Fn(&Progress) -> bool + Sync),
     ) -> Result<Underway, SavedError> {
+        let (header, film, active) = self.read_film(input, facts)?;
+        // Training that was interrupted before the first sample is done in full.
+        let has_samples = header.statistics.samples > 0;
+        let passes = has_samples.then_some(header.statistics.training_passes);
+        // Training ends early only if the render does; a time limit may not change the field.
+        let is_cancelled = || self.cancel.is_some_and(|cancel| cancel.load(Ordering::Relaxed));
+        let goes_on = |progress: &Progress| keep_going(progress) || !is_cancelled();
+        let (field, training) = self.trained(passes, threads, &goes_on);
+        let statistics = match has_samples {
+            true => Statistics { training: training.training, ..header.statistics },
+            false => training,
+        };
+        let (samples, look) = (header.samples, header.look);
+        Ok(Underway { film, statistics, field, active, samples, look })
+    }
+
+    /// Replaces the film of a render on its way by a state that [`Underway::save`] has written. The
+    /// guiding field stays.
+    ///
+    /// # Errors
+    /// As those of [`Self::restore`].
+    pub fn replace_film(
+        &self,
+        underway: &mut Underway,
+        input: &mut dyn Read,
+        facts: &[Fact],
+    ) -> Result<(), SavedError> {
+        let (header, film, active) = self.read_film(input, facts)?;
+        (underway.film, underway.active) = (film, active);
+        (underway.samples, underway.look) = (header.samples, header.look);
+        underway.statistics = header.statistics;
+        Ok(())
+    }
+
+    /// Reads a film and the active pixels of its tiles.
+    fn read_film(
+        &self,
+        input: &mut dyn Read,
+        facts: &[Fact],
+    ) -> Result<(Header, Film, Vec<Option<Vec<u32>>>), SavedError> {
         let header = Header::read(input)?;
         if let Some(difference) = header.difference(facts) {
             return Err(SavedError::Other(difference));
@@ -363,7 +315,7 @@ impl Job<'_> {
         let mut active = Vec::with_capacity(film.tiles.len());
         let mut tiles = Vec::with_capacity(film.tiles.len());
         for row in rows(&film) {
-            let saved: Vec<SavedTile> = read_chunk(input)?;
+            let saved: Vec<SavedTile> = chunk::read(input)?;
             if saved.len() != row.len() {
                 return damaged("a row has another number of tiles");
             }
@@ -387,17 +339,6 @@ impl Job<'_> {
                 "it has {most} samples already, and --spp is {spp} now"
             )));
         }
-        // Training that was interrupted before the first sample is done in full.
-        let has_samples = header.statistics.samples > 0;
-        let passes = has_samples.then_some(header.statistics.training_passes);
-        // Training ends early only if the render does; a time limit may not change the field.
-        let is_cancelled = || self.cancel.is_some_and(|cancel| cancel.load(Ordering::Relaxed));
-        let goes_on = |progress: &Progress| keep_going(progress) || !is_cancelled();
-        let (field, training) = self.trained(passes, threads, &goes_on);
-        let statistics = match has_samples {
-            true => Statistics { training: training.training, ..header.statistics },
-            false => training,
-        };
         let (samples, look) = (header.samples, header.look);
         let mut looks =
             std::iter::successors(Some(noise::next_look(0)), |&n| Some(noise::next_look(n)));
@@ -412,7 +353,7 @@ impl Job<'_> {
         {
             return damaged("its numbers of samples do not fit");
         }
-        Ok(Underway { film, statistics, field, active, samples, look })
+        Ok((header, film, active))
     }
 }
 
@@ -529,9 +470,9 @@ mod tests {
                 bytes[place] ^= 1 << (place % 8);
                 read(&bytes).expect_err("a bit is wrong");
             }
-            assert!(matches!(read(b"a picture or something else"), Err(SavedError::Foreign)));
+            assert!(matches!(read(b"a picture or something else"), Err(SavedError::Foreign(_))));
             let older = [b"snellR00", &bytes[8..]].concat();
-            assert!(matches!(read(&older), Err(SavedError::Version(_))));
+            assert!(matches!(read(&older), Err(SavedError::Version(..))));
         });
     }
 
