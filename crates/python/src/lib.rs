@@ -17,6 +17,7 @@ mod choice;
 mod columns;
 mod contents;
 mod declared;
+mod distributed;
 mod encoding;
 mod file;
 mod graph;
@@ -96,6 +97,10 @@ fn _snell(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(pairs::_time_of_impact, module)?)?;
     module.add_function(wrap_pyfunction!(pairs::_body_points, module)?)?;
     module.add_class::<render::_Render>()?;
+    module.add_class::<distributed::_Film>()?;
+    module.add_class::<distributed::_Worker>()?;
+    module.add_function(wrap_pyfunction!(distributed::_pack_scene, module)?)?;
+    module.add_function(wrap_pyfunction!(distributed::_unpack_scene, module)?)?;
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add("INVALID_ID", snell_intersect::Hit::NONE)?;
     module.add_function(wrap_pyfunction!(schema::describe, module)?)?;

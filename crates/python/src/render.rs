@@ -23,12 +23,14 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 /// Interval of progress reports.
-const REPORT: Duration = Duration::from_millis(100);
+pub const REPORT: Duration = Duration::from_millis(100);
 
 /// A planned render.
-struct Plan {
-    task: Task,
-    threads: Threads,
+pub struct Plan {
+    /// The scene and settings.
+    pub task: Task,
+    /// The number of threads.
+    pub threads: Threads,
     look: Look,
     /// Layers that only are needed for others, and are not returned.
     hidden: Vec<&'static str>,
@@ -87,8 +89,18 @@ pub struct Task {
 }
 
 impl Task {
-    /// Prepares the scene and reads the options.
+    /// Prepares the scene, reads the options and loads the denoiser.
     pub fn new<'py>(
+        py: Python<'py>,
+        scene: &Bound<'py, Scene>,
+        keywords: &Keywords<'_, 'py>,
+    ) -> PyResult<Self> {
+        let task = Self::without_denoiser(py, scene, keywords)?;
+        Ok(Self { denoiser: settings::denoiser(&task.request)?, ..task })
+    }
+
+    /// Like [`Self::new`], for a render whose picture is denoised elsewhere, if at all.
+    pub fn without_denoiser<'py>(
         py: Python<'py>,
         scene: &Bound<'py, Scene>,
         keywords: &Keywords<'_, 'py>,
@@ -113,9 +125,8 @@ impl Task {
             camera.eye += prepared.moved_by;
         }
         let settings = request.resolve(&prepared.scene, &camera).map_err(request_error)?;
-        let denoiser = settings::denoiser(&request)?;
-        memory::check_picture(&settings, threads.count(), denoiser.is_some())?;
-        Ok(Self { prepared, camera, request, settings, denoiser })
+        memory::check_picture(&settings, threads.count(), request.denoise.is_some())?;
+        Ok(Self { prepared, camera, request, settings, denoiser: None })
     }
 }
 
@@ -142,21 +153,7 @@ impl _Render {
         options: &Bound<'py, PyDict>,
     ) -> PyResult<Self> {
         let keywords = Keywords(options);
-        let mut task = Task::new(py, scene, &keywords)?;
-        let mut hidden = Vec::new();
-        let aovs = &mut task.settings.aovs;
-        if ID_AOVS.iter().any(|aov| aovs.contains(aov)) {
-            hidden.extend(ID_AOVS.into_iter().filter(|aov| !aovs.contains(aov)).map(Aov::name));
-            let missing: Vec<_> =
-                ID_AOVS.into_iter().filter(|aov| hidden.contains(&aov.name())).collect();
-            aovs.extend(missing);
-        }
-        let exposure = task.request.exposure;
-        let tonemap: Option<String> = keywords.get("tonemap", "a name")?;
-        let look = Look::of(&task.prepared.scene.settings, task.settings.integrator)?;
-        let look = look.with(exposure, tonemap.as_deref())?;
-        let threads = Threads::new(keywords.get("threads", "a whole number")?)?;
-        let plan = Plan { task, threads, look, hidden };
+        let plan = Plan::new(Task::new(py, scene, &keywords)?, &keywords)?;
         Ok(Self { plan: Arc::new(plan), partial: Mutex::new(None) })
     }
 
@@ -214,16 +211,32 @@ impl _Render {
         }
         waited?;
         let Rendered { partial, picture, variance } = job.take()?.map_err(denoise_error)?;
-        let facts = facts(py, &self.plan, &partial)?;
-        for (key, value) in &picture.metadata {
-            facts.bind(py).set_item(key, value)?;
-        }
+        let PartialRender { underway, seconds, .. } = &partial;
+        let image = self.plan.image(py, (picture, variance), underway, *seconds);
         *self.partial.lock().unwrap_or_else(PoisonError::into_inner) = Some(partial);
-        Ok(Image::new(picture, Some(variance), self.plan.look, facts))
+        image
     }
 }
 
 impl Plan {
+    /// Plans a render of a task.
+    pub fn new(mut task: Task, keywords: &Keywords<'_, '_>) -> PyResult<Self> {
+        let mut hidden = Vec::new();
+        let aovs = &mut task.settings.aovs;
+        if ID_AOVS.iter().any(|aov| aovs.contains(aov)) {
+            hidden.extend(ID_AOVS.into_iter().filter(|aov| !aovs.contains(aov)).map(Aov::name));
+            let missing: Vec<_> =
+                ID_AOVS.into_iter().filter(|aov| hidden.contains(&aov.name())).collect();
+            aovs.extend(missing);
+        }
+        let exposure = task.request.exposure;
+        let tonemap: Option<String> = keywords.get("tonemap", "a name")?;
+        let look = Look::of(&task.prepared.scene.settings, task.settings.integrator)?;
+        let look = look.with(exposure, tonemap.as_deref())?;
+        let threads = Threads::new(keywords.get("threads", "a whole number")?)?;
+        Ok(Self { task, threads, look, hidden })
+    }
+
     fn run(
         &self,
         partial: Option<PartialRender>,
@@ -243,7 +256,7 @@ impl Plan {
         watch: &Watch,
         cancel: &AtomicBool,
     ) -> Result<Rendered, DenoiseError> {
-        let Task { prepared, camera, request, settings, denoiser } = &self.task;
+        let Task { prepared, camera, request, settings, .. } = &self.task;
         let (start, compiled) = (Instant::now(), &prepared.compiled);
         let job = Job::new(compiled, camera, settings).with_cancel(cancel);
         let keep_going = |progress: &Progress| {
@@ -262,19 +275,40 @@ impl Plan {
         };
         let until = goal.samples.unwrap_or(settings.spp);
         let is_done = !job.go_on(&mut underway, until, threads, &keep_going);
-        let film = &underway.film;
-        let mut picture = snell_render::picture(film, settings, compiled);
+        let (picture, variance) = self.finish(&underway.film)?;
+        seconds += start.elapsed().as_secs_f64();
+        Ok(Rendered { partial: PartialRender { underway, is_done, seconds }, picture, variance })
+    }
+
+    /// The picture of a film with all its layers, denoised if that was requested, and its variance.
+    pub fn finish(&self, film: &Film) -> Result<(LayeredImage, LayeredImage), DenoiseError> {
+        let Task { prepared, settings, denoiser, .. } = &self.task;
+        let mut picture = snell_render::picture(film, settings, &prepared.compiled);
         origins::rename(&mut picture, prepared);
         picture.layers.retain(|layer| !self.hidden.contains(&layer.name.as_str()));
         place_back(&mut picture, prepared.moved_by);
         name_groups(&mut picture, film, &settings.light_groups);
         self.add_cryptomatte(&mut picture, film);
         if let Some(denoiser) = denoiser {
-            denoiser.denoise_picture(&mut picture, threads)?;
+            denoiser.denoise_picture(&mut picture, self.threads.count())?;
         }
         let variance = variance(film, picture.layers[0].channels.len());
-        seconds += start.elapsed().as_secs_f64();
-        Ok(Rendered { partial: PartialRender { underway, is_done, seconds }, picture, variance })
+        Ok((picture, variance))
+    }
+
+    /// A picture with the metadata of a render.
+    pub fn image(
+        &self,
+        py: Python<'_>,
+        (picture, variance): (LayeredImage, LayeredImage),
+        underway: &Underway,
+        seconds: f64,
+    ) -> PyResult<Image> {
+        let facts = facts(py, self, underway, seconds)?;
+        for (key, value) in &picture.metadata {
+            facts.bind(py).set_item(key, value)?;
+        }
+        Ok(Image::new(picture, Some(variance), self.look, facts))
     }
 
     /// Adds the layers and the metadata of Cryptomatte.
@@ -327,11 +361,13 @@ fn share(progress: &Progress, elapsed: Duration, limit: Option<Duration>) -> f64
 }
 
 /// The metadata that a render gives its picture.
-fn facts(py: Python<'_>, plan: &Plan, partial: &PartialRender) -> PyResult<Py<PyDict>> {
-    let (settings, PartialRender { underway: Underway { film, statistics, .. }, seconds, .. }): (
-        &Settings,
-        _,
-    ) = (&plan.task.settings, partial);
+fn facts(
+    py: Python<'_>,
+    plan: &Plan,
+    Underway { film, statistics, .. }: &Underway,
+    seconds: f64,
+) -> PyResult<Py<PyDict>> {
+    let settings: &Settings = &plan.task.settings;
     let facts = PyDict::new(py);
     facts.set_item("scene", &plan.task.prepared.scene.name)?;
     facts.set_item("integrator", settings.integrator.name())?;

@@ -21,7 +21,7 @@ mod volumes;
 pub(crate) use journal::{Event, Journal, Shaded};
 pub use patience::with_patience;
 pub use saved::{
-    Fact, Header, MARK_BYTES, Origin, SavedError, fact, facts, may_be_checkpoint,
+    Fact, Header, MARK_BYTES, Origin, SavedError, TaskInput, fact, facts, may_be_checkpoint,
 };
 pub use task::{Split, Task, TaskResult};
 pub use tracer::{Recording, camera_filter, hit_filter};

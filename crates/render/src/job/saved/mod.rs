@@ -7,9 +7,11 @@
 //! gives the same field.
 
 mod chunk;
+mod input;
 mod result;
 
 pub use chunk::SavedError;
+pub use input::TaskInput;
 pub use result::Origin;
 
 use super::{Job, Progress, Statistics, Underway};
@@ -17,8 +19,8 @@ use crate::film::tile::TileState;
 use crate::film::{Film, FilmTile, noise};
 use crate::sampler::SamplerKind;
 use crate::settings::{Crop, Settings};
-use rayon::prelude::*;
 use chunk::{Mark, damaged};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::io::{Read, Write};
 use std::sync::atomic::Ordering;

@@ -1,0 +1,318 @@
+//! Renders that processes share. One process has a [`_Film`]: it hands out tasks and merges their
+//! results. Any number of others have a [`_Worker`] of the same scene and settings, which performs
+//! tasks. Tasks and results are bytes; the Python half sends them.
+
+use crate::graph::{Purpose, graph};
+use crate::image::Image;
+use crate::load::fold;
+use crate::render::{Plan, REPORT, Task as Planned};
+use crate::scene::Scene;
+use crate::settings::{Keywords, denoise_error};
+use crate::work::{Cancel, Threads, begin_alone, run_to_end, run_to_end_on};
+use pyo3::exceptions::{PyRuntimeError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::{PyBool, PyBytes, PyDict};
+use snell_formats::scene::snell::text;
+use snell_formats::{Limits, ReadOptions, read_scene_bytes};
+use snell_render::{
+    Job, Origin, Settings, Split, Task, TaskInput, TaskResult, Underway, with_patience,
+};
+use std::collections::HashSet;
+use std::path::Path;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
+
+/// A scene as bytes, for pictures: what [`_unpack_scene`] reads gives the same ones. They are larger
+/// than what pickling gives, and keep the objects as they were read from a file.
+#[pyfunction]
+pub fn _pack_scene<'py>(
+    py: Python<'py>,
+    scene: &Bound<'py, Scene>,
+) -> PyResult<Bound<'py, PyBytes>> {
+    let contents = scene.get().0.contents(py);
+    let packed = run_to_end(py, move || text(&graph(&contents, Purpose::Picture)?))?;
+    let packed = packed.map_err(|e| PyValueError::new_err(format!("scene: {e}")))?;
+    Ok(PyBytes::new(py, packed.as_bytes()))
+}
+
+/// The scene of the bytes that [`_pack_scene`] has given.
+#[pyfunction]
+pub fn _unpack_scene(py: Python<'_>, packed: Vec<u8>, threads: Option<i64>) -> PyResult<Scene> {
+    let limits = Limits { file_bytes: u64::MAX, ..Limits::default() };
+    let options = ReadOptions { limits, exact: true, ..ReadOptions::default() };
+    let scene = run_to_end_on(py, Threads::new(threads)?, move || {
+        let scene = read_scene_bytes("scene", packed, Path::new("."), &options);
+        fold(scene.map_err(|e| e.to_string())?)
+    })?;
+    scene.map(Scene::of).map_err(PyValueError::new_err)
+}
+
+/// The film of a render whose tasks others perform.
+#[pyclass(frozen, module = "snell._snell")]
+pub struct _Film {
+    plan: Arc<Plan>,
+    /// The settings without guiding, whose training is for workers.
+    merging: Arc<Settings>,
+    name: String,
+    state: Arc<Mutex<State>>,
+    start: Instant,
+}
+
+struct State {
+    underway: Underway,
+    /// The tasks whose results are in the film.
+    done: HashSet<[u32; 4]>,
+}
+
+/// A worker, which performs tasks of a render.
+#[pyclass(frozen, module = "snell._snell")]
+pub struct _Worker {
+    plan: Arc<Plan>,
+    name: String,
+    /// The guiding field and a film that stays empty; `None` before the first task.
+    underway: Arc<Mutex<Option<Underway>>>,
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn key(task: &Task) -> [u32; 4] {
+    let ([first, end], [start, until]) = (task.tiles, task.samples);
+    [first, end, start, until]
+}
+
+#[pymethods]
+impl _Film {
+    /// Plans a render. `name` is that of the render, which its workers must give too.
+    #[new]
+    fn new<'py>(
+        py: Python<'py>,
+        scene: &Bound<'py, Scene>,
+        options: &Bound<'py, PyDict>,
+        name: String,
+    ) -> PyResult<Self> {
+        let keywords = Keywords(options);
+        let plan = Arc::new(Plan::new(Planned::new(py, scene, &keywords)?, &keywords)?);
+        let merging = Arc::new(Settings { guiding: None, ..plan.task.settings.clone() });
+        let (planned, settings) = (plan.clone(), merging.clone());
+        let start = Instant::now();
+        let underway = run_to_end(py, move || {
+            let job = Job::new(&planned.task.prepared.compiled, &planned.task.camera, &settings);
+            let mut underway = job.begin(1, &|_| true);
+            // Every worker trains in so many passes; no one is interrupted.
+            let passes = planned.task.settings.guiding.map_or(0, |guiding| guiding.passes);
+            underway.statistics.training_passes = passes;
+            underway
+        })?;
+        let state = Arc::new(Mutex::new(State { underway, done: HashSet::new() }));
+        Ok(Self { plan, merging, name, state, start })
+    }
+
+    /// The samples per pixel: of all rounds, at most.
+    #[getter]
+    fn samples(&self) -> u32 {
+        self.merging.spp
+    }
+
+    /// The number of tiles of 16 by 16 pixels.
+    #[getter]
+    fn tiles(&self) -> usize {
+        lock(&self.state).underway.film.tiles.len()
+    }
+
+    /// True if pixels stop by their error, so that there are several rounds.
+    #[getter]
+    fn has_rounds(&self) -> bool {
+        self.merging.noise.is_some()
+    }
+
+    /// The share of the pixels that have stopped by their error, and the number of rays so far.
+    #[getter]
+    fn progress(&self) -> (f64, u64) {
+        let state = lock(&self.state);
+        let statistics = &state.underway.statistics;
+        let pixels = f64::from(self.pixels(&state));
+        (statistics.converged_pixels as f64 / pixels.max(1.0), statistics.rays.total())
+    }
+
+    /// The tasks of the current round, in at least `count` parts if there are as many tiles, and of
+    /// at most `samples` samples of all their pixels together if a tile has no more; none if the
+    /// render is finished.
+    fn tasks<'py>(
+        &self,
+        py: Python<'py>,
+        count: u32,
+        samples: u64,
+    ) -> PyResult<Vec<Bound<'py, PyBytes>>> {
+        let inputs = self.with_job(py, move |job, state| {
+            let all = state.underway.tasks(job, Split { tiles: 1, samples: None });
+            let Some(task) = all.first() else { return Ok(Vec::new()) };
+            let of_tile = u64::from(task.samples[1] - task.samples[0]) * 256;
+            let most = (state.underway.film.tiles.len() as u64 / u64::from(count.max(1))).max(1);
+            let tiles = (samples / of_tile.max(1)).clamp(1, most) as u32;
+            let step = (samples / 256).clamp(u64::from(Split::SAMPLES), u64::from(u32::MAX / 2));
+            let split = Split { tiles, samples: (of_tile > samples).then_some(step as u32) };
+            let tasks = state.underway.tasks(job, split);
+            let inputs = tasks.into_iter().filter_map(|task| state.underway.input(task));
+            let pack = |input: TaskInput| {
+                let mut bytes = Vec::new();
+                input.save(&mut bytes).map(|()| bytes)
+            };
+            inputs.map(pack).collect()
+        })?;
+        let inputs: Vec<Vec<u8>> =
+            inputs.map_err(|e: std::io::Error| PyRuntimeError::new_err(e.to_string()))?;
+        Ok(inputs.iter().map(|bytes| PyBytes::new(py, bytes)).collect())
+    }
+
+    /// Adds the result of a task; one that is added again changes nothing.
+    fn add(&self, py: Python<'_>, result: &[u8]) -> PyResult<()> {
+        let foreign = |what: &str| {
+            PyRuntimeError::new_err(format!(
+                "a worker has returned what is no result of this render: {what}"
+            ))
+        };
+        let (origin, result) =
+            py.detach(|| TaskResult::load(&mut &*result)).map_err(|e| foreign(&e.to_string()))?;
+        if origin.plan != self.name {
+            return Err(foreign(&format!("that of {} comes from {}", origin.plan, origin.worker)));
+        }
+        py.detach(|| {
+            let State { underway, done } = &mut *lock(&self.state);
+            let is_new = done.insert(key(&result.task));
+            let statistics = underway.statistics;
+            let is_added = underway.add(result);
+            if !is_new {
+                underway.statistics = statistics;
+            }
+            is_added
+        })
+        .then_some(())
+        .ok_or_else(|| foreign(&format!("its tiles do not fit; it comes from {}", origin.worker)))
+    }
+
+    /// Ends a round whose results are all added.
+    fn end_round(&self, py: Python<'_>) -> PyResult<()> {
+        self.with_job(py, |job, state| job.end_round(&mut state.underway))
+    }
+
+    /// The picture so far.
+    fn picture(&self, py: Python<'_>) -> PyResult<Image> {
+        let (plan, state) = (self.plan.clone(), self.state.clone());
+        let made =
+            run_to_end_on(py, self.plan.threads, move || plan.finish(&lock(&state).underway.film))?;
+        let made = made.map_err(denoise_error)?;
+        self.plan.image(py, made, &lock(&self.state).underway, self.start.elapsed().as_secs_f64())
+    }
+}
+
+impl _Film {
+    fn pixels(&self, state: &State) -> u32 {
+        let [width, height] = state.underway.film.crop.size();
+        width.saturating_mul(height)
+    }
+
+    /// Works with the state, without the interpreter's lock.
+    fn with_job<T: Send + 'static>(
+        &self,
+        py: Python<'_>,
+        work: impl FnOnce(&Job<'_>, &mut State) -> T + Send + 'static,
+    ) -> PyResult<T> {
+        let (plan, settings, state) = (self.plan.clone(), self.merging.clone(), self.state.clone());
+        run_to_end(py, move || {
+            let job = Job::new(&plan.task.prepared.compiled, &plan.task.camera, &settings);
+            work(&job, &mut lock(&state))
+        })
+    }
+}
+
+#[pymethods]
+impl _Worker {
+    /// Plans the same render as a [`_Film`] of the same name.
+    #[new]
+    fn new<'py>(
+        py: Python<'py>,
+        scene: &Bound<'py, Scene>,
+        options: &Bound<'py, PyDict>,
+        name: String,
+    ) -> PyResult<Self> {
+        let keywords = Keywords(options);
+        let plan = Plan::new(Planned::without_denoiser(py, scene, &keywords)?, &keywords)?;
+        Ok(Self { plan: Arc::new(plan), name, underway: Arc::default() })
+    }
+
+    /// Performs a task and returns its result; None if `is_wanted`, which is called every 100 ms,
+    /// has returned False. Only one thread may do this at a time.
+    #[pyo3(signature = (task, worker, is_wanted=None))]
+    fn perform<'py>(
+        &self,
+        py: Python<'py>,
+        task: &[u8],
+        worker: String,
+        is_wanted: Option<Py<PyAny>>,
+    ) -> PyResult<Option<Bound<'py, PyBytes>>> {
+        let wrong = |e: &dyn std::fmt::Display| PyValueError::new_err(format!("task: {e}"));
+        let input = TaskInput::load(&mut &*task).map_err(|e| wrong(&e))?;
+        let origin = Origin { plan: self.name.clone(), frame: 0, worker };
+        let cancel = Arc::new(Cancel::default());
+        let (plan, underway, stop) = (self.plan.clone(), self.underway.clone(), cancel.clone());
+        let job = begin_alone(py, self.plan.threads, move || {
+            perform(&plan, &mut lock(&underway), input, &stop)
+        })?;
+        let mut asked = Instant::now();
+        let waited = py.detach(|| {
+            job.wait_with(|py| {
+                let Some(ask) = is_wanted.as_ref().filter(|_| asked.elapsed() >= REPORT) else {
+                    return Ok(());
+                };
+                asked = Instant::now();
+                if ask.call0(py)?.is(PyBool::new(py, false)) {
+                    cancel.stop();
+                }
+                Ok(())
+            })
+        });
+        if waited.is_err() {
+            cancel.stop();
+        }
+        waited?;
+        let Some(result) = job.take()? else {
+            let message = "task: it is not of this render";
+            return if cancel.check().is_err() { Ok(None) } else { Err(wrong(&message)) };
+        };
+        let mut bytes = Vec::new();
+        py.detach(|| result.save(&origin, &mut bytes))
+            .map_err(|e| PyRuntimeError::new_err(e.to_string()))?;
+        Ok(Some(PyBytes::new(py, &bytes)))
+    }
+}
+
+/// Performs a task after the training, which the first task waits for.
+fn perform(
+    plan: &Plan,
+    underway: &mut Option<Underway>,
+    input: TaskInput,
+    cancel: &Cancel,
+) -> Option<TaskResult> {
+    let Planned { prepared, camera, settings, .. } = &plan.task;
+    let threads = plan.threads.count();
+    let keep_going = |_: &snell_render::Progress| cancel.check().is_ok();
+    with_patience(
+        || cancel.check().is_err(),
+        |flag| {
+            let job = Job::new(&prepared.compiled, camera, settings).with_cancel(flag);
+            let trained = match underway {
+                Some(trained) => trained,
+                None => {
+                    let trained = job.begin(threads, &keep_going);
+                    if cancel.check().is_err() {
+                        return None;
+                    }
+                    underway.insert(trained)
+                }
+            };
+            job.perform_input(trained, input, threads, &keep_going)
+        },
+    )
+}
