@@ -31,7 +31,9 @@ __all__ = [
     "Scene",
     "Texture",
     "View",
+    "_Film",
     "_Render",
+    "_Worker",
     "__version__",
     "_body_points",
     "_closest_pair",
@@ -39,6 +41,7 @@ __all__ = [
     "_compare",
     "_explain",
     "_load_stage",
+    "_pack_scene",
     "_render_settings",
     "_restore",
     "_restore_camera",
@@ -49,6 +52,7 @@ __all__ = [
     "_restore_pattern",
     "_restore_texture",
     "_time_of_impact",
+    "_unpack_scene",
     "_upright",
     "_view",
     "_write_file",
@@ -569,6 +573,28 @@ class _Render:
     def render(
         self, samples: int | None = None, time: float | None = None, report: Any | None = None
     ) -> Image: ...
+
+@final
+class _Film:
+    def __new__(cls, scene: Scene, options: dict[str, Any], name: str) -> _Film: ...
+    @property
+    def has_rounds(self) -> bool: ...
+    @property
+    def progress(self) -> tuple[float, int]: ...
+    def tasks(self, count: int, samples: int) -> list[bytes]: ...
+    def add(self, result: bytes) -> None: ...
+    def end_round(self) -> None: ...
+    def picture(self) -> Image: ...
+
+@final
+class _Worker:
+    def __new__(cls, scene: Scene, options: dict[str, Any], name: str) -> _Worker: ...
+    def perform(
+        self, task: bytes, worker: str, is_wanted: Callable[[], bool] | None = None
+    ) -> bytes | None: ...
+
+def _pack_scene(scene: Scene) -> bytes: ...
+def _unpack_scene(packed: bytes, threads: int | None) -> Scene: ...
 
 @final
 class Camera:

@@ -10,7 +10,7 @@ import pytest
 
 import snell
 
-MODULES = ["snell", "snell.trimesh", "snell.open3d"]
+MODULES = ["snell", "snell.distributed", "snell.trimesh", "snell.open3d"]
 
 
 def documented() -> list[tuple[str, str]]:

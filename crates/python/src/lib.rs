@@ -97,8 +97,8 @@ fn _snell(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(pairs::_time_of_impact, module)?)?;
     module.add_function(wrap_pyfunction!(pairs::_body_points, module)?)?;
     module.add_class::<render::_Render>()?;
-    module.add_class::<distributed::_Film>()?;
-    module.add_class::<distributed::_Worker>()?;
+    module.add_class::<distributed::film::_Film>()?;
+    module.add_class::<distributed::worker::_Worker>()?;
     module.add_function(wrap_pyfunction!(distributed::_pack_scene, module)?)?;
     module.add_function(wrap_pyfunction!(distributed::_unpack_scene, module)?)?;
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;

@@ -46,9 +46,7 @@ class Dask:
         return connected
 
     def _start(self) -> Any:
-        from snell._snell import _cores
-
-        cores = _cores()
+        cores = max(1, load("dask.system", "dask").CPU_COUNT)
         processes = min(cores, _PROCESSES)
         with self._dask.config.set({"distributed.scheduler.allowed-failures": MAX_DEATHS}):
             cluster = self._distributed.LocalCluster(

@@ -42,7 +42,7 @@ def load(module: str, extra: str) -> Any:
         if error.name is None or error.name.split(".")[0] != module:
             raise
         raise ModuleNotFoundError(
-            f"snell.distributed needs the package {module!r} for this: pip install 'snell[{extra}]'",
+            f"snell.distributed needs the package {module!r} here: pip install 'snell[{extra}]'",
             name=error.name,
         ) from None
 
@@ -59,7 +59,6 @@ def explain(error: BaseException) -> BaseException:
     """The error of a task, with a remedy if the worker lacks Snell."""
     if isinstance(error, ModuleNotFoundError) and (error.name or "").split(".")[0] == "snell":
         return RuntimeError(
-            "a worker cannot import Snell: install it where the workers run, in the version of this "
-            "program"
+            "a worker cannot import Snell: install the version of this program where workers run"
         )
     return error

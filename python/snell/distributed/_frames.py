@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import pickle
 from collections import deque
-from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterator, Mapping
 from typing import Any
 
 from snell._snell import Scene, __version__, _Film
@@ -60,17 +60,11 @@ class Frame:
 
 
 def run(
-    engine: Engine,
-    scene: Scene,
-    scene_name: str,
-    options: Mapping[str, Any],
-    frames: Iterable[Mapping[str, Any]],
-    is_cancelled: Callable[[], bool],
+    engine: Engine, frames: Iterator[Frame], is_cancelled: Callable[[], bool]
 ) -> Iterator[Frame]:
-    """Renders pictures, each with its own options besides the common ones. Yields the first picture
-    that is not done every 100 ms or so, and each one when it is done, in order.
+    """Renders pictures. Yields the first one that is not done every 100 ms or so, and each one when
+    it is done, in order.
     """
-    left = iter(frames)
     is_last = False
     opened: deque[Frame] = deque()
     running: dict[Hashable, Frame] = {}
@@ -78,22 +72,19 @@ def run(
         while not is_cancelled():
             threads = engine.threads()
             # A worker finds its next task waiting, and few results are anywhere at a time.
-            window = 2 * threads + 4
-            while len(running) < window:
+            while len(running) < 2 * threads + 4:
                 frame = next((frame for frame in opened if frame.waiting), None)
                 if frame is None:
-                    own = None if is_last or len(opened) > 1 else next(left, None)
-                    if own is None:
-                        is_last = is_last or len(opened) < 2
+                    # Films take memory: at most two pictures are open.
+                    frame = next(frames, None) if len(opened) < 2 and not is_last else None
+                    is_last = is_last or (frame is None and len(opened) < 2)
+                    if frame is None:
                         break
-                    frame = Frame(scene, scene_name, {**options, **own})
                     frame.plan(threads)
                     opened.append(frame)
                     continue
                 running[engine.submit(frame.job, frame.waiting.popleft())] = frame
                 frame.running += 1
-            if not opened:
-                return
             if running:
                 for handle, result in engine.wait(_LOOK):
                     running.pop(handle).add(result, threads)
@@ -101,5 +92,7 @@ def run(
                 yield opened.popleft()
             if opened:
                 yield opened[0]
+            elif is_last:
+                return
     finally:
         engine.cancel()

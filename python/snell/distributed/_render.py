@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import itertools
 import os
 import threading
 import time
@@ -85,7 +86,10 @@ def render(
     """
     show = _View() if (_is_notebook() if view is None else view) else None
     frame = None
-    with _Cluster(scene, client, engine, options, "render") as cluster, reporter(progress) as report:
+    with (
+        _Cluster(scene, client, engine, options, "render") as cluster,
+        reporter(progress) as report,
+    ):
         shown = _Clock(every)
         for frame in cluster.run([{}]):
             if not _tell(report, frame):
@@ -128,17 +132,17 @@ def render_iter(
     ...     print(image.metadata["is_complete"])
     """
     show = _View() if (_is_notebook() if view is None else view) else None
-    with _Cluster(scene, client, engine, options, "render_iter") as cluster:
-        with reporter(progress) as report:
-            shown, frame = _Clock(every), None
-            for frame in cluster.run([{}]):
-                if not _tell(report, frame):
-                    cluster.cancel()
-                if not frame.is_done and shown.is_time():
-                    with shown:
-                        image = frame.film.picture()
-                        _ = show and show(image)
-                    yield image
+    cluster = _Cluster(scene, client, engine, options, "render_iter")
+    shown, frame = _Clock(every), None
+    with cluster, reporter(progress) as report:
+        for frame in cluster.run([{}]):
+            if not _tell(report, frame):
+                cluster.cancel()
+            if not frame.is_done and shown.is_time():
+                with shown:
+                    image = frame.film.picture()
+                    _ = show and show(image)
+                yield image
         assert frame is not None
         image = frame.film.picture()
     if show is not None:
@@ -176,16 +180,16 @@ def render_frames(
     >>> for number, image in enumerate(pictures):  # doctest: +SKIP
     ...     image.save(f"{number:03}.exr")
     """
-    with _Cluster(scene, client, engine, options, "render_frames") as cluster:
-        with reporter(progress) as report:
-            checked = (cluster.checked("render_frames", frame) for frame in frames)
-            for frame in cluster.run(checked):
-                if not _tell(report, frame):
-                    cluster.cancel()
-                if frame.is_done:
-                    image = frame.film.picture()
-                    _warn(image)
-                    yield image
+    cluster = _Cluster(scene, client, engine, options, "render_frames")
+    checked = (cluster.checked("render_frames", frame) for frame in frames)
+    with cluster, reporter(progress) as report:
+        for frame in cluster.run(checked):
+            if not _tell(report, frame):
+                cluster.cancel()
+            if frame.is_done:
+                image = frame.film.picture()
+                _warn(image)
+                yield image
 
 
 def start(
@@ -290,9 +294,9 @@ class _Cluster:
         if engine not in ("dask", "ray"):
             raise ValueError(f"engine is {engine!r}, expected 'dask' or 'ray'")
         self._scene = _scene(scene)
-        packed = _pack_scene(self._scene)
-        self._name = hashlib.sha256(packed).hexdigest()
-        self._engine: Engine = Ray(client, packed) if engine == "ray" else Dask(client, packed)
+        self._client = client
+        self._start = Ray if engine == "ray" else Dask
+        self._engine: Engine | None = None
         self._stopped = threading.Event()
 
     @staticmethod
@@ -307,8 +311,14 @@ class _Cluster:
         return {**_known(function, rest), **own}
 
     def run(self, frames: Iterable[Mapping[str, Any]]) -> Iterator[Frame]:
-        stopped = self._stopped.is_set
-        return run(self._engine, self._scene, self._name, self._options, frames, stopped)
+        packed = _pack_scene(self._scene)
+        name = hashlib.sha256(packed).hexdigest()
+        made = (Frame(self._scene, name, {**self._options, **own}) for own in frames)
+        # What is wrong with the first picture shows before workers are started.
+        first = next(made, None)
+        if first is not None:
+            self._engine = self._start(self._client, packed)
+            yield from run(self._engine, itertools.chain([first], made), self._stopped.is_set)
 
     def cancel(self) -> None:
         self._stopped.set()
@@ -317,7 +327,8 @@ class _Cluster:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._engine.close()
+        if self._engine is not None:
+            self._engine.close()
 
 
 class _Clock:

@@ -1,51 +1,18 @@
-//! Renders that processes share. One process has a [`_Film`]: it hands out tasks and merges their
-//! results. Any number of others have a [`_Worker`] of the same scene and settings, which performs
-//! tasks. Tasks and results are bytes; the Python half sends them.
+//! The film of a render that processes share: it hands out tasks and merges their results.
 
-use crate::graph::{Purpose, graph};
+use super::lock;
 use crate::image::Image;
-use crate::load::fold;
-use crate::render::{Plan, REPORT, Task as Planned};
+use crate::render::{Plan, Task as Planned};
 use crate::scene::Scene;
 use crate::settings::{Keywords, denoise_error};
-use crate::work::{Cancel, Threads, begin_alone, run_to_end, run_to_end_on};
-use pyo3::exceptions::{PyRuntimeError, PyValueError};
+use crate::work::{run_to_end, run_to_end_on};
+use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
-use pyo3::types::{PyBool, PyBytes, PyDict};
-use snell_formats::scene::snell::text;
-use snell_formats::{Limits, ReadOptions, read_scene_bytes};
-use snell_render::{
-    Job, Origin, Settings, Split, Task, TaskInput, TaskResult, Underway, with_patience,
-};
+use pyo3::types::{PyBytes, PyDict};
+use snell_render::{Job, Settings, Split, Task, TaskInput, TaskResult, Underway};
 use std::collections::HashSet;
-use std::path::Path;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::Instant;
-
-/// A scene as bytes, for pictures: what [`_unpack_scene`] reads gives the same ones. They are larger
-/// than what pickling gives, and keep the objects as they were read from a file.
-#[pyfunction]
-pub fn _pack_scene<'py>(
-    py: Python<'py>,
-    scene: &Bound<'py, Scene>,
-) -> PyResult<Bound<'py, PyBytes>> {
-    let contents = scene.get().0.contents(py);
-    let packed = run_to_end(py, move || text(&graph(&contents, Purpose::Picture)?))?;
-    let packed = packed.map_err(|e| PyValueError::new_err(format!("scene: {e}")))?;
-    Ok(PyBytes::new(py, packed.as_bytes()))
-}
-
-/// The scene of the bytes that [`_pack_scene`] has given.
-#[pyfunction]
-pub fn _unpack_scene(py: Python<'_>, packed: Vec<u8>, threads: Option<i64>) -> PyResult<Scene> {
-    let limits = Limits { file_bytes: u64::MAX, ..Limits::default() };
-    let options = ReadOptions { limits, exact: true, ..ReadOptions::default() };
-    let scene = run_to_end_on(py, Threads::new(threads)?, move || {
-        let scene = read_scene_bytes("scene", packed, Path::new("."), &options);
-        fold(scene.map_err(|e| e.to_string())?)
-    })?;
-    scene.map(Scene::of).map_err(PyValueError::new_err)
-}
 
 /// The film of a render whose tasks others perform.
 #[pyclass(frozen, module = "snell._snell")]
@@ -62,19 +29,6 @@ struct State {
     underway: Underway,
     /// The tasks whose results are in the film.
     done: HashSet<[u32; 4]>,
-}
-
-/// A worker, which performs tasks of a render.
-#[pyclass(frozen, module = "snell._snell")]
-pub struct _Worker {
-    plan: Arc<Plan>,
-    name: String,
-    /// The guiding field and a film that stays empty; `None` before the first task.
-    underway: Arc<Mutex<Option<Underway>>>,
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 fn key(task: &Task) -> [u32; 4] {
@@ -107,18 +61,6 @@ impl _Film {
         })?;
         let state = Arc::new(Mutex::new(State { underway, done: HashSet::new() }));
         Ok(Self { plan, merging, name, state, start })
-    }
-
-    /// The samples per pixel: of all rounds, at most.
-    #[getter]
-    fn samples(&self) -> u32 {
-        self.merging.spp
-    }
-
-    /// The number of tiles of 16 by 16 pixels.
-    #[getter]
-    fn tiles(&self) -> usize {
-        lock(&self.state).underway.film.tiles.len()
     }
 
     /// True if pixels stop by their error, so that there are several rounds.
@@ -225,94 +167,4 @@ impl _Film {
             work(&job, &mut lock(&state))
         })
     }
-}
-
-#[pymethods]
-impl _Worker {
-    /// Plans the same render as a [`_Film`] of the same name.
-    #[new]
-    fn new<'py>(
-        py: Python<'py>,
-        scene: &Bound<'py, Scene>,
-        options: &Bound<'py, PyDict>,
-        name: String,
-    ) -> PyResult<Self> {
-        let keywords = Keywords(options);
-        let plan = Plan::new(Planned::without_denoiser(py, scene, &keywords)?, &keywords)?;
-        Ok(Self { plan: Arc::new(plan), name, underway: Arc::default() })
-    }
-
-    /// Performs a task and returns its result; None if `is_wanted`, which is called every 100 ms,
-    /// has returned False. Only one thread may do this at a time.
-    #[pyo3(signature = (task, worker, is_wanted=None))]
-    fn perform<'py>(
-        &self,
-        py: Python<'py>,
-        task: &[u8],
-        worker: String,
-        is_wanted: Option<Py<PyAny>>,
-    ) -> PyResult<Option<Bound<'py, PyBytes>>> {
-        let wrong = |e: &dyn std::fmt::Display| PyValueError::new_err(format!("task: {e}"));
-        let input = TaskInput::load(&mut &*task).map_err(|e| wrong(&e))?;
-        let origin = Origin { plan: self.name.clone(), frame: 0, worker };
-        let cancel = Arc::new(Cancel::default());
-        let (plan, underway, stop) = (self.plan.clone(), self.underway.clone(), cancel.clone());
-        let job = begin_alone(py, self.plan.threads, move || {
-            perform(&plan, &mut lock(&underway), input, &stop)
-        })?;
-        let mut asked = Instant::now();
-        let waited = py.detach(|| {
-            job.wait_with(|py| {
-                let Some(ask) = is_wanted.as_ref().filter(|_| asked.elapsed() >= REPORT) else {
-                    return Ok(());
-                };
-                asked = Instant::now();
-                if ask.call0(py)?.is(PyBool::new(py, false)) {
-                    cancel.stop();
-                }
-                Ok(())
-            })
-        });
-        if waited.is_err() {
-            cancel.stop();
-        }
-        waited?;
-        let Some(result) = job.take()? else {
-            let message = "task: it is not of this render";
-            return if cancel.check().is_err() { Ok(None) } else { Err(wrong(&message)) };
-        };
-        let mut bytes = Vec::new();
-        py.detach(|| result.save(&origin, &mut bytes))
-            .map_err(|e| PyRuntimeError::new_err(e.to_string()))?;
-        Ok(Some(PyBytes::new(py, &bytes)))
-    }
-}
-
-/// Performs a task after the training, which the first task waits for.
-fn perform(
-    plan: &Plan,
-    underway: &mut Option<Underway>,
-    input: TaskInput,
-    cancel: &Cancel,
-) -> Option<TaskResult> {
-    let Planned { prepared, camera, settings, .. } = &plan.task;
-    let threads = plan.threads.count();
-    let keep_going = |_: &snell_render::Progress| cancel.check().is_ok();
-    with_patience(
-        || cancel.check().is_err(),
-        |flag| {
-            let job = Job::new(&prepared.compiled, camera, settings).with_cancel(flag);
-            let trained = match underway {
-                Some(trained) => trained,
-                None => {
-                    let trained = job.begin(threads, &keep_going);
-                    if cancel.check().is_err() {
-                        return None;
-                    }
-                    underway.insert(trained)
-                }
-            };
-            job.perform_input(trained, input, threads, &keep_going)
-        },
-    )
 }
