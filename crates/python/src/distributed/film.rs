@@ -9,7 +9,7 @@ use crate::work::{run_to_end, run_to_end_on};
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
-use snell_render::{Job, Settings, Split, Task, TaskInput, TaskResult, Underway};
+use snell_render::{Job, Split, Task, TaskInput, TaskResult, Underway};
 use std::collections::HashSet;
 use std::sync::{Arc, Mutex};
 use std::time::Instant;
@@ -18,8 +18,6 @@ use std::time::Instant;
 #[pyclass(frozen, module = "snell._snell")]
 pub struct _Film {
     plan: Arc<Plan>,
-    /// The settings without guiding, whose training is for workers.
-    merging: Arc<Settings>,
     name: String,
     state: Arc<Mutex<State>>,
     start: Instant,
@@ -48,25 +46,15 @@ impl _Film {
     ) -> PyResult<Self> {
         let keywords = Keywords(options);
         let plan = Arc::new(Plan::new(Planned::new(py, scene, &keywords)?, &keywords)?);
-        let merging = Arc::new(Settings { guiding: None, ..plan.task.settings.clone() });
-        let (planned, settings) = (plan.clone(), merging.clone());
-        let start = Instant::now();
-        let underway = run_to_end(py, move || {
-            let job = Job::new(&planned.task.prepared.compiled, &planned.task.camera, &settings);
-            let mut underway = job.begin(1, &|_| true);
-            // Every worker trains in so many passes; no one is interrupted.
-            let passes = planned.task.settings.guiding.map_or(0, |guiding| guiding.passes);
-            underway.statistics.training_passes = passes;
-            underway
-        })?;
+        let underway = Underway::empty(&plan.task.settings);
         let state = Arc::new(Mutex::new(State { underway, done: HashSet::new() }));
-        Ok(Self { plan, merging, name, state, start })
+        Ok(Self { plan, name, state, start: Instant::now() })
     }
 
     /// True if pixels stop by their error, so that there are several rounds.
     #[getter]
     fn has_rounds(&self) -> bool {
-        self.merging.noise.is_some()
+        self.plan.task.settings.noise.is_some()
     }
 
     /// The share of the pixels that have stopped by their error, and the number of rays so far.
@@ -74,8 +62,8 @@ impl _Film {
     fn progress(&self) -> (f64, u64) {
         let state = lock(&self.state);
         let statistics = &state.underway.statistics;
-        let pixels = f64::from(self.pixels(&state));
-        (statistics.converged_pixels as f64 / pixels.max(1.0), statistics.rays.total())
+        let [width, height] = state.underway.film.crop.size().map(f64::from);
+        (statistics.converged_pixels as f64 / (width * height), statistics.rays.total())
     }
 
     /// The tasks of the current round, in at least `count` parts if there are as many tiles, and of
@@ -87,22 +75,24 @@ impl _Film {
         count: u32,
         samples: u64,
     ) -> PyResult<Vec<Bound<'py, PyBytes>>> {
-        let inputs = self.with_job(py, move |job, state| {
-            let all = state.underway.tasks(job, Split { tiles: 1, samples: None });
+        let settings = &self.plan.task.settings;
+        let inputs = py.detach(|| {
+            let underway = &lock(&self.state).underway;
+            let all = underway.tasks(settings, Split { tiles: 1, samples: None });
             let Some(task) = all.first() else { return Ok(Vec::new()) };
             let of_tile = u64::from(task.samples[1] - task.samples[0]) * 256;
-            let most = (state.underway.film.tiles.len() as u64 / u64::from(count.max(1))).max(1);
+            let most = (underway.film.tiles.len() as u64 / u64::from(count.max(1))).max(1);
             let tiles = (samples / of_tile.max(1)).clamp(1, most) as u32;
             let step = (samples / 256).clamp(u64::from(Split::SAMPLES), u64::from(u32::MAX / 2));
             let split = Split { tiles, samples: (of_tile > samples).then_some(step as u32) };
-            let tasks = state.underway.tasks(job, split);
-            let inputs = tasks.into_iter().filter_map(|task| state.underway.input(task));
+            let tasks = underway.tasks(settings, split);
+            let inputs = tasks.into_iter().filter_map(|task| underway.input(task));
             let pack = |input: TaskInput| {
                 let mut bytes = Vec::new();
                 input.save(&mut bytes).map(|()| bytes)
             };
             inputs.map(pack).collect()
-        })?;
+        });
         let inputs: Vec<Vec<u8>> =
             inputs.map_err(|e: std::io::Error| PyRuntimeError::new_err(e.to_string()))?;
         Ok(inputs.iter().map(|bytes| PyBytes::new(py, bytes)).collect())
@@ -136,7 +126,12 @@ impl _Film {
 
     /// Ends a round whose results are all added.
     fn end_round(&self, py: Python<'_>) -> PyResult<()> {
-        self.with_job(py, |job, state| job.end_round(&mut state.underway))
+        let (plan, state) = (self.plan.clone(), self.state.clone());
+        run_to_end(py, move || {
+            let Planned { prepared, camera, settings, .. } = &plan.task;
+            let job = Job::new(&prepared.compiled, camera, settings);
+            job.end_round(&mut lock(&state).underway);
+        })
     }
 
     /// The picture so far.
@@ -146,25 +141,5 @@ impl _Film {
             run_to_end_on(py, self.plan.threads, move || plan.finish(&lock(&state).underway.film))?;
         let made = made.map_err(denoise_error)?;
         self.plan.image(py, made, &lock(&self.state).underway, self.start.elapsed().as_secs_f64())
-    }
-}
-
-impl _Film {
-    fn pixels(&self, state: &State) -> u32 {
-        let [width, height] = state.underway.film.crop.size();
-        width.saturating_mul(height)
-    }
-
-    /// Works with the state, without the interpreter's lock.
-    fn with_job<T: Send + 'static>(
-        &self,
-        py: Python<'_>,
-        work: impl FnOnce(&Job<'_>, &mut State) -> T + Send + 'static,
-    ) -> PyResult<T> {
-        let (plan, settings, state) = (self.plan.clone(), self.merging.clone(), self.state.clone());
-        run_to_end(py, move || {
-            let job = Job::new(&plan.task.prepared.compiled, &plan.task.camera, &settings);
-            work(&job, &mut lock(&state))
-        })
     }
 }

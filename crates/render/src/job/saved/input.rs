@@ -97,7 +97,7 @@ mod tests {
         let mut underway = job.begin(1, &|_| true);
         let mut worker = job.begin(1, &|_| true);
         loop {
-            let tasks = underway.tasks(&job, Split { tiles: 2, samples: None });
+            let tasks = underway.tasks(&settings, Split { tiles: 2, samples: None });
             if tasks.is_empty() {
                 break;
             }
