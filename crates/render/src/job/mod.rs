@@ -20,9 +20,7 @@ mod volumes;
 
 pub(crate) use journal::{Event, Journal, Shaded};
 pub use patience::with_patience;
-pub use saved::{
-    Fact, Header, MARK_BYTES, Origin, SavedError, fact, facts, may_be_checkpoint,
-};
+pub use saved::{Fact, Header, MARK_BYTES, Origin, SavedError, fact, facts, may_be_checkpoint};
 pub use task::{Split, Task, TaskResult};
 pub use tracer::{Recording, camera_filter, hit_filter};
 pub use underway::Underway;
@@ -164,7 +162,6 @@ pub struct Job<'a> {
     filter: FilterSampler,
     lights: Arc<LightSampler>,
     light_parts: LightParts,
-    crop: Crop,
     watcher: Option<TileWatcher<'a>>,
     cancel: Option<&'a AtomicBool>,
 }
@@ -212,11 +209,6 @@ struct Tally {
 impl<'a> Job<'a> {
     /// Plans a render.
     pub fn new(scene: &'a CompiledScene, camera: &'a Camera, settings: &'a Settings) -> Self {
-        let full = Crop::full(settings.size);
-        let crop = settings.crop.map_or(full, |c| Crop {
-            min: [c.min[0].min(full.max[0]), c.min[1].min(full.max[1])],
-            max: [c.max[0].min(full.max[0]), c.max[1].min(full.max[1])],
-        });
         Self {
             scene,
             camera,
@@ -225,7 +217,6 @@ impl<'a> Job<'a> {
             filter: FilterSampler::new(settings.filter),
             lights: scene.light_sampler(settings.light_sampler, settings.light_strategy),
             light_parts: LightParts::new(scene, settings),
-            crop,
             watcher: None,
             cancel: None,
         }
@@ -268,10 +259,7 @@ impl<'a> Job<'a> {
 
     /// A film of this render without samples.
     pub fn empty_film(&self) -> Film {
-        let mut film =
-            Film::with_mean_weight(self.crop, &self.settings.aovs, self.filter.mean_weight());
-        film.noise_floor = self.settings.noise_floor;
-        film
+        empty_film(self.settings)
     }
 
     /// Continues a film of this render until every pixel has `until` samples (at most the requested
@@ -464,6 +452,19 @@ impl SharedTile {
             self.next = part.samples[1];
         }
     }
+}
+
+/// The film of a render with these settings, without samples.
+fn empty_film(settings: &Settings) -> Film {
+    let full = Crop::full(settings.size);
+    let crop = settings.crop.map_or(full, |c| Crop {
+        min: [c.min[0].min(full.max[0]), c.min[1].min(full.max[1])],
+        max: [c.max[0].min(full.max[0]), c.max[1].min(full.max[1])],
+    });
+    let mean_weight = FilterSampler::new(settings.filter).mean_weight();
+    let mut film = Film::with_mean_weight(crop, &settings.aovs, mean_weight);
+    film.noise_floor = settings.noise_floor;
+    film
 }
 
 fn area_of(pixel: [u32; 2]) -> Crop {

@@ -7,9 +7,12 @@
 //! of one process.
 
 use super::parts::{Parts, Ranges};
-use super::{Job, Progress, Statistics, Tally, Underway, into_inner, pixels, tile_order};
+use super::{
+    Job, Progress, Statistics, Tally, Underway, empty_film, into_inner, pixels, tile_order,
+};
 use crate::film::tile::TileState;
-use crate::film::{BLOCK, Film, noise};
+use crate::film::{BLOCK, noise};
+use crate::settings::Settings;
 use serde::{Deserialize, Serialize};
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -70,11 +73,17 @@ impl TaskResult {
 }
 
 impl Underway {
+    /// A render with these settings that has no samples, and no guiding field: results can be added
+    /// to it, but tasks cannot be rendered with it.
+    pub fn empty(settings: &Settings) -> Self {
+        Self::new(empty_film(settings), None, Statistics::default())
+    }
+
     /// The tasks of the current round; none if the render is finished. Tasks whose pixels have all
     /// stopped are left out.
-    pub fn tasks(&self, job: &Job, split: Split) -> Vec<Task> {
-        let Some(samples) = self.round(job) else { return Vec::new() };
-        let step = split.samples.filter(|_| job.settings.noise.is_none());
+    pub fn tasks(&self, settings: &Settings, split: Split) -> Vec<Task> {
+        let Some(samples) = self.round(settings) else { return Vec::new() };
+        let step = split.samples.filter(|_| settings.noise.is_none());
         let split = Split { samples: step, ..split };
         let mut tasks: Vec<Task> = split.tasks(self.film.tiles.len() as u32, samples).collect();
         tasks.retain(|task| {
@@ -85,10 +94,10 @@ impl Underway {
     }
 
     /// The samples of the current round; `None` if the render is finished.
-    fn round(&self, job: &Job) -> Option<[u32; 2]> {
-        let end = match job.settings.noise {
-            Some(_) => self.look.min(job.settings.spp),
-            None => job.settings.spp,
+    fn round(&self, settings: &Settings) -> Option<[u32; 2]> {
+        let end = match settings.noise {
+            Some(_) => self.look.min(settings.spp),
+            None => settings.spp,
         };
         (self.samples < end && self.is_active()).then_some([self.samples, end])
     }
@@ -116,8 +125,10 @@ impl Underway {
 }
 
 impl Statistics {
-    /// Adds what other samples have taken.
+    /// Adds what other samples have taken. All have the same training.
     fn add(&mut self, other: &Self) {
+        (self.training, self.training_passes) = (other.training, other.training_passes);
+        (self.guiding_regions, self.guiding_bytes) = (other.guiding_regions, other.guiding_bytes);
         self.rays += other.rays;
         self.samples += other.samples;
         self.invalid_samples += other.invalid_samples;
@@ -139,11 +150,12 @@ impl Job<'_> {
         keep_going: &(dyn Fn(&Progress) -> bool + Sync),
     ) -> Option<TaskResult> {
         let [first, end] = task.tiles.map(|tile| tile as usize);
-        let tiles = self.empty_film().tiles.get(first..end)?.to_vec();
+        let mut film = self.empty_film();
+        film.tiles = film.tiles.get(first..end)?.to_vec();
         let counts: Vec<u64> = (first..end).map(|tile| underway.count(tile)).collect();
         let active = &underway.active[first..end];
         let [start, until] = task.samples;
-        let order = tile_order(tiles.len(), self.settings.tile_order);
+        let order = tile_order(film.tiles.len(), self.settings.tile_order);
         let parts = Parts::new(order, |tile| match self.settings.noise {
             Some(_) => Ranges::of_round(task.samples, counts[tile]),
             None => Ranges::Blocks { start, end: until, is_progressive: false },
@@ -154,21 +166,28 @@ impl Job<'_> {
             total: AtomicU64::new(total),
             ..Tally::default()
         };
-        let mut film = Film { tiles, ..self.empty_film() };
         self.render_parts(&mut film, active, &parts, 0, threads, &tally, keep_going);
         underway.field = tally.field;
         if tally.stopped.load(Ordering::Relaxed) {
             return None;
         }
         let tiles = film.tiles.iter().map(|tile| tile.state()).collect();
-        Some(TaskResult { task, statistics: into_inner(tally.statistics), tiles })
+        let trained = underway.statistics;
+        let statistics = Statistics {
+            training: trained.training,
+            training_passes: trained.training_passes,
+            guiding_regions: trained.guiding_regions,
+            guiding_bytes: trained.guiding_bytes,
+            ..into_inner(tally.statistics)
+        };
+        Some(TaskResult { task, statistics, tiles })
     }
 
     /// Ends a round whose results are all added: decides which pixels take more samples.
     pub fn end_round(&self, underway: &mut Underway) {
-        let Some([_, end]) = underway.round(self) else { return };
+        let Some([_, end]) = underway.round(self.settings) else { return };
         self.judge(underway, end);
-        let is_left = underway.round(self).is_some();
+        let is_left = underway.round(self.settings).is_some();
         underway.statistics.is_complete = !is_left;
     }
 
@@ -205,7 +224,6 @@ mod tests {
     use crate::film::filter::Filter;
     use crate::guiding::Guiding;
     use crate::integrator::aov::Aov;
-    use crate::settings::Settings;
     use crate::{Origin, SavedError};
     use snell_math::rng;
 
@@ -241,7 +259,7 @@ mod tests {
             let mut underway = job.begin(1, &|_| true);
             let mut rounds = 0;
             loop {
-                let mut tasks = underway.tasks(&job, split);
+                let mut tasks = underway.tasks(&settings, split);
                 if tasks.is_empty() {
                     break;
                 }
@@ -278,7 +296,7 @@ mod tests {
         let settings = Settings { size: [40, 36], spp: 16, max_depth: 2, ..Settings::default() };
         let job = Job::new(&compiled, &scene.cameras[0], &settings);
         let mut underway = job.begin(1, &|_| true);
-        let task = underway.tasks(&job, Split { tiles: 3, samples: None })[0];
+        let task = underway.tasks(&settings, Split { tiles: 3, samples: None })[0];
         assert!(job.perform(&mut underway, task, 1, &|_| false).is_none());
         let beyond = Task { tiles: [0, 1000], ..task };
         assert!(job.perform(&mut underway, beyond, 1, &|_| true).is_none());
