@@ -23,6 +23,7 @@ const MOST_TASKS: u32 = 256;
 
 /// Options of `snell plan`.
 #[derive(Debug, clap::Args)]
+#[group(skip)]
 #[command(
     args_conflicts_with_subcommands = true,
     override_usage = "snell plan [OPTIONS] [SCENE] --output <FOLDER>\n       snell plan status <FOLDER>\n       snell plan export <SCHEDULER> <FOLDER>",

@@ -56,6 +56,8 @@ struct Job<'a> {
     plan: String,
     /// The picture, from the root of the file system on.
     picture: String,
+    /// The folder of the file that is written.
+    base: PathBuf,
     /// A name of letters, digits and dashes.
     name: String,
     workers: u32,
@@ -78,7 +80,12 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     let beside = path.parent().unwrap_or(Path::new("/")).join(&folder.plan.picture);
     let picture = options.picture.clone().unwrap_or(beside);
     let picture = std::path::absolute(&picture).unwrap_or(picture);
+    let base = match options.output.as_deref().and_then(Path::parent) {
+        Some(folder) if folder != Path::new("") => folder.canonicalize(),
+        _ => std::env::current_dir(),
+    };
     let job = Job {
+        base: base.unwrap_or_default(),
         plan: text(&path)?,
         picture: text(&picture)?,
         name: name(&folder.plan.picture),

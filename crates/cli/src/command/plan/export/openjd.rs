@@ -1,6 +1,7 @@
 //! A job template of Open Job Description (specification 2023-09, with the extension TASK_CHUNKING).
 
 use super::{Job, quoted};
+use std::path::Path;
 
 /// A scheduler gives a session about this much work at a time, in seconds.
 const CHUNK_SECONDS: u32 = 300;
@@ -40,14 +41,12 @@ parameterDefinitions:
 - name: Plan
   type: PATH
   objectType: DIRECTORY
-  dataFlow: INOUT
-  default: {plan}
+  dataFlow: INOUT{plan}
   description: Folder of the plan that snell plan has made
 - name: Picture
   type: PATH
   objectType: FILE
-  dataFlow: OUT
-  default: {picture}
+  dataFlow: OUT{picture}
   description: Picture that is written in the end
 - name: Snell
   type: STRING
@@ -75,7 +74,16 @@ steps:
         args: [merge, \"{{{{Param.Plan}}}}\", --output, \"{{{{Param.Picture}}}}\"]
 ",
         name = quoted(&job.name),
-        plan = quoted(&job.plan),
-        picture = quoted(&job.picture),
+        plan = default(job, &job.plan),
+        picture = default(job, &job.picture),
     )
+}
+
+/// The default of a path parameter, which must be relative to the template's folder. Without one, who
+/// submits the job must give the path.
+fn default(job: &Job, path: &str) -> String {
+    match Path::new(path).strip_prefix(&job.base) {
+        Ok(inside) => format!("\n  default: {}", quoted(&inside.to_string_lossy())),
+        Err(_) => String::new(),
+    }
 }
