@@ -61,15 +61,16 @@ def digest(image: snell.Image) -> str:
 
 def foggy() -> snell.Scene:
     scene = snell.load("cornell-box")
-    scene.medium = snell.Medium("homogeneous", sigma_a=0.02, sigma_s=0.2, emission=0, g=0.3)
+    scene.medium = snell.Medium("homogeneous", sigma_a=0.0002, sigma_s=0.002, emission=0, g=0.3)
     return scene
 
 
 def moving() -> snell.Scene:
     scene = snell.load("cornell-box")
     turn = np.tile(np.eye(4), (2, 1, 1))
-    turn[1, :3, 3] = 0.4, 0.4, 0.0
-    scene.add_shape("sphere", turn, radius=0.2)
+    turn[0, :3, 3] = 150, 150, 200
+    turn[1, :3, 3] = 400, 350, 200
+    scene.add_shape("sphere", turn, radius=80)
     return scene
 
 

@@ -41,7 +41,7 @@ KINDS: dict[str, dict[str, Any]] = {
 
 def foggy() -> snell.Scene:
     scene = snell.load("cornell-box")
-    scene.medium = snell.Medium("homogeneous", sigma_a=0.02, sigma_s=0.2, emission=0, g=0.3)
+    scene.medium = snell.Medium("homogeneous", sigma_a=0.0002, sigma_s=0.002, emission=0, g=0.3)
     return scene
 
 
@@ -50,11 +50,10 @@ def pendulum() -> snell.Scene:
     scene = snell.load("cornell-box")
     inner = snell.Scene()
     inner.add_mesh(np.random.default_rng(1).random((30, 3)), np.arange(30).reshape(10, 3))
-    turn = np.tile(np.eye(4), (3, 1, 1))
-    turn[1, :3, 3] = 0.3, 0.2, 0.1
-    turn[2, :3, 3] = 0.1, 0.5, 0.3
+    turn = np.tile(np.diag([200, 200, 200, 1]), (3, 1, 1))
+    turn[:, :3, 3] = [[100, 100, 200], [300, 200, 100], [100, 300, 300]]
     scene.add_instance(inner, turn, times=[0, 1, 2])
-    scene.add_spheres([[0.1, 0.2, 0.3], [0.4, 0.5, 0.4]], 0.1)
+    scene.add_spheres([[100, 200, 300], [400, 400, 200]], 60)
     return scene
 
 

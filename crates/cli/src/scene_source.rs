@@ -54,12 +54,23 @@ pub fn load(path: &Path, options: &ReadOptions) -> Result<Scene, Failure> {
     Ok(snell_formats::read_scene(path, options)?)
 }
 
+/// True if a name that is no file is that of a built-in scene.
+pub fn is_builtin(path: &Path) -> bool {
+    path.to_str().is_some_and(|name| BUILTINS.iter().any(|known| known.name == name))
+}
+
 /// The definitions of `-D` that may be parameters of the file: the keys of the scene graph have
 /// dots.
 pub fn parameters(define: &[String]) -> Vec<(String, String)> {
     let pairs = define.iter().filter_map(|definition| definition.split_once('='));
     let plain = pairs.filter(|(key, _)| !key.contains('.'));
     plain.map(|(key, value)| (key.to_string(), value.to_string())).collect()
+}
+
+/// True if all definitions of `-D` are parameters of the file, which have done their work when it was
+/// read.
+pub fn are_parameters(scene: &Scene, define: &[String]) -> bool {
+    define.iter().all(|d| scene.takes_parameter(d.split('=').next().unwrap_or_default()))
 }
 
 /// Applies the definitions of `-D` that are not parameters of the file.

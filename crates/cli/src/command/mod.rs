@@ -9,8 +9,10 @@ mod explain;
 mod formats;
 mod info;
 mod man;
+mod plan;
 mod render;
 mod scenes;
+mod verify;
 mod view;
 
 use crate::failure::Failure;
@@ -22,6 +24,14 @@ use std::process::ExitCode;
 pub enum Command {
     /// Render a scene to a picture.
     Render(Box<render::Options>),
+    /// Split a render into tasks for many machines
+    Plan(Box<plan::Options>),
+    /// Render tasks of a plan, on any machine that sees its folder
+    Work(plan::work::Options),
+    /// Write the picture of a plan whose tasks are done
+    Merge(plan::merge::Options),
+    /// Render parts of a picture again and compare bits
+    Verify(verify::Options),
     /// Look at a scene in the browser.
     View(view::Options),
     /// Explain the colour of a pixel
@@ -52,6 +62,10 @@ impl Command {
     fn threads(&self) -> Option<usize> {
         match self {
             Self::Render(options) => Some(options.threads()),
+            Self::Plan(options) => Some(options.threads()),
+            Self::Work(options) => Some(options.threads()),
+            Self::Merge(options) => Some(options.threads()),
+            Self::Verify(options) => Some(options.threads()),
             Self::View(options) => Some(options.threads()),
             Self::Explain(options) => Some(options.threads()),
             Self::Scenes | Self::Formats | Self::Completions(_) | Self::Man => None,
@@ -71,6 +85,10 @@ pub fn run(command: Command) -> Result<ExitCode, Failure> {
     }
     match command {
         Command::Render(options) => render::run(&options),
+        Command::Plan(options) => plan::run(&options),
+        Command::Work(options) => plan::work::run(&options),
+        Command::Merge(options) => plan::merge::run(&options),
+        Command::Verify(options) => verify::run(&options),
         Command::View(options) => view::run(&options),
         Command::Explain(options) => explain::run(&options),
         Command::Info(options) => info::run(&options),
@@ -83,4 +101,13 @@ pub fn run(command: Command) -> Result<ExitCode, Failure> {
         Command::Completions(options) => completions::run(&options),
         Command::Man => man::run(),
     }
+}
+
+/// The options of a sub-command as they were given.
+fn matches(name: &str) -> Result<clap::ArgMatches, Failure> {
+    let matches = crate::interface().get_matches();
+    matches
+        .subcommand_matches(name)
+        .cloned()
+        .ok_or_else(|| Failure::Other(format!("the options of snell {name} cannot be read again")))
 }

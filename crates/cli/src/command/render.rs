@@ -3,14 +3,15 @@
 mod checkpoint;
 mod denoise;
 mod exposure_hint;
-mod frames;
+pub mod frames;
 mod layers;
 mod memory;
-mod options;
-mod output;
+pub mod options;
+pub mod output;
+pub mod receipt;
 mod request;
 mod rescue;
-mod stage;
+pub mod stage;
 mod summary;
 mod tev;
 
@@ -24,15 +25,16 @@ use checkpoint::Checkpoint;
 use denoise::Denoised;
 use exposure_hint::exposure_hint;
 use output::Target;
+use receipt::Receipt;
 use snell_formats::image::Tonemap;
 use snell_math::simd::Level;
 use snell_render::{
-    CompiledScene, FilmTile, IntegratorKind, Job, Progress, Request, Settings, Statistics,
+    CompiledScene, Film, FilmTile, IntegratorKind, Job, Progress, Request, Settings, Statistics,
     with_patience,
 };
 use snell_scene::{Camera, Pose, Scene, Warning, WarningKind};
 use stage::{Shot, Stage};
-use std::ffi::OsString;
+use std::ffi::{OsStr, OsString};
 use std::path::Path;
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -43,17 +45,76 @@ use tev::Tev;
 /// The message if a signal ends the command before anything can be saved.
 const NOTHING_YET: &str = "interrupted before anything was rendered: no picture was written";
 
+/// Films that were rendered elsewhere.
+pub struct Merged<'a> {
+    /// The film of the picture with this number, from 0, and its statistics.
+    pub film: &'a dyn Fn(&Job, u32) -> Result<(Film, Statistics), Failure>,
+    /// The receipt of the pictures, without tiles.
+    pub receipt: Receipt,
+}
+
 /// Renders a scene and writes the picture, or the frames of an animation.
 pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     interrupt::end_at_once(NOTHING_YET);
     checkpoint::check(options)?;
-    let options = &options.clone().recording_sources();
+    produce(&options.clone().recording_sources(), None, None)
+}
+
+/// Writes the picture, or the frames of an animation, of films that were rendered elsewhere.
+pub fn finish(options: &Options, scene: Scene, merged: &Merged) -> Result<ExitCode, Failure> {
+    interrupt::end_at_once(NOTHING_YET);
+    produce(options, Some(scene), Some(merged))
+}
+
+/// Writes one picture again, of a film that is rendered elsewhere: that with the number of its
+/// receipt.
+pub fn again(options: &Options, scene: Scene, merged: &Merged) -> Result<(), Failure> {
+    interrupt::end_at_once("interrupted: the picture was not checked");
+    let stage = &mut Stage::new(scene, options)?;
+    let frames = frames::all(options, stage)?;
+    let number = merged.receipt.picture;
+    let Some(frame) = frames.get(number as usize) else {
+        let problem = format!("the scene has {} pictures, not {}", frames.len(), number + 1);
+        return Err(Failure::Other(problem));
+    };
+    let simd = Level::from_env().map_err(Failure::Usage)?;
+    let settings = options.settings(&stage.scene, &stage.camera(options)?, simd)?;
+    let tonemap = options.tonemap(&stage.scene)?;
+    let shot = frames::shot(stage, frame, options, &settings.build)?;
+    let output = output::Output::plan(options)?;
+    let path = output.path(OsStr::new("again"));
+    let mut session = Session {
+        options,
+        simd,
+        output,
+        denoiser: None,
+        tonemap,
+        load_seconds: 0.0,
+        stem: OsString::new(),
+        estimated_memory_bytes: 0,
+        has_begun: true,
+        merged: Some(merged),
+        receipt: merged.receipt.clone(),
+    };
+    session.take(&stage.scene, shot, Target::File(&path)).map(drop)
+}
+
+/// Loads the scene, unless it is there, and makes its pictures.
+fn produce(
+    options: &Options,
+    scene: Option<Scene>,
+    merged: Option<&Merged>,
+) -> Result<ExitCode, Failure> {
     let simd = Level::from_env().map_err(Failure::Usage)?;
     // Errors of the output are found before the work, not after it.
     let output = output::Output::plan(options)?;
     let denoiser = options.request.denoise.as_ref().map(denoise::load).transpose()?.map(Arc::new);
     let start = Instant::now();
-    let scene = load(options)?;
+    let scene = scene.map_or_else(|| load(options), Ok)?;
+    let receipt = match merged {
+        Some(merged) => merged.receipt.clone(),
+        None => Receipt::new(options, &crate::command::matches("render")?),
+    };
     let mut stage = Stage::new(scene, options)?;
     let tonemap = options.tonemap(&stage.scene)?;
     let load_seconds = start.elapsed().as_secs_f64();
@@ -70,6 +131,8 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
         stem,
         estimated_memory_bytes: 0,
         has_begun: false,
+        merged,
+        receipt,
     };
     if let Some(code) = frames::render(&mut session, &mut stage)? {
         return Ok(code);
@@ -125,7 +188,7 @@ fn say_what_is_there(outcome: &Outcome, path: &Path, spp: u32) {
 }
 
 /// Reads the scene, and selects the part of its file that the options name.
-fn load(options: &Options) -> Result<Scene, Failure> {
+pub(super) fn load(options: &Options) -> Result<Scene, Failure> {
     let scene = scene_source::load(&options.scene, &options.read_options())?;
     let shown = options.scene.display();
     let lacks =
@@ -155,6 +218,10 @@ struct Session<'a> {
     estimated_memory_bytes: u64,
     /// True once a picture was begun and warnings were printed.
     has_begun: bool,
+    /// Films that are not rendered here.
+    merged: Option<&'a Merged<'a>>,
+    /// The receipt of the next picture, without tiles.
+    receipt: Receipt,
 }
 
 /// The result of a picture.
@@ -205,6 +272,9 @@ impl Session<'_> {
         let mut checkpoint = Checkpoint::new(options, &settings, target.path())?;
         let (film, statistics) = with_patience(interrupt::is_requested, |cancel| {
             let mut job = Job::new(&compiled, &camera, &settings).with_cancel(cancel);
+            if let Some(merged) = self.merged {
+                return (merged.film)(&job, self.receipt.picture);
+            }
             if tev.is_some() {
                 job = job.watched(&watcher);
             }
@@ -246,6 +316,7 @@ impl Session<'_> {
             threads,
             estimated_memory_bytes: self.estimated_memory_bytes,
             image_sha256: output::sha256(&picture),
+            receipt: self.receipt.of_film(&film),
         };
         snell_render::layers::name_groups(&mut picture, &film, &settings.light_groups);
         layers::add_cryptomatte(&mut picture, &film, scene, &compiled);
@@ -334,7 +405,7 @@ fn prepare_for(scene: &mut Scene, poses: &[Pose], options: &Options) -> Result<(
     options.apply_environment(scene)?;
     let size = options.request.size.unwrap_or(Request::DEFAULT_SIZE);
     // Definitions of `-D` may name positions in the world of the file.
-    let may_move = options.define.is_empty();
+    let may_move = scene_source::are_parameters(scene, &options.define);
     let framing = snell_scene::framing::FramingOptions { size, may_move, ..Default::default() };
     let prepared = snell_scene::framing::prepare_for(scene, poses, &framing);
     let failed =
@@ -374,7 +445,7 @@ fn render(
     threads: usize,
     name: &str,
     checkpoint: Option<&mut Checkpoint>,
-) -> Result<(snell_render::Film, Statistics), Failure> {
+) -> Result<(Film, Statistics), Failure> {
     let reporter = Reporter::new(options.progress, options.quiet, name);
     let limit: Option<Duration> = options.request.time;
     let start = Instant::now();

@@ -12,6 +12,7 @@ mod options;
 mod output;
 #[cfg(unix)]
 mod pipes;
+mod plan;
 mod statistics;
 mod support;
 mod usd;

@@ -241,8 +241,9 @@ pub fn read_image(input: &Input) -> Result<Image, ReadError> {
     Ok(image)
 }
 
-/// Decodes an image file with all of its layers. Values are as stored, except that display values
-/// are linearised. Formats other than OpenEXR have one layer.
+/// Decodes an image file with all of its layers and its metadata. Values are as stored, except that
+/// display values are linearised. Formats other than OpenEXR have one layer, and only OpenEXR and
+/// PNG have metadata.
 pub fn read_layers(input: &Input) -> Result<LayeredImage, ReadError> {
     if is_openexr(&input.bytes) {
         return guarded(input, || openexr::read_layers(input));
@@ -259,7 +260,8 @@ pub fn read_layers(input: &Input) -> Result<LayeredImage, ReadError> {
     }
     let channels = names.iter().map(|n| (*n).into()).collect();
     let layers = vec![Layer { name: String::new(), channels, values }];
-    Ok(LayeredImage { width: image.width, height: image.height, layers, metadata: Vec::new() })
+    let metadata = raster::png_metadata(&input.bytes);
+    Ok(LayeredImage { width: image.width, height: image.height, layers, metadata })
 }
 
 fn is_openexr(bytes: &[u8]) -> bool {

@@ -88,3 +88,17 @@ fn in_words(error: &ImageError) -> String {
     let words = text.split(" while decoding ChunkType").next().unwrap_or_default();
     words.trim_end_matches('.').to_string()
 }
+
+/// The texts of a PNG file, by their keywords; none if the file is another or is damaged. Compressed
+/// texts are left out.
+pub fn png_metadata(bytes: &[u8]) -> Vec<(String, String)> {
+    let limits = ::png::Limits { bytes: bytes.len().saturating_mul(2) };
+    let decoder = ::png::Decoder::new_with_limits(Cursor::new(bytes), limits);
+    let Ok(reader) = decoder.read_info() else { return Vec::new() };
+    let info = reader.info();
+    let plain = info.uncompressed_latin1_text.iter();
+    let plain = plain.map(|chunk| (chunk.keyword.clone(), chunk.text.clone()));
+    let wide = info.utf8_text.iter().filter(|chunk| !chunk.compressed);
+    let wide = wide.filter_map(|chunk| Some((chunk.keyword.clone(), chunk.get_text().ok()?)));
+    plain.chain(wide).collect()
+}

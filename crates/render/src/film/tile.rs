@@ -263,6 +263,14 @@ impl FilmTile {
         (0..self.layout.pixels * 4).map(value).collect()
     }
 
+    /// All values of this tile so far: for each pixel, the means of colour, alpha and the AOV
+    /// channels.
+    pub fn values(&self) -> impl Iterator<Item = f32> {
+        let channels = self.layout.channels;
+        (0..self.layout.pixels * channels)
+            .map(move |i| self.mean(i / channels, i % channels) as f32)
+    }
+
     /// The number of pixels.
     pub fn pixels(&self) -> usize {
         self.layout.pixels

@@ -2,6 +2,7 @@
 //! a direction nor looking up its density walks a tree level by level.
 
 use super::directional::{Node, direction_from_square, square_from_direction};
+use serde::{Deserialize, Serialize};
 use snell_math::{Vec2, Vec3};
 use std::f32::consts::PI;
 
@@ -19,7 +20,7 @@ pub(super) const COORDINATE_DIGITS: u32 = 16;
 const QUAD: u16 = 1 << 15;
 
 /// A square of the map that is not divided further.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Quad {
     corner: [f32; 2],
     /// Length of the sides.
@@ -29,7 +30,7 @@ struct Quad {
 }
 
 /// A piecewise constant density on the sphere, to sample from.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Density {
     quads: Vec<Quad>,
     /// The probability of the quads up to and including each, in units of `2^-DIGITS`.
@@ -86,6 +87,37 @@ impl Density {
             }
         }
         number as u16
+    }
+
+    /// True if a density that was read from a file can be sampled.
+    pub(super) fn is_valid(&self) -> bool {
+        let count = self.quads.len();
+        let is_quad = |quad: &Quad| {
+            let [x, y] = quad.corner;
+            [x, y, quad.size].iter().all(|value| (0.0..=1.0).contains(value))
+                && (0.0..=f32::MAX).contains(&quad.pdf)
+        };
+        let has_probabilities = self.ends.len() == count
+            && self.ends.is_sorted()
+            && self.ends.last() == Some(&(1 << DIGITS))
+            && self.starts.len() == count.next_power_of_two()
+            && self.starts.iter().all(|&quad| usize::from(quad) < count);
+        let mut depths = vec![0; self.tables.len()];
+        let mut are_tables = true;
+        for (number, table) in self.tables.iter().enumerate() {
+            for &entry in table {
+                let at = usize::from(entry & !QUAD);
+                match entry & QUAD {
+                    0 if at > number && at < self.tables.len() => {
+                        depths[at] = depths[number].max(depths[at] - 1) + 1;
+                        are_tables &= depths[at] < COORDINATE_DIGITS as i32 / 2;
+                    }
+                    0 => are_tables = false,
+                    _ => are_tables &= at < count,
+                }
+            }
+        }
+        !self.tables.is_empty() && are_tables && has_probabilities && self.quads.iter().all(is_quad)
     }
 
     fn add_quad(&mut self, corner: [f32; 2], size: f32, share: f64, shares: &mut Vec<f64>) -> u16 {

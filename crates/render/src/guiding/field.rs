@@ -5,6 +5,10 @@
 //! orientations of a surface (by the largest component of its normal), so that light on one side of
 //! a wall does not guide paths on the other side. A region with many records is halved.
 
+mod saved;
+
+pub use saved::SavedField;
+
 use super::atlas::{Atlas, Brief};
 use super::density::Density;
 use super::directional::{Gatherer, Moment};
@@ -479,7 +483,7 @@ mod tests {
 
     /// A field learnt on a floor under a small lamp, which each region sees in a different
     /// direction.
-    fn learnt() -> Field {
+    pub(super) fn learnt() -> Field {
         let lamp = Vec3::new(0.1, 0.7, -0.2);
         let records: Vec<Record> = (0..40_000)
             .map(|i| {

@@ -26,7 +26,7 @@ pub(crate) mod parallax;
 mod record;
 mod regions;
 
-pub use field::{Cell, Field, Guide, Known};
+pub use field::{Cell, Field, Guide, Known, SavedField};
 pub use record::{Choice, Record, Recorder};
 
 /// Settings of path guiding.

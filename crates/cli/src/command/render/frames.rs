@@ -8,7 +8,7 @@ mod resume;
 
 use super::options::Options;
 use super::output::{self, Target, hex};
-use super::stage::Stage;
+use super::stage::{Shot, Stage};
 use super::{Fate, Outcome, Session, memory, rescue};
 use crate::failure::Failure;
 use crate::progress::duration;
@@ -18,6 +18,7 @@ use serde_json::{Value, json};
 use snell_formats::Sources;
 use snell_formats::image::{AnimatedFormat, AnimatedWriter};
 use snell_formats::open::{self, NamedBy};
+use snell_intersect::BuildOptions;
 use std::collections::BTreeMap;
 use std::ffi::{OsStr, OsString};
 use std::io::Write;
@@ -56,7 +57,7 @@ pub struct Turntable {
 
 /// A frame to be rendered.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Frame {
+pub struct Frame {
     /// The number in file names: the time times the rate. So the numbers of separately rendered
     /// parts of an animation fit together.
     number: i64,
@@ -148,6 +149,29 @@ fn frames(options: &Options, stage: &Stage) -> Result<Option<(Vec<Frame>, f64)>,
     let from = (start * rate).round() as i64;
     let frame = |i: i64| Frame { number: from + i, time: start + i as f64 / rate, turn: 0.0 };
     Ok(Some(((0..count as i64).map(frame).collect(), rate)))
+}
+
+/// All pictures that the options ask for, which may be one.
+pub fn all(options: &Options, stage: &Stage) -> Result<Vec<Frame>, Failure> {
+    let one = || {
+        let time = options.at.unwrap_or_else(|| stage.usual_time());
+        vec![Frame { number: 0, time, turn: 0.0 }]
+    };
+    Ok(frames(options, stage)?.map_or_else(one, |(frames, _)| frames))
+}
+
+/// The compiled scene and camera of a frame.
+pub fn shot(
+    stage: &mut Stage,
+    frame: &Frame,
+    options: &Options,
+    build: &BuildOptions,
+) -> Result<Shot, Failure> {
+    let mut shot = stage.shot(frame.time, options, build)?;
+    if frame.turn > 0.0 {
+        stage.turn(&mut shot, frame.turn);
+    }
+    Ok(shot)
 }
 
 /// The destination of frames.
@@ -294,7 +318,7 @@ fn fingerprint(
 }
 
 /// Renders all frames that the options ask for; `None` if they ask for one picture.
-pub fn render(session: &mut Session, stage: &mut Stage) -> Result<Option<ExitCode>, Failure> {
+pub(super) fn render(session: &mut Session, stage: &mut Stage) -> Result<Option<ExitCode>, Failure> {
     let options = session.options;
     let Some((frames, rate)) = frames(options, stage)? else { return Ok(None) };
     let place = Place::of(options.output.as_deref(), &session.stem)?;
@@ -312,6 +336,7 @@ pub fn render(session: &mut Session, stage: &mut Stage) -> Result<Option<ExitCod
     let start = Instant::now();
     let mut statistics = Vec::new();
     for (i, frame) in frames.iter().enumerate() {
+        session.receipt.picture = i as u32;
         if memory.has(frame.number) {
             continue;
         }
@@ -386,10 +411,7 @@ fn render_one(
     if !session.has_begun {
         session.estimated_memory_bytes = memory::check(session.options, &settings, &stage.scene)?;
     }
-    let mut shot = stage.shot(frame.time, session.options, &settings.build)?;
-    if frame.turn > 0.0 {
-        stage.turn(&mut shot, frame.turn);
-    }
+    let shot = shot(stage, frame, session.options, &settings.build)?;
     let reuse = shot.compiled.world.stats().reuse;
     let (pose, build) = (shot.pose_seconds, shot.build_seconds);
     let outcome = session.take(&stage.scene, shot, Target::File(file))?;

@@ -28,7 +28,8 @@ pub enum DisplayOption {
     Tev(String),
 }
 
-fn parse_duration(text: &str) -> Result<Duration, String> {
+/// Reads a duration in seconds, or with a unit.
+pub fn parse_duration(text: &str) -> Result<Duration, String> {
     snell_render::seconds_of(text)
         .and_then(|seconds| Duration::try_from_secs_f64(seconds).ok())
         .filter(|duration| *duration > Duration::ZERO)
@@ -227,10 +228,16 @@ impl Options {
         }
     }
 
-    /// Returns the options with a record of the files that are read, if several frames are
-    /// rendered or the render is saved on its way: `--resume` compares the record.
+    /// Returns the options with a record of the files that are read: `--resume` compares it, and
+    /// pictures carry its hash.
     pub fn recording_sources(mut self) -> Self {
-        self.sources = (self.has_frames() || self.checkpoint.is_some()).then(Sources::default);
+        self.sources = Some(Sources::default());
+        self
+    }
+
+    /// The options without the denoiser.
+    pub fn without_denoiser(mut self) -> Self {
+        self.request.forget_denoiser();
         self
     }
 

@@ -10,7 +10,7 @@ use snell_formats::image::{self, Display, WriteOptions};
 use snell_render::{Film, IntegratorKind};
 use snell_scene::{Layer, LayeredImage, Scene};
 use std::ffi::OsStr;
-use std::io::Write;
+use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 
 /// The destination and format of the picture.
@@ -233,6 +233,18 @@ pub fn sha256(picture: &LayeredImage) -> String {
 /// SHA-256 of the content of a file.
 pub fn hex(content: &[u8]) -> String {
     text(&Sha256::digest(content))
+}
+
+/// SHA-256 of a file.
+pub fn sha256_of_file(path: &Path) -> std::io::Result<String> {
+    let (mut file, mut hasher) = (std::fs::File::open(path)?, Sha256::new());
+    let mut bytes = vec![0; 1 << 20];
+    loop {
+        match file.read(&mut bytes)? {
+            0 => return Ok(text(&hasher.finalize())),
+            count => hasher.update(&bytes[..count]),
+        }
+    }
 }
 
 fn text(hash: &[u8]) -> String {

@@ -11,6 +11,13 @@ use std::ops::Deref;
 #[derive(Clone, Debug, Default)]
 pub struct RequestOptions(Request);
 
+impl RequestOptions {
+    /// Asks for a picture with its noise.
+    pub fn forget_denoiser(&mut self) {
+        self.0.denoise = None;
+    }
+}
+
 impl Deref for RequestOptions {
     type Target = Request;
 

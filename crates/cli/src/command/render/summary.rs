@@ -2,6 +2,7 @@
 
 use super::options::Options;
 use super::output::Target;
+use super::receipt::{self, Receipt};
 use crate::messages;
 use crate::progress::duration;
 use crate::resources::peak_memory_bytes;
@@ -31,6 +32,7 @@ pub struct Summary<'a> {
     /// The memory estimate from before the render.
     pub estimated_memory_bytes: u64,
     pub image_sha256: String,
+    pub receipt: Receipt,
 }
 
 impl Summary<'_> {
@@ -97,6 +99,7 @@ impl Summary<'_> {
             "threads": self.threads,
             "simd": self.settings.build.simd.name(),
             "image_sha256": self.image_sha256,
+            "receipt": self.receipt,
         })
     }
 
@@ -121,6 +124,7 @@ impl Summary<'_> {
                 ("GuidingPasses".to_string(), self.statistics.training_passes.to_string())
             }),
         )
+        .chain([(receipt::KEY.to_string(), self.receipt.text())])
         .collect()
     }
 

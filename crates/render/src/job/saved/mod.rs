@@ -3,8 +3,7 @@
 //! A file is a mark followed by [chunks](chunk). The first chunk is the [`Header`]; the others are
 //! the rows of tiles from the top.
 //!
-//! A guiding field is not stored. Its training is repeated with as many passes as it had, which
-//! gives the same field.
+//! A finished guiding field is the last chunk, so that it is not trained again.
 
 mod chunk;
 mod input;
@@ -14,19 +13,22 @@ pub use chunk::SavedError;
 pub use input::TaskInput;
 pub use result::Origin;
 
-use super::{Job, Progress, Statistics, Underway};
+use super::{Job, Progress, Statistics, Underway, empty_film};
 use crate::film::tile::TileState;
 use crate::film::{Film, FilmTile, noise};
+use crate::guiding::{Field, SavedField};
 use crate::sampler::SamplerKind;
 use crate::settings::{Crop, Settings};
 use chunk::{Mark, damaged};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::io::{Read, Write};
-use std::sync::atomic::Ordering;
 
 /// The mark of a checkpoint.
-const MARK: Mark = Mark { what: "checkpoint", bytes: *b"snellR01" };
+const MARK: Mark = Mark { what: "checkpoint", bytes: *b"snellR02" };
+
+/// The mark of a guiding field alone.
+const FIELD_MARK: Mark = Mark { what: "guiding field", bytes: *b"snellF01" };
 
 /// The number of first bytes that are the same for all versions of the format.
 pub const MARK_BYTES: usize = 6;
@@ -69,6 +71,8 @@ pub struct Header {
     /// Statistics of the samples so far.
     pub statistics: Statistics,
     rows: u32,
+    /// True if the guiding field follows the rows.
+    has_field: bool,
 }
 
 /// Everything in the settings on which the bits of the picture depend, with the names of the
@@ -175,6 +179,8 @@ impl Underway {
             look: self.look,
             statistics: self.statistics,
             rows: rows.len() as u32,
+            // Training that was interrupted before the first sample is done anew.
+            has_field: self.field.is_some() && self.statistics.samples > 0,
         };
         out.write_all(&MARK.bytes)?;
         chunk::write(&header, out)?;
@@ -198,7 +204,10 @@ impl Underway {
                 out.write_all(&chunk?)?;
             }
         }
-        Ok(())
+        match &self.field {
+            Some(field) if header.has_field => chunk::write(&field.saved(), out),
+            _ => Ok(()),
+        }
     }
 }
 
@@ -222,7 +231,8 @@ impl Header {
 
     /// Reads the rest of a file after its start, to find out whether it is whole.
     pub fn check_rest(&self, input: &mut dyn Read) -> Result<(), SavedError> {
-        (0..self.rows).try_for_each(|_| chunk::read_content(input).map(drop))
+        (0..self.rows + u32::from(self.has_field))
+            .try_for_each(|_| chunk::read_content(input).map(drop))
     }
 
     /// Says in which way a picture with other facts differs from this one.
@@ -249,8 +259,8 @@ impl Header {
 }
 
 impl Job<'_> {
-    /// Reads the state of a render that [`Underway::save`] has written, and goes on with it. Path
-    /// guiding is trained again, with as many passes as before.
+    /// Reads the state of a render that [`Underway::save`] has written, and goes on with it. If it
+    /// was saved before its first sample, path guiding is trained anew.
     ///
     /// # Errors
     /// If the input is no such state, is damaged, or is of another picture: one with other `facts`,
@@ -262,101 +272,139 @@ impl Job<'_> {
         threads: usize,
         keep_going: &(dyn Fn(&Progress) -> bool + Sync),
     ) -> Result<Underway, SavedError> {
-        let (header, film, active) = self.read_film(input, facts)?;
-        // Training that was interrupted before the first sample is done in full.
-        let has_samples = header.statistics.samples > 0;
-        let passes = has_samples.then_some(header.statistics.training_passes);
-        // Training ends early only if the render does; a time limit may not change the field.
-        let is_cancelled = || self.cancel.is_some_and(|cancel| cancel.load(Ordering::Relaxed));
-        let goes_on = |progress: &Progress| keep_going(progress) || !is_cancelled();
-        let (field, training) = self.trained(passes, threads, &goes_on);
-        let statistics = match has_samples {
-            true => Statistics { training: training.training, ..header.statistics },
-            false => training,
+        let (header, film, active) = read_film(self.settings, input, facts)?;
+        let (field, statistics) = match header.has_field {
+            true => (Some(read_field(input)?), header.statistics),
+            false if header.statistics.samples > 0 => (None, header.statistics),
+            false => self.trained(None, threads, keep_going),
         };
         let (samples, look) = (header.samples, header.look);
         Ok(Underway { film, statistics, field, active, samples, look })
     }
+}
 
-    /// Replaces the film of a render on its way by a state that [`Underway::save`] has written. The
-    /// guiding field stays.
+fn read_field(input: &mut dyn Read) -> Result<Field, SavedError> {
+    let saved: SavedField = chunk::read(input)?;
+    Field::of_saved(saved).map_or_else(|| damaged("it has no guiding field"), Ok)
+}
+
+impl Underway {
+    /// Writes the trained guiding field, for other machines that render the same picture.
     ///
     /// # Errors
-    /// As those of [`Self::restore`].
-    pub fn replace_film(
+    /// If `out` fails, or if the field takes more than a gigabyte.
+    pub fn save_field(&self, facts: &[Fact], out: &mut dyn Write) -> std::io::Result<()> {
+        out.write_all(&FIELD_MARK.bytes)?;
+        chunk::write(&(facts, self.statistics), out)?;
+        chunk::write(&self.field.as_ref().map(Field::saved), out)
+    }
+}
+
+impl Job<'_> {
+    /// Begins a render with a guiding field that [`Underway::save_field`] has written.
+    ///
+    /// # Errors
+    /// If the input is no such field, is damaged, or is of another picture.
+    pub fn begin_trained(
         &self,
-        underway: &mut Underway,
+        input: &mut dyn Read,
+        facts: &[Fact],
+    ) -> Result<Underway, SavedError> {
+        FIELD_MARK.read(input)?;
+        let (known, statistics): (Vec<Fact>, Statistics) = chunk::read(input)?;
+        if known != facts {
+            return Err(SavedError::Other("this guiding field belongs to another plan".into()));
+        }
+        let saved: Option<SavedField> = chunk::read(input)?;
+        let field = match saved {
+            Some(saved) => {
+                Some(Field::of_saved(saved).map_or_else(|| damaged("it is no field"), Ok)?)
+            }
+            None => None,
+        };
+        Ok(Underway { statistics, ..Underway::new(self.empty_film(), field, statistics) })
+    }
+}
+
+impl Underway {
+    /// Replaces the film by a state that [`Self::save`] has written. The guiding field stays.
+    ///
+    /// # Errors
+    /// As those of [`Job::restore`].
+    pub fn replace_film(
+        &mut self,
+        settings: &Settings,
         input: &mut dyn Read,
         facts: &[Fact],
     ) -> Result<(), SavedError> {
-        let (header, film, active) = self.read_film(input, facts)?;
-        (underway.film, underway.active) = (film, active);
-        (underway.samples, underway.look) = (header.samples, header.look);
-        underway.statistics = header.statistics;
+        let (header, film, active) = read_film(settings, input, facts)?;
+        (self.film, self.active) = (film, active);
+        (self.samples, self.look) = (header.samples, header.look);
+        self.statistics = header.statistics;
         Ok(())
     }
+}
 
-    /// Reads a film and the active pixels of its tiles.
-    fn read_film(
-        &self,
-        input: &mut dyn Read,
-        facts: &[Fact],
-    ) -> Result<(Header, Film, Vec<Option<Vec<u32>>>), SavedError> {
-        let header = Header::read(input)?;
-        if let Some(difference) = header.difference(facts) {
-            return Err(SavedError::Other(difference));
-        }
-        let mut film = self.empty_film();
-        let layers = film.aovs().iter().map(|aov| aov.name());
-        if header.crop != film.crop
-            || header.size != self.settings.size
-            || !layers.eq(header.layers.iter().map(String::as_str))
-        {
-            return Err(SavedError::Other("its size or layers differ".into()));
-        }
-        let mut active = Vec::with_capacity(film.tiles.len());
-        let mut tiles = Vec::with_capacity(film.tiles.len());
-        for row in rows(&film) {
-            let saved: Vec<SavedTile> = chunk::read(input)?;
-            if saved.len() != row.len() {
-                return damaged("a row has another number of tiles");
-            }
-            for (tile, saved) in row.iter().zip(saved) {
-                let count = tile.pixels() as u32;
-                let is_valid = saved.active.as_ref().is_none_or(|pixels| {
-                    pixels.is_sorted_by(|a, b| a < b) && pixels.last().is_none_or(|&p| p < count)
-                });
-                match tile.with_state(saved.state).filter(|_| is_valid) {
-                    Some(tile) => tiles.push(tile),
-                    None => return damaged("a tile is not of this picture"),
-                }
-                active.push(saved.active);
-            }
-        }
-        film.tiles = tiles;
-        let most = film.most_samples();
-        if most > self.settings.spp {
-            let spp = self.settings.spp;
-            return Err(SavedError::Other(format!(
-                "it has {most} samples already, and --spp is {spp} now"
-            )));
-        }
-        let (samples, look) = (header.samples, header.look);
-        let mut looks =
-            std::iter::successors(Some(noise::next_look(0)), |&n| Some(noise::next_look(n)));
-        let is_filled = |(tile, active): (&FilmTile, &Option<Vec<u32>>)| {
-            active.as_ref().is_some_and(Vec::is_empty) || tile.samples() >= samples
-        };
-        // Only pixels that stop by their error are checked.
-        let is_checked = self.settings.noise.is_some();
-        if is_checked && samples > look
-            || looks.by_ref().take(MOST_LOOKS).find(|&known| known >= look) != Some(look)
-            || !film.tiles.iter().zip(&active).all(is_filled)
-        {
-            return damaged("its numbers of samples do not fit");
-        }
-        Ok((header, film, active))
+/// Reads a film and the active pixels of its tiles.
+fn read_film(
+    settings: &Settings,
+    input: &mut dyn Read,
+    facts: &[Fact],
+) -> Result<(Header, Film, Vec<Option<Vec<u32>>>), SavedError> {
+    let header = Header::read(input)?;
+    if let Some(difference) = header.difference(facts) {
+        return Err(SavedError::Other(difference));
     }
+    let mut film = empty_film(settings);
+    let layers = film.aovs().iter().map(|aov| aov.name());
+    if header.crop != film.crop
+        || header.size != settings.size
+        || !layers.eq(header.layers.iter().map(String::as_str))
+    {
+        return Err(SavedError::Other("its size or layers differ".into()));
+    }
+    let mut active = Vec::with_capacity(film.tiles.len());
+    let mut tiles = Vec::with_capacity(film.tiles.len());
+    for row in rows(&film) {
+        let saved: Vec<SavedTile> = chunk::read(input)?;
+        if saved.len() != row.len() {
+            return damaged("a row has another number of tiles");
+        }
+        for (tile, saved) in row.iter().zip(saved) {
+            let count = tile.pixels() as u32;
+            let is_valid = saved.active.as_ref().is_none_or(|pixels| {
+                pixels.is_sorted_by(|a, b| a < b) && pixels.last().is_none_or(|&p| p < count)
+            });
+            match tile.with_state(saved.state).filter(|_| is_valid) {
+                Some(tile) => tiles.push(tile),
+                None => return damaged("a tile is not of this picture"),
+            }
+            active.push(saved.active);
+        }
+    }
+    film.tiles = tiles;
+    let most = film.most_samples();
+    if most > settings.spp {
+        let spp = settings.spp;
+        return Err(SavedError::Other(format!(
+            "it has {most} samples already, and --spp is {spp} now"
+        )));
+    }
+    let (samples, look) = (header.samples, header.look);
+    let mut looks =
+        std::iter::successors(Some(noise::next_look(0)), |&n| Some(noise::next_look(n)));
+    let is_filled = |(tile, active): (&FilmTile, &Option<Vec<u32>>)| {
+        active.as_ref().is_some_and(Vec::is_empty) || tile.samples() >= samples
+    };
+    // Only pixels that stop by their error are checked.
+    let is_checked = settings.noise.is_some();
+    if is_checked && samples > look
+        || looks.by_ref().take(MOST_LOOKS).find(|&known| known >= look) != Some(look)
+        || !film.tiles.iter().zip(&active).all(is_filled)
+    {
+        return damaged("its numbers of samples do not fit");
+    }
+    Ok((header, film, active))
 }
 
 #[cfg(test)]
@@ -366,7 +414,7 @@ mod tests {
     use crate::film::filter::Filter;
     use crate::guiding::Guiding;
     use crate::integrator::aov::Aov;
-    use std::sync::atomic::AtomicUsize;
+    use std::sync::atomic::{AtomicUsize, Ordering};
 
     fn with_job<T>(settings: &Settings, test: impl FnOnce(&Job) -> T) -> T {
         let scene = snell_scene::builtin::builtin("cornell-box").expect("the scene is built in");

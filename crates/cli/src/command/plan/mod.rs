@@ -1,0 +1,238 @@
+//! `snell plan`, `snell work` and `snell merge`: a render that many machines share through a folder.
+
+mod export;
+pub mod folder;
+mod leases;
+pub mod merge;
+mod results;
+mod status;
+pub mod work;
+
+use crate::command::matches;
+use crate::command::render::{self, receipt};
+use crate::failure::Failure;
+use crate::scene_source;
+use folder::{Draft, Folder};
+use snell_math::simd::Level;
+use snell_render::{Split, Underway};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// The largest number of tasks of a picture, unless the options ask for more.
+const MOST_TASKS: u32 = 256;
+
+/// Options of `snell plan`.
+#[derive(Debug, clap::Args)]
+#[group(skip)]
+#[command(
+    args_conflicts_with_subcommands = true,
+    override_usage = "snell plan [OPTIONS] [SCENE] --output <FOLDER>\n       snell plan status <FOLDER>\n       snell plan export <SCHEDULER> <FOLDER>",
+    after_help = EXAMPLES,
+)]
+pub struct Options {
+    #[command(subcommand)]
+    action: Option<Action>,
+    /// What is rendered: the options of `snell render`, but `--output` is the folder of the plan
+    #[command(flatten)]
+    render: render::Options,
+    /// Tiles of 16x16 pixels in a task. Default: so many that a picture has at most 256 tasks
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = "The plan")]
+    tiles_per_task: Option<u32>,
+    /// Samples per pixel in a task, a multiple of 16, for few pixels with very many samples.
+    /// Default: all
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = "The plan")]
+    samples_per_task: Option<u32>,
+}
+
+/// Examples below the help.
+const EXAMPLES: &str = "Examples:
+  snell plan room.gltf --spp 4096 -o plan    on one machine, in a folder that all machines see
+  snell work plan                            on every machine, as often as you like
+  snell plan status plan                     how far it is
+  snell merge plan -o room.exr               when all is done, on any machine";
+
+#[derive(Debug, clap::Subcommand)]
+enum Action {
+    /// Show how much of a plan is done
+    Status(status::Options),
+    /// Write a plan as a job of a scheduler
+    Export(export::Options),
+}
+
+/// Makes a plan, or tells of one.
+pub fn run(options: &Options) -> Result<ExitCode, Failure> {
+    match &options.action {
+        Some(Action::Status(options)) => status::run(options),
+        Some(Action::Export(options)) => export::run(options),
+        None => make(options),
+    }
+}
+
+impl Options {
+    /// Number of threads for reading the scene.
+    pub fn threads(&self) -> usize {
+        self.render.threads()
+    }
+}
+
+fn usage(problem: &str) -> Failure {
+    Failure::Usage(problem.into())
+}
+
+fn make(options: &Options) -> Result<ExitCode, Failure> {
+    let render = &options.render.clone().recording_sources();
+    let path = plan_folder(render)?;
+    if let Some(samples) = options.samples_per_task
+        && !samples.is_multiple_of(Split::SAMPLES)
+    {
+        return Err(Failure::Usage(format!(
+            "--samples-per-task {samples}: give a multiple of {}, or whole tasks cannot be added \
+             in any order",
+            Split::SAMPLES
+        )));
+    }
+    let simd = Level::from_env().map_err(Failure::Usage)?;
+    let mut scene = render::load(render)?;
+    let stem = scene_source::stem(&render.scene, &scene);
+    let mut arguments = given_arguments()?;
+    bake(render, &mut scene, &mut arguments)?;
+    let bundle = scene.clone();
+    let stage = render::stage::Stage::new(scene, &baked_options(render))?;
+    let frames = render::frames::all(render, &stage)?;
+    let settings = render.settings(&stage.scene, &stage.camera(render)?, simd)?;
+    let film = Underway::empty(&settings);
+    let tiles = film.film.tiles.len() as u32;
+    let split = Split {
+        tiles: options.tiles_per_task.unwrap_or(tiles.div_ceil(MOST_TASKS)).max(1),
+        samples: options.samples_per_task,
+    };
+    let tasks = film.tasks(&settings, split).len() as u32;
+    let warnings: Vec<String> = bundle.warnings.iter().map(crate::messages::counted).collect();
+    if !render.quiet {
+        warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
+    }
+    let matches = matches("plan")?;
+    let draft = Draft {
+        scene: render.scene.display().to_string(),
+        arguments,
+        picture: stem.to_string_lossy().into_owned() + ".png",
+        warnings,
+        frames: frames.len() as u32,
+        size: settings.size,
+        tiles,
+        spp: settings.spp,
+        has_rounds: settings.noise.is_some(),
+        split,
+        tasks,
+        receipt: receipt::Receipt::new(render, &matches),
+        scene_name: bundle.name.clone(),
+    };
+    let folder = Folder::create(path, &bundle, draft)?;
+    if !render.quiet {
+        say(&folder);
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The folder of the new plan, if the options make sense for a plan.
+fn plan_folder(render: &render::Options) -> Result<&Path, Failure> {
+    let Some(path) = render.output.as_deref() else {
+        return Err(usage("name the folder of the plan: snell plan SCENE --output FOLDER"));
+    };
+    if render.request.time.is_some() {
+        return Err(usage(
+            "--time: how much many machines render in a time cannot be repeated; give --spp, or \
+             --noise with an upper limit by --spp",
+        ));
+    }
+    for (is_given, option) in [
+        (render.checkpoint.is_some(), "--checkpoint"),
+        (render.checkpoint_interval.is_some(), "--checkpoint-interval"),
+        (render.resume, "--resume"),
+        (render.stats.is_some(), "--stats"),
+        (render.tev().is_some(), "--display tev"),
+    ] {
+        if is_given {
+            return Err(Failure::Usage(format!(
+                "{option} is no option of a plan: what is done is in its folder, and snell merge \
+                 writes the picture"
+            )));
+        }
+    }
+    if Folder::is_at(path) {
+        let path = path.display();
+        return Err(Failure::Usage(format!(
+            "{path}: there is a plan in this folder; work on it with snell work {path}, or give \
+             another folder"
+        )));
+    }
+    if path.symlink_metadata().is_ok() && !is_empty_folder(path) {
+        let path = path.display();
+        return Err(Failure::Usage(format!(
+            "{path}: this is not an empty folder; give a new one for the plan"
+        )));
+    }
+    Ok(path)
+}
+
+fn is_empty_folder(path: &Path) -> bool {
+    std::fs::read_dir(path).is_ok_and(|mut entries| entries.next().is_none())
+}
+
+/// The options of `snell render` that workers need: what is in the bundle already is left out.
+fn given_arguments() -> Result<Vec<String>, Failure> {
+    let matches = matches("plan")?;
+    let in_bundle = ["variant", "scene_of_file", "confine", "define", "environment"];
+    let neutral = receipt::NEUTRAL.iter().chain(&in_bundle).copied().collect::<Vec<_>>();
+    Ok(receipt::arguments(&matches, &neutral))
+}
+
+/// Puts into the scene what its options read from files, so that workers need nothing else. What
+/// remains to be done with the scene is added to the arguments.
+fn bake(
+    render: &render::Options,
+    scene: &mut snell_scene::Scene,
+    arguments: &mut Vec<String>,
+) -> Result<(), Failure> {
+    let is_kept =
+        |definition: &&String| !scene_source::are_parameters(scene, &[definition.to_string()]);
+    for definition in render.define.iter().filter(is_kept) {
+        arguments.push(format!("--define={}", crate::spectrum_file::resolve(definition)?));
+    }
+    match render.environment.as_deref().and_then(std::ffi::OsStr::to_str) {
+        // Its absence is no part of a scene: scenes without light get some.
+        Some("none") => arguments.push("--environment=none".into()),
+        _ => render.apply_environment(scene)?,
+    }
+    Ok(())
+}
+
+/// The options with which a baked scene is prepared.
+fn baked_options(render: &render::Options) -> render::Options {
+    let environment = render.environment.clone().filter(|name| name == "none");
+    let define = render.define.clone();
+    render::Options { environment, define, ..render.clone() }
+}
+
+fn say(folder: &Folder) {
+    let (plan, path) = (&folder.plan, folder.path.display());
+    let [width, height] = plan.size;
+    let pictures = match plan.frames {
+        1 => "a picture".to_string(),
+        count => format!("{count} pictures"),
+    };
+    let tasks = u64::from(plan.tasks) * u64::from(plan.frames);
+    let rounds = if plan.has_rounds { " in the first round" } else { "" };
+    eprintln!("{path}: {pictures} of {width}x{height} pixels, {tasks} tasks{rounds}");
+    eprintln!(
+        "Next: `snell work {path}` on every machine that sees the folder, then `snell merge {path}`"
+    );
+}
+
+/// The path of a folder on the command line.
+#[derive(Clone, Debug, clap::Args)]
+pub struct FolderOption {
+    /// Folder of a plan that `snell plan` has made
+    #[arg(value_name = "FOLDER")]
+    pub folder: PathBuf,
+}
