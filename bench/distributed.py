@@ -94,7 +94,11 @@ def dask_cluster(workers: int) -> Iterator[tuple[Any, Callable[[], list[int]]]]:
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     with (
         distributed.LocalCluster(
-            n_workers=workers, threads_per_worker=1, dashboard_address=None, silence_logs=60
+            n_workers=workers,
+            threads_per_worker=1,
+            dashboard_address=":0",
+            scheduler_kwargs={"dashboard": False},
+            silence_logs=60,
         ) as cluster,
         distributed.Client(cluster) as client,
     ):

@@ -83,6 +83,7 @@ class Inline:
         self.waiting: list[tuple[int, _worker.Job, bytes]] = []
         self.results: list[bytes] = []
         self.sent = 0
+        self.fields: dict[str, bytes | None] = {}
         _worker._scenes.clear()
         _worker._workers.clear()
 
@@ -98,7 +99,11 @@ class Inline:
         at = self.random.randrange(len(self.waiting))
         handle, job, task = self.waiting.pop(at)
         count = self.random.randrange(1, 3)
-        result = _worker.perform(job, lambda: self.scene, task, threads=count, worker="inline")
+        place = _worker.Place(lambda: self.scene, count, "inline")
+        if job.is_guided and job.name not in self.fields:
+            self.fields[job.name] = _worker.train(job, place)
+            _worker._workers.clear()
+        result = _worker.perform(job, task, place, lambda: self.fields.get(job.name))
         assert result is not None
         return [(handle, result)]
 
@@ -297,12 +302,14 @@ def test_foreign_tasks_and_results_are_refused():
             film.add(broken)
     with pytest.raises(ValueError, match="task: "):
         worker.perform(result, "the worker")
+    with pytest.raises(ValueError, match="guiding: this is no guiding field"):
+        worker.learn(result)
     elsewhere = _Film(scene, {"spp": 1, "size": (400, 200)}, "a").tasks(1, 1)
     with pytest.raises(ValueError, match="task: it is not of this render"):
         worker.perform(elsewhere[-1], "the worker")
     job = _worker.Job("a", "b", b"", "0.0.0")
     with pytest.raises(RuntimeError, match=r"this program has 0\.0\.0.*install the same version"):
-        _worker.perform(job, bytes, tasks[0], threads=1, worker="w")
+        _worker.perform(job, tasks[0], _worker.Place(bytes, 1, "w"))
 
 
 def test_a_task_ends_when_it_is_not_wanted():
@@ -331,7 +338,11 @@ quiet = pytest.mark.filterwarnings("default")
 def cluster() -> Iterator[Any]:
     distributed = pytest.importorskip("distributed", reason="Dask is not installed")
     with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
+        n_workers=2,
+        threads_per_worker=1,
+        dashboard_address=":0",
+        scheduler_kwargs={"dashboard": False},
+        silence_logs=50,
     ) as cluster:
         yield cluster
 
@@ -354,7 +365,7 @@ def test_dask_gives_the_same_bits(kind, client, shuffled):
 
 @quiet
 def test_dask_loses_nothing_with_its_workers(client, monkeypatch):
-    monkeypatch.setattr(_frames, "_SAMPLES", 50_000)
+    monkeypatch.setattr(_frames, "_SAMPLES", 20_000)
     killed: list[int] = []
 
     def kill(share: float, rays: int) -> None:
@@ -365,7 +376,7 @@ def test_dask_loses_nothing_with_its_workers(client, monkeypatch):
                 killed.append(pid)
                 os.kill(pid, signal.SIGKILL)
 
-    options = {"spp": 300, "size": (96, 96), "max_depth": 4}
+    options = {"spp": 160, "size": (96, 96), "max_depth": 4}
     image = snell.distributed.render(foggy(), client, progress=kill, **options)
     assert len(killed) >= 3
     assert digest(image) == digest(snell.render(foggy(), **options))
@@ -450,7 +461,7 @@ def test_ray_gives_the_same_bits(kind, ray, shuffled):
 
 @quiet
 def test_ray_loses_nothing_with_its_workers(ray, monkeypatch):
-    monkeypatch.setattr(_frames, "_SAMPLES", 50_000)
+    monkeypatch.setattr(_frames, "_SAMPLES", 20_000)
     psutil = pytest.importorskip("psutil")
     killed: list[int] = []
 
@@ -462,7 +473,7 @@ def test_ray_loses_nothing_with_its_workers(ray, monkeypatch):
                 killed.append(process.pid)
                 process.kill()
 
-    options = {"spp": 300, "size": (96, 96), "max_depth": 4}
+    options = {"spp": 160, "size": (96, 96), "max_depth": 4}
     image = snell.distributed.render(foggy(), engine="ray", progress=kill, **options)
     assert killed and digest(image) == digest(snell.render(foggy(), **options))
 

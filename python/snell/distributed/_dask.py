@@ -8,8 +8,8 @@ import uuid
 from collections.abc import Hashable, Sequence
 from typing import Any
 
-from snell.distributed._engine import FETCHED, MAX_DEATHS, explain, give_up, load
-from snell.distributed._worker import Job, perform
+from snell.distributed._engine import FETCHED, FIELDS, MAX_DEATHS, explain, give_up, load
+from snell.distributed._worker import Job, Place, perform, train
 
 # Processes of a cluster that is started for a render; each holds the scene.
 _PROCESSES = 4
@@ -32,6 +32,7 @@ class Dask:
         self._running: dict[str, tuple[Any, Job, bytes, int]] = {}
         self._handles: dict[str, str] = {}
         self._threads = (0.0, 1)
+        self._fields: dict[str, Any] = {}
         # Unlike scattered data, the result of a task is made again if all workers that have it die.
         with self._dask.config.set({"distributed.admin.large-graph-warning-threshold": "1 PB"}):
             self._scene = self._client.submit(_given, scene, key=f"snell-scene-{uuid.uuid4().hex}")
@@ -53,7 +54,8 @@ class Dask:
                 n_workers=processes,
                 threads_per_worker=cores // processes,
                 memory_limit=None,
-                dashboard_address=None,
+                dashboard_address=":0",
+                scheduler_kwargs={"dashboard": False},
                 silence_logs=50,
             )
         self._owned.append(cluster)
@@ -73,10 +75,19 @@ class Dask:
 
     def _send(self, handle: str, job: Job, task: bytes, deaths: int) -> None:
         key = f"snell-{job.name[:8]}-{handle}-{deaths}"
-        future = self._client.submit(_perform, self._scene, job, task, key=key)
+        field = self._field(job) if job.is_guided else None
+        future = self._client.submit(_perform, self._scene, field, job, task, key=key)
         self._running[handle] = (future, job, task, deaths)
         self._handles[key] = handle
         future.add_done_callback(self._done.put)
+
+    def _field(self, job: Job) -> Any:
+        if job.name not in self._fields:
+            for old in list(self._fields)[: 1 - FIELDS]:
+                del self._fields[old]
+            key = f"snell-field-{uuid.uuid4().hex}"
+            self._fields[job.name] = self._client.submit(_train, self._scene, job, key=key)
+        return self._fields[job.name]
 
     def wait(self, seconds: float) -> Sequence[tuple[Hashable, bytes]]:
         results: list[tuple[Hashable, bytes]] = []
@@ -107,6 +118,7 @@ class Dask:
             if deaths >= MAX_DEATHS:
                 raise give_up(deaths) from error
             result = None
+            self._fields.pop(job.name, None)
         except Exception as error:
             raise explain(error) from error
         finally:
@@ -118,8 +130,10 @@ class Dask:
 
     def cancel(self) -> None:
         futures = [future for future, *_ in self._running.values()]
+        futures += self._fields.values()
         self._running.clear()
         self._handles.clear()
+        self._fields.clear()
         if futures and self._client.status == "running":
             self._client.cancel(futures, force=True)
 
@@ -134,7 +148,15 @@ def _given(scene: bytes) -> bytes:
     return scene
 
 
-def _perform(scene: bytes, job: Job, task: bytes) -> bytes | None:
+def _train(scene: bytes, job: Job) -> bytes | None:
+    return train(job, _place(scene))
+
+
+def _perform(scene: bytes, field: bytes | None, job: Job, task: bytes) -> bytes | None:
+    return perform(job, task, _place(scene), lambda: field)
+
+
+def _place(scene: bytes) -> Place:
     from distributed import get_worker
 
     worker = get_worker()
@@ -144,11 +166,4 @@ def _perform(scene: bytes, job: Job, task: bytes) -> bytes | None:
         state = worker.state.tasks.get(key)
         return state is not None and state.state != "cancelled"
 
-    return perform(
-        job,
-        lambda: scene,
-        task,
-        threads=worker.state.nthreads,
-        worker=str(worker.name),
-        is_wanted=is_wanted,
-    )
+    return Place(lambda: scene, worker.state.nthreads, str(worker.name), is_wanted)

@@ -11,6 +11,9 @@ from snell.distributed._worker import Job
 # So often may workers die over a task. More deaths than these are the fault of the task.
 MAX_DEATHS = 100
 
+# Guiding fields that are kept, one for each picture that is open.
+FIELDS = 2
+
 # Results that are fetched at a time, so that few of them are in memory.
 FETCHED = 8
 
@@ -22,7 +25,9 @@ class Engine(Protocol):
         """The number of threads of all workers, at least 1."""
 
     def submit(self, job: Job, task: bytes) -> Hashable:
-        """Hands out a task and returns its handle."""
+        """Hands out a task and returns its handle. Before the first task of a guided render, a
+        worker trains the field for all.
+        """
 
     def wait(self, seconds: float) -> Sequence[tuple[Hashable, bytes]]:
         """Waits at most so long and returns some handles with their results."""

@@ -34,8 +34,8 @@ class Frame:
     def __init__(self, scene: Scene, scene_name: str, options: Mapping[str, Any]) -> None:
         of_workers = pickle.dumps({**options, "threads": None})
         name = hashlib.sha256(f"{__version__} {scene_name} ".encode() + of_workers).hexdigest()
-        self.job = Job(name, scene_name, of_workers, __version__)
         self.film = _Film(scene, dict(options), name)
+        self.job = Job(name, scene_name, of_workers, __version__, self.film.is_guided)
         self.waiting: deque[bytes] = deque()
         """The tasks of the round that were not handed out yet."""
         self.left: set[bytes] = set()

@@ -6,8 +6,8 @@ import os
 from collections.abc import Hashable, Sequence
 from typing import Any
 
-from snell.distributed._engine import FETCHED, MAX_DEATHS, explain, give_up, load
-from snell.distributed._worker import Job, perform
+from snell.distributed._engine import FETCHED, FIELDS, MAX_DEATHS, explain, give_up, load
+from snell.distributed._worker import Job, Place, perform, train
 
 
 class Ray:
@@ -26,7 +26,10 @@ class Ray:
                 "leave client out, or call ray.shutdown() first"
             )
         # A task is done again if its worker dies, however often.
-        self._perform = self._ray.remote(num_cpus=1, max_retries=-1)(_perform)
+        options = {"num_cpus": 1, "max_retries": -1}
+        self._perform = self._ray.remote(**options)(_perform)
+        self._train = self._ray.remote(num_returns=2, **options)(_train)
+        self._fields: dict[str, tuple[Any, Any]] = {}
         self._scene = self._ray.put(scene)
         self._running: dict[Any, tuple[Any, Job, bytes, int]] = {}
         self._next = 0
@@ -40,9 +43,17 @@ class Ray:
         return self._next
 
     def _send(self, handle: int, job: Job, task: bytes, deaths: int) -> None:
-        # In a list the scene stays a reference: only a process that needs it fetches it.
-        reference = self._perform.remote([self._scene], tuple(job), task)
+        # In a list these stay references: only a process that needs them fetches them.
+        field, is_trained = self._field(job) if job.is_guided else (None, True)
+        reference = self._perform.remote([self._scene, field], is_trained, tuple(job), task)
         self._running[reference] = (handle, job, task, deaths)
+
+    def _field(self, job: Job) -> tuple[Any, Any]:
+        if job.name not in self._fields:
+            for old in list(self._fields)[: 1 - FIELDS]:
+                del self._fields[old]
+            self._fields[job.name] = self._train.remote([self._scene], tuple(job))
+        return self._fields[job.name]
 
     def wait(self, seconds: float) -> Sequence[tuple[Hashable, bytes]]:
         waiting = list(self._running)
@@ -70,6 +81,7 @@ class Ray:
             if deaths >= MAX_DEATHS:
                 raise give_up(deaths) from error
             result = None
+            self._fields.pop(job.name, None)
         except errors.RayTaskError as error:
             raise explain(error.cause) from error
         if result is None:
@@ -78,9 +90,10 @@ class Ray:
         return [(handle, result)]
 
     def cancel(self) -> None:
-        for reference in self._running:
+        for reference in [*self._running, *(done for _, done in self._fields.values())]:
             self._ray.cancel(reference)
         self._running.clear()
+        self._fields.clear()
 
     def close(self) -> None:
         self.cancel()
@@ -89,12 +102,26 @@ class Ray:
             self._ray.shutdown()
 
 
-def _perform(scene: list[Any], job: tuple[str, str, bytes, str], task: bytes) -> bytes | None:
+_Fields = tuple[str, str, bytes, str, bool]
+
+
+def _train(references: list[Any], job: _Fields) -> tuple[bytes | None, bool]:
+    return train(Job(*job), _place(references[0])), True
+
+
+def _perform(references: list[Any], _: bool, job: _Fields, task: bytes) -> bytes | None:
+    import ray
+
+    scene, field = references
+    learn = None if field is None else lambda: ray.get(field)
+    return perform(Job(*job), task, _place(scene), learn)
+
+
+def _place(scene: Any) -> Place:
     import ray
 
     def fetch() -> bytes:
-        packed: bytes = ray.get(scene[0])
+        packed: bytes = ray.get(scene)
         return packed
 
-    worker = f"{ray.util.get_node_ip_address()}, process {os.getpid()}"
-    return perform(Job(*job), fetch, task, threads=1, worker=worker)
+    return Place(fetch, 1, f"{ray.util.get_node_ip_address()}, process {os.getpid()}")

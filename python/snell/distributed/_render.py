@@ -42,8 +42,7 @@ def render(
     :func:`snell.render` with the same keywords.
 
     The scene is sent to each worker once, and each process compiles it once. Workers may come and
-    go; a task whose worker has died is done again. Ctrl-C ends the render and its tasks. Guiding is
-    trained by each worker, to the same field.
+    go; a task whose worker has died is done again. Ctrl-C ends the render and its tasks.
 
     Parameters
     ----------

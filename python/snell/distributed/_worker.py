@@ -34,45 +34,62 @@ class Job(NamedTuple):
     """The pickled keywords of the render."""
     version: str
     """The version of Snell."""
+    is_guided: bool = False
+    """True if workers need a guiding field."""
+
+
+class Place(NamedTuple):
+    """The process that performs a task, and where it finds the scene."""
+
+    scene: Callable[[], bytes]
+    """Returns the scene, as `_pack_scene` has given it. It is called if the process does not know
+    the scene yet.
+    """
+    threads: int
+    """Number of threads."""
+    worker: str
+    """The name of the worker, for messages."""
+    is_wanted: Callable[[], bool] | None = None
+    """Returns False when the work need not go on."""
+
+
+def train(job: Job, place: Place) -> bytes | None:
+    """Trains a guiding field for all workers; None if it was no longer wanted."""
+    with _lock:
+        return _worker_of(job, place).train(place.is_wanted)
 
 
 def perform(
-    job: Job,
-    scene: Callable[[], bytes],
-    task: bytes,
-    *,
-    threads: int,
-    worker: str,
-    is_wanted: Callable[[], bool] | None = None,
+    job: Job, task: bytes, place: Place, field: Callable[[], bytes | None] | None = None
 ) -> bytes | None:
-    """Performs a task and returns its result; None if it was no longer wanted.
-
-    Parameters
-    ----------
-    scene : callable
-        Returns the scene, as `_pack_scene` has given it. It is called if the process does not know
-        the scene yet.
-    threads : int
-        Number of threads.
-    worker : str
-        The name of the worker, for messages.
+    """Performs a task and returns its result; None if it was no longer wanted. `field` returns what
+    :func:`train` has returned.
     """
+    with _lock:
+        is_new = job.name not in _workers
+        worker = _worker_of(job, place)
+        learnt = field() if is_new and field is not None else None
+        if learnt is not None:
+            worker.learn(learnt)
+        return worker.perform(task, place.worker, place.is_wanted)
+
+
+def _worker_of(job: Job, place: Place) -> _Worker:
     if job.version != __version__:
         raise RuntimeError(
-            f"the worker {worker} has Snell {__version__}, and this program has {job.version}; "
-            "their pictures may differ: install the same version"
+            f"the worker {place.worker} has Snell {__version__}, and this program has "
+            f"{job.version}; their pictures may differ: install the same version"
         )
-    with _lock:
 
-        def load() -> Scene:
-            return _unpack_scene(scene(), threads)
+    def load() -> Scene:
+        return _unpack_scene(place.scene(), place.threads)
 
-        def plan() -> _Worker:
-            options: dict[str, Any] = pickle.loads(job.options)
-            of_worker = {**options, "threads": threads}
-            return _Worker(_kept(_scenes, job.scene, load), of_worker, job.name)
+    def plan() -> _Worker:
+        options: dict[str, Any] = pickle.loads(job.options)
+        of_worker = {**options, "threads": place.threads}
+        return _Worker(_kept(_scenes, job.scene, load), of_worker, job.name)
 
-        return _kept(_workers, job.name, plan).perform(task, worker, is_wanted)
+    return _kept(_workers, job.name, plan)
 
 
 def _kept(cache: OrderedDict[str, _T], name: str, make: Callable[[], _T]) -> _T:

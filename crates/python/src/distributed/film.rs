@@ -57,6 +57,12 @@ impl _Film {
         self.plan.task.settings.noise.is_some()
     }
 
+    /// True if paths are guided, so that workers need a field.
+    #[getter]
+    fn is_guided(&self) -> bool {
+        self.plan.task.settings.guiding.is_some()
+    }
+
     /// The share of the pixels that have stopped by their error, and the number of rays so far.
     #[getter]
     fn progress(&self) -> (f64, u64) {
