@@ -20,7 +20,7 @@ import pytest
 import snell
 import snell.distributed
 from snell._snell import _Film, _pack_scene, _unpack_scene, _Worker
-from snell.distributed import _frames, _render, _worker
+from snell.distributed import _engine, _frames, _render, _worker
 
 SMALL: dict[str, Any] = {"spp": 40, "size": (72, 50)}
 
@@ -310,6 +310,12 @@ def test_foreign_tasks_and_results_are_refused():
     job = _worker.Job("a", "b", b"", "0.0.0")
     with pytest.raises(RuntimeError, match=r"this program has 0\.0\.0.*install the same version"):
         _worker.perform(job, tasks[0], _worker.Place(bytes, 1, "w"))
+
+
+def test_a_worker_without_snell_is_named():
+    for error in (ModuleNotFoundError("No module named 'snell'"), RuntimeError("other")):
+        said = str(_engine.explain(error))
+        assert ("install the version of this program" in said) == ("snell" in str(error))
 
 
 def test_a_task_ends_when_it_is_not_wanted():

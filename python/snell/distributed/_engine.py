@@ -62,7 +62,7 @@ def give_up(deaths: int) -> RuntimeError:
 
 def explain(error: BaseException) -> BaseException:
     """The error of a task, with a remedy if the worker lacks Snell."""
-    if isinstance(error, ModuleNotFoundError) and (error.name or "").split(".")[0] == "snell":
+    if "No module named 'snell'" in str(error):
         return RuntimeError(
             "a worker cannot import Snell: install the version of this program where workers run"
         )
