@@ -2,9 +2,9 @@
 random order, and the bits are compared with those of one process; the efficiency from one to two
 workers; the overhead of a task.
 
-    python bench/distributed.py kill dask
-    python bench/distributed.py kill ray
-    python bench/distributed.py speed dask
+    python bench/many_workers.py kill dask
+    python bench/many_workers.py kill ray
+    python bench/many_workers.py speed dask
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from snell._snell import _Film
 from snell.distributed import _frames
 
 WORKERS = 4
-SIZE = (256, 192)
+SIZE = (160, 120)
 
 
 class Shuffled:
@@ -83,7 +83,7 @@ KINDS: dict[str, tuple[Callable[[], snell.Scene], dict[str, Any], list[dict[str,
     "guiding": (lambda: snell.load("cornell-box"), {"guiding": 3, "spp": 128}, [{}]),
     "fog": (foggy, {"spp": 96, "max_depth": 16}, [{}]),
     "all layers, Cryptomatte": (foggy, {"aovs": "all", "light_groups": GROUPS, "spp": 48}, [{}]),
-    "8 frames": (moving, {"spp": 64}, [{"shutter": (i / 8, (i + 0.5) / 8)} for i in range(8)]),
+    "8 frames": (moving, {"spp": 32}, [{"shutter": (i / 8, (i + 0.5) / 8)} for i in range(8)]),
 }
 
 
@@ -123,13 +123,14 @@ def ray_cluster(workers: int) -> Iterator[tuple[Any, Callable[[], list[int]]]]:
 CLUSTERS = {"dask": dask_cluster, "ray": ray_cluster}
 
 
-def kill(engine: str) -> None:
+def kill(engine: str, *kinds: str) -> None:
     """Kills a worker at a random moment of each picture."""
     random.seed(56)
     _frames._Film = Shuffled  # type: ignore[misc]
-    _frames._SAMPLES = 1 << 17
+    _frames._SAMPLES = 1 << 15
     with CLUSTERS[engine](WORKERS) as (client, pids):
-        for kind, (scene, common, frames) in KINDS.items():
+        for kind in kinds or KINDS:
+            scene, common, frames = KINDS[kind]
             options = {"size": SIZE, **common}
             alone = [digest(snell.render(scene(), progress=False, **options, **f)) for f in frames]
             killed, moment = 0, random.uniform(0.05, 0.8)
@@ -201,4 +202,4 @@ def overhead(client: Any, engine: str, small: dict[str, Any]) -> None:
 
 
 if __name__ == "__main__":
-    {"kill": kill, "speed": speed}[sys.argv[1]](sys.argv[2])
+    {"kill": kill, "speed": speed}[sys.argv[1]](*sys.argv[2:])
