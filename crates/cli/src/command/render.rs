@@ -8,9 +8,11 @@ mod layers;
 mod memory;
 pub mod options;
 pub mod output;
+mod preview;
 pub mod receipt;
 mod request;
 mod rescue;
+mod saving;
 pub mod stage;
 mod summary;
 mod tev;
@@ -25,7 +27,9 @@ use checkpoint::Checkpoint;
 use denoise::Denoised;
 use exposure_hint::exposure_hint;
 use output::Target;
+use preview::Preview;
 use receipt::Receipt;
+use saving::Saving;
 use snell_formats::image::Tonemap;
 use snell_math::simd::Level;
 use snell_render::{
@@ -269,7 +273,10 @@ impl Session<'_> {
         let start = Instant::now();
         let watcher = |tile: &FilmTile| tev.iter().for_each(|tev| tev.send(tile));
         interrupt::save_first();
-        let mut checkpoint = Checkpoint::new(options, &settings, target.path())?;
+        let mut saving = Saving {
+            checkpoint: Checkpoint::new(options, &settings, target.path(), &self.receipt)?,
+            preview: Preview::new(options, scene, self.tonemap),
+        };
         let (film, statistics) = with_patience(interrupt::is_requested, |cancel| {
             let mut job = Job::new(&compiled, &camera, &settings).with_cancel(cancel);
             if let Some(merged) = self.merged {
@@ -278,7 +285,7 @@ impl Session<'_> {
             if tev.is_some() {
                 job = job.watched(&watcher);
             }
-            render(&job, options, threads, &scene.name, checkpoint.as_mut())
+            render(&job, options, threads, &scene.name, &mut saving)
         })?;
         let render_seconds = start.elapsed().as_secs_f64();
         if let Some(tev) = tev {
@@ -353,7 +360,7 @@ impl Session<'_> {
         }
         // The statistics come last, because the denoiser or the encoder may take the most memory.
         let (least_samples, statistics) = (film.least_samples(), summary.json());
-        let farewell = checkpoint.map(|checkpoint| checkpoint.farewell());
+        let farewell = saving.checkpoint.map(|checkpoint| checkpoint.farewell());
         Ok(Outcome { compiled, fate, least_samples, render_seconds, statistics, farewell })
     }
 }
@@ -444,7 +451,7 @@ fn render(
     options: &Options,
     threads: usize,
     name: &str,
-    checkpoint: Option<&mut Checkpoint>,
+    saving: &mut Saving,
 ) -> Result<(Film, Statistics), Failure> {
     let reporter = Reporter::new(options.progress, options.quiet, name);
     let limit: Option<Duration> = options.request.time;
@@ -459,10 +466,7 @@ fn render(
         let is_training_timed = options.request.is_training_timed();
         !progress.is_late(start.elapsed(), limit, is_training_timed) && !interrupt::is_requested()
     };
-    let result = match checkpoint {
-        Some(checkpoint) => checkpoint.run(job, threads, &keep_going),
-        None => Ok(job.run(threads, &keep_going)),
-    };
+    let result = saving.run(job, threads, &keep_going);
     reporter.finish();
     result
 }

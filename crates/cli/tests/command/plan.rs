@@ -149,7 +149,8 @@ fn what_is_missing_foreign_broken_or_different_is_named() {
     // A broken machine had the same task.
     put(&first);
     let stem = name.to_str().expect("it is text").strip_suffix(".result").expect("it is a result");
-    std::fs::copy(&mine[1], mine[0].with_file_name(format!("{stem}.bad-pc.other"))).expect("a copy");
+    std::fs::copy(&mine[1], mine[0].with_file_name(format!("{stem}.bad-pc.other")))
+        .expect("a copy");
     let run = merge("plan");
     assert!(run.err.contains("bad-pc differ"), "{}", run.err);
     refused(run, 1, "one of their machines is broken");

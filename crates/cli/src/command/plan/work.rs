@@ -515,7 +515,7 @@ impl Worker<'_> {
         picture.job.end_round(&mut picture.underway);
         let facts = self.folder.plan.facts(frame);
         self.insist(&round.end(), &mut || {
-            atomic::write_with(&round.end(), |out| picture.underway.save(settings, &facts, out))
+            atomic::write_with(&round.end(), |out| picture.underway.save(settings, &facts, "", out))
                 .map_err(std::io::Error::other)
         })?;
         drop(lease);

@@ -318,7 +318,10 @@ fn fingerprint(
 }
 
 /// Renders all frames that the options ask for; `None` if they ask for one picture.
-pub(super) fn render(session: &mut Session, stage: &mut Stage) -> Result<Option<ExitCode>, Failure> {
+pub(super) fn render(
+    session: &mut Session,
+    stage: &mut Stage,
+) -> Result<Option<ExitCode>, Failure> {
     let options = session.options;
     let Some((frames, rate)) = frames(options, stage)? else { return Ok(None) };
     let place = Place::of(options.output.as_deref(), &session.stem)?;
