@@ -1,5 +1,6 @@
 //! `snell render`: renders a scene file to a picture.
 
+pub mod again;
 mod checkpoint;
 mod denoise;
 mod exposure_hint;
@@ -38,7 +39,7 @@ use snell_render::{
 };
 use snell_scene::{Camera, Pose, Scene, Warning, WarningKind};
 use stage::{Shot, Stage};
-use std::ffi::{OsStr, OsString};
+use std::ffi::OsString;
 use std::path::Path;
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -68,39 +69,6 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
 pub fn finish(options: &Options, scene: Scene, merged: &Merged) -> Result<ExitCode, Failure> {
     interrupt::end_at_once(NOTHING_YET);
     produce(options, Some(scene), Some(merged))
-}
-
-/// Writes one picture again, of a film that is rendered elsewhere: that with the number of its
-/// receipt.
-pub fn again(options: &Options, scene: Scene, merged: &Merged) -> Result<(), Failure> {
-    interrupt::end_at_once("interrupted: the picture was not checked");
-    let stage = &mut Stage::new(scene, options)?;
-    let frames = frames::all(options, stage)?;
-    let number = merged.receipt.picture;
-    let Some(frame) = frames.get(number as usize) else {
-        let problem = format!("the scene has {} pictures, not {}", frames.len(), number + 1);
-        return Err(Failure::Other(problem));
-    };
-    let simd = Level::from_env().map_err(Failure::Usage)?;
-    let settings = options.settings(&stage.scene, &stage.camera(options)?, simd)?;
-    let tonemap = options.tonemap(&stage.scene)?;
-    let shot = frames::shot(stage, frame, options, &settings.build)?;
-    let output = output::Output::plan(options)?;
-    let path = output.path(OsStr::new("again"));
-    let mut session = Session {
-        options,
-        simd,
-        output,
-        denoiser: None,
-        tonemap,
-        load_seconds: 0.0,
-        stem: OsString::new(),
-        estimated_memory_bytes: 0,
-        has_begun: true,
-        merged: Some(merged),
-        receipt: merged.receipt.clone(),
-    };
-    session.take(&stage.scene, shot, Target::File(&path)).map(drop)
 }
 
 /// Loads the scene, unless it is there, and makes its pictures.
