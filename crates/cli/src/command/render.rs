@@ -105,6 +105,7 @@ fn produce(
         has_begun: false,
         merged,
         receipt,
+        number: 0,
     };
     if let Some(code) = frames::render(&mut session, &mut stage)? {
         return Ok(code);
@@ -194,6 +195,8 @@ struct Session<'a> {
     merged: Option<&'a Merged<'a>>,
     /// The receipt of the next picture, without tiles.
     receipt: Receipt,
+    /// The number of the next picture, from 0.
+    number: u32,
 }
 
 /// The result of a picture.
@@ -248,7 +251,7 @@ impl Session<'_> {
         let (film, statistics) = with_patience(interrupt::is_requested, |cancel| {
             let mut job = Job::new(&compiled, &camera, &settings).with_cancel(cancel);
             if let Some(merged) = self.merged {
-                return (merged.film)(&job, self.receipt.picture);
+                return (merged.film)(&job, self.number);
             }
             if tev.is_some() {
                 job = job.watched(&watcher);

@@ -159,15 +159,17 @@ fn scene_of(options: &Options, receipt: &Receipt) -> Result<(render::Options, Sc
     };
     if path.is_dir() {
         let folder = Folder::open(&path)?;
-        let Receipt { picture, samples, tiles, .. } = receipt.clone();
-        let same = Receipt { picture, samples, tiles, ..folder.plan.receipt.clone() };
-        if same != *receipt {
+        if folder.plan.receipt.scene_sha256 != receipt.scene_sha256 {
             return Err(Failure::Usage(format!(
-                "{}: this is not the plan of the picture",
+                "{}: this is not the plan of the picture, but of another scene",
                 path.display()
             )));
         }
-        return Ok((folder.render_options()?, folder.scene()?));
+        let mut of_plan = folder.render_options()?;
+        if of_plan.frames.is_some() {
+            (of_plan.frames, of_plan.at) = (None, receipt.time());
+        }
+        return Ok((of_plan, folder.scene()?));
     }
     render::again::scene_of(receipt, &path)
 }

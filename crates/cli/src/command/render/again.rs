@@ -83,6 +83,7 @@ pub fn one(options: &Options, scene: Scene, merged: &Merged) -> Result<(), Failu
         has_begun: true,
         merged: Some(merged),
         receipt: merged.receipt.clone(),
+        number,
     };
     session.take(&stage.scene, shot, Target::File(&path)).map(drop)
 }
