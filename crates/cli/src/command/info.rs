@@ -26,6 +26,9 @@ pub struct Options {
     /// open-pbr, or the kinds of one of these, such as material
     #[arg(long, value_name = "NAME", conflicts_with_all = ["scene", "json", "define"])]
     kind: Option<String>,
+    /// Write the picture that a checkpoint holds so far
+    #[arg(long, value_name = "FILE", conflicts_with = "kind")]
+    picture: Option<PathBuf>,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -51,7 +54,14 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     let path = options.scene.as_deref().expect("there is a scene where there is no kind");
     if let Some(text) = checkpoint::described(path, options.json)? {
         standard_output::write(text.as_bytes())?;
+        if let Some(picture) = &options.picture {
+            checkpoint::write_picture(path, picture)?;
+        }
         return Ok(ExitCode::SUCCESS);
+    }
+    if options.picture.is_some() {
+        let problem = "--picture is for checkpoints; snell render makes the picture of a scene";
+        return Err(Failure::Usage(problem.into()));
     }
     let read = ReadOptions {
         confine: options.confine,

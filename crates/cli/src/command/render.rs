@@ -1,5 +1,6 @@
 //! `snell render`: renders a scene file to a picture.
 
+pub mod again;
 mod checkpoint;
 mod denoise;
 mod exposure_hint;
@@ -8,9 +9,11 @@ mod layers;
 mod memory;
 pub mod options;
 pub mod output;
+mod preview;
 pub mod receipt;
 mod request;
 mod rescue;
+mod saving;
 pub mod stage;
 mod summary;
 mod tev;
@@ -25,7 +28,9 @@ use checkpoint::Checkpoint;
 use denoise::Denoised;
 use exposure_hint::exposure_hint;
 use output::Target;
+use preview::Preview;
 use receipt::Receipt;
+use saving::Saving;
 use snell_formats::image::Tonemap;
 use snell_math::simd::Level;
 use snell_render::{
@@ -34,7 +39,7 @@ use snell_render::{
 };
 use snell_scene::{Camera, Pose, Scene, Warning, WarningKind};
 use stage::{Shot, Stage};
-use std::ffi::{OsStr, OsString};
+use std::ffi::OsString;
 use std::path::Path;
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -64,39 +69,6 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
 pub fn finish(options: &Options, scene: Scene, merged: &Merged) -> Result<ExitCode, Failure> {
     interrupt::end_at_once(NOTHING_YET);
     produce(options, Some(scene), Some(merged))
-}
-
-/// Writes one picture again, of a film that is rendered elsewhere: that with the number of its
-/// receipt.
-pub fn again(options: &Options, scene: Scene, merged: &Merged) -> Result<(), Failure> {
-    interrupt::end_at_once("interrupted: the picture was not checked");
-    let stage = &mut Stage::new(scene, options)?;
-    let frames = frames::all(options, stage)?;
-    let number = merged.receipt.picture;
-    let Some(frame) = frames.get(number as usize) else {
-        let problem = format!("the scene has {} pictures, not {}", frames.len(), number + 1);
-        return Err(Failure::Other(problem));
-    };
-    let simd = Level::from_env().map_err(Failure::Usage)?;
-    let settings = options.settings(&stage.scene, &stage.camera(options)?, simd)?;
-    let tonemap = options.tonemap(&stage.scene)?;
-    let shot = frames::shot(stage, frame, options, &settings.build)?;
-    let output = output::Output::plan(options)?;
-    let path = output.path(OsStr::new("again"));
-    let mut session = Session {
-        options,
-        simd,
-        output,
-        denoiser: None,
-        tonemap,
-        load_seconds: 0.0,
-        stem: OsString::new(),
-        estimated_memory_bytes: 0,
-        has_begun: true,
-        merged: Some(merged),
-        receipt: merged.receipt.clone(),
-    };
-    session.take(&stage.scene, shot, Target::File(&path)).map(drop)
 }
 
 /// Loads the scene, unless it is there, and makes its pictures.
@@ -133,6 +105,7 @@ fn produce(
         has_begun: false,
         merged,
         receipt,
+        number: 0,
     };
     if let Some(code) = frames::render(&mut session, &mut stage)? {
         return Ok(code);
@@ -222,6 +195,8 @@ struct Session<'a> {
     merged: Option<&'a Merged<'a>>,
     /// The receipt of the next picture, without tiles.
     receipt: Receipt,
+    /// The number of the next picture, from 0.
+    number: u32,
 }
 
 /// The result of a picture.
@@ -269,16 +244,19 @@ impl Session<'_> {
         let start = Instant::now();
         let watcher = |tile: &FilmTile| tev.iter().for_each(|tev| tev.send(tile));
         interrupt::save_first();
-        let mut checkpoint = Checkpoint::new(options, &settings, target.path())?;
+        let mut saving = Saving {
+            checkpoint: Checkpoint::new(options, &settings, target.path(), &self.receipt)?,
+            preview: Preview::new(options, scene, self.tonemap),
+        };
         let (film, statistics) = with_patience(interrupt::is_requested, |cancel| {
             let mut job = Job::new(&compiled, &camera, &settings).with_cancel(cancel);
             if let Some(merged) = self.merged {
-                return (merged.film)(&job, self.receipt.picture);
+                return (merged.film)(&job, self.number);
             }
             if tev.is_some() {
                 job = job.watched(&watcher);
             }
-            render(&job, options, threads, &scene.name, checkpoint.as_mut())
+            render(&job, options, threads, &scene.name, &mut saving)
         })?;
         let render_seconds = start.elapsed().as_secs_f64();
         if let Some(tev) = tev {
@@ -353,7 +331,7 @@ impl Session<'_> {
         }
         // The statistics come last, because the denoiser or the encoder may take the most memory.
         let (least_samples, statistics) = (film.least_samples(), summary.json());
-        let farewell = checkpoint.map(|checkpoint| checkpoint.farewell());
+        let farewell = saving.checkpoint.map(|checkpoint| checkpoint.farewell());
         Ok(Outcome { compiled, fate, least_samples, render_seconds, statistics, farewell })
     }
 }
@@ -444,7 +422,7 @@ fn render(
     options: &Options,
     threads: usize,
     name: &str,
-    checkpoint: Option<&mut Checkpoint>,
+    saving: &mut Saving,
 ) -> Result<(Film, Statistics), Failure> {
     let reporter = Reporter::new(options.progress, options.quiet, name);
     let limit: Option<Duration> = options.request.time;
@@ -459,10 +437,7 @@ fn render(
         let is_training_timed = options.request.is_training_timed();
         !progress.is_late(start.elapsed(), limit, is_training_timed) && !interrupt::is_requested()
     };
-    let result = match checkpoint {
-        Some(checkpoint) => checkpoint.run(job, threads, &keep_going),
-        None => Ok(job.run(threads, &keep_going)),
-    };
+    let result = saving.run(job, threads, &keep_going);
     reporter.finish();
     result
 }

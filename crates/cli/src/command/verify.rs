@@ -7,8 +7,7 @@ use super::plan::folder::Folder;
 use super::render::receipt::{self, Receipt};
 use super::render::{self, Merged};
 use crate::failure::Failure;
-use crate::{scene_source, standard_output, threads};
-use clap::FromArgMatches;
+use crate::{standard_output, threads};
 use serde_json::json;
 use snell_formats::error::one_line;
 use snell_formats::image::read_layers;
@@ -134,7 +133,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
         Ok((film, statistics))
     };
     let merged = Merged { film: &film, receipt: receipt.clone() };
-    render::again(&render_options, scene, &merged)?;
+    render::again::one(&render_options, scene, &merged)?;
     if !is_denoised {
         let again = read_picture(&again)?;
         for area in areas.borrow().iter() {
@@ -154,53 +153,25 @@ fn read_picture(path: &Path) -> Result<LayeredImage, Failure> {
 
 /// The options and the scene of a picture. The scene must be the one that was rendered.
 fn scene_of(options: &Options, receipt: &Receipt) -> Result<(render::Options, Scene), Failure> {
-    let named = PathBuf::from(&receipt.scene);
-    let beside = options.picture.parent().unwrap_or(Path::new("")).join(&named);
     let path = match &options.scene {
         Some(path) => path.clone(),
-        None if beside.exists() => beside,
-        None => named,
+        None => render::again::named_scene(receipt, &options.picture),
     };
     if path.is_dir() {
         let folder = Folder::open(&path)?;
-        let Receipt { picture, samples, tiles, .. } = receipt.clone();
-        let same = Receipt { picture, samples, tiles, ..folder.plan.receipt.clone() };
-        if same != *receipt {
+        if folder.plan.receipt.scene_sha256 != receipt.scene_sha256 {
             return Err(Failure::Usage(format!(
-                "{}: this is not the plan of the picture",
+                "{}: this is not the plan of the picture, but of another scene",
                 path.display()
             )));
         }
-        return Ok((folder.render_options()?, folder.scene()?));
-    }
-    let command = <render::Options as clap::Args>::augment_args(clap::Command::new("render"));
-    let arguments = receipt.arguments.iter().map(Into::into);
-    let all = ["render".into(), path.clone().into_os_string()].into_iter().chain(arguments);
-    let matches = command.try_get_matches_from(all);
-    let render_options = matches
-        .and_then(|matches| render::Options::from_arg_matches(&matches))
-        .map_err(|error| Failure::Usage(error.render().to_string()))?
-        .recording_sources();
-    let scene = match path.exists() || scene_source::is_builtin(&path) {
-        true => render::load(&render_options)?,
-        false => {
-            return Err(Failure::Usage(format!(
-                "{}: the scene of the picture is not there; name it with --scene",
-                path.display()
-            )));
+        let mut of_plan = folder.render_options()?;
+        if of_plan.frames.is_some() {
+            (of_plan.frames, of_plan.at) = (None, receipt.time());
         }
-    };
-    let found = receipt::scene_sha256(&render_options);
-    if found != receipt.scene_sha256 {
-        return Err(Failure::Usage(format!(
-            "{}: this scene, or a file that it names, is not the one of the picture (SHA-256 {}, \
-             and {} in the receipt); name that with --scene",
-            path.display(),
-            &found[..16],
-            receipt.scene_sha256.get(..16).unwrap_or_default()
-        )));
+        return Ok((of_plan, folder.scene()?));
     }
-    Ok((render_options, scene))
+    render::again::scene_of(receipt, &path)
 }
 
 /// Numbers of tiles, at random.

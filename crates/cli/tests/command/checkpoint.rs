@@ -167,3 +167,37 @@ fn frames_go_on_within_a_frame() {
         assert!(a == whole, "frame {number} differs");
     }
 }
+
+#[test]
+fn checkpoints_are_shown_and_merged_without_the_command_that_made_them() {
+    let place = Place::new();
+    let words = "render cornell-box --size 40x32 --aov depth,crypto-object";
+    place.run(&format!("{words} --spp 32 --checkpoint a.snellr -q -o a.exr")).done();
+    place.run("info a.snellr --picture seen.exr").done();
+    let [seen, whole] = ["seen.exr", "a.exr"].map(|name| place.layers(name));
+    // The picture of the checkpoint has alpha.
+    let colors = seen.layers[0].values.chunks(4).flat_map(|pixel| pixel[..3].to_vec());
+    assert!(colors.eq(whole.layers[0].values.iter().copied()));
+    place.run("merge a.snellr -q -o merged.exr").done();
+    assert!(hash(&place, "merged.exr") == hash(&place, "a.exr"), "the bits differ");
+    // One of both has fewer samples.
+    place.run(&format!("{words} --spp 20 --checkpoint b.snellr -q -o b.exr")).done();
+    place.run("merge b.snellr a.snellr -q -o both.exr").done();
+    let [both, whole] = ["both.exr", "a.exr"].map(|name| place.layers(name));
+    assert_eq!(both.layers, whole.layers);
+    place.run(&format!("{words} --spp 32 --seed 4 --checkpoint c.snellr -q -o c.exr")).done();
+    let run = place.run("merge a.snellr c.snellr -o d.exr");
+    assert_eq!(run.code, 2, "{}", run.err);
+    assert!(run.err.contains("c.snellr") && run.err.contains("--seed was 4"), "{}", run.err);
+}
+
+#[test]
+fn a_preview_is_there_and_its_failure_ends_nothing() {
+    let place = Place::new();
+    place.run("render cornell-box --size 32x24 --spp 8 --preview p.png -q -o a.png").done();
+    let [preview, picture] = ["p.png", "a.png"].map(|name| place.layers(name));
+    assert_eq!(preview.layers, picture.layers);
+    let run = place.run("render cornell-box --size 32x24 --spp 8 --preview b.png -o b.png");
+    assert_eq!(run.code, 2, "{}", run.err);
+    assert!(run.err.contains("the picture would be written there too"), "{}", run.err);
+}

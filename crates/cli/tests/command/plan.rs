@@ -52,7 +52,12 @@ fn a_plan_gives_the_file_of_one_process() {
     check(&place, &box_of("--spp 20 --fog 0.001 --crop 10,5,40,33"), "", &["--tasks 1-8", ""]);
     check(&place, &box_of("--spp 300 --noise 0.1"), "--tiles-per-task 2", &[""]);
     check(&place, &box_of("--spp 16 --guiding=2"), "--tiles-per-task 4", &[""]);
-    check(&place, "a.obj --size 40x30 --spp 16 -D material.m.reflectance=[0.2,0.9,0.1]", "", &[""]);
+    check(
+        &place,
+        "a.obj --size 40x30 --spp 16 -D material.m.reflectance.factor=[0.2,0.9,0.1]",
+        "",
+        &[""],
+    );
 }
 
 #[test]

@@ -102,6 +102,21 @@ impl Underway {
         (self.samples < end && self.is_active()).then_some([self.samples, end])
     }
 
+    /// Adds all samples of another state of the same render.
+    pub fn merge(&mut self, other: Self) {
+        if other.samples > self.samples {
+            (self.active, self.look) = (other.active, other.look);
+        }
+        for (tile, other) in self.film.tiles.iter_mut().zip(other.film.tiles) {
+            tile.merge(other);
+        }
+        self.samples = self.samples.max(other.samples);
+        // What both have is counted once, and what only one has is not known; the larger is told.
+        if other.statistics.samples > self.statistics.samples {
+            self.statistics = other.statistics;
+        }
+    }
+
     /// Adds a result of the current round. Results may be added in any order; one that was added
     /// before changes nothing but the statistics.
     ///

@@ -4,6 +4,7 @@ use crate::failure::Failure;
 use crate::progress::duration;
 use serde_json::json;
 use snell_formats::error::one_line;
+use snell_formats::image::{WriteOptions, write_image};
 use snell_render::{Header, MARK_BYTES, SavedError, may_be_checkpoint};
 use std::fs::File;
 use std::io::BufReader;
@@ -30,6 +31,18 @@ pub fn described(path: &Path, as_json: bool) -> Result<Option<String>, Failure> 
         }
         Err(_) => Ok(None),
     }
+}
+
+/// Writes the picture that a checkpoint holds so far, without exposure and tone map.
+pub fn write_picture(path: &Path, picture: &Path) -> Result<(), Failure> {
+    let failed = |error: SavedError| {
+        let shown = one_line(&path.display().to_string()).into_owned();
+        Failure::Other(format!("{shown}: {error}"))
+    };
+    let mut input = BufReader::new(File::open(path).map_err(|error| failed(error.into()))?);
+    let header = Header::read(&mut input).map_err(failed)?;
+    let film = header.film(&mut input).map_err(failed)?;
+    Ok(write_image(picture, &film.image(), &WriteOptions::default())?)
 }
 
 /// True if the file begins as a checkpoint does.

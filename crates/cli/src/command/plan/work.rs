@@ -27,6 +27,9 @@ const PAUSES: [Duration; 2] = [Duration::from_millis(100), Duration::from_secs(5
 /// For so long a result that cannot be written is kept and tried again.
 const STUBBORN: Duration = Duration::from_secs(600);
 
+/// With more pictures than this, workers do not begin with the first.
+const MANY_PICTURES: usize = 32;
+
 /// A task that takes another worker this many times as long as this one is done twice.
 const STRAGGLER: u32 = 4;
 
@@ -156,6 +159,17 @@ enum End {
     Interrupted,
 }
 
+/// A task with its number in its round.
+type Numbered = (u32, Task);
+
+/// The tasks of a round without results.
+struct OpenTasks {
+    /// Those that nobody renders.
+    free: Vec<Numbered>,
+    /// Those that others render.
+    leased: Vec<Numbered>,
+}
+
 /// A picture that this worker works on.
 struct Picture<'a> {
     frame: u32,
@@ -213,8 +227,15 @@ impl Worker<'_> {
                 ((first / tasks) as u32..=(last / tasks) as u32).collect()
             }
         };
-        order.sort_by_key(|&frame| self.folder.frame(frame).is_dir());
-        order
+        let has_begun = |frame: &u32| self.folder.frame(*frame).is_dir();
+        let (begun, mut fresh): (Vec<u32>, Vec<u32>) = order.drain(..).partition(has_begun);
+        // Workers that start together begin at different pictures.
+        if fresh.len() > MANY_PICTURES {
+            let start = RandomState::new().hash_one(&self.name) as usize % fresh.len();
+            fresh.rotate_left(start);
+        }
+        fresh.extend(begun);
+        fresh
     }
 
     /// The files of the newest round of a picture.
@@ -320,8 +341,7 @@ impl Worker<'_> {
                 })?;
                 return Ok(Some(underway));
             }
-            interrupt::wait(pause.min(self.options.lease), 0);
-            pause = (pause * 2).min(PAUSES[1]);
+            self.pause(&mut pause);
         }
     }
 
@@ -329,47 +349,93 @@ impl Worker<'_> {
     fn finish(&mut self, mut picture: Picture) -> Result<End, Failure> {
         let mut pause = PAUSES[0];
         loop {
-            if interrupt::is_requested() {
-                return Ok(End::Interrupted);
-            }
             if picture.settings.noise.is_some() {
                 let (underway, settings) = (&mut picture.underway, picture.settings);
                 results::catch_up(underway, settings, self.folder, picture.frame)?;
             }
             let all = picture.underway.tasks(picture.settings, self.folder.plan.split);
             let round = self.folder.round(picture.frame, picture.underway.samples());
-            let tasks: Vec<(u32, Task)> =
+            let tasks: Vec<Numbered> =
                 (0..).zip(all).filter(|(number, _)| self.is_ours(picture.frame, *number)).collect();
             if tasks.is_empty() {
                 return self.end(&picture);
             }
             self.insist(&round.path, &mut || std::fs::create_dir_all(&round.path))?;
-            let names = round.names();
-            let left: Vec<&(u32, Task)> = tasks
-                .iter()
-                .filter(|(_, task)| !names.contains(&format!("{}.result", Round::stem(task))))
-                .collect();
-            let claimed = match (left.is_empty(), picture.settings.noise) {
-                (true, Some(_)) if self.end_round(&mut picture, &round)? => continue,
-                (true, Some(_)) => None,
-                (true, None) => return self.end(&picture),
-                (false, _) => self.claim(&round, &left)?,
-            };
-            let Some((number, task, lease)) = claimed else {
-                if !self.is_last {
-                    return Ok(End::Busy);
-                }
-                interrupt::wait(pause.min(self.options.lease), 0);
-                pause = (pause * 2).min(PAUSES[1]);
-                continue;
-            };
-            pause = PAUSES[0];
-            let rendered = self.render(&mut picture, &round, number, task)?;
-            drop(lease);
-            if !rendered {
-                return Ok(End::Interrupted);
+            match self.work_on_round(&mut picture, &round, &tasks)? {
+                End::Finished => {}
+                end => return Ok(end),
+            }
+            if picture.settings.noise.is_none() {
+                return self.end(&picture);
+            }
+            if self.end_round(&mut picture, &round)? {
+                pause = PAUSES[0];
+            } else if self.is_last {
+                self.pause(&mut pause);
+            } else {
+                return Ok(End::Busy);
             }
         }
+    }
+
+    /// Renders tasks of a round until all have results, or until none is free.
+    fn work_on_round(
+        &mut self,
+        picture: &mut Picture,
+        round: &Round,
+        tasks: &[Numbered],
+    ) -> Result<End, Failure> {
+        let mut pause = PAUSES[0];
+        loop {
+            let mut open = self.open_tasks(round, tasks);
+            if open.free.is_empty() && open.leased.is_empty() {
+                return Ok(End::Finished);
+            }
+            let mut has_worked = false;
+            while let Some((number, task, lease)) = self.claim(round, &mut open)? {
+                if interrupt::is_requested() || !self.render(picture, round, number, task)? {
+                    return Ok(End::Interrupted);
+                }
+                drop(lease);
+                has_worked = true;
+            }
+            if interrupt::is_requested() {
+                return Ok(End::Interrupted);
+            }
+            match (has_worked, self.is_last) {
+                (true, _) => pause = PAUSES[0],
+                (false, true) => self.pause(&mut pause),
+                (false, false) => return Ok(End::Busy),
+            }
+            // Another worker may have ended the round.
+            if round.end().is_file() {
+                return Ok(End::Finished);
+            }
+        }
+    }
+
+    /// Waits, the longer the more often.
+    fn pause(&self, pause: &mut Duration) {
+        interrupt::wait((*pause).min(self.options.lease), 0);
+        *pause = (*pause * 2).min(PAUSES[1]);
+    }
+
+    /// The tasks of a round without results, as the folder is now. They are in random order, so that
+    /// workers rarely want the same; in the order of their numbers, if these are given.
+    fn open_tasks(&self, round: &Round, tasks: &[Numbered]) -> OpenTasks {
+        let names = round.names();
+        let has =
+            |task: &Task, kind: &str| names.contains(&format!("{}.{kind}", Round::stem(task)));
+        let mut left: Vec<Numbered> = tasks.to_vec();
+        left.retain(|(_, task)| !has(task, "result"));
+        if self.options.tasks.is_some() {
+            left.reverse();
+            return OpenTasks { free: left, leased: Vec::new() };
+        }
+        let key = rng::hash_combine(self.done, RandomState::new().hash_one(&self.name) as u32);
+        left.sort_by_key(|(number, _)| rng::hash_combine(key, *number));
+        let (leased, free) = left.into_iter().partition(|(_, task)| has(task, "lease"));
+        OpenTasks { free, leased }
     }
 
     fn is_ours(&self, frame: u32, number: u32) -> bool {
@@ -389,40 +455,35 @@ impl Worker<'_> {
         Ok(End::Finished)
     }
 
-    /// Takes a task that nobody renders: any of those, so that workers rarely want the same. If
-    /// none is free, takes one whose worker is dead or takes too long.
+    /// Takes a task that nobody renders. If there is none, takes one whose worker is dead or takes
+    /// too long.
     fn claim(
         &mut self,
         round: &Round,
-        left: &[&(u32, Task)],
+        open: &mut OpenTasks,
     ) -> Result<Option<(u32, Task, Option<Lease>)>, Failure> {
-        let names = round.names();
-        let key = rng::hash_combine(self.done, RandomState::new().hash_one(&self.name) as u32);
-        let mut order: Vec<(u32, Task)> = left.iter().map(|&&task| task).collect();
-        order.sort_by_key(|(number, _)| rng::hash_combine(key, *number));
-        // Schedulers that number their tasks know that nobody else renders them.
-        if self.options.tasks.is_some() {
-            return Ok(left.first().map(|&&(number, task)| (number, task, None)));
-        }
-        let (leased, free): (Vec<_>, Vec<_>) = order
-            .into_iter()
-            .partition(|(_, task)| names.contains(&format!("{}.lease", Round::stem(task))));
-        for (number, task) in free {
-            let path = round.lease(&task);
-            let lease = self.insist(&path, &mut || self.leases.take(&path))?;
-            if round.result(&task).is_file() {
-                continue;
-            }
-            if let Some(lease) = lease {
-                return Ok(Some((number, task, Some(lease))));
+        while let Some((number, task)) = open.free.pop() {
+            // Schedulers that number their tasks know that nobody else renders them.
+            let lease = match self.options.tasks {
+                Some(_) => None,
+                None => {
+                    let path = round.lease(&task);
+                    match self.insist(&path, &mut || self.leases.take(&path))? {
+                        None => continue,
+                        lease => lease,
+                    }
+                }
+            };
+            if !round.result(&task).is_file() {
+                return Ok(Some((number, task, lease)));
             }
         }
         let too_long = self.too_long();
-        for (number, task) in leased {
+        while let Some((number, task)) = open.leased.pop() {
             let path = round.lease(&task);
             let lease = match self.leases.look(&path) {
                 Other::Alive(time) if time < too_long => continue,
-                // It is done twice, and whoever comes first is taken.
+                // It is done twice, and whoever comes first counts.
                 Other::Alive(_) => None,
                 Other::Dead => {
                     self.say(format!("the worker of {} gives no sign of life", path.display()));
@@ -515,7 +576,7 @@ impl Worker<'_> {
         picture.job.end_round(&mut picture.underway);
         let facts = self.folder.plan.facts(frame);
         self.insist(&round.end(), &mut || {
-            atomic::write_with(&round.end(), |out| picture.underway.save(settings, &facts, out))
+            atomic::write_with(&round.end(), |out| picture.underway.save(settings, &facts, "", out))
                 .map_err(std::io::Error::other)
         })?;
         drop(lease);

@@ -2,34 +2,29 @@
 //! on with it after whatever has ended it.
 
 use super::options::Options;
+use super::receipt::Receipt;
 use crate::failure::Failure;
 use crate::spectrum_file;
 use snell_formats::error::one_line;
 use snell_formats::{Sources, atomic};
 use snell_render::{
-    Fact, Film, Job, MARK_BYTES, Progress, SavedError, Settings, Statistics, Underway, fact, facts,
-    may_be_checkpoint,
+    Fact, Job, MARK_BYTES, Progress, SavedError, Settings, Underway, fact, facts, may_be_checkpoint,
 };
 use std::fs::File;
 use std::io::{BufReader, ErrorKind, Read};
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// Default time between two savings.
 const INTERVAL: Duration = Duration::from_secs(30);
-
-/// Rendering takes at least this many times the time of saving.
-const SHARE: u32 = 100;
 
 /// The file that keeps a render on its way, and the one before it.
 pub struct Checkpoint<'a> {
     path: &'a Path,
     options: &'a Options,
     facts: Vec<Fact>,
-    interval: Duration,
-    /// The time that saving took the last time.
-    cost: Duration,
+    /// The receipt of the picture, which tells what is rendered.
+    receipt: String,
     has_failed: bool,
 }
 
@@ -40,41 +35,20 @@ impl<'a> Checkpoint<'a> {
         options: &'a Options,
         settings: &Settings,
         picture: &Path,
+        receipt: &Receipt,
     ) -> Result<Option<Self>, Failure> {
         let Some(path) = &options.checkpoint else { return Ok(None) };
         let facts = all_facts(options, settings, picture)?;
-        let interval = options.checkpoint_interval.unwrap_or(INTERVAL);
-        let new = Self { path, options, facts, interval, cost: Duration::ZERO, has_failed: false };
-        Ok(Some(new))
+        Ok(Some(Self { path, options, facts, receipt: receipt.text(), has_failed: false }))
     }
 
-    /// Renders until all samples are taken or `keep_going` returns false, and saves the state from
-    /// time to time and at the end.
-    pub fn run(
-        &mut self,
-        job: &Job,
-        threads: usize,
-        keep_going: &(dyn Fn(&Progress) -> bool + Sync),
-    ) -> Result<(Film, Statistics), Failure> {
-        let mut underway = self.begin(job, threads, keep_going)?;
-        loop {
-            let due = Instant::now() + self.interval.max(self.cost * SHARE);
-            let is_stopped = AtomicBool::new(false);
-            let goes_on = |progress: &Progress| {
-                let goes_on = keep_going(progress);
-                is_stopped.fetch_or(!goes_on, Ordering::Relaxed);
-                goes_on && Instant::now() < due
-            };
-            let is_left = job.go_on(&mut underway, job.settings().spp, threads, &goes_on);
-            self.save(&underway, job.settings());
-            if !is_left || is_stopped.load(Ordering::Relaxed) {
-                return Ok((underway.film, underway.statistics));
-            }
-        }
+    /// The time between two savings.
+    pub fn interval(&self) -> Duration {
+        self.options.checkpoint_interval.unwrap_or(INTERVAL)
     }
 
     /// Begins the render, or goes on with the saved one.
-    fn begin(
+    pub fn begin(
         &self,
         job: &Job,
         threads: usize,
@@ -135,12 +109,10 @@ impl<'a> Checkpoint<'a> {
     }
 
     /// Saves the state. A failure is told once; the last good file stays, and rendering goes on.
-    fn save(&mut self, underway: &Underway, settings: &Settings) {
-        let start = Instant::now();
+    pub fn save(&mut self, underway: &Underway, settings: &Settings) {
         let written = atomic::write_keeping(self.path, &before(self.path), |out| {
-            underway.save(settings, &self.facts, out)
+            underway.save(settings, &self.facts, &self.receipt, out)
         });
-        self.cost = start.elapsed();
         match written {
             Ok(()) => self.has_failed = false,
             Err(error) if !std::mem::replace(&mut self.has_failed, true) => self.warn(format!(
@@ -187,7 +159,11 @@ pub fn check(options: &Options) -> Result<(), Failure> {
         let folder = folder.unwrap_or(Path::new(".")).canonicalize().ok()?;
         Some(folder.join(path.file_name()?))
     };
-    let others = [("--output", &options.output), ("--stats", &options.stats)];
+    let others = [
+        ("--output", &options.output),
+        ("--stats", &options.stats),
+        ("--preview", &options.preview),
+    ];
     let is_same = |other: &&(&str, &Option<PathBuf>)| {
         other.1.as_ref().is_some_and(|other| other == path || place(other) == place(path))
     };

@@ -8,6 +8,7 @@ mod resume;
 
 use super::options::Options;
 use super::output::{self, Target, hex};
+use super::receipt::Receipt;
 use super::stage::{Shot, Stage};
 use super::{Fate, Outcome, Session, memory, rescue};
 use crate::failure::Failure;
@@ -338,8 +339,13 @@ pub(super) fn render(
     let mut memory = Memory::open(&place, fingerprint, &files, options)?;
     let start = Instant::now();
     let mut statistics = Vec::new();
+    let receipt = session.receipt.clone();
     for (i, frame) in frames.iter().enumerate() {
-        session.receipt.picture = i as u32;
+        session.number = i as u32;
+        session.receipt = match options.turntable {
+            Some(_) => Receipt { picture: session.number, ..receipt.clone() },
+            None => receipt.of_frame(frame.time),
+        };
         if memory.has(frame.number) {
             continue;
         }

@@ -133,6 +133,9 @@ pub struct Options {
         help_heading = "The picture",
     )]
     pub checkpoint_interval: Option<Duration>,
+    /// Write the picture so far to this file, every 10 seconds
+    #[arg(long, value_name = "FILE", help_heading = "The picture")]
+    pub preview: Option<PathBuf>,
     /// Go on with what was interrupted: with the render that --checkpoint has saved, with the
     /// missing frames of an animation
     #[arg(long, help_heading = "The picture")]

@@ -1,13 +1,13 @@
 //! Writes a film to a file.
 
-use super::options::{DisplayEncoding, Options};
+use super::options::Options;
 use super::summary::Summary;
-use super::{frames, rescue};
+use super::{frames, preview, rescue};
 use crate::failure::Failure;
 use crate::standard_output;
 use sha2::{Digest, Sha256};
-use snell_formats::image::{self, Display, WriteOptions};
-use snell_render::{Film, IntegratorKind};
+use snell_formats::image::{self, WriteOptions};
+use snell_render::Film;
 use snell_scene::{Layer, LayeredImage, Scene};
 use std::ffi::OsStr;
 use std::io::{Read, Write};
@@ -41,6 +41,10 @@ impl<'a> Output<'a> {
         if let Some(path) = &options.stats {
             check_place(path)?;
         }
+        if let Some(path) = &options.preview {
+            image::check_writable(path)?;
+            check_place(path)?;
+        }
         if options.bits != 8 && options.bits != 16 {
             return Err(Failure::Usage(format!(
                 "--bits {}: PNG has 8 or 16 bits per channel",
@@ -70,6 +74,7 @@ impl<'a> Output<'a> {
         }
         let files = [
             ("--stats", self.options.stats.as_deref()),
+            ("--preview", self.options.preview.as_deref()),
             ("--environment", self.options.environment.as_deref().map(Path::new)),
             ("the scene", Some(&*self.options.scene)),
         ];
@@ -108,17 +113,8 @@ impl<'a> Output<'a> {
             ));
         }
         picture.metadata.splice(0..0, summary.metadata());
-        let display = Display {
-            exposure: options.exposure(scene),
-            tonemap: summary.tonemap,
-            srgb: match options.encoding() {
-                Some(encoding) => encoding == DisplayEncoding::Srgb,
-                None => {
-                    !scene.settings.raw_display
-                        && summary.settings.integrator != IntegratorKind::Aov
-                }
-            },
-        };
+        let integrator = Some(summary.settings.integrator);
+        let display = preview::display(options, scene, summary.tonemap, integrator);
         let writing = WriteOptions {
             display,
             png_bits: if options.has_frames() && frames::is_animated(options) {

@@ -38,6 +38,12 @@ pub const NEUTRAL: [&str; 12] = [
     "simd",
 ];
 
+/// The option of the time of a picture.
+const AT: &str = "--at";
+
+/// The option of the frames of an animation.
+const FRAMES: &str = "--frames";
+
 /// The receipt of a picture.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Receipt {
@@ -47,9 +53,9 @@ pub struct Receipt {
     pub scene: String,
     /// The SHA-256 of the names and contents of all files of the scene.
     pub scene_sha256: String,
-    /// The options of `snell render` that change the picture.
+    /// The options of `snell render` that change the picture, in alphabetical order.
     pub arguments: Vec<String>,
-    /// The number of the picture among those of the command, from 0.
+    /// The number of the picture among those of a turntable, from 0.
     pub picture: u32,
     /// The least and the largest number of samples of a pixel.
     pub samples: [u32; 2],
@@ -64,6 +70,7 @@ impl Receipt {
         let is_kept = |argument: &str| !argument.starts_with("--display=tev:");
         let mut arguments = arguments(matches, &NEUTRAL);
         arguments.retain(|argument| is_kept(argument));
+        arguments.sort_by(|a, b| name_of(a).cmp(name_of(b)));
         let name = options.scene.file_name().unwrap_or(options.scene.as_os_str());
         Self {
             version: env!("CARGO_PKG_VERSION").into(),
@@ -74,6 +81,21 @@ impl Receipt {
             samples: [0; 2],
             tiles: String::new(),
         }
+    }
+
+    /// The receipt of one frame of an animation: that of the picture at its time.
+    pub fn of_frame(&self, time: f64) -> Self {
+        let mut arguments = self.arguments.clone();
+        arguments.retain(|argument| name_of(argument) != FRAMES);
+        arguments.push(format!("{AT}={time}"));
+        arguments.sort_by(|a, b| name_of(a).cmp(name_of(b)));
+        Self { arguments, ..self.clone() }
+    }
+
+    /// The time that the picture shows, if it is given.
+    pub fn time(&self) -> Option<f64> {
+        let given = self.arguments.iter().find(|argument| name_of(argument) == AT);
+        given?.split_once('=')?.1.parse().ok()
     }
 
     /// This receipt with the hashes of a film's tiles.
@@ -100,6 +122,11 @@ impl Receipt {
         let (hashes, []) = bytes.as_chunks::<HASH_BYTES>() else { return None };
         Some(hashes.to_vec())
     }
+}
+
+/// The name of the option of an argument.
+fn name_of(argument: &str) -> &str {
+    argument.split('=').next().unwrap_or_default()
 }
 
 /// The hash of a tile: the first bytes of the SHA-256 of its values, in 32-bit floats.

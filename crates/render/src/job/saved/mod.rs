@@ -14,9 +14,11 @@ pub use input::TaskInput;
 pub use result::Origin;
 
 use super::{Job, Progress, Statistics, Underway, empty_film};
+use crate::film::filter::FilterSampler;
 use crate::film::tile::TileState;
 use crate::film::{Film, FilmTile, noise};
 use crate::guiding::{Field, SavedField};
+use crate::integrator::aov::Aov;
 use crate::sampler::SamplerKind;
 use crate::settings::{Crop, Settings};
 use chunk::{Mark, damaged};
@@ -35,6 +37,9 @@ pub const MARK_BYTES: usize = 6;
 
 /// No pixel is checked more often before its samples are too many to be counted.
 const MOST_LOOKS: usize = 200;
+
+/// The largest number of values of a film that is read without its scene.
+const MOST_VALUES: u64 = 1 << 28;
 
 /// The number of rows of tiles that are compressed at a time.
 const ROWS_AT_ONCE: usize = 16;
@@ -73,6 +78,10 @@ pub struct Header {
     rows: u32,
     /// True if the guiding field follows the rows.
     has_field: bool,
+    /// The mean weight of the filter's samples.
+    mean_weight: f64,
+    /// A text of the program that saves.
+    pub note: String,
 }
 
 /// Everything in the settings on which the bits of the picture depend, with the names of the
@@ -157,7 +166,8 @@ struct SavedTile {
 }
 
 impl Underway {
-    /// Writes the state of the render. `facts` are all on which its picture depends.
+    /// Writes the state of the render. `facts` are all on which its picture depends; `note` is kept
+    /// for the reader.
     ///
     /// # Errors
     /// If `out` fails, or if one row of tiles takes more than a gigabyte.
@@ -165,6 +175,7 @@ impl Underway {
         &self,
         settings: &Settings,
         facts: &[Fact],
+        note: &str,
         out: &mut dyn Write,
     ) -> std::io::Result<()> {
         let rows: Vec<&[FilmTile]> = rows(&self.film).collect();
@@ -181,6 +192,8 @@ impl Underway {
             rows: rows.len() as u32,
             // Training that was interrupted before the first sample is done anew.
             has_field: self.field.is_some() && self.statistics.samples > 0,
+            mean_weight: FilterSampler::new(settings.filter).mean_weight(),
+            note: note.into(),
         };
         out.write_all(&MARK.bytes)?;
         chunk::write(&header, out)?;
@@ -233,6 +246,30 @@ impl Header {
     pub fn check_rest(&self, input: &mut dyn Read) -> Result<(), SavedError> {
         (0..self.rows + u32::from(self.has_field))
             .try_for_each(|_| chunk::read_content(input).map(drop))
+    }
+
+    /// Reads the film after the start of a file, without what else the render needs.
+    ///
+    /// # Errors
+    /// If the file is damaged, or if it has layers of light groups, which need the scene.
+    pub fn film(&self, input: &mut dyn Read) -> Result<Film, SavedError> {
+        let aov = |name: &String| Aov::ALL.into_iter().find(|aov| aov.name() == name);
+        let Some(aovs) = self.layers.iter().map(aov).collect::<Option<Vec<_>>>() else {
+            return Err(SavedError::Other("it has layers that only its scene tells of".into()));
+        };
+        let Crop { min, max } = self.crop;
+        let is_part = |axis: usize| min[axis] < max[axis] && max[axis] <= self.size[axis];
+        if !(is_part(0) && is_part(1) && (0.0..=1.0).contains(&self.mean_weight)) {
+            return damaged("its size is impossible");
+        }
+        let channels = 4 + aovs.iter().map(|aov| aov.sampled_channels() as u64).sum::<u64>();
+        let pixels = self.crop.size().iter().map(|&side| u64::from(side)).product::<u64>();
+        if pixels.saturating_mul(channels) > MOST_VALUES {
+            return Err(SavedError::Other("it is too large to be shown without its scene".into()));
+        }
+        let mut film = Film::with_mean_weight(self.crop, &aovs, self.mean_weight);
+        read_rows(&mut film, input)?;
+        Ok(film)
     }
 
     /// Says in which way a picture with other facts differs from this one.
@@ -345,6 +382,31 @@ impl Underway {
     }
 }
 
+/// Reads the tiles of an empty film, and the active pixels of each.
+fn read_rows(film: &mut Film, input: &mut dyn Read) -> Result<Vec<Option<Vec<u32>>>, SavedError> {
+    let mut active = Vec::with_capacity(film.tiles.len());
+    let mut tiles = Vec::with_capacity(film.tiles.len());
+    for row in rows(film) {
+        let saved: Vec<SavedTile> = chunk::read(input)?;
+        if saved.len() != row.len() {
+            return damaged("a row has another number of tiles");
+        }
+        for (tile, saved) in row.iter().zip(saved) {
+            let count = tile.pixels() as u32;
+            let is_valid = saved.active.as_ref().is_none_or(|pixels| {
+                pixels.is_sorted_by(|a, b| a < b) && pixels.last().is_none_or(|&p| p < count)
+            });
+            match tile.with_state(saved.state).filter(|_| is_valid) {
+                Some(tile) => tiles.push(tile),
+                None => return damaged("a tile is not of this picture"),
+            }
+            active.push(saved.active);
+        }
+    }
+    film.tiles = tiles;
+    Ok(active)
+}
+
 /// Reads a film and the active pixels of its tiles.
 fn read_film(
     settings: &Settings,
@@ -363,26 +425,7 @@ fn read_film(
     {
         return Err(SavedError::Other("its size or layers differ".into()));
     }
-    let mut active = Vec::with_capacity(film.tiles.len());
-    let mut tiles = Vec::with_capacity(film.tiles.len());
-    for row in rows(&film) {
-        let saved: Vec<SavedTile> = chunk::read(input)?;
-        if saved.len() != row.len() {
-            return damaged("a row has another number of tiles");
-        }
-        for (tile, saved) in row.iter().zip(saved) {
-            let count = tile.pixels() as u32;
-            let is_valid = saved.active.as_ref().is_none_or(|pixels| {
-                pixels.is_sorted_by(|a, b| a < b) && pixels.last().is_none_or(|&p| p < count)
-            });
-            match tile.with_state(saved.state).filter(|_| is_valid) {
-                Some(tile) => tiles.push(tile),
-                None => return damaged("a tile is not of this picture"),
-            }
-            active.push(saved.active);
-        }
-    }
-    film.tiles = tiles;
+    let active = read_rows(&mut film, input)?;
     let most = film.most_samples();
     if most > settings.spp {
         let spp = settings.spp;
@@ -413,7 +456,6 @@ mod tests {
     use crate::compile::CompiledScene;
     use crate::film::filter::Filter;
     use crate::guiding::Guiding;
-    use crate::integrator::aov::Aov;
     use std::sync::atomic::{AtomicUsize, Ordering};
 
     fn with_job<T>(settings: &Settings, test: impl FnOnce(&Job) -> T) -> T {
@@ -429,7 +471,9 @@ mod tests {
 
     fn saved(job: &Job, underway: &Underway, facts: &[Fact]) -> Vec<u8> {
         let mut bytes = Vec::new();
-        underway.save(job.settings(), facts, &mut bytes).expect("memory takes everything");
+        underway
+            .save(job.settings(), facts, "a note", &mut bytes)
+            .expect("memory takes everything");
         bytes
     }
 
