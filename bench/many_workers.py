@@ -161,44 +161,71 @@ def kill(engine: str, *kinds: str) -> None:
             assert found == alone
 
 
+def processor_seconds() -> tuple[float, float]:
+    """Processor time of this process (with Dask's scheduler), and of all that it has started."""
+    import psutil
+
+    others = 0.0
+    for process in psutil.Process().children(recursive=True):
+        times = process.cpu_times()
+        others += times.user + times.system
+    return time.process_time(), others
+
+
+def timed(work: Callable[[], object]) -> tuple[float, float, float]:
+    """Seconds, and processor seconds of this process and of others."""
+    start, before = time.perf_counter(), processor_seconds()
+    work()
+    after = processor_seconds()
+    return time.perf_counter() - start, after[0] - before[0], after[1] - before[1]
+
+
 def speed(engine: str) -> None:
     """Times a render with one and with two workers of one thread, and one of many small tasks."""
-    options: dict[str, Any] = {"size": (480, 360), "spp": 128, "progress": False}
-    small: dict[str, Any] = {"size": (1280, 720), "spp": 1, "integrator": "flat", "progress": False}
-    seconds: dict[int, list[float]] = {1: [], 2: []}
-    for turn in range(3):
-        for workers in seconds:
+    options: dict[str, Any] = {"size": (320, 240), "spp": 64, "progress": False}
+
+    def shared(client: Any, **settings: Any) -> object:
+        return snell.distributed.render("cornell-box", client, engine=engine, **settings)
+
+    taken: dict[int, list[float]] = {0: [], 1: [], 2: []}
+    for _ in range(3):
+        alone = timed(lambda: snell.render("cornell-box", threads=1, **options))
+        taken[0].append(alone[0])
+        print(f"snell.render, 1 thread: {alone[0]:.2f} s, CPU {alone[1]:.2f} s")
+        for workers in (1, 2):
             with CLUSTERS[engine](workers) as (client, _):
-                # The first picture loads what is needed and compiles the scene.
-                for seed in (0, 0, 1):
-                    start = time.perf_counter()
-                    snell.distributed.render(
-                        "cornell-box", client, engine=engine, seed=seed, **options
-                    )
-                taken = time.perf_counter() - start
-                seconds[workers].append(taken)
-                print(f"{engine}, {workers} workers: {taken:.2f} s, load {os.getloadavg()[0]:.1f}")
-                if workers == 1 and turn == 0:
-                    start = time.perf_counter()
-                    snell.render("cornell-box", threads=1, seed=1, **options)
-                    print(f"snell.render, 1 thread: {time.perf_counter() - start:.2f} s")
-                    overhead(client, engine, small)
-    best = {workers: min(taken) for workers, taken in seconds.items()}
+                # The first one loads what is needed and compiles the scene.
+                shared(client, **{**options, "spp": 1})
+                shared(client, **{**options, "spp": 1})
+                wall, own, others = timed(lambda client=client: shared(client, **options))
+                taken[workers].append(wall)
+                print(
+                    f"{engine}, {workers} workers: {wall:.2f} s, CPU {own:.2f} s here and "
+                    f"{others:.2f} s in other processes, load {os.getloadavg()[0]:.1f}",
+                    flush=True,
+                )
+    best = {workers: min(seconds) for workers, seconds in taken.items()}
+    print(f"{engine}: 1 worker {best[1] / best[0]:.2f} times as long as snell.render")
     print(f"{engine}: efficiency from 1 to 2 workers {best[1] / best[2] / 2:.1%}")
+    with CLUSTERS[engine](1) as (client, _):
+        overhead(client, engine)
 
 
-def overhead(client: Any, engine: str, small: dict[str, Any]) -> None:
-    """The time for each of 3600 tasks of one tile and one sample a pixel."""
-    usual, _frames._SAMPLES = _frames._SAMPLES, 1
-    snell.distributed.render("cornell-box", client, engine=engine, **small)
-    start = time.perf_counter()
-    snell.distributed.render("cornell-box", client, engine=engine, **small)
-    taken = time.perf_counter() - start
-    _frames._SAMPLES = usual
-    start = time.perf_counter()
-    snell.render("cornell-box", threads=1, **small)
-    alone = time.perf_counter() - start
-    print(f"{engine}, overhead of a task: {(taken - alone) / 3600 * 1e3:.2f} ms")
+def overhead(client: Any, engine: str) -> None:
+    """The time for each of 1200 tasks of one tile and one sample a pixel."""
+    small: dict[str, Any] = {"size": (640, 480), "spp": 1, "integrator": "flat", "progress": False}
+    _frames._SAMPLES = 1
+
+    def render() -> object:
+        return snell.distributed.render("cornell-box", client, engine=engine, **small)
+
+    render()
+    wall, own, others = timed(render)
+    alone = timed(lambda: snell.render("cornell-box", threads=1, **small))[0]
+    print(
+        f"{engine}, a task: {(wall - alone) / 1.2:.2f} ms, CPU {own / 1.2:.2f} ms here and "
+        f"{others / 1.2:.2f} ms in other processes, load {os.getloadavg()[0]:.1f}"
+    )
 
 
 if __name__ == "__main__":
