@@ -182,7 +182,7 @@ def timed(work: Callable[[], object]) -> tuple[float, float, float]:
 
 def speed(engine: str) -> None:
     """Times a render with one and with two workers of one thread, and one of many small tasks."""
-    options: dict[str, Any] = {"size": (320, 240), "spp": 64, "progress": False}
+    options: dict[str, Any] = {"size": (320, 240), "spp": 48, "progress": False}
 
     def shared(client: Any, **settings: Any) -> object:
         return snell.distributed.render("cornell-box", client, engine=engine, **settings)

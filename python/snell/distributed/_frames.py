@@ -16,6 +16,9 @@ from snell.distributed._worker import Job
 # Samples of a task, of all its pixels together: a second or so of one thread.
 _SAMPLES = 1 << 20
 
+# With more threads than these, tasks are longer, because one program hands all of them out.
+_THREADS = 64
+
 # The least number of tasks of a round for each thread, if there are as many tiles.
 _TASKS_OF_THREAD = 8
 
@@ -45,7 +48,8 @@ class Frame:
 
     def plan(self, threads: int) -> None:
         """Finds the tasks of the next round."""
-        self.waiting = deque(self.film.tasks(threads * _TASKS_OF_THREAD, _SAMPLES))
+        samples = _SAMPLES * max(1, threads // _THREADS)
+        self.waiting = deque(self.film.tasks(threads * _TASKS_OF_THREAD, samples))
         self.left = set(self.waiting)
         self._tasks = max(1, len(self.left))
         self.is_done = not self.left
