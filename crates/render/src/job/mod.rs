@@ -18,7 +18,7 @@ mod underway;
 mod volumes;
 
 pub(crate) use journal::{Event, Journal, Shaded};
-pub use patience::with_patience;
+pub use patience::{Pulse, with_patience};
 pub use saved::{Fact, Header, MARK_BYTES, SavedError, fact, facts, may_be_checkpoint};
 pub use tracer::{Recording, camera_filter, hit_filter};
 pub use underway::Underway;
