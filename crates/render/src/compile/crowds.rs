@@ -2,8 +2,8 @@
 //! may hold more than any ray gets through.
 
 use super::{CompileError, SurfaceTable};
-use snell_intersect::{World, WorldError};
-use snell_math::{DVec3, Ray, Vec3, rng};
+use snell_intersect::{GroupId, World, WorldError};
+use snell_math::{Bounds3d, DVec3, Ray, Vec3, rng};
 use snell_scene::{Scene, Warning};
 
 /// Worlds with fewer occurrences are not tried: their rays cannot enter many instances.
@@ -62,7 +62,10 @@ pub(super) fn check(
 
 /// A ray from outside of the world towards an occurrence.
 fn towards(world: &World, occurrence: u32, number: u32) -> Ray {
-    let target = world.world_from_instance(occurrence).point(DVec3::ZERO);
+    let inside = group_of(world, occurrence).map_or(Bounds3d::EMPTY, |id| world.group_bounds(id));
+    let inside = super::finite_part(&inside);
+    let inside = if inside.is_empty() { DVec3::ZERO } else { inside.center() };
+    let target = world.world_from_instance(occurrence).point(inside);
     let uniform = |i| f64::from(rng::to_unit(rng::hash_combine(number, i))) - 0.5;
     // Not along an axis, where flat things are not met.
     let direction = DVec3::new(uniform(1), uniform(2), uniform(3)) + DVec3::splat(1e-3);
@@ -73,17 +76,17 @@ fn towards(world: &World, occurrence: u32, number: u32) -> Ray {
     Ray::new(origin, direction.as_vec3())
 }
 
+/// The group of an occurrence; none for the root.
+fn group_of(world: &World, occurrence: u32) -> Option<GroupId> {
+    let (parent, at) = world.instance_path(occurrence).pop()?;
+    Some(world.group(parent).instances.get(at)?.child)
+}
+
 /// The place of an occurrence in the scene graph, as a part of a sentence.
 fn place(scene: &Scene, world: &World, surfaces: &SurfaceTable, occurrence: u32) -> String {
     const MOST: usize = 4;
-    let Some(group) = world
-        .instance_path(occurrence)
-        .pop()
-        .and_then(|(parent, at)| Some(world.group(world.group(parent).instances.get(at)?.child)))
-    else {
-        return String::new();
-    };
-    let Some(geometry) = group.geometries.first() else { return String::new() };
+    let Some(id) = group_of(world, occurrence) else { return String::new() };
+    let Some(geometry) = world.group(id).geometries.first() else { return String::new() };
     let path = surfaces.node_path(world, occurrence, geometry.0);
     let names = path.iter().map(|&node| scene.nodes[node.index()].name.as_str());
     let mut names: Vec<&str> = names.filter(|name| !name.is_empty()).collect();
