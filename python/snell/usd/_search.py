@@ -38,7 +38,7 @@ def _spellings(name: str) -> list[str]:
     slashes = name.replace("\\", "/")
     plain = slashes.strip(" \t\r\n\"'").removeprefix("file://")
     plain = re.sub(r"^[A-Za-z]:", "", plain).rstrip("/")
-    return list(dict.fromkeys([slashes, plain, re.split("[?#]", plain, maxsplit=1)[0]]))
+    return list(dict.fromkeys([slashes, plain, re.split(r"\s*[?#]", plain, maxsplit=1)[0]]))
 
 
 def _in_any_case(folder: str, name: str, fence: str | None) -> str | None:

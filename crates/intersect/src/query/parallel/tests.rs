@@ -129,7 +129,7 @@ fn a_flag_stops_a_ray_through_more_instances_than_it_could_ever_enter() {
     // A ball placed twice at nearly the same place, 30 times: a billion balls on each ray.
     let mut builder = WorldBuilder::default();
     let mut below = builder.add_group();
-    builder.add_shape(below, Arc::new(Sphere { radius: 1.0 }), DAffine3::IDENTITY);
+    builder.add_shape(below, Arc::new(Sphere { radius: 1.0 }), Transform::IDENTITY);
     for level in 1..=30 {
         let pair = if level == 30 { WorldBuilder::ROOT } else { builder.add_group() };
         for x in [-1e-9, 1e-9] {
